@@ -50,10 +50,6 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     """The same function, which refuses an argument that is not what its annotation says.
 
     A number is finite and no bool; a number of NumPy's is one of Python's.
-
-    Raises
-    ------
-    ConfigError : with the argument, its value and type, what is allowed, and where one is had
     """
     signature = inspect.signature(function)
 

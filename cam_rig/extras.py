@@ -45,12 +45,7 @@ LAST_SECOND = 253_402_300_799
 
 
 def require(library: str) -> None:
-    """Refuse to begin what needs a library that is not installed; it is not imported.
-
-    Raises
-    ------
-    MissingLibraryError : in one line, with the extra that brings it
-    """
+    """Refuse to begin what needs a library that is not installed; it is not imported."""
     if find_spec(library) is None:
         raise MissingLibraryError(_missing(library))
 
@@ -59,10 +54,6 @@ def source_date() -> int | None:
     """What SOURCE_DATE_EPOCH says, s since 1970; None where it is not set.
 
     numpy reads it when scipy is imported, matplotlib when it writes SVG or PDF.
-
-    Raises
-    ------
-    ConfigError : it is no whole number of seconds, or of no date
     """
     text = os.environ.get("SOURCE_DATE_EPOCH")
     if text is None:

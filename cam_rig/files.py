@@ -27,11 +27,6 @@ def read_bytes(path: Path, most: int, follow: bool = True) -> bytes:
     """The bytes of a plain file of at most ``most`` bytes.
 
     A pipe or a device is not waited for and not read. ``follow`` follows symbolic links.
-
-    Raises
-    ------
-    ConfigError : it is not a plain file, or longer; the words begin with "is" or "has"
-    OSError : it cannot be read
     """
     flags = os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK | (0 if follow else os.O_NOFOLLOW)
     with open(os.open(path, flags), "rb") as stream:
@@ -49,12 +44,7 @@ def read_bytes(path: Path, most: int, follow: bool = True) -> bytes:
 
 @contextmanager
 def writing(path: Path) -> Iterator[Path]:
-    """A file beside ``path`` to write into, which then takes its place whole.
-
-    Raises
-    ------
-    OutputError : the place cannot be written
-    """
+    """A file beside ``path`` to write into, which then takes its place whole."""
     part = path.with_name(f".{path.stem}.part{path.suffix}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -69,12 +59,7 @@ def writing(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def temporary_folder(prefix: str = "cam_rig_", place: Path | None = None) -> Iterator[Path]:
-    """A folder for as long as the context lasts, in a place or where temporary files are.
-
-    Raises
-    ------
-    OutputError : there is nowhere to make one
-    """
+    """A folder for as long as the context lasts, in a place or where temporary files are."""
     place = place or temporary_place()
     try:
         folder = tempfile.TemporaryDirectory(prefix=prefix, dir=place, ignore_cleanup_errors=True)
@@ -85,12 +70,7 @@ def temporary_folder(prefix: str = "cam_rig_", place: Path | None = None) -> Ite
 
 
 def temporary_place() -> Path:
-    """Where temporary files are made.
-
-    Raises
-    ------
-    OutputError : nowhere, for disks are full or may not be written
-    """
+    """Where temporary files are made."""
     try:
         return Path(tempfile.gettempdir())
     except OSError as error:

@@ -131,12 +131,7 @@ def handle_signals() -> None:
 
 @contextmanager
 def raised() -> Iterator[None]:
-    """A signal is raised here, also one that came before; elsewhere it is taken down alone.
-
-    Raises
-    ------
-    Interrupted : a signal to end
-    """
+    """A signal is raised here, also one that came before; elsewhere it is taken down alone."""
     _interrupt.wanted = True
     try:
         if _interrupt.number is not None and not _interrupt.raised:

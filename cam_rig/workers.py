@@ -87,10 +87,6 @@ def workers(count: int | None = None) -> Iterator[ProcessPoolExecutor]:
     """A pool of processes, as many as there are cores; work not begun is dropped at an error.
 
     Each computes on one core: the matrices are too small to share. An interrupt ends them at once.
-
-    Raises
-    ------
-    RunError : the system has no process, or no shared memory, left for them
     """
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ.setdefault(name, "1")
@@ -119,12 +115,7 @@ def workers(count: int | None = None) -> Iterator[ProcessPoolExecutor]:
 
 @contextmanager
 def broken_named(then: str = "") -> Iterator[None]:
-    """Whatever an executor says when it breaks down, in one line.
-
-    Raises
-    ------
-    RunError : it broke down
-    """
+    """Whatever an executor says when it breaks down, in one line."""
     try:
         yield
     except (BrokenExecutor, CancelledError) as error:
@@ -151,14 +142,7 @@ class Workplace:
 
 @contextmanager
 def workplace(jobs: int | None, dask: str | None) -> Iterator[Workplace]:
-    """So many processes (None is one a core), or the cluster at an address.
-
-    Raises
-    ------
-    ConfigError : both are asked for, or no address
-    RunError : no scheduler answers, it has no workers, or a worker is gone in the middle
-    MissingLibraryError : Dask is not installed
-    """
+    """So many processes (None is one a core), or the cluster at an address."""
     if dask is None:
         with workers(jobs) as pool, broken_named():
             yield Workplace(pool, jobs or os.cpu_count() or 1)
@@ -170,13 +154,7 @@ def workplace(jobs: int | None, dask: str | None) -> Iterator[Workplace]:
 
 
 def check_workplace(dask: str | None) -> None:
-    """Refuse, before anything runs, a cluster that cannot be asked.
-
-    Raises
-    ------
-    ConfigError : no address, and no scheduler file
-    MissingLibraryError : Dask is not installed
-    """
+    """Refuse, before anything runs, a cluster that cannot be asked."""
     if dask is not None:
         require("distributed")
         _where(dask)

@@ -241,10 +241,6 @@ def mean_square_rate(
 
     The structure's periodic state is one linear solve on the exact propagator; only the mean
     is a quadrature, of a smooth function and at rounding level.
-
-    Raises
-    ------
-    DynamicsError : the law's velocity jumps
     """
     require_smooth(law)
     forces = force_ordinates(law, follower, speed)

@@ -27,10 +27,6 @@ def require_complete(bag: Path, scene: SceneConfig) -> dict[str, int]:
 
     The states in the bag determine what it must hold; there are as many as the scene has, or more
     where the drive was reset to the beginning.
-
-    Raises
-    ------
-    BagError : a topic has fewer or more messages than there are ticks, states, cams or speeds
     """
     counts = read_counts(bag)
     try:

@@ -78,12 +78,7 @@ def number_of(file: Path) -> int:
 
 
 def is_closed(file: Path) -> bool:
-    """Whether an MCAP file was written to its end.
-
-    Raises
-    ------
-    OSError : it cannot be read
-    """
+    """Whether an MCAP file was written to its end."""
     with file.open("rb") as stream:
         size = stream.seek(0, os.SEEK_END)
         tail = len(FOOTER) + 20 + len(MCAP0_MAGIC)
@@ -108,10 +103,6 @@ def mcap_files(bag: Path) -> list[Path]:
     Parameters
     ----------
     bag : a bag's folder, or one of its MCAP files, which then stands alone
-
-    Raises
-    ------
-    BagError : there is none, or one is missing between others
     """
     require_a_bag(bag)
     files = [bag]
@@ -131,12 +122,7 @@ def mcap_file(bag: Path) -> Path:
 
 
 def in_order(files: Iterable[Path]) -> list[Path]:
-    """The files of a bag, by the numbers at the end of their names.
-
-    Raises
-    ------
-    BagError : one is missing between others
-    """
+    """The files of a bag, by the numbers at the end of their names."""
     found = sorted(files, key=lambda file: (len(file.name), file.name))
     numbered = [match for file in found if (match := NUMBERED.fullmatch(file.name))]
     names = {match[1] for match in numbered}
@@ -158,12 +144,7 @@ def holding_all(file: Path) -> Path:
 
 
 def require_a_bag(path: Path) -> None:
-    """Refuse a path that is not a bag and never was one.
-
-    Raises
-    ------
-    BagError : why it is not
-    """
+    """Refuse a path that is not a bag and never was one."""
     if what := why_not_a_bag(path):
         raise BagError(f"{path}: {what}; {ALLOWED}")
 
@@ -206,13 +187,7 @@ def _mcap_files(folder: Path) -> list[Path]:
 
 
 def create(file: Path) -> BinaryIO:
-    """Open a file to be written; a ``.part`` that a killed process left is truncated.
-
-    Raises
-    ------
-    BlockingIOError : another process is writing it
-    OSError : it exists already, or cannot be made
-    """
+    """Open a file to be written; a ``.part`` that a killed process left is truncated."""
     if file.suffix != PART:
         return file.open("xb")
     stream = file.open("ab")
@@ -227,23 +202,13 @@ def create(file: Path) -> BinaryIO:
 
 
 def sync(stream: BinaryIO) -> None:
-    """Write a file to the disk (fsync), where a power cut cannot take it.
-
-    Raises
-    ------
-    OSError : the disk is full, or gone
-    """
+    """Write a file to the disk (fsync), where a power cut cannot take it."""
     stream.flush()
     os.fsync(stream.fileno())
 
 
 def sync_folder(folder: Path) -> None:
-    """Write a folder's entries to the disk (fsync), where the folder and its disk allow it.
-
-    Raises
-    ------
-    OSError : the disk is gone
-    """
+    """Write a folder's entries to the disk (fsync), where the folder and its disk allow it."""
     try:
         number = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     except PermissionError:  # it may be written, not read
@@ -258,23 +223,13 @@ def sync_folder(folder: Path) -> None:
 
 
 def replace(part: Path, file: Path) -> None:
-    """Let a complete file, which is on the disk, take another's place in one step.
-
-    Raises
-    ------
-    OSError : it cannot
-    """
+    """Let a complete file, which is on the disk, take another's place in one step."""
     os.replace(part, file)
     sync_folder(file.parent)
 
 
 def remove(file: Path) -> None:
-    """Remove a file that another one has replaced.
-
-    Raises
-    ------
-    BagError : it cannot be removed
-    """
+    """Remove a file that another one has replaced."""
     try:
         file.unlink(missing_ok=True)
         sync_folder(file.parent)
@@ -283,12 +238,7 @@ def remove(file: Path) -> None:
 
 
 def write_whole(file: Path, data: bytes) -> None:
-    """Write a small file, of which no reader sees a part.
-
-    Raises
-    ------
-    OSError : it cannot be written
-    """
+    """Write a small file, of which no reader sees a part."""
     with create(part_of(file)) as stream:
         stream.write(data)
         sync(stream)
@@ -348,10 +298,6 @@ def require_new_bag(directory: Path, number: int = 0) -> None:
     """Refuse, before anything is started, a bag that cannot be made.
 
     ``number`` is that of the last file that it may have.
-
-    Raises
-    ------
-    BagError : it exists already, or its place cannot be written
     """
     try:
         there = directory.exists()

@@ -78,10 +78,6 @@ class MappedField:
 def parse_topics(line: str) -> dict[str, MappedField]:
     """The fields of a line of ``quantity=topic.field:unit``, by quantity.
 
-    Raises
-    ------
-    ConfigError : an item is none, names an unknown quantity or unit, or there is no angle
-
     Examples
     --------
     >>> parse_topics("angle=/encoder.data:deg lift=/lvdt.range")["angle"].unit
@@ -140,10 +136,6 @@ def number_at(message: Any, path: str) -> float:
     """The number at a path; an empty one is that of a message with one number alone.
 
     A name in brackets is looked for in the message's ``name``, as a JointState has them.
-
-    Raises
-    ------
-    ValueError : there is no number; the words say what there is
     """
     path = path or _only(message)
     value = message
@@ -273,12 +265,7 @@ class _Readings:
 def read_fields(
     bag: Path, mapping: dict[str, MappedField]
 ) -> tuple[dict[str, Signal], int, list[str]]:
-    """Signals by quantity, the stamp (ns) that their times count from, and what was found.
-
-    Raises
-    ------
-    BagError : the bag cannot be read, or has no such topic or field; it says what it has
-    """
+    """Signals by quantity, the stamp (ns) that their times count from, and what was found."""
     there = topic_types(bag)
     types = get_typestore(Stores.ROS2_KILTED)
     by_topic: dict[str, list[_Readings]] = {}
@@ -330,12 +317,7 @@ def _signals(bag: Path, found: list[_Readings]) -> tuple[dict[str, Signal], int,
 
 
 def topic_types(bag: Path) -> dict[str, str]:
-    """Type by name of the topics of a bag that have messages.
-
-    Raises
-    ------
-    BagError : no such bag, or one that was not closed
-    """
+    """Type by name of the topics of a bag that have messages."""
     found = {
         connection.topic: connection.msgtype
         for reader in readers(bag)
@@ -371,12 +353,7 @@ WITHIN = 1.0 + 1e-6
 
 
 def forward_turns(angle: Signal, where: str) -> tuple[Signal, list[str]]:
-    """The angle with all its turns, rising; and what was done, a sentence each.
-
-    Raises
-    ------
-    BagError : it does not turn, or so fast that its turns cannot be counted
-    """
+    """The angle with all its turns, rising; and what was done, a sentence each."""
     notes = []
     value = angle.value
     inside = bool(np.ptp(value) <= TURN * WITHIN and np.abs(np.diff(value)).max() > 0.5 * TURN)

@@ -21,12 +21,7 @@ from cam_rig.units import NS, FloatArray
 
 
 def read_states(bag: Path, namespace: str | None = None) -> Iterator[CamState]:
-    """The states of the cam in the order of the bag.
-
-    Raises
-    ------
-    BagError : no such bag, one that was not closed, or a state that is none
-    """
+    """The states of the cam in the order of the bag."""
     try:
         for _, _, message in messages(bag, (topics.CAM_STATE,), namespace):
             yield cam_state_of(message)
@@ -35,12 +30,7 @@ def read_states(bag: Path, namespace: str | None = None) -> Iterator[CamState]:
 
 
 def read_pressures(bag: Path, namespace: str | None = None) -> dict[int, float]:
-    """r.m.s. sound pressure (Pa) of each tick by the stamp (ns) of its end.
-
-    Raises
-    ------
-    BagError : no such bag, one that was not closed, or a stamp that is none
-    """
+    """r.m.s. sound pressure (Pa) of each tick by the stamp (ns) of its end."""
     try:
         return {
             stamp_ns(message.header.stamp): float(message.fluid_pressure)
@@ -64,10 +54,6 @@ def read_measured(
     cam : its name; a bag of the rig with one cam needs none
     namespace : of the rig, "/rig2", for a bag of several
 
-    Raises
-    ------
-    BagError : the bag cannot be read, or does not hold what is asked for; it says what it holds
-
     Examples
     --------
     >>> run = read_measured(Path("bags/golden"), cam="tm21")
@@ -86,12 +72,7 @@ def read_measured(
 
 
 def own_namespace(bag: Path, namespace: str | None) -> str:
-    """The namespace of the rig that is meant; empty for the root.
-
-    Raises
-    ------
-    BagError : there is none, or there are several and none is named
-    """
+    """The namespace of the rig that is meant; empty for the root."""
     rigs = rigs_of(bag)
     if not rigs:
         raise BagError(

@@ -34,13 +34,7 @@ MAX_PATH, MAX_NAME = 1000, 255
 
 
 def unpack(bag: Path, folder: Path) -> Path:
-    """Write the files attached to a bag into ``folder/config``; the scene's path.
-
-    Raises
-    ------
-    BagError : no scene is attached, or a name points out of the folder
-    OutputError : the folder has no room
-    """
+    """Write the files attached to a bag into ``folder/config``; the scene's path."""
     scene = None
     try:
         for attachment in chain.from_iterable(attachments(file) for file in mcap_files(bag)):
@@ -58,12 +52,7 @@ def unpack(bag: Path, folder: Path) -> Path:
 
 
 def recovered_words(bag: Path) -> list[str]:
-    """The reports of a bag's recoveries: what it lacks, what may be wrong in it.
-
-    Raises
-    ------
-    BagError : no such bag, or it is damaged
-    """
+    """The reports of a bag's recoveries: what it lacks, what may be wrong in it."""
     found = bag.glob("*.mcap") if bag.is_dir() else [bag] if bag.suffix == ".mcap" else []
     try:
         return [
@@ -77,13 +66,7 @@ def recovered_words(bag: Path) -> list[str]:
 
 
 def attachments(file: Path) -> Iterator[Attachment]:
-    """What is attached to an MCAP file, also to one that was not closed.
-
-    Raises
-    ------
-    BagError : too much is attached
-    ValueError, McapError, struct.error : one is not what was written
-    """
+    """What is attached to an MCAP file, also to one that was not closed."""
     number = size = 0
     with file.open("rb") as stream:
         for record in records_of(stream):
@@ -99,12 +82,7 @@ def attachments(file: Path) -> Iterator[Attachment]:
 
 
 def _safe(bag: Path, name: str) -> Path:
-    """The path of an attached file in its folder.
-
-    Raises
-    ------
-    BagError : it points out of the folder, or a file cannot have this name
-    """
+    """The path of an attached file in its folder."""
     parts = name.split("/")
     if name.startswith("/") or ".." in parts or "\0" in name:
         raise BagError(f"{bag}: attachment {name[:80]!r} points elsewhere")
@@ -130,12 +108,7 @@ def _write(bag: Path, path: Path, data: bytes) -> None:
 
 
 def attachment_of(data: bytes) -> Attachment:
-    """An attached file of a record's bytes.
-
-    Raises
-    ------
-    EndOfFile, ValueError, struct.error : they are not one, or not those that were written
-    """
+    """An attached file of a record's bytes."""
     found = Attachment.read(fields(data))
     crc = int.from_bytes(data[-4:], "little")
     if crc and zlib.crc32(data[:-4]) != crc:
@@ -186,12 +159,7 @@ class PartialReader:
     unread: int = 0
 
     def records(self) -> Iterator[Found]:
-        """Messages with their channel, and attachments.
-
-        Raises
-        ------
-        BagError : the file cannot be opened, or is not one of MCAP
-        """
+        """Messages with their channel, and attachments."""
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
         self._raw = RawMessages()

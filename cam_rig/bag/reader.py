@@ -50,10 +50,6 @@ def messages(
     Parameters
     ----------
     namespace : of the rig, for a bag of several
-
-    Raises
-    ------
-    BagError : no such bag, or one that was not closed
     """
     by_name = {topic.name: topic for topic in wanted}
     types = get_typestore(Stores.ROS2_KILTED)
@@ -76,10 +72,6 @@ def raw_messages(
     Parameters
     ----------
     chosen : the rig's namespace, for a bag of several
-
-    Raises
-    ------
-    BagError : no such bag, one that was not closed, or one that claims too much
     """
     try:
         rigs = set[str]()
@@ -99,10 +91,6 @@ def readers(bag: Path) -> Iterator[Reader]:
     None takes more memory than its file's size warrants.
 
     The content of metadata.yaml is in the files too, so it is not read.
-
-    Raises
-    ------
-    BagError : no such bag, one that was not closed, or one that claims too much
     """
     try:
         for file in _sources(bag):
@@ -138,10 +126,6 @@ def _namespace(bag: Path, reader: Reader, rigs: set[str]) -> str:
     """The namespace of the rig in a bag, "/rig1"; empty for the root, or without a rig.
 
     ``rigs`` are those of the files before, to which this file's is added.
-
-    Raises
-    ------
-    BagError : there are several rigs
     """
     rigs |= _rigs(reader)
     if len(rigs) > 1:
@@ -159,12 +143,7 @@ def _rigs(reader: Reader) -> set[str]:
 
 
 def rigs_of(bag: Path) -> list[str]:
-    """The namespaces of the rigs in a bag, "" the root's; none in a bag of other topics.
-
-    Raises
-    ------
-    BagError : no such bag, or one that was not closed
-    """
+    """The namespaces of the rigs in a bag, "" the root's; none in a bag of other topics."""
     return sorted(set[str]().union(*(_rigs(reader) for reader in readers(bag))))
 
 
@@ -174,10 +153,6 @@ def read_recording(bag: Path, scene: Path | None = None) -> Recording:
     Parameters
     ----------
     scene : the scene that was run, for a bag without one attached (``ros2 bag record``)
-
-    Raises
-    ------
-    BagError : the bag is missing, was not closed, or holds another kind of run
     """
     loaded = read_scene(bag) if scene is None else open_scene(scene)
     states: list[CamState] = []
@@ -205,12 +180,7 @@ def read_recording(bag: Path, scene: Path | None = None) -> Recording:
 
 
 def read_samples(bag: Path) -> Iterator[FloatArray]:
-    """The follower's samples tick by tick, ``(6, n)`` rows each.
-
-    Raises
-    ------
-    BagError : no such bag, one that was not closed, or samples that are none
-    """
+    """The follower's samples tick by tick, ``(6, n)`` rows each."""
     try:
         for _, _, message in messages(bag, (topics.FOLLOWER_SAMPLES,)):
             yield decode_block(*array_of(message))
@@ -227,10 +197,6 @@ def read_ticks(bag: Path, namespace: str | None = None) -> Iterator[TickSamples]
     Parameters
     ----------
     namespace : of the rig, for a bag of several
-
-    Raises
-    ------
-    BagError : no such bag, one that was not closed, or messages that are none of a rig
     """
     states: deque[CamState] = deque()
     waiting: deque[FloatArray] = deque(maxlen=4 * HISTORY_DEPTH)
@@ -266,12 +232,7 @@ def _joined(states: deque[CamState], rows: FloatArray) -> TickSamples | None:
 
 
 def read_counts(bag: Path) -> dict[str, int]:
-    """Messages a topic, from the bag's own statistics; of every file of a bag that was split.
-
-    Raises
-    ------
-    BagError : no such bag, or one that was not closed
-    """
+    """Messages a topic, from the bag's own statistics; of every file of a bag that was split."""
     counts: dict[str, int] = {}
     rigs = set[str]()
     for reader in readers(bag):
@@ -283,12 +244,7 @@ def read_counts(bag: Path) -> dict[str, int]:
 
 
 def read_scene(bag: Path) -> LoadedScene:
-    """The scene with its cams, rig and published curves as they were attached.
-
-    Raises
-    ------
-    BagError : nothing is attached, or it does not fit together
-    """
+    """The scene with its cams, rig and published curves as they were attached."""
     with temporary_folder() as folder:
         scene = unpack(bag, folder)
         try:

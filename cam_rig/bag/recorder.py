@@ -209,10 +209,6 @@ def open_bag(
     The checkpoint names the bag before it is made, so that a kill at any moment leaves none that
     the successor does not know; and only where there is none, so that an older bag is never taken
     for this run's.
-
-    Raises
-    ------
-    BagError : another bag is there, or it cannot be made
     """
     if own := checkpoint.newest():
         return BagRecorder(Path(own), loaded, publishers, True, namespace, points_per_turn, split)

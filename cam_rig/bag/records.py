@@ -70,11 +70,6 @@ def records_of(stream: BinaryIO) -> Iterator[Record]:
     """The records of a file in order; after one that is not whole, from the next whole chunk on.
 
     There are none in a file that is empty yet.
-
-    Raises
-    ------
-    BagError : it does not begin as an MCAP file does
-    OSError : it cannot be read
     """
     number, size = stream.fileno(), os.fstat(stream.fileno()).st_size
     if not MCAP0_MAGIC.startswith(os.pread(number, len(MCAP0_MAGIC), 0)):
@@ -122,12 +117,7 @@ def fields(data: bytes) -> ReadDataStream:
 
 
 def message(data: bytes) -> Message:
-    """A message of a record's bytes.
-
-    Raises
-    ------
-    struct.error : they are too few
-    """
+    """A message of a record's bytes."""
     channel, number, logged, published = MESSAGE_HEAD.unpack_from(data)
     return Message(channel, logged, data[MESSAGE_HEAD.size :], published, number)
 
@@ -154,12 +144,7 @@ class ChunkHead:
 
 
 def chunk_head(stream: BinaryIO, record: Record) -> ChunkHead:
-    """The head of a chunk, which may be truncated behind it.
-
-    Raises
-    ------
-    ValueError, struct.error : it is not the head of a chunk
-    """
+    """The head of a chunk, which may be truncated behind it."""
     data = os.pread(stream.fileno(), min(record.available, CHUNK_HEAD.size + 32 + 8), record.start)
     begin, end, unpacked, crc, letters = CHUNK_HEAD.unpack_from(data)
     name = data[CHUNK_HEAD.size :][:letters]
@@ -171,12 +156,7 @@ def chunk_head(stream: BinaryIO, record: Record) -> ChunkHead:
 
 
 def unpack(stream: BinaryIO, record: Record, head: ChunkHead) -> bytes:
-    """The bytes of a chunk as far as they can be had, never more than it claims.
-
-    Raises
-    ------
-    ValueError : it claims more than a chunk may have, or is compressed in an unknown way
-    """
+    """The bytes of a chunk as far as they can be had, never more than it claims."""
     available = min(head.packed, record.start + record.available - head.packed_at)
     if not head.compression:
         return os.pread(stream.fileno(), max(available, 0), head.packed_at)
@@ -194,12 +174,7 @@ def unpack(stream: BinaryIO, record: Record, head: ChunkHead) -> bytes:
 
 
 def require_modest(head: ChunkHead) -> None:
-    """Refuse a compressed chunk by what it claims, before anything is unpacked.
-
-    Raises
-    ------
-    ValueError : it claims more than a chunk may have, or is compressed in an unknown way
-    """
+    """Refuse a compressed chunk by what it claims, before anything is unpacked."""
     if head.compression not in ("", "zstd", "lz4"):
         raise ValueError(f"a chunk compressed by {head.compression!r}; allowed: zstd, lz4")
     if head.compression and head.unpacked > MAX_UNPACKED:
@@ -220,12 +195,7 @@ def unpacked_size(stream: BinaryIO, head: ChunkHead) -> int:
 
 
 def inside(data: bytes) -> Iterator[Schema | Channel | Message]:
-    """What a chunk holds, up to the first record that is truncated or is not one.
-
-    Raises
-    ------
-    EndOfFile, ValueError, struct.error : what follows is not a record of a chunk
-    """
+    """What a chunk holds, up to the first record that is truncated or is not one."""
     place = 0
     while place + HEAD.size <= len(data):
         opcode, length = HEAD.unpack_from(data, place)
@@ -272,13 +242,7 @@ Span = tuple[int, int, int]
 
 
 def require_bounded(file: Path) -> None:
-    """Refuse an MCAP file that would take more memory than its size warrants.
-
-    Raises
-    ------
-    BagError : what it claims, and what is allowed
-    OSError : it cannot be read
-    """
+    """Refuse an MCAP file that would take more memory than its size warrants."""
     spans: list[Span] = []
     chunks: dict[int, tuple[Record, ChunkHead]] = {}
     with file.open("rb") as stream:
@@ -309,13 +273,7 @@ def require_bounded(file: Path) -> None:
 
 
 def require_plain(bag: Path) -> None:
-    """Refuse a bag whose files or messages are compressed one by one, since nothing bounds those.
-
-    Raises
-    ------
-    BagError : how it is compressed, and what is allowed
-    OSError : its metadata.yaml cannot be read
-    """
+    """Refuse a bag whose files or messages are compressed one by one: nothing bounds those."""
     if (file := bag / METADATA).exists():
         with file.open("rb") as stream:
             mode = COMPRESSED.search(stream.read(MIB))

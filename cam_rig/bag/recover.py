@@ -108,10 +108,6 @@ def recover(bag: Path, target: Path) -> Recovered:
     """Copy everything readable of a bag into a new one, whose one file holds it all.
 
     It may be killed and repeated: what it left of the new bag is overwritten.
-
-    Raises
-    ------
-    BagError : nothing in it is readable, or the target exists
     """
     copying = Recovery(bag, mcap_files(bag))
     if not _is_unfinished(target):
@@ -126,10 +122,6 @@ def recover_in_place(bag: Path) -> Recovered:
     """Recover a bag that its recorder could not close: the files of it that were not closed.
 
     It may be killed and repeated: each old file stays until the new one is complete.
-
-    Raises
-    ------
-    BagError : nothing in it is readable, or there is no room
     """
     copying = Recovery(bag, mcap_files(bag))
     wrong = [file for file in copying.files if file.suffix == TORN or not is_closed(file)]
@@ -155,12 +147,7 @@ def recover_in_place(bag: Path) -> Recovered:
 
 
 def examine(bag: Path) -> Recovered:
-    """What a bag holds, and what it lacks; nothing is written.
-
-    Raises
-    ------
-    BagError : nothing in it is readable
-    """
+    """What a bag holds, and what it lacks; nothing is written."""
     copying = Recovery(bag, mcap_files(bag))
     for file in copying.files:
         copying.read(file)
@@ -201,12 +188,7 @@ class Recovery:
         self._contents: dict[Path, FileContent] = {}
 
     def read(self, file: Path, writer: BagWriter | None = None) -> FileContent:
-        """Copy what a file holds into a bag's own file; without one, only count it.
-
-        Raises
-        ------
-        BagError : nothing in it is readable
-        """
+        """Copy what a file holds into a bag's own file; without one, only count it."""
         reader = self._readers[file] = PartialReader(file)
         content = FileContent(bag_file(self._bag, number_of(file)).name)
         self._contents[file] = content

@@ -44,12 +44,7 @@ class Difference:
 
 
 def compare(one: Path, other: Path) -> list[Difference]:
-    """The differences of all that follower and microphone published in two recordings.
-
-    Raises
-    ------
-    BagError : a bag cannot be read, or one has more messages than the other
-    """
+    """The differences of all that follower and microphone published in two recordings."""
     found: dict[tuple[str, str], Difference] = {}
     for topic in COMPARED:
         pairs = zip_longest(_quantities(one, topic), _quantities(other, topic))
@@ -118,13 +113,7 @@ class Played:
 
 
 def played(bag: Path) -> Iterator[Played]:
-    """The messages state by state; what a bag holds after its last state is left out.
-
-    Raises
-    ------
-    BagError : no such bag, or one that was not closed
-    RefusedError : a state in it is not possible
-    """
+    """The messages state by state; what a bag holds after its last state is left out."""
     by_name, raw = {t.name: t for t in (*PLAYED, topics.DIAGNOSTICS)}, RawMessages()
     waiting: list[tuple[Topic, bytes]] = []
     last: Played | None = None

@@ -94,10 +94,6 @@ class Waiting:
         Parameters
         ----------
         number : its place among all that its process published on the topic
-
-        Raises
-        ------
-        RefusedError : it differs from one of this stamp, or there are too many
         """
         try:
             self._keep(topic, stamp, received.cdr)
@@ -157,12 +153,7 @@ class PendingDiagnostics:
         self._written: deque[Diagnostic] = deque(maxlen=4 * MAX_WAITING)
 
     def take(self, stamp: int, node: str, cdr: bytes) -> None:
-        """Keep a message that was not received before.
-
-        Raises
-        ------
-        RefusedError : it is of no node of the rig, or there are too many of no known time
-        """
+        """Keep a message that was not received before."""
         if node in OF_WALL_TIME or node.endswith(topics.HEARTBEAT):
             return
         if node not in topics.DIAGNOSED_NODES:
@@ -248,12 +239,6 @@ class RecordingSession:
         ----------
         source : the process that published it
         number : its place among all that this process published on the topic
-
-        Raises
-        ------
-        RefusedError : the message is malformed, or contradicts one received before
-        RunError : it is from another process than the one that publishes on this topic
-        BagError : it cannot be written
         """
         if topic.derived:
             raise RefusedError(f"{topic.name}: a recorder makes these messages itself")

@@ -64,10 +64,6 @@ class Split:
     def parsed(cls, text: str) -> Split:
         """The limits by words: ``100MB``, ``1.5 GiB``, ``60s``, ``10min``.
 
-        Raises
-        ------
-        ConfigError : the text is not a size or a duration, or is out of range
-
         Examples
         --------
         >>> Split.parsed("60s")
@@ -90,12 +86,7 @@ class Split:
 
 
 def require_size(size: int, what: str) -> None:
-    """Refuse a size (bytes) that a file cannot have; the error begins with ``what``.
-
-    Raises
-    ------
-    ConfigError : says what is allowed
-    """
+    """Refuse a size (bytes) that a file cannot have; the error begins with ``what``."""
     if not MIN_FILE_BYTES <= size < 2**63:
         raise ConfigError(
             f"{what}; allowed: a file of {MIN_FILE_BYTES} bytes ({MIN_FILE_BYTES / 1e6:g} MB) or "
@@ -104,12 +95,7 @@ def require_size(size: int, what: str) -> None:
 
 
 def require_duration(duration: float, what: str) -> None:
-    """Refuse a duration (s) that a file cannot have; the error begins with ``what``.
-
-    Raises
-    ------
-    ConfigError : says what is allowed
-    """
+    """Refuse a duration (s) that a file cannot have; the error begins with ``what``."""
     if not MIN_FILE_S <= duration <= MAX_FILE_S:
         raise ConfigError(
             f"{what}; allowed: a file of {MIN_FILE_S:g} to {MAX_FILE_S:g} s of rig time"
@@ -117,22 +103,12 @@ def require_duration(duration: float, what: str) -> None:
 
 
 def check_parameter_size(size: int) -> None:
-    """Refuse a value of the parameter max_bagfile_size; 0 is no limit.
-
-    Raises
-    ------
-    ConfigError : says what is allowed
-    """
+    """Refuse a value of the parameter max_bagfile_size; 0 is no limit."""
     if size != 0:
         require_size(size, f"max_bagfile_size: is {size}")
 
 
 def check_parameter_duration(duration: float) -> None:
-    """Refuse a value of the parameter max_bagfile_duration; 0 is no limit.
-
-    Raises
-    ------
-    ConfigError : says what is allowed
-    """
+    """Refuse a value of the parameter max_bagfile_duration; 0 is no limit."""
     if duration != 0.0:
         require_duration(duration, f"max_bagfile_duration: is {duration:g}")

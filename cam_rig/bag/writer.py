@@ -109,10 +109,6 @@ class BagWriter:
         ----------
         definition : of the message's type; by default what rosbags knows of it
         number : its place among all of its topic; by default the next
-
-        Raises
-        ------
-        BagError : the disk is full, or gone
         """
         if self._failed is not None:
             raise self._failed

@@ -100,12 +100,7 @@ class Campaign:
         return hashlib.sha256(self.text.encode()).hexdigest()
 
     def planned(self, points: int | None = None, seed: int | None = None) -> Campaign:
-        """The same with other points or another seed.
-
-        Raises
-        ------
-        ConfigError : a plan that takes none, or too many
-        """
+        """The same with other points or another seed."""
         if points is None and seed is None:
             return self
         given = {"points": points, "seed": seed}
@@ -122,22 +117,12 @@ def _validated(data: Mapping[str, Any]) -> CampaignConfig:
 
 
 def campaign_from(data: Mapping[str, Any], library: Library) -> Campaign:
-    """A study from plain data, as a file holds it.
-
-    Raises
-    ------
-    ConfigError, LawError : what is wrong, in one line
-    """
+    """A study from plain data, as a file holds it."""
     return campaign_of(_validated(data), library)
 
 
 def open_campaign(path: Path) -> Campaign:
-    """Read a study and the files it names: of its own folders, or shipped ones.
-
-    Raises
-    ------
-    ConfigError, LawError : one line that names the file and what is wrong in it
-    """
+    """Read a study and the files it names: of its own folders, or shipped ones."""
     config, library = load_campaign(path), Library.beside(path)
     try:
         return campaign_of(config, library)
@@ -146,12 +131,7 @@ def open_campaign(path: Path) -> Campaign:
 
 
 def campaign_of(config: CampaignConfig, library: Library) -> Campaign:
-    """A study on its base.
-
-    Raises
-    ------
-    ConfigError, LawError : a file it names, a path, a unit, a measure or a limit is wrong
-    """
+    """A study on its base."""
     base = config.base
     scene = None
     if base.scene is not None:
@@ -178,12 +158,7 @@ def campaign_of(config: CampaignConfig, library: Library) -> Campaign:
 
 
 def checked(campaign: Campaign) -> Campaign:
-    """A study whose parts fit together.
-
-    Raises
-    ------
-    ConfigError, LawError : what is wrong
-    """
+    """A study whose parts fit together."""
     _ = campaign.limits, campaign.law
     if WAVE in campaign.config.vary and WAVELENGTH not in campaign.config.vary:
         raise ConfigError(f"vary.{WAVE}: has no wavelength; needed beside it: {WAVELENGTH}")

@@ -95,12 +95,7 @@ class CampaignDataset:
         return pa.schema(fields, metadata={**about, **versions()})
 
     def write(self, rows: BatchRows) -> None:
-        """Put a batch onto the disk, whole or not at all.
-
-        Raises
-        ------
-        OutputError : the disk is full, or the folder cannot be written
-        """
+        """Put a batch onto the disk, whole or not at all."""
         import pyarrow.parquet as pq
 
         sink = io.BytesIO()
@@ -174,12 +169,7 @@ class CampaignDataset:
         return float(sum(sizes)), sum(sizes) + row * left + own * -(-left // max(counts))
 
     def tables(self, columns: list[str] | None = None) -> Iterator[Any]:
-        """The rows of each batch in the order of the points, a `pyarrow.Table`.
-
-        Raises
-        ------
-        OutputError : a file is not as it was written
-        """
+        """The rows of each batch in the order of the points, a `pyarrow.Table`."""
         import pyarrow as pa
         import pyarrow.parquet as pq
 
@@ -189,12 +179,7 @@ class CampaignDataset:
             )
 
     def column(self, name: str) -> FloatArray:
-        """One column in the order of the points, NaN for null; no other column is kept.
-
-        Raises
-        ------
-        OutputError : a file is not as it was written
-        """
+        """One column in the order of the points, NaN for null; no other column is kept."""
         parts = [table.column(name).to_numpy() for table in self.tables([name])]
         return np.concatenate(parts) if parts else np.zeros(0)
 
@@ -221,12 +206,6 @@ class CampaignDataset:
 
         It gives a line that names the files whose points are to be made again, which are kept
         under another name; empty where all are whole.
-
-        Raises
-        ------
-        ConfigError : it holds rows and is not to be resumed, or rows of another study, or of a
-            file without a digest
-        OutputError : it cannot be written, or another process writes into it
         """
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
@@ -332,12 +311,7 @@ def _digest(first: int, last: int, data: bytes) -> str:
 
 
 def _intact(path: Path) -> bytes:
-    """What a batch's file holds.
-
-    Raises
-    ------
-    OutputError : it cannot be read, or is not what was written under this name
-    """
+    """What a batch's file holds."""
     match = _NAME.fullmatch(path.name)
     assert match is not None  # only such are batches
     if not path.is_file():  # a pipe would never end

@@ -143,12 +143,7 @@ class InputDraws:
 
     @classmethod
     def of(cls, config: CampaignConfig, inputs: tuple[CampaignInput, ...]) -> InputDraws:
-        """The draws of a study.
-
-        Raises
-        ------
-        ConfigError : correlations that no random numbers have
-        """
+        """The draws of a study."""
         if not config.correlated:
             return cls(config, inputs, None)
         order = [one.path for one in inputs]

@@ -100,12 +100,7 @@ def paths_of(configs: Mapping[str, BaseModel]) -> dict[str, tuple[float, str]]:
 def input_of(
     path: str, variation: Variation, known: Mapping[str, tuple[float, str]]
 ) -> CampaignInput:
-    """One input, checked against the base.
-
-    Raises
-    ------
-    ConfigError : no such number, or a unit of another dimension
-    """
+    """One input, checked against the base."""
     if path not in known:
         roots = sorted({key.split(".")[0] for key in known})
         hint = _hint(path, known)
@@ -136,12 +131,7 @@ def _hint(path: str, known: Mapping[str, object]) -> str:
 
 
 def with_numbers(config: Config, numbers: Mapping[str, float]) -> Config:
-    """A config with other numbers (SI) by their paths below it.
-
-    Raises
-    ------
-    ConfigError : a number that the config may not have
-    """
+    """A config with other numbers (SI) by their paths below it."""
     if not numbers:
         return config
     data = config.model_dump(exclude_none=True)
@@ -187,12 +177,7 @@ _STEP = np.array([35.0, -84.0, 70.0, -20.0])
 
 
 def require_wavelength(wavelength: float) -> None:
-    """Refuse a wavelength (rad) that cannot be followed.
-
-    Raises
-    ------
-    ConfigError : shorter than `SHORTEST`, or longer than `LONGEST`
-    """
+    """Refuse a wavelength (rad) that cannot be followed."""
     if not SHORTEST * (1.0 - 1e-9) <= wavelength <= LONGEST * (1.0 + 1e-9):
         raise ConfigError(
             f"profile.waviness.wavelength: is {math.degrees(wavelength):.6g} deg; allowed: "
@@ -216,12 +201,7 @@ class ProfileErrors:
 
     @classmethod
     def of(cls, numbers: Mapping[str, float]) -> ProfileErrors:
-        """From numbers (SI) by their paths below ``profile``.
-
-        Raises
-        ------
-        ConfigError : a wavelength that cannot be followed
-        """
+        """From numbers (SI) by their paths below ``profile``."""
         wavelength = numbers.get("waviness.wavelength")
         if wavelength is not None:
             require_wavelength(wavelength)

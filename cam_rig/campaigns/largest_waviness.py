@@ -215,10 +215,6 @@ def find_largest(
     Parameters
     ----------
     done : told as each of them is found
-
-    Raises
-    ------
-    RunError : the executor broke down
     """
     flying = [executor.submit(search.at, wavelength) for wavelength in wavelengths.tolist()]
     try:
@@ -271,12 +267,7 @@ class WavinessRun:
         return f"WavinessRun({name}: {len(self.wavelengths)} wavelengths)"
 
     def to_pandas(self) -> DataFrame:
-        """A row each wavelength; m and rad, NaN for an end that so few draws do not tell.
-
-        Raises
-        ------
-        MissingLibraryError : pandas is not installed
-        """
+        """A row each wavelength; m and rad, NaN for an end that so few draws do not tell."""
         with libraries_named():
             from pandas import DataFrame
         names = ("wavelength", "waves", "amplitude", "low", "high", "outcome", "evaluations")
@@ -285,12 +276,7 @@ class WavinessRun:
         return found.astype({"low": float, "high": float})
 
     def plot(self) -> Figure:
-        """Amplitude over wavelength, with its interval and the resonances of the stem.
-
-        Raises
-        ------
-        MissingLibraryError : matplotlib is not installed
-        """
+        """Amplitude over wavelength, with its interval and the resonances of the stem."""
         with libraries_named():
             from cam_rig.campaigns.figures import waviness_figure as figure
         return shown(figure(self.search, self.wavelengths))

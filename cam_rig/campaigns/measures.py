@@ -63,12 +63,7 @@ class MeasuredPoint:
 
 
 def scene_at(scene: SceneConfig, speed: float) -> SceneConfig:
-    """A scene whose program holds one speed (rad/s).
-
-    Raises
-    ------
-    ConfigError : it cannot turn at that speed
-    """
+    """A scene whose program holds one speed (rad/s)."""
     speeds = Quantity(assumed=[speed / RPM], unit="rpm")
     program = scene.program.model_copy(update={"speeds": speeds})
     data = scene.model_copy(update={"program": program}).model_dump(exclude_none=True)
@@ -216,22 +211,12 @@ class CampaignMeasure:
         return self.term.quantity.units[self.unit]
 
     def of(self, point: MeasuredPoint) -> float:
-        """The measure of a point, in its unit in rows.
-
-        Raises
-        ------
-        CamRigError : it has none
-        """
+        """The measure of a point, in its unit in rows."""
         return MEASURES[self.term.name][1](point, self.term) / self.factor
 
 
 def parse_measures(texts: Iterable[str], model: str) -> tuple[CampaignMeasure, ...]:
-    """The measures of a study whose scene has a model.
-
-    Raises
-    ------
-    ConfigError : an unknown one, one without its speed, or one that stands twice
-    """
+    """The measures of a study whose scene has a model."""
     found = tuple(CampaignMeasure(_single(parse(text, known_in(model)))) for text in texts)
     for i, one in enumerate(found):
         if one in found[:i]:
@@ -254,12 +239,7 @@ def _single(term: Term) -> Term:
 
 
 def require_runs(measures: Iterable[CampaignMeasure], scene: SceneConfig) -> None:
-    """Refuse a measure whose speed the scene cannot turn at, whatever the point.
-
-    Raises
-    ------
-    ConfigError : fewer samples a turn than a run takes
-    """
+    """Refuse a measure whose speed the scene cannot turn at, whatever the point."""
     for one in measures:
         if one.term.name in OF_RUNS:
             try:
@@ -278,12 +258,7 @@ def kept(limit: Limit, values: FloatArray) -> NDArray[np.bool_]:
 def parse_limits(
     texts: Iterable[str], measures: tuple[CampaignMeasure, ...], model: str
 ) -> tuple[Limit, ...]:
-    """The limits of a study, on its measures.
-
-    Raises
-    ------
-    ConfigError : no limit, or one on what is not measured
-    """
+    """The limits of a study, on its measures."""
     terms = {one.term for one in measures}
     found = tuple(parse_limit(text, known_in(model)) for text in texts)
     for limit in found:

@@ -93,12 +93,7 @@ def keeps_limits(campaign: Campaign, inputs: FloatArray) -> bool:
 
 
 def make_point(campaign: Campaign, inputs: FloatArray) -> MeasuredPoint:
-    """The cam, the rig and the scene with a point's numbers ``(d,)``, SI.
-
-    Raises
-    ------
-    CamRigError : no such cam or rig can be
-    """
+    """The cam, the rig and the scene with a point's numbers ``(d,)``, SI."""
     numbers: dict[str, dict[str, float]] = {"cam": {}, "rig": {}, "scene": {}, "profile": {}}
     for one, value in zip(campaign.inputs, inputs.tolist(), strict=True):
         root, _, path = one.path.partition(".")

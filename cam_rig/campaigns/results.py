@@ -154,12 +154,7 @@ class CampaignResults:
         return tuple(found)
 
     def shares(self, measure: CampaignMeasure) -> tuple[InputShare, ...]:
-        """First-order and total shares by SALib, of a plan of that kind.
-
-        Raises
-        ------
-        ConfigError : another plan, points missing, or a measure that some points have not
-        """
+        """First-order and total shares by SALib, of a plan of that kind."""
         plan = self.campaign.config.plan
         values = self.values(measure)
         if plan.kind != "shares" or values.size != self.campaign.total:
@@ -218,10 +213,6 @@ def saltelli_shares(values: FloatArray, paths: list[str], seed: int) -> tuple[In
     """Shares from the rows of Saltelli's design, in the order of `plan.unit_points`.
 
     A measure that does not vary has none: zeros.
-
-    Raises
-    ------
-    MissingLibraryError : SALib is not installed
     """
     with libraries_named():
         from SALib.analyze import sobol

@@ -34,36 +34,20 @@ class CampaignRun(CampaignResults):
         return f"CampaignRun({self.campaign.config.name}: {self.points} points)"
 
     def to_pandas(self) -> DataFrame:
-        """A row each point in the order of the plan, as in the dataset.
-
-        Raises
-        ------
-        MissingLibraryError : pandas is not installed
-        OutputError : a file is not as it was written
-        """
+        """A row each point in the order of the plan, as in the dataset."""
         with libraries_named():
             from pandas import concat
         return concat([table.to_pandas() for table in self.dataset.tables()], ignore_index=True)
 
     def plot(self) -> Figure:
-        """A map of a grid of two inputs or more; else distributions and what each input does.
-
-        Raises
-        ------
-        MissingLibraryError : matplotlib is not installed
-        """
+        """A map of a grid of two inputs or more; else distributions and what each input does."""
         with libraries_named():
             from cam_rig.campaigns.figures import figure
         return shown(figure(self))
 
 
 def opened(study: str | Path | Mapping[str, Any]) -> Campaign:
-    """A study by its name in ``config/campaigns``, a path, or what such a file holds.
-
-    Raises
-    ------
-    ConfigError, LawError : something wrong in the study
-    """
+    """A study by its name in ``config/campaigns``, a path, or what such a file holds."""
     if isinstance(study, Mapping):
         return campaign_from(study, Library((config_root(),)))
     return open_campaign(named_path("campaigns", study))
@@ -154,11 +138,6 @@ def run_campaign(
     executor : of processes, or Dask's: ``client.get_executor()``
     workers : how many batches it takes at a time
     done : told how many points were written
-
-    Raises
-    ------
-    OutputError : a batch cannot be written
-    RunError : the executor broke down: a process was killed, or the scheduler is gone
     """
     campaign = dataset.campaign
     sizes = BatchSizes(campaign.total, workers)

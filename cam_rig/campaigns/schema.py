@@ -190,10 +190,5 @@ class CampaignConfig(Strict):
 
 
 def load_campaign(path: Path) -> CampaignConfig:
-    """Read a study file.
-
-    Raises
-    ------
-    ConfigError : one line that names file, key, value and what is allowed
-    """
+    """Read a study file."""
     return load(path, CampaignConfig)

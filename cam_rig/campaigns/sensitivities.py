@@ -61,12 +61,7 @@ class ContactTouch:
 
 
 def touch_of(law: Law, follower: TwoMassParameters, duration: float | None) -> ContactTouch:
-    """The touch at the jump speed of a run from rest of so many s, or in steady state (None).
-
-    Raises
-    ------
-    DynamicsError : no jump speed, or contact is lost at the very end of the run
-    """
+    """The touch at the jump speed of a run from rest of so many s, or in steady state (None)."""
     found, run = sought(law, follower, duration), force_run(law, follower, duration)
     speed = float(brentq(run.lowest, found.low, found.high, xtol=1e-300, rtol=FINE))
     above = speed * (1.0 + ABOVE)
@@ -201,10 +196,6 @@ def jump_sensitivities(
 
     There is one in the numbers of the rig's follower, and in the size, amplitudes and phases of
     profile errors; the others say why not.
-
-    Raises
-    ------
-    DynamicsError : no jump speed, or one mass
     """
     law, follower = point.law, TwoMassParameters.from_rig(point.rig)
     touch, numbers = touch_of(law, follower, duration), _numbers(follower)

@@ -60,12 +60,7 @@ class SteadyStart:
 
 
 def steady_row(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) -> tuple[SpeedRow, bool]:
-    """The settled turns of a scene's one cam at its one speed (rad/s), and whether they repeat.
-
-    Raises
-    ------
-    DynamicsError : a model that cannot take the law; no steady state
-    """
+    """The settled turns of a scene's one cam at its one speed (rad/s), and whether they repeat."""
     start = _start(law, rig, scene, speed)
     nowhere, laws = Path(), {scene.cams[0]: law}
     loaded = LoadedScene(scene, rig, {}, laws, None, nowhere, nowhere, {}, None)

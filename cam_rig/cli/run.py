@@ -100,14 +100,13 @@ def run(
 
     cam-rig run --split 100MB
     """
-    from cam_rig.schema.load import scene_path
-
     with user_errors(), ForkServer().begin() as server:  # it imports while all is checked here
         from cam_rig.bag.files import require_new_bag
         from cam_rig.bag.split import Split
         from cam_rig.live.flow_control import factor_of, pacing_of
         from cam_rig.runner.node_process import live
         from cam_rig.runner.resources import namespace_named
+        from cam_rig.schema.load import scene_path
         from cam_rig.viewer.command import open_screen
 
         path = scene_path(scene)

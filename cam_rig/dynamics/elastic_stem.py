@@ -26,12 +26,7 @@ from cam_rig.units import FloatArray
 
 @lru_cache(maxsize=64)
 def response(law: Law, parameters: FollowerParameters, speed: float) -> LinearResponse:
-    """The model at one speed (rad/s); its state is (r, ṙ) in m and m/s.
-
-    Raises
-    ------
-    DynamicsError : the speed is not above 0
-    """
+    """The model at one speed (rad/s); its state is (r, ṙ) in m and m/s."""
     p = parameters
     total = p.spring_stiffness + p.stem
     share, damping = p.stem / total, p.damping / p.mass

@@ -336,12 +336,7 @@ def ended(state: FollowerState, interval: Interval) -> FollowerState:
 
 
 def require_joined(state: FollowerState | None, interval: Interval) -> None:
-    """Refuse an interval that does not begin at the cam angle where the state ended.
-
-    Raises
-    ------
-    DynamicsError : with both angles and by how much they may differ
-    """
+    """Refuse an interval that does not begin at the cam angle where the state ended."""
     if state is None or state.cam_angle is None:
         return
     away = abs(math.remainder(interval.angle - state.cam_angle, TURN))

@@ -90,10 +90,6 @@ def advance(
     """Follow the law through the interval; the contact force may come out negative.
 
     ``state`` plays no part (there is no memory), it is taken so that models are alike.
-
-    Raises
-    ------
-    DynamicsError : the law's velocity jumps
     """
     require_turning(interval.mean_speed)
     require_smooth(law)  # here, where it is not yet a ramp's substitute

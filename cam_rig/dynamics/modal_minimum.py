@@ -45,12 +45,7 @@ class Looks:
     count: int = 0
 
     def take(self, count: int) -> None:
-        """So many more.
-
-        Raises
-        ------
-        TooManyLooksError : these are too many
-        """
+        """So many more."""
         self.count += count
         if self.count > self.most:
             raise TooManyLooksError(f"more than {self.most:g} values to look at")

@@ -290,12 +290,7 @@ class ModalResponse:
         return np.concatenate([np.zeros_like(found[:, :1]), found], axis=1)
 
     def steady(self, speeds: FloatArray, turn: ComplexArray | None = None) -> ComplexArray:
-        """Amplitude at θ = 0 that a turn brings back, ``(m, 2)``; ``turn`` is what it adds.
-
-        Raises
-        ------
-        DynamicsError : a mode without damping at a harmonic of a speed: it grows turn after turn
-        """
+        """Amplitude at θ = 0 that a turn brings back, ``(m, 2)``; ``turn`` is what it adds."""
         gap = 1.0 - self.fading(speeds, TURN)[:, 0]
         worst = int(np.argmin(np.abs(gap).min(axis=1)))
         if np.abs(gap[worst]).min() < RESONANT:

@@ -43,12 +43,7 @@ def is_number(value: object) -> TypeGuard[float]:
 
 
 def require_number(name: str, value: object, words: str) -> None:
-    """Refuse what is not a finite number within the `LIMITS` of its ``words``.
-
-    Raises
-    ------
-    DynamicsError : with name, value and limit
-    """
+    """Refuse what is not a finite number within the `LIMITS` of its ``words``."""
     low, high = LIMITS[words]
     if not (is_number(value) and low <= value <= high):
         limits = "" if words == "in [0, 1)" else f", {low:g} to {high:g}"
@@ -88,12 +83,7 @@ def require_rate(sample_rate: object) -> None:
 
 
 def row_of_numbers(name: str, values: object) -> FloatArray:
-    """One row of finite numbers.
-
-    Raises
-    ------
-    DynamicsError : ``values`` holds none
-    """
+    """One row of finite numbers."""
     try:
         row = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
@@ -135,12 +125,7 @@ def si_or_none(number: Quantity | None) -> float | None:
 
 
 def told(name: str, value: float | None) -> float:
-    """A number of the follower where it is used.
-
-    Raises
-    ------
-    ConfigError : it is None
-    """
+    """A number of the follower where it is used."""
     if value is None:
         raise ConfigError(f"follower.{name}: is missing; so add it to the rig's numbers")
     return value

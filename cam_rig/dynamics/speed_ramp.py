@@ -41,12 +41,7 @@ AtOneSpeed = Callable[
 
 
 def with_ramps(advance: AtOneSpeed[P]) -> Advance[P]:
-    """The model for intervals whose speed changes too, and from one to the next.
-
-    Raises
-    ------
-    DynamicsError : the interval begins at another cam angle than the state before ended
-    """
+    """The model for intervals whose speed changes too, and from one to the next."""
 
     @wraps(advance)
     def through(

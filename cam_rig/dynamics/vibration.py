@@ -107,10 +107,6 @@ def flywheel_turn(
 ) -> FlywheelTurn:
     """A turn at the mean ``speed`` (rad/s) behind a flywheel of ``inertia`` (kg·m²).
 
-    Raises
-    ------
-    DynamicsError : no steady state at this speed, or a law whose velocity jumps
-
     Examples
     --------
     >>> import cam_rig
@@ -166,12 +162,7 @@ def fastest(follower: FollowerParameters) -> float:
 
 
 def require_speeds(follower: FollowerParameters, rpm: Iterable[float]) -> None:
-    """Refuse speeds (rpm) that are too slow to sample, or too fast for the stem.
-
-    Raises
-    ------
-    DynamicsError : with the first of them and the limits
-    """
+    """Refuse speeds (rpm) that are too slow to sample, or too fast for the stem."""
     most = fastest(follower)
     for speed in rpm:
         if not SLOWEST <= speed * (1.0 + 1e-12) <= most * (1.0 + 2e-12):
@@ -205,12 +196,7 @@ class SteadyTurn:
 
 
 def steady_turn(law: Law, follower: FollowerParameters, speed: float) -> SteadyTurn:
-    """One turn at ``speed`` (rad/s), finely sampled.
-
-    Raises
-    ------
-    DynamicsError : no steady state at this speed, or a law whose velocity jumps
-    """
+    """One turn at ``speed`` (rad/s), finely sampled."""
     model, out = response(law, follower, speed), outputs(follower)
     rate = math.sqrt(-model.matrix[1, 0])
     count = max(MIN_SAMPLES, math.ceil(PER_PERIOD * rate / speed))
@@ -251,13 +237,7 @@ class Vibration:
 def vibration(
     law: Law, follower: FollowerParameters, shaft: TorsionalParameters | None, speed: float
 ) -> Vibration:
-    """All measures of one cam at ``speed`` (rad/s).
-
-    Raises
-    ------
-    DynamicsError : no steady state at this speed (resonance without damping); a speed beyond
-        `vibration_speeds.fastest`; a shaft under a law whose velocity jumps
-    """
+    """All measures of one cam at ``speed`` (rad/s)."""
     if shaft is not None:
         require_smooth(law, ", or a rig without a shaft")
     turn, window = steady_turn(law, follower, speed), low_dwell(law)
@@ -284,11 +264,6 @@ def residual_vibration(law: Law, follower: FollowerParameters, speeds: FloatArra
 
     Free vibration decays between joints, so it is largest where the window begins or at a joint
     inside it.
-
-    Raises
-    ------
-    DynamicsError : no steady state; or free and forced vibration cannot be told apart: a speed
-        beyond `fastest`, or a free vibration larger than all of the exact one
     """
     require_speeds(follower, speeds / RPM)
     window = low_dwell(law)
@@ -309,12 +284,7 @@ def residual_vibration(law: Law, follower: FollowerParameters, speeds: FloatArra
 def steady_twist(
     law: Law, shaft: TorsionalParameters, speed: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Flywheel angle and twist ψ (rad), ``(n,)`` each, over one turn in steady state.
-
-    Raises
-    ------
-    DynamicsError : no periodic state (resonance without damping)
-    """
+    """Flywheel angle and twist ψ (rad), ``(n,)`` each, over one turn in steady state."""
     driven, start = steady_state(law, shaft, speed)
     motion = solve(law, driven, start, 0.0, TURN / speed)
     times = np.linspace(0.0, motion.stop_time, TWIST_SAMPLES)

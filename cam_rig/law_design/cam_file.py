@@ -38,12 +38,7 @@ def designed_cam(
     limits: list[Asked],
     search: Multistart | None = None,
 ) -> DesignedCam:
-    """The cam of some unknowns, with the follower of the start's; ``search`` of what is local.
-
-    Raises
-    ------
-    ConfigError : the name is not one
-    """
+    """The cam of some unknowns, with the follower of the start's; ``search`` of what is local."""
     source = f"designed to {verb} {goal.key} on rig {problem.rig.name}"
     title = f"{problem.cam.title}, designed"
     data = class_cam_data(problem.cam, problem.space, unknowns, name, title, source, problem.free)

@@ -159,13 +159,7 @@ class ConvexProgram:
         self.blocks.append(RowBlock(name, rows, np.zeros(rows.constant.size), "zero"))
 
     def solve(self) -> ProgramSolution:
-        """The largest t.
-
-        Raises
-        ------
-        InfeasibleError : no unknowns keep the limits
-        DesignError : the solver did not end
-        """
+        """The largest t."""
         with libraries_named():
             import clarabel
         blocks = self.all_blocks()

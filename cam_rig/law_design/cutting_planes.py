@@ -100,13 +100,7 @@ class GrowingProgram:
         self._bounds: dict[int, Bounds] = {}
 
     def solve(self, program: ConvexProgram) -> ProgramSolution:
-        """The largest t, as `ConvexProgram.solve`, which a program with cones or without law takes.
-
-        Raises
-        ------
-        InfeasibleError : no unknowns keep the limits
-        DesignError : the solver did not end
-        """
+        """The largest t, as `ConvexProgram.solve`, which takes one with cones or without law."""
         blocks = program.all_blocks()
         if any(block.kind == "cone" for block in blocks):
             return program.solve()
@@ -254,12 +248,6 @@ class Solver:
         """Solve it.
 
         Where the sufficient program has no law, one may still be: the message says so.
-
-        Raises
-        ------
-        InfeasibleError : no law of the class keeps the limits
-        ConfigError, DesignError, DynamicsError : a limit that the cam or the rig has not; the
-            solver did not end; contact lost at no speed
         """
         try:
             return self._best()

@@ -131,12 +131,7 @@ class Descent:
         return sign * measured(self.problem, law, self.goal.term, self.goal.sense) / self.goal.scale
 
     def run(self, unknowns: FloatArray) -> Place:
-        """Downhill from a law that keeps the convex limits, to where no step is better.
-
-        Raises
-        ------
-        DynamicsError : contact lost at no speed
-        """
+        """Downhill from a law that keeps the convex limits, to where no step is better."""
         here, self.reach, idle = self.place(unknowns), FIRST_REACH, 0
         for _ in range(STEPS):
             if here.over <= KEPT:

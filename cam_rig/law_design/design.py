@@ -69,12 +69,6 @@ def search_design(
     ----------
     name : of the new cam, by default the start's with ``_designed``
     on_best : told each better law, as what makes a design of it, and what the goal comes to (SI)
-
-    Raises
-    ------
-    DesignError : no law of the class keeps the limits; the solver did not end
-    ConfigError : what the cam or the rig does not have
-    DynamicsError : contact lost at every speed or at none
     """
     if cam.follower.type in CLOSED:
         raise ConfigError(
@@ -161,12 +155,7 @@ def design_problem(
     on_best: OnBest,
     search: Multistart | None = None,
 ) -> LawDesign:
-    """The best law with the events that a problem has; ``search`` is what they were found by.
-
-    Raises
-    ------
-    DesignError, ConfigError, DynamicsError : as `design`
-    """
+    """The best law with the events that a problem has; ``search`` is what they were found by."""
     limits = [_asked(problem, x.term, x.sense, _value(problem, x)) for x in request.limits]
     goal = _asked(problem, request.goal, request.sense, None)
 
@@ -192,12 +181,7 @@ def _law_design(
     best: Best | LocalBest | SoFar,
     search: Multistart | None,
 ) -> LawDesign:
-    """A law with all that was asked of it.
-
-    Raises
-    ------
-    DesignError : it breaks a limit, and the search is at its end
-    """
+    """A law with all that was asked of it."""
     start, space, rig = problem.start, problem.space, problem.rig
     if search is None and isinstance(best, LocalBest):
         search = best.multistart
@@ -323,12 +307,7 @@ class DesignedLaw(LawDesign):
         return f"DesignedLaw({self.request.words}: {start:.4g} → {result:.4g} {unit}, {bound})"
 
     def to_pandas(self) -> DataFrame:
-        """A row for the goal and for each limit, SI (levels in dB).
-
-        Raises
-        ------
-        MissingLibraryError : pandas is not installed
-        """
+        """A row for the goal and for each limit, SI (levels in dB)."""
         with libraries_named():
             from pandas import DataFrame
         keys = ("start", "result", "bound", "limit", "active")
@@ -339,12 +318,7 @@ class DesignedLaw(LawDesign):
         return DataFrame(rows)
 
     def plot(self) -> Figure:
-        """Start and result: derivatives, contact force, contour.
-
-        Raises
-        ------
-        MissingLibraryError : matplotlib is not installed
-        """
+        """Start and result: derivatives, contact force, contour."""
         with libraries_named():
             from cam_rig.law_design.figures import figure
         return shown(figure(self))

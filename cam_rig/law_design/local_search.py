@@ -163,12 +163,7 @@ class EventSpans:
         return self._known[key]
 
     def best(self, asked: Multistart) -> tuple[DesignProblem, Multistart]:
-        """The problem with the best spans, and how many of the searches came to the same.
-
-        Raises
-        ------
-        DesignError : no spans have a law that keeps the limits
-        """
+        """The problem with the best spans, and how many of the searches came to the same."""
         size = self._size
         bounds = list(zip(self.low[:size], self.high[:size], strict=True))
         found = []
@@ -233,11 +228,6 @@ def starts(solver: Solver, cuts: list[Cuts], asked: Multistart) -> Iterator[Floa
     """Unknowns of laws that keep the solver's limits and what is cut, as many as are asked for.
 
     The same for the same seed.
-
-    Raises
-    ------
-    InfeasibleError : no law of the class keeps the convex limits
-    DesignError : the solver did not end
     """
     yield _near_start(solver, cuts)
     random = np.random.default_rng(asked.seed)
@@ -367,14 +357,7 @@ class LocalSearch:
             self.on_best(place.unknowns, self._value(place))
 
     def best(self) -> LocalBest:
-        """The best law of all descents.
-
-        Raises
-        ------
-        InfeasibleError : no law of the class keeps the convex limits
-        DesignError : no law was found that keeps all limits; the solver did not end
-        DynamicsError : contact lost at no speed
-        """
+        """The best law of all descents."""
         asked = self.multistart
         ends = [self.descent.run(x) for x in starts(self.solver, self.cuts, asked)]
         kept = [end for end in ends if end.over <= KEPT]

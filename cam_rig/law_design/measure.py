@@ -36,10 +36,6 @@ def measured(problem: DesignProblem, law: Law, term: Term, sense: Sense) -> floa
     """A quantity of a law, SI; the level in dB.
 
     Over a range of angles or speeds the one that a limit of that sense is about.
-
-    Raises
-    ------
-    DynamicsError : contact is lost at every speed or at none
     """
     if term.name in PEAKS:
         return abs(peak(law, PEAKS[term.name]).value)

@@ -56,12 +56,7 @@ class TwoMassSearch:
         self.refused = 0
 
     def best(self) -> Best:
-        """The best law found, and a speed that no law of the class reaches.
-
-        Raises
-        ------
-        DesignError : no law was found, or no bound
-        """
+        """The best law found, and a speed that no law of the class reaches."""
         rigid = Solver(self.problem, self.solver.goal, self.solver.limits).rigid()
         self.solver.rounds += rigid.rounds
         kept = ContactKept(self.problem, self.duration, 0.95 * rigid.bound)

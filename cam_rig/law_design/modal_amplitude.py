@@ -56,12 +56,7 @@ class Mode:
 
     @classmethod
     def of(cls, follower: TwoMassParameters | FollowerParameters) -> Mode:
-        """Of two masses, or of one on its elastic stem (eq. 5 of the paper).
-
-        Raises
-        ------
-        ConfigError : a stem that does not vibrate, its damping is critical or more
-        """
+        """Of two masses, or of one on its elastic stem (eq. 5 of the paper)."""
         p = follower
         if isinstance(p, TwoMassParameters):
             mass, stiffness = p.end_mass, p.stiffness

@@ -51,11 +51,6 @@ def front(
     """The goal's best between the best that the other quantity can be and where it no longer binds.
 
     Where the other is an event's span, between the shortest and the longest that there can be.
-
-    Raises
-    ------
-    ConfigError : points out of their limits, the goal itself, or no trade between the two
-    DesignError : no law of the class keeps the limits
     """
     if not FEWEST <= points <= MOST:
         raise ConfigError(f"--points: is {points}; allowed: {FEWEST} to {MOST}")
@@ -117,11 +112,6 @@ def _over_spans(
 
     From the shortest that has a law (or half of the start's) to the longest that the dwells leave
     (or twice the start's).
-
-    Raises
-    ------
-    ConfigError : a request in which spans move already
-    DesignError : no law has the longest spans
     """
     if "events" not in request.keep:
         raise ConfigError(

@@ -229,12 +229,7 @@ LEVEL_STEP = 1e-3
 
 
 def level_with_jumps(problem: DesignProblem, law: Law, term: Term) -> float:
-    """The level (dB) of the mean power over a range of speeds, settled turns, with landings.
-
-    Raises
-    ------
-    DynamicsError : the law's velocity jumps
-    """
+    """The level (dB) of the mean power over a range of speeds, settled turns, with landings."""
     count = 1 if term.low == term.high else SPEEDS
     turns = settled_turns(law, "one_mass", problem.rigid, np.linspace(term.low, term.high, count))
     levels = Acoustics(RadiationParameters.from_rig(problem.rig)).levels(turns)

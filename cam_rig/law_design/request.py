@@ -52,12 +52,7 @@ class DesignConfig(Strict):
 
 
 def load_design(path: Path) -> DesignConfig:
-    """Read a design file.
-
-    Raises
-    ------
-    ConfigError : one line that names file, key, value and what is allowed
-    """
+    """Read a design file."""
     return load(path, DesignConfig)
 
 
@@ -126,12 +121,7 @@ class LawClass:
 
     @classmethod
     def of(cls, pieces: int, joints: str, degree: int | None) -> LawClass:
-        """From words: joints such as C3.
-
-        Raises
-        ------
-        ConfigError : as the class, or joints that are not written so
-        """
+        """From words: joints such as C3."""
         if not (joints[:1] in ("C", "c") and joints[1:].isdecimal()):
             raise ConfigError(f"joints: are {joints!r}; allowed: C1 to C{MAX_JOINTS}")
         return cls(pieces, int(joints[1:]), degree)
@@ -233,12 +223,7 @@ KEEP = (("events", "dwells", "lift"), ("dwells", "lift"), ("lift",))
 
 
 def _kept(keep: Sequence[str], limits: Sequence[Limit]) -> tuple[str, ...]:
-    """What stays, in order.
-
-    Raises
-    ------
-    ConfigError : none of `KEEP`, or a limit on an event that stays
-    """
+    """What stays, in order."""
     found = [own for own in KEEP if set(own) == {word.strip() for word in keep}]
     if not found:
         allowed = " or ".join(",".join(own) for own in KEEP)
@@ -277,12 +262,7 @@ class DesignRequest:
         multistart: Multistart | None = None,
         keep: Sequence[str] = KEEP[0],
     ) -> DesignRequest:
-        """From words.
-
-        Raises
-        ------
-        ConfigError : not one goal, one that is not convex that way, or a limit that is none
-        """
+        """From words."""
         if (minimise is None) == (maximise is None):
             raise ConfigError("goal: needed: one, to minimise or to maximise")
         goal = parse_goal(minimise or maximise or "")
@@ -310,12 +290,7 @@ class DesignRequest:
 
     @classmethod
     def of_config(cls, config: DesignConfig) -> DesignRequest:
-        """From a design file.
-
-        Raises
-        ------
-        ConfigError : as `of`, or a class that is none
-        """
+        """From a design file."""
         own = config.class_
         return cls.of(
             minimise=config.minimise,

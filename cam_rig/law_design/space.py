@@ -57,12 +57,7 @@ def dwells(law: Law) -> list[tuple[float, float]]:
 
 
 def events(law: Law, joints: int) -> list[LawEvent]:
-    """What lies between the dwells of a law; their ends are those of their neighbours.
-
-    Raises
-    ------
-    ConfigError : the law rests all around, or has no dwell and a turn that does not join itself
-    """
+    """What lies between the dwells of a law; their ends are those of their neighbours."""
     edges = [0.0, *(angle for dwell in dwells(law) for angle in dwell), TURN]
     found = []
     for begin, end in zip(edges[::2], edges[1::2], strict=True):

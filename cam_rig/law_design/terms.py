@@ -202,10 +202,6 @@ class Limit:
 def parse_term(text: str, known: Mapping[str, DesignQuantity] = QUANTITIES) -> Term:
     """A quantity among those known, such as ``residual_vibration@200-400rpm``.
 
-    Raises
-    ------
-    ConfigError : unknown, or without (or with) a place where it needs one (or has none)
-
     Examples
     --------
     >>> parse_term("residual_vibration@200-400rpm").words
@@ -243,12 +239,7 @@ def parse_term(text: str, known: Mapping[str, DesignQuantity] = QUANTITIES) -> T
 
 
 def _of_event(name: str, text: str, match: re.Match[str]) -> Term:
-    """A quantity of one event.
-
-    Raises
-    ------
-    ConfigError : without a number of one
-    """
+    """A quantity of one event."""
     number = float(match["low"] or "nan")
     if match["high"] or match["unit"] or not (number >= 1.0 and number.is_integer()):
         raise ConfigError(f"{text!r}: allowed: the number of one event, such as {name}@1")
@@ -257,10 +248,6 @@ def _of_event(name: str, text: str, match: re.Match[str]) -> Term:
 
 def parse_limit(text: str, known: Mapping[str, DesignQuantity] = QUANTITIES) -> Limit:
     """A limit, such as ``peak_acceleration<=start`` or ``lift@90deg>=30mm``.
-
-    Raises
-    ------
-    ConfigError : not of this form, an unknown unit, or a side that is not convex
 
     Examples
     --------
@@ -300,12 +287,7 @@ def parse_limit(text: str, known: Mapping[str, DesignQuantity] = QUANTITIES) -> 
 
 
 def parse_goal(text: str) -> Term:
-    """A goal: a quantity that may be one.
-
-    Raises
-    ------
-    ConfigError : no quantity, or one that is only a limit
-    """
+    """A goal: a quantity that may be one."""
     term = parse_term(text)
     if not term.quantity.goal:
         goals = [name for name, quantity in QUANTITIES.items() if quantity.goal]
@@ -314,12 +296,7 @@ def parse_goal(text: str) -> Term:
 
 
 def parse_second(text: str) -> Term:
-    """The other quantity of a front: what may be a goal, or an event's span.
-
-    Raises
-    ------
-    ConfigError : as `parse_goal`
-    """
+    """The other quantity of a front: what may be a goal, or an event's span."""
     term = parse_term(text)
     return term if term.name == "event_angle" else parse_goal(text)
 

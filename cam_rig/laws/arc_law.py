@@ -38,12 +38,7 @@ class ArcFollower:
 def arc_lift(
     chain: Chain, base_radius: float, follower: ArcFollower, angle: FloatArray
 ) -> FloatArray:
-    """The lift (m) above the base circle at cam angles ``(n,)`` in rad, straight from the arcs.
-
-    Raises
-    ------
-    LawError : the follower cannot stay on the contour
-    """
+    """The lift (m) above the base circle at cam angles ``(n,)`` in rad, straight from the arcs."""
     angles = _flat_angles(chain) if follower.flat else _pitch_angles(chain, follower.roller_radius)
     inside = angles[0] + (angle - angles[0]) % TURN
     places = np.searchsorted(angles[1:-1], inside, side="right")
@@ -55,12 +50,7 @@ def arc_lift(
 
 
 def arc_pieces(chain: Chain, base_radius: float, follower: ArcFollower) -> Pieces:
-    """The lift (m) above the base circle of ``base_radius`` (m), one whole turn from angle 0.
-
-    Raises
-    ------
-    LawError : the follower cannot stay on the contour
-    """
+    """The lift (m) above the base circle of ``base_radius`` (m), one whole turn from angle 0."""
     angles = _flat_angles(chain) if follower.flat else _pitch_angles(chain, follower.roller_radius)
     breaks, columns = [angles[0]], []
     for i, part in enumerate(chain.parts):
@@ -190,12 +180,7 @@ SAME_LIFT = 1e-6
 
 
 def circles(segment: TangentArcs, cam: CamConfig) -> ConcaveFlankCam:
-    """The circles of a tangent_arcs segment, on the pitch curve.
-
-    Raises
-    ------
-    LawError : the follower is flat
-    """
+    """The circles of a tangent_arcs segment, on the pitch curve."""
     if arc_follower(cam).flat:
         raise LawError(
             f"cam {cam.name!r}: a flat face bridges the concave flanks of tangent_arcs; allowed: "
@@ -206,12 +191,7 @@ def circles(segment: TangentArcs, cam: CamConfig) -> ConcaveFlankCam:
 
 
 def arc_follower(cam: CamConfig) -> ArcFollower:
-    """The follower on a cam of arcs.
-
-    Raises
-    ------
-    LawError : a follower that does not move along the cam's centre line
-    """
+    """The follower on a cam of arcs."""
     kind: str = cam.follower.type
     if kind not in ("roller", "point", "flat"):
         raise LawError(
@@ -241,12 +221,7 @@ def tangent_arcs(segment: TangentArcs, cam: CamConfig) -> Pieces:
 
 
 def whole_turn_arcs(segment: ArcsByRadii | ArcsByCentres, cam: CamConfig) -> Pieces:
-    """The law of a contour of arcs, by radii or by centres.
-
-    Raises
-    ------
-    LawError : the arcs do not join, the follower cannot stay on them, or the lift is another
-    """
+    """The law of a contour of arcs, by radii or by centres."""
     try:
         parts = _parts(segment, cam)
         pieces = arc_pieces(close(parts), cam.follower.base_radius.si, arc_follower(cam))

@@ -60,12 +60,7 @@ class Chain:
 
 
 def close(specs: list[Circle | Blend]) -> Chain:
-    """Give every blend its place between its neighbours, and find where the parts touch.
-
-    Raises
-    ------
-    LawError : two parts do not touch, a blend has no place, or no circle is beside it
-    """
+    """Give every blend its place between its neighbours, and find where the parts touch."""
     parts: list[Part] = []
     for i, spec in enumerate(specs):
         if isinstance(spec, Circle):

@@ -35,11 +35,6 @@ def bracketed_root(function: Callable[[float], float], lo: float, hi: float) -> 
     secant or inverse quadratic interpolation where it closes in quickly, a halving where it does
     not. It takes the steps of `scipy.optimize.brentq`, and gives the same bits.
 
-    Raises
-    ------
-    ValueError : the function has the same sign at both ends
-    RuntimeError : not found in `MAX_STEPS`; a function that is not a number has no sign
-
     Examples
     --------
     >>> bracketed_root(lambda x: x * x - 2.0, 0.0, 2.0)

@@ -93,12 +93,7 @@ def _relative(segment: Segment, level: float, lift: float) -> Pieces:
 
 
 def arc_cam(cam: CamConfig) -> ConcaveFlankCam:
-    """The circles of a cam that has a segment of tangent arcs, on its pitch curve.
-
-    Raises
-    ------
-    LawError : it has no such segment
-    """
+    """The circles of a cam that has a segment of tangent arcs, on its pitch curve."""
     for segment in cam.segments:
         if isinstance(segment, TangentArcs):
             return circles(segment, cam)
@@ -132,12 +127,7 @@ def control_polygons(cam: CamConfig) -> list[tuple[FloatArray, FloatArray]]:
 
 
 def require_sprung(path: Path, cam: CamConfig) -> None:
-    """Refuse a cam whose follower the dynamic models do not know.
-
-    Raises
-    ------
-    ConfigError : the cam moves it both ways
-    """
+    """Refuse a cam whose follower the dynamic models do not know."""
     if not cam.follower.sprung:
         raise ConfigError(
             f"{path}: follower.type is {cam.follower.type!r}; allowed on a rig: one that a closing "
@@ -146,12 +136,7 @@ def require_sprung(path: Path, cam: CamConfig) -> None:
 
 
 def law_of(path: Path, cam: CamConfig) -> Law:
-    """The law of a cam file, its errors with the file's name.
-
-    Raises
-    ------
-    LawError : its segments do not join
-    """
+    """The law of a cam file, its errors with the file's name."""
     try:
         return build_law(cam)
     except LawError as error:
@@ -176,12 +161,7 @@ class CamSet:
 
 
 def open_cam_set(cam_paths: Iterable[Path], rig_path: Path) -> CamSet:
-    """Read cam files and a rig file.
-
-    Raises
-    ------
-    ConfigError, LawError : one line that names the file and what is wrong in it
-    """
+    """Read cam files and a rig file."""
     rig = load_rig(rig_path)
     cams: dict[str, CamConfig] = {}
     laws = {}

@@ -51,10 +51,6 @@ def save_laws(
     along : unit of their x
     units : of s to s''' as the curves have them, four
     titles : what cams are called, where not by their names in words
-
-    Raises
-    ------
-    CamRigError : the file cannot have this name, or cannot be written
     """
     require_free(path, overwrite=True)
     names = [title_of(titles, curve.name) for curve in curves]

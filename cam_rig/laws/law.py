@@ -148,10 +148,6 @@ class Law:
         """Displacement s (m) or d^order s/dθ^order (m/rad^order) at cam angles in rad.
 
         At a joint the piece that begins there is taken (the right limit).
-
-        Raises
-        ------
-        LawError : an order that is not a whole number from 0 on; an angle that is no finite number
         """
         if not (isinstance(order, Real) and 0 <= order < math.inf and int(order) == order):
             raise LawError(f"law {self.name!r}: order is {order!r}; allowed: 0, 1, 2, …")
@@ -161,12 +157,7 @@ class Law:
         return np.asarray(self._evaluate(ordinates[None], at.ravel())[0].reshape(at.shape))
 
     def _angles(self, angle: FloatArray | float) -> FloatArray:
-        """Cam angles (rad) as finite numbers.
-
-        Raises
-        ------
-        LawError : with the first that is none, and its place
-        """
+        """Cam angles (rad) as finite numbers."""
         try:
             at = np.asarray(angle, dtype=np.float64)
         except (TypeError, ValueError, OverflowError):

@@ -282,10 +282,6 @@ def fit(
 
     ``degree`` and ``accepted_tail`` are those of the third derivative: where pieces come out short
     against a period of the stem, a lower degree keeps the vibration's polynomial solution small.
-
-    Raises
-    ------
-    LawError : the curve is not smooth at any width
     """
     breaks: list[float] = [start]
     pieces: list[FloatArray] = []

@@ -36,10 +36,6 @@ def polynomial_through(u: list[float], order: list[int], value: list[float]) -> 
 
     The m conditions give degree m − 1. They are solved in exact fractions: the system is badly
     conditioned in any basis, and of at most 21 rows.
-
-    Raises
-    ------
-    LawError : the conditions contradict each other or leave the polynomial open
     """
     at = [Fraction(x) for x in u]
     rows = [_row(len(at) - 1, x, r) for x, r in zip(at, order, strict=True)]
@@ -113,10 +109,6 @@ def own_pieces(segment: Segment, cam: CamConfig) -> Pieces | None:
     """Breakpoints (rad, from the segment's start) and ordinates (m) of a segment.
 
     None for one that goes on from the level before it: a dwell, a named rise.
-
-    Raises
-    ------
-    LawError : the segment's geometry does not exist, or does not fit cam and follower
     """
     build = BUILDERS.get(segment.law)
     return None if build is None else build(segment, cam)
@@ -157,12 +149,7 @@ def _table(segment: Table, cam: CamConfig) -> Pieces:
 
 
 def smoothed(segment: Table, cam: CamConfig) -> Smoothed:
-    """The spline through a table's points, and how far from them it is.
-
-    Raises
-    ------
-    LawError : no spline comes within the tolerance, or the file's lift is not the points'
-    """
+    """The spline through a table's points, and how far from them it is."""
     points = segment.file
     height = max(points.lifts) - min(points.lifts)
     limit = SAME_LIFT * height + SAME_LIFT_TOLERANCES * segment.tolerance.si

@@ -119,10 +119,6 @@ def smooth(
 
     A last point that repeats the first a turn later is averaged with it. ``dwells`` are in the
     order of the cam angle; between two of them the tolerance is that of the points there.
-
-    Raises
-    ------
-    LawError : the tolerance is too small for a spline to reach
     """
     if angles[-1] - angles[0] > TURN * (1.0 - 1e-12):
         lifts = np.concatenate([[0.5 * (lifts[0] + lifts[-1])], lifts[1:-1]])
@@ -339,12 +335,7 @@ def least_tolerance(found: float, count: int) -> float:
 
 
 def require_above_scatter(angles: FloatArray, lifts: FloatArray, tolerance: float) -> None:
-    """Refuse a tolerance (m) that would make a law of the readings' noise; 0 is an own wish.
-
-    Raises
-    ------
-    LawError : it lies below the scatter, by more than chance explains
-    """
+    """Refuse a tolerance (m) that would make a law of the readings' noise; 0 is an own wish."""
     if angles[-1] - angles[0] > TURN * (1.0 - 1e-12):
         angles, lifts = angles[:-1], lifts[:-1]
     found = scatter(angles, lifts)

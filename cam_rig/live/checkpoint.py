@@ -61,12 +61,7 @@ def to_plain(value: Any) -> Any:
 
 
 def from_plain(data: Any) -> Any:
-    """The value that `to_plain` was given.
-
-    Raises
-    ------
-    UNREADABLE : the data are not what `to_plain` makes
-    """
+    """The value that `to_plain` was given."""
     if not isinstance(data, dict):
         return data
     if "record" in data:
@@ -133,10 +128,6 @@ class Checkpoint:
 
         While a successor repeats what its predecessor did, the states are kept already: so it may
         be killed as well.
-
-        Raises
-        ------
-        RunError : the folder cannot be written, or the states are too long for a file
         """
         if self._folder is None:
             return
@@ -151,12 +142,7 @@ class Checkpoint:
         _replace(file, f"{crc32(text.encode()):08x}\n{text}")
 
     def oldest(self) -> Any:
-        """The oldest state that the predecessor kept, to go on from; None without a predecessor.
-
-        Raises
-        ------
-        RunError : the file is not a checkpoint
-        """
+        """The oldest state that the predecessor kept, to go on from; None without a predecessor."""
         return next(iter(self.all()), None)
 
     def newest(self) -> Any:
@@ -182,12 +168,7 @@ class Checkpoint:
         return states
 
     def count_launch(self) -> None:
-        """Count one more launch of this node, before it publishes anything.
-
-        Raises
-        ------
-        RunError : the folder cannot be written
-        """
+        """Count one more launch of this node, before it publishes anything."""
         if self._folder is not None:
             _replace(self._file("launches"), str(self._launches(self._node) + 1))
 

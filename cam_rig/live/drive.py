@@ -87,12 +87,7 @@ class DriveProgram:
             self.flow.sent(checkpoint.state.time_ns)
 
     def add_law(self, law: Law) -> None:
-        """Take a law.
-
-        Raises
-        ------
-        RefusedError : the cam turns with another law of that name, or there are too many
-        """
+        """Take a law."""
         if self.sent > 0:
             require_same(self.laws.get(law.name), law)
         if len(self.laws) >= MAX_LAWS and law.name not in self.laws:
@@ -168,22 +163,12 @@ class DriveProgram:
         return min(reached, following.time_ns - 1) if last.turns_until(following) else None
 
     def command(self, speed: float) -> None:
-        """Turn at a speed (rad/s) from the next state on; zero as the scene says.
-
-        Raises
-        ------
-        RefusedError : no cam can turn so fast
-        """
+        """Turn at a speed (rad/s) from the next state on; zero as the scene says."""
         self.require_speed(speed)
         self.schedule.command(speed or None)
 
     def require_speed(self, speed: float) -> None:
-        """Refuse a speed (rad/s) that no cam, or no tick, can have.
-
-        Raises
-        ------
-        RefusedError : with the limits
-        """
+        """Refuse a speed (rad/s) that no cam, or no tick, can have."""
         low, high = self._speeds
         if speed != 0.0 and not low <= speed <= high:
             raise RefusedError(

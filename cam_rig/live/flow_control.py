@@ -135,12 +135,7 @@ def pacing_of(value: object) -> object:
 
 
 def factor_of(pacing: str) -> float | None:
-    """Rig seconds a wall second: 1 for ``real_time``, N for ``Nx``, None for ``free``.
-
-    Raises
-    ------
-    ConfigError : another text
-    """
+    """Rig seconds a wall second: 1 for ``real_time``, N for ``Nx``, None for ``free``."""
     if pacing == "free":
         return None
     found = re.fullmatch(r"(\d+(?:\.\d+)?)\s*[x×]", pacing)

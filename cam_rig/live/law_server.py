@@ -107,12 +107,7 @@ class CamMounting:
         self._last = checkpoint.last
 
     def follow(self, state: CamState) -> Law | None:
-        """Take a state; the law to publish with it, None unless cam or speed are new.
-
-        Raises
-        ------
-        RefusedError : the state's cam has no law
-        """
+        """Take a state; the law to publish with it, None unless cam or speed are new."""
         last = self._last
         known = last is not None and (last.cam, last.speed) == (state.cam, state.speed)
         law = self._law_of(state.cam) if state.speed > 0.0 and not known else None
@@ -152,12 +147,7 @@ def contour_of(cam: CamConfig, law: Law) -> FloatArray:
 
 
 def require_own_law(loaded: LoadedScene, law: Law) -> None:
-    """Refuse a law that is not that of the cam's file in the scene's library.
-
-    Raises
-    ------
-    RefusedError : names the cam, and by how much its law differs
-    """
+    """Refuse a law that is not that of the cam's file in the scene's library."""
     _mount(loaded, law.name)
     own = loaded.laws[law.name]
     for received, known, what in (
@@ -169,12 +159,7 @@ def require_own_law(loaded: LoadedScene, law: Law) -> None:
 
 
 def require_own_contour(loaded: LoadedScene, cam: str, points: FloatArray) -> None:
-    """Refuse a contour ``(2, n)`` (m) that is not that of the cam's file.
-
-    Raises
-    ------
-    RefusedError : names the cam, and by how much its contour differs
-    """
+    """Refuse a contour ``(2, n)`` (m) that is not that of the cam's file."""
     _mount(loaded, cam)
     known = contour_of(loaded.cams[cam], loaded.laws[cam])
     _require_same(points, known, CONTOUR_TOLERANCE, f"contour of {cam!r}: its points", loaded, cam)

@@ -38,12 +38,7 @@ class LineSocket:
         self._received, self._unsent = bytearray(), bytearray()
 
     def receive(self) -> list[dict[str, Any]]:
-        """The objects that have come.
-
-        Raises
-        ------
-        RunError : the other end is closed, or sends what is no object
-        """
+        """The objects that have come."""
         try:
             while chunk := self._socket.recv(_CHUNK):
                 self._received += chunk
@@ -59,12 +54,7 @@ class LineSocket:
         return [read_line(line) for line in lines]
 
     def send(self, message: dict[str, Any]) -> None:
-        """Send an object, now or with the next `flush`.
-
-        Raises
-        ------
-        RunError : the other end is closed, or takes nothing
-        """
+        """Send an object, now or with the next `flush`."""
         self._unsent += line_of(message)
         self.flush()
 
@@ -91,12 +81,7 @@ def line_of(message: dict[str, Any]) -> bytes:
 
 
 def read_line(line: bytes) -> dict[str, Any]:
-    """The object of a line.
-
-    Raises
-    ------
-    RunError : it is none
-    """
+    """The object of a line."""
     try:
         found = json.loads(line)
     except (ValueError, RecursionError):

@@ -10,12 +10,7 @@ LOOPBACK = "127.0.0.1"
 
 
 def require_loopback() -> None:
-    """To be called before nodes are started, or pages served: they speak over it.
-
-    Raises
-    ------
-    RunError : there is none, as in a new network namespace
-    """
+    """To be called before nodes are started, or pages served: they speak over it."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asked:
         try:
             asked.bind((LOOPBACK, 0))

@@ -49,13 +49,7 @@ class FollowerQueue:
         return self._simulator.checkpoint
 
     def add_law(self, law: Law) -> None:
-        """Take a law.
-
-        Raises
-        ------
-        RefusedError : the cam turns with another law of that name, there are too many, or the
-            model cannot take it
-        """
+        """Take a law."""
         try:
             self._simulator.model.require(law)
         except DynamicsError as error:
@@ -69,12 +63,7 @@ class FollowerQueue:
         laws[law.name] = law
 
     def add_state(self, state: CamState) -> Admission:
-        """Take a state of the cam; how it relates to those before.
-
-        Raises
-        ------
-        RefusedError : it cannot follow the one before
-        """
+        """Take a state of the cam; how it relates to those before."""
         if len(self._waiting) >= MAX_WAITING:
             raise RefusedError(
                 f"cam state at {state.time_ns} ns: {MAX_WAITING} others wait for the law of "
@@ -85,12 +74,7 @@ class FollowerQueue:
         return admission
 
     def complete(self) -> Iterator[tuple[CamState, CamState, FollowerState, Block]]:
-        """Start, end, follower and block of every tick whose cam is known, in order.
-
-        Raises
-        ------
-        DynamicsError : the model cannot pass through a tick
-        """
+        """Start, end, follower and block of every tick whose cam is known, in order."""
         while self._waiting and self._waiting[0].cam in self._simulator.laws:
             start, end = self._simulator.checkpoint.last, self._waiting.popleft()
             turned = self._simulator.turn_to(end)
@@ -99,12 +83,7 @@ class FollowerQueue:
 
 
 def require_same(known: Law | None, law: Law) -> None:
-    """Refuse another law of a name that is known.
-
-    Raises
-    ------
-    RefusedError : it differs
-    """
+    """Refuse another law of a name that is known."""
     if known is None:
         return
     pairs = ((known.breaks, law.breaks), (known.ordinates, law.ordinates))
@@ -181,12 +160,7 @@ class TickMatcher:
         self._blocks.append(rows)
 
     def complete(self) -> Iterator[tuple[CamState, CamState, FloatArray]]:
-        """Start, end and rows of every tick that is complete, in order, each once.
-
-        Raises
-        ------
-        RefusedError : a block is not of its tick; raised after the ticks that are complete
-        """
+        """Start, end and rows of every tick that is complete, in order, each once."""
         refused = None
         while self._blocks and len(self._states) > 1:
             start, end, rows = self._states[0], self._states[1], self._blocks[0]

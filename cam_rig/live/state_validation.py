@@ -73,12 +73,7 @@ class StateValidator:
         return cls(scene.sample_rate.si, last, angle, since)
 
     def admit(self, state: CamState) -> Admission:
-        """How a state relates to those before it.
-
-        Raises
-        ------
-        RefusedError : it is not a possible state of this drive
-        """
+        """How a state relates to those before it."""
         require_possible(state)
         if state == self.last or state in self._recent or state.time_ns <= self._floor:
             return Admission.SEEN
@@ -122,12 +117,7 @@ class StateValidator:
 
 
 def require_possible(state: CamState) -> None:
-    """Refuse numbers that no cam can have, whatever the state before.
-
-    Raises
-    ------
-    RefusedError : names the number and what is allowed
-    """
+    """Refuse numbers that no cam can have, whatever the state before."""
     known = math.isfinite(state.angle) and abs(state.unwrapped) <= MAX_ANGLE
     if not (known and math.isfinite(state.speed) and state.time_ns >= 0):
         raise RefusedError(

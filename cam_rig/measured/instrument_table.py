@@ -126,12 +126,7 @@ MAX_LINES = 100_000
 
 
 def read_lines(path: Path, wanted: str) -> list[tuple[int, str]]:
-    """The lines of a file with their numbers, without empty ones and comments.
-
-    Raises
-    ------
-    ConfigError : it cannot be read, is empty, or is too long; ``wanted`` says what lines are
-    """
+    """The lines of a file with their numbers, without empty ones and comments."""
     lines = [(i, line) for i, line in enumerate(_text(path).splitlines(), 1) if line.strip()]
     lines = [(i, line) for i, line in lines if not line.lstrip().startswith("#")]
     if not 0 < len(lines) <= MAX_LINES:

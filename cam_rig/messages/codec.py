@@ -53,12 +53,7 @@ def encode_law(law: Law) -> tuple[Dimensions, FloatArray]:
 
 
 def decode_law(dimensions: Dimensions, data: FloatArray) -> Law:
-    """The law of an array made by `encode_law`.
-
-    Raises
-    ------
-    RefusedError : the layout is another, or the numbers are not a law
-    """
+    """The law of an array made by `encode_law`."""
     rows = _shaped(dimensions, data, "law coefficients")
     if dimensions[1][0] != PIECE_LABEL or rows.shape[1] < 2:
         raise RefusedError(f"law coefficients: dimension {dimensions[1]}; allowed: {PIECE_LABEL!r}")
@@ -86,12 +81,7 @@ def encode_block(rows: FloatArray) -> tuple[Dimensions, FloatArray]:
 
 
 def decode_block(dimensions: Dimensions, data: FloatArray) -> FloatArray:
-    """Rows ``(6, n)`` of an array made by `encode_block`.
-
-    Raises
-    ------
-    RefusedError : the layout is another, or the numbers are not samples
-    """
+    """Rows ``(6, n)`` of an array made by `encode_block`."""
     rows = _shaped(dimensions, data, "follower samples")
     if dimensions[0] != (BLOCK_LABEL, len(COLUMNS)):
         raise RefusedError(f"follower samples: dimension {dimensions[0]}; allowed: {BLOCK_LABEL!r}")
@@ -103,12 +93,7 @@ def decode_block(dimensions: Dimensions, data: FloatArray) -> FloatArray:
 
 
 def stamp_ns(stamp: Any) -> int:
-    """Rig time in ns of a builtin_interfaces/Time, of rclpy or of rosbags alike.
-
-    Raises
-    ------
-    RefusedError : it is not a time
-    """
+    """Rig time in ns of a builtin_interfaces/Time, of rclpy or of rosbags alike."""
     seconds, nanoseconds = int(stamp.sec), int(stamp.nanosec)
     if seconds < 0 or nanoseconds >= NS:
         raise RefusedError(f"a stamp of {seconds} s and {nanoseconds} ns; allowed: from zero on")
@@ -116,12 +101,7 @@ def stamp_ns(stamp: Any) -> int:
 
 
 def real_time_factor(value: float) -> float:
-    """Rig seconds a wall second, as /rig/real_time_factor has it; 0 of a free run.
-
-    Raises
-    ------
-    RefusedError : it is neither
-    """
+    """Rig seconds a wall second, as /rig/real_time_factor has it; 0 of a free run."""
     if value != 0.0 and not FACTORS[0] <= value <= FACTORS[1]:
         raise RefusedError(
             f"real-time factor: is {value:g}; allowed: 0, or {FACTORS[0]:g} to {FACTORS[1]:g}"
@@ -135,12 +115,7 @@ def cam_positions(state: CamState) -> tuple[float, float]:
 
 
 def cam_state_of(message: Any) -> CamState:
-    """The cam's state of a JointState; the frame names the mounted cam.
-
-    Raises
-    ------
-    RefusedError : the message is not a state of one cam
-    """
+    """The cam's state of a JointState; the frame names the mounted cam."""
     cam, count = str(message.header.frame_id), len(message.position)
     if count not in (1, 2) or len(message.velocity) != count or not CAM_NAME.fullmatch(cam):
         raise RefusedError(
@@ -155,12 +130,7 @@ def cam_state_of(message: Any) -> CamState:
 
 
 def _within_turn(read: CamState, angle: float) -> CamState:
-    """A state with its angle (rad) within the turn; ``read`` has the angle with all turns.
-
-    Raises
-    ------
-    RefusedError : the two do not agree
-    """
+    """A state with its angle (rad) within the turn; ``read`` has the angle with all turns."""
     if not 0.0 <= angle < TURN:
         raise RefusedError(f"cam state: {angle!r} rad within the turn; allowed: 0 to 2π, without")
     turns = round((read.unwrapped - angle) / TURN)

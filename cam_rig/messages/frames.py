@@ -103,12 +103,7 @@ class Robot:
 
     @classmethod
     def of(cls, loaded: LoadedScene, cam: str | None = None) -> Robot:
-        """The rig of a scene with a cam mounted, by default the scene's first.
-
-        Raises
-        ------
-        ConfigError : the scene has no such cam
-        """
+        """The rig of a scene with a cam mounted, by default the scene's first."""
         name = loaded.scene.cams[0] if cam is None else cam
         law = loaded.law_of(name)
         return cls(loaded, loaded.cams[name], follower_shape(loaded.cams[name], law))

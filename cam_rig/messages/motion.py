@@ -73,10 +73,6 @@ def instants_of(
     law : of the cam that is mounted at the start
     rows : the tick's samples, ``(6, n)`` as in `COLUMNS`, at ``sample_rate`` (Hz)
     shown : how many instants, see `choose`; or the indices of their samples
-
-    Raises
-    ------
-    RefusedError : the samples are not as many as the tick has
     """
     samples, interval = Samples(rows), start.until(end)
     grid = interval.grid(sample_rate)
@@ -239,10 +235,6 @@ class MotionMessages:
         rows : the tick's samples, ``(6, n)``
         wanted : the topics to make; None makes all
         shown : indices of the samples; None: as many as the run has points a turn
-
-        Raises
-        ------
-        RefusedError : the samples are not the tick's
         """
         parts = [p for p in self._parts if wanted is None or not wanted.isdisjoint(p.topics)]
         if not parts or start.cam not in self._loaded.laws:

@@ -36,10 +36,6 @@ class RawMessages:
         """A message, and its bytes with every gap of the alignment zero.
 
         The middleware leaves in the gaps what was in its buffer before; two runs would differ.
-
-        Raises
-        ------
-        RefusedError : the bytes are not a message
         """
         try:
             message = self._types.deserialize_cdr(cdr, topic.type)
@@ -63,12 +59,7 @@ def diagnosed_node(message: Any) -> str:
 
 
 def stamp_of(cdr: bytes) -> int:
-    """Rig time (ns) at the head of a serialized message: a header's stamp, or a clock.
-
-    Raises
-    ------
-    RefusedError : the bytes are too few, or it is not a time
-    """
+    """Rig time (ns) at the head of a serialized message: a header's stamp, or a clock."""
     if len(cdr) < 12:
         raise RefusedError(f"{len(cdr)} bytes are not a message; allowed: 12 at least")
     seconds, nanoseconds = struct.unpack_from("<iI" if cdr[1] == 1 else ">iI", cdr, 4)

@@ -305,10 +305,6 @@ class Publishers:
         """Refuse to go on when another process than a node's own publishes on its topics.
 
         An empty ``source`` is the recorder itself.
-
-        Raises
-        ------
-        RunError : a second publisher, by its name
         """
         known = self._sources.setdefault(node, {})
         if not source or source in known:

@@ -231,12 +231,7 @@ def guarded(node: Taking, name: str, callback: Callable[..., Any]) -> Callable[.
 
 
 def require_length(topic: Topic, cdr: bytes) -> None:
-    """Refuse a serialized message, before it is read, that is longer than any of its topic.
-
-    Raises
-    ------
-    RefusedError : with its length and the limit
-    """
+    """Refuse a serialized message, before it is read, that is longer than any of its topic."""
     if len(cdr) > topic.most_bytes:
         raise RefusedError(f"{topic.name}: {len(cdr)} bytes; allowed: {topic.most_bytes}")
 

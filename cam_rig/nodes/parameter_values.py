@@ -34,12 +34,7 @@ def descriptor(spec: Spec) -> ParameterDescriptor:
 
 
 def declare(node: Node, table: tuple[Spec, ...]) -> dict[str, Any]:
-    """Declare a node's parameters; their values by name.
-
-    Raises
-    ------
-    ConfigError : a value is not allowed
-    """
+    """Declare a node's parameters; their values by name."""
     values = {}
     for spec in table:
         value: Any = spec.convert(_given(node, spec))
@@ -73,12 +68,7 @@ def unknown_names(node: Node, table: tuple[Spec, ...]) -> list[str]:
 
 
 def convert(table: tuple[Spec, ...], parameters: list[Parameter]) -> list[Parameter]:
-    """Convert what is to be set: 250 to 250.0, a factor to its text.
-
-    Raises
-    ------
-    ConfigError : a value is of another type; rclpy would name both types by number
-    """
+    """Convert what is to be set: 250 to 250.0, a factor to its text."""
     specs = {spec.name: spec for spec in table}
     return [
         Parameter(one.name, value=specs[one.name].convert(one.value)) if one.name in specs else one

@@ -39,12 +39,7 @@ class Spec:
     read: Callable[[Any], Any] | None = None
 
     def convert(self, value: Any) -> Any:
-        """A value as a parameter of this type: whole numbers are numbers as well.
-
-        Raises
-        ------
-        ConfigError : it is of another type
-        """
+        """A value as a parameter of this type: whole numbers are numbers as well."""
         kind = type(self.default)
         if self.read is not None:
             value = self.read(value)
@@ -59,12 +54,7 @@ class Spec:
         return value
 
     def require(self, value: Any) -> None:
-        """Refuse a value that is out of range, or none of the choices.
-
-        Raises
-        ------
-        ConfigError : names the parameter, the value and what is allowed
-        """
+        """Refuse a value that is out of range, or none of the choices."""
         given = value if isinstance(value, (list, tuple)) else [value]
         unknown = [str(item) for item in given if self.choices and item not in self.choices]
         if unknown:

@@ -52,12 +52,7 @@ class RigPublisher(Publisher):
     """A publisher that does not lose a message because its writer is held up."""
 
     def publish(self, msg: Any) -> None:
-        """Publish a message, when its writer is free.
-
-        Raises
-        ------
-        RunError : it was held up for `MAX_HELD_S`
-        """
+        """Publish a message, when its writer is free."""
         deadline = time.monotonic() + MAX_HELD_S
         while not self.offer(msg):
             if time.monotonic() > deadline:
@@ -88,12 +83,7 @@ def scene_mark(scene: str) -> str:
 
 
 def require_one_scene(node: str, mark: str, scene: str) -> None:
-    """Refuse a node that was started with another scene than the drive.
-
-    Raises
-    ------
-    ConfigError : names both
-    """
+    """Refuse a node that was started with another scene than the drive."""
     own = scene_mark(scene)
     if not (mark and own) or mark == own:
         return

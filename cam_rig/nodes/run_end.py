@@ -91,12 +91,7 @@ class FinishedRun(NamedTuple):
 
     @classmethod
     def of(cls, message: DiagnosticStatus) -> FinishedRun:
-        """Read a message.
-
-        Raises
-        ------
-        LookupError, ValueError : it is not such a message
-        """
+        """Read a message."""
         values = {pair.key: pair.value for pair in message.values}
         return cls(message.level, message.message, int(values["ticks"]), int(values["stamp_ns"]))
 

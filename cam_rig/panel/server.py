@@ -147,12 +147,7 @@ async def read_frame(socket: WebSocket) -> dict[str, Any]:
 
 
 def read_object(text: str | bytes) -> dict[str, Any]:
-    """A JSON object that can be answered as JSON: finite numbers, and text that is Unicode.
-
-    Raises
-    ------
-    RefusedError : it is none
-    """
+    """A JSON object that can be answered as JSON: finite numbers, and text that is Unicode."""
     try:
         found = json.loads(text, parse_int=_number)
         # Python reads NaN, 1e999 and half a surrogate pair, and no page could be sent them back.
@@ -238,11 +233,6 @@ def serve(
     port : 0 takes a free one
     language : see `application`
     home : the page that the printed address leads to
-
-    Raises
-    ------
-    ConfigError : no texts in that language; the port is in use, or may not be taken
-    RunError : this machine has no loopback
     """
     if language is not None and language not in languages():
         raise ConfigError(f"--lang: is {language!r}; allowed: {', '.join(languages())}")

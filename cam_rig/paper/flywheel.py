@@ -39,12 +39,7 @@ class FlywheelStudy:
 
 
 def study_flywheel(cam_set: CamSet, rpm: float) -> FlywheelStudy | None:
-    """Every cam behind every flywheel; None for a rig without a shaft.
-
-    Raises
-    ------
-    DynamicsError : no steady state at this speed, or a law whose velocity jumps
-    """
+    """Every cam behind every flywheel; None for a rig without a shaft."""
     if cam_set.rig.shaft is None:
         return None
     shaft = shaft_of(cam_set.rig)

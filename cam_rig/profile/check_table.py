@@ -81,12 +81,7 @@ def pressure_check(scan: Scan, follower: Follower) -> Check:
 
 
 def check_cam(cam: CamConfig, law: Law) -> list[Check]:
-    """Every check that the kind of follower asks for, those first that explain the later ones.
-
-    Raises
-    ------
-    ReachError : the follower does not even reach the base circle
-    """
+    """Every check that the kind of follower asks for, those first that explain the later ones."""
     follower = cam.follower
     found = [corner_check(law, VELOCITY_JUMP)]
     least_base = least_base_radius(follower, law)
@@ -121,12 +116,7 @@ def _disc_checks(
 
 
 def require_profile(cam: CamConfig, law: Law) -> None:
-    """Refuse a cam that cannot exist.
-
-    Raises
-    ------
-    ProfileError : the first thing that cannot be, with the angle, the value and the limit
-    """
+    """Refuse a cam that cannot exist."""
     for check in check_cam(cam, law):
         if check.vital and not check.passed:
             raise ProfileError(f"cam {cam.name!r}: {check}")

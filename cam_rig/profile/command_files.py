@@ -43,14 +43,7 @@ class Request:
     source: Path | None
 
     def require(self, cams: int, drawing: bool) -> None:
-        """Refuse, before anything is computed, what does not go together.
-
-        Raises
-        ------
-        ConfigError : several cams for one file, an unknown kind of file, no file at all, a radius
-            or a tolerance that is none
-        OutputError : no file can be written there
-        """
+        """Refuse, before anything is computed, what does not go together."""
         files = self.out is not None or self.source is not None or drawing
         if files and cams != 1:
             raise ConfigError(f"{cams} cams for one file; allowed: one cam with --out or --plot")

@@ -75,23 +75,13 @@ class CamContour:
 
     @cached_property
     def checks(self) -> list[Check]:
-        """Undercut, curvature, pressure angle, reach: each with value, limit and ``passed``.
-
-        Raises
-        ------
-        MissingLibraryError : shapely is not installed
-        """
+        """Undercut, curvature, pressure angle, reach: each with value, limit and ``passed``."""
         with libraries_named():
             from cam_rig.profile.check_table import check_cam
         return check_cam(self.cam, self.law)
 
     def to_pandas(self) -> DataFrame:
-        """A row each point, of every disc.
-
-        Raises
-        ------
-        MissingLibraryError : pandas is not installed
-        """
+        """A row each point, of every disc."""
         with libraries_named():
             from pandas import DataFrame, concat
         tables = [
@@ -116,11 +106,6 @@ class CamContour:
         Parameters
         ----------
         positions : of the follower around the cam, 3 to 720
-
-        Raises
-        ------
-        ConfigError : another number of positions
-        MissingLibraryError : matplotlib or shapely is not installed
         """
         with libraries_named():
             from cam_rig.profile import figures as profile

@@ -75,12 +75,7 @@ PER_CONTROL_POINT = 16
 
 
 def to_document(curves: dict[str, FloatArray]) -> Drawing:
-    """A drawing with one closed polyline on each layer; points ``(2, n)`` in m.
-
-    Raises
-    ------
-    OutputError : it would not pass its own audit
-    """
+    """A drawing with one closed polyline on each layer; points ``(2, n)`` in m."""
     document = ezdxf.new("R2010", units=units.MM)
     for layer, points in curves.items():
         document.layers.add(layer)
@@ -99,12 +94,7 @@ def write_dxf(path: Path, curves: dict[str, FloatArray]) -> None:
 
 
 def read_dxf(path: Path) -> list[FloatArray]:
-    """The closed curves of a drawing, ``(2, n)`` points in m each, in the file's order.
-
-    Raises
-    ------
-    ProfileError : it is no DXF file, names no unit of length, or has no closed curve
-    """
+    """The closed curves of a drawing, ``(2, n)`` points in m each, in the file's order."""
     try:
         document = ezdxf.readfile(path)
     except (OSError, DXFError, UnicodeDecodeError) as error:
@@ -185,10 +175,6 @@ def read_contour(path: Path) -> list[FloatArray]:
     """The contours of a CSV file with columns ``x_mm`` and ``y_mm`` (or m, cm, in), in m.
 
     A column ``disc`` tells the contours apart.
-
-    Raises
-    ------
-    ProfileError : no such columns, or something else than numbers in them
     """
     try:
         text = io.StringIO(read_bytes(path, MAX_BYTES).decode("utf-8-sig"), newline="")

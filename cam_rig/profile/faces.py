@@ -30,12 +30,7 @@ class GuidedCentre(Element):
 
     @classmethod
     def on_base(cls, base_radius: float, roller: float, eccentricity: float) -> GuidedCentre:
-        """With s = 0 on the base circle (eq. 2.19).
-
-        Raises
-        ------
-        ReachError : the guide passes the base circle by
-        """
+        """With s = 0 on the base circle (eq. 2.19)."""
         prime = base_radius + roller
         if abs(eccentricity) >= prime:
             raise ReachError(
@@ -110,12 +105,7 @@ class SwungCentre(Element):
 
     @classmethod
     def on_base(cls, base_radius: float, roller: float, arm: float, pivot: float) -> SwungCentre:
-        """With s = 0 on the base circle (eq. 2.34).
-
-        Raises
-        ------
-        ReachError : the arm is too short or too long to reach it
-        """
+        """With s = 0 on the base circle (eq. 2.34)."""
         prime, shortest, longest = base_radius + roller, abs(pivot - arm), pivot + arm
         if not shortest < prime < longest:
             raise ReachError(
@@ -272,12 +262,7 @@ class SwungFace(Element):
 
     @classmethod
     def on_base(cls, base_radius: float, arm: float, offset: float, pivot: float) -> SwungFace:
-        """With s = 0 on the base circle (eq. 2.27).
-
-        Raises
-        ------
-        ReachError : the face cannot reach it
-        """
+        """With s = 0 on the base circle (eq. 2.27)."""
         reach = base_radius - offset
         if abs(reach) >= pivot:
             raise ReachError(

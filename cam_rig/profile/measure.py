@@ -40,10 +40,6 @@ def closed_curve(points: FloatArray) -> Curve:
     """The periodic cubic spline through the ``(2, n)`` points of a closed contour, m.
 
     A last point equal to the first, and points that repeat the one before, are dropped.
-
-    Raises
-    ------
-    ProfileError : fewer than 8 different points
     """
     closed = np.append(points, points[:, :1], axis=1)
     step = np.hypot(closed[0, 1:] - closed[0, :-1], closed[1, 1:] - closed[1, :-1])
@@ -65,12 +61,7 @@ def closed_curve(points: FloatArray) -> Curve:
 
 
 def rest(element: Element, curve: Curve, angle: FloatArray) -> FloatArray:
-    """Displacement s (m) at cam angles (rad) of a follower resting on a contour.
-
-    Raises
-    ------
-    ProfileError : the follower passes the contour by
-    """
+    """Displacement s (m) at cam angles (rad) of a follower resting on a contour."""
     at = turn_angles(COARSE)
     outline = curve(at)
     narrow = isinstance(element, GuidedCentre | SwungCentre) and element.roller == 0.0
@@ -179,22 +170,13 @@ def play(
 
     The first element rests at the least displacement it is let down to, the second at the greatest
     it is let up to. 0: both touch. Negative: the follower does not go between its cams.
-
-    Raises
-    ------
-    ProfileError : an element passes its contour by
     """
     low, high = (rest(one, curve, angle) for one, curve in zip(elements, curves, strict=True))
     return high - low
 
 
 def pair(plates: tuple[Disc, ...]) -> tuple[Element, Element]:
-    """The two elements of a follower that its cam moves both ways.
-
-    Raises
-    ------
-    ProfileError : it has one
-    """
+    """The two elements of a follower that its cam moves both ways."""
     second = plates[0].opposite if len(plates) == 1 else plates[1].element
     if second is None:
         raise ProfileError("play of one element; allowed: a follower that its cam moves both ways")
@@ -205,10 +187,6 @@ def closure(follower: Follower, law: Law) -> FloatArray:
     """``(360,)`` play (m) over the turn of a follower on its finished contours.
 
     The contours are splines through 3600 points: nothing of the law is used in the measurement.
-
-    Raises
-    ------
-    ProfileError, ReachError : a follower of one element, or one that does not reach
     """
     found = contours(follower, law, POINTS)
     curves = [closed_curve(contour.points) for contour in found]

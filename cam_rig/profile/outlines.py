@@ -160,12 +160,7 @@ class Oscillating(FollowerShape):
 
 
 def follower_shape(cam: CamConfig, law: Law) -> FollowerShape:
-    """The shape of a cam's follower.
-
-    Raises
-    ------
-    ReachError : it does not reach the base circle
-    """
+    """The shape of a cam's follower."""
     element, greatest = discs(cam.follower, law)[0].element, float(law(turn_angles(360)).max())
     if isinstance(element, SwungCentre | SwungFace):
         return Oscillating(element, greatest)

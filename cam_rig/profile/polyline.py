@@ -46,12 +46,7 @@ class ContourPath:
         return points, contour.radius + self.offset, contour.pressure
 
     def require_room(self) -> None:
-        """Refuse a cutter that is too large for a concave part of the contour.
-
-        Raises
-        ------
-        ProfileError : with the angle, the radius of curvature there and the cutter's
-        """
+        """Refuse a cutter that is too large for a concave part of the contour."""
         found = sharpest_concave(Scan(self.law, self.disc.element))
         if found is not None and found.value <= self.offset:
             raise ProfileError(
@@ -67,12 +62,7 @@ def contour_paths(follower: Follower, law: Law) -> list[ContourPath]:
 
 
 def pitch_paths(follower: Follower, law: Law) -> list[ContourPath]:
-    """The pitch curves; of a point follower the contours.
-
-    Raises
-    ------
-    ConfigError : a face has none
-    """
+    """The pitch curves; of a point follower the contours."""
     plates = discs(follower, law)
     if Contour.of(plates[0], Motion.uniform(law, 1)).pitch is None:
         raise ConfigError(
@@ -109,10 +99,6 @@ def polyline(path: ContourPath, tolerance: float) -> FloatArray:
 
     Points are dense where the curvature is. The chord error is measured on samples of the path
     between the points, and points are added until it holds.
-
-    Raises
-    ------
-    ProfileError : the tolerance is too fine
     """
     if not tolerance >= FINEST:
         raise ProfileError(

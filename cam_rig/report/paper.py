@@ -139,10 +139,6 @@ def open_sources(scene: Path, rig: Path, factorial: str, bag: Path | None) -> So
     rig : file of the rig of the jump speeds
     factorial : name of the factorial study
     bag : a recording of the scene to compare with
-
-    Raises
-    ------
-    ConfigError, LawError, BagError : a file that is missing or wrong, a bag of another scene
     """
     library = Library.beside(scene)
     tables = load_tables(library.path("published/tables", "paper"))
@@ -271,10 +267,6 @@ def uris(figure: Figure, dpi: float | None = None) -> list[str]:
     """A figure's strips as SVG, from the top, each a data URI that repeats bit for bit.
 
     ``dpi`` is of what is made of pixels.
-
-    Raises
-    ------
-    OutputError : there is no room for it, or no file may have its size
     """
     found = []
     for low, high in strips(figure):

@@ -110,11 +110,6 @@ def find_scene(
     ----------
     bag : a recording of the scene to compare with
     on_part : told each part as it begins
-
-    Raises
-    ------
-    CamRigError : the bag is of another scene, or no settled turn is run; what a study cannot take
-        is among the findings instead
     """
     recorded = None if bag is None else read_recorded(bag, loaded)
     on_part("the run")

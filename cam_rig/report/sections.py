@@ -30,12 +30,7 @@ class Recorded:
 
 
 def read_recorded(bag: Path, loaded: LoadedScene) -> Recorded:
-    """Read a bag of that scene.
-
-    Raises
-    ------
-    BagError : missing, damaged, not complete, or of another scene
-    """
+    """Read a bag of that scene."""
     recording = read_recording(bag)
     _require_same(bag, recording.loaded, loaded)
     require_complete(bag, loaded.scene)

@@ -60,12 +60,7 @@ class ForkedProcess:
         return self.returncode
 
     def wait(self, timeout: float | None = None) -> int:
-        """Wait for its end.
-
-        Raises
-        ------
-        subprocess.TimeoutExpired : it has not ended within ``timeout`` (s)
-        """
+        """Wait for its end."""
         while (code := self.poll()) is None:
             try:
                 ended = os.pidfd_open(self.pid)

@@ -114,12 +114,7 @@ class Graph:
             clean(self._begun)
 
     def progress(self) -> Iterator[dict[str, float | str]]:
-        """What the drive reports, until it has finished.
-
-        Raises
-        ------
-        RunError : a node ended before its time, with the last line of its stderr
-        """
+        """What the drive reports, until it has finished."""
         while not self.finished:
             yield from self.look()
 
@@ -127,10 +122,6 @@ class Graph:
         """What the drive has reported since the last look; deals with nodes that have ended.
 
         Waits a moment for the first report.
-
-        Raises
-        ------
-        RunError : a node ended before its time, with the last line of its stderr
         """
         ended = [name for name, process in self.processes.items() if process.has_ended]
         ended = [name for name in ended if name not in self._left_out]
@@ -153,12 +144,7 @@ class Graph:
         return reports
 
     def require_closed(self) -> None:
-        """To be called when all have ended, since the recorder then has closed the bag.
-
-        Raises
-        ------
-        RunError : it did not; how it ended instead
-        """
+        """To be called when all have ended, since the recorder then has closed the bag."""
         if self._unclosed:
             raise RunError(self._exit_words(RECORDER) + self._last_line(RECORDER))
 
@@ -167,10 +153,6 @@ class Graph:
 
         A recorder may be killed with what it has not flushed, though it has acknowledged it. Any
         other node that ends now has published all that it had to.
-
-        Raises
-        ------
-        RunError : a node ended before its time, and is not to be started again
         """
         for name in ended:
             if ENTRIES[name].essential and not self._returns(name):
@@ -193,12 +175,7 @@ class Graph:
         return recorder.overdue or not (self._returns(RECORDER) and is_unclosed(self._bag))
 
     def _require_moving(self) -> None:
-        """Suspended processes are waited for as the drive waits for an answer, no longer.
-
-        Raises
-        ------
-        RunError : an essential one that was suspended for that long
-        """
+        """Suspended processes are waited for as the drive waits for an answer, no longer."""
         now = time.monotonic()
         for name, process in self.processes.items():
             since = self._suspended.setdefault(name, now) if process.is_suspended else None
@@ -221,12 +198,7 @@ class Graph:
         return reports
 
     def _handle_exit(self, name: str) -> None:
-        """Start a node again, where that is asked for, or go on without it; else the run is over.
-
-        Raises
-        ------
-        RunError : how it ended, and the last line of its stderr
-        """
+        """Start a node again, where asked for, or go on without it; else the run is over."""
         words = self._exit_words(name)
         if self._returns(name):
             if not self._permit(name, words):

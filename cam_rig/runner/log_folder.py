@@ -13,10 +13,6 @@ def log_folder() -> tuple[Path, str]:
     """Where ROS writes log files, and what to say where that is not where it would.
 
     In ROS_LOG_DIR, else below ROS_HOME or ~/.ros.
-
-    Raises
-    ------
-    OutputError : no other place can be written either
     """
     own = user_folder() / "cam_rig-ros-log"
     given, home = os.environ.get("ROS_LOG_DIR"), os.environ.get("ROS_HOME")

@@ -22,12 +22,7 @@ from cam_rig.files import MIB, no_room, temporary_place
 
 
 def user_folder() -> Path:
-    """The user's runtime folder; without one, a folder of the user's own in the temporary place.
-
-    Raises
-    ------
-    OutputError : no place for it can be written, or another user was first
-    """
+    """The user's runtime folder; without one, a folder of the user's own in the temporary place."""
     found = runtime_folder()
     if found is not None:
         return found
@@ -86,14 +81,7 @@ FOREIGN = (errno.ELOOP, errno.EISDIR, errno.EACCES, errno.EPERM)
 
 @contextmanager
 def own_domain(namespace: str = "") -> Iterator[None]:
-    """Hold a namespace of this environment's ROS domain; the kernel releases it with the process.
-
-    Raises
-    ------
-    ConfigError : it is not a domain
-    RunError : another run on this machine holds it
-    OutputError : the lock cannot be written
-    """
+    """Hold a namespace of this ROS domain; the kernel releases it with the process."""
     with _only("domain", domain_number(os.environ.get("ROS_DOMAIN_ID", "")), namespace) as where:
         if where:
             raise RunError(
@@ -105,14 +93,7 @@ def own_domain(namespace: str = "") -> Iterator[None]:
 
 @contextmanager
 def own_recorder(domain: int, namespace: str) -> Iterator[None]:
-    """Be the one recorder of a rig: the drive waits for what it has written.
-
-    Raises
-    ------
-    ConfigError : the namespace is too long
-    RunError : another recorder on this machine is at work; it is not disturbed
-    OutputError : the lock cannot be written
-    """
+    """Be the one recorder of a rig: the drive waits for what it has written."""
     with _only("recorder", domain, namespace_named(namespace)) as where:
         if where:
             raise RunError(
@@ -137,12 +118,7 @@ def _only(what: str, domain: int, namespace: str) -> Iterator[str]:
 
 
 def namespace_named(text: str) -> str:
-    """The namespace that a text names, with its slash: rig1 and /rig1 alike; empty for the root.
-
-    Raises
-    ------
-    ConfigError : ROS allows no such namespace
-    """
+    """The namespace that a text names, with its slash: rig1 and /rig1 alike; empty for the root."""
     namespace = f"/{text.strip('/')}".rstrip("/")
     if len(namespace) > MAX_NAMESPACE or (namespace and not NAMESPACE.fullmatch(namespace)):
         raise ConfigError(
@@ -153,12 +129,7 @@ def namespace_named(text: str) -> str:
 
 
 def domain_number(text: str) -> int:
-    """The ROS domain that a value of ROS_DOMAIN_ID stands for: 030 is 24, 0x10 is 16, none is 0.
-
-    Raises
-    ------
-    ConfigError : it is not a domain
-    """
+    """The ROS domain that a value of ROS_DOMAIN_ID stands for: 030 is 24, 0x10 is 16, none is 0."""
     found = NUMBER.fullmatch(text or "0") if len(text) <= MAX_CHARACTERS else None
     if found is not None:
         digits = [(found["hex"], 16), (found["oct"], 8), (found["dec"], 10)]
@@ -169,12 +140,7 @@ def domain_number(text: str) -> int:
 
 
 def _lock(path: Path) -> int:
-    """The file, open: neither through a link nor waiting for the other end of a pipe.
-
-    Raises
-    ------
-    OutputError : it cannot be made, or is not a file of this user's
-    """
+    """The file, open: neither through a link nor waiting for the other end of a pipe."""
     foreign = OutputError(f"{path}: is not a file of yours; remove it")
     flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
     try:
@@ -207,12 +173,7 @@ LOCK_GRACE_S = 1.0
 
 
 def require_room(folder: Path = FOLDER) -> None:
-    """To be called before nodes are started; other systems keep shared memory elsewhere.
-
-    Raises
-    ------
-    OutputError : there is less than `MIN_FREE`
-    """
+    """To be called before nodes are started; other systems keep shared memory elsewhere."""
     free = _free(folder)
     if free is not None and free < MIN_FREE:
         raise OutputError(

@@ -66,12 +66,7 @@ def _is_file(path: Path) -> bool:
 
 
 def read_yaml(path: Path, most: int = MAX_BYTES) -> Any:
-    """The one document of a YAML file of at most ``most`` bytes.
-
-    Raises
-    ------
-    ConfigError : one line that names the file, and the line where there is one
-    """
+    """The one document of a YAML file of at most ``most`` bytes."""
     try:
         return parse_yaml(read_bytes(path, most).decode("utf-8-sig"))
     except FileNotFoundError:
@@ -96,12 +91,7 @@ def _neighbours(path: Path) -> str:
 
 
 def load(path: Path, kind: type[Config]) -> Config:
-    """Read and check one file.
-
-    Raises
-    ------
-    ConfigError : one line that names file, key, value and what is allowed
-    """
+    """Read and check one file."""
     data = read_yaml(path)
     if not isinstance(data, dict):
         raise ConfigError(
@@ -324,12 +314,7 @@ def _flow(value: Any) -> str:
 
 
 def valid_cam(data: dict[str, Any]) -> CamConfig:
-    """The cam that a file of this content has.
-
-    Raises
-    ------
-    ConfigError : something in it is wrong
-    """
+    """The cam that a file of this content has."""
     from pydantic import ValidationError
 
     from cam_rig.schema.explain import explain

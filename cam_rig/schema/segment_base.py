@@ -80,10 +80,6 @@ def read_points(path: Path) -> tuple[list[float], list[float]]:
 
     The first line that is not empty and no ``#`` comment names the columns with their units,
     as in ``angle_deg,lift_mm``, in any order; other columns are not read.
-
-    Raises
-    ------
-    ValueError : one line that names the file, the line and what is allowed
     """
     lines = _lines(path)
     if not lines:

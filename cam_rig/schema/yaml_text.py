@@ -56,12 +56,7 @@ MERGE, NO_KEY = object(), object()
 
 
 def parse_yaml(text: str) -> Value:
-    """The one document of a text; None where it has none.
-
-    Raises
-    ------
-    ConfigError : the words begin with "not YAML" or with what is too much, and name the line
-    """
+    """The one document of a text; None where it has none."""
     builder = _Builder()
     try:
         for event in yaml.parse(text, Loader=LOADER):

@@ -205,12 +205,7 @@ def name_recording(stream: rr.RecordingStream, name: str) -> None:
 
 
 def require_free(path: Path, overwrite: bool) -> None:
-    """Raise when a recording cannot have this path.
-
-    Raises
-    ------
-    CamRigError : it exists and may not be overwritten, or the viewer would not know its suffix
-    """
+    """Raise when a recording cannot have this path."""
     if path.is_dir():
         raise CamRigError(f"{path}: is a folder; name a file in it, such as {path / 'run.rrd'}")
     if path.suffix != ".rrd":
@@ -223,12 +218,7 @@ def require_free(path: Path, overwrite: bool) -> None:
 def rrd_stream(
     path: Path, application: str, blueprint: rrb.Blueprint
 ) -> Iterator[rr.RecordingStream]:
-    """A stream into a file beside ``path``, which takes its place at the end, in reading order.
-
-    Raises
-    ------
-    CamRigError : the file cannot be written
-    """
+    """A stream into a file beside ``path``, which takes its place at the end, in reading order."""
     drawn, part = (path.with_name(f"{path.name}{end}") for end in (".drawn.part", ".part"))
     stream, ordered = (rr.RecordingStream(application) for _ in range(2))
     try:

@@ -107,12 +107,7 @@ class Numbering:
         return self._counts[kind]
 
     def see(self, kind: str, key: Hashable) -> int:
-        """The number that ``key`` has.
-
-        Raises
-        ------
-        KeyError : nothing on the whole page has that key
-        """
+        """The number that ``key`` has."""
         return self._known.get((kind, key), 0) if self._first else self._known[kind, key]
 
 

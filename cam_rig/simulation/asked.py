@@ -27,10 +27,6 @@ def asked_cams(names: list[str] | None, rig: str | None) -> CamSet:
     ----------
     names : of cams, or of one scene; None for the cams of Table 2
     rig : file or name; None for the scene's, the only one beside the cams, or `RIG`
-
-    Raises
-    ------
-    ConfigError, LawError : one line that names the file and what is wrong in it
     """
     from cam_rig.laws.cam import CamSet, open_cam_set
     from cam_rig.schema import load_tables
@@ -66,10 +62,6 @@ def asked_scene(scene: str, rig: str | None) -> LoadedScene:
     Parameters
     ----------
     rig : file, or name beside the scene or in config; None for the scene's own
-
-    Raises
-    ------
-    ConfigError, LawError : one line that names the file and what is wrong in it
     """
     from cam_rig.schema import load_rig
     from cam_rig.simulation.scene import open_scene

@@ -64,13 +64,12 @@ def listen(
 
     cam-rig listen tm21_sweep --cam tm21 --rpm 380 --out out/tm21_380.wav --json -
     """
-    from cam_rig.simulation.asked import asked_scene
-
     with user_errors():
         import numpy as np
 
         from cam_rig.acoustics import SoundSource
         from cam_rig.acoustics.sound_level_meter import full_scale, measure, pcm
+        from cam_rig.simulation.asked import asked_scene
         from cam_rig.simulation.schedule import tick_count
         from cam_rig.simulation.sound import audition, sounds
 

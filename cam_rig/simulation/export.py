@@ -187,12 +187,7 @@ def _member(archive: zipfile.ZipFile, name: str, dtype: np.dtype[Any], rows: int
 
 
 def write_parquet(path: Path, chunks: Iterable[Chunk], about: dict[str, str], rate: int) -> None:
-    """Write all rows, a row group for each chunk.
-
-    Raises
-    ------
-    MissingLibraryError : pyarrow is not installed
-    """
+    """Write all rows, a row group for each chunk."""
     with libraries_named():
         import pyarrow as pa
         import pyarrow.parquet as pq
@@ -236,12 +231,7 @@ REMEDY = "so name one --cam and --rpm, or write .parquet, .npz or .csv"
 
 
 def write_wav(path: Path, chunks: Iterable[Chunk], about: dict[str, str], rate: int) -> None:
-    """Write all rows.
-
-    Raises
-    ------
-    OutputError : samples are missing between two, or there are more than such a file holds
-    """
+    """Write all rows."""
     rows, begin, last = 0, 0.0, None
     with path.open("w+b") as file:
         file.write(_head(0, rate, _comment(about, 0.0)))
@@ -304,13 +294,7 @@ FORMATS: dict[str, Callable[[Path, Iterable[Chunk], dict[str, str], int], None]]
 
 
 def require_format(path: Path) -> None:
-    """Refuse a file of which nobody knows how to write it.
-
-    Raises
-    ------
-    ConfigError : its ending is none of `FORMATS`
-    MissingLibraryError : pyarrow, for .parquet, is not installed
-    """
+    """Refuse a file of which nobody knows how to write it."""
     if path.suffix.lower() not in FORMATS:
         raise ConfigError(f"{path}: unknown kind of file; allowed: {', '.join(FORMATS)}")
     if path.suffix.lower() == ".parquet":
@@ -332,12 +316,6 @@ def export(
     ticks : of the run, in order
     loaded : the scene that was run
     cam, rpm : only this cam, only this held speed; None for all, ramps included
-
-    Raises
-    ------
-    ConfigError : an unknown kind of file, or no such cam at such a speed
-    OutputError : the place cannot be written, or the file cannot hold the run
-    MissingLibraryError : pyarrow, for .parquet, is not installed
     """
     require_format(path)
     rate = int(loaded.scene.sample_rate.si)

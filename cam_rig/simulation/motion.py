@@ -78,12 +78,7 @@ class FollowerMotion(NamedRows):
         return f"FollowerMotion({what}: {self.time.size} samples, {len(self.events)} events)"
 
     def to_pandas(self) -> DataFrame:
-        """The samples as a table with a column each, its unit in its name.
-
-        Raises
-        ------
-        MissingLibraryError : pandas is not installed
-        """
+        """The samples as a table with a column each, its unit in its name."""
         with libraries_named():
             from pandas import DataFrame
         return DataFrame(
@@ -99,12 +94,7 @@ class FollowerMotion(NamedRows):
         )
 
     def plot(self) -> Figure:
-        """Lift and contact force over time; flights of the follower are shaded.
-
-        Raises
-        ------
-        MissingLibraryError : matplotlib is not installed
-        """
+        """Lift and contact force over time; flights of the follower are shaded."""
         with libraries_named():
             from cam_rig.simulation.figures import motion_figure as figure
         return shown(figure(self, self.law(self.angle), f"{self.law.name} at {self.rpm:g} rpm"))

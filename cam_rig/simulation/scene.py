@@ -218,12 +218,7 @@ class LoadedScene:
         return RadiationParameters.from_rig(self.rig, lands=MODELS[self.scene.model].lifts_off)
 
     def require_numbers(self) -> None:
-        """Refuse a rig that lacks a number of the scene's model or of its sound.
-
-        Raises
-        ------
-        ConfigError : with the first of them
-        """
+        """Refuse a rig that lacks a number of the scene's model or of its sound."""
         _ = MODELS[self.scene.model].parameters(self.rig), self.radiation
 
     @property
@@ -238,12 +233,7 @@ class LoadedScene:
         return [self.scene_file, self.rig_file, *self.cam_files.values(), *points, *published]
 
     def mount(self, name: str) -> None:
-        """Add a cam, mounted by an operator, from the library of the scene's cams.
-
-        Raises
-        ------
-        ConfigError, LawError : no cam has that name, or the rig cannot turn it
-        """
+        """Add a cam, mounted by an operator, from the library of the scene's cams."""
         if name in self.cams:
             return
         path = Library.beside(self.scene_file).path("cams", name)
@@ -252,12 +242,7 @@ class LoadedScene:
         self.laws[name], self.cams[name], self.cam_files[name] = law_of(path, cam), cam, path
 
     def law_of(self, cam: str) -> Law:
-        """The law of a cam of the scene.
-
-        Raises
-        ------
-        ConfigError : the scene has no such cam
-        """
+        """The law of a cam of the scene."""
         if cam not in self.laws:
             raise ConfigError(
                 f"{self.scene_file}: has no cam {cam!r}; allowed: {', '.join(self.laws)}"
@@ -287,12 +272,7 @@ class LoadedScene:
         return "identified" if source and known else "predicted"
 
     def published_levels(self, cam: str, rpm: FloatArray) -> FloatArray:
-        """Published levels (dB) of a cam at speeds in rpm, to fit something to.
-
-        Raises
-        ------
-        ConfigError : nothing is published for the cam, or not at all these speeds
-        """
+        """Published levels (dB) of a cam at speeds in rpm, to fit something to."""
         if self.published is None or cam not in self.published.regression_db:
             raise ConfigError(
                 f"{self.scene_file}: no published noise of {cam!r} to fit to; allowed: a scene "
@@ -313,12 +293,7 @@ class LoadedScene:
 
 
 def open_scene(scene_path: Path) -> LoadedScene:
-    """Read a scene and every file it names.
-
-    Raises
-    ------
-    ConfigError, LawError : one line that names the file and what is wrong in it
-    """
+    """Read a scene and every file it names."""
     scene = read_scene(scene_path)
     library = Library.beside(scene_path)
     cam_paths = [library.path("cams", name) for name in scene.cams]

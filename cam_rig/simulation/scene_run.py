@@ -66,12 +66,7 @@ class SceneRun:
 
     @cached_property
     def noise(self) -> NoiseResult:
-        """Level (dB) against speed (rpm): ``curves`` by cam, and where two regressions cross.
-
-        Raises
-        ------
-        CamRigError : no tick of a settled turn was run
-        """
+        """Level (dB) against speed (rpm): ``curves`` by cam, and where two regressions cross."""
         levels = step_levels(self.ticks, self.loaded.scene.program.settle_turns.si)
         require_ticks(levels, str(self.source))
         return compare(
@@ -83,10 +78,6 @@ class SceneRun:
         """The follower's samples of a cam at one speed: ``time``, ``lift``, ``force`` and so on.
 
         They are read from the bag, or computed again.
-
-        Raises
-        ------
-        ConfigError : the run has no such cam at that speed
 
         Examples
         --------
@@ -106,10 +97,6 @@ class SceneRun:
     @cached_property
     def by_speed(self) -> tuple[SpeedRow, ...]:
         """A row each cam and speed: level, forces, lift-offs, landings, torque; settled turns.
-
-        Raises
-        ------
-        CamRigError : no tick of a settled turn was run
 
         Examples
         --------
@@ -138,12 +125,6 @@ class SceneRun:
             ``force_N``, ``impulse_N_s``
         cam, rpm : only this cam, only this speed
 
-        Raises
-        ------
-        ConfigError : an unknown kind of file, or the run has no such cam at that speed
-        OutputError : the place cannot be written; or a .wav would have gaps
-        MissingLibraryError : pyarrow, for .parquet, is not installed
-
         Examples
         --------
         >>> import cam_rig, numpy as np
@@ -155,23 +136,13 @@ class SceneRun:
         export(Path(path), self.blocks(), self.loaded, cam, rpm)
 
     def to_pandas(self) -> DataFrame:
-        """A row each cam and speed, as `by_speed`: ``cam``, ``rpm``, ``level_db`` and so on.
-
-        Raises
-        ------
-        MissingLibraryError : pandas is not installed
-        """
+        """A row each cam and speed, as `by_speed`: ``cam``, ``rpm``, ``level_db`` and so on."""
         with libraries_named():
             from pandas import DataFrame
         return DataFrame([row.plain() for row in self.by_speed])
 
     def plot(self) -> Figure:
-        """Level (dB) against speed (rpm), with regressions and what is published.
-
-        Raises
-        ------
-        MissingLibraryError : matplotlib is not installed
-        """
+        """Level (dB) against speed (rpm), with regressions and what is published."""
         with libraries_named():
             from cam_rig.simulation.figures import figure
         return shown(figure(self.noise, self.loaded))

@@ -67,12 +67,7 @@ class SoundLevel:
         return f"{self.level_db:.1f} dB at {self.rpm:g} rpm ({worth})"
 
     def to_pandas(self) -> DataFrame:
-        """A row each turn.
-
-        Raises
-        ------
-        MissingLibraryError : pandas is not installed
-        """
+        """A row each turn."""
         with libraries_named():
             from pandas import DataFrame
         turn = np.arange(1, self.by_turn.size + 1)
@@ -80,12 +75,7 @@ class SoundLevel:
         return DataFrame({"turn": turn, "level_db": self.by_turn, "settled": settled})
 
     def plot(self) -> Figure:
-        """The level (dB) turn by turn, and that of the settled ones.
-
-        Raises
-        ------
-        MissingLibraryError : matplotlib is not installed
-        """
+        """The level (dB) turn by turn, and that of the settled ones."""
         with libraries_named():
             from cam_rig.simulation.figures import turn_by_turn
         return shown(turn_by_turn(self.by_turn, self.settle_turns, self.level_db, str(self)))
@@ -196,12 +186,7 @@ class MeterSimulator:
         self.weigh(*state.next.removeprefix("L"))
 
     def weigh(self, frequency: str, time: str) -> None:
-        """Set the weightings; those that are set already change nothing.
-
-        Raises
-        ------
-        ConfigError : a weighting that the standard does not have
-        """
+        """Set the weightings; those that are set already change nothing."""
         wanted = SoundLevelMeter(self.source.rate, frequency, time)
         self._next = self.meter if wanted.quantity == self.meter.quantity else wanted
 
@@ -220,10 +205,6 @@ def audition(
     ----------
     cam : one cam of the scene, or None for all
     rpm : one speed, held for whole turns that last at least ``seconds``; None for the program
-
-    Raises
-    ------
-    ConfigError : the scene has no such cam
     """
     if cam is not None:
         loaded = loaded.only(cam, loaded.law_of(cam))

@@ -102,12 +102,7 @@ def blueprint(
 
 
 def compared_rpm(loaded: LoadedScene, rpm: float | None) -> float:
-    """The speed at which cams are compared: one of the scene's, by default the highest.
-
-    Raises
-    ------
-    ConfigError : the scene does not run at this speed
-    """
+    """The speed at which cams are compared: one of the scene's, by default the highest."""
     speeds = [round(to_rpm(speed), 9) for speed in loaded.scene.program.speeds.si_list]
     if rpm is None:
         return max(speeds)

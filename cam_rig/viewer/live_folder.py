@@ -21,12 +21,7 @@ MAX_PART, KEPT_PARTS = 64 * MIB, 5
 
 
 def new_recording(folder: Path) -> Path:
-    """The first part of a run's recording, in the place of those before.
-
-    Raises
-    ------
-    CamRigError : there is no such folder
-    """
+    """The first part of a run's recording, in the place of those before."""
     if not folder.is_dir():
         raise CamRigError(f"{folder}: no page reads it; allowed: a folder that one is served from")
     for old in folder.glob("*.rrd"):  # who reads it still has it open

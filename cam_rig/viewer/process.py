@@ -49,35 +49,20 @@ SILENT = {"RUST_LOG": "error", "CI": "1"}
 
 
 def require_display() -> None:
-    """Raise before the work is done, when no window can be opened after it.
-
-    Raises
-    ------
-    CamRigError : neither X11 nor Wayland is there
-    """
+    """Raise before the work is done, when no window can be opened after it."""
     names = ("WAYLAND_DISPLAY", "WAYLAND_SOCKET", "DISPLAY")
     if sys.platform.startswith("linux") and not any(os.environ.get(name) for name in names):
         raise CamRigError(f"no display to open the viewer on (DISPLAY is not set); {ADVICE}")
 
 
 def show(path: Path) -> None:
-    """Open a recording in the viewer, until its window is closed.
-
-    Raises
-    ------
-    CamRigError : the viewer failed
-    """
+    """Open a recording in the viewer, until its window is closed."""
     with child("--new", str(path)) as process:
         wait(process)
 
 
 def wait(process: subprocess.Popen[bytes]) -> None:
-    """Wait until the viewer is closed.
-
-    Raises
-    ------
-    CamRigError : it failed
-    """
+    """Wait until the viewer is closed."""
     code = process.wait()
     if code != 0:
         raise CamRigError(f"the viewer ended with code {code}, see above; {ADVICE}")
@@ -111,12 +96,7 @@ def child(*arguments: str) -> Iterator[subprocess.Popen[bytes]]:
 
 @contextmanager
 def listening(*arguments: str, ports: tuple[int, ...]) -> Iterator[subprocess.Popen[bytes]]:
-    """A viewer that can be reached at all of its ports.
-
-    Raises
-    ------
-    CamRigError : it ended, or does not listen; there is no loopback
-    """
+    """A viewer that can be reached at all of its ports."""
     require_loopback()
     with child(*arguments) as process:
         _await(process, ports)

@@ -111,12 +111,7 @@ class RunFeed:
         self._pass_sound()
 
     def close(self) -> None:
-        """Draw what is left.
-
-        Raises
-        ------
-        BagError : a cam turned of which no profile came
-        """
+        """Draw what is left."""
         for _ in self.draw():
             pass
         self._receiver.close()
@@ -174,11 +169,6 @@ def save_recording(
     loaded : the scene that was run, for a bag without one attached
     overwrite : replace the file when it exists
     on_tick : called after each tick
-
-    Raises
-    ------
-    BagError : the bag cannot be read, or lacks a cam's profile
-    CamRigError : the file exists already, or cannot be written; or no such speed
     """
     require_free(path, overwrite)
     loaded, view_options = loaded or read_scene(bag), view_options or ViewOptions()
@@ -330,12 +320,7 @@ class LiveView:
             self._part = part
 
     def close(self) -> None:
-        """Send the rest.
-
-        Raises
-        ------
-        CamRigError : the viewer does not take it
-        """
+        """Send the rest."""
         self.feed.close()
         try:
             self._stream.flush(timeout_sec=TIMEOUT_S)

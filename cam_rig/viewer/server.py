@@ -72,10 +72,6 @@ def serve_file(path: Path, begin: float = 0.0) -> Iterator[str]:
     """The address at which a browser shows a recording, as long as the context lasts.
 
     ``begin`` is the rig time (s) that it shows first.
-
-    Raises
-    ------
-    CamRigError : Rerun's viewer does not start
     """
     with _serving(path, None, begin) as server:
         yield server.access.address
@@ -83,12 +79,7 @@ def serve_file(path: Path, begin: float = 0.0) -> Iterator[str]:
 
 @contextmanager
 def serve() -> Iterator[Pages]:
-    """Serve what a live run writes to a browser, as long as the context lasts.
-
-    Raises
-    ------
-    CamRigError : Rerun's viewer does not start, or there is no room for the run's picture
-    """
+    """Serve what a live run writes to a browser, as long as the context lasts."""
     with temporary_folder() as folder, _serving(None, folder) as server:
         yield Pages(server.access.address, folder, server.page)
 

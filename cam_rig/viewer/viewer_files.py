@@ -25,12 +25,7 @@ class ViewerFile(NamedTuple):
 
 
 def viewer_files() -> dict[str, ViewerFile]:
-    """The page at ``/`` and what it asks for, by their paths.
-
-    Raises
-    ------
-    CamRigError : the viewer does not start, or does not answer
-    """
+    """The page at ``/`` and what it asks for, by their paths."""
     port, assets = free_port(), free_port()
     arguments = ("--serve-web", "--port", str(port), "--web-viewer-port", str(assets))
     with listening(*arguments, ports=(port, assets)):

@@ -49,24 +49,14 @@ class JumpSpeed(Jump):
         return f"JumpSpeed({self.law.name}: {self.rpm:.2f} rpm, {where})"
 
     def to_pandas(self) -> DataFrame:
-        """One row: cam, speed, and where contact is lost.
-
-        Raises
-        ------
-        MissingLibraryError : pandas is not installed
-        """
+        """One row: cam, speed, and where contact is lost."""
         with libraries_named():
             from pandas import DataFrame
         row = {"cam": self.law.name, "rpm": self.rpm, "angle_rad": self.angle, "time_s": self.time}
         return DataFrame([row])
 
     def plot(self) -> Figure:
-        """The minimum contact force (N) of a run over the speed (rpm): zero at the jump speed.
-
-        Raises
-        ------
-        MissingLibraryError : matplotlib is not installed
-        """
+        """The minimum contact force (N) of a run over the speed (rpm): zero at the jump speed."""
         with libraries_named():
             from cam_rig.dynamics.jump.figures import one_cam
         return shown(one_cam(self.law, follower_of(self.rig), self.duration, self.rpm))
@@ -110,12 +100,7 @@ TWO_MASSES, ONE_MASS = "two masses", "one rigid mass"
 
 
 def follower_of(rig: RigConfig) -> AnyFollower:
-    """Two masses, or one where the rig has neither ``roller_share`` nor ``stem_damping``.
-
-    Raises
-    ------
-    ConfigError : the rig has one of them, and not the other
-    """
+    """Two masses, or one where the rig has neither ``roller_share`` nor ``stem_damping``."""
     follower = rig.follower
     if follower.roller_share is None and follower.stem_damping is None:
         return FollowerParameters.from_rig(rig)
@@ -149,10 +134,6 @@ def find_jump(law: Law, parameters: AnyFollower, duration: float | None) -> Jump
     ----------
     duration : s of a run from rest at θ = 0; None for the steady state. One mass is the same in
         both; its time is that of the angle in the first turn
-
-    Raises
-    ------
-    DynamicsError : contact is lost at every speed or at none; or no steady state
 
     Examples
     --------

@@ -48,12 +48,7 @@ class Jump:
 
 
 def require_run(duration: float) -> None:
-    """Refuse a run from rest that does not last, or for ever.
-
-    Raises
-    ------
-    DynamicsError : with its length (s) and the limits
-    """
+    """Refuse a run from rest that does not last, or for ever."""
     if not 0.0 < duration <= LONGEST:
         raise DynamicsError(
             f"the run from rest lasts {duration:g} s; allowed: above 0, to {LONGEST:g} s, or the "
@@ -93,10 +88,6 @@ def _prove(
     They are `TOLERANCE` on either side of what was found, or bisected down to that. Upwards they
     stay in the bracket: a resonance of little damping is narrower than `TOLERANCE`, and beyond it
     the follower stays on again.
-
-    Raises
-    ------
-    DynamicsError : the exact model loses contact nowhere in the bracket, nor `TOLERANCE` above
     """
     most = found.high / found.speed - 1.0
     for away in (min(TOLERANCE, 0.5 * most), most, TOLERANCE):

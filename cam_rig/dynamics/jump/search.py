@@ -113,12 +113,7 @@ def sought_speed(
 def sought(
     law: Law, parameters: TwoMassParameters, duration: float | None, slowest: float = SLOWEST
 ) -> Sought:
-    """The same with the bracket it was found in.
-
-    Raises
-    ------
-    DynamicsError : contact is lost at ``slowest`` already or at no speed; or no steady state
-    """
+    """The same with the bracket it was found in."""
     run = force_run(law, parameters, duration)
     run.looks.most = MAX_LOOKS
     if duration is None and run.model.rates.real.max() > -UNDAMPED * np.abs(run.model.rates).max():

@@ -248,12 +248,7 @@ class LinearResponse:
         return np.asarray(np.einsum("pij,tj->tpi", flows, np.stack(states)) + (rests - forced))
 
     def periodic(self) -> FloatArray:
-        """The state at θ = 0, before a state jump there, that a turn brings back: one linear solve.
-
-        Raises
-        ------
-        DynamicsError : an undamped mode at a harmonic of the speed; it grows turn after turn
-        """
+        """The state at θ = 0, before a jump there, that a turn brings back: one linear solve."""
         state = self.turn.fixed_point()
         if state is None:
             raise DynamicsError(

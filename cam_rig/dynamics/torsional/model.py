@@ -29,12 +29,7 @@ FREE = 4
 
 
 def from_rig(rig: RigConfig) -> TorsionalParameters:
-    """The numbers of a rig file; without ``flywheel_inertia`` the flywheel holds its speed.
-
-    Raises
-    ------
-    ConfigError : the file has no shaft
-    """
+    """The numbers of a rig file; without ``flywheel_inertia`` the flywheel holds its speed."""
     if rig.shaft is None:
         raise rig.missing("shaft", "the model torsional", "take another model")
     flywheel = rig.shaft.flywheel_inertia
@@ -61,11 +56,6 @@ def advance(
 
     A flywheel with an inertia turns with the interval in the mean, driven by the mean of the load:
     see `begin`. ``inner`` then also has its lead and the lead's rate.
-
-    Raises
-    ------
-    DynamicsError : a cam that stands or turns back, or begins at another angle than ``state``
-        ended
     """
     from cam_rig.dynamics.torsional.motion import solve  # with scipy.linalg, which few scenes need
 

@@ -130,11 +130,6 @@ def solve(
     """Solve eq. 10 from ``state`` at ``start_time`` (s) for ``duration`` (s).
 
     ``ramp`` (rad/s²) is the flywheel's acceleration, or what the motor gives more over I_v.
-
-    Raises
-    ------
-    DynamicsError : a number is not finite, the duration not positive, the law has a step in s',
-        or the motion cannot be resolved
     """
     numbers = {"start_time": start_time, "duration": duration, "ramp": ramp, **asdict(state)}
     for name, value in numbers.items():
@@ -169,12 +164,7 @@ RESONANT = 1e-8
 def periodic_state(
     law: Law, parameters: TorsionalParameters, speed: float, flywheel_angle: float = 0.0
 ) -> TorsionalState:
-    """The state at ``flywheel_angle`` (rad) that returns after one turn at ``speed`` (rad/s).
-
-    Raises
-    ------
-    DynamicsError : as `steady_state`
-    """
+    """The state at ``flywheel_angle`` (rad) that returns after one turn at ``speed`` (rad/s)."""
     return steady_state(law, parameters, speed, flywheel_angle)[1]
 
 
@@ -188,10 +178,6 @@ def steady_state(
     driven by a constant torque, the mean of the load: it comes with the parameters. As any state
     of the turn may be its first, the one is taken whose flywheel passes ``flywheel_angle``
     together with even turning, without a lead.
-
-    Raises
-    ------
-    DynamicsError : the flywheel stands still, or no such state is found (resonance)
 
     Examples
     --------

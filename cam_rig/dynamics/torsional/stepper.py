@@ -51,12 +51,7 @@ SETTLED = 1e-10
 
 @lru_cache(maxsize=64)
 def pieces_of(law: Law) -> tuple[TwistPiece, ...]:
-    """The law's pieces as a window takes them.
-
-    Raises
-    ------
-    DynamicsError : s' jumps at a joint, where eq. 10 would need an impulse
-    """
+    """The law's pieces as a window takes them."""
     require_smooth(law)
     stack = np.stack([law.derivative_ordinates(order).T for order in range(4)], axis=1)
     stack *= bernstein.binomials(law.degree)

@@ -47,10 +47,6 @@ class Arcs:
         """The lift (m) of a follower at cam angles in rad.
 
         A flat face bridges a flank that is not convex: it rests on the base circle or on the nose.
-
-        Raises
-        ------
-        LawError : there is no such contour, or the follower cannot stay on it
         """
         flank = Blend(self.flank_radius)
         top = Circle(
@@ -121,12 +117,7 @@ class Form:
         return np.array([prime, arcs.lift, flank, arcs.nose_radius + shift, arcs.nose_angle])
 
     def flank_curvature(self, coordinate: float, base: float) -> float:
-        """The flank's own curvature (1/m) of its coordinate.
-
-        Raises
-        ------
-        LawError : there is none
-        """
+        """The flank's own curvature (1/m) of its coordinate."""
         below = 1.0 - coordinate * self.shift(base)
         if not below > 0.0:
             raise LawError("flank radius: is beyond zero; allowed: a radius")

@@ -28,11 +28,6 @@ def arcs_cam(name: str, fit: ArcsFit, kind: FollowerKind, notes: tuple[str, ...]
     Parameters
     ----------
     notes : how the readings were read, for the file's first lines
-
-    Raises
-    ------
-    ConfigError : the name is not one
-    LawError : that follower cannot stay on the contour
     """
     arcs, roller = _rounded(fit)
     source = "tangent arcs through " + " and ".join(column.readings.name for column in fit.columns)

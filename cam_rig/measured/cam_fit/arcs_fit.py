@@ -192,10 +192,6 @@ def fit_arcs(
 
     Which readings are outliers, the arcs say: a good one beside a kink, where a flat face passes
     from base circle to nose, is contradicted by its neighbours alone, and hides one that is none.
-
-    Raises
-    ------
-    LawError : no contour of arcs comes near the readings
     """
     fit = partial(
         _fitted,

@@ -84,10 +84,6 @@ class ArcSearch:
         Logarithms of prime radius and lift, the flank's curvature over the greatest that still
         joins, as 1 − e^x, so that 0 is a straight flank, and the logit of the nose's radius within
         its limits.
-
-        Raises
-        ------
-        LawError : there is none of the numbers that are held
         """
         free, held = dict(zip(self.free, x, strict=True)), self.held
         prime = 1.0 / held[PRIME] if PRIME in held else math.exp(free[PRIME])
@@ -122,12 +118,7 @@ class ArcSearch:
         return np.split(values, ends[:-1])
 
     def column(self, x: FloatArray, i: int) -> ArcColumn:
-        """A column beside the contour.
-
-        Raises
-        ------
-        LawError : there is no contour, or the follower cannot stay on it
-        """
+        """A column beside the contour."""
         readings, (flat, reverse) = self.columns[i], self.roles[i]
         angles = -readings.angles if reverse else readings.angles
         follower = ArcFollower(flat, 0.0 if flat else self.form.roller)

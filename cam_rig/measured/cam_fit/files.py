@@ -57,10 +57,6 @@ def spline_cam(
     base_radius : m; None takes the first that passes the checks, from two lifts on
     roller_radius : m; None takes a part of the base radius
     notes : how the readings were read, for the file's first lines
-
-    Raises
-    ------
-    ConfigError : the name is not one
     """
     table = _table_segment(f"{name}.csv", fit)
     points = {"file": f"{name}.csv", **_points(fit)}
@@ -218,12 +214,7 @@ def own_rig(name: str, like: RigConfig) -> str:
 
 
 def own_scene(name: str, law: Law, rig: RigConfig) -> tuple[str, tuple[float, ...]]:
-    """A scene file for a cam and a rig of one name, and its speeds in rpm.
-
-    Raises
-    ------
-    DynamicsError : the law's velocity jumps
-    """
+    """A scene file for a cam and a rig of one name, and its speeds in rpm."""
     speeds = own_speeds(law, rig)
     rate = max(LEAST_RATE, 1000 * math.ceil(SAMPLES * max(speeds) / 60.0 / 1000.0))
     jump = to_rpm(rigid_jump_speed(law, FollowerParameters.from_rig(rig)))

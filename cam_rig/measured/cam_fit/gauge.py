@@ -56,12 +56,7 @@ class GaugeTable:
     notes: tuple[str, ...]
 
     def only_column(self) -> GaugeColumn:
-        """The column of lifts, where there is one.
-
-        Raises
-        ------
-        ConfigError : there are several
-        """
+        """The column of lifts, where there is one."""
         if len(self.columns) > 1:
             names = ", ".join(repr(column.name) for column in self.columns)
             raise ConfigError(
@@ -77,11 +72,6 @@ def read_gauge_table(path: Path, column: str | None = None) -> GaugeTable:
     Parameters
     ----------
     column : heading of the one column of lifts that is read, whatever the others hold; all if None
-
-    Raises
-    ------
-    ConfigError : one line with the file, the line, the value, what is allowed, and which
-        separator was seen
     """
     return _GaugeReader(path.name, read_lines(path, "cam angle and lift")).table(column)
 
@@ -261,10 +251,6 @@ def put_in_order(table: GaugeTable, column: GaugeColumn, reverse: bool = False) 
     """Readings of one column over one turn, those of one angle averaged.
 
     ``reverse`` is for a cam that was turned the other way than the rig turns it: θ becomes −θ.
-
-    Raises
-    ------
-    ConfigError : too few or too many readings, or two of one angle that contradict each other
     """
     read = np.isfinite(column.lifts)
     angles, lifts = np.array(table.angles)[read], np.array(column.lifts)[read]

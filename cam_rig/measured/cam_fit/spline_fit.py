@@ -68,14 +68,7 @@ class SplineFit:
 
 
 def fit_spline(readings: Readings, asked: float | None = None) -> SplineFit:
-    """Fit readings in order; ``asked`` is the gauge's error (m), else their scatter is taken.
-
-    Raises
-    ------
-    ConfigError : the error asked for is more than a cam's lift bears, or a stretch has no readings
-        and is no dwell
-    LawError : no spline comes so near
-    """
+    """Fit readings in order; ``asked`` is the gauge's error (m), else their scatter is taken."""
     kept = without_outliers(readings)
     scatter = kept.scatter
     tolerance = _tolerance(kept, scatter, asked)
@@ -102,12 +95,7 @@ def fit_spline(readings: Readings, asked: float | None = None) -> SplineFit:
 
 
 def _smoothed(readings: Readings, tolerance: float, rests: list[Rest]) -> tuple[float, Smoothed]:
-    """The spline, and the tolerance (m) that it took: a wider one where none is so near.
-
-    Raises
-    ------
-    LawError : not even one within what a cam's lift bears
-    """
+    """The spline, and the tolerance (m) that it took: a wider one where none is so near."""
     most = MAX_TOLERANCE * float(np.ptp(readings.lifts))
     while True:
         try:

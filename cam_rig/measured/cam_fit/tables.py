@@ -298,10 +298,6 @@ def require_told(fit: ArcsFit, named: bool) -> None:
     Parameters
     ----------
     named : whether the kinds of followers are given
-
-    Raises
-    ------
-    ConfigError : the kinds of follower, or the base radius, are not told
     """
     unclear = fit.unclear_kinds
     if unclear is not None and not named:

@@ -52,10 +52,6 @@ def save_real_run(
     Parameters
     ----------
     titles : what cams are called, where not by their names in words
-
-    Raises
-    ------
-    CamRigError : the file cannot have this name, or cannot be written
     """
     require_free(path, overwrite=True)
     plans = real_run_tabs(rows, titles)

@@ -92,10 +92,6 @@ class RecordedPairs:
         ----------
         ticks, states : of the bag, in order
         pressures : measured r.m.s. pressure (Pa) by the stamp (ns) of the tick's end
-
-        Raises
-        ------
-        ConfigError : the bag holds a cam that the scene has not
         """
         settle = self.loaded.scene.program.settle_turns.si
         settling, parts = Settling(settle), None
@@ -325,11 +321,6 @@ def pair_measured(
     ----------
     cam : of the scene
     offset : rad, the cam's angle less the encoder's; None: found from the lift
-
-    Raises
-    ------
-    BagError : the cam turns nowhere steadily
-    ConfigError : the scene has no such cam
     """
     loaded.law_of(cam)
     settle = loaded.scene.program.settle_turns.si

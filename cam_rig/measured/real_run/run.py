@@ -65,23 +65,13 @@ class RunComparison:
         return tables.to_json(self.speeds, [*self.notes, *self.conclusions])
 
     def to_pandas(self) -> DataFrame:
-        """A row each cam and speed, as `plain` has them.
-
-        Raises
-        ------
-        MissingLibraryError : pandas is not installed
-        """
+        """A row each cam and speed, as `plain` has them."""
         with libraries_named():
             from pandas import DataFrame
         return DataFrame(self.plain()["speeds"])
 
     def plot(self) -> Figure:
-        """Measured and model over one turn, and their difference, at up to three speeds a cam.
-
-        Raises
-        ------
-        MissingLibraryError : matplotlib is not installed
-        """
+        """Measured and model over one turn, and their difference, at up to three speeds a cam."""
         with libraries_named():
             from cam_rig.measured.real_run.figures import figure
         return shown(figure(self.speeds, self.loaded.titles))

@@ -146,11 +146,6 @@ def fit_jumps(
     given : numbers that are known, by name, SI
     error : rpm, one standard deviation of a reading; None takes it from what is left
     on_setup : told in each step of the search how many set-ups it has done, of how many
-
-    Raises
-    ------
-    ConfigError : fewer readings than numbers sought, a reading that no follower has, or no number
-        comes near the readings
     """
     given, two = dict(given or {}), model == "two_mass"
     require_in_model(given, model)

@@ -74,13 +74,7 @@ class JumpTable:
 
 
 def read_jump_table(path: Path) -> JumpTable:
-    """Read a table of jump speeds.
-
-    Raises
-    ------
-    ConfigError : one line with the file, the line, the value, what is allowed, and which
-        separator was seen
-    """
+    """Read a table of jump speeds."""
     return _JumpReader(path.name, read_lines(path, "mass, spring and jump speed")).table()
 
 

@@ -46,13 +46,7 @@ OF_TWO = ("roller_share", "stem_damping")
 
 
 def require_in_model(given: Mapping[str, float], model: str | None) -> None:
-    """Refuse numbers that no follower has, or not one of the model that is asked for.
-
-    Raises
-    ------
-    ConfigError : one of ``given`` is beyond its limits, or of two masses where ``model`` is not
-        two_mass
-    """
+    """Refuse numbers that no follower has, or not one of the model that is asked for."""
     for name, value in given.items():
         limits = NUMBERS[name]
         if not limits.low <= value <= limits.high:

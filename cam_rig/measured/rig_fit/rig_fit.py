@@ -46,11 +46,6 @@ def fit_rig(
     model : one_mass, two_mass (two masses and a stem), or None for the likelier
     given : numbers that are known, by name, SI
     on_step : told what is being done
-
-    Raises
-    ------
-    ConfigError : the cam nowhere turns steadily, nothing was measured, nothing fits, a number that
-        is given is beyond its limits, or a stem is asked for that nothing can tell
     """
     given = dict(given or {})
     require_in_model(given, model)

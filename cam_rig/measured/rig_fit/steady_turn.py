@@ -120,10 +120,6 @@ def two_mass_turn(
 
     A turn maps the vibration before it to that after it; its fixed point is found by Newton's
     method, from the turn of nearly the same follower ``near`` with that one's slopes.
-
-    Raises
-    ------
-    DynamicsError : an undamped mode at a harmonic of the speed
     """
     if near is None:
         begun = _contact_after(law, p, speed)

@@ -68,12 +68,7 @@ class Hold:
 
 
 def steady_holds(run: MeasuredRun) -> tuple[Hold, ...]:
-    """The stretches of a run at a steady speed, of a turn each at least.
-
-    Raises
-    ------
-    ConfigError : there is none
-    """
+    """The stretches of a run at a steady speed, of a turn each at least."""
     count = encoder_count(run.angle.value)
     time, angle = run.angle.time, run.angle.value
     seeds = np.searchsorted(angle, np.arange(angle[0], angle[-1], 0.5 * TURN)).tolist()
@@ -211,12 +206,7 @@ class MeasuredHold:
 
 
 def measured_holds(run: MeasuredRun) -> tuple[MeasuredHold, ...]:
-    """The holds of a run in which something was measured.
-
-    Raises
-    ------
-    ConfigError : there is none, or neither lift nor force was recorded
-    """
+    """The holds of a run in which something was measured."""
     if run.lift is None and run.force is None:
         raise ConfigError(
             f"{run.source}: has neither lift nor contact force; needed: one of them, so map its "

@@ -95,10 +95,6 @@ class Meter:
         """Speed (rpm) and level (dB, mean square) of the last turns, a second or more of them.
 
         And when they began (ns). ``time_constant`` (s) is that of the meter's time weighting.
-
-        Raises
-        ------
-        RefusedError : the cam has not turned as fast for long enough
         """
         last = self.latest
         if last is None or last.rpm == 0.0:
@@ -270,12 +266,7 @@ class LiveState:
     # -- what is noted ------------------------------------------------------------------------
 
     def note(self) -> NotedReading:
-        """Note the present reading.
-
-        Raises
-        ------
-        RefusedError : the cam has not turned long enough at one speed; too many are noted
-        """
+        """Note the present reading."""
         if len(self.readings) >= MAX_READINGS:
             raise RefusedError(f"reading: {MAX_READINGS} are noted; allowed: no more, clear them")
         ear = self.values.get("microphone", {})

@@ -82,24 +82,13 @@ class Setup:
 
     @classmethod
     def of(cls, rig: RigConfig, cam: str) -> Setup:
-        """The rig as its file has it: two masses where it says how its mass is split, else one.
-
-        Raises
-        ------
-        ConfigError : it splits its mass only half
-        """
+        """The rig as its file has it: two masses where it says how its mass is split, else one."""
         own, two = rig.follower, isinstance(follower_of(rig), TwoMassParameters)
         model = TWO_MASS if two else MODELS[0]
         return cls(cam, model, 0.0, own.spring_stiffness.si, own.preload.si)
 
     def changed(self, given: dict[str, Any], rig: RigConfig) -> Setup:
-        """The set-up with what a page has chosen.
-
-        Raises
-        ------
-        RefusedError : a value of another kind, a model that the rig has no numbers for, or numbers
-            out of range
-        """
+        """The set-up with what a page has chosen."""
         known = asdict(self)
         wrong = [key for key in given if key not in known]
         kinds = {key: str if isinstance(value, str) else float for key, value in known.items()}
@@ -123,12 +112,7 @@ class Setup:
         return found
 
     def rig(self, base: RigConfig) -> RigConfig:
-        """The rig with the chosen numbers; those that are the file's own keep their origin.
-
-        Raises
-        ------
-        RefusedError : a number out of range
-        """
+        """The rig with the chosen numbers; those that are the file's own keep their origin."""
         own = {
             "mass": base.follower.mass.si + self.added_mass,
             "spring_stiffness": self.spring_stiffness,

@@ -73,12 +73,7 @@ class Board:
         return self.drawn.law(self.ordinates if ordinates is None else ordinates, self.cam.name)
 
     def take(self, ordinates: Any, rpm: Any) -> None:
-        """A change of a page; the ends of segments stay as they are.
-
-        Raises
-        ------
-        RefusedError : other than as many numbers as there are ordinates, or out of range
-        """
+        """A change of a page; the ends of segments stay as they are."""
         self.ordinates, self.rpm = self._allowed(ordinates), _speed(rpm)
         self.version += 1
 
@@ -147,12 +142,7 @@ class Board:
         return None if start.own else {"degree": max(degrees), "exact": start.exact}
 
     def other(self, name: str) -> dict[str, Any]:
-        """The law of a shipped cam, to be shown beside: ``(4, n)`` m/rad^order, as base64.
-
-        Raises
-        ------
-        ConfigError : no such cam
-        """
+        """The law of a shipped cam, to be shown beside: ``(4, n)`` m/rad^order, as base64."""
         law = build_law(load_cam(Library((config_root(),)).path("cams", name)))
         return {"name": name, "motion": motion_in_base64(law)}
 
@@ -165,12 +155,6 @@ class Board:
         """Write ordinates as a cam file into the folder; gives its path.
 
         A law that cannot be made is written too: its file says so, and why.
-
-        Raises
-        ------
-        RefusedError : wrong ordinates
-        ConfigError : not a name
-        OutputError : there is such a file already, or it cannot be written
         """
         path, own = self.out / f"{require_name(name)}.yaml", self._allowed(ordinates)
         why_not = why_not_made(self.cam, self.law(own))
@@ -178,12 +162,7 @@ class Board:
         return path
 
     def drawn_cam(self, name: str, ordinates: Any) -> CamConfig:
-        """The cam of some ordinates, without a file.
-
-        Raises
-        ------
-        RefusedError : wrong ordinates
-        """
+        """The cam of some ordinates, without a file."""
         own = self._allowed(ordinates)
         why_not = why_not_made(self.cam, self.law(own))
         text = cam_text(name, self.cam, self.file, own, why_not)
@@ -196,14 +175,7 @@ class Board:
         return {"path": str(path), "command": command, "why_not": load_cam(path).cannot_be_made}
 
     def dxf(self, ordinates: Any) -> str:
-        """The contour of some ordinates for the workshop, as DXF.
-
-        Raises
-        ------
-        RefusedError : wrong ordinates
-        MissingLibraryError : of the extra ``cad``
-        ProfileError : the cam cannot be made
-        """
+        """The contour of some ordinates for the workshop, as DXF."""
         return contour_dxf(self.cam, self.law(self._allowed(ordinates)))
 
 
@@ -212,12 +184,7 @@ def _is_number(given: Any) -> bool:
 
 
 def _speed(rpm: Any) -> float:
-    """A speed (rpm) of a page.
-
-    Raises
-    ------
-    RefusedError : out of range
-    """
+    """A speed (rpm) of a page."""
     if not (_is_number(rpm) and MIN_RPM <= rpm <= MAX_RPM):
         raise RefusedError(f"rpm: is {rpm!r:.40}; allowed: {MIN_RPM:g} to {MAX_RPM:g}")
     return float(rpm)

@@ -26,10 +26,6 @@ def designed(
     """The law that `cam-rig design` finds from a cam for the board's goal, as a page takes it.
 
     ``told`` is called with each better jump speed, rpm.
-
-    Raises
-    ------
-    CamRigError : as `cam_rig.law_design.design`; a library of the extra ``design`` is missing
     """
     request = DesignRequest.of(maximise=GOAL, limits=[LIMIT])
     found = design(cam, rig, request, name, lambda _, value: told(value / RPM))

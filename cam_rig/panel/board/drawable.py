@@ -81,12 +81,7 @@ class DrawableCam:
 
 
 def with_own_ordinates(cam: CamConfig) -> DrawableCam | None:
-    """The cam itself, where its segments are drawable and dwells alone.
-
-    Raises
-    ------
-    LawError : it has no law
-    """
+    """The cam itself, where its segments are drawable and dwells alone."""
     kinds = {type(segment) for segment in cam.segments if segment.law != "dwell"}
     if not kinds or not kinds <= set(DRAWN):
         return None
@@ -94,13 +89,7 @@ def with_own_ordinates(cam: CamConfig) -> DrawableCam | None:
 
 
 def as_b_splines(cam: CamConfig) -> DrawableCam:
-    """The cam with B-splines in its events: its law where that is of polynomials, else the nearest.
-
-    Raises
-    ------
-    ConfigError : it rests all around, or has too many pieces
-    LawError : it has no law
-    """
+    """The cam with B-splines in its events: of polynomials its law, else the nearest."""
     law = build_law(cam)
     found = events(law, 0)
     splines = [_in_file(_nearest(law, event), cam.name) for event in found]
@@ -123,12 +112,7 @@ def _in_file(spline: Spline, name: str) -> dict[str, Any]:
 
 
 def _nearest(law: Law, event: LawEvent) -> Spline:
-    """Nearest in s and s'' by least squares, with the ends' derivatives; in lifts over [0, 1].
-
-    Raises
-    ------
-    ConfigError : it needs more ordinates than a file takes
-    """
+    """Nearest in s and s'' by least squares, with the ends' derivatives; in lifts over [0, 1]."""
     degree = law.degree if DEGREE <= law.degree <= MAX_B_SPLINE_DEGREE else DEGREE
     knots, smooth = _knots(law, event, degree)
     count = knots.size - degree - 1
@@ -267,10 +251,6 @@ def level(law: Law, rig: RigConfig, rpm: float) -> float:
     """Sound pressure level, dB re 20 µPa, of one rigid mass in steady state.
 
     Exact where the follower stays on the cam; simulated where it does not.
-
-    Raises
-    ------
-    DynamicsError : a speed that cannot be simulated
     """
     follower = FollowerParameters.from_rig(rig)
     if law.velocity_jumps or rigid_jump_speed(law, follower) <= rpm * RPM:

@@ -76,13 +76,7 @@ class DrawnLaw:
 
     @classmethod
     def of(cls, cam: CamConfig) -> DrawnLaw:
-        """Of a cam's own ordinates, where some may be moved; else of B-splines that stand for it.
-
-        Raises
-        ------
-        ConfigError : it rests all around
-        LawError : it has no law
-        """
+        """Of a cam's own ordinates, where some may be moved; else of B-splines in its place."""
         own = with_own_ordinates(cam)
         drawn = None if own is None else cls(own)
         return drawn if drawn is not None and drawn.handles else cls(as_b_splines(cam))
@@ -141,12 +135,7 @@ class DrawnLaw:
         return found
 
     def law(self, ordinates: FloatArray, name: str) -> Law:
-        """The law of some ordinates ``(m,)``.
-
-        Raises
-        ------
-        LawError : they are not finite
-        """
+        """The law of some ordinates ``(m,)``."""
         start = self.start.law
         columns = [
             matrix @ ordinates[first : first + matrix.shape[1]]

@@ -24,12 +24,7 @@ GOAL, LIMIT = "jump_speed", "peak_acceleration<=start"
 
 
 def require_name(name: Any) -> str:
-    """What a cam may be called.
-
-    Raises
-    ------
-    ConfigError : it is no name
-    """
+    """What a cam may be called."""
     if not (isinstance(name, str) and NAME.fullmatch(name)):
         raise ConfigError("name: allowed: up to 100 small letters, digits and _, a letter first")
     return name
@@ -53,10 +48,6 @@ def cam_text(
     ----------
     cam, file : what is drawn, and the file from which it was begun
     why_not : the file says that the cam cannot be made, and why
-
-    Raises
-    ------
-    ConfigError : the name is none
     """
     data = cam.model_dump(exclude_none=True)
     data |= {"name": name, "title": f"{file.title}, drawn"}
@@ -80,12 +71,7 @@ def cam_text(
 
 
 def write_new(path: Path, text: str) -> None:
-    """Write a file that is not there yet.
-
-    Raises
-    ------
-    OutputError : there is one, or it cannot be written
-    """
+    """Write a file that is not there yet."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("x", encoding="utf-8") as file:
@@ -99,13 +85,7 @@ def write_new(path: Path, text: str) -> None:
 
 
 def contour_dxf(cam: CamConfig, law: Law) -> str:
-    """The contour in mm, as `cam-rig profile --out` writes it.
-
-    Raises
-    ------
-    MissingLibraryError : of the extra ``cad``
-    ProfileError : the cam cannot be made
-    """
+    """The contour in mm, as `cam-rig profile --out` writes it."""
     for library in ("ezdxf", "shapely"):
         require(library)
     if why := why_not_made(cam, law):

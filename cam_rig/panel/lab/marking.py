@@ -83,11 +83,6 @@ def mark_sheet(
     ----------
     tolerance : %, within which a reading is right
     cam_of, rig_of : files by the names on the sheet
-
-    Raises
-    ------
-    ConfigError : it is no sheet, is of another cam or rig, or a row is damaged
-    DynamicsError : the cam has no jump speed on the rig
     """
     recorded = read_sheet(path)
     try:
@@ -204,12 +199,7 @@ class LabTurn:
 
 
 def observe(law: Law, rig: RigConfig, rpm: float) -> LabTurn:
-    """A turn on a rig at a speed (rpm).
-
-    Raises
-    ------
-    DynamicsError : no steady state at this speed
-    """
+    """A turn on a rig at a speed (rpm)."""
     follower, speed = follower_of(rig), rpm * RPM
     blocks = _turns(law, follower, speed)
     block = blocks[-1]

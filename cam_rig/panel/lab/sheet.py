@@ -46,12 +46,7 @@ class LabSetup:
 
 
 def require_seed(seed: str) -> None:
-    """Refuse a seed that is no name.
-
-    Raises
-    ------
-    ConfigError : with what is allowed
-    """
+    """Refuse a seed that is no name."""
     if not SEED_NAME.fullmatch(seed):
         raise ConfigError(
             f"--seed: is {shown(seed)}; allowed: a name of 1 to 40 letters, digits, - and _"
@@ -77,10 +72,6 @@ def true_rig(rig: RigConfig, setup: LabSetup, lab: str, seed: str | None) -> Rig
     ----------
     rig : of the sheet
     seed : name of the hidden rig; None for the sheet's own numbers
-
-    Raises
-    ------
-    ConfigError : a number out of range
     """
 
     def factor(kind: str, which: float) -> float:
@@ -126,12 +117,7 @@ KNOB_FROM, KNOB_TO = 0.5, 1.25
 
 
 def require_lab(name: str) -> Lab:
-    """The lab of a name.
-
-    Raises
-    ------
-    ConfigError : there is none
-    """
+    """The lab of a name."""
     if name not in LABS:
         raise ConfigError(
             f"--lab: is {shown(name)}; allowed: {', '.join(LABS)}{did_you_mean(name, LABS)}"
@@ -197,23 +183,12 @@ class LabSheet:
         return true_rig(self.rig, setup, self.name, self.seed)
 
     def jump_rpm(self, setup: LabSetup) -> float:
-        """The true jump speed (rpm) of a set-up: the lowest at which the steady state is off.
-
-        Raises
-        ------
-        DynamicsError : contact is lost at every speed, or at none
-        """
+        """The true jump speed (rpm) of a set-up: the lowest at which the steady state is off."""
         return _jump_rpm(self.law, follower_of(self.true_rig(setup)))
 
     @cached_property
     def knob(self) -> tuple[float, float]:
-        """Speeds (rpm) of the knob, by what one rigid mass with the sheet's numbers does.
-
-        Raises
-        ------
-        DynamicsError : the law's velocity jumps
-        ConfigError : a rigid follower keeps contact at any speed, or loses it at any
-        """
+        """Speeds (rpm) of the knob, by what one rigid mass with the sheet's numbers does."""
         found = [
             rigid_jump(
                 self.law, FollowerParameters.from_rig(true_rig(self.rig, s, self.name, None))

@@ -76,12 +76,7 @@ def to_text(sheet: RecordedSheet) -> str:
 
 
 def read_sheet(path: Path) -> RecordedSheet:
-    """Read a sheet, as it was written or as a spreadsheet saved it.
-
-    Raises
-    ------
-    ConfigError : it cannot be read, is no sheet, or a row is damaged
-    """
+    """Read a sheet, as it was written or as a spreadsheet saved it."""
     try:
         text = read_bytes(path, MAX_BYTES).decode("utf-8-sig")
     except (OSError, ConfigError, UnicodeDecodeError) as error:
@@ -132,12 +127,7 @@ def _entry(line: str) -> tuple[str, str]:
 
 
 def _reading(path: Path, row: list[str]) -> LabReading:
-    """A reading of a row.
-
-    Raises
-    ------
-    ConfigError : a cell is missing, or is no number
-    """
+    """A reading of a row."""
     cells = [cell.strip() for cell in row[: len(COLUMNS)]]
     where = f"{path}, reading {shown(row[0], quoted=False)}"
     if len(cells) < len(COLUMNS) or any(cell.strip() for cell in row[len(COLUMNS) :]):
@@ -179,12 +169,7 @@ class Notebook:
         )
 
     def setup(self, given: dict[str, Any]) -> LabSetup:
-        """The set-up that a page names by the numbers on the sheet.
-
-        Raises
-        ------
-        RefusedError : the sheet has no such set-up
-        """
+        """The set-up that a page names by the numbers on the sheet."""
         names = {
             "spring_stiffness": self.sheet.springs,
             "added_mass": self.sheet.added_masses,
@@ -198,12 +183,7 @@ class Notebook:
         return LabSetup(*(float(given[name]) for name in names))
 
     def speed(self, given: dict[str, Any]) -> float:
-        """The speed (rpm) that a page names.
-
-        Raises
-        ------
-        RefusedError : it is no number, or beyond the knob's
-        """
+        """The speed (rpm) that a page names."""
         rpm, (low, high) = given.get("rpm"), self.sheet.knob
         is_number = isinstance(rpm, int | float) and not isinstance(rpm, bool)
         if not is_number or not low <= rpm <= high:  # type: ignore[operator]
@@ -211,13 +191,7 @@ class Notebook:
         return round(float(rpm), DECIMALS)  # type: ignore[arg-type]
 
     def record(self, given: dict[str, Any]) -> LabReading:
-        """Take a reading, and write the file.
-
-        Raises
-        ------
-        RefusedError : no such set-up or speed, or too many readings
-        OutputError : it cannot be written; the reading is then not taken
-        """
+        """Take a reading, and write the file."""
         readings = self.recorded.readings
         if len(readings) >= MAX_READINGS:
             raise RefusedError(
@@ -228,13 +202,7 @@ class Notebook:
         return reading
 
     def name(self, student: Any) -> None:
-        """Put the student's name on the sheet.
-
-        Raises
-        ------
-        RefusedError : it is no line of text
-        OutputError : it cannot be written
-        """
+        """Put the student's name on the sheet."""
         if not isinstance(student, str) or len(student) > MAX_NAME or not student.isprintable():
             raise RefusedError(f"student: allowed: a line of {MAX_NAME} characters")
         self._keep(replace(self.recorded, student=student.strip()))
@@ -247,12 +215,7 @@ class Notebook:
         self.recorded = recorded
 
     def _claim(self) -> Path:
-        """A file of one's own: another's is not overwritten.
-
-        Raises
-        ------
-        OutputError : none can be made
-        """
+        """A file of one's own: another's is not overwritten."""
         stem, number = f"lab_{self.sheet.name}_{self.sheet.seed or self.sheet.rig.name}", 1
         while True:
             path = self._out / f"{stem}{f'_{number}' if number > 1 else ''}.csv"

@@ -149,12 +149,6 @@ def followed_law(law: Law, base_radius: float, roller: float) -> FollowedLaw:
     A law of the one type, fitted to rounding (`cam_rig.laws.sampling`), with the error it was found
     to have. Its lift is that of s, as the two curves are parallel; a dwell stays one.
 
-    Raises
-    ------
-    ProfileError : no base circle, a corner of the contour, or a concave part that the roller does
-        not fit into
-    LawError : a contour that turns too sharply to be followed
-
     Examples
     --------
     >>> import cam_rig

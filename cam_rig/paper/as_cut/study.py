@@ -43,12 +43,7 @@ class CutBench:
 
     @classmethod
     def of(cls, rig: RigConfig, loaded: LoadedScene) -> CutBench:
-        """The jump speed's rig, and a scene's follower, sound and speeds.
-
-        Raises
-        ------
-        ConfigError : the rig has no two masses
-        """
+        """The jump speed's rig, and a scene's follower, sound and speeds."""
         return cls(
             TwoMassParameters.from_rig(rig),
             loaded.follower,
@@ -80,12 +75,7 @@ class DrawnCam:
 
     @classmethod
     def run(cls, law: Law, bench: CutBench) -> DrawnCam:
-        """Run a law.
-
-        Raises
-        ------
-        DynamicsError : a cam without a jump speed
-        """
+        """Run a law."""
         turns = bench.turns(law)
         lands = (speed for speed, i in zip(turns.speeds, turns.impulses, strict=True) if i.any())
         levels = bench.acoustics.levels(turns)
@@ -131,12 +121,7 @@ def has_central_roller(cam: CamConfig) -> bool:
 
 
 def radii(cam: CamConfig) -> tuple[float, float]:
-    """Base and roller radius (m) of a cam with a central roller.
-
-    Raises
-    ------
-    ConfigError : another follower, to which `PolarPlot[s + R_b]` is no contour
-    """
+    """Base and roller radius (m) of a cam with a central roller."""
     if not has_central_roller(cam):
         raise ConfigError(
             f"cam {cam.name!r}: its follower is {cam.follower.type!r}, or beside the cam's axis; "
@@ -147,13 +132,7 @@ def radii(cam: CamConfig) -> tuple[float, float]:
 
 
 def as_cut(drawn: DrawnCam, bench: CutBench, base_radius: float, roller: float) -> AsCut:
-    """Cut a cam as drawn for a point, and drive it with a roller.
-
-    Raises
-    ------
-    ProfileError : the roller does not fit into the contour
-    DynamicsError : a cam without a jump speed
-    """
+    """Cut a cam as drawn for a point, and drive it with a roller."""
     found = followed_law(drawn.law, base_radius, roller)
     cut = DrawnCam.run(found.law, bench)
     high = _too_high(drawn.law, found)
@@ -161,12 +140,7 @@ def as_cut(drawn: DrawnCam, bench: CutBench, base_radius: float, roller: float) 
 
 
 def cut_all(cam_set: CamSet, bench: CutBench) -> dict[str, AsCut]:
-    """Each cam with a central roller at its own radii, by name.
-
-    Raises
-    ------
-    ProfileError, DynamicsError : as `as_cut`
-    """
+    """Each cam with a central roller at its own radii, by name."""
     cams = {name: cam for name, cam in cam_set.cams.items() if has_central_roller(cam)}
     return {
         name: as_cut(DrawnCam.run(cam_set.laws[name], bench), bench, *radii(cam))

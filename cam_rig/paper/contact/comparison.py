@@ -63,12 +63,7 @@ class ContactTable:
 
 
 def compare_contacts(cam_set: CamSet, rpm: float) -> ContactTable:
-    """The contact of every cam of a set at one speed.
-
-    Raises
-    ------
-    ProfileError, ReachError : a cam that cannot exist
-    """
+    """The contact of every cam of a set at one speed."""
     rig = FollowerParameters.from_rig(cam_set.rig)
     rows = {
         name: contact_row(contact_case(cam, cam_set.laws[name], rig, rpm * RPM))
@@ -200,22 +195,12 @@ class PlayRow:
 
 
 def open_form_closed(paths: Iterable[Path]) -> list[tuple[CamConfig, Law]]:
-    """Read cam files with their laws.
-
-    Raises
-    ------
-    ConfigError, LawError : one line that names the file and what is wrong in it
-    """
+    """Read cam files with their laws."""
     cams = [(path, load_cam(path)) for path in paths]
     return [(cam, law_of(path, cam)) for path, cam in cams]
 
 
 def find_play(cams: Iterable[tuple[CamConfig, Law]]) -> list[PlayRow]:
-    """The play of each.
-
-    Raises
-    ------
-    ProfileError, ReachError : a follower of one element, or one that does not reach
-    """
+    """The play of each."""
     found = [(cam, closure(cam.follower, law)) for cam, law in cams]
     return [PlayRow(cam, float(play.min()), float(play.max())) for cam, play in found]

@@ -147,12 +147,7 @@ def surfaces_of(
 
 
 def contact_case(cam: CamConfig, law: Law, rig: FollowerParameters, speed: float) -> ContactCase:
-    """A cam whose contact can be asked for; ``speed`` in rad/s.
-
-    Raises
-    ------
-    ProfileError, ReachError : a cam that cannot exist, or a tip wider than a hollow of it
-    """
+    """A cam whose contact can be asked for; ``speed`` in rad/s."""
     require_profile(cam, law)
     element = discs(cam.follower, law)[0].element
     found = ContactCase(cam, law, surfaces_of(cam.follower, element, cam.parts, rig, speed))

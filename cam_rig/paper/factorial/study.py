@@ -47,12 +47,7 @@ def load_factorial(path: Path) -> FactorialConfig:
 
 
 def open_factorial(path: Path) -> FactorialConfig:
-    """Read a study's file, and refuse rises whose velocity jumps.
-
-    Raises
-    ------
-    ConfigError : the file is wrong, or a rise's velocity jumps where it joins a dwell
-    """
+    """Read a study's file, and refuse rises whose velocity jumps."""
     config = load_factorial(path)
     for key, rises in (("rises", config.rises), ("reference", [config.reference])):
         for rise in rises:
@@ -167,13 +162,7 @@ class Bench:
 
     @classmethod
     def of(cls, config: FactorialConfig, rig: RigConfig, noise_rig: RigConfig) -> Bench:
-        """Take the numbers of the rigs.
-
-        Raises
-        ------
-        ConfigError : the rig has no two masses, or they are not those of the noise's rig; a speed
-            too fast for its stem
-        """
+        """Take the numbers of the rigs."""
         if rig.follower.mass.si != noise_rig.follower.mass.si:
             raise ConfigError(
                 f"factorial {config.name!r}: follower.mass is {rig.follower.mass.si:g} kg on "
@@ -196,12 +185,7 @@ class Bench:
         )
 
     def measure(self, law: Law) -> Measures:
-        """Every effect of one law.
-
-        Raises
-        ------
-        DynamicsError : a cam without a jump speed, or a speed without a steady state
-        """
+        """Every effect of one law."""
         config = self.config
         turns = [(s, steady_turn(law, self.follower, s)) for s in config.accelerated.si_list]
         peaks = [math.log(float(np.abs(turn.acceleration).max())) for _, turn in turns]
@@ -321,10 +305,6 @@ def run_factorial(
     ----------
     cams : the proposed cam and others to compare it with, as they are
     each : a map over laws, perhaps in several processes
-
-    Raises
-    ------
-    DynamicsError : a cell without a jump speed or without a steady state
     """
     lift, rises = config.lift.si, tuple(config.rises)
     same = [[up_and_down(rise, event, lift) for event in config.events.si_list] for rise in rises]

@@ -66,15 +66,13 @@ def jump(
 
     cam-rig jump quick --rig tm21 --ramp 350
     """
-    from cam_rig.schema.load import tables_path
-    from cam_rig.simulation.asked import asked_cams
-
     with user_errors():
         from cam_rig.dynamics.jump.any_follower import described, follower_of
         from cam_rig.dynamics.jump.jump_speed import FROM_REST
         from cam_rig.paper.jump import tables
         from cam_rig.paper.jump.comparison import references
-        from cam_rig.schema import load_tables
+        from cam_rig.schema.load import load_tables, tables_path
+        from cam_rig.simulation.asked import asked_cams
 
         check_outputs(json_target, plot, csv)
         _require_apart(steady, ramp, from_rest, refit, plot, any((plot, json_target, csv)))

@@ -70,10 +70,6 @@ def jump_along_ramp(law: Law, parameters: AnyFollower, rate: float) -> Jump:
     Parameters
     ----------
     rate : rad/s², of the cam
-
-    Raises
-    ------
-    DynamicsError : the rate is out of its limits, or contact is kept
     """
     if not SLOWEST <= rate / RPM * (1.0 + 1e-12) <= STEEPEST * (1.0 + 2e-12):
         raise DynamicsError(
@@ -138,10 +134,6 @@ def find_jumps(
     duration : s from rest at one speed, with the steady state beside it; None for that alone
     ramp : rpm/s, along a ramp from rest instead
     on_cam : told each cam as it begins
-
-    Raises
-    ------
-    DynamicsError : a duration or a ramp out of its limits; a cam without a jump speed
     """
     if duration is not None:
         require_run(duration)

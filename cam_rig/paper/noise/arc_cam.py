@@ -178,12 +178,7 @@ class ArcShape:
         return float(2.0 * np.angle(joint))
 
     def law(self, cam: CamConfig) -> Law:
-        """The law of the cam file with this shape.
-
-        Raises
-        ------
-        LawError : no such arcs exist
-        """
+        """The law of the cam file with this shape."""
         base = arc_cam(cam).base_radius
         degrees = np.degrees([self.event, self.nose(base)])
         if not 0.0 < degrees[1] < degrees[0] < 359.0:

@@ -84,10 +84,6 @@ def calibrate(
 
     Two numbers, least squares in dB, on the exact steady response; the background stays as it is.
     Returns the constants and the r.m.s. difference (dB) that is left.
-
-    Raises
-    ------
-    DynamicsError : the follower loses contact within the speeds
     """
     for speed in speeds:
         if loss_intervals(law, follower, float(speed)):

@@ -39,12 +39,7 @@ class StudyRoles:
 
     @classmethod
     def of(cls, loaded: LoadedScene) -> StudyRoles:
-        """The roles in a scene.
-
-        Raises
-        ------
-        ConfigError : it has not one cam for each, or too few speeds for their regressions
-        """
+        """The roles in a scene."""
         speeds = len(loaded.scene.program.speeds.numbers)
         if speeds < MIN_SPEEDS:
             raise ConfigError(
@@ -73,12 +68,7 @@ class NoiseSetup:
 
     @classmethod
     def of(cls, loaded: LoadedScene) -> NoiseSetup:
-        """Run the mechanics of a scene once.
-
-        Raises
-        ------
-        ConfigError : a scene without the three parts, or without published levels
-        """
+        """Run the mechanics of a scene once."""
         roles = StudyRoles.of(loaded)
         speeds = np.array(loaded.scene.program.speeds.si_list)
         published = {cam: loaded.published_levels(cam, to_rpm(speeds)) for cam in loaded.scene.cams}

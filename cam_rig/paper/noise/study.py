@@ -73,11 +73,6 @@ def study_noise(
     rig : the rig identified from the jump speeds, whose noise is compared too
     arcs : also fit the arc cam on that rig's two masses, which takes minutes
     on_part, on_best : told the part that begins, and how good (dB) that fit has become
-
-    Raises
-    ------
-    ConfigError : a scene without the three `StudyRoles` or published levels, or a rig without
-        two masses
     """
     on_part(PARTS[0])
     TwoMassParameters.from_rig(rig)  # refused now rather than at the end

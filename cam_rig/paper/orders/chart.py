@@ -47,10 +47,6 @@ def save_orders(
     Parameters
     ----------
     titles : what cams are called, where not by their names in words
-
-    Raises
-    ------
-    CamRigError : the file cannot have this name, or cannot be written
     """
     require_free(path, overwrite=True)
     tops = {quantity: loudest(found, quantity) for quantity in QUANTITIES}

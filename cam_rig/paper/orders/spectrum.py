@@ -210,11 +210,6 @@ def order_spectrum(
 ) -> OrderSpectrum:
     """The steady force of a model at a speed (rad/s), and its sound, up to an order.
 
-    Raises
-    ------
-    ConfigError : the model's force is no closed form, or the rig lacks a number that it needs
-    DynamicsError : the law is not for the model, or a mode without damping is in resonance
-
     Examples
     --------
     >>> import cam_rig
@@ -298,13 +293,7 @@ def waterfall(
     highest: int = HIGHEST,
     on_speed: Callable[[], None] = lambda: None,
 ) -> tuple[CamOrders, ...]:
-    """Force and sound of each cam at each of ``speeds`` (rad/s), up to an order.
-
-    Raises
-    ------
-    ConfigError : the model's force is no closed form, or the rig lacks a number that it needs
-    DynamicsError : a law is not for the model, or a mode without damping is in resonance
-    """
+    """Force and sound of each cam at each of ``speeds`` (rad/s), up to an order."""
     found, all_speeds = [], tuple(speeds)
     for cam, law in laws.items():
         spectra = []

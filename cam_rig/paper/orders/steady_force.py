@@ -108,13 +108,7 @@ class SteadyForce:
 
 
 def steady_force(law: Law, model: str, rig: RigConfig, speed: float) -> SteadyForce:
-    """The steady contact force of a model at a speed (rad/s).
-
-    Raises
-    ------
-    ConfigError : the model's force is no polynomial and exponential (torsional)
-    DynamicsError : the law is not for the model, or a mode without damping is in resonance
-    """
+    """The steady contact force of a model at a speed (rad/s)."""
     if model not in BUILDERS:
         raise ConfigError(
             f"model {model}: its force is no closed form of the cam angle; allowed for orders: "

@@ -181,12 +181,7 @@ class ReadingSearch:
         run: float,
         nearby: bool = False,
     ) -> ReadingSearch:
-        """Seek the numbers that a reading identified, with the others as they are.
-
-        Raises
-        ------
-        ConfigError : it identified none
-        """
+        """Seek the numbers that a reading identified, with the others as they are."""
         sought = tuple(key for key in BOUNDS if key in reading.fitted)
         if not sought:
             raise ConfigError(

@@ -107,12 +107,7 @@ class StemStudy:
 
 
 def study_stem(cam_set: CamSet, stiffness: float, rpm: float) -> StemStudy:
-    """Every cam on a stem of ``stiffness`` (N/m), all else as in the rig.
-
-    Raises
-    ------
-    ConfigError : a rig that does not say how the mass is split
-    """
+    """Every cam on a stem of ``stiffness`` (N/m), all else as in the rig."""
     rig = cam_set.rig.with_follower(stem_stiffness=stiffness)
     follower = TwoMassParameters.from_rig(rig)
     rows = [_row(cam_set, rig, elements, rpm) for elements in ELEMENTS]

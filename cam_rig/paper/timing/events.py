@@ -243,10 +243,6 @@ def with_same_events(cam: CamConfig, law: Law, timed: Sequence[TimedEvent]) -> C
     ----------
     law : of the cam
     timed : events that both have at the same angles
-
-    Raises
-    ------
-    ConfigError : the cam is not one Bézier curve over the whole turn
     """
     segment = cam.segments[0]
     if not isinstance(segment, Bezier) or len(cam.segments) != 1:

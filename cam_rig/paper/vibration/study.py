@@ -52,12 +52,7 @@ BY = "the vibration of a mass on its stem"
 def vibration_table(
     cam_set: CamSet, rpm: tuple[float, ...], on_cam: Callable[[str], None] = lambda _: None
 ) -> VibrationTable:
-    """Measure every cam at every speed (rpm), each speed once; twist where the rig has a shaft.
-
-    Raises
-    ------
-    DynamicsError : a speed out of `require_speeds`' limits, or without a steady state
-    """
+    """Measure every cam at every speed (rpm), each speed once; twist where the rig has a shaft."""
     follower, rpm = FollowerParameters.on_stem(cam_set.rig, BY), tuple(dict.fromkeys(rpm))
     require_speeds(follower, rpm)
     shaft = None if cam_set.rig.shaft is None else shaft_of(cam_set.rig)
