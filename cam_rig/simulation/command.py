@@ -82,8 +82,7 @@ def listen(
                 f"--seconds is {seconds:g} without --rpm, and the scene's program has its own "
                 "times; allowed: both, or neither"
             )
-        held = SECONDS if seconds is None else seconds
-        loaded = audition(asked_scene(scene, rig), cam, rpm, held, RATE)
+        loaded = audition(asked_scene(scene, rig), cam, rpm, seconds or SECONDS, RATE)
         source = SoundSource(loaded.radiation, RATE, least_rate=RATE)
         with progress_bar() as bar:
             ticks = bar.track(

@@ -79,8 +79,7 @@ def jump(
         published, cam_set = load_tables(tables_path()), asked_cams(cams, rig)
         duration = None if steady else FROM_REST if from_rest is None else from_rest
         if refit:
-            assert duration is not None  # of runs from rest
-            _refit(cam_set, published, duration)
+            _refit(cam_set, published, duration or FROM_REST)
             return
         follower = described(follower_of(cam_set.rig))
         rows = _find(cam_set, references(cam_set, published), duration, ramp)
