@@ -62,6 +62,7 @@ def exact(campaign, wavelength, speed):
     return np.sort(found)
 
 
+@pytest.mark.variants(1)
 @pytest.mark.parametrize("wavelength", [TURN / 24.0, TURN / 17.3])
 def test_a_rigid_follower_loses_contact_where_the_formula_says(search, wavelength):
     """A wave that divides the turn and one that does not; of 120 draws one may lose the limit."""

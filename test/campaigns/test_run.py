@@ -72,6 +72,7 @@ def test_two_processes_make_the_same_rows(alone, tmp_path):
     same(columns(alone), columns(dataset))
 
 
+@pytest.mark.long
 def test_a_cluster_that_loses_a_worker_makes_the_same_rows(alone, tmp_path):
     """Its nanny starts another, and the scheduler gives the work again: no row twice."""
     dataset = CampaignDataset(tmp_path, alone.campaign)

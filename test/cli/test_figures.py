@@ -149,6 +149,7 @@ def drawing_commands(commands, before=""):
             yield before + name
 
 
+@pytest.mark.variants(2)
 @pytest.mark.parametrize("case", CASES)
 def test_no_figure_is_faulty(case, own, tmp_path):
     """Nothing cut, nothing on another, 7 points at 170 mm, a true minus; TrueType in PDF."""

@@ -64,6 +64,7 @@ def lines(command: str, folder: Path, **how: Any) -> tuple[int, list[str]]:
     return done.returncode, [x for x in done.stderr.splitlines() if x.startswith("cam-rig: ")]
 
 
+@pytest.mark.variants(2)
 @pytest.mark.parametrize("unbuffered", ["", "1"])
 @pytest.mark.parametrize("what", PRINTED)
 def test_a_stdout_that_is_full(

@@ -39,6 +39,7 @@ def assert_is_the_law(law, start, step, count):
         )
 
 
+@pytest.mark.variants(80)
 @pytest.mark.parametrize(
     ("start", "step", "count"),
     [
@@ -108,6 +109,7 @@ def test_parts_join(law):
     assert np.all(np.abs(whole[:, 1700:] - second) <= tolerance[:, None])
 
 
+@pytest.mark.variants(74)
 @pytest.mark.parametrize("per_turn", [7200, 7200.5, 4096, 2777.7])
 def test_many_turns_are_the_law(law, per_turn):
     """Turns of a whole number of samples are made together; each is the law all the same."""

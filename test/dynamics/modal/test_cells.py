@@ -136,6 +136,7 @@ def test_the_batch_leaves_where_the_walk_does(count):
     assert left
 
 
+@pytest.mark.variants(2)
 @pytest.mark.parametrize("seed", [133, 232, 257])
 def test_where_a_part_ends_nothing_leaves(seed):
     """Just below the jump speed each part's end is passed, however its time is rounded.

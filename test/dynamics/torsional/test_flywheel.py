@@ -130,6 +130,7 @@ def by_energy(law, p, motion, times):
     return np.sqrt(2.0 * (energy - stored) / inertia)
 
 
+@pytest.mark.variants(2)
 @pytest.mark.parametrize(
     ("inertia", "stiffness", "error"), [(0.2, 1e7, 2e-5), (0.02, 1e7, 2e-5), (1e-5, 5e3, 1e-3)]
 )

@@ -91,6 +91,7 @@ def test_times_outside(laws, shaft, times):
         motion.at(times)
 
 
+@pytest.mark.variants(23)
 @pytest.mark.parametrize("speed", [SPEED, -SPEED, 3.0])
 def test_periodic_state_returns(law, shaft, speed):
     """After one turn it is back, to 1e-11 of the peak twist, and where it is on the turn."""

@@ -74,6 +74,7 @@ def test_a_limit_on_a_span_holds_and_dwells_give_way() -> None:
     assert middles == pytest.approx(np.radians([60.0, 180.0, 300.0]), abs=1e-6)
 
 
+@pytest.mark.long
 def test_limits_of_the_start_are_those_of_its_own_events() -> None:
     """Peak velocity at no more than the start's peak acceleration: lower than with its events."""
     limits = ["peak_acceleration<=start"]
@@ -87,6 +88,7 @@ def test_limits_of_the_start_are_those_of_its_own_events() -> None:
     assert abs(peak(moved.law, 2).value) <= allowed * (1.0 + 1e-6)
 
 
+@pytest.mark.long
 def test_the_same_seed_gives_the_same_file() -> None:
     """Byte for byte; the file says that its events were found."""
     words: dict[str, Any] = {"minimise": "peak_acceleration", "starts": 2}

@@ -45,6 +45,7 @@ def test_exact_speeds_give_the_numbers_back(law, rig):
     assert found["restitution"] is None
 
 
+@pytest.mark.long
 def test_intervals_hold_the_truth(law, rig):
     """Readings off by 0.5 rpm, said to be: 20 tables with damping given."""
     inside = 0
