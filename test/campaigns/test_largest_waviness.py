@@ -76,6 +76,7 @@ def test_a_rigid_follower_loses_contact_where_the_formula_says(search, wavelengt
     assert found.evaluations < 3 * asked.campaign.total
 
 
+@pytest.mark.long
 def test_so_many_draws_keep_the_limit_with_it_and_not_with_more(search):
     """Counted one by one, on two masses: the amplitude found, and the next one tried."""
     asked = search(
@@ -118,6 +119,7 @@ def test_both_ends_of_the_amplitudes_are_said(search, rpm, outcome, end):
     assert (found.outcome, found.amplitude) == (outcome, asked.amplitudes[end])
 
 
+@pytest.mark.long
 def test_two_processes_find_the_same(search):
     """Digit for digit, in the order of the wavelengths."""
     asked = search()

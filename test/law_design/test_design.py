@@ -205,6 +205,7 @@ def _left(law: Law, speed: float) -> float:
     return float(np.hypot(run.y[0, -1], run.y[1, -1] / rate))
 
 
+@pytest.mark.long
 def test_two_masses_from_rest_stay_on_by_an_independent_integration() -> None:
     """The law that is found keeps contact from rest just below its jump speed, by DOP853.
 

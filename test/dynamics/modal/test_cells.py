@@ -68,6 +68,7 @@ def forces(law, rig, speed, duration, times):
     return (output.state @ states + output.law @ motion + output.constant[:, None])[0]
 
 
+@pytest.mark.variants(8)
 @pytest.mark.parametrize("rest", [True, False])
 @pytest.mark.parametrize(("count", "damping"), CASES)
 def test_least_is_the_exhaustive_minimum(count, damping, rest):

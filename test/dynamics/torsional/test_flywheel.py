@@ -47,6 +47,7 @@ def turn_of(law, p, speed=SPEED):
     return solve(law, driven, start, 0.0, TURN / speed)
 
 
+@pytest.mark.variants(8)
 def test_the_flywheel_feels_the_cam(law, shaft):
     """Momentum of both inertias changes by the motor's torque less the follower's, F s'."""
     p = dataclasses.replace(shaft, motor_torque=2.0)

@@ -59,6 +59,7 @@ def test_spans_go_with_the_root_of_what_each_event_rises(tmp_path: Path) -> None
     assert found.spans_bound <= found.goal.result <= found.spans_bound * 1.002
 
 
+@pytest.mark.long
 def test_a_limit_on_a_span_holds_and_dwells_give_way() -> None:
     """Events that keep their middles: the fall as wide as its limit allows, 4h/β²."""
     widest = 109.5
