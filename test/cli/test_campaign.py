@@ -227,6 +227,7 @@ def test_a_cluster_that_is_none_is_refused_in_one_line(tmp_path):
     assert "allowed: one of them" in both.stderr
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_what_is_finished_stays_and_the_rest_is_made(study, tmp_path, number):
@@ -254,6 +255,7 @@ def test_what_is_finished_stays_and_the_rest_is_made(study, tmp_path, number):
         assert dataset.column(name).tolist() == other.column(name).tolist()
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_scheduler_that_is_gone_ends_it_in_one_line(study, tmp_path):
     """What is finished stays, and the command that goes on is named."""

@@ -161,6 +161,7 @@ def test_no_figure_is_faulty(case, own, tmp_path):
     assert b"/Type3" not in data and b"/FontFile2" in data
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_no_figure_of_a_page_is_faulty(own, tmp_path):
     """Those of a scene's report, of the same cams."""
