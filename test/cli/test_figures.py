@@ -92,7 +92,6 @@ CAMPAIGNS = {
 ELSEWHERE = {
     "noise": "test_noise.py",
     "factorial": "test_factorial.py",
-    "bench": "../plots/test_style.py",
     "fit rig": "test_fit_rig.py",
     "fit cam": "test_fit.py",
 }
@@ -179,4 +178,4 @@ def test_every_command_that_draws_is_here():
     for name, file in ELSEWHERE.items():
         assert name in commands
         text = (config_root().parent / "test" / "cli" / file).read_text(encoding="utf-8")
-        assert "--plot" in text or "work_precision.figure" in text
+        assert "--plot" in text
