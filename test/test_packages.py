@@ -151,6 +151,7 @@ def test_the_core_alone_runs_the_ten_lines():
     assert done.stdout == "413.44\n"
 
 
+@pytest.mark.variants(4)
 @pytest.mark.parametrize(
     ("barred", "command", "remedy"),
     [

@@ -91,7 +91,8 @@ class CampaignProgress:
         left, due = self._total - self._done, now - self._told >= LINE_EVERY_S
         if due:
             self._told, self._size = now, sized(*self._dataset.size())
-        ahead = estimate(now - self._begin[0], self._done - self._begin[1], left) + self._size
+        rate = estimate(now - self._begin[0], self._done - self._begin[1], left)
+        ahead = ", ".join(filter(None, (rate, self._size)))
         if console.is_terminal:
             self._bar.update(self._task, completed=self._done, ahead=ahead)
         elif due and left:
@@ -116,7 +117,7 @@ def in_words(seconds: float) -> str:
 def sized(now: float, in_all: float) -> str:
     """Bytes on the disk and at the end."""
     unit, length = next((one for one in SIZES if in_all >= one[1]), SIZES[-1])
-    return f", {now / length:.3g} of about {in_all / length:.3g} {unit}"
+    return f"{now / length:.3g} of about {in_all / length:.3g} {unit}"
 
 
 # cam-rig campaign --largest-waviness: what waviness each wavelength may have.

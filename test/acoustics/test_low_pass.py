@@ -9,6 +9,7 @@ from scipy.signal import lfilter
 from cam_rig.acoustics.radiation import BLOCK, first_order
 
 
+@pytest.mark.variants(8)
 @pytest.mark.parametrize("count", [0, 1, 2, BLOCK - 1, BLOCK, BLOCK + 1, 3000, 100_000])
 @pytest.mark.parametrize("decay", [0.0, 1e-5, 0.01, 0.6, 30.0, 800.0])
 def test_it_is_the_recursion(count, decay):

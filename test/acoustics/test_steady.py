@@ -20,6 +20,7 @@ def parseval(law, p, corner_rate, speed, points=2**17):
     return 2.0 * float(np.sum(np.abs(harmonics[:-1]) ** 2))
 
 
+@pytest.mark.variants(8)
 @pytest.mark.parametrize("name", ["bezier15", "poly345", "poly4567", "cycloidal"])
 @pytest.mark.parametrize("corner", [1.0, 20.0, 1000.0])
 @pytest.mark.parametrize("rpm", [200.0, 400.0])
@@ -33,6 +34,7 @@ def test_against_parseval(laws, follower, name, corner, rpm):
     assert exact == pytest.approx(parseval(laws[name], follower, rate, speed), rel=1e-8)
 
 
+@pytest.mark.variants(8)
 @pytest.mark.parametrize("rpm", [200, 300, 400])
 def test_against_many_turns(law, follower, radiation, last_turn_power, rpm):
     """The last of eight simulated turns has the steady level within 1e-3 dB.

@@ -31,6 +31,7 @@ def test_the_tables_goals_are_annex_es_formula():
     assert weighting_power("Z", np.array([3.0, 20_000.0])).tolist() == [1.0, 1.0]
 
 
+@pytest.mark.variants(8)
 @pytest.mark.parametrize("rate", RATES + RANDOM)
 @pytest.mark.parametrize("curve", "AC")
 def test_the_response_is_the_analog_one(curve, rate):

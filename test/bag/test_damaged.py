@@ -111,6 +111,7 @@ CASES = [
 ]
 
 
+@pytest.mark.variants(2)
 @pytest.mark.parametrize("seed", CASES)
 def test_a_damaged_bag_is_read_or_refused(tmp_path, originals, bounded, seed):
     """Every reader and every recovery: a result or one line, within a gigabyte and ten seconds."""
@@ -148,6 +149,7 @@ def test_a_damaged_bag_is_read_or_refused(tmp_path, originals, bounded, seed):
     assert isinstance(result.exception, (SystemExit, type(None)))
 
 
+@pytest.mark.variants(4)
 @pytest.mark.parametrize("seed", CASES)
 def test_what_is_saved_was_recorded(tmp_path, originals, seed):
     """A cut or a blanked part: what comes back is byte by byte what was written, in its order."""

@@ -129,6 +129,7 @@ def test_a_recorder_may_be_killed_while_it_closes(tmp_path, killed_at, loaded, g
         shutil.rmtree(bag)
 
 
+@pytest.mark.variants(6)
 @pytest.mark.parametrize("partial", [None, 0, 3, 20_000, 60_000])
 @pytest.mark.parametrize("listed", [True, False])
 def test_what_older_versions_left_of_a_recovery_is_understood(tmp_path, partial, listed):

@@ -96,6 +96,7 @@ def require_told_and_mended(whole, folder, seed):
     shutil.rmtree(folder)
 
 
+@pytest.mark.variants(5)
 @pytest.mark.parametrize("seed", range(30))
 def test_no_damage_is_a_wrong_number(whole, tmp_path, seed):
     """Flipped bits, zeros, cuts and exchanged files are named, and their points made again."""

@@ -15,6 +15,7 @@ MASS, PRELOAD = "rig.follower.mass", "rig.follower.preload"
 PAIR = [{"inputs": [MASS, PRELOAD], "coefficient": 0.5}]
 
 
+@pytest.mark.variants(2)
 @pytest.mark.parametrize(
     ("points", "pairs", "lines"),
     [

@@ -62,6 +62,7 @@ def exact(campaign, wavelength, speed):
     return np.sort(found)
 
 
+@pytest.mark.variants(1)
 @pytest.mark.parametrize("wavelength", [TURN / 24.0, TURN / 17.3])
 def test_a_rigid_follower_loses_contact_where_the_formula_says(search, wavelength):
     """A wave that divides the turn and one that does not; of 120 draws one may lose the limit."""
@@ -75,6 +76,7 @@ def test_a_rigid_follower_loses_contact_where_the_formula_says(search, wavelengt
     assert found.evaluations < 3 * asked.campaign.total
 
 
+@pytest.mark.long
 def test_so_many_draws_keep_the_limit_with_it_and_not_with_more(search):
     """Counted one by one, on two masses: the amplitude found, and the next one tried."""
     asked = search(
@@ -117,6 +119,7 @@ def test_both_ends_of_the_amplitudes_are_said(search, rpm, outcome, end):
     assert (found.outcome, found.amplitude) == (outcome, asked.amplitudes[end])
 
 
+@pytest.mark.long
 def test_two_processes_find_the_same(search):
     """Digit for digit, in the order of the wavelengths."""
     asked = search()

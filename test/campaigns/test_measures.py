@@ -109,6 +109,7 @@ def test_unknown_measures_and_limits_are_refused():
         parse_measures(["jump_speed", "jump_speed"], "two_mass")
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_twenty_draws_agree_with_an_independent_integrator(study):
     """Contact holds 3e-4 below each jump speed, and is lost 3e-4 above it."""

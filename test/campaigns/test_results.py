@@ -76,6 +76,7 @@ def test_wide_shares_say_how_many_points_would_do():
     assert points_needed([InputShare("a", 0.8, 0.09, 0.8, 0.1)], 32) == 32
 
 
+@pytest.mark.long
 def test_first_order_counts_covariances(study, tmp_path):
     """Of Ω ~ √(preload/mass): where both rise together it stays nearly where it is."""
     mass, preload = "rig.follower.mass", "rig.follower.preload"
@@ -132,6 +133,7 @@ def test_shares_of_a_campaign(study, tmp_path):
     assert shares[preload].total < 0.02
 
 
+@pytest.mark.long
 def test_a_quantile_is_within_its_error_of_a_ten_times_larger_run(study, tmp_path):
     """The 1 % quantile, of random draws on a Latin hypercube."""
     mass, preload = "rig.follower.mass", "rig.follower.preload"

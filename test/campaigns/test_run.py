@@ -46,6 +46,7 @@ def alone(study, tmp_path_factory):
     return dataset
 
 
+@pytest.mark.long
 def test_some_points_fail_and_all_are_there(alone):
     """A mass that is normal with 60 % is sometimes below zero: a row with a reason."""
     found = columns(alone)
@@ -64,6 +65,7 @@ def test_a_point_is_the_same_after_any_other(alone):
         assert repr(rows.measures[0, 0]) == repr(np.float64(expected[point]))
 
 
+@pytest.mark.long
 def test_two_processes_make_the_same_rows(alone, tmp_path):
     """In whatever order they finish."""
     dataset = CampaignDataset(tmp_path, alone.campaign)
@@ -72,6 +74,7 @@ def test_two_processes_make_the_same_rows(alone, tmp_path):
     same(columns(alone), columns(dataset))
 
 
+@pytest.mark.long
 def test_a_cluster_that_loses_a_worker_makes_the_same_rows(alone, tmp_path):
     """Its nanny starts another, and the scheduler gives the work again: no row twice."""
     dataset = CampaignDataset(tmp_path, alone.campaign)

@@ -46,6 +46,7 @@ def exact_speed(point, duration):
     return brentq(run.lowest, found.low, found.high, xtol=1e-300, rtol=1e-14)
 
 
+@pytest.mark.variants(1)
 @pytest.mark.parametrize("duration", [1.7, None])
 def test_they_are_the_central_differences(study, duration):
     """To 1e-6, by Richardson's step of two differences; a wavelength moves joints and has none."""

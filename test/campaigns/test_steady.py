@@ -32,6 +32,7 @@ def forces_of(study, model, rpm, **base):
     return measured(study, *names, base=base)[1]
 
 
+@pytest.mark.variants(2)
 @pytest.mark.parametrize("model", ["two_mass", "elastic_stem"])
 @pytest.mark.parametrize("cam", ["poly345", "cycloidal", "bezier15"])
 def test_forces_in_contact_are_of_the_steady_state(study, model, cam):

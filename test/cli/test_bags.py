@@ -84,6 +84,7 @@ def test_recover_of_a_cut_bag(tmp_path):
     assert again.exit_code == 1 and "exists already, not overwriting" in again.stderr
 
 
+@pytest.mark.variants(2)
 @pytest.mark.parametrize("verb", ["analyze", "view", "replay"])
 @pytest.mark.parametrize("partial", [None, 20_000])
 def test_every_command_knows_of_a_mending_that_was_cut_off(tmp_path, verb, partial):

@@ -2,6 +2,7 @@
 
 from shutil import copytree
 
+import pytest
 from typer.testing import CliRunner
 
 from cam_rig.cli.main import app
@@ -19,6 +20,7 @@ def roles(scene):
     return {cam: loaded.role(cam) for cam in loaded.cams}
 
 
+@pytest.mark.long
 def test_a_calibration_holds_for_its_follower(tmp_path):
     """Another mass makes levels relative; a calibration ends that, until the next mass."""
     copytree(config_root(), tmp_path / "own")

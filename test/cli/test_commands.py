@@ -1,11 +1,12 @@
 """The command line: codes, one-line errors, JSON that programs can read."""
 
+import inspect
 import json
 
 import pytest
 from typer.testing import CliRunner
 
-from cam_rig.cli.main import app
+from cam_rig.cli.main import COMMANDS, app, command
 from cam_rig.schema.load import config_root
 
 SWEEP = str(config_root() / "scenes" / "tm21_sweep.yaml")
@@ -13,6 +14,13 @@ SWEEP = str(config_root() / "scenes" / "tm21_sweep.yaml")
 
 def call(*arguments):
     return CliRunner().invoke(app, [str(a) for a in arguments])
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_the_list_says_what_each_command_says_of_itself(name):
+    """The list is there without importing any of them."""
+    first, *_ = inspect.cleandoc(command(name).help).split("\n\n")
+    assert COMMANDS[name][1] == first.replace("\n", " ")
 
 
 def test_simulate_writes_the_promised_json():

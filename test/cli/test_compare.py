@@ -97,6 +97,7 @@ def test_of_several_cams_the_scene_needs_only_the_one_that_is_named(make_loaded_
     assert all(row["force_within_noise"] for row in rows)
 
 
+@pytest.mark.long
 def test_a_bench_s_bag_is_compared_by_its_topics(bench, tmp_path):
     """Agreement within the noise, what was done, all numbers in CSV, a picture and a recording."""
     bag, loaded = bench

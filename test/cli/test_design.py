@@ -74,6 +74,7 @@ def test_ctrl_c_keeps_the_best_law_so_far(tmp_path, monkeypatch):
     assert build_law(load_cam(tmp_path / "kept.yaml")).lift == pytest.approx(0.05, rel=1e-9)
 
 
+@pytest.mark.long
 def test_what_is_not_convex_says_local_and_has_no_bound(tmp_path):
     """In the table, in JSON and in the file; the picture has both laws."""
     out, plot = tmp_path / "easy.yaml", tmp_path / "easy.png"
@@ -109,6 +110,7 @@ def test_events_share_what_dwells_leave(tmp_path):
     assert len(build_law(load_cam(tmp_path / "moved.yaml")).spans) == 4 + 4 + 3
 
 
+@pytest.mark.long
 def test_ctrl_c_keeps_the_best_of_a_search(tmp_path, monkeypatch):
     """Interrupted after a first law of a search that is local: as of a convex one."""
     solve, laws = study.search_design, []

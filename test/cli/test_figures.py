@@ -92,7 +92,6 @@ CAMPAIGNS = {
 ELSEWHERE = {
     "noise": "test_noise.py",
     "factorial": "test_factorial.py",
-    "bench": "../plots/test_style.py",
     "fit rig": "test_fit_rig.py",
     "fit cam": "test_fit.py",
 }
@@ -149,6 +148,7 @@ def drawing_commands(commands, before=""):
             yield before + name
 
 
+@pytest.mark.variants(2)
 @pytest.mark.parametrize("case", CASES)
 def test_no_figure_is_faulty(case, own, tmp_path):
     """Nothing cut, nothing on another, 7 points at 170 mm, a true minus; TrueType in PDF."""
@@ -160,6 +160,7 @@ def test_no_figure_is_faulty(case, own, tmp_path):
     assert b"/Type3" not in data and b"/FontFile2" in data
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_no_figure_of_a_page_is_faulty(own, tmp_path):
     """Those of a scene's report, of the same cams."""
@@ -177,4 +178,4 @@ def test_every_command_that_draws_is_here():
     for name, file in ELSEWHERE.items():
         assert name in commands
         text = (config_root().parent / "test" / "cli" / file).read_text(encoding="utf-8")
-        assert "--plot" in text or "work_precision.figure" in text
+        assert "--plot" in text

@@ -139,6 +139,7 @@ def test_an_open_table_says_what_is_assumed(tmp_path):
     assert "no reading for" in refused.stderr
 
 
+@pytest.mark.variants(7)
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [

@@ -18,6 +18,7 @@ ROS = {"rclpy", "rosbags", "mcap"}
 FIGURES = {"matplotlib", "rerun", "jinja2", "shapely", "ezdxf"}
 
 
+@pytest.mark.variants(2)
 @pytest.mark.parametrize(
     ("words", "without"),
     [

@@ -45,6 +45,7 @@ def test_laws_for_people():
         assert f" {name} " in result.stderr
 
 
+@pytest.mark.variants(2)
 @pytest.mark.parametrize("suffix", ["png", "svg", "pdf"])
 def test_law_is_drawn(tmp_path, suffix):
     """A picture of each kind, and the peaks from roots beside it."""
@@ -57,6 +58,7 @@ def test_law_is_drawn(tmp_path, suffix):
     assert "90° C2" in result.stderr
 
 
+@pytest.mark.variants(2)
 @pytest.mark.parametrize("cam", ["worked_example_constant_velocity", "b_spline", "measured"])
 def test_odd_laws_are_drawn_too(tmp_path, cam):
     """Velocity jumps, control polygons, measured points."""
@@ -115,6 +117,7 @@ def test_a_csv_of_several_cams_holds_that_of_each(config_dir):
         ]
 
 
+@pytest.mark.variants(2)
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 import typer
 
-from cam_rig.cli.main import Commands
+from cam_rig.cli import main
 
 GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
 COMMAND = Path(sys.executable).with_name("cam-rig")
@@ -64,6 +64,7 @@ def lines(command: str, folder: Path, **how: Any) -> tuple[int, list[str]]:
     return done.returncode, [x for x in done.stderr.splitlines() if x.startswith("cam-rig: ")]
 
 
+@pytest.mark.variants(2)
 @pytest.mark.parametrize("unbuffered", ["", "1"])
 @pytest.mark.parametrize("what", PRINTED)
 def test_a_stdout_that_is_full(
@@ -83,10 +84,10 @@ def test_a_temporary_file_without_room(
 ) -> None:
     """Its error has no name either: the folder is named, not stdout, which takes all."""
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    app = typer.Typer(cls=Commands)
-    app.callback()(lambda: None)
+    alone = typer.Typer(pretty_exceptions_enable=False)
+    monkeypatch.setattr(main, "command", lambda _: typer.main.get_command(alone))
 
-    @app.command()
+    @alone.command()
     def fill() -> None:
         print("half a result")
         with tempfile.TemporaryFile(dir=tmp_path) as file:
@@ -97,7 +98,7 @@ def test_a_temporary_file_without_room(
     monkeypatch.setattr(sys, "stdout", sys.stdout)  # is put back
     try:
         with pytest.raises(SystemExit) as ended:
-            app(["fill"])
+            main.app(["laws"])
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert ended.value.code == 1

@@ -21,6 +21,7 @@ from cam_rig.cli.main import app
 COMMAND = (Path(sys.executable).parent / "cam-rig", "panel")
 
 
+@pytest.mark.variants(2)
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_it_serves_until_it_is_ended_and_leaves_no_process(number: signal.Signals) -> None:
     """One line and 128 + signal, however it is asked; its address answers no more."""

@@ -95,6 +95,7 @@ def test_what_cannot_exist_is_drawn_by_force_alone(undercut, tmp_path):
     assert plot.read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.variants(1)
 @pytest.mark.parametrize("size", [1, 10])
 def test_an_svg_keeps_the_tolerance_it_prints(tmp_path, size):
     """What is read is the contour to 0.01 µm, also of a cam ten times as large."""

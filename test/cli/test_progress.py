@@ -56,4 +56,4 @@ def test_times_and_sizes_in_words():
     assert [in_words(s) for s in (0.4, 90.0, 600.0, 7200.0, 5e6)] == [
         "0 s", "90 s", "10 min", "2 h", "58 d",
     ]  # fmt: skip
-    assert sized(2.1e6, 4.1e9) == ", 0.0021 of about 4.1 GB"
+    assert sized(2.1e6, 4.1e9) == "0.0021 of about 4.1 GB"

@@ -32,6 +32,7 @@ def test_there_are_many():
     assert ("fit", "cam") in {param.values[0] for param in OPTIONS}
 
 
+@pytest.mark.variants(24)
 @pytest.mark.parametrize(("path", "option"), OPTIONS)
 def test_an_option_that_stands_twice_is_refused(path, option, capsys):
     """In one line that names it, before any value is looked at."""

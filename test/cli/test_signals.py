@@ -125,6 +125,7 @@ def _marked(mark: str) -> Iterator[str]:
             continue
 
 
+@pytest.mark.variants(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("command", COMMANDS)
 @pytest.mark.parametrize("count", [1, pytest.param(200, marks=LONG)])

@@ -25,6 +25,7 @@ def site(tmp_path_factory):
     return folder
 
 
+@pytest.mark.long
 def test_every_page_is_in_the_menu(site):
     """README is the first page; each document and each room has one."""
     menu = (site / "index.html").read_text(encoding="utf-8")

@@ -79,6 +79,7 @@ MASSES = {"two_mass": "roller_mass", "torsional": "cam_inertia"}
 DAMPINGS = {"torsional": "shaft_damping"}
 
 
+@pytest.mark.variants(8)
 @pytest.mark.parametrize("name", list(MODELS))
 @pytest.mark.parametrize("value", [-1.3, 0.0, NAN, INF])
 def test_mass(paper_rig, name, value):

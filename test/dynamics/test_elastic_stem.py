@@ -103,6 +103,7 @@ def test_overdamped_states_against_fifty_digits(laws, damping):
     assert np.abs(got[1] - expected[1]).max() < 1e-12 * np.abs(expected[1]).max()
 
 
+@pytest.mark.variants(8)
 def test_uniform_samples_are_the_states(law, follower):
     """The matrix products give what the closed form gives, acceleration and force too."""
     model, start = response(law, follower, SPEED), np.array([1e-7, -1e-4])
@@ -114,6 +115,7 @@ def test_uniform_samples_are_the_states(law, follower):
     assert (np.abs(got[:, some] - expected) / size < 1e-11).all()
 
 
+@pytest.mark.variants(8)
 def test_the_equation_of_motion_holds(law, follower):
     """m ẍ + c ẋ + (k + k_stem) x = k_stem s with the sampled rows, to rounding of k_stem · lift."""
     times = np.linspace(0.01, 0.3, 500)

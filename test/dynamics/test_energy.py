@@ -64,6 +64,7 @@ class Account:
         return 0.5 * p.mass * v**2 + 0.5 * p.spring_stiffness * y**2 + p.preload * y
 
 
+@pytest.mark.variants(8)
 @pytest.mark.parametrize("name", ["poly345", "poly4567", "cycloidal", "bezier15"])
 @pytest.mark.parametrize("restitution", [0.0, 0.5, 0.9])
 @pytest.mark.parametrize("milliseconds", [110, 300, 333])

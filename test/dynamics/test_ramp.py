@@ -211,6 +211,7 @@ def test_first_lift_off_of_one_mass_along_a_ramp(laws):
     assert on.angle == pytest.approx(whole.angle_at(on.time), abs=1e-12)
 
 
+@pytest.mark.variants(4)
 @pytest.mark.parametrize(
     ("model", "p"),
     [

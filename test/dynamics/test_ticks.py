@@ -73,6 +73,7 @@ def felt(events):
 PAIRS = [pair for pair in itertools.product(CAMS, CASES) if pair not in CHAOTIC]
 
 
+@pytest.mark.variants(10)
 @pytest.mark.parametrize(("cam", "name"), PAIRS)
 def test_the_tick_does_not_enter(laws, paper_rig, cam, name):
     """Rows to 1e-10 of each row's size, the same landings at the same times.

@@ -98,6 +98,7 @@ def parameters(paper_rig):
     return of
 
 
+@pytest.mark.variants(7)
 @pytest.mark.parametrize("acceleration", [0.0, 40.0])
 @pytest.mark.parametrize("name", CASES)
 def test_late_turns_are_like_the_first(laws, parameters, name, acceleration):

@@ -53,6 +53,7 @@ def test_kinks_in_order_over_turns(edge):
     assert [k.step > 0 for k in found] == [False, False, True, True, False, False, True, True]
 
 
+@pytest.mark.variants(8)
 @pytest.mark.parametrize("turn", [0, 1, 1000])
 @pytest.mark.parametrize("joint", [0, 1, 3])
 @pytest.mark.parametrize("shift", [-1e-13, -1e-15, 0.0, 1e-15, 1e-13, 3e-10])

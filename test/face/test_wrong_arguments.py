@@ -71,6 +71,7 @@ def refuses_in_one_line(function, arguments):
         assert 0 < len(str(error)) < 12_000  # a path of 5000 characters is named
 
 
+@pytest.mark.variants(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["Law", *FUNCTIONS])
 def test_only_errors_of_the_rig_come_out(right, name, monkeypatch, tmp_path):

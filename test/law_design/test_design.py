@@ -170,6 +170,7 @@ def test_jump_speed_of_a_rigid_follower_with_sixteen_pieces() -> None:
     assert found.measures[1].active
 
 
+@pytest.mark.long
 def test_residual_vibration_over_a_range_of_speeds() -> None:
     """200 to 400 rpm, 24 pieces: below 0.6 µm at speeds between those of the program too.
 
@@ -204,6 +205,7 @@ def _left(law: Law, speed: float) -> float:
     return float(np.hypot(run.y[0, -1], run.y[1, -1] / rate))
 
 
+@pytest.mark.long
 def test_two_masses_from_rest_stay_on_by_an_independent_integration() -> None:
     """The law that is found keeps contact from rest just below its jump speed, by DOP853.
 
@@ -264,6 +266,7 @@ def test_a_start_that_breaks_a_limit_is_allowed() -> None:
     assert limit.active
 
 
+@pytest.mark.long
 def test_a_wider_class_is_bounded_above_every_law_of_a_narrower_one() -> None:
     """Eight pieces can do what four can: what the bound of eight excludes, none of four reaches."""
     limits = ["peak_acceleration<=75mm/rad^2"]
@@ -292,6 +295,7 @@ def test_what_is_not_proved_is_not_called_impossible() -> None:
         designed(limits=["peak_acceleration<=60mm/rad^2"], **words)  # type: ignore[arg-type]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("change", [{"lift": 5e-6}, {"damping": 0.0, "stem_damping": 0.0}])
 def test_hard_cases_of_two_masses_have_a_law_and_a_bound(change: dict[str, float]) -> None:
     """5 µm of lift jump at thousands of rpm; an undamped stem has resonances of no width."""

@@ -27,6 +27,7 @@ def test_periodic(law):
     np.testing.assert_allclose(law(ANGLES - 3 * TURN), law(ANGLES), rtol=0, atol=4 * tolerance)
 
 
+@pytest.mark.variants(20)
 @pytest.mark.parametrize("order", [1, 2, 3])
 def test_derivatives_against_differences(law, order):
     """Each derivative is the central difference of the one before it, away from joints."""

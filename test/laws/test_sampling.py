@@ -39,6 +39,7 @@ def assert_is_the_law(law, start, step, count):
         )
 
 
+@pytest.mark.variants(20)
 @pytest.mark.parametrize(
     ("start", "step", "count"),
     [
@@ -108,6 +109,7 @@ def test_parts_join(law):
     assert np.all(np.abs(whole[:, 1700:] - second) <= tolerance[:, None])
 
 
+@pytest.mark.variants(20)
 @pytest.mark.parametrize("per_turn", [7200, 7200.5, 4096, 2777.7])
 def test_many_turns_are_the_law(law, per_turn):
     """Turns of a whole number of samples are made together; each is the law all the same."""
@@ -128,6 +130,7 @@ def test_turns_alike_are_found(law):
     assert [len(train) for train in repeated(uneven)] == [4, 1]
 
 
+@pytest.mark.variants(20)
 @pytest.mark.parametrize("step", [8.7e-4, TURN / 7200])
 def test_samples_go_where_they_are_asked(law, step):
     """Rows of a larger block get what a new array would; its other rows stay as they are."""

@@ -212,6 +212,7 @@ def test_rig_time_goes_on_between_two_states(program):
     assert program.time_ns(70.5) is None
 
 
+@pytest.mark.variants(8)
 @pytest.mark.parametrize("seed", range(20))
 def test_rig_time_is_never_past_the_next_state(program, seed):
     """Under any commands, at any time: what is told between two states comes before the second."""

@@ -19,6 +19,7 @@ def test_this_machine_has_one() -> None:
     require_loopback()
 
 
+@pytest.mark.variants(2)
 @pytest.mark.skipif(
     subprocess.run([*ALONE, "true"], capture_output=True, check=False, timeout=60).returncode != 0,
     reason="no network namespace can be made here",

@@ -54,6 +54,7 @@ def shown(ticks, factor, rate, late=lambda: 0.0, settled=0):
     return np.array(found).T
 
 
+@pytest.mark.variants(6)
 @pytest.mark.parametrize("seed", range(16))
 def test_a_speed_is_shown_evenly_a_tick_behind(seed):
     """Any speed, division, factor and rate, ticks up to 15 ms late: a message every period, whose

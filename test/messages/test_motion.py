@@ -32,6 +32,7 @@ def ticks_of(law, follower, rpm, ticks_per_turn, sample_rate, turns=1):
         before = state
 
 
+@pytest.mark.variants(8)
 @pytest.mark.parametrize("seed", range(40))
 def test_instants_are_in_order_within_their_tick_and_hold_its_peaks(laws, follower, seed):
     """Any law, speed, division, number and sample rate."""

@@ -24,6 +24,7 @@ print(json.dumps(sorted(set(module.partition(".")[0] for module in sys.modules))
 """
 
 
+@pytest.mark.variants(2)
 @pytest.mark.parametrize("name", NODES)
 def test_a_node_imports_what_it_needs(name):
     """Started by `ros2 run`, a launch file or the runner."""

@@ -77,6 +77,7 @@ def namespaced(tmp_path):
     return make
 
 
+@pytest.mark.variants(2)
 @pytest.mark.starts
 @pytest.mark.parametrize("length", [201, 245, 255])
 def test_a_namespace_that_is_too_long_ends_a_node_in_words(ros_domain, length):

@@ -48,6 +48,7 @@ def test_killed_nodes_are_started_again_and_leave_no_trace(
     assert (rig.unused() - before) & names == set()
 
 
+@pytest.mark.long
 def test_a_recorder_killed_after_the_drives_end_changes_no_message(
     ros_domain, rig, short_scene, undisturbed, tmp_path
 ):

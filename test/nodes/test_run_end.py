@@ -74,6 +74,7 @@ def test_five_nodes_alone_end_with_the_run_and_leave_a_closed_bag(
     assert lines(nodes[RECORDER])[-1].startswith(f"closed {tmp_path / 'bag'}: {rig.ticks + 1} sta")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("drive", ["that stays", "started anew"])
 def test_nodes_that_stay_do_another_run_into_another_bag(
     user, start, rig, wait_for, undisturbed, tmp_path, drive
@@ -122,6 +123,7 @@ def test_nodes_that_wait_say_so_on_diagnostics(user, start, wait_for):
         assert last > first > 1e9
 
 
+@pytest.mark.variants(1)
 @pytest.mark.parametrize("how", ["stopped", "no answer"])
 def test_a_drive_that_ends_early_says_why_and_the_bag_is_closed(
     user, start, wait_for, tmp_path, how

@@ -151,6 +151,7 @@ def node_alone(name, scene, folder):
     return NodeProcess(name, {"scene": str(scene), **more}, False, lambda _line: None)
 
 
+@pytest.mark.variants(3)
 @pytest.mark.parametrize("name", HEARS)
 def test_what_cannot_be_right_ends_no_node(user, short_scene, tmp_path, wait_for, name):
     """Malformed, impossible, huge, from the past: the node warns of it, goes on, ends in order."""

@@ -27,6 +27,7 @@ def test_positions_touch_the_contour(law: Law, cams: dict[str, CamConfig]) -> No
             assert gap < 0.02
 
 
+@pytest.mark.variants(2)
 @pytest.mark.parametrize(
     "name", ["flat", "oscillating_point", "conjugate", "oscillating_conjugate"]
 )
@@ -39,6 +40,7 @@ def test_each_kind_is_drawn(
     assert (tmp_path / "a.png").stat().st_size > 50_000
 
 
+@pytest.mark.variants(2)
 @pytest.mark.parametrize("count", [3, 10, 37])
 def test_as_many_positions_as_asked_for(
     count: int, cams: dict[str, CamConfig], laws: dict[str, Law]

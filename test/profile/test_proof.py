@@ -26,11 +26,13 @@ def assert_rests_on_the_law(made, angles):
         np.testing.assert_allclose(lift, made.law(angles), rtol=0, atol=1e-9 * made.law.lift)
 
 
+@pytest.mark.variants(6)
 def test_follower_rests_where_the_law_says(made, angles):
     """Each kind, both elements of a frame, both cams of a pair: s(θ) to 1e-9 of the lift."""
     assert_rests_on_the_law(made, angles)
 
 
+@pytest.mark.variants(9)
 def test_shipped_cams_lift_as_their_laws_say(law, cams, angles):
     """The same for every cam of config/cams."""
     assert_rests_on_the_law(Made(cams[law.name], law), angles)
@@ -53,6 +55,7 @@ def outline_of(element, s, angle):
     return LineString(in_cam_frame(stand + along * np.array([-0.3, 0.3]), angle)), 0.0
 
 
+@pytest.mark.variants(13)
 @pytest.mark.parametrize("step", [0.0, 1e-6])
 def test_follower_touches_the_cam_and_does_not_enter_it(made, step):
     """By shapely on a polygon: at s it touches; a micrometre out of the cam it does not."""

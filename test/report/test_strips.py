@@ -29,6 +29,7 @@ def pixels(path: Path) -> np.ndarray:
     return np.asarray(Image.open(path).convert("L"), dtype=int)
 
 
+@pytest.mark.variants(2)
 @pytest.mark.parametrize("rows", [1, 2, 5, 12])
 def test_strips_make_up_the_figure(rows: int, tmp_path: Path) -> None:
     """They lie on each other from the top to the foot, and each is as high as its panels need."""

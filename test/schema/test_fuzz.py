@@ -63,6 +63,7 @@ def paths_in(data, here=()):
             yield (*here, key)
 
 
+@pytest.mark.variants(2)
 @given(choice=st.data())
 @pytest.mark.parametrize("name", LOADERS)
 def test_a_shipped_file_with_one_thing_changed(tmp_path, name, choice):
@@ -110,6 +111,7 @@ def require_bounded(kind, cases, seed):
     assert found["memory_mb"] < 1000.0
 
 
+@pytest.mark.variants(1)
 @pytest.mark.parametrize("kind", ["yaml", "csv"])
 def test_hostile_files(kind):
     """Too long, too deep, too many, of another kind, or a shipped one with something else in it."""

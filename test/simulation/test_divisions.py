@@ -88,6 +88,7 @@ def assert_equal(found, levels):
         assert found[cam] == pytest.approx(steps, rel=0, abs=1e-9)
 
 
+@pytest.mark.variants(3)
 @pytest.mark.parametrize("seed", range(20))
 def test_any_division_gives_the_same_levels(divided, seed):
     """Laws, rigs, models, speeds, rates, steps and ramps drawn at random: equal to 1e-9 dB.

@@ -15,6 +15,7 @@ def test_the_example_is_true():
     assert doctest.testmod(encoder, extraglobs={"np": np}).failed == 0
 
 
+@pytest.mark.variants(8)
 @pytest.mark.parametrize("seed", range(40))
 def test_the_count_is_found(seed):
     """Of any encoder, at any speed, read at even times or not; some counts may be passed over."""

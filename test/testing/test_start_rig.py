@@ -91,6 +91,7 @@ def test_the_page_s_example_runs(pytester):
     done.assert_outcomes(passed=len(re.findall(r"^def test_", example, re.M)))
 
 
+@pytest.mark.long
 def test_nothing_is_left_whatever_a_test_does(pytester):
     """A failing test, a node killed unnoticed: both reported, and no process of theirs remains."""
     pytester.makepyfile(

@@ -126,6 +126,7 @@ def test_the_cursor_begins_where_the_run_is_played_from(
     assert np.diff(shown).max() > 0.5 * end
 
 
+@pytest.mark.long
 def test_a_page_at_rest_takes_up_one_run_after_the_other(chromium: Browser, bag: SmallBag) -> None:
     """Opened before there is any; it draws nothing meanwhile, and is told of each by name."""
     page, shown = new_page(chromium), re.compile(r"/shown\?ns=\d")

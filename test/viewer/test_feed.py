@@ -43,6 +43,7 @@ def echoed(calls: list[Callable[[], None]]) -> list[Callable[[], None]]:
     return [call for i in range(0, len(calls), 3) for call in 2 * calls[i : i + 3]]
 
 
+@pytest.mark.variants(8)
 @pytest.mark.parametrize("republished", [False, True])
 @pytest.mark.parametrize("seed", range(8))
 def test_any_order_of_topics_gives_the_ticks_in_order(

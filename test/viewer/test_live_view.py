@@ -207,6 +207,7 @@ def test_the_window_holds_two_ticks() -> None:
     assert live_window(2.0) == 4.0
 
 
+@pytest.mark.long
 def test_a_picture_that_nobody_takes_holds_nobody_up(
     bag: SmallBag, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -127,6 +127,7 @@ def straight(tmp_path_factory, loaded, golden):
     return contents(bag)
 
 
+@pytest.mark.variants(2)
 @pytest.mark.parametrize("part", [0.02, 0.4, 0.9])
 def test_a_recorder_takes_over_from_a_killed_one(tmp_path, loaded, golden, straight, part):
     """What the truncated file lacks comes from the histories; the bag is the undisturbed one."""

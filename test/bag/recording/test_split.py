@@ -66,6 +66,7 @@ def split(tmp_path_factory, loaded, golden, request):
     return bag
 
 
+@pytest.mark.variants(1)
 def test_the_files_read_as_one(whole, split):
     """Analysis, samples, replay and comparison find what they find in one file.
 

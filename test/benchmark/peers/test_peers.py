@@ -21,6 +21,7 @@ SOLVED = [
 ]
 
 
+@pytest.mark.variants(12)
 @pytest.mark.parametrize("title", ["DOP853", "CVODE BDF", "CVODE Adams", "LSODA"])
 @pytest.mark.parametrize(("name", "turns", "limit"), SOLVED)
 def test_a_peer_comes_to_the_reference(cases, title, name, turns, limit):

@@ -70,6 +70,7 @@ def random_runs(laws, seed):
     return law, one, two, Interval(0, length, angle, speed, acceleration)
 
 
+@pytest.mark.variants(3)
 @pytest.mark.parametrize("seed", range(24))
 def test_the_bits_are_the_same(laws, monkeypatch, seed):
     """Events, samples and the state at the end of both models."""

@@ -8,6 +8,7 @@ from cam_rig.dynamics.events.polynomials import NONE, fall
 from cam_rig.laws import bernstein
 
 
+@pytest.mark.variants(8)
 @pytest.mark.parametrize("seed", range(40))
 def test_a_fall_is_the_first(seed):
     """Of a polynomial, against a fine scan; one that stays above has none."""

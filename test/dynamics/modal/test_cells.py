@@ -68,6 +68,7 @@ def forces(law, rig, speed, duration, times):
     return (output.state @ states + output.law @ motion + output.constant[:, None])[0]
 
 
+@pytest.mark.variants(8)
 @pytest.mark.parametrize("rest", [True, False])
 @pytest.mark.parametrize(("count", "damping"), CASES)
 def test_least_is_the_exhaustive_minimum(count, damping, rest):
@@ -136,6 +137,7 @@ def test_the_batch_leaves_where_the_walk_does(count):
     assert left
 
 
+@pytest.mark.variants(2)
 @pytest.mark.parametrize("seed", [133, 232, 257])
 def test_where_a_part_ends_nothing_leaves(seed):
     """Just below the jump speed each part's end is passed, however its time is rounded.

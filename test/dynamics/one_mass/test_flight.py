@@ -38,6 +38,7 @@ def exact(p, time):
         return float(y + rest), float(v)
 
 
+@pytest.mark.variants(8)
 @pytest.mark.parametrize("time", TIMES)
 def test_state_against_fifty_digits(flight, time):
     """Displacement and velocity to 1e-12 of their first values, however strong the damper."""

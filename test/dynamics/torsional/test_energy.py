@@ -53,6 +53,7 @@ def burnt(motion, times):
     return p.shaft_damping * twist_rate**2 + p.follower.damping * velocity**2
 
 
+@pytest.mark.variants(8)
 def test_energy_balance(law, shaft):
     """What the flywheel of fixed speed gives is stored or burnt, to 1e-11 of what flows."""
     duration = 2.3 * TURN / SPEED
@@ -65,6 +66,7 @@ def test_energy_balance(law, shaft):
     assert given == pytest.approx(change + lost, abs=1e-11 * flows)
 
 
+@pytest.mark.variants(8)
 @pytest.mark.parametrize("speed", [0.0, 3.0])
 def test_the_balance_holds_without_damping(law, follower, speed):
     """No damper: what is stored changes by the flywheel's work alone, turning back too."""

@@ -47,6 +47,7 @@ def turn_of(law, p, speed=SPEED):
     return solve(law, driven, start, 0.0, TURN / speed)
 
 
+@pytest.mark.variants(8)
 def test_the_flywheel_feels_the_cam(law, shaft):
     """Momentum of both inertias changes by the motor's torque less the follower's, F s'."""
     p = dataclasses.replace(shaft, motor_torque=2.0)
@@ -130,6 +131,7 @@ def by_energy(law, p, motion, times):
     return np.sqrt(2.0 * (energy - stored) / inertia)
 
 
+@pytest.mark.variants(2)
 @pytest.mark.parametrize(
     ("inertia", "stiffness", "error"), [(0.2, 1e7, 2e-5), (0.02, 1e7, 2e-5), (1e-5, 5e3, 1e-3)]
 )

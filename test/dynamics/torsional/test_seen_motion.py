@@ -43,6 +43,7 @@ def test_joints_are_met(laws, shaft):
     assert np.abs(expected).max() > 5.0
 
 
+@pytest.mark.variants(8)
 def test_rows_obey_the_equation(law, shaft):
     """Rates are those of the values, and θ̈_c closes eq. 10 with the contact force."""
     motion = solve(law, shaft, REST, 2.0, 0.2)
@@ -91,6 +92,7 @@ def test_times_outside(laws, shaft, times):
         motion.at(times)
 
 
+@pytest.mark.variants(8)
 @pytest.mark.parametrize("speed", [SPEED, -SPEED, 3.0])
 def test_periodic_state_returns(law, shaft, speed):
     """After one turn it is back, to 1e-11 of the peak twist, and where it is on the turn."""

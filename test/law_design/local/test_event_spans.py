@@ -59,6 +59,7 @@ def test_spans_go_with_the_root_of_what_each_event_rises(tmp_path: Path) -> None
     assert found.spans_bound <= found.goal.result <= found.spans_bound * 1.002
 
 
+@pytest.mark.long
 def test_a_limit_on_a_span_holds_and_dwells_give_way() -> None:
     """Events that keep their middles: the fall as wide as its limit allows, 4h/β²."""
     widest = 109.5
@@ -74,6 +75,7 @@ def test_a_limit_on_a_span_holds_and_dwells_give_way() -> None:
     assert middles == pytest.approx(np.radians([60.0, 180.0, 300.0]), abs=1e-6)
 
 
+@pytest.mark.long
 def test_limits_of_the_start_are_those_of_its_own_events() -> None:
     """Peak velocity at no more than the start's peak acceleration: lower than with its events."""
     limits = ["peak_acceleration<=start"]
@@ -87,6 +89,7 @@ def test_limits_of_the_start_are_those_of_its_own_events() -> None:
     assert abs(peak(moved.law, 2).value) <= allowed * (1.0 + 1e-6)
 
 
+@pytest.mark.long
 def test_the_same_seed_gives_the_same_file() -> None:
     """Byte for byte; the file says that its events were found."""
     words: dict[str, Any] = {"minimise": "peak_acceleration", "starts": 2}

@@ -39,6 +39,7 @@ def some_law(term: PointwiseTerm, seed: int) -> FloatArray:
     return space.joined(np.concatenate(found))
 
 
+@pytest.mark.variants(8)
 @pytest.mark.parametrize("name", CAMS)
 @pytest.mark.parametrize("text", [*QUANTITIES, "radius_of_curvature"])
 def test_rows_are_exact_at_a_law_and_have_its_slopes(name: str, text: str) -> None:

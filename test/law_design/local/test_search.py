@@ -115,6 +115,7 @@ def test_one_free_ordinate_is_as_good_as_a_scan(tmp_path: Path) -> None:
     assert found.goal.result >= best * (1.0 - 2e-3)  # the scan's own grid
 
 
+@pytest.mark.variants(2)
 @pytest.mark.parametrize(
     ("name", "goal", "limits"),
     [
@@ -150,6 +151,7 @@ def test_the_written_cam_keeps_its_limits(
             assert (over if measure.sense == "<=" else -over) <= 1e-6 * abs(measure.limit)
 
 
+@pytest.mark.variants(2)
 @pytest.mark.parametrize("seed", range(4))
 def test_random_cams_and_rigs(seed: int, tmp_path: Path) -> None:
     """Any lift, base, follower, rig and speed: better than the start's fit, with its limits."""
@@ -222,6 +224,7 @@ def test_a_convex_goal_under_a_limit_that_does_not_bind_is_the_convex_best() -> 
     assert found.goal.bound is None
 
 
+@pytest.mark.long
 def test_the_jump_speed_of_a_rigid_mass_under_a_limit_on_the_radius() -> None:
     """The limit costs speed, so its result is below the bound without it, and above the start."""
     law_class, limits = LawClass(8, 3), ["peak_acceleration<=start"]

@@ -48,6 +48,7 @@ def test_above_it_is_what_the_microphone_of_a_run_measures(rpm: float) -> None:
     assert level == pytest.approx(cam_rig.sound_level(motion).level_db, abs=0.02)
 
 
+@pytest.mark.long
 def test_a_search_is_quieter_than_the_best_law_that_no_landing_counts_for() -> None:
     """At 500 rpm, beyond every jump speed: than the start, and than the convex level's optimum."""
     goal, limits = "sound_level_with_jumps@500rpm", ["peak_acceleration<=start"]

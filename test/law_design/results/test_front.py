@@ -76,6 +76,7 @@ def test_a_front_over_spans_has_no_other_spans() -> None:
         front(CAM, RIG, request, parse_second("event_angle@1"), 4)
 
 
+@pytest.mark.long
 def test_a_front_of_what_is_not_convex_has_no_bounds() -> None:
     """Torque against peak acceleration: falling, and called local."""
     request = DesignRequest.of(

@@ -64,6 +64,7 @@ def coverage(shape, followers, copies):
     return np.array(held, dtype=float).mean(axis=0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("shape", "followers"), [("straight", "roller"), ("concave", "both")])
 def test_a_few_copies(shape, followers):
     """4 copies: of no number do two intervals miss the truth (once in 70 cases by chance)."""

@@ -144,6 +144,7 @@ def test_what_cannot_be_told_is_a_null_direction():
     assert nothing == pytest.approx([1.0, 0.0, 1.0, 1.0, 0.0, -1.0], abs=1e-5)
 
 
+@pytest.mark.variants(2)
 @pytest.mark.parametrize(
     ("seed", "kinds"), [(0, (None, None)), (1, (False, True)), (3, (False, True))]
 )
@@ -191,6 +192,7 @@ def test_a_point_tells_all():
     assert fit.cannot_tell == ()
 
 
+@pytest.mark.long
 def test_the_errors_are_those_of_repeated_readings():
     """10 sets of readings with 20 µm: off by one standard error, r.m.s. over sets and numbers."""
     arcs = random_arcs(3)

@@ -93,6 +93,7 @@ def test_a_stretch_without_readings_is_found():
 LAWS = ["poly345", "cycloidal", "arcs_convex", "bezier15", "tm21", "modified_trapezoid"]
 
 
+@pytest.mark.variants(8)
 @pytest.mark.parametrize("name", LAWS)
 @pytest.mark.parametrize("count", [72, 360])
 @pytest.mark.parametrize("seed", range(3))
@@ -112,6 +113,7 @@ def test_a_slip_among_readings_every_10_deg(measured, name):
     assert [outlier.line for outlier in found.outliers] == [9]
 
 
+@pytest.mark.variants(8)
 @pytest.mark.parametrize("name", LAWS)
 @pytest.mark.parametrize("count", [36, 72, 120, 360])
 def test_good_readings_are_kept(measured, name, count):

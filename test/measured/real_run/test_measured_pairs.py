@@ -30,6 +30,7 @@ def scene(make_loaded_scene):
     return make
 
 
+@pytest.mark.variants(2)
 @pytest.mark.parametrize(
     ("cam", "speeds", "seed"),
     [

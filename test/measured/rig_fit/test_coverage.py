@@ -21,6 +21,7 @@ from .machines import NOISES, coverage, kind_of, scores_of
 MACHINES = 200
 
 
+@pytest.mark.long
 def test_intervals_of_a_dozen_machines_hold_the_truth():
     """In contact up to just below the jump, each noise four times: 95 %, but for chance.
 

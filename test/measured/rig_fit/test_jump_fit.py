@@ -45,6 +45,7 @@ def test_exact_speeds_give_the_numbers_back(law, rig):
     assert found["restitution"] is None
 
 
+@pytest.mark.long
 def test_intervals_hold_the_truth(law, rig):
     """Readings off by 0.5 rpm, said to be: 20 tables with damping given."""
     inside = 0
@@ -73,6 +74,7 @@ def test_too_few_readings_are_refused(law, rig):
         fit_jumps(law, few, rig)
 
 
+@pytest.mark.long
 def test_an_outlier_is_named(law, rig):
     """One reading 30 rpm off: its line."""
     read = table(law, noise=0.3 * RPM)
@@ -101,6 +103,7 @@ def test_a_number_beyond_a_follower_s_is_refused(law, rig):
         fit_jumps(law, replace(read, readings=wrong), rig)
 
 
+@pytest.mark.long
 def test_equal_set_ups_are_solved_once(law, rig, monkeypatch):
     """A thousand readings of each of nine set-ups: as many solutions as of one of each.
 

@@ -98,6 +98,7 @@ def test_a_follower_that_never_leaves_tells_no_restitution(law, rig):
     assert "rigid stem" in numbers(fit)["stem_stiffness"].reason
 
 
+@pytest.mark.long
 def test_lifts_alone_tell_ratios_to_the_mass(law, rig):
     """Free flight knows k/m, c/m and preload/m, not m; with a given mass all follow."""
     other = rig.with_follower(restitution=0.3)
@@ -128,6 +129,7 @@ def test_a_backlash_is_fitted_with(law, rig):
     assert any("backlash" in words for words in rig_conclusions(fit))
 
 
+@pytest.mark.long
 def test_a_force_sensor_s_resonance_is_no_stem(law, rig):
     """300 Hz, 2 % damped: named as the sensor's, and the numbers are those of one mass."""
     errors = InstrumentErrors(sensor_frequency=300.0)
@@ -149,6 +151,7 @@ def test_a_stem_shows_in_the_force(law, rig):
     assert max(map(abs, found.values())) < 4.0
 
 
+@pytest.mark.long
 def test_a_stem_that_leaves_a_cam_of_arcs():
     """Steps of acceleration ring the stem: it leaves the cam at 0.7 of the rigid jump speed.
 
@@ -164,6 +167,7 @@ def test_a_stem_that_leaves_a_cam_of_arcs():
     assert max(map(abs, found.values())) < 4.0, found
 
 
+@pytest.mark.long
 def test_a_load_cell_off_zero_gives_no_preload_with_a_stem():
     """In flights it shows what it is off by; all other numbers are as they would be."""
     law = cam_rig.build_law(cam_rig.load_cam("arcs_straight"))
@@ -212,6 +216,7 @@ def test_a_force_alone_finds_the_encoder_s_zero(law, rig):
     assert max(map(abs, scores(fit, rig).values())) < 4.0
 
 
+@pytest.mark.long
 def test_flights_tell_the_zero_of_the_load_cell(law, rig):
     """In flight there is no force: what the sensor shows is its zero, and not preload."""
     run = measured_run(law, rig.with_follower(restitution=0.3), "one_mass", WITH_FLIGHTS, seed=4)
@@ -259,6 +264,7 @@ def test_a_stem_s_numbers_need_a_stem(law, rig):
     assert numbers(fit)["stem_stiffness"].value is not None
 
 
+@pytest.mark.variants(1)
 @pytest.mark.parametrize("seed", [1, 2])
 def test_lifts_of_two_flying_speeds_tell_a_rig_far_from_the_first_guess(seed):
     """Every number half as large or half more: each that is told holds the truth."""
@@ -287,6 +293,7 @@ def test_one_speed_on_the_cam_is_enough_beside_those_that_fly():
     assert max(map(abs, scores(fit, other).values())) < 4.0
 
 
+@pytest.mark.long
 def test_lifts_of_one_flying_speed_tell_nothing(law, rig):
     """Several followers fly alike: none is told, and what to measure is."""
     run = replace(measured_run(law, rig, "one_mass", WITH_FLIGHTS, seed=4), force=None)

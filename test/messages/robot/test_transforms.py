@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import pytest
 from scipy.spatial.transform import Rotation
 
 from cam_rig.messages.frames import CAM, FOLLOWER, Robot
@@ -30,6 +31,7 @@ def matrices(message: Any) -> dict[tuple[str, str], Any]:
     return found
 
 
+@pytest.mark.variants(5)
 def test_moving_links_are_where_the_urdf_puts_them(robot: Robot, read: Read) -> None:
     """At random angles, over many turns, and lifts: to 1e-11, stamped with their instants."""
     random, count = np.random.default_rng(7), 50

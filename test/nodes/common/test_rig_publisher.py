@@ -44,6 +44,7 @@ def take(node, topic, payloads):
         (node._on_law if topic is topics.LAW_COEFFICIENTS else node._on_state)(message)
 
 
+@pytest.mark.variants(2)
 @pytest.mark.parametrize("seed", range(3))
 def test_no_tick_is_lost(make, hold_up, undisturbed, seed):
     """The follower publishes every tick's samples, though half of the tries fail."""

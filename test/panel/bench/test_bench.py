@@ -49,6 +49,7 @@ def is_alive(pid: int) -> bool:
         return False
 
 
+@pytest.mark.long
 def test_a_page_turns_the_rig_and_so_does_anybody_else(
     running_panel: RunningPanel, ros_domain: int
 ) -> None:
@@ -96,6 +97,7 @@ def test_a_noted_level_is_the_exact_one(running_panel: RunningPanel) -> None:
     assert row.startswith("poly345,two_mass,350.0,")
 
 
+@pytest.mark.long
 def test_another_set_up_is_another_run_and_its_bag_is_kept(running_panel: RunningPanel) -> None:
     """The kept bag holds the chosen numbers and every tick up to where it was closed."""
     with running_panel.page() as page:
@@ -212,6 +214,7 @@ def test_nonsense_is_refused_and_changes_nothing(running_panel: RunningPanel) ->
         assert page.running()["setup"] == setup
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("wait", [0.1, 0.4, 1.0])
 def test_a_signal_while_the_rig_is_set_up_ends_the_panel(
     running_panel: RunningPanel, wait: float
@@ -226,6 +229,7 @@ def test_a_signal_while_the_rig_is_set_up_ends_the_panel(
     wait_until(lambda: not any(map(is_alive, nodes.values())))
 
 
+@pytest.mark.long
 def test_what_is_drawn_is_put_on_the_bench(running_panel: RunningPanel) -> None:
     """The law that turns is the one of the handles; drawn again, it is another cam."""
     host = urlsplit(running_panel.address).netloc
@@ -253,6 +257,7 @@ def test_what_is_drawn_is_put_on_the_bench(running_panel: RunningPanel) -> None:
     assert "ordinates: allowed" in json.loads(answer)["words"]
 
 
+@pytest.mark.long
 def test_a_run_that_fails_leaves_its_bag(running_panel: RunningPanel, ros_domain: int) -> None:
     """A second publisher on a topic of the rig ends it; what was recorded is named, and stays."""
     with running_panel.page() as page:

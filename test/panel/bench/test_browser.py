@@ -95,6 +95,7 @@ def test_the_knob_turns_the_cam_and_is_turned(bench: BenchInBrowser, ros_domain:
     bench.wait(lambda: bench.knob() == 333.0 and bench.value("rpm") == "333")
 
 
+@pytest.mark.long
 def test_levels_are_noted_and_drawn(bench: BenchInBrowser, running_panel: RunningPanel) -> None:
     """A marker a reading; above the jump speed it is full, and the lamp was lit."""
     law, rig = cam_rig.build_law(cam_rig.load_cam("poly345")), cam_rig.load_rig("paper_table2")
@@ -115,6 +116,7 @@ def test_levels_are_noted_and_drawn(bench: BenchInBrowser, running_panel: Runnin
     assert len(contact) == len(fills)
 
 
+@pytest.mark.long
 def test_a_killed_node_is_named_and_started_by_a_button(
     bench: BenchInBrowser, running_panel: RunningPanel
 ) -> None:
@@ -132,6 +134,7 @@ def test_a_killed_node_is_named_and_started_by_a_button(
     bench.wait(lambda: bench.text("speed") == "260")
 
 
+@pytest.mark.long
 def test_a_narrow_page_has_all_of_it(bench: BenchInBrowser) -> None:
     """400 px wide, nothing beside the page; every control has a name."""
     bench.page.set_viewport_size({"width": 400, "height": 800})

@@ -54,6 +54,7 @@ def test_the_bench_begins_with_the_follower_of_the_board(name: str) -> None:
     assert (model == "two_mass") == (described(follower_of(rig)) == TWO_MASSES)
 
 
+@pytest.mark.variants(8)
 @pytest.mark.parametrize("name", CAM_NAMES)
 def test_every_cam_can_be_put_among_the_benchs_own(name: str, tmp_path: Path) -> None:
     """Its law is the same number by number, one of a table too."""

@@ -62,6 +62,7 @@ def designing() -> list[str]:
     return [number for number, line in lines.items() if MODULE.encode() in line]
 
 
+@pytest.mark.long
 def test_a_design_is_told_as_it_grows_and_written(
     board: Board, address: str, headers: dict[str, str], page: ClientConnection
 ) -> None:

@@ -46,6 +46,7 @@ def drawn(request: pytest.FixtureRequest) -> DrawnLaw:
     return DrawnLaw.of(load_cam(CONFIG / "cams" / f"{request.param}.yaml"))
 
 
+@pytest.mark.variants(8)
 def test_the_start_is_the_cams_law(drawn: DrawnLaw) -> None:
     """With its own ordinates the drawn law is the one that the core builds."""
     law = build_law(drawn.start.cam)
@@ -54,6 +55,7 @@ def test_the_start_is_the_cams_law(drawn: DrawnLaw) -> None:
     assert np.abs(found.ordinates - law.ordinates).max() <= SAME * law.lift
 
 
+@pytest.mark.variants(8)
 def test_the_table_gives_the_law_at_any_ordinates(drawn: DrawnLaw) -> None:
     """s to s''' by the table are the core's; one ordinate off by 1e-6 shows."""
     ordinates = moved(drawn)
@@ -66,6 +68,7 @@ def test_the_table_gives_the_law_at_any_ordinates(drawn: DrawnLaw) -> None:
     assert (off > 1e3 * SAME).all()
 
 
+@pytest.mark.variants(8)
 def test_moved_ordinates_leave_dwells_and_joints_as_smooth_as_they_were(drawn: DrawnLaw) -> None:
     """What a page may move cannot tear the law, nor make its velocity jump."""
     before = {joint.angle: joint.continuity for joint in joints(drawn.start.law)}
@@ -74,6 +77,7 @@ def test_moved_ordinates_leave_dwells_and_joints_as_smooth_as_they_were(drawn: D
     assert all(after[angle] >= min(before[angle], 3) for angle in before)
 
 
+@pytest.mark.variants(8)
 def test_a_handle_is_where_its_ordinate_pulls(drawn: DrawnLaw) -> None:
     """Moving an ordinate moves the lift at its handle, the same way."""
     step = np.round(np.array([h.angle for h in drawn.handles]) / table_angles()[1]).astype(int)
@@ -108,6 +112,7 @@ def test_a_law_whose_ordinates_are_all_fixed_has_more_of_them() -> None:
 POLYNOMIAL = [name for name in CAM_NAMES if build_law(load(name)).degree <= MAX_B_SPLINE_DEGREE]
 
 
+@pytest.mark.variants(8)
 @pytest.mark.parametrize("name", POLYNOMIAL)
 def test_a_law_of_polynomials_is_drawn_exactly(name: str) -> None:
     """Knots between take nothing from a polynomial: its derivatives are the file's to rounding."""

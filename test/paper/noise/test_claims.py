@@ -45,6 +45,7 @@ def test_what_fails_says_at_which_speeds():
     assert against_conventional.fails_rpm["points"] == (340.0, 400.0)
 
 
+@pytest.mark.variants(8)
 @pytest.mark.parametrize("seed", range(20))
 def test_counts_and_speeds_agree(seed):
     """Random levels: where all cases hold nothing is against, else something is."""

@@ -48,6 +48,7 @@ def test_a_scene_without_the_parts_is_refused(make_loaded_scene):
         NoiseSetup.of(make_loaded_scene())
 
 
+@pytest.mark.long
 def test_targets(methods):
     """By every way: 3-4-5 and Bézier 15 within 0.8 dB, the TM21 cam within 1.5 dB."""
     for method in methods:
@@ -110,6 +111,7 @@ def test_refitting_comes_nearer_as_regressions(methods):
     assert filed.rms_db < refitted.rms_db
 
 
+@pytest.mark.long
 def test_each_cam_left_out(study):
     """Constants from any two cams are much the same, and hold for the third."""
     rows = leave_one_out(study)

@@ -30,6 +30,7 @@ def test_harmonics_through_the_low_pass_are_the_steady_response(laws, follower, 
         np.testing.assert_allclose(power, exact, rtol=1e-3)
 
 
+@pytest.mark.long
 def test_the_low_pass_predicts_best():
     """More constants fit the cam they see better, and the cam they do not see worse; an A-weighted
     level of this sound could not have had the published shape."""

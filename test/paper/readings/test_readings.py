@@ -157,6 +157,7 @@ def test_tables_of_the_readings():
     assert f"{found[0].speeds} of 5 speeds" in conclusion(found)
 
 
+@pytest.mark.long
 def test_the_grid_may_hide_a_jump():
     """The reading with all five speeds loses contact between slower speeds of the grid, the shipped
     one does not: its jump speeds at any speed are the table's within 0.5 %.

@@ -48,6 +48,7 @@ def test_masses_and_static_stiffness_are_kept(follower):
         assert abs(head[0]) == pytest.approx(follower.share, rel=1e-6)
 
 
+@pytest.mark.variants(8)
 @pytest.mark.parametrize("seed", range(3))
 def test_one_element_is_the_two_mass_follower(law, seed):
     """The same contact force, to rounding, on rigs by chance."""

@@ -204,6 +204,7 @@ def test_a_neck_narrower_than_the_roller():
         require_profile(made.cam, made.law)
 
 
+@pytest.mark.long
 def test_no_base_radius_is_named_that_would_cut_the_pivot():
     """An arm near its cam: free of undercut only where the cam is at the pivot already."""
     numbers = {"base_radius": 40, "roller_radius": 9, "pivot_distance": 90, "arm": 75}
@@ -243,6 +244,7 @@ def test_least_base_radius_of_a_face_is_eq_2_42():
     assert least_base_radius(made.cam.follower, made.law) == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.variants(8)
 def test_least_base_radius_is_where_the_cusp_is(made):
     """A thousandth above it no part is undercut; below it one is, or nothing is reached."""
     kind = made.cam.follower.type

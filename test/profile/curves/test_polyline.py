@@ -14,6 +14,7 @@ from ..conftest import UNEVEN, Made, make
 DENSE = np.linspace(0.0, 2.0 * np.pi, 3_001)
 
 
+@pytest.mark.variants(7)
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-8])
 def test_chord_error_is_within_the_tolerance(made, tolerance):
     """By shapely: 3000 points of the contour, each that near to the polyline."""
@@ -26,6 +27,7 @@ def test_chord_error_is_within_the_tolerance(made, tolerance):
         assert line.shape[1] < 120 or off > 0.4 * tolerance  # and no more points than it takes
 
 
+@pytest.mark.variants(21)
 def test_shipped_contours_too(law, cams):
     """Among them the TM21 cam, whose curvature jumps."""
     (path, *_) = contour_paths(cams[law.name].follower, law)

@@ -154,6 +154,7 @@ def test_lost_messages_are_gaps(tmp_path, run, monkeypatch, ending):
     assert contents.rows == sum(tick.time.size for tick in ticks) == len(read(path))
 
 
+@pytest.mark.variants(3)
 @pytest.mark.parametrize("ending", FORMATS)
 def test_memory_does_not_grow_with_the_run(tmp_path, make_loaded_scene, monkeypatch, ending):
     """A run ten times as long takes as much of it, here with small chunks."""

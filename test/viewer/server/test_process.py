@@ -116,6 +116,7 @@ def test_options_that_do_not_go_together_are_refused(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.variants(2)
 @pytest.mark.parametrize("number", STOPPING)
 def test_nothing_is_left_of_a_file_that_was_interrupted(
     bag: SmallBag, tmp_path: Path, number: signal.Signals
