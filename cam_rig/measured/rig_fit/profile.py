@@ -1,4 +1,4 @@
-"""How sure a restitution is, by the profile of its likelihood, and what that adds to the others.
+"""How sure a restitution is, by the profile of its likelihood; the others where no bounce is.
 
 A sample of force that comes to lie in a bounce changes the residuals at once, so along the
 restitution the likelihood is level here and steep there: its curvature at one place does not say
@@ -10,10 +10,9 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-import numpy as np
-
 from cam_rig.measured.rig_fit.numbers import NUMBERS
 from cam_rig.measured.rig_fit.search import (
+    FIRST_GUARD,
     Candidate,
     FitSolution,
     continued,
@@ -22,8 +21,14 @@ from cam_rig.measured.rig_fit.search import (
     log_ratio,
     search,
 )
-from cam_rig.measured.rig_fit.start import SMALL_BOUNCE, SQUARE_95, WITHIN_95, as_sought, freed
-from cam_rig.units import FloatArray
+from cam_rig.measured.rig_fit.start import (
+    LEAST_FLYING,
+    SMALL_BOUNCE,
+    SQUARE_95,
+    WITHIN_95,
+    forces_in_flight,
+    freed,
+)
 
 #: First step from the likeliest restitution, each next one twice it; halvings of the last.
 FIRST_STEP, HALVINGS = 0.01, 3
@@ -33,29 +38,39 @@ LOOKS, LIKELIER = 4, 1.0
 
 
 def profiled(found: FitSolution) -> FitSolution:
-    """The same in the middle of the restitution's interval of 95 %, its errors those of that.
+    """The restitution in the middle of its interval of 95 %, the others of what no bounce reaches.
 
     Of two masses there is none: their bounces depend on every number at once.
     """
     like = found.likelihood
     if "roller_share" in like.values(found.x) or not any(landings_of(found)):
         return found
-    if "restitution" not in like.sought:
-        return found
-    found, likely, low, high = _interval(found)
-    at = like.sought.index("restitution")
-    # Near none, none is said: what is known is the end.
-    middle = 0.5 * (low + high) if found.x[at] >= SMALL_BOUNCE else 0.0
-    fixed = _at(found, middle)
-    if fixed.x.size < found.x.size - 1:
-        return found
-    ends = _at(fixed, low), _at(fixed, high)
-    along = np.insert(_along(fixed, [ends[0], *likely, ends[1]]), at, (high - middle) / WITHIN_95)
-    return replace(as_sought(fixed, like.sought), along=along)
+    bounce = None
+    if "restitution" in like.sought:
+        found, low, high = _interval(found)
+        value = found.likelihood.values(found.x)["restitution"]
+        # Near none, none is said: what is known is the end.
+        middle = 0.5 * (low + high) if value >= SMALL_BOUNCE else 0.0
+        bounce = middle, (high - middle) / WITHIN_95
+        found = _at(found, middle)
+    return replace(search(_settled(found)), bounce=bounce)
 
 
-def _interval(found: FitSolution) -> tuple[FitSolution, list[FitSolution], float, float]:
-    """The likeliest of all that is tried on the way to the interval's ends; what is likely; these.
+def _settled(found: FitSolution) -> Candidate:
+    """A search of the samples that no bounce reaches; of the force's zero too, where these show it.
+
+    Late in a series of bounces a landing passes samples within a standard error of a number: the
+    sum of squares has a cliff there, and its curvature is that of a narrow valley.
+    """
+    settled = found.likelihood.settled(found.x, FIRST_GUARD)
+    shown = forces_in_flight(settled, found.x).size >= LEAST_FLYING
+    values = settled.values(found.x)
+    start = Candidate(settled, found.x)
+    return continued(start, settled.sought, values, tare=settled.tare and shown)
+
+
+def _interval(found: FitSolution) -> tuple[FitSolution, float, float]:
+    """The likeliest of all that is tried on the way to the interval's ends; and these.
 
     A search ends in the valley it began in. One that is likelier beside another restitution is
     where the next look begins.
@@ -65,12 +80,11 @@ def _interval(found: FitSolution) -> tuple[FitSolution, list[FitSolution], float
     for _ in range(LOOKS):
         level = 0.5 * SQUARE_95 * max(1.0, inflation(found, at))
         (low, down), (high, up) = (_end(found, at, to, level) for to in (number.low, number.high))
-        likely = [*reversed(down), *up]
-        best = min(likely, key=lambda trial: log_ratio(found, trial), default=found)
+        best = min((*down, *up), key=lambda trial: log_ratio(found, trial), default=found)
         if log_ratio(found, best) > -LIKELIER:
             break
         found = freed(best, sought)
-    return found, likely, low, high
+    return found, low, high
 
 
 def _at(found: Candidate, bounce: float) -> FitSolution:
@@ -108,16 +122,3 @@ def _likely(found: FitSolution, trial: FitSolution, level: float) -> bool:
     """Whether every hold stays steady and the ratio of likelihoods is near one."""
     steady = len(trial.likelihood.holds) == len(found.likelihood.holds)
     return steady and log_ratio(found, trial) < level
-
-
-def _along(fixed: FitSolution, likely: list[FitSolution]) -> FloatArray:
-    """By how much what was sought, ``(n,)``, changes with one standard error of a restitution.
-
-    Where landings pass samples it does not change along a line: the furthest of all that is likely
-    counts, with the sign of what changes from the least restitution to the largest.
-    """
-    found = [one.x - fixed.x for one in likely if one.x.size == fixed.x.size]
-    if not found:
-        return np.zeros(fixed.x.size)
-    furthest = np.abs(found).max(axis=0) / WITHIN_95
-    return np.asarray(np.copysign(furthest, found[-1] - found[0]))

@@ -8,7 +8,7 @@ clock, the zero of the lift, and where asked its backlash.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -280,12 +280,35 @@ class Likelihood:
             clear = np.ones(angle.size, dtype=bool)
             for at, begun in bounces_of(turn.events if turn is not None else ()):
                 if not self.resonance:
-                    away = np.mod(angle - at + 0.5 * TURN, TURN) - 0.5 * TURN
-                    clear &= np.abs(away) > guard + SERIES * (at - begun)
+                    wide = guard + SERIES * (at - begun)
+                    clear &= _outside(angle, at - wide, at + wide)
             kept.append(clear)
             pressing.append(np.zeros(angle.size) if turn is None else np.abs(turn.at(angle)[1]))
         self.kept, self.pressing = kept, pressing
         return any((a != b).any() for a, b in zip(before, kept, strict=True))
+
+    def settled(self, x: FloatArray, guard: float) -> Likelihood:
+        """The same without what is from ``guard`` (rad) before a landing to behind its bounces.
+
+        There the follower is on the cam again, and what it does depends on no landing.
+        """
+        holds = []
+        for i, hold in enumerate(self.holds):
+            turn = _steady(self.law, self.follower(x), self.speed_of(x, i), None)
+            parts = []
+            for part in (hold.lift, hold.force):
+                angle = self._angles(x, i, part.since)
+                clear = np.ones(angle.size, dtype=bool)
+                for at, begun in bounces_of(turn.events if turn is not None else ()):
+                    clear &= _outside(angle, begun - guard, at + guard + SERIES * (at - begun))
+                parts.append(part.where(clear))
+            holds.append(replace(hold, lift=parts[0], force=parts[1]))
+        return replace(self, holds=tuple(holds), kept=[], pressing=[])
+
+
+def _outside(angle: FloatArray, low: float, high: float) -> NDArray[np.bool_]:
+    """Whether cam angles (rad) of any turn are beyond ``low`` to ``high``."""
+    return np.asarray(np.mod(angle - low, TURN) > high - low)
 
 
 def _steady(

@@ -27,7 +27,7 @@ from cam_rig.measured.rig_fit.search import (
     misfit,
     uncertainty,
 )
-from cam_rig.measured.rig_fit.start import SMALL_BOUNCE, WITHIN_95
+from cam_rig.measured.rig_fit.start import WITHIN_95
 from cam_rig.measured.rig_fit.turns import MeasuredHold
 from cam_rig.simulation.instruments import MeasuredRun
 from cam_rig.units import TURN, FloatArray, rms, rounded_to_error
@@ -162,7 +162,7 @@ class RigFit:
     def correlated(self) -> tuple[str, ...]:
         """The names of those in ``correlation``."""
         sought = self.solution.likelihood.sought
-        return tuple(n.name for n in self.identified if n.name in sought and n.value)
+        return tuple(n.name for n in self.identified if n.name in sought)
 
 
 def found_of(
@@ -187,7 +187,8 @@ def found_of(
     model = "two_mass" if "roller_share" in likelihood.values(x) else "one_mass"
     names = TWO_MASSES if model == "two_mass" else (*ONE_MASS, "stem_stiffness")
     landings = landings_of(solution)
-    left_out = tuple(hold.hold.rpm for hold in holds if hold not in likelihood.holds)
+    steady = [hold.hold for hold in likelihood.holds]
+    left_out = tuple(hold.hold.rpm for hold in holds if hold.hold not in steady)
     numbers = tuple(_number(name, solution, errors, given, scale, landings) for name in names)
     if left_out:
         numbers = tuple(_without_flights(number) for number in numbers)
@@ -198,7 +199,7 @@ def found_of(
     told = [
         likelihood.sought.index(n.name)
         for n in numbers
-        if n.name in likelihood.sought and n.value  # a restitution of none has no slope
+        if n.name in likelihood.sought and n.value is not None
     ]
     part = errors.covariance[np.ix_(told, told)]
     deviation = np.maximum(np.sqrt(np.diag(part)), 1e-300)
@@ -241,18 +242,13 @@ def _number(
     error = float(errors.errors[k]) * slope(name, value)
     group = next((g for g in errors.blind if k in g), None)
     reason = ""
-    if name == "restitution" and value < SMALL_BOUNCE:
-        most = WITHIN_95 * error
-        if most < TOLD_RESTITUTION:
-            return FoundNumber(name, 0.0, most / WITHIN_95, "identified")
-        reason = f"with 95 % it is below {most:.2g}: the landings that were measured are too soft"
-    elif group is not None or error == 0.0:
+    if group is not None or error == 0.0:
         reason = _blind(k, group, likelihood, landings)
-    elif scale and name != "restitution":
+    elif scale:
         mass = likelihood.given["mass"]
         ratio = f"{value / mass:.5g} ± {error / mass:.2g} in SI"
         reason = f"only its ratio to the mass is identifiable from lifts, {ratio}; give a mass"
-    elif error >= (TOLD_RESTITUTION if name == "restitution" else TOLD * value):
+    elif error >= TOLD * value:
         reason = f"{interval_words(value, WITHIN_95 * error, NUMBERS[name].unit)}: too wide"
     return (
         FoundNumber.unidentified(name, reason, error)
@@ -269,7 +265,8 @@ def _bounce(value: float, error: float, stem: bool) -> FoundNumber:
     elif error < TOLD_RESTITUTION:
         return FoundNumber("restitution", value, error, "identified")
     else:
-        reason = f"not identifiable from bounces as low as these, likely are {likely}"
+        words = interval_words(value, WITHIN_95 * error, NUMBERS["restitution"].unit)
+        reason = f"{words}: the landings that were measured are too soft"
     return FoundNumber.unidentified("restitution", reason, error)
 
 

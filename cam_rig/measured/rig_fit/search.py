@@ -56,8 +56,6 @@ class FitSolution(Candidate):
 
     ``bounce`` is a restitution with its standard error that was found beside the search; ``zero``
     (N) what the force sensor shows in flights that were left out, where that is not nothing.
-    ``along`` ``(n,)`` is what all change with one standard error of the restitution, where that is
-    not of the Jacobian.
 
     Raises
     ------
@@ -68,7 +66,6 @@ class FitSolution(Candidate):
     residuals: FloatArray
     bounce: tuple[float, float] | None = None
     zero: float | None = None
-    along: FloatArray | None = None
 
     def __post_init__(self) -> None:
         unknowns, samples = self.likelihood.instruments.size, self.likelihood.count
@@ -301,25 +298,12 @@ class Uncertainty:
 
 
 def uncertainty(solution: FitSolution) -> Uncertainty:
-    """Covariance (JᵀJ)⁻¹ JᵀRJ (JᵀJ)⁻¹ of least squares under noise of correlation R.
-
-    Where a restitution's error is that of a profile, the covariance is that of the other numbers
-    beside it, and what all change with it.
-    """
-    along = solution.along
-    if along is None:
-        columns = np.arange(solution.x.size)
-    else:
-        sought = solution.likelihood.sought
-        columns = np.array([k for k in range(along.size) if sought[k : k + 1] != ("restitution",)])
-    inverse, told, vectors = _inverse(solution.slopes[:, columns])
-    scores, alike = _scores(solution.likelihood, solution.slopes[:, columns], solution.residuals)
-    covariance = np.zeros((solution.x.size, solution.x.size))
-    covariance[np.ix_(columns, columns)] = inverse @ scores @ inverse
-    if along is not None:
-        covariance += np.outer(along, along)
-    blind = tuple(tuple(columns[np.abs(vector) > SHARE].tolist()) for vector in vectors[:, ~told].T)
-    return Uncertainty(covariance, blind, alike)
+    """Covariance (JᵀJ)⁻¹ JᵀRJ (JᵀJ)⁻¹ of least squares under noise of correlation R."""
+    inverse, told, vectors = _inverse(solution.slopes)
+    scores, alike = _scores(solution.likelihood, solution.slopes, solution.residuals)
+    columns = (np.flatnonzero(np.abs(vector) > SHARE) for vector in vectors[:, ~told].T)
+    blind = tuple(tuple(group.tolist()) for group in columns)
+    return Uncertainty(inverse @ scores @ inverse, blind, alike)
 
 
 def inflation(solution: FitSolution, k: int) -> float:

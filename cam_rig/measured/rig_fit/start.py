@@ -367,7 +367,7 @@ def tared(found: Candidate) -> Candidate:
     like = found.likelihood
     start = continued(found, like.sought, like.values(found.x), tare=True)
     new, x = start.likelihood, start.x
-    low, at = _forces_in_flight(like, found.x), new.instruments.at(TARE)
+    low, at = forces_in_flight(like, found.x), new.instruments.at(TARE)
     if low.size < LEAST_FLYING or at is None:
         return found
     x[at] = float(np.median(low))
@@ -384,7 +384,7 @@ def zero_in_flight(flying: Candidate) -> float | None:
         return None
     at, low = like.sought.index("preload"), np.empty(0)
     for _ in range(ZERO_ROUNDS):
-        low = _forces_in_flight(like, x)
+        low = forces_in_flight(like, x)
         if low.size < LEAST_FLYING:
             return None
         zero = float(np.median(low))
@@ -393,7 +393,7 @@ def zero_in_flight(flying: Candidate) -> float | None:
     return zero if abs(zero) > OFF * error + LEAST_ZERO * flying.x[at] else None
 
 
-def _forces_in_flight(like: Likelihood, x: FloatArray) -> FloatArray:
+def forces_in_flight(like: Likelihood, x: FloatArray) -> FloatArray:
     """What the force sensor shows (N) where the follower is off the cam."""
     flying = [
         hold.force.value[like.kept[i]][there.turn.at(there.force_angle)[1] == 0.0]

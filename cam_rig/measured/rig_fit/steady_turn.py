@@ -192,14 +192,17 @@ def _within_turn(events: Iterable[Event], begin: float, turn: float) -> tuple[Ev
 
 
 def bounces_of(events: Iterable[Event]) -> list[tuple[float, float]]:
-    """Cam angle (rad) of each landing, and of the first of its bounces."""
+    """Cam angle (rad) of each landing of a turn, and of the first of its bounces, not above it."""
+    there = list(events)
+    first = next((k for k, event in enumerate(there) if event.kind == "lift-off"), 0)
     found, begun = list[tuple[float, float]](), None
-    for event in events:
+    for k, event in enumerate(there[first:] + there[:first]):
         if event.kind == "lift-off":
             begun = None
             continue
-        begun = event.angle if begun is None else begun
-        found.append((event.angle, begun))
+        angle = event.angle + (TURN if k >= len(there) - first else 0.0)
+        begun = angle if begun is None else begun
+        found.append((angle, begun))
     return found
 
 

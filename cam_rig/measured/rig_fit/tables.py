@@ -266,7 +266,7 @@ def rig_conclusions(fit: RigFit) -> Iterator[str]:
         speeds = ", ".join(f"{rpm:.4g}" for rpm in fit.left_out)
         yield f"At {speeds} rpm the follower lifts off: " + (
             "these speeds identify the restitution alone."
-            if fit.solution.bounce is not None and fit.solution.along is None
+            if fit.solution.bounce is not None and not any(hold.lift_offs for hold in fit.holds)
             else "no such follower does so as it was measured, so these speeds are left out."
         )
     if fit.model == "two_mass" and any(hold.lift_offs for hold in fit.holds):
