@@ -85,6 +85,7 @@ def loaded():
     return open_scene(config_root() / "scenes" / "quick.yaml")
 
 
+@pytest.mark.variants(1)
 @pytest.mark.parametrize("stride", STRIDES)
 @pytest.mark.parametrize("part", [0.1, 0.35])
 def test_a_successor_may_be_killed_at_any_step(tmp_path, killed_at, loaded, golden, stride, part):

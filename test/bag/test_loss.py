@@ -167,6 +167,7 @@ def test_expected_counts_are_those_of_the_golden_bag():
             assert counts[topic.name] == expected[topic.per]
 
 
+@pytest.mark.variants(6)
 @pytest.mark.parametrize("part", range(5, 100, 9))
 def test_the_words_agree_with_the_bag(tmp_path, part):
     """Whatever was cut off: the ticks that are named are those not in the recovered bag."""

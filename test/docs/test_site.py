@@ -35,6 +35,7 @@ def test_every_page_is_in_the_menu(site):
     assert (site / "search" / "search_index.js").is_file()
 
 
+@pytest.mark.long
 def test_nothing_comes_from_another_machine(site):
     """No script, style, font, picture or frame with an address of its own."""
     sources = r"<(?:script|img|iframe|source)[^>]*\ssrc=[\"']?(?:https?:)?//"

@@ -93,6 +93,7 @@ def test_one_mass(laws, cam, rpm):
         assert got.event_error(wanted) < 1e-12 * TURN / case.speed
 
 
+@pytest.mark.variants(6)
 @pytest.mark.parametrize("rpm", SPEEDS)
 @pytest.mark.parametrize("cam", ["poly345", "tm21"])
 def test_separation(laws, cam, rpm):

@@ -95,6 +95,7 @@ def test_thrown_off_and_back(edge):
     assert back.impulse == pytest.approx(-1.3 * float(speed), rel=1e-12)
 
 
+@pytest.mark.variants(6)
 @pytest.mark.parametrize("rpm", [100.0, 97.3, 300.0])
 @pytest.mark.parametrize(
     ("model", "p", "tolerance"),

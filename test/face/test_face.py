@@ -34,6 +34,7 @@ WITH_EXAMPLES = (
 )
 
 
+@pytest.mark.variants(9)
 @pytest.mark.parametrize("module", WITH_EXAMPLES)
 def test_examples_in_docstrings_are_true(module, monkeypatch):
     """Each runs as it is printed, and gives what is printed."""

@@ -182,6 +182,7 @@ POSTS = {
 }
 
 
+@pytest.mark.variants(2)
 @pytest.mark.parametrize("path", POSTS)
 def test_wrong_requests_are_refused_in_a_line_and_the_connection_stays(
     panel: AllPages, path: str, caplog: pytest.LogCaptureFixture

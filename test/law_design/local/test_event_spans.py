@@ -40,6 +40,7 @@ def designed(start: CamConfig, keep: list[str], joints: int = 1, **words: Any) -
     return design(start, RIG, request)
 
 
+@pytest.mark.long
 def test_spans_go_with_the_root_of_what_each_event_rises(tmp_path: Path) -> None:
     """Least peak acceleration 4h/β² of three events that share 240°: β as √h.
 

@@ -74,6 +74,7 @@ def test_a_page_turns_the_rig_and_so_does_anybody_else(
         assert "no_such" in answer["words"]
 
 
+@pytest.mark.long
 def test_a_noted_level_is_the_exact_one(running_panel: RunningPanel) -> None:
     """To what the sample rate of the bench and the background leave of the mean of a second."""
     cam, rig = cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2")
@@ -167,6 +168,7 @@ def test_one_page_holds_the_controls(running_panel: RunningPanel) -> None:
         first.do("call", value="stop")
 
 
+@pytest.mark.long
 def test_a_reload_finds_the_bench_as_it_is(running_panel: RunningPanel) -> None:
     """The nodes are the server's and not the page's: they turn on, and readings stay."""
     with running_panel.page() as page:

@@ -164,6 +164,7 @@ def test_a_speed_is_in_rpm(board: Board) -> None:
     assert abs(force.min()) <= 1e-3 * force.max()
 
 
+@pytest.mark.variants(3)
 @pytest.mark.parametrize("name", ["poly345", "bezier15", "flat", "conjugate", "oscillating_point"])
 def test_any_law_that_a_page_may_draw_has_an_answer(tmp_path: Path, name: str) -> None:
     """Numbers or words, and nothing that JSON does not have, however wild the law."""

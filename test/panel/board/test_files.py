@@ -100,6 +100,7 @@ def test_without_the_library_the_dxf_names_its_extra(
         board.dxf(board.ordinates.tolist())
 
 
+@pytest.mark.long
 def test_the_command_that_designs_on_is_one_that_can_be_typed(tmp_path: Path) -> None:
     """Words for a shell, also in a folder with a space; the start and the rig are the board's."""
     rig = "config/rigs/paper_table2.yaml"

@@ -16,6 +16,7 @@ from .conftest import sheet_of
 NEAR = 2e-5
 
 
+@pytest.mark.variants(3)
 @pytest.mark.parametrize("rig", ["paper_table2", "tm21"])
 @pytest.mark.parametrize("seed", [None, "alpha", "group-3", "Z9"])
 def test_the_model_leaves_the_cam_exactly_above_the_marked_speed(rig: str, seed: str) -> None:

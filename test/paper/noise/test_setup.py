@@ -58,6 +58,7 @@ def test_targets(methods):
         assert left["tm21"] <= 1.5
 
 
+@pytest.mark.long
 def test_the_published_crossing_is_expected(methods):
     """The published 335 rpm is within every 95 % interval, and within 5 rpm by substitution.
 
