@@ -1,4 +1,4 @@
-"""Computes the study's references with 50 digits: cam_rig/bench/reference/*.json.
+"""Computes the study's references with 50 digits: benchmark/speed/*.json.
 
 Run it from the project's root: .venv/bin/python -m benchmark.make_reference [case ...]
 """
@@ -8,9 +8,7 @@ from __future__ import annotations
 import sys
 import time
 
-from benchmark.speed import exact
-from benchmark.speed import exact as exact_twist
-from benchmark.speed import study as stored
+from benchmark.speed import exact, study
 from benchmark.speed.cases import CASES
 from benchmark.speed.models import Twist
 
@@ -20,9 +18,9 @@ def main() -> None:
     for name in sys.argv[1:] or CASES:
         case = CASES[name]()
         begun = time.perf_counter()
-        solver = exact_twist if isinstance(case.model, Twist) else exact
-        solution = solver.solve(case)
-        path = stored.write(case, solution)
+        solve = exact.solve_twist if isinstance(case.model, Twist) else exact.solve
+        solution = solve(case)
+        path = study.write(case, solution)
         took = time.perf_counter() - begun
         print(f"{path}: {case.times.size} times, {len(solution.events)} events, {took:.0f} s")
 

@@ -10,8 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
 
-from benchmark.speed import study as rig
-from benchmark.speed import study as stored
+from benchmark.speed import study
 from benchmark.speed.cases import CASES
 from benchmark.speed.models import Case, OneMass, Solution
 from benchmark.speed.peers import PEERS
@@ -63,14 +62,14 @@ def event_table(costs: list[EventCost]) -> DataTable:
 
 def _of_case(name: str, peer: str, repeats: int) -> Iterator[EventCost]:
     case = CASES[name]()
-    reference = stored.read(case)
+    reference = study.read(case)
     landings = sum(kind == "landing" for kind, _ in reference.events)
     forms = [("compiled", ALWAYS)] if find_spec("numba") else []
     for words, form in (*forms, ("plain Python", PLAIN)):
         with _form(form):
-            error = _error(rig.solve(case), reference)  # compiles, and makes the tables
+            error = _error(study.solve(case), reference)  # compiles, and makes the tables
             alone = _median(lambda: _search(case), repeats)
-            whole = _median(lambda: rig.solve(case.fresh()), repeats)
+            whole = _median(lambda: study.solve(case.fresh()), repeats)
         yield EventCost(name, landings, f"rig, the search, {words}", alone / landings, error)
         yield EventCost(name, landings, f"rig, a whole solution, {words}", whole / landings, error)
     found = list(_of_peer(case, reference, peer))
@@ -81,9 +80,9 @@ def _of_case(name: str, peer: str, repeats: int) -> Iterator[EventCost]:
 
 def _search(case: Case) -> None:
     if isinstance(case.model, OneMass):
-        rig.one_mass_course(case)
+        study.one_mass_course(case)
     else:
-        rig.two_mass_course(case)
+        study.two_mass_course(case)
 
 
 def _of_peer(case: Case, reference: Solution, name: str) -> Iterator[tuple[str, float, float]]:

@@ -12,7 +12,6 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from benchmark.speed import integration
-from benchmark.speed import integration as torsional_peer
 from benchmark.speed.models import Case, Solution, Twist
 from benchmark.speed.problem import Arrival, Floats, Integrator, PeerError, Problem
 from cam_rig.errors import CamRigError
@@ -185,7 +184,7 @@ class Peer:
         PeerError : it gave up, or took more than ``seconds``
         """
         is_shaft = isinstance(case.model, Twist)
-        run = torsional_peer.integrate_torsion if is_shaft else integration.integrate_case
+        run = integration.integrate_torsion if is_shaft else integration.integrate_case
         return run(case, _limited(self.make(self.method, rtol), seconds))
 
     def missing(self) -> str | None:

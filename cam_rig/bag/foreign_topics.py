@@ -34,9 +34,6 @@ QUANTITIES: dict[str, dict[str, float]] = {
 #: A unit of an angle: so many counts a turn.
 COUNTS = re.compile(r"turn/([1-9]\d{0,8})")
 
-#: What stands for a quantity whose messages have the time of the bag, not that of their header.
-BY_BAG_TIME = "@bag"
-
 #: An item: quantity, sign, topic and field, unit, whose time.
 ITEM = re.compile(
     r"(?P<quantity>\w+)=(?P<sign>-?)(?P<topic>/[\w/]+)(?:\.(?P<field>[\w.\[\]]+))?"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -13,7 +12,7 @@ from matplotlib.figure import Figure
 from cam_rig.dynamics.torsional.model import from_rig as shaft_of
 from cam_rig.dynamics.vibration import FlywheelTurn, flywheel_turn
 from cam_rig.laws.cam import CamSet
-from cam_rig.show.figure import colour, empty, line, logarithmic, styled, write
+from cam_rig.show.figure import colour, empty, line, logarithmic, styled
 from cam_rig.show.looks import title_of
 from cam_rig.show.tables import Column, DataTable, tabulate
 from cam_rig.units import RPM
@@ -58,11 +57,6 @@ def study_flywheel(cam_set: CamSet, rpm: float) -> FlywheelStudy | None:
 # The limits of the paper's models: a flywheel of any inertia, a stem of any number of masses.
 
 INERTIA = "inertia of the flywheel [kg·m²]"
-
-
-def draw_flywheel(study: FlywheelStudy, titles: Mapping[str, str], path: Path) -> None:
-    """Write the figure to a file, of any kind that matplotlib knows by the suffix."""
-    write(flywheel_figure(study, titles), path)
 
 
 @styled

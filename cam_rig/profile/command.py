@@ -210,17 +210,16 @@ def profile(
     """
     with user_errors():
         from cam_rig.errors import ConfigError
-        from cam_rig.profile import command_files as profile_files
-        from cam_rig.profile import command_files as profile_measure
+        from cam_rig.profile import command_files
 
         check_outputs(json_target, plot)
         if positions is not None and plot is None:
             raise ConfigError("--positions: are of the picture; needed: --plot PATH")
-        request = profile_files.Request(out, pitch, cutter, tolerance, points, source)
+        request = command_files.Request(out, pitch, cutter, tolerance, points, source)
         found = _checked(_paths(cams or [], every))
         request.require(len(found), drawing=plot is not None)
         if source is not None:
-            profile_measure.run(request, found[0][0], found[0][1], json_target)
+            command_files.run(request, found[0][0], found[0][1], json_target)
             return
         if out is not None or plot is not None:
             _draw(request, found, plot, force, positions)
@@ -240,12 +239,12 @@ def _any_fails(found: Found, every: bool) -> bool:
 def _draw(
     request: Request, found: Found, plot: Path | None, force: bool, positions: int | None
 ) -> None:
-    from cam_rig.profile import command_files as profile_files
+    from cam_rig.profile import command_files
 
     cam, law, checks = found[0]
     warn(cam, checks, force)
     if request.out is not None:
-        profile_files.write(request, cam, law, force)
+        command_files.write(request, cam, law, force)
     if plot is not None:
         from cam_rig.profile.figures import POSITIONS, figure
 

@@ -76,9 +76,7 @@ def _suffix(path: Path, allowed: tuple[str, ...]) -> None:
 
 def write(request: Request, cam: CamConfig, law: Law, force: bool) -> None:
     """Write the contour, the pitch curve or the cutter's path by the file's suffix."""
-    from cam_rig.profile import drawing_files as contour_csv
-    from cam_rig.profile import drawing_files as dxf
-    from cam_rig.profile import drawing_files as svg
+    from cam_rig.profile import drawing_files
     from cam_rig.profile.polyline import polyline
 
     assert request.out is not None
@@ -86,15 +84,15 @@ def write(request: Request, cam: CamConfig, law: Law, force: bool) -> None:
     kind = request.out.suffix.lower()
     with writing(request.out) as part:
         if kind in TABLES:
-            contour_csv.write_contour(part, curves, request.points)
+            drawing_files.write_contour(part, curves, request.points)
             words = f"{request.points} points"
         else:
             rounding = SVG_ROUNDING * tolerance if kind == ".svg" else 0.0
             lines = {curve.name: polyline(curve, tolerance - rounding) for curve in curves}
             if kind == ".svg":
-                svg.write_svg(part, lines, rounding)
+                drawing_files.write_svg(part, lines, rounding)
             else:
-                dxf.write_dxf(part, lines)
+                drawing_files.write_dxf(part, lines)
             counts = " and ".join(str(line.shape[1]) for line in lines.values())
             words = f"{counts} points, chord error at most {request.tolerance:g} µm"
     names = " and ".join(curve.name for curve in curves)
@@ -178,7 +176,7 @@ def measure(request: Request, cam: CamConfig, law: Law) -> list[Measured]:
 
 def show(request: Request, cam: CamConfig, found: list[Measured]) -> None:
     """Say how far the contours are from the law; write the first one's law if asked to."""
-    from cam_rig.profile import drawing_files as contour_csv
+    from cam_rig.profile import drawing_files
 
     for one in found:
         figures = one.figures()
@@ -192,7 +190,7 @@ def show(request: Request, cam: CamConfig, found: list[Measured]) -> None:
         )
     if request.out is not None:
         with writing(request.out) as part:
-            contour_csv.write_law(part, found[0].angle, found[0].lift)
+            drawing_files.write_law(part, found[0].angle, found[0].lift)
         console.print(f"law: {request.out}", soft_wrap=True)
 
 
@@ -207,11 +205,10 @@ def _doubts(source: Path, points: FloatArray) -> list[str]:
 
 
 def _read(source: Path) -> list[FloatArray]:
-    from cam_rig.profile import drawing_files as contour_csv
-    from cam_rig.profile import drawing_files as dxf
+    from cam_rig.profile import drawing_files
 
     return (
-        dxf.read_dxf(source)
+        drawing_files.read_dxf(source)
         if source.suffix.lower() == ".dxf"
-        else contour_csv.read_contour(source)
+        else drawing_files.read_contour(source)
     )

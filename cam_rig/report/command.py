@@ -30,9 +30,9 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from cam_rig.dynamics.jump.any_follower import JumpRow
+    from cam_rig.report.document import Made
     from cam_rig.report.paper import Findings, Sources
     from cam_rig.report.scene import SceneFindings
-    from cam_rig.show.document import Made
     from cam_rig.simulation.scene import LoadedScene
 
 
@@ -49,7 +49,7 @@ def page_made(scene: str, options: Mapping[str, object]) -> Made:
     ------
     ConfigError : SOURCE_DATE_EPOCH is no date
     """
-    from cam_rig.show.document import Made, written_on
+    from cam_rig.report.document import Made, written_on
 
     epoch, words = source_date(), ["cam-rig", "report"]
     if scene != DEFAULT_SCENE:

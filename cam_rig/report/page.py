@@ -14,14 +14,13 @@ from cam_rig.paper.factorial.conclusions import conclusions
 from cam_rig.paper.flywheel import SHOWN as FLYWHEEL_SHOWN
 from cam_rig.paper.jump.comparison import compare
 from cam_rig.paper.jump.refit import ROUNDED_TO
-from cam_rig.paper.noise import calibration as transfer_functions
-from cam_rig.paper.noise import methods as bootstrap
+from cam_rig.paper.noise import calibration, methods
 from cam_rig.paper.readings import tables as reading_tables
+from cam_rig.report.document import Document, Made, called, render
 from cam_rig.report.paper import PROPOSED, STEADY_RPM, TAKEOFF_RPM, Findings
 from cam_rig.report.tables import files, tables, titles_of
 from cam_rig.schema.quantity import ORIGINS
 from cam_rig.schema.segment_base import quantities
-from cam_rig.show.document import Document, Made, called, render
 from cam_rig.units import to_rpm
 
 TITLE = "Cam rig: the paper's experiments, redone and taken further"
@@ -47,8 +46,8 @@ SECTIONS = {
 
 #: What is drawn at random.
 SEEDS = (
-    f"{bootstrap.SEED} (bootstrap of the noise study, {bootstrap.DRAWS} draws), "
-    f"{transfer_functions.SEED} (starts of its transfer functions, {transfer_functions.STARTS})"
+    f"{methods.SEED} (bootstrap of the noise study, {methods.DRAWS} draws), "
+    f"{calibration.SEED} (starts of its transfer functions, {calibration.STARTS})"
 )
 
 

@@ -18,8 +18,7 @@ from cam_rig.files import no_room, temporary_folder
 from cam_rig.law_design.pareto_front import paper_designs
 from cam_rig.law_design.tables import LawDesign
 from cam_rig.laws import Law
-from cam_rig.laws import figures as law_overlay
-from cam_rig.laws import figures as law_plot
+from cam_rig.laws import figures as law_figures
 from cam_rig.laws.cam import CamSet, open_cam_set
 from cam_rig.laws.catalogue import families
 from cam_rig.paper import flywheel as flywheel_module
@@ -53,7 +52,7 @@ from cam_rig.paper.orders.spectrum import CamOrders, waterfall
 from cam_rig.paper.orders.steady_force import BUILDERS
 from cam_rig.paper.orders.tables import ORDERS_DPI, SHOWN_ORDERS
 from cam_rig.paper.readings.readings import Read, read
-from cam_rig.paper.stem import figures as limits
+from cam_rig.paper.stem import figures as stem_plot
 from cam_rig.paper.stem.chain import Stem
 from cam_rig.paper.stem.study import STEM_RPM, StemStudy, study_stem
 from cam_rig.paper.timing import figures as timing_plot
@@ -291,10 +290,10 @@ def early_figures(sources: Sources, jumps: list[JumpRow]) -> dict[str, list[str]
     checks = check_cam(cam, law)
     shown = [(cam_set.cams[name], curve) for name, curve in cam_set.laws.items()]
     return {
-        "rises": uris(law_overlay.rises_figure(families().values())),
-        "cams": uris(law_overlay.cams_figure(shown)),
-        "fig1": uris(law_plot.figure(tm21, tm21_law)),
-        "fig2": uris(law_plot.figure(cam, law)),
+        "rises": uris(law_figures.rises_figure(families().values())),
+        "cams": uris(law_figures.cams_figure(shown)),
+        "fig1": uris(law_figures.figure(tm21, tm21_law)),
+        "fig2": uris(law_figures.figure(cam, law)),
         "fig4": uris(vibration_plot.figure(cam_set, STEADY_RPM)),
         "fig11": uris(takeoff_plot.figure(cam_set, TAKEOFF_RPM)),
         "profile": uris(profile_plot.figure(cam, law, checks)),
@@ -326,7 +325,7 @@ def stem_figures(found: Findings) -> dict[str, list[str]]:
     cam_set = found.sources.cam_set
     stem = Stem(TwoMassParameters.from_rig(cam_set.rig), 1.0)
     law, title = cam_set.laws[LOWER], cam_set.titles[LOWER]
-    return {"stem": uris(limits.stem_figure(law, title, stem))}
+    return {"stem": uris(stem_plot.stem_figure(law, title, stem))}
 
 
 def cut_figures(found: Findings) -> dict[str, list[str]]:

@@ -17,8 +17,7 @@ from cam_rig.dynamics.jump.any_follower import (
 )
 from cam_rig.dynamics.jump.jump_speed import FROM_REST
 from cam_rig.errors import CamRigError, ConfigError
-from cam_rig.laws import figures as law_overlay
-from cam_rig.laws import figures as law_plot
+from cam_rig.laws import figures as law_figures
 from cam_rig.laws.cam import CamSet
 from cam_rig.paper.noise.roles import StudyRoles
 from cam_rig.paper.orders import figures as orders_plot
@@ -30,8 +29,7 @@ from cam_rig.profile.check_table import check_cam
 from cam_rig.profile.checks import Check
 from cam_rig.report.paper import uris
 from cam_rig.report.sections import Recorded, read_recorded
-from cam_rig.simulation import figures as motion_plot
-from cam_rig.simulation import figures as noise_plot
+from cam_rig.simulation import figures as simulation_figures
 from cam_rig.simulation.figures import force_curves
 from cam_rig.simulation.scene import ORDER_SPEEDS, VIBRATION_SPEEDS, LoadedScene, speeds_of, spread
 from cam_rig.simulation.scene_run import SceneRun, run_scene
@@ -188,12 +186,12 @@ def figures(found: SceneFindings) -> dict[str, list[str]]:
     run, loaded, whole = found.run, found.loaded, found.cam_set
     curves = force_curves(run)
     drawn = {
-        "force": uris(motion_plot.over_turn(curves)),
-        "noise": uris(noise_plot.figure(run.noise, loaded)),
+        "force": uris(simulation_figures.over_turn(curves)),
+        "noise": uris(simulation_figures.figure(run.noise, loaded)),
     }
     if len(whole.cams) > 1:
         laws = [(whole.cams[cam], law) for cam, law in whole.laws.items()]
-        drawn["cams"] = uris(law_overlay.cams_figure(laws))
+        drawn["cams"] = uris(law_figures.cams_figure(laws))
     if found.jumps:
         drawn["jump"] = uris(jump_plot.figure(found.jumps, whole, FROM_REST))
     if found.vibration is not None:
@@ -214,7 +212,7 @@ def _of_cams(found: SceneFindings) -> dict[str, list[str]]:
 
 def _of_cam(found: SceneFindings, name: str) -> dict[str, list[str]]:
     cam, law = found.loaded.cams[name], found.loaded.laws[name]
-    drawn = {f"law_{name}": uris(law_plot.figure(cam, law))}
+    drawn = {f"law_{name}": uris(law_figures.figure(cam, law))}
     if (checks := found.checks.get(name)) is not None:
         drawn[f"profile_{name}"] = uris(profile_plot.figure(cam, law, checks))
     return drawn

@@ -19,12 +19,11 @@ from cam_rig.paper.orders.spectrum import HIGHEST
 from cam_rig.paper.orders.tables import speed_table as orders_table
 from cam_rig.paper.vibration.study import speed_table as vibration_table
 from cam_rig.profile.check_table import checks_table
+from cam_rig.report.document import Answer, Document, Made, bold, render, span, summary_table
 from cam_rig.report.scene import SceneFindings, rig_seconds
 from cam_rig.report.sections import origins_table, recorded_table
 from cam_rig.schema.quantity import ORIGINS
 from cam_rig.schema.segment_base import quantities
-from cam_rig.show.document import Document, Made, render
-from cam_rig.show.result import Answer, bold, span, summary_table
 from cam_rig.show.tables import Cell, Column, DataTable, tabulate
 from cam_rig.simulation.by_speed import speed_table
 from cam_rig.simulation.scene import RELATIVE_NOTE, speeds_of

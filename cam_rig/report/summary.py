@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from cam_rig.paper.factorial.conclusions import conclusions
 from cam_rig.paper.jump.comparison import compare, rms_difference
 from cam_rig.paper.vibration.study import RESIDUAL, Verdict, jump_claims, vibration_claims
+from cam_rig.report.document import Answer, bold, span
 from cam_rig.report.paper import Findings
-from cam_rig.show.result import Answer, bold, span
 from cam_rig.show.tables import number
 
 

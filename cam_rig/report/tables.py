@@ -30,13 +30,12 @@ from cam_rig.paper.vibration.study import (
     vibration_claims,
 )
 from cam_rig.profile.check_table import GUIDED
+from cam_rig.report.document import summary_table, table_called
 from cam_rig.report.paper import PROPOSED, STEADY_RPM, Findings
 from cam_rig.report.paper_reading import misprints_table
 from cam_rig.report.sections import origins_table, recorded_table
 from cam_rig.report.summary import answers
-from cam_rig.show.document import table_called
 from cam_rig.show.looks import in_words
-from cam_rig.show.result import summary_table
 from cam_rig.show.tables import Cell, Column, DataTable, tabulate
 from cam_rig.units import RPM
 

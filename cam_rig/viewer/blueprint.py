@@ -14,10 +14,7 @@ from cam_rig.show.chart import tens_range
 from cam_rig.show.looks import shortened
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.units import NS, TURN, to_rpm
-from cam_rig.viewer import level_chart, scene2d, turn_chart
-from cam_rig.viewer import level_chart as overlay
-from cam_rig.viewer import quantities as series
-from cam_rig.viewer import scene2d as framing
+from cam_rig.viewer import level_chart, quantities, scene2d, turn_chart
 from cam_rig.viewer.level_chart import band_axes
 from cam_rig.viewer.quantities import CLOSE_GAP, GAP, Range, Ranges, drawn_of
 from cam_rig.viewer.run_recorder import ABOUT, RESULTS
@@ -189,15 +186,15 @@ def _over_time(
 def _sound(loaded: LoadedScene, duration: float) -> rrb.Container:
     whole = _whole(duration)
     over_run = rrb.Vertical(
-        _plot(series.LEVEL.entity, "Sound pressure level [dB]", whole),
-        _plot(series.SPEED.entity, SPEED_NAME, whole),
+        _plot(quantities.LEVEL.entity, "Sound pressure level [dB]", whole),
+        _plot(quantities.SPEED.entity, SPEED_NAME, whole),
     )
     lower = rrb.Horizontal(_bands(loaded, BANDS), over_run, column_shares=[3, 2])
     return rrb.Vertical(_noise(loaded), lower, name="Sound")
 
 
 def _compare(loaded: LoadedScene, rpm: float, ranges: Ranges) -> rrb.Container:
-    bars = [_bands(loaded, f"{overlay.COMPARE}/{cam}/bands") for cam in loaded.cams]
+    bars = [_bands(loaded, f"{level_chart.COMPARE}/{cam}/bands") for cam in loaded.cams]
     below = rrb.Tabs(
         rrb.Horizontal(*_turns(loaded, rpm, ranges), name="One turn"),
         rrb.Horizontal(*bars, name="Sound of the turn"),
@@ -218,7 +215,9 @@ def _report(loaded: LoadedScene, rpm: float, ranges: Ranges) -> rrb.Container:
 def _cams(loaded: LoadedScene, share: float) -> list[rrb.Container]:
     """The cams side by side, each turning under its follower."""
     return [
-        _scene(loaded, f"{overlay.COMPARE}/{name}/scene", shortened(cam.title, MAX_TITLE), share)
+        _scene(
+            loaded, f"{level_chart.COMPARE}/{name}/scene", shortened(cam.title, MAX_TITLE), share
+        )
         for name, cam in loaded.cams.items()
     ]
 
@@ -227,11 +226,11 @@ def _turns(loaded: LoadedScene, rpm: float, ranges: Ranges) -> list[rrb.Spatial2
     """Curves of all cams at one speed over each other, from 0 to 360°."""
     return [
         _chart(
-            overlay.at_speed(rpm, row.key),
+            level_chart.at_speed(rpm, row.key),
             f"{row.title} at {rpm:g} rpm",
-            *overlay.turn_axes(row, ranges).bounds(14.0, overlay.names_height(loaded)),
+            *level_chart.turn_axes(row, ranges).bounds(14.0, level_chart.names_height(loaded)),
         )
-        for row in overlay.compared_of(loaded)
+        for row in level_chart.compared_of(loaded)
     ]
 
 
@@ -239,7 +238,7 @@ def _scene(
     loaded: LoadedScene, view: str, name: str = "Cam and follower", share: float = 7.0
 ) -> rrb.Container:
     """A cam under its follower, so many times as high as its readings below."""
-    x, y = framing.bounds(framing.framings(loaded))
+    x, y = scene2d.bounds(scene2d.framings(loaded))
     shown = rrb.VisualBounds2D(x_range=x, y_range=y)
     return rrb.Vertical(
         rrb.Spatial2DView(origin=view, name=name, visual_bounds=shown),

@@ -18,8 +18,7 @@ import rerun as rr
 from cam_rig.bag.reader import messages, read_counts, read_scene
 from cam_rig.errors import BagError, CamRigError
 from cam_rig.live.flow_control import REMEMBERED_STATES
-from cam_rig.live.playback import MARGIN_S, Playback
-from cam_rig.live.playback import Tick as Tick_live_view
+from cam_rig.live.playback import MARGIN_S, Playback, Tick
 from cam_rig.live.queues import TickMatcher
 from cam_rig.messages import topics
 from cam_rig.messages.codec import array_of, cam_state_of, decode_block, stamp_ns
@@ -34,8 +33,6 @@ from cam_rig.viewer.run_recorder import RunRecorder
 from cam_rig.viewer.timeline import FramePace
 
 # The messages of a run, in any order of topics, put together into ticks and passed on.
-
-Tick = tuple[CamState, CamState, FloatArray]
 
 
 class RunReceiver(Protocol):
@@ -97,12 +94,12 @@ class RunFeed:
 
     def draw(self) -> Iterator[Tick]:
         """Draw all that is complete; gives each tick that was."""
-        self._ticks.extend(self._pairing.complete())
+        self._ticks.extend(map(Tick._make, self._pairing.complete()))
         while self._levels and self._pressures:
             reading, level = self._pressures.popleft(), self._levels.popleft()
             if self._is_new(reading):
                 self._sounds.append((reading[0], level, reading[1]))
-        while self._ticks and self._ticks[0][0].cam in self._receiver.profiles:
+        while self._ticks and self._ticks[0].start.cam in self._receiver.profiles:
             tick = self._ticks.popleft()
             self._receiver.tick(*tick)
             self._drawn = tick[1].time_ns
@@ -116,7 +113,7 @@ class RunFeed:
             pass
         self._receiver.close()
         if self._ticks:
-            cam = self._ticks[0][0].cam
+            cam = self._ticks[0].start.cam
             raise BagError(f"cam {cam!r} turns, but its /cam/profile is not in the bag")
 
     def _is_new(self, message: CamState | tuple[int, float]) -> bool:
@@ -292,9 +289,9 @@ class LiveView:
         self._factor = factor
         self._playback.clear()
 
-    def draw(self) -> Iterator[Tick_live_view]:
+    def draw(self) -> Iterator[Tick]:
         """Draw all ticks that are complete; gives each."""
-        for tick in map(Tick_live_view._make, self.feed.draw()):
+        for tick in self.feed.draw():
             if self._factor:
                 now = time.monotonic()
                 self._playback.add(tick, self._factor, now, now)

@@ -12,7 +12,7 @@ from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.simulation.simulate import MeasuredTick
 from cam_rig.units import NS, FloatArray
-from cam_rig.viewer import level_chart as overlay
+from cam_rig.viewer import level_chart
 from cam_rig.viewer.level_chart import LevelChart
 from cam_rig.viewer.quantities import SceneRanges
 from cam_rig.viewer.run_view import ResultTable, RunView, about
@@ -73,7 +73,7 @@ class RunRecorder:
         self._sent = 0
         #: The contour of each cam received so far, ``(n, 2)`` in its own frame, m.
         self.profiles: dict[str, FloatArray] = {}
-        overlay.draw_turn_axes(stream, loaded, compared, ranges.whole)
+        level_chart.draw_turn_axes(stream, loaded, compared, ranges.whole)
         words = rr.TextDocument(about(loaded, bucket), media_type="text/markdown")
         stream.log(ABOUT, words, static=True)
         if not self._finished:
@@ -154,6 +154,6 @@ class RunRecorder:
         """Lay the step's last turn over those of the other cams."""
         turn = self._turns.turn()
         if turn is not None and math.isclose(turn.rpm, self._compared, rel_tol=1e-9):
-            overlay.draw_turn(self._stream, self._loaded, turn, self._ranges.whole)
+            level_chart.draw_turn(self._stream, self._loaded, turn, self._ranges.whole)
             profile = self.profiles[turn.cam]
-            overlay.draw_side_by_side(self._stream, self._loaded, turn, profile)
+            level_chart.draw_side_by_side(self._stream, self._loaded, turn, profile)

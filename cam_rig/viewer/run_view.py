@@ -19,7 +19,7 @@ from cam_rig.show.looks import four_digits, shortened
 from cam_rig.simulation.scene import RELATIVE_NOTE, LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, TURN, FloatArray, to_rpm
-from cam_rig.viewer import quantities as series
+from cam_rig.viewer import quantities
 from cam_rig.viewer.level_chart import BandChart, third_octaves
 from cam_rig.viewer.quantities import (
     TORSIONAL,
@@ -58,17 +58,23 @@ class TimeSeries:
     ) -> None:
         self._loaded, self._flew = loaded, False
         thinned = [
-            series.LIFT_LINE,
-            series.LAW,
-            series.VELOCITY_LINE,
-            series.ACCELERATION_LINE,
-            series.FORCE_LINE,
+            quantities.LIFT_LINE,
+            quantities.LAW,
+            quantities.VELOCITY_LINE,
+            quantities.ACCELERATION_LINE,
+            quantities.FORCE_LINE,
         ]
         if MODELS[loaded.scene.model].lifts_off:
-            thinned.append(series.GAP_LINE)
+            thinned.append(quantities.GAP_LINE)
         if loaded.scene.model == TORSIONAL:
-            thinned.append(series.TWIST_LINE)
-        whole = (series.ZERO, series.SPEED, series.LEVEL, series.LIFT_OFF, series.LANDING)
+            thinned.append(quantities.TWIST_LINE)
+        whole = (
+            quantities.ZERO,
+            quantities.SPEED,
+            quantities.LEVEL,
+            quantities.LIFT_OFF,
+            quantities.LANDING,
+        )
         self._writers: dict[SeriesLine | Mark, SeriesWriter] = {}
         for line in thinned:
             self._writers[line] = SeriesWriter(stream, line, bucket, times)
@@ -83,43 +89,43 @@ class TimeSeries:
         time, lift, velocity, acceleration, force, impulse = rows[:6]
         law = self._law(start, end, angle)
         for line, values in (
-            (series.LIFT_LINE, lift),
-            (series.LAW, law),
-            (series.VELOCITY_LINE, velocity),
-            (series.ACCELERATION_LINE, acceleration),
-            (series.FORCE_LINE, force),
+            (quantities.LIFT_LINE, lift),
+            (quantities.LAW, law),
+            (quantities.VELOCITY_LINE, velocity),
+            (quantities.ACCELERATION_LINE, acceleration),
+            (quantities.FORCE_LINE, force),
         ):
             self._writers[line].add(time, angle, values)
-        if series.GAP_LINE in self._writers:
+        if quantities.GAP_LINE in self._writers:
             gap = np.where(force == 0.0, lift - law, 0.0)
-            self._writers[series.GAP_LINE].add(time, angle, gap)
-        if series.TWIST_LINE in self._writers:
-            self._writers[series.TWIST_LINE].add(time, angle, rows[6])
+            self._writers[quantities.GAP_LINE].add(time, angle, gap)
+        if quantities.TWIST_LINE in self._writers:
+            self._writers[quantities.TWIST_LINE].add(time, angle, rows[6])
         ends = (
             np.array([start.time_ns, end.time_ns]) / NS,
             np.array([start.unwrapped, end.unwrapped]),
         )
-        self._writers[series.ZERO].add(*ends, np.zeros(2))
-        self._writers[series.SPEED].add(ends[0][:1], ends[1][:1], np.array([start.speed]))
+        self._writers[quantities.ZERO].add(*ends, np.zeros(2))
+        self._writers[quantities.SPEED].add(ends[0][:1], ends[1][:1], np.array([start.speed]))
         left, met = lift_offs(force, self._flew), impulse > 0.0
         self._flew = bool(force[-1] == 0.0)
-        self._writers[series.LIFT_OFF].add(time[left], angle[left], lift[left])
-        self._writers[series.LANDING].add(time[met], angle[met], lift[met])
+        self._writers[quantities.LIFT_OFF].add(time[left], angle[left], lift[left])
+        self._writers[quantities.LANDING].add(time[met], angle[met], lift[met])
 
     def level(self, end: CamState, level: float) -> None:
         """Take the level (dB) of the tick that ended with a state."""
-        self._add(series.LEVEL, end, level)
+        self._add(quantities.LEVEL, end, level)
 
     def stop(self, end: CamState, speed: float) -> None:
         """Draw the speed (rad/s) up to the end of the run."""
-        self._add(series.SPEED, end, speed)
+        self._add(quantities.SPEED, end, speed)
 
     def flush(self) -> None:
         """Send what was collected."""
         for writer in self._writers.values():
             writer.flush()
 
-    def _add(self, line: series.SeriesLine, at: CamState, value: float) -> None:
+    def _add(self, line: quantities.SeriesLine, at: CamState, value: float) -> None:
         place = np.array([at.time_ns / NS]), np.array([at.unwrapped])
         self._writers[line].add(*place, np.array([value]))
 

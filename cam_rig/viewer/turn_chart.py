@@ -16,7 +16,7 @@ from cam_rig.show.chart import THIN, UNSEEN, Axes, step_marks
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, TURN, FloatArray, to_rpm
-from cam_rig.viewer import quantities as series
+from cam_rig.viewer import quantities
 from cam_rig.viewer.quantities import (
     GAP,
     LAW,
@@ -250,7 +250,7 @@ class TurnChart:
         """Another cam or speed turns from a state on; its first whole turn comes later."""
         at = self._times(np.array([state.time_ns / NS]), np.array([state.unwrapped]))
         self._begin(at, state.cam, state.speed)
-        for mark in (series.LIFT_OFF, series.LANDING):
+        for mark in (quantities.LIFT_OFF, quantities.LANDING):
             none = rr.Points2D.columns(positions=[]).partition([0])
             self._stream.send_columns(f"{VIEW}/lift/{mark.name}", at, none)
         self._strips(at, "flights", [])
@@ -292,7 +292,7 @@ class TurnChart:
         off = turn.force == 0.0
         lift = turn.lift * LIFT.line.factor
         left, met = lift_offs(turn.force, bool(off[-1])), turn.impulse > 0.0
-        for mark, there in ((series.LIFT_OFF, left), (series.LANDING, met)):
+        for mark, there in ((quantities.LIFT_OFF, left), (quantities.LANDING, met)):
             points = self._axes.place("lift", degrees[there], lift[there])
             columns = rr.Points2D.columns(positions=points).partition([len(points)])
             self._stream.send_columns(f"{VIEW}/lift/{mark.name}", at, columns)
@@ -315,7 +315,7 @@ class TurnChart:
             )
             for slot in range(LAID):
                 self._stream.log(f"{VIEW}/{row.key}/follower/{slot}", style, static=True)
-        for mark in (series.LIFT_OFF, series.LANDING):
+        for mark in (quantities.LIFT_OFF, quantities.LANDING):
             point = rr.Points2D.from_fields(colors=mark.colour, radii=MARK)
             self._stream.log(f"{VIEW}/lift/{mark.name}", point, static=True)
         width = rr.LineStrips2D.from_fields(
@@ -337,7 +337,11 @@ class TurnChart:
 
     def _draw_legend(self) -> None:
         """Strokes and points of the lift with their names beside them, over its axes."""
-        shown = [LIFT.line, LAW, *((series.LIFT_OFF, series.LANDING) if self._flies else ())]
+        shown = [
+            LIFT.line,
+            LAW,
+            *((quantities.LIFT_OFF, quantities.LANDING) if self._flies else ()),
+        ]
         for (x, middle), it in zip(LEGEND, shown, strict=False):
             where = f"{VIEW}/lift/legend/{it.name}"
             top = HEAD + TITLE_AT[1]

@@ -2,8 +2,7 @@
 
 import pytest
 
-from cam_rig.show.document import Document, Made
-from cam_rig.show.result import Answer, summary_table
+from cam_rig.report.document import Answer, Document, Made, summary_table
 from cam_rig.show.tables import Column, DataTable
 
 #: More columns than a narrow screen has room for, under a caption of more than one line there.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from cam_rig.show.document import render
+from cam_rig.report.document import render
 from tools.docs.browser import open_browser, why_no_browser
 
 if TYPE_CHECKING:

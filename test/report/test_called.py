@@ -4,8 +4,8 @@ import doctest
 
 import pytest
 
-import cam_rig.show.document
-from cam_rig.show.document import called, table_called
+import cam_rig.report.document
+from cam_rig.report.document import called, table_called
 from cam_rig.show.tables import Column, DataTable
 
 TITLES = {"tm21": "TM21 cam", "cam_2": "Second", "level": "Level cam"}
@@ -13,7 +13,7 @@ TITLES = {"tm21": "TM21 cam", "cam_2": "Second", "level": "Level cam"}
 
 def test_examples():
     """What the docstrings show is what comes out."""
-    assert doctest.testmod(cam_rig.show.document).failed == 0
+    assert doctest.testmod(cam_rig.report.document).failed == 0
 
 
 @pytest.mark.parametrize(

@@ -4,8 +4,8 @@ import re
 
 import pytest
 
-from cam_rig.show.document import Numbering, environment, percent, to, written_on
-from cam_rig.show.document import render as rendered
+from cam_rig.report.document import Numbering, environment, percent, to, written_on
+from cam_rig.report.document import render as rendered
 from cam_rig.show.tables import Column, DataTable
 
 TABLE = DataTable(

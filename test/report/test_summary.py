@@ -1,6 +1,6 @@
 """The summary: numbers in bold, and no column or number that nothing stands behind."""
 
-from cam_rig.show.result import Answer, bold, span, summary_table
+from cam_rig.report.document import Answer, bold, span, summary_table
 from cam_rig.show.tables import to_markdown
 
 

@@ -55,8 +55,7 @@ def as_cut(
     with user_errors():
         from cam_rig.errors import ConfigError
         from cam_rig.laws.cam import open_cam_set
-        from cam_rig.paper.as_cut import study as comparison
-        from cam_rig.paper.as_cut import study as tables
+        from cam_rig.paper.as_cut import study
         from cam_rig.schema import load_tables
         from cam_rig.simulation.scene import open_scene
 
@@ -66,20 +65,20 @@ def as_cut(
                 raise ConfigError(f"{option}: is {value:g} mm; allowed: greater than 0 mm")
         names = cams or list(load_tables(tables_path()).table_2_jump)
         cam_set = open_cam_set(map(cam_path, names), rig_path(rig))
-        bench = comparison.CutBench.of(cam_set.rig, open_scene(scene_path(scene)))
+        bench = study.CutBench.of(cam_set.rig, open_scene(scene_path(scene)))
         found = {}
         for name, law in cam_set.laws.items():
-            own, given = comparison.radii(cam_set.cams[name]), (base, roller)
+            own, given = study.radii(cam_set.cams[name]), (base, roller)
             radii = [r if mm is None else 1e-3 * mm for r, mm in zip(own, given, strict=True)]
-            drawn = comparison.DrawnCam.run(law, bench)
-            found[name] = comparison.as_cut(drawn, bench, *radii)
-        table = tables.cams_table(found, {})
+            drawn = study.DrawnCam.run(law, bench)
+            found[name] = study.as_cut(drawn, bench, *radii)
+        table = study.cams_table(found, {})
         show(table)
         first, row = next(iter(found.items()))
         change = max(map(abs, row.level_change))
         say(f"{first}: {row.too_high.value * 1e3:.3f} mm too high, noise within {change:.3f} dB")
         write_csv([table], csv)
-        write_json(tables.to_json(found), json_target)
+        write_json(study.to_json(found), json_target)
         if plot is not None:
             from cam_rig.paper.as_cut.figures import figure
 

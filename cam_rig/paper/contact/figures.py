@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from cam_rig.laws.figures import Style
-from cam_rig.paper.contact import comparison as event_angle
+from cam_rig.paper.contact import comparison
 from cam_rig.paper.contact.comparison import ContactRow, ContactTable
 from cam_rig.paper.contact.surfaces import Measure, measured, peak_pressure, peak_sliding
 from cam_rig.profile.contact import turn_angles
@@ -100,11 +100,11 @@ def events_figure(most: float, radius: float) -> Figure:
     event = np.radians(EVENTS)
     out = empty(3.6)
     panels = out.subplots(1, 3)
-    for name in event_angle.RISES:
+    for name in comparison.RISES:
         curves = (
-            event_angle.by_pressure_angle(name, event, most),
-            event_angle.by_curvature(name, event, radius),
-            event_angle.by_face(name, event),
+            comparison.by_pressure_angle(name, event, most),
+            comparison.by_curvature(name, event, radius),
+            comparison.by_face(name, event),
         )
         for axes, curve in zip(panels, curves, strict=True):
             axes.plot(EVENTS, curve, label=in_words(name), **line(name))

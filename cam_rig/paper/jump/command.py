@@ -77,10 +77,10 @@ def jump(
         check_outputs(json_target, plot, csv)
         _require_apart(steady, ramp, from_rest, refit, plot, any((plot, json_target, csv)))
         published, cam_set = load_tables(tables_path()), asked_cams(cams, rig)
-        duration = None if steady else FROM_REST if from_rest is None else from_rest
+        seconds = FROM_REST if from_rest is None else from_rest
         if refit:
-            _refit(cam_set, published, duration or FROM_REST)
-            return
+            return _refit(cam_set, published, seconds)
+        duration = None if steady else seconds
         follower = described(follower_of(cam_set.rig))
         rows = _find(cam_set, references(cam_set, published), duration, ramp)
         shown = tables.jump_table(rows, f"Jump speed on rig {cam_set.rig.name}: {follower}")

@@ -54,7 +54,7 @@ def vibration(
     from cam_rig.simulation.asked import asked_cams, scene_speeds
 
     with user_errors():
-        from cam_rig.paper.vibration import study as tables
+        from cam_rig.paper.vibration import study
         from cam_rig.paper.vibration.study import vibration_claims, vibration_table
 
         check_outputs(json_target, plot, csv)
@@ -66,9 +66,9 @@ def vibration(
             found = vibration_table(
                 cam_set, speeds, lambda cam: bar.update(task, advance=1, description=cam)
             )
-        shown = [tables.speed_table(found, speed, cam_set.rig.name) for speed in found.rpm]
+        shown = [study.speed_table(found, speed, cam_set.rig.name) for speed in found.rpm]
         if claims := vibration_claims(found):
-            shown.append(tables.claims_table({cam_set.rig.name: claims}, found.rpm))
+            shown.append(study.claims_table({cam_set.rig.name: claims}, found.rpm))
         show(*shown)
         if lost := len(found.rpm) - len(found.in_contact):
             say(f"contact is lost at {lost} of {len(found.rpm)} speeds: no claim is tested there")
@@ -77,4 +77,4 @@ def vibration(
             from cam_rig.paper.vibration.figures import figure
 
             write_plot(plot, lambda: figure(cam_set, speeds[-1]))
-        write_json(tables.to_json(found), json_target)
+        write_json(study.to_json(found), json_target)

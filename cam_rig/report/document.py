@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -14,7 +14,16 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from cam_rig.show.tables import Cell, DataTable, printed, to_markdown, typeset
+from cam_rig.show.tables import (
+    Cell,
+    Column,
+    DataTable,
+    number,
+    printed,
+    tabulate,
+    to_markdown,
+    typeset,
+)
 
 #: What makes the numbers of a page, beside the package itself.
 LIBRARIES = ("numpy", "scipy")
@@ -198,3 +207,52 @@ def table_called(table: DataTable, titles: Mapping[str, str]) -> DataTable:
         tuple(tuple(map(cell, row)) for row in table.rows),
         tuple(called(note, titles) for note in table.notes),
     )
+
+
+# The report in short: each question, what the paper says, what came out here, and the verdict.
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A row of a summary; ``paper`` is empty on a page of one's own cams."""
+
+    question: str
+    here: str
+    verdict: str
+    paper: str = ""
+
+
+def summary_table(rows: Iterable[Answer]) -> DataTable:
+    """The answers as a table."""
+    return tabulate(
+        "Questions and answers",
+        rows,
+        (
+            (Column("question"), lambda row: row.question),
+            (Column("paper"), lambda row: row.paper),
+            (Column("here"), lambda row: row.here),
+            (Column("verdict"), lambda row: row.verdict),
+        ),
+    )
+
+
+def bold(value: float, shown: str = ".6g", unit: str = "") -> str:
+    """A number in bold, with its unit.
+
+    Examples
+    --------
+    >>> bold(0.369, ".2f", "%")
+    '**0.37 %**'
+    """
+    return f"**{number(value, shown)}{' ' + unit if unit else ''}**"
+
+
+def span(ends: tuple[float, float], shown: str = ".6g", unit: str = "") -> str:
+    """A range in bold, with its unit at the end.
+
+    Examples
+    --------
+    >>> span((0.7, 1.66), ".1f", "turns")
+    '**0.7** to **1.7 turns**'
+    """
+    return f"{bold(ends[0], shown)} to {bold(ends[1], shown, unit)}"
