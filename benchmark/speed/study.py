@@ -26,8 +26,7 @@ from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.dynamics.torsional import motion as torsion
 from cam_rig.dynamics.torsional import parameters as parameters_module
 from cam_rig.dynamics.two_mass.masses import TwoMassParameters
-from cam_rig.dynamics.two_mass.model import states
-from cam_rig.dynamics.two_mass.trajectory import Separation
+from cam_rig.dynamics.two_mass.trajectory import Separation, states
 from cam_rig.errors import CamRigError
 from cam_rig.units import NS
 

@@ -20,7 +20,7 @@ from cam_rig.dynamics.interval import (
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.speed_ramp import Advance
 from cam_rig.dynamics.torsional import model as torsional
-from cam_rig.dynamics.two_mass import model as two_mass
+from cam_rig.dynamics.two_mass import trajectory as two_mass
 from cam_rig.dynamics.two_mass.masses import TwoMassParameters
 from cam_rig.dynamics.velocity_jumps import require_smooth
 from cam_rig.laws import Law

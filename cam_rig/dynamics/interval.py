@@ -257,6 +257,13 @@ class SampleGrid:
         """Index of the first sample at or after ``time`` (s since the interval's start)."""
         return samples_before((time - self.offset) * self.sample_rate)
 
+    def within(self, begin: float, end: float) -> tuple[slice, FloatArray] | None:
+        """Which samples lie between two times (s since the interval's start), and when; or None."""
+        first, last = self.index_after(begin), min(self.index_after(end), self.count)
+        if first >= last:
+            return None
+        return slice(first, last), self.offset + np.arange(first, last) / self.sample_rate
+
 
 EventKind = Literal["lift-off", "landing"]
 

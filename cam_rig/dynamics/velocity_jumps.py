@@ -29,50 +29,13 @@ class VelocityJump(NamedTuple):
     step: float
 
 
-class VelocityJumpsAhead:
-    """What is left of the velocity jumps of an interval; times since its start, in s.
-
-    Parameters
-    ----------
-    angle, speed : cam angle (rad) at its start, and cam speed (rad/s)
-    duration : s
-    """
-
-    def __init__(self, law: Law, angle: float, speed: float, duration: float) -> None:
-        self._left = list(velocity_jumps_ahead(law, angle, speed, duration))
-        self._speed, self._duration = speed, duration
-        end = angle + speed * duration
-        before = short_of_velocity_jump(law, end)
-        #: Up to where the law is as before a velocity jump of the next interval. By rounding this
-        #: one may end behind that joint; a lift-off there is not its own.
-        self.clear = duration if before == end else min(duration, (before - angle) / speed)
-
-    @property
-    def bound(self) -> float:
-        """Time of the next velocity jump, or the end."""
-        return min(self._left[0].time, self._duration) if self._left else self._duration
-
-    def no_later(self, time: float) -> float:
-        """``time``, or `bound` where it is later, or only by rounding before a jump there."""
-        near = SAME_PLACE / self._speed if self._left else 0.0
-        return time if time < self.bound - near else self.bound
-
-    def at(self, time: float) -> bool:
-        """Whether the next velocity jump is at a time, or before it."""
-        return bool(self._left) and self._left[0].time <= time
-
-    def take(self, time: float) -> float:
-        """Done with the velocity jumps up to a time: what ṡ gains by them, m/s."""
-        step = 0.0
-        while self.at(time):
-            step += self._left.pop(0).step * self._speed
-        return step
-
-
 def velocity_jumps_ahead(
     law: Law, angle: float, speed: float, duration: float
 ) -> tuple[VelocityJump, ...]:
-    """The joints with a jump of s' that an interval owns, in order; see `VelocityJumpsAhead`."""
+    """The joints with a jump of s' that an interval owns, in order.
+
+    The interval lasts ``duration`` s from a cam angle (rad) on, at ``speed`` (rad/s).
+    """
     if not law.velocity_jumps:
         return ()
     found: list[VelocityJump] = []

@@ -1,8 +1,7 @@
-"""Runs of a follower model, cut into intervals anywhere."""
+"""Rigs, laws and runs of a follower model, for all tests of the models."""
 
 from __future__ import annotations
 
-import itertools
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -10,10 +9,19 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from cam_rig.dynamics import MODELS, Event, FollowerParameters, FollowerState, Interval
+from cam_rig.dynamics import (
+    Event,
+    FollowerParameters,
+    FollowerState,
+    Interval,
+    TwoMassParameters,
+)
 from cam_rig.laws import Law, bernstein
 from cam_rig.laws.sampling import fit
-from cam_rig.units import NS, TURN
+from cam_rig.schema import RigConfig, load_rig
+from cam_rig.units import RPM, TURN
+
+from .helpers import edge_law, ticked
 
 
 @dataclass
@@ -39,15 +47,8 @@ def run() -> Callable[..., Result]:
         sample_rate: int = 8000,
         state: FollowerState | None = None,
     ) -> Result:
-        speed = rpm * np.pi / 30.0
-        rows, events = [], []
-        for start, stop in itertools.pairwise(cuts_ns):
-            interval = Interval(start, stop, speed * start / NS, speed)
-            state, block = MODELS[model].advance(law, parameters, state, interval, sample_rate)
-            rows.append(block.rows)
-            events += block.events
-        assert state is not None
-        return Result(np.concatenate(rows, axis=1), events, state)
+        whole = Interval(0, cuts_ns[-1], 0.0, rpm * RPM)
+        return Result(*ticked(law, model, parameters, whole, cuts_ns, sample_rate, state))
 
     return go
 
@@ -58,6 +59,24 @@ def at_once() -> Iterator[None]:
     begun = time.process_time()
     yield
     assert time.process_time() - begun < 3.0
+
+
+@pytest.fixture(scope="session")
+def paper_rig(config_dir) -> RigConfig:
+    """The rig of the paper's Table 2: two masses, and a shaft."""
+    return load_rig(config_dir / "rigs" / "paper_table2.yaml")
+
+
+@pytest.fixture(scope="session")
+def two_mass(paper_rig) -> TwoMassParameters:
+    """The two-mass follower of the paper's jump speeds."""
+    return TwoMassParameters.from_rig(paper_rig)
+
+
+@pytest.fixture(scope="session")
+def edge() -> Law:
+    """A cam of constant velocity: its velocity jumps at four joints."""
+    return edge_law()
 
 
 @pytest.fixture(scope="session")

@@ -2,13 +2,14 @@
 
 import itertools
 import math
+from fractions import Fraction
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cam_rig.dynamics import Interval
-from cam_rig.errors import DynamicsError
+from cam_rig.dynamics import COLUMNS, Block, Interval, Samples
 from cam_rig.units import NS
 
 speeds = st.floats(0.0, 1e3)
@@ -60,24 +61,82 @@ def test_parts_of_a_ramp(before, after, length, most):
     assert all(part.acceleration == ramp.acceleration for part in parts)
 
 
-@pytest.mark.parametrize(
-    ("speed", "acceleration", "told"),
-    [
-        (5.0, -6.0, r"a ramp from 5 to -1 rad/s; allowed: from rest or forwards"),
-        (-1.0, 6.0, r"a ramp from -1 to 5 rad/s; allowed"),
-        (-2.0, -1.0, r"a ramp from -2 to -3 rad/s; allowed"),
-        (1.0, math.nan, r"an interval whose acceleration is nan; allowed: finite"),
-        (math.inf, 0.0, r"an interval whose speed is inf; allowed: finite"),
-    ],
-)
-def test_a_ramp_backwards_is_refused(speed, acceleration, told):
-    """A ramp leads forwards: the message gives both speeds."""
-    with pytest.raises(DynamicsError, match=told):
-        Interval(0, NS, 0.0, speed, acceleration)
-
-
 def test_rest_by_rounding_is_rest():
     """A ramp down to rest may end a rounding error below zero."""
     length = 300_000_001
     stop = Interval(0, length, 0.0, 41.9, -41.9 * NS / length)
     assert abs(stop.speed_at(stop.duration)) < 1e-13
+
+
+# The grid of samples that all intervals share.
+
+times_ns = st.integers(0, 20 * NS)
+rates = st.integers(100, 1_000_000)
+
+
+@given(st.lists(times_ns, min_size=2, max_size=8, unique=True), rates)
+def test_consecutive_intervals_share_no_sample_and_miss_none(cuts, rate):
+    """Each interval's first sample is the one after the last of the interval before."""
+    cuts = sorted(cuts)
+    pairs = itertools.pairwise(cuts)
+    grids = [Interval(a, b, 0.0, 1.0).grid(rate) for a, b in pairs]
+    for before, after in itertools.pairwise(grids):
+        assert after.first == before.first + before.count
+    whole = Interval(cuts[0], cuts[-1], 0.0, 1.0).grid(rate)
+    assert whole.first == grids[0].first
+    assert whole.count == sum(grid.count for grid in grids)
+
+
+@given(times_ns, st.integers(1, NS), rates)
+def test_samples_lie_inside(start, length, rate):
+    """All instants k / rate in [start, stop) belong to the interval, and no other does."""
+    grid = Interval(start, start + length, 0.0, 1.0).grid(rate)
+    low, high = Fraction(start, NS), Fraction(start + length, NS)
+    assert grid.count >= 0
+    assert Fraction(grid.first - 1, rate) < low <= Fraction(grid.first, rate)
+    end = grid.first + grid.count
+    assert Fraction(end - 1, rate) < high <= Fraction(end, rate)
+
+
+@given(times_ns, st.integers(1, NS), rates)
+def test_offset_is_exact(start, length, rate):
+    """The first sample's distance from the start is the exact fraction, rounded once."""
+    grid = Interval(start, start + length, 0.0, 1.0).grid(rate)
+    assert grid.offset == float(Fraction(grid.first, rate) - Fraction(start, NS))
+
+
+def test_index_after():
+    """The first sample at or after a time; never before the first."""
+    grid = Interval(0, NS, 0.0, 1.0).grid(1000)
+    assert [grid.index_after(t) for t in (-1.0, 0.0, 0.25, 0.2501)] == [0, 0, 250, 251]
+    np.testing.assert_allclose(grid.since_start()[[0, 999]], [0.0, 0.999], rtol=1e-15)
+
+
+def test_an_hour_on_the_grid_is_still_exact():
+    """Rig time does not wear out the grid: it is counted in whole numbers."""
+    hour = 3600 * NS
+    grid = Interval(hour + 1, hour + NS, 0.0, 1.0).grid(48_000)
+    assert grid.first == 3600 * 48_000 + 1
+    assert grid.count == 48_000 - 1
+
+
+# Rows of a block by their names.
+
+
+def test_names_are_the_columns_in_order():
+    """Each name gives the row whose heading begins with it, or ends with it before the unit."""
+    samples = Samples(np.arange(12.0).reshape(6, 2))
+    for row, (name, column) in enumerate(zip(NAMES, COLUMNS, strict=True)):
+        assert column.partition(" [")[0] in (name, f"contact_{name}", name[0])
+        np.testing.assert_array_equal(getattr(samples, name), samples.rows[row])
+    np.testing.assert_array_equal(samples.motion, samples.rows[1:4])
+
+
+def test_names_are_views():
+    """What is written by name is in the array, of a block too."""
+    block = Block(Interval(0, NS, 0.0, 1.0), np.zeros((6, 3)))
+    block.force[1] = 7.0
+    assert block.rows[4].tolist() == [0.0, 7.0, 0.0]
+
+
+NAMES = ("time", "lift", "velocity", "acceleration", "force", "impulse")

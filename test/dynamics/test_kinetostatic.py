@@ -20,7 +20,7 @@ def turn(law, follower, run):
     return run(law, follower, RPM, [0, TURN_NS], model="kinetostatic", sample_rate=RATE).rows
 
 
-@pytest.mark.variants(8)
+@pytest.mark.variants(3)
 def test_force_balance(turn, follower):
     """F = m a + c v + k s + preload at each sample, to rounding of the largest force."""
     _, lift, velocity, acceleration, force, impulse = turn
@@ -30,7 +30,7 @@ def test_force_balance(turn, follower):
     assert not impulse.any()
 
 
-@pytest.mark.variants(8)
+@pytest.mark.variants(3)
 @pytest.mark.parametrize("row", [1, 2])
 def test_each_row_is_the_rate_of_the_one_before(turn, law, row):
     """Velocity and acceleration are central differences of lift and velocity, off the joints."""
@@ -45,13 +45,13 @@ def test_each_row_is_the_rate_of_the_one_before(turn, law, row):
     )
 
 
-@pytest.mark.variants(8)
+@pytest.mark.variants(3)
 def test_time_is_the_grid(turn):
     """Sample k stands at k / rate."""
     np.testing.assert_array_equal(turn[0], np.arange(turn.shape[1]) / RATE)
 
 
-@pytest.mark.variants(8)
+@pytest.mark.variants(3)
 def test_power_balance(law, follower):
     """Over a turn the cam's work ∮F ds is what the damper burns: spring and mass give all back."""
     nodes, weights = np.polynomial.legendre.leggauss(24)  # exact to degree 47; F·s' has 29
@@ -69,7 +69,7 @@ def test_power_balance(law, follower):
     assert work == pytest.approx(burnt, abs=1e-13 * moved)
 
 
-@pytest.mark.variants(8)
+@pytest.mark.variants(3)
 def test_state_is_the_next_sample(law, follower):
     """The state at the end is what the next interval's first sample shows."""
     stop = 37 * NS // 1000
@@ -84,7 +84,7 @@ def test_state_is_the_next_sample(law, follower):
     assert state.in_contact
 
 
-@pytest.mark.variants(8)
+@pytest.mark.variants(3)
 def test_loss_intervals_are_where_the_force_pulls(law, follower):
     """Inside a loss interval F < 0, outside F ≥ 0, at every sampled angle clear of its ends."""
     angle = np.linspace(0.0, TURN, 5001)[1:-1]

@@ -1,5 +1,10 @@
 """A hundred thousand turns: what is left of the phase."""
 
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import mpmath as mp
 import numpy as np
 import pytest
@@ -10,7 +15,6 @@ from cam_rig.dynamics.elastic_stem import response
 from cam_rig.dynamics.linear.response import LinearResponse
 from cam_rig.dynamics.torsional.motion import periodic_state
 from cam_rig.laws import Law
-from cam_rig.schema import load_rig
 from cam_rig.units import NS, TURN
 
 TURNS = 100_000
@@ -18,11 +22,6 @@ RPM = 600.0
 SPEED = RPM * np.pi / 30.0
 TURN_NS = 60 * NS // 600
 EPS = float(np.finfo(float).eps)
-
-
-@pytest.fixture(scope="module")
-def paper_rig(config_dir):
-    return load_rig(config_dir / "rigs" / "paper_table2.yaml")
 
 
 def exact_lift(law, rate, indices):
@@ -40,17 +39,18 @@ def exact_lift(law, rate, indices):
     return np.array(out)
 
 
-def test_one_call_over_all_turns(laws, follower):
-    """Samples of one interval of 1e5 turns stay on the law, to the rounding of their angle.
+@pytest.mark.parametrize("turns", [20_000, pytest.param(TURNS, marks=pytest.mark.long)])
+def test_one_call_over_all_turns(laws, follower, turns):
+    """Samples of one interval of many turns stay on the law, to the rounding of their angle.
 
-    6.3e5 rad is known to eps times itself, and the law's slope makes a lift of it.
+    6.3e5 rad of 1e5 turns are known to eps times itself, and the law's slope makes a lift of it.
     """
     law, rate = laws["poly345"], 7
-    interval = Interval(0, TURNS * TURN_NS, 0.0, SPEED)
+    interval = Interval(0, turns * TURN_NS, 0.0, SPEED)
     rows = MODELS["kinetostatic"].advance(law, follower, None, interval, rate)[1].rows
     some = np.arange(rows.shape[1] - 1, 0, -997)
     slope = float(np.abs(law.motion[1]).max())
-    limit = 4.0 * EPS * TURNS * TURN * slope
+    limit = 4.0 * EPS * turns * TURN * slope
     error = np.abs(rows[1, some] - exact_lift(law, rate, some))
     assert error.max() < limit
     assert rows[1, some].max() > 0.04
@@ -146,3 +146,54 @@ def test_torsion_of_a_late_turn(laws, paper_rig):
     assert abs(end.inner[0] - begin.twist) < 1e-8 * twist
     assert abs(end.inner[1] - begin.twist_rate) < 1e-8 * twist * rate
     assert np.abs(block.rows[4] - early.rows[4]).max() < 1e-8 * peak
+
+
+# A long run streams in blocks: memory is that of a block, whatever the length.
+
+ROOT = Path(__file__).parents[2]
+LIMIT_MB = 300.0
+#: Streams runs in blocks of one second, and prints the peak of memory (MB) half-way through each
+#: and at its end.
+STREAM = """
+import sys
+import cam_rig
+from cam_rig.dynamics import MODELS, Interval
+from cam_rig.units import NS, RPM
+
+law, rig = cam_rig.build_law(cam_rig.load_cam("poly345")), cam_rig.load_rig("paper_table2")
+speed = 400.0 * RPM
+for name, seconds in zip(sys.argv[1::2], map(int, sys.argv[2::2])):
+    model, state = MODELS[name], None
+    parameters = model.parameters(rig)
+    for second in range(seconds):
+        interval = Interval(second * NS, (second + 1) * NS, speed * second, speed)
+        state, block = model.advance(law, parameters, state, interval, 48_000)
+        assert block.rows.shape == (6, 48_000)
+        if second in (seconds // 2, seconds - 1):
+            # not ru_maxrss, which begins with what the parent had
+            status = open("/proc/self/status", encoding="ascii").read()
+            print(float(status.split("VmHWM:")[1].split()[0]) / 1024.0)
+"""
+RUNS = ("kinetostatic", 60, "one_mass", 20, "torsional", 8)
+LONG = ("elastic_stem", 300, "one_mass", 60, "two_mass", 60, "torsional", 20, "kinetostatic", 3600)
+
+
+@pytest.mark.parametrize("runs", [RUNS, pytest.param(LONG, marks=pytest.mark.long)])
+def test_memory_does_not_grow(runs):
+    """What a model keeps (parts of a turn, chunks) it has after the first turns, in a process.
+
+    An hour's 172.8 million samples of six doubles are 8.3 GB; never is more there than a block.
+    """
+    done = subprocess.run(
+        [sys.executable, "-c", STREAM, *map(str, runs)],
+        cwd=ROOT,
+        env={**os.environ, "OMP_NUM_THREADS": "1"},  # as the models run: small products
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=900,
+    )
+    peaks = np.array([float(line) for line in done.stdout.split()]).reshape(-1, 2)
+    assert len(peaks) == len(runs) // 2
+    assert peaks.max() < LIMIT_MB
+    assert (peaks[:, 1] - peaks[:, 0]).max() < 5.0

@@ -1,7 +1,7 @@
-"""A roller mass and an end mass through an interval: contact, lift-off, flight, landing, and so on.
+"""One mass, or a roller and an end mass, through an interval: contact, lift-off, flight, landing.
 
-A landing stops the roller mass on the cam or rebounds with Newton's restitution; the end mass goes
-on with the velocity it had.
+A landing stops the mass that meets the cam, or it rebounds with Newton's restitution; an end mass
+goes on with the velocity it had.
 """
 
 from __future__ import annotations
@@ -41,28 +41,42 @@ from cam_rig.units import TURN
 #: (s, ṡ, s̈).
 Motion = tuple[float, float, float]
 
+#: Angle (rad) of a loss interval too short to lift anything but a rounding error.
+GRAZE = 1e-9
 
-class TwoMassTable(NamedTuple):
-    """A two-mass follower on a turning cam.
+
+class RunTable(NamedTuple):
+    """A follower on a turning cam: one rigid mass, or two masses where it has a stem.
+
+    In contact the state of two masses is the end mass's vibration (η, η̇), that of one is the cam's;
+    in flight it is (w, ẇ, Y, Ẏ) of two and (y, ẏ) of one, as in `FreeSystem`.
 
     Parameters
     ----------
+    mass : kg, of what meets the cam
     force : ``(4,)`` weights of s, ṡ, s̈ in the contact force, and its constant (N)
+    losses : ``(n, 2)`` cam angles in [0, 2π] between which the cam would have to pull one mass
+    stem : whether there are two masses; of one the five after it are not used
+    contact : the end mass while the roller is on the cam
     drive : ``(3,)`` what s, ṡ, s̈ contribute to η̈
-    roller_mass : kg
     end_share : of the end mass in both
     left : 1 − α, the static share of the lift that the stem is compressed by
     sag : m, what the preload compresses
-    restitution, force_noise, least_bounce, no_impact : as in `OneMassTable`
+    restitution : of a landing
+    force_noise : m/s², as in `Hop`
+    least_bounce : m, below which a bounce is contact
+    no_impact : m/s, below which a step of ṡ is rounding
     """
 
     cam: Cam
     free: FreeTable
     jumps: Jumps
-    contact: StemContactTable
+    mass: float
     force: Row
+    losses: Rows
+    stem: bool
+    contact: StemContactTable
     drive: Row
-    roller_mass: float
     end_share: float
     left: float
     sag: float
@@ -72,7 +86,7 @@ class TwoMassTable(NamedTuple):
     no_impact: float
 
 
-def run_two_mass(run: TwoMassTable, record: RunRecord) -> None:
+def run_events(run: RunTable, record: RunRecord) -> None:
     """Phase after phase, up to the interval's end or as far as there is room for them."""
     run, record = borrowed(run), borrowed(record)
     now = record.now
@@ -80,13 +94,40 @@ def run_two_mass(run: TwoMassTable, record: RunRecord) -> None:
         now[BEGUN] = 1.0
         _velocity_step(run, record, 0.0, now[STEP] + take(run.jumps, now, 0.0))
     while now[TIME] < run.jumps.duration and has_room(record):
-        if now[FLYING] == 0.0:
-            _contact(run, record)
-        else:
+        if now[FLYING] != 0.0:
             _flight(run, record)
+        elif run.stem:
+            _contact_of_two(run, record)
+        else:
+            _contact_of_one(run, record)
 
 
-def _contact(run: TwoMassTable, record: RunRecord) -> None:
+def _contact_of_one(run: RunTable, record: RunRecord) -> None:
+    """A phase of contact, and what ends it."""
+    now, last = record.now, bound(run.jumps, record.now)
+    end, lift_off = last, _next_lift_off(run, now[TIME])
+    if lift_off < run.jumps.clear:
+        end = no_later(run.jumps, now, run.cam.speed, lift_off)
+    add_phase(record, end)
+    now[TIME] = end
+    if end < last:
+        _lift_off(run, record, end, cam_at(run.cam, end), (0.0, 0.0), 0.0)
+    else:
+        _velocity_step(run, record, end, take(run.jumps, now, end))
+
+
+def _next_lift_off(run: RunTable, time: float) -> float:
+    """Time (s) of the next lift-off of one mass, infinity when the cam never has to pull."""
+    angle, count = run.cam.angle + run.cam.speed * time, len(run.losses)
+    turn = math.floor(angle / TURN) * TURN
+    for i in range(2 * count):
+        whole = turn + TURN if i >= count else turn
+        if whole + run.losses[i % count][1] - angle > GRAZE:
+            return time + max(0.0, (whole + run.losses[i % count][0] - angle) / run.cam.speed)
+    return math.inf
+
+
+def _contact_of_two(run: RunTable, record: RunRecord) -> None:
     """A phase of contact, and what ends it."""
     now, time, last = record.now, record.now[TIME], bound(run.jumps, record.now)
     start, angle = (now[STATE], now[STATE + 1]), run.cam.angle + run.cam.speed * time
@@ -102,15 +143,14 @@ def _contact(run: TwoMassTable, record: RunRecord) -> None:
         cam = cam_at(run.cam, end)
         vibration = state_after(run.contact, loss.stretch, loss.time - loss.begin)
         vibration = _continued(run, vibration, cam, (end - time) - loss.time)
-        add_event(record, False, end, 0.0, 0.0)
-        _fly(run, record, cam, _stretch(run, vibration, cam), 0.0, 0.0)
+        _lift_off(run, record, end, cam, _stretch(run, vibration, cam), 0.0)
         return
     vibration = state_after(run.contact, loss.stretch, (end - time) - loss.begin)
     now[STATE], now[STATE + 1] = vibration
     _velocity_step(run, record, end, gained)
 
 
-def _continued(run: TwoMassTable, vibration: Pair, cam: Motion, time: float) -> Pair:
+def _continued(run: RunTable, vibration: Pair, cam: Motion, time: float) -> Pair:
     """(η, η̇) a rounding of time (s) later: what follows begins at a time that is a float."""
     contact, drive = run.contact, run.drive
     driven = drive[0] * cam[0] + drive[1] * cam[1] + drive[2] * cam[2]
@@ -118,11 +158,11 @@ def _continued(run: TwoMassTable, vibration: Pair, cam: Motion, time: float) -> 
     return vibration[0] + time * vibration[1], vibration[1] + time * bend
 
 
-def _flight(run: TwoMassTable, record: RunRecord) -> None:
+def _flight(run: RunTable, record: RunRecord) -> None:
     """A phase of flight, at most to the next velocity jump, and what ends it."""
     now, begin, cam = record.now, record.now[TIME], run.cam
-    last, start = bound(run.jumps, now), zeros(4)
-    for i in range(4):
+    last, start = bound(run.jumps, now), zeros(len(now) - STATE)
+    for i in range(len(start)):
         start[i] = now[STATE + i]
     launch = launched(run.free, start)
     ahead = Cam(cam.law, cam.speed, cam.angle + cam.speed * begin)
@@ -130,18 +170,20 @@ def _flight(run: TwoMassTable, record: RunRecord) -> None:
     found = landing(hop, last - begin)
     end = no_later(run.jumps, now, cam.speed, begin + found.time) if found.landed else last
     add_phase(record, end)
-    way, now[TIME] = moved(launch, end - begin).way, end
-    for i in range(4):
-        now[STATE + i] += way[i]
-    opening = found.rate - take(run.jumps, now, end)
-    if found.landed and opening <= 0.0:
+    opening, now[TIME] = found.rate - take(run.jumps, now, end), end
+    lands = found.landed and opening <= 0.0
+    if run.stem or not lands:  # where one mass lands the cam says where it is
+        way = moved(launch, end - begin).way
+        for i in range(len(start)):
+            now[STATE + i] += way[i]
+    if lands:
         _meet(run, record, end, (now[STATE], now[STATE + 1]), opening)
     else:
         fly_from(now, True, found.gap, opening)
 
 
-def _velocity_step(run: TwoMassTable, record: RunRecord, time: float, gained: float) -> None:
-    """Where ṡ gains (m/s): an impact on a roller in contact, or its lift-off."""
+def _velocity_step(run: RunTable, record: RunRecord, time: float, gained: float) -> None:
+    """Where ṡ gains (m/s): an impact on what is in contact, or its lift-off."""
     now = record.now
     if abs(gained) <= run.no_impact:
         return
@@ -149,185 +191,60 @@ def _velocity_step(run: TwoMassTable, record: RunRecord, time: float, gained: fl
         now[OPENING] -= gained
         return
     s, rate, bend = cam_at(run.cam, time)
-    before, vibration = (s, rate - gained, bend), (now[STATE], now[STATE + 1])
-    stretch = _stretch(run, vibration, before)
+    before = (s, rate - gained, bend)
+    stretch = _stretch(run, (now[STATE], now[STATE + 1]), before)
     if gained < 0.0:
-        add_event(record, False, time, 0.0, 0.0)
-        _fly(run, record, before, stretch, 0.0, -gained)
+        _lift_off(run, record, time, before, stretch, -gained)
     else:
         _meet(run, record, time, stretch, -gained)
 
 
-def _stretch(run: TwoMassTable, vibration: Pair, cam: Motion) -> Pair:
+def _stretch(run: RunTable, vibration: Pair, cam: Motion) -> Pair:
     """(w, ẇ) of the stem of a roller on the cam: a small difference, without its rounding."""
     return vibration[0] - run.left * cam[0] - run.sag, vibration[1] - run.left * cam[1]
 
 
-def _fly(
-    run: TwoMassTable, record: RunRecord, cam: Motion, stretch: Pair, rising: float, opening: float
+def _lift_off(
+    run: RunTable, record: RunRecord, time: float, cam: Motion, stretch: Pair, opening: float
 ) -> None:
-    """A roller on the cam, faster than it by ``rising`` m/s, flies off it at ``opening`` m/s."""
-    now, share = record.now, run.end_share
-    now[STATE], now[STATE + 1] = stretch
-    now[STATE + 2] = cam[0] + share * stretch[0]
-    now[STATE + 3] = (cam[1] + rising) + share * stretch[1]
+    """What goes with the cam's motion lifts off at ``opening`` m/s."""
+    add_event(record, False, time, 0.0, 0.0)
+    _fly(run, record, cam, stretch, 0.0, opening)
+
+
+def _fly(
+    run: RunTable, record: RunRecord, cam: Motion, stretch: Pair, rising: float, opening: float
+) -> None:
+    """What is on the cam, faster than it by ``rising`` m/s, flies off it at ``opening`` m/s."""
+    now, share, velocity = record.now, run.end_share, cam[1] + rising
+    if run.stem:
+        now[STATE], now[STATE + 1] = stretch
+        now[STATE + 2] = cam[0] + share * stretch[0]
+        now[STATE + 3] = velocity + share * stretch[1]
+    else:
+        now[STATE], now[STATE + 1] = cam[0], velocity
     fly_from(now, True, 0.0, opening)
 
 
-def _meet(run: TwoMassTable, record: RunRecord, time: float, stretch: Pair, rate: float) -> None:
+def _meet(run: RunTable, record: RunRecord, time: float, stretch: Pair, rate: float) -> None:
     """A landing at ``rate`` (m/s, not above 0): what flies on, or is in contact.
 
-    ``stretch`` is (w, ẇ) before it; the end mass goes on with the velocity it had.
+    ``stretch`` is (w, ẇ) before it, of two masses.
     """
-    now, cam, approach = record.now, cam_at(run.cam, time), -rate
-    on_cam = (stretch[0], stretch[1] + rate)
-    rest = _stretch(run, (0.0, 0.0), cam)
-    vibration = (on_cam[0] - rest[0], on_cam[1] - rest[1])
-    force = run.contact.place * vibration[0] + run.contact.velocity * vibration[1]
+    now, cam, approach, force = record.now, cam_at(run.cam, time), -rate, 0.0
+    on_cam, vibration = (stretch[0], stretch[1] + rate), (0.0, 0.0)
+    if run.stem:
+        rest = _stretch(run, (0.0, 0.0), cam)
+        vibration = (on_cam[0] - rest[0], on_cam[1] - rest[1])
+        force = run.contact.place * vibration[0] + run.contact.velocity * vibration[1]
     force += run.force[0] * cam[0] + run.force[1] * cam[1] + run.force[2] * cam[2] + run.force[3]
-    rebound = run.restitution * approach
-    bounces = rises(rebound, force / run.roller_mass, run.least_bounce)
-    restitution = run.restitution if bounces else 0.0
-    impulse = run.roller_mass * (1.0 + restitution) * approach
-    lost = 0.5 * run.roller_mass * (1.0 - restitution * restitution) * approach * approach
-    add_event(record, True, time, impulse, lost)
-    if bounces:
-        _fly(run, record, cam, (on_cam[0], on_cam[1] - rebound), rebound, rebound)
-        return
-    now[FLYING] = 0.0
-    for i in range(4):
-        now[STATE + i] = vibration[i] if i < 2 else 0.0
-
-
-# One mass on a rigid stem through an interval: contact, lift-off, flight, landing, and so on.
-
-#: Angle (rad) of a loss interval too short to lift anything but a rounding error.
-GRAZE = 1e-9
-
-
-class OneMassTable(NamedTuple):
-    """A one-mass follower on a turning cam.
-
-    Parameters
-    ----------
-    losses : ``(n, 2)`` cam angles in [0, 2π] between which the cam would have to pull
-    force : ``(4,)`` weights of s, ṡ, s̈ in the contact force, and the preload (N)
-    mass : kg
-    restitution : of a landing
-    force_noise : m/s², as in `Hop`
-    least_bounce : m, below which a bounce is contact
-    no_impact : m/s, below which a step of ṡ is rounding
-    """
-
-    cam: Cam
-    free: FreeTable
-    jumps: Jumps
-    losses: Rows
-    force: Row
-    mass: float
-    restitution: float
-    force_noise: float
-    least_bounce: float
-    no_impact: float
-
-
-def run_one_mass(run: OneMassTable, record: RunRecord) -> None:
-    """Phase after phase, up to the interval's end or as far as there is room for them."""
-    run, record = borrowed(run), borrowed(record)
-    now = record.now
-    if now[BEGUN] == 0.0:
-        now[BEGUN] = 1.0
-        gained = now[STEP] + take(run.jumps, now, 0.0)
-        if now[FLYING] == 0.0:
-            _impact(run, record, 0.0, gained)
-        else:
-            now[OPENING] -= gained
-    while now[TIME] < run.jumps.duration and has_room(record):
-        if now[FLYING] == 0.0:
-            _one_mass_contact(run, record)
-        else:
-            _one_mass_flight(run, record)
-
-
-def _one_mass_contact(run: OneMassTable, record: RunRecord) -> None:
-    """A phase of contact, and what ends it."""
-    now, time, last = record.now, record.now[TIME], bound(run.jumps, record.now)
-    end, lift_off = last, _next_lift_off(run, time)
-    if lift_off < run.jumps.clear:
-        end = no_later(run.jumps, now, run.cam.speed, lift_off)
-    add_phase(record, end)
-    now[TIME] = end
-    if end < last:
-        _lift_off(run, record, end, 0.0)
-    else:
-        _impact(run, record, end, take(run.jumps, now, end))
-
-
-def _next_lift_off(run: OneMassTable, time: float) -> float:
-    """Time (s) of the next lift-off from contact, infinity when the cam never has to pull."""
-    angle, count = run.cam.angle + run.cam.speed * time, len(run.losses)
-    turn = math.floor(angle / TURN) * TURN
-    for i in range(2 * count):
-        whole = turn + TURN if i >= count else turn
-        if whole + run.losses[i % count][1] - angle > GRAZE:
-            return time + max(0.0, (whole + run.losses[i % count][0] - angle) / run.cam.speed)
-    return math.inf
-
-
-def _one_mass_flight(run: OneMassTable, record: RunRecord) -> None:
-    """A phase of flight, at most to the next velocity jump, and what ends it."""
-    now, begin, cam = record.now, record.now[TIME], run.cam
-    last, start = bound(run.jumps, now), zeros(2)
-    start[0], start[1] = now[STATE], now[STATE + 1]
-    launch = launched(run.free, start)
-    ahead = Cam(cam.law, cam.speed, cam.angle + cam.speed * begin)
-    hop = Hop(launch, ahead, now[KNOWN] != 0.0, now[GAP], now[OPENING], run.force_noise)
-    found = landing(hop, last - begin)
-    end = no_later(run.jumps, now, cam.speed, begin + found.time) if found.landed else last
-    add_phase(record, end)
-    opening = found.rate - take(run.jumps, now, end)
-    now[TIME] = end
-    if found.landed and opening <= 0.0:
-        _one_mass_meet(run, record, end, -opening)
-        return
-    way = moved(launch, end - begin).way
-    now[STATE] += way[0]
-    now[STATE + 1] += way[1]
-    fly_from(now, True, found.gap, opening)
-
-
-def _impact(run: OneMassTable, record: RunRecord, time: float, gained: float) -> None:
-    """The velocity of the cam under a follower in contact gains ``gained`` (m/s)."""
-    if abs(gained) <= run.no_impact:
-        return
-    if gained > 0.0:
-        _one_mass_meet(run, record, time, gained)
-    else:
-        _lift_off(run, record, time, -gained)
-
-
-def _lift_off(run: OneMassTable, record: RunRecord, time: float, opening: float) -> None:
-    """The follower lifts off, faster than the cam by ``opening`` m/s."""
-    add_event(record, False, time, 0.0, 0.0)
-    _one_mass_fly(record, cam_at(run.cam, time), opening)
-
-
-def _one_mass_fly(record: RunRecord, cam: tuple[float, float, float], opening: float) -> None:
-    now = record.now
-    now[STATE], now[STATE + 1] = cam[0], cam[1] + opening
-    fly_from(now, True, 0.0, opening)
-
-
-def _one_mass_meet(run: OneMassTable, record: RunRecord, time: float, approach: float) -> None:
-    """The follower meets the cam at ``approach`` m/s: it flies on, or is in contact."""
-    cam = cam_at(run.cam, time)
-    force = run.force[0] * cam[0] + run.force[1] * cam[1] + run.force[2] * cam[2] + run.force[3]
     rebound = run.restitution * approach
     bounces = rises(rebound, force / run.mass, run.least_bounce)
     restitution = run.restitution if bounces else 0.0
     impulse = run.mass * (1.0 + restitution) * approach
     lost = 0.5 * run.mass * (1.0 - restitution * restitution) * approach * approach
     add_event(record, True, time, impulse, lost)
-    record.now[FLYING] = 0.0
     if bounces:
-        _one_mass_fly(record, cam, rebound)
+        _fly(run, record, cam, (on_cam[0], on_cam[1] - rebound), rebound, rebound)
+        return
+    now[FLYING], now[STATE], now[STATE + 1] = 0.0, vibration[0], vibration[1]

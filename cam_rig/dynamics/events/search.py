@@ -19,13 +19,9 @@ from importlib.metadata import version
 from importlib.util import find_spec
 from inspect import isfunction
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
-
-import numpy as np
+from typing import Any, TypeVar
 
 from cam_rig.dynamics.events import rows
-from cam_rig.dynamics.events.law_table import EVENT_SIZE, PHASE_SIZE, STATE, STEP, TIME, RunRecord
-from cam_rig.dynamics.events.rows import zero_rows, zeros
 
 # The event search compiled by numba, where that is installed and worth its time.
 
@@ -120,7 +116,7 @@ def _digests(folder: Path) -> bytes:
 def _prepared(function: Run) -> Run | None:
     """A run that compiles, or loads what is kept, when it is called first.
 
-    Whatever goes wrong there, the same results come without numba: it is said once.
+    Where numba is broken or nothing can be kept the same results come without it: said once.
     """
     folder = cache_folder() / function.__name__
     kept = _is_kept(function)
@@ -132,13 +128,24 @@ def _prepared(function: Run) -> Run | None:
             with nullcontext(folder) if kept else _made(folder) as place:
                 compiled = _compile(function, place)
                 out = compiled(*arguments)
-        except Exception as error:  # before anything was computed: the search itself raises none
-            _given_up(function, error)
+        except (ImportError, OSError, RuntimeError, *_own_errors()) as error:
+            # Before anything was computed: the search itself raises none of them.
+            words = f"{type(error).__name__}: {error}".partition("\n")[0]
+            print(
+                f"events: plain Python is used, for numba does not work ({words})", file=sys.stderr
+            )
+            _ready[function.__name__] = None
             return function(*arguments)
         _ready[function.__name__] = compiled
         return out
 
     return first
+
+
+def _own_errors() -> tuple[type[Exception], ...]:
+    """What numba raises of its own; nothing where it could not be imported."""
+    errors = sys.modules.get("numba.core.errors")
+    return () if errors is None else (errors.NumbaError,)
 
 
 @contextmanager
@@ -156,12 +163,6 @@ def _made(folder: Path) -> Iterator[Path]:
             place.rename(folder)
     finally:
         shutil.rmtree(place, ignore_errors=True)
-
-
-def _given_up(function: Run, error: Exception) -> None:
-    words = f"{type(error).__name__}: {error}".partition("\n")[0]
-    print(f"events: plain Python is used, for numba does not work ({words})", file=sys.stderr)
-    _ready[function.__name__] = None
 
 
 def _compile(function: Run, folder: Path) -> Run:
@@ -241,67 +242,6 @@ def _base() -> Path:
 
 
 T = TypeVar("T")
-
-#: Phases that are found in one call: in the first, and in the longest, each having twice the room
-#: of the one before; compiled so many times more.
-FIRST_ROOM, MOST_ROOM, COMPILED_ROOM = 4, 128, 32
-
-
-class FoundPhases(NamedTuple):
-    """Phases and events that a call has found, as rows of numbers (see `course`)."""
-
-    phases: list[list[float]]
-    events: list[list[float]]
-
-
-def search(
-    run: Callable[[Any, RunRecord], None],
-    table: Callable[[bool], Any],
-    now: list[float],
-    duration: float,
-) -> Iterator[FoundPhases]:
-    """Phases and events up to ``duration`` s; ``now`` is where the run is, and is kept so.
-
-    Parameters
-    ----------
-    run : `run_one_mass` or `run_two_mass`
-    table : what it takes, of arrays or of lists
-    """
-    room, tables = FIRST_ROOM, cache(table)
-    while room == FIRST_ROOM or now[TIME] < duration:
-        compiled = form_of(run)
-        if compiled is None:
-            yield _plain(run, tables(False), now, room)
-        else:
-            yield _compiled(compiled, tables(True), now, COMPILED_ROOM * room)
-        room = min(2 * room, MOST_ROOM)
-
-
-def _plain(
-    run: Callable[[Any, RunRecord], None], table: Any, now: list[float], room: int
-) -> FoundPhases:
-    phases, events, counts = zero_rows(room, PHASE_SIZE), zero_rows(2 * room, EVENT_SIZE), zeros(2)
-    with plain_time():
-        run(table, RunRecord(now, phases, events, counts))
-    return FoundPhases(phases[: int(counts[0])], events[: int(counts[1])])
-
-
-def _compiled(
-    run: Callable[[Any, Any], None], table: Any, now: list[float], room: int
-) -> FoundPhases:
-    place, counts = np.array(now), np.zeros(2)
-    phases, events = np.empty((room, PHASE_SIZE)), np.empty((2 * room, EVENT_SIZE))
-    record: Any = (place, phases, events, counts)
-    run(table, RunRecord(*record))
-    now[:] = place.tolist()
-    return FoundPhases(phases[: int(counts[0])].tolist(), events[: int(counts[1])].tolist())
-
-
-def at_start(size: int, state: list[float], step: float) -> list[float]:
-    """Where a run begins: in contact with a state of up to ``size`` numbers, ṡ gaining ``step``."""
-    now = [0.0] * STATE + state + [0.0] * (size - len(state))
-    now[STEP] = step
-    return now
 
 
 def call(function: Callable[..., T], table: Callable[[bool], Any], *arguments: Any) -> T:

@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from cam_rig.laws import bernstein
 from cam_rig.units import ComplexArray, FloatArray
 
 # What the models use of `scipy.linalg`, imported by the first call: many scenes need none of it.
@@ -247,45 +246,6 @@ class Flight:
         way, rates = s.moved(self.start, times)
         place = s.row @ self.start + s.row @ way
         return np.asarray(place), np.asarray(s.row @ rates), np.asarray(s.row @ s.matrix @ rates)
-
-    def at(self, time: float) -> FloatArray:
-        """The whole state ``(n,)`` at one time in s."""
-        return np.asarray(self.start + self.moved_to(time)[0])
-
-    def moved_to(self, time: float) -> tuple[FloatArray, FloatArray]:
-        """How far the states have come ``(n,)`` and their rates at one time in s."""
-        if time not in self._moved:
-            way, rates = self.system.moved(self.start, np.array([time]))
-            self._moved[time] = way[:, 0], rates[:, 0]
-        return self._moved[time]
-
-    @cached_property
-    def _moved(self) -> dict[float, tuple[FloatArray, FloatArray]]:
-        return {0.0: (np.zeros_like(self.start), self.system.rates(self.start))}
-
-    def largest_acceleration(self, time: float) -> float:
-        """What |acceleration| (m/s²) does not exceed from a time (s) on: neither does energy."""
-        return float(np.linalg.norm(self.system.energy @ self.moved_to(time)[1]))
-
-    def accelerations(self, begin: float, end: float) -> FloatArray:
-        """Bernstein ordinates of the acceleration (m/s²) on [begin, end], no longer than a window.
-
-        The exponential's power series about ``begin``, written in the Bernstein basis.
-        """
-        system = self.system
-        part = (end - begin) / system.window
-        terms = (system.series @ self.moved_to(begin)[1]) * part ** np.arange(SERIES_DEGREE + 1.0)
-        return np.asarray(bernstein_from_powers(SERIES_DEGREE) @ terms)
-
-
-@lru_cache(maxsize=8)
-def bernstein_from_powers(degree: int) -> FloatArray:
-    """Matrix that rewrites Σ aᵢ uⁱ of a degree in the Bernstein basis."""
-    matrix = np.zeros((degree + 1, degree + 1))
-    for j in range(degree + 1):
-        matrix[j, : j + 1] = bernstein.binomials(j) / bernstein.binomials(degree)[: j + 1]
-    matrix.setflags(write=False)
-    return matrix
 
 
 # e^{At} z at many times.

@@ -89,25 +89,6 @@ class TwoMassParameters:
         return np.stack([self.share * cam[0] - self.preload / self.stiffness, self.share * cam[1]])
 
     @cached_property
-    def flight_matrix(self) -> FloatArray:
-        """A of (z, ż, y, ẏ) in flight."""
-        m1, m2 = self.roller_mass, self.end_mass
-        k1, k2, c1, c2 = (
-            self.stem_stiffness,
-            self.spring_stiffness,
-            self.stem_damping,
-            self.damping,
-        )
-        return np.array(
-            [
-                [0.0, 1.0, 0.0, 0.0],
-                [-k1 / m1, -c1 / m1, k1 / m1, c1 / m1],
-                [0.0, 0.0, 0.0, 1.0],
-                [k1 / m2, c1 / m2, -(k1 + k2) / m2, -(c1 + c2) / m2],
-            ]
-        )
-
-    @cached_property
     def inner_matrix(self) -> FloatArray:
         """A of flight in (w, ẇ, Y, Ẏ): stretch w = y − z of the stem, and centre of mass Y.
 
@@ -122,16 +103,6 @@ class TwoMassParameters:
         fast = [-k1 * both - k2 * share * end, -c1 * both - c2 * share * end, -k2 * end, -c2 * end]
         slow = [-k2 * share / total, -c2 * share / total, -k2 / total, -c2 / total]
         return np.array([[0.0, 1.0, 0.0, 0.0], fast, [0.0, 0.0, 0.0, 1.0], slow])
-
-    @cached_property
-    def flight_load(self) -> FloatArray:
-        """Constant part of the state's rate in flight."""
-        return np.array([0.0, 0.0, 0.0, -self.preload / self.end_mass])
-
-    @cached_property
-    def fastest_rate(self) -> float:
-        """Largest |eigenvalue| of the free motion, rad/s."""
-        return float(np.abs(np.linalg.eigvals(self.flight_matrix)).max())
 
 
 @lru_cache(maxsize=64)

@@ -1,48 +1,30 @@
-"""The two-mass follower in contact, at lift-off, in flight and landing (eq. 14-19).
+"""The two-mass follower (eq. 14-19): in contact, at lift-off, in flight and landing.
 
-Phases are closed forms, events are roots; nothing is stepped. A landing stops the roller mass on
-the cam (ż := ṡ, the paper's plastic re-contact) or rebounds with Newton's restitution; the
-end mass goes on with the velocity it had. The same holds where the law's velocity jumps: up is an
-impact on the roller mass, m₁ (1 + e) ω Δs', down lifts it off with the velocity it had.
+A landing stops the roller mass on the cam (ż := ṡ, the paper's plastic re-contact) or rebounds with
+Newton's restitution; the end mass goes on with the velocity it had. The same holds where the law's
+velocity jumps: up is an impact on the roller mass, m₁ (1 + e) ω Δs', down lifts it off with the
+velocity it had.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cam_rig.dynamics.events.contact import (
-    ROUNDING_ERRORS,
-    contact_loss,
-    contact_table,
-    free_table,
-    jumps_table,
-    law_table,
-    loss_in_part,
-    table_of,
-)
-from cam_rig.dynamics.events.law_table import (
-    END,
-    FLYING,
-    GAP,
-    KNOWN,
-    OPENING,
-    STATE,
-    TIME,
-    Cam,
-    fly_from,
-)
-from cam_rig.dynamics.events.runs import TwoMassTable, run_two_mass
-from cam_rig.dynamics.events.search import at_start, call, search
-from cam_rig.dynamics.interval import NO_IMPACT, Event, EventKind, least_bounce
+from cam_rig.dynamics.events.contact import contact_loss, loss_in_part
+from cam_rig.dynamics.events.course import ROUNDING_ERRORS, Course, Phase, contact_table
+from cam_rig.dynamics.events.runs import RunTable
+from cam_rig.dynamics.events.search import call
+from cam_rig.dynamics.interval import Block, FollowerState, Interval, Samples
 from cam_rig.dynamics.linear.exponential import Flight
 from cam_rig.dynamics.linear.response import LinearResponse
-from cam_rig.dynamics.linear.sampling import polynomial_parts
-from cam_rig.dynamics.parameters import require_angle, require_number, state_of
+from cam_rig.dynamics.linear.sampling import polynomial_parts, sample
+from cam_rig.dynamics.parameters import require_angle, require_number, state_of, times_of, told
+from cam_rig.dynamics.speed_ramp import with_ramps
 from cam_rig.dynamics.two_mass.masses import (
     TwoMassParameters,
     contact_response,
@@ -52,19 +34,12 @@ from cam_rig.dynamics.two_mass.masses import (
     to_inner,
 )
 from cam_rig.dynamics.velocity_jumps import short_of_velocity_jump
-from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein
 from cam_rig.laws.bernstein import EPS
+from cam_rig.laws.sampling import sample as sample_law
 from cam_rig.units import TURN, FloatArray
 
 # What ends contact in the two-mass model: the force falls to zero.
-
-
-def fly(parameters: TwoMassParameters, state: FloatArray, times: FloatArray) -> FloatArray:
-    """(z, ż, y, ẏ) of free motion at times (s) after ``state``, ``(4, len(times))``."""
-    start = to_inner(parameters, state)
-    way, _ = free_masses(parameters).moved(start, times)
-    return from_inner(parameters, start[:, None] + way)
 
 
 def lift_off(
@@ -154,50 +129,24 @@ def force_noise(law: Law, p: TwoMassParameters, speed: float) -> float:
     return ROUNDING_ERRORS * EPS * force / p.roller_mass
 
 
-#: More events in one call than any physical series has.
-MAX_EVENTS = 20_000
+class Separation(Course):
+    """The course of two masses on one law at one speed (rad/s), from a cam angle (rad) on."""
 
+    most_events = 20_000
 
-@dataclass(frozen=True, eq=False)
-class TwoMassPhase:
-    """Contact, ``vibration`` (η, η̇), or a flight, from ``begin`` to ``end`` s."""
-
-    begin: float
-    end: float
-    vibration: FloatArray
-    flight: Flight | None = None
-
-    @property
-    def contact(self) -> bool:
-        """Whether the roller is in contact."""
-        return self.flight is None
-
-
-@dataclass
-class Separation:
-    """The follower's course on one law at one speed.
-
-    Parameters
-    ----------
-    speed : rad/s
-    angle : cam angle in rad at t = 0
-    """
-
-    law: Law
-    parameters: TwoMassParameters
-    speed: float
-    angle: float = 0.0
-    events: list[Event] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        self._rows: list[list[float]] = []
-        self._phases: list[TwoMassPhase] = []
-        require_angle(self.angle)
-        self._response: LinearResponse = contact_response(self.law, self.parameters, self.speed)
-        self._system = free_masses(self.parameters)
-        self._force = force_output(self.parameters)
-        #: What the roller is after the last phase: a vibration (η, η̇) on the cam, or a flight.
-        self.last: FloatArray | Flight = np.zeros(2)
+    def __init__(
+        self,
+        law: Law,
+        parameters: TwoMassParameters,
+        speed: float,
+        angle: float = 0.0,
+        turns: int = 0,
+    ) -> None:
+        require_angle(angle)
+        super().__init__(law, free_masses(parameters), speed, angle, turns)
+        self.parameters = parameters
+        self.response: LinearResponse = contact_response(law, parameters, speed)
+        self._force = force_output(parameters)
 
     def run(self, duration: float, state: FloatArray | None = None, contact: bool = True) -> None:
         """Find all phases and events up to ``duration`` s, from rest on the cam by default.
@@ -205,81 +154,40 @@ class Separation:
         From rest is without vibration (η = η̇ = 0): the end mass goes with the turning cam.
         ``state`` is (η, η̇) in contact, else (z, ż, y, ẏ).
         """
-        if state is None:
-            state, contact = np.zeros(2), True
-        state = state_of(state, 2 if contact else 4)
-        self.go(duration, state if contact else self.lifted_off(to_inner(self.parameters, state)))
+        start: FloatArray | Flight = np.zeros(2)
+        if state is not None:
+            start = state_of(state, 2 if contact else 4)
+            start = start if contact else self.lifted_off(to_inner(self.parameters, start))
+        self.go(duration, start)
 
     def go(self, duration: float, start: FloatArray | Flight, step: float = 0.0) -> None:
         """The same from (η, η̇) or a flight, where ṡ has gained ``step`` m/s."""
         require_number("duration", duration, "> 0")
         require_angle(self.angle + self.speed * duration, "angle at the end")
-        now = at_start(4, [], step)
-        if isinstance(start, Flight):
-            now[STATE:] = start.start.tolist()
-            gap, opening = start.known or (0.0, 0.0)
-            fly_from(now, bool(start.known), gap, opening)
-        else:
-            now[STATE : STATE + 2] = state_of(start, 2).tolist()
-        for found in search(run_two_mass, partial(self._table, duration), now, duration):
-            self._rows += found.phases
-            self.events += [self._event(*row) for row in found.events]
-            if len(self.events) > MAX_EVENTS:
-                raise DynamicsError(
-                    f"more than {MAX_EVENTS} events in {now[TIME]:g} s; allowed: {MAX_EVENTS} a run"
-                )
-        self.last = self._state(now)
+        begun = self._begin(start if isinstance(start, Flight) else state_of(start, 2), step)
+        self._find(partial(self._run_table, duration), begun, duration)
 
-    def _table(self, duration: float, arrays: bool) -> TwoMassTable:
-        law, p, speed = self.law, self.parameters, self.speed
-        return table_of(
-            TwoMassTable,
+    def _run_table(self, duration: float, arrays: bool) -> RunTable:
+        p, both = self.parameters, self.parameters.roller_mass + self.parameters.end_mass
+        return self._table(
             arrays,
-            Cam(law_table(law, arrays), speed, self.angle),
-            free_table(self._system, arrays),
-            jumps_table(law, self.angle, speed, duration, arrays),
-            contact_table(self._response, self._force, arrays),
-            np.append(self._force.law[0], self._force.constant),
-            self._response.drive[1],
+            duration,
             p.roller_mass,
-            p.end_mass / (p.roller_mass + p.end_mass),
+            np.append(self._force.law[0], self._force.constant),
+            np.zeros((0, 2)),
+            True,
+            contact_table(self.response, self._force, arrays),
+            self.response.drive[1],
+            p.end_mass / both,
             p.spring_stiffness / p.stiffness,
             p.preload / p.stiffness,
-            p.restitution,
-            force_noise(law, p, speed),
-            least_bounce(law),
-            NO_IMPACT * speed * law.lift,
+            told("restitution", p.restitution),
+            force_noise(self.law, p, self.speed),
         )
 
-    @property
-    def phases(self) -> list[TwoMassPhase]:
-        """All phases so far, in order; each is made when it is asked for first."""
-        self._phases += [self._phase(row) for row in self._rows[len(self._phases) :]]
-        return self._phases
-
-    def _phase(self, row: list[float]) -> TwoMassPhase:
-        state = self._state(row)
-        if isinstance(state, Flight):
-            return TwoMassPhase(row[TIME], row[END], np.zeros(2), state)
-        return TwoMassPhase(row[TIME], row[END], state)
-
-    def _state(self, row: list[float]) -> FloatArray | Flight:
-        """What the roller is in a row of a run's numbers: a vibration on the cam, or a flight."""
-        if not row[FLYING]:
-            return np.array(row[STATE : STATE + 2])
-        known = (row[GAP], row[OPENING]) if row[KNOWN] else ()
-        return self.lifted_off(np.array(row[STATE : STATE + 4]), *known)
-
-    @property
-    def ends_in_contact(self) -> bool:
-        """Whether the roller is on the cam after the last phase and its event, if it had one."""
-        return not isinstance(self.last, Flight)
-
-    def lifted_off(
-        self, inner: FloatArray, gap: float | None = None, opening: float | None = None
-    ) -> Flight:
-        """The flight from a state (w, ẇ, Y, Ẏ); the rest as in `Flight`."""
-        return Flight(self._system, inner, gap, opening)
+    def lifted_off(self, inner: FloatArray, *known: float) -> Flight:
+        """The flight from a state (w, ẇ, Y, Ẏ); gap and opening as in `Flight`."""
+        return Flight(self._system, inner, *known)
 
     def fly(self, flight: Flight, times: FloatArray) -> FloatArray:
         """(z, ż, y, ẏ) at times (s) of a flight, ``(4, len(times))``."""
@@ -291,23 +199,101 @@ class Separation:
         angle = self.angle + self.speed * time
         return self.law.motion_at(angle) * (self.speed ** np.arange(3.0))[:, None]
 
-    def cam_at_end(self, time: float) -> FloatArray:
-        """The same where an interval ends: before a velocity jump that begins the next one."""
-        angle = short_of_velocity_jump(self.law, self.angle + self.speed * time)
+    def force(self, state: FloatArray, cam: FloatArray) -> FloatArray:
+        """Contact force (N) of vibrations (η, η̇), ``(2, n)``, where the cam is at ``(3, n)``."""
+        out = self._force
+        return np.asarray((out.state @ state + out.law @ cam + out.constant[:, None])[0])
+
+    def end(self, duration: float) -> FollowerState:
+        """The follower where an interval ends, before a velocity jump that begins the next one."""
+        if isinstance(self.last, Flight):
+            z, v, _, _ = self.fly(self.last, np.zeros(1))[:, 0].tolist()
+            inner = (*self.last.start.tolist(), *self.last.known)
+            return FollowerState(z, v, 0.0, False, inner=inner)
+        angle = short_of_velocity_jump(self.law, self.angle + self.speed * duration)
         s, slope, bend = self.law.at(angle)
-        return np.array([s, slope * self.speed, bend * self.speed**2])
+        cam, out = np.array([s, slope * self.speed, bend * self.speed**2]), self._force
+        force = float((out.state @ self.last + out.law @ cam + out.constant)[0])
+        return FollowerState(s, float(cam[1]), force, True, inner=tuple(self.last.tolist()))
 
-    def force(self, state: FloatArray, time: FloatArray) -> FloatArray:
-        """Contact force (N) of vibrations (η, η̇), ``(2, n)``, at times in s."""
-        out = self._force
-        total = out.state @ state + out.law @ self.cam(time) + out.constant[:, None]
-        return np.asarray(total[0])
 
-    def force_of(self, vibration: FloatArray, cam: FloatArray) -> float:
-        """Contact force (N) of one vibration (η, η̇) where the cam has (s, ṡ, s̈)."""
-        out = self._force
-        return float((out.state @ vibration + out.law @ cam + out.constant)[0])
+def states(course: Separation, times: FloatArray) -> FloatArray:
+    """(z, ż, y, ẏ, F) at ascending times in s of a course, ``(5, len(times))``."""
+    end = course.phases[-1].end if course.phases else 0.0
+    times = times_of(times, last=end * (1.0 + 1e-12))
+    out = np.empty((5, times.size))
+    for phase in course.phases:
+        last = phase is course.phases[-1]
+        a = int(np.searchsorted(times, phase.begin))
+        b = times.size if last else int(np.searchsorted(times, phase.end))
+        if a < b:
+            out[:, a:b] = phase_states(course, phase, times[a:b])
+    return out
 
-    def _event(self, landing: float, time: float, impulse: float, lost: float) -> Event:
-        kind: EventKind = "landing" if landing else "lift-off"
-        return Event(kind, time, self.angle + self.speed * time, impulse, lost)
+
+def phase_states(course: Separation, phase: Phase, times: FloatArray) -> FloatArray:
+    """The same in one phase."""
+    if phase.flight is not None:
+        flight = course.fly(phase.flight, times - phase.begin)
+        return np.vstack([flight, np.zeros(times.size)])
+    angle = course.angle + course.speed * phase.begin
+    vibration = course.response.states(phase.vibration, angle, times - phase.begin)
+    cam = course.cam(times)
+    end_mass = course.parameters.static_place(cam) + vibration
+    return np.vstack([cam[:2], end_mass, course.force(vibration, cam)])
+
+
+@with_ramps
+def advance(
+    law: Law,
+    parameters: TwoMassParameters,
+    state: FollowerState | None,
+    interval: Interval,
+    sample_rate: int,
+    step: float,
+) -> tuple[FollowerState, Block]:
+    """Take the follower through the interval; None puts it on the cam without vibration.
+
+    The block's motion is that of the roller mass, which meets the cam. ``step`` is by how much ṡ
+    is more than where ``state`` ended, m/s.
+    """
+    course = Separation(law, parameters, interval.speed, interval.angle, interval.turns)
+    start: FloatArray | Flight = np.zeros(2)
+    if state is not None:
+        inner = np.array(state.inner)
+        start = inner if state.in_contact else course.lifted_off(inner[:4], *state.inner[4:])
+    course.go(interval.duration, start, step)
+    grid = interval.grid(sample_rate)
+    rows = grid.rows()
+    shown = Samples(rows)
+    for phase in course.phases:
+        if within := grid.within(phase.begin, phase.end):
+            here, times = within
+            if phase.flight is not None:
+                shown.motion[:, here] = phase.flight.motion(times - phase.begin)
+            else:
+                _show_contact(shown, here, times, sample_rate, course, phase)
+    pending, block = course.block(interval, grid, rows, state)
+    return replace(course.end(interval.duration), pending_impulse=pending), block
+
+
+def _show_contact(
+    shown: Samples,
+    here: slice,
+    times: FloatArray,
+    sample_rate: int,
+    course: Separation,
+    phase: Phase,
+) -> None:
+    first, count, apart = float(times[0]), times.size, 1.0 / sample_rate
+    shown.motion[:, here] = sample_law(
+        course.law,
+        course.angle + course.speed * first,
+        course.speed / sample_rate,
+        count,
+        np.diag(course.speed ** np.arange(3.0)),
+        np.zeros(3),
+    )
+    angle, since = course.angle + course.speed * phase.begin, first - phase.begin
+    out = force_output(course.parameters)
+    shown.force[here] = sample(course.response, phase.vibration, angle, since, apart, count, out)[0]

@@ -6,8 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from cam_rig.dynamics import TwoMassParameters
-from cam_rig.dynamics.two_mass.model import states
-from cam_rig.dynamics.two_mass.trajectory import Separation
+from cam_rig.dynamics.two_mass.trajectory import Separation, states
 from cam_rig.laws.cam import CamSet
 from cam_rig.show.figure import CAM_ANGLE, empty, line, styled, turn_axis
 from cam_rig.show.looks import title_of

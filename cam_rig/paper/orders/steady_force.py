@@ -17,8 +17,7 @@ from cam_rig.dynamics.linear.response import LinearResponse
 from cam_rig.dynamics.linear.sampling import Outputs, polynomial_part
 from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.dynamics.two_mass.masses import TwoMassParameters, contact_response, force_output
-from cam_rig.dynamics.two_mass.model import states
-from cam_rig.dynamics.two_mass.trajectory import Separation, lift_off
+from cam_rig.dynamics.two_mass.trajectory import Separation, lift_off, states
 from cam_rig.dynamics.velocity_jumps import require_smooth
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law, bernstein

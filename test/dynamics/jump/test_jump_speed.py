@@ -29,16 +29,10 @@ from cam_rig.paper.jump.comparison import (
     same_ranking,
 )
 from cam_rig.paper.jump.refit import Numbers, refit, refitted, with_event
-from cam_rig.schema import load_rig, load_tables
+from cam_rig.schema import load_tables
 from cam_rig.units import RPM
 
 FIVE = ("bezier15", "poly345", "poly4567", "cycloidal", "bezier_segments")
-
-
-@pytest.fixture(scope="module")
-def two_mass(config_dir):
-    """The two-mass follower of the paper's jump speeds."""
-    return TwoMassParameters.from_rig(load_rig(config_dir / "rigs" / "paper_table2.yaml"))
 
 
 @pytest.fixture(scope="module")
@@ -85,6 +79,7 @@ def test_table_2(rows):
     assert abs(test.difference) < 0.01
 
 
+@pytest.mark.variants(3)
 @pytest.mark.parametrize("cam", ["bezier15", "poly345", "cycloidal"])
 @pytest.mark.parametrize("duration", [1.7, None])
 def test_jump_speed_is_the_exact_models(laws, two_mass, cam, duration):
@@ -98,10 +93,10 @@ def test_jump_speed_is_the_exact_models(laws, two_mass, cam, duration):
 
 
 def test_no_slower_speed_leaves(laws, two_mass):
-    """Sixty speeds below the jump speed: the exact model stays on at all of them."""
+    """Thirty speeds below the jump speed: the exact model stays on at all of them."""
     law = laws["poly345"]
     slowest = jump_speed(law, two_mass, 0.5).speed
-    for speed in np.linspace(0.6, 0.9999, 60) * slowest:
+    for speed in np.linspace(0.6, 0.9999, 30) * slowest:
         assert not leaves(law, two_mass, float(speed), 0.5)
 
 
@@ -249,18 +244,18 @@ def test_a_ramp_is_not_compared(laws, two_mass):
     assert row.difference is None
 
 
-@pytest.mark.parametrize("duration", [0.0, -1.0, 60.1, 1e9, float("nan"), float("inf")])
-def test_a_run_must_last(laws, two_mass, duration):
+def test_a_run_must_last(laws, two_mass):
     """No time, no run; and a run that lasts for ever is the steady state."""
-    with pytest.raises(DynamicsError, match="allowed: above 0, to 60 s, or the steady state"):
-        find_jumps({"poly345": laws["poly345"]}, two_mass, {}, duration)
+    for duration in (0.0, -1.0, 60.1, 1e9, float("nan"), float("inf")):
+        with pytest.raises(DynamicsError, match="allowed: above 0, to 60 s, or the steady state"):
+            find_jumps({"poly345": laws["poly345"]}, two_mass, {}, duration)
 
 
-@pytest.mark.parametrize("rate", [0.0, -3.0, 0.5, 1e9, float("nan")])
-def test_ramp_must_rise(laws, two_mass, rate):
+def test_ramp_must_rise(laws, two_mass):
     """A ramp of nothing never gets anywhere, one without end is a blow."""
-    with pytest.raises(DynamicsError, match=r"ramp is .* rpm/s; allowed: 1 to 100000 rpm/s"):
-        jump_along_ramp(laws["poly345"], two_mass, rate * RPM)
+    for rate in (0.0, -3.0, 0.5, 1e9, float("nan")):
+        with pytest.raises(DynamicsError, match=r"ramp is .* rpm/s; allowed: 1 to 100000 rpm/s"):
+            jump_along_ramp(laws["poly345"], two_mass, rate * RPM)
 
 
 def test_every_start_of_a_refit_is_told(cams, laws, two_mass, monkeypatch):
@@ -268,14 +263,14 @@ def test_every_start_of_a_refit_is_told(cams, laws, two_mass, monkeypatch):
     monkeypatch.setattr(jump_refit, "STARTS", 2)
     monkeypatch.setattr(jump_refit, "MAX_STEPS", 2)
     speeds = {
-        cam: 1.01 * jump_speed(laws[cam], two_mass, 0.4).rpm for cam in ("poly345", "poly4567")
+        cam: 1.01 * jump_speed(laws[cam], two_mass, 0.2).rpm for cam in ("poly345", "poly4567")
     }
-    found = refit(cams, speeds, two_mass, 0.4)
+    found = refit(cams, speeds, two_mass, 0.2)
     assert [rms for _, rms in found.solutions] == sorted(rms for _, rms in found.solutions)
     assert found.solutions[0][0] == found.numbers
     assert found.solutions[0][1] == pytest.approx(found.rms[1])
     again, follower = refitted({"poly345": cams["poly345"]}, two_mass, found.numbers)
-    rpm = sought_speed(again["poly345"], follower, 0.4) / RPM
+    rpm = sought_speed(again["poly345"], follower, 0.2) / RPM
     assert rpm / speeds["poly345"] - 1.0 == pytest.approx(found.after["poly345"], abs=1e-6)
 
 
@@ -291,14 +286,15 @@ def test_with_event(cams):
     assert with_event(cams["bezier15"], 1.0) is cams["bezier15"]
 
 
+@pytest.mark.long
 def test_refit_finds_the_numbers_again(cams, laws, two_mass, monkeypatch):
     """Speeds made with known numbers give these numbers back, from a start somewhat off."""
     monkeypatch.setattr(jump_refit, "STARTS", 1)
-    monkeypatch.setattr(jump_refit, "MAX_STEPS", 6)
+    monkeypatch.setattr(jump_refit, "MAX_STEPS", 5)
     four = ("bezier15", "poly345", "poly4567", "cycloidal")
-    speeds = {cam: jump_speed(laws[cam], two_mass, 0.4).rpm for cam in four}
+    speeds = {cam: jump_speed(laws[cam], two_mass, 0.2).rpm for cam in four}
     off = replace(two_mass, preload=0.97 * two_mass.preload)
-    found = refit(cams, speeds, off, 0.4)
+    found = refit(cams, speeds, off, 0.2)
     assert found.rms[1] < 0.1 * found.rms[0]
     assert isinstance(found.numbers, Numbers)
     assert found.numbers.preload == pytest.approx(two_mass.preload, rel=0.01)

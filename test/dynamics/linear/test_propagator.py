@@ -1,13 +1,23 @@
 """The exact propagator against 50-digit arithmetic."""
 
 import itertools
+from dataclasses import dataclass, replace
 
 import mpmath as mp
 import numpy as np
 import pytest
 
+from benchmark.speed import exact as many_digits_of
+from benchmark.speed.models import CONTACT, Case, Oscillator, output_times
+from cam_rig.dynamics import FollowerParameters, TwoMassParameters
+from cam_rig.dynamics.elastic_stem import response
 from cam_rig.dynamics.linear.propagator import derivative_matrix, periodic_state, piece
+from cam_rig.dynamics.linear.response import LinearResponse
+from cam_rig.dynamics.two_mass.masses import free_masses, from_inner, to_inner
 from cam_rig.laws import bernstein
+from cam_rig.units import TURN
+
+from ..helpers import flight_load, flight_matrix
 
 
 @pytest.fixture
@@ -153,3 +163,107 @@ def test_critical_damping(exact):
         expected = exact(matrix, forcing, duration, start, duration)
         got = piece(matrix, forcing, duration).end(start)
         np.testing.assert_allclose(got, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
+
+
+# Matrices at the edge: no damping on the stiffest stem, critical damping, nothing to ground.
+
+SPEED = 300.0 * np.pi / 30.0
+
+
+@dataclass(frozen=True)
+class Vibration(Oscillator):
+    """Eq. 5 for r = x − α s: what is left of the stem's load when the lift is taken off.
+
+    Rounding of the lift hides in x, and comes back in the force times the stem's stiffness; so
+    does a step of 1e-17 m at a joint of the law, which is none of the model's.
+    """
+
+    def phases(self):
+        share = self.stem_stiffness / (self.stem_stiffness + self.spring_stiffness)
+        by_law = (0, -share * self.damping / self.mass, -share, 0)
+        return {CONTACT: replace(super().phases()[CONTACT], drive=(by_law,))}
+
+
+def errors(reference, law, model, speed, turns=1):
+    """Largest errors of (r, ṙ) against 50 digits, relative to their largest values."""
+    case = Case("edge", "edge", law, model, speed, turns, turns, output_times(speed, turns, 29))
+    wanted = reference.solution(case, many_digits_of.solve)
+    numbers = [float(x) for x in vars(model).values()]
+    mass, damping, spring, stem = numbers
+    follower = FollowerParameters(mass, spring, damping, 0.0, stem)
+    got = response(law, follower, speed).states(np.zeros(2), 0.0, case.times)
+    pairs = (got[0], wanted.displacement[0]), (got[1], wanted.velocity[0])
+    return [float(np.abs(x - y).max() / np.abs(y).max()) for x, y in pairs]
+
+
+@pytest.mark.variants(4)
+@pytest.mark.parametrize("cam", ["poly345", "bezier15", "cycloidal", "tm21"])
+@pytest.mark.parametrize("turns", [1, 20])
+def test_stiffest_stem_without_damping(laws, many_digits, cam, turns):
+    """1e10 N/m and no damper: nothing that is excited ever dies, and a phase is all there is.
+
+    Ωt is 17 500 rad a turn; its rounding, eps Ωt, is the tolerance, four times over for the sums
+    over the parts of a turn.
+    """
+    model = Vibration(1.3, 0.0, 4030.0, 1e10)
+    phase = np.sqrt(1e10 / 1.3) * turns * TURN / SPEED
+    limit = 4.0 * np.finfo(float).eps * phase
+    assert max(errors(many_digits, laws[cam], model, SPEED, turns)) < limit
+
+
+@pytest.mark.variants(7)
+@pytest.mark.parametrize("off", [0.0, 1e-12, -1e-12, 1e-6, -1e-6])
+@pytest.mark.parametrize("speed", [0.3, 20.0, 3000.0])
+def test_a_critically_damped_stem(laws, many_digits, off, speed):
+    """c = 2√(km), 64 1/s twice, and near it: one mode shape for two modes.
+
+    The reference is off critical by 1e-22, for it goes by eigenvectors.
+    """
+    with mp.workdps(60):
+        damping = mp.mpf(128.0 * (1.0 + off)) * (1 + mp.mpf(10) ** -22)
+    model = Vibration(1.0, damping, 96.0, 4000.0)
+    assert max(errors(many_digits, laws["poly345"], model, speed)) < 1e-11
+
+
+def test_critically_damped_flight():
+    """Damping in proportion to stiffness, critical for one mode: its matrix is defective."""
+    m1, m2, k1, k2 = 1.0, 2.0, 3000.0, 1000.0
+    squares = np.linalg.eigvals(np.array([[k1 / m1, -k1 / m1], [-k1 / m2, (k1 + k2) / m2]]))
+    for square in squares:
+        beta = 2.0 / float(np.sqrt(square))
+        p = TwoMassParameters(m1, m2, k1, k2, beta * k1, beta * k2, 12.0)
+        start = np.array([0.01, 0.5, 0.008, -0.2])
+        times = np.array([1e-5, 1e-3, 0.02, 0.3])
+        inner = to_inner(p, start)
+        got = from_inner(p, inner[:, None] + free_masses(p).moved(inner, times)[0])
+        for i, time in enumerate(times):
+            with mp.workdps(50):
+                rate = mp.zeros(5)
+                rate[:4, :4] = mp.matrix(flight_matrix(p).tolist())
+                rate[:4, 4] = mp.matrix(flight_load(p).tolist())
+                end = mp.expm(rate * mp.mpf(time)) * mp.matrix([*start.tolist(), 1])
+                wanted = np.array([float(end[j]) for j in range(4)])
+            scale = np.array([0.02, 1.0, 0.02, 1.0])
+            np.testing.assert_allclose(got[:, i] / scale, wanted / scale, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("turns", [1, 7, 1000])
+def test_nothing_to_ground(laws, turns):
+    """A free mass pushed by K s(θ): a double zero, whose drift is the double integral of the law.
+
+    v grows by K ∮s dt a turn, and x by what v has grown: x(NT) = N x(T) + v(T) T N(N − 1)/2.
+    """
+    law, push = laws["poly345"], 7.0
+    free = np.array([[0.0, 1.0], [0.0, 0.0]])
+    drive = np.array([[0.0, 0.0, 0.0], [push, 0.0, 0.0]])
+    model = LinearResponse(law, SPEED, free, drive, np.zeros(2))
+    speed_gained = moved = 0.0
+    for ordinates, span in zip(law.ordinates.T, law.spans / SPEED, strict=True):
+        once = span * bernstein.antiderivative(ordinates)
+        moved += speed_gained * span + push * span * bernstein.antiderivative(once)[-1]
+        speed_gained += push * once[-1]
+    period = TURN / SPEED
+    x, v = model.end(np.zeros(2), 0.0, turns * period)
+    assert v == pytest.approx(turns * speed_gained, rel=1e-12)
+    drifted = turns * moved + speed_gained * period * turns * (turns - 1) / 2
+    assert x == pytest.approx(drifted, rel=1e-12)

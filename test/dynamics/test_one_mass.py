@@ -1,12 +1,13 @@
 """One mass on the cam: rides, leaves where it would have to be pulled, lands with a blow."""
 
 import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from cam_rig.dynamics import FollowerParameters, Interval
+from cam_rig.dynamics import MODELS, FollowerParameters, Interval, one_mass
 from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.units import NS, TURN
 
@@ -123,3 +124,118 @@ def test_first_flight_repeats_each_turn(course):
     angles = [event.angle for event in course.events if event.kind == "lift-off"]
     turns = [sorted(a - n * TURN for a in angles if n * TURN <= a < (n + 1) * TURN) for n in (1, 2)]
     assert turns[0] == pytest.approx(turns[1], abs=1e-11)
+
+
+# A change of speed between intervals: the cam's velocity jumps, the follower's not.
+
+MS = NS // 1000
+RISING, FALLING = np.radians(90.0), np.radians(270.0)  # middles of the 3-4-5 rise and fall
+TEN_MS = NS // 100
+
+
+def slow_and_fast():
+    return 50.0 * np.pi / 30.0, 150.0 * np.pi / 30.0
+
+
+@pytest.fixture
+def step(laws, follower):
+    """Ride to an angle at one speed, then go on from there at another."""
+
+    def go(angle, before, after):
+        law = laws["poly345"]
+        ride = Interval(0, TEN_MS, angle - before * 0.01, before)
+        state, block = one_mass.advance(law, follower, None, ride, 8000)
+        assert block.events == ()
+        go_on = Interval(TEN_MS, 2 * TEN_MS, angle, after)
+        jump = float(law(angle, 1)) * (after - before)  # of the cam's surface, m/s
+        return jump, state, *one_mass.advance(law, follower, state, go_on, 8000)
+
+    return go
+
+
+@pytest.mark.parametrize(("angle", "faster"), [(RISING, False), (FALLING, True)])
+def test_thrown_off(step, angle, faster):
+    """Braking on the rise, or speeding up on the fall, leaves the follower in the air."""
+    slow, fast = slow_and_fast()
+    before, after = (slow, fast) if faster else (fast, slow)
+    jump, state, _, block = step(angle, before, after)
+    assert jump < 0.0
+    first = block.events[0]
+    assert (first.kind, first.time) == ("lift-off", pytest.approx(0.01, abs=1e-15))
+    assert first.angle == pytest.approx(angle, abs=1e-15)
+    # it flies on with the velocity it had
+    assert block.rows[2, 0] == pytest.approx(state.velocity, rel=1e-9)
+    assert block.rows[4, 0] == 0.0
+
+
+@pytest.mark.parametrize(("angle", "faster"), [(RISING, True), (FALLING, False)])
+def test_struck(step, follower, angle, faster):
+    """Speeding up on the rise, or braking on the fall, strikes the follower: J = m Δv."""
+    slow, fast = slow_and_fast()
+    before, after = (slow, fast) if faster else (fast, slow)
+    jump, _, _, block = step(angle, before, after)
+    assert jump > 0.0
+    first = block.events[0]
+    assert (first.kind, first.time) == ("landing", pytest.approx(0.01, abs=1e-15))
+    assert first.impulse == pytest.approx(follower.mass * jump, rel=1e-9)
+    assert first.energy_lost == pytest.approx(0.5 * follower.mass * jump**2, rel=1e-9)
+    assert block.rows[5, 0] == first.impulse
+    assert block.rows[4, 0] > 0.0
+
+
+def test_in_the_dwell_nothing_happens(step):
+    """The cam's surface stands still in the dwell at any speed."""
+    slow, fast = slow_and_fast()
+    jump, _, end, block = step(np.radians(180.0), slow, fast)
+    assert jump == pytest.approx(0.0, abs=1e-15)
+    assert block.events == ()
+    assert end.in_contact
+
+
+def test_same_speed_is_no_step(step):
+    """A border between two intervals of one speed is no event."""
+    slow, _ = slow_and_fast()
+    assert step(RISING, slow, slow)[3].events == ()
+
+
+def test_flight_goes_on_over_a_step(laws, follower):
+    """A change of speed does not touch a follower in the air."""
+    law, fast, faster = laws["poly345"], 20.0 * np.pi, 25.0 * np.pi
+    stop = 40 * NS // 1000
+    angle = fast * 0.04  # 144°: high above the cam since the lift-off at 101.5°
+    state, _ = one_mass.advance(law, follower, None, Interval(0, stop, 0.0, fast), 8000)
+    assert not state.in_contact
+    go_on = Interval(stop, stop + NS // 1000, angle, faster)
+    _, block = one_mass.advance(law, follower, state, go_on, 8000)
+    assert block.events == ()
+    assert block.rows[1, 0] == pytest.approx(state.displacement, rel=1e-14)
+    assert block.rows[2, 0] == pytest.approx(state.velocity, rel=1e-14)
+
+
+@pytest.mark.parametrize("faster", [0.8, 1.25])
+@pytest.mark.parametrize("model", ["elastic_stem", "two_mass"])
+@pytest.mark.parametrize("degrees", [90.0, 270.0])
+def test_a_step_of_the_speed_moves_the_cam_alone(laws, paper_rig, model, faster, degrees):
+    """No mass changes its velocity by itself, whatever the cam does under it.
+
+    Where the cam gets faster it strikes: J = m Δv for the mass that touches it; where it gets
+    slower the follower goes on with the velocity it had.
+    """
+    law, p = laws["poly345"], replace(MODELS[model].parameters(paper_rig), preload=200.0)
+    angle, slow, advance = np.radians(degrees), 20.0, MODELS[model].advance
+    state, block = advance(law, p, None, Interval(0, MS, angle - slow * 1e-3, slow), 12_007)
+    assert block.events == ()
+    change = float(law(angle, 1)) * slow * (faster - 1.0)
+    _, block = advance(law, p, state, Interval(MS, 2 * MS, angle, slow * faster), 12_007)
+    if model == "elastic_stem":
+        assert block.rows[2, 0] == pytest.approx(state.velocity, abs=0.02 * abs(change))
+        return  # its acceleration is the stem's
+    first = block.events[0]
+    assert first.kind == ("landing" if change > 0.0 else "lift-off")
+    assert first.time == pytest.approx(1e-3, abs=1e-15)
+    if change > 0.0:
+        assert first.impulse == pytest.approx(p.roller_mass * change, rel=1e-9)
+    else:
+        since = block.rows[0, 0] - first.time
+        begun = block.rows[2, 0] - block.rows[3, 0] * since
+        assert begun == pytest.approx(state.velocity, abs=3e-3 * abs(change))

@@ -2,6 +2,7 @@
 
 import math
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -14,7 +15,7 @@ import pytest
 from cam_rig.dynamics import MODELS, FollowerParameters, Interval, TwoMassParameters
 from cam_rig.dynamics.events import arrays, rows
 from cam_rig.dynamics.events import search as compiled
-from cam_rig.dynamics.events.runs import run_one_mass
+from cam_rig.dynamics.events.runs import run_events
 from cam_rig.dynamics.events.search import ALWAYS, PLAIN, VARIABLE, cache_folder, form_of
 from cam_rig.dynamics.two_mass import trajectory
 from cam_rig.dynamics.two_mass.masses import free_masses
@@ -70,7 +71,7 @@ def random_runs(laws, seed):
     return law, one, two, Interval(0, length, angle, speed, acceleration)
 
 
-@pytest.mark.variants(3)
+@pytest.mark.variants(4)
 @pytest.mark.parametrize("seed", range(24))
 def test_the_bits_are_the_same(laws, monkeypatch, seed):
     """Events, samples and the state at the end of both models."""
@@ -136,9 +137,9 @@ def test_plain_python_until_it_pays(monkeypatch):
         monkeypatch.setattr(compiled.SPENT, "seconds", seconds)
         monkeypatch.setattr(compiled, "_is_kept", lambda _, kept=kept: kept)
         compiled._ready.clear()
-        assert (form_of(run_one_mass) is not None) == expected
+        assert (form_of(run_events) is not None) == expected
     monkeypatch.setattr(compiled, "_installed", lambda: False)
-    assert form_of(run_one_mass) is None
+    assert form_of(run_events) is None
 
 
 def run(**environment):
@@ -150,7 +151,7 @@ def run(**environment):
         text=True,
         check=True,
         env=own | environment,
-        cwd=Path(__file__).parents[3],
+        cwd=Path(__file__).parents[2],
         timeout=100,
     )
     return done.stdout.splitlines(), done.stderr
@@ -203,7 +204,7 @@ def kept(monkeypatch, tmp_path):
 def test_damaged_code_is_never_loaded(kept, capsys):
     """Whatever was done to its files: it is removed and made anew, and said once; seeded."""
     rng = np.random.default_rng(1)
-    for _ in range(30):
+    for _ in range(12):
         files = sorted(path for path in kept.rglob("*") if path.is_file())
         assert len(files) == 3  # numba's index and code, and the digests
         damage(files[rng.integers(len(files))], rng)
@@ -214,6 +215,23 @@ def test_damaged_code_is_never_loaded(kept, capsys):
         assert capsys.readouterr().err.count("compiling") == 1
         assert loaded(2.0) == 6.0
         assert capsys.readouterr().err == ""
+
+
+def test_where_numba_does_not_work(monkeypatch, tmp_path, capsys):
+    """Switched off, or without a place for its code: plain Python, and it is said once."""
+    monkeypatch.setenv(VARIABLE, ALWAYS)
+    monkeypatch.setattr(compiled, "cache_folder", lambda: tmp_path / "file" / "below")
+    (tmp_path / "file").touch()
+    for disabled, told in ((False, "NotADirectoryError"), (True, "NUMBA_DISABLE_JIT is set")):
+        monkeypatch.setattr(compiled, "_ready", {})
+        if disabled:
+            monkeypatch.setattr(compiled, "cache_folder", lambda: tmp_path)
+            monkeypatch.setattr("numba.config.DISABLE_JIT", 1)
+        assert loaded(2.0) == 6.0
+        words = capsys.readouterr().err
+        assert re.search(rf"plain Python is used, for numba does not work \(.*{told}", words)
+        assert form_of(triple) is None
+    compiled._is_kept.cache_clear()
 
 
 def test_two_compile_at_once(kept, capsys):
@@ -240,7 +258,7 @@ def test_damage_ends_no_process(tmp_path, seed):
     """A process that meets it finds the events of plain Python, and the next one says nothing."""
     (events, _), _ = run(**{VARIABLE: PLAIN})
     whole, rng = tmp_path / "cam_rig" / cache_folder().name, np.random.default_rng(seed)
-    shutil.copytree(cache_folder() / "run_one_mass", whole / "run_one_mass")
+    shutil.copytree(cache_folder() / "run_events", whole / "run_events")
     files = sorted(path for path in whole.rglob("*") if path.is_file())
     damage(files[rng.integers(len(files))], rng)
     (found, _), words = run(XDG_CACHE_HOME=str(tmp_path), **{VARIABLE: ALWAYS})

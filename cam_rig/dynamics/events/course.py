@@ -1,0 +1,317 @@
+"""A follower's course through an interval, as the models read it: its phases and its events.
+
+And the tables of laws, free systems and contact that the search takes, of lists or of arrays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache, lru_cache
+from typing import Any, ClassVar, TypeVar
+
+import numpy as np
+
+from cam_rig.dynamics.events.contact import (
+    FLOW,
+    FORCE,
+    NUMBERS,
+    PART,
+    PLACES,
+    RATES,
+    VELOCITIES,
+    WEIGHTED,
+    StemContactTable,
+)
+from cam_rig.dynamics.events.free_flight import (
+    DAMPING,
+    DRIFT,
+    ENERGY,
+    INVERSE,
+    LOAD,
+    MATRIX,
+    ROW,
+    SEEN,
+    SERIES,
+    SHAPES,
+    STIFFNESS,
+    FreeTable,
+)
+from cam_rig.dynamics.events.law_table import (
+    ACCELERATION,
+    BEND,
+    END,
+    EVENT_SIZE,
+    FLYING,
+    GAP,
+    KNOWN,
+    LIFT,
+    OPENING,
+    PHASE_SIZE,
+    PLACE,
+    STATE,
+    STEP,
+    TIME,
+    Cam,
+    Jumps,
+    LawTable,
+    RunRecord,
+    fly_from,
+)
+from cam_rig.dynamics.events.rows import zero_rows, zeros
+from cam_rig.dynamics.events.runs import RunTable, run_events
+from cam_rig.dynamics.events.search import form_of, plain_time
+from cam_rig.dynamics.interval import (
+    NO_IMPACT,
+    Block,
+    Event,
+    EventKind,
+    FollowerState,
+    Interval,
+    SampleGrid,
+    least_bounce,
+    show_impulses,
+)
+from cam_rig.dynamics.linear.exponential import Flight, FreeSystem
+from cam_rig.dynamics.linear.response import LinearResponse, Part
+from cam_rig.dynamics.linear.sampling import Outputs, polynomial_part
+from cam_rig.dynamics.velocity_jumps import short_of_velocity_jump, velocity_jumps_ahead
+from cam_rig.errors import DynamicsError
+from cam_rig.laws import Law, bernstein
+from cam_rig.units import NS, TURN, FloatArray
+
+#: Phases that are found in one call: in the first, and in the longest, each having twice the room
+#: of the one before; compiled so many times more.
+FIRST_ROOM, MOST_ROOM, COMPILED_ROOM = 4, 128, 32
+
+
+@dataclass(frozen=True, eq=False)
+class Phase:
+    """Contact, of two masses with a vibration (η, η̇), or a flight, from ``begin`` to ``end`` s."""
+
+    begin: float
+    end: float
+    vibration: FloatArray
+    flight: Flight | None = None
+
+    @property
+    def contact(self) -> bool:
+        """Whether the follower is on the cam."""
+        return self.flight is None
+
+
+class Course:
+    """Finds phase after phase on one law at one speed (rad/s); times since the start, in s.
+
+    Nothing is stepped: contact ends where the force falls to zero, flight where the gap closes, and
+    between these the motion is known in closed form. Both also end at a joint where the law's
+    velocity jumps: up is an impact on what is in contact, down lifts it off with the velocity it
+    had. The search itself is `cam_rig.dynamics.events.runs`.
+    """
+
+    #: More events than any physical series has.
+    most_events: ClassVar[int]
+
+    def __init__(
+        self, law: Law, system: FreeSystem, speed: float, angle: float, turns: int = 0
+    ) -> None:
+        self.law, self.speed, self.angle = law, speed, angle
+        self.events: list[Event] = []
+        self._system, self._turns = system, turns
+        self._rows: list[list[float]] = []
+        self._phases: list[Phase] = []
+        #: What the follower is after the last phase: a vibration (η, η̇) on the cam, or a flight.
+        self.last: FloatArray | Flight = np.zeros(2)
+
+    @property
+    def phases(self) -> list[Phase]:
+        """All phases so far, in order; each is made when it is asked for first."""
+        self._phases += [self._phase(row) for row in self._rows[len(self._phases) :]]
+        return self._phases
+
+    def _phase(self, row: list[float]) -> Phase:
+        state = self._state(row)
+        if isinstance(state, Flight):
+            return Phase(row[TIME], row[END], np.zeros(2), state)
+        return Phase(row[TIME], row[END], state)
+
+    def _state(self, row: list[float]) -> FloatArray | Flight:
+        """What the follower is in a row of a run's numbers."""
+        if not row[FLYING]:
+            return np.array(row[STATE : STATE + 2])
+        known = (row[GAP], row[OPENING]) if row[KNOWN] else ()
+        return Flight(self._system, np.array(row[STATE : STATE + self._system.load.size]), *known)
+
+    def _begin(self, state: FloatArray | Flight, step: float) -> list[float]:
+        """Where a run begins: in contact with a state, or in flight; ṡ has gained ``step`` m/s."""
+        now = [0.0] * (STATE + self._system.load.size)
+        now[STEP] = step
+        if isinstance(state, Flight):
+            now[STATE:] = state.start.tolist()
+            gap, opening = state.known or (0.0, 0.0)
+            fly_from(now, bool(state.known), gap, opening)
+        else:
+            now[STATE : STATE + state.size] = state.tolist()
+        return now
+
+    def _find(self, table: Callable[[bool], RunTable], now: list[float], duration: float) -> None:
+        """Phases and events up to ``duration`` s; ``now`` is where the run is, and is kept so.
+
+        ``table`` is what the run takes, of arrays or of lists.
+        """
+        room, tables = FIRST_ROOM, cache(table)
+        while room == FIRST_ROOM or now[TIME] < duration:
+            phases, events = _found(tables, now, room)
+            self._rows += phases
+            self.events += [self._event(*row) for row in events]
+            if len(self.events) > self.most_events:  # an endless series would be the model's fault
+                raise DynamicsError(
+                    f"more than {self.most_events} events in {duration:g} s at {self.speed:g} "
+                    f"rad/s; allowed: {self.most_events} an interval"
+                )
+            room = min(2 * room, MOST_ROOM)
+        self.last = self._state(now)
+
+    def _event(self, landing: float, time: float, impulse: float, lost: float) -> Event:
+        kind: EventKind = "landing" if landing else "lift-off"
+        angle = self._turns * TURN + (self.angle + self.speed * time)
+        return Event(kind, time, angle, impulse, lost)
+
+    def _table(self, arrays: bool, duration: float, *follower: Any) -> RunTable:
+        """The run's table; ``follower`` from `RunTable.mass` on, up to ``force_noise``."""
+        law, speed = self.law, self.speed
+        return table_of(
+            RunTable,
+            arrays,
+            Cam(law_table(law, arrays), speed, self.angle),
+            free_table(self._system, arrays),
+            jumps_table(law, self.angle, speed, duration, arrays),
+            *follower,
+            least_bounce(law),
+            NO_IMPACT * speed * law.lift,
+        )
+
+    def block(
+        self, interval: Interval, grid: SampleGrid, rows: FloatArray, before: FollowerState | None
+    ) -> tuple[float, Block]:
+        """Impulse (N·s) that fell after the last sample, and the samples with events in rig time.
+
+        ``before`` is the state in which the interval begins.
+        """
+        pending = 0.0 if before is None else before.pending_impulse
+        pending = show_impulses(rows, grid, self.events, pending)
+        begun = interval.start_ns / NS
+        events = tuple(replace(event, time=begun + event.time) for event in self.events)
+        return pending, Block(interval, rows, events)
+
+
+def _found(
+    table: Callable[[bool], RunTable], now: list[float], room: int
+) -> tuple[list[list[float]], list[list[float]]]:
+    """Rows of phases and of events that one call finds, in plain Python or compiled."""
+    compiled = form_of(run_events)
+    if compiled is None:
+        counts, phases = zeros(2), zero_rows(room, PHASE_SIZE)
+        events, lists = zero_rows(2 * room, EVENT_SIZE), table(False)
+        with plain_time():
+            run_events(lists, RunRecord(now, phases, events, counts))
+        return phases[: int(counts[0])], events[: int(counts[1])]
+    room *= COMPILED_ROOM
+    place, made = np.array(now), (np.empty((room, PHASE_SIZE)), np.empty((2 * room, EVENT_SIZE)))
+    count: Any = np.zeros(2)
+    record: Any = (place, *made, count)
+    compiled(table(True), RunRecord(*record))
+    now[:] = place.tolist()
+    found, met = (rows[: int(n)].tolist() for rows, n in zip(made, count, strict=True))
+    return found, met
+
+
+# Laws, free systems and contact as tables, in the form that the search takes: lists or arrays.
+
+Table = TypeVar("Table")
+
+#: A rounded force is known to so many rounding errors.
+ROUNDING_ERRORS = 64.0
+
+
+def table_of(kind: Callable[..., Table], arrays: bool, *values: Any) -> Table:
+    """A table whose numbers are floats, its arrays contiguous arrays or lists of them.
+
+    Compiled code is for one type each; a table inside it is in form already.
+    """
+    return kind(*(_in_form(value, arrays) for value in values))
+
+
+def _in_form(value: Any, arrays: bool) -> Any:
+    if isinstance(value, np.ndarray):
+        return np.array(value, dtype=np.float64, order="C") if arrays else value.tolist()
+    return value if isinstance(value, bool | int | tuple | list) else float(value)
+
+
+@lru_cache(maxsize=64)
+def law_table(law: Law, arrays: bool) -> LawTable:
+    """The table of a law."""
+    size = law.degree + 1
+    pieces = np.zeros((law.spans.size, 5, max(size, 3)))
+    pieces[:, PLACE, :3] = np.stack([law.breaks[:-1], law.spans, law.bends], axis=1)
+    weighted = law.motion * bernstein.binomials(law.degree)[:, None]
+    pieces[:, LIFT : BEND + 1, :size] = np.transpose(weighted, (2, 0, 1))
+    pieces[:, ACCELERATION, :size] = law.motion[2].T
+    largest, steepest, _ = law.bounds
+    jumps = bool(law.velocity_jumps)
+    return table_of(LawTable, arrays, pieces, size, largest, steepest, law.largest_step, jumps)
+
+
+@lru_cache(maxsize=128)
+def free_table(system: FreeSystem, arrays: bool) -> FreeTable:
+    """The table of masses in the air."""
+    pairs, size = system.pairs, system.load.size
+    rows = np.zeros((SERIES + len(system.series), size))
+    blocks = {MATRIX: system.matrix, LOAD: system.load, ROW: system.row, ENERGY: system.energy}
+    if pairs is not None:
+        blocks |= {SHAPES: pairs.shapes, INVERSE: pairs.inverse, DRIFT: pairs.inverse @ system.load}
+        shown = np.vstack([system.row, system.energy]) @ pairs.shapes
+        blocks |= {SEEN: shown}
+        rows[DAMPING, : size // 2], rows[STIFFNESS, : size // 2] = pairs.damping, pairs.stiffness
+    for first, block in (blocks | {SERIES: system.series}).items():
+        rows[first : first + len(np.atleast_2d(block))] = block
+    return table_of(FreeTable, arrays, rows, system.window, pairs is not None)
+
+
+@lru_cache(maxsize=64)
+def contact_table(
+    response: LinearResponse, output: Outputs, arrays: bool, only: Part | None = None
+) -> StemContactTable:
+    """The table of a response of two states whose output is the contact force; or of one part."""
+    known = response.parts if only is None else (only,)
+    sizes = [part.particular.shape[1] for part in known]
+    parts = np.zeros((len(sizes), 6, max(*sizes, NUMBERS)))
+    for rows, part, size in zip(parts, known, sizes, strict=True):
+        force = polynomial_part(response, part, output)[0]
+        rates = bernstein.derivative(force) / part.length
+        bend = np.abs(bernstein.derivative(rates)).max() / part.length
+        rounding = ROUNDING_ERRORS * bernstein.EPS * np.abs(force).max()
+        rows[PART, :FLOW] = part.low, part.span, part.length, size, force.min(), rounding, bend
+        rows[PART, FLOW:NUMBERS] = part.flow.ravel()
+        rows[PLACES : VELOCITIES + 1, :size], rows[FORCE, :size] = part.particular, force
+        rows[WEIGHTED, :size] = bernstein.binomials(size - 1) * force
+        rows[RATES, : rates.size] = bernstein.binomials(rates.size - 1) * rates
+    _, (spring, damper) = response.matrix
+    return table_of(StemContactTable, arrays, parts, -spring, -damper, *output.state[0])
+
+
+@lru_cache(maxsize=2)
+def no_contact(arrays: bool) -> StemContactTable:
+    """The same of a follower without a stem."""
+    return table_of(StemContactTable, arrays, np.zeros((0, 6, NUMBERS)), 0.0, 0.0, 0.0, 0.0)
+
+
+def jumps_table(law: Law, angle: float, speed: float, duration: float, arrays: bool) -> Jumps:
+    """The velocity jumps that an interval owns; see `cam_rig.dynamics.velocity_jumps`."""
+    ahead = velocity_jumps_ahead(law, angle, speed, duration)
+    end = angle + speed * duration
+    before = short_of_velocity_jump(law, end)
+    # By rounding an interval may end behind a joint of the next one; a lift-off there is not its.
+    clear = duration if before == end else min(duration, (before - angle) / speed)
+    rows = np.array([(jump.time, speed * jump.step) for jump in ahead]).reshape(-1, 2)
+    return table_of(Jumps, arrays, rows, duration, clear)

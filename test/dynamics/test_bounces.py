@@ -1,0 +1,324 @@
+"""Bounces without end in a finite time: few events, then contact, and no loop."""
+
+import dataclasses
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from benchmark.speed import study as rig
+from benchmark.speed import study as stored
+from benchmark.speed.cases import CASES
+from cam_rig.dynamics import MODELS, FollowerParameters, FollowerState, Interval, TwoMassParameters
+from cam_rig.dynamics.one_mass import OneMassTrajectory
+from cam_rig.dynamics.two_mass.trajectory import Separation, phase_states, states
+from cam_rig.errors import DynamicsError
+from cam_rig.laws import Law
+from cam_rig.units import NS, TURN
+
+SPEED, THROWN, PRELOAD = 0.1, 0.2, 30.0
+#: The end mass is a wall, and the stem the roller's spring.
+ROLLER, STEM = 0.5, 1e5
+LIFT = 0.05
+
+
+def law_of(name):
+    """A dwell of 298° with a hump after it, or a disc."""
+    if name == "disc":
+        return Law("disc", np.array([0.0, TURN]), np.zeros((2, 1)))
+    rise = LIFT * np.repeat([0.0, 1.0], 3)
+    return Law("hump", np.array([0.0, 5.2, 5.7, TURN]), np.stack([0.0 * rise, rise, rise[::-1]], 1))
+
+
+def landing_times(mass, stiffness, load, restitution, count):
+    """Sum of 2 atan(vΩm/P)/Ω with v falling by e: thrown up on a spring Ω² = k/m, undamped."""
+    rate = np.sqrt(stiffness / mass)
+    velocities = THROWN * restitution ** np.arange(count)
+    return np.cumsum(2.0 / rate * np.arctan(velocities * rate * mass / load))
+
+
+def check(landings, times, accumulated, restitution, mass):
+    """Each landing at its time, to 1e-5 of the whole series."""
+    found = np.array([event.time for event in landings])
+    np.testing.assert_allclose(found, times[: found.size], rtol=0, atol=1e-5 * accumulated)
+    assert found[-1] == pytest.approx(accumulated, rel=1e-4)
+    impulses = np.array([event.impulse for event in landings[:10]])
+    wanted = mass * (1.0 + restitution) * THROWN * restitution ** np.arange(10)
+    np.testing.assert_allclose(impulses, wanted, rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("cam", "restitution"),
+    [("hump", 0.5), ("hump", 0.9), ("hump", 0.99), ("disc", 0.5)],
+)
+def test_one_mass(cam, restitution, monkeypatch):
+    """ln(v₀/v)/ln(1/e) landings until a bounce is lower than rounding, then it sits."""
+    monkeypatch.setattr(OneMassTrajectory, "most_events", 40.0 / np.log(1.0 / restitution))
+    follower = FollowerParameters(1.3, 4030.0, 0.0, PRELOAD, 3.3e8, restitution)
+    lifted_off = FollowerState(0.0, THROWN, 0.0, in_contact=False)
+    interval = Interval(0, 3 * NS, 0.0, SPEED)
+    state, block = MODELS["one_mass"].advance(law_of(cam), follower, lifted_off, interval, 1000)
+    landings = [event for event in block.events if event.kind == "landing"]
+    times = landing_times(1.3, 4030.0, PRELOAD, restitution, 100_000)
+    check(landings, times, times[-1], restitution, 1.3)
+    assert state.in_contact
+    lost = sum(event.energy_lost for event in landings)
+    assert lost == pytest.approx(0.5 * 1.3 * THROWN**2, rel=1e-9)
+    assert len(landings) < 15.0 / np.log(1.0 / restitution)
+    after = block.rows[0] > times[-1]
+    np.testing.assert_allclose(block.rows[4, after], PRELOAD, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("cam", "restitution"),
+    [
+        ("hump", 0.5),
+        ("hump", 0.9),
+        ("disc", 0.5),
+    ],
+)
+def test_two_masses(cam, restitution, monkeypatch):
+    """The roller alone bounces, pressed on by a stem whose other end does not move.
+
+    An end mass of 1e9 kg gives way by 1e-8 of what the roller does.
+    """
+    monkeypatch.setattr(Separation, "most_events", 200)
+    p = TwoMassParameters(ROLLER, 1e9, STEM, 4030.0, 0.0, 0.0, PRELOAD, restitution=restitution)
+    rest = -p.preload / p.stiffness
+    found = Separation(law_of(cam), p, SPEED)
+    found.run(1.0, np.array([0.0, THROWN, rest, 0.0]), contact=False)
+    landings = [event for event in found.events if event.kind == "landing"]
+    times = landing_times(ROLLER, STEM, -STEM * rest, restitution, 100_000)
+    check(landings, times, times[-1], restitution, ROLLER)
+    assert isinstance(found.last, np.ndarray)
+    assert found.phases[-1].end - found.phases[-1].begin > 0.9
+
+
+def jumping(law, stem, rpm):
+    """One turn of a cam that throws the two masses off, e = 0.9."""
+    p = TwoMassParameters(0.52, 0.78, stem, 4030.0, 8.642, 8.642, 12.753, restitution=0.9)
+    speed = rpm * np.pi / 30.0
+    found = Separation(law, p, speed)
+    found.run(TURN / speed)
+    assert found.phases[-1].end == TURN / speed
+    return found.events
+
+
+def test_two_masses_on_a_jumping_cam(laws):
+    """Bounces on bounces, and yet finitely many, in order; and the cam can only push."""
+    for stem, rpm in ((1.26e6, 450.0), (3.3e8, 600.0)):
+        events = jumping(laws["poly345"], stem, rpm)
+        times = [event.time for event in events]
+        assert 4 < len(times) < 5000
+        assert times == sorted(times)
+        assert min(event.impulse for event in events) >= 0.0
+
+
+def test_too_many_bounces_are_said(monkeypatch):
+    """More than an interval takes is an error that says how many and where, not a loop."""
+    monkeypatch.setattr(OneMassTrajectory, "most_events", 100)
+    follower = FollowerParameters(1.3, 4030.0, 0.0, PRELOAD, 3.3e8, 0.99)
+    lifted_off = FollowerState(0.0, THROWN, 0.0, in_contact=False)
+    interval = Interval(0, 30 * NS, 0.0, SPEED)
+    with pytest.raises(
+        DynamicsError, match=r"more than 100 events in 30 s at 0.1 rad/s; allowed: "
+    ):
+        MODELS["one_mass"].advance(law_of("hump"), follower, lifted_off, interval, 100)
+
+
+# Newton's restitution on a dwell, and on a cam that jumps.
+
+
+@pytest.mark.parametrize("e", [0.8, 0.9])
+def test_bouncing_cam_goes_on(laws, follower, run, e):
+    """Five turns of a jumping cam with a lively follower: finite, and never below the cam."""
+    p = dataclasses.replace(follower, restitution=e)
+    result = run(laws["poly345"], p, 600.0, [0, NS // 2])
+    assert np.isfinite(result.rows).all()
+    assert len(result.events) < 5000
+    cam = laws["poly345"](20.0 * np.pi * result.rows[0])
+    assert np.all(result.rows[1] - cam > -1e-13)
+
+
+def test_livelier_is_longer_in_the_air(laws, follower, run):
+    """The time in the air grows with restitution."""
+    air = []
+    for e in (0.0, 0.5):
+        p = dataclasses.replace(follower, restitution=e)
+        air.append(int((run(laws["poly345"], p, 600.0, [0, NS // 2]).rows[4] == 0.0).sum()))
+    assert air[0] < air[1]
+
+
+# After a landing the stiff stem throws the roller up again and again, at 25 kHz.
+
+STIFF = TwoMassParameters(0.52, 0.78, 3.3e8, 4030.0, 8.642, 8.642, 12.753)
+FAST = 450.0 * np.pi / 30.0
+
+
+@pytest.mark.parametrize("name", ["two_mass_soft", "two_mass_stem", "one_mass_arc"])
+def test_events_are_those_of_fifty_digits(name):
+    """All of them, in order, each to 1e-13 s; the motion between to 2e-12 of its largest.
+
+    Not one of the bounces is lost or invented, though each begins where the last left off, and
+    each hands on its error: sixty of them on the stem enlarge a rounding a hundred times, so that
+    the last digit of its stiffness, or of the speed, is worth 1e-13 s. Where that weighs more, five
+    times its weight is the limit: the processor chooses how sums are rounded.
+    """
+    case = CASES[name]()
+    wanted, got = stored.read(case), rig.solve(case)
+    assert [kind for kind, _ in got.events] == [kind for kind, _ in wanted.events]
+    event_s, motion = last_digit(case, got)
+    assert got.event_error(wanted) < max(1e-13, 5.0 * event_s)
+    assert got.error(wanted) < max(2e-12, 5.0 * motion)
+
+
+def last_digit(case, got):
+    """What one in the last digit of a number does to event times (s) and to the motion."""
+    name = "stem_stiffness" if hasattr(case.model, "stem_stiffness") else "stiffness"
+    found = []
+    for last in (-1e-15, 1e-15):
+        model = replace(case.model, **{name: getattr(case.model, name) * (1.0 + last)})
+        for nudged in (replace(case, model=model), replace(case, speed=case.speed * (1.0 + last))):
+            other = rig.solve(nudged)
+            found.append((other.event_error(got), other.error(got)))
+    return np.max(found, axis=0)
+
+
+@pytest.fixture(scope="module")
+def course(laws):
+    """One turn of the chattering roller."""
+    found = Separation(laws["poly345"], STIFF, FAST)
+    found.run(TURN / FAST)
+    return found
+
+
+def test_it_chatters(course):
+    """Flights shorter than a period of the roller on its stem follow the first landing closely.
+
+    √(k₁/m₁) gives 0.25 ms a period.
+    """
+    period = TURN / np.sqrt(STIFF.stem_stiffness / STIFF.roller_mass)
+    flights = np.array([p.end - p.begin for p in course.phases if not p.contact])
+    assert (flights < period).sum() > 8
+    assert flights.max() > 4.0 * period
+    kinds = [event.kind for event in course.events]
+    assert kinds[::2] == ["lift-off"] * len(kinds[::2])
+    assert kinds[1::2] == ["landing"] * len(kinds[1::2])
+
+
+def test_it_dies_out(course):
+    """Each landing burns energy, plastic as it is, and at the end of the turn the roller sits."""
+    landings = [event for event in course.events if event.kind == "landing"]
+    assert all(event.energy_lost > 0.0 for event in landings)
+    assert all(event.impulse > 0.0 for event in landings)
+    assert isinstance(course.last, np.ndarray)
+    assert course.phases[-1].end - course.phases[-1].begin > 0.05 * TURN / FAST
+
+
+def test_the_force_stays_positive_between(course):
+    """In contact the cam pushes, in each of the phases, however short."""
+    for phase in course.phases:
+        if phase.contact and phase.end > phase.begin:
+            inside = np.linspace(phase.begin, phase.end, 12)[1:-1]
+            force = phase_states(course, phase, inside)[4]
+            assert force.min() > -1e-6  # N; 1e-15 m on this stem
+
+
+def test_without_damping_it_ends_too(laws):
+    """Nothing but plastic landings takes energy away, and they are finitely many."""
+    undamped = replace(STIFF, stem_damping=0.0, damping=0.0)
+    found = Separation(laws["poly345"], undamped, FAST)
+    found.run(TURN / FAST)
+    assert 10 < len(found.events) < 5000
+    assert found.phases[-1].end == TURN / FAST
+
+
+# The contact force comes down to zero and touches it, or goes a hair below. Near its minimum
+# F = ½F''(θ² − θ₀²). The follower leaves at −θ₀, and since the gap's second derivative is −F/m, the
+# gap is closed again at exactly +3θ₀, with the impulse (8/3) F'' θ₀³/ω.
+
+FOLLOWER = FollowerParameters(1.3, 4030.0, 8.642, 0.0, 3.3e8)
+TWO = TwoMassParameters(0.52, 0.78, 1.26e6, 4030.0, 8.642, 8.642, 1000.0)
+
+
+@pytest.fixture(scope="module")
+def minimum(laws):
+    """Angle and depth of the least force of the one mass without preload, and F'' there."""
+    law, p = laws["poly345"], FOLLOWER
+
+    def force(angle, order):
+        derivatives = (float(law(angle, order + k)) for k in (2, 1, 0))
+        weights = p.mass * FAST**2, p.damping * FAST, p.spring_stiffness
+        return sum(w * s for w, s in zip(weights, derivatives, strict=True))
+
+    grid = np.linspace(3.7, 4.6, 2001)  # the fall after the high dwell
+    i = int(np.argmin([force(a, 0) for a in grid]))
+    angle = brentq(lambda a: force(a, 1), grid[i - 1], grid[i + 1], xtol=1e-15)
+    return angle, force(angle, 0), force(angle, 2)
+
+
+def one_turn(law, preload):
+    p = replace(FOLLOWER, preload=preload)
+    interval = Interval(0, round(TURN / FAST * NS), 0.0, FAST)
+    return MODELS["one_mass"].advance(law, p, None, interval, 1000)[1].events
+
+
+@pytest.mark.parametrize("hair", [1e-13, 1e-12, 1e-9])
+def test_a_touch_is_no_event(laws, minimum, hair):
+    """Zero reached to the rounding of a force of 400 N, not crossed: the follower stays."""
+    assert one_turn(laws["poly345"], -minimum[1] * (1.0 + hair)) == ()
+
+
+@pytest.mark.parametrize("hair", [1e-5, 1e-4])
+def test_a_hair_lower_is_a_flight(laws, minimum, hair):
+    """Off at −θ₀, back at 3θ₀: to the next order in θ₀ and what rounding makes of a 1e-14 m gap."""
+    angle, depth, bend = minimum
+    half = np.sqrt(2.0 * hair * abs(depth) / bend)
+    off, on = one_turn(laws["poly345"], abs(depth) * (1.0 - hair))
+    assert (off.kind, on.kind) == ("lift-off", "landing")
+    assert (off.angle - angle) / half == pytest.approx(-1.0, abs=1e-3)
+    assert (on.angle - angle) / half == pytest.approx(3.0, abs=0.02)
+    assert on.impulse == pytest.approx(8.0 / 3.0 * bend * half**3 / FAST, rel=0.02)
+
+
+@pytest.mark.parametrize("hair", [1e-12, 1e-9, 1e-7])
+def test_less_than_a_gap_can_show(laws, minimum, hair):
+    """The gap stays below rounding: one pair all the same, and a landing that nobody feels."""
+    off, on = one_turn(laws["poly345"], abs(minimum[1]) * (1.0 - hair))
+    assert (off.kind, on.kind) == ("lift-off", "landing")
+    assert off.angle < minimum[0] < on.angle
+    assert 0.0 <= on.impulse < 1e-8 * FOLLOWER.mass * FAST * laws["poly345"].lift
+
+
+@pytest.fixture(scope="module")
+def two_mass_touch(laws):
+    """The preload at which the vibrating two-mass force just touches zero on the first turn."""
+    found = Separation(laws["poly345"], TWO, FAST)
+    found.run(TURN / FAST)
+    assert found.events == []
+    times = np.linspace(0.0, TURN / FAST, 20_001)
+    forces = states(found, times)[4]
+    i = int(np.argmin(forces))
+    near = np.linspace(times[i - 1], times[i + 1], 20_001)
+    return TWO.preload - float(states(found, near)[4].min()) / TWO.share
+
+
+def two_mass_turn(law, preload):
+    found = Separation(law, replace(TWO, preload=preload), FAST)
+    found.run(TURN / FAST)
+    return found.events
+
+
+@pytest.mark.parametrize("hair", [0.0, 1e-12, 1e-9])
+def test_two_masses_touch(laws, two_mass_touch, hair):
+    """Within 64 rounding errors of a force of 1e3 N, zero is touched, not crossed."""
+    assert two_mass_turn(laws["poly345"], two_mass_touch * (1.0 + hair)) == []
+
+
+@pytest.mark.parametrize("hair", [1e-6, 1e-5, 1e-4])
+def test_two_masses_a_hair_lower(laws, two_mass_touch, hair):
+    """One lift-off and one landing, and an impulse that pushes."""
+    events = two_mass_turn(laws["poly345"], two_mass_touch * (1.0 - hair))
+    assert [event.kind for event in events] == ["lift-off", "landing"]
+    assert events[1].impulse > 0.0

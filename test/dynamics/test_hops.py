@@ -1,0 +1,395 @@
+"""Hops from a tenth of a millimetre down to nanometres, against 50 digits."""
+
+import itertools
+import math
+from dataclasses import replace
+
+import mpmath as mp
+import numpy as np
+import pytest
+
+from benchmark.speed.exact import polynomial, powers
+from cam_rig.dynamics import FollowerParameters, FollowerState, Interval
+from cam_rig.dynamics.events import polynomials
+from cam_rig.dynamics.events.course import free_table
+from cam_rig.dynamics.events.free_flight import (
+    accelerations,
+    impulse_at,
+    largest_acceleration,
+    launched,
+    moved,
+)
+from cam_rig.dynamics.events.polynomials import NONE, fall
+from cam_rig.dynamics.kinetostatic import force_weights
+from cam_rig.dynamics.linear.exponential import response
+from cam_rig.dynamics.one_mass import OneMassTrajectory, lifted_off
+from cam_rig.laws import Law, bernstein
+from cam_rig.units import NS, TURN
+
+from .helpers import land
+
+P = FollowerParameters(1.3, 4030.0, 8.642, 30.0, 3.3e8)
+SPEED = 300.0 * np.pi / 30.0
+EPS = float(np.finfo(float).eps)
+#: m
+HEIGHTS = (1.5e-4, 1e-6, 6e-9, 1e-11, 1e-13)
+
+
+class Exact:
+    """Law and flight with 50 digits; the rig's doubles are taken as exact."""
+
+    def __init__(self, law, p, speed):
+        self.law, self.p, self.speed = law, p, mp.mpf(speed)
+        self.pieces = [powers(column) for column in law.ordinates.T.tolist()]
+
+    def cam(self, angle):
+        """s, ṡ and s̈."""
+        inside = angle - mp.floor(angle / mp.mpf(TURN)) * mp.mpf(TURN)
+        i = int(np.searchsorted(self.law.breaks[1:-1], float(inside), side="right"))
+        low = mp.mpf(self.law.breaks[i])
+        span, row = mp.mpf(self.law.breaks[i + 1]) - low, self.pieces[i]
+        out = []
+        for order in range(3):
+            out.append(polynomial(row, (inside - low) / span) * (self.speed / span) ** order)
+            row = [k * a for k, a in enumerate(row)][1:] or [mp.mpf(0)]
+        return out
+
+    def hop(self, angle, opening, guess):
+        """Time and approach speed of the landing near ``guess`` (s)."""
+        m, k, c, load = (
+            mp.mpf(x)
+            for x in (self.p.mass, self.p.spring_stiffness, self.p.damping, self.p.preload)
+        )
+        s, v, _ = self.cam(angle)
+        matrix = mp.matrix([[0, 1, 0], [-k / m, -c / m, -load / m], [0, 0, 0]])
+        start = mp.matrix([s, v + opening, 1])
+
+        def gap(time):
+            return (mp.expm(matrix * time) * start)[0] - self.cam(angle + self.speed * time)[0]
+
+        time = mp.findroot(gap, (mp.mpf(guess) * (1 + mp.mpf(10) ** -9), mp.mpf(guess)))
+        velocity = (mp.expm(matrix * time) * start)[1]
+        return time, self.cam(angle + self.speed * time)[1] - velocity
+
+
+def pull(law, angle):
+    """Acceleration with which the spring brings the follower back to the cam, and its parts."""
+    parts = force_weights(P, SPEED) * np.array(law.at(angle)) / P.mass
+    return float(parts.sum()) + P.preload / P.mass, float(np.abs(parts).sum() + P.preload / P.mass)
+
+
+@pytest.mark.parametrize(
+    ("cam", "degrees", "height"),
+    [
+        ("poly345", 75.0, 1.5e-4),
+        ("tm21", 80.0, 1e-6),
+        ("bezier15", 95.0, 6e-9),
+        ("poly345", 75.0, 1e-11),
+        ("tm21", 80.0, 1e-13),
+        *(pytest.param("bezier15", 95.0, height, marks=pytest.mark.long) for height in HEIGHTS),
+    ],
+)
+def test_a_hop_is_known_to_its_last_digits(laws, cam, degrees, height):
+    """Its length and the speed it ends with, to rounding of the accelerations that bring it back.
+
+    The difference of two places would be wrong by 1e-17 m: that is 1e-11 s of the shortest.
+    """
+    law, angle = laws[cam], np.radians(degrees)
+    back, parts = pull(law, angle)
+    assert back > 1.0
+    opening = np.sqrt(2.0 * back * height)
+    s, slope, _ = law.at(angle)
+    flight = lifted_off(P, s, slope * SPEED + opening, 0.0, opening)
+    found = land(flight, law, angle, SPEED, 0.1)
+    with mp.workdps(50):
+        exact = Exact(law, P, SPEED)
+        time, approach = exact.hop(mp.mpf(angle), mp.mpf(opening), found.time)
+        limit = 8.0 * EPS * (1.0 + parts / back)
+        assert found.landed
+        assert abs(float(found.time / time - 1)) < limit
+        assert abs(float(-found.rate / approach - 1)) < limit
+
+
+@pytest.mark.variants(3)
+@pytest.mark.parametrize("part", [0.2, 0.9])
+@pytest.mark.parametrize("height", HEIGHTS[:4])
+def test_a_hop_over_a_joint(laws, height, part):
+    """From one piece of the law to the next, where its s'' jumps: as exact."""
+    law = laws["tm21"]
+    joint = float(law.breaks[np.argmax(np.abs(law.jumps(2)) * (law.breaks[:-1] > 0.1))])
+    back, parts = pull(law, joint - 1e-9)
+    after, more = pull(law, joint + 1e-9)
+    back = max(back, 1.0)
+    opening = np.sqrt(2.0 * back * height)
+    angle = joint - part * SPEED * opening / back
+    s, slope, _ = law.at(angle)
+    flight = lifted_off(P, s, slope * SPEED + opening, 0.0, opening)
+    found = land(flight, law, angle, SPEED, 0.1)
+    with mp.workdps(50):
+        time, _ = Exact(law, P, SPEED).hop(mp.mpf(angle), mp.mpf(opening), found.time)
+    assert angle < joint < angle + SPEED * found.time
+    # The joint is at an angle, known to its own last digit, and there s has a step of rounding.
+    limit = 8.0 * EPS * (1.0 + max(parts, more) / min(back, abs(after)))
+    own = 2.0 * EPS * joint / SPEED + 2.0 * law.largest_step / abs(found.rate)
+    assert abs(float(found.time - time)) < limit * found.time + own
+
+
+@pytest.mark.variants(1)
+@pytest.mark.parametrize("milliseconds", [7, 400, 20, 1])
+def test_a_series_of_bounces(laws, milliseconds):
+    """Bounce after bounce down to nanometres, each from where the last ended, whatever the tick.
+
+    A landing is a float: its own last digit, and that of the angle, are all that is lost.
+    """
+    law, p = laws["poly345"], replace(P, restitution=0.6)
+    events, total = [], 400 * NS // 1000
+    state = FollowerState(float(law(0.0)), 0.3, 0.0, in_contact=False)
+    edges = [*range(0, total, milliseconds * NS // 1000), total]
+    for a, b in itertools.pairwise(edges):
+        course = OneMassTrajectory(law, p, Interval(a, b, 2.0 * a / NS, 2.0))
+        course.run(state)
+        events += [(a / NS + e.time, e) for e in course.events if e.kind == "landing"]
+        state = course.end
+    with mp.workdps(50):
+        exact, time, opening = Exact(law, p, 2.0), mp.mpf(0), mp.mpf(0.3)
+        for found, event in events[:12]:
+            hop, approach = exact.hop(2 * time, opening, found - float(time))
+            time, opening = time + hop, approach * mp.mpf(p.restitution)
+            assert abs(float(found - time)) < 4.0 * np.spacing(0.5)
+            impulse = p.mass * 1.6 * float(approach)
+            assert event.impulse == pytest.approx(impulse, rel=1e-12)
+    assert events[11][1].impulse < 1e-2 * events[0][1].impulse
+
+
+# Free motion against the matrix exponential in 50 digits.
+
+#: mass 1.3 kg, spring 4030 N/m: critical damping 2√(km) = 144.8 N·s/m
+DAMPINGS = {"none": 0.0, "paper": 8.642, "near critical": 144.76, "over": 2e3, "heavy": 2e4}
+TIMES = [0.0, 1e-6, 1e-3, 0.01, 0.1, 1.0]
+
+
+@pytest.fixture(params=DAMPINGS.values(), ids=DAMPINGS.keys())
+def flight(request, follower):
+    """Parameters and the flight of a follower thrown up at 1.7 m/s from a lift of 31 mm."""
+    p = replace(follower, damping=request.param)
+    return p, lifted_off(p, 0.031, 1.7)
+
+
+def exact(p, time):
+    """y and v from exp(A t) of the homogeneous system about its rest."""
+    with mp.workdps(50):
+        m, k, c = (mp.mpf(x) for x in (p.mass, p.spring_stiffness, p.damping))
+        rest = -mp.mpf(p.preload) / k
+        flow = mp.expm(mp.matrix([[0, 1], [-k / m, -c / m]]) * mp.mpf(time))
+        y, v = flow * mp.matrix([mp.mpf(0.031) - rest, mp.mpf(1.7)])
+        return float(y + rest), float(v)
+
+
+def test_state_against_fifty_digits(flight):
+    """Displacement and velocity to 1e-12 of their first values, however strong the damper."""
+    p, flight = flight
+    expected = np.array([exact(p, time) for time in TIMES]).T
+    got = flight.state(np.array(TIMES))
+    for row, wanted, first in zip(got, expected, (0.031, 1.7), strict=True):
+        np.testing.assert_allclose(row, wanted, rtol=0, atol=1e-12 * first)
+
+
+def test_weight_without_a_spring(follower):
+    """A follower held by its weight, its spring next to nothing, falls as exactly as any other."""
+    for stiffness in (1.0, 1e-3, 1e-6):
+        soft = replace(follower, spring_stiffness=stiffness)
+        y, v = lifted_off(soft, 0.031, 1.7).state(np.array([0.1]))
+        assert [y[0], v[0]] == pytest.approx(exact(soft, 0.1), abs=1e-12 * 0.031)
+
+
+def test_acceleration_obeys_newton(flight):
+    """m ÿ + c ẏ + k y + preload = 0, and ÿ is the rate of ẏ."""
+    p, flight = flight
+    t = np.linspace(1e-3, 0.02, 40)
+    y, v, a = flight.motion(t)
+    balance = p.mass * a + p.damping * v + p.spring_stiffness * y + p.preload
+    np.testing.assert_allclose(balance, 0.0, atol=1e-12 * (1.0 + p.mass * np.abs(a).max()))
+    h = 1e-4 * flight.system.window
+    difference = (flight.state(t + h)[1] - flight.state(t - h)[1]) / (2 * h)
+    scale = np.abs(a).max() + 1.7 / flight.system.window
+    np.testing.assert_allclose(a, difference, rtol=0, atol=1e-6 * scale)
+
+
+def test_ordinates_are_the_acceleration(flight):
+    """Within its window the series is the motion's to rounding; energy bounds what comes later."""
+    flight, u = flight[1], np.linspace(0.0, 1.0, 21)
+    launch = launched(free_table(flight.system, arrays=False), flight.start.tolist())
+    window, first = flight.system.window, np.abs(flight.motion(np.zeros(1))[2]).max()
+    later = np.linspace(0.0, 0.3, 3001)
+    for begin in (0.0, 0.004, 0.1):
+        rates = moved(launch, begin).rates
+        series = np.array(accelerations(launch, rates, window, 2))
+        _, _, wanted = flight.motion(begin + u * window)
+        if begin < 0.1:  # later all has died in the strongest damper
+            near = 4e-15 * first
+            np.testing.assert_allclose(bernstein.evaluate(series, u), wanted, rtol=0, atol=near)
+        largest = np.abs(flight.motion(later[later >= begin])[2]).max()
+        assert largest <= largest_acceleration(launch, rates) * (1.0 + 1e-12)
+
+
+# What is hard for a search: long series, instants next to each other, a touch at a joint.
+
+#: A dwell from 1 to 6 rad, at zero lift.
+DWELL = Law(
+    "dwell",
+    [0.0, 0.5, 1.0, 6.0, TURN],
+    [[0.0, 0.01, 0.0, 0.0], [0.0, 0.01, 0.0, 0.0], [0.01, 0.0, 0.0, 0.0], [0.01, 0.0, 0.0, 0.0]],
+)
+
+
+def thrown(velocity, p, seconds):
+    """The events of a follower thrown up from the dwell at a velocity (m/s), without damping."""
+    course = OneMassTrajectory(DWELL, p, Interval(0, round(seconds * NS), 1.2, 1e-3))
+    course.run(FollowerState(0.0, velocity, 0.0, in_contact=False, inner=(0.0, velocity)))
+    return course.events
+
+
+def bounces(velocity, p, count):
+    """Times and impulses of the bounces with 50 digits: tan(ω T/2) = v k/(ω F)."""
+    with mp.workdps(50):
+        rate = mp.sqrt(mp.mpf(p.spring_stiffness) / mp.mpf(p.mass))
+        time, v, found = mp.mpf(0), mp.mpf(velocity), []
+        for _ in range(count):
+            time += 2 / rate * mp.atan(v * mp.mpf(p.spring_stiffness) / (rate * mp.mpf(p.preload)))
+            found.append((time, mp.mpf(p.mass) * (1 + mp.mpf(p.restitution)) * v))
+            v *= mp.mpf(p.restitution)
+        return found
+
+
+def test_four_hundred_bounces():
+    """With e = 0.99, each from where the last ended: times to 1e-12 s, impulses to 1e-12."""
+    p = FollowerParameters(1.3, 4030.0, 0.0, 12.753, 3.3e8, 0.99)
+    found, exact = thrown(0.3, p, 40.0)[:400], bounces(0.3, p, 400)
+    assert len(found) == 400
+    for event, (time, impulse) in zip(found, exact, strict=True):
+        assert event.kind == "landing"
+        assert abs(float(event.time - time)) < 1e-12
+        assert event.impulse == pytest.approx(float(impulse), rel=1e-12)
+
+
+def test_events_within_a_nanosecond():
+    """A hard spring's last bounces: in order, none at the time of another, none left out."""
+    p = FollowerParameters(1.3, 4030.0, 0.0, 2.6e6, 3.3e8, 0.5)
+    times = [event.time for event in thrown(0.1, p, 0.01)]
+    exact = [float(time) for time, _ in bounces(0.1, p, len(times))]
+    gaps = [b - a for a, b in itertools.pairwise(times)]
+    assert 0.0 < min(gaps) < 1e-9
+    assert times == pytest.approx(exact, abs=1e-15)
+
+
+@pytest.mark.parametrize(("higher", "landed"), [(-1e-12, False), (1e-12, True)])
+def test_a_joint_that_is_touched(higher, landed):
+    """A peak at a joint, a picometre below or above the top of the flight over it."""
+    p = FollowerParameters(1.3, 4030.0, 0.0, 12.753, 3.3e8)
+    rate, speed = math.sqrt(p.spring_stiffness / p.mass), 30.0
+    top, velocity = math.atan(0.3 * p.spring_stiffness / (rate * p.preload)) / rate, 0.3
+    static = p.preload / p.spring_stiffness
+    peak = math.hypot(velocity / rate, static) - static + higher
+    joint, angle = 2.0, 2.0 - speed * top
+    rise = [[0.0, 0.0, peak, 0.0], [0.0, 0.0, peak, 0.0], [0.0, peak, 0.0, 0.0]]
+    breaks = [0.0, joint - 0.05, joint, joint + 0.05, TURN]
+    law = Law("peak", breaks, [*rise, [0.0, peak, 0.0, 0.0]])
+    flight = lifted_off(p, 0.0, velocity, 0.0, velocity)
+    found = land(flight, law, angle, speed, 1.5 * top)
+    assert found.landed == landed
+    if landed:
+        assert found.time == pytest.approx(top, abs=1e-6)
+
+
+@pytest.mark.parametrize("damping", [0.0, 8.642, "critical", 1e4])
+def test_any_damping(damping):
+    """None, critical and much of it: the landing is a zero of the 50-digit motion."""
+    mass, stiffness, preload, velocity = 1.3, 4030.0, 12.753, 0.3
+    damping = 2.0 * math.sqrt(stiffness * mass) if damping == "critical" else damping
+    p = FollowerParameters(mass, stiffness, damping, preload, 3.3e8)
+    time = land(lifted_off(p, 0.0, velocity, 0.0, velocity), DWELL, 1.2, 1e-3, 5.0).time
+    with mp.workdps(50):
+        rows = [[0, 1, 0], [-stiffness, -damping, -preload], [0, 0, 0]]
+        matrix = mp.matrix([[mp.mpf(x) for x in row] for row in rows])
+        matrix[1, :] = matrix[1, :] / mp.mpf(mass)
+        end = mp.expm(matrix * mp.mpf(time)) * mp.matrix([0, mp.mpf(velocity), 1])
+        assert abs(float(end[0] / end[1])) < 1e-15 * max(1.0, 100.0 * time)
+
+
+def test_one_time_is_as_many():
+    """The impulse response at one time is that of `impulse_response`, to some roundings."""
+    rng = np.random.default_rng(5)
+    for _ in range(500):
+        stiffness, time = 10.0 ** rng.uniform(-3.0, 9.0), 10.0 ** rng.uniform(-9.0, 0.0)
+        many = 10.0 ** rng.uniform(-3.0, 6.0)
+        damping = float(rng.choice([0.0, many, 2.0 * math.sqrt(stiffness)]))
+        one = np.array(impulse_at(damping, stiffness, time))
+        other = np.array(response(damping, stiffness, np.array([time])))[:, 0]
+        quick = min(time, 1.0 / math.sqrt(stiffness))
+        sizes = np.maximum(abs(other), [1e-2 * quick, 1e-2, 1e-2 * quick * time])
+        assert np.all(abs(one - other) <= 1e-13 * sizes)
+
+
+# Where a polynomial falls below zero, and the forms it is written in.
+
+
+def test_a_fall_is_the_first():
+    """Of a polynomial, against a fine scan; one that stays above has none."""
+    u = np.linspace(0.0, 1.0, 20_001)
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        degree = int(rng.integers(2, 25))
+        ordinates = rng.standard_normal(degree + 1) * 3.0 + 1.0
+        ordinates[0] = abs(ordinates[0])
+        values, found = bernstein.evaluate(ordinates, u), fall(ordinates.tolist(), 1e-12)
+        below = np.flatnonzero(values < 0.0)
+        if below.size == 0:
+            assert found == NONE or abs(values).min() < 1e-6
+        else:
+            assert u[below[0] - 1] - 1e-12 <= found <= u[below[0]]
+            assert abs(bernstein.scalar(ordinates)(found)) < 1e-12
+
+
+def test_a_fall_from_within_noise():
+    """Where it begins within rounding of zero it falls at once, or after it was above."""
+    assert fall([-1e-13, -1.0], 1e-12) == 0.0
+    assert fall([-1.0, 1.0], 1e-12) == 0.0
+    rising = fall([-1e-13, 1.0, -1.0], 1e-12)
+    assert rising == pytest.approx(2.0 / 3.0, abs=1e-6)
+    assert fall([-1e-13, -1e-13, 1.0], 1e-12) == NONE
+    assert fall([0.0, 0.0, 0.0], 0.0) == NONE
+
+
+def test_a_touch_is_no_fall():
+    """(u − 1/2)² touches zero, and stays above; a hair lower it falls, and rises again."""
+    touching = [0.25, -0.25, 0.25]
+    assert fall(touching, 1e-15) == NONE
+    lowered = [x - 1e-12 for x in touching]
+    assert fall(lowered, 1e-15) == pytest.approx(0.5 - 1e-6, abs=1e-9)
+
+
+def test_a_root_next_to_zero_keeps_its_digits():
+    """U of 1e-12 is found to its own last digits: a hop of nanometres has no other length."""
+    for root in (1e-3, 1e-9, 1e-15):
+        ordinates = bernstein.elevate(np.array([root, root - 1.0]), 26).tolist()
+        assert polynomials.only_root(ordinates) == pytest.approx(root, rel=1e-14)
+
+
+def test_the_forms_are_those_of_the_laws():
+    """A restriction, an elevation, an integral and a value, as `bernstein` has them."""
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        size = int(rng.integers(2, 40))
+        row, (first, last) = rng.standard_normal(size), np.sort(rng.uniform(0.0, 1.0, 2)).tolist()
+        whole = 0.3 * bernstein.antiderivative(row) + 0.7
+        value = bernstein.evaluate(row, np.array([first]))
+        for got, wanted in (
+            (
+                polynomials.restricted(row.tolist(), size, first, last),
+                bernstein.restrict(row, first, last),
+            ),
+            (polynomials.elevated(row.tolist(), 45), bernstein.elevate(row, 44)),
+            (polynomials.integrated(row.tolist(), 0.3, 0.7), whole),
+            ([polynomials.value_at(row.tolist(), size, first)], value),
+        ):
+            assert got == pytest.approx(wanted, abs=1e-13)

@@ -1,0 +1,230 @@
+"""What no model can take is refused at once, by name, with the value and the limit."""
+
+import itertools
+import math
+import re
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from cam_rig.dynamics import (
+    MODELS,
+    FollowerParameters,
+    FollowerState,
+    Interval,
+    TwoMassParameters,
+)
+from cam_rig.dynamics.elastic_stem import motion, response
+from cam_rig.dynamics.torsional.motion import solve
+from cam_rig.dynamics.torsional.parameters import TorsionalParameters, TorsionalState
+from cam_rig.dynamics.two_mass.trajectory import Separation, lift_off, states
+from cam_rig.errors import CamRigError, ConfigError, DynamicsError
+from cam_rig.laws import Law
+from cam_rig.units import NS, TURN
+
+NAN, INF = math.nan, math.inf
+FOLLOWER = FollowerParameters(1.3, 4030.0, 8.642, 12.753, 3.3e8)
+TWO = TwoMassParameters(0.3, 1.0, 3.3e8, 4030.0, 5.0, 8.642, 12.753)
+SHAFT = TorsionalParameters(FOLLOWER, 0.02, 8e3, 0.4, 0.2)
+REST, TWIST = np.zeros(2), TorsionalState(0.0, 0.0, 0.0, 36.0)
+pytestmark = pytest.mark.usefixtures("at_once")
+
+POSITIVE, NOT_NEGATIVE = (0.0, -1.3, NAN, INF, 1e-300), (-1e-9, NAN, INF, 1e300)
+#: A record's numbers, what they may not be, and the limit that is told.
+LIMITS = [
+    (FOLLOWER, ("mass", "spring_stiffness", "stem_stiffness"), POSITIVE, "finite and > 0"),
+    (FOLLOWER, ("damping", "preload"), (*NOT_NEGATIVE, "heavy", None), "finite and ≥ 0"),
+    (FOLLOWER, ("restitution",), (1.0, 1.5, -0.1, NAN), "finite and in [0, 1)"),
+    (TWO, ("roller_mass", "end_mass", "spring_stiffness"), POSITIVE, "finite and > 0"),
+    (TWO, ("stem_damping", "damping", "preload"), (*NOT_NEGATIVE, None), "finite and ≥ 0"),
+    (TWO, ("restitution",), (1.0, 1.5, -0.1, NAN), "finite and in [0, 1)"),
+    (SHAFT, ("cam_inertia", "shaft_stiffness", "flywheel_inertia"), POSITIVE, "finite and > 0"),
+    (SHAFT, ("shaft_damping",), NOT_NEGATIVE, "finite and ≥ 0"),
+]
+
+
+@pytest.mark.parametrize(("record", "names", "values", "limit"), LIMITS)
+def test_parameters(record, names, values, limit):
+    """Masses above zero, dampers that do not push, bounces that end."""
+    for name, value in itertools.product(names, values):
+        told = re.escape(f"{name} is {value!r}; allowed: {limit}")
+        with pytest.raises(DynamicsError, match=told):
+            replace(record, **{name: value})
+
+
+def test_a_rig_gives_the_numbers_or_is_refused(rig, follower, paper_rig):
+    """Numbers come in SI, each from its own key; the model says what a rig file must have."""
+    for name in (field.name for field in fields(follower)):
+        assert getattr(follower, name) == getattr(rig.follower, name).si
+    with pytest.raises(ConfigError, match="shaft: is missing; needed by the model torsional"):
+        MODELS["torsional"].parameters(rig)
+    with pytest.raises(DynamicsError, match=r"motor_torque is 1.0; allowed: 0 where the flywheel"):
+        replace(MODELS["torsional"].parameters(paper_rig), motor_torque=1.0)
+
+
+def test_contact_time_is_half_a_period(follower):
+    """A mass on its stem pushes for half a period: sin(√(k/m) T) = 0 for the first time."""
+    rate = math.sqrt(follower.stem_stiffness / follower.mass)
+    assert rate * follower.contact_time == pytest.approx(math.pi, rel=1e-15)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_speed_and_angle(laws, paper_rig, name):
+    """A cam that stands, turns backwards or at no number has no law of time; nor has no place."""
+    parameters = MODELS[name].parameters(paper_rig)
+    for key, values, told in (
+        ("speed", (0.0, -10.0, NAN, INF), "allowed: finite"),
+        ("angle", (NAN, INF), "allowed: finite"),
+    ):
+        for value in values:
+            numbers = {"angle": 0.0, "speed": 10.0, key: value}
+            with pytest.raises(CamRigError, match=rf"{key} is {value!r}.*{told}"):
+                interval = Interval(0, NS // 10, **numbers)
+                MODELS[name].advance(laws["poly345"], parameters, None, interval, 1000)
+
+
+def test_a_law_or_a_state_that_is_no_number():
+    """Neither can be made, so no model ever meets it."""
+    for value in (NAN, INF, -INF):
+        ordinates = np.zeros((6, 1))
+        ordinates[3] = value
+        with pytest.raises(CamRigError, match=r"law 'broken': .* must be finite"):
+            Law("broken", np.array([0.0, TURN]), ordinates)
+    for numbers, inner in (((NAN, 0, 0), ()), ((0, INF, 0), ()), ((0, 0, 0), (NAN,))):
+        told = r"a follower whose \w+ is (nan|inf); allowed: finite"
+        with pytest.raises(CamRigError, match=told):
+            FollowerState(*numbers, True, inner=inner)
+
+
+BAD_TIMES = [
+    ([0.2, 0.1], r"times: 0.1 s comes after 0.2 s; allowed: ascending"),
+    ([-0.1, 0.1], r"times are -0.1 to 0.1 s; allowed: 0 to"),
+    ([0.0, NAN], r"times: has .*nan.*; allowed: a row of finite numbers"),
+    ([0.0, INF], r"times: has .*inf.*; allowed: a row of finite numbers"),
+    (0.1, r"times: has .*0.1.*; allowed: a row"),
+    (None, r"times.*; allowed: a row"),
+    ("soon", r"times is 'soon'; allowed: a row"),
+]
+
+
+def test_times(laws):
+    """Times ascend from the start, of a vibration or a course; what was not run is not known."""
+    course = Separation(laws["poly345"], TWO, 30.0)
+    with pytest.raises(DynamicsError, match=r"allowed: 0 to 0 s"):
+        states(course, np.array([0.1]))
+    course.run(0.3)
+    for times, told in BAD_TIMES:
+        with pytest.raises(DynamicsError, match=told):
+            motion(laws["poly345"], FOLLOWER, 30.0, 0.0, REST, times)
+        with pytest.raises(DynamicsError, match=told):
+            states(course, times)
+    assert np.isfinite(states(course, np.array([0.0, 0.3]))).all()
+    with pytest.raises(DynamicsError, match=r"times are 0.1 to 0.31 s; allowed: 0 to 0.3 s"):
+        states(course, np.array([0.1, 0.31]))
+    one = motion(laws["poly345"], FOLLOWER, 30.0, 0.0, [0.0, 0.0], [0.0, 0.1])
+    two = motion(laws["poly345"], FOLLOWER, 30.0, 0.0, REST, np.array([0.0, 0.1]))
+    assert np.array_equal(one, two)  # a list is taken as an array is
+
+
+STARTS = [
+    (1e300, 0.0, REST, r"speed is 1e\+300 rad/s; allowed: .*1e\+09 rad/s"),
+    (1e-300, 0.0, REST, r"speed is 1e-300 rad/s; allowed"),
+    (0.0, 0.0, REST, r"speed is 0"),
+    ("fast", 0.0, REST, r"speed is 'fast' rad/s; allowed"),
+    (30.0, NAN, REST, r"angle is nan; allowed: finite"),
+    (30.0, 1e15, REST, r"angle is 10+\.0; allowed: .* 1e\+12 rad.*the phase is lost"),
+    (30.0, 0.0, [NAN, 0.0], r"state: has .*nan.*; allowed: a row of finite numbers"),
+    (30.0, 0.0, [0.0], r"state: has 1 numbers; allowed: 2"),
+    (30.0, 0.0, None, r"state.*; allowed: a row of finite numbers"),
+]
+
+
+def test_start_of_a_vibration(laws):
+    """Speed, angle and state by name."""
+    for speed, angle, start, told in STARTS:
+        with pytest.raises(DynamicsError, match=told):
+            motion(laws["poly345"], FOLLOWER, speed, angle, start, np.array([0.0, 0.1]))
+    with pytest.raises(DynamicsError, match="speed is 0"):
+        response(laws["poly345"], FOLLOWER, 0.0)
+
+
+def test_a_course(laws):
+    """It has a length and ends where the phase is known; two numbers on the cam, four in flight."""
+    law = laws["poly345"]
+    for duration in (NAN, INF, 0.0, -1.0, None, 1e14):
+        with pytest.raises(DynamicsError, match=r"(duration|angle at the end) is .*; allowed"):
+            Separation(law, TWO, 30.0).run(duration)
+    for state, contact in (([NAN, 0.0], True), ([0.0, 0.0], False)):
+        with pytest.raises(DynamicsError, match=r"state: has .*; allowed"):
+            Separation(law, TWO, 30.0).run(0.1, np.array(state), contact)
+    with pytest.raises(DynamicsError, match="speed is nan"):
+        Separation(law, TWO, NAN)
+    for state, limit, told in (([0.0, NAN], 1.0, "state: has"), (REST, NAN, "limit is nan")):
+        with pytest.raises(DynamicsError, match=told):
+            lift_off(law, TWO, 1.0, 0.0, np.array(state), limit)
+
+
+@pytest.mark.parametrize(("name", "parameters"), [("elastic_stem", FOLLOWER), ("two_mass", TWO)])
+def test_a_state_of_another_model(laws, name, parameters):
+    """What one model remembers is no state of another."""
+    state = FollowerState(0.0, 0.0, 1.0, True, inner=(0.0, 0.0, 0.0))
+    with pytest.raises(DynamicsError, match=r"state: has 3 numbers; allowed: 2"):
+        advance = MODELS[name].advance
+        advance(laws["poly345"], parameters, state, Interval(0, NS, 0.0, 30.0), 1000)
+
+
+INTERVALS = [
+    ((0, NAN, 0.0, 1.0), r"stop_ns is nan; allowed: a whole number of ns"),
+    ((0, INF, 0.0, 1.0), r"stop_ns is inf; allowed: a whole number of ns"),
+    ((None, NS, 0.0, 1.0), r"start_ns is None; allowed"),
+    ((0, NS, 1.1e15, 1.0), r"angle is 1100000000000000.0; allowed: .*the phase is lost"),
+    ((0, NS, 0.0, 1e13), r"last angle is .*; allowed: .*the phase is lost"),
+    ((0, NS, 0.0, None), r"speed is None; allowed: finite"),
+    ((0, NS, 0.0, INF), r"an interval whose speed is inf; allowed: finite"),
+    ((0, NS, 0.0, 5.0, -6.0), r"a ramp from 5 to -1 rad/s; allowed: from rest or forwards"),
+    ((0, NS, 0.0, -1.0, 6.0), r"a ramp from -1 to 5 rad/s; allowed"),
+    ((0, NS, 0.0, -2.0, -1.0), r"a ramp from -2 to -3 rad/s; allowed"),
+    ((0, NS, 0.0, 1.0, NAN), r"an interval whose acceleration is nan; allowed: finite"),
+]
+
+
+def test_interval():
+    """Stamps are whole, an angle has a phase, a ramp leads forwards, a grid has a whole rate."""
+    for numbers, told in INTERVALS:
+        with pytest.raises(DynamicsError, match=told):
+            Interval(*numbers)
+    for rate in (0, -1000, NAN, 1000.0, None, 10**10):
+        with pytest.raises(DynamicsError, match=r"sample_rate is .*; allowed: a whole number of"):
+            Interval(0, NS, 0.0, 30.0).grid(rate)
+
+
+TWISTS = [
+    (TWIST, (0.0, 0.0), "duration is 0.0; allowed: finite and > 0"),
+    (TWIST, (INF, 0.0), "duration is inf"),
+    (TWIST, (1.0, NAN), "ramp is nan; allowed: finite"),
+    (replace(TWIST, twist=NAN), (1.0, 0.0), "twist is nan; allowed: finite"),
+    (replace(TWIST, twist_rate=1e14), (1.0, 0.0), "diverges after 40 tries; check"),
+]
+
+
+def test_a_twist(laws):
+    """Impossible numbers are refused, and a hopeless run ends with a reason."""
+    held = replace(SHAFT, flywheel_inertia=None)
+    for state, (duration, ramp), told in TWISTS:
+        with pytest.raises(DynamicsError, match=told):
+            solve(laws["poly345"], held, state, 0.0, duration, ramp)
+    found = solve(laws["tm21"], held, TWIST, 5.0, 0.3)
+    for time in (4.9, 5.31, NAN):
+        with pytest.raises(DynamicsError, match=r"allowed: 0 to 0.3 s, so solve for longer"):
+            found.at(time)
+
+
+def test_a_law_whose_velocity_jumps(edge, paper_rig):
+    """An infinite force in rigid parts: where, how much, and which models can."""
+    told = r"law 'edge': velocity jumps by 0.0318 m/rad at 60°, an infinite force in this model"
+    intervals = Interval(0, NS, 0.0, 6.0), Interval(0, NS, 0.0, 0.0, 6.0)
+    for name, interval in itertools.product(("kinetostatic", "torsional"), intervals):
+        parameters = MODELS[name].parameters(paper_rig)
+        with pytest.raises(DynamicsError, match=told + ".*elastic_stem, one_mass and two_mass"):
+            MODELS[name].advance(edge, parameters, None, interval, 1000)
