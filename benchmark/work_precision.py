@@ -88,7 +88,7 @@ whole solution has the tables made anew, and the motion at the output times.
 
 A process begins in plain Python. After half a second of it the compiled search is loaded, which
 takes as long; if there is none yet, it is compiled after ten, once for this user and machine
-(10 to 20 s a model; `python -m cam_rig.dynamics.events` does it ahead).
+(10 to 20 s; `python -m cam_rig.dynamics.events` does it ahead).
 `CAM_RIG_EVENTS=plain` or `=compiled` chooses one from the start.\
 """
 

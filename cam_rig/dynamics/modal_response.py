@@ -41,15 +41,10 @@ def taylor_series(top: NDArray[Any], bottom: NDArray[Any], count: int) -> NDArra
 
 
 def carried(gains: NDArray[Any], ends: FloatArray, rates: NDArray[Any]) -> NDArray[Any]:
-    """What gains at angles, each fading from there on, come to at each of them, ``(m, n)``.
+    """What gains ``(m, n)`` at angles ``ends`` (rad, rising from above 0) come to at each of them.
 
-    Many are summed as they would be at the first one's angle, as long as none is thereby
-    larger by more than e to `FADED`: rounding stays rounding.
-
-    Parameters
-    ----------
-    gains : ``(m, n)``, added at the angles ``ends`` (rad, rising from above 0)
-    rates : ``(m, 1)``, 1/rad; what is there fades by e^{rate · angle}
+    They fade by e^{rate · angle} with ``rates`` ``(m, 1)``. Many are summed as they would be at the
+    first one's angle, as long as none is thereby larger by more than e to `FADED`.
     """
     found = np.empty_like(gains)
     reach = FADED / max(float(np.abs(rates.real).max()), 1e-300)

@@ -122,13 +122,9 @@ def advance(
     sample_rate: int,
     step: float,
 ) -> tuple[FollowerState, Block]:
-    """Take the follower through the interval, exactly.
+    """Take the follower through the interval, exactly; ``state`` None puts it on the cam.
 
-    Parameters
-    ----------
-    state : where the interval before it ended; None puts the follower down on the cam
-    sample_rate : Hz
-    step : by how much ṡ is more than where ``state`` ended, m/s
+    ``step`` is by how much ṡ is more than where ``state`` ended, m/s.
     """
     require_turning(interval.speed)
     course = OneMassTrajectory(law, parameters, interval)

@@ -173,23 +173,13 @@ class FollowerParameters:
 
     @classmethod
     def on_stem(cls, rig: RigConfig, by: str, instead: str = "") -> FollowerParameters:
-        """Take the numbers of a rig file that has a stem, for what is named by ``by``.
-
-        Raises
-        ------
-        ConfigError : it has none
-        """
+        """Take the numbers of a rig file that must have a stem, for what is named by ``by``."""
         rig.need("stem_stiffness", by, instead)
         return cls.from_rig(rig)
 
     @property
     def stem(self) -> float:
-        """The stem's stiffness, N/m.
-
-        Raises
-        ------
-        ConfigError : it is None
-        """
+        """The stem's stiffness, N/m; refused where it is None."""
         return told("stem_stiffness", self.stem_stiffness)
 
     @property

@@ -86,13 +86,7 @@ OTHER_MODELS = (
 def require_smooth(law: Law, otherwise: str = OTHER_MODELS) -> None:
     """Refuse a law whose velocity jumps, for a model that it would need an infinite force in.
 
-    Parameters
-    ----------
-    otherwise : what else is allowed, with the comma or semicolon before it
-
-    Raises
-    ------
-    DynamicsError : with the largest jump, in m/rad, and where it is
+    ``otherwise`` is what else is allowed, with the comma or semicolon before it.
     """
     if law.velocity_jumps:
         piece = max(law.velocity_jumps, key=lambda i: abs(law.velocity_jumps[i]))

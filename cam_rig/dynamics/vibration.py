@@ -13,7 +13,7 @@ from cam_rig.dynamics.elastic_stem import outputs, response
 from cam_rig.dynamics.linear.sampling import sample
 from cam_rig.dynamics.modal_response import ModalResponse
 from cam_rig.dynamics.parameters import FollowerParameters
-from cam_rig.dynamics.torsional.motion import solve, steady_state
+from cam_rig.dynamics.torsional.motion import steady_motion
 from cam_rig.dynamics.torsional.parameters import TorsionalParameters
 from cam_rig.dynamics.velocity_jumps import require_smooth
 from cam_rig.errors import DynamicsError
@@ -118,11 +118,12 @@ def flywheel_turn(
     """
     held = math.isinf(inertia)
     behind = replace(shaft, flywheel_inertia=None if held else inertia)
-    driven, start = steady_state(law, behind, speed)
-    motion = solve(law, driven, start, 0.0, TURN / speed)
+    motion = steady_motion(law, behind, speed)
     times = np.linspace(0.0, motion.stop_time, SAMPLES)
     rows = motion.at(times)
-    torque = -float(np.mean(motion.shaft_torque(times[:-1]))) if held else driven.motor_torque
+    torque = (
+        -float(np.mean(motion.shaft_torque(times[:-1]))) if held else motion.parameters.motor_torque
+    )
     return FlywheelTurn(
         inertia=inertia,
         fluctuation=float(np.ptp(motion.lead(times)[1])) / speed,
@@ -285,7 +286,6 @@ def steady_twist(
     law: Law, shaft: TorsionalParameters, speed: float
 ) -> tuple[FloatArray, FloatArray]:
     """Flywheel angle and twist ψ (rad), ``(n,)`` each, over one turn in steady state."""
-    driven, start = steady_state(law, shaft, speed)
-    motion = solve(law, driven, start, 0.0, TURN / speed)
+    motion = steady_motion(law, shaft, speed)
     times = np.linspace(0.0, motion.stop_time, TWIST_SAMPLES)
     return speed * times, motion.at(times)[0]

@@ -150,10 +150,7 @@ def _own_errors() -> tuple[type[Exception], ...]:
 
 @contextmanager
 def _made(folder: Path) -> Iterator[Path]:
-    """A place for a function's code, which becomes its folder once it is whole.
-
-    Of processes that compile at once the first one's stays; one that is killed leaves none.
-    """
+    """A place for a function's code: its folder once it is whole, if no other was first."""
     folder.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     place = Path(tempfile.mkdtemp(prefix=f"{folder.name}.", dir=folder.parent))
     try:

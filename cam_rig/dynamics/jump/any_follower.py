@@ -128,20 +128,9 @@ def described_run(parameters: AnyFollower, duration: float | None) -> str:
 
 
 def find_jump(law: Law, parameters: AnyFollower, duration: float | None) -> Jump:
-    """The lowest speed at which contact is lost.
+    """The lowest speed at which contact is lost, in ``duration`` s from rest or steady for None.
 
-    Parameters
-    ----------
-    duration : s of a run from rest at θ = 0; None for the steady state. One mass is the same in
-        both; its time is that of the angle in the first turn
-
-    Examples
-    --------
-    >>> import cam_rig
-    >>> law = cam_rig.build_law(cam_rig.load_cam("poly345"))
-    >>> follower = follower_of(cam_rig.load_rig("tm21"))
-    >>> described(follower), round(find_jump(law, follower, None).rpm, 2)
-    ('one rigid mass', 438.29)
+    One mass is the same in both; its time is that of the angle in the first turn.
     """
     if isinstance(parameters, TwoMassParameters):
         return jump_of_parameters(law, parameters, duration)

@@ -59,14 +59,7 @@ def require_run(duration: float) -> None:
 def jump_speed(law: Law, parameters: TwoMassParameters, duration: float | None = 1.7) -> Jump:
     """The lowest speed at which the two-mass follower loses contact.
 
-    Parameters
-    ----------
-    duration : s of a run from rest at θ = 0, at one speed; None for the steady state
-
-    Raises
-    ------
-    DynamicsError : a duration out of its limits; contact lost at every speed or at none; or no
-        steady state
+    ``duration`` (s) is of a run from rest at θ = 0, at one speed; None for the steady state.
     """
     if duration is not None:
         require_run(duration)

@@ -62,13 +62,7 @@ Response = tuple[FloatArray, FloatArray, FloatArray]
 
 
 def response(damping: float, stiffness: float, time: FloatArray) -> Response:
-    """S (s), Ṡ (1) and C (s²) at times in s.
-
-    Parameters
-    ----------
-    damping : 2δ = c/m in 1/s
-    stiffness : κ = k/m in 1/s²
-    """
+    """S (s), Ṡ (1) and C (s²) at times in s, by 2δ = c/m in 1/s and κ = k/m in 1/s²."""
     time = np.asarray(time, dtype=np.float64)
     short = max(math.sqrt(stiffness), damping) * time <= SHORT
     if short.all():

@@ -107,28 +107,14 @@ class ForcingPiece:
 
 
 def piece(matrix: FloatArray, forcing: FloatArray, duration: float) -> ForcingPiece:
-    """Solve one piece.
-
-    Parameters
-    ----------
-    matrix : ``(n, n)``, 1/s
-    forcing : ``(n, p + 1)`` Bernstein ordinates of f over the piece
-    duration : s
-    """
+    """Solve one piece: A ``(n, n)`` in 1/s, ordinates of f ``(n, p + 1)``, its time (s)."""
     return pieces(matrix, forcing[:, :, None], np.array([duration]))[0]
 
 
 def pieces(
     matrix: FloatArray, forcing: FloatArray, durations: FloatArray
 ) -> tuple[ForcingPiece, ...]:
-    """Solve many pieces, those together that take the same steps.
-
-    Parameters
-    ----------
-    matrix : ``(n, n)``, 1/s
-    forcing : ``(n, p + 1, m)`` Bernstein ordinates of f over each piece
-    durations : s, ``(m,)``
-    """
+    """The same for m pieces, those together that take the same steps: f ``(n, p + 1, m)``."""
     bound = max(float(forcing.shape[1] - 1), PICARD_REACH)
     rates = np.abs(np.linalg.eigvals(matrix))
     slow = (rates[:, None] * durations < bound).sum(axis=0)

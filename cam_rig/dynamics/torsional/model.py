@@ -83,12 +83,8 @@ def begin(
     """What an interval starts with: the parameters with the motor's torque, and the state.
 
     A flywheel with an inertia begins each speed in its steady state there, as a constant torque
-    would take minutes to bring it there. Along a ramp the drive holds it, as in eq. 10.
-
-    Parameters
-    ----------
-    inner : of the state before, empty for none; `inner_of` makes it
-    last_speed : speed (rad/s) at which the state before ended, where it is known
+    would take minutes to bring it there. Along a ramp the drive holds it, as in eq. 10. ``inner``
+    is of the state before (`inner_of`), empty for none; ``last_speed`` where that ended, if known.
     """
     from cam_rig.dynamics.torsional.motion import solve, steady_state
 

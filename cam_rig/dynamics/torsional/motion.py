@@ -30,15 +30,6 @@ from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein
 from cam_rig.units import TURN, FloatArray, to_rpm
 
-#: Rows of a motion, with their units.
-ROWS = (
-    "twist [rad]",
-    "twist_rate [rad/s]",
-    "cam_angle [rad]",
-    "cam_speed [rad/s]",
-    "cam_acceleration [rad/s^2]",
-)
-
 
 @dataclass(frozen=True, eq=False)
 class TorsionalMotion:
@@ -63,7 +54,7 @@ class TorsionalMotion:
         return self.start_time + float(self.path.edges[-1])
 
     def at(self, times: FloatArray) -> FloatArray:
-        """``(5, len(times))``, rows as in `ROWS`, at times (s) in any order.
+        """ψ (rad), ψ̇, θ_c (rad), θ̇_c and θ̈_c, ``(5, len(times))``, at times (s) in any order.
 
         Where θ̈_c steps, at a joint of the law, the right limit is taken.
         """
@@ -220,6 +211,12 @@ def steady_state(
             f"its slope is {slope:.3g}. Resonance needs damping"
         )
     return begun(x)
+
+
+def steady_motion(law: Law, parameters: TorsionalParameters, speed: float) -> TorsionalMotion:
+    """One turn in steady state at the mean ``speed`` (rad/s), from the flywheel's angle 0 on."""
+    driven, start = steady_state(law, parameters, speed)
+    return solve(law, driven, start, 0.0, TURN / speed)
 
 
 def _fixed_point(

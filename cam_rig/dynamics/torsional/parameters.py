@@ -19,7 +19,7 @@ class TorsionalParameters:
     shaft_stiffness : k_s, N·m/rad
     shaft_damping : c_s, N·m·s/rad
     flywheel_inertia : I_v, kg·m²; None holds its speed (eq. 10 of the paper, the limit I_v → ∞)
-    motor_torque : T, N·m, constant, on a flywheel that has an inertia; `steady.steady_state`
+    motor_torque : T, N·m, constant, on a flywheel that has an inertia; `motion.steady_state`
         finds the one that holds the mean speed
     """
 

@@ -54,12 +54,7 @@ class TwoMassParameters:
 
     @classmethod
     def from_rig(cls, rig: RigConfig) -> TwoMassParameters:
-        """Take the numbers of a rig file.
-
-        Raises
-        ------
-        ConfigError : the file has no stem, or does not say how the mass is split
-        """
+        """Take the numbers of a rig file that has a stem and says how the mass is split."""
         follower = rig.follower
         share, stem, stem_damping = (rig.need(key, BY, ONE_MASS).si for key in NEEDED)
         roller = follower.mass.si * share

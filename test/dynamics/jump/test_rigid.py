@@ -95,6 +95,13 @@ def rng_rigs(laws):
     ]
 
 
+def test_the_jump_of_a_shipped_rig(laws):
+    """3-4-5 on the one-mass rig."""
+    assert find_jump(laws["poly345"], follower_of(cam_rig.load_rig("tm21")), None).rpm == (
+        pytest.approx(438.29, abs=0.005)
+    )
+
+
 def test_the_follower_is_the_rigs():
     """Two masses where a rig splits its mass, one where it does not; half a split is refused."""
     split, whole = cam_rig.load_rig("paper_table2"), cam_rig.load_rig("tm21")

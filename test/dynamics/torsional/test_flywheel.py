@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics import MODELS, FollowerParameters, Interval
-from cam_rig.dynamics.torsional.motion import solve, steady_state
+from cam_rig.dynamics.torsional.motion import solve, steady_motion
 from cam_rig.dynamics.torsional.parameters import TorsionalParameters, TorsionalState
 from cam_rig.laws import Law
 from cam_rig.schema import load_rig
@@ -35,12 +35,6 @@ def momentum(motion, time):
     p, at = motion.parameters, np.array([time])
     cam = p.cam_inertia * motion.at(at)[3, 0]
     return cam + p.flywheel_inertia * (SPEED + motion.lead(at)[1, 0])
-
-
-def turn_of(law, p, speed=SPEED):
-    """One turn in steady state."""
-    driven, start = steady_state(law, p, speed)
-    return solve(law, driven, start, 0.0, TURN / speed)
 
 
 @pytest.mark.variants(3)
@@ -87,7 +81,7 @@ def test_a_turn_brings_back_the_steady_state(laws, seed):
     stiffness, damping = 10.0 ** rng.uniform(3.5, 5.0), rng.uniform(0.02, 1.0)
     speed = rng.uniform(15.0, 60.0)
     p = TorsionalParameters(follower, inertia, stiffness, damping, flywheel)
-    motion = turn_of(law, p, speed)
+    motion = steady_motion(law, p, speed)
     ends = np.array([0.0, motion.stop_time])
     (first, last), peak = motion.lead(ends).T, np.abs(motion.lead(motion.path.edges)).max(axis=1)
     assert (np.abs(last - first) <= 1e-9 * peak).all()
@@ -106,10 +100,12 @@ def test_a_turn_brings_back_the_steady_state(laws, seed):
 def test_a_heavy_flywheel_holds_its_speed(laws, shaft, cam):
     """I_v → ∞ is eq. 10: the twist comes to it as 1/I_v, down to rounding."""
     law, times = laws[cam], np.linspace(0.0, TURN / SPEED, 400)
-    held = turn_of(law, dataclasses.replace(shaft, flywheel_inertia=None)).at(times)
+    held = steady_motion(law, dataclasses.replace(shaft, flywheel_inertia=None), SPEED).at(times)
     away = []
     for inertia in (1e3, 1e5, 1e13):
-        found = turn_of(law, dataclasses.replace(shaft, flywheel_inertia=inertia)).at(times)
+        found = steady_motion(law, dataclasses.replace(shaft, flywheel_inertia=inertia), SPEED).at(
+            times
+        )
         away.append(np.abs(found[0] - held[0]).max() / np.abs(held[0]).max())
     assert away[0] / away[1] == pytest.approx(100.0, rel=0.02)
     assert away[2] < 1e-10
@@ -137,7 +133,7 @@ def test_a_rigid_shaft_or_no_flywheel_in_closed_form(laws, shaft, inertia, stiff
     follower = dataclasses.replace(shaft.follower, damping=0.0)
     p = TorsionalParameters(follower, 0.02, stiffness, 1e-9, inertia)
     law, times = laws["poly4567"], np.linspace(0.0, TURN / SPEED, 300)
-    motion = turn_of(law, p)
+    motion = steady_motion(law, p, SPEED)
     expected = by_energy(law, p, motion, times)
     np.testing.assert_allclose(motion.at(times)[3], expected, rtol=error)
     assert np.ptp(expected) > 0.02 * SPEED
@@ -147,7 +143,7 @@ def test_what_is_behind_the_shaft_twists_it(laws, shaft):
     """I_v → 0: a constant torque passes the shaft, whose twist changes in proportion to I_v."""
     small = [dataclasses.replace(shaft, flywheel_inertia=value) for value in (2e-4, 1e-4)]
     times = np.linspace(0.0, TURN / SPEED, 500)
-    one, other = (np.ptp(turn_of(laws["poly4567"], p).at(times)[0]) for p in small)
+    one, other = (np.ptp(steady_motion(laws["poly4567"], p, SPEED).at(times)[0]) for p in small)
     assert one / other == pytest.approx(2.0, rel=0.02)
 
 
