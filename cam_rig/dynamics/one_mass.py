@@ -52,7 +52,7 @@ def lifted_off(
 
 
 #: What a table says of the stem where there is none: see `RunTable.stem`.
-NO_STEM = (np.zeros(3), 0.0, 0.0, 0.0)
+NO_STEM = ((0.0, 0.0, 0.0), 0.0, 0.0, 0.0)
 
 
 class OneMassTrajectory(Course):
@@ -87,7 +87,7 @@ class OneMassTrajectory(Course):
             arrays,
             self.interval.duration,
             p.mass,
-            np.array([p.spring_stiffness, p.damping, p.mass, p.preload]),
+            tuple(map(float, (p.spring_stiffness, p.damping, p.mass, p.preload))),
             np.array(loss_intervals(law, p, speed)).reshape(-1, 2),
             False,
             no_contact(arrays),

@@ -35,7 +35,7 @@ from cam_rig.dynamics.events.law_table import (
     rises,
     take,
 )
-from cam_rig.dynamics.events.rows import Row, Rows, borrowed, zeros
+from cam_rig.dynamics.events.rows import Rows, borrowed, zeros
 from cam_rig.units import TURN
 
 #: (s, ṡ, s̈).
@@ -54,11 +54,11 @@ class RunTable(NamedTuple):
     Parameters
     ----------
     mass : kg, of what meets the cam
-    force : ``(4,)`` weights of s, ṡ, s̈ in the contact force, and its constant (N)
+    force : weights of s, ṡ, s̈ in the contact force, and its constant (N)
     losses : ``(n, 2)`` cam angles in [0, 2π] between which the cam would have to pull one mass
     stem : whether there are two masses; of one the five after it are not used
     contact : the end mass while the roller is on the cam
-    drive : ``(3,)`` what s, ṡ, s̈ contribute to η̈
+    drive : what s, ṡ, s̈ contribute to η̈
     end_share : of the end mass in both
     left : 1 − α, the static share of the lift that the stem is compressed by
     sag : m, what the preload compresses
@@ -72,11 +72,11 @@ class RunTable(NamedTuple):
     free: FreeTable
     jumps: Jumps
     mass: float
-    force: Row
+    force: tuple[float, float, float, float]
     losses: Rows
     stem: bool
     contact: StemContactTable
-    drive: Row
+    drive: Motion
     end_share: float
     left: float
     sag: float

@@ -128,7 +128,7 @@ def _prepared(function: Run) -> Run | None:
             with nullcontext(folder) if kept else _made(folder) as place:
                 compiled = _compile(function, place)
                 out = compiled(*arguments)
-        except (ImportError, OSError, RuntimeError, *_own_errors()) as error:
+        except _failures() as error:
             # Before anything was computed: the search itself raises none of them.
             words = f"{type(error).__name__}: {error}".partition("\n")[0]
             print(
@@ -142,10 +142,11 @@ def _prepared(function: Run) -> Run | None:
     return first
 
 
-def _own_errors() -> tuple[type[Exception], ...]:
-    """What numba raises of its own; nothing where it could not be imported."""
+def _failures() -> tuple[type[Exception], ...]:
+    """What comes where numba is broken or switched off, or nothing can be kept."""
+    common = (ImportError, OSError, RuntimeError)
     errors = sys.modules.get("numba.core.errors")
-    return () if errors is None else (errors.NumbaError,)
+    return common if errors is None else (*common, errors.NumbaError)
 
 
 @contextmanager
