@@ -17,8 +17,6 @@ from cam_rig.show.command import (
     Plot,
     check_outputs,
     progress_bar,
-    say,
-    show,
     user_errors,
     write_csv,
     write_json,
@@ -27,6 +25,7 @@ from cam_rig.show.command import (
 from cam_rig.show.figure import empty, logarithmic, styled
 from cam_rig.show.looks import BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILION, web
 from cam_rig.show.tables import Column, DataTable
+from cam_rig.show.terminal import say, show
 
 #: Headings; the first two are texts.
 HEADER = ("case", "solver, rtol", "time", "error", "events", "x rig")
