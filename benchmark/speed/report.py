@@ -17,8 +17,6 @@ from cam_rig.show.command import (
     Plot,
     check_outputs,
     progress_bar,
-    say,
-    show,
     user_errors,
     write_csv,
     write_json,
@@ -26,7 +24,8 @@ from cam_rig.show.command import (
 )
 from cam_rig.show.figure import empty, logarithmic, styled
 from cam_rig.show.looks import BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILION, web
-from cam_rig.show.tables import Column, DataTable
+from cam_rig.show.tables import DataTable, Head
+from cam_rig.show.terminal import say, show
 
 #: Headings; the first two are texts.
 HEADER = ("case", "solver, rtol", "time", "error", "events", "x rig")
@@ -87,7 +86,7 @@ def table(study: WorkPrecisionStudy) -> DataTable:
     return DataTable(
         f"One of {study.cores} cores, {study.took_s:.0f} s; "
         f"{rate:.0f} million samples of six numbers per second",
-        tuple(Column(name, shown="" if i < 2 else "g") for i, name in enumerate(HEADER)),
+        tuple(Head(name, shown="" if i < 2 else "g") for i, name in enumerate(HEADER)),
         tuple(_rows(study)),
         (KEY,),
     )

@@ -15,11 +15,10 @@ from cam_rig.show.command import (
     SceneOfBag,
     check_outputs,
     check_place,
-    console,
     progress_bar,
-    say,
     user_errors,
 )
+from cam_rig.show.terminal import console, say
 
 
 def analyze(

@@ -27,7 +27,7 @@ from cam_rig.campaigns.run import InThisProcess, opened
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.errors import ConfigError
 from cam_rig.extras import libraries_named
-from cam_rig.show.result import shown
+from cam_rig.show.result import notebook
 from cam_rig.units import TURN, FloatArray
 from cam_rig.workers import broken_named
 
@@ -279,7 +279,7 @@ class WavinessRun:
         """Amplitude over wavelength, with its interval and the resonances of the stem."""
         with libraries_named():
             from cam_rig.campaigns.figures import waviness_figure as figure
-        return shown(figure(self.search, self.wavelengths))
+        return notebook(figure(self.search, self.wavelengths))
 
 
 @checked

@@ -15,7 +15,7 @@ from cam_rig.campaigns.point import BatchRows, measure_batch
 from cam_rig.campaigns.results import CampaignResults
 from cam_rig.extras import libraries_named, require
 from cam_rig.schema.load import Library, config_root, named_path
-from cam_rig.show.result import shown
+from cam_rig.show.result import notebook
 from cam_rig.workers import broken_named
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ class CampaignRun(CampaignResults):
         """A map of a grid of two inputs or more; else distributions and what each input does."""
         with libraries_named():
             from cam_rig.campaigns.figures import figure
-        return shown(figure(self))
+        return notebook(figure(self))
 
 
 def opened(study: str | Path | Mapping[str, Any]) -> Campaign:

@@ -13,7 +13,7 @@ from cam_rig.campaigns.measures import CampaignMeasure
 from cam_rig.campaigns.point import UNSETTLED
 from cam_rig.campaigns.results import SHARE_ERROR, CampaignResults, Quantile, points_needed
 from cam_rig.campaigns.sensitivities import FirstOrder, JumpSensitivity, first_orders
-from cam_rig.show.tables import Column, DataTable, counted, number, tabulate
+from cam_rig.show.tables import DataTable, Head, counted, number, tabulate
 from cam_rig.units import RPM
 
 #: Points from which on a standard deviation is known to about 10 % (1/√(2n)).
@@ -61,10 +61,13 @@ def derivative_table(found: FirstOrder) -> DataTable:
         f"Local derivatives of {found.measure.term.words}, in the middle of the inputs",
         found.inputs,
         (
-            (Column("input"), lambda one: one.path),
-            (Column("there", "SI", ".6g"), lambda one: one.value),
-            (Column("rpm each SI unit", "", ".6g", "none"), lambda one: rpm(one, 1.0)),
-            (Column("rpm each percent", "", ".4g", "none"), lambda one: rpm(one, 0.01 * one.value)),
+            (Head("input"), lambda one: one.path),
+            (Head("there", "SI", ".6g"), lambda one: one.value),
+            (Head("rpm each SI unit", "", ".6g", "none"), lambda one: rpm(one, 1.0)),
+            (
+                Head("rpm each percent", "", ".4g", "none"),
+                lambda one: rpm(one, 0.01 * one.value),
+            ),
         ),
         words,
     )
@@ -81,13 +84,13 @@ def quantile_table(results: CampaignResults) -> DataTable:
         f"{results.campaign.config.title}: {counted(results.points, 'point')}",
         rows,
         (
-            (Column("measure"), lambda row: row[0].term.words),
-            (Column("quantile", "%", "g"), lambda row: 100.0 * row[1].probability),
-            (Column("value", "", ".6g"), at("value")),
-            (Column("from", "", ".6g"), at("low")),
-            (Column("to", "", ".6g"), at("high")),
-            (Column("unit"), lambda row: row[0].unit),
-            (Column("outcome"), lambda row: "not found" if np.isnan(row[1].value) else None),
+            (Head("measure"), lambda row: row[0].term.words),
+            (Head("quantile", "%", "g"), lambda row: 100.0 * row[1].probability),
+            (Head("value", "", ".6g"), at("value")),
+            (Head("from", "", ".6g"), at("low")),
+            (Head("to", "", ".6g"), at("high")),
+            (Head("unit"), lambda row: row[0].unit),
+            (Head("outcome"), lambda row: "not found" if np.isnan(row[1].value) else None),
         ),
         _not_found(rows),
         INTERVALS,
@@ -128,10 +131,10 @@ def extreme_table(results: CampaignResults) -> DataTable:
         f"{results.campaign.config.title}: {counted(results.points, 'point')}",
         [row_of(measure) for measure in results.campaign.measures],
         (
-            (Column("measure"), lambda row: row[0].term.words),
-            (Column("least", "", ".6g"), lambda row: _known(row[1])),
-            (Column("largest", "", ".6g"), lambda row: _known(row[2])),
-            (Column("unit"), lambda row: row[0].unit),
+            (Head("measure"), lambda row: row[0].term.words),
+            (Head("least", "", ".6g"), lambda row: _known(row[1])),
+            (Head("largest", "", ".6g"), lambda row: _known(row[2])),
+            (Head("unit"), lambda row: row[0].unit),
         ),
         results.failures,
         results.unsettled,
@@ -142,13 +145,13 @@ def yield_table(results: CampaignResults) -> DataTable:
     """A row each limit."""
     grid = results.campaign.config.plan.kind == "grid"
     columns: list[Any] = [
-        (Column("limit"), lambda row: row.limit.words),
-        (Column("kept by", "%", ".4g"), lambda row: 100.0 * row.share),
+        (Head("limit"), lambda row: row.limit.words),
+        (Head("kept by", "%", ".4g"), lambda row: 100.0 * row.share),
     ]
     if not grid:
         columns += [
-            (Column("from", "%", ".4g"), lambda row: 100.0 * row.low),
-            (Column("to", "%", ".4g"), lambda row: 100.0 * row.high),
+            (Head("from", "%", ".4g"), lambda row: 100.0 * row.low),
+            (Head("to", "%", ".4g"), lambda row: 100.0 * row.high),
         ]
     return tabulate("Limits", results.yields(), columns)
 
@@ -162,11 +165,11 @@ def share_table(results: CampaignResults, measure: CampaignMeasure) -> DataTable
         f"Shares of the variance of {measure.term.words}",
         shares,
         (
-            (Column("input"), lambda row: row.path),
-            (Column("alone", "1", ".3f"), lambda row: row.first),
-            (Column("±", "1", ".3f"), lambda row: row.first_error),
-            (Column("in all", "1", ".3f"), lambda row: row.total),
-            (Column("± ", "1", ".3f"), lambda row: row.total_error),
+            (Head("input"), lambda row: row.path),
+            (Head("alone", "1", ".3f"), lambda row: row.first),
+            (Head("±", "1", ".3f"), lambda row: row.first_error),
+            (Head("in all", "1", ".3f"), lambda row: row.total),
+            (Head("± ", "1", ".3f"), lambda row: row.total_error),
         ),
         "Alone: of the first order. In all: with interactions. ± of 95 %, bootstrapped.",
         ""
@@ -233,12 +236,12 @@ def waviness_table(search: WavinessSearch, found: Sequence[LargestWaviness]) -> 
         f"Largest waviness with which 99 % keep: {limits}",
         found,
         (
-            (Column("wavelength", "deg", ".4g"), lambda one: math.degrees(one.wavelength)),
-            (Column("waves a turn", "1", ".5g"), lambda one: one.waves),
-            (Column("amplitude", "µm", ".3g"), lambda one: um(one.amplitude)),
-            (Column("from", "µm", ".3g", "not told"), lambda one: um(one.low)),
-            (Column("to", "µm", ".3g", "not told"), lambda one: um(one.high)),
-            (Column("outcome"), lambda one: one.outcome),
+            (Head("wavelength", "deg", ".4g"), lambda one: math.degrees(one.wavelength)),
+            (Head("waves a turn", "1", ".5g"), lambda one: one.waves),
+            (Head("amplitude", "µm", ".3g"), lambda one: um(one.amplitude)),
+            (Head("from", "µm", ".3g", "not told"), lambda one: um(one.low)),
+            (Head("to", "µm", ".3g", "not told"), lambda one: um(one.high)),
+            (Head("outcome"), lambda one: one.outcome),
         ),
         *words,
     )

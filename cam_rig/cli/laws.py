@@ -21,13 +21,12 @@ from cam_rig.show.command import (
     Plot,
     check_outputs,
     check_place,
-    say,
-    show,
     user_errors,
     write_csv,
     write_json,
     write_plot,
 )
+from cam_rig.show.terminal import say, show
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -134,7 +133,7 @@ def _show_one(name: str, out: Path | None, as_csv: bool) -> None:
 def _peaks(law: Law, unit: str, factor: float) -> DataTable:
     """Largest and smallest values in the unit of the file's lift."""
     from cam_rig.laws.law import extremes
-    from cam_rig.show.tables import Column, tabulate
+    from cam_rig.show.tables import Head, tabulate
 
     units = {"lift s": "", "velocity s'": "/rad", "acceleration s''": "/rad²", "jerk s'''": "/rad³"}
     rows = [(name, unit + per, extremes(law, i)) for i, (name, per) in enumerate(units.items())]
@@ -142,12 +141,12 @@ def _peaks(law: Law, unit: str, factor: float) -> DataTable:
         f"Extremes of {law.name}",
         rows,
         (
-            (Column("quantity"), lambda row: row[0]),
-            (Column("unit"), lambda row: row[1]),
-            (Column("largest", "", ".6g"), lambda row: row[2][1].value / factor),
-            (Column("at", "°", ".4g"), lambda row: math.degrees(row[2][1].angle)),
-            (Column("smallest", "", ".6g"), lambda row: row[2][0].value / factor),
-            (Column("at", "°", ".4g"), lambda row: math.degrees(row[2][0].angle)),
+            (Head("quantity"), lambda row: row[0]),
+            (Head("unit"), lambda row: row[1]),
+            (Head("largest", "", ".6g"), lambda row: row[2][1].value / factor),
+            (Head("at", "°", ".4g"), lambda row: math.degrees(row[2][1].angle)),
+            (Head("smallest", "", ".6g"), lambda row: row[2][0].value / factor),
+            (Head("at", "°", ".4g"), lambda row: math.degrees(row[2][0].angle)),
         ),
     )
 
@@ -215,7 +214,7 @@ def rises_table(names: Iterable[str], with_free: bool = False) -> DataTable:
     """Peaks and continuity of named rises; on demand, below them, the laws without fixed ones."""
     from cam_rig.laws.catalogue import figures, free_laws
     from cam_rig.laws.segments import NAMED_RISES
-    from cam_rig.show.tables import Column, tabulate
+    from cam_rig.show.tables import Head, tabulate
 
     rows: list[Row] = [(name, NAMED_RISES[name].source, figures(name)) for name in names]
     if with_free:
@@ -228,13 +227,13 @@ def rises_table(names: Iterable[str], with_free: bool = False) -> DataTable:
         "Peaks for unit rise and unit span",
         rows,
         (
-            (Column("law"), lambda row: row[0]),
-            (Column("from, or by"), lambda row: row[1]),
+            (Head("law"), lambda row: row[0]),
+            (Head("from, or by"), lambda row: row[1]),
             *(
-                (Column(order, "", ".4f", "any"), peak(order))
+                (Head(order, "", ".4f", "any"), peak(order))
                 for order in ("velocity", "acceleration", "jerk")
             ),
-            (Column("joins"), lambda row: "any" if row[2] is None else f"C{row[2].continuity}"),
+            (Head("joins"), lambda row: "any" if row[2] is None else f"C{row[2].continuity}"),
         ),
     )
 
@@ -394,7 +393,7 @@ def _cams_table(loaded: Loaded) -> DataTable:
     """Extremes of the derivatives of each cam, in the unit of lift that the plot has."""
     from cam_rig.laws.catalogue import common_unit
     from cam_rig.laws.law import continuity, extremes
-    from cam_rig.show.tables import Column, tabulate
+    from cam_rig.show.tables import Head, tabulate
 
     unit, factor = common_unit(cam for cam, _ in loaded)
 
@@ -406,13 +405,13 @@ def _cams_table(loaded: Loaded) -> DataTable:
         "Extremes over the turn",
         loaded,
         (
-            (Column("cam"), lambda row: row[0].name),
+            (Head("cam"), lambda row: row[0].name),
             *(
-                (Column(f"{word} {name}", unit + per, ".5g"), extreme(order, end))
+                (Head(f"{word} {name}", unit + per, ".5g"), extreme(order, end))
                 for order, (name, per) in names.items()
                 for word, end in (("largest", 1), ("smallest", 0))
             ),
-            (Column("joins"), lambda row: f"C{continuity(row[1])}"),
+            (Head("joins"), lambda row: f"C{continuity(row[1])}"),
         ),
     )
 

@@ -21,11 +21,10 @@ from cam_rig.show.command import (
     Namespace,
     Scene,
     SceneOfBag,
-    console,
     progress_bar,
-    show,
     user_errors,
 )
+from cam_rig.show.terminal import console, show
 
 if TYPE_CHECKING:
     from cam_rig.bag.replay import Difference
@@ -250,16 +249,16 @@ def _replay(bag: Path, folder: Path, scene: str | None, output: Path | None) -> 
 
 
 def _table(found: list[Difference]) -> DataTable:
-    from cam_rig.show.tables import Column, tabulate
+    from cam_rig.show.tables import Head, tabulate
 
     return tabulate(
         "Recorded against replayed",
         found,
         (
-            (Column("topic"), lambda entry: entry.topic),
-            (Column("quantity"), lambda entry: entry.quantity),
-            (Column("numbers", "", "d"), lambda entry: entry.count),
-            (Column("difference", "", ".3g"), lambda entry: entry.difference),
-            (Column("relative", "", ".2g"), lambda entry: entry.relative),
+            (Head("topic"), lambda entry: entry.topic),
+            (Head("quantity"), lambda entry: entry.quantity),
+            (Head("numbers", "", "d"), lambda entry: entry.count),
+            (Head("difference", "", ".3g"), lambda entry: entry.difference),
+            (Head("relative", "", ".2g"), lambda entry: entry.relative),
         ),
     )

@@ -24,7 +24,7 @@ from cam_rig.law_design.terms import ORDERS, PEAKS, Limit, Sense, Term
 from cam_rig.laws import Law, build_law
 from cam_rig.laws.law import peak
 from cam_rig.schema import CamConfig, RigConfig
-from cam_rig.show.result import shown
+from cam_rig.show.result import notebook
 from cam_rig.units import FloatArray
 
 if TYPE_CHECKING:
@@ -321,7 +321,7 @@ class DesignedLaw(LawDesign):
         """Start and result: derivatives, contact force, contour."""
         with libraries_named():
             from cam_rig.law_design.figures import figure
-        return shown(figure(self))
+        return notebook(figure(self))
 
 
 @checked

@@ -21,7 +21,7 @@ from cam_rig.law_design.terms import Limit, Term
 from cam_rig.laws import build_law
 from cam_rig.laws.cam import CamSet
 from cam_rig.schema import CamConfig, RigConfig
-from cam_rig.show.tables import Column, DataTable, tabulate
+from cam_rig.show.tables import DataTable, Head, tabulate
 
 #: Points of a front, at least and at most.
 FEWEST, MOST = 3, 200
@@ -178,10 +178,13 @@ def front_table(front: Front) -> DataTable:
         f"{goal.words} against {front.other.words}",
         rows,
         (
-            (Column(front.other.words, in_words(front.other), ".5g"), lambda r: r[0] / own.shown),
-            (Column("result", unit, ".5g"), lambda r: r[1].goal.result / shown),
-            (Column("bound", unit, ".5g", missing="–"), lambda r: bound(r[1])),
-            (Column("certified"), lambda r: _proof(r[1])),
+            (
+                Head(front.other.words, in_words(front.other), ".5g"),
+                lambda r: r[0] / own.shown,
+            ),
+            (Head("result", unit, ".5g"), lambda r: r[1].goal.result / shown),
+            (Head("bound", unit, ".5g", missing="–"), lambda r: bound(r[1])),
+            (Head("certified"), lambda r: _proof(r[1])),
         ),
     )
 
@@ -240,13 +243,13 @@ def designs_table(designs: list[LawDesign], titles: dict[str, str]) -> DataTable
         "The best laws of their classes, at no higher peak acceleration than the start's",
         designs,
         (
-            (Column("start"), lambda row: titles[row.start.name]),
-            (Column("class"), lambda row: row.request.law_class.words),
-            (Column("quantity"), lambda row: row.goal.term.words),
-            (Column("unit"), lambda row: in_words(row.goal.term)),
-            (Column("start", "", ".5g"), lambda row: row.goal.start / _shown(row)),
-            (Column("best law", "", ".5g"), lambda row: row.goal.result / _shown(row)),
-            (Column("bound", "", ".5g"), bound),
+            (Head("start"), lambda row: titles[row.start.name]),
+            (Head("class"), lambda row: row.request.law_class.words),
+            (Head("quantity"), lambda row: row.goal.term.words),
+            (Head("unit"), lambda row: in_words(row.goal.term)),
+            (Head("start", "", ".5g"), lambda row: row.goal.start / _shown(row)),
+            (Head("best law", "", ".5g"), lambda row: row.goal.result / _shown(row)),
+            (Head("bound", "", ".5g"), bound),
         ),
         "Events, dwells and lift are the start's. Bound: no law of the class is better.",
     )

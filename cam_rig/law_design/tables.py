@@ -12,7 +12,7 @@ from cam_rig.law_design.space import LawEvent
 from cam_rig.law_design.terms import Sense, Term
 from cam_rig.laws import Law
 from cam_rig.schema import CamConfig, RigConfig
-from cam_rig.show.tables import Cell, Column, DataTable
+from cam_rig.show.tables import Cell, DataTable, Head
 from cam_rig.units import TURN
 
 # A designed law: beside its start, with what was asked of it, and the bound where there is one.
@@ -92,13 +92,13 @@ OVER = 1e-6
 def design_table(design: LawDesign) -> DataTable:
     """The goal and the limits: start, result, bound, which limits are active."""
     columns = (
-        Column("", ""),
-        Column("unit"),
-        Column("start", shown=".5g"),
-        Column("result", shown=".5g"),
-        Column("bound", shown=".5g", missing="–"),
-        Column("limit", missing="–"),
-        Column("active"),
+        Head("", ""),
+        Head("unit"),
+        Head("start", shown=".5g"),
+        Head("result", shown=".5g"),
+        Head("bound", shown=".5g", missing="–"),
+        Head("limit", missing="–"),
+        Head("active"),
     )
     rows: list[tuple[Cell, ...]] = [_row(design, measure) for measure in design.measures]
     notes = (

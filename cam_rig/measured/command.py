@@ -26,7 +26,6 @@ from cam_rig.show.command import (
     Json,
     Plot,
     check_outputs,
-    say,
     say_assumed,
     user_errors,
     write_csv,
@@ -34,6 +33,7 @@ from cam_rig.show.command import (
     write_new,
     write_plot,
 )
+from cam_rig.show.terminal import say
 
 fit = typer.Typer(
     help="Find the numbers of a cam, or of a rig, from what was measured.",

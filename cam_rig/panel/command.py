@@ -12,13 +12,11 @@ from cam_rig.show.command import (
     Csv,
     Json,
     check_outputs,
-    console,
-    say,
-    show,
     user_errors,
     write_csv,
     write_json,
 )
+from cam_rig.show.terminal import console, say, show
 
 if TYPE_CHECKING:
     from cam_rig.schema import CamConfig, RigConfig

@@ -14,7 +14,7 @@ from cam_rig.dynamics.vibration import FlywheelTurn, flywheel_turn
 from cam_rig.laws.cam import CamSet
 from cam_rig.show.figure import colour, empty, line, logarithmic, styled
 from cam_rig.show.looks import title_of
-from cam_rig.show.tables import Column, DataTable, tabulate
+from cam_rig.show.tables import DataTable, Head, tabulate
 from cam_rig.units import RPM
 
 #: Inertias of the table, kg·m²; infinity is eq. 10.
@@ -107,12 +107,12 @@ def _over_inertia(study: FlywheelStudy, cam: str, title: str) -> DataTable:
         f"Fluctuation of the speed over the flywheel's inertia, {title}, {study.rpm:g} rpm",
         study.turns[cam],
         (
-            (Column("inertia of the flywheel", "kg·m²"), lambda row: _inertia(row.inertia)),
-            (Column("flywheel", "%", ".2f"), lambda row: 100.0 * row.fluctuation),
-            (Column("by ΔE/(Iω²)", "%", ".2f"), lambda row: 100.0 * row.formula),
-            (Column("cam", "%", ".2f"), lambda row: 100.0 * row.cam_fluctuation),
-            (Column("twist", "°", ".4f"), lambda row: math.degrees(row.twist)),
-            (Column("motor torque", "N·m", ".4f"), lambda row: row.torque),
+            (Head("inertia of the flywheel", "kg·m²"), lambda row: _inertia(row.inertia)),
+            (Head("flywheel", "%", ".2f"), lambda row: 100.0 * row.fluctuation),
+            (Head("by ΔE/(Iω²)", "%", ".2f"), lambda row: 100.0 * row.formula),
+            (Head("cam", "%", ".2f"), lambda row: 100.0 * row.cam_fluctuation),
+            (Head("twist", "°", ".4f"), lambda row: math.degrees(row.twist)),
+            (Head("motor torque", "N·m", ".4f"), lambda row: row.torque),
         ),
         "Fluctuation: (fastest − slowest)/mean speed. The last row is eq. 10 of the paper.",
         "ΔE/(Iω²): the handbook's formula, shaft rigid, I of flywheel and cam.",
@@ -127,12 +127,15 @@ def _over_cams(study: FlywheelStudy, titles: Mapping[str, str]) -> DataTable:
         f"All laws behind a flywheel of {SHOWN:g} kg·m² (assumed), {study.rpm:g} rpm",
         study.turns,
         (
-            (Column("law"), lambda cam: titles[cam]),
-            (Column("flywheel", "%", ".2f"), lambda cam: 100.0 * study.at(cam, SHOWN).fluctuation),
-            (Column("twist", "°", ".4f"), lambda cam: math.degrees(study.at(cam, SHOWN).twist)),
-            (Column("twist at held speed", "°", ".4f"), held),
+            (Head("law"), lambda cam: titles[cam]),
             (
-                Column("the same without preload", "°", ".4f"),
+                Head("flywheel", "%", ".2f"),
+                lambda cam: 100.0 * study.at(cam, SHOWN).fluctuation,
+            ),
+            (Head("twist", "°", ".4f"), lambda cam: math.degrees(study.at(cam, SHOWN).twist)),
+            (Head("twist at held speed", "°", ".4f"), held),
+            (
+                Head("the same without preload", "°", ".4f"),
                 lambda cam: math.degrees(study.without_preload[cam]),
             ),
         ),

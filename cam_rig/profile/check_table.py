@@ -23,7 +23,7 @@ from cam_rig.profile.disc import Disc, discs
 from cam_rig.profile.faces import SwungCentre, SwungFace
 from cam_rig.schema import CamConfig
 from cam_rig.schema.cam import Follower
-from cam_rig.show.tables import Column, DataTable, tabulate
+from cam_rig.show.tables import DataTable, Head, tabulate
 from cam_rig.units import TURN, FloatArray
 
 # The condition of constant breadth and constant diameter: s(θ) + s(θ + π) = s_max.
@@ -132,10 +132,10 @@ def checks_table(cam: CamConfig, law: Law, checks: list[Check]) -> DataTable:
         f"{cam.title}: {kind} follower, lift {law.lift * 1e3:.5g} mm",
         checks,
         (
-            (Column("check"), lambda check: check.title),
-            (Column("value"), lambda check: check.shown(check.value)),
-            (Column("at", "°", ".1f"), lambda check: check.degrees),
-            (Column("allowed"), lambda check: check.allowed),
-            (Column("result"), lambda check: "ok" if check.passed else "fails"),
+            (Head("check"), lambda check: check.title),
+            (Head("value"), lambda check: check.shown(check.value)),
+            (Head("at", "°", ".1f"), lambda check: check.degrees),
+            (Head("allowed"), lambda check: check.allowed),
+            (Head("result"), lambda check: "ok" if check.passed else "fails"),
         ),
     )

@@ -11,7 +11,14 @@ import typer
 
 from cam_rig.errors import ProfileError
 from cam_rig.profile.checks import FACTORS
-from cam_rig.show.command import Json, check_outputs, say, show, user_errors, write_json, write_plot
+from cam_rig.show.command import (
+    Json,
+    check_outputs,
+    user_errors,
+    write_json,
+    write_plot,
+)
+from cam_rig.show.terminal import say, show
 
 if TYPE_CHECKING:
     from cam_rig.laws import Law
@@ -63,7 +70,7 @@ def warn(cam: CamConfig, checks: list[Check], force: bool) -> None:
 
 
 def _several(found: Found) -> DataTable:
-    from cam_rig.show.tables import Column, tabulate
+    from cam_rig.show.tables import Head, tabulate
 
     def worst(name: str) -> Callable[[tuple[CamConfig, Law, list[Check]]], Cell]:
         return lambda row: _worst([check for check in row[2] if check.name == name])
@@ -72,17 +79,17 @@ def _several(found: Found) -> DataTable:
         "Least radii of curvature, greatest pressure angle, base radius and its least",
         found,
         (
-            (Column("cam"), lambda row: row[0].name),
+            (Head("cam"), lambda row: row[0].name),
             *(
-                (Column(heading, unit, ".4g", NONE), worst(name))
+                (Head(heading, unit, ".4g", NONE), worst(name))
                 for name, (heading, unit) in COLUMNS.items()
             ),
-            (Column("base", "mm", ".4g"), lambda row: row[0].follower.base_radius.si * 1e3),
+            (Head("base", "mm", ".4g"), lambda row: row[0].follower.base_radius.si * 1e3),
             (
-                Column("least", "mm", ".4g", NONE),
+                Head("least", "mm", ".4g", NONE),
                 lambda row: next((c.limit * 1e3 for c in row[2] if c.name == "base radius"), None),
             ),
-            (Column("checks"), lambda row: _result(row[2])),
+            (Head("checks"), lambda row: _result(row[2])),
         ),
         f"{NONE}: nothing to check, or no least one found. All checks: one cam, or --json.",
     )

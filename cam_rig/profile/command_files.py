@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 from cam_rig.errors import ConfigError, OutputError
 from cam_rig.files import writing
-from cam_rig.show.command import check_outputs, console, write_json
+from cam_rig.show.command import check_outputs, write_json
+from cam_rig.show.terminal import console
 from cam_rig.units import rms
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from cam_rig.extras import libraries_named
 from cam_rig.laws import Law, build_law
 from cam_rig.profile.disc import Contour, contours
 from cam_rig.schema import CamConfig
-from cam_rig.show.result import shown
+from cam_rig.show.result import notebook
 from cam_rig.units import FloatArray
 
 if TYPE_CHECKING:
@@ -112,7 +112,7 @@ class CamContour:
         if not profile.FEWEST <= positions <= profile.MOST:
             allowed = f"{profile.FEWEST} to {profile.MOST}"
             raise ConfigError(f"positions: is {positions}; allowed: {allowed}")
-        return shown(profile.figure(self.cam, self.law, self.checks, positions))
+        return notebook(profile.figure(self.cam, self.law, self.checks, positions))
 
 
 @checked

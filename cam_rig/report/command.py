@@ -20,16 +20,17 @@ from cam_rig.show.command import (
     Scene,
     check_outputs,
     check_place,
-    console,
     progress_bar,
     user_errors,
     write_json,
 )
+from cam_rig.show.terminal import console
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from cam_rig.dynamics.jump.any_follower import JumpRow
+    from cam_rig.paper.vibration.study import VibrationResult
     from cam_rig.report.document import Made
     from cam_rig.report.paper import Findings, Sources
     from cam_rig.report.scene import SceneFindings
@@ -97,12 +98,11 @@ def scene_to_json(found: SceneFindings) -> dict[str, Any]:
     """Every part as its own command writes it, by the name of the command."""
     from cam_rig.paper.jump import tables as jump
     from cam_rig.paper.orders import tables as orders
-    from cam_rig.paper.vibration import study as vibration
 
     return {
         "simulate": [row.plain() for row in found.run.by_speed],
         "jump": jump.to_json(found.jumps, found.loaded.rig.name, found.follower),
-        "vibration": None if found.vibration is None else vibration.to_json(found.vibration),
+        "vibration": found.vibration and found.vibration.data(),
         "orders": orders.to_json(found.orders),
         "calibrated": found.loaded.calibrated,
         "refused": found.refused,
@@ -226,9 +226,9 @@ def _find(
         def done(part: str) -> None:
             bar.update(task, advance=1, description=part)
 
-        def meanwhile(jumps: list[JumpRow]) -> None:
+        def meanwhile(jumps: list[JumpRow], vibration: VibrationResult) -> None:
             if with_figures:
-                drawn.update(figures.early_figures(sources, jumps))
+                drawn.update(figures.early_figures(sources, jumps, vibration))
 
         found = find(sources, place.executor, done, meanwhile)
         if with_figures:
@@ -248,13 +248,12 @@ def to_json(found: Findings) -> dict[str, Any]:
     from cam_rig.paper.noise import tables as noise
     from cam_rig.paper.orders import tables as orders
     from cam_rig.paper.timing import tables as timing
-    from cam_rig.paper.vibration import study as vibration
 
     return {
         "jump": jump.to_json(found.jumps),
         "timing": timing.to_json(found.timing.values()),
         "as-cut": as_cut.to_json(found.cuts),
-        "vibration": vibration.to_json(found.vibration),
+        "vibration": found.vibration.data(),
         "contact": contact.to_json(found.contact),
         "noise": noise.to_json(found.noise),
         "orders": orders.to_json(found.orders),

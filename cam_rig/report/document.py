@@ -16,8 +16,8 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from cam_rig.show.tables import (
     Cell,
-    Column,
     DataTable,
+    Head,
     number,
     printed,
     tabulate,
@@ -228,10 +228,10 @@ def summary_table(rows: Iterable[Answer]) -> DataTable:
         "Questions and answers",
         rows,
         (
-            (Column("question"), lambda row: row.question),
-            (Column("paper"), lambda row: row.paper),
-            (Column("here"), lambda row: row.here),
-            (Column("verdict"), lambda row: row.verdict),
+            (Head("question"), lambda row: row.question),
+            (Head("paper"), lambda row: row.paper),
+            (Head("here"), lambda row: row.here),
+            (Head("verdict"), lambda row: row.verdict),
         ),
     )
 

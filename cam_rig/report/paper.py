@@ -58,7 +58,7 @@ from cam_rig.paper.stem.study import STEM_RPM, StemStudy, study_stem
 from cam_rig.paper.timing import figures as timing_plot
 from cam_rig.paper.timing.tables import CamTiming, EventControl, beside_b_spline
 from cam_rig.paper.vibration import figures as vibration_plot
-from cam_rig.paper.vibration.study import LOWER, VIBRATION_RPM, VibrationTable, vibration_table
+from cam_rig.paper.vibration.study import LOWER, VIBRATION_RPM, VibrationResult, measure
 from cam_rig.profile import figures as profile_plot
 from cam_rig.profile.check_table import GUIDED, check_cam
 from cam_rig.report.sections import Recorded, read_recorded
@@ -113,8 +113,8 @@ class Findings:
     jumps: list[JumpRow]
     readings: list[Read]
     degrees: dict[int, float]
-    vibration: VibrationTable
-    stiff_vibration: VibrationTable
+    vibration: VibrationResult
+    stiff_vibration: VibrationResult
     flywheel: FlywheelStudy | None
     stems: list[StemStudy]
     noise: NoiseStudy
@@ -166,14 +166,14 @@ def find(
     sources: Sources,
     pool: Executor,
     on_part: Callable[[str], None],
-    meanwhile: Callable[[list[JumpRow]], None],
+    meanwhile: Callable[[list[JumpRow], VibrationResult], None],
 ) -> Findings:
     """Run every experiment, the two long ones in processes of their own.
 
     Parameters
     ----------
     on_part : called with each of `PARTS` when it is done
-    meanwhile : done with the jump speeds while the long ones run
+    meanwhile : done with the jump speeds and the vibration while the long ones run
     """
     noise = pool.submit(_noise, sources)
     factorial = pool.submit(_factorial, sources)
@@ -183,8 +183,8 @@ def find(
     degrees = jump_by_degree(cam_set.cams[BY_SEGMENTS], parameters, FROM_REST)
     readings = _readings(sources)
     on_part(PARTS[0])
-    vibration = vibration_table(cam_set, VIBRATION_RPM)
-    stiff = vibration_table(CamSet(cam_set.cams, cam_set.laws, sources.stiff), VIBRATION_RPM)
+    vibration = measure(cam_set, VIBRATION_RPM)
+    stiff = measure(CamSet(cam_set.cams, cam_set.laws, sources.stiff), VIBRATION_RPM)
     flywheel = study_flywheel(cam_set, FLYWHEEL_RPM)
     stems = [study_stem(cam_set, stem, STEM_RPM) for stem in _stems(sources)]
     on_part(PARTS[1])
@@ -196,7 +196,7 @@ def find(
     contact = compare_contacts(sources.touching, CONTACT_RPM)
     play = find_play(sources.form_closed)
     designs = paper_designs(cam_set)
-    meanwhile(jumps)
+    meanwhile(jumps, vibration)
     on_part(PARTS[2])
     levels = noise.result()
     on_part(PARTS[3])
@@ -282,8 +282,10 @@ def uris(figure: Figure, dpi: float | None = None) -> list[str]:
     return found
 
 
-def early_figures(sources: Sources, jumps: list[JumpRow]) -> dict[str, list[str]]:
-    """Those that need no study: URIs by key."""
+def early_figures(
+    sources: Sources, jumps: list[JumpRow], vibration: VibrationResult
+) -> dict[str, list[str]]:
+    """Those that wait for no long study: URIs by key."""
     cam_set, arcs = sources.cam_set, _arc_cam(sources)
     cam, law = cam_set.cams[PROPOSED], cam_set.laws[PROPOSED]
     tm21, tm21_law = sources.loaded.cams[arcs], sources.loaded.laws[arcs]
@@ -294,7 +296,7 @@ def early_figures(sources: Sources, jumps: list[JumpRow]) -> dict[str, list[str]
         "cams": uris(law_figures.cams_figure(shown)),
         "fig1": uris(law_figures.figure(tm21, tm21_law)),
         "fig2": uris(law_figures.figure(cam, law)),
-        "fig4": uris(vibration_plot.figure(cam_set, STEADY_RPM)),
+        "fig4": uris(vibration_plot.figure(vibration, STEADY_RPM)),
         "fig11": uris(takeoff_plot.figure(cam_set, TAKEOFF_RPM)),
         "profile": uris(profile_plot.figure(cam, law, checks)),
         "jump": uris(jump_plot.figure(jumps, cam_set, FROM_REST)),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from cam_rig.show.tables import Column, DataTable, tabulate
+from cam_rig.show.tables import DataTable, Head, tabulate
 
 
 class Misprint(NamedTuple):
@@ -65,9 +65,9 @@ def misprints_table() -> DataTable:
         "Misprints in the sources",
         MISPRINTS,
         (
-            (Column("source"), lambda row: row.source),
-            (Column("where"), lambda row: row.where),
-            (Column("printed"), lambda row: row.printed),
-            (Column("correct"), lambda row: row.correct),
+            (Head("source"), lambda row: row.source),
+            (Head("where"), lambda row: row.where),
+            (Head("printed"), lambda row: row.printed),
+            (Head("correct"), lambda row: row.correct),
         ),
     )

@@ -23,7 +23,7 @@ from cam_rig.paper.noise.roles import StudyRoles
 from cam_rig.paper.orders import figures as orders_plot
 from cam_rig.paper.orders.spectrum import CamOrders, waterfall
 from cam_rig.paper.vibration import figures as vibration_plot
-from cam_rig.paper.vibration.study import VibrationTable, vibration_table
+from cam_rig.paper.vibration.study import VibrationResult, measure
 from cam_rig.profile import figures as profile_plot
 from cam_rig.profile.check_table import check_cam
 from cam_rig.profile.checks import Check
@@ -55,7 +55,7 @@ class SceneFindings:
     run: SceneRun
     checks: dict[str, list[Check]]
     jumps: list[JumpRow]
-    vibration: VibrationTable | None
+    vibration: VibrationResult | None
     orders: tuple[CamOrders, ...]
     recorded: Recorded | None = None
     refused: dict[str, list[str]] = field(default_factory=dict)
@@ -129,7 +129,7 @@ def find_scene(
         run=run,
         checks=tried("contour", studies.checks),
         jumps=list(tried("jump", studies.jump).values()),
-        vibration=_joined(list(tried("vibration", studies.vibration).values())),
+        vibration=_joined(tried("vibration", studies.vibration), loaded),
         orders=tuple(tried("sound", studies.orders).values()),
         recorded=recorded,
         refused=refused,
@@ -149,10 +149,10 @@ class _Studies:
         follower = follower_of(self.loaded.rig)
         return JumpRow(cam, find_jump(self.loaded.laws[cam], follower, FROM_REST))
 
-    def vibration(self, cam: str) -> VibrationTable:
+    def vibration(self, cam: str) -> VibrationResult:
         loaded = self.loaded
         one = CamSet({cam: loaded.cams[cam]}, {cam: loaded.laws[cam]}, loaded.rig)
-        return vibration_table(one, tuple(spread(speeds_of(loaded), VIBRATION_SPEEDS)))
+        return measure(one, spread(speeds_of(loaded), VIBRATION_SPEEDS))
 
     def orders(self, cam: str) -> CamOrders:
         loaded = self.loaded
@@ -161,13 +161,13 @@ class _Studies:
         return waterfall(laws, loaded.scene.model, loaded.rig, speeds)[0]
 
 
-def _joined(tables: list[VibrationTable]) -> VibrationTable | None:
-    """Tables of one cam each as one; None for none."""
-    if not tables:
+def _joined(found: dict[str, VibrationResult], loaded: LoadedScene) -> VibrationResult | None:
+    """Results of one cam each as one; None for none."""
+    if not found:
         return None
-    measures = {cam: row for table in tables for cam, row in table.measures.items()}
-    lost = {cam: rpm for table in tables for cam, rpm in table.contact_lost_rpm.items()}
-    return VibrationTable(tables[0].rpm, measures, lost)
+    cams, laws = {cam: loaded.cams[cam] for cam in found}, {cam: loaded.laws[cam] for cam in found}
+    rows = tuple(row for one in found.values() for row in one.rows)
+    return VibrationResult(CamSet(cams, laws, loaded.rig), rows)
 
 
 def rig_seconds(run: SceneRun) -> float:
@@ -195,8 +195,7 @@ def figures(found: SceneFindings) -> dict[str, list[str]]:
     if found.jumps:
         drawn["jump"] = uris(jump_plot.figure(found.jumps, whole, FROM_REST))
     if found.vibration is not None:
-        rpm, cams = found.vibration.rpm[-1], found.drawn(list(found.vibration.measures))
-        drawn["vibration"] = uris(vibration_plot.figure(cams, rpm))
+        drawn["vibration"] = uris(vibration_plot.figure(found.vibration))
     if found.orders:
         drawn["orders"] = uris(orders_plot.figure(found.orders, whole.titles))
     return drawn | _of_cams(found)

@@ -17,14 +17,13 @@ from cam_rig.laws.law import extremes
 from cam_rig.paper.jump.tables import jump_table
 from cam_rig.paper.orders.spectrum import HIGHEST
 from cam_rig.paper.orders.tables import speed_table as orders_table
-from cam_rig.paper.vibration.study import speed_table as vibration_table
 from cam_rig.profile.check_table import checks_table
 from cam_rig.report.document import Answer, Document, Made, bold, render, span, summary_table
 from cam_rig.report.scene import SceneFindings, rig_seconds
 from cam_rig.report.sections import origins_table, recorded_table
 from cam_rig.schema.quantity import ORIGINS
 from cam_rig.schema.segment_base import quantities
-from cam_rig.show.tables import Cell, Column, DataTable, tabulate
+from cam_rig.show.tables import Cell, DataTable, Head, tabulate
 from cam_rig.simulation.by_speed import speed_table
 from cam_rig.simulation.scene import RELATIVE_NOTE, speeds_of
 from cam_rig.units import RPM
@@ -131,7 +130,7 @@ def tables(found: SceneFindings) -> dict[str, list[DataTable]]:
         ],
         "turn": [speed_table(found.run.by_speed, loaded.scene.title, rate, titles)],
         "jump": [_jump_table(found)] if found.jumps else [],
-        "vibration": _vibration(found),
+        "vibration": found.vibration.tables()[0].to_show(titles) if found.vibration else [],
         "sound": [
             _level_table(found),
             *([recorded_table(found.recorded, simulated, titles)] if found.recorded else []),
@@ -162,15 +161,15 @@ def _laws(found: SceneFindings) -> DataTable:
         "Motion laws: lift and extremes of its derivatives in the cam angle",
         found.loaded.laws.items(),
         (
-            (Column("cam"), lambda row: titles[row[0]]),
-            (Column("lift", "mm", ".4g"), lambda row: 1e3 * row[1].lift),
-            (Column("continuity"), lambda row: continuity(row[1])),
-            (Column("largest s′", "mm/rad", ".4g"), peak(1, 1)),
-            (Column("smallest s′", "mm/rad", ".4g"), peak(1, 0)),
-            (Column("largest s″", "mm/rad²", ".4g"), peak(2, 1)),
-            (Column("smallest s″", "mm/rad²", ".4g"), peak(2, 0)),
-            (Column("largest s‴", "mm/rad³", ".4g"), peak(3, 1)),
-            (Column("smallest s‴", "mm/rad³", ".4g"), peak(3, 0)),
+            (Head("cam"), lambda row: titles[row[0]]),
+            (Head("lift", "mm", ".4g"), lambda row: 1e3 * row[1].lift),
+            (Head("continuity"), lambda row: continuity(row[1])),
+            (Head("largest s′", "mm/rad", ".4g"), peak(1, 1)),
+            (Head("smallest s′", "mm/rad", ".4g"), peak(1, 0)),
+            (Head("largest s″", "mm/rad²", ".4g"), peak(2, 1)),
+            (Head("smallest s″", "mm/rad²", ".4g"), peak(2, 0)),
+            (Head("largest s‴", "mm/rad³", ".4g"), peak(3, 1)),
+            (Head("smallest s‴", "mm/rad³", ".4g"), peak(3, 0)),
         ),
         "Times the cam's speed in rad/s, to the power of the derivative's order, they are those in "
         "time.",
@@ -189,14 +188,6 @@ def _jump_table(found: SceneFindings) -> DataTable:
     return jump_table(found.jumps, caption, found.cam_set.titles, rigid)
 
 
-def _vibration(found: SceneFindings) -> list[DataTable]:
-    table = found.vibration
-    if table is None:
-        return []
-    rig, titles = f"rig {found.loaded.rig.name}", found.cam_set.titles
-    return [vibration_table(table, rpm, rig, titles) for rpm in table.rpm]
-
-
 def _level_table(found: SceneFindings) -> DataTable:
     """The quietest and the loudest speed of each cam, and what the levels are worth."""
     titles = found.cam_set.titles
@@ -204,13 +195,22 @@ def _level_table(found: SceneFindings) -> DataTable:
         "Sound pressure level over the scene's speeds",
         found.run.noise.curves.values(),
         (
-            (Column("cam"), lambda curve: titles[curve.cam]),
-            (Column("level is"), lambda curve: curve.role),
-            (Column("lowest", "dB", ".1f"), lambda curve: float(curve.level_db.min())),
-            (Column("at", "rpm", ".6g"), lambda curve: float(curve.rpm[curve.level_db.argmin()])),
-            (Column("highest", "dB", ".1f"), lambda curve: float(curve.level_db.max())),
-            (Column("at", "rpm", ".6g"), lambda curve: float(curve.rpm[curve.level_db.argmax()])),
-            (Column("difference to published", "dB r.m.s.", ".2f"), lambda curve: curve.rmse_db),
+            (Head("cam"), lambda curve: titles[curve.cam]),
+            (Head("level is"), lambda curve: curve.role),
+            (Head("lowest", "dB", ".1f"), lambda curve: float(curve.level_db.min())),
+            (
+                Head("at", "rpm", ".6g"),
+                lambda curve: float(curve.rpm[curve.level_db.argmin()]),
+            ),
+            (Head("highest", "dB", ".1f"), lambda curve: float(curve.level_db.max())),
+            (
+                Head("at", "rpm", ".6g"),
+                lambda curve: float(curve.rpm[curve.level_db.argmax()]),
+            ),
+            (
+                Head("difference to published", "dB r.m.s.", ".2f"),
+                lambda curve: curve.rmse_db,
+            ),
         ),
         "" if found.loaded.calibrated else RELATIVE_NOTE,
     )

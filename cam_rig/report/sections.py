@@ -14,7 +14,7 @@ from cam_rig.bag.reader import read_recording
 from cam_rig.errors import BagError
 from cam_rig.schema.quantity import Quantity
 from cam_rig.schema.segment_base import quantities
-from cam_rig.show.tables import Column, DataTable, number, tabulate
+from cam_rig.show.tables import DataTable, Head, number, tabulate
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.simulate import step_levels
 from cam_rig.units import FloatArray, rms
@@ -54,13 +54,13 @@ def recorded_table(
         f"The recorded run {recorded.bag.name}, {recorded.messages} messages",
         recorded.level_db.items(),
         (
-            (Column("cam"), lambda row: titles[row[0]]),
+            (Head("cam"), lambda row: titles[row[0]]),
             (
-                Column("largest difference to this run", "dB", ".4f"),
+                Head("largest difference to this run", "dB", ".4f"),
                 lambda row: float(np.abs(row[1] - simulated[row[0]]).max()),
             ),
             (
-                Column("r.m.s. difference to published", "dB", ".2f"),
+                Head("r.m.s. difference to published", "dB", ".2f"),
                 lambda row: rms(row[1] - known[row[0]]) if row[0] in known else None,
             ),
         ),
@@ -111,10 +111,10 @@ def origins_table(name: str, model: BaseModel) -> DataTable:
         name,
         quantities(model, ""),
         (
-            (Column("number"), lambda row: row[0]),
-            (Column("value"), lambda row: _value(row[1])),
-            (Column("origin"), lambda row: row[1].origin),
-            (Column("source"), lambda row: _source(row[1])),
+            (Head("number"), lambda row: row[0]),
+            (Head("value"), lambda row: _value(row[1])),
+            (Head("origin"), lambda row: row[1].origin),
+            (Head("source"), lambda row: _source(row[1])),
         ),
     )
 

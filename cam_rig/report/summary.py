@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 from cam_rig.paper.factorial.conclusions import conclusions
 from cam_rig.paper.jump.comparison import compare, rms_difference
-from cam_rig.paper.vibration.study import RESIDUAL, Verdict, jump_claims, vibration_claims
+from cam_rig.paper.vibration.study import RESIDUAL, Verdict, jump_claims
 from cam_rig.report.document import Answer, bold, span
 from cam_rig.report.paper import Findings
 from cam_rig.show.tables import number
@@ -24,16 +24,18 @@ def answers(found: Findings) -> Iterator[Answer]:
 
 
 def _claims(found: Findings) -> Iterator[Answer]:
-    claims = [*vibration_claims(found.vibration), *jump_claims(found.jumps)]
-    holding = [claim for claim in claims if claim.verdict is Verdict.AGREES]
-    either = sum(c.otherwise is None or c.otherwise.verdict is Verdict.AGREES for c in holding)
+    rig, by_words = found.sources.cam_set.rig.name, dict[str, list[bool]]()
+    for claim in (*found.vibration.claims, *jump_claims(found.jumps, rig)):
+        by_words.setdefault(claim.claim, []).append(claim.verdict is Verdict.AGREES)
+    claims = list(by_words.values())  # by either measure, where there are two
+    holding = [by for by in claims if by[0]]
+    either = sum(map(all, holding))
     here = f"{bold(len(holding))} hold at every speed compared"
     if either < len(holding):
         here += f", {bold(either)} of them by either measure of residual vibration"
     verdict = "all agree" if len(holding) == len(claims) else "not all agree"
     if either < len(holding):
         verdict += f" by the {RESIDUAL['residual_amplitude']}"
-    rig = found.sources.cam_set.rig.name
     yield Answer(
         f"Do the paper's claims of vibration and jump hold on rig {rig}?",
         here,

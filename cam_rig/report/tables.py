@@ -26,8 +26,6 @@ from cam_rig.paper.vibration.study import (
     LOWER,
     claims_table,
     jump_claims,
-    speed_table,
-    vibration_claims,
 )
 from cam_rig.profile.check_table import GUIDED
 from cam_rig.report.document import summary_table, table_called
@@ -36,7 +34,7 @@ from cam_rig.report.paper_reading import misprints_table
 from cam_rig.report.sections import origins_table, recorded_table
 from cam_rig.report.summary import answers
 from cam_rig.show.looks import in_words
-from cam_rig.show.tables import Cell, Column, DataTable, tabulate
+from cam_rig.show.tables import Cell, DataTable, Head, tabulate
 from cam_rig.units import RPM
 
 #: The follower's numbers in Table 1: key there, attribute, heading.
@@ -82,7 +80,7 @@ def _listed(found: Findings) -> dict[str, list[DataTable]]:
     return {
         "summary": [summary_table(answers(found))],
         "cams": [_table_1(found), _laws(found)],
-        "vibration": [*_vibration(found), _claims(found)],
+        "vibration": _vibration(found),
         "flywheel": flywheel_tables(found.flywheel, titles, LOWER),
         "jump": [jump_table(found.jumps, caption, titles, rigid)],
         "readings": [
@@ -152,10 +150,10 @@ def _table_1(found: Findings) -> DataTable:
         "The paper's Table 1: parameters",
         [*rows, ("lift [m]", printed["lift_m"], lift, lift)],
         (
-            (Column("parameter"), lambda row: row[0]),
-            (Column("paper", "", ".6g"), lambda row: row[1]),
-            (Column(f"rig {stiff.name}", "", ".6g"), lambda row: row[2]),
-            (Column(f"rig {elastic.name}", "", ".6g"), lambda row: row[3]),
+            (Head("parameter"), lambda row: row[0]),
+            (Head("paper", "", ".6g"), lambda row: row[1]),
+            (Head(f"rig {stiff.name}", "", ".6g"), lambda row: row[2]),
+            (Head(f"rig {elastic.name}", "", ".6g"), lambda row: row[3]),
         ),
         "The paper prints the mass as 13 kg, a misprint.",
         "Its jump speeds do not come out with the stem it prints; the second rig's stem is "
@@ -173,12 +171,12 @@ def _laws(found: Findings) -> DataTable:
         "The laws at their event angles: extremes over the lift",
         found.sources.cam_set.laws.items(),
         (
-            (Column("law"), lambda row: titles[row[0]]),
-            (Column("continuity"), lambda row: continuity_in_words(row[1])),
-            (Column("largest s′", "1/rad", ".3f"), peak(1, 1)),
-            (Column("smallest s′", "1/rad", ".3f"), peak(1, 0)),
-            (Column("largest s″", "1/rad²", ".2f"), peak(2, 1)),
-            (Column("smallest s″", "1/rad²", ".2f"), peak(2, 0)),
+            (Head("law"), lambda row: titles[row[0]]),
+            (Head("continuity"), lambda row: continuity_in_words(row[1])),
+            (Head("largest s′", "1/rad", ".3f"), peak(1, 1)),
+            (Head("smallest s′", "1/rad", ".3f"), peak(1, 0)),
+            (Head("largest s″", "1/rad²", ".2f"), peak(2, 1)),
+            (Head("smallest s″", "1/rad²", ".2f"), peak(2, 0)),
         ),
         "Bézier 15 is smoother at its one joint than its ordinates ask for: it is its own mirror "
         "image, so even derivatives meet.",
@@ -187,18 +185,9 @@ def _laws(found: Findings) -> DataTable:
 
 
 def _vibration(found: Findings) -> list[DataTable]:
-    titles, sources = found.sources.cam_set.titles, found.sources
-    pairs = ((found.vibration, sources.cam_set.rig), (found.stiff_vibration, sources.stiff))
-    return [speed_table(table, STEADY_RPM, f"rig {rig.name}", titles) for table, rig in pairs]
-
-
-def _claims(found: Findings) -> DataTable:
-    sources = found.sources
-    by_rig = {
-        f"rig {sources.cam_set.rig.name}": [
-            *vibration_claims(found.vibration),
-            *jump_claims(found.jumps),
-        ],
-        f"rig {sources.stiff.name}": vibration_claims(found.stiff_vibration),
-    }
-    return claims_table(by_rig, found.vibration.rpm)
+    """The measures on either rig, and all claims."""
+    cam_set, own, stiff = found.sources.cam_set, found.vibration, found.stiff_vibration
+    claims = [*own.claims, *jump_claims(found.jumps, cam_set.rig.name), *stiff.claims]
+    speed = [one.tables()[0].only(STEADY_RPM) for one in (own, stiff)]
+    tables = [*speed, claims_table(claims, own.rpm)]
+    return [part for table in tables for part in table.to_show(cam_set.titles)]

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from typer.core import TyperCommand
 
@@ -21,96 +21,15 @@ from cam_rig.errors import INTERRUPTED, CamRigError, ConfigError, OutputError
 from cam_rig.extras import libraries_named, require, source_date
 from cam_rig.files import writing
 from cam_rig.interrupts import raised
+from cam_rig.show.result import Progress as Steps
+from cam_rig.show.result import Result
 from cam_rig.show.tables import DataTable, to_csv
+from cam_rig.show.terminal import console, say, show
 
 # What all verbs share: where words and tables go, and how errors end a command.
 
-#: People read stderr, programs read stdout.
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-console = Console(stderr=True, highlight=False)
-
-
-def say(*lines: str) -> None:
-    """Print lines as they are: no markup, folded by the terminal alone."""
-    for line in lines:
-        console.print(line, markup=False, soft_wrap=True)
-
-
-def show(*tables: DataTable) -> None:
-    """Print tables, as wide as the terminal at most."""
-    from rich.box import SIMPLE
-    from rich.table import Table as RichTable
-    from rich.text import Text
-
-    for table in (part for whole in tables for part in _parts(whole, console.width)):
-        gap, widths = _widths(table, console.width)
-        out = RichTable(title=Text(table.caption, "italic"), box=SIMPLE, padding=(0, gap, 0, 0))
-        out.pad_edge = False
-        out.caption, out.caption_justify = Text("\n".join(table.notes), "dim"), "left"
-        for column, width in zip(table.columns, widths, strict=True):
-            heading = Text("\n".join(filter(None, (column.heading, column.unit))))
-            justify: Literal["left", "right"] = "right" if column.shown else "left"
-            out.add_column(heading, justify=justify, width=width, overflow="fold")
-        for row in table.texts:
-            out.add_row(*map(Text, row))
-        console.print(out)
-
-
-def _parts(table: DataTable, room: int) -> list[DataTable]:
-    """A table whose words fit side by side; of another several, with some of its columns each.
-
-    Every one has those columns, from the first on, that tell the rows apart.
-    """
-    least, rows = [_longest(table, i, table.texts) for i in range(len(table.columns))], table.rows
-    keys = next((k for k in range(1, 4) if len({row[:k] for row in rows}) == len(rows)), 1)
-    parts: list[list[int]] = [[]]
-    for i in range(keys, len(least)):
-        together = [*range(keys), *parts[-1], i]
-        if parts[-1] and sum(least[j] + 1 for j in together) + 1 > room:
-            parts.append([])
-        parts[-1].append(i)
-    if len(parts) == 1:
-        return [table]
-    found = []
-    for part in parts:
-        kept = [*range(keys), *part]
-        caption, notes = table.caption * (part is parts[0]), table.notes * (part is parts[-1])
-        columns = tuple(table.columns[i] for i in kept)
-        shorter = tuple(tuple(row[i] for i in kept) for row in rows)
-        found.append(replace(table, caption=caption, columns=columns, rows=shorter, notes=notes))
-    return found
-
-
-def _longest(table: DataTable, i: int, rows: Sequence[Sequence[str]]) -> int:
-    """Characters of the longest word of a column: its heading, its unit, its cells in ``rows``."""
-    texts = (table.columns[i].heading, table.columns[i].unit, *(row[i] for row in rows))
-    return max((len(word) for text in texts for word in text.split()), default=1)
-
-
-def _widths(table: DataTable, room: int) -> tuple[int, list[int | None]]:
-    """Gap and characters of each column, so that no word is broken; None where none does so.
-
-    Where a cell's word is too long for that, a path, cells are broken, but no heading.
-    """
-    rows, count = table.texts, len(table.columns)
-    least = [_longest(table, i, rows) for i in range(count)]
-    room -= count + 1  # a space at either end, and between columns
-    if sum(least) > room:
-        least = [_longest(table, i, ()) for i in range(count)]
-    wanted = [max(least[i], *(len(row[i]) for row in rows), 0) for i in range(count)]
-    room -= sum(least)
-    gap = int(room >= count)
-    spare = room - gap * count
-    if spare < 0:
-        return gap, [None] * count
-    widths: list[int | None] = []
-    for narrow, wide in zip(least, wanted, strict=True):
-        given = min(wide - narrow, spare)
-        spare -= given
-        widths.append(narrow + given)
-    return gap, widths
 
 
 @contextmanager
@@ -132,6 +51,35 @@ def progress_bar() -> Progress:
     """A bar with ticks done, ticks in all and the time left."""
     columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     return Progress(TextColumn("{task.description}"), *columns, console=console, transient=True)
+
+
+class Bar(Steps):
+    """Tells how far a computation is by a bar, on a terminal."""
+
+    def __init__(self) -> None:
+        self._bar = progress_bar()
+        self._task: Any = None
+
+    def begin(self, total: int | None, words: str = "") -> None:
+        """A bar of its own in place of the one before."""
+        if self._task is None:
+            self._bar.start()
+        else:
+            self._bar.remove_task(self._task)
+        self._task = self._bar.add_task(words, total=total)
+
+    def advance(self, steps: int = 1) -> None:
+        """So many more are done."""
+        self._bar.advance(self._task, steps)
+
+    def tell(self, words: str) -> None:
+        """What is at work now."""
+        self._bar.update(self._task, description=words)
+
+    def end(self) -> None:
+        """Take it away."""
+        if self._task is not None:
+            self._bar.stop()
 
 
 #: Kinds of picture a plot can be written as.
@@ -221,6 +169,27 @@ def check_recording(target: Path) -> None:
     check_place(target)
     if target.suffix != ".rrd":
         raise ConfigError(f"{target}: unknown kind of recording; allowed: .rrd")
+
+
+def write_tables(result: Result, target: Path | None) -> None:
+    """Write the first table as CSV, to stdout for ``-``; each other into a file beside it.
+
+    Raises
+    ------
+    OutputError : a place cannot be written
+    """
+    if target is None:
+        return
+    first, *others = result.tables()
+    if target == STDOUT:
+        print(first.to_csv(), end="")
+        return
+    beside = {target.with_suffix(f".{t.key}{target.suffix}"): t for t in others if t.records}
+    for path, table in ({target: first} | beside).items():
+        with writing(path) as part:
+            part.write_text(table.to_csv(), encoding="utf-8")
+    if beside:
+        say(f"csv: {target}; further tables: {', '.join(map(str, beside))}")
 
 
 # What ``cam-rig fit cam`` and ``cam-rig new`` share: readings to a fit, a fit to files.
@@ -356,3 +325,80 @@ Dask = Annotated[
 
 #: Wall time (s) from line to line on a page's delay, where there is no terminal for a bar.
 LINE_EVERY_S = 10.0
+
+#: The options that a command has by what its result can be written as.
+OUTPUTS = {"plot": Plot, "csv": Csv, "json": Json}
+
+
+def command(*outputs: str) -> Callable[[Callable[..., Any]], Callable[..., None]]:
+    """Make a function that returns a `Result` a command, with options for those of `OUTPUTS`.
+
+    Targets are looked at before the function runs, and an error that a user can mend ends it in one
+    line. The tables are shown, then written as asked. A parameter ``progress`` is no option: it is
+    a `Bar`. None of a function is a result that it has shown itself.
+    """
+
+    def decorate(function: Callable[..., Any]) -> Callable[..., None]:
+        known = dict(inspect.signature(function).parameters)
+        told = known.pop("progress", None) is not None
+
+        @wraps(function)
+        def run(**asked: Any) -> None:
+            plot, csv, target = (asked.pop(name, None) for name in OUTPUTS)
+            with user_errors():
+                check_outputs(target, plot, csv)
+                bar = Bar()
+                try:
+                    result = function(**asked, **({"progress": bar} if told else {}))
+                finally:
+                    bar.end()
+                give_out(result, plot, csv, target)
+
+        options = {name: OUTPUTS[name] for name in outputs}
+        hints = get_type_hints(_without(function), vars(inspect.getmodule(function)), None, True)
+        run.__annotations__ = hints | options
+        run.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
+            [one.replace(annotation=hints[name]) for name, one in known.items()]
+            + [
+                inspect.Parameter(
+                    name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=one
+                )
+                for name, one in options.items()
+            ]
+        )
+        del run.__wrapped__  # type: ignore[attr-defined]  # else typer reads its signature
+        return run
+
+    return decorate
+
+
+def _without(function: Callable[..., Any]) -> Any:
+    """What a function is annotated with, but for the types that only its body imports."""
+    names = {
+        name: hint
+        for name, hint in function.__annotations__.items()
+        if name not in ("return", "progress")
+    }
+    return type("Annotated", (), {"__annotations__": names})
+
+
+def give_out(
+    result: Result | None, plot: Path | None, csv: Path | None, json_target: str | None
+) -> None:
+    """Show a result, write it as asked, and end with its exit code.
+
+    Raises
+    ------
+    OutputError : a place cannot be written
+    """
+    if result is None:
+        return
+    show(*result.to_show())
+    say(*result.summary())
+    write_tables(result, csv)
+    if plot is not None:
+        write_plot(plot, result.plot)
+    if json_target is not None:
+        write_json(result.data(), json_target)
+    if code := INTERRUPTED if result.interrupted else result.exit_code:
+        raise typer.Exit(code)

@@ -1,19 +1,314 @@
-"""Pictures in a notebook: figures are made without pyplot, so it has to be told how to show one."""
+"""What a computation gives: records, and how each of their fields is shown.
+
+A record holds SI values. A column names one of its fields, so the terminal, a page, CSV, JSON and
+pandas are all made of records and columns alone. A column is written once, in its slice.
+"""
 
 from __future__ import annotations
 
+import csv
+import io
+import json
+import math
 import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+from html import escape
+from importlib import import_module
 from io import BytesIO
-from typing import TYPE_CHECKING
+from itertools import groupby
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+
+import numpy as np
+
+from cam_rig.show import tables
+from cam_rig.show.tables import Cell, DataTable, tabulate
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from pandas import DataFrame
+
+Item = TypeVar("Item")
+
+#: A unit as it is shown -> the SI unit of the data, and what one of the shown unit is in it.
+#: A unit that is not here, such as rpm, dB or N, is that of the data.
+SI = {
+    "µm": ("m", 1e-6),
+    "mm": ("m", 1e-3),
+    "mm/rad": ("m/rad", 1e-3),
+    "mm/rad²": ("m/rad²", 1e-3),
+    "mm/rad³": ("m/rad³", 1e-3),
+    "mm/s": ("m/s", 1e-3),
+    "°": ("rad", math.pi / 180.0),
+    "%": ("1", 1e-2),
+    "ms": ("s", 1e-3),
+    "µs": ("s", 1e-6),
+    "mN·s": ("N·s", 1e-3),
+    "mPa": ("Pa", 1e-3),
+    "MPa": ("Pa", 1e6),
+    "kN/m": ("N/m", 1e3),
+    "turns": ("rad", 2.0 * math.pi),
+}
 
 
-def shown(figure: Figure) -> Figure:
+@dataclass(frozen=True)
+class Column:
+    """A field of a record: its key in data, and its heading, unit and format in a table.
+
+    Parameters
+    ----------
+    key : name in JSON, CSV and pandas; the value there is in SI
+    unit : as shown; see `SI`
+    shown : format of a number, such as ".2f"; empty for text
+    heading : by default the key in words
+    of : attribute of the record, dotted, or a function of it; by default the key
+    cell : what is shown instead of the value, as a function of the record
+    missing : what is shown where there is nothing
+    hidden : in data only
+    about : what it is, where key and heading do not say it
+
+    Examples
+    --------
+    >>> Column("peak_to_peak", "µm", ".3g").si
+    'm'
+    """
+
+    key: str
+    unit: str = ""
+    shown: str = ""
+    heading: str = ""
+    of: str | Callable[[Any], Any] = ""
+    cell: Callable[[Any], Cell] | None = None
+    missing: str = ""
+    hidden: bool = False
+    about: str = ""
+
+    @property
+    def si(self) -> str:
+        """Unit of the data."""
+        return SI.get(self.unit, (self.unit, 1.0))[0]
+
+    def value(self, record: Any) -> Any:
+        """The record's value, in SI."""
+        return self.of(record) if callable(self.of) else attrgetter(self.of or self.key)(record)
+
+    def text(self, record: Any) -> Cell:
+        """What stands in the cell: a number in the unit that is shown, a text, or nothing."""
+        if self.cell is not None:
+            return self.cell(record)
+        value = self.value(record)
+        if isinstance(value, float) and self.unit in SI:
+            return value / SI[self.unit][1]
+        return str(value) if isinstance(value, Enum | bool) else value
+
+    @property
+    def head(self) -> tables.Head:
+        """Head, unit and format alone."""
+        words = self.heading or self.key.replace("_", " ")
+        return tables.Head(words, self.unit, self.shown, self.missing)
+
+
+@dataclass(frozen=True)
+class Footnote:
+    """A sentence under a table where a record calls for it, and that record's mark."""
+
+    text: str
+    where: Callable[[Any], bool] = lambda _: True
+    mark: str = ""
+
+
+@dataclass(frozen=True)
+class Records:
+    """Records under columns.
+
+    Parameters
+    ----------
+    key : its name in JSON, and in the name of its CSV file
+    caption : with the value of ``by`` in braces, as "at {rpm:g} rpm"
+    by : a column each value of which has a table of its own, where people read
+    single : of one record: in JSON an object in place of a list of one
+    hidden : in data only
+    """
+
+    key: str
+    caption: str
+    columns: tuple[Column, ...]
+    records: Sequence[Any]
+    notes: tuple[Footnote | str, ...] = ()
+    by: str = ""
+    single: bool = False
+    hidden: bool = False
+
+    def only(self, value: Any) -> Records:
+        """The records with one value of ``by``."""
+        key = next(c for c in self.columns if c.key == self.by).value
+        return replace(self, records=[one for one in self.records if key(one) == value])
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Each record by the columns' keys, in SI; None for what is no number."""
+        return [{c.key: plain(c.value(record)) for c in self.columns} for record in self.records]
+
+    def data(self) -> Any:
+        """As JSON has it."""
+        return self.rows()[0] if self.single else self.rows()
+
+    def to_csv(self) -> str:
+        """Keys, then a line a record, in SI with all digits."""
+        out = io.StringIO()
+        writer = csv.DictWriter(out, [c.key for c in self.columns], lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(self.rows())
+        return out.getvalue()
+
+    def to_pandas(self) -> DataFrame:
+        """As pandas has it."""
+        from pandas import DataFrame
+
+        return DataFrame.from_records(self.rows(), columns=[c.key for c in self.columns])
+
+    def to_show(self, called: Mapping[str, str] | None = None) -> list[DataTable]:
+        """As people read it, a table for each value of ``by``.
+
+        ``called`` : what cams are called, where not by their names
+        """
+        if self.hidden or not self.records:
+            return []
+        if not self.by:
+            return [self._part(list(self.records), {}, called or {})]
+        key = next(c for c in self.columns if c.key == self.by).value
+        parts = groupby(sorted(self.records, key=key), key)
+        return [self._part(list(part), {self.by: value}, called or {}) for value, part in parts]
+
+    def _part(
+        self, records: list[Any], value: Mapping[str, Any], called: Mapping[str, str]
+    ) -> DataTable:
+        first, *others = (c for c in self.columns if not c.hidden and c.key != self.by)
+        notes = [one if isinstance(one, Footnote) else Footnote(one) for one in self.notes]
+
+        def marked(record: Any) -> Cell:
+            cell = first.text(record)
+            marks = "".join(f" {n.mark}" for n in notes if n.mark and n.where(record))
+            return f"{called.get(cell, cell)}{marks}" if isinstance(cell, str) else cell
+
+        texts = (f"{n.mark} {n.text}".strip() for n in notes if any(map(n.where, records)))
+        fields = [(first.head, marked), *((c.head, c.text) for c in others)]
+        return tabulate(
+            self.caption.format(**value) if value else self.caption, records, fields, *texts
+        )
+
+
+def plain(value: Any) -> Any:
+    """A value as JSON has it: no NaN, no infinity, no array."""
+    if isinstance(value, Enum):
+        return value.value
+    if isinstance(value, np.generic | np.ndarray):
+        value = value.tolist()
+    if isinstance(value, list | tuple):
+        return [plain(one) for one in value]
+    if isinstance(value, Mapping):
+        return {key: plain(one) for key, one in value.items()}
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+class Result:
+    """What a computation returns: to read, to plot, to take on.
+
+    A subclass names its columns by table, and gives its records in `tables`.
+    """
+
+    #: By table its columns: what `data` has, and docs/results.md lists.
+    columns: ClassVar[Mapping[str, tuple[Column, ...]]]
+    #: Name and version of its JSON: the version rises when a key changes its meaning or goes.
+    schema: ClassVar[str] = ""
+    #: Who draws it, as "cam_rig.paper.vibration.figures:figure".
+    drawn_by: ClassVar[str] = ""
+    #: Whether it ended before all was found, and 0, or with which code a command ends.
+    interrupted: bool = False
+    exit_code: int = 0
+
+    def tables(self) -> list[Records]:
+        """Its tables, the one that was asked for first."""
+        raise NotImplementedError
+
+    def summary(self) -> list[str]:
+        """Sentences that people read under the tables."""
+        return []
+
+    def table(
+        self, key: str, caption: str, records: Iterable[Any], *notes: Footnote | str, **how: Any
+    ) -> Records:
+        """One of its tables, of the columns that the class names."""
+        return Records(key, caption, self.columns[key], tuple(records), notes, **how)
+
+    def to_show(self, called: Mapping[str, str] | None = None) -> list[DataTable]:
+        """Its tables as people read them."""
+        return [part for table in self.tables() for part in table.to_show(called)]
+
+    def data(self) -> dict[str, Any]:
+        """Each table by its key, in SI, and the schema."""
+        return {"schema": self.schema} | {table.key: table.data() for table in self.tables()}
+
+    def to_json(self) -> str:
+        """`data` as text."""
+        return json.dumps(self.data(), indent=2)
+
+    def to_pandas(self, key: str = "") -> DataFrame:
+        """One of its tables; the first where none is named."""
+        return next(t for t in self.tables() if key in ("", t.key)).to_pandas()
+
+    def plot(self, **how: Any) -> Figure:
+        """Draw it; a notebook shows the figure where it is a cell's last value."""
+        module, name = self.drawn_by.split(":")
+        return notebook(getattr(import_module(module), name)(self, **how))
+
+    def __repr__(self) -> str:
+        """Its tables and how many rows they have."""
+        sizes = ", ".join(f"{t.key}: {len(t.records)} rows" for t in self.tables())
+        return f"{type(self).__name__}({sizes})"
+
+    def _repr_html_(self) -> str:
+        return "".join(map(_html, self.to_show()))
+
+
+def _html(table: DataTable) -> str:
+    lines = [[column.title for column in table.columns], *table.printed]
+    head, *rows = ("".join(f"<td>{escape(text)}</td>" for text in line) for line in lines)
+    body = "".join(f"<tr>{row}</tr>" for row in rows)
+    return f"<table><caption>{escape(table.caption)}</caption><tr>{head}</tr>{body}</table>"
+
+
+class Progress:
+    """Where a long computation says how far it is; this one is silent."""
+
+    def begin(self, total: int | None, words: str = "") -> None:
+        """So many steps follow; None where nobody knows."""
+
+    def advance(self, steps: int = 1) -> None:
+        """So many more are done."""
+
+    def tell(self, words: str) -> None:
+        """What is at work now, or the best so far."""
+
+    def over(self, items: Iterable[Item]) -> Iterator[Item]:
+        """Iterate; the item at work is told."""
+        listed = list(items)
+        self.begin(len(listed))
+        for item in listed:
+            self.tell(str(item))
+            yield item
+            self.advance()
+
+
+#: For who calls from Python.
+SILENT = Progress()
+
+
+def notebook(figure: Figure) -> Figure:
     """The same figure; IPython shows it where it is the last value of a cell.
 
-    Where pyplot is at work in the notebook, what it has set is left as it is.
+    Figures are made without pyplot, so IPython has to be told how; what pyplot has set is left.
     """
     ipython = sys.modules.get("IPython")
     shell = None if ipython is None else ipython.get_ipython()

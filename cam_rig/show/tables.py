@@ -35,7 +35,7 @@ _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 @dataclass(frozen=True)
-class Column:
+class Head:
     """A heading, the unit of the numbers under it, and how they are shown.
 
     Parameters
@@ -45,7 +45,7 @@ class Column:
 
     Examples
     --------
-    >>> Column("jump speed", "rpm", ".1f").text(413.4426)
+    >>> Head("jump speed", "rpm", ".1f").text(413.4426)
     '413.4'
     """
 
@@ -72,7 +72,7 @@ class Column:
 
         Examples
         --------
-        >>> [Column("force", "N", "+.2f").printed(value) for value in (-413.4426, 28706.4, 0.0)]
+        >>> [Head("force", "N", "+.2f").printed(value) for value in (-413.4426, 28706.4, 0.0)]
         ['−413.4', '+28710', '+0.00']
         """
         text = self.text(cell)
@@ -143,7 +143,7 @@ class DataTable:
     """Caption, columns, rows of cells, and footnotes."""
 
     caption: str
-    columns: tuple[Column, ...]
+    columns: tuple[Head, ...]
     rows: tuple[tuple[Cell, ...], ...]
     notes: tuple[str, ...] = ()
 
@@ -167,7 +167,7 @@ class DataTable:
 def tabulate(
     caption: str,
     items: Iterable[Item],
-    fields: Iterable[tuple[Column, Callable[[Item], Cell]]],
+    fields: Iterable[tuple[Head, Callable[[Item], Cell]]],
     *notes: str,
 ) -> DataTable:
     """Build a table of one row per item, each column beside what it takes from an item.
@@ -176,7 +176,7 @@ def tabulate(
 
     Examples
     --------
-    >>> fields = ((Column("cam"), str), (Column("letters", "1", "d"), len))
+    >>> fields = ((Head("cam"), str), (Head("letters", "1", "d"), len))
     >>> tabulate("Names", ["a", "bc"], fields).rows
     (('a', 1), ('bc', 2))
     """
@@ -213,7 +213,7 @@ def to_markdown(table: DataTable, name: str = "") -> str:
 
     Examples
     --------
-    >>> columns = (Column("cam"), Column("n", "rpm", "d"))
+    >>> columns = (Head("cam"), Head("n", "rpm", "d"))
     >>> print(to_markdown(DataTable("Speeds", columns, (("a", 9),))))
     **Speeds**
     <BLANKLINE>

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cam_rig.schema.load import cam_path, one_scene, rig_beside, rig_path, scene_path, tables_path
-from cam_rig.show.command import say
+from cam_rig.show.terminal import say
 
 if TYPE_CHECKING:
     from cam_rig.laws.cam import CamSet

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from cam_rig.laws import Law
-from cam_rig.show.tables import Cell, Column, DataTable, tabulate
+from cam_rig.show.tables import Cell, DataTable, Head, tabulate
 from cam_rig.simulation.simulate import Settling, TickSamples
 from cam_rig.units import TURN, FloatArray, to_rpm
 
@@ -274,17 +274,17 @@ def speed_table(
         f"{title}: by speed",
         rows,
         (
-            (Column("cam"), lambda row: called.get(row.cam, row.cam)),
-            (Column("speed", "rpm", ".6g"), of("rpm")),
-            (Column("level", "dB", ".1f"), of("level_db")),
-            (Column("peak force", "N", ".1f"), of("force_peak")),
-            (Column("least force", "N", ".1f"), of("force_least")),
-            (Column("lift-off rate", "1/turn", ".3g"), of("lift_offs")),
-            (Column("longest flight", "ms", ".2f"), of("flight", 1e3)),
-            (Column("hardest landing", "N·s", ".3f"), of("landing")),
-            (Column("peak torque", "N·m", ".2f"), of("torque_peak")),
-            (Column("least torque", "N·m", ".2f"), of("torque_least")),
-            (Column("mean torque", "N·m", ".3f"), of("torque_mean")),
+            (Head("cam"), lambda row: called.get(row.cam, row.cam)),
+            (Head("speed", "rpm", ".6g"), of("rpm")),
+            (Head("level", "dB", ".1f"), of("level_db")),
+            (Head("peak force", "N", ".1f"), of("force_peak")),
+            (Head("least force", "N", ".1f"), of("force_least")),
+            (Head("lift-off rate", "1/turn", ".3g"), of("lift_offs")),
+            (Head("longest flight", "ms", ".2f"), of("flight", 1e3)),
+            (Head("hardest landing", "N·s", ".3f"), of("landing")),
+            (Head("peak torque", "N·m", ".2f"), of("torque_peak")),
+            (Head("least torque", "N·m", ".2f"), of("torque_least")),
+            (Head("mean torque", "N·m", ".3f"), of("torque_mean")),
         ),
         note,
     )

@@ -18,12 +18,11 @@ from cam_rig.show.command import (
     Scene,
     check_outputs,
     check_place,
-    console,
     progress_bar,
-    say,
     user_errors,
     write_json,
 )
+from cam_rig.show.terminal import console, say
 
 if TYPE_CHECKING:
     from cam_rig.acoustics.sound_level_meter import Measurement

@@ -17,7 +17,7 @@ from cam_rig.extras import libraries_named
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig, SceneConfig
 from cam_rig.schema.explain import explain
-from cam_rig.show.result import shown
+from cam_rig.show.result import notebook
 from cam_rig.simulation.schedule import cam_states
 from cam_rig.simulation.simulate import FollowerSimulator
 from cam_rig.units import FloatArray
@@ -97,7 +97,7 @@ class FollowerMotion(NamedRows):
         """Lift and contact force over time; flights of the follower are shaded."""
         with libraries_named():
             from cam_rig.simulation.figures import motion_figure as figure
-        return shown(figure(self, self.law(self.angle), f"{self.law.name} at {self.rpm:g} rpm"))
+        return notebook(figure(self, self.law(self.angle), f"{self.law.name} at {self.rpm:g} rpm"))
 
 
 @checked

@@ -14,7 +14,7 @@ from cam_rig.arguments import checked
 from cam_rig.dynamics import Samples
 from cam_rig.errors import ConfigError
 from cam_rig.extras import libraries_named
-from cam_rig.show.result import shown
+from cam_rig.show.result import notebook
 from cam_rig.simulation.by_speed import SpeedRow, SpeedRows, rows_by_speed
 from cam_rig.simulation.export import export
 from cam_rig.simulation.regression import NoiseResult, compare
@@ -145,7 +145,7 @@ class SceneRun:
         """Level (dB) against speed (rpm), with regressions and what is published."""
         with libraries_named():
             from cam_rig.simulation.figures import figure
-        return shown(figure(self.noise, self.loaded))
+        return notebook(figure(self.noise, self.loaded))
 
 
 @checked

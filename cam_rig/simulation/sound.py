@@ -17,7 +17,7 @@ from cam_rig.dynamics import MODELS, Samples
 from cam_rig.errors import ConfigError
 from cam_rig.extras import libraries_named
 from cam_rig.schema import SceneConfig
-from cam_rig.show.result import shown
+from cam_rig.show.result import notebook
 from cam_rig.simulation.motion import CAM, FollowerMotion
 from cam_rig.simulation.scene import LoadedScene, is_calibrated
 from cam_rig.simulation.schedule import CamState, cam_states
@@ -78,7 +78,7 @@ class SoundLevel:
         """The level (dB) turn by turn, and that of the settled ones."""
         with libraries_named():
             from cam_rig.simulation.figures import turn_by_turn
-        return shown(turn_by_turn(self.by_turn, self.settle_turns, self.level_db, str(self)))
+        return notebook(turn_by_turn(self.by_turn, self.settle_turns, self.level_db, str(self)))
 
 
 @checked

@@ -6,9 +6,9 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cam_rig.show import command as console
+from cam_rig.show import terminal as console
 from cam_rig.show.command import write_csv, write_json, write_plot
-from cam_rig.show.tables import Column, DataTable, tabulate
+from cam_rig.show.tables import DataTable, Head, tabulate
 
 if TYPE_CHECKING:
     from cam_rig.simulation.regression import NoiseCurve, NoiseResult
@@ -42,12 +42,15 @@ def table(result: NoiseResult, loaded: LoadedScene) -> DataTable:
         f"{loaded.scene.title}: level in dB over x in rpm",
         result.curves.values(),
         (
-            (Column("cam"), lambda curve: curve.cam),
-            (Column("regression"), _regression),
-            (Column("difference to published", "dB r.m.s.", ".2f"), lambda curve: curve.rmse_db),
-            (Column("role"), _role),
-            (Column("first level", "dB", ".1f"), lambda curve: float(curve.level_db[0])),
-            (Column("last level", "dB", ".1f"), lambda curve: float(curve.level_db[-1])),
+            (Head("cam"), lambda curve: curve.cam),
+            (Head("regression"), _regression),
+            (
+                Head("difference to published", "dB r.m.s.", ".2f"),
+                lambda curve: curve.rmse_db,
+            ),
+            (Head("role"), _role),
+            (Head("first level", "dB", ".1f"), lambda curve: float(curve.level_db[0])),
+            (Head("last level", "dB", ".1f"), lambda curve: float(curve.level_db[-1])),
         ),
         "" if loaded.calibrated else RELATIVE_NOTE,
     )

@@ -15,7 +15,13 @@ import typer
 from rich.markup import escape
 
 from cam_rig.errors import ConfigError
-from cam_rig.show.command import LINE_EVERY_S, SceneOfBag, console, progress_bar, user_errors
+from cam_rig.show.command import (
+    LINE_EVERY_S,
+    SceneOfBag,
+    progress_bar,
+    user_errors,
+)
+from cam_rig.show.terminal import console
 from cam_rig.viewer.blueprint import Layout, ViewOptions
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ from ruamel.yaml import YAML
 
 from cam_rig.paper.noise.study import study_noise
 from cam_rig.schema.load import config_root
-from cam_rig.show import command as console
+from cam_rig.show import terminal as console
 
 from ..figure_faults import faults
 

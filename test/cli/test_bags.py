@@ -40,6 +40,7 @@ def as_ros2_records(target, plugin):
             writer.write(made[connection.topic], wall + 1_000_003 * number, data)
 
 
+@pytest.mark.variants(1)
 @pytest.mark.parametrize("plugin", list(StoragePlugin), ids=lambda p: p.name)
 def test_analyze_takes_a_bag_of_ros2_bag_record(tmp_path, plugin):
     """MCAP or SQLite, with the wall's time: the same levels, when the scene is named."""

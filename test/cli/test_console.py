@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from cam_rig.show import command as console
-from cam_rig.show.tables import Column, DataTable
+from cam_rig.show import terminal as console
+from cam_rig.show.tables import DataTable, Head
 
 TABLE = DataTable(
     "A caption [of] a table",
-    (Column("structure, weighting"), Column("difference to published", "dB", ".2f")),
+    (Head("structure, weighting"), Head("difference to published", "dB", ".2f")),
     (("double low-pass, C", 0.7312), ("[bold]name", None)),
     ("A note.",),
 )
@@ -68,9 +68,9 @@ def test_heads_stay_whole_in_a_table_that_is_too_wide(printed, seed):
     def words(most):
         return " ".join(rng.choice(WORDS, int(rng.integers(1, most))))
 
-    columns = [Column(f"{words(4)} c{i}", "mm" * (i % 2)) for i in range(1, count)]
+    columns = [Head(f"{words(4)} c{i}", "mm" * (i % 2)) for i in range(1, count)]
     rows = [(f"r{k}", *(f"{words(3)} {k}:{i}" for i in range(1, count))) for k in range(height)]
-    lines = printed(80, DataTable("A", (Column("key"), *columns), tuple(rows), ("N.",)))
+    lines = printed(80, DataTable("A", (Head("key"), *columns), tuple(rows), ("N.",)))
     assert max(map(len, lines)) <= 80
     found = Counter(word for line in lines for word in line.split())
     parts = found["key"]
@@ -86,7 +86,7 @@ def test_heads_stay_whole_in_a_table_that_is_too_wide(printed, seed):
 
 def test_a_cell_too_long_for_the_terminal_breaks_no_heading(printed):
     """A path is folded; the heads beside it are whole."""
-    columns = (Column("file"), Column("displacement", "mm", ".1f"))
+    columns = (Head("file"), Head("displacement", "mm", ".1f"))
     lines = printed(40, DataTable("", columns, (("/a" * 60, 1.0),)))
     assert max(map(len, lines)) <= 40
     assert {"file", "displacement", "mm"} <= {word for line in lines for word in line.split()}

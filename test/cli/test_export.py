@@ -45,6 +45,7 @@ def test_export_says_what_it_wrote(tmp_path, source):
     assert "gaps" not in result.stderr
 
 
+@pytest.mark.variants(1)
 @pytest.mark.parametrize("plugin", list(StoragePlugin), ids=lambda plugin: plugin.name)
 def test_a_bag_of_ros2_bag_record(tmp_path, plugin):
     """With the wall's time and no scene: the same samples, when the scene is named."""

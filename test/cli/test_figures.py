@@ -148,6 +148,7 @@ def drawing_commands(commands, before=""):
             yield before + name
 
 
+@pytest.mark.variants(1)
 @pytest.mark.variants(2)
 @pytest.mark.parametrize("case", CASES)
 def test_no_figure_is_faulty(case, own, tmp_path):

@@ -113,6 +113,7 @@ def test_a_known_base_radius_gives_the_rollers(tmp_path):
     assert data["rms_m"] == pytest.approx(5.322e-5, rel=1e-3)
 
 
+@pytest.mark.long
 def test_new_reads_every_file(tmp_path, monkeypatch):
     """Two files of one column each are the cam of both columns, as fit cam has it."""
     monkeypatch.chdir(tmp_path)

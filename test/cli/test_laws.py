@@ -45,6 +45,7 @@ def test_laws_for_people():
         assert f" {name} " in result.stderr
 
 
+@pytest.mark.variants(1)
 @pytest.mark.variants(2)
 @pytest.mark.parametrize("suffix", ["png", "svg", "pdf"])
 def test_law_is_drawn(tmp_path, suffix):
@@ -58,6 +59,7 @@ def test_law_is_drawn(tmp_path, suffix):
     assert "90° C2" in result.stderr
 
 
+@pytest.mark.variants(1)
 @pytest.mark.variants(2)
 @pytest.mark.parametrize("cam", ["worked_example_constant_velocity", "b_spline", "measured"])
 def test_odd_laws_are_drawn_too(tmp_path, cam):
@@ -117,6 +119,7 @@ def test_a_csv_of_several_cams_holds_that_of_each(config_dir):
         ]
 
 
+@pytest.mark.variants(1)
 @pytest.mark.variants(2)
 @pytest.mark.parametrize(
     ("arguments", "words"),

@@ -38,6 +38,7 @@ def test_a_line_tells_rate_time_left_and_size(dataset, monkeypatch):
     assert " of about " in line
 
 
+@pytest.mark.long
 def test_the_size_is_that_of_the_whole(dataset):
     """Extrapolated from the first batches to within a fifth of what all the points take."""
     with dataset.opened(False):

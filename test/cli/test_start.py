@@ -40,6 +40,7 @@ def interrupted(process):
     return [line for line in printed.splitlines() if line.strip()]
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="children are found in /proc")
 def test_an_interrupt_while_workers_begin(tmp_path):
     """They are in the middle of their imports, and print nothing; nothing is written."""
@@ -68,6 +69,7 @@ def test_an_interrupt_while_modules_are_imported():
     assert (done.returncode, done.stderr) == (INTERRUPTED, "cam-rig: interrupted by SIGINT\n")
 
 
+@pytest.mark.variants(1)
 @pytest.mark.parametrize("program", ["cam-rig jump poly345", "cam-rig report quick", "law_server"])
 def test_a_date_that_is_none_is_one_line(program, tmp_path):
     """The libraries that read the variable too would end in their own traceback."""

@@ -11,7 +11,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import cam_rig
-from cam_rig.show.result import shown
+from cam_rig.show.result import notebook
 
 #: Modules whose docstrings have examples of public names.
 WITH_EXAMPLES = (
@@ -93,7 +93,7 @@ def test_a_notebook_shows_pictures(monkeypatch, known):
     figure, shell = motion.plot(), Shell(known)
     with monkeypatch.context() as patched:
         patched.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: shell))
-        assert shown(figure) is figure
+        assert notebook(figure) is figure
     printers = shell.printers["image/png"].type_printers
     assert set(printers) == (set() if known else {Figure})
     assert all(printer(figure).startswith(b"\x89PNG") for printer in printers.values())

@@ -6,7 +6,7 @@ import pytest
 
 import cam_rig.report.document
 from cam_rig.report.document import called, table_called
-from cam_rig.show.tables import Column, DataTable
+from cam_rig.show.tables import DataTable, Head
 
 TITLES = {"tm21": "TM21 cam", "cam_2": "Second", "level": "Level cam"}
 
@@ -34,7 +34,7 @@ def test_only_names_are_replaced(text, shown):
 
 def test_a_whole_table():
     """Everything that is read; numbers and units stay."""
-    table = DataTable("Of tm21", (Column("level"), Column("n", "cam_2", "g")), (("cam_2", 1.0),))
+    table = DataTable("Of tm21", (Head("level"), Head("n", "cam_2", "g")), (("cam_2", 1.0),))
     found = table_called(table, TITLES)
     assert found.caption == "Of TM21 cam"
     assert [column.title for column in found.columns] == ["level", "n [cam_2]"]

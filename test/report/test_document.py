@@ -6,15 +6,15 @@ import pytest
 
 from cam_rig.report.document import Numbering, environment, percent, to, written_on
 from cam_rig.report.document import render as rendered
-from cam_rig.show.tables import Column, DataTable
+from cam_rig.show.tables import DataTable, Head
 
 TABLE = DataTable(
     "A < table",
-    (Column("name"), Column("value", "rpm", ".1f")),
+    (Head("name"), Head("value", "rpm", ".1f")),
     (("a & b", 1.0), ("c", None)),
     ("A note.",),
 )
-OTHER = DataTable("Another", (Column("name"), Column("here")), (("x", "**2 <** of 3"),))
+OTHER = DataTable("Another", (Head("name"), Head("here")), (("x", "**2 <** of 3"),))
 PARTS = """
 {% call page.words() %}
 More

@@ -63,11 +63,13 @@ def _bench() -> WorkPrecisionStudy:
     return WorkPrecisionStudy(results, {}, True, 2, 1.0, CampaignRate(2, 100, 25.0))
 
 
+@pytest.mark.long
 def test_no_text_is_cut_or_small_or_on_another(drawn: dict[str, Figure]) -> None:
     """At 170 mm width all type is of 7 points or more, with a true minus and typeset powers."""
     assert {name: found for name, figure in drawn.items() if (found := faults(figure))} == {}
 
 
+@pytest.mark.variants(1)
 @pytest.mark.variants(2)
 @pytest.mark.parametrize("name", ["oscillating_conjugate", "arcs_straight", "gunt_gl110"])
 def test_profiles_and_laws_of_every_follower(

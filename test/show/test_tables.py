@@ -7,12 +7,12 @@ import math
 import pytest
 
 import cam_rig.show.tables
-from cam_rig.show.tables import Column, DataTable, number, tabulate, to_csv
+from cam_rig.show.tables import DataTable, Head, number, tabulate, to_csv
 
 FIELDS = (
-    (Column("cam"), lambda row: row[0]),
-    (Column("speed", "rpm", ".1f", "none"), lambda row: row[1]),
-    (Column("twist", "°", ".4f"), lambda row: None),
+    (Head("cam"), lambda row: row[0]),
+    (Head("speed", "rpm", ".1f", "none"), lambda row: row[1]),
+    (Head("twist", "°", ".4f"), lambda row: None),
 )
 ROWS = (("a", 413.4426), ("b", None))
 
@@ -52,7 +52,7 @@ def test_numbers(value, shown):
 )
 def test_a_page_has_four_digits_and_is_typeset(value, shown, printed):
     """What was found, in decimals, has four digits at most; what was set has all of its own."""
-    assert Column("a", "", shown).printed(value) == printed
+    assert Head("a", "", shown).printed(value) == printed
 
 
 def test_cells_are_shown_by_their_column():

@@ -20,8 +20,9 @@ from typing import TYPE_CHECKING
 
 from cam_rig.errors import CamRigError
 from cam_rig.files import writing
-from cam_rig.show.command import console, user_errors
+from cam_rig.show.command import user_errors
 from cam_rig.show.looks import LIFT
+from cam_rig.show.terminal import console
 from tools.docs.browser import MIN_PIXELS, TIMEOUT_S, count, new_page, open_browser, photographs
 
 if TYPE_CHECKING:

@@ -12,8 +12,9 @@ from cam_rig.bag.reader import read_counts, read_recording
 from cam_rig.errors import CamRigError
 from cam_rig.files import temporary_folder, writing
 from cam_rig.messages.topics import FOLLOWER_SAMPLES
-from cam_rig.show.command import console, progress_bar, user_errors
+from cam_rig.show.command import progress_bar, user_errors
 from cam_rig.show.figure import write
+from cam_rig.show.terminal import console
 from cam_rig.simulation import figures as noise
 from cam_rig.simulation.regression import NoiseResult, compare
 from cam_rig.simulation.simulate import step_levels

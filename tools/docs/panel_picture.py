@@ -17,7 +17,8 @@ from cam_rig.panel.board.pages import BoardPages
 from cam_rig.panel.server import serve
 from cam_rig.schema import load_cam, load_rig
 from cam_rig.schema.load import cam_path, rig_path
-from cam_rig.show.command import console, user_errors
+from cam_rig.show.command import user_errors
+from cam_rig.show.terminal import console
 from tools.docs.browser import TIMEOUT_S, new_page, open_browser
 
 PICTURE = Path("docs/panel.png")

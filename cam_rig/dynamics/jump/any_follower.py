@@ -20,7 +20,7 @@ from cam_rig.dynamics.velocity_jumps import require_smooth
 from cam_rig.extras import libraries_named
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
-from cam_rig.show.result import shown
+from cam_rig.show.result import notebook
 from cam_rig.units import RPM, FloatArray
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ class JumpSpeed(Jump):
         """The minimum contact force (N) of a run over the speed (rpm): zero at the jump speed."""
         with libraries_named():
             from cam_rig.dynamics.jump.figures import one_cam
-        return shown(one_cam(self.law, follower_of(self.rig), self.duration, self.rpm))
+        return notebook(one_cam(self.law, follower_of(self.rig), self.duration, self.rpm))
 
 
 @checked

@@ -8,7 +8,7 @@ from typing import Any
 from cam_rig.measured.cam_fit.arcs import ANGLE, COORDINATES, ArcColumn
 from cam_rig.measured.cam_fit.arcs_fit import ArcsFit
 from cam_rig.measured.cam_fit.arcs_intervals import Told
-from cam_rig.show.tables import Column, DataTable, tabulate
+from cam_rig.show.tables import DataTable, Head, tabulate
 from cam_rig.units import rounded_to_error
 
 
@@ -18,10 +18,10 @@ def arcs_tables(fit: ArcsFit) -> list[DataTable]:
         "Tangent arcs: what the readings tell",
         COORDINATES,
         (
-            (Column("number"), lambda i: fit.told[i].name),
-            (Column("value"), lambda i: shown_value(fit.told[i], *unit_of(i))),
-            (Column("with 95 %"), lambda i: shown_interval(fit.told[i], *unit_of(i)) or "-"),
-            (Column("told"), lambda i: _how_well(fit.told[i], i)),
+            (Head("number"), lambda i: fit.told[i].name),
+            (Head("value"), lambda i: shown_value(fit.told[i], *unit_of(i))),
+            (Head("with 95 %"), lambda i: shown_interval(fit.told[i], *unit_of(i)) or "-"),
+            (Head("told"), lambda i: _how_well(fit.told[i], i)),
         ),
     )
     return [numbers, _column_table(fit)]
@@ -83,18 +83,18 @@ def _column_table(fit: ArcsFit) -> DataTable:
         "Residuals of the readings from the arcs",
         fit.columns,
         (
-            (Column("readings"), lambda column: column.readings.name),
-            (Column("count", "", "d"), lambda column: column.away.size),
-            (Column("follower"), lambda column: column.kind),
-            (Column("read"), lambda column: "reversed" if column.reverse else "as turned"),
-            (Column("r.m.s.", "mm", ".4f"), lambda column: column.rms * 1e3),
-            (Column("largest", "mm", ".4f"), lambda column: abs(column.away).max() * 1e3),
+            (Head("readings"), lambda column: column.readings.name),
+            (Head("count", "", "d"), lambda column: column.away.size),
+            (Head("follower"), lambda column: column.kind),
+            (Head("read"), lambda column: "reversed" if column.reverse else "as turned"),
+            (Head("r.m.s.", "mm", ".4f"), lambda column: column.rms * 1e3),
+            (Head("largest", "mm", ".4f"), lambda column: abs(column.away).max() * 1e3),
             (
-                Column("at", "deg", ".6g"),
+                Head("at", "deg", ".6g"),
                 lambda column: math.degrees(column.readings.angles[at(column)]),
             ),
-            (Column("in line", "", "d"), lambda column: int(column.readings.lines[at(column)])),
-            (Column("outliers", "", "d"), lambda column: len(column.readings.outliers)),
+            (Head("in line", "", "d"), lambda column: int(column.readings.lines[at(column)])),
+            (Head("outliers", "", "d"), lambda column: len(column.readings.outliers)),
         ),
     )
 

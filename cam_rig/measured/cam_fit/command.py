@@ -22,7 +22,13 @@ from cam_rig.measured.options import (
     ShapeOption,
     ToleranceOption,
 )
-from cam_rig.show.command import Rig, say, say_assumed, show, user_errors, write_new
+from cam_rig.show.command import (
+    Rig,
+    say_assumed,
+    user_errors,
+    write_new,
+)
+from cam_rig.show.terminal import say, show
 
 if TYPE_CHECKING:
     from cam_rig.measured.cam_fit.arcs_fit import ArcsFit, Flank, Known

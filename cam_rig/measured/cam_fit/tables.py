@@ -16,7 +16,7 @@ from cam_rig.measured.cam_fit.arcs_tables import hardly_told, shown_interval, un
 from cam_rig.measured.cam_fit.dwells import FoundDwell, likely_range
 from cam_rig.measured.cam_fit.gauge import Outlier, Readings
 from cam_rig.measured.cam_fit.spline_fit import SplineFit
-from cam_rig.show.tables import Column, DataTable, tabulate
+from cam_rig.show.tables import DataTable, Head, tabulate
 from cam_rig.units import FloatArray
 
 Row = tuple[str, float, str]
@@ -29,9 +29,9 @@ def spline_tables(fit: SplineFit) -> list[DataTable]:
             f"{fit.readings.name}: spline",
             _spline_rows(fit),
             (
-                (Column(""), lambda row: row[0]),
-                (Column("value", "", ".5g"), lambda row: row[1]),
-                (Column("unit"), lambda row: row[2]),
+                (Head(""), lambda row: row[0]),
+                (Head("value", "", ".5g"), lambda row: row[1]),
+                (Head("unit"), lambda row: row[2]),
             ),
         )
     ]
@@ -69,11 +69,11 @@ def _dwell_table(dwells: tuple[FoundDwell, ...]) -> DataTable:
         "Dwells, exact in the law",
         dwells,
         (
-            (Column("from", "deg", ".2f"), lambda dwell: math.degrees(dwell.rest.start)),
-            (Column("span", "deg", ".2f"), lambda dwell: math.degrees(dwell.rest.span)),
-            (Column("level", "mm", ".4f"), lambda dwell: dwell.rest.level * 1e3),
-            (Column("readings", "", "d"), lambda dwell: dwell.count),
-            (Column("their scatter", "mm", ".2g"), lambda dwell: dwell.scatter * 1e3),
+            (Head("from", "deg", ".2f"), lambda dwell: math.degrees(dwell.rest.start)),
+            (Head("span", "deg", ".2f"), lambda dwell: math.degrees(dwell.rest.span)),
+            (Head("level", "mm", ".4f"), lambda dwell: dwell.rest.level * 1e3),
+            (Head("readings", "", "d"), lambda dwell: dwell.count),
+            (Head("their scatter", "mm", ".2g"), lambda dwell: dwell.scatter * 1e3),
         ),
     )
 
@@ -83,10 +83,10 @@ def _outlier_table(outliers: tuple[Outlier, ...]) -> DataTable:
         "Readings that look like outliers",
         outliers,
         (
-            (Column("line", "", "d"), lambda outlier: outlier.line),
-            (Column("at", "deg", ".6g"), lambda outlier: math.degrees(outlier.angle)),
-            (Column("reading", "mm", ".6g"), lambda outlier: outlier.lift * 1e3),
-            (Column("off its neighbours", "mm", ".3g"), lambda outlier: outlier.beside * 1e3),
+            (Head("line", "", "d"), lambda outlier: outlier.line),
+            (Head("at", "deg", ".6g"), lambda outlier: math.degrees(outlier.angle)),
+            (Head("reading", "mm", ".6g"), lambda outlier: outlier.lift * 1e3),
+            (Head("off its neighbours", "mm", ".3g"), lambda outlier: outlier.beside * 1e3),
         ),
     )
 

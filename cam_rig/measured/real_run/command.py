@@ -14,13 +14,12 @@ from cam_rig.show.command import (
     Scene,
     check_outputs,
     check_recording,
-    say,
-    show,
     user_errors,
     write_csv,
     write_json,
     write_plot,
 )
+from cam_rig.show.terminal import say, show
 
 Topics = Annotated[
     str | None,

@@ -14,7 +14,7 @@ from cam_rig.measured.real_run import tables
 from cam_rig.measured.real_run.comparison import SpeedDeparture, compare_steps
 from cam_rig.measured.real_run.pairs import RecordedPairs, pair_measured
 from cam_rig.measured.real_run.tables import done, sentences
-from cam_rig.show.result import shown
+from cam_rig.show.result import notebook
 from cam_rig.show.tables import DataTable
 from cam_rig.simulation.scene import LoadedScene, load_scene
 
@@ -74,7 +74,7 @@ class RunComparison:
         """Measured and model over one turn, and their difference, at up to three speeds a cam."""
         with libraries_named():
             from cam_rig.measured.real_run.figures import figure
-        return shown(figure(self.speeds, self.loaded.titles))
+        return notebook(figure(self.speeds, self.loaded.titles))
 
 
 @checked

@@ -10,7 +10,7 @@ import numpy as np
 from cam_rig.measured.real_run.comparison import SpeedDeparture, common_frequency
 from cam_rig.measured.real_run.deviation import Departure, LostContact
 from cam_rig.measured.real_run.pairs import MeasuredPairs
-from cam_rig.show.tables import Cell, Column, DataTable, tabulate
+from cam_rig.show.tables import Cell, DataTable, Head, tabulate
 from cam_rig.simulation.instruments import pulls
 from cam_rig.simulation.scene import RELATIVE_NOTE
 from cam_rig.units import TURN
@@ -220,9 +220,9 @@ def departure_table(rows: Sequence[SpeedDeparture], title: str) -> DataTable:
         f"{title}: measured less model",
         rows,
         (
-            (Column("cam"), lambda row: row.cam),
-            (Column("speed", "rpm", ".5g"), lambda row: row.rpm),
-            (Column("turns", "", ".3g"), lambda row: row.turns),
+            (Head("cam"), lambda row: row.cam),
+            (Head("speed", "rpm", ".5g"), lambda row: row.rpm),
+            (Head("turns", "", ".3g"), lambda row: row.turns),
             *_columns("lift", "µm", 1e6, noisy),
             *_columns("force", "N", 1.0, noisy),
         ),
@@ -237,7 +237,7 @@ def departure_table(rows: Sequence[SpeedDeparture], title: str) -> DataTable:
     )
 
 
-def _columns(name: str, unit: str, factor: float, noisy: bool) -> list[tuple[Column, Take]]:
+def _columns(name: str, unit: str, factor: float, noisy: bool) -> list[tuple[Head, Take]]:
     def of(field: str, scale: float) -> Take:
         def take(row: SpeedDeparture) -> Cell:
             found: Departure | None = getattr(row, name)
@@ -249,12 +249,12 @@ def _columns(name: str, unit: str, factor: float, noisy: bool) -> list[tuple[Col
         found: Departure | None = getattr(row, name)
         return None if found is None or not found.within else "*" if noisy else "="
 
-    columns: list[tuple[Column, Take]] = [
-        (Column(f"{name} r.m.s.", unit, ".3g"), of("rms", factor)),
-        (Column("noise", unit, ".3g"), of("noise", factor)),
-        (Column("largest", unit, "+.3g"), of("largest", factor)),
-        (Column("at", "°", ".0f"), of("degrees", 1.0)),
-        (Column(""), verdict),
+    columns: list[tuple[Head, Take]] = [
+        (Head(f"{name} r.m.s.", unit, ".3g"), of("rms", factor)),
+        (Head("noise", unit, ".3g"), of("noise", factor)),
+        (Head("largest", unit, "+.3g"), of("largest", factor)),
+        (Head("at", "°", ".0f"), of("degrees", 1.0)),
+        (Head(""), verdict),
     ]
     return columns if noisy else [columns[0], *columns[2:]]
 
@@ -275,16 +275,16 @@ def event_table(rows: Sequence[SpeedDeparture], calibrated: bool) -> DataTable:
         "Lift-offs and landings, sound level",
         rows,
         (
-            (Column("cam"), lambda row: row.cam),
-            (Column("speed", "rpm", ".5g"), lambda row: row.rpm),
-            (Column("lift-offs measured", "1/turn", ".3g"), of("measured")),
-            (Column("model", "1/turn", ".3g"), of("model")),
-            (Column("events later by", "ms", "+.3f"), of("shift", 1e3)),
-            (Column("by", "°", "+.2f"), of("degrees")),
-            (Column("contact lost"), lambda row: row.contact.rule if row.contact else None),
-            (Column("level measured", "dB", ".1f"), lambda row: row.measured_db),
-            (Column("model", "dB", ".1f"), lambda row: row.model_db if heard else None),
-            (Column("difference", "dB", "+.2f"), lambda row: row.level_difference),
+            (Head("cam"), lambda row: row.cam),
+            (Head("speed", "rpm", ".5g"), lambda row: row.rpm),
+            (Head("lift-offs measured", "1/turn", ".3g"), of("measured")),
+            (Head("model", "1/turn", ".3g"), of("model")),
+            (Head("events later by", "ms", "+.3f"), of("shift", 1e3)),
+            (Head("by", "°", "+.2f"), of("degrees")),
+            (Head("contact lost"), lambda row: row.contact.rule if row.contact else None),
+            (Head("level measured", "dB", ".1f"), lambda row: row.measured_db),
+            (Head("model", "dB", ".1f"), lambda row: row.model_db if heard else None),
+            (Head("difference", "dB", "+.2f"), lambda row: row.level_difference),
         ),
         "Events later by: the median, of lift-offs and landings that both have."
         if any(row.contact and row.contact.shift is not None for row in rows)
@@ -297,7 +297,7 @@ def every_number_table(rows: Sequence[SpeedDeparture], title: str) -> DataTable:
     """One table of all, a row each cam and speed, in SI units, for another program to read."""
     plain = [_plain(row) for row in rows]
     names = list(dict.fromkeys(name for row in plain for name in row))
-    fields = ((Column(name), lambda row, name=name: _cell(row.get(name))) for name in names)
+    fields = ((Head(name), lambda row, name=name: _cell(row.get(name))) for name in names)
     return tabulate(f"{title}: measured less model", plain, fields)
 
 

@@ -16,18 +16,16 @@ from cam_rig.show.command import (
     Plot,
     RigOfScene,
     check_outputs,
-    console,
     progress_bar,
     require_new,
-    say,
     say_assumed,
-    show,
     user_errors,
     write_csv,
     write_json,
     write_new,
     write_plot,
 )
+from cam_rig.show.terminal import console, say, show
 
 if TYPE_CHECKING:
     from collections.abc import Callable

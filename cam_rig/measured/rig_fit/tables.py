@@ -13,7 +13,7 @@ from cam_rig.measured.rig_fit.jump_table import JumpReading
 from cam_rig.measured.rig_fit.models import LEAST_PLAY
 from cam_rig.measured.rig_fit.numbers import NUMBERS
 from cam_rig.measured.rig_fit.result import FoundNumber, HoldFit, RigFit
-from cam_rig.show.tables import Cell, Column, DataTable, tabulate
+from cam_rig.show.tables import Cell, DataTable, Head, tabulate
 from cam_rig.units import FloatArray, rounded_to_error, to_rpm
 
 
@@ -27,11 +27,11 @@ def numbers_table(numbers: Iterable[FoundNumber], caption: str) -> DataTable:
         caption,
         numbers,
         (
-            (Column("number"), lambda number: number.name),
-            (Column("value", "", ".6g"), lambda number: number.shown),
-            (Column("standard error", "", ".2g"), lambda number: number.shown_error),
-            (Column("unit"), lambda number: number.unit),
-            (Column(""), origin),
+            (Head("number"), lambda number: number.name),
+            (Head("value", "", ".6g"), lambda number: number.shown),
+            (Head("standard error", "", ".2g"), lambda number: number.shown_error),
+            (Head("unit"), lambda number: number.unit),
+            (Head(""), origin),
         ),
     )
 
@@ -42,9 +42,9 @@ def correlation_table(names: tuple[str, ...], correlation: FloatArray) -> DataTa
         "Correlation of their errors",
         range(len(names)),
         (
-            (Column("number"), lambda i: names[i]),
+            (Head("number"), lambda i: names[i]),
             *(
-                (Column(_short(name), "", ".2f"), lambda i, k=k: float(correlation[i, k]))
+                (Head(_short(name), "", ".2f"), lambda i, k=k: float(correlation[i, k]))
                 for k, name in enumerate(names)
             ),
         ),
@@ -66,12 +66,12 @@ def holds_table(fit: RigFit) -> DataTable:
         "Residuals, r.m.s.",
         fit.holds,
         (
-            (Column("speed", "rpm", ".2f"), lambda hold: hold.rpm),
-            (Column("turns", "", ".1f"), lambda hold: hold.turns),
-            (Column("samples", "", "d"), lambda hold: hold.samples),
-            (Column("lift", "µm", ".3g"), micro),
-            (Column("force", "N", ".3g"), lambda hold: hold.force),
-            (Column("lift-offs a turn", "", "d"), lambda hold: hold.lift_offs),
+            (Head("speed", "rpm", ".2f"), lambda hold: hold.rpm),
+            (Head("turns", "", ".1f"), lambda hold: hold.turns),
+            (Head("samples", "", "d"), lambda hold: hold.samples),
+            (Head("lift", "µm", ".3g"), micro),
+            (Head("force", "N", ".3g"), lambda hold: hold.force),
+            (Head("lift-offs a turn", "", "d"), lambda hold: hold.lift_offs),
         ),
     )
 
@@ -95,10 +95,10 @@ def gauges_table(fit: RigFit) -> DataTable:
         "The instruments, by the same samples",
         [row for row in rows if row[1] is not None],
         (
-            (Column(""), lambda row: row[0]),
-            (Column("value", "", ".4g"), lambda row: _digits(row[1], row[2])),
-            (Column("standard error", "", ".2g"), lambda row: row[2]),
-            (Column("unit"), lambda row: row[3]),
+            (Head(""), lambda row: row[0]),
+            (Head("value", "", ".4g"), lambda row: _digits(row[1], row[2])),
+            (Head("standard error", "", ".2g"), lambda row: row[2]),
+            (Head("unit"), lambda row: row[3]),
         ),
     )
 
@@ -174,13 +174,13 @@ def jumps_table(fit: JumpFit) -> DataTable:
         "Jump speeds",
         rows,
         (
-            (Column("line", "", "d"), lambda row: row[0].line),
-            (Column("mass put on", "kg", ".6g"), known("mass")),
-            (Column("spring", "N/m", ".6g"), known("spring_stiffness")),
-            (Column("preload", "N", ".6g"), known("preload")),
-            (Column("read", "rpm", ".2f"), lambda row: float(to_rpm(row[0].speed))),
-            (Column("fitted", "rpm", ".2f"), lambda row: row[1]),
-            (Column("residual", "rpm", ".2f"), lambda row: -row[2]),
+            (Head("line", "", "d"), lambda row: row[0].line),
+            (Head("mass put on", "kg", ".6g"), known("mass")),
+            (Head("spring", "N/m", ".6g"), known("spring_stiffness")),
+            (Head("preload", "N", ".6g"), known("preload")),
+            (Head("read", "rpm", ".2f"), lambda row: float(to_rpm(row[0].speed))),
+            (Head("fitted", "rpm", ".2f"), lambda row: row[1]),
+            (Head("residual", "rpm", ".2f"), lambda row: -row[2]),
         ),
     )
 

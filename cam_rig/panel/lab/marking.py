@@ -19,7 +19,7 @@ from cam_rig.panel.bench.live_state import FULL_SCALE_PA, LEAST_RATE
 from cam_rig.panel.lab.sheet import LabSheet
 from cam_rig.panel.lab.sheet_file import LabReading, RecordedSheet, read_sheet
 from cam_rig.schema import CamConfig, RigConfig
-from cam_rig.show.tables import Column, DataTable, tabulate
+from cam_rig.show.tables import DataTable, Head, tabulate
 from cam_rig.units import NS, RPM, TURN, FloatArray
 
 #: By how much (%) a reading may be off, if nothing else is said: 4 rpm of 400.
@@ -121,16 +121,16 @@ def marks_table(marked: MarkedSheet) -> DataTable:
         f"{marked.path.name}: {recorded.cam} on {recorded.rig}, {truth}",
         marked.marks,
         (
-            (Column("reading", "", "d"), lambda mark: mark.reading.number),
-            (Column("spring", "N/m", "g"), lambda mark: mark.reading.setup.spring_stiffness),
-            (Column("added mass", "kg", "g"), lambda mark: mark.reading.setup.added_mass),
-            (Column("preload", "N", "g"), lambda mark: mark.reading.setup.preload),
-            (Column("read", "rpm", ".2f"), lambda mark: mark.reading.rpm),
-            (Column("true", "rpm", ".2f"), lambda mark: mark.true_rpm),
-            (Column("difference", "rpm", "+.2f"), lambda mark: mark.difference_rpm),
-            (Column("difference", "%", "+.2f"), lambda mark: mark.difference_percent),
+            (Head("reading", "", "d"), lambda mark: mark.reading.number),
+            (Head("spring", "N/m", "g"), lambda mark: mark.reading.setup.spring_stiffness),
+            (Head("added mass", "kg", "g"), lambda mark: mark.reading.setup.added_mass),
+            (Head("preload", "N", "g"), lambda mark: mark.reading.setup.preload),
+            (Head("read", "rpm", ".2f"), lambda mark: mark.reading.rpm),
+            (Head("true", "rpm", ".2f"), lambda mark: mark.true_rpm),
+            (Head("difference", "rpm", "+.2f"), lambda mark: mark.difference_rpm),
+            (Head("difference", "%", "+.2f"), lambda mark: mark.difference_percent),
             (
-                Column(f"within {marked.tolerance:g} %"),
+                Head(f"within {marked.tolerance:g} %"),
                 lambda mark: "yes" if mark.within else "no",
             ),
         ),

@@ -15,13 +15,12 @@ from cam_rig.show.command import (
     SceneOption,
     TableCams,
     check_outputs,
-    say,
-    show,
     user_errors,
     write_csv,
     write_json,
     write_plot,
 )
+from cam_rig.show.terminal import say, show
 
 Millimetres = Annotated[
     float | None, typer.Option(help="Radius in mm, instead of the cam's own.", show_default=False)

@@ -21,7 +21,7 @@ from cam_rig.paper.as_cut.cut_for_point import FollowedLaw, followed_law
 from cam_rig.profile.contact import greatest_between
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.cam import Roller
-from cam_rig.show.tables import Column, DataTable, number, tabulate
+from cam_rig.show.tables import DataTable, Head, number, tabulate
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.simulate import Acoustics, Turns, settled_turns
 from cam_rig.units import RPM, FloatArray
@@ -176,19 +176,22 @@ def cams_table(found: Mapping[str, AsCut], titles: Mapping[str, str]) -> DataTab
         "A roller on the contour that a polar plot of s + R_b gives",
         found.items(),
         (
-            (Column("cam"), lambda row: titles.get(row[0], row[0])),
-            (Column("roller above s by", "mm", ".3f"), lambda row: 1e3 * row[1].too_high.value),
-            (Column("smallest s″", "mm/rad²", ".2f"), lambda row: 1e3 * row[1].deceleration[0]),
-            (Column("of the roller", "mm/rad²", ".2f"), lambda row: 1e3 * row[1].deceleration[1]),
-            (Column("jump speed of s", "rpm", ".2f"), lambda row: row[1].drawn.jump / RPM),
-            (Column("as cut", "rpm", ".2f"), lambda row: row[1].cut.jump / RPM),
-            (Column("level changes from", "dB", "+.3f"), lambda row: row[1].level_change.min()),
-            (Column("to", "dB", "+.3f"), lambda row: row[1].level_change.max()),
+            (Head("cam"), lambda row: titles.get(row[0], row[0])),
+            (Head("roller above s by", "mm", ".3f"), lambda row: 1e3 * row[1].too_high.value),
+            (Head("smallest s″", "mm/rad²", ".2f"), lambda row: 1e3 * row[1].deceleration[0]),
             (
-                Column("s lands from", "rpm", ".0f", "–"),
+                Head("of the roller", "mm/rad²", ".2f"),
+                lambda row: 1e3 * row[1].deceleration[1],
+            ),
+            (Head("jump speed of s", "rpm", ".2f"), lambda row: row[1].drawn.jump / RPM),
+            (Head("as cut", "rpm", ".2f"), lambda row: row[1].cut.jump / RPM),
+            (Head("level changes from", "dB", "+.3f"), lambda row: row[1].level_change.min()),
+            (Head("to", "dB", "+.3f"), lambda row: row[1].level_change.max()),
+            (
+                Head("s lands from", "rpm", ".0f", "–"),
                 lambda row: _rpm(row[1].drawn.lands_from),
             ),
-            (Column("as cut", "rpm", ".0f", "–"), lambda row: _rpm(row[1].cut.lands_from)),
+            (Head("as cut", "rpm", ".0f", "–"), lambda row: _rpm(row[1].cut.lands_from)),
         ),
         *_radii(found.values()),
         "Jump speeds are those of two masses, from rest; levels and landings those of the scene's "
@@ -205,13 +208,13 @@ def sizes_table(found: Iterable[AsCut], title: str) -> DataTable:
         f"{title} as cut, over base and roller radius{law}",
         rows,
         (
-            (Column("base radius", "mm", "g"), lambda row: 1e3 * row.base_radius),
-            (Column("roller radius", "mm", "g"), lambda row: 1e3 * row.roller),
-            (Column("roller above s by", "mm", ".3f"), lambda row: 1e3 * row.too_high.value),
-            (Column("smallest s″", "mm/rad²", ".2f"), lambda row: 1e3 * row.deceleration[1]),
-            (Column("jump speed", "rpm", ".2f"), lambda row: row.cut.jump / RPM),
-            (Column("level changes from", "dB", "+.3f"), lambda row: row.level_change.min()),
-            (Column("to", "dB", "+.3f"), lambda row: row.level_change.max()),
+            (Head("base radius", "mm", "g"), lambda row: 1e3 * row.base_radius),
+            (Head("roller radius", "mm", "g"), lambda row: 1e3 * row.roller),
+            (Head("roller above s by", "mm", ".3f"), lambda row: 1e3 * row.too_high.value),
+            (Head("smallest s″", "mm/rad²", ".2f"), lambda row: 1e3 * row.deceleration[1]),
+            (Head("jump speed", "rpm", ".2f"), lambda row: row.cut.jump / RPM),
+            (Head("level changes from", "dB", "+.3f"), lambda row: row.level_change.min()),
+            (Head("to", "dB", "+.3f"), lambda row: row.level_change.max()),
         ),
     )
 

@@ -15,12 +15,12 @@ from cam_rig.show.command import (
     Plot,
     RigOfScene,
     check_outputs,
-    show,
     user_errors,
     write_csv,
     write_json,
     write_plot,
 )
+from cam_rig.show.terminal import show
 
 #: Below every jump speed of the paper's laws.
 SPEED = 300.0

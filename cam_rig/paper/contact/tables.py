@@ -20,7 +20,7 @@ from cam_rig.paper.contact.comparison import (
 from cam_rig.schema.cam import ContactParts
 from cam_rig.schema.quantity import Quantity
 from cam_rig.schema.segment_base import quantities
-from cam_rig.show.tables import Cell, Column, DataTable, tabulate
+from cam_rig.show.tables import Cell, DataTable, Head, tabulate
 from cam_rig.units import RPM_PER_RAD_S, FloatArray
 
 #: Event angles of the table, degrees.
@@ -54,15 +54,15 @@ def _peaks(found: ContactTable) -> DataTable:
         f"Hertz pressure and sliding at {found.rpm:g} rpm, rig {found.rig}",
         rows,
         (
-            (Column("cam"), lambda row: row.case.cam.title + (" †" if row.lost else "")),
-            (Column("follower"), _follower),
-            (Column("largest pressure", "MPa", ".1f"), lambda row: 1e-6 * row.pressure.value),
-            (Column("at", "°", ".1f"), lambda row: math.degrees(row.pressure.angle)),
-            (Column("normal force there", "N", ".1f"), lambda row: row.load),
-            (Column("relative radius", "mm", ".2f"), lambda row: 1e3 * row.relative_radius),
-            (Column("contact width", "µm", ".1f"), lambda row: 1e6 * row.width),
-            (Column("sliding speed", "m/s", ".3f", "rolls"), _sliding),
-            (Column("roller speed", "rpm", ".0f", "–"), _roller),
+            (Head("cam"), lambda row: row.case.cam.title + (" †" if row.lost else "")),
+            (Head("follower"), _follower),
+            (Head("largest pressure", "MPa", ".1f"), lambda row: 1e-6 * row.pressure.value),
+            (Head("at", "°", ".1f"), lambda row: math.degrees(row.pressure.angle)),
+            (Head("normal force there", "N", ".1f"), lambda row: row.load),
+            (Head("relative radius", "mm", ".2f"), lambda row: 1e3 * row.relative_radius),
+            (Head("contact width", "µm", ".1f"), lambda row: 1e6 * row.width),
+            (Head("sliding speed", "m/s", ".3f", "rolls"), _sliding),
+            (Head("roller speed", "rpm", ".0f", "–"), _roller),
         ),
         "A roller that turns freely does not slide; the cam carries its rim along.",
         "A point without a radius would have infinite pressure: it is taken with its tip radius."
@@ -99,14 +99,14 @@ def _bounds(found: ContactTable) -> DataTable:
         f"Bounds on the base radius at {found.rpm:g} rpm",
         found.rows.values(),
         (
-            (Column("cam"), lambda row: row.case.cam.title),
+            (Head("cam"), lambda row: row.case.cam.title),
             (
-                Column("base radius", "mm", ".4g"),
+                Head("base radius", "mm", ".4g"),
                 lambda row: 1e3 * row.case.cam.follower.base_radius.si,
             ),
-            *((Column(heading, "mm", ".1f"), _bound(key)) for key, heading in BOUNDS.items()),
-            (Column("largest lower bound"), lambda row: LOWER.get(row.bounds.governing)),
-            (Column("result"), _result),
+            *((Head(heading, "mm", ".1f"), _bound(key)) for key, heading in BOUNDS.items()),
+            (Head("largest lower bound"), lambda row: LOWER.get(row.bounds.governing)),
+            (Head("result"), _result),
         ),
         "0: every base radius down to a hundredth of the cam's own will do.",
         f"Most pressure: {_each(1e-6 * one.most_pressure.si for one in parts)} MPa. "
@@ -153,9 +153,9 @@ def _events(caption: str, radii: dict[str, FloatArray]) -> DataTable:
         caption,
         radii.items(),
         (
-            (Column("rise"), lambda row: row[0]),
+            (Head("rise"), lambda row: row[0]),
             *(
-                (Column(f"β = {degrees:g}°", "", ".2f"), lambda row, i=i: float(row[1][i]))
+                (Head(f"β = {degrees:g}°", "", ".2f"), lambda row, i=i: float(row[1][i]))
                 for i, degrees in enumerate(EVENTS)
             ),
         ),
@@ -169,10 +169,10 @@ def play_table(rows: Iterable[PlayRow]) -> DataTable:
         "Play between the two contacts over the turn, each element put on its finished contour",
         rows,
         (
-            (Column("cam"), lambda row: row.cam.title),
-            (Column("follower"), lambda row: row.cam.follower.type.replace("_", " ")),
-            (Column("least", "nm", ".1e"), lambda row: 1e9 * row.least),
-            (Column("greatest", "nm", ".1e"), lambda row: 1e9 * row.greatest),
+            (Head("cam"), lambda row: row.cam.title),
+            (Head("follower"), lambda row: row.cam.follower.type.replace("_", " ")),
+            (Head("least", "nm", ".1e"), lambda row: 1e9 * row.least),
+            (Head("greatest", "nm", ".1e"), lambda row: 1e9 * row.greatest),
         ),
         "Negative: the follower would jam. The contours are splines through 3600 points.",
     )
@@ -184,10 +184,10 @@ def parts_table() -> DataTable:
         "What is assumed of a contact where a cam file does not say",
         quantities(ContactParts(), ""),
         (
-            (Column("number"), lambda row: row[0]),
-            (Column("value"), lambda row: _shown(row[1])),
-            (Column("origin"), lambda row: row[1].origin),
-            (Column("source"), lambda row: row[1].source),
+            (Head("number"), lambda row: row[0]),
+            (Head("value"), lambda row: _shown(row[1])),
+            (Head("origin"), lambda row: row[1].origin),
+            (Head("source"), lambda row: row[1].source),
         ),
     )
 

@@ -14,13 +14,12 @@ from cam_rig.show.command import (
     Plot,
     check_outputs,
     progress_bar,
-    say,
-    show,
     user_errors,
     write_csv,
     write_json,
     write_plot,
 )
+from cam_rig.show.terminal import say, show
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable

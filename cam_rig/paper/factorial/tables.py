@@ -18,7 +18,7 @@ from cam_rig.paper.factorial.conclusions import (
     staying,
 )
 from cam_rig.paper.factorial.study import EFFECTS, Design, Effect, Factorial, FactorialConfig
-from cam_rig.show.tables import Column, DataTable, tabulate
+from cam_rig.show.tables import DataTable, Head, tabulate
 from cam_rig.units import RPM_PER_RAD_S
 
 
@@ -49,17 +49,17 @@ def variance_table(design: Design, config: FactorialConfig) -> DataTable:
         f"Analysis of variance, {design.name}: {a} laws × {b} angles",
         rows,
         (
-            (Column("effect"), lambda row: row[0]),
-            (Column("law", "%", ".1f"), lambda row: 100.0 * row[1].shares[0]),
+            (Head("effect"), lambda row: row[0]),
+            (Head("law", "%", ".1f"), lambda row: 100.0 * row[1].shares[0]),
             (
-                Column("between classes", "%", ".1f"),
+                Head("between classes", "%", ".1f"),
                 lambda row: 100.0 * (row[1].classes / (row[1].total or 1.0)),
             ),
-            (Column("angle", "%", ".1f"), lambda row: 100.0 * row[1].shares[1]),
-            (Column("interaction", "%", ".1f"), lambda row: 100.0 * row[1].shares[2]),
-            (Column("sum of squares", "dB²", ".1f"), lambda row: row[1].total),
-            (Column("cells without contact", "", "d"), lambda row: row[3]),
-            (Column("governed by"), lambda row: row[2]),
+            (Head("angle", "%", ".1f"), lambda row: 100.0 * row[1].shares[1]),
+            (Head("interaction", "%", ".1f"), lambda row: 100.0 * row[1].shares[2]),
+            (Head("sum of squares", "dB²", ".1f"), lambda row: row[1].total),
+            (Head("cells without contact", "", "d"), lambda row: row[3]),
+            (Head("governed by"), lambda row: row[2]),
         ),
         f"Shares of the sum of squares. Degrees of freedom: {a - 1}, {b - 1}, {(a - 1) * (b - 1)}.",
         "Cells without contact: contact is lost below the effect's fastest speed, where the model "
@@ -75,10 +75,10 @@ def laws_table(found: Factorial) -> DataTable:
         "Jump speed by law, geometric mean over the angles",
         rows,
         (
-            (Column("law"), lambda row: row[0]),
-            (Column("continuity"), lambda row: f"C{row[1]}"),
-            (Column(same.name, "rpm", ".0f"), lambda row: row[2]),
-            (Column(alike.name, "rpm", ".0f"), lambda row: row[3]),
+            (Head("law"), lambda row: row[0]),
+            (Head("continuity"), lambda row: f"C{row[1]}"),
+            (Head(same.name, "rpm", ".0f"), lambda row: row[2]),
+            (Head(alike.name, "rpm", ".0f"), lambda row: row[3]),
         ),
     )
 
@@ -91,16 +91,19 @@ def advantage_table(found: Factorial, titles: Mapping[str, str] | None = None) -
         f"Advantage of {proposed}, and the part of it that comes from the slopes",
         advantages(found),
         (
-            (Column("over"), lambda row: called.get(row.cam, row.cam)),
-            (Column("jump speed", "%", "+.1f"), lambda row: 100.0 * math.expm1(row.jump)),
-            (Column("from slopes", "%", ".0f"), lambda row: 100.0 * row.jump_share),
+            (Head("over"), lambda row: called.get(row.cam, row.cam)),
+            (Head("jump speed", "%", "+.1f"), lambda row: 100.0 * math.expm1(row.jump)),
+            (Head("from slopes", "%", ".0f"), lambda row: 100.0 * row.jump_share),
             (
-                Column("peak acceleration", "%", "+.1f"),
+                Head("peak acceleration", "%", "+.1f"),
                 lambda row: 100.0 * math.expm1(-row.acceleration),
             ),
-            (Column("from slopes", "%", ".0f"), lambda row: 100.0 * row.acceleration_share),
-            (Column("residual vibration, divided by", "", ".1f"), lambda r: math.exp(r.residual)),
-            (Column("noise", "dB", "+.1f"), lambda row: -row.noise),
+            (Head("from slopes", "%", ".0f"), lambda row: 100.0 * row.acceleration_share),
+            (
+                Head("residual vibration, divided by", "", ".1f"),
+                lambda r: math.exp(r.residual),
+            ),
+            (Head("noise", "dB", "+.1f"), lambda row: -row.noise),
         ),
         "From slopes: what a rigid follower has too, in logarithms; the rest is vibration.",
         "Above 100 %: at its own, higher jump speed the cam excites more vibration.",
@@ -113,15 +116,15 @@ def compressed_table(found: Factorial) -> DataTable:
         f"{found.config.proposed} compressed, with a low dwell for the rest of the turn",
         sorted(found.squeezed.items(), reverse=True),
         (
-            (Column("span", "°", ".4g"), lambda row: math.degrees(row[0])),
-            (Column("jump speed", "rpm", ".1f"), lambda row: row[1].jump * RPM_PER_RAD_S),
+            (Head("span", "°", ".4g"), lambda row: math.degrees(row[0])),
+            (Head("jump speed", "rpm", ".1f"), lambda row: row[1].jump * RPM_PER_RAD_S),
             (
-                Column("rigid follower", "rpm", ".1f"),
+                Head("rigid follower", "rpm", ".1f"),
                 lambda row: row[1].rigid_jump * RPM_PER_RAD_S,
             ),
-            (Column("peak acceleration", "m/s²", ".1f"), lambda row: row[1].acceleration),
-            (Column("residual vibration", "µm", ".2f"), lambda row: 1e6 * row[1].residual),
-            (Column("noise", "dB", ".1f"), lambda row: row[1].noise),
+            (Head("peak acceleration", "m/s²", ".1f"), lambda row: row[1].acceleration),
+            (Head("residual vibration", "µm", ".2f"), lambda row: 1e6 * row[1].residual),
+            (Head("noise", "dB", ".1f"), lambda row: row[1].noise),
         ),
     )
 

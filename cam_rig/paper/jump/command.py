@@ -13,15 +13,13 @@ from cam_rig.show.command import (
     Plot,
     RigOfScene,
     check_outputs,
-    console,
     progress_bar,
-    say,
-    show,
     user_errors,
     write_csv,
     write_json,
     write_plot,
 )
+from cam_rig.show.terminal import console, say, show
 
 if TYPE_CHECKING:
     from pathlib import Path

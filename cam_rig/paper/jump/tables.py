@@ -8,7 +8,7 @@ from typing import Any
 
 from cam_rig.dynamics.jump.any_follower import JumpRow
 from cam_rig.paper.jump.refit import Numbers, Refit
-from cam_rig.show.tables import Cell, Column, DataTable, tabulate
+from cam_rig.show.tables import Cell, DataTable, Head, tabulate
 
 #: The four numbers of a refit: heading, unit, factor from SI.
 REFITTED = {
@@ -38,19 +38,19 @@ def jump_table(
         caption,
         rows,
         (
-            (Column("cam"), lambda row: called.get(row.cam, row.cam)),
-            (Column("use"), lambda row: "" if row.ramp else row.role),
-            (Column("jump speed", "rpm", ".2f"), lambda row: row.found.rpm),
-            (Column("paper", "rpm", "g"), lambda row: row.published_rpm),
-            (Column("difference", "%", "+.2f"), lambda row: _percent(row.difference)),
+            (Head("cam"), lambda row: called.get(row.cam, row.cam)),
+            (Head("use"), lambda row: "" if row.ramp else row.role),
+            (Head("jump speed", "rpm", ".2f"), lambda row: row.found.rpm),
+            (Head("paper", "rpm", "g"), lambda row: row.published_rpm),
+            (Head("difference", "%", "+.2f"), lambda row: _percent(row.difference)),
             (
-                Column("steady state", "rpm", ".2f"),
+                Head("steady state", "rpm", ".2f"),
                 lambda row: None if row.steady is None else row.steady.rpm,
             ),
-            (Column("rigid follower", "rpm", ".1f"), lambda row: rigid.get(row.cam)),
-            (Column("cam angle", "°", ".1f"), lambda row: math.degrees(row.found.angle)),
-            (Column("time", "s", ".3f"), lambda row: row.found.time),
-            (Column("paper", "s", ".2f"), lambda row: row.published_time),
+            (Head("rigid follower", "rpm", ".1f"), lambda row: rigid.get(row.cam)),
+            (Head("cam angle", "°", ".1f"), lambda row: math.degrees(row.found.angle)),
+            (Head("time", "s", ".3f"), lambda row: row.found.time),
+            (Head("paper", "s", ".2f"), lambda row: row.published_time),
         ),
         "Fitted: the rig's four unprinted numbers were identified from it. Test: nothing was "
         "fitted to it."
@@ -72,11 +72,11 @@ def refit_table(found: Refit) -> DataTable:
         "Refit of four numbers to four jump speeds",
         rows,
         (
-            (Column("number"), lambda row: row[0][1][0]),
-            (Column("unit"), lambda row: row[0][1][1]),
-            (Column("rig", "", ".5g"), lambda row: _shown(found.start, row[0][0])),
-            (Column("refitted", "", ".5g"), lambda row: _shown(found.numbers, row[0][0])),
-            (Column("standard error", "%", ".1f"), lambda row: 100.0 * row[1]),
+            (Head("number"), lambda row: row[0][1][0]),
+            (Head("unit"), lambda row: row[0][1][1]),
+            (Head("rig", "", ".5g"), lambda row: _shown(found.start, row[0][0])),
+            (Head("refitted", "", ".5g"), lambda row: _shown(found.numbers, row[0][0])),
+            (Head("standard error", "%", ".1f"), lambda row: 100.0 * row[1]),
         ),
         "Standard error: from the rounding of the paper's Table 2 alone, near this solution.",
     )
@@ -88,10 +88,10 @@ def solutions_table(found: Refit) -> DataTable:
         "Where the searches ended",
         found.solutions,
         (
-            (Column("r.m.s. difference", "%", ".2f"), lambda solution: 100.0 * solution[1]),
+            (Head("r.m.s. difference", "%", ".2f"), lambda solution: 100.0 * solution[1]),
             *(
                 (
-                    Column(heading, unit, ".4g"),
+                    Head(heading, unit, ".4g"),
                     lambda solution, key=key: _shown(solution[0], key),
                 )
                 for key, (heading, unit, _) in REFITTED.items()

@@ -21,14 +21,13 @@ from cam_rig.show.command import (
     Scene,
     SceneOption,
     check_outputs,
-    console,
     progress_bar,
-    show,
     user_errors,
     write_csv,
     write_json,
     write_plot,
 )
+from cam_rig.show.terminal import console, show
 
 #: Where in a text (first and last character) something else is to stand, and what.
 Edit = tuple[int, int, str]

@@ -20,7 +20,7 @@ from cam_rig.paper.anova import two_levels
 from cam_rig.paper.noise.roles import NoiseSetup
 from cam_rig.schema import CamConfig
 from cam_rig.schema.segments import Dwell, Rise
-from cam_rig.show.tables import Column, DataTable, tabulate
+from cam_rig.show.tables import DataTable, Head, tabulate
 from cam_rig.simulation.simulate import Acoustics, settled_turns
 from cam_rig.units import FloatArray
 
@@ -138,18 +138,18 @@ def _cams(study: HighDwellStudy, rpm: list[float]) -> DataTable:
         "Lift, high dwell and joints: level of the reference cam changed in each",
         study.levels_db,
         (
-            (Column("lift", "mm", ".2f"), lambda cam: 1e3 * cam.lift),
-            (Column("high dwell", "°", ".1f"), lambda cam: math.degrees(cam.high_dwell)),
-            (Column("rise"), lambda cam: cam.rise),
+            (Head("lift", "mm", ".2f"), lambda cam: 1e3 * cam.lift),
+            (Head("high dwell", "°", ".1f"), lambda cam: math.degrees(cam.high_dwell)),
+            (Head("rise"), lambda cam: cam.rise),
             *(
                 (
-                    Column(f"{rpm[i]:g} rpm", "dB", ".1f"),
+                    Head(f"{rpm[i]:g} rpm", "dB", ".1f"),
                     lambda cam, i=i: float(study.levels_db[cam][i]),
                 )
                 for i in (0, middle, -1)
             ),
-            (Column("change from", "dB", "+.1f"), lowest),
-            (Column("to", "dB", "+.1f"), highest),
+            (Head("change from", "dB", "+.1f"), lowest),
+            (Head("to", "dB", "+.1f"), highest),
         ),
     )
 
@@ -159,8 +159,8 @@ def _shares(study: HighDwellStudy) -> DataTable:
         "Shares of the variation of the mean level",
         study.shares,
         (
-            (Column("by"), lambda axes: " × ".join(FACTORS[axis] for axis in axes)),
-            (Column("share", "%", ".1f"), lambda axes: 100.0 * study.shares[axes]),
+            (Head("by"), lambda axes: " × ".join(FACTORS[axis] for axis in axes)),
+            (Head("share", "%", ".1f"), lambda axes: 100.0 * study.shares[axes]),
         ),
         "Joints: with the reference's rise, or with one whose acceleration jumps at each dwell.",
     )

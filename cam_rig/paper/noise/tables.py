@@ -15,7 +15,7 @@ from cam_rig.paper.noise.methods import Band, Crossing, Method
 from cam_rig.paper.noise.shared_rig import OneRig
 from cam_rig.paper.noise.study import TESTED_ON, NoiseClaim, NoiseStudy, noise_claims
 from cam_rig.schema import PublishedNoise
-from cam_rig.show.tables import Cell, Column, DataTable, tabulate
+from cam_rig.show.tables import Cell, DataTable, Head, tabulate
 from cam_rig.simulation.simulate import Acoustics
 
 # Where the curves of a noise study cross, and the paper's claims of them, as tables.
@@ -32,10 +32,10 @@ def largest_table(study: NoiseStudy) -> DataTable:
         "Largest difference of the points to published",
         [(method, curve) for method in study.methods for curve in method.curves.values()],
         (
-            (Column("calibration"), lambda row: row[0].name),
-            (Column("cam"), lambda row: row[1].cam),
-            (Column("difference", "dB", "+.2f"), lambda row: row[1].largest_db),
-            (Column("at", "rpm", ".0f"), lambda row: float(study.rpm[row[1].largest_at])),
+            (Head("calibration"), lambda row: row[0].name),
+            (Head("cam"), lambda row: row[1].cam),
+            (Head("difference", "dB", "+.2f"), lambda row: row[1].largest_db),
+            (Head("at", "rpm", ".0f"), lambda row: float(study.rpm[row[1].largest_at])),
         ),
     )
 
@@ -48,18 +48,18 @@ def crossings_table(study: NoiseStudy, published: PublishedNoise) -> DataTable:
         "Speeds at which two cams are equally loud",
         [(method, pair) for method in study.methods for pair in method.pairs],
         (
-            (Column("calibration"), lambda row: row[0].name),
-            (Column("cams"), lambda row: " and ".join(row[1].between)),
-            (Column("published curves", "rpm", ".1f"), lambda row: row[1].published_rpm),
-            (Column("regressions", "rpm", ".1f", nowhere), lambda row: row[1].found.rpm),
+            (Head("calibration"), lambda row: row[0].name),
+            (Head("cams"), lambda row: " and ".join(row[1].between)),
+            (Head("published curves", "rpm", ".1f"), lambda row: row[1].published_rpm),
+            (Head("regressions", "rpm", ".1f", nowhere), lambda row: row[1].found.rpm),
             (
-                Column("standard deviation", "rpm", ".1f"),
+                Head("standard deviation", "rpm", ".1f"),
                 lambda row: finite(row[1].found.deviation),
             ),
-            (Column("95 % from", "rpm", ".0f"), lambda row: finite(row[1].found.low)),
-            (Column("to", "rpm", ".0f"), lambda row: finite(row[1].found.high)),
-            (Column("draws without", "%", ".0f"), lambda row: 100.0 * row[1].found.missing),
-            (Column("points", "rpm", ".1f", nowhere), lambda row: row[1].found.points_rpm),
+            (Head("95 % from", "rpm", ".0f"), lambda row: finite(row[1].found.low)),
+            (Head("to", "rpm", ".0f"), lambda row: finite(row[1].found.high)),
+            (Head("draws without", "%", ".0f"), lambda row: 100.0 * row[1].found.missing),
+            (Head("points", "rpm", ".1f", nowhere), lambda row: row[1].found.points_rpm),
         ),
         f"The paper names {' and '.join(named.between)}, {named.rpm:g} rpm. Standard deviation and "
         "95 %: of the bootstrap's draws that cross at all.",
@@ -81,9 +81,9 @@ def claims_table(study: NoiseStudy, published: PublishedNoise) -> DataTable:
         "The paper's claims of noise, tested",
         noise_claims(study, published.crossover.rpm),
         (
-            (Column("claim"), lambda claim: claim.words),
-            (Column("in the paper"), lambda claim: claim.source),
-            *((Column(name), by(name)) for name in TESTED_ON),
+            (Head("claim"), lambda claim: claim.words),
+            (Head("in the paper"), lambda claim: claim.source),
+            *((Head(name), by(name)) for name in TESTED_ON),
         ),
         f"Regressions and points: simulated, calibrated {_way(study.best.name)}, which predicts "
         "best what it was not fitted to.",
@@ -134,16 +134,16 @@ def structures_table(study: NoiseStudy) -> DataTable:
         field
         for i, cam in enumerate(cams)
         for field in (
-            (Column(f"fitted to {cam}", "dB", ".2f"), fitted(i)),
-            (Column(f"predicted from {cam}", "dB", ".2f"), predicted(i)),
+            (Head(f"fitted to {cam}", "dB", ".2f"), fitted(i)),
+            (Head(f"predicted from {cam}", "dB", ".2f"), predicted(i)),
         )
     ]
     return tabulate(
         "Transfer functions between contact force and sound: r.m.s. difference",
         zip(*study.structures.values(), strict=True),
         (
-            (Column("structure, weighting"), lambda row: f"{row[0].name}, {row[0].weighting}"),
-            (Column("numbers fitted", "", "d"), lambda row: row[0].numbers),
+            (Head("structure, weighting"), lambda row: f"{row[0].name}, {row[0].weighting}"),
+            (Head("numbers fitted", "", "d"), lambda row: row[0].numbers),
             *each,
         ),
     )
@@ -155,15 +155,15 @@ def curves_table(study: NoiseStudy) -> DataTable:
         "Noise of three cams by three ways of calibrating: r.m.s. difference to published",
         [(m, curve) for m in study.methods for curve in m.curves.values()],
         (
-            (Column("calibration"), lambda row: row[0].name),
-            (Column("cam"), lambda row: row[1].cam),
-            (Column("role"), lambda row: row[1].role),
-            (Column("numbers fitted to it", "", "d"), lambda row: row[1].numbers),
-            (Column("points", "dB", ".2f"), lambda row: row[1].rms_db),
-            (Column("regression", "dB", ".2f"), lambda row: row[1].rms_regression_db),
-            (Column("95 % band, half", "dB", ".1f"), lambda row: _half(row[1].expected)),
+            (Head("calibration"), lambda row: row[0].name),
+            (Head("cam"), lambda row: row[1].cam),
+            (Head("role"), lambda row: row[1].role),
+            (Head("numbers fitted to it", "", "d"), lambda row: row[1].numbers),
+            (Head("points", "dB", ".2f"), lambda row: row[1].rms_db),
+            (Head("regression", "dB", ".2f"), lambda row: row[1].rms_regression_db),
+            (Head("95 % band, half", "dB", ".1f"), lambda row: _half(row[1].expected)),
             (
-                Column("published inside", "%", ".0f"),
+                Head("published inside", "%", ".0f"),
                 lambda row: 100.0 * row[1].expected.holds(row[1].published_db),
             ),
         ),
@@ -182,19 +182,19 @@ def constants_table(study: NoiseStudy) -> DataTable:
         return lambda m: m.acoustics.response[i] if m.acoustics.response else None
 
     terms = [
-        (Column(f"response x{p}", "dB", "+.2f"), response(i)) for i, p in enumerate(("", "²", "³"))
+        (Head(f"response x{p}", "dB", "+.2f"), response(i)) for i, p in enumerate(("", "²", "³"))
     ]
     return tabulate(
         "Constants by way of calibrating",
         study.methods,
         (
-            (Column("calibration"), lambda m: m.name),
-            (Column("gain", "Pa·s/N", ".4g"), lambda m: m.acoustics.radiation.gain),
-            (Column("cut-off", "Hz", ".4g"), lambda m: m.acoustics.radiation.corner),
+            (Head("calibration"), lambda m: m.name),
+            (Head("gain", "Pa·s/N", ".4g"), lambda m: m.acoustics.radiation.gain),
+            (Head("cut-off", "Hz", ".4g"), lambda m: m.acoustics.radiation.corner),
             *terms,
-            (Column("arc cam: lift", "mm", ".2f"), lambda m: 1e3 * m.shape.lift),
-            (Column("event", "°", ".1f"), lambda m: math.degrees(m.shape.event)),
-            (Column("flank", "m", ".2f"), lambda m: 1.0 / m.shape.curvature),
+            (Head("arc cam: lift", "mm", ".2f"), lambda m: 1e3 * m.shape.lift),
+            (Head("event", "°", ".1f"), lambda m: math.degrees(m.shape.event)),
+            (Head("flank", "m", ".2f"), lambda m: 1.0 / m.shape.curvature),
         ),
         "Response: x = (rpm − 300)/100."
         if any(m.acoustics.response for m in study.methods)
@@ -208,12 +208,12 @@ def left_out_table(study: NoiseStudy) -> DataTable:
         "Each cam left out: gain and cut-off from the other two, r.m.s. difference on it",
         study.left_out,
         (
-            (Column("left out"), lambda row: row.cam),
-            (Column("numbers fitted to the others", "", "d"), lambda row: row.numbers),
-            (Column("gain", "Pa·s/N", ".3g"), lambda row: row.acoustics.radiation.gain),
-            (Column("cut-off", "Hz", ".2f"), lambda row: row.acoustics.radiation.corner),
-            (Column("points", "dB", ".2f"), lambda row: row.rms_db),
-            (Column("regression", "dB", ".2f"), lambda row: row.rms_regression_db),
+            (Head("left out"), lambda row: row.cam),
+            (Head("numbers fitted to the others", "", "d"), lambda row: row.numbers),
+            (Head("gain", "Pa·s/N", ".3g"), lambda row: row.acoustics.radiation.gain),
+            (Head("cut-off", "Hz", ".2f"), lambda row: row.acoustics.radiation.corner),
+            (Head("points", "dB", ".2f"), lambda row: row.rms_db),
+            (Head("regression", "dB", ".2f"), lambda row: row.rms_regression_db),
         ),
     )
 
@@ -237,9 +237,9 @@ def one_rig_table(study: NoiseStudy) -> DataTable:
         "One rig for jump and noise: r.m.s. difference of the points to published",
         [own, *study.one_rig],
         (
-            (Column("rig"), lambda rig: rig.name),
-            *((Column(cam, "dB", ".2f", "not run"), points(cam)) for cam in base.curves),
-            (Column("crossing", "rpm", ".1f"), lambda rig: rig.crossing_rpm),
+            (Head("rig"), lambda rig: rig.name),
+            *((Head(cam, "dB", ".2f", "not run"), points(cam)) for cam in base.curves),
+            (Head("crossing", "rpm", ".1f"), lambda rig: rig.crossing_rpm),
         ),
         "Not run: a search of minutes, cam-rig noise --one-rig." if aside else "",
     )
@@ -253,14 +253,14 @@ def levels_table(study: NoiseStudy) -> DataTable:
         return lambda i: float(levels[i])
 
     each = [
-        (Column(f"{curve.cam}, {what}", "dB", ".1f"), at(levels))
+        (Head(f"{curve.cam}, {what}", "dB", ".1f"), at(levels))
         for curve in method.curves.values()
         for what, levels in (("published", curve.published_db), ("here", curve.level_db))
     ]
     return tabulate(
         f"The paper's Table 3: levels, published and simulated {method.name}",
         range(0, study.rpm.size, EVERY),
-        ((Column("speed", "rpm", "g"), at(study.rpm)), *each),
+        ((Head("speed", "rpm", "g"), at(study.rpm)), *each),
     )
 
 

@@ -17,13 +17,12 @@ from cam_rig.show.command import (
     check_outputs,
     check_recording,
     progress_bar,
-    say,
-    show,
     user_errors,
     write_csv,
     write_json,
     write_plot,
 )
+from cam_rig.show.terminal import say, show
 
 if TYPE_CHECKING:
     from cam_rig.laws import Law

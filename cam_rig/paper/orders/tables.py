@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cam_rig.paper.orders.spectrum import CamOrders, OrderSpectrum
-from cam_rig.show.tables import Cell, Column, DataTable, tabulate
+from cam_rig.show.tables import Cell, DataTable, Head, tabulate
 
 #: So many of the loudest orders are named.
 LOUDEST = 2
@@ -33,13 +33,13 @@ def speed_table(found: Iterable[CamOrders], titles: Mapping[str, str] | None = N
         f"Orders 1 to {highest:g} of the steady turn",
         rows,
         (
-            (Column("cam"), lambda row: called.get(row[0], row[0])),
-            (Column("speed", "rpm", ".6g"), lambda row: row[1].rpm),
-            (Column("period", "turns", "d", "none"), _period),
-            (Column("mean force", "N", ".2f"), lambda row: float(row[1].amplitude[0])),
-            (Column("sound", "dB", ".1f"), lambda row: row[1].total_db),
-            (Column("background", "dB", ".1f"), lambda row: row[1].background_db),
-            *((Column(f"loudest {i + 1}"), _loudest(i)) for i in range(LOUDEST)),
+            (Head("cam"), lambda row: called.get(row[0], row[0])),
+            (Head("speed", "rpm", ".6g"), lambda row: row[1].rpm),
+            (Head("period", "turns", "d", "none"), _period),
+            (Head("mean force", "N", ".2f"), lambda row: float(row[1].amplitude[0])),
+            (Head("sound", "dB", ".1f"), lambda row: row[1].total_db),
+            (Head("background", "dB", ".1f"), lambda row: row[1].background_db),
+            *((Head(f"loudest {i + 1}"), _loudest(i)) for i in range(LOUDEST)),
         ),
         "Sound: of these orders together. Loudest: the order, and its level in dB re 20 µPa. The "
         "background has no orders.",
@@ -63,13 +63,13 @@ def order_table(found: Iterable[CamOrders]) -> DataTable:
         "Force and sound by orders of the cam",
         rows,
         (
-            (Column("cam"), lambda row: row[0]),
-            (Column("speed", "rpm", ".6g"), lambda row: row[1].rpm),
-            (Column("order", "", ".6g"), of("orders")),
-            (Column("frequency", "Hz", ".2f"), of("frequency")),
-            (Column("force amplitude", "N", ".4g"), of("amplitude")),
-            (Column("force phase", "°", ".1f"), _phase),
-            (Column("sound level", "dB", ".1f"), of("level")),
+            (Head("cam"), lambda row: row[0]),
+            (Head("speed", "rpm", ".6g"), lambda row: row[1].rpm),
+            (Head("order", "", ".6g"), of("orders")),
+            (Head("frequency", "Hz", ".2f"), of("frequency")),
+            (Head("force amplitude", "N", ".4g"), of("amplitude")),
+            (Head("force phase", "°", ".1f"), _phase),
+            (Head("sound level", "dB", ".1f"), of("level")),
         ),
         "Phase: force = mean + Σ amplitude · cos(order · θ + phase). Level: dB re 20 µPa.",
     )

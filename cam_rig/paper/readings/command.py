@@ -6,7 +6,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cam_rig.show.command import Csv, check_outputs, progress_bar, say, show, user_errors, write_csv
+from cam_rig.show.command import (
+    Csv,
+    check_outputs,
+    progress_bar,
+    user_errors,
+    write_csv,
+)
+from cam_rig.show.terminal import say, show
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -10,7 +10,7 @@ from cam_rig.paper.readings.readings import Read
 from cam_rig.paper.readings.search import Found
 from cam_rig.schema import TableReading
 from cam_rig.schema.quantity import Quantity
-from cam_rig.show.tables import Cell, Column, DataTable, tabulate
+from cam_rig.show.tables import Cell, DataTable, Head, tabulate
 
 #: The numbers of a reading: heading, unit, format, factor from SI.
 NUMBERS = {
@@ -30,12 +30,12 @@ def numbers_table(readings: Mapping[str, TableReading]) -> DataTable:
         "Readings of the paper's Table 2: their numbers",
         readings.items(),
         (
-            (Column("reading"), lambda item: item[0]),
+            (Head("reading"), lambda item: item[0]),
             *(
-                (Column(heading, unit), lambda item, key=key: _number(item[1], key))
+                (Head(heading, unit), lambda item, key=key: _number(item[1], key))
                 for key, (heading, unit, _, _) in NUMBERS.items()
             ),
-            (Column("fitted", "", "d"), lambda item: len(item[1].fitted)),
+            (Head("fitted", "", "d"), lambda item: len(item[1].fitted)),
         ),
         "* identified from the paper's Table 2. The others are given or assumed, with their "
         "sources in the readings' file.",
@@ -57,18 +57,18 @@ def speeds_table(found: Sequence[Read]) -> DataTable:
         f"{ROUNDED_TO:g} rpm",
         found,
         (
-            (Column("reading"), lambda read: read.name),
-            (Column("fitted", "", "d"), lambda read: len(read.reading.fitted)),
+            (Head("reading"), lambda read: read.name),
+            (Head("fitted", "", "d"), lambda read: len(read.reading.fitted)),
             *(
                 (
-                    Column(f"{cam}, {found[0].rows[i].printed.rpm:g} printed", "rpm", "g"),
+                    Head(f"{cam}, {found[0].rows[i].printed.rpm:g} printed", "rpm", "g"),
                     lambda read, i=i: _finite(read.rows[i].rpm),
                 )
                 for i, cam in enumerate(cams)
             ),
-            (Column("speeds that agree", "", "d"), lambda read: read.speeds),
-            (Column("times that agree", "", "d"), lambda read: read.times),
-            (Column("jump speeds, r.m.s.", "%", ".2f"), lambda read: 100.0 * read.rms),
+            (Head("speeds that agree", "", "d"), lambda read: read.speeds),
+            (Head("times that agree", "", "d"), lambda read: read.times),
+            (Head("jump speeds, r.m.s.", "%", ".2f"), lambda read: 100.0 * read.rms),
         ),
         "A time agrees within half a turn, where the speed does.",
         "Jump speeds, r.m.s.: of those at any speed, also between those of the grid.",
@@ -81,15 +81,15 @@ def times_table(found: Sequence[Read]) -> DataTable:
         "Readings of the paper's Table 2: time of the first loss of contact",
         [(read, row) for read in found for row in read.rows],
         (
-            (Column("reading"), lambda item: item[0].name),
-            (Column("cam"), lambda item: item[1].cam),
-            (Column("jump speed", "rpm", ".1f"), lambda item: item[1].jump),
-            (Column("paper", "s", ".2f"), lambda item: item[1].printed.time_s),
-            (Column("time", "s", ".3f"), lambda item: _finite(item[1].time)),
-            (Column("at the jump + 1e-6", "s", ".3f"), lambda item: _finite(item[1].at_limit)),
-            (Column("+ 1e-3", "s", ".3f"), lambda item: _finite(item[1].beyond)),
-            (Column("window", "rpm", ".2f"), lambda item: item[1].window),
-            (Column("least force", "N", "+.1f"), lambda item: item[1].force),
+            (Head("reading"), lambda item: item[0].name),
+            (Head("cam"), lambda item: item[1].cam),
+            (Head("jump speed", "rpm", ".1f"), lambda item: item[1].jump),
+            (Head("paper", "s", ".2f"), lambda item: item[1].printed.time_s),
+            (Head("time", "s", ".3f"), lambda item: _finite(item[1].time)),
+            (Head("at the jump + 1e-6", "s", ".3f"), lambda item: _finite(item[1].at_limit)),
+            (Head("+ 1e-3", "s", ".3f"), lambda item: _finite(item[1].beyond)),
+            (Head("window", "rpm", ".2f"), lambda item: item[1].window),
+            (Head("least force", "N", "+.1f"), lambda item: item[1].force),
         ),
         "Time: at the first speed of the grid, and above the jump speed by so much of it.",
         f"Window: over how many rpm, of {ROUNDED_TO:g} on "

@@ -18,7 +18,7 @@ from cam_rig.laws import Law
 from cam_rig.laws.cam import CamSet
 from cam_rig.paper.stem.chain import BAR, Stem, StemTurn, stem_turn
 from cam_rig.schema import RigConfig
-from cam_rig.show.tables import Column, DataTable, number, tabulate
+from cam_rig.show.tables import DataTable, Head, number, tabulate
 from cam_rig.units import RPM
 
 #: Elements of the stem; one is the two-mass follower.
@@ -223,18 +223,18 @@ def _over_masses(study: StemStudy, cam: str, title: str) -> DataTable:
         f"A stem of {number(study.stiffness, '.3g')} N/m in more and more masses, {title}",
         study.rows,
         (
-            (Column("masses"), _masses),
-            (Column("first natural frequency", "Hz", ".1f"), lambda row: row.frequency),
+            (Head("masses"), _masses),
+            (Head("first natural frequency", "Hz", ".1f"), lambda row: row.frequency),
             (
-                Column("off", "%", "+.2f"),
+                Head("off", "%", "+.2f"),
                 lambda row: _percent_off(row.frequency, study.bar.frequency),
             ),
-            (Column("jump speed", "rpm", ".1f"), lambda row: row.jump[cam]),
+            (Head("jump speed", "rpm", ".1f"), lambda row: row.jump[cam]),
             (
-                Column(f"residual vibration at {study.rpm:g} rpm", "µm", ".3g"),
+                Head(f"residual vibration at {study.rpm:g} rpm", "µm", ".3g"),
                 lambda row: 1e6 * row.vibration[cam],
             ),
-            (Column("level", "dB", ".2f"), lambda row: row.level[cam]),
+            (Head("level", "dB", ".2f"), lambda row: row.level[cam]),
         ),
         f"Steady state. {study.stem_mass:.3g} kg of the follower are the stem's (assumed: the most "
         "that the mass split allows); total mass, stiffness and preload stay.",
@@ -247,17 +247,20 @@ def _jumps(study: StemStudy, titles: Mapping[str, str]) -> DataTable:
         f"Two masses and a bar: jump speeds on a stem of {number(study.stiffness, '.3g')} N/m",
         two,
         (
-            (Column("law"), lambda cam: titles[cam]),
-            (Column("two masses", "rpm", ".1f"), lambda cam: two[cam]),
-            (Column("bar", "rpm", ".1f"), lambda cam: bar[cam]),
-            (Column("two masses off", "%", "+.2f"), lambda cam: _percent_off(two[cam], bar[cam])),
+            (Head("law"), lambda cam: titles[cam]),
+            (Head("two masses", "rpm", ".1f"), lambda cam: two[cam]),
+            (Head("bar", "rpm", ".1f"), lambda cam: bar[cam]),
             (
-                Column("force off from", "rpm", ".0f", missing="never"),
+                Head("two masses off", "%", "+.2f"),
+                lambda cam: _percent_off(two[cam], bar[cam]),
+            ),
+            (
+                Head("force off from", "rpm", ".0f", missing="never"),
                 lambda cam: study.off_from[cam],
             ),
-            (Column("level off", "dB", ".2f"), lambda cam: study.level_off[cam]),
+            (Head("level off", "dB", ".2f"), lambda cam: study.level_off[cam]),
             (
-                Column(f"bar of {number(study.matched_stiffness, '.3g')} N/m", "rpm", ".1f"),
+                Head(f"bar of {number(study.matched_stiffness, '.3g')} N/m", "rpm", ".1f"),
                 lambda cam: matched[cam],
             ),
         ),

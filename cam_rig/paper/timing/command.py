@@ -8,13 +8,12 @@ from cam_rig.show.command import (
     Plot,
     TableCams,
     check_outputs,
-    say,
-    show,
     user_errors,
     write_csv,
     write_json,
     write_plot,
 )
+from cam_rig.show.terminal import say, show
 
 
 def timing(

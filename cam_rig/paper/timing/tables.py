@@ -22,7 +22,7 @@ from cam_rig.paper.timing.events import (
     with_same_events,
 )
 from cam_rig.schema import CamConfig
-from cam_rig.show.tables import Cell, Column, DataTable, tabulate
+from cam_rig.show.tables import Cell, DataTable, Head, tabulate
 from cam_rig.units import FloatArray
 
 # Cams by their events, and a Bézier curve beside a B-spline of the same lift and events.
@@ -128,15 +128,15 @@ def events_table(found: Iterable[CamTiming], by_name: bool = False) -> DataTable
         "Cam angles at which the lift is passed",
         found,
         (
-            (Column("cam"), lambda row: row.cam.name if by_name else row.cam.title),
+            (Head("cam"), lambda row: row.cam.name if by_name else row.cam.title),
             *(
                 (
-                    Column(f"{_percent(level)} {'up' if up else 'down'}", "°", ".3f"),
+                    Head(f"{_percent(level)} {'up' if up else 'down'}", "°", ".3f"),
                     angle(level, up),
                 )
                 for level, up in passages
             ),
-            (Column("free ordinates", "", "d"), lambda row: sum(map(_free, row.ordinates))),
+            (Head("free ordinates", "", "d"), lambda row: sum(map(_free, row.ordinates))),
         ),
         "Heights over the lowest place, in parts of the lift of the cam's file.",
         "Free: not held by a joint. Trigonometric rises have no ordinates.",
@@ -157,11 +157,11 @@ def ordinates_table(timing: CamTiming, ordinates: Ordinates) -> DataTable:
         f"{timing.cam.title}, segment {ordinates.segment}: what each ordinate moves",
         range(ordinates.values.size),
         (
-            (Column("ordinate", "", "d"), lambda j: j),
-            (Column("value", "", ".4g"), lambda j: float(ordinates.values[j])),
-            (Column("free"), lambda j: "yes" if free.start <= j < free.stop else "held"),
-            (Column("reach", "°", ".1f"), lambda j: math.degrees(reaches[j])),
-            *((Column(_name(timing.events[i]), "°", ".4f"), shift(i)) for i in shown),
+            (Head("ordinate", "", "d"), lambda j: j),
+            (Head("value", "", ".4g"), lambda j: float(ordinates.values[j])),
+            (Head("free"), lambda j: "yes" if free.start <= j < free.stop else "held"),
+            (Head("reach", "°", ".1f"), lambda j: math.degrees(reaches[j])),
+            *((Head(_name(timing.events[i]), "°", ".4f"), shift(i)) for i in shown),
         ),
         "Shift of each event for a change of the ordinate by 1 % of the lift (exact derivative).",
         f"Reach: where s changes by more than {REACHED:g} of the ordinate's change. Empty: beyond.",
@@ -176,21 +176,21 @@ def control_table(found: Iterable[EventControl]) -> DataTable:
         "Control of the events, rising side",
         rows,
         (
-            (Column("law"), lambda row: row.timing.cam.title),
-            (Column("free ordinates", "", "d"), lambda row: row.reaches.size),
-            (Column("reach of one", "°", ".0f"), lambda row: math.degrees(row.reaches.min())),
-            (Column("to", "°", ".0f"), lambda row: math.degrees(row.reaches.max())),
-            (Column("events in reach of one", "", ".1f"), lambda row: float(row.within.mean())),
+            (Head("law"), lambda row: row.timing.cam.title),
+            (Head("free ordinates", "", "d"), lambda row: row.reaches.size),
+            (Head("reach of one", "°", ".0f"), lambda row: math.degrees(row.reaches.min())),
+            (Head("to", "°", ".0f"), lambda row: math.degrees(row.reaches.max())),
+            (Head("events in reach of one", "", ".1f"), lambda row: float(row.within.mean())),
             *(
                 column
                 for i in risings
                 for column in (
                     (
-                        Column(f"{_percent(LEVELS[i])} alone: ordinate", "%/°", ".2f"),
+                        Head(f"{_percent(LEVELS[i])} alone: ordinate", "%/°", ".2f"),
                         lambda row, i=i: 100.0 * row.alone[i].ordinate,
                     ),
                     (
-                        Column("s changes over", "°", ".0f"),
+                        Head("s changes over", "°", ".0f"),
                         lambda row, i=i: math.degrees(row.alone[i].reach),
                     ),
                 )

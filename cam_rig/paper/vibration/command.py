@@ -6,34 +6,21 @@ from typing import Annotated
 
 import typer
 
-from cam_rig.show.command import (
-    CamsOrScene,
-    Csv,
-    Json,
-    Plot,
-    RigOfScene,
-    check_outputs,
-    progress_bar,
-    say,
-    show,
-    user_errors,
-    write_csv,
-    write_json,
-    write_plot,
-)
+from cam_rig.show.command import CamsOrScene, RigOfScene, command
+from cam_rig.show.result import Progress, Result
 
 #: The jump speed of the first of the paper's laws is 389 rpm.
 SPEEDS = [200.0, 250.0, 300.0, 350.0]
 
 
+@command("json", "csv", "plot")
 def vibration(
     cams: CamsOrScene = None,
     rig: RigOfScene = None,
     rpm: Annotated[list[float] | None, typer.Option(help="Speed; may be given often.")] = None,
-    json_target: Json = None,
-    csv: Csv = None,
-    plot: Plot = None,
-) -> None:
+    *,
+    progress: Progress,
+) -> Result:
     """Measure residual vibration in the low dwell, peak acceleration, and twist of the shaft.
 
     Eq. 5 and eq. 10 of the paper, in steady state. The residual amplitude is of the free vibration
@@ -50,31 +37,10 @@ def vibration(
 
     cam-rig vibration quick --rig paper_table2
     """
+    from cam_rig.paper.vibration.study import measure
     from cam_rig.schema.load import one_scene
     from cam_rig.simulation.asked import asked_cams, scene_speeds
 
-    with user_errors():
-        from cam_rig.paper.vibration import study
-        from cam_rig.paper.vibration.study import vibration_claims, vibration_table
-
-        check_outputs(json_target, plot, csv)
-        cam_set, scene = asked_cams(cams, rig), one_scene(cams)
-        own = SPEEDS if scene is None else scene_speeds(scene, len(SPEEDS))
-        with progress_bar() as bar:
-            task = bar.add_task("", total=len(cam_set.cams), completed=-1)
-            speeds = tuple(rpm or own)  # a speed given twice is one
-            found = vibration_table(
-                cam_set, speeds, lambda cam: bar.update(task, advance=1, description=cam)
-            )
-        shown = [study.speed_table(found, speed, cam_set.rig.name) for speed in found.rpm]
-        if claims := vibration_claims(found):
-            shown.append(study.claims_table({cam_set.rig.name: claims}, found.rpm))
-        show(*shown)
-        if lost := len(found.rpm) - len(found.in_contact):
-            say(f"contact is lost at {lost} of {len(found.rpm)} speeds: no claim is tested there")
-        write_csv(shown, csv)
-        if plot is not None:
-            from cam_rig.paper.vibration.figures import figure
-
-            write_plot(plot, lambda: figure(cam_set, speeds[-1]))
-        write_json(study.to_json(found), json_target)
+    cam_set, scene = asked_cams(cams, rig), one_scene(cams)
+    own = SPEEDS if scene is None else scene_speeds(scene, len(SPEEDS))
+    return measure(cam_set, rpm or own, progress)

@@ -19,7 +19,7 @@ from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.torsional.model import from_rig as shaft_of
 from cam_rig.dynamics.vibration import LowDwell, SteadyTurn, low_dwell, steady_turn, steady_twist
 from cam_rig.laws import Law
-from cam_rig.laws.cam import CamSet
+from cam_rig.paper.vibration.study import VibrationResult
 from cam_rig.schema import RigConfig
 from cam_rig.show.figure import CAM_ANGLE, colour, empty, line, styled, turn_axis, wrapped
 from cam_rig.show.looks import title_of
@@ -49,8 +49,9 @@ Rows = list[tuple[FloatArray, FloatArray]]
 
 
 @styled
-def figure(cam_set: CamSet, rpm: float) -> Figure:
-    """Displacement, residual vibration, acceleration and twist in steady state at a speed (rpm)."""
+def figure(found: VibrationResult, rpm: float = 0.0) -> Figure:
+    """Displacement, residual vibration, acceleration, twist at a speed (rpm), else the last."""
+    cam_set, rpm = found.cam_set, rpm or found.rpm[-1]
     rows = {cam: _rows(law, cam_set.rig, rpm * RPM) for cam, law in cam_set.laws.items()}
     cams, count = list(rows), len(LABELS) if cam_set.rig.shaft is not None else len(LABELS) - 1
     columns = min(MOST_COLUMNS, len(cams))

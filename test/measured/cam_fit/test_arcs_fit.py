@@ -291,6 +291,7 @@ def readings_of_a_bridge(seed, slips=()):
     return above_zero(put_in_order(table, table.columns[0])), [place + 2 for place in places]
 
 
+@pytest.mark.variants(1)
 @pytest.mark.parametrize("count", [12, pytest.param(100, marks=pytest.mark.long)])
 @pytest.mark.parametrize("slips", [(), (10.0,), (-10.0,), (-40.0,)])
 def test_readings_beside_a_step_of_velocity_are_no_outliers_and_slips_are(count, slips):

@@ -133,6 +133,7 @@ def test_readings_of_no_cam():
         fit_spline(put_in_order(table, table.columns[0]))
 
 
+@pytest.mark.variants(1)
 @pytest.mark.parametrize(("count", "most"), [(72, 0.3), (120, 0.15), (360, 0.15)])
 @pytest.mark.parametrize("cases", [20, pytest.param(60, marks=pytest.mark.long)])
 def test_a_reading_six_scatters_off_is_named(measured, count, most, cases):

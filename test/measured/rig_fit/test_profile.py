@@ -13,6 +13,7 @@ from .machines import kind_of, scores_of
 FAR_OFF = 4.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "seed", [3, *(pytest.param(k, marks=pytest.mark.long) for k in (7, 17, 23, 27, 33, 37))]
 )

@@ -264,7 +264,7 @@ def test_a_stem_s_numbers_need_a_stem(law, rig):
     assert numbers(fit)["stem_stiffness"].value is not None
 
 
-@pytest.mark.variants(1)
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [1, 2])
 def test_lifts_of_two_flying_speeds_tell_a_rig_far_from_the_first_guess(seed):
     """Every number half as large or half more: each that is told holds the truth."""

@@ -83,6 +83,7 @@ def test_the_viewer_is_photographed(bag: SmallBag, tmp_path: Path) -> None:
         assert picture.size == (WIDTH, HEIGHT)
 
 
+@pytest.mark.long
 def test_the_command_writes_all_but_what_needs_a_browser(
     bag: SmallBag, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

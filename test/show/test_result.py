@@ -1,0 +1,101 @@
+"""Results: what is shown, written and given to pandas comes from one list of columns."""
+
+import json
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from cam_rig.errors import ConfigError
+from cam_rig.show.command import command
+from cam_rig.show.result import Column, Footnote, Progress, Result
+
+
+@dataclass(frozen=True)
+class Row:
+    cam: str
+    rpm: float
+    lift: float
+    left: bool = False
+
+
+@dataclass(frozen=True, repr=False)
+class Lifts(Result):
+    schema = "lifts.1"
+    columns: ClassVar = {
+        "lifts": (
+            Column("cam"),
+            Column("rpm", "rpm", "g"),
+            Column("lift", "mm", ".1f"),
+            Column("left", hidden=True),
+        ),
+        "rig": (Column("mass", "g", ".0f", of=lambda mass: mass),),
+    }
+    rows: tuple[Row, ...]
+
+    def tables(self):
+        note = Footnote("Has left.", lambda row: row.left, "†")
+        lifts = self.table("lifts", "At {rpm:g} rpm", self.rows, note, by="rpm")
+        return [lifts, self.table("rig", "The rig", [1.5], single=True, hidden=True)]
+
+
+FOUND = Lifts((Row("a", 300.0, 0.05), Row("b", 200.0, math.nan), Row("b", 300.0, 0.04, True)))
+
+
+def test_people_read_units_and_marks_data_is_si():
+    """A table a speed in mm with its footnote; all rows in m, and no number is null."""
+    slow, fast = FOUND.to_show({"a": "Cam A"})
+    assert (slow.caption, fast.caption) == ("At 200 rpm", "At 300 rpm")
+    assert fast.texts == [["Cam A", "50.0"], ["b †", "40.0"]]
+    assert [column.title for column in fast.columns] == ["cam", "lift [mm]"]
+    assert (slow.notes, fast.notes) == ((), ("† Has left.",))
+    data = FOUND.data()
+    assert data["schema"] == "lifts.1"
+    assert data["rig"] == {"mass": 1.5}
+    assert data["lifts"][1] == {"cam": "b", "rpm": 200.0, "lift": None, "left": False}
+    assert json.loads(FOUND.to_json()) == data
+
+
+def test_csv_and_pandas_have_the_keys():
+    """As pandas reads it: a line of keys, then rows, all digits."""
+    assert FOUND.tables()[0].to_csv().splitlines()[:2] == [
+        "cam,rpm,lift,left",
+        "a,300.0,0.05,False",
+    ]
+    frame = pytest.importorskip("pandas").DataFrame(FOUND.data()["lifts"])
+    assert FOUND.to_pandas().equals(frame)
+    assert FOUND.to_pandas("rig").mass.tolist() == [1.5]
+    assert repr(FOUND) == "Lifts(lifts: 3 rows, rig: 1 rows)"
+    assert "<td>b †</td>" in FOUND._repr_html_()
+
+
+def called(tmp_path, *arguments):
+    app = typer.Typer()
+
+    @app.command()
+    @command("json", "csv")
+    def lifts(least: float = 0.0, *, progress: Progress) -> Lifts:
+        """Lifts above the least."""
+        if least < 0.0:
+            raise ConfigError(f"--least: is {least:g}; allowed: 0 or more")
+        return Lifts(tuple(row for row in progress.over(FOUND.rows) if row.lift > least))
+
+    return CliRunner().invoke(app, [str(one) for one in arguments])
+
+
+def test_a_function_that_returns_a_result_is_a_command(tmp_path):
+    """Tables on stderr, data in files; a user's error is one line, and targets come first."""
+    table = tmp_path / "lifts.csv"
+    done = called(tmp_path, "--least", 0.045, "--json", "-", "--csv", table)
+    assert done.exit_code == 0
+    assert [row["cam"] for row in json.loads(done.stdout)["lifts"]] == ["a"]
+    assert "At 300 rpm" in done.stderr
+    assert table.read_text().splitlines()[1] == "a,300.0,0.05,False"
+    assert (tmp_path / "lifts.rig.csv").read_text() == "mass\n1.5\n"
+    wrong = called(tmp_path, "--least", -1)
+    assert (wrong.exit_code, wrong.stderr) == (2, "cam-rig: --least: is -1; allowed: 0 or more\n")
+    assert "is a folder" in called(tmp_path, "--least", -1, "--json", tmp_path).stderr
+    assert called(tmp_path, "--plot", "a.png").exit_code == 2
