@@ -7,6 +7,7 @@ from contextlib import ExitStack, nullcontext, suppress
 from importlib import import_module
 from pathlib import Path
 from queue import Empty, Queue
+from tempfile import NamedTemporaryFile
 from threading import Thread
 from types import SimpleNamespace
 
@@ -57,20 +58,18 @@ class OneProcess:
     def __init__(self, nodes, late=(), namespace=""):
         self._given, self._late = nodes, late
         self._source = list(nodes)[-1]  # the drive, or the player
-        pairs = [
-            f"{name}:{key}:={json.dumps(value)}"
-            for name, given in nodes.items()
-            for key, value in given.items()
-        ]
-        self._arguments = ["--ros-args", *(part for pair in pairs for part in ("-p", pair))]
-        if namespace:
-            self._arguments += ["-r", f"__ns:={namespace}"]
+        self._place = ["-r", f"__ns:={namespace}"] if namespace else []
         self.nodes, self.codes, self._threads = {}, {}, {}
         self._reports = Queue()
 
     def __enter__(self):
         with ExitStack() as stack:
-            rclpy.init(args=self._arguments, signal_handler_options=SignalHandlerOptions.NO)
+            file = stack.enter_context(NamedTemporaryFile("w", suffix=".yaml"))
+            about = {f"/**/{n}": {"ros__parameters": own} for n, own in self._given.items()}
+            json.dump(about, file)  # which is YAML too
+            file.flush()
+            arguments = ["--ros-args", "--params-file", file.name, *self._place]
+            rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
             stack.callback(rclpy.shutdown)
             for name in self._given:
                 self.nodes[name] = node_of(name)
