@@ -128,7 +128,7 @@ def test_a_consumer_that_is_held_holds_all_and_loses_nothing(
         listen = microphone._source.listen
 
         def hold(*block):
-            if microphone.ticks == 30 and not held.is_set():
+            if microphone.ticks == 10 and not held.is_set():
                 held.set()
                 assert go_on.wait(200.0)
             return listen(*block)
@@ -137,7 +137,7 @@ def test_a_consumer_that_is_held_holds_all_and_loses_nothing(
         drive._program.run(True)
         assert held.wait(200.0)
         wait_for(lambda: drive._program.flow.in_flight == MAX_TICKS_IN_FLIGHT)
-        assert here.nodes["follower"].ticks <= 30 + MAX_TICKS_IN_FLIGHT
+        assert here.nodes["follower"].ticks <= 10 + MAX_TICKS_IN_FLIGHT
         go_on.set()
         for _ in here.progress():
             pass
