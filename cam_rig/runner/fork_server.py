@@ -174,16 +174,15 @@ class ForkServer:
     def _fork(self, request: dict[str, object], streams: list[int]) -> int | None:
         """The pid of a forked node, a child of this process; None from a server that is lost."""
         assert self._requests is not None
+        pid = b""
         try:
-            with _adopting():
+            with _adopting(), suppress(OSError):  # it was killed, or suspended
                 socket.send_fds(self._requests, [json.dumps(request).encode()], streams)
-                return int(self._requests.recv(32))
-        except (OSError, ValueError):  # killed, suspended, unable to fork: no answer, or no number
-            self.close()
-        except BaseException:  # its answer would be taken for the next one's
-            self.close()
-            raise
-        return None
+                pid = self._requests.recv(32)
+        finally:
+            if not pid:  # nor may an answer that still comes be taken for the next one's
+                self.close()
+        return int(pid) if pid else None
 
     def close(self) -> None:
         """End it; the nodes stay."""

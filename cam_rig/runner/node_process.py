@@ -10,12 +10,12 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterable
+from contextlib import ExitStack
 from pathlib import Path
 
 from cam_rig.bag.split import Split
 from cam_rig.errors import RunError
 from cam_rig.runner.fork_server import ONE_THREAD, ForkedProcess, ForkServer, signals_blocked
-from cam_rig.runner.log_folder import log_folder
 from cam_rig.runner.node_table import (
     CONSUMERS,
     DRIVE,
@@ -27,7 +27,7 @@ from cam_rig.runner.node_table import (
     VIEWER,
     WAIT,
 )
-from cam_rig.runner.resources import why_killed
+from cam_rig.runner.resources import log_folder, why_killed
 
 #: Wall time (s) a node has to end when asked to, before it is killed.
 SHUTDOWN_GRACE_S = 10.0
@@ -168,14 +168,15 @@ def _start(
     if not reports:
         return _started(command, network, None, server), ()
     progress, pipe = os.pipe()
-    try:
-        command = [*command, "-p", f"progress_fd:={pipe}"]
-        return _started(command, network, pipe, server), os.fdopen(progress)
-    except BaseException:
-        os.close(progress)
-        raise
-    finally:
-        os.close(pipe)
+    with ExitStack() as unread:
+        lines = unread.enter_context(os.fdopen(progress))
+        try:
+            command = [*command, "-p", f"progress_fd:={pipe}"]
+            process = _started(command, network, pipe, server)
+        finally:
+            os.close(pipe)
+        unread.pop_all()
+    return process, lines
 
 
 def _command(name: str, arguments: Arguments, namespace: str) -> list[str]:

@@ -59,6 +59,24 @@ def _is_private(folder: Path) -> bool:
     return mine and stat.S_ISDIR(about.st_mode)
 
 
+# Where ROS writes its log files: a node ends where it cannot.
+
+
+def log_folder() -> tuple[Path, str]:
+    """Where ROS writes log files, and what to say where that is not where it would."""
+    own = user_folder() / "cam_rig-ros-log"
+    given, home = os.environ.get("ROS_LOG_DIR"), os.environ.get("ROS_HOME")
+    if not os.environ.get("HOME") and not given:  # a service, or a cron job
+        return own, ""
+    wanted = Path(given or Path(home or "~/.ros") / "log").expanduser()
+    try:
+        wanted.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=wanted):
+            return wanted, ""
+    except OSError as error:
+        return own, f"{wanted}: cannot be written ({error.strerror}); ROS's log files are in {own}"
+
+
 #: The greatest ROS domain, by the ports of DDS.
 MAX_DOMAIN = 232
 

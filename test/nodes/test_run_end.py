@@ -116,22 +116,24 @@ def test_nodes_that_wait_say_so_on_diagnostics(user, given, rig, wait_for):
     """Once a second of wall time, for whom, though rig time stands."""
     heard = listen(user, DiagnosticArray, "/diagnostics")
 
-    def beats(name, words):
+    def beats(name, whom):
         """Stamps of the wall clock, s."""
+        now = {"state": "waiting", "waits_for": whom}
         return [
             message.header.stamp.sec
             for message in heard
             for status in message.status
-            if (status.name, status.message) == (f"{name}: heartbeat", words)
+            if status.name == f"{name}: heartbeat"
+            and {pair.key: pair.value for pair in status.values} == now
         ]
 
     with rig.here(given(DRIVE, "follower")):
-        for name, words in {
-            "follower": "waiting for cam_drive and law_server",
-            DRIVE: "waiting for law_server, microphone, recorder",
+        for name, whom in {
+            "follower": "cam_drive, law_server",
+            DRIVE: "law_server, microphone, recorder",
         }.items():
-            wait_for(lambda name=name, words=words: user.spin(0.1) or len(beats(name, words)) > 2)
-            first, *_, last = beats(name, words)
+            wait_for(lambda name=name, whom=whom: user.spin(0.1) or len(beats(name, whom)) > 2)
+            first, *_, last = beats(name, whom)
             assert last > first > 1e9
 
 

@@ -16,9 +16,9 @@ from cam_rig.bag.writer import BagWriter
 from cam_rig.errors import RunError
 from cam_rig.runner import node_process as process
 from cam_rig.runner.graph import Graph
-from cam_rig.runner.log_folder import log_folder
 from cam_rig.runner.node_process import NodeProcess, environment, live
 from cam_rig.runner.node_table import NODES, VIEWER, held_by
+from cam_rig.runner.resources import log_folder
 
 KILLED = -signal.SIGKILL
 

@@ -6,6 +6,7 @@ import sys
 from importlib.metadata import entry_points
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
@@ -58,7 +59,7 @@ def test_the_rig_is_driven_listened_to_and_read(start_rig):
 
 
 def says_contact_lost(message):
-    return any(status.message == "contact lost" for status in message.status)
+    return any((s.name, s.level) == ("follower", DiagnosticStatus.WARN) for s in message.status)
 
 
 @pytest.mark.usefixtures("forked")
