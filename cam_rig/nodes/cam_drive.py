@@ -33,15 +33,7 @@ from cam_rig.units import RPM
 
 
 class DriveControls:
-    """Passes operator commands on to the drive's program, and saves them for a successor at once.
-
-    Parameters
-    ----------
-    node : the drive's, which offers the services and has the parameters
-    send : sends a state that cannot wait
-    set_pacing : takes the parameter of that name
-    kept : where the commands are saved
-    """
+    """Passes operator commands on to the drive's program; ``kept`` saves them for a successor."""
 
     def __init__(
         self,
@@ -128,12 +120,7 @@ LAW_SERVER = "law_server"
 
 
 class LawServerClient:
-    """Calls the law server for a node.
-
-    Parameters
-    ----------
-    refused : called with a cam that the law server refuses, and the reason
-    """
+    """Calls the law server; ``refused`` takes a cam that it refuses, and the reason."""
 
     def __init__(self, node: RigNode, refused: Callable[[str, str], None]) -> None:
         self._node, self._refused = node, refused

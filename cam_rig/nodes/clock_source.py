@@ -26,10 +26,8 @@ from cam_rig.units import to_rpm
 #: Wall time (s) without an answer after which the states in flight are sent again. Each time it is
 #: twice as long, up to the second: their number is bounded (`RepeatBudget`).
 RESEND_AFTER_S, RESEND_AT_LEAST_S = 2.0, 30.0
-
 #: Wall time (s) without an answer after which a heartbeat says who is waited for.
 HELD_AFTER_S = 1.0
-
 #: The nodes that may be waited for, and the stamped topic by which each acknowledges.
 ACKNOWLEDGES = {
     "follower": topics.FOLLOWER_STATE,

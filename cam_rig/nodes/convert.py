@@ -154,7 +154,6 @@ def to_status(name: str, level: bytes, words: str, values: dict[str, str]) -> Di
 
 #: Wall time (s) after the last diagnosis before there is a heartbeat.
 SILENT_S = 0.9
-
 #: The last report: level, words, second, and the rig time (ns) up to which all is reported.
 Reported = tuple[int, str, int, int]
 
@@ -220,7 +219,6 @@ class Heartbeat:
 
 #: What a message of the right type with impossible content may raise where it is read.
 UNREADABLE = (ValueError, TypeError, LookupError, ArithmeticError, AttributeError, RuntimeError)
-
 #: Wall time (s) for messages still in transit at the end; after 10 s the runner kills the node.
 MAX_DRAIN_S = 3.0
 

@@ -52,10 +52,8 @@ from cam_rig.units import FloatArray, to_rpm
 
 #: Wall time (s) for which a topic is left out that a subscriber holds up: each try takes 0.1 s.
 LEFT_OUT_S = 1.0
-
 #: Wall time (s) between two reports of how far the motion is behind the drive.
 REPORT_S = 1.0
-
 #: Instants of a tick, at most, whose messages are made at once, in little more time than one.
 AT_ONCE = 16
 
@@ -72,14 +70,8 @@ class MotionPublisher:
     """Publishes a tick's instants while somebody subscribes; who joins later sees the next tick.
 
     Of a paced run a thread publishes them one by one, so that the work on the next tick holds none
-    up; of a free one they go out with the tick.
-
-    Parameters
-    ----------
-    node : which publishes
-    motion : what there is to publish
-    points : instants a turn, of a free run
-    rate : of a paced run, messages a wall second on each topic
+    up; of a free one they go out with the tick. ``points`` a turn are those of a free run, ``rate``
+    a wall second those of a paced one.
     """
 
     def __init__(self, node: RigNode, motion: MotionMessages, points: int, rate: float) -> None:

@@ -191,7 +191,6 @@ PARAMETERS: dict[str, tuple[Spec, ...]] = {
 
 #: Topics of the table in its order.
 TOPICS = tuple(value for value in vars(topics).values() if isinstance(value, Topic))
-
 #: What every node publishes.
 COMMON = (topics.DIAGNOSTICS, topics.READY)
 

@@ -179,10 +179,8 @@ def require_one_scene(node: str, mark: str, scene: str) -> None:
 
 #: Wall time (s) between two checks for other publishers on a node's topics.
 WATCH_PERIOD_S = 0.25
-
 #: Wall time (s) that the name of a newly discovered publisher's node is waited for.
 NAME_TIMEOUT_S = 5.0
-
 #: Wall time (s) between two heartbeats.
 HEARTBEAT_S = 1.0
 

@@ -5,7 +5,9 @@ Five interpreters would import the same hundreds of modules. One process imports
 child of the runner's, with its own pid, session, output and exit code.
 
 Without the server (not Linux, an old kernel, it was killed) a node is started by itself, as
-`ros2 run` does.
+`ros2 run` does. The standard library's fork server is none for nodes: its children are not the
+runner's, so their pids, their output and a signal that ends them would need as much code again;
+each would import the runner's main module; and what it runs comes by pickle.
 """
 
 from __future__ import annotations
@@ -36,13 +38,7 @@ _adopting_alone = Lock()
 
 
 class ForkedProcess:
-    """A forked node, as much of `subprocess.Popen` as the runner uses.
-
-    Parameters
-    ----------
-    pid : of a child of this process
-    stdout, stderr : pipes to read its output from
-    """
+    """A forked node, a child of this process: as much of `subprocess.Popen` as the runner uses."""
 
     def __init__(self, pid: int, stdout: int, stderr: int) -> None:
         self.pid = pid
@@ -139,15 +135,9 @@ class ForkServer:
     def start(
         self, command: Sequence[str], environment: dict[str, str], pipe: int | None
     ) -> ForkedProcess | None:
-        """Start the node of a command (`python -m cam_rig.nodes NAME ...`).
+        """Start the node of a command (`python -m cam_rig.nodes NAME ...`); None where it cannot.
 
-        Parameters
-        ----------
-        pipe : a file descriptor that the node gets too, under the same number
-
-        Returns
-        -------
-        process : None where the server cannot; the node is then to be started by itself
+        The node gets the file descriptor ``pipe`` too, under the same number.
         """
         self.begin()
         if self._requests is None:
