@@ -51,13 +51,16 @@ RAMP = '  ramp: {assumed: 0.4, unit: s, source: "a test"}\n  ticks_per_turn: 3\n
 @pytest.mark.parametrize(
     "changes",
     [
-        {"published:": RAMP + "published:"},
-        {
-            "cams: [tm21, bezier15]": "cams: [tm21, cycloidal, poly345, bezier15]",
-            "[200, 300, 350, 400]": "[300]",
-        },
+        pytest.param({"published:": RAMP + "published:"}, id="from rest along ramps"),
+        pytest.param(
+            {
+                "cams: [tm21, bezier15]": "cams: [tm21, cycloidal, poly345, bezier15]",
+                "[200, 300, 350, 400]": "[300]",
+            },
+            id="cams of fewer ticks than are in flight",
+            marks=pytest.mark.long,
+        ),
     ],
-    ids=["from rest along ramps", "cams of fewer ticks than are in flight"],
 )
 def test_other_programs_give_the_numbers_of_the_core_too(domain, rig, tmp_path, changes):
     """Every tick from the first; a report on one cam is not taken for the next."""
