@@ -3,7 +3,7 @@
 from typing import Any
 
 import rclpy
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.client import Client
 from rclpy.node import Node
 from std_srvs.srv import Trigger
@@ -22,7 +22,8 @@ class StopAtLiftOff(Node):
     def on_diagnostics(self, message: DiagnosticArray) -> None:
         """The follower says whether it kept contact, and at which speed."""
         for status in message.status:
-            if status.message == "contact lost" and self.answer is None:
+            lost = status.name == "follower" and status.level == DiagnosticStatus.WARN
+            if lost and self.answer is None:
                 values = {pair.key: pair.value for pair in status.values}
                 self.get_logger().info(f"contact lost at {values['rpm']} rpm")
                 self.answer = self.stop.call_async(Trigger.Request())

@@ -33,12 +33,8 @@ VELOCITY_JUMPS = {"worked_example_constant_velocity"}
 
 
 #: Tests that share a run or a study with another file's: they go to that file's worker.
-SHORT = "test/nodes/test_repeatability.py"
 GROUPS = {
     "test/cli/test_noise.py::test_noise_json_and_plot": "test/cli/test_report.py",
-    "test/nodes/test_graph.py::test_the_graph_gives_the_numbers_of_the_core": SHORT,
-    "test/nodes/test_motion.py::test_what_a_subscriber_gets_is_what_the_bag_holds": SHORT,
-    "test/nodes/test_security.py::test_messages_on_open_topics_change_nothing": SHORT,
 }
 #: Wall time (s) after which a test of a kind hangs, on a busy machine; others: pyproject.toml.
 TIMEOUTS = {"slow": 600, "ros": 300, "long": 3600}

@@ -55,7 +55,7 @@ def start(name: str) -> None:
     """
     if any(word in sys.argv[1:] for word in HELP):
         signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # a pager may be left before the end
-        print(import_module("cam_rig.nodes.usage").usage(name))
+        print(import_module("cam_rig.nodes.parameters").usage(name))
         return
     # also where a shell that started this process in the background has set SIGINT to be ignored
     for number in STOPPING:

@@ -22,7 +22,7 @@ from cam_rig.messages import topics
 from cam_rig.messages.codec import array_of, decode_law
 from cam_rig.messages.topics import PARAMETER_EVENTS
 from cam_rig.nodes.clock_source import ClockSource
-from cam_rig.nodes.convert import ERROR, OK, WARN, Diagnostics
+from cam_rig.nodes.convert import ERROR, OK, WARN, Activity, Diagnostics
 from cam_rig.nodes.rig_node import RigNode
 from cam_rig.runner.node_table import held_by
 from cam_rig.simulation.scene import open_scene
@@ -33,15 +33,7 @@ from cam_rig.units import RPM
 
 
 class DriveControls:
-    """Passes operator commands on to the drive's program, and saves them for a successor at once.
-
-    Parameters
-    ----------
-    node : the drive's, which offers the services and has the parameters
-    send : sends a state that cannot wait
-    set_pacing : takes the parameter of that name
-    kept : where the commands are saved
-    """
+    """Passes operator commands on to the drive's program; ``kept`` saves them for a successor."""
 
     def __init__(
         self,
@@ -128,12 +120,7 @@ LAW_SERVER = "law_server"
 
 
 class LawServerClient:
-    """Calls the law server for a node.
-
-    Parameters
-    ----------
-    refused : called with a cam that the law server refuses, and the reason
-    """
+    """Calls the law server; ``refused`` takes a cam that it refuses, and the reason."""
 
     def __init__(self, node: RigNode, refused: Callable[[str, str], None]) -> None:
         self._node, self._refused = node, refused
@@ -307,13 +294,13 @@ class CamDrive(ClockSource):
         """Whether the cam turns at a commanded speed."""
         return self._program.schedule.state.speed is not None
 
-    def activity(self) -> str:
-        """What the node does now, in words."""
+    def activity(self) -> Activity:
+        """What the node does now."""
         if self._program.halted:
-            return "emergency stop, waiting for ~/reset"
+            return Activity("emergency", (), "emergency stop, waiting for ~/reset")
         if self._awaited or self._program.running:
             return super().activity()
-        return "stopped, waiting for ~/start"
+        return Activity("stopped", (), "stopped, waiting for ~/start")
 
     def stuck(self) -> str:
         """What is missing, in words."""

@@ -16,20 +16,18 @@ from cam_rig.errors import RunError
 from cam_rig.live.flow_control import FlowControl
 from cam_rig.messages import topics
 from cam_rig.messages.codec import stamp_ns
-from cam_rig.nodes.convert import ERROR, OK, WARN, to_cam_state, to_header, to_time
+from cam_rig.nodes.convert import ERROR, OK, WARN, Activity, to_cam_state, to_header, to_time
 from cam_rig.nodes.rig_node import RigNode, require_one_scene
 from cam_rig.nodes.run_end import FinishedRun, FinishReport
-from cam_rig.runner.node_table import OPTIONAL, held_by
+from cam_rig.runner.node_table import OPTIONAL, held_by, in_chain
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import to_rpm
 
 #: Wall time (s) without an answer after which the states in flight are sent again. Each time it is
 #: twice as long, up to the second: their number is bounded (`RepeatBudget`).
 RESEND_AFTER_S, RESEND_AT_LEAST_S = 2.0, 30.0
-
 #: Wall time (s) without an answer after which a heartbeat says who is waited for.
 HELD_AFTER_S = 1.0
-
 #: The nodes that may be waited for, and the stamped topic by which each acknowledges.
 ACKNOWLEDGES = {
     "follower": topics.FOLLOWER_STATE,
@@ -91,14 +89,16 @@ class ClockSource(RigNode):
         self._alarm = self.every(1.0, self._on_alarm)
         self._alarm.cancel()
         self.every(0.1, self._on_timer)
-        self.get_logger().info(self.activity())
+        self.get_logger().info(self.activity().words)
 
-    def activity(self) -> str:
-        """What the node does now, in words."""
-        if self._awaited:
-            return f"waiting for {', '.join(sorted(self._awaited))}"
+    def activity(self) -> Activity:
+        """What the node does now."""
+        if names := sorted(self._awaited):
+            return Activity("waiting", names, f"waiting for {', '.join(names)}")
         behind = self._flow.behind() if time.monotonic() - self._moved > HELD_AFTER_S else []
-        return f"waiting for {held_by(behind)}" if behind else "turning"
+        if not behind:
+            return Activity("turning", (), "turning")
+        return Activity("waiting", in_chain(behind), f"waiting for {held_by(behind)}")
 
     def send_next(self) -> bool:
         """Send the next state, if it may go out; False when it may not."""
@@ -217,7 +217,9 @@ class ClockSource(RigNode):
             self._awaited.discard(name)
             self._moved = time.monotonic()
             missing = ", ".join(sorted(self._awaited))
-            rest = f"waiting for {missing}" if missing else f"all are ready, {self.activity()}"
+            rest = (
+                f"waiting for {missing}" if missing else f"all are ready, {self.activity().words}"
+            )
             self.get_logger().info(f"{name} is ready, {rest}")
             self.turn()
 

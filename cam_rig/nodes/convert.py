@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from functools import wraps
 from importlib import import_module
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -16,6 +16,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Point32, PolygonStamped
 from numpy.typing import NDArray
 from rclpy.duration import Duration
+from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
@@ -32,6 +33,9 @@ from cam_rig.messages.topics import HEARTBEAT, Topic
 from cam_rig.schema import CamConfig
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, TURN
+
+if TYPE_CHECKING:
+    from cam_rig.nodes.rig_node import RigNode
 
 #: Intervals of the sampled law over one turn.
 LAW_POINTS = 180
@@ -129,13 +133,27 @@ def to_trajectory(law: Law, state: CamState) -> JointTrajectory:
     return message
 
 
+def weightings(quantity: str) -> list[Parameter]:
+    """The parameters by which the microphone reads a quantity: LAF, LZS."""
+    return [
+        Parameter("frequency_weighting", value=quantity[1]),
+        Parameter("time_weighting", value=quantity[2]),
+    ]
+
+
 # The state of a node on /diagnostics: when it changes, and once a second of rig time.
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
+
+def to_status(name: str, level: bytes, words: str, values: dict[str, str]) -> DiagnosticStatus:
+    """What a node, or a part of it, says of itself."""
+    pairs = [KeyValue(key=key, value=value) for key, value in values.items()]
+    return DiagnosticStatus(level=level, name=name, message=words, hardware_id="rig", values=pairs)
+
+
 #: Wall time (s) after the last diagnosis before there is a heartbeat.
 SILENT_S = 0.9
-
 #: The last report: level, words, second, and the rig time (ns) up to which all is reported.
 Reported = tuple[int, str, int, int]
 
@@ -164,56 +182,48 @@ class Diagnostics:
         self.reported = (*now, time_ns)
         if now == tuple(before):
             return None
-        status = DiagnosticStatus(level=level, name=self.node, message=words, hardware_id="rig")
-        status.values = [KeyValue(key=k, value=v) for k, v in (values or {}).items()]
+        status = to_status(self.node, level, words, values or {})
         message = DiagnosticArray(header=to_header(time_ns), status=[status])
         self._publisher.publish(message)
         self.published_at = time.monotonic()
         return message
 
 
+class Activity(NamedTuple):
+    """What a node does now: waiting, turning, stopped or emergency; for whom it waits; in words."""
+
+    state: str
+    waits_for: Sequence[str]
+    words: str
+
+
 class Heartbeat:
     """What a node does, once a second of wall time while rig time stands; no bag holds it.
 
-    Parameters
-    ----------
-    publisher : of its own, so that the history of the rig's diagnostics holds no heartbeat
-    health : silent as long as rig time stands
+    Its publisher is its own, so that the history of the rig's diagnostics holds no heartbeat.
     """
 
     def __init__(self, publisher: Publisher, health: Diagnostics) -> None:
         self._publisher, self._health = publisher, health
 
-    def beat(self, words: str) -> None:
+    def beat(self, now: Activity) -> None:
         """Publish what the node does, unless its diagnostics have just said so."""
         if time.monotonic() - self._health.published_at < SILENT_S:
             return
-        name = self._health.node + HEARTBEAT
-        status = DiagnosticStatus(level=OK, name=name, message=words, hardware_id="rig")
-        header = to_header(time.time_ns(), "")
-        self._publisher.publish(DiagnosticArray(header=header, status=[status]))
+        values = {"state": now.state, "waits_for": ", ".join(now.waits_for)}
+        status = to_status(self._health.node + HEARTBEAT, OK, now.words, values)
+        self._publisher.publish(DiagnosticArray(header=to_header(time.time_ns()), status=[status]))
 
 
 # What a node takes: every message bounded and guarded, and at the end the rest of them.
 
 #: What a message of the right type with impossible content may raise where it is read.
 UNREADABLE = (ValueError, TypeError, LookupError, ArithmeticError, AttributeError, RuntimeError)
-
 #: Wall time (s) for messages still in transit at the end; after 10 s the runner kills the node.
 MAX_DRAIN_S = 3.0
 
 
-class Taking(Protocol):
-    """A node that takes messages."""
-
-    def refuse(self, error: CamRigError) -> None:
-        """Go on without a message."""
-
-    def fail(self, error: CamRigError) -> None:
-        """End."""
-
-
-def guarded(node: Taking, name: str, callback: Callable[..., Any]) -> Callable[..., Any]:
+def guarded(node: RigNode, name: str, callback: Callable[..., Any]) -> Callable[..., Any]:
     """A callback for what comes under a name: what is impossible is refused, other errors end."""
 
     @wraps(callback)

@@ -13,7 +13,6 @@ import gc
 import inspect
 import json
 import os
-import signal
 import socket
 import sys
 from contextlib import suppress
@@ -50,8 +49,8 @@ PRELOADED = (
 MAX_REQUEST = 1 << 20
 #: Streams of a request: its leash, stdout, stderr, and a pipe for the drive's progress.
 MAX_STREAMS = 4
-#: prctl's numbers for: a signal when the parent ends; the name of this process.
-DEATH_SIGNAL, NAME = 1, 15
+#: prctl's number for the name of this process.
+NAME = 15
 
 
 def preload() -> None:
@@ -130,7 +129,6 @@ def show_command(name: str, command: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    ctypes.CDLL(None).prctl(DEATH_SIGNAL, signal.SIGKILL)
     asked = socket.socket(fileno=int(sys.argv[1]))
     show_command("fork_server", sys.orig_argv[:-1])  # without the room for a node's
     preload()

@@ -38,7 +38,7 @@ class LawServer(RigNode):
         self._publish_law()
         self.add_on_set_parameters_callback(self._on_parameters)
         self.subscribe(topics.CAM_STATE, self._on_state)
-        self.get_logger().info(self.activity())
+        self.get_logger().info(self.activity().words)
 
     def _on_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
         for parameter in (p for p in parameters if p.name == "cam"):

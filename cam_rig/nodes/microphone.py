@@ -12,8 +12,7 @@ from cam_rig.live.queues import TickMatcher
 from cam_rig.live.state_validation import Admission, StateValidator
 from cam_rig.messages import topics
 from cam_rig.messages.codec import array_of, cam_state_of, decode_block
-from cam_rig.nodes.convert import OK, WARN, ResendBuffer, to_header
-from cam_rig.nodes.parameter_values import weightings
+from cam_rig.nodes.convert import OK, WARN, ResendBuffer, to_header, weightings
 from cam_rig.nodes.rig_node import RigNode
 from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.simulate import MicrophoneSimulator
@@ -23,7 +22,7 @@ from cam_rig.simulation.sound import MeterSimulator
 class Microphone(RigNode):
     """Publishes /microphone/level (dB) and /microphone/pressure (Pa, r.m.s.) for each tick."""
 
-    waits_for = "cam_drive and follower"
+    waits_for = ("cam_drive", "follower")
 
     def __init__(self) -> None:
         super().__init__("microphone")
@@ -42,7 +41,7 @@ class Microphone(RigNode):
         self._sent = ResendBuffer()
         self.subscribe(topics.FOLLOWER_SAMPLES, self._on_samples)
         self.subscribe(topics.CAM_STATE, self._on_state)
-        self.get_logger().info(f"measuring {self._meter.quantity}, {self.activity()}")
+        self.get_logger().info(f"measuring {self._meter.quantity}, {self.activity().words}")
 
     def _on_parameters(self, parameters: list[Parameter]) -> None:
         """Set another weighting from the next tick on."""

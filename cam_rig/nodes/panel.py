@@ -130,7 +130,8 @@ class Panel(RigNode):
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            self._line.send({"health": [status.name, status.level[0], status.message]})
+            values = {pair.key: pair.value for pair in status.values}
+            self._line.send({"health": [status.name, status.level[0], values]})
 
     def _on_samples(self, message: Float64MultiArray) -> None:
         rows = decode_block(*array_of(message))

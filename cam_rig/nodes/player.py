@@ -10,7 +10,7 @@ from cam_rig.bag.replay import PLAYED, Played, played
 from cam_rig.live.flow_control import FlowControl
 from cam_rig.messages import topics
 from cam_rig.nodes.clock_source import ClockSource
-from cam_rig.nodes.parameter_values import weightings
+from cam_rig.nodes.convert import weightings
 from cam_rig.nodes.parameters import ESSENTIAL
 from cam_rig.runner.node_table import held_by
 

@@ -31,7 +31,6 @@ except ImportError:
 
 #: A signal is noticed when the executor comes back to Python, which it does this often (s).
 SIGNAL_POLL_S = 0.1
-
 #: Wall time (s) that DDS may take to be taken down, of less than one in general; before the runner
 #: kills what has not ended.
 MAX_TEARDOWN_S = 3

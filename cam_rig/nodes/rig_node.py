@@ -9,7 +9,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar, cast
 
-from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.impl.implementation_singleton import rclpy_implementation
@@ -21,11 +26,12 @@ from rclpy.task import Future
 from rclpy.timer import Timer
 from std_srvs.srv import Trigger
 
-from cam_rig.errors import CamRigError, ConfigError, RunError
+from cam_rig.errors import CamRigError, ConfigError, RunError, did_you_mean
 from cam_rig.files import read_bytes
 from cam_rig.live.checkpoint import Checkpoint
 from cam_rig.messages.topics import DIAGNOSTICS, READY, Topic, second_publisher
 from cam_rig.nodes.convert import (
+    Activity,
     Diagnostics,
     Heartbeat,
     guarded,
@@ -34,8 +40,7 @@ from cam_rig.nodes.convert import (
     require_length,
     take_rest,
 )
-from cam_rig.nodes.parameter_values import convert, declare, refuse_wrong, unknown_names
-from cam_rig.nodes.parameters import PARAMETERS
+from cam_rig.nodes.parameters import PARAMETERS, Spec
 from cam_rig.nodes.run_end import OWNED, EndWithTheDrive, publishers
 from cam_rig.runner.node_table import STAY
 from cam_rig.runner.resources import namespace_named
@@ -70,6 +75,83 @@ class RigPublisher(Publisher):
         return True
 
 
+# Parameters as rclpy has them: declared from the table, converted, checked.
+
+
+def descriptor(spec: Spec) -> ParameterDescriptor:
+    """What `ros2 param describe` shows; rclpy refuses what is out of range by it."""
+    out = ParameterDescriptor(description=spec.description, read_only=not spec.live)
+    if spec.least is not None and spec.most is not None:
+        if isinstance(spec.default, int):
+            whole = IntegerRange(from_value=int(spec.least), to_value=int(spec.most), step=1)
+            out.integer_range = [whole]
+        else:
+            span = FloatingPointRange(from_value=spec.least, to_value=spec.most, step=0.0)
+            out.floating_point_range = [span]
+    if spec.choices:
+        out.additional_constraints = f"one of: {', '.join(spec.choices)}"
+    return out
+
+
+def declare(node: Node, table: tuple[Spec, ...]) -> dict[str, Any]:
+    """Declare a node's parameters; their values by name."""
+    values = {}
+    for spec in table:
+        value: Any = spec.convert(_given(node, spec))
+        spec.require(value)
+        node.declare_parameter(spec.name, value, descriptor(spec), ignore_override=True)
+        values[spec.name] = value
+    return values
+
+
+def _given(node: Node, spec: Spec) -> Any:
+    """What was given for a parameter at the start, of whatever type; else its default."""
+    any_type = ParameterDescriptor(dynamic_typing=True)
+    value: Any = node.declare_parameter(spec.name, spec.default, any_type).value
+    node.undeclare_parameter(spec.name)
+    return value
+
+
+def unknown_names(node: Node, table: tuple[Spec, ...]) -> list[str]:
+    """What was given for parameters that the node does not have, in words, one each.
+
+    No error: a file of parameters may be meant for several nodes.
+    """
+    known = [spec.name for spec in table]
+    given = (name for name in node._parameter_overrides if not node.has_parameter(name))
+    found = []
+    for name in sorted(given):
+        if not name.startswith("qos_overrides."):
+            hint = did_you_mean(name, known)
+            found.append(f"parameter {name!r} is none of this node's{hint}; it is left aside")
+    return found
+
+
+def convert(table: tuple[Spec, ...], parameters: list[Parameter]) -> list[Parameter]:
+    """Convert what is to be set: 250 to 250.0, a factor to its text."""
+    specs = {spec.name: spec for spec in table}
+    return [
+        Parameter(one.name, value=specs[one.name].convert(one.value)) if one.name in specs else one
+        for one in parameters
+    ]
+
+
+def refuse_wrong(table: tuple[Spec, ...]) -> Callable[[list[Parameter]], SetParametersResult]:
+    """Answer a request to set parameters: refused with a reason, or fine; nothing is changed."""
+    specs = {spec.name: spec for spec in table}
+
+    def check(parameters: list[Parameter]) -> SetParametersResult:
+        for parameter in parameters:
+            try:
+                if parameter.name in specs:
+                    specs[parameter.name].require(parameter.value)
+            except CamRigError as error:
+                return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    return check
+
+
 # One scene for all nodes: each says which it has, and the drive refuses another.
 
 
@@ -97,10 +179,8 @@ def require_one_scene(node: str, mark: str, scene: str) -> None:
 
 #: Wall time (s) between two checks for other publishers on a node's topics.
 WATCH_PERIOD_S = 0.25
-
 #: Wall time (s) that the name of a newly discovered publisher's node is waited for.
 NAME_TIMEOUT_S = 5.0
-
 #: Wall time (s) between two heartbeats.
 HEARTBEAT_S = 1.0
 
@@ -116,7 +196,7 @@ class RigNode(Node):
     #: executor does not pass on. The other one takes 0.1 ms more CPU time per message.
     needs_message_info = False
     #: Whom the node waits for before it has anything to do.
-    waits_for = "cam_drive"
+    waits_for: tuple[str, ...] = ("cam_drive",)
     #: Runs that this process has done before, as a node that stays.
     runs_before: ClassVar[int] = 0
 
@@ -168,9 +248,10 @@ class RigNode(Node):
         """End with the run, as the parameter at_end asks."""
         EndWithTheDrive(self)
 
-    def activity(self) -> str:
-        """What the node does now, in words."""
-        return f"waiting for {self.waits_for}" if self.ticks == 0 else "waiting for the next tick"
+    def activity(self) -> Activity:
+        """What the node does now."""
+        whom = "the next tick" if self.ticks else " and ".join(self.waits_for)
+        return Activity("waiting", self.waits_for, f"waiting for {whom}")
 
     def summary(self) -> str:
         """What the node has done, in words, when it ends."""

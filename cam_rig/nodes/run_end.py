@@ -24,17 +24,13 @@ if TYPE_CHECKING:
 
 #: The topics of one publisher each.
 OWNED = tuple(value for value in vars(topics).values() if isinstance(value, Topic) and value.owner)
-
 #: Wall time (s) that the recorder's last message may take to the drive, which then ends.
 DELIVERY_S = 2.0
-
 #: Wall time (s) between two looks at who has left.
 POLL_S = 0.1
-
 #: Wall time (s) without the drive, once it was there, after which it has left without a word. A
 #: node that was suspended takes it for lost, and discovers it again by its next announcement.
 ABSENT_S = 10.0
-
 #: Topics by their names as resolved, and their publishers by DDS identity.
 Identities = dict[str, set[bytes]]
 
@@ -145,12 +141,7 @@ class EndWithTheDrive:
 
 
 class FinishReport:
-    """The drive's half: it says that the run is over, and waits for the recorder to close its bag.
-
-    Parameters
-    ----------
-    node : the drive's, or the player's
-    """
+    """The drive's half: it says that the run is over, and waits until the bag is closed."""
 
     def __init__(self, node: RigNode) -> None:
         self._node, self._closed = node, False

@@ -57,7 +57,7 @@ class Viewer(RigNode):
         self._frames = self.every(FRAME_S, self._view.flush)
         self._frames.cancel()
         self.subscribe(topics.REAL_TIME_FACTOR, self._on_factor)
-        self.get_logger().info(self.activity())
+        self.get_logger().info(self.activity().words)
 
     def _on_profile(self, message: PolygonStamped) -> None:
         cam = message.header.frame_id

@@ -5,7 +5,9 @@ Five interpreters would import the same hundreds of modules. One process imports
 child of the runner's, with its own pid, session, output and exit code.
 
 Without the server (not Linux, an old kernel, it was killed) a node is started by itself, as
-`ros2 run` does.
+`ros2 run` does. The standard library's fork server is none for nodes: its children are not the
+runner's, so their pids, their output and a signal that ends them would need as much code again;
+each would import the runner's main module; and what it runs comes by pickle.
 """
 
 from __future__ import annotations
@@ -36,13 +38,7 @@ _adopting_alone = Lock()
 
 
 class ForkedProcess:
-    """A forked node, as much of `subprocess.Popen` as the runner uses.
-
-    Parameters
-    ----------
-    pid : of a child of this process
-    stdout, stderr : pipes to read its output from
-    """
+    """A forked node, a child of this process: as much of `subprocess.Popen` as the runner uses."""
 
     def __init__(self, pid: int, stdout: int, stderr: int) -> None:
         self.pid = pid
@@ -139,15 +135,9 @@ class ForkServer:
     def start(
         self, command: Sequence[str], environment: dict[str, str], pipe: int | None
     ) -> ForkedProcess | None:
-        """Start the node of a command (`python -m cam_rig.nodes NAME ...`).
+        """Start the node of a command (`python -m cam_rig.nodes NAME ...`); None where it cannot.
 
-        Parameters
-        ----------
-        pipe : a file descriptor that the node gets too, under the same number
-
-        Returns
-        -------
-        process : None where the server cannot; the node is then to be started by itself
+        The node gets the file descriptor ``pipe`` too, under the same number.
         """
         self.begin()
         if self._requests is None:
@@ -174,16 +164,15 @@ class ForkServer:
     def _fork(self, request: dict[str, object], streams: list[int]) -> int | None:
         """The pid of a forked node, a child of this process; None from a server that is lost."""
         assert self._requests is not None
+        pid = b""
         try:
-            with _adopting():
+            with _adopting(), suppress(OSError):  # it was killed, or suspended
                 socket.send_fds(self._requests, [json.dumps(request).encode()], streams)
-                return int(self._requests.recv(32))
-        except (OSError, ValueError):  # killed, suspended, unable to fork: no answer, or no number
-            self.close()
-        except BaseException:  # its answer would be taken for the next one's
-            self.close()
-            raise
-        return None
+                pid = self._requests.recv(32)
+        finally:
+            if not pid:  # nor may an answer that still comes be taken for the next one's
+                self.close()
+        return int(pid) if pid else None
 
     def close(self) -> None:
         """End it; the nodes stay."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from queue import Empty, Queue
 from types import TracebackType
@@ -15,10 +15,15 @@ from cam_rig.extras import require
 from cam_rig.interrupts import interruptible
 from cam_rig.live.loopback import require_loopback
 from cam_rig.runner.fork_server import ForkServer
-from cam_rig.runner.log_folder import log_folder
 from cam_rig.runner.node_process import Arguments, NodeProcess, stop_all
 from cam_rig.runner.node_table import ENTRIES, PATIENCE_S, RECORDER
-from cam_rig.runner.resources import LOCK_GRACE_S, CheckpointFolder, clean, require_room
+from cam_rig.runner.resources import (
+    LOCK_GRACE_S,
+    CheckpointFolder,
+    clean,
+    log_folder,
+    require_room,
+)
 
 #: Wall time (s) that a look waits for the drive's first report.
 LOOK_S = 0.05
@@ -75,11 +80,10 @@ class Graph:
         if words := log_folder()[1]:
             self._log(words)
         self._checkpoints = CheckpointFolder() if self._respawn else None
-        try:
+        with ExitStack() as stack:  # interrupted or out of memory: no node is left behind
+            stack.callback(self._end)
             self._start_all()
-        except BaseException:  # interrupted or out of memory: leave no node behind
-            self._end()
-            raise
+            stack.pop_all()
         return self
 
     def __exit__(

@@ -10,12 +10,12 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterable
+from contextlib import ExitStack
 from pathlib import Path
 
 from cam_rig.bag.split import Split
 from cam_rig.errors import RunError
 from cam_rig.runner.fork_server import ONE_THREAD, ForkedProcess, ForkServer, signals_blocked
-from cam_rig.runner.log_folder import log_folder
 from cam_rig.runner.node_table import (
     CONSUMERS,
     DRIVE,
@@ -27,14 +27,12 @@ from cam_rig.runner.node_table import (
     VIEWER,
     WAIT,
 )
-from cam_rig.runner.resources import why_killed
+from cam_rig.runner.resources import log_folder, why_killed
 
 #: Wall time (s) a node has to end when asked to, before it is killed.
 SHUTDOWN_GRACE_S = 10.0
-
 #: The variable that names Fast DDS's profile.
 PROFILES = "FASTDDS_DEFAULT_PROFILES_FILE"
-
 #: Lines of stderr that are kept.
 MAX_STDERR_LINES = 1000
 
@@ -44,21 +42,11 @@ Process = subprocess.Popen[str] | ForkedProcess
 
 
 class NodeProcess:
-    """A node that runs.
+    """A node that runs, forked from ``server`` or started by itself.
 
-    Parameters
-    ----------
-    name : the node's name, and its module's
-    arguments : its parameters
-    network : see `environment`
-    namespace : the rig's, "/rig1"; empty for the root
-    server : that the node is forked from; None starts it by itself
-    log : called with each line of its stdout; a node of the rig writes none, the middleware may
-    report : called with each line of its progress, which it writes into a pipe; None opens none
-
-    Raises
-    ------
-    RunError : the system has no process, no memory or no thread left for it
+    ``log`` gets each line of its stdout, where no node writes but the middleware may; ``report``
+    each line of its progress, which it writes into a pipe. `RunError` where the system has no
+    process, no memory or no thread left for it.
     """
 
     def __init__(
@@ -168,14 +156,15 @@ def _start(
     if not reports:
         return _started(command, network, None, server), ()
     progress, pipe = os.pipe()
-    try:
-        command = [*command, "-p", f"progress_fd:={pipe}"]
-        return _started(command, network, pipe, server), os.fdopen(progress)
-    except BaseException:
-        os.close(progress)
-        raise
-    finally:
-        os.close(pipe)
+    with ExitStack() as unread:
+        lines = unread.enter_context(os.fdopen(progress))
+        try:
+            command = [*command, "-p", f"progress_fd:={pipe}"]
+            process = _started(command, network, pipe, server)
+        finally:
+            os.close(pipe)
+        unread.pop_all()
+    return process, lines
 
 
 def _command(name: str, arguments: Arguments, namespace: str) -> list[str]:

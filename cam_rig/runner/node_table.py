@@ -60,6 +60,12 @@ CONSUMERS = tuple(entry.name for entry in NODES if entry.name not in SOURCES)
 OPTIONAL = frozenset(entry.name for entry in NODES if not entry.essential)
 
 
+def in_chain(names: Sequence[str]) -> list[str]:
+    """Some nodes in the order in which each waits for those before it."""
+    order = [entry.name for entry in NODES]
+    return sorted(names, key=order.index, reverse=True)
+
+
 def held_by(names: Sequence[str]) -> str:
     """Which of some nodes that do not answer holds the others, in words.
 
@@ -68,6 +74,5 @@ def held_by(names: Sequence[str]) -> str:
     >>> held_by(["recorder", "microphone", "follower"])
     'follower, and behind it microphone, recorder'
     """
-    order = [entry.name for entry in NODES]
-    first, *rest = sorted(names, key=order.index, reverse=True)
+    first, *rest = in_chain(names)
     return f"{first}, and behind it {', '.join(rest)}" if rest else first

@@ -59,9 +59,26 @@ def _is_private(folder: Path) -> bool:
     return mine and stat.S_ISDIR(about.st_mode)
 
 
+# Where ROS writes its log files: a node ends where it cannot.
+
+
+def log_folder() -> tuple[Path, str]:
+    """Where ROS writes log files, and what to say where that is not where it would."""
+    own = user_folder() / "cam_rig-ros-log"
+    given, home = os.environ.get("ROS_LOG_DIR"), os.environ.get("ROS_HOME")
+    if not os.environ.get("HOME") and not given:  # a service, or a cron job
+        return own, ""
+    wanted = Path(given or Path(home or "~/.ros") / "log").expanduser()
+    try:
+        wanted.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=wanted):
+            return wanted, ""
+    except OSError as error:
+        return own, f"{wanted}: cannot be written ({error.strerror}); ROS's log files are in {own}"
+
+
 #: The greatest ROS domain, by the ports of DDS.
 MAX_DOMAIN = 232
-
 #: A number as ROS reads it: as in C, where a leading 0 makes it octal.
 NUMBER = re.compile(
     r"\s*\+?(?:0[xX](?P<hex>[0-9a-fA-F]+)|0(?P<oct>[0-7]*)|(?P<dec>[1-9][0-9]*))", re.ASCII
@@ -69,12 +86,10 @@ NUMBER = re.compile(
 
 #: Characters of such a number, at most.
 MAX_CHARACTERS = 64
-
 #: A namespace of ROS; a topic's name ends it, and may have 255 characters with it.
 NAMESPACE = re.compile(r"(/(?:_?[A-Za-z]|_[0-9])(?:_?[A-Za-z0-9])*_?)+", re.ASCII)
 
 MAX_NAMESPACE = 200
-
 #: What opening a file raises that is not this user's own: a link, a folder, another user's.
 FOREIGN = (errno.ELOOP, errno.EISDIR, errno.EACCES, errno.EPERM)
 
@@ -162,12 +177,10 @@ MIN_FREE = MIB
 REMEDY = "remove what fills it, or give a container more (docker run --shm-size=256m)"
 
 FOLDER = Path("/dev/shm")
-
 #: A segment or a port has a lock file beside it, which its owner holds until it ends.
 SEGMENT = re.compile(r"fastdds_(?:[0-9a-f]{16}|port\d{1,5})")
 
 LOCKS = ("_el", "_sl")
-
 #: Age (s) up to which a file may yet get its lock.
 LOCK_GRACE_S = 1.0
 

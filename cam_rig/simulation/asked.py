@@ -21,12 +21,9 @@ RIG = "paper_table2"
 
 
 def asked_cams(names: list[str] | None, rig: str | None) -> CamSet:
-    """Cams by file or name on a rig, or one scene's cams on its rig.
+    """Cams (None: those of Table 2) on a rig, or one scene's cams on its rig; by file or name.
 
-    Parameters
-    ----------
-    names : of cams, or of one scene; None for the cams of Table 2
-    rig : file or name; None for the scene's, the only one beside the cams, or `RIG`
+    No rig is the scene's, the only one beside the cams, or `RIG`.
     """
     from cam_rig.laws.cam import CamSet, open_cam_set
     from cam_rig.schema import load_tables
@@ -57,12 +54,7 @@ def _rig_beside(cams: list[Path]) -> Path:
 
 
 def asked_scene(scene: str, rig: str | None) -> LoadedScene:
-    """A scene by file or name, on its rig or on another.
-
-    Parameters
-    ----------
-    rig : file, or name beside the scene or in config; None for the scene's own
-    """
+    """A scene by file or name, on its rig, or another by file, or name beside it or in config."""
     from cam_rig.schema import load_rig
     from cam_rig.simulation.scene import open_scene
 

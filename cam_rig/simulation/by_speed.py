@@ -185,14 +185,7 @@ def _widened(span: tuple[float, float], most: float, least: float) -> tuple[floa
 
 
 class SpeedRows:
-    """What becomes of a run's samples, tick by tick as they come: a row each cam and speed.
-
-    Parameters
-    ----------
-    laws : by cam
-    rate : Hz, of the samples
-    settle_turns : turns of each step that are left out
-    """
+    """A run's samples (at ``rate`` Hz), tick by tick as they come: a row each cam and speed."""
 
     def __init__(self, laws: dict[str, Law], rate: int, settle_turns: float) -> None:
         self._laws, self._rate = laws, rate
@@ -212,12 +205,7 @@ class SpeedRows:
             step.take(tick, self._rate, settled)
 
     def rows(self, levels: dict[str, dict[float, float]]) -> tuple[SpeedRow, ...]:
-        """The rows in the order of the cams, then of the speeds; to be called at the end.
-
-        Parameters
-        ----------
-        levels : dB by cam and speed (rad/s), as of `step_levels`
-        """
+        """The rows by cam and speed, at the end; ``levels`` in dB as of `step_levels`."""
         order = {cam: i for i, cam in enumerate(dict.fromkeys(cam for cam, _ in self._steps))}
         found = []
         for (cam, speed), step in sorted(

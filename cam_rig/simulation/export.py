@@ -23,7 +23,6 @@ from cam_rig.units import FloatArray, to_rpm
 
 #: Rows that are written at once, at least: a tick alone may have a few.
 CHUNK_ROWS = 1 << 16
-
 #: The column of text; the others are numbers.
 CAM = "cam"
 
@@ -221,7 +220,6 @@ def _schema(pa: Any, about: dict[str, str]) -> Any:
 WITHOUT = ("time_s", "angle_rad")
 
 CHANNELS = tuple(i for i, column in enumerate(COLUMNS) if column.name not in WITHOUT)
-
 #: A format of its time: sizes in it are numbers of 32 bits.
 MAX_BYTES = 2**32 - 2**16
 
@@ -310,12 +308,7 @@ def export(
 ) -> Contents:
     """Write the samples of a run, in bounded memory, whole or not at all.
 
-    Parameters
-    ----------
-    path : .parquet, .csv, .npz, or .wav (one channel each quantity, no gaps)
-    ticks : of the run, in order
-    loaded : the scene that was run
-    cam, rpm : only this cam, only this held speed; None for all, ramps included
+    Only those of a cam, or of a speed that is held; None for all, ramps included.
     """
     require_format(path)
     rate = int(loaded.scene.sample_rate.si)

@@ -22,10 +22,8 @@ from cam_rig.units import NS, RPM, TURN, FloatArray
 
 #: Readings of which the usual step is taken, at once; a slower speed has another.
 WINDOW = 64
-
 #: A step that is so many times the usual one is a gap; of readings at a steady rate, and others.
 GAP_STEADY, GAP = 1.8, 4.0
-
 #: Steps of which nine of ten differ by less than this part of themselves are of a steady rate.
 STEADY = 0.05
 
@@ -240,7 +238,6 @@ def _side(velocity: FloatArray) -> FloatArray:
 #: Angles that rise by whole steps so nearly, in parts of one, were read through an encoder; over a
 #: step of n of them √n times that, as the count is not known better, and at most.
 WHOLE, MOST = 1e-3, 0.05
-
 #: Angles (rad) that differ by less are equal; a count is no finer than this.
 EQUAL, FINEST = 1e-12, 1e-8
 

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
 #: Samples of one motion at most: 1 GB.
 MAX_TOTAL_SAMPLES = 20_000_000
-
 #: What the law is called in its scene.
 CAM = "cam"
 

@@ -115,7 +115,6 @@ def load_scene(scene: str | Path) -> LoadedScene:
 
 #: The shipped rig that was calibrated, and the model of the follower it was calibrated with.
 SHIPPED, MODEL = "tm21", "one_mass"
-
 #: What a level is worth whose rig was not calibrated, and what that means.
 RELATIVE = "relative"
 
@@ -126,7 +125,6 @@ RELATIVE_NOTE = (
 
 #: What follows in the source of a calibration: the follower and model it holds for.
 FITTED_WITH = "; fitted with "
-
 #: Two numbers that differ by less, relative, are the same in other units.
 SAME = 1e-9
 

@@ -103,10 +103,7 @@ SAME = 1e-9
 class TickSamples(NamedRows):
     """Samples ``(6, n)`` of one tick, rows as in `COLUMNS`, and θ, rpm and cam beside them.
 
-    Parameters
-    ----------
-    start : the cam where the tick begins
-    interval : how it turns from there; it may go on beyond the samples, never end before them
+    The interval begins with ``start``, and may go on beyond the samples, never end before them.
     """
 
     start: CamState
@@ -266,7 +263,6 @@ def simulate(
 
 #: Hz: levels are within 0.003 dB of those at 384 kHz (docs/accuracy.md).
 TURN_RATE_HZ = 12_000
-
 #: The speed response is a polynomial of (rpm − 300)/100.
 RESPONSE_AT, RESPONSE_PER = 300.0, 100.0
 

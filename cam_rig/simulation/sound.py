@@ -199,12 +199,9 @@ class MeterSimulator:
 def audition(
     loaded: LoadedScene, cam: str | None, rpm: float | None, seconds: float, rate: int
 ) -> LoadedScene:
-    """The scene as it is listened to: sampled at ``rate`` Hz, one cam or one speed of it.
+    """The scene as it is listened to: at ``rate`` Hz, one cam (None: all), at its speeds or at one.
 
-    Parameters
-    ----------
-    cam : one cam of the scene, or None for all
-    rpm : one speed, held for whole turns that last at least ``seconds``; None for the program
+    One speed is held for whole turns that last at least ``seconds``.
     """
     if cam is not None:
         loaded = loaded.only(cam, loaded.law_of(cam))

@@ -1,20 +1,30 @@
-"""Runs of the live graph, and what is left of them."""
+"""Runs of the nodes: all in this process, a thread each, or as processes; and what they leave."""
 
+import json
 import subprocess
 import time
-from contextlib import suppress
+from contextlib import ExitStack, nullcontext, suppress
+from importlib import import_module
 from pathlib import Path
+from queue import Empty, Queue
+from tempfile import NamedTemporaryFile
+from threading import Thread
 from types import SimpleNamespace
 
 import pytest
+import rclpy
 from mcap.reader import make_reader
 from rcl_interfaces.srv import DescribeParameters
+from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Float64
 
 from cam_rig.bag.files import mcap_files
 from cam_rig.errors import RunError
+from cam_rig.nodes import process
+from cam_rig.nodes.__main__ import NODES
 from cam_rig.runner.graph import Graph
 from cam_rig.runner.node_process import live
+from cam_rig.runner.node_table import RECORDER
 from cam_rig.testing.client import RigClient
 from cam_rig.testing.running_rig import isolated_domain
 
@@ -27,14 +37,96 @@ cams: [tm21, bezier15]
 rig: tm21
 model: one_mass
 sample_rate: {assumed: 2, unit: kHz, source: "keeps the test short"}
+points_per_turn: 24
 program:
-  speeds: {assumed: [250, 300, 350, 400], unit: rpm, source: "a test"}
-  turns: {assumed: 10, unit: turns, source: "a test"}
+  speeds: {assumed: [250, 400], unit: rpm, source: "a test"}
+  turns: {assumed: 8, unit: turns, source: "a test"}
   settle_turns: {assumed: 1, unit: turns, source: "a test"}
   ticks_per_turn: 2
 published: tm21_noise
 """
-TICKS = 160
+TICKS = 64
+
+
+class OneProcess:
+    """The nodes of a run in this process and on one context, each spun by a thread as by its own.
+
+    What a process adds is left out: its start, its end, signals. ``late`` are the nodes that do not
+    take messages before they are started.
+    """
+
+    def __init__(self, nodes, late=(), namespace=""):
+        self._given, self._late = nodes, late
+        self._source = list(nodes)[-1]  # the drive, or the player
+        self._place = ["-r", f"__ns:={namespace}"] if namespace else []
+        self.nodes, self.codes, self._threads = {}, {}, {}
+        self._reports = Queue()
+
+    def __enter__(self):
+        with ExitStack() as stack:
+            file = stack.enter_context(NamedTemporaryFile("w", suffix=".yaml"))
+            about = {f"/**/{n}": {"ros__parameters": own} for n, own in self._given.items()}
+            json.dump(about, file)  # which is YAML too
+            file.flush()
+            arguments = ["--ros-args", "--params-file", file.name, *self._place]
+            rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+            stack.callback(rclpy.shutdown)
+            for name in self._given:
+                self.nodes[name] = node_of(name)
+            self.nodes[self._source]._report_progress = lambda **report: self._reports.put(report)
+            stack.callback(self.end)
+            for name in self._given:
+                if name not in self._late:
+                    self.start(name)
+            self._stack = stack.pop_all()
+        return self
+
+    def __exit__(self, *_error):
+        self._stack.close()
+
+    def start(self, name):
+        """Let a node take messages until it ends."""
+        self._threads[name] = Thread(target=self._spin, args=[name])
+        self._threads[name].start()
+
+    def _spin(self, name):
+        request = SimpleNamespace(received=False, act=lambda: None)
+        self.codes[name] = process._spin(self.nodes[name], request)
+
+    def is_running(self, name):
+        return self._threads[name].is_alive()
+
+    def progress(self):
+        """What the drive reports, until it is done; raises what has ended another node."""
+        while self.is_running(self._source) or not self._reports.empty():
+            for node in self.nodes.values():
+                if node.failure is not None:
+                    raise node.failure
+            with suppress(Empty):
+                report = self._reports.get(timeout=0.05)
+                if "done" not in report:
+                    yield report
+
+    def end(self):
+        """End the nodes that still run, the recorder last."""
+        for name in sorted(self._threads, key=lambda name: name == RECORDER):
+            if name == RECORDER:
+                self._join()
+            self.nodes[name].interrupt()
+        self._join(RECORDER)
+        for name in set(self.nodes) - set(self._threads):
+            self.nodes[name].close()
+            self.nodes[name].destroy_node()
+
+    def _join(self, *last):
+        for name, thread in self._threads.items():
+            if name != RECORDER or last:
+                thread.join(WAIT)
+
+
+def node_of(name):
+    """A node, made with the arguments of this process's context."""
+    return getattr(import_module(f"cam_rig.nodes.{name}"), NODES[name])()
 
 
 def payloads(bag):
@@ -50,11 +142,20 @@ def payloads(bag):
 def mapped(*pids):
     """The files of /dev/shm that living processes have mapped or open; of all by default."""
     used = set()
-    for process in [Path(f"/proc/{pid}") for pid in pids] or Path("/proc").glob("[0-9]*"):
+    for place in [Path(f"/proc/{pid}") for pid in pids] or Path("/proc").glob("[0-9]*"):
         with suppress(OSError):
-            used |= {line.split("/")[-1] for line in (process / "maps").read_text().splitlines()}
-            used |= {path.readlink().name for path in (process / "fd").iterdir()}
+            used |= {line.split("/")[-1] for line in (place / "maps").read_text().splitlines()}
+            used |= {path.readlink().name for path in (place / "fd").iterdir()}
     return {name for name in used if "fastdds" in name}
+
+
+def unused():
+    """The files of Fast DDS in /dev/shm that no process uses.
+
+    Ports below 7400 are of no domain: other runs on this machine share them.
+    """
+    names = {path.name for path in Path("/dev/shm").glob("*fastdds*")} - mapped()
+    return {name for name in names if "port7" not in name}
 
 
 def node_processes(path):
@@ -79,22 +180,21 @@ def size(bag):
     return sum(file.stat().st_size for file in bag.glob("*.mcap")) if bag.is_dir() else 0
 
 
-def unused():
-    """The files of Fast DDS in /dev/shm that no process uses.
-
-    Ports below 7400 are of no domain: other runs on this machine share them.
-    """
-    names = {path.name for path in Path("/dev/shm").glob("*fastdds*")} - mapped()
-    return {name for name in names if "port7" not in name}
-
-
 def patient(scene, bag, screen=None, **drive):
     """The nodes of a run whose drive waits for its nodes however busy the machine is."""
     return live(scene, bag, screen, **{"patience": WAIT, **drive})
 
 
+def run_here(scene, bag, on_tick=lambda _tick: None, **how):
+    """Run to the end in this process; every node ends in order."""
+    with OneProcess(patient(scene, bag, **how)) as here:
+        for report in here.progress():
+            on_tick(report["tick"])
+    assert set(here.codes.values()) == {0}
+
+
 def run_graph(scene, bag, on_tick=None, respawn=False, logged=None, **drive):
-    """Run to the end, calling ``on_tick(graph, tick)`` for each; the lines that were logged."""
+    """Run processes to the end, calling ``on_tick(graph, tick)`` for each; the lines logged."""
     logged = [] if logged is None else logged
     with Graph(patient(scene, bag, **drive), respawn=respawn, log=logged.append) as graph:
         for report in graph.progress():
@@ -103,22 +203,29 @@ def run_graph(scene, bag, on_tick=None, respawn=False, logged=None, **drive):
     return logged
 
 
+@pytest.fixture(scope="session", autouse=True)
+def unbounded():
+    """A process ends where DDS does not come back; that of the tests is none to end."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(process, "bounded", lambda failed=False: nullcontext())
+        yield
+
+
 @pytest.fixture(scope="session")
 def short_scene(tmp_path_factory):
-    """160 ticks: two cams, four speeds."""
-    folder = tmp_path_factory.mktemp("short") / "scenes"
-    folder.mkdir()
-    path = folder / "short.yaml"
+    """64 ticks: two cams, two speeds."""
+    path = tmp_path_factory.mktemp("short") / "scenes" / "short.yaml"
+    path.parent.mkdir()
     path.write_text(SCENE, encoding="utf-8")
     return path
 
 
 @pytest.fixture(scope="session")
 def undisturbed_bag(short_scene, tmp_path_factory):
-    """An undisturbed run of the short scene; its users are in one of `GROUPS`."""
+    """An undisturbed run of the short scene in one process."""
     bag = tmp_path_factory.mktemp("undisturbed") / "bag"
     with isolated_domain():
-        run_graph(short_scene, bag)
+        run_here(short_scene, bag)
     return bag
 
 
@@ -132,6 +239,32 @@ def undisturbed(undisturbed_bag):
 def wait_for():
     """Poll until something is true, however busy the machine is."""
     return wait_until
+
+
+@pytest.fixture
+def domain():
+    """A ROS domain of its own for a test, on this machine only."""
+    with isolated_domain() as number:
+        yield number
+
+
+@pytest.fixture
+def make(domain, short_scene, tmp_path):
+    """Make nodes in this process, which nobody spins."""
+    given = {"scene": str(short_scene), "recorder:bag": str(tmp_path / "bag")}
+    pairs = (("-p", f"{key}:={json.dumps(value)}") for key, value in given.items())
+    made = []
+    rclpy.init(args=["--ros-args", *(part for pair in pairs for part in pair)])
+
+    def make(name):
+        made.append(node_of(name))
+        return made[-1]
+
+    yield make
+    for node in made:
+        node.close()
+        node.destroy_node()
+    rclpy.shutdown()
 
 
 class User(RigClient):
@@ -163,18 +296,21 @@ class User(RigClient):
 
 
 @pytest.fixture
-def user(ros_domain):
+def user(domain):
     """Somebody at a terminal, in the rig's domain."""
-    with User(ros_domain, name="user") as made:
+    with User(domain, name="user") as made:
         yield made
 
 
 @pytest.fixture(scope="session")
 def rig():
-    """What the tests of the live graph do again and again."""
+    """What the tests of the nodes do again and again."""
     return SimpleNamespace(
         live=patient,
+        here=OneProcess,
+        node=node_of,
         run=run_graph,
+        run_here=run_here,
         payloads=payloads,
         processes=node_processes,
         mapped=mapped,

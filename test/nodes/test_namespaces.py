@@ -1,8 +1,5 @@
-"""Rigs in namespaces: two in one ROS domain, their bags, and names that are too long."""
+"""Rigs in namespaces: two in one ROS domain, and their bags."""
 
-import subprocess
-import sys
-from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,15 +20,13 @@ GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
 
 
 def test_two_rigs_in_one_domain_are_each_as_alone(
-    ros_domain, rig, short_scene, undisturbed, tmp_path
+    forked, domain, rig, short_scene, undisturbed, tmp_path
 ):
-    """Each has its own bag, whose messages are those of the run alone, byte by byte."""
+    """One of processes, and one in this: the messages of each are those of the run alone."""
     bags = {name: tmp_path / name for name in ("rig1", "rig2")}
-    with ExitStack() as stack:
-        runs = []
-        for name, bag in bags.items():
-            graph = Graph(rig.live(short_scene, bag), namespace=f"/{name}")
-            runs.append(stack.enter_context(graph).progress())
+    graph = Graph(rig.live(short_scene, bags["rig1"]), namespace="/rig1")
+    with graph, rig.here(rig.live(short_scene, bags["rig2"]), namespace="/rig2") as here:
+        runs = [graph.progress(), here.progress()]
         while runs:  # side by side, a tick of each in turn
             runs = [run for run in runs if next(run, None) is not None]
     for name, bag in bags.items():
@@ -75,23 +70,3 @@ def namespaced(tmp_path):
         return bag, expected
 
     return make
-
-
-@pytest.mark.variants(2)
-@pytest.mark.starts
-@pytest.mark.parametrize("length", [201, 245, 255])
-def test_a_namespace_that_is_too_long_ends_a_node_in_words(ros_domain, length):
-    """One line with the limit and the code of a wrong setting, whether ROS would take it or not."""
-    command = [sys.executable, "-m", "cam_rig.nodes", "law_server", "--ros-args", "-r"]
-    ended = subprocess.run(
-        [*command, f"__ns:=/{'a' * (length - 1)}"],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=100,
-    )
-    assert ended.returncode == 2
-    assert "Traceback" not in ended.stderr
-    (line,) = ended.stderr.splitlines()
-    assert line.startswith("cam_rig: ")
-    assert "200 characters" in line

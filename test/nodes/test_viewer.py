@@ -50,17 +50,14 @@ def as_recorded(bag, folder):
     return recorded
 
 
-def test_the_live_picture_is_the_bags(ros_domain, wait_for, rig, tmp_path):
+def test_the_live_picture_is_the_bags(domain, wait_for, rig, tmp_path):
     """All six nodes run, no tick is missing in bag or picture, and the numbers are the same.
 
     Of every two samples of this scene a live curve has the least and the greatest.
     """
     bag, folder = tmp_path / "bag", tmp_path / "page"
     folder.mkdir()
-    with Graph(rig.live(QUICK, bag, str(folder))) as graph:
-        for _ in graph.progress():
-            pass
-    assert graph.processes["viewer"].code == 0
+    rig.run_here(QUICK, bag, screen=str(folder))
     recorded = as_recorded(bag, tmp_path)
     seen = wait_for(lambda: arrived(newest_recording(folder), recorded))
     for name in CURVES:
@@ -75,7 +72,7 @@ def test_the_live_picture_is_the_bags(ros_domain, wait_for, rig, tmp_path):
 
 
 @pytest.mark.long
-def test_a_killed_viewer_is_started_again(ros_domain, wait_for, rig, tmp_path):
+def test_a_killed_viewer_is_started_again(forked, domain, wait_for, rig, tmp_path):
     """A spectator does not cost the measurement: the bag is whole, and the new one sees the end."""
     bag, folder, logged = tmp_path / "bag", tmp_path / "page", []
     folder.mkdir()
@@ -92,7 +89,7 @@ def test_a_killed_viewer_is_started_again(ros_domain, wait_for, rig, tmp_path):
 
 @pytest.mark.long
 @pytest.mark.parametrize("address", [stream_address(free_port()), "/no/such/folder"])
-def test_without_a_viewer_the_run_goes_on(ros_domain, rig, tmp_path, address):
+def test_without_a_viewer_the_run_goes_on(forked, domain, rig, tmp_path, address):
     """Nobody listens at the address: the bag is whole all the same."""
     bag = tmp_path / "bag"
     with Graph(rig.live(QUICK, bag, address)) as graph:
@@ -102,7 +99,7 @@ def test_without_a_viewer_the_run_goes_on(ros_domain, rig, tmp_path, address):
 
 
 @pytest.mark.long
-def test_a_run_goes_on_without_a_viewer_that_cannot_stay(ros_domain, rig, tmp_path):
+def test_a_run_goes_on_without_a_viewer_that_cannot_stay(forked, domain, rig, tmp_path):
     """Killed whenever it is there: the drive stops waiting for it, and the bag is whole."""
     bag, logged = tmp_path / "bag", []
     address = stream_address(free_port())

@@ -127,10 +127,10 @@ def to_csv(readings: list[NotedReading]) -> str:
     return out.getvalue()
 
 
-#: What a node's heartbeat says of a drive that was stopped, and its diagnosis after an emergency.
-STOPPED, EMERGENCY, LOST = "stopped", "emergency", "contact lost"
-
-WAITING, BEHIND = "waiting for ", ", and behind it "
+#: Of a drive that was stopped; of a follower.
+STOPPED, EMERGENCY, LOST, IN_CONTACT = "stopped", "emergency", "contact lost", "in contact"
+#: Levels of a diagnosis.
+OK, ERROR = 0, 2
 
 #: Lines of the graph's log that are shown.
 MAX_LINES = 6
@@ -153,7 +153,7 @@ class LiveState:
     domain: int = 0
     #: Whether the cam is driven: turning, stopped, or emergency.
     drive: str = "stopped"
-    #: Nodes that the drive waits for, in its words.
+    #: Nodes that the drive waits for.
     waits_for: str = ""
     #: Nodes that were killed and wait to be started again, and how they ended.
     ended: dict[str, str] = field(default_factory=dict)
@@ -224,26 +224,21 @@ class LiveState:
         """The drive was told to turn."""
         self.drive, self._ticks_to_come = "turning", 0
 
-    def _health(self, node: str, _level: int, words: str) -> None:
+    def _health(self, node: str, level: int, values: dict[str, str]) -> None:
         if node == f"cam_drive{HEARTBEAT}":
             self.graph = "running" if self.graph == "starting" else self.graph
-            waits = words.removeprefix(WAITING) if words.startswith(WAITING) else ""
-            self.waits_for = waits.replace(BEHIND, ", ")
-        if node == "follower":
-            if words == LOST:
-                self.losses += 1
-            if LOST in (words, self.contact):  # it was until now
+            self.waits_for = values["waits_for"]
+            self.drive = self.drive if values["state"] == "waiting" else values["state"]
+        elif node == "cam_drive":
+            self.drive = EMERGENCY if level == ERROR else "turning"
+        elif node == "follower":
+            contact = IN_CONTACT if level == OK else LOST
+            self.losses += contact == LOST
+            if LOST in (contact, self.contact):  # it was until now
                 self._lost_ns = int(self.state.get("time_ns", 0))
-            self.contact = words
+            self.contact = contact
         elif node == PACE:
-            self.late = "" if words == "on time" else words
-        elif node.startswith("cam_drive"):
-            if words.startswith(EMERGENCY):
-                self.drive = EMERGENCY
-            elif words.startswith(STOPPED):
-                self.drive = STOPPED
-            elif words == "turning":
-                self.drive = "turning"
+            self.late = "" if level == OK else "lagging"
 
     def _set(self, node: str, values: dict[str, Any]) -> None:
         if node == "microphone" and values != self.values.get(node):

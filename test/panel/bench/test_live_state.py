@@ -20,7 +20,7 @@ def live() -> LiveState:
     """A bench whose nodes run."""
     state = LiveState(Setup.of(cam_rig.load_rig("paper_table2"), "poly345"))
     state.happened({"graph": "starting", "domain": 7})
-    state.heard({"health": [f"cam_drive{HEARTBEAT}", 0, "stopped, waiting for ~/start"]})
+    state.heard({"health": [f"cam_drive{HEARTBEAT}", 0, {"state": "stopped", "waits_for": ""}]})
     state.heard({"node": "microphone", "values": {"frequency_weighting": "A"}})
     state.heard({"node": "microphone", "values": {"time_weighting": "F"}})
     return state
@@ -36,11 +36,11 @@ def turn(live: LiveState, first: int, count: int) -> None:
 
 def test_a_contact_that_was_lost_in_the_mean_is_noted(live: LiveState) -> None:
     """Though the last tick was in contact; long after, it is not."""
-    live.heard({"health": ["follower", 0, "in contact"]})
+    live.heard({"health": ["follower", 0, {}]})
     turn(live, 0, 150)
     assert live.note().contact == "in contact"
-    live.heard({"health": ["follower", 1, "contact lost"]})
-    live.heard({"health": ["follower", 0, "in contact"]})
+    live.heard({"health": ["follower", 1, {}]})
+    live.heard({"health": ["follower", 0, {}]})
     turn(live, 150, 20)
     assert live.note().contact == "contact lost"
     assert live.losses == 1
@@ -52,18 +52,19 @@ def test_a_contact_that_was_lost_in_the_mean_is_noted(live: LiveState) -> None:
 def test_the_drive_is_what_it_says(live: LiveState) -> None:
     """Stopped, waiting, turning, stopped in an emergency until it says that it turns again."""
     assert (live.graph, live.drive) == ("running", "stopped")
-    live.heard({"health": [f"cam_drive{HEARTBEAT}", 0, "waiting for viewer"]})
+    waiting = {"state": "waiting", "waits_for": "viewer"}
+    live.heard({"health": [f"cam_drive{HEARTBEAT}", 0, waiting]})
     assert live.waits_for == "viewer"
     turn(live, 0, 1)
     assert (live.drive, live.waits_for) == ("turning", "")
-    live.heard({"health": ["cam_drive", 2, "emergency stop"]})
+    live.heard({"health": ["cam_drive", 2, {}]})
     turn(live, 1, 1)
     assert live.drive == "emergency"
-    live.heard({"health": ["cam_drive", 0, "turning"]})
+    live.heard({"health": ["cam_drive", 0, {}]})
     assert live.drive == "turning"
-    live.heard({"health": [PACE, 1, "lagging"]})
+    live.heard({"health": [PACE, 1, {}]})
     assert live.late == "lagging"
-    live.heard({"health": [PACE, 0, "on time"]})
+    live.heard({"health": [PACE, 0, {}]})
     assert live.late == ""
 
 

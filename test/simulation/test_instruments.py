@@ -1,21 +1,21 @@
-"""An encoder's count is found from the angles read through it, at any speed and rate."""
+"""What instruments make of a run: counts of an encoder, gaps between readings."""
 
 import doctest
 
 import numpy as np
 import pytest
 
-from cam_rig.simulation import instruments as encoder
-from cam_rig.simulation.instruments import encoder_count
+from cam_rig.simulation import instruments
+from cam_rig.simulation.instruments import Signal, encoder_count
 from cam_rig.units import TURN
 
 
 def test_the_example_is_true():
     """What the docstring promises."""
-    assert doctest.testmod(encoder, extraglobs={"np": np}).failed == 0
+    assert doctest.testmod(instruments, extraglobs={"np": np}).failed == 0
 
 
-@pytest.mark.variants(8)
+@pytest.mark.variants(4)
 @pytest.mark.parametrize("seed", range(40))
 def test_the_count_is_found(seed):
     """Of any encoder, at any speed, read at even times or not; some counts may be passed over."""
@@ -30,6 +30,7 @@ def test_the_count_is_found(seed):
     assert TURN / encoder_count(stepped) == pytest.approx(number, rel=1e-6)
 
 
+@pytest.mark.variants(3)
 @pytest.mark.parametrize("seed", range(10))
 def test_an_exact_angle_has_no_counts(seed):
     """Neither at a steady speed, whose steps are equal, nor with ripple, nor at random times."""
@@ -39,3 +40,20 @@ def test_an_exact_angle_has_no_counts(seed):
     assert encoder_count(speed * time) == 0.0
     assert encoder_count(speed * time + 0.2 * np.sin(7.0 * time)) == 0.0
     assert encoder_count(np.cumsum(random.uniform(0.0, 0.05, 6000))) == 0.0
+
+
+def test_an_encoder_that_reports_each_count_has_no_gap_where_it_turns_slower():
+    """Eight times slower, the steps are eight times as long; a lost stretch there is a gap."""
+    steps = np.repeat([1e-4, 8e-4], [3000, 1000])
+    time = np.cumsum(steps * (1.0 + 0.02 * np.sin(np.arange(4000))))
+    assert Signal(time, time).gaps().size == 0
+    kept = np.delete(time, slice(3500, 3504))
+    np.testing.assert_array_equal(Signal(kept, kept).gaps(), [[time[3499], time[3504]]])
+
+
+def test_stamps_that_scatter_are_no_gaps():
+    """A network that delivers in bursts: steps from nothing to three times the usual."""
+    rng = np.random.default_rng(2)
+    time = np.cumsum(rng.uniform(0.0, 2e-3, 5000))
+    assert Signal(time, time).gaps().size == 0
+    assert Signal(time[:3], time[:3]).gaps().size == 0

@@ -15,8 +15,7 @@ from cam_rig.bag import reader
 from cam_rig.errors import ConfigError, OutputError
 from cam_rig.messages import topics
 from cam_rig.schema.load import config_root
-from cam_rig.simulation import export as columns
-from cam_rig.simulation import export as wav_file
+from cam_rig.simulation import export as exporting
 from cam_rig.simulation.export import COLUMNS, FORMATS, export
 from cam_rig.simulation.simulate import turned_ticks
 from cam_rig.units import TURN
@@ -95,7 +94,7 @@ def test_a_wav_has_a_channel_each_quantity(tmp_path, run):
     rate, data = wavfile.read(path)
     assert rate == 1000
     assert data.dtype == np.float32
-    names = [NUMBERS[i] for i in wav_file.CHANNELS]
+    names = [NUMBERS[i] for i in exporting.CHANNELS]
     force = np.concatenate([tick.force for tick in run.blocks()])
     np.testing.assert_array_equal(data[:, names.index("force_N")], force.astype(np.float32))
     assert b"lift_m [m], velocity_m_s [m/s]" in path.read_bytes()[:600]
@@ -158,7 +157,7 @@ def test_lost_messages_are_gaps(tmp_path, run, monkeypatch, ending):
 @pytest.mark.parametrize("ending", FORMATS)
 def test_memory_does_not_grow_with_the_run(tmp_path, make_loaded_scene, monkeypatch, ending):
     """A run ten times as long takes as much of it, here with small chunks."""
-    monkeypatch.setattr(columns, "CHUNK_ROWS", 1000)
+    monkeypatch.setattr(exporting, "CHUNK_ROWS", 1000)
     peaks = []
     for turns in (4, 4, 40):  # the first imports
         loaded = make_loaded_scene(speeds=[60], turns=turns, sample_rate=1000, cams=["poly345"])
@@ -172,7 +171,7 @@ def test_memory_does_not_grow_with_the_run(tmp_path, make_loaded_scene, monkeypa
 
 def test_a_wav_beyond_its_format_is_refused(tmp_path, run, monkeypatch):
     """Its sizes are numbers of 32 bits."""
-    monkeypatch.setattr(wav_file, "MAX_BYTES", 10_000)
+    monkeypatch.setattr(exporting, "MAX_BYTES", 10_000)
     with pytest.raises(OutputError, match=r"more than 4 GiB; allowed: what WAV can hold, so name"):
         run.export(tmp_path / "a.wav")
 

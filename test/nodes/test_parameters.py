@@ -1,0 +1,209 @@
+"""What a node takes: its parameters, its topics, what --help says of them, one scene for all."""
+
+import re
+import subprocess
+import sys
+
+import pytest
+import rclpy
+import yaml
+from rclpy.parameter import Parameter
+
+from cam_rig.errors import ConfigError
+from cam_rig.nodes.__main__ import NODES
+from cam_rig.nodes.parameters import ABOUT, PARAMETERS, published, usage
+from cam_rig.nodes.rig_node import (
+    convert,
+    declare,
+    require_one_scene,
+    scene_mark,
+    unknown_names,
+)
+from cam_rig.schema.load import config_root
+from tools.docs.parameters import FOLDER, text
+
+pytestmark = pytest.mark.ros
+LIVE = ("law_server", "cam_drive", "follower", "microphone", "recorder")
+QUICK = str(config_root() / "scenes" / "quick.yaml")
+#: Topics and services that rclpy gives every node.
+OF_RCLPY = {"/rosout", "/parameter_events"}
+
+
+@pytest.fixture
+def given(domain):
+    """What a function of a node and its parameters gives, declared with such arguments."""
+
+    def given(name, *arguments, ask=declare, **node):
+        context = rclpy.Context()
+        rclpy.init(args=["--ros-args", *arguments], context=context)
+        made = rclpy.create_node(name, context=context, **node)
+        try:
+            return ask(made, PARAMETERS[name])
+        finally:
+            made.destroy_node()
+            context.shutdown()
+
+    return given
+
+
+def test_a_node_has_what_its_tables_say(make):
+    """Each parameter described, with type, unit and range; what is not live is read-only. Topics
+    and services neither one more nor one less."""
+    for name in LIVE:
+        node, about = make(name), ABOUT[name]
+        for spec in PARAMETERS[name]:
+            shown = node.describe_parameter(spec.name)
+            assert shown.description == spec.description
+            assert shown.read_only == (not spec.live)
+            if spec.most is not None:
+                (span,) = (*shown.floating_point_range, *shown.integer_range)
+                assert (span.from_value, span.to_value) == (spec.least, spec.most)
+            if spec.choices:
+                assert all(choice in shown.additional_constraints for choice in spec.choices)
+        assert {one.topic_name for one in node.subscriptions} == {one.name for one in about.takes}
+        out = {one.topic_name for one in node.publishers} - OF_RCLPY
+        assert out == {one.name for one in published(name)}
+        services = {one.service_name.removeprefix(f"/{name}/") for one in node.services}
+        own = {one for one in services if not re.search("parameter|type_desc", one)}
+        assert own == set(about.services)
+
+
+def test_whole_numbers_and_names_are_taken_at_the_start(given):
+    """An integer where a number is meant, a factor without its x, a scene by its name."""
+    arguments = ("-p", "rpm:=300", "-p", "pacing:=20", "-p", "scene:=quick", "-p", "patience:=60")
+    values = given("cam_drive", *arguments)
+    assert (values["rpm"], values["pacing"], values["patience"]) == (300.0, "20x", 60.0)
+    assert type(values["rpm"]) is float and values["scene"] == QUICK
+    assert given("cam_drive", "-p", "pacing:=0.5")["pacing"] == "0.5x"
+
+
+WRONG = {
+    "rpm:=fast": "rpm: is 'fast'; allowed: a number",
+    "rpm:=-1": "rpm: is -1; allowed: 0 to 100000",
+    "rpm:=.nan": "rpm: is nan; allowed: 0 to 100000",
+    "autostart:=1": "autostart: is 1; allowed: true or false",
+    "pacing:=-3": "pacing: is '-3x'; allowed: free, real_time, or a factor",
+    "at_end:=never": "at_end: has never; allowed: end, stay, wait",
+    "scene:=7": "scene: is 7; allowed: a text",
+    "consumers:=[nobody]": "consumers: has nobody; allowed: recorder",
+}
+
+
+def test_a_wrong_value_is_refused_with_what_is_allowed(given):
+    """Whatever its type: no node ends with a traceback of rclpy's."""
+    for argument, words in WRONG.items():
+        with pytest.raises(ConfigError) as refused:
+            given("cam_drive", "-p", argument)
+        assert words in str(refused.value)
+
+
+def test_what_is_set_is_converted():
+    """A whole number is a number too; what no node of the rig declares stays as it is."""
+    wanted = [Parameter("rpm", value=250), Parameter("other", value=1)]
+    assert [one.value for one in convert(PARAMETERS["cam_drive"], wanted)] == [250.0, 1]
+
+
+def test_a_wrong_value_is_refused_live_in_words(make):
+    """By the node itself, and nothing is changed."""
+    drive = make("cam_drive")
+    for name, value, words in (
+        ("rpm", "fast", "rpm: is 'fast'; allowed: a number"),
+        ("rpm", True, "rpm: is True; allowed: a number"),
+        ("rpm", None, "rpm: is None; allowed: a number"),
+        ("rpm", -1, "rpm"),
+        ("scene", [1, 2], "scene: is [1, 2]; allowed: a text"),
+    ):
+        before = drive.get_parameter(name).value
+        result = drive.set_parameters_atomically([Parameter(name, value=value)])
+        assert not result.successful
+        assert words in result.reason
+        assert "expected" not in result.reason
+        assert drive.get_parameter(name).value == before
+
+
+def test_a_parameter_file_holds_every_default(given):
+    """In any namespace, and what is given after it counts; tools/docs/parameters.py writes it."""
+    for name in PARAMETERS:
+        file = FOLDER / f"{name}.yaml"
+        assert file.read_text(encoding="utf-8") == text(name)
+        (values,) = (part["ros__parameters"] for part in yaml.safe_load(text(name)).values())
+        assert values == {spec.name: spec.default for spec in PARAMETERS[name]}
+        taken = given(name, "--params-file", str(file), namespace="/rig1/left")
+        assert taken == {spec.name: spec.convert(spec.default) for spec in PARAMETERS[name]}
+        own = ("-p", "at_end:=wait")
+        assert given(name, "--params-file", str(file), *own)["at_end"] == "wait"
+
+
+def test_a_parameter_of_another_name_is_told(given):
+    """A slip of the pen is no reason to end, as a file may be meant for several nodes."""
+
+    def unknown(node, table):
+        declare(node, table)
+        return unknown_names(node, table)
+
+    slip = ("-p", "scen:=quick", "-p", "use_sim_time:=false")
+    assert given("follower", *slip, ask=unknown) == [
+        "parameter 'scen' is none of this node's (did you mean 'scene'?); it is left aside"
+    ]
+
+
+# What --help prints.
+
+
+def test_every_parameter_and_topic_is_named():
+    """With defaults and limits, and an example."""
+    for name in NODES:
+        said = usage(name)
+        for spec in PARAMETERS[name]:
+            assert f"  {spec.name}" in said and spec.description in said
+        for topic in (*ABOUT[name].takes, *published(name)):
+            assert topic.name in said and topic.type in said
+        assert f"ros2 run cam_rig {name} --ros-args" in said
+
+
+def test_help_starts_nothing():
+    """Code 0, on stdout, in a Python that has no rclpy."""
+
+    def output(*command, code=0):
+        done = subprocess.run(
+            [sys.executable, *command], capture_output=True, text=True, check=False, timeout=100
+        )
+        assert done.returncode == code
+        return done.stdout
+
+    without = (
+        "import sys; sys.modules['rclpy'] = None; sys.argv[1:] = ['--help'];"
+        "from cam_rig.nodes.__main__ import follower; follower()"
+    )
+    assert output("-c", without) == usage("follower") + "\n"
+    named = output("-m", "cam_rig.nodes", "--help")
+    assert all(name in named for name in NODES)
+    output("-m", "cam_rig.nodes", "folower", code=1)
+
+
+# Every node has the drive's scene, or the run does not begin.
+
+
+@pytest.fixture
+def scene(tmp_path):
+    """Write a scene's file."""
+
+    def scene(name, text, folder=""):
+        path = tmp_path / (folder or text) / f"{name}.yaml"
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+        return str(path)
+
+    return scene
+
+
+def test_the_file_of_a_scene_counts_not_its_folder(scene):
+    """Copies are one; another is refused by name, or by what the file holds. A node without a scene
+    is taken: the player's consumers have the bag's own; a file may be gone since it was read."""
+    require_one_scene("follower", scene_mark(scene("one", "a")), scene("one", "a", "copy"))
+    for theirs, words in (("two", "has two"), ("one", "has another file of")):
+        with pytest.raises(ConfigError, match=words):
+            require_one_scene("follower", scene_mark(scene(theirs, "b")), scene("one", "a"))
+    require_one_scene("viewer", "", scene("one", "a"))
+    require_one_scene("follower", "one#00000000", "")
+    assert scene_mark("/nowhere/one.yaml") == ""

@@ -1,0 +1,270 @@
+"""The nodes as processes: the same numbers, one line where one cannot go on, signals, imports."""
+
+import json
+import os
+import random
+import shutil
+import signal
+import struct
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from cam_rig.bag.reader import read_recording
+from cam_rig.nodes.__main__ import start
+from cam_rig.runner.graph import Graph
+from cam_rig.runner.node_process import NodeProcess
+from cam_rig.schema.load import config_root
+
+pytestmark = pytest.mark.ros
+LONG = pytest.mark.long
+NODES = ("recorder", "microphone", "follower", "law_server", "cam_drive")
+
+
+def python(*arguments):
+    """What a Python of its own does, with its output as text."""
+    return subprocess.run(
+        [sys.executable, *arguments],
+        capture_output=True,
+        text=True,
+        timeout=100,
+        check=False,
+    )
+
+
+# A run.
+
+
+def sockets(pid):
+    """Local IPv4 and IPv6 addresses of a process's UDP and TCP sockets."""
+    inodes = set()
+    for link in Path(f"/proc/{pid}/fd").iterdir():
+        with suppress(FileNotFoundError):  # closed since it was listed
+            target = str(link.readlink())
+            if target.startswith("socket:["):
+                inodes.add(target[8:-1])
+    found = set()
+    for table in ("udp", "udp6", "tcp", "tcp6"):
+        for line in Path(f"/proc/{pid}/net/{table}").read_text().splitlines()[1:]:
+            fields = line.split()
+            if fields[9] in inodes:
+                host = fields[1].split(":")[0]
+                found.add(".".join(str(b) for b in struct.pack("<I", int(host[:8], 16))))
+    return found
+
+
+def test_a_run_of_processes_is_that_of_one(
+    forked, domain, rig, short_scene, undisturbed, tmp_path, wait_for, monkeypatch
+):
+    """The bag, byte by byte; no process is left. Whatever the user's own settings, every socket is
+    on the loopback, and on the multicast group joined there."""
+    subnet = config_root() / "fastdds_subnet.xml"
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    monkeypatch.setenv("FASTDDS_DEFAULT_PROFILES_FILE", str(subnet))
+    shutil.copy(subnet, tmp_path / "DEFAULT_FASTDDS_PROFILES.xml")
+    monkeypatch.chdir(tmp_path)
+
+    def addresses_of_all():
+        found = {name: sockets(node.process.pid) for name, node in graph.processes.items()}
+        return found if all(found.values()) else None
+
+    with Graph(rig.live(short_scene, tmp_path / "bag", pacing="5x")) as graph:
+        next(graph.progress())
+        found = wait_for(addresses_of_all)
+        for _ in graph.progress():
+            pass
+    assert set(found) == set(NODES)
+    assert all("127.0.0.1" in addresses for addresses in found.values())
+    assert set.union(*found.values()) <= {"127.0.0.1", "239.255.0.1"}
+    assert rig.payloads(tmp_path / "bag") == undisturbed
+    assert rig.processes(tmp_path / "bag") == []
+
+
+def start_run(rig, wait_for, short_scene, tmp_path):
+    """A run under way, of a scene file of its own, by which its nodes are found."""
+    scene, bag = tmp_path / "scenes" / "short.yaml", tmp_path / "bag"
+    scene.parent.mkdir()
+    shutil.copy(short_scene, scene)
+    command = [sys.executable, "-m", "cam_rig.cli.main", "run", str(scene), "--bag", str(bag)]
+    command += ["--pacing", "0.3x"]  # no end before the test's
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=dict(os.environ))
+    wait_for(lambda: rig.size(bag) > 100_000)
+    assert len(rig.processes(scene)) > 5  # the runner and its five nodes
+    return process, scene, bag
+
+
+@pytest.mark.parametrize(
+    "name", ["SIGINT", *(pytest.param(name, marks=LONG) for name in ("SIGTERM", "SIGHUP"))]
+)
+def test_a_signal_ends_all_and_closes_the_bag(domain, rig, wait_for, short_scene, tmp_path, name):
+    """Ctrl-C, kill, a closed terminal: code 128 + signal, a closed bag, no process left."""
+    process, scene, bag = start_run(rig, wait_for, short_scene, tmp_path)
+    number = getattr(signal, name)
+    process.send_signal(number)
+    _, words = process.communicate(timeout=100)
+    assert process.returncode == 128 + number
+    assert f"interrupted by {name}" in words
+    assert read_recording(bag).ticks
+    assert rig.processes(scene) == []
+
+
+@LONG  # a node and a fork server are looked at in every run (test/runner)
+def test_a_killed_runner_leaves_no_node(domain, wait_for, rig, short_scene, tmp_path):
+    """kill -9 of the runner: the nodes end by themselves."""
+    process, scene, _ = start_run(rig, wait_for, short_scene, tmp_path)
+    process.kill()
+    process.communicate(timeout=100)
+    wait_for(lambda: not rig.processes(scene))
+
+
+def test_a_run_that_is_interrupted_before_it_began_has_recorded_nothing(
+    forked, domain, rig, short_scene, tmp_path
+):
+    """And reports so, not that a bag was closed."""
+    logged = []
+    graph = Graph(rig.live(short_scene, tmp_path / "bag"), log=logged.append)
+    with pytest.raises(KeyboardInterrupt), graph:
+        raise KeyboardInterrupt
+    assert logged == ["nothing was recorded"]
+    assert all(process.code == 0 for process in graph.processes.values())
+
+
+# A node that cannot go on: its error reaches the user, with a code.
+
+
+def arguments(*parameters):
+    return ["--ros-args", *(part for parameter in parameters for part in ("-p", parameter))]
+
+
+@pytest.fixture
+def run_here(monkeypatch, capfd):
+    """Run a node's entry point in this process; its code and what it wrote to stderr."""
+
+    def run(name, *arguments):
+        monkeypatch.setattr(sys, "argv", [name, "--ros-args", *arguments])
+        with pytest.raises(SystemExit) as ended:
+            start(name)
+        return ended.value.code, capfd.readouterr().err
+
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    yield run
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
+
+
+FAILURES = (
+    ("cam_drive", "-p consumers:=['bogus']", 2, "consumers: has bogus; allowed: recorder, "),
+    ("law_server", "-p scene:=5", 2, "scene: is 5; allowed: a text"),
+    ("follower", "-p scene:=none.yaml", 2, "none.yaml: no such file"),
+    ("follower", "-p scene:=quik", 2, "did you mean 'quick'?"),
+    ("microphone", "-p frequency_weighting:=B", 2,
+     "frequency_weighting: has B; allowed: A, C, Z"),
+    ("cam_drive", "-p patience:=1.0", 1,
+     "not ready after 1 s: follower, law_server, microphone, recorder; is it"),
+    # whether ROS would take it or not
+    ("law_server", f"-r __ns:=/{'a' * 200}", 2, "200 characters"),
+    ("law_server", f"-r __ns:=/{'a' * 254}", 2, "200 characters"),
+)  # fmt: skip
+
+
+def test_a_node_reports_why_it_ends(domain, run_here):
+    """One line on stderr and the error's code, no traceback."""
+    for node, arguments, code, words in FAILURES:
+        ended, logged = run_here(node, *arguments.split())
+        assert ended == code, arguments
+        assert words in logged and "Traceback" not in logged
+
+
+def test_the_code_is_the_processs(domain):
+    """As any shell sees it."""
+    ended = python("-m", "cam_rig.nodes", "microphone", *arguments("time_weighting:=X"))
+    assert ended.returncode == 2
+    assert ended.stderr == "cam_rig: time_weighting: has X; allowed: F, S\n"
+
+
+@pytest.mark.parametrize(("failed", "code"), [(False, -signal.SIGALRM), (True, 1)])
+def test_a_middleware_that_never_returns_is_left(failed, code):
+    """It may hold the interpreter too, so that no Python code runs any more; nor is an alarm left
+    behind for the next run of a node that stays."""
+    lines = (
+        "import ctypes, time",
+        "from cam_rig.nodes import process",
+        "process.MAX_TEARDOWN_S = 1",
+        "for failed in (False, True):",
+        "    with process.bounded(failed): pass",
+        "time.sleep(1.5)",
+        f"with process.bounded(failed={failed}): print('left', flush=True) or "
+        "ctypes.PyDLL(None).sleep(600)",
+    )
+    ended = python("-c", "\n".join(lines))
+    assert (ended.stdout, ended.returncode) == ("left\n", code)
+
+
+# A node's first moments.
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("nodes", [2, pytest.param(15, marks=LONG)])
+def test_a_signal_that_comes_early_ends_a_node_in_order(
+    domain, short_scene, tmp_path, number, nodes
+):
+    """Before the interpreter runs, in the imports, while the node is made: code 0, no traceback."""
+    chance = random.Random(int(number))
+    for i in range(nodes):
+        name = NODES[i % len(NODES)]
+        more = {"bag": str(tmp_path / f"bag_{i}")} if name == "recorder" else {}
+        node = NodeProcess(name, {"scene": str(short_scene), **more}, False, lambda _line: None)
+        time.sleep(chance.choice([0.0, 2.0]) * chance.random())  # any moment at all is right
+        node.process.send_signal(number)
+        assert node.process.wait(timeout=100) == 0, (name, node.stderr_lines)
+        assert "Traceback" not in "".join(node.stderr_lines)
+
+
+def test_a_node_ends_by_a_signal_that_its_shell_ignores(domain, short_scene):
+    """A script's background job inherits SIGINT ignored: the node listens to it all the same."""
+    command = [
+        sys.executable,
+        "-m",
+        "cam_rig.nodes",
+        "follower",
+        *arguments(f"scene:={short_scene}"),
+    ]
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        node = subprocess.Popen(command)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    while True:  # until it is a node that listens, a signal is lost by the parent's will
+        node.send_signal(signal.SIGINT)
+        try:
+            assert node.wait(0.2) == 0
+            break
+        except subprocess.TimeoutExpired:
+            continue
+
+
+# What a node imports before it is a node: nothing that it does not need, as five of them wait.
+
+#: Libraries of the commands, the figures and the viewer, and scipy, which few scenes need.
+NEVER = {"scipy", "matplotlib", "typer", "rich", "jinja2", "rerun", "pyarrow", "shapely", "ezdxf"}
+#: Those of bags and of the messages made by the thousand, for who writes them.
+OF_BAGS = {"mcap", "rosbags", "zstandard"}
+IMPORTS = """
+import json, sys
+from importlib import import_module
+for names in (("process", "cam_drive", "microphone"), ("follower", "law_server"), ("recorder",)):
+    for name in names:
+        import_module("cam_rig.nodes." + name)
+    print(json.dumps(sorted(set(module.partition(".")[0] for module in sys.modules))))
+"""
+
+
+def test_a_node_imports_what_it_needs():
+    """Started by `ros2 run`, a launch file or the runner."""
+    lines = map(json.loads, python("-c", IMPORTS).stdout.splitlines())
+    for loaded, barred in zip(lines, (NEVER | OF_BAGS, NEVER | {"mcap"}, NEVER), strict=True):
+        assert set(loaded) & barred == set()

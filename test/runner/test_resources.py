@@ -1,0 +1,354 @@
+"""What runs share on a machine: domains, namespaces, /dev/shm, folders; a second is refused."""
+
+import ctypes
+import fcntl
+import os
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from types import SimpleNamespace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cam_rig.errors import ConfigError, OutputError, RunError
+from cam_rig.runner.resources import (
+    MAX_DOMAIN,
+    MAX_NAMESPACE,
+    MIN_FREE,
+    PREFIX,
+    CheckpointFolder,
+    clean,
+    domain_number,
+    namespace_named,
+    own_domain,
+    require_room,
+    why_killed,
+)
+
+# A domain, and a namespace of it.
+
+
+@pytest.fixture(params=["runtime", "temporary"])
+def place(request, monkeypatch, tmp_path):
+    """Where the lock is: in the user's runtime folder, or in a folder in the temporary place."""
+    folder = tmp_path / "run"
+    folder.mkdir(mode=0o700)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    if request.param == "runtime":
+        monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
+        return folder
+    monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
+    return tmp_path / f"cam_rig-{os.getuid()}"
+
+
+def test_a_domain_is_held_once(monkeypatch, place):
+    """The second run names the domain that is taken; another domain, or a later run, is free."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", "7")
+    with own_domain():
+        with pytest.raises(RunError, match="another run is active in ROS domain 7"), own_domain():
+            pass
+        monkeypatch.setenv("ROS_DOMAIN_ID", "8")
+        with own_domain():
+            pass
+    monkeypatch.setenv("ROS_DOMAIN_ID", "7")
+    with own_domain():
+        pass
+    assert [path.name for path in sorted(place.iterdir())] == [
+        "cam_rig-domain-7.lock",
+        "cam_rig-domain-8.lock",
+    ]
+    assert place.stat().st_mode & 0o777 == 0o700
+
+
+def test_the_same_number_is_the_same_domain(monkeypatch, place):
+    """ROS reads 030 as 24: whatever it is written like, there is one run in it."""
+    for one, other in (("030", "24"), ("0x10", "16"), ("", "0"), ("+7", "07")):
+        monkeypatch.setenv("ROS_DOMAIN_ID", one)
+        with own_domain():
+            monkeypatch.setenv("ROS_DOMAIN_ID", other)
+            with pytest.raises(RunError, match=f"ROS domain {int(other)}; "), own_domain():
+                pass
+
+
+@given(st.from_regex(r"[ \t]?\+?0?[xX]?[0-9a-fA-F]{0,4}[a-z ]?", fullmatch=True))
+@settings(derandomize=True, max_examples=3 * settings.default.max_examples)
+def test_numbers_are_read_as_ros_reads_them(text):
+    """C's strtoul with base 0; what follows a number, or is too large, is refused."""
+    library, end = ctypes.CDLL(None), ctypes.c_char_p()
+    library.strtoul.restype = ctypes.c_ulong
+    wanted = library.strtoul(text.encode(), ctypes.byref(end), 0)
+    if text and (wanted > MAX_DOMAIN or end.value or not text.strip()):
+        with pytest.raises(ConfigError, match=f"ROS_DOMAIN_ID: is .*; allowed: 0 to {MAX_DOMAIN}"):
+            domain_number(text)
+    else:
+        assert domain_number(text) == wanted
+
+
+def test_what_is_no_domain():
+    """One line with the beginning of what it is."""
+    for text in ("-1", "233", "08", "1e2", "٣", "7abc", "0x", "1" * 5000, "2_0"):
+        with pytest.raises(ConfigError, match="ROS_DOMAIN_ID: is ") as caught:
+            domain_number(text)
+        assert len(str(caught.value)) < 100
+
+
+@pytest.mark.ros
+def test_ros_itself_reads_them_so(monkeypatch):
+    """How rclpy reads the environment's number."""
+    import rclpy
+
+    for text in ("030", "0x10"):
+        monkeypatch.setenv("ROS_DOMAIN_ID", text)
+        context = rclpy.Context()
+        rclpy.init(args=[], context=context)
+        assert context.get_domain_id() == domain_number(text)
+        context.shutdown()
+
+
+@pytest.mark.parametrize("kind", ["link", "pipe", "folder"])
+def test_a_lock_that_somebody_else_has_laid_there(monkeypatch, place, tmp_path, kind):
+    """Neither followed nor waited for, and left as it is."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", "9")
+    with own_domain():
+        pass
+    lock = place / "cam_rig-domain-9.lock"
+    lock.unlink()
+    if kind == "link":
+        lock.symlink_to(tmp_path / "made")
+    elif kind == "pipe":
+        os.mkfifo(lock)
+    else:
+        lock.mkdir()
+    with (
+        pytest.raises(OutputError, match=r"domain-9\.lock: is not a file of yours; remove"),
+        own_domain(),
+    ):
+        pass
+    assert not (tmp_path / "made").exists()
+
+
+@pytest.mark.parametrize("kind", ["open", "link", "file"])
+def test_a_folder_that_others_can_write_to_is_not_used(monkeypatch, tmp_path, kind):
+    """Another user may have been there first."""
+    monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    own, other = tmp_path / f"cam_rig-{os.getuid()}", tmp_path / "other"
+    other.mkdir(mode=0o700)
+    if kind == "open":
+        own.mkdir()
+        own.chmod(0o777)
+    elif kind == "link":
+        own.symlink_to(other)
+    else:
+        own.touch()
+    with (
+        pytest.raises(OutputError, match="is not a folder of yours alone; remove it"),
+        own_domain(),
+    ):
+        pass
+    assert list(other.iterdir()) == []
+
+
+@pytest.mark.parametrize("given", ["run", "/nowhere/at/all", "{open}", "\0"])
+def test_a_runtime_folder_that_is_none(monkeypatch, tmp_path, given):
+    """A relative one, one that is not there, one that all can write to: the temporary place."""
+    (tmp_path / "open").mkdir()
+    (tmp_path / "open").chmod(0o777)
+    value = given.format(open=tmp_path / "open")
+    environment = {"XDG_RUNTIME_DIR": value}
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    monkeypatch.setattr("cam_rig.runner.resources.os.environ", environment)
+    with own_domain():
+        assert (tmp_path / f"cam_rig-{os.getuid()}" / "cam_rig-domain-0.lock").is_file()
+
+
+def test_without_room_for_a_lock_the_way_out_is_named(monkeypatch, tmp_path):
+    """A disk that is full: one line, no traceback."""
+    (tmp_path / "file").touch()
+    monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "file"))
+    with pytest.raises(OutputError, match="name a folder with room in TMPDIR"), own_domain():
+        pass
+
+
+def test_each_namespace_of_a_domain_is_held_once(monkeypatch, place):
+    """Two rigs in one domain, each in its namespace; a third in one of them is refused by name."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", "7")
+    taken = pytest.raises(RunError, match=r"domain 7, namespace /rig1; .*--namespace")
+    with own_domain(), own_domain("/rig1"), own_domain("/lab/rig1"), taken, own_domain("/rig1"):
+        pass
+
+
+def test_a_namespace_is_written_with_or_without_its_slash():
+    """As `ros2 run -r __ns:=/rig1` wants it; what ROS does not take is refused with the limit,
+    before any node is started."""
+    taken = {"": "", "/": "", "rig1": "/rig1", "/lab/rig_1/": "/lab/rig_1"}
+    assert {text: namespace_named(text) for text in taken} == taken
+    for text in ("9x", "a b", "a__b", "a//b", "é", "a" * 255, "~x", "a-b", "__a"):
+        words = f"namespace: is .*{MAX_NAMESPACE} characters at most"
+        with pytest.raises(ConfigError, match=words):
+            namespace_named(text)
+
+
+# /dev/shm: what a killed node leaves there is taken away, and nothing else.
+
+DEAD, LIVE, OLD = "fastdds_0123456789abcdef", "fastdds_port7411", "fastdds_fedcba9876543210"
+
+
+def make(folder, name, age=5.0):
+    path = folder / name
+    path.write_bytes(b"x")
+    then = time.time() - age
+    os.utime(path, (then, then))
+    return path
+
+
+def test_only_unlocked_files_of_this_user_and_run_are_removed(tmp_path):
+    """A held lock, another time, another name: each stays."""
+    since = time.time() - 60.0
+    for name in (DEAD, DEAD + "_el", "fastdds_port7499", "sem.fastdds_port7499_mutex", "other"):
+        make(tmp_path, name)
+    for name in (OLD, OLD + "_el"):
+        make(tmp_path, name, age=3600.0)
+    make(tmp_path, "fastdds_port7500", age=0.0)  # may just be in the making
+    make(tmp_path, LIVE)
+    with make(tmp_path, LIVE + "_el").open("rb") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        removed = clean(since, tmp_path)
+    assert sorted(removed) == sorted(
+        [DEAD, DEAD + "_el", "fastdds_port7499", "sem.fastdds_port7499_mutex"]
+    )
+    left = {path.name for path in tmp_path.iterdir()}
+    assert left == {"other", OLD, OLD + "_el", "fastdds_port7500", LIVE, LIVE + "_el"}
+
+
+def leave(monkeypatch, free):
+    """As if so many bytes were free."""
+    monkeypatch.setattr(
+        os, "statvfs", lambda _: SimpleNamespace(f_bavail=free // 512, f_frsize=512)
+    )
+
+
+def test_a_full_shared_memory_is_seen_before_a_run(monkeypatch, tmp_path):
+    """One line that names the place, the room, the limit and the remedy."""
+    leave(monkeypatch, MIN_FREE)
+    require_room(tmp_path)
+    leave(monkeypatch, MIN_FREE - 512)
+    with pytest.raises(OutputError, match=r"has 10\d\d KiB free; allowed: at least 1024 KiB, so "):
+        require_room(tmp_path)
+
+
+def test_a_bus_error_is_explained(monkeypatch, tmp_path):
+    """And no other signal or code is."""
+    leave(monkeypatch, 4096)
+    assert why_killed(-signal.SIGBUS, tmp_path).startswith(f" (SIGBUS: {tmp_path} was full, 4 KiB")
+    assert [why_killed(code, tmp_path) for code in (0, 1, -signal.SIGKILL)] == ["", "", ""]
+
+
+def test_where_there_is_no_such_folder_nothing_is_asked(tmp_path):
+    """Other systems keep shared memory elsewhere."""
+    assert clean(0.0, tmp_path / "none") == []
+    require_room(tmp_path / "none")
+    assert why_killed(-signal.SIGBUS, tmp_path / "none") == ""
+
+
+#: Runs a command where /dev/shm is another, of one page, which is full.
+FULL = "mount -t tmpfs -o size=4k tmpfs /dev/shm && head -c 4096 /dev/zero > /dev/shm/fill && exec "
+
+
+def in_a_full_one(*command):
+    """What the command gives in a mount namespace of its own."""
+    unshare = shutil.which("unshare")
+    if (
+        unshare is None
+        or subprocess.run([unshare, "-m", "true"], check=False, timeout=100).returncode
+    ):
+        pytest.skip("no mount namespace can be made here")
+    line = FULL + shlex.join(command)
+    done = subprocess.run(
+        [unshare, "-m", "sh", "-c", line], capture_output=True, text=True, check=False, timeout=100
+    )
+    if "mount:" in done.stderr:
+        pytest.skip("no file system can be mounted here")
+    return done
+
+
+def test_a_run_in_a_full_shared_memory_is_refused(tmp_path):
+    """Before a node is started; nothing is recorded."""
+    bag = str(tmp_path / "bag")
+    done = in_a_full_one(sys.executable, "-m", "cam_rig.cli.main", "run", "quick", "--bag", bag)
+    assert done.returncode == 1
+    assert (
+        done.stderr.strip()
+        .splitlines()[-1]
+        .startswith(
+            "cam-rig: /dev/shm: has 0 KiB free; allowed: at least 1024 KiB, so remove what fills it"
+        )
+    )
+    assert not (tmp_path / "bag").exists()
+
+
+NODE = """
+from cam_rig.runner.node_process import NodeProcess
+node = NodeProcess("follower", {}, False, lambda _line: None)
+node.process.wait(60)
+print(node.exit_summary())
+"""
+
+
+@pytest.mark.ros
+def test_a_node_in_a_full_shared_memory(tmp_path):
+    """It is ended by SIGBUS, and the exit summary names the cause."""
+    script = tmp_path / "node.py"
+    script.write_text(NODE)
+    done = in_a_full_one(sys.executable, str(script))
+    words = "follower was ended by signal 7 (SIGBUS: /dev/shm was full, 0 KiB are free now; remove "
+    assert done.stdout.startswith(words), done.stderr
+
+
+# The folder of checkpoints is removed with its run, or with the next.
+
+MAKE = """
+import sys; from pathlib import Path; from cam_rig.runner.resources import CheckpointFolder
+folder = CheckpointFolder(Path(sys.argv[1])); (folder.path / "follower.json").touch()
+print(folder.path, flush=True); input()
+"""
+
+
+def age(folder):
+    """As if it had been made a while ago."""
+    then = time.time() - 60.0
+    os.utime(folder, (then, then))
+
+
+def test_what_a_killed_run_left_goes_with_the_next(tmp_path):
+    """While it runs its folder stays, whatever its age; other folders always do."""
+    (tmp_path / "cam_rig-replay-x").mkdir()
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / f"{PREFIX}link").symlink_to(tmp_path / "elsewhere")
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    with subprocess.Popen([sys.executable, "-c", MAKE, tmp_path], text=True, **pipes) as other:
+        name = other.stdout.readline().strip()
+        age(name)
+        mine = CheckpointFolder(tmp_path)
+        assert os.path.isdir(name)
+        other.kill()
+        other.wait(timeout=100)
+    CheckpointFolder(tmp_path).remove()
+    assert not os.path.exists(name)
+    assert mine.path.is_dir()
+    mine.remove()
+    left = {path.name for path in tmp_path.iterdir()}
+    assert left == {"cam_rig-replay-x", "elsewhere", f"{PREFIX}link"}
+
+
+def test_one_that_was_just_made_stays(tmp_path):
+    """Between its making and its lock it may not be removed."""
+    (tmp_path / f"{PREFIX}new").mkdir()
+    CheckpointFolder(tmp_path).remove()
+    assert (tmp_path / f"{PREFIX}new").is_dir()

@@ -1,0 +1,266 @@
+"""A scene and every file it names, checked before it starts; what its levels are worth."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import cam_rig
+from cam_rig.dynamics import MODELS
+from cam_rig.errors import ConfigError, LawError
+from cam_rig.schema import RigConfig
+from cam_rig.simulation.scene import RELATIVE, is_calibrated, open_scene
+
+
+def test_shipped_scenes_open(config_dir):
+    """Each shipped scene finds every file it names."""
+    paths = sorted((config_dir / "scenes").glob("*.yaml"))
+    assert paths
+    for path in paths:
+        loaded = open_scene(path)
+        assert list(loaded.laws) == loaded.scene.cams
+        assert all(file.is_file() for file in loaded.files)
+
+
+@pytest.mark.parametrize(
+    ("changes", "file"),
+    [
+        ({"cams": ["no_such_cam"]}, "no_such_cam.yaml"),
+        ({"rig": "no_such_rig"}, "no_such_rig.yaml"),
+        ({"published": "no_such_paper"}, "no_such_paper.yaml"),
+    ],
+)
+def test_missing_part(make_loaded_scene, changes, file):
+    """A name without a file is an error that names the file it stands for."""
+    with pytest.raises(ConfigError, match=file) as caught:
+        make_loaded_scene(**changes)
+    assert caught.value.exit_code == 2
+    assert "\n" not in str(caught.value)
+
+
+def own_cam(tmp_path, config_dir, name, old, new):
+    """A cam beside the scene, made from the shipped 3-4-5."""
+    text = (config_dir / "cams" / "poly345.yaml").read_text(encoding="utf-8")
+    assert old in text
+    path = tmp_path / "cams" / f"{name}.yaml"
+    path.parent.mkdir(exist_ok=True)
+    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+    return path
+
+
+def test_name_differs_from_file(make_loaded_scene, tmp_path, config_dir):
+    """A cam file must have its own name inside: results are told apart by it."""
+    own_cam(tmp_path, config_dir, "mine", "name: poly345", "name: yours")
+    with pytest.raises(ConfigError, match=r"mine\.yaml: name is 'yours'; allowed: .*'mine'"):
+        make_loaded_scene(cams=["mine"])
+
+
+def test_level_step_names_the_file(make_loaded_scene, tmp_path, config_dir):
+    """A cam whose segments do not join is refused in one line that names its file."""
+    path = own_cam(
+        tmp_path,
+        config_dir,
+        "poly345",
+        "{law: poly345, to: 0, span: {identified: 117.5, unit: deg",
+        '{law: bezier, ordinates: {assumed: [0.5, 0, 0], unit: "1"}, '
+        "span: {identified: 117.5, unit: deg",
+    )
+    with pytest.raises(LawError) as caught:
+        make_loaded_scene(cams=["poly345"])
+    assert caught.value.exit_code == 2
+    message = str(caught.value)
+    assert "segments[3]" in message
+    assert "steps by -0.5 of the lift" in message
+    assert "allowed: " in message
+    assert "\n" not in message
+    assert str(path) in message
+
+
+def test_roles(make_loaded_scene):
+    """A cam's comparison is worth what its numbers were fitted to."""
+    loaded = make_loaded_scene(cams=["poly345", "bezier15", "tm21"])
+    roles = {cam: loaded.role(cam) for cam in loaded.scene.cams}
+    assert roles == {"poly345": "calibrated", "bezier15": "predicted", "tm21": "identified"}
+
+
+def test_only_one_cam(make_loaded_scene, laws):
+    """The same scene with one cam, and another law in its place."""
+    trial = make_loaded_scene().only("bezier15", laws["poly4567"])
+    assert trial.scene.cams == ["bezier15"]
+    assert trial.laws == {"bezier15": laws["poly4567"]}
+
+
+def test_a_follower_that_the_models_do_not_know(make_loaded_scene):
+    """No second contact in the dynamics: refused by the cam file and the key."""
+    for cam in ("constant_breadth", "constant_diameter", "conjugate", "oscillating_conjugate"):
+        words = rf"{cam}\.yaml: follower\.type is '{cam}'; allowed on a rig: one that a closing spr"
+        with pytest.raises(ConfigError, match=words):
+            make_loaded_scene(cams=[cam])
+
+
+def test_faces_arms_and_eccentric_rollers_are_known(make_loaded_scene):
+    """They move against the closing spring like any other."""
+    cams = ["flat", "inclined_flat", "eccentric_roller", "oscillating_roller", "oscillating_flat"]
+    assert list(make_loaded_scene(cams=cams).laws) == cams
+
+
+def test_a_table_brings_its_points(make_loaded_scene, tmp_path):
+    """The file of points is one of the scene's files: a bag holds it, and can be analysed alone."""
+    from cam_rig.bag.reader import read_scene
+    from cam_rig.bag.writer import BagWriter
+
+    loaded = make_loaded_scene(cams=["measured"], published=None)
+    assert "measured.csv" in [path.name for path in loaded.files]
+    writer = BagWriter(tmp_path / "bag")
+    for path in loaded.files:
+        writer.attach(f"{path.parent.name}/{path.name}", path.read_bytes())
+    writer.close()
+    again = read_scene(tmp_path / "bag")
+    assert again.cams["measured"] == loaded.cams["measured"]
+
+
+# A rig file needs what the model and the measure in use need, and nothing else.
+
+
+FOUR = {"mass": "kg", "spring_stiffness": "N/m", "damping": "N*s/m", "preload": "N"}
+VALUES = {"mass": 2.0, "spring_stiffness": 5000.0, "damping": 10.0, "preload": 60.0}
+OPTIONAL = {
+    "stem_stiffness": (1e6, "N/m"),
+    "restitution": (0.3, "1"),
+    "roller_share": (0.4, "1"),
+    "stem_damping": (20.0, "N*s/m"),
+}
+
+
+def needs() -> dict[str, list[str]]:
+    """What each model needs beside the four numbers, as docs/files.md says it."""
+    text = (Path(__file__).parents[2] / "docs" / "files.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| model `(\w+)` \| (.*) \|$", text, re.M)
+    return {model: re.findall(r"`(\w+)`", keys) for model, keys in rows}
+
+
+NEEDS = needs()
+
+
+def rig_of(keys, shipped="tm21") -> RigConfig:
+    """A rig with the four numbers and these keys alone; sections as a shipped rig has them."""
+    data = {"name": "mine", "title": "mine"}
+    data["follower"] = {key: {"given": VALUES[key], "unit": unit} for key, unit in FOUR.items()}
+    for key in keys:
+        if key in OPTIONAL:
+            value, unit = OPTIONAL[key]
+            data["follower"][key] = {"given": value, "unit": unit}
+        else:
+            rig = cam_rig.load_rig("paper_flywheel" if key == "shaft" else shipped)
+            data[key] = rig.model_dump(exclude_none=True)[key]
+    return RigConfig.model_validate(data)
+
+
+def test_the_table_names_every_model():
+    """The documentation says for each model what it needs."""
+    assert set(NEEDS) == set(MODELS)
+
+
+def turned(model, keys):
+    """A turn of a model on a rig with these keys alone."""
+    law = cam_rig.build_law(cam_rig.load_cam("poly345"))
+    return cam_rig.simulate(law, rig_of(keys), rpm=200, model=model, turns=3)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_model_asks_for_what_it_needs_and_no_more(model):
+    """It turns with exactly its keys; each one fewer is named in one line, with what needs it."""
+    assert turned(model, NEEDS[model]).force.size
+    for missing in NEEDS[model]:
+        with pytest.raises(ConfigError) as refused:
+            turned(model, [key for key in NEEDS[model] if key != missing])
+        words = str(refused.value)
+        assert re.match(rf"rig mine: (follower\.)?{missing}: is missing; needed by ", words)
+        assert "so add it" in words and "\n" not in words
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_level_asks_for_the_sound(model):
+    """It needs ``radiation``, and the stem where a landing sounds, whatever the model else asks."""
+    own = [*NEEDS[model], "radiation"]
+    lands = MODELS[model].lifts_off
+    keys = [*own, "stem_stiffness"] if lands and "stem_stiffness" not in own else own
+    full = sorted({*own, "stem_stiffness"})
+    level = cam_rig.sound_level(turned(model, keys)).level_db
+    assert level == cam_rig.sound_level(turned(model, full)).level_db
+    for missing in ("radiation", "stem_stiffness") if lands else ("radiation",):
+        motion = turned(model, keys)
+        left = rig_of([key for key in keys if key != missing])
+        motion = type(motion)(**{**vars(motion), "rig": left})
+        with pytest.raises(ConfigError, match=f"rig mine: .*{missing}: is missing; needed by the "):
+            cam_rig.sound_level(motion)
+
+
+# A level is calibrated only where the rig's constants were fitted with its own follower.
+
+
+def changed(rig, part, **numbers):
+    """A rig file with other numbers, of whatever origin and unit, as a person copies and edits."""
+    data = rig.model_dump(exclude_none=True)
+    for key, number in numbers.items():
+        data[part][key] = {"source": "own", **number}
+    return RigConfig.model_validate(data)
+
+
+@pytest.fixture(scope="module")
+def tm21():
+    return cam_rig.load_rig("tm21")
+
+
+def test_a_copy_with_another_follower_is_not_calibrated(tm21):
+    """The constants stand in its file as identified, but with another follower."""
+    assert is_calibrated(tm21, "one_mass")
+    for numbers in (
+        {"mass": {"given": 0.8, "unit": "kg"}},
+        {"spring_stiffness": {"given": 9.0, "unit": "N/mm"}},
+        {"preload": {"given": 40.0, "unit": "N"}},
+        {"restitution": {"assumed": 0.3, "unit": "1"}},
+        {"roller_share": {"assumed": 0.4, "unit": "1"}},
+    ):
+        assert not is_calibrated(changed(tm21, "follower", **numbers), "one_mass")
+
+
+def test_the_same_follower_in_other_words(tm21):
+    """Units and origins change nothing: what counts is the number."""
+    same = changed(tm21, "follower", mass={"assumed": 1300.0, "unit": "g"})
+    assert is_calibrated(same, "one_mass")
+
+
+def test_constants_of_its_own(tm21):
+    """Fitted anew they count; assumed they do not."""
+    rig = changed(tm21, "follower", mass={"given": 0.8, "unit": "kg"})
+    fitted = changed(rig, "radiation", gain={"identified": 2e-4, "unit": "Pa*s/N"})
+    assumed = changed(rig, "radiation", gain={"assumed": 2e-4, "unit": "Pa*s/N"})
+    assert is_calibrated(fitted, "two_mass")
+    assert not is_calibrated(assumed, "one_mass")
+
+
+def test_another_model_was_not_fitted(tm21):
+    """The constants take the model's error too."""
+    assert not is_calibrated(tm21, "elastic_stem")
+    assert not is_calibrated(cam_rig.load_rig("paper_table2"), "two_mass")
+
+
+def test_no_cam_of_an_uncalibrated_scene_has_a_role(tm21):
+    """Neither calibrated, nor predicted, nor identified: all of its levels are relative."""
+    scene = cam_rig.load_scene("tm21_sweep")
+    assert {scene.role(cam) for cam in scene.cams} == {"calibrated", "predicted", "identified"}
+    rig = changed(tm21, "follower", mass={"given": 0.8, "unit": "kg"})
+    own = replace(scene, rig=rig)
+    assert {own.role(cam) for cam in own.cams} == {RELATIVE}
+    assert own.part("poly345") == "calibrated"  # what a study that calibrates anew starts from
+
+
+def test_another_cam_of_the_calibrated_name_is_a_prediction():
+    """The constants were fitted to the shipped cam, not to whatever has its name."""
+    scene = cam_rig.load_scene("tm21_sweep")
+    lower = scene.cams["poly345"].model_copy(update={"lift": scene.cams["tm21"].lift})
+    own = replace(scene, cams=scene.cams | {"poly345": lower})
+    assert own.role("poly345") == "predicted"
+    assert own.role("tm21") == "identified"
