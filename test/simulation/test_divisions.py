@@ -7,8 +7,8 @@ import pytest
 from ruamel.yaml import YAML
 
 from cam_rig.errors import ConfigError
+from cam_rig.live.drive import SetpointSchedule
 from cam_rig.live.queues import FollowerQueue, TickMatcher
-from cam_rig.live.setpoints import SetpointSchedule
 from cam_rig.schema.load import config_root
 from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.simulate import (
