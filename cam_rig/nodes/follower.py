@@ -16,7 +16,7 @@ from cam_rig.live.queues import FollowerQueue
 from cam_rig.live.state_validation import Admission
 from cam_rig.messages import topics
 from cam_rig.messages.codec import array_of, cam_state_of, decode_law, encode_block
-from cam_rig.messages.motion import motion_of_follower
+from cam_rig.messages.motion import OF_FOLLOWER, MotionMessages
 from cam_rig.nodes.convert import OK, WARN, ResendBuffer, to_array, to_header, to_joint_state
 from cam_rig.nodes.motion_publisher import MotionPublisher
 from cam_rig.nodes.rig_node import RigNode
@@ -42,7 +42,7 @@ class Follower(RigNode):
         out = (topics.FOLLOWER_SAMPLES, topics.FOLLOWER_STATE)
         self._out, self._sent = [self.publisher(topic) for topic in out], ResendBuffer()
         points = self.given["points_per_turn"] or self._loaded.scene.points_per_turn
-        motion, rate = motion_of_follower(self._loaded, points), self.given["motion_rate"]
+        motion, rate = MotionMessages(self._loaded, points, OF_FOLLOWER), self.given["motion_rate"]
         self._motion, self._came = MotionPublisher(self, motion, points, rate), 0.0
         self.subscribe(topics.LAW_COEFFICIENTS, self._on_law)
         self.subscribe(topics.CAM_STATE, self._on_state)

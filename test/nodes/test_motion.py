@@ -10,7 +10,7 @@ from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
 from cam_rig.messages import topics
-from cam_rig.messages.serialization import RawMessages
+from cam_rig.messages.serialization import read_message
 from cam_rig.runner.graph import Graph
 
 pytestmark = pytest.mark.ros
@@ -51,17 +51,17 @@ def test_what_a_subscriber_gets_is_what_the_bag_holds(
         user.call("/cam_drive/start")
         for _ in graph.progress():
             is_received()
-    payloads, plain = rig.payloads(bag), RawMessages()
+    payloads = rig.payloads(bag)
 
     def is_drained():  # a spin takes one message of those that wait
         is_received()
-        known = {t.name: {plain.read(t, cdr)[1] for cdr in mounted[t.name]} for t in MOUNTED}
+        known = {t.name: {read_message(t, cdr)[1] for cdr in mounted[t.name]} for t in MOUNTED}
         return all(found.values()) and all(known[n] >= set(payloads[n]) for n in known)
 
     wait_for(is_drained)
     for topic in (*KINDS, *MOUNTED):  # DDS fills the last four bytes up
         got = (found | mounted)[topic.name]
-        got[:] = [plain.read(topic, cdr)[1] for cdr in got]
+        got[:] = [read_message(topic, cdr)[1] for cdr in got]
     for name, got in found.items():
         recorded = payloads[name]
         assert recorded == undisturbed[name]
