@@ -5,17 +5,18 @@ The ticks of a scene are counted from 1, and so are the messages of a topic.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import groupby, pairwise, takewhile
 from pathlib import Path
 
-from cam_rig.bag.reader import messages, read_counts
+from cam_rig.bag.reader import decoded, read_counts
 from cam_rig.errors import BagError, RefusedError
 from cam_rig.messages import topics
 from cam_rig.messages.codec import cam_state_of
-from cam_rig.messages.serialization import RawMessages
-from cam_rig.messages.topics import RECEIVED, RECORDING, Topic, recorded_topic
+from cam_rig.messages.serialization import read_message
+from cam_rig.messages.topics import RECEIVED, RECORDING, Topic, occasions, recorded_topic
 from cam_rig.schema import SceneConfig
 from cam_rig.simulation.schedule import CamState, cam_states, tick_count
 
@@ -29,11 +30,7 @@ def require_complete(bag: Path, scene: SceneConfig) -> dict[str, int]:
     where the drive was reset to the beginning.
     """
     counts = read_counts(bag)
-    try:
-        found = messages(bag, (topics.CAM_STATE,))
-        states = [cam_state_of(message) for _, _, message in found]
-    except RefusedError as error:
-        raise BagError(f"{bag}: {error}") from None
+    states = [state for _, state in decoded(bag, {topics.CAM_STATE: cam_state_of})]
     if len(states) <= tick_count(scene):
         raise BagError(
             f"{bag}: has {len(states)} states of the cam; the scene has {tick_count(scene) + 1}"
@@ -45,41 +42,29 @@ def require_complete(bag: Path, scene: SceneConfig) -> dict[str, int]:
                 f"{bag}: {topic.name} has {counts.get(topic.name, 0)} messages; expected: "
                 f"{expected[topic.per]}, one for each {topic.per}"
             )
-        # None at all in bags of earlier versions; how many a tick is a parameter.
-        if topic.per == "instant" and 0 < counts.get(topic.name, 0) < expected["tick"]:
-            raise BagError(
-                f"{bag}: {topic.name} has {counts[topic.name]} messages; expected: at least "
-                f"{expected['tick']}, one for each tick"
-            )
     return counts
 
 
 def belonging(before: CamState | None, state: CamState) -> tuple[Topic, ...]:
     """Topics that have a message at a state's time, by the state before it (None at the first)."""
-    new_cam = before is None or before.cam != state.cam
-    new_speed = state.speed > 0.0 and (
-        before is None or (before.cam, before.speed) != (state.cam, state.speed)
-    )
-    turned = before is not None and before.turns_until(state)
-    there = {"state": True, "cam": new_cam, "speed": new_speed, "tick": turned}
-    return tuple(topic for topic in RECEIVED if there.get(topic.per, False))
+    there = occasions(before, state)
+    return tuple(topic for topic in RECEIVED if topic.per in there)
 
 
 def expected_counts(states: list[CamState]) -> dict[str, int]:
     """How many ticks, states, cams and speeds there are in a series of states."""
-    counts = dict.fromkeys(("tick", "state", "cam", "speed"), 0)
-    for before, state in zip([None, *states], states, strict=False):
-        for per in {topic.per for topic in belonging(before, state)}:
-            counts[per] += 1
-    return counts
+    moves = zip([None, *states], states, strict=False)
+    found = Counter(per for move in moves for per in occasions(*move))
+    return {per: found[per] for per in ("tick", "state", "cam", "speed")}
 
 
 #: Ticks of a scene, at most, of which what a recording lacks at its end is counted.
 MAX_COUNTED = 100_000
-
 #: Gaps that are named one by one; of more, the number is given.
 MAX_NAMED = 6
-
+#: The number of a state, the one before it where that is known, and the state.
+Move = tuple[int, CamState | None, CamState]
+#: The numbers of states at which topics have no message, and the names of these.
 Lacking = list[tuple[int, frozenset[str]]]
 
 
@@ -90,7 +75,6 @@ class Holdings:
     times: dict[str, set[int]] = field(default_factory=dict)
     numbers: dict[str, set[int]] = field(default_factory=dict)
     states: list[tuple[int, CamState]] = field(default_factory=list)
-    _raw: RawMessages = field(default_factory=RawMessages)
 
     def add(self, name: str, log_time: int, number: int, cdr: bytes) -> None:
         """Note a message, if it is of a topic of the rig."""
@@ -100,7 +84,7 @@ class Holdings:
         self.numbers.setdefault(topic.name, set()).add(number)
         if topic is topics.CAM_STATE:
             try:
-                message = self._raw.read(topics.CAM_STATE, cdr)[0]
+                message = read_message(topics.CAM_STATE, cdr)[0]
                 self.states.append((number, cam_state_of(message)))
             except RefusedError:  # of a damaged part; it is counted where that is reported
                 pass
@@ -141,13 +125,10 @@ class Loss:
 
 
 def loss_of(holdings: Holdings, scene: SceneConfig | None, whole: bool, ours: bool) -> Loss:
-    """What a recording lacks.
+    """What a recording of a scene (None where it is not known) lacks.
 
-    Parameters
-    ----------
-    scene : that was run; None where it is not known
-    whole : whether the recording was closed, so that nothing was to come after its end
-    ours : whether this package wrote the file, numbering each topic's messages from 1
+    ``whole``: it was closed, so that nothing was to come after its end; ``ours``: this package
+    wrote the file, numbering each topic's messages from 1.
     """
     total = 0 if scene is None else tick_count(scene)
     # What is missing of the rest is counted tick by tick: of a bench's hundred thousand turns, not.
@@ -162,17 +143,16 @@ def loss_of(holdings: Holdings, scene: SceneConfig | None, whole: bool, ours: bo
         if whole and states[-1][0] < total:  # what was never recorded is not lost
             ends = f"it was closed after tick {states[-1][0]} of {total}"
         lacking = _lacking(holdings, list(_moves(states)))
-        gaps = [_gap_words(run, total) for run in _runs(lacking)]
         last = max(holdings.times.get(topics.DIAGNOSTICS.name, {0}))
-        if not whole and last < states[-1][1].time_ns:  # the number of them is not known
-            gaps.append(f"and {topics.DIAGNOSTICS.name} after {last / 1e9:.6g} s, not counted here")
-        open_end = False
+        open_end, rest = False, not whole and last < states[-1][1].time_ns
     else:
         states = sorted((number - 1, state) for number, state in holdings.states) if ours else []
         known = [move for move in _moves(states) if move[0] == 0 or move[1] is not None]
         lacking = _lacking(holdings, known, only_last=True)  # else by the sequence numbers
-        gaps = [_gap_words(run, 0) for run in _runs(lacking)]
-        ends, open_end, numbered = "", not whole, list(RECORDING)
+        ends, open_end, rest, numbered, total = "", not whole, False, list(RECORDING), 0
+    gaps = [_gap_words(run, total) for run in _runs(lacking)]
+    if rest:  # the number of them is not known
+        gaps.append(f"and {topics.DIAGNOSTICS.name} after {last / 1e9:.6g} s, not counted here")
     count = sum(len(names) for _, names in lacking)
     if ours:
         for topic in numbered:
@@ -182,27 +162,15 @@ def loss_of(holdings: Holdings, scene: SceneConfig | None, whole: bool, ours: bo
     return Loss(tuple(gaps), count, open_end, ends)
 
 
-def _moves(
-    states: list[tuple[int, CamState]],
-) -> Iterator[tuple[int, CamState | None, CamState]]:
-    """Each state with its number and the one before it, None where that is not there."""
+def _moves(states: list[tuple[int, CamState]]) -> Iterator[Move]:
     if states:
         yield states[0][0], None, states[0][1]
     for (k, before), (n, state) in pairwise(states):
         yield n, before if n == k + 1 else None, state
 
 
-def _lacking(
-    holdings: Holdings,
-    moves: list[tuple[int, CamState | None, CamState]],
-    only_last: bool = False,
-) -> Lacking:
-    """The numbers of states at which topics have no message, and which.
-
-    Parameters
-    ----------
-    only_last : none that has a message later on
-    """
+def _lacking(holdings: Holdings, moves: list[Move], only_last: bool = False) -> Lacking:
+    """What is missing at states; ``only_last`` leaves out topics that have a message later on."""
     newest = {name: max(times) for name, times in holdings.times.items()} if only_last else {}
     found: Lacking = []
     for k, before, state in moves:
@@ -228,8 +196,7 @@ def _runs(lacking: Lacking) -> Iterator[Lacking]:
         yield [entry for _, entry in run]
 
 
-def _is_all(names: Iterable[str]) -> bool:
-    """Whether a tick lacks everything, or so does the state that a run begins with."""
+def _is_all(names: frozenset[str]) -> bool:
     return topics.CAM_STATE.name in names
 
 
@@ -253,8 +220,5 @@ def _range_words(what: str, numbers: range) -> str:
 
 def _absent(numbers: set[int]) -> list[range]:
     """The gaps in what is numbered from 1."""
-    return [
-        range(a + 1, b)
-        for a, b in pairwise(sorted({0, *(n for n in numbers if n > 0)}))
-        if b > a + 1
-    ]
+    there = sorted({0, *(n for n in numbers if n > 0)})
+    return [range(a + 1, b) for a, b in pairwise(there) if b > a + 1]

@@ -36,10 +36,8 @@ from cam_rig.messages.topics import Topic
 # The description of a bag for rosbag2: metadata.yaml, and each topic's quality of service.
 
 FOREVER = QosTime(2147483647, 4294967295)
-
 #: The record in an MCAP file, and the key in it, that rosbag2 reads a file's metadata from.
 RECORD, RECORD_KEY = "rosbag2", "serialized_metadata"
-
 #: The time (ns) at which a file without messages begins, as rosbag2 has it.
 NEVER = 2**63 - 1
 
@@ -56,11 +54,8 @@ class FileContent:
 
     def note(self, topic: Topic, log_time: int) -> None:
         """Count one message."""
-        name = topic.name
-        if name in self.counts:
-            self.counts[name] += 1
-        else:
-            self.counts[name], self.topics[name] = 1, topic
+        self.counts[topic.name] = self.counts.get(topic.name, 0) + 1
+        self.topics.setdefault(topic.name, topic)
         self.first = min(self.first, log_time)
         self.last = max(self.last, log_time)
 
@@ -98,20 +93,9 @@ def offered_qos(topic: Topic) -> list[Any]:
 def metadata(
     files: Iterable[FileContent], topics: Iterable[Topic] = (), namespace: str = ""
 ) -> bytes:
-    """The metadata.yaml of a bag of some MCAP files.
-
-    Parameters
-    ----------
-    topics : listed though they may have no message yet
-    namespace : of the rig, before each topic's name
-    """
+    """The metadata.yaml of a bag; ``topics`` are listed though they may have no message yet."""
     about = information(files, topics, namespace)
     return _yaml({"rosbag2_bagfile_information": about}).encode()
-
-
-def metadata_record(files: Iterable[FileContent], namespace: str = "") -> dict[str, str]:
-    """The content of the record that rosbag2 reads an MCAP file's metadata from."""
-    return {RECORD_KEY: _yaml(information(files, (), namespace))}
 
 
 def _yaml(data: dict[str, Any]) -> str:
@@ -160,10 +144,7 @@ def information(
 
 
 def ros_distribution() -> str:
-    """The ROS distribution that is at work: the environment's, else that of the installed wheels.
-
-    ``unknown`` where there is none.
-    """
+    """The ROS distribution: the environment's, else that of the installed wheels, or unknown."""
     return os.environ.get("ROS_DISTRO") or _of_wheels()
 
 
@@ -189,15 +170,11 @@ def _of_topic(topic: Topic, namespace: str) -> dict[str, Any]:
     }
 
 
-#: Wall time (s) between flushes: what a killed recorder can lose.
-FLUSH_PERIOD_S = 0.5
-
-#: Wall time (s) between two fsyncs: what a power cut can take.
-SYNC_PERIOD_S = 0.5
-
+#: Wall time (s) between flushes: what a killed recorder can lose; and between two fsyncs: what a
+#: power cut can take.
+FLUSH_PERIOD_S = SYNC_PERIOD_S = 0.5
 #: Bytes that a message takes beside its content: two heads, and its place in the index.
 BYTES_BESIDE = HEAD.size + MESSAGE_HEAD.size + 16
-
 #: Media types of attachments by the end of their names; others are YAML.
 MEDIA = {".csv": "text/csv", ".txt": "text/plain", ".json": "application/json"}
 
@@ -205,17 +182,9 @@ MEDIA = {".csv": "text/csv", ".txt": "text/plain", ".json": "application/json"}
 class FileWriter:
     """An MCAP file being written; every method but `abandon` may raise an OSError.
 
-    Parameters
-    ----------
-    path : the file; it must not exist yet
-    replaces : instead, what is written replaces a file of this name when `replace_old` is called;
-        until then that file, if there is one, stays as it is
-    namespace : of the rig, "/rig1"; put before each topic's name
-
-    Raises
-    ------
-    BlockingIOError : another process is writing it
-    OSError : it exists already, or cannot be made
+    It must not exist yet. What ``replaces`` a file is written beside it, and takes its place when
+    `replace_old` is called; until then that file, if there is one, stays as it is. BlockingIOError:
+    another process is writing it.
     """
 
     def __init__(self, path: Path, replaces: bool = False, namespace: str = "") -> None:
@@ -332,7 +301,8 @@ class FileWriter:
 
     def _describe(self, whole: list[FileContent]) -> None:
         """Write what rosbag2 knows of the bag so far."""
-        self._writer.add_metadata(RECORD, metadata_record(whole, self._namespace))
+        about = {RECORD_KEY: _yaml(information(whole, (), self._namespace))}
+        self._writer.add_metadata(RECORD, about)
 
     def _sync(self) -> None:
         files.sync(self._stream)

@@ -6,8 +6,6 @@ A recording is complete when its MCAP file ends with a footer and the magic, whi
 What a recovery or the successor of a killed recorder writes has ``.part`` at the end of its name
 until it holds everything; then it replaces the old file in one step. So a kill, at whatever moment,
 leaves the old file or the new one, and a ``.part`` may always be deleted.
-Versions before this one set the truncated file aside as ``.torn`` and wrote the new one in its
-place: where there is such a file, it is the one that holds everything.
 """
 
 from __future__ import annotations
@@ -33,19 +31,12 @@ from rosbags.serde import SerdeError
 from cam_rig.errors import BagError
 
 METADATA = "metadata.yaml"
-
 #: The end of the name of a file that is not yet complete.
 PART = ".part"
-
-#: The end of the name that older versions gave a truncated file while they copied it.
-TORN = ".torn"
-
 #: A footer's opcode and length; 20 bytes and the magic follow.
 FOOTER = b"\x02" + (20).to_bytes(8, "little")
-
 #: A file of a bag that may be split: the bag's name, the file's number.
 NUMBERED = re.compile(r"(.+)_(\d{1,9})(\.\w+)")
-
 #: What a bag is, for the error that refuses something else.
 ALLOWED = "allowed: a folder with metadata.yaml and .mcap files, or an .mcap file"
 
@@ -56,12 +47,9 @@ def bag_file(directory: Path, number: int = 0) -> Path:
 
 
 def bag_files(directory: Path) -> list[Path]:
-    """The MCAP files that were written of a bag, in their order; a gap in it ends them.
-
-    Of a file that an older version set aside as ``.torn``, the name that it had before.
-    """
+    """The MCAP files that were written of a bag, in their order; a gap in it ends them."""
     found = list[Path]()
-    while (file := bag_file(directory, len(found))).exists() or file.with_suffix(TORN).exists():
+    while (file := bag_file(directory, len(found))).exists():
         found.append(file)
     return found
 
@@ -92,25 +80,16 @@ def is_closed(file: Path) -> bool:
 def is_unclosed(bag: Path) -> bool:
     """Whether a recording was begun here and not closed, or its recovery was not finished."""
     files = bag_files(bag)
-    if any(file.with_suffix(TORN).exists() or not is_closed(file) for file in files):
-        return True
-    return bool(files) and not (bag / METADATA).exists()
+    return bool(files) and not (all(map(is_closed, files)) and (bag / METADATA).exists())
 
 
 def mcap_files(bag: Path) -> list[Path]:
-    """The MCAP files of a bag, in their order; together they hold all that there is of it.
-
-    Parameters
-    ----------
-    bag : a bag's folder, or one of its MCAP files, which then stands alone
-    """
+    """The MCAP files of a bag's folder, in their order; one that is named stands alone."""
     require_a_bag(bag)
-    files = [bag]
-    if bag.is_dir():
-        files = in_order({file.with_suffix(".mcap") for file in _mcap_files(bag)})
-        if not files:
-            raise BagError(f"{bag}: holds 0 .mcap files; allowed: one or more")
-    return [holding_all(file) for file in files]
+    files = in_order(bag.glob("*.mcap")) if bag.is_dir() else [bag]
+    if not files:
+        raise BagError(f"{bag}: holds 0 .mcap files; allowed: one or more")
+    return files
 
 
 def mcap_file(bag: Path) -> Path:
@@ -137,12 +116,6 @@ def in_order(files: Iterable[Path]) -> list[Path]:
     return found
 
 
-def holding_all(file: Path) -> Path:
-    """The file, or what an older version set aside of it."""
-    torn = file.with_suffix(TORN)
-    return torn if torn.exists() else file
-
-
 def require_a_bag(path: Path) -> None:
     """Refuse a path that is not a bag and never was one."""
     if what := why_not_a_bag(path):
@@ -156,17 +129,14 @@ def why_not_a_bag(path: Path) -> str | None:
             return "no such bag"
     except OSError as error:
         return f"is not a bag: {error.strerror}"
-    if path.is_dir():
-        return _why_not_a_bag_folder(path)
-    return (
-        _why_not_mcap(path) if path.suffix in (".mcap", TORN) else "is not a bag: not an .mcap file"
-    )
-
-
-def _why_not_a_bag_folder(path: Path) -> str | None:
-    if files := _mcap_files(path):
-        wrong = [_why_not_mcap(file) for file in files]
+    if not path.is_dir():
+        return _why_not_mcap(path) if path.suffix == ".mcap" else "is not a bag: not an .mcap file"
+    if wrong := [_why_not_mcap(file) for file in sorted(path.glob("*.mcap"))]:
         return wrong[0] if all(wrong) else None
+    return _why_not_a_bag_without_files(path)
+
+
+def _why_not_a_bag_without_files(path: Path) -> str | None:
     if any(path.glob(f"*.mcap{PART}")):
         return "is not a bag: a recovery was interrupted here; repeat it"
     if not (path / METADATA).exists():  # else of another storage, as SQLite
@@ -175,15 +145,10 @@ def _why_not_a_bag_folder(path: Path) -> str | None:
 
 
 def _why_not_mcap(file: Path) -> str | None:
-    """Why a file is not one of MCAP, in words."""
     with suppress(OSError), file.open("rb") as stream:
         if stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
             return f"is not a bag: {file.name} does not begin as an MCAP file does"
     return None
-
-
-def _mcap_files(folder: Path) -> list[Path]:
-    return sorted([*folder.glob("*.mcap"), *folder.glob(f"*{TORN}")])
 
 
 def create(file: Path) -> BinaryIO:
@@ -228,15 +193,6 @@ def replace(part: Path, file: Path) -> None:
     sync_folder(file.parent)
 
 
-def remove(file: Path) -> None:
-    """Remove a file that another one has replaced."""
-    try:
-        file.unlink(missing_ok=True)
-        sync_folder(file.parent)
-    except OSError as error:
-        raise BagError(f"{file}: cannot be removed ({error.strerror})") from None
-
-
 def write_whole(file: Path, data: bytes) -> None:
     """Write a small file, of which no reader sees a part."""
     with create(part_of(file)) as stream:
@@ -247,32 +203,12 @@ def write_whole(file: Path, data: bytes) -> None:
 
 # What a damaged bag may raise in its readers, and the error that reports it.
 
+_FORMATS = (McapError, struct.error, zlib.error, zstandard.ZstdError, sqlite3.Error)
+_CONTENTS = (LookupError, ValueError, EOFError, OverflowError, MemoryError, RuntimeError)
 #: What a file with wrong bytes in it may raise in the readers.
-DAMAGE = (
-    McapError,
-    OSError,
-    struct.error,
-    zlib.error,
-    zstandard.ZstdError,
-    sqlite3.Error,
-    KeyError,
-    IndexError,
-    ValueError,
-    EOFError,
-    MemoryError,
-    OverflowError,
-    RuntimeError,
-)
-
+DAMAGE = (*_FORMATS, *_CONTENTS, OSError)
 #: What rosbags raises on a file or folder that is not a bag.
-UNREADABLE = (
-    ReaderError,
-    SerdeError,
-    AssertionError,
-    TypeError,
-    AttributeError,
-    *DAMAGE,
-)
+UNREADABLE = (*DAMAGE, ReaderError, SerdeError, AssertionError, TypeError, AttributeError)
 
 
 def reason(error: Exception) -> str:

@@ -30,31 +30,22 @@ QUANTITIES: dict[str, dict[str, float]] = {
     "force": {**UNITS["force"], "kN": 1e3},
     "level": {**UNITS["level"], "Pa": 1.0},
 }
-
 #: A unit of an angle: so many counts a turn.
 COUNTS = re.compile(r"turn/([1-9]\d{0,8})")
-
 #: An item: quantity, sign, topic and field, unit, whose time.
 ITEM = re.compile(
     r"(?P<quantity>\w+)=(?P<sign>-?)(?P<topic>/[\w/]+)(?:\.(?P<field>[\w.\[\]]+))?"
     r"(?::(?P<unit>[^@\s]+))?(?P<time>@bag)?"
 )
-
 EXAMPLE = "angle=/encoder.position[0]:deg lift=/lvdt.data:mm"
 
 
 @dataclass(frozen=True)
 class MappedField:
-    """Where a quantity is read.
+    """Where a quantity is read: in a field, by dotted names, of a topic; empty: its only number.
 
-    Parameters
-    ----------
-    quantity : angle, lift, force or level
-    topic : name of the topic, or of the topic and the field after it
-    field : dotted names, with a number or a joint's name in brackets; empty for the only number
-    unit : of the numbers, one of `QUANTITIES`, or counts a turn
-    sign : 1, or -1 for a sensor that counts the other way
-    bag_time : whether the time is that of the bag, and not of the message's header
+    ``unit`` is one of `QUANTITIES` or counts a turn; ``sign`` -1 of a sensor that counts the other
+    way; with ``bag_time`` the time is that of the bag, and not of the message's header.
     """
 
     quantity: str
@@ -73,13 +64,7 @@ class MappedField:
 
 
 def parse_topics(line: str) -> dict[str, MappedField]:
-    """The fields of a line of ``quantity=topic.field:unit``, by quantity.
-
-    Examples
-    --------
-    >>> parse_topics("angle=/encoder.data:deg lift=/lvdt.range")["angle"].unit
-    'deg'
-    """
+    """The fields of a line of ``quantity=topic.field:unit``, by quantity."""
     found: dict[str, MappedField] = {}
     for item in line.split():
         one = _parsed(item)
@@ -125,7 +110,6 @@ def _parsed(item: str) -> MappedField:
 
 #: Fields that are named in an error, at most.
 MAX_NAMED = 24
-
 PART = re.compile(r"(?P<name>\w+)(?:\[(?P<index>\w+)\])?")
 
 

@@ -9,35 +9,23 @@ import numpy as np
 
 from cam_rig.acoustics import level_db
 from cam_rig.bag.foreign_topics import EXAMPLE, MappedField, forward_turns, read_fields, topic_list
-from cam_rig.bag.reader import messages, read_ticks, rigs_of
-from cam_rig.errors import BagError, RefusedError, did_you_mean
+from cam_rig.bag.reader import decoded, pressure_of, read_ticks, rigs_of
+from cam_rig.errors import BagError, did_you_mean
 from cam_rig.messages import topics
-from cam_rig.messages.codec import cam_state_of, stamp_ns
+from cam_rig.messages.codec import cam_state_of
 from cam_rig.simulation.instruments import MeasuredRun, Signal
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, FloatArray
 
-# The states of the cam and the sound pressures of a recording of the rig.
-
 
 def read_states(bag: Path, namespace: str | None = None) -> Iterator[CamState]:
     """The states of the cam in the order of the bag."""
-    try:
-        for _, _, message in messages(bag, (topics.CAM_STATE,), namespace):
-            yield cam_state_of(message)
-    except RefusedError as error:
-        raise BagError(f"{bag}: {error}") from None
+    return (state for _, state in decoded(bag, {topics.CAM_STATE: cam_state_of}, namespace))
 
 
 def read_pressures(bag: Path, namespace: str | None = None) -> dict[int, float]:
     """r.m.s. sound pressure (Pa) of each tick by the stamp (ns) of its end."""
-    try:
-        return {
-            stamp_ns(message.header.stamp): float(message.fluid_pressure)
-            for _, _, message in messages(bag, (topics.PRESSURE,), namespace)
-        }
-    except RefusedError as error:
-        raise BagError(f"{bag}: {error}") from None
+    return dict(found for _, found in decoded(bag, {topics.PRESSURE: pressure_of}, namespace))
 
 
 def read_measured(
@@ -48,17 +36,8 @@ def read_measured(
 ) -> MeasuredRun:
     """Read what was measured of one cam.
 
-    Parameters
-    ----------
-    mapping : fields by quantity, as of `parse_topics`; a bag of the rig itself needs none
-    cam : its name; a bag of the rig with one cam needs none
-    namespace : of the rig, "/rig2", for a bag of several
-
-    Examples
-    --------
-    >>> run = read_measured(Path("bags/golden"), cam="tm21")
-    >>> run.angle.value.size, run.force.source
-    (1643, '/follower/samples')
+    ``mapping`` is by quantity, as of `parse_topics`; a bag of the rig itself needs none. ``cam`` is
+    needed by a bag of the rig with several, ``namespace`` by one of several rigs.
     """
     if mapping is None:
         return _own(bag, cam, own_namespace(bag, namespace))
@@ -97,26 +76,18 @@ def own_namespace(bag: Path, namespace: str | None) -> str:
 def _own(bag: Path, cam: str | None, namespace: str) -> MeasuredRun:
     """A run of the rig: angle, lift and force at every sample, the level of every tick."""
     parts: dict[str, list[FloatArray]] = {}
-    times: dict[str, list[tuple[float, float]]] = {}
+    ends: dict[str, set[int]] = {}
     for tick in read_ticks(bag, namespace):
         rows = np.stack([tick.time, tick.angle, tick.lift, tick.force])
         parts.setdefault(tick.cam, []).append(rows)
-        spans = times.setdefault(tick.cam, [])
-        spans.append((tick.interval.start_ns / NS, tick.interval.stop_ns / NS))
+        ends.setdefault(tick.cam, set()).add(tick.interval.stop_ns)
     chosen = _one_cam(bag, list(parts), cam)
     time, angle, lift, force = np.hstack(parts[chosen])
     source = f"{namespace}{topics.FOLLOWER_SAMPLES.name}"
-    level = _levels(bag, namespace, times[chosen])
-    notes = _gap_words("samples", Signal(time, lift, source))
-    return MeasuredRun(
-        bag,
-        chosen,
-        Signal(time, angle, f"{namespace}{topics.CAM_STATE.name}"),
-        Signal(time, lift, source),
-        Signal(time, force, source),
-        level,
-        tuple(notes),
-    )
+    turned = Signal(time, angle, f"{namespace}{topics.CAM_STATE.name}")
+    lifted, pressed = Signal(time, lift, source), Signal(time, force, source)
+    level, notes = _levels(bag, namespace, ends[chosen]), tuple(_gap_words("samples", lifted))
+    return MeasuredRun(bag, chosen, turned, lifted, pressed, level, notes)
 
 
 def _one_cam(bag: Path, there: list[str], cam: str | None) -> str:
@@ -133,18 +104,14 @@ def _one_cam(bag: Path, there: list[str], cam: str | None) -> str:
     return chosen
 
 
-def _levels(bag: Path, namespace: str, spans: list[tuple[float, float]]) -> Signal | None:
-    """The level of each tick of a cam, at the tick's end."""
-    rows = [
-        (stamp / NS, float(level_db(pressure)))
-        for stamp, pressure in read_pressures(bag, namespace).items()
-        if pressure > 0.0
-    ]
-    ends = {end for _, end in spans}
-    kept = np.array([row for row in rows if row[0] in ends]).reshape(-1, 2)
-    if not kept.size:
+def _levels(bag: Path, namespace: str, ends: set[int]) -> Signal | None:
+    """The level of each tick of a cam, at the tick's end (ns)."""
+    pressures = read_pressures(bag, namespace).items()
+    kept = {stamp: pressure for stamp, pressure in pressures if stamp in ends and pressure > 0.0}
+    if not kept:
         return None
-    return Signal(kept[:, 0], kept[:, 1], f"{namespace}{topics.PRESSURE.name}")
+    time, level = np.array(list(kept)) / NS, level_db(np.array(list(kept.values())))
+    return Signal(time, level, f"{namespace}{topics.PRESSURE.name}")
 
 
 def _require_overlap(bag: Path, name: str, signal: Signal, angle: Signal) -> None:

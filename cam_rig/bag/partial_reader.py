@@ -18,17 +18,15 @@ from cam_rig.bag.records import INSIDE, Record, chunk_head, content, fields, ins
 from cam_rig.bag.records import unpack as unpacked
 from cam_rig.errors import BagError, RefusedError
 from cam_rig.files import MIB, no_room
-from cam_rig.messages.serialization import RawMessages, stamp_of
+from cam_rig.messages.serialization import read_message, stamp_of
 from cam_rig.messages.topics import recorded_topic
 
 # The files attached to a bag: read with care, since names, sizes and bytes are not trusted.
 
 #: Attached to a recovered bag that lacks something: it says what.
 RECOVERED = "recovered.txt"
-
 #: Files attached to a bag, and their bytes; a scene with a hundred cams and their tables has less.
 MAX_ATTACHED, MAX_ATTACHED_BYTES = 1000, 64 * MIB
-
 #: Bytes of a path of an attached file, and of one name in it.
 MAX_PATH, MAX_NAME = 1000, 255
 
@@ -118,7 +116,6 @@ def attachment_of(data: bytes) -> Attachment:
 
 #: The writer's name in the header of this package's files.
 LIBRARY = "cam_rig"
-
 INDEXES = {
     Opcode.MESSAGE_INDEX,
     Opcode.CHUNK_INDEX,
@@ -127,13 +124,10 @@ INDEXES = {
     Opcode.STATISTICS,
     Opcode.SUMMARY_OFFSET,
 }
-
 #: When topics are published whose log time is their stamp.
 OF_ITS_STAMP = ("state", "tick", "instant", "speed")
-
 #: More topics than any rig has.
 MAX_CHANNELS = 1000
-
 Found = tuple[Schema, Channel, Message] | Attachment
 
 
@@ -162,7 +156,6 @@ class PartialReader:
         """Messages with their channel, and attachments."""
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
-        self._raw = RawMessages()
         try:
             stream = self.file.open("rb")
         except OSError as error:
@@ -241,7 +234,7 @@ class PartialReader:
         topic = recorded_topic(channel.topic)
         try:
             if topic is not None:
-                self._raw.read(topic, message.data)
+                read_message(topic, message.data)
                 if self.ours and topic.stamped and topic.per in OF_ITS_STAMP:
                     begin = max(begin, stamp_of(message.data))
                     end = min(end, stamp_of(message.data))

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -15,7 +14,7 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
 from cam_rig.arguments import checked
-from cam_rig.bag.files import TORN, UNREADABLE, damaged, in_order, is_closed, require_a_bag
+from cam_rig.bag.files import UNREADABLE, damaged, in_order, is_closed, require_a_bag
 from cam_rig.bag.partial_reader import unpack
 from cam_rig.bag.records import require_bounded, require_plain
 from cam_rig.dynamics import ANGLE_TOLERANCE
@@ -23,7 +22,7 @@ from cam_rig.errors import BagError, CamRigError, RefusedError
 from cam_rig.files import temporary_folder
 from cam_rig.live.flow_control import HISTORY_DEPTH
 from cam_rig.messages import topics
-from cam_rig.messages.codec import array_of, cam_state_of, decode_block, stamp_ns
+from cam_rig.messages.codec import block_of, cam_state_of, stamp_ns
 from cam_rig.messages.topics import Topic, recorded_topic
 from cam_rig.schema.load import named_path
 from cam_rig.simulation.scene import LoadedScene, open_scene
@@ -33,24 +32,10 @@ from cam_rig.simulation.simulate import MeasuredTick, TickSamples
 from cam_rig.units import NS, FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class Recording:
-    """A recorded run: its scene, its ticks, and how many messages each topic has."""
-
-    loaded: LoadedScene
-    ticks: list[MeasuredTick]
-    counts: dict[str, int]
-
-
 def messages(
     bag: Path, wanted: tuple[Topic, ...], namespace: str | None = None
 ) -> Iterator[tuple[Topic, int, Any]]:
-    """Topic, rig time in ns, and message, in the order of the bag.
-
-    Parameters
-    ----------
-    namespace : of the rig, for a bag of several
-    """
+    """Topic, rig time in ns, and message, in the order of the bag; of several rigs, of one."""
     by_name = {topic.name: topic for topic in wanted}
     types = get_typestore(Stores.ROS2_KILTED)
     for connection, log_time, data in raw_messages(bag, set(by_name), namespace):
@@ -64,14 +49,29 @@ def messages(
         yield topic, log_time, message
 
 
+def decoded(
+    bag: Path, decoders: Mapping[Topic, Callable[[Any], Any]], namespace: str | None = None
+) -> Iterator[tuple[Topic, Any]]:
+    """Topic and what its decoder makes of each message, in the order of the bag."""
+    for topic, _, message in messages(bag, tuple(decoders), namespace):
+        try:
+            found = decoders[topic](message)
+        except RefusedError as error:
+            raise BagError(f"{bag}: {error}") from None
+        yield topic, found
+
+
+def pressure_of(message: Any) -> tuple[int, float]:
+    """The stamp (ns) of a tick's end, and the r.m.s. sound pressure (Pa) of the tick."""
+    return stamp_ns(message.header.stamp), float(message.fluid_pressure)
+
+
 def raw_messages(
     bag: Path, names: set[str], chosen: str | None = None
 ) -> Iterator[tuple[Connection, int, bytes]]:
     """The serialized messages of some topics with their rig time in ns, in the order of the bag.
 
-    Parameters
-    ----------
-    chosen : the rig's namespace, for a bag of several
+    ``chosen`` is the rig's namespace, for a bag of several.
     """
     try:
         rigs = set[str]()
@@ -88,9 +88,8 @@ def raw_messages(
 def readers(bag: Path) -> Iterator[Reader]:
     """A reader of each file of a bag in turn, open until the next one is asked for.
 
-    None takes more memory than its file's size warrants.
-
-    The content of metadata.yaml is in the files too, so it is not read.
+    None takes more memory than its file's size warrants. The content of metadata.yaml is in the
+    files too, so it is not read.
     """
     try:
         for file in _sources(bag):
@@ -105,10 +104,8 @@ def _sources(bag: Path) -> list[Path]:
     found = [bag]
     if bag.is_dir():
         require_plain(bag)
-        found = in_order([*bag.glob("*.mcap"), *bag.glob("*.db3"), *bag.glob(f"*{TORN}")])
+        found = in_order([*bag.glob("*.mcap"), *bag.glob("*.db3")])
     for file in found:
-        if (torn := file.with_suffix(TORN)).exists():
-            raise ValueError(f"{torn.name} is left by an interrupted recovery, and holds all")
         if file.suffix == ".mcap":
             if not is_closed(file):
                 require_a_bag(bag)
@@ -147,72 +144,46 @@ def rigs_of(bag: Path) -> list[str]:
     return sorted(set[str]().union(*(_rigs(reader) for reader in readers(bag))))
 
 
-def read_recording(bag: Path, scene: Path | None = None) -> Recording:
-    """Read what the analysis of a run needs.
-
-    Parameters
-    ----------
-    scene : the scene that was run, for a bag without one attached (``ros2 bag record``)
-    """
+def read_recording(bag: Path, scene: Path | None = None) -> SceneRun:
+    """A recorded run; ``scene`` is the one that was run, for a bag that has none attached."""
     loaded = read_scene(bag) if scene is None else open_scene(scene)
     states: list[CamState] = []
     pressures: dict[int, float] = {}
-    try:
-        for topic, _, message in messages(bag, (topics.CAM_STATE, topics.PRESSURE)):
-            if topic is topics.CAM_STATE:
-                states.append(cam_state_of(message))
-            else:
-                pressures[stamp_ns(message.header.stamp)] = float(message.fluid_pressure)
-    except RefusedError as error:
-        raise BagError(f"{bag}: {error}") from None
+    both = {topics.CAM_STATE: cam_state_of, topics.PRESSURE: pressure_of}
+    for topic, found in decoded(bag, both):
+        if topic is topics.CAM_STATE:
+            states.append(found)
+        else:
+            pressures.update([found])
     if other := {state.cam for state in states} - set(loaded.laws):
         raise BagError(
             f"{bag}: holds {', '.join(sorted(other))}; allowed: the cams of scene "
             f"{loaded.scene.name}, {', '.join(loaded.laws)}, so name the scene that was run"
         )
     rate = int(loaded.scene.sample_rate.si)
-    ticks = [
+    ticks = tuple(
         MeasuredTick.between(start, end, pressures[end.time_ns], rate)
         for start, end in pairwise(states)
         if end.time_ns in pressures and start.turns_until(end)
-    ]
-    return Recording(loaded, ticks, read_counts(bag))
-
-
-def read_samples(bag: Path) -> Iterator[FloatArray]:
-    """The follower's samples tick by tick, ``(6, n)`` rows each."""
-    try:
-        for _, _, message in messages(bag, (topics.FOLLOWER_SAMPLES,)):
-            yield decode_block(*array_of(message))
-    except RefusedError as error:
-        raise BagError(f"{bag}: {error}") from None
+    )
+    return SceneRun(loaded, ticks, bag, partial(read_ticks, bag), read_counts(bag))
 
 
 def read_ticks(bag: Path, namespace: str | None = None) -> Iterator[TickSamples]:
-    """The same, each joined with the states of the cam between which it lies.
+    """The follower's samples tick by tick, with the states of the cam between which they lie.
 
     A tick whose states are missing is left out, as nobody knows its angle. States and samples are
-    held only until they find each other.
-
-    Parameters
-    ----------
-    namespace : of the rig, for a bag of several
+    held only until they find each other. ``namespace`` is of the rig, for a bag of several.
     """
     states: deque[CamState] = deque()
     waiting: deque[FloatArray] = deque(maxlen=4 * HISTORY_DEPTH)
-    try:
-        both = topics.CAM_STATE, topics.FOLLOWER_SAMPLES
-        for topic, _, message in messages(bag, both, namespace):
-            if topic is topics.CAM_STATE:
-                states.append(cam_state_of(message))
-            else:
-                waiting.append(decode_block(*array_of(message)))
-            while states and waiting and states[-1].time_ns / NS > waiting[0][0, -1]:
-                joined = _joined(states, waiting.popleft())
-                if joined is not None:
-                    yield joined
-    except RefusedError as error:
-        raise BagError(f"{bag}: {error}") from None
+    both = {topics.CAM_STATE: cam_state_of, topics.FOLLOWER_SAMPLES: block_of}
+    for topic, found in decoded(bag, both, namespace):
+        (states if topic is topics.CAM_STATE else waiting).append(found)
+        while states and waiting and states[-1].time_ns / NS > waiting[0][0, -1]:
+            joined = _joined(states, waiting.popleft())
+            if joined is not None:
+                yield joined
 
 
 def _joined(states: deque[CamState], rows: FloatArray) -> TickSamples | None:
@@ -257,9 +228,6 @@ def read_scene(bag: Path) -> LoadedScene:
             raise BagError(f"{bag}: its attached files do not fit: {inside}") from None
 
 
-# A scene's run, computed here or read from a bag: level against speed for each cam.
-
-
 @checked
 def read_bag(bag: str | Path, scene: str | Path | None = None) -> SceneRun:
     """Read a recorded run back, with the scene that is attached to it.
@@ -281,7 +249,4 @@ def read_bag(bag: str | Path, scene: str | Path | None = None) -> SceneRun:
     >>> recording.complete, list(recording.loaded.laws)
     (True, ['tm21', 'bezier15'])
     """
-    path = None if scene is None else named_path("scenes", scene)
-    found = read_recording(Path(bag), path)
-    blocks = partial(read_ticks, Path(bag))
-    return SceneRun(found.loaded, tuple(found.ticks), Path(bag), blocks, found.counts)
+    return read_recording(Path(bag), None if scene is None else named_path("scenes", scene))

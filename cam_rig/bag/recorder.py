@@ -16,18 +16,18 @@ import numpy as np
 from mcap.records import Attachment, Message
 
 from cam_rig.bag.file_writer import FileContent, ros_distribution
-from cam_rig.bag.files import METADATA, bag_files, holding_all, is_closed, remove, require_new_bag
+from cam_rig.bag.files import METADATA, bag_files, is_closed, require_new_bag, sync_folder
 from cam_rig.bag.partial_reader import PartialReader
 from cam_rig.bag.session import RecordingSession
 from cam_rig.bag.split import Split
 from cam_rig.bag.writer import BagWriter
-from cam_rig.errors import CamRigError, RefusedError
+from cam_rig.errors import BagError, RefusedError
 from cam_rig.live.checkpoint import Checkpoint
 from cam_rig.live.flow_control import MAX_STATES_UNFLUSHED
 from cam_rig.live.law_server import require_own_contour, require_own_law
 from cam_rig.live.state_validation import StateValidator
 from cam_rig.messages.codec import array_of, decode_law
-from cam_rig.messages.motion import motion_of_bag
+from cam_rig.messages.motion import MotionMessages
 from cam_rig.messages.serialization import cam_of, stamp_of
 from cam_rig.messages.topics import (
     DIAGNOSTICS,
@@ -52,17 +52,12 @@ class BagRecorder:
 
     Parameters
     ----------
-    bag : folder to record into
     loaded : the scene, attached with its files
     publishers : the one publisher of each topic
     resume : go on with a bag that a killed recorder left, instead of refusing it
     namespace : of the rig, "/rig1"; empty for the root
     points_per_turn : instants a turn of the motion for people; 0: as the scene says
     split : the limits of each of its files
-
-    Raises
-    ------
-    BagError : the bag exists and is not to be resumed, or cannot be made
     """
 
     def __init__(
@@ -81,14 +76,14 @@ class BagRecorder:
         self._attach()
         self._writer.attach("versions.json", versions())
         validator = StateValidator.of(loaded.scene)
-        motion = motion_of_bag(loaded, points_per_turn)
+        motion = MotionMessages(loaded, points_per_turn)
         self._session = RecordingSession(self._writer, validator, publishers, self._check, motion)
         self._unflushed = 0
         #: Stamps (ns) of the states that a predecessor had written.
         self.resumed: list[int] = []
+        for file in kept:
+            self._replay_kept(file)
         if resume:
-            for file in kept:
-                self._replay_kept(file)
             self._replay()
 
     @property
@@ -103,7 +98,8 @@ class BagRecorder:
         if stamps:  # the first one is what the predecessor had begun to write
             self._replace_old()
         if self._unflushed >= MAX_STATES_UNFLUSHED:
-            self._flush()
+            self._writer.flush()
+            self._unflushed = 0
         return stamps
 
     def idle(self) -> None:
@@ -133,14 +129,6 @@ class BagRecorder:
             points = [(point.x, point.y) for point in message.polygon.points]
             require_own_contour(self._loaded, cam_of(message), np.array(points).T)
 
-    def _attach_cams(self, cams: list[str]) -> None:
-        """Attach the file of a cam that an operator mounted."""
-        for cam in cams:
-            if cam not in self._loaded.cams:
-                with suppress(CamRigError):  # not a cam of the library, or its file is gone
-                    self._loaded.mount(cam)
-        self._attach()
-
     def _attach(self) -> None:
         for path in self._loaded.files:
             if path not in self._attached:
@@ -149,14 +137,10 @@ class BagRecorder:
                 folder = "scenes" if path == self._loaded.scene_file else path.parent.name
                 self._writer.attach(f"{folder}/{path.name}", path.read_bytes())
 
-    def _flush(self) -> None:
-        self._writer.flush()
-        self._unflushed = 0
-
     def _take(self, topic: Topic, cdr: bytes, source: bytes, number: int) -> list[int]:
         stamps = self._session.take(topic, cdr, source, number)
-        if topic is PROFILE:
-            self._attach_cams(self._session.cams)
+        if topic is PROFILE:  # of a cam that an operator has mounted, perhaps
+            self._attach()
         return stamps
 
     def _replay(self) -> None:
@@ -189,9 +173,13 @@ class BagRecorder:
     def _replace_old(self) -> None:
         """Let the new file replace the old ones, since it holds all that those held."""
         self._writer.replace_old()
-        for file in self._old:
-            if file != self._writer.file:
-                remove(file)
+        try:
+            for file in self._old:
+                if file != self._writer.file:
+                    file.unlink(missing_ok=True)
+                    sync_folder(file.parent)
+        except OSError as error:
+            raise BagError(f"{file}: cannot be removed ({error.strerror})") from None
         self._old = []
 
 
@@ -223,9 +211,8 @@ def files_to_resume(bag: Path) -> tuple[list[Path], list[Path]]:
     The last one is, and so is every one from the first that was not closed: a predecessor that was
     killed while it began a file left two of them.
     """
-    found = [holding_all(file) for file in bag_files(bag)]
-    closed = takewhile(lambda file: file.suffix == ".mcap" and is_closed(file), found[:-1])
-    kept = list(closed)
+    found = bag_files(bag)
+    kept = list(takewhile(is_closed, found[:-1]))
     return kept, found[len(kept) :]
 
 

@@ -28,23 +28,17 @@ from cam_rig.files import MIB
 
 #: Bytes that one compressed chunk may unpack to; those of ROS 2 have 1 to 4 MiB.
 MAX_UNPACKED = 64 * MIB
-
 #: Bytes unpacked at once, and bytes read at once of a series of small records.
 UNPACK_BYTES, READ_BYTES = 256 * 1024, 4096
-
 #: Opcode and length of every record.
 HEAD = struct.Struct("<BQ")
-
 #: First and last log time, unpacked bytes, their CRC, letters of the compression's name.
 CHUNK_HEAD = struct.Struct("<QQQII")
-
 #: Bytes searched at once for a chunk, and the pattern of its beginning.
 SEARCH_BYTES = 16 * MIB
-
 CHUNK_PATTERN = re.compile(
     rb"\x06.{5}\0{3}.{16}.{5}\0{3}.{4}(?:\0{4}|\x04\0{3}zstd|\x03\0{3}lz4).{5}\0{3}", re.DOTALL
 )
-
 #: A message's channel, number, log time and publish time; its data follow.
 MESSAGE_HEAD = struct.Struct("<HIQQ")
 
@@ -231,13 +225,10 @@ def _unpacked(compression: str, packed: bytes) -> Iterator[bytes]:
 
 #: What a file's compressed chunks may unpack to: this, and so many times the file's size.
 FREE_UNPACKED, MAX_RATIO = 16 * MIB, 100
-
 #: What readers hold at once, for they bring chunks of overlapping times into order, bytes.
 MAX_AT_ONCE = 128 * MIB
-
 #: A bag whose messages or files are compressed one by one.
 COMPRESSED = re.compile(rb"compression_mode[\"']?\s*:\s*[\"']?(file|message)", re.IGNORECASE)
-
 Span = tuple[int, int, int]
 
 

@@ -14,16 +14,13 @@ from cam_rig.bag.completeness import Holdings, Loss, loss_of
 from cam_rig.bag.file_writer import FileContent, together
 from cam_rig.bag.files import (
     METADATA,
-    TORN,
     bag_file,
     bag_files,
-    holding_all,
     is_closed,
     is_unclosed,
     mcap_files,
     number_of,
     part_of,
-    remove,
     require_new_bag,
 )
 from cam_rig.bag.partial_reader import RECOVERED, PartialReader
@@ -39,9 +36,9 @@ NOTHING_RECORDED = "nothing was recorded"
 
 @dataclass(frozen=True)
 class Recovered:
-    """What was recovered, and what is missing.
+    """Recovered messages by topic, their newest log time (ns), and what is missing.
 
-    ``counts`` by topic, ``last_ns`` the newest log time; ``readers`` know the state of each file.
+    ``readers`` know the state of each file.
     """
 
     counts: dict[str, int]
@@ -73,15 +70,12 @@ class Recovered:
         return "; ".join(part for part in parts if part)
 
     def _missing(self) -> str:
-        last = f"everything after {self.last_ns / 1e9:.6g} s"
         gaps = [self.loss.words] if self.loss.gaps else []
         if self.loss.open_end:
-            gaps.append(last)
+            gaps.append(f"everything after {self.last_ns / 1e9:.6g} s")
         if gaps:
             return f"missing: {', and '.join(gaps)}"
-        if self.sound:
-            return "nothing lost"
-        return "no tick is missing"
+        return "nothing lost" if self.sound else "no tick is missing"
 
 
 def _damage(found: PartialReader) -> list[str]:
@@ -99,8 +93,6 @@ def _damage(found: PartialReader) -> list[str]:
         )
     if found.unread:
         words.append(f"{found.unread} bytes could not be read")
-    if found.file.suffix == TORN:
-        words.append(f"read from {found.file.name}, left by an interrupted recovery")
     return words
 
 
@@ -124,7 +116,7 @@ def recover_in_place(bag: Path) -> Recovered:
     It may be killed and repeated: each old file stays until the new one is complete.
     """
     copying = Recovery(bag, mcap_files(bag))
-    wrong = [file for file in copying.files if file.suffix == TORN or not is_closed(file)]
+    wrong = [file for file in copying.files if not is_closed(file)]
     wrong = wrong or copying.files[-1:]  # only metadata.yaml is missing
     try:
         others = [copying.read(file) for file in copying.files if file not in wrong]
@@ -140,9 +132,6 @@ def recover_in_place(bag: Path) -> Recovered:
             f"{there.words}; recover it with: cam-rig recover {shlex.quote(str(bag))} --output "
             "A_FOLDER_WITH_ROOM"
         ) from None
-    for file in wrong:
-        if file.suffix == TORN:
-            remove(file)
     return saved
 
 
@@ -157,7 +146,7 @@ def examine(bag: Path) -> Recovered:
 def state_words(bag: Path) -> str:
     """What a failed run has recorded, in words; the bag is recovered where that is needed."""
     try:
-        if not any(holding_all(file).stat().st_size for file in bag_files(bag)):
+        if not any(file.stat().st_size for file in bag_files(bag)):
             return NOTHING_RECORDED
         words = recover_in_place(bag).words if is_unclosed(bag) else ""
         count = sum(read_counts(bag).values())

@@ -16,7 +16,7 @@ from cam_rig.dynamics import COLUMNS
 from cam_rig.errors import BagError
 from cam_rig.messages import topics
 from cam_rig.messages.codec import array_of, cam_state_of, decode_block, stamp_ns
-from cam_rig.messages.serialization import RawMessages
+from cam_rig.messages.serialization import read_message
 from cam_rig.messages.topics import Topic
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import FloatArray
@@ -91,10 +91,8 @@ def _numbers(topic: Topic, message: Any) -> Iterator[tuple[str, Any]]:
 
 #: In the order in which they go out at one rig time.
 PLAYED = (topics.LAW_COEFFICIENTS, topics.PROFILE, topics.LAW, topics.CLOCK, topics.CAM_STATE)
-
 #: Decoded, not only passed on.
 READ = (topics.CAM_STATE, topics.DIAGNOSTICS)
-
 #: A level's letter symbol at the end of the microphone's diagnostics.
 QUANTITY = re.compile(r"\bL[ACZ][FS]$")
 
@@ -114,12 +112,12 @@ class Played:
 
 def played(bag: Path) -> Iterator[Played]:
     """The messages state by state; what a bag holds after its last state is left out."""
-    by_name, raw = {t.name: t for t in (*PLAYED, topics.DIAGNOSTICS)}, RawMessages()
+    by_name = {t.name: t for t in (*PLAYED, topics.DIAGNOSTICS)}
     waiting: list[tuple[Topic, bytes]] = []
     last: Played | None = None
     for connection, _, data in raw_messages(bag, set(by_name)):
         topic = by_name[connection.topic]
-        message = raw.read(topic, bytes(data))[0] if topic in READ else None
+        message = read_message(topic, bytes(data))[0] if topic in READ else None
         if topic is topics.DIAGNOSTICS:
             last = last and replace(last, quantity=quantity_of(message) or last.quantity)
             continue

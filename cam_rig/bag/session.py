@@ -15,34 +15,24 @@ from cam_rig.errors import RefusedError
 from cam_rig.live.flow_control import HISTORY_DEPTH
 from cam_rig.live.state_validation import Admission, StateValidator
 from cam_rig.messages import topics
-from cam_rig.messages.codec import array_of, cam_state_of, decode_block
+from cam_rig.messages.codec import block_of, cam_state_of
 from cam_rig.messages.motion import DerivedMessage, MotionMessages
-from cam_rig.messages.serialization import RawMessages, cam_of, diagnosed_node, stamp_of
-from cam_rig.messages.topics import Publishers, Topic
+from cam_rig.messages.serialization import cam_of, diagnosed_node, read_message, stamp_of
+from cam_rig.messages.topics import Publishers, Topic, occasions
 from cam_rig.simulation.schedule import CamState
 
 # Messages that wait for their state or for each other: a bounded number, in a flood too.
 
 #: Messages kept of states that are not known yet; more than are ever in flight.
 MAX_WAITING = 4 * HISTORY_DEPTH
-
 #: Messages evicted at once when there are more: a flood must not cost a search for each.
 EVICTED_AT_ONCE = MAX_WAITING // 8
-
 #: The unstamped topics of each stamped one.
 TWINS = {
     stamped.name: [topic for topic in topics.RECEIVED if topic.twin == stamped.name]
     for stamped in topics.RECEIVED
 }
-
 Key = TypeVar("Key", bound=Hashable)
-
-
-class ReceivedMessage(NamedTuple):
-    """A serialized message and the process that published it."""
-
-    source: bytes
-    cdr: bytes
 
 
 def make_room(held: dict[Key, Any], is_awaited: Callable[[Key], bool] = lambda _: False) -> bool:
@@ -57,9 +47,8 @@ def make_room(held: dict[Key, Any], is_awaited: Callable[[Key], bool] = lambda _
 class Waiting:
     """Messages by topic and stamp (ns), each until its state is written.
 
-    Parameters
-    ----------
-    known : stamps of the states that wait to be written; what belongs to one is never dropped
+    ``known`` are the stamps of the states that wait to be written: what belongs to one is never
+    dropped. A message is ``number`` of all that its process, ``source``, published on the topic.
     """
 
     def __init__(self, known: Set[int]) -> None:
@@ -67,17 +56,9 @@ class Waiting:
         self._held: dict[Topic, dict[int, bytes]] = {topic: {} for topic in topics.RECEIVED}
         self._halves: dict[tuple[str, bytes, int], int | bytes] = {}
 
-    def has(self, topic: Topic, stamp: int) -> bool:
-        """Whether a topic's message of a stamp is here."""
-        return stamp in self._held[topic]
-
     def get(self, topic: Topic, stamp: int) -> bytes | None:
         """A topic's message of a stamp; None where there is none."""
         return self._held[topic].get(stamp)
-
-    def pop(self, topic: Topic, stamp: int) -> bytes | None:
-        """A topic's message of a stamp, which is not kept any longer; None where there is none."""
-        return self._held[topic].pop(stamp, None)
 
     def forget(self, until: int) -> None:
         """Drop all up to a stamp: those states are written, and the rest belongs to none."""
@@ -86,24 +67,18 @@ class Waiting:
             for stamp in [stamp for stamp in held if stamp <= until]:
                 del held[stamp]
 
-    def keep_stamped(
-        self, topic: Topic, stamp: int, received: ReceivedMessage, number: int
-    ) -> None:
-        """Keep a message by its stamp, which its twin has too.
-
-        Parameters
-        ----------
-        number : its place among all that its process published on the topic
-        """
+    def keep_stamped(self, topic: Topic, source: bytes, number: int, cdr: bytes) -> None:
+        """Keep a message by its stamp, which its twin has too."""
+        stamp = stamp_of(cdr)
         try:
-            self._keep(topic, stamp, received.cdr)
+            self._keep(topic, stamp, cdr)
         finally:  # an error in the one must not cost the other
-            for twin in TWINS.get(topic.name, ()):
-                self._pair(twin, received.source, number, stamp)
+            for twin in TWINS[topic.name]:
+                self._pair(twin, source, number, stamp)
 
-    def keep_twin(self, topic: Topic, received: ReceivedMessage, number: int) -> None:
-        """Keep a message without a stamp until its twin tells the stamp; as `keep_stamped`."""
-        self._pair(topic, received.source, number, received.cdr)
+    def keep_twin(self, topic: Topic, source: bytes, number: int, cdr: bytes) -> None:
+        """Keep a message without a stamp until its twin tells the stamp."""
+        self._pair(topic, source, number, cdr)
 
     def _pair(self, topic: Topic, source: bytes, number: int, half: int | bytes) -> None:
         """Bring an unstamped message and the stamp of its twin together."""
@@ -118,7 +93,6 @@ class Waiting:
             make_room(self._halves)
 
     def _keep(self, topic: Topic, stamp: int, cdr: bytes) -> None:
-        """Keep a message for its state."""
         if stamp <= self._until:
             return
         held = self._held[topic]
@@ -179,25 +153,21 @@ class PendingDiagnostics:
             yield found.stamp + 1 + topics.DIAGNOSED_NODES.index(found.node), found.cdr
 
 
-#: Cams whose law is kept.
-MAX_CAMS = 256
-
 #: A state begins with its stamp; the clock's message is that and no more.
 CLOCK_BYTES = 12
-
-TICK_TOPICS = tuple(topic for topic in topics.RECEIVED if topic.per == "tick")
-
-CAM_TOPICS = (topics.LAW_COEFFICIENTS, topics.PROFILE)
+#: By stamp: those of a tick, and the law of a new speed.
+STAMPED = tuple(topic for topic in topics.RECEIVED if topic.per in ("speed", "tick"))
+CAM_TOPICS = tuple(topic for topic in topics.RECEIVED if topic.per == "cam")
 
 
 class Writing(Protocol):
     """Where messages go: a `BagWriter`."""
 
     def write(self, topic: Topic, log_time: int, cdr: bytes) -> None:
-        """Write one message at a rig time in ns."""
+        """Write one message at a rig time (ns)."""
 
     def begin_state(self, stamp: int) -> None:
-        """Called before the messages of a state of some stamp (ns)."""
+        """Called before the messages of a state (ns)."""
 
 
 class RecordingSession:
@@ -205,7 +175,6 @@ class RecordingSession:
 
     Parameters
     ----------
-    writer : where they go
     validator : which states of the cam are possible
     publishers : the one publisher of each topic
     check : refuses a law or a contour (topic, message) that is not the cam's own
@@ -222,7 +191,7 @@ class RecordingSession:
     ) -> None:
         self.written = -1
         self._motion = motion
-        self._writer, self._raw = writer, RawMessages()
+        self._writer = writer
         self._validator, self._check = validator, check
         self._publishers = publishers or Publishers()
         self._states: deque[tuple[CamState, bytes]] = deque()
@@ -235,39 +204,37 @@ class RecordingSession:
     def take(self, topic: Topic, cdr: bytes, source: bytes = b"", number: int = 0) -> list[int]:
         """Take one message; the stamps of the states that were written with it, in order.
 
-        Parameters
-        ----------
-        source : the process that published it
-        number : its place among all that this process published on the topic
+        It is ``number`` of all that its process, ``source``, published on the topic.
         """
         if topic.derived:
             raise RefusedError(f"{topic.name}: a recorder makes these messages itself")
         if topic.owner:
             self._publishers.require(topic.owner, topic, source)
-        message, cdr = self._raw.read(topic, cdr)
-        received = ReceivedMessage(source, cdr)
+        message, cdr = read_message(topic, cdr)
         if topic is topics.CAM_STATE:
             self._take_state(cam_state_of(message), cdr)
         elif topic in self._cams:
             self._check(topic, message)
-            self._take_cam(topic, cam_of(message), cdr)
+            name = cam_of(message)
+            if self._cams[topic].setdefault(name, cdr) != cdr:
+                raise RefusedError(
+                    f"{topic.name}: another one of {name!r}; allowed: one a recording"
+                )
         elif topic is topics.DIAGNOSTICS:
-            self._take_diagnostic(diagnosed_node(message), received)
+            node = diagnosed_node(message)
+            if node in topics.DIAGNOSED_NODES:
+                self._publishers.require(node, topic, source)
+            self._diagnostics.take(stamp_of(cdr), node, cdr)
         elif topic.twin:
-            self._waiting.keep_twin(topic, received, number)
+            self._waiting.keep_twin(topic, source, number, cdr)
         else:
-            self._waiting.keep_stamped(topic, stamp_of(cdr), received, number)
+            self._waiting.keep_stamped(topic, source, number, cdr)
         stamps = []
         while self._states and self._complete():
             self._write_state()
             stamps.append(self.written)
         self._write_diagnostics(self.written)
         return stamps
-
-    @property
-    def cams(self) -> list[str]:
-        """The cams whose contour the law server has published."""
-        return list(self._cams[topics.PROFILE])
 
     def note_known(self, stamp: int) -> None:
         """Note that a predecessor had received a state of a rig time (ns)."""
@@ -297,56 +264,31 @@ class RecordingSession:
         for time_ns, diagnostic in self._diagnostics.due(until):
             self._writer.write(topics.DIAGNOSTICS, time_ns, diagnostic)
 
-    def _take_diagnostic(self, node: str, received: ReceivedMessage) -> None:
-        if node in topics.DIAGNOSED_NODES:
-            self._publishers.require(node, topics.DIAGNOSTICS, received.source)
-        self._diagnostics.take(stamp_of(received.cdr), node, received.cdr)
-
-    def _take_cam(self, topic: Topic, name: str, cdr: bytes) -> None:
-        known = self._cams[topic]
-        if known.setdefault(name, cdr) != cdr:
-            raise RefusedError(f"{topic.name}: another one of {name!r}; allowed: one a recording")
-        if len(known) > MAX_CAMS:
-            del known[name]
-            raise RefusedError(f"{topic.name}: more than {MAX_CAMS} cams")
-
     def _complete(self) -> bool:
         state = self._states[0][0]
-        return all(
-            self._waiting.has(topic, state.time_ns) for topic in self._belonging(state)
-        ) and (
-            not self._is_new_cam(state) or all(state.cam in known for known in self._cams.values())
+        there = occasions(self._before, state)
+        stamped = (topic for topic in STAMPED if topic.per in there)
+        return all(self._waiting.get(topic, state.time_ns) for topic in stamped) and (
+            "cam" not in there or all(state.cam in known for known in self._cams.values())
         )
-
-    def _belonging(self, state: CamState) -> list[Topic]:
-        """Topics that have a message for a state, by its stamp."""
-        before, found = self._before, list[Topic]()
-        if before is None or (before.cam, before.speed) != (state.cam, state.speed):
-            found += [topics.LAW] if state.speed > 0.0 else []
-        if before is not None and before.turns_until(state):
-            found += TICK_TOPICS
-        return found
-
-    def _is_new_cam(self, state: CamState) -> bool:
-        return self._before is None or self._before.cam != state.cam
 
     def _write_state(self) -> None:
         state, cdr = self._states.popleft()
         stamp, put = state.time_ns, self._writer.write
+        there = occasions(self._before, state)
         self._writer.begin_state(stamp)
         for derived in self._moved(state):
             put(*derived)
-        if self._is_new_cam(state):
-            for topic, known in self._cams.items():
-                if state.cam in known:
-                    put(topic, stamp, known[state.cam])
+        for topic, known in self._cams.items():
+            if "cam" in there and state.cam in known:
+                put(topic, stamp, known[state.cam])
         put(topics.CLOCK, stamp, cdr[:CLOCK_BYTES])
         put(topics.CAM_STATE, stamp, cdr)
-        for topic in self._belonging(state):
-            if message := self._waiting.pop(topic, stamp):
+        for topic in STAMPED:
+            if topic.per in there and (message := self._waiting.get(topic, stamp)):
                 put(topic, stamp, message)
-        if self._motion is not None and self._is_new_cam(state):
-            for derived in self._motion.mounted(state):
+        if self._motion is not None and "cam" in there:
+            for derived in self._motion.mounted(state.cam, stamp):
                 put(*derived)
         self._before, self.written = state, stamp
         self._known.discard(stamp)
@@ -357,8 +299,8 @@ class RecordingSession:
         before, samples = self._before, self._waiting.get(topics.FOLLOWER_SAMPLES, state.time_ns)
         if self._motion is None or before is None or samples is None:
             return []
-        message, _ = self._raw.read(topics.FOLLOWER_SAMPLES, samples)
+        message, _ = read_message(topics.FOLLOWER_SAMPLES, samples)
         try:
-            return self._motion.moved(before, state, decode_block(*array_of(message)))
+            return self._motion.moved(before, state, block_of(message))
         except RefusedError:  # as the microphone says, which refuses it too
             return []

@@ -10,18 +10,13 @@ from cam_rig.units import NS
 
 #: Least size (bytes) and duration (s) of a file: every file repeats the scene and its cams.
 MIN_FILE_BYTES, MIN_FILE_S = 1_000_000, 1.0
-
 #: Files of a bag whose names are sure to have room.
 MAX_NUMBER = 99_999
-
 #: Greatest duration of a file, s: ten years.
 MAX_FILE_S = 3.2e8
-
 #: Factors of the units in which a file's size or duration may be given.
 SIZES = {"MB": 1e6, "GB": 1e9, "MiB": 2.0**20, "GiB": 2.0**30}
-
 TIMES = {"s": 1.0, "min": 60.0, "h": 3600.0}
-
 AMOUNT = re.compile(r"\s*(\d{1,12}(?:\.\d{1,9})?)\s*([A-Za-z]+)\s*")
 
 
@@ -36,10 +31,6 @@ class Split:
     ----------
     size : bytes of messages, without what is attached to each file
     duration : rig time, s
-
-    Raises
-    ------
-    ConfigError : a limit that is less than a file may have
     """
 
     size: int = 0
@@ -62,13 +53,7 @@ class Split:
 
     @classmethod
     def parsed(cls, text: str) -> Split:
-        """The limits by words: ``100MB``, ``1.5 GiB``, ``60s``, ``10min``.
-
-        Examples
-        --------
-        >>> Split.parsed("60s")
-        Split(size=0, duration=60.0)
-        """
+        """The limits by words: ``100MB``, ``1.5 GiB``, ``60s``, ``10min``."""
         found = AMOUNT.fullmatch(text)
         units = ", ".join((*SIZES, *TIMES))
         if found is None or found[2] not in SIZES | TIMES:

@@ -22,19 +22,16 @@ class BagWriter:
     A file that comes to a limit is followed by another: it repeats the schemas, the channels and
     the attachments, so that it can be read alone. At every moment the newest file is not closed.
 
+    The directory must not exist yet, its parent folders are made.
+
     Parameters
     ----------
-    directory : the bag; it must not exist yet, its parent folders are made
     rewrite : instead, what is written replaces one of the bag's files when `replace_old` is called,
         or when it is closed; until then that file, if there is one, stays as it is
     split : the limits of each file; one that is rewritten is never split
     number : of the file that is written first
     namespace : of the rig, "/rig1"; put before each topic's name
     others : what the bag's other files hold
-
-    Raises
-    ------
-    BagError : the directory exists already, or the file cannot be made
     """
 
     def __init__(
@@ -105,10 +102,8 @@ class BagWriter:
     ) -> None:
         """Write one serialized message at a rig time in ns.
 
-        Parameters
-        ----------
-        definition : of the message's type; by default what rosbags knows of it
-        number : its place among all of its topic; by default the next
+        ``definition`` is of its type, by default what rosbags knows of it; ``number`` its place
+        among all of its topic, by default the next.
         """
         if self._failed is not None:
             raise self._failed
@@ -125,12 +120,7 @@ class BagWriter:
             raise self._lost(error) from None
 
     def begin_state(self, stamp: int) -> None:
-        """Go on in a new file, where this one has come to a limit; before a state's first message.
-
-        Parameters
-        ----------
-        stamp : of the state, ns
-        """
+        """Go on in a new file before a state (ns), where this one has come to a limit."""
         if self._counts_only:
             return
         begin = stamp if self._begin is None else self._begin

@@ -25,19 +25,9 @@ from cam_rig.live.flow_control import TICKS_KEPT
 
 #: Kinds of numbers that an array may hold: bool, int, unsigned, float, complex.
 NUMBERS = "biufc"
-
 #: What `from_plain` raises on data that `to_plain` did not make.
-UNREADABLE = (
-    OSError,
-    ValueError,
-    KeyError,
-    IndexError,
-    TypeError,
-    AttributeError,
-    OverflowError,
-    RecursionError,
-    CamRigError,
-)
+_CONTENTS = (ValueError, LookupError, TypeError, AttributeError, OverflowError, RecursionError)
+UNREADABLE = (OSError, CamRigError, *_CONTENTS)
 
 
 def to_plain(value: Any) -> Any:
@@ -68,37 +58,29 @@ def from_plain(data: Any) -> Any:
         inside = {name: from_plain(value) for name, value in data["fields"].items()}
         return _record(data["record"])(**inside)
     if "array" in data:
-        return _array(data["array"], data["type"], data["shape"])
+        dtype = np.dtype(data["type"])
+        if dtype.kind not in NUMBERS or dtype.fields is not None:
+            raise RunError(f"an array holds {data['type']!r}; allowed: numbers")
+        return np.frombuffer(bytes.fromhex(data["array"]), dtype=dtype).reshape(data["shape"])
     if "dict" in data:
         return {from_plain(key): from_plain(value) for key, value in data["dict"]}
     (name, items), *_ = data.items()
     return {"tuple": tuple, "list": list}[name](from_plain(item) for item in items)
 
 
-def _array(digits: str, kind: str, shape: list[int]) -> Any:
-    dtype = np.dtype(kind)
-    if dtype.kind not in NUMBERS or dtype.fields is not None:
-        raise RunError(f"an array holds {kind!r}; allowed: numbers")
-    return np.frombuffer(bytes.fromhex(digits), dtype=dtype).reshape(shape)
-
-
-def _record(path: str) -> type[Any]:
+def _record(path: str) -> Any:
     """The frozen record of that name, of a module that is imported already."""
     module, _, name = path.partition(":")
     found = sys.modules.get(module) if module.startswith("cam_rig.") else None
     kind = getattr(found, name, None)
-    if not (isinstance(kind, type) and is_dataclass(kind) and _is_frozen(kind)):
+    frozen = isinstance(kind, type) and getattr(kind, "__dataclass_params__", None)
+    if not (frozen and frozen.frozen):
         raise RunError(f"{path}: is not a frozen record of the rig")
     return kind
 
 
-def _is_frozen(kind: Any) -> bool:
-    return bool(kind.__dataclass_params__.frozen)
-
-
 #: Bytes of a file, at most; those of the shipped scenes have less than a thousandth of it.
 MAX_BYTES = 64 * MIB
-
 #: Bytes of the CRC-32 before them, and its end of line.
 HEAD = 9
 
@@ -106,10 +88,7 @@ HEAD = 9
 class Checkpoint:
     """The states of one node after each of its last ticks, in a file of the run's folder.
 
-    Parameters
-    ----------
-    folder : the run's checkpoint folder; empty keeps nothing
-    node : the node's name
+    An empty ``folder`` keeps nothing.
     """
 
     def __init__(self, folder: str, node: str) -> None:
@@ -140,10 +119,6 @@ class Checkpoint:
             size = len(text) / MIB
             raise RunError(f"{file}: has {size:.3g} MiB; allowed: {MAX_BYTES / MIB:g} MiB")
         _replace(file, f"{crc32(text.encode()):08x}\n{text}")
-
-    def oldest(self) -> Any:
-        """The oldest state that the predecessor kept, to go on from; None without a predecessor."""
-        return next(iter(self.all()), None)
 
     def newest(self) -> Any:
         """The newest state that the predecessor kept; None without a predecessor."""

@@ -18,14 +18,10 @@ from cam_rig.units import NS
 
 #: Ticks in flight, at most: published by the drive, not yet acknowledged by every consumer.
 MAX_TICKS_IN_FLIGHT = 4
-
 #: States that the recorder writes between two flushes, at most: what a kill can take from it.
 MAX_STATES_UNFLUSHED = 8
-
 _LOST = MAX_STATES_UNFLUSHED + MAX_TICKS_IN_FLIGHT + 1
-
 _AHEAD = MAX_TICKS_IN_FLIGHT + 1
-
 #: Ticks that a successor goes back, by node. It publishes again what a recorder that was killed as
 #: well may have lost, and what the successor of whoever subscribes needs to go back as far.
 TICKS_KEPT = {
@@ -34,18 +30,14 @@ TICKS_KEPT = {
     "follower": _LOST + _AHEAD,
     "cam_drive": _LOST + 2 * _AHEAD,
 }
-
 #: Ticks whose messages stay in the history of a topic: as far as the last node of that chain goes
 #: back, and is ahead.
 TICKS_IN_HISTORY = TICKS_KEPT["cam_drive"] + _AHEAD
-
 #: Messages in the history of a topic: the rest of it is for those that are sent again. A node
 #: discovered late still gets the first ticks.
 HISTORY_DEPTH = 64
-
 #: States that a node remembers, to know one that is sent again: two histories.
 REMEMBERED_STATES = 2 * HISTORY_DEPTH
-
 #: Blocks and states that wait for their counterpart: two histories as well.
 MAX_WAITING = 2 * HISTORY_DEPTH
 
@@ -53,12 +45,7 @@ MAX_WAITING = 2 * HISTORY_DEPTH
 class FlowControl:
     """Counts the ticks sent and what each consumer has acknowledged.
 
-    A consumer acknowledges with the stamp of the state that closed the tick.
-
-    Parameters
-    ----------
-    consumers : names of those to wait for
-    limit : most ticks in flight
+    Each of the ``consumers`` acknowledges with the stamp of the state that closed the tick.
     """
 
     def __init__(self, consumers: list[str], limit: int = MAX_TICKS_IN_FLIGHT) -> None:
@@ -117,17 +104,12 @@ class FlowControl:
 
 #: Wall time (s) that a paced run may be late before it gives that time up and reports so.
 MAX_LATENESS_S = 0.1
-
 #: Least and greatest real-time factor.
 FACTORS = (1e-3, 1e3)
 
 
 def pacing_of(value: object) -> object:
-    """The pacing that a bare number means, 20x for 20; anything else as it is.
-
-    >>> pacing_of(20), pacing_of(0.5), pacing_of("real_time")
-    ('20x', '0.5x', 'real_time')
-    """
+    """The pacing that a bare number means, 20x for 20; anything else as it is."""
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         return f"{Decimal(repr(value)):f}x" if math.isfinite(value) else str(value)
     is_number = isinstance(value, str) and re.fullmatch(r"\d+(?:\.\d+)?", value)
@@ -153,12 +135,9 @@ class Pacing:
     """Delays each state until its rig time has come.
 
     A run that is late goes on from where it is: lost time is not made up.
-
-    Parameters
-    ----------
-    factor : rig seconds a wall second; None never waits
     """
 
+    #: Rig seconds a wall second; None never waits.
     factor: float | None = None
     #: Wall time (s) given up at the last state; zero while the run is on time.
     late: float = 0.0

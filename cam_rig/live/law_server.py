@@ -42,22 +42,8 @@ class MountingCheckpoint:
 class CamMounting:
     """The cams of a scene's library, one of which is mounted.
 
-    Parameters
-    ----------
-    scene_file : the scene, beside whose folder ``cams`` is
-    cam : mounted first; empty for the scene's first
-    checkpoints : of a predecessor, the oldest first
-
-    Raises
-    ------
-    CamRigError : the scene or the first cam cannot be used
-
-    Examples
-    --------
-    >>> from cam_rig.schema.load import config_root
-    >>> cams = CamMounting(config_root() / "scenes" / "quick.yaml")
-    >>> cams.request("cycloidal")
-    MountReply(refusal='', is_new=True)
+    First is ``cam``, empty for the scene's first; ``checkpoints`` are of a predecessor, the oldest
+    first.
     """
 
     def __init__(
@@ -135,7 +121,6 @@ class CamMounting:
 
 #: Points of the contour over one turn.
 CONTOUR_POINTS = 180
-
 #: Differences allowed, over the largest value: two machines that build one law from one file may
 #: round differently, and a contour is published in single precision.
 LAW_TOLERANCE, CONTOUR_TOLERANCE = 1e-9, 1e-6
@@ -149,20 +134,18 @@ def contour_of(cam: CamConfig, law: Law) -> FloatArray:
 def require_own_law(loaded: LoadedScene, law: Law) -> None:
     """Refuse a law that is not that of the cam's file in the scene's library."""
     _mount(loaded, law.name)
-    own = loaded.laws[law.name]
-    for received, known, what in (
-        (law.breaks, own.breaks, "breaks"),
-        (law.ordinates, own.ordinates, "ordinates"),
-    ):
-        words = f"law {law.name!r}: its {what}"
-        _require_same(received, known, LAW_TOLERANCE, words, loaded, law.name)
+    own, words = loaded.laws[law.name], f"law {law.name!r}: its"
+    _require_near(law.breaks, own.breaks, LAW_TOLERANCE, f"{words} breaks", loaded, law.name)
+    _require_near(
+        law.ordinates, own.ordinates, LAW_TOLERANCE, f"{words} ordinates", loaded, law.name
+    )
 
 
 def require_own_contour(loaded: LoadedScene, cam: str, points: FloatArray) -> None:
     """Refuse a contour ``(2, n)`` (m) that is not that of the cam's file."""
     _mount(loaded, cam)
     known = contour_of(loaded.cams[cam], loaded.laws[cam])
-    _require_same(points, known, CONTOUR_TOLERANCE, f"contour of {cam!r}: its points", loaded, cam)
+    _require_near(points, known, CONTOUR_TOLERANCE, f"contour of {cam!r}: its points", loaded, cam)
 
 
 def _mount(loaded: LoadedScene, cam: str) -> None:
@@ -172,7 +155,7 @@ def _mount(loaded: LoadedScene, cam: str) -> None:
         raise RefusedError(f"cam {cam[:80]!r}: not in the scene's library ({error})") from None
 
 
-def _require_same(
+def _require_near(
     received: FloatArray,
     known: FloatArray,
     tolerance: float,

@@ -45,12 +45,8 @@ class Playback:
 
     The position, a rig time, moves at the rate at which it comes to the newest tick's end when the
     next tick is due, and a margin later. The cam so seems to turn as fast as the drive turns it
-    now, also where ticks become longer or shorter. It never goes back.
-
-    Parameters
-    ----------
-    sample_rate : of the ticks, Hz
-    margin : wall time (s) that a tick may come late without a pause
+    now, also where ticks become longer or shorter. It never goes back. ``margin`` is the wall time
+    (s) that a tick may come late without a pause.
     """
 
     def __init__(self, sample_rate: int, margin: float = MARGIN_S) -> None:
@@ -73,13 +69,9 @@ class Playback:
         self.version += 1
 
     def add(self, tick: Tick, factor: float, came: float, now: float) -> None:
-        """Take the next finished tick.
+        """Take the next finished tick, whose last state came at wall time ``came`` (s).
 
-        Parameters
-        ----------
-        factor : rig seconds a wall second
-        came : wall time (s) at which the state came that ends it
-        now : wall time (s)
+        ``factor`` is of rig seconds a wall second, ``now`` wall time (s).
         """
         start, end = tick.start, tick.end
         interval = start.until(end)

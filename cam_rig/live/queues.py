@@ -17,18 +17,12 @@ from cam_rig.simulation.schedule import CamState
 from cam_rig.simulation.simulate import FollowerCheckpoint, FollowerSimulator
 from cam_rig.units import NS, FloatArray
 
-#: Laws that a node keeps.
-MAX_LAWS = 256
-
 
 class FollowerQueue:
     """Takes the drive's states and the law server's laws, and turns them into ticks.
 
-    Parameters
-    ----------
-    simulator : the follower, without laws: those that are published count
-    scene : what the drive runs
-    checkpoint : of a predecessor, to go on from
+    The ``simulator`` has no laws: those that are published count. ``checkpoint`` is of a
+    predecessor, to go on from.
     """
 
     def __init__(
@@ -49,18 +43,12 @@ class FollowerQueue:
         return self._simulator.checkpoint
 
     def add_law(self, law: Law) -> None:
-        """Take a law."""
+        """Take a law of the scene's library; one that is known is not changed."""
         try:
             self._simulator.model.require(law)
         except DynamicsError as error:
             raise RefusedError(str(error)) from None
-        laws, last = self._simulator.laws, self._validator.last
-        known = laws.get(law.name)
-        if known is None and len(laws) >= MAX_LAWS:
-            raise RefusedError(f"law {law.name!r}: is one more than {MAX_LAWS}; restart the node")
-        if last is not None and last.speed > 0.0:
-            require_same(known, law)
-        laws[law.name] = law
+        self._simulator.laws.setdefault(law.name, law)
 
     def add_state(self, state: CamState) -> Admission:
         """Take a state of the cam; how it relates to those before."""
@@ -82,18 +70,6 @@ class FollowerQueue:
                 yield start, end, *turned
 
 
-def require_same(known: Law | None, law: Law) -> None:
-    """Refuse another law of a name that is known."""
-    if known is None:
-        return
-    pairs = ((known.breaks, law.breaks), (known.ordinates, law.ordinates))
-    if not all(np.array_equal(one, other) for one, other in pairs):
-        raise RefusedError(
-            f"law {law.name!r}: another one of that name, while the cam turns; allowed: one "
-            "(is a second law server at work?)"
-        )
-
-
 # How often messages may be sent again: what a successor needs stays in the topic's history.
 
 
@@ -103,16 +79,10 @@ class RepeatBudget:
     A repeated message takes a place in the topic's history. A node that is started again goes
     back as far as the first messages of the last ticks, in their order; repeats that would push
     one of them out are not allowed. New ticks make room for others.
-
-    Parameters
-    ----------
-    ticks : the last ticks whose first messages must stay
-    depth : messages in the history
     """
 
-    def __init__(self, ticks: int = TICKS_IN_HISTORY, depth: int = HISTORY_DEPTH) -> None:
-        self._ticks, self._depth = ticks, depth
-        self._first: deque[int] = deque(maxlen=ticks)
+    def __init__(self) -> None:
+        self._first: deque[int] = deque(maxlen=TICKS_IN_HISTORY)
         self._published = 0
 
     def publish(self) -> None:
@@ -123,8 +93,8 @@ class RepeatBudget:
     def repeat(self) -> bool:
         """Whether a message may be published again; if so, it is noted."""
         oldest = self._first[0] if self._first else self._published
-        to_come = self._ticks - len(self._first)
-        allowed = self._published - oldest + to_come < self._depth
+        to_come = TICKS_IN_HISTORY - len(self._first)
+        allowed = self._published - oldest + to_come < HISTORY_DEPTH
         self._published += allowed
         return allowed
 
@@ -135,11 +105,9 @@ class RepeatBudget:
 class TickMatcher:
     """Yields each block with the states that its tick begins and ends with, each tick once.
 
-    Parameters
-    ----------
-    sample_rate : Hz; a block without its tick's samples is refused, and no tick left out. None
-        takes any block, and leaves ticks out that have none.
-    since : rig time (ns); ticks that begin earlier were done by a predecessor
+    A block without its tick's samples at ``sample_rate`` (Hz) is refused, and no tick left out;
+    None takes any block, and leaves ticks out that have none. Ticks that begin before rig time
+    ``since`` (ns) were done by a predecessor.
     """
 
     def __init__(self, sample_rate: int | None = None, since: int = 0) -> None:
@@ -162,12 +130,13 @@ class TickMatcher:
     def complete(self) -> Iterator[tuple[CamState, CamState, FloatArray]]:
         """Start, end and rows of every tick that is complete, in order, each once."""
         refused = None
+        # A tick may lack its block on joining late, or where blocks were lost.
         while self._blocks and len(self._states) > 1:
             start, end, rows = self._states[0], self._states[1], self._blocks[0]
             times = Samples(rows).time
             middle = 0.5 * (times[0] + times[-1]) * NS
             later = middle >= end.time_ns
-            if not start.turns_until(end) or (later and self._may_skip):
+            if not start.turns_until(end) or (later and not (self._sample_rate and self._began)):
                 self._states.popleft()  # the cam stood, or this tick has no block
                 continue
             if later:
@@ -183,11 +152,6 @@ class TickMatcher:
                 refused = refused or self._refusal(start, rows)
         if refused is not None:
             raise refused
-
-    @property
-    def _may_skip(self) -> bool:
-        """Whether a tick may lack its block: on joining late, or where blocks were lost."""
-        return self._sample_rate is None or not self._began
 
     def _fits(self, start: CamState, end: CamState, rows: FloatArray) -> bool:
         if self._sample_rate is None:

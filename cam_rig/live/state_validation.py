@@ -41,14 +41,9 @@ class StateValidator:
 
     A drive that was started again repeats its last states; these are known and passed over. After
     the cam has stood, it may start anywhere, at any rig time. Any other state that is not where
-    the state before leads comes from another publisher, and is refused.
-
-    Parameters
-    ----------
-    sample_rate : Hz, to bound the length of a tick
-    last : the last state received; None at the beginning
-    tick_angle : rad that the cam turns in a tick at most; more, and a state was lost
-    since : rig time (ns); states up to it were received, whatever follows may come after a gap
+    the state before leads comes from another publisher, and is refused. At ``sample_rate`` (Hz) the
+    cam turns ``tick_angle`` (rad) in a tick at most; more, and a state was lost. States up to
+    ``last``, or to rig time ``since`` (ns), were received; after ``since`` there may be a gap.
     """
 
     def __init__(

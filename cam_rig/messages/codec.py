@@ -22,7 +22,6 @@ from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, TURN, FloatArray
 
 Dimensions = list[tuple[str, int]]
-
 #: The row of a piece: the cam angle where it begins, then its Bernstein ordinates.
 PIECE_LABEL = "break_rad, ordinates_m"
 BLOCK_LABEL = ", ".join(COLUMNS)
@@ -92,12 +91,21 @@ def decode_block(dimensions: Dimensions, data: FloatArray) -> FloatArray:
     return rows
 
 
-def stamp_ns(stamp: Any) -> int:
-    """Rig time in ns of a builtin_interfaces/Time, of rclpy or of rosbags alike."""
-    seconds, nanoseconds = int(stamp.sec), int(stamp.nanosec)
+def block_of(message: Any) -> FloatArray:
+    """Rows ``(6, n)`` of a message of /follower/samples."""
+    return decode_block(*array_of(message))
+
+
+def rig_time(seconds: int, nanoseconds: int) -> int:
+    """Rig time in ns."""
     if seconds < 0 or nanoseconds >= NS:
         raise RefusedError(f"a stamp of {seconds} s and {nanoseconds} ns; allowed: from zero on")
     return seconds * NS + nanoseconds
+
+
+def stamp_ns(stamp: Any) -> int:
+    """Rig time in ns of a builtin_interfaces/Time, of rclpy or of rosbags alike."""
+    return rig_time(int(stamp.sec), int(stamp.nanosec))
 
 
 def real_time_factor(value: float) -> float:

@@ -27,16 +27,12 @@ from cam_rig.units import FloatArray
 #: Links besides one for each cam, which has the cam's name and turns with the link ``cam``. An
 #: oscillating follower's joint moves ``follower_arc``, the way along the arc, which has no body.
 BASE, GUIDE, MOTOR, MICROPHONE, CAM, FOLLOWER, ARC = FRAMES
-
 #: The joint by which an oscillating follower turns; it follows the joint ``follower``.
 ARM = "follower_arm"
-
 #: Roll, pitch and yaw of the guide in base_link, rad: its x is y there, its y is z.
 UPRIGHT = (0.5 * math.pi, 0.0, 0.5 * math.pi)
-
 #: Room for lift-off over the scene's greatest lift, as a share of it.
 LIFT_OFF = 1.0
-
 Vector = tuple[float, float, float]
 
 
@@ -59,13 +55,9 @@ class FixedJoint:
 class PlaneJoint:
     """A link that moves in its parent's plane.
 
-    It turns about z by the joint's position (rad), or slides along its own y by it (m).
-
-    Parameters
-    ----------
-    origin : x, y (m) and yaw (rad) at position 0
-    limits : least and greatest position; None where it turns for ever
-    follows : position over that of the joint ``follower``; None for a joint of its own
+    It turns about z by the joint's position (rad), or slides along its own y by it (m). ``origin``
+    is x, y (m) and yaw (rad) at position 0; ``limits`` are None where it turns for ever;
+    ``follows`` is its position over that of the joint ``follower``, None for one of its own.
     """
 
     name: str
@@ -88,14 +80,7 @@ class PlaneJoint:
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """The rig with a cam mounted.
-
-    Parameters
-    ----------
-    loaded : the scene; each of its cams has a link
-    mounted : the cam that is mounted
-    shape : its follower
-    """
+    """The rig of a scene, each of whose cams has a link, with one mounted and its follower."""
 
     loaded: LoadedScene
     mounted: CamConfig

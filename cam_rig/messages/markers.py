@@ -14,34 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cam_rig.live.law_server import contour_of
-from cam_rig.messages.cdr_template import TYPES, CdrTemplate, example_header
 from cam_rig.messages.frames import GUIDE, Robot
+from cam_rig.messages.serialization import CdrTemplate, example_header, header, new, serialize
 from cam_rig.messages.urdf import BODY, DISC
 from cam_rig.profile.contact import Motion
 from cam_rig.show import looks as colours
 from cam_rig.show.looks import closed, of_cam
 from cam_rig.simulation.scene import ARROW as ARROW_SHARE
-from cam_rig.units import NS, FloatArray
-
-# Parts of messages, as rosbags has them: points, colours, headers, a link's transform.
+from cam_rig.units import FloatArray
 
 #: Kinds of visualization_msgs/Marker.
 ARROW, SPHERE, LINE_STRIP, TEXT, TRIANGLE_LIST = 0, 2, 4, 9, 11
-
-
-def new(kind: str, *fields: Any) -> Any:
-    """A message of a type such as ``std_msgs/Header``, with its fields in their order."""
-    return TYPES.types[kind.replace("/", "/msg/")](*fields)
-
-
-def serialize(message: Any) -> bytes:
-    """The message's bytes."""
-    return bytes(TYPES.serialize_cdr(message, message.__msgtype__))
-
-
-def header(stamp_ns: int, frame: str) -> Any:
-    """A std_msgs/Header with rig time in ns."""
-    return new("std_msgs/Header", new("builtin_interfaces/Time", *divmod(stamp_ns, NS)), frame)
 
 
 def point(x: float, y: float, z: float = 0.0) -> Any:
@@ -99,23 +82,12 @@ def marker(
 
 
 KIND, NAMESPACE = "visualization_msgs/msg/MarkerArray", "contact"
-
 #: Stands for the gap in the example; every text is as long.
 _WORDS = "gap 0000000.0 µm"
 
 
 class FollowerMarkers:
-    """The serialized markers of a robot's follower, in the frame of its guide.
-
-    Examples
-    --------
-    >>> from pathlib import Path
-    >>> from cam_rig.simulation.scene import open_scene
-    >>> markers = FollowerMarkers(Robot.of(open_scene(Path("config/scenes/quick.yaml"))))
-    >>> stamps, angle = np.array([0, 10]), np.array([3.1, 3.2])
-    >>> len(markers.at(stamps, angle, lift=np.array([0.0, 0.006]), force=np.array([20.0, 0.0])))
-    2
-    """
+    """The serialized markers of a robot's follower, in the frame of its guide."""
 
     def __init__(self, robot: Robot) -> None:
         self._robot, self._front = robot, 0.5 * BODY * robot.size
@@ -179,25 +151,21 @@ def _with_words(flight: bytes, gap: float) -> bytes:
 
 # The mounted cam as it is, its own contour: /cam/markers.
 
-CAM_NAMESPACE = "cam"
 
-
-def cam_markers(robot: Robot, stamp_ns: int = 0) -> bytes:
+def cam_markers(robot: Robot) -> bytes:
     """The serialized MarkerArray of the mounted cam, in the frame that bears its name.
 
     The contour is that of /cam/profile, to its last digit; how thick the cam is, is only looks.
     """
-    cam = robot.mounted
-    outline = contour_of(cam, robot.law).T
-    half, rgba = 0.5 * DISC * robot.size, of_cam(cam.name)
+    cam, size = robot.mounted, robot.size
+    outline, half = contour_of(cam, robot.law).T, 0.5 * DISC * size
     strip = [point(float(x), float(y), half) for x, y in closed(outline)]
     solid = [point(*map(float, corner)) for corner in _solid(outline, half)]
-    at, width = header(stamp_ns, cam.name), (0.01 * robot.size, 0.0, 0.0)
+    at, width, whole = header(0, cam.name), (0.01 * size, 0.0, 0.0), (1.0, 1.0, 1.0)
+    black, own = colour(colours.BLACK), colour(of_cam(cam.name))
     markers = [
-        marker(at, CAM_NAMESPACE, 0, LINE_STRIP, width, colour(colours.BLACK), strip, turns=True),
-        marker(
-            at, CAM_NAMESPACE, 1, TRIANGLE_LIST, (1.0, 1.0, 1.0), colour(rgba), solid, turns=True
-        ),
+        marker(at, "cam", 0, LINE_STRIP, width, black, strip, turns=True),
+        marker(at, "cam", 1, TRIANGLE_LIST, whole, own, solid, turns=True),
     ]
     return serialize(new("visualization_msgs/MarkerArray", markers))
 

@@ -1,18 +1,18 @@
 """The motion as standard messages, at the instants of each tick: for people and their viewers.
 
 They follow from what else is published: the follower sends them while somebody subscribes, and the
-recorder makes the same bytes by itself. A further topic is a further `MotionPart`; those of the
-robot are in `cam_rig.messages.motion`.
+recorder makes the same bytes by itself. A further topic is a further line in `EACH_INSTANT` or
+`EACH_CAM`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Set
+from collections.abc import Callable, Set
 from dataclasses import dataclass
 from functools import cache
 from operator import attrgetter
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +21,9 @@ from cam_rig.dynamics import Samples
 from cam_rig.errors import RefusedError
 from cam_rig.laws import Law
 from cam_rig.messages import topics
-from cam_rig.messages.cdr_template import TYPES, CdrTemplate, example_header
-from cam_rig.messages.frames import CAM, Robot, Vector
-from cam_rig.messages.markers import FollowerMarkers, cam_markers, header, new, serialize
+from cam_rig.messages.frames import CAM, FixedJoint, PlaneJoint, Robot, Vector
+from cam_rig.messages.markers import FollowerMarkers, cam_markers
+from cam_rig.messages.serialization import CdrTemplate, example_header, header, new, serialize
 from cam_rig.messages.topics import Topic
 from cam_rig.messages.urdf import urdf
 from cam_rig.simulation.scene import LoadedScene
@@ -68,11 +68,8 @@ def instants_of(
 ) -> Instants:
     """The instants of the tick between two states of the cam.
 
-    Parameters
-    ----------
-    law : of the cam that is mounted at the start
-    rows : the tick's samples, ``(6, n)`` as in `COLUMNS`, at ``sample_rate`` (Hz)
-    shown : how many instants, see `choose`; or the indices of their samples
+    ``rows`` are its samples, ``(6, n)``, at ``sample_rate`` (Hz); ``shown`` is how many instants,
+    see `choose`, or the indices of their samples.
     """
     samples, interval = Samples(rows), start.until(end)
     grid = interval.grid(sample_rate)
@@ -119,187 +116,22 @@ def choose(lift: FloatArray, force: FloatArray, count: int) -> Indices:
     return np.union1d(np.delete(bins, taken), peaks)
 
 
-#: The joints of /joint_states, as the robot's description names them.
-JOINTS = ("cam", "follower")
-
-
-class DerivedMessage(NamedTuple):
-    """A serialized message that follows from others, and its rig time (ns)."""
-
-    topic: Topic
-    time_ns: int
-    cdr: bytes
-
-
-class MotionPart(Protocol):
-    """Derived messages of one topic or a few."""
-
-    @property
-    def topics(self) -> tuple[Topic, ...]:
-        """What it makes; in the table each is ``derived``."""
-
-    def mounted(self, state: CamState) -> Iterable[DerivedMessage]:
-        """The messages of a cam that is mounted from a state on."""
-
-    def moved(self, instants: Instants) -> Iterable[DerivedMessage]:
-        """The messages of a tick, in the order of time."""
-
-
-class JointStates:
-    """/joint_states: θ with all its turns, ω, shaft torque; lift, velocity, contact force."""
-
-    topics = (topics.JOINT_STATES,)
-
-    def __init__(self) -> None:
-        self._template = CdrTemplate(topics.JOINT_STATES.type, _joint_state, 6)
-
-    def mounted(self, state: CamState) -> Iterable[DerivedMessage]:
-        """None."""
-        return ()
-
-    def moved(self, instants: Instants) -> Iterable[DerivedMessage]:
-        """One for each instant."""
-        i = instants
-        columns = i.angle, i.lift, i.speed, i.velocity, i.torque, i.force
-        return each_instant(topics.JOINT_STATES, i, self._template.fill(i.time_ns, *columns))
-
-
-class ContactForce:
-    """/follower/contact: the force of the cam on the follower, along its way."""
-
-    topics = (topics.FOLLOWER_CONTACT,)
-
-    def __init__(self) -> None:
-        self._template = CdrTemplate(topics.FOLLOWER_CONTACT.type, _contact, 1)
-
-    def mounted(self, state: CamState) -> Iterable[DerivedMessage]:
-        """None."""
-        return ()
-
-    def moved(self, instants: Instants) -> Iterable[DerivedMessage]:
-        """One for each instant."""
-        found = self._template.fill(instants.time_ns, instants.force)
-        return each_instant(topics.FOLLOWER_CONTACT, instants, found)
-
-
-class MotionMessages:
-    """All derived messages of a run.
-
-    Parameters
-    ----------
-    loaded : the scene; a cam mounted by an operator is in it by the time it turns
-    points_per_turn : instants a turn; 0: as the scene says
-    further : what is made besides joint states and contact force; at one instant in this order
-    """
-
-    def __init__(
-        self,
-        loaded: LoadedScene,
-        points_per_turn: int = 0,
-        further: tuple[MotionPart, ...] = (),
-    ) -> None:
-        self._loaded, self._rate = loaded, int(loaded.scene.sample_rate.si)
-        self._points = points_per_tick(
-            points_per_turn or loaded.scene.points_per_turn, loaded.scene.program.ticks_per_turn
-        )
-        self._parts: tuple[MotionPart, ...] = (JointStates(), ContactForce(), *further)
-
-    @property
-    def topics(self) -> tuple[Topic, ...]:
-        """What is made."""
-        return tuple(topic for part in self._parts for topic in part.topics)
-
-    @property
-    def sample_rate(self) -> int:
-        """Of the ticks' samples, Hz."""
-        return self._rate
-
-    def mounted(self, state: CamState) -> list[DerivedMessage]:
-        """The messages of a cam that is mounted from a state on."""
-        if state.cam not in self._loaded.laws:
-            return []
-        return [message for part in self._parts for message in part.mounted(state)]
-
-    def moved(
-        self,
-        start: CamState,
-        end: CamState,
-        rows: FloatArray,
-        wanted: Set[Topic] | None = None,
-        shown: Indices | None = None,
-    ) -> list[DerivedMessage]:
-        """The messages of the tick between two states in the order of time.
-
-        Parameters
-        ----------
-        rows : the tick's samples, ``(6, n)``
-        wanted : the topics to make; None makes all
-        shown : indices of the samples; None: as many as the run has points a turn
-        """
-        parts = [p for p in self._parts if wanted is None or not wanted.isdisjoint(p.topics)]
-        if not parts or start.cam not in self._loaded.laws:
-            return []
-        law = self._loaded.laws[start.cam]
-        instants = instants_of(
-            law, start, end, rows, self._rate, self._points if shown is None else shown
-        )
-        found = [message for part in parts for message in part.moved(instants)]
-        if wanted is not None:
-            found = [message for message in found if message.topic in wanted]
-        return sorted(found, key=attrgetter("time_ns"))
-
-
 def points_per_tick(points_per_turn: int, ticks_per_turn: int) -> int:
     """How many bins of a tick give ``points_per_turn`` instants a turn; one at least."""
     return max(1, round(points_per_turn / ticks_per_turn))
 
 
-def each_instant(topic: Topic, instants: Instants, found: list[bytes]) -> Iterator[DerivedMessage]:
-    """A topic's serialized messages of the instants, one for each."""
-    for time_ns, cdr in zip(instants.time_ns.tolist(), found, strict=True):
-        yield DerivedMessage(topic, time_ns, cdr)
-
-
-def _joint_state(*numbers: float) -> Any:
-    header = example_header("base_link")
-    pairs = np.array(numbers).reshape(3, 2)
-    return TYPES.types[topics.JOINT_STATES.type](header, list(JOINTS), *pairs)
-
-
-def _contact(force: float) -> Any:
-    vector = TYPES.types["geometry_msgs/msg/Vector3"]
-    wrench = TYPES.types["geometry_msgs/msg/Wrench"]
-    value = wrench(force=vector(0.0, force, 0.0), torque=vector(0.0, 0.0, 0.0))
-    return TYPES.types[topics.FOLLOWER_CONTACT.type](example_header("follower"), value)
-
-
 # /tf and /tf_static as robot_state_publisher makes them of /joint_states and the URDF.
-
-Quaternion = tuple[float, float, float, float]
-
-#: Numbers of a joint that moves: x, y, and the quaternion's z and w.
-_NUMBERS = 4
 
 
 class Transforms:
-    """The serialized transforms of a robot.
-
-    Examples
-    --------
-    >>> from pathlib import Path
-    >>> from cam_rig.simulation.scene import open_scene
-    >>> robot = Robot.of(open_scene(Path("config/scenes/quick.yaml")))
-    >>> stamps, angle, lift = np.array([0, 10]), np.array([1.0, 1.2]), np.array([0.002, 0.003])
-    >>> len(Transforms(robot).moving(stamps, angle, lift))
-    2
-    """
+    """The serialized transforms of a robot."""
 
     def __init__(self, robot: Robot) -> None:
         self._joints, self._fixed = robot.moving, robot.fixed
-        count = _NUMBERS * len(self._joints)
-        self._template = CdrTemplate("tf2_msgs/msg/TFMessage", self._example, count)
+        self._template = CdrTemplate("tf2_msgs/msg/TFMessage", self._example, 4 * len(self._joints))
 
-    def moving(self, stamps: NDArray[np.int64], angle: FloatArray, lift: FloatArray) -> list[bytes]:
+    def moving(self, stamps: Indices, angle: FloatArray, lift: FloatArray) -> list[bytes]:
         """A message of /tf at each of ``(n,)`` stamps (ns); cam angle in rad, lift in m."""
         columns = list[FloatArray]()
         for joint in self._joints:
@@ -312,30 +144,21 @@ class Transforms:
     def fixed(self, stamp_ns: int) -> bytes:
         """The message of /tf_static, of rig time in ns."""
         transforms = [
-            _transform(
-                header(stamp_ns, joint.parent), joint.child, joint.xyz, quaternion(joint.rpy)
-            )
+            _transform(header(stamp_ns, joint.parent), joint, joint.xyz, quaternion(joint.rpy))
             for joint in self._fixed
         ]
         return serialize(new("tf2_msgs/TFMessage", transforms))
 
     def _example(self, *numbers: float) -> Any:
         transforms = []
-        for i, joint in enumerate(self._joints):
-            x, y, z, w = numbers[_NUMBERS * i : _NUMBERS * (i + 1)]
+        for joint, (x, y, z, w) in zip(self._joints, np.reshape(numbers, (-1, 4)), strict=True):
             place, turn = (x, y, 0.0), (0.0, 0.0, z, w)
-            transforms.append(_transform(example_header(joint.parent), joint.child, place, turn))
+            transforms.append(_transform(example_header(joint.parent), joint, place, turn))
         return new("tf2_msgs/TFMessage", transforms)
 
 
-def quaternion(rpy: Vector) -> Quaternion:
-    """x, y, z, w of roll, pitch and yaw (rad) about the parent's axes, in this order.
-
-    Examples
-    --------
-    >>> quaternion((0.0, 0.0, 0.0))
-    (0.0, 0.0, 0.0, 1.0)
-    """
+def quaternion(rpy: Vector) -> tuple[float, float, float, float]:
+    """x, y, z, w of roll, pitch and yaw (rad) about the parent's axes, in this order."""
     (sr, cr), (sp, cp), (sy, cy) = ((math.sin(0.5 * a), math.cos(0.5 * a)) for a in rpy)
     return (
         sr * cp * cy - cr * sp * sy,
@@ -345,90 +168,145 @@ def quaternion(rpy: Vector) -> Quaternion:
     )
 
 
-def _transform(of_parent: Any, child: str, place: Vector, turn: Quaternion) -> Any:
-    translation, rotation = (
-        new("geometry_msgs/Vector3", *place),
-        new("geometry_msgs/Quaternion", *turn),
+def _transform(
+    of_parent: Any,
+    joint: FixedJoint | PlaneJoint,
+    place: Vector,
+    turn: tuple[float, float, float, float],
+) -> Any:
+    pose = new("geometry_msgs/Vector3", *place), new("geometry_msgs/Quaternion", *turn)
+    transform = new("geometry_msgs/Transform", *pose)
+    return new("geometry_msgs/TransformStamped", of_parent, joint.child, transform)
+
+
+# What makes the serialized messages of each topic, for a robot with a cam mounted.
+
+#: Of a tick's instants, one for each.
+InstantMaker = Callable[[Instants], list[bytes]]
+
+
+def joint_states(_robot: Robot) -> InstantMaker:
+    """/joint_states: θ with all its turns, ω, shaft torque; lift, velocity, contact force."""
+
+    def example(*numbers: float) -> Any:
+        pairs = np.array(numbers).reshape(3, 2)
+        return new("sensor_msgs/JointState", example_header("base_link"), list(JOINTS), *pairs)
+
+    template = CdrTemplate(topics.JOINT_STATES.type, example, 6)
+    return lambda i: template.fill(
+        i.time_ns, i.angle, i.lift, i.speed, i.velocity, i.torque, i.force
     )
-    transform = new("geometry_msgs/Transform", translation, rotation)
-    return new("geometry_msgs/TransformStamped", of_parent, child, transform)
 
 
-# The robot's messages among those derived: from a mounted cam, and from a tick's instants.
+def contact_force(_robot: Robot) -> InstantMaker:
+    """/follower/contact: the force of the cam on the follower, along its way."""
+
+    def example(force: float) -> Any:
+        vectors = (new("geometry_msgs/Vector3", 0.0, y, 0.0) for y in (force, 0.0))
+        wrench = new("geometry_msgs/Wrench", *vectors)
+        return new("geometry_msgs/WrenchStamped", example_header("follower"), wrench)
+
+    template = CdrTemplate(topics.FOLLOWER_CONTACT.type, example, 1)
+    return lambda i: template.fill(i.time_ns, i.force)
 
 
-def motion_of_follower(loaded: LoadedScene, points_per_turn: int = 0) -> MotionMessages:
-    """What the follower publishes while somebody subscribes."""
-    return MotionMessages(loaded, points_per_turn, (ContactMarkers(loaded),))
-
-
-def motion_of_bag(loaded: LoadedScene, points_per_turn: int = 0) -> MotionMessages:
-    """What a bag holds besides what the recorder receives.
-
-    Live, robot_state_publisher publishes /tf and /tf_static, and the law server the mounted cam.
-    """
-    further = ContactMarkers(loaded), RobotTransforms(loaded), MountedCam(loaded)
-    return MotionMessages(loaded, points_per_turn, further)
-
-
-class ContactMarkers:
+def follower_markers(robot: Robot) -> InstantMaker:
     """/follower/markers."""
-
-    topics = (topics.FOLLOWER_MARKERS,)
-
-    def __init__(self, loaded: LoadedScene) -> None:
-        self._of = cache(lambda cam: FollowerMarkers(Robot.of(loaded, cam)))
-
-    def mounted(self, state: CamState) -> Iterable[DerivedMessage]:
-        """None."""
-        return ()
-
-    def moved(self, instants: Instants) -> Iterable[DerivedMessage]:
-        """One for each instant."""
-        i = instants
-        found = self._of(i.law.name).at(i.time_ns, i.angle_in_turn, i.lift, i.force)
-        return each_instant(topics.FOLLOWER_MARKERS, i, found)
+    made = FollowerMarkers(robot)
+    return lambda i: made.at(i.time_ns, i.angle_in_turn, i.lift, i.force)
 
 
-class RobotTransforms:
-    """/tf and /tf_static."""
-
-    topics = (topics.TF_STATIC, topics.TF)
-
-    def __init__(self, loaded: LoadedScene) -> None:
-        self._of = cache(lambda cam: Transforms(Robot.of(loaded, cam)))
-
-    def mounted(self, state: CamState) -> Iterable[DerivedMessage]:
-        """Of the links that stay where they are."""
-        cdr = self._of(state.cam).fixed(state.time_ns)
-        return (DerivedMessage(topics.TF_STATIC, state.time_ns, cdr),)
-
-    def moved(self, instants: Instants) -> Iterable[DerivedMessage]:
-        """One for each instant."""
-        i = instants
-        found = self._of(i.law.name).moving(i.time_ns, i.angle_in_turn, i.lift)
-        return each_instant(topics.TF, i, found)
+def transforms(robot: Robot) -> InstantMaker:
+    """/tf."""
+    made = Transforms(robot)
+    return lambda i: made.moving(i.time_ns, i.angle_in_turn, i.lift)
 
 
-class MountedCam:
-    """/robot_description and /cam/markers."""
+#: The joints of /joint_states, as the robot's description names them.
+JOINTS = ("cam", "follower")
+#: At one instant in this order.
+EACH_INSTANT = {
+    topics.JOINT_STATES: joint_states,
+    topics.FOLLOWER_CONTACT: contact_force,
+    topics.FOLLOWER_MARKERS: follower_markers,
+    topics.TF: transforms,
+}
+#: Of a cam as it is mounted at a rig time (ns).
+EACH_CAM: dict[Topic, Callable[[Robot, int], bytes]] = {
+    topics.TF_STATIC: lambda robot, time_ns: Transforms(robot).fixed(time_ns),
+    topics.ROBOT_DESCRIPTION: lambda robot, _: serialize(new("std_msgs/String", urdf(robot))),
+    topics.CAM_MARKERS: lambda robot, _: cam_markers(robot),
+}
+#: Who publishes what live; robot_state_publisher does the rest.
+OF_FOLLOWER = (topics.JOINT_STATES, topics.FOLLOWER_CONTACT, topics.FOLLOWER_MARKERS)
+OF_LAW_SERVER = (topics.ROBOT_DESCRIPTION, topics.CAM_MARKERS)
 
-    topics = (topics.ROBOT_DESCRIPTION, topics.CAM_MARKERS)
 
-    def __init__(self, loaded: LoadedScene) -> None:
-        self._loaded = loaded
+class DerivedMessage(NamedTuple):
+    """A serialized message that follows from others, and its rig time (ns)."""
 
-    def messages(self, cam: str) -> list[tuple[Topic, bytes]]:
-        """The serialized messages of a mounted cam of the scene."""
-        robot = Robot.of(self._loaded, cam)
-        description = serialize(new("std_msgs/String", urdf(robot)))
-        return [(topics.ROBOT_DESCRIPTION, description), (topics.CAM_MARKERS, cam_markers(robot))]
+    topic: Topic
+    time_ns: int
+    cdr: bytes
 
-    def mounted(self, state: CamState) -> Iterable[DerivedMessage]:
-        """Both."""
-        found = self.messages(state.cam)
-        return [DerivedMessage(topic, state.time_ns, cdr) for topic, cdr in found]
 
-    def moved(self, instants: Instants) -> Iterable[DerivedMessage]:
-        """None."""
-        return ()
+class MotionMessages:
+    """Derived messages of a run.
+
+    Parameters
+    ----------
+    loaded : the scene; a cam mounted by an operator is in it by the time it turns
+    points_per_turn : instants a turn; 0: as the scene says
+    topics : those that are made; a bag holds all
+    """
+
+    def __init__(
+        self,
+        loaded: LoadedScene,
+        points_per_turn: int = 0,
+        topics: tuple[Topic, ...] = (*EACH_INSTANT, *EACH_CAM),
+    ) -> None:
+        self.topics, self.sample_rate = topics, int(loaded.scene.sample_rate.si)
+        self._loaded, scene = loaded, loaded.scene
+        self._points = points_per_tick(
+            points_per_turn or scene.points_per_turn, scene.program.ticks_per_turn
+        )
+        self._robot = cache(lambda cam: Robot.of(loaded, cam))
+        self._maker = cache(lambda topic, cam: EACH_INSTANT[topic](self._robot(cam)))
+
+    def mounted(self, cam: str, time_ns: int = 0) -> list[DerivedMessage]:
+        """The messages of a cam that is mounted from a rig time (ns) on."""
+        if cam not in self._loaded.laws:
+            return []
+        return [
+            DerivedMessage(topic, time_ns, EACH_CAM[topic](self._robot(cam), time_ns))
+            for topic in self.topics
+            if topic in EACH_CAM
+        ]
+
+    def moved(
+        self,
+        start: CamState,
+        end: CamState,
+        rows: FloatArray,
+        wanted: Set[Topic] | None = None,
+        shown: Indices | None = None,
+    ) -> list[DerivedMessage]:
+        """The messages of the tick between two states, with its samples, in the order of time.
+
+        Of all topics or those that are ``wanted``; at so many points a turn as the run has, or at
+        the samples whose indices are ``shown``.
+        """
+        made = [t for t in self.topics if t in EACH_INSTANT and (wanted is None or t in wanted)]
+        if not made or start.cam not in self._loaded.laws:
+            return []
+        law, points = self._loaded.laws[start.cam], self._points if shown is None else shown
+        instants = instants_of(law, start, end, rows, self.sample_rate, points)
+        found = [
+            DerivedMessage(topic, time_ns, cdr)
+            for topic in made
+            for time_ns, cdr in zip(
+                instants.time_ns.tolist(), self._maker(topic, start.cam)(instants), strict=True
+            )
+        ]
+        return sorted(found, key=attrgetter("time_ns"))

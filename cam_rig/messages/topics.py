@@ -8,18 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Literal
 
 from cam_rig.dynamics import COLUMNS
 from cam_rig.errors import RunError
 from cam_rig.live.flow_control import HISTORY_DEPTH
 from cam_rig.live.state_validation import MAX_SAMPLES
+from cam_rig.simulation.schedule import CamState
 
 #: Messages of an instant that are kept for a slow subscriber: several turns of them at the usual
 #: number of points a turn (`motion_depth`).
 MOTION_DEPTH = 1000
-
 #: Topics of which ROS has one for all namespaces.
 OF_ALL = ("/parameter_events", "/tf", "/tf_static")
 
@@ -77,23 +77,14 @@ class Topic:
 CLOCK = Topic(
     "/clock", "rosgraph_msgs/msg/Clock", "state", stamped=False, owner="cam_drive", derived=True
 )
-
-LAW = Topic("/cam/law", "trajectory_msgs/msg/JointTrajectory", "speed", owner="law_server")
-
-LAW_COEFFICIENTS = Topic(
-    "/cam/law_coefficients",
-    "std_msgs/msg/Float64MultiArray",
-    "cam",
-    stamped=False,
-    owner="law_server",
+_law_server = partial(Topic, owner="law_server")
+LAW = _law_server("/cam/law", "trajectory_msgs/msg/JointTrajectory", "speed")
+LAW_COEFFICIENTS = _law_server(
+    "/cam/law_coefficients", "std_msgs/msg/Float64MultiArray", "cam", stamped=False
 )
-
-PROFILE = Topic("/cam/profile", "geometry_msgs/msg/PolygonStamped", "cam", owner="law_server")
-
+PROFILE = _law_server("/cam/profile", "geometry_msgs/msg/PolygonStamped", "cam")
 CAM_STATE = Topic("/cam/state", "sensor_msgs/msg/JointState", "state", owner="cam_drive")
-
 FOLLOWER_STATE = Topic("/follower/state", "sensor_msgs/msg/JointState", "tick", owner="follower")
-
 FOLLOWER_SAMPLES = Topic(
     "/follower/samples",
     "std_msgs/msg/Float64MultiArray",
@@ -103,67 +94,21 @@ FOLLOWER_SAMPLES = Topic(
     owner="follower",
     most_bytes=MAX_SAMPLES * len(COLUMNS) * 8 + 1024,
 )
-
-#: The motion for people. Other robots' nodes may publish joints too: this topic has no owner.
-JOINT_STATES = Topic(
-    "/joint_states",
-    "sensor_msgs/msg/JointState",
-    "instant",
-    latched=False,
-    depth=MOTION_DEPTH,
-    derived=True,
+#: The motion for people.
+_motion = partial(Topic, per="instant", latched=False, depth=MOTION_DEPTH, derived=True)
+#: Other robots' nodes may publish joints too: this topic has no owner.
+JOINT_STATES = _motion("/joint_states", "sensor_msgs/msg/JointState")
+FOLLOWER_CONTACT = _motion("/follower/contact", "geometry_msgs/msg/WrenchStamped", owner="follower")
+FOLLOWER_MARKERS = _motion(
+    "/follower/markers", "visualization_msgs/msg/MarkerArray", stamped=False, owner="follower"
 )
-
-FOLLOWER_CONTACT = Topic(
-    "/follower/contact",
-    "geometry_msgs/msg/WrenchStamped",
-    "instant",
-    latched=False,
-    depth=MOTION_DEPTH,
-    owner="follower",
-    derived=True,
-)
-
-FOLLOWER_MARKERS = Topic(
-    "/follower/markers",
-    "visualization_msgs/msg/MarkerArray",
-    "instant",
-    latched=False,
-    depth=MOTION_DEPTH,
-    stamped=False,
-    owner="follower",
-    derived=True,
-)
-
-CAM_MARKERS = Topic(
-    "/cam/markers",
-    "visualization_msgs/msg/MarkerArray",
-    "cam",
-    stamped=False,
-    owner="law_server",
-    derived=True,
-)
-
+_looks = partial(Topic, per="cam", stamped=False, derived=True)
+CAM_MARKERS = _looks("/cam/markers", "visualization_msgs/msg/MarkerArray", owner="law_server")
 #: robot_state_publisher publishes it too, so this topic has no owner; its depth is the usual one.
-ROBOT_DESCRIPTION = Topic(
-    "/robot_description", "std_msgs/msg/String", "cam", depth=1, stamped=False, derived=True
-)
-
+ROBOT_DESCRIPTION = _looks("/robot_description", "std_msgs/msg/String", depth=1)
 #: Live these two are robot_state_publisher's.
-TF_STATIC = Topic(
-    "/tf_static", "tf2_msgs/msg/TFMessage", "cam", depth=1, stamped=False, derived=True
-)
-
-TF = Topic(
-    "/tf",
-    "tf2_msgs/msg/TFMessage",
-    "instant",
-    latched=False,
-    depth=100,
-    stamped=False,
-    derived=True,
-)
-
+TF_STATIC = _looks("/tf_static", "tf2_msgs/msg/TFMessage", depth=1)
+TF = _motion("/tf", "tf2_msgs/msg/TFMessage", depth=100, stamped=False)
 LEVEL = Topic(
     "/microphone/level",
     "std_msgs/msg/Float64",
@@ -172,78 +117,41 @@ LEVEL = Topic(
     twin="/microphone/pressure",
     owner="microphone",
 )
-
 PRESSURE = Topic(
     "/microphone/pressure", "sensor_msgs/msg/FluidPressure", "tick", owner="microphone"
 )
-
 DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "any")
-
 #: The nodes that report on /diagnostics, in the order of a bag.
 DIAGNOSED_NODES = ("cam_drive", "law_server", "follower", "microphone", "recorder")
-
 #: The name there of what the follower shows at a run's own pace; of wall time too.
 SHOWN_MOTION = "follower: motion"
-
 #: The name there of the drive's pacing. It depends on the wall clock, so bags do not hold it.
 PACE = "cam_drive: pace"
-
 #: The end of a node's name there, for what it says on wall time while nothing turns.
 HEARTBEAT = ": heartbeat"
-
 #: The recorder's acknowledgement: the stamp of the newest tick whose messages are all written.
 RECORDED = Topic("/recorder/written", "std_msgs/msg/Header", "tick", owner="recorder")
-
 #: The law server's acknowledgement: the stamp of the newest state that it has processed.
 FOLLOWED = Topic("/law_server/followed", "std_msgs/msg/Header", "state", owner="law_server")
-
 #: The viewer's acknowledgement: the stamp of the newest tick that it has drawn.
 SHOWN = Topic("/viewer/shown", "std_msgs/msg/Header", "tick")
-
+_event = partial(Topic, per="any", stamped=False)
 #: The run is over: how it ended (level, message), after how many ticks and at which rig time.
-FINISHED = Topic(
-    "/rig/finished",
-    "diagnostic_msgs/msg/DiagnosticStatus",
-    "any",
-    stamped=False,
-    owner="cam_drive",
-)
-
+FINISHED = _event("/rig/finished", "diagnostic_msgs/msg/DiagnosticStatus", owner="cam_drive")
 #: The bag's folder, once the recorder has closed it; not latched, so of the present run alone.
-CLOSED = Topic(
-    "/recorder/closed",
-    "std_msgs/msg/String",
-    "any",
-    latched=False,
-    stamped=False,
-    owner="recorder",
-)
-
+CLOSED = _event("/recorder/closed", "std_msgs/msg/String", latched=False, owner="recorder")
 #: The node of this name takes messages; the recorder once its file is open.
-READY = Topic("/rig/ready", "std_msgs/msg/String", "any", stamped=False)
-
+READY = _event("/rig/ready", "std_msgs/msg/String")
 #: Rig seconds a wall second of a run that is paced; 0: as fast as its nodes answer.
-REAL_TIME_FACTOR = Topic(
-    "/rig/real_time_factor",
-    "std_msgs/msg/Float64",
-    "any",
-    depth=1,
-    stamped=False,
-    owner="cam_drive",
+REAL_TIME_FACTOR = _event(
+    "/rig/real_time_factor", "std_msgs/msg/Float64", depth=1, owner="cam_drive"
 )
-
 #: A command to the drive: the cam's speed in rpm from the next tick on, 0 as the scene says.
-CAM_RPM = Topic("/cam/rpm", "std_msgs/msg/Float64", "any", latched=False, stamped=False)
-
+CAM_RPM = _event("/cam/rpm", "std_msgs/msg/Float64", latched=False)
 #: Every node's, of its parameters; the law server's report which cam is mounted.
 PARAMETER_EVENTS = Topic(
-    "/parameter_events",
-    "rcl_interfaces/msg/ParameterEvent",
-    "any",
-    latched=False,
-    depth=1000,
+    "/parameter_events", "rcl_interfaces/msg/ParameterEvent", "any", latched=False, depth=1000
 )
-
 #: What a bag holds.
 RECORDING = (
     CLOCK,
@@ -264,7 +172,6 @@ RECORDING = (
     PRESSURE,
     DIAGNOSTICS,
 )
-
 #: What the recorder receives; the rest of a bag it makes itself.
 RECEIVED = tuple(topic for topic in RECORDING if not topic.derived)
 
@@ -280,16 +187,27 @@ def recorded_topic(name: str) -> Topic | None:
     return next((t for t in RECORDING if name == t.name or name.endswith(t.name)), None)
 
 
+def occasions(before: CamState | None, state: CamState) -> set[str]:
+    """Topics of which ``per`` have a message at a state's time, by the state before it."""
+    was = None if before is None else (before.cam, before.speed)
+    found = {"state"}
+    if before is None or before.cam != state.cam:
+        found.add("cam")
+    if state.speed > 0.0 and was != (state.cam, state.speed):
+        found.add("speed")
+    if before is not None and before.turns_until(state):
+        found.add("tick")
+    return found
+
+
 # One publisher a topic: the node that owns it, whose messages alone a recording holds.
 
 
 class Publishers:
     """The processes that have published as each node of the rig.
 
-    Parameters
-    ----------
-    launches : how often a node was launched so far; once, unless killed nodes are started again
-    name_of : the node that publishes on a topic from a process
+    A node was launched once, or as often as ``launches`` says, where killed ones are started again;
+    ``name_of`` is the node that publishes on a topic from a process.
     """
 
     def __init__(
@@ -310,18 +228,12 @@ class Publishers:
         if not source or source in known:
             return
         if len(known) >= self._launches(node):
-            raise self._second_publisher(node, {source: topic, **known})
+            all_of_it = {source: topic, **known}
+            names = {one: self._name_of(where, one) for one, where in all_of_it.items()}
+            # The one without the node's name, though it may be the first; else the newest.
+            other = next((s for s, name in names.items() if name.split("/")[-1] != node), source)
+            raise second_publisher(all_of_it[other], node, names[other])
         known[source] = topic
-
-    def _second_publisher(self, node: str, sources: dict[bytes, Topic]) -> RunError:
-        """The error that names the process without the node's name, though it may be the first.
-
-        Where all bear the name, the newest.
-        """
-        names = {source: self._name_of(topic, source) for source, topic in sources.items()}
-        others = [source for source, name in names.items() if name.split("/")[-1] != node]
-        source = next(iter(others or sources))
-        return second_publisher(sources[source], node, names[source])
 
 
 def second_publisher(topic: Topic, node: str, other: str) -> RunError:

@@ -31,7 +31,7 @@ from cam_rig.messages.codec import (
     encode_block,
     real_time_factor,
 )
-from cam_rig.messages.motion import DerivedMessage, MotionMessages, motion_of_follower
+from cam_rig.messages.motion import OF_FOLLOWER, DerivedMessage, MotionMessages
 from cam_rig.messages.topics import Topic, motion_depth
 from cam_rig.nodes.convert import (
     OK,
@@ -197,7 +197,7 @@ class Follower(RigNode):
         out = (topics.FOLLOWER_SAMPLES, topics.FOLLOWER_STATE)
         self._out, self._sent = [self.publisher(topic) for topic in out], ResendBuffer()
         points = self.given["points_per_turn"] or self._loaded.scene.points_per_turn
-        motion, rate = motion_of_follower(self._loaded, points), self.given["motion_rate"]
+        motion, rate = MotionMessages(self._loaded, points, OF_FOLLOWER), self.given["motion_rate"]
         self._motion, self._came = MotionPublisher(self, motion, points, rate), 0.0
         self.subscribe(topics.LAW_COEFFICIENTS, self._on_law)
         self.subscribe(topics.CAM_STATE, self._on_state)

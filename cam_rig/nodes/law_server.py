@@ -12,7 +12,7 @@ from cam_rig.live.law_server import CamMounting
 from cam_rig.live.state_validation import Admission
 from cam_rig.messages import topics
 from cam_rig.messages.codec import cam_state_of, encode_law
-from cam_rig.messages.motion import MountedCam
+from cam_rig.messages.motion import OF_LAW_SERVER, MotionMessages
 from cam_rig.nodes.convert import OK, ResendBuffer, to_array, to_header, to_polygon, to_trajectory
 from cam_rig.nodes.rig_node import RigNode
 from cam_rig.simulation.scene import open_scene
@@ -29,7 +29,7 @@ class LawServer(RigNode):
         )
         self._followed = self.publisher(topics.FOLLOWED)
         self._loaded = open_scene(Path(self.given["scene"]))
-        self._robot = MountedCam(self._loaded)
+        self._robot = MotionMessages(self._loaded, topics=OF_LAW_SERVER)
         self._robot_out = {topic: self.publisher(topic) for topic in self._robot.topics}
         self._predecessor = self.checkpoint.all()
         left = [checkpoint for checkpoint, _ in self._predecessor]
@@ -62,7 +62,7 @@ class LawServer(RigNode):
         self._mounted += 1
         contour = (self._profile, to_polygon(self._cams.config, law))
         self._loaded.mount(law.name)
-        looks = [(self._robot_out[topic], cdr) for topic, cdr in self._robot.messages(law.name)]
+        looks = [(self._robot_out[topic], cdr) for topic, _, cdr in self._robot.mounted(law.name)]
         coefficients = (self._coefficients, to_array(*encode_law(law)))
         self._laws.publish(self._mounted, [coefficients, contour, *looks])
 

@@ -18,7 +18,7 @@ from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Float64, Float64MultiArray
 from std_srvs.srv import Trigger
 
-from cam_rig.live.line_socket import LineSocket
+from cam_rig.live.sockets import LineSocket
 from cam_rig.messages import topics
 from cam_rig.messages.codec import array_of, cam_state_of, decode_block, stamp_ns
 from cam_rig.nodes.rig_node import RigNode

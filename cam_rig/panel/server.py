@@ -30,7 +30,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from cam_rig.errors import CamRigError, ConfigError, RefusedError
-from cam_rig.live.loopback import require_loopback
+from cam_rig.live.sockets import require_loopback
 from cam_rig.viewer.access import HEADERS, Access
 from cam_rig.viewer.process import HOST
 

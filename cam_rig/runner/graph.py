@@ -13,7 +13,7 @@ from types import TracebackType
 from cam_rig.errors import RunError
 from cam_rig.extras import require
 from cam_rig.interrupts import interruptible
-from cam_rig.live.loopback import require_loopback
+from cam_rig.live.sockets import require_loopback
 from cam_rig.runner.fork_server import ForkServer
 from cam_rig.runner.node_process import Arguments, NodeProcess, stop_all
 from cam_rig.runner.node_table import ENTRIES, PATIENCE_S, RECORDER

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from cam_rig.errors import CamRigError
 from cam_rig.interrupts import interruptible
-from cam_rig.live.loopback import require_loopback
+from cam_rig.live.sockets import require_loopback
 
 ADVICE = (
     "use --web for a browser, or --save FILE.rrd and open the file where there is a screen, "

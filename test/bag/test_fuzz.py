@@ -5,7 +5,6 @@ from array import array
 from types import SimpleNamespace
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -23,12 +22,9 @@ from cam_rig.messages.codec import (
     decode_law,
     encode_block,
 )
-from cam_rig.schema.load import config_root
-from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.simulate import FollowerSimulator, MicrophoneSimulator
 
-STAGE = open_scene(config_root() / "scenes" / "quick.yaml")
-
+from .bags import LOADED
 
 NUMBERS = st.floats() | st.sampled_from([0.0, 1e-300, 1e300, math.inf, -math.inf, math.nan])
 DIMENSIONS = st.lists(
@@ -60,15 +56,14 @@ def laws(draw):
     return [("tm21", pieces), (PIECE_LABEL, ordinates + 1)], rows.ravel()
 
 
+def state_of(sec, nanosec, cam, position, velocity):
+    stamp = SimpleNamespace(sec=sec, nanosec=nanosec)
+    header = SimpleNamespace(stamp=stamp, frame_id=cam)
+    return SimpleNamespace(header=header, position=position, velocity=velocity)
+
+
 STATES = st.builds(
-    lambda sec, nanosec, cam, position, velocity: SimpleNamespace(
-        header=SimpleNamespace(
-            stamp=SimpleNamespace(sec=sec, nanosec=nanosec),
-            frame_id=cam,
-        ),
-        position=position,
-        velocity=velocity,
-    ),
+    state_of,
     st.integers(-5, 10) | st.just(2**31 - 1),
     st.integers(0, 2**32 - 1) | st.just(0),
     st.sampled_from(["tm21", "bezier15", "../x"]) | st.text(max_size=5),
@@ -80,8 +75,8 @@ STATES = st.builds(
 @given(st.lists(STATES | laws(), max_size=12))
 def test_a_follower_stays_finite_whatever_is_published(received):
     """What it refuses is refused by name; what it publishes of the rest is finite."""
-    bench = FollowerSimulator.of(STAGE)
-    follower = FollowerQueue(bench, STAGE.scene)
+    bench = FollowerSimulator.of(LOADED)
+    follower = FollowerQueue(bench, LOADED.scene)
     for one in received:
         try:
             if isinstance(one, tuple):
@@ -111,7 +106,7 @@ def test_a_microphone_stays_finite(forces, speed):
     rows = np.zeros((6, len(forces)))
     rows[4], rows[5] = forces, forces[::-1]
     dimensions, data = encode_block(rows)
-    microphone = MicrophoneSimulator.of(STAGE)
+    microphone = MicrophoneSimulator.of(LOADED)
     try:
         passed = decode_block(dimensions, data.ravel())
     except RefusedError:
@@ -131,15 +126,14 @@ def test_a_recorder_goes_on_whatever_is_published(kept, received):
     session.close()
 
 
-@pytest.mark.parametrize("place", range(4, 84, 3))
-def test_a_flipped_byte_in_a_state_is_no_accident(kept, golden, place):
+def test_a_flipped_byte_in_a_state_is_no_accident(kept, golden):
     """A message with a wrong byte is taken as it is, or refused."""
-    cdr = bytearray(next(m[2] for m in golden if m[0] is topics.CAM_STATE))
-    if place >= len(cdr):
-        pytest.skip("shorter")
-    cdr[place] ^= 0xFF
-    session = RecordingSession(kept, StateValidator(1000.0))
-    try:
-        session.take(topics.CAM_STATE, bytes(cdr))
-    except RefusedError as error:
-        assert str(error)
+    state = next(m[2] for m in golden if m[0] is topics.CAM_STATE)
+    for place in range(4, len(state), 3):
+        cdr = bytearray(state)
+        cdr[place] ^= 0xFF
+        session = RecordingSession(kept, StateValidator(1000.0))
+        try:
+            session.take(topics.CAM_STATE, bytes(cdr))
+        except RefusedError as error:
+            assert str(error)

@@ -21,7 +21,8 @@ from cam_rig.bag.writer import BagWriter
 from cam_rig.errors import BagError, CamRigError
 from cam_rig.messages import topics
 
-GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
+from .bags import GOLDEN
+
 GIB = 2**30
 
 
@@ -96,8 +97,11 @@ def read_all(file):
     return errors
 
 
-@pytest.mark.parametrize("compression", ["zstd", "lz4"])
-@pytest.mark.parametrize("honest", [True, False])
+PACKED = [("zstd", True), ("lz4", True), ("zstd", False), ("lz4", False)]
+
+
+@pytest.mark.variants(2)
+@pytest.mark.parametrize(("compression", "honest"), PACKED)
 def test_a_few_bytes_that_unpack_to_a_gigabyte_are_refused(tmp_path, frugal, compression, honest):
     """Whether the chunk claims so or not: neither a reader nor a recovery unpacks it."""
     data = packed_zeros(GIB, compression)
@@ -112,42 +116,40 @@ def test_many_chunks_that_are_modest_one_by_one_are_refused(tmp_path, frugal):
     """Their sum is bounded by the file's size."""
     one = chunk(packed_zeros(2**20, "zstd"), "zstd", 2**20)
     length = 9 + 40 + 4 + len(one.data)
-    index = [index_of(one, FIRST + i * length) for i in range(2000)]
-    errors = read_all(file_of(tmp_path / "a.mcap", *[one] * 2000, summary=index))
+    index = [index_of(one, FIRST + i * length) for i in range(400)]
+    errors = read_all(file_of(tmp_path / "a.mcap", *[one] * 400, summary=index))
     assert "that unpack to" in errors[0] and "100 times" in errors[0]
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [
+def test_an_index_leads_to_no_chunk_that_the_file_has_not(tmp_path):
+    """The summary's index of a chunk agrees with the chunk, or the bag is refused."""
+    one = chunk(packed_zeros(2**20, "zstd"), "", 0)
+    one.uncompressed_size = len(one.data)
+    for changes in (
         {"compression": "zstd"},
         {"chunk_start_offset": FIRST + 3},
         {"compressed_size": GIB},
         {"uncompressed_size": GIB},
         {"chunk_length": 2**60},
         {"message_start_time": 2**60},
-    ],
-    ids=str,
-)
-def test_an_index_leads_to_no_chunk_that_the_file_has_not(tmp_path, changes):
-    """The summary's index of a chunk agrees with the chunk, or the bag is refused."""
-    one = chunk(packed_zeros(2**20, "zstd"), "", 0)
-    one.uncompressed_size = len(one.data)
-    file = file_of(tmp_path / "a.mcap", one, summary=[index_of(one, FIRST, **changes)])
-    assert "index" in read_all(file)[0]
+    ):
+        file = file_of(tmp_path / "a.mcap", one, summary=[index_of(one, FIRST, **changes)])
+        with pytest.raises(BagError, match="index"):
+            read_counts(file)
     twice = [index_of(one, FIRST)] * 2
-    assert "index" in read_all(file_of(tmp_path / "b.mcap", one, summary=twice))[0]
+    with pytest.raises(BagError, match="index"):
+        read_counts(file_of(tmp_path / "b.mcap", one, summary=twice))
 
 
-@pytest.mark.parametrize("compression", ["zstd", "lz4", "x"])
-@pytest.mark.parametrize("data", [b"", b"garbage", zstandard.compress(b"")[:5]], ids=str)
-def test_what_cannot_be_unpacked_is_refused(tmp_path, compression, data):
+def test_what_cannot_be_unpacked_is_refused(tmp_path):
     """Garbage, nothing, and an unknown compression."""
-    errors = read_all(file_of(tmp_path / "a.mcap", chunk(data, compression, 100)))
-    assert all(errors[:4])
+    for compression in ("zstd", "lz4", "x"):
+        for data in (b"", b"garbage", zstandard.compress(b"")[:5]):
+            file = file_of(tmp_path / "a.mcap", chunk(data, compression, 100))
+            assert all(read_all(file)[:4])
 
 
-@pytest.mark.variants(5)
+@pytest.mark.variants(3)
 @pytest.mark.parametrize("length", [2**20, 2**32, 2**62, 2**64 - 1])
 @pytest.mark.parametrize("opcode", [1, 3, 4, 5, 6, 7, 8, 9, 11, 12, 200])
 def test_a_record_longer_than_its_file_is_not_read(tmp_path, frugal, opcode, length):
@@ -161,7 +163,7 @@ def test_a_record_longer_than_its_file_is_not_read(tmp_path, frugal, opcode, len
     assert recover(made, tmp_path / "all").counts == recover(file, tmp_path / "golden").counts
 
 
-@pytest.mark.variants(4)
+@pytest.mark.variants(2)
 @pytest.mark.parametrize("field", [0, 8, 16, 20, 30, 40])
 def test_lengths_inside_an_attachment_are_bounded(tmp_path, frugal, field):
     """Of its name, its kind, its data."""
@@ -181,26 +183,23 @@ def attached(path, *names, data=b"x: 1"):
     return path
 
 
-@pytest.mark.parametrize(
-    ("name", "words"),
-    [
-        ("scenes/" + 300 * "a" + ".yaml", "has a name of 305 bytes; allowed: 1 to 255"),
-        ("scenes/" + 200 * "ä" + ".yaml", "has a name of 405 bytes"),
-        ("/".join(300 * ["scenes"]), "allowed: 1 to 255, and 1000 with its folders"),
-        ("../../evil.yaml", "points elsewhere"),
-        ("/etc/evil.yaml", "points elsewhere"),
-        ("scenes/../../../evil.yaml", "points elsewhere"),
-        ("scenes/a\0b.yaml", "points elsewhere"),
-        ("", "has a name of 0 bytes"),
-        (".", "has a name of"),
-    ],
-    ids=lambda value: repr(value)[:25],
-)
-def test_the_name_of_an_attachment_is_checked(tmp_path, name, words):
+def test_the_name_of_an_attachment_is_checked(tmp_path):
     """It is a file's path below its folder, and one that a disk can have."""
-    with pytest.raises(BagError, match="attachment") as refused:
-        read_scene(attached(tmp_path / "bag", name))
-    assert words in str(refused.value)
+    names = {
+        "scenes/" + 300 * "a" + ".yaml": "has a name of 305 bytes; allowed: 1 to 255",
+        "scenes/" + 200 * "ä" + ".yaml": "has a name of 405 bytes",
+        "/".join(300 * ["scenes"]): "allowed: 1 to 255, and 1000 with its folders",
+        "../../evil.yaml": "points elsewhere",
+        "/etc/evil.yaml": "points elsewhere",
+        "scenes/../../../evil.yaml": "points elsewhere",
+        "scenes/a\0b.yaml": "points elsewhere",
+        "": "has a name of 0 bytes",
+        ".": "has a name of",
+    }
+    for number, (name, words) in enumerate(names.items()):
+        with pytest.raises(BagError, match="attachment") as refused:
+            read_scene(attached(tmp_path / f"bag{number}", name))
+        assert words in str(refused.value)
     assert list(tmp_path.rglob("evil*")) == []
 
 
@@ -257,9 +256,9 @@ def test_ten_thousand_topics_are_bounded(tmp_path, frugal):
 def test_an_honest_compressed_bag_is_read(tmp_path, kind):
     """As rosbag2 writes them; cut off, it is read as far as it can be unpacked."""
     bag = tmp_path / "a.mcap"
-    noise = [b"\0\1\0\0" + os.urandom(8) for _ in range(20_000)]
+    noise = [b"\0\1\0\0" + os.urandom(8) for _ in range(10_000)]
     with bag.open("wb") as stream:
-        writer = Writer(stream, compression=kind, chunk_size=2**19)
+        writer = Writer(stream, compression=kind, chunk_size=2**18)
         writer.start("ros2", "other")
         schema = writer.register_schema(topics.LEVEL.type, "ros2msg", b"float64 data")
         channel = writer.register_channel(topics.LEVEL.name, "cdr", schema)
@@ -269,22 +268,22 @@ def test_an_honest_compressed_bag_is_read(tmp_path, kind):
     found = [bytes(data) for _, _, data in raw_messages(bag, {topics.LEVEL.name})]
     assert found == noise
     assert recover(bag, tmp_path / "all").counts == {topics.LEVEL.name: len(noise)}
-    bag.write_bytes(bag.read_bytes()[:100_000])
+    bag.write_bytes(bag.read_bytes()[:50_000])
     saved = recover(bag, tmp_path / "part")
-    assert saved.readers[0].cut == saved.counts[topics.LEVEL.name] > 2000
+    assert saved.readers[0].cut == saved.counts[topics.LEVEL.name] > 1000
     part = [bytes(data) for _, _, data in raw_messages(tmp_path / "part", {topics.LEVEL.name})]
     assert part == noise[: len(part)]
 
 
-@pytest.mark.parametrize("mode", ["FILE", "message"])
-def test_a_bag_compressed_message_by_message_is_refused(tmp_path, mode):
+def test_a_bag_compressed_message_by_message_is_refused(tmp_path):
     """Nothing bounds what each of them unpacks to; the way out is named."""
     bag = attached(tmp_path / "bag")
     file = bag / "metadata.yaml"
     text = file.read_text(encoding="utf-8")
-    file.write_text(text.replace("compression_mode: ''", f"compression_mode: {mode}"), "utf-8")
-    with pytest.raises(BagError, match=f"is compressed by {mode.lower()}; .*ros2 bag convert"):
-        read_counts(bag)
+    for mode in ("FILE", "message"):
+        file.write_text(text.replace("compression_mode: ''", f"compression_mode: {mode}"), "utf-8")
+        with pytest.raises(BagError, match=f"is compressed by {mode.lower()}; .*ros2 bag convert"):
+            read_counts(bag)
 
 
 def test_an_sqlite_file_that_is_none_is_refused(tmp_path):
@@ -295,34 +294,30 @@ def test_an_sqlite_file_that_is_none_is_refused(tmp_path):
     assert all(read_all(tmp_path / "bag"))
 
 
-@pytest.mark.parametrize("letters", ["a", "ä", "日"])
-def test_a_name_too_long_for_the_bags_file_is_refused_at_once(tmp_path, letters):
+def test_a_name_too_long_for_the_bags_file_is_refused_at_once(tmp_path):
     """By the bytes that the disk allows, before anything is started."""
-    size = len(letters.encode())
-    most = (255 - len("_0.mcap.part")) // size
-    require_new_bag(tmp_path / (letters * most))
-    BagWriter(tmp_path / (letters * most)).close()
-    for name in (letters * (most + 1), letters * (250 // size), letters * 300):
-        with pytest.raises(BagError, match="too long"):
-            require_new_bag(tmp_path / name)
+    for letters in ("a", "ä", "日"):
+        size = len(letters.encode())
+        most = (255 - len("_0.mcap.part")) // size
+        require_new_bag(tmp_path / (letters * most))
+        BagWriter(tmp_path / (letters * most)).close()
+        for name in (letters * (most + 1), letters * (250 // size), letters * 300):
+            with pytest.raises(BagError, match="too long"):
+                require_new_bag(tmp_path / name)
     deep = str(tmp_path) + "/abcdefghi" * 500
     with pytest.raises(BagError, match="path is 1 bytes too long"):
         require_new_bag(Path(deep[: 4096 - len("/ten/ten_0.mcap.part")] + "/ten"))
 
 
-@pytest.mark.parametrize("letters", [244, 250, 300])
-def test_names_that_no_disk_can_have_are_one_line_everywhere(tmp_path, letters):
-    """As the target of a recovery, and as a bag to be read."""
-    with pytest.raises(BagError, match="too long"):
-        recover(GOLDEN, tmp_path / ("a" * letters))
-    assert all(read_all(tmp_path / ("a" * letters)))
-
-
-@pytest.mark.parametrize("name", ["a\nb", "a\x1bb", "a\udcffb"])
-def test_a_name_that_cannot_be_written_is_refused(tmp_path, name):
-    """It would stand in metadata.yaml and on terminals."""
-    with pytest.raises(BagError, match="allowed: a name of letters"):
-        require_new_bag(tmp_path / name)
+def test_names_that_no_disk_can_have_are_one_line_everywhere(tmp_path):
+    """As the target of a recovery, and as a bag to be read; so is one that cannot be written."""
+    for letters in (244, 250, 300):
+        with pytest.raises(BagError, match="too long"):
+            recover(GOLDEN, tmp_path / ("a" * letters))
+        assert all(read_all(tmp_path / ("a" * letters)))
+    for name in ("a\nb", "a\x1bb", "a\udcffb"):  # in metadata.yaml and on terminals
+        with pytest.raises(BagError, match="allowed: a name of letters"):
+            require_new_bag(tmp_path / name)
 
 
 def test_an_unsound_crc_is_not_hidden(tmp_path):
@@ -334,8 +329,5 @@ def test_an_unsound_crc_is_not_hidden(tmp_path):
     with pytest.raises(BagError, match="checksum"):
         list(raw_messages(file, {"/x"}))
     saved = recover(file, tmp_path / "recovered")
-    assert saved.counts == {"/x": 1} and "numbers may be wrong: 1, from 5e-09 s to 5e-09 s" in (
-        saved.words
-    )
     assert saved.counts == {"/x": 1}
     assert "numbers may be wrong: 1, from 5e-09 s to 5e-09 s" in saved.words

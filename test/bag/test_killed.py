@@ -1,183 +1,251 @@
-"""Killed at any step, and done again: nothing of a recording is lost, and nothing is left over."""
+"""Killed at any step, and done again: nothing of a recording is lost, and nothing is left over.
+
+A process is killed at a step on its files: before, halfway in and after each write, fsync and
+rename. In every run at some of them, the first, the last and between; the long test at each.
+"""
 
 import shutil
-from itertools import count
-from pathlib import Path
+from functools import cache
 
 import pytest
 
-from cam_rig.bag.files import is_unclosed, mcap_file, why_not_a_bag
-from cam_rig.bag.reader import messages, raw_messages, read_counts, read_recording
-from cam_rig.bag.recorder import BagRecorder
-from cam_rig.bag.recover import examine, recover, recover_in_place, state_words
+from cam_rig.bag.files import is_closed, is_unclosed, mcap_files, why_not_a_bag
+from cam_rig.bag.reader import read_counts, read_recording
+from cam_rig.bag.recorder import BagRecorder, files_to_resume
+from cam_rig.bag.recover import NOTHING_RECORDED, examine, recover, recover_in_place, state_words
+from cam_rig.bag.split import Split
+from cam_rig.bag.writer import BagWriter
 from cam_rig.errors import BagError
-from cam_rig.messages.topics import RECORDING
-from cam_rig.schema.load import config_root
-from cam_rig.simulation.scene import open_scene
 
-GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
-NAMES = {topic.name for topic in RECORDING}
-#: Steps on files that are passed over between two kills; the long test passes over none.
-STRIDES = [pytest.param(23, id="some"), pytest.param(1, marks=pytest.mark.long, id="all")]
+from .bags import LOADED, cut_off, killed_bags, payloads, record
+
+SPLIT = Split(duration=0.7)
+#: At how many steps a process is killed; 0: at each.
+SOME = pytest.mark.parametrize("some", [3, pytest.param(0, marks=pytest.mark.long)])
 
 
-def payloads(bag):
-    """Every message by topic, in order."""
-    found = {}
-    for connection, time, data in raw_messages(bag, NAMES):
-        found.setdefault(connection.topic, []).append((time, bytes(data)))
-    return found
+#: Of a bag that does not change.
+once = cache(payloads)
 
 
-def torn_at(bag, size):
-    """A bag of which so many bytes were written."""
-    bag.mkdir()
-    (bag / f"{bag.name}_0.mcap").write_bytes(mcap_file(GOLDEN).read_bytes()[:size])
-    shutil.copy(GOLDEN / "metadata.yaml", bag)
+def few(bag, golden, **how):
+    """A recorder of few instants a turn, for speed."""
+    return record(bag, golden, points_per_turn=2, **how)
+
+
+@pytest.fixture(scope="module")
+def straight(tmp_path_factory, golden):
+    """The bag of a recorder that lived to its end."""
+    bag = tmp_path_factory.mktemp("straight") / "bag"
+    few(bag, golden).close()
     return bag
 
 
-@pytest.mark.parametrize("stride", STRIDES)
-def test_a_recovery_may_be_killed_at_any_step(tmp_path, killed_at, stride):
+@pytest.fixture(scope="module")
+def straight_split(tmp_path_factory, golden):
+    """The same, split."""
+    bag = tmp_path_factory.mktemp("straight_split") / "bag"
+    few(bag, golden, split=SPLIT).close()
+    assert len(mcap_files(bag)) > 2
+    return bag
+
+
+def names(bag):
+    return sorted(path.suffix for path in bag.iterdir())
+
+
+@SOME
+def test_a_recovery_may_be_killed_at_any_step(tmp_path, some):
     """In place: the second one gives every message, whenever the first one was killed."""
-    recover(torn_at(tmp_path / "torn", 60_000), tmp_path / "all")
-    expected, killed = payloads(tmp_path / "all"), 0
-    for at in count(0, stride):
-        bag = torn_at(tmp_path / f"bag{at}", 60_000)
-        if not killed_at(at, lambda bag=bag: recover_in_place(bag)):
-            break
-        killed += 1
+    recover(cut_off(tmp_path / "torn", 60_000), tmp_path / "all")
+    expected = payloads(tmp_path / "all")
+
+    def prepare(name):
+        bag = cut_off(tmp_path / f"bag{name}", 60_000)
+        return bag, lambda: recover_in_place(bag)
+
+    for bag in killed_bags(prepare, some):
         if is_unclosed(bag):
             with pytest.raises(BagError, match="cam-rig recover"):
                 read_counts(bag)
             recover_in_place(bag)
         assert payloads(bag) == expected
-        assert [p.suffix for p in sorted(bag.iterdir())] in ([".mcap", ".yaml"],)
-        shutil.rmtree(bag)
-    assert killed > 40 / stride
+        assert names(bag) == [".mcap", ".yaml"]
 
 
-@pytest.mark.parametrize("stride", STRIDES)
-def test_a_copy_may_be_killed_at_any_step(tmp_path, killed_at, stride):
+@SOME
+def test_a_copy_may_be_killed_at_any_step(tmp_path, some):
     """Into another folder: the same command again makes it; no reader takes a part."""
-    torn = torn_at(tmp_path / "torn", 60_000)
+    torn = cut_off(tmp_path / "torn", 60_000)
     recover(torn, tmp_path / "all")
     expected = payloads(tmp_path / "all")
-    for at in count(0, stride):
-        target = tmp_path / f"recovered{at}"
-        if not killed_at(at, lambda target=target: recover(torn, target)):
-            break
+
+    def prepare(name):
+        target = tmp_path / f"recovered{name}"
+        return target, lambda: recover(torn, target)
+
+    for target in killed_bags(prepare, some):
         if not target.exists() or why_not_a_bag(target) or is_unclosed(target):
             recover(torn, target)
         assert payloads(target) == expected
-        assert sorted(p.suffix for p in target.iterdir()) == [".mcap", ".yaml"]
+        assert names(target) == [".mcap", ".yaml"]
 
 
-def record(bag, loaded, golden, resume=False):
-    recorder = BagRecorder(bag, loaded, resume=resume)
-    for topic, number, cdr in golden:
-        recorder.take(topic, cdr, b"live", number)
-    return recorder
-
-
-@pytest.fixture(scope="module")
-def loaded():
-    return open_scene(config_root() / "scenes" / "quick.yaml")
-
-
-@pytest.mark.variants(1)
-@pytest.mark.parametrize("stride", STRIDES)
-@pytest.mark.parametrize("part", [0.1, 0.35])
-def test_a_successor_may_be_killed_at_any_step(tmp_path, killed_at, loaded, golden, stride, part):
+@SOME
+@pytest.mark.parametrize("part", [0.3, pytest.param(0.6, marks=pytest.mark.long)])
+def test_a_successor_may_be_killed_at_any_step(tmp_path, golden, straight, some, part):
     """While it takes over: what the first recorder had written, the next successor still has."""
-    record(tmp_path / "straight", loaded, golden).close()
-    whole = mcap_file(tmp_path / "straight").read_bytes()
-    expected = payloads(tmp_path / "straight")
-    for at in count(0, stride):
-        bag = tmp_path / f"bag{at}"
-        bag.mkdir()
-        (bag / f"{bag.name}_0.mcap").write_bytes(whole[: int(part * len(whole))])
-        before = examine(bag).counts
-        if not killed_at(at, lambda bag=bag: record(bag, loaded, golden[:60], resume=True).close()):
-            break
+    before = examine(cut_off(tmp_path / "bag", part, straight)).counts
+
+    def prepare(name):
+        bag = cut_off(tmp_path / f"bag{name}", part, straight)
+        return bag, lambda: few(bag, golden[:60], resume=True).close()
+
+    for bag in killed_bags(prepare, some):
         after = examine(bag).counts
         assert all(after.get(topic, 0) >= number for topic, number in before.items())
-        record(bag, loaded, golden, resume=True).close()
-        assert {t: sorted(m) for t, m in payloads(bag).items()} == {
-            t: sorted(m) for t, m in expected.items()
-        }
-        assert [p.suffix for p in sorted(bag.iterdir())] == [".mcap", ".yaml"]
-        shutil.rmtree(bag)
+        few(bag, golden, resume=True).close()
+        assert payloads(bag) == once(straight)
+        assert names(bag) == [".mcap", ".yaml"]
 
 
-@pytest.mark.parametrize("stride", STRIDES)
-def test_a_recorder_may_be_killed_while_it_closes(tmp_path, killed_at, loaded, golden, stride):
+@SOME
+def test_a_recorder_may_be_killed_while_it_closes(tmp_path, golden, straight, some):
     """All was flushed: recovered, it is the bag that would have been closed."""
-    record(tmp_path / "straight", loaded, golden).close()
-    expected = payloads(tmp_path / "straight")
-    for at in count(0, stride):
-        bag = tmp_path / f"bag{at}"
-        recorder = record(bag, loaded, golden)
+
+    def prepare(name):
+        recorder = few(tmp_path / f"bag{name}", golden)
         recorder._session.close()
-        recorder._flush()
-        if not killed_at(at, recorder.close):
-            break
-        recorder._writer._file.close_stream()
+        recorder._writer.flush()
+        return tmp_path / f"bag{name}", recorder.close
+
+    for bag in killed_bags(prepare, some):
         if is_unclosed(bag):
             state_words(bag)
-        assert payloads(bag) == expected
+        assert payloads(bag) == once(straight)
         assert len(read_recording(bag).ticks) == 16
-        shutil.rmtree(bag)
 
 
-@pytest.mark.variants(6)
-@pytest.mark.parametrize("partial", [None, 0, 3, 20_000, 60_000])
-@pytest.mark.parametrize("listed", [True, False])
-def test_what_older_versions_left_of_a_recovery_is_understood(tmp_path, partial, listed):
-    """They set the truncated file aside as ``.torn``: all is in it, whatever the new file has."""
-    bag, whole = tmp_path / "B", mcap_file(GOLDEN).read_bytes()
-    bag.mkdir()
-    (bag / "B_0.torn").write_bytes(whole[:500_000])
-    if partial is not None:
-        (bag / "B_0.mcap").write_bytes(whole[:partial])
-    if listed:
-        shutil.copy(GOLDEN / "metadata.yaml", bag)
-    assert is_unclosed(bag)
-    with pytest.raises(BagError, match=r"B_0\.torn .*recover it with: cam-rig recover"):
-        read_counts(bag)
-    with pytest.raises(BagError, match="recover it with: cam-rig recover"):
-        list(messages(bag, RECORDING))
-    saved = recover(bag, tmp_path / "recovered")
-    assert "read from B_0.torn, left by an interrupted recovery" in saved.words
-    cut_off = torn_at(tmp_path / "cut_off", 500_000)
-    assert saved.counts == examine(cut_off).counts and saved.counts["/microphone/level"] > 1
-    assert recover_in_place(bag).counts == saved.counts
-    assert payloads(bag) == payloads(tmp_path / "recovered")
-    assert sorted(p.name for p in bag.iterdir()) == ["B_0.mcap", "metadata.yaml"]
+@SOME
+def test_killed_while_it_splits_it_has_what_was_flushed(tmp_path, golden, straight_split, some):
+    """The bag is closed or says that it is not; recovered, it holds every flushed message.
+
+    A successor then makes the bag that would have been recorded without the kill.
+    """
+
+    def noting(bag):
+        """A recorder that notes in a file how many messages it has flushed."""
+        recorder = BagRecorder(bag, LOADED, split=SPLIT, points_per_turn=2)
+        for topic, number, cdr in golden[: len(golden) // 2]:
+            recorder.take(topic, cdr, b"live", number)
+            recorder._writer.flush()
+            bag.with_suffix(".flushed").write_text(str(recorder.count))
+        recorder.close()
+
+    def prepare(name):
+        return tmp_path / f"bag{name}", lambda: noting(tmp_path / f"bag{name}")
+
+    for bag in killed_bags(prepare, some):
+        flushed = bag.with_suffix(".flushed")
+        least = int(flushed.read_text()) if flushed.exists() else 0
+        if not bag.exists():
+            continue
+        copy = bag.with_name(f"copy_of_{bag.name}")
+        shutil.copytree(bag, copy)
+        for file in copy.iterdir():
+            file.rename(file.with_name(file.name.replace(bag.name, copy.name)))
+        words = state_words(copy)
+        if least:
+            assert not is_unclosed(copy) and sum(read_counts(copy).values()) >= least
+        else:
+            assert words
+        few(bag, golden, resume=True, split=SPLIT).close()
+        assert payloads(bag) == once(straight_split)
+        assert len(read_recording(bag).ticks) == 16
+        assert set(names(bag)) == {".mcap", ".yaml"}
 
 
-def test_a_file_beside_its_torn_one_is_not_taken_for_all(tmp_path):
-    """Named by its file, such a bag is read as when named by its folder."""
-    torn_at(tmp_path / "B", 20_000)
-    (tmp_path / "B" / "B_0.torn").write_bytes(mcap_file(GOLDEN).read_bytes())
-    for name in ("B_0.mcap", "B_0.torn"):
-        saved = recover(tmp_path / "B" / name, tmp_path / name.replace(".", "_"))
-        assert saved.counts == read_counts(GOLDEN)
+@SOME
+def test_a_successor_of_a_split_bag_may_be_killed_at_any_step(
+    tmp_path, golden, straight_split, some
+):
+    """While it takes over: the closed files stay as they are, and the next one still has all."""
+    was = [file.read_bytes() for file in mcap_files(straight_split)]
+    before = {}
+
+    def prepare(name):
+        bag = tmp_path / name / "bag"
+        shutil.copytree(straight_split, bag)
+        last = mcap_files(bag)[-1]
+        last.write_bytes(was[-1][:-2000])
+        (bag / "metadata.yaml").unlink()
+        before.update(examine(bag).counts)
+        return bag, lambda: few(bag, golden[:-20], resume=True, split=SPLIT).close()
+
+    for bag in killed_bags(prepare, some):
+        assert [file.read_bytes() for file in mcap_files(bag)[: len(was) - 1]] == was[:-1]
+        after = examine(bag).counts
+        assert all(after.get(topic, 0) >= number for topic, number in before.items())
+        few(bag, golden, resume=True, split=SPLIT).close()
+        assert payloads(bag) == once(straight_split)
 
 
-def test_a_successor_of_a_recorder_that_had_closed_goes_on(tmp_path, loaded, golden):
+@SOME
+def test_a_recovery_of_two_files_may_be_killed_at_any_step(tmp_path, straight_split, some):
+    """Two files that were not closed, as a kill between them leaves: each becomes whole."""
+
+    def prepare(name):
+        bag = tmp_path / name / "bag"
+        shutil.copytree(straight_split, bag)
+        for file in mcap_files(bag)[:2]:
+            file.write_bytes(file.read_bytes()[:-400])
+        return bag, lambda: recover_in_place(bag)
+
+    for bag in killed_bags(prepare, some):
+        if is_unclosed(bag):
+            recover_in_place(bag)
+        assert payloads(bag) == once(straight_split)
+        assert set(names(bag)) == {".mcap", ".yaml"}
+
+
+def test_killed_between_two_files_both_are_written_anew(tmp_path, golden, straight_split):
+    """The old one was not closed yet, the new one has no message: they become one file."""
+    bag = tmp_path / "bag"
+    shutil.copytree(straight_split, bag)
+    files = mcap_files(bag)
+    for file in files[2:]:
+        file.unlink()
+    files[0].write_bytes(files[0].read_bytes()[:-400])
+    files[1].write_bytes(files[1].read_bytes()[:100])
+    assert files_to_resume(bag) == ([], files[:2])
+    few(bag, golden, resume=True, split=SPLIT).close()
+    assert payloads(bag) == once(straight_split)
+    assert all(is_closed(file) for file in mcap_files(bag))
+
+
+def test_a_successor_of_a_recorder_that_had_closed_goes_on(tmp_path, golden):
     """Killed between its last byte and its end: the closed bag is not overwritten."""
     bag = tmp_path / "bag"
-    record(bag, loaded, golden[: len(golden) // 2]).close()
-    record(bag, loaded, golden, resume=True).close()
+    few(bag, golden[: len(golden) // 2]).close()
+    few(bag, golden, resume=True).close()
     assert len(read_recording(bag).ticks) == 16
+
+
+def test_a_recorder_that_was_killed_at_once_has_recorded_nothing(tmp_path):
+    """Before the file was there, before its first byte, before its first message."""
+    bag = tmp_path / "bag"
+    bag.mkdir()
+    assert state_words(bag) == NOTHING_RECORDED
+    (bag / "bag_0.mcap").touch()
+    assert state_words(bag) == NOTHING_RECORDED
+    recorder = BagRecorder(tmp_path / "split", LOADED, split=SPLIT)
+    recorder._writer._file.close_stream()
+    assert state_words(tmp_path / "split") == NOTHING_RECORDED
 
 
 def test_two_recoveries_at_once_are_refused(tmp_path):
     """The second one would write into the first one's file."""
-    torn = torn_at(tmp_path / "torn", 60_000)
-    from cam_rig.bag.writer import BagWriter
-
+    torn = cut_off(tmp_path / "torn", 60_000)
     with (
         BagWriter(torn, rewrite=True),
         pytest.raises(BagError, match="is being written by another"),

@@ -85,27 +85,6 @@ def test_recover_of_a_cut_bag(tmp_path):
     assert again.exit_code == 1 and "exists already, not overwriting" in again.stderr
 
 
-@pytest.mark.variants(2)
-@pytest.mark.parametrize("verb", ["analyze", "view", "replay"])
-@pytest.mark.parametrize("partial", [None, 20_000])
-def test_every_command_knows_of_a_mending_that_was_cut_off(tmp_path, verb, partial):
-    """As older versions left it: nobody takes the new file's part for the whole."""
-    bag = tmp_path / "B"
-    bag.mkdir()
-    data = mcap_file(GOLDEN).read_bytes()
-    (bag / "B_0.torn").write_bytes(data[:-5_000])
-    if partial is not None:
-        (bag / "B_0.mcap").write_bytes(data[:partial])
-    save = ("--save", tmp_path / "a.rrd") if verb == "view" else ()
-    result = call(verb, bag, *save)
-    words = " ".join(result.stderr.split())
-    assert result.exit_code == 1
-    assert "B_0.torn is left by an interrupted recovery" in words
-    assert f"cam-rig recover {bag}" in words
-    assert f"{MESSAGES} messages" in " ".join(call("recover", bag).stderr.split())
-    assert call("analyze", tmp_path / "B_recovered").exit_code == 0
-
-
 def test_analyze_says_what_a_recovered_bag_lacks(tmp_path):
     """A recovered bag looks like any other: what is missing is attached to it, and reported."""
     torn = tmp_path / "torn"

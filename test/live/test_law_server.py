@@ -1,9 +1,18 @@
 """The law server without ROS: which cams may be mounted, why another may not, what it publishes."""
 
+import numpy as np
 import pytest
 
 from cam_rig.errors import CamRigError, RefusedError
-from cam_rig.live.law_server import CamMounting, MountingCheckpoint, MountReply
+from cam_rig.laws import Law
+from cam_rig.live.law_server import (
+    CamMounting,
+    MountingCheckpoint,
+    MountReply,
+    contour_of,
+    require_own_contour,
+    require_own_law,
+)
 from cam_rig.live.state_validation import Admission
 from cam_rig.schema.load import config_root
 from cam_rig.simulation.scene import open_scene
@@ -100,3 +109,25 @@ def test_a_successor_goes_back_to_before_the_first_state(cams):
     successor = CamMounting(SCENE, "", checkpoints)
     assert successor.admit(STATES[0]) is Admission.NEW_SEQUENCE
     assert successor.follow(STATES[0]) is not None
+
+
+def test_a_law_and_a_contour_are_those_of_the_cams_file():
+    """To rounding; of another cam, shape or value the file, the difference and the limit are said.
+
+    A second law server cannot publish another one of the same name.
+    """
+    law, points = LOADED.laws["tm21"], contour_of(LOADED.cams["tm21"], LOADED.laws["tm21"])
+    require_own_law(LOADED, Law("tm21", law.breaks, law.ordinates * (1.0 + 1e-12)))
+    require_own_contour(LOADED, "tm21", points.astype(np.float32))
+    words = (
+        r"law 'tm21': its ordinates differ by .* of .*tm21\.yaml; allowed: .*a second law server"
+    )
+    with pytest.raises(RefusedError, match=words):
+        require_own_law(LOADED, Law("tm21", law.breaks, law.ordinates * 1.01))
+    with pytest.raises(RefusedError, match=r"law 'tm21': its breaks are .* has"):
+        other = LOADED.laws["bezier15"]
+        require_own_law(LOADED, Law("tm21", other.breaks, other.ordinates))
+    with pytest.raises(RefusedError, match=r"cam 'nothing': not in the scene's library"):
+        require_own_law(LOADED, Law("nothing", law.breaks, law.ordinates))
+    with pytest.raises(RefusedError, match="contour of 'tm21': its points differ"):
+        require_own_contour(LOADED, "tm21", 1.01 * points)

@@ -54,7 +54,7 @@ def shown(ticks, factor, rate, late=lambda: 0.0, settled=0):
     return np.array(found).T
 
 
-@pytest.mark.variants(6)
+@pytest.mark.variants(3)
 @pytest.mark.parametrize("seed", range(16))
 def test_a_speed_is_shown_evenly_a_tick_behind(seed):
     """Any speed, division, factor and rate, ticks up to 15 ms late: a message every period, whose
@@ -76,12 +76,12 @@ def test_a_speed_is_shown_evenly_a_tick_behind(seed):
     assert np.abs(advance - 1.0).max() <= 0.05 + sample
 
 
-@pytest.mark.parametrize("factor", [0.5, 1.0, 3.0])
-@pytest.mark.parametrize("seed", range(5))
-def test_another_speed_makes_no_pause(seed, factor):
+@pytest.mark.variants(3)
+@pytest.mark.parametrize("seed", range(15))
+def test_another_speed_makes_no_pause(seed):
     """From tick to tick ten times as fast or as slow: a message every period all the same, and the
     cam is seen to turn as fast as the drive turns it."""
-    chance = np.random.default_rng(seed)
+    chance, factor = np.random.default_rng(seed // 3), (0.5, 1.0, 3.0)[seed % 3]
     made = ticks(np.repeat(chance.uniform(60.0, 600.0, 6), 2), 1)
     wall, rig, behind = shown(made, factor, 100.0, settled=1)
     np.testing.assert_allclose(np.diff(wall), 0.01, rtol=0, atol=1e-9)

@@ -8,8 +8,8 @@ import pytest
 from cam_rig.dynamics import MODELS, FollowerParameters
 from cam_rig.errors import RefusedError
 from cam_rig.messages import topics
-from cam_rig.messages.cdr_template import TYPES, CdrTemplate, example_header
 from cam_rig.messages.motion import JOINTS, MotionMessages, choose, instants_of, points_per_tick
+from cam_rig.messages.serialization import CdrTemplate, header, new, serialize
 from cam_rig.messages.topics import motion_depth
 from cam_rig.simulation.schedule import CamState
 from cam_rig.simulation.simulate import FollowerSimulator
@@ -17,6 +17,7 @@ from cam_rig.units import NS, RPM, TURN
 
 #: A follower that is lifted off by some cams, and comes down again.
 MODEL = MODELS["one_mass"]
+BOTH = (topics.JOINT_STATES, topics.FOLLOWER_CONTACT)
 
 
 def ticks_of(law, follower, rpm, ticks_per_turn, sample_rate, turns=1):
@@ -32,7 +33,7 @@ def ticks_of(law, follower, rpm, ticks_per_turn, sample_rate, turns=1):
         before = state
 
 
-@pytest.mark.variants(8)
+@pytest.mark.variants(4)
 @pytest.mark.parametrize("seed", range(40))
 def test_instants_are_in_order_within_their_tick_and_hold_its_peaks(laws, follower, seed):
     """Any law, speed, division, number and sample rate."""
@@ -62,18 +63,16 @@ def test_instants_are_in_order_within_their_tick_and_hold_its_peaks(laws, follow
         np.testing.assert_array_equal(found.torque, found.force * law(found.angle_in_turn, 1))
 
 
-@pytest.mark.parametrize("count", [1, 2, 3, 36, 72, 359, 360, 1000])
-def test_each_bin_has_its_sample(count):
+def test_each_bin_has_its_sample():
     """As many bins as are asked for, none without a sample, and the first of each is taken."""
     angle = np.linspace(0.0, TURN, 360, endpoint=False)
     lift, force = 1.0 - np.cos(angle), 20.0 + np.sin(angle)
-    found = choose(lift, force, count)
-    peaks = {90, 180, 270}
-    assert peaks <= set(found.tolist())
-    bins = np.searchsorted(np.arange(min(count, 360)) * 360 // min(count, 360), found, "right") - 1
-    assert set(bins.tolist()) == set(range(min(count, 360)))
-    firsts = set((np.arange(min(count, 360)) * 360 // min(count, 360)).tolist())
-    assert set(found.tolist()) - firsts <= peaks
+    for count in (1, 2, 3, 36, 72, 359, 360, 1000):
+        found = choose(lift, force, count)
+        firsts = np.arange(min(count, 360)) * 360 // min(count, 360)
+        bins = np.searchsorted(firsts, found, "right") - 1
+        assert set(bins.tolist()) == set(range(min(count, 360)))
+        assert set(found.tolist()) - set(firsts.tolist()) <= {90, 180, 270} <= set(found.tolist())
 
 
 def test_torque_times_speed_is_the_power_that_goes_into_the_follower(laws, follower):
@@ -124,31 +123,21 @@ def test_samples_of_another_tick_are_refused(laws, follower):
 
 def by_rosbags(topic, time_ns, i, n):
     """A message as rosbags writes it, value by value."""
-    types = TYPES.types
-    stamp = types["builtin_interfaces/msg/Time"](int(time_ns // NS), int(time_ns % NS))
-    header = types["std_msgs/msg/Header"]
     if topic is topics.JOINT_STATES:
-        message = types[topic.type](
-            header(stamp, "base_link"),
-            list(JOINTS),
-            np.array([i.angle[n], i.lift[n]]),
-            np.array([i.speed[n], i.velocity[n]]),
-            np.array([i.torque[n], i.force[n]]),
-        )
-    else:
-        vector = types["geometry_msgs/msg/Vector3"]
-        wrench = types["geometry_msgs/msg/Wrench"](
-            vector(0.0, float(i.force[n]), 0.0), vector(0.0, 0.0, 0.0)
-        )
-        message = types[topic.type](header(stamp, "follower"), wrench)
-    return bytes(TYPES.serialize_cdr(message, topic.type))
+        pairs = ((i.angle, i.lift), (i.speed, i.velocity), (i.torque, i.force))
+        numbers = (np.array([cam[n], follower[n]]) for cam, follower in pairs)
+        at = header(int(time_ns), "base_link")
+        return serialize(new("sensor_msgs/JointState", at, list(JOINTS), *numbers))
+    vectors = (new("geometry_msgs/Vector3", 0.0, y, 0.0) for y in (float(i.force[n]), 0.0))
+    wrench = new("geometry_msgs/Wrench", *vectors)
+    return serialize(new("geometry_msgs/WrenchStamped", header(int(time_ns), "follower"), wrench))
 
 
 @pytest.mark.parametrize("ticks_per_turn", [1, 7])
 def test_messages_are_byte_for_byte_what_rosbags_writes(make_loaded_scene, ticks_per_turn):
     """Every message of a turn; they are in the order of time, and of topics at one instant."""
     loaded = make_loaded_scene(ticks_per_turn=ticks_per_turn)
-    motion, rate = MotionMessages(loaded, 72), int(loaded.scene.sample_rate.si)
+    motion, rate = MotionMessages(loaded, 72, BOTH), int(loaded.scene.sample_rate.si)
     law = next(iter(loaded.laws.values()))
     follower = FollowerParameters.from_rig(loaded.rig)
     for start, end, rows in ticks_of(law, follower, 150.0, ticks_per_turn, rate):
@@ -157,7 +146,7 @@ def test_messages_are_byte_for_byte_what_rosbags_writes(make_loaded_scene, ticks
         expected = [
             (topic, int(time_ns), by_rosbags(topic, time_ns, i, n))
             for n, time_ns in enumerate(i.time_ns)
-            for topic in (topics.JOINT_STATES, topics.FOLLOWER_CONTACT)
+            for topic in BOTH
         ]
         assert [tuple(message) for message in found] == expected
 
@@ -165,7 +154,7 @@ def test_messages_are_byte_for_byte_what_rosbags_writes(make_loaded_scene, ticks
 def test_only_what_is_wanted_is_made(make_loaded_scene, follower):
     """Of the same bytes; nothing of a cam that the scene lacks."""
     loaded = make_loaded_scene()
-    motion, rate = MotionMessages(loaded), int(loaded.scene.sample_rate.si)
+    motion, rate = MotionMessages(loaded, topics=BOTH), int(loaded.scene.sample_rate.si)
     tick = next(ticks_of(next(iter(loaded.laws.values())), follower, 150.0, 1, rate))
     everything = motion.moved(*tick)
     wanted = motion.moved(*tick, wanted={topics.FOLLOWER_CONTACT})
@@ -178,16 +167,13 @@ def test_only_what_is_wanted_is_made(make_loaded_scene, follower):
 
 def test_a_template_needs_every_number_in_its_example():
     """One that is not there could not be put in its place."""
-    kind = "std_msgs/msg/Float64"
-    assert CdrTemplate(kind, TYPES.types[kind], 1).fill(np.array([5]), np.array([math.pi])) == [
-        bytes(TYPES.serialize_cdr(TYPES.types[kind](math.pi), kind))
-    ]
+    example = lambda number: new("std_msgs/Float64", number)  # noqa: E731
+    made = CdrTemplate("std_msgs/msg/Float64", example, 1)
+    assert made.fill(np.array([5]), np.array([math.pi])) == [serialize(example(math.pi))]
     with pytest.raises(ValueError, match="lacks one of its 2 numbers"):
-        CdrTemplate(kind, lambda one, _two: TYPES.types[kind](one), 2)
-    assert example_header("cam").frame_id == "cam"
+        CdrTemplate("std_msgs/msg/Float64", lambda one, _two: example(one), 2)
 
 
-@pytest.mark.parametrize("points", [1, 72, 900, 3600])
-def test_the_publishers_keep_four_turns(points):
+def test_the_publishers_keep_four_turns():
     """A tick of one turn comes at once, with two messages more than its points."""
-    assert motion_depth(points) >= 4 * (points + 2)
+    assert all(motion_depth(points) >= 4 * (points + 2) for points in (1, 72, 900, 3600))

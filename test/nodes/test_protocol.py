@@ -18,7 +18,7 @@ from cam_rig.bag.completeness import require_complete
 from cam_rig.bag.reader import read_counts, read_recording
 from cam_rig.errors import RunError
 from cam_rig.messages import topics
-from cam_rig.messages.serialization import RawMessages
+from cam_rig.messages.serialization import read_message
 from cam_rig.nodes import rig_node
 from cam_rig.nodes.convert import ResendBuffer, message_class
 from cam_rig.nodes.rig_node import RigPublisher
@@ -126,17 +126,17 @@ def test_what_a_subscriber_gets_is_what_the_bag_holds(
         user.call("/cam_drive/start")
         for _ in here.progress():
             is_received()
-    payloads, plain = rig.payloads(bag), RawMessages()
+    payloads = rig.payloads(bag)
 
     def is_drained():  # a spin takes one message of those that wait
         is_received()
-        known = {t.name: {plain.read(t, cdr)[1] for cdr in mounted[t.name]} for t in MOUNTED}
+        known = {t.name: {read_message(t, cdr)[1] for cdr in mounted[t.name]} for t in MOUNTED}
         return all(found.values()) and all(known[n] >= set(payloads[n]) for n in known)
 
     wait_for(is_drained)
     for topic in (*KINDS, *MOUNTED):  # DDS fills the last four bytes up
         got = (found | mounted)[topic.name]
-        got[:] = [plain.read(topic, cdr)[1] for cdr in got]
+        got[:] = [read_message(topic, cdr)[1] for cdr in got]
     for name, got in found.items():
         recorded = payloads[name]
         assert recorded == undisturbed[name]

@@ -10,7 +10,7 @@ import pytest
 from cam_rig.bag.reader import messages, read_ticks
 from cam_rig.messages import topics
 from cam_rig.messages.codec import cam_state_of
-from cam_rig.messages.serialization import RawMessages, stamp_of
+from cam_rig.messages.serialization import read_message, stamp_of
 from cam_rig.nodes.convert import message_class
 from cam_rig.runner.graph import Graph
 
@@ -159,9 +159,8 @@ def test_a_paced_run_is_seen_evenly_and_recorded_as_any(
     states = [cam_state_of(m).time_ns for _, _, m in messages(bag, (topics.CAM_STATE,))]
     assert set(states) <= {stamp_of(cdr) for _, cdr in seen.heard[topics.CLOCK]}
     assert len(clock) > 1.5 * len(states)  # it goes on between them
-    raw = RawMessages()
     for _, cdr in seen.heard[topics.JOINT_STATES]:
-        message, stamp = raw.read(topics.JOINT_STATES, cdr)[0], stamp_of(cdr) * 1e-9
+        message, stamp = read_message(topics.JOINT_STATES, cdr)[0], stamp_of(cdr) * 1e-9
         sample = np.abs(rows[0] - stamp).argmin()
         assert abs(rows[0, sample] - stamp) < 2e-9
         assert (message.position[1], message.velocity[1], message.effort[1]) == tuple(

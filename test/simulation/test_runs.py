@@ -9,8 +9,8 @@ from ruamel.yaml import YAML
 from cam_rig.acoustics import level_db, steady_power
 from cam_rig.dynamics import MODELS, Interval, TwoMassParameters
 from cam_rig.errors import ConfigError
+from cam_rig.live.drive import SetpointSchedule
 from cam_rig.live.queues import FollowerQueue, TickMatcher
-from cam_rig.live.setpoints import SetpointSchedule
 from cam_rig.schema import load_rig
 from cam_rig.schema.load import config_root
 from cam_rig.simulation.scene import open_scene

@@ -11,7 +11,7 @@ from typing import Any
 
 from cam_rig.acoustics import RadiationParameters
 from cam_rig.errors import RefusedError, RunError
-from cam_rig.live.line_socket import MAX_LINE, line_of, read_line
+from cam_rig.live.sockets import MAX_LINE, line_of, read_line
 from cam_rig.panel.bench.live_state import LiveState, PageSound
 from cam_rig.panel.bench.runner import SAMPLE_RATE, BenchRunner, Setup, add_cam
 from cam_rig.schema import CamConfig

@@ -1,30 +1,31 @@
 """A bag is a rosbag2 directory that others can read, and never overwrites."""
 
+import json
 import os
+import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
+import yaml
 from rosbags.highlevel import AnyReader
-from rosbags.typesys import Stores, get_typestore
-from ruamel.yaml import YAML
 
+from cam_rig.bag import file_writer
 from cam_rig.bag.files import is_closed, is_unclosed, mcap_file
 from cam_rig.bag.partial_reader import PartialReader
 from cam_rig.bag.reader import messages, read_counts, read_scene
-from cam_rig.bag.recorder import BagRecorder
+from cam_rig.bag.recorder import BagRecorder, versions
 from cam_rig.bag.writer import BagWriter
 from cam_rig.errors import BagError
 from cam_rig.messages import topics
-from cam_rig.schema.load import config_root
+from cam_rig.messages.serialization import new, serialize
 from cam_rig.simulation.scene import open_scene
 
-TYPES = get_typestore(Stores.ROS2_KILTED)
+from .bags import LOADED, QUICK
 
 
 def level(value):
-    return bytes(
-        TYPES.serialize_cdr(TYPES.types["std_msgs/msg/Float64"](value), "std_msgs/msg/Float64")
-    )
+    return serialize(new("std_msgs/Float64", value))
 
 
 def test_a_bag_reads_back_with_another_reader(tmp_path):
@@ -41,16 +42,12 @@ def test_a_bag_reads_back_with_another_reader(tmp_path):
     assert read_counts(tmp_path / "bag") == {"/microphone/level": 5}
 
 
-def test_an_existing_folder_is_not_overwritten(tmp_path):
-    """A recording is never replaced by another."""
+def test_a_place_that_cannot_be_written_is_named(tmp_path):
+    """A recording is never replaced by another, and a bag under a file is no place for a bag."""
     (tmp_path / "bag").mkdir()
     with pytest.raises(BagError, match="exists already, not overwriting"):
         BagWriter(tmp_path / "bag")
     assert list((tmp_path / "bag").iterdir()) == []
-
-
-def test_a_place_that_cannot_be_written_is_named(tmp_path):
-    """A bag under a file is no place for a bag."""
     (tmp_path / "file").write_text("x")
     with pytest.raises(BagError, match="file/bag"):
         BagWriter(tmp_path / "file" / "bag")
@@ -62,16 +59,6 @@ def test_a_bag_of_somebody_else_is_refused(tmp_path):
         bag.write(topics.LEVEL, 0, level(70.0))
     with pytest.raises(BagError, match="no scene attached"):
         read_scene(tmp_path / "bag")
-
-
-def test_an_attachment_cannot_leave_its_folder(tmp_path):
-    """A hostile bag must not write outside the folder it is unpacked in."""
-    with BagWriter(tmp_path / "bag") as bag:
-        bag.attach("../../evil.yaml", b"x: 1")
-        bag.write(topics.LEVEL, 0, level(70.0))
-    with pytest.raises(BagError, match="points elsewhere"):
-        read_scene(tmp_path / "bag")
-    assert not (tmp_path / "evil.yaml").exists()
 
 
 def test_missing_and_truncated_bags_are_named(tmp_path):
@@ -96,7 +83,7 @@ def test_a_bag_has_its_metadata_from_the_start(tmp_path):
     """Other readers find a bag of the rig's topics, though nothing is counted yet."""
     with BagWriter(tmp_path / "bag") as bag:
         bag.write(topics.LEVEL, 7, level(70.0))
-        about = YAML(typ="safe").load((tmp_path / "bag" / "metadata.yaml").read_bytes())
+        about = yaml.safe_load((tmp_path / "bag" / "metadata.yaml").read_bytes())
         information = about["rosbag2_bagfile_information"]
         assert information["relative_file_paths"] == ["bag_0.mcap"]
         assert information["message_count"] == 0
@@ -152,8 +139,7 @@ def test_a_message_alone_is_flushed(tmp_path, monkeypatch):
     """A diagnosis while the rig stands: half a second later a killed recorder cannot lose it."""
     now = [100.0]
     monkeypatch.setattr("cam_rig.bag.file_writer.time.monotonic", lambda: now[0])
-    loaded = open_scene(config_root() / "scenes" / "quick.yaml")
-    recorder = BagRecorder(tmp_path / "bag", loaded)
+    recorder = BagRecorder(tmp_path / "bag", LOADED)
     recorder._writer.write(topics.DIAGNOSTICS, 1, b"\0\1\0\0" + bytes(20))
     assert b"/diagnostics" not in mcap_file(tmp_path / "bag").read_bytes()
     now[0] += 0.6
@@ -161,3 +147,41 @@ def test_a_message_alone_is_flushed(tmp_path, monkeypatch):
     saved = PartialReader(mcap_file(tmp_path / "bag"))
     assert [r[1].topic for r in saved.records() if isinstance(r, tuple)] == ["/diagnostics"]
     recorder.close()
+
+
+def test_a_bag_is_read_wherever_its_scene_was(tmp_path, monkeypatch):
+    """Named by its path from here, or from the root: cams and rig come from the shipped ones."""
+    monkeypatch.chdir(tmp_path)
+    scene = open_scene(QUICK).scene
+    for number, place in enumerate(("", "mine", "cams", "scenes", "lab/rigs")):
+        own = Path(place) / "own.yaml"
+        (tmp_path / place).mkdir(parents=True, exist_ok=True)
+        shutil.copy(QUICK, own)
+        bag = tmp_path / f"bag{number}"
+        BagRecorder(bag, open_scene(own if number % 2 else tmp_path / own)).close()
+        read = read_scene(bag)
+        assert read.scene == scene
+        assert read.scene_file.name == "own.yaml"
+
+
+def test_the_distribution_is_the_sourced_one_else_the_wheels(monkeypatch):
+    """Or unknown: a bag can be recovered where no ROS is."""
+    wheels = ["numpy", "ros-jazzy-std-msgs", "ros_jazzy_rclpy"]
+    there = [SimpleNamespace(name=name) for name in wheels]
+    monkeypatch.setattr(file_writer, "distributions", lambda: there)
+
+    def said():
+        """In metadata.yaml, and the key of rclpy in versions.json."""
+        file_writer._of_wheels.cache_clear()
+        content = file_writer.FileContent("bag_0.mcap", first=7, last=9)
+        about = yaml.safe_load(file_writer.metadata([content]))["rosbag2_bagfile_information"]
+        (rclpy,) = (key for key in json.loads(versions()) if key.endswith("-rclpy"))
+        return about["ros_distro"], rclpy
+
+    monkeypatch.setenv("ROS_DISTRO", "rolling")
+    assert said() == ("rolling", "ros-rolling-rclpy")
+    monkeypatch.delenv("ROS_DISTRO")
+    assert said() == ("jazzy", "ros-jazzy-rclpy")
+    there.pop()
+    assert said() == ("unknown", "ros-unknown-rclpy")
+    file_writer._of_wheels.cache_clear()

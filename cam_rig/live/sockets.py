@@ -1,4 +1,4 @@
-"""A socket of JSON lines between a page's server and the node that passes its commands on."""
+"""Sockets of one machine: its loopback, and JSON lines between a page's server and a node."""
 
 from __future__ import annotations
 
@@ -9,6 +9,22 @@ from typing import Any
 
 from cam_rig.errors import ConfigError, RunError
 
+LOOPBACK = "127.0.0.1"
+
+
+def require_loopback() -> None:
+    """Refuse a machine without it: nodes, and the servers of pages, speak over it."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asked:
+        try:
+            asked.bind((LOOPBACK, 0))
+            asked.connect(asked.getsockname())
+        except OSError as error:
+            raise RunError(
+                f"the loopback interface, {LOOPBACK}: is down or missing ({error.strerror}); "
+                "needed by the nodes and the pages, so: ip link set lo up"
+            ) from None
+
+
 #: Bytes of a line, at most: a second of sound at the highest sample rate fits.
 MAX_LINE = 1 << 24
 #: Bytes that may wait to be sent; a server that takes nothing for so long has stopped.
@@ -17,12 +33,7 @@ _CHUNK = 1 << 16
 
 
 class LineSocket:
-    """The node's end of the socket at ``path``; it never waits.
-
-    Raises
-    ------
-    ConfigError : nobody listens there
-    """
+    """The node's end of the socket at ``path``; it never waits."""
 
     def __init__(self, path: Path) -> None:
         self._socket = socket.socket(socket.AF_UNIX)

@@ -8,41 +8,20 @@ import yaml
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
+from rosbags.rosbag2.metadata import parse_qos
 
+from cam_rig.bag.file_writer import NEVER
 from cam_rig.bag.files import is_unclosed, mcap_files
-from cam_rig.bag.reader import raw_messages, read_counts, read_recording, read_samples
-from cam_rig.bag.recorder import BagRecorder
+from cam_rig.bag.reader import read_counts, read_recording
 from cam_rig.bag.recover import recover
 from cam_rig.bag.replay import compare, played
 from cam_rig.bag.split import Split
 from cam_rig.errors import BagError, ConfigError
-from cam_rig.messages.topics import CAM_STATE, DIAGNOSTICS, RECORDING
-from cam_rig.schema.load import config_root
-from cam_rig.simulation.scene import open_scene
+from cam_rig.messages.topics import CAM_STATE, DIAGNOSTICS
 
-NAMES = {topic.name for topic in RECORDING}
-#: By rig time, and by bytes: the golden run has 16 ticks in 2.5 s, of about 20 kB each.
-SPLITS = [Split(duration=0.5), Split(size=60_000)]
+from .bags import payloads, record
 
-
-@pytest.fixture(scope="module")
-def loaded():
-    return open_scene(config_root() / "scenes" / "quick.yaml")
-
-
-def record(bag, loaded, golden, split=None):
-    recorder = BagRecorder(bag, loaded, split=split)
-    for topic, number, cdr in golden:
-        recorder.take(topic, cdr, b"live", number)
-    return recorder
-
-
-def payloads(bag):
-    """Every message by topic, in order."""
-    found = {}
-    for connection, time, data in raw_messages(bag, NAMES):
-        found.setdefault(connection.topic, []).append((time, bytes(data)))
-    return found
+FAST = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 def summary(file):
@@ -50,46 +29,26 @@ def summary(file):
         return make_reader(stream).get_summary()
 
 
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory, loaded, golden):
-    """The recording in one file."""
-    bag = tmp_path_factory.mktemp("whole") / "bag"
-    record(bag, loaded, golden).close()
-    return bag
-
-
-@pytest.fixture(scope="module", params=SPLITS, ids=["by time", "by size"])
-def split(tmp_path_factory, loaded, golden, request):
-    """The same recording in several files."""
-    bag = tmp_path_factory.mktemp("split") / "bag"
-    record(bag, loaded, golden, request.param).close()
-    return bag
-
-
-@pytest.mark.variants(1)
 def test_the_files_read_as_one(whole, split):
-    """Analysis, samples, replay and comparison find what they find in one file.
-
-    A diagnosis that came after its file had ended is in the next one.
-    """
+    """Analysis, replay and comparison find what they find in one file."""
     names = [file.name for file in mcap_files(split)]
-    assert len(names) > 2 and names == [f"bag_{number}.mcap" for number in range(len(names))]
+    assert names == [f"bag_{number}.mcap" for number in range(len(names))]
     assert not is_unclosed(split)
-    one, other = payloads(whole), payloads(split)
-    assert sorted(other.pop(DIAGNOSTICS.name)) == sorted(one.pop(DIAGNOSTICS.name))
-    assert other == one
+    assert payloads(split) == payloads(whole)
     assert read_counts(split) == read_counts(whole)
     one, other = read_recording(whole), read_recording(split)
     assert other.ticks == one.ticks and len(one.ticks) == 16
-    assert len(list(read_samples(split))) == 16
     assert all(entry.difference == 0.0 for entry in compare(whole, split))
     assert list(played(split)) == list(played(whole))
 
 
+def listed(bag):
+    return yaml.load((bag / "metadata.yaml").read_bytes(), FAST)["rosbag2_bagfile_information"]
+
+
 def test_metadata_lists_every_file_with_its_own_times_and_counts(split):
     """What rosbag2 reads: names in order, starts, durations, counts; the sums of all of them."""
-    about = yaml.safe_load((split / "metadata.yaml").read_bytes())["rosbag2_bagfile_information"]
-    files = mcap_files(split)
+    about, files = listed(split), mcap_files(split)
     assert about["relative_file_paths"] == [file.name for file in files]
     for entry, file in zip(about["files"], files, strict=True):
         statistics = summary(file).statistics
@@ -104,6 +63,65 @@ def test_metadata_lists_every_file_with_its_own_times_and_counts(split):
     with AnyReader([split]) as reader:
         assert reader.message_count == about["message_count"]
         assert Counter(c.topic for c, _, _ in reader.messages()) == read_counts(split)
+
+
+#: The keys of BagMetadata in rosbag2_storage/yaml.hpp, in its order, of each of its files, and of
+#: each topic.
+KEYS = [
+    *("version", "storage_identifier", "duration", "starting_time", "message_count"),
+    *("topics_with_message_count", "compression_format", "compression_mode"),
+    *("relative_file_paths", "files", "custom_data", "ros_distro"),
+]
+FILE_KEYS = {"path", "starting_time", "duration", "message_count"}
+TOPIC_KEYS = [
+    *("name", "type", "serialization_format"),
+    *("offered_qos_profiles", "type_description_hash"),
+]
+
+
+def records(bag):
+    """What rosbag2 reads a file without its folder by: of each file, its records in order."""
+    for file in mcap_files(bag):
+        with file.open("rb") as stream:
+            found = list(make_reader(stream).iter_metadata())
+        assert [record.name for record in found] == ["rosbag2", "rosbag2"]
+        assert all(list(record.metadata) == ["serialized_metadata"] for record in found)
+        yield file, *(yaml.load(record.metadata["serialized_metadata"], FAST) for record in found)
+
+
+def test_each_file_describes_the_bag_at_its_begin_and_at_its_end(split):
+    """As rosbag2's storage plugin does: the begin says that nothing is written yet.
+
+    The last file's end says what metadata.yaml says, an earlier one's the bag so far.
+    """
+    names, total = [], 0
+    for file, begin, about in records(split):
+        for found in (begin, about):
+            assert list(found) == KEYS
+            assert all(set(entry) == FILE_KEYS for entry in found["files"])
+            topics = [entry["topic_metadata"] for entry in found["topics_with_message_count"]]
+            assert all(list(topic) == TOPIC_KEYS for topic in topics)
+            assert found["version"] == 9 and found["storage_identifier"] == "mcap"
+            assert found["ros_distro"] == "kilted"
+            for topic in topics:
+                (qos,) = parse_qos(topic["offered_qos_profiles"])
+                assert qos.reliability.name == "RELIABLE"
+        assert begin["message_count"] == total
+        with Reader(file) as reader:
+            total += reader.message_count
+        names.append(file.name)
+        assert about["relative_file_paths"] == names and about["message_count"] == total
+        if len(names) == 1:  # a time that never comes, no message, no topic
+            assert begin["starting_time"] == {"nanoseconds_since_epoch": NEVER}
+            assert begin["duration"] == {"nanoseconds": 0}
+            assert begin["relative_file_paths"] == names
+            assert begin["topics_with_message_count"] == []
+    assert about == listed(split)
+    counted = {
+        entry["topic_metadata"]["name"]: entry["message_count"]
+        for entry in about["topics_with_message_count"]
+    }
+    assert counted == read_counts(split)
 
 
 def test_a_file_stands_alone(split):
@@ -136,13 +154,21 @@ def test_no_tick_is_divided(split):
         assert max(one) <= min(later)  # where a tick begins, its first instant is
 
 
-def test_the_limits_are_kept(split, tmp_path, loaded, golden):
-    """A file ends with the first tick that comes to a limit."""
-    record(tmp_path / "bag", loaded, golden, Split(duration=0.5)).close()
-    for file in mcap_files(tmp_path / "bag"):
+@pytest.mark.parametrize("limit", [Split(duration=0.7), Split(size=60_000)], ids=["s", "bytes"])
+def test_the_limits_are_kept(tmp_path, golden, limit):
+    """A file ends with the first tick that comes to a limit; one has about 20 kB."""
+    record(tmp_path / "bag", golden, split=limit, points_per_turn=12).close()
+    files = mcap_files(tmp_path / "bag")
+    assert len(files) > 2
+    for file in files:
         with Reader(file) as reader:
-            times = [time for c, time, _ in reader.messages() if c.topic == CAM_STATE.name]
-        assert times[-1] - times[0] <= 0.5e9
+            found = [(c.topic, time, len(data)) for c, time, data in reader.messages()]
+        times = [time for topic, time, _ in found if topic == CAM_STATE.name]
+        if limit.duration:
+            assert times[-1] - times[0] <= 0.7e9
+        else:  # all but the last tick together have less
+            before = max(times[:-1], default=-1)
+            assert sum(size for _, time, size in found if time <= before) < limit.size
 
 
 def test_a_split_bag_is_recovered_into_one_file(whole, split, tmp_path):
@@ -150,8 +176,7 @@ def test_a_split_bag_is_recovered_into_one_file(whole, split, tmp_path):
     saved = recover(split, tmp_path / "copy")
     assert "nothing lost" in saved.words
     assert len(mcap_files(tmp_path / "copy")) == 1
-    one, other = payloads(whole), payloads(tmp_path / "copy")
-    assert other == one
+    assert payloads(tmp_path / "copy") == payloads(whole)
 
 
 def test_a_file_that_is_missing_is_named(split, tmp_path):
@@ -168,19 +193,15 @@ def test_a_file_that_is_missing_is_named(split, tmp_path):
     assert read_counts(bag / "bag_2.mcap")
 
 
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("100MB", Split(size=100_000_000)),
-        ("1.5 GiB", Split(size=1_610_612_736)),
-        ("60s", Split(duration=60.0)),
-        ("10min", Split(duration=600.0)),
-        ("2 h", Split(duration=7200.0)),
-    ],
-)
-def test_a_limit_by_words(text, expected):
-    """A size or a duration, with its unit."""
-    assert Split.parsed(text) == expected
+def test_a_limit_by_words():
+    for text, expected in {
+        "100MB": Split(size=100_000_000),
+        "1.5 GiB": Split(size=1_610_612_736),
+        "60s": Split(duration=60.0),
+        "10min": Split(duration=600.0),
+        "2 h": Split(duration=7200.0),
+    }.items():
+        assert Split.parsed(text) == expected
 
 
 @pytest.mark.parametrize(
@@ -197,6 +218,5 @@ def test_a_limit_by_words(text, expected):
     ],
 )
 def test_a_limit_that_is_none_is_refused(text, words):
-    """What was given, and what may be."""
     with pytest.raises(ConfigError, match=words):
         Split.parsed(text)

@@ -1,0 +1,177 @@
+"""Recordings of the golden run, whole and cut off, and files in whose writing something happens."""
+
+import io
+import os
+import signal
+import time
+import traceback
+from itertools import count
+from pathlib import Path
+
+import numpy as np
+
+from cam_rig.bag import files
+from cam_rig.bag.files import mcap_file
+from cam_rig.bag.reader import raw_messages
+from cam_rig.bag.recorder import BagRecorder
+from cam_rig.messages.topics import RECORDING
+from cam_rig.schema.load import config_root
+from cam_rig.simulation.scene import open_scene
+
+GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
+BY_NAME = {topic.name: topic for topic in RECORDING}
+QUICK = config_root() / "scenes" / "quick.yaml"
+#: The scene of the golden bag.
+LOADED = open_scene(QUICK)
+
+
+def record(bag, golden, **how):
+    """A recorder that has taken all, not closed."""
+    recorder = BagRecorder(bag, LOADED, **how)
+    for topic, number, cdr in golden:
+        recorder.take(topic, cdr, b"live", number)
+    return recorder
+
+
+def payloads(bag):
+    """Every message by topic, in its order; diagnoses may be in the file after theirs."""
+    found = {}
+    for connection, at, data in raw_messages(bag, set(BY_NAME)):
+        found.setdefault(connection.topic, []).append((at, bytes(data)))
+    if "/diagnostics" in found:
+        found["/diagnostics"].sort()
+    return found
+
+
+def cut_off(bag, size, source=GOLDEN):
+    """A bag of which so many bytes were written, or such a part of them."""
+    data = mcap_file(source).read_bytes()
+    bag.mkdir()
+    (bag / f"{bag.name}_0.mcap").write_bytes(data[: int(size * len(data)) if size < 1 else size])
+    return bag
+
+
+class WrappedFile(io.RawIOBase):
+    """An unbuffered file in front of ``raw``; what is written is for a subclass to say."""
+
+    def __init__(self, raw):
+        self._raw = raw
+        self.name = raw.name
+
+    def writable(self):
+        return True
+
+    def seekable(self):
+        return True
+
+    def fileno(self):
+        return self._raw.fileno()
+
+    def tell(self):
+        return self._raw.tell()
+
+    def seek(self, place, whence=0):
+        return self._raw.seek(place, whence)
+
+    def truncate(self, size=None):
+        return self._raw.truncate(size)
+
+    def close(self):
+        self._raw.close()
+        super().close()
+
+
+class Dying(WrappedFile):
+    """A file in whose writing a process may be killed: before, halfway, after."""
+
+    def __init__(self, raw, step):
+        super().__init__(raw)
+        self._step = step
+
+    def write(self, data):
+        data = bytes(data)
+        self._step()
+        half = self._raw.write(data[: len(data) // 2])
+        self._step()
+        return half + self._raw.write(data[half:])
+
+    def truncate(self, size=None):
+        self._step()
+        return super().truncate(size)
+
+
+def _arm(step):
+    """From now on this process takes a step at each of its doings with files."""
+
+    def around(function):
+        def stepped(*arguments, **named):
+            step()
+            result = function(*arguments, **named)
+            step()
+            return result
+
+        return stepped
+
+    for name in ("fsync", "replace", "rename", "unlink", "mkdir", "rmdir"):
+        setattr(os, name, around(getattr(os, name)))
+    create = around(files.create)
+    files.create = lambda file: io.BufferedWriter(Dying(create(file).detach(), step))
+
+
+def _forked(action, step):
+    """Do something in a process of its own, with its steps on files; how that ended."""
+    child = os.fork()
+    if child == 0:
+        code = 3
+        try:
+            _arm(step)
+            action()
+            code = 0
+        except BaseException:
+            traceback.print_exc()
+        finally:
+            os._exit(code)
+    _, status = os.waitpid(child, 0)
+    assert os.WIFSIGNALED(status) or os.WEXITSTATUS(status) == 0
+    return status
+
+
+def killed_bags(prepare, some):
+    """What is left of something that was killed: at ``some`` of its steps, evenly spread; 0: all.
+
+    ``prepare(name)`` gives a new bag and what is to be done with it.
+    """
+    seen, steps = os.pipe(), count()
+    _forked(prepare("rehearsal")[1], lambda: os.write(seen[1], b"."))
+    last = len(os.read(seen[0], 1 << 16)) - 1
+    assert last > 10
+    moments = np.linspace(0, last - 1, some or last).round().astype(int).tolist()
+
+    def die_at(moment):
+        if next(steps) == moment:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    for moment in moments:
+        bag, action = prepare(str(moment))
+        if os.WIFSIGNALED(_forked(action, lambda at=moment: die_at(at))):
+            yield bag
+        else:  # a flush by the clock more or less
+            assert moment > 0.8 * last
+
+
+class Frugal:
+    """What is done inside takes no more than 500 MB and 10 s of the processor."""
+
+    def __enter__(self):
+        Path("/proc/self/clear_refs").write_text("5", encoding="ascii")  # resets the peak
+        self._before, self._begun = peak_mb(), time.process_time()
+
+    def __exit__(self, kind, *_):
+        if kind is None:
+            assert peak_mb() - self._before < 500
+            assert time.process_time() - self._begun < 10
+
+
+def peak_mb():
+    lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith("VmHWM")) / 1024

@@ -1,0 +1,38 @@
+"""Robots with each kind of follower."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from cam_rig.messages.frames import Robot
+from cam_rig.messages.urdf import urdf
+from cam_rig.simulation.scene import open_scene
+
+CONFIG = Path(__file__).parents[2] / "config"
+#: One cam of each kind of follower that a rig turns.
+KINDS = (
+    "poly345",
+    "eccentric_roller",
+    "flat",
+    "inclined_flat",
+    "oscillating_point",
+    "oscillating_roller",
+    "oscillating_flat",
+)
+
+
+@pytest.fixture(scope="session")
+def scene_of_kinds():
+    """A scene that an operator has mounted a cam of each kind in."""
+    loaded = open_scene(CONFIG / "scenes" / "quick.yaml")
+    for name in KINDS:
+        loaded.mount(name)
+    return loaded
+
+
+@pytest.fixture(scope="session", params=KINDS)
+def kind(request, scene_of_kinds):
+    """The rig with each kind of follower in turn, and its URDF."""
+    robot = Robot.of(scene_of_kinds, request.param)
+    return SimpleNamespace(robot=robot, urdf=urdf(robot))
