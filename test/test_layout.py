@@ -10,7 +10,6 @@ MAX_FILE, MAX_FUNCTION = 450, 60
 
 
 def test_a_class_name_is_defined_once():
-    """Who reads or searches for a class finds the one there is."""
     names = Counter(
         node.name
         for path in PACKAGE

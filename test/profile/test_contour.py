@@ -12,84 +12,85 @@ from .conftest import OPPOSITE, UNEVEN, make
 STEP = 1e-5
 
 
-def test_uniform_contour_is_the_one_at_its_angles(made):
-    """The fast way to sample a turn gives the same points."""
-    fast, slow = contours(made.cam.follower, made.law, 720), made.contours(turn_angles(720))
-    for one, other in zip(fast, slow, strict=True):
-        np.testing.assert_allclose(one.points, other.points, rtol=0, atol=1e-15)
-        np.testing.assert_allclose(one.pressure, other.pressure, rtol=0, atol=1e-12)
+def test_uniform_contour_is_the_one_at_its_angles(every_kind):
+    for made in every_kind:
+        fast, slow = contours(made.cam.follower, made.law, 720), made.contours(turn_angles(720))
+        for one, other in zip(fast, slow, strict=True):
+            np.testing.assert_allclose(one.points, other.points, rtol=0, atol=1e-15)
+            np.testing.assert_allclose(one.pressure, other.pressure, rtol=0, atol=1e-12)
 
 
-def test_rate_and_tangent_are_the_derivative(made, angles):
+def test_rate_and_tangent_are_the_derivative(every_kind, angles):
     """dP/dθ is along the tangent, at the rate, to the error of a central difference."""
-    ahead, behind = made.contours(angles + STEP), made.contours(angles - STEP)
-    for here, fore, aft in zip(made.contours(angles), ahead, behind, strict=True):
-        difference = (fore.points - aft.points) / (2.0 * STEP)
-        np.testing.assert_allclose(here.rate * here.tangent, difference, rtol=0, atol=2e-8)
-        np.testing.assert_allclose(np.hypot(*here.normal), 1.0, rtol=1e-14)
+    for made in every_kind:
+        ahead, behind = made.contours(angles + STEP), made.contours(angles - STEP)
+        for here, fore, aft in zip(made.contours(angles), ahead, behind, strict=True):
+            difference = (fore.points - aft.points) / (2.0 * STEP)
+            np.testing.assert_allclose(here.rate * here.tangent, difference, rtol=0, atol=2e-8)
+            np.testing.assert_allclose(np.hypot(*here.normal), 1.0, rtol=1e-14)
 
 
-def test_curvature_is_the_turn_of_the_normal(made, angles):
+def test_curvature_is_the_turn_of_the_normal(every_kind, angles):
     """r_c = way along the contour a rad of the normal; clockwise turns are convex."""
-    ahead, behind = made.contours(angles + STEP), made.contours(angles - STEP)
-    for here, fore, aft in zip(made.contours(angles), ahead, behind, strict=True):
-        change = (fore.normal - aft.normal) / (2.0 * STEP)
-        turning = np.sum(change * here.tangent, axis=0)
-        np.testing.assert_allclose(here.rate / here.radius, turning, rtol=0, atol=1e-6)
+    for made in every_kind:
+        ahead, behind = made.contours(angles + STEP), made.contours(angles - STEP)
+        for here, fore, aft in zip(made.contours(angles), ahead, behind, strict=True):
+            change = (fore.normal - aft.normal) / (2.0 * STEP)
+            turning = np.sum(change * here.tangent, axis=0)
+            np.testing.assert_allclose(here.rate / here.radius, turning, rtol=0, atol=1e-6)
 
 
-def test_normal_velocities_agree(made, angles):
-    """Along the normal cam and follower move alike: nothing enters, nothing parts."""
-    turn = np.exp(1j * angles)
-    for contour in made.contours(angles):
-        normal = (contour.normal[0] + 1j * contour.normal[1]) * turn
-        point = (contour.points[0] + 1j * contour.points[1]) * turn
-        of_cam = (normal * (1j * point).conj()).real
-        slope, element = made.law(angles, 1), contour.disc.element
-        if hasattr(element, "pivot"):  # the arm lifts by turning clockwise
-            velocity = 1j * (element.pivot - point) * slope / element.arm
-        else:
-            velocity = 1j * slope
-        of_follower = (normal * velocity.conj()).real
-        np.testing.assert_allclose(of_cam, of_follower, rtol=0, atol=1e-15)
+def test_normal_velocities_agree(every_kind, angles):
+    for made in every_kind:
+        turn = np.exp(1j * angles)
+        for contour in made.contours(angles):
+            normal = (contour.normal[0] + 1j * contour.normal[1]) * turn
+            point = (contour.points[0] + 1j * contour.points[1]) * turn
+            of_cam = (normal * (1j * point).conj()).real
+            slope, element = made.law(angles, 1), contour.disc.element
+            if hasattr(element, "pivot"):  # the arm lifts by turning clockwise
+                velocity = 1j * (element.pivot - point) * slope / element.arm
+            else:
+                velocity = 1j * slope
+            of_follower = (normal * velocity.conj()).real
+            np.testing.assert_allclose(of_cam, of_follower, rtol=0, atol=1e-15)
 
 
-@pytest.mark.parametrize("eccentricity", [-6.0, 0.0, 9.0])
-def test_roller_equations(eccentricity, angles):
+def test_roller_equations(angles):
     """Eq. 2.19-2.25 for the pitch curve, 2.46 for its radius, tan φ = (d' − ε)/d."""
-    made = make("roller", UNEVEN, eccentricity=eccentricity)
-    e, prime, roller = eccentricity * 1e-3, 0.048, 0.008
-    s, v, a = (made.law(angles, order) for order in range(3))
-    d = np.sqrt(prime**2 - e**2) + s
-    contour = made.contours(angles)[0]
-    sine, cosine = np.sin(angles), np.cos(angles)
-    pitch = np.stack([e * cosine + d * sine, -e * sine + d * cosine])
-    np.testing.assert_allclose(contour.pitch, pitch, rtol=0, atol=1e-16)
-    bend = (v - e) * (2 * v - e) - d * (a - d)
-    radius = (d**2 + (v - e) ** 2) ** 1.5 / bend - roller
-    np.testing.assert_allclose(1.0 / contour.radius, 1.0 / radius, rtol=1e-12)
-    np.testing.assert_allclose(np.tan(contour.pressure), (v - e) / d, rtol=0, atol=1e-14)
-    np.testing.assert_allclose(np.hypot(*(contour.points - pitch)), roller, rtol=1e-13)
+    for eccentricity in [-6.0, 0.0, 9.0]:
+        made = make("roller", UNEVEN, eccentricity=eccentricity)
+        e, prime, roller = eccentricity * 1e-3, 0.048, 0.008
+        s, v, a = (made.law(angles, order) for order in range(3))
+        d = np.sqrt(prime**2 - e**2) + s
+        contour = made.contours(angles)[0]
+        sine, cosine = np.sin(angles), np.cos(angles)
+        pitch = np.stack([e * cosine + d * sine, -e * sine + d * cosine])
+        np.testing.assert_allclose(contour.pitch, pitch, rtol=0, atol=1e-16)
+        bend = (v - e) * (2 * v - e) - d * (a - d)
+        radius = (d**2 + (v - e) ** 2) ** 1.5 / bend - roller
+        np.testing.assert_allclose(1.0 / contour.radius, 1.0 / radius, rtol=1e-12)
+        np.testing.assert_allclose(np.tan(contour.pressure), (v - e) / d, rtol=0, atol=1e-14)
+        np.testing.assert_allclose(np.hypot(*(contour.points - pitch)), roller, rtol=1e-13)
 
 
-@pytest.mark.parametrize(("kind", "inclination"), [("flat", 0.0), ("inclined_flat", 12.0)])
-def test_face_equations(kind, inclination, angles):
+def test_face_equations(angles):
     """Eq. 2.17 and 2.40 (corrected), d₀ from base radius, inclination and eccentricity."""
-    made = make(kind, UNEVEN)
-    beta, e, base = np.radians(inclination), 3e-3, made.cam.follower.base_radius.si
-    s, v, a = (made.law(angles, order) for order in range(3))
-    d = (base + e * np.sin(beta)) / np.cos(beta) + s
-    contour = made.contours(angles)[0]
-    own = v * np.cos(beta) + 1j * (d * np.cos(beta) - e * np.sin(beta))
-    point = own * np.exp(1j * (beta - angles))
-    np.testing.assert_allclose(contour.points, [point.real, point.imag], rtol=0, atol=1e-16)
-    radius = (d + a) * np.cos(beta) - e * np.sin(beta)
-    np.testing.assert_allclose(contour.radius, radius, rtol=1e-13)
-    np.testing.assert_allclose(contour.pressure, beta, rtol=0, atol=1e-16)
+    for kind, inclination in [("flat", 0.0), ("inclined_flat", 12.0)]:
+        made = make(kind, UNEVEN)
+        beta, e, base = np.radians(inclination), 3e-3, made.cam.follower.base_radius.si
+        s, v, a = (made.law(angles, order) for order in range(3))
+        d = (base + e * np.sin(beta)) / np.cos(beta) + s
+        contour = made.contours(angles)[0]
+        own = v * np.cos(beta) + 1j * (d * np.cos(beta) - e * np.sin(beta))
+        point = own * np.exp(1j * (beta - angles))
+        np.testing.assert_allclose(contour.points, [point.real, point.imag], rtol=0, atol=1e-16)
+        radius = (d + a) * np.cos(beta) - e * np.sin(beta)
+        np.testing.assert_allclose(contour.radius, radius, rtol=1e-13)
+        np.testing.assert_allclose(contour.pressure, beta, rtol=0, atol=1e-16)
 
 
 def test_eccentricity_of_a_face_leaves_the_contour():
-    """It moves the guide along the face, nothing else."""
     there, here = (make("inclined_flat", UNEVEN, eccentricity=e) for e in (-7.0, 5.0))
     angle = turn_angles(100)
     np.testing.assert_allclose(
@@ -161,23 +162,24 @@ def test_conjugate_cams_on_the_same_prime_circle():
         assert np.hypot(*contour.pitch).min() == pytest.approx(0.058, rel=1e-12)
 
 
-@pytest.mark.parametrize("asked", [None, 80.0])
-def test_conjugate_arms_are_one_rocker(asked, angles):
+def test_conjugate_arms_are_one_rocker(angles):
     """The angle between the arms is 2 γ + s_max / arm, or what the file asks for, all the turn.
 
     It is taken from the rollers' centres as the contours have them, about the pivot's place.
     """
-    made = make("oscillating_conjugate", UNEVEN, **({} if asked is None else {"arms_angle": asked}))
-    pivot = 0.090 * np.exp(-1j * angles)  # in the cam's frame
-    arms = [pivot - (c.pitch[0] + 1j * c.pitch[1]) for c in made.contours(angles)]
-    gamma = np.arccos((0.075**2 + 0.090**2 - 0.048**2) / (2 * 0.075 * 0.090))
-    expected = 2 * gamma + 0.010 / 0.075 if asked is None else np.radians(asked)
-    np.testing.assert_allclose(np.abs(arms), 0.075, rtol=1e-13)
-    np.testing.assert_allclose(np.angle(arms[1] / arms[0]), expected, rtol=1e-13)
+    for asked in [None, 80.0]:
+        made = make(
+            "oscillating_conjugate", UNEVEN, **({} if asked is None else {"arms_angle": asked})
+        )
+        pivot = 0.090 * np.exp(-1j * angles)  # in the cam's frame
+        arms = [pivot - (c.pitch[0] + 1j * c.pitch[1]) for c in made.contours(angles)]
+        gamma = np.arccos((0.075**2 + 0.090**2 - 0.048**2) / (2 * 0.075 * 0.090))
+        expected = 2 * gamma + 0.010 / 0.075 if asked is None else np.radians(asked)
+        np.testing.assert_allclose(np.abs(arms), 0.075, rtol=1e-13)
+        np.testing.assert_allclose(np.angle(arms[1] / arms[0]), expected, rtol=1e-13)
 
 
 def test_conjugate_cams_of_a_rocker_on_the_same_prime_circle():
-    """When no angle is given both pitch curves come down to one circle."""
     made = make("oscillating_conjugate", UNEVEN)
     for contour in contours(made.cam.follower, made.law, 3600):
         assert np.hypot(*contour.pitch).min() == pytest.approx(0.048, rel=1e-12)

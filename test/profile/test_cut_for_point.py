@@ -58,7 +58,6 @@ def test_circle():
 
 @pytest.mark.parametrize("law", [*map(shipped, ("bezier15", "poly345")), random_law(3)])
 def test_a_roller_put_on_the_contour_stands_there(law):
-    """The finished contour as points, the roller lowered onto it: nothing of the law is used."""
     point = GuidedCentre.on_base(BASE, 0.0, 0.0)
     points = Contour.of(Disc("", point), Motion.uniform(law, 7200)).points
     measured = rest(GuidedCentre.on_base(BASE, ROLLER, 0.0), closed_curve(points), ANGLES)
@@ -66,7 +65,6 @@ def test_a_roller_put_on_the_contour_stands_there(law):
 
 
 def test_fifty_digits():
-    """Lift and three derivatives against mpmath, which finds the contact and differentiates."""
     law, found = random_law(5), followed_law(random_law(5), BASE, ROLLER).law
     ordinates = [mp.mpf(float(y)) for y in law.ordinates[:, 0]]
     with mp.workdps(50):
@@ -94,7 +92,6 @@ def test_fifty_digits():
 
 @pytest.mark.parametrize("seed", range(6))
 def test_lift_is_kept_and_never_below(seed):
-    """The contour does not enter the roller: it stands above s, at the extremes of s on it."""
     law = random_law(seed)
     found = followed_law(law, BASE, ROLLER)
     assert (found.law(ANGLES) - law(ANGLES)).min() > -1e-14
@@ -152,7 +149,6 @@ def test_limits():
 
 
 def test_refusals():
-    """A corner, a roller too large for a concave part, no base circle: named, with the remedy."""
     with pytest.raises(ProfileError, match=r"corner at \d+.*allowed: a law without"):
         followed_law(shipped("worked_example_constant_velocity"), BASE, ROLLER)
     with pytest.raises(ProfileError, match="let the roller be smaller or the base circle larger"):

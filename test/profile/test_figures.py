@@ -17,14 +17,14 @@ from cam_rig.schema import CamConfig
 from cam_rig.show.figure import write
 
 
-def test_positions_touch_the_contour(law: Law, cams: dict[str, CamConfig]) -> None:
-    """Every roller, face and point drawn is on the contour, mm, to the picture's chords."""
-    for contour in contours(cams[law.name].follower, law, 7200):
-        ring = LinearRing(contour.points.T * 1e3)
-        for strips in positions(contour.disc.element, law, turn_angles(12)):
-            touching = [strip for strip in strips if len(strip) > 1 and np.ptp(strip) > 0.0]
-            gap = min(LineString(strip).distance(ring) for strip in touching)
-            assert gap < 0.02
+def test_positions_touch_the_contour(followed, cams: dict[str, CamConfig]) -> None:
+    for law in followed.values():
+        for contour in contours(cams[law.name].follower, law, 7200):
+            ring = LinearRing(contour.points.T * 1e3)
+            for strips in positions(contour.disc.element, law, turn_angles(12)):
+                touching = [strip for strip in strips if len(strip) > 1 and np.ptp(strip) > 0.0]
+                gap = min(LineString(strip).distance(ring) for strip in touching)
+                assert gap < 0.02
 
 
 @pytest.mark.variants(2)
@@ -34,7 +34,6 @@ def test_positions_touch_the_contour(law: Law, cams: dict[str, CamConfig]) -> No
 def test_each_kind_is_drawn(
     name: str, cams: dict[str, CamConfig], laws: dict[str, Law], tmp_path: Path
 ) -> None:
-    """A picture of some size for faces, arms, pairs and frames."""
     cam, law = cams[name], laws[name]
     write(figure(cam, law, check_cam(cam, law)), tmp_path / "a.png")
     assert (tmp_path / "a.png").stat().st_size > 50_000
@@ -45,7 +44,6 @@ def test_each_kind_is_drawn(
 def test_as_many_positions_as_asked_for(
     count: int, cams: dict[str, CamConfig], laws: dict[str, Law]
 ) -> None:
-    """The graphical method divides the turn into any number of equal steps; few are all named."""
     cam, law = cams["oscillating_roller"], laws["oscillating_roller"]
     plan = figure(cam, law, check_cam(cam, law), count).axes[0]
     rest, first = (collection.get_segments() for collection in plan.collections[:2])
@@ -74,7 +72,6 @@ def test_the_numbers_are_those_of_the_contour(
 
 
 def test_a_straight_flank_is_marked(cams: dict[str, CamConfig], laws: dict[str, Law]) -> None:
-    """Where the contour is straight, a line along the top says so; nowhere else."""
     curved = figure(cams["arcs_convex"], laws["arcs_convex"], []).axes[1]
     assert not curved.texts
     (contour,) = contours(cams["arcs_straight"].follower, laws["arcs_straight"], 3600)
@@ -88,7 +85,6 @@ def test_a_straight_flank_is_marked(cams: dict[str, CamConfig], laws: dict[str, 
 
 
 def test_rise_and_dwell_are_shaded(cams: dict[str, CamConfig], laws: dict[str, Law]) -> None:
-    """What is shaded adds up to the spans of the cam's dwells and of its rise."""
     cam, law = cams["poly345"], laws["poly345"]
     pressure = figure(cam, law, check_cam(cam, law)).axes[2]
     spans: dict[str, float] = {}
@@ -104,7 +100,6 @@ def test_rise_and_dwell_are_shaded(cams: dict[str, CamConfig], laws: dict[str, L
 def test_the_discs_of_a_pair_have_two_fills(
     cams: dict[str, CamConfig], laws: dict[str, Law]
 ) -> None:
-    """Each in its own colour, the second hatched, so that both are seen where they overlap."""
     cam, law = cams["conjugate"], laws["conjugate"]
     first, second = figure(cam, law, check_cam(cam, law)).axes[0].patches
     assert first.get_facecolor()[:3] != second.get_facecolor()[:3]

@@ -1,17 +1,19 @@
-"""A drawn follower touches its cam where the profile says, and where kinematics says again."""
+"""A drawn follower touches its cam where the profile says; the cam's body and its dial."""
 
 from __future__ import annotations
+
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from cam_rig.laws import Law
-from cam_rig.profile import contours_at, turn_angles
+from cam_rig.profile import contours, contours_at, turn_angles
 from cam_rig.profile.contact import Motion
 from cam_rig.profile.faces import GuidedFace, SwungFace
 from cam_rig.profile.outlines import FollowerShape, Oscillating, follower_shape
 from cam_rig.schema import CamConfig
-from cam_rig.show.looks import turned
+from cam_rig.show.looks import NUMBER, body, closed, ring_numbers, rotation, turned
 from cam_rig.units import FloatArray
 
 #: Beside the joints, where a limit is taken.
@@ -77,7 +79,6 @@ def contact_by_kennedy(shape: FollowerShape, motion: Motion) -> tuple[FloatArray
 
 
 def test_contact_is_where_kennedys_theorem_puts_it(shape: FollowerShape, law_of: Law) -> None:
-    """By the instant centre of cam and follower, which the profile's formulas do not use."""
     motion = Motion.at(law_of, ANGLES)
     for found, expected in zip(
         shape.contact(motion), contact_by_kennedy(shape, motion), strict=True
@@ -86,7 +87,6 @@ def test_contact_is_where_kennedys_theorem_puts_it(shape: FollowerShape, law_of:
 
 
 def test_contact_is_on_the_contour(shape: FollowerShape, cam: CamConfig, law_of: Law) -> None:
-    """Turned into the rig's frame, the contour's point for a cam angle is the point of contact."""
     points, _ = shape.contact(Motion.at(law_of, ANGLES))
     outline = contours_at(cam.follower, law_of, ANGLES)[0].points.T
     expected = np.stack([turned(p[None], a)[0] for p, a in zip(outline, ANGLES, strict=True)])
@@ -96,7 +96,6 @@ def test_contact_is_on_the_contour(shape: FollowerShape, cam: CamConfig, law_of:
 
 
 def test_at_rest_the_follower_touches_the_base_circle(shape: FollowerShape, cam: CamConfig) -> None:
-    """At no lift and no slope the contact is one base radius from the cam's axis."""
     none = np.zeros(1)
     points, normals = shape.contact(Motion(none, none, none, none))
     np.testing.assert_allclose(np.hypot(*points[0]), cam.follower.base_radius.si, rtol=1e-12)
@@ -105,7 +104,6 @@ def test_at_rest_the_follower_touches_the_base_circle(shape: FollowerShape, cam:
 
 
 def test_the_place_moves_by_the_lift(shape: FollowerShape) -> None:
-    """A small rise moves the place as far, the way `upward` says; a face's beside its arm."""
     lift, rise = np.array([LIFT]), np.array([1e-7])
     moved = (shape.place(lift + rise) - shape.place(lift)) / rise
     beside = getattr(shape.element, "offset", 0.0) / getattr(shape.element, "arm", 1.0)
@@ -113,7 +111,6 @@ def test_the_place_moves_by_the_lift(shape: FollowerShape) -> None:
 
 
 def test_the_outline_is_where_the_place_is(shape: FollowerShape) -> None:
-    """Turned and moved to its origin, the first strip's middle is at the place, m."""
     lift = np.array([LIFT])
     strip = shape.outline()[0]
     if isinstance(shape.element, SwungFace):
@@ -128,29 +125,66 @@ def test_the_outline_is_where_the_place_is(shape: FollowerShape) -> None:
 
 
 def test_a_carried_point_keeps_its_place_on_the_follower(shape: FollowerShape) -> None:
-    """Carrying is a rigid motion: the place itself goes where the follower's place is."""
     start, end = np.array([0.5 * LIFT]), np.array([3.0 * LIFT])
     carried = shape.carried(shape.place(start), start, end)
     np.testing.assert_allclose(carried, shape.place(end), atol=1e-15)
 
 
 def test_every_kind_can_be_drawn(shape: FollowerShape, cam: CamConfig) -> None:
-    """Finite strips of points, and a reach around them."""
     strips: list[FloatArray] = [*shape.outline(), *shape.support()]
     assert all(strip.ndim == 2 and np.isfinite(strip).all() for strip in strips)
     base = cam.follower.base_radius.si
     assert base < shape.reach < 10.0 * base
 
 
-@pytest.mark.parametrize("name", ["tm21", "poly345", "eccentric_roller", "flat"])
 def test_what_the_stem_carries_stays_below_its_bearing(
-    name: str, cams: dict[str, CamConfig], laws: dict[str, Law]
+    cams: dict[str, CamConfig], laws: dict[str, Law]
 ) -> None:
-    """At the highest lift and a tenth more, as after a lift-off; the stem is in it at rest."""
-    shape = follower_shape(cams[name], laws[name])
-    low = min(strip[:, 1].min() for strip in shape.support())
-    high = max(strip[:, 1].max() for strip in shape.support())
-    head, stem = shape.outline()[0], shape.outline()[-1]
-    highest, rest = (shape.place(np.array([lift]))[0, 1] for lift in (1.1 * shape.max_lift, 0.0))
-    assert head[:, 1].max() + highest < low
-    assert stem[:, 1].max() + rest > high
+    for name in ["tm21", "poly345", "eccentric_roller", "flat"]:
+        shape = follower_shape(cams[name], laws[name])
+        low = min(strip[:, 1].min() for strip in shape.support())
+        high = max(strip[:, 1].max() for strip in shape.support())
+        head, stem = shape.outline()[0], shape.outline()[-1]
+        highest, rest = (
+            shape.place(np.array([lift]))[0, 1] for lift in (1.1 * shape.max_lift, 0.0)
+        )
+        assert head[:, 1].max() + highest < low
+        assert stem[:, 1].max() + rest > high
+
+
+def test_the_cams_own_zero_points_to_its_angle() -> None:
+    """What is up at cam angle 0 stands at the number of the angle, for every number."""
+    places, words = ring_numbers(10.0)
+    for place, word in zip(places, words, strict=True):
+        up = turned(np.array([[0.0, 10.0 * NUMBER]]), np.radians(float(word)))
+        np.testing.assert_allclose(up[0], place, atol=1e-12)
+
+
+def test_the_arrow_turns_as_the_cam() -> None:
+    arc, head = rotation(1.0)
+    x, y = arc.T
+    assert np.all(x[:-1] * y[1:] - y[:-1] * x[1:] > 0.0)
+    np.testing.assert_array_equal(head[1], arc[-1])
+
+
+def test_a_body_fills_its_outline(cams: dict[str, CamConfig], laws: dict) -> None:
+    """Every point of a fine net within the contour is under a strip, and no strip reaches out of
+    it by more than a fiftieth of its radius."""
+    for name in ["poly345", "tm21", "flat", "arcs_convex", "oscillating_roller"]:
+        contour = contours(cams[name].follower, laws[name], 360)[0].points.T
+        outline = closed(contour)
+        strips, half = body(outline)
+        share = np.linspace(0.0, 1.0, 50)[:, None]
+        lines = np.concatenate([a + share * (b - a) for s in strips for a, b in pairwise(s)])
+        for part in np.linspace(0.02, 0.96, 40):
+            away = (part * outline[::30])[:, None] - lines
+            assert np.hypot(away[..., 0], away[..., 1]).min(axis=1).max() < half
+        angle = np.arctan2(*contour.T[::-1])
+        order = np.argsort(angle)
+        radius = np.interp(
+            np.arctan2(*strips[-1].T[::-1]),
+            angle[order],
+            np.hypot(*contour.T)[order],
+            period=2 * np.pi,
+        )
+        assert (np.hypot(*strips[-1].T) + half - radius).max() < 0.02 * radius.max()

@@ -85,7 +85,6 @@ def test_a_shipped_file_with_one_thing_changed(tmp_path, name, choice):
 
 @given(text=st.text(max_size=30))
 def test_a_scene_may_name_anything(tmp_path, text):
-    """A cam's or rig's name cannot lead out of the folders."""
     folder = tmp_path / "scenes"
     folder.mkdir(exist_ok=True)
     data = YAML(typ="safe").load((config_root() / "scenes/quick.yaml").read_text(encoding="utf-8"))
@@ -122,5 +121,4 @@ def test_hostile_files(kind):
 @pytest.mark.parametrize("seed", [2, 3, 4])
 @pytest.mark.parametrize("kind", ["yaml", "csv"])
 def test_many_hostile_files(kind, seed):
-    """The same, many times over."""
     require_bounded(kind, 400, seed)

@@ -1,4 +1,4 @@
-"""Drawings on disk: DXF that its own audit accepts, true to scale, and readable again."""
+"""Polylines, cutter paths and drawings on disk: the chord error is proven, and all can be read again."""
 
 import re
 from xml.etree import ElementTree
@@ -7,8 +7,9 @@ import ezdxf
 import numpy as np
 import pytest
 from ezdxf import units
+from shapely import LinearRing, distance, points, prepare
 
-from cam_rig.errors import ProfileError
+from cam_rig.errors import ConfigError, ProfileError
 from cam_rig.profile import contours, discs, turn_angles
 from cam_rig.profile.drawing_files import (
     HEADER,
@@ -21,7 +22,107 @@ from cam_rig.profile.drawing_files import (
 )
 from cam_rig.profile.faces import GuidedFace
 from cam_rig.profile.measure import closed_curve, rest
-from cam_rig.profile.polyline import contour_paths, polyline
+from cam_rig.profile.polyline import contour_paths, cutter_paths, pitch_paths, polyline
+
+from .conftest import UNEVEN, Made, make
+
+DENSE = np.linspace(0.0, 2.0 * np.pi, 3_001)
+
+
+@pytest.mark.variants(7)
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-8])
+def test_chord_error_is_within_the_tolerance(made, tolerance):
+    """By shapely: 3000 points of the contour, each that near to the polyline."""
+    for path in contour_paths(made.cam.follower, made.law):
+        line = polyline(path, tolerance)
+        ring = LinearRing(line.T)
+        prepare(ring)
+        off = distance(ring, points(path.at(DENSE)[0].T)).max()
+        assert off <= tolerance * (1 + 1e-6)
+        assert line.shape[1] < 120 or off > 0.4 * tolerance  # and no more points than it takes
+
+
+@pytest.mark.variants(21)
+def test_shipped_contours_too(law, cams):
+    """Among them the TM21 cam, whose curvature jumps."""
+    (path, *_) = contour_paths(cams[law.name].follower, law)
+    ring = LinearRing(polyline(path, 1e-6).T)
+    prepare(ring)
+    assert distance(ring, points(path.at(DENSE)[0].T)).max() <= 1e-6 * (1 + 1e-6)
+
+
+def test_a_corner_costs_no_points():
+    """Constant velocity: where s' jumps a vertex stands on each side, the rest is smooth.
+
+    Each smooth stretch keeps the tolerance, corners and all, with no more points than a law without
+    corners takes.
+    """
+    for kind in ["point", "roller", "flat"]:
+        segments = [
+            ("dwell", 90, None),
+            ("constant_velocity", 90, 1),
+            ("dwell", 90, None),
+            ("constant_velocity", 90, 0),
+        ]
+        made = make(kind, segments, lift=25.4)
+        (path,) = contour_paths(made.cam.follower, made.law)
+        line = polyline(path, 1e-6)
+        assert line.shape[1] < 1000
+        ring = LinearRing(line.T)
+        prepare(ring)
+        dense = np.unique(np.append(DENSE, made.law.breaks))
+        assert distance(ring, points(path.at(dense)[0].T)).max() <= 1e-6 * (1 + 1e-6)
+        for joint in made.law.breaks[:-1]:
+            for side in (joint, np.nextafter(joint or 2.0 * np.pi, 0.0)):
+                off = np.hypot(*(line - path.at(np.array([side]))[0]))
+                assert off.min() < 1e-11
+
+
+def test_impossible_tolerance():
+    made = make("flat", UNEVEN)
+    (path,) = contour_paths(made.cam.follower, made.law)
+    for wrong in (0.0, -1.0, 1e-12, float("nan")):
+        with pytest.raises(ProfileError, match=r"tolerance is .* µm; allowed: at least 1e-05 µm"):
+            polyline(path, wrong)
+
+
+def test_cutter_of_the_rollers_radius_runs_on_the_pitch_curve():
+    """Profile thesis §2.2.3; the pitch curve here is the follower's own, not an offset."""
+    for kind in ["roller", "oscillating_roller", "conjugate"]:
+        made = make(kind, UNEVEN)
+        cutters = cutter_paths(made.cam.follower, made.law, made.cam.follower.roller)
+        pitches = pitch_paths(made.cam.follower, made.law)
+        for cutter, pitch, contour in zip(cutters, pitches, made.contours(DENSE), strict=True):
+            np.testing.assert_allclose(cutter.at(DENSE)[0], contour.pitch, rtol=0, atol=1e-16)
+            np.testing.assert_array_equal(cutter.at(DENSE)[0], pitch.at(DENSE)[0])
+
+
+def test_any_cutter_is_its_radius_away():
+    made = make("flat", UNEVEN)
+    (path,) = cutter_paths(made.cam.follower, made.law, 0.012)
+    ring = LinearRing(made.contours(DENSE)[0].points.T)
+    prepare(ring)
+    away = distance(ring, points(path.uniform(100)[0].T))
+    np.testing.assert_allclose(away, 0.012, rtol=0, atol=1e-6)  # m: chords of the ring
+
+
+def test_cutter_too_large_for_a_hollow(cams, laws):
+    tm21 = Made(cams["tm21"], laws["tm21"])
+    for radius, fits in ((0.5, True), (0.51, False)):
+        (path,) = cutter_paths(tm21.cam.follower, tm21.law, radius)
+        if fits:
+            path.require_room()
+            continue
+        words = "cutter radius is 510 mm; allowed: less than the concave radius of curvature 507.69"
+        with pytest.raises(ProfileError, match=re.escape(words)):
+            path.require_room()
+
+
+def test_a_face_has_no_pitch_curve():
+    made = make("flat", UNEVEN)
+    with pytest.raises(ConfigError, match="a flat follower has no pitch curve; allowed: "):
+        pitch_paths(made.cam.follower, made.law)
+
 
 ANGLES = turn_angles(311)
 
@@ -38,7 +139,6 @@ def lines_of(paths, tolerance=1e-6):
 
 
 def test_dxf_is_one_closed_polyline_a_layer(cam, tmp_path):
-    """Named layers, millimetres, no complaint from the audit, points exactly as computed."""
     lines = lines_of(cam[2])
     write_dxf(tmp_path / "a.dxf", lines)
     document = ezdxf.readfile(tmp_path / "a.dxf")
@@ -71,7 +171,6 @@ def law_comes_back(cam, outlines, tolerance):
 
 
 def test_csv_has_every_digit(cam, tmp_path):
-    """Angle, point, radius of curvature and pressure angle read back as they were computed."""
     write_contour(tmp_path / "a.csv", cam[2], 100)
     header, *rows = (tmp_path / "a.csv").read_text().splitlines()
     several = len(cam[2]) > 1
@@ -120,43 +219,44 @@ def test_svg_is_true_to_scale_and_within_its_tolerance(cam, tmp_path, tolerance)
         assert off.max() <= 1e3 * rounding
 
 
-@pytest.mark.parametrize(("unit", "factor"), [(units.M, 1.0), (units.IN, 0.0254), (units.CM, 0.01)])
-def test_dxf_of_others(tmp_path, unit, factor):
-    """Other units of length, an old-style polyline, a closed spline; open lines are passed over."""
-    angle = np.linspace(0.0, 2.0 * np.pi, 80, endpoint=False)
-    circle = np.column_stack([np.cos(angle), np.sin(angle)])
-    document = ezdxf.new("R2010", units=unit)
-    space = document.modelspace()
-    space.add_lwpolyline(circle[:10])
-    space.add_polyline2d(circle.tolist(), close=True)
-    spline = space.add_spline(dxfattribs={"layer": "S"})
-    spline.set_closed(np.column_stack([circle, 0 * angle]).tolist(), degree=3)
-    document.saveas(tmp_path / "b.dxf")
-    one, two = read_dxf(tmp_path / "b.dxf")
-    np.testing.assert_allclose(one, factor * circle.T, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(np.hypot(*two), factor, rtol=2e-3)
+def test_dxf_of_others(tmp_path):
+    for unit, factor in [(units.M, 1.0), (units.IN, 0.0254), (units.CM, 0.01)]:
+        angle = np.linspace(0.0, 2.0 * np.pi, 80, endpoint=False)
+        circle = np.column_stack([np.cos(angle), np.sin(angle)])
+        document = ezdxf.new("R2010", units=unit)
+        space = document.modelspace()
+        space.add_lwpolyline(circle[:10])
+        space.add_polyline2d(circle.tolist(), close=True)
+        spline = space.add_spline(dxfattribs={"layer": "S"})
+        spline.set_closed(np.column_stack([circle, 0 * angle]).tolist(), degree=3)
+        document.saveas(tmp_path / "b.dxf")
+        one, two = read_dxf(tmp_path / "b.dxf")
+        np.testing.assert_allclose(one, factor * circle.T, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(np.hypot(*two), factor, rtol=2e-3)
 
 
-@pytest.mark.parametrize("kind", ["LWPOLYLINE", "POLYLINE"])
-def test_arcs_of_a_polyline_are_arcs(tmp_path, kind):
+def test_arcs_of_a_polyline_are_arcs(tmp_path):
     """A stadium of two straight sides and two half circles (bulge 1), 12 mm round, 30 mm long.
 
     A face on it stands where the farthest circle's centre puts it: R + |L/2 cos| exactly.
     """
-    document = ezdxf.new("R2010", units=units.MM)
-    corners = [(-15.0, -12.0, 0.0), (15.0, -12.0, 1.0), (15.0, 12.0, 0.0), (-15.0, 12.0, 1.0)]
-    space = document.modelspace()
-    if kind == "LWPOLYLINE":
-        space.add_lwpolyline(corners, format="xyb", close=True)
-    else:
-        space.add_polyline2d(corners, format="xyb", close=True)
-    document.saveas(tmp_path / "a.dxf")
-    (outline,) = read_dxf(tmp_path / "a.dxf")
-    x, y = outline
-    off = np.hypot(np.maximum(np.abs(x) - 0.015, 0.0), y) - 0.012
-    assert np.abs(off).max() < 2e-9
-    height = rest(GuidedFace(0.0, 0.0, 0.0), closed_curve(outline), ANGLES)
-    np.testing.assert_allclose(height, 0.012 + 0.015 * np.abs(np.sin(ANGLES)), rtol=0, atol=3e-9)
+    for kind in ["LWPOLYLINE", "POLYLINE"]:
+        document = ezdxf.new("R2010", units=units.MM)
+        corners = [(-15.0, -12.0, 0.0), (15.0, -12.0, 1.0), (15.0, 12.0, 0.0), (-15.0, 12.0, 1.0)]
+        space = document.modelspace()
+        if kind == "LWPOLYLINE":
+            space.add_lwpolyline(corners, format="xyb", close=True)
+        else:
+            space.add_polyline2d(corners, format="xyb", close=True)
+        document.saveas(tmp_path / "a.dxf")
+        (outline,) = read_dxf(tmp_path / "a.dxf")
+        x, y = outline
+        off = np.hypot(np.maximum(np.abs(x) - 0.015, 0.0), y) - 0.012
+        assert np.abs(off).max() < 2e-9
+        height = rest(GuidedFace(0.0, 0.0, 0.0), closed_curve(outline), ANGLES)
+        np.testing.assert_allclose(
+            height, 0.012 + 0.015 * np.abs(np.sin(ANGLES)), rtol=0, atol=3e-9
+        )
 
 
 def test_a_mirrored_polyline_is_read_where_it_is(tmp_path):
@@ -171,14 +271,12 @@ def test_a_mirrored_polyline_is_read_where_it_is(tmp_path):
 
 
 def test_law_table(tmp_path):
-    """Degrees and millimetres, every digit."""
     write_law(tmp_path / "a.csv", np.radians([0.0, 90.0]), np.array([0.0, 0.0125]))
     assert (tmp_path / "a.csv").read_text() == "angle_deg,lift_mm\n0.0,0.0\n90.0,12.5\n"
 
 
-@pytest.mark.parametrize(
-    ("name", "text", "words"),
-    [
+def test_files_that_are_no_contour(tmp_path):
+    for name, text, words in [
         ("a.csv", "", "its columns are none; allowed: among them x_mm and y_mm"),
         ("a.csv", "x,y\n1,2\n", "its columns are x, y; allowed: "),
         ("a.csv", "x_mm,y_mm\n1,2\n3,no\n", "has the row '3,no'; allowed: finite numbers"),
@@ -191,20 +289,16 @@ def test_law_table(tmp_path):
         ("a.dxf", "no drawing", "cannot be read as DXF"),
         ("b.dxf", None, "cannot be read as DXF"),
         ("b.csv", None, "cannot be read"),
-    ],
-)
-def test_files_that_are_no_contour(tmp_path, name, text, words):
-    """One line with the file's name and what is wrong."""
-    path = tmp_path / name
-    if text is not None:
-        path.write_text(text)
-    with pytest.raises(ProfileError, match=re.escape(words)) as caught:
-        (read_contour if name.endswith("csv") else read_dxf)(path)
-    assert str(caught.value).startswith(f"{path}: ")
+    ]:
+        path = tmp_path / name
+        if text is not None:
+            path.write_text(text)
+        with pytest.raises(ProfileError, match=re.escape(words)) as caught:
+            (read_contour if name.endswith("csv") else read_dxf)(path)
+        assert str(caught.value).startswith(f"{path}: ")
 
 
 def test_dxf_without_a_contour_or_a_unit(tmp_path):
-    """Nothing closed, and a drawing whose unit is not said."""
     for unit, words in ((units.MM, "has no closed polyline"), (0, r"its unit \(\$INSUNITS\) is ")):
         ezdxf.new("R2010", units=unit).saveas(tmp_path / "a.dxf")
         with pytest.raises(ProfileError, match=words):
