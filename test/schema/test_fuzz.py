@@ -46,7 +46,6 @@ def check(load, path):
         assert path.name in str(error)
 
 
-@MANY
 @given(st.binary(max_size=200) | st.text(max_size=200).map(str.encode), st.sampled_from([*LOADERS]))
 def test_any_bytes(tmp_path, data, name):
     """Not UTF-8, not YAML, another document."""

@@ -53,9 +53,7 @@ def test_every_unit_fits_its_dimension_alone():
             if unit in units:
                 check.validate_python({"given": 1.0, "unit": unit})
             else:
-                with pytest.raises(
-                    ValidationError, match=f"allowed: {re.escape(next(iter(units)))}"
-                ):
+                with pytest.raises(ValidationError, match=words):
                     check.validate_python({"given": 1.0, "unit": unit})
 
 

@@ -358,5 +358,5 @@ def test_wrong_jump_speeds_are_refused(read_jumps):
         assert "separator seen" in str(error.value)
         assert "\n" not in str(error.value)
     for name in ("spring_N/furlong", "mass_oz", "mass [stone]", "speed_deg/s"):
-        with pytest.raises(ConfigError, match="has no unit of a.*allowed"):
+        with pytest.raises(ConfigError, match=r"has no unit of a.*allowed"):
             read_jumps(f"{name},preload_N\n1,20\n")
