@@ -1,4 +1,4 @@
-"""What the tests themselves lean on: stored references, domains of their own, limits of every wait."""
+"""What the tests lean on: stored references, domains of their own, a limit to every wait."""
 
 from __future__ import annotations
 

@@ -172,7 +172,12 @@ def test_a_command_names_the_extra_that_it_lacks(barred):
         "from cam_rig.cli import start; start()"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, timeout=100
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=ROOT,
+        timeout=100,
     )
     assert done.returncode == 1
     assert done.stderr.strip() == f"cam-rig: {barred} is not installed: pip install '{remedy}"
