@@ -74,10 +74,6 @@ def source_date() -> int | None:
 def libraries_named() -> Iterator[None]:
     """Turn the import error of a missing library into one line that says how to install it.
 
-    Raises
-    ------
-    MissingLibraryError : a library of an extra is not installed
-
     Examples
     --------
     >>> with libraries_named():

@@ -10,16 +10,12 @@ from numpy.typing import ArrayLike, NDArray
 
 #: rad in one turn of the cam.
 TURN = 2.0 * math.pi
-
 #: rad/s in one revolution per minute.
 RPM = math.pi / 30.0
-
 #: Revolutions per minute in 1 rad/s.
 RPM_PER_RAD_S = 30.0 / math.pi
-
 #: ns in one second; times of messages are whole nanoseconds.
 NS = 1_000_000_000
-
 Speed = TypeVar("Speed", float, NDArray[np.float64])
 
 
@@ -48,7 +44,6 @@ def rounded_to_error(value: float, error: float) -> str:
 # The rig's arrays: double precision throughout, and what is taken of one everywhere.
 
 FloatArray = NDArray[np.float64]
-
 ComplexArray = NDArray[np.complexfloating[Any, Any]]
 
 

@@ -120,8 +120,6 @@ def structure_response(
 ) -> FloatArray:
     """Structure q (N) at the samples, ``(n,)``.
 
-    Parameters
-    ----------
     corner_rate : ω_c, rad/s
     sample_rate : Hz
     start, previous : q and force (N) at the sample before the first

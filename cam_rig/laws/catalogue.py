@@ -102,13 +102,10 @@ def between_lines(name: str) -> Law:
 
 #: Points of a curve, but of each of its pieces at least the fewest.
 POINTS, FEWEST = 2000, 12
-
 #: Derivatives that are drawn: s, s', s'', s'''.
 ORDERS = range(4)
-
 #: Cam angles (rad) between which `between_lines` has its rise.
 RISE = (1.0, 2.0)
-
 #: Unit of lift where the cams have several, and what it is in m.
 COMMON_UNIT = ("mm", 1e-3)
 
@@ -117,8 +114,6 @@ COMMON_UNIT = ("mm", 1e-3)
 class LawCurves:
     """S, s', s'' and s''' of one law as they are drawn; a jump stands with both its limits.
 
-    Parameters
-    ----------
     name : what the curves are called
     x : ``(n,)`` cam angle in degrees, or u ∈ [0, 1] of a bare rise
     motion : ``(4, n)`` of a cam in m/rad^order, of a bare rise per unit rise and unit span

@@ -30,17 +30,12 @@ from cam_rig.show.tables import printed
 
 #: One a panel.
 COLOURS = tuple(map(web, DERIVATIVES))
-
 NAMES = ("lift s", "velocity s′", "acceleration s″", "jerk s‴")
-
 PER = ("", "/rad", "/rad²", "/rad³")
-
 #: Joints nearer than this are one, deg.
 SAME_DEG = 1e-6
-
 #: Segments narrower than this have no name in the plot, or an upright one, deg.
 NAMELESS_DEG, UPRIGHT_DEG = 12.0, 60.0
-
 GREY = "0.45"
 
 
@@ -176,13 +171,10 @@ def _label(*panels: tuple[Axes, str]) -> None:
 
 #: Of the four rows, in inches.
 HEIGHT = 8.2
-
 #: Entries in a line of a legend above a figure of one column.
 LEGEND_COLUMNS = 3
-
 #: A rise's values are in parts of its rise h and span β.
 RISE_UNITS = ("h", "h/β", "h/β²", "h/β³")
-
 Style = dict[str, Any]
 
 

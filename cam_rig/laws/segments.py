@@ -30,8 +30,6 @@ from cam_rig.units import TURN, FloatArray
 def polynomial_through(u: list[float], order: list[int], value: list[float]) -> FloatArray:
     """Bernstein ordinates on [0, 1] of the polynomial of lowest degree through the conditions.
 
-    Parameters
-    ----------
     u, order, value : (m,) each; the derivative of order r at u ∈ [0, 1] is to be the value
 
     The m conditions give degree m − 1. They are solved in exact fractions: the system is badly
@@ -234,14 +232,10 @@ def cycloidal(u: FloatArray, order: int) -> FloatArray:
 
 
 PI = np.pi
-
 SINE = 1.0 / (PI + 4.0)
-
 TRAPEZOID = 1.0 / (PI + 2.0)
-
 #: Lift, slope and curvature of the modified trapezoid at u = 1/8, where the sine ends.
 AT_EIGHTH = TRAPEZOID * np.array([0.25 - 0.5 / PI, 2.0, 8.0 * PI])
-
 #: Slope at u = 3/8, where the constant acceleration ends; with its lift the curve meets (½, ½).
 SLOPE_AT_THREE = TRAPEZOID * (2.0 + 2.0 * PI)
 
@@ -302,8 +296,6 @@ MODIFIED_TRAPEZOID = _whole(
 class NamedRise:
     """A rise from 0 to 1 over u ∈ [0, 1].
 
-    Parameters
-    ----------
     source : where it comes from; equations 3.x are the laws thesis's
     shape : its Bernstein ordinates, or its analytic sections
     slopes : slope of what it joins before and after: 0 for a dwell
@@ -361,8 +353,6 @@ MIN_DWELL = 1e-9
 def up_and_down(rise: str, event: float, lift: float, high_dwell: float | None = None) -> Law:
     """Half a low dwell, rise, high dwell, fall, half a low dwell.
 
-    Parameters
-    ----------
     event : rad, of the rise and of the fall, at most π
     lift : m
     high_dwell : rad; by default as long as the low one

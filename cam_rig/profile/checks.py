@@ -37,8 +37,6 @@ FACTORS = {"mm": 1e3, "mm/rad": 1e3, "°": 180.0 / np.pi, "1": 1.0, "crossings":
 class Check:
     """One thing that is right with a cam, or wrong.
 
-    Parameters
-    ----------
     name : what is checked
     value, limit : SI units
     relation : one of `RELATIONS`
@@ -285,9 +283,7 @@ def corner_check(law: Law, tolerance: float) -> Check:
 
 #: The search goes from the cam's own base radius by these factors, to these ends of it.
 SMALLER, LARGER = 0.5, 2.0
-
 LEAST, MOST = 1e-2, 1e3
-
 #: The base radius is found to this fraction of the cam's own.
 PRECISION = 1e-12
 

@@ -15,8 +15,6 @@ from cam_rig.units import ComplexArray, FloatArray
 class GuidedCentre(Element):
     """A roller or a point in a guide (eq. 2.19-2.25).
 
-    Parameters
-    ----------
     roller : m
     eccentricity : m, of the guide, towards +x when seen with the follower above the cam
     start : m, height of the centre over the cam's axis at s = 0
@@ -90,8 +88,6 @@ class GuidedCentre(Element):
 class SwungCentre(Element):
     """A roller or a point at the end of an arm (eq. 2.26, 2.30-2.36).
 
-    Parameters
-    ----------
     roller, arm, pivot : m; ``pivot`` is the distance of the pivot from the cam's axis
     start : rad, γ: angle at the pivot from the cam's axis to the centre at s = 0
     side : 1 above the line of pivot and axis; −1 below it, where the law lowers the angle
@@ -179,8 +175,6 @@ class SwungCentre(Element):
 class GuidedFace(Element):
     """A face in a guide, square to it or inclined (eq. 2.14-2.18, 2.38, 2.40).
 
-    Parameters
-    ----------
     inclination : rad, of the face, counterclockwise from square to the guide
     eccentricity : m, of the guide: it moves the guide along the face, not the contour
     start : m, height at which the face meets the guide at s = 0
@@ -246,8 +240,6 @@ class GuidedFace(Element):
 class SwungFace(Element):
     """A face along an arm (eq. 2.26-2.29).
 
-    Parameters
-    ----------
     arm : m, where the law is measured
     offset : m, of the face from the pivot, out of the cam
     pivot : m, distance of the pivot from the cam's axis

@@ -28,8 +28,6 @@ BEARING, LIFT_OFF = 0.1, 0.12
 class FollowerShape(ABC):
     """A follower in the plane; all lengths in m, all angles in rad, arrays of shape ``(n,)``.
 
-    Parameters
-    ----------
     element : what touches the cam, a roller, a point or a flat face, as the profile has it
     max_lift : of the law, m
     """
