@@ -377,10 +377,7 @@ def _limits(law: Law, order: int) -> FloatArray:
     return np.asarray(np.maximum(limits, np.roll(limits, 1)))
 
 
-# The report's tables: those of the studies, and those that only a report has.
-
-
 def continuity_in_words(law: Law) -> str:
     """The class of a law's roughest joint."""
-    rough = [joint.continuity for joint in joints(law) if joint.continuity < SMOOTHEST]
-    return f"C{min(rough)}" if rough else f"C{SMOOTHEST} or smoother"
+    found = continuity(law)
+    return f"C{found}" if found < SMOOTHEST else f"C{SMOOTHEST} or smoother"

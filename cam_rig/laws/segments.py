@@ -142,10 +142,6 @@ def _trigonometric(segment: Trigonometric, cam: CamConfig) -> Pieces:
     return fit(curve, 0.0, segment.span.si)
 
 
-def _table(segment: Table, cam: CamConfig) -> Pieces:
-    return smoothed(segment, cam).pieces
-
-
 def smoothed(segment: Table, cam: CamConfig) -> Smoothed:
     """The spline through a table's points, and how far from them it is."""
     points = segment.file
@@ -174,16 +170,11 @@ BUILDERS: dict[str, Callable[[Any, CamConfig], Pieces]] = {
     "tangent_arcs": tangent_arcs,
     "arcs_by_radii": whole_turn_arcs,
     "arcs_by_centres": whole_turn_arcs,
-    "table": _table,
+    "table": lambda segment, cam: smoothed(segment, cam).pieces,
 }
 
 
 # Rises from 0 to 1 over u ∈ [0, 1] that are one Bézier curve, by their ordinates.
-
-
-def constant_velocity() -> FloatArray:
-    """The straight line u: velocity jumps at both ends (worked example a)."""
-    return np.array([0.0, 1.0])
 
 
 def full_rise(degree: int) -> FloatArray:
@@ -322,7 +313,7 @@ def _bezier_rise(name: str) -> NamedRise:
 
 
 _OTHERS = {
-    "constant_velocity": NamedRise("worked example a", constant_velocity()),
+    "constant_velocity": NamedRise("worked example a", np.array([0.0, 1.0])),
     "simple_harmonic": NamedRise("worked example b", [(0.0, 1.0, simple_harmonic)]),
     "cycloidal": NamedRise("paper, section 2", [(0.0, 1.0, cycloidal)]),
     "modified_sine": NamedRise("cam handbooks", MODIFIED_SINE),

@@ -13,7 +13,7 @@ from cam_rig.laws.law import Extreme, extremes
 from cam_rig.profile.checks import Check, sharpest_convex
 from cam_rig.profile.contact import Element, Motion, Scan, turn_angles
 from cam_rig.profile.disc import Contour, contours
-from cam_rig.profile.faces import GuidedFace, SwungCentre, SwungFace
+from cam_rig.profile.faces import GuidedFace, Swung, SwungCentre, SwungFace
 from cam_rig.schema import CamConfig
 from cam_rig.show.figure import CAM_ANGLE, empty, styled, turn_axis, wrapped
 from cam_rig.show.looks import DISCS, LIMIT, MM, PITCH_CURVE, circle, web
@@ -91,7 +91,7 @@ def _swung_face(element: SwungFace, law: Law, motion: Motion) -> list[ComplexArr
 
 def pivots(element: Element, count: int) -> FloatArray | None:
     """``(count, 2)`` places of the pivot around the cam, mm; None for a guide."""
-    if not isinstance(element, SwungCentre | SwungFace):
+    if not isinstance(element, Swung):
         return None
     places = element.pivot * MM * np.exp(-1j * turn_angles(count))
     return np.column_stack([places.real, places.imag])

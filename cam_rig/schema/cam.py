@@ -91,8 +91,7 @@ class _Follower(Strict):
 
     def numbers(self) -> dict[str, Quantity]:
         """Every number of the follower by its key."""
-        fields = ((key, getattr(self, key)) for key in type(self).model_fields)
-        return {key: value for key, value in fields if isinstance(value, Quantity)}
+        return dict(quantities(self, ""))
 
 
 class _Rolling(_Follower):

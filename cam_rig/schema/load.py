@@ -311,10 +311,6 @@ def _flow(value: Any) -> str:
 
 def valid_cam(data: dict[str, Any]) -> CamConfig:
     """The cam that a file of this content has."""
-    from pydantic import ValidationError
-
-    from cam_rig.schema.explain import explain
-
     try:
         return CamConfig.model_validate(data)
     except ValidationError as error:
