@@ -25,13 +25,7 @@ def to_rpm(speed: Speed) -> Speed:
 
 
 def rounded_to_error(value: float, error: float) -> str:
-    """A value to the second significant digit of its standard error; to six digits without one.
-
-    Examples
-    --------
-    >>> rounded_to_error(14.947876, 0.0323), rounded_to_error(4042.31, 123.0)
-    ('14.948', '4040')
-    """
+    """A value to the second significant digit of its standard error; to six digits without one."""
     if not 0.0 < error < math.inf:
         return f"{value:.6g}"
     place = int(f"{error:.1e}".partition("e")[2]) - 1

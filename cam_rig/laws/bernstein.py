@@ -32,11 +32,6 @@ def bracketed_root(function: Callable[[float], float], lo: float, hi: float) -> 
     Brent's method (R. P. Brent, Algorithms for Minimization without Derivatives, 1973, ch. 4): the
     secant or inverse quadratic interpolation where it closes in quickly, a halving where it does
     not. It takes the steps of `scipy.optimize.brentq`, and gives the same bits.
-
-    Examples
-    --------
-    >>> bracketed_root(lambda x: x * x - 2.0, 0.0, 2.0)
-    1.4142135623730951
     """
     before, now = lo, hi
     f_before, f_now = function(before), function(now)

@@ -31,7 +31,6 @@ WITH_EXAMPLES = (
     "cam_rig.simulation.scene_run",
     "cam_rig.simulation.sound",
     "cam_rig.dynamics.interval",
-    "cam_rig.extras",
     "cam_rig.laws.cam",
     "cam_rig.laws.law",
     "cam_rig.schema.rig",
