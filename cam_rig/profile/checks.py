@@ -1,4 +1,4 @@
-"""Whether a follower gets to every contact that the law asks for."""
+"""What can be wrong with a cam: reach, curvature, crossing; and the least base radius."""
 
 from __future__ import annotations
 

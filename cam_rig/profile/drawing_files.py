@@ -1,4 +1,4 @@
-"""DXF drawings of closed polylines, mm, true to scale."""
+"""Closed polylines as DXF and SVG, mm, true to scale; contours and laws as CSV."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Followers that touch with a circle, or with a point: a circle of no radius."""
+"""Followers that touch with a circle, with a point (a circle of no radius), or with a face."""
 
 from __future__ import annotations
 
