@@ -20,7 +20,6 @@ import numpy as np
 from cam_rig.errors import ConfigError
 
 P = ParamSpec("P")
-
 R = TypeVar("R")
 
 #: What a parameter of a type takes, in words; of the rig's own with the function that makes one.

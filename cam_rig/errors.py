@@ -76,13 +76,7 @@ class MissingLibraryError(CamRigError):
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """The likeliest of the known names, in brackets for an error; empty where none is near.
-
-    Examples
-    --------
-    >>> did_you_mean("poly354", ["poly345", "cycloidal"])
-    " (did you mean 'poly345'?)"
-    """
+    """The likeliest of the known names, in brackets for an error; empty where none is near."""
     import difflib  # only for an error
 
     near = difflib.get_close_matches(name, list(known), 1)

@@ -72,19 +72,7 @@ def source_date() -> int | None:
 
 @contextmanager
 def libraries_named() -> Iterator[None]:
-    """Turn the import error of a missing library into one line that says how to install it.
-
-    Raises
-    ------
-    MissingLibraryError : a library of an extra is not installed
-
-    Examples
-    --------
-    >>> with libraries_named():
-    ...     raise ModuleNotFoundError("No module named 'rerun'", name="rerun.blueprint")
-    Traceback (most recent call last):
-    cam_rig.errors.MissingLibraryError: rerun is not installed: pip install 'cam_rig[view]'
-    """
+    """Turn the import error of a missing library into one line that says how to install it."""
     try:
         yield
     except ModuleNotFoundError as error:

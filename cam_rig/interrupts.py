@@ -35,9 +35,7 @@ IMPORTS = "<frozen importlib"
 #: Wall time (s) that a library may take to come back to Python, which alone can unwind; and that a
 #: command has to end in order. A recording that closes on a busy machine takes seconds.
 STUCK_S, LAST_S = 4.0, 60.0
-
 Function = TypeVar("Function", bound=Callable[..., Any])
-
 _interruptible: set[CodeType] = set()
 
 

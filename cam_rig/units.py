@@ -10,16 +10,12 @@ from numpy.typing import ArrayLike, NDArray
 
 #: rad in one turn of the cam.
 TURN = 2.0 * math.pi
-
 #: rad/s in one revolution per minute.
 RPM = math.pi / 30.0
-
 #: Revolutions per minute in 1 rad/s.
 RPM_PER_RAD_S = 30.0 / math.pi
-
 #: ns in one second; times of messages are whole nanoseconds.
 NS = 1_000_000_000
-
 Speed = TypeVar("Speed", float, NDArray[np.float64])
 
 
@@ -29,13 +25,7 @@ def to_rpm(speed: Speed) -> Speed:
 
 
 def rounded_to_error(value: float, error: float) -> str:
-    """A value to the second significant digit of its standard error; to six digits without one.
-
-    Examples
-    --------
-    >>> rounded_to_error(14.947876, 0.0323), rounded_to_error(4042.31, 123.0)
-    ('14.948', '4040')
-    """
+    """A value to the second significant digit of its standard error; to six digits without one."""
     if not 0.0 < error < math.inf:
         return f"{value:.6g}"
     place = int(f"{error:.1e}".partition("e")[2]) - 1
@@ -48,7 +38,6 @@ def rounded_to_error(value: float, error: float) -> str:
 # The rig's arrays: double precision throughout, and what is taken of one everywhere.
 
 FloatArray = NDArray[np.float64]
-
 ComplexArray = NDArray[np.complexfloating[Any, Any]]
 
 

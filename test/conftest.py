@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
+from ruamel.yaml import YAML
 from xdist.scheduler import LoadFileScheduling
 
 from cam_rig.acoustics import RadiationParameters
@@ -18,13 +19,13 @@ from cam_rig.dynamics import FollowerParameters
 from cam_rig.laws import Law, build_law
 from cam_rig.runner.fork_server import ForkedProcess, ForkServer
 from cam_rig.runner.node_process import environment
-from cam_rig.schema import CamConfig, RigConfig, load_cam, load_rig
+from cam_rig.schema import CamConfig, RigConfig, SceneConfig, load_cam, load_rig
+from cam_rig.simulation.scene import LoadedScene, open_scene
 from cam_rig.testing.running_rig import isolated_domain
 
 from .references import many_digits
-from .small_scenes import make_loaded_scene, make_scene
 
-__all__ = ["make_loaded_scene", "make_scene", "many_digits"]
+__all__ = ["many_digits"]
 
 CONFIG = Path(__file__).parents[1] / "config"
 CAM_NAMES = sorted(path.stem for path in (CONFIG / "cams").glob("*.yaml"))
@@ -135,6 +136,12 @@ def laws(cams: dict[str, CamConfig]) -> dict[str, Law]:
     return {name: build_law(cam) for name, cam in cams.items()}
 
 
+@pytest.fixture(scope="session")
+def followed(laws: dict[str, Law]) -> dict[str, Law]:
+    """Those laws that a follower can follow."""
+    return {name: law for name, law in laws.items() if name not in VELOCITY_JUMPS}
+
+
 @pytest.fixture(scope="session", params=[name for name in CAM_NAMES if name not in VELOCITY_JUMPS])
 def law(request: pytest.FixtureRequest, laws: dict[str, Law]) -> Law:
     """Each shipped law that a follower can follow, in turn."""
@@ -157,6 +164,16 @@ def follower(rig: RigConfig) -> FollowerParameters:
 def radiation(rig: RigConfig) -> RadiationParameters:
     """The shipped constants with a round corner: tests must not hang on a fitted number."""
     return dataclasses.replace(RadiationParameters.from_rig(rig), gain=1e-4, corner=20.0)
+
+
+def dwell(span: float) -> dict[str, Any]:
+    """A segment for `make_cam`, span in degrees."""
+    return {"law": "dwell", "span": span}
+
+
+def rise(span: float, to: float, law: str = "poly345") -> dict[str, Any]:
+    """The same, to a level in parts of the lift."""
+    return {"law": law, "span": span, "to": to}
 
 
 @pytest.fixture(scope="session")
@@ -191,6 +208,50 @@ def make_cam() -> Callable[..., CamConfig]:
                 ],
             }
         )
+
+    return make
+
+
+def scene_data(**changes: Any) -> dict[str, Any]:
+    """A scene as its file says it: two cams, three speeds, three turns each."""
+
+    def assumed(value: Any, unit: str) -> dict[str, Any]:
+        return {"assumed": value, "unit": unit}
+
+    program = {
+        "speeds": assumed(changes.pop("speeds", [200, 300, 400]), "rpm"),
+        "turns": assumed(changes.pop("turns", 3), "turns"),
+        "settle_turns": assumed(changes.pop("settle_turns", 1), "turns"),
+        "ticks_per_turn": changes.pop("ticks_per_turn", 1),
+    }
+    return {
+        "name": "small",
+        "title": "a small scene",
+        "cams": ["poly345", "bezier15"],
+        "rig": "tm21",
+        "model": "one_mass",
+        "sample_rate": assumed(changes.pop("sample_rate", 8000), "Hz"),
+        "program": program,
+        **changes,
+    }
+
+
+@pytest.fixture(scope="session")
+def make_scene() -> Callable[..., SceneConfig]:
+    """Make a scene, with changes."""
+    return lambda **changes: SceneConfig.model_validate(scene_data(**changes))
+
+
+@pytest.fixture
+def make_loaded_scene(tmp_path: Path) -> Callable[..., LoadedScene]:
+    """Write a scene file, with changes, and open it with all it names."""
+
+    def make(**changes: Any) -> LoadedScene:
+        path = tmp_path / "scenes" / "small.yaml"
+        path.parent.mkdir(exist_ok=True)
+        with path.open("w", encoding="utf-8") as file:
+            YAML(typ="safe").dump(scene_data(**changes), file)
+        return open_scene(path)
 
     return make
 

@@ -1,14 +1,18 @@
-"""Who installs the rig finds every library it imports: with pip, with rosdep, by the README."""
+"""Who installs the rig finds what it imports: with pip, with rosdep, in the image, by the page."""
 
 import ast
+import json
+import os
 import re
 import subprocess
 import sys
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+import yaml
 
 import cam_rig
 from cam_rig.extras import EXTRAS, OPTIONAL
@@ -76,6 +80,7 @@ def declared():
     return keys, [set(words.split()) for words in without]
 
 
+@cache
 def imported(folder="cam_rig"):
     """Top-level names that a folder imports, without Python's own and the project's."""
     names = set()
@@ -89,7 +94,6 @@ def imported(folder="cam_rig"):
 
 
 def test_what_is_imported_is_declared():
-    """By setup.py or, for ROS's own packages, by package.xml."""
     lists, (keys, _) = lists_of_setup(), declared()
     known = lists["CORE"] | lists["ALL"] | lists["BENCH"] | lists["DASK"] | keys
     found = imported() | imported("benchmark")
@@ -99,7 +103,6 @@ def test_what_is_imported_is_declared():
 
 
 def test_what_the_tools_import_is_declared():
-    """By setup.py: what draws and builds the documents is no part of the package."""
     lists = lists_of_setup()
     known = lists["CORE"] | lists["ALL"] | lists["TEST"] | lists["DOCS"]
     assert {IMPORTED_AS.get(n, n) for n in imported("tools")} <= known
@@ -118,7 +121,6 @@ def test_rosdep_and_pip_install_the_same():
 
 
 def test_each_library_is_of_the_extra_that_its_error_names():
-    """What `cam_rig.extras` says is what setup.py does; the core is nowhere in it."""
     lists = lists_of_setup()
     by_extra = {}
     for module, extra in EXTRAS.items():
@@ -131,7 +133,6 @@ def test_each_library_is_of_the_extra_that_its_error_names():
 
 
 def test_the_lock_has_all_extras():
-    """`make setup` installs all."""
     lists, makefile = lists_of_setup(), (ROOT / "Makefile").read_text()
     lock = set(re.findall(r"^([a-z0-9-]+)==", (ROOT / "requirements.lock").read_text(), re.M))
     wanted = lists["ALL"].union(*(lists[name] for name in INSTALLED))
@@ -141,7 +142,6 @@ def test_the_lock_has_all_extras():
 
 
 def test_the_core_alone_runs_the_ten_lines():
-    """numpy, scipy, pydantic and a YAML reader are enough for all that needs no file of a run."""
     barred = {*EXTRAS, *OPTIONAL}
     code = TEN_LINES.format(barred=barred)
     done = subprocess.run(
@@ -151,40 +151,24 @@ def test_the_core_alone_runs_the_ten_lines():
     assert done.stdout == "413.44\n"
 
 
-@pytest.mark.variants(4)
-@pytest.mark.parametrize(
-    ("barred", "command", "remedy"),
-    [
-        ("typer", ["--help"], "typer is not installed: pip install 'cam_rig[cli]'"),
-        (
-            "rerun",
-            ["view", "bags/golden", "--save", "out/none.rrd"],
-            "rerun is not installed: pip install 'cam_rig[view]'",
-        ),
-        ("mcap", ["analyze", "bags/golden"], "mcap is not installed: pip install 'cam_rig[bags]'"),
-        (
-            "matplotlib",
-            ["simulate", "quick", "--plot", "out/none.png"],
-            "matplotlib is not installed: pip install 'cam_rig[plots]'",
-        ),
-        (
-            "pyarrow",
-            ["export", "quick", "--to", "out/none.parquet"],
-            "pyarrow is not installed: pip install 'cam_rig[parquet]'",
-        ),
-        ("shapely", ["profile", "flat"], "shapely is not installed: pip install 'cam_rig[cad]'"),
-        (
-            "rclpy",
-            ["replay", "bags/golden"],
-            "rclpy is not installed: pip install 'cam_rig[ros-wheels]', or source a ROS 2 "
-            "installation",
-        ),
-    ],
-)
-def test_a_command_names_the_extra_that_it_lacks(barred, command, remedy):
-    """In one line, with the code of a failure."""
+#: What is not installed, a command that needs it, and the end of its line.
+LACKING = {
+    "typer": ("--help", "cam_rig[cli]'"),
+    "rerun": ("view bags/golden --save out/none.rrd", "cam_rig[view]'"),
+    "mcap": ("analyze bags/golden", "cam_rig[bags]'"),
+    "matplotlib": ("simulate quick --plot out/none.png", "cam_rig[plots]'"),
+    "pyarrow": ("export quick --to out/none.parquet", "cam_rig[parquet]'"),
+    "shapely": ("profile flat", "cam_rig[cad]'"),
+    "rclpy": ("replay bags/golden", "cam_rig[ros-wheels]', or source a ROS 2 installation"),
+}
+
+
+@pytest.mark.variants(3)
+@pytest.mark.parametrize("barred", LACKING)
+def test_a_command_names_the_extra_that_it_lacks(barred):
+    command, remedy = LACKING[barred]
     code = (
-        f"import sys; sys.modules[{barred!r}] = None; sys.argv = ['cam-rig', *{command!r}]\n"
+        f"import sys; sys.modules[{barred!r}] = None; sys.argv = ['cam-rig', *{command.split()}]\n"
         "from cam_rig.cli import start; start()"
     )
     done = subprocess.run(
@@ -196,13 +180,130 @@ def test_a_command_names_the_extra_that_it_lacks(barred, command, remedy):
         timeout=100,
     )
     assert done.returncode == 1
-    assert done.stderr.strip() == f"cam-rig: {remedy}"
+    assert done.stderr.strip() == f"cam-rig: {barred} is not installed: pip install '{remedy}"
     assert done.stdout == ""
 
 
 def test_the_version_stands_once():
-    """In package.xml; setup.py reads it there, and the package asks what is installed."""
     (stands,) = ElementTree.parse(ROOT / "package.xml").iter("version")
     assert cam_rig.__version__ == version("cam_rig") == stands.text
     for place in ("setup.py", "cam_rig/__init__.py", "pyproject.toml"):
         assert stands.text not in (ROOT / place).read_text(encoding="utf-8")
+
+
+DOCKER = ROOT / "docker"
+PAGE = (ROOT / "docs" / "installation.md").read_text(encoding="utf-8")
+#: Libraries of setup.py that Ubuntu 24.04 has in a version that is new enough.
+FROM_UBUNTU = {"ezdxf", "jinja2", "matplotlib", "numpy", "pyyaml", "rich", "scipy", "shapely"}
+#: Debian packages that a step needs beside ROS's own image, and rosdep's keys.
+APT = {"python3-venv"}
+
+
+def pinned(path):
+    """Versions by name."""
+    return dict(re.findall(r"^([\w.-]+)==(\S+)", path.read_text(encoding="utf-8"), re.M))
+
+
+def instructions():
+    """Of the Dockerfile: each with its words, lines joined."""
+    text = (DOCKER / "Dockerfile").read_text(encoding="utf-8")
+    text = re.sub(r"^#.*\n", "", text, flags=re.M).replace("\\\n", " ")
+    return [line.split(maxsplit=1) for line in text.splitlines() if line]
+
+
+def steps():
+    """The single commands of all RUN lines."""
+    runs = [words for kind, words in instructions() if kind == "RUN"]
+    return [re.sub(r"\s+", " ", step).strip() for run in runs for step in run.split("&&")]
+
+
+def copied():
+    """What the Dockerfile copies, by its source."""
+    found = {}
+    for kind, words in instructions():
+        if kind == "COPY":
+            *sources, target = [word for word in words.split() if not word.startswith("--")]
+            found |= dict.fromkeys(sources, target)
+    return found
+
+
+def test_pip_installs_what_ubuntu_has_not_in_the_versions_of_the_lock():
+    """Every library of the rig comes from one of both, but for those that need NumPy 2, what
+    serves them alone, and numba, without which the same results take longer."""
+    lists, asked = lists_of_setup(), pinned(ROOT / "requirements-ros.txt")
+    assert asked.items() <= pinned(ROOT / "requirements.lock").items()
+    left_out = {"numba", "pyarrow", "rerun-sdk", "salib"}
+    assert set(asked) | FROM_UBUNTU == (lists["CORE"] | lists["ALL"]) - left_out
+    assert not set(asked) & FROM_UBUNTU
+
+
+def test_the_page_gives_the_versions_of_the_lock():
+    said = dict(re.findall(r"([\w-]+)==([\w.]+)", PAGE))
+    assert said.items() <= pinned(ROOT / "requirements.lock").items()
+    assert set(pinned(ROOT / "requirements-ros.txt")) <= set(said)
+
+
+def test_all_that_the_image_copies_is_there():
+    sources = copied()
+    assert all((ROOT / source).exists() for source in sources)
+    setup = (ROOT / "setup.py").read_text(encoding="utf-8")
+    needed = {"cam_rig", "package.xml", "resource", "setup.py", "setup.cfg"}
+    needed |= set(re.findall(r'\*share\("(\w+)"\)', setup))
+    assert needed <= set(sources)
+    for name in needed:
+        target = sources[name]
+        assert target in {"src/cam_rig/", f"src/cam_rig/{name}"}
+        assert (ROOT / name).is_file() == target.endswith("/")
+
+
+def test_the_image_takes_the_steps_of_the_page():
+    done = [step.replace("apt-get", "apt") for step in steps()]
+    for step in ("rosdep install", "python3 -m venv", "venv/bin/python -m"):
+        taken = [one for one in done if one.startswith(step)]
+        assert taken
+        for command in taken:
+            plain = command.replace(" --no-cache-dir", "").replace(" --symlink-install", "")
+            assert plain in PAGE.replace(" --symlink-install", ""), command
+
+
+def test_the_image_installs_nothing_unknown():
+    apt = [step for step in steps() if step.startswith("apt-get install")]
+    names = {word for step in apt for word in step.split()[2:] if not word.startswith("-")}
+    assert names == APT
+    assert all(f" {name}" in PAGE for name in names)
+    pip = [step for step in steps() if " pip install" in step]
+    assert pip and all(re.search(r"-r src/cam_rig/requirements-ros\.txt$", step) for step in pip)
+    package = ElementTree.parse(ROOT / "package.xml")
+    keys = {e.text for kind in ("exec_depend", "test_depend") for e in package.iter(kind)}
+    skipped = set(re.findall(r'--skip-keys "([^"]*)"', PAGE)[0].split())
+    skipped |= set(re.findall(r"--skip-keys ([\w.-]+)", PAGE))
+    assert skipped and skipped <= keys
+
+
+def test_the_image_starts_a_launch_file_that_there_is():
+    found = dict(instructions())
+    assert found["FROM"] == "ros:${DISTRO}-ros-base"
+    assert found["ARG"] == "DISTRO=kilted"
+    assert "Kilted and Jazzy" in PAGE
+    assert json.loads(found["ENTRYPOINT"]) == [copied()["docker/entrypoint.sh"]]
+    _, _, package, launch, *_ = json.loads(found["CMD"])
+    assert package == "cam_rig" and (ROOT / "launch" / launch).is_file()
+    entry = DOCKER / "entrypoint.sh"
+    assert os.access(entry, os.X_OK)
+    subprocess.run(["bash", "-n", str(entry)], check=True, timeout=100)
+
+
+def test_compose_builds_that_image():
+    (rig,) = yaml.safe_load((DOCKER / "compose.yaml").read_text(encoding="utf-8"))[
+        "services"
+    ].values()
+    context = (DOCKER / rig["build"]["context"]).resolve()
+    assert context == ROOT
+    assert (context / rig["build"]["dockerfile"]) == DOCKER / "Dockerfile"
+    assert set(rig["build"]["args"]) == {"DISTRO"}
+    assert rig["shm_size"] == "256m"
+    (volume,) = rig["volumes"]
+    assert (
+        Path(volume.split(":")[1])
+        in Path(json.loads(dict(instructions())["CMD"])[-1].split("=")[1]).parents
+    )

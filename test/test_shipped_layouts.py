@@ -140,7 +140,6 @@ def curve(golden: Bag, name: str) -> float:
 
 @pytest.mark.parametrize("path", LAYOUTS, ids=lambda path: path.name)
 def test_a_layout_shows_what_a_bag_holds(path: Path, golden: Bag) -> None:
-    """Each topic is in the golden bag, of the type that the panel takes; each field is a number."""
     uses, frames = READERS[path.suffix](path)
     assert uses
     assert frames <= golden.frames

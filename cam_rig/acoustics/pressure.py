@@ -31,8 +31,6 @@ class Background:
     A first-order recursion, x ← a x + √(1 − a²) n with a = e^(−2π corner/rate): its variance is 1
     from the first sample on, at any rate.
 
-    Parameters
-    ----------
     corner, rate : Hz
     seed : of the generator; the same seed, the same noise
     """
@@ -67,7 +65,6 @@ class Background:
 
 #: Hz, well above what a meter needs for class 1 up to 20 kHz.
 MIN_RATE = 96_000
-
 #: Seed of the background noise: a run repeats sample by sample.
 SEED = 1
 

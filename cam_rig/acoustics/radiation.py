@@ -10,8 +10,7 @@ its stem. It is far above the corner, so it radiates ∫p² dt = (gain ω_c J)²
 q higher by ω_c J: the impact needs no constant of its own. Background (motor, bearings) adds in
 energy, rising with speed. This is the energy accountancy of machinery noise (Richards).
 
-Force becomes pressure by these in `pressure_rms` (energy) and `pressure_samples` (signal); dB are
-in `level`.
+Force becomes pressure by these in `pressure`, as energy and as a signal.
 """
 
 from __future__ import annotations
@@ -120,8 +119,6 @@ def structure_response(
 ) -> FloatArray:
     """Structure q (N) at the samples, ``(n,)``.
 
-    Parameters
-    ----------
     corner_rate : ω_c, rad/s
     sample_rate : Hz
     start, previous : q and force (N) at the sample before the first

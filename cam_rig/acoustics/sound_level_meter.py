@@ -20,13 +20,10 @@ from cam_rig.units import FloatArray
 
 #: Frequency weightings of the standard.
 FREQUENCY_WEIGHTINGS = ("A", "C", "Z")
-
 #: Time weightings and their time constants, s.
 TIME_WEIGHTINGS = {"F": 0.125, "S": 1.0}
-
 #: Range in dB of the paper's meter, a JTS-1357.
 RANGE = (30.0, 130.0)
-
 #: Silence reads as this level, dB.
 SILENCE = -200.0
 

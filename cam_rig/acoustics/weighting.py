@@ -18,15 +18,11 @@ from cam_rig.units import FloatArray
 
 #: Corner frequencies f1 to f4 of annex E, Hz.
 F1, F2, F3, F4 = 20.598997, 107.65265, 737.86223, 12194.217
-
 #: Poles by their corners, and how many zeros there are at 0 Hz.
 POLES = {"A": (F1, F1, F2, F3, F4, F4), "C": (F1, F1, F4, F4)}
-
 ZEROS = {"A": 4, "C": 2}
-
 #: Zeros that are fitted.
 FITTED = 6
-
 #: Where every weighting is 0 dB, Hz.
 REFERENCE = 1000.0
 
@@ -141,16 +137,12 @@ def _analog(curve: str, frequency: FloatArray) -> FloatArray:
 
 #: n of the lowest and highest band, 10^(n/10) Hz: nominally 12.5 Hz and 16 kHz.
 BANDS = (11, 42)
-
 ORDER = 6
-
 #: Half the rate, over the highest band's mid frequency, at least.
 ROOM = 0.5 / 0.44
-
 #: A band is filtered at the lowest rate whose half is so many times its upper edge; a rate is not
 #: lowered by more than the other.
 HEADROOM, MAX_DECIMATION = 1.25, 500
-
 #: r.m.s. pressure (Pa) that silence counts as.
 LEAST = float(np.finfo(float).eps)
 

@@ -187,16 +187,10 @@ def _root_derivative(
 class ConcaveFlankCam:
     """A symmetric cam of base circle, concave flanks and nose, given by its event angles.
 
-    Parameters
-    ----------
     base_radius : pitch radius of the base circle, m
     lift : m
     event_half_angle : cam angle from the nose's middle to where the flank leaves the base, rad
     nose_half_angle : cam angle from the nose's middle to the joint of nose and flank, rad
-
-    Raises
-    ------
-    LawError : no pair of tangent arcs joins the base circle to the nose with these numbers
     """
 
     base_radius: float

@@ -20,10 +20,8 @@ from cam_rig.units import FloatArray
 
 #: Relative width at which two neighbouring floats are told apart no further.
 RELATIVE = 4.0 * 2.0**-52
-
 #: Least absolute width: any root but 0 is found to its own relative width.
 ABSOLUTE = 1e-300
-
 #: A root beside 0 may take as many halvings as a float has; an ordinary one takes some ten steps.
 MAX_STEPS = 2000
 
@@ -34,11 +32,6 @@ def bracketed_root(function: Callable[[float], float], lo: float, hi: float) -> 
     Brent's method (R. P. Brent, Algorithms for Minimization without Derivatives, 1973, ch. 4): the
     secant or inverse quadratic interpolation where it closes in quickly, a halving where it does
     not. It takes the steps of `scipy.optimize.brentq`, and gives the same bits.
-
-    Examples
-    --------
-    >>> bracketed_root(lambda x: x * x - 2.0, 0.0, 2.0)
-    1.4142135623730951
     """
     before, now = lo, hi
     f_before, f_now = function(before), function(now)
@@ -87,10 +80,8 @@ def _interpolated(x: tuple[float, float, float], f: tuple[float, float, float]) 
 
 
 EPS = float(np.finfo(np.float64).eps)
-
 #: Up to so many points one call that runs along them is quicker than a loop over the degree.
 FEW = 128
-
 #: Subdivision stops here: roots nearer than this cannot be told apart in double precision.
 _ROOT_RESOLUTION = 2.0**-46
 
@@ -309,7 +300,6 @@ def _column(degree: int) -> FloatArray:
 
 #: Breakpoints, and one column of ordinates between each two.
 Pieces = tuple[list[float], list[FloatArray]]
-
 #: A cut nearer to a breakpoint than this fraction of its piece is made at the breakpoint.
 NEAR = 1e-12
 

@@ -47,13 +47,7 @@ class RiseFamily:
 
 
 def families() -> dict[str, RiseFamily]:
-    """Every named rise in its one family, in the order of the laws thesis's figures 3.1 to 3.12.
-
-    Examples
-    --------
-    >>> families()["start"].rises
-    ('bezier4_start', 'bezier6_start', 'bezier8_start')
-    """
+    """Every named rise in its one family, in the order of the laws thesis's figures 3.1 to 3.12."""
     found: dict[str, list[str]] = {key: [] for key in FAMILY_TITLES}
     for name in NAMED_RISES:
         end = name.partition("_")[2]
@@ -102,13 +96,10 @@ def between_lines(name: str) -> Law:
 
 #: Points of a curve, but of each of its pieces at least the fewest.
 POINTS, FEWEST = 2000, 12
-
 #: Derivatives that are drawn: s, s', s'', s'''.
 ORDERS = range(4)
-
 #: Cam angles (rad) between which `between_lines` has its rise.
 RISE = (1.0, 2.0)
-
 #: Unit of lift where the cams have several, and what it is in m.
 COMMON_UNIT = ("mm", 1e-3)
 
@@ -117,8 +108,6 @@ COMMON_UNIT = ("mm", 1e-3)
 class LawCurves:
     """S, s', s'' and s''' of one law as they are drawn; a jump stands with both its limits.
 
-    Parameters
-    ----------
     name : what the curves are called
     x : ``(n,)`` cam angle in degrees, or u ∈ [0, 1] of a bare rise
     motion : ``(4, n)`` of a cam in m/rad^order, of a bare rise per unit rise and unit span
@@ -151,14 +140,7 @@ def cam_curves(name: str, law: Law) -> LawCurves:
 
 
 def rise_curves(name: str) -> LawCurves:
-    """The curves of a named rise over u from 0 to 1, without what it joins.
-
-    Examples
-    --------
-    >>> curves = rise_curves("poly345")
-    >>> [round(float(curves.motion[order].max()), 3) for order in (0, 1, 3)]
-    [1.0, 1.875, 60.0]
-    """
+    """The curves of a named rise over u from 0 to 1, without what it joins."""
     law = between_lines(name)
     inside = _inside(law)
     angles = sampled_pieces(law, 0)[0]
@@ -169,13 +151,7 @@ def rise_curves(name: str) -> LawCurves:
 
 
 def rise_values(name: str, u: FloatArray) -> FloatArray:
-    """S to s''' of a named rise, ``(4, len(u))``; right limits, at u = 1 the left one.
-
-    Examples
-    --------
-    >>> rise_values("simple_harmonic", np.array([0.0, 1.0])).round(3)[2].tolist()
-    [4.935, -4.935]
-    """
+    """S to s''' of a named rise, ``(4, len(u))``; right limits, at u = 1 the left one."""
     law = between_lines(name)
     values = np.stack([law(RISE[0] + u, order) for order in ORDERS])
     last = int(np.flatnonzero(_inside(law))[-1])

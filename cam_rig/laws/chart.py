@@ -23,16 +23,12 @@ from cam_rig.show.looks import of_cam, title_of
 
 #: Charts from the top: names, and what a value is beside its unit of lift.
 CHARTS = ("lift", "velocity", "acceleration", "jerk")
-
 #: Radius on the screen, height of a chart of width 160, and how words stand beside it.
 STROKE, HEIGHT, RAISED = -1.2, 85.0, 0.07
-
 #: Room for half of the last word, and for the words below a chart, as shares of its sides.
 RIGHT, BELOW = 0.08, 0.19
-
 #: Marks of a turn.
 DEGREES = {float(at): f"{at}°" for at in range(0, 361, 90)}
-
 #: Room above the highest and below the lowest value, as a share of their distance.
 ROOM = 0.06
 
@@ -46,8 +42,6 @@ def save_laws(
 ) -> None:
     """Write the curves as a ``.rrd`` file that appears when it is whole.
 
-    Parameters
-    ----------
     along : unit of their x
     units : of s to s''' as the curves have them, four
     titles : what cams are called, where not by their names in words

@@ -30,17 +30,12 @@ from cam_rig.show.tables import printed
 
 #: One a panel.
 COLOURS = tuple(map(web, DERIVATIVES))
-
 NAMES = ("lift s", "velocity s′", "acceleration s″", "jerk s‴")
-
 PER = ("", "/rad", "/rad²", "/rad³")
-
 #: Joints nearer than this are one, deg.
 SAME_DEG = 1e-6
-
 #: Segments narrower than this have no name in the plot, or an upright one, deg.
 NAMELESS_DEG, UPRIGHT_DEG = 12.0, 60.0
-
 GREY = "0.45"
 
 
@@ -56,7 +51,8 @@ def figure(cam: CamConfig, law: Law) -> Figure:
             axes.axvline(np.degrees(joint.angle), color=GREY, lw=0.7, ls=(0, (4, 3)), zorder=0)
     _control_points(panels[0], cam)
     _names(panels[0], cam)
-    _infinite(panels[2], marked)
+    for joint in (joint for joint in marked if joint.continuity == 0):
+        _arrow(panels[2], float(np.degrees(joint.angle)), joint.jump, "left")
     _classes(panels[0], marked)
     turn_axis(panels[3], 30)
     panels[3].set_xlabel(CAM_ANGLE)
@@ -143,19 +139,18 @@ def _names(axes: Axes, cam: CamConfig) -> None:
             )
 
 
-def _infinite(axes: Axes, marked: list[Joint]) -> None:
+def _arrow(axes: Axes, x: float, jump: float, side: str, colour: str | None = None) -> None:
     """Where the velocity jumps the acceleration is infinite: an arrow at the panel's edge."""
-    for joint in marked:
-        if joint.continuity == 0:
-            up = joint.jump > 0.0
-            axes.text(
-                np.degrees(joint.angle),
-                0.97 if up else 0.03,
-                "↑∞" if up else "↓∞",
-                transform=axes.get_xaxis_transform(),
-                ha="left",
-                va="top" if up else "bottom",
-            )
+    up = jump > 0.0
+    axes.text(
+        x,
+        0.97 if up else 0.03,
+        "↑∞" if up else "↓∞",
+        transform=axes.get_xaxis_transform(),
+        ha=side,
+        va="top" if up else "bottom",
+        color=colour,
+    )
 
 
 def _classes(axes: Axes, marked: list[Joint]) -> None:
@@ -167,22 +162,14 @@ def _classes(axes: Axes, marked: list[Joint]) -> None:
     top.set_xlabel("continuity class at each knot", color=GREY)
 
 
-def _label(*panels: tuple[Axes, str]) -> None:
-    for axes, label in panels:
-        axes.set_ylabel(label)
-
-
 # Laws laid over each other: s, s', s'', s''' of cams over the turn, or of bare rises over u.
 
 #: Of the four rows, in inches.
 HEIGHT = 8.2
-
 #: Entries in a line of a legend above a figure of one column.
 LEGEND_COLUMNS = 3
-
 #: A rise's values are in parts of its rise h and span β.
 RISE_UNITS = ("h", "h/β", "h/β²", "h/β³")
-
 Style = dict[str, Any]
 
 
@@ -237,15 +224,7 @@ def _panel(axes: Axes, curves: list[tuple[LawCurves, Style]], order: int, factor
     for one, drawn in curves:
         axes.plot(one.x, one.motion[order] * factor, label=one.name, **drawn)
         for x, jump in one.infinite if order == 2 else ():
-            axes.text(
-                x,
-                0.97 if jump > 0.0 else 0.03,
-                "↑∞" if jump > 0.0 else "↓∞",
-                transform=axes.get_xaxis_transform(),
-                ha="left" if x < 0.5 * one.x[-1] else "right",
-                va="top" if jump > 0.0 else "bottom",
-                color=drawn["color"],
-            )
+            _arrow(axes, x, jump, "left" if x < 0.5 * one.x[-1] else "right", drawn["color"])
 
 
 def _legend(axes: Axes, columns: int, title: str | None = None) -> None:

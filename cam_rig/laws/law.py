@@ -59,7 +59,6 @@ def peak(law: Law, order: int) -> Extreme:
 
 
 Scalar = Callable[[float], float]
-
 #: A jump of s' is one above this fraction of the lift a rad, and of the slopes beside it; below
 #: it is rounding.
 VELOCITY_JUMP, SLOPE_ROUNDING = 1e-9, 1e-12
@@ -325,10 +324,8 @@ class Law:
 
 #: Classes are told apart up to this one; what is smoother counts as it.
 SMOOTHEST = 4
-
 #: A jump below this fraction of the derivative's peak in the pieces that meet counts as 0.
 TOLERANCE = 1e-6
-
 #: Rounding of a derivative at a piece's end, in units of eps·level·(2p/span)^order.
 ROUNDINGS = 16.0
 
@@ -337,8 +334,6 @@ ROUNDINGS = 16.0
 class Joint:
     """Where two pieces of a law meet.
 
-    Parameters
-    ----------
     angle : cam angle, rad
     continuity : highest derivative that goes on without a jump, 4 at most, −1 for a step
     jump : right minus left limit of the next derivative, m/rad^(continuity + 1); 0 at C4
@@ -382,10 +377,7 @@ def _limits(law: Law, order: int) -> FloatArray:
     return np.asarray(np.maximum(limits, np.roll(limits, 1)))
 
 
-# The report's tables: those of the studies, and those that only a report has.
-
-
 def continuity_in_words(law: Law) -> str:
     """The class of a law's roughest joint."""
-    rough = [joint.continuity for joint in joints(law) if joint.continuity < SMOOTHEST]
-    return f"C{min(rough)}" if rough else f"C{SMOOTHEST} or smoother"
+    found = continuity(law)
+    return f"C{found}" if found < SMOOTHEST else f"C{SMOOTHEST} or smoother"

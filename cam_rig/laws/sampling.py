@@ -25,19 +25,14 @@ from cam_rig.units import TURN, FloatArray
 
 #: Samples in a chunk: long ones, of which there are fewer to prepare, where a piece has many.
 CHUNKS = (256, 64)
-
 #: A chunk may cover this fraction of its piece: beyond it the series would lose digits, ...
 WIDEST_CHUNK = 0.125
-
 #: ... and there must be so many in a run to pay.
 MIN_CHUNKS = 2
-
 #: What this part of a row's size is not worth a power of a chunk's series.
 NEGLIGIBLE = 2.0**-56
-
 #: Runs that begin within this part of a piece of each other begin alike: rounding of many turns.
 SAME_START = 2.0**-46
-
 #: A sample this near a joint or an event, in parts of the time between two, is at it. Rounding,
 #: which differs with where an interval begins, would else choose the side, and with it the force.
 AT_SAMPLE = 1e-6
@@ -66,8 +61,6 @@ def sample(
 ) -> FloatArray:
     """Linear combinations of s, s', s'' at the angles ``start + j·step``, j = 0 … count − 1.
 
-    Parameters
-    ----------
     start, step : rad; the angle is unwrapped, the step positive
     weights : ``(k, 3)`` row by row the weights of s, s', s''
     offsets : ``(k,)`` constants added to each row
@@ -247,18 +240,13 @@ def _fill_directly(
 
 #: Degree of the interpolant of the third derivative; the curve itself has three more.
 THIRD_DEGREE = 22
-
 #: Relative tail of the third derivative's Chebyshev series that is accepted ...
 TAIL = 1e-13
-
 #: ... or what the tail may add to the curve itself, relative: rounding of the formula.
 ROUNDING = 1e-17
-
 #: Pieces are not made shorter than this fraction of the curve.
 SHORTEST = 1e-5
-
 Curve = Callable[[FloatArray, int], FloatArray]
-
 #: A curve on the stretch from its first to its second abscissa.
 Section = tuple[float, float, Curve]
 

@@ -30,8 +30,6 @@ from cam_rig.units import TURN, FloatArray
 def polynomial_through(u: list[float], order: list[int], value: list[float]) -> FloatArray:
     """Bernstein ordinates on [0, 1] of the polynomial of lowest degree through the conditions.
 
-    Parameters
-    ----------
     u, order, value : (m,) each; the derivative of order r at u ∈ [0, 1] is to be the value
 
     The m conditions give degree m − 1. They are solved in exact fractions: the system is badly
@@ -144,10 +142,6 @@ def _trigonometric(segment: Trigonometric, cam: CamConfig) -> Pieces:
     return fit(curve, 0.0, segment.span.si)
 
 
-def _table(segment: Table, cam: CamConfig) -> Pieces:
-    return smoothed(segment, cam).pieces
-
-
 def smoothed(segment: Table, cam: CamConfig) -> Smoothed:
     """The spline through a table's points, and how far from them it is."""
     points = segment.file
@@ -176,16 +170,11 @@ BUILDERS: dict[str, Callable[[Any, CamConfig], Pieces]] = {
     "tangent_arcs": tangent_arcs,
     "arcs_by_radii": whole_turn_arcs,
     "arcs_by_centres": whole_turn_arcs,
-    "table": _table,
+    "table": lambda segment, cam: smoothed(segment, cam).pieces,
 }
 
 
 # Rises from 0 to 1 over u ∈ [0, 1] that are one Bézier curve, by their ordinates.
-
-
-def constant_velocity() -> FloatArray:
-    """The straight line u: velocity jumps at both ends (worked example a)."""
-    return np.array([0.0, 1.0])
 
 
 def full_rise(degree: int) -> FloatArray:
@@ -234,14 +223,10 @@ def cycloidal(u: FloatArray, order: int) -> FloatArray:
 
 
 PI = np.pi
-
 SINE = 1.0 / (PI + 4.0)
-
 TRAPEZOID = 1.0 / (PI + 2.0)
-
 #: Lift, slope and curvature of the modified trapezoid at u = 1/8, where the sine ends.
 AT_EIGHTH = TRAPEZOID * np.array([0.25 - 0.5 / PI, 2.0, 8.0 * PI])
-
 #: Slope at u = 3/8, where the constant acceleration ends; with its lift the curve meets (½, ½).
 SLOPE_AT_THREE = TRAPEZOID * (2.0 + 2.0 * PI)
 
@@ -302,8 +287,6 @@ MODIFIED_TRAPEZOID = _whole(
 class NamedRise:
     """A rise from 0 to 1 over u ∈ [0, 1].
 
-    Parameters
-    ----------
     source : where it comes from; equations 3.x are the laws thesis's
     shape : its Bernstein ordinates, or its analytic sections
     slopes : slope of what it joins before and after: 0 for a dwell
@@ -330,7 +313,7 @@ def _bezier_rise(name: str) -> NamedRise:
 
 
 _OTHERS = {
-    "constant_velocity": NamedRise("worked example a", constant_velocity()),
+    "constant_velocity": NamedRise("worked example a", np.array([0.0, 1.0])),
     "simple_harmonic": NamedRise("worked example b", [(0.0, 1.0, simple_harmonic)]),
     "cycloidal": NamedRise("paper, section 2", [(0.0, 1.0, cycloidal)]),
     "modified_sine": NamedRise("cam handbooks", MODIFIED_SINE),
@@ -361,8 +344,6 @@ MIN_DWELL = 1e-9
 def up_and_down(rise: str, event: float, lift: float, high_dwell: float | None = None) -> Law:
     """Half a low dwell, rise, high dwell, fall, half a low dwell.
 
-    Parameters
-    ----------
     event : rad, of the rise and of the fall, at most π
     lift : m
     high_dwell : rad; by default as long as the low one

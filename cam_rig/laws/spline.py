@@ -68,7 +68,6 @@ def bezier_pieces(spline: BSpline[np.float64]) -> Pieces:
 
 
 DEGREE = 5
-
 #: Ordinates at either end of a spline that are the dwell's level: s, s' and s'' join.
 HELD = 3
 
@@ -86,10 +85,8 @@ INTERVALS = (
 
 #: ... and how many of them an event of so many points bears: with more it would pass through all.
 INTERVALS_PER_POINT = 0.75
-
 #: Powers of ten of the weight of the jumps that are nothing and everything beside the points.
 LEAST_WEIGHT, MOST_WEIGHT = -12.0, 6.0
-
 #: A point so near (rad) to a dwell's end is in it.
 AT_END = 1e-9
 
@@ -260,21 +257,16 @@ def _jumps(knots: FloatArray) -> FloatArray:
 
 #: Readings of a divided difference: those of a polynomial of degree 5, and one more.
 WINDOW = 7
-
 #: Median of |x| of the standard normal distribution.
 NORMAL_MEDIAN = 0.6744897501960817
-
 #: Differences beyond so many standard deviations are of slips, and of jumps of the derivatives;
 #: what is left of the standard normal distribution without them has this standard deviation.
 TRIMMED, TRIMMED_STANDARD_DEVIATION = 3.0, 0.9865784
-
 #: Standard error of the scatter of n readings, times √n, in parts of it: found by simulation.
 STANDARD_ERROR = 1.35
-
 #: A tolerance that lies so many standard errors below the scatter follows the noise, and so does
 #: less than this part of it: of few readings the scatter is known so roughly.
 SURE, LEAST_PART = 3.0, 0.4
-
 #: A window as wide as this (rad) bridges a stretch without readings.
 WIDEST_WINDOW = math.radians(100.0)
 
@@ -282,8 +274,6 @@ WIDEST_WINDOW = math.radians(100.0)
 def differences(angles: FloatArray, lifts: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
     """``(n,)`` scaled divided differences (m) about each reading, and which of them count.
 
-    Parameters
-    ----------
     angles : ``(n,)`` rad, rising, within one turn
     lifts : ``(n,)`` m
 
@@ -303,16 +293,7 @@ def differences(angles: FloatArray, lifts: FloatArray) -> tuple[FloatArray, NDAr
 
 
 def scatter(angles: FloatArray, lifts: FloatArray) -> float:
-    """Standard deviation (m) of readings about a smooth law; 0 where it cannot be told.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> angles = np.linspace(0.0, 2.0 * np.pi, 360, endpoint=False)
-    >>> noise = np.random.default_rng(1).normal(scale=2e-6, size=360)  # m
-    >>> 1.7e-6 < scatter(angles, 0.005 * (1.0 - np.cos(angles)) + noise) < 2.3e-6
-    True
-    """
+    """Standard deviation (m) of readings about a smooth law; 0 where it cannot be told."""
     if angles.size < WINDOW + 1:
         return 0.0
     found, counts = differences(angles, lifts)

@@ -20,7 +20,7 @@ from cam_rig.profile.checks import (
 )
 from cam_rig.profile.contact import Element, Scan, greatest_between, stroke
 from cam_rig.profile.disc import Disc, discs
-from cam_rig.profile.faces import SwungCentre, SwungFace
+from cam_rig.profile.faces import Swung
 from cam_rig.schema import CamConfig
 from cam_rig.schema.cam import Follower
 from cam_rig.show.tables import DataTable, Head, tabulate
@@ -40,16 +40,9 @@ def breadth_check(law: Law) -> Check:
         return np.abs(law(angle) + law(angle + 0.5 * TURN) - apart)
 
     edges = np.concatenate([law.breaks, (law.breaks + 0.5 * TURN) % TURN])
-    worst = greatest_between(difference, np.unique(edges))
-    return Check(
-        "s(θ) + s(θ + 180°) − s_max",
-        worst.value,
-        "at most",
-        TOLERANCE * law.lift,
-        "mm",
-        worst.angle,
-        "let the fall be the rise turned by 180°, or take conjugate cams",
-    )
+    worst, limit = greatest_between(difference, np.unique(edges)), TOLERANCE * law.lift
+    remedy = "let the fall be the rise turned by 180°, or take conjugate cams"
+    return Check.at("s(θ) + s(θ + 180°) − s_max", worst, "at most", limit, "mm", remedy)
 
 
 # Pressure angle: from the follower's direction of motion to the common normal.
@@ -60,7 +53,7 @@ GUIDED, SWUNG = float(np.radians(30.0)), float(np.radians(45.0))
 
 def greatest_allowed(follower: Follower, element: Element) -> float:
     """The most pressure angle, rad: what the cam file asks for, else what handbooks advise."""
-    usual = SWUNG if isinstance(element, SwungCentre | SwungFace) else GUIDED
+    usual = SWUNG if isinstance(element, Swung) else GUIDED
     asked = follower.most_pressure_angle
     return usual if asked is None else asked.si
 
@@ -68,16 +61,9 @@ def greatest_allowed(follower: Follower, element: Element) -> float:
 def pressure_check(scan: Scan, follower: Follower) -> Check:
     """The greatest pressure angle of either sign against what guide or pivot bear."""
     steepest = scan.greatest(lambda touch: np.abs(touch.pressure))
-    return Check(
-        "pressure angle",
-        steepest.value,
-        "at most",
-        greatest_allowed(follower, scan.element),
-        "°",
-        steepest.angle,
-        "let base_radius be larger, the spans longer, or set most_pressure_angle",
-        vital=False,
-    )
+    limit = greatest_allowed(follower, scan.element)
+    remedy = "let base_radius be larger, the spans longer, or set most_pressure_angle"
+    return replace(Check.at("pressure angle", steepest, "at most", limit, "°", remedy), vital=False)
 
 
 def check_cam(cam: CamConfig, law: Law) -> list[Check]:

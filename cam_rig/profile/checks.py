@@ -1,11 +1,11 @@
-"""Whether a follower gets to every contact that the law asks for."""
+"""What can be wrong with a cam: reach, curvature, crossing; and the least base radius."""
 
 from __future__ import annotations
 
 import operator
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import brentq
@@ -16,7 +16,7 @@ from cam_rig.laws import Law
 from cam_rig.laws.law import Extreme, extremes
 from cam_rig.profile.contact import Element, Motion, Scan, Touch, greatest_between
 from cam_rig.profile.disc import Contour, Disc, discs
-from cam_rig.profile.faces import SwungCentre, SwungFace
+from cam_rig.profile.faces import Swung, SwungCentre, SwungFace
 from cam_rig.schema.cam import ConstantBreadth, Flat, Follower, InclinedFlat
 from cam_rig.units import FloatArray
 
@@ -37,8 +37,6 @@ FACTORS = {"mm": 1e3, "mm/rad": 1e3, "°": 180.0 / np.pi, "1": 1.0, "crossings":
 class Check:
     """One thing that is right with a cam, or wrong.
 
-    Parameters
-    ----------
     name : what is checked
     value, limit : SI units
     relation : one of `RELATIONS`
@@ -58,6 +56,13 @@ class Check:
     remedy: str
     vital: bool = True
     disc: str = ""
+
+    @classmethod
+    def at(
+        cls, name: str, worst: Extreme, relation: str, limit: float, unit: str, remedy: str
+    ) -> Check:
+        """A vital one of a value and where it is."""
+        return cls(name, worst.value, relation, limit, unit, worst.angle, remedy)
 
     @property
     def passed(self) -> bool:
@@ -101,7 +106,7 @@ def reach_checks(scan: Scan) -> Iterator[Check]:
     """What the kind of follower can reach."""
     element, law = scan.element, scan.law
     yield _around_the_axis(element, law)
-    if isinstance(element, SwungCentre | SwungFace):
+    if isinstance(element, Swung):
         yield from _arm(element, law)
     yield from pivot_checks(scan)
     if isinstance(element, SwungFace):
@@ -110,15 +115,8 @@ def reach_checks(scan: Scan) -> Iterator[Check]:
 
 def _around_the_axis(element: Element, law: Law) -> Check:
     nearest = least_clearance(element, law)
-    return Check(
-        "distance from the axis",
-        nearest.value,
-        "more than",
-        0.0,
-        "mm",
-        nearest.angle,
-        "the cam would not hold its shaft: let base_radius be larger",
-    )
+    remedy = "the cam would not hold its shaft: let base_radius be larger"
+    return Check.at("distance from the axis", nearest, "more than", 0.0, "mm", remedy)
 
 
 def least_clearance(element: Element, law: Law) -> Extreme:
@@ -128,60 +126,37 @@ def least_clearance(element: Element, law: Law) -> Extreme:
     return min(found, key=lambda extreme: extreme.value)
 
 
-def _arm(element: SwungCentre | SwungFace, law: Law) -> Iterator[Check]:
+def _arm(element: Swung, law: Law) -> Iterator[Check]:
     """An arm past these angles would have to follow the cam backwards."""
     least, greatest = (0.0, np.pi) if isinstance(element, SwungCentre) else (-np.pi / 2, np.pi / 2)
     remedy = "out of reach: let pivot_distance or the arm be longer, or the lift less"
-    ends = [(float(element.arm_angle(np.array(s.value))), s) for s in extremes(law, 0)]
-    ends.sort(key=lambda end: end[0])  # a second arm is nearest at the greatest lift
-    for (arm_angle, extreme), relation, limit in zip(
-        ends, ("more than", "less than"), (least, greatest), strict=True
-    ):
-        yield Check("angle of the arm", arm_angle, relation, limit, "°", extreme.angle, remedy)
+    ends = [Extreme(float(element.arm_angle(np.array(s.value))), s.angle) for s in extremes(law, 0)]
+    low, high = sorted(ends, key=lambda end: end.value)  # a second arm is nearest at the top
+    yield Check.at("angle of the arm", low, "more than", least, "°", remedy)
+    yield Check.at("angle of the arm", high, "less than", greatest, "°", remedy)
 
 
 def pivot_checks(scan: Scan) -> Iterator[Check]:
     """That the cam does not cut the pivot of an arm."""
-    if not isinstance(scan.element, SwungCentre | SwungFace):
-        return
-    farthest = scan.greatest(lambda touch: np.abs(touch.contact))
-    yield Check(
-        "largest radius of the cam",
-        farthest.value,
-        "less than",
-        scan.element.pivot,
-        "mm",
-        farthest.angle,
-        "the cam would cut the pivot: let pivot_distance be longer",
-    )
+    if isinstance(scan.element, Swung):
+        farthest, pivot = scan.greatest(lambda touch: np.abs(touch.contact)), scan.element.pivot
+        remedy = "the cam would cut the pivot: let pivot_distance be longer"
+        yield Check.at("largest radius of the cam", farthest, "less than", pivot, "mm", remedy)
 
 
 def _turning(element: SwungFace, law: Law) -> Check:
     """1 + φ' of eq. 2.28: at 0 the contact is at infinity."""
     back = greatest_between(lambda angle: -law(angle, 1), law.breaks)
-    return Check(
-        "turn of the face per turn",
-        1.0 - back.value / element.arm,
-        "more than",
-        0.0,
-        "1",
-        back.angle,
-        "the face falls faster than the cam turns: let the fall be longer or the lift less",
-    )
+    turn = Extreme(1.0 - back.value / element.arm, back.angle)
+    remedy = "the face falls faster than the cam turns: let the fall be longer or the lift less"
+    return Check.at("turn of the face per turn", turn, "more than", 0.0, "1", remedy)
 
 
 def crossing_check(disc: Disc, law: Law) -> Check:
     """Two places of the contour in each other's way: a neck narrower than the roller."""
     found = _crossing(Contour.of(disc, Motion.uniform(law, OUTLINE)))
-    return Check(
-        "contour across itself",
-        float(found is not None),
-        "at most",
-        0.0,
-        "crossings",
-        found,
-        "let base_radius be larger or the roller smaller",
-    )
+    remedy, count = "let base_radius be larger or the roller smaller", float(found is not None)
+    return Check("contour across itself", count, "at most", 0.0, "crossings", found, remedy)
 
 
 def _crossing(contour: Contour) -> float | None:
@@ -201,10 +176,6 @@ def _crossing(contour: Contour) -> float | None:
 CUSP = 1e-9
 
 
-def _radius(touch: Touch) -> FloatArray:
-    return touch.radius
-
-
 def _bend(touch: Touch) -> FloatArray:
     assert touch.pitch_curvature is not None
     return touch.pitch_curvature
@@ -216,7 +187,7 @@ def sharpest_convex(scan: Scan) -> Extreme:
     Infinite for a contour without a convex part.
     """
     if scan.touch.pitch_curvature is None:
-        return scan.least(_radius)
+        return scan.least(lambda touch: touch.radius)
     bend = scan.greatest(_bend)
     radius = 1.0 / bend.value - scan.element.roller if bend.value > 0.0 else np.inf
     return Extreme(radius, bend.angle)
@@ -243,51 +214,30 @@ def curvature_checks(scan: Scan, follower: Follower, least_base: float | None) -
     remedy = "no base_radius would do: let the spans be longer, the lift less or the roller smaller"
     if least_base is not None:
         remedy = f"let base_radius be more than {least_base * 1e3:.5g} mm"
-    yield Check(
-        "convex radius of curvature",
-        radius,
-        "more than",
-        0.0 if asked is None else asked.si,
-        "mm",
-        convex.angle,
-        remedy,
-        vital=radius <= 0.0,
-    )
-    concave = sharpest_concave(scan)
-    if concave is not None and scan.element.roller > 0.0:
-        yield Check(
-            "concave radius of curvature",
-            concave.value,
-            "more than",
-            scan.element.roller,
-            "mm",
-            concave.angle,
-            "let the roller be smaller or the spans longer",
-        )
+    limit = 0.0 if asked is None else asked.si
+    sharpest = Extreme(radius, convex.angle)
+    check = Check.at("convex radius of curvature", sharpest, "more than", limit, "mm", remedy)
+    yield replace(check, vital=radius <= 0.0)
+    concave, roller = sharpest_concave(scan), scan.element.roller
+    if concave is not None and roller > 0.0:
+        remedy = "let the roller be smaller or the spans longer"
+        yield Check.at("concave radius of curvature", concave, "more than", roller, "mm", remedy)
 
 
 def corner_check(law: Law, tolerance: float) -> Check:
     """The contour has a corner where the slope of the law jumps."""
     jumps = np.abs(law.jumps(1))
     worst = int(np.argmax(jumps))
-    return Check(
-        "step of the slope s'",
-        float(jumps[worst]),
-        "at most",
-        tolerance * law.lift,
-        "mm/rad",
-        float(law.breaks[worst]),
-        "let the segments join with one slope, for the contour has a corner there",
-    )
+    step, limit = Extreme(float(jumps[worst]), float(law.breaks[worst])), tolerance * law.lift
+    remedy = "let the segments join with one slope, for the contour has a corner there"
+    return Check.at("step of the slope s'", step, "at most", limit, "mm/rad", remedy)
 
 
 # The smallest base radius that avoids undercut (eq. 2.42, and its counterpart for rollers).
 
 #: The search goes from the cam's own base radius by these factors, to these ends of it.
 SMALLER, LARGER = 0.5, 2.0
-
 LEAST, MOST = 1e-2, 1e3
-
 #: The base radius is found to this fraction of the cam's own.
 PRECISION = 1e-12
 

@@ -22,12 +22,9 @@ if TYPE_CHECKING:
 # The files of ``cam-rig profile``: what is asked for, and contours and paths written.
 
 DRAWINGS, TABLES = (".dxf", ".svg"), (".csv",)
-
 READABLE = (".dxf", ".csv")
-
 #: Share of the tolerance that the digits of an SVG may take; a DXF has them all.
 SVG_ROUNDING = 0.1
-
 #: A finer tolerance would ask for millions of points, µm.
 FINEST_UM = 1e-4
 

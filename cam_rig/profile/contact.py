@@ -28,8 +28,6 @@ _ONE_EACH = np.eye(3)
 class Motion:
     """The follower's displacement at cam angles; all four arrays have one shape.
 
-    Parameters
-    ----------
     angle : rad
     s, slope, bend : s, s', s'' in m, m/rad, m/rad²
     """
@@ -81,8 +79,6 @@ STRAIGHT = 1e-10
 class Touch:
     """Contact of a follower with its cam at each cam angle; arrays of one shape.
 
-    Parameters
-    ----------
     contact : m, point of contact
     normal : unit normal there, out of the cam
     radius : m, signed radius of curvature of the contour: positive where it is convex (solid
@@ -111,8 +107,6 @@ class Element(ABC):
     (`place_on`): that takes points of a finished contour and nothing of the law. Its place (m) is
     what grows as the follower moves outwards: height in the guide, way along the arc of the arm.
 
-    Parameters
-    ----------
     roller : m, 0 for a point or a face
     """
 
@@ -180,10 +174,8 @@ def offset_curve(
 
 #: Samples over the turn, and at least and at most in a piece of the law.
 DENSE, FEWEST, MOST = 4096, 65, 513
-
 #: Points and rounds of the zoom: the abscissa is found to 1e-9 of a piece, the value to rounding.
 ZOOM_POINTS, ZOOMS = 33, 5
-
 Curve = Callable[[FloatArray], FloatArray]
 
 

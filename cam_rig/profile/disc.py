@@ -55,12 +55,8 @@ def _centre(follower: kinds.Point | kinds.Roller, law: Law, base: float) -> tupl
     return (Disc("", GuidedCentre.on_base(base, follower.roller, eccentricity)),)
 
 
-def _flat(follower: kinds.Flat, law: Law, base: float) -> tuple[Disc, ...]:
-    return (Disc("", GuidedFace.on_base(base, 0.0, _si(follower.eccentricity))),)
-
-
-def _inclined(follower: kinds.InclinedFlat, law: Law, base: float) -> tuple[Disc, ...]:
-    inclination = follower.inclination.si
+def _face(follower: kinds.Flat | kinds.InclinedFlat, law: Law, base: float) -> tuple[Disc, ...]:
+    inclination = follower.inclination.si if isinstance(follower, kinds.InclinedFlat) else 0.0
     return (Disc("", GuidedFace.on_base(base, inclination, _si(follower.eccentricity))),)
 
 
@@ -116,8 +112,8 @@ def _swung_conjugate(
 _BUILDERS: dict[type, Callable[..., tuple[Disc, ...]]] = {
     kinds.Point: _centre,
     kinds.Roller: _centre,
-    kinds.Flat: _flat,
-    kinds.InclinedFlat: _inclined,
+    kinds.Flat: _face,
+    kinds.InclinedFlat: _face,
     kinds.OscillatingPoint: _swung_centre,
     kinds.OscillatingRoller: _swung_centre,
     kinds.OscillatingFlat: _swung_face,

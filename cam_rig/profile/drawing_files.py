@@ -1,4 +1,4 @@
-"""DXF drawings of closed polylines, mm, true to scale."""
+"""Closed polylines as DXF and SVG, mm, true to scale; contours and laws as CSV."""
 
 from __future__ import annotations
 
@@ -25,9 +25,7 @@ from cam_rig.units import TURN, FloatArray
 # SVG drawings of closed polylines at scale 1: black on white, one unit of the page is 1 mm.
 
 MM = 1e3
-
 MARGIN_MM = 5.0
-
 #: Decimals of a millimetre that there are at least: the lines are 0.25 mm wide.
 COARSEST_DIGITS = 2
 
@@ -62,14 +60,11 @@ def write_svg(path: Path, curves: dict[str, FloatArray], rounding: float) -> Non
 
 #: Units of length that are read, in m.
 METRES = {units.MM: 1e-3, units.CM: 1e-2, units.M: 1.0, units.IN: 0.0254}
-
 #: Arcs of a polyline (bulges) are read as chords with this error, m, and the whole of such a
 #: polyline at so many points at least.
 ARC_ERROR, ON_ARCS = 1e-9, 20_000
-
 #: Thirds of the Bézier curves that stand for an arc: with 32 of them it is off by 1e-9 radii.
 IN_ARC = 96
-
 #: Points that are read of a spline, for each of its control points.
 PER_CONTROL_POINT = 16
 
@@ -145,7 +140,6 @@ def _on_spline(entity: Spline) -> FloatArray:
 
 #: Bytes of a file of contours that is read: 80 000 points as `write_contour` writes them.
 MAX_BYTES = 8 * MIB
-
 HEADER = ("angle_deg", "x_mm", "y_mm", "curvature_radius_mm", "pressure_angle_deg")
 
 

@@ -1,4 +1,4 @@
-"""Followers that touch with a circle, or with a point: a circle of no radius."""
+"""Followers that touch with a circle, with a point (a circle of no radius), or with a face."""
 
 from __future__ import annotations
 
@@ -11,12 +11,55 @@ from cam_rig.profile.contact import Element, Motion, Touch, offset_curve
 from cam_rig.units import ComplexArray, FloatArray
 
 
+class Guided(Element):
+    """What a guide carries, past the cam's axis at ``eccentricity``: its place is its height."""
+
+    eccentricity: float
+    start: float
+    side: int
+
+    def lift_at(self, place: FloatArray) -> FloatArray:
+        """Displacement at a height."""
+        return self.side * (place - self.start)
+
+    def stand(self, s: FloatArray) -> ComplexArray:
+        """The centre, or where the face meets its guide, at displacements s."""
+        return self.side * (self.eccentricity + 1j * (self.start + self.side * s))
+
+    def moves(self, points: ComplexArray) -> ComplexArray:
+        """Along the guide, whichever side of the cam it is on."""
+        return np.full_like(points, 1j)
+
+
+class Swung(Element):
+    """What an arm carries about its pivot: its place is the way along the arc at the arm's end."""
+
+    arm: float
+    pivot: float
+    start: float
+    side: int
+
+    def arm_angle(self, s: FloatArray) -> FloatArray:
+        """Angle at the pivot (rad) at displacements s (m).
+
+        From the line of pivot and axis, on the arm's own side of it. An arm with a centre reaches
+        between 0 and π, a face between −π/2 and π/2.
+        """
+        return self.start + self.side * s / self.arm
+
+    def lift_at(self, place: FloatArray) -> FloatArray:
+        """Displacement at a way along the arc."""
+        return self.side * (place - self.arm * self.start)
+
+    def moves(self, points: ComplexArray) -> ComplexArray:
+        """About the pivot, clockwise as the law grows, on both sides."""
+        return np.asarray(1j * (self.pivot - points) / self.arm)
+
+
 @dataclass(frozen=True)
-class GuidedCentre(Element):
+class GuidedCentre(Guided):
     """A roller or a point in a guide (eq. 2.19-2.25).
 
-    Parameters
-    ----------
     roller : m
     eccentricity : m, of the guide, towards +x when seen with the follower above the cam
     start : m, height of the centre over the cam's axis at s = 0
@@ -64,10 +107,6 @@ class GuidedCentre(Element):
         place = np.where(under >= 0.0, height, -np.inf) if self.roller else height
         return np.asarray(place, dtype=np.float64)
 
-    def lift_at(self, place: FloatArray) -> FloatArray:
-        """Displacement at a height."""
-        return self.side * (place - self.start)
-
     def beside(self, points: ComplexArray) -> FloatArray:
         """How far points are to the right of the centre's path, m."""
         return np.asarray(self.side * points.real - self.eccentricity, dtype=np.float64)
@@ -77,21 +116,11 @@ class GuidedCentre(Element):
         distance = np.hypot(self.eccentricity, self.height(s))
         return np.asarray(np.copysign(distance, self.height(s)) - self.roller)
 
-    def stand(self, s: FloatArray) -> ComplexArray:
-        """The centre at displacements s."""
-        return self.side * (self.eccentricity + 1j * self.height(s))
-
-    def moves(self, points: ComplexArray) -> ComplexArray:
-        """Along the guide, whichever side of the cam it is on."""
-        return np.full_like(points, 1j)
-
 
 @dataclass(frozen=True)
-class SwungCentre(Element):
+class SwungCentre(Swung):
     """A roller or a point at the end of an arm (eq. 2.26, 2.30-2.36).
 
-    Parameters
-    ----------
     roller, arm, pivot : m; ``pivot`` is the distance of the pivot from the cam's axis
     start : rad, γ: angle at the pivot from the cam's axis to the centre at s = 0
     side : 1 above the line of pivot and axis; −1 below it, where the law lowers the angle
@@ -115,13 +144,6 @@ class SwungCentre(Element):
             )
         cosine = (arm**2 + pivot**2 - prime**2) / (2.0 * arm * pivot)
         return cls(roller, arm, pivot, float(np.arccos(cosine)))
-
-    def arm_angle(self, s: FloatArray) -> FloatArray:
-        """Angle at the pivot (rad) at displacements s (m); the arm reaches between 0 and π.
-
-        From the line of pivot and axis, on the arm's own side of it.
-        """
-        return self.start + self.side * s / self.arm
 
     def touch(self, motion: Motion) -> Touch:
         """The contact that follows the law."""
@@ -147,10 +169,6 @@ class SwungCentre(Element):
         arm_angle += np.arccos(np.minimum(cosine, 1.0))
         return np.asarray(self.arm * np.where(cosine <= 1.0, arm_angle, -np.inf), dtype=np.float64)
 
-    def lift_at(self, place: FloatArray) -> FloatArray:
-        """Displacement at a way along the arc."""
-        return self.side * (place - self.arm * self.start)
-
     def beside(self, points: ComplexArray) -> FloatArray:
         """How far points are inside the circle that the centre moves on, m."""
         return np.asarray(self.arm - np.abs(self.pivot - points), dtype=np.float64)
@@ -167,20 +185,14 @@ class SwungCentre(Element):
         """From the centre to the pivot, at displacements s."""
         return np.asarray(self.arm * np.exp(-1j * self.side * self.arm_angle(s)))
 
-    def moves(self, points: ComplexArray) -> ComplexArray:
-        """About the pivot, clockwise as the law grows, on both sides."""
-        return np.asarray(1j * (self.pivot - points) / self.arm)
-
 
 # Followers that touch with a straight face: the contour is the envelope of its lines.
 
 
 @dataclass(frozen=True)
-class GuidedFace(Element):
+class GuidedFace(Guided):
     """A face in a guide, square to it or inclined (eq. 2.14-2.18, 2.38, 2.40).
 
-    Parameters
-    ----------
     inclination : rad, of the face, counterclockwise from square to the guide
     eccentricity : m, of the guide: it moves the guide along the face, not the contour
     start : m, height at which the face meets the guide at s = 0
@@ -225,29 +237,15 @@ class GuidedFace(Element):
         height = self.side * (points.imag - slant * points.real) + slant * self.eccentricity
         return np.asarray(height, dtype=np.float64)
 
-    def lift_at(self, place: FloatArray) -> FloatArray:
-        """Displacement at a height."""
-        return self.side * (place - self.start)
-
     def clearance(self, s: FloatArray) -> FloatArray:
         """Distance of the face from the cam's axis at displacements s."""
         return np.asarray(self.base_radius + self.side * np.cos(self.inclination) * s)
 
-    def stand(self, s: FloatArray) -> ComplexArray:
-        """Where the face meets its guide at displacements s."""
-        return self.side * (self.eccentricity + 1j * (self.start + self.side * s))
-
-    def moves(self, points: ComplexArray) -> ComplexArray:
-        """Along the guide, whichever side of the cam it is on."""
-        return np.full_like(points, 1j)
-
 
 @dataclass(frozen=True)
-class SwungFace(Element):
+class SwungFace(Swung):
     """A face along an arm (eq. 2.26-2.29).
 
-    Parameters
-    ----------
     arm : m, where the law is measured
     offset : m, of the face from the pivot, out of the cam
     pivot : m, distance of the pivot from the cam's axis
@@ -258,6 +256,7 @@ class SwungFace(Element):
     offset: float
     pivot: float
     start: float
+    side: int = field(default=1, init=False)
     roller: float = field(default=0.0, init=False)
 
     @classmethod
@@ -272,17 +271,9 @@ class SwungFace(Element):
             )
         return cls(arm, offset, pivot, float(np.arcsin(reach / pivot)))
 
-    def arm_angle(self, s: FloatArray) -> FloatArray:
-        """Angle of the face (rad) at displacements s (m); it reaches between −π/2 and π/2."""
-        return self.start + s / self.arm
-
-    def turning(self, motion: Motion) -> FloatArray:
-        """dψ/dθ, how fast the face turns about the cam; it must not stand or turn back."""
-        return 1.0 + motion.slope / self.arm
-
     def touch(self, motion: Motion) -> Touch:
         """The contact that follows the law."""
-        arm_angle, turn = self.arm_angle(motion.s), self.turning(motion)
+        arm_angle, turn = self.arm_angle(motion.s), 1.0 + motion.slope / self.arm  # dψ/dθ
         slope, bend = turn - 1.0, motion.bend / self.arm
         along = np.exp(-1j * arm_angle)
         high, wide = self.pivot * np.sin(arm_angle), self.pivot * np.cos(arm_angle)
@@ -307,10 +298,6 @@ class SwungFace(Element):
         arm_angle = -np.angle(arm) - np.arcsin(sine)
         return np.asarray(self.arm * np.where(meets, arm_angle, -np.inf), dtype=np.float64)
 
-    def lift_at(self, place: FloatArray) -> FloatArray:
-        """Displacement at a way along the arc."""
-        return place - self.arm * self.start
-
     def clearance(self, s: FloatArray) -> FloatArray:
         """Distance of the face from the cam's axis at displacements s."""
         return np.asarray(self.pivot * np.sin(self.arm_angle(s)) + self.offset)
@@ -319,7 +306,3 @@ class SwungFace(Element):
         """The point of the face at the end of the arm, at displacements s."""
         face = (self.arm - 1j * self.offset) * np.exp(-1j * self.arm_angle(s))
         return np.asarray(self.pivot - face)
-
-    def moves(self, points: ComplexArray) -> ComplexArray:
-        """About the pivot, clockwise as the law grows."""
-        return np.asarray(1j * (self.pivot - points) / self.arm)

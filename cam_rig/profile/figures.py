@@ -13,7 +13,7 @@ from cam_rig.laws.law import Extreme, extremes
 from cam_rig.profile.checks import Check, sharpest_convex
 from cam_rig.profile.contact import Element, Motion, Scan, turn_angles
 from cam_rig.profile.disc import Contour, contours
-from cam_rig.profile.faces import GuidedFace, SwungCentre, SwungFace
+from cam_rig.profile.faces import GuidedFace, Swung, SwungCentre, SwungFace
 from cam_rig.schema import CamConfig
 from cam_rig.show.figure import CAM_ANGLE, empty, styled, turn_axis, wrapped
 from cam_rig.show.looks import DISCS, LIMIT, MM, PITCH_CURVE, circle, web
@@ -24,7 +24,6 @@ from cam_rig.units import ComplexArray, FloatArray
 
 #: A face is drawn this much longer than the contact needs it, and a stem so long: of the reach.
 SPARE, STEM = 0.08, 0.22
-
 #: Height of an L-shaped arm over its point, of the arm.
 SHANK = 0.25
 
@@ -92,7 +91,7 @@ def _swung_face(element: SwungFace, law: Law, motion: Motion) -> list[ComplexArr
 
 def pivots(element: Element, count: int) -> FloatArray | None:
     """``(count, 2)`` places of the pivot around the cam, mm; None for a guide."""
-    if not isinstance(element, SwungCentre | SwungFace):
+    if not isinstance(element, Swung):
         return None
     places = element.pivot * MM * np.exp(-1j * turn_angles(count))
     return np.column_stack([places.real, places.imag])
@@ -100,28 +99,19 @@ def pivots(element: Element, count: int) -> FloatArray | None:
 
 #: First and second disc; the dash tells them apart without colour.
 INK = tuple(map(web, DISCS))
-
 DASH, HATCH = ("-", (0, (5, 2))), ("", "///")
-
 FOLLOWER, BOLD = "0.62", "black"
-
 POINTS, POSITIONS = 3600, 24
-
 #: About every so many degrees a position is named; up to so many positions, each is.
 NAMED, EACH_NAMED = 60.0, 12
-
 #: Its middle is so far outside the follower's end, pt.
 OUTSIDE_PT = 11.0
-
 #: Fewest and most positions: fewer are no turn, more are black.
 FEWEST, MOST = 3, 720
-
 #: Radii of curvature beyond this many times the cam's size are off the diagram.
 OFF = 2.5
-
 #: Height of the line where the contour is straight, of the panel's.
 FLAT = 0.66
-
 #: Slope of a dwell, of the greatest slope; a stage narrower than these (°) has no shade, no name.
 STILL, NARROW, NAMED_STAGE = 1e-6, 5.0, 48.0
 

@@ -22,16 +22,12 @@ from cam_rig.units import TURN, ComplexArray, FloatArray
 
 #: A closed curve in the cam's frame: parameters, of period 2π, to points x + iy, m.
 Curve = Callable[[FloatArray], ComplexArray]
-
 #: Points of the contour that are tried before the search is refined ...
 COARSE = 4096
-
 #: ... in rounds with this many points between the neighbours of the best one.
 ROUNDS, FINE = 5, 33
-
 #: Halvings that bring a crossing from 2π/COARSE to rounding.
 HALVINGS = 44
-
 #: Cam angles dealt with at a time.
 BLOCK = 64
 
@@ -121,7 +117,6 @@ def _crossing(
 #: A step from point to point beyond so many of the usual one is a gap. Contours written at equal
 #: steps of the cam angle stay below 2.
 WIDE = 10.0
-
 #: A contour of fewer points is a guess.
 FEWEST = 36
 

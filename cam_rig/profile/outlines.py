@@ -15,7 +15,7 @@ import numpy as np
 from cam_rig.laws import Law
 from cam_rig.profile.contact import Motion, turn_angles
 from cam_rig.profile.disc import discs
-from cam_rig.profile.faces import GuidedCentre, GuidedFace, SwungCentre, SwungFace
+from cam_rig.profile.faces import Guided, GuidedFace, Swung, SwungFace
 from cam_rig.schema.cam import CamConfig
 from cam_rig.show.looks import bearing, circle, stem, tip
 from cam_rig.units import ComplexArray, FloatArray
@@ -28,13 +28,11 @@ BEARING, LIFT_OFF = 0.1, 0.12
 class FollowerShape(ABC):
     """A follower in the plane; all lengths in m, all angles in rad, arrays of shape ``(n,)``.
 
-    Parameters
-    ----------
     element : what touches the cam, a roller, a point or a flat face, as the profile has it
     max_lift : of the law, m
     """
 
-    element: GuidedCentre | GuidedFace | SwungCentre | SwungFace
+    element: Guided | Swung
     max_lift: float
 
     @property
@@ -85,7 +83,7 @@ class FollowerShape(ABC):
 class Translating(FollowerShape):
     """A point, roller or face in a guide along y, which may run past the cam's axis."""
 
-    element: GuidedCentre | GuidedFace
+    element: Guided
 
     def turn(self, lift: FloatArray) -> FloatArray:
         """It never turns."""
@@ -131,7 +129,7 @@ class Translating(FollowerShape):
 class Oscillating(FollowerShape):
     """A point, roller or face on an arm, whose lift is the way along the arc at the arm's end."""
 
-    element: SwungCentre | SwungFace
+    element: Swung
 
     def turn(self, lift: FloatArray) -> FloatArray:
         """The outline is drawn with its arm along -x."""
@@ -162,9 +160,9 @@ class Oscillating(FollowerShape):
 def follower_shape(cam: CamConfig, law: Law) -> FollowerShape:
     """The shape of a cam's follower."""
     element, greatest = discs(cam.follower, law)[0].element, float(law(turn_angles(360)).max())
-    if isinstance(element, SwungCentre | SwungFace):
+    if isinstance(element, Swung):
         return Oscillating(element, greatest)
-    assert isinstance(element, GuidedCentre | GuidedFace)
+    assert isinstance(element, Guided)
     return Translating(element, greatest)
 
 

@@ -83,13 +83,10 @@ def _layer(kind: str, disc: Disc) -> str:
 
 #: Samples of the path for a first guess, and at least so many in each chord for the proof.
 GUESS, IN_CHORD = 8192, 12
-
 #: No chord is longer than this fraction of the path: straight parts would have none.
 LONGEST = 1.0 / 90.0
-
 #: More points at each trial, and how often it is tried.
 MORE, TRIALS = 1.08, 12
-
 #: Less is within the rounding of a metre, m.
 FINEST = 1e-11
 

@@ -14,8 +14,6 @@ from cam_rig.schema.published import PublishedNoise, PublishedTables, TableReadi
 from cam_rig.schema.rig import RigConfig
 from cam_rig.schema.scene import SceneConfig
 
-pass
-
 __all__ = [
     "CamConfig",
     "Library",

@@ -14,14 +14,10 @@ from cam_rig.schema.segments import Segment
 # What cam and follower are where they touch: width, material, and what they bear.
 
 Width = Annotated[Quantity, must_be("length", above=0.0, least=1e-6, most=10.0)]
-
 Modulus = Annotated[Quantity, must_be("pressure", above=0.0, least=1e6, most=1e13)]
-
 #: An incompressible solid has 0.5.
 Poisson = Annotated[Quantity, must_be("ratio", least=0.0, most=0.5)]
-
 Pressure = Annotated[Quantity, must_be("pressure", above=0.0, most=1e13)]
-
 Sliding = Annotated[Quantity, must_be("linear speed", above=0.0, most=1e4)]
 
 
@@ -63,17 +59,12 @@ class ContactParts(Strict):
 # The follower of a cam file: its kind, its size, and the size of the cam under it.
 
 Length = Annotated[Quantity, must_be("length", above=0.0, most=100.0)]
-
 Offset = Annotated[Quantity, must_be("length", least=-100.0, most=100.0)]
-
 #: A face is inclined by less than a right angle.
 Inclination = Annotated[Quantity, must_be("angle", least=-1.5, most=1.5)]
-
 Steepest = Annotated[Quantity, must_be("angle", above=0.0, most=0.5 * math.pi)]
-
 #: Between two arms of one rocker.
 ArmsAngle = Annotated[Quantity, must_be("angle", above=0.0, most=2.0 * math.pi)]
-
 Radius = Annotated[Quantity, must_be("length", least=0.0, most=100.0)]
 
 
@@ -100,8 +91,7 @@ class _Follower(Strict):
 
     def numbers(self) -> dict[str, Quantity]:
         """Every number of the follower by its key."""
-        fields = ((key, getattr(self, key)) for key in type(self).model_fields)
-        return {key: value for key, value in fields if isinstance(value, Quantity)}
+        return dict(quantities(self, ""))
 
 
 class _Rolling(_Follower):
@@ -219,13 +209,9 @@ class OscillatingConjugate(_Positive, _Pivoted, _Rolling):
 
 
 Translating = Point | Roller | Flat | InclinedFlat
-
 Oscillating = OscillatingPoint | OscillatingRoller | OscillatingFlat
-
 Desmodromic = ConstantBreadth | ConstantDiameter | Conjugate | OscillatingConjugate
-
 Follower = Annotated[Translating | Oscillating | Desmodromic, Field(discriminator="type")]
-
 #: Frames of the rig's robot besides one for each cam, which bears the cam's name.
 FRAMES = ("base_link", "guide", "motor", "microphone", "cam", "follower", "follower_arc")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from functools import cache
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
@@ -83,13 +84,24 @@ def _unknown_key(problem: ErrorDetails, kind: type[BaseModel]) -> str:
     return f"{key}: unknown key, value {shown}{hint}{listing}"
 
 
+@cache
+def _schema(kind: type[BaseModel]) -> Any:
+    return kind.model_json_schema()
+
+
+def _along(kind: type[BaseModel], loc: tuple[int | str, ...]) -> list[Any]:
+    """The node of a model's schema that each part of a location leads to, the model's first."""
+    schema = _schema(kind)
+    nodes = [_resolve(schema, schema)]
+    for part in loc:
+        nodes.append(_resolve(_step(nodes[-1], part), schema))
+    return nodes
+
+
 def _tags(kind: type[BaseModel], problem: ErrorDetails) -> str:
     """The tags of a union: the names of its members."""
-    node: Any = kind.model_json_schema()
-    schema = node
-    for part in problem["loc"]:
-        node = _step(node, part, schema)
-    return ", ".join(_resolve(node, schema).get("discriminator", {}).get("mapping", {}))
+    node = _along(kind, problem["loc"])[-1]
+    return ", ".join(node.get("discriminator", {}).get("mapping", {}))
 
 
 def _shown(value: object) -> str:
@@ -105,16 +117,12 @@ def _shown(value: object) -> str:
 def _key(problem: ErrorDetails, kind: type[BaseModel]) -> str:
     """``segments[1].span`` from pydantic's location, without the names of union members."""
     out = ""
-    schema = kind.model_json_schema()
-    node: Any = schema
-    for part in problem["loc"]:
-        tagged = "discriminator" in _resolve(node, schema)
-        node = _step(node, part, schema)
+    for part, node in zip(problem["loc"], _along(kind, problem["loc"]), strict=False):
         if isinstance(part, int):
             out += f"[{part}]"
-        elif tagged:
+        elif "discriminator" in node:
             continue  # the tag of a union
-        elif part in ("float", "list[float]") or str(part).startswith(("constrained-", "list[")):
+        elif part in ("float", "list[float]") or part.startswith(("constrained-", "list[")):
             continue  # a member of number | list of numbers
         else:
             out += f".{part}" if out else part
@@ -123,15 +131,8 @@ def _key(problem: ErrorDetails, kind: type[BaseModel]) -> str:
 
 def _fields_at(kind: type[BaseModel], loc: tuple[int | str, ...]) -> set[str]:
     """The keys allowed at a location, as far as the model's annotations tell."""
-    names = set(kind.model_fields)
-    schema = kind.model_json_schema()
-    node: Any = schema
-    for part in loc:
-        node = _step(node, part, schema)
-        if node is None:
-            return set()
-        names = set(_resolve(node, schema).get("properties", {}))
-    return names
+    node = _along(kind, loc)[-1]
+    return set(node.get("properties", {})) if loc else set(kind.model_fields)
 
 
 def _resolve(node: Any, schema: Any) -> Any:
@@ -145,10 +146,11 @@ def _resolve(node: Any, schema: Any) -> Any:
     return {}
 
 
-def _step(node: Any, part: int | str, schema: Any) -> Any:
-    node = _resolve(node, schema)
+def _step(node: Any, part: int | str) -> Any:
+    """From a resolved node to what a key, a place in a list, or a union's tag leads to."""
     if isinstance(part, int):
         return node.get("items")
     if "discriminator" in node:
-        return {"$ref": node["discriminator"]["mapping"].get(part, "#/none")}
+        reference = node["discriminator"]["mapping"].get(part)
+        return reference and {"$ref": reference}
     return node.get("properties", {}).get(part)

@@ -21,10 +21,8 @@ from cam_rig.schema.scene import SceneConfig
 from cam_rig.schema.yaml_text import parse_yaml
 
 Config = TypeVar("Config", bound=BaseModel)
-
 #: Bytes of a YAML file, at most.
 MAX_BYTES = MIB
-
 NAME = re.compile(r"[a-z][a-z0-9_]{0,99}")
 
 
@@ -43,8 +41,6 @@ def config_root() -> Path:
 def named_path(folder: str, name: str | Path) -> Path:
     """The file that a path means; a word without folder and suffix is a shipped file's name.
 
-    Parameters
-    ----------
     folder : of ``config``, where the shipped files of its kind are
     """
     path = Path(name)
@@ -315,10 +311,6 @@ def _flow(value: Any) -> str:
 
 def valid_cam(data: dict[str, Any]) -> CamConfig:
     """The cam that a file of this content has."""
-    from pydantic import ValidationError
-
-    from cam_rig.schema.explain import explain
-
     try:
         return CamConfig.model_validate(data)
     except ValidationError as error:

@@ -19,10 +19,8 @@ from cam_rig.units import TURN
 # What all segments have: a span, and their numbers by key.
 
 Span = Annotated[Quantity, must_be("angle", above=0.0, most=TURN * (1.0 + 1e-12))]
-
 #: Ordinates, levels and coefficients in fractions of the lift.
 Ratios = Annotated[Quantity, must_be("ratio", many=True, least=-100.0, most=100.0)]
-
 #: A length of the cam's own shape.
 Length = Annotated[Quantity, must_be("length", above=0.0, most=100.0)]
 
@@ -71,7 +69,6 @@ def _items(value: object) -> list[tuple[str, object]]:
 
 #: Bytes of a file: of as many points as a law may have, each has room for 290.
 MAX_BYTES = 2 * MIB
-
 COLUMNS = {"angle": "angle", "lift": "length"}
 
 
@@ -146,22 +143,16 @@ def _number(name: str, line: int, cells: list[str], header: list[str], index: in
 
 #: Fewer points than this over a turn do not hold a cam's law, more are slow to no use.
 FEWEST_POINTS, MAX_POINTS = 12, 7200
-
 #: A wider gap than this (deg) leaves the law there to chance.
 WIDEST_GAP_DEG = 45.0
-
 #: Dwells of one turn, at most.
 MAX_DWELLS = 36
-
 #: Two dwells are so far apart (deg) at least, ...
 LEAST_EVENT_DEG = 1.0
-
 #: ... and a point at a dwell's end (rad) is in it.
 ROUNDING = 1e-9
-
 #: Where a table repeats its first point at 360°, the two may differ by so many tolerances.
 CLOSING_TOLERANCES = 3.0
-
 #: A spline that may be further from the points than this fraction of their lift is another cam.
 MAX_TOLERANCE = 0.05
 

@@ -14,18 +14,12 @@ from cam_rig.units import TURN
 
 #: Degree 100 is far beyond any cam, and still stable.
 MAX_ORDINATES = 101
-
 #: A polynomial through more conditions than this oscillates between them.
 MAX_CONDITIONS = 21
-
 MAX_HARMONICS = 50
-
 MAX_B_SPLINE_DEGREE = 15
-
 MAX_B_SPLINE_ORDINATES = 500
-
 Angles = Annotated[Quantity, must_be("angle", many=True, least=0.0, most=TURN + 1e-12)]
-
 Order = Annotated[int, Field(ge=0, lt=MAX_CONDITIONS, strict=True)]
 
 
@@ -146,9 +140,7 @@ class Polynomial(SegmentBase):
 # Cams made of circular arcs and straight lines, each tangent to the next.
 
 MAX_ARCS = 100
-
 Coordinate = Annotated[Quantity, must_be("length", least=-100.0, most=100.0)]
-
 SignedLength = Annotated[Quantity, must_be("length", least=-100.0, most=100.0)]
 
 

@@ -23,7 +23,6 @@ MAX_DIGITS = 300
 MAX_VALUES = 1_000_000
 #: Without libyaml the same, but slower.
 LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-
 Value = Any
 WORDS: dict[str, Value] = {"": None, "~": None}
 WORDS |= dict.fromkeys(("null", "Null", "NULL"))

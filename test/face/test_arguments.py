@@ -1,6 +1,9 @@
 """What `import cam_rig` is given wrongly is refused in one line, by the argument's name."""
 
 import math
+from functools import partial
+from inspect import signature
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,36 +11,22 @@ import pytest
 import cam_rig
 from cam_rig.errors import BagError, ConfigError, DynamicsError, LawError
 
-
-@pytest.fixture(scope="module")
-def law():
-    """A shipped law."""
-    return cam_rig.build_law(cam_rig.load_cam("poly345"))
+CAM, RIG = cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2")
+LAW = cam_rig.build_law(CAM)
 
 
-@pytest.fixture(scope="module")
-def two_mass_rig():
-    """A rig with two masses."""
-    return cam_rig.load_rig("paper_table2")
-
-
-@pytest.mark.parametrize("order", [-1, 1.5])
-def test_a_derivative_that_does_not_exist(law, order):
-    """A negative order gave another derivative."""
-    with pytest.raises(LawError, match=rf"order is {order}; allowed: 0, 1"):
-        law(1.0, order)
-
-
-@pytest.mark.parametrize("duration", [1e5, -1, 0])
-def test_a_duration_out_of_range(law, two_mass_rig, duration):
+def test_numbers_out_of_range():
     """A run longer than the command's would not end in any useful time."""
-    with pytest.raises(DynamicsError, match="allowed: above 0, to 60 s"):
-        cam_rig.jump_speed(law, two_mass_rig, duration=duration)
+    for order in (-1, 1.5):
+        with pytest.raises(LawError, match=rf"order is {order}; allowed: 0, 1"):
+            LAW(1.0, order)
+    for duration in (1e5, -1, 0):
+        with pytest.raises(DynamicsError, match="allowed: above 0, to 60 s"):
+            cam_rig.jump_speed(LAW, RIG, duration=duration)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
+def test_a_motion_that_cannot_be():
+    for arguments, words in [
         ({"rpm": -100}, "rpm: is -100 rpm; allowed: at least 0.01 rpm"),
         ({"rpm": "450"}, r"rpm: is '450' \(str\); allowed: a finite number"),
         ({"rpm": 450, "turns": None}, r"turns: is None \(NoneType\); allowed: a whole number"),
@@ -46,83 +35,166 @@ def test_a_duration_out_of_range(law, two_mass_rig, duration):
             {"rpm": 450, "model": "two mass"},
             "model: is 'two mass' .did you mean 'two_mass'.*; allowed: .*'two_mass'",
         ),
-    ],
-)
-def test_a_motion_that_cannot_be(law, two_mass_rig, arguments, words):
-    """Whatever number is wrong is named as the caller named it."""
-    with pytest.raises(ConfigError, match=words):
-        cam_rig.simulate(law, two_mass_rig, **arguments)
+    ]:
+        with pytest.raises(ConfigError, match=words):
+            cam_rig.simulate(LAW, RIG, **arguments)
 
 
-@pytest.mark.parametrize(
-    ("call", "words"),
-    [
+def test_another_type():
+    """The message names argument, value, type and what is allowed, and where that is had."""
+    jump = cam_rig.jump_speed
+    for call, words in (
         (
-            lambda law, rig: cam_rig.build_law("poly345"),
+            lambda: cam_rig.build_law("poly345"),
             "cam: is 'poly345' (str); allowed: a cam, of load_cam('poly345')",
         ),
         (
-            lambda law, rig: cam_rig.simulate("poly345", rig, rpm=450),
+            lambda: cam_rig.simulate("poly345", RIG, rpm=450),
             "law: is 'poly345' (str); allowed: a Law, of build_law",
         ),
+        (lambda: jump(RIG, LAW), "law: is RigConfig; allowed: a Law, of build_law"),
         (
-            lambda law, rig: cam_rig.jump_speed(rig, law),
-            "law: is RigConfig; allowed: a Law, of build_law",
-        ),
-        (
-            lambda law, rig: cam_rig.jump_speed(law, rig, duration=True),
+            lambda: jump(LAW, RIG, duration=True),
             "duration: is True (bool); allowed: a finite number or None",
         ),
         (
-            lambda law, rig: cam_rig.jump_speed(law, rig, duration=math.nan),
+            lambda: jump(LAW, RIG, duration=math.nan),
             "duration: is nan (float); allowed: a finite number or None",
         ),
         (
-            lambda law, rig: cam_rig.sound_level(None),
+            lambda: cam_rig.sound_level(None),
             "motion: is None (NoneType); allowed: a motion, of simulate",
         ),
         (
-            lambda law, rig: cam_rig.load_cam(None),
+            lambda: cam_rig.load_cam(None),
             "cam: is None (NoneType); allowed: a text without NUL or a path",
         ),
         (
-            lambda law, rig: cam_rig.simulate(law, rig, rpm=10**5000),
+            lambda: cam_rig.simulate(LAW, RIG, rpm=10**5000),
             "rpm: is int; allowed: a finite number",
         ),
-    ],
-)
-def test_another_type(law, two_mass_rig, call, words):
-    """The message names argument, value, type and what is allowed, and where that is had."""
-    with pytest.raises(ConfigError) as refused:
-        call(law, two_mass_rig)
-    assert str(refused.value) == words
+    ):
+        with pytest.raises(ConfigError) as refused:
+            call()
+        assert str(refused.value) == words
 
 
-def test_a_number_of_numpy(law, two_mass_rig):
-    """A speed out of an array of whole numbers is a speed."""
+def test_a_number_of_numpy():
     speed, turns = np.arange(300, 500, 50)[1], np.int64(2)
-    assert cam_rig.simulate(law, two_mass_rig, rpm=speed, turns=turns).rpm == 350.0
+    assert cam_rig.simulate(LAW, RIG, rpm=speed, turns=turns).rpm == 350.0
 
 
-def test_wrong_names_and_numbers_of_arguments(law, two_mass_rig):
-    """They are Python's own TypeError, as of any function."""
+def test_wrong_names_and_numbers_of_arguments():
     with pytest.raises(TypeError, match="speed"):
-        cam_rig.simulate(law, two_mass_rig, speed=450)
+        cam_rig.simulate(LAW, RIG, speed=450)
     with pytest.raises(TypeError, match="rig"):
-        cam_rig.jump_speed(law)
+        cam_rig.jump_speed(LAW)
 
 
-def test_a_level_is_calibrated_only_on_the_rig_that_was(law):
+def test_a_level_is_calibrated_only_on_the_rig_that_was():
     """Another follower, or a cam that would have to pull, was never measured."""
     rig = cam_rig.load_rig("tm21")
-    assert cam_rig.sound_level(cam_rig.simulate(law, rig, rpm=300)).calibrated
+    assert cam_rig.sound_level(cam_rig.simulate(LAW, rig, rpm=300)).calibrated
     lighter = rig.with_follower(mass=1.0, preload=100.0)
-    assert not cam_rig.sound_level(cam_rig.simulate(law, lighter, rpm=300)).calibrated
-    pulled = cam_rig.simulate(law, rig, model="kinetostatic", rpm=800)
+    assert not cam_rig.sound_level(cam_rig.simulate(LAW, lighter, rpm=300)).calibrated
+    pulled = cam_rig.simulate(LAW, rig, model="kinetostatic", rpm=800)
     assert not cam_rig.sound_level(pulled).calibrated
 
 
 def test_a_scene_with_other_cams_than_the_bag():
-    """It is said at once, not when a level is asked for."""
     with pytest.raises(BagError, match=r"holds .*tm21; allowed: the cams of scene jump_two_mass"):
         cam_rig.read_bag("bags/golden", "jump_two_mass")
+
+
+#: Texts, numbers and things, most of them wrong wherever they are given.
+WRONG = [
+    *(None, True, False, 0, -1, 10**12, 2**63 - 1, 10**400, 10**5000, np.int64(-3), np.bool_(True)),
+    *(-1.5, 0.5, 1e-300, 1e300, math.nan, math.inf, -math.inf, np.float64(math.nan), 1j),
+    *("", "abc", "\0", "\ud800", "x" * 5000, "/dev/null", "../..", Path("a\0"), b"poly345"),
+    *([], [None], ["a"], [math.nan], [10**400], (), {}, {"a": 1}, {1: 2}, set(), range(3)),
+    *(np.array(3.0), np.array([math.nan]), np.array(["a"]), np.array([[0.3]]), np.array([])),
+    *(object(), object, math),
+]
+FUNCTIONS = [name for name in cam_rig.__all__ if name[0].islower()]
+GOLDEN = str(Path(__file__).parents[2] / "bags" / "golden")
+
+
+@pytest.fixture(scope="module")
+def right(tmp_path_factory):
+    """Arguments of every function that are right, and cheap."""
+    motion = cam_rig.simulate(LAW, RIG, rpm=450, turns=2)
+    points = {"points": 1, "seed": 1, "executor": None}
+    made = {
+        "Law": {
+            "name": "own",
+            "breaks": LAW.breaks,
+            "ordinates": LAW.ordinates,
+            "repeats": True,
+            "known": None,
+        },
+        "build_law": {"cam": CAM},
+        "campaign": {"study": "tolerance_poly345", "resume": False, "workers": 1, **points},
+        "compare_run": {"bag": GOLDEN, "scene": "quick", "cam": "tm21"}
+        | dict.fromkeys(("topics", "namespace", "offset_deg")),
+        "contour": {"cam": CAM, "points": 36},
+        "design": {"cam": CAM, "rig": RIG, "minimise": "peak_acceleration", "maximise": None}
+        | {"limits": (), "pieces": 6, "joints": 1, "degree": None, "starts": 1, "seed": 1}
+        | {"keep": ("dwells", "events", "lift")},
+        "jump_speed": {"law": LAW, "rig": RIG, "duration": 0.5},
+        "largest_waviness": {"study": "tolerance_poly345", "wavelengths": [0.31], **points},
+        "load_cam": {"cam": "poly345"},
+        "load_rig": {"rig": "tm21"},
+        "load_scene": {"scene": "quick"},
+        "read_bag": {"bag": GOLDEN, "scene": None},
+        "run_scene": {"scene": "quick", "on_tick": lambda: None},
+        "simulate": {"law": LAW, "rig": RIG, "model": "one_mass", "rpm": 450, "turns": 1}
+        | {"sample_rate": 48_000, "ramp": None},
+        "sound_level": {"motion": motion, "settle_turns": 1},
+    }
+    made["campaign"]["out"] = tmp_path_factory.mktemp("out") / "campaign"
+    return made
+
+
+def refuses_in_one_line(function, arguments):
+    """Calls; a refusal is the rig's own, of one line, short. Anything else is an error here."""
+    try:
+        function(**arguments)
+    except cam_rig.CamRigError as error:
+        assert "\n" not in str(error)
+        assert 0 < len(str(error)) < 12_000  # a path of 5000 characters is named
+
+
+@pytest.mark.variants(2)
+@pytest.mark.parametrize("name", ["Law", *FUNCTIONS])
+def test_only_errors_of_the_rig_come_out(right, name, monkeypatch, tmp_path):
+    here = tmp_path / "a" / "b"  # some of the wrong values are places that can be written
+    here.mkdir(parents=True)
+    monkeypatch.chdir(here)
+    function = getattr(cam_rig, name)
+    parameters = signature(function).parameters
+    assert set(right[name]) == set(parameters)
+    for argument in right[name]:
+        for value in (one for one in WRONG if one is not parameters[argument].default):
+            refuses_in_one_line(function, right[name] | {argument: value})
+
+
+@pytest.mark.parametrize("every", [4, pytest.param(1, marks=pytest.mark.long)])
+def test_what_their_results_are_asked(every, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    run = cam_rig.read_bag(GOLDEN)
+    shape = cam_rig.contour(CAM, 36)
+    calls = [
+        (lambda value: shape.plot(positions=value)),
+        (lambda value: run.samples(value, 400)),
+        (lambda value: run.samples("tm21", value)),
+        run.export,
+        (lambda value: run.export(tmp_path / "a.npz", cam=value, rpm=400.0)),
+        (lambda value: run.export(tmp_path / "a.npz", cam="tm21", rpm=value)),
+        (lambda value: RIG.with_follower(preload=value)),
+        (lambda value: RIG.with_follower(**{str(value)[:9]: 1.0})),
+    ]
+    for i, call in enumerate(calls):
+        for value in WRONG[i % every :: every]:
+            if isinstance(value, int) and abs(value) >= 2**63 and call is calls[-1]:
+                continue  # Python writes no text of so many digits
+            refuses_in_one_line(partial(call, value), {})

@@ -1,4 +1,4 @@
-"""``import cam_rig``: what it offers, that it is light, and that every printed example is true."""
+"""``import cam_rig``: what it offers, that it is light, and that it gives what commands give."""
 
 import doctest
 import subprocess
@@ -7,10 +7,15 @@ from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
 
+import matplotlib as mpl
+import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
 import cam_rig
+from cam_rig.dynamics import TwoMassParameters
+from cam_rig.dynamics.jump.search import force_run
+from cam_rig.errors import BagError, ConfigError
 from cam_rig.show.result import notebook
 
 #: Modules whose docstrings have examples of public names.
@@ -26,7 +31,6 @@ WITH_EXAMPLES = (
     "cam_rig.simulation.scene_run",
     "cam_rig.simulation.sound",
     "cam_rig.dynamics.interval",
-    "cam_rig.extras",
     "cam_rig.laws.cam",
     "cam_rig.laws.law",
     "cam_rig.schema.rig",
@@ -37,7 +41,6 @@ WITH_EXAMPLES = (
 @pytest.mark.variants(9)
 @pytest.mark.parametrize("module", WITH_EXAMPLES)
 def test_examples_in_docstrings_are_true(module, monkeypatch):
-    """Each runs as it is printed, and gives what is printed."""
     monkeypatch.chdir(Path(__file__).parents[2])
     found = doctest.testmod(import_module(module))
     assert found.attempted > 0
@@ -45,14 +48,12 @@ def test_examples_in_docstrings_are_true(module, monkeypatch):
 
 
 def test_every_public_function_has_an_example():
-    """A name without one cannot be tried from its help."""
     functions = [getattr(cam_rig, name) for name in cam_rig.__all__ if name[0].islower()]
     assert len(functions) == 14
     assert [f.__name__ for f in functions if ">>> " not in f.__doc__] == []
 
 
 def test_importing_it_imports_no_library():
-    """NumPy and all else come with the first name that needs them."""
     code = "import sys, cam_rig; print(sorted({'numpy', 'scipy', 'pydantic'} & set(sys.modules)))"
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=100
@@ -61,7 +62,6 @@ def test_importing_it_imports_no_library():
 
 
 def test_a_name_that_is_not_there_is_an_attribute_error():
-    """The same as of any module; and those that are there are listed."""
     with pytest.raises(AttributeError, match="module 'cam_rig' has no attribute 'simulat'"):
         cam_rig.simulat
     assert set(cam_rig.__all__) <= set(dir(cam_rig))
@@ -87,7 +87,6 @@ class Printers:
 
 @pytest.mark.parametrize("known", [(), (Figure,)])
 def test_a_notebook_shows_pictures(monkeypatch, known):
-    """As PNG, unless the notebook has its own way already."""
     law = cam_rig.build_law(cam_rig.load_cam("poly345"))
     motion = cam_rig.simulate(law, cam_rig.load_rig("tm21"), rpm=60, turns=1, sample_rate=1000)
     figure, shell = motion.plot(), Shell(known)
@@ -97,3 +96,150 @@ def test_a_notebook_shows_pictures(monkeypatch, known):
     printers = shell.printers["image/png"].type_printers
     assert set(printers) == (set() if known else {Figure})
     assert all(printer(figure).startswith(b"\x89PNG") for printer in printers.values())
+
+
+GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
+
+
+@pytest.fixture
+def figures(monkeypatch):
+    """Figures without a screen, all closed at the end."""
+    monkeypatch.setitem(mpl.rcParams, "backend", "agg")
+    yield
+    mpl.pyplot.close("all")
+
+
+@pytest.fixture(scope="module")
+def law():
+    return cam_rig.build_law(cam_rig.load_cam("poly345"))
+
+
+@pytest.fixture(scope="module")
+def rig():
+    return cam_rig.load_rig("paper_table2")
+
+
+def test_the_least_force_is_zero_at_the_jump_speed(law, rig):
+    found = cam_rig.jump_speed(law, rig)
+    run = force_run(law, TwoMassParameters.from_rig(rig), found.duration)
+    assert run.lowest(found.speed * (1.0 - 1e-5)) > 0.0 > run.lowest(found.speed * (1.0 + 1e-5))
+    assert cam_rig.jump_speed(law, rig.with_follower(preload=40.0)).rpm > found.rpm
+    assert found.to_pandas()["rpm"].tolist() == [found.rpm]
+
+
+def test_the_jump_speed_is_drawn_where_the_force_is_zero(law, rig, figures):
+    found = cam_rig.jump_speed(law, rig)
+    (axes,) = found.plot().axes
+    rpm, force = axes.lines[0].get_data()
+    assert np.interp(found.rpm, rpm, force) == pytest.approx(0.0, abs=0.2)
+
+
+def test_a_rig_of_other_numbers_is_checked_as_its_file_is(rig):
+    with pytest.raises(ConfigError, match=r"'paper_table2': follower.preload: is -1 N; allowed"):
+        rig.with_follower(preload=-1.0)
+    with pytest.raises(ConfigError, match=r"follower.preloud: unknown key.*did you mean 'preload'"):
+        rig.with_follower(preloud=1.0)
+    changed = rig.with_follower(roller_share=0.3)
+    assert changed.follower.roller_share.si == 0.3
+    assert rig.follower.roller_share.si == 0.4
+
+
+def test_the_pitch_curve_is_the_base_circle_and_the_lift():
+    """A roller's centre on a radial guide is R_b + R_r + s from the cam's."""
+    cam = cam_rig.load_cam("poly345")
+    shape = cam_rig.contour(cam, points=90)
+    base = cam.follower.base_radius.si + cam.follower.roller
+    centre = np.hypot(*shape.discs[0].pitch)
+    np.testing.assert_allclose(centre, base + shape.law(shape.angle), rtol=1e-12)
+    assert shape.x.size == shape.y.size == 90
+    assert shape.to_pandas()["x_m"].tolist() == shape.x.tolist()
+    with pytest.raises(ValueError, match="read-only"):
+        shape.x[0] = 0.0
+    with pytest.raises(ConfigError, match="points: is 3; allowed: 36 to 1000000"):
+        cam_rig.contour(cam, points=3)
+
+
+def test_a_conjugate_cam_has_two_contours(figures):
+    shape = cam_rig.contour(cam_rig.load_cam("conjugate"), points=360)
+    assert len(shape.discs) == 2
+    assert shape.to_pandas()["disc"].nunique() == 2
+    (legend,) = shape.plot(positions=12).legends
+    assert "follower every 30°" in [text.get_text() for text in legend.get_texts()]
+    with pytest.raises(ConfigError, match="positions: is 2; allowed: 3 to 720"):
+        shape.plot(positions=2)
+
+
+def test_a_scene_and_its_bag_give_one_result(figures):
+    recording = cam_rig.read_bag(GOLDEN)
+    computed = cam_rig.run_scene(recording.loaded)
+    assert recording.complete
+    assert computed.complete
+    assert recording.counts["/cam/state"] > 0
+    assert computed.counts == {}
+    for cam, curve in computed.noise.curves.items():
+        np.testing.assert_allclose(
+            recording.noise.curves[cam].level_db, curve.level_db, rtol=0, atol=1e-9
+        )
+    table = recording.to_pandas()
+    assert list(table)[:4] == ["cam", "rpm", "turns", "level_db"]
+    assert table["level_db"].tolist()[:4] == recording.noise.curves["tm21"].level_db.tolist()
+    (axes,) = recording.plot().axes
+    assert axes.get_xlabel() == "cam speed [rpm]"
+
+
+def test_the_samples_of_a_bag_are_those_of_the_scene():
+    recording = cam_rig.read_bag(GOLDEN)
+    recorded = recording.samples("tm21", 350)
+    computed = cam_rig.run_scene(recording.loaded).samples("tm21", 350.0)
+    away = np.abs(recorded.rows - computed.rows).max(axis=1)
+    assert (away <= 1e-11 * np.abs(computed.rows).max(axis=1)).all()
+    np.testing.assert_allclose(np.diff(recorded.time), 1e-3, rtol=0, atol=1e-12)
+    with pytest.raises(ValueError, match="read-only"):
+        recorded.force[0] = 1.0
+    with pytest.raises(ConfigError, match=r"samples: tm21 at 360 rpm; allowed: tm21 at 200 rpm, "):
+        recording.samples("tm21", 360)
+
+
+def test_progress_is_told_tick_by_tick():
+    told = []
+    run = cam_rig.run_scene("quick", on_tick=lambda: told.append(1))
+    assert len(told) == len(run.ticks) == 16
+
+
+def test_a_name_that_is_not_there_lists_those_that_are(tmp_path):
+    with pytest.raises(ConfigError, match=r"poly34.yaml: no such file \(did you mean 'poly345'"):
+        cam_rig.load_cam("poly34")
+    with pytest.raises(BagError):
+        cam_rig.read_bag(tmp_path)
+    path = Path(__file__).parents[2] / "config" / "cams" / "poly345.yaml"
+    assert cam_rig.load_cam(path) == cam_rig.load_cam(str(path)) == cam_rig.load_cam("poly345")
+
+
+def test_the_largest_waviness_is_that_of_the_command(figures):
+    study = {
+        "name": "wavy",
+        "title": "waviness of a rigid follower",
+        "base": {"cam": "poly345", "rig": "paper_table2"},
+        "vary": {
+            "profile.waviness.amplitude": {"values": [2], "unit": "um"},
+            "profile.waviness.wavelength": {"range": [12, 60], "unit": "deg"},
+            "profile.waviness.phase": {"range": [0, 360], "unit": "deg"},
+        },
+        "plan": {"kind": "sobol", "points": 8},
+        "measures": ["jump_speed_rigid"],
+        "limits": ["jump_speed_rigid>=350rpm"],
+    }
+    found = cam_rig.largest_waviness(study, 3)
+    assert [one.outcome for one in found.wavelengths] == ["found"] * 3
+    table = found.to_pandas()
+    assert table.amplitude.is_monotonic_increasing and table.low.isna().all()
+    again = cam_rig.largest_waviness(study, table.wavelength.to_numpy())
+    assert again.to_pandas().equals(table)
+    (axes,) = found.plot().axes
+    assert axes.lines[0].get_ydata() == pytest.approx(table.amplitude * 1e6)
+    with pytest.raises(ConfigError, match=r"is 500 deg; allowed: 0\.1 to 360 deg"):
+        cam_rig.largest_waviness(study, [np.radians(500.0)])
+    with pytest.raises(ConfigError, match="wavelengths: is 0; allowed"):
+        cam_rig.largest_waviness(study, 0)
+    with pytest.raises(ConfigError, match="needed for the largest waviness"):
+        cam_rig.largest_waviness(study | {"limits": []}, 3)

@@ -1,18 +1,35 @@
-"""The Law type: periodic, smooth as its family promises, symmetric, and strict about its arrays."""
+"""The Law type: periodic, its extremes and its class at each joint, and strict about its arrays."""
 
 import math
 
 import numpy as np
 import pytest
+from scipy.interpolate import BPoly, PPoly
 
 from cam_rig.errors import LawError
-from cam_rig.laws import Law
+from cam_rig.laws import Law, bernstein, build_law
+from cam_rig.laws.law import SMOOTHEST, continuity, extremes, joints, peak
 from cam_rig.units import TURN
 
+from ..conftest import dwell, rise
+
 ANGLES = np.linspace(0.0, TURN, 1237, endpoint=False) + 1e-3
-#: Highest derivative without a jump anywhere. Four ordinates of zero make Bézier 15 begin and end
+EPS = np.finfo(float).eps
+#: Class of each shipped cam's roughest joint. Four ordinates of zero make Bézier 15 begin and end
 #: C³; it is symmetric, so the fourth derivative agrees as well.
-SMOOTHNESS = {"poly345": 2, "poly4567": 3, "cycloidal": 2, "bezier15": 4, "tm21": 1}
+CLASSES = {
+    0: "worked_example_constant_velocity",
+    1: "arcs_centres arcs_convex arcs_straight tm21 worked_example_harmonic",
+    2: "cycloidal modified_sine modified_trapezoid poly345 worked_example_quintic",
+    3: "b_spline bezier_segments poly4567",
+    4: "bezier15 half_rises measured trigonometric",
+}
+#: Shipped cams that rise as they fall, about the middle of the low dwell.
+SYMMETRIC = {
+    *("poly345", "poly4567", "cycloidal", "bezier15", "tm21", "arcs_convex", "arcs_straight"),
+    *("b_spline", "bezier_segments", "half_rises", "modified_sine", "modified_trapezoid"),
+    "trigonometric",
+}
 
 
 def size(law, order):
@@ -20,85 +37,85 @@ def size(law, order):
     return float(np.abs(law.derivative_ordinates(order)).max())
 
 
-def test_periodic(law):
-    """s(θ + 2π) = s(θ); the angle itself is rounded, so to its rounding times the slope."""
-    tolerance = 50.0 * np.finfo(float).eps * (size(law, 0) + TURN * size(law, 1))
-    np.testing.assert_allclose(law(ANGLES + TURN), law(ANGLES), rtol=0, atol=tolerance)
-    np.testing.assert_allclose(law(ANGLES - 3 * TURN), law(ANGLES), rtol=0, atol=4 * tolerance)
+def test_periodic_and_symmetric(followed):
+    """s(θ + 2π) = s(θ), s(−θ) = s(θ); to the rounding of the angle times the slope."""
+    for name, law in followed.items():
+        tolerance = 50.0 * EPS * (size(law, 0) + TURN * size(law, 1))
+        np.testing.assert_allclose(law(ANGLES + TURN), law(ANGLES), rtol=0, atol=tolerance)
+        np.testing.assert_allclose(law(ANGLES - 3 * TURN), law(ANGLES), rtol=0, atol=4 * tolerance)
+        if name in SYMMETRIC:
+            np.testing.assert_allclose(law(TURN - ANGLES), law(ANGLES), rtol=0, atol=tolerance)
 
 
-@pytest.mark.variants(20)
-@pytest.mark.parametrize("order", [1, 2, 3])
-def test_derivatives_against_differences(law, order):
-    """Each derivative is the central difference of the one before it, away from joints."""
+def test_derivatives_against_differences(followed):
+    """Each is the central difference of the one before it, away from joints."""
     h = 1e-5
-    near = np.abs(ANGLES[:, None] - law.breaks[None, :]).min(axis=1) < 2 * h
-    inside = ANGLES[~near]
-    difference = (law(inside + h, order - 1) - law(inside - h, order - 1)) / (2.0 * h)
-    # truncation h²/6 of two orders up, and rounding eps/h of the order below
-    tolerance = h**2 / 6 * size(law, order + 2) + 1e-14 / h * size(law, order - 1) * 10
-    np.testing.assert_allclose(law(inside, order), difference, rtol=0, atol=tolerance)
+    for law in followed.values():
+        inside = ANGLES[np.abs(ANGLES[:, None] - law.breaks).min(axis=1) >= 2 * h]
+        for order in (1, 2, 3):
+            difference = (law(inside + h, order - 1) - law(inside - h, order - 1)) / (2.0 * h)
+            # truncation h²/6 of two orders up, and rounding eps/h of the order below
+            tolerance = h**2 / 6 * size(law, order + 2) + 1e-13 / h * size(law, order - 1)
+            np.testing.assert_allclose(law(inside, order), difference, rtol=0, atol=tolerance)
 
 
-def test_continuity_class(laws):
-    """A law is smooth to the order its family promises (1e-9 of the size) and no further."""
-    for name, promised in SMOOTHNESS.items():
+def test_classes_of_shipped_laws(laws):
+    """Smooth to the order its family promises (1e-9 of the size) and no further."""
+    for promised, names in CLASSES.items():
+        for name in names.split():
+            assert continuity(laws[name]) == promised, name
+    for name in ("poly345", "poly4567", "cycloidal", "bezier15", "tm21"):
         law = laws[name]
+        promised = continuity(law)
         for order in range(promised + 1):
             assert np.abs(law.jumps(order)).max() <= 1e-9 * size(law, order), (name, order)
         assert np.abs(law.jumps(promised + 1)).max() > 0.01 * size(law, promised + 1), name
 
 
 def test_jerk_jump_of_345(cams, laws):
-    """Where the 3-4-5 rise leaves the dwell the jerk jumps by 60 h/β³."""
-    segment = cams["poly345"].segments[1]
-    expected = 60.0 * cams["poly345"].lift.si / segment.span.si**3
-    assert laws["poly345"].jumps(3)[1] == pytest.approx(expected, rel=1e-12)
-
-
-#: Shipped cams that rise as they fall, about the middle of the low dwell.
-SYMMETRIC = (
-    *SMOOTHNESS,
-    "arcs_convex",
-    "arcs_straight",
-    "b_spline",
-    "bezier_segments",
-    "half_rises",
-    "modified_sine",
-    "modified_trapezoid",
-    "trigonometric",
-)
-
-
-@pytest.mark.parametrize("name", SYMMETRIC)
-def test_symmetric(laws, name):
-    """A cam that rises as it falls: s(−θ) = s(θ)."""
-    law = laws[name]
-    tolerance = 50.0 * np.finfo(float).eps * (size(law, 0) + TURN * size(law, 1))
-    np.testing.assert_allclose(law(TURN - ANGLES), law(ANGLES), rtol=0, atol=tolerance)
-
-
-def test_right_limit_at_a_joint(laws):
-    """At a joint the piece that begins there is taken."""
-    law = laws["poly345"]
+    """Where the 3-4-5 rise leaves the dwell the jerk jumps by 60 h/β³; the right limit is taken."""
+    law, span = laws["poly345"], cams["poly345"].segments[1].span.si
+    assert law.jumps(3)[1] == pytest.approx(60.0 * cams["poly345"].lift.si / span**3, rel=1e-12)
     assert law(law.breaks[1], 3) == pytest.approx(law.derivative_ordinates(3)[0, 1], rel=1e-12)
+    for order in (law.degree + 1, 50, 10**9):
+        assert not law(np.linspace(0.0, 6.0, 9), order).any()
 
 
-def test_lift_bounds_all_samples(law):
-    """No sample lies outside the lift, and some come near its ends."""
-    values = law(np.linspace(0.0, TURN, 20001))
-    assert values.max() - values.min() <= law.lift * (1.0 + 1e-14)
-    assert values.max() - values.min() > law.lift * (1.0 - 1e-6)
+def test_extremes_bound_all_samples_and_are_reached(followed):
+    """The roots miss nothing: 20 000 samples of s to s''' stay between, and those of s come near.
+
+    At the angle of an extreme the law has that value, from one side of a joint at least.
+    """
+    angles, hair = np.linspace(0.0, TURN, 20_001), np.array([-1e-9, 0.0, 1e-9])
+    for law in followed.values():
+        for order in range(4):
+            ends, values = extremes(law, order), law(angles, order)
+            slack = 1e-9 * max(abs(end.value) for end in ends)
+            assert ends[0].value - slack <= values.min() <= values.max() <= ends[1].value + slack
+            if order == 0:
+                assert 1.0 - 1e-6 < np.ptp(values) / law.lift <= 1.0 + 1e-14
+            for end in ends if order < 3 else ():
+                away = np.abs(law(end.angle + hair, order) - end.value).min()
+                assert away <= 1e-6 * size(law, order)
+            if order < 3:
+                np.testing.assert_array_equal(law.motion[order], law.derivative_ordinates(order))
 
 
-def test_motion_holds_three_derivatives(law):
-    """`motion` are the ordinates of s, s', s'' of each piece."""
-    for order in range(3):
-        np.testing.assert_array_equal(law.motion[order], law.derivative_ordinates(order))
+def test_peaks(make_cam):
+    """Simple harmonic over 180° twice: s' is h/2·sin θ, s'' h/2·cos θ; of a jump both sides."""
+    law = build_law(make_cam(rise(180, 1, "simple_harmonic"), rise(180, 0, "simple_harmonic")))
+    low, high = extremes(law, 1)
+    assert (low.value, high.value) == pytest.approx((-0.025, 0.025), rel=1e-13)
+    assert (low.angle, high.angle) == pytest.approx((1.5 * np.pi, 0.5 * np.pi), abs=1e-6)
+    assert abs(peak(law, 2).value) == pytest.approx(0.025, rel=1e-12)
+    law = build_law(make_cam(rise(90, 1, "constant_velocity"), rise(270, 0, "constant_velocity")))
+    low, high = extremes(law, 1)
+    assert high.value == pytest.approx(0.05 / (np.pi / 2), rel=1e-15)
+    assert low.value == pytest.approx(-0.05 / (1.5 * np.pi), rel=1e-15)
+    assert peak(law, 1) == high
 
 
 def test_arrays_are_frozen_copies():
-    """A law cannot be changed through its arrays, nor through those it was made of."""
     ordinates = np.zeros((4, 1))
     law = Law("flat", np.array([0.0, TURN]), ordinates)
     ordinates[0] = 1.0
@@ -107,32 +124,22 @@ def test_arrays_are_frozen_copies():
         law.ordinates[0] = 1.0
 
 
-GOOD = np.array([0.0, 1.0, TURN])
-
-
-@pytest.mark.parametrize(
-    ("breaks", "ordinates", "words"),
-    [
-        (GOOD, np.zeros((4, 3)), "n pieces need n \\+ 1 breakpoints"),
-        (GOOD, np.zeros(3), "do not fit"),
-        (GOOD, np.full((4, 2), np.nan), "must be finite"),
-        (np.array([0.0, np.inf, TURN]), np.zeros((4, 2)), "must be finite"),
-        (np.array([0.0, 1.0, 6.0]), np.zeros((4, 2)), "rise from 0 to 2π, got .*6"),
-        (np.array([0.0, 7.0, TURN]), np.zeros((4, 2)), "rise from 0 to 2π"),
-        (np.array([0.0, 0.0, TURN]), np.zeros((4, 2)), "rise from 0 to 2π"),
-        (np.array([0.1, 1.0, TURN]), np.zeros((4, 2)), "rise from 0 to 2π, got .*0\\.1"),
-    ],
-)
-def test_bad_arrays_are_refused(breaks, ordinates, words):
-    """Arrays that are no law raise an error that names the law and the fault."""
-    with pytest.raises(LawError, match=words) as caught:
-        Law("crooked", breaks, ordinates)
-    assert "'crooked'" in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("angle", "words"),
-    [
+def test_what_is_no_law_no_angle_and_no_order_is_refused(laws):
+    """By the law's name and the place; no NaN goes through, and no warning of numpy's."""
+    good, two = [0.0, 1.0, TURN], np.zeros((4, 2))
+    for breaks, ordinates, words in (
+        (good, np.zeros((4, 3)), "n pieces need n \\+ 1 breakpoints"),
+        (good, np.zeros(3), "do not fit"),
+        (good, np.full((4, 2), np.nan), "must be finite"),
+        ([0.0, np.inf, TURN], two, "must be finite"),
+        ([0.0, 1.0, 6.0], two, "rise from 0 to 2π, got .*6"),
+        ([0.0, 7.0, TURN], two, "rise from 0 to 2π"),
+        ([0.0, 0.0, TURN], two, "rise from 0 to 2π"),
+        ([0.1, 1.0, TURN], two, "rise from 0 to 2π, got .*0\\.1"),
+    ):
+        with pytest.raises(LawError, match=f"'crooked'.*{words}"):
+            Law("crooked", breaks, ordinates)
+    for angle, words in (
         (math.nan, "angle is nan"),
         (-math.inf, "angle is -inf"),
         ([0.0, 1.0, math.nan], r"angle\[2\] is nan"),
@@ -141,22 +148,57 @@ def test_bad_arrays_are_refused(breaks, ordinates, words):
         (10**400, r"no number a float holds.*\(int\)"),
         ("a turn", r"no number a float holds.*\(str\)"),
         ([0.0, "a"], r"no number a float holds.*\(list\)"),
-    ],
-)
-def test_an_angle_that_is_no_number_is_refused(laws, angle, words):
-    """In a line with its place: no NaN goes through, and no warning of numpy's."""
-    with pytest.raises(LawError, match=f"{words}.*allowed: finite angles in rad"):
-        laws["poly345"](angle)
+    ):
+        with pytest.raises(LawError, match=f"{words}.*allowed: finite angles in rad"):
+            laws["poly345"](angle)
+    for order in (-1, 0.5, math.nan, math.inf, None, "1"):
+        with pytest.raises(LawError, match="allowed: 0, 1, 2"):
+            laws["poly345"](0.0, order)
 
 
-@pytest.mark.parametrize("order", [-1, 0.5, math.nan, math.inf, None, "1"])
-def test_an_order_that_is_none_is_refused(laws, order):
-    """In a line."""
-    with pytest.raises(LawError, match="allowed: 0, 1, 2"):
-        laws["poly345"](0.0, order)
+def test_a_jump_of_one_derivative_is_found(laws):
+    """t^r/r! on one side of a joint jumps by one in the r-th derivative, and nowhere else.
+
+    One curve cut in two is as smooth at the cut as anywhere.
+    """
+    breaks, degree = np.array([0.0, np.pi, TURN]), 6
+    for order in range(5):
+        powers = np.zeros((degree + 1, 2))
+        powers[degree - order, 1] = 1.0 / math.factorial(order)
+        kinked = Law("kinked", breaks, BPoly.from_power_basis(PPoly(powers, breaks)).c)
+        joint = joints(kinked)[1]
+        assert (joint.continuity, joint.angle) == (order - 1, np.pi)
+        assert joint.jump == pytest.approx(1.0, rel=1e-9)
+    left, right = bernstein.split(laws["bezier15"].ordinates[:, 0], 0.3)
+    cut = Law("cut", np.array([0.0, 0.3 * TURN, TURN]), np.stack([left, right], axis=1))
+    assert joints(cut)[1].continuity == SMOOTHEST
 
 
-def test_beyond_the_degree_all_derivatives_are_zero(laws):
-    """Of any order, however large."""
-    for order in (laws["poly345"].degree + 1, 50, 10**9):
-        assert not laws["poly345"](np.linspace(0.0, 6.0, 9), order).any()
+def test_a_sharp_piece_hides_no_joint_of_another(make_cam):
+    """A rise over 1°, whose derivatives are a million times the others', changes no class.
+
+    Where dwells meet nothing but rounding could jump.
+    """
+    for law, own in (("cycloidal", 2), ("poly4567", 3)):
+        sharp = (dwell(30), rise(1, 0.9, law), dwell(29), rise(120, 0, law))
+        found = joints(build_law(make_cam(dwell(60), rise(120, 1, law), *sharp)))
+        classes = {round(np.degrees(joint.angle), 6): joint.continuity for joint in found}
+        ends = (0.0, 60.0, 180.0, 210.0, 211.0, 240.0)
+        assert [classes.pop(angle) for angle in ends] == 6 * [own]
+        assert set(classes.values()) <= {SMOOTHEST}
+    beside = (rise(120, 1), dwell(30), dwell(0.5), rise(120, 0), dwell(89.5))
+    found = joints(build_law(make_cam(*beside)))
+    assert [joint.continuity for joint in found] == [2, 2, SMOOTHEST, 2, 2]
+
+
+def test_jumps_of_the_slope_are_told_with_their_size(make_cam):
+    """At θ = 0 the last piece meets the first; a half-rise beside a straight part of another
+    slope is C0, and the jump is in m/rad."""
+    law = build_law(make_cam({"law": "bezier", "span": 360, "ordinates": [0, 1, 0]}))
+    (joint,) = joints(law)
+    assert (joint.angle, joint.continuity) == (0.0, 0)
+    assert joint.jump == pytest.approx(2 * 2 * 0.05 / TURN, rel=1e-12)
+    steps = (rise(60, 0.5, "bezier4_start"), rise(60, 0.75, "constant_velocity"))
+    joint = joints(build_law(make_cam(*steps, rise(60, 1, "bezier4_end"), rise(180, 0))))[1]
+    assert joint.continuity == 0
+    assert joint.jump == pytest.approx((0.25 - 1.0) * 0.05 / np.radians(60.0), rel=1e-12)

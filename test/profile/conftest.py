@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,31 +14,24 @@ from cam_rig.profile.contact import Element
 from cam_rig.schema import CamConfig
 from cam_rig.units import FloatArray
 
+ARM = {"base_radius": 40, "pivot_distance": 90, "arm": 75}
 #: Lengths in mm, angles in degrees.
 FOLLOWERS: dict[str, dict[str, float]] = {
     "point": {"base_radius": 40, "eccentricity": 5},
     "roller": {"base_radius": 40, "roller_radius": 8, "eccentricity": -6},
     "flat": {"base_radius": 40, "eccentricity": 3},
     "inclined_flat": {"base_radius": 45, "eccentricity": 3, "inclination": 12},
-    "oscillating_point": {"base_radius": 40, "pivot_distance": 90, "arm": 75},
-    "oscillating_roller": {
-        "base_radius": 40,
-        "roller_radius": 8,
-        "pivot_distance": 90,
-        "arm": 75,
-    },
+    "oscillating_point": ARM,
+    "oscillating_roller": ARM | {"roller_radius": 8},
     "oscillating_flat": {"base_radius": 50, "pivot_distance": 110, "arm": 90, "face_offset": 6},
     "constant_breadth": {"base_radius": 50},
     "constant_diameter": {"base_radius": 50, "roller_radius": 8},
     "conjugate": {"base_radius": 50, "roller_radius": 8, "eccentricity": 4},
-    "oscillating_conjugate": {
-        "base_radius": 40,
-        "roller_radius": 8,
-        "pivot_distance": 90,
-        "arm": 75,
-    },
+    "oscillating_conjugate": ARM | {"roller_radius": 8},
 }
-UNEVEN = [
+ANGLES = {"arms_angle", "inclination", "most_pressure_angle"}
+Segments = list[tuple[str, float, float | None]]
+UNEVEN: Segments = [
     ("dwell", 60, None),
     ("cycloidal", 110, 1),
     ("dwell", 40, None),
@@ -47,15 +39,14 @@ UNEVEN = [
     ("dwell", 30, None),
 ]
 #: Where s(θ) + s(θ + π) = s_max, although the rise is not symmetric about the cam.
-OPPOSITE = [
+OPPOSITE: Segments = [
     ("dwell", 10, None),
     ("poly345", 150, 1),
     ("dwell", 30, None),
     ("poly345", 150, 0),
     ("dwell", 20, None),
 ]
-
-MakeProfile = Callable[..., CamConfig]
+BREADTH = ("constant_breadth", "constant_diameter")
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,39 +73,33 @@ class Made:
         ]
 
 
-def make(
-    kind: str, segments: list[tuple[str, float, float | None]], lift: float = 10.0, **numbers: float
-) -> Made:
+def make(kind: str, segments: Segments = UNEVEN, lift: float = 10.0, **numbers: float) -> Made:
     """A cam of this kind; ``numbers`` in mm and degrees replace those of `FOLLOWERS`."""
-    lengths = FOLLOWERS[kind] | numbers
-    follower: dict[str, Any] = {"type": kind} | {
-        key: {"assumed": value, "unit": "deg" if key in ANGLES else "mm"}
-        for key, value in lengths.items()
-    }
+
+    def quantity(value: float, unit: str) -> dict[str, Any]:
+        return {"assumed": value, "unit": unit}
+
+    sizes = (FOLLOWERS[kind] | numbers).items()
+    sized = {key: quantity(value, "deg" if key in ANGLES else "mm") for key, value in sizes}
     rows = [
-        {"law": law, "span": {"assumed": span, "unit": "deg"}} | ({} if to is None else {"to": to})
+        {"law": law, "span": quantity(span, "deg")} | ({} if to is None else {"to": to})
         for law, span, to in segments
     ]
-    cam = CamConfig.model_validate(
-        {
-            "name": kind,
-            "title": "made for a test",
-            "lift": {"assumed": lift, "unit": "mm"},
-            "follower": follower,
-            "segments": rows,
-        }
-    )
+    data = {"name": kind, "title": "made for a test", "lift": quantity(lift, "mm")}
+    cam = CamConfig.model_validate(data | {"follower": {"type": kind} | sized, "segments": rows})
     return Made(cam, build_law(cam))
 
 
-ANGLES = {"arms_angle", "inclination", "most_pressure_angle"}
+@pytest.fixture(scope="session")
+def every_kind() -> list[Made]:
+    """One cam of each kind."""
+    return [make(kind, OPPOSITE if kind in BREADTH else UNEVEN) for kind in FOLLOWERS]
 
 
 @pytest.fixture(params=list(FOLLOWERS))
-def made(request: pytest.FixtureRequest) -> Made:
+def made(request: pytest.FixtureRequest, every_kind: list[Made]) -> Made:
     """One cam of each kind in turn."""
-    positive = request.param in ("constant_breadth", "constant_diameter")
-    return make(request.param, OPPOSITE if positive else UNEVEN)
+    return every_kind[list(FOLLOWERS).index(request.param)]
 
 
 @pytest.fixture

@@ -7,123 +7,112 @@ from mpmath import mp, mpf
 from cam_rig.profile import contours, turn_angles
 from cam_rig.profile.contact import Motion
 
-from .conftest import OPPOSITE, UNEVEN, make
+from .conftest import OPPOSITE, make
 
 STEP = 1e-5
 
 
-def test_uniform_contour_is_the_one_at_its_angles(made):
-    """The fast way to sample a turn gives the same points."""
-    fast, slow = contours(made.cam.follower, made.law, 720), made.contours(turn_angles(720))
-    for one, other in zip(fast, slow, strict=True):
-        np.testing.assert_allclose(one.points, other.points, rtol=0, atol=1e-15)
-        np.testing.assert_allclose(one.pressure, other.pressure, rtol=0, atol=1e-12)
+def close(found, expected, limit):
+    np.testing.assert_allclose(found, expected, rtol=0, atol=limit)
 
 
-def test_rate_and_tangent_are_the_derivative(made, angles):
-    """dP/dθ is along the tangent, at the rate, to the error of a central difference."""
-    ahead, behind = made.contours(angles + STEP), made.contours(angles - STEP)
-    for here, fore, aft in zip(made.contours(angles), ahead, behind, strict=True):
-        difference = (fore.points - aft.points) / (2.0 * STEP)
-        np.testing.assert_allclose(here.rate * here.tangent, difference, rtol=0, atol=2e-8)
-        np.testing.assert_allclose(np.hypot(*here.normal), 1.0, rtol=1e-14)
+def test_uniform_contour_is_the_one_at_its_angles(every_kind):
+    for made in every_kind:
+        fast, slow = contours(made.cam.follower, made.law, 720), made.contours(turn_angles(720))
+        for one, other in zip(fast, slow, strict=True):
+            close(one.points, other.points, 1e-15)
+            close(one.pressure, other.pressure, 1e-12)
 
 
-def test_curvature_is_the_turn_of_the_normal(made, angles):
-    """r_c = way along the contour a rad of the normal; clockwise turns are convex."""
-    ahead, behind = made.contours(angles + STEP), made.contours(angles - STEP)
-    for here, fore, aft in zip(made.contours(angles), ahead, behind, strict=True):
-        change = (fore.normal - aft.normal) / (2.0 * STEP)
-        turning = np.sum(change * here.tangent, axis=0)
-        np.testing.assert_allclose(here.rate / here.radius, turning, rtol=0, atol=1e-6)
+def test_rate_tangent_and_curvature_are_derivatives(every_kind, angles):
+    """dP/dθ is along the tangent, at the rate, to the error of a central difference.
+
+    r_c is the way along the contour a rad of the normal; clockwise turns are convex.
+    """
+    for made in every_kind:
+        ahead, behind = made.contours(angles + STEP), made.contours(angles - STEP)
+        for here, fore, aft in zip(made.contours(angles), ahead, behind, strict=True):
+            difference = (fore.points - aft.points) / (2.0 * STEP)
+            close(here.rate * here.tangent, difference, 2e-8)
+            np.testing.assert_allclose(np.hypot(*here.normal), 1.0, rtol=1e-14)
+            change = (fore.normal - aft.normal) / (2.0 * STEP)
+            close(here.rate / here.radius, np.sum(change * here.tangent, axis=0), 1e-6)
 
 
-def test_normal_velocities_agree(made, angles):
+def test_normal_velocities_agree(every_kind, angles):
     """Along the normal cam and follower move alike: nothing enters, nothing parts."""
     turn = np.exp(1j * angles)
-    for contour in made.contours(angles):
-        normal = (contour.normal[0] + 1j * contour.normal[1]) * turn
-        point = (contour.points[0] + 1j * contour.points[1]) * turn
-        of_cam = (normal * (1j * point).conj()).real
-        slope, element = made.law(angles, 1), contour.disc.element
-        if hasattr(element, "pivot"):  # the arm lifts by turning clockwise
-            velocity = 1j * (element.pivot - point) * slope / element.arm
-        else:
-            velocity = 1j * slope
-        of_follower = (normal * velocity.conj()).real
-        np.testing.assert_allclose(of_cam, of_follower, rtol=0, atol=1e-15)
+    for made in every_kind:
+        for contour in made.contours(angles):
+            normal, point = ((xy[0] + 1j * xy[1]) * turn for xy in (contour.normal, contour.points))
+            velocity, element = 1j * made.law(angles, 1), contour.disc.element
+            if hasattr(element, "pivot"):  # the arm lifts by turning clockwise
+                velocity = velocity * (element.pivot - point) / element.arm
+            of_cam = (normal * (1j * point).conj()).real
+            close(of_cam, (normal * velocity.conj()).real, 1e-15)
 
 
-@pytest.mark.parametrize("eccentricity", [-6.0, 0.0, 9.0])
-def test_roller_equations(eccentricity, angles):
+def test_roller_equations(angles):
     """Eq. 2.19-2.25 for the pitch curve, 2.46 for its radius, tan φ = (d' − ε)/d."""
-    made = make("roller", UNEVEN, eccentricity=eccentricity)
-    e, prime, roller = eccentricity * 1e-3, 0.048, 0.008
-    s, v, a = (made.law(angles, order) for order in range(3))
-    d = np.sqrt(prime**2 - e**2) + s
-    contour = made.contours(angles)[0]
-    sine, cosine = np.sin(angles), np.cos(angles)
-    pitch = np.stack([e * cosine + d * sine, -e * sine + d * cosine])
-    np.testing.assert_allclose(contour.pitch, pitch, rtol=0, atol=1e-16)
-    bend = (v - e) * (2 * v - e) - d * (a - d)
-    radius = (d**2 + (v - e) ** 2) ** 1.5 / bend - roller
-    np.testing.assert_allclose(1.0 / contour.radius, 1.0 / radius, rtol=1e-12)
-    np.testing.assert_allclose(np.tan(contour.pressure), (v - e) / d, rtol=0, atol=1e-14)
-    np.testing.assert_allclose(np.hypot(*(contour.points - pitch)), roller, rtol=1e-13)
+    prime, roller, sine, cosine = 0.048, 0.008, np.sin(angles), np.cos(angles)
+    for eccentricity in (-6.0, 0.0, 9.0):
+        made, e = make("roller", eccentricity=eccentricity), eccentricity * 1e-3
+        s, v, a = (made.law(angles, order) for order in range(3))
+        d = np.sqrt(prime**2 - e**2) + s
+        contour = made.contours(angles)[0]
+        pitch = np.stack([e * cosine + d * sine, -e * sine + d * cosine])
+        close(contour.pitch, pitch, 1e-16)
+        bend = (v - e) * (2 * v - e) - d * (a - d)
+        radius = (d**2 + (v - e) ** 2) ** 1.5 / bend - roller
+        np.testing.assert_allclose(1.0 / contour.radius, 1.0 / radius, rtol=1e-12)
+        close(np.tan(contour.pressure), (v - e) / d, 1e-14)
+        np.testing.assert_allclose(np.hypot(*(contour.points - pitch)), roller, rtol=1e-13)
 
 
-@pytest.mark.parametrize(("kind", "inclination"), [("flat", 0.0), ("inclined_flat", 12.0)])
-def test_face_equations(kind, inclination, angles):
-    """Eq. 2.17 and 2.40 (corrected), d₀ from base radius, inclination and eccentricity."""
-    made = make(kind, UNEVEN)
-    beta, e, base = np.radians(inclination), 3e-3, made.cam.follower.base_radius.si
-    s, v, a = (made.law(angles, order) for order in range(3))
-    d = (base + e * np.sin(beta)) / np.cos(beta) + s
-    contour = made.contours(angles)[0]
-    own = v * np.cos(beta) + 1j * (d * np.cos(beta) - e * np.sin(beta))
-    point = own * np.exp(1j * (beta - angles))
-    np.testing.assert_allclose(contour.points, [point.real, point.imag], rtol=0, atol=1e-16)
-    radius = (d + a) * np.cos(beta) - e * np.sin(beta)
-    np.testing.assert_allclose(contour.radius, radius, rtol=1e-13)
-    np.testing.assert_allclose(contour.pressure, beta, rtol=0, atol=1e-16)
+def test_face_equations(angles):
+    """Eq. 2.17 and 2.40 (corrected), d₀ from base radius, inclination and eccentricity.
 
-
-def test_eccentricity_of_a_face_leaves_the_contour():
-    """It moves the guide along the face, nothing else."""
-    there, here = (make("inclined_flat", UNEVEN, eccentricity=e) for e in (-7.0, 5.0))
-    angle = turn_angles(100)
-    np.testing.assert_allclose(
-        here.contours(angle)[0].points, there.contours(angle)[0].points, rtol=0, atol=1e-16
-    )
+    The eccentricity moves the guide along the face, nothing else.
+    """
+    for kind, inclination in (("flat", 0.0), ("inclined_flat", 12.0)):
+        made = make(kind)
+        beta, e, base = np.radians(inclination), 3e-3, made.cam.follower.base_radius.si
+        s, v, a = (made.law(angles, order) for order in range(3))
+        d = (base + e * np.sin(beta)) / np.cos(beta) + s
+        contour = made.contours(angles)[0]
+        own = v * np.cos(beta) + 1j * (d * np.cos(beta) - e * np.sin(beta))
+        point = own * np.exp(1j * (beta - angles))
+        close(contour.points, [point.real, point.imag], 1e-16)
+        radius = (d + a) * np.cos(beta) - e * np.sin(beta)
+        np.testing.assert_allclose(contour.radius, radius, rtol=1e-13)
+        close(contour.pressure, beta, 1e-16)
+        beside = make(kind, eccentricity=-7.0)
+        close(contour.points, beside.contours(angles)[0].points, 1e-16)
 
 
 def test_oscillating_face_equations(angles):
     """Eq. 2.27-2.29 in the guide's frame."""
-    made = make("oscillating_flat", UNEVEN)
-    l1, l2, arm = 0.110, 0.006, 0.090
+    made, l1, l2, arm = make("oscillating_flat"), 0.110, 0.006, 0.090
     d = np.arcsin((0.050 - l2) / l1) + made.law(angles) / arm
     l3 = l1 * np.cos(d) / (1.0 + made.law(angles, 1) / arm)
     x, y = l1 + l2 * np.sin(d) - l3 * np.cos(d), l2 * np.cos(d) + l3 * np.sin(d)
     point = (x + 1j * y) * np.exp(-1j * angles)
-    contour = made.contours(angles)[0]
-    np.testing.assert_allclose(contour.points, [point.real, point.imag], rtol=0, atol=1e-16)
+    close(made.contours(angles)[0].points, [point.real, point.imag], 1e-16)
 
 
 def test_oscillating_roller_against_50_digits():
     """Points and curvature from eq. 2.30-2.34 with numerical derivatives in 50 digits."""
-    made = make("oscillating_roller", UNEVEN)
     at = np.radians([75.0, 100.0, 130.0, 160.0])
-    contour = made.contours(at)[0]
+    contour = make("oscillating_roller").contours(at)[0]
     with mp.workdps(50):
-        l1, l3, prime, roller = mpf(90) / 1000, mpf(75) / 1000, mpf(48) / 1000, mpf(8) / 1000
+        l1, l3, prime, roller = (mpf(length) / 1000 for length in (90, 75, 48, 8))
         gamma = mp.acos((l3**2 + l1**2 - prime**2) / (2 * l1 * l3))
         span, begin = mpf(110) * mp.pi / 180, mpf(60) * mp.pi / 180
 
         def pitch(t):
             u = (t - begin) / span
             s = mpf(10) / 1000 * (u - mp.sin(2 * mp.pi * u) / (2 * mp.pi))
-            d = gamma + s / l3
-            return (l1 - l3 * mp.expj(-d)) * mp.expj(-t)
+            return (l1 - l3 * mp.expj(-(gamma + s / l3))) * mp.expj(-t)
 
         for i, theta in enumerate(at):
             first, second = (mp.diff(pitch, mpf(float(theta)), n) for n in (1, 2))
@@ -135,58 +124,50 @@ def test_oscillating_roller_against_50_digits():
 
 def test_constant_breadth_and_diameter_are_constant(angles):
     """Opposite tangents are 2 R_b + s_max apart, opposite centres 2 R_p + s_max (§2.2.2)."""
-    one = make("constant_breadth", OPPOSITE)
+    one, two = (make(kind, OPPOSITE) for kind in ("constant_breadth", "constant_diameter"))
     here, there = (one.contours(angles + turn)[0] for turn in (0.0, np.pi))
-    breadth = np.sum(here.points * here.normal, axis=0) + np.sum(
-        there.points * there.normal, axis=0
-    )
+    breadth = sum(np.sum(side.points * side.normal, axis=0) for side in (here, there))
     np.testing.assert_allclose(breadth, 2 * 0.050 + 0.010, rtol=1e-13)
-    two = make("constant_diameter", OPPOSITE)
     here, there = (two.contours(angles + turn)[0] for turn in (0.0, np.pi))
     np.testing.assert_allclose(np.hypot(*(here.pitch - there.pitch)), 2 * 0.058 + 0.010, rtol=1e-13)
 
 
 def test_conjugate_rollers_keep_their_distance(angles):
-    """At every angle the two axes are 2 R_p + s_max apart, or what the file asks for."""
-    for asked, distance in ((None, 0.126), (140.0, 0.140)):
-        numbers = {"eccentricity": 0.0} | ({} if asked is None else {"roller_distance": asked})
-        first, second = make("conjugate", UNEVEN, **numbers).contours(angles)
+    """At every angle the two axes are 2 R_p + s_max apart, or what the file asks for.
+
+    With the distance of §2.2.2 both pitch curves come down to one circle.
+    """
+    for asked, distance in (({}, 0.126), ({"roller_distance": 140.0}, 0.140)):
+        first, second = make("conjugate", eccentricity=0.0, **asked).contours(angles)
         np.testing.assert_allclose(np.hypot(*(first.pitch - second.pitch)), distance, rtol=1e-13)
-
-
-def test_conjugate_cams_on_the_same_prime_circle():
-    """With the distance of §2.2.2 both pitch curves come down to one circle."""
-    made = make("conjugate", UNEVEN)
+    made = make("conjugate")
     for contour in contours(made.cam.follower, made.law, 3600):
         assert np.hypot(*contour.pitch).min() == pytest.approx(0.058, rel=1e-12)
 
 
-@pytest.mark.parametrize("asked", [None, 80.0])
-def test_conjugate_arms_are_one_rocker(asked, angles):
+def test_conjugate_arms_are_one_rocker(angles):
     """The angle between the arms is 2 γ + s_max / arm, or what the file asks for, all the turn.
 
-    It is taken from the rollers' centres as the contours have them, about the pivot's place.
+    It is taken from the rollers' centres as the contours have them, about the pivot's place. When
+    no angle is given both pitch curves come down to one circle.
     """
-    made = make("oscillating_conjugate", UNEVEN, **({} if asked is None else {"arms_angle": asked}))
     pivot = 0.090 * np.exp(-1j * angles)  # in the cam's frame
-    arms = [pivot - (c.pitch[0] + 1j * c.pitch[1]) for c in made.contours(angles)]
     gamma = np.arccos((0.075**2 + 0.090**2 - 0.048**2) / (2 * 0.075 * 0.090))
-    expected = 2 * gamma + 0.010 / 0.075 if asked is None else np.radians(asked)
-    np.testing.assert_allclose(np.abs(arms), 0.075, rtol=1e-13)
-    np.testing.assert_allclose(np.angle(arms[1] / arms[0]), expected, rtol=1e-13)
-
-
-def test_conjugate_cams_of_a_rocker_on_the_same_prime_circle():
-    """When no angle is given both pitch curves come down to one circle."""
-    made = make("oscillating_conjugate", UNEVEN)
+    own = 2 * gamma + 0.010 / 0.075
+    for asked, expected in (({}, own), ({"arms_angle": 80.0}, np.radians(80.0))):
+        made = make("oscillating_conjugate", **asked)
+        arms = [pivot - (c.pitch[0] + 1j * c.pitch[1]) for c in made.contours(angles)]
+        np.testing.assert_allclose(np.abs(arms), 0.075, rtol=1e-13)
+        np.testing.assert_allclose(np.angle(arms[1] / arms[0]), expected, rtol=1e-13)
+    made = make("oscillating_conjugate")
     for contour in contours(made.cam.follower, made.law, 3600):
         assert np.hypot(*contour.pitch).min() == pytest.approx(0.048, rel=1e-12)
 
 
 def test_motion_has_both_limits_at_a_joint():
     """Sampled piece by piece, s'' of the 3-4-5 rise and of the dwell beside it both are there."""
-    law = make("roller", UNEVEN).law
+    law = make("roller").law
     motion = Motion.on_pieces(law, np.array([0.0, 1.0]))
     assert motion.angle.shape == (2, law.spans.size)
     np.testing.assert_allclose(motion.angle[1, :-1], motion.angle[0, 1:], rtol=1e-15)
-    np.testing.assert_allclose(motion.s[1, :-1], motion.s[0, 1:], rtol=0, atol=1e-16)
+    close(motion.s[1, :-1], motion.s[0, 1:], 1e-16)

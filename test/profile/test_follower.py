@@ -1,54 +1,47 @@
-"""A drawn follower touches its cam where the profile says, and where kinematics says again."""
+"""A drawn follower touches its cam where the profile says; the cam's body and its dial."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from cam_rig.laws import Law
-from cam_rig.profile import contours_at, turn_angles
+from cam_rig.profile import contours, contours_at, turn_angles
 from cam_rig.profile.contact import Motion
 from cam_rig.profile.faces import GuidedFace, SwungFace
 from cam_rig.profile.outlines import FollowerShape, Oscillating, follower_shape
 from cam_rig.schema import CamConfig
-from cam_rig.show.looks import turned
+from cam_rig.show.looks import NUMBER, body, closed, ring_numbers, rotation, turned
 from cam_rig.units import FloatArray
 
 #: Beside the joints, where a limit is taken.
 ANGLES = turn_angles(720) + 1e-3
 #: One cam of each kind of follower.
 KINDS = (
-    "poly345",
-    "eccentric_roller",
-    "flat",
-    "inclined_flat",
-    "oscillating_point",
-    "oscillating_roller",
-    "oscillating_flat",
-    "conjugate",
-    "oscillating_conjugate",
+    *("poly345", "eccentric_roller", "flat", "inclined_flat", "oscillating_point"),
+    *("oscillating_roller", "oscillating_flat", "conjugate", "oscillating_conjugate"),
     "constant_breadth",
 )
 LIFT = 0.01
 
 
-@pytest.fixture(scope="module", params=KINDS)
-def cam(request: pytest.FixtureRequest, cams: dict[str, CamConfig]) -> CamConfig:
-    return cams[request.param]
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    cam: CamConfig
+    law: Law
+    shape: FollowerShape
+
+    @property
+    def face(self) -> bool:
+        return isinstance(self.shape.element, GuidedFace | SwungFace)
 
 
 @pytest.fixture(scope="module")
-def law_of(cam: CamConfig, laws: dict[str, Law]) -> Law:
-    return laws[cam.name]
-
-
-@pytest.fixture(scope="module")
-def shape(cam: CamConfig, law_of: Law) -> FollowerShape:
-    return follower_shape(cam, law_of)
-
-
-def is_face(shape: FollowerShape) -> bool:
-    return isinstance(shape.element, GuidedFace | SwungFace)
+def drawn(cams: dict[str, CamConfig], laws: dict[str, Law]) -> list[Drawn]:
+    return [Drawn(cams[n], laws[n], follower_shape(cams[n], laws[n])) for n in KINDS]
 
 
 def instant_centre(shape: FollowerShape, slope: FloatArray) -> FloatArray:
@@ -63,94 +56,121 @@ def instant_centre(shape: FollowerShape, slope: FloatArray) -> FloatArray:
     return np.column_stack([slope, np.zeros_like(slope)])
 
 
-def contact_by_kennedy(shape: FollowerShape, motion: Motion) -> tuple[FloatArray, FloatArray]:
+def contact_by_kennedy(one: Drawn, motion: Motion) -> tuple[FloatArray, FloatArray]:
     """Contact and normal by Kennedy's theorem: the normal runs through the instant centre."""
-    place, centre = shape.place(motion.s), instant_centre(shape, motion.slope)
-    if is_face(shape):
+    place, centre = one.shape.place(motion.s), instant_centre(one.shape, motion.slope)
+    if one.face:
         # a face is square to the guide or along the arm, or inclined
-        normal = turned(shape.upward(motion.s), getattr(shape.element, "inclination", 0.0))
+        tilt = getattr(one.shape.element, "inclination", 0.0)
+        normal = turned(one.shape.upward(motion.s), tilt)
         height = np.sum((place - centre) * normal, axis=1, keepdims=True)
         return centre + height * normal, normal
     normal = place - centre
     normal /= np.hypot(*normal.T)[:, None]
-    return place - shape.element.roller * normal, normal
+    return place - one.shape.element.roller * normal, normal
 
 
-def test_contact_is_where_kennedys_theorem_puts_it(shape: FollowerShape, law_of: Law) -> None:
-    """By the instant centre of cam and follower, which the profile's formulas do not use."""
-    motion = Motion.at(law_of, ANGLES)
-    for found, expected in zip(
-        shape.contact(motion), contact_by_kennedy(shape, motion), strict=True
-    ):
-        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-13)
+def test_contact(drawn: list[Drawn]) -> None:
+    """By the instant centre of cam and follower, which the profile's formulas do not use.
 
-
-def test_contact_is_on_the_contour(shape: FollowerShape, cam: CamConfig, law_of: Law) -> None:
-    """Turned into the rig's frame, the contour's point for a cam angle is the point of contact."""
-    points, _ = shape.contact(Motion.at(law_of, ANGLES))
-    outline = contours_at(cam.follower, law_of, ANGLES)[0].points.T
-    expected = np.stack([turned(p[None], a)[0] for p, a in zip(outline, ANGLES, strict=True)])
-    np.testing.assert_allclose(np.hypot(*points.T), np.hypot(*expected.T), rtol=1e-12)
-    turn = np.angle((points @ [1.0, 1j]) / (expected @ [1.0, 1j]))
-    np.testing.assert_allclose(turn, turn[0], rtol=0, atol=1e-12)
-
-
-def test_at_rest_the_follower_touches_the_base_circle(shape: FollowerShape, cam: CamConfig) -> None:
-    """At no lift and no slope the contact is one base radius from the cam's axis."""
+    Turned into the rig's frame, the contour's point for a cam angle is the point of contact; at
+    no lift and no slope it is one base radius from the cam's axis.
+    """
     none = np.zeros(1)
-    points, normals = shape.contact(Motion(none, none, none, none))
-    np.testing.assert_allclose(np.hypot(*points[0]), cam.follower.base_radius.si, rtol=1e-12)
-    np.testing.assert_allclose(np.hypot(*normals[0]), 1.0, rtol=1e-12)
-    assert points[0, 1] > 0.0
+    for one in drawn:
+        motion = Motion.at(one.law, ANGLES)
+        contact, kennedy = one.shape.contact(motion), contact_by_kennedy(one, motion)
+        for found, expected in zip(contact, kennedy, strict=True):
+            np.testing.assert_allclose(found, expected, rtol=0, atol=1e-13)
+        outline = contours_at(one.cam.follower, one.law, ANGLES)[0].points
+        points = contact[0] @ [1.0, 1j]
+        turn = points / ((outline[0] + 1j * outline[1]) * np.exp(1j * ANGLES))
+        np.testing.assert_allclose(turn, turn[0], rtol=0, atol=1e-12)
+        np.testing.assert_allclose(np.abs(turn), 1.0, rtol=1e-12)
+        points, normals = one.shape.contact(Motion(none, none, none, none))
+        base = one.cam.follower.base_radius.si
+        np.testing.assert_allclose(np.hypot(*points[0]), base, rtol=1e-12)
+        np.testing.assert_allclose(np.hypot(*normals[0]), 1.0, rtol=1e-12)
+        assert points[0, 1] > 0.0
 
 
-def test_the_place_moves_by_the_lift(shape: FollowerShape) -> None:
-    """A small rise moves the place as far, the way `upward` says; a face's beside its arm."""
+def test_the_follower_moves_as_one(drawn: list[Drawn]) -> None:
+    """A small rise moves the place as far, the way `upward` says; a face's beside its arm.
+
+    Carrying is a rigid motion: the place itself goes where the follower's place is.
+    """
     lift, rise = np.array([LIFT]), np.array([1e-7])
-    moved = (shape.place(lift + rise) - shape.place(lift)) / rise
-    beside = getattr(shape.element, "offset", 0.0) / getattr(shape.element, "arm", 1.0)
-    np.testing.assert_allclose(moved, shape.upward(lift), atol=1e-6 + 1.1 * abs(beside))
+    start, end = np.array([0.5 * LIFT]), np.array([3.0 * LIFT])
+    for one in drawn:
+        shape = one.shape
+        moved = (shape.place(lift + rise) - shape.place(lift)) / rise
+        beside = getattr(shape.element, "offset", 0.0) / getattr(shape.element, "arm", 1.0)
+        np.testing.assert_allclose(moved, shape.upward(lift), atol=1e-6 + 1.1 * abs(beside))
+        carried = shape.carried(shape.place(start), start, end)
+        np.testing.assert_allclose(carried, shape.place(end), atol=1e-15)
 
 
-def test_the_outline_is_where_the_place_is(shape: FollowerShape) -> None:
+def test_the_outline_is_where_the_place_is(drawn: list[Drawn]) -> None:
     """Turned and moved to its origin, the first strip's middle is at the place, m."""
     lift = np.array([LIFT])
-    strip = shape.outline()[0]
-    if isinstance(shape.element, SwungFace):
-        strip = strip[:1] + (strip[1:] - strip[:1]) * shape.element.arm / np.ptp(strip[:, 0])
-        strip = strip[-1:]
-    elif not is_face(shape) and not shape.element.roller:
-        strip = strip[1:2]  # the tip
-    elif not is_face(shape):
-        strip = strip[:-1]
-    drawn = turned(strip, float(shape.turn(lift)[0])) + shape.origin(lift)
-    np.testing.assert_allclose(drawn.mean(axis=0), shape.place(lift)[0], rtol=0, atol=1e-15)
+    for one in drawn:
+        shape, strip = one.shape, one.shape.outline()[0]
+        if isinstance(shape.element, SwungFace):
+            strip = strip[:1] + (strip[1:] - strip[:1]) * shape.element.arm / np.ptp(strip[:, 0])
+            strip = strip[-1:]
+        elif not one.face:
+            strip = strip[:-1] if shape.element.roller else strip[1:2]  # the tip
+        found = turned(strip, float(shape.turn(lift)[0])) + shape.origin(lift)
+        np.testing.assert_allclose(found.mean(axis=0), shape.place(lift)[0], rtol=0, atol=1e-15)
+        strips = [*shape.outline(), *shape.support()]
+        assert all(strip.ndim == 2 and np.isfinite(strip).all() for strip in strips)
+        assert 1.0 < shape.reach / one.cam.follower.base_radius.si < 10.0
 
 
-def test_a_carried_point_keeps_its_place_on_the_follower(shape: FollowerShape) -> None:
-    """Carrying is a rigid motion: the place itself goes where the follower's place is."""
-    start, end = np.array([0.5 * LIFT]), np.array([3.0 * LIFT])
-    carried = shape.carried(shape.place(start), start, end)
-    np.testing.assert_allclose(carried, shape.place(end), atol=1e-15)
-
-
-def test_every_kind_can_be_drawn(shape: FollowerShape, cam: CamConfig) -> None:
-    """Finite strips of points, and a reach around them."""
-    strips: list[FloatArray] = [*shape.outline(), *shape.support()]
-    assert all(strip.ndim == 2 and np.isfinite(strip).all() for strip in strips)
-    base = cam.follower.base_radius.si
-    assert base < shape.reach < 10.0 * base
-
-
-@pytest.mark.parametrize("name", ["tm21", "poly345", "eccentric_roller", "flat"])
-def test_what_the_stem_carries_stays_below_its_bearing(
-    name: str, cams: dict[str, CamConfig], laws: dict[str, Law]
-) -> None:
+def test_what_the_stem_carries_stays_below_its_bearing(cams, laws) -> None:
     """At the highest lift and a tenth more, as after a lift-off; the stem is in it at rest."""
-    shape = follower_shape(cams[name], laws[name])
-    low = min(strip[:, 1].min() for strip in shape.support())
-    high = max(strip[:, 1].max() for strip in shape.support())
-    head, stem = shape.outline()[0], shape.outline()[-1]
-    highest, rest = (shape.place(np.array([lift]))[0, 1] for lift in (1.1 * shape.max_lift, 0.0))
-    assert head[:, 1].max() + highest < low
-    assert stem[:, 1].max() + rest > high
+    for name in ("tm21", "poly345", "eccentric_roller", "flat"):
+        shape = follower_shape(cams[name], laws[name])
+        low = min(strip[:, 1].min() for strip in shape.support())
+        high = max(strip[:, 1].max() for strip in shape.support())
+        head, stem = shape.outline()[0], shape.outline()[-1]
+        lifts = (1.1 * shape.max_lift, 0.0)
+        highest, rest = (shape.place(np.array([lift]))[0, 1] for lift in lifts)
+        assert head[:, 1].max() + highest < low
+        assert stem[:, 1].max() + rest > high
+
+
+# The ring reads the cam angle, the arrow turns with the cam, the body fills its outline.
+
+
+def test_the_dial() -> None:
+    """What is up at cam angle 0 stands at the number of the angle, for every number.
+
+    The arrow turns counterclockwise, and its tip is its head's.
+    """
+    for place, word in zip(*ring_numbers(10.0), strict=True):
+        up = turned(np.array([[0.0, 10.0 * NUMBER]]), np.radians(float(word)))
+        np.testing.assert_allclose(up[0], place, atol=1e-12)
+    arc, head = rotation(1.0)
+    x, y = arc.T
+    assert np.all(x[:-1] * y[1:] - y[:-1] * x[1:] > 0.0)
+    np.testing.assert_array_equal(head[1], arc[-1])
+
+
+def test_a_body_fills_its_outline(cams, laws) -> None:
+    """Every point of a fine net within the contour is under a strip, and no strip reaches out of
+    it by more than a fiftieth of its radius."""
+    share = np.linspace(0.0, 1.0, 30)[:, None]
+    for name in ("tm21", "flat", "oscillating_roller"):
+        contour = contours(cams[name].follower, laws[name], 360)[0].points.T
+        outline = closed(contour)
+        strips, half = body(outline)
+        lines = np.concatenate([a + share * (b - a) for s in strips for a, b in pairwise(s)])
+        for part in np.linspace(0.02, 0.96, 20):
+            away = (part * outline[::30])[:, None] - lines
+            assert np.hypot(away[..., 0], away[..., 1]).min(axis=1).max() < half
+        angle, edge = (np.arctan2(*line.T[::-1]) for line in (contour, strips[-1]))
+        order = np.argsort(angle)
+        radius = np.hypot(*contour.T)
+        there = np.interp(edge, angle[order], radius[order], period=2 * np.pi)
+        assert (np.hypot(*strips[-1].T) + half - there).max() < 0.02 * radius.max()

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from cam_rig.errors import CamRigError, ConfigError
+from cam_rig.paper.factorial.study import load_factorial
 from cam_rig.schema import load_cam, load_published, load_rig, load_scene
 
 KINDS = {
     "cam": ("cams/poly345.yaml", load_cam),
+    "table": ("cams/measured.yaml", load_cam),
     "rig": ("rigs/tm21.yaml", load_rig),
     "scene": ("scenes/tm21_sweep.yaml", load_scene),
     "published": ("published/tm21_noise.yaml", load_published),
+    "factorial": ("factorials/continuity.yaml", load_factorial),
 }
 
 
@@ -23,7 +27,7 @@ def error_of(tmp_path: Path) -> Callable[[str, str | bytes], str]:
     """Load a text as a file of a kind; the one line that it is refused with."""
 
     def load(kind: str, text: str | bytes) -> str:
-        path = tmp_path / "wrong.yaml"
+        path = tmp_path / "continuity.yaml"
         path.write_bytes(text if isinstance(text, bytes) else text.encode())
         with pytest.raises(CamRigError) as caught:
             KINDS[kind][1](path)
@@ -43,7 +47,8 @@ def refuse(config_dir: Path, error_of: Callable[[str, str], str]) -> Callable[[s
 
     def spoil(kind: str, old: str, new: str) -> str:
         text = (config_dir / KINDS[kind][0]).read_text(encoding="utf-8")
-        assert old in text, f"the shipped {kind} file has no {old!r}"
-        return error_of(kind, text.replace(old, new, 1))
+        wrong, count = re.subn(old, lambda match: "".join(match.groups()) + new, text, count=1)
+        assert count == 1, f"the shipped {kind} file has no {old!r}"
+        return error_of(kind, wrong)
 
     return spoil

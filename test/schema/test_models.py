@@ -1,12 +1,14 @@
-"""A model has one name, in every table, error and page; an older one is read alone."""
+"""Quantities and names of models: one origin, one unit, one name in every table."""
 
 import json
+import math
 import re
 from pathlib import Path
-from typing import get_args
+from typing import Annotated, get_args
 
 import pytest
 import yaml
+from pydantic import TypeAdapter, ValidationError
 from typer.testing import CliRunner
 
 import cam_rig
@@ -18,7 +20,60 @@ from cam_rig.measured.rig_fit.command import FollowerModel
 from cam_rig.panel.bench import runner as setup
 from cam_rig.paper.orders.steady_force import BUILDERS
 from cam_rig.schema.load import Library, config_root
+from cam_rig.schema.quantity import ORIGINS, UNITS, Quantity, must_be
 from cam_rig.schema.scene import OLD_MODELS, Model
+
+# Quantities: one origin, a unit of the right dimension, SI afterwards.
+
+
+def test_origin_and_si():
+    """Given, assumed and identified stay apart; a checked number does not change."""
+    for origin in ORIGINS:
+        quantity = Quantity.model_validate({origin: 2.5, "unit": "kg"})
+        assert (quantity.origin, quantity.raw) == (origin, 2.5)
+    lengths = ((50, "mm", 0.05), (1, "in", 0.0254))
+    angles = ((180, "deg", math.pi), (0.5, "turn", math.pi), (60, "rpm", 2 * math.pi))
+    others = ((4.03, "N/mm", 4030.0), (48, "kHz", 48_000.0), (1300, "g", 1.3))
+    for number, unit, si in (*lengths, *angles, *others):
+        assert Quantity(given=number, unit=unit).si == pytest.approx(si, rel=1e-15)
+        several = Quantity(given=[number, 0], unit=unit).si_list
+        assert several == pytest.approx([si, 0.0], rel=1e-15)
+    with pytest.raises(ValidationError, match="frozen"):
+        Quantity(given=1.0, unit="kg").given = 2.0
+
+
+def test_every_unit_fits_its_dimension_alone():
+    """No unit belongs to two, so the factor to SI is known by the unit; the allowed are listed."""
+    names = [unit for units in UNITS.values() for unit in units]
+    assert len(names) == len(set(names))
+    for dimension, units in UNITS.items():
+        check = TypeAdapter(Annotated[Quantity, must_be(dimension)])
+        words = f"allowed: {re.escape(next(iter(units)))}"
+        for unit in names:
+            if unit in units:
+                check.validate_python({"given": 1.0, "unit": unit})
+            else:
+                with pytest.raises(ValidationError, match=words):
+                    check.validate_python({"given": 1.0, "unit": unit})
+
+
+def test_limits():
+    """They are in SI and shown in the unit the number is written in; of a list each is checked."""
+    for limits, inside, outside, words in (
+        ({"above": 0.0}, 1e-9, 0.0, "greater than 0 mm"),
+        ({"least": 0.001}, 1.0, 0.999, "at least 1 mm"),
+        ({"most": 0.001}, 1.0, 1.001, "at most 1 mm"),
+    ):
+        check = TypeAdapter(Annotated[Quantity, must_be("length", **limits)])
+        check.validate_python({"given": inside, "unit": "mm"})
+        with pytest.raises(ValidationError, match=words):
+            check.validate_python({"given": outside, "unit": "mm"})
+    check = TypeAdapter(Annotated[Quantity, must_be("speed", many=True, above=0.0)])
+    with pytest.raises(ValidationError, match="is -3 rpm; allowed: greater than 0 rpm"):
+        check.validate_python({"given": [1, 2, -3], "unit": "rpm"})
+
+
+# A model has one name, in every table, error and page; an older one is read alone.
 
 ROOT = Path(__file__).parents[2]
 NAMES = set(get_args(get_args(Model)[0]))
@@ -26,13 +81,7 @@ NAMES = set(get_args(get_args(Model)[0]))
 OLD = re.compile(r"(model:? +`?|one_mass.{1,9})(separation|residual)\b|`separation`|`residual`[,)]")
 
 
-def texts():
-    """Pages and files that are shipped."""
-    for folder, ending in (("docs", "md"), ("config", "yaml"), ("examples", "*"), ("launch", "py")):
-        yield from sorted((ROOT / folder).rglob(f"*.{ending}"))
-
-
-def test_every_table_has_the_same_names():
+def test_every_table_has_the_same_names(make_scene):
     """What a scene may say is what there is; other tables take some of it."""
     assert set(MODELS) == set(setup.MODELS) == NAMES
     assert set(SAMPLED) | set(BUILDERS) | {one.value for one in FollowerModel} <= NAMES
@@ -41,25 +90,14 @@ def test_every_table_has_the_same_names():
         assert {key[6:] for key in keys if key.startswith("model_")} == NAMES
     assert set(OLD_MODELS.values()) < NAMES
     assert not set(OLD_MODELS) & NAMES
-
-
-def test_every_model_can_be_named(make_scene):
-    """In a scene, by its one name."""
-    for name in NAMES:
-        assert make_scene(model=name).model == name
+    assert {make_scene(model=name).model for name in NAMES} == NAMES
 
 
 @pytest.mark.parametrize(("old", "new"), OLD_MODELS.items())
-def test_the_new_name_is_what_is_written(make_loaded_scene, old, new):
-    """A file may have the older name; whatever is written of the scene has the other."""
+def test_an_old_name_is_read_and_the_new_one_written(make_loaded_scene, old, new):
+    """In a scene, a study, an argument and an option."""
     scene = make_loaded_scene(model=old).scene
-    assert scene.model == new
-    assert json.loads(scene.model_dump_json())["model"] == new
-
-
-@pytest.mark.parametrize(("old", "new"), OLD_MODELS.items())
-def test_an_old_name_is_read(old, new):
-    """In a study, an argument and an option; what comes of it has the new one."""
+    assert scene.model == json.loads(scene.model_dump_json())["model"] == new
     study = yaml.safe_load((config_root() / "campaigns/tolerance_poly345.yaml").read_text())
     study["base"] = {"cam": "poly345", "rig": "paper_table2", "model": old}
     assert campaign_from(study, Library((config_root(),))).config.base.model == new
@@ -67,17 +105,14 @@ def test_an_old_name_is_read(old, new):
     rig = cam_rig.load_rig("paper_table2")
     motion = cam_rig.simulate(law, rig, model=old, rpm=300, turns=1, sample_rate=1000)
     assert motion.scene.model == new
-    assert new in repr(motion)
-    assert old not in repr(motion)
     words = ["orders", "poly345", "--rig", "paper_table2", "--rpm", "300:300:1", "--model", old]
     done = CliRunner().invoke(app, [*words, "--json", "-"])
     assert done.exit_code == 0, done.output
-    assert f'"{new}"' in done.output
-    assert f'"{old}"' not in done.output
+    for text in (repr(motion), done.output):
+        assert new in text and old not in text
 
 
 def test_a_fit_reads_an_old_name_and_refuses_another():
-    """The option's own words name what it takes."""
     for name, words in (("separation", "no such file"), ("two", "allowed: one_mass or two_mass")):
         done = CliRunner().invoke(app, ["fit", "rig", "none.csv", "tm21", "--model", name])
         assert done.exit_code == 2
@@ -85,14 +120,13 @@ def test_a_fit_reads_an_old_name_and_refuses_another():
 
 
 def test_no_text_has_an_old_name():
-    """Errors, help, pages, shipped files."""
+    """Errors, pages, shipped files."""
     law = cam_rig.build_law(cam_rig.load_cam("poly345"))
-    with pytest.raises(cam_rig.CamRigError) as unknown:
-        cam_rig.simulate(law, cam_rig.load_rig("tm21"), model="rigid", rpm=300)
-    with pytest.raises(cam_rig.CamRigError) as lacking:
-        cam_rig.simulate(law, cam_rig.load_rig("tm21"), model="two_mass", rpm=300)
-    for error in (unknown, lacking):
-        assert not re.search("|".join(OLD_MODELS), str(error.value))
-    for path in texts():
-        found = OLD.search(path.read_text(encoding="utf-8"))
-        assert found is None, f"{path}: {found}"
+    for model in ("rigid", "two_mass"):
+        with pytest.raises(cam_rig.CamRigError) as refused:
+            cam_rig.simulate(law, cam_rig.load_rig("tm21"), model=model, rpm=300)
+        assert not re.search("|".join(OLD_MODELS), str(refused.value))
+    for folder, ending in (("docs", "md"), ("config", "yaml"), ("examples", "*"), ("launch", "py")):
+        for path in sorted((ROOT / folder).rglob(f"*.{ending}")):
+            found = OLD.search(path.read_text(encoding="utf-8"))
+            assert found is None, f"{path}: {found}"

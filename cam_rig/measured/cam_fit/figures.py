@@ -8,7 +8,6 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from cam_rig.laws.figures import _label
 from cam_rig.measured.cam_fit.arcs_fit import ArcsFit
 from cam_rig.measured.cam_fit.spline_fit import SplineFit
 from cam_rig.show.figure import CAM_ANGLE, empty, series, styled, turn_axis, wrapped
@@ -43,7 +42,9 @@ def _spline_fit(fit: SplineFit) -> Figure:
             start, stop = np.degrees([dwell.rest.start, dwell.rest.start + dwell.rest.span])
             axes.axvspan(start, min(stop, 360.0), color=SHADE, lw=0, zorder=0)
             axes.axvspan(0.0, max(stop - 360.0, 0.0), color=SHADE, lw=0, zorder=0)
-    _label((lift, "lift [mm]"), (away, "reading − law [mm]"), (bend, "acceleration s″ [mm/rad²]"))
+    lift.set_ylabel("lift [mm]")
+    away.set_ylabel("reading − law [mm]")
+    bend.set_ylabel("acceleration s″ [mm/rad²]")
     lift.set_title(wrapped(f"{readings.name}: dwells shaded; below, the distance allowed"))
     turn_axis(bend, 30)
     bend.set_xlabel(CAM_ANGLE)
@@ -65,7 +66,8 @@ def _arcs_fit(fit: ArcsFit) -> Figure:
         lift.plot(from_nose, readings.lifts * 1e3, ".", color=colour, ms=4)
         away.plot(from_nose, -column.away * 1e3, ".", color=colour, label=readings.name)
     away.axhline(0.0, color=SHADE, zorder=0)
-    _label((lift, "lift [mm]"), (away, "reading − arcs [mm]"))
+    lift.set_ylabel("lift [mm]")
+    away.set_ylabel("reading − arcs [mm]")
     for axes in (lift, away):
         axes.legend(frameon=False)
     turn_axis(away, 30)

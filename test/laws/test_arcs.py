@@ -1,0 +1,356 @@
+"""Cams of tangent arcs: circles that touch, and the law of a follower measured on the contour."""
+
+import cmath
+from types import SimpleNamespace
+
+import mpmath as mp
+import numpy as np
+import pytest
+
+from cam_rig.errors import LawError
+from cam_rig.laws import Law, build_law
+from cam_rig.laws.arc_law import ArcFollower, arc_follower, arc_pieces
+from cam_rig.laws.arcs import Blend, Circle, ConcaveFlankCam, StraightLine, close
+from cam_rig.laws.bernstein import joined
+from cam_rig.laws.law import continuity
+from cam_rig.units import TURN
+
+from ..conftest import dwell
+
+BASE, LIFT, NOSE = 0.025, 0.01, 0.012
+BASE_CIRCLE, NOSE_CIRCLE = Circle(0j, BASE), Circle(-(BASE + LIFT - NOSE) + 0j, NOSE)
+FLANKS = {"convex": Blend(0.08), "straight": Blend(None), "concave": Blend(-0.06)}
+FOLLOWERS = {
+    "roller": ArcFollower(False, 0.008),
+    "point": ArcFollower(False, 0.0),
+    "flat": ArcFollower(True, 0.0),
+}
+RIDES = [(flank, kind) for flank in FLANKS for kind in ("roller", "point")] + [("convex", "flat")]
+#: Of s to s''', in parts of their peaks.
+TOLERANCES = (1e-13, 1e-12, 1e-11, 1e-10)
+
+
+def chain_of(flank):
+    return close([BASE_CIRCLE, flank, NOSE_CIRCLE, flank])
+
+
+def law_of(chain, follower):
+    breaks, columns = arc_pieces(chain, BASE, follower)
+    return Law("arcs", np.array(breaks), joined(columns))
+
+
+# The contour: every part touches the next, and blends find their place.
+
+
+def test_neighbours_touch_with_one_normal():
+    """At each joint both parts pass through one point with one outward normal."""
+    for flank in FLANKS.values():
+        chain = chain_of(flank)
+        for i, normal in enumerate(chain.normals):
+            parts = (chain.parts[i], chain.parts[(i + 1) % 4])
+            assert abs(normal) == pytest.approx(1.0, rel=1e-14)
+            points = [p.centre + p.radius * normal for p in parts if isinstance(p, Circle)]
+            for line in (part for part in parts if isinstance(part, StraightLine)):
+                reached = (points[0] * line.normal.conjugate()).real
+                assert reached == pytest.approx(line.distance, rel=1e-14)
+            assert points[0] == pytest.approx(points[-1], rel=1e-12)
+
+
+def test_blends():
+    """An arc of the radius asked for; the contour turns as its sign says.
+
+    Equal flanks are mirrored; one given with the centre that a blend found is taken as it is.
+    """
+    chain = close([BASE_CIRCLE, Blend(0.08), NOSE_CIRCLE, Blend(-0.06)])
+    assert [part.radius for part in chain.parts] == pytest.approx([BASE, 0.08, NOSE, -0.06])
+    turns = [chain.normals[i] / chain.normals[i - 1] for i in range(1, 4)]
+    assert [turn.imag > 0 for turn in turns] == [True, True, False]
+    chain = chain_of(Blend(0.08))
+    n = chain.normals
+    assert n[0] == pytest.approx(n[3].conjugate(), abs=1e-14)
+    assert n[1] == pytest.approx(n[2].conjugate(), abs=1e-14)
+    again = close([BASE_CIRCLE, chain.parts[1], NOSE_CIRCLE, chain.parts[3]])
+    assert again.parts == chain.parts
+
+
+def test_event_angle_of_a_convex_flank():
+    """The triangle of the three centres gives the direction in which the flank leaves the base."""
+    for radius in (0.0301, 0.05, 0.5, 5.0):
+        chain = chain_of(Blend(radius))
+        a, b, c = radius - BASE, abs(NOSE_CIRCLE.centre), radius - NOSE
+        cosine = (a**2 + b**2 - c**2) / (2 * a * b)  # at the base's centre, towards the flank's
+        leaves = abs(cmath.phase(-chain.normals[0]))  # from the nose's direction, −1
+        assert leaves == pytest.approx(np.pi - np.arccos(cosine), abs=1e-9)
+
+
+def test_impossible_contours_are_refused():
+    """The error names the arc, the number, the limit and the way out."""
+    near, line = Circle(0.001 + 0j, 0.012), Blend(None)
+    for specs, words in (
+        ([BASE_CIRCLE, Blend(0.029), NOSE_CIRCLE, line], r"\[1\]: radius 29 mm is too .* 30 mm"),
+        ([BASE_CIRCLE, Blend(-0.001), Circle(-0.05 + 0j, 0.001), line], "more than 12 mm"),
+        ([BASE_CIRCLE, line, near, line], "one lies inside the other"),
+        ([BASE_CIRCLE, Blend(0.08), near, line], "one lies inside the other"),
+        ([BASE_CIRCLE, Blend(0.08), Blend(0.09), NOSE_CIRCLE], r"arcs\[1\]: has no centre and st"),
+        ([BASE_CIRCLE, Blend(0.08)], "two different arcs with centres"),
+        ([BASE_CIRCLE, NOSE_CIRCLE], r"arcs\[0\] and the next do not touch: .* 23 mm .* 13 mm"),
+    ):
+        with pytest.raises(LawError, match=words) as refused:
+            close(specs)
+        assert "allowed: " in str(refused.value)
+
+
+# The law of a roller, a point and a flat face on the arcs.
+
+
+def contour(chain, points=20_001):
+    """Points of the parts, as complex numbers y + ix, made from the arcs alone."""
+    found = []
+    for i, part in enumerate(chain.parts):
+        start, stop = chain.normals[i - 1], chain.normals[i]
+        if isinstance(part, StraightLine):
+            before, after = chain.parts[i - 1], chain.parts[(i + 1) % 4]
+            ends = before.centre + before.radius * start, after.centre + after.radius * stop
+            found.append(np.linspace(*ends, points))
+            continue
+        turn = np.angle(stop / start)
+        if part.centre == 0:
+            turn %= TURN  # the base circle is the long way round
+        found.append(part.centre + part.radius * start * np.exp(1j * np.linspace(0, turn, points)))
+    return np.concatenate(found)
+
+
+@pytest.mark.parametrize(("flank", "kind"), RIDES)
+def test_follower_on_the_finished_contour_is_at_s(flank, kind):
+    """Put the follower on the arcs, turn the cam, read where it is.
+
+    A roller's edge touches the contour and nothing of it is inside the roller; a flat face has
+    the highest point under it. Between 20 001 points a roller sinks by up to 0.6 nm. Tangent arcs
+    give C1: that is the cam of fig. 1 of the paper.
+    """
+    chain, follower = chain_of(FLANKS[flank]), FOLLOWERS[kind]
+    law, points = law_of(chain, follower), contour(chain)
+    assert continuity(law) == 1
+    assert law.largest_step < 1e-16
+    assert law.lift == pytest.approx(LIFT, rel=1e-13)
+    for angle in np.linspace(0.0, TURN, 37):
+        turned = points * np.exp(-1j * angle)  # the follower stands on the real axis
+        if follower.flat:
+            reached = turned.real.max() - BASE
+        elif follower.roller_radius:
+            near = np.abs(turned.imag) < follower.roller_radius
+            top = turned[near].real + np.sqrt(follower.roller_radius**2 - turned[near].imag ** 2)
+            reached = top.max() - BASE - follower.roller_radius
+        else:
+            upper = turned[turned.real > 0]
+            order = np.argsort(upper.imag)
+            reached = np.interp(0.0, upper.imag[order], upper.real[order]) - BASE
+        assert float(law(angle)) == pytest.approx(reached, abs=1e-9)
+
+
+def exact_lift(part, follower, angle):
+    """The ray's intersection, or the support function, in mpmath."""
+    roller = mp.mpf(follower.roller_radius)
+    if isinstance(part, StraightLine):
+        delta = angle - mp.arg(mp.mpc(part.normal))
+        return (mp.mpf(part.distance) + roller) / mp.cos(delta) - BASE - roller
+    centre, radius = mp.mpc(part.centre), mp.mpf(part.radius)
+    along = centre * mp.expj(-angle)
+    if follower.flat:
+        return radius + along.real - BASE
+    root = mp.sqrt((radius + roller) ** 2 - along.imag**2)
+    return along.real + (root if radius > 0 else -root) - BASE - roller
+
+
+def derivatives(function, angles):
+    """``(4, n)`` values and derivatives at angles, of 40 digits."""
+    with mp.workdps(40):
+        rows = [mp.taylor(function, mp.mpf(float(x)), 3) for x in angles]
+        return np.array([[float(a) for a in row] for row in rows]).T * [[1.0], [1.0], [2.0], [6.0]]
+
+
+@pytest.mark.parametrize(("flank", "kind"), RIDES)
+def test_law_against_forty_digits(flank, kind):
+    """Value within 1e-13 and third derivative within 1e-10 of the formula, of their peaks."""
+    chain, follower = chain_of(FLANKS[flank]), FOLLOWERS[kind]
+    law, found = law_of(chain, follower), []
+    for i, part in enumerate(chain.parts):
+        if not (isinstance(part, Circle) and part.centre == 0):
+            inside = np.linspace(_joint(chain, i - 1, follower), _joint(chain, i, follower), 8)
+            angles = inside[1:-1]
+            expected = derivatives(lambda x, part=part: exact_lift(part, follower, x), angles)
+            found.append((np.stack([law(angles, order) for order in range(4)]), expected))
+    got, wanted = (np.concatenate(rows, axis=1) for rows in zip(*found, strict=True))
+    worst = np.abs(got - wanted).max(axis=1) / np.abs(wanted).max(axis=1)
+    assert (worst <= TOLERANCES).all()
+
+
+def _joint(chain, i, follower):
+    """Cam angle at which a part ends: of its normal under a face, else of its pitch point."""
+    normal, parts = chain.normals[i % 4], (chain.parts[i % 4], chain.parts[(i + 1) % 4])
+    if follower.flat:
+        return np.angle(normal) % TURN
+    circle = next(part for part in parts if isinstance(part, Circle))
+    return np.angle(circle.centre + (circle.radius + follower.roller_radius) * normal) % TURN
+
+
+def test_what_no_follower_goes_over():
+    """A flat face would jump from one end of a flank that is not convex to the other.
+
+    A roller as large as a concave flank touches all of it at once; under the overhang of a wide
+    nose on a thin neck no follower goes; given counterclockwise the same arcs make no contour.
+    """
+    for flank in ("straight", "concave"):
+        with pytest.raises(LawError, match=rf"arcs\[1\]: is {flank}, which a flat face bridges"):
+            arc_pieces(chain_of(FLANKS[flank]), BASE, FOLLOWERS["flat"])
+    with pytest.raises(LawError, match=r"concave radius 60 mm, the roller's is 60 mm"):
+        arc_pieces(chain_of(FLANKS["concave"]), BASE, ArcFollower(False, 0.06))
+    over = close([Circle(0j, 0.01), Blend(-0.002), Circle(-0.025 + 0j, 0.012), Blend(-0.002)])
+    parts = chain_of(FLANKS["convex"]).parts
+    for chain in (over, close([parts[i] for i in (0, 3, 2, 1)])):
+        with pytest.raises(LawError, match="folds back on itself"):
+            arc_pieces(chain, BASE, FOLLOWERS["point"])
+
+
+def test_what_may_ride_on_arcs():
+    """The polar radius is the lift only on the centre line; a flat face is the same beside it."""
+
+    def asked(**follower):
+        follower = SimpleNamespace(roller=0.0, **follower)
+        return arc_follower(SimpleNamespace(name="made", follower=follower))
+
+    beside = SimpleNamespace(si=0.01)
+    assert asked(type="flat") == asked(type="flat", eccentricity=beside) == ArcFollower(True, 0.0)
+    at_centre = asked(type="point", eccentricity=SimpleNamespace(si=0.0))
+    assert at_centre == ArcFollower(False, 0.0)
+    with pytest.raises(LawError, match="'oscillating_roller'; allowed: roller, point, flat"):
+        asked(type="oscillating_roller")
+    with pytest.raises(LawError, match="10 mm beside"):
+        asked(type="roller", eccentricity=beside)
+
+
+# Cam files of arcs.
+
+
+def test_shipped_pitch_curve_lies_on_its_arcs(cams, laws):
+    """The roller's centre of arcs_centres is one roller radius off the circles in the file.
+
+    Law and file agree on the frame: +y at cam angle 0, from there towards +x. arcs_by_radii is
+    the chain of its circles, bit for bit but for the fit.
+    """
+    law, follower = laws["arcs_centres"], cams["arcs_centres"].follower
+    angle = np.linspace(0.0, TURN, 721)
+    pitch = follower.base_radius.si + follower.roller + law(angle)
+    x, y = pitch * np.sin(angle), pitch * np.cos(angle)
+    assert (np.abs(np.hypot(x, y) - 0.030 - follower.roller) < 1e-12).sum() > 300
+    assert (np.abs(np.hypot(x, y + 0.020) - 0.018 - follower.roller) < 1e-12).sum() > 80
+    rising, falling = law(np.radians([140.0, 220.0]), 1)
+    assert rising > 0 > falling
+    other = law_of(chain_of(Blend(0.08)), ArcFollower(False, 0.008))
+    np.testing.assert_allclose(laws["arcs_convex"].ordinates, other.ordinates, rtol=0, atol=1e-17)
+
+
+def test_radii_and_lifts_that_are_no_cam_are_refused(make_cam):
+    """Nose too large, flank too small, arcs that rise by something else: named with the limit."""
+    radii = {"law": "arcs_by_radii", "span": 360, "flank": "convex"}
+    for flank, nose, words in (
+        (0.2, 0.05, r"nose_radius: is 50 mm; allowed: below 45 mm"),
+        (0.03, 0.012, r"arcs\[1\]: radius 30 mm is too small"),
+    ):
+        segment = radii | {"flank_radius": flank, "nose_radius": nose}
+        with pytest.raises(LawError, match=f"'made': {words}"):
+            build_law(make_cam(segment, lift=0.01, roller_radius=0.008))
+
+    def circle(radius, y):
+        numbers = {"radius": radius, "x": 0, "y": y}
+        return {key: {"assumed": value, "unit": "m"} for key, value in numbers.items()}
+
+    arcs = [circle(0.04, 0), {}, circle(0.02, -0.03), {}]
+    segment = {"law": "arcs_by_centres", "span": 360, "arcs": arcs}
+    assert build_law(make_cam(segment, lift=0.01)).lift == pytest.approx(0.01, rel=1e-12)
+    with pytest.raises(LawError, match=r"lift from 0 mm to 1\d\.?\d* mm .* the lift, 11 mm"):
+        build_law(make_cam(segment, lift=0.011))
+
+
+# The tangent-arc cam with concave flanks, given by its event angles.
+
+PITCH = 0.04  # m, of the base circle
+HALF, NOSE_HALF = np.radians(58.0), np.radians(39.0)
+
+
+@pytest.fixture(scope="module")
+def geometry():
+    return ConcaveFlankCam(PITCH, LIFT, HALF, NOSE_HALF)
+
+
+@pytest.fixture(scope="module")
+def arc_law(make_cam):
+    event = {"law": "tangent_arcs", "span": 116, "nose_span": 78}
+    return build_law(make_cam(dwell(122), event, dwell(122), lift=LIFT))
+
+
+def centre(arc):
+    return complex(arc.distance * np.exp(1j * arc.direction))
+
+
+def test_circles_touch_where_asked(geometry):
+    """Centres stand at the sum of radii apart: base and flank, flank and nose are tangent.
+
+    The point where flank and nose touch is seen from the cam's centre at the nose angle.
+    """
+    flank, nose = geometry.arcs()
+    between = centre(flank) - centre(nose)
+    assert abs(centre(flank)) == pytest.approx(PITCH + flank.radius, rel=1e-14)
+    assert abs(between) == pytest.approx(flank.radius + nose.radius, rel=1e-13)
+    assert nose.distance + nose.radius == pytest.approx(PITCH + LIFT, rel=1e-15)
+    touch = centre(nose) + nose.radius * between / abs(between)
+    assert np.angle(touch) == pytest.approx(-NOSE_HALF, abs=1e-13)
+
+
+def test_law_is_the_rays_intersection_with_the_circles(geometry, arc_law):
+    """The pitch point lies on its circle; s to s''' are the closed form's, by mpmath.
+
+    Relative to the largest value; the fit promises s''' from a series cut at 1e-13, and
+    evaluating it from ordinates of s over pieces of 2.4° costs some 4 digits.
+    """
+    flank, nose = geometry.arcs()
+    for arc, low, high in ((flank, -HALF, -NOSE_HALF), (nose, -NOSE_HALF, 0.0)):
+        angle = np.linspace(low, high, 501)
+        point = (PITCH + arc_law(np.pi + angle)) * np.exp(1j * angle)
+        np.testing.assert_allclose(np.abs(point - centre(arc)), arc.radius, rtol=1e-13)
+
+        def radius(x, arc=arc):
+            delta, distance = x - mp.mpf(arc.direction), mp.mpf(arc.distance)
+            root = mp.sqrt(mp.mpf(arc.radius) ** 2 - (distance * mp.sin(delta)) ** 2)
+            return distance * mp.cos(delta) + (-root if arc.concave else root) - mp.mpf(PITCH)
+
+        angle = np.linspace(low, high, 13)[1:-1]
+        expected = derivatives(radius, angle)
+        for order, tolerance in enumerate((1e-14, 1e-12, 1e-11, 1e-9)):
+            limit = tolerance * (np.abs(expected[order]).max() if order else PITCH + LIFT)
+            found = arc_law(np.pi + angle, order)
+            np.testing.assert_allclose(found, expected[order], rtol=0, atol=limit)
+
+
+def test_joints_and_mirror(geometry, arc_law):
+    """r and r' go on; r'' jumps by R_b(R_b + ρ)/ρ where the flank leaves the base.
+
+    The fall is the rise in a mirror, bit for bit in the ordinates.
+    """
+    flank, _ = geometry.arcs()
+    assert np.abs(arc_law.jumps(0)).max() < 1e-15
+    assert np.abs(arc_law.jumps(1)).max() < 1e-13
+    jumps = arc_law.jumps(2)
+    start = int(np.argmin(np.abs(arc_law.breaks - (np.pi - HALF))))
+    expected = PITCH * (PITCH + flank.radius) / flank.radius
+    assert jumps[start] == pytest.approx(expected, rel=1e-10)
+    assert np.count_nonzero(np.abs(jumps) > 1e-6 * expected) == 4  # the four joints of arcs
+    event, angle = arc_law.ordinates[:, 1:-1], np.linspace(0.0, HALF, 101)
+    np.testing.assert_array_equal(event, event[::-1, ::-1])
+    np.testing.assert_allclose(arc_law(np.pi + angle), arc_law(np.pi - angle), rtol=0, atol=1e-15)
+
+
+def test_impossible_geometry_is_refused():
+    for nose_half in (0.01, 5.0):
+        with pytest.raises(LawError, match=r"40 mm to lift 10 mm with event half angle 58°"):
+            ConcaveFlankCam(PITCH, LIFT, HALF, np.radians(nose_half)).radii()

@@ -1,0 +1,281 @@
+"""Polylines, cutter paths and drawings on disk: the chord error is proven, all is read again."""
+
+import re
+from xml.etree import ElementTree
+
+import ezdxf
+import numpy as np
+import pytest
+from ezdxf import units
+from shapely import LinearRing, distance, points, prepare
+
+from cam_rig.errors import ConfigError, ProfileError
+from cam_rig.profile import contours, discs, turn_angles
+from cam_rig.profile.drawing_files import (
+    HEADER,
+    read_contour,
+    read_dxf,
+    write_contour,
+    write_dxf,
+    write_law,
+    write_svg,
+)
+from cam_rig.profile.faces import GuidedFace
+from cam_rig.profile.measure import closed_curve, rest
+from cam_rig.profile.polyline import contour_paths, cutter_paths, pitch_paths, polyline
+
+from .conftest import make
+
+DENSE, ANGLES = np.linspace(0.0, 2.0 * np.pi, 3_001), turn_angles(311)
+
+
+def farthest(line, path, at=DENSE):
+    """By shapely: how far points of a path are from a closed polyline, at most."""
+    ring = LinearRing(line.T)
+    prepare(ring)
+    return distance(ring, points(path.at(at)[0].T)).max()
+
+
+def test_chord_error_is_within_the_tolerance(every_kind, followed, cams):
+    """And no more points than it takes; of shipped cams too, whose curvature jumps."""
+    for i, made in enumerate(every_kind):
+        tolerance = (1e-4, 1e-6, 1e-8)[i % 3]
+        for path in contour_paths(made.cam.follower, made.law):
+            line = polyline(path, tolerance)
+            off = farthest(line, path)
+            assert off <= tolerance * (1 + 1e-6)
+            assert line.shape[1] < 120 or off > 0.4 * tolerance
+    for name, law in list(followed.items())[::5]:
+        (path, *_) = contour_paths(cams[name].follower, law)
+        assert farthest(polyline(path, 1e-6), path) <= 1e-6 * (1 + 1e-6)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-8])
+def test_chord_error_of_any_kind_and_tolerance(made, tolerance):
+    for path in contour_paths(made.cam.follower, made.law):
+        assert farthest(polyline(path, tolerance), path) <= tolerance * (1 + 1e-6)
+
+
+def test_a_corner_costs_no_points():
+    """Constant velocity: where s' jumps a vertex stands on each side, the rest is smooth.
+
+    Each smooth stretch keeps the tolerance, corners and all, with no more points than a law
+    without corners takes.
+    """
+    up, down, rest = ("constant_velocity", 90, 1), ("constant_velocity", 90, 0), ("dwell", 90, None)
+    for kind in ("point", "roller", "flat"):
+        made = make(kind, [rest, up, rest, down], lift=25.4)
+        (path,) = contour_paths(made.cam.follower, made.law)
+        line = polyline(path, 1e-6)
+        assert line.shape[1] < 1000
+        dense = np.unique(np.append(DENSE, made.law.breaks))
+        assert farthest(line, path, dense) <= 1e-6 * (1 + 1e-6)
+        for joint in made.law.breaks[:-1]:
+            for side in (joint, np.nextafter(joint or 2.0 * np.pi, 0.0)):
+                off = np.hypot(*(line - path.at(np.array([side]))[0]))
+                assert off.min() < 1e-11
+
+
+def test_cutter_paths(cams, laws):
+    """Of the roller's radius the pitch curve, the follower's own and no offset (thesis §2.2.3).
+
+    Any other one is its radius away from the contour; one too large for a hollow is refused.
+    """
+    for kind in ("roller", "oscillating_roller", "conjugate"):
+        made = make(kind)
+        cutters = cutter_paths(made.cam.follower, made.law, made.cam.follower.roller)
+        pitches = pitch_paths(made.cam.follower, made.law)
+        for cutter, pitch, contour in zip(cutters, pitches, made.contours(DENSE), strict=True):
+            np.testing.assert_allclose(cutter.at(DENSE)[0], contour.pitch, rtol=0, atol=1e-16)
+            np.testing.assert_array_equal(cutter.at(DENSE)[0], pitch.at(DENSE)[0])
+    made = make("flat")
+    (path,) = cutter_paths(made.cam.follower, made.law, 0.012)
+    ring = LinearRing(made.contours(DENSE)[0].points.T)
+    away = distance(ring, points(path.uniform(100)[0].T))
+    np.testing.assert_allclose(away, 0.012, rtol=0, atol=1e-6)  # m: chords of the ring
+    tm21 = cams["tm21"].follower, laws["tm21"]
+    (path,) = cutter_paths(*tm21, 0.5)
+    path.require_room()
+    (path,) = cutter_paths(*tm21, 0.51)
+    words = "cutter radius is 510 mm; allowed: less than the concave radius of curvature 507.69"
+    with pytest.raises(ProfileError, match=re.escape(words)):
+        path.require_room()
+
+
+def test_no_path_of_a_face_and_no_impossible_tolerance():
+    """A face has no centre; less than the rounding of a metre is no tolerance."""
+    made = make("flat")
+    with pytest.raises(ConfigError, match="a flat follower has no pitch curve; allowed: "):
+        pitch_paths(made.cam.follower, made.law)
+    (path,) = contour_paths(made.cam.follower, made.law)
+    for wrong in (0.0, -1.0, 1e-12, float("nan")):
+        with pytest.raises(ProfileError, match=r"tolerance is .* µm; allowed: at least 1e-05 µm"):
+            polyline(path, wrong)
+
+
+# Drawings on disk: DXF that its own audit accepts, true to scale, and readable again.
+
+
+@pytest.fixture(params=["poly345", "oscillating_flat", "conjugate"])
+def cam(request, cams, laws):
+    """A shipped cam, its law and the paths of its contours."""
+    cam, law = cams[request.param], laws[request.param]
+    return cam, law, contour_paths(cam.follower, law)
+
+
+def lines_of(paths, tolerance=1e-6):
+    return {path.name: polyline(path, tolerance) for path in paths}
+
+
+def law_comes_back(cam, outlines, tolerance):
+    plates = discs(cam[0].follower, cam[1])
+    for disc, outline in zip(plates, outlines, strict=True):
+        lift = rest(disc.element, closed_curve(outline), ANGLES)
+        np.testing.assert_allclose(lift, cam[1](ANGLES), rtol=0, atol=tolerance)
+
+
+def test_dxf(cam, tmp_path):
+    """Named layers, millimetres, no complaint from the audit, points exactly as computed.
+
+    The follower on the polyline of 1 µm finds s(θ) within 5 nm: a spline joins its points.
+    """
+    lines, path = lines_of(cam[2]), tmp_path / "a.dxf"
+    write_dxf(path, lines)
+    document = ezdxf.readfile(path)
+    assert document.units == units.MM
+    assert not document.audit().has_issues
+    entities = list(document.modelspace())
+    assert [e.dxf.layer for e in entities] == list(lines)
+    assert all(e.dxftype() == "LWPOLYLINE" and e.closed for e in entities)
+    for entity, line in zip(entities, lines.values(), strict=True):
+        np.testing.assert_allclose(np.array(entity.get_points("xy")), 1e3 * line.T, rtol=1e-15)
+    law_comes_back(cam, read_dxf(path), 5e-9)
+
+
+def test_csv(cam, tmp_path):
+    """Angle, point, radius of curvature and pressure angle to every digit.
+
+    3600 points give s(θ) to 1e-9 of the lift.
+    """
+    path, several = tmp_path / "a.csv", len(cam[2]) > 1
+    write_contour(path, cam[2], 100)
+    header, *rows = path.read_text().splitlines()
+    assert tuple(header.split(",")) == (("disc", *HEADER) if several else HEADER)
+    numbers = np.array([[float(cell) for cell in row.split(",")] for row in rows])
+    found = numbers[:, int(several) :].reshape(len(cam[2]), 100, 5)
+    for table, contour in zip(found, contours(cam[0].follower, cam[1], 100), strict=True):
+        np.testing.assert_allclose(np.radians(table[:, 0]), contour.angle, rtol=1e-15)
+        np.testing.assert_array_equal(table[:, 1:3].T, 1e3 * contour.points)
+        np.testing.assert_array_equal(table[:, 3], 1e3 * contour.radius)
+        np.testing.assert_array_equal(table[:, 4], np.degrees(contour.pressure))
+    write_contour(path, cam[2], 3600)
+    law_comes_back(cam, read_contour(path), 1e-9 * cam[1].lift)
+    write_law(path, np.radians([0.0, 90.0]), np.array([0.0, 0.0125]))
+    assert path.read_text() == "angle_deg,lift_mm\n0.0,0.0\n90.0,12.5\n"
+
+
+def read_svg(path):
+    """Width and height of the page, mm; its paths by name, ``(2, n)`` from its corner, y up."""
+    page = ElementTree.parse(path).getroot()
+    size = [float(page.get(side).removesuffix("mm")) for side in ("width", "height")]
+    assert [float(number) for number in page.get("viewBox").split()] == [0.0, 0.0, *size]
+    found = {}
+    for drawn in page.iter("{http://www.w3.org/2000/svg}path"):
+        start, *words, end = drawn.get("d").split()
+        assert (start, end) == ("M", "Z")
+        line = np.array([word.split(",") for word in words], dtype=float)
+        found[drawn.get("id")] = line.T * [[1.0], [-1.0]]
+    return size, found
+
+
+def test_svg_is_true_to_scale_and_within_its_tolerance(cam, tmp_path):
+    """Read back, each closed path is the polyline to the rounding asked for, on one page.
+
+    The corner of the page is 5 mm beside the cam.
+    """
+    for tolerance in (1e-4, 1e-6, 1e-8):
+        lines, rounding = lines_of(cam[2], tolerance), 0.1 * tolerance
+        write_svg(tmp_path / "a.svg", lines, rounding)
+        page, found = read_svg(tmp_path / "a.svg")
+        every = 1e3 * np.concatenate(list(lines.values()), axis=1)
+        np.testing.assert_allclose(page, np.ptp(every, axis=1) + 10.0, atol=1.0)
+        corner = np.array([[every[0].min() - 5.0], [every[1].max() + 5.0]])
+        assert list(found) == list(lines)
+        for name, line in lines.items():
+            assert np.hypot(*(found[name] + corner - 1e3 * line)).max() <= 1e3 * rounding
+
+
+# Drawings of others.
+
+
+def test_dxf_of_others(tmp_path):
+    """Other units of length, an old-style polyline, a closed spline; open lines are passed over.
+
+    CAD mirrors by turning the plane of a polyline over (extrusion −z): x changes its sign.
+    """
+    path, angle = tmp_path / "b.dxf", np.linspace(0.0, 2.0 * np.pi, 80, endpoint=False)
+    circle = np.column_stack([np.cos(angle), np.sin(angle)])
+    for unit, factor in ((units.M, 1.0), (units.IN, 0.0254), (units.CM, 0.01)):
+        document = ezdxf.new("R2010", units=unit)
+        space = document.modelspace()
+        space.add_lwpolyline(circle[:10])
+        space.add_polyline2d(circle.tolist(), close=True)
+        spline = space.add_spline(dxfattribs={"layer": "S"})
+        spline.set_closed(np.column_stack([circle, 0 * angle]).tolist(), degree=3)
+        document.saveas(path)
+        one, two = read_dxf(path)
+        np.testing.assert_allclose(one, factor * circle.T, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(np.hypot(*two), factor, rtol=2e-3)
+    document = ezdxf.new("R2010", units=units.MM)
+    corners, turned = [(1.0, 0.0), (2.0, 0.0), (2.0, 1.0)], {"extrusion": (0.0, 0.0, -1.0)}
+    document.modelspace().add_lwpolyline(corners, close=True, dxfattribs=turned)
+    document.saveas(path)
+    (outline,) = read_dxf(path)
+    np.testing.assert_allclose(outline.T, [(-1e-3, 0.0), (-2e-3, 0.0), (-2e-3, 1e-3)], atol=1e-18)
+
+
+def test_arcs_of_a_polyline_are_arcs(tmp_path):
+    """A stadium of two straight sides and two half circles (bulge 1), 12 mm round, 30 mm long.
+
+    A face on it stands where the farthest circle's centre puts it: R + |L/2 cos| exactly.
+    """
+    corners = [(-15.0, -12.0, 0.0), (15.0, -12.0, 1.0), (15.0, 12.0, 0.0), (-15.0, 12.0, 1.0)]
+    for kind in ("add_lwpolyline", "add_polyline2d"):
+        document = ezdxf.new("R2010", units=units.MM)
+        getattr(document.modelspace(), kind)(corners, format="xyb", close=True)
+        document.saveas(tmp_path / "a.dxf")
+        (outline,) = read_dxf(tmp_path / "a.dxf")
+        x, y = outline
+        assert np.abs(np.hypot(np.maximum(np.abs(x) - 0.015, 0.0), y) - 0.012).max() < 2e-9
+        height = rest(GuidedFace(0.0, 0.0, 0.0), closed_curve(outline), ANGLES)
+        expected = 0.012 + 0.015 * np.abs(np.sin(ANGLES))
+        np.testing.assert_allclose(height, expected, rtol=0, atol=3e-9)
+
+
+def test_files_that_are_no_contour(tmp_path):
+    """One line with the file's name and what is wrong."""
+    for name, text, words in (
+        ("a.csv", "", "its columns are none; allowed: among them x_mm and y_mm"),
+        ("a.csv", "x,y\n1,2\n", "its columns are x, y; allowed: "),
+        ("a.csv", "x_mm,y_mm\n1,2\n3,no\n", "has the row '3,no'; allowed: finite numbers"),
+        ("a.csv", "x_mm,y_mm\n1\n", "has the row '1'; allowed: finite numbers"),
+        ("a.csv", "x_mm,y_mm\n1,nan\n", "has the row '1,nan'"),
+        ("a.csv", "x_mm,y_mm,disc\n1,2\n", "has the row '1,2'; allowed: x_mm,y_mm,disc"),
+        ("a.csv", "x_mm,y_mm\n" + "1" * 140_000, "cannot be read (field larger than"),
+        ("a.csv", "x_mm,y_mm\n1," + "a" * 100_000, "aaa...; allowed: finite numbers"),
+        ("a.csv", "\n" * (8 * 2**20 + 1), "has 8 MiB; allowed: 8 MiB"),
+        ("a.dxf", "no drawing", "cannot be read as DXF"),
+        ("b.dxf", None, "cannot be read as DXF"),
+        ("b.csv", None, "cannot be read"),
+    ):
+        path = tmp_path / name
+        if text is not None:
+            path.write_text(text)
+        with pytest.raises(ProfileError, match=re.escape(words)) as caught:
+            (read_contour if name.endswith("csv") else read_dxf)(path)
+        assert str(caught.value).startswith(f"{path}: ")
+    for unit, words in ((units.MM, "has no closed polyline"), (0, r"its unit \(\$INSUNITS\) is ")):
+        ezdxf.new("R2010", units=unit).saveas(tmp_path / "a.dxf")
+        with pytest.raises(ProfileError, match=words):
+            read_dxf(tmp_path / "a.dxf")

@@ -1,0 +1,206 @@
+"""A follower put on a finished contour: where it rests, whether it has play, what is no contour."""
+
+import re
+
+import numpy as np
+import pytest
+from shapely import LineString, Point, Polygon
+
+from cam_rig.errors import ProfileError
+from cam_rig.profile import contours, turn_angles
+from cam_rig.profile.faces import GuidedCentre, GuidedFace, SwungCentre, SwungFace
+from cam_rig.profile.measure import (
+    POINTS,
+    closed_curve,
+    closure,
+    crossing,
+    gap,
+    pair,
+    play,
+    rest,
+    sparse,
+)
+
+from .conftest import OPPOSITE, Made, make
+
+ANGLES = np.radians(np.arange(0.0, 360.0, 7.3))
+#: A circular cam about (3, 4) mm, 20 mm in radius.
+CENTRE, RADIUS = 0.003 + 0.004j, 0.020
+#: Largest play allowed, m.
+NONE = 1e-9
+
+
+def eccentric_circle(at):
+    return CENTRE + RADIUS * np.exp(1j * at)
+
+
+def is_at(element, expected, rtol=1e-14):
+    found = rest(element, eccentric_circle, ANGLES)
+    np.testing.assert_allclose(found, expected, rtol=rtol)
+
+
+def test_on_an_eccentric_circle():
+    """A roller stands by Pythagoras, a face one radius over the centre, an arm by cosines."""
+    centre = CENTRE * np.exp(1j * ANGLES)
+    pivot, arm, offset = 0.060, 0.050, 0.004
+    far, direction = np.abs(pivot - centre), np.angle(pivot - centre)
+    for roller in (0.0, 0.006):
+        height = centre.imag + np.sqrt((RADIUS + roller) ** 2 - centre.real**2)
+        is_at(GuidedCentre(roller, 0.0, 0.0), height)
+        inner = np.arccos((arm**2 + far**2 - (RADIUS + roller) ** 2) / (2.0 * arm * far))
+        is_at(SwungCentre(roller, arm, pivot, 0.0), arm * (inner - direction), 1e-13)
+    for slant in (0.0, 0.3):
+        height = (RADIUS + (centre * np.exp(-1j * slant)).imag) / np.cos(slant)
+        is_at(GuidedFace(slant, 0.0, 0.0), height)
+    # sin(φ − direction of the centre) = (R − offset) / distance of the centre
+    angle = np.arcsin((RADIUS - offset) / far) - direction
+    is_at(SwungFace(arm, offset, pivot, 0.0), arm * angle, 1e-13)
+
+
+def test_sense_and_start_of_the_points_do_not_matter(every_kind):
+    for made in every_kind:
+        found = contours(made.cam.follower, made.law, 2000)
+        for disc, contour in zip(made.discs, found, strict=True):
+            other = np.roll(contour.points[:, ::-1], 321, axis=1)
+            other = np.append(other, other[:, :1], axis=1)  # closed twice
+            lift = rest(disc.element, closed_curve(other), ANGLES)
+            np.testing.assert_allclose(lift, made.law(ANGLES), rtol=0, atol=1e-9 * made.law.lift)
+
+
+def test_what_cannot_be_measured():
+    """A small hole far from the axis, where the roller finds nothing under it; a triangle."""
+
+    def aside(at):
+        return 0.1 + 0.001 * np.exp(1j * at)
+
+    for element in (GuidedCentre(0.005, 0.0, 0.0), GuidedCentre(0.0, 0.0, 0.0)):
+        with pytest.raises(ProfileError, match=r"passes the contour by at \d+(\.\d+)?°; allowed: "):
+            rest(element, aside, ANGLES)
+    words = "contour has 3 different points; allowed: at least 8"
+    with pytest.raises(ProfileError, match=re.escape(words)):
+        closed_curve(np.array([[0.0, 1.0, 0.5, 0.0], [0.0, 0.0, 1.0, 0.0]]))
+
+
+# The one test that a contour cannot fool: put the follower on it, and see where it rests.
+
+
+def assert_rests_on_the_law(made, angles):
+    for number, element in made.riders():
+
+        def curve(at, number=number):
+            """The finished contour; the parameter says nothing of the law."""
+            x, y = made.contours(at.ravel())[number].points
+            return (x + 1j * y).reshape(at.shape)
+
+        lift = rest(element, curve, angles)
+        np.testing.assert_allclose(lift, made.law(angles), rtol=0, atol=1e-9 * made.law.lift)
+
+
+def test_follower_rests_where_the_law_says(every_kind, angles):
+    """Each kind, both elements of a frame, both cams of a pair: s(θ) to 1e-9 of the lift."""
+    for made in every_kind:
+        assert_rests_on_the_law(made, angles[::6])
+
+
+@pytest.mark.variants(5)
+def test_shipped_cams_lift_as_their_laws_say(law, cams, angles):
+    assert_rests_on_the_law(Made(cams[law.name], law), angles[::2])
+
+
+def outline_of(element, s, angle):
+    """The follower at displacement s as a shapely shape in the cam's frame, and its half width."""
+
+    def placed(points):
+        turned = points * np.exp(-1j * angle)
+        return np.column_stack([turned.real, turned.imag])
+
+    stand = element.stand(np.array([s]))
+    if isinstance(element, GuidedCentre | SwungCentre):
+        return Point(placed(stand)[0]), element.roller
+    if isinstance(element, GuidedFace):
+        along = element.side * np.exp(1j * element.inclination)
+    else:
+        along = np.exp(-1j * element.arm_angle(np.array(s)))
+    return LineString(placed(stand + along * np.array([-0.3, 0.3]))), 0.0
+
+
+@pytest.mark.variants(6)
+def test_follower_touches_the_cam_and_does_not_enter_it(made):
+    """By shapely on a polygon: at s it touches; a micrometre out of the cam it does not."""
+    fine = np.linspace(0.0, 2.0 * np.pi, 40_000, endpoint=False)
+    polygons = [Polygon(contour.points.T) for contour in made.contours(fine)]
+    for number, element in made.riders():
+        for angle in np.radians(np.arange(7.0, 360.0, 30.0)):
+            s, side, polygon = float(made.law(angle)), getattr(element, "side", 1), polygons[number]
+            shape, width = outline_of(element, s, angle)
+            assert abs(shape.distance(polygon.exterior) - width) < 2e-8  # m: the polygon's chords
+            if isinstance(shape, LineString):
+                assert shape.intersection(polygon).length < 4e-4
+            shape, width = outline_of(element, s + 1e-6 * side, angle)
+            away = shape.distance(polygon.exterior) - width
+            assert 4e-7 < away < 1.6e-6  # the way of the contact, not that at the end of the arm
+
+
+# Points that are no contour in order: shuffled, or with a part left out.
+
+
+def test_contours_are_in_order_and_whole(followed, cams):
+    """Every shipped cam at 36 angles and more, closed by its first point or not, turned over."""
+    for name, law in followed.items():
+        for count in (36, 1800):
+            for contour in contours(cams[name].follower, law, count):
+                closed = np.append(contour.points, contour.points[:, :1], axis=1)
+                for points in (contour.points, closed, contour.points[:, ::-1]):
+                    assert crossing(points) is gap(points) is sparse(points) is None
+
+
+def test_points_that_are_no_whole_contour():
+    """Of a circle of 360 points, 40 mm in radius, a step is 0.698 mm.
+
+    Of 200 of them the chord of the other 161° is 2 R sin(80.5°).
+    """
+    angle = np.radians(np.arange(360.0))
+    points = 0.040 * np.array([np.cos(angle), np.sin(angle)])
+    shuffled = np.random.default_rng(1).permutation(points, axis=1)
+    assert "crosses itself" in str(crossing(shuffled))
+    assert "12 points" in str(sparse(np.zeros((2, 12))))
+    words = "points 200 and 1 are 78.9 mm apart, the others 0.6981 mm (median)"
+    assert words in str(gap(points[:, :200]))
+    assert "points 10 and 11 are" in str(gap(np.delete(points, np.arange(10, 25), axis=1)))
+
+
+# A follower moved both ways has no play: both its elements touch, by dropping each on its cam.
+
+
+def test_shipped_cams_have_no_play(cams, laws):
+    """Both rollers touch all round; so do the faces of a fall that is its rise turned by 180°."""
+    for name in ("constant_breadth", "constant_diameter", "conjugate", "oscillating_conjugate"):
+        assert np.abs(closure(cams[name].follower, laws[name])).max() < NONE
+    made = make("constant_breadth", OPPOSITE)
+    assert np.abs(closure(made.cam.follower, made.law)).max() < NONE
+
+
+def test_random_rockers_have_no_play():
+    """Arms, pivots, rollers and angles between the arms at random; rise and fall differ."""
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        ranges = {"base_radius": (38, 46), "roller_radius": (5, 11)}
+        ranges |= {"pivot_distance": (88, 110), "arm": (70, 88)}
+        ranges |= {"arms_angle": (78, 88)} if seed % 2 else {}
+        numbers = {key: rng.uniform(*ends) for key, ends in ranges.items()}
+        made = make("oscillating_conjugate", lift=rng.uniform(6, 14), **numbers)
+        assert np.abs(closure(made.cam.follower, made.law)).max() < NONE
+
+
+def test_a_second_cam_cut_for_another_rocker_shows():
+    """For an angle between the arms wrong by δ the play is −arm δ at every angle."""
+    for wrong in (-0.01, 0.02):
+        right, cut = (make("oscillating_conjugate", arms_angle=80.0 + d) for d in (0.0, wrong))
+        first = contours(right.cam.follower, right.law, POINTS)[0]
+        second = contours(cut.cam.follower, cut.law, POINTS)[1]
+        curves = closed_curve(first.points), closed_curve(second.points)
+        found = play(pair(right.discs), curves, turn_angles(36))
+        np.testing.assert_allclose(found, -0.075 * np.radians(wrong), rtol=0, atol=NONE)
+    made = make("roller")
+    with pytest.raises(ProfileError, match="moves both ways"):
+        closure(made.cam.follower, made.law)

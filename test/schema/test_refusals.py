@@ -1,0 +1,315 @@
+"""Files that are wrong in one place: one line that names key, value and what is allowed."""
+
+import re
+
+import pytest
+import yaml
+
+from cam_rig.errors import ConfigError
+from cam_rig.paper.factorial.study import load_factorial
+from cam_rig.schema import load_cam, load_rig
+from cam_rig.schema.load import config_root
+
+
+def assert_says(message, words):
+    """The words, in their order; … stands for what is left out."""
+    assert re.match(".*".join(map(re.escape, words.split("…"))), message), (words, message)
+
+
+def rows(table):
+    return [line.split(" | ") for line in table.strip().splitlines()]
+
+
+# Files that are no config at all: missing, empty, broken, of another shape.
+
+
+def test_what_is_no_mapping(error_of):
+    keys = "a mapping with the keys name, title, follower, shaft, "
+    for text, words in (
+        ("", f"holds nothing; allowed: {keys}"),
+        ("# only a comment\n", "holds nothing"),
+        ("- 1\n- 2\n", "holds a list; allowed: a mapping"),
+        ("just words", "holds text; allowed: a mapping"),
+        ("3", "holds a int; allowed: a mapping"),
+        ("[" * 5000, "is nested too deeply"),
+        (b"\xff\xfe\x00\x01", "cannot be read ("),
+    ):
+        assert_says(error_of("rig", text), words)
+    twice = "a: 1\na: 2\n"  # a key: one of them would be lost
+    broken = ("a: [1", "a: 1\n b: 2\n", twice, "a: 'unfinished", "a: \x00", "\ta: 1")
+    for text in (*broken, "--- 1\n--- 2\n", "a: !!python/object:os.system x"):
+        message = error_of("rig", text)
+        assert_says(message, "not YAML: ")
+        assert "line" in message or "position" in message
+
+
+def test_a_date_is_a_text(tmp_path):
+    """YAML 1.2 knows no dates, not even those that there are."""
+    text = (config_root() / "rigs" / "tm21.yaml").read_text(encoding="utf-8")
+    for title in ("2024-99-99", "2001-01-01"):
+        path = tmp_path / "rig.yaml"
+        path.write_text(text.replace("title:", f"title: {title} #"), encoding="utf-8")
+        assert load_rig(path).title == title
+
+
+def test_missing_files(tmp_path):
+    (tmp_path / "poly345.yaml").touch()
+    known = r"there are: poly345$"
+    for name, words in (
+        ("poly34.yaml", rf"poly34\.yaml: no such file \(did you mean 'poly345'\?\); {known}"),
+        ("tm21.yaml", rf"tm21\.yaml: no such file; {known}"),
+        ("nowhere/poly345.yaml", "no such file$"),
+        ("", "is a folder; allowed: a YAML file"),
+    ):
+        with pytest.raises(ConfigError, match=words) as refused:
+            load_cam(tmp_path / name)
+        assert refused.value.exit_code == 2
+
+
+def test_missing_and_unknown_keys(error_of, refuse):
+    """An empty mapping lacks its first key, and the line names the next three it must have."""
+    for kind in ("cam", "rig", "scene", "published"):
+        message = error_of(kind, "{}")
+        assert_says(message, "name: missing; it is required")
+        others = message.split("(also wrong: ")[1].removesuffix(")").split(" and ")[0].split(", ")
+        assert len(others) == (2 if kind == "rig" else 3) and "name" not in others
+    for kind in ("cam", "rig", "scene"):
+        message = refuse(kind, "title:", "titel: x\ntitle:")
+        assert_says(message, "titel: unknown key, value 'x' (did you mean 'title'?); allowed: ")
+    for kind, key, wrong in (
+        ("rig", "title", "titel"),
+        ("rig", "mass", "mas"),
+        ("scene", "model", "modell"),
+    ):
+        assert f"did you mean {key!r}?" in refuse(kind, f"{key}:", f"{wrong}:")
+
+
+# Values: the key, what is there instead, and the words of the line.
+
+RIG = """
+title | [a, b] | title: is …allowed: a valid string
+title | 3 | title: is …allowed: a valid string
+title |  | title: is …allowed: a valid string
+title | {a: 1} | title: is …allowed: a valid string
+mass | {given: -1.5, unit: kg} | follower.mass: is -1.5 kg; allowed: greater than 0 kg
+mass | {given: 0, unit: kg} | follower.mass: is 0 kg; allowed: greater than 0 kg
+mass | {given: .nan, unit: kg} | follower.mass: is nan; allowed: finite numbers
+mass | {given: .inf, unit: kg} | follower.mass: is inf; allowed: finite numbers
+mass | {given: 1e999, unit: kg} | follower.mass: is inf; allowed: finite numbers
+mass | {given: 1, unit: lb} | follower.mass: has unit 'lb', not a mass; allowed: kg, g
+mass | {given: 1, unit: mm} | follower.mass: has unit 'mm', not a mass; allowed: kg, g
+mass | {given: [1, 2], unit: kg} | follower.mass: is [1.0, 2.0]; allowed: one number
+mass | {given: [], unit: kg} | follower.mass: is []; allowed: one number
+mass | {given: 1, assumed: 2, unit: kg} | follower.mass: has given and assumed; allowed: exactly one
+mass | {unit: kg} | follower.mass: has none; allowed: exactly one of given, assumed, identified
+mass | 1.3 | follower.mass: is 1.3; allowed: …
+mass | heavy | follower.mass: is 'heavy'; allowed: …
+mass |  | follower.mass: is None; allowed: …
+mass | [1.3] | follower.mass: is [1.3]; allowed: …
+mass | {given: abc, unit: kg} | follower.mass.given: …allowed: …
+mass | {given: {a: 1}, unit: kg} | follower.mass.given: …allowed: …
+mass | {given: [a], unit: kg} | follower.mass.given…allowed: …
+mass | {given: '1.3', unit: kg} | follower.mass.given: …allowed: …
+mass | {given: true, unit: kg} | follower.mass.given: …allowed: …
+mass | {given: 1.3} | follower.mass.unit: missing; it is required
+mass | {givn: 1.3, unit: kg} | follower.mass.givn: unknown key, value 1.3 (did you mean 'given'?)
+mass | {given: 1e-30, unit: kg} | follower.mass: is 1e-30 kg; allowed: at least 1e-09 kg
+stem_stiffness | {given: -3.3e8, unit: N/m} | follower.stem_stiffness: is -3.3e+08 N/m; allowed: gr
+stem_stiffness | {given: 1e-30, unit: N/m} | follower.stem_stiffness: is 1e-30 N/m; allowed: at lea
+spring_stiffness | {given: 0, unit: N/m} | follower.spring_stiffness: is 0 N/m; allowed: greater th
+damping | {given: -1, unit: N*s/m} | follower.damping: is -1 N*s/m; allowed: at least 0
+preload | {given: -1, unit: N} | follower.preload: is -1 N; allowed: at least 0
+restitution | {given: 1, unit: "1"} | follower.restitution: is 1; allowed: at most 0.999
+restitution | {given: -0.1, unit: "1"} | follower.restitution: is -0.1; allowed: at least 0
+gain | {given: 0, unit: Pa*s/N} | radiation.gain: is 0 Pa*s/N; allowed: greater than 0
+corner | {given: -17, unit: Hz} | radiation.corner: is -17 Hz; allowed: greater than 0
+background | {given: 73, unit: Hz} | radiation.background: has unit 'Hz', not a level; allowed: dB
+background_at | {given: 0, unit: rpm} | radiation.background_at: is 0 rpm; allowed: greater than 0
+"""
+SCENE = """
+cams | [poly345, tm21, poly345] | …names a cam twice; allowed: each once
+cams | tm21 | cams: is 'tm21'; allowed: a valid list
+cams | [] | cams: is []
+cams | [../tm21] | cams[0]: is '../tm21'
+model | three_mass | model: is 'three_mass' (did you mean 'two_mass'?); allowed: 'kinetostatic', …
+sample_rate | {given: 99, unit: Hz} | sample_rate: is 99 Hz; allowed: at least 100 Hz
+sample_rate | {given: 2, unit: MHz} | sample_rate: has unit 'MHz'
+sample_rate | {given: 2000, unit: kHz} | sample_rate: is 2000 kHz; allowed: at most
+sample_rate | {given: 440.5, unit: Hz} | sample_rate: is 440.5 Hz; allowed: a whole
+turns | {given: 2.5, unit: turns} | …turns: is 2.5 turns; allowed: a whole number
+turns | {given: 0, unit: turns} | program.turns: is 0 turns; allowed: at least 1
+settle_turns | {given: 1000, unit: turns} | …settle_turns: is 1000 turns; allowed: less
+settle_turns | {given: -1, unit: turns} | …is -1 turns; allowed: at least 0
+ticks_per_turn | 0 | program.ticks_per_turn: is 0; allowed: greater than or equal to 1
+ticks_per_turn | 1.5 | program.ticks_per_turn: is 1.5; allowed: a valid integer
+ticks_per_turn | many | program.ticks_per_turn: is 'many'; allowed: a valid integer
+points_per_turn | 0 | points_per_turn: is 0; allowed: greater than or equal to 1
+points_per_turn | 3601 | points_per_turn: is 3601; allowed: less than or equal
+points_per_turn | 7.5 | points_per_turn: is 7.5; allowed: a valid integer
+given | [-200, 210] | program.speeds: is -200 rpm; allowed: at least 0.01 rpm
+given | [0, 210] | program.speeds: is 0 rpm; allowed: at least 0.01 rpm
+given | [.nan, 210] | program.speeds: …allowed: finite numbers
+given | [.inf, 210] | program.speeds: …allowed: finite numbers
+unit | Hz | program.speeds: has unit 'Hz', not a speed; allowed: rad/s, rpm
+"""
+PUBLISHED = """
+range_rpm | [200] | range_rpm[1]: missing
+range_rpm | [200, .inf] | range_rpm[1]: is inf; allowed: a fin
+tm21 | [.nan, 1, 1, 1] | regression_db.tm21[0]: is nan; allowed: a finite number
+tm21 | [low, 1, 1, 1] | regression_db.tm21[0]: is 'low'; allowed: a valid number
+crossover | {between: [bezier, tm21], rpm: 335} | …bezier…
+"""
+FACTORIAL = """
+events | {assumed: [90], unit: deg} | …events: are [90.0]; allowed: at least
+gentle | {assumed: [90, 90], unit: deg} | …gentle: are …each once
+events | {assumed: [90, 190], unit: deg} | …events: is 190 deg; allowed: at most
+rises | [poly345, poly345] | …names a law twice
+rises | [poly345, dwell] | …rises[1]: is 'dwell'
+squeezed | {assumed: [400], unit: deg} | …allowed: at most 360 deg
+title | x\\nspeeds: 1 | …unknown key
+"""
+
+
+@pytest.mark.parametrize("kind", ["rig", "scene", "published", "factorial"])
+def test_wrong_values(refuse, kind):
+    """Each number has its dimension and its limit; text of digits, or true, is no number."""
+    for key, value, words in rows(globals()[kind.upper()]):
+        line = f"{key}: " + value.replace("\\n", "\n")
+        assert_says(refuse(kind, rf"(?m)^( *){key}:.*$", line), words)
+
+
+def test_samples_of_ticks_and_ramps(config_dir, error_of):
+    """Each tick must hold at least two samples at the highest speed, or nothing is heard in it."""
+    text = (config_dir / "scenes" / "tm21_sweep.yaml").read_text(encoding="utf-8")
+    slow = re.sub(r"sample_rate:.*", "sample_rate: {given: 8, unit: kHz}", text)
+    message = error_of("scene", re.sub(r"ticks_per_turn:.*", "ticks_per_turn: 1000", slow))
+    assert_says(message, "sample_rate: 8000 Hz gives 1.2 samples a tick at the highest speed")
+    assert message.endswith("allowed: at least 2, so 13334 Hz, or ticks_per_turn up to 600")
+    ramp = '  ramp: {assumed: 0.1, unit: ms, source: "a test"}\n  ticks_per_turn:'
+    message = error_of("scene", text.replace("  ticks_per_turn:", ramp))
+    assert_says(message, "program.ramp: 0.0001 s has 1.2 samples at 12000 Hz; allowed: at le")
+
+
+#: What stands in the shipped cam, what is there instead, and the words of the line.
+CAM = """
+117.5, | 100, | segments: spans sum to 342.5°; allowed: 360°
+117.5, | 120, | segments: …too much by 2.5°
+117.5, | -117.5, | segments[1].span: …greater than 0 deg
+117.5, | 0, | segments[1].span: is 0 deg; allowed: …
+117.5, | 361, | segments[1].span: …at most 360 deg
+117.5, | .nan, | segments[1].span: is nan; allowed: finite
+117.5, unit: deg | 117.5, unit: mm | segments[1].span: …allowed: rad, deg, turn
+to: 1, | to: 2, | segments[1].to: is 2; allowed: less than or equal to 1
+to: 1, | to: .nan, | segments[1].to: is nan; allowed: a finite number
+to: 1, | to: up, | segments[1].to: is 'up'; allowed: a valid number
+to: 1, |  | segments[1].to: missing; it is required
+to: 1, | to: 1, too: 2, | segments[1].too: …did you mean 'to'?
+law: poly345, to: 1 | law: poly346, to: 1 | segments[1].law: is 'poly346' (did you mean 'poly345'?)
+law: poly345, to: 1 | to: 1 | segments[1].law: …allowed: …
+type: roller | type: wheel | follower.type: is 'wheel'; allowed: 'point', 'roller'
+  type: roller |   # type: | follower.type: missing; allowed: one of conjugate, …
+type: roller | type: point | follower.roller_radius: unknown key, value a mapping
+type: roller | type: flat | follower.roller_radius: …base_radius, eccentricity, …
+  roller_radius: |   # roller_radius: | follower.roller_radius: missing; it is requ
+  roller_radius: |   roller_radios: | follower.roller_radios: …mean 'roller_radius'?
+assumed: 10, | assumed: 0, | follower.roller_radius: is 0 mm; allowed: greater than 0 mm
+type: roller | type: oscillating_roller | follower.pivot_distance: missing
+name: poly345 | name: Poly 345 | name: is 'Poly 345'; allowed: lower case letters, digits and _
+name: poly345 | name: guide | name: is 'guide', another frame of the rig
+lift: {given: 0.05 | lift: {given: -0.05 | lift: is -0.05 m; allowed: greater than
+segments:(?s:.*) |  | segments: missing
+segments:(?s:.*) | segments: [] | segments: is []; allowed: at least 1
+segments:(?s:.*) | segments: 3 | segments: …
+segments:(?s:.*) | segments: [3] | segments[0]: …
+segments:(?s:.*) | segments: [{law: dwell}] | segments[0].span: …
+"""
+
+
+def test_wrong_cams(refuse):
+    """A law that does not exist is answered with those that do."""
+    for old, new, words in rows(CAM):
+        assert_says(refuse("cam", old.replace("{", r"\{"), new), words)
+    message = refuse("cam", "poly345, to", "poly346, to")
+    for law in ("dwell", "poly345", "poly4567", "cycloidal", "bezier", "tangent_arcs"):
+        assert f"'{law}'" in message
+
+
+# Segments that describe no curve: each is told which number, and what is allowed.
+
+HEAD = """
+name: wrong
+title: wrong
+lift: {assumed: 10, unit: mm}
+follower: {type: point, base_radius: {assumed: 25, unit: mm}}
+segments: [{law: LAW}]
+"""
+
+
+def ratio(*numbers):
+    return f"{{assumed: {list(numbers)}, unit: '1'}}"
+
+
+def spline(degree, knots, ordinates):
+    return f"b_spline, degree: {degree}, knots: {ratio(*knots)}, ordinates: {ratio(*ordinates)}"
+
+
+def polynomial(at, order, value, unit="deg"):
+    at = f"{{assumed: {at}, unit: {unit}}}"
+    return f"polynomial, at: {at}, order: {order}, value: {ratio(*value)}"
+
+
+def radii(flank, more=""):
+    return f"arcs_by_radii, flank: {flank}, nose_radius: {{assumed: 9, unit: mm}}{more}"
+
+
+def arcs(*parts):
+    return f"arcs_by_centres, arcs: [{', '.join(parts)}]"
+
+
+SEGMENTS = (
+    (spline(3, [0, 0, 0, 1, 1, 1], [0, 1, 0]), "ordinates: are 3; allowed for degree 3: 4 to"),
+    (spline(3, [0, 0, 0, 0, 1, 1, 1, 1], [0, 1, 1, 0]), "knots: are 8; allowed for 4 ordinates"),
+    (spline(2, [0, 0, 1, 0.5, 2, 2], [0, 0, 1, 0, 0]), "knot 4 is 0.5 after 1; allowed: rising"),
+    (spline(2, [0, 0.5, 1, 1], [0, 1, 0]), "knots: 0 stands 1 times; allowed: 2 times"),
+    (spline(2, [0, 0, 1, 1, 1, 2, 2], [0] * 6), "1 stands 3 times; allowed: at most 2 times"),
+    (spline(0, [0, 1], [0, 1]), "degree: is 0; allowed: greater than or equal to 1"),
+    (spline("two", [0, 1], [0, 1]), "degree: is 'two'"),
+    (polynomial([0, 360], [0, 0], [0]), "are 2, 2 and 1 numbers; allowed: one of each"),
+    (polynomial([0, 361], [0, 0], [0, 0]), "at: is 361 deg; allowed: at most 360 deg"),
+    (polynomial([0, 0], [0, 0], [0, 1]), "at: has 0 deg of order 0 twice; allowed: once"),
+    (polynomial([0, 360], [0, 2], [0, 1]), "order: is 2; allowed: at most 1, the degree"),
+    (polynomial([0, 360], [0, -1], [0, 1]), "order[1]: is -1; allowed: greater than or equal to 0"),
+    (polynomial([0, 1], [0, 0], [0, 1], "mm"), "at: has unit 'mm', not an angle; allowed: rad"),
+    (polynomial(list(range(22)), [0] * 22, [0] * 22), "22 conditions; allowed: 1 to 21"),
+    (f"trigonometric, mean: {ratio(0)[:-1]}}}", "mean: is [0.0]; allowed: one number"),
+    (
+        f"trigonometric, mean: {{assumed: 0, unit: '1'}}, sine: {ratio(*[0] * 51)}",
+        "sine: are 51; allowed: at most 50",
+    ),
+    (radii("convex"), "flank: convex needs flank_radius"),
+    (radii("straight", ", flank_radius: {assumed: 9, unit: mm}"), "straight has no flank_radius"),
+    (radii("round"), "flank: is 'round'; allowed: 'convex', 'straight' or 'concave'"),
+    (arcs("{}"), "arcs: is [{}]; allowed: at least 2"),
+    (arcs("{}", "{x: {assumed: 1, unit: mm}}"), "arcs[1]: has x; allowed: radius, x and y, or rad"),
+    (arcs("{}", "{radius: {assumed: 0, unit: mm}}"), "arcs[1]: radius: is 0; allowed: positive (c"),
+    ("table, file: 3, tolerance: {assumed: 0, unit: mm}, source: x", "file: is 3"),
+)
+
+
+def test_wrong_segments(error_of):
+    for segment, words in SEGMENTS:
+        whole = f"{segment}, span: {{assumed: 360, unit: deg}}"
+        assert_says(error_of("cam", HEAD.replace("LAW", whole)), f"segments[0]…{words}")
+    half = "trigonometric, span: {assumed: 180, unit: deg}, mean: {assumed: 0, unit: '1'}"
+    message = error_of("cam", HEAD.replace("LAW", half))
+    assert_says(message, "segments[0]…span: is 180°; allowed: 360°, this law is a whole turn")
+
+
+def test_the_shipped_study():
+    """Its name is its file's, and every number has an origin."""
+    path = config_root() / "factorials" / "continuity.yaml"
+    assert load_factorial(path).name == path.stem
+    data = yaml.safe_load(path.read_text(encoding="utf-8"))
+    numbers = [value for value in data.values() if isinstance(value, dict)]
+    assert len(numbers) == 9
+    assert all({"given", "assumed"} & set(number) for number in numbers)

@@ -1,0 +1,362 @@
+"""Tables of readings: points beside a cam's file, a gauge's lifts, jump speeds."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cam_rig.errors import ConfigError
+from cam_rig.measured.cam_fit.gauge import read_gauge_table
+from cam_rig.measured.instrument_table import MAX_LINES, heading
+from cam_rig.measured.rig_fit.jump_table import read_jump_table
+from cam_rig.schema import load_cam
+from cam_rig.schema.segment_base import read_points
+from cam_rig.units import RPM
+
+ROWS = [f"{a},{5.0 - 5.0 * math.cos(math.radians(a)):.4f}" for a in range(0, 360, 15)]
+DWELL = (
+    "{{start: {{assumed: {}, unit: deg}}, span: {{assumed: {}, unit: deg}}, "
+    "level: {{assumed: 0, unit: mm}}}}"
+)
+
+
+def table(rows=ROWS, header="angle_deg,lift_mm"):
+    return "\n".join([header, *rows]) + "\n"
+
+
+@pytest.fixture
+def load(config_dir, tmp_path):
+    """The shipped table cam with another CSV beside it and dwells (start and span in deg)."""
+
+    def write(text, tolerance="0.003", dwells=()):
+        cam = (config_dir / "cams" / "measured.yaml").read_text(encoding="utf-8")
+        cam = cam.replace("assumed: 0.003", f"assumed: {tolerance}").rstrip()
+        if dwells:
+            cam += f"\n    dwells: [{', '.join(DWELL.format(*dwell) for dwell in dwells)}]"
+        (tmp_path / "measured.yaml").write_text(f"{cam}\n", encoding="utf-8")
+        if text is not None:
+            data = text if isinstance(text, bytes) else text.encode()
+            (tmp_path / "measured.csv").write_bytes(data)
+        return load_cam(tmp_path / "measured.yaml").segments[0]
+
+    return write
+
+
+def test_points_that_are_taken(load, tmp_path):
+    """Angles in rad and lifts in m, columns in any order, comments and other columns aside.
+
+    With or without a last point at 360° that repeats the first, as Windows writes it, and with
+    tolerance 0: there is always a way through every point.
+    """
+    path = tmp_path / "points.csv"
+    path.write_text("# gauge 3\n\n lift_in , note, angle_turn\n1,top,0.5\n0.5,,0.75\n")
+    angles, lifts = read_points(path)
+    assert angles == pytest.approx([math.pi, 1.5 * math.pi])
+    assert lifts == pytest.approx([0.0254, 0.0127])
+    assert len(load(table()).file.angles) == 24
+    assert len(load(table([*ROWS, "360,0.0"])).file.angles) == 25
+    load(("\ufeff" + table()).replace("\n", "\r\n"))
+    assert load(table(), tolerance="0").tolerance.si == 0.0
+
+
+def test_wrong_points_are_refused(load, tmp_path):
+    """One line that names the cam's file, the points' file, the value and what is allowed."""
+    for text, words in (
+        (None, "measured.csv: no such file beside the cam's file"),
+        ("", "measured.csv: is empty; allowed: a header line, then points"),
+        ("# only a comment\n", "measured.csv: is empty"),
+        (b"\xff\xfe\x00", "measured.csv: cannot be read"),
+        (table(header="angle,lift"), "columns are angle, lift; allowed: one of angle_rad, angle_d"),
+        (table(header="angle_deg,lift_kg"), "allowed: one of lift_m, lift_cm, lift_mm, lift_um, l"),
+        (table(header="angle_deg,angle_rad"), "allowed: one of angle_rad"),
+        (table(header="a" * 100_000), "aaa...; allowed: one of angle_rad"),
+        (table(ROWS[:8]), "has 8 points; allowed: 12 to 7200"),
+        (table(["0,nan", *ROWS[1:]]), "line 2: lift_mm is 'nan'; allowed: a finite number"),
+        (table(["0,inf", *ROWS[1:]]), "line 2: lift_mm is 'inf'"),
+        (table(["0,up", *ROWS[1:]]), "line 2: lift_mm is 'up'"),
+        (table(["0", *ROWS[1:]]), "line 2: lift_mm is ''"),
+        (table(["0," + "1" * 140_000, *ROWS[1:]]), "line 2: cannot be read (field larger than"),
+        (table(["0," + "a" * 100_000, *ROWS[1:]]), "aaa...; allowed: a finite number"),
+        (table() + "\n" * 2**21, "has 2 MiB; allowed: 2 MiB"),
+        (table([*ROWS[:5], ROWS[4], *ROWS[5:]]), "point 6 is at 60° after 60°; allowed: rising"),
+        (table([ROWS[1], ROWS[0], *ROWS[2:]]), "point 2 is at 0° after 15°; allowed: rising"),
+        (table([*ROWS, "375,0"]), "angles are 0° to 375°; allowed: 0° to 360°"),
+        (table(["-15,0", *ROWS]), "angles are -15° to 345°"),
+        (table(ROWS[:14]), "has no point for 165° after 195°; allowed: gaps of at most 45°"),
+        (table([*ROWS[:8], *ROWS[12:]]), "has no point for 75° after 105°"),
+        (table([*ROWS, "360,0.5"]), "does not close, the lift at 360° is 0.0005 m above"),
+        (table([f"{15 * i},3" for i in range(24)]), "all lifts are 0.003 m; allowed: a lift"),
+    ):
+        with pytest.raises(ConfigError) as caught:
+            load(text)
+        message = str(caught.value)
+        assert message.startswith(f"{tmp_path / 'measured.yaml'}: segments[0]")
+        assert words in message
+        assert "\n" not in message and len(message) < 500
+    (tmp_path / "measured.csv").rename(tmp_path / "mesured.csv")
+    with pytest.raises(ConfigError, match=r"there are: mesured.csv"):
+        load(None)
+    with pytest.raises(ConfigError, match=r"tolerance: is 0.01 m; allowed: at most 0.0005 m, 0.05"):
+        load(table(), tolerance="10")
+
+
+def test_points_lie_beside_the_cam(refuse):
+    """A name, no path: the cam and its points travel together, into a bag too."""
+    for name in ("../points.csv", "/etc/points.csv", "points.txt", "points"):
+        message = refuse("table", "measured.csv", name)
+        assert message.startswith("segments[0].file: is ")
+        assert "allowed: the name of a .csv file beside the cam's file" in message
+
+
+def test_dwells(load):
+    """A gap of 90°, and one across the turn's end, are allowed inside of a dwell.
+
+    Dwells follow one another with an event between each two, around the turn.
+    """
+    gap = table([*ROWS[:8], *ROWS[13:]])
+    assert load(gap, dwells=[(100, 120)]).dwells[0].span.si > 2.0
+    load(table(ROWS[4:19]), dwells=[(270, 150)])
+    with pytest.raises(ConfigError, match=r"has no point for 90° after 105°"):
+        load(gap, dwells=[(110, 100)])
+    for dwells, tolerance, words in (
+        ([(100, 50)], "0", "tolerance: is 0; allowed beside dwells: greater than 0"),
+        ([(100, 50), (150.5, 20)], "0.003", "dwells[0]: ends at 150°, the next begins at 150.5°"),
+        ([(200, 50), (100, 20)], "0.003", "dwells[0]: ends at 250°, the next begins at 100°"),
+        ([(100, 20), (300, 170)], "0.003", "dwells[1]: ends at 470°, the next begins at 460°"),
+        ([(100, 360)], "0.003", "dwells[0]: ends at 460°, the next begins at 460°"),
+        ([(-1, 20)], "0.003", "dwells[0].start: is -1 deg; allowed: at least 0 deg"),
+    ):
+        with pytest.raises(ConfigError) as caught:
+            load(table(), tolerance, dwells)
+        assert words in str(caught.value)
+
+
+# A gauge's table: whatever separates, marks decimals or heads the columns is read.
+
+ANGLES, LIFTS = [0.0, 10.0, 20.0], [0.0, 0.25, 1.5]  # deg, mm
+
+
+@pytest.fixture
+def read(tmp_path):
+    """The table of a text, or its error."""
+
+    def read_text(text, column=None):
+        path = tmp_path / "lifts.csv"
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        return read_gauge_table(path, column)
+
+    return read_text
+
+
+def holds_the_readings(found):
+    assert found.angles == pytest.approx([math.radians(a) for a in ANGLES])
+    assert found.columns[0].lifts == pytest.approx([1e-3 * s for s in LIFTS])
+
+
+def test_forms_of_one_table(read):
+    """Separator, decimal mark, BOM, encoding, quotes, order, titles, comments: one table."""
+    comma, semicolon = "angle_deg,lift_mm\n0,0\n10,0.25\n20,1.5\n", "0;0\n10;0,25\n20;1,5\n"
+    for text in (
+        comma,
+        comma.replace("\n", "\r\n"),
+        "\ufeff" + comma,
+        f"angle_deg;lift_mm\n{semicolon}",
+        f"angle_deg\tlift_mm\n{semicolon}".replace(";", "\t"),
+        f"angle_deg lift_mm\n{semicolon}".replace(";", " "),
+        f"angle_deg;lift_mm\n{semicolon}".encode("utf-16"),
+        f"sep=;\nangle_deg;lift_mm\n{semicolon}",
+        f"Angle;Lift\ndeg;mm\n{semicolon}",
+        'angle_deg,lift_mm\n"0","0"\n"10","0,25"\n"20","1,5"\n',
+        "lift_mm,note,angle_deg\n0,base,0\n0.25,,10\n1.5,rising,20\n",
+        "# gauge 3\nMeasured on Monday\n\nangle_deg,lift_mm\n0,0\n# again:\n10,0.25\n20,1.5\n",
+        "angle_deg,lift_mm\n0°,0\n10°,2.5e-1\n20°,+1.5\n",
+    ):
+        holds_the_readings(read(text))
+    # written to 0.01 mm
+    assert read(comma).columns[0].resolution == pytest.approx(1e-5)
+
+
+def test_headings_in_several_languages(read):
+    """Accents and capitals do not matter, nor what Windows programs write, without Greek."""
+    for angle, lift in (
+        ("Cam angle [deg]", "Displacement [mm]"),
+        ("θ / °", "s / mm"),
+        ("Ángulo de leva (grados)", "Elevación (mm)"),
+        ("angulo", "Alzada mm"),
+        ("Nockenwinkel in Grad", "Hub in mm"),
+        ("Drehwinkel (°)", "Stößelweg [mm]"),
+        ("Angle de came (degrés)", "Levée (mm)"),
+        ("Angolo (gradi)", "Alzata (mm)"),
+        ("Ângulo (graus)", "Deslocamento mm"),
+        ("crank_angle_deg", "gauge reading mm"),
+        ("angle_deg", "lift\x07 of\x1f A mm"),
+    ):
+        for encoding in ("utf-8", "cp1252"):
+            text = f"{angle};{lift}\n0;0\n10;0,25\n20;1,5\n"
+            holds_the_readings(read(text.encode(encoding, "replace")))
+    assert read("angle_deg;lift\x07 of\x1f A mm\n0;0\n").columns[0].name == "lift of A mm"
+
+
+def test_units():
+    """The last word that is a unit counts: "lift in mm" is in mm.
+
+    German Grad is a degree; what is a 400th of a turn is called gon.
+    """
+    lengths = dict.fromkeys(("in", "inches", "pulgadas", "Zoll", "pouces", '"'), 0.0254)
+    lengths |= {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "µm": 1e-6, "um": 1e-6, "thou": 2.54e-5}
+    for unit, factor in lengths.items():
+        assert heading(f"lift ({unit})").factor == factor
+    assert heading("lift in mm").factor == 1e-3
+    angles = dict.fromkeys(("deg", "°", "Grad"), math.pi / 180)
+    angles |= {"rad": 1.0, "gon": math.pi / 200, "turn": 2 * math.pi, "vueltas": 2 * math.pi}
+    for unit, factor in angles.items():
+        assert heading(f"angle [{unit}]").factor == pytest.approx(factor)
+
+
+def test_what_is_not_said_is_assumed_and_said(read):
+    """No headings, or none with units: deg and mm, each with a sentence; few rad are rad."""
+    found = read("0 0\n10 0.25\n20 1.5\n355 0\n")
+    assert "no unit of angle in 'column 1': deg assumed" in found.notes
+    assert "no unit of length in 'column 2': mm assumed" in found.notes
+    assert found.notes[0] == "4 lines read, separator space, decimal point"
+    assert read("theta,s\n0,0\n3,1\n6.2,0\n").angles[1] == 3.0
+    assert not any("assumed" in note for note in read("angle_deg,lift_mm\n0,0\n1,1\n").notes)
+
+
+def test_columns_of_lifts(read):
+    """Two followers in one table; which is meant is asked for, or all are taken.
+
+    A column that is not asked for may hold words, decimal commas, nothing.
+    """
+    two = "angle_deg,lift_a_mm,lift_b_mm\n0,0,0.0\n10,1,2\n"
+    found = read(two)
+    assert [column.name for column in found.columns] == ["lift_a_mm", "lift_b_mm"]
+    assert found.columns[1].lifts == pytest.approx([0.0, 0.002])
+    with pytest.raises(ConfigError, match=r"has 2 columns of lifts; allowed: one, so name it with"):
+        found.only_column()
+    with pytest.raises(ConfigError, match=r"has no column 'c'; allowed: 'lift_a_mm', 'lift_b_mm'"):
+        read(two, "c")
+    text = "angle_deg;lift_a_mm;lift_b_mm;note\n0;0.0;n/a;x\n10;1.5;3,2;\n"
+    found = read(text, "lift_a_mm")
+    assert [column.name for column in found.columns] == ["lift_a_mm"]
+    assert found.columns[0].lifts == pytest.approx([0.0, 0.0015])
+    with pytest.raises(ConfigError, match=r"lift_b_mm is 'n/a'; allowed: a number"):
+        read(text, "lift_b_mm")
+
+
+def test_an_empty_cell_is_no_reading(read):
+    """Of its column alone, first rows and last; how many there are is said."""
+    found = read("angle_deg,lift_a_mm,lift_b_mm\n0,,0.0\n10,1,2\n20,,\n,,\n30,2,3\n")
+    assert [math.degrees(angle) for angle in found.angles] == pytest.approx([0, 10, 20, 30])
+    empty = [[math.isnan(lift) for lift in column.lifts] for column in found.columns]
+    assert empty == [[True, False, True, False], [False, False, True, False]]
+    assert "2 empty cells in 'lift_a_mm': no reading" in found.notes
+    assert "1 empty cell in 'lift_b_mm': no reading" in found.notes
+    with pytest.raises(ConfigError, match=r"line 3: angle_deg is empty beside a lift"):
+        read("angle_deg,lift_mm\n0,0\n,1\n10,2\n")
+
+
+def test_what_cannot_be_read_is_said_in_one_line(read):
+    """File, line, value, what is allowed, and which separator was seen."""
+    comma = "allowed: a number, so correct the line or put # before it (separator seen: comma)"
+    four = "winkel,hub\n0,0,0,0\n10,0,0,25\n"
+    for text, words in (
+        ("", "lifts.csv: is empty; allowed: a heading and up to"),
+        ("# nothing\n", "lifts.csv: is empty"),
+        ("hello\nworld\n", "line 2: 'world' has no two numbers; allowed: lines of cam angle and"),
+        ("angle,lift\n0,0\n5,x\n", f"line 3: lift is 'x'; {comma}"),
+        ("angle;lift\n0;0\n5;nan\n", "line 3: lift is 'nan'; allowed: a number"),
+        ("angle;lift\n0;0\n5;1.234,5\n", "line 3: lift is '1.234,5'; allowed: a number"),
+        ("angle;lift\n0;0\n5\n", "line 3: has 1 cells under 2 columns (separator seen: semicolon)"),
+        (four, "line 2: has 4 cells under 2 columns (separator seen"),
+        (four, "; or tab between them where the comma is the decimal"),
+        ("angle;lift\n0;0,5\n5;1.5\n", "line 3: '1.5' has a decimal point, '0,5' in line 2 a"),
+        ("angle_rad,angle_deg\n1,2\n", "2 of them are angles; allowed: one, such as angle_deg"),
+        ("lift_mm,force_N\n1,2\n", "columns are 'lift_mm, force_N', allowed: one of an angle"),
+        ("angle|lift\n1|2\n", "line 2: '1|2' has no two numbers"),
+    ):
+        with pytest.raises(ConfigError) as caught:
+            read(text)
+        message = str(caught.value)
+        assert words in message
+        assert message.startswith("lifts.csv: ")
+        assert "\n" not in message and len(message) < 300
+
+
+def test_files_that_are_none(read, tmp_path):
+    """Missing, a folder, too long: named, with those that are there."""
+    (tmp_path / "lift.csv").write_text("")
+    with pytest.raises(ConfigError, match=r"no such file; there are: lift\.csv"):
+        read_gauge_table(tmp_path / "lifts.csv")
+    with pytest.raises(ConfigError, match="cannot be read"):
+        read_gauge_table(tmp_path)
+    with pytest.raises(ConfigError, match="allowed: 2 MiB"):
+        read(b"0 0\n" * 2**20)
+    with pytest.raises(ConfigError, match=f"has {MAX_LINES + 1} lines"):
+        read(b"0 0\n" * (MAX_LINES + 1))
+
+
+SIGNS = "0123456789.,;\t -e\n\r°\"'#mangle_deglift\u2028\x07"
+
+
+@given(st.one_of(st.binary(max_size=400), st.text(alphabet=SIGNS, max_size=300)))
+def test_any_bytes_are_read_or_refused_in_one_line(tmp_path_factory, data):
+    path = tmp_path_factory.getbasetemp() / "any.csv"
+    path.write_bytes(data if isinstance(data, bytes) else data.encode())
+    try:
+        found = read_gauge_table(path)
+    except ConfigError as error:
+        assert len(str(error).splitlines()) == 1
+    else:
+        assert len(found.angles) == len(found.lines) == len(found.columns[0].lifts)
+
+
+# Jump speeds as they come.
+
+
+@pytest.fixture
+def read_jumps(tmp_path):
+    def read_text(text):
+        path = tmp_path / "jumps.csv"
+        path.write_text(text, encoding="utf-8")
+        return read_jump_table(path)
+
+    return read_text
+
+
+def test_jump_speeds_in_units_and_languages(read_jumps):
+    """The same two readings, however they are written; a missing unit is assumed and said."""
+    for text in (
+        "mass_kg,spring_N/m,rpm\n0.5,4030,412.5\n1,4030,380\n",
+        "Masse [g];Federrate [N/mm];Drehzahl [1/min]\n500;4,03;412,5\n1000;4,03;380\n",
+        "masa (kg)\tmuelle (kN/m)\tvelocidad (rpm)\n0.5\t4.03\t412.5\n1\t4.03\t380\n",
+    ):
+        found = read_jumps(text)
+        assert found.columns == ("mass", "spring_stiffness")
+        assert [r.speed / RPM for r in found.readings] == pytest.approx([412.5, 380.0])
+        assert found.readings[0].known == pytest.approx({"mass": 0.5, "spring_stiffness": 4030.0})
+    found = read_jumps("preload,jump speed\n20,300\n")
+    assert found.readings[0].known == {"preload": 20.0}
+    assert sum("assumed" in note for note in found.notes) == 2
+    found = read_jumps("mass_kg,rpm\n0,300\n1,250\n")
+    assert np.isfinite([r.speed for r in found.readings]).all()
+
+
+def test_wrong_jump_speeds_are_refused(read_jumps):
+    """In a line; a unit is never taken for another: those that are known are listed."""
+    for text, words in (
+        ("mass_kg,lift_mm\n1,2\n", "jump speed"),
+        ("1,2\n3,4\n", "no heading"),
+        ("mass_kg,rpm\n1,-5\n", "line 2: speed"),
+        ("mass_kg,rpm\n2,300\n1,x\n", "line 3: rpm is 'x'"),
+        ("rpm,drehzahl\n300,300\n", "both hold"),
+    ):
+        with pytest.raises(ConfigError, match=words) as error:
+            read_jumps(text)
+        assert "separator seen" in str(error.value)
+        assert "\n" not in str(error.value)
+    for name in ("spring_N/furlong", "mass_oz", "mass [stone]", "speed_deg/s"):
+        with pytest.raises(ConfigError, match=r"has no unit of a.*allowed"):
+            read_jumps(f"{name},preload_N\n1,20\n")

@@ -1,0 +1,184 @@
+"""YAML 1.2 within limits, and the shipped files: each loads, no number is without an origin."""
+
+import math
+import warnings
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+
+from cam_rig.errors import ConfigError
+from cam_rig.schema import CamConfig, Library, load_cam, load_published, load_rig, load_scene
+from cam_rig.schema.load import MAX_BYTES, config_root, read_yaml
+from cam_rig.schema.quantity import ORIGINS
+from cam_rig.schema.yaml_text import MAX_DEPTH, MAX_DIGITS, MAX_VALUES, parse_yaml
+
+CONFIG = config_root()
+
+
+def test_scalars_are_those_of_yaml_1_2():
+    """Neither yes nor on is a truth, no date is made, and 1e3 is a number."""
+    scalars = {
+        **{"1e3": 1000.0, "12e03": 12000.0, ".5": 0.5, "1.": 1.0, "1_000": 1000, "010": 10},
+        **{"0o17": 15, "0x1F": 31, "0b101": 5, "-0b11": -3, "+.inf": math.inf, "TRUE": True},
+        **{"~": None, "": None, "'3'": "3", "!!str 3": "3", "|\n  3": "3"},
+    }
+    texts = "yes no on off y tRUE 1:30 0o8 1e = 2001-01-01"
+    for text, value in (scalars | {word: word for word in texts.split()}).items():
+        found = parse_yaml(f"a: {text}")["a"]
+        assert found == value and type(found) is type(value), text
+    assert math.isnan(parse_yaml(".nan"))  # a number, though no file may hold it
+
+
+def test_what_is_refused():
+    """One line, with the line of the file, the limit and no more of the text than that."""
+    deep = "\n".join("  " * i + "a:" for i in range(40))
+    for text, words in (
+        ("a: 1\nb: 2\na: 3\n", "not YAML: line 3: the key 'a' is there twice"),
+        ("1: a\n1.0: b", "not YAML: line 2: the key '1.0' is there twice"),
+        ("a:\n  - !foo 3", "not YAML: line 2: the tag '!foo' does not fit"),
+        ("a: !!int x", "not YAML: line 1: the tag 'tag:yaml.org,2002:int' does not fit"),
+        ("--- 1\n--- 2\n", "not YAML: line 2: a second document begins; allowed: one"),
+        ("\na: [1\n", "not YAML: while parsing a flow sequence at line 2, column 4"),
+        ("a: *b", r"not YAML: line 1: \*b is not there, or not at its end"),
+        ("a: &a\n  - *a", r"not YAML: line 2: \*a is not there, or not at its end"),
+        ("[a, b]: 3", "not YAML: line 1: a list or a mapping is a key; allowed: a text"),
+        ("a: 1\n<<: 3", "not YAML: line 2: << merges mappings alone"),
+        ("\n\na: 0b" + "1" * 50_000, "a number in line 3 has 50002 characters; allowed: 300"),
+        ("a: 1" + "0" * MAX_DIGITS, "a number in line 1 has 301 characters; allowed: 300"),
+        ("[" * 1000, "is nested too deeply, in line 1; allowed: 32 levels"),
+        (deep, "is nested too deeply, in line 33"),
+    ):
+        with pytest.raises(ConfigError, match=f"^{words}") as caught:
+            parse_yaml(text)
+        assert "\n" not in str(caught.value) and len(str(caught.value)) < 200
+    parse_yaml("[" * MAX_DEPTH + "]" * MAX_DEPTH)
+
+
+def test_aliases_and_merges():
+    """Ten lists of ten lists of ten: a million values from a few lines are counted, not made."""
+    text = "a: &a {x: 1, y: 2}\nb: *a\nc: {<<: *a, y: 3}\nd: {<<: [{p: 1}, {p: 2, q: 3}]}"
+    a = {"x": 1, "y": 2}
+    assert parse_yaml(text) == {"a": a, "b": a, "c": {"x": 1, "y": 3}, "d": {"p": 1, "q": 3}}
+    bomb = "a0: &a0 [1, 1, 1]\n"
+    bomb += "".join(f"a{i}: &a{i} [{f'*a{i - 1}, ' * 10}]\n" for i in range(1, 9))
+    with pytest.raises(ConfigError, match=f"line 7: has more than {MAX_VALUES} values"):
+        parse_yaml(bomb)
+    chain = "b0: &b0 [1]\n" + "".join(f"b{i}: &b{i} [*b{i - 1}]\n" for i in range(1, 5000))
+    with pytest.raises(ConfigError, match="nested too deeply, in line 32"):
+        parse_yaml(chain)
+
+
+def test_a_file_that_is_too_long_is_not_read(tmp_path):
+    """Ten megabytes of a title, and a device without an end."""
+    path = tmp_path / "long.yaml"
+    path.write_text("title: '" + "word " * 2_000_000 + "'")
+    with pytest.raises(ConfigError, match=r"long\.yaml: has 9\.54 MiB; allowed: 1 MiB"):
+        read_yaml(path)
+    path.write_bytes(b"#" * MAX_BYTES)
+    assert read_yaml(path) is None
+    with pytest.raises(ConfigError, match="zero: is a pipe or a device; allowed: a file"):
+        read_yaml(path.__class__("/dev/zero"))
+
+
+def ruamel(text):
+    """What the parser of the comments-keeping editor reads, or an error."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            return repr(YAML(typ="safe", pure=True).load(text))
+        except (YAMLError, ValueError, TypeError, NotImplementedError):
+            return None
+
+
+def test_the_shipped_files_are_what_another_parser_reads():
+    """Which writes identified numbers back. Some in every run, for it is slow."""
+    for path in sorted(CONFIG.rglob("*.yaml"))[::8]:
+        assert repr(read_yaml(path)) == ruamel(path.read_text(encoding="utf-8"))
+
+
+@pytest.mark.long
+def test_all_shipped_files_are_what_another_parser_reads():
+    for path in CONFIG.rglob("*.yaml"):
+        assert repr(read_yaml(path)) == ruamel(path.read_text(encoding="utf-8"))
+
+
+WORDS = """1 -2 +3 1e3 1.5 .5 yes no on off true ~ null 0x1f 0o7 010 1_0 a 'a' "b" x:y http://x
+#c 1:30 .inf -.INF - ? {} [] &a *a <<"""
+BEGINS, ENDS = ["", "  ", "- ", "a: ", "b: ", "  c: ", "[", "{a: "], ["", "]", "}", ",", " #x"]
+LINES = st.tuples(*map(st.sampled_from, (BEGINS, WORDS.split(), ENDS))).map("".join)
+
+
+@given(st.lists(LINES, max_size=5).map("\n".join))
+@settings(max_examples=4 * settings.default.max_examples)
+def test_whatever_both_understand_both_read_alike(text):
+    """A second parser of YAML 1.2 is the judge wherever neither refuses."""
+    try:
+        mine = repr(parse_yaml(text))
+    except ConfigError:
+        return
+    theirs = ruamel(text)
+    if theirs is not None and "[...]" not in theirs and "{...}" not in theirs:
+        assert mine == theirs
+
+
+# The shipped files.
+
+LOADERS = {"cams": load_cam, "rigs": load_rig, "scenes": load_scene, "published": load_published}
+#: Counts, degrees and fractions of the lift: choices of form, which have no unit and no origin.
+BARE = {"to", "degree", "order", "points_per_turn", "ticks_per_turn", "seed"}
+
+
+def quantities(node, key=""):
+    """Every mapping with a unit, and every number that stands alone, with its key."""
+    if isinstance(node, dict) and "unit" in node:
+        yield key, node
+    elif isinstance(node, dict):
+        for name, child in node.items():
+            yield from quantities(child, name)
+    elif isinstance(node, list):
+        for child in node:
+            yield from quantities(child, key)
+    elif isinstance(node, int | float):
+        yield key, node
+
+
+def test_every_file_loads_under_its_own_name_and_says_where_its_numbers_come_from():
+    """Given, assumed or identified; a cam's `numbers` are all of its file's, by their keys."""
+    for folder, load in LOADERS.items():
+        for path in sorted((CONFIG / folder).glob("*.yaml")):
+            config = load(path)
+            assert config.name == path.stem
+            found = [] if folder == "published" else list(quantities(read_yaml(path)))
+            origins = [set(ORIGINS) & set(node) for _, node in found if isinstance(node, dict)]
+            assert all(len(one) == 1 for one in origins), path
+            assert {key for key, node in found if not isinstance(node, dict)} <= BARE, path
+            if folder == "cams":
+                assert len(config.numbers()) == len(origins)
+                assert {"lift", "base_radius", "segments[0].span"} <= set(config.numbers())
+
+
+def test_library_prefers_the_scenes_own_folder(tmp_path):
+    own = tmp_path / "cams" / "poly345.yaml"
+    own.parent.mkdir()
+    own.touch()
+    library = Library.beside(tmp_path / "scenes" / "x.yaml")
+    assert library.path("cams", "poly345") == own
+    assert library.path("cams", "poly4567") == CONFIG / "cams" / "poly4567.yaml"
+
+
+def test_published_levels_cross_where_the_paper_says():
+    """With the misprint of eq. 20 corrected, Bézier 15 and TM21 are equally loud at 335 rpm."""
+    published = load_published(CONFIG / "published" / "tm21_noise.yaml")
+    one, two = published.crossover.between
+    rpm = published.crossover.rpm
+    assert rpm == 335
+    assert abs(published.level(one, rpm) - published.level(two, rpm)) < 0.05  # dB: printed digits
+
+
+def test_a_copied_cam_is_the_same(cams):
+    """Written out and checked again, as a trial with other numbers is: nothing is lost."""
+    for cam in cams.values():
+        assert CamConfig.model_validate(cam.model_dump(exclude_none=True)) == cam

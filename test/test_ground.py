@@ -1,0 +1,117 @@
+"""Errors, files, units and arrays: what all rooms share."""
+
+from __future__ import annotations
+
+import copy
+import errno
+import math
+import os
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from cam_rig.cli.main import app
+from cam_rig.dynamics.parameters import row_of_numbers
+from cam_rig.errors import BEGIN, END, CamRigError, ConfigError, DynamicsError, OutputError
+from cam_rig.files import temporary_folder
+from cam_rig.units import correlation_length, rounded_to_error
+
+
+def test_a_message_of_thousands_of_numbers_keeps_its_begin_and_its_remedy() -> None:
+    error = ConfigError(f"a: is {list(range(20_000))}; allowed: 3 numbers")
+    for one in (error, copy.copy(error)):
+        assert len(str(one)) < BEGIN + END + 10
+        assert str(one).startswith("a: is [0, 1, 2, ")
+        assert str(one).endswith("; allowed: 3 numbers")
+    whole = "x" * (BEGIN + END)
+    assert str(CamRigError(whole)) == whole
+
+
+def test_so_does_what_the_core_says_of_an_argument() -> None:
+    """A list that holds one wrong number among 20 000."""
+    with pytest.raises(DynamicsError) as wrong:
+        row_of_numbers("angles", ["x", *np.zeros(20_000).tolist()])
+    assert len(str(wrong.value)) < BEGIN + END + 10
+    assert str(wrong.value).endswith("allowed: a row of finite numbers")
+
+
+GOLDEN = str(Path(__file__).parents[1] / "bags" / "golden")
+
+
+def full(*_, **__):
+    raise FileNotFoundError(errno.ENOENT, "No usable temporary directory found in ['/tmp']")
+
+
+def full_later(*_, **__):
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def test_a_folder_is_there_and_gone():
+    with temporary_folder() as folder:
+        (folder / "file").touch()
+    assert not folder.exists()
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["analyze", GOLDEN], ["replay", GOLDEN], ["view", GOLDEN, "--web"]],
+    ids=lambda arguments: arguments[0],
+)
+def test_no_place_for_temporary_files_is_one_line(monkeypatch, tmp_path, arguments):
+    """Code 1, and TMPDIR as the way out."""
+    monkeypatch.setattr(tempfile, "gettempdir", full)
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 1
+    assert result.exception is None or isinstance(result.exception, SystemExit)
+    assert "No usable temporary directory" in result.stderr
+    assert "name a folder with room in TMPDIR" in result.stderr
+
+
+def test_a_disk_that_fills_while_files_are_unpacked_is_told_of(monkeypatch):
+    monkeypatch.setattr(Path, "write_bytes", full_later)
+    result = CliRunner().invoke(app, ["analyze", GOLDEN])
+    assert result.exit_code == 1
+    assert "(No space left on device); name a folder with room in TMPDIR" in result.stderr
+    assert "recover" not in result.stderr
+
+
+def test_a_folder_that_cannot_be_made_is_told_of(monkeypatch):
+    monkeypatch.setattr(tempfile, "mkdtemp", full_later)
+    with pytest.raises(OutputError, match="No space left on device"), temporary_folder():
+        pass
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "shown"),
+    [
+        (14.947876, 0.0323, "14.948"),
+        (1.2999, 0.0996, "1.30"),
+        (4042.31, 123.0, "4040"),
+        (-0.001, 0.13, "0.00"),
+        (3.3e8, 1.23e6, "3.300e+08"),
+        (1e-9, 2.2e-11, "1.000e-09"),
+        (14.947876, 0.0, "14.9479"),
+        (14.947876, math.nan, "14.9479"),
+    ],
+)
+def test_a_value_is_shown_to_two_digits_of_its_error(value, error, shown):
+    assert rounded_to_error(value, error) == shown
+
+
+def test_rounding_costs_less_than_a_twentieth_of_the_error():
+    """Half a unit of the error's second digit, over 30 orders of value and error."""
+    random = np.random.default_rng(0)
+    for _ in range(500):
+        error = 10.0 ** random.uniform(-15, 12)
+        value = random.choice([-1, 1]) * error * 10.0 ** random.uniform(-3, 8)
+        assert abs(float(rounded_to_error(value, error)) - value) <= 0.0501 * error
+
+
+def test_neighbours_that_err_alike_are_counted_as_one():
+    """Noise has length 1; each value eight times has length 8."""
+    noise = np.random.default_rng(1).standard_normal(4000)
+    assert correlation_length(noise) < 1.3
+    assert correlation_length(np.repeat(noise, 8)) == pytest.approx(8.0, rel=0.2)
