@@ -183,3 +183,10 @@ PARAMETERS: dict[str, tuple[Spec, ...]] = {
         PROGRESS,
     ),
 }  # fmt: skip
+
+#: What may be set while the nodes run: the parameters of each node that are live.
+LIVE = {
+    node: {spec.name: spec for spec in specs if spec.live}
+    for node, specs in PARAMETERS.items()
+    if any(spec.live for spec in specs)
+}

@@ -15,7 +15,6 @@ from cam_rig.panel.server import read_frame
 TELL_EVERY_S = 0.05
 #: Wall time (s) in which a page must have room for a message, or it is dropped.
 READS_WITHIN_S = 30.0
-
 Message = dict[str, Any]
 
 
@@ -43,10 +42,8 @@ class LivePage:
     ) -> None:
         """Do what it asks and tell it what is new, until it is closed.
 
-        Parameters
-        ----------
-        obey : what came of a message; a RefusedError is answered by ``refused``
-        refused : the answer to the message of a number (None where it has none), with words
+        ``obey`` gives what came of a message; where it raises a RefusedError, ``refused`` gives
+        the answer to the message of a number (None where it has none), with words.
         """
         try:
             async with asyncio.TaskGroup() as group:
@@ -62,13 +59,7 @@ class LivePage:
         return [self._tell()]
 
     async def send(self, message: Message | bytes) -> None:
-        """Send a message.
-
-        Raises
-        ------
-        TimeoutError : the page reads nothing
-        WebSocketDisconnect : it is closed
-        """
+        """Send a message; TimeoutError where the page reads nothing."""
         async with asyncio.timeout(READS_WITHIN_S):
             if isinstance(message, bytes):
                 await self.socket.send_bytes(message)

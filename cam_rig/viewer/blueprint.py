@@ -37,11 +37,7 @@ class Layout(StrEnum):
 class ViewOptions:
     """How a recording is laid out and thinned.
 
-    Parameters
-    ----------
-    layout : the run itself, cams side by side, or a report
-    rpm : the speed at which cams are compared; by default the scene's highest
-    all_samples : keep every sample, however many
+    Cams are compared at a speed, by default the scene's highest.
     """
 
     layout: Layout = Layout.RUN
@@ -51,15 +47,11 @@ class ViewOptions:
 
 #: Rig time per wall time: a turn at 300 rpm takes 2 s.
 PLAYBACK_SPEED = 0.1
-
 #: Degrees of the cam per second, where turns lie over each other.
 DEGREES_PER_SECOND = 90.0
-
 SPEED_NAME = "Cam speed [rpm]"
-
 #: Rig time (s) of a finished run shown on either side of the time cursor.
 AROUND_CURSOR_S = 0.5
-
 BANDS_NAME = "Third-octave bands"
 
 
@@ -72,16 +64,10 @@ def blueprint(
     ranges: Ranges,
     window: float | None = None,
 ) -> rrb.Blueprint:
-    """The blueprint of a layout.
+    """The blueprint of a layout for a run of some rig time (s), cams compared at a speed (rpm).
 
-    Parameters
-    ----------
-    duration : rig time of the whole run, s
-    bucket : samples of which the minimum and the maximum are shown, 1 for all
-    compared : speed (rpm) at which the cams are put side by side
-    ranges : axis of each quantity that is drawn over the turn
-    window : follow a live run, and show so much rig time (s) before its newest; else play from
-        the start
+    A live run is followed, and shows a ``window`` (s) before its newest; else it is played from
+    the start. Of ``bucket`` samples two are shown.
     """
     if layout is Layout.RUN:
         return _blueprint(

@@ -15,7 +15,6 @@ from cam_rig.viewer.page import REPORT_EVERY_S
 
 #: The file in which the server writes the page's delay, s.
 BEHIND = "behind"
-
 #: Bytes of a part of a recording, and parts that are kept beside the first: 0.4 GB in all.
 MAX_PART, KEPT_PARTS = 64 * MIB, 5
 

@@ -16,14 +16,11 @@ from cam_rig.units import NS
 
 #: The timeline of the cursor, as `cam_rig.viewer.timeline` has it, which imports Rerun.
 TIMELINE = "rig_time"
-
 #: What a page asks for to say which rig time (ns) it shows, -1 while it shows none; the answer is
 #: the name of what it is to show.
 SHOWN_PATH = "/shown"
-
 #: Wall time (s) between two reports of a page, and two looks at whether it has data yet.
 REPORT_EVERY_S, LOOK_EVERY_S = 1.0, 0.1
-
 #: Field 3 of the state are the recordings, in each 3 the time cursor, with its timeline's name in
 #: 1.1 and the time (ns) in 3.1, which is left out where it is 0.
 _READ = """
@@ -56,7 +53,6 @@ function shownTime() {
   } catch { return undefined; }
   return shown;
 }""".replace("TIMELINE", TIMELINE)
-
 _REPORT = """
 let followed = "";
 setInterval(async () => {
@@ -71,7 +67,6 @@ setInterval(async () => {
     dispatchEvent(new Event("hashchange")); // a page at rest draws when something happens
   } catch { /* the server has gone */ }
 }, PERIOD);""".replace("PATH", SHOWN_PATH).replace("PERIOD", f"{1e3 * REPORT_EVERY_S:.0f}")
-
 #: Asked again until it is there: a file that is still loading puts the cursor back to its start.
 _BEGIN = """
 let asked = false;
@@ -121,12 +116,7 @@ def _varint(value: int) -> bytes:
 
 
 class PageTime:
-    """What pages have said so far; one thread says it, another asks.
-
-    Parameters
-    ----------
-    clock : wall time, s
-    """
+    """What pages have said so far; one thread says it, another asks."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock, self._open = clock, Event()

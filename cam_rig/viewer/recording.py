@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -35,21 +35,6 @@ from cam_rig.viewer.timeline import FramePace
 # The messages of a run, in any order of topics, put together into ticks and passed on.
 
 
-class RunReceiver(Protocol):
-    """What takes a run tick by tick, in order: a recording for Rerun, or an archive of turns."""
-
-    profiles: dict[str, FloatArray]
-
-    def tick(self, start: CamState, end: CamState, rows: FloatArray) -> None:
-        """Take one tick; ``rows`` are the ``(6, n)`` samples of its block."""
-
-    def sound(self, end_ns: int, level: float, pressure: float) -> None:
-        """Take level (dB) and pressure (Pa) of the tick that ended at a rig time."""
-
-    def close(self) -> None:
-        """Nothing more comes."""
-
-
 class RunFeed:
     """Takes messages as they come, from a bag or from a live run; passes on what is complete.
 
@@ -57,8 +42,8 @@ class RunFeed:
     carry no stamp: each is published with a pressure, which does.
     """
 
-    def __init__(self, receiver: RunReceiver) -> None:
-        self._receiver, self._pairing = receiver, TickMatcher()
+    def __init__(self, recorder: RunRecorder) -> None:
+        self._recorder, self._pairing = recorder, TickMatcher()
         self._ticks: deque[Tick] = deque()
         self._levels: deque[float] = deque()
         self._pressures: deque[tuple[int, float]] = deque()
@@ -73,7 +58,7 @@ class RunFeed:
 
     def profile(self, cam: str, points: FloatArray) -> None:
         """Take the contour of a cam, ``(n, 2)`` in its own frame, m."""
-        self._receiver.profiles[cam] = points
+        self._recorder.profiles[cam] = points
 
     def state(self, state: CamState) -> None:
         """Take the next state of the cam."""
@@ -99,9 +84,9 @@ class RunFeed:
             reading, level = self._pressures.popleft(), self._levels.popleft()
             if self._is_new(reading):
                 self._sounds.append((reading[0], level, reading[1]))
-        while self._ticks and self._ticks[0].start.cam in self._receiver.profiles:
+        while self._ticks and self._ticks[0].start.cam in self._recorder.profiles:
             tick = self._ticks.popleft()
-            self._receiver.tick(*tick)
+            self._recorder.tick(*tick)
             self._drawn = tick[1].time_ns
             self._pass_sound()
             yield tick
@@ -111,7 +96,7 @@ class RunFeed:
         """Draw what is left."""
         for _ in self.draw():
             pass
-        self._receiver.close()
+        self._recorder.close()
         if self._ticks:
             cam = self._ticks[0].start.cam
             raise BagError(f"cam {cam!r} turns, but its /cam/profile is not in the bag")
@@ -128,16 +113,14 @@ class RunFeed:
     def _pass_sound(self) -> None:
         while self._sounds and self._sounds[0][0] <= self._drawn:
             sound = self._sounds.popleft()
-            self._receiver.sound(*sound)
+            self._recorder.sound(*sound)
             self._sound_until = sound[0]
 
 
 #: A run of fewer samples is shown whole.
 WHOLE_BELOW = 1_000_000
-
 #: Buckets per curve of a longer run; each gives its minimum and its maximum.
 BUCKETS = 250_000
-
 TOPICS = (
     topics.CAM_STATE,
     topics.PROFILE,
@@ -158,30 +141,20 @@ def save_recording(
 ) -> float:
     """Write a bag as a Rerun recording, a ``.rrd`` file that appears when it is complete.
 
-    Gives the rig time (s) from which it is played.
-
-    Parameters
-    ----------
-    view_options : how it is wanted
-    loaded : the scene that was run, for a bag without one attached
-    overwrite : replace the file when it exists
-    on_tick : called after each tick
+    Gives the rig time (s) from which it is played. ``loaded`` is the scene that was run, for a bag
+    without one attached; ``on_tick`` is called after each tick.
     """
     require_free(path, overwrite)
     loaded, view_options = loaded or read_scene(bag), view_options or ViewOptions()
     duration, rpm = run_duration(bag, loaded), compared_rpm(loaded, view_options.rpm)
     samples = round(duration * loaded.scene.sample_rate.si)
-    whole, bucket = (
-        view_options.layout is Layout.RUN,
-        1 if view_options.all_samples else bucket_for(samples, WHOLE_BELOW),
-    )
-    ranges = scene_ranges(loaded)
+    bucket = 1 if view_options.all_samples else bucket_for(samples, WHOLE_BELOW)
+    whole, ranges = view_options.layout is Layout.RUN, scene_ranges(loaded)
     plan = blueprint(view_options.layout, loaded, duration, bucket, rpm, ranges.whole)
     with rrd_stream(path, APPLICATION, plan) as stream:
         name_recording(stream, f"{loaded.scene.title} ({bag.name})")
-        feed_bag(
-            bag, loaded, RunFeed(RunRecorder(stream, loaded, bucket, rpm, ranges, whole)), on_tick
-        )
+        recorder = RunRecorder(stream, loaded, bucket, rpm, ranges, whole)
+        feed_bag(bag, loaded, RunFeed(recorder), on_tick)
     return playback_begin(loaded, duration) if whole else 0.0
 
 
@@ -233,14 +206,11 @@ def polygon(message: Any) -> FloatArray:
 
 #: Two points of a curve are all that a screen shows at one place along it: so many places.
 ACROSS_SCREEN = 1000
-
 #: Rig time (s) before the newest sample that the curves show at least: some turns, and what is
 #: sent at once to the slowest page.
 MIN_WINDOW_S = 2.0
-
 #: Wall time (s) between blocks of columns, at least.
 SEND_EVERY_S = 0.25
-
 #: Wall time (s) to send the rest at the end.
 TIMEOUT_S = 8.0
 
@@ -248,10 +218,7 @@ TIMEOUT_S = 8.0
 class LiveView:
     """A feed that a viewer shows at once.
 
-    Parameters
-    ----------
-    address : the viewer's, ``rerun+http://127.0.0.1:9876/proxy`` for one, or the folder that a
-        page reads
+    Its address is ``rerun+http://127.0.0.1:9876/proxy`` for one, or the folder that a page reads.
     """
 
     def __init__(self, loaded: LoadedScene, address: str) -> None:

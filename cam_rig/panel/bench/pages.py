@@ -14,10 +14,9 @@ from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket
 
-from cam_rig.acoustics.sound_level_meter import FREQUENCY_WEIGHTINGS, TIME_WEIGHTINGS
 from cam_rig.errors import CamRigError, RefusedError
 from cam_rig.laws import build_law
-from cam_rig.panel.bench.controls import DONE, EMERGENCY_STOP, BenchControls, NodeLink
+from cam_rig.panel.bench.controls import DONE, EMERGENCY_STOP, SETTINGS, BenchControls, NodeLink
 from cam_rig.panel.bench.live_state import LiveState, to_csv
 from cam_rig.panel.bench.runner import (
     MAX_ADDED_MASS,
@@ -74,22 +73,13 @@ class BenchPage(LivePage):
 
 #: Speeds (rpm) of the knob.
 KNOB = (20.0, 1000.0)
-
 #: Cams in the chart, whose markers differ too.
 CAM_COLOURS = (colours.BLUE, colours.VERMILION, colours.GREEN, colours.BLACK)
-
 PACES = ("real_time", "0.1x", "0.25x", "0.5x", "2x", "5x", "free")
 
 
 class BenchPages:
-    """The live bench in a browser.
-
-    Parameters
-    ----------
-    runner : of the node graph
-    cam : mounted first
-    board : whose laws can be put on the bench
-    """
+    """The live bench in a browser: ``cam`` is mounted first, then laws of the ``board`` may be."""
 
     def __init__(self, runner: BenchRunner, cam: CamConfig, board: Board) -> None:
         self._runner, self._board = runner, board
@@ -122,23 +112,24 @@ class BenchPages:
         finally:
             self._runner.tell = lambda _message: None
 
-    # -- requests -------------------------------------------------------------------------------
-
     async def _index(self, _: Request) -> Response:
         if self.live.graph == "off":
             self._controls.set_up(self.live.setup)
         return FileResponse(STATIC / "bench" / "index.html")
 
     async def _about(self, _: Request) -> Response:
-        rig = self._runner.rig
+        rig, choices = self._runner.rig, {"cam": cam_names(self._runner.cams), "pacing": PACES}
+        settings = {
+            name: {"node": node, "choices": choices.get(name, spec.choices)}
+            for name, (node, spec) in SETTINGS.items()
+        }
         return JSONResponse(
             {
                 "rig": {"title": rig.title},
                 "has_screen": self._runner.has_screen,
                 "models": allowed_models(rig),
                 "model": self.live.setup.model,
-                "cams": cam_names(self._runner.cams),
-                "paces": PACES,
+                "settings": settings,
                 "knob": KNOB,
                 "speeds": (MIN_RPM, MAX_RPM),
                 "contour_colours": {
@@ -147,8 +138,6 @@ class BenchPages:
                 },
                 "colours": [colours.web(colour) for colour in CAM_COLOURS],
                 "max_added_mass": MAX_ADDED_MASS,
-                "frequency_weightings": FREQUENCY_WEIGHTINGS,
-                "time_weightings": list(TIME_WEIGHTINGS),
             }
         )
 
@@ -184,8 +173,6 @@ class BenchPages:
             self._listen()
             self._changed()
 
-    # -- commands -------------------------------------------------------------------------------
-
     async def _obey(self, page: BenchPage, command: dict[str, Any]) -> dict[str, Any]:
         """Do what a page asks; the answer, with the number of its message."""
         try:
@@ -212,8 +199,6 @@ class BenchPages:
         if page is not self._pages[0] and not emergency:
             raise RefusedError("another page holds the controls; allowed: after taking over")
         return await self._controls.obey(command)
-
-    # -- what the pages are told ----------------------------------------------------------------
 
     def _listen(self) -> None:
         self._link.listen(any(page.listens for page in self._pages))

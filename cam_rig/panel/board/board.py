@@ -40,17 +40,7 @@ MAX_ORDINATE = 100.0
 class Board:
     """A drawing board; it outlives the pages that show it.
 
-    Parameters
-    ----------
-    cam : the start
-    rig : on which it runs
-    out : folder that cam files are saved in
-    rig_name : the rig as a command takes it, a name or a file; its own name by default
-
-    Raises
-    ------
-    ConfigError : a cam that rests all around; a rig that splits its mass only half
-    LawError : the cam has no law
+    It begins with a cam on a rig, which commands take as ``rig_name``; files are saved in ``out``.
     """
 
     def __init__(
@@ -152,10 +142,7 @@ class Board:
         return self.rig.calibrated_on if fitted else ""
 
     def save(self, name: Any, ordinates: Any) -> Path:
-        """Write ordinates as a cam file into the folder; gives its path.
-
-        A law that cannot be made is written too: its file says so, and why.
-        """
+        """Write ordinates as a cam file; of a law that cannot be made it says so, and why."""
         path, own = self.out / f"{require_name(name)}.yaml", self._allowed(ordinates)
         why_not = why_not_made(self.cam, self.law(own))
         write_new(path, cam_text(path.stem, self.cam, self.file, own, why_not))
@@ -169,7 +156,7 @@ class Board:
         return CamConfig.model_validate(parse_yaml(text))
 
     def saved(self, name: Any, ordinates: Any) -> dict[str, Any]:
-        """What a page is told of a file that it saved; raises what `save` does."""
+        """What a page is told of a file that it saved."""
         path = self.save(name, ordinates)
         command = design_command(path, self.rig_name)
         return {"path": str(path), "command": command, "why_not": load_cam(path).cannot_be_made}

@@ -42,12 +42,9 @@ def why_not_made(cam: CamConfig, law: Law) -> str | None:
 def cam_text(
     name: str, cam: CamConfig, file: CamConfig, ordinates: FloatArray, why_not: str | None
 ) -> str:
-    """The cam's file with other ordinates ``(m,)``.
+    """The file of a drawn cam with other ordinates ``(m,)``, begun from a file.
 
-    Parameters
-    ----------
-    cam, file : what is drawn, and the file from which it was begun
-    why_not : the file says that the cam cannot be made, and why
+    It says ``why_not``, where the cam cannot be made.
     """
     data = cam.model_dump(exclude_none=True)
     data |= {"name": name, "title": f"{file.title}, drawn"}

@@ -15,7 +15,7 @@ from starlette.websockets import WebSocket
 
 from cam_rig.errors import CamRigError
 from cam_rig.panel.board.board import Board
-from cam_rig.panel.board.worker import Designs, WorkerLostError, ask, worker
+from cam_rig.panel.board.processes import Designs, WorkerLostError, ask, worker
 from cam_rig.panel.live_page import LivePage
 from cam_rig.panel.server import STATIC, post
 from cam_rig.show import looks as colours
@@ -60,9 +60,9 @@ class BoardPages:
         """Answer what takes longer, as long as the pages are served."""
         resting = asyncio.create_task(self._answer_at_rest())
         try:
-            async with self._designs.alive():
-                yield
+            yield
         finally:
+            await self._designs.end()
             resting.cancel()
             with suppress(asyncio.CancelledError):
                 await resting

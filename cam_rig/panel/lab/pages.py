@@ -26,17 +26,7 @@ MASS_COLOURS = (colours.BLUE, colours.VERMILION, colours.GREEN)
 
 
 class LabPages:
-    """A lab sheet in a browser.
-
-    Parameters
-    ----------
-    sheet : that is worked on
-    out : folder in which the readings are kept
-
-    Raises
-    ------
-    ConfigError, DynamicsError : the cam has no jump speed on the rig
-    """
+    """A lab sheet in a browser; the readings are kept in a folder ``out``."""
 
     def __init__(self, sheet: LabSheet, out: Path) -> None:
         self.notebook = Notebook(sheet, out)

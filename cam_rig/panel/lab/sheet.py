@@ -24,33 +24,17 @@ from cam_rig.units import RPM
 
 #: By which part the hidden rig's numbers may differ from those on the sheet, either way.
 TOLERANCES = {"spring_stiffness": 0.08, "mass": 0.04, "preload": 0.15, "damping": 0.25}
-
 #: A seed is part of a file's name.
 SEED_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,39}")
 
 
 @dataclass(frozen=True)
 class LabSetup:
-    """One set-up, by the numbers that stand on the sheet.
-
-    Parameters
-    ----------
-    spring_stiffness : of the closing spring, N/m
-    added_mass : of the weight on the follower, kg
-    preload : N
-    """
+    """One set-up by the sheet: spring (N/m), weight on the follower (kg), preload (N)."""
 
     spring_stiffness: float
     added_mass: float
     preload: float
-
-
-def require_seed(seed: str) -> None:
-    """Refuse a seed that is no name."""
-    if not SEED_NAME.fullmatch(seed):
-        raise ConfigError(
-            f"--seed: is {shown(seed)}; allowed: a name of 1 to 40 letters, digits, - and _"
-        )
 
 
 def drawn(lab: str, seed: str, number: str, tolerance: float) -> float:
@@ -66,13 +50,7 @@ def drawn(lab: str, seed: str, number: str, tolerance: float) -> float:
 
 
 def true_rig(rig: RigConfig, setup: LabSetup, lab: str, seed: str | None) -> RigConfig:
-    """The rig as it is set up, with its true numbers.
-
-    Parameters
-    ----------
-    rig : of the sheet
-    seed : name of the hidden rig; None for the sheet's own numbers
-    """
+    """The sheet's rig as it is set up, with its true numbers; no seed: the sheet's own."""
 
     def factor(kind: str, which: float) -> float:
         if seed is None:
@@ -96,13 +74,7 @@ def true_rig(rig: RigConfig, setup: LabSetup, lab: str, seed: str | None) -> Rig
 
 @dataclass(frozen=True)
 class Lab:
-    """A lab of some name: its set-ups, as parts of the rig's own numbers.
-
-    Parameters
-    ----------
-    springs, preloads : on the rig's own
-    added_masses : kg
-    """
+    """The set-ups of a lab: springs and preloads as parts of the rig's own, masses in kg."""
 
     springs: tuple[float, ...]
     added_masses: tuple[float, ...]
@@ -111,34 +83,13 @@ class Lab:
 
 #: The labs that there are. The texts of a page have the task of each.
 LABS = {"jump": Lab(springs=(0.75, 1.0, 1.5), added_masses=(0.0, 0.5, 1.0), preloads=(1.0, 2.0))}
-
 #: The knob begins and ends at these parts of the least and the greatest speed that one expects.
 KNOB_FROM, KNOB_TO = 0.5, 1.25
 
 
-def require_lab(name: str) -> Lab:
-    """The lab of a name."""
-    if name not in LABS:
-        raise ConfigError(
-            f"--lab: is {shown(name)}; allowed: {', '.join(LABS)}{did_you_mean(name, LABS)}"
-        )
-    return LABS[name]
-
-
 @dataclass(frozen=True)
 class LabSheet:
-    """A lab on one cam and one rig.
-
-    Parameters
-    ----------
-    name : of the lab
-    cam, rig : what the sheet says
-    seed : of the rig that is measured in truth; None for the sheet's
-
-    Raises
-    ------
-    ConfigError : no such lab, no name for a seed, or a cam that its follower cannot leave
-    """
+    """A lab on one cam and one rig; ``seed`` names another one that is measured in truth."""
 
     name: str
     cam: CamConfig
@@ -146,9 +97,14 @@ class LabSheet:
     seed: str | None = None
 
     def __post_init__(self) -> None:
-        require_lab(self.name)
-        if self.seed is not None:
-            require_seed(self.seed)
+        if self.name not in LABS:
+            like = did_you_mean(self.name, LABS)
+            raise ConfigError(f"--lab: is {shown(self.name)}; allowed: {', '.join(LABS)}{like}")
+        if self.seed is not None and not SEED_NAME.fullmatch(self.seed):
+            raise ConfigError(
+                f"--seed: is {shown(self.seed)}; allowed: a name of 1 to 40 letters, digits, - and "
+                "_"
+            )
         require_sprung(Path(self.cam.name), self.cam)
 
     @cached_property

@@ -16,17 +16,12 @@ from cam_rig.panel.lab.sheet import LabSetup, LabSheet
 
 #: First line of a sheet, before the lab's name.
 TITLE = "cam_rig lab sheet"
-
 #: What else stands in the head, and what may be left out there.
 HEAD = ("cam", "rig", "title", "seed", "student", "date")
-
 OPTIONAL = ("seed", "student")
-
 COLUMNS = ("reading", "spring_N_m", "added_mass_kg", "preload_N", "speed_rpm")
-
 #: Bytes of a sheet, and readings on it, at most.
 MAX_BYTES, MAX_READINGS = MIB, 1000
-
 #: Characters of a student's name.
 MAX_NAME = 80
 
@@ -42,14 +37,7 @@ class LabReading:
 
 @dataclass(frozen=True)
 class RecordedSheet:
-    """A sheet with its readings.
-
-    Parameters
-    ----------
-    lab, cam, rig, title : names of the lab and of both files, and the rig's title
-    date : when the sheet was begun
-    seed : None for the rig's own numbers
-    """
+    """A sheet with its readings: names of lab, cam and rig, the rig's title, when it was begun."""
 
     lab: str
     cam: str
@@ -79,8 +67,13 @@ def read_sheet(path: Path) -> RecordedSheet:
     """Read a sheet, as it was written or as a spreadsheet saved it."""
     try:
         text = read_bytes(path, MAX_BYTES).decode("utf-8-sig")
-    except (OSError, ConfigError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: {_why(error)}") from None
+    except UnicodeDecodeError:
+        why = "is no text in UTF-8; allowed: a file that cam-rig panel --lab wrote"
+        raise ConfigError(f"{path}: {why}") from None
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read ({error.strerror})") from None
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}") from None
     # Line by line: no quotation mark in a name reaches beyond its own.
     lines = [line for line in text.splitlines() if line.strip(" ,")]
     found = dict(_entry(line) for line in lines if _is_head(line))
@@ -105,14 +98,6 @@ def read_sheet(path: Path) -> RecordedSheet:
         found.get("seed") or None,
         readings,
     )
-
-
-def _why(error: OSError | ConfigError | UnicodeDecodeError) -> str:
-    if isinstance(error, ConfigError):
-        return str(error)
-    if isinstance(error, UnicodeDecodeError):
-        return "is no text in UTF-8; allowed: a file that cam-rig panel --lab wrote"
-    return f"cannot be read ({error.strerror})"
 
 
 def _is_head(line: str) -> bool:
@@ -151,13 +136,7 @@ DECIMALS = 2
 
 
 class Notebook:
-    """What has been recorded on a sheet.
-
-    Parameters
-    ----------
-    sheet : that is worked on
-    out : folder of the file, which is made with the first reading
-    """
+    """What has been recorded on a sheet; the file in ``out`` is made with the first reading."""
 
     def __init__(self, sheet: LabSheet, out: Path) -> None:
         self.sheet, self._out = sheet, out
