@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Sequence
-from contextlib import (
-    AbstractAsyncContextManager,
-    AsyncExitStack,
-    asynccontextmanager,
-    contextmanager,
-)
+from contextlib import AsyncExitStack, asynccontextmanager, contextmanager
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from starlette.applications import Starlette
 from starlette.requests import Request
-from starlette.responses import JSONResponse, Response
+from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import BaseRoute, Mount, Route
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
@@ -32,9 +28,30 @@ POLICY = (
     f"frame-src http://{LOOPBACK}:* http://localhost:*"
 )
 
+STATIC = Path(__file__).parent / "static"
+
 # What pages send: JSON objects of a bounded size.
 
 Answer = Callable[[dict[str, Any]], Awaitable[dict[str, Any] | Response]]
+
+
+def page_file(path: str, folder: str, opened: Callable[[], None] = lambda: None) -> Route:
+    """A route of a page's own file; ``opened`` is told."""
+
+    async def answered(_: Request) -> Response:
+        opened()
+        return FileResponse(STATIC / folder / "index.html")
+
+    return Route(path, answered)
+
+
+def get(path: str, answer: Answer) -> Route:
+    """A route that answers the names in its path; with 404 where ``answer`` raises, as `post`."""
+
+    async def answered(request: Request) -> Response:
+        return await _answered(answer, request.path_params, 404)
+
+    return Route(path, answered)
 
 
 def post(path: str, answer: Answer) -> Route:
@@ -48,13 +65,24 @@ def post(path: str, answer: Answer) -> Route:
             body = await _read_body(request)
         except RefusedError as error:
             return JSONResponse({"words": str(error)}, 400)
-        try:
-            found = await answer(body)
-        except CamRigError as error:
-            return JSONResponse({"words": str(error)}, 409)
-        return found if isinstance(found, Response) else JSONResponse(found)
+        return await _answered(answer, body, 409)
 
     return Route(path, answered, methods=["POST"])
+
+
+async def _answered(answer: Answer, asked: dict[str, Any], status: int) -> Response:
+    try:
+        found = await answer(asked)
+    except CamRigError as error:
+        status = 409 if isinstance(error, RefusedError) else status
+        return JSONResponse({"words": str(error)}, status)
+    return found if isinstance(found, Response) else JSONResponse(found)
+
+
+def csv_file(name: str, text: str) -> Response:
+    """A table to be saved under a name."""
+    headers = {"Content-Disposition": f'attachment; filename="{name}"'}
+    return Response(text, headers=headers, media_type="text/csv")
 
 
 async def _read_body(request: Request) -> dict[str, Any]:
@@ -93,18 +121,15 @@ def _number(digits: str) -> int | float:
     return int(digits) if abs(found) < 2.0**53 else found
 
 
-STATIC = Path(__file__).parent / "static"
+class PanelPages:
+    """Some pages of the panel: what is asked of them, and what runs as long as they are served."""
 
+    routes: Sequence[BaseRoute]
 
-class PanelPages(Protocol):
-    """Some pages of the panel: what they answer, and what runs as long as they are served."""
-
-    @property
-    def routes(self) -> Sequence[BaseRoute]:
-        """What is asked of them."""
-
-    def alive(self) -> AbstractAsyncContextManager[None]:
+    @asynccontextmanager
+    async def alive(self) -> AsyncIterator[None]:
         """Entered in the server's loop before the first request, left after the last."""
+        yield
 
 
 def languages() -> list[str]:
@@ -148,3 +173,85 @@ def serve(
         raise ConfigError(f"--lang: is {language!r}; allowed: {', '.join(languages())}")
     with serve_application(application(*pages, language=language), home, POLICY, port) as served:
         yield served
+
+
+# A page's websocket: what it asks is done, and what is new it is told, as fast as it reads.
+
+#: Wall time (s) between two messages of a kind, at least.
+TELL_EVERY_S = 0.05
+#: Wall time (s) in which a page must have room for a message, or it is dropped.
+READS_WITHIN_S = 30.0
+Message = dict[str, Any]
+
+
+class LivePage:
+    """A page that waits for nobody and is waited for by nobody.
+
+    Of each kind of message only the newest waits for it. One that reads nothing, of a browser that
+    is suspended, is dropped alone.
+    """
+
+    def __init__(self, socket: WebSocket) -> None:
+        self.socket = socket
+        self._newest: dict[str, Callable[[], Message]] = {}
+        self._new = asyncio.Event()
+
+    def tell(self, kind: str, message: Callable[[], Message]) -> None:
+        """Have it told, in place of what still waits of a kind; made when it is sent."""
+        self._newest[kind] = message
+        self._new.set()
+
+    async def serve(
+        self,
+        obey: Callable[[Message], Awaitable[Message]],
+        refused: Callable[[Any, str], Message],
+    ) -> None:
+        """Do what it asks and tell it what is new, until it is closed.
+
+        ``obey`` gives what came of a message; where it raises a RefusedError, ``refused`` gives
+        the answer to the message of a number (None where it has none), with words.
+        """
+        try:
+            async with asyncio.TaskGroup() as group:
+                group.create_task(self._obey(obey, refused))
+                for telling in self.telling():
+                    group.create_task(telling)
+        # Closed; closed while another task sends; reads nothing.
+        except* (WebSocketDisconnect, RuntimeError, TimeoutError):
+            pass
+
+    def telling(self) -> list[Any]:
+        """What runs beside, as long as the page is there."""
+        return [self._tell()]
+
+    async def send(self, message: Message | bytes) -> None:
+        """Send a message; TimeoutError where the page reads nothing."""
+        async with asyncio.timeout(READS_WITHIN_S):
+            if isinstance(message, bytes):
+                await self.socket.send_bytes(message)
+            else:
+                await self.socket.send_json(message)
+
+    async def _obey(
+        self,
+        obey: Callable[[Message], Awaitable[Message]],
+        refused: Callable[[Any, str], Message],
+    ) -> None:
+        while True:
+            number = None
+            try:
+                asked = await read_frame(self.socket)
+                number = asked.get("number")
+                answer = await obey(asked)
+            except RefusedError as error:
+                answer = refused(number, str(error))
+            await self.send(answer)
+
+    async def _tell(self) -> None:
+        while True:
+            await self._new.wait()
+            self._new.clear()
+            while self._newest:
+                message = self._newest.pop(next(iter(self._newest)))
+                await self.send(message())
+            await asyncio.sleep(TELL_EVERY_S)

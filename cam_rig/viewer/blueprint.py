@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from enum import StrEnum
-
 import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint.components import AbsoluteTimeRange
@@ -14,36 +11,13 @@ from cam_rig.show.chart import tens_range
 from cam_rig.show.looks import shortened
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.units import NS, TURN, to_rpm
-from cam_rig.viewer import level_chart, quantities, scene2d, turn_chart
+from cam_rig.viewer import Layout, level_chart, quantities, scene2d, turn_chart
 from cam_rig.viewer.level_chart import band_axes
 from cam_rig.viewer.quantities import CLOSE_GAP, GAP, Range, Ranges, drawn_of
 from cam_rig.viewer.run_recorder import ABOUT, RESULTS
 from cam_rig.viewer.run_view import BANDS, EVENTS
 from cam_rig.viewer.timeline import RIG_TIME, TURN_DEGREES
 from cam_rig.viewer.turn_chart import MAX_TITLE, TurnAxes
-
-# How a run is to be shown; apart from what draws it, whose imports take a second.
-
-
-class Layout(StrEnum):
-    """A run as it goes, cams side by side at one speed, or what a report needs."""
-
-    RUN = "run"
-    COMPARE = "compare"
-    REPORT = "report"
-
-
-@dataclass(frozen=True)
-class ViewOptions:
-    """How a recording is laid out and thinned.
-
-    Cams are compared at a speed, by default the scene's highest.
-    """
-
-    layout: Layout = Layout.RUN
-    rpm: float | None = None
-    all_samples: bool = False
-
 
 #: Rig time per wall time: a turn at 300 rpm takes 2 s.
 PLAYBACK_SPEED = 0.1

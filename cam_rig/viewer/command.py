@@ -16,7 +16,7 @@ from rich.markup import escape
 
 from cam_rig.errors import ConfigError
 from cam_rig.show.command import LINE_EVERY_S, SceneOfBag, console, progress_bar, user_errors
-from cam_rig.viewer.blueprint import Layout, ViewOptions
+from cam_rig.viewer import Layout, ViewOptions
 
 if TYPE_CHECKING:
     from cam_rig.viewer.page import PageTime

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import rerun as rr
@@ -26,13 +26,29 @@ from cam_rig.show.chart import APPLICATION, name_recording, require_free, rrd_st
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState, cam_states, run_length
 from cam_rig.units import NS, FloatArray
-from cam_rig.viewer.blueprint import Layout, ViewOptions, blueprint, compared_rpm, playback_begin
-from cam_rig.viewer.live_folder import new_recording, next_part, page_delay
+from cam_rig.viewer import Layout, ViewOptions
+from cam_rig.viewer.blueprint import blueprint, compared_rpm, playback_begin
+from cam_rig.viewer.page import new_recording, next_part, page_delay
 from cam_rig.viewer.quantities import scene_ranges
 from cam_rig.viewer.run_recorder import RunRecorder
 from cam_rig.viewer.timeline import FramePace
 
 # The messages of a run, in any order of topics, put together into ticks and passed on.
+
+
+class RunReceiver(Protocol):
+    """What takes a run tick by tick, in order: a recording for Rerun, or an archive of turns."""
+
+    profiles: dict[str, FloatArray]
+
+    def tick(self, start: CamState, end: CamState, rows: FloatArray) -> None:
+        """Take one tick; ``rows`` are the ``(6, n)`` samples of its block."""
+
+    def sound(self, end_ns: int, level: float, pressure: float) -> None:
+        """Take level (dB) and pressure (Pa) of the tick that ended at a rig time."""
+
+    def close(self) -> None:
+        """Nothing more comes."""
 
 
 class RunFeed:
@@ -42,8 +58,8 @@ class RunFeed:
     carry no stamp: each is published with a pressure, which does.
     """
 
-    def __init__(self, recorder: RunRecorder) -> None:
-        self._recorder, self._pairing = recorder, TickMatcher()
+    def __init__(self, receiver: RunReceiver) -> None:
+        self._receiver, self._pairing = receiver, TickMatcher()
         self._ticks: deque[Tick] = deque()
         self._levels: deque[float] = deque()
         self._pressures: deque[tuple[int, float]] = deque()
@@ -58,7 +74,7 @@ class RunFeed:
 
     def profile(self, cam: str, points: FloatArray) -> None:
         """Take the contour of a cam, ``(n, 2)`` in its own frame, m."""
-        self._recorder.profiles[cam] = points
+        self._receiver.profiles[cam] = points
 
     def state(self, state: CamState) -> None:
         """Take the next state of the cam."""
@@ -84,9 +100,9 @@ class RunFeed:
             reading, level = self._pressures.popleft(), self._levels.popleft()
             if self._is_new(reading):
                 self._sounds.append((reading[0], level, reading[1]))
-        while self._ticks and self._ticks[0].start.cam in self._recorder.profiles:
+        while self._ticks and self._ticks[0].start.cam in self._receiver.profiles:
             tick = self._ticks.popleft()
-            self._recorder.tick(*tick)
+            self._receiver.tick(*tick)
             self._drawn = tick[1].time_ns
             self._pass_sound()
             yield tick
@@ -96,7 +112,7 @@ class RunFeed:
         """Draw what is left."""
         for _ in self.draw():
             pass
-        self._recorder.close()
+        self._receiver.close()
         if self._ticks:
             cam = self._ticks[0].start.cam
             raise BagError(f"cam {cam!r} turns, but its /cam/profile is not in the bag")
@@ -113,7 +129,7 @@ class RunFeed:
     def _pass_sound(self) -> None:
         while self._sounds and self._sounds[0][0] <= self._drawn:
             sound = self._sounds.popleft()
-            self._recorder.sound(*sound)
+            self._receiver.sound(*sound)
             self._sound_until = sound[0]
 
 

@@ -34,8 +34,14 @@ from starlette.routing import Route
 from cam_rig.errors import CamRigError
 from cam_rig.files import temporary_folder
 from cam_rig.live.loopback import LOOPBACK
-from cam_rig.viewer.live_folder import newest_recording, part_after, write_delay
-from cam_rig.viewer.page import SHOWN_PATH, PageTime, page_script
+from cam_rig.viewer.page import (
+    SHOWN_PATH,
+    PageTime,
+    newest_recording,
+    page_script,
+    part_after,
+    write_delay,
+)
 from cam_rig.viewer.process import free_port, listening
 from cam_rig.viewer.web_server import serve_application
 

@@ -85,7 +85,7 @@ class Canvas:
         self, entity: str, at: list[rr.TimeColumn], strips: Sequence[FloatArray], **look: float
     ) -> None:
         """Draw lines ``(n, 2)`` that look alike in one row."""
-        looks = {name: [value] * len(strips) for name, value in look.items()}
+        looks: dict[str, Any] = {name: [value] * len(strips) for name, value in look.items()}
         columns = rr.LineStrips2D.columns(strips=strips, **looks)
         self.rows(entity, at, columns.partition([len(strips)]))
 

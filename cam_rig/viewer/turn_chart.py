@@ -38,6 +38,8 @@ from cam_rig.viewer.timeline import Canvas, Turn, lift_offs
 WIDTH, ROW, HEAD = 160.0, 27.0, 9.0
 #: Room left, right, above and below all rows.
 LEFT, RIGHT, ABOVE, BELOW = 16.0, 6.0, 8.0, 7.0
+#: Letters of a cam's title that tables and charts have room for where a page is 1000 pixels wide.
+MAX_TITLE = 24
 #: Marks of the cam angle, °.
 DEGREES = {0.0: "0°", 90.0: "90°", 180.0: "180°", 270.0: "270°", 360.0: "360°"}
 #: Of a curve two points are sent at each of so many places along the turn.
@@ -322,9 +324,3 @@ class TurnChart:
             else:
                 point = rr.Points2D([[x + 0.5 * STROKE, y]], colors=it.colour, radii=MARK)
                 self._canvas.always(where, point)
-
-
-# What the viewer shows as text: the scene with every number, and a table of results.
-
-#: Letters of a cam's title that tables and charts have room for where a page is 1000 pixels wide.
-MAX_TITLE = 24

@@ -189,11 +189,14 @@ def serve_application(app: ASGIApp, home: str, policy: str, port: int = 0) -> It
 
 
 def _in_one_line(record: logging.LogRecord) -> bool:
-    """A page's message that is no UTF-8 is not worth a traceback; a request cut off, no word."""
+    """A page's message that is no UTF-8 is not worth a traceback; a request cut off, no word.
+
+    Nor is one that is no HTTP: a terminal shows the run, not what a browser asks.
+    """
     error = record.exc_info[1] if record.exc_info else None
     if isinstance(error, UnicodeDecodeError):
         record.exc_info = None
-    return not isinstance(error, asyncio.CancelledError)
+    return record.levelno >= logging.ERROR and not isinstance(error, asyncio.CancelledError)
 
 
 def _listener(port: int) -> socket.socket:

@@ -55,7 +55,7 @@ class Bench(BrowserPage):
         return {name: (box[0], box[1], box[2], box[3]) for name, box in found}
 
 
-@pytest.mark.parametrize("language", ["en", "es"])
+@pytest.mark.parametrize("language", ["es", pytest.param("en", marks=pytest.mark.long)])
 def test_nothing_lies_over_anything_and_the_stop_is_in_sight(
     chromium: Browser, served: ServedPages, language: str
 ) -> None:

@@ -47,6 +47,18 @@ def test_a_page_gets_what_json_can_carry(board: Board) -> None:
     assert page["start_made"]
 
 
+def test_the_middle_of_the_start_can_be_moved_by_a_twentieth_of_its_lift(board: Board) -> None:
+    """With the pull as a page begins, up and down: no undercut."""
+    law, handle = board.drawn.start.law, board.drawn.handles[7]
+    unit = board.drawn.ordinates.copy()
+    unit[handle.index] += 1.0
+    lever = float(board.law(unit)(handle.angle) - law(handle.angle)) / law.lift
+    for wanted in (0.05, -0.05):
+        board.take(with_one_moved(board, wanted / lever), 300)
+        assert board.at_once()["faults"] == []
+        board.take(board.drawn.ordinates.tolist(), 300)
+
+
 def test_a_change_moves_free_ordinates_alone(board: Board) -> None:
     """The ends of segments stay, whatever a page sends."""
     start = board.ordinates

@@ -12,9 +12,9 @@ import signal
 import socket
 import threading
 import time
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import asynccontextmanager, suppress
+from contextlib import suppress
 from http.client import HTTPConnection, HTTPException
 from pathlib import Path
 from typing import Any
@@ -30,10 +30,10 @@ from websockets.sync.client import ClientConnection, connect
 
 import cam_rig
 from cam_rig.errors import ConfigError
-from cam_rig.panel import live_page
+from cam_rig.panel import server
 from cam_rig.panel.board.drawn_law import ORDERS, POINTS, table_angles
-from cam_rig.panel.board.processes import DESIGN, WORKER
-from cam_rig.panel.server import STATIC, serve
+from cam_rig.panel.board.pages import DESIGN, WORKER
+from cam_rig.panel.server import STATIC, PanelPages, serve
 from cam_rig.viewer.web_server import MAX_MESSAGE
 
 from ..viewer.asking import Visitor, ask
@@ -124,16 +124,12 @@ def test_every_file_that_a_page_asks_for_is_served_and_nothing_beside(panel: Ser
     assert all(path.is_dir() for path in STATIC.iterdir())
 
 
-class OnePage:
+class OnePage(PanelPages):
     """A page that is never answered, as a long turn of the lab; ``asked`` when it is asked for."""
 
     def __init__(self) -> None:
         self.asked = threading.Event()
         self.routes = (Route("/", self._answer),)
-
-    @asynccontextmanager
-    async def alive(self) -> AsyncIterator[None]:
-        yield
 
     async def _answer(self, _: Request) -> Response:
         self.asked.set()
@@ -300,10 +296,8 @@ def test_wrong_requests_are_refused_in_a_line_and_the_connection_stays(
     kept = connection.sock
     for path, names in POSTS.items():
         rng, statuses = random.Random(path), set()
-        for _ in range(20):
-            body = wrong(rng, names, panel.board.ordinates.size).encode()
-            if rng.random() < 0.1:
-                body = rng.randbytes(50)
+        bodies = [wrong(rng, names, panel.board.ordinates.size).encode() for _ in range(16)]
+        for body in (*bodies, rng.randbytes(50), b"", b"{}"):
             connection.request("POST", path, body, panel.headers | {"Host": panel.url.netloc})
             answer = connection.getresponse()
             words = json.loads(answer.read())["words"]
@@ -353,8 +347,8 @@ def test_a_page_that_reads_nothing_is_dropped_alone(
     panel: ServedPages, path: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """While it sleeps others are answered and follow; then it is no page any more."""
-    monkeypatch.setattr(live_page, "TELL_EVERY_S", 0.0)
-    monkeypatch.setattr(live_page, "READS_WITHIN_S", 0.5)
+    monkeypatch.setattr(server, "TELL_EVERY_S", 0.0)
+    monkeypatch.setattr(server, "READS_WITHIN_S", 0.3)
     # a state that soon fills what may wait in the network
     monkeypatch.setattr(panel.bench.live, "log", ["x" * 200_000])
     pages = panel.pages._pages if path == BOARD else panel.bench._pages
@@ -389,7 +383,7 @@ def test_a_request_that_never_ends_holds_no_other_up(panel: ServedPages) -> None
 
 def test_the_newest_state_alone_waits(panel: ServedPages, monkeypatch: pytest.MonkeyPatch) -> None:
     """A page that is told once in a while misses what was between, and never the last."""
-    monkeypatch.setattr(live_page, "TELL_EVERY_S", 0.5)
+    monkeypatch.setattr(server, "TELL_EVERY_S", 0.5)
     with panel.page(BOARD) as one, panel.page(BOARD) as two:
         for number in range(1, 41):
             one.send(json.dumps(panel.right(BOARD) | {"number": number, "rpm": 300 + number}))

@@ -24,7 +24,7 @@ from cam_rig.simulation.scene import LoadedScene, open_scene
 from cam_rig.simulation.schedule import CamState, cam_states
 from cam_rig.simulation.simulate import FollowerSimulator, MicrophoneSimulator
 from cam_rig.units import NS, FloatArray
-from cam_rig.viewer.blueprint import ViewOptions
+from cam_rig.viewer import ViewOptions
 from cam_rig.viewer.recording import save_recording
 
 SCENE = """

@@ -19,7 +19,7 @@ from cam_rig.show import looks as colours
 from cam_rig.show.looks import of_cam
 from cam_rig.units import NS
 from cam_rig.viewer import quantities as series
-from cam_rig.viewer.live_folder import new_recording
+from cam_rig.viewer.page import new_recording
 from cam_rig.viewer.recording import save_recording
 from cam_rig.viewer.rerun_page import serve, serve_file
 from cam_rig.viewer.turn_chart import TurnChart
@@ -111,8 +111,9 @@ def look(
     """Visit an address until all colours were seen but some, and a rig time (s) was reached."""
     visit, page, begun = Visit(dict.fromkeys(shown, 0)), new_page(chromium), time.monotonic()
     visit.watch(page)
+    page.set_viewport_size({"width": 1000, "height": 640})  # drawn by a processor
     page.goto(address)
-    more = 2 if without else 0  # what is not expected has time to come all the same
+    more = 1 if without else 0  # what is not expected has time to come all the same
     for pixels in photographs(page, begun + TIMEOUT_S):
         for name, colour in shown.items():
             visit.most[name] = max(visit.most[name], count(pixels, colour))

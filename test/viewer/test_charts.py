@@ -19,8 +19,7 @@ from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import cam_states
 from cam_rig.simulation.simulate import MeasuredTick, step_levels
 from cam_rig.units import NS, TURN
-from cam_rig.viewer import timeline
-from cam_rig.viewer.blueprint import Layout, ViewOptions
+from cam_rig.viewer import Layout, ViewOptions, timeline
 from cam_rig.viewer.level_chart import (
     BAND_LEVELS,
     ROW,

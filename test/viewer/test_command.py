@@ -16,6 +16,8 @@ from cam_rig.errors import CamRigError
 from cam_rig.interrupts import STOPPING
 from cam_rig.viewer import process as viewer
 from cam_rig.viewer.command import view
+from cam_rig.viewer.recording import save_recording
+from cam_rig.viewer.run_recorder import RunRecorder
 
 from .conftest import SmallBag
 
@@ -98,12 +100,25 @@ def test_what_cannot_be_is_refused(bag: SmallBag, tmp_path: Path) -> None:
         assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.variants(1)
-@pytest.mark.parametrize("number", STOPPING)
 def test_nothing_is_left_of_a_file_that_was_interrupted(
-    bag: SmallBag, tmp_path: Path, number: signal.Signals
+    bag: SmallBag, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The signal comes in the middle of the drawing: 128 + signal, and no part of the file."""
+    """In the middle of the drawing, where there is a part of it."""
+
+    def interrupted(*_: object) -> None:
+        assert [path.name for path in tmp_path.iterdir()] == ["a.rrd.drawn.part"]
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(RunRecorder, "tick", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        save_recording(bag.path, tmp_path / "a.rrd")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("number", STOPPING)
+def test_a_signal_ends_the_command(bag: SmallBag, tmp_path: Path, number: signal.Signals) -> None:
+    """While it draws: 128 + signal, a line that says so, and no part of the file."""
     stop = (
         "import os; from cam_rig.viewer.run_recorder import RunRecorder as R\n"
         f"seen = lambda: print(os.listdir({str(tmp_path)!r}))\n"

@@ -16,7 +16,7 @@ from rerun.chunk import Chunk, RrdReader
 from cam_rig.errors import CamRigError
 from cam_rig.simulation.schedule import cam_states
 from cam_rig.units import NS
-from cam_rig.viewer import live_folder
+from cam_rig.viewer import page as page_module
 from cam_rig.viewer import recording as live
 from cam_rig.viewer.process import free_port, listening, stream_address
 from cam_rig.viewer.quantities import ACCELERATION_LINE as ACCELERATION
@@ -93,10 +93,10 @@ def test_a_long_picture_goes_on_in_parts(
 ) -> None:
     """Put together they are the same recording as in one: nothing is lost where a part ends."""
     monkeypatch.setattr(live, "MIN_WINDOW_S", MIN_WINDOW_S)
-    monkeypatch.setattr(live_folder, "KEPT_PARTS", 10_000)
+    monkeypatch.setattr(page_module, "KEPT_PARTS", 10_000)
     folders = []
     for most in (1 << 30, 1 << 12):
-        monkeypatch.setattr(live_folder, "MAX_PART", most)
+        monkeypatch.setattr(page_module, "MAX_PART", most)
         folders.append(tmp_path / str(most))
         folders[-1].mkdir()
         show(bag, str(folders[-1]), flush=True)

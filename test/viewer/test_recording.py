@@ -14,8 +14,7 @@ from cam_rig.errors import BagError, CamRigError
 from cam_rig.messages import topics
 from cam_rig.simulation.schedule import CamState, cam_states
 from cam_rig.units import NS, FloatArray
-from cam_rig.viewer import recording
-from cam_rig.viewer.blueprint import ViewOptions
+from cam_rig.viewer import ViewOptions, recording
 from cam_rig.viewer.quantities import FORCE_LINE as FORCE
 from cam_rig.viewer.quantities import LANDING, LEVEL, SPEED, ZERO
 from cam_rig.viewer.quantities import LIFT_LINE as LIFT

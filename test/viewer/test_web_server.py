@@ -17,16 +17,20 @@ import pytest
 
 from cam_rig.errors import CamRigError
 from cam_rig.live.loopback import LOOPBACK
-from cam_rig.viewer import live_folder
-from cam_rig.viewer.live_folder import (
+from cam_rig.viewer import page as page_module
+from cam_rig.viewer.page import (
+    REPORT_EVERY_S,
+    TIMELINE,
+    PageTime,
+    cursor_request,
     new_recording,
     newest_recording,
     next_part,
     page_delay,
+    page_script,
     part_after,
     write_delay,
 )
-from cam_rig.viewer.page import REPORT_EVERY_S, TIMELINE, PageTime, cursor_request, page_script
 from cam_rig.viewer.rerun_page import Pages, serve, serve_file
 from cam_rig.viewer.timeline import RIG_TIME
 from cam_rig.viewer.web_server import Access
@@ -263,7 +267,7 @@ def test_a_long_run_goes_on_from_part_to_part(
 ) -> None:
     """One answer has them one after the other; a page that comes late has first part and newest."""
     pages, reader = live
-    monkeypatch.setattr(live_folder, "MAX_PART", 1)
+    monkeypatch.setattr(page_module, "MAX_PART", 1)
     first = part = new_recording(pages.folder)
     part.write_bytes(b"0")
     connection = opened(reader.address, f"/{first.name}", Cookie=reader.cookie)
@@ -273,7 +277,7 @@ def test_a_long_run_goes_on_from_part_to_part(
         part = next_part(part) or part
         part.write_bytes(b"%d" % i)
         assert answer.read(1) == b"%d" % i
-    kept = b"0" + b"".join(b"%d" % i for i in range(10 - live_folder.KEPT_PARTS, 10))
+    kept = b"0" + b"".join(b"%d" % i for i in range(10 - page_module.KEPT_PARTS, 10))
     late = opened(reader.address, f"/{first.name}", Cookie=reader.cookie)
     assert late.getresponse().read(len(kept)) == kept
     for each in (answer, connection, late):
@@ -341,7 +345,7 @@ def test_a_long_run_keeps_its_beginning_and_its_newest(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """However long: the first part, of which the others are the going on, and some of the last."""
-    monkeypatch.setattr(live_folder, "MAX_PART", 10)
+    monkeypatch.setattr(page_module, "MAX_PART", 10)
     first = part = new_recording(tmp_path)
     assert next_part(part) is None
     for i in range(40):
@@ -355,7 +359,7 @@ def test_a_long_run_keeps_its_beginning_and_its_newest(
         there = sorted(tmp_path.glob("*.rrd"))
         assert there[0] == first == newest_recording(tmp_path)
         assert there[-1] == part
-        assert len(there) <= live_folder.KEPT_PARTS + 1
+        assert len(there) <= page_module.KEPT_PARTS + 1
     assert part_after(first) == there[1]
     assert part_after(there[1]) == there[2]
     assert part_after(part) is None
@@ -375,11 +379,11 @@ def test_the_delay_is_the_last_one_written_and_grows_when_it_is_overdue(tmp_path
     for silent in (3.0, 60.0):
         write_delay(tmp_path, 0.5)
         then = time.time() - silent
-        os.utime(tmp_path / live_folder.BEHIND, (then, then))
+        os.utime(tmp_path / page_module.BEHIND, (then, then))
         late = page_delay(tmp_path)
         assert late is not None
         assert -1e-2 <= late - (0.5 + silent - REPORT_EVERY_S) <= 5.0
-    (tmp_path / live_folder.BEHIND).write_text("")
+    (tmp_path / page_module.BEHIND).write_text("")
     assert page_delay(tmp_path) is None
     assert page_delay(tmp_path / "gone") is None
 

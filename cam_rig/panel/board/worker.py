@@ -42,8 +42,8 @@ def design(first: dict[str, Any], cam: CamConfig, rig: RigConfig) -> None:
     """
     from cam_rig.law_design.design import search_design
     from cam_rig.law_design.request import DesignRequest
+    from cam_rig.panel.board.board import GOAL, LIMIT
     from cam_rig.panel.board.drawn_law import motion_in_base64
-    from cam_rig.panel.board.files import GOAL, LIMIT
 
     def told(_: object, value: float) -> None:
         _say({"so_far_rpm": value / RPM})

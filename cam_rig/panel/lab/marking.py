@@ -16,8 +16,7 @@ from cam_rig.dynamics.two_mass.masses import contact_response, force_output
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.panel.bench.live_state import FULL_SCALE_PA, LEAST_RATE
-from cam_rig.panel.lab.sheet import LabSheet
-from cam_rig.panel.lab.sheet_file import LabReading, RecordedSheet, read_sheet
+from cam_rig.panel.lab.sheet import LabReading, LabSheet, RecordedSheet, read_sheet
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.show.tables import Column, DataTable, tabulate
 from cam_rig.units import NS, RPM, TURN, FloatArray

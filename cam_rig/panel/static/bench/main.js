@@ -14,8 +14,8 @@ const SETUP = ["model", "added_mass", "spring_stiffness", "preload"];
 
 await loadTexts();
 const about = await (await fetch("/bench/about")).json();
-/** What is chosen of a list; the speed alone has a knob. */
-const SELECTS = Object.keys(about.settings).filter((name) => about.settings[name].choices.length);
+/** What may be set, has choices, and a list on the page; the speed alone has a knob. */
+const SELECTS = Object.keys(about.settings).filter((name) => $(name) && about.settings[name].choices.length);
 let now = null;
 
 // -- what is there once -----------------------------------------------------------------------------
