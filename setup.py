@@ -23,7 +23,8 @@ CORE = ["numpy", "pydantic>=2", "pyyaml", "scipy"]
 CLI = ["jinja2", "rich", "typer>=0.12.4"]
 PLOTS = ["matplotlib"]
 BAGS = ["lz4", "mcap", "rosbags", "zstandard"]
-VIEW = ["rerun-sdk"]
+# The viewer, and the page of it that is served to a browser.
+VIEW = ["rerun-sdk", "starlette", "uvicorn", "websockets"]
 PARQUET = ["pyarrow"]
 CAD = ["ezdxf", "shapely>=2"]
 # Compiles the search for lift-offs and landings; without it the same code runs in plain Python.

@@ -21,7 +21,7 @@ from cam_rig.show.tables import DataTable, Head, tabulate, to_markdown
 from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import cam_states
 from cam_rig.units import NS
-from cam_rig.viewer.server import serve
+from cam_rig.viewer.rerun_page import serve
 
 SCENES = ("tm21_sweep", "tm21_sweep_48khz")
 

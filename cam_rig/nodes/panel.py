@@ -21,6 +21,7 @@ from std_srvs.srv import Trigger
 from cam_rig.live.sockets import LineSocket
 from cam_rig.messages import topics
 from cam_rig.messages.codec import array_of, cam_state_of, decode_block, stamp_ns
+from cam_rig.nodes.parameters import ABOUT, LIVE
 from cam_rig.nodes.rig_node import RigNode
 from cam_rig.units import to_rpm
 
@@ -28,14 +29,6 @@ from cam_rig.units import to_rpm
 LOOK_EVERY_S = 0.02
 #: Looks until a node whose parameters are not known is asked for them again.
 LOOKS_A_QUESTION = 25
-#: The services of the drive.
-SERVICES = ("start", "stop", "reset", "emergency_stop")
-#: What a page sets, by node.
-STEERED = {
-    "cam_drive": ("rpm", "pacing"),
-    "law_server": ("cam",),
-    "microphone": ("frequency_weighting", "time_weighting"),
-}
 
 
 class Panel(RigNode):
@@ -44,11 +37,11 @@ class Panel(RigNode):
     def __init__(self) -> None:
         super().__init__("panel")
         self._line = LineSocket(Path(self.given["socket"]))
-        self._nodes = {name: AsyncParameterClient(self, name) for name in STEERED}
+        self._nodes = {name: AsyncParameterClient(self, name) for name in LIVE}
         self._drive: dict[str, Any] = {
-            s: self.create_client(Trigger, f"cam_drive/{s}") for s in SERVICES
+            s: self.create_client(Trigger, f"cam_drive/{s}") for s in ABOUT["cam_drive"].services
         }
-        self._unread, self._looks = set(STEERED), 0
+        self._unread, self._looks = set(LIVE), 0
         self._sound: Any = None
         self.subscribe(topics.CAM_STATE, self._on_state)
         self._stamps, self._levels = deque[int](), deque[float]()
@@ -63,7 +56,7 @@ class Panel(RigNode):
         # An answer may be lost with the node that gave it, so it is asked again.
         ask = self._unread if self._looks % LOOKS_A_QUESTION == 1 else ()
         for name in [n for n in ask if self._nodes[n].services_are_ready()]:
-            asked = self._nodes[name].get_parameters(list(STEERED[name]))
+            asked = self._nodes[name].get_parameters(list(LIVE[name]))
             asked.add_done_callback(partial(self._on_values, name))
         for command in self._line.receive():
             self._obey(command)
@@ -100,12 +93,12 @@ class Panel(RigNode):
     def _on_values(self, node: str, done: Any) -> None:
         self._unread.discard(node)
         values = map(parameter_value_to_python, done.result().values)
-        self._line.send({"node": node, "values": dict(zip(STEERED[node], values, strict=True))})
+        self._line.send({"node": node, "values": dict(zip(LIVE[node], values, strict=True))})
 
     def _on_parameters(self, event: ParameterEvent) -> None:
         node = event.node.rpartition("/")[2]
         values = {p.name: parameter_value_to_python(p.value) for p in event.changed_parameters}
-        if values and event.node == self.resolve_service_name(node) and node in STEERED:
+        if values and event.node == self.resolve_service_name(node) and node in LIVE:
             self._line.send({"node": node, "values": values})
 
     def _on_state(self, message: JointState) -> None:

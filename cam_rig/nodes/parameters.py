@@ -334,3 +334,11 @@ def _parameter(spec: Spec) -> list[str]:
 
 def _topic(topic: Topic) -> str:
     return f"  {topic.name:34} {topic.type}"
+
+
+#: What may be set while the nodes run: the parameters of each node that are live.
+LIVE = {
+    node: {spec.name: spec for spec in specs if spec.live}
+    for node, specs in PARAMETERS.items()
+    if any(spec.live for spec in specs)
+}

@@ -1,106 +1,57 @@
-"""Serving the panel: its pages behind one guard, on this machine alone."""
+"""The panel's pages as one application, and what they send, read in one place for all of them."""
 
 from __future__ import annotations
 
 import asyncio
-import errno
 import json
-import logging
-import socket
-import threading
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Sequence
-from contextlib import (
-    AbstractAsyncContextManager,
-    AsyncExitStack,
-    asynccontextmanager,
-    contextmanager,
-)
-from dataclasses import dataclass
+from contextlib import AsyncExitStack, asynccontextmanager, contextmanager
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
-import uvicorn
 from starlette.applications import Starlette
-from starlette.datastructures import MutableHeaders
-from starlette.requests import HTTPConnection, Request
-from starlette.responses import JSONResponse, PlainTextResponse, RedirectResponse, Response
+from starlette.requests import Request
+from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import BaseRoute, Mount, Route
 from starlette.staticfiles import StaticFiles
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from cam_rig.errors import CamRigError, ConfigError, RefusedError
-from cam_rig.live.sockets import require_loopback
-from cam_rig.viewer.access import HEADERS, Access
-from cam_rig.viewer.process import HOST
-
-# Who may ask the panel: this machine's own pages that came with the token, and nobody else.
+from cam_rig.live.sockets import LOOPBACK
+from cam_rig.viewer.web_server import MAX_MESSAGE, Served, serve_application
 
 #: The page takes nothing from another host, and is shown in no other's frame; Rerun's page in one
 #: of its own is this machine's.
 POLICY = (
     "default-src 'self'; img-src 'self' data:; object-src 'none'; base-uri 'none'; "
-    f"form-action 'none'; frame-ancestors 'none'; frame-src http://{HOST}:* http://localhost:*"
+    "form-action 'none'; frame-ancestors 'none'; "
+    f"frame-src http://{LOOPBACK}:* http://localhost:*"
 )
 
-#: Close code of a websocket that breaks a rule (RFC 6455).
-REFUSED = 1008
+STATIC = Path(__file__).parent / "static"
 
-
-@dataclass
-class Guard:
-    """An ASGI application behind Host, Origin and token, for pages and websockets alike.
-
-    Parameters
-    ----------
-    app : what is guarded
-    access : who may ask for it
-    home : the page that the printed address leads to
-    """
-
-    app: ASGIApp
-    access: Access
-    home: str = "/"
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer, hand on, or refuse."""
-        if scope["type"] == "lifespan":
-            return await self.app(scope, receive, send)
-        asked, page = HTTPConnection(scope), scope["type"] == "http"
-        token = asked.query_params.get("token") if page else None
-        needs_origin = not page or scope["method"] not in ("GET", "HEAD")
-        if words := self.access.why_not(asked.headers, token, needs_origin):
-            return await self._refuse(words, scope, receive, send)
-        if token is not None:
-            answer: Response = RedirectResponse(self.home, 303)
-            answer.headers["Set-Cookie"] = self.access.cookie
-            return await answer(scope, receive, _with_headers(send))
-        await self.app(scope, receive, _with_headers(send))
-
-    async def _refuse(self, words: str, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] == "websocket":
-            await receive()  # its handshake; closed before it is accepted, it is answered by 403
-            return await send({"type": "websocket.close", "code": REFUSED, "reason": words})
-        await PlainTextResponse(words + "\n", 403)(scope, receive, _with_headers(send))
-
-
-def _with_headers(send: Send) -> Send:
-    async def sending(message: Message) -> None:
-        if message["type"] == "http.response.start":
-            headers = MutableHeaders(scope=message)
-            for name, value in (HEADERS | {"Content-Security-Policy": POLICY}).items():
-                headers[name] = value
-        await send(message)
-
-    return sending
-
-
-# What pages send: JSON objects of a bounded size, read in one place for all pages.
-
-#: Bytes of a page's message, and of a request's body, at most.
-MAX_MESSAGE = 1 << 16
+# What pages send: JSON objects of a bounded size.
 
 Answer = Callable[[dict[str, Any]], Awaitable[dict[str, Any] | Response]]
+
+
+def page_file(path: str, folder: str, opened: Callable[[], None] = lambda: None) -> Route:
+    """A route of a page's own file; ``opened`` is told."""
+
+    async def answered(_: Request) -> Response:
+        opened()
+        return FileResponse(STATIC / folder / "index.html")
+
+    return Route(path, answered)
+
+
+def get(path: str, answer: Answer) -> Route:
+    """A route that answers the names in its path; with 404 where ``answer`` raises, as `post`."""
+
+    async def answered(request: Request) -> Response:
+        return await _answered(answer, request.path_params, 404)
+
+    return Route(path, answered)
 
 
 def post(path: str, answer: Answer) -> Route:
@@ -114,13 +65,24 @@ def post(path: str, answer: Answer) -> Route:
             body = await _read_body(request)
         except RefusedError as error:
             return JSONResponse({"words": str(error)}, 400)
-        try:
-            found = await answer(body)
-        except CamRigError as error:
-            return JSONResponse({"words": str(error)}, 409)
-        return found if isinstance(found, Response) else JSONResponse(found)
+        return await _answered(answer, body, 409)
 
     return Route(path, answered, methods=["POST"])
+
+
+async def _answered(answer: Answer, asked: dict[str, Any], status: int) -> Response:
+    try:
+        found = await answer(asked)
+    except CamRigError as error:
+        status = 409 if isinstance(error, RefusedError) else status
+        return JSONResponse({"words": str(error)}, status)
+    return found if isinstance(found, Response) else JSONResponse(found)
+
+
+def csv_file(name: str, text: str) -> Response:
+    """A table to be saved under a name."""
+    headers = {"Content-Disposition": f'attachment; filename="{name}"'}
+    return Response(text, headers=headers, media_type="text/csv")
 
 
 async def _read_body(request: Request) -> dict[str, Any]:
@@ -133,13 +95,7 @@ async def _read_body(request: Request) -> dict[str, Any]:
 
 
 async def read_frame(socket: WebSocket) -> dict[str, Any]:
-    """The object in a page's next message.
-
-    Raises
-    ------
-    RefusedError : the message is none
-    WebSocketDisconnect : the page is closed
-    """
+    """The object in a page's next message."""
     message = await socket.receive()
     if message["type"] == "websocket.disconnect":
         raise WebSocketDisconnect(message.get("code", 1005))
@@ -165,21 +121,15 @@ def _number(digits: str) -> int | float:
     return int(digits) if abs(found) < 2.0**53 else found
 
 
-STATIC = Path(__file__).parent / "static"
+class PanelPages:
+    """Some pages of the panel: what is asked of them, and what runs as long as they are served."""
 
-#: Wall time (s) that the server has to end, once asked.
-END_S = 3.0
+    routes: Sequence[BaseRoute]
 
-
-class PanelPages(Protocol):
-    """Some pages of the panel: what they answer, and what runs as long as they are served."""
-
-    @property
-    def routes(self) -> Sequence[BaseRoute]:
-        """What is asked of them."""
-
-    def alive(self) -> AbstractAsyncContextManager[None]:
+    @asynccontextmanager
+    async def alive(self) -> AsyncIterator[None]:
         """Entered in the server's loop before the first request, left after the last."""
+        yield
 
 
 def languages() -> list[str]:
@@ -211,80 +161,97 @@ def application(*pages: PanelPages, language: str | None = None) -> Starlette:
     return Starlette(routes=routes, lifespan=lifespan)
 
 
-class ServedPanel:
-    """A panel that is being served, at ``address``."""
-
-    def __init__(self, address: str, ended: threading.Event) -> None:
-        self.address, self._ended = address, ended
-
-    def alive(self) -> bool:
-        """Whether its server runs."""
-        return not self._ended.is_set()
-
-
 @contextmanager
 def serve(
     *pages: PanelPages, port: int = 0, language: str | None = None, home: str = "/"
-) -> Iterator[ServedPanel]:
+) -> Iterator[Served]:
     """Serve pages on this machine alone, as long as the context lasts.
 
-    Parameters
-    ----------
-    port : 0 takes a free one
-    language : see `application`
-    home : the page that the printed address leads to
+    ``port`` 0 takes a free one; the printed address leads to ``home``; see `application`.
     """
     if language is not None and language not in languages():
         raise ConfigError(f"--lang: is {language!r}; allowed: {', '.join(languages())}")
-    with _listener(port) as listener:
-        served = application(*pages, language=language)
-        guard = Guard(served, Access(int(listener.getsockname()[1])), home)
-        config = uvicorn.Config(
-            guard,
-            log_config=None,
-            access_log=False,
-            ws="websockets-sansio",
-            ws_max_size=MAX_MESSAGE,
-            ws_per_message_deflate=False,
-            timeout_graceful_shutdown=1,
-            server_header=False,
-        )
-        logging.getLogger("uvicorn.error").addFilter(_in_one_line)
-        server = uvicorn.Server(config)
-        ended = threading.Event()
+    with serve_application(application(*pages, language=language), home, POLICY, port) as served:
+        yield served
 
-        def run() -> None:
-            try:
-                server.run(sockets=[listener])
-            finally:
-                ended.set()
 
-        thread = threading.Thread(target=run, daemon=True)
-        thread.start()
+# A page's websocket: what it asks is done, and what is new it is told, as fast as it reads.
+
+#: Wall time (s) between two messages of a kind, at least.
+TELL_EVERY_S = 0.05
+#: Wall time (s) in which a page must have room for a message, or it is dropped.
+READS_WITHIN_S = 30.0
+Message = dict[str, Any]
+
+
+class LivePage:
+    """A page that waits for nobody and is waited for by nobody.
+
+    Of each kind of message only the newest waits for it. One that reads nothing, of a browser that
+    is suspended, is dropped alone.
+    """
+
+    def __init__(self, socket: WebSocket) -> None:
+        self.socket = socket
+        self._newest: dict[str, Callable[[], Message]] = {}
+        self._new = asyncio.Event()
+
+    def tell(self, kind: str, message: Callable[[], Message]) -> None:
+        """Have it told, in place of what still waits of a kind; made when it is sent."""
+        self._newest[kind] = message
+        self._new.set()
+
+    async def serve(
+        self,
+        obey: Callable[[Message], Awaitable[Message]],
+        refused: Callable[[Any, str], Message],
+    ) -> None:
+        """Do what it asks and tell it what is new, until it is closed.
+
+        ``obey`` gives what came of a message; where it raises a RefusedError, ``refused`` gives
+        the answer to the message of a number (None where it has none), with words.
+        """
         try:
-            yield ServedPanel(guard.access.address, ended)
-        finally:
-            server.should_exit = True
-            thread.join(END_S)  # a request that computes does not keep the command
+            async with asyncio.TaskGroup() as group:
+                group.create_task(self._obey(obey, refused))
+                for telling in self.telling():
+                    group.create_task(telling)
+        # Closed; closed while another task sends; reads nothing.
+        except* (WebSocketDisconnect, RuntimeError, TimeoutError):
+            pass
 
+    def telling(self) -> list[Any]:
+        """What runs beside, as long as the page is there."""
+        return [self._tell()]
 
-def _in_one_line(record: logging.LogRecord) -> bool:
-    """A page's message that is no UTF-8 is not worth a traceback; a request cut off, no word."""
-    error = record.exc_info[1] if record.exc_info else None
-    if isinstance(error, UnicodeDecodeError):
-        record.exc_info = None
-    return not isinstance(error, asyncio.CancelledError)
+    async def send(self, message: Message | bytes) -> None:
+        """Send a message; TimeoutError where the page reads nothing."""
+        async with asyncio.timeout(READS_WITHIN_S):
+            if isinstance(message, bytes):
+                await self.socket.send_bytes(message)
+            else:
+                await self.socket.send_json(message)
 
+    async def _obey(
+        self,
+        obey: Callable[[Message], Awaitable[Message]],
+        refused: Callable[[Any, str], Message],
+    ) -> None:
+        while True:
+            number = None
+            try:
+                asked = await read_frame(self.socket)
+                number = asked.get("number")
+                answer = await obey(asked)
+            except RefusedError as error:
+                answer = refused(number, str(error))
+            await self.send(answer)
 
-def _listener(port: int) -> socket.socket:
-    require_loopback()
-    listener = socket.socket()
-    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    try:
-        listener.bind((HOST, port))
-        listener.listen()
-    except OSError as error:
-        listener.close()
-        why = "is in use" if error.errno == errno.EADDRINUSE else f"{error.strerror}"
-        raise ConfigError(f"--port: {port} {why}; allowed: another, or 0 for a free one") from None
-    return listener
+    async def _tell(self) -> None:
+        while True:
+            await self._new.wait()
+            self._new.clear()
+            while self._newest:
+                message = self._newest.pop(next(iter(self._newest)))
+                await self.send(message())
+            await asyncio.sleep(TELL_EVERY_S)

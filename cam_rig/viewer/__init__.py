@@ -1,1 +1,28 @@
 """A run in the Rerun viewer: from a bag into a recording, or live."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+# Apart from what draws it, whose imports take a second.
+
+
+class Layout(StrEnum):
+    """A run as it goes, cams side by side at one speed, or what a report needs."""
+
+    RUN = "run"
+    COMPARE = "compare"
+    REPORT = "report"
+
+
+@dataclass(frozen=True)
+class ViewOptions:
+    """How a recording is laid out and thinned.
+
+    Cams are compared at a speed, by default the scene's highest.
+    """
+
+    layout: Layout = Layout.RUN
+    rpm: float | None = None
+    all_samples: bool = False

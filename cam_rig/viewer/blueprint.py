@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from enum import StrEnum
-
 import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint.components import AbsoluteTimeRange
@@ -14,7 +11,7 @@ from cam_rig.show.chart import tens_range
 from cam_rig.show.looks import shortened
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.units import NS, TURN, to_rpm
-from cam_rig.viewer import level_chart, quantities, scene2d, turn_chart
+from cam_rig.viewer import Layout, level_chart, quantities, scene2d, turn_chart
 from cam_rig.viewer.level_chart import band_axes
 from cam_rig.viewer.quantities import CLOSE_GAP, GAP, Range, Ranges, drawn_of
 from cam_rig.viewer.run_recorder import ABOUT, RESULTS
@@ -22,44 +19,13 @@ from cam_rig.viewer.run_view import BANDS, EVENTS
 from cam_rig.viewer.timeline import RIG_TIME, TURN_DEGREES
 from cam_rig.viewer.turn_chart import MAX_TITLE, TurnAxes
 
-# How a run is to be shown; apart from what draws it, whose imports take a second.
-
-
-class Layout(StrEnum):
-    """A run as it goes, cams side by side at one speed, or what a report needs."""
-
-    RUN = "run"
-    COMPARE = "compare"
-    REPORT = "report"
-
-
-@dataclass(frozen=True)
-class ViewOptions:
-    """How a recording is laid out and thinned.
-
-    Parameters
-    ----------
-    layout : the run itself, cams side by side, or a report
-    rpm : the speed at which cams are compared; by default the scene's highest
-    all_samples : keep every sample, however many
-    """
-
-    layout: Layout = Layout.RUN
-    rpm: float | None = None
-    all_samples: bool = False
-
-
 #: Rig time per wall time: a turn at 300 rpm takes 2 s.
 PLAYBACK_SPEED = 0.1
-
 #: Degrees of the cam per second, where turns lie over each other.
 DEGREES_PER_SECOND = 90.0
-
 SPEED_NAME = "Cam speed [rpm]"
-
 #: Rig time (s) of a finished run shown on either side of the time cursor.
 AROUND_CURSOR_S = 0.5
-
 BANDS_NAME = "Third-octave bands"
 
 
@@ -72,16 +38,10 @@ def blueprint(
     ranges: Ranges,
     window: float | None = None,
 ) -> rrb.Blueprint:
-    """The blueprint of a layout.
+    """The blueprint of a layout for a run of some rig time (s), cams compared at a speed (rpm).
 
-    Parameters
-    ----------
-    duration : rig time of the whole run, s
-    bucket : samples of which the minimum and the maximum are shown, 1 for all
-    compared : speed (rpm) at which the cams are put side by side
-    ranges : axis of each quantity that is drawn over the turn
-    window : follow a live run, and show so much rig time (s) before its newest; else play from
-        the start
+    A live run is followed, and shows a ``window`` (s) before its newest; else it is played from
+    the start. Of ``bucket`` samples two are shown.
     """
     if layout is Layout.RUN:
         return _blueprint(

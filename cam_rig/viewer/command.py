@@ -22,7 +22,7 @@ from cam_rig.show.command import (
     user_errors,
 )
 from cam_rig.show.terminal import console
-from cam_rig.viewer.blueprint import Layout, ViewOptions
+from cam_rig.viewer import Layout, ViewOptions
 
 if TYPE_CHECKING:
     from cam_rig.viewer.page import PageTime
@@ -93,7 +93,7 @@ def open_screen(view: bool, web: bool, wait_for_it: bool = False) -> Iterator[Sc
     if wait_for_it and not (view or web):
         raise ConfigError("--wait: waits for a viewer, and there is none; add --web or --view")
     if web:
-        from cam_rig.viewer.server import serve
+        from cam_rig.viewer.rerun_page import serve
 
         with serve() as pages:
             print(pages.address, flush=True)
@@ -227,7 +227,7 @@ def convert(
 
 
 def _serve(path: Path, begin: float) -> None:
-    from cam_rig.viewer.server import serve_file
+    from cam_rig.viewer.rerun_page import serve_file
 
     with serve_file(path, begin) as address:
         print(address, flush=True)

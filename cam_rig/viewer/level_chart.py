@@ -16,26 +16,21 @@ from cam_rig.show.looks import in_words, of_cam, shortened
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.simulation.simulate import MeasuredTick, step_levels
-from cam_rig.units import RPM_PER_RAD_S, FloatArray
+from cam_rig.units import NS, RPM_PER_RAD_S, FloatArray
 from cam_rig.viewer.quantities import GAP, LIFT, TWIST, VELOCITY, Drawn, Ranges, drawn_of
 from cam_rig.viewer.scene2d import Scene2D, force_scale, frame_mask
-from cam_rig.viewer.timeline import Times, Turn, time_columns, within_turn
+from cam_rig.viewer.timeline import Canvas, Turn, within_turn
 from cam_rig.viewer.turn_chart import MAX_TITLE, TurnAxes, curve, label
 from cam_rig.viewer.turn_chart import WIDTH as TURN_WIDTH
 
 VIEW = "noise"
-
 #: dB shown where nothing is published.
 LEVELS = (50.0, 110.0)
-
 #: Radii on the screen: of dashes, of points as they come, of those of a finished run.
 LINE, POINT, FINAL = -1.2, -4.0, -2.5
-
 DASHES = 40
-
 #: Of the plane, whose height is 100; of a letter and around a word in it, and from name to name.
 WIDTH = 200.0
-
 LETTER, AROUND, STEP = 4.4, 12.0, 10.0
 
 
@@ -83,11 +78,8 @@ def spread(places: FloatArray, step: float) -> FloatArray:
 class LevelChart:
     """Draws the axes and what is published, then every step as far as it is measured."""
 
-    def __init__(
-        self, stream: rr.RecordingStream, loaded: LoadedScene, times: Times = time_columns
-    ) -> None:
-        self._times = times
-        self._stream, self._loaded, self._axes = stream, loaded, level_axes(loaded)
+    def __init__(self, canvas: Canvas, loaded: LoadedScene) -> None:
+        self._canvas, self._loaded, self._axes = canvas, loaded, level_axes(loaded)
         self._settle = loaded.scene.program.settle_turns.si
         self._step: list[MeasuredTick] = []
         self._levels: dict[str, dict[float, float]] = {}
@@ -95,20 +87,18 @@ class LevelChart:
         self._drawn: set[str] = set()
         self._named: dict[str, float] = {}
         rpm, level = round_marks(*self._axes.x, "rpm"), round_marks(*self._axes.y, "dB")
-        self._axes.draw(stream, f"{VIEW}/axes", rpm, level)
+        self._axes.draw(canvas.stream, f"{VIEW}/axes", rpm, level)
         style = rr.Points2D.from_fields(radii=UNSEEN, show_labels=True)
-        stream.log(f"{VIEW}/names", style, static=True)
+        canvas.always(f"{VIEW}/names", style)
         if loaded.published is not None:
             for cam in loaded.published.regression_db:
                 self._draw_published(cam)
             self._draw_names(None)
 
     def add(self, tick: MeasuredTick, end_angle: float) -> float | None:
-        """Take the next tick; ``end_angle`` (rad) is the cam's at its end.
+        """The level (dB) at this speed so far with the next tick, None until it has settled.
 
-        Returns
-        -------
-        the level (dB) measured at this speed so far, None until it has settled
+        ``end_angle`` (rad) is the cam's at the tick's end.
         """
         if self._step and (tick.start.cam, tick.start.speed) != (
             self._step[0].start.cam,
@@ -136,7 +126,7 @@ class LevelChart:
         for cam in self._levels:
             colour = of_cam(cam)
             points = rr.Points2D(self._points(cam), colors=colour, radii=FINAL)
-            self._stream.log(f"{VIEW}/final/{cam}", points, static=True)
+            self._canvas.always(f"{VIEW}/final/{cam}", points)
         self._draw_names(None)
 
     def _ends(self) -> dict[str, float]:
@@ -163,22 +153,18 @@ class LevelChart:
         entity = f"{VIEW}/names"
         if at is None:
             words = rr.Points2D.from_fields(positions=places, labels=names, colors=shades)
-            self._stream.log(entity, words, static=True)
-            return
-        columns = rr.Points2D.columns(positions=places, labels=names, colors=shades)
-        times = self._times(np.array([at[0] * 1e-9]), np.array([at[1]]))
-        self._stream.send_columns(entity, times, columns.partition([len(ends)]))
+            self._canvas.always(entity, words)
+        else:
+            times = self._canvas.at(at[0] / NS, at[1])
+            self._canvas.points(entity, times, places, labels=names, colors=shades)
 
     def _draw_measured(self, cam: str, time_ns: int, angle: float) -> None:
-        points = self._points(cam)
-        columns = rr.Points2D.columns(positions=points).partition([len(points)])
-        at = self._times(np.array([time_ns * 1e-9]), np.array([angle]))
         entity = f"{VIEW}/measured/{cam}"
         if cam not in self._drawn:
             self._drawn.add(cam)
             style = rr.Points2D.from_fields(colors=of_cam(cam), radii=POINT)
-            self._stream.log(entity, style, static=True)
-        self._stream.send_columns(entity, at, columns)
+            self._canvas.always(entity, style)
+        self._canvas.points(entity, self._canvas.at(time_ns / NS, angle), self._points(cam))
 
     def _points(self, cam: str) -> FloatArray:
         """``(n, 2)`` places of a cam's points so far."""
@@ -193,14 +179,13 @@ class LevelChart:
         rpm = np.linspace(*self._axes.x, 2 * DASHES)
         points = self._axes.place(rpm, published.level(cam, rpm))
         dashes = rr.LineStrips2D(list(points.reshape(DASHES, 2, 2)), colors=colour, radii=LINE)
-        self._stream.log(f"{VIEW}/published/{cam}", dashes, static=True)
+        self._canvas.always(f"{VIEW}/published/{cam}", dashes)
 
 
 # The sound of the last turn in third-octave bands.
 
 #: Band numbers 10 lg(f/Hz): 5 is 3.15 Hz, slower than any turn's own frequency.
 LOWEST_BAND = 5
-
 #: Below this no bar is drawn, Pa²: 0 dB.
 SILENCE = 4e-10
 
@@ -214,16 +199,9 @@ def band_numbers(sample_rate: float) -> FloatArray:
 def third_octaves(
     parameters: RadiationParameters, force: FloatArray, impulse: FloatArray, sample_rate: float
 ) -> FloatArray:
-    """Level (dB re 20 µPa, not below 0) of each band over one turn.
+    """Level (dB re 20 µPa, not below 0) in each of `band_numbers` over one turn.
 
-    Parameters
-    ----------
-    force, impulse : ``(n,)`` contact force in N, and the landings' impulses in N·s
-    sample_rate : Hz
-
-    Returns
-    -------
-    as many as `band_numbers`
+    Contact force (N) and landings' impulses (N·s) ``(n,)`` at a sample rate (Hz).
     """
     power = band_power(parameters, force, impulse, sample_rate)
     return level_db(np.sqrt(np.maximum(power, SILENCE)))
@@ -261,13 +239,10 @@ def _half_sine(x: FloatArray) -> FloatArray:
 
 #: dB shown, the same wherever bars are drawn; what is louder ends at the upper edge.
 BAND_LEVELS = (0.0, 110.0)
-
 #: Height of the plane over its width, and width of a bar over that of its band.
 SHAPE, BAR = 0.42, 0.8
-
 #: Radius of a bar's outline on the screen.
 BAND_LINE = -1.0
-
 #: Bands that are named, by number.
 NAMED = {10.0: "10 Hz", 20.0: "100 Hz", 30.0: "1 kHz", 40.0: "10 kHz"}
 
@@ -282,21 +257,13 @@ def band_axes(sample_rate: float) -> Axes:
 class BandChart:
     """Draws the axes into a view, then bars as they come; `flush` sends them."""
 
-    def __init__(
-        self,
-        stream: rr.RecordingStream,
-        view: str,
-        rate: float,
-        colour: int,
-        times: Times = time_columns,
-    ) -> None:
-        self._times = times
-        self._stream, self._entity, self._rate = stream, f"{view}/bars", rate
+    def __init__(self, canvas: Canvas, view: str, rate: float, colour: int) -> None:
+        self._canvas, self._entity, self._rate = canvas, f"{view}/bars", rate
         self._axes, self._waiting = band_axes(rate), list[tuple[float, float, FloatArray]]()
         named = {number: words for number, words in NAMED.items() if number <= self._axes.x[1]}
-        self._axes.draw(stream, f"{view}/axes", named, round_marks(*BAND_LEVELS, "dB"))
+        self._axes.draw(canvas.stream, f"{view}/axes", named, round_marks(*BAND_LEVELS, "dB"))
         style = rr.LineStrips2D.from_fields(colors=colour, radii=BAND_LINE)
-        stream.log(self._entity, style, static=True)
+        canvas.always(self._entity, style)
 
     def add(self, time: float, angle: float, levels: FloatArray) -> None:
         """Take the bands' levels (dB) from rig time (s) and unwrapped cam angle (rad) on."""
@@ -309,13 +276,13 @@ class BandChart:
         time, angle, levels = zip(*self._waiting, strict=True)
         self._waiting = []
         columns = rr.LineStrips2D.columns(strips=[self._skyline(some) for some in levels])
-        times = self._times(np.array(time), np.array(angle))
-        self._stream.send_columns(self._entity, times, columns)
+        times = self._canvas.times(np.array(time), np.array(angle))
+        self._canvas.rows(self._entity, times, columns)
 
     def draw_once(self, levels: FloatArray) -> None:
         """Draw bars that stay."""
         strips = rr.LineStrips2D.from_fields(strips=[self._skyline(levels)])
-        self._stream.log(self._entity, strips, static=True)
+        self._canvas.always(self._entity, strips)
 
     def _skyline(self, levels: FloatArray) -> FloatArray:
         """``(4n, 2)``: over each of n bands up from the foot of the axes to its level and down.
@@ -331,13 +298,10 @@ class BandChart:
 # Turns laid over each other, and cams side by side at one speed.
 
 TURNS, COMPARE = "turns", "compare"
-
 #: Height of the axes, of their width 160.
 ROW = 80.0
-
 #: Cams whose names stand in a line over the axes, and from line to line.
 NAMES_IN_LINE, NAME_STEP = 2, 11.0
-
 #: Radius of a curve on the screen.
 STROKE = -0.9
 
@@ -362,42 +326,39 @@ def names_height(loaded: LoadedScene) -> float:
     return -(-len(loaded.cams) // NAMES_IN_LINE) * NAME_STEP
 
 
-def draw_turn_axes(
-    stream: rr.RecordingStream, loaded: LoadedScene, rpm: float, ranges: Ranges
-) -> None:
+def draw_turn_axes(canvas: Canvas, loaded: LoadedScene, rpm: float, ranges: Ranges) -> None:
     """Draw the axes, their cursor on the timeline of degrees, and each cam's name in its colour."""
     degrees = np.arange(360.0)
     for row in compared_of(loaded):
         view = at_speed(rpm, row.key)
         axes = turn_axes(row, ranges)
-        axes.draw(stream, view, titled=False)
-        axes.draw_marks(stream, view)
+        axes.draw(canvas, view, titled=False)
+        axes.draw_marks(canvas, view)
         turned = np.radians(degrees)
-        axes.move_cursor(stream, view, within_turn(degrees, turned), turned)
+        axes.move_cursor(canvas, view, within_turn(degrees, turned), turned)
     lines = names_height(loaded) / NAME_STEP
     for i, (name, cam) in enumerate(loaded.cams.items()):
         line, column = divmod(i, NAMES_IN_LINE)
         at = (column + 0.5) * TURN_WIDTH / NAMES_IN_LINE, (line - lines) * NAME_STEP
         where = f"{at_speed(rpm, LIFT.key)}/lift/names/{name}"
-        label(stream, where, at, shortened(cam.title, MAX_TITLE), of_cam(name))
+        label(canvas, where, at, shortened(cam.title, MAX_TITLE), of_cam(name))
 
 
-def draw_turn(stream: rr.RecordingStream, loaded: LoadedScene, turn: Turn, ranges: Ranges) -> None:
+def draw_turn(canvas: Canvas, loaded: LoadedScene, turn: Turn, ranges: Ranges) -> None:
     """Curves of one turn over the angle within it."""
     for row in compared_of(loaded):
         values = getattr(turn, row.key) * row.line.factor
         points = curve(turn_axes(row, ranges), row.key, turn.angle, values)
         line = rr.LineStrips2D([points], colors=of_cam(turn.cam), radii=STROKE)
-        stream.log(f"{at_speed(turn.rpm, row.key)}/{row.key}/{turn.cam}", line, static=True)
+        canvas.always(f"{at_speed(turn.rpm, row.key)}/{row.key}/{turn.cam}", line)
 
 
-def draw_side_by_side(
-    stream: rr.RecordingStream, loaded: LoadedScene, turn: Turn, profile: FloatArray
-) -> None:
+def draw_side_by_side(canvas: Canvas, loaded: LoadedScene, turn: Turn, profile: FloatArray) -> None:
     """A cam under its follower, and third-octave bands, of one turn, in a view of its own."""
     view, rate = f"{COMPARE}/{turn.cam}", loaded.scene.sample_rate.si
     scale = force_scale(loaded, turn.speed)
-    scene = Scene2D(stream, loaded, f"{view}/scene", within_turn, scale=scale)
+    within = Canvas(canvas.stream, within_turn)
+    scene = Scene2D(within, loaded, f"{view}/scene", scale=scale)
     begin = CamState(0, 0.0, turn.speed, turn.cam)
     scene.mount(begin, profile)
     scene.speed(begin)
@@ -405,5 +366,4 @@ def draw_side_by_side(
     scene.frames(turn.time[frame], turn.angle[frame], turn.lift[frame], turn.force[frame])
     scene.flush()
     bands = third_octaves(loaded.radiation, turn.force, turn.impulse, rate)
-    chart = BandChart(stream, f"{view}/bands", rate, of_cam(turn.cam))
-    chart.draw_once(bands)
+    BandChart(canvas, f"{view}/bands", rate, of_cam(turn.cam)).draw_once(bands)

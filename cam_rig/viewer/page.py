@@ -8,22 +8,23 @@ from __future__ import annotations
 import time
 from bisect import bisect_left
 from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
 from threading import Event
 from urllib.parse import parse_qs
 
+from cam_rig.errors import CamRigError
+from cam_rig.files import MIB
 from cam_rig.interrupts import interruptible
 from cam_rig.units import NS
 
 #: The timeline of the cursor, as `cam_rig.viewer.timeline` has it, which imports Rerun.
 TIMELINE = "rig_time"
-
 #: What a page asks for to say which rig time (ns) it shows, -1 while it shows none; the answer is
 #: the name of what it is to show.
 SHOWN_PATH = "/shown"
-
 #: Wall time (s) between two reports of a page, and two looks at whether it has data yet.
 REPORT_EVERY_S, LOOK_EVERY_S = 1.0, 0.1
-
 #: Field 3 of the state are the recordings, in each 3 the time cursor, with its timeline's name in
 #: 1.1 and the time (ns) in 3.1, which is left out where it is 0.
 _READ = """
@@ -56,7 +57,6 @@ function shownTime() {
   } catch { return undefined; }
   return shown;
 }""".replace("TIMELINE", TIMELINE)
-
 _REPORT = """
 let followed = "";
 setInterval(async () => {
@@ -71,7 +71,6 @@ setInterval(async () => {
     dispatchEvent(new Event("hashchange")); // a page at rest draws when something happens
   } catch { /* the server has gone */ }
 }, PERIOD);""".replace("PATH", SHOWN_PATH).replace("PERIOD", f"{1e3 * REPORT_EVERY_S:.0f}")
-
 #: Asked again until it is there: a file that is still loading puts the cursor back to its start.
 _BEGIN = """
 let asked = false;
@@ -121,12 +120,7 @@ def _varint(value: int) -> bytes:
 
 
 class PageTime:
-    """What pages have said so far; one thread says it, another asks.
-
-    Parameters
-    ----------
-    clock : wall time, s
-    """
+    """What pages have said so far; one thread says it, another asks."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock, self._open = clock, Event()
@@ -177,3 +171,64 @@ class PageTime:
             return None
         when, late = self._reported
         return late + max(0.0, self._clock() - when - REPORT_EVERY_S)
+
+
+# A live picture's folder, which is this user's alone: recordings, and how far a page is behind.
+# The viewer's node writes it, and the process that serves the page reads it; no port is needed.
+
+#: The file in which the server writes the page's delay, s.
+BEHIND = "behind"
+#: Bytes of a part of a recording, and parts that are kept beside the first: 0.4 GB in all.
+MAX_PART, KEPT_PARTS = 64 * MIB, 5
+
+
+def new_recording(folder: Path) -> Path:
+    """The first part of a run's recording, in the place of those before."""
+    if not folder.is_dir():
+        raise CamRigError(f"{folder}: no page reads it; allowed: a folder that one is served from")
+    for old in folder.glob("*.rrd"):  # who reads it still has it open
+        old.unlink(missing_ok=True)
+    return folder / f"{time.time_ns()}_{0:06}.rrd"
+
+
+def next_part(part: Path) -> Path | None:
+    """The part in which a recording goes on when one is full; None while it is not.
+
+    The first, which has what does not change, stays; of the others the newest.
+    """
+    if not part.exists() or part.stat().st_size < MAX_PART:
+        return None
+    run, number = part.stem.split("_")
+    following = int(number) + 1
+    if following > KEPT_PARTS:
+        part.with_name(f"{run}_{following - KEPT_PARTS:06}.rrd").unlink(missing_ok=True)
+    return part.with_name(f"{run}_{following:06}.rrd")
+
+
+def newest_recording(folder: Path) -> Path | None:
+    """The first part of the present run's recording, or of the last's; None before the first."""
+    return max(folder.glob("*_000000.rrd"), default=None)
+
+
+def part_after(part: Path) -> Path | None:
+    """The part that is there after one, None where that is the newest; between may be a gap."""
+    run = part.stem.split("_")[0]
+    return min((p for p in part.parent.glob(f"{run}_*.rrd") if p > part), default=None)
+
+
+def write_delay(folder: Path, behind: float | None) -> None:
+    """Keep how far (s) the page is behind; nothing while it is not known."""
+    if behind is not None:
+        (folder / BEHIND).write_text(f"{behind:.3f}", encoding="ascii")
+
+
+def page_delay(folder: Path) -> float | None:
+    """How far (s) the page is behind by its last report; one that is overdue adds to it.
+
+    None while nothing is known.
+    """
+    file = folder / BEHIND
+    with suppress(OSError, ValueError):  # not written yet, or just now
+        late = float(file.read_text(encoding="ascii"))
+        return late + max(0.0, time.time() - file.stat().st_mtime - REPORT_EVERY_S)
+    return None

@@ -14,13 +14,12 @@ from pathlib import Path
 
 from cam_rig.errors import CamRigError
 from cam_rig.interrupts import interruptible
-from cam_rig.live.sockets import require_loopback
+from cam_rig.live.sockets import LOOPBACK, require_loopback
 
 ADVICE = (
     "use --web for a browser, or --save FILE.rrd and open the file where there is a screen, "
     "with: rerun FILE.rrd"
 )
-
 #: Becomes the viewer itself, which the kernel ends with us however we end (PR_SET_PDEATHSIG).
 COMMAND = """
 import ctypes, os, signal, sys
@@ -32,18 +31,12 @@ ctypes.CDLL(None).prctl(1, signal.SIGTERM)
 viewer = str(Path(cli.__file__).parent / "rerun")
 os.execv(viewer, [viewer, *sys.argv[1:]])
 """
-
 #: Only this machine is served.
-HOST = "127.0.0.1"
-
-OPTIONS = ("--bind", HOST, "--hide-welcome-screen")
-
+OPTIONS = ("--bind", LOOPBACK, "--hide-welcome-screen")
 #: Wall time (s) that the viewer has to listen.
 TIMEOUT_S = 30.0
-
 #: Wall time (s) that it has to end, once asked.
 END_S = 3.0
-
 #: The viewer reports no usage where CI is set. Its own switch would change the user's settings.
 SILENT = {"RUST_LOG": "error", "CI": "1"}
 
@@ -125,16 +118,16 @@ def window() -> Iterator[tuple[subprocess.Popen[bytes], str]]:
 def free_port() -> int:
     """A port of this machine that nobody listens at."""
     with socket.socket() as listener:
-        listener.bind((HOST, 0))
+        listener.bind((LOOPBACK, 0))
         return int(listener.getsockname()[1])
 
 
 def stream_address(port: int) -> str:
     """Where a live run is sent."""
-    return f"rerun+http://{HOST}:{port}/proxy"
+    return f"rerun+http://{LOOPBACK}:{port}/proxy"
 
 
 def _open(port: int) -> bool:
     with socket.socket() as caller:
         caller.settimeout(0.5)
-        return caller.connect_ex((HOST, port)) == 0
+        return caller.connect_ex((LOOPBACK, port)) == 0

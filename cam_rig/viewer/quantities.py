@@ -23,7 +23,7 @@ from cam_rig.show.chart import round_range
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.simulate import turned_ticks
 from cam_rig.units import NS, RPM_PER_RAD_S, TURN, FloatArray
-from cam_rig.viewer.timeline import Times, time_columns
+from cam_rig.viewer.timeline import Canvas
 
 # Time series: which curves there are, and sending samples as columns without hiding a peak.
 
@@ -70,21 +70,13 @@ class Mark:
 
 
 LIFT_LINE = SeriesLine("plots/lift/follower", "follower", colours.LIFT, factor=1e3, width=4.5)
-
 LAW = SeriesLine("plots/lift/law", "law", colours.LAW, factor=1e3, width=1.2)
-
 VELOCITY_LINE = SeriesLine("plots/velocity/follower", "velocity", colours.VELOCITY)
-
 ACCELERATION_LINE = SeriesLine("plots/acceleration/follower", "acceleration", colours.ACCELERATION)
-
 FORCE_LINE = SeriesLine("plots/force/contact", "contact force", colours.FORCE)
-
 ZERO = SeriesLine("plots/force/zero", "0 N", colours.ZERO, width=1.6)
-
 GAP_LINE = SeriesLine("plots/gap", "gap", colours.GAP, factor=1e6)
-
 TWIST_LINE = SeriesLine("plots/twist", "twist", colours.TWIST, factor=360.0 / TURN)
-
 LEVEL = SeriesLine(
     "plots/level",
     "sound pressure level [dB]",
@@ -93,7 +85,6 @@ LEVEL = SeriesLine(
     interpolation=InterpolationMode.StepBefore,
     aggregation=AggregationPolicy.Off,
 )
-
 SPEED = SeriesLine(
     "plots/speed",
     "cam speed [rpm]",
@@ -103,10 +94,8 @@ SPEED = SeriesLine(
     interpolation=InterpolationMode.StepAfter,
     aggregation=AggregationPolicy.Off,
 )
-
 #: Lift-off and landing.
 LIFT_OFF = Mark("plots/lift/lift_off", "lift-off", colours.LIFT_OFF)
-
 LANDING = Mark("plots/lift/landing", "landing", colours.LANDING)
 
 
@@ -130,15 +119,14 @@ class SeriesWriter:
     ``bucket`` 1 keeps every sample; else the minimum and the maximum of every ``bucket`` are kept.
     """
 
-    stream: rr.RecordingStream
+    canvas: Canvas
     series: SeriesLine | Mark
     bucket: int = 1
-    times: Times = time_columns
     _parts: list[FloatArray] = field(default_factory=list)
     _rows: int = 0
 
     def __post_init__(self) -> None:
-        self.stream.log(self.series.entity, self.series.style(), static=True)
+        self.canvas.always(self.series.entity, self.series.style())
 
     def add(self, time: FloatArray, angle: FloatArray, values: FloatArray) -> None:
         """Take ``values`` (SI) at ``time`` (s) and unwrapped cam ``angle`` (rad)."""
@@ -155,7 +143,7 @@ class SeriesWriter:
         if self._parts:
             time, angle, values = np.concatenate(self._parts, axis=1)
             columns = rr.Scalars.columns(scalars=values)
-            self.stream.send_columns(self.series.entity, self.times(time, angle), columns)
+            self.canvas.rows(self.series.entity, self.canvas.times(time, angle), columns)
         self._parts, self._rows = [], 0
 
 
@@ -186,7 +174,6 @@ class ShaftTwist:
 
 #: From and to, and step, of an axis, in the unit shown.
 Range = tuple[float, float, float]
-
 Ranges = Mapping[str, Range]
 
 
@@ -200,23 +187,15 @@ class Drawn:
 
 
 LIFT = Drawn("lift", "Lift [mm]", LIFT_LINE)
-
 VELOCITY = Drawn("velocity", "Velocity [m/s]", VELOCITY_LINE)
-
 ACCELERATION = Drawn("acceleration", "Acceleration [m/s²]", ACCELERATION_LINE)
-
 FORCE = Drawn("force", "Contact force [N]", FORCE_LINE)
-
 GAP = Drawn("gap", "Gap [µm]", GAP_LINE)
-
 TWIST = Drawn("twist", "Twist of the shaft [°]", TWIST_LINE)
-
 #: Turns at each speed, at most, that the axes of a scene are found from.
 MAX_TURNS = 50
-
 #: Key of the axis on which the smallest of a scene's gaps can be seen beside its greatest.
 CLOSE_GAP = "close_gap"
-
 #: A gap (µm) that is worth an axis of its own, that axis over it, and over the axis of all gaps.
 MIN_GAP, CLOSE, MAX_SHARE = 1.0, 4.0, 0.2
 

@@ -26,8 +26,9 @@ from cam_rig.show.chart import APPLICATION, name_recording, require_free, rrd_st
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState, cam_states, run_length
 from cam_rig.units import NS, FloatArray
-from cam_rig.viewer.blueprint import Layout, ViewOptions, blueprint, compared_rpm, playback_begin
-from cam_rig.viewer.live_folder import new_recording, next_part, page_delay
+from cam_rig.viewer import Layout, ViewOptions
+from cam_rig.viewer.blueprint import blueprint, compared_rpm, playback_begin
+from cam_rig.viewer.page import new_recording, next_part, page_delay
 from cam_rig.viewer.quantities import scene_ranges
 from cam_rig.viewer.run_recorder import RunRecorder
 from cam_rig.viewer.timeline import FramePace
@@ -134,10 +135,8 @@ class RunFeed:
 
 #: A run of fewer samples is shown whole.
 WHOLE_BELOW = 1_000_000
-
 #: Buckets per curve of a longer run; each gives its minimum and its maximum.
 BUCKETS = 250_000
-
 TOPICS = (
     topics.CAM_STATE,
     topics.PROFILE,
@@ -158,30 +157,20 @@ def save_recording(
 ) -> float:
     """Write a bag as a Rerun recording, a ``.rrd`` file that appears when it is complete.
 
-    Gives the rig time (s) from which it is played.
-
-    Parameters
-    ----------
-    view_options : how it is wanted
-    loaded : the scene that was run, for a bag without one attached
-    overwrite : replace the file when it exists
-    on_tick : called after each tick
+    Gives the rig time (s) from which it is played. ``loaded`` is the scene that was run, for a bag
+    without one attached; ``on_tick`` is called after each tick.
     """
     require_free(path, overwrite)
     loaded, view_options = loaded or read_scene(bag), view_options or ViewOptions()
     duration, rpm = run_duration(bag, loaded), compared_rpm(loaded, view_options.rpm)
     samples = round(duration * loaded.scene.sample_rate.si)
-    whole, bucket = (
-        view_options.layout is Layout.RUN,
-        1 if view_options.all_samples else bucket_for(samples, WHOLE_BELOW),
-    )
-    ranges = scene_ranges(loaded)
+    bucket = 1 if view_options.all_samples else bucket_for(samples, WHOLE_BELOW)
+    whole, ranges = view_options.layout is Layout.RUN, scene_ranges(loaded)
     plan = blueprint(view_options.layout, loaded, duration, bucket, rpm, ranges.whole)
     with rrd_stream(path, APPLICATION, plan) as stream:
         name_recording(stream, f"{loaded.scene.title} ({bag.name})")
-        feed_bag(
-            bag, loaded, RunFeed(RunRecorder(stream, loaded, bucket, rpm, ranges, whole)), on_tick
-        )
+        recorder = RunRecorder(stream, loaded, bucket, rpm, ranges, whole)
+        feed_bag(bag, loaded, RunFeed(recorder), on_tick)
     return playback_begin(loaded, duration) if whole else 0.0
 
 
@@ -233,14 +222,11 @@ def polygon(message: Any) -> FloatArray:
 
 #: Two points of a curve are all that a screen shows at one place along it: so many places.
 ACROSS_SCREEN = 1000
-
 #: Rig time (s) before the newest sample that the curves show at least: some turns, and what is
 #: sent at once to the slowest page.
 MIN_WINDOW_S = 2.0
-
 #: Wall time (s) between blocks of columns, at least.
 SEND_EVERY_S = 0.25
-
 #: Wall time (s) to send the rest at the end.
 TIMEOUT_S = 8.0
 
@@ -248,10 +234,7 @@ TIMEOUT_S = 8.0
 class LiveView:
     """A feed that a viewer shows at once.
 
-    Parameters
-    ----------
-    address : the viewer's, ``rerun+http://127.0.0.1:9876/proxy`` for one, or the folder that a
-        page reads
+    Its address is ``rerun+http://127.0.0.1:9876/proxy`` for one, or the folder that a page reads.
     """
 
     def __init__(self, loaded: LoadedScene, address: str) -> None:

@@ -7,18 +7,17 @@ import math
 import numpy as np
 import rerun as rr
 
-from cam_rig.dynamics import Samples
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.simulation.simulate import MeasuredTick
 from cam_rig.units import NS, FloatArray
 from cam_rig.viewer import level_chart
 from cam_rig.viewer.level_chart import LevelChart
-from cam_rig.viewer.quantities import SceneRanges
+from cam_rig.viewer.quantities import TORSIONAL, SceneRanges, ShaftTwist
 from cam_rig.viewer.run_view import ResultTable, RunView, about
 from cam_rig.viewer.timeline import (
+    Canvas,
     FramePace,
-    Times,
     TurnCollector,
     rig_time_alone,
     sample_angles,
@@ -35,11 +34,8 @@ class RunRecorder:
 
     Parameters
     ----------
-    stream : where to draw
-    loaded : the scene that was run
     bucket : samples of which the minimum and the maximum are kept, 1 for all
     compared : speed (rpm) at which the cams are laid over each other and put side by side
-    ranges : axis of each quantity that is drawn over the turn
     whole : draw the run itself too; else only the results of its turns and speeds
     pace : of a live run, how many pictures of cam and follower may be sent; None for a finished
         one, whose results are there at every time
@@ -57,28 +53,27 @@ class RunRecorder:
         pace: FramePace | None = None,
         send_every: float = SEND_EVERY_S,
     ) -> None:
-        self._stream, self._loaded, self._compared = stream, loaded, compared
-        self._ranges = ranges
+        self._canvas = Canvas(stream, time_columns if pace is None else rig_time_alone)
+        self._loaded, self._compared, self._ranges = loaded, compared, ranges
         self._grows, self._finished, self._send_every = whole, pace is None, send_every
-        self._times: Times = time_columns if pace is None else rig_time_alone
-        self._run_view = (
-            RunView(stream, loaded, bucket, ranges, self._times, pace) if whole else None
-        )
-        self._levels = LevelChart(stream, loaded, self._times)
+        self._run_view = RunView(self._canvas, loaded, bucket, ranges, pace) if whole else None
+        self._levels = LevelChart(self._canvas, loaded)
         self._results = ResultTable(loaded)
         self._turns = TurnCollector(loaded.scene.program.ticks_per_turn)
+        shaft = whole and loaded.scene.model == TORSIONAL
+        self._twist = ShaftTwist(loaded) if shaft else None
         self._without_sound: dict[int, tuple[CamState, CamState]] = {}
         self._last: tuple[CamState, CamState] | None = None
         self._newest_sound: CamState | None = None
         self._sent = 0
         #: The contour of each cam received so far, ``(n, 2)`` in its own frame, m.
         self.profiles: dict[str, FloatArray] = {}
-        level_chart.draw_turn_axes(stream, loaded, compared, ranges.whole)
+        level_chart.draw_turn_axes(self._canvas, loaded, compared, ranges.whole)
         words = rr.TextDocument(about(loaded, bucket), media_type="text/markdown")
-        stream.log(ABOUT, words, static=True)
+        self._canvas.always(ABOUT, words)
         if not self._finished:
             markdown = rr.TextDocument.from_fields(media_type="text/markdown")
-            stream.log(RESULTS, markdown, static=True)
+            self._canvas.always(RESULTS, markdown)
 
     def tick(self, start: CamState, end: CamState, rows: FloatArray) -> None:
         """Draw one tick; ``rows`` are the ``(6, n)`` samples of its block."""
@@ -86,14 +81,16 @@ class RunRecorder:
         if (start.cam, start.speed) != (last.cam, last.speed):
             self._finish_step()
         self._last = self._without_sound[end.time_ns] = (start, end)
-        angle = sample_angles(start, end, Samples(rows).time)
-        if self._run_view is not None:
-            self._run_view.tick(start, end, angle, rows, self.profiles[start.cam])
+        angle, turn = sample_angles(start, end, rows[0]), None
+        if self._twist is not None:
+            rows = np.vstack([rows, self._twist.tick(start.cam, start.until(end), rows[0])])
         if start.holds_until(end):
             self._turns.add(start, angle, rows)
             turn = self._turns.turn()
-            if turn is not None:
-                self._results.motion(turn)
+        if self._run_view is not None:
+            self._run_view.tick(start, end, angle, rows, turn, self.profiles[start.cam])
+        if turn is not None:
+            self._results.motion(turn)
         if (end.time_ns - self._sent) / NS >= self._send_every:
             self.flush()
 
@@ -133,8 +130,7 @@ class RunRecorder:
     def _say(self, state: str, at: CamState) -> None:
         """Show the results of a live run so far, and whether it goes on."""
         columns = rr.TextDocument.columns(text=[self._results.words(state)])
-        times = self._times(np.array([at.time_ns / NS]), np.array([at.unwrapped]))
-        self._stream.send_columns(RESULTS, times, columns)
+        self._canvas.rows(RESULTS, self._canvas.state(at), columns)
 
     def close(self) -> None:
         """Send what is left, and finish the last step."""
@@ -146,7 +142,7 @@ class RunRecorder:
         if self._finished:
             self._levels.finish()
             words = rr.TextDocument(self._results.words(), media_type="text/markdown")
-            self._stream.log(RESULTS, words, static=True)
+            self._canvas.always(RESULTS, words)
         elif self._last is not None:
             self._say("finished", self._last[1])
 
@@ -154,6 +150,6 @@ class RunRecorder:
         """Lay the step's last turn over those of the other cams."""
         turn = self._turns.turn()
         if turn is not None and math.isclose(turn.rpm, self._compared, rel_tol=1e-9):
-            level_chart.draw_turn(self._stream, self._loaded, turn, self._ranges.whole)
+            level_chart.draw_turn(self._canvas, self._loaded, turn, self._ranges.whole)
             profile = self.profiles[turn.cam]
-            level_chart.draw_side_by_side(self._stream, self._loaded, turn, profile)
+            level_chart.draw_side_by_side(self._canvas, self._loaded, turn, profile)

@@ -11,7 +11,6 @@ import math
 import numpy as np
 import rerun as rr
 
-from cam_rig.dynamics import MODELS, Samples
 from cam_rig.laws.sampling import sample
 from cam_rig.schema.quantity import ORIGINS, Quantity
 from cam_rig.show import looks as colours
@@ -19,19 +18,29 @@ from cam_rig.show.looks import four_digits, shortened
 from cam_rig.simulation.scene import RELATIVE_NOTE, LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, TURN, FloatArray, to_rpm
-from cam_rig.viewer import quantities
 from cam_rig.viewer.level_chart import BandChart, third_octaves
 from cam_rig.viewer.quantities import (
-    TORSIONAL,
+    ACCELERATION_LINE,
+    FORCE_LINE,
+    GAP_LINE,
+    LANDING,
+    LAW,
+    LEVEL,
+    LIFT_LINE,
+    LIFT_OFF,
+    SPEED,
+    TWIST_LINE,
+    VELOCITY_LINE,
+    ZERO,
     Mark,
     SceneRanges,
     SeriesLine,
     SeriesWriter,
-    ShaftTwist,
+    drawn_of,
     gap_of,
 )
 from cam_rig.viewer.scene2d import Scene2D, frame_mask
-from cam_rig.viewer.timeline import FramePace, Times, Turn, TurnCollector, lift_offs, time_columns
+from cam_rig.viewer.timeline import Canvas, FramePace, Turn, lift_offs
 from cam_rig.viewer.turn_chart import MAX_TITLE, TurnChart
 
 # The time series of a run, tick by tick.
@@ -41,45 +50,15 @@ LIFT_OF_LAW = np.array([[1.0, 0.0, 0.0]])
 
 
 class TimeSeries:
-    """Writes the curves and the marks on them.
+    """Writes the curves and the marks on them, of every ``bucket`` samples least and greatest."""
 
-    Parameters
-    ----------
-    bucket : samples of which the minimum and the maximum are kept, 1 for all
-    times : the timelines of the curves
-    """
-
-    def __init__(
-        self,
-        stream: rr.RecordingStream,
-        loaded: LoadedScene,
-        bucket: int,
-        times: Times = time_columns,
-    ) -> None:
+    def __init__(self, canvas: Canvas, loaded: LoadedScene, bucket: int) -> None:
         self._loaded, self._flew = loaded, False
-        thinned = [
-            quantities.LIFT_LINE,
-            quantities.LAW,
-            quantities.VELOCITY_LINE,
-            quantities.ACCELERATION_LINE,
-            quantities.FORCE_LINE,
-        ]
-        if MODELS[loaded.scene.model].lifts_off:
-            thinned.append(quantities.GAP_LINE)
-        if loaded.scene.model == TORSIONAL:
-            thinned.append(quantities.TWIST_LINE)
-        whole = (
-            quantities.ZERO,
-            quantities.SPEED,
-            quantities.LEVEL,
-            quantities.LIFT_OFF,
-            quantities.LANDING,
-        )
-        self._writers: dict[SeriesLine | Mark, SeriesWriter] = {}
-        for line in thinned:
-            self._writers[line] = SeriesWriter(stream, line, bucket, times)
-        for curve in whole:
-            self._writers[curve] = SeriesWriter(stream, curve, times=times)
+        thinned = [LAW, *(row.line for row in drawn_of(loaded.scene.model))]
+        self._writers: dict[SeriesLine | Mark, SeriesWriter] = {
+            **{line: SeriesWriter(canvas, line, bucket) for line in thinned},
+            **{one: SeriesWriter(canvas, one) for one in (ZERO, SPEED, LEVEL, LIFT_OFF, LANDING)},
+        }
 
     def tick(self, start: CamState, end: CamState, angle: FloatArray, rows: FloatArray) -> None:
         """Take one tick: unwrapped cam ``angle`` (rad) and rows at its samples.
@@ -88,46 +67,43 @@ class TimeSeries:
         """
         time, lift, velocity, acceleration, force, impulse = rows[:6]
         law = self._law(start, end, angle)
-        for line, values in (
-            (quantities.LIFT_LINE, lift),
-            (quantities.LAW, law),
-            (quantities.VELOCITY_LINE, velocity),
-            (quantities.ACCELERATION_LINE, acceleration),
-            (quantities.FORCE_LINE, force),
-        ):
+        drawn = {
+            LIFT_LINE: lift,
+            LAW: law,
+            VELOCITY_LINE: velocity,
+            ACCELERATION_LINE: acceleration,
+            FORCE_LINE: force,
+        }
+        if GAP_LINE in self._writers:
+            drawn[GAP_LINE] = np.where(force == 0.0, lift - law, 0.0)
+        if TWIST_LINE in self._writers:
+            drawn[TWIST_LINE] = rows[6]
+        for line, values in drawn.items():
             self._writers[line].add(time, angle, values)
-        if quantities.GAP_LINE in self._writers:
-            gap = np.where(force == 0.0, lift - law, 0.0)
-            self._writers[quantities.GAP_LINE].add(time, angle, gap)
-        if quantities.TWIST_LINE in self._writers:
-            self._writers[quantities.TWIST_LINE].add(time, angle, rows[6])
-        ends = (
-            np.array([start.time_ns, end.time_ns]) / NS,
-            np.array([start.unwrapped, end.unwrapped]),
-        )
-        self._writers[quantities.ZERO].add(*ends, np.zeros(2))
-        self._writers[quantities.SPEED].add(ends[0][:1], ends[1][:1], np.array([start.speed]))
+        self._add(ZERO, start, 0.0)
+        self._add(ZERO, end, 0.0)
+        self._add(SPEED, start, start.speed)
         left, met = lift_offs(force, self._flew), impulse > 0.0
         self._flew = bool(force[-1] == 0.0)
-        self._writers[quantities.LIFT_OFF].add(time[left], angle[left], lift[left])
-        self._writers[quantities.LANDING].add(time[met], angle[met], lift[met])
+        for mark, there in ((LIFT_OFF, left), (LANDING, met)):
+            self._writers[mark].add(time[there], angle[there], lift[there])
 
     def level(self, end: CamState, level: float) -> None:
         """Take the level (dB) of the tick that ended with a state."""
-        self._add(quantities.LEVEL, end, level)
+        self._add(LEVEL, end, level)
 
     def stop(self, end: CamState, speed: float) -> None:
         """Draw the speed (rad/s) up to the end of the run."""
-        self._add(quantities.SPEED, end, speed)
+        self._add(SPEED, end, speed)
 
     def flush(self) -> None:
         """Send what was collected."""
         for writer in self._writers.values():
             writer.flush()
 
-    def _add(self, line: quantities.SeriesLine, at: CamState, value: float) -> None:
-        place = np.array([at.time_ns / NS]), np.array([at.unwrapped])
-        self._writers[line].add(*place, np.array([value]))
+    def _add(self, line: SeriesLine, at: CamState, value: float) -> None:
+        at_end = np.array([at.time_ns / NS]), np.array([at.unwrapped])
+        self._writers[line].add(*at_end, np.array([value]))
 
     def _law(self, start: CamState, end: CamState, angle: FloatArray) -> FloatArray:
         law, step = self._loaded.laws[start.cam], start.speed / self._loaded.scene.sample_rate.si
@@ -140,36 +116,22 @@ EVENTS, BANDS = "events", "bands"
 
 
 class RunView:
-    """Draws a run tick by tick.
-
-    Parameters
-    ----------
-    bucket : samples of which the minimum and the maximum are kept, 1 for all
-    ranges : axis of each quantity that is drawn over the turn
-    times : the timelines of all that is drawn
-    pace : of a live run, how many pictures of cam and follower may be sent
-    """
+    """Draws a run tick by tick; ``pace`` as in `RunRecorder`."""
 
     def __init__(
         self,
-        stream: rr.RecordingStream,
+        canvas: Canvas,
         loaded: LoadedScene,
         bucket: int,
         ranges: SceneRanges,
-        times: Times = time_columns,
-        pace: FramePace | None = None,
+        pace: FramePace | None,
     ) -> None:
-        self._stream, self._loaded, self._rate = stream, loaded, loaded.scene.sample_rate.si
-        self._times = times
-        self._time_series = TimeSeries(stream, loaded, bucket, times)
-        self._turns = TurnCollector(loaded.scene.program.ticks_per_turn)
+        self._canvas, self._loaded, self._rate = canvas, loaded, loaded.scene.sample_rate.si
+        self._time_series = TimeSeries(canvas, loaded, bucket)
         self._last: CamState | None = None
-        self._bands = BandChart(stream, BANDS, self._rate, colours.BANDS, times)
-        self._turn_chart = TurnChart(stream, loaded, ranges, times, every=pace is None)
-        self._scene = Scene2D(
-            stream, loaded, times=times, pace=pace, cursor=self._turn_chart.move_cursor
-        )
-        self._twist = ShaftTwist(loaded) if loaded.scene.model == TORSIONAL else None
+        self._bands = BandChart(canvas, BANDS, self._rate, colours.BANDS)
+        self._turn_chart = TurnChart(canvas, loaded, ranges, every=pace is None)
+        self._scene = Scene2D(canvas, loaded, pace=pace, cursor=self._turn_chart.move_cursor)
         self._heard, self._whole = list[tuple[CamState, Turn]](), pace is None
         self._events: list[tuple[float, float, str, str]] = []
 
@@ -179,27 +141,21 @@ class RunView:
         end: CamState,
         angle: FloatArray,
         rows: FloatArray,
+        turn: Turn | None,
         profile: FloatArray,
     ) -> None:
-        """Draw one tick: unwrapped cam ``angle`` (rad), ``(6, n)`` rows, the cam's contour."""
+        """Draw one tick as `TimeSeries.tick`, the newest whole turn, the cam's contour (m)."""
         self._change(start, profile)
-        block = Samples(rows)
-        time, lift, force, impulse = block.time, block.lift, block.force, block.impulse
-        if self._twist is not None:
-            rows = np.vstack([rows, self._twist.tick(start.cam, start.until(end), time)])
+        time, lift, _, _, force, impulse = rows[:6]
         self._time_series.tick(start, end, angle, rows)
         frame = frame_mask(angle, start.until(end).mean_speed / self._rate)
         if frame.any():
             self._scene.frames(time[frame], angle[frame], lift[frame], force[frame])
         landed = impulse > 0.0
         for row in zip(time[landed], angle[landed], impulse[landed], strict=True):
-            turn, within = divmod(row[1], TURN)
-            words = f"landing at {math.degrees(within):.1f}° of turn {int(turn) + 1}"
+            turns, within = divmod(row[1], TURN)
+            words = f"landing at {math.degrees(within):.1f}° of turn {int(turns) + 1}"
             self._events.append((*row[:2], f"{words}, {row[2]:.3g} N·s", "INFO"))
-        if not start.holds_until(end):
-            return
-        self._turns.add(start, angle, rows)
-        turn = self._turns.turn()
         if turn is not None:
             self._heard.append((end, turn))
             self._turn_chart.add(end, turn)
@@ -231,8 +187,8 @@ class RunView:
         if self._events:
             time, angle, words, levels = zip(*self._events, strict=True)
             columns = rr.TextLog.columns(text=words, level=levels)
-            times = self._times(np.array(time), np.array(angle))
-            self._stream.send_columns(EVENTS, times, columns)
+            times = self._canvas.times(np.array(time), np.array(angle))
+            self._canvas.rows(EVENTS, times, columns)
         self._events = []
 
     def _change(self, state: CamState, profile: FloatArray) -> None:

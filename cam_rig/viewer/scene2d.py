@@ -32,30 +32,24 @@ from cam_rig.show.looks import (
 from cam_rig.simulation.scene import LoadedScene, max_contact_force
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import TURN, FloatArray, to_rpm
-from cam_rig.viewer.timeline import FramePace, Times, time_columns
+from cam_rig.viewer.timeline import Canvas, FramePace
 
 # How large cam and follower are drawn: each fills its view, whatever its size.
 
 #: The ring of degrees around a cam, over the cam's greatest radius; what its numbers need.
 RING, AROUND = 1.04, 1.09
-
 #: A stem's end over its bearing, as a share of the follower's reach.
 STEM_END = 0.04
-
 #: Room below the ring for a line of words and the bar of a force, over its radius.
 WORDS = 0.36
-
 #: Room for a follower in flight above the law's greatest lift: a share of that, and of the
 #: follower's reach, where that is more.
 FLIGHT, FLIGHT_OF_REACH = 0.3, 0.05
-
 #: Room at the lower edge and at either side of the view, over its height.
 MARGIN, SIDE = 0.03, 0.01
-
 #: Lifts at which the follower is looked at for what it covers, and its distance from a number
 #: that it leaves free, over the ring's radius.
 PLACES, CLEAR = 13, 0.14
-
 #: The arrow of the greatest force, as a share of the picture's height.
 ARROW = 0.22
 
@@ -64,11 +58,7 @@ ARROW = 0.22
 class Framing:
     """A cam with its follower in its view; lengths in mm, as the cam is.
 
-    Parameters
-    ----------
-    shape : the follower
-    ring : radius of the ring of degrees
-    low, high : ``(2,)`` corners of all that is drawn
+    It has the radius of the ring of degrees, and the ``(2,)`` corners of all that is drawn.
     """
 
     shape: FollowerShape
@@ -157,18 +147,10 @@ def readings(
     pressure_angle: FloatArray,
     max_lift: float = math.inf,
 ) -> list[str]:
-    """Markdown of each of many frames; arrays ``(n,)``.
+    """Markdown of each of n frames: rad, m and N ``(n,)``; a gap of 0 is contact.
 
-    Parameters
-    ----------
-    angle, pressure_angle : rad
-    rpm : 1/min
-    lift, gap : m; a gap of 0 is contact
-    force : N
-    max_lift : of the picture, m; a follower above it is drawn there
+    ``max_lift`` (m) is that of the picture: a follower above it is drawn there.
 
-    Examples
-    --------
     >>> one = np.ones(1)
     >>> print(readings(one, 400.0, 5e-3 * one, 117.0 * one, 0.0 * one, 0.2 * one)[0])
     ```
@@ -210,20 +192,10 @@ def _lines(left: tuple[str, str, str], right: tuple[str, str, str]) -> str:
     return "\n".join(["```", *lines, "```"])
 
 
-def send_readings(
-    stream: rr.RecordingStream, entity: str, at: list[rr.TimeColumn], words: list[str]
-) -> None:
-    """Show them, each at its time."""
-    columns = rr.TextDocument.columns(text=words, media_type=["text/markdown"] * len(words))
-    stream.send_columns(entity, at, columns)
-
-
 #: What the view shows; the rig hangs below, for a view is not moved by its own transform.
 VIEW = "scene"
-
 #: Frames per turn, so that slow motion is smooth at every speed.
 FRAMES_PER_TURN = 72
-
 #: Radii on the screen: Rerun takes a negative one as points, not as mm.
 LINE, THIN, THICK, SHAFT, UNSEEN = -1.5, -0.7, -2.5, -3.0, -0.1
 
@@ -237,42 +209,37 @@ def frame_mask(angle: FloatArray, step: float) -> NDArray[np.bool_]:
 class Scene2D:
     """Draws into a recording: a cam when it is mounted, then frames of cam and follower.
 
-    Parameters
-    ----------
-    stream, loaded : where to draw, and what runs
-    view : the entity that the view shows
-    times : the timelines of its frames
-    pace : of a live run, how many frames may be sent; None sends all
-    scale : force (N) of the longest arrow; by default the greatest in contact at each speed
-    cursor : is told the timelines' columns and the cam angles of the frames sent
-
     Every cam is drawn as large as the largest of the scene, whatever its own size.
+
+    ``view`` is the entity that the view shows; ``pace`` says of a live run how many frames may be
+    sent, None sends all; ``scale`` is the force (N) of the longest arrow, by default the greatest
+    in contact at each speed; ``cursor`` is told the timelines' columns and the cam angles of the
+    frames sent.
     """
 
     def __init__(
         self,
-        stream: rr.RecordingStream,
+        canvas: Canvas,
         loaded: LoadedScene,
         view: str = VIEW,
-        times: Times = time_columns,
         pace: FramePace | None = None,
         scale: float | None = None,
         cursor: Callable[[list[rr.TimeColumn], FloatArray], None] | None = None,
     ) -> None:
-        self._stream, self._loaded, self._times, self._pace = stream, loaded, times, pace
+        self._canvas, self._loaded, self._pace = canvas, loaded, pace
         self._view, self._root, self._cursor = view, f"{view}/rig", cursor
         self._framed = framings(loaded)
         self._highest = max(one.height for one in self._framed.values())
         self._scale = scale
         self._waiting = list[FloatArray]()
         shaft = rr.Points2D([[0.0, 0.0]], colors=colours.GREY, radii=SHAFT)
-        stream.log(f"{self._root}/shaft", shaft, static=True)
+        canvas.always(f"{self._root}/shaft", shaft)
         body_style = rr.LineStrips2D.from_fields(draw_order=19.0)  # behind all other lines
-        stream.log(f"{self._root}/cam/body", body_style, static=True)
+        canvas.always(f"{self._root}/cam/body", body_style)
         gap = rr.LineStrips2D.from_fields(colors=colours.GAP, radii=THICK)
-        stream.log(f"{self._root}/gap", gap, static=True)
+        canvas.always(f"{self._root}/gap", gap)
         force = rr.Arrows2D.from_fields(colors=colours.FORCE, radii=THICK)
-        stream.log(f"{self._root}/force", force, static=True)
+        canvas.always(f"{self._root}/force", force)
 
     def mount(self, state: CamState, profile: FloatArray) -> None:
         """Put a cam in place of the one before; ``profile`` ``(n, 2)`` in its own frame, m."""
@@ -282,7 +249,7 @@ class Scene2D:
         zoom = self._highest / framing.height
         # A plane in Rerun has y down; widths grow as the third root of the determinant.
         flip = rr.Transform3D.columns(mat3x3=np.diag([zoom, -zoom, zoom])[None])
-        self._stream.send_columns(self._root, self._at(state), flip)
+        self._canvas.rows(self._root, self._canvas.state(state), flip)
         outline, base = closed(profile) * MM, self._loaded.cams[state.cam].follower.base_radius.si
         colour, mark = of_cam(state.cam), np.stack([np.zeros(2), outline[0]])
         filled, half = body(outline)
@@ -327,12 +294,11 @@ class Scene2D:
         words = f"{title}{self._rpm:.4g} rpm"
         self._words(state, "label", under, [words], of_cam(state.cam))
         if self._pace is not None:  # until its first frame comes, nothing of the one before
-            no_gap = rr.LineStrips2D.columns(strips=[]).partition([0])
+            at = self._canvas.state(state)
+            self._canvas.strips(f"{self._root}/gap", at, [])
             no_force = rr.Arrows2D.columns(origins=[], vectors=[]).partition([0])
-            self._stream.send_columns(f"{self._root}/gap", self._at(state), no_gap)
-            self._stream.send_columns(f"{self._root}/force", self._at(state), no_force)
-            entity = f"{self._view}_readings"
-            send_readings(self._stream, entity, self._at(state), [no_readings(self._rpm)])
+            self._canvas.rows(f"{self._root}/force", at, no_force)
+            self._read(at, [no_readings(self._rpm)])
 
     def frames(
         self, time: FloatArray, angle: FloatArray, lift: FloatArray, force: FloatArray
@@ -358,59 +324,55 @@ class Scene2D:
         if self._pace is not None:
             frames = frames[:, self._pace.chosen(frames.shape[1])]
         time, angle, lift, force = frames
-        times, shape, motion = self._times(time, angle), self._shape, Motion.at(self._law, angle)
+        times, shape = self._canvas.times(time, angle), self._shape
+        motion = Motion.at(self._law, angle)
         drawn = np.minimum(lift, self._max_lift)
         origin = np.column_stack([shape.origin(drawn) * MM, np.zeros_like(angle)])
-        self._stream.send_columns(f"{self._root}/cam", times, _pose(angle, None))
-        self._stream.send_columns(f"{self._root}/follower", times, _pose(shape.turn(drawn), origin))
+        self._canvas.rows(f"{self._root}/cam", times, _pose(angle, None))
+        self._canvas.rows(f"{self._root}/follower", times, _pose(shape.turn(drawn), origin))
         point, normal = shape.contact(motion)
         off = force == 0.0
         ends = np.stack([point, shape.carried(point, motion.s, drawn)], axis=1) * MM
         gaps = rr.LineStrips2D.columns(strips=list(ends[off])).partition(off.astype(int))
-        self._stream.send_columns(f"{self._root}/gap", times, gaps)
+        self._canvas.rows(f"{self._root}/gap", times, gaps)
         along = np.sum(normal * shape.upward(motion.s), axis=1)
         gap, lean = np.where(off, lift - motion.s, 0.0), np.arccos(along.clip(-1.0, 1.0))
         # of a live run, which is seen at its newest time, only the last is sent
         seen = slice(None) if self._pace is None else slice(-1, None)
-        at, turned = self._times(time[seen], angle[seen]), angle[seen]
+        at, turned = self._canvas.times(time[seen], angle[seen]), angle[seen]
         moved = lift[seen], force[seen], gap[seen], lean[seen]
-        words = readings(turned, self._rpm, *moved, self._max_lift)
-        send_readings(self._stream, f"{self._view}_readings", at, words)
+        self._read(at, readings(turned, self._rpm, *moved, self._max_lift))
         if self._cursor is not None:
             self._cursor(at, turned)
         arrows = normal * (force / along * self._arrow)[:, None]
         columns = rr.Arrows2D.columns(origins=point[~off] * MM, vectors=arrows[~off])
         columns = columns.partition((~off).astype(int))
-        self._stream.send_columns(f"{self._root}/force", times, columns)
+        self._canvas.rows(f"{self._root}/force", times, columns)
+
+    def _read(self, at: list[rr.TimeColumn], words: list[str]) -> None:
+        """Show readings, each at its time."""
+        columns = rr.TextDocument.columns(text=words, media_type=["text/markdown"] * len(words))
+        self._canvas.rows(f"{self._view}_readings", at, columns)
 
     def _strips(
         self, state: CamState, entity: str, strips: list[FloatArray], colour: int, radius: float
     ) -> None:
-        count = len(strips)
-        columns = rr.LineStrips2D.columns(
-            strips=strips, colors=[colour] * count, radii=[radius] * count
-        )
-        columns = columns.partition([count])
-        self._stream.send_columns(f"{self._root}/{entity}", self._at(state), columns)
+        at = self._canvas.state(state)
+        self._canvas.strips(f"{self._root}/{entity}", at, strips, colors=colour, radii=radius)
 
     def _words(
         self, state: CamState, entity: str, at: FloatArray, words: list[str], colour: int
     ) -> None:
         """Words whose middles hang from places ``(n, 2)``."""
-        count = len(words)
-        columns = rr.Points2D.columns(
-            positions=at,
+        self._canvas.points(
+            f"{self._root}/{entity}",
+            self._canvas.state(state),
+            at,
             labels=words,
-            colors=[colour] * count,
-            radii=[UNSEEN] * count,
-            show_labels=[True] * count,
+            colors=[colour] * len(words),
+            radii=[UNSEEN] * len(words),
+            show_labels=[True] * len(words),
         )
-        self._stream.send_columns(
-            f"{self._root}/{entity}", self._at(state), columns.partition([count])
-        )
-
-    def _at(self, state: CamState) -> list[rr.TimeColumn]:
-        return self._times(np.array([state.time_ns * 1e-9]), np.array([state.unwrapped]))
 
 
 def _pose(turn: FloatArray, place: FloatArray | None) -> rr.ComponentColumnList:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -17,20 +18,15 @@ from cam_rig.units import NS, FloatArray, to_rpm
 
 #: Rig time since the start of the run, a duration.
 RIG_TIME = "rig_time"
-
 #: Cam angle in whole degrees, a sequence that runs on from turn to turn.
 CAM_DEGREES = "cam_degrees"
-
 #: Whole turns of the cam since the start.
 TURN = "turn"
-
 #: Degrees within the turn, 0 to 359: here turns lie over each other.
 TURN_DEGREES = "turn_degrees"
-
 #: An angle so little (degrees) below a whole degree is that one: rig time is in whole ns, and half
 #: a ns is 1.2e-6° at 400 rpm, 3e-5° at 10 000. Samples lie farther from each other than this.
 ROUNDING = 1e-4
-
 #: Gives the time columns of rows at times (s) and unwrapped cam angles (rad).
 Times = Callable[[FloatArray, FloatArray], list[rr.TimeColumn]]
 
@@ -62,17 +58,51 @@ def _whole_degrees(angle: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.int6
     return np.floor(np.degrees(angle) + ROUNDING).astype(np.int64)
 
 
+@dataclass(frozen=True)
+class Canvas:
+    """A recording to draw into, and the timelines of what is drawn."""
+
+    stream: rr.RecordingStream
+    times: Times = time_columns
+
+    def at(self, time: float, angle: float) -> list[rr.TimeColumn]:
+        """One row at a rig time (s) and an unwrapped cam angle (rad)."""
+        return self.times(np.array([time]), np.array([angle]))
+
+    def state(self, state: CamState) -> list[rr.TimeColumn]:
+        """One row at a state of the cam."""
+        return self.at(state.time_ns / NS, state.unwrapped)
+
+    def always(self, entity: str, shape: Any) -> None:
+        """Draw what holds at every time: a shape, or how later ones look."""
+        self.stream.log(entity, shape, static=True)
+
+    def rows(self, entity: str, at: list[rr.TimeColumn], columns: Any) -> None:
+        """Draw a row of columns at each time."""
+        self.stream.send_columns(entity, at, columns)
+
+    def strips(
+        self, entity: str, at: list[rr.TimeColumn], strips: Sequence[FloatArray], **look: float
+    ) -> None:
+        """Draw lines ``(n, 2)`` that look alike in one row."""
+        looks: dict[str, Any] = {name: [value] * len(strips) for name, value in look.items()}
+        columns = rr.LineStrips2D.columns(strips=strips, **looks)
+        self.rows(entity, at, columns.partition([len(strips)]))
+
+    def points(self, entity: str, at: list[rr.TimeColumn], places: Any, **columns: Any) -> None:
+        """Draw points ``(n, 2)`` in one row."""
+        drawn = rr.Points2D.columns(positions=places, **columns)
+        self.rows(entity, at, drawn.partition([len(places)]))
+
+
 # How often a live picture is sent: as often as a screen shows it, less while a page is behind.
 
 #: Pictures a second of wall time at most, as a screen shows, and at least.
 MAX_RATE, MIN_RATE = 30.0, 0.6
-
 #: A page so much (s) behind, beside the time from picture to picture, is late; one less is not.
 LATE_S, IN_TIME_S = 0.8, 0.5
-
 #: Factors of the rate: of a page that is just late, less for one that is later; of one in time.
 SLOWER, FASTER = 0.5, 2.0
-
 #: Wall time (s) that a slower rate has to show, and that a page must be in time for a faster one.
 SETTLE_S, CALM_S = 2.0, 5.0
 
@@ -81,13 +111,9 @@ class FramePace:
     """How many pictures a second of wall time are worth sending; the newest always is.
 
     Between 0.6 a second, with which a page begins, and 30: doubled when the page has been in time
-    for 5 s, halved or less when it is late. In between the rate stays.
-
-    Parameters
-    ----------
-    behind : how far (s) the page that shows them is behind, None while it is not known; without
-        it every picture that a screen can show is sent
-    clock : wall time, s
+    for 5 s, halved or less when it is late. In between the rate stays. ``behind`` says how far (s)
+    the page is behind, None while it is not known; without it every picture that a screen can show
+    is sent.
     """
 
     def __init__(

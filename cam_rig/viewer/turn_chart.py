@@ -15,7 +15,7 @@ from cam_rig.show import looks as colours
 from cam_rig.show.chart import THIN, UNSEEN, Axes, step_marks
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
-from cam_rig.units import NS, TURN, FloatArray, to_rpm
+from cam_rig.units import TURN, FloatArray, to_rpm
 from cam_rig.viewer import quantities
 from cam_rig.viewer.quantities import (
     GAP,
@@ -30,41 +30,30 @@ from cam_rig.viewer.quantities import (
     extremes,
     gap_of,
 )
-from cam_rig.viewer.timeline import Times, Turn, lift_offs, time_columns
+from cam_rig.viewer.timeline import Canvas, Turn, lift_offs
 
 # Axes over one turn of the cam, 0 to 360°, one under the other, as books on cams have them.
 
 #: Of the plane: width, height of a row's axes, and of the words above them.
 WIDTH, ROW, HEAD = 160.0, 27.0, 9.0
-
 #: Room left, right, above and below all rows.
 LEFT, RIGHT, ABOVE, BELOW = 16.0, 6.0, 8.0, 7.0
-
+#: Letters of a cam's title that tables and charts have room for where a page is 1000 pixels wide.
+MAX_TITLE = 24
 #: Marks of the cam angle, °.
 DEGREES = {0.0: "0°", 90.0: "90°", 180.0: "180°", 270.0: "270°", 360.0: "360°"}
-
 #: Of a curve two points are sent at each of so many places along the turn.
 PLACES = 360
-
 #: Colour of the line where the cam is.
 CURSOR = 0x555555FF
-
 #: Middle of a row's title, from the corner of its axes.
 TITLE_AT = (22.0, -HEAD + 1.0)
-
 #: Of the axes' height: words beside y hang by this much.
 RAISED = 0.1
 
 
 class TurnAxes:
-    """Where the rows are in their plane; its y is down, as in Rerun.
-
-    Parameters
-    ----------
-    rows : from the top
-    ranges : from, to and step of each row's axis, in the unit shown
-    row : height of a row's axes
-    """
+    """Where rows of axes, each ``row`` high, are in their plane; its y is down, as in Rerun."""
 
     def __init__(self, rows: Sequence[Drawn], ranges: Ranges, row: float = ROW) -> None:
         self.rows, self._ranges = tuple(rows), ranges
@@ -88,23 +77,23 @@ class TurnAxes:
         axes = self.axes[key]
         return axes.place(degrees, values.clip(*axes.y))
 
-    def draw(self, stream: rr.RecordingStream, view: str, titled: bool = True) -> None:
+    def draw(self, canvas: Canvas, view: str, titled: bool = True) -> None:
         """Draw titles, degrees, a line at each quarter of the turn, the style of the cursor."""
         for row in self.rows:
             if titled:
                 at = TITLE_AT[0], self.tops[row.key] + TITLE_AT[1]
-                label(stream, f"{view}/{row.key}/title", at, row.title)
+                label(canvas, f"{view}/{row.key}/title", at, row.title)
         axes, last = self.axes[self.rows[-1].key], f"{view}/{self.rows[-1].key}"
-        axes.draw_words(stream, f"{last}/degrees", axes.under(DEGREES), DEGREES)
+        axes.draw_words(canvas.stream, f"{last}/degrees", axes.under(DEGREES), DEGREES)
         across = np.array([*DEGREES]) / 360.0 * WIDTH
         lines = [np.array([[x, HEAD], [x, self.height]]) for x in across]
         grid = rr.LineStrips2D(lines, colors=colours.LIGHT_GREY, radii=THIN)
-        stream.log(f"{view}/quarters", grid, static=True)
+        canvas.always(f"{view}/quarters", grid)
         line = rr.LineStrips2D.from_fields(colors=CURSOR, radii=-0.75)
-        stream.log(f"{view}/cursor", line, static=True)
+        canvas.always(f"{view}/cursor", line)
 
     def move_cursor(
-        self, stream: rr.RecordingStream, view: str, at: list[rr.TimeColumn], angle: FloatArray
+        self, canvas: Canvas, view: str, at: list[rr.TimeColumn], angle: FloatArray
     ) -> None:
         """Where the cam is, at each of many times: a line at its unwrapped angle ``(n,)``, rad.
 
@@ -113,12 +102,12 @@ class TurnAxes:
         x = np.mod(angle, TURN) / TURN * WIDTH
         strips = np.empty((x.size, 2, 2))
         strips[:, :, 0], strips[:, :, 1] = x[:, None], (HEAD, self.height)
-        stream.send_columns(f"{view}/cursor", at, rr.LineStrips2D.columns(strips=list(strips)))
+        canvas.rows(f"{view}/cursor", at, rr.LineStrips2D.columns(strips=list(strips)))
 
-    def draw_marks(self, stream: rr.RecordingStream, view: str) -> None:
+    def draw_marks(self, canvas: Canvas, view: str) -> None:
         """Draw the frames of all rows and the numbers beside them, once for all."""
         for key, axes in self.axes.items():
-            axes.draw(stream, f"{view}/{key}/axes", {}, self.marks(key))
+            axes.draw(canvas.stream, f"{view}/{key}/axes", {}, self.marks(key))
 
     def marks(self, key: str) -> dict[float, str]:
         """The numbers beside a row."""
@@ -126,7 +115,7 @@ class TurnAxes:
 
 
 def label(
-    stream: rr.RecordingStream,
+    canvas: Canvas,
     entity: str,
     at: tuple[float, float],
     words: str,
@@ -134,7 +123,7 @@ def label(
 ) -> None:
     """Words whose middle hangs from a place, once for all."""
     shown = rr.Points2D([at], labels=[words], colors=colour, radii=UNSEEN, show_labels=True)
-    stream.log(entity, shown, static=True)
+    canvas.always(entity, shown)
 
 
 def in_turn(angle: FloatArray) -> tuple[FloatArray, int]:
@@ -162,21 +151,15 @@ def curve(axes: TurnAxes, key: str, angle: FloatArray, values: FloatArray) -> Fl
 
 
 VIEW = "turn"
-
 #: So many turns of a speed lie over each other.
 LAID = 4
-
 #: Turns that differ nowhere by more than this share of a row's height look like one.
 ALIKE = 0.004
-
 #: Where turns are compared, and the law is drawn.
 ALONG, DEGREES_OF_LAW = np.linspace(0.0, WIDTH, 361), np.linspace(0.0, 360.0, 361)
-
 #: Along the lift's head: a short stroke, and the middle of the name after it.
 LEGEND = ((52.0, 70.0), (84.0, 97.0), (106.0, 122.0), (134.0, 151.0))
-
 STROKE, MARK = 6.0, -4.0
-
 #: Height of the line that says which cam turned how fast.
 CAPTION = -7.0
 
@@ -184,22 +167,13 @@ CAPTION = -7.0
 class TurnChart:
     """Draws the axes into a view, then turns as they come; `flush` sends them.
 
-    Parameters
-    ----------
-    ranges : axis of each quantity (`scene_ranges`)
-    times : the timelines; a turn is shown from its end on
-    every : send every turn; else the newest alone, as a live run needs
+    A turn is shown from its end on: ``every`` one, or the newest alone, as a live run needs.
     """
 
     def __init__(
-        self,
-        stream: rr.RecordingStream,
-        loaded: LoadedScene,
-        ranges: SceneRanges,
-        times: Times = time_columns,
-        every: bool = True,
+        self, canvas: Canvas, loaded: LoadedScene, ranges: SceneRanges, every: bool
     ) -> None:
-        self._stream, self._loaded, self._times, self._every = stream, loaded, times, every
+        self._canvas, self._loaded, self._every = canvas, loaded, every
         self._rows = drawn_of(loaded.scene.model)
         self._ranges, self._axes = ranges, TurnAxes(self._rows, ranges.whole)
         self._flies = MODELS[loaded.scene.model].lifts_off
@@ -207,7 +181,7 @@ class TurnChart:
         self._waiting, self._reached = list[tuple[CamState, Turn]](), -np.inf
         self._taken = self._shown = ("", 0.0)
         self._laid, self._count = dict[int, FloatArray](), 0
-        self._axes.draw(stream, VIEW)
+        self._axes.draw(canvas, VIEW)
         self._draw_styles()
         self._draw_legend()
 
@@ -222,13 +196,13 @@ class TurnChart:
     def flush(self) -> None:
         """Send what was taken."""
         for end, turn in self._waiting if self._every else self._waiting[-1:]:
-            at = (turn.time[0], turn.angle[0]) if self._every else (end.time_ns / NS, end.unwrapped)
-            self._send(self._times(*(np.array([value]) for value in at)), turn)
+            first = float(turn.time[0]), float(turn.angle[0])
+            self._send(self._canvas.at(*first) if self._every else self._canvas.state(end), turn)
         self._waiting = []
 
     def move_cursor(self, at: list[rr.TimeColumn], angle: FloatArray) -> None:
         """Where the cam is at each of many times, by its unwrapped angle ``(n,)``, rad."""
-        self._axes.move_cursor(self._stream, VIEW, at, angle)
+        self._axes.move_cursor(self._canvas, VIEW, at, angle)
 
     def _send(self, at: list[rr.TimeColumn], turn: Turn) -> None:
         """Lay a turn over those of its speed, where it can be told from them."""
@@ -248,11 +222,10 @@ class TurnChart:
 
     def begin(self, state: CamState) -> None:
         """Another cam or speed turns from a state on; its first whole turn comes later."""
-        at = self._times(np.array([state.time_ns / NS]), np.array([state.unwrapped]))
+        at = self._canvas.state(state)
         self._begin(at, state.cam, state.speed)
         for mark in (quantities.LIFT_OFF, quantities.LANDING):
-            none = rr.Points2D.columns(positions=[]).partition([0])
-            self._stream.send_columns(f"{VIEW}/lift/{mark.name}", at, none)
+            self._canvas.points(f"{VIEW}/lift/{mark.name}", at, [])
         self._strips(at, "flights", [])
 
     def _begin(self, at: list[rr.TimeColumn], cam: str, speed: float) -> None:
@@ -264,7 +237,7 @@ class TurnChart:
             self._mount(at, cam)
         self._shown, self._laid, self._count = (cam, speed), {}, 0
         words = f"{self._loaded.cams[cam].title}, {to_rpm(speed):.4g} rpm"
-        self._stream.send_columns(f"{VIEW}/caption", at, rr.Points2D.columns(labels=[words]))
+        self._canvas.rows(f"{VIEW}/caption", at, rr.Points2D.columns(labels=[words]))
 
     def _mount(self, at: list[rr.TimeColumn], cam: str) -> None:
         """The axes and the law of a cam."""
@@ -272,9 +245,8 @@ class TurnChart:
         for key, axes in self._axes.axes.items():
             marks = self._axes.marks(key)
             self._strips(at, f"{key}/axes", axes.grid(marks))
-            words = rr.Points2D.columns(positions=axes.beside(marks), labels=[*marks.values()])
-            words = words.partition([len(marks)])
-            self._stream.send_columns(f"{VIEW}/{key}/axes/y", at, words)
+            words = [*marks.values()]
+            self._canvas.points(f"{VIEW}/{key}/axes/y", at, axes.beside(marks), labels=words)
         law = self._loaded.laws[cam](np.radians(DEGREES_OF_LAW)) * LAW.factor
         self._law = self._axes.place("lift", DEGREES_OF_LAW, law)
 
@@ -294,8 +266,7 @@ class TurnChart:
         left, met = lift_offs(turn.force, bool(off[-1])), turn.impulse > 0.0
         for mark, there in ((quantities.LIFT_OFF, left), (quantities.LANDING, met)):
             points = self._axes.place("lift", degrees[there], lift[there])
-            columns = rr.Points2D.columns(positions=points).partition([len(points)])
-            self._stream.send_columns(f"{VIEW}/lift/{mark.name}", at, columns)
+            self._canvas.points(f"{VIEW}/lift/{mark.name}", at, points)
         if self._flies:
             flown = np.unique(np.floor(degrees[off]))
             x = (flown[:, None] + 0.5) / 360.0 * WIDTH
@@ -303,8 +274,7 @@ class TurnChart:
             self._strips(at, "flights", list(strokes))
 
     def _strips(self, at: list[rr.TimeColumn], entity: str, strips: list[FloatArray]) -> None:
-        columns = rr.LineStrips2D.columns(strips=strips).partition([len(strips)])
-        self._stream.send_columns(f"{VIEW}/{entity}", at, columns)
+        self._canvas.strips(f"{VIEW}/{entity}", at, strips)
 
     def _draw_styles(self) -> None:
         """What each curve and mark looks like, once for all: the law lies over the follower."""
@@ -314,26 +284,26 @@ class TurnChart:
                 colors=[line.colour for line in lines], radii=[-0.5 * line.width for line in lines]
             )
             for slot in range(LAID):
-                self._stream.log(f"{VIEW}/{row.key}/follower/{slot}", style, static=True)
+                self._canvas.always(f"{VIEW}/{row.key}/follower/{slot}", style)
         for mark in (quantities.LIFT_OFF, quantities.LANDING):
             point = rr.Points2D.from_fields(colors=mark.colour, radii=MARK)
-            self._stream.log(f"{VIEW}/lift/{mark.name}", point, static=True)
+            self._canvas.always(f"{VIEW}/lift/{mark.name}", point)
         width = rr.LineStrips2D.from_fields(
             colors=colours.FLIGHT, radii=0.56 * WIDTH / 360.0, draw_order=19.0
         )
-        self._stream.log(f"{VIEW}/flights", width, static=True)
+        self._canvas.always(f"{VIEW}/flights", width)
         for row in self._rows:
             frame = rr.LineStrips2D.from_fields(colors=colours.GREY, radii=THIN)
-            self._stream.log(f"{VIEW}/{row.key}/axes", frame, static=True)
+            self._canvas.always(f"{VIEW}/{row.key}/axes", frame)
             words = rr.Points2D.from_fields(colors=colours.GREY, radii=UNSEEN, show_labels=True)
-            self._stream.log(f"{VIEW}/{row.key}/axes/y", words, static=True)
+            self._canvas.always(f"{VIEW}/{row.key}/axes/y", words)
         caption = rr.Points2D.from_fields(
             positions=[[0.5 * WIDTH, CAPTION]],
             colors=colours.BLACK,
             radii=UNSEEN,
             show_labels=True,
         )
-        self._stream.log(f"{VIEW}/caption", caption, static=True)
+        self._canvas.always(f"{VIEW}/caption", caption)
 
     def _draw_legend(self) -> None:
         """Strokes and points of the lift with their names beside them, over its axes."""
@@ -345,18 +315,12 @@ class TurnChart:
         for (x, middle), it in zip(LEGEND, shown, strict=False):
             where = f"{VIEW}/lift/legend/{it.name}"
             top = HEAD + TITLE_AT[1]
-            label(self._stream, f"{where}/name", (middle, top), it.name, it.colour)
+            label(self._canvas, f"{where}/name", (middle, top), it.name, it.colour)
             y = top + 3.0
             if isinstance(it, SeriesLine):
                 ends = [[[x, y], [x + STROKE, y]]]
                 key = rr.LineStrips2D(ends, colors=it.colour, radii=-0.5 * it.width)
-                self._stream.log(where, key, static=True)
+                self._canvas.always(where, key)
             else:
                 point = rr.Points2D([[x + 0.5 * STROKE, y]], colors=it.colour, radii=MARK)
-                self._stream.log(where, point, static=True)
-
-
-# What the viewer shows as text: the scene with every number, and a table of results.
-
-#: Letters of a cam's title that tables and charts have room for where a page is 1000 pixels wide.
-MAX_TITLE = 24
+                self._canvas.always(where, point)

@@ -8,7 +8,7 @@ from cam_rig.bag.completeness import require_complete
 from cam_rig.runner.graph import Graph
 from cam_rig.schema import load_scene
 from cam_rig.schema.load import config_root
-from cam_rig.viewer.live_folder import newest_recording
+from cam_rig.viewer.page import newest_recording
 from cam_rig.viewer.process import free_port, stream_address
 from cam_rig.viewer.recording import save_recording
 

@@ -1,23 +1,47 @@
-"""A served drawing board, and a page of it in a real browser."""
+"""A panel that is served, without nodes or with them, and its pages, in a browser or without."""
 
 from __future__ import annotations
 
+import json
+import signal
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 import pytest
+from websockets.sync.client import ClientConnection, connect
 
 import cam_rig
-from cam_rig.panel.board.board import START_RPM, Board
+from cam_rig.panel.bench.pages import BenchPages
+from cam_rig.panel.bench.runner import BenchRunner
+from cam_rig.panel.board.board import Board
 from cam_rig.panel.board.pages import BoardPages
+from cam_rig.panel.lab.pages import LabPages
+from cam_rig.panel.lab.sheet import LabSheet
 from cam_rig.panel.server import serve
-from tools.docs.browser import HEIGHT, TIMEOUT_S, WIDTH, new_page, open_browser, why_no_browser
+from tools.docs.browser import TIMEOUT_S, new_page, open_browser, why_no_browser
+
+from ..viewer.asking import Visitor
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
+
+#: Wall time (s) after which something that has not come true never will, however busy the machine.
+WAIT_S = 60.0
+BOARD, BENCH = "/changes", "/bench/live"
+
+
+def until(condition: Callable[[], Any], words: str = "it did not come true") -> None:
+    """Wait for something that another thread or process does."""
+    end = time.monotonic() + WAIT_S
+    while not condition():
+        assert time.monotonic() < end, words
+        time.sleep(0.01)
 
 
 @pytest.fixture
@@ -25,14 +49,53 @@ def board(tmp_path: Path) -> Board:
     return Board(cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2"), tmp_path / "out")
 
 
-@pytest.fixture
-def address(board: Board) -> Iterator[str]:
-    """The address that is printed, with its token."""
-    with serve(BoardPages(board)) as served:
-        yield served.address
+def sheet_of(rig: str = "paper_table2", seed: str | None = None, cam: str = "poly345") -> LabSheet:
+    return LabSheet("jump", cam_rig.load_cam(cam), cam_rig.load_rig(rig), seed)
+
+
+def socket_of(visitor: Visitor, path: str) -> ClientConnection:
+    """A page's websocket."""
+    return connect(
+        f"ws://{visitor.url.netloc}{path}",
+        additional_headers=visitor.headers,
+        origin=None,
+        max_size=None,
+    )
+
+
+class ServedPages(Visitor):
+    """A panel with board, bench and lab, without nodes, and who has its whole address."""
+
+    def __init__(self, board: BoardPages, bench: BenchPages, lab: LabPages, address: str) -> None:
+        super().__init__(address)
+        self.pages, self.bench, self.lab = board, bench, lab
+        self.board = board.board
+
+    def page(self, path: str) -> ClientConnection:
+        return socket_of(self, path)
+
+    def right(self, path: str) -> dict[str, Any]:
+        """A message that a page may send."""
+        if path == BENCH:
+            return {"do": "clear"}
+        return {"ordinates": self.board.ordinates.tolist(), "rpm": 250}
 
 
 @pytest.fixture(scope="module")
+def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServedPages]:
+    """One panel for the tests of a file."""
+    folder, sheet = tmp_path_factory.mktemp("panel"), sheet_of()
+    pages = BoardPages(Board(sheet.cam, sheet.rig, folder / "out"))
+    bench = BenchPages(BenchRunner(sheet.rig, folder, folder / "out"), sheet.cam, pages.board)
+    lab = LabPages(sheet, folder / "lab")
+    with serve(pages, bench, lab) as panel:
+        yield ServedPages(pages, bench, lab, panel.address)
+
+
+# -- in a browser -----------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="session")
 def chromium() -> Iterator[Browser]:
     if why := why_no_browser():
         pytest.skip(why)
@@ -40,8 +103,8 @@ def chromium() -> Iterator[Browser]:
         yield browser
 
 
-class Panel:
-    """A page of the board: what it shows, and what went wrong or to another host."""
+class BrowserPage:
+    """A page of the panel: what it shows, and what went wrong or to another host."""
 
     def __init__(self, page: Page) -> None:
         self.page = page
@@ -53,12 +116,14 @@ class Panel:
         page.on("websocket", lambda socket: self._note(socket.url))
 
     def _note(self, url: str) -> None:
-        if urlsplit(url).scheme != "data" and urlsplit(url).hostname != "127.0.0.1":
+        if urlsplit(url).scheme not in ("data", "file") and urlsplit(url).hostname != "127.0.0.1":
             self.outside.append(url)
 
-    def open(self, address: str) -> None:
+    def open(self, address: str, path: str = "") -> None:
+        """Open what a printed address leads to, and a path from there."""
         self.page.goto(address)
-        self.until(lambda: self.number("jump_rigid") is not None and not self.stale("jump_rigid"))
+        if path:
+            self.page.goto(f"http://{urlsplit(address).netloc}{path}")
 
     def text(self, name: str) -> str:
         return str(self.page.evaluate("id => document.getElementById(id)?.textContent", name))
@@ -69,10 +134,6 @@ class Panel:
             return float(self.text(name).split()[0])
         except (ValueError, IndexError):
             return None
-
-    def stale(self, name: str) -> bool:
-        script = "id => document.getElementById(id).classList.contains('stale')"
-        return bool(self.page.evaluate(script, name))
 
     def path(self, chart: str, kind: str = "") -> str:
         """The points of the curve itself, or of another kind of it."""
@@ -86,57 +147,143 @@ class Panel:
         """Wait for what is to be seen on the page."""
         deadline = time.monotonic() + TIMEOUT_S
         while not condition():
-            assert time.monotonic() < deadline, f"never came; the page says {self.text('status')!r}"
-            self.page.wait_for_timeout(20)
+            assert time.monotonic() < deadline, f"never came; the page says {self._said()}"
+            self.page.wait_for_timeout(40)
 
-    def settled(self) -> None:
-        """Wait until all numbers are of the law that is shown."""
-        names = ("jump_rigid", "jump", "residual", "level")
-        self.until(lambda: not any(self.stale(name) for name in names))
+    def _said(self) -> list[str]:
+        return [self.text(name) for name in ("status", "graph", "speed", "level", "ended")]
 
-    def drag(self, handle: int, down: float) -> None:
-        """Take a handle with the pointer, move it, and let go."""
-        box = self.page.locator(".handle").nth(handle).bounding_box()
-        assert box is not None
-        x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
-        self.page.mouse.move(x, y)
-        self.page.mouse.down()
-        self.page.mouse.move(x, y + down, steps=6)
-        self.page.mouse.up()
+    def width(self, width: int) -> int:
+        """How wide the page is that is shown in so many pixels."""
+        self.page.set_viewport_size({"width": width, "height": 800})
+        drawn = "() => new Promise((done) => setTimeout(() => requestAnimationFrame(done)))"
+        self.page.evaluate(drawn)
+        return int(self.page.evaluate("() => document.documentElement.scrollWidth"))
 
 
-@pytest.fixture(scope="module")
-def shared(chromium: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shared]:
-    """One server and one page for all tests of the page: each begins with the start anew."""
-    cam, rig = cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2")
-    board = Board(cam, rig, tmp_path_factory.mktemp("panel"))
-    with serve(BoardPages(board)) as served:
-        page = new_page(chromium)
-        yield Shared(board, Panel(page), served.address)
-        page.context.close()
-
-
-class Shared(NamedTuple):
-    """A board, a page of it, and its address."""
-
-    board: Board
-    panel: Panel
-    address: str
-
-
-@pytest.fixture
-def panel(shared: Shared, tmp_path: Path) -> Iterator[Panel]:
-    """The board as a browser shows it; nothing may go wrong, and no other host be asked."""
-    board, shown = shared.board, shared.panel
-    board.out = tmp_path / "out"
-    board.take(board.drawn.ordinates.tolist(), START_RPM)
-    shown.page.set_viewport_size({"width": WIDTH, "height": HEIGHT})
-    shown.open(shared.address)
-    shown.settled()
+@contextmanager
+def in_browser(chromium: Browser, kind: type[Any], **context: str) -> Iterator[Any]:
+    """A page of its own; nothing may go wrong on it, and no other host be asked."""
+    page = chromium.new_context(**context).new_page() if context else new_page(chromium)
+    shown = kind(page)
     yield shown
-    shown.page.evaluate("() => sessionStorage.clear()")  # the language that was chosen
-    errors, outside = shown.errors[:], shown.outside[:]
-    shown.errors.clear()
-    shown.outside.clear()
-    assert errors == []
-    assert outside == []
+    page.context.close()
+    assert shown.errors == []
+    assert shown.outside == []
+
+
+# -- with nodes -------------------------------------------------------------------------------
+
+
+class BenchPage:
+    """A page of the bench without a browser: what it is told, and what it commands."""
+
+    def __init__(self, socket: ClientConnection) -> None:
+        self.socket, self.number, self.sound = socket, 0, b""
+        self.live: dict[str, Any] = {}
+
+    def _next(self) -> dict[str, Any]:
+        message = self.socket.recv(timeout=WAIT_S)
+        if isinstance(message, bytes):
+            self.sound += message
+            return {}
+        found: dict[str, Any] = json.loads(message)
+        if found["type"] == "live":
+            self.live = found
+        return found
+
+    def until(self, condition: Callable[[dict[str, Any]], Any]) -> dict[str, Any]:
+        """Wait until the bench is so; what it then shows."""
+        end = time.monotonic() + WAIT_S
+        while not (self.live and condition(self.live)):
+            assert time.monotonic() < end, f"it never came true: {self.live}"
+            self._next()
+        return self.live
+
+    def ask(self, do: str, **more: Any) -> dict[str, Any]:
+        """What a command is answered with."""
+        self.number += 1
+        self.socket.send(json.dumps({"number": self.number, "do": do, **more}))
+        return self.answer(self.number)
+
+    def answer(self, number: int | None) -> dict[str, Any]:
+        """The answer to the command of a number; None of one without."""
+        while (message := self._next()).get("type") != "answer" or message["answer"] != number:
+            pass
+        return message
+
+    def do(self, do: str, **more: Any) -> dict[str, Any]:
+        """A command that must not be refused."""
+        answer = self.ask(do, **more)
+        assert answer["success"], answer["words"]
+        return answer
+
+    def running(self) -> dict[str, Any]:
+        """Wait until the nodes are there and have told their parameters."""
+        return self.until(lambda live: live["graph"] == "running" and len(live["values"]) == 3)
+
+    def turning(self, rpm: float) -> dict[str, Any]:
+        """Wait until the cam turns at a speed."""
+        return self.until(lambda live: abs(live["state"].get("rpm", 0.0) - rpm) < 1e-6)
+
+    def turned(self, seconds: float) -> dict[str, Any]:
+        """Start, and wait until the cam has turned for some rig time (s)."""
+        self.do("call", value="start")
+        return self.until(lambda live: live["state"].get("time_ns", 0) > 1e9 * seconds)
+
+    def keep(self) -> Path:
+        """Keep the bag that is recorded; its path."""
+        kept = len(self.live["kept"])
+        self.do("keep")
+        return Path(self.until(lambda live: len(live["kept"]) > kept)["kept"][-1])
+
+
+class RunningPanel(Visitor):
+    """cam-rig panel as a process that keeps its bags in a folder ``out``."""
+
+    def __init__(self, process: subprocess.Popen[str], out: Path) -> None:
+        self.process, self.out = process, out
+        assert process.stdout is not None
+        super().__init__(process.stdout.readline().strip())
+
+    @contextmanager
+    def page(self) -> Iterator[BenchPage]:
+        """A page of the bench, which begins the nodes."""
+        self.get("/bench")
+        with socket_of(self, BENCH) as socket:
+            yield BenchPage(socket)
+
+    def nodes(self) -> dict[str, int]:
+        """The processes of its nodes by name."""
+        found = subprocess.run(
+            ["ps", "--ppid", str(self.process.pid), "-o", "pid=,args="],
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=100,
+        )
+        lines = [line.split() for line in found.stdout.splitlines() if "-m cam_rig.nodes " in line]
+        return {words[words.index("cam_rig.nodes") + 1]: int(words[0]) for words in lines}
+
+    def end(self, number: signal.Signals) -> int:
+        """End it by a signal; its exit code."""
+        self.process.send_signal(number)
+        return self.process.wait(WAIT_S)
+
+
+@contextmanager
+def panel_process(out: Path, *options: str) -> Iterator[RunningPanel]:
+    """A panel without Rerun, as long as the context lasts."""
+    command = [Path(sys.executable).parent / "cam-rig", "panel", "--no-rerun", "--out", out]
+    with subprocess.Popen(
+        [*map(str, command), *options],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        try:
+            yield RunningPanel(process, out)
+        finally:
+            if process.poll() is None:
+                process.send_signal(signal.SIGINT)
+                process.communicate(timeout=WAIT_S)

@@ -1,286 +1,135 @@
-"""Who gets what: pages with the token, of this host and origin, and nobody else."""
+"""Who gets what of a panel; pages that sleep, send nonsense or come in twos harm no other."""
 
 from __future__ import annotations
 
 import asyncio
+import base64
 import json
 import os
+import random
 import re
 import signal
 import socket
 import threading
-from collections.abc import AsyncIterator
+import time
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import asynccontextmanager, suppress
-from http.client import HTTPException
+from contextlib import suppress
+from http.client import HTTPConnection, HTTPException
 from pathlib import Path
-from urllib.parse import urljoin, urlsplit
+from typing import Any
+from urllib.parse import urljoin
 
+import numpy as np
 import pytest
 from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
-from websockets.exceptions import InvalidStatus
-from websockets.sync.client import connect
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import ClientConnection, connect
 
+import cam_rig
 from cam_rig.errors import ConfigError
-from cam_rig.panel.board.board import Board
-from cam_rig.panel.board.pages import BoardPages
-from cam_rig.panel.server import STATIC, serve
+from cam_rig.panel import server
+from cam_rig.panel.board.drawn_law import ORDERS, POINTS, table_angles
+from cam_rig.panel.board.pages import DESIGN, WORKER
+from cam_rig.panel.server import STATIC, PanelPages, serve
+from cam_rig.viewer.web_server import MAX_MESSAGE
 
-from .asking import ask
+from ..viewer.asking import Visitor, ask
+from .conftest import BENCH, BOARD, WAIT_S, ServedPages, until
 
 PATHS = ["/", "/board", "/static/board/law.js", "/other/tm21", "/languages", "/nothing"]
 PATHS += ["/save", "/dxf"]
 
 
 @pytest.fixture
-def cookie(address: str) -> str:
-    """What the printed address is answered with."""
-    url = urlsplit(address)
-    status, headers, _ = ask(address, f"/?{url.query}")
-    assert (status, headers["Location"]) == (303, "/")
-    words = headers["Set-Cookie"]
-    assert "HttpOnly" in words
-    assert "SameSite=Lax" in words
-    return str(words.split(";")[0])
+def panel(served: ServedPages) -> Iterator[ServedPages]:
+    """The panel, once the pages of the test before have gone."""
+    until(lambda: not served.pages._pages and not served.bench._pages)
+    yield served
 
 
-def test_the_token_becomes_a_cookie_with_which_the_page_is_read(address: str, cookie: str) -> None:
+def test_the_token_becomes_a_cookie_with_which_the_page_is_read(panel: ServedPages) -> None:
     """The address in the browser's history has no token any more."""
-    assert address.startswith("http://127.0.0.1:")
-    status, headers, body = ask(address, "/", Cookie=cookie)
+    assert panel.address.startswith("http://127.0.0.1:")
+    assert panel.home == "/"
+    assert "HttpOnly" in panel.set_cookie and "SameSite=Lax" in panel.set_cookie
+    status, headers, body = ask(panel.address, "/", Cookie=panel.cookie)
     assert status == 200
     assert b"main.js" in body
-    assert "default-src 'self'" in headers["Content-Security-Policy"]
-    assert "unsafe" not in headers["Content-Security-Policy"]
-    assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
-    assert ask(address, "/board", Cookie=cookie)[0] == 200
+    policy = headers["Content-Security-Policy"]
+    assert "default-src 'self'" in policy and "frame-ancestors 'none'" in policy
+    assert "unsafe" not in policy
+    assert panel.get("/board")
 
 
-def test_without_the_token_there_is_nothing(address: str, cookie: str) -> None:
-    """Neither page nor file, also with another's token."""
-    name = cookie.split("=", maxsplit=1)[0]
+def test_without_token_host_and_origin_there_is_nothing(panel: ServedPages) -> None:
+    """Neither page nor file, with another's token; to a site whose name is made to point to this
+    machine, and to another's pages, even with the cookie. A POST must name its origin."""
+    name, port, cookie = panel.cookie.split("=", maxsplit=1)[0], panel.url.port, panel.cookie
+    wrong = [{}, {"Cookie": f"{name}=wrong"}, {"Cookie": f"{name}="}, {"Cookie": "é=1"}]
+    hosts = ("evil.example", f"evil.example:{port}", "127.0.0.1", "")
+    others = [{"Cookie": cookie, "Host": host} for host in hosts]
+    origins = ("http://evil.example", "null", f"https://127.0.0.1:{port}")
+    others += [{"Cookie": cookie, "Origin": origin} for origin in origins]
     for path in PATHS:
-        for wrong in ({}, {"Cookie": f"{name}=wrong"}, {"Cookie": f"{name}="}, {"Cookie": "é=1"}):
-            status, _, body = ask(address, path, **wrong)
+        for headers in wrong:
+            status, _, body = ask(panel.address, path, **headers)
             assert status == 403
             assert b"token" in body
-        assert ask(address, f"{path}?token=wrong", Cookie=cookie)[0] == 403
+        for headers in others:
+            assert ask(panel.address, path, **headers)[0] == 403
+        assert ask(panel.address, f"{path}?token=wrong", Cookie=cookie)[0] == 403
+    for headers in ({"Cookie": cookie}, {"Cookie": cookie, "Origin": "http://evil.example"}):
+        assert ask(panel.address, "/save", "POST", "{}", **headers)[0] == 403
 
 
-@pytest.mark.parametrize("host", ["evil.example", "evil.example:{port}", "127.0.0.1", ""])
-def test_another_host_name_gets_nothing(address: str, cookie: str, host: str) -> None:
-    """A site whose name is made to point to this machine, even with the cookie."""
-    host = host.format(port=urlsplit(address).port)
-    for path in PATHS:
-        assert ask(address, path, Cookie=cookie, Host=host)[0] == 403
-
-
-@pytest.mark.parametrize("origin", ["http://evil.example", "null", "https://127.0.0.1:{port}"])
-def test_another_origin_gets_nothing(address: str, cookie: str, origin: str) -> None:
-    """Neither by a request nor by a websocket; a POST without an origin is refused too."""
-    origin = origin.format(port=urlsplit(address).port)
-    for path in PATHS:
-        assert ask(address, path, Cookie=cookie, Origin=origin)[0] == 403
-    assert ask(address, "/save", "POST", "{}", Cookie=cookie, Origin=origin)[0] == 403
-    assert ask(address, "/save", "POST", "{}", Cookie=cookie)[0] == 403
-
-
-def socket_status(address: str, **headers: str) -> int:
-    """How a websocket's handshake is answered."""
-    url = urlsplit(address)
-    given = {name: value for name, value in headers.items() if name != "Host"}
-    try:
-        with connect(f"ws://{url.netloc}/changes", additional_headers=given, origin=None):
-            return 101
-    except InvalidStatus as error:
-        return error.response.status_code
-
-
-def test_a_websocket_needs_cookie_and_origin(address: str, cookie: str) -> None:
+def test_a_websocket_needs_cookie_and_origin(panel: ServedPages) -> None:
     """As a page of the panel sends them: both, and nothing else will do."""
-    own = "http://" + urlsplit(address).netloc
-    assert socket_status(address, Cookie=cookie, Origin=own) == 101
-    assert socket_status(address, Cookie=cookie) == 403
-    assert socket_status(address, Origin=own) == 403
-    assert socket_status(address, Cookie=f"{cookie}x", Origin=own) == 403
-    assert socket_status(address, Cookie=cookie, Origin="http://evil.example") == 403
+
+    def status(**headers: str) -> int:
+        url = f"ws://{panel.url.netloc}/changes"
+        try:
+            with connect(url, additional_headers=headers, origin=None):
+                return 101
+        except InvalidStatus as error:
+            return error.response.status_code
+
+    cookie, own = panel.cookie, panel.headers["Origin"]
+    assert status(Cookie=cookie, Origin=own) == 101
+    assert status(Cookie=cookie) == 403
+    assert status(Origin=own) == 403
+    assert status(Cookie=f"{cookie}x", Origin=own) == 403
+    assert status(Cookie=cookie, Origin="http://evil.example") == 403
 
 
-@pytest.mark.parametrize(
-    "text", ["", "[]", "1", "{", "{}", '{"number": 1}', '{"number": 1, "ordinates": [], "rpm": 1}']
-)
-def test_a_wrong_message_is_refused_and_the_next_is_taken(
-    board: Board, address: str, cookie: str, text: str
-) -> None:
-    """The page is told why, and what was drawn stays."""
-    headers = {"Cookie": cookie, "Origin": "http://" + urlsplit(address).netloc}
-    with connect(
-        f"ws://{urlsplit(address).netloc}/changes", additional_headers=headers, origin=None
-    ) as page:
-        assert json.loads(page.recv())["type"] == "moved"
-        page.send(text)
-        answer = next_of(page, "refused")
-        assert "allowed" in answer["words"]
-        assert board.version == 0
-        change = {"number": 7, "ordinates": board.ordinates.tolist(), "rpm": 250}
-        page.send(json.dumps(change))
-        assert next_of(page, "exact")["number"] == 7
-        assert board.rpm == 250.0
-
-
-def next_of(page: object, kind: str) -> dict:
-    """The next message of a kind."""
-    while True:
-        message = json.loads(page.recv(timeout=60))  # type: ignore[attr-defined]
-        if message["type"] == kind:
-            return dict(message)
-
-
-def test_only_the_last_law_is_answered_at_rest(board: Board, address: str, cookie: str) -> None:
-    """What comes late is of the newest change, and says of which."""
-    headers = {"Cookie": cookie, "Origin": "http://" + urlsplit(address).netloc}
-    with connect(
-        f"ws://{urlsplit(address).netloc}/changes", additional_headers=headers, origin=None
-    ) as page:
-        assert next_of(page, "rest")["version"] == 0
-        for number in range(1, 21):
-            change = {"number": number, "ordinates": board.ordinates.tolist(), "rpm": 200 + number}
-            page.send(json.dumps(change))
-        answer = next_of(page, "rest")
-        while answer["version"] < 20:
-            answer = next_of(page, "rest")
-        assert answer["rpm"] == 220.0
-
-
-def test_a_worker_that_is_killed_is_named_and_another_begins(
-    board: Board, address: str, cookie: str
-) -> None:
-    """The next change is answered again."""
-    headers = {"Cookie": cookie, "Origin": "http://" + urlsplit(address).netloc}
-    with connect(
-        f"ws://{urlsplit(address).netloc}/changes", additional_headers=headers, origin=None
-    ) as page:
-        assert "jump" in next_of(page, "rest")
-        tasks = Path(f"/proc/{os.getpid()}/task").glob("*/children")
-        for child in (number for task in tasks for number in task.read_text().split()):
-            if b"cam_rig.panel.board.worker" in Path(f"/proc/{child}/cmdline").read_bytes():
-                os.kill(int(child), signal.SIGKILL)
-        change = {"number": 1, "ordinates": board.ordinates.tolist(), "rpm": 200}
-        page.send(json.dumps(change))
-        assert "ended" in next_of(page, "rest")["words"]
-        page.send(json.dumps(change | {"number": 2}))
-        assert "jump" in next_of(page, "rest")
-
-
-def test_the_page_asks_for_no_file_that_is_not_there(address: str, cookie: str) -> None:
-    """Every module and style that a file names is served, with its kind."""
+def test_every_file_that_a_page_asks_for_is_served_and_nothing_beside(panel: ServedPages) -> None:
+    """Each module and style that a file names, with its kind; none is left out of a wheel."""
     for path in STATIC.glob("*/*"):
         text = path.read_text(encoding="utf-8")
         named = re.findall(r'(?:from|src=|href=)\s*"(\.[^"]+|/static/[^"]+)"', text)
         own = f"/static/{path.relative_to(STATIC)}"
         for name in [own, *(urljoin(own, name) for name in named)]:
-            status, headers, _ = ask(address, name, Cookie=cookie)
+            status, headers, _ = ask(panel.address, name, Cookie=panel.cookie)
             assert (name, status) == (name, 200)
             assert "text/plain" not in headers["Content-Type"]
         assert "//cdn" not in text
         assert "https://" not in text
-
-
-def test_a_folder_is_not_left(address: str, cookie: str) -> None:
-    """Nothing beside the page's own files."""
-    for path in ("/static/../server.py", "/static/%2e%2e/server.py", "/static//etc/passwd"):
-        assert ask(address, path, Cookie=cookie)[0] == 404
-
-
-def test_a_port_in_use_is_named(board: Board) -> None:
-    """With what to do about it."""
-    with socket.socket() as other:
-        other.bind(("127.0.0.1", 0))
-        other.listen()
-        port = other.getsockname()[1]
-        words = f"--port: {port} is in use; allowed: another"
-        with pytest.raises(ConfigError, match=words), serve(BoardPages(board), port=port):
-            pass
-
-
-def test_the_contour_is_answered_as_a_file_or_refused_in_words(
-    board: Board, address: str, cookie: str
-) -> None:
-    """DXF for the board's ordinates; for others than a list of them the reason."""
-    own = "http://" + urlsplit(address).netloc
-    body = json.dumps({"ordinates": board.ordinates.tolist()})
-    status, headers, drawn = ask(address, "/dxf", "POST", body, Cookie=cookie, Origin=own)
-    assert (status, headers["Content-Type"]) == (200, "image/vnd.dxf")
-    assert drawn.rstrip().endswith(b"EOF")
-    status, _, words = ask(address, "/dxf", "POST", "{}", Cookie=cookie, Origin=own)
-    assert status == 409
-    assert b"ordinates: allowed" in words
-
-
-def test_pages_are_told_the_language_that_was_asked_for(board: Board) -> None:
-    """Beside all that there are; another is refused by name before anything is served."""
-    with serve(BoardPages(board), language="es") as served:
-        url = urlsplit(served.address)
-        answer = ask(served.address, f"/languages?{url.query}")
-        cookie = str(answer[1]["Set-Cookie"]).split(";")[0]
-        found = json.loads(ask(served.address, "/languages", Cookie=cookie)[2])
-    assert (found["language"], found["languages"]) == ("es", ["en", "es"])
-    assert "/" in found["pages"]
-    assert "/lab" not in found["pages"]
-    with (
-        pytest.raises(ConfigError, match="--lang: is 'fr'; allowed: en, es"),
-        serve(BoardPages(board), language="fr"),
-    ):
-        pass
-
-
-def test_every_language_has_the_same_texts() -> None:
-    """The same keys in the same order, each with the same values in its words, none left empty."""
-    texts = [json.loads(p.read_text(encoding="utf-8")) for p in STATIC.glob("texts/*.json")]
-    assert len(texts) == 2
-    one, other = texts
-    assert list(one) == list(other)
-    for key, words in one.items():
-        assert sorted(re.findall(r"{\w+}", words)) == sorted(re.findall(r"{\w+}", other[key]))
-        assert (words == "") == (other[key] == "")
-
-
-def test_every_word_of_the_page_is_in_the_texts() -> None:
-    """A language is one file: nothing is asked of it that it has not, or has in vain."""
-    words = json.loads((STATIC / "texts" / "en.json").read_text(encoding="utf-8"))
-    used, asked = set(), set()
-    for path in STATIC.glob("*/*"):
-        text = path.read_text(encoding="utf-8")
-        if path.suffix == ".html":
-            asked |= set(re.findall(r'data-text="(\w+)"', text))
-        if path.suffix == ".js":
-            used |= set(re.findall(r'"([a-z_0-9]+)"', text))
-            used |= {f"s{i}" for i in range(4)} | {"undercut", "pressure"}
-            begun = re.findall(r"`([a-z_]+_)\$\{", text)  # a key put together, as `drive_${state}`
-            used |= {key for key in words if key.startswith(tuple(begun))}
-    assert asked <= set(words) <= used | asked
-
-
-def test_the_files_are_in_the_package() -> None:
-    """As many as a wheel is told to take."""
+    for name in ("/static/../server.py", "/static/%2e%2e/server.py", "/static//etc/passwd"):
+        assert ask(panel.address, name, Cookie=panel.cookie)[0] == 404
     setup = (Path(__file__).parents[2] / "setup.py").read_text(encoding="utf-8")
     assert '"panel/static/*/*"' in setup
     assert all(path.is_file() for path in STATIC.glob("*/*"))
     assert all(path.is_dir() for path in STATIC.iterdir())
 
 
-class EndlessPages:
-    """One request that is never answered, as a long turn of the lab; ``asked`` when it has come."""
+class OnePage(PanelPages):
+    """A page that is never answered, as a long turn of the lab; ``asked`` when it is asked for."""
 
     def __init__(self) -> None:
         self.asked = threading.Event()
         self.routes = (Route("/", self._answer),)
-
-    @asynccontextmanager
-    async def alive(self) -> AsyncIterator[None]:
-        yield
 
     async def _answer(self, _: Request) -> Response:
         self.asked.set()
@@ -292,15 +141,369 @@ def test_a_request_that_the_end_cuts_off_leaves_no_traceback(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     """Ctrl-C while a turn is computed: the request is cancelled, and nothing is said of it."""
-    pages = EndlessPages()
+    page = OnePage()
     with ThreadPoolExecutor() as threads:
-        with serve(pages) as served:
-            url = urlsplit(served.address)
-            cookie = ask(served.address, f"/?{url.query}")[1]["Set-Cookie"].split(";")[0]
-            asking = threads.submit(ask, served.address, "/", Cookie=cookie)
-            assert pages.asked.wait(60.0)
+        with serve(page) as served:
+            visitor = Visitor(served.address)
+            asking = threads.submit(ask, served.address, "/", Cookie=visitor.cookie)
+            assert page.asked.wait(60.0)
         with suppress(HTTPException, OSError):
             assert asking.result(60.0)[0] == 500
     assert "Cancel 1 running task" in caplog.text  # it was cut off, not over
     assert not [record for record in caplog.records if record.exc_info]
     assert "Traceback" not in caplog.text
+
+
+def test_pages_are_told_the_language_that_was_asked_for() -> None:
+    """Beside all that there are; another is refused by name before anything is served, and so is
+    a port in use."""
+    with serve(OnePage(), language="es") as served:
+        found = json.loads(Visitor(served.address).get("/languages"))
+    assert found == {"language": "es", "languages": ["en", "es"], "pages": ["/"]}
+    with (
+        pytest.raises(ConfigError, match="--lang: is 'fr'; allowed: en, es"),
+        serve(OnePage(), language="fr"),
+    ):
+        pass
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        port = other.getsockname()[1]
+        words = f"--port: {port} is in use; allowed: another"
+        with pytest.raises(ConfigError, match=words), serve(OnePage(), port=port):
+            pass
+
+
+def test_every_language_has_all_texts_and_no_other() -> None:
+    """The same keys in the same order, each with the same values in its words, none left empty;
+    a page asks for none that is not there, and none is there in vain."""
+    texts = [json.loads(p.read_text(encoding="utf-8")) for p in STATIC.glob("texts/*.json")]
+    assert len(texts) == 2
+    words, other = texts
+    assert list(words) == list(other)
+    for key, sentence in words.items():
+        assert sorted(re.findall(r"{\w+}", sentence)) == sorted(re.findall(r"{\w+}", other[key]))
+        assert (sentence == "") == (other[key] == "")
+    used, asked = {f"s{i}" for i in range(4)} | {"undercut", "pressure"}, set()
+    for path in STATIC.glob("*/*"):
+        text = path.read_text(encoding="utf-8")
+        if path.suffix == ".html":
+            asked |= set(re.findall(r'data-text="(\w+)"', text))
+        if path.suffix == ".js":
+            used |= set(re.findall(r'"([a-z_0-9]+)"', text))
+            asked |= set(re.findall(r'\btext\("(\w+)"', text))
+            begun = re.findall(r"`([a-z_]+_)\$\{", text)  # a key put together, as `drive_${state}`
+            used |= {key for key in words if key.startswith(tuple(begun))}
+    assert asked <= set(words) <= used | asked
+
+
+# -- what is wrong ----------------------------------------------------------------------------
+
+
+def answer_to(page: ClientConnection, number: int | None) -> dict[str, Any]:
+    """What the message of a number is answered with."""
+    while True:
+        found: dict[str, Any] = json.loads(page.recv(timeout=WAIT_S))
+        if found["type"] in ("exact", "refused") and found["number"] == number:
+            return found
+        if found["type"] == "answer" and found["answer"] == number:
+            return found
+
+
+def next_of(page: ClientConnection, kind: str) -> dict[str, Any]:
+    """The next message of a kind."""
+    while (message := json.loads(page.recv(timeout=300)))["type"] != kind:
+        pass
+    return dict(message)
+
+
+TEXTS = ["", "x", "\\ud800", "\\udfff\\ud800", "\\u0000", "é" * 200, "__proto__", "/../..", "\\n"]
+NUMBERS = ["9" * 400, "-" + "9" * 5000, "1e999", "NaN", "-Infinity", "1e308", "-0", "5e-324", "7"]
+
+
+def value(rng: random.Random, depth: int = 0) -> str:
+    """A value as JSON, or nearly so."""
+    kind = rng.randrange(4 if depth > 3 else 6)
+    if kind == 0:
+        return rng.choice(["true", "false", "null"])
+    if kind in (1, 2):
+        return rng.choice(NUMBERS) if kind == 1 else f'"{rng.choice(TEXTS)}"'
+    if kind == 3:
+        return rng.choice(["", "{", "[1,", '"', "nul", "[" * 5000, "{}}", "\x00"])
+    inner = [value(rng, depth + 1) for _ in range(rng.randrange(5))]
+    if kind == 4:
+        return f"[{','.join(inner)}]"
+    return "{" + ",".join(f'"{rng.choice(TEXTS)}{i}":{v}' for i, v in enumerate(inner)) + "}"
+
+
+def wrong(rng: random.Random, names: tuple[str, ...], count: int) -> str:
+    """An object whose every name has something that is never right, or no object at all."""
+    if rng.random() < 0.2:
+        return value(rng)
+    ordinates = f"[{','.join([rng.choice(NUMBERS[:5])] * count)}]"
+    members = {name: ordinates if rng.random() < 0.3 else value(rng) for name in names}
+    text = "{" + ",".join(f'"{name}":{member}' for name, member in members.items()) + "}"
+    return text if len(text.encode()) <= MAX_MESSAGE else wrong(rng, names, count)
+
+
+#: What is nearly right, or nothing at all.
+NEARLY = ["", "[]", "1", "{", "{}", '{"number": 1}', '{"number": 1, "ordinates": [], "rpm": 1}']
+NEARLY += ['{"do": 1}', '{"do": "set"}', '{"do": "set_up", "value": [1]}']
+
+
+@pytest.mark.parametrize("path", [BOARD, BENCH])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.long)])
+def test_wrong_messages_are_refused_in_a_line_and_the_page_stays(
+    panel: ServedPages, path: str, seed: int, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Text and bytes, of any nonsense: each is answered, nothing is changed, and the next taken."""
+    rng, count, before = random.Random(seed), panel.board.ordinates.size, panel.board.version
+    names = ("number", "ordinates", "rpm") if path == BOARD else ("number", "do", "value", "name")
+    texts = NEARLY + [wrong(rng, names, count) for _ in range(150 if seed else 60)]
+    with panel.page(path) as page:
+        for number, text in enumerate(texts):
+            page.send(text.encode() if rng.random() < 0.2 else text)
+            kinds = ("refused", "answer")
+            while (answer := json.loads(page.recv(timeout=WAIT_S)))["type"] not in kinds:
+                assert answer["type"] != "exact", text[:80]
+            assert answer.get("success") is not True, text[:80]
+            assert 0 < len(answer["words"]) < 400
+            assert len(answer["words"].splitlines()) == 1
+            page.send(json.dumps(panel.right(path) | {"number": number}))
+            answer = answer_to(page, number)
+            assert answer.get("success", True) and answer["type"] != "refused"
+    assert panel.board.version - before == (len(texts) if path == BOARD else 0)
+    assert [record.getMessage() for record in caplog.records if record.exc_info] == []
+
+
+POSTS = {
+    "/save": ("name", "ordinates"),
+    "/dxf": ("ordinates",),
+    "/design": ("name",),
+    "/bench/mount": ("ordinates",),
+    "/lab/turn": ("rpm", "spring_stiffness", "added_mass", "preload"),
+    "/lab/record": ("rpm", "spring_stiffness", "added_mass", "preload"),
+    "/lab/student": ("name",),
+}
+
+
+def test_wrong_requests_are_refused_in_a_line_and_the_connection_stays(
+    panel: ServedPages, caplog: pytest.LogCaptureFixture
+) -> None:
+    """400 for what is no object of JSON, 409 for one that asks for nothing: never 500."""
+    connection = HTTPConnection(str(panel.url.hostname), panel.url.port, timeout=WAIT_S)
+    connection.connect()
+    kept = connection.sock
+    for path, names in POSTS.items():
+        rng, statuses = random.Random(path), set()
+        bodies = [wrong(rng, names, panel.board.ordinates.size).encode() for _ in range(16)]
+        for body in (*bodies, rng.randbytes(50), b"", b"{}"):
+            connection.request("POST", path, body, panel.headers | {"Host": panel.url.netloc})
+            answer = connection.getresponse()
+            words = json.loads(answer.read())["words"]
+            statuses.add(answer.status)
+            assert len(words.splitlines()) == 1
+            assert len(words) < 400
+            assert connection.sock is kept
+        assert statuses == {400, 409}, path
+    connection.close()
+    assert [record.getMessage() for record in caplog.records if record.exc_info] == []
+    for name in ("no_such", "%00", "%ff", "%ED%A0%80", "a" * 5000, "..%2f..", "%C3%A9"):
+        for path in ("/other", "/bench/cam"):
+            status, _, found = ask(panel.address, f"{path}/{name}", **panel.headers)
+            assert status in (400, 404)
+            assert len(found.splitlines()) == 1
+
+
+def test_a_huge_message_ends_its_own_page_alone(panel: ServedPages) -> None:
+    """It is never held in memory; the other page goes on."""
+    with panel.page(BOARD) as good, panel.page(BOARD) as page:
+        page.send("x" * (MAX_MESSAGE + 1))
+        with pytest.raises(ConnectionClosed) as closed:
+            answer_to(page, None)
+        assert closed.value.rcvd is not None
+        assert closed.value.rcvd.code == 1009
+        good.send(json.dumps(panel.right(BOARD) | {"number": 1}))
+        assert answer_to(good, 1)["type"] == "exact"
+
+
+# -- who sleeps -------------------------------------------------------------------------------
+
+
+def asleep(panel: ServedPages, path: str) -> socket.socket:
+    """A page's websocket that reads nothing, not even the answer to its handshake."""
+    page = socket.socket()
+    page.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
+    page.connect((panel.url.hostname, panel.url.port))
+    upgrade = {"Host": panel.url.netloc, "Upgrade": "websocket", "Connection": "Upgrade"}
+    key = {"Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==", "Sec-WebSocket-Version": "13"}
+    lines = [f"{name}: {value}" for name, value in (upgrade | key | panel.headers).items()]
+    page.sendall("\r\n".join([f"GET {path} HTTP/1.1", *lines, "", ""]).encode())
+    return page
+
+
+@pytest.mark.parametrize("path", [BOARD, BENCH])
+def test_a_page_that_reads_nothing_is_dropped_alone(
+    panel: ServedPages, path: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """While it sleeps others are answered and follow; then it is no page any more."""
+    monkeypatch.setattr(server, "TELL_EVERY_S", 0.0)
+    monkeypatch.setattr(server, "READS_WITHIN_S", 0.3)
+    # a state that soon fills what may wait in the network
+    monkeypatch.setattr(panel.bench.live, "log", ["x" * 200_000])
+    pages = panel.pages._pages if path == BOARD else panel.bench._pages
+    with panel.page(path) as one, panel.page(path) as two:
+        until(lambda: len(pages) == 2)
+        sleeper = asleep(panel, path)
+        until(lambda: len(pages) == 3)
+        number, end = 0, time.monotonic() + WAIT_S
+        while len(pages) == 3:
+            assert time.monotonic() < end, "the page that sleeps was not dropped"
+            number += 1
+            one.send(json.dumps(panel.right(path) | {"number": number}))
+            answer_to(one, number)
+            two.recv(timeout=WAIT_S)
+        assert number > 10
+        two.send(json.dumps({"number": -1}))
+        assert answer_to(two, -1)["words"]
+        assert len(pages) == 2
+        sleeper.close()
+
+
+def test_a_request_that_never_ends_holds_no_other_up(panel: ServedPages) -> None:
+    """A lab's page that has sent half of its reading, of a browser that is suspended."""
+    with socket.create_connection((panel.url.hostname, panel.url.port)) as page:
+        own = {"Host": panel.url.netloc} | panel.headers
+        lines = [f"{name}: {x}" for name, x in own.items()]
+        head = ["POST /lab/student HTTP/1.1", *lines, "Content-Length: 100", "", '{"student"']
+        page.sendall("\r\n".join(head).encode())
+        assert panel.post("/lab/student", '{"student": "A"}')[0] == 200
+    assert panel.lab.notebook.recorded.student == "A"
+
+
+def test_the_newest_state_alone_waits(panel: ServedPages, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A page that is told once in a while misses what was between, and never the last."""
+    monkeypatch.setattr(server, "TELL_EVERY_S", 0.5)
+    with panel.page(BOARD) as one, panel.page(BOARD) as two:
+        for number in range(1, 41):
+            one.send(json.dumps(panel.right(BOARD) | {"number": number, "rpm": 300 + number}))
+            answer_to(one, number)
+        told = []
+        while not told or told[-1] != 340.0:
+            message = json.loads(two.recv(timeout=WAIT_S))
+            told += [message["rpm"]] if message["type"] == "moved" else []
+    assert told == sorted(told)
+    assert len(told) < 40
+
+
+# -- what takes longer ------------------------------------------------------------------------
+
+
+def test_only_the_last_law_is_answered_at_rest_by_a_process_that_may_be_killed(
+    panel: ServedPages,
+) -> None:
+    """What comes late is of the newest change, and says of which; a process that is killed is
+    named, and another one answers the next change."""
+    change = {"ordinates": panel.board.ordinates.tolist()}
+    with panel.page(BOARD) as page:
+        begun = panel.board.version
+        for number in range(1, 21):
+            page.send(json.dumps(change | {"number": number, "rpm": 200 + number}))
+        answer = next_of(page, "rest")
+        while answer["version"] < begun + 20:
+            answer = next_of(page, "rest")
+        assert answer["rpm"] == 220.0
+        for child in begun_by_this(WORKER):
+            os.kill(child, signal.SIGKILL)
+        page.send(json.dumps(change | {"number": 21, "rpm": 200}))
+        assert "ended" in next_of(page, "rest")["words"]
+        page.send(json.dumps(change | {"number": 22, "rpm": 200}))
+        assert "jump" in next_of(page, "rest")
+
+
+def begun_by_this(words: str) -> list[int]:
+    """Processes that this one started, by words of their command."""
+    tasks = Path(f"/proc/{os.getpid()}/task").glob("*/children")
+    children = [number for task in tasks for number in task.read_text().split()]
+    lines = {n: Path(f"/proc/{n}/cmdline").read_bytes() for n in children}
+    return [int(n) for n, line in lines.items() if words.encode() in line.replace(b"\0", b" ")]
+
+
+def test_the_contour_is_answered_as_a_file_or_refused_in_words(panel: ServedPages) -> None:
+    """DXF for the board's ordinates; for others than a list of them the reason."""
+    body = json.dumps({"ordinates": panel.board.drawn.ordinates.tolist()})
+    status, headers, drawn = panel.post("/dxf", body)
+    assert (status, headers["Content-Type"]) == (200, "image/vnd.dxf")
+    assert drawn.rstrip().endswith(b"EOF")
+    status, _, words = panel.post("/dxf", "{}")
+    assert status == 409
+    assert b"ordinates: allowed" in words
+
+
+def design(panel: ServedPages, name: str) -> tuple[int, dict[str, Any]]:
+    """Status and answer of a wish for a design."""
+    status, _, body = panel.post("/design", json.dumps({"name": name}))
+    return status, json.loads(body)
+
+
+@pytest.mark.slow
+def test_one_design_at_a_time_and_it_can_be_stopped(panel: ServedPages) -> None:
+    """A second one is refused with the remedy; stopped, no process and no file is left."""
+    out = panel.board.out
+    for name in ("start", "other"):
+        panel.board.save(name, panel.board.drawn.ordinates.tolist())
+    with panel.page(BOARD) as page:
+        assert design(panel, "start")[0] == 202
+        status, words = design(panel, "other")
+        assert status == 409
+        assert "so stop it" in words["words"]
+        assert panel.post("/design/stop")[0] == 200
+        while not next_of(page, "design").get("stopped"):
+            pass
+        assert begun_by_this(f"{WORKER} {DESIGN}") == []
+        assert sorted(path.name for path in out.iterdir()) == ["other.yaml", "start.yaml"]
+
+
+@pytest.mark.slow
+def test_a_design_that_cannot_begin_or_end_says_why(panel: ServedPages) -> None:
+    """A start that was not saved, or is a path; a cam that `cam-rig design` takes none of."""
+    status, words = design(panel, "nothing")
+    assert status == 409
+    assert "nothing.yaml" in words["words"]
+    for name in ("../poly345", "", "A"):
+        status, words = design(panel, name)
+        assert status == 409
+        assert words["words"].startswith("name: allowed")
+    frame = Path(__file__).parents[2] / "config/cams/constant_breadth.yaml"
+    panel.board.out.mkdir(exist_ok=True)
+    (panel.board.out / "frame.yaml").write_text(frame.read_text(encoding="utf-8"))
+    with panel.page(BOARD) as page:
+        assert design(panel, "frame")[0] == 202
+        assert "its follower is constant_breadth" in next_of(page, "design")["words"]
+
+
+@pytest.mark.long
+@pytest.mark.slow
+def test_a_design_is_told_as_it_grows_and_written(panel: ServedPages) -> None:
+    """It jumps later than its start, its file is the law that the page is given, and stays."""
+    board = panel.board
+    board.save("begin", board.drawn.ordinates.tolist())
+    with panel.page(BOARD) as page:
+        assert design(panel, "begin")[0] == 202
+        message, best = next_of(page, "design"), []
+        while "so_far_rpm" in message:
+            best.append(message["so_far_rpm"])
+            message = next_of(page, "design")
+    assert best
+    assert best == sorted(best)
+    law = cam_rig.build_law(cam_rig.load_cam(message["path"]))
+    jump = cam_rig.jump_speed(law, board.rig).rpm
+    assert message["rpm"] == pytest.approx(jump, rel=1e-3)
+    assert jump > 1.2 * cam_rig.jump_speed(board.drawn.start.law, board.rig).rpm
+    motion = np.frombuffer(base64.b64decode(message["motion"]), dtype="<f8")
+    wanted = np.stack([law(table_angles(), order) for order in range(ORDERS)])
+    largest = np.abs(wanted).max(axis=1, keepdims=True)
+    assert (np.abs(motion.reshape(ORDERS, POINTS) - wanted) / largest).max() <= 1e-9
+    status, words = design(panel, "begin")
+    assert status == 409
+    assert "begin_designed.yaml: exists already" in words["words"]

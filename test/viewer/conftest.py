@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from cam_rig.simulation.scene import LoadedScene, open_scene
 from cam_rig.simulation.schedule import CamState, cam_states
 from cam_rig.simulation.simulate import FollowerSimulator, MicrophoneSimulator
 from cam_rig.units import NS, FloatArray
+from cam_rig.viewer import ViewOptions
 from cam_rig.viewer.recording import save_recording
 
 SCENE = """
@@ -163,6 +165,21 @@ def picture(bag: SmallBag, tmp_path_factory: pytest.TempPathFactory) -> Picture:
     path = tmp_path_factory.mktemp("picture") / "small.rrd"
     save_recording(bag.path, path)
     return Picture(path)
+
+
+#: Gives the small bag's picture with some options, drawn once.
+Drawings = Callable[[ViewOptions], "Picture"]
+
+
+@pytest.fixture(scope="session")
+def drawings(bag: SmallBag, tmp_path_factory: pytest.TempPathFactory) -> Drawings:
+    @cache
+    def drawn(options: ViewOptions) -> Picture:
+        path = tmp_path_factory.mktemp("drawing") / "small.rrd"
+        save_recording(bag.path, path, options)
+        return Picture(path)
+
+    return drawn
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -64,30 +64,20 @@ def test_the_options_of_the_documents_leave_named_curves_over_rig_time(tmp_path:
     assert max(times).total_seconds() < 10.0
 
 
-@pytest.mark.parametrize(
-    ("topic", "field"),
-    [
-        (topics.CAM_STATE, "position"),
-        (topics.CAM_STATE, "velocity"),
-        (topics.CAM_STATE, "effort"),
-        (topics.FOLLOWER_STATE, "position"),
-        (topics.FOLLOWER_STATE, "effort"),
-        (topics.JOINT_STATES, "position"),
-        (topics.JOINT_STATES, "velocity"),
-        (topics.JOINT_STATES, "effort"),
-    ],
-)
-def test_joint_states_plot_by_themselves(
-    imported: Picture, topic: topics.Topic, field: str
-) -> None:
-    """Angle, speed and torque of the cam, lift and force of the follower, as in the bag."""
-    shown = imported.numbers(f"{topic.name[1:]}/{field}", "Scalars:scalars")
-    recorded = [getattr(message, field) for _, _, message in messages(GOLDEN, (topic,))]
-    np.testing.assert_array_equal(shown, np.squeeze(recorded))
-
-
-def test_the_pressure_plots_by_itself(imported: Picture) -> None:
-    """r.m.s. sound pressure, one value a tick."""
+def test_joint_states_and_pressure_plot_by_themselves(imported: Picture) -> None:
+    """Angle, speed and torque of the cam, lift and force of the follower, as in the bag; r.m.s.
+    sound pressure, one value a tick."""
+    every = ("position", "velocity", "effort")
+    for topic, fields in (
+        (topics.CAM_STATE, every),
+        (topics.FOLLOWER_STATE, ("position", "effort")),
+        (topics.JOINT_STATES, every),
+    ):
+        recorded = [message for _, _, message in messages(GOLDEN, (topic,))]
+        for field in fields:
+            shown = imported.numbers(f"{topic.name[1:]}/{field}", "Scalars:scalars")
+            wanted = np.squeeze([getattr(message, field) for message in recorded])
+            np.testing.assert_array_equal(shown, wanted)
     shown = imported.numbers(topics.PRESSURE.name[1:], "Measurements:values")
     recorded = [message.fluid_pressure for _, _, message in messages(GOLDEN, (topics.PRESSURE,))]
     np.testing.assert_array_equal(shown, recorded)

@@ -10,7 +10,7 @@ from PIL import Image
 from cam_rig.show import looks as colours
 from cam_rig.viewer import quantities as series
 from cam_rig.viewer.recording import save_recording
-from cam_rig.viewer.server import serve_file
+from cam_rig.viewer.rerun_page import serve_file
 from tools.docs.browser import photograph
 
 #: What has to be seen in it at once: the follower, the curves, and where it landed.

@@ -12,6 +12,7 @@ from typing import Any
 from cam_rig.acoustics import RadiationParameters
 from cam_rig.errors import RefusedError, RunError
 from cam_rig.live.sockets import MAX_LINE, line_of, read_line
+from cam_rig.nodes.parameters import ABOUT, KINDS, LIVE
 from cam_rig.panel.bench.live_state import LiveState, PageSound
 from cam_rig.panel.bench.runner import SAMPLE_RATE, BenchRunner, Setup, add_cam
 from cam_rig.schema import CamConfig
@@ -25,10 +26,8 @@ ANSWER_S = 5.0
 class NodeLink:
     """Takes the one connection of the panel's node; another one takes its place.
 
-    Parameters
-    ----------
-    path : of the socket, in a folder that no other user can enter
-    heard : called with each line that is not an answer
+    The socket is in a folder that no other user can enter; ``heard`` is called with each line
+    that is not an answer.
     """
 
     def __init__(self, path: Path, heard: Callable[[dict[str, Any]], None]) -> None:
@@ -99,37 +98,17 @@ class NodeLink:
                 answer.set_result({"success": False, "words": "the panel's node has ended"})
 
 
-#: What a page may set, its kind, and on which node.
-SETTINGS: dict[str, tuple[type, str]] = {
-    "rpm": (float, "cam_drive"),
-    "pacing": (str, "cam_drive"),
-    "cam": (str, "law_server"),
-    "frequency_weighting": (str, "microphone"),
-    "time_weighting": (str, "microphone"),
-}
-
-KINDS = {float: "number", str: "text"}
-
-EMERGENCY_STOP = "emergency_stop"
-
-START, STOP = "start", "stop"
-
-SERVICES = (START, STOP, "reset", EMERGENCY_STOP)
-
+#: What a page may set: a node's live parameters, with the node.
+SETTINGS = {name: (node, spec) for node, specs in LIVE.items() for name, spec in specs.items()}
+#: What a page may call.
+SERVICES = ABOUT["cam_drive"].services
+START, STOP, _, EMERGENCY_STOP = SERVICES
 Reply = dict[str, Any]
-
 DONE: Reply = {"success": True, "words": ""}
 
 
 class BenchControls:
-    """Obeys the commands of the page that holds the controls.
-
-    Parameters
-    ----------
-    runner : of the node graph
-    live : what the pages are shown
-    link : to the nodes
-    """
+    """Obeys the commands of the page that holds the controls."""
 
     def __init__(self, runner: BenchRunner, live: LiveState, link: NodeLink) -> None:
         self._runner, self._live, self._link = runner, live, link
@@ -145,12 +124,7 @@ class BenchControls:
         }
 
     async def obey(self, command: dict[str, Any]) -> Reply:
-        """Do what a command says; what came of it.
-
-        Raises
-        ------
-        RefusedError : there is no such command, or it is not allowed now
-        """
+        """Do what a command says; what came of it."""
         act = self._commands.get(str(command.get("do")))
         if act is None:
             raise RefusedError(
@@ -171,12 +145,7 @@ class BenchControls:
         return f"drawn_{len(list(self._runner.cams.glob('drawn_*.yaml'))) + 1}"
 
     async def mount(self, cam: CamConfig) -> None:
-        """Turn a cam of its own from the next tick on, or once the nodes are there.
-
-        Raises
-        ------
-        RefusedError : the law server refuses it
-        """
+        """Turn a cam of its own from the next tick on, or once the nodes are there."""
         add_cam(cam, self._runner.cams)
         if self._live.graph != "running":
             return self.set_up(self._as_it_is({"cam": cam.name}))
@@ -204,15 +173,12 @@ class BenchControls:
         name, value = str(command.get("name")), command.get("value")
         if name not in SETTINGS:
             raise RefusedError(f"set: is {name[:40]!r}; allowed: {', '.join(SETTINGS)}")
-        kind, node = SETTINGS[name]
+        node, spec = SETTINGS[name]
+        kind = type(spec.default)
         is_number = isinstance(value, int | float) and not isinstance(value, bool)
         if not (is_number if kind is float else isinstance(value, str)):
-            raise RefusedError(f"{name}: is {str(value)[:40]!r}; allowed: a {KINDS[kind]}")
-        try:
-            wanted = {"node": node, "name": name, "value": kind(value)}
-        except OverflowError:
-            raise RefusedError(f"{name}: allowed: a number of fewer digits") from None
-        return await self._link.ask(wanted)
+            raise RefusedError(f"{name}: is {str(value)[:40]!r}; allowed: {KINDS[kind]}")
+        return await self._link.ask({"node": node, "name": name, "value": kind(value)})
 
     async def _change_setup(self, command: dict[str, Any]) -> Reply:
         given = command.get("value")
@@ -239,5 +205,5 @@ class BenchControls:
         return DONE | {"noted": asdict(self._live.note())}
 
     async def _clear(self, _command: dict[str, Any]) -> Reply:
-        self._live.clear()
+        self._live.readings.clear()
         return DONE

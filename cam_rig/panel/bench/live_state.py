@@ -26,17 +26,13 @@ from cam_rig.units import NS, TURN
 
 #: Rig time (s) over which a noted level is the mean, or somewhat more, as it is of whole turns.
 MEAN_S = 1.0
-
 #: What must have passed at that speed before: so many times the meter's time constant, by which
 #: what it read before has fallen by 35 dB.
 SETTLED = 8.0
-
 #: Speeds (rpm) are the same when they differ by no more than this part.
 SAME_SPEED = 1e-6
-
 #: Ticks that are kept.
 MAX_TICKS = 4096
-
 #: Readings that a bench notes, at most.
 MAX_READINGS = 10_000
 
@@ -138,12 +134,7 @@ MAX_LINES = 6
 
 @dataclass
 class LiveState:
-    """The bench as its pages see it.
-
-    Parameters
-    ----------
-    setup : how the rig is set up
-    """
+    """The bench as its pages see it; each of these is what a page is told by that name."""
 
     setup: Setup
     #: off, starting, running, ended or failed.
@@ -175,8 +166,6 @@ class LiveState:
         self._lost_ns = -1
         self._ticks_to_come = 0
 
-    # -- what happens to the graph ------------------------------------------------------------
-
     def happened(self, message: dict[str, Any]) -> None:
         """What the runner tells."""
         if "graph" in message:
@@ -194,10 +183,8 @@ class LiveState:
         if "log" in message:
             self.log = [*self.log, message["log"]][-MAX_LINES:]
 
-    # -- what the nodes say -------------------------------------------------------------------
-
     def heard(self, message: dict[str, Any]) -> None:
-        """A line of the panel's node."""
+        """A line of what the nodes say."""
         if "state" in message:
             self._turned(message["state"])
         elif "level" in message:
@@ -258,8 +245,6 @@ class LiveState:
         pace = {key: drive[key] for key in ("pacing",) if key in drive}
         return {"cam_drive": pace, "microphone": dict(ear)}
 
-    # -- what is noted ------------------------------------------------------------------------
-
     def note(self) -> NotedReading:
         """Note the present reading."""
         if len(self.readings) >= MAX_READINGS:
@@ -283,39 +268,17 @@ class LiveState:
         self.readings.append(reading)
         return reading
 
-    def clear(self) -> None:
-        """Forget all readings."""
-        self.readings.clear()
-
     def shown(self) -> dict[str, Any]:
         """All of it, for a page."""
         tick = self.meter.latest
-        return {
-            "graph": self.graph,
-            "words": self.words,
-            "domain": self.domain,
-            "screen": self.screen,
-            "drive": self.drive,
-            "waits_for": self.waits_for,
-            "ended": self.ended,
-            "values": self.values,
-            "state": self.state,
-            "level": round(tick.level, 3) if tick and self.drive == "turning" else None,
-            "contact": self.contact,
-            "losses": self.losses,
-            "late": self.late,
-            "kept": self.kept,
-            "log": self.log,
-            "setup": asdict(self.setup),
-            "readings": [asdict(reading) for reading in self.readings],
-        }
+        level = round(tick.level, 3) if tick and self.drive == "turning" else None
+        return asdict(self) | {"level": level}
 
 
 # The sound of the rig for a page: from the samples of each tick, while somebody listens.
 
 #: Least rate (Hz) of the sound, which a browser plays.
 LEAST_RATE = 16_000
-
 #: Sound pressure (Pa) that a page's full volume stands for.
 FULL_SCALE_PA = 20.0
 
@@ -325,11 +288,8 @@ class PageSound:
 
     def __init__(self, radiation: RadiationParameters, sample_rate: int) -> None:
         self._source = SoundSource(radiation, sample_rate, LEAST_RATE)
-
-    @property
-    def rate(self) -> int:
-        """Samples a second of the sound, Hz."""
-        return self._source.rate
+        #: Samples a second of the sound, Hz.
+        self.rate = self._source.rate
 
     def render(self, message: dict[str, Any], rpm: float) -> bytes:
         """The sound of a tick's samples, at a cam speed (rpm)."""

@@ -9,15 +9,13 @@ from contextlib import asynccontextmanager
 from functools import partial
 from typing import Any
 
-from starlette.requests import Request
-from starlette.responses import FileResponse, JSONResponse, Response
-from starlette.routing import Route, WebSocketRoute
+from starlette.responses import Response
+from starlette.routing import WebSocketRoute
 from starlette.websockets import WebSocket
 
-from cam_rig.acoustics.sound_level_meter import FREQUENCY_WEIGHTINGS, TIME_WEIGHTINGS
-from cam_rig.errors import CamRigError, RefusedError
+from cam_rig.errors import RefusedError
 from cam_rig.laws import build_law
-from cam_rig.panel.bench.controls import DONE, EMERGENCY_STOP, BenchControls, NodeLink
+from cam_rig.panel.bench.controls import DONE, EMERGENCY_STOP, SETTINGS, BenchControls, NodeLink
 from cam_rig.panel.bench.live_state import LiveState, to_csv
 from cam_rig.panel.bench.runner import (
     MAX_ADDED_MASS,
@@ -31,8 +29,7 @@ from cam_rig.panel.bench.runner import (
 )
 from cam_rig.panel.board.board import Board
 from cam_rig.panel.board.drawable import at_once
-from cam_rig.panel.live_page import LivePage
-from cam_rig.panel.server import STATIC, post
+from cam_rig.panel.server import LivePage, PanelPages, csv_file, get, page_file, post
 from cam_rig.schema import CamConfig
 from cam_rig.schema.load import Library, config_root, load_cam
 from cam_rig.show import looks as colours
@@ -74,22 +71,13 @@ class BenchPage(LivePage):
 
 #: Speeds (rpm) of the knob.
 KNOB = (20.0, 1000.0)
-
 #: Cams in the chart, whose markers differ too.
 CAM_COLOURS = (colours.BLUE, colours.VERMILION, colours.GREEN, colours.BLACK)
-
 PACES = ("real_time", "0.1x", "0.25x", "0.5x", "2x", "5x", "free")
 
 
-class BenchPages:
-    """The live bench in a browser.
-
-    Parameters
-    ----------
-    runner : of the node graph
-    cam : mounted first
-    board : whose laws can be put on the bench
-    """
+class BenchPages(PanelPages):
+    """The live bench in a browser: ``cam`` is mounted first, then laws of the ``board`` may be."""
 
     def __init__(self, runner: BenchRunner, cam: CamConfig, board: Board) -> None:
         self._runner, self._board = runner, board
@@ -99,10 +87,10 @@ class BenchPages:
         self._pages: list[BenchPage] = []  # the first one holds the controls
         self._controls = BenchControls(runner, self.live, self._link)
         self.routes = (
-            Route("/bench", self._index),
-            Route("/bench/about", self._about),
-            Route("/bench/cam/{cam}", self._cam),
-            Route("/bench/readings.csv", self._csv),
+            page_file("/bench", "bench", self._begin),
+            get("/bench/about", self._about),
+            get("/bench/cam/{cam}", self._cam),
+            get("/bench/readings.csv", self._csv),
             post("/bench/mount", self._mount),
             WebSocketRoute("/bench/live", self._live),
         )
@@ -122,45 +110,36 @@ class BenchPages:
         finally:
             self._runner.tell = lambda _message: None
 
-    # -- requests -------------------------------------------------------------------------------
-
-    async def _index(self, _: Request) -> Response:
+    def _begin(self) -> None:
         if self.live.graph == "off":
             self._controls.set_up(self.live.setup)
-        return FileResponse(STATIC / "bench" / "index.html")
 
-    async def _about(self, _: Request) -> Response:
-        rig = self._runner.rig
-        return JSONResponse(
-            {
-                "rig": {"title": rig.title},
-                "has_screen": self._runner.has_screen,
-                "models": allowed_models(rig),
-                "model": self.live.setup.model,
-                "cams": cam_names(self._runner.cams),
-                "paces": PACES,
-                "knob": KNOB,
-                "speeds": (MIN_RPM, MAX_RPM),
-                "contour_colours": {
-                    "contour": colours.web(colours.BLUE),
-                    "pitch": colours.web(colours.GREEN),
-                },
-                "colours": [colours.web(colour) for colour in CAM_COLOURS],
-                "max_added_mass": MAX_ADDED_MASS,
-                "frequency_weightings": FREQUENCY_WEIGHTINGS,
-                "time_weightings": list(TIME_WEIGHTINGS),
-            }
-        )
+    async def _about(self, _: dict[str, Any]) -> dict[str, Any]:
+        rig, choices = self._runner.rig, {"cam": cam_names(self._runner.cams), "pacing": PACES}
+        settings = {
+            name: {"node": node, "choices": choices.get(name, spec.choices)}
+            for name, (node, spec) in SETTINGS.items()
+        }
+        contour = {"contour": colours.web(colours.BLUE), "pitch": colours.web(colours.GREEN)}
+        return {
+            "rig": {"title": rig.title},
+            "has_screen": self._runner.has_screen,
+            "models": allowed_models(rig),
+            "model": self.live.setup.model,
+            "settings": settings,
+            "knob": KNOB,
+            "speeds": (MIN_RPM, MAX_RPM),
+            "contour_colours": contour,
+            "colours": [colours.web(colour) for colour in CAM_COLOURS],
+            "max_added_mass": MAX_ADDED_MASS,
+        }
 
-    async def _cam(self, request: Request) -> Response:
+    async def _cam(self, asked: dict[str, Any]) -> dict[str, Any]:
         """The contour of a cam that can be mounted, as the board draws it."""
         library = Library((self._runner.folder, config_root()))
-        try:
-            cam = load_cam(library.path("cams", request.path_params["cam"]))
-            found = at_once(cam, build_law(cam), self._runner.rig)
-        except CamRigError as error:
-            return JSONResponse({"words": str(error)}, 404)
-        return JSONResponse({"title": cam.title, "discs": found["discs"]})
+        cam = load_cam(library.path("cams", asked["cam"]))
+        discs = at_once(cam, build_law(cam), self._runner.rig)["discs"]
+        return {"title": cam.title, "discs": discs}
 
     async def _mount(self, body: dict[str, Any]) -> dict[str, Any]:
         """Put the law of some ordinates of the board on the bench; its nodes begin if need be."""
@@ -168,23 +147,20 @@ class BenchPages:
         await self._controls.mount(cam)
         return {"cam": cam.name}
 
-    async def _csv(self, _: Request) -> Response:
-        name = {"Content-Disposition": 'attachment; filename="readings.csv"'}
-        return Response(to_csv(self.live.readings), headers=name, media_type="text/csv")
+    async def _csv(self, _: dict[str, Any]) -> Response:
+        return csv_file("readings.csv", to_csv(self.live.readings))
 
     async def _live(self, socket: WebSocket) -> None:
         await socket.accept()
-        page = BenchPage(socket)
-        self._pages.append(page)
+        shown = BenchPage(socket)
+        self._pages.append(shown)
         self._changed()
         try:
-            await page.serve(partial(self._obey, page), _refused)
+            await shown.serve(partial(self._obey, shown), _refused)
         finally:
-            self._pages.remove(page)  # the next one holds the controls
+            self._pages.remove(shown)  # the next one holds the controls
             self._listen()
             self._changed()
-
-    # -- commands -------------------------------------------------------------------------------
 
     async def _obey(self, page: BenchPage, command: dict[str, Any]) -> dict[str, Any]:
         """Do what a page asks; the answer, with the number of its message."""
@@ -212,8 +188,6 @@ class BenchPages:
         if page is not self._pages[0] and not emergency:
             raise RefusedError("another page holds the controls; allowed: after taking over")
         return await self._controls.obey(command)
-
-    # -- what the pages are told ----------------------------------------------------------------
 
     def _listen(self) -> None:
         self._link.listen(any(page.listens for page in self._pages))

@@ -26,51 +26,36 @@ from cam_rig.runner.resources import domain_number, own_domain
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.load import NAME, config_root
 from cam_rig.viewer.page import PageTime
-from cam_rig.viewer.server import serve
+from cam_rig.viewer.rerun_page import serve
 
 # How the rig is set up: cam, model and the follower's numbers, as a scene that nodes can run.
 
 #: Models that a bench runs, and what a rig must have for each.
 TWO_MASS = "two_mass"
-
 MODELS = ("one_mass", TWO_MASS, "kinetostatic", "elastic_stem", "torsional")
-
 #: A scene's last speed (rpm): what the viewer's axes have room for.
 DRAWN_RPM = 600.0
-
 SPEEDS_ARE = "the knob's first, and what the axes have room for"
-
 #: The speed (rpm) that the knob begins at.
 START_RPM = 200.0
-
 #: Ticks of a turn: a command acts at the next one, 17 ms later at 300 rpm.
 TICKS_PER_TURN = 12
-
 #: Samples a second (Hz): what the page's sound and the recorded force are made of.
 SAMPLE_RATE = 4000
-
 #: Speeds (rpm) that are taken: a tick has two samples at the highest.
 MIN_RPM, MAX_RPM = 1.0, 60.0 * SAMPLE_RATE / (2 * TICKS_PER_TURN)
-
 #: Turns after which a bench ends by itself: 5 h at 300 rpm.
 MAX_TURNS = 100_000
-
 #: What is added to the rig's own mass (kg), at most.
 MAX_ADDED_MASS = 100.0
 
 
 @dataclass(frozen=True)
 class Setup:
-    """What is chosen while the machine stands.
+    """What is chosen while the machine stands: the cam that is mounted first, and one of `MODELS`.
 
-    Parameters
-    ----------
-    cam : name of the cam that is mounted first
-    model : one of `MODELS`
-    added_mass : on the follower's own, kg
-    spring_stiffness : N/m
-    preload : N
-    rpm : of the cam, until another speed is commanded
+    The mass (kg) is added to the follower's own; spring in N/m, preload in N; the speed is that
+    of the cam until another one is commanded.
     """
 
     cam: str
@@ -179,25 +164,17 @@ def add_cam(cam: CamConfig, cams: Path) -> None:
 
 #: Wall time (s) that nodes wait for one that was killed, until somebody starts it again.
 PATIENCE_S = 3600.0
-
 #: Wall time (s) between two looks at whether the pages are still served.
 LOOK_S = 0.5
-
 #: Parameters by node.
 NodeValues = dict[str, dict[str, Any]]
-
 Told = Callable[[dict[str, Any]], None]
 
 
 class BenchRunner:
     """Runs set-up after set-up; `run` belongs to the main thread, all else to any.
 
-    Parameters
-    ----------
-    rig : as its file has it
-    folder : the bench's own, for scenes; its ``cams`` can be mounted
-    out : where kept bags go
-    screen : show the rig in Rerun
+    ``folder`` is the bench's own, for scenes; its ``cams`` can be mounted. Kept bags go to ``out``.
     """
 
     def __init__(self, rig: RigConfig, folder: Path, out: Path, screen: bool = True) -> None:

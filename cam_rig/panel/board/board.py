@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import math
+import shlex
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -12,20 +14,15 @@ import numpy as np
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.jump.any_follower import TWO_MASSES, described, follower_of
 from cam_rig.dynamics.jump.jump_speed import FROM_REST
-from cam_rig.errors import RefusedError
+from cam_rig.errors import CamRigError, ConfigError, OutputError, ProfileError, RefusedError
+from cam_rig.extras import require
+from cam_rig.law_design.cam_file import without_empty
 from cam_rig.laws import Law, build_law
-from cam_rig.panel.board.drawable import at_once
+from cam_rig.panel.board.drawable import DRAWN, at_once
 from cam_rig.panel.board.drawn_law import ORDERS, POINTS, DrawnLaw, in_base64, motion_in_base64
-from cam_rig.panel.board.files import (
-    cam_text,
-    contour_dxf,
-    design_command,
-    require_name,
-    why_not_made,
-    write_new,
-)
+from cam_rig.profile.check_table import check_cam
 from cam_rig.schema import CamConfig, RigConfig
-from cam_rig.schema.load import Library, config_root, load_cam
+from cam_rig.schema.load import NAME, Library, config_root, load_cam, quantity, to_yaml, valid_cam
 from cam_rig.schema.segments import BSpline
 from cam_rig.schema.yaml_text import parse_yaml
 from cam_rig.simulation.scene import is_calibrated
@@ -40,17 +37,7 @@ MAX_ORDINATE = 100.0
 class Board:
     """A drawing board; it outlives the pages that show it.
 
-    Parameters
-    ----------
-    cam : the start
-    rig : on which it runs
-    out : folder that cam files are saved in
-    rig_name : the rig as a command takes it, a name or a file; its own name by default
-
-    Raises
-    ------
-    ConfigError : a cam that rests all around; a rig that splits its mass only half
-    LawError : the cam has no law
+    It begins with a cam on a rig, which commands take as ``rig_name``; files are saved in ``out``.
     """
 
     def __init__(
@@ -152,10 +139,7 @@ class Board:
         return self.rig.calibrated_on if fitted else ""
 
     def save(self, name: Any, ordinates: Any) -> Path:
-        """Write ordinates as a cam file into the folder; gives its path.
-
-        A law that cannot be made is written too: its file says so, and why.
-        """
+        """Write ordinates as a cam file; of a law that cannot be made it says so, and why."""
         path, own = self.out / f"{require_name(name)}.yaml", self._allowed(ordinates)
         why_not = why_not_made(self.cam, self.law(own))
         write_new(path, cam_text(path.stem, self.cam, self.file, own, why_not))
@@ -169,7 +153,7 @@ class Board:
         return CamConfig.model_validate(parse_yaml(text))
 
     def saved(self, name: Any, ordinates: Any) -> dict[str, Any]:
-        """What a page is told of a file that it saved; raises what `save` does."""
+        """What a page is told of a file that it saved."""
         path = self.save(name, ordinates)
         command = design_command(path, self.rig_name)
         return {"path": str(path), "command": command, "why_not": load_cam(path).cannot_be_made}
@@ -188,3 +172,95 @@ def _speed(rpm: Any) -> float:
     if not (_is_number(rpm) and MIN_RPM <= rpm <= MAX_RPM):
         raise RefusedError(f"rpm: is {rpm!r:.40}; allowed: {MIN_RPM:g} to {MAX_RPM:g}")
     return float(rpm)
+
+
+# What the board writes: the cam's file, the contour as DXF, and the command that designs on.
+
+#: Largest distance (m) of the DXF's chords from the contour.
+CHORD_ERROR = 1e-6
+#: What a design from the board is to reach, and to keep.
+GOAL, LIMIT = "jump_speed", "peak_acceleration<=start"
+
+
+def require_name(name: Any) -> str:
+    """What a cam may be called."""
+    if not (isinstance(name, str) and NAME.fullmatch(name)):
+        raise ConfigError("name: allowed: up to 100 small letters, digits and _, a letter first")
+    return name
+
+
+def why_not_made(cam: CamConfig, law: Law) -> str | None:
+    """What of a law on its cam cannot exist, in words; None where it can be made."""
+    try:
+        failed = [str(check) for check in check_cam(cam, law) if check.vital and not check.passed]
+    except CamRigError as error:
+        failed = [str(error)]
+    return "; ".join(failed) or None
+
+
+def cam_text(
+    name: str, cam: CamConfig, file: CamConfig, ordinates: FloatArray, why_not: str | None
+) -> str:
+    """The file of a drawn cam with other ordinates ``(m,)``, begun from a file.
+
+    It says ``why_not``, where the cam cannot be made.
+    """
+    data = cam.model_dump(exclude_none=True)
+    data |= {"name": name, "title": f"{file.title}, drawn"}
+    data.pop("cannot_be_made", None)
+    data.pop("identified_from", None)
+    source, at = f"drawn on the panel, from {file.name}", 0
+    for part, segment in zip(data["segments"], cam.segments, strict=True):
+        if isinstance(segment, DRAWN):
+            count = len(segment.ordinates.numbers)
+            own = ordinates[at : at + count].tolist()
+            part["ordinates"] = quantity("assumed", own, "1", source)
+            at += count
+    if why_not is not None:
+        data["cannot_be_made"] = why_not
+    data["segments"] = [without_empty(part) for part in data.pop("segments")]
+    plain = {key: without_empty(x) if isinstance(x, dict) else x for key, x in data.items()}
+    valid_cam(plain)
+    return f"# Drawn with cam-rig panel; dwells and spans are those of {file.name}.\n" + (
+        to_yaml(plain)
+    )
+
+
+def write_new(path: Path, text: str) -> None:
+    """Write a file that is not there yet."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except FileExistsError:
+        raise OutputError(
+            f"{path}: exists already, not overwriting; name another or move it"
+        ) from None
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({error.strerror})") from None
+
+
+def contour_dxf(cam: CamConfig, law: Law) -> str:
+    """The contour in mm, as `cam-rig profile --out` writes it."""
+    for library in ("ezdxf", "shapely"):
+        require(library)
+    if why := why_not_made(cam, law):
+        raise ProfileError(f"cannot be made: {why}")
+    from cam_rig.profile.drawing_files import to_document
+    from cam_rig.profile.polyline import contour_paths, polyline
+
+    curves = contour_paths(cam.follower, law)
+    text = io.StringIO()
+    to_document({curve.name: polyline(curve, CHORD_ERROR) for curve in curves}).write(text)
+    return text.getvalue()
+
+
+def designed_path(start: Path) -> Path:
+    """Where a design from a saved cam is written."""
+    return start.with_name(f"{start.stem}_designed.yaml")
+
+
+def design_command(path: Path, rig: str) -> str:
+    """What designs the fastest law from a saved cam, as it is typed."""
+    words = ("cam-rig", "design", str(path), "--maximise", GOAL, "--limit", LIMIT)
+    return shlex.join([*words, "--rig", rig, "--out", str(designed_path(path))])

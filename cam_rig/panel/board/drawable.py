@@ -39,34 +39,26 @@ from cam_rig.units import RPM, TURN, FloatArray
 #: Pieces of each event at least, the longest of them (rad), and their lowest degree: with it s'''
 #: has no step at a knot between the law's own joints, whatever is dragged.
 PIECES, LONGEST, DEGREE = 16, TURN / 30, 5
-
 #: Joints of a start are kept up to this derivative.
 KEPT = 3
-
 #: Gauss points of a piece, at which laws are compared, and how much a difference of s (in lifts)
 #: weighs against one of s'' (in its r.m.s.). By s'' alone the law of arcs, whose s'' steps, would
 #: be an eighth of the lift off; by s alone the B-spline would swing between its steps.
 GAUSS, WEIGHT = 16, 10.0
-
 #: Points of a turn at which the distance is measured, and the part of the lift up to which it is
 #: rounding.
 COMPARED, SAME = 3600, 1e-12
-
 #: Segments whose ordinates are drawn.
 DRAWN = (Bezier, BSpline)
-
 Drawn = Bezier | BSpline
 
 
 @dataclass(frozen=True, eq=False)
 class DrawableCam:
-    """A cam of drawable segments and dwells alone.
+    """A cam of drawable segments and dwells alone, with its law.
 
-    Parameters
-    ----------
-    cam, law : what is drawn, and its law
-    own : whether the ordinates are those of the file; else B-splines stand for its law
-    distance : m, largest difference of s to the file's own law; 0 where it is that
+    The ordinates are the file's ``own``, or B-splines stand for its law: they are nowhere farther
+    from it than ``distance`` (m).
     """
 
     cam: CamConfig
@@ -178,13 +170,10 @@ def _at_end(law: Law, event: LawEvent, end: int, count: int) -> list[float]:
 
 #: Points of a contour on the page, and decimals of its lengths in mm.
 POINTS, DECIMALS = 360, 4
-
 #: Turns that are simulated for the level where contact is lost; the first settles.
 TURNS = 6
-
 #: A value for the page: a number, or the words on why there is none; empty for infinity.
 Found = dict[str, float | str]
-
 #: A contour as the page draws it.
 Shape = dict[str, Any]
 

@@ -36,14 +36,10 @@ POINTS, ORDERS = 720, 4
 
 @dataclass(frozen=True)
 class Handle:
-    """One ordinate that may be moved.
+    """One ordinate that may be moved, by its index among all and that of its segment.
 
-    Parameters
-    ----------
-    index : among all ordinates
-    angle : rad, where it pulls the most
-    segment : which of the cam's it is of
-    left, right : rad, how far from there the ordinates next to its segment's ends stay fixed
+    At ``angle`` (rad) it pulls the most; ``left`` and ``right`` (rad) of there are the fixed
+    ordinates nearest to it.
     """
 
     index: int
@@ -55,12 +51,9 @@ class Handle:
 
 @dataclass(frozen=True, eq=False)
 class MotionTable:
-    """S to s''' at `POINTS` angles, each constant + Σ table · ordinates from ``first`` on.
+    """S to s''' (m/rad^order) at n angles: constant ``(4, n)`` + Σ table ``(4, n, w)`` · ordinates.
 
-    Parameters
-    ----------
-    first : ``(n,)`` index of the first ordinate that plays a part at an angle
-    table : ``(4, n, w)`` m/rad^order per ordinate; ``constant`` ``(4, n)``
+    ``first`` ``(n,)`` is the index of the first ordinate that plays a part at an angle.
     """
 
     first: FloatArray

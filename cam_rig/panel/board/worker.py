@@ -1,195 +1,68 @@
-"""A process beside the server for what takes longer than a page may wait: `exact.at_rest`.
+"""A process beside the server for what takes longer than a page may wait.
 
-It reads a law a line and writes what that comes to a line, as JSON. It ends when its input does:
-however the server ends, it is not left behind.
+It reads lines of JSON and writes such lines. Asked to ``design`` it makes one design; else it says
+of each law what it comes to at rest (`drawable.at_rest`), until its input ends: however the server
+ends, it is not left behind.
 """
 
 from __future__ import annotations
 
-import asyncio
 import json
-import os
 import sys
-from collections.abc import AsyncIterator, Callable
-from contextlib import AbstractAsyncContextManager, asynccontextmanager, suppress
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from starlette.requests import Request
-from starlette.responses import JSONResponse, Response
-from starlette.routing import Route
 
-from cam_rig.errors import CamRigError, OutputError, RefusedError
+from cam_rig.errors import CamRigError
 from cam_rig.laws import Law
-from cam_rig.panel.board.board import Board
-from cam_rig.panel.board.files import designed_path, require_name, write_new
-from cam_rig.panel.server import post
-from cam_rig.schema import CamConfig, RigConfig, load_cam
-
-#: Bytes of a line, at most.
-MAX_LINE = 1 << 24
+from cam_rig.panel.board.drawable import at_rest, file_jump
+from cam_rig.schema import CamConfig, RigConfig
+from cam_rig.units import RPM
 
 
-class WorkerLostError(CamRigError):
-    """The process ended; another one is to be started."""
+def _say(message: dict[str, Any]) -> None:
+    print(json.dumps(message), flush=True)
 
 
-@asynccontextmanager
-async def beside(module: str, first: dict[str, Any]) -> AsyncIterator[asyncio.subprocess.Process]:
-    """A module that runs beside the server for as long as the context lasts.
-
-    ``first`` is the first line of its input.
-    """
-    process = await asyncio.create_subprocess_exec(
-        *(sys.executable, "-m", module),
-        stdin=asyncio.subprocess.PIPE,
-        stdout=asyncio.subprocess.PIPE,
-        env=os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
-        start_new_session=True,  # Ctrl-C reaches the server alone
-        limit=MAX_LINE,
-    )
-    try:
-        _send(process, first)
-        yield process
-    finally:
-        with suppress(ProcessLookupError):
-            process.kill()
-        await process.wait()
-
-
-def worker(
-    cam: CamConfig, rig: RigConfig, file: CamConfig | None
-) -> AbstractAsyncContextManager[asyncio.subprocess.Process]:
-    """The process that answers for the laws of a cam.
-
-    ``file`` is the cam whose own law is answered for beside each: see `exact.file_jump`.
-    """
-    own = None if file is None else file.model_dump()
-    first = {"cam": cam.model_dump(), "rig": rig.model_dump(), "file": own}
-    return beside("cam_rig.panel.board.worker", first)
-
-
-async def ask(process: asyncio.subprocess.Process, law: Law, rpm: float) -> dict[str, Any]:
-    """What a law comes to at a speed (rpm).
-
-    Raises
-    ------
-    WorkerLostError : the process ended
-    """
-    asked = {"breaks": law.breaks.tolist(), "ordinates": law.ordinates.tolist(), "rpm": rpm}
-    assert process.stdout is not None
-    try:
-        _send(process, asked)
-        line = await process.stdout.readline()
-    except (BrokenPipeError, ConnectionResetError):
-        line = b""
-    if not line:
-        raise WorkerLostError("the process of jump speed and level ended")
-    found: dict[str, Any] = json.loads(line)
-    return found
-
-
-def _send(process: asyncio.subprocess.Process, data: dict[str, Any]) -> None:
-    assert process.stdin is not None
-    process.stdin.write(json.dumps(data).encode() + b"\n")
-
-
-def main() -> None:
-    """Answer lines of standard input until it ends."""
-    from cam_rig.panel.board.drawable import at_rest, file_jump
-
-    first = json.loads(sys.stdin.readline())
-    cam, rig = CamConfig.model_validate(first["cam"]), RigConfig.model_validate(first["rig"])
+def answer_laws(first: dict[str, Any], cam: CamConfig, rig: RigConfig) -> None:
+    """Laws on a cam, a line each; with the jump speed of the ``file`` they stand for, if any."""
     own = {}
     if first["file"] is not None:
         own = {"file_jump": file_jump(CamConfig.model_validate(first["file"]), rig)}
     for line in sys.stdin:
         asked = json.loads(line)
         law = Law(cam.name, np.array(asked["breaks"]), np.array(asked["ordinates"]))
-        print(json.dumps(at_rest(cam, law, rig, asked["rpm"]) | own), flush=True)
+        _say(at_rest(cam, law, rig, asked["rpm"]) | own)
 
 
-# Designing on from a saved cam: one design at a time, in a process beside the server.
+def design(first: dict[str, Any], cam: CamConfig, rig: RigConfig) -> None:
+    """Each better jump speed of what `cam-rig design` finds for the board's goal, then its law.
 
-MODULE = "cam_rig.panel.board.designer"
-
-
-class Designs:
-    """Designs from the cams that a board saved.
-
-    Parameters
-    ----------
-    tell : sends a message to every page
+    Or why there is none.
     """
+    from cam_rig.law_design.design import search_design
+    from cam_rig.law_design.request import DesignRequest
+    from cam_rig.panel.board.board import GOAL, LIMIT
+    from cam_rig.panel.board.drawn_law import motion_in_base64
 
-    def __init__(self, board: Board, tell: Callable[[dict[str, Any]], None]) -> None:
-        self._board, self._tell = board, tell
-        self._running: asyncio.Task[None] | None = None
-        self.routes = (
-            post("/design", self._begin),
-            Route("/design/stop", self._stop, methods=["POST"]),
-        )
+    def told(_: object, value: float) -> None:
+        _say({"so_far_rpm": value / RPM})
 
-    @asynccontextmanager
-    async def alive(self) -> AsyncIterator[None]:
-        """No design outlives the server."""
-        try:
-            yield
-        finally:
-            await self._end()
-
-    async def _begin(self, body: dict[str, Any]) -> Response:
-        name = require_name(body.get("name"))
-        if self._running is not None and not self._running.done():
-            raise RefusedError("design: one is running; allowed: one at a time, so stop it")
-        start = self._board.out / f"{name}.yaml"
-        out = designed_path(start)
-        if out.exists():
-            raise OutputError(f"{out}: exists already, not overwriting; move it")
-        self._running = asyncio.create_task(self._run(load_cam(start), out))
-        return JSONResponse({"path": str(out)}, 202)
-
-    async def _stop(self, _: Request) -> Response:
-        await self._end()
-        self._tell({"type": "design", "stopped": True})
-        return JSONResponse({})
-
-    async def _end(self) -> None:
-        if self._running is not None:
-            self._running.cancel()
-            with suppress(asyncio.CancelledError):
-                await self._running
-            self._running = None
-
-    async def _run(self, cam: CamConfig, out: Path) -> None:
-        """Tell the pages each better law, and write the last."""
-        first = {
-            "cam": cam.model_dump(),
-            "rig": self._board.rig.model_dump(),
-            "name": out.stem,
-        }
-        found: dict[str, Any] = {}
-        async with beside(MODULE, first) as process:
-            assert process.stdout is not None
-            while line := await process.stdout.readline():
-                found = json.loads(line)
-                if "so_far_rpm" in found:
-                    self._tell({"type": "design"} | found)
-        self._tell({"type": "design"} | _written(found, out))
-
-
-def _written(found: dict[str, Any], out: Path) -> dict[str, Any]:
-    """The design's end for the pages, its file written."""
-    if "words" in found:
-        return found
-    if "text" not in found:
-        return {"words": "the design's process ended before it had a law"}
     try:
-        write_new(out, found.pop("text"))
-    except OutputError as error:
-        return {"words": str(error)}
-    return found | {"path": str(out)}
+        request = DesignRequest.of(maximise=GOAL, limits=[LIMIT])
+        found = search_design(cam, rig, request, first["name"], told)
+    except CamRigError as error:
+        _say({"words": str(error)})
+    else:
+        rpm = found.measures[0].result / RPM
+        _say({"rpm": rpm, "motion": motion_in_base64(found.law), "text": found.text})
+
+
+def main() -> None:
+    """Do what the first line of standard input is about."""
+    first = json.loads(sys.stdin.readline())
+    cam, rig = CamConfig.model_validate(first["cam"]), RigConfig.model_validate(first["rig"])
+    (design if sys.argv[1:] == ["design"] else answer_laws)(first, cam, rig)
 
 
 if __name__ == "__main__":

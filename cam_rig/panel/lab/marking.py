@@ -16,12 +16,13 @@ from cam_rig.dynamics.two_mass.masses import contact_response, force_output
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.panel.bench.live_state import FULL_SCALE_PA, LEAST_RATE
-from cam_rig.panel.lab.sheet import LabSheet
-from cam_rig.panel.lab.sheet_file import LabReading, RecordedSheet, read_sheet
+from cam_rig.panel.lab.sheet import LabReading, LabSheet, RecordedSheet, read_sheet
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.show.tables import DataTable, Head, tabulate
 from cam_rig.units import NS, RPM, TURN, FloatArray
 
+#: What of a sheet's head stands beside its marks.
+HEAD_OF_MARKS = ("lab", "cam", "rig", "seed", "student", "date")
 #: By how much (%) a reading may be off, if nothing else is said: 4 rpm of 400.
 TOLERANCE_PERCENT = 1.0
 
@@ -47,12 +48,7 @@ class ReadingMark:
 
 @dataclass(frozen=True)
 class MarkedSheet:
-    """A sheet with a mark a reading.
-
-    Parameters
-    ----------
-    tolerance : %, within which a reading is right
-    """
+    """A sheet with a mark a reading, which is right within a tolerance (%)."""
 
     path: Path
     recorded: RecordedSheet
@@ -77,13 +73,7 @@ def mark_sheet(
     cam_of: Callable[[str], CamConfig],
     rig_of: Callable[[str], RigConfig],
 ) -> MarkedSheet:
-    """Mark a sheet.
-
-    Parameters
-    ----------
-    tolerance : %, within which a reading is right
-    cam_of, rig_of : files by the names on the sheet
-    """
+    """Mark a sheet with a tolerance (%); ``cam_of``, ``rig_of`` read files by names on it."""
     recorded = read_sheet(path)
     try:
         cam, rig = cam_of(recorded.cam), rig_of(recorded.rig)
@@ -142,55 +132,39 @@ def to_json(marked: list[MarkedSheet]) -> dict[str, Any]:
     """The marks as plain data, by file."""
     return {
         str(sheet.path): {
-            "lab": sheet.recorded.lab,
-            "cam": sheet.recorded.cam,
-            "rig": sheet.recorded.rig,
-            "seed": sheet.recorded.seed,
-            "student": sheet.recorded.student,
-            "date": sheet.recorded.date,
+            **{key: getattr(sheet.recorded, key) for key in HEAD_OF_MARKS},
             "tolerance_percent": sheet.tolerance,
             "within": sum(mark.within for mark in sheet.marks),
-            "readings": [
-                asdict(mark.reading.setup)
-                | {
-                    "number": mark.reading.number,
-                    "rpm": mark.reading.rpm,
-                    "true_rpm": mark.true_rpm,
-                    "difference_rpm": mark.difference_rpm,
-                    "difference_percent": mark.difference_percent,
-                    "within": mark.within,
-                }
-                for mark in sheet.marks
-            ],
+            "readings": [_plain(mark) for mark in sheet.marks],
         }
         for sheet in marked
     }
+
+
+def _plain(mark: ReadingMark) -> dict[str, Any]:
+    names = "true_rpm", "difference_rpm", "difference_percent", "within"
+    reading = {"number": mark.reading.number, "rpm": mark.reading.rpm}
+    return asdict(mark.reading.setup) | reading | {name: getattr(mark, name) for name in names}
 
 
 # What one sees and hears of the rig at a speed: a turn of its steady state, and its contact.
 
 #: Samples of the force a second, Hz; the sound has as many.
 RATE_HZ = LEAST_RATE
-
 #: Points of a turn that are shown.
 POINTS = 720
-
 #: What the force sensor resolves, N.
 RESOLUTION_N = 0.1
-
 #: Turns after which what is seen of a follower that lifts off is settled.
 SETTLED = 6
 
 
 @dataclass(frozen=True, eq=False)
 class LabTurn:
-    """A turn as it is observed.
+    """A turn of the steady state as it is observed.
 
-    Parameters
-    ----------
-    contact_lost : whether the follower leaves the cam in steady state
-    force : `POINTS` at equal steps of the cam angle from 0 on, N, as the sensor resolves it
-    sound : the turn's, 32-bit floats of full scale at `RATE_HZ`, to be repeated
+    The force (N) is as the sensor resolves it, `POINTS` at equal steps of the cam angle from 0 on;
+    the sound is of full scale at `RATE_HZ`, to be repeated.
     """
 
     contact_lost: bool

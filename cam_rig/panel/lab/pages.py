@@ -4,20 +4,16 @@ from __future__ import annotations
 
 import asyncio
 import base64
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
-from starlette.requests import Request
-from starlette.responses import FileResponse, JSONResponse, Response
+from starlette.responses import Response
 from starlette.routing import Route
 
 from cam_rig.errors import RefusedError
 from cam_rig.panel.lab.marking import RATE_HZ, observe
-from cam_rig.panel.lab.sheet import TOLERANCES, LabSheet
-from cam_rig.panel.lab.sheet_file import MAX_NAME, Notebook, to_text
-from cam_rig.panel.server import STATIC, Answer, post
+from cam_rig.panel.lab.sheet import MAX_NAME, TOLERANCES, LabSheet, Notebook, to_text
+from cam_rig.panel.server import Answer, PanelPages, csv_file, get, page_file, post
 from cam_rig.show import looks as colours
 from cam_rig.units import RPM_PER_RAD_S
 
@@ -25,18 +21,8 @@ from cam_rig.units import RPM_PER_RAD_S
 MASS_COLOURS = (colours.BLUE, colours.VERMILION, colours.GREEN)
 
 
-class LabPages:
-    """A lab sheet in a browser.
-
-    Parameters
-    ----------
-    sheet : that is worked on
-    out : folder in which the readings are kept
-
-    Raises
-    ------
-    ConfigError, DynamicsError : the cam has no jump speed on the rig
-    """
+class LabPages(PanelPages):
+    """A lab sheet in a browser; the readings are kept in a folder ``out``."""
 
     def __init__(self, sheet: LabSheet, out: Path) -> None:
         self.notebook = Notebook(sheet, out)
@@ -44,59 +30,45 @@ class LabPages:
         for setup in sheet.setups:  # refused now, and not in the middle of a lab
             sheet.jump_rpm(setup)
         self.routes = (
-            Route("/lab", self._index),
-            Route("/lab/sheet", self._about),
-            Route("/lab/theory", self._theory),
-            Route("/lab/readings.csv", self._csv),
+            page_file("/lab", "lab"),
+            get("/lab/sheet", self._about),
+            get("/lab/theory", self._theory),
+            get("/lab/readings.csv", self._csv),
             self._alone("/lab/turn", self._turn),
             self._alone("/lab/record", self._record),
             self._alone("/lab/student", self._student),
         )
 
-    @asynccontextmanager
-    async def alive(self) -> AsyncIterator[None]:
-        """Nothing runs beside the requests."""
-        yield
-
-    async def _index(self, _: Request) -> Response:
-        return FileResponse(STATIC / "lab" / "index.html")
-
-    async def _about(self, _: Request) -> Response:
+    async def _about(self, _: dict[str, Any]) -> dict[str, Any]:
         sheet = self._sheet
         loads = [sheet.load(setup) for setup in sheet.setups]
-        return JSONResponse(
-            {
-                "lab": sheet.name,
-                "cam": {"name": sheet.cam.name, "title": sheet.cam.title},
-                "rig": {"title": sheet.rig.title, "mass": sheet.rig.follower.mass.si},
-                "seed": sheet.seed,
-                "tolerances": TOLERANCES if sheet.seed else None,
-                "springs": sheet.springs,
-                "added_masses": sheet.added_masses,
-                "preloads": sheet.preloads,
-                "lift": sheet.critical[0],
-                "loads": (min(loads), max(loads)),
-                "knob": sheet.knob,
-                "max_name": MAX_NAME,
-                "colours": [colours.web(colour) for colour in MASS_COLOURS],
-                "force_colour": colours.web(colours.FORCE),
-            }
-            | self.notebook.page()
-        )
+        return {
+            "lab": sheet.name,
+            "cam": {"name": sheet.cam.name, "title": sheet.cam.title},
+            "rig": {"title": sheet.rig.title, "mass": sheet.rig.follower.mass.si},
+            "seed": sheet.seed,
+            "tolerances": TOLERANCES if sheet.seed else None,
+            "springs": sheet.springs,
+            "added_masses": sheet.added_masses,
+            "preloads": sheet.preloads,
+            "lift": sheet.critical[0],
+            "loads": (min(loads), max(loads)),
+            "knob": sheet.knob,
+            "max_name": MAX_NAME,
+            "colours": [colours.web(colour) for colour in MASS_COLOURS],
+            "force_colour": colours.web(colours.FORCE),
+        } | self.notebook.page()
 
-    async def _theory(self, _: Request) -> Response:
+    async def _theory(self, _: dict[str, Any]) -> dict[str, Any]:
         """The straight line of one rigid mass: n² in rpm² is ``slope`` times the load in m/s²."""
         if self._sheet.seed is not None:
-            words = "theory: allowed: on a sheet without a seed"
-            return JSONResponse({"words": words}, 409)
-        return JSONResponse({"slope": RPM_PER_RAD_S**2 / abs(self._sheet.critical[1])})
+            raise RefusedError("theory: allowed: on a sheet without a seed")
+        return {"slope": RPM_PER_RAD_S**2 / abs(self._sheet.critical[1])}
 
-    async def _csv(self, _: Request) -> Response:
+    async def _csv(self, _: dict[str, Any]) -> Response:
         path = self.notebook.path
         name = "lab_readings.csv" if path is None else path.name
-        headers = {"Content-Disposition": f'attachment; filename="{name}"'}
-        text = to_text(self.notebook.recorded)
-        return Response(text, headers=headers, media_type="text/csv")
+        return csv_file(name, to_text(self.notebook.recorded))
 
     def _alone(self, path: str, answer: Answer) -> Route:
         """A request that is answered when the one before has been."""

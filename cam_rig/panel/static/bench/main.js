@@ -11,11 +11,11 @@ const $ = (id) => document.getElementById(id);
 /** How long (ms) the lamp shows a contact that was lost: it may have been for a millisecond. */
 const LAMP_MS = 400;
 const SETUP = ["model", "added_mass", "spring_stiffness", "preload"];
-const SELECTS = ["cam", "pacing", "frequency_weighting", "time_weighting"];
-const NODE_OF = { cam: "law_server", pacing: "cam_drive", frequency_weighting: "microphone", time_weighting: "microphone" };
 
 await loadTexts();
 const about = await (await fetch("/bench/about")).json();
+/** What may be set, has choices, and a list on the page; the speed alone has a knob. */
+const SELECTS = Object.keys(about.settings).filter((name) => $(name) && about.settings[name].choices.length);
 let now = null;
 
 // -- what is there once -----------------------------------------------------------------------------
@@ -27,10 +27,8 @@ heading(about.model);
 document.title = `${text("nav_bench")} – cam_rig`;
 if (!about.has_screen) $("picture").remove();
 const words = { real_time: text("pace_real"), free: text("pace_free") };
-fill("pacing", about.paces, (pace) => words[pace] ?? pace.replace("x", "×"));
-fill("cam", about.cams);
-fill("frequency_weighting", about.frequency_weightings);
-fill("time_weighting", about.time_weightings, (name) => text(`weighting_${name}`));
+const named = { pacing: (pace) => words[pace] ?? pace.replace("x", "×"), time_weighting: (name) => text(`weighting_${name}`) };
+for (const id of SELECTS) fill(id, about.settings[id].choices, named[id]);
 fill("model", about.models, (name) => text(`model_${name}`));
 $("added_mass").max = about.max_added_mass;
 [$("rpm").min, $("rpm").max] = about.speeds;
@@ -172,7 +170,7 @@ function lamp(contact) {
 }
 
 function choose(id, { values, state, setup }) {
-  const given = id === "cam" ? values.law_server?.cam || state.cam || setup.cam : values[NODE_OF[id]]?.[id];
+  const given = id === "cam" ? values.law_server?.cam || state.cam || setup.cam : values[about.settings[id].node]?.[id];
   if (given === undefined || document.activeElement === $(id)) return;
   if (![...$(id).options].some(({ value }) => value === given)) $(id).append(new Option(given, given));
   $(id).value = given;

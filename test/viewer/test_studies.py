@@ -1,4 +1,4 @@
-"""The recording of orders shows the spectra's own numbers, speed by speed."""
+"""Recordings beside a run: laws as their own curves, orders as the spectra's own numbers."""
 
 from __future__ import annotations
 
@@ -9,6 +9,9 @@ import pytest
 
 import cam_rig
 from cam_rig.errors import CamRigError
+from cam_rig.laws import chart as law_chart
+from cam_rig.laws.catalogue import ORDERS, rise_curves
+from cam_rig.laws.chart import save_laws
 from cam_rig.paper.orders.chart import entity, orders_tabs, save_orders
 from cam_rig.paper.orders.spectrum import RANGE, CamOrders, loudest, waterfall
 from cam_rig.show.chart import SPEED
@@ -19,6 +22,26 @@ from .conftest import Picture
 
 STRIPS = "LineStrips2D:strips"
 SPEEDS = (300.0, 350.0, 400.0)
+UNITS = ("h", "h/β", "h/β²", "h/β³")
+
+
+def test_each_curve_is_the_law(tmp_path: Path) -> None:
+    """Heights in the chart are the values, to a scale that all laws of the chart share."""
+    curves = [rise_curves(name) for name in ("poly345", "cycloidal", "simple_harmonic")]
+    save_laws(curves, "u", UNITS, tmp_path / "a.rrd")
+    picture = Picture(tmp_path / "a.rrd")
+    for order in ORDERS:
+        drawn, values = [], []
+        for curve in curves:
+            (strips,) = picture.column(f"{law_chart.entity(order)}/{curve.name}", STRIPS)
+            drawn.append(np.array([list(point) for point in strips[0]])[:, 1])
+            values.append(curve.motion[order])
+        scale, start = np.polyfit(np.concatenate(values), np.concatenate(drawn), 1)
+        assert scale < 0.0  # the plane's y is down
+        fitted = scale * np.concatenate(values) + start
+        np.testing.assert_allclose(np.concatenate(drawn), fitted, atol=1e-4)
+    with pytest.raises(CamRigError, match=r"ends in '.png'; allowed: .rrd"):
+        save_laws(curves, "u", UNITS, tmp_path / "a.png")
 
 
 @pytest.fixture(scope="module")
@@ -29,30 +52,24 @@ def found() -> tuple[CamOrders, ...]:
 
 
 def test_bars_are_the_levels_of_the_speed(found: tuple[CamOrders, ...], tmp_path: Path) -> None:
-    """Their tops lie as the levels do; each stands at its speed on the timeline."""
+    """Their tops lie as the levels do; each stands at its speed on the timeline. A stroke is what
+    is within 60 dB of the loudest; the even orders of a cam that rises as it falls are not."""
     path = tmp_path / "a.rrd"
     save_orders(found, path)
     picture, (study,) = Picture(path), found
     view = entity(study, "level", "lines")
     assert picture.numbers(f"{view}/orders", SPEED).tolist() == list(SPEEDS)
-    most = loudest(found, "level")
-    low = 10.0 * np.ceil(most / 10.0) - RANGE
+    low = 10.0 * np.ceil(loudest(found, "level") / 10.0) - RANGE
     for spectrum, bars in zip(study.spectra, picture.column(f"{view}/orders", STRIPS), strict=True):
         ends = np.array([np.array(list(bar)) for bar in bars])
         heights = ends[:, 0, 1] - ends[:, 1, 1]
         levels = np.clip(spectrum.level[1:], low, None) - low
         np.testing.assert_allclose(heights / heights.max(), levels / levels.max(), atol=1e-5)
-
-
-def test_only_what_is_loud_is_a_stroke(found: tuple[CamOrders, ...], tmp_path: Path) -> None:
-    """Within 60 dB of the loudest; the even orders of a cam that rises as it falls are not."""
-    path = tmp_path / "a.rrd"
-    save_orders(found, path)
-    (study,) = found
-    rays = f"{entity(study, 'level', 'rays')}/orders"
-    (strokes,) = Picture(path).column(rays, STRIPS)
+    (strokes,) = picture.column(f"{entity(study, 'level', 'rays')}/orders", STRIPS)
     shown = study.values("level") > loudest(found, "level") - RANGE
     assert len(strokes) == int(shown.sum()) < 0.6 * shown.size
+    with pytest.raises(CamRigError, match=r"ends in '.png'; allowed: .rrd"):
+        save_orders(found, tmp_path / "a.png")
 
 
 def test_tabs_and_charts_are_named_in_words(found: tuple[CamOrders, ...]) -> None:
@@ -63,9 +80,3 @@ def test_tabs_and_charts_are_named_in_words(found: tuple[CamOrders, ...]) -> Non
         assert tab.name == name
         charts = [view for row in tab.contents for view in row.contents]
         assert len(charts) == 4 and not any("poly" in str(view.name) for view in charts)
-
-
-def test_another_suffix_is_refused(found: tuple[CamOrders, ...], tmp_path: Path) -> None:
-    """As no viewer opens it."""
-    with pytest.raises(CamRigError, match=r"ends in '.png'; allowed: .rrd"):
-        save_orders(found, tmp_path / "a.png")

@@ -16,8 +16,10 @@ from cam_rig.errors import CamRigError
 from cam_rig.interrupts import STOPPING
 from cam_rig.viewer import process as viewer
 from cam_rig.viewer.command import view
+from cam_rig.viewer.recording import save_recording
+from cam_rig.viewer.run_recorder import RunRecorder
 
-from ..conftest import SmallBag
+from .conftest import SmallBag
 
 app = typer.Typer()
 app.command()(view)
@@ -31,25 +33,25 @@ def no_display(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.delenv(name, raising=False)
 
 
-def test_a_viewer_that_fails_is_an_error(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Its exit code is told, with the way out."""
+def test_the_viewer_gets_the_file_listens_to_nobody_else_and_reports_no_usage(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """The recording comes last; the viewer's server is bound to loopback. Rerun keeps quiet where
+    CI is set, and the user's own settings are not touched. Its exit code is told, with the way out.
+    """
+    said = tmp_path / "said"
+    monkeypatch.delenv("CI", raising=False)
+    words = (
+        f"import os, sys; open({str(said)!r}, 'w').write(f'{{sys.argv}} {{os.environ[\"CI\"]}}')"
+    )
+    monkeypatch.setattr(viewer, "COMMAND", words)
+    viewer.show(tmp_path / "a.rrd")
+    assert said.read_text().endswith(
+        f"'--bind', '127.0.0.1', '--hide-welcome-screen', '--new', '{tmp_path / 'a.rrd'}'] 1"
+    )
     monkeypatch.setattr(viewer, "COMMAND", "import sys; sys.exit(3)")
     with pytest.raises(CamRigError, match=r"ended with code 3.*--save"):
         viewer.show(tmp_path / "a.rrd")
-
-
-def test_the_viewer_gets_the_file_and_listens_to_nobody_else(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    """The recording comes last; the viewer's server is bound to loopback."""
-    said = tmp_path / "said"
-    monkeypatch.setattr(
-        viewer, "COMMAND", f"import sys; open({str(said)!r}, 'w').write(str(sys.argv))"
-    )
-    viewer.show(tmp_path / "a.rrd")
-    assert said.read_text().endswith(
-        f"'--bind', '127.0.0.1', '--hide-welcome-screen', '--new', '{tmp_path / 'a.rrd'}']"
-    )
 
 
 @pytest.mark.usefixtures("no_display")
@@ -74,54 +76,49 @@ def test_saving_needs_no_screen_and_tells_path_and_size(bag: SmallBag, tmp_path:
     assert CliRunner().invoke(app, [*command, "--force"]).exit_code == 0
 
 
-def test_the_viewer_reports_no_usage(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Rerun keeps quiet where CI is set, and the user's own settings are not touched."""
-    said = tmp_path / "said"
-    monkeypatch.delenv("CI", raising=False)
-    words = f"import os; open({str(said)!r}, 'w').write(os.environ['CI'])"
-    monkeypatch.setattr(viewer, "COMMAND", words)
-    viewer.show(tmp_path / "a.rrd")
-    assert said.read_text() == "1"
-
-
-@pytest.mark.parametrize("rpm", ["500", "nan", "inf", "-300"])
-def test_a_speed_that_was_not_run_cannot_be_compared(
-    bag: SmallBag, tmp_path: Path, rpm: str
-) -> None:
-    """The message names the speeds that can, and nothing is written."""
-    path = tmp_path / "a.rrd"
-    command = [str(bag.path), "--save", str(path), "--layout", "compare", "--rpm", rpm]
-    result = CliRunner().invoke(app, command)
-    assert result.exit_code == 2
-    assert f"{rpm} rpm: the scene has no such speed; allowed: 300, 700" in result.stderr
-    assert not path.exists()
-
-
-@pytest.mark.parametrize(
-    ("options", "code", "words"),
-    [
-        (["--save", "{tmp}/a.rrd", "--web"], 2, "--save and --web"),
+def test_what_cannot_be_is_refused(bag: SmallBag, tmp_path: Path) -> None:
+    """The message names the speeds that can be compared; options that do not go together are not
+    left out silently; nothing is written."""
+    save = ["--save", "{tmp}/a.rrd"]
+    for options, code, words in (
+        ([*save, "--web"], 2, "--save and --web"),
         (["--force"], 2, "--force: overwrites the file of --save"),
         (["--save", "{tmp}"], 1, "is a folder; name a file in it, such as"),
-    ],
-)
-def test_options_that_do_not_go_together_are_refused(
-    bag: SmallBag, tmp_path: Path, options: list[str], code: int, words: str
+        *(
+            (
+                [*save, "--layout", "compare", "--rpm", rpm],
+                2,
+                f"{rpm} rpm: the scene has no such speed; allowed: 300, 700",
+            )
+            for rpm in ("500", "nan", "inf", "-300")
+        ),
+    ):
+        command = [str(bag.path), *(option.format(tmp=tmp_path) for option in options)]
+        result = CliRunner().invoke(app, command)
+        assert result.exit_code == code
+        assert words in result.stderr
+        assert list(tmp_path.iterdir()) == []
+
+
+def test_nothing_is_left_of_a_file_that_was_interrupted(
+    bag: SmallBag, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """None is left out silently."""
-    command = [str(bag.path), *(option.format(tmp=tmp_path) for option in options)]
-    result = CliRunner().invoke(app, command)
-    assert result.exit_code == code
-    assert words in result.stderr
+    """In the middle of the drawing, where there is a part of it."""
+
+    def interrupted(*_: object) -> None:
+        assert [path.name for path in tmp_path.iterdir()] == ["a.rrd.drawn.part"]
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(RunRecorder, "tick", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        save_recording(bag.path, tmp_path / "a.rrd")
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.variants(2)
+@pytest.mark.long
 @pytest.mark.parametrize("number", STOPPING)
-def test_nothing_is_left_of_a_file_that_was_interrupted(
-    bag: SmallBag, tmp_path: Path, number: signal.Signals
-) -> None:
-    """The signal comes in the middle of the drawing: 128 + signal, and no part of the file."""
+def test_a_signal_ends_the_command(bag: SmallBag, tmp_path: Path, number: signal.Signals) -> None:
+    """While it draws: 128 + signal, a line that says so, and no part of the file."""
     stop = (
         "import os; from cam_rig.viewer.run_recorder import RunRecorder as R\n"
         f"seen = lambda: print(os.listdir({str(tmp_path)!r}))\n"

@@ -4,16 +4,30 @@ from __future__ import annotations
 
 import json
 import math
+import re
+import shlex
 from pathlib import Path
 
 import numpy as np
 import pytest
+from shapely import Point, Polygon
+from typer.testing import CliRunner
 
 import cam_rig
-from cam_rig.errors import ConfigError, LawError, RefusedError
+from cam_rig.cli.main import app
+from cam_rig.errors import (
+    ConfigError,
+    LawError,
+    MissingLibraryError,
+    OutputError,
+    ProfileError,
+    RefusedError,
+)
 from cam_rig.panel.board.board import MAX_RPM, Board
 from cam_rig.panel.board.drawable import at_rest, file_jump, level
+from cam_rig.profile.drawing_files import read_dxf
 from cam_rig.schema import CamConfig
+from cam_rig.schema.quantity import Quantity
 from cam_rig.units import RPM
 
 
@@ -33,6 +47,18 @@ def test_a_page_gets_what_json_can_carry(board: Board) -> None:
     assert page["start_made"]
 
 
+def test_the_middle_of_the_start_can_be_moved_by_a_twentieth_of_its_lift(board: Board) -> None:
+    """With the pull as a page begins, up and down: no undercut."""
+    law, handle = board.drawn.start.law, board.drawn.handles[7]
+    unit = board.drawn.ordinates.copy()
+    unit[handle.index] += 1.0
+    lever = float(board.law(unit)(handle.angle) - law(handle.angle)) / law.lift
+    for wanted in (0.05, -0.05):
+        board.take(with_one_moved(board, wanted / lever), 300)
+        assert board.at_once()["faults"] == []
+        board.take(board.drawn.ordinates.tolist(), 300)
+
+
 def test_a_change_moves_free_ordinates_alone(board: Board) -> None:
     """The ends of segments stay, whatever a page sends."""
     start = board.ordinates
@@ -43,24 +69,19 @@ def test_a_change_moves_free_ordinates_alone(board: Board) -> None:
     assert board.rpm == 450.0
 
 
-@pytest.mark.parametrize(
-    "ordinates", [None, [], [0.0] * 41, ["0"] * 42, [True] * 42, [math.nan] * 42, [101.0] * 42]
-)
-def test_wrong_ordinates_are_refused_and_change_nothing(board: Board, ordinates: object) -> None:
-    """What a page sends is not trusted."""
-    before, version = board.ordinates, board.version
-    with pytest.raises(RefusedError, match="ordinates: allowed"):
-        board.take(ordinates, 300)
+def test_what_is_not_right_is_refused_and_changes_nothing(board: Board) -> None:
+    """What a page sends is not trusted: as many finite numbers as there are ordinates, and a speed
+    from 1 to 1e5 rpm."""
+    before, version, count = board.ordinates, board.version, board.ordinates.size
+    assert count == 42
+    for wrong in ([0.0] * 41, ["0"] * 42, [True] * 42, [math.nan] * 42, [101.0] * 42, [], None):
+        with pytest.raises(RefusedError, match="ordinates: allowed"):
+            board.take(wrong, 300)
+    for rpm in (None, "300", True, 0, -1, math.inf, math.nan, 2 * MAX_RPM):
+        with pytest.raises(RefusedError, match="rpm: is"):
+            board.take(before.tolist(), rpm)
     assert board.ordinates is before
     assert board.version == version
-
-
-@pytest.mark.parametrize("rpm", [None, "300", True, 0, -1, math.inf, math.nan, 2 * MAX_RPM])
-def test_wrong_speeds_are_refused(board: Board, rpm: object) -> None:
-    """From 1 to 1e5 rpm, as a number."""
-    with pytest.raises(RefusedError, match="rpm: is"):
-        board.take(board.ordinates.tolist(), rpm)
-    assert board.version == 0
 
 
 def test_what_is_said_at_once_is_the_cores(board: Board) -> None:
@@ -127,15 +148,15 @@ def test_a_follower_out_of_reach_is_a_fault_in_words(tmp_path: Path) -> None:
     assert at_rest(board.cam, board.law(), board.rig, 300.0)["checks"]
 
 
-@pytest.mark.parametrize("rpm", [1.0, MAX_RPM])
-def test_the_slowest_and_the_fastest_speed_have_numbers_or_words(board: Board, rpm: float) -> None:
+def test_the_slowest_and_the_fastest_speed_have_numbers_or_words(board: Board) -> None:
     """At either end of the knob there is an answer."""
-    found = at_rest(board.cam, board.law(), board.rig, rpm)
-    for key in ("jump", "residual_um", "level_db"):
-        (kind,) = found[key]
-        assert kind in ("value", "words")
-    assert "value" in found["jump"]
-    json.dumps(found, allow_nan=False)
+    for rpm in (1.0, MAX_RPM):
+        found = at_rest(board.cam, board.law(), board.rig, rpm)
+        for key in ("jump", "residual_um", "level_db"):
+            (kind,) = found[key]
+            assert kind in ("value", "words")
+        assert "value" in found["jump"]
+        json.dumps(found, allow_nan=False)
 
 
 def test_a_stand_in_is_told_with_the_files_own_jump_speed() -> None:
@@ -165,12 +186,12 @@ def test_a_speed_is_in_rpm(board: Board) -> None:
 
 
 @pytest.mark.variants(3)
-@pytest.mark.parametrize("name", ["poly345", "bezier15", "flat", "conjugate", "oscillating_point"])
+@pytest.mark.parametrize("name", ["bezier15", "poly345", "flat", "oscillating_point", "conjugate"])
 def test_any_law_that_a_page_may_draw_has_an_answer(tmp_path: Path, name: str) -> None:
     """Numbers or words, and nothing that JSON does not have, however wild the law."""
     board = Board(cam_rig.load_cam(name), cam_rig.load_rig("tm21"), tmp_path)
     random = np.random.default_rng(5)
-    for size in (1e-9, 1e-3, 0.1, 1.0, 10.0, 90.0) * 3:
+    for size in (1e-9, 1e-3, 0.1, 1.0, 10.0, 90.0):
         moved = board.drawn.ordinates + size * random.uniform(-1.0, 1.0, board.ordinates.size)
         board.take(np.clip(moved, -100.0, 100.0).tolist(), 300)
         found = board.at_once()
@@ -194,3 +215,106 @@ def test_a_law_whose_velocity_jumps_is_drawn_and_its_jump_speed_says_why(tmp_pat
     found = board.at_once()
     assert found["discs"]
     assert "velocity" in found["jump_rigid"]["words"]
+
+
+# -- what the board writes: cam files, the contour as DXF, the command that designs on ---------
+
+
+def test_a_saved_file_is_the_law_on_the_page(tmp_path: Path) -> None:
+    """`build_law` of the file gives the same ordinates, follower and spans."""
+    for name in ("poly345", "bezier15", "tm21", "measured", "conjugate"):
+        cam = cam_rig.load_cam(name)
+        board = Board(cam, cam_rig.load_rig("tm21"), tmp_path / name)
+        ordinates = board.ordinates.tolist()
+        ordinates[board.drawn.handles[3].index] += 0.0123456789
+        path = board.save("drawn", ordinates)
+        board.take(ordinates, 300)
+        saved = cam_rig.load_cam(path)
+        law, wanted = cam_rig.build_law(saved), board.law()
+        assert np.abs(law.breaks - wanted.breaks).max() <= 1e-12
+        assert np.abs(law.ordinates - wanted.ordinates).max() <= 1e-12 * wanted.lift
+        assert saved.follower == cam.follower
+
+
+def test_a_file_is_never_overwritten(board: Board) -> None:
+    """The second of the same name is refused, and the first stays as it was."""
+    path = board.save("mine", board.ordinates.tolist())
+    before = path.read_bytes()
+    with pytest.raises(OutputError, match="exists already"):
+        board.save("mine", with_one_moved(board, 0.1))
+    assert path.read_bytes() == before
+
+
+def test_the_file_of_a_cam_that_cannot_be_made_says_so(board: Board) -> None:
+    """With the check that fails, its angle and the remedy; undone, the file says nothing."""
+    found = board.saved("undercut", with_one_moved(board, 0.5))
+    cam = cam_rig.load_cam(found["path"])
+    assert cam.cannot_be_made == found["why_not"]
+    assert re.search(r"radius of curvature is -.* at 9\d.*°; allowed", found["why_not"])
+    good = board.saved("good", with_one_moved(board, 0.05))
+    assert good["why_not"] is None
+    assert cam_rig.load_cam(good["path"]).cannot_be_made is None
+
+
+def test_a_pressure_angle_alone_can_be_made(tmp_path: Path) -> None:
+    """A bad cam is not one that cannot exist: what `cannot_be_made` says is of that alone."""
+    cam = cam_rig.load_cam("poly345")
+    strict = Quantity(given=1.0, unit="deg", source="test")
+    follower = cam.follower.model_copy(update={"most_pressure_angle": strict})
+    board = Board(cam.model_copy(update={"follower": follower}), cam_rig.load_rig("tm21"), tmp_path)
+    assert board.saved("steep", board.ordinates.tolist())["why_not"] is None
+    found = at_rest(board.cam, board.law(), board.rig, 300.0)
+    assert found["made"]
+    assert any("pressure angle" in words for words in found["checks"])
+
+
+def test_the_dxf_is_the_contour_in_mm(board: Board, tmp_path: Path) -> None:
+    """Every point of the drawing is on the exact contour, to 1e-6 mm, and none is missing."""
+    ordinates = with_one_moved(board, 0.05)
+    path = tmp_path / "cam.dxf"
+    path.write_text(board.dxf(ordinates), encoding="utf-8")
+    (points,) = read_dxf(path)
+    board.take(ordinates, 300)
+    wanted = np.array(board.at_once()["discs"][0]["points"])
+    drawn = Polygon(1e3 * points.T)
+    off = [drawn.exterior.distance(Point(*point)) for point in wanted.T]
+    assert max(off) <= 2e-3  # 1 µm of chord, and the rounding of what is shown
+    assert drawn.area == pytest.approx(Polygon(wanted.T).area, rel=1e-3)
+
+
+def test_a_dxf_that_cannot_be_made_is_refused(
+    board: Board, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With what is wrong with the cam; without the library with the extra that brings it."""
+    with pytest.raises(ProfileError, match="cannot be made: convex radius of curvature"):
+        board.dxf(with_one_moved(board, 0.5))
+    monkeypatch.setattr("cam_rig.extras.find_spec", lambda _: None)
+    with pytest.raises(MissingLibraryError, match=r"ezdxf is not installed: .*cam_rig\[cad\]"):
+        board.dxf(board.ordinates.tolist())
+
+
+@pytest.mark.long
+def test_the_command_that_designs_on_is_one_that_can_be_typed(tmp_path: Path) -> None:
+    """Words for a shell, also in a folder with a space; the start and the rig are the board's."""
+    rig = "config/rigs/paper_table2.yaml"
+    out = tmp_path / "my cams"
+    board = Board(cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2"), out, rig)
+    found = board.saved("mine", board.ordinates.tolist())
+    words = shlex.split(found["command"])
+    assert words[:3] == ["cam-rig", "design", found["path"]]
+    assert words[words.index("--rig") + 1] == rig
+    assert words[words.index("--out") + 1] == str(out / "mine_designed.yaml")
+    fewer = [*words[1:], "--pieces", "4", "--joints", "C2"]
+    result = CliRunner().invoke(app, fewer)
+    assert result.exit_code == 0, result.output
+    designed = cam_rig.load_cam(out / "mine_designed.yaml")
+    start = cam_rig.jump_speed(board.law(), board.rig).rpm
+    assert cam_rig.jump_speed(cam_rig.build_law(designed), board.rig).rpm > start
+
+
+def test_a_name_that_no_cam_may_have_is_refused(board: Board) -> None:
+    """Nothing is written, inside of the folder or outside."""
+    for name in ("", "../x", "A", "a/b", "a.yaml", "a" * 101, None, 3, "cam"):
+        with pytest.raises(ConfigError, match="name"):
+            board.save(name, board.ordinates.tolist())
+    assert not board.out.exists()

@@ -1,0 +1,273 @@
+"""The bench without nodes: set-ups, what a page is shown of what the nodes say, and readings."""
+
+from __future__ import annotations
+
+import csv
+
+import numpy as np
+import pytest
+
+import cam_rig
+from cam_rig.dynamics.jump.any_follower import TWO_MASSES, described, follower_of
+from cam_rig.errors import RefusedError
+from cam_rig.messages.topics import HEARTBEAT, PACE
+from cam_rig.panel.bench import live_state
+from cam_rig.panel.bench.controls import SETTINGS
+from cam_rig.panel.bench.live_state import LiveState, Meter, NotedReading, to_csv
+from cam_rig.panel.bench.runner import (
+    DRAWN_RPM,
+    MAX_RPM,
+    MODELS,
+    Setup,
+    add_cam,
+    allowed_models,
+    cam_names,
+)
+from cam_rig.schema.load import config_root
+from cam_rig.simulation.scene import open_scene
+from cam_rig.units import NS
+
+from ..conftest import CAM_NAMES
+
+RIG = cam_rig.load_rig("paper_table2")
+OWN = Setup.of(RIG, "poly345")
+RPM, TICKS = 300.0, 12
+
+# -- set-ups ----------------------------------------------------------------------------------
+
+
+def test_a_set_up_is_a_scene(tmp_path) -> None:
+    """Its rig has the chosen numbers, and what was not chosen as the file has it."""
+    add_cam(cam_rig.load_cam("poly345"), tmp_path / "cams")
+    for model in allowed_models(RIG):
+        given = {"model": model, "added_mass": 0.5, "preload": 45, "rpm": 321.0}
+        loaded = open_scene(OWN.changed(given, RIG).write(tmp_path, RIG))
+        follower = loaded.rig.follower
+        assert follower.mass.si == pytest.approx(RIG.follower.mass.si + 0.5)
+        assert follower.preload.si == 45.0
+        assert follower.spring_stiffness == RIG.follower.spring_stiffness
+        assert loaded.scene.model == model
+        rpm = np.array(loaded.scene.program.speeds.si_list) * 30 / np.pi
+        np.testing.assert_allclose(rpm, [321.0, DRAWN_RPM])
+
+
+def test_the_bench_begins_with_the_follower_of_the_board() -> None:
+    """Two masses where the rig splits its mass, else one: the same that the jump speed is of. A
+    model is allowed where the rig has the numbers: an elastic shaft needs its stiffness."""
+    for path in (config_root() / "rigs").glob("*.yaml"):
+        rig = cam_rig.load_rig(path)
+        model = Setup.of(rig, "poly345").model
+        assert model in allowed_models(rig)
+        assert (model == "two_mass") == (described(follower_of(rig)) == TWO_MASSES)
+    assert set(allowed_models(RIG)) == set(MODELS)
+    assert not {"two_mass", "torsional"} & set(allowed_models(cam_rig.load_rig("tm21")))
+
+
+@pytest.mark.variants(8)
+@pytest.mark.parametrize("name", CAM_NAMES)
+def test_every_cam_can_be_put_among_the_benchs_own(name: str, tmp_path) -> None:
+    """Its law is the same number by number, one of a table too."""
+    cam = cam_rig.load_cam(name)
+    add_cam(cam, tmp_path)
+    own, law = (
+        cam_rig.build_law(cam_rig.load_cam(tmp_path / f"{name}.yaml")),
+        cam_rig.build_law(cam),
+    )
+    assert np.array_equal(law.breaks, own.breaks)
+    assert np.array_equal(law.ordinates, own.ordinates)
+    assert name in cam_names(tmp_path)
+
+
+def test_a_wrong_set_up_is_refused() -> None:
+    """In one line with what is allowed."""
+    for given, words in (
+        ({"model": "soft"}, "model: is 'soft'; allowed on this rig"),
+        ({"added_mass": -1}, "added mass: is -1 kg"),
+        ({"added_mass": float("nan")}, "added mass: is nan"),
+        ({"preload": -1}, "preload"),
+        ({"spring_stiffness": 0}, "spring_stiffness"),
+        ({"spring_stiffness": "stiff"}, "spring_stiffness: allowed"),
+        ({"preload": [1]}, "preload: allowed"),
+        ({"colour": "red"}, "colour: allowed"),
+        ({"rpm": 1e5}, f"rpm: is 100000; allowed: 1 to {MAX_RPM:g}"),
+    ):
+        with pytest.raises(RefusedError) as raised:
+            OWN.changed(given, RIG)
+        assert words in str(raised.value)
+        assert "\n" not in str(raised.value)
+
+
+def test_what_a_page_sets_is_what_a_node_takes_while_it_runs() -> None:
+    """One table for page, server and node."""
+    nodes = {name: node for name, (node, _) in SETTINGS.items()}
+    drive, ear = ("rpm", "pacing"), ("frequency_weighting", "time_weighting")
+    wanted = dict.fromkeys(drive, "cam_drive") | dict.fromkeys(ear, "microphone")
+    assert nodes == wanted | {"cam": "law_server"}
+
+
+# -- what pages are shown follows from what the nodes say, in whatever order it comes ---------
+
+
+@pytest.fixture
+def live() -> LiveState:
+    """A bench whose nodes run."""
+    state = LiveState(OWN)
+    state.happened({"graph": "starting", "domain": 7})
+    state.heard({"health": [f"cam_drive{HEARTBEAT}", 0, {"state": "stopped", "waits_for": ""}]})
+    state.heard({"node": "microphone", "values": {"frequency_weighting": "A"}})
+    state.heard({"node": "microphone", "values": {"time_weighting": "F"}})
+    return state
+
+
+def turn(live: LiveState, first: int, count: int) -> None:
+    """Ticks of a speed, each with its level."""
+    for k in range(first, first + count):
+        times = [round(n * 60.0 / RPM / TICKS * NS) for n in (k, k + 1)]
+        live.heard({"state": {"time_ns": times[0], "cam": "poly345", "rpm": RPM, "angle": 0.0}})
+        live.heard({"level": 80.0, "time_ns": times[1]})
+
+
+def test_a_contact_that_was_lost_in_the_mean_is_noted(live: LiveState) -> None:
+    """Though the last tick was in contact; long after, it is not."""
+    live.heard({"health": ["follower", 0, {}]})
+    turn(live, 0, 150)
+    assert live.note().contact == "in contact"
+    live.heard({"health": ["follower", 1, {}]})
+    live.heard({"health": ["follower", 0, {}]})
+    turn(live, 150, 20)
+    assert live.note().contact == "contact lost"
+    assert live.losses == 1
+    turn(live, 170, 90)
+    assert live.note().contact == "in contact"
+    assert [reading.weighting for reading in live.readings] == ["LAF"] * 3
+
+
+def test_the_drive_is_what_it_says(live: LiveState) -> None:
+    """Stopped, waiting, turning, stopped in an emergency until it says that it turns again."""
+    assert (live.graph, live.drive) == ("running", "stopped")
+    live.heard(
+        {"health": [f"cam_drive{HEARTBEAT}", 0, {"state": "waiting", "waits_for": "viewer"}]}
+    )
+    assert live.waits_for == "viewer"
+    turn(live, 0, 1)
+    assert (live.drive, live.waits_for) == ("turning", "")
+    live.heard({"health": ["cam_drive", 2, {}]})
+    turn(live, 1, 1)
+    assert live.drive == "emergency"
+    live.heard({"health": ["cam_drive", 0, {}]})
+    assert live.drive == "turning"
+    live.heard({"health": [PACE, 1, {}]})
+    assert live.late == "lagging"
+    live.heard({"health": [PACE, 0, {}]})
+    assert live.late == ""
+
+
+def test_what_is_in_flight_after_a_stop_does_not_turn(live: LiveState) -> None:
+    """Four ticks may still come; more of them, and somebody else has started it."""
+    turn(live, 0, 150)
+    live.stopped()
+    turn(live, 150, 4)
+    assert (live.drive, live.shown()["level"]) == ("stopped", None)
+    with pytest.raises(RefusedError, match="the cam stands"):
+        live.note()
+    turn(live, 154, 2)
+    assert live.drive == "turning"
+
+
+def test_a_set_up_or_a_weighting_begins_anew_and_keeps_what_was_noted(live: LiveState) -> None:
+    """What was read before is of something else. Cam and speed are carried over; contact, level
+    and nodes that ended are of the old run."""
+    live.heard({"node": "cam_drive", "values": {"rpm": 280.0, "pacing": "5x"}})
+    turn(live, 0, 150)
+    live.note()
+    live.heard({"node": "microphone", "values": {"frequency_weighting": "C"}})
+    with pytest.raises(RefusedError):
+        live.note()
+    live.happened({"ended": {"follower": "node follower was ended by signal 9"}})
+    assert live.mounted() == {"cam": "poly345", "rpm": 280.0}
+    assert live.chosen()["cam_drive"] == {"pacing": "5x"}
+    live.happened({"graph": "starting"})
+    shown = live.shown()
+    assert (shown["state"], shown["ended"], shown["level"]) == ({}, {}, None)
+    assert len(shown["readings"]) == 1
+
+
+def test_readings_are_bounded(live: LiveState, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A button that is held down does not fill the memory."""
+    monkeypatch.setattr(live_state, "MAX_READINGS", 2)
+    turn(live, 0, 150)
+    live.note()
+    live.note()
+    with pytest.raises(RefusedError, match="clear them"):
+        live.note()
+    live.readings.clear()
+    live.note()
+
+
+# -- a reading is the mean square of a second at one speed, or it is refused ------------------
+
+
+def turned(meter: Meter, rpm: float, seconds: float, level: float, begin: float = 0.0) -> float:
+    """Twelve ticks a turn at a speed, of one level; the time (s) of the end."""
+    tick = 60.0 / rpm / 12
+    count = round(seconds / tick)
+    for k in range(count):
+        meter.state(round((begin + k * tick) * NS), rpm)
+        meter.level(round((begin + (k + 1) * tick) * NS), level)
+    return begin + count * tick
+
+
+def test_a_steady_speed_can_be_read() -> None:
+    """After whole turns of a second or more to settle, the mean of as many."""
+    for rpm in (20.0, 97.0, 300.0, 3000.0):
+        meter = Meter()
+        end = turned(meter, 50.0, 3.0, 60.0)
+        turned(meter, rpm, 2.0 * (1.0 + 60.0 / rpm), 80.0, end)
+        assert meter.steady(0.125)[:2] == pytest.approx((rpm, 80.0))
+
+
+def test_a_slow_meter_is_waited_for() -> None:
+    """With time weighting S, eight of its seconds more: it still tells of what was before."""
+    meter = Meter()
+    turned(meter, 300.0, 5.0, 80.0)
+    assert meter.steady(0.125)[1] == pytest.approx(80.0)
+    with pytest.raises(RefusedError, match=r"after 9\.0 s"):
+        meter.steady(1.0)
+
+
+def test_the_mean_is_of_the_square() -> None:
+    """Half the time 80 dB and half 90 is 87.4 dB: 10 lg of (1 + 10) / 2 over 80."""
+    meter = Meter()
+    begin = turned(meter, 300.0, 2.0, 70.0)
+    for _ in range(30):
+        begin = turned(meter, 300.0, 1 / 60, 80.0, begin)
+        begin = turned(meter, 300.0, 1 / 60, 90.0, begin)
+    assert meter.steady(0.125)[1] == pytest.approx(80.0 + 10 * np.log10(5.5), abs=1e-9)
+
+
+def test_what_has_just_changed_or_stands_is_refused() -> None:
+    """With how long it has been, and how long it takes; before the first tick, and while the cam
+    stands after an emergency stop. A level whose tick's beginning was not seen is passed over."""
+    meter = Meter()
+    meter.level(1000, 80.0)
+    assert meter.latest is None
+    with pytest.raises(RefusedError, match="nothing turns"):
+        meter.steady(0.125)
+    end = turned(meter, 300.0, 5.0, 80.0)
+    end = turned(meter, 310.0, 0.5, 90.0, end)
+    words = r"310 rpm for 0\.5 s of rig time; allowed: after 2\.3 s"
+    with pytest.raises(RefusedError, match=words):
+        meter.steady(0.125)
+    meter.state(round(end * NS), 0.0)
+    meter.level(round((end + 1.0) * NS), 40.0)
+    with pytest.raises(RefusedError, match="nothing turns"):
+        meter.steady(0.125)
+
+
+def test_the_readings_as_csv_are_read_back() -> None:
+    """A row each, units in the names, whatever the cam's name."""
+    one = NotedReading("a,b", "one_mass", 300.0, 83.25, "LAF", "in contact", 0.5, 4030.0, 30.6)
+    (row,) = csv.DictReader(to_csv([one]).splitlines())
+    assert row["cam"] == "a,b"
+    assert float(row["level_db"]) == 83.25
+    assert float(row["preload_n"]) == 30.6

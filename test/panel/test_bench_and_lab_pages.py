@@ -1,0 +1,253 @@
+"""Bench and lab sheet in a real browser, without nodes: what is where, and a sheet by its keys."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Callable, Iterator
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from pathlib import Path
+from threading import Thread
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+import cam_rig
+from cam_rig.panel.lab.marking import mark_sheet
+from cam_rig.panel.lab.pages import LabPages
+from cam_rig.panel.server import serve
+from tools.docs.browser import TIMEOUT_S
+
+from .conftest import BrowserPage, ServedPages, in_browser, sheet_of
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Dialog
+
+pytestmark = pytest.mark.slow
+SIZES = [(1000, 700), (1250, 800), (1366, 768), (1600, 910)]
+#: What a person reads or takes hold of.
+THINGS = "button, input, select, output, meter, h1, h2, h3, a, li, #knob, #lamp, .chart"
+
+Box = tuple[float, float, float, float]
+
+
+class Bench(BrowserPage):
+    """The bench as a browser shows it, whose nodes never come."""
+
+    def begin(self, address: str, language: str) -> None:
+        """Open it in a language."""
+        chosen = f"sessionStorage.setItem('language', '{language}')"
+        self.page.context.add_init_script(chosen)
+        self.open(address, "/bench")
+        self.until(lambda: self.text("graph") != "")
+        assert self.page.evaluate("document.documentElement.lang") == language
+
+    def boxes(self, things: str = THINGS) -> dict[str, Box]:
+        """Left, top, right and bottom of what can be seen; what is in another has no own."""
+        found: list[tuple[str, list[float]]] = self.page.evaluate(
+            """(things) => [...document.querySelectorAll(things)]
+              .filter((one) => one.checkVisibility() && !one.parentElement.closest(things))
+              .map((one, i) => [`${one.id || one.textContent} ${i}`, one.getBoundingClientRect()])
+              .filter(([, box]) => box.width && box.height)
+              .map(([name, { left, top, right, bottom }]) => [name, [left, top, right, bottom]])""",
+            things,
+        )
+        return {name: (box[0], box[1], box[2], box[3]) for name, box in found}
+
+
+@pytest.mark.parametrize("language", ["es", pytest.param("en", marks=pytest.mark.long)])
+def test_nothing_lies_over_anything_and_the_stop_is_in_sight(
+    chromium: Browser, served: ServedPages, language: str
+) -> None:
+    """By the boxes of all that is read or taken hold of, in every language, at every size. The
+    heading names the model that is set up, two masses where the rig says how its mass is split."""
+    with in_browser(chromium, Bench) as bench:
+        bench.begin(served.address, language)
+        for width, height in SIZES:
+            bench.page.set_viewport_size({"width": width, "height": height})
+            require_apart(bench, width)
+            (stop,) = bench.boxes("#emergency").values()
+            assert stop[1] >= 0
+            assert stop[3] <= height
+        assert bench.page.locator("#model").input_value() == "two_mass"
+        words = bench.page.locator("#model option:checked").text_content()
+        assert words and bench.text("title").endswith(f", {words}")
+        assert served.bench.live.setup.model == "two_mass"
+
+
+def require_apart(bench: Bench, width: int) -> None:
+    """Nothing lies over anything, or sticks out of its column or the page."""
+    boxes = bench.boxes()
+    assert len(boxes) > 25
+    for (one, a), (other, b) in itertools.combinations(boxes.items(), 2):
+        apart = a[2] <= b[0] + 0.5 or b[2] <= a[0] + 0.5 or a[3] <= b[1] + 0.5 or b[3] <= a[1] + 0.5
+        assert apart, f"{one} lies over {other}: {a}, {b}"
+    columns = list(bench.boxes("main > section, main > div").values())
+    for name, (left, top, right, bottom) in boxes.items():
+        assert left >= 0 and right <= width, f"{name} sticks out of the page"
+        if bottom > columns[0][1] and top >= min(column[1] for column in columns):
+            held = any(c[0] <= left + 0.5 and right <= c[2] + 0.5 for c in columns)
+            assert held, f"{name} sticks out of its column"
+
+
+class _Rerun(BaseHTTPRequestHandler):
+    """Stands for Rerun's page, which says when it shows the rig."""
+
+    said = False
+
+    def do_GET(self) -> None:
+        script = "const asking = setInterval(async () => {"
+        script += "if (await (await fetch('/said')).text() !== 'yes') return;"
+        script += "clearInterval(asking); parent.postMessage('shown', '*'); }, 50)"
+        body = "yes" if _Rerun.said else "no"
+        if self.path == "/":
+            body = f"<!doctype html><body style='background:#f00'><script>{script}</script>"
+        self.send_response(200)
+        self.send_header("Content-Type", "text/html")
+        self.end_headers()
+        self.wfile.write(body.encode())
+
+    def log_message(self, *_words: Any) -> None:
+        pass
+
+
+@pytest.fixture
+def rerun(served: ServedPages) -> Iterator[type[_Rerun]]:
+    server = HTTPServer(("127.0.0.1", 0), _Rerun)
+    Thread(target=server.serve_forever, daemon=True).start()
+    _Rerun.said = False
+    served.bench.live.screen = f"http://127.0.0.1:{server.server_address[1]}/"
+    yield _Rerun
+    served.bench.live.screen = ""
+    server.shutdown()
+    server.server_close()
+
+
+def test_a_poster_stands_until_the_rig_is_shown(
+    chromium: Browser, served: ServedPages, rerun: type[_Rerun]
+) -> None:
+    """What it is, the cam drawn to scale, and Start; nothing of another program's empty page."""
+    with in_browser(chromium, Bench) as bench:
+        bench.begin(served.address, "en")
+        poster = bench.page.locator("#poster")
+        bench.page.locator("#rerun").wait_for(state="visible")
+        bench.page.frame_locator("#rerun").locator("script").wait_for(state="attached")
+        for width, height in SIZES:
+            bench.page.set_viewport_size({"width": width, "height": height})
+            (page,), (over,) = bench.boxes("#rerun").values(), bench.boxes("#poster").values()
+            assert over == page
+        bench.page.locator("#poster_cam .curve").first.wait_for()
+        assert bench.text("poster_title") == cam_rig.load_cam("poly345").title
+        assert poster.locator("button").text_content() == bench.text("start")
+        assert poster.is_visible()
+        rerun.said = True
+        poster.wait_for(state="hidden")
+        bench.page.locator("#toggle").click()
+        assert not bench.page.locator("#stage").is_visible()
+        bench.page.locator("#toggle").click()
+        poster.wait_for(state="hidden")
+
+
+# -- the lab sheet ----------------------------------------------------------------------------
+
+#: Whether what is shown is of the speed that is set.
+SHOWN = """() => JSON.parse(document.body.dataset.shown || "{}").rpm
+  === document.getElementById("rpm").valueAsNumber"""
+
+
+class LabPage(BrowserPage):
+    """A page of a lab sheet, worked by keys."""
+
+    def settle(self) -> None:
+        """Wait until the force is that of the knob's speed."""
+        self.until(lambda: self.page.evaluate(SHOWN))
+
+    def press(self, key: str) -> None:
+        """A key on the knob."""
+        self.page.locator("#knob").press(key)
+        self.settle()
+
+    def lost(self) -> bool:
+        return self.text("contact") == "contact lost"
+
+    def press_until(self, key: str, condition: Callable[[], bool]) -> None:
+        end = time.monotonic() + TIMEOUT_S
+        while not condition():
+            assert time.monotonic() < end
+            self.press(key)
+
+
+def test_a_reading_taken_by_keys_is_within_1_rpm_of_the_truth(
+    chromium: Browser, tmp_path: Path
+) -> None:
+    """Up by tens until contact is lost, down by ones until it holds: read, recorded, marked. Then a
+    reading in contact is asked about, and taken where the student says so, and only there."""
+    pages, asked, answers = LabPages(sheet_of(seed="group-3"), tmp_path), list[str](), [False, True]
+    sheet = pages.notebook.sheet
+    low, high = sheet.knob
+
+    def answer(dialog: Dialog) -> None:
+        asked.append(dialog.message)
+        (dialog.accept if answers.pop(0) else dialog.dismiss)()
+
+    with serve(pages, home="/lab") as panel, in_browser(chromium, LabPage) as page:
+        page.open(panel.address)
+        page.settle()
+        page.page.locator("#student").fill("Ana")
+        page.page.locator("#student").press("Enter")
+        page.page.locator("#spring_stiffness input").first.press("ArrowDown")  # the second spring
+        page.settle()
+        assert not page.lost()
+        before, record = page.path("force"), page.page.locator("#record")
+        page.press_until("PageUp", page.lost)
+        page.press_until("ArrowDown", lambda: not page.lost())
+        page.press("ArrowUp")
+        assert page.lost()
+        assert page.path("force") != before
+        record.press("Enter")
+        page.until(lambda: page.text("recorded").startswith("Reading 1"))
+        page.page.reload()
+        page.settle()
+        assert page.page.locator("#rows tr").count() == 1
+        assert page.page.locator("#plot .point").count() == 1
+        assert page.page.locator("#student").input_value() == "Ana"
+        assert not page.page.locator("#theory").is_visible()
+        assert pages.notebook.path is not None
+        (mark,) = mark_sheet(
+            pages.notebook.path, 1.0, lambda _: sheet.cam, lambda _: sheet.rig
+        ).marks
+        assert mark.reading.setup.spring_stiffness == sheet.springs[1]
+        assert 0.0 < mark.difference_rpm < 1.0
+
+        page.page.on("dialog", answer)
+        assert not page.lost()
+        record.click()
+        page.until(lambda: asked)
+        record.click()
+        page.until(lambda: len(pages.notebook.recorded.readings) == 2)
+        assert all(f" {low:g} rpm" in words for words in asked)
+        # At once: what is asked about is the speed that is recorded, not the one the lamp was of.
+        page.page.locator("#rpm").fill(str(high))
+        page.page.locator("#rpm").press("Enter")
+        record.click()
+        page.until(lambda: len(pages.notebook.recorded.readings) == 3)
+        assert len(asked) == 2
+        assert [r.rpm for r in pages.notebook.recorded.readings[1:]] == [low, high]
+        for width in (400, 1000, 1600):
+            assert page.width(width) <= width
+
+
+def test_the_theory_is_shown_when_it_is_asked_for(chromium: Browser, tmp_path: Path) -> None:
+    """Without a seed; the line goes away again. Of other pages those alone that are served."""
+    pages = LabPages(sheet_of("tm21"), tmp_path)
+    with serve(pages, home="/lab") as panel, in_browser(chromium, LabPage) as page:
+        page.open(panel.address)
+        page.settle()
+        line = page.page.locator("#plot .theory")
+        assert not line.get_attribute("d")
+        page.page.locator("#theory").press("Enter")
+        page.until(lambda: line.get_attribute("d"))
+        page.page.locator("#theory").press("Enter")
+        page.until(lambda: not line.get_attribute("d"))
+        links = page.page.locator("nav a:visible")
+        assert [link.get_attribute("href") for link in links.all()] == ["/lab"]

@@ -1,0 +1,375 @@
+"""The bench with its nodes: pages steer them, others too, and what is recorded is what was done."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import time
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from sensor_msgs.msg import JointState
+
+import cam_rig
+from cam_rig.bag.files import is_unclosed
+from cam_rig.bag.reader import read_scene, read_ticks
+from cam_rig.dynamics.jump.any_follower import find_jump, follower_of
+from cam_rig.testing.client import RigClient
+from cam_rig.testing.running_rig import isolated_domain
+from cam_rig.units import NS
+
+from .conftest import WAIT_S, BrowserPage, RunningPanel, in_browser, panel_process, until
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+
+
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[RunningPanel, int]]:
+    """One panel with its nodes and its ROS domain, until a test ends it."""
+    out = tmp_path_factory.mktemp("bench") / "out"
+    with isolated_domain() as domain, panel_process(out) as panel:
+        yield panel, domain
+
+
+@pytest.fixture
+def running_panel(ros_domain: int, tmp_path: Path) -> Iterator[RunningPanel]:
+    """A panel of a test's own."""
+    with panel_process(tmp_path / "out") as panel:
+        yield panel
+
+
+def contiguous(bag: Path) -> float:
+    """The rig time (s) that a bag has samples of, each tick beginning where the last one ended."""
+    ticks = [tick.interval for tick in read_ticks(bag)]
+    assert all(one.stop_ns == other.start_ns for one, other in pairwise(ticks))
+    return (ticks[-1].stop_ns - ticks[0].start_ns) / NS
+
+
+def is_alive(pid: int) -> bool:
+    """Whether there is a process that has not ended."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def test_one_page_holds_the_controls(shared: tuple[RunningPanel, int]) -> None:
+    """Another one sees, may stop in an emergency, and may take over; then the first is refused. The
+    bag is closed and kept on demand, and another run begins."""
+    with shared[0].page() as first, shared[0].page() as second:
+        first.running()
+        assert second.running()["holds"] is False
+        refused = second.ask("set", name="rpm", value=100)
+        assert refused["words"] == ("another page holds the controls; allowed: after taking over")
+        for wrong in ({"do": "keep"}, {"do": "clear"}, {"do": "set", "name": "rpm"}):
+            assert not second.ask(**wrong, value="emergency_stop")["success"]
+        first.do("call", value="start")
+        second.until(lambda live: live["level"])
+        second.do("call", value="emergency_stop")
+        first.until(lambda live: live["drive"] == "emergency")
+        second.do("take_over")
+        second.do("call", value="reset")
+        second.do("call", value="start")
+        second.until(lambda live: live["drive"] == "turning")
+        assert not first.ask("call", value="stop")["success"]
+        second.socket.close()
+        first.until(lambda live: live["holds"])
+        first.do("call", value="stop")
+        bag = first.keep()
+        first.running()
+    assert not is_unclosed(bag)
+
+
+def test_a_killed_node_is_named_and_one_command_starts_it_again(
+    shared: tuple[RunningPanel, int],
+) -> None:
+    """The others wait for it; the run goes on."""
+    panel, _ = shared
+    with panel.page() as page:
+        page.running()
+        page.until(lambda live: live["holds"])
+        page.do("call", value="start")
+        page.until(lambda live: live["level"])
+        os.kill(panel.nodes()["follower"], signal.SIGKILL)
+        ended = page.until(lambda live: live["ended"])["ended"]
+        assert "follower was ended by signal 9" in ended["follower"]
+        assert not page.ask("start_again", value="microphone")["success"]
+        before = page.live["state"]["time_ns"]
+        page.do("start_again", value="follower")
+        page.until(lambda live: not live["ended"] and live["state"]["time_ns"] > before + 5e8)
+
+
+class BenchInBrowser(BrowserPage):
+    """The bench's page as a browser shows it."""
+
+    def begin(self, panel: RunningPanel) -> None:
+        """Open the bench, and wait for its nodes."""
+        self.open(panel.address, "/bench")
+        self.until(lambda: self.page.locator("#start").is_enabled())
+
+    def command(self, rpm: int) -> None:
+        """Type a speed, and wait until the cam turns so."""
+        self.page.locator("#rpm").fill(str(rpm))
+        self.page.locator("#rpm").press("Enter")
+        self.until(lambda: self.text("speed") == str(rpm))
+
+    def noted(self, rpm: int) -> bool:
+        """Press the button; whether a reading at a speed is noted."""
+        self.page.locator("#note").click()
+        self.page.wait_for_timeout(200)
+        return f" {rpm} rpm, " in self.text("noted") and "dB" in self.text("noted")
+
+    def knob(self) -> float:
+        """Where the knob stands, rpm."""
+        return float(self.page.locator("#knob").get_attribute("aria-valuenow") or "nan")
+
+
+def test_the_knob_turns_the_cam_and_is_turned(
+    chromium: Browser, shared: tuple[RunningPanel, int]
+) -> None:
+    """By keys and by the pointer; what another program sets is where it then stands."""
+    panel, domain = shared
+    with in_browser(chromium, BenchInBrowser) as bench:
+        bench.begin(panel)
+        bench.page.locator("#start").focus()
+        bench.page.keyboard.press("Enter")
+        bench.until(lambda: bench.text("speed") == "200")
+        knob = bench.page.locator("#knob")
+        knob.focus()
+        for key in ("PageUp", "PageUp", "ArrowUp"):
+            bench.page.keyboard.press(key)
+        bench.until(lambda: bench.text("speed") == "221")
+        assert bench.page.locator("#rpm").input_value() == "221"
+        box = knob.bounding_box()
+        assert box is not None
+        x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+        bench.page.mouse.move(x, y - 50)
+        bench.page.mouse.down()
+        bench.page.mouse.move(x + 50, y, steps=8)
+        bench.page.mouse.up()
+        turned = bench.knob()
+        assert turned > 400.0  # a third of the way round, on a scale of equal ratios
+        bench.until(lambda: bench.text("speed") == f"{turned:.0f}")
+        with RigClient(domain) as outside:
+            outside.set_parameter("cam_drive", "rpm", 333.0)
+        shown = bench.page.locator("#rpm")
+        bench.until(lambda: bench.knob() == 333.0 and shown.input_value() == "333")
+
+
+def test_nothing_stays_of_a_panel_that_is_killed(shared: tuple[RunningPanel, int]) -> None:
+    """Its nodes end by themselves, and the bag is closed; it goes on over the node that was killed
+    with the tick it had come to."""
+    panel, _ = shared
+    with panel.page() as page:
+        page.running()
+        kept = {Path(bag) for bag in page.until(lambda live: live["holds"])["kept"]}
+        page.turned(1.5)
+        nodes = panel.nodes()
+        assert len(nodes) == 6
+        panel.end(signal.SIGKILL)
+    until(lambda: not any(map(is_alive, nodes.values())))
+    (bag,) = set(panel.out.iterdir()) - kept
+    assert not is_unclosed(bag)
+    assert contiguous(bag) > 1.0
+
+
+@pytest.mark.long
+def test_a_page_turns_the_rig_and_so_does_anybody_else(
+    running_panel: RunningPanel, ros_domain: int
+) -> None:
+    """Speed, cam and weighting are the nodes' own parameters: what is set outside is shown."""
+    with running_panel.page() as page:
+        live = page.running()
+        assert (live["drive"], live["domain"], live["holds"]) == ("stopped", ros_domain, True)
+        page.do("call", value="start")
+        page.do("set", name="rpm", value=320)
+        page.turning(320.0)
+        with RigClient(ros_domain) as outside:
+            outside.set_parameter("cam_drive", "rpm", 410.0)
+            page.until(lambda live: live["values"]["cam_drive"]["rpm"] == 410.0)
+            outside.set_parameter("microphone", "frequency_weighting", "A")
+            page.until(lambda live: live["values"]["microphone"]["frequency_weighting"] == "A")
+        page.do("set", name="cam", value="cycloidal")
+        page.until(lambda live: live["state"]["cam"] == "cycloidal" and live["level"])
+        page.do("call", value="stop")
+        page.until(lambda live: live["drive"] == "stopped")
+        answer = page.ask("set", name="cam", value="no_such")
+        assert not answer["success"]
+        assert "no_such" in answer["words"]
+
+
+@pytest.mark.long
+def test_a_noted_level_is_the_exact_one(running_panel: RunningPanel) -> None:
+    """To what the sample rate of the bench and the background leave of the mean of a second."""
+    cam, rig = cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2")
+    with running_panel.page() as page:
+        page.running()
+        page.do("set", name="rpm", value=350)
+        page.do("call", value="start")
+        page.do("listen", value=True)
+        while not (answer := page.ask("note"))["success"]:
+            assert "allowed" in answer["words"]
+            time.sleep(0.2)
+        page.until(lambda _: len(page.sound) > 4 * 8000)
+    noted = answer["noted"]
+    law = cam_rig.build_law(cam)
+    motion = cam_rig.simulate(law, rig, model="two_mass", rpm=350.0, turns=12)
+    assert noted["level_db"] == pytest.approx(cam_rig.sound_level(motion).level_db, abs=0.2)
+    sound = np.frombuffer(page.sound[: len(page.sound) // 4 * 4], "<f4")
+    assert np.isfinite(sound).all()
+    assert 0.0 < np.abs(sound).max() < 1.0
+    (row,) = running_panel.get("/bench/readings.csv").decode().splitlines()[1:]
+    assert row.startswith("poly345,two_mass,350.0,")
+
+
+@pytest.mark.long
+def test_another_set_up_is_another_run_and_its_bag_is_kept(running_panel: RunningPanel) -> None:
+    """The kept bag holds the chosen numbers and every tick up to where it was closed."""
+    with running_panel.page() as page:
+        page.running()
+        page.do("set", name="time_weighting", value="S")
+        page.do("set_up", value={"model": "one_mass", "preload": 55, "added_mass": 0.2})
+        page.until(lambda live: live["graph"] == "starting")
+        live = page.running()
+        assert live["setup"]["preload"] == 55.0
+        assert live["values"]["microphone"]["time_weighting"] == "S"
+        refused = page.ask("keep")
+        assert "nothing is recorded yet" in refused["words"]
+        page.do("set", name="rpm", value=400)
+        page.turned(1.0)
+        bag = page.keep()
+        page.running()
+    loaded = read_scene(bag)
+    assert loaded.rig.follower.preload.si == 55.0
+    assert loaded.scene.model == "one_mass"
+    assert contiguous(bag) > 1.0
+    assert running_panel.end(signal.SIGINT) == 128 + signal.SIGINT
+    assert list(running_panel.out.iterdir()) == [bag]
+
+
+@pytest.mark.long
+def test_a_reload_finds_the_bench_as_it_is(running_panel: RunningPanel) -> None:
+    """The nodes are the server's and not the page's: they turn on, and readings stay."""
+    with running_panel.page() as page:
+        page.running()
+        page.do("set", name="rpm", value=275)
+        page.do("call", value="start")
+        page.turning(275.0)
+    with running_panel.page() as page:
+        live = page.until(lambda live: live["state"])
+        assert live["drive"] == "turning"
+        assert live["holds"] is True
+        assert live["values"]["cam_drive"]["rpm"] == 275.0
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("wait", [0.1, 0.4, 1.0])
+def test_a_signal_while_the_rig_is_set_up_ends_the_panel(
+    running_panel: RunningPanel, wait: float
+) -> None:
+    """Whether it comes while nodes are ended, or while the next ones begin."""
+    with running_panel.page() as page:
+        page.running()
+        page.do("set_up", value={"preload": 40})
+        time.sleep(wait)  # the promise holds for any; these are where it did not
+        nodes = running_panel.nodes()
+        assert running_panel.end(signal.SIGINT) == 128 + signal.SIGINT
+    until(lambda: not any(map(is_alive, nodes.values())))
+
+
+@pytest.mark.long
+def test_what_is_drawn_is_put_on_the_bench(running_panel: RunningPanel) -> None:
+    """The law that turns is the one of the handles; drawn again, it is another cam."""
+    board = json.loads(running_panel.get("/board"))
+    ordinates = list(board["ordinates"])
+    ordinates[board["handles"][10]["index"]] += 0.01
+    body = json.dumps({"ordinates": ordinates})
+    with running_panel.page() as page:
+        page.running()
+        page.do("call", value="start")
+        for name in ("drawn_1", "drawn_2"):
+            status, _, answer = running_panel.post("/bench/mount", body)
+            assert (status, json.loads(answer)) == (200, {"cam": name})
+            page.until(lambda live, name=name: live["state"].get("cam") == name)
+        page.until(lambda live: live["state"]["time_ns"] > 2e9)
+        bag = page.keep()
+    law = read_ticks(bag)
+    lifts = {tick.cam: tick.lift.max() for tick in law}
+    assert set(lifts) == {"poly345", "drawn_1", "drawn_2"}
+    wrong = json.dumps({"ordinates": [0.0]})
+    status, _, answer = running_panel.post("/bench/mount", wrong)
+    assert status == 409
+    assert "ordinates: allowed" in json.loads(answer)["words"]
+
+
+@pytest.mark.long
+def test_a_run_that_fails_leaves_its_bag(running_panel: RunningPanel, ros_domain: int) -> None:
+    """A second publisher on a topic of the rig ends it; what was recorded is named, and stays."""
+    with running_panel.page() as page:
+        page.running()
+        page.turned(1.0)
+        with RigClient(ros_domain) as outside:
+            outside.node.create_publisher(JointState, "/cam/state", 1)
+            live = page.until(lambda live: live["graph"] == "failed")
+        assert "/cam/state" in live["words"]
+        (bag,) = map(Path, page.until(lambda live: live["kept"])["kept"])
+        page.do("set_up", value={})
+        page.until(lambda live: live["graph"] == "starting")
+        page.running()
+    assert contiguous(bag) > 0.5
+
+
+@pytest.mark.long
+def test_levels_are_noted_and_drawn(chromium: Browser, running_panel: RunningPanel) -> None:
+    """A marker a reading; above the jump speed it is full, and the lamp was lit. 400 px wide,
+    nothing is beside the page, and every control has a name."""
+    law, rig = cam_rig.build_law(cam_rig.load_cam("poly345")), cam_rig.load_rig("paper_table2")
+    jump = find_jump(law, follower_of(rig), None).rpm  # the model that the bench begins with
+    with in_browser(chromium, BenchInBrowser) as bench:
+        bench.begin(running_panel)
+        bench.page.locator("#start").click()
+        for rpm in (round(0.8 * jump), round(1.3 * jump)):
+            bench.command(rpm)
+            bench.until(lambda rpm=rpm: bench.noted(rpm))
+        fills = [point.get_attribute("fill") for point in bench.page.locator("#noise .point").all()]
+        assert fills[0] == "#fff"
+        assert fills[-1] != "#fff"
+        bench.until(lambda: bench.text("contact") == "contact lost")
+        rows = running_panel.get("/bench/readings.csv").decode().splitlines()
+        contact = [row.split(",")[5] for row in rows[1:]]
+        assert (contact[0], contact[-1]) == ("in contact", "contact lost")
+        assert len(contact) == len(fills)
+        assert bench.width(400) <= 400
+        nameless = bench.page.evaluate(
+            """() => [...document.querySelectorAll("button, input, select, [role=slider], meter")]
+              .filter((one) => !(one.textContent || one.labels?.length
+                || ["aria-label", "aria-labelledby"].some((name) => one.getAttribute(name))))
+              .map((one) => one.id)"""
+        )
+        assert nameless == []
+
+
+@pytest.mark.long
+def test_a_killed_node_is_started_by_a_button(
+    chromium: Browser, running_panel: RunningPanel
+) -> None:
+    """Its line goes when it is back, and the cam turns on."""
+    with in_browser(chromium, BenchInBrowser) as bench:
+        bench.begin(running_panel)
+        bench.page.locator("#start").click()
+        bench.until(lambda: bench.text("level") != "–")
+        os.kill(running_panel.nodes()["microphone"], signal.SIGKILL)
+        button = bench.page.locator("#ended button")
+        button.wait_for(timeout=WAIT_S * 1e3)
+        assert "microphone was ended by signal 9" in bench.text("ended")
+        button.click()
+        bench.until(lambda: bench.text("ended") == "")
+        bench.command(260)

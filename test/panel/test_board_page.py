@@ -1,0 +1,523 @@
+"""The drawing board in a real browser: its numbers are the core's, by pointer and by keyboard."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+import cam_rig
+from cam_rig.dynamics import FollowerParameters
+from cam_rig.dynamics.jump.any_follower import find_jump
+from cam_rig.laws.law import joints
+from cam_rig.panel.board.board import START_RPM, Board
+from cam_rig.panel.board.drawn_law import ORDERS, POINTS, motion_in_base64, table_angles
+from cam_rig.panel.board.pages import BoardPages
+from cam_rig.panel.command import REDIRECT
+from cam_rig.panel.server import serve
+from cam_rig.profile.drawing_files import read_dxf
+from cam_rig.units import RPM
+
+from .conftest import BrowserPage, ServedPages, in_browser
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, WebSocketRoute
+
+pytestmark = pytest.mark.slow
+#: What the page computes differs from the core by no more than this part of the largest value.
+SAME = 1e-12
+#: The page's own modules, asked as the page asks them.
+LAW_IN_PAGE = """async ([ordinates, rpm]) => {
+  const { readTable, motion, contactForce } = await import("/static/board/law.js");
+  const board = await (await fetch("/board")).json();
+  const law = motion(readTable(board), ordinates);
+  const all = Float64Array.from([...law, contactForce(law, board.rig, rpm)].flatMap((x) => [...x]));
+  return btoa(String.fromCharCode(...new Uint8Array(all.buffer)));
+}"""
+SPECTRUM_IN_PAGE = """async (values) => {
+  const { spectrum } = await import("/static/board/law.js");
+  return [...spectrum(Float64Array.from(values), 40)];
+}"""
+FOCUSED = "() => Number(document.activeElement.dataset.index)"
+SIZE = {"width": 1280, "height": 900}
+REFUSED = "Failed to load resource"  # what Chromium says of a 409
+
+
+class BoardPage(BrowserPage):
+    """A page of the board."""
+
+    def stale(self, name: str) -> bool:
+        script = "id => document.getElementById(id).classList.contains('stale')"
+        return bool(self.page.evaluate(script, name))
+
+    def settled(self) -> None:
+        """Wait until all numbers are of the law that is shown."""
+        names = ("jump_rigid", "jump", "residual", "level")
+        self.until(lambda: self.number("jump_rigid") is not None)
+        self.until(lambda: not any(self.stale(name) for name in names))
+
+    def drag(self, handle: int, down: float) -> None:
+        """Take a handle with the pointer, move it, and let go."""
+        box = self.page.locator(".handle").nth(handle).bounding_box()
+        assert box is not None
+        x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+        self.page.mouse.move(x, y)
+        self.page.mouse.down()
+        self.page.mouse.move(x, y + down, steps=6)
+        self.page.mouse.up()
+
+    def press(self, key: str, times: int = 1) -> None:
+        for _ in range(times):
+            self.page.keyboard.press(key)
+
+    def save(self, name: str) -> None:
+        self.page.locator("#name").fill(name)
+        self.page.locator("#save").click()
+
+
+@pytest.fixture
+def board(served: ServedPages) -> Board:
+    """The one that the page shows."""
+    return served.board
+
+
+@pytest.fixture(scope="module")
+def window(chromium: Browser) -> Iterator[BoardPage]:
+    """One window for all tests of the page: each begins with the start anew."""
+    with in_browser(chromium, BoardPage) as page:
+        yield page
+
+
+@pytest.fixture
+def page(window: BoardPage, served: ServedPages, tmp_path: Path) -> Iterator[BoardPage]:
+    """The board as it begins; nothing may go wrong, and no other host be asked."""
+    served.board.out = tmp_path / "out"
+    served.board.take(served.board.drawn.ordinates.tolist(), START_RPM)
+    window.page.set_viewport_size(SIZE)
+    window.open(served.address)
+    window.settled()
+    yield window
+    window.page.evaluate("() => sessionStorage.clear()")  # the language that was chosen
+    errors, outside = window.errors[:], window.outside[:]
+    window.errors.clear()
+    window.outside.clear()
+    assert errors == []
+    assert outside == []
+
+
+def in_page(page: BoardPage, ordinates: list[float], rpm: float) -> np.ndarray:
+    """``(5, n)`` s to s''' and force of some ordinates, by the page's modules."""
+    found = page.page.evaluate(LAW_IN_PAGE, [ordinates, rpm])
+    return np.frombuffer(base64.b64decode(found), dtype="<f8").reshape(ORDERS + 1, POINTS)
+
+
+def core(board: Board, ordinates: list[float], rpm: float) -> np.ndarray:
+    """The same of the law that `build_law` makes of the saved file."""
+    path = board.save(f"core_{len(list(board.out.glob('*')))}", ordinates)
+    law, rig = cam_rig.build_law(cam_rig.load_cam(path)), FollowerParameters.from_rig(board.rig)
+    rows = [law(table_angles(), order) for order in range(ORDERS)]
+    force = rig.mass * rows[2] * (rpm * RPM) ** 2 + rig.damping * rows[1] * (rpm * RPM)
+    force += rig.spring_stiffness * rows[0] + rig.preload
+    return np.stack([*rows, force])
+
+
+def test_the_pages_law_force_and_spectrum_are_the_cores(page: BoardPage, board: Board) -> None:
+    """To 1e-12 of the largest value; an ordinate off by 1e-6 is seen. The spectrum is numpy's."""
+    ordinates = board.ordinates.tolist()
+    for i, handle in enumerate(board.drawn.handles):
+        ordinates[handle.index] += 0.01 * np.sin(3.0 * i)
+    wanted = core(board, ordinates, 431.0)
+    largest = np.abs(wanted).max(axis=1, keepdims=True)
+    off = np.abs(in_page(page, ordinates, 431.0) - wanted) / largest
+    assert off.max() <= SAME
+    ordinates[board.drawn.handles[7].index] += 1e-6
+    control = np.abs(in_page(page, ordinates, 431.0) - wanted) / largest
+    assert (control.max(axis=1) > 1e3 * SAME).all()
+    values = np.random.default_rng(1).standard_normal(POINTS)
+    found = page.page.evaluate(SPECTRUM_IN_PAGE, values.tolist())
+    assert np.abs(np.array(found) - 2.0 / POINTS * np.abs(np.fft.rfft(values))[1:41]).max() <= SAME
+
+
+def test_a_dragged_handle_moves_the_law_and_all_that_follows(page: BoardPage, board: Board) -> None:
+    """Its numbers are those of `jump_speed` for the law that the server holds; the handle stays
+    under the pointer, and however many moves, the server ends with what is shown."""
+    charts = ("chart0", "chart1", "chart2", "chart3", "force", "spectrum")
+    before = [page.path(chart) for chart in charts]
+    page.drag(7, -12.0)
+    page.until(lambda: not np.array_equal(board.ordinates, board.drawn.ordinates))
+    page.settled()
+    assert page.page.locator("#not_made").is_hidden()
+    moved = np.flatnonzero(board.ordinates != board.drawn.ordinates)
+    assert moved.tolist() == [board.drawn.handles[7].index]
+    assert board.ordinates[moved[0]] > board.drawn.ordinates[moved[0]]
+    law = board.law()
+    rigid = find_jump(law, FollowerParameters.from_rig(board.rig), None).rpm
+    assert page.number("jump_rigid") == pytest.approx(rigid, rel=1e-4)
+    assert page.number("jump") == pytest.approx(cam_rig.jump_speed(law, board.rig).rpm, rel=1e-4)
+    after = [page.path(chart) for chart in charts]
+    assert all(one != other for one, other in zip(before, after, strict=True))
+
+    handle, y = page.page.locator(".handle").nth(10), []
+    for down in (0.0, 5.0):
+        version = board.version
+        page.drag(10, down)
+        page.until(lambda v=version, d=down: not d or board.version > v)
+        page.page.evaluate("() => new Promise(requestAnimationFrame)")
+        y.append(float(handle.get_attribute("cy") or "nan"))
+    lift = float((handle.get_attribute("aria-valuetext") or "").split()[1])
+    page.settled()
+    assert lift == pytest.approx(1e3 * float(board.law()(board.drawn.handles[10].angle)), abs=0.3)
+    assert y[1] == pytest.approx(y[0] + 5.0, abs=1.5)
+
+    for down in (3.0, -5.0, 2.0):
+        page.drag(9, down)
+    index, handle = board.drawn.handles[9].index, page.page.locator(".handle").nth(9)
+    unit = 1e3 * board.cam.lift.si
+
+    def same() -> bool:
+        shown = float(handle.get_attribute("aria-valuenow") or "nan")
+        return abs(board.ordinates[index] * unit - shown) <= 1e-3
+
+    page.until(same)
+    page.settled()
+    assert board.ordinates[index] != board.drawn.ordinates[index]
+
+
+def test_all_pages_show_the_one_board_and_a_reload_keeps_it(
+    chromium: Browser, page: BoardPage, board: Board, served: ServedPages
+) -> None:
+    """The server keeps what is drawn, and the last change wins; who wants less motion steps the
+    stroboscope by a button; a browser in Spanish has Spanish pages where nothing was chosen."""
+    with in_browser(chromium, BoardPage, locale="es-EC") as other:
+        other.page.emulate_media(reduced_motion="reduce")
+        other.open(served.address)
+        other.settled()
+        assert "Ley de desplazamiento" in other.page.locator("#law").inner_text()
+        assert other.page.locator("#run").is_hidden()
+        assert other.page.locator("#flash").is_visible()
+        page.drag(7, -4.0)
+        page.settled()
+        page.until(lambda: other.number("jump_rigid") == page.number("jump_rigid"))
+        other.drag(22, 4.0)
+        other.settled()
+        moved = [board.drawn.handles[i].index for i in (7, 22)]
+        page.until(lambda: np.all((board.ordinates != board.drawn.ordinates)[moved]))
+        page.until(lambda: page.number("jump_rigid") == other.number("jump_rigid"))
+    page.settled()
+    shown, ordinates = page.path("chart0"), board.ordinates
+    page.page.reload()
+    page.settled()
+    assert page.path("chart0") == shown
+    assert np.array_equal(board.ordinates, ordinates)
+
+
+def test_the_keyboard_alone_moves_undoes_and_resets(page: BoardPage, board: Board) -> None:
+    """Tab to a handle, arrows; Ctrl-Z, Ctrl-Y; Home; focus stays where it is. The knob's keys and
+    the number beside it turn the force, up to 1e5 rpm, and leave the law."""
+    index = board.drawn.handles[5].index
+    page.page.locator("#on_bench").focus()
+    page.press("Tab", 6)
+    assert page.page.evaluate(FOCUSED) == index
+    start = board.drawn.ordinates[index]
+    for press, wanted in (
+        ("ArrowUp", 0.005),
+        ("Shift+ArrowDown", 0.0045),
+        ("PageUp", 0.0545),
+        ("Control+z", 0.0045),
+        ("Control+z", 0.005),
+        ("Control+y", 0.0045),
+        ("Home", 0.0),
+        ("Control+z", 0.0045),
+    ):
+        page.press(press)
+        page.until(lambda w=wanted: abs(board.ordinates[index] - start - w) < 1e-12)
+        assert page.page.evaluate(FOCUSED) == index
+    page.page.locator("#reset").press("Enter")
+    page.until(lambda: np.array_equal(board.ordinates, board.drawn.ordinates))
+    page.page.evaluate("() => new Promise(requestAnimationFrame)")
+
+    before = page.path("force")
+    page.page.locator("#knob").press("PageUp")
+    page.until(lambda: board.rpm == 310.0)
+    page.until(lambda: page.path("force") != before)
+    page.page.locator("#rpm").fill("100000")
+    page.page.locator("#rpm").press("Enter")
+    page.until(lambda: board.rpm == 1e5)
+    page.settled()
+    assert "Below zero" in page.text("contact")
+    assert np.array_equal(board.ordinates, board.drawn.ordinates)
+
+
+def test_a_law_that_cannot_be_made_is_named_and_the_last_good_force_stays(
+    page: BoardPage, board: Board
+) -> None:
+    """Undercut: red, with its angle, and no DXF; undone, all is well again. Of a law that is just
+    the file's, no other jump speed is shown."""
+    force = page.path("force")
+    assert page.page.locator("#file_jump").is_hidden()
+    page.page.locator(".handle").nth(7).focus()
+    page.press("PageUp", 10)
+    page.until(lambda: "that of the last one that can" in page.text("contact"))
+    page.settled()
+    assert "curvature" in page.text("faults")
+    assert page.page.locator("#contour .bad").count() > 0
+    assert page.page.locator("#not_made").is_visible()
+    assert "not_made" in (page.page.locator("#readouts").get_attribute("class") or "")
+    page.page.locator("#dxf").click()
+    page.until(lambda: "No DXF: cannot be made" in page.text("status"))
+    page.until(lambda: len(page.errors) > 0)
+    assert page.errors.pop().startswith(REFUSED)
+    page.press("Control+z", 10)
+    page.until(lambda: np.array_equal(board.ordinates, board.drawn.ordinates))
+    page.until(lambda: page.text("faults") == "")
+    page.until(lambda: page.path("force") == force)
+    assert page.page.locator("#not_made").is_hidden()
+
+
+def test_what_is_drawn_can_be_taken_along(page: BoardPage, board: Board, tmp_path: Path) -> None:
+    """Saved, it is the law that is shown, and a second of that name is refused in words; the
+    command that designs on is then there, and is copied whole; the contour comes as DXF."""
+    assert page.page.locator("#design").is_hidden()
+    page.drag(16, 3.0)
+    page.settled()
+    page.save("mine")
+    page.until(lambda: "Saved" in page.text("status"))
+    law = cam_rig.build_law(cam_rig.load_cam(board.out / "mine.yaml"))
+    assert np.abs(law.ordinates - board.law().ordinates).max() <= SAME * law.lift
+    assert page.text("command").startswith(f"cam-rig design {board.out}/mine.yaml --maximise")
+    page.page.locator("#copy").click()
+    page.until(lambda: page.text("status") in ("Copied.", "Selected: copy it by Ctrl-C."))
+    assert page.page.evaluate("() => String(getSelection())") == page.text("command")
+    page.page.locator("#save").click()
+    page.until(lambda: "exists already" in page.text("status"))
+    assert page.errors.pop().startswith(REFUSED)
+    with page.page.expect_download() as waiting:
+        page.page.locator("#dxf").click()
+    assert waiting.value.suggested_filename == "mine.dxf"
+    waiting.value.save_as(tmp_path / "mine.dxf")
+    (points,) = read_dxf(tmp_path / "mine.dxf")
+    assert np.hypot(*points).min() == pytest.approx(0.065, abs=1e-6)  # the base circle
+
+
+def test_the_start_and_other_laws_are_shown_beside(
+    page: BoardPage, board: Board, served: ServedPages
+) -> None:
+    """Each curve apart; none is taken away again. So is a design, as the server tells of it."""
+    assert page.path("chart2", "ghost") != ""
+    page.page.locator("#second").select_option("cycloidal")
+    page.until(lambda: page.page.locator("#chart2 .second").count() == 1)
+    page.until(lambda: page.path("force", "second") != "")
+    page.page.locator("#second").select_option("")
+    page.until(lambda: page.path("force", "second") == "")
+
+    page.save("begin")
+    page.until(lambda: "Saved" in page.text("status"))
+    served.pages._tell({"type": "design", "so_far_rpm": 512.3})
+    page.until(lambda: "512.3 rpm so far" in page.text("design_progress"))
+    assert page.page.locator("#design_stop").is_visible()
+    motion = motion_in_base64(cam_rig.build_law(cam_rig.load_cam("cycloidal")))
+    served.pages._tell({"type": "design", "rpm": 600.0, "motion": motion, "path": "x.yaml"})
+    page.until(lambda: page.text("status").startswith("Designed: "))
+    page.until(lambda: page.path("chart2", "second") != "")
+    assert page.page.locator("#design_run").is_visible()
+
+
+@pytest.mark.long
+def test_a_design_runs_beside_the_board(page: BoardPage, board: Board) -> None:
+    """The board answers meanwhile; its file is there in the end."""
+    page.save("begin")
+    page.until(lambda: "Saved" in page.text("status"))
+    page.page.locator("#design_run").click()
+    page.until(lambda: "rpm so far" in page.text("design_progress"))
+    page.drag(7, -4.0)
+    page.settled()
+    page.until(lambda: page.text("status").startswith("Designed: "))
+    assert (board.out / "begin_designed.yaml").exists()
+
+
+def test_nothing_sticks_out_and_the_language_that_is_chosen_stays(page: BoardPage) -> None:
+    """No scrolling sideways at any width, each handle is within its chart; over a reload the
+    language stays, and numbers keep their point in both."""
+    page.page.locator("#languages [lang=es]").click()
+    page.until(lambda: "Velocidad de la leva" in page.page.locator("#controls").inner_text())
+    page.page.reload()
+    page.until(lambda: page.text("class").startswith("Escrita como B-splines"))
+    assert page.page.evaluate("() => document.documentElement.lang") == "es"
+    page.settled()
+    assert page.number("jump_rigid") == pytest.approx(458.67, abs=0.01)
+    page.page.locator("#languages [lang=en]").click()
+    page.until(lambda: "Cam speed" in page.page.locator("#controls").inner_text())
+    page.settled()
+    for width in (400, 1000, 1600):
+        assert page.width(width) <= width
+        chart = page.page.locator("#chart0").bounding_box()
+        assert chart is not None
+        for i in (0, 29):
+            box = page.page.locator(".handle").nth(i).bounding_box()
+            assert box is not None
+            assert chart["x"] <= box["x"] <= chart["x"] + chart["width"]
+
+
+@pytest.mark.parametrize(
+    "cams", [["conjugate", "trigonometric"], pytest.param(["bezier15"], marks=pytest.mark.long)]
+)
+def test_any_cam_and_rig_can_be_drawn(chromium: Browser, tmp_path: Path, cams: list[str]) -> None:
+    """Own ordinates, and a frame with two discs, on a rig of one mass; only a stand-in shows the
+    jump speed of the file's law beside what is drawn. From a file, which is of no site, the cookie
+    is sent all the same, and the token goes."""
+    opened = tmp_path / "panel.html"
+    for name in cams:
+        stands_in = name == "trigonometric"
+        rig = "paper_table2" if stands_in else "tm21"
+        board = Board(cam_rig.load_cam(name), cam_rig.load_rig(rig), tmp_path)
+        with serve(BoardPages(board)) as panel, in_browser(chromium, BoardPage) as shown:
+            opened.write_text(REDIRECT.format(address=panel.address), encoding="utf-8")
+            shown.page.goto(opened.as_uri())
+            shown.page.wait_for_url(panel.address.partition("?")[0])
+            shown.page.locator("#contour .curve").first.wait_for()
+            assert shown.page.locator(".handle").count() == len(board.drawn.handles)
+            if stands_in:
+                shown.until(lambda shown=shown: shown.text("level") not in ("–", "None"))
+                assert shown.page.locator("#file_jump").is_visible()
+                own = cam_rig.jump_speed(cam_rig.build_law(board.file), board.rig).rpm
+                shown.until(lambda shown=shown: shown.number("file_jump") is not None)
+                assert shown.number("file_jump") == pytest.approx(own, rel=1e-4)
+                assert "the nearest" in shown.text("class")
+
+
+@pytest.mark.long
+def test_a_start_that_cannot_be_made_has_the_force_of_its_motion(
+    chromium: Browser, tmp_path: Path
+) -> None:
+    """There is no last good one, and the page does not speak of one."""
+    good = Board(cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2"), tmp_path)
+    ordinates = good.ordinates.tolist()
+    ordinates[good.drawn.handles[7].index] += 0.5
+    cam = cam_rig.load_cam(good.save("undercut", ordinates))
+    board = BoardPages(Board(cam, good.rig, tmp_path))
+    with serve(board) as panel, in_browser(chromium, BoardPage) as shown:
+        shown.open(panel.address)
+        shown.until(lambda: "force shown is that of its motion" in shown.text("contact"))
+        assert shown.path("force") == shown.path("force", "ghost")
+
+
+def test_a_wide_pull_takes_its_neighbours_along(page: BoardPage, board: Board) -> None:
+    """By a raised cosine of the cam angle: whole at the handle, half at half the width, and back
+    home with it; a tenth of the lift can still be made. Beside a dwell the cosine is shorter on
+    that side, and what joins there is as smooth."""
+    page.page.locator("#width").select_option("20")
+    page.page.locator(".handle").nth(7).focus()
+    version, own = board.version, board.drawn.handles[7]
+    page.press("PageUp", 2)
+    page.until(lambda: board.version >= version + 2)
+    page.settled()
+    moved = board.ordinates - board.drawn.ordinates
+    for handle in board.drawn.handles:
+        away = abs(handle.angle - own.angle) / np.radians(20.0)
+        wanted = 0.05 * (1.0 + np.cos(np.pi * away)) if away < 1.0 else 0.0
+        assert moved[handle.index] == pytest.approx(wanted, abs=1e-12)
+    assert page.page.locator("#not_made").is_hidden()
+    page.press("Home")
+    page.until(lambda: abs(board.ordinates - board.drawn.ordinates)[own.index] < 1e-15)
+    page.page.locator("#reset").press("Enter")
+    page.until(lambda: np.array_equal(board.ordinates, board.drawn.ordinates))
+
+    page.page.locator("#width").select_option("40")
+    page.settled()
+    page.drag(1, -3.0)
+    page.until(lambda: not np.array_equal(board.ordinates, board.drawn.ordinates))
+    page.settled()
+    moved, handles = board.ordinates - board.drawn.ordinates, board.drawn.handles[:2]
+    first, second = (moved[handle.index] for handle in handles)
+    part = (handles[1].left - handles[0].left) / handles[1].left
+    assert first / second == pytest.approx(0.5 * (1.0 + np.cos(np.pi * part)))
+    assert joints(board.law())[0].continuity == 4
+    assert {j.continuity for j in joints(board.law())} == {2, 4}
+
+
+def test_a_stroboscope_shows_the_phase_of_each_flash(page: BoardPage) -> None:
+    """As often as the cam turns it stands still; a little slower it goes on by the rest; the
+    roller is where the lift puts it. A running one counts flashes by the clock: frames that come
+    late take none away."""
+    browser, degrees = (
+        page.page,
+        "() => Number(document.querySelector('#strobe svg').dataset.degrees)",
+    )
+    assert "stand still" in page.text("seems")
+    before = browser.evaluate(degrees)
+    for _ in range(3):
+        browser.locator("#flash").click()
+    assert browser.evaluate(degrees) == before
+    browser.locator("#flashes").fill("150")  # a whole fraction: two turns from flash to flash
+    browser.locator("#flash").click()
+    assert browser.evaluate(degrees) == before
+    browser.locator("#flashes").fill("288")  # 300/288 turns: 15° more with every flash
+    assert "forwards at 12 rpm" in page.text("seems")
+    for step in range(1, 7):
+        browser.locator("#flash").click()
+        assert browser.evaluate(degrees) == pytest.approx(before + 15.0 * step, abs=0.01)
+    law = cam_rig.build_law(cam_rig.load_cam("poly345"))
+    assert f"{1e3 * float(law(np.pi / 2)):.3f} mm" in page.text("phase")
+    roller = browser.locator("#strobe circle")
+    scale = float(roller.get_attribute("r") or "nan") / 10.0
+    height = -float(roller.get_attribute("cy") or "nan") / scale
+    assert height == pytest.approx(75.0 + 1e3 * float(law(np.pi / 2)), abs=0.5)
+    assert float(roller.get_attribute("cx") or "nan") == pytest.approx(0.0, abs=0.1)
+    browser.locator("#flashes").fill("312.5")
+    assert "backwards at 12.5 rpm" in page.text("seems")
+
+    browser.locator("#flashes").fill("240")  # 300/240 turns: four places
+    browser.locator("#run").click()
+    assert browser.locator("#run").get_attribute("aria-pressed") == "true"
+    angles = set()
+
+    def seen() -> bool:
+        angles.add(browser.locator("#strobe svg").get_attribute("data-degrees"))
+        return len(angles) >= 4
+
+    page.until(seen)
+    browser.locator("#run").click()
+    found = np.sort([float(angle or "nan") for angle in angles])
+    assert np.diff(found) == pytest.approx([90.0] * 3, abs=0.01)
+
+
+def test_a_connection_that_breaks_in_the_middle_of_a_drag_loses_nothing(
+    chromium: Browser, served: ServedPages, board: Board
+) -> None:
+    """What is drawn without a connection is sent when it is back, not the server's older state."""
+    board.take(board.drawn.ordinates.tolist(), START_RPM)
+    sockets: list[tuple[WebSocketRoute, WebSocketRoute]] = []
+    with in_browser(chromium, BoardPage) as shown:
+        shown.page.route_web_socket(
+            "**/changes", lambda socket: sockets.append((socket, socket.connect_to_server()))
+        )
+        shown.open(served.address)
+        shown.settled()
+        handle = shown.page.locator(".handle").nth(7)
+        box = handle.bounding_box()
+        assert box is not None
+        x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+        shown.page.mouse.move(x, y)
+        shown.page.mouse.down()
+        shown.page.mouse.move(x, y + 5.0, steps=5)
+        for side in sockets.pop():
+            side.close()
+        shown.until(lambda: "No connection" in shown.text("status"))
+        before = board.version
+        shown.page.mouse.move(x, y - 15.0, steps=5)
+        index, unit = board.drawn.handles[7].index, 1e3 * board.cam.lift.si
+
+        def arrived() -> bool:
+            value = float(handle.get_attribute("aria-valuenow") or "nan")
+            return abs(board.ordinates[index] * unit - value) <= 1e-4
+
+        shown.until(lambda: sockets)
+        shown.until(arrived)
+        assert board.version > before
+        assert board.ordinates[index] > board.drawn.ordinates[index]
+        shown.page.mouse.up()
+        shown.settled()

@@ -1,0 +1,422 @@
+"""Lab sheets: the hidden rig, what is seen of it, what a page is told, and the marks."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import cam_rig
+from cam_rig.cli.main import app
+from cam_rig.dynamics.jump.any_follower import follower_of
+from cam_rig.dynamics.jump.jump_speed import rigid_least
+from cam_rig.errors import ConfigError, DynamicsError
+from cam_rig.panel.lab.marking import POINTS, observe
+from cam_rig.panel.lab.pages import LabPages
+from cam_rig.panel.lab.sheet import (
+    TOLERANCES,
+    LabSetup,
+    LabSheet,
+    Notebook,
+    drawn,
+    read_sheet,
+    to_text,
+    true_rig,
+)
+from cam_rig.panel.server import serve
+from cam_rig.units import RPM
+
+from ..viewer.asking import Visitor, ask
+from .conftest import sheet_of
+
+# -- the hidden rig: the same on every machine, within its tolerances -------------------------
+
+#: 1 + 0.04 (2 x/(2^64 - 1) - 1), x the first eight bytes of the SHA-256 of the four words, a line
+#: each.
+ALPHA_MASS = 1.0175396720583243
+
+
+def test_a_seed_is_the_same_rig_everywhere() -> None:
+    """Numbers that were computed once: another version or machine must give them again."""
+    assert drawn("jump", "alpha", "mass 0", 0.04) == pytest.approx(ALPHA_MASS, rel=1e-15)
+    sheet = sheet_of(seed="alpha")
+    assert sheet.jump_rpm(LabSetup(4030.0, 0.0, 30.6)) == pytest.approx(408.900, abs=0.01)
+
+
+def test_every_number_is_drawn_evenly_within_its_tolerance() -> None:
+    """Over 2000 names: both ends are come near, the mean is the sheet's."""
+    for kind, tolerance in TOLERANCES.items():
+        found = np.array([drawn("jump", f"n{i}", kind, tolerance) for i in range(2000)])
+        assert np.abs(found - 1.0).max() <= tolerance
+        assert found.max() > 1.0 + 0.98 * tolerance
+        assert found.min() < 1.0 - 0.98 * tolerance
+        # standard error of the mean: tolerance / sqrt(3 n)
+        assert abs(found.mean() - 1.0) < 5.0 * tolerance / np.sqrt(3.0 * found.size)
+
+
+def test_a_spring_is_the_same_in_every_set_up_and_two_differ() -> None:
+    """What is hidden is a rig, and not noise on a reading."""
+    rig = cam_rig.load_rig("paper_table2")
+
+    def factor(setup: LabSetup) -> float:
+        found = true_rig(rig, setup, "jump", "alpha").follower.spring_stiffness.si
+        return found / setup.spring_stiffness
+
+    first = factor(LabSetup(4030.0, 0.0, 30.6))
+    assert factor(LabSetup(4030.0, 1.0, 61.2)) == first
+    assert factor(LabSetup(3020.0, 0.0, 30.6)) != first
+    own = true_rig(rig, LabSetup(4030.0, 0.5, 30.6), "jump", None).follower
+    assert (own.mass.si, own.preload.si) == (1.8, 30.6)
+
+
+def test_what_has_no_sheet_is_refused(tmp_path: Path) -> None:
+    """A seed becomes part of a file's name; an unknown lab names those there are. A frame of two
+    rollers cannot leave; without preload every speed is above the jump speed."""
+    for seed in ("", "a b", "../x", "é", "x" * 41):
+        with pytest.raises(ConfigError, match=r"--seed: is .*; allowed: a name"):
+            sheet_of(seed=seed)
+    with pytest.raises(ConfigError, match=r"is 'jmp'; allowed: jump \(did you mean 'jump'\?\)"):
+        LabSheet("jmp", cam_rig.load_cam("poly345"), cam_rig.load_rig("tm21"))
+    with pytest.raises(ConfigError, match="conjugate"):
+        sheet_of(cam="conjugate")
+    loose = cam_rig.load_rig("tm21").with_follower(preload=0.0)
+    sheet = LabSheet("jump", cam_rig.load_cam("poly345"), loose)
+    with pytest.raises((ConfigError, DynamicsError), match="preload"):
+        LabPages(sheet, tmp_path)
+
+
+def test_the_line_is_the_jump_speed_of_a_rigid_follower() -> None:
+    """n² = (k s + preload) / (m |s''|): for the sheet's own set-up exactly, without damping."""
+    rig = cam_rig.load_rig("tm21").with_follower(damping=0.0)
+    sheet = LabSheet("jump", cam_rig.load_cam("poly345"), rig)
+    own = LabSetup(rig.follower.spring_stiffness.si, 0.0, rig.follower.preload.si)
+    speed = np.sqrt(sheet.load(own) / abs(sheet.critical[1]))
+    assert speed * 30.0 / np.pi == pytest.approx(cam_rig.jump_speed(sheet.law, rig).rpm, rel=1e-4)
+
+
+# -- what is seen is what is marked -----------------------------------------------------------
+
+#: How far above and below the marked speed the model is asked, relative: 0.008 rpm at 400 rpm.
+NEAR = 2e-5
+
+
+@pytest.mark.variants(2)
+@pytest.mark.parametrize("seed", [None, "Z9", "group-3", "alpha"])
+@pytest.mark.parametrize("rig", ["paper_table2", "tm21"])
+def test_the_model_leaves_the_cam_exactly_above_the_marked_speed(rig: str, seed: str) -> None:
+    """In steady state, two masses and one, with each third set-up of the sheet."""
+    sheet = sheet_of(rig, seed)
+    for setup in sheet.setups[::3]:
+        jump, true = sheet.jump_rpm(setup), sheet.true_rig(setup)
+        assert not observe(sheet.law, true, jump * (1.0 - NEAR)).contact_lost, setup
+        assert observe(sheet.law, true, jump * (1.0 + NEAR)).contact_lost, setup
+
+
+def test_a_kept_turn_is_the_kinetostatic_force_of_one_mass() -> None:
+    """m s'' Ω² + c s' Ω + k s + preload, to what the sensor resolves."""
+    sheet = sheet_of("tm21")
+    rig, rpm = sheet.true_rig(sheet.setups[0]), 300.0
+    follower, speed = follower_of(rig), rpm * RPM
+    motion = np.array([sheet.law.at(a) for a in np.arange(POINTS) * (2.0 * np.pi / POINTS)]).T
+    force = (
+        follower.spring_stiffness * motion[0]
+        + follower.damping * motion[1] * speed
+        + follower.mass * motion[2] * speed**2
+        + follower.preload
+    )
+    turn = observe(sheet.law, rig, rpm)
+    # 0.05 N of rounding, and a straight line between two samples of 16 kHz
+    assert np.abs(turn.force - force).max() < 0.1
+    least = rigid_least(sheet.law, follower, np.array([speed]))[0]
+    assert turn.force.min() == pytest.approx(least, abs=0.15)
+
+
+def test_above_the_jump_the_force_is_zero_in_flight_and_never_pulls() -> None:
+    """A cam cannot pull: where the follower is off, a sensor reads nothing."""
+    for rig in ("paper_table2", "tm21"):
+        sheet = sheet_of(rig)
+        turn = observe(sheet.law, sheet.rig, 1.15 * sheet.jump_rpm(sheet.setups[-1]) + 150.0)
+        assert turn.contact_lost
+        assert turn.force.min() == 0.0
+        assert (turn.force == 0.0).sum() > POINTS // 50
+        assert np.isfinite(turn.sound).all()
+        assert np.abs(turn.sound).max() > 0.0
+
+
+# -- the page is told what a student may see, and nothing of the hidden rig's numbers ---------
+
+
+class ServedLab(Visitor):
+    """A lab sheet as its page asks it."""
+
+    def __init__(self, pages: LabPages, address: str) -> None:
+        super().__init__(address)
+        self.pages = pages
+
+    def send(self, path: str, value: Any) -> tuple[int, Any]:
+        """Status and answer."""
+        status, _, body = self.post(path, json.dumps(value))
+        return status, json.loads(body)
+
+    def asked(self, index: int, rpm: float) -> dict[str, Any]:
+        """What the page sends of a set-up at a speed."""
+        return vars(self.pages.notebook.sheet.setups[index]) | {"rpm": rpm}
+
+
+@contextmanager
+def served_lab(sheet: LabSheet, out: Path) -> Iterator[ServedLab]:
+    pages = LabPages(sheet, out)
+    with serve(pages, home="/lab") as served:
+        yield ServedLab(pages, served.address)
+
+
+@pytest.fixture(scope="module")
+def hidden(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServedLab]:
+    """A sheet with a seed."""
+    with served_lab(sheet_of(seed="group-3"), tmp_path_factory.mktemp("lab")) as lab:
+        yield lab
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServedLab]:
+    """A sheet of the rig's own numbers."""
+    with served_lab(sheet_of("tm21"), tmp_path_factory.mktemp("lab")) as lab:
+        yield lab
+
+
+def numbers(value: object) -> list[float]:
+    """All numbers of plain data, also those in its texts."""
+    if isinstance(value, dict):
+        return [n for item in value.values() for n in numbers(item)]
+    if isinstance(value, list):
+        return [n for item in value for n in numbers(item)]
+    if isinstance(value, str):
+        return [float(n) for n in re.findall(r"\d+\.?\d*(?:e[+-]?\d+)?", value)]
+    return [float(value)] if isinstance(value, int | float) and not isinstance(value, bool) else []
+
+
+def test_nothing_of_the_hidden_rig_is_in_any_answer(hidden: ServedLab) -> None:
+    """Neither its numbers nor its jump speeds; the force, rounded as a sensor's, is observed. A
+    number within 1e-4 of a true one would give it away."""
+    sheet = hidden.pages.notebook.sheet
+    secret = set()
+    for setup in sheet.setups:
+        true = sheet.true_rig(setup).follower
+        kinds = ("mass", "spring_stiffness", "preload", "damping", "stem_damping")
+        secret |= {getattr(true, kind).si for kind in kinds} | {sheet.jump_rpm(setup)}
+    said = []
+    for i in range(len(sheet.setups)):
+        status, turn = hidden.send("/lab/turn", hidden.asked(i, 300.0) | {"sound": True})
+        assert status == 200
+        assert set(turn) == {"contact_lost", "was_lost", "force", "sound", "rate"}
+        assert all(abs(force * 10.0 - round(force * 10.0)) < 1e-9 for force in turn["force"])
+        said += numbers(turn["rate"])
+        said += numbers(hidden.send("/lab/record", hidden.asked(i, 300.0))[1])
+    for path in ("/lab/sheet", "/lab/readings.csv", "/lab"):
+        said += numbers(hidden.get(path).decode())
+    said += numbers(hidden.send("/lab/student", {"student": "Ana"})[1])
+    found = [(n, s) for n in said for s in secret if abs(n - s) <= 1e-4 * s]
+    assert len(said) > 100
+    assert len(secret) > 20
+    assert found == []
+
+
+def test_the_theory_is_shown_without_a_seed_alone(hidden: ServedLab, plain: ServedLab) -> None:
+    """With one it would be another rig's."""
+    status, _, body = ask(hidden.address, "/lab/theory", Cookie=hidden.cookie)
+    assert status == 409
+    assert "without a seed" in json.loads(body)["words"]
+    sheet = plain.pages.notebook.sheet
+    slope = json.loads(plain.get("/lab/theory"))["slope"]
+    for setup in sheet.setups:  # the rigid follower's line, which damping and angle lie below
+        assert 0.9 < sheet.jump_rpm(setup) ** 2 / (slope * sheet.load(setup)) < 1.0
+
+
+def test_the_lamp_goes_on_above_the_jump_and_stays_on(hidden: ServedLab) -> None:
+    """Also between two resonances, where contact holds again: the way up has passed the first."""
+    sheet, again = hidden.pages.notebook.sheet, 0
+    for i, setup in enumerate(sheet.setups):
+        jump = sheet.jump_rpm(setup)
+        for rpm in (round(jump - 0.02, 2), round(jump + 0.02, 2), jump + 8.0, jump + 24.0):
+            _, turn = hidden.send("/lab/turn", hidden.asked(i, rpm))
+            assert (turn["contact_lost"] or turn["was_lost"]) is (rpm > jump)
+            again += turn["was_lost"] and not turn["contact_lost"]
+        if again and i > 4:
+            break
+    assert again > 0
+
+
+def test_the_address_leads_to_the_sheet(plain: ServedLab) -> None:
+    """And its page needs nothing from another host."""
+    assert plain.home == "/lab"
+    page = plain.get("/lab").decode()
+    assert "http" not in page
+    assert set(re.findall(r'(?:src|href)="([^"]+)"', page)) - {"data:,"} <= {
+        "/",
+        "/bench",
+        "/lab",
+        "/lab/readings.csv",
+        "/static/common/style.css",
+        "/static/bench/bench.css",
+        "/static/lab/lab.css",
+        "/static/lab/main.js",
+    }
+
+
+def test_every_reading_is_in_the_file_at_once_and_no_other_is_overwritten(tmp_path: Path) -> None:
+    """A panel that is killed loses nothing; the next one, of the same name, takes another file."""
+    for number, name in ((1, "lab_jump_tm21.csv"), (2, "lab_jump_tm21_2.csv")):
+        with served_lab(sheet_of("tm21"), tmp_path) as lab:
+            assert not (tmp_path / name).exists()
+            for i in range(1, 4):
+                assert lab.send("/lab/record", lab.asked(i, 300.0 + number))[0] == 200
+                assert len(read_sheet(tmp_path / name).readings) == i
+            assert lab.send("/lab/student", {"student": 'Ñ, "x'})[0] == 200
+            assert lab.get("/lab/readings.csv") == (tmp_path / name).read_bytes()
+            shown = json.loads(lab.get("/lab/sheet"))  # what a reload shows
+            assert [r["rpm"] for r in shown["readings"]] == [300.0 + number] * 3
+            assert shown["file"] == str(tmp_path / name)
+        found = read_sheet(tmp_path / name)
+        assert found.student.startswith("Ñ")
+        assert found.readings == lab.pages.notebook.recorded.readings
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_nonsense_and_what_cannot_be_written_are_refused_and_not_recorded(
+    plain: ServedLab, tmp_path: Path
+) -> None:
+    """By the name of what is wrong; what is shown is what is kept."""
+    for change, words in (
+        ({"rpm": "fast"}, "rpm: is 'fast'; allowed: "),
+        ({"rpm": 1e9}, "rpm: is '1000000000.0'; allowed: "),
+        ({"rpm": None}, "rpm"),
+        ({"rpm": True}, "rpm"),
+        ({"spring_stiffness": 4029}, "spring_stiffness: is '4029'; allowed: 3020, 4030, 6040"),
+        ({"added_mass": [0]}, "added_mass"),
+        ({"preload": {}}, "preload"),
+    ):
+        for path in ("/lab/turn", "/lab/record"):
+            status, body = plain.send(path, plain.asked(0, 300.0) | change)
+            assert status == 409
+            assert words in body["words"]
+    for student in (None, 7, "a\nb", "x" * 81):
+        assert plain.send("/lab/student", {"student": student})[0] == 409
+    assert plain.pages.notebook.recorded.readings == ()
+    (tmp_path / "out").write_text("a file")
+    book = Notebook(sheet_of("tm21"), tmp_path / "out")
+    with pytest.raises(cam_rig.CamRigError, match="allowed: a folder"):
+        book.record(plain.asked(0, 300.0))
+    assert book.recorded.readings == ()
+
+
+# -- cam-rig panel --mark: how far each reading is from the truth, and what is no sheet -------
+
+
+def written(folder: Path, seed: str | None, off: float = 0.0, rig: str = "paper_table2") -> Path:
+    """A sheet of three readings, so far (relative) off the truth."""
+    sheet = sheet_of(rig, seed)
+    book = Notebook(sheet, folder)
+    book.name("Ana")
+    for setup in sheet.setups[:3]:
+        book.record(vars(setup) | {"rpm": sheet.jump_rpm(setup) * (1.0 + off)})
+    assert book.path is not None
+    return book.path
+
+
+def mark(*arguments: object) -> tuple[int, str, str]:
+    """Exit code, stdout and stderr."""
+    found = CliRunner().invoke(app, ["panel", "--mark", *map(str, arguments)])
+    return found.exit_code, found.stdout, found.stderr
+
+
+def test_marks_are_the_difference_to_find_jump(tmp_path: Path) -> None:
+    """Of the hidden rig with a seed, of the rig's own numbers without; 2 % off is not within 1. The
+    table has a row a reading, with units."""
+    right, wrong = written(tmp_path, "alpha"), written(tmp_path, None, off=0.02)
+    target = tmp_path / "marks.csv"
+    code, out, err = mark(right, wrong, "--json", "-", "--csv", target)
+    assert code == 0
+    found = json.loads(out)
+    assert [found[str(p)]["within"] for p in (right, wrong)] == [3, 0]
+    assert "Ana: 3 of 3 within 1 %" in err
+    assert "0 of 3 within 1 %; mean +2.00 %" in err
+    own = cam_rig.load_rig("paper_table2").with_follower(spring_stiffness=3020.0)
+    law = cam_rig.build_law(cam_rig.load_cam("poly345"))
+    first = found[str(wrong)]["readings"][0]
+    true = cam_rig.jump_speed(law, own, duration=None).rpm
+    assert first["true_rpm"] == pytest.approx(true, abs=0.01)
+    assert first["difference_percent"] == pytest.approx(2.0, abs=0.01)
+    assert mark(wrong, "--tolerance", 2.5)[2].count("3 of 3 within 2.5 %") == 1
+    lines = target.read_text("utf-8").splitlines()
+    assert lines[1].startswith("reading,spring [N/m],added mass [kg],preload [N],read [rpm],true")
+    assert sum(line.startswith(("1,", "2,", "3,")) for line in lines) == 6
+
+
+def test_a_spreadsheet_may_have_saved_it(tmp_path: Path) -> None:
+    """Commas after the head's lines, a byte order mark, quotation marks, empty lines."""
+    path = written(tmp_path, "alpha")
+    before = read_sheet(path)
+    text = path.read_text("utf-8")
+    lines = [f'"{line}",,,,' if line.startswith("#") else line for line in text.splitlines()]
+    path.write_bytes(("\ufeff" + "\r\n".join([*lines, ",,,,", ""])).encode("utf-8"))
+    assert read_sheet(path) == before
+
+
+DAMAGED = (
+    ("# cam_rig lab sheet: jump\n", "", "no lab sheet; allowed: a file that cam-rig panel"),
+    ("sheet: jump", "sheet: fly", "is 'fly'; allowed: jump"),
+    ("cam: poly345", "cam: ../../x", "cam is '../../x'; allowed: a name"),
+    ("cam: poly345", "cam: nothing", "no such file"),
+    ("seed: alpha", "seed: a b", "--seed: is 'a b'; allowed"),
+    ("speed_rpm", "speed", "the columns are others; allowed: reading, spring_N_m"),
+    ("3020.0,0.0", "3020.0,abc", "added_mass_kg is 'abc'; allowed: a number"),
+    ("3020.0,0.0", "3020.0,nan", "added_mass_kg is 'nan'; allowed: a number"),
+    ("3020.0,0.0", "999,0.0", "999 N/m, 0 kg, 30.6 N is no set-up of this sheet; allowed"),
+    ("3020.0,0.0", "3020.0", "has 4 cells; allowed: 5"),
+)
+
+
+def test_a_damaged_sheet_is_one_line(tmp_path: Path) -> None:
+    """With the file, what is wrong and what is allowed; one without readings is none to mark."""
+    path = written(tmp_path, "alpha")
+    text = path.read_text("utf-8")
+    for old, new, words in DAMAGED:
+        assert old in text
+        path.write_text(text.replace(old, new, 1), "utf-8")
+        code, _, err = mark(path)
+        assert code == 2
+        assert words in err
+        assert str(path) in err or "no such file" in words
+        assert err.count("\n") == 1
+    path.write_text(text, "utf-8")
+    path.write_text(to_text(replace(read_sheet(path), readings=())), "utf-8")
+    assert "has 0 readings; allowed: 1 to 1000" in mark(path)[2]
+    path.write_bytes(b"\xff\xfe\x00")
+    assert "is no text in UTF-8" in mark(path)[2]
+
+
+def test_another_cam_or_rig_is_one_line(tmp_path: Path) -> None:
+    """What is named must be what is on the sheet; what is not a file is named too."""
+    path = written(tmp_path, None, rig="tm21")
+    assert mark(path)[0] == 0
+    assert mark("poly345", path, "--rig", "tm21")[0] == 0
+    for arguments, words in (
+        (("cycloidal", path), "is of cam 'poly345', marked with 'cycloidal'"),
+        ((path, "--rig", "paper_table2"), "is of rig 'tm21', marked with 'paper_table2'"),
+        ((tmp_path / "none.csv",), "No such file"),
+        ((), "no sheet is named"),
+        ((path, "--seed", "x"), "--seed"),
+        ((path, "--lab", "jump"), "--mark serves no page"),
+    ):
+        code, _, err = mark(*arguments)
+        assert code == 2
+        assert words in err
+        assert err.count("\n") == 1

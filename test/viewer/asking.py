@@ -1,0 +1,52 @@
+"""Requests to a server of pages, header by header."""
+
+from __future__ import annotations
+
+from http.client import HTTPConnection, HTTPMessage
+from urllib.parse import urlsplit
+
+
+def opened(
+    address: str, path: str, method: str = "GET", body: str = "", **headers: str
+) -> HTTPConnection:
+    """A connection on which a path has been asked for; ``Host`` is the address's by default."""
+    url = urlsplit(address)
+    connection = HTTPConnection(url.hostname or "", url.port, timeout=20)
+    connection.putrequest(method, path, skip_host=True)
+    for name, value in ({"Host": url.netloc, "Content-Length": str(len(body))} | headers).items():
+        connection.putheader(name, value)
+    connection.endheaders(body.encode())
+    return connection
+
+
+def ask(
+    address: str, path: str, method: str = "GET", body: str = "", **headers: str
+) -> tuple[int, HTTPMessage, bytes]:
+    """Status, headers and body."""
+    connection = opened(address, path, method, body, **headers)
+    answer = connection.getresponse()
+    found = answer.status, answer.headers, answer.read()
+    connection.close()
+    return found
+
+
+class Visitor:
+    """A browser that came with the whole address: its cookie, its origin, where it was led to."""
+
+    def __init__(self, address: str) -> None:
+        self.url, self.address = urlsplit(address), address
+        status, answered, _ = ask(address, f"/?{self.url.query}")
+        assert status == 303
+        self.home, self.set_cookie = str(answered["Location"]), str(answered["Set-Cookie"])
+        self.cookie = self.set_cookie.split(";")[0]
+        self.headers = {"Cookie": self.cookie, "Origin": f"http://{self.url.netloc}"}
+
+    def get(self, path: str) -> bytes:
+        """The body of a path that there is."""
+        status, _, body = ask(self.address, path, Cookie=self.cookie)
+        assert status == 200, (path, status)
+        return body
+
+    def post(self, path: str, body: str = "") -> tuple[int, HTTPMessage, bytes]:
+        """What a page's own request is answered with."""
+        return ask(self.address, path, "POST", body, **self.headers)

@@ -1,0 +1,485 @@
+"""Rerun's page: the recording, Rerun's own viewer behind a guard, and nothing else."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+
+from cam_rig.errors import CamRigError
+from cam_rig.live.sockets import LOOPBACK
+from cam_rig.viewer import page as page_module
+from cam_rig.viewer.page import (
+    REPORT_EVERY_S,
+    TIMELINE,
+    PageTime,
+    cursor_request,
+    new_recording,
+    newest_recording,
+    next_part,
+    page_delay,
+    page_script,
+    part_after,
+    write_delay,
+)
+from cam_rig.viewer.rerun_page import Pages, serve, serve_file
+from cam_rig.viewer.timeline import RIG_TIME
+from cam_rig.viewer.web_server import Access
+
+from .asking import Visitor, ask, opened
+
+RECORDED = b"RRF2 of a kind"
+
+# -- who may ask ------------------------------------------------------------------------------
+
+ACCESS = Access(8123, "right")
+HOSTS = {"127.0.0.1:8123": True, "localhost:8123": True, "127.0.0.1": False, "evil.example": False}
+ORIGINS = {
+    None: True,
+    "http://127.0.0.1:8123": True,
+    "http://localhost:8123": True,
+    "http://127.0.0.1:8124": False,
+    "null": False,
+    "https://127.0.0.1:8123": False,
+}
+COOKIES = {
+    "cam_rig_8123=right": True,
+    "a=b; cam_rig_8123=right; c": True,
+    "cam_rig_8124=right": False,
+    "cam_rig_8123=righ": False,
+    "cam_rig_8123=": False,
+    "é\ud800=1": False,
+    "": False,
+}
+
+
+def test_host_origin_and_cookie_must_all_be_right() -> None:
+    """One that is wrong refuses, whatever the others are, with one line that says what is."""
+    for host, origin, cookie, needed in itertools.product(HOSTS, ORIGINS, COOKIES, (False, True)):
+        given = {"host": host, "origin": origin, "cookie": cookie}
+        headers = {name: value for name, value in given.items() if value is not None}
+        why_not = ACCESS.why_not(headers, None, needed)
+        right = HOSTS[host] and ORIGINS[origin] and COOKIES[cookie]
+        assert (why_not == "") == (right and not (needed and origin is None)), given
+        assert why_not == "" or why_not.startswith("allowed")
+        assert "right" not in why_not
+        assert len(why_not.splitlines()) <= 1
+
+
+def test_a_token_in_the_address_counts_alone_and_is_nobody_elses() -> None:
+    """A wrong one is refused also beside the right cookie; each server has one of its own, long
+    enough that nobody guesses it."""
+    headers = {"host": "localhost:8123"}
+    assert ACCESS.why_not(headers, "right") == ""
+    for wrong in ("", "wrong", "\ud800"):
+        assert ACCESS.why_not(headers | {"cookie": "cam_rig_8123=right"}, wrong) != ""
+    tokens = {Access(1).token for _ in range(100)}
+    assert len(tokens) == 100
+    assert min(map(len, tokens)) >= 32
+
+
+# -- a recording's page -----------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Visitor]:
+    path = tmp_path_factory.mktemp("web") / "a run.rrd"
+    path.write_bytes(RECORDED)
+    with serve_file(path) as address:
+        yield Visitor(address)
+
+
+def test_the_address_leads_to_the_viewer_and_the_viewer_to_the_recording(page: Visitor) -> None:
+    """The token leaves the address; the page is told by name what to show, and asks nobody else;
+    the viewer's code and WebAssembly come through."""
+    assert "token" not in page.home
+    assert "HttpOnly" in page.set_cookie
+    status, headers, body = ask(page.address, page.home, Cookie=page.cookie)
+    assert (status, headers.get_content_type()) == (200, "text/html")
+    assert b'"https://fonts' not in body
+    assert body.index(b"window.fetch = ") < body.index(b"re_viewer.js")
+    policy = headers["Content-Security-Policy"]
+    assert policy.startswith("default-src 'self' ")
+    assert "http://127.0.0.1:*" not in policy.split("frame-ancestors")[0]
+    name = page.get("/shown?ns=-1").decode()
+    assert name == "a%20run.rrd"
+    assert page.get(f"/{name}") == RECORDED
+    assert b"wasm" in page.get("/re_viewer.js")
+    assert page.get("/re_viewer_bg.wasm").startswith(b"\0asm")
+    assert ask(page.address, "/", Cookie=page.cookie)[1]["Location"] == page.home
+    assert ask(page.address, "/../../etc/passwd", Cookie=page.cookie)[0] == 404
+
+
+def test_without_the_token_there_is_nothing(page: Visitor) -> None:
+    """Neither recording nor viewer: to another user, to a site of another name, to its pages."""
+    wrong: list[dict[str, str]] = [{}, {"Cookie": page.cookie[:-1]}, {"Cookie": "x=y"}]
+    hosts = ("evil.example", f"evil.example:{page.url.port}", LOOPBACK, "")
+    wrong += [{"Cookie": page.cookie, "Host": host} for host in hosts]
+    wrong += [{"Cookie": page.cookie, "Origin": "http://evil.example"}]
+    for path in ("/", "/a%20run.rrd", "/re_viewer.js", "/shown?ns=1", "/nothing"):
+        assert ask(page.address, path, Cookie=page.cookie)[0] != 403
+        for headers in wrong:
+            status, answered, body = ask(page.address, path, **headers)
+            assert (status, answered["Set-Cookie"]) == (403, None)
+            assert RECORDED not in body
+        with_token = f"{path.partition('?')[0]}?token=wrong"
+        assert ask(page.address, with_token, Cookie=page.cookie)[0] == 403
+
+
+NO_PATHS = [b"foo", b"@x.invalid/y", b":1/y", b"http://x.invalid/", b"/a\x01b", b"/\xe9", b"x:y@z"]
+
+
+def test_what_is_no_path_is_refused(
+    page: Visitor, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing asked for is taken for a host, so that no name is looked up; no traceback."""
+    looked_up: list[object] = []
+    original = socket.getaddrinfo
+
+    def spied(host: object, *rest: object, **more: object) -> object:
+        looked_up.append(host)
+        return original(host, *rest, **more)  # type: ignore[arg-type]
+
+    for asked in NO_PATHS:
+        with socket.create_connection((LOOPBACK, page.url.port), timeout=20) as asker:
+            monkeypatch.setattr(socket, "getaddrinfo", spied)
+            lines = (b"GET " + asked + b" HTTP/1.1", b"Host: " + page.url.netloc.encode())
+            asker.sendall(b"\r\n".join((*lines, b"Connection: close", b"", b"")))
+            answer = b"".join(iter(lambda: asker.recv(4096), b""))
+            monkeypatch.undo()
+        assert answer.startswith(b"HTTP/1.1 400 "), asked
+    assert set(looked_up) <= {LOOPBACK}
+    assert "Traceback" not in capfd.readouterr().err
+
+
+def listening_ports(pids: list[int]) -> set[int]:
+    """The TCP ports at which processes listen."""
+    inodes = set()
+    for pid in pids:
+        for link in Path(f"/proc/{pid}/fd").iterdir():
+            try:
+                inodes.add(os.readlink(link).removeprefix("socket:[").rstrip("]"))
+            except OSError:  # closed meanwhile
+                continue
+    rows = [
+        row.split()
+        for name in ("tcp", "tcp6")
+        for row in Path(f"/proc/net/{name}").read_text().splitlines()[1:]
+    ]
+    return {int(row[1].split(":")[1], 16) for row in rows if row[3] == "0A" and row[9] in inodes}
+
+
+def children(pid: int) -> list[int]:
+    """A process and all that it has begun."""
+    found = [pid]
+    for task in Path(f"/proc/{pid}/task").glob("*/children"):
+        for child in task.read_text().split():
+            found += children(int(child))
+    return found
+
+
+@pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="reads Linux's own tables")
+def test_no_port_is_open_that_asks_for_no_token(tmp_path: Path) -> None:
+    """Of a process that serves a file and a live run: each port refuses who has no token."""
+    (tmp_path / "a.rrd").write_bytes(RECORDED)
+    script = (
+        "import sys, time; from pathlib import Path\n"
+        "from cam_rig.viewer.rerun_page import serve, serve_file\n"
+        "with serve() as pages, serve_file(Path(sys.argv[1])) as address:\n"
+        "  print(pages.address, address, flush=True); time.sleep(60)"
+    )
+    command = [sys.executable, "-c", script, str(tmp_path / "a.rrd")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
+        try:
+            assert server.stdout is not None
+            addresses = server.stdout.readline().split()
+            ports = listening_ports(children(server.pid))
+            assert ports == {urlsplit(address).port for address in addresses}
+            assert [ask(address, "/")[0] for address in addresses] == [403, 403]
+        finally:
+            server.kill()
+
+
+# -- a live run's page ------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def served() -> Iterator[tuple[Pages, Visitor]]:
+    with serve() as pages:
+        yield pages, Visitor(pages.address)
+
+
+@pytest.fixture
+def live(served: tuple[Pages, Visitor]) -> tuple[Pages, Visitor]:
+    """A page of a run that has not begun."""
+    for recording in served[0].folder.iterdir():
+        recording.unlink()
+    return served
+
+
+def test_a_live_run_is_sent_while_it_is_written(live: tuple[Pages, Visitor]) -> None:
+    """What is written comes at once; the next run is named, and ends what was sent of this one."""
+    pages, reader = live
+    assert reader.get("/shown?ns=-1") == b""
+    recording = new_recording(pages.folder)
+    with recording.open("wb", buffering=0) as node:
+        node.write(b"begin")
+        name = reader.get("/shown?ns=-1").decode()
+        assert name == recording.name
+        connection = opened(reader.address, f"/{name}", Cookie=reader.cookie)
+        answer = connection.getresponse()
+        assert answer.read(5) == b"begin"
+        node.write(b"more")
+        assert answer.read(4) == b"more"
+        node.write(b"last")
+        new_recording(pages.folder).write_bytes(b"another")
+        assert answer.read() == b"last"
+        assert reader.get("/shown?ns=1").decode() != name
+        connection.close()
+
+
+def test_a_page_that_reads_nothing_holds_no_other_up(live: tuple[Pages, Visitor]) -> None:
+    """The run is written, and another page has it whole."""
+    pages, reader = live
+    recording = new_recording(pages.folder)
+    with recording.open("wb", buffering=0) as node:
+        node.write(b"begin")
+        asleep = opened(reader.address, f"/{recording.name}", Cookie=reader.cookie)
+        for _ in range(64):
+            node.write(bytes(1 << 20))
+        awake = opened(reader.address, f"/{recording.name}", Cookie=reader.cookie)
+        assert len(awake.getresponse().read(5 + (64 << 20))) == 5 + (64 << 20)
+        for connection in (asleep, awake):
+            connection.close()
+
+
+def test_a_long_run_goes_on_from_part_to_part(
+    live: tuple[Pages, Visitor], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One answer has them one after the other; a page that comes late has first part and newest."""
+    pages, reader = live
+    monkeypatch.setattr(page_module, "MAX_PART", 1)
+    first = part = new_recording(pages.folder)
+    part.write_bytes(b"0")
+    connection = opened(reader.address, f"/{first.name}", Cookie=reader.cookie)
+    answer = connection.getresponse()
+    assert answer.read(1) == b"0"
+    for i in range(1, 10):
+        part = next_part(part) or part
+        part.write_bytes(b"%d" % i)
+        assert answer.read(1) == b"%d" % i
+    kept = b"0" + b"".join(b"%d" % i for i in range(10 - page_module.KEPT_PARTS, 10))
+    late = opened(reader.address, f"/{first.name}", Cookie=reader.cookie)
+    assert late.getresponse().read(len(kept)) == kept
+    for each in (answer, connection, late):
+        each.close()
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="reads Linux's own tables")
+def test_a_closed_page_is_followed_no_more(live: tuple[Pages, Visitor]) -> None:
+    """Also where nothing more is written, which alone would tell: its file is closed."""
+    pages, reader = live
+    recording = new_recording(pages.folder)
+    recording.write_bytes(b"begin")
+
+    def is_open() -> bool:
+        """Whether this process reads the recording."""
+        links = [link for link in Path("/proc/self/fd").iterdir() if link.is_symlink()]
+        return any(os.path.realpath(link) == str(recording) for link in links)
+
+    connection = opened(reader.address, f"/{recording.name}", Cookie=reader.cookie)
+    answer = connection.getresponse()
+    assert answer.read(5) == b"begin"
+    assert is_open()
+    answer.close()
+    connection.close()
+    end = time.monotonic() + 60.0
+    while is_open():
+        assert time.monotonic() < end, "the page is followed though it was closed"
+        time.sleep(0.02)
+
+
+def test_the_page_says_what_it_shows(live: tuple[Pages, Visitor]) -> None:
+    """The served page carries the script; what it says ends the waiting, and the node reads it."""
+    pages, reader = live
+    assert b"/shown?ns=" in reader.get(reader.home)
+    waiting = threading.Thread(target=pages.page.wait, daemon=True)
+    waiting.start()
+    pages.page.driven(0.5)
+    reader.get("/shown?ns=500000000")
+    waiting.join(timeout=20.0)
+    assert not waiting.is_alive()
+    assert pages.page.behind() is not None
+    assert page_delay(pages.folder) is not None
+
+
+# -- the folder between node and server -------------------------------------------------------
+
+
+def test_a_run_takes_the_place_of_the_one_before(tmp_path: Path) -> None:
+    """The folder has one recording, the newest; what reads the old one has it still open."""
+    assert newest_recording(tmp_path) is None
+    first = new_recording(tmp_path)
+    first.write_bytes(b"one")
+    with first.open("rb") as reader:
+        second = new_recording(tmp_path)
+        second.write_bytes(b"two")
+        assert reader.read() == b"one"
+    assert second > first
+    assert newest_recording(tmp_path) == second
+    assert not first.exists()
+    with pytest.raises(CamRigError, match="gone: no page reads it"):
+        new_recording(tmp_path / "gone")
+
+
+def test_a_long_run_keeps_its_beginning_and_its_newest(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However long: the first part, of which the others are the going on, and some of the last."""
+    monkeypatch.setattr(page_module, "MAX_PART", 10)
+    first = part = new_recording(tmp_path)
+    assert next_part(part) is None
+    for i in range(40):
+        part.write_bytes(bytes(9))
+        assert next_part(part) is None
+        part.write_bytes(bytes([i]) * 10)
+        following = next_part(part)
+        assert following is not None
+        following.touch()
+        part = following
+        there = sorted(tmp_path.glob("*.rrd"))
+        assert there[0] == first == newest_recording(tmp_path)
+        assert there[-1] == part
+        assert len(there) <= page_module.KEPT_PARTS + 1
+    assert part_after(first) == there[1]
+    assert part_after(there[1]) == there[2]
+    assert part_after(part) is None
+    other = new_recording(tmp_path)
+    assert part_after(first) is None
+    assert not first.exists()
+    assert other > first
+
+
+def test_the_delay_is_the_last_one_written_and_grows_when_it_is_overdue(tmp_path: Path) -> None:
+    """Nothing while none is, or it is being written; nothing when the folder is gone."""
+    assert page_delay(tmp_path) is None
+    write_delay(tmp_path, None)
+    assert page_delay(tmp_path) is None
+    write_delay(tmp_path, 1.5)
+    assert page_delay(tmp_path) == pytest.approx(1.5)
+    for silent in (3.0, 60.0):
+        write_delay(tmp_path, 0.5)
+        then = time.time() - silent
+        os.utime(tmp_path / page_module.BEHIND, (then, then))
+        late = page_delay(tmp_path)
+        assert late is not None
+        assert -1e-2 <= late - (0.5 + silent - REPORT_EVERY_S) <= 5.0
+    (tmp_path / page_module.BEHIND).write_text("")
+    assert page_delay(tmp_path) is None
+    assert page_delay(tmp_path / "gone") is None
+
+
+# -- what a page does beside the viewer -------------------------------------------------------
+
+
+class Wall:
+    """A clock that a test sets."""
+
+    now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.mark.parametrize("factor", [0.5, 1.0, 20.0])
+def test_the_delay_is_wall_time_at_any_pace(factor: float) -> None:
+    """A page that shows what the drive did a second ago is a second behind, however fast it is."""
+    wall = Wall()
+    page = PageTime(wall)
+    for i in range(40):
+        wall.now = 0.25 * i
+        page.driven(factor * wall.now)
+        if i >= 4:
+            page.take(f"ns={round(factor * (wall.now - 1.0) * 1e9)}")
+            assert page.behind() == pytest.approx(1.0)
+    assert page.longest == pytest.approx(1.0)
+
+
+def test_a_page_that_shows_nothing_or_is_ahead_is_not_late() -> None:
+    """It is open, but has no rig time; nor has one whose words are none. The drive reports now and
+    then: what it has not reported yet may be shown already."""
+    page = PageTime(Wall())
+    page.driven(1.0)
+    page.take("ns=-1")
+    page.wait()
+    for words in ("", "ns=", "ns=x", "other=3"):
+        page.take(words)
+    assert page.behind() is None
+    page.take("ns=2000000000")
+    assert page.behind() == 0.0
+
+
+def test_an_overdue_report_counts() -> None:
+    """A page that hangs says nothing: its delay grows all the same."""
+    wall = Wall()
+    page = PageTime(wall)
+    page.driven(1.0)
+    wall.now = 0.5
+    page.take("ns=500000000")
+    wall.now += REPORT_EVERY_S
+    assert page.behind() == pytest.approx(0.5)
+    wall.now += 7.0
+    assert page.behind() == pytest.approx(7.5)
+
+
+def fields(message: bytes) -> Iterator[tuple[int, int | bytes]]:
+    """Numbers and contents of a protobuf message's fields: whole numbers, and what has a length."""
+    rest = list(message)
+
+    def varint() -> int:
+        value = shift = 0
+        while True:
+            byte = rest.pop(0)
+            value |= (byte & 127) << shift
+            shift += 7
+            if byte < 128:
+                return value
+
+    while rest:
+        key = varint()
+        assert key & 7 in (0, 2)
+        if key & 7 == 0:
+            yield key >> 3, varint()
+        else:
+            size = varint()
+            yield key >> 3, bytes(rest[:size])
+            del rest[:size]
+
+
+def test_the_request_names_timeline_and_time() -> None:
+    """As Rerun's Viewer Control API numbers its fields; the timeline's name stands in two modules,
+    for one of them must not import Rerun."""
+    assert TIMELINE == RIG_TIME
+    for time_ns in (1, 127, 128, 300_000_000, 7_200_000_000_000):
+        [(number, request)] = fields(cursor_request(time_ns))
+        assert number == 6 and isinstance(request, bytes)
+        parts = dict(fields(request))
+        assert isinstance(parts[2], bytes) and isinstance(parts[3], bytes)
+        assert dict(fields(parts[2])) == {1: RIG_TIME.encode()}
+        assert dict(fields(parts[3])) == {1: time_ns}
+
+
+def test_only_a_recording_that_begins_later_has_its_cursor_moved() -> None:
+    """A live run is followed, and its page asks nothing of its viewer."""
+    assert "viewer_control" not in page_script()
+    assert "viewer_control" in page_script(0.3)
+    assert "300000000n" in page_script(0.3)
