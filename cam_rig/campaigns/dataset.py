@@ -26,8 +26,7 @@ from typing import Any
 
 import numpy as np
 
-from cam_rig.campaigns.campaign import Campaign
-from cam_rig.campaigns.point import FAILED, OK, UNSETTLED, BatchRows
+from cam_rig.campaigns.campaign import FAILED, OK, UNSETTLED, BatchRows, Campaign
 from cam_rig.errors import ConfigError, OutputError
 from cam_rig.extras import libraries_named
 from cam_rig.show.tables import counted

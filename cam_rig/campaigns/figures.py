@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from itertools import product
 from typing import Any
 
@@ -15,9 +14,9 @@ from matplotlib.ticker import MaxNLocator
 
 from cam_rig.campaigns.draws import steps_of
 from cam_rig.campaigns.inputs import CampaignInput
-from cam_rig.campaigns.largest_waviness import DECADES, LargestWaviness, WavinessSearch, resonances
+from cam_rig.campaigns.largest_waviness import DECADES, WavinessResult, resonances
 from cam_rig.campaigns.measures import CampaignMeasure
-from cam_rig.campaigns.results import FOR_MEDIAN, CampaignResults
+from cam_rig.campaigns.results import FOR_MEDIAN, CampaignResult
 from cam_rig.campaigns.schema import PERCENT
 from cam_rig.schema.quantity import UNITS
 from cam_rig.show.figure import empty, logarithmic, styled, wrapped
@@ -53,8 +52,7 @@ def input_title(one: CampaignInput) -> str:
 def measure_unit(measure: CampaignMeasure) -> tuple[str, float]:
     """The unit a measure is shown in, and what one of it is in the unit of the rows."""
     quantity = measure.term.quantity
-    unit = quantity.unit.replace("*", "·")
-    return _UNITS.get(unit, unit), quantity.shown / measure.factor
+    return quantity.typeset, quantity.factor / measure.factor
 
 
 def measure_title(measure: CampaignMeasure) -> str:
@@ -82,7 +80,7 @@ ENDS = ("lowest tenth of the input", "highest tenth")
 
 
 @styled
-def distributions(results: CampaignResults) -> Figure:
+def distributions(results: CampaignResult) -> Figure:
     """A row for each measure: histogram on the left, tornado on the right."""
     measures = results.campaign.measures
     count = min(INPUTS, len(results.campaign.inputs))
@@ -104,7 +102,7 @@ def _patch(look: dict[str, Any]) -> dict[str, Any]:
 
 
 def _histogram(
-    axes: Axes, results: CampaignResults, measure: CampaignMeasure, values: FloatArray
+    axes: Axes, results: CampaignResult, measure: CampaignMeasure, values: FloatArray
 ) -> None:
     """How often a measure is what; limits are lines, with the part that keeps them."""
     finite = values[np.isfinite(values)]
@@ -118,7 +116,7 @@ def _histogram(
         words.append(f"{values.size - finite.size} points of {values.size} have no finite value")
     for found in results.yields():
         if found.limit.term == measure.term and found.limit.value is not None:
-            bound = found.limit.value / found.limit.term.quantity.shown
+            bound = found.limit.value / found.limit.term.quantity.factor
             axes.axvline(bound, color=web(VERMILION), ls="--")
             sign = "≤" if found.limit.sense == "<=" else "≥"
             limit = f"{sign} {printed(bound)} {measure_unit(measure)[0]}"
@@ -127,7 +125,7 @@ def _histogram(
 
 
 def _tornado(
-    axes: Axes, results: CampaignResults, measure: CampaignMeasure, values: FloatArray
+    axes: Axes, results: CampaignResult, measure: CampaignMeasure, values: FloatArray
 ) -> None:
     """The median of a measure where an input is in its lowest tenth, and in its highest."""
     rows = [
@@ -149,7 +147,7 @@ def _tornado(
     axes.grid(visible=False, axis="y")
 
 
-def _doubts(results: CampaignResults, points: int) -> str:
+def _doubts(results: CampaignResult, points: int) -> str:
     """Why bars do not say what each input does; empty where they do."""
     needed, words = round(FOR_MEDIAN / TENTH), []
     if points < needed:
@@ -183,17 +181,17 @@ MAP_LETTERS = 26
 WORDS = 36
 
 
-def varied(results: CampaignResults) -> list[CampaignInput]:
+def varied(results: CampaignResult) -> list[CampaignInput]:
     """The inputs of a grid that have more than one step."""
     return [one for one, steps in _grid(results) if steps.size > 1]
 
 
-def _grid(results: CampaignResults) -> list[tuple[CampaignInput, FloatArray]]:
+def _grid(results: CampaignResult) -> list[tuple[CampaignInput, FloatArray]]:
     return [(one, steps_of(one)) for one in results.campaign.inputs]
 
 
 @styled
-def measure_map(results: CampaignResults) -> Figure:
+def measure_map(results: CampaignResult) -> Figure:
     """Every measure over the two inputs with the most steps; limits are lines."""
     grid = _grid(results)
     order = sorted(range(len(grid)), key=lambda i: -grid[i][1].size)
@@ -220,7 +218,7 @@ def _few(steps: FloatArray, on_axis: bool) -> list[int | None]:
 def _panels(
     part: FigureBase,
     panels: list[Axes],
-    results: CampaignResults,
+    results: CampaignResult,
     measure: CampaignMeasure,
     axis: tuple[int, int],
     cells: list[tuple[int | None, ...]],
@@ -232,7 +230,7 @@ def _panels(
     finite = values[np.isfinite(values)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
     levels = [
-        limit.value / measure.term.quantity.shown
+        limit.value / measure.term.quantity.factor
         for limit in results.campaign.limits
         if limit.term == measure.term and limit.value is not None
     ]
@@ -271,7 +269,7 @@ def _cell_title(grid: list[tuple[CampaignInput, FloatArray]], cell: tuple[int | 
 # Pictures of a campaign: a map of a grid; distributions, and what each input does, of draws.
 
 
-def figure(results: CampaignResults) -> Figure:
+def figure(results: CampaignResult) -> Figure:
     """A map where a grid varies two inputs or more, else distributions."""
     grid = results.campaign.config.plan.kind == "grid"
     if grid and len(varied(results)) > 1:
@@ -293,8 +291,9 @@ WHOLE: dict[str, Any] = {"color": web(BLUE), "marker": "o", "ms": 4.0, "mfc": "w
 
 
 @styled
-def waviness_figure(search: WavinessSearch, found: Sequence[LargestWaviness]) -> Figure:
+def waviness_figure(result: WavinessResult) -> Figure:
     """Amplitude with its interval over wavelength; where waves meet the stem's resonance."""
+    search, found = result.search, result.wavelengths
     out = empty(HEIGHT)
     axes = out.subplots()
     angle = np.degrees([one.wavelength for one in found])

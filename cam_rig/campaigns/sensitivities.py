@@ -11,16 +11,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
 
+from cam_rig.campaigns.campaign import make_point
 from cam_rig.campaigns.inputs import ProfileErrors
-from cam_rig.campaigns.measures import CampaignMeasure, MeasuredPoint
-from cam_rig.campaigns.point import make_point
-from cam_rig.campaigns.results import CampaignResults
+from cam_rig.campaigns.measures import CampaignMeasure
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.jump.any_follower import follower_of
 from cam_rig.dynamics.jump.jump_speed import FROM_REST
@@ -30,8 +29,12 @@ from cam_rig.dynamics.two_mass.masses import contact_response
 from cam_rig.dynamics.two_mass.trajectory import first_lift_off
 from cam_rig.errors import CamRigError, DynamicsError
 from cam_rig.laws import Law, bernstein
+from cam_rig.quantities.values import Subject
 from cam_rig.schema import RigConfig
 from cam_rig.units import RPM, TURN, FloatArray
+
+if TYPE_CHECKING:
+    from cam_rig.campaigns.results import CampaignResult
 
 #: The imaginary step, and to what part of itself the speed is found.
 STEP, FINE = 1e-30, 1e-14
@@ -187,7 +190,7 @@ class JumpSensitivity:
 
 
 def jump_sensitivities(
-    point: MeasuredPoint,
+    point: Subject,
     errors: ProfileErrors,
     inputs: Mapping[str, float],
     duration: float | None = FROM_REST,
@@ -283,7 +286,7 @@ class FirstOrder:
         return not self.found / LIES <= self.predicted <= self.found * LIES
 
 
-def first_orders(results: CampaignResults) -> list[FirstOrder]:
+def first_orders(results: CampaignResult) -> list[FirstOrder]:
     """One for each jump speed of two masses that the middle of the inputs has."""
     campaign = results.campaign
     middle = campaign.draws.middle()
@@ -310,7 +313,7 @@ def first_orders(results: CampaignResults) -> list[FirstOrder]:
 
 
 def _compared(
-    results: CampaignResults, measure: CampaignMeasure, inputs: tuple[JumpSensitivity, ...]
+    results: CampaignResult, measure: CampaignMeasure, inputs: tuple[JumpSensitivity, ...]
 ) -> FirstOrder:
     values = results.values(measure)
     values = values[np.isfinite(values)]
@@ -321,7 +324,7 @@ def _compared(
 
 
 def _predicted(
-    results: CampaignResults, inputs: tuple[JumpSensitivity, ...], correlated: bool
+    results: CampaignResult, inputs: tuple[JumpSensitivity, ...], correlated: bool
 ) -> float:
     """The standard deviation (rad/s) that the derivatives and the drawn inputs predict."""
     parts = [

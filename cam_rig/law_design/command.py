@@ -2,30 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cam_rig.errors import INTERRUPTED, ConfigError
+from cam_rig.errors import ConfigError
 from cam_rig.files import writing
-from cam_rig.show.command import (
-    Csv,
-    Json,
-    Plot,
-    check_outputs,
-    progress_bar,
-    user_errors,
-    write_csv,
-    write_json,
-    write_plot,
-)
-from cam_rig.show.terminal import console, say, show
+from cam_rig.show.command import command, require_new
+from cam_rig.show.result import Progress, Result
+from cam_rig.show.terminal import say
 
 if TYPE_CHECKING:
-    from cam_rig.law_design.request import DesignConfig
-    from cam_rig.law_design.tables import LawDesign
+    from collections.abc import Callable
+
+    from cam_rig.law_design.request import DesignConfig, DesignRequest
+    from cam_rig.law_design.result import LawDesign
+    from cam_rig.schema import CamConfig, RigConfig
 
 Second = Annotated[
     str | None,
@@ -41,6 +34,7 @@ Starts = Annotated[int, typer.Option(help="Where it is not convex: laws, or span
 Seed = Annotated[int, typer.Option(help="Of the random ones among them.")]
 
 
+@command("plot", "csv", "json")
 def design(
     start: Annotated[
         str, typer.Argument(help="Cam file, or a name in config/cams; or a design file.")
@@ -67,10 +61,9 @@ def design(
     out: Annotated[
         Path | None, typer.Option(metavar="CAM.yaml", help="Write the cam's file.")
     ] = None,
-    plot: Plot = None,
-    csv: Csv = None,
-    json_target: Json = None,
-) -> None:
+    *,
+    progress: Progress,
+) -> Result:
     """Design the law that is best by a goal, and bound what any law of its class could reach.
 
     The law is a B-spline in each event of the start; dwells, events and lift stay. Goals:
@@ -89,58 +82,34 @@ def design(
 
     cam-rig design poly345 --maximise jump_speed_rigid --keep dwells,lift --starts 3
     """
-    with user_errors():
-        _check(out)
-        check_outputs(json_target, plot, csv)
-        asked = {"minimise": minimise, "maximise": maximise, "limits": limit or []}
-        law_class = {"pieces": pieces, "joints": joints, "degree": degree}
-        search = {"starts": starts, "seed": seed, "keep": keep.split(",")}
-        config = _config(start, rig, asked, law_class, search)
-        if pareto is None:
-            _write(_solve(config, out), out, plot, csv, json_target)
-        else:
-            _require_no_file(out, json_target)
-            _front(config, pareto, points, plot, csv)
-
-
-def _require_no_file(out: Path | None, json: str | None) -> None:
-    """Refuse one cam's outputs beside a front."""
-    if out is not None or json is not None:
-        raise ConfigError(
-            "--pareto: is of many cams; allowed beside it: --csv and --plot, no --out or --json"
-        )
-
-
-def _front(
-    config: DesignConfig, other: str, points: int, plot: Path | None, csv: Path | None
-) -> None:
-    """Solve, show and write a front, behind a bar.
-
-    Raises
-    ------
-    CamRigError : what is asked for cannot be
-    """
-    from cam_rig.law_design.pareto_front import front, front_table
-    from cam_rig.law_design.request import DesignRequest
-    from cam_rig.law_design.terms import parse_second
+    from cam_rig.law_design.pareto_front import front
+    from cam_rig.law_design.request import DesignRequest, parse_second
     from cam_rig.schema import load_cam, load_rig
     from cam_rig.schema.load import cam_path, rig_path
 
-    request, second = DesignRequest.of_config(config), parse_second(other)
-    cam, rig = load_cam(cam_path(config.start)), load_rig(rig_path(config.rig))
-    with progress_bar() as bar:
-        task = bar.add_task(request.words, total=points + 2)
-        found = front(cam, rig, request, second, points, lambda: bar.update(task, advance=1))
-    table = front_table(found)
-    show(table)
-    write_csv([table], csv)
-    if plot is not None:
-        from cam_rig.law_design.figures import front_figure
+    if out is not None:
+        if pareto is not None:
+            raise ConfigError("--pareto: is of many cams; allowed beside it: no --out")
+        if out.suffix != ".yaml":
+            raise ConfigError(f"--out: is {out}; allowed: a name that ends in .yaml")
+        require_new(out)
+    asked = {"minimise": minimise, "maximise": maximise, "limits": limit or []}
+    law_class = {"pieces": pieces, "joints": joints, "degree": degree}
+    search = {"starts": starts, "seed": seed, "keep": keep.split(",")}
+    config = _config(start, rig, asked, law_class, search)
+    request = DesignRequest.of_config(config)
+    second = None if pareto is None else parse_second(pareto)
+    start_cam, its_rig = load_cam(cam_path(config.start)), load_rig(rig_path(config.rig))
+    if second is not None:
+        return front(start_cam, its_rig, request, second, points, progress)
+    name = config.name or (None if out is None else out.stem)
 
-        write_plot(plot, lambda: front_figure(found))
-    if not found.ended:
-        say(f"interrupted: {len(found.designs)} of {points} points")
-        raise typer.Exit(INTERRUPTED)
+    found = _found(start_cam, its_rig, request, name, progress)
+    if out is not None:
+        with writing(out) as part:
+            part.write_text(found.text, encoding="utf-8")
+        say(f"cam: {out}")
+    return found
 
 
 def _config(
@@ -150,14 +119,9 @@ def _config(
     law_class: dict[str, Any],
     search: dict[str, Any],
 ) -> DesignConfig:
-    """What the command line asks for, or a design file.
-
-    Raises
-    ------
-    ConfigError : a design file beside a goal, or something wrong in it
-    """
-    from cam_rig.law_design.request import ClassConfig, DesignConfig, is_design, load_design
-    from cam_rig.schema.load import cam_path
+    """What the command line asks for, or a design file, whose files are beside it or shipped."""
+    from cam_rig.law_design.request import ClassConfig, DesignConfig, is_design
+    from cam_rig.schema.load import cam_path, load
 
     path = cam_path(start)
     if not is_design(path):
@@ -168,78 +132,29 @@ def _config(
             f"{path}: has a goal and limits of its own; allowed beside it: no --minimise, "
             "--maximise, --limit"
         )
-    own_file = load_design(path)
-    beside = path.parent / own_file.start, path.parent / own_file.rig
-    files = (own_file.start, own_file.rig)
-    start, rig = (
-        str(one) if one.is_file() else name for one, name in zip(beside, files, strict=True)
-    )
-    return own_file.model_copy(update={"start": start, "rig": rig})
+    file = load(path, DesignConfig)
+    beside = {key: path.parent / name for key, name in (("start", file.start), ("rig", file.rig))}
+    return file.model_copy(update={key: str(one) for key, one in beside.items() if one.is_file()})
 
 
-def _check(out: Path | None) -> None:
-    """Refuse what could not be written."""
-    from cam_rig.show.command import require_new
+def _found(
+    cam: CamConfig, rig: RigConfig, request: DesignRequest, name: str | None, progress: Progress
+) -> LawDesign:
+    """Solve it and tell the best so far, which Ctrl-C keeps."""
+    from cam_rig.law_design import design as study
 
-    if out is not None:
-        if out.suffix != ".yaml":
-            raise ConfigError(f"--out: is {out}; allowed: a name that ends in .yaml")
-        require_new(out)
+    quantity = request.goal.quantity
+    best: list[Callable[[], LawDesign]] = []
 
+    def told(better: Callable[[], LawDesign], value: float) -> None:
+        best[:] = [better]
+        value /= quantity.factor
+        progress.tell(f"{request.words}: {value:.5g} {quantity.unit} so far")
 
-def _write(
-    design: LawDesign, out: Path | None, plot: Path | None, csv: Path | None, json: str | None
-) -> None:
-    """Show and write a design, also one whose search was interrupted.
-
-    Raises
-    ------
-    OutputError : a place cannot be written
-    """
-    from cam_rig.law_design.tables import design_table, to_json
-
-    table = design_table(design)
-    show(table)
-    write_csv([table], csv)
-    write_json(to_json(design), json)
-    if out is not None:
-        with writing(out) as part:
-            part.write_text(design.text, encoding="utf-8")
-        say(f"cam: {out}")
-    if plot is not None:
-        from cam_rig.law_design.figures import figure
-
-        write_plot(plot, lambda: figure(design))
-    if not design.ended:
-        raise typer.Exit(INTERRUPTED)
-
-
-def _solve(config: DesignConfig, out: Path | None) -> LawDesign:
-    """Solve it, behind a line with the best so far, which Ctrl-C keeps.
-
-    Raises
-    ------
-    CamRigError : what is asked for cannot be
-    """
-    from cam_rig.law_design.design import search_design as solve
-    from cam_rig.law_design.request import DesignRequest
-    from cam_rig.schema import load_cam, load_rig
-    from cam_rig.schema.load import cam_path, rig_path
-
-    request = DesignRequest.of_config(config)
-    cam, rig = load_cam(cam_path(config.start)), load_rig(rig_path(config.rig))
-    name = config.name or (out.stem if out is not None else None)
-    unit, factor = request.goal.quantity.unit, request.goal.quantity.shown
-    found: list[Callable[[], LawDesign]] = []
-    with console.status(request.words) as status:
-
-        def told(better: Callable[[], LawDesign], value: float) -> None:
-            found[:] = [better]
-            status.update(f"{request.words}: {value / factor:.5g} {unit} so far")
-
-        try:
-            return solve(cam, rig, request, name, told)
-        except KeyboardInterrupt:
-            if not found:
-                raise
-            return found[0]()
+    progress.begin(None, request.words)
+    try:
+        return study.search_design(cam, rig, request, name, told)
+    except KeyboardInterrupt:
+        if not best:
+            raise
+        return best[0]()

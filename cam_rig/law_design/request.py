@@ -13,9 +13,10 @@ from scipy import sparse
 from scipy.interpolate import BSpline
 
 from cam_rig.errors import ConfigError
-from cam_rig.law_design.terms import PEAKS, Limit, Sense, Term, parse_goal, parse_limit
 from cam_rig.laws.spline import bezier_pieces
-from cam_rig.schema.load import load, read_yaml
+from cam_rig.quantities.catalogue import DESIGNED
+from cam_rig.quantities.terms import Limit, Sense, Term, parse_limit, parse_term
+from cam_rig.schema.load import read_yaml
 from cam_rig.schema.quantity import Strict
 from cam_rig.units import FloatArray
 
@@ -49,11 +50,6 @@ class DesignConfig(Strict):
         if (self.minimise is None) == (self.maximise is None):
             raise ValueError("minimise, maximise: allowed: exactly one of them")
         return self
-
-
-def load_design(path: Path) -> DesignConfig:
-    """Read a design file."""
-    return load(path, DesignConfig)
 
 
 def is_design(path: Path) -> bool:
@@ -228,9 +224,24 @@ def _kept(keep: Sequence[str], limits: Sequence[Limit]) -> tuple[str, ...]:
     if not found:
         allowed = " or ".join(",".join(own) for own in KEEP)
         raise ConfigError(f"keep: is {','.join(keep)!r}; allowed: {allowed}")
-    if "events" in found[0] and any(limit.term.name == "event_angle" for limit in limits):
+    if "events" in found[0] and any(x.term.quantity.where == "event" for x in limits):
         raise ConfigError("limit event_angle: events stay; allowed: with keep dwells,lift or lift")
     return found[0]
+
+
+def parse_goal(text: str) -> Term:
+    """A goal: a quantity that may be one."""
+    term = parse_term(text, DESIGNED)
+    if not term.quantity.goal:
+        goals = [name for name, quantity in DESIGNED.items() if quantity.goal]
+        raise ConfigError(f"{term.name} is a limit, not a goal; goals: {', '.join(goals)}")
+    return term
+
+
+def parse_second(text: str) -> Term:
+    """The other quantity of a front: what may be a goal, or an event's span."""
+    term = parse_term(text, DESIGNED)
+    return term if term.quantity.where == "event" else parse_goal(text)
 
 
 @dataclass(frozen=True)
@@ -270,7 +281,7 @@ class DesignRequest:
         if sense not in goal.quantity.senses:
             other = "maximise" if sense == "<=" else "minimise"
             raise ConfigError(f"goal {goal.key}: allowed: {other}; the other way is not convex")
-        asked = tuple(map(parse_limit, limits))
+        asked = tuple(parse_limit(text, DESIGNED) for text in limits)
         found = cls(
             goal,
             sense,
@@ -280,7 +291,7 @@ class DesignRequest:
             _kept(keep, asked),
         )
         for term in (goal, *(limit.term for limit in found.limits)):
-            order = PEAKS.get(term.name, 0)
+            order = term.quantity.order
             if found.law_class.joints < order - 1:
                 raise ConfigError(
                     f"{term.key}: has no bound with joints C{found.law_class.joints}, where a "
