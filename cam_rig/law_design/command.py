@@ -25,6 +25,11 @@ Second = Annotated[
     typer.Option(metavar="QUANTITY", help="A front: the goal's best for values of another."),
 ]
 
+Limits = Annotated[
+    list[str] | None,
+    typer.Option(help="Limit, such as 'peak_acceleration<=start'; as often as needed."),
+]
+
 Keep = Annotated[
     str, typer.Option(help="What stays as the start has it; or dwells,lift; or lift alone.")
 ]
@@ -45,10 +50,7 @@ def design(
     maximise: Annotated[
         str | None, typer.Option(metavar="QUANTITY", help="Goal, such as jump_speed.")
     ] = None,
-    limit: Annotated[
-        list[str] | None,
-        typer.Option(help="Limit, such as 'peak_acceleration<=start'; as often as needed."),
-    ] = None,
+    limit: Limits = None,
     keep: Keep = "events,dwells,lift",
     pieces: Annotated[int, typer.Option(help="Pieces of each event, 1 to 200.")] = 16,
     joints: Annotated[str, typer.Option(help="Continuity at joints, C1 to C6.")] = "C3",
@@ -82,11 +84,6 @@ def design(
 
     cam-rig design poly345 --maximise jump_speed_rigid --keep dwells,lift --starts 3
     """
-    from cam_rig.law_design.pareto_front import front
-    from cam_rig.law_design.request import DesignRequest, parse_second
-    from cam_rig.schema import load_cam, load_rig
-    from cam_rig.schema.load import cam_path, rig_path
-
     if out is not None:
         if pareto is not None:
             raise ConfigError("--pareto: is of many cams; allowed beside it: no --out")
@@ -96,15 +93,25 @@ def design(
     asked = {"minimise": minimise, "maximise": maximise, "limits": limit or []}
     law_class = {"pieces": pieces, "joints": joints, "degree": degree}
     search = {"starts": starts, "seed": seed, "keep": keep.split(",")}
-    config = _config(start, rig, asked, law_class, search)
+    return _found(_config(start, rig, asked, law_class, search), pareto, points, out, progress)
+
+
+def _found(
+    config: DesignConfig, pareto: str | None, points: int, out: Path | None, progress: Progress
+) -> Result:
+    """A front, or a law whose file is written too."""
+    from cam_rig.law_design.pareto_front import front
+    from cam_rig.law_design.request import DesignRequest, parse_second
+    from cam_rig.schema import load_cam, load_rig
+    from cam_rig.schema.load import cam_path, rig_path
+
     request = DesignRequest.of_config(config)
     second = None if pareto is None else parse_second(pareto)
-    start_cam, its_rig = load_cam(cam_path(config.start)), load_rig(rig_path(config.rig))
+    cam, rig = load_cam(cam_path(config.start)), load_rig(rig_path(config.rig))
     if second is not None:
-        return front(start_cam, its_rig, request, second, points, progress)
+        return front(cam, rig, request, second, points, progress)
     name = config.name or (None if out is None else out.stem)
-
-    found = _found(start_cam, its_rig, request, name, progress)
+    found = _best(cam, rig, request, name, progress)
     if out is not None:
         with writing(out) as part:
             part.write_text(found.text, encoding="utf-8")
@@ -137,7 +144,7 @@ def _config(
     return file.model_copy(update={key: str(one) for key, one in beside.items() if one.is_file()})
 
 
-def _found(
+def _best(
     cam: CamConfig, rig: RigConfig, request: DesignRequest, name: str | None, progress: Progress
 ) -> LawDesign:
     """Solve it and tell the best so far, which Ctrl-C keeps."""
