@@ -70,10 +70,10 @@ LETTERS = 40
 #: The part of the points at either end of an input that a bar of a tornado is of.
 TENTH = 0.1
 
-#: What the bars of the lowest tenth and of the highest are drawn with.
-LOOKS: tuple[dict[str, Any], ...] = (
-    {"height": 0.7, "facecolor": web(SKY_BLUE), "edgecolor": "white"},
-    {"height": 0.4, "facecolor": web(BLUE), "edgecolor": "white", "hatch": "///"},
+#: Height and look of the bars of the lowest tenth and of the highest.
+LOOKS: tuple[tuple[float, dict[str, Any]], ...] = (
+    (0.7, {"facecolor": web(SKY_BLUE), "edgecolor": "white"}),
+    (0.4, {"facecolor": web(BLUE), "edgecolor": "white", "hatch": "///"}),
 )
 
 ENDS = ("lowest tenth of the input", "highest tenth")
@@ -91,14 +91,9 @@ def distributions(results: CampaignResult) -> Figure:
         values = results.values(measure) / measure_unit(measure)[1]
         _histogram(left, results, measure, values)
         _tornado(right, results, measure, values)
-    handles = [Patch(label=words, **_patch(look)) for words, look in zip(ENDS, LOOKS, strict=True)]
+    handles = [Patch(label=words, **look) for words, (_, look) in zip(ENDS, LOOKS, strict=True)]
     out.legend(handles=handles, loc="outside lower right", ncols=2, frameon=False)
     return out
-
-
-def _patch(look: dict[str, Any]) -> dict[str, Any]:
-    """The same look of a key."""
-    return {key: value for key, value in look.items() if key != "height"}
 
 
 def _histogram(
@@ -137,8 +132,8 @@ def _tornado(
     finite = values[np.isfinite(values)]
     middle = float(np.median(finite)) if finite.size else 0.0
     for i, (_, low, high) in enumerate(rows):
-        for end, look in zip((low, high), LOOKS, strict=True):
-            axes.barh(i, end - middle, left=middle, **look)
+        for end, (height, look) in zip((low, high), LOOKS, strict=True):
+            axes.barh(i, end - middle, height, middle, **look)
     axes.set_title(_doubts(results, finite.size))
     axes.axvline(middle, color="0.2", lw=0.8)
     axes.xaxis.set_major_locator(MaxNLocator(5))
@@ -179,11 +174,6 @@ MAP_LETTERS = 26
 
 #: Of a line along one row of panels, at most.
 WORDS = 36
-
-
-def varied(results: CampaignResult) -> list[CampaignInput]:
-    """The inputs of a grid that have more than one step."""
-    return [one for one, steps in _grid(results) if steps.size > 1]
 
 
 def _grid(results: CampaignResult) -> list[tuple[CampaignInput, FloatArray]]:
@@ -272,7 +262,7 @@ def _cell_title(grid: list[tuple[CampaignInput, FloatArray]], cell: tuple[int | 
 def figure(results: CampaignResult) -> Figure:
     """A map where a grid varies two inputs or more, else distributions."""
     grid = results.campaign.config.plan.kind == "grid"
-    if grid and len(varied(results)) > 1:
+    if grid and sum(steps.size > 1 for _, steps in _grid(results)) > 1:
         return measure_map(results)
     return distributions(results)
 

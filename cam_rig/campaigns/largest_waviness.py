@@ -20,7 +20,7 @@ import numpy as np
 from cam_rig.arguments import checked
 from cam_rig.campaigns.campaign import WAVE, WAVELENGTH, Campaign, keeps_limits
 from cam_rig.campaigns.draws import drawn
-from cam_rig.campaigns.inputs import LONGEST, SHORTEST, CampaignInput, require_wavelength
+from cam_rig.campaigns.inputs import LONGEST, SHORTEST, require_wavelength
 from cam_rig.campaigns.results import order_interval
 from cam_rig.campaigns.run import InThisProcess, opened
 from cam_rig.dynamics import TwoMassParameters
@@ -55,12 +55,8 @@ Outcome = Literal["found", "lost without waviness", "kept at the largest amplitu
 class LargestWaviness:
     """What one wavelength (rad) comes to.
 
-    Parameters
-    ----------
-    amplitude : m, the largest of those tried that 99 % keep the limits with; 0 where they do not
-        keep them with any, and the largest tried where they keep them with all
-    low, high : its interval, m; None where so few draws do not tell
-    evaluations : points that were measured
+    The amplitude (m) is the largest of those tried that 99 % keep the limits with; 0 where they do
+    not keep them with any. An end of its interval is None where so few draws do not tell.
     """
 
     wavelength: float
@@ -99,12 +95,7 @@ def resonances(campaign: Campaign) -> list[float]:
 
 @dataclass(frozen=True, eq=False)
 class WavinessSearch:
-    """A study with limits and a waviness, to be searched at one wavelength after another.
-
-    Raises
-    ------
-    ConfigError : no limit, no waviness, or draws that have no such question
-    """
+    """A study with limits and a waviness, to be searched at one wavelength after another."""
 
     campaign: Campaign
 
@@ -140,7 +131,7 @@ class WavinessSearch:
 
         Every other one divides the turn: the next that does.
         """
-        one = self._input(WAVELENGTH)
+        one = self.campaign.inputs[self._column(WAVELENGTH)]
         endless = one.variation.normal is not None and one.variation.within is None
         ends = drawn(one, np.array(ENDS if endless else (0.0, 1.0)))
         low, high = np.clip(ends, SHORTEST, LONGEST).tolist()
@@ -175,26 +166,14 @@ class WavinessSearch:
                 return None
             return float(amplitudes[max(0, steps[place])])
 
-        return LargestWaviness(
-            wavelength,
-            amplitude(rank) or 0.0,
-            amplitude(low),
-            amplitude(high),
-            _outcome(steps[rank], amplitudes.size),
-            tried,
-        )
-
-    def _input(self, path: str) -> CampaignInput:
-        return self.campaign.inputs[self._column(path)]
+        outcome: Outcome = "lost without waviness" if steps[rank] < 0 else "found"
+        if steps[rank] == amplitudes.size - 1:
+            outcome = "kept at the largest amplitude"
+        ends = amplitude(low), amplitude(high)
+        return LargestWaviness(wavelength, amplitude(rank) or 0.0, *ends, outcome, tried)
 
     def _column(self, path: str) -> int:
         return [one.path for one in self.campaign.inputs].index(path)
-
-
-def _outcome(step: int, count: int) -> Outcome:
-    if step < 0:
-        return "lost without waviness"
-    return "kept at the largest amplitude" if step == count - 1 else "found"
 
 
 def least_steps(

@@ -265,12 +265,8 @@ LIES = 1.25
 class FirstOrder:
     """Derivatives of a jump speed in the middle of every input, and the spread they predict.
 
-    Parameters
-    ----------
-    speed : rad/s, there
-    predicted, found : standard deviations, rad/s: √Σ(dΩ/dp · σ_p)² of independent inputs, with the
-        covariances of ``correlated`` ones; and of the points
-    points : those with a finite jump speed
+    Standard deviations in rad/s: ``predicted`` is √Σ(dΩ/dp · σ_p)² of independent inputs, with the
+    covariances of ``correlated`` ones; ``found`` that of the points with a finite jump speed.
     """
 
     measure: CampaignMeasure
@@ -306,21 +302,16 @@ def first_orders(results: CampaignResult) -> list[FirstOrder]:
             if measure.term.name in RUNS:
                 duration = RUNS[measure.term.name]
                 inputs = jump_sensitivities(point, errors, numbers, duration)
-                found.append(_compared(results, measure, inputs))
+                values = results.values(measure)
+                values = values[np.isfinite(values)]
+                spread, correlated = float(np.std(values)) * RPM, bool(campaign.config.correlated)
+                predicted = _predicted(results, inputs, correlated)
+                found.append(
+                    FirstOrder(measure, inputs, predicted, spread, correlated, values.size)
+                )
     except CamRigError:  # no such cam or rig, or no jump speed: no derivative either
         return []
     return found
-
-
-def _compared(
-    results: CampaignResult, measure: CampaignMeasure, inputs: tuple[JumpSensitivity, ...]
-) -> FirstOrder:
-    values = results.values(measure)
-    values = values[np.isfinite(values)]
-    spread = float(np.std(values)) * RPM
-    correlated = bool(results.campaign.config.correlated)
-    predicted = _predicted(results, inputs, correlated)
-    return FirstOrder(measure, inputs, predicted, spread, correlated, values.size)
 
 
 def _predicted(

@@ -140,10 +140,6 @@ class ConvexProgram:
     link: Affine
     blocks: list[RowBlock] = field(default_factory=list)
 
-    def copy(self) -> ConvexProgram:
-        """The same limits, to which others can be added."""
-        return ConvexProgram(self.unknowns, self.link, list(self.blocks))
-
     def at_least(
         self, name: str, rows: Affine, weight: float = 0.0, necessary: bool = True
     ) -> None:
@@ -200,17 +196,13 @@ class ConvexProgram:
 
     def all_blocks(self) -> list[RowBlock]:
         """The link first, then equations, limits and (last) the largest ordinates."""
-        link = RowBlock("", self.link, np.zeros(self.link.constant.size), "zero")
+        linked = self.link.constant.size
+        link = RowBlock("", self.link, np.zeros(linked), "zero")
         ranked = sorted(self.blocks, key=lambda block: block.kind != "zero")
-        return [link, *ranked, self._box()]
-
-    def _box(self) -> RowBlock:
-        free = self.unknowns - self.link.constant.size
-        eye = sparse.csr_array(sparse.eye(free, self.unknowns))
+        eye = sparse.csr_array(sparse.eye(self.unknowns - linked, self.unknowns))
         matrix = sparse.csr_array(sparse.vstack([eye, -eye]))
-        return RowBlock(
-            LARGEST, Affine(np.full(2 * free, BOX), matrix), np.zeros(2 * free), "nonneg"
-        )
+        most = Affine(np.full(matrix.shape[0], BOX), matrix)
+        return [link, *ranked, RowBlock(LARGEST, most, np.zeros(most.constant.size), "nonneg")]
 
     def _infeasible(self, blocks: list[RowBlock], dual: FloatArray) -> InfeasibleError:
         share: dict[str, float] = {}
@@ -413,16 +405,10 @@ def _keys(block: RowBlock) -> Iterator[tuple[bytes, Bounds]]:
     wide = matrix.indices.itemsize
     starts = matrix.indptr.tolist()
     kind = block.kind.encode()
-    for row, (weight, constant) in enumerate(
-        zip(weights.tolist(), block.rows.constant.tolist(), strict=True)
+    constants = block.rows.constant.tolist()
+    for begin, end, weight, constant in zip(
+        starts[:-1], starts[1:], weights.tolist(), constants, strict=True
     ):
-        begin, end = starts[row], starts[row + 1]
-        key = b"".join(
-            (
-                kind,
-                struct.pack("d", weight),
-                columns[wide * begin : wide * end],
-                values[8 * begin : 8 * end],
-            )
-        )
+        own = columns[wide * begin : wide * end], values[8 * begin : 8 * end]
+        key = b"".join((kind, struct.pack("d", weight), *own))
         yield key, (-constant, -constant if equal else np.inf)

@@ -167,7 +167,7 @@ class Solver:
                 elif rows.run is None and not rows.in_rounds:
                     add(program, self.problem, limit, hull)
             self._static[hull] = program
-        return self._static[hull].copy()
+        return replace(self._static[hull], blocks=list(self._static[hull].blocks))
 
     def cuts(self, hull: bool) -> list[Cuts]:
         """The limits that need rounds; with something to spare where they are to be kept."""

@@ -71,22 +71,9 @@ MAX_ORDINATES = 500
 
 @dataclass(frozen=True)
 class LawClass:
-    """B-splines of a degree in equal pieces of each event, Cᵏ where they meet.
+    """B-splines in equal pieces of each event; ``joints`` k: Cᵏ where they meet, and at its ends.
 
-    Parameters
-    ----------
-    pieces : of each event
-    joints : k, derivatives that are continuous at joints and at the ends of events
-    degree : of the pieces; by default k + 2
-
-    Raises
-    ------
-    ConfigError : out of the limits, a degree not above ``joints``, or nothing left to choose
-
-    Examples
-    --------
-    >>> LawClass(pieces=16, joints=3).free
-    28
+    Their degree is by default k + 2.
     """
 
     pieces: int = 16
@@ -184,18 +171,7 @@ SAME = 1e-3
 
 @dataclass(frozen=True)
 class Multistart:
-    """A search from several laws.
-
-    Parameters
-    ----------
-    starts : how many
-    seed : of the random ones among them
-    near : how many ended within 0.1 % of the best; 0 before it ran
-
-    Raises
-    ------
-    ConfigError : out of the limits
-    """
+    """A search from several laws, of which so many (``near``) ended within 0.1 % of the best."""
 
     starts: int = STARTS
     seed: int = 1
@@ -246,14 +222,7 @@ def parse_second(text: str) -> Term:
 
 @dataclass(frozen=True)
 class DesignRequest:
-    """What is asked: a goal with its sense, limits, the class of laws, and how it is searched.
-
-    Examples
-    --------
-    >>> request = DesignRequest.of(maximise="jump_speed", limits=["peak_acceleration<=start"])
-    >>> request.words
-    'maximise jump speed from rest'
-    """
+    """What is asked: a goal with its sense, limits, the class of laws, and how it is searched."""
 
     goal: Term
     sense: Sense
@@ -282,22 +251,15 @@ class DesignRequest:
             other = "maximise" if sense == "<=" else "minimise"
             raise ConfigError(f"goal {goal.key}: allowed: {other}; the other way is not convex")
         asked = tuple(parse_limit(text, DESIGNED) for text in limits)
-        found = cls(
-            goal,
-            sense,
-            asked,
-            law_class or LawClass(),
-            multistart or Multistart(),
-            _kept(keep, asked),
-        )
-        for term in (goal, *(limit.term for limit in found.limits)):
+        own, kept = law_class or LawClass(), _kept(keep, asked)
+        for term in (goal, *(limit.term for limit in asked)):
             order = term.quantity.order
-            if found.law_class.joints < order - 1:
+            if own.joints < order - 1:
                 raise ConfigError(
-                    f"{term.key}: has no bound with joints C{found.law_class.joints}, where a "
-                    f"lower derivative may step; allowed: C{order - 1} and above"
+                    f"{term.key}: has no bound with joints C{own.joints}, where a lower "
+                    f"derivative may step; allowed: C{order - 1} and above"
                 )
-        return found
+        return cls(goal, sense, asked, own, multistart or Multistart(), kept)
 
     @classmethod
     def of_config(cls, config: DesignConfig) -> DesignRequest:

@@ -75,7 +75,7 @@ def test_no_unknowns_keep_the_rows():
     program = ConvexProgram(FREE + LINKED, link)
     program.at_least("goal", pool, -1.0)
     first = growing.solve(program)
-    fighting = program.copy()
+    fighting = replace(program, blocks=list(program.blocks))
     one = Affine(np.zeros(1), sparse.csr_array(np.eye(1, FREE + LINKED)))
     fighting.at_least("above one", one.plus(-1.0))
     fighting.at_least("below zero", one * -1.0)
