@@ -55,6 +55,11 @@ class Affine:
         return Affine(self.constant[chosen], sparse.csr_array(self.matrix[chosen]))
 
     @staticmethod
+    def number(value: float, unknowns: int) -> Affine:
+        """One value, whatever the unknowns."""
+        return Affine(np.full(1, value), sparse.csr_array((1, unknowns)))
+
+    @staticmethod
     def stacked(parts: list[Affine]) -> Affine:
         """The values of all, one after the other."""
         matrices = [part.matrix for part in parts]
@@ -150,6 +155,13 @@ class ConvexProgram:
     def equal(self, name: str, rows: Affine) -> None:
         """Rows = 0."""
         self.blocks.append(RowBlock(name, rows, np.zeros(rows.constant.size), "zero"))
+
+    def within(self, name: str, parts: Affine, radius: float = 0.0, weight: float = 0.0) -> None:
+        """Root of the parts' squares ≤ radius + weight · t."""
+        cone = Affine.stacked([Affine.number(radius, self.unknowns), parts])
+        weights = np.zeros(cone.constant.size)
+        weights[0] = weight
+        self.blocks.append(RowBlock(name, cone, weights, "cone", weights.size))
 
     def solve(self) -> ProgramSolution:
         """The largest t."""

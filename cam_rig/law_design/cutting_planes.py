@@ -9,7 +9,6 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 from scipy.optimize import brentq
 
 from cam_rig.dynamics.jump.any_follower import find_jump
@@ -240,8 +239,8 @@ class Solver:
         """The highest speed at which the least force of one rigid mass can be above zero."""
         found: dict[float, ProgramSolution] = {}
         possible = self.static(False)  # limits that no law keeps at points: proved for the class
-        none = Affine(np.ones(1), sparse.csr_array((1, self.problem.space.unknowns)))
-        possible.at_least("level", none, -1.0)  # no goal: t is at most 1
+        one = Affine.number(1.0, possible.unknowns)
+        possible.at_least("level", one, -1.0)  # no goal: t is at most 1
         self.settled(possible, [])
 
         def level(speed: float, hull: bool) -> float:

@@ -374,8 +374,7 @@ class Descent:
             room = room.plus(-np.clip(ROOM * room(here.unknowns), 0.0, spare))
             program.at_least(limit.name, room, -1.0 if here.over > KEPT else 0.0)
         if here.over > KEPT:
-            none = sparse.csr_array((1, self.problem.space.unknowns))
-            program.at_least("inside", Affine(np.full(1, INSIDE), none), -1.0)
+            program.at_least("inside", Affine.number(INSIDE, program.unknowns), -1.0)
         elif not isinstance(self.goal, Asked):
             rows = self.goal.rows(here.unknowns, tried) * (-1.0 / self.goal.scale)
             program.at_least(self.goal.name, rows, -1.0)

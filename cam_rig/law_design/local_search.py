@@ -17,7 +17,7 @@ from scipy import sparse
 from scipy.optimize import brentq, minimize
 
 from cam_rig.errors import ConfigError, DesignError
-from cam_rig.law_design.convex_program import Affine, RowBlock
+from cam_rig.law_design.convex_program import Affine
 from cam_rig.law_design.cutting_planes import Best, Cuts, Solver
 from cam_rig.law_design.descent import KEPT, Descent, LocalTerm, Place, PointwiseTerm, ValueTerm
 from cam_rig.law_design.problem import Asked, DesignProblem, measured
@@ -147,9 +147,12 @@ class EventSpans:
         free = ("events",) if self.keep_dwells else ("events", "dwells")
         return replace(self.problem, start=law, space=space, free=free)
 
+    def _spans(self, unknowns: FloatArray) -> FloatArray:
+        return self._rounded(np.append(unknowns, 0.0) if self.keep_dwells else unknowns)
+
     def _value(self, unknowns: FloatArray) -> float:
         """What is to be small; infinite where no law was found."""
-        spans = self._rounded(np.append(unknowns, 0.0) if self.keep_dwells else unknowns)
+        spans = self._spans(unknowns)
         key = tuple(spans.tolist())
         if key not in self._known:
             self._known[key] = np.inf
@@ -169,16 +172,9 @@ class EventSpans:
         for place in self._places(asked):
             first = self._value(place)
             if np.isfinite(first):
+                near = {"xatol": NEAR, "fatol": LEVEL * abs(first), "maxfev": DESIGNS * size}
                 end = minimize(
-                    self._value,
-                    place,
-                    method="Nelder-Mead",
-                    bounds=bounds,
-                    options={
-                        "xatol": NEAR,
-                        "fatol": LEVEL * abs(first),
-                        "maxfev": DESIGNS * size,
-                    },
+                    self._value, place, method="Nelder-Mead", bounds=bounds, options=near
                 )
                 found.append((float(end.fun), end.x))
         if not found:
@@ -186,9 +182,8 @@ class EventSpans:
                 f"no spans of events that were tried have a law; of the last: {self._why}"
             )
         value, unknowns = min(found, key=lambda pair: pair[0])
-        near = sum(other <= value + SAME * abs(value) for other, _ in found)
-        spans = self._rounded(np.append(unknowns, 0.0) if self.keep_dwells else unknowns)
-        return self.moved(spans), replace(asked, near=near)
+        same = sum(other <= value + SAME * abs(value) for other, _ in found)
+        return self.moved(self._spans(unknowns)), replace(asked, near=same)
 
     def _places(self, asked: Multistart) -> Iterator[FloatArray]:
         """Unknowns to begin from: spans nearest to the start's, and random ones that have a law."""
@@ -246,11 +241,7 @@ def _near_start(solver: Solver, cuts: list[Cuts]) -> FloatArray:
     u = np.linspace(0.0, 1.0, space.parts + 1)
     angles = (space.breaks[:-1, None] + u * space.spans[:, None]).ravel()
     apart = space.points(space.lift).plus(-problem.start(np.minimum(angles, space.breaks[-1])))
-    none = Affine(np.zeros(1), sparse.csr_array((1, space.unknowns)))
-    cone = Affine.stacked([none, apart * (1.0 / problem.start.lift)])
-    weight = np.zeros(cone.constant.size)
-    weight[0] = -1.0
-    program.blocks.append(RowBlock("start", cone, weight, "cone", weight.size))
+    program.within("start", apart * (1.0 / problem.start.lift), weight=-1.0)
     return solver.settled(program, cuts).unknowns
 
 

@@ -18,7 +18,7 @@ from scipy import sparse
 from cam_rig.dynamics.jump.jump_speed import FROM_REST
 from cam_rig.dynamics.kinetostatic import force_weights
 from cam_rig.errors import ConfigError
-from cam_rig.law_design.convex_program import Affine, ConvexProgram, RowBlock
+from cam_rig.law_design.convex_program import Affine, ConvexProgram
 from cam_rig.law_design.problem import SPARE, Asked, DesignProblem, measured
 from cam_rig.laws import bernstein
 from cam_rig.laws.law import peak
@@ -370,15 +370,10 @@ def add(program: ConvexProgram, problem: DesignProblem, asked: Asked, hull: bool
     """Add the rows of one goal or limit."""
     rows = rows_of(asked.term)
     if rows.squares is not None:
-        parts = rows.squares(problem, asked.term)
-        radius = np.zeros(1)
+        parts, radius = rows.squares(problem, asked.term), 0.0
         if asked.value is not None:  # orders above the highest are left out of a level
-            radius += asked.value / asked.scale * (1.0 - (LEFT_OUT if hull else 0.0))
-        none = sparse.csr_array((1, problem.space.unknowns))
-        cone = Affine.stacked([Affine(radius, none), parts * (1.0 / asked.scale)])
-        weight = np.zeros(cone.constant.size)
-        weight[0] = asked.weight
-        program.blocks.append(RowBlock(asked.name, cone, weight, "cone", weight.size))
+            radius = asked.value / asked.scale * (1.0 - (LEFT_OUT if hull else 0.0))
+        program.within(asked.name, parts * (1.0 / asked.scale), radius, asked.weight)
         return
     assert rows.linear is not None  # others are no rows of a program
     for quantity in rows.linear(problem, asked, hull):
