@@ -17,7 +17,7 @@ import os
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import PackageNotFoundError, version
@@ -338,12 +338,10 @@ def _about(data: bytes) -> dict[str, str]:
 
 def versions() -> dict[str, str]:
     """Versions of what rows may depend on."""
-    found = {}
+    found = dict.fromkeys(VERSIONS, "not installed")
     for name in VERSIONS:
-        try:
+        with suppress(PackageNotFoundError):
             found[name] = version(name)
-        except PackageNotFoundError:
-            found[name] = "not installed"
     return found
 
 

@@ -227,10 +227,7 @@ def _panels(
     mesh = None
     for axes, cell in zip(panels, cells, strict=False):
         plane = values[tuple(slice(None) if i is None else i for i in cell)].T
-        sides = []
-        for i in axis:
-            one, steps = grid[i]
-            sides.append(steps / input_unit(one)[1])
+        sides = [grid[i][1] / input_unit(grid[i][0])[1] for i in axis]
         mesh = axes.pcolormesh(
             *sides, plane, vmin=low, vmax=high, shading="nearest", rasterized=True
         )

@@ -225,17 +225,15 @@ def jump_sensitivities(
 
 def error_slope(path: str, errors: ProfileErrors, law: Law) -> FloatArray | None:
     """How a law's ordinates ``(p + 1, n)`` move with an error of its profile; None with others."""
-    quarter = 0.5 * math.pi
+    round_, wave, quarter = errors.eccentric, errors.wavy, 0.5 * math.pi
     moved = {
         "profile.size": ProfileErrors(size=1.0),
-        "profile.eccentricity.amplitude": replace(errors.eccentric, eccentricity=1.0),
+        "profile.eccentricity.amplitude": replace(round_, eccentricity=1.0),
         "profile.eccentricity.phase": replace(
-            errors.eccentric, eccentricity_phase=errors.eccentricity_phase + quarter
+            round_, eccentricity_phase=round_.eccentricity_phase + quarter
         ),
-        "profile.waviness.amplitude": replace(errors.wavy, waviness=1.0),
-        "profile.waviness.phase": replace(
-            errors.wavy, waviness_phase=errors.waviness_phase + quarter
-        ),
+        "profile.waviness.amplitude": replace(wave, waviness=1.0),
+        "profile.waviness.phase": replace(wave, waviness_phase=wave.waviness_phase + quarter),
     }
     return moved[path].ordinates(law.breaks, law.degree) if path in moved else None
 

@@ -116,9 +116,6 @@ def _over_spans(
     name = f"{cam.name}_designed"
     span = measured(problem, start, other, "<=")
 
-    def possible(factor: float) -> bool:
-        return spans.possible(factor * spans.start)
-
     def found(factor: float) -> LawDesign:
         moved = spans.moved(factor * spans.start)
         return design_problem(moved, own, name)
@@ -130,7 +127,7 @@ def _over_spans(
             return False
         return True
 
-    longest = _edge(possible, 1.0, LONGEST)
+    longest = _edge(lambda factor: spans.possible(factor * spans.start), 1.0, LONGEST)
     if not has_law(longest):
         found(longest)  # it says why
     progress.advance()
