@@ -172,9 +172,12 @@ class EventSpans:
         for place in self._places(asked):
             first = self._value(place)
             if np.isfinite(first):
-                near = {"xatol": NEAR, "fatol": LEVEL * abs(first), "maxfev": DESIGNS * size}
                 end = minimize(
-                    self._value, place, method="Nelder-Mead", bounds=bounds, options=near
+                    self._value,
+                    place,
+                    method="Nelder-Mead",
+                    bounds=bounds,
+                    options={"xatol": NEAR, "fatol": LEVEL * abs(first), "maxfev": DESIGNS * size},
                 )
                 found.append((float(end.fun), end.x))
         if not found:
