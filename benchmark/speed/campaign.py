@@ -17,8 +17,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from benchmark.speed.cases import rad_per_s
-from cam_rig.campaigns.campaign import campaign_from
-from cam_rig.campaigns.point import make_point, measure_batch
+from cam_rig.campaigns.campaign import campaign_from, make_point, measure_batch
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.jump.jump_speed import FROM_REST
 from cam_rig.errors import MissingLibraryError

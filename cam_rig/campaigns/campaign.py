@@ -1,29 +1,47 @@
-"""A study with its base read and everything checked; it goes to the workers as it is."""
+"""A study with its base read and everything checked, and its points: what fails is a row too."""
 
 from __future__ import annotations
 
 import hashlib
 import json
+import math
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydantic import ValidationError
 
 from cam_rig.campaigns.draws import InputDraws, ends_of
-from cam_rig.campaigns.inputs import CampaignInput, input_of, paths_of, require_wavelength
-from cam_rig.campaigns.measures import CampaignMeasure, parse_limits, parse_measures, require_runs
+from cam_rig.campaigns.inputs import (
+    CampaignInput,
+    ProfileErrors,
+    input_of,
+    paths_of,
+    require_wavelength,
+    with_numbers,
+)
+from cam_rig.campaigns.measures import (
+    CampaignMeasure,
+    kept,
+    parse_limits,
+    parse_measures,
+    require_runs,
+)
 from cam_rig.campaigns.schema import MAX_POINTS, CampaignConfig, load_campaign
-from cam_rig.errors import ConfigError
-from cam_rig.law_design.terms import Limit
+from cam_rig.errors import CamRigError, ConfigError
 from cam_rig.laws import Law, build_law
 from cam_rig.laws.cam import require_sprung
+from cam_rig.quantities.terms import Limit
+from cam_rig.quantities.values import Subject
 from cam_rig.schema import CamConfig, Library, RigConfig, SceneConfig, load_cam, load_rig
 from cam_rig.schema.explain import explain
 from cam_rig.schema.load import is_path, load_scene
 from cam_rig.show.tables import number
+from cam_rig.units import FloatArray
 
 #: Runs of a base without a scene: samples a second, turns and those left out.
 SAMPLE_RATE, TURNS, SETTLE_TURNS = 48_000, 4, 1
@@ -199,3 +217,96 @@ def _scene(cam: CamConfig, rig: RigConfig, model: str | None) -> SceneConfig:
             },
         }
     )
+
+
+# A point: its cam and rig made, then measured.
+
+#: Status of a point: all measures are there, or a reason says why not, or of which turns they are.
+OK, FAILED, UNSETTLED = "ok", "failed", "unsettled"
+
+
+@dataclass(frozen=True, eq=False)
+class BatchRows:
+    """The rows of points ``first`` to ``first + n`` (exclusive), made in so many ``seconds``.
+
+    ``inputs`` ``(n, d)`` SI, ``measures`` ``(n, k)`` in their columns' units; NaN for a measure
+    that the point has not. A reason is empty where nothing failed and all has settled.
+    """
+
+    first: int
+    inputs: FloatArray
+    measures: FloatArray
+    reasons: tuple[str, ...]
+    seconds: float
+
+    @property
+    def status(self) -> list[str]:
+        """One a row."""
+        failed = np.asarray(np.isnan(self.measures).any(axis=1))
+        return [
+            FAILED if bad else UNSETTLED if reason else OK
+            for bad, reason in zip(failed, self.reasons, strict=True)
+        ]
+
+    @property
+    def last(self) -> int:
+        """The first point after the batch."""
+        return self.first + len(self.reasons)
+
+
+def measure_batch(campaign: Campaign, first: int, last: int) -> BatchRows:
+    """The rows of points ``first`` to ``last`` (exclusive), each from its index and the study."""
+    start = time.process_time()
+    inputs = campaign.draws.rows(first, last)
+    rows = [measure_point(campaign, row) for row in inputs]
+    measures = np.array([values for values, _ in rows]).reshape(len(rows), -1)
+    reasons = tuple(reason for _, reason in rows)
+    return BatchRows(first, inputs, measures, reasons, time.process_time() - start)
+
+
+def measure_point(campaign: Campaign, inputs: FloatArray) -> tuple[list[float], str]:
+    """The measures of one point, and why some are missing."""
+    try:
+        point = make_point(campaign, inputs)
+    except CamRigError as error:
+        return [math.nan] * len(campaign.measures), str(error)
+    found, reasons = [], []
+    for measure in campaign.measures:
+        try:
+            found.append(measure.of(point))
+            if unsettled := point.unsettled(measure.term):
+                reasons.append(unsettled)
+        except CamRigError as error:
+            found.append(math.nan)
+            reasons.append(f"{measure.term.key}: {error}")
+    return found, "; ".join(dict.fromkeys(reasons))
+
+
+def keeps_limits(campaign: Campaign, inputs: FloatArray) -> bool:
+    """Whether a point ``(d,)``, SI, keeps all limits; one without a measure does not."""
+    try:
+        point = make_point(campaign, inputs)
+        return all(
+            kept(limit, np.array(CampaignMeasure(limit.term).of(point))).all()
+            for limit in campaign.limits
+        )
+    except CamRigError:
+        return False
+
+
+def make_point(campaign: Campaign, inputs: FloatArray) -> Subject:
+    """The cam, the rig and the scene with a point's numbers ``(d,)``, SI."""
+    numbers: dict[str, dict[str, float]] = {"cam": {}, "rig": {}, "scene": {}, "profile": {}}
+    for one, value in zip(campaign.inputs, inputs.tolist(), strict=True):
+        root, _, path = one.path.partition(".")
+        numbers[root][path] = value
+    law, cam = campaign.law, with_numbers(campaign.cam, numbers["cam"])
+    if numbers["cam"]:
+        law = build_law(cam)
+    if numbers["profile"]:
+        law = ProfileErrors.of(numbers["profile"]).added_to(law)
+    rig, scene = (
+        with_numbers(campaign.rig, numbers["rig"]),
+        with_numbers(campaign.scene, numbers["scene"]),
+    )
+    return Subject(law, rig, cam, scene=scene, proved=False)

@@ -6,28 +6,14 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Annotated, Self
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from cam_rig.errors import ConfigError, DynamicsError, OutputError, RunError
-from cam_rig.show.command import (
-    LINE_EVERY_S,
-    Csv,
-    Dask,
-    Jobs,
-    Json,
-    Plot,
-    check_outputs,
-    progress_bar,
-    user_errors,
-    write_csv,
-    write_json,
-    write_plot,
-)
-from cam_rig.show.terminal import console, say, show
+from cam_rig.show.command import LINE_EVERY_S, Dask, Jobs, command
+from cam_rig.show.result import Progress, Result
+from cam_rig.show.terminal import console, say
 
 if TYPE_CHECKING:
     from cam_rig.campaigns.campaign import Campaign
@@ -42,47 +28,25 @@ UNITS = (("d", 86400.0), ("h", 3600.0), ("min", 60.0), ("s", 1.0))
 SIZES = (("GB", 1e9), ("MB", 1e6), ("kB", 1e3))
 
 
-class CampaignProgress:
+class CampaignProgress(Progress):
     """Told of points as they are written; in a terminal a bar, elsewhere a line now and then.
 
     Time left and size are extrapolated from the points of this run, from its first batch on.
     """
 
-    def __init__(self, dataset: CampaignDataset) -> None:
-        self._dataset, self._total = dataset, dataset.campaign.total
+    def __init__(self, dataset: CampaignDataset, bar: Progress) -> None:
+        self._dataset, self._bar, self._name = dataset, bar, dataset.campaign.config.name
+        self._total = dataset.campaign.total
         self._done = self._total - sum(last - first for first, last in dataset.missing())
         self._begin: tuple[float, int] | None = None
         self._told, self._size = time.monotonic(), ""
-        self._bar = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(12),
-            MofNCompleteColumn(),
-            TextColumn("{task.fields[ahead]}"),
-            console=console,
-            transient=True,
-        )
-        name = dataset.campaign.config.name
-        self._task = self._bar.add_task(name, total=self._total, completed=self._done, ahead="")
+        bar.begin(self._total, self._name)
+        bar.advance(self._done)
 
-    def __enter__(self) -> Self:
-        """Show the bar where there is a terminal."""
-        if console.is_terminal:
-            self._bar.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Take the bar away."""
-        if console.is_terminal:
-            self._bar.stop()
-
-    def advance(self, points: int) -> None:
+    def advance(self, steps: int = 1) -> None:
         """So many more were written."""
-        self._done += points
+        self._done += steps
+        self._bar.advance(steps)
         now = time.monotonic()
         if self._begin is None:  # before it the workers started: no measure of what follows
             self._begin = now, self._done
@@ -91,11 +55,9 @@ class CampaignProgress:
             self._told, self._size = now, sized(*self._dataset.size())
         rate = estimate(now - self._begin[0], self._done - self._begin[1], left)
         ahead = ", ".join(filter(None, (rate, self._size)))
-        if console.is_terminal:
-            self._bar.update(self._task, completed=self._done, ahead=ahead)
-        elif due and left:
-            name = self._dataset.campaign.config.name
-            say(f"{name}: {self._done} of {self._total} points, {ahead}")
+        self._bar.tell(f"{self._name} {ahead}")
+        if due and left and not console.is_terminal:
+            say(f"{self._name}: {self._done} of {self._total} points, {ahead}")
 
 
 def estimate(seconds: float, points: int, left: int) -> str:
@@ -118,45 +80,6 @@ def sized(now: float, in_all: float) -> str:
     return f"{now / length:.3g} of about {in_all / length:.3g} {unit}"
 
 
-# cam-rig campaign --largest-waviness: what waviness each wavelength may have.
-
-
-def show_largest(
-    campaign: Campaign,
-    count: int,
-    jobs: int | None,
-    dask: str | None,
-    plot: Path | None,
-    csv: Path | None,
-    json_target: str | None,
-) -> None:
-    """Search so many wavelengths behind a bar; table, picture and files.
-
-    Raises
-    ------
-    ConfigError : a study without limits or waviness
-    RunError : the workers are gone
-    OutputError : a file cannot be written
-    """
-    from cam_rig.campaigns.largest_waviness import WavinessSearch, find_largest
-    from cam_rig.campaigns.tables import waviness_json, waviness_table
-    from cam_rig.workers import workplace
-
-    search = WavinessSearch(campaign)
-    wavelengths = search.wavelengths(count)
-    with workplace(jobs, dask) as place, progress_bar() as bar:
-        task = bar.add_task(campaign.config.name, total=wavelengths.size)
-        found = find_largest(search, wavelengths, place.executor, lambda: bar.advance(task))
-    table = waviness_table(search, found)
-    show(table)
-    write_csv([table], csv)
-    if plot is not None:
-        from cam_rig.campaigns.figures import waviness_figure
-
-        write_plot(plot, lambda: waviness_figure(search, found))
-    write_json(waviness_json(search, found), json_target)
-
-
 Wavelengths = Annotated[
     int | None,
     typer.Option(
@@ -169,6 +92,7 @@ Wavelengths = Annotated[
 ]
 
 
+@command("plot", "csv", "json")
 def campaign(
     study: Annotated[str, typer.Argument(help="Study file, or a name in config/campaigns.")],
     out: Annotated[
@@ -182,10 +106,9 @@ def campaign(
     largest_waviness: Wavelengths = None,
     jobs: Jobs = None,
     dask: Dask = None,
-    plot: Plot = None,
-    csv: Csv = None,
-    json_target: Json = None,
-) -> None:
+    *,
+    progress: Progress,
+) -> Result:
     """Measure thousands of rigs that differ in some numbers, and keep a row of each.
 
     The study says what varies, at which points, and what is measured: jump speeds, vibration,
@@ -201,50 +124,33 @@ def campaign(
 
     cam-rig campaign tolerance_poly345 --points 64 --largest-waviness 24
     """
+    from cam_rig.campaigns.campaign import open_campaign
     from cam_rig.schema.load import campaign_path
+    from cam_rig.workers import check_workplace
 
-    with user_errors():
-        from cam_rig.campaigns.campaign import open_campaign
-        from cam_rig.workers import check_workplace
-
-        check_outputs(json_target, plot, csv)
-        check_workplace(dask)
-        asked = open_campaign(campaign_path(study)).planned(points, seed)
-        if largest_waviness is not None:
-            if out is not None or resume:
-                raise ConfigError(
-                    "--largest-waviness: keeps no rows; allowed: without --out and --resume"
-                )
-            show_largest(asked, largest_waviness, jobs, dask, plot, csv, json_target)
-            return
-        folder = out or Path("out") / asked.config.name
-        again = _command(study, folder, points, seed, jobs, dask)
-        dataset = _measured(folder, asked, resume, jobs, dask, again)
-        _show_results(dataset, plot, csv, json_target)
+    check_workplace(dask)
+    asked = open_campaign(campaign_path(study)).planned(points, seed)
+    if largest_waviness is not None:
+        if out is not None or resume:
+            raise ConfigError(
+                "--largest-waviness: keeps no rows; allowed: without --out and --resume"
+            )
+        return _largest(asked, largest_waviness, jobs, dask, progress)
+    folder = out or Path("out") / asked.config.name
+    again = _command(study, folder, points, seed, jobs, dask)
+    return _measured(folder, asked, resume, jobs, dask, again, progress)
 
 
-def _show_results(
-    dataset: CampaignDataset, plot: Path | None, csv: Path | None, json_target: str | None
-) -> None:
-    """What the rows come to: tables, a picture, files."""
-    from cam_rig.campaigns.results import CampaignResults
-    from cam_rig.campaigns.tables import result_tables, to_json
+def _largest(
+    campaign: Campaign, count: int, jobs: int | None, dask: str | None, progress: Progress
+) -> Result:
+    """What waviness each of so many wavelengths may have."""
+    from cam_rig.campaigns.largest_waviness import WavinessSearch, find_largest
+    from cam_rig.workers import workplace
 
-    results = CampaignResults(dataset)
-    if results.failed == results.points:
-        raise DynamicsError(
-            f"{dataset.campaign.config.name}: {results.failures}; the rows in {dataset.folder} "
-            "have the reason of each; remedy: other numbers in the study's vary"
-        )
-    shown = result_tables(results)
-    show(*shown)
-    say(f"dataset: {dataset.folder}/*.parquet")
-    write_csv(shown, csv)
-    if plot is not None:
-        from cam_rig.campaigns.figures import figure
-
-        write_plot(plot, lambda: figure(results))
-    write_json(to_json(results), json_target)
+    search = WavinessSearch(campaign)
+    with workplace(jobs, dask) as place:
+        return find_largest(search, search.wavelengths(count), place.executor, progress)
 
 
 def _command(
@@ -266,15 +172,17 @@ def _command(
 
 
 def _measured(
-    folder: Path, asked: Campaign, resume: bool, jobs: int | None, dask: str | None, again: str
-) -> CampaignDataset:
-    """Make the points that are missing, with their progress; what ends it says how to go on.
-
-    Raises
-    ------
-    CamRigError : the folder is another's, the disk is full, or the workers are gone
-    """
+    folder: Path,
+    asked: Campaign,
+    resume: bool,
+    jobs: int | None,
+    dask: str | None,
+    again: str,
+    progress: Progress,
+) -> Result:
+    """Make the points that are missing; what ends it says how to go on."""
     from cam_rig.campaigns.dataset import CampaignDataset
+    from cam_rig.campaigns.results import CampaignResult
     from cam_rig.campaigns.run import run_campaign
     from cam_rig.extras import require
     from cam_rig.workers import workplace
@@ -284,11 +192,17 @@ def _measured(
     with dataset.opened(resume) as damaged, _going_on(again):
         if damaged:
             say(damaged)
-        if not dataset.missing():
-            return dataset
-        with workplace(jobs, dask) as place, CampaignProgress(dataset) as progress:
-            run_campaign(dataset, place.executor, place.count, progress.advance)
-    return dataset
+        if dataset.missing():
+            with workplace(jobs, dask) as place:
+                told = CampaignProgress(dataset, progress)
+                run_campaign(dataset, place.executor, place.count, told)
+    found = CampaignResult(dataset)
+    if found.failed == found.points:
+        raise DynamicsError(
+            f"{asked.config.name}: {found.failures}; the rows in {folder} have the reason of each; "
+            "remedy: other numbers in the study's vary"
+        )
+    return found
 
 
 @contextmanager

@@ -17,7 +17,7 @@ import os
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import PackageNotFoundError, version
@@ -26,8 +26,7 @@ from typing import Any
 
 import numpy as np
 
-from cam_rig.campaigns.campaign import Campaign
-from cam_rig.campaigns.point import FAILED, OK, UNSETTLED, BatchRows
+from cam_rig.campaigns.campaign import FAILED, OK, UNSETTLED, BatchRows, Campaign
 from cam_rig.errors import ConfigError, OutputError
 from cam_rig.extras import libraries_named
 from cam_rig.show.tables import counted
@@ -339,12 +338,10 @@ def _about(data: bytes) -> dict[str, str]:
 
 def versions() -> dict[str, str]:
     """Versions of what rows may depend on."""
-    found = {}
+    found = dict.fromkeys(VERSIONS, "not installed")
     for name in VERSIONS:
-        try:
+        with suppress(PackageNotFoundError):
             found[name] = version(name)
-        except PackageNotFoundError:
-            found[name] = "not installed"
     return found
 
 

@@ -11,7 +11,7 @@ from scipy.special import ndtr, ndtri
 from scipy.stats import qmc
 
 from cam_rig.campaigns.inputs import CampaignInput
-from cam_rig.campaigns.schema import CampaignConfig, PlanKind, Variation
+from cam_rig.campaigns.schema import CampaignConfig, PlanKind
 from cam_rig.errors import ConfigError
 from cam_rig.units import FloatArray
 
@@ -131,10 +131,8 @@ def rows_of(kind: PlanKind, points: int | None, counts: list[int]) -> int:
 class InputDraws:
     """The inputs of every point of a plan, ``(n, d)`` SI, a batch at a time.
 
-    Parameters
-    ----------
-    mixing : ``(d, d)`` lower triangle whose rows mix independent normal numbers into correlated
-        ones (a Gaussian copula); None where all are independent
+    ``mixing`` ``(d, d)`` is the lower triangle whose rows mix independent normal numbers into
+    correlated ones (a Gaussian copula); None where all are independent.
     """
 
     config: CampaignConfig
@@ -168,11 +166,8 @@ class InputDraws:
     @property
     def _counts(self) -> list[int]:
         """Steps of each input on a grid."""
-        return [len(v.values) if v.values else v.count or 1 for v in self._variations]
-
-    @property
-    def _variations(self) -> list[Variation]:
-        return [one.variation for one in self.inputs]
+        variations = [one.variation for one in self.inputs]
+        return [len(v.values) if v.values else v.count or 1 for v in variations]
 
     def rows(self, first: int, last: int) -> FloatArray:
         """Points ``first`` to ``last`` (exclusive); a row depends on its index and the study."""

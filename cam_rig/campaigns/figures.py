@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from itertools import product
 from typing import Any
 
@@ -15,9 +14,9 @@ from matplotlib.ticker import MaxNLocator
 
 from cam_rig.campaigns.draws import steps_of
 from cam_rig.campaigns.inputs import CampaignInput
-from cam_rig.campaigns.largest_waviness import DECADES, LargestWaviness, WavinessSearch, resonances
+from cam_rig.campaigns.largest_waviness import DECADES, WavinessResult, resonances
 from cam_rig.campaigns.measures import CampaignMeasure
-from cam_rig.campaigns.results import FOR_MEDIAN, CampaignResults
+from cam_rig.campaigns.results import FOR_MEDIAN, CampaignResult
 from cam_rig.campaigns.schema import PERCENT
 from cam_rig.schema.quantity import UNITS
 from cam_rig.show.figure import empty, logarithmic, styled, wrapped
@@ -53,8 +52,7 @@ def input_title(one: CampaignInput) -> str:
 def measure_unit(measure: CampaignMeasure) -> tuple[str, float]:
     """The unit a measure is shown in, and what one of it is in the unit of the rows."""
     quantity = measure.term.quantity
-    unit = quantity.unit.replace("*", "·")
-    return _UNITS.get(unit, unit), quantity.shown / measure.factor
+    return quantity.typeset, quantity.factor / measure.factor
 
 
 def measure_title(measure: CampaignMeasure) -> str:
@@ -72,17 +70,17 @@ LETTERS = 40
 #: The part of the points at either end of an input that a bar of a tornado is of.
 TENTH = 0.1
 
-#: What the bars of the lowest tenth and of the highest are drawn with.
-LOOKS: tuple[dict[str, Any], ...] = (
-    {"height": 0.7, "facecolor": web(SKY_BLUE), "edgecolor": "white"},
-    {"height": 0.4, "facecolor": web(BLUE), "edgecolor": "white", "hatch": "///"},
+#: Height and look of the bars of the lowest tenth and of the highest.
+LOOKS: tuple[tuple[float, dict[str, Any]], ...] = (
+    (0.7, {"facecolor": web(SKY_BLUE), "edgecolor": "white"}),
+    (0.4, {"facecolor": web(BLUE), "edgecolor": "white", "hatch": "///"}),
 )
 
 ENDS = ("lowest tenth of the input", "highest tenth")
 
 
 @styled
-def distributions(results: CampaignResults) -> Figure:
+def distributions(results: CampaignResult) -> Figure:
     """A row for each measure: histogram on the left, tornado on the right."""
     measures = results.campaign.measures
     count = min(INPUTS, len(results.campaign.inputs))
@@ -93,18 +91,13 @@ def distributions(results: CampaignResults) -> Figure:
         values = results.values(measure) / measure_unit(measure)[1]
         _histogram(left, results, measure, values)
         _tornado(right, results, measure, values)
-    handles = [Patch(label=words, **_patch(look)) for words, look in zip(ENDS, LOOKS, strict=True)]
+    handles = [Patch(label=words, **look) for words, (_, look) in zip(ENDS, LOOKS, strict=True)]
     out.legend(handles=handles, loc="outside lower right", ncols=2, frameon=False)
     return out
 
 
-def _patch(look: dict[str, Any]) -> dict[str, Any]:
-    """The same look of a key."""
-    return {key: value for key, value in look.items() if key != "height"}
-
-
 def _histogram(
-    axes: Axes, results: CampaignResults, measure: CampaignMeasure, values: FloatArray
+    axes: Axes, results: CampaignResult, measure: CampaignMeasure, values: FloatArray
 ) -> None:
     """How often a measure is what; limits are lines, with the part that keeps them."""
     finite = values[np.isfinite(values)]
@@ -118,7 +111,7 @@ def _histogram(
         words.append(f"{values.size - finite.size} points of {values.size} have no finite value")
     for found in results.yields():
         if found.limit.term == measure.term and found.limit.value is not None:
-            bound = found.limit.value / found.limit.term.quantity.shown
+            bound = found.limit.value / found.limit.term.quantity.factor
             axes.axvline(bound, color=web(VERMILION), ls="--")
             sign = "≤" if found.limit.sense == "<=" else "≥"
             limit = f"{sign} {printed(bound)} {measure_unit(measure)[0]}"
@@ -127,7 +120,7 @@ def _histogram(
 
 
 def _tornado(
-    axes: Axes, results: CampaignResults, measure: CampaignMeasure, values: FloatArray
+    axes: Axes, results: CampaignResult, measure: CampaignMeasure, values: FloatArray
 ) -> None:
     """The median of a measure where an input is in its lowest tenth, and in its highest."""
     rows = [
@@ -139,8 +132,8 @@ def _tornado(
     finite = values[np.isfinite(values)]
     middle = float(np.median(finite)) if finite.size else 0.0
     for i, (_, low, high) in enumerate(rows):
-        for end, look in zip((low, high), LOOKS, strict=True):
-            axes.barh(i, end - middle, left=middle, **look)
+        for end, (height, look) in zip((low, high), LOOKS, strict=True):
+            axes.barh(i, end - middle, height, middle, **look)
     axes.set_title(_doubts(results, finite.size))
     axes.axvline(middle, color="0.2", lw=0.8)
     axes.xaxis.set_major_locator(MaxNLocator(5))
@@ -149,7 +142,7 @@ def _tornado(
     axes.grid(visible=False, axis="y")
 
 
-def _doubts(results: CampaignResults, points: int) -> str:
+def _doubts(results: CampaignResult, points: int) -> str:
     """Why bars do not say what each input does; empty where they do."""
     needed, words = round(FOR_MEDIAN / TENTH), []
     if points < needed:
@@ -183,17 +176,12 @@ MAP_LETTERS = 26
 WORDS = 36
 
 
-def varied(results: CampaignResults) -> list[CampaignInput]:
-    """The inputs of a grid that have more than one step."""
-    return [one for one, steps in _grid(results) if steps.size > 1]
-
-
-def _grid(results: CampaignResults) -> list[tuple[CampaignInput, FloatArray]]:
+def _grid(results: CampaignResult) -> list[tuple[CampaignInput, FloatArray]]:
     return [(one, steps_of(one)) for one in results.campaign.inputs]
 
 
 @styled
-def measure_map(results: CampaignResults) -> Figure:
+def measure_map(results: CampaignResult) -> Figure:
     """Every measure over the two inputs with the most steps; limits are lines."""
     grid = _grid(results)
     order = sorted(range(len(grid)), key=lambda i: -grid[i][1].size)
@@ -220,7 +208,7 @@ def _few(steps: FloatArray, on_axis: bool) -> list[int | None]:
 def _panels(
     part: FigureBase,
     panels: list[Axes],
-    results: CampaignResults,
+    results: CampaignResult,
     measure: CampaignMeasure,
     axis: tuple[int, int],
     cells: list[tuple[int | None, ...]],
@@ -232,17 +220,14 @@ def _panels(
     finite = values[np.isfinite(values)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
     levels = [
-        limit.value / measure.term.quantity.shown
+        limit.value / measure.term.quantity.factor
         for limit in results.campaign.limits
         if limit.term == measure.term and limit.value is not None
     ]
     mesh = None
     for axes, cell in zip(panels, cells, strict=False):
         plane = values[tuple(slice(None) if i is None else i for i in cell)].T
-        sides = []
-        for i in axis:
-            one, steps = grid[i]
-            sides.append(steps / input_unit(one)[1])
+        sides = [grid[i][1] / input_unit(grid[i][0])[1] for i in axis]
         mesh = axes.pcolormesh(
             *sides, plane, vmin=low, vmax=high, shading="nearest", rasterized=True
         )
@@ -271,10 +256,10 @@ def _cell_title(grid: list[tuple[CampaignInput, FloatArray]], cell: tuple[int | 
 # Pictures of a campaign: a map of a grid; distributions, and what each input does, of draws.
 
 
-def figure(results: CampaignResults) -> Figure:
+def figure(results: CampaignResult) -> Figure:
     """A map where a grid varies two inputs or more, else distributions."""
     grid = results.campaign.config.plan.kind == "grid"
-    if grid and len(varied(results)) > 1:
+    if grid and sum(steps.size > 1 for _, steps in _grid(results)) > 1:
         return measure_map(results)
     return distributions(results)
 
@@ -293,8 +278,9 @@ WHOLE: dict[str, Any] = {"color": web(BLUE), "marker": "o", "ms": 4.0, "mfc": "w
 
 
 @styled
-def waviness_figure(search: WavinessSearch, found: Sequence[LargestWaviness]) -> Figure:
+def waviness_figure(result: WavinessResult) -> Figure:
     """Amplitude with its interval over wavelength; where waves meet the stem's resonance."""
+    search, found = result.search, result.wavelengths
     out = empty(HEIGHT)
     axes = out.subplots()
     angle = np.degrees([one.wavelength for one in found])

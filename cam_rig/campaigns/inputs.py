@@ -202,24 +202,15 @@ class ProfileErrors:
     @classmethod
     def of(cls, numbers: Mapping[str, float]) -> ProfileErrors:
         """From numbers (SI) by their paths below ``profile``."""
-        wavelength = numbers.get("waviness.wavelength")
-        if wavelength is not None:
+        own = {path.replace(".amplitude", "").replace(".", "_"): x for path, x in numbers.items()}
+        if (wavelength := own.pop("waviness_wavelength", None)) is not None:
             require_wavelength(wavelength)
-        return cls(
-            size=numbers.get("size", 0.0),
-            eccentricity=numbers.get("eccentricity.amplitude", 0.0),
-            eccentricity_phase=numbers.get("eccentricity.phase", 0.0),
-            waviness=numbers.get("waviness.amplitude", 0.0),
-            wavelength=wavelength,
-            waviness_phase=numbers.get("waviness.phase", 0.0),
-        )
+        return cls(**own, wavelength=wavelength)
 
     @property
     def eccentric(self) -> ProfileErrors:
         """The eccentricity alone."""
-        return ProfileErrors(
-            eccentricity=self.eccentricity, eccentricity_phase=self.eccentricity_phase
-        )
+        return replace(self, size=0.0, waviness=0.0)
 
     @property
     def wavy(self) -> ProfileErrors:

@@ -13,27 +13,22 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
 from cam_rig.arguments import checked
-from cam_rig.campaigns.campaign import WAVE, WAVELENGTH, Campaign
+from cam_rig.campaigns.campaign import WAVE, WAVELENGTH, Campaign, keeps_limits
 from cam_rig.campaigns.draws import drawn
-from cam_rig.campaigns.inputs import LONGEST, SHORTEST, CampaignInput, require_wavelength
-from cam_rig.campaigns.point import keeps_limits
+from cam_rig.campaigns.inputs import LONGEST, SHORTEST, require_wavelength
 from cam_rig.campaigns.results import order_interval
 from cam_rig.campaigns.run import InThisProcess, opened
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.errors import ConfigError
-from cam_rig.extras import libraries_named
-from cam_rig.show.result import notebook
+from cam_rig.show.result import SILENT, Column, Progress, Records, Result
+from cam_rig.show.tables import number
 from cam_rig.units import TURN, FloatArray
 from cam_rig.workers import broken_named
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-    from pandas import DataFrame
 
 #: The part of the draws that may lose the limits.
 LOST = 0.01
@@ -60,12 +55,8 @@ Outcome = Literal["found", "lost without waviness", "kept at the largest amplitu
 class LargestWaviness:
     """What one wavelength (rad) comes to.
 
-    Parameters
-    ----------
-    amplitude : m, the largest of those tried that 99 % keep the limits with; 0 where they do not
-        keep them with any, and the largest tried where they keep them with all
-    low, high : its interval, m; None where so few draws do not tell
-    evaluations : points that were measured
+    The amplitude (m) is the largest of those tried that 99 % keep the limits with; 0 where they do
+    not keep them with any. An end of its interval is None where so few draws do not tell.
     """
 
     wavelength: float
@@ -81,14 +72,30 @@ class LargestWaviness:
         return TURN / self.wavelength
 
 
+def resonances(campaign: Campaign) -> list[float]:
+    """Wavelengths (rad) whose waves pass at the stem's natural frequency at each limit's speed.
+
+    Of the base's rig; one for each speed. A jump speed's limit is a speed; other measures are at
+    one. None of a rigid follower.
+    """
+    try:
+        follower = TwoMassParameters.from_rig(campaign.rig)
+    except ConfigError:
+        return []
+    stiffness = follower.stem_stiffness + follower.spring_stiffness
+    pulse = math.sqrt(stiffness / follower.end_mass)
+    speeds = {
+        limit.term.high if limit.term.quantity.where else limit.value
+        for limit in campaign.limits
+        if not limit.term.quantity.rigid
+    }
+    found = sorted(TURN * speed / pulse for speed in speeds if speed is not None)
+    return [one for one in found if SHORTEST <= one <= LONGEST]
+
+
 @dataclass(frozen=True, eq=False)
 class WavinessSearch:
-    """A study with limits and a waviness, to be searched at one wavelength after another.
-
-    Raises
-    ------
-    ConfigError : no limit, no waviness, or draws that have no such question
-    """
+    """A study with limits and a waviness, to be searched at one wavelength after another."""
 
     campaign: Campaign
 
@@ -124,7 +131,7 @@ class WavinessSearch:
 
         Every other one divides the turn: the next that does.
         """
-        one = self._input(WAVELENGTH)
+        one = self.campaign.inputs[self._column(WAVELENGTH)]
         endless = one.variation.normal is not None and one.variation.within is None
         ends = drawn(one, np.array(ENDS if endless else (0.0, 1.0)))
         low, high = np.clip(ends, SHORTEST, LONGEST).tolist()
@@ -159,26 +166,14 @@ class WavinessSearch:
                 return None
             return float(amplitudes[max(0, steps[place])])
 
-        return LargestWaviness(
-            wavelength,
-            amplitude(rank) or 0.0,
-            amplitude(low),
-            amplitude(high),
-            _outcome(steps[rank], amplitudes.size),
-            tried,
-        )
-
-    def _input(self, path: str) -> CampaignInput:
-        return self.campaign.inputs[self._column(path)]
+        outcome: Outcome = "lost without waviness" if steps[rank] < 0 else "found"
+        if steps[rank] == amplitudes.size - 1:
+            outcome = "kept at the largest amplitude"
+        ends = amplitude(low), amplitude(high)
+        return LargestWaviness(wavelength, amplitude(rank) or 0.0, *ends, outcome, tried)
 
     def _column(self, path: str) -> int:
         return [one.path for one in self.campaign.inputs].index(path)
-
-
-def _outcome(step: int, count: int) -> Outcome:
-    if step < 0:
-        return "lost without waviness"
-    return "kept at the largest amplitude" if step == count - 1 else "found"
 
 
 def least_steps(
@@ -208,44 +203,19 @@ def find_largest(
     search: WavinessSearch,
     wavelengths: FloatArray,
     executor: Executor,
-    done: Callable[[], None] = lambda: None,
-) -> list[LargestWaviness]:
-    """The largest waviness of each wavelength (rad), in their order; the same on any executor.
-
-    Parameters
-    ----------
-    done : told as each of them is found
-    """
+    progress: Progress = SILENT,
+) -> WavinessResult:
+    """The largest waviness of each wavelength (rad), in their order; the same on any executor."""
+    progress.begin(wavelengths.size, search.campaign.config.name)
     flying = [executor.submit(search.at, wavelength) for wavelength in wavelengths.tolist()]
     try:
         with broken_named():
             for _ in as_completed(flying):
-                done()
-            return [future.result() for future in flying]
+                progress.advance()
+            return WavinessResult(search, tuple(future.result() for future in flying))
     finally:
         for future in flying:
             future.cancel()
-
-
-def resonances(campaign: Campaign) -> list[float]:
-    """Wavelengths (rad) whose waves pass at the stem's natural frequency at each limit's speed.
-
-    Of the base's rig; one for each speed. A jump speed's limit is a speed; other measures are at
-    one. None of a rigid follower.
-    """
-    try:
-        follower = TwoMassParameters.from_rig(campaign.rig)
-    except ConfigError:
-        return []
-    stiffness = follower.stem_stiffness + follower.spring_stiffness
-    pulse = math.sqrt(stiffness / follower.end_mass)
-    speeds = {
-        limit.value if limit.term.name.startswith("jump_speed") else limit.term.high
-        for limit in campaign.limits
-        if limit.term.name != "jump_speed_rigid"
-    }
-    found = sorted(TURN * speed / pulse for speed in speeds if speed is not None)
-    return [one for one in found if SHORTEST <= one <= LONGEST]
 
 
 # The largest waviness of each wavelength from Python.
@@ -255,31 +225,49 @@ MOST = 100_000
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class WavinessRun:
+class WavinessResult(Result):
     """The largest waviness of each wavelength, SI: a `LargestWaviness` each in ``wavelengths``."""
+
+    schema = "cam_rig.waviness.1"
+    drawn_by = "cam_rig.campaigns.figures:waviness_figure"
+    columns: ClassVar = {
+        "wavelengths": (
+            Column("wavelength", "°", ".4g"),
+            Column("waves", "1", ".5g", "waves a turn"),
+            Column("amplitude", "µm", ".3g"),
+            Column("low", "µm", ".3g", "from", missing="not told"),
+            Column("high", "µm", ".3g", "to", missing="not told"),
+            Column("outcome"),
+            Column("evaluations", about="points that were measured", hidden=True),
+        ),
+        "waviness": (
+            Column("study", of="config.name"),
+            Column("draws", of="total"),
+            Column("seed"),
+            Column("limits", of=lambda one: [limit.words for limit in one.limits]),
+            Column("kept_by", of=lambda _: 1.0 - LOST),
+            Column("resonance_wavelengths", "°", of=resonances),
+        ),
+    }
 
     search: WavinessSearch
     wavelengths: tuple[LargestWaviness, ...]
 
-    def __repr__(self) -> str:
-        """What, and how many."""
-        name = self.search.campaign.config.name
-        return f"WavinessRun({name}: {len(self.wavelengths)} wavelengths)"
-
-    def to_pandas(self) -> DataFrame:
-        """A row each wavelength; m and rad, NaN for an end that so few draws do not tell."""
-        with libraries_named():
-            from pandas import DataFrame
-        names = ("wavelength", "waves", "amplitude", "low", "high", "outcome", "evaluations")
-        columns = {name: [getattr(one, name) for one in self.wavelengths] for name in names}
-        found = DataFrame(columns)
-        return found.astype({"low": float, "high": float})
-
-    def plot(self) -> Figure:
-        """Amplitude over wavelength, with its interval and the resonances of the stem."""
-        with libraries_named():
-            from cam_rig.campaigns.figures import waviness_figure as figure
-        return notebook(figure(self.search, self.wavelengths))
+    def tables(self) -> list[Records]:
+        """``wavelengths``, a row each, and ``waviness``: the study."""
+        campaign = self.search.campaign
+        limits = " and ".join(limit.words for limit in campaign.limits)
+        near = " and ".join(f"{number(math.degrees(x), '.4g')}°" for x in resonances(campaign))
+        notes = (
+            f"The same {campaign.total} draws for all; from and to are the interval of 95 % that "
+            "so many draws give.",
+            f"Waves of {near} meet the stem's resonance at the limit's speed." if near else "",
+        )
+        caption = f"Largest waviness with which 99 % keep: {limits}"
+        return [
+            self.table("wavelengths", caption, self.wavelengths, *notes),
+            self.table("waviness", "Study", [campaign], single=True, hidden=True),
+        ]
 
 
 @checked
@@ -290,7 +278,7 @@ def largest_waviness(
     points: int | None = None,
     seed: int | None = None,
     executor: Executor | None = None,
-) -> WavinessRun:
+) -> WavinessResult:
     """Find the largest waviness with which 99 % of a study's draws keep its limits.
 
     Parameters
@@ -327,4 +315,4 @@ def largest_waviness(
         asked = np.ravel(np.array(wavelengths, dtype=np.float64))
         for one in asked.tolist():
             require_wavelength(one)
-    return WavinessRun(search, tuple(find_largest(search, asked, executor or InThisProcess())))
+    return find_largest(search, asked, executor or InThisProcess())

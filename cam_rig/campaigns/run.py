@@ -6,44 +6,24 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 from cam_rig.arguments import checked
-from cam_rig.campaigns.campaign import Campaign, campaign_from, open_campaign
+from cam_rig.campaigns.campaign import (
+    BatchRows,
+    Campaign,
+    campaign_from,
+    measure_batch,
+    open_campaign,
+)
 from cam_rig.campaigns.dataset import CampaignDataset
-from cam_rig.campaigns.point import BatchRows, measure_batch
-from cam_rig.campaigns.results import CampaignResults
-from cam_rig.extras import libraries_named, require
+from cam_rig.campaigns.results import CampaignResult
+from cam_rig.extras import require
 from cam_rig.schema.load import Library, config_root, named_path
-from cam_rig.show.result import notebook
+from cam_rig.show.result import SILENT, Progress
 from cam_rig.workers import broken_named
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-    from pandas import DataFrame
-
-
 # A campaign from Python: thousands of rigs that differ in some numbers, a row of each.
-
-
-class CampaignRun(CampaignResults):
-    """A finished campaign: ``quantiles(measure)``, ``yields()``, ``shares(measure)``."""
-
-    def __repr__(self) -> str:
-        """What, how many, and where."""
-        return f"CampaignRun({self.campaign.config.name}: {self.points} points)"
-
-    def to_pandas(self) -> DataFrame:
-        """A row each point in the order of the plan, as in the dataset."""
-        with libraries_named():
-            from pandas import concat
-        return concat([table.to_pandas() for table in self.dataset.tables()], ignore_index=True)
-
-    def plot(self) -> Figure:
-        """A map of a grid of two inputs or more; else distributions and what each input does."""
-        with libraries_named():
-            from cam_rig.campaigns.figures import figure
-        return notebook(figure(self))
 
 
 def opened(study: str | Path | Mapping[str, Any]) -> Campaign:
@@ -63,7 +43,7 @@ def campaign(
     resume: bool = False,
     executor: Executor | None = None,
     workers: int = 1,
-) -> CampaignRun:
+) -> CampaignResult:
     """Measure many rigs that differ in some numbers; rows go into a folder of Parquet files.
 
     Parameters
@@ -98,7 +78,7 @@ def campaign(
         if damaged:
             warnings.warn(damaged, stacklevel=2)
         run_campaign(dataset, executor or InThisProcess(), max(1, workers))
-    return CampaignRun(dataset)
+    return CampaignResult(dataset)
 
 
 P = ParamSpec("P")
@@ -126,18 +106,12 @@ def run_campaign(
     dataset: CampaignDataset,
     executor: Executor,
     workers: int,
-    done: Callable[[int], None] = lambda points: None,
+    progress: Progress = SILENT,
 ) -> None:
     """Make every point that the dataset has not; the dataset must be open.
 
-    A batch is sized by the cost of those before it. How points fall into batches, and who makes
-    them in which order, changes no row.
-
-    Parameters
-    ----------
-    executor : of processes, or Dask's: ``client.get_executor()``
-    workers : how many batches it takes at a time
-    done : told how many points were written
+    A batch is sized by the cost of those before it; the executor takes as many at a time as it has
+    ``workers``. How points fall into batches, and who makes them in which order, changes no row.
     """
     campaign = dataset.campaign
     sizes = BatchSizes(campaign.total, workers)
@@ -155,7 +129,7 @@ def run_campaign(
                     rows = future.result()
                     dataset.write(rows)
                     sizes.take(rows)
-                    done(len(rows.reasons))
+                    progress.advance(len(rows.reasons))
     finally:
         for future in flying:
             future.cancel()

@@ -11,16 +11,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
 
+from cam_rig.campaigns.campaign import make_point
 from cam_rig.campaigns.inputs import ProfileErrors
-from cam_rig.campaigns.measures import CampaignMeasure, MeasuredPoint
-from cam_rig.campaigns.point import make_point
-from cam_rig.campaigns.results import CampaignResults
+from cam_rig.campaigns.measures import CampaignMeasure
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.jump.any_follower import follower_of
 from cam_rig.dynamics.jump.jump_speed import FROM_REST
@@ -30,8 +29,12 @@ from cam_rig.dynamics.two_mass.masses import contact_response
 from cam_rig.dynamics.two_mass.trajectory import first_lift_off
 from cam_rig.errors import CamRigError, DynamicsError
 from cam_rig.laws import Law, bernstein
+from cam_rig.quantities.values import Subject
 from cam_rig.schema import RigConfig
 from cam_rig.units import RPM, TURN, FloatArray
+
+if TYPE_CHECKING:
+    from cam_rig.campaigns.results import CampaignResult
 
 #: The imaginary step, and to what part of itself the speed is found.
 STEP, FINE = 1e-30, 1e-14
@@ -187,7 +190,7 @@ class JumpSensitivity:
 
 
 def jump_sensitivities(
-    point: MeasuredPoint,
+    point: Subject,
     errors: ProfileErrors,
     inputs: Mapping[str, float],
     duration: float | None = FROM_REST,
@@ -222,17 +225,15 @@ def jump_sensitivities(
 
 def error_slope(path: str, errors: ProfileErrors, law: Law) -> FloatArray | None:
     """How a law's ordinates ``(p + 1, n)`` move with an error of its profile; None with others."""
-    quarter = 0.5 * math.pi
+    round_, wave, quarter = errors.eccentric, errors.wavy, 0.5 * math.pi
     moved = {
         "profile.size": ProfileErrors(size=1.0),
-        "profile.eccentricity.amplitude": replace(errors.eccentric, eccentricity=1.0),
+        "profile.eccentricity.amplitude": replace(round_, eccentricity=1.0),
         "profile.eccentricity.phase": replace(
-            errors.eccentric, eccentricity_phase=errors.eccentricity_phase + quarter
+            round_, eccentricity_phase=round_.eccentricity_phase + quarter
         ),
-        "profile.waviness.amplitude": replace(errors.wavy, waviness=1.0),
-        "profile.waviness.phase": replace(
-            errors.wavy, waviness_phase=errors.waviness_phase + quarter
-        ),
+        "profile.waviness.amplitude": replace(wave, waviness=1.0),
+        "profile.waviness.phase": replace(wave, waviness_phase=wave.waviness_phase + quarter),
     }
     return moved[path].ordinates(law.breaks, law.degree) if path in moved else None
 
@@ -262,12 +263,8 @@ LIES = 1.25
 class FirstOrder:
     """Derivatives of a jump speed in the middle of every input, and the spread they predict.
 
-    Parameters
-    ----------
-    speed : rad/s, there
-    predicted, found : standard deviations, rad/s: √Σ(dΩ/dp · σ_p)² of independent inputs, with the
-        covariances of ``correlated`` ones; and of the points
-    points : those with a finite jump speed
+    Standard deviations in rad/s: ``predicted`` is √Σ(dΩ/dp · σ_p)² of independent inputs, with the
+    covariances of ``correlated`` ones; ``found`` that of the points with a finite jump speed.
     """
 
     measure: CampaignMeasure
@@ -283,7 +280,7 @@ class FirstOrder:
         return not self.found / LIES <= self.predicted <= self.found * LIES
 
 
-def first_orders(results: CampaignResults) -> list[FirstOrder]:
+def first_orders(results: CampaignResult) -> list[FirstOrder]:
     """One for each jump speed of two masses that the middle of the inputs has."""
     campaign = results.campaign
     middle = campaign.draws.middle()
@@ -303,25 +300,20 @@ def first_orders(results: CampaignResults) -> list[FirstOrder]:
             if measure.term.name in RUNS:
                 duration = RUNS[measure.term.name]
                 inputs = jump_sensitivities(point, errors, numbers, duration)
-                found.append(_compared(results, measure, inputs))
+                values = results.values(measure)
+                values = values[np.isfinite(values)]
+                spread, correlated = float(np.std(values)) * RPM, bool(campaign.config.correlated)
+                predicted = _predicted(results, inputs, correlated)
+                found.append(
+                    FirstOrder(measure, inputs, predicted, spread, correlated, values.size)
+                )
     except CamRigError:  # no such cam or rig, or no jump speed: no derivative either
         return []
     return found
 
 
-def _compared(
-    results: CampaignResults, measure: CampaignMeasure, inputs: tuple[JumpSensitivity, ...]
-) -> FirstOrder:
-    values = results.values(measure)
-    values = values[np.isfinite(values)]
-    spread = float(np.std(values)) * RPM
-    correlated = bool(results.campaign.config.correlated)
-    predicted = _predicted(results, inputs, correlated)
-    return FirstOrder(measure, inputs, predicted, spread, correlated, values.size)
-
-
 def _predicted(
-    results: CampaignResults, inputs: tuple[JumpSensitivity, ...], correlated: bool
+    results: CampaignResult, inputs: tuple[JumpSensitivity, ...], correlated: bool
 ) -> float:
     """The standard deviation (rad/s) that the derivatives and the drawn inputs predict."""
     parts = [

@@ -2,34 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cam_rig.errors import INTERRUPTED, ConfigError
+from cam_rig.errors import ConfigError
 from cam_rig.files import writing
-from cam_rig.show.command import (
-    Csv,
-    Json,
-    Plot,
-    check_outputs,
-    progress_bar,
-    user_errors,
-    write_csv,
-    write_json,
-    write_plot,
-)
-from cam_rig.show.terminal import console, say, show
+from cam_rig.show.command import command, require_new
+from cam_rig.show.result import Progress, Result
+from cam_rig.show.terminal import say
 
 if TYPE_CHECKING:
-    from cam_rig.law_design.request import DesignConfig
-    from cam_rig.law_design.tables import LawDesign
+    from collections.abc import Callable
+
+    from cam_rig.law_design.request import DesignConfig, DesignRequest
+    from cam_rig.law_design.result import LawDesign
+    from cam_rig.schema import CamConfig, RigConfig
 
 Second = Annotated[
     str | None,
     typer.Option(metavar="QUANTITY", help="A front: the goal's best for values of another."),
+]
+
+Limits = Annotated[
+    list[str] | None,
+    typer.Option(help="Limit, such as 'peak_acceleration<=start'; as often as needed."),
 ]
 
 Keep = Annotated[
@@ -41,6 +39,7 @@ Starts = Annotated[int, typer.Option(help="Where it is not convex: laws, or span
 Seed = Annotated[int, typer.Option(help="Of the random ones among them.")]
 
 
+@command("plot", "csv", "json")
 def design(
     start: Annotated[
         str, typer.Argument(help="Cam file, or a name in config/cams; or a design file.")
@@ -51,10 +50,7 @@ def design(
     maximise: Annotated[
         str | None, typer.Option(metavar="QUANTITY", help="Goal, such as jump_speed.")
     ] = None,
-    limit: Annotated[
-        list[str] | None,
-        typer.Option(help="Limit, such as 'peak_acceleration<=start'; as often as needed."),
-    ] = None,
+    limit: Limits = None,
     keep: Keep = "events,dwells,lift",
     pieces: Annotated[int, typer.Option(help="Pieces of each event, 1 to 200.")] = 16,
     joints: Annotated[str, typer.Option(help="Continuity at joints, C1 to C6.")] = "C3",
@@ -67,10 +63,9 @@ def design(
     out: Annotated[
         Path | None, typer.Option(metavar="CAM.yaml", help="Write the cam's file.")
     ] = None,
-    plot: Plot = None,
-    csv: Csv = None,
-    json_target: Json = None,
-) -> None:
+    *,
+    progress: Progress,
+) -> Result:
     """Design the law that is best by a goal, and bound what any law of its class could reach.
 
     The law is a B-spline in each event of the start; dwells, events and lift stay. Goals:
@@ -89,58 +84,39 @@ def design(
 
     cam-rig design poly345 --maximise jump_speed_rigid --keep dwells,lift --starts 3
     """
-    with user_errors():
-        _check(out)
-        check_outputs(json_target, plot, csv)
-        asked = {"minimise": minimise, "maximise": maximise, "limits": limit or []}
-        law_class = {"pieces": pieces, "joints": joints, "degree": degree}
-        search = {"starts": starts, "seed": seed, "keep": keep.split(",")}
-        config = _config(start, rig, asked, law_class, search)
-        if pareto is None:
-            _write(_solve(config, out), out, plot, csv, json_target)
-        else:
-            _require_no_file(out, json_target)
-            _front(config, pareto, points, plot, csv)
+    if out is not None:
+        if pareto is not None:
+            raise ConfigError("--pareto: is of many cams; allowed beside it: no --out")
+        if out.suffix != ".yaml":
+            raise ConfigError(f"--out: is {out}; allowed: a name that ends in .yaml")
+        require_new(out)
+    asked = {"minimise": minimise, "maximise": maximise, "limits": limit or []}
+    law_class = {"pieces": pieces, "joints": joints, "degree": degree}
+    search = {"starts": starts, "seed": seed, "keep": keep.split(",")}
+    return _found(_config(start, rig, asked, law_class, search), pareto, points, out, progress)
 
 
-def _require_no_file(out: Path | None, json: str | None) -> None:
-    """Refuse one cam's outputs beside a front."""
-    if out is not None or json is not None:
-        raise ConfigError(
-            "--pareto: is of many cams; allowed beside it: --csv and --plot, no --out or --json"
-        )
-
-
-def _front(
-    config: DesignConfig, other: str, points: int, plot: Path | None, csv: Path | None
-) -> None:
-    """Solve, show and write a front, behind a bar.
-
-    Raises
-    ------
-    CamRigError : what is asked for cannot be
-    """
-    from cam_rig.law_design.pareto_front import front, front_table
-    from cam_rig.law_design.request import DesignRequest
-    from cam_rig.law_design.terms import parse_second
+def _found(
+    config: DesignConfig, pareto: str | None, points: int, out: Path | None, progress: Progress
+) -> Result:
+    """A front, or a law whose file is written too."""
+    from cam_rig.law_design.pareto_front import front
+    from cam_rig.law_design.request import DesignRequest, parse_second
     from cam_rig.schema import load_cam, load_rig
     from cam_rig.schema.load import cam_path, rig_path
 
-    request, second = DesignRequest.of_config(config), parse_second(other)
+    request = DesignRequest.of_config(config)
+    second = None if pareto is None else parse_second(pareto)
     cam, rig = load_cam(cam_path(config.start)), load_rig(rig_path(config.rig))
-    with progress_bar() as bar:
-        task = bar.add_task(request.words, total=points + 2)
-        found = front(cam, rig, request, second, points, lambda: bar.update(task, advance=1))
-    table = front_table(found)
-    show(table)
-    write_csv([table], csv)
-    if plot is not None:
-        from cam_rig.law_design.figures import front_figure
-
-        write_plot(plot, lambda: front_figure(found))
-    if not found.ended:
-        say(f"interrupted: {len(found.designs)} of {points} points")
-        raise typer.Exit(INTERRUPTED)
+    if second is not None:
+        return front(cam, rig, request, second, points, progress)
+    name = config.name or (None if out is None else out.stem)
+    found = _best(cam, rig, request, name, progress)
+    if out is not None:
+        with writing(out) as part:
+            part.write_text(found.text, encoding="utf-8")
+        say(f"cam: {out}")
+    return found
 
 
 def _config(
@@ -150,14 +126,9 @@ def _config(
     law_class: dict[str, Any],
     search: dict[str, Any],
 ) -> DesignConfig:
-    """What the command line asks for, or a design file.
-
-    Raises
-    ------
-    ConfigError : a design file beside a goal, or something wrong in it
-    """
-    from cam_rig.law_design.request import ClassConfig, DesignConfig, is_design, load_design
-    from cam_rig.schema.load import cam_path
+    """What the command line asks for, or a design file, whose files are beside it or shipped."""
+    from cam_rig.law_design.request import ClassConfig, DesignConfig, is_design
+    from cam_rig.schema.load import cam_path, load
 
     path = cam_path(start)
     if not is_design(path):
@@ -168,78 +139,29 @@ def _config(
             f"{path}: has a goal and limits of its own; allowed beside it: no --minimise, "
             "--maximise, --limit"
         )
-    own_file = load_design(path)
-    beside = path.parent / own_file.start, path.parent / own_file.rig
-    files = (own_file.start, own_file.rig)
-    start, rig = (
-        str(one) if one.is_file() else name for one, name in zip(beside, files, strict=True)
-    )
-    return own_file.model_copy(update={"start": start, "rig": rig})
+    file = load(path, DesignConfig)
+    beside = {key: path.parent / name for key, name in (("start", file.start), ("rig", file.rig))}
+    return file.model_copy(update={key: str(one) for key, one in beside.items() if one.is_file()})
 
 
-def _check(out: Path | None) -> None:
-    """Refuse what could not be written."""
-    from cam_rig.show.command import require_new
+def _best(
+    cam: CamConfig, rig: RigConfig, request: DesignRequest, name: str | None, progress: Progress
+) -> LawDesign:
+    """Solve it and tell the best so far, which Ctrl-C keeps."""
+    from cam_rig.law_design import design as study
 
-    if out is not None:
-        if out.suffix != ".yaml":
-            raise ConfigError(f"--out: is {out}; allowed: a name that ends in .yaml")
-        require_new(out)
+    quantity = request.goal.quantity
+    best: list[Callable[[], LawDesign]] = []
 
+    def told(better: Callable[[], LawDesign], value: float) -> None:
+        best[:] = [better]
+        value /= quantity.factor
+        progress.tell(f"{request.words}: {value:.5g} {quantity.unit} so far")
 
-def _write(
-    design: LawDesign, out: Path | None, plot: Path | None, csv: Path | None, json: str | None
-) -> None:
-    """Show and write a design, also one whose search was interrupted.
-
-    Raises
-    ------
-    OutputError : a place cannot be written
-    """
-    from cam_rig.law_design.tables import design_table, to_json
-
-    table = design_table(design)
-    show(table)
-    write_csv([table], csv)
-    write_json(to_json(design), json)
-    if out is not None:
-        with writing(out) as part:
-            part.write_text(design.text, encoding="utf-8")
-        say(f"cam: {out}")
-    if plot is not None:
-        from cam_rig.law_design.figures import figure
-
-        write_plot(plot, lambda: figure(design))
-    if not design.ended:
-        raise typer.Exit(INTERRUPTED)
-
-
-def _solve(config: DesignConfig, out: Path | None) -> LawDesign:
-    """Solve it, behind a line with the best so far, which Ctrl-C keeps.
-
-    Raises
-    ------
-    CamRigError : what is asked for cannot be
-    """
-    from cam_rig.law_design.design import search_design as solve
-    from cam_rig.law_design.request import DesignRequest
-    from cam_rig.schema import load_cam, load_rig
-    from cam_rig.schema.load import cam_path, rig_path
-
-    request = DesignRequest.of_config(config)
-    cam, rig = load_cam(cam_path(config.start)), load_rig(rig_path(config.rig))
-    name = config.name or (out.stem if out is not None else None)
-    unit, factor = request.goal.quantity.unit, request.goal.quantity.shown
-    found: list[Callable[[], LawDesign]] = []
-    with console.status(request.words) as status:
-
-        def told(better: Callable[[], LawDesign], value: float) -> None:
-            found[:] = [better]
-            status.update(f"{request.words}: {value / factor:.5g} {unit} so far")
-
-        try:
-            return solve(cam, rig, request, name, told)
-        except KeyboardInterrupt:
-            if not found:
-                raise
-            return found[0]()
+    progress.begin(None, request.words)
+    try:
+        return study.search_design(cam, rig, request, name, told)
+    except KeyboardInterrupt:
+        if not best:
+            raise
+        return best[0]()

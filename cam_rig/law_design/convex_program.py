@@ -6,7 +6,10 @@ and these are put right and the bound computed here, in a few sums.
 
 from __future__ import annotations
 
+import struct
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,13 +27,7 @@ Chosen = NDArray[np.intp] | NDArray[np.bool_] | slice
 
 @dataclass(frozen=True, eq=False)
 class Affine:
-    """Values c + A x, ``(n,)``, of unknowns x ``(m,)``.
-
-    Parameters
-    ----------
-    constant : c, ``(n,)``
-    matrix : A, sparse, ``(n, m)``
-    """
+    """Values c + A x, ``(n,)``, of unknowns x ``(m,)``; A is sparse."""
 
     constant: FloatArray
     matrix: sparse.csr_array
@@ -56,6 +53,11 @@ class Affine:
     def rows(self, chosen: Chosen) -> Affine:
         """Some of the values."""
         return Affine(self.constant[chosen], sparse.csr_array(self.matrix[chosen]))
+
+    @staticmethod
+    def number(value: float, unknowns: int) -> Affine:
+        """One value, whatever the unknowns."""
+        return Affine(np.full(1, value), sparse.csr_array((1, unknowns)))
 
     @staticmethod
     def stacked(parts: list[Affine]) -> Affine:
@@ -143,10 +145,6 @@ class ConvexProgram:
     link: Affine
     blocks: list[RowBlock] = field(default_factory=list)
 
-    def copy(self) -> ConvexProgram:
-        """The same limits, to which others can be added."""
-        return ConvexProgram(self.unknowns, self.link, list(self.blocks))
-
     def at_least(
         self, name: str, rows: Affine, weight: float = 0.0, necessary: bool = True
     ) -> None:
@@ -157,6 +155,13 @@ class ConvexProgram:
     def equal(self, name: str, rows: Affine) -> None:
         """Rows = 0."""
         self.blocks.append(RowBlock(name, rows, np.zeros(rows.constant.size), "zero"))
+
+    def within(self, name: str, parts: Affine, radius: float = 0.0, weight: float = 0.0) -> None:
+        """Root of the parts' squares ≤ radius + weight · t."""
+        cone = Affine.stacked([Affine.number(radius, self.unknowns), parts])
+        weights = np.zeros(cone.constant.size)
+        weights[0] = weight
+        self.blocks.append(RowBlock(name, cone, weights, "cone", weights.size))
 
     def solve(self) -> ProgramSolution:
         """The largest t."""
@@ -194,7 +199,7 @@ class ConvexProgram:
             x = np.array(found.x)
             if status in ("Solved", "AlmostSolved"):
                 return solution_of(blocks, x, dual)
-            broken = _broken(blocks, x)
+            broken = max(0.0, *(-float(_slack(block, x).min()) for block in blocks))
             if broken < min(fault, USABLE):
                 best, fault = solution_of(blocks, x, dual), broken
         if best is None or not best.bound - best.level <= USABLE * max(1.0, abs(best.level)):
@@ -203,30 +208,20 @@ class ConvexProgram:
 
     def all_blocks(self) -> list[RowBlock]:
         """The link first, then equations, limits and (last) the largest ordinates."""
-        link = RowBlock("", self.link, np.zeros(self.link.constant.size), "zero")
+        linked = self.link.constant.size
+        link = RowBlock("", self.link, np.zeros(linked), "zero")
         ranked = sorted(self.blocks, key=lambda block: block.kind != "zero")
-        return [link, *ranked, self._box()]
-
-    def _box(self) -> RowBlock:
-        free = self.unknowns - self.link.constant.size
-        eye = sparse.csr_array(sparse.eye(free, self.unknowns))
+        eye = sparse.csr_array(sparse.eye(self.unknowns - linked, self.unknowns))
         matrix = sparse.csr_array(sparse.vstack([eye, -eye]))
-        return RowBlock(
-            LARGEST, Affine(np.full(2 * free, BOX), matrix), np.zeros(2 * free), "nonneg"
-        )
+        most = Affine(np.full(matrix.shape[0], BOX), matrix)
+        return [link, *ranked, RowBlock(LARGEST, most, np.zeros(most.constant.size), "nonneg")]
 
     def _infeasible(self, blocks: list[RowBlock], dual: FloatArray) -> InfeasibleError:
         share: dict[str, float] = {}
-        at = 0
-        for block in blocks:
-            size = block.weight.size
-            if not block.name:
-                at += size
-                continue
-            share[block.name] = share.get(block.name, 0.0) + float(
-                np.abs(dual[at : at + size] * size_of(block)).sum()
-            )
-            at += size
+        for block, part in zip(blocks, _parts(blocks, dual), strict=True):
+            if block.name:
+                terms = abs(block.rows.matrix).sum(axis=1) + np.abs(block.rows.constant)
+                share[block.name] = share.get(block.name, 0.0) + float(np.abs(part * terms).sum())
         most = max(share.values(), default=0.0)
         ranked = sorted(share.items(), key=lambda item: (item[0] == LARGEST, -item[1]))
         names = tuple(name for name, part in ranked if part > 1e-6 * most)
@@ -234,17 +229,27 @@ class ConvexProgram:
         return InfeasibleError(names or ("its limits",), proved)
 
 
-def size_of(block: RowBlock) -> FloatArray:
-    """How large the terms of each row are."""
-    return np.asarray(abs(block.rows.matrix).sum(axis=1) + np.abs(block.rows.constant))
+def _parts(blocks: list[RowBlock], of_rows: FloatArray) -> list[FloatArray]:
+    """What stands for all rows, block by block: views."""
+    return np.split(of_rows, np.cumsum([block.weight.size for block in blocks])[:-1])
 
 
 def solution_of(blocks: list[RowBlock], x: FloatArray, dual: FloatArray) -> ProgramSolution:
-    """Of unknowns with t as the last, and multipliers of all rows, not yet put right."""
-    multipliers = _multipliers(blocks, dual)
-    bound = bound_of(blocks, multipliers)
+    """Of unknowns with t as the last, and multipliers of all rows, not yet put right.
+
+    They are scaled to t; NaN where t has none.
+    """
+    y = _in_cones(blocks, dual)
+    weight = float(np.concatenate([b.weight for b in blocks]) @ y)
+    multipliers = y / -weight if weight < 0.0 else np.full(y.size, np.nan)
+    met = (b.name for b in blocks if b.kind != "zero" and _slack(b, x).min() < ACTIVE)
     return ProgramSolution(
-        x[:-1], float(x[-1]), bound, _active(blocks, x), tuple(blocks), multipliers
+        x[:-1],
+        float(x[-1]),
+        bound_of(blocks, multipliers),
+        tuple(dict.fromkeys(met)),
+        tuple(blocks),
+        multipliers,
     )
 
 
@@ -257,38 +262,23 @@ def _slack(block: RowBlock, x: FloatArray) -> FloatArray:
     return -np.abs(values) if block.kind == "zero" else values
 
 
-def _broken(blocks: list[RowBlock], x: FloatArray) -> float:
-    """By how much the worst row is broken."""
-    return max(0.0, *(-float(_slack(block, x).min()) for block in blocks))
-
-
 def _in_cones(blocks: list[RowBlock], dual: FloatArray) -> FloatArray:
     """The solver's multipliers, put into the cones.
 
     The first block links the last unknowns to the others, with −1 each: its multipliers are made
     such that those unknowns drop out.
     """
-    y, at = dual.copy(), 0
+    y = dual.copy()
     matrix = sparse.vstack([b.rows.matrix for b in blocks], format="csr")
-    for block in blocks:
-        size = block.weight.size
-        part = y[at : at + size]
+    for block, part in zip(blocks, _parts(blocks, y), strict=True):
         if block.kind == "nonneg":
             np.maximum(part, 0.0, out=part)
         elif block.kind == "cone":
             cones = part.reshape(-1, block.cone)
             cones[:, 0] = np.maximum(cones[:, 0], np.linalg.norm(cones[:, 1:], axis=1))
-        at += size
     linked = blocks[0].weight.size
     y[:linked] += (matrix.T @ y)[matrix.shape[1] - linked :]
     return y
-
-
-def _multipliers(blocks: list[RowBlock], dual: FloatArray) -> FloatArray:
-    """The same scaled to t; NaN where t has none."""
-    y = _in_cones(blocks, dual)
-    weight = float(np.concatenate([b.weight for b in blocks]) @ y)
-    return y / -weight if weight < 0.0 else np.full(y.size, np.nan)
 
 
 def _refutes(blocks: list[RowBlock], dual: FloatArray) -> bool:
@@ -314,7 +304,123 @@ def bound_of(blocks: list[RowBlock], multipliers: FloatArray) -> float:
     return constant + float(np.abs(rest).sum()) * BOX
 
 
-def _active(blocks: list[RowBlock], x: FloatArray) -> tuple[str, ...]:
-    """Names of the limits that are met."""
-    met = (b.name for b in blocks if b.kind != "zero" and _slack(b, x).min() < ACTIVE)
-    return tuple(dict.fromkeys(met))
+# Linear programs that differ by a few rows, each solved from where the last one ended.
+
+#: What rows and multipliers may be broken by; of a limit's scale.
+TOLERANCE = 1e-9
+
+#: How the solver is set. Left to itself it simplifies each program anew, and looks for a method.
+OPTIONS: dict[str, bool | int | str | float] = {
+    "output_flag": False,
+    "threads": 1,
+    "presolve": "off",
+    "solver": "simplex",
+    "simplex_scale_strategy": 2,
+    "primal_feasibility_tolerance": TOLERANCE,
+    "dual_feasibility_tolerance": TOLERANCE,
+}
+
+#: Least and largest of a row.
+Bounds = tuple[float, float]
+
+
+class GrowingProgram:
+    """Programs of the same unknowns, one after the other."""
+
+    def __init__(self) -> None:
+        self._solver: Any = None
+        #: The solver's row of each that it has, and the bounds of those in use.
+        self._index: dict[bytes, int] = {}
+        self._bounds: dict[int, Bounds] = {}
+
+    def solve(self, program: ConvexProgram) -> ProgramSolution:
+        """The largest t, as `ConvexProgram.solve`, which takes one with cones or without law."""
+        blocks = program.all_blocks()
+        if any(block.kind == "cone" for block in blocks):
+            return program.solve()
+        with libraries_named():
+            import highspy
+        if self._solver is None:
+            self._begin(program, highspy)
+        self._drop(highspy.HighsBasisStatus.kBasic)
+        rows = self._take(blocks[:-1])  # columns have the largest ordinates
+        self._solver.run()
+        if self._solver.getModelStatus() != highspy.HighsModelStatus.kOptimal:
+            self._solver = None
+            return program.solve()
+        found = self._solver.getSolution()
+        dual = np.zeros(sum(block.weight.size for block in blocks))
+        dual[list(rows.values())] = np.array(found.row_dual)[list(rows)]
+        return solution_of(blocks, np.array(found.col_value), dual)
+
+    def _begin(self, program: ConvexProgram, highspy: Any) -> None:
+        solver = self._solver = highspy.Highs()
+        self._index, self._bounds = {}, {}
+        for name, value in OPTIONS.items():
+            solver.setOptionValue(name, value)
+        size = program.unknowns + 1
+        most = np.full(size, np.inf)
+        most[: program.unknowns - program.link.constant.size] = BOX
+        solver.addVars(size, -most, most)
+        solver.changeColCost(size - 1, -1.0)
+
+    def _drop(self, basic: Any) -> None:
+        """Drop the rows that are free, but for those that the basis needs."""
+        status = self._solver.getBasis().row_status
+        dropped = {at for at, of in enumerate(status) if of == basic and at not in self._bounds}
+        if dropped:
+            self._solver.deleteRows(len(dropped), np.array(sorted(dropped), dtype=np.int32))
+            kept = [(key, at) for key, at in self._index.items() if at not in dropped]
+            self._index = {key: place for place, (key, _) in enumerate(kept)}
+            place_of = {at: place for place, (_, at) in enumerate(kept)}
+            self._bounds = {place_of[at]: bounds for at, bounds in self._bounds.items()}
+
+    def _take(self, blocks: list[RowBlock]) -> dict[int, int]:
+        """Make these the rows in use; where each of the solver's rows stands among them."""
+        in_use: dict[int, Bounds] = {}
+        places: dict[int, int] = {}
+        first = 0
+        for block in blocks:
+            new = []
+            for row, (key, bounds) in enumerate(_keys(block)):
+                if key not in self._index:
+                    self._index[key] = len(self._index)
+                    new.append(row)
+                at = self._index[key]
+                if at not in in_use or bounds > in_use[at]:  # of equal rows the tightest
+                    in_use[at], places[at] = bounds, first + row
+            self._add(block, new)
+            first += block.weight.size
+        for at, bounds in in_use.items():
+            if self._bounds.get(at) != bounds:
+                self._solver.changeRowBounds(at, *bounds)
+        for at in self._bounds.keys() - in_use.keys():
+            self._solver.changeRowBounds(at, -np.inf, np.inf)
+        self._bounds = in_use
+        return places
+
+    def _add(self, block: RowBlock, new: list[int]) -> None:
+        """Give the solver some rows of a block, as yet free."""
+        if not new:
+            return
+        weights = sparse.csr_array(block.weight[new][:, None])
+        matrix = sparse.csr_array(sparse.hstack([block.rows.matrix[new], weights], format="csr"))
+        free = np.full(len(new), np.inf)
+        starts, columns = (part.astype(np.int32) for part in (matrix.indptr[:-1], matrix.indices))
+        self._solver.addRows(len(new), -free, free, matrix.nnz, starts, columns, matrix.data)
+
+
+def _keys(block: RowBlock) -> Iterator[tuple[bytes, Bounds]]:
+    """What tells each row from others, constants apart, and its bounds."""
+    matrix, equal = block.rows.matrix, block.kind == "zero"
+    columns, values, weights = matrix.indices.tobytes(), matrix.data.tobytes(), block.weight
+    wide = matrix.indices.itemsize
+    starts = matrix.indptr.tolist()
+    kind = block.kind.encode()
+    constants = block.rows.constant.tolist()
+    for begin, end, weight, constant in zip(
+        starts[:-1], starts[1:], weights.tolist(), constants, strict=True
+    ):
+        own = columns[wide * begin : wide * end], values[8 * begin : 8 * end]
+        key = b"".join((kind, struct.pack("d", weight), *own))
+        yield key, (-constant, -constant if equal else np.inf)

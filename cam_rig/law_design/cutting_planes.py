@@ -2,31 +2,30 @@
 
 from __future__ import annotations
 
-import struct
-from collections.abc import Callable, Iterator
+import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 from scipy.optimize import brentq
 
 from cam_rig.dynamics.jump.any_follower import find_jump
-from cam_rig.dynamics.jump.jump_speed import FROM_REST, rigid_jump_speed
+from cam_rig.dynamics.jump.jump_speed import Jump, rigid_jump_speed
 from cam_rig.dynamics.jump.search import FASTEST
 from cam_rig.errors import ConfigError, DesignError, DynamicsError
-from cam_rig.extras import libraries_named
-from cam_rig.law_design.constraints import Asked, DesignProblem, add, force, keep_lift
 from cam_rig.law_design.convex_program import (
-    BOX,
     Affine,
     ConvexProgram,
+    GrowingProgram,
     InfeasibleError,
     ProgramSolution,
     RowBlock,
-    solution_of,
 )
+from cam_rig.law_design.problem import Asked, DesignProblem
+from cam_rig.law_design.request import Multistart
+from cam_rig.law_design.rows import add, force_parts, keep_lift, rows_of
 from cam_rig.law_design.two_mass_contact import MARGIN, ContactKept, Residual
 from cam_rig.units import RPM, FloatArray, to_rpm
 
@@ -70,136 +69,8 @@ class FewRows:
         return broken
 
 
-# Linear programs that differ by a few rows, each solved from where the last one ended.
-
-#: What rows and multipliers may be broken by; of a limit's scale.
-TOLERANCE = 1e-9
-
-#: How the solver is set. Left to itself it simplifies each program anew, and looks for a method.
-OPTIONS: dict[str, bool | int | str | float] = {
-    "output_flag": False,
-    "threads": 1,
-    "presolve": "off",
-    "solver": "simplex",
-    "simplex_scale_strategy": 2,
-    "primal_feasibility_tolerance": TOLERANCE,
-    "dual_feasibility_tolerance": TOLERANCE,
-}
-
-#: Least and largest of a row.
-Bounds = tuple[float, float]
-
-
-class GrowingProgram:
-    """Programs of the same unknowns, one after the other."""
-
-    def __init__(self) -> None:
-        self._solver: Any = None
-        #: The solver's row of each that it has, and the bounds of those in use.
-        self._index: dict[bytes, int] = {}
-        self._bounds: dict[int, Bounds] = {}
-
-    def solve(self, program: ConvexProgram) -> ProgramSolution:
-        """The largest t, as `ConvexProgram.solve`, which takes one with cones or without law."""
-        blocks = program.all_blocks()
-        if any(block.kind == "cone" for block in blocks):
-            return program.solve()
-        with libraries_named():
-            import highspy
-        if self._solver is None:
-            self._begin(program, highspy)
-        self._drop(highspy.HighsBasisStatus.kBasic)
-        rows = self._take(blocks[:-1])  # columns have the largest ordinates
-        self._solver.run()
-        if self._solver.getModelStatus() != highspy.HighsModelStatus.kOptimal:
-            self._solver = None
-            return program.solve()
-        found = self._solver.getSolution()
-        dual = np.zeros(sum(block.weight.size for block in blocks))
-        dual[list(rows.values())] = np.array(found.row_dual)[list(rows)]
-        return solution_of(blocks, np.array(found.col_value), dual)
-
-    def _begin(self, program: ConvexProgram, highspy: Any) -> None:
-        solver = self._solver = highspy.Highs()
-        self._index, self._bounds = {}, {}
-        for name, value in OPTIONS.items():
-            solver.setOptionValue(name, value)
-        size = program.unknowns + 1
-        most = np.full(size, np.inf)
-        most[: program.unknowns - program.link.constant.size] = BOX
-        solver.addVars(size, -most, most)
-        solver.changeColCost(size - 1, -1.0)
-
-    def _drop(self, basic: Any) -> None:
-        """Drop the rows that are free, but for those that the basis needs."""
-        status = self._solver.getBasis().row_status
-        dropped = {at for at, of in enumerate(status) if of == basic and at not in self._bounds}
-        if dropped:
-            self._solver.deleteRows(len(dropped), np.array(sorted(dropped), dtype=np.int32))
-            kept = [(key, at) for key, at in self._index.items() if at not in dropped]
-            self._index = {key: place for place, (key, _) in enumerate(kept)}
-            place_of = {at: place for place, (_, at) in enumerate(kept)}
-            self._bounds = {place_of[at]: bounds for at, bounds in self._bounds.items()}
-
-    def _take(self, blocks: list[RowBlock]) -> dict[int, int]:
-        """Make these the rows in use; where each of the solver's rows stands among them."""
-        in_use: dict[int, Bounds] = {}
-        places: dict[int, int] = {}
-        first = 0
-        for block in blocks:
-            new = []
-            for row, (key, bounds) in enumerate(_keys(block)):
-                if key not in self._index:
-                    self._index[key] = len(self._index)
-                    new.append(row)
-                at = self._index[key]
-                if at not in in_use or bounds > in_use[at]:  # of equal rows the tightest
-                    in_use[at], places[at] = bounds, first + row
-            self._add(block, new)
-            first += block.weight.size
-        for at, bounds in in_use.items():
-            if self._bounds.get(at) != bounds:
-                self._solver.changeRowBounds(at, *bounds)
-        for at in self._bounds.keys() - in_use.keys():
-            self._solver.changeRowBounds(at, -np.inf, np.inf)
-        self._bounds = in_use
-        return places
-
-    def _add(self, block: RowBlock, new: list[int]) -> None:
-        """Give the solver some rows of a block, as yet free."""
-        if not new:
-            return
-        weights = sparse.csr_array(block.weight[new][:, None])
-        matrix = sparse.csr_array(sparse.hstack([block.rows.matrix[new], weights], format="csr"))
-        free = np.full(len(new), np.inf)
-        starts, columns = (part.astype(np.int32) for part in (matrix.indptr[:-1], matrix.indices))
-        self._solver.addRows(len(new), -free, free, matrix.nnz, starts, columns, matrix.data)
-
-
-def _keys(block: RowBlock) -> Iterator[tuple[bytes, Bounds]]:
-    """What tells each row from others, constants apart, and its bounds."""
-    matrix, equal = block.rows.matrix, block.kind == "zero"
-    columns, values, weights = matrix.indices.tobytes(), matrix.data.tobytes(), block.weight
-    wide = matrix.indices.itemsize
-    starts = matrix.indptr.tolist()
-    kind = block.kind.encode()
-    for row, (weight, constant) in enumerate(
-        zip(weights.tolist(), block.rows.constant.tolist(), strict=True)
-    ):
-        begin, end = starts[row], starts[row + 1]
-        key = b"".join(
-            (
-                kind,
-                struct.pack("d", weight),
-                columns[wide * begin : wide * end],
-                values[8 * begin : 8 * end],
-            )
-        )
-        yield key, (-constant, -constant if equal else np.inf)
-
-
-#: Rounds of cuts, at most.
-MAX_ROUNDS = 80
+#: Rounds of cuts, at most; of a search of the jump speed of two masses.
+MAX_ROUNDS, MAX_SEARCHED = 80, 120
 
 #: A jump speed is found to this part.
 SPEED = 2e-5
@@ -220,14 +91,22 @@ class Cuts(Protocol):
 class Best:
     """The best law of a class by a goal: unknowns, its value and the bound on it (SI).
 
-    ``active`` names the limits that hold it; ``rounds`` is how many programs were solved.
+    ``active`` names the limits that hold it; ``rounds`` is how many programs were solved, none of
+    a law that a search has found on its way. One of several descents has ``multistart`` and no
+    bound: nothing says how much better another may be.
     """
 
     unknowns: FloatArray
-    value: float
-    bound: float
-    active: tuple[str, ...]
-    rounds: int
+    value: float = math.nan
+    bound: float | None = None
+    active: tuple[str, ...] = ()
+    rounds: int = 0
+    multistart: Multistart | None = None
+
+    @property
+    def so_far(self) -> bool:
+        """Whether the search has not ended."""
+        return self.rounds == 0
 
 
 @dataclass(eq=False)
@@ -260,12 +139,18 @@ class Solver:
             ) from None
 
     def _best(self) -> Best:
-        name = self.goal.term.name
-        if name == "jump_speed_rigid" or (name == "jump_speed" and not self.problem.two_masses):
-            return self.rigid()
-        if name.startswith("jump_speed"):
-            return self._two_masses()
-        return self._level()
+        run = rows_of(self.goal.term).run
+        if run is None:
+            return self._level()
+        if self.problem.two_masses and not run.rigid:
+            return TwoMassSearch(self, run.duration).best()
+        if not run.rigid and run.duration is None:
+            raise ConfigError(
+                f"goal {self.goal.term.name}: rig {self.problem.rig.name!r} does not say how its "
+                "mass is split; allowed: jump_speed_rigid, or follower.roller_share and "
+                "follower.stem_damping in the rig file"
+            )
+        return self.rigid()
 
     def static(self, hull: bool) -> ConvexProgram:
         """The rows of lift and limits that need no rounds."""
@@ -273,31 +158,29 @@ class Solver:
             program = ConvexProgram(self.problem.space.unknowns, self.problem.space.link)
             keep_lift(program, self.problem, hull)
             for limit in self.limits:
-                if not is_cut(limit):
-                    self._add(program, limit, hull)
+                rows = rows_of(limit.term)
+                if rows.run is not None and rows.run.rigid:
+                    assert limit.value is not None
+                    pressed = force_parts(self.problem, limit.value, hull)
+                    program.at_least(limit.name, pressed, necessary=not hull)
+                elif rows.run is None and not rows.in_rounds:
+                    add(program, self.problem, limit, hull)
             self._static[hull] = program
-        return self._static[hull].copy()
-
-    def _add(self, program: ConvexProgram, limit: Asked, hull: bool) -> None:
-        name = limit.term.name
-        if name.startswith("jump_speed"):  # of one rigid mass
-            assert limit.value is not None
-            rows = force(self.problem, limit.value, hull) * (1.0 / self.problem.force_scale)
-            program.at_least(limit.name, rows, necessary=not hull)
-        else:
-            add(program, self.problem, limit, hull)
+        return replace(self._static[hull], blocks=list(self._static[hull].blocks))
 
     def cuts(self, hull: bool) -> list[Cuts]:
         """The limits that need rounds; with something to spare where they are to be kept."""
         found: list[Cuts] = []
         for limit in self.limits:
-            if limit.term.name == "residual_vibration":
+            rows = rows_of(limit.term)
+            if rows.in_rounds:
                 found.append(Residual(self.problem, limit, hull))
-            elif is_cut(limit):
+            elif rows.run is not None and not rows.run.rigid:
                 assert limit.value is not None
-                duration = FROM_REST if limit.term.name == "jump_speed" else None
                 margin = MARGIN if hull else 0.0
-                kept = ContactKept(self.problem, duration, limit.value, limit.name, True, margin)
+                kept = ContactKept(
+                    self.problem, rows.run.duration, limit.value, limit.name, True, margin
+                )
                 self._begin(kept)
                 found.append(kept)
         return found
@@ -339,7 +222,7 @@ class Solver:
         found = {}
         for hull in (False, True):  # points first: where they have no law there is none
             program, cuts = self.static(hull), self.cuts(hull)
-            if self.goal.term.name == "residual_vibration":
+            if rows_of(self.goal.term).in_rounds:
                 cuts.append(Residual(self.problem, self.goal, hull))
             else:
                 add(program, self.problem, self.goal, hull)
@@ -355,12 +238,14 @@ class Solver:
     def rigid(self) -> Best:
         """The highest speed at which the least force of one rigid mass can be above zero."""
         found: dict[float, ProgramSolution] = {}
-
-        self._require_a_law()
+        possible = self.static(False)  # limits that no law keeps at points: proved for the class
+        one = Affine.number(1.0, possible.unknowns)
+        possible.at_least("level", one, -1.0)  # no goal: t is at most 1
+        self.settled(possible, [])
 
         def level(speed: float, hull: bool) -> float:
             program = self.static(hull)
-            rows = force(self.problem, speed, hull) * (1.0 / self.problem.force_scale)
+            rows = force_parts(self.problem, speed, hull)
             program.at_least(self.goal.name, rows, -1.0, not hull)
             found[speed] = self.settled(program, self.cuts(hull))
             if hull and found[speed].level > 0.0:
@@ -381,13 +266,6 @@ class Solver:
         value = rigid_jump_speed(self.problem.space.law(law.unknowns, "design"), self.problem.rigid)
         active = tuple(name for name in law.active if name != self.goal.name)
         return Best(law.unknowns, value, bound, active, self.rounds)
-
-    def _require_a_law(self) -> None:
-        """Refuse limits that no law keeps at points of the turn: it is a proof for the class."""
-        program, size = self.static(False), self.problem.space.unknowns
-        none = Affine(np.ones(1), sparse.csr_array((1, size)))
-        program.at_least("level", none, -1.0)  # no goal: t is at most 1
-        self.settled(program, [])
 
     def _root(self, level: Callable[[float], float], first: float) -> float:
         """Where a level that falls with speed is zero."""
@@ -411,25 +289,143 @@ class Solver:
     def _begin(self, kept: ContactKept) -> None:
         """First rows of a force: where the best law without vibration would be lowest."""
         program = self.static(True)
-        rows = force(self.problem, kept.fastest, True) * (1.0 / self.problem.force_scale)
-        program.at_least("rigid", rows, -1.0)
+        program.at_least("rigid", force_parts(self.problem, kept.fastest, True), -1.0)
         kept.look(self.settled(program, []).unknowns, 0.5)
 
-    def _two_masses(self) -> Best:
-        """The highest speed up to which the least force of two masses can be above zero."""
-        if not self.problem.two_masses:
-            raise ConfigError(
-                f"goal {self.goal.term.name}: rig {self.problem.rig.name!r} does not say how its "
-                "mass is split; allowed: jump_speed_rigid, or follower.roller_share and "
-                "follower.stem_damping in the rig file"
-            )
-        # it asks this module back
-        from cam_rig.law_design.methods import TwoMassSearch
 
-        return TwoMassSearch(self).best()
+# Two masses: cuts and the speed itself in one search.
+
+#: Laws that the exact search may refuse.
+MAX_REFUSED = 24
+
+#: A speed is settled where the level is no farther from the margin; a law holds a speed where the
+#: exact search finds its jump no lower by more than this part.
+NEAR, HELD = 4e-3, 5e-4
+
+#: Searches, until a law is no farther from its bound than this part.
+SEARCHES, NEAR_BOUND = 6, 2e-3
+
+#: A law is searched exactly where the level is no farther above the margin: else it goes faster.
+FAR = 0.1
+
+#: First guess of what the level falls by where the speed doubles, and the largest step of a speed.
+SLOPE, MAX_STEP = -11.0, 0.06
+
+#: A search that ends with a law that holds less than this part of its speed has found the bound's
+#: place alone.
+HALF_WAY = 0.95
+
+#: Speeds over the best law's at which a bound is sought.
+ABOVE = (1.0008, 1.0016, 1.0025, 1.004, 1.007, 1.012, 1.02, 1.04, 1.08, 1.15, 1.3)
 
 
-def is_cut(limit: Asked) -> bool:
-    """Whether a limit's rows are found in rounds."""
-    name = limit.term.name
-    return name == "residual_vibration" or name in ("jump_speed", "jump_speed_steady")
+@dataclass(eq=False)
+class TwoMassSearch:
+    """The highest jump speed of two masses: cuts and the speed itself are found in one search.
+
+    The level of a program at a speed only falls as rows are added. Where it is below the margin
+    the speed is too high, at once; where the law that it gives holds on the grid, the exact search
+    looks at that law, and the speed goes up. Both move by the slope of the level, which is nearly
+    straight. ``duration`` (s) is that of a run from rest; None is the steady state.
+    """
+
+    solver: Solver
+    duration: float | None
+
+    def __post_init__(self) -> None:
+        self.problem = self.solver.problem
+        self.law: tuple[float, FloatArray, tuple[str, ...]] = (0.0, np.zeros(0), ())
+        self.refused = 0
+
+    def best(self) -> Best:
+        """The best law found, and a speed that no law of the class reaches."""
+        rigid = Solver(self.problem, self.solver.goal, self.solver.limits).rigid()
+        assert rigid.bound is not None
+        self.solver.rounds += rigid.rounds
+        kept = ContactKept(self.problem, self.duration, 0.95 * rigid.bound)
+        cuts = [FewRows(self.solver.static(True)), *self.solver.cuts(True)]
+        kept.look(rigid.unknowns, 0.5)
+        self._take(rigid.unknowns, rigid.active)
+        bound = np.inf
+        for _ in range(SEARCHES):
+            far = bound < np.inf and bound > self.law[0] / HALF_WAY
+            most = kept.fastest if far else np.inf
+            self._search(kept, cuts, most)
+            if self.law[0] < most * (1.0 - HELD):  # else it only says that more may be had
+                held = self.law[0] > HALF_WAY * kept.fastest
+                bound = min(bound, self._bound(kept, self.law[0] if held else kept.fastest))
+            if bound <= self.law[0] * (1.0 + NEAR_BOUND):
+                break
+            # the grid has grown by what was refused: what lies between its speeds is less now
+            kept.margin, self.refused, kept.fastest = MARGIN, 0, 0.5 * (bound + self.law[0])
+        speed, unknowns, active = self.law
+        return Best(unknowns, speed, bound, active, self.solver.rounds)
+
+    def _search(self, kept: ContactKept, cuts: list[Cuts], most: float) -> None:
+        """The highest speed that a law is found for, or one that keeps contact up to ``most``."""
+        slope, settled, found = SLOPE, None, None
+        program = GrowingProgram()
+        for _ in range(MAX_SEARCHED):
+            try:
+                found = self.solver.solved([*cuts, kept], program)
+            except InfeasibleError:  # at this speed the dwells alone leave no law
+                kept.move(1.0 - MAX_STEP)
+                continue
+            room = found.level - kept.margin
+            if room > -NEAR:
+                if any([cut.cut(found) for cut in [*cuts, kept]]):
+                    continue
+                there = kept.fastest >= most
+                exact = room < FAR or there
+                if exact and not self._held(kept, found) and self.refused <= MAX_REFUSED:
+                    continue
+                if settled is not None and settled[0] != kept.fastest:
+                    measured = (room - settled[1]) / (kept.fastest / settled[0] - 1.0)
+                    slope = float(np.clip(measured, 4.0 * SLOPE, 0.4 * SLOPE))
+                settled = (kept.fastest, room)
+                if room <= NEAR or there or self.refused > MAX_REFUSED:
+                    return
+            step = float(np.clip(-room / slope, -MAX_STEP, MAX_STEP))
+            kept.move(min(1.0 + step, most / kept.fastest))
+        if found is not None:  # out of rounds, or resonances narrower than the grid
+            self._held(kept, found)
+
+    def _held(self, kept: ContactKept, found: ProgramSolution) -> bool:
+        """Whether the exact search finds that a law holds the speed; else its own is looked at."""
+        names = (self.solver.goal.name, kept.name)
+        active = tuple(name for name in found.active if name not in names)
+        jump = self._take(found.unknowns, active)
+        if jump.speed >= kept.fastest * (1.0 - HELD):
+            return True
+        self.refused += 1
+        kept.refine(jump, found)
+        return False
+
+    def _take(self, unknowns: FloatArray, active: tuple[str, ...]) -> Jump:
+        """Where the exact search finds that a law loses contact; it is kept if it is the best."""
+        law = self.problem.space.law(unknowns, "design")
+        jump = find_jump(law, self.problem.follower, self.duration)
+        if jump.speed > self.law[0]:
+            self.law = (jump.speed, unknowns, active)
+            self.solver.on_best(unknowns, jump.speed)
+        return jump
+
+    def _bound(self, kept: ContactKept, speed: float) -> float:
+        """A speed at which the rows, some of those that a law must keep, leave no law."""
+        cuts = [FewRows(self.solver.static(False)), *self.solver.cuts(False)]
+        kept.margin = 0.0  # contact is kept above zero: more than that no law has to
+        program = GrowingProgram()
+        for above in ABOVE:
+            kept.fastest = speed * above
+            for _ in range(MAX_SEARCHED):
+                try:
+                    found = self.solver.solved([*cuts, kept], program)
+                except InfeasibleError as error:
+                    if error.proved:
+                        return kept.fastest
+                    break
+                if found.bound <= 0.0:
+                    return kept.fastest
+                if not any([cut.cut(found) for cut in [*cuts, kept]]):
+                    break
+        raise DesignError(f"no bound was found up to {to_rpm(kept.fastest):.4g} rpm")

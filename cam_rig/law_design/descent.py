@@ -7,19 +7,24 @@ the exact quantities of the new law keep the other limits too, and the goal is b
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from scipy import sparse
 
 from cam_rig.errors import DesignError, DynamicsError
-from cam_rig.law_design.constraints import Asked, DesignProblem, add, force
 from cam_rig.law_design.convex_program import Affine, ProgramSolution, RowBlock
 from cam_rig.law_design.cutting_planes import Cuts, Solver
-from cam_rig.law_design.measure import measured
+from cam_rig.law_design.problem import Asked, DesignProblem, measured
+from cam_rig.law_design.rows import add, force_parts, rows_of
+from cam_rig.law_design.space import dwells
 from cam_rig.law_design.two_mass_contact import Residual
 from cam_rig.laws import Law
+from cam_rig.profile.contact import Motion
+from cam_rig.quantities.terms import sign_of
+from cam_rig.quantities.values import SAMPLES, Branches, maxima
 from cam_rig.units import FloatArray
 
 #: Steps of one descent, at most, and how often the rows of a step are corrected.
@@ -43,6 +48,13 @@ SPARE, MOST_SPARE, KEPT = 1e-7, 1e-3, 1e-9
 
 #: That is no more than this part of the room that the last law has.
 ROOM = 0.5
+
+#: Slopes of branches are central differences over this part of the largest s, s' or s'', those of
+#: a value over this part of the lift: flights begin and end within it.
+STEP, VALUE_STEP = 1e-5, 1e-3
+
+#: A joint is looked at so much of a piece before and behind it; so much (dB) measures a level.
+BESIDE, LEVEL_SCALE = 1e-6, 10.0
 
 #: While limits are broken, a law is sought that keeps them with this to spare, no more.
 INSIDE = 0.02
@@ -71,6 +83,149 @@ class LocalTerm(Protocol):
 
         Of the last of the laws that were tried from there they give the exact values.
         """
+
+
+@dataclass(frozen=True, eq=False)
+class PointwiseTerm:
+    """A goal (``allowed`` None) or a limit on the greatest value of a quantity's branches.
+
+    They depend on s, s' and s'' at one cam angle: near a law they are linear in the unknowns.
+    """
+
+    problem: DesignProblem
+    name: str
+    branches: Branches
+    allowed: float | None
+
+    @cached_property
+    def scale(self) -> float:
+        """What its rows are measured by: the largest size of a branch on the start."""
+        u = np.linspace(0.0, 1.0, SAMPLES)
+        values = np.abs(self.branches(Motion.on_pieces(self.problem.start, u)))
+        return float(values[np.isfinite(values)].max(initial=0.0)) or 1.0
+
+    def worst(self, law: Law) -> float:
+        """The greatest value."""
+        return max(value for value, _ in maxima(law, self.branches))
+
+    @property
+    def at_rest(self) -> float:
+        """Its value in the dwells, which no law of the class changes; −∞ without one."""
+        levels = [self.problem.start.lift_at(start) for start, _ in dwells(self.problem.start)]
+        if not levels:
+            return -np.inf
+        motion = Motion(np.zeros(len(levels)), np.array(levels), *np.zeros((2, len(levels))))
+        return float(self.branches(motion).max())
+
+    @cached_property
+    def _grid(self) -> FloatArray:
+        """Angles in all pieces of the events, on both sides of the joints between them."""
+        space = self.problem.space
+        parts = (np.arange(space.parts) + 0.5) / space.parts
+        inner = space.law_class.pieces
+        found = []
+        for event in space.events:
+            joints = np.arange(1, inner)[:, None] + np.array([-BESIDE, BESIDE])
+            places = np.concatenate([(np.arange(inner)[:, None] + parts).ravel(), joints.ravel()])
+            found.append(event.start + event.span / inner * places)
+        return np.concatenate(found)
+
+    def _inside(self, angles: FloatArray) -> FloatArray:
+        """Those of the angles that are in events and not at their ends, where nothing is free."""
+        space = self.problem.space
+        least = 0.25 / (space.law_class.pieces * space.parts)
+        place = [(angles - event.start) / event.span for event in space.events]
+        inside = [(least < u) & (u < 1.0 - least) for u in place]
+        return np.asarray(angles[np.any(inside, axis=0)])
+
+    def rows(self, unknowns: FloatArray, tried: list[FloatArray]) -> Affine:
+        """The branches near a law as functions of the unknowns, over the events and at its maxima.
+
+        Where laws were ``tried`` from there their maxima are among them, and the rows give the
+        exact values of the last one.
+        """
+        space = self.problem.space
+        laws = [space.law(x, "design") for x in (unknowns, *tried)]
+        tops = np.array([angle for law in laws for _, angle in maxima(law, self.branches)])
+        at = np.concatenate([self._grid, self._inside(tops)])
+        parts = [space.at(order, at) for order in range(3)]
+        motion = Motion(at, *(part(unknowns) for part in parts))
+        slopes = [self._slope(motion, order) for order in range(3)]
+        found = []
+        for branch, value in enumerate(self.branches(motion)):
+            total = Affine(value, sparse.csr_array(parts[0].matrix.shape))
+            for part, slope in zip(parts, slopes, strict=True):
+                weight = sparse.csr_array(sparse.diags(slope[branch]))
+                total = total + part.plus(-part(unknowns)).mapped(weight)
+            found.append(total)
+        rows = Affine.stacked(found)
+        if tried:
+            exact = self.branches(Motion(at, *(part(tried[-1]) for part in parts)))
+            rows = rows.plus(exact.ravel() - rows(tried[-1]))
+        return rows
+
+    def _slope(self, motion: Motion, order: int) -> FloatArray:
+        """By how much the branches grow with s, s' or s''."""
+        name = ("s", "slope", "bend")[order]
+        own = getattr(motion, name)
+        step = STEP * float(np.abs(own).max())
+        high, low = (
+            self.branches(replace(motion, **{name: own + sign * step})) for sign in (1.0, -1.0)
+        )
+        return np.asarray((high - low) / (2.0 * step))
+
+
+@dataclass(frozen=True, eq=False)
+class ValueTerm:
+    """A goal or a limit that has nothing but a value: its slopes are differences of it."""
+
+    problem: DesignProblem
+    asked: Asked
+
+    @property
+    def name(self) -> str:
+        """As a table of active limits says it."""
+        return self.asked.name
+
+    @property
+    def scale(self) -> float:
+        """Of a level 10 dB: the start's own is no measure of what it changes by."""
+        return LEVEL_SCALE if self.asked.term.quantity.unit == "dB" else self.asked.scale
+
+    @property
+    def allowed(self) -> float | None:
+        """What is to be small may be so much."""
+        return None if self.asked.value is None else self._sign * self.asked.value
+
+    @property
+    def _sign(self) -> float:
+        return sign_of(self.asked.sense)
+
+    def worst(self, law: Law) -> float:
+        """What is to be small."""
+        return self._sign * measured(self.problem, law, self.asked.term, self.asked.sense)
+
+    def rows(self, unknowns: FloatArray, tried: list[FloatArray]) -> Affine:
+        """The value near a law; the exact one of the last law that was tried from there."""
+        at, slope = tried[-1] if tried else unknowns, self._slope(unknowns.tobytes())
+        constant = self._value(at) - slope @ at
+        return Affine(constant, sparse.csr_array(slope))
+
+    @lru_cache(maxsize=1)  # noqa: B019 - a term lives as long as its search
+    def _slope(self, unknowns: bytes) -> FloatArray:
+        """By how much the value grows with each unknown, ``(1, m)``; a step is tried more often."""
+        space = self.problem.space
+        free = np.frombuffer(unknowns)[: space.unknowns - space.link.constant.size]
+        slope = np.zeros((1, space.unknowns))
+        for index in range(free.size):
+            step = np.zeros(free.size)
+            step[index] = VALUE_STEP
+            high, low = (self._value(space.joined(free + sign * step)) for sign in (1.0, -1.0))
+            slope[0, index] = (high - low) / (2.0 * VALUE_STEP)
+        return slope
+
+    def _value(self, unknowns: FloatArray) -> float:
+        return self.worst(self.problem.space.law(unknowns, "design"))
 
 
 class Place(NamedTuple):
@@ -127,8 +282,8 @@ class Descent:
     def _goal(self, law: Law) -> float:
         if not isinstance(self.goal, Asked):
             return self.goal.worst(law) / self.goal.scale
-        sign = 1.0 if self.goal.sense == "<=" else -1.0
-        return sign * measured(self.problem, law, self.goal.term, self.goal.sense) / self.goal.scale
+        value = measured(self.problem, law, self.goal.term, self.goal.sense)
+        return sign_of(self.goal.sense) * value / self.goal.scale
 
     def run(self, unknowns: FloatArray) -> Place:
         """Downhill from a law that keeps the convex limits, to where no step is better."""
@@ -205,7 +360,7 @@ class Descent:
     @property
     def _speed(self) -> bool:
         """Whether the goal is the rigid jump speed."""
-        return isinstance(self.goal, Asked) and self.goal.term.name.startswith("jump_speed")
+        return isinstance(self.goal, Asked) and rows_of(self.goal.term).run is not None
 
     def _solved(self, here: Place, tried: list[FloatArray], spare: float) -> ProgramSolution:
         """The best law of the program near a law; while it breaks limits, the goal waits."""
@@ -219,15 +374,14 @@ class Descent:
             room = room.plus(-np.clip(ROOM * room(here.unknowns), 0.0, spare))
             program.at_least(limit.name, room, -1.0 if here.over > KEPT else 0.0)
         if here.over > KEPT:
-            none = sparse.csr_array((1, self.problem.space.unknowns))
-            program.at_least("inside", Affine(np.full(1, INSIDE), none), -1.0)
+            program.at_least("inside", Affine.number(INSIDE, program.unknowns), -1.0)
         elif not isinstance(self.goal, Asked):
             rows = self.goal.rows(here.unknowns, tried) * (-1.0 / self.goal.scale)
             program.at_least(self.goal.name, rows, -1.0)
         elif self._speed:
-            rows = force(self.problem, self._jump(here), True) * (1.0 / self.problem.force_scale)
+            rows = force_parts(self.problem, self._jump(here), True)
             program.at_least(self.goal.name, rows, -1.0)
-        elif self.goal.term.name == "residual_vibration":
+        elif rows_of(self.goal.term).in_rounds:
             self._residual = self._residual or [Residual(self.problem, self.goal, True)]
             cuts += self._residual
         else:

@@ -11,15 +11,14 @@ from matplotlib.figure import Figure
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
 from cam_rig.dynamics.kinetostatic import force_weights
-from cam_rig.law_design.pareto_front import Front
-from cam_rig.law_design.tables import LawDesign, in_words
+from cam_rig.law_design.result import Front, LawDesign
 from cam_rig.laws import Law
 from cam_rig.laws.catalogue import cam_curves
 from cam_rig.laws.figures import NAMES, PER
 from cam_rig.profile.disc import contours
 from cam_rig.show.figure import CAM_ANGLE, empty, series, styled, turn_axis
 from cam_rig.show.looks import MM, short
-from cam_rig.units import TURN, FloatArray, to_rpm
+from cam_rig.units import TURN, to_rpm
 
 #: Of the figure in inches, and points of a turn.
 HEIGHT, POINTS = 8.6, 1441
@@ -58,14 +57,14 @@ def front_figure(front: Front) -> Figure:
     out = empty(4.0)
     axes = out.subplots()
     goal, other = front.designs[0].goal, front.other
-    x = np.array(front.allowed) / other.quantity.shown
+    x = np.array(front.allowed) / other.quantity.factor
     values = [(found.goal.result, found.goal.bound) for found in front.designs]
-    result, bound = np.array(values, dtype=np.float64).T / goal.term.quantity.shown
+    result, bound = np.array(values, dtype=np.float64).T / goal.term.quantity.factor
     if not np.isnan(bound).all():  # what is not convex has none
         axes.plot(x, bound, label="bound of the class", **START)
     axes.plot(x, result, "o", ms=3.5, label="designed", **DESIGNED)
-    axes.set_xlabel(f"{other.words} [{in_words(other)}]")
-    axes.set_ylabel(f"{goal.term.words}\n[{in_words(goal.term)}]")
+    axes.set_xlabel(f"{other.words} [{other.quantity.typeset}]")
+    axes.set_ylabel(f"{goal.term.words}\n[{goal.term.quantity.typeset}]")
     axes.legend(frameon=False)
     return out
 
@@ -91,12 +90,8 @@ def _contour(axes: Axes, design: LawDesign, both: tuple[tuple[Law, str, Any], ..
     """The contours of both."""
     for law, _, style in both:
         for contour in contours(design.cam.follower, law, POINTS - 1):
-            x, y = _closed(contour.points) * MM
-            axes.plot(x, y, **style)
+            x, y = contour.points * MM
+            axes.plot(np.append(x, x[0]), np.append(y, y[0]), **style)
     axes.plot(0.0, 0.0, "+", color="0.3")
     axes.set_aspect("equal")
     axes.set_title("contour [mm]")
-
-
-def _closed(points: FloatArray) -> FloatArray:
-    return np.concatenate([points, points[:, :1]], axis=1)

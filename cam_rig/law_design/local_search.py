@@ -17,16 +17,15 @@ from scipy import sparse
 from scipy.optimize import brentq, minimize
 
 from cam_rig.errors import ConfigError, DesignError
-from cam_rig.law_design.constraints import Asked, DesignProblem, add, one_element
-from cam_rig.law_design.convex_program import Affine, RowBlock
-from cam_rig.law_design.cutting_planes import Cuts, Solver
-from cam_rig.law_design.descent import KEPT, Descent, LocalTerm, Place
-from cam_rig.law_design.measure import measured
-from cam_rig.law_design.pointwise_search import FlightLevel, PointwiseTerm, as_branch, pointwise
+from cam_rig.law_design.convex_program import Affine
+from cam_rig.law_design.cutting_planes import Best, Cuts, Solver
+from cam_rig.law_design.descent import KEPT, Descent, LocalTerm, Place, PointwiseTerm, ValueTerm
+from cam_rig.law_design.problem import Asked, DesignProblem, measured
 from cam_rig.law_design.request import SAME, Multistart
+from cam_rig.law_design.rows import add, rows_of
 from cam_rig.law_design.space import Space, retimed
-from cam_rig.law_design.terms import Limit, Term
-from cam_rig.profile.faces import GuidedCentre, GuidedFace
+from cam_rig.quantities.catalogue import DESIGNED
+from cam_rig.quantities.terms import Limit, Term
 from cam_rig.units import TURN, FloatArray
 
 #: A span is at least and at most so many times the start's, where no limit says otherwise.
@@ -148,9 +147,12 @@ class EventSpans:
         free = ("events",) if self.keep_dwells else ("events", "dwells")
         return replace(self.problem, start=law, space=space, free=free)
 
+    def _spans(self, unknowns: FloatArray) -> FloatArray:
+        return self._rounded(np.append(unknowns, 0.0) if self.keep_dwells else unknowns)
+
     def _value(self, unknowns: FloatArray) -> float:
         """What is to be small; infinite where no law was found."""
-        spans = self._rounded(np.append(unknowns, 0.0) if self.keep_dwells else unknowns)
+        spans = self._spans(unknowns)
         key = tuple(spans.tolist())
         if key not in self._known:
             self._known[key] = np.inf
@@ -175,11 +177,7 @@ class EventSpans:
                     place,
                     method="Nelder-Mead",
                     bounds=bounds,
-                    options={
-                        "xatol": NEAR,
-                        "fatol": LEVEL * abs(first),
-                        "maxfev": DESIGNS * size,
-                    },
+                    options={"xatol": NEAR, "fatol": LEVEL * abs(first), "maxfev": DESIGNS * size},
                 )
                 found.append((float(end.fun), end.x))
         if not found:
@@ -187,9 +185,8 @@ class EventSpans:
                 f"no spans of events that were tried have a law; of the last: {self._why}"
             )
         value, unknowns = min(found, key=lambda pair: pair[0])
-        near = sum(other <= value + SAME * abs(value) for other, _ in found)
-        spans = self._rounded(np.append(unknowns, 0.0) if self.keep_dwells else unknowns)
-        return self.moved(spans), replace(asked, near=near)
+        same = sum(other <= value + SAME * abs(value) for other, _ in found)
+        return self.moved(self._spans(unknowns)), replace(asked, near=same)
 
     def _places(self, asked: Multistart) -> Iterator[FloatArray]:
         """Unknowns to begin from: spans nearest to the start's, and random ones that have a law."""
@@ -247,18 +244,14 @@ def _near_start(solver: Solver, cuts: list[Cuts]) -> FloatArray:
     u = np.linspace(0.0, 1.0, space.parts + 1)
     angles = (space.breaks[:-1, None] + u * space.spans[:, None]).ravel()
     apart = space.points(space.lift).plus(-problem.start(np.minimum(angles, space.breaks[-1])))
-    none = Affine(np.zeros(1), sparse.csr_array((1, space.unknowns)))
-    cone = Affine.stacked([none, apart * (1.0 / problem.start.lift)])
-    weight = np.zeros(cone.constant.size)
-    weight[0] = -1.0
-    program.blocks.append(RowBlock("start", cone, weight, "cone", weight.size))
+    program.within("start", apart * (1.0 / problem.start.lift), weight=-1.0)
     return solver.settled(program, cuts).unknowns
 
 
 def _best(solver: Solver, cuts: list[Cuts], goal: str) -> FloatArray:
     program = solver.static(True)
     scale = solver.problem.start.lift
-    add(program, solver.problem, Asked(Term(goal), "<=", None, scale), True)
+    add(program, solver.problem, Asked(Term(DESIGNED[goal]), "<=", None, scale), True)
     return solver.settled(program, cuts).unknowns
 
 
@@ -275,28 +268,6 @@ def _corner(solver: Solver, cuts: list[Cuts], random: np.random.Generator) -> Fl
 # The best of several descents: a seeded multistart, the same for the same seed.
 
 
-@dataclass(frozen=True)
-class LocalBest:
-    """The best law of several descents: no bound says how much better another may be.
-
-    ``active`` names the limits that hold it, ``rounds`` is how many programs were solved.
-    """
-
-    unknowns: FloatArray
-    active: tuple[str, ...]
-    rounds: int
-    multistart: Multistart
-
-
-def is_local(problem: DesignProblem, term: Term, goal: bool = False) -> bool:
-    """Whether a goal or a limit is not convex, for the cam's follower."""
-    if term.name == "pressure_angle":
-        return goal or not isinstance(one_element(problem), GuidedCentre)
-    if term.name == "radius_of_curvature":
-        return not isinstance(one_element(problem), GuidedFace)
-    return term.name in ("shaft_torque", "sound_level_with_jumps")
-
-
 @dataclass(eq=False)
 class LocalSearch:
     """The search of one goal from several laws.
@@ -311,14 +282,14 @@ class LocalSearch:
     on_best: Callable[[FloatArray, float], None] = lambda _x, _v: None
 
     def __post_init__(self) -> None:
-        convex = [x for x in self.limits if not is_local(self.problem, x.term)]
+        convex = [x for x in self.limits if not rows_of(x.term).is_local(self.problem)]
         self.solver = Solver(self.problem, self.goal, convex)
-        own = self._term(self.goal) if is_local(self.problem, self.goal.term, True) else self.goal
-        two_masses = ("jump_speed", "jump_speed_steady") if self.problem.two_masses else ()
-        if isinstance(own, Asked) and own.term.name in two_masses:
+        rows = rows_of(self.goal.term)
+        own = self._term(self.goal) if rows.is_local(self.problem, True) else self.goal
+        if rows.run is not None and not rows.run.rigid and self.problem.two_masses:
             raise ConfigError(
-                f"goal {own.term.key}: stands beside a limit that is not convex; allowed: it as a "
-                "limit, such as jump_speed>=450rpm, or the goal jump_speed_rigid"
+                f"goal {self.goal.term.key}: stands beside a limit that is not convex; allowed: it "
+                "as a limit, such as jump_speed>=450rpm, or the goal jump_speed_rigid"
             )
         limits = [self._term(x) for x in self.limits if x not in convex]
         self.cuts = self.solver.cuts(True)
@@ -326,19 +297,12 @@ class LocalSearch:
         self.best_goal = np.inf
 
     def _term(self, asked: Asked) -> LocalTerm:
-        if asked.term.name == "sound_level_with_jumps":
-            return FlightLevel(self.problem, asked.name, asked.term, asked.value)
-        if asked.term.name == "pressure_angle" and isinstance(
-            one_element(self.problem), GuidedFace
-        ):
-            raise ConfigError(
-                f"{asked.term.key}: the follower is {self.problem.cam.follower.type}, whose "
-                "pressure angle no law changes; allowed: a roller, a point, or an arm"
-            )
-        allowed = None
+        rows = rows_of(asked.term)
+        if rows.branches is None:
+            return ValueTerm(self.problem, asked)
+        branches, allowed = rows.branches(self.problem, asked.term), None
         if asked.value is not None:
-            allowed = as_branch(self.problem, asked.term, asked.value)
-        branches = pointwise(self.problem, asked.term)
+            allowed = rows.on_branches(self.problem, asked.term, asked.value)
         found = PointwiseTerm(self.problem, asked.name, branches, allowed)
         if allowed is not None and found.at_rest > allowed + KEPT * found.scale:
             raise DesignError(
@@ -356,7 +320,7 @@ class LocalSearch:
             self.best_goal = place.goal
             self.on_best(place.unknowns, self._value(place))
 
-    def best(self) -> LocalBest:
+    def best(self) -> Best:
         """The best law of all descents."""
         asked = self.multistart
         ends = [self.descent.run(x) for x in starts(self.solver, self.cuts, asked)]
@@ -372,4 +336,5 @@ class LocalSearch:
         best = min(kept, key=lambda end: end.goal)
         room = SAME * abs(best.goal)
         near = sum(end.goal <= best.goal + room for end in kept)
-        return LocalBest(best.unknowns, best.active, self.solver.rounds, replace(asked, near=near))
+        found = Best(best.unknowns, active=best.active, rounds=self.solver.rounds)
+        return replace(found, multistart=replace(asked, near=near))

@@ -1,6 +1,6 @@
 """The follower's vibration as a linear function of a design's unknowns, at one speed.
 
-The end mass vibrates about its static place: η̈ + 2ζω η̇ + ω² η = d₁ ṡ + d₂ s̈. One complex
+One complex
 amplitude a with (η, η̇) = 2 Re a (1, λ) grows by ∫ e^{λ(t − τ)} (d₁ ṡ + d₂ s̈)/(λ − λ̄) dτ, which
 is linear in the law; Gauss points in cells of little phase give it to rounding.
 """
@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.errors import ConfigError
 from cam_rig.law_design.convex_program import Affine
 from cam_rig.law_design.space import Space
 from cam_rig.laws import bernstein
+from cam_rig.quantities.mode import Mode
 from cam_rig.units import TURN, ComplexArray, FloatArray, to_rpm
 
 #: Gauss points of a cell, and the phase (rad) of the vibration in it at most.
@@ -28,59 +28,6 @@ GAUSS, CELL_PHASE = 5, 0.3
 
 #: Cells of an event, at most.
 MAX_CELLS = 8000
-
-
-@dataclass(frozen=True)
-class Mode:
-    """One mode in contact: λ (1/s), its drive by ṡ and s̈, and what it adds to the contact force.
-
-    Parameters
-    ----------
-    rate : λ, the one of positive imaginary part
-    drive : d₁ (1/s) and d₂
-    state : what η and η̇ add to the contact force, N/m and N·s/m
-    motion : what s, ṡ and s̈ do
-    constant : N
-    """
-
-    rate: complex
-    drive: tuple[float, float]
-    state: tuple[float, float]
-    motion: tuple[float, float, float]
-    constant: float
-
-    @property
-    def shown(self) -> complex:
-        """What an amplitude adds to the contact force, half of it."""
-        return self.state[0] + self.state[1] * self.rate
-
-    @classmethod
-    def of(cls, follower: TwoMassParameters | FollowerParameters) -> Mode:
-        """Of two masses, or of one on its elastic stem (eq. 5 of the paper)."""
-        p = follower
-        if isinstance(p, TwoMassParameters):
-            mass, stiffness = p.end_mass, p.stiffness
-            damping, share, roller = p.stem_damping + p.damping, p.share, p.roller_mass
-            stem, stem_damping = p.stem_stiffness, p.stem_damping
-        else:
-            mass, stiffness = p.mass, p.spring_stiffness + p.stem
-            damping, share, roller = p.damping, p.stem / stiffness, 0.0
-            stem, stem_damping = p.stem, 0.0
-        half = 0.5 * damping / mass
-        square = stiffness / mass - half**2
-        if square <= 0.0:
-            raise ConfigError(
-                f"the stem does not vibrate: its damping is {damping:g} N·s/m; allowed for a "
-                f"residual vibration: below {2.0 * math.sqrt(stiffness * mass):.4g} N·s/m"
-            )
-        left = p.spring_stiffness / stiffness
-        return cls(
-            rate=complex(-half, math.sqrt(square)),
-            drive=((stem_damping - damping * share) / mass, -share),
-            state=(-stem, -stem_damping),
-            motion=(stem * left, stem_damping * left, roller),
-            constant=p.preload * (share if isinstance(p, TwoMassParameters) else 1.0),
-        )
 
 
 class Dense(NamedTuple):

@@ -13,9 +13,10 @@ from scipy import sparse
 from scipy.interpolate import BSpline
 
 from cam_rig.errors import ConfigError
-from cam_rig.law_design.terms import PEAKS, Limit, Sense, Term, parse_goal, parse_limit
 from cam_rig.laws.spline import bezier_pieces
-from cam_rig.schema.load import load, read_yaml
+from cam_rig.quantities.catalogue import DESIGNED
+from cam_rig.quantities.terms import Limit, Sense, Term, parse_limit, parse_term
+from cam_rig.schema.load import read_yaml
 from cam_rig.schema.quantity import Strict
 from cam_rig.units import FloatArray
 
@@ -51,11 +52,6 @@ class DesignConfig(Strict):
         return self
 
 
-def load_design(path: Path) -> DesignConfig:
-    """Read a design file."""
-    return load(path, DesignConfig)
-
-
 def is_design(path: Path) -> bool:
     """Whether a file is a design and not a cam."""
     if not path.is_file():
@@ -75,22 +71,9 @@ MAX_ORDINATES = 500
 
 @dataclass(frozen=True)
 class LawClass:
-    """B-splines of a degree in equal pieces of each event, Cᵏ where they meet.
+    """B-splines in equal pieces of each event; ``joints`` k: Cᵏ where they meet, and at its ends.
 
-    Parameters
-    ----------
-    pieces : of each event
-    joints : k, derivatives that are continuous at joints and at the ends of events
-    degree : of the pieces; by default k + 2
-
-    Raises
-    ------
-    ConfigError : out of the limits, a degree not above ``joints``, or nothing left to choose
-
-    Examples
-    --------
-    >>> LawClass(pieces=16, joints=3).free
-    28
+    Their degree is by default k + 2.
     """
 
     pieces: int = 16
@@ -188,18 +171,7 @@ SAME = 1e-3
 
 @dataclass(frozen=True)
 class Multistart:
-    """A search from several laws.
-
-    Parameters
-    ----------
-    starts : how many
-    seed : of the random ones among them
-    near : how many ended within 0.1 % of the best; 0 before it ran
-
-    Raises
-    ------
-    ConfigError : out of the limits
-    """
+    """A search from several laws, of which so many (``near``) ended within 0.1 % of the best."""
 
     starts: int = STARTS
     seed: int = 1
@@ -228,21 +200,29 @@ def _kept(keep: Sequence[str], limits: Sequence[Limit]) -> tuple[str, ...]:
     if not found:
         allowed = " or ".join(",".join(own) for own in KEEP)
         raise ConfigError(f"keep: is {','.join(keep)!r}; allowed: {allowed}")
-    if "events" in found[0] and any(limit.term.name == "event_angle" for limit in limits):
+    if "events" in found[0] and any(x.term.quantity.where == "event" for x in limits):
         raise ConfigError("limit event_angle: events stay; allowed: with keep dwells,lift or lift")
     return found[0]
 
 
+def parse_goal(text: str) -> Term:
+    """A goal: a quantity that may be one."""
+    term = parse_term(text, DESIGNED)
+    if not term.quantity.goal:
+        goals = [name for name, quantity in DESIGNED.items() if quantity.goal]
+        raise ConfigError(f"{term.name} is a limit, not a goal; goals: {', '.join(goals)}")
+    return term
+
+
+def parse_second(text: str) -> Term:
+    """The other quantity of a front: what may be a goal, or an event's span."""
+    term = parse_term(text, DESIGNED)
+    return term if term.quantity.where == "event" else parse_goal(text)
+
+
 @dataclass(frozen=True)
 class DesignRequest:
-    """What is asked: a goal with its sense, limits, the class of laws, and how it is searched.
-
-    Examples
-    --------
-    >>> request = DesignRequest.of(maximise="jump_speed", limits=["peak_acceleration<=start"])
-    >>> request.words
-    'maximise jump speed from rest'
-    """
+    """What is asked: a goal with its sense, limits, the class of laws, and how it is searched."""
 
     goal: Term
     sense: Sense
@@ -270,23 +250,16 @@ class DesignRequest:
         if sense not in goal.quantity.senses:
             other = "maximise" if sense == "<=" else "minimise"
             raise ConfigError(f"goal {goal.key}: allowed: {other}; the other way is not convex")
-        asked = tuple(map(parse_limit, limits))
-        found = cls(
-            goal,
-            sense,
-            asked,
-            law_class or LawClass(),
-            multistart or Multistart(),
-            _kept(keep, asked),
-        )
-        for term in (goal, *(limit.term for limit in found.limits)):
-            order = PEAKS.get(term.name, 0)
-            if found.law_class.joints < order - 1:
+        asked = tuple(parse_limit(text, DESIGNED) for text in limits)
+        own, kept = law_class or LawClass(), _kept(keep, asked)
+        for term in (goal, *(limit.term for limit in asked)):
+            order = term.quantity.order
+            if own.joints < order - 1:
                 raise ConfigError(
-                    f"{term.key}: has no bound with joints C{found.law_class.joints}, where a "
-                    f"lower derivative may step; allowed: C{order - 1} and above"
+                    f"{term.key}: has no bound with joints C{own.joints}, where a lower "
+                    f"derivative may step; allowed: C{order - 1} and above"
                 )
-        return found
+        return cls(goal, sense, asked, own, multistart or Multistart(), kept)
 
     @classmethod
     def of_config(cls, config: DesignConfig) -> DesignRequest:

@@ -18,9 +18,11 @@ from scipy import sparse
 
 from cam_rig.dynamics.jump.jump_speed import Jump
 from cam_rig.errors import DynamicsError
-from cam_rig.law_design.constraints import SPARE, Asked, DesignProblem
 from cam_rig.law_design.convex_program import Affine, ProgramSolution, RowBlock
 from cam_rig.law_design.modal_amplitude import Cells, Dense, ForceAtSpeed, Linear
+from cam_rig.law_design.problem import SPARE, Asked, DesignProblem
+from cam_rig.quantities.mode import peaks, speeds_of
+from cam_rig.quantities.values import MISSED
 from cam_rig.units import RPM, TURN, FloatArray, to_rpm
 
 #: The grid goes down to this part of the speed, in steps that turn the phase by this much (rad)
@@ -241,52 +243,23 @@ def lowest(above: FloatArray) -> NDArray[np.intp]:
 
 # Residual vibration: the amplitude that an event alone leaves, at every speed of a range.
 
-#: Speeds a beat: the largest between two of them is missed by 0.4 % at most.
-A_BEAT, FIRST_EVERY = 32, 8
-
-#: Peaks that are looked at are no farther below what is allowed, on the grid.
-MISSED = 0.01
+#: Every so many-th speed is in the first program.
+FIRST_EVERY = 8
 
 #: A cut is made where the law exceeds what the program allowed by so much.
 WORSE = 1e-4
 
-#: Speeds of a range, at most, and numbers of a table of phases that is made at once.
-MAX_RESIDUAL_SPEEDS, MAX_TABLE = 4096, 2_000_000
-
-
-def speeds_of(problem: DesignProblem, low: float, high: float) -> FloatArray:
-    """Speeds (rad/s) of a range, falling and even in 1/Ω, so many a beat of the longest event."""
-    if low == high:
-        return np.array([low])
-    longest = max(event.span for event in problem.space.events)
-    beats = longest * problem.mode.rate.imag * (1.0 / low - 1.0 / high) / TURN
-    count = min(MAX_RESIDUAL_SPEEDS, max(8, math.ceil(beats * A_BEAT)))
-    return np.asarray(1.0 / np.linspace(1.0 / high, 1.0 / low, count + 1))
-
-
-def peaks(speeds: FloatArray, amplitudes: FloatArray, above: float) -> FloatArray:
-    """Where a curve ``(n,)`` over speeds even in 1/Ω is highest, at peaks above a value, rad/s.
-
-    Of a parabola through the squares at three speeds; an end that is the highest is one too.
-    """
-    padded = np.pad(amplitudes, 1, constant_values=-np.inf)
-    at = np.flatnonzero(
-        (amplitudes >= padded[:-2]) & (amplitudes >= padded[2:]) & (amplitudes > above)
-    )
-    inner = (at > 0) & (at < amplitudes.size - 1)
-    below, here, beyond = (amplitudes[(at[inner] + k)] ** 2 for k in (-1, 0, 1))
-    bend = 2.0 * here - below - beyond
-    shift = np.divide(0.5 * (beyond - below), bend, out=np.zeros(bend.size), where=bend > 0.0)
-    found = 1.0 / speeds[at]
-    found[inner] += shift * (1.0 / speeds[at[inner] + 1] - found[inner])
-    return np.asarray(1.0 / found)
+#: Numbers of a table of phases that is made at once.
+MAX_TABLE = 2_000_000
 
 
 @lru_cache(maxsize=4)
-def left(problem: DesignProblem, low: float, high: float) -> list[Linear]:
-    """What each event leaves at the speeds of a range."""
-    cells, speeds = Cells(problem.space, problem.mode, low), speeds_of(problem, low, high)
-    return [left_by_event(cells, e, speeds) for e in range(len(problem.space.events))]
+def left(problem: DesignProblem, low: float, high: float) -> tuple[FloatArray, list[Linear]]:
+    """Speeds (rad/s) of a range, and what each event leaves at them."""
+    events = problem.space.events
+    cells = Cells(problem.space, problem.mode, low)
+    speeds = speeds_of(problem.mode, max(event.span for event in events), low, high)
+    return speeds, [left_by_event(cells, e, speeds) for e in range(len(events))]
 
 
 def left_by_event(cells: Cells, event: int, speeds: FloatArray) -> Linear:
@@ -324,8 +297,7 @@ class Residual:
     def __post_init__(self) -> None:
         term = self.asked.term
         self.cells = Cells(self.problem.space, self.problem.mode, term.low)
-        self.speeds = speeds_of(self.problem, term.low, term.high)
-        self.left = left(self.problem, term.low, term.high)
+        self.speeds, self.left = left(self.problem, term.low, term.high)
         for linear in self.left:
             self._add(Linear(linear.constant[::FIRST_EVERY], linear.matrix[::FIRST_EVERY]))
 

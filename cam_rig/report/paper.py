@@ -16,7 +16,7 @@ from cam_rig.dynamics.jump.any_follower import JumpRow
 from cam_rig.dynamics.jump.jump_speed import FROM_REST
 from cam_rig.files import no_room, temporary_folder
 from cam_rig.law_design.pareto_front import paper_designs
-from cam_rig.law_design.tables import LawDesign
+from cam_rig.law_design.result import LawDesign
 from cam_rig.laws import Law
 from cam_rig.laws import figures as law_figures
 from cam_rig.laws.cam import CamSet, open_cam_set

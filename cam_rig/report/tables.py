@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pydantic import BaseModel
 
 from cam_rig.dynamics.jump.jump_speed import FROM_REST
-from cam_rig.law_design.pareto_front import designs_table
+from cam_rig.law_design.result import designs_table
 from cam_rig.laws import Law
 from cam_rig.laws.law import continuity_in_words, extremes
 from cam_rig.laws.segments import NAMED_RISES
@@ -103,7 +103,7 @@ def _listed(found: Findings) -> dict[str, list[DataTable]]:
         "noise": [*noise.tables(found.noise, published), *recorded],
         "orders": _orders(found),
         "question": factorial.tables(found.factorial, titles),
-        "design": [designs_table(found.designs, titles)] if found.designs else [],
+        "design": designs_table(found.designs).to_show(titles),
         "numbers": [origins_table(name, model) for name, model in files(found).items()],
         "reading": [misprints_table()],
     }

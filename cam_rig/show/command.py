@@ -61,10 +61,10 @@ class Bar(Steps):
         self._task: Any = None
 
     def begin(self, total: int | None, words: str = "") -> None:
-        """A bar of its own in place of the one before."""
-        if self._task is None:
+        """A bar of its own in place of the one before; none where there is no terminal."""
+        if self._task is None and console.is_terminal:
             self._bar.start()
-        else:
+        elif self._task is not None:
             self._bar.remove_task(self._task)
         self._task = self._bar.add_task(words, total=total)
 
@@ -78,7 +78,7 @@ class Bar(Steps):
 
     def end(self) -> None:
         """Take it away."""
-        if self._task is not None:
+        if self._task is not None and console.is_terminal:  # else it leaves an empty line
             self._bar.stop()
 
 

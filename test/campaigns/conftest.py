@@ -1,8 +1,11 @@
-"""Studies made on the spot."""
+"""Studies made on the spot, and what comes of them."""
 
 import pytest
 
-from cam_rig.campaigns.campaign import campaign_from
+from cam_rig.campaigns.campaign import campaign_from, measure_batch
+from cam_rig.campaigns.dataset import CampaignDataset
+from cam_rig.campaigns.results import CampaignResult
+from cam_rig.campaigns.run import InThisProcess, run_campaign
 from cam_rig.schema.load import Library, config_root
 
 
@@ -20,5 +23,30 @@ def study():
             "measures": ["jump_speed_rigid"],
         }
         return campaign_from(data | parts, Library((config_root(),)))
+
+    return made
+
+
+@pytest.fixture(scope="session")
+def measured(study):
+    """All points of a grid, by default of one: the campaign and its rows."""
+
+    def made(*measures, vary=None, **parts):
+        vary = vary or {"rig.follower.preload": {"values": [30.6], "unit": "N"}}
+        campaign = study(vary=vary, measures=list(measures), plan={"kind": "grid"}, **parts)
+        return campaign, measure_batch(campaign, 0, campaign.total)
+
+    return made
+
+
+@pytest.fixture(scope="session")
+def results(study):
+    """The result of a campaign, made in this process."""
+
+    def made(folder, **parts):
+        dataset = CampaignDataset(folder, study(**parts))
+        with dataset.opened(False):
+            run_campaign(dataset, InThisProcess(), 1)
+        return CampaignResult(dataset)
 
     return made

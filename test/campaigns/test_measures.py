@@ -1,4 +1,4 @@
-"""What is measured of a point: the rig's own numbers, rows where there is none, and 20 draws."""
+"""What is measured of a point: settled runs, the rig's own numbers, rows where there is none."""
 
 import math
 from types import SimpleNamespace
@@ -8,36 +8,36 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import cam_rig
-from cam_rig.campaigns.measures import MEASURES, parse_limits, parse_measures
-from cam_rig.campaigns.point import make_point, measure_batch
-from cam_rig.dynamics import TwoMassParameters
+from cam_rig.campaigns.campaign import campaign_from, make_point, measure_batch
+from cam_rig.campaigns.measures import parse_limits, parse_measures
+from cam_rig.dynamics import FollowerParameters, TwoMassParameters
+from cam_rig.dynamics.vibration import residual_vibration
 from cam_rig.errors import ConfigError
+from cam_rig.quantities.catalogue import DESIGNED, measured_in
+from cam_rig.quantities.steady import MOST_TURNS, SETTLED, scene_at, steady_row
+from cam_rig.quantities.terms import parse_limit, sign_of
+from cam_rig.schema.load import Library, config_root
 from cam_rig.units import RPM, TURN
 
 PRELOAD = "rig.follower.preload"
+BASE = {"cam": "poly345", "rig": "paper_table2"}
 WAVE = {
     "profile.waviness.amplitude": {"values": [2], "unit": "um"},
     "profile.waviness.wavelength": {"values": [10], "unit": "deg"},
 }
-GRID = {"kind": "grid"}
 
 
-def measured(study, vary, *measures, **parts):
-    campaign = study(vary=vary, measures=list(measures), plan=GRID, **parts)
-    return measure_batch(campaign, 0, campaign.total)
-
-
-def test_a_wave_at_the_stems_resonance_takes_a_fifth_of_the_jump_speed(study):
+def test_a_wave_at_the_stems_resonance_takes_a_fifth_of_the_jump_speed(measured):
     """2 µm of 10°: from 413 to about 320 rpm; 1e-12 m changes nothing."""
-    rows = measured(study, WAVE, "jump_speed")
+    _, rows = measured("jump_speed", vary=WAVE)
     assert rows.measures[0, 0] == pytest.approx(320.0, abs=1.0)
     tiny = WAVE | {"profile.waviness.amplitude": {"values": [0.0, 1e-12], "unit": "m"}}
-    none, least = measured(study, tiny, "jump_speed").measures[:, 0]
+    none, least = measured("jump_speed", vary=tiny)[1].measures[:, 0]
     assert none == pytest.approx(413.44, abs=0.005)
     assert least == pytest.approx(none, rel=1e-6)
 
 
-def test_measures_are_those_of_the_commands(study):
+def test_measures_are_those_of_the_commands(measured):
     """At the base, each is what the library gives on its own."""
     law, rig = cam_rig.build_law(cam_rig.load_cam("poly345")), cam_rig.load_rig("paper_table2")
     names = [
@@ -46,8 +46,7 @@ def test_measures_are_those_of_the_commands(study):
         "sound_level@300rpm",
         "peak_contact_force_rigid@300rpm",
     ]
-    vary = {PRELOAD: {"values": [30.6], "unit": "N"}}
-    found = measured(study, vary, *names).measures[0]
+    found = measured(*names)[1].measures[0]
     motion = cam_rig.simulate(law, rig, model="two_mass", rpm=300, turns=33)
     expected = [
         cam_rig.jump_speed(law, rig).rpm,
@@ -58,43 +57,40 @@ def test_measures_are_those_of_the_commands(study):
     assert found == pytest.approx(expected, rel=2e-6)
 
 
-def test_every_measure_has_a_number(study):
+def test_every_measure_has_a_number(measured):
     """On the paper's rig, finite ones, at one speed each where they have one."""
-    texts = [
-        name + {"rpm": "@300rpm"}.get(quantity.where, "")
-        for name, (quantity, _) in MEASURES.items()
-    ]
-    rows = measured(study, {PRELOAD: {"values": [30.6], "unit": "N"}}, *texts)
+    known = measured_in("two_mass")
+    _, rows = measured(*(f"{name}@300rpm" if one.where else name for name, one in known.items()))
     assert rows.reasons == ("",)
     assert np.isfinite(rows.measures).all()
 
 
-def test_no_jump_speed_is_a_number_too(study):
+def test_no_jump_speed_is_a_number_too(measured):
     """0 where contact is lost at every speed, ∞ where at none: rows, not errors."""
     loose = {PRELOAD: {"values": [0], "unit": "N"}}
-    rows = measured(study, loose, "jump_speed", "jump_speed_rigid")
+    _, rows = measured("jump_speed", "jump_speed_rigid", vary=loose)
     assert rows.measures.tolist() == [[0.0, 0.0]]
     firm = {"cam.lift": {"values": [1e-9], "unit": "mm"}}
-    rows = measured(study, firm, "jump_speed_rigid", base={"cam": "poly345", "rig": "tm21"})
+    _, rows = measured("jump_speed_rigid", vary=firm, base={"cam": "poly345", "rig": "tm21"})
     assert (rows.measures[0, 0], rows.reasons) == (pytest.approx(math.inf), ("",))
 
 
-def test_what_cannot_be_made_is_a_row_with_its_reason(study):
+def test_what_cannot_be_made_is_a_row_with_its_reason(measured):
     """A mass below zero, a turn that is not one: no number, and why; the others are untouched."""
-    rows = measured(study, {"rig.follower.mass": {"values": [-1, 1.3], "unit": "kg"}}, "jump_speed")
+    mass = {"rig.follower.mass": {"values": [-1, 1.3], "unit": "kg"}}
+    _, rows = measured("jump_speed", vary=mass)
     assert "follower.mass" in rows.reasons[0]
     assert np.isnan(rows.measures[0, 0])
     assert rows.reasons[1] == ""
     assert rows.measures[1, 0] > 400.0
     span = {"cam.segments[1].span": {"values": [100], "unit": "deg"}}
-    assert "missing 17.5°" in measured(study, span, "jump_speed").reasons[0]
+    assert "missing 17.5°" in measured("jump_speed", vary=span)[1].reasons[0]
 
 
-def test_a_measure_that_fails_leaves_the_others(study):
+def test_a_measure_that_fails_leaves_the_others(measured):
     """No shaft on the rig: twist has a reason, the jump speed a number."""
-    vary = {PRELOAD: {"values": [40], "unit": "N"}}
     base = {"cam": "poly345", "rig": "tm21"}
-    rows = measured(study, vary, "twist@300rpm", "jump_speed_rigid", base=base)
+    _, rows = measured("twist@300rpm", "jump_speed_rigid", base=base)
     assert rows.reasons[0].startswith("twist@300rpm: ")
     assert np.isnan(rows.measures[0]).tolist() == [True, False]
 
@@ -107,6 +103,145 @@ def test_unknown_measures_and_limits_are_refused():
         parse_limits(["twist@300rpm<=1deg"], parse_measures(["jump_speed"], "two_mass"), "two_mass")
     with pytest.raises(ConfigError, match="stands twice"):
         parse_measures(["jump_speed", "jump_speed"], "two_mass")
+
+
+# Settled runs of the scene's model.
+
+
+@pytest.mark.variants(2)
+@pytest.mark.parametrize("model", ["two_mass", "elastic_stem"])
+@pytest.mark.parametrize("cam", ["poly345", "cycloidal", "bezier15"])
+def test_forces_in_contact_are_of_the_steady_state(measured, model, cam):
+    """To 1e-6 of those of a long run, and between its samples too."""
+    names = [f"{name}_contact_force@290rpm" for name in ("least", "peak")]
+    found = measured(*names, base=BASE | {"model": model, "cam": cam})[1].measures[0]
+    law, rig = cam_rig.build_law(cam_rig.load_cam(cam)), cam_rig.load_rig("paper_table2")
+    motion = cam_rig.simulate(law, rig, model=model, rpm=290, turns=30, sample_rate=200_000)
+    force = motion.force[motion.time > 28 * 60 / 290]
+    assert found == pytest.approx([force.min(), force.max()], abs=1e-5 * force.max())
+    assert found[0] <= force.min() * (1.0 + 1e-6)
+    assert found[1] >= force.max() * (1.0 - 1e-6)
+
+
+@pytest.mark.parametrize("model", ["kinetostatic", "one_mass", "two_mass", "elastic_stem"])
+def test_forces_do_not_depend_on_the_turns_of_the_scene(measured, model):
+    """Of two turns or ten: a settled follower does the same in each of them."""
+    campaign, _ = measured("peak_contact_force@300rpm", base=BASE | {"model": model})
+    point = make_point(campaign, np.array([30.6]))
+    rows = []
+    for turns in (2.0, 10.0):
+        program = point.scene.program.model_copy(
+            update={"turns": point.scene.program.turns.model_copy(update={"assumed": turns})}
+        )
+        scene = scene_at(point.scene.model_copy(update={"program": program}), 300 * RPM)
+        row, settled = steady_row(point.law, point.rig, scene, 300 * RPM)
+        assert settled
+        rows.append([row.force_peak, row.force_least, row.torque_peak, row.level_db])
+    assert rows[0] == pytest.approx(rows[1], rel=SETTLED)
+
+
+def test_a_follower_that_lifts_off_is_settled_or_said_not_to_be(measured):
+    """Above the jump speed its flights repeat turn by turn; where not, the row says it."""
+    _, rows = measured("lift_offs@450rpm", "peak_contact_force@450rpm")
+    assert rows.status == ["ok"]
+    assert rows.measures[0, 0] > 0.0
+    stiff = {"rig.follower.restitution": {"values": [0.9], "unit": "1"}}
+    _, rows = measured("peak_contact_force@900rpm", vary=stiff)
+    assert rows.status == ["unsettled"]
+    assert f"not settled to 1e-06 in {MOST_TURNS} turns" in rows.reasons[0]
+    assert np.isfinite(rows.measures).all()
+
+
+def test_what_does_not_settle_is_told_with_the_tables(results, tmp_path):
+    """How many points, and of which turns their numbers are."""
+    stiff = {"rig.follower.restitution": {"values": [0.0, 0.9], "unit": "1"}}
+    found = results(
+        tmp_path, vary=stiff, measures=["peak_contact_force@900rpm"], plan={"kind": "grid"}
+    )
+    assert found.failed == 0
+    (table,) = found.to_show()
+    assert "of 2 points" in table.notes[-1]
+    assert f"in {MOST_TURNS} turns" in table.notes[-1]
+
+
+def test_one_rigid_mass_is_the_same_by_either_name(measured):
+    """The scene's model one_mass gives what the names of one rigid mass do, and two masses not."""
+    names = [f"{n}_contact_force{r}@300rpm" for r in ("", "_rigid") for n in ("peak", "least")]
+    _, rigid = measured(*names, base=BASE | {"model": "one_mass"})
+    assert rigid.measures[0, :2] == pytest.approx(rigid.measures[0, 2:], rel=1e-9)
+    _, two = measured(*names, base=BASE | {"model": "two_mass"})
+    assert two.measures[0, 2:] == pytest.approx(rigid.measures[0, 2:], rel=1e-12)
+    assert two.measures[0, 0] > 1.02 * two.measures[0, 2]
+    assert two.measures[0, 1] < 0.8 * two.measures[0, 3]
+
+
+def test_titles_say_the_model(measured):
+    """A number of a run is nothing without it."""
+    for model, words in {"two_mass": "of two masses", "one_mass": "of one rigid mass"}.items():
+        campaign, _ = measured("peak_contact_force@300rpm", base=BASE | {"model": model})
+        assert words in campaign.measures[0].term.words
+
+
+@pytest.mark.parametrize(
+    ("goal", "limit"),
+    [
+        ("peak_acceleration", "peak_contact_force_rigid@450rpm<=252N"),
+        ("peak_contact_force_rigid@300rpm", "least_contact_force_rigid@400rpm>=14N"),
+        ("peak_acceleration", "jump_speed_rigid>=455rpm"),
+    ],
+)
+def test_a_limit_kept_in_a_design_is_kept_in_a_campaign(tmp_path, goal, limit):
+    """The same name is the same number of the same cam, to 1e-9."""
+    rig = cam_rig.load_rig("paper_table2")
+    start = cam_rig.load_cam("poly345")
+    found = cam_rig.design(start, rig, minimise=goal, limits=[limit], pieces=4)
+    path = tmp_path / "cams" / "designed_here.yaml"
+    path.parent.mkdir()
+    path.write_text(found.text, encoding="utf-8")
+    names = list(dict.fromkeys(text.partition("<")[0].partition(">")[0] for text in (limit, goal)))
+    shared = [name for name in names if "acceleration" not in name]
+    campaign = campaign_from(
+        {
+            "name": "check", "title": "check",
+            "base": {"cam": str(path), "rig": "paper_table2"},
+            "vary": {PRELOAD: {"values": [30.6], "unit": "N"}}, "plan": {"kind": "grid"},
+            "measures": shared, "limits": [limit],
+        },
+        Library((tmp_path, config_root())),
+    )  # fmt: skip
+    rows = measure_batch(campaign, 0, 1)
+    for column, name in enumerate(shared):
+        told = next(one for one in found.measures if one.term.key == name)
+        factor = campaign.measures[column].factor
+        assert rows.measures[0, column] * factor == pytest.approx(told.result, rel=1e-9), name
+    asked = parse_limit(limit, DESIGNED)
+    sign = sign_of(asked.sense)
+    value = rows.measures[0, 0] * campaign.measures[0].factor
+    assert sign * value <= sign * asked.value * (1.0 + sign * 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("measure", "instead"),
+    [("residual_vibration@300rpm", "residual_vibration_steady"), ("jump_sped", "jump_speed")],
+)
+def test_a_name_with_another_meaning_is_refused_with_its_own(measured, measure, instead):
+    """What a design calls residual vibration one event leaves; a campaign's is the steady state."""
+    with pytest.raises(ConfigError, match=f"did you mean '{instead}'"):
+        measured(measure)
+
+
+def test_steady_vibration_is_that_of_the_whole_turn(measured):
+    """What the events leave meets what is left of the turns before: not what one event leaves."""
+    _, rows = measured("residual_vibration_steady@300rpm")
+    cam, rig = cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2")
+    law = cam_rig.build_law(cam)
+    one = cam_rig.design(cam, rig, minimise="residual_vibration@300rpm", pieces=4)
+    steady = residual_vibration(law, FollowerParameters.from_rig(rig), np.array([300.0 * RPM]))
+    assert rows.measures[0, 0] == pytest.approx(steady[0], rel=1e-12)
+    assert rows.measures[0, 0] > 2.0 * one.goal.start
+
+
+# Twenty draws by an independent integrator.
 
 
 @pytest.mark.long

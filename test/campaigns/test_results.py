@@ -1,25 +1,31 @@
-"""Quantiles and yields with their errors, shares of a known function."""
+"""Quantiles and yields with their errors, shares of a known function, exact derivatives."""
 
 import math
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from scipy.stats import norm
 
-from cam_rig.campaigns.dataset import CampaignDataset
+import cam_rig
+from cam_rig.campaigns.campaign import make_point
 from cam_rig.campaigns.draws import rows_of, unit_points
+from cam_rig.campaigns.inputs import ProfileErrors
 from cam_rig.campaigns.results import (
-    CampaignResults,
     InputShare,
     points_needed,
     proportion,
     quantile,
     saltelli_shares,
 )
-from cam_rig.campaigns.run import InThisProcess, run_campaign
-from cam_rig.campaigns.sensitivities import first_orders
-from cam_rig.campaigns.tables import derivative_table, quantile_table
+from cam_rig.campaigns.sensitivities import first_orders, jump_sensitivities, touch_of
+from cam_rig.dynamics import TwoMassParameters
+from cam_rig.dynamics.jump.search import force_run, sought
 from cam_rig.errors import ConfigError
+
+from ..figure_faults import faults
+
+MASS, PRELOAD = "rig.follower.mass", "rig.follower.preload"
 
 
 def test_shares_of_ishigamis_function():
@@ -40,7 +46,7 @@ def test_shares_of_what_does_not_vary_are_zero():
     assert [(one.first, one.total) for one in found] == [(0.0, 0.0)] * 2
 
 
-@pytest.mark.parametrize("probability", [0.01, 0.5, 0.95])
+@pytest.mark.parametrize("probability", [0.01, 0.5])
 def test_an_interval_holds_its_quantile(probability):
     """In 95 of 100 samples or more, within what 400 samples tell."""
     random, exact = np.random.default_rng(5), norm.ppf(probability)
@@ -77,18 +83,18 @@ def test_wide_shares_say_how_many_points_would_do():
 
 
 @pytest.mark.long
-def test_first_order_counts_covariances(study, tmp_path):
+def test_first_order_counts_covariances(results, tmp_path):
     """Of Ω ~ √(preload/mass): where both rise together it stays nearly where it is."""
-    mass, preload = "rig.follower.mass", "rig.follower.preload"
-    vary = {mass: {"normal": 0.02, "unit": "%"}, preload: {"normal": 0.42, "unit": "%"}}
+    vary = {MASS: {"normal": 0.02, "unit": "%"}, PRELOAD: {"normal": 0.42, "unit": "%"}}
     plan = {"kind": "sobol", "points": 64, "seed": 1}
-    pairs = [{"inputs": [mass, preload], "coefficient": 0.95}]
+    pairs = [{"inputs": [MASS, PRELOAD], "coefficient": 0.95}]
     found = []
     for name, more in (("alone", {}), ("together", {"correlated": pairs})):
-        run = results(study, tmp_path / name, vary=vary, plan=plan, measures=["jump_speed"], **more)
+        run = results(tmp_path / name, vary=vary, plan=plan, measures=["jump_speed"], **more)
         (one,) = first_orders(run)
         assert one.predicted == pytest.approx(one.found, rel=0.05)
-        assert derivative_table(one).notes[0].count("covariances") == len(more)
+        (table,) = (one for one in run.to_show() if "derivatives" in one.caption)
+        assert table.notes[0].count("covariances") == len(more)
         found.append(one)
     alone, together = found
     assert together.found < 0.7 * alone.found
@@ -102,17 +108,9 @@ def test_the_interval_of_a_yield_is_clopper_and_pearsons():
     assert proportion(0, 10) == pytest.approx((0.0, 0.0, 0.3085), abs=1e-4)
 
 
-def results(study, folder, **parts):
-    dataset = CampaignDataset(folder, study(**parts))
-    with dataset.opened(False):
-        run_campaign(dataset, InThisProcess(), 1)
-    return CampaignResults(dataset)
-
-
-def test_yields_count_failed_points_as_lost(study, tmp_path):
+def test_yields_count_failed_points_as_lost(results, tmp_path):
     """Of four rigs one has no mass above zero, one jumps too early."""
     found = results(
-        study,
         tmp_path,
         vary={"rig.follower.mass": {"values": [-1, 1, 1.3, 30], "unit": "kg"}},
         plan={"kind": "grid"},
@@ -123,25 +121,23 @@ def test_yields_count_failed_points_as_lost(study, tmp_path):
     assert one.share == 0.5
 
 
-def test_shares_of_a_campaign(study, tmp_path):
-    """Jump speed goes with 1/√mass: at 10 % against 1 % mass has nearly all of the variance."""
-    mass, preload = "rig.follower.mass", "rig.follower.preload"
-    spread = {mass: {"uniform": 10, "unit": "%"}, preload: {"uniform": 1, "unit": "%"}}
-    found = results(study, tmp_path, vary=spread, plan={"kind": "shares", "points": 64})
+def test_shares_of_a_campaign(results, tmp_path):
+    """Jump speed goes with 1/√MASS: at 10 % against 1 % mass has nearly all of the variance."""
+    spread = {MASS: {"uniform": 10, "unit": "%"}, PRELOAD: {"uniform": 1, "unit": "%"}}
+    found = results(tmp_path, vary=spread, plan={"kind": "shares", "points": 64})
     shares = {one.path: one for one in found.shares(found.campaign.measures[0])}
-    assert shares[mass].total == pytest.approx(1.0, abs=0.05)
-    assert shares[preload].total < 0.02
+    assert shares[MASS].total == pytest.approx(1.0, abs=0.05)
+    assert shares[PRELOAD].total < 0.02
 
 
 @pytest.mark.long
-def test_a_quantile_is_within_its_error_of_a_ten_times_larger_run(study, tmp_path):
+def test_a_quantile_is_within_its_error_of_a_ten_times_larger_run(results, tmp_path):
     """The 1 % quantile, of random draws on a Latin hypercube."""
-    mass, preload = "rig.follower.mass", "rig.follower.preload"
-    vary = {mass: {"normal": 5, "unit": "%"}, preload: {"normal": 5, "unit": "%"}}
+    vary = {MASS: {"normal": 5, "unit": "%"}, PRELOAD: {"normal": 5, "unit": "%"}}
     found = []
     for points in (400, 4000):
         plan = {"kind": "latin_hypercube", "points": points, "seed": points}
-        one = results(study, tmp_path / str(points), vary=vary, plan=plan)
+        one = results(tmp_path / str(points), vary=vary, plan=plan)
         found.append(one.quantiles(one.campaign.measures[0])[0])
     few, many = found
     assert few.probability == 0.01
@@ -149,16 +145,17 @@ def test_a_quantile_is_within_its_error_of_a_ten_times_larger_run(study, tmp_pat
     assert many.high - many.low < 0.5 * (few.high - few.low)
 
 
-def test_shares_need_their_plan(study, tmp_path):
+def test_shares_need_their_plan(results, tmp_path):
     """Refused in a line for any other."""
-    found = results(study, tmp_path)
+    found = results(tmp_path)
     with pytest.raises(ConfigError, match="whose plan is shares"):
         found.shares(found.campaign.measures[0])
 
 
-def test_tables_say_what_few_points_do_not_tell(study, tmp_path):
+def test_tables_say_what_few_points_do_not_tell(results, tmp_path):
     """Of 8 draws the median, and of no other quantile a number."""
-    found = quantile_table(results(study, tmp_path))
+    result = results(tmp_path)
+    found, *_ = result.to_show()
     texts = [row[-1] for row in found.texts]
     assert texts[2] == ""
     assert texts[0] == texts[4] == "not found"
@@ -166,3 +163,108 @@ def test_tables_say_what_few_points_do_not_tell(study, tmp_path):
         "Not found: needs at least 368 draws for 1 % and 99 %, 72 draws for 5 % and 95 %."
     )
     assert [row[2] != "" for row in found.texts] == [False, False, True, False, False]
+    data = result.data()
+    assert [row["found"] for row in data["quantiles"]] == [False, False, True, False, False]
+    assert data["campaign"]["points"] == len(result.to_pandas()) == 8
+    assert result.to_pandas("quantiles").needed_draws.tolist() == [368, 72, 6, 72, 368]
+
+
+PAIR = [{"inputs": [MASS, PRELOAD], "coefficient": 0.5}]
+
+
+@pytest.mark.variants(1)
+@pytest.mark.parametrize(
+    ("points", "pairs", "lines"),
+    [
+        (16, PAIR, ["too few points (16) for tenths: needs 60", "correlated inputs: no bar is of"]),
+        (59, [], ["too few points (59) for tenths: needs 60"]),
+        (60, [], []),
+    ],
+)
+def test_a_tornado_says_what_it_does_not_tell(results, tmp_path, points, pairs, lines):
+    """A tenth of 60 points has the six that the interval of a median takes."""
+    vary = {path: {"uniform": 5, "unit": "%"} for path in (MASS, PRELOAD)}
+    plan = {"kind": "latin_hypercube", "points": points}
+    figure = results(tmp_path, vary=vary, correlated=pairs, plan=plan).plot()
+    title = figure.axes[1].get_title().replace("\n", " ")
+    assert [line in title for line in lines] == [True] * len(lines)
+    assert bool(title) == bool(lines)
+    assert faults(figure) == []
+
+
+# Exact local derivatives of the jump speed against central differences.
+
+VARY = {
+    "rig.follower.mass": {"uniform": 1, "unit": "%"},
+    "rig.follower.roller_share": {"uniform": 1, "unit": "%"},
+    "rig.follower.spring_stiffness": {"uniform": 1, "unit": "%"},
+    "rig.follower.stem_stiffness": {"uniform": 1, "unit": "%"},
+    "rig.follower.damping": {"uniform": 1, "unit": "%"},
+    "rig.follower.stem_damping": {"uniform": 1, "unit": "%"},
+    "rig.follower.preload": {"uniform": 1, "unit": "%"},
+    "profile.size": {"values": [1e-5], "unit": "m"},
+    "profile.eccentricity.amplitude": {"values": [2e-5], "unit": "m"},
+    "profile.eccentricity.phase": {"values": [0.3], "unit": "rad"},
+    "profile.waviness.amplitude": {"values": [1e-6], "unit": "m"},
+    "profile.waviness.wavelength": {"values": [17.7], "unit": "deg"},
+    "profile.waviness.phase": {"values": [1.1], "unit": "rad"},
+}
+#: Steps of central differences, SI; of the follower's numbers 2e-4 of each.
+STEPS = {
+    "profile.size": 5e-5,
+    "profile.eccentricity.amplitude": 5e-6,
+    "profile.eccentricity.phase": 0.03,
+    "profile.waviness.amplitude": 1e-8,
+    "profile.waviness.phase": 1e-3,
+}
+NO_DERIVATIVE = "profile.waviness.wavelength"
+
+
+def exact_speed(point, duration):
+    """The jump speed (rad/s) to the last digits that the least force has."""
+    follower = TwoMassParameters.from_rig(point.rig)
+    found, run = sought(point.law, follower, duration), force_run(point.law, follower, duration)
+    return brentq(run.lowest, found.low, found.high, xtol=1e-300, rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("duration", "every"),
+    [(1.7, 4), *(pytest.param(time, 1, marks=pytest.mark.long) for time in (1.7, None))],
+)
+def test_they_are_the_central_differences(study, duration, every):
+    """To 1e-6, by Richardson's step of two differences; a wavelength moves joints and has none."""
+    campaign = study(vary=VARY, measures=["jump_speed"])
+    inputs = campaign.draws.middle()
+    point = make_point(campaign, inputs)
+    numbers = dict(zip(VARY, inputs.tolist(), strict=True))
+    errors = ProfileErrors.of({k[8:]: v for k, v in numbers.items() if k.startswith("profile.")})
+    found = {one.path: one for one in jump_sensitivities(point, errors, numbers, duration)}
+    assert found[NO_DERIVATIVE].derivative is None
+    assert found[NO_DERIVATIVE].reason
+    for i, path in list(enumerate(VARY))[::every]:
+        if path == NO_DERIVATIVE:
+            continue
+
+        def difference(step, i=i):
+            moved = []
+            for sign in (1.0, -1.0):
+                other = inputs.copy()
+                other[i] += sign * step
+                moved.append(exact_speed(make_point(campaign, other), duration))
+            return (moved[0] - moved[1]) / (2.0 * step)
+
+        h = STEPS.get(path, 2e-4 * inputs[i])
+        expected = (4.0 * difference(h) - difference(2.0 * h)) / 3.0
+        assert found[path].derivative == pytest.approx(expected, rel=1e-6), path
+
+
+def test_the_touch_is_where_contact_is_lost():
+    """The angle of `cam-rig jump` on the shipped cams, and a force of zero there."""
+    rig = cam_rig.load_rig("paper_table2")
+    for name in ("poly345", "bezier15", "cycloidal"):
+        law = cam_rig.build_law(cam_rig.load_cam(name))
+        touch = touch_of(law, TwoMassParameters.from_rig(rig), 1.7)
+        jump = cam_rig.jump_speed(law, rig)
+        assert touch.speed == pytest.approx(jump.speed, rel=1e-5)
+        assert math.degrees(abs(touch.angle - jump.angle)) < 1.0
+        assert touch.turn == int(np.floor(jump.time * jump.speed / (2.0 * math.pi)))

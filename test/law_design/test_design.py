@@ -13,32 +13,22 @@ from scipy.integrate import solve_ivp
 
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
-from cam_rig.errors import DesignError
-from cam_rig.law_design.constraints import Asked, DesignProblem, add, keep_lift
+from cam_rig.errors import ConfigError, DesignError
 from cam_rig.law_design.convex_program import BOX, ConvexProgram
-from cam_rig.law_design.design import search_design as design
-from cam_rig.law_design.request import DesignRequest, LawClass
-from cam_rig.law_design.space import PARTS, Space
-from cam_rig.law_design.tables import LawDesign
-from cam_rig.law_design.terms import parse_term
+from cam_rig.law_design.pareto_front import front
+from cam_rig.law_design.problem import Asked
+from cam_rig.law_design.request import DesignRequest, LawClass, Multistart, parse_second
+from cam_rig.law_design.rows import add, keep_lift
+from cam_rig.law_design.space import PARTS
 from cam_rig.laws import Law, build_law
 from cam_rig.laws.law import extremes, peak
 from cam_rig.profile import contours
-from cam_rig.schema import CamConfig, RigConfig, load_cam, load_rig
-from cam_rig.schema.load import config_root
+from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.units import TURN, FloatArray, to_rpm
 
-RIG = load_rig(config_root() / "rigs" / "paper_table2.yaml")
+from .shared import RIG, cam, designed, problem, term, written
+
 SPAN, LIFT = np.radians(117.5), 0.05
-
-
-def cam(name: str = "poly345") -> CamConfig:
-    return load_cam(config_root() / "cams" / f"{name}.yaml")
-
-
-def designed(law_class: LawClass, **words: object) -> LawDesign:
-    request = DesignRequest.of(law_class=law_class, **words)  # type: ignore[arg-type]
-    return design(cam(), RIG, request)
 
 
 @pytest.mark.parametrize(
@@ -65,8 +55,7 @@ def test_the_written_file_keeps_its_limits_in_rational_arithmetic(tmp_path: Path
     found = designed(
         LawClass(8, 3), maximise="jump_speed_rigid", limits=["peak_acceleration<=start"]
     )
-    (tmp_path / "fast.yaml").write_text(found.text, encoding="utf-8")
-    law = build_law(load_cam(tmp_path / "fast.yaml"))
+    law = build_law(written(found, tmp_path))
     limit = Fraction(abs(peak(build_law(cam()), 2).value))
     follower = FollowerParameters.from_rig(RIG)
     speed = Fraction(rigid_jump_speed(law, follower)) * (1 - Fraction(1, 10**9))
@@ -132,14 +121,13 @@ def test_the_bound_holds_in_rational_arithmetic() -> None:
 
     Signs, the weight of t and |Aᵀ y| are summed exactly; 4h/β² is not passed.
     """
-    start = build_law(cam())
-    problem = DesignProblem(cam(), start, RIG, Space(start, LawClass(4, 1)))
-    program = ConvexProgram(problem.space.unknowns, problem.space.link)
-    keep_lift(program, problem, hull=False)
-    add(program, problem, Asked(parse_term("peak_acceleration"), "<=", None, 1.0), hull=False)
+    own = problem(LawClass(4, 1))
+    program = ConvexProgram(own.space.unknowns, own.space.link)
+    keep_lift(program, own, hull=False)
+    add(program, own, Asked(term("peak_acceleration"), "<=", None, 1.0), hull=False)
     solution = program.solve()
     y = [Fraction(float(value)) for value in solution.multipliers]
-    rest = [Fraction(0)] * problem.space.unknowns
+    rest = [Fraction(0)] * own.space.unknowns
     total, weight, at = Fraction(0), Fraction(0), 0
     for block in solution.blocks:
         rows = block.rows.matrix.tocsr()
@@ -240,8 +228,8 @@ def test_any_lift_is_designed_alike(lift: float) -> None:
     text = own.model_dump(by_alias=True, exclude_none=True)
     text["lift"] = {"given": lift, "unit": "m"}
     text["follower"]["base_radius"] = {"given": 10.0, "unit": "m"}
-    request = DesignRequest.of(minimise="peak_acceleration", law_class=LawClass(4, 1))
-    found = design(CamConfig.model_validate(text), RIG, request)
+    start = CamConfig.model_validate(text)
+    found = designed(LawClass(4, 1), start, minimise="peak_acceleration")
     assert found.goal.result == pytest.approx(4.0 * lift / SPAN**2, rel=1e-6)
     low, high = extremes(found.law, 0)
     assert low.value >= -1e-9 * lift
@@ -281,7 +269,7 @@ def test_a_wider_class_is_bounded_above_every_law_of_a_narrower_one() -> None:
 def test_a_limit_on_the_jump_speed_holds_by_the_exact_search() -> None:
     """Least jerk with contact kept to 440 rpm: resonances between the program's speeds too."""
     limits = ["jump_speed>=440rpm", "peak_acceleration<=start"]
-    found = designed(LawClass(10, 3), minimise="peak_jerk", limits=limits)
+    found = designed(LawClass(8, 3), minimise="peak_jerk", limits=limits)
     assert to_rpm(found.measures[1].result) >= 440.0 * (1.0 - 1e-5)
     assert found.goal.bound <= found.goal.result  # type: ignore[operator]
 
@@ -308,10 +296,9 @@ def test_hard_cases_of_two_masses_have_a_law_and_a_bound(change: dict[str, float
     else:
         for key, value in change.items():
             rig["follower"][key] = {"given": value, "unit": "N*s/m"}
-    request = DesignRequest.of(
-        maximise="jump_speed", limits=["peak_acceleration<=start"], law_class=LawClass(8, 3)
-    )
-    found = design(CamConfig.model_validate(text), RigConfig.model_validate(rig), request)
+    own = CamConfig.model_validate(text), RigConfig.model_validate(rig)
+    limits = ["peak_acceleration<=start"]
+    found = designed(LawClass(8, 3), *own, maximise="jump_speed", limits=limits)
     assert found.goal.start < found.goal.result <= found.goal.bound  # type: ignore[operator]
     assert found.gap < 5e-3
 
@@ -325,10 +312,8 @@ def test_a_roller_dropped_on_the_contour_of_the_written_cam_rises_by_its_law(
     stand 20 µm apart, so the least gap between two is missed by a hundredth of a µm.
     """
     found = designed(LawClass(8, 3), minimise="peak_jerk", limits=["pressure_angle<=24.8deg"])
-    path = tmp_path / "new.yaml"
-    path.write_text(found.text, encoding="utf-8")
-    written = load_cam(path)
-    curve, radius = contours(written.follower, build_law(written), 36_000)[0], 10e-3
+    file = written(found, tmp_path)
+    curve, radius = contours(file.follower, build_law(file), 36_000)[0], 10e-3
     x, y = curve.points
     heights = []
     turned = np.linspace(0.0, TURN, 73)[:-1] + 0.01
@@ -338,4 +323,74 @@ def test_a_roller_dropped_on_the_contour_of_the_written_cam_rises_by_its_law(
         under = np.abs(across) < radius
         heights.append((up[under] + np.sqrt(radius**2 - across[under] ** 2)).max())
     lift = np.array(heights) - 75e-3
-    np.testing.assert_allclose(lift, build_law(written)(turned, 0), atol=1e-8)
+    np.testing.assert_allclose(lift, build_law(file)(turned, 0), atol=1e-8)
+
+
+# A front of two quantities: each point the best for its value, none beyond another's bound.
+
+REQUEST = DesignRequest.of(minimise="peak_jerk", law_class=LawClass(6, 2))
+
+
+def test_a_front_is_monotone_and_certified() -> None:
+    """Less peak acceleration costs jerk; what a point allows, its law keeps."""
+    found = front(cam(), RIG, REQUEST, term("peak_acceleration"), 4)
+    jerks = [design.goal.result for design in found.designs]
+    assert all(a >= b * (1.0 - 1e-7) for a, b in pairwise(jerks))
+    assert jerks[0] > 1.05 * jerks[-1]
+    for allowed, design in zip(found.allowed, found.designs, strict=True):
+        assert design.certified
+        assert design.measures[1].result <= allowed * (1.0 + 1e-6)
+    data = found.data()
+    assert data["quantities"]["other_unit"] == "m/rad^2"
+    assert [row["result"] for row in data["front"]] == jerks
+    (table,) = found.to_show()
+    assert [column.unit for column in table.columns[:2]] == ["mm/rad²", "mm/rad³"]
+    assert table.rows[0][0] == pytest.approx(found.allowed[0] * 1e3)
+
+
+def test_a_front_that_is_none_is_refused() -> None:
+    """The goal itself, too few points, or spans that are searched for already: one line."""
+    for other, points, words in (("peak_jerk", 5, "is the goal"), ("peak_acceleration", 2, "3 to")):
+        with pytest.raises(ConfigError, match=words):
+            front(cam(), RIG, REQUEST, term(other), points)
+    request = DesignRequest.of(minimise="peak_jerk", keep=["dwells", "lift"])
+    with pytest.raises(ConfigError, match="allowed: without --keep"):
+        front(cam(), RIG, request, parse_second("event_angle@1"), 4)
+
+
+def test_a_front_over_the_span_of_an_event_is_certified_point_by_point() -> None:
+    """Least peak acceleration of C1 laws for each span β is 4h/β²; dwells have what it leaves."""
+    request = DesignRequest.of(minimise="peak_acceleration", law_class=LawClass(4, 1))
+    found = front(cam(), RIG, request, parse_second("event_angle@1"), 4)
+    assert found.allowed[0] == pytest.approx(0.5 * np.radians(117.5))
+    assert found.allowed[-1] == pytest.approx(np.radians(180.0), rel=2e-3)  # no dwell is left
+    for span, design in zip(found.allowed, found.designs, strict=True):
+        assert [event.span for event in design.events] == pytest.approx([span, span], rel=1e-4)
+        assert design.certified
+        assert design.goal.result == pytest.approx(4.0 * 0.05 / span**2, rel=1e-3)
+
+
+def test_a_front_over_spans_begins_where_the_first_law_is() -> None:
+    """68.64 mm/rad² allow no rise shorter than √(4h/68.64 mm): the front is not below that."""
+    limits = ["peak_acceleration<=start"]
+    request = DesignRequest.of(minimise="peak_jerk", limits=limits, law_class=LawClass(6, 2))
+    found = front(cam(), RIG, request, parse_second("event_angle@2"), 3)
+    shortest = np.sqrt(4.0 * 0.05 / found.designs[0].measures[1].limit)  # type: ignore[operator]
+    assert shortest < found.allowed[0] < np.radians(117.5)
+    for design in found.designs:
+        assert design.measures[1].result <= design.measures[1].limit * (1.0 + 1e-6)  # type: ignore[operator]
+    assert found.designs[0].goal.result > found.designs[-1].goal.result
+
+
+@pytest.mark.long
+def test_a_front_of_what_is_not_convex_has_no_bounds() -> None:
+    """Torque against peak acceleration: falling, and called local."""
+    request = DesignRequest.of(
+        minimise="shaft_torque@300rpm", law_class=LawClass(6, 2), multistart=Multistart(2)
+    )
+    found = front(cam(), RIG, request, parse_second("peak_acceleration"), 3)
+    (table,) = found.to_show()
+    assert [row[2:] for row in table.rows] == [("local",)] * 3  # no column of bounds
+    torques = [design.goal.result for design in found.designs]
+    assert all(a >= b * (1.0 - 1e-3) for a, b in pairwise(torques))
+    assert found.plot().axes[0].get_legend_handles_labels()[1] == ["designed"]

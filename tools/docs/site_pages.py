@@ -18,6 +18,7 @@ ROOMS = (
     "dynamics",
     "acoustics",
     "simulation",
+    "quantities",
     "law_design",
     "campaigns",
     "measured",

@@ -15,8 +15,7 @@ from benchmark.speed.campaign import (
     least_force,
 )
 from benchmark.speed.cases import rad_per_s
-from cam_rig.campaigns.campaign import campaign_from
-from cam_rig.campaigns.point import make_point, measure_batch
+from cam_rig.campaigns.campaign import campaign_from, make_point, measure_batch
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.schema.load import Library, config_root
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from pydantic import ValidationError
 
 from cam_rig.dynamics import (
     MODELS,
@@ -30,12 +31,15 @@ from cam_rig.dynamics.modal_response import ModalResponse
 from cam_rig.dynamics.torsional.model import from_rig as shaft_of
 from cam_rig.dynamics.torsional.motion import periodic_state
 from cam_rig.dynamics.two_mass.masses import contact_response, force_output
+from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig, SceneConfig
+from cam_rig.schema.explain import explain
+from cam_rig.schema.quantity import Quantity
 from cam_rig.simulation.by_speed import SpeedRow, SpeedRows
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.simulate import simulate, step_levels, turned_ticks
-from cam_rig.units import NS, TURN, FloatArray
+from cam_rig.units import NS, RPM, TURN, FloatArray
 
 #: A follower has settled when its turns to come change the force by no more than this part of it.
 SETTLED = 1e-6
@@ -57,6 +61,17 @@ class SteadyStart:
     state: FollowerState | None = None
     settled: bool = True
     forces: tuple[float, float] | None = None
+
+
+def scene_at(scene: SceneConfig, speed: float) -> SceneConfig:
+    """A scene whose program holds one speed (rad/s)."""
+    speeds = Quantity(assumed=[speed / RPM], unit="rpm")
+    program = scene.program.model_copy(update={"speeds": speeds})
+    data = scene.model_copy(update={"program": program}).model_dump(exclude_none=True)
+    try:
+        return SceneConfig.model_validate(data)
+    except ValidationError as error:
+        raise ConfigError(explain(error, SceneConfig)) from None
 
 
 def steady_row(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) -> tuple[SpeedRow, bool]:

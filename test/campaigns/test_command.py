@@ -1,4 +1,4 @@
-"""cam-rig campaign: tables, files and pictures; refusals in a line; ended anyhow, it goes on."""
+"""cam-rig campaign: tables, files, pictures, progress; refusals; ended anyhow, it goes on."""
 
 import json
 import signal
@@ -9,14 +9,18 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import duckdb
+import numpy as np
 import pytest
 from ruamel.yaml import YAML
 from typer.testing import CliRunner
 
-from cam_rig.campaigns.campaign import open_campaign
+from cam_rig.campaigns import command as module
+from cam_rig.campaigns.campaign import BatchRows, measure_batch, open_campaign
+from cam_rig.campaigns.command import CampaignProgress, in_words, sized
 from cam_rig.campaigns.dataset import CampaignDataset
 from cam_rig.cli.main import app
 from cam_rig.schema.load import config_root
+from cam_rig.show.result import SILENT
 
 
 def call(*arguments):
@@ -42,14 +46,14 @@ def study(tmp_path):
     return write
 
 
-@pytest.mark.variants(2)
+@pytest.mark.variants(1)
 @pytest.mark.parametrize("name", ["jump_map", "tolerance_poly345", "noise_map"])
 def test_shipped_studies_run_and_draw(study, tmp_path, name):
     """Smaller, with one process: tables, JSON, CSV, a picture, rows that DuckDB reads."""
     data, out = shipped(name), tmp_path / "rows"
     for one in data["vary"].values():
         if "count" in one:
-            one["count"] = 3
+            one["count"] = 2
     more = ["--points", 8] if data["plan"]["kind"] == "sobol" else []
     plot, csv = tmp_path / "a.png", tmp_path / "a.csv"
     result = call(
@@ -59,10 +63,11 @@ def test_shipped_studies_run_and_draw(study, tmp_path, name):
     assert result.exit_code == 0, result.stderr
     found = json.loads(result.stdout)
     counted = duckdb.sql(f"select count(*), min(status) from '{out}/*.parquet'").fetchall()
-    assert counted == [(found["points"], "ok")]
-    assert found["failed"] == 0
+    assert counted == [(found["campaign"]["points"], "ok")]
+    assert found["campaign"]["failed"] == 0
     assert plot.read_bytes().startswith(b"\x89PNG")
-    assert data["title"] in csv.read_text(encoding="utf-8")
+    first = "quantiles" if more else "extremes"
+    assert csv.read_text(encoding="utf-8").split("\n")[0] == ",".join(found[first][0])
     assert data["title"] in result.stderr
 
 
@@ -117,47 +122,46 @@ def wavy(wavelength):
     }
 
 
-@pytest.mark.parametrize(
-    ("parts", "words"),
-    [
-        ({"vary": {"rig.follower.preloda": {"uniform": 1, "unit": "N"}}}, "did you mean"),
-        ({"vary": {"rig.follower.preload": {"uniform": -1, "unit": "N"}}}, "greater than or equal"),
-        ({"vary": {"rig.follower.preload": {"uniform": 1, "unit": "kg"}}}, "not a force"),
-        ({"vary": {"rig.follower.preload": {"uniform": 1, "unit": "bar"}}}, "has unit 'bar'"),
-        ({"vary": {"rig.follower.preload": {"unit": "N"}}}, "exactly one of"),
-        ({"vary": {"rig.follower.preload": {"range": [2, 1], "unit": "N"}}}, "rising"),
-        ({"vary": {"profile.waviness.amplitude": {"uniform": 1, "unit": "um"}}}, "no wavelength"),
-        ({"vary": {"profile.size": {"uniform": 1, "unit": "%"}}}, "0 in the base"),
-        ({"vary": {"profile.size.amplitude": SPREAD}}, "did you mean 'profile.size'?"),
-        ({"vary": {"profile.eccentricity": SPREAD}}, "one of profile.eccentricity.amplitude, "),
-        (wavy({"values": [0]}), "is 0 deg; allowed: 0.1 to 360 deg"),
-        (wavy({"values": [5, 1e-4]}), "is 0.0001 deg; allowed: 0.1 to 360 deg"),
-        (wavy({"range": [300, 500]}), "is 500 deg; allowed: 0.1 to 360 deg"),
-        (wavy({"normal": 1, "mean": 500}), "is 500 deg; allowed: 0.1 to 360 deg"),
-        ({"measures": ["sound_level@1e9rpm"], "limits": []}, "allowed: 0.01 to 100000 rpm"),
-        ({"measures": ["jump_sped"], "limits": []}, "did you mean 'jump_speed'"),
-        ({"measures": ["sound_level"], "limits": []}, "not said at what"),
-        ({"limits": ["jump_speed>=3kg"]}, "allowed: a number with one of rpm"),
-        ({"limits": ["twist@300rpm<=1deg"]}, "is not measured"),
-        ({"plan": {"kind": "sobol", "points": 10**12}}, "has 1e12 points; allowed: up to 1e8"),
-        ({"plan": {"kind": "sobol", "points": 0}}, "plan.points"),
-        ({"plan": {"kind": "soboll", "points": 4}}, "did you mean 'sobol'"),
-        ({"plan": {"kind": "shares", "points": 9}}, "a power of 2"),
-        ({"plan": {"kind": "grid"}}, "allowed on a grid"),
-        ({"base": {"cam": "poly345"}}, "needs a scene, or a cam and a rig"),
-        ({"base": {"cam": "poly354", "rig": "tm21"}}, "did you mean 'poly345'"),
-        ({"base": {"cam": "My Cam", "rig": "tm21"}}, "or the path of a .yaml file"),
-        ({"base": {"cam": "mine/none.yaml", "rig": "tm21"}}, "mine/none.yaml: no such file"),
-        ({"plan": {"kind": "soboll", "points": 0}}, "(also wrong: plan.points)"),
-    ],
+BAD = (
+    ({"vary": {"rig.follower.preloda": {"uniform": 1, "unit": "N"}}}, "did you mean"),
+    ({"vary": {"rig.follower.preload": {"uniform": -1, "unit": "N"}}}, "greater than or equal"),
+    ({"vary": {"rig.follower.preload": {"uniform": 1, "unit": "kg"}}}, "not a force"),
+    ({"vary": {"rig.follower.preload": {"uniform": 1, "unit": "bar"}}}, "has unit 'bar'"),
+    ({"vary": {"rig.follower.preload": {"unit": "N"}}}, "exactly one of"),
+    ({"vary": {"rig.follower.preload": {"range": [2, 1], "unit": "N"}}}, "rising"),
+    ({"vary": {"profile.waviness.amplitude": {"uniform": 1, "unit": "um"}}}, "no wavelength"),
+    ({"vary": {"profile.size": {"uniform": 1, "unit": "%"}}}, "0 in the base"),
+    ({"vary": {"profile.size.amplitude": SPREAD}}, "did you mean 'profile.size'?"),
+    ({"vary": {"profile.eccentricity": SPREAD}}, "one of profile.eccentricity.amplitude, "),
+    (wavy({"values": [0]}), "is 0 deg; allowed: 0.1 to 360 deg"),
+    (wavy({"values": [5, 1e-4]}), "is 0.0001 deg; allowed: 0.1 to 360 deg"),
+    (wavy({"range": [300, 500]}), "is 500 deg; allowed: 0.1 to 360 deg"),
+    (wavy({"normal": 1, "mean": 500}), "is 500 deg; allowed: 0.1 to 360 deg"),
+    ({"measures": ["sound_level@1e9rpm"], "limits": []}, "allowed: 0.01 to 100000 rpm"),
+    ({"measures": ["jump_sped"], "limits": []}, "did you mean 'jump_speed'"),
+    ({"measures": ["sound_level"], "limits": []}, "not said at what"),
+    ({"limits": ["jump_speed>=3kg"]}, "allowed: a number with one of rpm"),
+    ({"limits": ["twist@300rpm<=1deg"]}, "is not measured"),
+    ({"plan": {"kind": "sobol", "points": 10**12}}, "has 1e12 points; allowed: up to 1e8"),
+    ({"plan": {"kind": "sobol", "points": 0}}, "plan.points"),
+    ({"plan": {"kind": "soboll", "points": 4}}, "did you mean 'sobol'"),
+    ({"plan": {"kind": "shares", "points": 9}}, "a power of 2"),
+    ({"plan": {"kind": "grid"}}, "allowed on a grid"),
+    ({"base": {"cam": "poly345"}}, "needs a scene, or a cam and a rig"),
+    ({"base": {"cam": "poly354", "rig": "tm21"}}, "did you mean 'poly345'"),
+    ({"base": {"cam": "My Cam", "rig": "tm21"}}, "or the path of a .yaml file"),
+    ({"base": {"cam": "mine/none.yaml", "rig": "tm21"}}, "mine/none.yaml: no such file"),
+    ({"plan": {"kind": "soboll", "points": 0}}, "(also wrong: plan.points)"),
 )
-def test_bad_studies_are_refused_in_one_line(study, tmp_path, parts, words):
+
+
+def test_bad_studies_are_refused_in_one_line(study, tmp_path):
     """With the key, before anything is written."""
-    result = call(study(**parts), "--out", tmp_path / "rows")
-    assert result.exit_code == 2
-    assert words in result.stderr
-    assert result.stderr.count("\n") == 1
-    assert not (tmp_path / "rows").exists()
+    for parts, words in BAD:
+        result = call(study(**parts), "--out", tmp_path / "rows")
+        assert (result.exit_code, result.stderr.count("\n")) == (2, 1), words
+        assert words in result.stderr
+        assert not (tmp_path / "rows").exists()
 
 
 @pytest.mark.parametrize(
@@ -302,10 +306,70 @@ def until(condition, process):
 def test_a_folder_that_has_rows_is_not_written_over(study, tmp_path):
     """It is resumed, or another is taken; another study's rows are not mixed with these."""
     path, out = study(plan={"kind": "sobol", "points": 2}), tmp_path / "rows"
-    assert call(path, "--out", out, "--jobs", 1).exit_code == 0
+    dataset = CampaignDataset(out, open_campaign(path))
+    with dataset.opened(False):
+        dataset.write(measure_batch(dataset.campaign, 0, 2))
     assert "--resume to go on" in call(path, "--out", out).stderr
     other = call(path, "--out", out, "--resume", "--seed", 9)
     assert "is of another study" in other.stderr
     assert "plan.seed is 9, was 1; allowed" in other.stderr
     assert other.exit_code == 2
     assert "plan.points is 5, was 2;" in call(path, "--out", out, "--resume", "--points", 5).stderr
+
+
+# How far a campaign is: where there is no terminal, a line with the time left and the size.
+
+
+@pytest.fixture
+def batches(study, tmp_path):
+    """A dataset of 1000 points, and what makes a batch of it without measuring."""
+    plan = {"kind": "sobol", "points": 1000}
+    path = study(plan=plan, measures=["jump_speed_rigid"], limits=[])
+    dataset = CampaignDataset(tmp_path / "rows", open_campaign(path))
+    random = np.random.default_rng(1)
+
+    def write(first, last):
+        inputs = dataset.campaign.draws.rows(first, last)
+        speeds = random.uniform(400.0, 500.0, (last - first, 1))
+        dataset.write(BatchRows(first, inputs, speeds, ("",) * (last - first), 1.0))
+
+    return dataset, write
+
+
+def test_a_line_tells_rate_time_left_and_size(batches, monkeypatch):
+    """50 points in 20 s after the first batch leave 940 at 2.5 points/s, 376 s; 10 s apart."""
+    (dataset, write), now, said = batches, [0.0], []
+    monkeypatch.setattr(module.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(module, "say", said.append)
+    with dataset.opened(False):
+        progress = CampaignProgress(dataset, SILENT)
+        for time_, first, last in ((1.0, 0, 10), (9.0, 10, 30), (21.0, 30, 60), (30.0, 60, 80)):
+            write(first, last)
+            now[0] = time_
+            progress.advance(last - first)
+    (line,) = said
+    name = dataset.campaign.config.name
+    assert line.startswith(f"{name}: 60 of 1000 points, 2.5 points/s, 6.3 min left, ")
+    assert " of about " in line
+
+
+def test_the_size_is_that_of_the_whole(batches):
+    """Extrapolated from the first batches to within a fifth of what all the points take."""
+    dataset, write = batches
+    with dataset.opened(False):
+        for first, last in ((0, 1), (1, 101), (101, 201)):
+            write(first, last)
+        _, about = dataset.size()
+        for first in range(201, 1000, 100):
+            write(first, min(first + 100, 1000))
+        whole, same = dataset.size()
+    assert whole == same == sum(path.stat().st_size for path in dataset.folder.glob("*.parquet"))
+    assert about == pytest.approx(whole, rel=0.2)
+
+
+def test_times_and_sizes_in_words():
+    """In the largest unit of which there are two."""
+    assert [in_words(s) for s in (0.4, 90.0, 600.0, 7200.0, 5e6)] == [
+        "0 s", "90 s", "10 min", "2 h", "58 d",
+    ]  # fmt: skip
+    assert sized(2.1e6, 4.1e9) == "0.0021 of about 4.1 GB"

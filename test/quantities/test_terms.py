@@ -7,8 +7,9 @@ import math
 import pytest
 
 from cam_rig.errors import ConfigError
-from cam_rig.law_design.request import DesignRequest
-from cam_rig.law_design.terms import parse_goal, parse_limit, parse_term
+from cam_rig.law_design.request import DesignRequest, parse_goal
+from cam_rig.quantities.catalogue import DESIGNED, QUANTITIES, measured_in
+from cam_rig.quantities.terms import parse_limit, parse_term
 from cam_rig.units import RPM
 
 
@@ -30,10 +31,10 @@ from cam_rig.units import RPM
 )
 def test_a_limit_is_read_in_its_unit(text: str, value: float) -> None:
     """The number becomes SI."""
-    limit = parse_limit(text)
+    limit = parse_limit(text, DESIGNED)
     assert limit.value == pytest.approx(value, rel=1e-12)
     again = f"{limit.term.key}{limit.sense}{limit.value!r}"
-    assert parse_term(again.split(limit.sense, maxsplit=1)[0]) == limit.term
+    assert parse_term(again.split(limit.sense, maxsplit=1)[0], DESIGNED) == limit.term
 
 
 @pytest.mark.parametrize(
@@ -57,7 +58,7 @@ def test_a_limit_is_read_in_its_unit(text: str, value: float) -> None:
 def test_a_limit_that_is_none_is_refused_in_one_line(text: str, words: str) -> None:
     """It says what was written and what is allowed."""
     with pytest.raises(ConfigError, match=words) as caught:
-        parse_limit(text)
+        parse_limit(text, DESIGNED)
     assert "\n" not in str(caught.value)
 
 
@@ -71,3 +72,16 @@ def test_a_goal_is_one() -> None:
         DesignRequest.of(minimise="peak_jerk", maximise="jump_speed")
     with pytest.raises(ConfigError, match="allowed: maximise"):
         DesignRequest.of(minimise="jump_speed")
+
+
+def test_a_name_is_one_quantity_in_designs_and_campaigns() -> None:
+    """The same number of the same law; a campaign limits it on either side, and names its model."""
+    for model in ("one_mass", "two_mass"):
+        for name, one in measured_in(model).items():
+            assert one.value is QUANTITIES[name].value
+            assert one.senses == ("<=", ">=")
+    shared = set(measured_in("two_mass")) & set(DESIGNED)
+    assert {name for name in shared if not name.startswith("jump_speed")} == {
+        "peak_contact_force_rigid", "least_contact_force_rigid",
+    }  # fmt: skip
+    assert measured_in("two_mass")["sound_level"].title == "sound level of two masses"

@@ -1,0 +1,283 @@
+"""What a design gives: the law beside its start, what was asked of it, and the bound; a front."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+from cam_rig.law_design.convex_program import BOX
+from cam_rig.law_design.request import DesignRequest, Multistart
+from cam_rig.law_design.space import LawEvent
+from cam_rig.laws import Law
+from cam_rig.quantities.terms import Sense, Term, sign_of
+from cam_rig.schema import CamConfig, RigConfig
+from cam_rig.show.result import Column, Records, Result
+
+#: A result within this part of its bound is called certified.
+CERTIFIED = 2e-3
+
+#: A start breaks a limit that it is over by more than this part of.
+OVER = 1e-6
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A goal or a limit of a design, SI (dB for levels).
+
+    ``bound`` is what no law of the class passes, for the goal alone; ``limit`` for limits alone.
+    """
+
+    term: Term
+    sense: Sense
+    start: float
+    result: float
+    bound: float | None = None
+    limit: float | None = None
+    active: bool = False
+
+    def shown(self, value: float | None) -> float | None:
+        """A value in the unit of tables."""
+        return None if value is None else value / self.term.quantity.factor
+
+    def in_words(self, value: float | None) -> str:
+        """The same with its unit."""
+        return f"{self.shown(value):.5g} {self.term.quantity.typeset}"
+
+    @property
+    def kept(self) -> str:
+        """The limit as a table says it; empty for a goal."""
+        sign = "≤" if self.sense == "<=" else "≥"
+        return "" if self.limit is None else f"{sign} {self.shown(self.limit):.5g}"
+
+
+def _shown(key: str, **how: str) -> Column:
+    def cell(measure: Measure) -> float | None:
+        return measure.shown(getattr(measure, key))
+
+    return Column(key, "", ".5g", cell=cell, **how)  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LawDesign(Result):
+    """The best law found: ``law``, ``cam``, the ``text`` of its file, and ``measures``, goal first.
+
+    ``tops`` are the cam angles (rad) within events where start and law reach their lift;
+    ``rounds`` is how many programs were solved; ``multistart`` is of a design that is not convex,
+    which has no bound, and ``spans_bound`` of one whose events have other spans: what no law with
+    just these spans passes.
+    """
+
+    schema = "cam_rig.design.1"
+    drawn_by = "cam_rig.law_design.figures:figure"
+    columns: ClassVar = {
+        "measures": (
+            Column("quantity", of="term.key", cell=lambda one: one.term.words),
+            Column("unit", of="term.quantity.si", cell=lambda one: one.term.quantity.typeset),
+            _shown("start"),
+            _shown("result"),
+            _shown("bound", missing="–"),
+            Column("limit", cell=lambda one: one.kept or None, missing="–"),
+            Column("active", cell=lambda one: "yes" if one.active else ""),
+        ),
+        "events": (Column("start", "°", ".6g"), Column("span", "°", ".6g")),
+        "design": (
+            Column("cam", of="cam.name"),
+            Column("start", of="start.name"),
+            Column("rig", of="rig.name"),
+            Column("verb", of="request.verb", about="minimise or maximise"),
+            Column("goal", of="goal.term.key"),
+            Column("pieces", of="request.law_class.pieces", about="of each event"),
+            Column("joints", of="request.law_class.joints", about="continuous derivatives"),
+            Column("degree", of="request.law_class.power"),
+            Column("interrupted"),
+            Column("certified", about="whether the gap is at most 0.2 %"),
+            Column("gap", of=lambda one: one.gap, about="to the bound, in parts of it"),
+            Column("starts", of=lambda one: one.multistart and one.multistart.starts),
+            Column("seed", of=lambda one: one.multistart and one.multistart.seed),
+            Column(
+                "near",
+                of=lambda one: one.multistart and one.multistart.near,
+                about="how many starts came to the same",
+            ),
+            Column("bound_at_these_events", of="spans_bound"),
+            Column("programs", of="rounds", about="solved"),
+        ),
+    }
+
+    request: DesignRequest
+    start: Law
+    law: Law
+    cam: CamConfig
+    text: str
+    rig: RigConfig
+    events: tuple[LawEvent, ...]
+    tops: tuple[float, ...]
+    measures: tuple[Measure, ...]
+    rounds: int
+    multistart: Multistart | None = None
+    spans_bound: float | None = None
+    interrupted: bool = False
+
+    @property
+    def goal(self) -> Measure:
+        """The goal's."""
+        return self.measures[0]
+
+    @property
+    def gap(self) -> float:
+        """How far the result is from its bound, in parts of it; of a level, of its pressure.
+
+        Infinite where there is no bound.
+        """
+        goal = self.goal
+        if goal.bound is None:
+            return math.inf
+        if goal.term.quantity.unit == "dB":
+            return float(10.0 ** (abs(goal.result - goal.bound) / 20.0) - 1.0)
+        return abs(goal.result - goal.bound) / max(abs(goal.bound), 1e-300)
+
+    @property
+    def certified(self) -> bool:
+        """Whether the bound proves that little could be better."""
+        return self.gap <= CERTIFIED
+
+    def tables(self) -> list[Records]:
+        """``measures``, a row for the goal and for each limit, ``events``, and ``design``."""
+        angles = " and ".join(f"{math.degrees(angle):.4g}°" for angle in self.tops)
+        kept = " and ".join(what for what in self.request.keep if what != "events")
+        kept += f", reached at {angles}," if angles else ""
+        notes = (
+            f"start: {self.start.name}; class: {self.request.law_class.words}, with {kept} of the "
+            f"start; no ordinate beyond {BOX:g} lifts",
+            self._verdict(),
+            *self._start_beside(),
+        )
+        caption = f"Design on rig {self.rig.name}: {self.request.words}"
+        return [
+            self.table("measures", caption, self.measures, *notes),
+            self.table("events", "Events", self.events, hidden=True),
+            self.table("design", "Design", [self], single=True, hidden=True),
+        ]
+
+    def _start_beside(self) -> list[str]:
+        """Lines where the start, which need not be of the class, breaks limits, or is better."""
+        broken = [
+            f"{x.term.words} {x.kept} {x.term.quantity.typeset}"
+            for x in self.measures[1:]
+            if x.limit is not None and (x.start - x.limit) * sign_of(x.sense) > OVER * abs(x.limit)
+        ]
+        if broken:
+            return [f"the start breaks {' and '.join(broken)}"]
+        goal, sign = self.goal, sign_of(self.goal.sense)
+        if not (math.isfinite(goal.start) and sign * (goal.result - goal.start) > 0.0):
+            return []
+        if goal.bound is not None and sign * (goal.bound - goal.start) > 0.0:
+            return ["the start is better than any law of this class: more pieces have more"]
+        more = "more pieces" if self.multistart is None else "more pieces, or more starts,"
+        return [f"the start is better than the law found: {more} may have more"]
+
+    def _verdict(self) -> str:
+        """What the bound proves, in a line."""
+        goal = self.goal
+        side = "below" if goal.sense == "<=" else "above"
+        if self.interrupted:
+            return "interrupted: the best law so far, without a bound"
+        if goal.bound is not None:
+            proof = "certified" if self.certified else "not certified"
+            return (
+                f"no law of the class is {side} {goal.in_words(goal.bound)}; {proof}: "
+                f"{100.0 * self.gap:.2g} % from it"
+            )
+        assert self.multistart is not None  # what is local has one
+        if self.spans_bound is None:
+            return f"{self.multistart.words}; no bound: another law may be better"
+        return (
+            f"{self.multistart.words}; at these events no law is {side} "
+            f"{goal.in_words(self.spans_bound)}, at others one may be"
+        )
+
+
+@dataclass(frozen=True, repr=False)
+class Front(Result):
+    """Designs by rising values of the other quantity: ``allowed`` ``(n,)``, SI (dB for levels)."""
+
+    schema = "cam_rig.front.1"
+    drawn_by = "cam_rig.law_design.figures:front_figure"
+    columns: ClassVar = {
+        "front": (
+            Column("allowed", "", ".5g", about="of the other quantity, SI", of=lambda row: row[0]),
+            Column("result", "", ".5g", about="of the goal, SI", of=lambda row: row[1].goal.result),
+            Column("bound", "", ".5g", of=lambda row: row[1].goal.bound, missing="–"),
+            Column(
+                "certified",
+                of=lambda row: row[1].certified,
+                cell=lambda row: (
+                    "local" if row[1].goal.bound is None else "yes" if row[1].certified else "no"
+                ),
+            ),
+        ),
+        "quantities": (
+            Column("goal", of=lambda front: front.designs[0].goal.term.key),
+            Column("goal_unit", of=lambda front: front.designs[0].goal.term.quantity.si),
+            Column("other", of="other.key"),
+            Column("other_unit", of="other.quantity.si"),
+        ),
+    }
+
+    other: Term
+    allowed: tuple[float, ...]
+    designs: tuple[LawDesign, ...]
+    asked: int
+    interrupted: bool = False
+
+    def tables(self) -> list[Records]:
+        """``front``, a row a point, and what its columns are."""
+        goal = self.designs[0].goal.term
+
+        def named(column: Column, words: str, term: Term) -> Column:
+            def cell(row: Any) -> float | None:
+                value = column.value(row)
+                return None if value is None else value / term.quantity.factor
+
+            return replace(column, heading=words, unit=term.quantity.typeset, cell=cell)
+
+        allowed, result, bound, certified = self.columns["front"]
+        columns = (
+            named(allowed, self.other.words, self.other),
+            named(result, "", goal),
+            named(bound, "", goal),
+            certified,
+        )
+        rows = tuple(zip(self.allowed, self.designs, strict=True))
+        caption = f"{goal.words} against {self.other.words}"
+        front = Records("front", caption, columns, rows)
+        return [front, self.table("quantities", "Quantities", [self], single=True, hidden=True)]
+
+    def summary(self) -> list[str]:
+        """How far it came where it was interrupted."""
+        words = f"interrupted: {len(self.designs)} of {self.asked} points"
+        return [words] if self.interrupted else []
+
+
+DESIGNS = (
+    Column("start", of="start.name"),
+    Column("class", of="request.law_class.words"),
+    Column("quantity", of="goal.term.key", cell=lambda one: one.goal.term.words),
+    Column("unit", of="goal.term.quantity.si", cell=lambda one: one.goal.term.quantity.typeset),
+    Column(
+        "start_value", "", ".5g", "start", "goal.start", lambda one: one.goal.shown(one.goal.start)
+    ),
+    Column(
+        "result", "", ".5g", "best law", "goal.result", lambda one: one.goal.shown(one.goal.result)
+    ),
+    Column("bound", "", ".5g", "", "goal.bound", lambda one: one.goal.shown(one.goal.bound)),
+)
+
+
+def designs_table(designs: Sequence[LawDesign]) -> Records:
+    """Best laws, a row each: start, result, and the bound that no law of its class passes."""
+    caption = "The best laws of their classes, at no higher peak acceleration than the start's"
+    note = "Events, dwells and lift are the start's. Bound: no law of the class is better."
+    return Records("designs", caption, DESIGNS, tuple(designs), (note,))

@@ -1,0 +1,381 @@
+"""How a design keeps each quantity, or makes it best: rows of a program, or a local search.
+
+Rows are made twice. At points they are necessary, so the program's bound is one for the whole
+class; on the ordinates of cut pieces (``hull``) they are sufficient, so the law keeps them at every
+angle.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy import sparse
+
+from cam_rig.dynamics.jump.jump_speed import FROM_REST
+from cam_rig.dynamics.kinetostatic import force_weights
+from cam_rig.errors import ConfigError
+from cam_rig.law_design.convex_program import Affine, ConvexProgram
+from cam_rig.law_design.problem import SPARE, Asked, DesignProblem, measured
+from cam_rig.laws import bernstein
+from cam_rig.laws.law import peak
+from cam_rig.profile.contact import Motion, Touch
+from cam_rig.profile.disc import discs
+from cam_rig.profile.faces import GuidedCentre, GuidedFace
+from cam_rig.quantities.terms import Sense, Term
+from cam_rig.quantities.values import SPEEDS, Branches, level_of, rate_of, torques
+from cam_rig.units import TURN, FloatArray
+
+#: Parts of a piece where only the polygon of the lift itself is asked for.
+FEW_PARTS = 2
+
+#: By this part of itself a lift that is reached within an event may be passed beside that place.
+TURNING = 1e-4
+
+#: Orders of the turn that a sound level takes, and what part of it those above are at most.
+HARMONICS, LEFT_OUT = 96, 2e-4
+
+#: Phase (rad) of the highest order between two Gauss cells, at most.
+CELL_PHASE = 6.0
+
+
+def force(problem: DesignProblem, speed: float, hull: bool) -> Affine:
+    """The contact force (N) of one rigid mass at a speed (rad/s), in hulls or at points."""
+    weights = tuple(force_weights(problem.rigid, speed).tolist())
+    cut = problem.space.hull if hull else problem.space.points
+    return cut(problem.space.weighted(weights)).plus(problem.rigid.preload)
+
+
+def force_parts(problem: DesignProblem, speed: float, hull: bool) -> Affine:
+    """The same in parts of the problem's scale."""
+    return force(problem, speed, hull) * (1.0 / problem.force_scale)
+
+
+def keep_lift(program: ConvexProgram, problem: DesignProblem, hull: bool) -> None:
+    """Between the start's lowest and highest lift, which is reached where the start reaches it."""
+    space = problem.space
+    low, high = space.levels
+    turning = space.turning_points
+    spare = SPARE if hull else 0.0
+    if turning:  # ordinates stand above a curve that turns
+        spare = TURNING
+    parts = space.parts if turning else FEW_PARTS
+    lift = space.hull(space.lift, parts) if hull else space.points(space.lift)
+    lift = lift * (1.0 / problem.start.lift)
+    scale = 1.0 / problem.start.lift
+    for room in (lift.plus(spare - low * scale), (lift * -1.0).plus(spare + high * scale)):
+        program.at_least("lift", room, necessary=not hull)
+    for level, angle in turning:
+        at = space.at(0, np.array([angle])) * scale
+        program.equal("lift", at.plus(-level * scale))
+
+
+# Rows that are linear in the unknowns: what has to keep the limit.
+
+
+def _peak(problem: DesignProblem, asked: Asked, hull: bool) -> list[Affine]:
+    """A derivative of either sign."""
+    space = problem.space
+    found = (space.hull if hull else space.points)(space.derivative(asked.term.quantity.order))
+    return [found, found * -1.0]
+
+
+def _at_angles(problem: DesignProblem, asked: Asked, hull: bool) -> list[Affine]:
+    """A derivative at an angle, or over a range of angles."""
+    space, term, order = problem.space, asked.term, asked.term.quantity.order
+    if term.low == term.high:
+        return [space.at(order, np.array([term.low]))]
+    parts = 16
+    ordinates = space.derivative(order)
+    begin = np.concatenate(
+        [a + s * np.arange(parts) / parts for a, s in zip(space.breaks, space.spans, strict=False)]
+    )
+    end = np.append(begin[1:], TURN)
+    count = 1 + space.degree - order
+    if hull:
+        inside = np.flatnonzero((end > term.low) & (begin < term.high))
+        rows = (inside[:, None] * count + np.arange(count)).ravel()
+        return [space.hull(ordinates, parts).rows(rows)]
+    edges = np.unique(np.concatenate([begin, [term.low, term.high]]))
+    return [space.at(order, edges[(edges >= term.low) & (edges <= term.high)])]
+
+
+def _forces(problem: DesignProblem, asked: Asked, hull: bool) -> list[Affine]:
+    """The contact force at both ends of a range of speeds."""
+    return [force(problem, speed, hull) for speed in sorted({asked.term.low, asked.term.high})]
+
+
+def _pressure(problem: DesignProblem, asked: Asked, hull: bool) -> list[Affine]:
+    """Tan α (d + s) ∓ (s' − e) ≥ 0, given as what is at most α: the limit less the room."""
+    element, most = problem.element, asked.value
+    assert isinstance(element, GuidedCentre) and most is not None
+    space, tangent = problem.space, math.tan(most)
+    cut = space.hull if hull else space.points
+    height = element.height(np.zeros(1))[0]
+    found = []
+    for sign in (1.0, -1.0):
+        room = cut(space.weighted((tangent, -sign))).plus(
+            tangent * height + sign * element.eccentricity
+        )
+        found.append((room * -1.0).plus(most))
+    return found
+
+
+def _radius(problem: DesignProblem, _: Asked, hull: bool) -> list[Affine]:
+    """R_b + s + s'' under a flat face; of any other follower it is not linear."""
+    element, space = problem.element, problem.space
+    assert isinstance(element, GuidedFace)
+    radius = (space.hull if hull else space.points)(space.weighted((1.0, 0.0, 1.0)))
+    return [radius.plus(element.base_radius)]
+
+
+# Parts whose squares add to a quantity's own.
+
+
+def _rms_acceleration(problem: DesignProblem, _: Term) -> Affine:
+    """Weighted values of s'' whose squares add to its mean square over the turn, exactly."""
+    space = problem.space
+    degree = space.degree - 2
+    points, weights = np.polynomial.legendre.leggauss(degree + 1)
+    table = bernstein.basis(degree, 0.5 * (points + 1.0)) * np.sqrt(0.5 * weights)[:, None]
+    blocks = [table * math.sqrt(span / TURN) for span in space.spans]
+    found = space.derivative(2).mapped(sparse.csr_array(sparse.block_diag(blocks, "csr")))
+    return found.rows(np.flatnonzero(np.abs(found.constant) + abs(found.matrix).sum(axis=1)))
+
+
+def _sound(problem: DesignProblem, term: Term) -> Affine:
+    """Weighted harmonics of s'' whose squares add to the mean power of the contact force's rate.
+
+    Of a follower that stays on the cam, mean over speeds; pressure follows that rate through the
+    structure's corner.
+    """
+    rigid = problem.rigid
+    corner = TURN * problem.rig.need_radiation(f"the goal or limit {term.key}").corner.si
+    order = np.arange(1.0, HARMONICS + 1.0)
+    power = np.zeros(HARMONICS)
+    for speed in np.linspace(term.low, term.high, SPEEDS):
+        rate = 1j * order * speed
+        force_of = rigid.spring_stiffness + rigid.damping * rate + rigid.mass * rate**2
+        radiated = corner * rate / (corner + rate) * force_of / order**2
+        power += 2.0 * np.abs(radiated) ** 2 / SPEEDS
+    second = fourier(problem, order)
+    gain = np.concatenate([np.sqrt(power)] * 2)
+    return Affine(second.constant * gain, sparse.csr_array(second.matrix * gain[:, None]))
+
+
+def fourier(problem: DesignProblem, order: FloatArray) -> Affine:
+    """Real and imaginary parts of the Fourier coefficients of s'', by Gauss points."""
+    space = problem.space
+    parts = math.ceil(float(space.spans.max() * order.max()) / CELL_PHASE)
+    points, weights = np.polynomial.legendre.leggauss(12)
+    u = ((np.arange(parts)[:, None] + 0.5 * (points + 1.0)) / parts).ravel()
+    table = bernstein.basis(space.degree - 2, u)
+    values = space.derivative(2).mapped(
+        sparse.csr_array(sparse.kron(sparse.eye(space.spans.size), table, "csr"))
+    )
+    angles = (space.breaks[:-1, None] + space.spans[:, None] * u).ravel()
+    share = (space.spans[:, None] * np.tile(0.5 * weights / parts, parts)).ravel() / TURN
+    turning = np.exp(-1j * order[:, None] * angles) * share
+    matrix = np.concatenate([turning.real, turning.imag])
+    return values.mapped(sparse.csr_array(matrix))
+
+
+# What depends on s, s' and s'' at one cam angle, and is not convex: linear near a law.
+
+
+def _torque(problem: DesignProblem, term: Term) -> Branches:
+    return torques(problem.rigid, term)
+
+
+def _angle(problem: DesignProblem, term: Term) -> Branches:
+    """± the pressure angle (rad) on each disc."""
+    if isinstance(problem.element, GuidedFace):
+        raise ConfigError(
+            f"{term.key}: the follower is {problem.cam.follower.type}, whose pressure angle no "
+            "law changes; allowed: a roller, a point, or an arm"
+        )
+    return _on_discs(problem, lambda touch: [touch.pressure, -touch.pressure])
+
+
+def _curvature(problem: DesignProblem, _: Term) -> Branches:
+    """Of the pitch curve (1/m) on each disc; under a face less the radius (m)."""
+
+    def of_touch(touch: Touch) -> list[FloatArray]:
+        return [-touch.radius if touch.pitch_curvature is None else touch.pitch_curvature]
+
+    return _on_discs(problem, of_touch)
+
+
+def _on_discs(problem: DesignProblem, quantity: Callable[[Touch], list[FloatArray]]) -> Branches:
+    elements = [plate.element for plate in discs(problem.cam.follower, problem.start)]
+
+    def branches(motion: Motion) -> FloatArray:
+        return np.array([row for element in elements for row in quantity(element.touch(motion))])
+
+    return branches
+
+
+def _as_curvature(problem: DesignProblem, _: Term, radius: float) -> float:
+    """A limit's radius (m) as one on the branches."""
+    motion = Motion.on_pieces(problem.start, np.zeros(1))
+    element = discs(problem.cam.follower, problem.start)[0].element
+    has_centre = element.touch(motion).pitch_curvature is not None
+    return 1.0 / (radius + element.roller) if has_centre else -radius
+
+
+# The table: a quantity that stands in none of its columns is searched for by differences.
+
+
+def measured_at_start(problem: DesignProblem, term: Term, sense: Sense) -> float:
+    """The start's own value, as rows have it."""
+    value = measured(problem, problem.start, term, sense)
+    return rows_of(term).to_rows(problem, term, value)
+
+
+class Run(NamedTuple):
+    """What a jump speed is of: one rigid mass, or two, from rest (s) or in steady state (None)."""
+
+    rigid: bool
+    duration: float | None
+
+
+Scale = Callable[[DesignProblem, Term, Sense], float]
+
+Converted = Callable[[DesignProblem, Term, float], float]
+
+
+def _as_it_is(_problem: DesignProblem, _term: Term, value: float) -> float:
+    return value
+
+
+@dataclass(frozen=True)
+class Rows:
+    """What a design knows of a quantity.
+
+    Parameters
+    ----------
+    linear : what has to keep the limit, for the limit itself
+    squares : parts whose squares add to its own
+    in_rounds : whether rows are made where a law is seen to need them, as of residual vibration
+    run : of a jump speed: the force it keeps above zero is linear
+    branches : functions of the motion of which the greatest counts, and a limit as one on them
+    convex : whether its rows hold for a problem, of a goal or of a limit
+    scale : what its rows are measured by; by default the start's own value
+    to_rows, from_rows : a value (SI; dB) as its rows have it, and back
+    """
+
+    linear: Callable[[DesignProblem, Asked, bool], list[Affine]] | None = None
+    squares: Callable[[DesignProblem, Term], Affine] | None = None
+    in_rounds: bool = False
+    run: Run | None = None
+    branches: Callable[[DesignProblem, Term], Branches] | None = None
+    on_branches: Converted = _as_it_is
+    convex: Callable[[DesignProblem, bool], bool] = lambda _problem, _goal: True
+    scale: Scale = measured_at_start
+    to_rows: Converted = _as_it_is
+    from_rows: Converted = _as_it_is
+
+    def is_local(self, problem: DesignProblem, goal: bool = False) -> bool:
+        """Whether a goal or a limit has no rows for the cam's follower, and so no bound."""
+        rows = self.linear or self.squares or self.in_rounds or self.run
+        return not (rows and self.convex(problem, goal))
+
+
+def _lift(problem: DesignProblem, *_: object) -> float:
+    return problem.start.lift
+
+
+def _force_scale(problem: DesignProblem, *_: object) -> float:
+    return problem.force_scale
+
+
+def _one(*_: object) -> float:
+    return 1.0
+
+
+def _largest(problem: DesignProblem, term: Term, _: Sense) -> float:
+    return abs(peak(problem.start, term.quantity.order).value)
+
+
+def _rate(problem: DesignProblem, term: Term, level: float) -> float:
+    return rate_of(problem.rig, term, level)
+
+
+def _level(problem: DesignProblem, term: Term, rate: float) -> float:
+    return level_of(problem.rig, term, rate)
+
+
+_PEAK, _FORCE = Rows(_peak, scale=_largest), Rows(_forces, scale=_force_scale)
+
+ROWS = {
+    "jump_speed": Rows(run=Run(False, FROM_REST), scale=_one),
+    "jump_speed_steady": Rows(run=Run(False, None), scale=_one),
+    "jump_speed_rigid": Rows(run=Run(True, None), scale=_one),
+    "residual_vibration": Rows(in_rounds=True),
+    "peak_velocity": _PEAK,
+    "peak_acceleration": _PEAK,
+    "peak_jerk": _PEAK,
+    "rms_acceleration": Rows(squares=_rms_acceleration),
+    "peak_contact_force_rigid": _FORCE,
+    "least_contact_force_rigid": _FORCE,
+    "shaft_torque": Rows(branches=_torque),
+    "sound_level_rigid": Rows(squares=_sound, to_rows=_rate, from_rows=_level),
+    "pressure_angle": Rows(
+        _pressure,
+        branches=_angle,
+        convex=lambda p, goal: not goal and isinstance(p.element, GuidedCentre),
+        scale=_lift,
+    ),
+    "radius_of_curvature": Rows(
+        _radius,
+        branches=_curvature,
+        on_branches=_as_curvature,
+        convex=lambda p, _: isinstance(p.element, GuidedFace),
+        scale=_lift,
+    ),
+    "lift": Rows(_at_angles, scale=_lift),
+    "velocity": Rows(_at_angles, scale=_largest),
+    "acceleration": Rows(_at_angles, scale=_largest),
+}
+
+
+def rows_of(term: Term) -> Rows:
+    """What is known of a term's quantity."""
+    return ROWS.get(term.name, BY_DIFFERENCES)
+
+
+#: Of a quantity that has nothing but a value.
+BY_DIFFERENCES = Rows()
+
+
+def asked_of(problem: DesignProblem, term: Term, sense: Sense, value: float | None) -> Asked:
+    """A goal or a limit (SI; dB) in the units of its rows, and what they are measured by."""
+    rows = rows_of(term)
+    if value is not None:
+        value = rows.to_rows(problem, term, value)
+        if value <= 0.0 and rows.to_rows is _rate:
+            raise ConfigError(f"limit {term.key}: the background alone is as loud")
+        if not math.isfinite(value):
+            raise ConfigError(f"limit {term.key}: the start has none; allowed: a number")
+    scale = rows.scale(problem, term, sense)
+    if not (math.isfinite(scale) and scale > 0.0):  # a start without that quantity
+        scale = 1.0 if value is None else abs(value) or 1.0
+    return Asked(term, sense, value, scale)
+
+
+def add(program: ConvexProgram, problem: DesignProblem, asked: Asked, hull: bool) -> None:
+    """Add the rows of one goal or limit."""
+    rows = rows_of(asked.term)
+    if rows.squares is not None:
+        parts, radius = rows.squares(problem, asked.term), 0.0
+        if asked.value is not None:  # orders above the highest are left out of a level
+            radius = asked.value / asked.scale * (1.0 - (LEFT_OUT if hull else 0.0))
+        program.within(asked.name, parts * (1.0 / asked.scale), radius, asked.weight)
+        return
+    assert rows.linear is not None  # others are no rows of a program
+    for quantity in rows.linear(problem, asked, hull):
+        room = asked.room(quantity, SPARE if hull else 0.0)
+        program.at_least(asked.name, room, asked.weight, not hull)

@@ -1,0 +1,181 @@
+"""Every quantity, once: designs, campaigns, the drawing board and Python read this table.
+
+A name has one meaning: with ``_rigid`` it is of one rigid mass that stays on the cam, so a limit
+that a design keeps is kept in a campaign of the same cam.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cache
+from types import MappingProxyType
+
+from cam_rig.dynamics.jump.any_follower import follower_of
+from cam_rig.dynamics.jump.jump_speed import FROM_REST
+from cam_rig.laws.law import peak
+from cam_rig.quantities import values
+from cam_rig.quantities.terms import ANGLE_UNITS, SPEED_UNITS, LawQuantity, Sense
+from cam_rig.units import TURN
+
+_LENGTH = {"mm": 1e-3, "m": 1.0, "um": 1e-6, "µm": 1e-6, "cm": 1e-2}
+
+_FORCE, _LEVEL = {"N": 1.0, "kN": 1e3}, {"dB": 1.0}
+
+_TORQUE = {"N*m": 1.0, "Nm": 1.0, "N·m": 1.0, "mN*m": 1e-3}
+
+_SLOPE, _BEND, _JERK = (
+    {f"mm{over}": 1e-3, f"m{over}": 1.0, f"um{over}": 1e-6} for over in ("/rad", "/rad^2", "/rad^3")
+)
+
+_MOST: tuple[Sense, ...] = ("<=",)
+
+_LEAST: tuple[Sense, ...] = (">=",)
+
+_BOTH: tuple[Sense, ...] = ("<=", ">=")
+
+#: Goals and limits of designs, some of which a campaign measures too.
+_DESIGNED = (
+    LawQuantity(
+        "jump_speed", "jump speed from rest", "rpm", SPEED_UNITS,
+        lambda one, *_: values.jump(one, follower_of(one.rig), FROM_REST),
+        senses=_LEAST, campaign=True,
+    ),
+    LawQuantity(
+        "jump_speed_steady", "jump speed in steady state", "rpm", SPEED_UNITS,
+        lambda one, *_: values.jump(one, follower_of(one.rig), None),
+        senses=_LEAST, campaign=True,
+    ),
+    LawQuantity(
+        "jump_speed_rigid", "jump speed of one rigid mass", "rpm", SPEED_UNITS,
+        lambda one, *_: values.jump(one, one.rigid, None),
+        senses=_LEAST, campaign=True, rigid=True,
+    ),
+    LawQuantity(
+        "residual_vibration", "residual vibration of one event", "um", _LENGTH,
+        values.residual, "rpm", _MOST,
+    ),
+    LawQuantity(
+        "peak_velocity", "peak |s′|", "mm/rad", _SLOPE,
+        lambda one, *_: abs(peak(one.law, 1).value), senses=_MOST, order=1,
+    ),
+    LawQuantity(
+        "peak_acceleration", "peak |s″|", "mm/rad^2", _BEND,
+        lambda one, *_: abs(peak(one.law, 2).value), senses=_MOST, order=2,
+    ),
+    LawQuantity(
+        "peak_jerk", "peak |s‴|", "mm/rad^3", _JERK,
+        lambda one, *_: abs(peak(one.law, 3).value), senses=_MOST, order=3,
+    ),
+    LawQuantity(
+        "rms_acceleration", "r.m.s. of s″", "mm/rad^2", _BEND, values.rms_acceleration,
+        senses=_MOST,
+    ),
+    LawQuantity(
+        "peak_contact_force_rigid", "peak contact force of one rigid mass", "N", _FORCE,
+        lambda one, term, _: max(most for _, most in values.forces(one, term)),
+        "rpm", _MOST, campaign=True,
+    ),
+    LawQuantity(
+        "least_contact_force_rigid", "least contact force of one rigid mass", "N", _FORCE,
+        lambda one, term, _: min(least for least, _ in values.forces(one, term)),
+        "rpm", _LEAST, signed=True, campaign=True,
+    ),
+    LawQuantity("shaft_torque", "peak |shaft torque|", "N*m", _TORQUE, values.torque, "rpm", _MOST),
+    LawQuantity(
+        "sound_level_rigid", "sound level of one rigid mass", "dB", _LEVEL,
+        values.rigid_level, "rpm", _MOST, signed=True,
+    ),
+    LawQuantity(
+        "sound_level_with_jumps", "sound level with landings, mean power over speeds", "dB", _LEVEL,
+        values.level_with_jumps, "rpm", _MOST, signed=True,
+    ),
+    LawQuantity(
+        "pressure_angle", "pressure angle", "deg", ANGLE_UNITS, values.pressure_angle,
+        senses=_MOST, below=0.25 * TURN,
+    ),
+    LawQuantity(
+        "radius_of_curvature", "least radius of curvature", "mm", _LENGTH, values.least_radius,
+        senses=_LEAST,
+    ),
+    LawQuantity(
+        "event_angle", "span of event", "deg", ANGLE_UNITS, values.span, "event", _BOTH,
+        goal=False, below=TURN,
+    ),
+    *(
+        LawQuantity(
+            name, title, f"mm{over}", units, values.at_angles(order), "deg", _BOTH,
+            goal=False, signed=True, order=order,
+        )
+        for order, (name, title, over, units) in enumerate(
+            (
+                ("lift", "lift", "", _LENGTH),
+                ("velocity", "s′", "/rad", _SLOPE),
+                ("acceleration", "s″", "/rad^2", _BEND),
+            )
+        )
+    ),
+)  # fmt: skip
+
+#: What campaigns alone measure: of settled runs of the scene's model, and of whole turns.
+_MEASURED = (
+    LawQuantity(
+        "residual_vibration_steady", "residual vibration of a mass on its stem in steady state",
+        "um", {"um": 1e-6, "µm": 1e-6, "mm": 1e-3, "m": 1.0}, values.steady_residual, "rpm",
+        ranges=True, campaign=True,
+    ),
+    LawQuantity(
+        "least_contact_force", "least contact force", "N", _FORCE,
+        lambda one, term, _: one.run(term.low).force_least,
+        "rpm", signed=True, campaign=True, of_run=True,
+    ),
+    LawQuantity(
+        "peak_contact_force", "peak contact force", "N", _FORCE,
+        lambda one, term, _: one.run(term.low).force_peak,
+        "rpm", campaign=True, of_run=True,
+    ),
+    LawQuantity(
+        "sound_level", "sound level", "dB", _LEVEL, values.run_level,
+        "rpm", signed=True, campaign=True, of_run=True,
+    ),
+    LawQuantity(
+        "peak_torque", "peak torque", "N*m", {"N*m": 1.0},
+        lambda one, term, _: one.run(term.low).torque_peak, "rpm", campaign=True, of_run=True,
+    ),
+    LawQuantity(
+        "lift_offs", "lift-offs a turn", "", {"": 1.0},
+        lambda one, term, _: float(one.run(term.low).lift_offs),
+        "rpm", signed=True, campaign=True, of_run=True,
+    ),
+    LawQuantity(
+        "twist", "twist, peak to peak", "rad", {"rad": 1.0, "deg": math.pi / 180.0},
+        values.twist, "rpm", campaign=True,
+    ),
+)  # fmt: skip
+
+#: Every quantity by its name.
+QUANTITIES: Mapping[str, LawQuantity] = {one.name: one for one in (*_DESIGNED, *_MEASURED)}
+
+#: What a design may have as a goal or a limit.
+DESIGNED = {name: one for name, one in QUANTITIES.items() if one.senses}
+
+#: What moves in each model of a scene, as titles say it.
+MOVES = {
+    "kinetostatic": "one rigid mass held on the cam",
+    "one_mass": "one rigid mass",
+    "elastic_stem": "a mass on its stem held on the cam",
+    "two_mass": "two masses",
+    "torsional": "a rigid mass on a twisting shaft",
+}
+
+
+@cache
+def measured_in(model: str) -> Mapping[str, LawQuantity]:
+    """What a campaign measures whose scene has a model, which titles name; limited on any side."""
+    found = {}
+    for one in QUANTITIES.values():
+        if one.campaign:
+            title = f"{one.title} of {MOVES[model]}" if one.of_run else one.title
+            found[one.name] = replace(one, title=title, senses=_BOTH)
+    return MappingProxyType(found)

@@ -1,0 +1,311 @@
+"""What a law on a rig comes to by each quantity, exactly, whatever law it is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from cam_rig.acoustics import RadiationParameters
+from cam_rig.acoustics.pressure import mean_square_rate
+from cam_rig.acoustics.radiation import level_db, pressure_pa
+from cam_rig.dynamics import FollowerParameters, TwoMassParameters
+from cam_rig.dynamics.jump.any_follower import AnyFollower, find_jump, follower_of
+from cam_rig.dynamics.jump.search import NoJumpSpeedError, sought_speed
+from cam_rig.dynamics.kinetostatic import force_extremes
+from cam_rig.dynamics.torsional.model import from_rig as shaft_of
+from cam_rig.dynamics.vibration import residual_vibration, steady_twist
+from cam_rig.errors import ConfigError, DynamicsError
+from cam_rig.laws import Law, bernstein
+from cam_rig.profile.checks import sharpest_convex
+from cam_rig.profile.contact import Motion, Scan, zoom
+from cam_rig.profile.disc import discs
+from cam_rig.quantities.mode import Mode, peaks, speeds_of
+from cam_rig.quantities.steady import MOST_TURNS, SETTLED, scene_at, steady_row
+from cam_rig.quantities.terms import Sense, Term
+from cam_rig.schema import CamConfig, RigConfig, SceneConfig
+from cam_rig.simulation.by_speed import SpeedRow
+from cam_rig.simulation.simulate import Acoustics, settled_turns
+from cam_rig.units import RPM, TURN, FloatArray
+
+#: Speeds of a range, at which its level or its largest vibration is taken; with landings fewer, as
+#: a turn of each is simulated.
+SPEEDS, SPEEDS_WITH_JUMPS = 41, 13
+
+#: Gauss points of a cell of a piece, and the phase (rad) of the vibration in it at most.
+GAUSS, CELL_PHASE = 12, 2.0
+
+#: Peaks that are looked at are no farther below what is allowed, on the grid.
+MISSED = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """A law on a rig; its cam says what the follower is.
+
+    Parameters
+    ----------
+    events : start and span (rad) of what lies between the dwells
+    scene : how it is run where a quantity is of a run
+    proved : whether a jump speed of two masses is proved by the exact model too, to 5e-7
+    """
+
+    law: Law
+    rig: RigConfig
+    cam: CamConfig
+    events: Sequence[tuple[float, float]] = ()
+    scene: SceneConfig | None = None
+    proved: bool = True
+    _runs: dict[float, tuple[SpeedRow, bool]] = field(default_factory=dict)
+
+    @cached_property
+    def rigid(self) -> FollowerParameters:
+        """The follower as one rigid mass."""
+        return FollowerParameters.from_rig(self.rig)
+
+    def run(self, speed: float) -> SpeedRow:
+        """The settled turns at one speed (rad/s), run once for all quantities of them."""
+        assert self.scene is not None  # of quantities of a run
+        if speed not in self._runs:
+            scene = scene_at(self.scene, speed)
+            self._runs[speed] = steady_row(self.law, self.rig, scene, speed)
+        return self._runs[speed][0]
+
+    def unsettled(self, term: Term) -> str:
+        """Of which turns a quantity of a run is that never settles; empty for any other."""
+        if self.scene is None or not term.quantity.of_run or self._runs[term.low][1]:
+            return ""
+        program = self.scene.program
+        return (
+            f"at {term.low / RPM:.6g} rpm not settled to {SETTLED:g} in {MOST_TURNS} turns, so of "
+            f"the {program.turns.si - program.settle_turns.si:g} after them"
+        )
+
+
+def jump(one: Subject, follower: AnyFollower, duration: float | None) -> float:
+    """Jump speed (rad/s) of a run from rest (s), or in steady state; 0 or ∞ where there is none."""
+    if one.law.velocity_jumps:  # where the velocity jumps down the follower lifts off
+        return 0.0
+    try:
+        if isinstance(follower, TwoMassParameters) and not one.proved:
+            return sought_speed(one.law, follower, duration)
+        return find_jump(one.law, follower, duration).speed
+    except NoJumpSpeedError as none:
+        return none.speed
+
+
+def at_angles(order: int) -> Callable[[Subject, Term, Sense], float]:
+    """A derivative's largest, or least, over a range of angles."""
+
+    def value(one: Subject, term: Term, sense: Sense) -> float:
+        law = one.law
+        inside = law.breaks[(law.breaks > term.low) & (law.breaks < term.high)]
+        values = law(np.append(inside, np.linspace(term.low, term.high, 4097)), order)
+        return float(values.max() if sense == "<=" else values.min())
+
+    return value
+
+
+def rms_acceleration(one: Subject, *_: object) -> float:
+    """Of s'' over the turn, by Gauss points, m/rad²."""
+    law = one.law
+    points, weights = np.polynomial.legendre.leggauss(law.degree + 1)
+    table = bernstein.basis(law.degree, 0.5 * (points + 1.0))
+    squares = (table @ law.derivative_ordinates(2)) ** 2
+    return math.sqrt(float((0.5 * weights @ squares) @ law.spans) / TURN)
+
+
+def forces(one: Subject, term: Term) -> list[tuple[float, float]]:
+    """Least and largest contact force (N) of one rigid mass at the ends of a range of speeds."""
+    return [force_extremes(one.law, one.rigid, speed) for speed in {term.low, term.high}]
+
+
+def span(one: Subject, term: Term, _: Sense) -> float:
+    """Of an event, rad."""
+    if term.event > len(one.events):
+        count = len(one.events)
+        raise ConfigError(f"{term.key}: {one.cam.name!r} has {count} events; allowed: 1 to that")
+    return one.events[term.event - 1][1]
+
+
+def twist(one: Subject, term: Term, _: Sense) -> float:
+    """Of the shaft in steady state, peak to peak, rad."""
+    return float(np.ptp(steady_twist(one.law, shaft_of(one.rig), term.low)[1]))
+
+
+# Residual vibration.
+
+
+def mode_of(rig: RigConfig) -> Mode:
+    """The mode in which the follower vibrates on its stem."""
+    rig.need("stem_stiffness", "a goal or limit of vibration")
+    return Mode.of(follower_of(rig))
+
+
+def residual(one: Subject, term: Term, _: Sense) -> float:
+    """The largest amplitude (m) that an event alone leaves, at any speed of a range."""
+    mode, highest = mode_of(one.rig), []
+    speeds = speeds_of(mode, max(span for _, span in one.events), term.low, term.high)
+    for start, length in one.events:
+        ends = start, start + length
+        found = left_by(mode, one.law, *ends, speeds)
+        for speed in peaks(speeds, found, float(found.max()) * (1.0 - MISSED)):
+            highest.append(float(left_by(mode, one.law, *ends, np.array([speed]))[0]))
+    return max(highest)
+
+
+def left_by(mode: Mode, law: Law, start: float, end: float, speeds: FloatArray) -> FloatArray:
+    """Amplitude (m) that a law leaves between two angles (rad) from rest, at speeds (rad/s)."""
+    edges = law.breaks[(law.breaks > start) & (law.breaks < end)]
+    edges = np.array([start, *edges, end])
+    most = CELL_PHASE * float(speeds.min()) / mode.rate.imag
+    cut = [np.linspace(a, b, 2 + int((b - a) / most))[:-1] for a, b in pairwise(edges)]
+    edges = np.append(np.concatenate(cut), end)
+    points, weights = np.polynomial.legendre.leggauss(GAUSS)
+    width = np.diff(edges)[:, None]
+    angles = (edges[:-1, None] + 0.5 * width * (points + 1.0)).ravel()
+    share = (0.5 * width * weights).ravel()
+    _, slope, bend = law.motion_at(angles) * share
+    found = np.empty(speeds.size)
+    for i, speed in enumerate(speeds.tolist()):
+        fading = np.exp(mode.rate / speed * (end - angles))
+        total = (mode.drive[0] * slope + mode.drive[1] * speed * bend) @ fading
+        found[i] = abs(total) / mode.rate.imag
+    return found
+
+
+def steady_residual(one: Subject, term: Term, _: Sense) -> float:
+    """The largest free vibration (m) in the low dwell of a mass on its stem, in steady state."""
+    count = 1 if term.low == term.high else SPEEDS
+    speeds = np.linspace(term.low, term.high, count)
+    follower = FollowerParameters.on_stem(one.rig, f"the measure {term.name}")
+    return float(residual_vibration(one.law, follower, speeds).max())
+
+
+# Sound levels, dB.
+
+
+def run_level(one: Subject, term: Term, _: Sense) -> float:
+    """Of the settled turns at a speed."""
+    one.rig.need_radiation(f"the measure {term.name}")
+    level = one.run(term.low).level_db
+    if level is None:
+        raise DynamicsError(f"{term.key}: no settled turn to measure")
+    return level
+
+
+def rigid_level(one: Subject, term: Term, _: Sense) -> float:
+    """Of the mean power over a range of speeds, of a mass that stays on the cam."""
+    radiation = RadiationParameters.from_rig(one.rig, lands=False)
+    rates = [
+        mean_square_rate(one.law, one.rigid, radiation.corner_rate, speed)
+        for speed in np.linspace(term.low, term.high, SPEEDS).tolist()
+    ]
+    return level_of(one.rig, term, math.sqrt(float(np.mean(rates))))
+
+
+def _background(radiation: RadiationParameters, term: Term) -> float:
+    speeds = np.linspace(term.low, term.high, SPEEDS)
+    return float(np.mean([radiation.background_power(speed) for speed in speeds.tolist()]))
+
+
+def level_of(rig: RigConfig, term: Term, rate: float) -> float:
+    """The level (dB) of a mean square rate's root (N/s), with the background."""
+    radiation = RadiationParameters.from_rig(rig, lands=False)
+    power = _background(radiation, term) + (radiation.gain * rate) ** 2
+    return float(level_db(np.array([math.sqrt(power)]))[0])
+
+
+def rate_of(rig: RigConfig, term: Term, level: float) -> float:
+    """The other way; not above zero where the background alone is as loud."""
+    radiation = RadiationParameters.from_rig(rig, lands=False)
+    power = float(pressure_pa(level)) ** 2 - _background(radiation, term)
+    return math.copysign(math.sqrt(abs(power)), power) / radiation.gain
+
+
+def level_with_jumps(one: Subject, term: Term, *_: object) -> float:
+    """Of the mean power over a range of speeds, settled turns of one mass, with landings."""
+    count = 1 if term.low == term.high else SPEEDS_WITH_JUMPS
+    speeds = np.linspace(term.low, term.high, count)
+    turns = settled_turns(one.law, "one_mass", one.rigid, speeds)
+    levels = Acoustics(RadiationParameters.from_rig(one.rig)).levels(turns)
+    power = float(np.mean(10.0 ** (0.1 * (levels - levels.max()))))
+    return float(levels.max() + 10.0 * np.log10(power))
+
+
+# What depends on s, s', s'' at one cam angle: torque and contour.
+
+#: A quantity's branches ``(b, ...)`` of motions of one shape: the greatest is the worst.
+Branches = Callable[[Motion], FloatArray]
+
+#: Samples of a piece, at least, and of a turn; local maxima that are no lower than this part of
+#: the greatest are found to rounding.
+SAMPLES, SAMPLES_OF_TURN, NEARLY = 65, 4096, 0.02
+
+
+def pressure_angle(one: Subject, *_: object) -> float:
+    """The largest on any disc, rad."""
+    scans = [Scan(one.law, plate.element) for plate in discs(one.cam.follower, one.law)]
+    return max(scan.greatest(lambda touch: np.abs(touch.pressure)).value for scan in scans)
+
+
+def least_radius(one: Subject, *_: object) -> float:
+    """Of curvature on any disc where it is convex, m."""
+    scans = [Scan(one.law, plate.element) for plate in discs(one.cam.follower, one.law)]
+    return min(float(sharpest_convex(scan).value) for scan in scans)
+
+
+def torque(one: Subject, term: Term, _: Sense) -> float:
+    """The largest of either sign of one rigid mass at any speed of a range, N·m."""
+    return max(value for value, _ in maxima(one.law, torques(one.rigid, term)))
+
+
+def torques(p: FollowerParameters, term: Term) -> Branches:
+    """±(k s + c Ω s' + m Ω² s'' + F₀) s' at both ends of a range of speeds, and where it turns.
+
+    Of one rigid mass that stays on the cam (eq. 8 of the paper). In Ω it is a parabola, which may
+    be greatest between the ends.
+    """
+    low, high = term.low, term.high
+
+    def at(motion: Motion, speed: FloatArray) -> FloatArray:
+        force = p.spring_stiffness * motion.s + p.preload
+        force = force + (p.damping * motion.slope + p.mass * speed * motion.bend) * speed
+        return np.asarray(force * motion.slope)
+
+    def branches(motion: Motion) -> FloatArray:
+        found = [at(motion, np.full(motion.s.shape, speed)) for speed in dict.fromkeys((low, high))]
+        if low < high:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                turns = -0.5 * p.damping * motion.slope / (p.mass * motion.bend)
+            found.append(at(motion, np.clip(np.where(np.isnan(turns), low, turns), low, high)))
+        return np.concatenate([found, np.negative(found)])
+
+    return branches
+
+
+def maxima(law: Law, branches: Branches) -> list[tuple[float, float]]:
+    """Of each piece the greatest value of all branches and its angle (rad), if near the turn's.
+
+    The value is infinite where one is not a number.
+    """
+    count = max(SAMPLES, min(512, SAMPLES_OF_TURN // law.spans.size))
+    u = np.linspace(0.0, 1.0, count)
+    values = branches(Motion.on_pieces(law, u)).max(axis=0)
+    if not np.isfinite(values).all():
+        return [(np.inf, 0.0)]
+    best = values.max(axis=0)
+    near = best >= best.max() - NEARLY * abs(best.max())
+    found = []
+    for piece in np.flatnonzero(near).tolist():
+
+        def curve(at: FloatArray, piece: int = piece) -> FloatArray:
+            return np.asarray(branches(Motion.on_piece(law, piece, at)).max(axis=0))
+
+        at, value = zoom(curve, float(u[values[:, piece].argmax()]), float(u[1]))
+        found.append((value, float(law.breaks[piece] + at * law.spans[piece])))
+    return found
