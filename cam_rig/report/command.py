@@ -241,21 +241,18 @@ def _find(
 
 def to_json(found: Findings) -> dict[str, Any]:
     """Every part as its own command writes it, by the name of the command."""
-    from cam_rig.paper.as_cut import study as as_cut
     from cam_rig.paper.contact import tables as contact
-    from cam_rig.paper.factorial import tables as factorial
     from cam_rig.paper.jump import tables as jump
-    from cam_rig.paper.noise import tables as noise
     from cam_rig.paper.orders import tables as orders
     from cam_rig.paper.timing import tables as timing
 
     return {
         "jump": jump.to_json(found.jumps),
         "timing": timing.to_json(found.timing.values()),
-        "as-cut": as_cut.to_json(found.cuts),
+        "as-cut": found.cuts.data(),
         "vibration": found.vibration.data(),
         "contact": contact.to_json(found.contact),
-        "noise": noise.to_json(found.noise),
+        "noise": found.noise.data(),
         "orders": orders.to_json(found.orders),
-        "factorial": factorial.to_json(found.factorial),
+        "factorial": found.factorial.data(),
     }

@@ -10,7 +10,6 @@ from typing import Any
 
 from cam_rig.dynamics.vibration import STAND_IN
 from cam_rig.paper.as_cut.study import CUT
-from cam_rig.paper.factorial.conclusions import conclusions
 from cam_rig.paper.flywheel import SHOWN as FLYWHEEL_SHOWN
 from cam_rig.paper.jump.comparison import compare
 from cam_rig.paper.jump.refit import ROUNDED_TO
@@ -80,7 +79,7 @@ def _values(found: Findings) -> dict[str, Any]:
         "found": found,
         "called": partial(called, titles=titles_of(found)),
         "jump": compare(found.jumps),
-        "question": conclusions(found.factorial),
+        "question": found.factorial.conclusions(),
         "proposed": sources.cam_set.titles[found.factorial.config.proposed],
         "contact": found.contact,
         "origins": ", ".join(f"{origins[origin]} {origin}" for origin in ORIGINS),
@@ -93,7 +92,7 @@ def _values(found: Findings) -> dict[str, Any]:
         "stiffer": _stiffer(found),
         "readings_nearest": reading_tables.nearest(found.readings),
         "readings_widest": reading_tables.widest(found.readings),
-        "cut": found.cuts.get(CUT),
+        "cut": found.cuts.of(CUT),
         "cut_name": CUT,
         "rpm": to_rpm,
         "steady_rpm": STEADY_RPM,

@@ -21,9 +21,17 @@ from cam_rig.laws import Law
 from cam_rig.laws import figures as law_figures
 from cam_rig.laws.cam import CamSet, open_cam_set
 from cam_rig.laws.catalogue import families
-from cam_rig.paper import flywheel as flywheel_module
 from cam_rig.paper.as_cut import figures as as_cut_plot
-from cam_rig.paper.as_cut.study import BASES, CUT, ROLLERS, AsCut, CutBench, cut_all, over_sizes
+from cam_rig.paper.as_cut.study import (
+    BASES,
+    CUT,
+    ROLLERS,
+    AsCutResult,
+    CutBench,
+    cut_all,
+    has_central_roller,
+    over_sizes,
+)
 from cam_rig.paper.contact import figures as contact_plot
 from cam_rig.paper.contact.comparison import (
     ContactTable,
@@ -34,31 +42,25 @@ from cam_rig.paper.contact.comparison import (
 )
 from cam_rig.paper.contact.tables import CONTACT_CAMS, CONTACT_RPM, FORM_CLOSED, SHARPEST
 from cam_rig.paper.factorial import figures as factorial_plot
-from cam_rig.paper.factorial.study import (
-    Bench,
-    Factorial,
-    FactorialConfig,
-    open_factorial,
-    run_factorial,
-)
-from cam_rig.paper.flywheel import FLYWHEEL_RPM, FlywheelStudy, study_flywheel
+from cam_rig.paper.factorial.design import Bench, FactorialConfig, open_factorial
+from cam_rig.paper.factorial.study import FactorialResult, run_factorial
+from cam_rig.paper.flywheel import FLYWHEEL_RPM, FlywheelResult, study_flywheel
 from cam_rig.paper.jump import figures as takeoff_plot
 from cam_rig.paper.jump.comparison import find_jumps, jump_by_degree, references
 from cam_rig.paper.jump.tables import BY_SEGMENTS
 from cam_rig.paper.noise import figures as noise_study_plot
-from cam_rig.paper.noise.study import NoiseStudy, study_noise
+from cam_rig.paper.noise.study import NoiseResult, study_noise
 from cam_rig.paper.orders import figures as orders_plot
 from cam_rig.paper.orders.spectrum import CamOrders, waterfall
 from cam_rig.paper.orders.steady_force import BUILDERS
 from cam_rig.paper.orders.tables import ORDERS_DPI, SHOWN_ORDERS
 from cam_rig.paper.readings.readings import Read, read
 from cam_rig.paper.stem import figures as stem_plot
-from cam_rig.paper.stem.chain import Stem
-from cam_rig.paper.stem.study import STEM_RPM, StemStudy, study_stem
+from cam_rig.paper.stem.study import STEM_RPM, StemResult, study_stems
 from cam_rig.paper.timing import figures as timing_plot
 from cam_rig.paper.timing.tables import CamTiming, EventControl, beside_b_spline
 from cam_rig.paper.vibration import figures as vibration_plot
-from cam_rig.paper.vibration.study import LOWER, VIBRATION_RPM, VibrationResult, measure
+from cam_rig.paper.vibration.study import VIBRATION_RPM, VibrationResult, measure
 from cam_rig.profile import figures as profile_plot
 from cam_rig.profile.check_table import GUIDED, check_cam
 from cam_rig.report.sections import Recorded, read_recorded
@@ -103,8 +105,8 @@ class Findings:
     """All experiments of a report.
 
     ``degrees`` are jump speeds (rpm) of the law by segments by the degree of its half-rises;
-    ``stiff_vibration`` is on the stem of Table 1; ``cuts`` are cams as fig. 12 has them cut, by
-    name, and ``cut_sizes`` that of `CUT` over its radii. ``timing`` are the events of each cam,
+    ``stiff_vibration`` is on the stem of Table 1; ``cuts`` are cams as fig. 12 has them cut,
+    and ``cut_sizes`` that of `CUT` over its radii. ``timing`` are the events of each cam,
     ``control`` `CUT` and the B-spline of its lift and events. ``orders`` are of the scene's sweep;
     ``designs`` are the best laws beside the paper's.
     """
@@ -115,12 +117,12 @@ class Findings:
     degrees: dict[int, float]
     vibration: VibrationResult
     stiff_vibration: VibrationResult
-    flywheel: FlywheelStudy | None
-    stems: list[StemStudy]
-    noise: NoiseStudy
-    factorial: Factorial
-    cuts: dict[str, AsCut]
-    cut_sizes: list[AsCut]
+    flywheel: FlywheelResult | None
+    stems: StemResult
+    noise: NoiseResult
+    factorial: FactorialResult
+    cuts: AsCutResult
+    cut_sizes: AsCutResult | None
     timing: dict[str, CamTiming]
     control: list[EventControl]
     contact: ContactTable
@@ -186,11 +188,13 @@ def find(
     vibration = measure(cam_set, VIBRATION_RPM)
     stiff = measure(CamSet(cam_set.cams, cam_set.laws, sources.stiff), VIBRATION_RPM)
     flywheel = study_flywheel(cam_set, FLYWHEEL_RPM)
-    stems = [study_stem(cam_set, stem, STEM_RPM) for stem in _stems(sources)]
+    stems = study_stems(cam_set, _stems(sources), STEM_RPM)
     on_part(PARTS[1])
     bench = CutBench.of(cam_set.rig, sources.loaded)
-    cuts = cut_all(cam_set, bench)
-    cut_sizes = over_sizes(cuts[CUT].drawn, bench, BASES, ROLLERS) if CUT in cuts else []
+    rollers = [cam for cam, config in cam_set.cams.items() if has_central_roller(config)]
+    cuts = cut_all(cam_set.only(rollers), bench)
+    cut, title = cuts.of(CUT), cam_set.titles.get(CUT, CUT)
+    cut_sizes = over_sizes(cut, bench, BASES, ROLLERS, title) if cut else None
     timing = {cam: CamTiming.of(cam_set.cams[cam], law) for cam, law in cam_set.laws.items()}
     control = beside_b_spline(timing[CUT]) if CUT in timing else []
     contact = compare_contacts(sources.touching, CONTACT_RPM)
@@ -245,11 +249,11 @@ def _stems(sources: Sources) -> tuple[float, float]:
     return soft, stiff
 
 
-def _noise(sources: Sources) -> NoiseStudy:
+def _noise(sources: Sources) -> NoiseResult:
     return study_noise(sources.loaded, sources.cam_set.rig)
 
 
-def _factorial(sources: Sources) -> Factorial:
+def _factorial(sources: Sources) -> FactorialResult:
     bench = Bench.of(sources.factorial, sources.cam_set.rig, sources.stiff)
     return run_factorial(sources.factorial, bench, sources.cam_set.laws)
 
@@ -305,37 +309,27 @@ def early_figures(
 
 def late_figures(found: Findings) -> dict[str, list[str]]:
     """Those of the studies."""
-    sources, noise, factorial = found.sources, found.noise, found.factorial
     return {
         "contact": uris(contact_plot.figure(found.contact)),
         "events": uris(contact_plot.events_figure(GUIDED, SHARPEST)),
-        "fig16": uris(noise_study_plot.figure(noise, sources.loaded)),
-        "factorial": uris(factorial_plot.figure(factorial)),
+        "fig16": uris(noise_study_plot.figure(found.noise)),
+        "factorial": uris(factorial_plot.figure(found.factorial)),
     }
 
 
 def flywheel_figures(found: Findings) -> dict[str, list[str]]:
     """That of the flywheel; none for a rig without a shaft."""
-    study, titles = found.flywheel, found.sources.cam_set.titles
-    if study is None:
-        return {}
-    return {"flywheel": uris(flywheel_module.flywheel_figure(study, titles))}
+    return {"flywheel": uris(found.flywheel.plot())} if found.flywheel else {}
 
 
 def stem_figures(found: Findings) -> dict[str, list[str]]:
     """That of the stem in more and more masses."""
-    cam_set = found.sources.cam_set
-    stem = Stem(TwoMassParameters.from_rig(cam_set.rig), 1.0)
-    law, title = cam_set.laws[LOWER], cam_set.titles[LOWER]
-    return {"stem": uris(stem_plot.stem_figure(law, title, stem))}
+    return {"stem": uris(stem_plot.figure(found.stems))}
 
 
 def cut_figures(found: Findings) -> dict[str, list[str]]:
     """Fig. 12, where its cam has a roller."""
-    cut, titles = found.cuts.get(CUT), found.sources.cam_set.titles
-    if cut is None:
-        return {}
-    return {"fig12": uris(as_cut_plot.figure(cut, titles[CUT]))}
+    return {"fig12": uris(as_cut_plot.figure(found.cuts, CUT))} if found.cuts.of(CUT) else {}
 
 
 def timing_figures(found: Findings) -> dict[str, list[str]]:

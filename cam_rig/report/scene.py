@@ -80,15 +80,6 @@ class SceneFindings:
         """Of which follower the jump speeds are, and in which run of it."""
         return described_run(follower_of(self.loaded.rig), FROM_REST)
 
-    def drawn(self, cams: list[str]) -> CamSet:
-        """The set of some of the cams."""
-        whole = self.cam_set
-        return CamSet(
-            {cam: whole.cams[cam] for cam in cams},
-            {cam: whole.laws[cam] for cam in cams},
-            whole.rig,
-        )
-
 
 def is_papers(loaded: LoadedScene) -> bool:
     """Whether a scene is the paper's noise study, on the rig that was calibrated for it."""

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from cam_rig.paper.factorial.conclusions import conclusions
 from cam_rig.paper.jump.comparison import compare, rms_difference
 from cam_rig.paper.vibration.study import RESIDUAL, Verdict, jump_claims
 from cam_rig.report.document import Answer, bold, span
@@ -120,7 +119,7 @@ def _crossing(found: Findings, rivals: str) -> Answer:
 
 
 def _question(found: Findings) -> Iterator[Answer]:
-    question = conclusions(found.factorial)
+    question = found.factorial.conclusions()
     proposed = found.sources.cam_set.titles[found.factorial.config.proposed]
     share, residual = question.jump_share, question.same_acceleration["residual"]
     yield Answer(

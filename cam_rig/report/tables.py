@@ -11,19 +11,12 @@ from cam_rig.law_design.pareto_front import designs_table
 from cam_rig.laws import Law
 from cam_rig.laws.law import continuity_in_words, extremes
 from cam_rig.laws.segments import NAMED_RISES
-from cam_rig.paper.as_cut import study as as_cut
-from cam_rig.paper.as_cut.study import CUT
 from cam_rig.paper.contact import tables as contact
-from cam_rig.paper.factorial import tables as factorial
-from cam_rig.paper.flywheel import flywheel_tables
 from cam_rig.paper.jump.tables import jump_table
-from cam_rig.paper.noise import tables as noise
 from cam_rig.paper.orders import tables as orders
 from cam_rig.paper.readings import tables as reading_tables
-from cam_rig.paper.stem.study import stem_tables
 from cam_rig.paper.timing import tables as timing
 from cam_rig.paper.vibration.study import (
-    LOWER,
     claims_table,
     jump_claims,
 )
@@ -70,8 +63,6 @@ def _listed(found: Findings) -> dict[str, list[DataTable]]:
     titles, mounted = found.sources.cam_set.titles, found.sources.loaded.titles
     rigid = {cam: m.rigid_jump / RPM for cam, m in found.factorial.cams.items()}
     caption = f"The paper's Table 2: jump speed, {FROM_REST:g} s from rest at constant speed"
-    published = found.sources.loaded.published
-    assert published is not None  # the study has its levels
     curves = found.noise.methods[0].curves
     simulated = {cam: curve.level_db for cam, curve in curves.items()}
     printed = {cam: curve.published_db for cam, curve in curves.items()}
@@ -81,17 +72,17 @@ def _listed(found: Findings) -> dict[str, list[DataTable]]:
         "summary": [summary_table(answers(found))],
         "cams": [_table_1(found), _laws(found)],
         "vibration": _vibration(found),
-        "flywheel": flywheel_tables(found.flywheel, titles, LOWER),
+        "flywheel": found.flywheel.to_show(titles) if found.flywheel else [],
         "jump": [jump_table(found.jumps, caption, titles, rigid)],
         "readings": [
             reading_tables.numbers_table(found.sources.readings.readings),
             reading_tables.speeds_table(found.readings),
             reading_tables.times_table(found.readings),
         ],
-        "stem": stem_tables(found.stems, titles, LOWER),
+        "stem": found.stems.to_show(titles),
         "as_cut": [
-            as_cut.cams_table(found.cuts, titles),
-            as_cut.sizes_table(found.cut_sizes, titles[CUT]),
+            *found.cuts.to_show(titles),
+            *(found.cut_sizes.to_show(titles) if found.cut_sizes else ()),
         ],
         "timing": _timing(found),
         "contact": [
@@ -100,9 +91,9 @@ def _listed(found: Findings) -> dict[str, list[DataTable]]:
             *contact.event_tables(GUIDED),
             contact.play_table(found.play),
         ],
-        "noise": [*noise.tables(found.noise, published), *recorded],
+        "noise": [*found.noise.to_show(mounted), *recorded],
         "orders": _orders(found),
-        "question": factorial.tables(found.factorial, titles),
+        "question": found.factorial.to_show(titles),
         "design": [designs_table(found.designs, titles)] if found.designs else [],
         "numbers": [origins_table(name, model) for name, model in files(found).items()],
         "reading": [misprints_table()],

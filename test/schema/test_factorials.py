@@ -4,7 +4,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from cam_rig.errors import ConfigError
-from cam_rig.paper.factorial.study import load_factorial
+from cam_rig.paper.factorial.design import open_factorial
 from cam_rig.schema.load import config_root
 
 SHIPPED = config_root() / "factorials" / "continuity.yaml"
@@ -26,7 +26,7 @@ def changed(tmp_path):
 
 def test_shipped():
     """Its name is its file's, and every number has an origin."""
-    config = load_factorial(SHIPPED)
+    config = open_factorial(SHIPPED)
     assert config.name == SHIPPED.stem
     data = YAML(typ="safe").load(SHIPPED.read_text(encoding="utf-8"))
     numbers = [value for value in data.values() if isinstance(value, dict)]
@@ -49,4 +49,4 @@ def test_shipped():
 def test_refused(changed, changes, words):
     """Levels that make no table, angles that make no cam."""
     with pytest.raises(ConfigError, match=words):
-        load_factorial(changed(**changes))
+        open_factorial(changed(**changes))
