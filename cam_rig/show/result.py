@@ -207,7 +207,7 @@ class Records:
 def _wide(
     caption: str,
     records: list[Any],
-    own: list[tuple[tables.Head, Callable[[Any], Cell]]],
+    own: Sequence[tuple[tables.Head, Callable[[Any], Cell]]],
     spread: Sequence[Column],
     texts: list[str],
     called: Mapping[str, str],

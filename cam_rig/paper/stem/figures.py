@@ -18,6 +18,7 @@ from cam_rig.show.figure import (
     styled,
     wrapped,
 )
+from cam_rig.show.looks import title_of
 from cam_rig.show.tables import printed
 from cam_rig.units import RPM
 
@@ -34,7 +35,7 @@ SPEEDS = np.arange(150.0, 440.0, 2.0)
 def figure(found: StemResult) -> Figure:
     """Error of the natural frequencies over the elements, and least contact force over speed."""
     cam_set = found.cam_set
-    law, title = cam_set.laws[SHOWN_CAM], cam_set.titles[SHOWN_CAM]
+    law, title = cam_set.laws[SHOWN_CAM], title_of(cam_set.titles, SHOWN_CAM)
     follower = TwoMassParameters.from_rig(cam_set.rig)
     out = empty(3.3)
     left, right = out.subplots(1, 2)

@@ -13,6 +13,8 @@ from cam_rig.paper.flywheel import INERTIAS, SHOWN, study_flywheel
 from cam_rig.schema import load_rig
 from cam_rig.units import RPM
 
+from ...figure_faults import faults
+
 SPEED = 300.0 * RPM
 
 
@@ -81,6 +83,7 @@ def test_tables(study):
     assert [row[0] for row in over_inertia.texts][-2:] == ["20", "∞"]
     assert len(over_inertia.rows) == len(INERTIAS) and SHOWN in INERTIAS
     assert over_cams.rows[0][0] == "3-4-5"
+    assert faults(study.plot()) == []
 
 
 def test_a_rig_without_a_shaft(laws, config_dir):

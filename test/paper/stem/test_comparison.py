@@ -22,6 +22,8 @@ from cam_rig.paper.stem.study import (
 from cam_rig.schema import load_rig
 from cam_rig.units import RPM, TURN
 
+from ...figure_faults import faults
+
 
 @pytest.fixture(scope="module")
 def rig(config_dir):
@@ -124,3 +126,4 @@ def test_tables(stems):
     assert [row[1] for row in over.texts] == ["2", "3", "4", "6", "10", "bar"]
     assert len(over.rows) == len(ELEMENTS) and math.isinf(ELEMENTS[-1])
     assert jumps.rows[0][0] == "3-4-5"
+    assert faults(stems.plot()) == []
