@@ -107,6 +107,7 @@ def fewer(undrawn, monkeypatch):
     monkeypatch.setattr("cam_rig.law_design.pareto_front.ASKED", asked[:1])
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("in_this_process", "one_study", "fewer")
 def test_the_page(sweep, tmp_path):
     """Of a smaller scene, with figures that are not drawn."""
