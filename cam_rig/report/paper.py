@@ -11,8 +11,6 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from cam_rig.dynamics import TwoMassParameters
-from cam_rig.dynamics.jump import figures as jump_plot
-from cam_rig.dynamics.jump.any_follower import JumpRow
 from cam_rig.dynamics.jump.jump_speed import FROM_REST
 from cam_rig.files import no_room, temporary_folder
 from cam_rig.law_design.pareto_front import paper_designs
@@ -42,9 +40,14 @@ from cam_rig.paper.factorial.study import (
     run_factorial,
 )
 from cam_rig.paper.flywheel import FLYWHEEL_RPM, FlywheelStudy, study_flywheel
-from cam_rig.paper.jump import figures as takeoff_plot
-from cam_rig.paper.jump.comparison import find_jumps, jump_by_degree, references
-from cam_rig.paper.jump.tables import BY_SEGMENTS
+from cam_rig.paper.jump import figures as jump_plot
+from cam_rig.paper.jump.comparison import (
+    BY_SEGMENTS,
+    JumpResult,
+    find_jumps,
+    jump_by_degree,
+    references,
+)
 from cam_rig.paper.noise import figures as noise_study_plot
 from cam_rig.paper.noise.study import NoiseStudy, study_noise
 from cam_rig.paper.orders import figures as orders_plot
@@ -110,7 +113,7 @@ class Findings:
     """
 
     sources: Sources
-    jumps: list[JumpRow]
+    jumps: JumpResult
     readings: list[Read]
     degrees: dict[int, float]
     vibration: VibrationResult
@@ -166,7 +169,7 @@ def find(
     sources: Sources,
     pool: Executor,
     on_part: Callable[[str], None],
-    meanwhile: Callable[[list[JumpRow], VibrationResult], None],
+    meanwhile: Callable[[JumpResult, VibrationResult], None],
 ) -> Findings:
     """Run every experiment, the two long ones in processes of their own.
 
@@ -179,7 +182,7 @@ def find(
     factorial = pool.submit(_factorial, sources)
     cam_set = sources.cam_set
     parameters = TwoMassParameters.from_rig(cam_set.rig)
-    jumps = find_jumps(cam_set.laws, parameters, references(cam_set, sources.tables), FROM_REST)
+    jumps = find_jumps(cam_set, references(cam_set, sources.tables))
     degrees = jump_by_degree(cam_set.cams[BY_SEGMENTS], parameters, FROM_REST)
     readings = _readings(sources)
     on_part(PARTS[0])
@@ -283,7 +286,7 @@ def uris(figure: Figure, dpi: float | None = None) -> list[str]:
 
 
 def early_figures(
-    sources: Sources, jumps: list[JumpRow], vibration: VibrationResult
+    sources: Sources, jumps: JumpResult, vibration: VibrationResult
 ) -> dict[str, list[str]]:
     """Those that wait for no long study: URIs by key."""
     cam_set, arcs = sources.cam_set, _arc_cam(sources)
@@ -297,9 +300,9 @@ def early_figures(
         "fig1": uris(law_figures.figure(tm21, tm21_law)),
         "fig2": uris(law_figures.figure(cam, law)),
         "fig4": uris(vibration_plot.figure(vibration, STEADY_RPM)),
-        "fig11": uris(takeoff_plot.figure(cam_set, TAKEOFF_RPM)),
+        "fig11": uris(jump_plot.lift_off_figure(cam_set, TAKEOFF_RPM)),
         "profile": uris(profile_plot.figure(cam, law, checks)),
-        "jump": uris(jump_plot.figure(jumps, cam_set, FROM_REST)),
+        "jump": uris(jump_plot.figure(jumps)),
     }
 
 

@@ -6,7 +6,6 @@ from collections.abc import Callable
 
 from pydantic import BaseModel
 
-from cam_rig.dynamics.jump.jump_speed import FROM_REST
 from cam_rig.law_design.pareto_front import designs_table
 from cam_rig.laws import Law
 from cam_rig.laws.law import continuity_in_words, extremes
@@ -16,7 +15,6 @@ from cam_rig.paper.as_cut.study import CUT
 from cam_rig.paper.contact import tables as contact
 from cam_rig.paper.factorial import tables as factorial
 from cam_rig.paper.flywheel import flywheel_tables
-from cam_rig.paper.jump.tables import jump_table
 from cam_rig.paper.noise import tables as noise
 from cam_rig.paper.orders import tables as orders
 from cam_rig.paper.readings import tables as reading_tables
@@ -35,7 +33,6 @@ from cam_rig.report.sections import origins_table, recorded_table
 from cam_rig.report.summary import answers
 from cam_rig.show.looks import in_words
 from cam_rig.show.tables import Cell, DataTable, Head, tabulate
-from cam_rig.units import RPM
 
 #: The follower's numbers in Table 1: key there, attribute, heading.
 FOLLOWER = (
@@ -68,8 +65,6 @@ def titles_of(found: Findings) -> dict[str, str]:
 
 def _listed(found: Findings) -> dict[str, list[DataTable]]:
     titles, mounted = found.sources.cam_set.titles, found.sources.loaded.titles
-    rigid = {cam: m.rigid_jump / RPM for cam, m in found.factorial.cams.items()}
-    caption = f"The paper's Table 2: jump speed, {FROM_REST:g} s from rest at constant speed"
     published = found.sources.loaded.published
     assert published is not None  # the study has its levels
     curves = found.noise.methods[0].curves
@@ -82,7 +77,7 @@ def _listed(found: Findings) -> dict[str, list[DataTable]]:
         "cams": [_table_1(found), _laws(found)],
         "vibration": _vibration(found),
         "flywheel": flywheel_tables(found.flywheel, titles, LOWER),
-        "jump": [jump_table(found.jumps, caption, titles, rigid)],
+        "jump": found.jumps.to_show(titles),
         "readings": [
             reading_tables.numbers_table(found.sources.readings.readings),
             reading_tables.speeds_table(found.readings),
@@ -187,7 +182,7 @@ def _laws(found: Findings) -> DataTable:
 def _vibration(found: Findings) -> list[DataTable]:
     """The measures on either rig, and all claims."""
     cam_set, own, stiff = found.sources.cam_set, found.vibration, found.stiff_vibration
-    claims = [*own.claims, *jump_claims(found.jumps, cam_set.rig.name), *stiff.claims]
+    claims = [*own.claims, *jump_claims(found.jumps.rpm, cam_set.rig.name), *stiff.claims]
     speed = [one.tables()[0].only(STEADY_RPM) for one in (own, stiff)]
     tables = [*speed, claims_table(claims, own.rpm)]
     return [part for table in tables for part in table.to_show(cam_set.titles)]
