@@ -96,13 +96,13 @@ def scene_page(
 
 def scene_to_json(found: SceneFindings) -> dict[str, Any]:
     """Every part as its own command writes it, by the name of the command."""
-    from cam_rig.paper.orders import tables as orders
+    from cam_rig.paper.orders.study import OrdersResult
 
     return {
         "simulate": [row.plain() for row in found.run.by_speed],
         "jump": found.jumps.data(),
         "vibration": found.vibration and found.vibration.data(),
-        "orders": orders.to_json(found.orders),
+        "orders": OrdersResult(found.orders).data() if found.orders else None,
         "calibrated": found.loaded.calibrated,
         "refused": found.refused,
     }
@@ -241,19 +241,17 @@ def _find(
 def to_json(found: Findings) -> dict[str, Any]:
     """Every part as its own command writes it, by the name of the command."""
     from cam_rig.paper.as_cut import study as as_cut
-    from cam_rig.paper.contact import tables as contact
     from cam_rig.paper.factorial import tables as factorial
     from cam_rig.paper.noise import tables as noise
-    from cam_rig.paper.orders import tables as orders
-    from cam_rig.paper.timing import tables as timing
+    from cam_rig.paper.orders.study import OrdersResult
 
     return {
         "jump": found.jumps.data(),
-        "timing": timing.to_json(found.timing.values()),
+        "timing": found.timing.data(),
         "as-cut": as_cut.to_json(found.cuts),
         "vibration": found.vibration.data(),
-        "contact": contact.to_json(found.contact),
+        "contact": found.contact.data(),
         "noise": noise.to_json(found.noise),
-        "orders": orders.to_json(found.orders),
+        "orders": OrdersResult(found.orders).data() if found.orders else None,
         "factorial": factorial.to_json(found.factorial),
     }

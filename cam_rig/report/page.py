@@ -14,7 +14,6 @@ from cam_rig.paper.factorial.conclusions import conclusions
 from cam_rig.paper.flywheel import SHOWN as FLYWHEEL_SHOWN
 from cam_rig.paper.jump.refit import ROUNDED_TO
 from cam_rig.paper.noise import calibration, methods
-from cam_rig.paper.readings import tables as reading_tables
 from cam_rig.report.document import Document, Made, called, render
 from cam_rig.report.paper import PROPOSED, STEADY_RPM, TAKEOFF_RPM, Findings
 from cam_rig.report.tables import files, tables, titles_of
@@ -90,8 +89,8 @@ def _values(found: Findings) -> dict[str, Any]:
         "infinity": math.inf,
         "flywheel_shown": FLYWHEEL_SHOWN,
         "stiffer": _stiffer(found),
-        "readings_nearest": reading_tables.nearest(found.readings),
-        "readings_widest": reading_tables.widest(found.readings),
+        "readings_nearest": found.readings.nearest,
+        "readings_widest": found.readings.widest,
         "cut": found.cuts.get(CUT),
         "cut_name": CUT,
         "rpm": to_rpm,

@@ -15,6 +15,7 @@ from cam_rig.paper.jump.comparison import JumpResult, find_jumps
 from cam_rig.paper.noise.roles import StudyRoles
 from cam_rig.paper.orders import figures as orders_plot
 from cam_rig.paper.orders.spectrum import CamOrders, waterfall
+from cam_rig.paper.orders.study import OrdersResult
 from cam_rig.paper.vibration import figures as vibration_plot
 from cam_rig.paper.vibration.study import VibrationResult, measure
 from cam_rig.profile import figures as profile_plot
@@ -174,7 +175,7 @@ def figures(found: SceneFindings) -> dict[str, list[str]]:
     if found.vibration is not None:
         drawn["vibration"] = uris(vibration_plot.figure(found.vibration))
     if found.orders:
-        drawn["orders"] = uris(orders_plot.figure(found.orders, whole.titles))
+        drawn["orders"] = uris(orders_plot.figure(OrdersResult(found.orders, whole.titles)))
     return drawn | _of_cams(found)
 
 

@@ -13,7 +13,7 @@ from cam_rig.laws import Law
 from cam_rig.laws.law import continuity_in_words as continuity
 from cam_rig.laws.law import extremes
 from cam_rig.paper.orders.spectrum import HIGHEST
-from cam_rig.paper.orders.tables import speed_table as orders_table
+from cam_rig.paper.orders.study import OrdersResult
 from cam_rig.profile.check_table import checks_table
 from cam_rig.report.document import Answer, Document, Made, bold, render, span, summary_table
 from cam_rig.report.scene import SceneFindings, rig_seconds
@@ -130,7 +130,7 @@ def tables(found: SceneFindings) -> dict[str, list[DataTable]]:
         "sound": [
             _level_table(found),
             *([recorded_table(found.recorded, simulated, titles)] if found.recorded else []),
-            *([orders_table(found.orders, titles)] if found.orders else []),
+            *OrdersResult(found.orders).speeds.to_show(titles),
         ],
         "numbers": [origins_table(name, model) for name, model in files(found).items()],
     }

@@ -62,11 +62,11 @@ def _jump(found: Findings) -> Iterator[Answer]:
         f"{'the same' if jump.same_ranking else 'another'} ranking of the cams",
         span((min(printed), max(printed)), ".6g", "rpm"),
     )
-    times = sum(read.times for read in found.readings)
+    times = sum(read.times for read in found.readings.found)
     yield Answer(
         "After how many turns from rest?",
         f"{span(jump.turns, '.1f')}; of the printed times {bold(times)} come out, in "
-        f"{bold(len(found.readings))} readings",
+        f"{bold(len(found.readings.found))} readings",
         "reproduced in part" if times else "not reproduced",
         span(jump.published_turns, ".1f"),
     )

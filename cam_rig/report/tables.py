@@ -12,20 +12,17 @@ from cam_rig.laws.law import continuity_in_words, extremes
 from cam_rig.laws.segments import NAMED_RISES
 from cam_rig.paper.as_cut import study as as_cut
 from cam_rig.paper.as_cut.study import CUT
-from cam_rig.paper.contact import tables as contact
+from cam_rig.paper.contact.comparison import play_table
 from cam_rig.paper.factorial import tables as factorial
 from cam_rig.paper.flywheel import flywheel_tables
 from cam_rig.paper.noise import tables as noise
-from cam_rig.paper.orders import tables as orders
-from cam_rig.paper.readings import tables as reading_tables
+from cam_rig.paper.orders.study import OrdersResult
 from cam_rig.paper.stem.study import stem_tables
-from cam_rig.paper.timing import tables as timing
 from cam_rig.paper.vibration.study import (
     LOWER,
     claims_table,
     jump_claims,
 )
-from cam_rig.profile.check_table import GUIDED
 from cam_rig.report.document import summary_table, table_called
 from cam_rig.report.paper import PROPOSED, STEADY_RPM, Findings
 from cam_rig.report.paper_reading import misprints_table
@@ -78,23 +75,14 @@ def _listed(found: Findings) -> dict[str, list[DataTable]]:
         "vibration": _vibration(found),
         "flywheel": flywheel_tables(found.flywheel, titles, LOWER),
         "jump": found.jumps.to_show(titles),
-        "readings": [
-            reading_tables.numbers_table(found.sources.readings.readings),
-            reading_tables.speeds_table(found.readings),
-            reading_tables.times_table(found.readings),
-        ],
+        "readings": found.readings.to_show(),
         "stem": stem_tables(found.stems, titles, LOWER),
         "as_cut": [
             as_cut.cams_table(found.cuts, titles),
             as_cut.sizes_table(found.cut_sizes, titles[CUT]),
         ],
         "timing": _timing(found),
-        "contact": [
-            *contact.contact_tables(found.contact),
-            contact.parts_table(),
-            *contact.event_tables(GUIDED),
-            contact.play_table(found.play),
-        ],
+        "contact": found.contact.to_show() + play_table(found.play).to_show(),
         "noise": [*noise.tables(found.noise, published), *recorded],
         "orders": _orders(found),
         "question": factorial.tables(found.factorial, titles),
@@ -119,9 +107,12 @@ def files(found: Findings) -> dict[str, BaseModel]:
 
 
 def _timing(found: Findings) -> list[DataTable]:
-    beside = [timing.control_table(found.control)] if found.control else []
-    ordinates = [timing.ordinates_table(c.timing, c.timing.ordinates[0]) for c in found.control]
-    return [timing.events_table(found.timing.values()), *beside, *ordinates[:1]]
+    """Of all cams the events; of the one that is a single curve the control of them."""
+    cams = found.timing.tables()[0].to_show(found.sources.cam_set.titles)
+    if found.control is None:
+        return cams
+    _, ordinates, control, *_ = found.control.tables()
+    return cams + control.to_show() + ordinates.to_show()
 
 
 def _orders(found: Findings) -> list[DataTable]:
@@ -130,7 +121,7 @@ def _orders(found: Findings) -> list[DataTable]:
     if not speeds:
         return []
     shown = (speeds[0], STEADY_RPM, speeds[-1])
-    return [orders.speed_table(study.only(*shown) for study in found.orders)]
+    return OrdersResult(tuple(study.only(*shown) for study in found.orders)).speeds.to_show()
 
 
 def _table_1(found: Findings) -> DataTable:

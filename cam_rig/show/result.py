@@ -36,6 +36,7 @@ Item = TypeVar("Item")
 #: A unit as it is shown -> the SI unit of the data, and what one of the shown unit is in it.
 #: A unit that is not here, such as rpm, dB or N, is that of the data.
 SI = {
+    "nm": ("m", 1e-9),
     "µm": ("m", 1e-6),
     "mm": ("m", 1e-3),
     "mm/rad": ("m/rad", 1e-3),

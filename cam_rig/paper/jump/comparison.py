@@ -163,9 +163,7 @@ class JumpResult(Result):
             lambda row: row.role and row.ramp is None,
         ),
         "Cam angle and time: of the first loss of contact at the jump speed.",
-        Footnote(
-            "Rigid: one mass on the same spring.", lambda row: row.rigid_rpm is not None
-        ),
+        Footnote("Rigid: one mass on the same spring.", lambda row: row.rigid_rpm is not None),
     )
 
     cam_set: CamSet
