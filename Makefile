@@ -7,8 +7,9 @@ STAMP := .venv/.installed
 WORKERS := --numprocesses auto --dist loadfile --no-loadscope-reorder
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
-# A sourced ROS installation must not leak into .venv.
-unexport PYTHONPATH
+# A sourced ROS installation must not leak into .venv; hundreds of processes start in the tests, and
+# none should compile the package anew.
+unexport PYTHONPATH PYTHONDONTWRITEBYTECODE
 
 .PHONY: help setup run view pictures docs test lint tests test-long references bench lock clean
 

@@ -22,7 +22,7 @@ from cam_rig.laws.bernstein import joined
 from cam_rig.laws.spline import smooth
 from cam_rig.schema import load_rig
 from cam_rig.schema.load import config_root
-from cam_rig.show.tables import Column, DataTable, tabulate, to_markdown
+from cam_rig.show.tables import DataTable, Head, tabulate, to_markdown
 from cam_rig.units import RPM, TURN
 
 Found = TypeVar("Found")
@@ -96,11 +96,11 @@ def cost_table(costs: list[JumpCost]) -> DataTable:
         "CPU time of a jump speed",
         costs,
         (
-            (Column("pieces", "", "d"), lambda cost: cost.pieces),
-            (Column("two masses, from rest", "ms", ".0f"), lambda cost: 1e3 * cost.rest_s),
-            (Column("two masses, steady", "ms", ".0f"), lambda cost: 1e3 * cost.steady_s),
-            (Column("one rigid mass", "ms", ".1f"), lambda cost: 1e3 * cost.rigid_s),
-            (Column("jump, from rest", "rpm", ".3f"), lambda cost: cost.rpm),
+            (Head("pieces", "", "d"), lambda cost: cost.pieces),
+            (Head("two masses, from rest", "ms", ".0f"), lambda cost: 1e3 * cost.rest_s),
+            (Head("two masses, steady", "ms", ".0f"), lambda cost: 1e3 * cost.steady_s),
+            (Head("one rigid mass", "ms", ".1f"), lambda cost: 1e3 * cost.rigid_s),
+            (Head("jump, from rest", "rpm", ".3f"), lambda cost: cost.rpm),
         ),
     )
 

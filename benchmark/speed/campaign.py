@@ -25,7 +25,7 @@ from cam_rig.errors import MissingLibraryError
 from cam_rig.extras import libraries_named
 from cam_rig.laws import Law
 from cam_rig.schema.load import Library, config_root
-from cam_rig.show.tables import Column, DataTable, counted, tabulate
+from cam_rig.show.tables import DataTable, Head, counted, tabulate
 from cam_rig.units import FloatArray
 
 SPREAD = {"uniform": 10, "unit": "%"}
@@ -151,10 +151,10 @@ def campaign_table(found: CampaignRate) -> DataTable:
         f"A campaign of jump speeds in {counted(found.processes, 'process')}",
         rows,
         (
-            (Column("solver"), lambda row: row[0]),
-            (Column("points", "1", "d"), lambda row: row[1]),
-            (Column("points each second", "1/s", ".3g"), lambda row: row[2]),
-            (Column("times as long", "", ".3g"), lambda row: row[3]),
+            (Head("solver"), lambda row: row[0]),
+            (Head("points", "1", "d"), lambda row: row[1]),
+            (Head("points each second", "1/s", ".3g"), lambda row: row[2]),
+            (Head("times as long", "", ".3g"), lambda row: row[3]),
         ),
         note,
     )

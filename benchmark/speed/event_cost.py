@@ -16,7 +16,7 @@ from benchmark.speed.models import Case, OneMass, Solution
 from benchmark.speed.peers import PEERS
 from benchmark.speed.problem import PeerError
 from cam_rig.dynamics.events.search import ALWAYS, PLAIN, VARIABLE
-from cam_rig.show.tables import Column, DataTable, tabulate
+from cam_rig.show.tables import DataTable, Head, tabulate
 
 #: Cases with events, and the tolerances of the peer, of which the most accurate run counts.
 NAMES, RTOLS = ("one_mass_arc", "two_mass_soft", "two_mass_stem"), (1e-12, 3e-14)
@@ -50,12 +50,12 @@ def event_table(costs: list[EventCost]) -> DataTable:
         "Events",
         costs,
         (
-            (Column("case"), lambda cost: cost.case),
-            (Column("landings", "", "d"), lambda cost: cost.landings),
-            (Column("solver"), lambda cost: cost.solver),
-            (Column("a landing", "µs", ".3g"), lambda cost: 1e6 * cost.time_s),
-            (Column("error", "s", ".1e"), lambda cost: cost.error_s),
-            (Column("x first", "", ".3g"), lambda cost: cost.time_s / first[cost.case]),
+            (Head("case"), lambda cost: cost.case),
+            (Head("landings", "", "d"), lambda cost: cost.landings),
+            (Head("solver"), lambda cost: cost.solver),
+            (Head("a landing", "µs", ".3g"), lambda cost: 1e6 * cost.time_s),
+            (Head("error", "s", ".1e"), lambda cost: cost.error_s),
+            (Head("x first", "", ".3g"), lambda cost: cost.time_s / first[cost.case]),
         ),
     )
 

@@ -24,7 +24,7 @@ from cam_rig.show.command import (
 )
 from cam_rig.show.figure import empty, logarithmic, styled
 from cam_rig.show.looks import BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILION, web
-from cam_rig.show.tables import Column, DataTable
+from cam_rig.show.tables import DataTable, Head
 from cam_rig.show.terminal import say, show
 
 #: Headings; the first two are texts.
@@ -86,7 +86,7 @@ def table(study: WorkPrecisionStudy) -> DataTable:
     return DataTable(
         f"One of {study.cores} cores, {study.took_s:.0f} s; "
         f"{rate:.0f} million samples of six numbers per second",
-        tuple(Column(name, shown="" if i < 2 else "g") for i, name in enumerate(HEADER)),
+        tuple(Head(name, shown="" if i < 2 else "g") for i, name in enumerate(HEADER)),
         tuple(_rows(study)),
         (KEY,),
     )

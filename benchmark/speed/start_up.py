@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from statistics import median
 
-from cam_rig.show.tables import Column, DataTable, tabulate
+from cam_rig.show.tables import DataTable, Head, tabulate
 
 #: The nodes of a run.
 NODES = ("recorder", "microphone", "follower", "law_server", "cam_drive")
@@ -85,12 +85,12 @@ def node_table(starts: Iterable[NodeStart]) -> DataTable:
         "Imports of a node",
         starts,
         (
-            (Column("node"), lambda start: start.node),
-            (Column("modules", "by itself", "d"), lambda start: start.alone_modules),
-            (Column("CPU", "s", ".2f"), lambda start: start.alone_s),
-            (Column("modules", "forked", "d"), lambda start: start.forked_modules),
-            (Column("CPU", "s", ".2f"), lambda start: start.forked_s),
-            (Column("ratio", "", ".1f"), lambda start: start.alone_s / start.forked_s),
+            (Head("node"), lambda start: start.node),
+            (Head("modules", "by itself", "d"), lambda start: start.alone_modules),
+            (Head("CPU", "s", ".2f"), lambda start: start.alone_s),
+            (Head("modules", "forked", "d"), lambda start: start.forked_modules),
+            (Head("CPU", "s", ".2f"), lambda start: start.forked_s),
+            (Head("ratio", "", ".1f"), lambda start: start.alone_s / start.forked_s),
         ),
     )
 
@@ -101,10 +101,10 @@ def command_table(times: Iterable[CommandTime]) -> DataTable:
         "Whole commands",
         times,
         (
-            (Column("command"), lambda time: time.words),
-            (Column("wall", "s", ".2f"), lambda time: time.wall_s),
-            (Column("CPU", "s", ".2f"), lambda time: time.cpu_s),
-            (Column("x bare Python", "", ".0f"), lambda time: time.wall_s / time.bare_s),
+            (Head("command"), lambda time: time.words),
+            (Head("wall", "s", ".2f"), lambda time: time.wall_s),
+            (Head("CPU", "s", ".2f"), lambda time: time.cpu_s),
+            (Head("x bare Python", "", ".0f"), lambda time: time.wall_s / time.bare_s),
         ),
     )
 

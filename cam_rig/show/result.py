@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 
+from cam_rig.extras import libraries_named
 from cam_rig.show import tables
 from cam_rig.show.tables import Cell, DataTable, tabulate
 
@@ -35,6 +36,7 @@ Item = TypeVar("Item")
 #: A unit as it is shown -> the SI unit of the data, and what one of the shown unit is in it.
 #: A unit that is not here, such as rpm, dB or N, is that of the data.
 SI = {
+    "nm": ("m", 1e-9),
     "µm": ("m", 1e-6),
     "mm": ("m", 1e-3),
     "mm/rad": ("m/rad", 1e-3),
@@ -168,8 +170,8 @@ class Records:
 
     def to_pandas(self) -> DataFrame:
         """As pandas has it."""
-        from pandas import DataFrame
-
+        with libraries_named():
+            from pandas import DataFrame
         return DataFrame.from_records(self.rows(), columns=[c.key for c in self.columns])
 
     def to_show(self, called: Mapping[str, str] | None = None) -> list[DataTable]:
@@ -295,7 +297,9 @@ class Result:
     def plot(self, **how: Any) -> Figure:
         """Draw it; a notebook shows the figure where it is a cell's last value."""
         module, name = self.drawn_by.split(":")
-        return notebook(getattr(import_module(module), name)(self, **how))
+        with libraries_named():
+            draw = getattr(import_module(module), name)
+        return notebook(draw(self, **how))
 
     def __repr__(self) -> str:
         """Its tables and how many rows they have."""

@@ -163,7 +163,7 @@ class StudiedCurve:
         """By how much (dB) a point is off at most, which an r.m.s. hides, and at which rpm."""
         difference = self.level_db - self.published_db
         at = int(np.argmax(np.abs(difference)))
-        return float(difference[at]), float(self.rpm[at])
+        return float(difference[at]), round(float(self.rpm[at]), 9)
 
 
 @dataclass(frozen=True)

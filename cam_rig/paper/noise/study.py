@@ -356,7 +356,7 @@ class NoiseResult(Result):
                     zip(band.low.tolist(), band.high.tolist(), strict=True)
                     for band in (curve.confidence, curve.expected)
                 ]
-                levels = (curve.rpm, curve.published_db, curve.level_db)
+                levels = (self.rpm, curve.published_db, curve.level_db)
                 for row in zip(*(one.tolist() for one in levels), *bands, strict=True):
                     yield Level(method.name, curve.cam, *row)
 
@@ -386,7 +386,9 @@ def study_noise(
     left_out = tuple(leave_one_out(study))
     next(part)
     rigs = (with_rigid_stem(study, rig), with_elastic_stem(study, rig, arcs, progress))
-    found = NoiseResult(loaded, study.roles, study.rpm, structures, tuple(methods), left_out, rigs)
+    found = NoiseResult(
+        loaded, study.roles, np.round(study.rpm, 9), structures, tuple(methods), left_out, rigs
+    )
     next(part)
     best = found.best
     return replace(found, high_dwell=study_high_dwell(study, best.acoustics, best.shape.lift))
