@@ -235,6 +235,19 @@ def _wide(
     return tabulate(caption, cells, [(head, itemgetter(i)) for i, head in enumerate(heads)], *texts)
 
 
+def part(field: str, at: Any) -> Callable[[Any], Any]:
+    """Of what an attribute names, an item or an attribute; None of none. For a column's ``of``."""
+    take = attrgetter(field)
+
+    def value(record: Any) -> Any:
+        whole = take(record)
+        if whole is None:
+            return None
+        return getattr(whole, at) if isinstance(at, str) else plain(whole[at])
+
+    return value
+
+
 def plain(value: Any) -> Any:
     """A value as JSON has it: no NaN, no infinity, no array."""
     if isinstance(value, Enum):

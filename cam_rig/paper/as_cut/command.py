@@ -49,5 +49,5 @@ def as_cut(
     names = cams or list(load_tables(tables_path()).table_2_jump)
     cam_set = open_cam_set(map(cam_path, names), rig_path(rig))
     bench = CutBench.of(cam_set.rig, open_scene(scene_path(scene)))
-    metres = [None if mm is None else 1e-3 * mm for mm in (base, roller)]
-    return cut_all(cam_set, bench, *metres, progress)
+    base_m, roller_m = (None if mm is None else 1e-3 * mm for mm in (base, roller))
+    return cut_all(cam_set, bench, base_m, roller_m, progress)

@@ -21,7 +21,7 @@ from cam_rig.paper.as_cut.cut_for_point import followed_law
 from cam_rig.profile.contact import greatest_between
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.cam import Roller
-from cam_rig.show.result import SILENT, Column, Progress, Records, Result
+from cam_rig.show.result import SILENT, Column, Progress, Records, Result, part
 from cam_rig.show.tables import number
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.simulate import Acoustics, Turns, settled_turns
@@ -140,10 +140,7 @@ class AsCutResult(Result):
             Column("change_to", "dB", "+.3f", "to", lambda row: row.change.max()),
             Column("lands_from", "rpm", ".0f", "s lands from", _rpm("drawn.lands_from"), None, "–"),
             Column("lands_from_cut", "rpm", ".0f", "as cut", _rpm("cut.lands_from"), None, "–"),
-            *(
-                Column(f"error_s{i}", of=lambda row, i=i: float(row.error[i]), hidden=True)
-                for i in range(3)
-            ),
+            *(Column(f"error_s{i}", of=part("error", i), hidden=True) for i in range(3)),
         ),
         "levels": (
             Column("cam", of=lambda row: row[0].cam),

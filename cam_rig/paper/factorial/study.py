@@ -34,7 +34,7 @@ from cam_rig.paper.factorial.design import (
     as_gentle,
     squeezed,
 )
-from cam_rig.show.result import SILENT, Column, Progress, Records, Result
+from cam_rig.show.result import SILENT, Column, Progress, Records, Result, part
 from cam_rig.units import RPM_PER_RAD_S
 
 
@@ -88,10 +88,7 @@ def _rpm(field: str) -> Any:
 
 def _pair(field: str) -> tuple[Column, ...]:
     """The least and the greatest; None without any."""
-    return tuple(
-        Column(f"{field}_{end}", of=lambda row, i=i: (getattr(row, field) or (None, None))[i])
-        for i, end in enumerate(("from", "to"))
-    )
+    return Column(f"{field}_from", of=part(field, 0)), Column(f"{field}_to", of=part(field, 1))
 
 
 #: What is measured of a law.
@@ -173,10 +170,9 @@ class FactorialResult(Factorial, Result):
         "cams": (Column("cam", of="name"), *MEASURES),
         "cells": (Column("design", of="name"), Column("law"), Column("angle", "°"), *MEASURES),
         "effects": (
-            *(
-                Column(column.key, of=lambda row, c=column: c.value(row.of), hidden=True)
-                for column in ANALYSED
-            ),
+            Column("design", of="of.whole.name"),
+            Column("effect", of="of.effect.key"),
+            Column("in_contact", of=lambda row: row.of.part is not row.of.whole),
             Column("law"),
             Column("angle", "°"),
             Column("above_mean", "dB", of="effect"),
@@ -187,18 +183,12 @@ class FactorialResult(Factorial, Result):
             *_pair("acceleration_share"),
             Column("classes"),
             *(
-                Column(
-                    f"jump_smooth_{part}",
-                    of=lambda row, part=part: getattr(row.jump_smooth, part, None),
-                    about="of C2 and above",
-                )
-                for part in ("law", "classes", "slopes")
+                Column(f"jump_smooth_{share}", of=part("jump_smooth", share))
+                for share in ("law", "classes", "slopes")
             ),
             *map(Column, ("step_to_c2", "residual_ratio", "residual_falls")),
             *(
-                Column(
-                    f"smooth_{field}", of=lambda row, field=field: getattr(row.smooth, field, None)
-                )
+                Column(f"smooth_{field}", of=part("smooth", field))
                 for field in ("first", "first_rpm", "last", "last_rpm", "falls_with_class")
             ),
             Column("noise_spread", "dB", of="noise_spread_db"),
@@ -271,10 +261,10 @@ class FactorialResult(Factorial, Result):
                 count = int(contact_lost(design, effect, self.config).sum())
                 stay = staying(design, effect, self.config) if count else None
                 speed = fastest(effect, self.config)
-                for part in filter(None, (design, stay)):
-                    lost = (count if part is design else 0) if effect.speeds else None
-                    by = governed_by(part, effect)
-                    yield Variance(design, part, effect, part.analysis(effect), by, lost, speed)
+                for some in filter(None, (design, stay)):
+                    lost = (count if some is design else 0) if effect.speeds else None
+                    by = governed_by(some, effect)
+                    yield Variance(design, some, effect, some.analysis(effect), by, lost, speed)
 
     def _cells(self) -> Iterator[Cell]:
         for design in (self.same_angles, self.same_acceleration):

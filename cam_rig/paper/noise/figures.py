@@ -18,7 +18,7 @@ from cam_rig.simulation.figures import MIN_SPEEDS
 @styled
 def figure(study: NoiseResult) -> Figure:
     """Level against speed, simulated and published, one panel a way to calibrate."""
-    titles = {cam: short(config.title) for cam, config in study.loaded.cams.items()}
+    titles = {cam: short(title) for cam, title in study.titles.items()}
     out = empty(2.5 * len(study.methods) + 0.8)
     axes = out.subplots(len(study.methods), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
     for panel, method in zip(axes, study.methods, strict=True):

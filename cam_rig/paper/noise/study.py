@@ -23,7 +23,8 @@ from cam_rig.paper.noise.methods import (
 from cam_rig.paper.noise.roles import NoiseSetup, StudyRoles
 from cam_rig.paper.noise.shared_rig import OneRig, with_elastic_stem, with_rigid_stem
 from cam_rig.schema import RigConfig
-from cam_rig.show.result import SILENT, Column, Footnote, Progress, Records, Result
+from cam_rig.schema.published import Crossover
+from cam_rig.show.result import SILENT, Column, Footnote, Progress, Records, Result, part
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.units import FloatArray
 
@@ -75,11 +76,6 @@ class Changed(NamedTuple):
     level: float
 
 
-def _end(field: str, i: int) -> Callable[[Any], float | None]:
-    """One end of a range; None of none."""
-    return lambda row: None if getattr(row, field) is None else float(getattr(row, field)[i])
-
-
 def _constants(of: str = "") -> tuple[Column, ...]:
     return (
         Column("gain", "Pa·s/N", ".4g", of=f"{of}acoustics.radiation.gain"),
@@ -123,7 +119,7 @@ def _crossing(hidden: bool, before: str = "", of: str = "found") -> tuple[Column
 
 @dataclass(frozen=True, eq=False, repr=False)
 class NoiseResult(Result):
-    """All that a noise study finds."""
+    """All that a noise study finds; ``named`` is the crossing that the paper states."""
 
     schema = "cam_rig.noise.1"
     drawn_by = "cam_rig.paper.noise.figures:figure"
@@ -135,8 +131,8 @@ class NoiseResult(Result):
             Column("numbers_fitted", "", "d", "numbers fitted to it", "numbers"),
             Column("rms_points", "dB", ".2f", "points", "rms_db"),
             Column("rms_regression", "dB", ".2f", "regression", "rms_regression_db"),
-            Column("largest", "dB", "+.2f", "largest difference", _end("largest", 0)),
-            Column("largest_at", "rpm", ".0f", "at", _end("largest", 1)),
+            Column("largest", "dB", "+.2f", "largest difference", part("largest", 0)),
+            Column("largest_at", "rpm", ".0f", "at", part("largest", 1)),
             Column(
                 "half_band",
                 "dB",
@@ -146,7 +142,7 @@ class NoiseResult(Result):
             ),
             Column("published_inside", "%", ".0f", of=lambda c: c.expected.holds(c.published_db)),
             *(
-                Column(f"c{i}", of=_end("coefficients", i), hidden=True, about=f"dB/rpm^{i}")
+                Column(f"c{i}", of=part("coefficients", i), hidden=True, about=f"dB/rpm^{i}")
                 for i in range(4)
             ),
         ),
@@ -163,8 +159,8 @@ class NoiseResult(Result):
             Column("verdict"),
             Column("holds", about="speeds at which it holds", hidden=True),
             Column("cases", about="speeds looked at", hidden=True),
-            Column("fails_from", "rpm", of=_end("fails_rpm", 0), hidden=True),
-            Column("fails_to", "rpm", of=_end("fails_rpm", 1), hidden=True),
+            Column("fails_from", "rpm", of=part("fails_rpm", 0), hidden=True),
+            Column("fails_to", "rpm", of=part("fails_rpm", 1), hidden=True),
         ),
         "methods": (
             Column("calibration", of="name"),
@@ -208,8 +204,8 @@ class NoiseResult(Result):
             Column("lift", "mm", ".2f"),
             Column("high_dwell", "°", ".1f"),
             Column("rise"),
-            Column("change_from", "dB", "+.1f", of=_end("change", 0)),
-            Column("change_to", "dB", "+.1f", "to", _end("change", 1)),
+            Column("change_from", "dB", "+.1f", of=part("change", 0)),
+            Column("change_to", "dB", "+.1f", "to", part("change", 1)),
             Column("rpm", "rpm", "g"),
             Column("level", "dB", ".1f"),
         ),
@@ -224,7 +220,7 @@ class NoiseResult(Result):
             Column("published", "dB", ".1f"),
             Column("level", "dB", ".1f", "here"),
             *(
-                Column(f"{band}_{end}", "dB", of=_end(band, i), hidden=True)
+                Column(f"{band}_{end}", "dB", of=part(band, i), hidden=True)
                 for band in ("confidence", "expected")
                 for i, end in enumerate(("low", "high"))
             ),
@@ -237,7 +233,8 @@ class NoiseResult(Result):
         ),
     }
 
-    loaded: LoadedScene
+    named: Crossover
+    titles: dict[str, str]
     roles: StudyRoles
     rpm: FloatArray
     structures: tuple[StructureFit, ...]
@@ -257,9 +254,7 @@ class NoiseResult(Result):
 
     def tables(self) -> list[Records]:
         """``curves`` first, a row a way of calibrating and cam; the levels themselves last."""
-        published, best, thinned = self.loaded.published, self.best, set(self.rpm[::EVERY])
-        assert published is not None  # the study has its levels
-        named = published.crossover
+        named, best, thinned = self.named, self.best, set(self.rpm[::EVERY])
         way = best.name if best.name.startswith("by ") else f"with {best.name}"
         base, middle = self.methods[1], self.rpm[self.rpm.size // 2]
         left = {cam: curve.rms_db for cam, curve in base.curves.items()}
@@ -371,25 +366,25 @@ def study_noise(
     rig : the rig identified from the jump speeds, whose noise is compared too
     arcs : also fit the arc cam on that rig's two masses, which takes minutes
     """
-    part = progress.over(PARTS)
-    next(part)
+    parts = progress.over(PARTS)
+    next(parts)
     TwoMassParameters.from_rig(rig)  # refused now rather than at the end
     study = NoiseSetup.of(loaded)
     smooth = (study.roles.reference, study.roles.predicted)
-    next(part)
+    next(parts)
     structures = tuple(one for cam in smooth for one in _structures(study, cam))
-    next(part)
+    next(parts)
     methods = [with_two_constants(study, refit) for refit in (False, True)]
-    next(part)
+    next(parts)
     methods.append(with_substitution(study))
-    next(part)
+    next(parts)
     left_out = tuple(leave_one_out(study))
-    next(part)
+    next(parts)
     rigs = (with_rigid_stem(study, rig), with_elastic_stem(study, rig, arcs, progress))
     found = NoiseResult(
         loaded, study.roles, np.round(study.rpm, 9), structures, tuple(methods), left_out, rigs
     )
-    next(part)
+    next(parts)
     best = found.best
     return replace(found, high_dwell=study_high_dwell(study, best.acoustics, best.shape.lift))
 

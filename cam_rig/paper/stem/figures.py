@@ -42,8 +42,8 @@ def figure(found: StemResult) -> Figure:
     limits = Stem(follower, BAR).natural_frequencies(3)
     for mode in range(3):
         counts = [n for n in COUNTS if n > mode]
-        found = [Stem(follower, float(n)).natural_frequencies(mode + 1)[mode] for n in counts]
-        error = 100.0 * np.abs(np.array(found) / limits[mode] - 1.0)
+        rates = [Stem(follower, float(n)).natural_frequencies(mode + 1)[mode] for n in counts]
+        error = 100.0 * np.abs(np.array(rates) / limits[mode] - 1.0)
         left.loglog(counts, error, label=f"frequency {mode + 1}", **series_marker(mode))
     left.loglog(COUNTS, 10.0 / np.array(COUNTS) ** 2.0, color="0.4", lw=0.8, ls=":", label="∝ 1/n²")
     logarithmic(left.xaxis, left.yaxis)

@@ -166,7 +166,7 @@ def test_every_crossing_of_the_published_curves_has_its_counterpart(methods):
         assert found["tm21", "bezier15"] == method.crossing
         assert found["poly345", "bezier15"].rpm is None  # here neither is louder below
         assert found["poly345", "bezier15"].missing > 0.5
-    best = NoiseResult(None, None, None, (), methods, (), ()).best
+    best = NoiseResult(None, {}, None, None, (), methods, (), ()).best
     assert best is methods[2]
     assert best.predicted_rms_db == best.curves["bezier15"].rms_db
 
