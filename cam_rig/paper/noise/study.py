@@ -382,7 +382,14 @@ def study_noise(
     next(parts)
     rigs = (with_rigid_stem(study, rig), with_elastic_stem(study, rig, arcs, progress))
     found = NoiseResult(
-        loaded, study.roles, np.round(study.rpm, 9), structures, tuple(methods), left_out, rigs
+        study.crossover,
+        loaded.titles,
+        study.roles,
+        np.round(study.rpm, 9),
+        structures,
+        tuple(methods),
+        left_out,
+        rigs,
     )
     next(parts)
     best = found.best
