@@ -231,9 +231,7 @@ def _find(
 
         found = find(sources, place.executor, done, meanwhile)
         if with_figures:
-            drawn |= figures.late_figures(found) | figures.cut_figures(found)
-            drawn |= figures.timing_figures(found) | figures.flywheel_figures(found)
-            drawn |= figures.stem_figures(found) | figures.order_figures(found)
+            drawn |= figures.late_figures(found)
         done("the page")
     return found, drawn
 

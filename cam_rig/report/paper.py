@@ -325,42 +325,25 @@ def early_figures(
 
 
 def late_figures(found: Findings) -> dict[str, list[str]]:
-    """Those of the studies."""
-    return {
+    """Those of the studies; none of a study that the cams, the rig or the model do not allow."""
+    drawn = {
         "contact": uris(contact_plot.figure(found.contact)),
         "events": uris(contact_plot.events_figure(GUIDED, SHARPEST)),
         "fig16": uris(noise_study_plot.figure(found.noise)),
         "factorial": uris(factorial_plot.figure(found.factorial)),
+        "stem": uris(stem_plot.figure(found.stems)),
     }
-
-
-def flywheel_figures(found: Findings) -> dict[str, list[str]]:
-    """That of the flywheel; none for a rig without a shaft."""
-    return {"flywheel": uris(found.flywheel.plot())} if found.flywheel else {}
-
-
-def stem_figures(found: Findings) -> dict[str, list[str]]:
-    """That of the stem in more and more masses."""
-    return {"stem": uris(stem_plot.figure(found.stems))}
-
-
-def cut_figures(found: Findings) -> dict[str, list[str]]:
-    """Fig. 12, where its cam has a roller."""
-    return {"fig12": uris(as_cut_plot.figure(found.cuts, CUT))} if found.cuts.of(CUT) else {}
-
-
-def timing_figures(found: Findings) -> dict[str, list[str]]:
-    """What the ordinates move, where a cam is one Bézier curve."""
-    return {} if found.control is None else {"timing": uris(timing_plot.figure(found.control))}
-
-
-def order_figures(found: Findings) -> dict[str, list[str]]:
-    """Orders over speed, where the scene's model has them."""
-    if not found.orders:
-        return {}
-    shown = tuple(study.up_to(SHOWN_ORDERS) for study in found.orders)
-    result = OrdersResult(shown, found.sources.loaded.titles)
-    return {"orders": uris(orders_plot.figure(result), ORDERS_DPI)}
+    if found.cuts.of(CUT):
+        drawn["fig12"] = uris(as_cut_plot.figure(found.cuts, CUT))
+    if found.control is not None:
+        drawn["timing"] = uris(timing_plot.figure(found.control))
+    if found.flywheel is not None:
+        drawn["flywheel"] = uris(found.flywheel.plot())
+    if found.orders:
+        shown = tuple(study.up_to(SHOWN_ORDERS) for study in found.orders)
+        result = OrdersResult(shown, found.sources.loaded.titles)
+        drawn["orders"] = uris(orders_plot.figure(result), ORDERS_DPI)
+    return drawn
 
 
 def _arc_cam(sources: Sources) -> str:
