@@ -27,7 +27,7 @@ SHOWN = 0.2
 FLYWHEEL_RPM, SHOWN_CAM = 300.0, "poly345"
 
 
-class Row(NamedTuple):
+class FlywheelRow(NamedTuple):
     """A cam's turn behind a flywheel."""
 
     cam: str
@@ -76,7 +76,7 @@ class FlywheelResult(Result):
 
     cam_set: CamSet
     rpm: float
-    rows: tuple[Row, ...]
+    rows: tuple[FlywheelRow, ...]
     without_preload: dict[str, float]
 
     def at(self, cam: str, inertia: float) -> FlywheelTurn:
@@ -117,7 +117,7 @@ def study_flywheel(cam_set: CamSet, rpm: float) -> FlywheelResult | None:
     slack = replace(shaft, follower=replace(shaft.follower, preload=0.0))
     laws = cam_set.laws.items()
     rows = (
-        Row(cam, flywheel_turn(law, shaft, inertia, speed))
+        FlywheelRow(cam, flywheel_turn(law, shaft, inertia, speed))
         for cam, law in laws
         for inertia in INERTIAS
     )

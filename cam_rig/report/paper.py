@@ -51,7 +51,7 @@ from cam_rig.paper.jump.comparison import (
     references,
 )
 from cam_rig.paper.noise import figures as noise_study_plot
-from cam_rig.paper.noise.study import NoiseResult, study_noise
+from cam_rig.paper.noise.study import NoiseStudyResult, study_noise
 from cam_rig.paper.orders import figures as orders_plot
 from cam_rig.paper.orders.spectrum import CamOrders, waterfall
 from cam_rig.paper.orders.steady_force import BUILDERS
@@ -134,7 +134,7 @@ class Findings:
     stiff_vibration: VibrationResult
     flywheel: FlywheelResult | None
     stems: StemResult
-    noise: NoiseResult
+    noise: NoiseStudyResult
     factorial: FactorialResult
     cuts: AsCutResult
     cut_sizes: AsCutResult | None
@@ -205,11 +205,7 @@ def find(
     flywheel = study_flywheel(cam_set, FLYWHEEL_RPM)
     stems = study_stems(cam_set, _stems(sources), STEM_RPM)
     on_part(PARTS[1])
-    bench = CutBench.of(cam_set.rig, sources.loaded)
-    rollers = [cam for cam, config in cam_set.cams.items() if has_central_roller(config)]
-    cuts = cut_all(cam_set.only(rollers), bench)
-    cut, title = cuts.of(CUT), cam_set.titles.get(CUT, CUT)
-    cut_sizes = over_sizes(cut, bench, BASES, ROLLERS, title) if cut else None
+    cuts, cut_sizes = _cuts(sources)
     timing = TimingResult.of((cam_set.cams[cam], law) for cam, law in cam_set.laws.items())
     control = _control(cam_set)
     contact = compare_contacts(sources.touching, CONTACT_RPM, GUIDED)
@@ -259,6 +255,16 @@ def _control(cam_set: CamSet) -> TimingResult | None:
     return found if found.control else None
 
 
+def _cuts(sources: Sources) -> tuple[AsCutResult, AsCutResult | None]:
+    """Cams with rollers as they were cut, and `CUT` over its radii."""
+    cam_set, bench = sources.cam_set, CutBench.of(sources.cam_set.rig, sources.loaded)
+    rollers = [cam for cam, config in cam_set.cams.items() if has_central_roller(config)]
+    cuts = cut_all(cam_set.only(rollers), bench)
+    if (cut := cuts.of(CUT)) is None:
+        return cuts, None
+    return cuts, over_sizes(cut, bench, BASES, ROLLERS, cam_set.titles[CUT])
+
+
 def _stems(sources: Sources) -> tuple[float, float]:
     """Stiffness (N/m) of the stem on the rig of the jump speeds, and of that of Table 1."""
     rigs = sources.cam_set.rig, sources.stiff
@@ -266,7 +272,7 @@ def _stems(sources: Sources) -> tuple[float, float]:
     return soft, stiff
 
 
-def _noise(sources: Sources) -> NoiseResult:
+def _noise(sources: Sources) -> NoiseStudyResult:
     return study_noise(sources.loaded, sources.cam_set.rig)
 
 

@@ -54,7 +54,7 @@ class Variance(NamedTuple):
     fastest: float | None
 
 
-class Level(NamedTuple):
+class EffectAt(NamedTuple):
     """By how much (dB) a law, or an angle (rad), is above the mean of its design."""
 
     of: Variance
@@ -273,13 +273,13 @@ class FactorialResult(Factorial, Result):
                     yield Cell(design.name, measured, rise, angle)
 
 
-def _levels(rows: list[Variance]) -> Iterator[Level]:
+def _levels(rows: list[Variance]) -> Iterator[EffectAt]:
     for row in rows:
         for law, effect in zip(row.part.rises, row.found.row_effects.tolist(), strict=True):
-            yield Level(row, law, None, effect)
+            yield EffectAt(row, law, None, effect)
         columns = row.part.angles.tolist(), row.found.column_effects.tolist()
         for angle, effect in zip(*columns, strict=True):
-            yield Level(row, None, angle, effect)
+            yield EffectAt(row, None, angle, effect)
 
 
 def run_factorial(

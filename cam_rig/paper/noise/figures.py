@@ -9,14 +9,14 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
 from cam_rig.paper.noise.methods import Method
-from cam_rig.paper.noise.study import NoiseResult
+from cam_rig.paper.noise.study import NoiseStudyResult
 from cam_rig.show.figure import CAM_SPEED, LEVEL, empty, marker, styled
 from cam_rig.show.looks import short
 from cam_rig.simulation.figures import MIN_SPEEDS
 
 
 @styled
-def figure(study: NoiseResult) -> Figure:
+def figure(study: NoiseStudyResult) -> Figure:
     """Level against speed, simulated and published, one panel a way to calibrate."""
     titles = {cam: short(title) for cam, title in study.titles.items()}
     out = empty(2.5 * len(study.methods) + 0.8)

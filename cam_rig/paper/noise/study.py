@@ -43,7 +43,7 @@ PARTS = (
 EVERY = 2
 
 
-class Level(NamedTuple):
+class LevelAt(NamedTuple):
     """A cam at a speed (rpm) by a method: levels and the ends of its bands, dB."""
 
     method: str
@@ -118,7 +118,7 @@ def _crossing(hidden: bool, before: str = "", of: str = "found") -> tuple[Column
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class NoiseResult(Result):
+class NoiseStudyResult(Result):
     """All that a noise study finds; ``named`` is the crossing that the paper states."""
 
     schema = "cam_rig.noise.1"
@@ -254,12 +254,8 @@ class NoiseResult(Result):
 
     def tables(self) -> list[Records]:
         """``curves`` first, a row a way of calibrating and cam; the levels themselves last."""
-        named, best, thinned = self.named, self.best, set(self.rpm[::EVERY])
+        named, best = self.named, self.best
         way = best.name if best.name.startswith("by ") else f"with {best.name}"
-        base, middle = self.methods[1], self.rpm[self.rpm.size // 2]
-        left = {cam: curve.rms_db for cam, curve in base.curves.items()}
-        own = OneRig(base.name, base.acoustics, left, base.shape, base.crossing.rpm)
-        ends = {self.rpm[0], middle, self.rpm[-1]}
         return [
             self.table(
                 "curves",
@@ -288,6 +284,18 @@ class NoiseResult(Result):
                 self.methods,
                 Footnote("Response: x = (rpm − 300)/100.", lambda m: bool(m.acoustics.response)),
             ),
+            *self._further(),
+            self.table("study", "Who plays which part", [self], single=True, hidden=True),
+        ]
+
+    def _further(self) -> list[Records]:
+        """Structures, cams left out, one rig, the high dwell, and the levels."""
+        best, thinned = self.best, set(self.rpm[::EVERY])
+        base, middle = self.methods[1], self.rpm[self.rpm.size // 2]
+        left = {cam: curve.rms_db for cam, curve in base.curves.items()}
+        own = OneRig(base.name, base.acoustics, left, base.shape, base.crossing.rpm)
+        ends = {self.rpm[0], middle, self.rpm[-1]}
+        return [
             self.table(
                 "structures",
                 "Transfer functions between contact force and sound: r.m.s. difference",
@@ -333,7 +341,6 @@ class NoiseResult(Result):
                 across="cam",
                 seen=lambda row: row.method == best.name and row.rpm in thinned,
             ),
-            self.table("study", "Who plays which part", [self], single=True, hidden=True),
         ]
 
     def _changed(self) -> Iterator[Changed]:
@@ -344,7 +351,7 @@ class NoiseResult(Result):
                 for rpm, level in zip(self.rpm.tolist(), levels.tolist(), strict=True):
                     yield Changed(*cam, change, rpm, level)
 
-    def _levels(self) -> Iterator[Level]:
+    def _levels(self) -> Iterator[LevelAt]:
         for method in self.methods:
             for curve in method.curves.values():
                 bands = [
@@ -353,12 +360,12 @@ class NoiseResult(Result):
                 ]
                 levels = (self.rpm, curve.published_db, curve.level_db)
                 for row in zip(*(one.tolist() for one in levels), *bands, strict=True):
-                    yield Level(method.name, curve.cam, *row)
+                    yield LevelAt(method.name, curve.cam, *row)
 
 
 def study_noise(
     loaded: LoadedScene, rig: RigConfig, arcs: bool = False, progress: Progress = SILENT
-) -> NoiseResult:
+) -> NoiseStudyResult:
     """Run every part of the study on a scene.
 
     Parameters
@@ -381,7 +388,7 @@ def study_noise(
     left_out = tuple(leave_one_out(study))
     next(parts)
     rigs = (with_rigid_stem(study, rig), with_elastic_stem(study, rig, arcs, progress))
-    found = NoiseResult(
+    found = NoiseStudyResult(
         study.crossover,
         loaded.titles,
         study.roles,

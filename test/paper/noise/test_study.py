@@ -11,7 +11,7 @@ from cam_rig.paper.noise.high_dwell import WITH_JUMPS, study_high_dwell, timing_
 from cam_rig.paper.noise.methods import leave_one_out, with_substitution, with_two_constants
 from cam_rig.paper.noise.roles import NoiseSetup, StudyRoles
 from cam_rig.paper.noise.shared_rig import with_elastic_stem, with_rigid_stem
-from cam_rig.paper.noise.study import NoiseResult
+from cam_rig.paper.noise.study import NoiseStudyResult
 from cam_rig.schema import load_published, load_rig
 from cam_rig.schema.load import config_root
 from cam_rig.simulation.regression import cubic
@@ -166,7 +166,7 @@ def test_every_crossing_of_the_published_curves_has_its_counterpart(methods):
         assert found["tm21", "bezier15"] == method.crossing
         assert found["poly345", "bezier15"].rpm is None  # here neither is louder below
         assert found["poly345", "bezier15"].missing > 0.5
-    best = NoiseResult(None, {}, None, None, (), methods, (), ()).best
+    best = NoiseStudyResult(None, {}, None, None, (), methods, (), ()).best
     assert best is methods[2]
     assert best.predicted_rms_db == best.curves["bezier15"].rms_db
 
