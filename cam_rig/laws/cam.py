@@ -159,6 +159,11 @@ class CamSet:
         """What each cam is called."""
         return {name: cam.title for name, cam in self.cams.items()}
 
+    def only(self, names: Iterable[str]) -> CamSet:
+        """The set of some of the cams."""
+        laws = {name: self.laws[name] for name in names}
+        return CamSet({name: self.cams[name] for name in laws}, laws, self.rig)
+
 
 def open_cam_set(cam_paths: Iterable[Path], rig_path: Path) -> CamSet:
     """Read cam files and a rig file."""

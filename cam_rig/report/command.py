@@ -29,7 +29,7 @@ from cam_rig.show.terminal import console
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from cam_rig.dynamics.jump.any_follower import JumpRow
+    from cam_rig.paper.jump.comparison import JumpResult
     from cam_rig.paper.vibration.study import VibrationResult
     from cam_rig.report.document import Made
     from cam_rig.report.paper import Findings, Sources
@@ -96,14 +96,13 @@ def scene_page(
 
 def scene_to_json(found: SceneFindings) -> dict[str, Any]:
     """Every part as its own command writes it, by the name of the command."""
-    from cam_rig.paper.jump import tables as jump
-    from cam_rig.paper.orders import tables as orders
+    from cam_rig.paper.orders.study import OrdersResult
 
     return {
         "simulate": [row.plain() for row in found.run.by_speed],
-        "jump": jump.to_json(found.jumps, found.loaded.rig.name, found.follower),
+        "jump": found.jumps.data(),
         "vibration": found.vibration and found.vibration.data(),
-        "orders": orders.to_json(found.orders),
+        "orders": OrdersResult(found.orders).data() if found.orders else None,
         "calibrated": found.loaded.calibrated,
         "refused": found.refused,
     }
@@ -226,36 +225,28 @@ def _find(
         def done(part: str) -> None:
             bar.update(task, advance=1, description=part)
 
-        def meanwhile(jumps: list[JumpRow], vibration: VibrationResult) -> None:
+        def meanwhile(jumps: JumpResult, vibration: VibrationResult) -> None:
             if with_figures:
                 drawn.update(figures.early_figures(sources, jumps, vibration))
 
         found = find(sources, place.executor, done, meanwhile)
         if with_figures:
-            drawn |= figures.late_figures(found) | figures.cut_figures(found)
-            drawn |= figures.timing_figures(found) | figures.flywheel_figures(found)
-            drawn |= figures.stem_figures(found) | figures.order_figures(found)
+            drawn |= figures.late_figures(found)
         done("the page")
     return found, drawn
 
 
 def to_json(found: Findings) -> dict[str, Any]:
     """Every part as its own command writes it, by the name of the command."""
-    from cam_rig.paper.as_cut import study as as_cut
-    from cam_rig.paper.contact import tables as contact
-    from cam_rig.paper.factorial import tables as factorial
-    from cam_rig.paper.jump import tables as jump
-    from cam_rig.paper.noise import tables as noise
-    from cam_rig.paper.orders import tables as orders
-    from cam_rig.paper.timing import tables as timing
+    from cam_rig.paper.orders.study import OrdersResult
 
     return {
-        "jump": jump.to_json(found.jumps),
-        "timing": timing.to_json(found.timing.values()),
-        "as-cut": as_cut.to_json(found.cuts),
+        "jump": found.jumps.data(),
+        "timing": found.timing.data(),
+        "as-cut": found.cuts.data(),
         "vibration": found.vibration.data(),
-        "contact": contact.to_json(found.contact),
-        "noise": noise.to_json(found.noise),
-        "orders": orders.to_json(found.orders),
-        "factorial": factorial.to_json(found.factorial),
+        "contact": found.contact.data(),
+        "noise": found.noise.data(),
+        "orders": OrdersResult(found.orders).data() if found.orders else None,
+        "factorial": found.factorial.data(),
     }

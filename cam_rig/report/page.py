@@ -10,12 +10,9 @@ from typing import Any
 
 from cam_rig.dynamics.vibration import STAND_IN
 from cam_rig.paper.as_cut.study import CUT
-from cam_rig.paper.factorial.conclusions import conclusions
 from cam_rig.paper.flywheel import SHOWN as FLYWHEEL_SHOWN
-from cam_rig.paper.jump.comparison import compare
 from cam_rig.paper.jump.refit import ROUNDED_TO
 from cam_rig.paper.noise import calibration, methods
-from cam_rig.paper.readings import tables as reading_tables
 from cam_rig.report.document import Document, Made, called, render
 from cam_rig.report.paper import PROPOSED, STEADY_RPM, TAKEOFF_RPM, Findings
 from cam_rig.report.tables import files, tables, titles_of
@@ -79,8 +76,8 @@ def _values(found: Findings) -> dict[str, Any]:
     return {
         "found": found,
         "called": partial(called, titles=titles_of(found)),
-        "jump": compare(found.jumps),
-        "question": conclusions(found.factorial),
+        "jump": found.jumps.comparison,
+        "question": found.factorial.conclusions(),
         "proposed": sources.cam_set.titles[found.factorial.config.proposed],
         "contact": found.contact,
         "origins": ", ".join(f"{origins[origin]} {origin}" for origin in ORIGINS),
@@ -91,9 +88,9 @@ def _values(found: Findings) -> dict[str, Any]:
         "infinity": math.inf,
         "flywheel_shown": FLYWHEEL_SHOWN,
         "stiffer": _stiffer(found),
-        "readings_nearest": reading_tables.nearest(found.readings),
-        "readings_widest": reading_tables.widest(found.readings),
-        "cut": found.cuts.get(CUT),
+        "readings_nearest": found.readings.nearest,
+        "readings_widest": found.readings.widest,
+        "cut": found.cuts.of(CUT),
         "cut_name": CUT,
         "rpm": to_rpm,
         "steady_rpm": STEADY_RPM,
@@ -109,13 +106,13 @@ def _moves(found: Findings) -> float:
 
 def _rounding(found: Findings) -> float:
     """r.m.s. relative difference that the rounding of Table 2 alone makes."""
-    printed = [row.published_rpm for row in found.jumps if row.published_rpm]
+    printed = [row.published_rpm for row in found.jumps.rows if row.published_rpm]
     return ROUNDED_TO / math.sqrt(12.0) * math.sqrt(sum(x**-2 for x in printed) / len(printed))
 
 
 def _angles(found: Findings) -> tuple[float, float]:
     """Cam angles (degrees) between which contact is first lost."""
-    angles = [math.degrees(row.found.angle) for row in found.jumps]
+    angles = [math.degrees(row.found.angle) for row in found.jumps.rows]
     return min(angles), max(angles)
 
 

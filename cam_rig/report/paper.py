@@ -11,8 +11,6 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from cam_rig.dynamics import TwoMassParameters
-from cam_rig.dynamics.jump import figures as jump_plot
-from cam_rig.dynamics.jump.any_follower import JumpRow
 from cam_rig.dynamics.jump.jump_speed import FROM_REST
 from cam_rig.files import no_room, temporary_folder
 from cam_rig.law_design.pareto_front import paper_designs
@@ -21,44 +19,50 @@ from cam_rig.laws import Law
 from cam_rig.laws import figures as law_figures
 from cam_rig.laws.cam import CamSet, open_cam_set
 from cam_rig.laws.catalogue import families
-from cam_rig.paper import flywheel as flywheel_module
 from cam_rig.paper.as_cut import figures as as_cut_plot
-from cam_rig.paper.as_cut.study import BASES, CUT, ROLLERS, AsCut, CutBench, cut_all, over_sizes
+from cam_rig.paper.as_cut.study import (
+    BASES,
+    CUT,
+    ROLLERS,
+    AsCutResult,
+    CutBench,
+    cut_all,
+    has_central_roller,
+    over_sizes,
+)
 from cam_rig.paper.contact import figures as contact_plot
 from cam_rig.paper.contact.comparison import (
-    ContactTable,
+    ContactResult,
     PlayRow,
     compare_contacts,
     find_play,
     open_form_closed,
 )
-from cam_rig.paper.contact.tables import CONTACT_CAMS, CONTACT_RPM, FORM_CLOSED, SHARPEST
 from cam_rig.paper.factorial import figures as factorial_plot
-from cam_rig.paper.factorial.study import (
-    Bench,
-    Factorial,
-    FactorialConfig,
-    open_factorial,
-    run_factorial,
+from cam_rig.paper.factorial.design import Bench, FactorialConfig, open_factorial
+from cam_rig.paper.factorial.study import FactorialResult, run_factorial
+from cam_rig.paper.flywheel import FLYWHEEL_RPM, FlywheelResult, study_flywheel
+from cam_rig.paper.jump import figures as jump_plot
+from cam_rig.paper.jump.comparison import (
+    BY_SEGMENTS,
+    JumpResult,
+    find_jumps,
+    jump_by_degree,
+    references,
 )
-from cam_rig.paper.flywheel import FLYWHEEL_RPM, FlywheelStudy, study_flywheel
-from cam_rig.paper.jump import figures as takeoff_plot
-from cam_rig.paper.jump.comparison import find_jumps, jump_by_degree, references
-from cam_rig.paper.jump.tables import BY_SEGMENTS
 from cam_rig.paper.noise import figures as noise_study_plot
-from cam_rig.paper.noise.study import NoiseStudy, study_noise
+from cam_rig.paper.noise.study import NoiseStudyResult, study_noise
 from cam_rig.paper.orders import figures as orders_plot
 from cam_rig.paper.orders.spectrum import CamOrders, waterfall
 from cam_rig.paper.orders.steady_force import BUILDERS
-from cam_rig.paper.orders.tables import ORDERS_DPI, SHOWN_ORDERS
-from cam_rig.paper.readings.readings import Read, read
+from cam_rig.paper.orders.study import OrdersResult
+from cam_rig.paper.readings.study import ReadingsResult, read_all
 from cam_rig.paper.stem import figures as stem_plot
-from cam_rig.paper.stem.chain import Stem
-from cam_rig.paper.stem.study import STEM_RPM, StemStudy, study_stem
+from cam_rig.paper.stem.study import STEM_RPM, StemResult, study_stems
 from cam_rig.paper.timing import figures as timing_plot
-from cam_rig.paper.timing.tables import CamTiming, EventControl, beside_b_spline
+from cam_rig.paper.timing.study import TimingResult
 from cam_rig.paper.vibration import figures as vibration_plot
-from cam_rig.paper.vibration.study import LOWER, VIBRATION_RPM, VibrationResult, measure
+from cam_rig.paper.vibration.study import VIBRATION_RPM, VibrationResult, measure
 from cam_rig.profile import figures as profile_plot
 from cam_rig.profile.check_table import GUIDED, check_cam
 from cam_rig.report.sections import Recorded, read_recorded
@@ -74,6 +78,19 @@ from cam_rig.schema import (
 )
 from cam_rig.show.figure import strips, write_strip
 from cam_rig.simulation.scene import LoadedScene, open_scene
+
+#: Speed of the contact study, rpm, and the cams besides the paper's: other kinds of follower.
+CONTACT_RPM, CONTACT_CAMS = 300.0, ("flat", "oscillating_flat", "point")
+
+#: Cams that move their follower both ways.
+FORM_CLOSED = ("constant_breadth", "constant_diameter", "conjugate", "oscillating_conjugate")
+
+#: Roller and least radius of the contour in the nomogram, in lifts.
+SHARPEST = 2.0
+
+#: Highest order of the Campbell diagrams, whose rays stay apart on paper, and dots per inch of
+#: their thousands of strokes, which are pixels within the SVG.
+SHOWN_ORDERS, ORDERS_DPI = 40, 130
 
 #: What a report computes, as progress is shown.
 PARTS = ("jump speeds", "vibration", "figures", "noise", "continuity or slopes")
@@ -103,27 +120,27 @@ class Findings:
     """All experiments of a report.
 
     ``degrees`` are jump speeds (rpm) of the law by segments by the degree of its half-rises;
-    ``stiff_vibration`` is on the stem of Table 1; ``cuts`` are cams as fig. 12 has them cut, by
-    name, and ``cut_sizes`` that of `CUT` over its radii. ``timing`` are the events of each cam,
-    ``control`` `CUT` and the B-spline of its lift and events. ``orders`` are of the scene's sweep;
-    ``designs`` are the best laws beside the paper's.
+    ``stiff_vibration`` is on the stem of Table 1; ``cuts`` are cams as fig. 12 has them cut,
+    and ``cut_sizes`` that of `CUT` over its radii. ``timing`` are the events of each cam,
+    ``control`` those of `CUT` alone, beside the B-spline of its lift and events. ``orders`` are of
+    the scene's sweep; ``designs`` are the best laws beside the paper's.
     """
 
     sources: Sources
-    jumps: list[JumpRow]
-    readings: list[Read]
+    jumps: JumpResult
+    readings: ReadingsResult
     degrees: dict[int, float]
     vibration: VibrationResult
     stiff_vibration: VibrationResult
-    flywheel: FlywheelStudy | None
-    stems: list[StemStudy]
-    noise: NoiseStudy
-    factorial: Factorial
-    cuts: dict[str, AsCut]
-    cut_sizes: list[AsCut]
-    timing: dict[str, CamTiming]
-    control: list[EventControl]
-    contact: ContactTable
+    flywheel: FlywheelResult | None
+    stems: StemResult
+    noise: NoiseStudyResult
+    factorial: FactorialResult
+    cuts: AsCutResult
+    cut_sizes: AsCutResult | None
+    timing: TimingResult
+    control: TimingResult | None
+    contact: ContactResult
     play: list[PlayRow]
     orders: tuple[CamOrders, ...]
     designs: list[LawDesign]
@@ -166,7 +183,7 @@ def find(
     sources: Sources,
     pool: Executor,
     on_part: Callable[[str], None],
-    meanwhile: Callable[[list[JumpRow], VibrationResult], None],
+    meanwhile: Callable[[JumpResult, VibrationResult], None],
 ) -> Findings:
     """Run every experiment, the two long ones in processes of their own.
 
@@ -179,21 +196,19 @@ def find(
     factorial = pool.submit(_factorial, sources)
     cam_set = sources.cam_set
     parameters = TwoMassParameters.from_rig(cam_set.rig)
-    jumps = find_jumps(cam_set.laws, parameters, references(cam_set, sources.tables), FROM_REST)
+    jumps = find_jumps(cam_set, references(cam_set, sources.tables))
     degrees = jump_by_degree(cam_set.cams[BY_SEGMENTS], parameters, FROM_REST)
-    readings = _readings(sources)
+    readings = read_all(sources.readings, cam_set.cams, sources.tables.table_2_jump)
     on_part(PARTS[0])
     vibration = measure(cam_set, VIBRATION_RPM)
     stiff = measure(CamSet(cam_set.cams, cam_set.laws, sources.stiff), VIBRATION_RPM)
     flywheel = study_flywheel(cam_set, FLYWHEEL_RPM)
-    stems = [study_stem(cam_set, stem, STEM_RPM) for stem in _stems(sources)]
+    stems = study_stems(cam_set, _stems(sources), STEM_RPM)
     on_part(PARTS[1])
-    bench = CutBench.of(cam_set.rig, sources.loaded)
-    cuts = cut_all(cam_set, bench)
-    cut_sizes = over_sizes(cuts[CUT].drawn, bench, BASES, ROLLERS) if CUT in cuts else []
-    timing = {cam: CamTiming.of(cam_set.cams[cam], law) for cam, law in cam_set.laws.items()}
-    control = beside_b_spline(timing[CUT]) if CUT in timing else []
-    contact = compare_contacts(sources.touching, CONTACT_RPM)
+    cuts, cut_sizes = _cuts(sources)
+    timing = TimingResult.of((cam_set.cams[cam], law) for cam, law in cam_set.laws.items())
+    control = _control(cam_set)
+    contact = compare_contacts(sources.touching, CONTACT_RPM, GUIDED)
     play = find_play(sources.form_closed)
     designs = paper_designs(cam_set)
     meanwhile(jumps, vibration)
@@ -232,10 +247,22 @@ def _orders(loaded: LoadedScene) -> tuple[CamOrders, ...]:
     return waterfall(loaded.laws, scene.model, loaded.rig, sorted(scene.program.speeds.si_list))
 
 
-def _readings(sources: Sources) -> list[Read]:
-    known, printed = sources.readings, sources.tables.table_2_jump
-    cams = sources.cam_set.cams
-    return [read(name, one, cams, printed, known.run_s) for name, one in known.readings.items()]
+def _control(cam_set: CamSet) -> TimingResult | None:
+    """`CUT` beside a B-spline, where it is there and one Bézier curve."""
+    if CUT not in cam_set.cams:
+        return None
+    found = TimingResult.of([(cam_set.cams[CUT], cam_set.laws[CUT])])
+    return found if found.control else None
+
+
+def _cuts(sources: Sources) -> tuple[AsCutResult, AsCutResult | None]:
+    """Cams with rollers as they were cut, and `CUT` over its radii."""
+    cam_set, bench = sources.cam_set, CutBench.of(sources.cam_set.rig, sources.loaded)
+    rollers = [cam for cam, config in cam_set.cams.items() if has_central_roller(config)]
+    cuts = cut_all(cam_set.only(rollers), bench)
+    if (cut := cuts.of(CUT)) is None:
+        return cuts, None
+    return cuts, over_sizes(cut, bench, BASES, ROLLERS, cam_set.titles[CUT])
 
 
 def _stems(sources: Sources) -> tuple[float, float]:
@@ -245,11 +272,11 @@ def _stems(sources: Sources) -> tuple[float, float]:
     return soft, stiff
 
 
-def _noise(sources: Sources) -> NoiseStudy:
+def _noise(sources: Sources) -> NoiseStudyResult:
     return study_noise(sources.loaded, sources.cam_set.rig)
 
 
-def _factorial(sources: Sources) -> Factorial:
+def _factorial(sources: Sources) -> FactorialResult:
     bench = Bench.of(sources.factorial, sources.cam_set.rig, sources.stiff)
     return run_factorial(sources.factorial, bench, sources.cam_set.laws)
 
@@ -283,7 +310,7 @@ def uris(figure: Figure, dpi: float | None = None) -> list[str]:
 
 
 def early_figures(
-    sources: Sources, jumps: list[JumpRow], vibration: VibrationResult
+    sources: Sources, jumps: JumpResult, vibration: VibrationResult
 ) -> dict[str, list[str]]:
     """Those that wait for no long study: URIs by key."""
     cam_set, arcs = sources.cam_set, _arc_cam(sources)
@@ -297,60 +324,32 @@ def early_figures(
         "fig1": uris(law_figures.figure(tm21, tm21_law)),
         "fig2": uris(law_figures.figure(cam, law)),
         "fig4": uris(vibration_plot.figure(vibration, STEADY_RPM)),
-        "fig11": uris(takeoff_plot.figure(cam_set, TAKEOFF_RPM)),
+        "fig11": uris(jump_plot.lift_off_figure(cam_set, TAKEOFF_RPM)),
         "profile": uris(profile_plot.figure(cam, law, checks)),
-        "jump": uris(jump_plot.figure(jumps, cam_set, FROM_REST)),
+        "jump": uris(jump_plot.figure(jumps)),
     }
 
 
 def late_figures(found: Findings) -> dict[str, list[str]]:
-    """Those of the studies."""
-    sources, noise, factorial = found.sources, found.noise, found.factorial
-    return {
+    """Those of the studies; none of a study that the cams, the rig or the model do not allow."""
+    drawn = {
         "contact": uris(contact_plot.figure(found.contact)),
         "events": uris(contact_plot.events_figure(GUIDED, SHARPEST)),
-        "fig16": uris(noise_study_plot.figure(noise, sources.loaded)),
-        "factorial": uris(factorial_plot.figure(factorial)),
+        "fig16": uris(noise_study_plot.figure(found.noise)),
+        "factorial": uris(factorial_plot.figure(found.factorial)),
+        "stem": uris(stem_plot.figure(found.stems)),
     }
-
-
-def flywheel_figures(found: Findings) -> dict[str, list[str]]:
-    """That of the flywheel; none for a rig without a shaft."""
-    study, titles = found.flywheel, found.sources.cam_set.titles
-    if study is None:
-        return {}
-    return {"flywheel": uris(flywheel_module.flywheel_figure(study, titles))}
-
-
-def stem_figures(found: Findings) -> dict[str, list[str]]:
-    """That of the stem in more and more masses."""
-    cam_set = found.sources.cam_set
-    stem = Stem(TwoMassParameters.from_rig(cam_set.rig), 1.0)
-    law, title = cam_set.laws[LOWER], cam_set.titles[LOWER]
-    return {"stem": uris(stem_plot.stem_figure(law, title, stem))}
-
-
-def cut_figures(found: Findings) -> dict[str, list[str]]:
-    """Fig. 12, where its cam has a roller."""
-    cut, titles = found.cuts.get(CUT), found.sources.cam_set.titles
-    if cut is None:
-        return {}
-    return {"fig12": uris(as_cut_plot.figure(cut, titles[CUT]))}
-
-
-def timing_figures(found: Findings) -> dict[str, list[str]]:
-    """What the ordinates move, where a cam is one Bézier curve."""
-    columns = [control.timing for control in found.control]
-    return {"timing": uris(timing_plot.figure(columns))} if columns else {}
-
-
-def order_figures(found: Findings) -> dict[str, list[str]]:
-    """Orders over speed, where the scene's model has them."""
-    if not found.orders:
-        return {}
-    shown = [study.up_to(SHOWN_ORDERS) for study in found.orders]
-    titles = found.sources.loaded.titles
-    return {"orders": uris(orders_plot.figure(shown, titles), ORDERS_DPI)}
+    if found.cuts.of(CUT):
+        drawn["fig12"] = uris(as_cut_plot.figure(found.cuts, CUT))
+    if found.control is not None:
+        drawn["timing"] = uris(timing_plot.figure(found.control))
+    if found.flywheel is not None:
+        drawn["flywheel"] = uris(found.flywheel.plot())
+    if found.orders:
+        shown = tuple(study.up_to(SHOWN_ORDERS) for study in found.orders)
+        result = OrdersResult(shown, found.sources.loaded.titles)
+        drawn["orders"] = uris(orders_plot.figure(result), ORDERS_DPI)
+    return drawn
 
 
 def _arc_cam(sources: Sources) -> str:

@@ -7,21 +7,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
 
-from cam_rig.dynamics.jump import figures as jump_plot
-from cam_rig.dynamics.jump.any_follower import (
-    JumpRow,
-    described,
-    described_run,
-    find_jump,
-    follower_of,
-)
-from cam_rig.dynamics.jump.jump_speed import FROM_REST
 from cam_rig.errors import CamRigError, ConfigError
 from cam_rig.laws import figures as law_figures
 from cam_rig.laws.cam import CamSet
+from cam_rig.paper.jump import figures as jump_plot
+from cam_rig.paper.jump.comparison import JumpResult, find_jumps
 from cam_rig.paper.noise.roles import StudyRoles
 from cam_rig.paper.orders import figures as orders_plot
 from cam_rig.paper.orders.spectrum import CamOrders, waterfall
+from cam_rig.paper.orders.study import OrdersResult
 from cam_rig.paper.vibration import figures as vibration_plot
 from cam_rig.paper.vibration.study import VibrationResult, measure
 from cam_rig.profile import figures as profile_plot
@@ -46,15 +40,14 @@ class SceneFindings:
     ----------
     run : the simulated scene, with its rows by speed and its levels
     checks : of each cam's contour
-    jumps : of the cams that have a jump speed; ``follower`` says of two masses or of one
-    vibration, orders : of the cams that a study could take
+    jumps, vibration, orders : of the cams that a study could take
     refused : by section, what a study said of a cam it could not take
     recorded : a bag of the scene
     """
 
     run: SceneRun
     checks: dict[str, list[Check]]
-    jumps: list[JumpRow]
+    jumps: JumpResult
     vibration: VibrationResult | None
     orders: tuple[CamOrders, ...]
     recorded: Recorded | None = None
@@ -69,25 +62,6 @@ class SceneFindings:
     def cam_set(self) -> CamSet:
         """Its cams on its rig, as the studies take them."""
         return CamSet(self.loaded.cams, self.loaded.laws, self.loaded.rig)
-
-    @property
-    def follower(self) -> str:
-        """Of which follower the jump speeds are."""
-        return described(follower_of(self.loaded.rig))
-
-    @property
-    def jump_run(self) -> str:
-        """Of which follower the jump speeds are, and in which run of it."""
-        return described_run(follower_of(self.loaded.rig), FROM_REST)
-
-    def drawn(self, cams: list[str]) -> CamSet:
-        """The set of some of the cams."""
-        whole = self.cam_set
-        return CamSet(
-            {cam: whole.cams[cam] for cam in cams},
-            {cam: whole.laws[cam] for cam in cams},
-            whole.rig,
-        )
 
 
 def is_papers(loaded: LoadedScene) -> bool:
@@ -128,7 +102,10 @@ def find_scene(
     return SceneFindings(
         run=run,
         checks=tried("contour", studies.checks),
-        jumps=list(tried("jump", studies.jump).values()),
+        jumps=JumpResult(
+            CamSet(loaded.cams, loaded.laws, loaded.rig),
+            tuple(row for one in tried("jump", studies.jump).values() for row in one.rows),
+        ),
         vibration=_joined(tried("vibration", studies.vibration), loaded),
         orders=tuple(tried("sound", studies.orders).values()),
         recorded=recorded,
@@ -145,14 +122,15 @@ class _Studies:
     def checks(self, cam: str) -> list[Check]:
         return check_cam(self.loaded.cams[cam], self.loaded.laws[cam])
 
-    def jump(self, cam: str) -> JumpRow:
-        follower = follower_of(self.loaded.rig)
-        return JumpRow(cam, find_jump(self.loaded.laws[cam], follower, FROM_REST))
+    def alone(self, cam: str) -> CamSet:
+        loaded = self.loaded
+        return CamSet({cam: loaded.cams[cam]}, {cam: loaded.laws[cam]}, loaded.rig)
+
+    def jump(self, cam: str) -> JumpResult:
+        return find_jumps(self.alone(cam), {})
 
     def vibration(self, cam: str) -> VibrationResult:
-        loaded = self.loaded
-        one = CamSet({cam: loaded.cams[cam]}, {cam: loaded.laws[cam]}, loaded.rig)
-        return measure(one, spread(speeds_of(loaded), VIBRATION_SPEEDS))
+        return measure(self.alone(cam), spread(speeds_of(self.loaded), VIBRATION_SPEEDS))
 
     def orders(self, cam: str) -> CamOrders:
         loaded = self.loaded
@@ -192,12 +170,12 @@ def figures(found: SceneFindings) -> dict[str, list[str]]:
     if len(whole.cams) > 1:
         laws = [(whole.cams[cam], law) for cam, law in whole.laws.items()]
         drawn["cams"] = uris(law_figures.cams_figure(laws))
-    if found.jumps:
-        drawn["jump"] = uris(jump_plot.figure(found.jumps, whole, FROM_REST))
+    if found.jumps.rows:
+        drawn["jump"] = uris(jump_plot.figure(found.jumps))
     if found.vibration is not None:
         drawn["vibration"] = uris(vibration_plot.figure(found.vibration))
     if found.orders:
-        drawn["orders"] = uris(orders_plot.figure(found.orders, whole.titles))
+        drawn["orders"] = uris(orders_plot.figure(OrdersResult(found.orders, whole.titles)))
     return drawn | _of_cams(found)
 
 

@@ -9,14 +9,11 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from cam_rig.dynamics.jump.any_follower import TWO_MASSES
-from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
 from cam_rig.laws import Law
 from cam_rig.laws.law import continuity_in_words as continuity
 from cam_rig.laws.law import extremes
-from cam_rig.paper.jump.tables import jump_table
 from cam_rig.paper.orders.spectrum import HIGHEST
-from cam_rig.paper.orders.tables import speed_table as orders_table
+from cam_rig.paper.orders.study import OrdersResult
 from cam_rig.profile.check_table import checks_table
 from cam_rig.report.document import Answer, Document, Made, bold, render, span, summary_table
 from cam_rig.report.scene import SceneFindings, rig_seconds
@@ -26,7 +23,6 @@ from cam_rig.schema.segment_base import quantities
 from cam_rig.show.tables import Cell, DataTable, Head, tabulate
 from cam_rig.simulation.by_speed import speed_table
 from cam_rig.simulation.scene import RELATIVE_NOTE, speeds_of
-from cam_rig.units import RPM
 
 # A scene's page in short: what each cam does on its rig, as questions and answers.
 
@@ -79,11 +75,11 @@ def _contact(found: SceneFindings) -> Iterator[Answer]:
 
 def _jumps(found: SceneFindings) -> Iterator[Answer]:
     fastest = speeds_of(found.loaded)[-1]
-    for row in found.jumps:
+    for row in found.jumps.rows:
         where = "below" if row.found.rpm < fastest else "above"
         yield Answer(
             f"What is the jump speed of {found.cam_set.titles[row.cam]}?",
-            f"{bold(row.found.rpm, '.1f', 'rpm')} ({found.jump_run}); contact is lost at "
+            f"{bold(row.found.rpm, '.1f', 'rpm')} ({found.jumps.run}); contact is lost at "
             f"**{math.degrees(row.found.angle):.1f}°**",
             f"{where} the scene's fastest speed",
         )
@@ -129,12 +125,12 @@ def tables(found: SceneFindings) -> dict[str, list[DataTable]]:
             for cam, checks in found.checks.items()
         ],
         "turn": [speed_table(found.run.by_speed, loaded.scene.title, rate, titles)],
-        "jump": [_jump_table(found)] if found.jumps else [],
+        "jump": found.jumps.to_show(titles),
         "vibration": found.vibration.tables()[0].to_show(titles) if found.vibration else [],
         "sound": [
             _level_table(found),
             *([recorded_table(found.recorded, simulated, titles)] if found.recorded else []),
-            *([orders_table(found.orders, titles)] if found.orders else []),
+            *OrdersResult(found.orders).speeds.to_show(titles),
         ],
         "numbers": [origins_table(name, model) for name, model in files(found).items()],
     }
@@ -174,18 +170,6 @@ def _laws(found: SceneFindings) -> DataTable:
         "Times the cam's speed in rad/s, to the power of the derivative's order, they are those in "
         "time.",
     )
-
-
-def _jump_table(found: SceneFindings) -> DataTable:
-    """Jump speeds, with those of one rigid mass beside two."""
-    loaded, rigid = found.loaded, {}
-    if found.follower == TWO_MASSES:
-        rigid = {
-            row.cam: rigid_jump_speed(loaded.laws[row.cam], loaded.follower) / RPM
-            for row in found.jumps
-        }
-    caption = f"Jump speed on rig {loaded.rig.name}: {found.jump_run}"
-    return jump_table(found.jumps, caption, found.cam_set.titles, rigid)
 
 
 def _level_table(found: SceneFindings) -> DataTable:

@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from cam_rig.paper.factorial.conclusions import conclusions
-from cam_rig.paper.jump.comparison import compare, rms_difference
+from cam_rig.paper.jump.comparison import rms_difference
 from cam_rig.paper.vibration.study import RESIDUAL, Verdict, jump_claims
 from cam_rig.report.document import Answer, bold, span
 from cam_rig.report.paper import Findings
@@ -25,7 +24,7 @@ def answers(found: Findings) -> Iterator[Answer]:
 
 def _claims(found: Findings) -> Iterator[Answer]:
     rig, by_words = found.sources.cam_set.rig.name, dict[str, list[bool]]()
-    for claim in (*found.vibration.claims, *jump_claims(found.jumps, rig)):
+    for claim in (*found.vibration.claims, *jump_claims(found.jumps.rpm, rig)):
         by_words.setdefault(claim.claim, []).append(claim.verdict is Verdict.AGREES)
     claims = list(by_words.values())  # by either measure, where there are two
     holding = [by for by in claims if by[0]]
@@ -45,14 +44,14 @@ def _claims(found: Findings) -> Iterator[Answer]:
 
 
 def _jump(found: Findings) -> Iterator[Answer]:
-    jump = compare(found.jumps)
+    jump = found.jumps.comparison
     if jump is None:
         return
-    printed = [row.published_rpm for row in found.jumps if row.published_rpm is not None]
+    printed = [row.published_rpm for row in found.jumps.rows if row.published_rpm is not None]
     used = "that identified the rig" if jump.fitted else "compared"
     rms = bold(100.0 * jump.rms, ".2f", "%")
     here = f"within {rms} r.m.s. on the {bold(jump.cams)} cams {used}"
-    tests = [row for row in found.jumps if row.role == "test"]
+    tests = [row for row in found.jumps.rows if row.role == "test"]
     if tests:
         apart = bold(100.0 * rms_difference(tests), ".2f", "%")
         here += f", {apart} on {bold(len(tests))} that did not"
@@ -62,11 +61,11 @@ def _jump(found: Findings) -> Iterator[Answer]:
         f"{'the same' if jump.same_ranking else 'another'} ranking of the cams",
         span((min(printed), max(printed)), ".6g", "rpm"),
     )
-    times = sum(read.times for read in found.readings)
+    times = sum(read.times for read in found.readings.found)
     yield Answer(
         "After how many turns from rest?",
         f"{span(jump.turns, '.1f')}; of the printed times {bold(times)} come out, in "
-        f"{bold(len(found.readings))} readings",
+        f"{bold(len(found.readings.found))} readings",
         "reproduced in part" if times else "not reproduced",
         span(jump.published_turns, ".1f"),
     )
@@ -120,7 +119,7 @@ def _crossing(found: Findings, rivals: str) -> Answer:
 
 
 def _question(found: Findings) -> Iterator[Answer]:
-    question = conclusions(found.factorial)
+    question = found.factorial.conclusions()
     proposed = found.sources.cam_set.titles[found.factorial.config.proposed]
     share, residual = question.jump_share, question.same_acceleration["residual"]
     yield Answer(

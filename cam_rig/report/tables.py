@@ -6,28 +6,16 @@ from collections.abc import Callable
 
 from pydantic import BaseModel
 
-from cam_rig.dynamics.jump.jump_speed import FROM_REST
 from cam_rig.law_design.result import designs_table
 from cam_rig.laws import Law
 from cam_rig.laws.law import continuity_in_words, extremes
 from cam_rig.laws.segments import NAMED_RISES
-from cam_rig.paper.as_cut import study as as_cut
-from cam_rig.paper.as_cut.study import CUT
-from cam_rig.paper.contact import tables as contact
-from cam_rig.paper.factorial import tables as factorial
-from cam_rig.paper.flywheel import flywheel_tables
-from cam_rig.paper.jump.tables import jump_table
-from cam_rig.paper.noise import tables as noise
-from cam_rig.paper.orders import tables as orders
-from cam_rig.paper.readings import tables as reading_tables
-from cam_rig.paper.stem.study import stem_tables
-from cam_rig.paper.timing import tables as timing
+from cam_rig.paper.contact.comparison import play_table
+from cam_rig.paper.orders.study import OrdersResult
 from cam_rig.paper.vibration.study import (
-    LOWER,
     claims_table,
     jump_claims,
 )
-from cam_rig.profile.check_table import GUIDED
 from cam_rig.report.document import summary_table, table_called
 from cam_rig.report.paper import PROPOSED, STEADY_RPM, Findings
 from cam_rig.report.paper_reading import misprints_table
@@ -35,7 +23,6 @@ from cam_rig.report.sections import origins_table, recorded_table
 from cam_rig.report.summary import answers
 from cam_rig.show.looks import in_words
 from cam_rig.show.tables import Cell, DataTable, Head, tabulate
-from cam_rig.units import RPM
 
 #: The follower's numbers in Table 1: key there, attribute, heading.
 FOLLOWER = (
@@ -68,10 +55,6 @@ def titles_of(found: Findings) -> dict[str, str]:
 
 def _listed(found: Findings) -> dict[str, list[DataTable]]:
     titles, mounted = found.sources.cam_set.titles, found.sources.loaded.titles
-    rigid = {cam: m.rigid_jump / RPM for cam, m in found.factorial.cams.items()}
-    caption = f"The paper's Table 2: jump speed, {FROM_REST:g} s from rest at constant speed"
-    published = found.sources.loaded.published
-    assert published is not None  # the study has its levels
     curves = found.noise.methods[0].curves
     simulated = {cam: curve.level_db for cam, curve in curves.items()}
     printed = {cam: curve.published_db for cam, curve in curves.items()}
@@ -81,28 +64,19 @@ def _listed(found: Findings) -> dict[str, list[DataTable]]:
         "summary": [summary_table(answers(found))],
         "cams": [_table_1(found), _laws(found)],
         "vibration": _vibration(found),
-        "flywheel": flywheel_tables(found.flywheel, titles, LOWER),
-        "jump": [jump_table(found.jumps, caption, titles, rigid)],
-        "readings": [
-            reading_tables.numbers_table(found.sources.readings.readings),
-            reading_tables.speeds_table(found.readings),
-            reading_tables.times_table(found.readings),
-        ],
-        "stem": stem_tables(found.stems, titles, LOWER),
+        "flywheel": found.flywheel.to_show(titles) if found.flywheel else [],
+        "jump": found.jumps.to_show(titles),
+        "readings": found.readings.to_show(),
+        "stem": found.stems.to_show(titles),
         "as_cut": [
-            as_cut.cams_table(found.cuts, titles),
-            as_cut.sizes_table(found.cut_sizes, titles[CUT]),
+            *found.cuts.to_show(titles),
+            *(found.cut_sizes.to_show(titles) if found.cut_sizes else ()),
         ],
         "timing": _timing(found),
-        "contact": [
-            *contact.contact_tables(found.contact),
-            contact.parts_table(),
-            *contact.event_tables(GUIDED),
-            contact.play_table(found.play),
-        ],
-        "noise": [*noise.tables(found.noise, published), *recorded],
+        "contact": found.contact.to_show() + play_table(found.play).to_show(),
+        "noise": [*found.noise.to_show(mounted), *recorded],
         "orders": _orders(found),
-        "question": factorial.tables(found.factorial, titles),
+        "question": found.factorial.to_show(titles),
         "design": designs_table(found.designs).to_show(titles),
         "numbers": [origins_table(name, model) for name, model in files(found).items()],
         "reading": [misprints_table()],
@@ -124,9 +98,12 @@ def files(found: Findings) -> dict[str, BaseModel]:
 
 
 def _timing(found: Findings) -> list[DataTable]:
-    beside = [timing.control_table(found.control)] if found.control else []
-    ordinates = [timing.ordinates_table(c.timing, c.timing.ordinates[0]) for c in found.control]
-    return [timing.events_table(found.timing.values()), *beside, *ordinates[:1]]
+    """Of all cams the events; of the one that is a single curve the control of them."""
+    cams = found.timing.tables()[0].to_show(found.sources.cam_set.titles)
+    if found.control is None:
+        return cams
+    _, ordinates, control, *_ = found.control.tables()
+    return cams + control.to_show() + ordinates.to_show()
 
 
 def _orders(found: Findings) -> list[DataTable]:
@@ -135,7 +112,7 @@ def _orders(found: Findings) -> list[DataTable]:
     if not speeds:
         return []
     shown = (speeds[0], STEADY_RPM, speeds[-1])
-    return [orders.speed_table(study.only(*shown) for study in found.orders)]
+    return OrdersResult(tuple(study.only(*shown) for study in found.orders)).speeds.to_show()
 
 
 def _table_1(found: Findings) -> DataTable:
@@ -187,7 +164,7 @@ def _laws(found: Findings) -> DataTable:
 def _vibration(found: Findings) -> list[DataTable]:
     """The measures on either rig, and all claims."""
     cam_set, own, stiff = found.sources.cam_set, found.vibration, found.stiff_vibration
-    claims = [*own.claims, *jump_claims(found.jumps, cam_set.rig.name), *stiff.claims]
+    claims = [*own.claims, *jump_claims(found.jumps.rpm, cam_set.rig.name), *stiff.claims]
     speed = [one.tables()[0].only(STEADY_RPM) for one in (own, stiff)]
     tables = [*speed, claims_table(claims, own.rpm)]
     return [part for table in tables for part in table.to_show(cam_set.titles)]

@@ -335,16 +335,20 @@ def command(*outputs: str) -> Callable[[Callable[..., Any]], Callable[..., None]
 
     Targets are looked at before the function runs, and an error that a user can mend ends it in one
     line. The tables are shown, then written as asked. A parameter ``progress`` is no option: it is
-    a `Bar`. None of a function is a result that it has shown itself.
+    a `Bar`. One named as an output is its target, for a function that may have to refuse it. None
+    of a function is a result that it has shown itself.
     """
 
     def decorate(function: Callable[..., Any]) -> Callable[..., None]:
         known = dict(inspect.signature(function).parameters)
         told = known.pop("progress", None) is not None
+        looked_at = [name for name in OUTPUTS if known.pop(name, None) is not None]
 
         @wraps(function)
         def run(**asked: Any) -> None:
-            plot, csv, target = (asked.pop(name, None) for name in OUTPUTS)
+            targets = {name: asked.pop(name, None) for name in OUTPUTS}
+            plot, csv, target = targets.values()
+            asked |= {name: targets[name] for name in looked_at}
             with user_errors():
                 check_outputs(target, plot, csv)
                 bar = Bar()
@@ -377,7 +381,7 @@ def _without(function: Callable[..., Any]) -> Any:
     names = {
         name: hint
         for name, hint in function.__annotations__.items()
-        if name not in ("return", "progress")
+        if name not in ("return", "progress", *OUTPUTS)
     }
     return type("Annotated", (), {"__annotations__": names})
 

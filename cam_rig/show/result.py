@@ -18,11 +18,12 @@ from html import escape
 from importlib import import_module
 from io import BytesIO
 from itertools import groupby
-from operator import attrgetter
+from operator import attrgetter, itemgetter
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 
+from cam_rig.extras import libraries_named
 from cam_rig.show import tables
 from cam_rig.show.tables import Cell, DataTable, tabulate
 
@@ -35,6 +36,7 @@ Item = TypeVar("Item")
 #: A unit as it is shown -> the SI unit of the data, and what one of the shown unit is in it.
 #: A unit that is not here, such as rpm, dB or N, is that of the data.
 SI = {
+    "nm": ("m", 1e-9),
     "µm": ("m", 1e-6),
     "mm": ("m", 1e-3),
     "mm/rad": ("m/rad", 1e-3),
@@ -99,8 +101,8 @@ class Column:
         if self.cell is not None:
             return self.cell(record)
         value = self.value(record)
-        if isinstance(value, float) and self.unit in SI:
-            return value / SI[self.unit][1]
+        if isinstance(value, float):
+            return None if math.isnan(value) else value / SI.get(self.unit, ("", 1.0))[1]
         return str(value) if isinstance(value, Enum | bool) else value
 
     @property
@@ -128,6 +130,8 @@ class Records:
     key : its name in JSON, and in the name of its CSV file
     caption : with the value of ``by`` in braces, as "at {rpm:g} rpm"
     by : a column each value of which has a table of its own, where people read
+    across : a column each value of which has its own of the columns behind it, where people read
+    seen : which records people read; data has all
     single : of one record: in JSON an object in place of a list of one
     hidden : in data only
     """
@@ -138,6 +142,8 @@ class Records:
     records: Sequence[Any]
     notes: tuple[Footnote | str, ...] = ()
     by: str = ""
+    across: str = ""
+    seen: Callable[[Any], bool] = lambda _: True
     single: bool = False
     hidden: bool = False
 
@@ -164,8 +170,8 @@ class Records:
 
     def to_pandas(self) -> DataFrame:
         """As pandas has it."""
-        from pandas import DataFrame
-
+        with libraries_named():
+            from pandas import DataFrame
         return DataFrame.from_records(self.rows(), columns=[c.key for c in self.columns])
 
     def to_show(self, called: Mapping[str, str] | None = None) -> list[DataTable]:
@@ -173,12 +179,11 @@ class Records:
 
         ``called`` : what cams are called, where not by their names
         """
-        if self.hidden or not self.records:
-            return []
-        if not self.by:
-            return [self._part(list(self.records), {}, called or {})]
+        records = [] if self.hidden else [one for one in self.records if self.seen(one)]
+        if not records or not self.by:
+            return [self._part(records, {}, called or {})] if records else []
         key = next(c for c in self.columns if c.key == self.by).value
-        parts = groupby(sorted(self.records, key=key), key)
+        parts = groupby(sorted(records, key=key), key)
         return [self._part(list(part), {self.by: value}, called or {}) for value, part in parts]
 
     def _part(
@@ -192,11 +197,55 @@ class Records:
             marks = "".join(f" {n.mark}" for n in notes if n.mark and n.where(record))
             return f"{called.get(cell, cell)}{marks}" if isinstance(cell, str) else cell
 
-        texts = (f"{n.mark} {n.text}".strip() for n in notes if any(map(n.where, records)))
+        texts = [f"{n.mark} {n.text}".strip() for n in notes if any(map(n.where, records))]
+        caption = self.caption.format(**value) if value else self.caption
         fields = [(first.head, marked), *((c.head, c.text) for c in others)]
-        return tabulate(
-            self.caption.format(**value) if value else self.caption, records, fields, *texts
-        )
+        if self.across:
+            at = 1 + next(i for i, c in enumerate(others) if c.key == self.across)
+            return _wide(caption, records, fields[:at], others[at - 1 :], texts, called)
+        return tabulate(caption, records, fields, *texts)
+
+
+def _wide(
+    caption: str,
+    records: list[Any],
+    own: Sequence[tuple[tables.Head, Callable[[Any], Cell]]],
+    spread: Sequence[Column],
+    texts: list[str],
+    called: Mapping[str, str],
+) -> DataTable:
+    """A row for what has the same cells under ``own``; the rest by the first of ``spread``."""
+    across, *behind = spread
+    rows: dict[tuple[Cell, ...], dict[Any, Any]] = {}
+    names: dict[Any, str] = {}
+    for one in records:
+        value, text = across.value(one), across.head.text(across.text(one))
+        names[value] = f"{called.get(text, text)} {across.unit}".strip()
+        rows.setdefault(tuple(take(one) for _, take in own), {})[value] = one
+    heads = [head for head, _ in own]
+    for name in names.values():
+        for c in behind:
+            words = c.heading if "{}" in c.heading else f"{{}}, {c.head.heading}"
+            heading = words.format(name) if len(behind) > 1 else name
+            heads.append(replace(c.head, heading=heading))
+    cells = [
+        (*key, *(c.text(row[at]) if at in row else None for at in names for c in behind))
+        for key, row in rows.items()
+    ]
+    return tabulate(caption, cells, [(head, itemgetter(i)) for i, head in enumerate(heads)], *texts)
+
+
+def part(field: str, at: Any) -> Callable[[Any], Any]:
+    """Of what an attribute names, an item or an attribute; None of none. For a column's ``of``."""
+    take = attrgetter(field)
+
+    def value(record: Any) -> Any:
+        whole = take(record)
+        if whole is None:
+            return None
+        return getattr(whole, at) if isinstance(at, str) else plain(whole[at])
+
+    return value
 
 
 def plain(value: Any) -> Any:
@@ -261,7 +310,9 @@ class Result:
     def plot(self, **how: Any) -> Figure:
         """Draw it; a notebook shows the figure where it is a cell's last value."""
         module, name = self.drawn_by.split(":")
-        return notebook(getattr(import_module(module), name)(self, **how))
+        with libraries_named():
+            draw = getattr(import_module(module), name)
+        return notebook(draw(self, **how))
 
     def __repr__(self) -> str:
         """Its tables and how many rows they have."""

@@ -46,14 +46,18 @@ def load(folder, name):
 
 @pytest.fixture(scope="session")
 def sweep(tmp_path_factory):
-    """The shipped sweep with every 25 rpm, beside a factorial study of few levels."""
+    """The shipped sweep with every 25 rpm, beside a factorial study and readings, a few."""
     config = tmp_path_factory.mktemp("study") / "config"
     scene, factorial = load("scenes", "tm21_sweep"), load("factorials", "continuity")
     scene["program"]["speeds"]["given"] = list(range(200, 401, 25))
     factorial["rises"] = ["poly345", "poly4567"]
     for key, numbers in {"events": [105, 135], "gentle": [110, 130], "squeezed": [300]}.items():
         factorial[key]["assumed"] = numbers
-    for name, data in {"scenes/tm21_sweep": scene, "factorials/continuity": factorial}.items():
+    readings = load("published/readings", "table2")
+    for name in readings["readings"].keys() - {"shipped", "five_speeds"}:
+        del readings["readings"][name]
+    files = {"scenes/tm21_sweep": scene, "factorials/continuity": factorial}
+    for name, data in (files | {"published/readings/table2": readings}).items():
         path = config / f"{name}.yaml"
         path.parent.mkdir(parents=True)
         with path.open("w", encoding="utf-8") as file:

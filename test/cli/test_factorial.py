@@ -1,6 +1,7 @@
 """cam-rig factorial: two processes, JSON for programs, a plot, refusals in a line."""
 
 import json
+import math
 
 import pytest
 from ruamel.yaml import YAML
@@ -38,23 +39,28 @@ def test_json_and_plot(small):
     result = call(small, "--json", "-", "--plot", plot, "--csv", csv)
     assert result.exit_code == 0
     data = json.loads(result.stdout)
-    assert set(data) == {"conclusions", "designs", "cams", "squeezed", "advantage"}
-    design = data["designs"]["same acceleration"]
-    assert design["continuity"] == [2, 3]
-    assert data["designs"].keys() == {"same angles", "same acceleration"}  # all are C2 and above
-    residual = design["effects"]["residual"]
-    assert residual["left_below_rpm"] == pytest.approx(400.0)
-    assert residual["cells_left"] == [[True, False], [False, False]]
+    rows = {(one["design"], one["effect"], one["in_contact"]): one for one in data["variance"]}
+    designs = {"same angles", "same acceleration"}  # all are C2 and above
+    assert {design for design, _, _ in rows} == designs
+    for one in rows.values():
+        assert one["law"] + one["angle"] + one["interaction"] == pytest.approx(1.0)
+    residual = rows["same acceleration", "residual", False]
+    assert (residual["cells_without_contact"], residual["fastest"]) == (1, pytest.approx(400.0))
+    cells = [one for one in data["cells"] if one["design"] == "same acceleration"]
+    assert [one["law"] for one in cells if one["jump"] < residual["fastest"]] == ["poly345"]
+    assert len(data["cells"]) == 8
     assert "lose contact below 400 rpm" in " ".join(result.stderr.split())
-    concluded = data["conclusions"]["same_acceleration"]["residual"]
-    assert (concluded["lost"], concluded["fastest_rpm"]) == ({"poly345": 1}, pytest.approx(400.0))
-    for effect in design["effects"].values():
-        assert sum(effect["shares"].values()) == pytest.approx(1.0)
-        assert [len(row) for row in effect["values"]] == [2, 2]
+    assert data["conclusions"]["advantage"] == "slopes"
     assert len(data["cams"]) == 5
-    assert data["squeezed"].keys() == {"300"}
+    assert [round(math.degrees(one["span"])) for one in data["compressed"]] == [300]
+    about = {key: 0.0 for key in rows}
+    for one in data["effects"]:
+        about[one["design"], one["effect"], one["in_contact"]] += one["above_mean"]
+    assert max(map(abs, about.values())) < 1e-9
     assert plot.read_bytes().startswith(b"\x89PNG")
-    assert csv.read_text(encoding="utf-8").startswith('"Analysis of variance, same angles')
+    assert csv.read_text(encoding="utf-8").startswith(
+        "design,effect,in_contact,laws,angles,law,between_classes"
+    )
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,8 @@
-"""cam-rig noise and cam-rig listen: files that programs can read, and errors in one line."""
+"""cam-rig noise, calibrate and listen: files that programs can read, and errors in one line."""
 
 import json
 import wave
+from shutil import copytree
 
 import numpy as np
 import pytest
@@ -9,6 +10,8 @@ from typer.testing import CliRunner
 
 from cam_rig.acoustics import level_db
 from cam_rig.cli.main import app
+from cam_rig.schema.load import config_root
+from cam_rig.simulation.scene import load_scene
 
 
 def call(*arguments):
@@ -27,27 +30,25 @@ def test_noise_json_and_plot(sweep, tmp_path):
     text = (tmp_path / "a.json").read_text()
     assert "NaN" not in text
     data = json.loads(text)
-    keys = {"rpm", "parts", "structures", "methods", "best_method", "left_out", "one_rig"}
-    keys |= {"high_dwell"}
-    assert set(data) == keys
-    assert data["best_method"] in data["methods"]
-    assert list(data["methods"]) == [
-        "two constants",
-        "two constants, arc cam refitted",
-        "by substitution",
+    names = ["two constants", "two constants, arc cam refitted", "by substitution"]
+    assert [method["calibration"] for method in data["methods"]] == names
+    assert data["study"]["best_calibration"] in names
+    cams = ["tm21", "poly345", "bezier15"]
+    assert [(row["calibration"], row["cam"]) for row in data["curves"]] == [
+        (name, cam) for name in names for cam in cams
     ]
-    for method in data["methods"].values():
-        assert set(method["cams"]) == {"tm21", "poly345", "bezier15"}
-        for cam in method["cams"].values():
-            assert len(cam["level_db"]) == len(cam["expected_db"]["low"]) == 9
-    assert [row["cam"] for row in data["left_out"]] == ["tm21", "poly345", "bezier15"]
-    assert [rig["name"] for rig in data["one_rig"]] == ["paper_table2, rigid stem", "paper_table2"]
+    assert len(data["levels"]) == 3 * 3 * 9
+    for row in data["levels"]:
+        assert row["expected_low"] < row["expected_high"]
+    assert {row["left_out"] for row in data["left_out"]} == set(cams)
+    rigs = ["two constants, arc cam refitted", "paper_table2, rigid stem", "paper_table2"]
+    assert list(dict.fromkeys(row["rig"] for row in data["one_rig"])) == rigs
     assert "…" not in result.stderr
     assert max(map(len, result.stderr.splitlines())) <= 80
     said = " ".join(result.stderr.split())
     for word in ("identified", "calibrated", "predicted", "standard", "deviation"):
         assert word in said
-    points = data["methods"]["two constants"]["crossing"]["points_rpm"]
+    points = data["methods"][0]["named_points"]
     assert f" {points:.1f} " in said
 
 
@@ -110,3 +111,24 @@ def test_errors(tmp_path, arguments, code, words):
     assert words in result.stderr
     assert "Traceback" not in result.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+def roles(scene):
+    """What the levels of a scene are worth, by cam."""
+    loaded = load_scene(scene)
+    return {cam: loaded.role(cam) for cam in loaded.cams}
+
+
+@pytest.mark.long
+def test_a_calibration_holds_for_its_follower(tmp_path):
+    """Another mass makes levels relative; a calibration ends that, until the next mass."""
+    copytree(config_root(), tmp_path / "own")
+    scene, rig = (tmp_path / "own" / f for f in ("scenes/tm21_sweep.yaml", "rigs/tm21.yaml"))
+    rig.write_text(rig.read_text(encoding="utf-8").replace("given: 1.3,", "given: 1.2,"))
+    assert set(roles(scene).values()) == {"relative"}
+    assert call("calibrate", scene).exit_code == 0
+    assert "one_mass, mass 1.2 kg, spring_stiffness 4030 N/m" in rig.read_text(encoding="utf-8")
+    found = roles(scene)
+    assert (found["poly345"], found["bezier15"]) == ("calibrated", "predicted")
+    rig.write_text(rig.read_text(encoding="utf-8").replace("given: 1.2,", "given: 1.1,"))
+    assert set(roles(scene).values()) == {"relative"}

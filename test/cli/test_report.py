@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 
 from cam_rig.cli.main import app
 from cam_rig.dynamics.jump.any_follower import find_jump, follower_of
+from cam_rig.law_design.pareto_front import ASKED
 from cam_rig.report.command import page_made
 from cam_rig.schema.load import config_root
 from cam_rig.simulation.scene import build_law, load_cam, load_scene
@@ -84,19 +85,54 @@ def in_this_process(monkeypatch):
     monkeypatch.setattr("cam_rig.workers.workers", lambda _count: nullcontext(Here()))
 
 
+#: In place of a picture, which takes a second or two.
+PICTURE = "data:image/svg+xml;base64,AAAA"
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Figures are made, and not drawn: the commands' tests draw them, and the whole page's."""
+    for module in ("paper", "scene"):
+        monkeypatch.setattr(f"cam_rig.report.{module}.uris", lambda *_: [PICTURE, PICTURE])
+
+
+@pytest.fixture
+def fewer(undrawn, monkeypatch):
+    """Of each long study a few cases."""
+    monkeypatch.setattr("cam_rig.paper.stem.study.ELEMENTS", (1.0, 2.0, math.inf))
+    monkeypatch.setattr("cam_rig.paper.stem.study.STEP", 50.0)
+    monkeypatch.setattr("cam_rig.report.paper.BASES", (0.065,))
+    monkeypatch.setattr("cam_rig.report.paper.ROLLERS", (0.02,))
+    asked = [one for one in ASKED if not one[-1].startswith("jump_speed")]
+    monkeypatch.setattr("cam_rig.law_design.pareto_front.ASKED", asked[:1])
+
+
 @pytest.mark.slow
-@pytest.mark.usefixtures("in_this_process", "one_study")
+@pytest.mark.usefixtures("in_this_process", "one_study", "fewer")
 def test_the_page(sweep, tmp_path):
+    """Of a smaller scene, with figures that are not drawn."""
+    check_page(sweep, tmp_path)
+
+
+@pytest.mark.long
+@pytest.mark.slow
+@pytest.mark.usefixtures("in_this_process")
+def test_the_whole_page(tmp_path):
+    """Of all speeds, readings and laws, with its figures."""
+    check_page("tm21_sweep", tmp_path)
+
+
+def check_page(scene, tmp_path):
     """Every section with its figures inside, tables 1 to 3, origins; JSON as well.
 
     It opens with questions and answers in numbers; figures, tables and references are numbered in
     order; no sentence is over 30 words.
     """
     out, data = tmp_path / "out" / "report.html", tmp_path / "out" / "report.json"
-    result = call("--out", out, "--scene", sweep, "--json", data)
+    result = call("--out", out, "--scene", scene, "--json", data)
     assert result.exit_code == 0, result.stderr
     page = out.read_text(encoding="utf-8")
-    pictures = re.findall(r'<img src="(.{40})', page)
+    pictures = re.findall(r'<img src="([^"]{,40})', page)
     assert page.count("<figure ") == 17 < len(pictures)  # tall ones in strips
     assert all(p.startswith("data:image/svg+xml;base64,") for p in pictures)
     for words in ("Table 1:", "Table 2:", "Table 3:", "Given, assumed, identified"):
@@ -218,7 +254,7 @@ def own_scene(tmp_path_factory):
     return config / "scenes" / "own.yaml"
 
 
-@pytest.mark.slow
+@pytest.mark.usefixtures("undrawn")
 def test_a_scene_of_ones_own(own_scene, tmp_path, monkeypatch):
     """Every section and figure; what a study cannot take is said, and levels are relative.
 
@@ -263,8 +299,9 @@ def test_the_page_says_what_the_commands_say(own_scene, tmp_path):
     loaded = load_scene(own_scene)
     follower = follower_of(loaded.rig)
     jump = find_jump(loaded.laws["own"], follower, None).rpm
-    assert found["jump"]["own"]["rpm"] == pytest.approx(jump, rel=1e-12)
-    assert found["jump"]["own"]["rig"] == "other"
+    rpm = {row["cam"]: row["rpm"] for row in found["jump"]["jump"]}
+    assert rpm["own"] == pytest.approx(jump, rel=1e-12)
+    assert found["jump"]["run"]["rig"] == "other"
     row = run_scene(loaded).by_speed[1]
     assert found["simulate"][1] == row.plain()
     text = out.read_text(encoding="utf-8")

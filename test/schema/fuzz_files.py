@@ -19,7 +19,7 @@ from pathlib import Path
 
 from cam_rig.errors import CamRigError
 from cam_rig.laws import build_law
-from cam_rig.paper.factorial.study import load_factorial
+from cam_rig.paper.factorial.design import open_factorial
 from cam_rig.profile.drawing_files import read_contour
 from cam_rig.schema import load_cam, load_published, load_rig, load_scene
 from cam_rig.schema.load import config_root, load_readings, load_tables
@@ -34,7 +34,7 @@ SHIPPED: dict[str, Callable[[Path], object]] = {
     "published/tm21_noise.yaml": load_published,
     "published/tables/paper.yaml": load_tables,
     "published/readings/table2.yaml": load_readings,
-    "factorials/continuity.yaml": load_factorial,
+    "factorials/continuity.yaml": open_factorial,
 }
 #: A little under and far over what may be read.
 SIZES = (100, 10_000, 600_000, 1_040_000, 3_000_000, 10_000_000)

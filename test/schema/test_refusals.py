@@ -6,7 +6,7 @@ import pytest
 import yaml
 
 from cam_rig.errors import ConfigError
-from cam_rig.paper.factorial.study import load_factorial
+from cam_rig.paper.factorial.design import open_factorial
 from cam_rig.schema import load_cam, load_rig
 from cam_rig.schema.load import config_root
 
@@ -308,7 +308,7 @@ def test_wrong_segments(error_of):
 def test_the_shipped_study():
     """Its name is its file's, and every number has an origin."""
     path = config_root() / "factorials" / "continuity.yaml"
-    assert load_factorial(path).name == path.stem
+    assert open_factorial(path).name == path.stem
     data = yaml.safe_load(path.read_text(encoding="utf-8"))
     numbers = [value for value in data.values() if isinstance(value, dict)]
     assert len(numbers) == 9

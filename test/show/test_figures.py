@@ -12,16 +12,14 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.markers import CARETUP
 
-from cam_rig.dynamics import TwoMassParameters
-from cam_rig.dynamics.jump import figures as jump
-from cam_rig.dynamics.jump.any_follower import JumpRow
 from cam_rig.laws import Law
 from cam_rig.laws import figures as law
 from cam_rig.laws import figures as law_overlay
 from cam_rig.laws.cam import CamSet, open_cam_set
-from cam_rig.paper.jump import figures as lift_off
-from cam_rig.paper.jump.comparison import find_jumps
+from cam_rig.paper.jump import figures as jump
+from cam_rig.paper.jump.comparison import JumpResult, find_jumps
 from cam_rig.paper.vibration import figures as vibration
+from cam_rig.paper.vibration.study import measure
 from cam_rig.profile import figures as profile
 from cam_rig.profile.check_table import check_cam
 from cam_rig.schema import CamConfig
@@ -47,21 +45,21 @@ def cam_set() -> CamSet:
 
 
 @pytest.fixture(scope="module")
-def jumps(cam_set: CamSet) -> list[JumpRow]:
+def jumps(cam_set: CamSet) -> JumpResult:
     """Their jump speeds in half a second from rest."""
-    return find_jumps(cam_set.laws, TwoMassParameters.from_rig(cam_set.rig), {}, DURATION)
+    return find_jumps(cam_set, {}, DURATION)
 
 
 @pytest.fixture(scope="module")
-def figures(cam_set: CamSet, jumps: list[JumpRow]) -> dict[str, Figure]:
+def figures(cam_set: CamSet, jumps: JumpResult) -> dict[str, Figure]:
     """One of each kind that needs no long study."""
     cam, curve = cam_set.cams["poly345"], cam_set.laws["poly345"]
     return {
         "law": law.figure(cam, curve),
         "profile": profile.figure(cam, curve, check_cam(cam, curve)),
-        "jump": jump.figure(jumps, cam_set, DURATION),
-        "lift-off": lift_off.figure(cam_set, SPEED),
-        "vibration": vibration.figure(cam_set, 300.0),
+        "jump": jump.figure(jumps),
+        "lift-off": jump.lift_off_figure(cam_set, SPEED),
+        "vibration": vibration.figure(measure(cam_set, (300.0,))),
     }
 
 
@@ -89,12 +87,12 @@ def test_a_law_is_drawn_to_its_third_derivative(
 
 
 def test_the_jump_speed_is_where_the_force_is_zero(
-    figures: dict[str, Figure], jumps: list[JumpRow]
+    figures: dict[str, Figure], jumps: JumpResult
 ) -> None:
     """A marker on the zero line for each cam, at the speed that was found."""
     axes = figures["jump"].axes[0]
     marked = [one.get_xydata() for one in axes.lines if one.get_marker() == "o"]
-    expected = [[row.found.rpm, 0.0] for row in jumps]
+    expected = [[row.found.rpm, 0.0] for row in jumps.rows]
     np.testing.assert_array_equal(np.concatenate(marked), expected)
 
 
@@ -150,17 +148,17 @@ def test_no_cubic_through_fewer_than_six_speeds(count: int, drawn: int) -> None:
     assert ("cubic regression, simulated" in legend) == bool(drawn)
 
 
-def test_published_jump_speeds_stand_below_the_axis(cam_set: CamSet, jumps: list[JumpRow]) -> None:
+def test_published_jump_speeds_stand_below_the_axis(jumps: JumpResult) -> None:
     """Not on the speeds found: each at the foot, in its cam's colour; an inset where both lie."""
-    rows = [replace(row, published_rpm=row.found.rpm + 5.0) for row in jumps]
-    (axes,) = jump.figure(rows, cam_set, DURATION).axes
+    rows = [replace(row, published_rpm=row.found.rpm + 5.0) for row in jumps.rows]
+    (axes,) = jump.figure(replace(jumps, rows=tuple(rows))).axes
     foot = [one for one in axes.lines if one.get_marker() == CARETUP and len(one.get_xdata())]
     assert [float(one.get_xdata()[0]) for one in foot] == [row.published_rpm for row in rows]
     for one in foot:
         assert one.get_transform() == axes.get_xaxis_transform()
     assert not axes.child_axes  # only one of the two is in 380 to 420 rpm
-    twice = [rows[1], replace(rows[1], cam="bezier15")]
-    (inset,) = jump.figure(twice, cam_set, DURATION).axes[0].child_axes
+    twice = rows[1], replace(rows[1], cam="bezier15")
+    (inset,) = jump.figure(replace(jumps, rows=twice)).axes[0].child_axes
     assert inset.get_xlim() == (380.0, 420.0)
 
 

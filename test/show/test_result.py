@@ -3,6 +3,7 @@
 import json
 import math
 from dataclasses import dataclass
+from pathlib import Path
 from typing import ClassVar
 
 import pytest
@@ -77,8 +78,10 @@ def called(tmp_path, *arguments):
 
     @app.command()
     @command("json", "csv")
-    def lifts(least: float = 0.0, *, progress: Progress) -> Lifts:
+    def lifts(least: float = 0.0, *, csv: Path | None, progress: Progress) -> Lifts:
         """Lifts above the least."""
+        if csv is not None and csv.suffix == ".txt":
+            raise ConfigError(f"--csv {csv.name}: is no table")
         if least < 0.0:
             raise ConfigError(f"--least: is {least:g}; allowed: 0 or more")
         return Lifts(tuple(row for row in progress.over(FOUND.rows) if row.lift > least))
@@ -98,4 +101,9 @@ def test_a_function_that_returns_a_result_is_a_command(tmp_path):
     wrong = called(tmp_path, "--least", -1)
     assert (wrong.exit_code, wrong.stderr) == (2, "cam-rig: --least: is -1; allowed: 0 or more\n")
     assert "is a folder" in called(tmp_path, "--least", -1, "--json", tmp_path).stderr
+    assert (
+        called(tmp_path, "--csv", tmp_path / "a.txt").stderr
+        == "cam-rig: --csv a.txt: is no table\n"
+    )
+    assert not (tmp_path / "a.txt").exists()
     assert called(tmp_path, "--plot", "a.png").exit_code == 2

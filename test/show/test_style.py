@@ -20,7 +20,7 @@ from benchmark.speed.cases import CASES
 from benchmark.speed.peers import PEERS
 from benchmark.speed.study import CaseResult, Sweep, WorkPrecisionPoint, WorkPrecisionStudy
 from cam_rig.dynamics.jump import figures as jump
-from cam_rig.dynamics.jump.any_follower import follower_of
+from cam_rig.dynamics.jump.any_follower import JumpSpeed
 from cam_rig.laws import Law
 from cam_rig.laws import figures as law
 from cam_rig.laws import figures as law_overlay
@@ -32,6 +32,7 @@ from cam_rig.schema.load import config_root
 from cam_rig.show.figure import WIDTH, empty, logarithmic, styled, write
 from cam_rig.simulation import figures as motion
 from cam_rig.simulation import figures as noise
+from cam_rig.units import RPM
 
 from ..figure_faults import faults
 
@@ -47,7 +48,7 @@ def drawn() -> dict[str, Figure]:
     return {
         "motion": motion.motion_figure(run, curve(run.angle), "Polynomial 3-4-5 at 450 rpm"),
         "over the turn": motion.over_turn({"One": forces, "Another": forces}),
-        "one cam": jump.one_cam(curve, follower_of(rig), 0.5, 413.44),
+        "one cam": jump.figure(JumpSpeed(413.44 * RPM, 5.8, 0.1, curve, rig, 0.5)),
         "turn by turn": noise.turn_by_turn(80.0 + np.arange(12.0), 2, 85.0, "A cam"),
         "law": law.figure(cam, curve),
         "rises": law_overlay.rises_figure(families().values()),

@@ -7,8 +7,8 @@ m s'' Ω² + c s' Ω + k s + preload = 0 (eq. 9 of the paper, F = 0), from rest 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import ClassVar
 
 from cam_rig.arguments import checked
 from cam_rig.dynamics.jump.jump_speed import FROM_REST, Jump, require_run, rigid_jump, rigid_least
@@ -17,49 +17,46 @@ from cam_rig.dynamics.jump.search import FASTEST, SLOWEST, force_run, keeps_cont
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.two_mass.masses import TwoMassParameters
 from cam_rig.dynamics.velocity_jumps import require_smooth
-from cam_rig.extras import libraries_named
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
-from cam_rig.show.result import notebook
+from cam_rig.show.result import Column, Records, Result
 from cam_rig.units import RPM, FloatArray
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-    from pandas import DataFrame
-
 
 # The jump speed of a cam on a rig: the lowest at which the follower loses contact.
 
 
 @dataclass(frozen=True, repr=False)
-class JumpSpeed(Jump):
+class JumpSpeed(Jump, Result):
     """A jump speed: ``rpm``, ``speed`` (rad/s), and where contact is lost.
 
     ``angle`` (rad of cam angle in its turn) and ``time`` (s, from rest or from the beginning of a
     turn) are those of the first lift-off. ``duration`` (s) is the run's; None is steady state.
     """
 
-    law: Law = field(repr=False)
-    rig: RigConfig = field(repr=False)
+    schema = "cam_rig.jump_speed.1"
+    drawn_by = "cam_rig.dynamics.jump.figures:figure"
+    columns: ClassVar = {
+        "jump_speed": (
+            Column("cam", of="law.name"),
+            Column("rpm", "rpm", ".2f", "jump speed"),
+            Column("angle", "°", ".1f", "cam angle"),
+            Column("time", "s", ".3f"),
+        )
+    }
+
+    law: Law
+    rig: RigConfig
     duration: float | None
+
+    def tables(self) -> list[Records]:
+        """One row."""
+        caption = f"On rig {self.rig.name}: {described_run(follower_of(self.rig), self.duration)}"
+        return [self.table("jump_speed", caption, [self], single=True)]
 
     def __repr__(self) -> str:
         """What and where, in rpm and degrees."""
         where = f"contact lost at {math.degrees(self.angle):.1f}° after {self.time:.3g} s"
         return f"JumpSpeed({self.law.name}: {self.rpm:.2f} rpm, {where})"
-
-    def to_pandas(self) -> DataFrame:
-        """One row: cam, speed, and where contact is lost."""
-        with libraries_named():
-            from pandas import DataFrame
-        row = {"cam": self.law.name, "rpm": self.rpm, "angle_rad": self.angle, "time_s": self.time}
-        return DataFrame([row])
-
-    def plot(self) -> Figure:
-        """The minimum contact force (N) of a run over the speed (rpm): zero at the jump speed."""
-        with libraries_named():
-            from cam_rig.dynamics.jump.figures import one_cam
-        return notebook(one_cam(self.law, follower_of(self.rig), self.duration, self.rpm))
 
 
 @checked
@@ -152,31 +149,3 @@ def least_force(
     if isinstance(parameters, TwoMassParameters):
         return force_run(law, parameters, duration).least(speeds)
     return rigid_least(law, parameters, speeds)
-
-
-# Jump speeds beside the published ones.
-
-
-@dataclass(frozen=True)
-class JumpRow:
-    """A cam's jump from rest, in steady state or along a ramp, and what is published of it.
-
-    ``steady`` is there beside a run from rest. ``role`` is fitted where the cam identified the
-    rig, test where it did not, and empty on another rig. Along a ramp nothing is compared: the
-    published speeds are constant ones.
-    """
-
-    cam: str
-    found: Jump
-    steady: Jump | None = None
-    published_rpm: float | None = None
-    published_time: float | None = None
-    role: str = ""
-    ramp: float | None = None
-
-    @property
-    def difference(self) -> float | None:
-        """Found less published speed, relative to the published; None along a ramp."""
-        if self.ramp is not None:
-            return None
-        return None if self.published_rpm is None else self.found.rpm / self.published_rpm - 1.0

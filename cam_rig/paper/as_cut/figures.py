@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.projections.polar import PolarAxes
 
-from cam_rig.paper.as_cut.study import AsCut
+from cam_rig.paper.as_cut.study import AsCut, AsCutResult
 from cam_rig.profile import turn_angles
 from cam_rig.profile.contact import Motion
 from cam_rig.profile.disc import Contour, Disc
@@ -20,8 +20,9 @@ POINTS = 1440
 
 
 @styled
-def figure(found: AsCut, title: str) -> Figure:
-    """The polar plot, and beside it what the roller does with it."""
+def figure(result: AsCutResult, cam: str = "") -> Figure:
+    """The polar plot of a cam, else the first, and beside it what the roller does with it."""
+    found = result.of(cam) or result.rows[0]
     out = empty(4.0)
     grid = out.add_gridspec(2, 2, width_ratios=[1.15, 1.0])
     polar = out.add_subplot(grid[:, 0], projection="polar")
@@ -32,7 +33,7 @@ def figure(found: AsCut, title: str) -> Figure:
     _lift(lift, found)
     _acceleration(out.add_subplot(grid[1, 1], sharex=lift), found)
     radii = f"base radius {found.base_radius * MM:g} mm, roller radius {found.roller * MM:g} mm"
-    out.suptitle(wrapped(f"{title}, {radii}"))
+    out.suptitle(wrapped(f"{result.titles[found.cam]}, {radii}"))
     return out
 
 

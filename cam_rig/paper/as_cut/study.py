@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import product
-from typing import Any
+from operator import attrgetter
+from typing import ClassVar
 
 import numpy as np
 
@@ -17,11 +17,12 @@ from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.laws.cam import CamSet
 from cam_rig.laws.law import Extreme, extremes
-from cam_rig.paper.as_cut.cut_for_point import FollowedLaw, followed_law
+from cam_rig.paper.as_cut.cut_for_point import followed_law
 from cam_rig.profile.contact import greatest_between
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.cam import Roller
-from cam_rig.show.tables import DataTable, Head, number, tabulate
+from cam_rig.show.result import SILENT, Column, Progress, Records, Result, part
+from cam_rig.show.tables import number
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.simulate import Acoustics, Turns, settled_turns
 from cam_rig.units import RPM, FloatArray
@@ -73,6 +74,11 @@ class DrawnCam:
     levels: FloatArray
     lands_from: float | None
 
+    @property
+    def least_s2(self) -> float:
+        """Smallest s'' of the law, m/rad²."""
+        return extremes(self.law, 2)[0].value
+
     @classmethod
     def run(cls, law: Law, bench: CutBench) -> DrawnCam:
         """Run a law."""
@@ -94,6 +100,7 @@ class AsCut:
     too_high : m, where the roller stands farthest above s
     """
 
+    cam: str
     drawn: DrawnCam
     cut: DrawnCam
     base_radius: float
@@ -102,14 +109,83 @@ class AsCut:
     too_high: Extreme
 
     @property
-    def deceleration(self) -> tuple[float, float]:
-        """Smallest s'' (m/rad²) of the law, and of the roller."""
-        return extremes(self.drawn.law, 2)[0].value, extremes(self.cut.law, 2)[0].value
-
-    @property
-    def level_change(self) -> FloatArray:
+    def change(self) -> FloatArray:
         """By how much the cam becomes louder at each speed, dB."""
         return self.cut.levels - self.drawn.levels
+
+
+def _rpm(path: str) -> Callable[[AsCut], float | None]:
+    take = attrgetter(path)
+    return lambda row: None if take(row) is None else take(row) / RPM
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class AsCutResult(Result):
+    """Cams on their contours as they were cut, or one over its radii; ``speeds`` in rad/s."""
+
+    schema = "cam_rig.as_cut.1"
+    drawn_by = "cam_rig.paper.as_cut.figures:figure"
+    columns: ClassVar = {
+        "as_cut": (
+            Column("cam"),
+            Column("base_radius", "mm", "g"),
+            Column("roller_radius", "mm", "g", of="roller"),
+            Column("above_law", "mm", ".3f", "roller above s by", "too_high.value"),
+            Column("above_law_at", "°", of="too_high.angle", hidden=True),
+            Column("least_s2", "mm/rad²", ".2f", "smallest s″", "drawn.least_s2"),
+            Column("least_s2_cut", "mm/rad²", ".2f", "of the roller", "cut.least_s2"),
+            Column("jump", "rpm", ".2f", "jump speed of s", _rpm("drawn.jump")),
+            Column("jump_cut", "rpm", ".2f", "as cut", _rpm("cut.jump")),
+            Column("change_from", "dB", "+.3f", "level changes from", lambda r: r.change.min()),
+            Column("change_to", "dB", "+.3f", "to", lambda row: row.change.max()),
+            Column("lands_from", "rpm", ".0f", "s lands from", _rpm("drawn.lands_from"), None, "–"),
+            Column("lands_from_cut", "rpm", ".0f", "as cut", _rpm("cut.lands_from"), None, "–"),
+            *(Column(f"error_s{i}", of=part("error", i), hidden=True) for i in range(3)),
+        ),
+        "levels": (
+            Column("cam", of=lambda row: row[0].cam),
+            Column("base_radius", "mm", of=lambda row: row[0].base_radius),
+            Column("roller_radius", "mm", of=lambda row: row[0].roller),
+            Column("rpm", "rpm", of=lambda row: row[1] / RPM),
+            Column("change", "dB", of=lambda row: row[2]),
+        ),
+    }
+
+    rows: tuple[AsCut, ...]
+    speeds: FloatArray
+    titles: dict[str, str]
+    caption: str = "A roller on the contour that a polar plot of s + R_b gives"
+
+    def tables(self) -> list[Records]:
+        """``as_cut``, a row a cam or a pair of radii, and by how much each becomes louder."""
+        errors = max((float(row.error[0]) for row in self.rows), default=0.0)
+        levels = (
+            (row, *one)
+            for row in self.rows
+            for one in zip(self.speeds.tolist(), row.change.tolist(), strict=True)
+        )
+        return [
+            self.table(
+                "as_cut",
+                self.caption,
+                self.rows,
+                "Jump speeds are those of two masses, from rest; levels and landings those of the "
+                "scene's own rig.",
+                f"The roller's law is fitted to its closed form within {number(errors, '.0e')} m.",
+            ),
+            self.table("levels", "Change of the level", levels, hidden=True),
+        ]
+
+    def summary(self) -> list[str]:
+        """Of the first cam: how far off lift and noise are."""
+        first = self.rows[0]
+        change = max(map(abs, first.change))
+        high = 1e3 * first.too_high.value
+        return [f"{first.cam}: {high:.3f} mm too high, noise within {change:.3f} dB"]
+
+    def of(self, cam: str) -> AsCut | None:
+        """A cam's row, if it has one."""
+        return next((row for row in self.rows if row.cam == cam), None)
 
 
 def has_central_roller(cam: CamConfig) -> bool:
@@ -131,121 +207,40 @@ def radii(cam: CamConfig) -> tuple[float, float]:
     return cam.follower.base_radius.si, cam.follower.roller
 
 
-def as_cut(drawn: DrawnCam, bench: CutBench, base_radius: float, roller: float) -> AsCut:
+def as_cut(cam: str, drawn: DrawnCam, bench: CutBench, base_radius: float, roller: float) -> AsCut:
     """Cut a cam as drawn for a point, and drive it with a roller."""
     found = followed_law(drawn.law, base_radius, roller)
     cut = DrawnCam.run(found.law, bench)
-    high = _too_high(drawn.law, found)
-    return AsCut(drawn, cut, base_radius, roller, found.error, high)
+    edges = np.unique(np.concatenate([drawn.law.breaks, found.law.breaks]))
+    high = greatest_between(lambda angle: found.law(angle) - drawn.law(angle), edges)
+    return AsCut(cam, drawn, cut, base_radius, roller, found.error, high)
 
 
-def cut_all(cam_set: CamSet, bench: CutBench) -> dict[str, AsCut]:
-    """Each cam with a central roller at its own radii, by name."""
-    cams = {name: cam for name, cam in cam_set.cams.items() if has_central_roller(cam)}
-    return {
-        name: as_cut(DrawnCam.run(cam_set.laws[name], bench), bench, *radii(cam))
-        for name, cam in cams.items()
-    }
+def cut_all(
+    cam_set: CamSet,
+    bench: CutBench,
+    base: float | None = None,
+    roller: float | None = None,
+    progress: Progress = SILENT,
+) -> AsCutResult:
+    """Each cam at its own radii, or at those (m) that are given."""
+    own = {cam: radii(config) for cam, config in cam_set.cams.items()}
+    rows = []
+    for cam in progress.over(own):
+        sizes = [a if b is None else b for a, b in zip(own[cam], (base, roller), strict=True)]
+        rows.append(as_cut(cam, DrawnCam.run(cam_set.laws[cam], bench), bench, *sizes))
+    return AsCutResult(tuple(rows), bench.speeds, cam_set.titles)
 
 
 def over_sizes(
-    drawn: DrawnCam, bench: CutBench, bases: Iterable[float], rollers: Iterable[float]
-) -> list[AsCut]:
-    """The same over base and roller radii (m), the rollers of one base circle together."""
-    return [as_cut(drawn, bench, base, roller) for base, roller in product(bases, rollers)]
+    found: AsCut, bench: CutBench, bases: Iterable[float], rollers: Iterable[float], title: str
+) -> AsCutResult:
+    """A cam over base and roller radii (m), the rollers of one base circle together."""
+    sizes = product(bases, rollers)
+    rows = tuple(as_cut(found.cam, found.drawn, bench, *size) for size in sizes)
+    caption = f"{title} as cut, over base and roller radius"
+    return AsCutResult(rows, bench.speeds, {found.cam: title}, caption)
 
-
-def _too_high(law: Law, found: FollowedLaw) -> Extreme:
-    edges = np.unique(np.concatenate([law.breaks, found.law.breaks]))
-    return greatest_between(lambda angle: found.law(angle) - law(angle), edges)
-
-
-# All findings of a report, and the jobs that compute them.
 
 #: The law that the paper cut a cam for (fig. 12), and radii (m) that it is cut with here.
 CUT, BASES, ROLLERS = "bezier15", (0.050, 0.065, 0.100), (0.005, 0.010, 0.020)
-
-
-# Cams as they were cut: as tables and as plain data.
-
-
-def cams_table(found: Mapping[str, AsCut], titles: Mapping[str, str]) -> DataTable:
-    """One row for each cam, at its own radii."""
-    errors = max((float(row.error[0]) for row in found.values()), default=0.0)
-    return tabulate(
-        "A roller on the contour that a polar plot of s + R_b gives",
-        found.items(),
-        (
-            (Head("cam"), lambda row: titles.get(row[0], row[0])),
-            (Head("roller above s by", "mm", ".3f"), lambda row: 1e3 * row[1].too_high.value),
-            (Head("smallest s″", "mm/rad²", ".2f"), lambda row: 1e3 * row[1].deceleration[0]),
-            (
-                Head("of the roller", "mm/rad²", ".2f"),
-                lambda row: 1e3 * row[1].deceleration[1],
-            ),
-            (Head("jump speed of s", "rpm", ".2f"), lambda row: row[1].drawn.jump / RPM),
-            (Head("as cut", "rpm", ".2f"), lambda row: row[1].cut.jump / RPM),
-            (Head("level changes from", "dB", "+.3f"), lambda row: row[1].level_change.min()),
-            (Head("to", "dB", "+.3f"), lambda row: row[1].level_change.max()),
-            (
-                Head("s lands from", "rpm", ".0f", "–"),
-                lambda row: _rpm(row[1].drawn.lands_from),
-            ),
-            (Head("as cut", "rpm", ".0f", "–"), lambda row: _rpm(row[1].cut.lands_from)),
-        ),
-        *_radii(found.values()),
-        "Jump speeds are those of two masses, from rest; levels and landings those of the scene's "
-        "own rig.",
-        f"The roller's law is fitted to its closed form within {number(errors, '.0e')} m.",
-    )
-
-
-def sizes_table(found: Iterable[AsCut], title: str) -> DataTable:
-    """One cam over base and roller radius."""
-    rows = list(found)
-    law = f" (s itself: {rows[0].drawn.jump / RPM:.2f} rpm)" if rows else ""
-    return tabulate(
-        f"{title} as cut, over base and roller radius{law}",
-        rows,
-        (
-            (Head("base radius", "mm", "g"), lambda row: 1e3 * row.base_radius),
-            (Head("roller radius", "mm", "g"), lambda row: 1e3 * row.roller),
-            (Head("roller above s by", "mm", ".3f"), lambda row: 1e3 * row.too_high.value),
-            (Head("smallest s″", "mm/rad²", ".2f"), lambda row: 1e3 * row.deceleration[1]),
-            (Head("jump speed", "rpm", ".2f"), lambda row: row.cut.jump / RPM),
-            (Head("level changes from", "dB", "+.3f"), lambda row: row.level_change.min()),
-            (Head("to", "dB", "+.3f"), lambda row: row.level_change.max()),
-        ),
-    )
-
-
-def _rpm(speed: float | None) -> float | None:
-    return None if speed is None else speed / RPM
-
-
-def _radii(found: Iterable[AsCut]) -> list[str]:
-    """A note on the radii, where all cams have the same."""
-    radii = {(row.base_radius, row.roller) for row in found}
-    if len(radii) != 1:
-        return []
-    base, roller = radii.pop()
-    return [f"Base radius {1e3 * base:g} mm, roller radius {1e3 * roller:g} mm."]
-
-
-def to_json(found: Mapping[str, AsCut]) -> dict[str, Any]:
-    """As plain data, by cam."""
-    return {cam: _plain(row) for cam, row in found.items()}
-
-
-def _plain(row: AsCut) -> dict[str, Any]:
-    return {
-        "base_radius_m": row.base_radius,
-        "roller_radius_m": row.roller,
-        "above_law_m": row.too_high.value,
-        "above_law_at_deg": math.degrees(row.too_high.angle),
-        "smallest_acceleration_m_per_rad2": list(row.deceleration),
-        "jump_rpm": [row.drawn.jump / RPM, row.cut.jump / RPM],
-        "lands_from_rpm": [_rpm(row.drawn.lands_from), _rpm(row.cut.lands_from)],
-        "level_change_db": row.level_change.tolist(),
-        "fit_error": row.error.tolist(),
-    }

@@ -8,19 +8,8 @@ from typing import Annotated
 
 import typer
 
-from cam_rig.show.command import (
-    CamsOrScene,
-    Csv,
-    Json,
-    Plot,
-    RigOfScene,
-    check_outputs,
-    user_errors,
-    write_csv,
-    write_json,
-    write_plot,
-)
-from cam_rig.show.terminal import show
+from cam_rig.show.command import CamsOrScene, RigOfScene, check_outputs, command, write_plot
+from cam_rig.show.result import Result
 
 #: Below every jump speed of the paper's laws.
 SPEED = 300.0
@@ -47,6 +36,7 @@ Sharpest = Annotated[
 STEEPEST, SHARPEST = 30.0, 2.0
 
 
+@command("json", "csv", "plot")
 def contact(
     cams: CamsOrScene = None,
     rig: RigOfScene = None,
@@ -54,10 +44,7 @@ def contact(
     events: Events = None,
     pressure_angle: Steepest = STEEPEST,
     sharpest: Sharpest = SHARPEST,
-    json_target: Json = None,
-    csv: Csv = None,
-    plot: Plot = None,
-) -> None:
+) -> Result:
     """Find Hertz pressure and sliding speed over the turn, and the bounds on the base radius.
 
     A rigid follower in contact, without friction. Face width, material, tip radius of a point and
@@ -71,32 +58,19 @@ def contact(
 
     cam-rig contact --events out/events.png --plot out/contact.png
     """
+    from cam_rig.errors import ConfigError
+    from cam_rig.paper.contact.comparison import compare_contacts
     from cam_rig.simulation.asked import asked_cams
 
-    with user_errors():
-        from cam_rig.errors import ConfigError
-        from cam_rig.paper.contact import tables
-        from cam_rig.paper.contact.comparison import compare_contacts
+    check_outputs(None, events)
+    if events is None and (pressure_angle, sharpest) != (STEEPEST, SHARPEST):
+        raise ConfigError(
+            "--pressure-angle, --sharpest: are of the nomogram; needed: --events PATH"
+        )
+    most = math.radians(pressure_angle)
+    found = compare_contacts(asked_cams(cams, rig), rpm, None if events is None else most)
+    if events is not None:
+        from cam_rig.paper.contact.figures import events_figure
 
-        check_outputs(json_target, plot, csv)
-        check_outputs(None, events)
-        if events is None and (pressure_angle, sharpest) != (STEEPEST, SHARPEST):
-            raise ConfigError(
-                "--pressure-angle, --sharpest: are of the nomogram; needed: --events PATH"
-            )
-        found = compare_contacts(asked_cams(cams, rig), rpm)
-        most = math.radians(pressure_angle)
-        shown = [*tables.contact_tables(found), tables.parts_table()]
-        if events is not None:
-            shown += tables.event_tables(most)
-        show(*shown)
-        write_csv(shown, csv)
-        if plot is not None:
-            from cam_rig.paper.contact.figures import figure
-
-            write_plot(plot, lambda: figure(found))
-        if events is not None:
-            from cam_rig.paper.contact.figures import events_figure
-
-            write_plot(events, lambda: events_figure(most, sharpest))
-        write_json(tables.to_json(found), json_target)
+        write_plot(events, lambda: events_figure(most, sharpest))
+    return found

@@ -2,24 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
 from cam_rig.dynamics import FollowerParameters
-from cam_rig.laws import Law, bernstein
-from cam_rig.laws.bernstein import joined
+from cam_rig.laws import Law
 from cam_rig.laws.cam import CamSet, law_of
 from cam_rig.laws.law import Extreme
-from cam_rig.laws.segments import NAMED_RISES, unit_rise
+from cam_rig.paper.contact.nomogram import RISES, by_face, by_pressure_angle
 from cam_rig.paper.contact.surfaces import BaseBounds, ContactCase, base_bounds, contact_case
 from cam_rig.profile.contact import Motion
 from cam_rig.profile.measure import closure
 from cam_rig.schema import CamConfig, load_cam
-from cam_rig.units import RPM, TURN, FloatArray
+from cam_rig.schema.cam import ContactParts
+from cam_rig.schema.quantity import Quantity
+from cam_rig.schema.segment_base import quantities
+from cam_rig.show.result import Column, Footnote, Records, Result
+from cam_rig.show.tables import Cell
+from cam_rig.units import RPM, RPM_PER_RAD_S, TURN
+
+#: Event angles of the nomogram's tables, degrees.
+EVENTS = (60.0, 90.0, 120.0, 150.0, 180.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,29 +55,19 @@ class ContactRow:
     bounds: BaseBounds
 
     @property
-    def roller_speed(self) -> float | None:
-        """Greatest speed (rad/s) of a roller about its pin, carried along by the cam."""
+    def roller_rpm(self) -> float | None:
+        """Greatest speed (rpm) of a roller about its pin, carried along by the cam."""
         surfaces = self.case.surfaces
-        return self.sliding.value / surfaces.radius if surfaces.rolls else None
+        return self.sliding.value / surfaces.radius * RPM_PER_RAD_S if surfaces.rolls else None
 
-
-@dataclass(frozen=True)
-class ContactTable:
-    """Rows by cam, on a rig of that name at one speed (rpm)."""
-
-    rig: str
-    rpm: float
-    rows: dict[str, ContactRow]
-
-
-def compare_contacts(cam_set: CamSet, rpm: float) -> ContactTable:
-    """The contact of every cam of a set at one speed."""
-    rig = FollowerParameters.from_rig(cam_set.rig)
-    rows = {
-        name: contact_row(contact_case(cam, cam_set.laws[name], rig, rpm * RPM))
-        for name, cam in cam_set.cams.items()
-    }
-    return ContactTable(cam_set.rig.name, rpm, rows)
+    @property
+    def result(self) -> str:
+        """Whether the cam's own base radius is within the bounds."""
+        least, most = self.bounds.least, self.bounds.sliding
+        if least is None or most is None or least > most:
+            return "no base radius meets all"
+        own = self.case.cam.follower.base_radius.si
+        return "within" if least <= own <= most else "outside"
 
 
 def contact_row(case: ContactCase) -> ContactRow:
@@ -93,93 +91,169 @@ def contact_row(case: ContactCase) -> ContactRow:
     )
 
 
-# Least base radius over the event angle, law by law: the nomogram of the cam handbooks.
-
-#: Laws of the diagram: every full rise without an infinite acceleration, each once.
-RISES = (
-    "simple_harmonic",
-    "modified_trapezoid",
-    "modified_sine",
-    "cycloidal",
-    "poly345",
-    "poly4567",
-    "bezier9",
-)
-
-assert set(RISES) <= set(NAMED_RISES)
-
-#: Halvings of the search for a radius: to 1e-12 of the lift.
-HALVINGS = 48
-
-#: Samples of each piece of a rise: a radius comes out to 1e-5 of itself.
-SAMPLES = 1001
+def _each(values: Iterable[float]) -> str:
+    return ", ".join(f"{value:g}" for value in sorted(set(values)))
 
 
-@dataclass(frozen=True, eq=False)
-class SpreadRise:
-    """S, s', s'' of a rise over its lift at event angles, ``(m, n)``, and the angles ``(m,)``."""
-
-    s: FloatArray
-    slope: FloatArray
-    bend: FloatArray
-
-    @classmethod
-    def of(cls, name: str, event: FloatArray) -> SpreadRise:
-        """The rise of a name over event angles ``(m,)``, rad."""
-        s, slope, bend = _unit(name)
-        beta = event[:, None]
-        return cls(np.broadcast_to(s, (event.size, s.size)), slope / beta, bend / beta**2)
+def _kind(cam: CamConfig) -> str:
+    return cam.follower.type.replace("_", " ")
 
 
-@lru_cache(maxsize=len(NAMED_RISES))
-def _unit(name: str) -> FloatArray:
-    """``(3, n)``: s, s', s'' of the unit rise, joints with both limits, and of the dwells."""
-    breaks, columns = unit_rise(name)
-    ordinates, spans = joined(columns), np.diff(breaks)
-    u = np.linspace(0.0, 1.0, SAMPLES)
-    rows = []
-    for _ in range(3):
-        rows.append(bernstein.evaluate(ordinates, u).ravel())
-        ordinates = bernstein.derivative(ordinates) / spans
-    rest = np.array([[0.0, 1.0], [0.0, 0.0], [0.0, 0.0]])
-    return np.concatenate([rest, np.stack(rows)], axis=1)
+def _follower(row: ContactRow) -> str:
+    radius = row.case.surfaces.radius
+    return _kind(row.case.cam) + (f", R {1e3 * radius:.3g} mm" if math.isfinite(radius) else "")
 
 
-def by_pressure_angle(name: str, event: FloatArray, most: float) -> FloatArray:
-    """Least prime radius over h of a roller or point: tan α = s' / (R_p + s), α in rad."""
-    rise = SpreadRise.of(name, event)
-    return np.asarray((np.abs(rise.slope) / np.tan(most) - rise.s).max(axis=1))
+def _bound(key: str, heading: str) -> Column:
+    def cell(row: ContactRow) -> Cell:
+        value = getattr(row.bounds, key)
+        if value is None:
+            return "none will do"
+        return "no bound" if math.isinf(value) else 1e3 * value
+
+    return Column(key, "mm", ".1f", heading, f"bounds.{key}", cell)
 
 
-def by_face(name: str, event: FloatArray) -> FloatArray:
-    """Least (R_b − ρ_min) / h of a flat follower: ρ = R_b + s + s'' (eq. 2.42)."""
-    rise = SpreadRise.of(name, event)
-    least = np.maximum(-(rise.s + rise.bend).min(axis=1), 0.0)
-    return np.asarray(least + 0.0)  # no negative zero
+def _least_radius(i: int) -> Column:
+    return Column(f"event_{EVENTS[i]:g}", "", ".2f", f"β = {EVENTS[i]:g}°", lambda row: row[1 + i])
 
 
-def by_curvature(name: str, event: FloatArray, radius: float) -> FloatArray:
-    """Least prime radius over h at which the pitch curve is nowhere sharper than ``radius`` (/ h).
+def _title(row: ContactRow) -> str:
+    return row.case.cam.title
 
-    Eq. 2.46 with ε = 0. The radius is the roller's and the least one of the contour together.
+
+#: The lower bounds, as a sentence names them.
+LOWER = {
+    "curvature": "curvature",
+    "pressure_angle": "pressure angle",
+    "pressure": "Hertz pressure",
+}
+
+RADII = (Column("rise", of=lambda row: row[0]), *map(_least_radius, range(len(EVENTS))))
+
+
+@dataclass(frozen=True, repr=False)
+class ContactResult(Result):
+    """The contact of cams on a rig of that name at one speed (rpm).
+
+    ``steepest`` is the most pressure angle (rad) of the nomogram, where that is asked for.
     """
-    rise = SpreadRise.of(name, event)
 
-    def sharp(prime: FloatArray) -> FloatArray:
-        high = prime[:, None] + rise.s
-        square = high**2 + rise.slope**2
-        bent = square + rise.slope**2 - high * rise.bend
-        return np.asarray((radius * bent > square**1.5).any(axis=1))
+    schema = "cam_rig.contact.1"
+    drawn_by = "cam_rig.paper.contact.figures:figure"
+    columns: ClassVar = {
+        "contact": (
+            Column("cam", of="case.cam.name", cell=_title),
+            Column("follower", of="case.cam.follower.type", cell=_follower),
+            Column("pressure", "MPa", ".1f", "largest pressure", "pressure.value"),
+            Column("angle", "°", ".1f", "at", "pressure.angle"),
+            Column("normal_force", "N", ".1f", "normal force there", "load"),
+            Column("relative_radius", "mm", ".2f"),
+            Column("contact_width", "µm", ".1f", of="width"),
+            Column(
+                "sliding_speed",
+                "m/s",
+                ".3f",
+                of=lambda row: None if row.case.surfaces.rolls else row.sliding.value,
+                missing="rolls",
+            ),
+            Column("roller_rpm", "rpm", ".0f", "roller speed", missing="–"),
+            Column("contact_lost", of="lost", hidden=True),
+        ),
+        "bounds": (
+            Column("cam", of="case.cam.name", cell=_title),
+            Column("base_radius", "mm", ".4g", of="case.cam.follower.base_radius.si"),
+            _bound("curvature", "least by curvature"),
+            _bound("pressure_angle", "least by pressure angle"),
+            _bound("pressure", "least by Hertz pressure"),
+            _bound("sliding", "greatest by sliding"),
+            Column(
+                "governing",
+                heading="largest lower bound",
+                of="bounds.governing",
+                cell=lambda row: LOWER.get(row.bounds.governing),
+            ),
+            Column("feasible", of="bounds.feasible", hidden=True),
+            Column("result"),
+        ),
+        "assumed": (
+            Column("number", of=lambda row: row[0]),
+            Column("value", of=lambda row: _quantity(row[1])),
+            Column("origin", of=lambda row: row[1].origin),
+            Column("source", of=lambda row: row[1].source),
+        ),
+        "run": (Column("rig"), Column("rpm", "rpm")),
+        "roller_radii": RADII,
+        "face_radii": RADII,
+    }
 
-    low = np.full(event.shape, radius)  # the dwell's circle is as sharp
-    high = low + 1.0
-    while (still := sharp(high)).any():
-        high = np.where(still, 2.0 * high, high)
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        bad = sharp(middle)
-        low, high = np.where(bad, middle, low), np.where(bad, high, middle)
-    return high
+    rig: str
+    rpm: float
+    rows: tuple[ContactRow, ...]
+    steepest: float | None = None
+
+    def tables(self) -> list[Records]:
+        """``contact``, ``bounds``, ``assumed``; ``roller_radii`` and ``face_radii`` if asked."""
+        parts = [row.case.cam.parts for row in self.rows]
+        contact = self.table(
+            "contact",
+            f"Hertz pressure and sliding at {self.rpm:g} rpm, rig {self.rig}",
+            self.rows,
+            "A roller that turns freely does not slide; the cam carries its rim along.",
+            Footnote(
+                "A point without a radius would have infinite pressure: it is taken with its tip "
+                "radius.",
+                lambda row: not row.case.surfaces.rolls and math.isfinite(row.case.surfaces.radius),
+            ),
+            f"Face width: {_each(1e3 * one.face_width.si for one in parts)} mm.",
+            Footnote(
+                "The cam would have to pull somewhere: contact is lost, and landings press harder.",
+                lambda row: row.lost,
+                "†",
+            ),
+        )
+        bounds = self.table(
+            "bounds",
+            f"Bounds on the base radius at {self.rpm:g} rpm",
+            self.rows,
+            "0: every base radius down to a hundredth of the cam's own will do.",
+            f"Most pressure: {_each(1e-6 * one.most_pressure.si for one in parts)} MPa. "
+            f"Most sliding speed: {_each(one.most_sliding_speed.si for one in parts)} m/s.",
+        )
+        assumed = self.table(
+            "assumed",
+            "What is assumed of a contact where a cam file does not say",
+            quantities(ContactParts(), ""),
+        )
+        run = self.table("run", "On which rig, how fast", [self], single=True, hidden=True)
+        return [contact, bounds, assumed, *self._nomogram(), run]
+
+    def _nomogram(self) -> Iterator[Records]:
+        if self.steepest is None:
+            return
+        event, note = np.radians(EVENTS), "The guide goes through the cam's axis."
+        angle = f"pressure angle of at most {math.degrees(self.steepest):g}°"
+        roller = [(name, *by_pressure_angle(name, event, self.steepest)) for name in RISES]
+        face = [(name, *by_face(name, event)) for name in RISES]
+        caption = f"Roller: least (R_b + R_r) / h for a {angle}"
+        yield self.table("roller_radii", caption, roller, note)
+        caption = "Flat follower: least (R_b − ρ_min) / h for the radius of curvature ρ_min"
+        yield self.table("face_radii", caption, face, note)
+
+
+def _quantity(quantity: Quantity) -> str:
+    unit = "" if quantity.unit == "1" else f" {quantity.unit}"
+    return f"{quantity.numbers[0]:g}{unit}"
+
+
+def compare_contacts(cam_set: CamSet, rpm: float, steepest: float | None = None) -> ContactResult:
+    """The contact of every cam of a set at one speed; see `ContactResult`."""
+    rig = FollowerParameters.from_rig(cam_set.rig)
+    rows = (
+        contact_row(contact_case(cam, cam_set.laws[name], rig, rpm * RPM))
+        for name, cam in cam_set.cams.items()
+    )
+    return ContactResult(cam_set.rig.name, rpm, tuple(rows), steepest)
 
 
 # Followers that a cam moves both ways: their play between the two contacts.
@@ -192,6 +266,23 @@ class PlayRow:
     cam: CamConfig
     least: float
     greatest: float
+
+
+PLAY = (
+    Column("cam", of="cam.name", cell=lambda row: row.cam.title),
+    Column("follower", of="cam.follower.type", cell=lambda row: _kind(row.cam)),
+    Column("least", "nm", ".1e"),
+    Column("greatest", "nm", ".1e"),
+)
+
+
+def play_table(rows: Iterable[PlayRow]) -> Records:
+    """Play of followers that a cam moves both ways."""
+    caption = (
+        "Play between the two contacts over the turn, each element put on its finished contour"
+    )
+    note = "Negative: the follower would jam. The contours are splines through 3600 points."
+    return Records("play", caption, PLAY, tuple(rows), (note,))
 
 
 def open_form_closed(paths: Iterable[Path]) -> list[tuple[CamConfig, Law]]:

@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from cam_rig.laws.figures import Style
-from cam_rig.paper.contact import comparison
-from cam_rig.paper.contact.comparison import ContactRow, ContactTable
+from cam_rig.paper.contact import nomogram
+from cam_rig.paper.contact.comparison import ContactResult, ContactRow
 from cam_rig.paper.contact.surfaces import Measure, measured, peak_pressure, peak_sliding
 from cam_rig.profile.contact import turn_angles
 from cam_rig.show.figure import CAM_ANGLE, empty, line, logarithmic, styled, turn_axis
@@ -30,9 +30,9 @@ EVENTS = np.linspace(30.0, 180.0, 151)
 
 
 @styled
-def figure(found: ContactTable) -> Figure:
+def figure(found: ContactResult) -> Figure:
     """Left over the turn, right the largest values over the base radius, with what is allowed."""
-    rows = list(found.rows.values())
+    rows = found.rows
     out = empty(5.6)
     panels = out.subplots(2, 2)
     for row in rows:
@@ -100,11 +100,11 @@ def events_figure(most: float, radius: float) -> Figure:
     event = np.radians(EVENTS)
     out = empty(3.6)
     panels = out.subplots(1, 3)
-    for name in comparison.RISES:
+    for name in nomogram.RISES:
         curves = (
-            comparison.by_pressure_angle(name, event, most),
-            comparison.by_curvature(name, event, radius),
-            comparison.by_face(name, event),
+            nomogram.by_pressure_angle(name, event, most),
+            nomogram.by_curvature(name, event, radius),
+            nomogram.by_face(name, event),
         )
         for axes, curve in zip(panels, curves, strict=True):
             axes.plot(EVENTS, curve, label=in_words(name), **line(name))

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cam_rig.laws.catalogue import figures
-from cam_rig.paper.factorial.study import (
+from cam_rig.paper.factorial.design import (
     EFFECTS,
     Design,
     Effect,

@@ -9,7 +9,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from cam_rig.paper.factorial.conclusions import contact_lost
-from cam_rig.paper.factorial.study import EFFECTS, Design, Effect, Factorial
+from cam_rig.paper.factorial.design import EFFECTS, Design, Effect, Factorial
 from cam_rig.show.figure import empty, line, logarithmic, marker, styled
 from cam_rig.show.looks import BLUE, LIGHT_GREY, ORANGE, SKY_BLUE, in_words, web
 

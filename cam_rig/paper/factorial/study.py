@@ -1,343 +1,325 @@
-"""The question the paper leaves open: Bézier 15's continuity, or its lower acceleration.
-
-Two full tables of laws against angles. In the first every law has the same event angles, so that
-smoother laws are also sharper: continuity costs acceleration. In the second every law has the
-angle at which all accelerate alike, so that continuity stands alone. Then the proposed cam itself:
-what of its advantage remains with a rigid follower, and what when its event is compressed.
-"""
+"""A factorial study run: its tables, and what it comes to in short."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterator, Mapping
+from concurrent.futures import Executor
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Annotated
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from pydantic import Field, model_validator
 
-from cam_rig.acoustics import RadiationParameters
-from cam_rig.dynamics import FollowerParameters, TwoMassParameters
-from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
-from cam_rig.dynamics.jump.search import sought_speed
-from cam_rig.dynamics.vibration import require_speeds, residual_vibration, steady_turn
-from cam_rig.errors import ConfigError, DynamicsError
 from cam_rig.laws import Law
-from cam_rig.laws.catalogue import figures
-from cam_rig.laws.segments import MIN_DWELL, NAMED_RISES, up_and_down
-from cam_rig.paper.anova import TwoWay, two_way
-from cam_rig.schema import RigConfig
-from cam_rig.schema.load import load
-from cam_rig.schema.quantity import Quantity, Strict, must_be
-from cam_rig.schema.scene import MAX_SPEED, Name
-from cam_rig.schema.segments import RiseName
-from cam_rig.simulation.simulate import Acoustics, settled_turns
-from cam_rig.units import RPM, TURN, FloatArray, rms
-
-# Reading YAML files into config models, with one-line errors that name file and key.
-
-
-def load_factorial(path: Path) -> FactorialConfig:
-    """Read one file of ``config/factorials/``."""
-    return load(path, FactorialConfig)
-
-
-# The laws of a factorial study: one rise up and down over any angle, and a cam squeezed.
-
-
-def open_factorial(path: Path) -> FactorialConfig:
-    """Read a study's file, and refuse rises whose velocity jumps."""
-    config = load_factorial(path)
-    for key, rises in (("rises", config.rises), ("reference", [config.reference])):
-        for rise in rises:
-            if figures(rise).continuity < 1 or any(NAMED_RISES[rise].slopes):
-                good = [n for n in NAMED_RISES if not any(NAMED_RISES[n].slopes)]
-                allowed = ", ".join(n for n in good if figures(n).continuity >= 1)
-                raise ConfigError(
-                    f"{path}: {key}: is {rise!r}, whose velocity jumps where it joins a dwell; "
-                    f"allowed: {allowed}"
-                )
-    return config
+from cam_rig.laws.segments import up_and_down
+from cam_rig.paper.anova import TwoWay
+from cam_rig.paper.factorial.conclusions import (
+    Conclusions,
+    advantages,
+    conclusions,
+    contact_lost,
+    fastest,
+    governed_by,
+    mean_jumps,
+    staying,
+)
+from cam_rig.paper.factorial.design import (
+    EFFECTS,
+    Bench,
+    Design,
+    Effect,
+    Factorial,
+    FactorialConfig,
+    Measures,
+    as_gentle,
+    squeezed,
+)
+from cam_rig.show.result import SILENT, Column, Progress, Records, Result, part
+from cam_rig.units import RPM_PER_RAD_S
 
 
-def as_gentle(rise: str, reference: str, event: float) -> float:
-    """The event angle (rad) over which a rise accelerates as the reference does over ``event``."""
-    ratio = figures(rise).peak_acceleration / figures(reference).peak_acceleration
-    return event * math.sqrt(ratio)
+class Variance(NamedTuple):
+    """The analysis of an effect in a design, or in the part of it that keeps contact.
 
-
-def squeezed(law: Law, span: float) -> Law:
-    """A cam's whole turn pressed into ``span`` rad, and its lift at θ = 0 held for the rest."""
-    if span > TURN - MIN_DWELL:
-        return law
-    rest = np.full_like(law.ordinates[:, :1], law.ordinates[0, 0])
-    breaks = np.append(law.breaks * (span / TURN), TURN)
-    name = f"{law.name} in {math.degrees(span):.4g}°"
-    return Law(name, breaks, np.hstack([law.ordinates, rest]))
-
-
-# A factorial study: laws by continuity, event angles, and one cam whose event is compressed.
-
-Events = Annotated[Quantity, must_be("angle", many=True, above=0.0, most=math.pi)]
-
-#: Slowest speed of a measurement, rad/s.
-SLOWEST = 1.0 * RPM
-
-Speeds = Annotated[Quantity, must_be("speed", many=True, least=SLOWEST, most=MAX_SPEED)]
-
-
-class FactorialConfig(Strict):
-    """One file of ``config/factorials/``.
-
-    Every rise of ``rises`` is built over every angle of ``events``, up and down alike; then over
-    the angles at which it accelerates as ``reference`` does over those of ``gentle``. The cam
-    ``proposed`` is pressed into each span of ``squeezed``, with a low dwell for the rest.
+    ``lost`` counts cells without contact; None for an effect that does not suppose it.
+    ``fastest`` is the effect's fastest speed, rad/s.
     """
 
-    name: Name
-    title: str
-    rig: Name
-    noise_rig: Name
-    lift: Annotated[Quantity, must_be("length", above=0.0, most=100.0)]
-    rises: list[RiseName] = Field(min_length=2)
-    events: Events
-    reference: RiseName
-    gentle: Events
-    proposed: Name
-    squeezed: Annotated[Quantity, must_be("angle", many=True, above=0.0, most=TURN)]
-    run: Annotated[Quantity, must_be("time", above=0.0, most=3600.0)]
-    accelerated: Speeds
-    residual: Speeds
-    noise: Speeds
-    noise_in_contact: Annotated[Quantity, must_be("speed", least=SLOWEST, most=MAX_SPEED)]
-
-    @model_validator(mode="after")
-    def _levels(self) -> FactorialConfig:
-        for key in ("events", "gentle"):
-            angles = getattr(self, key).numbers
-            if len(angles) < 2 or len(set(angles)) != len(angles):
-                raise ValueError(f"{key}: are {angles}; allowed: at least two, each once")
-        if len(set(self.rises)) != len(self.rises):
-            raise ValueError(f"rises: {self.rises} names a law twice; allowed: each once")
-        return self
+    whole: Design
+    part: Design
+    effect: Effect
+    found: TwoWay
+    governed_by: str
+    lost: int | None
+    fastest: float | None
 
 
-# What a factorial study measures of one law.
+class EffectAt(NamedTuple):
+    """By how much (dB) a law, or an angle (rad), is above the mean of its design."""
+
+    of: Variance
+    law: str | None
+    angle: float | None
+    effect: float
 
 
-@dataclass(frozen=True)
-class Measures:
-    """The effects of one law.
+class Cell(NamedTuple):
+    """A law at an angle (rad) in a design, a cam, or the proposed cam in a span (rad)."""
 
-    Parameters
-    ----------
-    jump : rad/s, from rest; ``rigid_jump`` that of a rigid follower
-    acceleration : m/s², geometric mean over the speeds of the largest |ẍ| in steady state;
-        ``own_acceleration`` that of the law itself
-    residual : m, r.m.s. over the speeds of the residual vibration in the low dwell
-    noise : dB, mean over the speeds, landings among it, on the rigid follower
-    noise_in_contact : dB, on the elastic follower, at the one speed
-    """
-
-    jump: float
-    rigid_jump: float
-    acceleration: float
-    own_acceleration: float
-    residual: float
-    noise: float
-    noise_in_contact: float
-
-
-@dataclass(frozen=True)
-class Bench:
-    """Rigs and speeds of a study, ready to measure a law."""
-
-    two_mass: TwoMassParameters
-    follower: FollowerParameters
-    rigid: FollowerParameters
-    sound: Acoustics
-    rigid_sound: Acoustics
-    config: FactorialConfig
-
-    @classmethod
-    def of(cls, config: FactorialConfig, rig: RigConfig, noise_rig: RigConfig) -> Bench:
-        """Take the numbers of the rigs."""
-        if rig.follower.mass.si != noise_rig.follower.mass.si:
-            raise ConfigError(
-                f"factorial {config.name!r}: follower.mass is {rig.follower.mass.si:g} kg on "
-                f"{rig.name} and {noise_rig.follower.mass.si:g} kg on {noise_rig.name}; allowed: "
-                "the same, or the effects are not of one follower"
-            )
-        follower = FollowerParameters.from_rig(rig)
-        for key in ("accelerated", "residual"):
-            try:
-                require_speeds(follower, [v / RPM for v in getattr(config, key).si_list])
-            except DynamicsError as error:
-                raise ConfigError(f"factorial {config.name!r}: {key}: {error}") from None
-        return cls(
-            TwoMassParameters.from_rig(rig),
-            follower,
-            FollowerParameters.from_rig(noise_rig),
-            Acoustics(RadiationParameters.from_rig(rig)),
-            Acoustics(RadiationParameters.from_rig(noise_rig)),
-            config,
-        )
-
-    def measure(self, law: Law) -> Measures:
-        """Every effect of one law."""
-        config = self.config
-        turns = [(s, steady_turn(law, self.follower, s)) for s in config.accelerated.si_list]
-        peaks = [math.log(float(np.abs(turn.acceleration).max())) for _, turn in turns]
-        bend = float(np.abs(law(turns[0][1].angle, 2)).max())
-        own = [math.log(bend * speed**2) for speed, _ in turns]
-        amplitude = residual_vibration(law, self.follower, np.array(config.residual.si_list))
-        noise = settled_turns(law, "one_mass", self.rigid, config.noise.si_list)
-        contact = settled_turns(law, "two_mass", self.two_mass, [config.noise_in_contact.si])
-        return Measures(
-            jump=sought_speed(law, self.two_mass, config.run.si),
-            rigid_jump=rigid_jump_speed(law, self.follower),
-            acceleration=math.exp(float(np.mean(peaks))),
-            own_acceleration=math.exp(float(np.mean(own))),
-            residual=rms(amplitude),
-            noise=float(self.rigid_sound.levels(noise).mean()),
-            noise_in_contact=float(self.sound.levels(contact)[0]),
-        )
-
-
-#: A map that may work in several processes: (function, items) -> results in order.
-Each = Callable[[Callable[[Law], Measures], Iterable[Law]], Iterable[Measures]]
-
-#: Fewer laws have no variance to analyse.
-MIN_LAWS = 2
-
-
-@dataclass(frozen=True)
-class Effect:
-    """An effect that is analysed: its key in `Measures`, name, unit, and factor to that unit.
-
-    ``decibels`` of amplitude: effects multiply, so logarithms of them add. ``speeds`` is the key
-    of the study's speeds at which a follower in contact is supposed; empty where it may leave.
-    """
-
-    key: str
     name: str
-    unit: str
-    factor: float = 1.0
-    decibels: bool = True
-    speeds: str = ""
-
-    def values(self, cells: list[list[Measures]]) -> FloatArray:
-        """The table in the unit, ``(a, b)``."""
-        return self.factor * np.array([[getattr(m, self.key) for m in row] for row in cells])
-
-    def analysed(self, cells: list[list[Measures]]) -> FloatArray:
-        """What is analysed: dB, for amplitudes 20 lg."""
-        values = self.values(cells)
-        return 20.0 * np.log10(values) if self.decibels else values
+    measured: Measures
+    law: str = ""
+    angle: float = 0.0
 
 
-EFFECTS = (
-    Effect("jump", "jump speed", "rpm", 30.0 / math.pi),
-    Effect("acceleration", "peak acceleration", "m/s²", speeds="accelerated"),
-    Effect("residual", "residual vibration", "µm", 1e6, speeds="residual"),
-    Effect("noise", "noise, rigid follower", "dB", decibels=False),
-    Effect("noise_in_contact", "noise, elastic", "dB", decibels=False, speeds="noise_in_contact"),
+def _share(i: int) -> Any:
+    return lambda row: row.found.shares[i]
+
+
+def _percent(logarithm: str) -> Any:
+    """By how much more, or less, %."""
+    sign = -1.0 if logarithm == "acceleration" else 1.0
+    return lambda row: 100.0 * math.expm1(sign * getattr(row, logarithm))
+
+
+def _rpm(field: str) -> Any:
+    return lambda row: getattr(row.measured, field) * RPM_PER_RAD_S
+
+
+def _pair(field: str) -> tuple[Column, ...]:
+    """The least and the greatest; None without any."""
+    return Column(f"{field}_from", of=part(field, 0)), Column(f"{field}_to", of=part(field, 1))
+
+
+#: What is measured of a law.
+MEASURES = (
+    Column("jump", "rpm", ".1f", "jump speed", _rpm("jump")),
+    Column("rigid_jump", "rpm", ".1f", "rigid follower", _rpm("rigid_jump")),
+    Column("acceleration", "m/s²", ".1f", "peak acceleration", "measured.acceleration"),
+    Column("own_acceleration", "m/s²", of="measured.own_acceleration", hidden=True),
+    Column("residual", "µm", ".2f", "residual vibration", "measured.residual"),
+    Column("noise", "dB", ".1f", of="measured.noise"),
+    Column("noise_in_contact", "dB", of="measured.noise_in_contact", hidden=True),
+)
+
+#: Which analysis of variance.
+ANALYSED = (
+    Column("design", of="whole.name"),
+    Column(
+        "effect",
+        of="effect.key",
+        cell=lambda row: row.effect.name if row.part is row.whole else "… in contact",
+    ),
+    Column("in_contact", of=lambda row: row.part is not row.whole, hidden=True),
+    Column("laws", "", "d", of=lambda row: len(row.part.rises)),
+    Column("angles", "", "d", of=lambda row: row.part.angles.size),
 )
 
 
-@dataclass(frozen=True, eq=False)
-class Design:
-    """A table of laws (rows) against angles (columns, rad), and its analysis by effect."""
+@dataclass(frozen=True, eq=False, repr=False)
+class FactorialResult(Factorial, Result):
+    """A factorial study with its analysis."""
 
-    name: str
-    rises: tuple[str, ...]
-    angles: FloatArray
-    cells: list[list[Measures]]
+    schema = "cam_rig.factorial.1"
+    drawn_by = "cam_rig.paper.factorial.figures:figure"
+    columns: ClassVar = {
+        "variance": (
+            *ANALYSED,
+            Column("law", "%", ".1f", of=_share(0)),
+            Column(
+                "between_classes",
+                "%",
+                ".1f",
+                of=lambda row: row.found.classes / (row.found.total or 1.0),
+            ),
+            Column("angle", "%", ".1f", of=_share(1)),
+            Column("interaction", "%", ".1f", of=_share(2)),
+            Column("sum_of_squares", "dB²", ".1f", of="found.total"),
+            Column("cells_without_contact", "", "d", of="lost"),
+            Column("governed_by"),
+            Column(
+                "fastest",
+                "rpm",
+                of=lambda row: None if row.fastest is None else row.fastest * RPM_PER_RAD_S,
+                hidden=True,
+                about="a cell that jumps below it has lost contact",
+            ),
+        ),
+        "laws": (
+            Column("law", of=lambda row: row[0]),
+            Column("continuity", of=lambda row: row[1], cell=lambda row: f"C{row[1]}"),
+            Column("same_angles", "rpm", ".0f", of=lambda row: row[2]),
+            Column("same_acceleration", "rpm", ".0f", of=lambda row: row[3]),
+        ),
+        "advantage": (
+            Column("over", of="cam"),
+            Column("jump", "%", "+.1f", "jump speed", cell=_percent("jump")),
+            Column("jump_share", "%", ".0f", "from slopes"),
+            Column("acceleration", "%", "+.1f", "peak acceleration", cell=_percent("acceleration")),
+            Column("acceleration_share", "%", ".0f", "from slopes"),
+            Column(
+                "residual",
+                "",
+                ".1f",
+                "residual vibration, divided by",
+                cell=lambda row: math.exp(row.residual),
+            ),
+            Column("noise", "dB", "+.1f", cell=lambda row: -row.noise),
+        ),
+        "compressed": (Column("span", "°", ".4g", of="angle"), *MEASURES),
+        "cams": (Column("cam", of="name"), *MEASURES),
+        "cells": (Column("design", of="name"), Column("law"), Column("angle", "°"), *MEASURES),
+        "effects": (
+            Column("design", of="of.whole.name"),
+            Column("effect", of="of.effect.key"),
+            Column("in_contact", of=lambda row: row.of.part is not row.of.whole),
+            Column("law"),
+            Column("angle", "°"),
+            Column("above_mean", "dB", of="effect"),
+        ),
+        "conclusions": (
+            *map(Column, ("proposed", "advantage", "ahead", "others")),
+            *_pair("jump_share"),
+            *_pair("acceleration_share"),
+            Column("classes"),
+            *(
+                Column(f"jump_smooth_{share}", of=part("jump_smooth", share))
+                for share in ("law", "classes", "slopes")
+            ),
+            *map(Column, ("step_to_c2", "residual_ratio", "residual_falls")),
+            *(
+                Column(f"smooth_{field}", of=part("smooth", field))
+                for field in ("first", "first_rpm", "last", "last_rpm", "falls_with_class")
+            ),
+            Column("noise_spread", "dB", of="noise_spread_db"),
+            *map(Column, ("loudest", "loudest_is_sharpest")),
+            *_pair("others_rpm"),
+            Column("behind"),
+        ),
+    }
 
-    @property
-    def classes(self) -> list[int]:
-        """C^k of each law against its dwells."""
-        return [figures(rise).continuity for rise in self.rises]
+    def conclusions(self) -> Conclusions:
+        """What the study comes to."""
+        return conclusions(self)
 
-    def analysis(self, effect: Effect) -> TwoWay:
-        """The analysis of variance of one effect."""
-        return two_way(effect.analysed(self.cells), self.classes)
+    def tables(self) -> list[Records]:
+        """``variance`` first: a row for each effect in each design."""
+        same, alike = self.same_angles, self.same_acceleration
+        laws = zip(same.rises, same.classes, mean_jumps(same), mean_jumps(alike), strict=True)
+        pressed = sorted(self.squeezed.items(), reverse=True)
+        proposed, rows = self.config.proposed, list(self._variance())
+        return [
+            self.table(
+                "variance",
+                "Analysis of variance, {design}",
+                rows,
+                "Shares of the sum of squares. Degrees of freedom: laws − 1, angles − 1, and their "
+                "product.",
+                "Cells without contact: contact is lost below the effect's fastest speed, where "
+                "the model holds the follower on. The row below has the laws and angles that all "
+                "keep contact.",
+                by="design",
+            ),
+            self.table("laws", "Jump speed by law, geometric mean over the angles", laws),
+            self.table(
+                "advantage",
+                f"Advantage of {proposed}, and the part of it that comes from the slopes",
+                advantages(self),
+                "From slopes: what a rigid follower has too, in logarithms; the rest is vibration.",
+                "Above 100 %: at its own, higher jump speed the cam excites more vibration.",
+            ),
+            self.table(
+                "compressed",
+                f"{proposed} compressed, with a low dwell for the rest of the turn",
+                (Cell(proposed, measured, angle=span) for span, measured in pressed),
+            ),
+            self.table("cams", "The cams", (Cell(*one) for one in self.cams.items()), hidden=True),
+            self.table("cells", "Both designs, cell by cell", self._cells(), hidden=True),
+            self.table("effects", "Effects about the mean", _levels(rows), hidden=True),
+            self.table("conclusions", "In short", [self.conclusions()], single=True, hidden=True),
+        ]
 
-    def from_class(self, least: int) -> Design | None:
-        """The same with the laws of class C^least and above alone; None for fewer than two."""
-        keep = [i for i, order in enumerate(self.classes) if order >= least]
-        if len(keep) < MIN_LAWS:
-            return None
-        rises = tuple(self.rises[i] for i in keep)
-        name = f"{self.name}, C{least} and above"
-        return Design(name, rises, self.angles, [self.cells[i] for i in keep])
-
-
-@dataclass(frozen=True, eq=False)
-class Factorial:
-    """Both designs; the proposed cam and those it is compared with; the proposed cam squeezed."""
-
-    config: FactorialConfig
-    same_angles: Design
-    same_acceleration: Design
-    cams: dict[str, Measures]
-    squeezed: dict[float, Measures]
-
-    @property
-    def designs(self) -> list[Design]:
-        """Both designs, each followed by its laws of C2 and above where only some are."""
-        found = []
-        for design in (self.same_angles, self.same_acceleration):
-            smooth = design.from_class(2)
-            found += (
-                [design] if smooth is None or smooth.rises == design.rises else [design, smooth]
+    def summary(self) -> list[str]:
+        """Where the advantage comes from, and what governs residual vibration."""
+        found = self.conclusions()
+        lines = [f"advantage of {found.proposed}: {found.advantage} ({found.classes})"]
+        if found.jump_share is not None:
+            low, high = (f"{100.0 * share:.0f} %" for share in found.jump_share)
+            lines[0] += f"; {low} to {high} of its higher jump speed from the slopes"
+        residual = found.same_acceleration["residual"]
+        lines.append(f"residual vibration at the same acceleration: {residual.governed_by}")
+        if residual.lost:
+            lines[1] += (
+                f"; {sum(residual.lost.values())} of {residual.cells} cells lose contact below "
+                f"{residual.fastest_rpm:g} rpm"
             )
-        return found
+        return lines
+
+    def _variance(self) -> Iterator[Variance]:
+        for design in self.designs:
+            for effect in EFFECTS:
+                count = int(contact_lost(design, effect, self.config).sum())
+                stay = staying(design, effect, self.config) if count else None
+                speed = fastest(effect, self.config)
+                for some in filter(None, (design, stay)):
+                    lost = (count if some is design else 0) if effect.speeds else None
+                    by = governed_by(some, effect)
+                    yield Variance(design, some, effect, some.analysis(effect), by, lost, speed)
+
+    def _cells(self) -> Iterator[Cell]:
+        for design in (self.same_angles, self.same_acceleration):
+            for rise, row in zip(design.rises, design.cells, strict=True):
+                for angle, measured in zip(design.angles.tolist(), row, strict=True):
+                    yield Cell(design.name, measured, rise, angle)
+
+
+def _levels(rows: list[Variance]) -> Iterator[EffectAt]:
+    for row in rows:
+        for law, effect in zip(row.part.rises, row.found.row_effects.tolist(), strict=True):
+            yield EffectAt(row, law, None, effect)
+        columns = row.part.angles.tolist(), row.found.column_effects.tolist()
+        for angle, effect in zip(*columns, strict=True):
+            yield EffectAt(row, None, angle, effect)
 
 
 def run_factorial(
-    config: FactorialConfig, bench: Bench, cams: dict[str, Law], each: Each = map
-) -> Factorial:
-    """Measure every cell.
+    config: FactorialConfig,
+    bench: Bench,
+    cams: Mapping[str, Law],
+    pool: Executor | None = None,
+    progress: Progress = SILENT,
+) -> FactorialResult:
+    """Measure every cell, in the processes of a pool if there is one.
 
-    Parameters
-    ----------
-    cams : the proposed cam and others to compare it with, as they are
-    each : a map over laws, perhaps in several processes
+    ``cams`` are the proposed cam and others to compare it with, as they are.
     """
     lift, rises = config.lift.si, tuple(config.rises)
-    same = [[up_and_down(rise, event, lift) for event in config.events.si_list] for rise in rises]
-    gentle = [
-        [
-            up_and_down(rise, as_gentle(rise, config.reference, event), lift)
-            for event in config.gentle.si_list
-        ]
+    same = [(rise, event) for rise in rises for event in config.events.si_list]
+    alike = [
+        (rise, as_gentle(rise, config.reference, event))
         for rise in rises
+        for event in config.gentle.si_list
     ]
+    laws = [up_and_down(rise, event, lift) for rise, event in same + alike]
     pressed = [squeezed(cams[config.proposed], span) for span in config.squeezed.si_list]
-    laws = [law for row in (*same, *gentle) for law in row]
-    found = list(each(bench.measure, [*laws, *cams.values(), *pressed]))
-    rows = _Rows(found)
-    return Factorial(
+    todo = [*laws, *cams.values(), *pressed]
+    progress.begin(len(todo), config.name)
+    left = _told((map if pool is None else pool.map)(bench.measure, todo), progress)
+
+    def table(name: str, angles: list[float]) -> Design:
+        cells = [[next(left) for _ in angles] for _ in rises]
+        return Design(name, rises, np.array(angles), cells)
+
+    return FactorialResult(
         config=config,
-        same_angles=Design("same angles", rises, np.array(config.events.si_list), rows.table(same)),
-        same_acceleration=Design(
-            "same acceleration", rises, np.array(config.gentle.si_list), rows.table(gentle)
-        ),
-        cams=dict(zip(cams, rows.take(len(cams)), strict=True)),
-        squeezed=dict(zip(config.squeezed.si_list, rows.take(len(pressed)), strict=True)),
+        same_angles=table("same angles", config.events.si_list),
+        same_acceleration=table("same acceleration", config.gentle.si_list),
+        cams={cam: next(left) for cam in cams},
+        squeezed={span: next(left) for span in config.squeezed.si_list},
     )
 
 
-class _Rows:
-    """Hands results out in the order of the laws."""
-
-    def __init__(self, found: list[Measures]) -> None:
-        self._left = iter(found)
-
-    def take(self, count: int) -> list[Measures]:
-        return [next(self._left) for _ in range(count)]
-
-    def table(self, laws: list[list[Law]]) -> list[list[Measures]]:
-        return [self.take(len(row)) for row in laws]
+def _told(found: Iterator[Measures], progress: Progress) -> Iterator[Measures]:
+    for one in found:
+        progress.advance()
+        yield one

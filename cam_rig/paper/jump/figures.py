@@ -1,28 +1,96 @@
-"""Loss of contact above the jump speed, as in fig. 11 of the paper."""
+"""Where contact is lost: the minimum force by speed, and a turn above the jump speed (fig. 11)."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.markers import CARETUP
 
 from cam_rig.dynamics import TwoMassParameters
+from cam_rig.dynamics.jump.any_follower import follower_of, least_force
+from cam_rig.dynamics.jump.figures import POINTS, force_axes
 from cam_rig.dynamics.two_mass.trajectory import Separation, states
 from cam_rig.laws.cam import CamSet
-from cam_rig.show.figure import CAM_ANGLE, empty, line, styled, turn_axis
+from cam_rig.paper.jump.comparison import JumpResult, JumpRow
+from cam_rig.show.figure import CAM_ANGLE, colour, empty, line, styled, turn_axis, wrapped
 from cam_rig.show.looks import title_of
 from cam_rig.units import RPM, TURN
 
-#: The turn shown, counted from rest, and its samples.
-SHOWN, POINTS = 3, 3000
+#: Between these speeds (rpm) most of the paper's cams lose contact: an inset.
+INSET = (380.0, 420.0)
+
+#: Times its jump speed up to which a cam's curve goes: it has left the axes, and beside a cam that
+#: jumps at ten times the speed it would cost a thousand turns a point.
+BEYOND = 2.0
+
+#: Marker of a published speed, which points at the axis from below.
+PUBLISHED: dict[str, Any] = {"marker": CARETUP, "ls": "", "ms": 5.5, "zorder": 4}
+
+#: The turn shown above the jump speed, counted from rest, and its samples.
+SHOWN, SAMPLES = 3, 3000
 
 
 @styled
-def figure(cam_set: CamSet, rpm: float) -> Figure:
+def figure(found: JumpResult) -> Figure:
+    """The minimum force of each cam's run by speed: zero at its jump speed."""
+    rows, cam_set = found.rows, found.cam_set
+    parameters = follower_of(cam_set.rig)
+    last = 1.08 * max(found.rpm.values())
+    rpm = np.linspace(0.35 * min(found.rpm.values()), last, POINTS)
+    rpm = np.union1d(rpm, np.arange(*INSET)[np.arange(*INSET) < last])
+    insets = [row for row in rows if INSET[0] < row.found.rpm < INSET[1]]
+    out = empty(4.8 if len(insets) > 1 else 3.4)
+    axes = out.subplots()
+    places = [axes]
+    low, high = -0.55 * parameters.preload, 1.15 * parameters.preload
+    if len(insets) > 1:
+        high = 2.1 * parameters.preload  # room for it above the curves
+        places.append(_inset(axes, 0.12 * parameters.preload))
+    force_axes(axes, rpm)
+    for row in rows:
+        near = rpm[rpm < BEYOND * row.found.rpm]
+        least = least_force(cam_set.laws[row.cam], parameters, found.duration, near * RPM)
+        label = f"{title_of(cam_set.titles, row.cam)}: {row.found.rpm:.2f}"
+        for place in places:
+            place.plot(near, least, label=label, **line(row.cam))
+            _mark(place, row)
+    title = f"Contact is kept while the minimum force is positive ({found.run})"
+    axes.set(title=wrapped(title), ylim=(low, high))
+    if any(row.published_rpm is not None for row in rows):
+        axes.plot([], [], label="published (paper, Table 2)", color="0.3", **PUBLISHED)
+    axes.legend(title="jump speed [rpm]", loc="upper left" if len(insets) > 1 else "lower left")
+    return out
+
+
+def _inset(axes: Axes, force: float) -> Axes:
+    """Where several cams lose contact, enlarged: ``force`` (N) to both sides of zero."""
+    out = axes.inset_axes((0.54, 0.69, 0.44, 0.29), xlim=INSET, ylim=(-force, force))
+    out.axhline(0.0, color="0.3", lw=0.9)
+    out.tick_params(axis="x", pad=6.0)
+    axes.indicate_inset_zoom(out, edgecolor="0.4")
+    return out
+
+
+def _mark(axes: Axes, row: JumpRow) -> None:
+    """The speed found on the line of zero force; the published one at the foot of the axes."""
+    ink = colour(row.cam)
+    axes.plot(row.found.rpm, 0.0, "o", color=ink, ms=4, zorder=4)
+    low, high = axes.get_xlim()
+    if row.published_rpm is not None and low < row.published_rpm < high:
+        foot = axes.get_xaxis_transform()
+        axes.plot(row.published_rpm, 0.0, color=ink, transform=foot, clip_on=False, **PUBLISHED)
+
+
+@styled
+def lift_off_figure(cam_set: CamSet, rpm: float) -> Figure:
     """Displacement of the roller, and its gap to the cam, over one turn at one speed (rpm)."""
     out = empty(4.8)
     place, gap = out.subplots(2, 1, sharex=True, height_ratios=[1.4, 1.0])
     parameters, speed = TwoMassParameters.from_rig(cam_set.rig), rpm * RPM
-    times = (SHOWN - 1 + np.linspace(0.0, 1.0, POINTS)) * TURN / speed
+    times = (SHOWN - 1 + np.linspace(0.0, 1.0, SAMPLES)) * TURN / speed
     degrees = np.degrees(speed * times) - 360.0 * (SHOWN - 1)
     for cam, law in cam_set.laws.items():
         course = Separation(law, parameters, speed)

@@ -10,15 +10,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
 from cam_rig.dynamics import TwoMassParameters
+from cam_rig.dynamics.jump.jump_speed import require_run
 from cam_rig.dynamics.jump.search import sought_speed
 from cam_rig.errors import CamRigError, ConfigError
 from cam_rig.laws import Law, build_law
-from cam_rig.schema import CamConfig
+from cam_rig.laws.cam import CamSet
+from cam_rig.paper.jump.comparison import JumpResult, Reference, find_jumps
+from cam_rig.schema import CamConfig, PublishedTables
+from cam_rig.show.result import SILENT, Column, Progress, Records, Result
 from cam_rig.units import RPM, TURN, FloatArray, rms
 
 
@@ -99,28 +104,130 @@ class Numbers:
         return Numbers(*(values * np.exp(x)).tolist())
 
 
+@dataclass(frozen=True)
+class Solution:
+    """Numbers, where they come from, and the r.m.s. of the speeds' relative differences."""
+
+    start: str
+    numbers: Numbers
+    rms: float
+
+
 @dataclass(frozen=True, eq=False)
 class Refit:
     """What the search found, its relative differences by cam, and each standard deviation.
 
     ``deviation`` is the relative standard deviation that the rounding of the published speeds alone
-    leaves on event, stem, share and preload, about this solution; ``rounding`` is that of the
-    speeds. ``solutions`` are where each start ended, with their r.m.s., the best first.
+    leaves on event, stem, share and preload, about the best solution; ``rounding`` is that of the
+    speeds. ``solutions`` are where each start ended, the best first.
     """
 
     start: Numbers
-    numbers: Numbers
     before: dict[str, float]
     after: dict[str, float]
     deviation: FloatArray
     rounding: float
-    solutions: tuple[tuple[Numbers, float], ...]
+    solutions: tuple[Solution, ...]
+
+    @property
+    def numbers(self) -> Numbers:
+        """The best."""
+        return self.solutions[0].numbers
 
     @property
     def rms(self) -> tuple[float, float]:
         """r.m.s. of the relative differences before and after."""
-        before, after = (np.array(list(d.values())) for d in (self.before, self.after))
-        return rms(before), rms(after)
+        return rms(list(self.before.values())), rms(list(self.after.values()))
+
+
+@dataclass(frozen=True, repr=False)
+class RefitResult(Result):
+    """A refit, and the jump speeds of all cams on the rig that it gives."""
+
+    schema = "cam_rig.jump_refit.1"
+    columns: ClassVar = {
+        "solutions": (
+            Column("start", heading="rig"),
+            Column("rms", "%", ".2f", "r.m.s. difference"),
+            Column("event", "°", ".5g", "event angle", "numbers.event"),
+            Column("stem_stiffness", "N/m", ".5g", of="numbers.stem_stiffness"),
+            Column("roller_share", "", ".5g", "mass split, roller", "numbers.roller_share"),
+            Column("preload", "N", ".5g", of="numbers.preload"),
+        ),
+        "standard_errors": (
+            Column("event", "%", ".1f", "event angle", lambda refit: refit.deviation[0].item()),
+            Column("stem_stiffness", "%", ".1f", "", lambda refit: refit.deviation[1].item()),
+            Column("roller_share", "%", ".1f", "", lambda refit: refit.deviation[2].item()),
+            Column("preload", "%", ".1f", "", lambda refit: refit.deviation[3].item()),
+            Column("rounding", "%", ".2f", "rounding of a speed"),
+        ),
+    }
+
+    refit: Refit
+    jumps: JumpResult
+
+    def tables(self) -> list[Records]:
+        """``solutions``, the rig as it is first; ``standard_errors``; those of the jump speeds."""
+        found = self.refit
+        rows = [Solution("as it is", found.start, found.rms[0]), *found.solutions]
+        return [
+            self.table("solutions", "Refit of four numbers to four jump speeds", rows),
+            self.table(
+                "standard_errors",
+                "Standard errors from the rounding of the paper's Table 2 alone, near the best",
+                [found],
+                single=True,
+            ),
+            *self.jumps.tables(),
+        ]
+
+    def summary(self) -> list[str]:
+        """How well it fits, and what the comparison with Table 2 comes to."""
+        (before, after), rounding = self.refit.rms, self.refit.rounding
+        words = [
+            f"rig as it is: {100 * before:.2f} % r.m.s.; refitted: {100 * after:.2f} % r.m.s.; "
+            f"rounding of Table 2 alone: {100 * rounding:.2f} %"
+        ]
+        if before - after < rounding:
+            words.append(
+                "the two solutions differ by less than the rounding: Table 2 does not tell them "
+                "apart"
+            )
+        return words + self.jumps.summary()
+
+
+def refit_rig(
+    cam_set: CamSet,
+    published: PublishedTables,
+    duration: float,
+    progress: Progress = SILENT,
+) -> RefitResult:
+    """Fit the rig's four unprinted numbers anew, and try them on all cams.
+
+    Raises
+    ------
+    ConfigError, DynamicsError : the cams are not those of the table; the run is too long
+    """
+    require_run(duration)
+    parameters = TwoMassParameters.from_rig(cam_set.rig)
+    fitted = {cam: published.table_2_jump[cam].rpm for cam in published.table_2_defined}
+    if not set(fitted) <= set(cam_set.cams):
+        raise ConfigError(
+            f"--refit: cams are {', '.join(cam_set.cams)}; needed: {', '.join(fitted)}"
+        )
+    found = refit(cam_set.cams, fitted, parameters, duration, progress)
+    best = found.numbers
+    rig = cam_set.rig.with_follower(
+        stem_stiffness=best.stem_stiffness, roller_share=best.roller_share, preload=best.preload
+    ).model_copy(update={"name": f"{cam_set.rig.name}_refitted"})
+    cams = {name: with_event(cam, best.event) for name, cam in cam_set.cams.items()}
+    laws = {name: build_law(cam) for name, cam in cams.items()}
+    known = {
+        cam: Reference(row.rpm, row.time_s, "fitted" if cam in fitted else "test")
+        for cam, row in published.table_2_jump.items()
+    }
+    jumps = find_jumps(CamSet(cams, laws, rig), known, duration, None, progress)
+    return RefitResult(found, jumps)
 
 
 def refit(
@@ -128,7 +235,7 @@ def refit(
     published: dict[str, float],
     parameters: TwoMassParameters,
     duration: float,
-    on_trial: Callable[[float], None] = lambda _: None,
+    progress: Progress = SILENT,
 ) -> Refit:
     """Search the four numbers, from the rig's own and from places scattered about it.
 
@@ -136,7 +243,6 @@ def refit(
     ----------
     published : jump speed (rpm) of each cam to fit
     duration : s of the run from rest
-    on_trial : told the r.m.s. of the best so far
     """
     start = Numbers(
         event_of(cams[cam] for cam in published),
@@ -144,31 +250,33 @@ def refit(
         parameters.roller_mass / (parameters.roller_mass + parameters.end_mass),
         parameters.preload,
     )
-    best = [math.inf]
+    best = math.inf
+    progress.begin(None, "searching")
 
     def differences(x: FloatArray) -> FloatArray:
+        nonlocal best
         numbers = start.times(x)
         found = [
             _relative(cams[cam], rpm, parameters, numbers, duration)
             for cam, rpm in published.items()
         ]
-        best[0] = min(best[0], rms(found))
-        on_trial(best[0])
+        best = min(best, rms(found))
+        progress.tell(f"best {100 * best:.3f} % r.m.s.")
         return np.array(found)
 
     ended = _solutions(differences, start)
-    chosen = ended[0]
     names = list(published)
     rounding = ROUNDED_TO / math.sqrt(12.0) / np.array(list(published.values()))
-    spread = np.linalg.pinv(_slopes(differences, chosen.x)) * rounding
+    spread = np.linalg.pinv(_slopes(differences, ended[0].x)) * rounding
     return Refit(
         start=start,
-        numbers=start.times(chosen.x),
         before=dict(zip(names, differences(np.zeros(4)).tolist(), strict=True)),
-        after=dict(zip(names, chosen.fun.tolist(), strict=True)),
+        after=dict(zip(names, ended[0].fun.tolist(), strict=True)),
         deviation=np.sqrt((spread**2).sum(axis=1)),
         rounding=rms(rounding),
-        solutions=tuple((start.times(s.x), rms(s.fun)) for s in ended),
+        solutions=tuple(
+            Solution(f"refitted, {i}", start.times(s.x), rms(s.fun)) for i, s in enumerate(ended, 1)
+        ),
     )
 
 

@@ -18,6 +18,7 @@ from cam_rig.laws import Law, build_law
 from cam_rig.laws.cam import arc_cam
 from cam_rig.paper.noise.calibration import PublishedCam
 from cam_rig.schema import CamConfig, SceneConfig
+from cam_rig.show.result import SILENT, Progress
 from cam_rig.simulation.regression import cubic
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.simulate import Acoustics, Turns, simulate, step_levels
@@ -75,13 +76,12 @@ def trial_stage(loaded: LoadedScene) -> LoadedScene:
     return replace(loaded, scene=SceneConfig.model_validate(data))
 
 
-def identify(
-    loaded: LoadedScene, cam: str, seed: int, on_progress: Callable[[float], None] = lambda _: None
-) -> Geometry:
+def identify(loaded: LoadedScene, cam: str, seed: int, progress: Progress = SILENT) -> Geometry:
     """Search lift and angles of an arc cam; ``loaded`` holds the scene to run for each trial.
 
     A global search (differential evolution, seeded) followed by a local one.
     """
+    progress.begin(None, "searching")
     arc_cam(loaded.cams[cam])  # it must have arcs to move
     trial = trial_stage(loaded)
     rpm = to_rpm(np.array(loaded.scene.program.speeds.si_list))
@@ -102,7 +102,9 @@ def identify(
         maxiter=30,
         tol=1e-3,
         polish=False,
-        callback=lambda intermediate_result: on_progress(float(intermediate_result.fun)),
+        callback=lambda intermediate_result: progress.tell(
+            f"best {intermediate_result.fun:.2f} dB RMS"
+        ),
     )
     polished = minimize(
         rmse, best.x, method="Nelder-Mead", options={"xatol": 1e-5, "fatol": 1e-5, "maxfev": 200}

@@ -175,13 +175,15 @@ class Structure:
 
 @dataclass(frozen=True)
 class StructureFit:
-    """r.m.s. difference (dB) on the cam fitted to and on the cams predicted."""
+    """r.m.s. difference (dB) on the cam ``fitted`` to and on the other one, ``predicted``."""
 
     name: str
     weighting: str
     numbers: int
+    fitted: str
     fitted_db: float
-    predicted_db: dict[str, float]
+    predicted: str
+    predicted_db: float
 
 
 def _low_pass(x: FloatArray, frequency: FloatArray) -> FloatArray:
@@ -227,14 +229,15 @@ def compare_structures(
     speeds: FloatArray,
     fitted: str,
 ) -> list[StructureFit]:
-    """Fit every candidate to the cam ``fitted``, and predict the others.
+    """Fit every candidate to the cam ``fitted``, and predict the other one.
 
     Parameters
     ----------
-    laws : cams that keep contact at all ``speeds`` (rad/s)
+    laws : two cams that keep contact at all ``speeds`` (rad/s)
     radiation : for its background
     published : level in dB at the speeds, by cam
     """
+    (other,) = laws.keys() - {fitted}
     harmonics = {cam: harmonic_power(law, follower, speeds) for cam, law in laws.items()}
     background = np.array([radiation.background_power(float(speed)) for speed in speeds])
     frequency = np.arange(1, HARMONICS + 1) * speeds[:, None] / TURN
@@ -248,10 +251,9 @@ def compare_structures(
     found = []
     for structure in STRUCTURES:
         x = _best(lambda x, s=structure: difference(s, fitted, x), structure.start)  # type: ignore[misc]
-        errors = {cam: rms(difference(structure, cam, x)) for cam in laws}
-        found.append(
-            StructureFit(structure.name, structure.weighting, x.size, errors.pop(fitted), errors)
-        )
+        own, unseen = (rms(difference(structure, cam, x)) for cam in (fitted, other))
+        kind = structure.name, structure.weighting, x.size
+        found.append(StructureFit(*kind, fitted, own, other, unseen))
     return found
 
 

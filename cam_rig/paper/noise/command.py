@@ -15,19 +15,12 @@ from cam_rig.errors import ConfigError
 from cam_rig.schema.quantity import ORIGINS
 from cam_rig.show.command import (
     DEFAULT_SCENE,
-    Csv,
-    Json,
-    Plot,
     Scene,
     SceneOption,
-    check_outputs,
-    progress_bar,
-    user_errors,
-    write_csv,
-    write_json,
-    write_plot,
+    command,
 )
-from cam_rig.show.terminal import console, show
+from cam_rig.show.result import Progress, Result
+from cam_rig.show.terminal import say
 
 #: Where in a text (first and last character) something else is to stand, and what.
 Edit = tuple[int, int, str]
@@ -107,6 +100,7 @@ def _quoted(text: str) -> str:
 # cam-rig calibrate: the acoustic constants, from one cam's published curve alone.
 
 
+@command()
 def calibrate(
     scene: Scene = DEFAULT_SCENE,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Show, write nothing.")] = False,
@@ -124,34 +118,32 @@ def calibrate(
 
     cam-rig calibrate tm21_sweep
     """
+    import numpy as np
+
+    from cam_rig.paper.noise.calibration import calibrate as fit
     from cam_rig.schema.load import scene_path
+    from cam_rig.simulation.scene import FITTED_WITH, MODEL, fitted_with, open_scene
+    from cam_rig.units import to_rpm
 
-    with user_errors():
-        import numpy as np
-
-        from cam_rig.paper.noise.calibration import calibrate as fit
-        from cam_rig.simulation.scene import FITTED_WITH, MODEL, fitted_with, open_scene
-        from cam_rig.units import to_rpm
-
-        loaded = open_scene(scene_path(scene))
-        cam = loaded.rig.calibrated_on
-        speeds = np.array(loaded.scene.program.speeds.si_list)
-        levels = loaded.published_levels(cam, to_rpm(speeds))
-        found, rmse = fit(loaded.law_of(cam), loaded.follower, loaded.radiation, speeds, levels)
-        console.print(
-            f"{cam}: gain {found.gain:.4g} Pa·s/N, corner {found.corner:.4g} "
-            f"Hz; {rmse:.3f} dB RMS over {speeds.size} speeds (2 numbers fitted)"
-        )
-        if not dry_run:
-            numbers: dict[tuple[str | int, ...], float] = {
-                ("radiation", "gain"): _round(found.gain),
-                ("radiation", "corner"): _round(found.corner),
-            }
-            held = FITTED_WITH + fitted_with(loaded.rig, MODEL)
-            source = f"cam-rig calibrate, published noise of {cam} alone{held}"
-            residual = f"{rmse:.3f} dB RMS over {speeds.size} speeds, 2 numbers fitted"
-            set_identified(loaded.rig_file, numbers, source, residual)
-            console.print(f"written to {loaded.rig_file}")
+    loaded = open_scene(scene_path(scene))
+    cam = loaded.rig.calibrated_on
+    speeds = np.array(loaded.scene.program.speeds.si_list)
+    levels = loaded.published_levels(cam, to_rpm(speeds))
+    found, rmse = fit(loaded.law_of(cam), loaded.follower, loaded.radiation, speeds, levels)
+    say(
+        f"{cam}: gain {found.gain:.4g} Pa·s/N, corner {found.corner:.4g} "
+        f"Hz; {rmse:.3f} dB RMS over {speeds.size} speeds (2 numbers fitted)"
+    )
+    if not dry_run:
+        numbers: dict[tuple[str | int, ...], float] = {
+            ("radiation", "gain"): _round(found.gain),
+            ("radiation", "corner"): _round(found.corner),
+        }
+        held = FITTED_WITH + fitted_with(loaded.rig, MODEL)
+        source = f"cam-rig calibrate, published noise of {cam} alone{held}"
+        residual = f"{rmse:.3f} dB RMS over {speeds.size} speeds, 2 numbers fitted"
+        set_identified(loaded.rig_file, numbers, source, residual)
+        say(f"written to {loaded.rig_file}")
 
 
 def _round(value: float) -> float:
@@ -162,11 +154,14 @@ def _round(value: float) -> float:
 # cam-rig identify: the geometry of an arc cam, from its published noise.
 
 
+@command()
 def identify(
     cam: Annotated[str, typer.Argument(help="The cam to identify.")] = "tm21",
     scene: SceneOption = DEFAULT_SCENE,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the global search.")] = 1,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Show, write nothing.")] = False,
+    *,
+    progress: Progress,
 ) -> None:
     """Search lift, event and nose angle of a tangent-arc cam that fit its published noise.
 
@@ -179,42 +174,39 @@ def identify(
 
     cam-rig identify tm21 --seed 7
     """
+    from cam_rig.paper.noise.arc_cam import identify as search
     from cam_rig.schema.load import scene_path
+    from cam_rig.simulation.scene import open_scene
 
-    with user_errors():
-        from cam_rig.errors import ConfigError
-        from cam_rig.paper.noise.arc_cam import identify as search
-        from cam_rig.simulation.scene import open_scene
-
-        loaded = open_scene(scene_path(scene))
-        if cam not in loaded.cams or not loaded.cams[cam].identified_from:
-            raise ConfigError(
-                f"{scene}: {cam!r} cannot be identified; allowed: a tangent-arc cam of the scene "
-                "whose file has identified_from"
-            )
-        with console.status("searching") as status:
-            found = search(loaded, cam, seed, lambda rmse: status.update(f"best {rmse:.2f} dB RMS"))
-        console.print(
-            f"{cam}: lift {found.lift_mm:.3f} mm, event {found.event_deg:.2f}°, nose "
-            f"{found.nose_deg:.2f}°: {found.rmse_db:.2f} dB RMS, {found.evaluations} trials"
+    loaded = open_scene(scene_path(scene))
+    if cam not in loaded.cams or not loaded.cams[cam].identified_from:
+        raise ConfigError(
+            f"{scene}: {cam!r} cannot be identified; allowed: a tangent-arc cam of the scene "
+            "whose file has identified_from"
         )
-        if not dry_run:
-            numbers: dict[tuple[str | int, ...], float] = {
-                ("lift",): found.lift_mm,
-                ("segments", 0, "span"): found.dwell_deg,
-                ("segments", 1, "span"): found.event_deg,
-                ("segments", 1, "nose_span"): found.nose_deg,
-                ("segments", 2, "span"): found.dwell_deg,
-            }
-            source = "cam-rig identify, its published noise curve"
-            residual = f"{found.rmse_db:.2f} dB RMS, 3 numbers fitted to one cubic"
-            set_identified(loaded.cam_files[cam], numbers, source, residual)
-            console.print(f"written to {loaded.cam_files[cam]}")
+    found = search(loaded, cam, seed, progress)
+    say(
+        f"{cam}: lift {found.lift_mm:.3f} mm, event {found.event_deg:.2f}°, nose "
+        f"{found.nose_deg:.2f}°: {found.rmse_db:.2f} dB RMS, {found.evaluations} trials"
+    )
+    if not dry_run:
+        numbers: dict[tuple[str | int, ...], float] = {
+            ("lift",): found.lift_mm,
+            ("segments", 0, "span"): found.dwell_deg,
+            ("segments", 1, "span"): found.event_deg,
+            ("segments", 1, "nose_span"): found.nose_deg,
+            ("segments", 2, "span"): found.dwell_deg,
+        }
+        source = "cam-rig identify, its published noise curve"
+        residual = f"{found.rmse_db:.2f} dB RMS, 3 numbers fitted to one cubic"
+        set_identified(loaded.cam_files[cam], numbers, source, residual)
+        say(f"written to {loaded.cam_files[cam]}")
 
 
 # cam-rig noise: the paper's noise regressions, reproduced and taken further.
 
 
+@command("json", "csv", "plot")
 def noise(
     scene: Scene = DEFAULT_SCENE,
     rig: Annotated[
@@ -223,10 +215,9 @@ def noise(
     one_rig: Annotated[
         bool, typer.Option("--one-rig", help="Fit the arc cam on that rig too: takes minutes.")
     ] = False,
-    json_target: Json = None,
-    csv: Csv = None,
-    plot: Plot = None,
-) -> None:
+    *,
+    progress: Progress,
+) -> Result:
     """Calibrate on one cam, predict another, identify the third, with confidence intervals.
 
     The transfer functions between force and sound; three ways of calibrating, with 95 % bands and
@@ -237,34 +228,12 @@ def noise(
     --------
     cam-rig noise --plot out/noise_study.png
 
-    cam-rig noise --json - | jq '.methods["by substitution"].crossing.rpm'
+    cam-rig noise --json - | jq '.methods[] | {calibration, named_crossing}'
     """
+    from cam_rig.paper.noise.study import study_noise
+    from cam_rig.schema import load_rig
     from cam_rig.schema.load import rig_beside, scene_path
+    from cam_rig.simulation.scene import open_scene
 
-    with user_errors():
-        from cam_rig.paper.noise import tables
-        from cam_rig.paper.noise.study import PARTS, study_noise
-        from cam_rig.schema import load_rig
-        from cam_rig.simulation.scene import open_scene
-
-        check_outputs(json_target, plot, csv)
-        path = scene_path(scene)
-        loaded, other = open_scene(path), load_rig(rig_beside(rig, path))
-        with progress_bar() as bar:
-            task = bar.add_task("", total=len(PARTS), completed=-1)
-            found = study_noise(
-                loaded,
-                other,
-                one_rig,
-                lambda part: bar.update(task, advance=1, description=part),
-                lambda best: bar.update(task, description=f"one rig, best {best:.1f} dB"),
-            )
-        assert loaded.published is not None  # the study has its levels
-        shown = tables.tables(found, loaded.published)
-        show(*shown)
-        write_csv(shown, csv)
-        if plot is not None:
-            from cam_rig.paper.noise.figures import figure
-
-            write_plot(plot, lambda: figure(found, loaded))
-        write_json(tables.to_json(found), json_target)
+    path = scene_path(scene)
+    return study_noise(open_scene(path), load_rig(rig_beside(rig, path)), one_rig, progress)

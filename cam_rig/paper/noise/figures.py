@@ -9,20 +9,20 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
 from cam_rig.paper.noise.methods import Method
-from cam_rig.paper.noise.study import NoiseStudy
+from cam_rig.paper.noise.study import NoiseStudyResult
 from cam_rig.show.figure import CAM_SPEED, LEVEL, empty, marker, styled
 from cam_rig.show.looks import short
 from cam_rig.simulation.figures import MIN_SPEEDS
-from cam_rig.simulation.scene import LoadedScene
 
 
 @styled
-def figure(study: NoiseStudy, loaded: LoadedScene) -> Figure:
+def figure(study: NoiseStudyResult) -> Figure:
     """Level against speed, simulated and published, one panel a way to calibrate."""
+    titles = {cam: short(title) for cam, title in study.titles.items()}
     out = empty(2.5 * len(study.methods) + 0.8)
     axes = out.subplots(len(study.methods), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
     for panel, method in zip(axes, study.methods, strict=True):
-        _panel(panel, method, study, loaded)
+        _panel(panel, method, titles)
         panel.set_ylabel(LEVEL)
     axes[-1].set_xlabel(CAM_SPEED)
     handles = [
@@ -35,13 +35,11 @@ def figure(study: NoiseStudy, loaded: LoadedScene) -> Figure:
     return out
 
 
-def _panel(panel: Axes, method: Method, study: NoiseStudy, loaded: LoadedScene) -> None:
-    rpm = study.rpm
+def _panel(panel: Axes, method: Method, titles: dict[str, str]) -> None:
     for curve in method.curves.values():
-        style = marker(curve.cam)
+        style, rpm = marker(curve.cam), curve.rpm
         colour = style["color"]
-        title = short(loaded.cams[curve.cam].title)
-        label = f"{title}: {curve.role}, r.m.s. difference {curve.rms_db:.2f} dB"
+        label = f"{titles[curve.cam]}: {curve.role}, r.m.s. difference {curve.rms_db:.2f} dB"
         band = curve.expected
         panel.fill_between(rpm, band.low, band.high, color=colour, alpha=0.16, lw=0)
         panel.plot(rpm, curve.level_db, **style, ls="", ms=4, label=label)

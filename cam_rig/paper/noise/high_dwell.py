@@ -7,11 +7,10 @@ arcs has it. Rise and fall keep their angles; without the high dwell the low one
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,7 +19,6 @@ from cam_rig.paper.anova import two_levels
 from cam_rig.paper.noise.roles import NoiseSetup
 from cam_rig.schema import CamConfig
 from cam_rig.schema.segments import Dwell, Rise
-from cam_rig.show.tables import DataTable, Head, tabulate
 from cam_rig.simulation.simulate import Acoustics, settled_turns
 from cam_rig.units import FloatArray
 
@@ -114,67 +112,3 @@ def study_high_dwell(
         levels[Variant(lift, dwell, rise)] = acoustics.levels(turns)
     means = np.array([level.mean() for level in levels.values()]).reshape(2, 2, 2)
     return HighDwellStudy(levels, two_levels(means))
-
-
-# The factorial of lift, high dwell and joints as tables and plain data.
-
-
-def high_dwell_tables(study: HighDwellStudy | None, rpm: list[float]) -> list[DataTable]:
-    """The cams and the shares; nothing where the study could not be made."""
-    return [] if study is None else [_cams(study, rpm), _shares(study)]
-
-
-def _cams(study: HighDwellStudy, rpm: list[float]) -> DataTable:
-    reference, middle = study.reference, len(rpm) // 2
-    differences = {cam: level - reference for cam, level in study.levels_db.items()}
-
-    def lowest(cam: Variant) -> float:
-        return float(differences[cam].min())
-
-    def highest(cam: Variant) -> float:
-        return float(differences[cam].max())
-
-    return tabulate(
-        "Lift, high dwell and joints: level of the reference cam changed in each",
-        study.levels_db,
-        (
-            (Head("lift", "mm", ".2f"), lambda cam: 1e3 * cam.lift),
-            (Head("high dwell", "°", ".1f"), lambda cam: math.degrees(cam.high_dwell)),
-            (Head("rise"), lambda cam: cam.rise),
-            *(
-                (
-                    Head(f"{rpm[i]:g} rpm", "dB", ".1f"),
-                    lambda cam, i=i: float(study.levels_db[cam][i]),
-                )
-                for i in (0, middle, -1)
-            ),
-            (Head("change from", "dB", "+.1f"), lowest),
-            (Head("to", "dB", "+.1f"), highest),
-        ),
-    )
-
-
-def _shares(study: HighDwellStudy) -> DataTable:
-    return tabulate(
-        "Shares of the variation of the mean level",
-        study.shares,
-        (
-            (Head("by"), lambda axes: " × ".join(FACTORS[axis] for axis in axes)),
-            (Head("share", "%", ".1f"), lambda axes: 100.0 * study.shares[axes]),
-        ),
-        "Joints: with the reference's rise, or with one whose acceleration jumps at each dwell.",
-    )
-
-
-def high_dwell_json(study: HighDwellStudy | None) -> dict[str, Any] | None:
-    """As plain data."""
-    if study is None:
-        return None
-    return {
-        "cams": [
-            cam._asdict() | {"level_db": level.tolist()} for cam, level in study.levels_db.items()
-        ],
-        "shares": {
-            " × ".join(FACTORS[i] for i in axes): share for axes, share in study.shares.items()
-        },
-    }

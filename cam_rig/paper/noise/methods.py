@@ -144,9 +144,11 @@ class StudiedCurve:
     published one should lie.
     """
 
+    method: str
     cam: str
     role: str
     numbers: int
+    rpm: FloatArray
     level_db: FloatArray
     regression_db: FloatArray
     coefficients: FloatArray
@@ -157,20 +159,18 @@ class StudiedCurve:
     expected: Band
 
     @property
-    def largest_at(self) -> int:
-        """Index of the speed at which a point is furthest from the published curve."""
-        return int(np.argmax(np.abs(self.level_db - self.published_db)))
-
-    @property
-    def largest_db(self) -> float:
-        """That difference, dB: what an r.m.s. hides."""
-        return float((self.level_db - self.published_db)[self.largest_at])
+    def largest(self) -> tuple[float, float]:
+        """By how much (dB) a point is off at most, which an r.m.s. hides, and at which rpm."""
+        difference = self.level_db - self.published_db
+        at = int(np.argmax(np.abs(difference)))
+        return float(difference[at]), round(float(self.rpm[at]), 9)
 
 
 @dataclass(frozen=True)
 class PairCrossing:
-    """Where the published curves of two cams cross, and where those of the study do."""
+    """Where the published curves of two cams cross, and where those of a method do."""
 
+    method: str
     between: tuple[str, str]
     published_rpm: float
     found: Crossing
@@ -248,7 +248,13 @@ def _method(
     numbers = {roles.reference: 2 + len(acoustics.response), roles.arcs: 2 if refitted else 3}
     curves = {
         cam: _curve(
-            study, h, acoustics, numbers.get(cam, 0), moved[cam] @ project, left[cam] @ project
+            name,
+            study,
+            h,
+            acoustics,
+            numbers.get(cam, 0),
+            moved[cam] @ project,
+            left[cam] @ project,
         )
         for cam, h in cams.items()
     }
@@ -261,13 +267,14 @@ def _method(
         return replace(interval, points_rpm=points_crossing(study.rpm, *levels, near))
 
     pairs = tuple(
-        PairCrossing((one, two), near, found(one, two, near))
+        PairCrossing(name, (one, two), near, found(one, two, near))
         for one, two in combinations(curves, 2)
         for near in all_crossings(
             study.rpm, curves[one].published_db, curves[two].published_db
         ).tolist()
     )
-    return Method(name, acoustics, fit.shape, curves, found(*_crossing_cams(study)), pairs)
+    named = study.crossover
+    return Method(name, acoustics, fit.shape, curves, found(*named.between, named.rpm), pairs)
 
 
 def _refit(slope: FloatArray, compared: FloatArray) -> FloatArray:
@@ -275,14 +282,8 @@ def _refit(slope: FloatArray, compared: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.pinv(slope, rcond=1e-2) @ compared)
 
 
-def _crossing_cams(study: NoiseSetup) -> tuple[str, str, float]:
-    published = study.loaded.published
-    assert published is not None  # the study has its levels
-    one, two = published.crossover.between
-    return one, two, published.crossover.rpm
-
-
 def _curve(
+    method: str,
     study: NoiseSetup,
     cam: PublishedCam,
     acoustics: Acoustics,
@@ -291,19 +292,22 @@ def _curve(
     left: FloatArray,
 ) -> StudiedCurve:
     level = acoustics.levels(cam.turns)
-    fitted = cubic(study.rpm) @ level
+    project = cubic(study.rpm)
+    fitted = project @ level
     return StudiedCurve(
+        method=method,
         cam=cam.cam,
         role=study.loaded.part(cam.cam),  # true here: each method calibrates anew
         numbers=numbers,
+        rpm=study.rpm,
         level_db=level,
         regression_db=fitted,
         coefficients=regression(study.rpm, level),
         published_db=cam.published,
         rms_db=rms(level - cam.published),
         rms_regression_db=rms(fitted - cam.published),
-        confidence=Band.of(fitted + moved),
-        expected=Band.of(fitted + moved + left),
+        confidence=Band.of(fitted + moved @ project),
+        expected=Band.of(fitted + (moved + left) @ project),
     )
 
 
@@ -317,18 +321,16 @@ ROUNDS = 2
 class LeftOut:
     """A cam left out, the constants of the other two, and the fit error (dB) on each cam.
 
-    ``numbers`` were fitted together to the ``trained`` cams. The arc cam's geometry is its own:
-    it is fitted with the constants where the cam is among the trained, and to its own curve,
-    after the constants, where it is the one left out.
+    ``numbers`` were fitted together to the other cams. The arc cam's geometry is its own: it is
+    fitted with the constants where the cam is among the others, and to its own curve, after the
+    constants, where it is the one left out. ``rms_regression_db`` is of the cam left out.
     """
 
     cam: str
-    trained: tuple[str, ...]
     numbers: int
     acoustics: Acoustics
-    rms_db: float
+    rms_db: dict[str, float]
     rms_regression_db: float
-    rms_trained_db: dict[str, float]
 
 
 def leave_one_out(study: NoiseSetup) -> list[LeftOut]:
@@ -347,10 +349,8 @@ def _leave_out(study: NoiseSetup, cam: str) -> LeftOut:
         acoustics = two_constants([cams[name] for name in trained], study.start)
     return LeftOut(
         cam=cam,
-        trained=trained,
         numbers=2 if cam == arcs else 4,
         acoustics=acoustics,
-        rms_db=cams[cam].rms(acoustics),
+        rms_db={name: one.rms(acoustics) for name, one in cams.items()},
         rms_regression_db=rms(cubic(study.rpm) @ cams[cam].difference(acoustics)),
-        rms_trained_db={name: cams[name].rms(acoustics) for name in trained},
     )

@@ -15,6 +15,7 @@ from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.paper.noise.arc_cam import ArcShape, ShapeProblem
 from cam_rig.paper.noise.calibration import PublishedCam
+from cam_rig.schema.published import Crossover
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.simulate import Acoustics, Turns, settled_turns
 from cam_rig.units import FloatArray, to_rpm
@@ -88,6 +89,12 @@ class NoiseSetup:
     def rpm(self) -> FloatArray:
         """The speeds in rpm."""
         return self.cams[self.roles.arcs].rpm
+
+    @property
+    def crossover(self) -> Crossover:
+        """Which two cams the paper says are equally loud, and at which speed."""
+        assert self.loaded.published is not None  # the study has its levels
+        return self.loaded.published.crossover
 
     @cached_property
     def problem(self) -> ShapeProblem:

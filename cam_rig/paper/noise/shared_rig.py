@@ -23,6 +23,7 @@ from cam_rig.paper.noise.calibration import PublishedCam, two_constants
 from cam_rig.paper.noise.methods import crossing
 from cam_rig.paper.noise.roles import EVERY, NoiseSetup
 from cam_rig.schema import RigConfig
+from cam_rig.show.result import SILENT, Progress
 from cam_rig.simulation.regression import cubic
 from cam_rig.simulation.simulate import Acoustics, Turns, settled_turns
 from cam_rig.units import FloatArray
@@ -72,14 +73,14 @@ def with_elastic_stem(
     study: NoiseSetup,
     rig: RigConfig,
     arcs: bool = False,
-    on_best: Callable[[float], None] = lambda _: None,
+    progress: Progress = SILENT,
 ) -> OneRig:
     """The whole two-mass follower of the rig.
 
     Parameters
     ----------
     arcs : also search for the arc cam's shape, which takes minutes
-    on_best : told the r.m.s. difference (dB) of the best shape after each generation
+    progress : told the r.m.s. difference (dB) of the best shape after each generation
     """
     follower = TwoMassParameters.from_rig(rig)
 
@@ -94,7 +95,7 @@ def with_elastic_stem(
     thin = study.cams[study.roles.arcs].every(EVERY)
     cam = study.loaded.cams[study.roles.arcs]
     problem = ShapeProblem(cam, thin.published, lambda law: turn(law, thin.turns.speeds))
-    shape = _search(problem, acoustics, on_best)
+    shape = _search(problem, acoustics, progress)
     return _result(rig.name, study, acoustics, smooth, shape, problem.cam_of(shape))
 
 
@@ -118,9 +119,7 @@ def _landing_on_roller(study: NoiseSetup, follower: TwoMassParameters) -> Radiat
     return replace(study.loaded.radiation, contact_time=float(time))
 
 
-def _search(
-    problem: ShapeProblem, acoustics: Acoustics, on_best: Callable[[float], None]
-) -> ArcShape:
+def _search(problem: ShapeProblem, acoustics: Acoustics, progress: Progress) -> ArcShape:
     """The shape of least r.m.s. difference; an elastic stem gives no smooth gradient."""
 
     def cost(x: FloatArray) -> float:
@@ -136,7 +135,9 @@ def _search(
         popsize=POPULATION,
         maxiter=GENERATIONS,
         polish=False,
-        callback=lambda intermediate_result: on_best(float(intermediate_result.fun)),
+        callback=lambda intermediate_result: progress.tell(
+            f"one rig, best {intermediate_result.fun:.1f} dB"
+        ),
     )
     return ArcShape(*found.x.tolist())
 
@@ -158,9 +159,7 @@ def _result(
 def _crossing(
     study: NoiseSetup, cams: dict[str, PublishedCam], acoustics: Acoustics
 ) -> float | None:
-    published = study.loaded.published
-    assert published is not None  # the study has its levels
-    rpm = cams[study.roles.arcs].rpm
+    named, rpm = study.crossover, cams[study.roles.arcs].rpm
     thinned = {cam: h if cam == study.roles.arcs else h.every(EVERY) for cam, h in cams.items()}
-    levels = [cubic(rpm) @ acoustics.levels(thinned[c].turns) for c in published.crossover.between]
-    return crossing(rpm, levels[0], levels[1], published.crossover.rpm)
+    one, two = (cubic(rpm) @ acoustics.levels(thinned[cam].turns) for cam in named.between)
+    return crossing(rpm, one, two, named.rpm)

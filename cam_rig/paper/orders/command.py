@@ -3,30 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from cam_rig.errors import ConfigError, did_you_mean
-from cam_rig.show.command import (
-    Csv,
-    Json,
-    Plot,
-    check_outputs,
-    check_recording,
-    progress_bar,
-    user_errors,
-    write_csv,
-    write_json,
-    write_plot,
-)
-from cam_rig.show.terminal import say, show
+from cam_rig.show.command import check_recording, command
+from cam_rig.show.result import Progress, Result
+from cam_rig.show.terminal import say
 
 if TYPE_CHECKING:
     from cam_rig.laws import Law
-    from cam_rig.paper.orders.spectrum import CamOrders
     from cam_rig.schema import RigConfig
 
 #: What a cam alone is put on: rig and model.
@@ -34,9 +22,6 @@ CAM_RIG, CAM_MODEL = "tm21", "one_mass"
 
 #: Orders at most, and speeds at most: a table that nobody reads, minutes.
 MAX_ORDERS, MAX_SPEEDS = 10_000, 1000
-
-#: Rows of orders on the screen.
-SHOWN = 40
 
 Source = Annotated[
     str, typer.Argument(metavar="CAM|SCENE", help="Cam or scene: a file, or a name in config.")
@@ -64,6 +49,7 @@ Save = Annotated[
 ]
 
 
+@command("json", "csv", "plot")
 def orders(
     source: Source,
     rpm: Speeds = None,
@@ -71,11 +57,10 @@ def orders(
     rig: OwnRig = None,
     model: OwnModel = None,
     highest: Highest = 100,
-    json_target: Json = None,
-    csv: Csv = None,
-    plot: Plot = None,
     save: Save = None,
-) -> None:
+    *,
+    progress: Progress,
+) -> Result:
     """Find the spectrum of force and sound by orders of the cam: exact, without leakage.
 
     An order is a frequency as a multiple of the cam's. The Fourier coefficients of the steady
@@ -91,31 +76,23 @@ def orders(
 
     cam-rig orders poly345 --rig paper_table2 --model two_mass --rpm 300:500:5 --save out/orders.rrd
     """
-    with user_errors():
-        from cam_rig.paper.orders import tables
-        from cam_rig.paper.orders.spectrum import waterfall
-        from cam_rig.schema.scene import model_named
-        from cam_rig.units import RPM
+    from cam_rig.paper.orders.spectrum import waterfall
+    from cam_rig.paper.orders.study import OrdersResult
+    from cam_rig.schema.scene import model_named
+    from cam_rig.units import RPM
 
-        check_outputs(json_target, plot, csv)
-        if save is not None:
-            check_recording(save)
-        laws, titles, chosen_rig, own_model, own_speeds = _opened(source, cam, rig)
-        speeds = own_speeds if rpm is None else speeds_of(rpm)
-        with progress_bar() as bar:
-            task = bar.add_task(source, total=len(laws) * len(speeds))
-            chosen, radians = model_named(model or own_model), [speed * RPM for speed in speeds]
-            found = waterfall(laws, chosen, chosen_rig, radians, highest, lambda: bar.advance(task))
-        every = tables.order_table(found)
-        show(tables.speed_table(found), *([every] if len(every.rows) <= SHOWN else []))
-        write_csv([every], csv)
-        if plot is not None:
-            from cam_rig.paper.orders.figures import figure
+    if save is not None:
+        check_recording(save)
+    laws, titles, chosen_rig, own_model, own_speeds = _opened(source, cam, rig)
+    speeds = [speed * RPM for speed in (own_speeds if rpm is None else speeds_of(rpm))]
+    chosen = model_named(model or own_model)
+    found = waterfall(laws, chosen, chosen_rig, speeds, highest, progress)
+    if save is not None:
+        from cam_rig.paper.orders.chart import save_orders
 
-            write_plot(plot, lambda: figure(found, titles))
-        if save is not None:
-            _save(found, save, titles)
-        write_json(tables.to_json(found), json_target)
+        save_orders(found, save, titles)
+        say(f"recording: {save}")
+    return OrdersResult(found, titles)
 
 
 def _opened(
@@ -142,13 +119,6 @@ def _opened(
     speeds = [round(to_rpm(speed), 9) for speed in scene.scene.program.speeds.si_list]
     chosen = load_rig(rig_path(rig)) if rig else scene.rig
     return laws, scene.titles, chosen, scene.scene.model, sorted(speeds)
-
-
-def _save(found: Sequence[CamOrders], path: Path, titles: dict[str, str]) -> None:
-    from cam_rig.paper.orders.chart import save_orders
-
-    save_orders(found, path, titles)
-    say(f"recording: {path}")
 
 
 def _is_cam(source: str) -> bool:

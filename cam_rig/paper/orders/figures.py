@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from types import MappingProxyType
-
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
@@ -12,6 +9,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from cam_rig.paper.orders.spectrum import QUANTITIES, RANGE, CamOrders, loudest
+from cam_rig.paper.orders.study import OrdersResult
 from cam_rig.show.figure import CAM_SPEED, colour, empty, styled
 from cam_rig.show.looks import title_of
 from cam_rig.units import FloatArray
@@ -23,8 +21,9 @@ COLOURS, GROUND = "viridis", "0.12"
 
 
 @styled
-def figure(found: Sequence[CamOrders], titles: Mapping[str, str] = MappingProxyType({})) -> Figure:
+def figure(result: OrdersResult) -> Figure:
     """A row for each cam, by its title where it is given: force on the left, sound on the right."""
+    found, titles = result.studies, result.titles
     out = empty(2.9 * len(found) + 0.3)
     panels = out.subplots(len(found), len(QUANTITIES), squeeze=False)
     for column, (quantity, name) in enumerate(QUANTITIES.items()):

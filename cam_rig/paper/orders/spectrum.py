@@ -7,7 +7,7 @@ rig's structure makes of it, p = g ω_c (F − q) with q̇ = ω_c (F − q): a f
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
@@ -21,6 +21,7 @@ from cam_rig.dynamics.linear.propagator import exponential
 from cam_rig.laws import Law, bernstein
 from cam_rig.paper.orders.steady_force import SteadyForce, steady_force
 from cam_rig.schema import RigConfig
+from cam_rig.show.result import SILENT, Progress
 from cam_rig.units import TURN, ComplexArray, FloatArray, to_rpm
 
 # Fourier integrals of what a contact force is made of: polynomials, vibrations, landings.
@@ -291,14 +292,16 @@ def waterfall(
     rig: RigConfig,
     speeds: Iterable[float],
     highest: int = HIGHEST,
-    on_speed: Callable[[], None] = lambda: None,
+    progress: Progress = SILENT,
 ) -> tuple[CamOrders, ...]:
     """Force and sound of each cam at each of ``speeds`` (rad/s), up to an order."""
     found, all_speeds = [], tuple(speeds)
+    progress.begin(len(laws) * len(all_speeds))
     for cam, law in laws.items():
+        progress.tell(cam)
         spectra = []
         for speed in all_speeds:
             spectra.append(order_spectrum(law, model, rig, speed, highest))
-            on_speed()
+            progress.advance()
         found.append(CamOrders(cam, model, rig, tuple(spectra)))
     return tuple(found)

@@ -9,7 +9,7 @@ of the turns and how they change over 5 rpm, so that a trial that misses knows h
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,6 +24,7 @@ from cam_rig.paper.readings.readings import FIRST_RPM, Rigs, ShapeTable, turn_mi
 from cam_rig.schema import CamConfig, TableReading
 from cam_rig.schema.published import PublishedJump
 from cam_rig.schema.quantity import Quantity
+from cam_rig.show.result import SILENT, Progress
 from cam_rig.units import RPM, TURN, FloatArray
 
 #: What may be sought, where (SI; the logarithm of three of them), in the order of a trial.
@@ -208,13 +209,9 @@ class ReadingSearch:
         speeds, times = (np.array(rows) for rows in zip(*found, strict=True))
         return speeds, times if self.with_times else np.zeros_like(times)
 
-    def best(self, generations: int, seed: int, on_best: Callable[[int, float], None]) -> Found:
-        """Search by differential evolution, the trials of a generation side by side.
-
-        Parameters
-        ----------
-        on_best : told the generation and the sum of the misses (rpm) of the best so far
-        """
+    def best(self, generations: int, seed: int, progress: Progress = SILENT) -> Found:
+        """Search by differential evolution, the trials of a generation side by side."""
+        progress.begin(generations)
 
         def missed(x: FloatArray) -> Any:  # an array of trials at a time
             both = [np.minimum(part, MAX_MISS).sum(axis=0) for part in self.misses(x)]
@@ -224,7 +221,8 @@ class ReadingSearch:
 
         def tell(intermediate_result: Any) -> Any:
             done[0] += 1
-            on_best(done[0], float(intermediate_result.fun))
+            progress.advance()
+            progress.tell(f"best misses {intermediate_result.fun:.2f} rpm in all")
             return intermediate_result.fun <= 0.0
 
         found = differential_evolution(

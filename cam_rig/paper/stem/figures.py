@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from cam_rig.laws import Law
+from cam_rig.dynamics import TwoMassParameters
 from cam_rig.paper.stem.chain import BAR, Stem, stem_turn
+from cam_rig.paper.stem.study import SHOWN_CAM, StemResult
 from cam_rig.show.figure import (
     ACROSS,
     CAM_SPEED,
@@ -17,6 +18,7 @@ from cam_rig.show.figure import (
     styled,
     wrapped,
 )
+from cam_rig.show.looks import title_of
 from cam_rig.show.tables import printed
 from cam_rig.units import RPM
 
@@ -30,16 +32,18 @@ SPEEDS = np.arange(150.0, 440.0, 2.0)
 
 
 @styled
-def stem_figure(law: Law, title: str, stem: Stem) -> Figure:
+def figure(found: StemResult) -> Figure:
     """Error of the natural frequencies over the elements, and least contact force over speed."""
+    cam_set = found.cam_set
+    law, title = cam_set.laws[SHOWN_CAM], title_of(cam_set.titles, SHOWN_CAM)
+    follower = TwoMassParameters.from_rig(cam_set.rig)
     out = empty(3.3)
     left, right = out.subplots(1, 2)
-    follower = stem.follower
     limits = Stem(follower, BAR).natural_frequencies(3)
     for mode in range(3):
         counts = [n for n in COUNTS if n > mode]
-        found = [Stem(follower, float(n)).natural_frequencies(mode + 1)[mode] for n in counts]
-        error = 100.0 * np.abs(np.array(found) / limits[mode] - 1.0)
+        rates = [Stem(follower, float(n)).natural_frequencies(mode + 1)[mode] for n in counts]
+        error = 100.0 * np.abs(np.array(rates) / limits[mode] - 1.0)
         left.loglog(counts, error, label=f"frequency {mode + 1}", **series_marker(mode))
     left.loglog(COUNTS, 10.0 / np.array(COUNTS) ** 2.0, color="0.4", lw=0.8, ls=":", label="∝ 1/n²")
     logarithmic(left.xaxis, left.yaxis)

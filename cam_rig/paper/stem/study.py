@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
@@ -18,7 +19,7 @@ from cam_rig.laws import Law
 from cam_rig.laws.cam import CamSet
 from cam_rig.paper.stem.chain import BAR, Stem, StemTurn, stem_turn
 from cam_rig.schema import RigConfig
-from cam_rig.show.tables import DataTable, Head, number, tabulate
+from cam_rig.show.result import Column, Records, Result
 from cam_rig.units import RPM
 
 #: Elements of the stem; one is the two-mass follower.
@@ -34,6 +35,9 @@ FOUND = 1e-7
 #: Two masses are enough where the least contact force is that of a bar to this part of the
 #: preload; speeds (rpm) at which they are compared.
 TENTH, SLOWEST, STEP = 0.1, 100.0, 5.0
+
+#: Speed at which the report's stems are compared, rpm, and the cam that is shown over the masses.
+STEM_RPM, SHOWN_CAM = 300.0, "poly345"
 
 
 @dataclass(frozen=True)
@@ -104,6 +108,95 @@ class StemStudy:
     def level_error(self) -> float:
         """By how much the level of two masses is off at most, dB, of all cams."""
         return max(self.level_off.values())
+
+
+class OnStem(NamedTuple):
+    """A cam on the stem of a study, in so many masses."""
+
+    of: StemStudy
+    row: StemRow
+    cam: str
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class StemResult(Result):
+    """Cams on stems of several stiffnesses, each in more and more masses."""
+
+    schema = "cam_rig.stem.1"
+    drawn_by = "cam_rig.paper.stem.figures:figure"
+    columns: ClassVar = {
+        "masses": (
+            Column("stiffness", "N/m", ".3g", of="of.stiffness"),
+            Column("cam"),
+            Column(
+                "masses",
+                of=lambda one: one.row.elements + 1.0,
+                cell=lambda one: f"{one.row.elements + 1.0:g}".replace("inf", "bar"),
+            ),
+            Column("frequency", "Hz", ".1f", "first natural frequency", "row.frequency"),
+            Column(
+                "off", "%", "+.2f", of=lambda one: one.row.frequency / one.of.bar.frequency - 1.0
+            ),
+            Column("jump", "rpm", ".1f", "jump speed", lambda one: one.row.jump[one.cam]),
+            Column(
+                "vibration", "µm", ".3g", "residual vibration", lambda o: o.row.vibration[o.cam]
+            ),
+            Column("level", "dB", ".2f", of=lambda one: one.row.level[one.cam]),
+        ),
+        "cams": (
+            Column("stiffness", "N/m", ".3g", of="of.stiffness"),
+            Column("law", of="cam"),
+            Column("two_masses", "rpm", ".1f", of=lambda one: one.of.two_masses.jump[one.cam]),
+            Column("bar", "rpm", ".1f", of=lambda one: one.of.bar.jump[one.cam]),
+            Column(
+                "off",
+                "%",
+                "+.2f",
+                "two masses off",
+                lambda o: o.of.two_masses.jump[o.cam] / o.of.bar.jump[o.cam] - 1.0,
+            ),
+            Column(
+                "force_off_from", "rpm", ".0f", of=lambda o: o.of.off_from[o.cam], missing="never"
+            ),
+            Column("level_off", "dB", ".2f", of=lambda one: one.of.level_off[one.cam]),
+            Column("matched", "rpm", ".1f", "softer bar", lambda o: o.of.matched.jump[o.cam]),
+            Column("matched_stiffness", "N/m", ".3g", "its stiffness", "of.matched_stiffness"),
+        ),
+    }
+
+    cam_set: CamSet
+    studies: tuple[StemStudy, ...]
+
+    def tables(self) -> list[Records]:
+        """``masses``, of which people read one cam, and jump speeds of all on either stem."""
+        first = self.studies[0]
+        masses = [OnStem(s, row, cam) for s in self.studies for row in s.rows for cam in row.jump]
+        return [
+            self.table(
+                "masses",
+                f"A stem of {{stiffness:.3g}} N/m in more and more masses, {SHOWN_CAM}",
+                masses,
+                f"Steady state, vibration and level at {first.rpm:g} rpm. {first.stem_mass:.3g} kg "
+                "of the follower are the stem's (assumed: the most that the mass split allows); "
+                "total mass, stiffness and preload stay.",
+                by="stiffness",
+                seen=lambda one: one.cam == SHOWN_CAM,
+            ),
+            self.table(
+                "cams",
+                "Two masses and a bar: jump speeds on a stem of {stiffness:.3g} N/m",
+                (one for one in masses if one.row is one.of.bar),
+                "Force off from: the least contact force misses the bar's by a tenth of the "
+                "preload. Level off: at most, from 100 rpm to the jump.",
+                "The softer bar has the first natural frequency of the two masses.",
+                by="stiffness",
+            ),
+        ]
+
+
+def study_stems(cam_set: CamSet, stiffnesses: Iterable[float], rpm: float) -> StemResult:
+    """Every cam on stems of these stiffnesses (N/m), all else as in the rig."""
+    return StemResult(cam_set, tuple(study_stem(cam_set, one, rpm) for one in stiffnesses))
 
 
 def study_stem(cam_set: CamSet, stiffness: float, rpm: float) -> StemStudy:
@@ -198,81 +291,3 @@ def _off(
         if first is None and abs(two.force.min() - bar.force.min()) > TENTH * follower.preload:
             first = rpm
     return first, most
-
-
-# All findings of a report, and the jobs that compute them.
-
-#: Speed at which stems are compared, rpm.
-STEM_RPM = 300.0
-
-
-# Stems of more and more masses as tables.
-
-
-def stem_tables(studies: list[StemStudy], titles: Mapping[str, str], cam: str) -> list[DataTable]:
-    """One cam on each stem, and the jump speeds of all cams on each."""
-    return [
-        table
-        for study in studies
-        for table in (_over_masses(study, cam, titles[cam]), _jumps(study, titles))
-    ]
-
-
-def _over_masses(study: StemStudy, cam: str, title: str) -> DataTable:
-    return tabulate(
-        f"A stem of {number(study.stiffness, '.3g')} N/m in more and more masses, {title}",
-        study.rows,
-        (
-            (Head("masses"), _masses),
-            (Head("first natural frequency", "Hz", ".1f"), lambda row: row.frequency),
-            (
-                Head("off", "%", "+.2f"),
-                lambda row: _percent_off(row.frequency, study.bar.frequency),
-            ),
-            (Head("jump speed", "rpm", ".1f"), lambda row: row.jump[cam]),
-            (
-                Head(f"residual vibration at {study.rpm:g} rpm", "µm", ".3g"),
-                lambda row: 1e6 * row.vibration[cam],
-            ),
-            (Head("level", "dB", ".2f"), lambda row: row.level[cam]),
-        ),
-        f"Steady state. {study.stem_mass:.3g} kg of the follower are the stem's (assumed: the most "
-        "that the mass split allows); total mass, stiffness and preload stay.",
-    )
-
-
-def _jumps(study: StemStudy, titles: Mapping[str, str]) -> DataTable:
-    two, bar, matched = study.two_masses.jump, study.bar.jump, study.matched.jump
-    return tabulate(
-        f"Two masses and a bar: jump speeds on a stem of {number(study.stiffness, '.3g')} N/m",
-        two,
-        (
-            (Head("law"), lambda cam: titles[cam]),
-            (Head("two masses", "rpm", ".1f"), lambda cam: two[cam]),
-            (Head("bar", "rpm", ".1f"), lambda cam: bar[cam]),
-            (
-                Head("two masses off", "%", "+.2f"),
-                lambda cam: _percent_off(two[cam], bar[cam]),
-            ),
-            (
-                Head("force off from", "rpm", ".0f", missing="never"),
-                lambda cam: study.off_from[cam],
-            ),
-            (Head("level off", "dB", ".2f"), lambda cam: study.level_off[cam]),
-            (
-                Head(f"bar of {number(study.matched_stiffness, '.3g')} N/m", "rpm", ".1f"),
-                lambda cam: matched[cam],
-            ),
-        ),
-        "Force off from: the least contact force misses the bar's by a tenth of the preload. "
-        "Level off: at most, from 100 rpm to the jump.",
-        "The last bar has the first natural frequency of the two masses.",
-    )
-
-
-def _masses(row: StemRow) -> str:
-    return f"{row.elements + 1.0:g}" if math.isfinite(row.elements) else "bar"
-
-
-def _percent_off(value: float, limit: float) -> float:
-    return 100.0 * (value / limit - 1.0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from cam_rig.paper.timing.tables import CamTiming
+from cam_rig.paper.timing.study import CamTiming, TimingResult, beside_b_spline
 from cam_rig.profile import turn_angles
 from cam_rig.show.figure import (
     ACROSS,
@@ -34,8 +33,10 @@ EVENT: dict[str, Any] = {"color": "0.3", "ls": ":", "lw": 1.0}
 
 
 @styled
-def figure(columns: Sequence[CamTiming]) -> Figure:
-    """One column for each cam, with the same axes."""
+def figure(found: TimingResult) -> Figure:
+    """The first cam and, with the same axes, the B-spline that goes with it."""
+    first = found.timings[0]
+    columns = [one.timing for one in found.control or beside_b_spline(first)] or [first]
     out = empty(4.8)
     panels = out.subplots(2, len(columns), sharex=True, sharey="row", squeeze=False)
     for i, timing in enumerate(columns):

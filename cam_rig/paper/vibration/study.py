@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import ClassVar
 
 from cam_rig.dynamics import FollowerParameters
-from cam_rig.dynamics.jump.any_follower import JumpRow
 from cam_rig.dynamics.jump.jump_speed import contact_lost_speed
 from cam_rig.dynamics.torsional.model import from_rig as shaft_of
 from cam_rig.dynamics.vibration import Vibration, require_speeds, vibration
@@ -224,9 +223,8 @@ def _claims(found: VibrationResult) -> Iterable[Claim]:
             yield tested(words, "conclusions", less(key), measure)
 
 
-def jump_claims(rows: list[JumpRow], rig: str) -> list[Claim]:
-    """The paper's claims of the jump, on a rig of that name."""
-    speeds = {row.cam: row.found.rpm for row in rows}
+def jump_claims(speeds: Mapping[str, float], rig: str) -> list[Claim]:
+    """The paper's claims of the jump speeds (rpm) by cam, on a rig of that name."""
     found = []
     if PROPOSED in speeds:
         best = max(speeds, key=lambda cam: speeds[cam]) == PROPOSED

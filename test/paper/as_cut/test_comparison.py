@@ -1,8 +1,12 @@
 """Cams as they were cut: the jump search and the noise levels run on the roller's law unchanged."""
 
+import json
+
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from cam_rig.cli.main import app
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.jump.jump_speed import FROM_REST
 from cam_rig.dynamics.two_mass.trajectory import lift_off
@@ -33,15 +37,15 @@ def drawn(bench):
 
 def test_a_point_changes_nothing(drawn, bench):
     """With no roller the cam is the one that was drawn, whatever its base circle."""
-    found = as_cut(drawn, bench, 0.04, 0.0)
+    found = as_cut("bezier15", drawn, bench, 0.04, 0.0)
     assert found.cut.jump == pytest.approx(drawn.jump, rel=1e-5)
-    assert np.abs(found.level_change).max() < 1e-9
+    assert np.abs(found.change).max() < 1e-9
     assert found.too_high.value < 1e-15
 
 
 def test_bezier_15(drawn, bench):
     """Highest above s, jump speed proven by the exact model, and noise nearly as before."""
-    found = as_cut(drawn, bench, *radii(cam("bezier15")))
+    found = as_cut("bezier15", drawn, bench, *radii(cam("bezier15")))
     dense = np.linspace(0.0, 2.0 * np.pi, 20001)
     highest = (found.cut.law(dense) - drawn.law(dense)).max()
     assert found.too_high.value == pytest.approx(highest, rel=1e-6)
@@ -53,12 +57,13 @@ def test_bezier_15(drawn, bench):
     assert leaves(found.cut.jump * (1.0 + 1e-5))
     assert not leaves(found.cut.jump * (1.0 - 1e-5))
     assert found.cut.jump > drawn.jump
-    assert np.abs(found.level_change).max() < 0.05
+    assert np.abs(found.change).max() < 0.05
 
 
 def test_it_grows_with_the_roller_and_falls_with_the_base(drawn, bench):
     """The first order, R_r s'²/(2 ρ (ρ + R_r)), does; so does what comes out."""
-    found = over_sizes(drawn, bench, (0.05, 0.08), (0.005, 0.015))
+    own = as_cut("bezier15", drawn, bench, 0.05, 0.005)
+    found = over_sizes(own, bench, (0.05, 0.08), (0.005, 0.015), "Bézier").rows
     sizes = [(row.base_radius, row.roller) for row in found]
     assert sizes == [(0.05, 0.005), (0.05, 0.015), (0.08, 0.005), (0.08, 0.015)]
     above = [row.too_high.value for row in found]
@@ -70,3 +75,25 @@ def test_other_followers_are_refused():
     for name in ("flat", "eccentric_roller"):
         with pytest.raises(ConfigError, match="allowed: a roller in a guide without eccentricity"):
             radii(cam(name))
+
+
+def call(*arguments):
+    return CliRunner().invoke(app, ["as-cut", *(str(a) for a in arguments)])
+
+
+def test_the_command(tmp_path):
+    """The cam's own radii where none are given; what is no radius is refused, nothing written."""
+    result = call("bezier15", "--roller", 20, "--json", "-", "--csv", tmp_path / "a.csv")
+    assert result.exit_code == 0, result.stderr
+    data = json.loads(result.stdout)
+    (row,) = data["as_cut"]
+    assert (row["base_radius"], row["roller_radius"]) == (0.065, 0.02)
+    assert row["jump"] < row["jump_cut"]
+    assert max(one["change"] for one in data["levels"]) == row["change_to"]
+    assert f"{1e3 * row['above_law']:.3f} mm too high, noise within" in result.stderr
+    out = tmp_path / "a.json"
+    assert call("flat", "--json", out).exit_code == 2
+    none = call("bezier15", "--base", 0, "--json", out)
+    assert none.exit_code == 2
+    assert "--base: is 0 mm" in none.stderr
+    assert not out.exists()

@@ -20,14 +20,8 @@ from cam_rig.paper.factorial.conclusions import (
     governed_by,
     staying,
 )
-from cam_rig.paper.factorial.study import (
-    EFFECTS,
-    Bench,
-    as_gentle,
-    load_factorial,
-    run_factorial,
-    squeezed,
-)
+from cam_rig.paper.factorial.design import EFFECTS, Bench, as_gentle, open_factorial, squeezed
+from cam_rig.paper.factorial.study import run_factorial
 from cam_rig.schema import load_rig
 from cam_rig.units import TURN
 
@@ -37,7 +31,7 @@ RISES = ("simple_harmonic", "poly345", "cycloidal", "poly4567", "bezier9", "modi
 @pytest.fixture(scope="module")
 def config(config_dir):
     """The shipped study with fewer levels."""
-    shipped = load_factorial(config_dir / "factorials" / "continuity.yaml")
+    shipped = open_factorial(config_dir / "factorials" / "continuity.yaml")
 
     def fewer(key, *numbers):
         quantity = getattr(shipped, key)

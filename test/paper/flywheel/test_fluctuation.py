@@ -9,9 +9,11 @@ import pytest
 from cam_rig.dynamics.torsional.model import from_rig as shaft_of
 from cam_rig.dynamics.vibration import energy_fluctuation, flywheel_turn, steady_twist
 from cam_rig.laws.cam import CamSet
-from cam_rig.paper.flywheel import INERTIAS, SHOWN, flywheel_tables, study_flywheel
+from cam_rig.paper.flywheel import INERTIAS, SHOWN, study_flywheel
 from cam_rig.schema import load_rig
 from cam_rig.units import RPM
+
+from ...figure_faults import faults
 
 SPEED = 300.0 * RPM
 
@@ -27,9 +29,13 @@ def study(laws, rig):
     return study_flywheel(CamSet({}, {"poly345": laws["poly345"]}, rig), 300.0)
 
 
+def turns(study):
+    return [row.turn for row in study.rows]
+
+
 def test_the_last_row_is_equation_10(study, laws, rig):
     """An infinite flywheel does not fluctuate; its twist is the vibration study's."""
-    last = study.turns["poly345"][-1]
+    last = turns(study)[-1]
     assert last.fluctuation == 0.0 == last.formula
     twist = np.ptp(steady_twist(laws["poly345"], shaft_of(rig), SPEED)[1])
     assert last.twist == pytest.approx(twist, rel=1e-5)
@@ -37,11 +43,11 @@ def test_the_last_row_is_equation_10(study, laws, rig):
 
 def test_a_heavier_flywheel_fluctuates_less(study):
     """Towards 1/I_v, and the twist towards eq. 10's as 1/I_v."""
-    turns = study.turns["poly345"]
-    assert np.all(np.diff([turn.fluctuation for turn in turns]) < 0.0)
-    five, twenty = turns[-3], turns[-2]
+    found = turns(study)
+    assert np.all(np.diff([turn.fluctuation for turn in found]) < 0.0)
+    five, twenty = found[-3], found[-2]
     assert five.fluctuation / twenty.fluctuation == pytest.approx(4.0, rel=0.01)
-    away = [turns[-1].twist - turn.twist for turn in (five, twenty)]
+    away = [found[-1].twist - turn.twist for turn in (five, twenty)]
     assert away[0] / away[1] == pytest.approx(4.0, rel=0.02)
 
 
@@ -66,18 +72,18 @@ def test_surplus_without_damping_is_kinetic_and_potential(laws, rig):
 
 def test_the_preload_twists_the_shaft(study):
     """Eq. 10 has no preload: 0.1432 degrees with it, 0.1115 without, at 300 rpm."""
-    with_it = math.degrees(study.turns["poly345"][-1].twist)
+    with_it = math.degrees(turns(study)[-1].twist)
     without = math.degrees(study.without_preload["poly345"])
     assert (round(with_it, 4), round(without, 4)) == (0.1432, 0.1115)
 
 
 def test_tables(study):
-    """One row for each inertia and each cam; a rig without a shaft has none."""
-    over_inertia, over_cams = flywheel_tables(study, {"poly345": "3-4-5"}, "poly345")
+    """One row for each inertia and each cam."""
+    over_inertia, over_cams = study.to_show({"poly345": "3-4-5"})
     assert [row[0] for row in over_inertia.texts][-2:] == ["20", "∞"]
     assert len(over_inertia.rows) == len(INERTIAS) and SHOWN in INERTIAS
     assert over_cams.rows[0][0] == "3-4-5"
-    assert flywheel_tables(None, {}, "poly345") == []
+    assert faults(study.plot()) == []
 
 
 def test_a_rig_without_a_shaft(laws, config_dir):

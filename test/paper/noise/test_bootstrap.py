@@ -1,10 +1,15 @@
-"""Resampling, bands and crossings, against cases whose answer is known."""
+"""Resampling, bands, crossings and claims, against cases whose answer is known."""
+
+from itertools import chain
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from cam_rig.paper.noise import methods as bootstrap
+from cam_rig.paper.noise.claims import TESTED_ON, noise_claims
 from cam_rig.paper.noise.methods import Band, crossing, crossing_interval, points_crossing, resample
+from cam_rig.paper.noise.roles import StudyRoles
 
 RPM = np.linspace(200.0, 400.0, 21)
 
@@ -70,3 +75,44 @@ def test_draws_that_do_not_cross_are_counted():
     assert found.rpm is None
     assert np.isnan(found.low)
     assert found.missing == 1.0
+
+
+ROLES = StudyRoles(reference="conventional", predicted="proposed", arcs="arcs")
+
+
+def claims(crossover=335.0, **levels):
+    """Of curves of these levels by whatever they are tested on: by claim, then by that."""
+    curves = {
+        cam: SimpleNamespace(rpm=RPM, published_db=level, regression_db=level, level_db=level)
+        for cam, level in levels.items()
+    }
+    found = noise_claims(ROLES, curves, crossover)
+    return [found[i : i + len(TESTED_ON)] for i in range(0, len(found), len(TESTED_ON))]
+
+
+def test_what_holds_everywhere_has_no_speed_against_it():
+    """The arcs rise through both others at 335 rpm."""
+    found = claims(arcs=(RPM - 335.0) / 10.0, conventional=0.0 * RPM + 0.5, proposed=0.0 * RPM)
+    assert [[one.tested_on for one in claim] for claim in found] == [list(TESTED_ON)] * 3
+    assert [{one.cases for one in claim} for claim in found] == [{14}, {7}, {7}]
+    for one in chain(*found):
+        assert (one.holds, one.fails_rpm) == (one.cases, None)
+        assert one.verdict == f"at {one.cases} of {one.cases} speeds"
+
+
+def test_what_fails_says_at_which_speeds():
+    """The arcs cross at 355 rpm instead: two speeds above 335 rpm are against the paper."""
+    found = claims(arcs=(RPM - 355.0) / 10.0, conventional=0.0 * RPM - 1.0, proposed=0.0 * RPM)
+    (quietest, *_), (against_arcs, *_), (against_conventional, *_) = found
+    assert quietest.fails_rpm is None
+    assert against_arcs.verdict == "at 5 of 7 speeds, not at 340 to 350 rpm"
+    assert (against_conventional.holds, against_conventional.fails_rpm) == (0, (340.0, 400.0))
+
+
+def test_counts_and_speeds_agree():
+    """Random levels: where all cases hold nothing is against, else something is."""
+    random = np.random.default_rng(1)
+    for _ in range(20):
+        levels = {cam: random.normal(size=RPM.size) for cam in ("arcs", "conventional", "proposed")}
+        for one in chain(*claims(float(random.uniform(210, 390)), **levels)):
+            assert (one.holds == one.cases) == (one.fails_rpm is None)

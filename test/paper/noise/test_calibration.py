@@ -1,16 +1,26 @@
 """Fits find the constants that a curve was made with, and say what they cannot."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
+from cam_rig.acoustics import level_db, steady_power
+from cam_rig.errors import DynamicsError
 from cam_rig.paper.noise.calibration import (
+    HARMONICS,
+    STRUCTURES,
     PublishedCam,
     by_substitution,
+    calibrate,
+    compare_structures,
+    harmonic_power,
     sensitivity,
     two_constants,
 )
+from cam_rig.schema.load import config_root
+from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.simulate import Acoustics, settled_turns
-from cam_rig.units import rms
 
 SPEEDS = np.linspace(200.0, 400.0, 11) * np.pi / 30.0
 
@@ -69,6 +79,87 @@ def test_sensitivity_is_the_derivative(make_loaded_scene, published_cam, respons
         np.testing.assert_allclose(cam.difference(tilted), slope[:, 1] * 1e-3, rtol=1e-2, atol=1e-7)
 
 
-def test_rms():
-    """Root mean square."""
-    assert rms(np.array([3.0, -4.0])) == pytest.approx(np.sqrt(12.5), rel=1e-15)
+# Of one cam with a closed form, as cam-rig calibrate fits it.
+
+
+def levels_of(law, follower, radiation):
+    power = [steady_power(law, follower, radiation, float(speed)) for speed in SPEEDS]
+    return level_db(np.sqrt(np.array(power)))
+
+
+@pytest.mark.variants(1)
+@pytest.mark.parametrize(("gain", "corner"), [(2e-4, 15.0), (5e-5, 60.0)])
+def test_recovers_gain_and_corner(laws, follower, radiation, gain, corner):
+    """From levels made with known constants it gets them back, to the search's 1e-6."""
+    law = laws["poly345"]
+    true = dataclasses.replace(radiation, gain=gain, corner=corner)
+    start = dataclasses.replace(radiation, gain=1e-3, corner=5.0)
+    found, rmse = calibrate(law, follower, start, SPEEDS, levels_of(law, follower, true))
+    assert found.gain == pytest.approx(gain, rel=1e-4)
+    assert found.corner == pytest.approx(corner, rel=1e-4)
+    assert rmse < 1e-4
+
+
+def test_background_is_left_alone(laws, follower, radiation):
+    """Two numbers are fitted; the rest stays as it was."""
+    levels = levels_of(laws["poly345"], follower, radiation)
+    found, _ = calibrate(laws["poly345"], follower, radiation, SPEEDS, levels)
+    same = dataclasses.replace(found, gain=radiation.gain, corner=radiation.corner)
+    assert same == radiation
+
+
+def test_residual_is_the_rms_difference(laws, follower, radiation):
+    """Levels that zigzag by ±0.5 dB leave nearly that residual, as the fit can show."""
+    law = laws["poly345"]
+    zigzag = 0.5 * (-1.0) ** np.arange(SPEEDS.size)
+    levels = levels_of(law, follower, radiation) + zigzag
+    found, rmse = calibrate(law, follower, radiation, SPEEDS, levels)
+    left = levels_of(law, follower, found) - levels
+    assert rmse == pytest.approx(float(np.sqrt(np.mean(left**2))), rel=1e-9)
+    assert 0.4 < rmse <= 0.5
+
+
+def test_refuses_a_cam_that_lifts_off(laws, follower, radiation):
+    """With jumps the steady response does not hold: the error names cam and speed."""
+    fast = np.array([300.0, 600.0]) * np.pi / 30.0
+    with pytest.raises(DynamicsError, match="cam 'poly345' loses contact at 600 rpm; allowed"):
+        calibrate(laws["poly345"], follower, radiation, fast, np.array([80.0, 90.0]))
+
+
+# Structures between force and sound: sums over harmonics, and what a fit is worth.
+
+
+def test_harmonics_through_the_low_pass_are_the_steady_response(laws, follower, radiation):
+    """Parseval: the sum over harmonics is the exact mean square over a turn, to 1e-3."""
+    frequency = np.arange(1, HARMONICS + 1) * SPEEDS[:, None] / (2.0 * np.pi)
+    low_pass = STRUCTURES[0].transfer(np.log([radiation.gain, radiation.corner]), frequency)
+    for cam in ("poly345", "bezier15"):
+        power = np.sum(low_pass * harmonic_power(laws[cam], follower, SPEEDS), axis=1)
+        exact = [
+            steady_power(laws[cam], follower, radiation, float(s))
+            - radiation.background_power(float(s))
+            for s in SPEEDS
+        ]
+        np.testing.assert_allclose(power, exact, rtol=1e-3)
+
+
+@pytest.mark.long
+def test_the_low_pass_predicts_best():
+    """More constants fit the cam they see better, and the cam they do not see worse; an A-weighted
+    level of this sound could not have had the published shape."""
+    loaded = open_scene(config_root() / "scenes" / "tm21_sweep.yaml")
+    cams, speeds = ("poly345", "bezier15"), np.array(loaded.scene.program.speeds.si_list)
+    fits = compare_structures(
+        {cam: loaded.laws[cam] for cam in cams},
+        loaded.follower,
+        loaded.radiation,
+        {cam: loaded.published_levels(cam, speeds * 30.0 / np.pi) for cam in cams},
+        speeds,
+        "poly345",
+    )
+    by_name = {(fit.name, fit.weighting): fit for fit in fits}
+    plain, modes = by_name["low-pass", "Z"], by_name["two modes", "Z"]
+    assert modes.fitted_db < plain.fitted_db
+    assert modes.predicted_db > 1.5 * plain.predicted_db
+    assert by_name["two modes", "A"].fitted_db > plain.fitted_db
+    assert all(plain.predicted_db < 1.01 * fit.predicted_db for fit in fits)

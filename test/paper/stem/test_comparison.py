@@ -16,12 +16,13 @@ from cam_rig.paper.stem.study import (
     ELEMENTS,
     matched_stiffness,
     stem_jump,
-    stem_tables,
-    study_stem,
+    study_stems,
     vibration,
 )
 from cam_rig.schema import load_rig
 from cam_rig.units import RPM, TURN
+
+from ...figure_faults import faults
 
 
 @pytest.fixture(scope="module")
@@ -30,9 +31,14 @@ def rig(config_dir):
 
 
 @pytest.fixture(scope="module")
-def study(laws, rig):
+def stems(laws, rig):
+    return study_stems(CamSet({}, {"poly345": laws["poly345"]}, rig), [1.26e6], 300.0)
+
+
+@pytest.fixture(scope="module")
+def study(stems):
     """The polynomial 3-4-5 on the identified stem."""
-    return study_stem(CamSet({}, {"poly345": laws["poly345"]}, rig), 1.26e6, 300.0)
+    return stems.studies[0]
 
 
 @pytest.mark.parametrize("cam", ["poly345", "bezier15", "poly4567", "cycloidal"])
@@ -114,9 +120,10 @@ def test_vibration_is_read_in_the_low_dwell(laws, rig):
     assert 0.0 < vibration(law, turn) < np.ptp(turn.head)
 
 
-def test_tables(study):
+def test_tables(stems):
     """One row for each number of masses, the bar last; jump speeds of each cam."""
-    over, jumps = stem_tables([study], {"poly345": "3-4-5"}, "poly345")
-    assert [row[0] for row in over.texts] == ["2", "3", "4", "6", "10", "bar"]
+    over, jumps = stems.to_show({"poly345": "3-4-5"})
+    assert [row[1] for row in over.texts] == ["2", "3", "4", "6", "10", "bar"]
     assert len(over.rows) == len(ELEMENTS) and math.isinf(ELEMENTS[-1])
     assert jumps.rows[0][0] == "3-4-5"
+    assert faults(stems.plot()) == []

@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from cam_rig.errors import LawError
+from cam_rig.laws import build_law
 from cam_rig.laws.cam import arc_cam
-from cam_rig.paper.noise.arc_cam import ArcShape, ShapeProblem
+from cam_rig.paper.noise.arc_cam import ArcShape, ShapeProblem, with_geometry
 from cam_rig.simulation.regression import cubic
 from cam_rig.simulation.simulate import Acoustics, settled_turns
 from cam_rig.units import rms
@@ -73,3 +75,28 @@ def test_a_shape_is_run_once(make_loaded_scene):
     shape = ArcShape.of(loaded.cams["tm21"])
     assert problem.cam_of(shape) is problem.cam_of(shape)
     assert len(runs) == 1
+
+
+def test_with_geometry(cams):
+    """Other numbers in the same file: a whole turn, the event in its middle, same origins."""
+    trial = with_geometry(cams["tm21"], lift_mm=8.0, event_deg=130.0, nose_deg=90.0)
+    spans = [segment.span.raw for segment in trial.segments]
+    assert spans == [115.0, 130.0, 115.0]
+    assert trial.segments[1].nose_span.raw == 90.0
+    assert trial.lift.si == pytest.approx(0.008, rel=1e-15)
+    origins = {key: number.origin for key, number in trial.numbers().items()}
+    assert origins == {key: number.origin for key, number in cams["tm21"].numbers().items()}
+
+
+def test_same_geometry_is_the_same_law(cams, laws):
+    """Putting a cam's own numbers back changes nothing."""
+    cam = cams["tm21"]
+    event = cam.segments[1]
+    again = with_geometry(cam, 1e3 * cam.lift.si, event.span.raw, event.nose_span.raw)
+    assert build_law(again).lift == pytest.approx(laws["tm21"].lift, rel=1e-12)
+
+
+def test_impossible_span(cams):
+    """An event longer than a turn is refused like one in a file."""
+    with pytest.raises(ValidationError, match="allowed"):
+        with_geometry(cams["tm21"], 10.0, 400.0, 100.0)

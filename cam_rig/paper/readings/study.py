@@ -1,0 +1,191 @@
+"""The readings of Table 2 as a result, and what they come to in a sentence."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+from cam_rig.errors import ConfigError, did_you_mean
+from cam_rig.paper.jump.refit import ROUNDED_TO
+from cam_rig.paper.readings.readings import Read, ReadRow, read
+from cam_rig.paper.readings.search import Found, ReadingSearch
+from cam_rig.schema import CamConfig, TableReading, TableReadings
+from cam_rig.schema.published import PublishedJump
+from cam_rig.schema.quantity import Quantity
+from cam_rig.show.result import SILENT, Column, Progress, Records, Result
+
+
+def _number(key: str, unit: str, shown: str, heading: str = "") -> Column:
+    """A number of a reading, marked where it was identified from the table."""
+    column = Column(key, unit, shown, heading, f"reading.{key}.si")
+
+    def cell(one: Read) -> str:
+        value, mark = column.text(one), "*" if key in one.reading.fitted else ""
+        return f"{value:{shown}}{mark}"
+
+    return Column(key, unit, "", heading, column.of, cell)
+
+
+def _of(key: str) -> Callable[[tuple[Read, ReadRow]], float | None]:
+    """What a row has; None for NaN, where contact is not lost."""
+
+    def value(pair: tuple[Read, ReadRow]) -> float | None:
+        found = float(getattr(pair[1], key))
+        return None if math.isnan(found) else found
+
+    return value
+
+
+@dataclass(frozen=True, repr=False)
+class ReadingsResult(Result):
+    """Readings of Table 2, each on every cam; what a search found, where there was one."""
+
+    schema = "cam_rig.readings.1"
+    columns: ClassVar = {
+        "readings": (
+            Column("reading", of="name"),
+            _number("event", "°", ".1f", "event angle"),
+            _number("high_dwell", "°", ".1f"),
+            _number("stem_stiffness", "N/m", ".4g", "stem"),
+            _number("roller_share", "", ".4g", "mass split"),
+            _number("stem_damping", "N·s/m", ".4g"),
+            _number("damping", "N·s/m", ".4g", "damping to ground"),
+            _number("preload", "N", ".4g"),
+            Column("fitted", "", "d", of=lambda one: len(one.reading.fitted)),
+            Column("speeds", "", "d", "speeds that agree"),
+            Column("times", "", "d", "times that agree"),
+            Column("rms", "%", ".2f", "jump speeds, r.m.s."),
+        ),
+        "cams": (
+            Column("reading", of=lambda pair: pair[0].name),
+            Column("cam", of=lambda pair: pair[1].cam),
+            Column("published_rpm", "rpm", "g", "paper", lambda pair: pair[1].printed.rpm),
+            Column("rpm", "rpm", "g", "first of the grid", _of("rpm")),
+            Column("jump_rpm", "rpm", ".1f", "jump speed", _of("jump")),
+            Column("published_time", "s", ".2f", "paper", lambda pair: pair[1].printed.time_s),
+            Column("time", "s", ".3f", of=_of("time")),
+            Column("time_at_jump", "s", ".3f", "at the jump + 1e-6", _of("at_limit")),
+            Column("time_beyond", "s", ".3f", "+ 1e-3", _of("beyond")),
+            Column("window", "rpm", ".2f", of=_of("window")),
+            Column("least_force", "N", "+.1f", of=_of("force")),
+        ),
+        "search": (Column("trials"), Column("miss", "rpm", about="of all cams together")),
+    }
+
+    found: tuple[Read, ...]
+    searched: Found | None = None
+
+    @property
+    def widest(self) -> float:
+        """The widest range of speeds (rpm) over which a printed time comes out."""
+        return max(row.window for one in self.found for row in one.rows)
+
+    @property
+    def nearest(self) -> Read:
+        """The reading whose jump speeds, at any speed, are nearest to the printed ones."""
+        return min(self.found, key=lambda one: one.rms)
+
+    def tables(self) -> list[Records]:
+        """``readings``, their numbers and what agrees; ``cams``, a row of each; ``search``."""
+        search = [] if self.searched is None else [self.searched]
+        return [
+            self.table(
+                "readings",
+                "Readings of the paper's Table 2: their numbers, and what they show of it",
+                self.found,
+                "* identified from the paper's Table 2. The others are given or assumed, with "
+                "their sources in the readings' file.",
+                "A speed agrees where it is the first of the grid with loss of contact, a time "
+                "within half a turn, where the speed does.",
+                "Jump speeds, r.m.s.: of those at any speed, also between those of the grid.",
+            ),
+            self.table(
+                "cams",
+                "Readings of the paper's Table 2: first loss of contact, looked at every "
+                f"{ROUNDED_TO:g} rpm",
+                self._pairs(),
+                "Time: at the first speed of the grid, and above the jump speed by so much of it.",
+                f"Window: over how many rpm, of {ROUNDED_TO:g} on either side of the printed "
+                "speed, the printed time comes out within half a turn.",
+                "Least force: of a run at the printed speed. Where it is positive, vibration would "
+                "have to take it away.",
+            ),
+            self.table("search", "The search", search, hidden=True),
+        ]
+
+    def _pairs(self) -> Iterator[tuple[Read, ReadRow]]:
+        for one in self.found:
+            for row in one.rows:
+                yield one, row
+
+    def summary(self) -> list[str]:
+        """What the readings come to."""
+        fitted = ", ".join(
+            f"{one.name} {one.speeds} of {len(one.rows)} speeds and {one.times} times with "
+            f"{len(one.reading.fitted)} fitted"
+            for one in self.found
+        )
+        near = self.nearest
+        words = (
+            f"{fitted}; jump speeds at any speed are nearest on {near.name}, "
+            f"{100.0 * near.rms:.2f} % r.m.s.; a printed time comes out over {self.widest:.2g} of "
+            f"{2 * ROUNDED_TO:g} rpm about its speed at most"
+        )
+        if self.searched is None:
+            return [words]
+        return [f"best of {self.searched.trials} trials, by the exact model:", words]
+
+
+def read_all(
+    known: TableReadings,
+    cams: dict[str, CamConfig],
+    printed: dict[str, PublishedJump],
+    progress: Progress = SILENT,
+) -> ReadingsResult:
+    """Every reading on every cam of the table."""
+    found = [
+        read(name, known.readings[name], cams, printed, known.run_s)
+        for name in progress.over(known.readings)
+    ]
+    return ReadingsResult(tuple(found))
+
+
+def search_anew(
+    known: TableReadings,
+    name: str,
+    cams: dict[str, CamConfig],
+    printed: dict[str, PublishedJump],
+    *,
+    with_times: bool,
+    nearby: bool,
+    generations: int,
+    seed: int,
+    progress: Progress = SILENT,
+) -> ReadingsResult:
+    """Seek a reading's identified numbers anew, and read the table with them.
+
+    Raises
+    ------
+    ConfigError : no such reading, or nothing in it is identified
+    """
+    if name not in known.readings:
+        raise ConfigError(
+            f"--search: is {name!r}{did_you_mean(name, known.readings)}; allowed: "
+            f"{', '.join(known.readings)}"
+        )
+    reading = known.readings[name]
+    search = ReadingSearch.of(reading, cams, printed, with_times, known.run_s, nearby)
+    found = search.best(generations, seed, progress)
+    changed = with_numbers(reading, found.numbers)
+    return ReadingsResult((read(name, changed, cams, printed, known.run_s),), found)
+
+
+def with_numbers(reading: TableReading, numbers: Mapping[str, float]) -> TableReading:
+    """A reading with other numbers (SI), of the same origins."""
+    changed = {}
+    for key, value in numbers.items():
+        quantity: Quantity = getattr(reading, key)
+        changed[key] = quantity.model_copy(update={quantity.origin: value / quantity.factor})
+    return reading.model_copy(update=changed)
