@@ -120,8 +120,8 @@ class Findings:
     ``degrees`` are jump speeds (rpm) of the law by segments by the degree of its half-rises;
     ``stiff_vibration`` is on the stem of Table 1; ``cuts`` are cams as fig. 12 has them cut, by
     name, and ``cut_sizes`` that of `CUT` over its radii. ``timing`` are the events of each cam,
-    ``control`` those of `CUT` alone, beside the B-spline of its lift and events. ``orders`` are of the scene's sweep;
-    ``designs`` are the best laws beside the paper's.
+    ``control`` those of `CUT` alone, beside the B-spline of its lift and events. ``orders``
+    are of the scene's sweep; ``designs`` are the best laws beside the paper's.
     """
 
     sources: Sources
