@@ -19,7 +19,7 @@ SHOWN = 40
 
 
 @dataclass(frozen=True)
-class SpeedRow:
+class OrdersRow:
     """One of a cam's spectra."""
 
     cam: str
@@ -47,11 +47,11 @@ def _of(name: str) -> Callable[[OrderRow], float]:
 
 
 def _loudest(rank: int) -> Column:
-    def order(row: SpeedRow) -> float | None:
+    def order(row: OrdersRow) -> float | None:
         place = row.loudest(rank)
         return None if place is None else float(row.spectrum.orders[place])
 
-    def words(row: SpeedRow) -> str | None:
+    def words(row: OrdersRow) -> str | None:
         place, spectrum = row.loudest(rank), row.spectrum
         if place is None:
             return None
@@ -106,9 +106,9 @@ class OrdersResult(Result):
     titles: Mapping[str, str] = field(default_factory=dict)
 
     @property
-    def speed_rows(self) -> list[SpeedRow]:
+    def speed_rows(self) -> list[OrdersRow]:
         """A row for each cam and speed."""
-        return [SpeedRow(study.cam, one) for study in self.studies for one in study.spectra]
+        return [OrdersRow(study.cam, one) for study in self.studies for one in study.spectra]
 
     @property
     def speeds(self) -> Records:

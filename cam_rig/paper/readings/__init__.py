@@ -1,3 +1,3 @@
-"""Commands that compare cams with the paper, or solvers with each other."""
+"""Table 2 of the paper read in several ways: which rig shows its speeds, and its times."""
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cam_rig.laws import build_law
-from cam_rig.paper.contact.comparison import RISES, by_curvature, by_face, by_pressure_angle
+from cam_rig.paper.contact.nomogram import RISES, by_curvature, by_face, by_pressure_angle
 from cam_rig.paper.contact.surfaces import base_bounds, measured, peak_pressure, peak_sliding
 from cam_rig.profile.check_table import greatest_allowed
 from cam_rig.profile.checks import least_base_radius, plates_on

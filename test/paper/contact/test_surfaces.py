@@ -1,8 +1,12 @@
-"""Load, pressure and sliding: exact for circles and faces, and by energy for every follower."""
+"""Load, pressure and sliding: exact for circles and faces, by energy for all; cam-rig contact."""
+
+import json
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from cam_rig.cli.main import app
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.kinetostatic import shaft_torque
 from cam_rig.errors import ProfileError
@@ -140,3 +144,48 @@ def test_no_pressure_where_the_cam_would_have_to_pull():
     row = contact_row(contact_case(cam, build_law(cam), RIG, 200.0))
     assert row.lost
     assert not contact_row(contact_case(cam, build_law(cam), RIG, 5.0)).lost
+
+
+# The command.
+
+
+def call(*arguments):
+    return CliRunner().invoke(app, ["contact", *(str(a) for a in arguments)])
+
+
+def test_tables_json_and_figures(tmp_path):
+    """A face slides and a roller rolls; the nomogram's table comes with its figure."""
+    plot, events, csv = (tmp_path / name for name in ("c.png", "e.svg", "c.csv"))
+    result = call(
+        *("flat", "poly345", "--plot", plot, "--events", events, "--csv", csv, "--json", "-")
+    )
+    assert result.exit_code == 0, result.stderr
+    assert plot.stat().st_size > 0
+    assert b"</svg>" in events.read_bytes()
+    assert "120°" in result.stderr
+    face = (tmp_path / "c.face_radii.csv").read_text(encoding="utf-8")
+    assert face.startswith("rise,event_60,")
+    data = json.loads(result.stdout[result.stdout.index("{") :])
+    flat, roller = data["contact"]
+    assert flat["sliding_speed"] == pytest.approx(0.047 * 300 * np.pi / 30)
+    assert roller["sliding_speed"] is None
+    flat, roller = data["bounds"]
+    assert roller["sliding"] is None
+    assert flat["sliding"] > flat["pressure"]
+    assert data["run"] == {"rig": "paper_table2", "rpm": 300.0}
+
+
+def test_assumptions_are_listed():
+    """What no cam file gives stands under the tables, with its origin."""
+    result = call("flat")
+    for word in ("face_width", "youngs_modulus", "assumed", "most_sliding_speed"):
+        assert word in result.stderr
+
+
+def test_a_cam_closed_by_form_is_refused(tmp_path):
+    """The force between two contacts is no one's that the rig knows; nothing is written."""
+    plot = tmp_path / "c.png"
+    result = call("conjugate", "--plot", plot)
+    assert result.exit_code == 2
+    assert "closing spring" in result.stderr
+    assert not plot.exists()

@@ -4,7 +4,9 @@ import math
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from cam_rig.cli.main import app
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.two_mass.trajectory import lift_off
 from cam_rig.errors import ConfigError
@@ -12,10 +14,11 @@ from cam_rig.laws import build_law
 from cam_rig.paper.jump.refit import with_event
 from cam_rig.paper.readings.readings import first_on_grid, follower_of, read, window
 from cam_rig.paper.readings.search import BOUNDS, ReadingSearch, Trials
-from cam_rig.paper.readings.tables import conclusion, numbers_table, speeds_table, times_table
+from cam_rig.paper.readings.study import ReadingsResult
 from cam_rig.schema import load_cam, load_readings, load_rig, load_tables
 from cam_rig.schema.load import config_root
 from cam_rig.schema.published import PublishedJump
+from cam_rig.show.result import Progress
 from cam_rig.units import RPM, TURN
 
 CONFIG = config_root()
@@ -109,6 +112,21 @@ def test_a_trial_that_shows_the_table_misses_nothing():
             assert bool(speed[0] == 0.0) is hits, (cam, printed)
 
 
+class Told(Progress):
+    """What a search tells."""
+
+    done, total, words = 0, 0, ""
+
+    def begin(self, total, words=""):
+        self.total = total
+
+    def advance(self, steps=1):
+        self.done += steps
+
+    def tell(self, words):
+        self.words = words
+
+
 def test_a_search_finds_a_rig_that_shows_the_table():
     """Speeds made by a known rig: the search for two of its numbers ends at no miss."""
     reading = KNOWN.readings["shipped"]
@@ -124,11 +142,12 @@ def test_a_search_finds_a_rig_that_shows_the_table():
         "spring_stiffness": 4030.0,
     }
     trials = {cam: Trials.of(CAMS[cam], row) for cam, row in made.items()}
-    told = []
+    told = Told()
     search = ReadingSearch(trials, given, ("event", "preload"), False, 2.0)
-    found = search.best(20, 1, lambda done, miss: told.append((done, miss)))
+    found = search.best(20, 1, told)
     assert found.miss == 0.0
-    assert [done for done, _ in told] == list(range(1, len(told) + 1))
+    assert 1 <= told.done <= told.total == 20
+    assert told.words == "best misses 0.00 rpm in all"
     assert all(
         low <= found.numbers[key] <= high
         for key, (low, high) in BOUNDS.items()
@@ -148,13 +167,15 @@ def test_nothing_to_seek_is_refused():
 def test_tables_of_the_readings():
     """A row a reading, its fitted numbers marked and counted; times only where they are found."""
     reading = KNOWN.readings["shipped"]
-    found = [read("shipped", reading, CAMS, PRINTED, KNOWN.run_s)]
-    speeds = speeds_table(found)
-    assert len(speeds.rows) == 1
-    marks = "".join(numbers_table({"shipped": reading}).texts[0]).count("*")
-    assert marks == len(reading.fitted) == 4
-    assert len(times_table(found).rows) == len(CAMS)
-    assert f"{found[0].speeds} of 5 speeds" in conclusion(found)
+    found = ReadingsResult((read("shipped", reading, CAMS, PRINTED, KNOWN.run_s),))
+    readings, cams = found.to_show()
+    assert len(readings.rows) == 1
+    assert "".join(readings.texts[0]).count("*") == len(reading.fitted) == 4
+    assert len(cams.rows) == len(CAMS)
+    data = found.data()
+    assert data["readings"][0]["event"] == reading.event.si
+    assert [row["published_rpm"] for row in data["cams"]] == [row.rpm for row in PRINTED.values()]
+    assert f"{found.found[0].speeds} of 5 speeds" in found.summary()[0]
 
 
 @pytest.mark.long
@@ -175,3 +196,39 @@ def test_the_grid_may_hide_a_jump():
     )
     assert at_jump is not None
     assert shipped.limit_times == 0
+
+
+# The command.
+
+
+def call(*words):
+    return CliRunner().invoke(app, ["readings", *map(str, words)])
+
+
+def test_an_unknown_reading_is_refused_with_those_there_are():
+    """The likeliest name, and all of them."""
+    result = call("--search", "wieght")
+    assert result.exit_code == 2
+    assert "did you mean 'weight'?" in result.stderr
+    assert "five_speeds" in result.stderr
+
+
+def test_a_search_says_what_it_found_and_misses(tmp_path):
+    """One number over one generation: a table of numbers, one of misses, and both as CSV."""
+    out = tmp_path / "found.csv"
+    result = call("--search", "printed_stem", "--nearby", "--generations", 1, "--csv", out)
+    assert result.exit_code == 0, result.stderr
+    assert "best of 128 trials" in result.output
+    assert out.read_text(encoding="utf-8").startswith("reading,event,high_dwell,")
+    lines = (tmp_path / "found.cams.csv").read_text(encoding="utf-8")
+    assert all(cam in lines for cam in ("bezier15", "bezier_segments"))
+    assert (
+        (tmp_path / "found.search.csv").read_text(encoding="utf-8").startswith("trials,miss\n128,")
+    )
+
+
+def test_what_only_a_search_obeys_is_refused_without_one():
+    """Rather than passed over."""
+    result = call("--with-times")
+    assert result.exit_code == 2
+    assert "needed: --search NAME" in result.stderr

@@ -13,7 +13,7 @@ from cam_rig.paper.timing.events import (
     shift_matrix,
     with_same_events,
 )
-from cam_rig.paper.timing.tables import CamTiming, EventControl, beside_b_spline
+from cam_rig.paper.timing.study import CamTiming, EventControl, beside_b_spline
 from cam_rig.schema import load_cam
 from cam_rig.schema.load import config_root
 
