@@ -15,7 +15,6 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Comment, Element, SubElement
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from cam_rig.live.law_server import contour_of
 from cam_rig.messages.frames import (
@@ -82,6 +81,8 @@ class Body:
             radius, length = self.size
             across = radius**2 / 4.0 + length**2 / 12.0
             own = np.array([across, across, radius**2 / 2.0])
+        from scipy.spatial.transform import Rotation  # no node needs it
+
         turn = Rotation.from_euler("xyz", self.rpy).as_matrix()
         return np.asarray(self.mass * turn @ np.diag(own) @ turn.T)
 
