@@ -21,8 +21,6 @@ from itertools import groupby
 from operator import attrgetter, itemgetter
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
-import numpy as np
-
 from cam_rig.extras import libraries_named
 from cam_rig.show import tables
 from cam_rig.show.tables import Cell, DataTable, tabulate
@@ -250,6 +248,8 @@ def part(field: str, at: Any) -> Callable[[Any], Any]:
 
 def plain(value: Any) -> Any:
     """A value as JSON has it: no NaN, no infinity, no array."""
+    import numpy as np  # no help of a command waits for it
+
     if isinstance(value, Enum):
         return value.value
     if isinstance(value, np.generic | np.ndarray):
