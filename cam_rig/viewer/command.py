@@ -99,7 +99,7 @@ def open_screen(view: bool, web: bool, wait_for_it: bool = False) -> Iterator[Sc
             print(pages.address, flush=True)
             console.print("open this address in a browser, now or after the run")
             if wait_for_it:
-                pages.page.wait()
+                pages.page.until_open()
             yield Screen(str(pages.folder), stay_until_interrupted, pages.page)
     elif view:
         from cam_rig.viewer.process import require_display, wait, window

@@ -144,7 +144,7 @@ class PageTime:
         self._reported, self.longest = (now, late), max(late, self.longest or 0.0)
 
     @interruptible
-    def wait(self) -> None:
+    def until_open(self) -> None:
         """Wait until a page shows the viewer."""
         self._open.wait()
 

@@ -5,6 +5,7 @@ import pytest
 from benchmark.speed.event_cost import EventCost, event_costs, event_table
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_events_are_known_to_a_picosecond():
     """On the soft stem, by both forms of the search, against 50 digits; the errors are the same."""

@@ -8,6 +8,7 @@ from .pages import DOCS
 from .tutorials import follow
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_every_command_of_the_page_runs(tmp_path, monkeypatch):
     """In an empty folder, one after the other; every number shown is in what is printed.

@@ -13,6 +13,7 @@ from .pages import DOCS
 from .tutorials import follow
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_every_command_of_the_page_runs(tmp_path, monkeypatch):
     """Beside the golden bag and that of the example's bench; every number is printed."""

@@ -420,7 +420,7 @@ def test_a_page_that_shows_nothing_or_is_ahead_is_not_late() -> None:
     page = PageTime(Wall())
     page.driven(1.0)
     page.take("ns=-1")
-    page.wait()
+    page.until_open()
     for words in ("", "ns=", "ns=x", "other=3"):
         page.take(words)
     assert page.behind() is None
