@@ -21,8 +21,6 @@ from itertools import groupby
 from operator import attrgetter, itemgetter
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
-import numpy as np
-
 from cam_rig.extras import libraries_named
 from cam_rig.show import tables
 from cam_rig.show.tables import Cell, DataTable, tabulate
@@ -280,7 +278,7 @@ def plain(value: Any) -> Any:
     """A value as JSON has it: no NaN, no infinity, no array."""
     if isinstance(value, Enum):
         return value.value
-    if isinstance(value, np.generic | np.ndarray):
+    if hasattr(value, "tolist"):  # NumPy's, which is not imported for a help text
         value = value.tolist()
     if isinstance(value, list | tuple):
         return [plain(one) for one in value]

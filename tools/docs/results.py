@@ -37,8 +37,8 @@ What a command finds and what a Python function returns is one object: tables of
 writes its tables by their keys, `--csv` the first of them and each other into a file beside it, and
 `to_pandas("key")` gives one as a `DataFrame`; all three have the keys of this page, and numbers in
 the SI units of this page, whatever the unit in which the terminal shows them. Nothing that is no
-number is written as one: it is `null` in JSON and empty in CSV. A table of one record is an object in
-JSON, in place of a list.
+number is written as one: it is `null` in JSON and empty in CSV. A table of one record is an object
+in JSON, in place of a list.
 
 In JSON `schema` has the name and the version. The version rises when a key changes its meaning or
 goes; a new key does not raise it. This page is made from the code by `tools/docs/results.py`.
