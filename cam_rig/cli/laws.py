@@ -76,28 +76,34 @@ def law(
 
     cam-rig law bezier15 --csv - > bezier15.csv
     """
-    from cam_rig.laws.cam import law_of
-    from cam_rig.laws.results import CamLawsResult, RisesResult
-    from cam_rig.schema import load_cam
-    from cam_rig.schema.load import cam_path
-
     check_outputs(None, out)
     if save is not None:
         check_recording(save)
-    found: RisesResult | CamLawsResult
-    if are_rises(names, rises):
-        found, called = RisesResult(tuple(names)), ["rises", *names]
-    else:
-        paths = [cam_path(name) for name in names]
-        cams = [load_cam(path) for path in paths]
-        laws = [law_of(path, cam) for path, cam in zip(paths, cams, strict=True)]
-        found = CamLawsResult(tuple(zip(cams, laws, strict=True)))
-        called = [cam.name for cam in cams]
+    found, called = _named(names, rises)
     if out is None and csv is None and json is None:
         out = Path("out") / f"law_{'_'.join(called)[:MAX_LETTERS]}.png"
     give_out(found, out, csv, json)
     if save is not None:
         record(found, save)
+
+
+def _named(names: list[str], rises: bool) -> tuple[RisesResult | CamLawsResult, list[str]]:
+    """What names mean, and words for the name of its plot.
+
+    Raises
+    ------
+    ConfigError, LawError : one line that names the file and what is wrong in it
+    """
+    from cam_rig.laws.cam import law_of
+    from cam_rig.laws.results import CamLawsResult, RisesResult
+    from cam_rig.schema import load_cam
+    from cam_rig.schema.load import cam_path
+
+    if are_rises(names, rises):
+        return RisesResult(tuple(names)), ["rises", *names]
+    paths = [cam_path(name) for name in names]
+    cams = [(cam, law_of(path, cam)) for path in paths for cam in [load_cam(path)]]
+    return CamLawsResult(tuple(cams)), [cam.name for cam, _ in cams]
 
 
 # cam-rig laws: every displacement law, side by side.

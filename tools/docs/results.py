@@ -22,14 +22,14 @@ PAGE = ROOT / "docs" / "results.md"
 #: What gives a result whose schema is not called as a command is.
 GIVEN_BY = {
     "flywheel": "report",
-    "front": "design --pareto",
+    "front": "design START --pareto QUANTITY",
     "jump_refit": "jump --refit",
-    "law_rises": "law --rises",
-    "panel_marks": "panel --mark",
-    "profile_measured": "profile --from",
+    "law_rises": "law NAMES --rises",
+    "panel_marks": "panel SHEETS --mark",
+    "profile_measured": "profile CAM --from FILE",
     "simulate": "simulate, analyze",
     "stem": "report",
-    "waviness": "campaign --largest-waviness",
+    "waviness": "campaign STUDY --largest-waviness 24",
 }
 HEAD = """# Results
 
