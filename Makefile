@@ -32,6 +32,7 @@ pictures: setup ## run the sweep, and draw the pictures in docs/ from its bag
 docs: setup ## build the documents as a site with search into out/site
 	@$(BIN)/python tools/docs/commands.py
 	@$(BIN)/python tools/docs/parameters.py
+	@$(BIN)/python tools/docs/results.py
 	@$(BIN)/python tools/docs/drawings.py
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet && echo 'out/site/index.html'
 

@@ -2,34 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.markup import escape
 
-from cam_rig.show.command import (
-    Csv,
-    Json,
-    Plot,
-    SceneOfBag,
-    check_outputs,
-    check_place,
-    progress_bar,
-    user_errors,
-)
-from cam_rig.show.terminal import console, say
+from cam_rig.show.command import SceneOfBag, check_place, command
+from cam_rig.show.result import Progress, Result
+from cam_rig.show.terminal import say
+
+if TYPE_CHECKING:
+    from cam_rig.simulation.scene_run import SceneRun
+    from cam_rig.simulation.simulate import TickSamples
 
 
+@command("json", "csv", "plot")
 def analyze(
     bag: Annotated[
         Path | None, typer.Argument(help="Bag to analyse; by default the newest in bags/.")
     ] = None,
-    json_target: Json = None,
-    plot: Plot = None,
     scene: SceneOfBag = None,
-    csv: Csv = None,
-) -> None:
+) -> Result:
     """Read a recorded sweep back: a row each speed, and its noise beside the published regressions.
 
     A row has level, peak and least force, lift-offs a turn, longest flight, hardest landing, and
@@ -43,33 +37,21 @@ def analyze(
 
     cam-rig analyze recorded_by_ros2 --scene quick
     """
-    with user_errors():
-        check_outputs(json_target, plot, csv)
-        analyze_bag(bag or newest_bag(), json_target, plot, scene, csv)
+    return read_run(bag or newest_bag(), scene)
 
 
-def analyze_bag(
-    bag: Path,
-    json_target: str | None,
-    plot: Path | None,
-    scene: str | None = None,
-    csv: Path | None = None,
-) -> None:
-    """Analyse one bag, with the scene attached to it unless another is named."""
+def read_run(bag: Path, scene: str | None = None) -> SceneRun:
+    """A bag's run, with the scene attached to it unless another is named; say what it lacks."""
     from cam_rig.bag.partial_reader import recovered_words
     from cam_rig.bag.reader import read_bag
     from cam_rig.simulation.schedule import tick_count
-    from cam_rig.simulation.tables import show
 
     run = read_bag(bag, scene)
-    counted = f"{sum(run.counts.values())} messages, {len(run.ticks)} ticks"
-    console.print(f"{escape(str(bag))}: {counted}")
-    for words in recovered_words(bag):
-        console.print(f"[bold]recovered:[/] {escape(words)}")
+    say(f"{bag}: {sum(run.counts.values())} messages, {len(run.ticks)} ticks")
+    say(*(f"recovered: {words}" for words in recovered_words(bag)))
     if not run.complete:
-        whole = tick_count(run.loaded.scene)
-        console.print(f"[bold]not complete:[/] {len(run.ticks)} of {whole} ticks")
-    show(run, json_target, plot, csv)
+        say(f"not complete: {len(run.ticks)} of {tick_count(run.loaded.scene)} ticks")
+    return run
 
 
 def newest_bag() -> Path:
@@ -86,7 +68,7 @@ def newest_bag() -> Path:
     for bag in (file.parent for file in reversed(found)):
         if not is_unclosed(bag):
             return bag
-        console.print(escape(f"{bag}: was not closed, an older one is taken; see: cam-rig recover"))
+        say(f"{bag}: was not closed, an older one is taken; see: cam-rig recover")
     raise BagError("no bag in bags/; make one with: cam-rig run")
 
 
@@ -96,6 +78,7 @@ def newest_bag() -> Path:
 BAG_FILES = (".mcap", ".db3")
 
 
+@command()
 def export(
     source: Annotated[
         str,
@@ -107,6 +90,8 @@ def export(
         float | None, typer.Option(min=0.0, help="One speed of the run; by default all.")
     ] = None,
     scene: SceneOfBag = None,
+    *,
+    progress: Progress,
 ) -> None:
     """Write every sample of a run with the cam that turned under it.
 
@@ -122,35 +107,39 @@ def export(
     cam-rig export tm21_sweep --cam tm21 --rpm 380 --to out/tm21_380.csv
     """
     from cam_rig.schema.load import scene_path
+    from cam_rig.simulation.export import export as write_samples
+    from cam_rig.simulation.export import require_format
+    from cam_rig.simulation.scene import open_scene
+    from cam_rig.simulation.schedule import tick_count
+    from cam_rig.simulation.simulate import turned_ticks
 
-    with user_errors():
-        from cam_rig.simulation.export import export as write_samples
-        from cam_rig.simulation.export import require_format
-        from cam_rig.simulation.scene import open_scene
-        from cam_rig.simulation.schedule import tick_count
-        from cam_rig.simulation.simulate import turned_ticks
+    require_format(to)
+    check_place(to)
+    if Path(source).is_dir() or source.endswith(BAG_FILES):
+        from cam_rig.bag.reader import read_scene, read_ticks
 
-        require_format(to)
-        check_place(to)
-        if Path(source).is_dir() or source.endswith(BAG_FILES):
-            from cam_rig.bag.reader import read_scene, read_ticks
+        bag = Path(source)
+        loaded = read_scene(bag) if scene is None else open_scene(scene_path(scene))
+        ticks = read_ticks(bag)
+    else:
+        loaded = open_scene(scene_path(source))
+        ticks = turned_ticks(loaded)
+    progress.begin(tick_count(loaded.scene), loaded.scene.name)
+    written = write_samples(to, _counted(ticks, progress), loaded, cam, rpm)
+    gaps = f", {written.gaps} gaps between them" if written.gaps else ""
+    say(f"{to}: {written.rows} samples, {written.begin:.6g} to {written.end:.6g} s{gaps}")
 
-            bag = Path(source)
-            loaded = read_scene(bag) if scene is None else open_scene(scene_path(scene))
-            ticks = read_ticks(bag)
-        else:
-            loaded = open_scene(scene_path(source))
-            ticks = turned_ticks(loaded)
-        with progress_bar() as bar:
-            ticks = iter(bar.track(ticks, tick_count(loaded.scene), description=loaded.scene.name))
-            written = write_samples(to, ticks, loaded, cam, rpm)
-        gaps = f", {written.gaps} gaps between them" if written.gaps else ""
-        say(f"{to}: {written.rows} samples, {written.begin:.6g} to {written.end:.6g} s{gaps}")
+
+def _counted(ticks: Iterable[TickSamples], progress: Progress) -> Iterator[TickSamples]:
+    for tick in ticks:
+        yield tick
+        progress.advance()
 
 
 # cam-rig recover: a valid bag from one that is truncated or damaged.
 
 
+@command()
 def recover(
     bag: Annotated[Path, typer.Argument(help="Bag folder or .mcap file that cannot be read.")],
     output: Annotated[
@@ -171,12 +160,10 @@ def recover(
 
     cam-rig recover broken.mcap --out bags/recovered
     """
-    with user_errors():
-        from cam_rig.bag.recover import recover as recover_bag
+    from cam_rig.bag.recover import recover as recover_bag
 
-        target = output or _beside(bag)
-        saved = recover_bag(bag, target)
-        console.print(escape(f"{target}: {saved.words}"))
+    target = output or _beside(bag)
+    say(f"{target}: {recover_bag(bag, target).words}")
 
 
 def _beside(bag: Path) -> Path:

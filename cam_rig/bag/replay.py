@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import zip_longest
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from cam_rig.messages import topics
 from cam_rig.messages.codec import array_of, cam_state_of, decode_block, stamp_ns
 from cam_rig.messages.serialization import read_message
 from cam_rig.messages.topics import Topic
+from cam_rig.show.result import Column, Records, Result
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import FloatArray
 
@@ -41,6 +42,49 @@ class Difference:
         if self.difference == 0.0:
             return 0.0
         return self.difference / self.largest if self.largest > 0.0 else float("inf")
+
+
+@dataclass(frozen=True, repr=False)
+class ReplayResult(Result):
+    """A bag's recorded numbers against replayed ones; off where one differs beyond a tolerance."""
+
+    schema = "cam_rig.replay.1"
+    columns: ClassVar = {
+        "differences": (
+            Column("topic"),
+            Column("quantity"),
+            Column("count", "", "d", "numbers"),
+            Column("difference", "", ".3g", about="the largest, in the quantity's unit"),
+            Column("relative", "", ".2g", about="the largest difference over the largest value"),
+        )
+    }
+
+    bag: Path
+    differences: tuple[Difference, ...]
+    tolerance: float
+
+    @property
+    def worst(self) -> Difference:
+        """The quantity that is farthest off."""
+        return max(self.differences, key=lambda entry: entry.relative)
+
+    @property
+    def exit_code(self) -> int:  # type: ignore[override]
+        """1 where a number is off."""
+        return 0 if self.worst.relative <= self.tolerance else 1
+
+    def tables(self) -> list[Records]:
+        """A row a quantity."""
+        return [self.table("differences", "Recorded against replayed", self.differences)]
+
+    def summary(self) -> list[str]:
+        """What is off, if anything."""
+        worst = self.worst
+        words = (
+            f"{self.bag}: {worst.topic} {worst.quantity} differs by {worst.difference:.3g}, "
+            f"{worst.relative:.3g} of its largest value; allowed: {self.tolerance:g}"
+        )
+        return [words] if self.exit_code else []
 
 
 def compare(one: Path, other: Path) -> list[Difference]:

@@ -21,15 +21,17 @@ from cam_rig.show.command import (
     Namespace,
     Scene,
     SceneOfBag,
+    command,
+    give_out,
     progress_bar,
     user_errors,
 )
-from cam_rig.show.terminal import console, show
+from cam_rig.show.result import Progress, Result
+from cam_rig.show.terminal import console
 
 if TYPE_CHECKING:
     from cam_rig.bag.replay import Difference
     from cam_rig.runner.node_process import Arguments
-    from cam_rig.show.tables import DataTable
     from cam_rig.viewer.page import PageTime
 
 Pacing = Annotated[
@@ -118,9 +120,9 @@ def run(
             nodes = live(path, target, screen.address, limits, pacing=pacing)
             _run(path, target, nodes, respawn, network, place, server, screen.page)
             if analyze:
-                from cam_rig.bag.command import analyze_bag
+                from cam_rig.bag.command import read_run
 
-                analyze_bag(target, None, target / "noise.png")
+                give_out(read_run(target), target / "noise.png", None, None)
             screen.stay()
 
 
@@ -182,6 +184,7 @@ def _run(
 # cam-rig replay: a recorded run through the live follower and microphone, and compared.
 
 
+@command("json", "csv")
 def replay(
     bag: Annotated[Path, typer.Argument(help="Bag whose cam states and laws are played.")],
     tolerance: Annotated[
@@ -192,7 +195,9 @@ def replay(
         typer.Option("--out", "--output", help="Keep the new recording here; must not exist yet."),
     ] = None,
     scene: SceneOfBag = None,
-) -> None:
+    *,
+    progress: Progress,
+) -> Result:
     """Feed recorded cam states and laws to live nodes, and compare their messages with the bag.
 
     A regression test for any change of follower or microphone: code 1 when a number differs.
@@ -203,25 +208,20 @@ def replay(
 
     cam-rig replay bags/mine --tolerance 1e-9 --out bags/mine_again
     """
-    with user_errors():
-        from cam_rig.bag.files import require_new_bag
-        from cam_rig.errors import BagError
-        from cam_rig.files import temporary_folder
+    from cam_rig.bag.files import require_new_bag
+    from cam_rig.bag.replay import ReplayResult
+    from cam_rig.files import temporary_folder
 
-        if output is not None:
-            require_new_bag(output)
-        with temporary_folder("cam_rig-replay-") as folder:
-            found = _replay(bag, folder, scene, output)
-        show(_table(found))
-        worst = max(found, key=lambda entry: entry.relative)
-        if not worst.relative <= tolerance:
-            raise BagError(
-                f"{bag}: {worst.topic} {worst.quantity} differs by {worst.difference:.3g}, "
-                f"{worst.relative:.3g} of its largest value; allowed: {tolerance:g}"
-            )
+    if output is not None:
+        require_new_bag(output)
+    with temporary_folder("cam_rig-replay-") as folder:
+        found = _replay(bag, folder, scene, output, progress)
+    return ReplayResult(bag, tuple(found), tolerance)
 
 
-def _replay(bag: Path, folder: Path, scene: str | None, output: Path | None) -> list[Difference]:
+def _replay(
+    bag: Path, folder: Path, scene: str | None, output: Path | None, progress: Progress
+) -> list[Difference]:
     from cam_rig.bag.partial_reader import unpack
     from cam_rig.bag.reader import read_counts
     from cam_rig.bag.replay import compare
@@ -237,28 +237,14 @@ def _replay(bag: Path, folder: Path, scene: str | None, output: Path | None) -> 
         raise BagError(f"{bag}: has {total} states of the cam; allowed: two at least")
     path = scene_path(scene) if scene else unpack(bag, folder)
     again = folder / "again" / (output.name if output else "bag")  # not among the bag's own files
-    with own_domain(), progress_bar() as bar, Graph(replayed(path, again, bag)) as graph:
-        task = bar.add_task("replaying", total=total - 1)
+    with own_domain(), Graph(replayed(path, again, bag)) as graph:
+        progress.begin(total - 1, "replaying")
+        done = 0
         for report in graph.progress():
-            bar.update(task, completed=int(report["tick"]))
+            progress.advance(int(report["tick"]) - done)
+            done = int(report["tick"])
     graph.require_closed()
     found = compare(bag, again)
     if output is not None:
         shutil.move(again, output)
     return found
-
-
-def _table(found: list[Difference]) -> DataTable:
-    from cam_rig.show.tables import Head, tabulate
-
-    return tabulate(
-        "Recorded against replayed",
-        found,
-        (
-            (Head("topic"), lambda entry: entry.topic),
-            (Head("quantity"), lambda entry: entry.quantity),
-            (Head("numbers", "", "d"), lambda entry: entry.count),
-            (Head("difference", "", ".3g"), lambda entry: entry.difference),
-            (Head("relative", "", ".2g"), lambda entry: entry.relative),
-        ),
-    )

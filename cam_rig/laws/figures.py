@@ -22,6 +22,7 @@ from cam_rig.laws.catalogue import (
     sampled_pieces,
 )
 from cam_rig.laws.law import SMOOTHEST, Joint, Law, extremes, joints
+from cam_rig.laws.results import CamLawsResult, LawsResult, RisesResult
 from cam_rig.schema import CamConfig
 from cam_rig.schema.segment_base import Table
 from cam_rig.show.figure import CAM_ANGLE, empty, line, styled, turn_axis, wrapped
@@ -205,6 +206,21 @@ def rises_figure(families: Iterable[RiseFamily]) -> Figure:
         column[-1].set_xlabel("part of the span, u [1]")
         _legend(column[0], LEGEND_COLUMNS if alone else 1, family.title)
     return out
+
+
+def laws_figure(found: LawsResult) -> Figure:
+    """A column for each family."""
+    return rises_figure(found.families)
+
+
+def rises_result_figure(found: RisesResult) -> Figure:
+    """All in one column."""
+    return rises_figure([RiseFamily("Rises of h over the span β", found.names)])
+
+
+def cam_laws_figure(found: CamLawsResult) -> Figure:
+    """One cam with its joints and extremes, or several over each other."""
+    return figure(*found.cams[0]) if len(found.cams) == 1 else cams_figure(found.cams)
 
 
 def _distinct(curves: list[tuple[LawCurves, Style]]) -> list[tuple[LawCurves, Style]]:

@@ -8,17 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cam_rig.errors import CamRigError, ConfigError
-from cam_rig.show.command import (
-    Csv,
-    Json,
-    check_outputs,
-    user_errors,
-    write_csv,
-    write_json,
-)
-from cam_rig.show.terminal import console, say, show
+from cam_rig.show.command import command
+from cam_rig.show.result import Result
+from cam_rig.show.terminal import say
 
 if TYPE_CHECKING:
+    from cam_rig.panel.lab.marking import MarksResult
     from cam_rig.schema import CamConfig, RigConfig
 
 
@@ -26,14 +21,9 @@ if TYPE_CHECKING:
 
 
 def mark_sheets(
-    sheets: list[Path],
-    cam: str | None,
-    rig: str | None,
-    tolerance: float | None,
-    json_target: str | None,
-    csv: Path | None,
-) -> None:
-    """Mark lab sheets, and print a table and a line of each.
+    sheets: list[Path], cam: str | None, rig: str | None, tolerance: float | None
+) -> MarksResult:
+    """Mark lab sheets.
 
     Parameters
     ----------
@@ -43,14 +33,11 @@ def mark_sheets(
     Raises
     ------
     ConfigError : no sheet, or none of this cam and rig
-    OutputError : a result cannot be written
     """
-    from cam_rig.errors import ConfigError
-    from cam_rig.panel.lab.marking import TOLERANCE_PERCENT, mark_sheet, marks_table, to_json
+    from cam_rig.panel.lab.marking import TOLERANCE_PERCENT, MarksResult, mark_sheet
     from cam_rig.schema import load_cam, load_rig
     from cam_rig.schema.load import cam_path, rig_path
 
-    check_outputs(json_target, None, csv)
     if not sheets:
         raise ConfigError("--mark: no sheet is named; allowed: .csv files of cam-rig panel --lab")
 
@@ -67,17 +54,11 @@ def mark_sheets(
         return found
 
     within = TOLERANCE_PERCENT if tolerance is None else tolerance
-    marked = [mark_sheet(path, within, cam_of, rig_of) for path in sheets]
-    tables = [marks_table(sheet) for sheet in marked]
-    show(*tables)
-    say(*(sheet.summary for sheet in marked))
-    write_csv(tables, csv)
-    write_json(to_json(marked), json_target)
+    return MarksResult(tuple(mark_sheet(path, within, cam_of, rig_of) for path in sheets))
 
 
 def _require_name(kind: str, name: str) -> None:
     """Refuse what would be a path to somewhere."""
-    from cam_rig.errors import ConfigError
     from cam_rig.files import shown
     from cam_rig.schema.load import NAME
 
@@ -86,7 +67,6 @@ def _require_name(kind: str, name: str) -> None:
 
 
 def _require_same(kind: str, name: str, found: str) -> None:
-    from cam_rig.errors import ConfigError
 
     if name != found:
         option = "--rig FILE" if kind == "rig" else "the cam's file"
@@ -154,6 +134,7 @@ Tolerance = Annotated[
 ]
 
 
+@command("json", "csv")
 def panel(
     names: Names = None,
     rig: RigOfPanel = None,
@@ -166,9 +147,10 @@ def panel(
     seed: Seed = None,
     mark: ToMark = False,
     tolerance: Tolerance = None,
-    json_target: Json = None,
-    csv: Csv = None,
-) -> None:
+    *,
+    json: str | None,
+    csv: Path | None,
+) -> Result | None:
     """Turn the rig by hand in a browser, and draw the laws of its cams.
 
     Prints an address on this machine and serves it until Ctrl-C. On the drawing board the
@@ -190,30 +172,15 @@ def panel(
 
     cam-rig panel --mark sheets/lab_jump_group-3.csv --json -
     """
-    with user_errors():
-        cams, sheets = _apart(names or [], mark)
-        _require_together(
-            lab,
-            seed,
-            mark,
-            open_browser,
-            any(given is not None for given in (tolerance, json_target, csv)),
-        )
-        if mark:
-            first_cam = cams[0] if cams else None
-            mark_sheets(sheets, first_cam, rig, tolerance, json_target, csv)
-            return
-        _serve(
-            cams[0] if cams else CAM,
-            rig or RIG,
-            port,
-            out,
-            not no_rerun,
-            open_browser,
-            lab,
-            seed,
-            lang,
-        )
+    cams, sheets = _apart(names or [], mark)
+    for_marks = any(given is not None for given in (tolerance, json, csv))
+    _require_together(lab, seed, mark, open_browser, for_marks)
+    if mark:
+        return mark_sheets(sheets, cams[0] if cams else None, rig, tolerance)
+    _serve(
+        cams[0] if cams else CAM, rig or RIG, port, out, not no_rerun, open_browser, lab, seed, lang
+    )
+    return None
 
 
 def _apart(names: list[str], mark: bool) -> tuple[list[str], list[Path]]:
@@ -280,7 +247,7 @@ def _serve(
         home = "/lab" if lab else "/"
         with serve(*pages, port=port, language=lang, home=home) as served:
             print(served.address, flush=True)
-            console.print("Ctrl-C ends the panel")
+            say("Ctrl-C ends the panel")
             if open_browser:
                 _open(served.address, folder)
             runner.run(served.alive)

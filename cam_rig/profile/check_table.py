@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -23,7 +25,7 @@ from cam_rig.profile.disc import Disc, discs
 from cam_rig.profile.faces import Swung
 from cam_rig.schema import CamConfig
 from cam_rig.schema.cam import Follower
-from cam_rig.show.tables import DataTable, Head, tabulate
+from cam_rig.show.result import SI, Column, Records, Result
 from cam_rig.units import TURN, FloatArray
 
 # The condition of constant breadth and constant diameter: s(θ) + s(θ + π) = s_max.
@@ -108,20 +110,157 @@ def require_profile(cam: CamConfig, law: Law) -> None:
             raise ProfileError(f"cam {cam.name!r}: {check}")
 
 
-# A cam's checks as a table.
+# Cams with their checks, as `cam-rig profile` gives them.
 
 
-def checks_table(cam: CamConfig, law: Law, checks: list[Check]) -> DataTable:
-    """A row for each check: value, cam angle, limit, result."""
-    kind = cam.follower.type.replace("_", " ")
-    return tabulate(
-        f"{cam.title}: {kind} follower, lift {law.lift * 1e3:.5g} mm",
-        checks,
-        (
-            (Head("check"), lambda check: check.title),
-            (Head("value"), lambda check: check.shown(check.value)),
-            (Head("at", "°", ".1f"), lambda check: check.degrees),
-            (Head("allowed"), lambda check: check.allowed),
-            (Head("result"), lambda check: "ok" if check.passed else "fails"),
-        ),
+@dataclass(frozen=True)
+class CheckedCam:
+    """A cam, its law, and every check of its contour."""
+
+    cam: CamConfig
+    law: Law
+    checks: list[Check]
+
+    @classmethod
+    def of(cls, cam: CamConfig, law: Law) -> CheckedCam:
+        """Check it."""
+        return cls(cam, law, check_cam(cam, law))
+
+    @property
+    def failed(self) -> list[Check]:
+        """The checks that it does not pass."""
+        return [check for check in self.checks if not check.passed]
+
+    def worst(self, name: str) -> float | None:
+        """Value of the check of that name that is nearest to its limit, of two discs."""
+        named = [check for check in self.checks if check.name == name]
+        sign = {"more than": 1.0}
+        values = [(sign.get(check.relation, -1.0) * check.value, check.value) for check in named]
+        worst = min(values)[1] if values else math.inf
+        return worst if math.isfinite(worst) else None
+
+    @property
+    def least_base_radius(self) -> float | None:
+        """Limit of the base radius, m; None where none was found."""
+        return next((check.limit for check in self.checks if check.name == "base radius"), None)
+
+
+@dataclass(frozen=True)
+class CheckRow:
+    """A check and whose it is."""
+
+    cam: str
+    check: Check
+
+
+#: Positions of the follower in a picture.
+POSITIONS = 24
+
+#: Of several cams: what stands where one has no such number.
+NONE = "–"
+
+
+def _worst(key: str, unit: str, name: str, heading: str) -> Column:
+    return Column(
+        key, unit, ".4g", heading, lambda one: one.worst(name), missing=NONE, about=f"worst {name}"
     )
+
+
+@dataclass(frozen=True, repr=False)
+class ProfileResult(Result):
+    """The checks of one cam or more; ``drawn`` is one whose contour or picture is written.
+
+    ``expected`` : a cam whose file says that it cannot be made is no failure
+    """
+
+    schema = "cam_rig.profile.1"
+    drawn_by = "cam_rig.profile.figures:profile_figure"
+    columns: ClassVar = {
+        "checks": (
+            Column("cam", hidden=True),
+            Column("check", of="check.title"),
+            Column("value", of="check.value", cell=lambda row: row.check.shown(row.check.value)),
+            Column(
+                "angle",
+                "°",
+                ".1f",
+                "at",
+                lambda row: None if row.check.angle is None else row.check.angle % TURN,
+            ),
+            Column("relation", of="check.relation", about="of value to limit", hidden=True),
+            Column(
+                "limit", heading="allowed", of="check.limit", cell=lambda row: row.check.allowed
+            ),
+            Column(
+                "unit",
+                of=lambda row: SI.get(row.check.unit, (row.check.unit,))[0],
+                about="of value and limit",
+                hidden=True,
+            ),
+            Column(
+                "passed",
+                heading="result",
+                of="check.passed",
+                cell=lambda row: "ok" if row.check.passed else "fails",
+            ),
+            Column("vital", of="check.vital", about="else it is bad, but can be made", hidden=True),
+        ),
+        "cams": (
+            Column("cam", of="cam.name"),
+            Column("follower", of="cam.follower.type", hidden=True),
+            _worst("convex_radius", "mm", "convex radius of curvature", "convex"),
+            _worst("concave_radius", "mm", "concave radius of curvature", "concave"),
+            _worst("pressure_angle", "°", "pressure angle", "pressure"),
+            Column("base_radius", "mm", ".4g", "base", "cam.follower.base_radius.si"),
+            Column("least_base_radius", "mm", ".4g", "least", missing=NONE),
+            Column(
+                "failed",
+                heading="checks",
+                of=lambda one: len(one.failed),
+                cell=lambda one: (
+                    f"{len(one.failed)} fail" if one.failed else f"{len(one.checks)} ok"
+                ),
+                about="checks that it fails",
+            ),
+            Column(
+                "cannot_be_made", of="cam.cannot_be_made", about="why, by its file", hidden=True
+            ),
+        ),
+    }
+
+    cams: tuple[CheckedCam, ...]
+    positions: int = POSITIONS
+    drawn: bool = False
+    expected: bool = False
+
+    @property
+    def exit_code(self) -> int:  # type: ignore[override]
+        """1 where a check fails that is not meant to; 0 of one that is drawn all the same."""
+        asked = [one for one in self.cams if not (self.expected and one.cam.cannot_be_made)]
+        return int(not self.drawn and any(one.failed for one in asked))
+
+    def tables(self) -> list[Records]:
+        """``checks``, which people see of one cam alone, and ``cams``, seen of several."""
+        first, alone = self.cams[0], len(self.cams) == 1
+        kind = first.cam.follower.type.replace("_", " ")
+        caption = f"{first.cam.title}: {kind} follower, lift {first.law.lift * 1e3:.5g} mm"
+        rows = [CheckRow(one.cam.name, check) for one in self.cams for check in one.checks]
+        several = "Least radii of curvature, greatest pressure angle, base radius and its least"
+        note = f"{NONE}: nothing to check, or no least one found. All checks: one cam, or --json."
+        return [
+            self.table("checks", caption, rows, hidden=not alone),
+            self.table("cams", several, self.cams, note, hidden=alone),
+        ]
+
+    def summary(self) -> list[str]:
+        """What is wrong, and what to do."""
+        words = "warning: " if self.drawn else ""
+        lines = []
+        for one in self.cams:
+            lines += [f"{words}{one.cam.name}: {check}" for check in one.failed]
+            if one.cam.cannot_be_made is not None:
+                lines.append(
+                    f"{one.cam.name}: its file says that it cannot be made: "
+                    f"{one.cam.cannot_be_made}"
+                )
+        return lines

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
 
 from cam_rig.errors import ConfigError, OutputError
 from cam_rig.files import writing
-from cam_rig.show.command import check_outputs, write_json
-from cam_rig.show.terminal import console
+from cam_rig.show.command import check_outputs
+from cam_rig.show.result import Column, Records, Result
+from cam_rig.show.terminal import say
 from cam_rig.units import rms
 
 if TYPE_CHECKING:
@@ -94,7 +97,7 @@ def write(request: Request, cam: CamConfig, law: Law, force: bool) -> None:
             counts = " and ".join(str(line.shape[1]) for line in lines.values())
             words = f"{counts} points, chord error at most {request.tolerance:g} µm"
     names = " and ".join(curve.name for curve in curves)
-    console.print(f"{names}: {words}: {request.out}", markup=False, soft_wrap=True)
+    say(f"{names}: {words}: {request.out}")
 
 
 def _curves(request: Request, cam: CamConfig, law: Law, force: bool) -> list[ContourPath]:
@@ -125,31 +128,56 @@ class Measured:
     lift: FloatArray
     error: FloatArray
 
-    def figures(self) -> dict[str, float]:
-        """Lift in mm, the largest error and the RMS of all in µm, where in degrees."""
-        import numpy as np
-
-        worst = int(np.argmax(np.abs(self.error)))
-        return {
-            "points": self.points,
-            "lift_mm": float(np.ptp(self.lift)) * 1e3,
-            "largest_error_um": float(self.error[worst]) * 1e6,
-            "at_deg": float(np.degrees(self.angle[worst])),
-            "rms_error_um": rms(self.error) * 1e6,
-        }
+    @property
+    def largest_at(self) -> int:
+        """Where the error is largest."""
+        return int(np.argmax(np.abs(self.error)))
 
 
-def run(request: Request, cam: CamConfig, law: Law, json_target: str | None) -> None:
-    """Measure the contours of a file, say what was found, write what is asked for."""
-    found = measure(request, cam, law)
-    show(request, cam, found)
-    if json_target is not None:
-        discs = [{"disc": one.disc, **one.figures()} for one in found]
-        write_json({cam.name: {"from": str(request.source), "contours": discs}}, json_target)
+@dataclass(frozen=True, repr=False)
+class MeasuredResult(Result):
+    """The contours of a file, each as the cam's follower reads it."""
+
+    schema = "cam_rig.profile_measured.1"
+    columns: ClassVar = {
+        "contours": (
+            Column("cam"),
+            Column("disc", of="one.disc"),
+            Column("points", "", "d", of="one.points"),
+            Column("lift", "mm", ".6g", of=lambda row: float(np.ptp(row.one.lift))),
+            Column(
+                "largest_error",
+                "µm",
+                "+.3g",
+                of=lambda row: float(row.one.error[row.one.largest_at]),
+                about="of the lift, from the law of the cam",
+            ),
+            Column("at", "°", "g", of=lambda row: float(row.one.angle[row.one.largest_at])),
+            Column("rms_error", "µm", ".3g", "r.m.s. error", lambda row: rms(row.one.error)),
+            Column("source", hidden=True, about="the file"),
+        )
+    }
+
+    cam: str
+    source: Path
+    contours: tuple[Measured, ...]
+
+    def tables(self) -> list[Records]:
+        """A row a contour."""
+        rows = [_Row(self.cam, str(self.source), one) for one in self.contours]
+        return [self.table("contours", f"{self.source}, from the law of {self.cam}", rows)]
 
 
-def measure(request: Request, cam: CamConfig, law: Law) -> list[Measured]:
-    """Put the cam's follower on the contours of a file, and compare with the cam's law."""
+@dataclass(frozen=True)
+class _Row:
+    cam: str
+    source: str
+    one: Measured
+
+
+def measure(request: Request, cam: CamConfig, law: Law) -> MeasuredResult:
+    """Put the cam's follower on the contours of a file; write the first one's law if asked to."""
+    from cam_rig.profile import drawing_files
     from cam_rig.profile.contact import turn_angles
     from cam_rig.profile.disc import discs
     from cam_rig.profile.measure import closed_curve, rest
@@ -157,7 +185,7 @@ def measure(request: Request, cam: CamConfig, law: Law) -> list[Measured]:
     assert request.source is not None
     contours = _read(request.source)
     for doubt in (doubt for points in contours for doubt in _doubts(request.source, points)):
-        console.print(f"warning: {request.source}: {doubt}", markup=False, soft_wrap=True)
+        say(f"warning: {request.source}: {doubt}")
     plates = discs(cam.follower, law)
     if len(contours) != len(plates):
         raise OutputError(
@@ -165,31 +193,16 @@ def measure(request: Request, cam: CamConfig, law: Law) -> list[Measured]:
             f"for each contour of a {cam.follower.type} follower"
         )
     angle = turn_angles(READINGS)
-    return [
+    found = tuple(
         Measured(disc.name, points.shape[1], angle, lift, lift - law(angle))
         for disc, points in zip(plates, contours, strict=True)
         for lift in [rest(disc.element, closed_curve(points), angle)]
-    ]
-
-
-def show(request: Request, cam: CamConfig, found: list[Measured]) -> None:
-    """Say how far the contours are from the law; write the first one's law if asked to."""
-    from cam_rig.profile import drawing_files
-
-    for one in found:
-        figures = one.figures()
-        name = f"{one.disc} cam: " if one.disc else ""
-        console.print(
-            f"{name}{one.points} points, lift {figures['lift_mm']:.6g} mm; from the law of "
-            f"{cam.name}: {figures['largest_error_um']:+.3g} µm at {figures['at_deg']:g}°, "
-            f"{figures['rms_error_um']:.3g} µm RMS",
-            markup=False,
-            soft_wrap=True,
-        )
+    )
     if request.out is not None:
         with writing(request.out) as part:
-            drawing_files.write_law(part, found[0].angle, found[0].lift)
-        console.print(f"law: {request.out}", soft_wrap=True)
+            drawing_files.write_law(part, angle, found[0].lift)
+        say(f"law: {request.out}")
+    return MeasuredResult(cam.name, request.source, found)
 
 
 def _doubts(source: Path, points: FloatArray) -> list[str]:

@@ -2,33 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from cam_rig.arguments import checked
 from cam_rig.errors import ConfigError
-from cam_rig.extras import libraries_named
 from cam_rig.laws import Law, build_law
+from cam_rig.profile.check_table import CheckedCam, ProfileResult, check_cam
+from cam_rig.profile.checks import Check
 from cam_rig.profile.disc import Contour, contours
 from cam_rig.schema import CamConfig
-from cam_rig.show.result import notebook
+from cam_rig.show.result import Arrays, Column, Records, Result
 from cam_rig.units import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from pandas import DataFrame
-
-    from cam_rig.profile.checks import Check
 
 #: Points of a contour: at least, and at most.
 FEWEST, MOST = 36, 1_000_000
 
 
+def _of_discs(take: Callable[[Contour], Any]) -> Callable[[CamContour], Any]:
+    return lambda shape: np.concatenate([take(disc) for disc in shape.discs])
+
+
 @dataclass(frozen=True, eq=False, repr=False)
-class CamContour:
+class CamContour(Result):
     """The contour of a cam in its own frame; point i is touched at cam angle i.
 
     At cam angle 0 a translating follower is on +y; the cam turns counterclockwise.
@@ -38,6 +41,25 @@ class CamContour:
     cam, law : what the shape is of
     discs : one `Contour`, or two of conjugate cams; ``x`` and so on are those of the first
     """
+
+    schema = "cam_rig.contour.1"
+    drawn_by = "cam_rig.profile.figures:contour_figure"
+    columns: ClassVar = {
+        "points": (
+            Column("disc", of=_of_discs(lambda disc: np.full(disc.angle.size, disc.disc.name))),
+            Column("angle", "°", of=_of_discs(lambda disc: disc.angle), about="cam angle"),
+            Column("x", "mm", of=_of_discs(lambda disc: disc.points[0])),
+            Column("y", "mm", of=_of_discs(lambda disc: disc.points[1])),
+            Column(
+                "radius",
+                "mm",
+                of=_of_discs(lambda disc: disc.radius),
+                about="of curvature, below 0 where concave",
+            ),
+            Column("pressure_angle", "°", of=_of_discs(lambda disc: disc.pressure)),
+        ),
+        "checks": ProfileResult.columns["checks"],
+    }
 
     cam: CamConfig
     law: Law
@@ -76,43 +98,22 @@ class CamContour:
     @cached_property
     def checks(self) -> list[Check]:
         """Undercut, curvature, pressure angle, reach: each with value, limit and ``passed``."""
-        with libraries_named():
-            from cam_rig.profile.check_table import check_cam
         return check_cam(self.cam, self.law)
 
-    def to_pandas(self) -> DataFrame:
-        """A row each point, of every disc."""
-        with libraries_named():
-            from pandas import DataFrame, concat
-        tables = [
-            DataFrame(
-                {
-                    "disc": disc.disc.name,
-                    "angle_rad": disc.angle,
-                    "x_m": disc.points[0],
-                    "y_m": disc.points[1],
-                    "radius_m": disc.radius,
-                    "pressure_angle_rad": disc.pressure,
-                }
-            )
-            for disc in self.discs
-        ]
-        return concat(tables, ignore_index=True)
+    def tables(self) -> list[Records]:
+        """``points`` of every disc, and its ``checks``."""
+        checked = ProfileResult((CheckedCam(self.cam, self.law, self.checks),))
+        return [Arrays.of("points", self.columns["points"], self), checked.tables()[0]]
 
     @checked
-    def plot(self, positions: int = 24) -> Figure:
+    def plot(self, positions: int = 24) -> Figure:  # type: ignore[override]
         """The cam with its follower around it, curvature and pressure angle.
 
         Parameters
         ----------
         positions : of the follower around the cam, 3 to 720
         """
-        with libraries_named():
-            from cam_rig.profile import figures as profile
-        if not profile.FEWEST <= positions <= profile.MOST:
-            allowed = f"{profile.FEWEST} to {profile.MOST}"
-            raise ConfigError(f"positions: is {positions}; allowed: {allowed}")
-        return notebook(profile.figure(self.cam, self.law, self.checks, positions))
+        return super().plot(positions=positions)
 
 
 @checked

@@ -8,10 +8,13 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 
+from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.laws.law import Extreme, extremes
+from cam_rig.profile.check_table import POSITIONS, ProfileResult
 from cam_rig.profile.checks import Check, sharpest_convex
 from cam_rig.profile.contact import Element, Motion, Scan, turn_angles
+from cam_rig.profile.contour import CamContour
 from cam_rig.profile.disc import Contour, contours
 from cam_rig.profile.faces import GuidedFace, Swung, SwungCentre, SwungFace
 from cam_rig.schema import CamConfig
@@ -101,7 +104,7 @@ def pivots(element: Element, count: int) -> FloatArray | None:
 INK = tuple(map(web, DISCS))
 DASH, HATCH = ("-", (0, (5, 2))), ("", "///")
 FOLLOWER, BOLD = "0.62", "black"
-POINTS, POSITIONS = 3600, 24
+POINTS = 3600
 #: About every so many degrees a position is named; up to so many positions, each is.
 NAMED, EACH_NAMED = 60.0, 12
 #: Its middle is so far outside the follower's end, pt.
@@ -143,6 +146,19 @@ def figure(
         title.append(f"not met: {check.title} {value}{where}")
     out.suptitle(wrapped("\n".join(title)))
     return out
+
+
+def profile_figure(found: ProfileResult) -> Figure:
+    """Of the one cam that was asked for."""
+    (one,) = found.cams
+    return figure(one.cam, one.law, one.checks, found.positions)
+
+
+def contour_figure(found: CamContour, positions: int = POSITIONS) -> Figure:
+    """Of a contour, with 3 to 720 positions of the follower."""
+    if not FEWEST <= positions <= MOST:
+        raise ConfigError(f"positions: is {positions}; allowed: {FEWEST} to {MOST}")
+    return figure(found.cam, found.law, found.checks, positions)
 
 
 def _plan(axes: Axes, cam: CamConfig, law: Law, discs: tuple[Contour, ...], count: int) -> None:

@@ -99,7 +99,7 @@ def scene_to_json(found: SceneFindings) -> dict[str, Any]:
     from cam_rig.paper.orders.study import OrdersResult
 
     return {
-        "simulate": [row.plain() for row in found.run.by_speed],
+        "simulate": found.run.data(),
         "jump": found.jumps.data(),
         "vibration": found.vibration and found.vibration.data(),
         "orders": OrdersResult(found.orders).data() if found.orders else None,

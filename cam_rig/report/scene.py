@@ -161,11 +161,11 @@ MOST_CAMS = 6
 
 def figures(found: SceneFindings) -> dict[str, list[str]]:
     """URIs by key; those of a study that could not be made are missing."""
-    run, loaded, whole = found.run, found.loaded, found.cam_set
+    run, whole = found.run, found.cam_set
     curves = force_curves(run)
     drawn = {
         "force": uris(simulation_figures.over_turn(curves)),
-        "noise": uris(simulation_figures.figure(run.noise, loaded)),
+        "noise": uris(simulation_figures.figure(run)),
     }
     if len(whole.cams) > 1:
         laws = [(whole.cams[cam], law) for cam, law in whole.laws.items()]

@@ -14,14 +14,13 @@ from cam_rig.laws.law import continuity_in_words as continuity
 from cam_rig.laws.law import extremes
 from cam_rig.paper.orders.spectrum import HIGHEST
 from cam_rig.paper.orders.study import OrdersResult
-from cam_rig.profile.check_table import checks_table
+from cam_rig.profile.check_table import CheckedCam, ProfileResult
 from cam_rig.report.document import Answer, Document, Made, bold, render, span, summary_table
 from cam_rig.report.scene import SceneFindings, rig_seconds
 from cam_rig.report.sections import origins_table, recorded_table
 from cam_rig.schema.quantity import ORIGINS
 from cam_rig.schema.segment_base import quantities
 from cam_rig.show.tables import Cell, DataTable, Head, tabulate
-from cam_rig.simulation.by_speed import speed_table
 from cam_rig.simulation.scene import RELATIVE_NOTE, speeds_of
 
 # A scene's page in short: what each cam does on its rig, as questions and answers.
@@ -115,16 +114,18 @@ def _worth(found: SceneFindings) -> str:
 def tables(found: SceneFindings) -> dict[str, list[DataTable]]:
     """Every table of the page, by the section that shows it."""
     loaded, titles = found.loaded, found.cam_set.titles
-    rate = int(loaded.scene.sample_rate.si)
     simulated = {cam: curve.level_db for cam, curve in found.run.noise.curves.items()}
     return {
         "summary": [summary_table(answers(found))],
         "cams": [_laws(found)],
         "contour": [
-            checks_table(loaded.cams[cam], loaded.laws[cam], checks)
+            table
             for cam, checks in found.checks.items()
+            for table in ProfileResult(
+                (CheckedCam(loaded.cams[cam], loaded.laws[cam], checks),)
+            ).to_show()
         ],
-        "turn": [speed_table(found.run.by_speed, loaded.scene.title, rate, titles)],
+        "turn": found.run.tables()[0].to_show(titles),
         "jump": found.jumps.to_show(titles),
         "vibration": found.vibration.tables()[0].to_show(titles) if found.vibration else [],
         "sound": [

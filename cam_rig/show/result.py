@@ -204,6 +204,34 @@ class Records:
         return tabulate(caption, records, fields, *texts)
 
 
+@dataclass(frozen=True)
+class Arrays(Records):
+    """Records of which each column is an array, its value of ``whole``: data alone, in any number.
+
+    ``records`` only counts them.
+    """
+
+    whole: Any = None
+    hidden: bool = True
+
+    @classmethod
+    def of(cls, key: str, columns: tuple[Column, ...], whole: Any) -> Arrays:
+        """As many as the first column has."""
+        return cls(key, "", columns, range(len(columns[0].value(whole))), whole=whole)
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Each record by the columns' keys."""
+        keys = [c.key for c in self.columns]
+        values = (plain(c.value(self.whole)) for c in self.columns)
+        return [dict(zip(keys, row, strict=True)) for row in zip(*values, strict=True)]
+
+    def to_pandas(self) -> DataFrame:
+        """The arrays as they are."""
+        with libraries_named():
+            from pandas import DataFrame
+        return DataFrame({c.key: c.value(self.whole) for c in self.columns})
+
+
 def _wide(
     caption: str,
     records: list[Any],
@@ -252,7 +280,7 @@ def plain(value: Any) -> Any:
 
     if isinstance(value, Enum):
         return value.value
-    if isinstance(value, np.generic | np.ndarray):
+    if hasattr(value, "tolist"):  # NumPy's, which is not imported for a help text
         value = value.tolist()
     if isinstance(value, list | tuple):
         return [plain(one) for one in value]

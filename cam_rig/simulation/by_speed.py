@@ -6,14 +6,14 @@ All but the level is of the samples, be they computed or read from a bag: both g
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
 
 from cam_rig.laws import Law
-from cam_rig.show.tables import Cell, DataTable, Head, tabulate
+from cam_rig.show.result import Column, Footnote
 from cam_rig.simulation.simulate import Settling, TickSamples
 from cam_rig.units import TURN, FloatArray, to_rpm
 
@@ -113,22 +113,29 @@ class SpeedRow:
     torque_least: float
     torque_mean: float
 
-    def plain(self) -> dict[str, str | float | None]:
-        """The row with units in its names, for JSON and for tables of other programs."""
-        return {name + UNITS.get(name, ""): value for name, value in vars(self).items()}
 
+#: The columns of the rows.
+SPEEDS = (
+    Column("cam"),
+    Column("rpm", "rpm", ".6g", "speed"),
+    Column("turns", about="settled turns with samples", hidden=True),
+    Column("level", "dB", ".1f", of="level_db", about="re 20 µPa, unweighted"),
+    Column("force_peak", "N", ".1f", "peak force"),
+    Column("force_least", "N", ".1f", "least force"),
+    Column("lift_offs", "1/turn", ".3g", "lift-off rate"),
+    Column("flight", "ms", ".2f", "longest flight"),
+    Column("landing", "N·s", ".3f", "hardest landing"),
+    Column("torque_peak", "N·m", ".2f", "peak torque"),
+    Column("torque_least", "N·m", ".2f", "least torque"),
+    Column("torque_mean", "N·m", ".3f", "mean torque"),
+)
 
-#: What follows a field's name in plain data, where the name has no unit yet.
-UNITS = {
-    "force_peak": "_N",
-    "force_least": "_N",
-    "lift_offs": "_per_turn",
-    "flight": "_s",
-    "landing": "_N_s",
-    "torque_peak": "_N_m",
-    "torque_least": "_N_m",
-    "torque_mean": "_N_m",
-}
+BOUNCING = Footnote(
+    "The follower bounces without end and is never at rest on the cam, so no sample holds a force, "
+    "only its blows.",
+    lambda row: bool(row.force_peak == 0.0),
+    "*",
+)
 
 
 @dataclass
@@ -230,49 +237,3 @@ def rows_by_speed(
     for tick in ticks:
         taken.take(tick)
     return taken.rows(levels)
-
-
-def speed_table(
-    rows: Iterable[SpeedRow], title: str, rate: int, titles: Mapping[str, str] | None = None
-) -> DataTable:
-    """A row for each cam and speed of a run called ``title``, sampled at ``rate`` Hz.
-
-    ``titles`` are what cams are called, where not by name.
-    """
-    called = titles or {}
-
-    def of(name: str, factor: float = 1.0) -> Callable[[SpeedRow], Cell]:
-        def take(row: SpeedRow) -> Cell:
-            value: Cell = getattr(row, name)
-            return value * factor if isinstance(value, float) else value
-
-        return take
-
-    rows = tuple(rows)
-    note = f"Settled turns, of samples at {rate} Hz: a flight is known to one sample."
-    if bouncing := [row for row in rows if row.force_peak == 0.0]:
-        where = ", ".join(
-            f"{called.get(row.cam, row.cam)} at {row.rpm:.6g} rpm" for row in bouncing
-        )
-        note += (
-            f" {where}: the follower bounces without end and is never at rest on the cam, so no "
-            "sample holds a force, only its blows."
-        )
-    return tabulate(
-        f"{title}: by speed",
-        rows,
-        (
-            (Head("cam"), lambda row: called.get(row.cam, row.cam)),
-            (Head("speed", "rpm", ".6g"), of("rpm")),
-            (Head("level", "dB", ".1f"), of("level_db")),
-            (Head("peak force", "N", ".1f"), of("force_peak")),
-            (Head("least force", "N", ".1f"), of("force_least")),
-            (Head("lift-off rate", "1/turn", ".3g"), of("lift_offs")),
-            (Head("longest flight", "ms", ".2f"), of("flight", 1e3)),
-            (Head("hardest landing", "N·s", ".3f"), of("landing")),
-            (Head("peak torque", "N·m", ".2f"), of("torque_peak")),
-            (Head("least torque", "N·m", ".2f"), of("torque_least")),
-            (Head("mean torque", "N·m", ".3f"), of("torque_mean")),
-        ),
-        note,
-    )

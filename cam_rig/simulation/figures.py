@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from cam_rig.dynamics.interval import NamedRows
 from cam_rig.show import looks as colours
 from cam_rig.show.figure import (
     CAM_ANGLE,
@@ -23,9 +22,11 @@ from cam_rig.show.figure import (
     wrapped,
 )
 from cam_rig.show.looks import MM, short, web
+from cam_rig.simulation.motion import FollowerMotion
 from cam_rig.simulation.regression import NoiseResult
 from cam_rig.simulation.scene import FORCE_SPEEDS, LoadedScene, speeds_of, spread
 from cam_rig.simulation.scene_run import SceneRun
+from cam_rig.simulation.sound import SoundLevel
 from cam_rig.units import FloatArray
 
 #: A cubic through fewer speeds than this would show what nobody measured.
@@ -36,8 +37,14 @@ MARGIN_DB = 1.0
 
 
 @styled
-def figure(result: NoiseResult, loaded: LoadedScene) -> Figure:
+def figure(found: SceneRun) -> Figure:
     """Level of each cam against speed, its cubic regression, and what is published."""
+    return noise_figure(found.noise, found.loaded)
+
+
+@styled
+def noise_figure(result: NoiseResult, loaded: LoadedScene) -> Figure:
+    """The same of levels alone."""
     out = empty(3.4)
     axes = out.subplots()
     for curve in result.curves.values():
@@ -73,8 +80,9 @@ def figure(result: NoiseResult, loaded: LoadedScene) -> Figure:
 
 
 @styled
-def turn_by_turn(by_turn: FloatArray, settle_turns: int, level: float, title: str) -> Figure:
-    """Levels (dB) of turns ``(n,)``, and their energy mean ``level`` after ``settle_turns``."""
+def turn_by_turn(found: SoundLevel) -> Figure:
+    """The level turn by turn, and that of the settled ones."""
+    by_turn, settle_turns, level = found.by_turn, found.settle_turns, found.level_db
     out = empty(3.4)
     axes = out.subplots()
     turn = np.arange(1, by_turn.size + 1)
@@ -83,7 +91,7 @@ def turn_by_turn(by_turn: FloatArray, settle_turns: int, level: float, title: st
     axes.plot(
         settled, [level, level], color=series(1)["color"], label=f"settled turns: {level:.2f} dB"
     )
-    axes.set(xlabel="turn", ylabel=LEVEL, title=wrapped(title))
+    axes.set(xlabel="turn", ylabel=LEVEL, title=wrapped(str(found)))
     axes.set_xticks(turn[:: 1 + turn.size // 20])
     axes.set_ylim(by_turn.min() - MARGIN_DB, by_turn.max() + MARGIN_DB)
     axes.legend()
@@ -97,20 +105,17 @@ ForceCurve = tuple[float, FloatArray, FloatArray]
 
 
 @styled
-def motion_figure(samples: NamedRows, law_lift: FloatArray, title: str) -> Figure:
-    """Both over ``samples.time``; ``law_lift`` ``(n,)`` is the law's lift (m) at the same times.
-
-    Where the contact force is zero, contact is lost, and the time is shaded.
-    """
+def motion_figure(found: FollowerMotion) -> Figure:
+    """Lift and contact force over time; where the force is zero, contact is lost: it is shaded."""
     out = empty(4.6)
     lift, force = out.subplots(2, 1, sharex=True)
-    time, off = samples.time, samples.force == 0.0
-    lift.plot(time, samples.lift * MM, color=web(colours.LIFT), lw=2.2, label="follower")
-    lift.plot(time, law_lift * MM, "--", color=web(colours.LAW), lw=1.0, label="law")
-    force.plot(time, samples.force, color=web(colours.FORCE))
+    time, off = found.time, found.force == 0.0
+    lift.plot(time, found.lift * MM, color=web(colours.LIFT), lw=2.2, label="follower")
+    lift.plot(time, found.law(found.angle) * MM, "--", color=web(colours.LAW), lw=1.0, label="law")
+    force.plot(time, found.force, color=web(colours.FORCE))
     shade(lift, time, off, "contact lost" if off.any() else None)
     shade(force, time, off)
-    lift.set(ylabel="lift [mm]", title=wrapped(title))
+    lift.set(ylabel="lift [mm]", title=wrapped(f"{found.law.name} at {found.rpm:g} rpm"))
     lift.margins(y=0.2)
     lift.legend(loc="upper right", ncols=3)
     force.set(xlabel="time [s]", ylabel="contact force [N]")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any, ClassVar
 
 import numpy as np
 from pydantic import ValidationError
@@ -13,18 +13,13 @@ from cam_rig.arguments import checked
 from cam_rig.dynamics import MODELS, Block, Event
 from cam_rig.dynamics.interval import NamedRows
 from cam_rig.errors import ConfigError
-from cam_rig.extras import libraries_named
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig, SceneConfig
 from cam_rig.schema.explain import explain
-from cam_rig.show.result import notebook
+from cam_rig.show.result import Arrays, Column, Records, Result
 from cam_rig.simulation.schedule import cam_states
 from cam_rig.simulation.simulate import FollowerSimulator
 from cam_rig.units import FloatArray
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-    from pandas import DataFrame
 
 #: Samples of one motion at most: 1 GB.
 MAX_TOTAL_SAMPLES = 20_000_000
@@ -33,7 +28,7 @@ CAM = "cam"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FollowerMotion(NamedRows):
+class FollowerMotion(NamedRows, Result):
     """What the follower did: samples ``(n,)`` by name, read-only, and events.
 
     ``time`` (s), ``lift`` (m), ``velocity`` (m/s), ``acceleration`` (m/s²), ``force`` (contact
@@ -46,6 +41,27 @@ class FollowerMotion(NamedRows):
     rows : ``(6, n)`` all samples
     blocks : the samples of each turn, views of ``rows``, with their intervals and events
     """
+
+    schema = "cam_rig.motion.1"
+    drawn_by = "cam_rig.simulation.figures:motion_figure"
+    columns: ClassVar = {
+        "samples": (
+            Column("time", "s"),
+            Column("angle", "°", about="cam angle with all its turns"),
+            Column("lift", "mm", about="of the follower"),
+            Column("velocity", "m/s"),
+            Column("acceleration", "m/s²"),
+            Column("force", "N", about="contact force"),
+            Column("impulse", "N·s", about="of the landings since the sample before"),
+        ),
+        "events": (
+            Column("kind"),
+            Column("time", "s", ".5f"),
+            Column("angle", "°", ".2f", "cam angle"),
+            Column("impulse", "N·s", ".3g"),
+            Column("energy_lost", "J", ".3g"),
+        ),
+    }
 
     law: Law
     rig: RigConfig
@@ -76,27 +92,12 @@ class FollowerMotion(NamedRows):
         what = f"{self.law.name} on {self.rig.name}, {self.scene.model}, {self.rpm:g} rpm"
         return f"FollowerMotion({what}: {self.time.size} samples, {len(self.events)} events)"
 
-    def to_pandas(self) -> DataFrame:
-        """The samples as a table with a column each, its unit in its name."""
-        with libraries_named():
-            from pandas import DataFrame
-        return DataFrame(
-            {
-                "time_s": self.time,
-                "angle_rad": self.angle,
-                "lift_m": self.lift,
-                "velocity_m_s": self.velocity,
-                "acceleration_m_s2": self.acceleration,
-                "force_N": self.force,
-                "impulse_N_s": self.impulse,
-            }
-        )
-
-    def plot(self) -> Figure:
-        """Lift and contact force over time; flights of the follower are shaded."""
-        with libraries_named():
-            from cam_rig.simulation.figures import motion_figure as figure
-        return notebook(figure(self, self.law(self.angle), f"{self.law.name} at {self.rpm:g} rpm"))
+    def tables(self) -> list[Records]:
+        """``samples``, and ``events``."""
+        return [
+            Arrays.of("samples", self.columns["samples"], self),
+            self.table("events", "Lift-offs and landings", self.events),
+        ]
 
 
 @checked

@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property, partial
+from operator import itemgetter
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any, ClassVar
 
 import numpy as np
 
 from cam_rig.arguments import checked
 from cam_rig.dynamics import Samples
 from cam_rig.errors import ConfigError
-from cam_rig.extras import libraries_named
-from cam_rig.show.result import notebook
-from cam_rig.simulation.by_speed import SpeedRow, SpeedRows, rows_by_speed
+from cam_rig.show.result import Column, Records, Result
+from cam_rig.simulation.by_speed import BOUNCING, SPEEDS, SpeedRow, SpeedRows, rows_by_speed
 from cam_rig.simulation.export import export
-from cam_rig.simulation.regression import NoiseResult, compare
-from cam_rig.simulation.scene import LoadedScene, load_scene
+from cam_rig.simulation.regression import NoiseCurve, NoiseResult, compare
+from cam_rig.simulation.scene import RELATIVE, RELATIVE_NOTE, LoadedScene, load_scene
 from cam_rig.simulation.schedule import tick_count
 from cam_rig.simulation.simulate import (
     MeasuredTick,
@@ -30,13 +31,30 @@ from cam_rig.simulation.simulate import (
 )
 from cam_rig.units import to_rpm
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-    from pandas import DataFrame
+
+def _regression(curve: NoiseCurve) -> str:
+    c0, c1, c2, c3 = curve.coefficients
+    if not math.isfinite(c0):
+        return "needs four speeds"
+    return f"{c0:.5g} {c1:+.5g} x {c2:+.5g} x² {c3:+.5g} x³"
+
+
+def _role(curve: NoiseCurve) -> str:
+    """What the comparison is worth, or that no level is; nothing where nothing is compared."""
+    return "" if curve.rmse_db is None and curve.role != RELATIVE else curve.role
+
+
+def _coefficient(power: int) -> Column:
+    unit = ("dB", "dB/rpm", "dB/rpm²", "dB/rpm³")[power]
+    of: Any = lambda curve: curve.coefficients[power]  # noqa: E731
+    about = f"of level over speed, times rpm^{power}"
+    if power:
+        return Column(f"c{power}", unit, of=of, about=about, hidden=True)
+    return Column("c0", unit, heading="regression", of=of, cell=_regression, about=about)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SceneRun:
+class SceneRun(Result):
     """A run of a scene.
 
     Parameters
@@ -48,6 +66,33 @@ class SceneRun:
     counts : messages by topic, of a bag
     speeds : what `by_speed` is made of, where the samples have gone through it already
     """
+
+    schema = "cam_rig.simulate.1"
+    drawn_by = "cam_rig.simulation.figures:figure"
+    columns: ClassVar = {
+        "speeds": SPEEDS,
+        "noise": (
+            Column("cam"),
+            *map(_coefficient, range(4)),
+            Column("rms_difference", "dB r.m.s.", ".2f", "difference to published", "rmse_db"),
+            Column("role", cell=_role, about="what the level is worth"),
+            Column("level_first", "dB", ".1f", "first level", lambda curve: curve.level_db[0]),
+            Column("level_last", "dB", ".1f", "last level", lambda curve: curve.level_db[-1]),
+        ),
+        "levels": (
+            Column("cam", of=itemgetter(0)),
+            Column("rpm", "rpm", of=itemgetter(1)),
+            Column("level", "dB", of=itemgetter(2), about="of the microphone, re 20 µPa"),
+        ),
+        "crossing": (
+            Column("rpm", "rpm", of=itemgetter(0), about="where two published cams are as loud"),
+            Column("published_rpm", "rpm", of=itemgetter(1)),
+        ),
+        "messages": (
+            Column("topic", of=itemgetter(0)),
+            Column("count", of=itemgetter(1), about="messages of it in the bag"),
+        ),
+    }
 
     loaded: LoadedScene
     ticks: tuple[MeasuredTick, ...]
@@ -135,17 +180,35 @@ class SceneRun:
         """
         export(Path(path), self.blocks(), self.loaded, cam, rpm)
 
-    def to_pandas(self) -> DataFrame:
-        """A row each cam and speed, as `by_speed`: ``cam``, ``rpm``, ``level_db`` and so on."""
-        with libraries_named():
-            from pandas import DataFrame
-        return DataFrame([row.plain() for row in self.by_speed])
+    def tables(self) -> list[Records]:
+        """``speeds`` (none of a bag without samples), ``noise``, and in data what they rest on."""
+        title, curves = self.loaded.scene.title, self.noise.curves.values()
+        rate = int(self.loaded.scene.sample_rate.si)
+        note = f"Settled turns, of samples at {rate} Hz: a flight is known to one sample."
+        relative = () if self.loaded.calibrated else (RELATIVE_NOTE,)
+        levels = [
+            (curve.cam, round(rpm, 9), level)
+            for curve in curves
+            for rpm, level in zip(curve.rpm.tolist(), curve.level_db.tolist(), strict=True)
+        ]
+        published = self.loaded.published
+        crossing = self.noise.crossover_rpm, published and published.crossover.rpm
+        return [
+            self.table("speeds", f"{title}: by speed", self.by_speed, note, BOUNCING),
+            self.table("noise", f"{title}: level over x in rpm", curves, *relative),
+            self.table("levels", "", levels, hidden=True),
+            self.table("crossing", "", [crossing], single=True, hidden=True),
+            self.table("messages", "", self.counts.items(), hidden=True),
+        ]
 
-    def plot(self) -> Figure:
-        """Level (dB) against speed (rpm), with regressions and what is published."""
-        with libraries_named():
-            from cam_rig.simulation.figures import figure
-        return notebook(figure(self.noise, self.loaded))
+    def summary(self) -> list[str]:
+        """Where the two published cams cross, if both are there."""
+        published = self.loaded.published
+        if published is None or not set(published.crossover.between) <= set(self.noise.curves):
+            return []
+        at, names = self.noise.crossover_rpm, " and ".join(published.crossover.between)
+        found = "none" if at is None else f"{at:.1f} rpm"
+        return [f"{names} cross at {found} (published: {published.crossover.rpm:g} rpm)"]
 
 
 @checked

@@ -5,22 +5,24 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from functools import cached_property
+from operator import itemgetter
+from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
 from cam_rig.acoustics import RadiationParameters, Reading, SoundLevelMeter, SoundSource, level_db
 from cam_rig.acoustics.pressure import SourceState
-from cam_rig.acoustics.sound_level_meter import MeterState
+from cam_rig.acoustics.sound_level_meter import Measurement, MeterState, full_scale, measure
 from cam_rig.arguments import checked
 from cam_rig.dynamics import MODELS, Samples
 from cam_rig.errors import ConfigError
-from cam_rig.extras import libraries_named
 from cam_rig.schema import SceneConfig
-from cam_rig.show.result import notebook
+from cam_rig.show.result import SILENT, Column, Progress, Records, Result
 from cam_rig.simulation.motion import CAM, FollowerMotion
-from cam_rig.simulation.scene import LoadedScene, is_calibrated
-from cam_rig.simulation.schedule import CamState, cam_states
+from cam_rig.simulation.scene import RELATIVE_NOTE, LoadedScene, is_calibrated
+from cam_rig.simulation.schedule import CamState, cam_states, tick_count
 from cam_rig.simulation.simulate import (
     FollowerSimulator,
     MeasuredTick,
@@ -29,13 +31,9 @@ from cam_rig.simulation.simulate import (
 )
 from cam_rig.units import FloatArray
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-    from pandas import DataFrame
 
-
-@dataclass(frozen=True, eq=False)
-class SoundLevel:
+@dataclass(frozen=True, eq=False, repr=False)
+class SoundLevel(Result):
     """Sound pressure level in dB re 20 µPa, unweighted.
 
     Parameters
@@ -48,6 +46,21 @@ class SoundLevel:
         empty when they are assumed, or were fitted with another follower or model: the level is
         then relative, good for comparisons alone
     """
+
+    schema = "cam_rig.sound_level.1"
+    drawn_by = "cam_rig.simulation.figures:turn_by_turn"
+    columns: ClassVar = {
+        "turns": (
+            Column("turn", "", "d", of=itemgetter(0)),
+            Column("level", "dB", ".1f", of=itemgetter(1), about="re 20 µPa, unweighted"),
+            Column("settled", of=itemgetter(2), about="whether it is in the level"),
+        ),
+        "level": (
+            Column("rpm", "rpm", about="cam speed"),
+            Column("level", "dB", of="level_db", about="of the settled turns"),
+            Column("calibrated_on", about="the cam that the rig's sound was fitted to; or empty"),
+        ),
+    }
 
     rpm: float
     level_db: float
@@ -66,19 +79,17 @@ class SoundLevel:
         )
         return f"{self.level_db:.1f} dB at {self.rpm:g} rpm ({worth})"
 
-    def to_pandas(self) -> DataFrame:
-        """A row each turn."""
-        with libraries_named():
-            from pandas import DataFrame
-        turn = np.arange(1, self.by_turn.size + 1)
-        settled = turn > self.settle_turns
-        return DataFrame({"turn": turn, "level_db": self.by_turn, "settled": settled})
+    def tables(self) -> list[Records]:
+        """``turns``, and in data the level of the settled ones."""
+        turns = enumerate(self.by_turn.tolist(), start=1)
+        rows = [(turn, level, turn > self.settle_turns) for turn, level in turns]
+        return [
+            self.table("turns", str(self), rows),
+            self.table("level", "", [self], single=True, hidden=True),
+        ]
 
-    def plot(self) -> Figure:
-        """The level (dB) turn by turn, and that of the settled ones."""
-        with libraries_named():
-            from cam_rig.simulation.figures import turn_by_turn
-        return notebook(turn_by_turn(self.by_turn, self.settle_turns, self.level_db, str(self)))
+    def __repr__(self) -> str:
+        return f"SoundLevel({self})"
 
 
 @checked
@@ -223,3 +234,91 @@ def sounds(loaded: LoadedScene, source: SoundSource) -> Iterator[FloatArray]:
         if turned is not None:
             block = turned[1]
             yield source.pressure(block.force, block.impulse, block.interval.mean_speed)
+
+
+#: The frequency weightings of the levels, in words.
+WEIGHTED = {"A": "A-weighted", "C": "C-weighted", "Z": "unweighted (Z), as in tables"}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ListenResult(Result):
+    """The sound of a scene: pressure (Pa) at ``rate`` Hz, and what a meter shows for it."""
+
+    schema = "cam_rig.listen.1"
+    columns: ClassVar = {
+        "levels": (
+            Column("quantity", of=itemgetter(0), about="as IEC 61672-1 writes it: LAeq, LAFmax"),
+            Column("level", "dB", ".1f", of=itemgetter(1), about="re 20 µPa"),
+        ),
+        "third_octaves": (
+            Column("band", of=itemgetter(0), about="by its nominal frequency"),
+            Column("level", "dB", of=itemgetter(1), about="unweighted"),
+        ),
+        "sound": (
+            Column("duration", "s"),
+            Column("full_scale", "Pa", about="what the sound file's largest number stands for"),
+            Column("peak", "Pa", of="measured.peak_pa"),
+            Column("calibrated", of="loaded.calibrated", about="else levels are relative"),
+            Column("class_1_up_to", "Hz", of="measured.class_1_up_to_hz"),
+            Column("overload", of="measured.overload", about="beyond the meter's 130 dB"),
+            Column("under_range", of="measured.under_range", about="below the meter's 30 dB"),
+        ),
+    }
+
+    loaded: LoadedScene
+    pressure: FloatArray
+    rate: int
+    out: Path
+
+    @cached_property
+    def measured(self) -> Measurement:
+        """Levels, bands, peak."""
+        return measure(self.pressure, self.rate)
+
+    @property
+    def full_scale(self) -> float:
+        """The pressure (Pa) that the largest number of a sound file stands for."""
+        return full_scale(self.measured.peak_pa)
+
+    @property
+    def duration(self) -> float:
+        """How long it is, s."""
+        return self.pressure.size / self.rate
+
+    def tables(self) -> list[Records]:
+        """``levels``, ``third_octaves``, and ``sound`` as a whole: data, of which `summary`."""
+        bands = self.measured.bands
+        thirds = list(zip(bands.names, bands.level_db.tolist(), strict=True))
+        return [
+            self.table("levels", "", self.measured.levels.items(), hidden=True),
+            self.table("third_octaves", "", thirds, hidden=True),
+            self.table("sound", "", [self], single=True, hidden=True),
+        ]
+
+    def summary(self) -> list[str]:
+        """Where it is, a line a weighting, and what is wrong with it."""
+        told = self.measured
+        lines = [
+            f"{self.out}: {self.duration:.1f} s; full scale is {self.full_scale:g} Pa, "
+            f"peak {told.peak_pa:.3g} Pa"
+        ]
+        for weighting, words in WEIGHTED.items():
+            own = {name: x for name, x in told.levels.items() if name.startswith(f"L{weighting}")}
+            levels = ", ".join(f"{name} {level:.1f}" for name, level in own.items())
+            lines.append(f"{words}: {levels} dB")
+        lines.append(f"class 1 up to {told.class_1_up_to_hz / 1000.0:g} kHz")
+        if told.overload:
+            lines.append("overload: beyond the meter's 130 dB")
+        if told.under_range:
+            lines.append("under range: a level is below the meter's 30 dB")
+        return lines if self.loaded.calibrated else [*lines, RELATIVE_NOTE]
+
+
+def listen(loaded: LoadedScene, rate: int, out: Path, progress: Progress = SILENT) -> ListenResult:
+    """The sound of a scene at its microphone, at ``rate`` Hz, for a file ``out``."""
+    source, pressure = SoundSource(loaded.radiation, rate, least_rate=rate), []
+    progress.begin(tick_count(loaded.scene), loaded.scene.name)
+    for tick in sounds(loaded, source):
+        pressure.append(tick)
+        progress.advance()
+    return ListenResult(loaded, np.concatenate(pressure), rate, out)

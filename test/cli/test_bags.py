@@ -48,7 +48,7 @@ def test_analyze_takes_a_bag_of_ros2_bag_record(tmp_path, plugin):
     expected = json.loads(call("analyze", GOLDEN, "--json", "-").stdout)
     result = call("analyze", tmp_path / "theirs", "--scene", "quick", "--json", "-")
     assert result.exit_code == 0, result.stderr
-    assert json.loads(result.stdout)["cams"] == expected["cams"]
+    assert json.loads(result.stdout)["levels"] == expected["levels"]
     nameless = call("analyze", tmp_path / "theirs")
     assert nameless.exit_code == 1
     assert "--scene" in nameless.stderr or "holds 0 .mcap files" in nameless.stderr

@@ -28,21 +28,21 @@ def test_simulate_writes_the_promised_json():
     result = call("simulate", SWEEP, "--json", "-")
     assert result.exit_code == 0
     data = json.loads(result.stdout)
-    assert set(data) == {"cams", "crossover_rpm", "messages", "speeds"}
+    assert set(data) == {"schema", "speeds", "noise", "levels", "crossing", "messages"}
     assert [len({row["cam"] for row in data["speeds"]}), len(data["speeds"])] == [3, 63]
-    assert {type(row["torque_mean_N_m"]) for row in data["speeds"]} == {float}
-    cams = data["cams"]
+    assert {type(row["torque_mean"]) for row in data["speeds"]} == {float}
+    cams = {row["cam"]: row for row in data["noise"]}
     assert {name: cam["role"] for name, cam in cams.items()} == {
         "tm21": "identified",
         "poly345": "calibrated",
         "bezier15": "predicted",
     }
-    assert all(len(c["rpm"]) == len(c["level_db"]) == 21 for c in cams.values())
-    assert all(len(c["coefficients"]) == 4 for c in cams.values())
-    assert cams["poly345"]["rmse_db"] <= 1.0
-    assert cams["bezier15"]["rmse_db"] <= 1.0
-    assert cams["tm21"]["rmse_db"] <= 2.5
-    assert data["crossover_rpm"] == pytest.approx(335.0, abs=15.0)
+    assert len({row["rpm"] for row in data["levels"]}) == len(data["levels"]) / 3 == 21
+    assert all(None not in cam.values() for cam in cams.values())
+    assert cams["poly345"]["rms_difference"] <= 1.0
+    assert cams["bezier15"]["rms_difference"] <= 1.0
+    assert cams["tm21"]["rms_difference"] <= 2.5
+    assert data["crossing"]["rpm"] == pytest.approx(335.0, abs=15.0)
 
 
 def test_a_plot_is_a_picture(tmp_path):
@@ -57,7 +57,8 @@ def test_analyze_reads_the_golden_bag():
     golden = config_root().parent / "bags" / "golden"
     result = call("analyze", golden, "--json", "-")
     assert result.exit_code == 0
-    assert json.loads(result.stdout)["messages"]["/follower/samples"] == 16
+    messages = {row["topic"]: row["count"] for row in json.loads(result.stdout)["messages"]}
+    assert messages["/follower/samples"] == 16
 
 
 def test_urdf_goes_to_stdout_or_into_a_file(tmp_path):

@@ -21,13 +21,13 @@ def call(*arguments):
 
 
 def test_a_scene_and_its_bag_give_the_same_rows():
-    """As CSV on stdout: headings with units, and numbers that agree to rounding."""
+    """As CSV on stdout: keys, and numbers that agree to rounding."""
     tables = []
     for words in (["simulate", "quick"], ["analyze", GOLDEN]):
         result = call(*words, "--csv", "-")
         assert result.exit_code == 0, result.stderr
-        _caption, heading, *rows = csv.reader(io.StringIO(result.stdout))
-        assert heading[:4] == ["cam", "speed [rpm]", "level [dB]", "peak force [N]"]
+        keys, *rows = csv.reader(io.StringIO(result.stdout))
+        assert keys[:5] == ["cam", "rpm", "turns", "level", "force_peak"]
         assert [row[1] for row in rows[:4]] == ["200.0", "300.0", "350.0", "400.0"]
         tables.append(np.array([row[1:] for row in rows], dtype=float))
     np.testing.assert_allclose(*tables, rtol=1e-9)

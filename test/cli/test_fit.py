@@ -41,7 +41,8 @@ def test_a_table_becomes_a_scene_that_runs(table, tmp_path, monkeypatch):
     assert "outliers: line 102 by " in made.output
     run = call("simulate", "mine/scenes/mine.yaml", "--json", "-")
     assert run.exit_code == 0
-    assert all(map(math.isfinite, json.loads(run.stdout)["cams"]["mine"]["level_db"]))
+    rows = json.loads(run.stdout)["levels"]
+    assert rows and all(math.isfinite(row["level"]) for row in rows)
     assert call("profile", "mine/cams/mine.yaml").exit_code == 0
     again = call("new", "mine", "--from-csv", table)
     assert again.exit_code == 1

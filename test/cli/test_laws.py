@@ -22,9 +22,10 @@ def test_laws_as_json():
     result = call("laws", "--json", "-")
     assert result.exit_code == 0
     data = json.loads(result.stdout)
-    assert set(data) == set(NAMED_RISES)
-    for law in data.values():
-        assert set(law) == {"peak_velocity", "peak_acceleration", "peak_jerk", "continuity"}
+    found = {row.pop("law"): row for row in data["laws"]}
+    assert set(found) == {*NAMED_RISES, *free_laws()}
+    keys = ("peak_velocity", "peak_acceleration", "peak_jerk", "continuity")
+    assert all(found[name][key] is None for name in free_laws() for key in keys)
     known = {
         "poly345": (1.875, 5.7735, 60, 2),
         "poly4567": (2.1875, 7.5132, 52.5, 3),
@@ -34,7 +35,7 @@ def test_laws_as_json():
         "modified_trapezoid": (2, 4.8881, 61.426, 2),
     }
     for name, figures in known.items():
-        assert list(data[name].values()) == pytest.approx(figures, rel=2e-5)
+        assert [found[name][key] for key in keys] == pytest.approx(figures, rel=2e-5)
 
 
 def test_laws_for_people():
@@ -69,16 +70,16 @@ def test_odd_laws_are_drawn_too(tmp_path, cam):
 
 def test_law_as_csv(laws):
     """Lift and three derivatives every half degree, in SI, on stdout; no plot is written."""
-    result = call("law", "poly4567", "--csv")
+    result = call("law", "poly4567", "--csv", "-")
     assert result.exit_code == 0
     rows = list(csv.DictReader(io.StringIO(result.stdout)))
     assert len(rows) == 720
-    angle = np.radians([float(row["angle_deg"]) for row in rows])
-    keys = ("lift_m", "velocity_m_rad", "acceleration_m_rad2", "jerk_m_rad3")
-    for order, key in enumerate(keys):
+    angle = np.array([float(row["angle"]) for row in rows])
+    np.testing.assert_allclose(np.degrees(angle), np.arange(720) / 2.0, rtol=1e-14)
+    for order, key in enumerate(("lift", "velocity", "acceleration", "jerk")):
         found = [float(row[key]) for row in rows]
         expected = laws["poly4567"](angle, order)
-        np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-13)
+        np.testing.assert_allclose(found, expected, rtol=1e-14, atol=0)
     assert "plot" not in result.stderr
 
 
@@ -90,33 +91,31 @@ def rows_of(result):
 
 def test_every_rise_is_accepted_by_name():
     """All of them at once, each from 0 to 1 over u, with its slopes in the table."""
-    rows = rows_of(call("law", *NAMED_RISES, "--rises", "--csv"))
+    rows = rows_of(call("law", *NAMED_RISES, "--rises", "--csv", "-"))
     for name in NAMED_RISES:
         own = [row for row in rows if row["rise"] == name]
-        assert (own[0]["u"], own[-1]["u"]) == ("0", "1")
+        assert (own[0]["u"], own[-1]["u"]) == ("0.0", "1.0")
         ends = [float(own[i]["lift"]) for i in (0, -1)]
         assert ends == pytest.approx([0.0, 1.0], abs=1e-12)
 
 
 def test_names_that_are_all_cams_are_cams():
     """poly345 and cycloidal are both: the cam is meant, unless a rise stands beside it."""
-    cams = rows_of(call("law", "poly345", "cycloidal", "--csv"))
+    cams = rows_of(call("law", "poly345", "cycloidal", "--csv", "-"))
     assert {row["cam"] for row in cams} == {"poly345", "cycloidal"}
-    assert max(float(row["lift_m"]) for row in cams) == pytest.approx(0.05)
+    assert max(float(row["lift"]) for row in cams) == pytest.approx(0.05)
     for told in (["bezier9"], ["--rises"]):
-        rises = rows_of(call("law", "poly345", "cycloidal", *told, "--csv"))
+        rises = rows_of(call("law", "poly345", "cycloidal", *told, "--csv", "-"))
         assert max(float(row["lift"]) for row in rises) == pytest.approx(1.0)
 
 
 def test_a_csv_of_several_cams_holds_that_of_each(config_dir):
     """The same rows below each other, a cam's name before each; paths and names may be mixed."""
     path = config_dir / "cams" / "bezier15.yaml"
-    both = rows_of(call("law", "poly345", path, "--csv"))
+    both = rows_of(call("law", "poly345", path, "--csv", "-"))
     for name in ("poly345", "bezier15"):
-        alone = rows_of(call("law", name, "--csv"))
-        assert [row for row in both if row["cam"] == name] == [
-            {"cam": name, **row} for row in alone
-        ]
+        alone = rows_of(call("law", name, "--csv", "-"))
+        assert [row for row in both if row["cam"] == name] == alone
 
 
 @pytest.mark.variants(1)
@@ -141,10 +140,23 @@ def test_laws_over_each_other(tmp_path, arguments, words):
     assert "a.svg" in result.stderr
 
 
+def test_extremes_of_cams_as_json(laws):
+    """In SI with the angle, whatever the unit that is shown; joints that are not smooth."""
+    result = call("law", "worked_example_quintic", "poly345", "--json", "-")
+    data = json.loads(result.stdout)
+    found = {(row["cam"], row["quantity"]): row for row in data["extremes"]}
+    row = found["worked_example_quintic", "velocity"]
+    assert (row["unit"], row["continuity"]) == ("m/rad", 2)
+    assert laws["worked_example_quintic"](row["largest_at"], 1) == pytest.approx(row["largest"])
+    assert found["poly345", "lift"]["largest"] == pytest.approx(0.05)
+    assert {joint["cam"] for joint in data["joints"]} == {"worked_example_quintic", "poly345"}
+
+
 def test_a_family_by_itself():
     """Table and JSON have its rises alone."""
     result = call("laws", "--family", "end", "--json", "-")
-    assert list(json.loads(result.stdout)) == ["bezier4_end", "bezier6_end", "bezier8_end"]
+    names = [row["law"] for row in json.loads(result.stdout)["laws"]]
+    assert names == ["bezier4_end", "bezier6_end", "bezier8_end"]
     assert "cycloidal" not in result.stderr
 
 

@@ -14,6 +14,7 @@ from cam_rig.laws import build_law
 from cam_rig.profile import contours, turn_angles
 from cam_rig.schema import load_cam
 from cam_rig.schema.load import cam_path, config_root
+from cam_rig.show.tables import number
 
 
 def call(*arguments):
@@ -43,15 +44,17 @@ def test_all_shipped_cams_pass():
     assert call("worked_example_constant_velocity").exit_code == 1
     data = json.loads(result.stdout)
     names = {path.stem for path in (config_root() / "cams").glob("*.yaml")}
-    assert set(data) == names
-    refused = {name for name, cam in data.items() if not cam["passed"]}
+    assert {cam["cam"] for cam in data["cams"]} == names
+    refused = {cam["cam"] for cam in data["cams"] if cam["failed"]}
     assert refused == {"worked_example_constant_velocity"}
-    assert refused == {name for name, cam in data.items() if cam["cannot_be_made"]}
+    assert refused == {cam["cam"] for cam in data["cams"] if cam["cannot_be_made"]}
+    assert refused == {check["cam"] for check in data["checks"] if not check["passed"]}
     assert all(name in result.stderr for name in names)
-    pressure = next(c for c in data["tm21"]["checks"] if c["check"] == "pressure angle")
-    assert pressure["value"] == pytest.approx(19.094, abs=1e-3)
-    assert pressure["angle_deg"] == pytest.approx(140.7, abs=0.01)
-    assert (pressure["limit"], pressure["unit"]) == (pytest.approx(30.0), "°")
+    named = {(check["cam"], check["check"]): check for check in data["checks"]}
+    pressure = named["tm21", "pressure angle"]
+    assert pressure["value"] == pytest.approx(np.radians(19.094), abs=1e-5)
+    assert pressure["angle"] == pytest.approx(np.radians(140.7), abs=1e-4)
+    assert (pressure["limit"], pressure["unit"]) == (pytest.approx(np.pi / 6.0), "rad")
 
 
 def test_the_table_of_all_fits_80_columns():
@@ -126,8 +129,9 @@ def test_there_and_back(tmp_path, suffix):
     assert call("conjugate", "--out", out, "--tolerance", "0.5").exit_code == 0
     result = call("conjugate", "--from", out, "--out", law)
     assert result.exit_code == 0
-    assert "first cam: " in result.stderr
-    assert "lift 18 mm; from the law of conjugate: " in result.stderr
+    lines = [line.split() for line in result.stderr.splitlines()]
+    found = [line for line in lines if line[:1] == ["conjugate"]]
+    assert [(line[1], line[3]) for line in found] == [("first", "18"), ("second", "18")]
     header, *rows = law.read_text().splitlines()
     assert header == "angle_deg,lift_mm"
     assert len(rows) == 720
@@ -135,18 +139,18 @@ def test_there_and_back(tmp_path, suffix):
 
 
 def test_a_measurement_as_json(tmp_path):
-    """What the line says, for programs: one entry a contour, the lift of the cam in it."""
+    """For programs: one entry a contour, the lift of the cam in it."""
     assert call("conjugate", "--out", tmp_path / "a.csv").exit_code == 0
     result = call("conjugate", "--from", tmp_path / "a.csv", "--json", "-")
     assert result.exit_code == 0
-    data = json.loads(result.stdout)["conjugate"]
-    assert data["from"] == str(tmp_path / "a.csv")
-    assert [one["disc"] for one in data["contours"]] == ["first", "second"]
-    for one in data["contours"]:
+    data = json.loads(result.stdout)["contours"]
+    assert [one["disc"] for one in data] == ["first", "second"]
+    for one in data:
+        assert one["source"] == str(tmp_path / "a.csv")
         assert one["points"] == 3600
-        assert one["lift_mm"] == pytest.approx(18.0, abs=1e-6)
-        assert 0.0 < one["rms_error_um"] <= abs(one["largest_error_um"]) < 1e-3
-        assert f"{one['largest_error_um']:+.3g} µm at {one['at_deg']:g}°" in result.stderr
+        assert one["lift"] == pytest.approx(18e-3, abs=1e-9)
+        assert 0.0 < one["rms_error"] <= abs(one["largest_error"]) < 1e-9
+        assert f"{number(1e6 * one['largest_error'], '+.3g')} " in result.stderr
 
 
 def test_a_contour_that_is_none_is_measured_with_a_warning(tmp_path):
@@ -165,13 +169,13 @@ def test_a_contour_that_is_none_is_measured_with_a_warning(tmp_path):
 def test_another_cams_contour_is_measured_too(tmp_path):
     """The follower reads what the contour gives, and says how far that is from the law."""
     call("poly4567", "--out", tmp_path / "a.csv")
-    result = call("poly345", "--from", tmp_path / "a.csv")
+    result = call("poly345", "--from", tmp_path / "a.csv", "--json", "-")
     assert result.exit_code == 0
-    off = float(re.search(r"from the law of poly345: ([-+\d.e]+) µm at", result.stderr)[1])
+    (found,) = json.loads(result.stdout)["contours"]
     angle = turn_angles(720)
     laws = [build_law(load_cam(cam_path(name))) for name in ("poly4567", "poly345")]
-    difference = 1e6 * (laws[0](angle) - laws[1](angle))
-    assert abs(off) == pytest.approx(np.abs(difference).max(), rel=1e-2)
+    difference = laws[0](angle) - laws[1](angle)
+    assert abs(found["largest_error"]) == pytest.approx(np.abs(difference).max(), rel=1e-2)
 
 
 def test_pitch_curve_is_the_path_of_such_a_cutter(tmp_path):

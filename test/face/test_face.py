@@ -152,7 +152,7 @@ def test_the_pitch_curve_is_the_base_circle_and_the_lift():
     centre = np.hypot(*shape.discs[0].pitch)
     np.testing.assert_allclose(centre, base + shape.law(shape.angle), rtol=1e-12)
     assert shape.x.size == shape.y.size == 90
-    assert shape.to_pandas()["x_m"].tolist() == shape.x.tolist()
+    assert shape.to_pandas()["x"].tolist() == shape.x.tolist()
     with pytest.raises(ValueError, match="read-only"):
         shape.x[0] = 0.0
     with pytest.raises(ConfigError, match="points: is 3; allowed: 36 to 1000000"):
@@ -181,8 +181,8 @@ def test_a_scene_and_its_bag_give_one_result(figures):
             recording.noise.curves[cam].level_db, curve.level_db, rtol=0, atol=1e-9
         )
     table = recording.to_pandas()
-    assert list(table)[:4] == ["cam", "rpm", "turns", "level_db"]
-    assert table["level_db"].tolist()[:4] == recording.noise.curves["tm21"].level_db.tolist()
+    assert list(table)[:4] == ["cam", "rpm", "turns", "level"]
+    assert table["level"].tolist()[:4] == recording.noise.curves["tm21"].level_db.tolist()
     (axes,) = recording.plot().axes
     assert axes.get_xlabel() == "cam speed [rpm]"
 

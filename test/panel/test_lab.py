@@ -339,25 +339,27 @@ def mark(*arguments: object) -> tuple[int, str, str]:
 
 def test_marks_are_the_difference_to_find_jump(tmp_path: Path) -> None:
     """Of the hidden rig with a seed, of the rig's own numbers without; 2 % off is not within 1. The
-    table has a row a reading, with units."""
+    CSV has a row a reading."""
     right, wrong = written(tmp_path, "alpha"), written(tmp_path, None, off=0.02)
     target = tmp_path / "marks.csv"
     code, out, err = mark(right, wrong, "--json", "-", "--csv", target)
     assert code == 0
     found = json.loads(out)
-    assert [found[str(p)]["within"] for p in (right, wrong)] == [3, 0]
+    sheets = {row["file"]: row["within"] for row in found["sheets"]}
+    assert [sheets[str(p)] for p in (right, wrong)] == [3, 0]
     assert "Ana: 3 of 3 within 1 %" in err
     assert "0 of 3 within 1 %; mean +2.00 %" in err
     own = cam_rig.load_rig("paper_table2").with_follower(spring_stiffness=3020.0)
     law = cam_rig.build_law(cam_rig.load_cam("poly345"))
-    first = found[str(wrong)]["readings"][0]
+    first = next(row for row in found["readings"] if row["file"] == str(wrong))
     true = cam_rig.jump_speed(law, own, duration=None).rpm
     assert first["true_rpm"] == pytest.approx(true, abs=0.01)
-    assert first["difference_percent"] == pytest.approx(2.0, abs=0.01)
+    assert first["difference"] == pytest.approx(0.02, abs=1e-4)
     assert mark(wrong, "--tolerance", 2.5)[2].count("3 of 3 within 2.5 %") == 1
     lines = target.read_text("utf-8").splitlines()
-    assert lines[1].startswith("reading,spring [N/m],added mass [kg],preload [N],read [rpm],true")
-    assert sum(line.startswith(("1,", "2,", "3,")) for line in lines) == 6
+    assert lines[0].startswith("file,reading,spring_stiffness,added_mass,preload,rpm,true_rpm,")
+    assert len(lines) == 7
+    assert target.with_suffix(".sheets.csv").read_text("utf-8").count("\n") == 3
 
 
 def test_a_spreadsheet_may_have_saved_it(tmp_path: Path) -> None:

@@ -140,7 +140,7 @@ def test_no_cubic_through_fewer_than_six_speeds(count: int, drawn: int) -> None:
     """Four points determine one; it would show what nobody measured."""
     loaded = open_scene(config_root() / "scenes" / "quick.yaml")
     levels = {"tm21": {rpm * RPM: 60.0 + 0.1 * rpm for rpm in np.linspace(200.0, 400.0, count)}}
-    (axes,) = noise.figure(compare(levels, {"tm21": "identified"}, None), loaded).axes
+    (axes,) = noise.noise_figure(compare(levels, {"tm21": "identified"}, None), loaded).axes
     ink = web(cam_look("tm21").colour)
     solid = [one for one in axes.lines if one.get_color() == ink and one.get_ls() == "-"]
     assert len(solid) == drawn

@@ -32,6 +32,7 @@ from cam_rig.schema.load import config_root
 from cam_rig.show.figure import WIDTH, empty, logarithmic, styled, write
 from cam_rig.simulation import figures as motion
 from cam_rig.simulation import figures as noise
+from cam_rig.simulation.sound import SoundLevel
 from cam_rig.units import RPM
 
 from ..figure_faults import faults
@@ -46,10 +47,10 @@ def drawn() -> dict[str, Figure]:
     times = np.linspace(0.0, 360.0, 100)
     forces = [(rpm, times, rpm * np.cos(np.radians(times))) for rpm in (200.0, 300.0)]
     return {
-        "motion": motion.motion_figure(run, curve(run.angle), "Polynomial 3-4-5 at 450 rpm"),
+        "motion": motion.motion_figure(run),
         "over the turn": motion.over_turn({"One": forces, "Another": forces}),
         "one cam": jump.figure(JumpSpeed(413.44 * RPM, 5.8, 0.1, curve, rig, 0.5)),
-        "turn by turn": noise.turn_by_turn(80.0 + np.arange(12.0), 2, 85.0, "A cam"),
+        "turn by turn": noise.turn_by_turn(SoundLevel(200.0, 85.0, 80.0 + np.arange(12.0), 2, "")),
         "law": law.figure(cam, curve),
         "rises": law_overlay.rises_figure(families().values()),
         "bench": work_precision.figure(_bench()),

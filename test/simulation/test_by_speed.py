@@ -9,7 +9,7 @@ import pytest
 
 import cam_rig
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.by_speed import rows_by_speed, speed_table
+from cam_rig.simulation.by_speed import rows_by_speed
 from cam_rig.simulation.schedule import cam_states
 from cam_rig.simulation.simulate import FollowerSimulator, turned_ticks
 from cam_rig.units import RPM, TURN
@@ -111,16 +111,12 @@ def test_a_bag_gives_the_rows_of_its_scene():
         assert one.cam == other.cam
         for name in set(vars(one)) - {"cam"}:
             assert getattr(one, name) == pytest.approx(getattr(other, name), rel=1e-9), name
-    table = speed_table(recorded.by_speed, "x", 1000)
+    table, _ = recorded.to_show()
     assert len(table.rows) == 8
     assert {"level [dB]", "hardest landing [N·s]"} <= {column.title for column in table.columns}
-
-
-def test_every_number_has_its_unit_in_its_name():
-    """In plain data, where there is no heading."""
-    plain = cam_rig.read_bag(GOLDEN).by_speed[0].plain()
-    assert list(plain)[:6] == ["cam", "rpm", "turns", "level_db", "force_peak_N", "force_least_N"]
-    assert plain["landing_N_s"] == 0.0
+    assert recorded.data()["levels"] == [
+        {key: row[key] for key in ("cam", "rpm", "level")} for row in recorded.data()["speeds"]
+    ]
 
 
 def test_a_run_takes_its_rows_as_it_goes():

@@ -127,13 +127,16 @@ def test_a_level_says_what_it_is_worth(law, rig):
 
 
 def test_results_as_tables(law, rig):
-    """A column each, with its unit."""
+    """A column each; the turns that are left out are told."""
     motion = cam_rig.simulate(law, rig, rpm=300, turns=2, sample_rate=1000)
     table = motion.to_pandas()
-    assert list(table)[:3] == ["time_s", "angle_rad", "lift_m"]
-    np.testing.assert_array_equal(table["force_N"], motion.force)
+    assert list(table)[:3] == ["time", "angle", "lift"]
+    np.testing.assert_array_equal(table["force"], motion.force)
     turns = cam_rig.sound_level(motion).to_pandas()
     assert turns["settled"].tolist() == [False, True]
+    assert motion.data()["samples"][3]["lift"] == motion.lift[3]
+    events = cam_rig.simulate(law, rig, rpm=800, turns=1, sample_rate=1000).to_pandas("events")
+    assert events["kind"].tolist()[:2] == ["lift-off", "landing"]
 
 
 def test_results_as_pictures(law, rig, figures):

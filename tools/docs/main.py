@@ -55,7 +55,7 @@ def _draw(bag: Path, to: Path) -> None:
     archive, result = _read(bag)
     with temporary_folder() as folder:
         drawn = draw_pictures(
-            archive, lambda path: write(noise.figure(result, archive.loaded), path), folder
+            archive, lambda path: write(noise.noise_figure(result, archive.loaded), path), folder
         )
         for name, photographed in (
             (VIEWER, lambda path: photograph_viewer(bag, path)),

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import ClassVar
 
 import numpy as np
 
@@ -18,11 +18,9 @@ from cam_rig.laws import Law
 from cam_rig.panel.bench.live_state import FULL_SCALE_PA, LEAST_RATE
 from cam_rig.panel.lab.sheet import LabReading, LabSheet, RecordedSheet, read_sheet
 from cam_rig.schema import CamConfig, RigConfig
-from cam_rig.show.tables import DataTable, Head, tabulate
+from cam_rig.show.result import Column, Records, Result
 from cam_rig.units import NS, RPM, TURN, FloatArray
 
-#: What of a sheet's head stands beside its marks.
-HEAD_OF_MARKS = ("lab", "cam", "rig", "seed", "student", "date")
 #: By how much (%) a reading may be off, if nothing else is said: 4 rpm of 400.
 TOLERANCE_PERCENT = 1.0
 
@@ -56,13 +54,17 @@ class MarkedSheet:
     tolerance: float
 
     @property
+    def right(self) -> int:
+        """How many readings are near enough."""
+        return sum(mark.within for mark in self.marks)
+
+    @property
     def summary(self) -> str:
         """What the sheet comes to, in a line."""
         off = np.array([mark.difference_percent for mark in self.marks])
-        right = sum(mark.within for mark in self.marks)
         who = f" by {self.recorded.student}" if self.recorded.student else ""
         return (
-            f"{self.path}{who}: {right} of {off.size} within {self.tolerance:g} %; mean "
+            f"{self.path}{who}: {self.right} of {off.size} within {self.tolerance:g} %; mean "
             f"{off.mean():+.2f} %, farthest {off[np.abs(off).argmax()]:+.2f} %"
         )
 
@@ -103,48 +105,59 @@ def _mark(path: Path, sheet: LabSheet, reading: LabReading, tolerance: float) ->
     return ReadingMark(reading, true, abs(reading.rpm - true) <= 0.01 * tolerance * true)
 
 
-def marks_table(marked: MarkedSheet) -> DataTable:
-    """A row a reading."""
-    recorded = marked.recorded
-    truth = f"seed {recorded.seed}" if recorded.seed else "the rig's own numbers"
-    return tabulate(
-        f"{marked.path.name}: {recorded.cam} on {recorded.rig}, {truth}",
-        marked.marks,
-        (
-            (Head("reading", "", "d"), lambda mark: mark.reading.number),
-            (Head("spring", "N/m", "g"), lambda mark: mark.reading.setup.spring_stiffness),
-            (Head("added mass", "kg", "g"), lambda mark: mark.reading.setup.added_mass),
-            (Head("preload", "N", "g"), lambda mark: mark.reading.setup.preload),
-            (Head("read", "rpm", ".2f"), lambda mark: mark.reading.rpm),
-            (Head("true", "rpm", ".2f"), lambda mark: mark.true_rpm),
-            (Head("difference", "rpm", "+.2f"), lambda mark: mark.difference_rpm),
-            (Head("difference", "%", "+.2f"), lambda mark: mark.difference_percent),
-            (
-                Head(f"within {marked.tolerance:g} %"),
-                lambda mark: "yes" if mark.within else "no",
-            ),
+@dataclass(frozen=True)
+class MarkRow:
+    """A mark and the sheet it is of."""
+
+    file: str
+    mark: ReadingMark
+
+
+@dataclass(frozen=True, repr=False)
+class MarksResult(Result):
+    """The marks of sheets, of one tolerance (%)."""
+
+    schema = "cam_rig.panel_marks.1"
+    columns: ClassVar = {
+        "readings": (
+            Column("file"),
+            Column("reading", "", "d", of="mark.reading.number"),
+            Column("spring_stiffness", "N/m", "g", "spring", "mark.reading.setup.spring_stiffness"),
+            Column("added_mass", "kg", "g", of="mark.reading.setup.added_mass"),
+            Column("preload", "N", "g", of="mark.reading.setup.preload"),
+            Column("rpm", "rpm", ".2f", "read", "mark.reading.rpm"),
+            Column("true_rpm", "rpm", ".2f", "true", "mark.true_rpm"),
+            Column("difference_rpm", "rpm", "+.2f", "difference", "mark.difference_rpm"),
+            Column("difference", "%", "+.2f", of=lambda row: 0.01 * row.mark.difference_percent),
+            Column("within", of="mark.within", cell=lambda row: "yes" if row.mark.within else "no"),
         ),
-        "True: the lowest speed at which the steady state loses contact.",
-    )
-
-
-def to_json(marked: list[MarkedSheet]) -> dict[str, Any]:
-    """The marks as plain data, by file."""
-    return {
-        str(sheet.path): {
-            **{key: getattr(sheet.recorded, key) for key in HEAD_OF_MARKS},
-            "tolerance_percent": sheet.tolerance,
-            "within": sum(mark.within for mark in sheet.marks),
-            "readings": [_plain(mark) for mark in sheet.marks],
-        }
-        for sheet in marked
+        "sheets": (
+            Column("file", of=lambda sheet: str(sheet.path)),
+            Column("lab", of="recorded.lab", hidden=True),
+            Column("cam", of="recorded.cam"),
+            Column("rig", of="recorded.rig"),
+            Column("seed", of="recorded.seed", missing="the rig's own numbers"),
+            Column("student", of="recorded.student"),
+            Column("date", of="recorded.date", hidden=True),
+            Column("tolerance", "%", "g", of=lambda sheet: 0.01 * sheet.tolerance),
+            Column("within", "", "d", of="right", about="readings that are"),
+        ),
     }
 
+    sheets: tuple[MarkedSheet, ...]
 
-def _plain(mark: ReadingMark) -> dict[str, Any]:
-    names = "true_rpm", "difference_rpm", "difference_percent", "within"
-    reading = {"number": mark.reading.number, "rpm": mark.reading.rpm}
-    return asdict(mark.reading.setup) | reading | {name: getattr(mark, name) for name in names}
+    def tables(self) -> list[Records]:
+        """``readings``, sheet by sheet, and ``sheets``."""
+        rows = [MarkRow(str(sheet.path), mark) for sheet in self.sheets for mark in sheet.marks]
+        note = "True: the lowest speed at which the steady state loses contact."
+        return [
+            self.table("readings", "{file}", rows, note, by="file"),
+            self.table("sheets", "Sheets", self.sheets),
+        ]
+
+    def summary(self) -> list[str]:
+        """A line a sheet."""
+        return [sheet.summary for sheet in self.sheets]
 
 
 # What one sees and hears of the rig at a speed: a turn of its steady state, and its contact.

@@ -1,0 +1,274 @@
+"""What `cam-rig laws` and `cam-rig law` give: peaks of named rises, curves and extremes of cams."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from cam_rig.laws import Law
+from cam_rig.laws.catalogue import (
+    ORDERS,
+    Figures,
+    RiseFamily,
+    common_unit,
+    figures,
+    free_laws,
+    rise_values,
+)
+from cam_rig.laws.law import SMOOTHEST, Extreme, Joint, continuity, extremes, joints
+from cam_rig.laws.segments import NAMED_RISES
+from cam_rig.schema import CamConfig
+from cam_rig.show.result import Arrays, Column, Records, Result, part
+from cam_rig.units import FloatArray
+
+
+@dataclass(frozen=True)
+class RiseRow:
+    """A law by name, whence it is, and its figures; None where they depend on the cam's file."""
+
+    law: str
+    source: str
+    figures: Figures | None
+
+
+RISES = (
+    Column("law"),
+    Column("source", heading="from, or by", about="equation, or keys of the cam's file"),
+    *(
+        Column(f"peak_{order}", "", ".4f", order, part("figures", f"peak_{order}"), missing="any")
+        for order in ("velocity", "acceleration", "jerk")
+    ),
+    Column(
+        "continuity",
+        heading="joins",
+        of=part("figures", "continuity"),
+        cell=lambda row: "any" if row.figures is None else f"C{row.figures.continuity}",
+        about="order of the highest derivative without a jump",
+    ),
+)
+
+PEAKS = "Peaks for unit rise and unit span"
+
+
+def _named(names: Iterable[str]) -> list[RiseRow]:
+    return [RiseRow(name, NAMED_RISES[name].source, figures(name)) for name in names]
+
+
+@dataclass(frozen=True, repr=False)
+class LawsResult(Result):
+    """The named rises of some families; with all of them the laws without fixed figures too."""
+
+    schema = "cam_rig.laws.1"
+    drawn_by = "cam_rig.laws.figures:laws_figure"
+    columns: ClassVar = {"laws": RISES}
+
+    families: tuple[RiseFamily, ...]
+    free: bool
+
+    def tables(self) -> list[Records]:
+        """A row a law, as the catalogue has them."""
+        named = {name for family in self.families for name in family.rises}
+        rows = _named(name for name in NAMED_RISES if name in named)
+        if self.free:
+            free = free_laws().items()
+            rows += [RiseRow(name, keys or "the level before", None) for name, keys in free]
+        return [self.table("laws", PEAKS, rows)]
+
+
+def _curve(key: str) -> Callable[[Any], Any]:
+    return lambda found: found.curves[key]
+
+
+#: Parts of the span at which the curve of a rise is given.
+STEPS = 200
+
+#: Orders of the lift in words, and what follows the unit of lift.
+WORDS = ("lift", "velocity", "acceleration", "jerk")
+PER = ("", "/rad", "/rad²", "/rad³")
+SYMBOLS = ("s", "s'", "s''", "s'''")
+
+
+@dataclass(frozen=True, repr=False)
+class RisesResult(Result):
+    """Named rises of unit lift over a unit span."""
+
+    schema = "cam_rig.law_rises.1"
+    drawn_by = "cam_rig.laws.figures:rises_result_figure"
+    columns: ClassVar = {
+        "curves": (
+            Column("rise", of=_curve("rise")),
+            Column("u", of=_curve("u"), about="part of the span"),
+            *(Column(key, of=_curve(key), about="of unit rise and unit span") for key in WORDS),
+        ),
+        "laws": RISES,
+    }
+
+    names: tuple[str, ...]
+
+    @cached_property
+    def curves(self) -> dict[str, Any]:
+        """By column, rise after rise."""
+        u = np.linspace(0.0, 1.0, STEPS + 1)
+        motion = np.hstack([rise_values(name, u) for name in self.names])
+        rises = np.repeat(self.names, u.size)
+        return {"rise": rises, "u": np.tile(u, len(self.names))} | _by_order(motion)
+
+    def tables(self) -> list[Records]:
+        """``curves``, and the row of each in ``laws``."""
+        curves = Arrays.of("curves", self.columns["curves"], self)
+        return [curves, self.table("laws", PEAKS, _named(self.names))]
+
+
+def _by_order(motion: FloatArray) -> dict[str, FloatArray]:
+    return dict(zip(WORDS, motion, strict=True))
+
+
+@dataclass(frozen=True)
+class ExtremeRow:
+    """The extremes of a derivative of a cam's law; ``unit`` of lift, of ``factor`` m, is shown."""
+
+    cam: str
+    law: Law
+    order: int
+    unit: str
+    factor: float
+    smallest: Extreme
+    largest: Extreme
+
+    @property
+    def continuity(self) -> int:
+        """Order of the highest derivative without a jump."""
+        return continuity(self.law)
+
+
+@dataclass(frozen=True)
+class JointRow:
+    """A joint of a cam's law."""
+
+    cam: str
+    joint: Joint
+
+
+def _end(which: str) -> tuple[Column, Column]:
+    def shown(row: ExtremeRow) -> float:
+        value: float = getattr(row, which).value
+        return value / row.factor
+
+    return (
+        Column(which, "", ".6g", of=f"{which}.value", cell=shown, about="in `unit`"),
+        Column(f"{which}_at", "°", ".4g", "at", f"{which}.angle", about="cam angle"),
+    )
+
+
+#: Degrees from row to row of a cam's curves.
+STEP_DEG = 0.5
+
+
+@dataclass(frozen=True, repr=False)
+class CamLawsResult(Result):
+    """The laws of cams over the turn."""
+
+    schema = "cam_rig.law.1"
+    drawn_by = "cam_rig.laws.figures:cam_laws_figure"
+    columns: ClassVar = {
+        "curves": (
+            Column("cam", of=_curve("cam")),
+            Column("angle", "°", of=_curve("angle"), about="cam angle"),
+            *(Column(key, f"mm{per}", of=_curve(key)) for key, per in zip(WORDS, PER, strict=True)),
+        ),
+        "extremes": (
+            Column("cam", hidden=True),
+            Column(
+                "continuity",
+                heading="joins",
+                cell=lambda row: f"C{row.continuity}",
+                about="order of the highest derivative without a jump",
+                hidden=True,
+            ),
+            Column(
+                "quantity",
+                of=lambda row: WORDS[row.order],
+                cell=lambda row: f"{WORDS[row.order]} {SYMBOLS[row.order]}",
+            ),
+            Column(
+                "unit",
+                of=lambda row: f"m{PER[row.order]}",
+                cell=lambda row: f"{row.unit}{PER[row.order]}",
+            ),
+            *_end("largest"),
+            *_end("smallest"),
+        ),
+        "joints": (
+            Column("cam"),
+            Column("angle", "°", of="joint.angle", about="cam angle"),
+            Column("continuity", of="joint.continuity", about="below that of the smoothest joints"),
+        ),
+    }
+
+    cams: tuple[tuple[CamConfig, Law], ...]
+
+    @cached_property
+    def curves(self) -> dict[str, Any]:
+        """By column, cam after cam."""
+        angle = np.radians(np.arange(0.0, 360.0, STEP_DEG))
+        motion = np.hstack([np.stack([law(angle, i) for i in ORDERS]) for _, law in self.cams])
+        names = np.repeat([cam.name for cam, _ in self.cams], angle.size)
+        return {"cam": names, "angle": np.tile(angle, len(self.cams))} | _by_order(motion)
+
+    @property
+    def rough(self) -> list[JointRow]:
+        """Joints that are not smooth."""
+        every = (JointRow(cam.name, joint) for cam, law in self.cams for joint in joints(law))
+        return [row for row in every if row.joint.continuity < SMOOTHEST]
+
+    def tables(self) -> list[Records]:
+        """``curves``, ``extremes`` and rough ``joints``; several cams stand side by side."""
+        unit, factor = common_unit(cam for cam, _ in self.cams)
+        if len(self.cams) == 1:
+            unit, factor = self.cams[0][0].lift.unit, self.cams[0][0].lift.factor
+        rows = [
+            ExtremeRow(cam.name, law, order, unit, factor, *extremes(law, order))
+            for cam, law in self.cams
+            for order in ORDERS
+        ]
+        return [
+            Arrays.of("curves", self.columns["curves"], self),
+            self._alone(rows) if len(self.cams) == 1 else self._side_by_side(rows),
+            self.table("joints", "", self.rough, hidden=True),
+        ]
+
+    def _alone(self, rows: list[ExtremeRow]) -> Records:
+        return self.table("extremes", f"Extremes of {self.cams[0][1].name}", rows)
+
+    def _side_by_side(self, rows: list[ExtremeRow]) -> Records:
+        own = {"hidden": False}
+        gone = {"hidden": True}
+        changed: dict[str, dict[str, Any]] = {
+            "cam": own,
+            "continuity": own,
+            "quantity": {"cell": lambda row: f"{SYMBOLS[row.order]} [{row.unit}{PER[row.order]}]"},
+            "unit": gone,
+            "largest": {"heading": "largest {}", "shown": ".5g"},
+            "largest_at": gone,
+            "smallest": {"heading": "smallest {}", "shown": ".5g"},
+            "smallest_at": gone,
+        }
+        columns = tuple(replace(c, **changed[c.key]) for c in self.columns["extremes"])
+        table = self.table("extremes", "Extremes over the turn", rows, across="quantity")
+        return replace(table, columns=columns, seen=lambda row: row.order > 0)
+
+    def summary(self) -> list[str]:
+        """Of one cam where it is not smooth."""
+        if len(self.cams) > 1:
+            return []
+        if not self.rough:
+            return [f"joins C{SMOOTHEST} or smoother everywhere"]
+        places = ", ".join(
+            f"{math.degrees(row.joint.angle):.5g}° C{row.joint.continuity}" for row in self.rough
+        )
+        return [f"joints (others C{SMOOTHEST}): {places}"]

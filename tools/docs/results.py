@@ -1,0 +1,108 @@
+"""Write docs/results.md: what every result has, table by table, as JSON, CSV and pandas name it.
+
+    .venv/bin/python tools/docs/results.py
+
+``make docs`` runs it, and a test compares the page with the code.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Iterator
+from importlib import import_module
+from pathlib import Path
+
+import cam_rig
+from cam_rig.cli.main import COMMANDS, command
+from cam_rig.show.result import Column, Result
+
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "docs" / "results.md"
+#: What gives a result whose schema is not called as a command is.
+GIVEN_BY = {
+    "flywheel": "report",
+    "front": "design START --pareto QUANTITY",
+    "jump_refit": "jump --refit",
+    "law_rises": "law NAMES --rises",
+    "panel_marks": "panel SHEETS --mark",
+    "profile_measured": "profile CAM --from FILE",
+    "simulate": "simulate, analyze",
+    "stem": "report",
+    "waviness": "campaign STUDY --largest-waviness 24",
+}
+HEAD = """# Results
+
+What a command finds and what a Python function returns is one object: tables of records. `--json`
+writes its tables by their keys, `--csv` the first of them and each other into a file beside it, and
+`to_pandas("key")` gives one as a `DataFrame`; all three have the keys of this page, and numbers in
+the SI units of this page, whatever the unit in which the terminal shows them. Nothing that is no
+number is written as one: it is `null` in JSON and empty in CSV. A table of one record is an object
+in JSON, in place of a list.
+
+In JSON `schema` has the name and the version. The version rises when a key changes its meaning or
+goes; a new key does not raise it. This page is made from the code by `tools/docs/results.py`.
+"""
+
+
+def results() -> list[type[Result]]:
+    """Every class of the package that is a result, by its schema."""
+    for file in sorted((ROOT / "cam_rig").rglob("*.py")):
+        if "Result" in file.read_text(encoding="utf-8"):
+            import_module(".".join(file.relative_to(ROOT).with_suffix("").parts))
+    found = {one for one in _below(Result) if one.__module__.startswith("cam_rig.")}
+    return sorted(found, key=lambda one: one.schema)
+
+
+def _below(kind: type[Result]) -> Iterator[type[Result]]:
+    for one in kind.__subclasses__():
+        yield one
+        yield from _below(one)
+
+
+def given_by(result: type[Result]) -> list[str]:
+    """The commands and the functions of `import cam_rig` that give it."""
+    _, name, _ = result.schema.split(".")
+    functions = (getattr(cam_rig, word) for word in cam_rig.__all__ if word[0] != "_")
+    calls = [
+        f"cam_rig.{one.__name__}"
+        for one in functions
+        if inspect.isfunction(one) and str(one.__annotations__.get("return")) == result.__name__
+    ]
+    verbs = {verb.replace("-", "_").replace(" ", "_"): verb for verb in _verbs()}
+    words = GIVEN_BY.get(name, verbs.get(name, ""))
+    return [f"cam-rig {one}" for one in words.split(", ") if one] + calls
+
+
+def _verbs() -> Iterator[str]:
+    for name in COMMANDS:
+        group = getattr(command(name), "commands", None)
+        yield from [name] if group is None else (f"{name} {word}" for word in group)
+
+
+def page() -> str:
+    """The whole page as Markdown."""
+    return "\n\n".join([HEAD.strip(), *(section(one) for one in results())]) + "\n"
+
+
+def section(result: type[Result]) -> str:
+    """One result: its schema, what gives it, its tables."""
+    whose = ", ".join(f"`{one}`" for one in given_by(result))
+    first = inspect.cleandoc(result.__doc__ or "").split("\n\n")[0].replace("\n", " ")
+    parts = [f"## {result.schema}", f"{whose}: {first}"]
+    for key, columns in result.columns.items():
+        parts += [f"### {key}", "\n".join(_table(columns))]
+    return "\n\n".join(part.replace("``", "`") for part in parts)
+
+
+def _table(columns: tuple[Column, ...]) -> Iterator[str]:
+    yield "| key | unit | meaning |"
+    yield "|---|---|---|"
+    for column in columns:
+        words = column.about or column.heading.replace("{}", "…") or column.key.replace("_", " ")
+        meaning = re.sub(r"\s+", " ", words).replace("|", "\\|")
+        yield f"| `{column.key}` | {column.si} | {meaning} |"
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")
