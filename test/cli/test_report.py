@@ -92,8 +92,7 @@ PICTURE = "data:image/svg+xml;base64,AAAA"
 @pytest.fixture
 def undrawn(monkeypatch):
     """Figures are made, and not drawn: the commands' tests draw them, and the whole page's."""
-    for module in ("paper", "scene"):
-        monkeypatch.setattr(f"cam_rig.report.{module}.uris", lambda *_: [PICTURE, PICTURE])
+    monkeypatch.setattr("cam_rig.report.document.uris", lambda *_: [PICTURE, PICTURE])
 
 
 @pytest.fixture
@@ -101,8 +100,8 @@ def fewer(undrawn, monkeypatch):
     """Of each long study a few cases."""
     monkeypatch.setattr("cam_rig.paper.stem.study.ELEMENTS", (1.0, 2.0, math.inf))
     monkeypatch.setattr("cam_rig.paper.stem.study.STEP", 50.0)
-    monkeypatch.setattr("cam_rig.report.paper.BASES", (0.065,))
-    monkeypatch.setattr("cam_rig.report.paper.ROLLERS", (0.02,))
+    monkeypatch.setattr("cam_rig.report.paper_sections.BASES", (0.065,))
+    monkeypatch.setattr("cam_rig.report.paper_sections.ROLLERS", (0.02,))
     asked = [one for one in ASKED if not one[-1].startswith("jump_speed")]
     monkeypatch.setattr("cam_rig.law_design.pareto_front.ASKED", asked[:1])
 
@@ -342,6 +341,6 @@ def test_paths_in_the_command_of_a_page(tmp_path, monkeypatch):
     options = {"--bag": tmp_path / "bags" / "a", "--out": elsewhere / "page.html", "--rig": "tm21"}
     made = page_made(str(elsewhere / "own.yaml"), options)
     assert made.command == "cam-rig report own.yaml --bag bags/a --out page.html --rig tm21"
-    assert page_made("../own.yaml", {"--out": "a.html"}).command == (
-        "cam-rig report ../own.yaml --out a.html"
-    )
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "86399")
+    made = page_made("../own.yaml", {"--out": "a.html"})
+    assert (made.command, made.date) == ("cam-rig report ../own.yaml --out a.html", "1970-01-01")
