@@ -164,15 +164,17 @@ class DataTable:
         ]
 
     def called(self, titles: Mapping[str, str]) -> DataTable:
-        """With titles for names in its caption, headings, cells and notes."""
+        """With titles for names in its caption, headings, cells and notes; rigs keep theirs."""
 
-        def cell(value: Cell) -> Cell:
-            return called(value, titles) if isinstance(value, str) else value
+        def cell(head: Head, value: Cell) -> Cell:
+            if not isinstance(value, str) or head.heading == "rig":
+                return value
+            return called(value, titles)
 
         return DataTable(
             called(self.caption, titles),
             tuple(replace(c, heading=_within(c.heading, titles)) for c in self.columns),
-            tuple(tuple(map(cell, row)) for row in self.rows),
+            tuple(tuple(map(cell, self.columns, row)) for row in self.rows),
             tuple(called(note, titles) for note in self.notes),
         )
 

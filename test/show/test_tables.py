@@ -98,9 +98,9 @@ def test_only_names_are_replaced(text, shown):
 
 
 def test_a_whole_table_by_titles():
-    """Everything that is read; numbers and units stay."""
-    table = DataTable("Of tm21", (Head("level"), Head("n", "cam_2", "g")), (("cam_2", 1.0),))
-    found = table.called(TITLES)
+    """Everything that is read; numbers, units and rigs stay."""
+    heads = Head("level"), Head("rig"), Head("n", "cam_2", "g")
+    found = DataTable("Of tm21", heads, (("cam_2", "tm21", 1.0),)).called(TITLES)
     assert found.caption == "Of TM21 cam"
-    assert [column.title for column in found.columns] == ["level", "n [cam_2]"]
-    assert found.rows == (("Second", 1.0),)
+    assert [column.title for column in found.columns] == ["level", "rig", "n [cam_2]"]
+    assert found.rows == (("Second", "tm21", 1.0),)
