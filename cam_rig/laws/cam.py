@@ -159,6 +159,11 @@ class CamSet:
         """What each cam is called."""
         return {name: cam.title for name, cam in self.cams.items()}
 
+    @property
+    def pairs(self) -> list[tuple[CamConfig, Law]]:
+        """Each cam with its law."""
+        return [(self.cams[name], law) for name, law in self.laws.items()]
+
     def only(self, names: Iterable[str]) -> CamSet:
         """The set of some of the cams."""
         laws = {name: self.laws[name] for name in names}

@@ -1,29 +1,26 @@
-"""A page as a document: its head, its numbered sections, figures and tables, HTML or Markdown."""
+"""A page of numbered sections, figures and tables, with a head, as HTML or Markdown."""
 
 from __future__ import annotations
 
+import base64
 import math
 import re
 from collections import Counter
-from collections.abc import Hashable, Iterable, Mapping
-from dataclasses import dataclass, replace
-from datetime import UTC, datetime
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 from importlib.metadata import version
 from platform import python_version
-from typing import Any
+from typing import Any, NamedTuple
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+from matplotlib.figure import Figure
 
-from cam_rig.show.tables import (
-    Cell,
-    DataTable,
-    Head,
-    number,
-    printed,
-    tabulate,
-    to_markdown,
-    typeset,
-)
+from cam_rig.files import no_room, temporary_folder
+from cam_rig.show.figure import strips, write_strip
+from cam_rig.show.result import SILENT, Column, Progress, Records, Result
+from cam_rig.show.tables import DataTable, number, printed, to_markdown, typeset
 
 #: What makes the numbers of a page, beside the package itself.
 LIBRARIES = ("numpy", "scipy")
@@ -51,36 +48,80 @@ class Made:
         return ", ".join((f"cam_rig {version('cam_rig')}", f"Python {python_version()}", *others))
 
 
-def written_on(seconds: float) -> str:
-    """The day of a page, UTC, from s since 1970.
-
-    Examples
-    --------
-    >>> written_on(1_700_000_000)
-    '2023-11-14'
-    """
-    return datetime.fromtimestamp(seconds, UTC).date().isoformat()
-
-
-@dataclass(frozen=True)
-class Document:
-    """What a page shows.
+@dataclass(frozen=True, eq=False)
+class Content:
+    """What a section shows.
 
     Parameters
     ----------
-    sections : title by key, in the order they are read; the key names the template
-    folder : of the templates, with a slash at its end
-    figures : data URIs by key, each figure's strips from the top; none in Markdown
+    tables : in the order they are read
+    figures : by key, drawn only for a page that has them, with so many ``dpi`` of what is pixels
     values : what the sentences take their numbers from
+    results : what JSON has of it, by the name of the command
     """
 
+    tables: Sequence[DataTable] = ()
+    figures: Mapping[str, Callable[[], Figure]] = field(default_factory=dict)
+    values: Mapping[str, Any] = field(default_factory=dict)
+    results: Mapping[str, Any] = field(default_factory=dict)
+    dpi: float | None = None
+
+    @cached_property
+    def drawn(self) -> dict[str, list[str]]:
+        """Each figure's strips as data URIs, from the top."""
+        return {key: uris(draw(), self.dpi) for key, draw in self.figures.items()}
+
+
+class Section(NamedTuple):
+    """Its sentences, its title, and who finds what it shows; ``late`` where that is waited for."""
+
+    template: str
     title: str
-    sections: Mapping[str, str]
-    made: Made
-    tables: Mapping[str, list[DataTable]]
-    figures: Mapping[str, list[str]]
-    values: Mapping[str, Any]
-    folder: str = ""
+    find: Callable[[Any], Content]
+    late: bool = False
+
+    @property
+    def key(self) -> str:
+        """What it is linked by."""
+        return self.template.rpartition("/")[2]
+
+
+def fill(
+    sections: Sequence[Section], source: Any, with_figures: bool, progress: Progress = SILENT
+) -> dict[Section, Content]:
+    """What each section shows of what ``source`` gives."""
+    found = {}
+    progress.begin(len(sections))
+    for section in sorted(sections, key=lambda one: one.late):
+        progress.tell(section.title)
+        found[section] = section.find(source)
+        if with_figures:
+            _ = found[section].drawn
+        progress.advance()
+    return {section: found[section] for section in sections}
+
+
+def data(contents: Iterable[Content]) -> dict[str, Any]:
+    """Every result as its own command writes it, by the name of the command."""
+    every = {name: one for content in contents for name, one in content.results.items()}
+    return {name: one.data() if isinstance(one, Result) else one for name, one in every.items()}
+
+
+def uris(figure: Figure, dpi: float | None = None) -> list[str]:
+    """A figure's strips as SVG, from the top, each a data URI that repeats bit for bit."""
+    found = []
+    for low, high in strips(figure):
+        with temporary_folder() as folder:
+            path = folder / "figure.svg"
+            try:
+                write_strip(figure, low, high, path, dpi)
+            except OSError as error:
+                raise no_room(folder, error) from None
+            text = path.read_text(encoding="utf-8")
+        kept = [line for line in text.splitlines() if "<dc:date>" not in line]
+        encoded = base64.b64encode("\n".join(kept).encode()).decode()
+        found.append(f"data:image/svg+xml;base64,{encoded}")
+    return found
 
 
 class Numbering:
@@ -120,15 +161,32 @@ class Numbering:
         return self._known.get((kind, key), 0) if self._first else self._known[kind, key]
 
 
-def render(kind: str, document: Document) -> str:
-    """A document as "html", one self-contained page, or as "md", its words and tables alone."""
+def render(
+    kind: str, title: str, made: Made, contents: Mapping[Section, Content], source: Any = None
+) -> str:
+    """The page as "html", self-contained, or as "md", its words and tables alone.
+
+    Sentences take what they share from ``source``.
+    """
     templates, numbering, text = environment(kind), Numbering(), ""
-    numbers = {key: i for i, key in enumerate(document.sections, start=1)}
+    drawn = [] if kind == "md" else [content.drawn for content in contents.values()]
+    parts = {
+        "figures": {key: strips for some in drawn for key, strips in some.items()},
+        "numbering": numbering,
+        "numbers": {section.key: i for i, section in enumerate(contents, start=1)},
+    }
     for _ in range(2):
-        parts = {"figures": document.figures, "numbering": numbering, "numbers": numbers}
+        page = templates.get_template(f"layout.{kind}").make_module(parts)
+        texts = {
+            section: Markup(
+                templates.get_template(f"{section.template}.jinja").render(
+                    content.values, page=page, tables=content.tables, found=source
+                )
+            )
+            for section, content in contents.items()
+        }
         text = templates.get_template(f"report.{kind}").render(
-            vars(document) | parts | dict(document.values),
-            page=templates.get_template(f"layout.{kind}").make_module(parts),
+            title=title, made=made, page=page, sections=texts
         )
         numbering.restart()
     return text if kind == "html" else re.sub("\n{3,}", "\n\n", text).strip() + "\n"
@@ -169,51 +227,10 @@ def anchor(heading: str) -> str:
     return re.sub(r"[^\w\s-]", "", heading).strip().lower().replace(" ", "-")
 
 
-# What cams, rises and readings are called on a page, in place of the names that files have.
+# A page in short: each question, what the paper says, what came out here, and the verdict.
 
 
-def called(text: str, titles: Mapping[str, str]) -> str:
-    """A text with titles for names; within other words only for names with a digit or "_".
-
-    A rig may have the name of a cam, and keeps it.
-
-    Examples
-    --------
-    >>> called("tm21 less flat, rig tm21", {"tm21": "TM21", "flat": "Flat face"})
-    'TM21 less flat, rig tm21'
-    >>> called("flat", {"flat": "Flat face"})
-    'Flat face'
-    """
-    return titles[text] if text in titles else _within(text, titles)
-
-
-def _within(text: str, titles: Mapping[str, str]) -> str:
-    codes = [re.escape(name) for name in titles if re.search(r"[\d_]", name)]
-    if not codes:
-        return text
-    pattern = rf"(?<![\w./-])(?<!rig )(?:{'|'.join(codes)})(?![\w/-]|\.\w)"
-    return re.sub(pattern, lambda found: titles[found[0]], text)
-
-
-def table_called(table: DataTable, titles: Mapping[str, str]) -> DataTable:
-    """A table with titles for names in its caption, headings, cells and notes."""
-
-    def cell(value: Cell) -> Cell:
-        return called(value, titles) if isinstance(value, str) else value
-
-    return DataTable(
-        called(table.caption, titles),
-        tuple(replace(c, heading=_within(c.heading, titles)) for c in table.columns),
-        tuple(tuple(map(cell, row)) for row in table.rows),
-        tuple(called(note, titles) for note in table.notes),
-    )
-
-
-# The report in short: each question, what the paper says, what came out here, and the verdict.
-
-
-@dataclass(frozen=True)
-class Answer:
+class Answer(NamedTuple):
     """A row of a summary; ``paper`` is empty on a page of one's own cams."""
 
     question: str
@@ -222,18 +239,10 @@ class Answer:
     paper: str = ""
 
 
-def summary_table(rows: Iterable[Answer]) -> DataTable:
+def summary_table(rows: Iterable[Answer]) -> list[DataTable]:
     """The answers as a table."""
-    return tabulate(
-        "Questions and answers",
-        rows,
-        (
-            (Head("question"), lambda row: row.question),
-            (Head("paper"), lambda row: row.paper),
-            (Head("here"), lambda row: row.here),
-            (Head("verdict"), lambda row: row.verdict),
-        ),
-    )
+    columns = tuple(map(Column, ("question", "paper", "here", "verdict")))
+    return Records("summary", "Questions and answers", columns, tuple(rows)).to_show()
 
 
 def bold(value: float, shown: str = ".6g", unit: str = "") -> str:

@@ -1,70 +1,23 @@
-"""All findings of a report, and the jobs that compute them."""
+"""What the paper's report is made of: its files, and the studies that several sections share."""
 
 from __future__ import annotations
 
-import base64
-from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
-from matplotlib.figure import Figure
-
 from cam_rig.dynamics import TwoMassParameters
-from cam_rig.dynamics.jump.jump_speed import FROM_REST
-from cam_rig.files import no_room, temporary_folder
-from cam_rig.law_design.pareto_front import paper_designs
-from cam_rig.law_design.result import LawDesign
 from cam_rig.laws import Law
-from cam_rig.laws import figures as law_figures
 from cam_rig.laws.cam import CamSet, open_cam_set
-from cam_rig.laws.catalogue import families
-from cam_rig.paper.as_cut import figures as as_cut_plot
-from cam_rig.paper.as_cut.study import (
-    BASES,
-    CUT,
-    ROLLERS,
-    AsCutResult,
-    CutBench,
-    cut_all,
-    has_central_roller,
-    over_sizes,
-)
-from cam_rig.paper.contact import figures as contact_plot
-from cam_rig.paper.contact.comparison import (
-    ContactResult,
-    PlayRow,
-    compare_contacts,
-    find_play,
-    open_form_closed,
-)
-from cam_rig.paper.factorial import figures as factorial_plot
+from cam_rig.laws.segments import NAMED_RISES
+from cam_rig.paper.contact.comparison import open_form_closed
 from cam_rig.paper.factorial.design import Bench, FactorialConfig, open_factorial
 from cam_rig.paper.factorial.study import FactorialResult, run_factorial
-from cam_rig.paper.flywheel import FLYWHEEL_RPM, FlywheelResult, study_flywheel
-from cam_rig.paper.jump import figures as jump_plot
-from cam_rig.paper.jump.comparison import (
-    BY_SEGMENTS,
-    JumpResult,
-    find_jumps,
-    jump_by_degree,
-    references,
-)
-from cam_rig.paper.noise import figures as noise_study_plot
+from cam_rig.paper.jump.comparison import JumpResult, find_jumps, references
 from cam_rig.paper.noise.study import NoiseStudyResult, study_noise
-from cam_rig.paper.orders import figures as orders_plot
-from cam_rig.paper.orders.spectrum import CamOrders, waterfall
-from cam_rig.paper.orders.steady_force import BUILDERS
-from cam_rig.paper.orders.study import OrdersResult
 from cam_rig.paper.readings.study import ReadingsResult, read_all
-from cam_rig.paper.stem import figures as stem_plot
-from cam_rig.paper.stem.study import STEM_RPM, StemResult, study_stems
-from cam_rig.paper.timing import figures as timing_plot
-from cam_rig.paper.timing.study import TimingResult
-from cam_rig.paper.vibration import figures as vibration_plot
 from cam_rig.paper.vibration.study import VIBRATION_RPM, VibrationResult, measure
-from cam_rig.profile import figures as profile_plot
-from cam_rig.profile.check_table import GUIDED, check_cam
 from cam_rig.report.sections import Recorded, read_recorded
 from cam_rig.schema import (
     CamConfig,
@@ -76,24 +29,14 @@ from cam_rig.schema import (
     load_rig,
     load_tables,
 )
-from cam_rig.show.figure import strips, write_strip
+from cam_rig.show.looks import in_words
 from cam_rig.simulation.scene import LoadedScene, open_scene
 
-#: Speed of the contact study, rpm, and the cams besides the paper's: other kinds of follower.
-CONTACT_RPM, CONTACT_CAMS = 300.0, ("flat", "oscillating_flat", "point")
+#: Cams of the contact study besides the paper's: other kinds of follower.
+CONTACT_CAMS = ("flat", "oscillating_flat", "point")
 
 #: Cams that move their follower both ways.
 FORM_CLOSED = ("constant_breadth", "constant_diameter", "conjugate", "oscillating_conjugate")
-
-#: Roller and least radius of the contour in the nomogram, in lifts.
-SHARPEST = 2.0
-
-#: Highest order of the Campbell diagrams, whose rays stay apart on paper, and dots per inch of
-#: their thousands of strokes, which are pixels within the SVG.
-SHOWN_ORDERS, ORDERS_DPI = 40, 130
-
-#: What a report computes, as progress is shown.
-PARTS = ("jump speeds", "vibration", "figures", "noise", "continuity or slopes")
 
 
 @dataclass(frozen=True)
@@ -113,37 +56,6 @@ class Sources:
     readings: TableReadings
     touching: CamSet
     form_closed: list[tuple[CamConfig, Law]]
-
-
-@dataclass(frozen=True, eq=False)
-class Findings:
-    """All experiments of a report.
-
-    ``degrees`` are jump speeds (rpm) of the law by segments by the degree of its half-rises;
-    ``stiff_vibration`` is on the stem of Table 1; ``cuts`` are cams as fig. 12 has them cut,
-    and ``cut_sizes`` that of `CUT` over its radii. ``timing`` are the events of each cam,
-    ``control`` those of `CUT` alone, beside the B-spline of its lift and events. ``orders`` are of
-    the scene's sweep; ``designs`` are the best laws beside the paper's.
-    """
-
-    sources: Sources
-    jumps: JumpResult
-    readings: ReadingsResult
-    degrees: dict[int, float]
-    vibration: VibrationResult
-    stiff_vibration: VibrationResult
-    flywheel: FlywheelResult | None
-    stems: StemResult
-    noise: NoiseStudyResult
-    factorial: FactorialResult
-    cuts: AsCutResult
-    cut_sizes: AsCutResult | None
-    timing: TimingResult
-    control: TimingResult | None
-    contact: ContactResult
-    play: list[PlayRow]
-    orders: tuple[CamOrders, ...]
-    designs: list[LawDesign]
 
 
 def open_sources(scene: Path, rig: Path, factorial: str, bag: Path | None) -> Sources:
@@ -179,180 +91,67 @@ def open_sources(scene: Path, rig: Path, factorial: str, bag: Path | None) -> So
     )
 
 
-def find(
-    sources: Sources,
-    pool: Executor,
-    on_part: Callable[[str], None],
-    meanwhile: Callable[[JumpResult, VibrationResult], None],
-) -> Findings:
-    """Run every experiment, the two long ones in processes of their own.
+class Paper:
+    """What several sections are made of; the two long studies run in processes of a pool."""
 
-    Parameters
-    ----------
-    on_part : called with each of `PARTS` when it is done
-    meanwhile : done with the jump speeds and the vibration while the long ones run
-    """
-    noise = pool.submit(_noise, sources)
-    factorial = pool.submit(_factorial, sources)
-    cam_set = sources.cam_set
-    parameters = TwoMassParameters.from_rig(cam_set.rig)
-    jumps = find_jumps(cam_set, references(cam_set, sources.tables))
-    degrees = jump_by_degree(cam_set.cams[BY_SEGMENTS], parameters, FROM_REST)
-    readings = read_all(sources.readings, cam_set.cams, sources.tables.table_2_jump)
-    on_part(PARTS[0])
-    vibration = measure(cam_set, VIBRATION_RPM)
-    stiff = measure(CamSet(cam_set.cams, cam_set.laws, sources.stiff), VIBRATION_RPM)
-    flywheel = study_flywheel(cam_set, FLYWHEEL_RPM)
-    stems = study_stems(cam_set, _stems(sources), STEM_RPM)
-    on_part(PARTS[1])
-    cuts, cut_sizes = _cuts(sources)
-    timing = TimingResult.of((cam_set.cams[cam], law) for cam, law in cam_set.laws.items())
-    control = _control(cam_set)
-    contact = compare_contacts(sources.touching, CONTACT_RPM, GUIDED)
-    play = find_play(sources.form_closed)
-    designs = paper_designs(cam_set)
-    meanwhile(jumps, vibration)
-    on_part(PARTS[2])
-    levels = noise.result()
-    on_part(PARTS[3])
-    effects = factorial.result()
-    on_part(PARTS[4])
-    return Findings(
-        sources=sources,
-        jumps=jumps,
-        readings=readings,
-        degrees=degrees,
-        vibration=vibration,
-        stiff_vibration=stiff,
-        flywheel=flywheel,
-        stems=stems,
-        noise=levels,
-        factorial=effects,
-        cuts=cuts,
-        cut_sizes=cut_sizes,
-        timing=timing,
-        control=control,
-        contact=contact,
-        play=play,
-        orders=_orders(sources.loaded),
-        designs=designs,
-    )
+    def __init__(self, sources: Sources, pool: Executor) -> None:
+        self.sources, self.cam_set, self.loaded = sources, sources.cam_set, sources.loaded
+        self.parameters = TwoMassParameters.from_rig(self.cam_set.rig)
+        self._noise = pool.submit(study_noise, self.loaded, self.cam_set.rig)
+        self._factorial = pool.submit(_factorial, sources)
 
+    @cached_property
+    def jumps(self) -> JumpResult:
+        """Jump speeds beside the paper's."""
+        return find_jumps(self.cam_set, references(self.cam_set, self.sources.tables))
 
-def _orders(loaded: LoadedScene) -> tuple[CamOrders, ...]:
-    """The scene's sweep by orders; nothing of a model that has no closed form."""
-    scene = loaded.scene
-    if scene.model not in BUILDERS:
-        return ()
-    return waterfall(loaded.laws, scene.model, loaded.rig, sorted(scene.program.speeds.si_list))
+    @cached_property
+    def readings(self) -> ReadingsResult:
+        """Every reading of Table 2."""
+        known = self.sources
+        return read_all(known.readings, self.cam_set.cams, known.tables.table_2_jump)
 
+    @cached_property
+    def vibration(self) -> VibrationResult:
+        """On the rig of the jump speeds."""
+        return measure(self.cam_set, VIBRATION_RPM)
 
-def _control(cam_set: CamSet) -> TimingResult | None:
-    """`CUT` beside a B-spline, where it is there and one Bézier curve."""
-    if CUT not in cam_set.cams:
-        return None
-    found = TimingResult.of([(cam_set.cams[CUT], cam_set.laws[CUT])])
-    return found if found.control else None
+    @cached_property
+    def stiff_vibration(self) -> VibrationResult:
+        """On the stem of Table 1."""
+        stiff = CamSet(self.cam_set.cams, self.cam_set.laws, self.sources.stiff)
+        return measure(stiff, VIBRATION_RPM)
 
+    @property
+    def noise(self) -> NoiseStudyResult:
+        """The noise study, once it is there."""
+        return self._noise.result()
 
-def _cuts(sources: Sources) -> tuple[AsCutResult, AsCutResult | None]:
-    """Cams with rollers as they were cut, and `CUT` over its radii."""
-    cam_set, bench = sources.cam_set, CutBench.of(sources.cam_set.rig, sources.loaded)
-    rollers = [cam for cam, config in cam_set.cams.items() if has_central_roller(config)]
-    cuts = cut_all(cam_set.only(rollers), bench)
-    if (cut := cuts.of(CUT)) is None:
-        return cuts, None
-    return cuts, over_sizes(cut, bench, BASES, ROLLERS, cam_set.titles[CUT])
+    @property
+    def factorial(self) -> FactorialResult:
+        """Continuity or slopes, once it is there."""
+        return self._factorial.result()
 
+    @property
+    def stems(self) -> tuple[float, float]:
+        """Stiffness (N/m) of the stem on the rig of the jump speeds, and of that of Table 1."""
+        rigs = self.cam_set.rig, self.sources.stiff
+        soft, stiff = (rig.need("stem_stiffness", "the report").si for rig in rigs)
+        return soft, stiff
 
-def _stems(sources: Sources) -> tuple[float, float]:
-    """Stiffness (N/m) of the stem on the rig of the jump speeds, and of that of Table 1."""
-    rigs = sources.cam_set.rig, sources.stiff
-    soft, stiff = (rig.need("stem_stiffness", "the report").si for rig in rigs)
-    return soft, stiff
+    @property
+    def proposed(self) -> str:
+        """What the paper's own cam is called."""
+        return self.cam_set.titles[self.sources.factorial.proposed]
 
-
-def _noise(sources: Sources) -> NoiseStudyResult:
-    return study_noise(sources.loaded, sources.cam_set.rig)
+    @property
+    def titles(self) -> dict[str, str]:
+        """What is called otherwise than by its name: rises, the readings of Table 2, cams."""
+        rises = {name: in_words(name) for name in NAMED_RISES}
+        readings = {name: name.replace("_", " ") for name in self.sources.readings.readings}
+        return rises | readings | self.cam_set.titles | self.loaded.titles
 
 
 def _factorial(sources: Sources) -> FactorialResult:
     bench = Bench.of(sources.factorial, sources.cam_set.rig, sources.stiff)
     return run_factorial(sources.factorial, bench, sources.cam_set.laws)
-
-
-# The report's figures, drawn as SVG and carried in the page itself.
-
-#: Speeds of the figures, rpm: below every jump speed, and above all but Bézier 15's.
-STEADY_RPM, TAKEOFF_RPM = 300.0, 460.0
-
-PROPOSED = "bezier15"
-
-
-def uris(figure: Figure, dpi: float | None = None) -> list[str]:
-    """A figure's strips as SVG, from the top, each a data URI that repeats bit for bit.
-
-    ``dpi`` is of what is made of pixels.
-    """
-    found = []
-    for low, high in strips(figure):
-        with temporary_folder() as folder:
-            path = folder / "figure.svg"
-            try:
-                write_strip(figure, low, high, path, dpi)
-            except OSError as error:
-                raise no_room(folder, error) from None
-            text = path.read_text(encoding="utf-8")
-        kept = [line for line in text.splitlines() if "<dc:date>" not in line]
-        data = base64.b64encode("\n".join(kept).encode()).decode()
-        found.append(f"data:image/svg+xml;base64,{data}")
-    return found
-
-
-def early_figures(
-    sources: Sources, jumps: JumpResult, vibration: VibrationResult
-) -> dict[str, list[str]]:
-    """Those that wait for no long study: URIs by key."""
-    cam_set, arcs = sources.cam_set, _arc_cam(sources)
-    cam, law = cam_set.cams[PROPOSED], cam_set.laws[PROPOSED]
-    tm21, tm21_law = sources.loaded.cams[arcs], sources.loaded.laws[arcs]
-    checks = check_cam(cam, law)
-    shown = [(cam_set.cams[name], curve) for name, curve in cam_set.laws.items()]
-    return {
-        "rises": uris(law_figures.rises_figure(families().values())),
-        "cams": uris(law_figures.cams_figure(shown)),
-        "fig1": uris(law_figures.figure(tm21, tm21_law)),
-        "fig2": uris(law_figures.figure(cam, law)),
-        "fig4": uris(vibration_plot.figure(vibration, STEADY_RPM)),
-        "fig11": uris(jump_plot.lift_off_figure(cam_set, TAKEOFF_RPM)),
-        "profile": uris(profile_plot.figure(cam, law, checks)),
-        "jump": uris(jump_plot.figure(jumps)),
-    }
-
-
-def late_figures(found: Findings) -> dict[str, list[str]]:
-    """Those of the studies; none of a study that the cams, the rig or the model do not allow."""
-    drawn = {
-        "contact": uris(contact_plot.figure(found.contact)),
-        "events": uris(contact_plot.events_figure(GUIDED, SHARPEST)),
-        "fig16": uris(noise_study_plot.figure(found.noise)),
-        "factorial": uris(factorial_plot.figure(found.factorial)),
-        "stem": uris(stem_plot.figure(found.stems)),
-    }
-    if found.cuts.of(CUT):
-        drawn["fig12"] = uris(as_cut_plot.figure(found.cuts, CUT))
-    if found.control is not None:
-        drawn["timing"] = uris(timing_plot.figure(found.control))
-    if found.flywheel is not None:
-        drawn["flywheel"] = uris(found.flywheel.plot())
-    if found.orders:
-        shown = tuple(study.up_to(SHOWN_ORDERS) for study in found.orders)
-        result = OrdersResult(shown, found.sources.loaded.titles)
-        drawn["orders"] = uris(orders_plot.figure(result), ORDERS_DPI)
-    return drawn
-
-
-def _arc_cam(sources: Sources) -> str:
-    """The scene's identified cam, which stands in for the TM21's own."""
-    loaded = sources.loaded
-    return next(cam for cam in loaded.cams if loaded.part(cam) == "identified")

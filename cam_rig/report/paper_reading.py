@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from cam_rig.show.tables import DataTable, Head, tabulate
+from cam_rig.show.result import Column, Records
 
 
 class Misprint(NamedTuple):
@@ -59,15 +59,7 @@ MISPRINTS = (
 )
 
 
-def misprints_table() -> DataTable:
+def misprints_table() -> Records:
     """All of them, by source."""
-    return tabulate(
-        "Misprints in the sources",
-        MISPRINTS,
-        (
-            (Head("source"), lambda row: row.source),
-            (Head("where"), lambda row: row.where),
-            (Head("printed"), lambda row: row.printed),
-            (Head("correct"), lambda row: row.correct),
-        ),
-    )
+    columns = tuple(map(Column, Misprint._fields))
+    return Records("misprints", "Misprints in the sources", columns, MISPRINTS)

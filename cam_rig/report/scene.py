@@ -1,67 +1,46 @@
-"""All findings about a scene: what each study gives for its cams on its rig, or why it cannot."""
+"""A scene's own page: what each study gives for its cams on its rig, or why it cannot."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TypeVar
+
+from pydantic import BaseModel
 
 from cam_rig.errors import CamRigError, ConfigError
 from cam_rig.laws import figures as law_figures
 from cam_rig.laws.cam import CamSet
-from cam_rig.paper.jump import figures as jump_plot
 from cam_rig.paper.jump.comparison import JumpResult, find_jumps
 from cam_rig.paper.noise.roles import StudyRoles
-from cam_rig.paper.orders import figures as orders_plot
-from cam_rig.paper.orders.spectrum import CamOrders, waterfall
+from cam_rig.paper.orders.spectrum import HIGHEST, waterfall
 from cam_rig.paper.orders.study import OrdersResult
-from cam_rig.paper.vibration import figures as vibration_plot
 from cam_rig.paper.vibration.study import VibrationResult, measure
 from cam_rig.profile import figures as profile_plot
-from cam_rig.profile.check_table import check_cam
+from cam_rig.profile.check_table import CheckedCam, ProfileResult, check_cam
 from cam_rig.profile.checks import Check
-from cam_rig.report.paper import uris
-from cam_rig.report.sections import Recorded, read_recorded
+from cam_rig.report.document import Answer, Content, Section, bold, span, summary_table
+from cam_rig.report.sections import laws_table, origins, read_recorded, recorded_table
+from cam_rig.show.tables import DataTable, Head, tabulate
 from cam_rig.simulation import figures as simulation_figures
-from cam_rig.simulation.figures import force_curves
-from cam_rig.simulation.scene import ORDER_SPEEDS, VIBRATION_SPEEDS, LoadedScene, speeds_of, spread
-from cam_rig.simulation.scene_run import SceneRun, run_scene
+from cam_rig.simulation.scene import (
+    ORDER_SPEEDS,
+    RELATIVE_NOTE,
+    VIBRATION_SPEEDS,
+    LoadedScene,
+    speeds_of,
+    spread,
+)
+from cam_rig.simulation.scene_run import run_scene
 from cam_rig.units import NS, RPM
 
 Found = TypeVar("Found")
 
-
-@dataclass(frozen=True, eq=False)
-class SceneFindings:
-    """What a scene's page shows.
-
-    Parameters
-    ----------
-    run : the simulated scene, with its rows by speed and its levels
-    checks : of each cam's contour
-    jumps, vibration, orders : of the cams that a study could take
-    refused : by section, what a study said of a cam it could not take
-    recorded : a bag of the scene
-    """
-
-    run: SceneRun
-    checks: dict[str, list[Check]]
-    jumps: JumpResult
-    vibration: VibrationResult | None
-    orders: tuple[CamOrders, ...]
-    recorded: Recorded | None = None
-    refused: dict[str, list[str]] = field(default_factory=dict)
-
-    @property
-    def loaded(self) -> LoadedScene:
-        """The scene with everything it names."""
-        return self.run.loaded
-
-    @property
-    def cam_set(self) -> CamSet:
-        """Its cams on its rig, as the studies take them."""
-        return CamSet(self.loaded.cams, self.loaded.laws, self.loaded.rig)
+#: Cams whose law and contour are drawn, at most.
+MOST_CAMS = 6
 
 
 def is_papers(loaded: LoadedScene) -> bool:
@@ -73,123 +52,245 @@ def is_papers(loaded: LoadedScene) -> bool:
     return loaded.published is not None and loaded.calibrated
 
 
-def find_scene(
-    loaded: LoadedScene, bag: Path | None, on_part: Callable[[str], None] = lambda _: None
-) -> SceneFindings:
-    """Run a scene and every study of its cams.
+class SceneStudies:
+    """A scene's run, its studies cam by cam, and by section which of them refused a cam, and why.
 
-    Parameters
-    ----------
-    bag : a recording of the scene to compare with
-    on_part : told each part as it begins
+    A ``bag`` is a recording to compare with.
     """
-    recorded = None if bag is None else read_recorded(bag, loaded)
-    on_part("the run")
-    run = run_scene(loaded)
-    on_part("studies")
-    refused: dict[str, list[str]] = {}
 
-    def tried(section: str, study: Callable[[str], Found]) -> dict[str, Found]:
+    def __init__(self, loaded: LoadedScene, bag: Path | None) -> None:
+        self.loaded, self.titles = loaded, loaded.titles
+        self.cam_set = CamSet(loaded.cams, loaded.laws, loaded.rig)
+        self.recorded = None if bag is None else read_recorded(bag, loaded)
+        self.run = run_scene(loaded)
+        self.refused: dict[str, list[str]] = {}
+
+    def tried(self, section: str, study: Callable[[CamSet], Found]) -> dict[str, Found]:
+        """A study of each cam by itself, of those that it takes."""
         found = {}
-        for cam in loaded.cams:
+        for cam in self.loaded.cams:
             try:
-                found[cam] = study(cam)
+                found[cam] = study(self.cam_set.only([cam]))
             except CamRigError as error:
-                refused.setdefault(section, []).append(f"{loaded.cams[cam].title}: {error}")
+                self.refused.setdefault(section, []).append(f"{self.titles[cam]}: {error}")
         return found
 
-    studies = _Studies(loaded)
-    return SceneFindings(
-        run=run,
-        checks=tried("contour", studies.checks),
-        jumps=JumpResult(
-            CamSet(loaded.cams, loaded.laws, loaded.rig),
-            tuple(row for one in tried("jump", studies.jump).values() for row in one.rows),
-        ),
-        vibration=_joined(tried("vibration", studies.vibration), loaded),
-        orders=tuple(tried("sound", studies.orders).values()),
-        recorded=recorded,
-        refused=refused,
+    @cached_property
+    def checks(self) -> dict[str, list[Check]]:
+        """Of each cam's contour."""
+        return self.tried("contour", lambda one: check_cam(*one.pairs[0]))
+
+    @cached_property
+    def jumps(self) -> JumpResult:
+        """Jump speeds."""
+        found = self.tried("jump", lambda one: find_jumps(one, {}))
+        return JumpResult(self.cam_set, tuple(row for one in found.values() for row in one.rows))
+
+
+# In short: what each cam does on its rig, as questions and answers.
+
+
+def _answers(scene: SceneStudies) -> Iterator[Answer]:
+    if scene.checks:
+        yield _passed(scene)
+    yield from _kept(scene)
+    yield from _jump_speeds(scene)
+    yield _loudness(scene)
+
+
+def _passed(scene: SceneStudies) -> Answer:
+    checks = [check for row in scene.checks.values() for check in row]
+    failed = sum(not check.passed for check in checks)
+    return Answer(
+        "Do the contours pass their checks?",
+        f"{bold(len(checks) - failed)} of {bold(len(checks))} pass",
+        f"{failed} fail{'s' if failed == 1 else ''}" if failed else "all pass",
     )
 
 
-@dataclass(frozen=True)
-class _Studies:
-    """The studies of one cam of a scene each."""
-
-    loaded: LoadedScene
-
-    def checks(self, cam: str) -> list[Check]:
-        return check_cam(self.loaded.cams[cam], self.loaded.laws[cam])
-
-    def alone(self, cam: str) -> CamSet:
-        loaded = self.loaded
-        return CamSet({cam: loaded.cams[cam]}, {cam: loaded.laws[cam]}, loaded.rig)
-
-    def jump(self, cam: str) -> JumpResult:
-        return find_jumps(self.alone(cam), {})
-
-    def vibration(self, cam: str) -> VibrationResult:
-        return measure(self.alone(cam), spread(speeds_of(self.loaded), VIBRATION_SPEEDS))
-
-    def orders(self, cam: str) -> CamOrders:
-        loaded = self.loaded
-        speeds = [rpm * RPM for rpm in spread(speeds_of(loaded), ORDER_SPEEDS)]
-        laws = {cam: loaded.laws[cam]}
-        return waterfall(laws, loaded.scene.model, loaded.rig, speeds)[0]
-
-
-def _joined(found: dict[str, VibrationResult], loaded: LoadedScene) -> VibrationResult | None:
-    """Results of one cam each as one; None for none."""
-    if not found:
-        return None
-    cams, laws = {cam: loaded.cams[cam] for cam in found}, {cam: loaded.laws[cam] for cam in found}
-    rows = tuple(row for one in found.values() for row in one.rows)
-    return VibrationResult(CamSet(cams, laws, loaded.rig), rows)
+def _kept(scene: SceneStudies) -> Iterator[Answer]:
+    """Of each cam: where it loses contact, and the longest flight."""
+    for cam in scene.loaded.cams:
+        rows = [row for row in scene.run.by_speed if row.cam == cam]
+        off = [row for row in rows if row.flight > 0.0]
+        pulled = [row for row in rows if row.force_least < 0.0]
+        asked = f"Does the follower keep contact with {scene.titles[cam]}?"
+        if off:
+            longest = max(off, key=lambda row: row.flight)
+            first = min(row.rpm for row in off)
+            yield Answer(
+                asked,
+                f"lost at {bold(len(off))} of {bold(len(rows))} speeds, first at "
+                f"{bold(first, '.6g', 'rpm')}; the longest flight lasts "
+                f"{bold(1e3 * longest.flight, '.1f', 'ms')}, at {bold(longest.rpm, '.6g', 'rpm')}",
+                "contact is lost",
+            )
+        elif pulled:
+            yield Answer(
+                asked,
+                f"the model holds it, and pulls at {bold(len(pulled))} of {bold(len(rows))} speeds",
+                "contact would be lost",
+            )
+        else:
+            yield Answer(asked, f"kept at {bold(len(rows))} of {bold(len(rows))} speeds", "kept")
 
 
-def rig_seconds(run: SceneRun) -> float:
-    """How long the scene is, s of the rig's time."""
-    return run.ticks[-1].stop_ns / NS
+def _jump_speeds(scene: SceneStudies) -> Iterator[Answer]:
+    fastest = speeds_of(scene.loaded)[-1]
+    for row in scene.jumps.rows:
+        where = "below" if row.found.rpm < fastest else "above"
+        yield Answer(
+            f"What is the jump speed of {scene.titles[row.cam]}?",
+            f"{bold(row.found.rpm, '.1f', 'rpm')} ({scene.jumps.run}); contact is lost at "
+            f"**{math.degrees(row.found.angle):.1f}°**",
+            f"{where} the scene's fastest speed",
+        )
 
 
-# The figures of a scene's page.
+def _loudness(scene: SceneStudies) -> Answer:
+    levels = [row.level_db for row in scene.run.by_speed if row.level_db is not None]
+    ends = min(levels), max(levels)
+    return Answer(
+        "How loud is it?",
+        span(ends, ".1f", "dB") if ends[0] < ends[1] else bold(ends[0], ".1f", "dB"),
+        _worth(scene),
+    )
 
-#: Cams whose law and contour are drawn, at most.
-MOST_CAMS = 6
 
-
-def figures(found: SceneFindings) -> dict[str, list[str]]:
-    """URIs by key; those of a study that could not be made are missing."""
-    run, whole = found.run, found.cam_set
-    curves = force_curves(run)
-    drawn = {
-        "force": uris(simulation_figures.over_turn(curves)),
-        "noise": uris(simulation_figures.figure(run)),
+def _worth(scene: SceneStudies) -> str:
+    """What the levels are worth, as the table of levels has it: one word where it is the same."""
+    if not scene.loaded.calibrated:
+        return "relative: no measurement calibrated it"
+    titles = scene.titles
+    roles = {cam: curve.role for cam, curve in scene.run.noise.curves.items()}
+    by_role = {
+        role: [titles[cam] for cam in roles if roles[cam] == role] for role in roles.values()
     }
-    if len(whole.cams) > 1:
-        laws = [(whole.cams[cam], law) for cam, law in whole.laws.items()]
-        drawn["cams"] = uris(law_figures.cams_figure(laws))
-    if found.jumps.rows:
-        drawn["jump"] = uris(jump_plot.figure(found.jumps))
-    if found.vibration is not None:
-        drawn["vibration"] = uris(vibration_plot.figure(found.vibration))
-    if found.orders:
-        drawn["orders"] = uris(orders_plot.figure(OrdersResult(found.orders, whole.titles)))
-    return drawn | _of_cams(found)
+    if len(by_role) == 1:
+        return next(iter(by_role))
+    return "; ".join(f"{role}: {', '.join(cams)}" for role, cams in by_role.items())
 
 
-def _of_cams(found: SceneFindings) -> dict[str, list[str]]:
-    """Law and contour of each cam."""
-    drawn: dict[str, list[str]] = {}
-    for name in list(found.loaded.cams)[:MOST_CAMS]:
-        drawn |= _of_cam(found, name)
-    return drawn
+# The sections.
 
 
-def _of_cam(found: SceneFindings, name: str) -> dict[str, list[str]]:
-    cam, law = found.loaded.cams[name], found.loaded.laws[name]
-    drawn = {f"law_{name}": uris(law_figures.figure(cam, law))}
-    if (checks := found.checks.get(name)) is not None:
-        drawn[f"profile_{name}"] = uris(profile_plot.figure(cam, law, checks))
-    return drawn
+def _summary(scene: SceneStudies) -> Content:
+    values = {
+        "model": scene.loaded.scene.model.replace("_", " "),
+        "speeds": speeds_of(scene.loaded),
+    }
+    return Content(summary_table(_answers(scene)), values=values)
+
+
+def _cams(scene: SceneStudies) -> Content:
+    laws = laws_table(
+        "Motion laws: lift and extremes of its derivatives in the cam angle",
+        scene.cam_set,
+        dict.fromkeys((1, 2, 3), ".4g"),
+        "Times the cam's speed in rad/s, to the power of the derivative's order, they are those in "
+        "time.",
+    )
+    pairs = scene.cam_set.pairs
+    figures = {
+        f"law_{cam.name}": partial(law_figures.figure, cam, law) for cam, law in pairs[:MOST_CAMS]
+    }
+    if len(pairs) > 1:
+        figures["cams"] = partial(law_figures.cams_figure, pairs)
+    return Content([laws], figures)
+
+
+def _contour(scene: SceneStudies) -> Content:
+    pairs = dict(zip(scene.cam_set.laws, scene.cam_set.pairs, strict=True))
+    tables, figures, failed = [], {}, []
+    for cam, checks in scene.checks.items():
+        tables += ProfileResult((CheckedCam(*pairs[cam], checks),)).to_show()
+        failed += [(scene.titles[cam], check) for check in checks if not check.passed]
+        if cam in list(pairs)[:MOST_CAMS]:
+            figures[f"profile_{cam}"] = partial(profile_plot.figure, *pairs[cam], checks)
+    return Content(tables, figures, {"failed": failed})
+
+
+def _turn(scene: SceneStudies) -> Content:
+    run = scene.run
+    return Content(
+        run.tables()[0].to_show(scene.titles),
+        {"force": lambda: simulation_figures.over_turn(simulation_figures.force_curves(run))},
+        {"seconds": run.ticks[-1].stop_ns / NS},
+        {"simulate": run},
+    )
+
+
+def _jump(scene: SceneStudies) -> Content:
+    found = scene.jumps
+    return Content(
+        found.to_show(scene.titles),
+        {"jump": found.plot} if found.rows else {},
+        results={"jump": found},
+    )
+
+
+def _vibration(scene: SceneStudies) -> Content:
+    rpm = spread(speeds_of(scene.loaded), VIBRATION_SPEEDS)
+    each = scene.tried("vibration", lambda one: measure(one, rpm))
+    if not each:
+        return Content(results={"vibration": None})
+    rows = tuple(row for one in each.values() for row in one.rows)
+    found = VibrationResult(scene.cam_set.only(each), rows)
+    tables = found.tables()[0].to_show(scene.titles)
+    return Content(tables, {"vibration": found.plot}, results={"vibration": found})
+
+
+def _sound(scene: SceneStudies) -> Content:
+    """Levels over speed, and orders where the model has a closed form of them."""
+    model, rig = scene.loaded.scene.model, scene.loaded.rig
+    speeds = [rpm * RPM for rpm in spread(speeds_of(scene.loaded), ORDER_SPEEDS)]
+    each = scene.tried("sound", lambda one: waterfall(one.laws, model, rig, speeds)[0])
+    found, tables = OrdersResult(tuple(each.values()), scene.titles), [_levels(scene)]
+    if scene.recorded is not None:
+        simulated = {cam: curve.level_db for cam, curve in scene.run.noise.curves.items()}
+        tables.append(recorded_table(scene.recorded, simulated, scene.titles))
+    return Content(
+        tables + found.speeds.to_show(scene.titles),
+        {"noise": scene.run.plot} | ({"orders": found.plot} if each else {}),
+        {"highest": HIGHEST},
+        {"orders": found if each else None},
+    )
+
+
+def _levels(scene: SceneStudies) -> DataTable:
+    """The quietest and the loudest speed of each cam, and what the levels are worth."""
+    return tabulate(
+        "Sound pressure level over the scene's speeds",
+        scene.run.noise.curves.values(),
+        (
+            (Head("cam"), lambda curve: scene.titles[curve.cam]),
+            (Head("level is"), lambda curve: curve.role),
+            (Head("lowest", "dB", ".1f"), lambda curve: float(curve.level_db.min())),
+            (Head("at", "rpm", ".6g"), lambda curve: float(curve.rpm[curve.level_db.argmin()])),
+            (Head("highest", "dB", ".1f"), lambda curve: float(curve.level_db.max())),
+            (Head("at", "rpm", ".6g"), lambda curve: float(curve.rpm[curve.level_db.argmax()])),
+            (Head("difference to published", "dB r.m.s.", ".2f"), lambda curve: curve.rmse_db),
+        ),
+        "" if scene.loaded.calibrated else RELATIVE_NOTE,
+    )
+
+
+def _numbers(scene: SceneStudies) -> Content:
+    loaded = scene.loaded
+    files: dict[str, BaseModel] = {f"rig {loaded.rig.name}": loaded.rig}
+    files |= {f"cam {name}": cam for name, cam in loaded.cams.items()}
+    files |= {f"scene {loaded.scene.name}": loaded.scene}
+    results = {"calibrated": loaded.calibrated, "refused": scene.refused}
+    return replace(origins(files, own=True), results=results)
+
+
+SECTIONS = (
+    Section("scene/summary", "In short", _summary),
+    Section("scene/cams", "Cams and laws", _cams),
+    Section("scene/contour", "Contour and checks", _contour),
+    Section("scene/turn", "Contact over the turn", _turn),
+    Section("scene/jump", "Jump speed", _jump),
+    Section("scene/vibration", "Residual vibration", _vibration),
+    Section("scene/sound", "Sound", _sound),
+    Section("numbers", "Given, assumed, identified", _numbers),
+)

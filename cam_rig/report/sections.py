@@ -1,8 +1,9 @@
-"""A recorded sweep beside the simulated one."""
+"""What both pages have: laws, origins of numbers, and a recorded sweep beside the simulated one."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,9 +13,14 @@ from pydantic import BaseModel
 from cam_rig.bag.completeness import require_complete
 from cam_rig.bag.reader import read_recording
 from cam_rig.errors import BagError
-from cam_rig.schema.quantity import Quantity
+from cam_rig.laws import Law
+from cam_rig.laws.cam import CamSet
+from cam_rig.laws.law import continuity_in_words, extremes
+from cam_rig.report.document import Content
+from cam_rig.schema.quantity import ORIGINS, Quantity
 from cam_rig.schema.segment_base import quantities
-from cam_rig.show.tables import DataTable, Head, number, tabulate
+from cam_rig.show.result import Column, Records
+from cam_rig.show.tables import Cell, DataTable, Head, number, tabulate
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.simulate import step_levels
 from cam_rig.units import FloatArray, rms
@@ -99,23 +105,57 @@ def _numbers(loaded: LoadedScene) -> dict[str, tuple[bytes, bytes]]:
     }
 
 
-# The report's tables: those of the studies, and those that only a report has.
+# What both pages show: the laws, and where each number is from.
 
 #: More numbers than this of one quantity are not all shown.
 MOST_SHOWN = 8
 
+#: A derivative of the lift in the cam angle, and what its unit is divided by.
+DERIVATIVES = (("", ""), ("s′", "rad"), ("s″", "rad²"), ("s‴", "rad³"))
 
-def origins_table(name: str, model: BaseModel) -> DataTable:
-    """Every number of a file with its origin and its source."""
-    return tabulate(
-        name,
-        quantities(model, ""),
-        (
-            (Head("number"), lambda row: row[0]),
-            (Head("value"), lambda row: _value(row[1])),
-            (Head("origin"), lambda row: row[1].origin),
-            (Head("source"), lambda row: _source(row[1])),
-        ),
+
+def laws_table(
+    caption: str, cam_set: CamSet, shown: Mapping[int, str], *notes: str, over_lift: bool = False
+) -> DataTable:
+    """Smoothness and peaks of each law, from exact roots: formats by order of the derivative.
+
+    Peaks are in mm, or over the lift.
+    """
+    unit = "1" if over_lift else "mm"
+
+    def peak(order: int, end: int) -> Callable[[tuple[str, Law]], Cell]:
+        return lambda row: (
+            extremes(row[1], order)[end].value * (1.0 / row[1].lift if over_lift else 1e3)
+        )
+
+    fields: list[tuple[Head, Callable[[tuple[str, Law]], Cell]]]
+    fields = [(Head("law" if over_lift else "cam"), lambda row: cam_set.titles[row[0]])]
+    if not over_lift:
+        fields.append((Head("lift", "mm", ".4g"), lambda row: 1e3 * row[1].lift))
+    fields.append((Head("continuity"), lambda row: continuity_in_words(row[1])))
+    for order, form in shown.items():
+        name, per = DERIVATIVES[order]
+        fields += [
+            (Head(f"{words} {name}", f"{unit}/{per}", form), peak(order, end))
+            for words, end in (("largest", 1), ("smallest", 0))
+        ]
+    return tabulate(caption, cam_set.laws.items(), fields, *notes)
+
+
+def origins(files: Mapping[str, BaseModel], own: bool = False) -> Content:
+    """Every number of every file with its origin; whether they are a person's ``own``."""
+    rows = {name: list(quantities(model, "")) for name, model in files.items()}
+    counts = Counter(quantity.origin for some in rows.values() for _, quantity in some)
+    columns = (
+        Column("number", of=lambda row: row[0]),
+        Column("value", of=lambda row: _value(row[1])),
+        Column("origin", of=lambda row: row[1].origin),
+        Column("source", of=lambda row: _source(row[1])),
+    )
+    tables = [Records("", name, columns, some) for name, some in rows.items()]
+    return Content(
+        [part for table in tables for part in table.to_show()],
+        values={"origins": ", ".join(f"{counts[o]} {o}" for o in ORIGINS), "own": own},
     )
 
 

@@ -10,21 +10,21 @@ from collections.abc import Iterator
 from cam_rig.paper.jump.comparison import rms_difference
 from cam_rig.paper.vibration.study import RESIDUAL, Verdict, jump_claims
 from cam_rig.report.document import Answer, bold, span
-from cam_rig.report.paper import Findings
+from cam_rig.report.paper import Paper
 from cam_rig.show.tables import number
 
 
-def answers(found: Findings) -> Iterator[Answer]:
+def answers(paper: Paper) -> Iterator[Answer]:
     """What the report has to say, in the order of its sections."""
-    yield from _claims(found)
-    yield from _jump(found)
-    yield from _noise(found)
-    yield from _question(found)
+    yield from _claims(paper)
+    yield from _jump(paper)
+    yield from _noise(paper)
+    yield from _question(paper)
 
 
-def _claims(found: Findings) -> Iterator[Answer]:
-    rig, by_words = found.sources.cam_set.rig.name, dict[str, list[bool]]()
-    for claim in (*found.vibration.claims, *jump_claims(found.jumps.rpm, rig)):
+def _claims(paper: Paper) -> Iterator[Answer]:
+    rig, by_words = paper.cam_set.rig.name, dict[str, list[bool]]()
+    for claim in (*paper.vibration.claims, *jump_claims(paper.jumps.rpm, rig)):
         by_words.setdefault(claim.claim, []).append(claim.verdict is Verdict.AGREES)
     claims = list(by_words.values())  # by either measure, where there are two
     holding = [by for by in claims if by[0]]
@@ -43,15 +43,15 @@ def _claims(found: Findings) -> Iterator[Answer]:
     )
 
 
-def _jump(found: Findings) -> Iterator[Answer]:
-    jump = found.jumps.comparison
+def _jump(paper: Paper) -> Iterator[Answer]:
+    jump = paper.jumps.comparison
     if jump is None:
         return
-    printed = [row.published_rpm for row in found.jumps.rows if row.published_rpm is not None]
+    printed = [row.published_rpm for row in paper.jumps.rows if row.published_rpm is not None]
     used = "that identified the rig" if jump.fitted else "compared"
     rms = bold(100.0 * jump.rms, ".2f", "%")
     here = f"within {rms} r.m.s. on the {bold(jump.cams)} cams {used}"
-    tests = [row for row in found.jumps.rows if row.role == "test"]
+    tests = [row for row in paper.jumps.rows if row.role == "test"]
     if tests:
         apart = bold(100.0 * rms_difference(tests), ".2f", "%")
         here += f", {apart} on {bold(len(tests))} that did not"
@@ -61,18 +61,18 @@ def _jump(found: Findings) -> Iterator[Answer]:
         f"{'the same' if jump.same_ranking else 'another'} ranking of the cams",
         span((min(printed), max(printed)), ".6g", "rpm"),
     )
-    times = sum(read.times for read in found.readings.found)
+    times = sum(read.times for read in paper.readings.found)
     yield Answer(
         "After how many turns from rest?",
         f"{span(jump.turns, '.1f')}; of the printed times {bold(times)} come out, in "
-        f"{bold(len(found.readings.found))} readings",
+        f"{bold(len(paper.readings.found))} readings",
         "reproduced in part" if times else "not reproduced",
         span(jump.published_turns, ".1f"),
     )
 
 
-def _noise(found: Findings) -> Iterator[Answer]:
-    noise, loaded = found.noise, found.sources.loaded
+def _noise(paper: Paper) -> Iterator[Answer]:
+    noise, loaded = paper.noise, paper.loaded
     best, published = noise.best, loaded.published
     assert published is not None  # the study has its levels
     curve = best.curves[noise.roles.predicted]
@@ -85,7 +85,7 @@ def _noise(found: Findings) -> Iterator[Answer]:
         f"published curve in the 95 % band at {bold(inside, '.0f', '%')} of the speeds",
         "a regression of measured levels",
     )
-    yield _crossing(found, " and ".join(titles[cam] for cam in published.crossover.between))
+    yield _crossing(paper, " and ".join(titles[cam] for cam in published.crossover.between))
     why = noise.high_dwell
     if why is not None:
         lift, dwell = why.shares[(0,)], why.shares[(1,)]
@@ -98,29 +98,29 @@ def _noise(found: Findings) -> Iterator[Answer]:
         )
 
 
-def _crossing(found: Findings, rivals: str) -> Answer:
+def _crossing(paper: Paper, rivals: str) -> Answer:
     """Where two cams are equally loud, and whether the published speed may be the same."""
-    published = found.sources.loaded.published
+    published = paper.loaded.published
     assert published is not None  # the study has its levels
-    best, named = found.noise.best.crossing, published.crossover.rpm
-    paper = bold(named, ".6g", "rpm")
+    best, named = paper.noise.best.crossing, published.crossover.rpm
+    said = bold(named, ".6g", "rpm")
     asked = f"Where are {rivals} equally loud?"
     if best.rpm is None:
-        return Answer(asked, "nowhere", "disagrees", paper)
-    every = [m.crossing.rpm for m in found.noise.methods if m.crossing.rpm is not None]
+        return Answer(asked, "nowhere", "disagrees", said)
+    every = [m.crossing.rpm for m in paper.noise.methods if m.crossing.rpm is not None]
     here = f"at **{number(best.rpm, '.1f')} ± {number(best.deviation, '.1f')} rpm**; "
     inside = best.low <= named <= best.high
     return Answer(
         asked,
         f"{here}{span((min(every), max(every)), '.1f', 'rpm')} by {bold(len(every))} calibrations",
         f"published speed {'inside' if inside else 'outside'} the 95 % interval",
-        paper,
+        said,
     )
 
 
-def _question(found: Findings) -> Iterator[Answer]:
-    question = found.factorial.conclusions()
-    proposed = found.sources.cam_set.titles[found.factorial.config.proposed]
+def _question(paper: Paper) -> Iterator[Answer]:
+    question = paper.factorial.conclusions()
+    proposed = paper.proposed
     share, residual = question.jump_share, question.same_acceleration["residual"]
     yield Answer(
         f"Is the higher jump speed of {proposed} due to continuity or to lower slopes?",

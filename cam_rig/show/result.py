@@ -177,12 +177,18 @@ class Records:
 
         ``called`` : what cams are called, where not by their names
         """
+        titles = called or {}
+        return [self._part(*part, titles).called(titles) for part in self._parts()]
+
+    def _parts(self) -> Iterator[tuple[list[Any], Mapping[str, Any]]]:
+        """What people read, and the value of ``by`` that it has."""
         records = [] if self.hidden else [one for one in self.records if self.seen(one)]
         if not records or not self.by:
-            return [self._part(records, {}, called or {})] if records else []
+            yield from [(records, {})] if records else []
+            return
         key = next(c for c in self.columns if c.key == self.by).value
-        parts = groupby(sorted(records, key=key), key)
-        return [self._part(list(part), {self.by: value}, called or {}) for value, part in parts]
+        for value, part in groupby(sorted(records, key=key), key):
+            yield list(part), {self.by: value}
 
     def _part(
         self, records: list[Any], value: Mapping[str, Any], called: Mapping[str, str]
@@ -276,8 +282,6 @@ def part(field: str, at: Any) -> Callable[[Any], Any]:
 
 def plain(value: Any) -> Any:
     """A value as JSON has it: no NaN, no infinity, no array."""
-    import numpy as np  # no help of a command waits for it
-
     if isinstance(value, Enum):
         return value.value
     if hasattr(value, "tolist"):  # NumPy's, which is not imported for a help text

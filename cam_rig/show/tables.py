@@ -11,8 +11,8 @@ import io
 import math
 import re
 import textwrap
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 Item = TypeVar("Item")
@@ -162,6 +162,44 @@ class DataTable:
             [column.printed(cell) for column, cell in zip(self.columns, row, strict=True)]
             for row in self.rows
         ]
+
+    def called(self, titles: Mapping[str, str]) -> DataTable:
+        """With titles for names in its caption, headings, cells and notes; rigs keep theirs."""
+
+        def cell(head: Head, value: Cell) -> Cell:
+            if not isinstance(value, str) or head.heading == "rig":
+                return value
+            return called(value, titles)
+
+        return DataTable(
+            called(self.caption, titles),
+            tuple(replace(c, heading=_within(c.heading, titles)) for c in self.columns),
+            tuple(tuple(map(cell, self.columns, row)) for row in self.rows),
+            tuple(called(note, titles) for note in self.notes),
+        )
+
+
+def called(text: str, titles: Mapping[str, str]) -> str:
+    """A text with titles for names; within other words only for names with a digit or "_".
+
+    A rig may have the name of a cam, and keeps it.
+
+    Examples
+    --------
+    >>> called("tm21 less flat, rig tm21", {"tm21": "TM21", "flat": "Flat face"})
+    'TM21 less flat, rig tm21'
+    >>> called("flat", {"flat": "Flat face"})
+    'Flat face'
+    """
+    return titles[text] if text in titles else _within(text, titles)
+
+
+def _within(text: str, titles: Mapping[str, str]) -> str:
+    codes = [re.escape(name) for name in titles if re.search(r"[\d_]", name)]
+    if not codes:
+        return text
+    pattern = rf"(?<![\w./-])(?<!rig )(?:{'|'.join(codes)})(?![\w/-]|\.\w)"
+    return re.sub(pattern, lambda found: titles[found[0]], text)
 
 
 def tabulate(

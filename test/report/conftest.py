@@ -2,7 +2,7 @@
 
 import pytest
 
-from cam_rig.report.document import Answer, Document, Made, summary_table
+from cam_rig.report.document import Answer, Content, Made, Section, render, summary_table
 from cam_rig.show.tables import DataTable, Head
 
 #: More columns than a narrow screen has room for, under a caption of more than one line there.
@@ -15,14 +15,12 @@ WIDE = DataTable(
 
 
 @pytest.fixture
-def document():
-    """It has a summary, and a table that is wide and long."""
+def rendered():
+    """A kind of page; it has a summary, and a table that is wide and long."""
     answer = Answer("How fast?", "**9 rpm**, and not **10**", "agrees", "about **9 rpm**")
-    return Document(
-        "A page",
-        {"summary": "The start, in short", "reading": "The end"},
-        Made("cam-rig report a.yaml --out 'a b.html'", "2023-11-14", "7 (draws)"),
-        {"summary": [summary_table([answer])], "reading": [WIDE]},
-        {},
-        {},
-    )
+    made = Made("cam-rig report a.yaml --out 'a b.html'", "2023-11-14", "7 (draws)")
+    contents = {
+        Section("summary", "The start, in short", Content): Content(summary_table([answer])),
+        Section("reading", "The end", Content): Content([WIDE]),
+    }
+    return lambda kind: render(kind, "A page", made, contents)

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from cam_rig.report.document import render
 from tools.docs.browser import open_browser, why_no_browser
 
 if TYPE_CHECKING:
@@ -38,9 +37,9 @@ def chromium() -> Iterator[Browser]:
 
 
 @pytest.fixture
-def opened(chromium, document):
+def opened(chromium, rendered):
     """The page in a window of a width, in a colour scheme."""
-    text = render("html", document)
+    text = rendered("html")
 
     def of(width: int, scheme: str = "light") -> Page:
         viewport = {"width": width, "height": 800}

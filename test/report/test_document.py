@@ -1,11 +1,12 @@
 """A page as a document: head, contents, numbers; text is escaped, words stand left."""
 
+import doctest
 import re
 
 import pytest
 
-from cam_rig.report.document import Numbering, environment, percent, to, written_on
-from cam_rig.report.document import render as rendered
+import cam_rig.report.document
+from cam_rig.report.document import Answer, Numbering, environment, percent, summary_table, to
 from cam_rig.show.tables import DataTable, Head
 
 TABLE = DataTable(
@@ -46,6 +47,11 @@ def render(kind, parts=PARTS, figures=("pic",)):
     return text
 
 
+def test_examples():
+    """What the docstrings show is what comes out."""
+    assert doctest.testmod(cam_rig.report.document).failed == 0
+
+
 def test_html():
     """What a person wrote is text, not markup; units under the headings."""
     page = render("html")
@@ -75,6 +81,11 @@ def test_numbers_and_references():
     assert "<b>Figure 1, the paper's 16.</b> A caption." in page.replace("&#39;", "'")
 
 
+def test_a_figure_of_what_could_not_be_found():
+    """Has no place and no number."""
+    assert "<figure" not in render("html", figures=())
+
+
 def test_a_reference_to_nothing():
     """Is an error, not a page that says Table 0."""
     with pytest.raises(KeyError, match="table"):
@@ -97,9 +108,9 @@ def test_no_point_is_empty(kind):
     assert render(kind, text).count("- " if kind == "md" else "<li>") == 2
 
 
-def test_head_and_contents(document):
+def test_head_and_contents(rendered):
     """Date, command, versions and seeds at the head; sections are numbered, and listed."""
-    page, text = rendered("html", document), rendered("md", document)
+    page, text = rendered("html"), rendered("md")
     assert "<dt>Date</dt><dd>2023-11-14</dd>" in page
     assert "<code>cam-rig report a.yaml --out &#39;a b.html&#39;</code>" in page
     assert "7 (draws)" in page
@@ -111,10 +122,11 @@ def test_head_and_contents(document):
     assert ", 2023-11-14;" in text
 
 
-def test_the_date():
-    """In UTC."""
-    assert written_on(1_700_000_000.0) == "2023-11-14"
-    assert [written_on(seconds) for seconds in (86399, 86400)] == ["1970-01-01", "1970-01-02"]
+def test_no_paper_no_column():
+    """On a page of one's own cams there is nothing to compare with."""
+    (own,), (paper,) = (summary_table([Answer("q", "h", "v", said)]) for said in ("", "p"))
+    assert [c.heading for c in own.columns] == ["question", "here", "verdict"]
+    assert paper.rows == (("q", "p", "h", "v"),)
 
 
 def test_numbers_in_sentences():

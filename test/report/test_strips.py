@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from cam_rig.report.paper import uris
+from cam_rig.report.document import uris
 from cam_rig.show.figure import empty, strips, styled, write, write_strip
 
 DPI = 100

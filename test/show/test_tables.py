@@ -7,7 +7,7 @@ import math
 import pytest
 
 import cam_rig.show.tables
-from cam_rig.show.tables import DataTable, Head, number, tabulate, to_csv
+from cam_rig.show.tables import DataTable, Head, called, number, tabulate, to_csv
 
 FIELDS = (
     (Head("cam"), lambda row: row[0]),
@@ -75,3 +75,32 @@ def test_csv_has_all_digits():
     rows = list(csv.reader(to_csv([table, table]).splitlines()))
     assert rows[:4] == [["Speeds, all"], ["cam", "speed [rpm]"], ["a", "413.4426"], ["b", ""]]
     assert rows[4:] == [[], *rows[:4]]
+
+
+#: What cams are called.
+TITLES = {"tm21": "TM21 cam", "cam_2": "Second", "level": "Level cam"}
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("tm21 and cam_2.", "TM21 cam and Second."),
+        ("level", "Level cam"),
+        ("the level of tm21", "the level of TM21 cam"),
+        ("rig tm21", "rig tm21"),
+        ("cams/tm21.yaml, tm21_sweep, my-tm21", "cams/tm21.yaml, tm21_sweep, my-tm21"),
+    ],
+)
+def test_only_names_are_replaced(text, shown):
+    """A word that is also a name stands, but where it is all there is; so do files and rigs."""
+    assert called(text, TITLES) == shown
+    assert called(text, {}) == text
+
+
+def test_a_whole_table_by_titles():
+    """Everything that is read; numbers, units and rigs stay."""
+    heads = Head("level"), Head("rig"), Head("n", "cam_2", "g")
+    found = DataTable("Of tm21", heads, (("cam_2", "tm21", 1.0),)).called(TITLES)
+    assert found.caption == "Of TM21 cam"
+    assert [column.title for column in found.columns] == ["level", "rig", "n [cam_2]"]
+    assert found.rows == (("Second", "tm21", 1.0),)

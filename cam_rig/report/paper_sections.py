@@ -1,0 +1,306 @@
+"""The sections of the paper's report, in the order they are read at its end."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import partial
+
+from matplotlib.figure import Figure
+
+from cam_rig.dynamics.jump.jump_speed import FROM_REST
+from cam_rig.dynamics.vibration import STAND_IN
+from cam_rig.law_design.pareto_front import paper_designs
+from cam_rig.law_design.result import designs_table
+from cam_rig.laws import figures as law_figures
+from cam_rig.laws.catalogue import families
+from cam_rig.paper.as_cut.study import (
+    BASES,
+    CUT,
+    ROLLERS,
+    CutBench,
+    cut_all,
+    has_central_roller,
+    over_sizes,
+)
+from cam_rig.paper.contact import figures as contact_plot
+from cam_rig.paper.contact.comparison import compare_contacts, find_play, play_table
+from cam_rig.paper.flywheel import FLYWHEEL_RPM, study_flywheel
+from cam_rig.paper.flywheel import SHOWN as FLYWHEEL_SHOWN
+from cam_rig.paper.jump import figures as jump_plot
+from cam_rig.paper.jump.comparison import BY_SEGMENTS, jump_by_degree
+from cam_rig.paper.jump.refit import ROUNDED_TO
+from cam_rig.paper.noise import calibration, methods
+from cam_rig.paper.orders.spectrum import waterfall
+from cam_rig.paper.orders.steady_force import BUILDERS
+from cam_rig.paper.orders.study import OrdersResult
+from cam_rig.paper.stem.study import STEM_RPM, study_stems
+from cam_rig.paper.timing.study import TimingResult
+from cam_rig.paper.vibration.study import PROPOSED, claims_table, jump_claims
+from cam_rig.profile import figures as profile_plot
+from cam_rig.profile.check_table import GUIDED, check_cam
+from cam_rig.report.document import Content, Section, summary_table
+from cam_rig.report.paper import Paper
+from cam_rig.report.paper_reading import misprints_table
+from cam_rig.report.sections import laws_table, origins, recorded_table
+from cam_rig.report.summary import answers
+from cam_rig.show.tables import DataTable, Head, tabulate
+from cam_rig.units import to_rpm
+
+TITLE = "Cam rig: the paper's experiments, redone and taken further"
+
+#: What is drawn at random.
+SEEDS = (
+    f"{methods.SEED} (bootstrap of the noise study, {methods.DRAWS} draws), "
+    f"{calibration.SEED} (starts of its transfer functions, {calibration.STARTS})"
+)
+
+#: Speed of the contact study, rpm.
+CONTACT_RPM = 300.0
+
+#: Roller and least radius of the contour in the nomogram, in lifts.
+SHARPEST = 2.0
+
+#: Highest order of the Campbell diagrams, whose rays stay apart on paper, and dots per inch of
+#: their thousands of strokes, which are pixels within the SVG.
+SHOWN_ORDERS, ORDERS_DPI = 40, 130
+
+#: Speeds of the figures, rpm: below every jump speed, and above all but Bézier 15's.
+STEADY_RPM, TAKEOFF_RPM = 300.0, 460.0
+
+#: The follower's numbers in Table 1: key there, attribute, heading.
+FOLLOWER = (
+    ("spring_stiffness_N_per_m", "spring_stiffness", "return spring [N/m]"),
+    ("stem_stiffness_N_per_m", "stem_stiffness", "follower stem [N/m]"),
+    ("damping_N_s_per_m", "damping", "damping [N·s/m]"),
+    ("mass_kg", "mass", "mass [kg]"),
+)
+
+
+def _summary(paper: Paper) -> Content:
+    return Content(summary_table(answers(paper)))
+
+
+def _cams(paper: Paper) -> Content:
+    cam_set, mounted = paper.cam_set, paper.loaded
+    cam, law = cam_set.cams[PROPOSED], cam_set.laws[PROPOSED]
+    arcs = next(name for name in mounted.cams if mounted.part(name) == "identified")
+    laws = laws_table(
+        "The laws at their event angles: extremes over the lift",
+        cam_set,
+        {1: ".3f", 2: ".2f"},
+        "Bézier 15 is smoother at its one joint than its ordinates ask for: it is its own mirror "
+        "image, so even derivatives meet.",
+        "It decelerates less than it accelerates, which raises the jump speed.",
+        over_lift=True,
+    )
+    figures = {
+        "rises": partial(law_figures.rises_figure, families().values()),
+        "cams": partial(law_figures.cams_figure, cam_set.pairs),
+        "fig1": partial(law_figures.figure, mounted.cams[arcs], mounted.laws[arcs]),
+        "fig2": partial(law_figures.figure, cam, law),
+        "profile": partial(profile_plot.figure, cam, law, check_cam(cam, law)),
+    }
+    return Content([_table_1(paper), laws], figures)
+
+
+def _table_1(paper: Paper) -> DataTable:
+    elastic, stiff = paper.cam_set.rig, paper.sources.stiff
+    lift = paper.cam_set.cams[PROPOSED].lift.si
+    printed = paper.sources.tables.table_1
+    rows: list[tuple[str, float, float, float]] = [
+        (name, printed[key], getattr(stiff.follower, at).si, getattr(elastic.follower, at).si)
+        for key, at, name in FOLLOWER
+    ]
+    return tabulate(
+        "The paper's Table 1: parameters",
+        [*rows, ("lift [m]", printed["lift_m"], lift, lift)],
+        (
+            (Head("parameter"), lambda row: row[0]),
+            (Head("paper", "", ".6g"), lambda row: row[1]),
+            (Head(f"rig {stiff.name}", "", ".6g"), lambda row: row[2]),
+            (Head(f"rig {elastic.name}", "", ".6g"), lambda row: row[3]),
+        ),
+        "The paper prints the mass as 13 kg, a misprint.",
+        "Its jump speeds do not come out with the stem it prints; the second rig's stem is "
+        "identified from them.",
+    )
+
+
+def _vibration(paper: Paper) -> Content:
+    """The measures on either rig, and all claims."""
+    own, stiff, cam_set = paper.vibration, paper.stiff_vibration, paper.cam_set
+    claims = [*own.claims, *jump_claims(paper.jumps.rpm, cam_set.rig.name), *stiff.claims]
+    speed = [one.tables()[0].only(STEADY_RPM) for one in (own, stiff)]
+    moved = float(cam_set.laws[PROPOSED](0.5 * STAND_IN)) / cam_set.cams[PROPOSED].lift.si
+    tables = [*speed, claims_table(claims, own.rpm)]
+    return Content(
+        [part for table in tables for part in table.to_show(paper.titles)],
+        {"fig4": partial(own.plot, rpm=STEADY_RPM)},
+        {"moves": moved, "steady_rpm": STEADY_RPM},
+        {"vibration": own},
+    )
+
+
+def _flywheel(paper: Paper) -> Content:
+    found = study_flywheel(paper.cam_set, FLYWHEEL_RPM)
+    return Content(
+        found.to_show(paper.titles) if found else [],
+        {"flywheel": found.plot} if found else {},
+        {"flywheel": found, "shown": FLYWHEEL_SHOWN, "infinity": math.inf},
+    )
+
+
+def _jump(paper: Paper) -> Content:
+    found, cam_set = paper.jumps, paper.cam_set
+    printed = [row.published_rpm for row in found.rows if row.published_rpm]
+    mean = math.sqrt(sum(x**-2 for x in printed) / len(printed))
+    angles = [math.degrees(row.found.angle) for row in found.rows]
+    values = {
+        "jump": found.comparison,
+        "degrees": jump_by_degree(cam_set.cams[BY_SEGMENTS], paper.parameters, FROM_REST),
+        "rounded_to": ROUNDED_TO,
+        "rounding": ROUNDED_TO / math.sqrt(12.0) * mean,
+        "angles": (min(angles), max(angles)),
+        "takeoff_rpm": TAKEOFF_RPM,
+    }
+    flights = partial(jump_plot.lift_off_figure, cam_set, TAKEOFF_RPM)
+    figures: dict[str, Callable[[], Figure]] = {"jump": found.plot, "fig11": flights}
+    return Content(found.to_show(paper.titles), figures, values, {"jump": found})
+
+
+def _readings(paper: Paper) -> Content:
+    return Content(paper.readings.to_show(paper.titles), values={"rounded_to": ROUNDED_TO})
+
+
+def _stem(paper: Paper) -> Content:
+    found = study_stems(paper.cam_set, paper.stems, STEM_RPM)
+    tables = found.to_show(paper.titles)
+    return Content(tables, {"stem": found.plot}, {"studies": found.studies})
+
+
+def _as_cut(paper: Paper) -> Content:
+    """Cams with rollers as they were cut, and `CUT` over its radii."""
+    cam_set, bench = paper.cam_set, CutBench.of(paper.cam_set.rig, paper.loaded)
+    rollers = [cam for cam, config in cam_set.cams.items() if has_central_roller(config)]
+    cuts = cut_all(cam_set.only(rollers), bench)
+    tables, cut = cuts.to_show(paper.titles), cuts.of(CUT)
+    if cut is not None:
+        title = cam_set.titles[CUT]
+        tables += over_sizes(cut, bench, BASES, ROLLERS, title).to_show(paper.titles)
+    return Content(
+        tables,
+        {"fig12": partial(cuts.plot, cam=CUT)} if cut else {},
+        {"cut": cut, "rpm": to_rpm},
+        {"as-cut": cuts},
+    )
+
+
+def _timing(paper: Paper) -> Content:
+    """Of all cams the events; of `CUT`, where it is a single curve, the control of them."""
+    cam_set = paper.cam_set
+    found = TimingResult.of(cam_set.pairs)
+    tables = found.tables()[0].to_show(paper.titles)
+    one = TimingResult.of(cam_set.only([CUT]).pairs) if CUT in cam_set.cams else None
+    if one is None or not one.control:
+        return Content(tables, values={"control": []}, results={"timing": found})
+    _, ordinates, control, *_ = one.tables()
+    tables += control.to_show() + ordinates.to_show()
+    return Content(tables, {"timing": one.plot}, {"control": one.control}, {"timing": found})
+
+
+def _contact(paper: Paper) -> Content:
+    found = compare_contacts(paper.sources.touching, CONTACT_RPM, GUIDED)
+    play = play_table(find_play(paper.sources.form_closed))
+    return Content(
+        found.to_show(paper.titles) + play.to_show(paper.titles),
+        {"contact": found.plot, "events": partial(contact_plot.events_figure, GUIDED, SHARPEST)},
+        {"contact": found},
+        {"contact": found},
+    )
+
+
+def _noise(paper: Paper) -> Content:
+    found, bag, titles = paper.noise, paper.sources.recorded, paper.loaded.titles
+    tables = found.to_show(paper.titles)
+    values = {"best": found.best, "why": found.high_dwell, "levels": tables[-1]}
+    if bag is not None:
+        curves = found.methods[0].curves
+        simulated = {cam: curve.level_db for cam, curve in curves.items()}
+        printed = {cam: curve.published_db for cam, curve in curves.items()}
+        tables.append(recorded_table(bag, simulated, titles, printed))
+    return Content(tables, {"fig16": found.plot}, values, {"noise": found})
+
+
+def _orders(paper: Paper) -> Content:
+    """Tables are of the lowest speed, where all keep contact, of the figures', and the highest."""
+    loaded, scene = paper.loaded, paper.loaded.scene
+    speeds = sorted(scene.program.speeds.si_list)
+    if scene.model not in BUILDERS:
+        return Content(values={"studies": ()}, results={"orders": None})
+    found = waterfall(loaded.laws, scene.model, loaded.rig, speeds)
+    rpm = [spectrum.rpm for spectrum in found[0].spectra]
+    shown = OrdersResult(tuple(one.only(rpm[0], STEADY_RPM, rpm[-1]) for one in found))
+    drawn = OrdersResult(tuple(one.up_to(SHOWN_ORDERS) for one in found), loaded.titles)
+    return Content(
+        shown.speeds.to_show(paper.titles),
+        {"orders": drawn.plot},
+        {"studies": found, "steady_rpm": STEADY_RPM},
+        {"orders": OrdersResult(found)},
+        ORDERS_DPI,
+    )
+
+
+def _question(paper: Paper) -> Content:
+    found = paper.factorial
+    elastic, stiff = (one.at(STEADY_RPM) for one in (paper.vibration, paper.stiff_vibration))
+    stiffer = (elastic[cam].residual_amplitude / stiff[cam].residual_amplitude for cam in elastic)
+    values = {
+        "question": found.conclusions(),
+        "classes": found.same_angles.classes,
+        "stiffer": min(stiffer),
+    }
+    tables, figures = found.to_show(paper.titles), {"factorial": found.plot}
+    return Content(tables, figures, values, {"factorial": found})
+
+
+def _design(paper: Paper) -> Content:
+    found = paper_designs(paper.cam_set)
+    tables = designs_table(found).to_show(paper.titles)
+    return Content(tables, values={"designs": found, "cut": CUT})
+
+
+def _numbers(paper: Paper) -> Content:
+    sources = paper.sources
+    rigs = {f"rig {rig.name}": rig for rig in (paper.cam_set.rig, sources.stiff)}
+    shown = {f"cam {name}": cam for name, cam in (paper.cam_set.cams | paper.loaded.cams).items()}
+    others = {
+        f"scene {paper.loaded.scene.name}": paper.loaded.scene,
+        f"factorial {sources.factorial.name}": sources.factorial,
+        f"readings {sources.readings.name}": sources.readings,
+    }
+    return origins({**rigs, **shown, **others})
+
+
+def _reading(paper: Paper) -> Content:
+    return Content(misprints_table().to_show())
+
+
+SECTIONS = (
+    Section("summary", "In short", _summary, late=True),
+    Section("cams", "Cams and laws", _cams),
+    Section("vibration", "Residual and torsional vibration", _vibration),
+    Section("flywheel", "A flywheel that does not hold its speed", _flywheel),
+    Section("jump", "Jump speed", _jump),
+    Section("readings", "The paper's Table 2 read in other ways", _readings),
+    Section("stem", "Where two masses stop being enough", _stem),
+    Section("as_cut", "The cam as it was cut", _as_cut),
+    Section("timing", "Timing of the events", _timing),
+    Section("contact", "Contact pressure and sliding", _contact),
+    Section("noise", "Noise", _noise, late=True),
+    Section("orders", "Orders of force and sound", _orders),
+    Section("question", "Continuity or lower slopes", _question, late=True),
+    Section("design", "What a better law could reach", _design),
+    Section("numbers", "Given, assumed, identified", _numbers),
+    Section("reading", "How the paper was read, and how this was made", _reading),
+)
