@@ -84,6 +84,11 @@ class ArcColumn:
         """r.m.s. residual of the readings, m."""
         return rms(self.away)
 
+    @property
+    def worst(self) -> int:
+        """Which reading is farthest from the contour."""
+        return int(np.abs(self.away).argmax())
+
 
 @dataclass(frozen=True)
 class Form:
