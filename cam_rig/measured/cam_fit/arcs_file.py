@@ -9,10 +9,10 @@ import numpy as np
 
 from cam_rig.errors import ConfigError, LawError
 from cam_rig.laws import build_law
-from cam_rig.measured.cam_fit.arcs import FLANK, LIFT, NOSE, PRIME, Arcs, Form
+from cam_rig.measured.cam_fit.arcs import FLANK, LIFT, NOSE, PRIME, Arcs, FollowerKind, Form
 from cam_rig.measured.cam_fit.arcs_intervals import Told
 from cam_rig.measured.cam_fit.arcs_result import ArcsFit
-from cam_rig.measured.cam_fit.files import CamFiles, FollowerKind, chosen, comments, follower_data
+from cam_rig.measured.cam_fit.files import CamFiles, chosen, comments, follower_data
 from cam_rig.schema.load import quantity, to_yaml, valid_cam
 from cam_rig.units import FloatArray, rounded_to_error
 

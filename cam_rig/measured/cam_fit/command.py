@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -74,6 +74,10 @@ BaseRadius = Annotated[
 ]
 
 
+def _kinds(follower: list[OwnFollower] | None) -> tuple[Any, ...]:
+    return tuple(one.value for one in follower or ())
+
+
 @command("json", "csv", "plot")
 def fit_cam(
     tables: Tables,
@@ -103,8 +107,8 @@ def fit_cam(
     from cam_rig.measured.cam_fit.request import FitRequest
 
     require_new_yaml(out)
-    radii, followers = (roller_radius, base_radius), tuple(one.value for one in follower or ())
-    request = FitRequest(shape, followers, column, tolerance, reverse, *radii, flank)
+    radii, kinds = (roller_radius, base_radius), _kinds(follower)
+    request = FitRequest(shape, kinds, column, tolerance, reverse, *radii, flank)
     found = request.run(tables)
     if out is not None:
         files = request.files(found, out.stem)
@@ -147,8 +151,8 @@ def new(
     """
     from cam_rig.measured.cam_fit.request import FitRequest
 
-    radii, followers = (roller_radius, base_radius), tuple(one.value for one in follower or ())
-    request = FitRequest(shape, followers, column, tolerance, reverse, *radii, flank, True)
+    radii, kinds = (roller_radius, base_radius), _kinds(follower)
+    request = FitRequest(shape, kinds, column, tolerance, reverse, *radii, flank, True)
     _write_scene(name, request, from_csv, folder or Path(name), rig)
 
 

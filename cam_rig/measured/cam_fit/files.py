@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
 from cam_rig.laws import Law, build_law
+from cam_rig.measured.cam_fit.arcs import FollowerKind
 from cam_rig.measured.cam_fit.dwells import DEGREES
 from cam_rig.measured.cam_fit.spline_fit import SplineFit
 from cam_rig.profile.check_table import check_cam
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.load import assumed_numbers, quantity, to_yaml, valid_cam
 from cam_rig.units import TURN, to_rpm
-
-FollowerKind = Literal["roller", "flat", "point"]
 
 #: A base radius is sought in lifts, the first that passes the checks of the contour.
 BASE_RADII_IN_LIFTS = (2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0, 10.0, 15.0, 20.0, 30.0)

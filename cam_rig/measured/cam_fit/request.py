@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import Literal
 
 from cam_rig.errors import ConfigError
+from cam_rig.measured.cam_fit.arcs import FollowerKind
 from cam_rig.measured.cam_fit.arcs_file import arcs_cam, require_told
 from cam_rig.measured.cam_fit.arcs_fit import fit_arcs
 from cam_rig.measured.cam_fit.arcs_result import ArcsFit, Flank, Known
 from cam_rig.measured.cam_fit.dwells import above_zero
-from cam_rig.measured.cam_fit.files import CamFiles, FollowerKind, spline_cam
+from cam_rig.measured.cam_fit.files import CamFiles, spline_cam
 from cam_rig.measured.cam_fit.gauge import (
     GaugeColumn,
     GaugeTable,
@@ -21,6 +22,9 @@ from cam_rig.measured.cam_fit.gauge import (
     read_gauge_table,
 )
 from cam_rig.measured.cam_fit.spline_fit import SplineFit, fit_spline
+
+#: Of several followers the one that a cam's file has.
+FOLLOWERS: tuple[FollowerKind, ...] = ("roller", "point", "flat")
 
 
 @dataclass(frozen=True)
@@ -62,8 +66,9 @@ class FitRequest:
         kind = self.followers[0] if len(self.followers) == 1 else None
         if isinstance(found, ArcsFit):
             require_told(found, named=bool(self.followers))
-            there = {column.kind for column in found.fitted_columns}
-            return arcs_cam(name, found, kind or min(there, key=("roller", "point", "flat").index))
+            there = [column.kind for column in found.fitted_columns]
+            kind = kind or next(one for one in FOLLOWERS if one in there)
+            return arcs_cam(name, found, kind)
         radii = _metres(self.base_radius), _metres(self.roller_radius)
         return spline_cam(name, found, kind or "roller", *radii)
 

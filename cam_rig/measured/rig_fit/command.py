@@ -30,9 +30,10 @@ def _model(name: str) -> str:
     """A model by its name; that of older releases is read too."""
     from cam_rig.schema.scene import model_named
 
-    if model_named(name) not in MODELS:
+    known = str(model_named(name))
+    if known not in MODELS:
         raise typer.BadParameter(f"is {name!r}; allowed: {' or '.join(MODELS)}")
-    return model_named(name)
+    return known
 
 
 Source = Annotated[

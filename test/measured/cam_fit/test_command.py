@@ -82,21 +82,6 @@ def test_fit_prints_the_answer_and_writes_it(table, tmp_path):
     assert {"own.yaml", "own.csv"} <= {path.name for path in tmp_path.iterdir()}
 
 
-def test_arcs_of_the_gl110(tmp_path):
-    """Which column is the flat follower's; a cam that loads; a picture."""
-    out, plot = tmp_path / "gl110.yaml", tmp_path / "arcs.png"
-    result = call("fit", "cam", GL110, "--shape", "arcs", "--out", out, "--plot", plot)
-    assert result.exit_code == 0, result.output
-    for words in (
-        "The flat follower's readings are gunt_gl110_convex.csv, lift_b_mm.",
-        "5 numbers of tangent arcs: 0.0532 mm r.m.s. from 66 readings.",
-        "Base and roller radius are told only as a sum",
-    ):
-        assert words in result.output
-    assert call("law", out).exit_code == 0
-    assert plot.read_bytes().startswith(b"\x89PNG")
-
-
 def test_one_column_under_a_named_follower():
     """A column and a kind by name; the flat one alone tells no base radius."""
     result = call("fit", "cam", GL110, "--shape", "arcs", "--column", "lift_b_mm", "--follower",

@@ -11,9 +11,6 @@ import cam_rig
 from cam_rig.cli.main import app
 from cam_rig.measured.rig_fit.found import FoundNumber, number_tables
 from cam_rig.measured.rig_fit.rig_fit import fitted_rig
-from cam_rig.simulation.instruments import InstrumentErrors, measured_run
-
-from ...foreign_bags import joint, number, write_bag
 
 SURE = FoundNumber("preload", 14.947876, 0.0323, "identified")
 UNSURE = FoundNumber("damping", 8.6234, 3.1, "identified")
@@ -110,25 +107,6 @@ def test_a_table_becomes_a_rig_that_loads(tmp_path, jumps):
     assert [row["read_rpm"] for row in data["jump_speeds"]][:2] == pytest.approx([336.8, 449.8])
     assert "Identified: mass 1.3" in data["fit"]["conclusions"][0]
     assert (tmp_path / "j.png").stat().st_size > 10_000
-
-
-def test_a_bag_of_another_program(tmp_path, law, rig):
-    """Encoder and load cell of a bench, mapped in a line."""
-    errors = InstrumentErrors(rate=500, encoder_rate=500)
-    run = measured_run(law, rig, "one_mass", (200.0, 300.0, 400.0), errors, 1, turns=3.0)
-    bag = write_bag(
-        tmp_path / "bench",
-        {
-            "/encoder": (joint, run.angle.time, run.angle.value),
-            "/cell": (number, run.force.time, run.force.value),
-        },
-    )
-    topics = "angle=/encoder.position[0] force=/cell.data"
-    out = tmp_path / "bench.yaml"
-    result = call(bag, "poly345", "--topics", topics, "--rig", "tm21", "--out", out)
-    assert result.exit_code == 0, result.output
-    assert cam_rig.load_rig(out).follower.mass.si == pytest.approx(1.3, abs=0.02)
-    assert "never leaves the cam" in result.output
 
 
 @pytest.mark.parametrize(

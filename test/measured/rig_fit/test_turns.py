@@ -5,9 +5,13 @@ import pytest
 
 import cam_rig
 from cam_rig.dynamics import MODELS, Interval
+from cam_rig.dynamics.events.course import EndlessEventsError
+from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.errors import ConfigError
+from cam_rig.measured.rig_fit.residuals import FAR, Likelihood
+from cam_rig.measured.rig_fit.search import Candidate, search, steady_holds_of
 from cam_rig.measured.rig_fit.steady_turn import one_mass_turn, resonant, two_mass_turn
-from cam_rig.measured.rig_fit.turns import steady_holds
+from cam_rig.measured.rig_fit.turns import measured_holds, steady_holds
 from cam_rig.simulation.instruments import InstrumentErrors, MeasuredRun, Signal, measured_run
 from cam_rig.units import NS, RPM, TURN
 
@@ -116,3 +120,22 @@ def test_a_sensor_s_resonance_is_its_transfer_function(law, rig):
     r = np.arange(60) * 5.0 / 40.0
     wanted = np.fft.rfft(force)[:60] / (1.0 - r**2 + 0.2j * r)
     assert np.abs(shown - wanted).max() < 1e-4 * np.abs(wanted).max()
+
+
+def test_a_follower_that_chatters_without_end_has_no_steady_turn(law, rig, monkeypatch):
+    """A candidate of a search without a motion is far off; the search goes on at what has one."""
+    monkeypatch.setattr(OneMassTrajectory, "most_events", 0)  # one that lifts off chatters
+    run = measured_run(law, rig, "kinetostatic", (200.0, 300.0), InstrumentErrors(rate=200), 1)
+    names = ("mass", "spring_stiffness", "preload", "damping")
+    values = {name: getattr(rig.follower, name).si for name in names} | {"restitution": 0.0}
+    loose = values | {"spring_stiffness": 1000.0}  # leaves the cam from 236 rpm on
+    like = Likelihood(law, measured_holds(run), ("spring_stiffness",), values, None)
+    start = Candidate(like, like.start(loose, 0.0, 0.0))
+    with pytest.raises(EndlessEventsError, match="allowed: 0 an interval"):
+        one_mass_turn(law, like.follower(start.x), 300.0 * RPM)
+    assert steady_holds_of(start) == [0]
+    assert (like.residuals(start.x) == FAR).any()
+    found = search(start)
+    assert steady_holds_of(found) == [0, 1]
+    spring = found.likelihood.values(found.x)["spring_stiffness"]
+    assert spring == pytest.approx(values["spring_stiffness"], rel=0.01)
