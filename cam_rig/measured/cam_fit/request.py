@@ -67,8 +67,8 @@ class FitRequest:
         if isinstance(found, ArcsFit):
             require_told(found, named=bool(self.followers))
             there = [column.kind for column in found.fitted_columns]
-            kind = kind or next(one for one in FOLLOWERS if one in there)
-            return arcs_cam(name, found, kind)
+            likely = next(one for one in FOLLOWERS if one in there)
+            return arcs_cam(name, found, kind or likely)
         radii = _metres(self.base_radius), _metres(self.roller_radius)
         return spline_cam(name, found, kind or "roller", *radii)
 
