@@ -9,7 +9,7 @@ import typer
 
 from cam_rig.errors import ConfigError
 from cam_rig.files import writing
-from cam_rig.show.command import command, require_new
+from cam_rig.show.command import command, require_new_yaml
 from cam_rig.show.result import Progress, Result
 from cam_rig.show.terminal import say
 
@@ -84,12 +84,9 @@ def design(
 
     cam-rig design poly345 --maximise jump_speed_rigid --keep dwells,lift --starts 3
     """
-    if out is not None:
-        if pareto is not None:
-            raise ConfigError("--pareto: is of many cams; allowed beside it: no --out")
-        if out.suffix != ".yaml":
-            raise ConfigError(f"--out: is {out}; allowed: a name that ends in .yaml")
-        require_new(out)
+    if out is not None and pareto is not None:
+        raise ConfigError("--pareto: is of many cams; allowed beside it: no --out")
+    require_new_yaml(out)
     asked = {"minimise": minimise, "maximise": maximise, "limits": limit or []}
     law_class = {"pieces": pieces, "joints": joints, "degree": degree}
     search = {"starts": starts, "seed": seed, "keep": keep.split(",")}

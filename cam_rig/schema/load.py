@@ -280,6 +280,15 @@ def quantity(
     return {origin: value, "unit": unit, "source": source, **words}
 
 
+def assumed_numbers(section: BaseModel, source: str) -> dict[str, Any]:
+    """The numbers of a rig's follower or radiation as another's file has them: all assumed."""
+    return {
+        key: quantity("assumed", getattr(section, key).raw, value["unit"], source)
+        for key, value in section.model_dump(exclude_none=True).items()
+        if isinstance(value, dict)
+    }
+
+
 def to_yaml(data: dict[str, Any]) -> str:
     """A file of the rig: a number is one line, and so is a follower's or a segment's key."""
     return "\n".join(_lines(data, 0)) + "\n"

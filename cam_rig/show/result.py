@@ -132,6 +132,7 @@ class Records:
     seen : which records people read; data has all
     single : of one record: in JSON an object in place of a list of one
     hidden : in data only
+    upright : of one record: people read a line a column, with what is there, and its unit
     """
 
     key: str
@@ -144,6 +145,7 @@ class Records:
     seen: Callable[[Any], bool] = lambda _: True
     single: bool = False
     hidden: bool = False
+    upright: bool = False
 
     def only(self, value: Any) -> Records:
         """The records with one value of ``by``."""
@@ -193,7 +195,8 @@ class Records:
     def _part(
         self, records: list[Any], value: Mapping[str, Any], called: Mapping[str, str]
     ) -> DataTable:
-        first, *others = (c for c in self.columns if not c.hidden and c.key != self.by)
+        seen = [c for c in self.columns if not c.hidden and c.key != self.by]
+        first, *others = seen
         notes = [one if isinstance(one, Footnote) else Footnote(one) for one in self.notes]
 
         def marked(record: Any) -> Cell:
@@ -203,6 +206,11 @@ class Records:
 
         texts = [f"{n.mark} {n.text}".strip() for n in notes if any(map(n.where, records))]
         caption = self.caption.format(**value) if value else self.caption
+        if self.upright:
+            heads = (tables.Head(" "), tables.Head("value", "", "s"), tables.Head("unit"))
+            lines = [(c.head.heading, c.head.text(c.text(records[0])), c.unit) for c in seen]
+            kept = [line for line in lines if line[1]]
+            return tabulate(caption, kept, [(h, itemgetter(i)) for i, h in enumerate(heads)])
         fields = [(first.head, marked), *((c.head, c.text) for c in others)]
         if self.across:
             at = 1 + next(i for i, c in enumerate(others) if c.key == self.across)

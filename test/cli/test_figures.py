@@ -92,8 +92,8 @@ CAMPAIGNS = {
 ELSEWHERE = {
     "noise": "test_noise.py",
     "factorial": "test_factorial.py",
-    "fit rig": "test_fit_rig.py",
-    "fit cam": "test_fit.py",
+    "fit rig": "../measured/rig_fit/test_command.py",
+    "fit cam": "../measured/cam_fit/test_command.py",
 }
 
 

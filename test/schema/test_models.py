@@ -16,7 +16,7 @@ from benchmark.speed.cases import SAMPLED
 from cam_rig.campaigns.campaign import campaign_from
 from cam_rig.cli.main import app
 from cam_rig.dynamics import MODELS
-from cam_rig.measured.rig_fit.command import FollowerModel
+from cam_rig.measured.rig_fit.command import MODELS as FITTED
 from cam_rig.panel.bench import runner as setup
 from cam_rig.paper.orders.steady_force import BUILDERS
 from cam_rig.schema.load import Library, config_root
@@ -84,7 +84,7 @@ OLD = re.compile(r"(model:? +`?|one_mass.{1,9})(separation|residual)\b|`separati
 def test_every_table_has_the_same_names(make_scene):
     """What a scene may say is what there is; other tables take some of it."""
     assert set(MODELS) == set(setup.MODELS) == NAMES
-    assert set(SAMPLED) | set(BUILDERS) | {one.value for one in FollowerModel} <= NAMES
+    assert set(SAMPLED) | set(BUILDERS) | set(FITTED) <= NAMES
     for page in sorted((ROOT / "cam_rig/panel/static/texts").glob("*.json")):
         keys = json.loads(page.read_text(encoding="utf-8"))
         assert {key[6:] for key in keys if key.startswith("model_")} == NAMES

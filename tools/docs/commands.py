@@ -12,7 +12,7 @@ import re
 from collections.abc import Iterator
 from enum import Enum
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, Literal, get_args, get_origin
 
 from cam_rig.cli.main import COMMANDS, command
 
@@ -93,6 +93,8 @@ def _names(parameter: Any) -> list[str]:
 
 def _kind(parameter: Any) -> str:
     annotation = parameter.type_descriptor.annotation
+    if get_origin(annotation) is Literal:
+        return " or ".join(get_args(annotation))
     annotation, *_ = get_args(annotation) or [annotation]  # what a list is of
     if issubclass(annotation, Enum):
         return " or ".join(str(choice.value) for choice in annotation)

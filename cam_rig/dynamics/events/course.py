@@ -100,6 +100,10 @@ class Phase:
         return self.flight is None
 
 
+class EndlessEventsError(DynamicsError):
+    """A follower leaves its cam and lands again without end: it has no motion in this model."""
+
+
 class Course:
     """Finds phase after phase on one law at one speed (rad/s); times since the start, in s.
 
@@ -165,7 +169,7 @@ class Course:
             self._rows += phases
             self.events += [self._event(*row) for row in events]
             if len(self.events) > self.most_events:  # an endless series would be the model's fault
-                raise DynamicsError(
+                raise EndlessEventsError(
                     f"more than {self.most_events} events in {duration:g} s at {self.speed:g} "
                     f"rad/s; allowed: {self.most_events} an interval"
                 )

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -18,6 +19,8 @@ from cam_rig.laws.arc_law import ArcFollower, arc_lift
 from cam_rig.laws.arcs import Blend, Circle, close
 from cam_rig.measured.cam_fit.gauge import Readings
 from cam_rig.units import FloatArray, rms
+
+FollowerKind = Literal["roller", "flat", "point"]
 
 #: The numbers of a contour, in the order of everything here that has one of each.
 PRIME, LIFT, FLANK, NOSE, ANGLE = COORDINATES = range(5)
@@ -70,10 +73,11 @@ class ArcColumn:
     away: FloatArray
 
     @property
-    def kind(self) -> str:
+    def kind(self) -> FollowerKind:
         """What follows the contour."""
-        roller = "roller" if self.follower.roller_radius else "point"
-        return "flat" if self.follower.flat else roller
+        if self.follower.flat:
+            return "flat"
+        return "roller" if self.follower.roller_radius else "point"
 
     def lifts(self, arcs: Arcs, angles: FloatArray) -> FloatArray:
         """What its gauge would show (m) of a contour, at angles (rad) as the readings have them."""
@@ -83,6 +87,11 @@ class ArcColumn:
     def rms(self) -> float:
         """r.m.s. residual of the readings, m."""
         return rms(self.away)
+
+    @property
+    def worst(self) -> int:
+        """Which reading is farthest from the contour."""
+        return int(np.abs(self.away).argmax())
 
 
 @dataclass(frozen=True)

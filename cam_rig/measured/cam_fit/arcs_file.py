@@ -7,13 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from cam_rig.errors import LawError
+from cam_rig.errors import ConfigError, LawError
 from cam_rig.laws import build_law
-from cam_rig.measured.cam_fit.arcs import FLANK, LIFT, NOSE, PRIME, Arcs, Form
-from cam_rig.measured.cam_fit.arcs_fit import ArcsFit
+from cam_rig.measured.cam_fit.arcs import FLANK, LIFT, NOSE, PRIME, Arcs, FollowerKind, Form
 from cam_rig.measured.cam_fit.arcs_intervals import Told
-from cam_rig.measured.cam_fit.arcs_tables import shown_interval
-from cam_rig.measured.cam_fit.files import CamFiles, FollowerKind, chosen, comments, follower_data
+from cam_rig.measured.cam_fit.arcs_result import ArcsFit
+from cam_rig.measured.cam_fit.files import CamFiles, chosen, comments, follower_data
 from cam_rig.schema.load import quantity, to_yaml, valid_cam
 from cam_rig.units import FloatArray, rounded_to_error
 
@@ -22,19 +21,16 @@ from cam_rig.units import FloatArray, rounded_to_error
 MOVED, MOST_DIGITS = 0.1, 6
 
 
-def arcs_cam(name: str, fit: ArcsFit, kind: FollowerKind, notes: tuple[str, ...] = ()) -> CamFiles:
-    """The cam file of a contour of tangent arcs, with a follower on it.
-
-    Parameters
-    ----------
-    notes : how the readings were read, for the file's first lines
-    """
+def arcs_cam(name: str, fit: ArcsFit, kind: FollowerKind) -> CamFiles:
+    """The cam file of a contour of tangent arcs, with a follower on it."""
     arcs, roller = _rounded(fit)
-    source = "tangent arcs through " + " and ".join(column.readings.name for column in fit.columns)
-    residual = ", ".join(f"{c.rms * 1e3:.3g} mm r.m.s. {c.kind}" for c in fit.columns)
+    source = "tangent arcs through " + " and ".join(
+        column.readings.name for column in fit.fitted_columns
+    )
+    residual = ", ".join(f"{c.rms * 1e3:.3g} mm r.m.s. {c.kind}" for c in fit.fitted_columns)
 
     def found(metres: float, told: Told) -> dict[str, Any]:
-        interval = shown_interval(told)
+        interval = told.interval
         words = f"95 %: {told.name} {interval}; {residual}" if interval else residual
         return quantity("identified", _mm(metres), "mm", source, words)
 
@@ -62,7 +58,9 @@ def arcs_cam(name: str, fit: ArcsFit, kind: FollowerKind, notes: tuple[str, ...]
     cam = valid_cam(data)
     nose = math.degrees(arcs.nose_angle) % 360.0
     at_nose = f"Cam angle 180 deg, the nose, is {nose:.2f} deg of the readings."
-    header = comments(f"{source}.", at_nose, *notes, *(f"assumed: {words}" for words in assumed))
+    header = comments(
+        f"{source}.", at_nose, *fit.notes, *(f"assumed: {words}" for words in assumed)
+    )
     return CamFiles(cam, build_law(cam), {f"{name}.yaml": header + to_yaml(data)}, tuple(assumed))
 
 
@@ -125,3 +123,22 @@ def _away(fit: ArcsFit, arcs: Arcs, roller: float) -> FloatArray:
 
 def _mm(metres: float) -> float:
     return float(f"{1e3 * metres:.12g}")
+
+
+def require_told(fit: ArcsFit, named: bool) -> None:
+    """Refuse to write what no reading tells and nobody has given; ``named``: the followers are."""
+    unclear = fit.unclear_kinds
+    if unclear is not None and not named:
+        found, several = fit.best.search.named(), len(fit.fitted_columns) > 1
+        raise ConfigError(
+            f"the readings do not tell the follower: {found} leaves {fit.rms * 1e3:.3g} mm r.m.s., "
+            f"{unclear.name} {unclear.rms * 1e3:.3g} mm; allowed: --follower roller, flat or point"
+            f"{', once for each column' if several else ''}"
+        )
+    if not fit.base_is_told:
+        prime = fit.told[PRIME]
+        rolling = " and --roller-radius" if fit.roller_radius else ""
+        raise ConfigError(
+            f"lifts alone do not tell the base radius: {prime.name} is {prime.interval} "
+            f"with 95 %; allowed: --base-radius{rolling}, or readings of a flat follower too"
+        )

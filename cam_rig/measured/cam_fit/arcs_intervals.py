@@ -24,7 +24,7 @@ import numpy as np
 
 from cam_rig.measured.cam_fit.arcs import FLANK, PRIME, number_of
 from cam_rig.measured.cam_fit.arcs_search import NO_CONTOUR, ArcSearch
-from cam_rig.units import FloatArray
+from cam_rig.units import FloatArray, rounded_to_error
 
 #: What lies outside of an interval on either side.
 OUTSIDE = 0.025
@@ -58,9 +58,7 @@ class Told:
     A flank's goes from the smallest convex radius, ``low``, over straight, which is infinite, to
     concave radii, which are negative.
 
-    Parameters
-    ----------
-    held : why it has no interval: given, or assumed
+    ``held``: why it has no interval: given, or assumed; ``unit``: in which it is shown, mm or deg.
     """
 
     name: str
@@ -68,6 +66,7 @@ class Told:
     low: float
     high: float
     held: str = ""
+    unit: str = "mm"
 
     @property
     def over_straight(self) -> bool:
@@ -82,20 +81,68 @@ class Told:
         return (self.high - self.low) / (2.0 * ENDS)
 
     @property
-    def poorly(self) -> bool:
-        """Whether the readings hardly tell it, or not at all."""
-        known = math.isfinite(self.error) and self.error <= POORLY * abs(self.value)
-        return not known and not self.held
+    def hardly(self) -> bool:
+        """Whether the readings hardly tell it, or not at all; an angle may well be 0."""
+        if self.held or not math.isfinite(self.error):
+            return not self.held
+        return self.unit == "mm" and self.error > POORLY * abs(self.value)
+
+    @property
+    def how_well(self) -> str:
+        """A warning beside a number that the readings hardly tell."""
+        if self.held:
+            return self.held
+        if self.over_straight or not math.isfinite(self.value):
+            return "straight within the readings"
+        if not math.isfinite(self.error):
+            return "not told"
+        return "poorly" if self.hardly else ""
+
+    @property
+    def _factor(self) -> float:
+        return 1e3 if self.unit == "mm" else math.degrees(1.0)
+
+    @property
+    def shown(self) -> str:
+        """To the digits of its error, four where it is hardly told."""
+        if not math.isfinite(self.value):
+            return "straight"
+        value = self._factor * self.value
+        if math.isfinite(self.error):
+            return f"{rounded_to_error(value, self._factor * self.error)} {self.unit}"
+        return f"{value:.{6 if self.held else 4}g} {self.unit}"
+
+    @property
+    def interval(self) -> str:
+        """In words; empty of a number that is held."""
+        if self.held:
+            return ""
+        low, high = self._end(self.low), self._end(self.high)
+        if self.over_straight:
+            convex = f"{low} {self.unit} convex"
+            concave = f"{high.lstrip('-')} {self.unit} concave"
+            ends = 0.0 < self.low < math.inf, self.high < 0.0
+            return (
+                f"{convex if ends[0] else 'any'} over straight to {concave if ends[1] else 'any'}"
+            )
+        if not math.isfinite(self.high):
+            return f"above {low} {self.unit}" if math.isfinite(self.low) else "any"
+        between = f"{low} to {high} {self.unit}"
+        return between if math.isfinite(self.low) else f"below {high} {self.unit}"
+
+    def _end(self, end: float) -> str:
+        value, error = self._factor * end, self._factor * self.error
+        return (
+            rounded_to_error(value, error) if math.isfinite(error) else f"{float(f'{value:.3g}'):g}"
+        )
 
 
 class Line(NamedTuple):
     """A coordinate by the slopes at the best contour.
 
-    Parameters
-    ----------
-    error : its standard error, without that of the gauge's zero
-    limit : how far, in errors of a reading, the contours of its interval are from the best
-    ahead : ``(p,)`` slopes of the search's numbers along the best contours
+    ``error``: its standard error, without that of the gauge's zero; ``limit``: how far, in errors
+    of a reading, the contours of its interval are from the best; ``ahead``: ``(p,)`` slopes of the
+    search's numbers along the best contours.
     """
 
     error: float

@@ -49,10 +49,8 @@ Role = tuple[bool, bool]
 class ArcSearch:
     """The least squares of one reading of the columns.
 
-    Parameters
-    ----------
-    roles : of each column, whether its follower is flat, and whether it was read backwards
-    held : coordinates of ``form`` that are not searched, by their index
+    ``roles``: of each column, whether its follower is flat, and whether it was read backwards;
+    ``held``: coordinates of ``form`` that are not searched, by their index.
     """
 
     columns: tuple[Readings, ...]

@@ -1,14 +1,11 @@
-"""A law over the cam angle as the theses draw it: s, s', s'', s''' in four stacked panels.
-
-A law that was fitted is drawn with its readings instead, and what is between them.
-"""
+"""A fitted law over the cam angle with its readings, and what is between them."""
 
 from __future__ import annotations
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from cam_rig.measured.cam_fit.arcs_fit import ArcsFit
+from cam_rig.measured.cam_fit.arcs_result import ArcsFit
 from cam_rig.measured.cam_fit.spline_fit import SplineFit
 from cam_rig.show.figure import CAM_ANGLE, empty, series, styled, turn_axis, wrapped
 from cam_rig.units import TURN
@@ -17,13 +14,8 @@ from cam_rig.units import TURN
 FIT_POINTS, SHADE = 3601, "0.8"
 
 
-def fit_figure(fit: SplineFit | ArcsFit) -> Figure:
-    """The fitted law with its readings, and what is between them."""
-    return _arcs_fit(fit) if isinstance(fit, ArcsFit) else _spline_fit(fit)
-
-
 @styled
-def _spline_fit(fit: SplineFit) -> Figure:
+def spline_figure(fit: SplineFit) -> Figure:
     """Lift, distance and acceleration; dwells are shaded."""
     out = empty(6.7)
     lift, away, bend = out.subplots(3, 1, sharex=True)
@@ -52,12 +44,12 @@ def _spline_fit(fit: SplineFit) -> Figure:
 
 
 @styled
-def _arcs_fit(fit: ArcsFit) -> Figure:
+def arcs_figure(fit: ArcsFit) -> Figure:
     """Lift of each follower, and distance of its readings; the nose is at 180°."""
     out = empty(5.4)
     lift, away = out.subplots(2, 1, sharex=True)
     angles = np.linspace(0.0, TURN, FIT_POINTS)
-    for i, column in enumerate(fit.columns):
+    for i, column in enumerate(fit.fitted_columns):
         colour, readings = series(i)["color"], column.readings
         own = -readings.angles if column.reverse else readings.angles
         from_nose = np.degrees((own - fit.arcs.nose_angle + 0.5 * TURN) % TURN)

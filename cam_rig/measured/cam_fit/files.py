@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
 from cam_rig.laws import Law, build_law
+from cam_rig.measured.cam_fit.arcs import FollowerKind
 from cam_rig.measured.cam_fit.dwells import DEGREES
 from cam_rig.measured.cam_fit.spline_fit import SplineFit
 from cam_rig.profile.check_table import check_cam
 from cam_rig.schema import CamConfig, RigConfig
-from cam_rig.schema.load import quantity, to_yaml, valid_cam
+from cam_rig.schema.load import assumed_numbers, quantity, to_yaml, valid_cam
 from cam_rig.units import TURN, to_rpm
-
-FollowerKind = Literal["roller", "flat", "point"]
 
 #: A base radius is sought in lifts, the first that passes the checks of the contour.
 BASE_RADII_IN_LIFTS = (2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0, 10.0, 15.0, 20.0, 30.0)
@@ -48,15 +47,11 @@ def spline_cam(
     kind: FollowerKind,
     base_radius: float | None = None,
     roller_radius: float | None = None,
-    notes: tuple[str, ...] = (),
 ) -> CamFiles:
     """The cam file of a spline, and its points.
 
-    Parameters
-    ----------
-    base_radius : m; None takes the first that passes the checks, from two lifts on
-    roller_radius : m; None takes a part of the base radius
-    notes : how the readings were read, for the file's first lines
+    ``base_radius``: m; None takes the first that passes the checks, from two lifts on;
+    ``roller_radius``: m; None takes a part of the base radius.
     """
     table = _table_segment(f"{name}.csv", fit)
     points = {"file": f"{name}.csv", **_points(fit)}
@@ -88,7 +83,7 @@ def spline_cam(
         assumed.append(f"roller radius {_mm(ROLLER_PART * radius):.4g} mm")
     if not passes:
         assumed.append("no base radius passes all checks: see cam-rig profile")
-    header = comments(f"{fit.readings.name}: the law is the spline of {name}.csv.", *notes)
+    header = comments(f"{fit.readings.name}: the law is the spline of {name}.csv.", *fit.notes)
     header += comments(*(f"assumed: {words}" for words in assumed))
     texts = {f"{name}.yaml": header + to_yaml(data), f"{name}.csv": _csv(fit)}
     return CamFiles(cam, law, texts, tuple(assumed))
@@ -198,17 +193,9 @@ def own_rig(name: str, like: RigConfig) -> str:
     """A rig file with the numbers of another rig, every one of them assumed."""
     data: dict[str, Any] = {"name": name, "title": f"{name}: mass, spring and sound assumed"}
     source = f"the rig {like.name}'s, not this one's: measure it and put it in as given"
-    dumped = like.model_dump(exclude_none=True)
-    for section in ("follower", "radiation"):
-        if section not in dumped:
-            continue
-        data[section] = {
-            key: quantity(
-                "assumed", getattr(getattr(like, section), key).raw, value["unit"], source
-            )
-            for key, value in dumped[section].items()
-            if isinstance(value, dict)
-        }
+    for section, own in (("follower", like.follower), ("radiation", like.radiation)):
+        if own is not None:
+            data[section] = assumed_numbers(own, source)
     words = "# Nothing of this rig was measured: its numbers are another's, to begin with.\n"
     return words + to_yaml(data)
 

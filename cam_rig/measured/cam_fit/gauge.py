@@ -69,9 +69,8 @@ class GaugeTable:
 def read_gauge_table(path: Path, column: str | None = None) -> GaugeTable:
     """Read a table of readings as it was written by a gauge, a spreadsheet or by hand.
 
-    Parameters
-    ----------
-    column : heading of the one column of lifts that is read, whatever the others hold; all if None
+    ``column``: heading of the one column of lifts that is read, whatever the others hold; all if
+    None.
     """
     return _GaugeReader(path.name, read_lines(path, "cam angle and lift")).table(column)
 

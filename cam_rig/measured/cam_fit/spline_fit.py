@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 
@@ -12,10 +15,13 @@ from cam_rig.laws import Law
 from cam_rig.laws.bernstein import joined
 from cam_rig.laws.law import extremes, peak
 from cam_rig.laws.segments import SAME_LIFT, SAME_LIFT_TOLERANCES
-from cam_rig.laws.spline import Rest, Smoothed, least_tolerance, smooth
+from cam_rig.laws.spline import Rest, Smoothed, differences, least_tolerance, smooth
 from cam_rig.measured.cam_fit.dwells import FoundDwell, find_dwells, likely_range
 from cam_rig.measured.cam_fit.gauge import Readings, bridges, without_outliers
+from cam_rig.measured.cam_fit.suspects import beside_others, farthest, left_out
 from cam_rig.schema.segment_base import MAX_TOLERANCE, WIDEST_GAP_DEG
+from cam_rig.show.result import Column, Records, Result
+from cam_rig.units import FloatArray
 
 #: Without a gauge's error the scatter is allowed, and so many of its standard errors: one that was
 #: found too small makes a spline of many knots, one found too large hardly another one.
@@ -25,8 +31,15 @@ MARGIN = 2.0
 WIDER = 2.0
 
 
-@dataclass(frozen=True, eq=False)
-class SplineFit:
+#: Readings wider apart than this (deg) leave the law between them to the spline.
+WIDE_DEG = 5.0
+
+#: A reading is named where neighbours too contradict it by so many scatters, or all others do.
+CONTRADICTED = 2.5
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SplineFit(Result):
     """What a spline through readings is, and how far it is from them; lengths in m.
 
     Parameters
@@ -38,7 +51,52 @@ class SplineFit:
     tolerance : r.m.s. distance that the spline was allowed
     widened : whether that had to be more than was asked for, or than the scatter: nearer, the
         spline would need nearly a knot a reading
+    notes : how the readings were read, a sentence each
     """
+
+    schema = "cam_rig.fit_spline.1"
+    drawn_by = "cam_rig.measured.cam_fit.figures:spline_figure"
+    columns: ClassVar = {
+        "spline": (
+            Column("count", "", "d", "readings used", of="readings.angles.size"),
+            Column(
+                "left_out", "", "d", "readings left out", lambda fit: len(fit.readings.outliers)
+            ),
+            Column("scatter", "mm", ".5g", "scatter of the readings"),
+            Column("scatter_error", "mm", ".5g", "its standard error"),
+            Column("asked", "mm", hidden=True, about="the gauge's error as it was given"),
+            Column("tolerance", "mm", ".5g", "residual allowed, r.m.s."),
+            Column("followed", hidden=True, about="whether that is the one asked for"),
+            Column("rms", "mm", ".5g", "residual, r.m.s.", of="smoothed.rms"),
+            Column("largest", "mm", ".5g", "residual, largest", of="smoothed.largest"),
+            Column("largest_at", "°", ".5g", "at", lambda f: f.readings.angles[f.worst]),
+            Column("largest_line", "", "d", "in line", lambda f: int(f.readings.lines[f.worst])),
+            Column("knots", "", "d", of="smoothed.knots"),
+            Column("dwells", "", "d", of=lambda fit: len(fit.dwells)),
+            Column("zero", "mm", ".5g", "gauge at the lowest lift"),
+            Column("lift", "mm", ".5g", of="law.lift"),
+            Column("peak_velocity", "mm/rad", ".5g", of=lambda fit: fit.peaks[0]),
+            Column("peak_acceleration", "mm/rad²", ".5g", of=lambda fit: fit.peaks[1]),
+        ),
+        "dwells": (
+            Column("start", "°", ".2f", "from", "rest.start"),
+            Column("span", "°", ".2f", of="rest.span"),
+            Column("level", "mm", ".4f", of="rest.level"),
+            Column("readings", "", "d", of="count"),
+            Column("scatter", "mm", ".2g", "their scatter"),
+        ),
+        "outliers": (
+            Column("line", "", "d"),
+            Column("angle", "°", ".6g", "at"),
+            Column("reading", "mm", ".6g", of="lift"),
+            Column("off", "mm", ".3g", "off its neighbours", "beside"),
+        ),
+        "fit": (
+            Column("readings", of="readings.name"),
+            Column("notes", about="how they were read"),
+            Column("conclusions", of=lambda fit: [*fit.conclusions()]),
+        ),
+    }
 
     readings: Readings
     zero: float
@@ -49,6 +107,12 @@ class SplineFit:
     dwells: tuple[FoundDwell, ...]
     smoothed: Smoothed
     law: Law
+    notes: tuple[str, ...] = ()
+
+    @property
+    def scatter_error(self) -> float:
+        """Standard error of the scatter, m."""
+        return self.scatter * self.readings.scatter_error
 
     @property
     def followed(self) -> bool:
@@ -58,13 +122,77 @@ class SplineFit:
     @property
     def worst(self) -> int:
         """Which reading is farthest from the spline."""
-        away = self.law(self.readings.angles) - self.readings.lifts
-        return int(np.argmax(np.abs(away)))
+        return int(np.argmax(np.abs(self._residuals)))
 
     @property
+    def _residuals(self) -> FloatArray:
+        return self.readings.lifts - self.law(self.readings.angles)
+
+    @cached_property
     def peaks(self) -> tuple[float, float]:
         """Largest |s'| (m/rad) and |s''| (m/rad²)."""
         return abs(peak(self.law, 1).value), abs(peak(self.law, 2).value)
+
+    def tables(self) -> list[Records]:
+        """How near the spline is to the readings, its dwells, and the readings left out."""
+        name, outliers = self.readings.name, "Readings that look like outliers"
+        return [
+            self.table("spline", f"{name}: spline", [self], single=True, upright=True),
+            self.table("dwells", "Dwells, exact in the law", self.dwells),
+            self.table("outliers", outliers, self.readings.outliers),
+            self.table("fit", "The fit", [self], single=True, hidden=True),
+        ]
+
+    def summary(self) -> list[str]:
+        """How the readings were read, then what was found, not followed, or left out."""
+        return [*self.notes, *self.conclusions()]
+
+    def conclusions(self) -> Iterator[str]:
+        """The answer first: how far the law is from the readings."""
+        found, readings = self.smoothed, self.readings
+        yield (
+            f"The law is {found.rms * 1e3:.3g} mm r.m.s. and {found.largest * 1e3:.3g} mm at most "
+            f"from {readings.angles.size} readings, with {found.knots} knots."
+        )
+        if self.widened:
+            yield (
+                f"The residual allowed is {self.tolerance * 1e3:.3g} mm, more than the readings' "
+                "scatter: a spline nearer to them would need almost as many knots as there are "
+                "readings, for the cam bends more sharply than they stand apart. Read it finer."
+            )
+        elif self.asked is not None and not self.followed:
+            yield (
+                f"Not followed: {self.asked * 1e3:.3g} mm were asked, the readings scatter by "
+                f"{self.scatter * 1e3:.3g} mm. A spline so near would follow their noise; allowed: "
+                f"{least_tolerance(self.scatter, readings.angles.size) * 1e3:.3g} mm or more."
+            )
+        step = math.degrees(float(np.median(np.diff(readings.angles))))
+        if step > WIDE_DEG:
+            yield (
+                f"Readings stand {step:.3g} deg apart: what the law does between them counts as "
+                "scatter, and peaks of acceleration are rough."
+            )
+        yield (
+            "A spline knows no jumps of acceleration between readings: for a cam of arcs take "
+            "--shape arcs."
+        )
+        if not self.dwells:
+            yield "No dwell is found: nowhere do enough readings rest within their scatter."
+        yield from farthest(readings, self._residuals, self._suspects())
+        yield left_out(readings)
+
+    def _suspects(self) -> FloatArray:
+        """``(n,)`` sizes of residuals, in r.m.s. of all others, or in scatters if that is more.
+
+        The scatter is that of the readings alone: one that is off raises the spline's r.m.s. around
+        it. It measures only those that their neighbours contradict: a spline that is too smooth
+        somewhere is off whole rows of good readings.
+        """
+        readings, residuals = self.readings, self._residuals
+        bent, counts = differences(readings.angles, readings.lifts)
+        contradicted = counts & (np.abs(bent) > CONTRADICTED * self.scatter)
+        scatters = np.where(contradicted, np.abs(residuals) / self.scatter, 0.0)
+        return np.maximum(scatters, beside_others(readings, residuals))
 
 
 def fit_spline(readings: Readings, asked: float | None = None) -> SplineFit:

@@ -86,9 +86,8 @@ def find_alignment(
     cam are taken, if there are any: a flight has the follower's errors in it. A lag between rise
     and return is estimated too, since it would pass for an offset; it is not taken off.
 
-    Parameters
-    ----------
-    offset : rad, where it is known; the clock's error and the gauge's zero are found all the same
+    ``offset``: rad, where it is known; the clock's error and the gauge's zero are found all the
+    same.
     """
     runs = [drive(stretch, offset or 0.0) for stretch in stretches]
     calm = [run for run in runs if not run.flies] or runs

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from cam_rig.measured.real_run.comparison import OverTurn, SpeedDeparture
+from cam_rig.measured.real_run.comparison import QUANTITIES, OverTurn, SpeedDeparture
+from cam_rig.measured.real_run.run import RunComparison
 from cam_rig.show import looks as colours
 from cam_rig.show.chart import (
     APPLICATION,
@@ -22,13 +22,6 @@ from cam_rig.show.chart import (
     rrd_stream,
 )
 from cam_rig.show.looks import EQUAL, is_rounding, reach, title_of
-
-#: Quantities by what they are called, with the unit that is shown and the factor to it, the same
-#: of their differences, and the colour.
-QUANTITIES = {
-    "lift": ("lift", "mm", 1e3, "µm", 1e6, colours.LIFT),
-    "force": ("contact force", "N", 1.0, "N", 1.0, colours.FORCE),
-}
 
 #: Each is drawn as measured, of the model, and their difference.
 CHARTS = ("measured", "model", "difference")
@@ -42,19 +35,14 @@ DEGREES = {float(at): f"{at}°" for at in range(0, 361, 90)}
 RIGHT, BELOW = 0.1, 0.16
 
 
-def save_real_run(
-    rows: Sequence[SpeedDeparture], path: Path, titles: Mapping[str, str] = MappingProxyType({})
-) -> None:
+def save_real_run(found: RunComparison, path: Path) -> None:
     """Write a comparison as a ``.rrd`` file that appears when it is whole.
 
     The timeline is the cam's speed: each speed shows its last turn.
-
-    Parameters
-    ----------
-    titles : what cams are called, where not by their names in words
     """
+    rows = found.speeds
     require_free(path, overwrite=True)
-    plans = real_run_tabs(rows, titles)
+    plans = real_run_tabs(found)
     panels = rrb.BlueprintPanel(state="collapsed"), rrb.SelectionPanel(state="collapsed")
     timeline = rrb.TimePanel(state="collapsed", timeline=SPEED)
     views = rrb.Tabs(*plans) if len(plans) > 1 else plans[0]
@@ -66,16 +54,16 @@ def save_real_run(
                 _draw(stream, here, name, _axes(here, name))
 
 
-def real_run_tabs(rows: Sequence[SpeedDeparture], titles: Mapping[str, str]) -> list[rrb.Vertical]:
+def real_run_tabs(found: RunComparison) -> list[rrb.Vertical]:
     """A tab for each cam: a row for each quantity that was measured."""
     tabs = []
-    for here in _by_cam(rows):
+    for here in _by_cam(found.speeds):
         charts = [
-            rrb.Horizontal(*(_view(here, name, chart, axes) for chart, axes in found.items()))
+            rrb.Horizontal(*(_view(here, name, chart, axes) for chart, axes in places.items()))
             for name in QUANTITIES
-            if (found := _axes(here, name))
+            if (places := _axes(here, name))
         ]
-        tabs.append(rrb.Vertical(*charts, name=title_of(titles, here[0].cam)))
+        tabs.append(rrb.Vertical(*charts, name=title_of(found.loaded.titles, here[0].cam)))
     return tabs
 
 
@@ -123,17 +111,13 @@ def _axes(rows: Sequence[SpeedDeparture], quantity: str) -> dict[str, Axes]:
 
 
 def _turns(rows: Sequence[SpeedDeparture], quantity: str) -> list[OverTurn]:
-    return [turn for row in rows if (turn := _turn(row, quantity)) is not None]
+    return [turn for row in rows if (turn := row.turn(quantity)) is not None]
 
 
 def _largest(rows: Sequence[SpeedDeparture], quantity: str) -> float:
     """The largest difference, in the unit that differences are shown in."""
     found = [float(np.abs(turn.difference).max()) for turn in _turns(rows, quantity)]
     return QUANTITIES[quantity][4] * max(found, default=0.0)
-
-
-def _turn(row: SpeedDeparture, quantity: str) -> OverTurn | None:
-    return row.lift_turn if quantity == "lift" else row.force_turn
 
 
 def _draw(
@@ -148,7 +132,7 @@ def _draw(
         words = round_marks(*place.y, small if chart == "difference" else unit)
         place.draw(stream, f"{view}/axes", DEGREES, words)
     for row in rows:
-        turn = _turn(row, quantity)
+        turn = row.turn(quantity)
         if turn is None:
             continue
         stream.set_time(SPEED, sequence=round(row.rpm))

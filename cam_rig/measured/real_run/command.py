@@ -7,19 +7,9 @@ from typing import Annotated
 
 import typer
 
-from cam_rig.show.command import (
-    Csv,
-    Json,
-    Plot,
-    Scene,
-    check_outputs,
-    check_recording,
-    user_errors,
-    write_csv,
-    write_json,
-    write_plot,
-)
-from cam_rig.show.terminal import say, show
+from cam_rig.show.command import Scene, check_recording, command
+from cam_rig.show.result import Result
+from cam_rig.show.terminal import say
 
 Topics = Annotated[
     str | None,
@@ -42,6 +32,7 @@ Rig = Annotated[
 ]
 
 
+@command("json", "csv", "plot")
 def compare(
     bag: Annotated[Path, typer.Argument(help="Bag of a real run: a folder, .mcap or .db3.")],
     scene: Scene,
@@ -51,13 +42,10 @@ def compare(
     ] = None,
     namespace: Rig = None,
     offset: Offset = None,
-    plot: Plot = None,
     save: Annotated[
         Path | None, typer.Option(help="Write a Rerun recording (.rrd): both side by side.")
     ] = None,
-    csv: Csv = None,
-    json_target: Json = None,
-) -> None:
+) -> Result:
     """Drive a scene's model with the cam angle of a real run, and show where the two part.
 
     By speed: lift and force, lift-offs and their time, sound level; what the readings' noise
@@ -76,26 +64,16 @@ def compare(
 
     cam-rig compare two_rigs.mcap quick --namespace /rig2 --cam tm21 --save out/compare.rrd
     """
+    from cam_rig.measured.real_run.run import compare_run
     from cam_rig.schema.load import scene_path
 
-    with user_errors():
-        from cam_rig.measured.real_run.run import compare_run
+    if save is not None:
+        check_recording(save)
+    path, rig = scene_path(scene), namespace
+    found = compare_run(bag, path, topics=topics, cam=cam, namespace=rig, offset_deg=offset)
+    if save is not None:
+        from cam_rig.measured.real_run.chart import save_real_run
 
-        check_outputs(json_target, plot, csv)
-        if save is not None:
-            check_recording(save)
-        path, rig = scene_path(scene), namespace
-        found = compare_run(bag, path, topics=topics, cam=cam, namespace=rig, offset_deg=offset)
-        show(*found.tables)
-        say(*found.notes, *found.conclusions)
-        if plot is not None:
-            from cam_rig.measured.real_run.figures import figure
-
-            write_plot(plot, lambda: figure(found.speeds, found.loaded.titles))
-        if save is not None:
-            from cam_rig.measured.real_run.chart import save_real_run
-
-            save_real_run(found.speeds, save, found.loaded.titles)
-            say(f"recording: {save}")
-        write_csv([found.every_number], csv)
-        write_json(found.plain(), json_target)
+        save_real_run(found, save)
+        say(f"recording: {save}")
+    return found

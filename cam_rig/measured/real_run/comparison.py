@@ -17,6 +17,7 @@ from cam_rig.measured.real_run.deviation import (
     departure,
     lost_contact,
 )
+from cam_rig.show import looks
 from cam_rig.units import TURN, FloatArray
 
 # A frequency that stands out of a difference: a sensor or its mounting may have it.
@@ -75,6 +76,12 @@ def common_frequency(speeds: Sequence[float], peaks: Sequence[float | None]) -> 
     return middle
 
 
+#: What is drawn: its words, unit and factor to it, the same of its differences, and its colour.
+QUANTITIES = {
+    "lift": ("lift", "mm", 1e3, "µm", 1e6, looks.LIFT),
+    "force": ("contact force", "N", 1.0, "N", 1.0, looks.FORCE),
+}
+
 #: Readings of a drawn turn, at least and at most.
 LEAST_DRAWN, MOST_DRAWN = 300, 1500
 
@@ -129,6 +136,21 @@ class SpeedDeparture:
         if self.measured_db is None or self.model_db is None:
             return None
         return self.measured_db - self.model_db
+
+    @property
+    def exact(self) -> bool:
+        """Whether the model was driven with the very states of the cam, sample by sample."""
+        return any(one is not None and one.exact for one in (self.lift, self.force))
+
+    @property
+    def later(self) -> float | None:
+        """By how much cam angle (rad) events come later than the model's; None: none to compare."""
+        degrees = None if self.contact is None else self.contact.degrees
+        return None if degrees is None else float(np.radians(degrees))
+
+    def turn(self, quantity: str) -> OverTurn | None:
+        """The last turn of one of `QUANTITIES`."""
+        return self.lift_turn if quantity == "lift" else self.force_turn
 
     @property
     def agrees(self) -> bool:

@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from types import MappingProxyType
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cam_rig.measured.real_run.comparison import OverTurn, SpeedDeparture
+from cam_rig.measured.real_run.comparison import QUANTITIES, OverTurn, SpeedDeparture
+from cam_rig.measured.real_run.run import RunComparison
 from cam_rig.show import looks as colours
 from cam_rig.show.figure import CAM_ANGLE, empty, styled, turn_axis
 from cam_rig.show.looks import EQUAL, is_rounding, reach, title_of, web
-
-#: Name of a quantity, its unit, factor to it, unit and factor of its difference, colour.
-QUANTITIES = (
-    ("lift", "mm", 1e3, "µm", 1e6, colours.LIFT),
-    ("force", "N", 1.0, "N", 1.0, colours.FORCE),
-)
 
 #: More readings a turn than this are drawn as a line.
 MANY = 600
@@ -41,17 +35,13 @@ def chosen(rows: Sequence[SpeedDeparture]) -> list[SpeedDeparture]:
 
 
 @styled
-def figure(
-    rows: Sequence[SpeedDeparture], titles: Mapping[str, str] = MappingProxyType({})
-) -> Figure:
-    """For each cam a column for each chosen speed: the curves, and below them their difference.
-
-    ``titles`` are what cams are called, where not by their names in words.
-    """
+def figure(found: RunComparison) -> Figure:
+    """For each cam a column for each chosen speed: the curves, and below them their difference."""
+    rows, titles = found.speeds, found.loaded.titles
     by_cam: dict[str, list[SpeedDeparture]] = {}
     for row in chosen(rows):
         by_cam.setdefault(row.cam, []).append(row)
-    shown = [q for q in QUANTITIES if any(getattr(row, f"{q[0]}_turn") for row in rows)]
+    shown = [name for name in QUANTITIES if any(row.turn(name) for row in rows)]
     across = max((len(columns) for columns in by_cam.values()), default=1)
     down = len(shown) * len(by_cam)
     if not down:
@@ -79,22 +69,21 @@ def figure(
 
 
 def _block(
-    panels: Any, title: str, columns: Sequence[SpeedDeparture], shown: Sequence[tuple[Any, ...]]
+    panels: Any, title: str, columns: Sequence[SpeedDeparture], shown: Sequence[str]
 ) -> None:
     """The panels of one cam."""
     for j, row in enumerate(columns):
         panels[0, j].set_title(f"{title}\n{row.rpm:.6g} rpm")
-        for i, (name, _, factor, _, fine, colour) in enumerate(shown):
-            turn: OverTurn | None = getattr(row, f"{name}_turn")
-            if turn is not None:
-                _curves(panels[2 * i, j], turn, factor, web(colour), name)
-                _difference(panels[2 * i + 1, j], turn, fine)
-    for i, (name, unit, _, small, fine, _) in enumerate(shown):
-        panels[2 * i, 0].set_ylabel("contact force [N]" if name == "force" else f"{name} [{unit}]")
+    for i, name in enumerate(shown):
+        words, unit, factor, small, fine, colour = QUANTITIES[name]
+        turns = {j: turn for j, row in enumerate(columns) if (turn := row.turn(name)) is not None}
+        for j, turn in turns.items():
+            _curves(panels[2 * i, j], turn, factor, web(colour), name)
+            _difference(panels[2 * i + 1, j], turn, fine)
+        panels[2 * i, 0].set_ylabel(f"{words} [{unit}]")
         panels[2 * i + 1, 0].set_ylabel(f"difference [{small}]")
-        turns = [turn for row in columns if (turn := getattr(row, f"{name}_turn")) is not None]
-        largest = [np.abs(t.difference[t.calm]).max(initial=0.0) for t in turns]
         # what is beside a landing does not set the scale
+        largest = [np.abs(t.difference[t.calm]).max(initial=0.0) for t in turns.values()]
         apart = fine * max(largest, default=0.0)
         panels[2 * i + 1, 0].set_ylim(-reach(apart), reach(apart))
         if is_rounding(apart):

@@ -170,10 +170,8 @@ def _curve(time: FloatArray, angle: FloatArray, turns: int) -> SteadyStretch | N
 class ModelRun:
     """The follower's samples, rows as in `COLUMNS`, from where it is put down on its cam.
 
-    Parameters
-    ----------
-    begin : s, from here on it is settled
-    sound : ``(3, n)``, for each tick its end (s), mean square pressure (Pa²), samples
+    ``begin``: s, from here on it is settled; ``sound``: ``(3, n)``, for each tick its end (s), mean
+    square pressure (Pa²), samples.
     """
 
     stretch: SteadyStretch
@@ -200,9 +198,7 @@ class ModelRun:
     def lift_coefficients(self, orders: FloatArray, offset: float) -> NDArray[np.complex128]:
         """Fourier coefficients of the lift over the cam angle, of the last whole turn.
 
-        Parameters
-        ----------
-        offset : rad, of the cam's angle before the stretch's
+        ``offset``: rad, of the cam's angle before the stretch's.
         """
         angle = self.stretch.at(self.rows[0])
         last = angle > angle[-1] - TURN
@@ -213,9 +209,7 @@ class ModelRun:
 def drive(loaded: LoadedScene, cam: str, stretch: SteadyStretch, offset: float) -> ModelRun:
     """Turn a cam of a scene as the stretch says.
 
-    Parameters
-    ----------
-    offset : rad, the cam's angle less the stretch's
+    ``offset``: rad, the cam's angle less the stretch's.
     """
     follower, microphone = FollowerSimulator.of(loaded), MicrophoneSimulator.of(loaded)
     blocks, sound = [], []

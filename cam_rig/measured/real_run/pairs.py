@@ -69,11 +69,8 @@ class _StepParts:
 class RecordedPairs:
     """The steps of a recording, one after another; no more than one is held.
 
-    Parameters
-    ----------
-    loaded : the scene whose rig, model and laws are compared
-    cam : only this cam
-    lost : how many ticks have no samples in the bag; known at the end
+    ``loaded``: the scene whose rig, model and laws are compared; ``cam``: only this cam; ``lost``:
+    how many ticks have no samples in the bag; known at the end.
     """
 
     loaded: LoadedScene
@@ -88,10 +85,8 @@ class RecordedPairs:
     ) -> Iterator[PairedStep]:
         """Pair the settled turns of each cam and speed.
 
-        Parameters
-        ----------
-        ticks, states : of the bag, in order
-        pressures : measured r.m.s. pressure (Pa) by the stamp (ns) of the tick's end
+        ``ticks``, ``states``: of the bag, in order; ``pressures``: measured r.m.s. pressure (Pa) by
+        the stamp (ns) of the tick's end.
         """
         settle = self.loaded.scene.program.settle_turns.si
         settling, parts = Settling(settle), None
@@ -317,10 +312,8 @@ def pair_measured(
 ) -> MeasuredPairs:
     """Find the steady turns of a run, and how its readings lie on them.
 
-    Parameters
-    ----------
-    cam : of the scene
-    offset : rad, the cam's angle less the encoder's; None: found from the lift
+    ``cam``: of the scene; ``offset``: rad, the cam's angle less the encoder's; None: found from the
+    lift.
     """
     loaded.law_of(cam)
     settle = loaded.scene.program.settle_turns.si

@@ -5,26 +5,73 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import ClassVar
 
 from cam_rig.arguments import checked
 from cam_rig.errors import BagError, ConfigError
 from cam_rig.extras import libraries_named
-from cam_rig.measured.real_run import tables
 from cam_rig.measured.real_run.comparison import SpeedDeparture, compare_steps
 from cam_rig.measured.real_run.pairs import RecordedPairs, pair_measured
-from cam_rig.measured.real_run.tables import done, sentences
-from cam_rig.show.result import notebook
-from cam_rig.show.tables import DataTable
-from cam_rig.simulation.scene import LoadedScene, load_scene
+from cam_rig.measured.real_run.sentences import done, sentences
+from cam_rig.show.result import SI, Column, Footnote, Records, Result, part
+from cam_rig.show.tables import Cell
+from cam_rig.simulation.scene import RELATIVE_NOTE, LoadedScene, load_scene
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-    from pandas import DataFrame
+
+def _departure(name: str, unit: str) -> tuple[Column, ...]:
+    """How far one quantity departs, its noise where there is any, and a mark where they agree."""
+
+    def noise(row: SpeedDeparture) -> Cell:
+        found = getattr(row, name)
+        return None if row.exact or found is None else found.noise / SI.get(unit, ("", 1.0))[1]
+
+    def mark(row: SpeedDeparture) -> Cell:
+        agrees = part(name, "within")(row)
+        return ("=" if row.exact else "*") if agrees else None
+
+    def angle(row: SpeedDeparture) -> float | None:
+        found = getattr(row, name)
+        return None if found is None else math.radians(found.degrees)
+
+    return (
+        Column(f"{name}_rms", unit, ".3g", f"{name} r.m.s.", part(name, "rms")),
+        Column(f"{name}_noise", unit, ".3g", "noise", part(name, "noise"), noise),
+        Column(f"{name}_largest", unit, "+.3g", "largest", part(name, "largest")),
+        Column(f"{name}_largest_at", "°", ".0f", "at", angle),
+        Column(f"{name}_within_noise", "", "", " ", part(name, "within"), mark),
+    )
+
+
+def _beside_measured(row: SpeedDeparture) -> Cell:
+    """The model's level where one was measured, in a table."""
+    return None if row.measured_db is None else row.model_db
+
+
+NOTES = (
+    Footnote(
+        "R.m.s. of all readings. Noise: scatter of the readings from turn to turn. Largest: of the "
+        "mean over the turns, in parts of 2°. Forces within 0.5° of a jump of the model's are left "
+        "out, such as at a landing: there they say when, as the other table does.",
+        lambda row: not row.exact,
+    ),
+    Footnote(
+        "*: within the noise, which explains all but half of itself at most.",
+        lambda row: not row.exact,
+    ),
+    Footnote(
+        "Sample by sample, driven with the recorded states of the cam.", lambda row: row.exact
+    ),
+    Footnote("=: equal to rounding.", lambda row: row.exact),
+)
+
+LATER = Footnote(
+    "Events later by: the median, of lift-offs and landings that both have.",
+    lambda row: row.contact is not None and row.contact.shift is not None,
+)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RunComparison:
+class RunComparison(Result):
     """Where a recorded run and a model part.
 
     Parameters
@@ -35,46 +82,69 @@ class RunComparison:
     notes : what was found in the bag and done to its readings, each a sentence
     """
 
+    schema = "cam_rig.compare.1"
+    drawn_by = "cam_rig.measured.real_run.figures:figure"
+    columns: ClassVar = {
+        "departures": (
+            Column("cam"),
+            Column("rpm", "rpm", ".5g", "speed"),
+            Column("turns", "", ".3g"),
+            *_departure("lift", "µm"),
+            *_departure("force", "N"),
+            Column("force_ringing", "Hz", hidden=True, of="peak_hz", about="None: nothing rings"),
+        ),
+        "events": (
+            Column("cam"),
+            Column("rpm", "rpm", ".5g", "speed"),
+            Column(
+                "lift_offs_measured",
+                "1/turn",
+                ".3g",
+                "lift-offs measured",
+                part("contact", "measured"),
+            ),
+            Column("lift_offs_model", "1/turn", ".3g", "model", part("contact", "model")),
+            Column("events_later", "ms", "+.3f", "events later by", part("contact", "shift")),
+            Column("events_later_angle", "°", "+.2f", "by", lambda row: row.later),
+            Column("contact_lost", "", "", "contact lost", part("contact", "rule")),
+            Column("level_measured", "dB", ".1f", "level measured", "measured_db"),
+            Column("level_model", "dB", ".1f", "model", "model_db", _beside_measured),
+            Column("level_difference", "dB", "+.2f", "difference"),
+        ),
+        "run": (
+            Column("bag", of=lambda found: str(found.source)),
+            Column("scene", of="loaded.scene.name"),
+            Column("notes", about="what was found in the bag and done to its readings"),
+            Column("conclusions"),
+        ),
+    }
+
     source: Path
     loaded: LoadedScene
     speeds: tuple[SpeedDeparture, ...]
     notes: tuple[str, ...]
-
-    def __repr__(self) -> str:
-        return f"RunComparison({self.source}, {self.loaded.scene.name}: {len(self.speeds)} speeds)"
 
     @property
     def conclusions(self) -> tuple[str, ...]:
         """Where they part most, or that they agree; each a sentence."""
         return tuple(sentences(self.speeds))
 
-    @property
-    def tables(self) -> tuple[DataTable, DataTable]:
-        """Lift and force; lift-offs and levels."""
-        title = self.loaded.scene.title
-        both = tables.departure_table, tables.event_table
-        return both[0](self.speeds, title), both[1](self.speeds, self.loaded.calibrated)
+    def tables(self) -> list[Records]:
+        """Lift and force; lift-offs and levels; the run."""
+        caption = f"{self.loaded.scene.title}: measured less model"
+        relative = Footnote(
+            RELATIVE_NOTE, lambda row: not self.loaded.calibrated and row.measured_db is not None
+        )
+        events = "Lift-offs and landings, sound level"
+        return [
+            self.table("departures", caption, self.speeds, *NOTES),
+            self.table("events", events, self.speeds, LATER, relative),
+            self.table("run", "The run", [self], single=True, hidden=True),
+        ]
 
-    @property
-    def every_number(self) -> DataTable:
-        """All of both tables and more in one, SI units in the names of the columns."""
-        return tables.every_number_table(self.speeds, self.loaded.scene.title)
-
-    def plain(self) -> dict[str, Any]:
-        """Every number with its unit in its name, and the sentences."""
-        return tables.to_json(self.speeds, [*self.notes, *self.conclusions])
-
-    def to_pandas(self) -> DataFrame:
-        """A row each cam and speed, as `plain` has them."""
-        with libraries_named():
-            from pandas import DataFrame
-        return DataFrame(self.plain()["speeds"])
-
-    def plot(self) -> Figure:
-        """Measured and model over one turn, and their difference, at up to three speeds a cam."""
-        with libraries_named():
-            from cam_rig.measured.real_run.figures import figure
-        return notebook(figure(self.speeds, self.loaded.titles))
+    def summary(self) -> list[str]:
+        """What was done to the readings, and where run and model part."""
+        return [*self.notes, *self.conclusions]
 
 
 @checked

@@ -64,7 +64,7 @@ def _hold(above: Axes, below: Axes, fit: RigFit, i: int, force: bool) -> None:
 @styled
 def jump_figure(fit: JumpFit) -> Figure:
     """Jump speeds as read over those of the numbers found; residuals below."""
-    read = to_rpm(np.array([reading.speed for reading in fit.table.readings]))
+    read = to_rpm(np.array([reading.speed for reading in fit.read.readings]))
     found = np.array(fit.speeds)
     out = empty(5.4)
     above, below = out.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))

@@ -8,9 +8,10 @@ follower's own is sought beside it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -20,6 +21,16 @@ from cam_rig.dynamics.jump.any_follower import find_jump
 from cam_rig.dynamics.jump.search import FASTEST, SLOWEST
 from cam_rig.errors import CamRigError, ConfigError
 from cam_rig.laws import Law
+from cam_rig.measured.rig_fit.estimates import TOLD
+from cam_rig.measured.rig_fit.found import (
+    CORRELATION_COLUMNS,
+    NUMBER_COLUMNS,
+    FoundNumber,
+    interval_words,
+    number_sentences,
+    number_tables,
+    told,
+)
 from cam_rig.measured.rig_fit.jump_table import JumpReading, JumpTable
 from cam_rig.measured.rig_fit.numbers import (
     NUMBERS,
@@ -30,9 +41,9 @@ from cam_rig.measured.rig_fit.numbers import (
     slope,
     to_search,
 )
-from cam_rig.measured.rig_fit.result import TOLD, FoundNumber, interval_words
 from cam_rig.measured.rig_fit.start import WITHIN_95
 from cam_rig.schema import RigConfig
+from cam_rig.show.result import SILENT, Column, Progress, Records, Result
 from cam_rig.units import RPM, FloatArray, rms, to_rpm
 
 #: Sought of one rigid mass; a stem's beside them.
@@ -57,8 +68,29 @@ NO_FIT, TOO_FAR = 0.04, 2.0
 LIGHT = 0.05
 
 
-@dataclass(frozen=True, eq=False)
-class JumpFit:
+#: One jump speed with more than this part of all that is left, as squares, is an outlier.
+OUTLYING = 0.55
+
+
+@dataclass(frozen=True)
+class JumpRow:
+    """A jump speed as read and of the numbers found, rpm, and what was put on for it."""
+
+    reading: JumpReading
+    fitted: float
+
+    @property
+    def read(self) -> float:
+        """As read, rpm."""
+        return float(to_rpm(self.reading.speed))
+
+
+def _known(name: str) -> Callable[[JumpRow], float | None]:
+    return lambda row: row.reading.known.get(name)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class JumpFit(Result):
     """What jump speeds say of a rig.
 
     ``speeds`` (rpm) are those of the numbers found, in the readings' order; ``error`` (rpm) one
@@ -66,8 +98,34 @@ class JumpFit:
     are more than numbers sought.
     """
 
+    schema = "cam_rig.fit_jumps.1"
+    drawn_by = "cam_rig.measured.rig_fit.figures:jump_figure"
+    columns: ClassVar = {
+        "numbers": NUMBER_COLUMNS,
+        "correlation": CORRELATION_COLUMNS,
+        "jump_speeds": (
+            Column("line", "", "d", of="reading.line"),
+            Column("mass", "kg", ".6g", "mass put on", _known("mass")),
+            Column("spring_stiffness", "N/m", ".6g", "spring", _known("spring_stiffness")),
+            Column("preload", "N", ".6g", of=_known("preload")),
+            Column("read_rpm", "rpm", ".2f", "read", "read"),
+            Column("fitted_rpm", "rpm", ".2f", "fitted", "fitted"),
+            Column("residual_rpm", "rpm", ".2f", "residual", lambda row: row.read - row.fitted),
+        ),
+        "fit": (
+            Column("source", of="read.file"),
+            Column("cam", of="law.name"),
+            Column("model"),
+            Column("error_rpm", "rpm", of="error", about="standard deviation of a reading"),
+            Column("error_given"),
+            Column("degrees_of_freedom", of="free"),
+            Column("notes", of="read.notes", about="how the table was read"),
+            Column("conclusions", of=lambda fit: [*fit.conclusions()]),
+        ),
+    }
+
     law: Law
-    table: JumpTable
+    read: JumpTable
     model: str
     numbers: tuple[FoundNumber, ...]
     correlation: FloatArray
@@ -84,18 +142,56 @@ class JumpFit:
     @property
     def left(self) -> FloatArray:
         """Found less read, rpm."""
-        return np.array(self.speeds) - to_rpm(np.array([r.speed for r in self.table.readings]))
+        return np.array(self.speeds) - to_rpm(np.array([r.speed for r in self.read.readings]))
+
+    @property
+    def residual(self) -> str:
+        """In words, for a rig file."""
+        return f"{self.error:.3g} rpm a reading, {len(self.speeds)} readings"
+
+    def tables(self) -> list[Records]:
+        """The follower's numbers, and the jump speeds as read and of these."""
+        names = tuple(number.name for number in self.identified)
+        rows = map(JumpRow, self.read.readings, self.speeds)
+        caption = f"{self.read.file}: the follower"
+        return [
+            *number_tables(caption, self.numbers, names, self.correlation),
+            self.table("jump_speeds", "Jump speeds", rows),
+            self.table("fit", "The fit", [self], single=True, hidden=True),
+        ]
+
+    def summary(self) -> list[str]:
+        """How the table was read, the answer, and how far it may be trusted."""
+        return [*(f"{self.read.file}: {note}" for note in self.read.notes), *self.conclusions()]
+
+    def conclusions(self) -> Iterator[str]:
+        """The answer first, then how far it may be trusted."""
+        found = told(self.identified)
+        yield f"Identified: {found}." if found else "Nothing of the follower is identifiable."
+        yield from number_sentences(self.numbers)
+        if "mass" in self.read.columns:
+            yield "The mass is the follower's own, beside what was put on."
+        if not self.error_given:
+            yield (
+                f"The error of a reading is taken from the residuals: {self.error:.3g} rpm, of "
+                f"{self.free} readings more than free parameters; "
+                f"intervals of 95 % reach {self.numbers[0].within:.3g} standard errors."
+            )
+        worst = int(np.abs(self.left).argmax())
+        if self.free > 1 and self.left[worst] ** 2 > OUTLYING * float(self.left @ self.left):
+            reading = self.read.readings[worst]
+            yield f"Line {reading.line} is {-self.left[worst]:.3g} rpm off the others: an outlier?"
 
 
 @dataclass(frozen=True, eq=False)
 class _JumpModel:
-    """Jump speeds (rpm) of what is sought; ``on_setup`` is told set-ups done, and all of them."""
+    """Jump speeds (rpm) of what is sought; told are the set-ups of each step of a search."""
 
     law: Law
     readings: tuple[JumpReading, ...]
     sought: tuple[str, ...]
     given: dict[str, float]
-    on_setup: Callable[[int, int], None]
+    progress: Progress
 
     @cached_property
     def _setups(self) -> tuple[list[dict[str, float]], list[int]]:
@@ -115,8 +211,9 @@ class _JumpModel:
         """Of all readings, ``(n,)``; those of one set-up are one speed."""
         setups, which = self._setups
         found = np.empty(len(setups))
+        self.progress.begin(len(setups), "set-ups of a step of the search")
         for i, known in enumerate(setups):
-            self.on_setup(i, len(setups))
+            self.progress.advance()
             found[i] = self._speed(self.values(x, known))
         return found[which]
 
@@ -135,7 +232,7 @@ def fit_jumps(
     model: str | None = None,
     given: dict[str, float] | None = None,
     error: float | None = None,
-    on_setup: Callable[[int, int], None] = lambda done, total: None,
+    progress: Progress = SILENT,
 ) -> JumpFit:
     """Find a follower's numbers from the speeds at which it jumps.
 
@@ -145,7 +242,6 @@ def fit_jumps(
     model : one_mass (None too) or two_mass: two masses, in steady state
     given : numbers that are known, by name, SI
     error : rpm, one standard deviation of a reading; None takes it from what is left
-    on_setup : told in each step of the search how many set-ups it has done, of how many
     """
     given, two = dict(given or {}), model == "two_mass"
     require_in_model(given, model)
@@ -163,7 +259,7 @@ def fit_jumps(
         )
     _require_in_reach(table)
     values = _start(table, base, given, two)
-    trial = _JumpModel(law, table.readings, sought, values, on_setup)
+    trial = _JumpModel(law, table.readings, sought, values, progress)
     x = _searched(trial, values)
     speeds = trial.speeds(x)
     left = speeds - to_rpm(np.array([r.speed for r in table.readings]))
@@ -286,9 +382,9 @@ def _told(
         up, down = (trial.speeds(end) for end in ends)
         slopes[:, k] = (up - down) * sizes[k] / (ends[0] - ends[1])[k]
     _, singular, directions = np.linalg.svd(slopes / deviation, full_matrices=False)
-    told = singular > BLIND * singular.max(initial=0.0)
-    blind = [np.abs(direction) > SHARE for direction in directions[~told]]
-    inverse = directions[told].T / singular[told]
+    seen = singular > BLIND * singular.max(initial=0.0)
+    blind = [np.abs(direction) > SHARE for direction in directions[~seen]]
+    inverse = directions[seen].T / singular[seen]
     covariance = inverse @ inverse.T
     errors = np.sqrt(np.diag(covariance)) * sizes
     found, kept = [], []

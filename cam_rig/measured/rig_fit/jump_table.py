@@ -14,29 +14,10 @@ from cam_rig.units import RPM, TURN
 
 #: What a heading's words begin with, in English, Spanish, German, French, Italian, Portuguese.
 WORDS = {
-    "speed": (
-        "rpm",
-        "speed",
-        "drehzahl",
-        "velocidad",
-        "vitesse",
-        "velocita",
-        "giri",
-        "jump",
-        "omega",
-    ),
-    "mass": ("mass", "masa", "gewicht", "weight", "peso", "poids"),
-    "spring_stiffness": (
-        "spring",
-        "stiff",
-        "feder",
-        "muelle",
-        "resorte",
-        "rigid",
-        "ressort",
-        "molla",
-    ),
-    "preload": ("preload", "vorspann", "precarga", "precharge", "precarico"),
+    "speed": "rpm speed drehzahl velocidad vitesse velocita giri jump omega",
+    "mass": "mass masa gewicht weight peso poids",
+    "spring_stiffness": "spring stiff feder muelle resorte rigid ressort molla",
+    "preload": "preload vorspann precarga precharge precarico",
 }
 
 #: Units of each to SI; the first is taken where a heading names none.
@@ -110,7 +91,7 @@ class _JumpReader(CellTable):
         found, notes = dict[str, tuple[int, float]](), list[str]()
         for index, text in enumerate(headings):
             words = plain_words(text)
-            names = [name for name, starts in WORDS.items() if _any_starts(words, starts)]
+            names = [name for name, starts in WORDS.items() if _any_starts(words, starts.split())]
             name = names[-1] if names else None  # "spring preload" is a preload
             if name is None:
                 continue
@@ -157,5 +138,5 @@ class _JumpReader(CellTable):
         return value
 
 
-def _any_starts(words: list[str], starts: tuple[str, ...]) -> bool:
-    return any(word.startswith(start) for word in words for start in starts)
+def _any_starts(words: list[str], starts: list[str]) -> bool:
+    return any(word.startswith(tuple(starts)) for word in words)

@@ -6,7 +6,6 @@ Each begins where the one before it ended, and the likelier stays.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from typing import TypeVar
 
@@ -41,6 +40,7 @@ from cam_rig.measured.rig_fit.start import (
     with_bounces,
     zero_in_flight,
 )
+from cam_rig.show.result import Progress
 from cam_rig.units import TURN, FloatArray
 
 One = TypeVar("One", bound=Candidate)
@@ -238,28 +238,24 @@ def _with_resonance(one: FitSolution, stem: dict[str, float]) -> FitSolution:
     return replace(search(start), bounce=one.bounce)
 
 
-def two_masses(
-    aligned: FitSolution, given: dict[str, float], on_step: Callable[[str], None]
-) -> FitSolution:
+def two_masses(aligned: FitSolution, given: dict[str, float], progress: Progress) -> FitSolution:
     """Two masses and a stem, asked for: of one mass only as much is searched as they begin from."""
     rigid = {name: value for name, value in given.items() if name not in OF_TWO}
     still = _still(aligned, rigid)
     one = one_mass(aligned, rigid) if still is None else _of_all(aligned, still)
     begin = _where_it_shows(one)
-    on_step("two masses and a stem")
+    progress.tell("two masses and a stem")
     return _two_masses(one, begin, likely_stem(begin.likelihood, begin.x)[0], given)
 
 
-def elastic(
-    one: FitSolution, given: dict[str, float], on_step: Callable[[str], None]
-) -> FitSolution:
+def elastic(one: FitSolution, given: dict[str, float], progress: Progress) -> FitSolution:
     """What vibrates: the force sensor, where that explains all, else the stem; or nothing.
 
     It is looked for at the speeds on the cam, if it shows there, as bounces of a rigid mass on what
     has a stem tell nothing.
     """
     if any(hold.rings for hold in one.likelihood.holds):
-        on_step("a resonance of the force sensor")
+        progress.tell("a resonance of the force sensor")
         return _ringing(one)
     if not leaves_a_pattern(one.likelihood, one.x):
         return one
@@ -268,7 +264,7 @@ def elastic(
     if gain < CLEARLY_LIKELIER:
         return one
     best = one
-    on_step("a resonance of the force sensor")
+    progress.tell("a resonance of the force sensor")
     sensor = _with_resonance(still, stem)
     if not leaves_a_pattern(sensor.likelihood, sensor.x):
         sensor = sensor if still is one else _with_resonance(one, stem)
@@ -276,7 +272,7 @@ def elastic(
             best = sensor
             if not leaves_a_pattern(sensor.likelihood, sensor.x):
                 return sensor
-    on_step("two masses and a stem")
+    progress.tell("two masses and a stem")
     two = _two_masses(one, still, stem, given)
     return two if log_ratio(two, best) > CLEARLY_LIKELIER else best
 

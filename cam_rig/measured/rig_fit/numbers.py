@@ -67,25 +67,12 @@ def follower_of(values: dict[str, float], stem_stiffness: float | None) -> Follo
     """
     v = values
     if "roller_share" not in v:
-        return FollowerParameters(
-            v["mass"],
-            v["spring_stiffness"],
-            v["damping"],
-            v["preload"],
-            stem_stiffness,
-            v["restitution"],
-        )
+        spring = v["spring_stiffness"], v["damping"], v["preload"]
+        return FollowerParameters(v["mass"], *spring, stem_stiffness, v["restitution"])
     roller = v["roller_share"] * v["mass"]
-    return TwoMassParameters(
-        roller,
-        v["mass"] - roller,
-        v["stem_stiffness"],
-        v["spring_stiffness"],
-        v["stem_damping"],
-        v["damping"],
-        v["preload"],
-        v["restitution"],
-    )
+    names = ("stem_stiffness", "spring_stiffness", "stem_damping", "damping", "preload")
+    others = (v[name] for name in (*names, "restitution"))
+    return TwoMassParameters(roller, v["mass"] - roller, *others)
 
 
 def to_search(name: str, value: float) -> float:

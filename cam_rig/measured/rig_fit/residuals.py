@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cam_rig.dynamics import FollowerParameters
+from cam_rig.dynamics.events.course import EndlessEventsError
 from cam_rig.laws import Law
 from cam_rig.measured.rig_fit.numbers import (
     BACKLASH,
@@ -314,6 +315,10 @@ def _outside(angle: FloatArray, low: float, high: float) -> NDArray[np.bool_]:
 def _steady(
     law: Law, follower: Follower, speed: float, near: PeriodicTurn | None
 ) -> PeriodicTurn | None:
-    if isinstance(follower, FollowerParameters):
-        return one_mass_turn(law, follower, speed)
-    return two_mass_turn(law, follower, speed, near if isinstance(near, TwoMassTurn) else None)
+    """A turn that is as the one before; None where none is, or a follower chatters without end."""
+    try:
+        if isinstance(follower, FollowerParameters):
+            return one_mass_turn(law, follower, speed)
+        return two_mass_turn(law, follower, speed, near if isinstance(near, TwoMassTurn) else None)
+    except EndlessEventsError:
+        return None

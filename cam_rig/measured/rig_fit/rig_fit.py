@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import Any
 
 from cam_rig.dynamics.parameters import si_or_none
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
+from cam_rig.measured.rig_fit.estimates import found_of
+from cam_rig.measured.rig_fit.found import FoundNumber
 from cam_rig.measured.rig_fit.models import elastic, one_mass, two_masses
 from cam_rig.measured.rig_fit.numbers import OF_TWO, ONE_MASS, require_in_model
 from cam_rig.measured.rig_fit.profile import profiled
 from cam_rig.measured.rig_fit.residuals import Likelihood
-from cam_rig.measured.rig_fit.result import FoundNumber, RigFit, found_of
+from cam_rig.measured.rig_fit.result import RigFit
 from cam_rig.measured.rig_fit.search import Candidate, FitSolution, search
 from cam_rig.measured.rig_fit.start import rough_start
-from cam_rig.measured.rig_fit.tables import gist
 from cam_rig.measured.rig_fit.turns import measured_holds
 from cam_rig.schema import RigConfig
-from cam_rig.schema.load import quantity, to_yaml
+from cam_rig.schema.load import assumed_numbers, quantity, to_yaml
+from cam_rig.show.result import SILENT, Progress
 from cam_rig.simulation.instruments import MeasuredRun
 from cam_rig.units import rms
 
@@ -36,23 +38,20 @@ def fit_rig(
     base: RigConfig,
     model: str | None = None,
     given: dict[str, float] | None = None,
-    on_step: Callable[[str], None] = lambda _: None,
+    progress: Progress = SILENT,
 ) -> RigFit:
     """Find a follower's numbers from its measured lift and contact force at steady speeds.
 
-    Parameters
-    ----------
-    base : rig whose numbers the search takes for those that nothing tells
-    model : one_mass, two_mass (two masses and a stem), or None for the likelier
-    given : numbers that are known, by name, SI
-    on_step : told what is being done
+    ``base``: rig whose numbers the search takes for those that nothing tells; ``model``: one_mass,
+    two_mass (two masses and a stem), or None for the likelier; ``given``: numbers that are known,
+    by name, SI.
     """
     given = dict(given or {})
     require_in_model(given, model)
     holds = measured_holds(run)
     rigid = {name: value for name, value in given.items() if name not in OF_TWO}
     values = {n: base.need(n, FROM, OTHER).si for n in ONE_MASS if n not in rigid} | rigid
-    on_step("the encoder's zero")
+    progress.tell("the encoder's zero")
     rough, phase, zero = rough_start(law, holds, values)
     values = rough | rigid
     forces = any(hold.force.value.size for hold in holds)
@@ -67,17 +66,17 @@ def fit_rig(
     start.force_noise = (
         0.01 * max((h.force.value.max(initial=0.0) for h in holds), default=1.0) or 1.0
     )
-    on_step("one rigid mass")
+    progress.tell("one rigid mass")
     aligned = search(Candidate(start, start.start(values, phase, zero)))
     if _is_of_another_cam(aligned):
         return found_of(law, run, aligned, given, tuple(scale), holds)
     if model == "two_mass":
-        found = two_masses(aligned, given, on_step)
+        found = two_masses(aligned, given, progress)
     else:
         found = one_mass(aligned, rigid | scale)
         if model is None and forces:
-            found = elastic(found, given, on_step)
-    on_step("standard errors")
+            found = elastic(found, given, progress)
+    progress.tell("standard errors")
     return found_of(law, run, profiled(found), given, tuple(scale), holds)
 
 
@@ -102,35 +101,21 @@ def fitted_rig(
 ) -> tuple[str, tuple[str, ...]]:
     """The file's text, and what it assumes, a sentence each.
 
-    Parameters
-    ----------
-    base : rig whose numbers stand where nothing else is known
-    source, residual : of what was identified, for the file
+    ``base``: rig whose numbers stand where nothing else is known; ``source``, ``residual``: of what
+    was identified, for the file.
     """
     data: dict[str, Any] = {"name": name, "title": f"{name}: identified from {source}"}
-    borrowed, follower = f"the rig {base.name}'s, not identified by {source}", dict[str, Any]()
-    found = {number.name: number for number in numbers}
-    dumped = base.model_dump(exclude_none=True)
-    two_masses = "roller_share" in found
-    for key, value in dumped["follower"].items():
-        if key in ("roller_share", "stem_damping") and not two_masses:
-            continue
-        number = found.pop(key, None)
-        if number is None or number.value is None:
-            raw = getattr(base.follower, key).raw
-            follower[key] = quantity("assumed", raw, value["unit"], borrowed)
-        else:
-            follower[key] = _quantity(number, source, residual)
-    for key, number in found.items():
+    borrowed = f"the rig {base.name}'s, not identified by {source}"
+    numbers_of = {number.name: number for number in numbers}
+    follower = assumed_numbers(base.follower, borrowed)
+    if "roller_share" not in numbers_of:
+        follower = {key: one for key, one in follower.items() if key not in OF_TWO}
+    for key, number in numbers_of.items():
         if number.value is not None:
             follower[key] = _quantity(number, source, residual)
     data["follower"] = follower
     if base.radiation is not None:
-        data["radiation"] = {
-            key: quantity("assumed", getattr(base.radiation, key).raw, value["unit"], borrowed)
-            for key, value in dumped["radiation"].items()
-            if isinstance(value, dict)
-        }
+        data["radiation"] = assumed_numbers(base.radiation, borrowed)
     missing = [key for key, value in follower.items() if "assumed" in value]
     assumed = [f"{', '.join(missing)}: the rig {base.name}'s"] if missing else []
     if base.radiation is not None:
@@ -143,4 +128,4 @@ def _quantity(number: FoundNumber, source: str, residual: str) -> dict[str, Any]
     if number.origin == "given":
         return quantity("given", number.value, number.unit, "given to the fit")
     value = float(number.shown)
-    return quantity("identified", value, number.unit, source, f"{gist(number)}; {residual}")
+    return quantity("identified", value, number.unit, source, f"{number.gist}; {residual}")

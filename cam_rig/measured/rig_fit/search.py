@@ -56,10 +56,6 @@ class FitSolution(Candidate):
 
     ``bounce`` is a restitution with its standard error that was found beside the search; ``zero``
     (N) what the force sensor shows in flights that were left out, where that is not nothing.
-
-    Raises
-    ------
-    ValueError : the Jacobian is of other unknowns or other residuals
     """
 
     slopes: FloatArray

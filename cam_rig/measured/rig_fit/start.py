@@ -129,9 +129,7 @@ def likely_stem(likelihood: Likelihood, x: FloatArray) -> tuple[dict[str, float]
     With it the logarithm of how much likelier it makes them than a rigid one. Only as far as the
     follower stays on the cam, where each stem needs one linear solve.
 
-    Parameters
-    ----------
-    likelihood, x : of one mass, where its search ended
+    ``likelihood``, ``x``: of one mass, where its search ended.
     """
     one, found = likelihood.values(x), list[tuple[float, dict[str, float]]]()
     forces = [_pressing(likelihood, x, i) for i in range(len(likelihood.holds))]

@@ -219,10 +219,7 @@ def resonant(
 ) -> Callable[[FloatArray], FloatArray]:
     """The force (N) that the sensor shows, over the cam angle (rad).
 
-    Parameters
-    ----------
-    speed : rad/s
-    frequency, ratio : of the sensor, Hz, and its damping ratio
+    ``speed``: rad/s; ``frequency``, ``ratio``: of the sensor, Hz, and its damping ratio.
     """
     width = TURN / POINTS
     angles = width * np.arange(float(POINTS))

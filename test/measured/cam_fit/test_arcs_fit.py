@@ -10,11 +10,11 @@ from scipy.optimize import least_squares
 from cam_rig.errors import ConfigError, LawError
 from cam_rig.laws.arc_law import ArcFollower
 from cam_rig.measured.cam_fit.arcs import Arcs
+from cam_rig.measured.cam_fit.arcs_file import require_told
 from cam_rig.measured.cam_fit.arcs_fit import fit_arcs
 from cam_rig.measured.cam_fit.arcs_search import NO_CONTOUR
 from cam_rig.measured.cam_fit.dwells import above_zero
 from cam_rig.measured.cam_fit.gauge import put_in_order, read_gauge_table
-from cam_rig.measured.cam_fit.tables import arcs_conclusions, require_told
 from cam_rig.units import TURN
 
 from .conftest import table_of
@@ -61,26 +61,28 @@ FLAT, ROLLER = ArcFollower(True, 0.0), ArcFollower(False, 0.01)
 def test_both_tables_of_the_gl110_within_0_07_mm(gl110_fit):
     """66 readings with five numbers: 0.063 mm r.m.s. under the roller, 0.042 mm under the flat."""
     fit = gl110_fit
-    assert sum(column.away.size for column in fit.columns) == 66
+    assert sum(column.away.size for column in fit.fitted_columns) == 66
     assert sum(math.isfinite(told.error) for told in fit.told) == 5
-    assert [column.rms * 1e3 for column in fit.columns] == pytest.approx([0.063, 0.042], abs=0.001)
-    assert all(column.rms <= 0.07e-3 for column in fit.columns)
+    assert [column.rms * 1e3 for column in fit.fitted_columns] == pytest.approx(
+        [0.063, 0.042], abs=0.001
+    )
+    assert all(column.rms <= 0.07e-3 for column in fit.fitted_columns)
 
 
 def test_which_table_of_the_gl110_is_the_flat_followers(gl110_fit):
     """The second one: every other kind for the columns leaves ten times as much."""
-    assert [column.kind for column in gl110_fit.columns] == ["roller", "flat"]
+    assert [column.kind for column in gl110_fit.fitted_columns] == ["roller", "flat"]
     swapped = [one.rms for one in gl110_fit.others if "lift_a_mm flat" in one.name]
     assert min(swapped) > 10.0 * gl110_fit.rms
 
 
 def test_the_tables_of_the_gl110_were_read_in_two_senses(gl110_fit):
     """Or from zeros 0.73° apart: in one sense, from one zero, 0.099 mm are left."""
-    assert [column.reverse for column in gl110_fit.columns] == [False, True]
+    assert [column.reverse for column in gl110_fit.fitted_columns] == [False, True]
     other = gl110_fit.others[0]
     assert other.name == "lift_a_mm roller, lift_b_mm flat"
     assert other.rms * 1e3 == pytest.approx(0.099, abs=0.001)
-    words = " ".join(arcs_conclusions(gl110_fit))
+    words = " ".join(gl110_fit.conclusions())
     assert "lift_b_mm fits as read in the other turning sense, or from a zero 0.73 deg" in words
 
 
@@ -153,8 +155,8 @@ def test_a_random_contour_comes_back(seed, kinds):
     arcs = random_arcs(seed)
     columns = readings_of(arcs, ROLLER, FLAT, reverse=(1,))
     fit = fit_arcs(columns, kinds, 0.01, 0.03)
-    assert [column.kind for column in fit.columns] == ["roller", "flat"]
-    assert [column.reverse for column in fit.columns] == [False, True]
+    assert [column.kind for column in fit.fitted_columns] == ["roller", "flat"]
+    assert [column.reverse for column in fit.fitted_columns] == [False, True]
     assert fit.rms < 1e-8
     found, true = fit.arcs, arcs
     for key in ("base_radius", "lift", "flank_radius", "nose_radius"):
@@ -220,7 +222,7 @@ def test_a_tangent_cam_under_both_followers():
     fit = fit_arcs(readings_of(arcs, ROLLER, FLAT, noise=1e-4), (False, True), 0.01, 0.03)
     assert fit.arcs.flank == "straight"
     assert fit.arcs.base_radius == pytest.approx(0.03, abs=1e-3)
-    assert any("a tangent cam" in words for words in arcs_conclusions(fit))
+    assert any("a tangent cam" in words for words in fit.conclusions())
 
 
 def test_straight_is_taken_where_it_is_as_near_and_what_is_known_is_kept():
@@ -266,7 +268,7 @@ def test_the_farthest_reading_is_named_with_its_line():
     lifts = column.lifts.copy()
     lifts[10] += 1e-4
     fit = fit_arcs((replace(column, lifts=lifts),), (False,), 0.01, 0.03)
-    named = [words for words in arcs_conclusions(fit) if "farthest from the law" in words]
+    named = [words for words in fit.conclusions() if "farthest from the law" in words]
     assert len(named) == 1
     assert f"line {column.lines[10]} (" in named[0]
 
@@ -305,10 +307,10 @@ def test_readings_beside_a_step_of_velocity_are_no_outliers_and_slips_are(count,
         readings, lines = readings_of_a_bridge(seed, slips)
         wrong += len(readings.outliers)
         fit = fit_arcs((readings,), (True,), 0.01, 0.05)
-        left = [one.line for one in fit.columns[0].readings.outliers]
+        left = [one.line for one in fit.fitted_columns[0].readings.outliers]
         assert set(left) <= set(lines), seed
         assert fit.best.search.count + len(left) == readings.angles.size + len(readings.outliers)
-        words = " ".join(arcs_conclusions(fit))
+        words = " ".join(fit.conclusions())
         missed += not all(f"line {line} " in words for line in lines)
     assert missed <= count // 50
     assert slips or wrong  # of good readings alone, the neighbours contradict some
@@ -319,6 +321,6 @@ def test_radii_that_the_readings_contradict_are_taken_with_a_warning():
     columns = readings_of(Arcs(0.03, 0.01, 0.09, 0.012, 0.5), ROLLER, FLAT, noise=2e-5)
     wrong = fit_arcs(columns, (False, True), 0.01, 0.06, "both")
     assert wrong.arcs.base_radius == pytest.approx(0.06)
-    assert any("contradict the radii given" in words for words in arcs_conclusions(wrong))
+    assert any("contradict the radii given" in words for words in wrong.conclusions())
     right = fit_arcs(columns, (False, True), 0.01, 0.03, "both")
-    assert not any("contradict" in words for words in arcs_conclusions(right))
+    assert not any("contradict" in words for words in right.conclusions())

@@ -110,7 +110,7 @@ def test_digits_are_those_that_readings_tell(noise):
     assert len(f"{radius.raw:g}".replace(".", "")) <= 5
     assert "95 %: base radius + roller radius" in radius.residual
     away = files.law(angles - fit.arcs.nose_angle + np.pi) - readings[0].lifts
-    assert np.sqrt(np.mean(away**2)) < 1.01 * fit.columns[0].rms + 1e-9
+    assert np.sqrt(np.mean(away**2)) < 1.01 * fit.fitted_columns[0].rms + 1e-9
 
 
 def test_rig_and_scene_are_read_back(measured, tmp_path, config_dir):

@@ -8,7 +8,6 @@ from cam_rig.dynamics.vibration import low_dwell
 from cam_rig.errors import ConfigError
 from cam_rig.measured.cam_fit.gauge import put_in_order
 from cam_rig.measured.cam_fit.spline_fit import fit_spline
-from cam_rig.measured.cam_fit.tables import spline_conclusions
 from cam_rig.units import TURN
 
 from .conftest import table_of
@@ -43,7 +42,7 @@ def test_a_tolerance_below_the_scatter_is_not_followed(measured, scaled):
         assert not fit.followed
         assert fit.tolerance > 1.5e-6
         assert error_of_acceleration(fit, scaled("cycloidal"))[1] < 0.03
-        words = " ".join(spline_conclusions(fit))
+        words = " ".join(fit.conclusions())
         assert "Not followed: 0.0005 mm were asked, the readings scatter by 0.00" in words
 
 
@@ -53,7 +52,7 @@ def test_a_tolerance_that_the_readings_bear_is_followed(measured, asked):
     fit = fit_spline(measured("bezier15"), asked)
     assert fit.followed
     assert fit.smoothed.rms == pytest.approx(asked, rel=1e-3)
-    assert not any("Not followed" in words for words in spline_conclusions(fit))
+    assert not any("Not followed" in words for words in fit.conclusions())
 
 
 def test_the_distance_is_that_of_the_readings(measured):
@@ -92,7 +91,7 @@ def test_dwells_rest_and_vibration_sees_them(measured):
 
 def test_every_10_deg_is_said(measured):
     """36 readings: what the law does between them counts as scatter."""
-    words = " ".join(spline_conclusions(fit_spline(measured("poly345", 36))))
+    words = " ".join(fit_spline(measured("poly345", 36)).conclusions())
     assert "Readings stand 10 deg apart" in words
     assert "No reading looks like an outlier." in words
 
@@ -115,7 +114,7 @@ def test_a_table_finer_than_its_law_is_smooth(scaled):
     assert fit.smoothed.rms < 1e-6
     assert fit.smoothed.knots < 300
     assert error_of_acceleration(fit, scaled("gunt_gl110"))[1] < 0.15
-    assert any("almost as many knots as" in words for words in spline_conclusions(fit))
+    assert any("almost as many knots as" in words for words in fit.conclusions())
 
 
 @pytest.mark.parametrize("asked", [0.0, -1e-6, 1e-3])
@@ -149,7 +148,7 @@ def test_a_reading_six_scatters_off_is_named(measured, count, most, cases):
         clean = measured(law, count, noise=noise, seed=seed)
         off = rng.choice([-6.0, 6.0]) * clean.scatter
         slipped = measured(law, count, noise=noise, seed=seed, outliers={place: off})
-        good, words = (" ".join(spline_conclusions(fit_spline(one))) for one in (clean, slipped))
+        good, words = (" ".join(fit_spline(one).conclusions()) for one in (clean, slipped))
         missed += f"line {place + 2} " not in words
         named += "farthest from the law" in good
     assert missed <= most * cases

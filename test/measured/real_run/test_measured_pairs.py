@@ -11,7 +11,8 @@ from scipy.signal import TransferFunction, lsim
 from cam_rig.errors import BagError
 from cam_rig.measured.real_run.comparison import compare_steps
 from cam_rig.measured.real_run.pairs import pair_measured
-from cam_rig.measured.real_run.tables import departure_table, done, sentences, to_json
+from cam_rig.measured.real_run.run import RunComparison
+from cam_rig.measured.real_run.sentences import done, sentences
 from cam_rig.simulation.instruments import Signal
 from cam_rig.units import RPM
 
@@ -247,8 +248,9 @@ def test_whatever_the_sensors_show_is_compared_in_finite_numbers(scene, seed):
     run = replace(run, lift=_spoilt(run.lift, rng), force=_spoilt(run.force, rng))
     pairs = pair_measured(run, loaded, "tm21")
     rows = compare_steps(pairs.steps(), loaded.laws)
-    text = json.dumps(to_json(rows, [*done(pairs), *sentences(rows)]), allow_nan=False)
-    assert len(json.loads(text)["speeds"]) == len(departure_table(rows, "").texts) == 2
+    found = RunComparison(run.source, loaded, tuple(rows), tuple(done(pairs)))
+    text = json.dumps(found.data(), allow_nan=False)
+    assert len(json.loads(text)["events"]) == len(found.to_show()[0].texts) == 2
 
 
 def test_only_the_bounce_differs(scene):

@@ -9,7 +9,7 @@ from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.measured.real_run.comparison import compare_steps
 from cam_rig.measured.real_run.pairs import RecordedPairs
-from cam_rig.measured.real_run.tables import sentences
+from cam_rig.measured.real_run.sentences import sentences
 from cam_rig.simulation.schedule import cam_states
 from cam_rig.simulation.simulate import simulate, turned_ticks
 from cam_rig.units import RPM, TURN

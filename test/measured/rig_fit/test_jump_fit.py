@@ -12,7 +12,6 @@ from cam_rig.errors import ConfigError
 from cam_rig.measured.rig_fit import jump_fit
 from cam_rig.measured.rig_fit.jump_fit import fit_jumps
 from cam_rig.measured.rig_fit.jump_table import JumpReading, JumpTable
-from cam_rig.measured.rig_fit.tables import jump_conclusions
 from cam_rig.units import RPM
 
 OWN, DAMPING, PRELOAD = 1.1, 8.0, 25.0
@@ -64,7 +63,7 @@ def test_without_masses_only_ratios_are_told(law, rig):
     one = replace(read, columns=(), readings=(same,) * 5)
     fit = fit_jumps(law, one, rig, error=1.0)
     assert all(n.value is None for n in fit.numbers)
-    assert any("not identifiable apart" in words for words in jump_conclusions(fit))
+    assert any("not identifiable apart" in words for words in fit.conclusions())
 
 
 def test_too_few_readings_are_refused(law, rig):
@@ -81,7 +80,7 @@ def test_an_outlier_is_named(law, rig):
     wrong = list(read.readings)
     wrong[4] = replace(wrong[4], speed=wrong[4].speed + 30.0 * RPM)
     fit = fit_jumps(law, replace(read, readings=tuple(wrong)), rig, error=0.3)
-    assert any("Line 6" in words for words in jump_conclusions(fit))
+    assert any("Line 6" in words for words in fit.conclusions())
 
 
 @pytest.mark.parametrize("rpm", [1e308, 1.1e5, 0.5])

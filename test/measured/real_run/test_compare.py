@@ -1,7 +1,6 @@
 """cam-rig compare: of a bag of the rig, and of a bench's; tables, files, refusals in a line."""
 
 import csv
-import io
 import json
 import re
 from dataclasses import replace
@@ -9,24 +8,25 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
+import cam_rig
 from cam_rig.bag.reader import raw_messages
 from cam_rig.bag.writer import BagWriter
 from cam_rig.cli.main import app
 from cam_rig.measured.real_run.chart import real_run_entity, real_run_tabs, save_real_run
 from cam_rig.measured.real_run.comparison import compare_steps
-from cam_rig.measured.real_run.figures import figure as real_run_figure
 from cam_rig.measured.real_run.pairs import pair_measured
-from cam_rig.measured.real_run.run import compare_run
+from cam_rig.measured.real_run.run import RunComparison, compare_run
 from cam_rig.messages.topics import recorded_topic
 from cam_rig.show.chart import SPEED
 
-from ..foreign_bags import joint, number, wrench, write_bag
-from ..measured.real_run.bench import measured
-from ..viewer.conftest import Picture
+from ...foreign_bags import joint, number, wrench, write_bag
+from ...viewer.conftest import Picture
+from .bench import measured
 
-GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
+GOLDEN = Path(__file__).parents[3] / "bags" / "golden"
 #: What is read of a bag of the rig.
 READ = {"/cam/state", "/follower/samples", "/microphone/pressure"}
 LINE = "angle=/encoder.position[0] lift=/lvdt.position[0]:mm force=/cell.wrench.force.z level=/mic"
@@ -58,16 +58,32 @@ def test_a_bag_of_the_rig_is_its_scene_s(tmp_path):
     result = call(GOLDEN, "quick", "--json", "-", "--plot", plot)
     assert result.exit_code == 0, result.stderr
     found = json.loads(result.stdout)
-    assert [(row["cam"], row["rpm"]) for row in found["speeds"]] == [
+    assert [(row["cam"], row["rpm"]) for row in found["departures"]] == [
         (cam, rpm) for cam in ("tm21", "bezier15") for rpm in (200.0, 300.0, 350.0, 400.0)
     ]
-    for row in found["speeds"]:
+    for row in found["departures"]:
         assert row["lift_within_noise"] and row["force_within_noise"]
-        assert abs(row["force_largest_N"]) < 1e-9 and row["lift_noise_m"] == 0.0
-        assert row["lift_offs_measured_per_turn"] == row["lift_offs_model_per_turn"]
-        assert row["level_measured_db"] == pytest.approx(row["level_model_db"], abs=1e-9)
-    assert "The force is that of the model, to rounding, at every speed." in found["conclusions"]
+        assert abs(row["force_largest"]) < 1e-9 and row["lift_noise"] == 0.0
+    for row in found["events"]:
+        assert row["lift_offs_measured"] == row["lift_offs_model"]
+        assert row["level_measured"] == pytest.approx(row["level_model"], abs=1e-9)
+    words = "The force is that of the model, to rounding, at every speed."
+    assert words in found["run"]["conclusions"]
     assert plot.read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_comparison_has_rows_sentences_and_a_picture():
+    """A loaded scene or its name; a column for three speeds of each of two cams at most."""
+    found = cam_rig.compare_run(GOLDEN, cam_rig.load_scene("quick"))
+    assert repr(found).startswith("RunComparison(departures: 8 rows")
+    assert [row["rpm"] for row in found.data()["events"]][:4] == [200.0, 300.0, 350.0, 400.0]
+    assert found.data()["run"]["conclusions"] == list(found.conclusions)
+    assert found.to_pandas().force_rms.max() < 1e-9
+    figure = found.plot()
+    assert isinstance(figure, Figure)
+    titles = [axes.get_title() for axes in figure.axes if axes.get_title()]
+    expected = [f"TM21 concave cam\n{rpm} rpm" for rpm in (200, 350, 400)]
+    assert titles == [*expected, "Bézier degree 15\n200 rpm", "Bézier degree 15\n400 rpm"]
 
 
 def test_another_rig_s_scene_departs(tmp_path):
@@ -92,7 +108,7 @@ def test_of_several_cams_the_scene_needs_only_the_one_that_is_named(make_loaded_
     assert refused.exit_code == 2 and "has no cam 'tm21', which the bag holds" in refused.stderr
     result = call(GOLDEN, scene, "--cam", "bezier15", "--json", "-")
     assert result.exit_code == 0, result.stderr
-    rows = json.loads(result.stdout)["speeds"]
+    rows = json.loads(result.stdout)["departures"]
     assert [row["cam"] for row in rows] == ["bezier15"] * 4
     assert all(row["force_within_noise"] for row in rows)
 
@@ -102,7 +118,7 @@ def test_a_bench_s_bag_is_compared_by_its_topics(bench, tmp_path):
     """Agreement within the noise, what was done, all numbers in CSV, a picture and a recording."""
     bag, loaded = bench
     plot, recording = tmp_path / "a.svg", tmp_path / "a.rrd"
-    files = "--plot", plot, "--save", recording, "--csv", "-"
+    files = "--plot", plot, "--save", recording, "--csv", tmp_path / "a.csv"
     result = call(bag, loaded.scene_file, "--topics", LINE, *files)
     assert result.exit_code == 0, result.stderr
     said = " ".join(result.stderr.split())
@@ -110,10 +126,13 @@ def test_a_bench_s_bag_is_compared_by_its_topics(bench, tmp_path):
     assert re.search(r"The sensors' clock is (19|20)\d ppm slow", said)
     assert "The force agrees with the model within the noise at every speed" in said
     assert "level: /mic, 24 readings, the time is that of the bag." in said
-    rows = list(csv.DictReader(io.StringIO(result.stdout.partition("\n")[2])))
+    rows, events = (
+        list(csv.DictReader((tmp_path / name).read_text(encoding="utf-8").splitlines()))
+        for name in ("a.csv", "a.events.csv")
+    )
     assert [float(row["rpm"]) for row in rows] == pytest.approx([250.0, 400.0], rel=1e-4)
-    assert all(row["lift_within_noise"] == row["force_within_noise"] == "true" for row in rows)
-    lost = [float(row["lift_offs_model_per_turn"]) for row in rows]
+    assert all(row["lift_within_noise"] == row["force_within_noise"] == "True" for row in rows)
+    lost = [float(row["lift_offs_model"]) for row in events]
     assert lost == pytest.approx([0.0, 1.0], abs=0.01)
     assert plot.read_text(encoding="utf-8").count("rpm") >= 1
     assert recording.stat().st_size > 10_000
@@ -123,8 +142,8 @@ def test_the_recording_has_both_side_by_side(bench, tmp_path):
     """Each speed on the timeline; measured less model, in the same units, is the difference."""
     _, loaded = bench
     pairs = pair_measured(measured(loaded), loaded, "tm21")
-    rows = compare_steps(pairs.steps(), loaded.laws)
-    save_real_run(rows, tmp_path / "a.rrd")
+    rows = tuple(compare_steps(pairs.steps(), loaded.laws))
+    save_real_run(RunComparison(tmp_path, loaded, rows, ()), tmp_path / "a.rrd")
     picture = Picture(tmp_path / "a.rrd")
     for quantity in ("lift", "force"):
         curves = {}
@@ -146,13 +165,13 @@ def test_what_is_equal_is_said_to_be(bench):
     same = compare_run(GOLDEN, "quick", cam="tm21")
     other = compare_run(bag, loaded, topics=LINE)
     for found, equal in ((same, True), (other, False)):
-        (tab,) = real_run_tabs(found.speeds, found.loaded.titles)
+        (tab,) = real_run_tabs(found)
         assert tab.name == found.loaded.titles["tm21"]
         lift, force = (row.contents[-1] for row in tab.contents)
         words = ": equal to rounding" if equal else ": difference ["
         assert lift.name.startswith("lift" + words)
         assert force.name.startswith("contact force" + words)
-    panels = real_run_figure(same.speeds, same.loaded.titles).axes
+    panels = same.plot().axes
     differences = [axes for axes in panels if axes.get_ylabel().startswith("difference")]
     assert {axes.get_ylim() for axes in differences} == {(-1.0, 1.0)}
     assert {axes.get_title(loc="left") for axes in differences} == {"equal to rounding"}
@@ -171,7 +190,7 @@ def test_of_two_rigs_one_is_compared(tmp_path):
     assert "several rigs, /, /rig2; choose one with --namespace /rig2" in result.stderr
     result = call(bag, "quick", "--namespace", "/rig2", "--cam", "tm21", "--json", "-")
     assert result.exit_code == 0, result.stderr
-    assert len(json.loads(result.stdout)["speeds"]) == 4
+    assert len(json.loads(result.stdout)["departures"]) == 4
 
 
 @pytest.mark.parametrize(

@@ -68,31 +68,19 @@ def test_fit_prints_the_answer_and_writes_it(table, tmp_path):
     assert result.exit_code == 0, result.output
     assert "Not followed: 0.0005 mm were asked, the readings scatter by 0.00" in result.output
     data = json.loads((tmp_path / "fit.json").read_text())
-    assert data["scatter_m"] == pytest.approx(2e-6, rel=0.3)
-    assert data["zero_m"] == pytest.approx(3.2e-3, abs=2e-6)
+    spline = data["spline"]
+    assert spline["scatter"] == pytest.approx(2e-6, rel=0.3)
+    assert spline["zero"] == pytest.approx(3.2e-3, abs=2e-6)
     assert [outlier["line"] for outlier in data["outliers"]] == [102]
-    assert [round(dwell["span_deg"]) for dwell in data["dwells"]] == pytest.approx([60, 100], abs=2)
-    assert data["peak_acceleration_m_per_rad2"] == pytest.approx(
+    spans = [math.degrees(dwell["span"]) for dwell in data["dwells"]]
+    assert spans == pytest.approx([60, 100], abs=2)
+    assert spline["peak_acceleration"] == pytest.approx(
         0.0057735 * 10 / math.radians(100) ** 2, rel=0.02
     )
     assert plot.read_bytes().startswith(b"\x89PNG")
-    assert "Dwells, exact in the law" in csv.read_text()
+    assert csv.read_text().startswith("count,left_out,scatter,")
+    assert (tmp_path / "fit.dwells.csv").read_text().startswith("start,span,level,")
     assert {"own.yaml", "own.csv"} <= {path.name for path in tmp_path.iterdir()}
-
-
-def test_arcs_of_the_gl110(tmp_path):
-    """Which column is the flat follower's; a cam that loads; a picture."""
-    out, plot = tmp_path / "gl110.yaml", tmp_path / "arcs.png"
-    result = call("fit", "cam", GL110, "--shape", "arcs", "--out", out, "--plot", plot)
-    assert result.exit_code == 0, result.output
-    for words in (
-        "The flat follower's readings are gunt_gl110_convex.csv, lift_b_mm.",
-        "5 numbers of tangent arcs: 0.0532 mm r.m.s. from 66 readings.",
-        "Base and roller radius are told only as a sum",
-    ):
-        assert words in result.output
-    assert call("law", out).exit_code == 0
-    assert plot.read_bytes().startswith(b"\x89PNG")
 
 
 def test_one_column_under_a_named_follower():
@@ -100,18 +88,19 @@ def test_one_column_under_a_named_follower():
     result = call("fit", "cam", GL110, "--shape", "arcs", "--column", "lift_b_mm", "--follower",
                   "flat", "--json", "-")  # fmt: skip
     data = json.loads(result.stdout)
-    assert data["told"]["base radius + roller radius"]["told"] == "assumed"
-    assert data["rms_m"] < 0.05e-3
-    assert data["columns"][0]["follower"] == "flat"
+    assert data["numbers"][0]["number"] == "base radius + roller radius"
+    assert data["numbers"][0]["told"] == "assumed"
+    assert data["arcs"]["rms"] < 0.05e-3
+    assert data["residuals"][0]["follower"] == "flat"
 
 
 def test_a_known_base_radius_gives_the_rollers(tmp_path):
     """Only their sum is told, 44.52 mm: with 32 mm of base radius the roller has 12.52 mm."""
     result = call("fit", "cam", GL110, "--shape", "arcs", "--base-radius", "32", "--json", "-")
-    data = json.loads(result.stdout)
-    assert data["base_radius_m"] == pytest.approx(0.032, abs=1e-6)
-    assert data["roller_radius_m"] == pytest.approx(0.012523, abs=2e-6)
-    assert data["rms_m"] == pytest.approx(5.322e-5, rel=1e-3)
+    data = json.loads(result.stdout)["arcs"]
+    assert data["base_radius"] == pytest.approx(0.032, abs=1e-6)
+    assert data["roller_radius"] == pytest.approx(0.012523, abs=2e-6)
+    assert data["rms"] == pytest.approx(5.322e-5, rel=1e-3)
 
 
 @pytest.mark.long

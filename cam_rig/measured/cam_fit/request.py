@@ -1,0 +1,137 @@
+"""Readings to a fit, and a fit to files, as ``cam-rig fit cam`` and ``cam-rig new`` are asked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+from cam_rig.errors import ConfigError
+from cam_rig.measured.cam_fit.arcs import FollowerKind
+from cam_rig.measured.cam_fit.arcs_file import arcs_cam, require_told
+from cam_rig.measured.cam_fit.arcs_fit import fit_arcs
+from cam_rig.measured.cam_fit.arcs_result import ArcsFit, Flank, Known
+from cam_rig.measured.cam_fit.dwells import above_zero
+from cam_rig.measured.cam_fit.files import CamFiles, spline_cam
+from cam_rig.measured.cam_fit.gauge import (
+    GaugeColumn,
+    GaugeTable,
+    Readings,
+    gap_note,
+    put_in_order,
+    read_gauge_table,
+)
+from cam_rig.measured.cam_fit.spline_fit import SplineFit, fit_spline
+
+#: Of several followers the one that a cam's file has.
+FOLLOWERS: tuple[FollowerKind, ...] = ("roller", "point", "flat")
+
+
+@dataclass(frozen=True)
+class FitRequest:
+    """What is asked of a fit; lengths in mm.
+
+    ``ask_nothing`` takes the first column for a spline where there are several, and says so.
+    """
+
+    shape: Literal["spline", "arcs"] = "spline"
+    followers: tuple[FollowerKind, ...] = ()
+    column: str | None = None
+    tolerance: float | None = None
+    reverse: bool = False
+    roller_radius: float | None = None
+    base_radius: float | None = None
+    flank: Flank = None
+    ask_nothing: bool = False
+
+    def run(self, files: list[Path]) -> SplineFit | ArcsFit:
+        """Read the files and fit."""
+        arcs = self.shape == "arcs"
+        self._require_apart(len(files))
+        tables = [read_gauge_table(path, self.column) for path in files]
+        taken = [(table, one) for table in tables for one in self._columns(table)]
+        readings = [put_in_order(table, column, self.reverse) for table, column in taken]
+        notes = [f"{table.file}: {note}" for table in tables for note in table.notes]
+        if len(readings) < len(tables[0].columns):
+            others = ", ".join(repr(column.name) for column in tables[0].columns[1:])
+            notes.append(f"{tables[0].file}: first column of lifts taken, not {others}: --column")
+        for one in readings:
+            notes += [f"{one.name}: {note}" for note in (*one.notes, *gap_note(one, arcs))]
+        if arcs:
+            return replace(self._arcs(readings), notes=tuple(notes))
+        return replace(fit_spline(readings[0], _metres(self.tolerance)), notes=tuple(notes))
+
+    def files(self, found: SplineFit | ArcsFit, name: str) -> CamFiles:
+        """A fit as a cam of the rig; its follower is as asked, else the roller if there is one."""
+        kind = self.followers[0] if len(self.followers) == 1 else None
+        if isinstance(found, ArcsFit):
+            require_told(found, named=bool(self.followers))
+            there = [column.kind for column in found.fitted_columns]
+            likely = next(one for one in FOLLOWERS if one in there)
+            return arcs_cam(name, found, kind or likely)
+        radii = _metres(self.base_radius), _metres(self.roller_radius)
+        return spline_cam(name, found, kind or "roller", *radii)
+
+    def _require_apart(self, files: int) -> None:
+        """Refuse options that are of the other shape, rather than pass one over."""
+        if self.shape == "arcs":
+            if self.tolerance is not None:
+                raise ConfigError("--tolerance: is for --shape spline; allowed with arcs: none")
+            return
+        if files > 1:
+            raise ConfigError(
+                f"{files} files; allowed: one for a spline, several with --shape arcs"
+            )
+        if self.flank is not None:
+            raise ConfigError("--flank: is for --shape arcs; allowed with a spline: none")
+        if len(self.followers) > 1:
+            raise ConfigError(
+                f"--follower: stands {len(self.followers)} times; allowed: once, for a spline "
+                "is of one column"
+            )
+
+    def _columns(self, table: GaugeTable) -> tuple[GaugeColumn, ...]:
+        if self.shape == "arcs":
+            return table.columns
+        return table.columns[:1] if self.ask_nothing else (table.only_column(),)
+
+    def _arcs(self, readings: list[Readings]) -> ArcsFit:
+        columns = tuple(above_zero(one) for one in readings)
+        lift = max(float(one.lifts.max()) for one in columns)
+        roller = 0.5 * lift if self.roller_radius is None else 1e-3 * self.roller_radius
+        if "point" in self.followers:
+            roller = 0.0
+        base = 3.0 * lift if self.base_radius is None else 1e-3 * self.base_radius
+        known = self._known(roller)
+        found = fit_arcs(columns, self._kinds(len(columns)), roller, base, known, self.flank)
+        if known != "base" or found.only_flat:
+            return found
+        prime = found.numbers[0]
+        if base >= prime:
+            raise ConfigError(
+                f"--base-radius: is {base * 1e3:g} mm; allowed: below base and roller radius "
+                f"together, {prime * 1e3:.4g} mm, or with --roller-radius"
+            )
+        kinds = tuple(column.kind == "flat" for column in found.fitted_columns)
+        return fit_arcs(columns, kinds, prime - base, base, known, self.flank)
+
+    def _known(self, roller: float) -> Known:
+        """Which radii are given; without a roller the base's is all."""
+        if self.base_radius is None:
+            return None if self.roller_radius is None else "roller"
+        return "base" if self.roller_radius is None and roller else "both"
+
+    def _kinds(self, columns: int) -> tuple[bool | None, ...]:
+        """Of each column whether its follower is flat, None where that is to be found."""
+        if len(self.followers) == columns:
+            return tuple(one == "flat" for one in self.followers)
+        if len(self.followers) > 1:
+            raise ConfigError(
+                f"--follower: stands {len(self.followers)} times; allowed: once, or once for each "
+                f"of {columns} columns of lifts"
+            )
+        return (None,) * columns
+
+
+def _metres(millimetres: float | None) -> float | None:
+    return None if millimetres is None else 1e-3 * millimetres
