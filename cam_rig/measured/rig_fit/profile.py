@@ -36,6 +36,9 @@ FIRST_STEP, HALVINGS = 0.01, 3
 #: Looks about, each from the likeliest of the one before where that is by this log ratio.
 LOOKS, LIKELIER = 4, 1.0
 
+#: Restitutions at which a narrow interval is held against all that lies beside it.
+ELSEWHERE = (0.1, 0.3, 0.5, 0.7, 0.9)
+
 
 def profiled(found: FitSolution) -> FitSolution:
     """The restitution in the middle of its interval of 95 %, the others of what no bounce reaches.
@@ -84,7 +87,27 @@ def _interval(found: FitSolution) -> tuple[FitSolution, float, float]:
         if log_ratio(found, best) > -LIKELIER:
             break
         found = freed(best, sought)
-    return found, low, high
+    return found, *_widened(found, at, low, high, level)
+
+
+def _widened(
+    found: FitSolution, at: int, low: float, high: float, level: float
+) -> tuple[float, float]:
+    """The interval with what is as likely beside it, taken together.
+
+    Where hardly a sample is in a bounce, the likelihood is nearly level, and the best of its many
+    narrow valleys is likelier by chance. A valley outweighs a level as wide as the restitution's
+    range only if it is likelier by more than the logarithm of the ratio of their widths.
+    """
+    number = NUMBERS["restitution"]
+    least = FIRST_STEP / 2.0**HALVINGS
+    outweighs = level + math.log((number.high - number.low) / max(high - low, least))
+    beside = [
+        there
+        for there in ELSEWHERE
+        if not low <= there <= high and _likely(found, _at(found, there), outweighs)
+    ]
+    return min(low, *beside), max(high, *beside)
 
 
 def _at(found: Candidate, bounce: float) -> FitSolution:
