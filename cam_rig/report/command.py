@@ -21,7 +21,7 @@ from cam_rig.show.terminal import console
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from cam_rig.report.document import Made
+    from cam_rig.report.document import Content, Made, Section
 
 #: The factorial study of the paper's page.
 FACTORIAL = "continuity"
@@ -69,13 +69,11 @@ def report(
 
     cam-rig report --out out/report.html --bag bags/tm21_sweep --json out/report.json
     """
-    from cam_rig.report import paper, paper_sections
-    from cam_rig.report import scene as own
-    from cam_rig.report.document import data, fill, render
-    from cam_rig.schema.load import rig_beside, scene_path
-    from cam_rig.simulation.asked import RIG, asked_scene
+    from cam_rig.report.document import data, render
+    from cam_rig.report.scene import is_papers
+    from cam_rig.schema.load import scene_path
     from cam_rig.simulation.scene import open_scene
-    from cam_rig.workers import check_workplace, workplace
+    from cam_rig.workers import check_workplace
 
     if out.suffix.lower() not in (".html", ".md"):
         raise ConfigError(f"{out}: unknown kind of page; allowed: .html, .md")
@@ -83,29 +81,57 @@ def report(
     check_workplace(dask)
     scene, kind = scene_option or scene, out.suffix.lower().lstrip(".")
     path = scene_path(scene)
-    loaded = open_scene(path)
-    options = {"--rig": rig, "--factorial": factorial, "--bag": bag, "--out": out}
-    made = page_made(scene, options)
-    found: Any
-    if own.is_papers(loaded):
-        rig_file = rig_beside(rig or RIG, path)
-        sources = paper.open_sources(path, rig_file, factorial or FACTORIAL, bag)
-        with workplace(jobs, dask) as place:
-            found = paper.Paper(sources, place.executor)
-            contents = fill(paper_sections.SECTIONS, found, kind == "html", progress)
-        title, made = paper_sections.TITLE, replace(made, seeds=paper_sections.SEEDS)
+    papers = is_papers(open_scene(path))
+    made = page_made(scene, {"--rig": rig, "--factorial": factorial, "--bag": bag, "--out": out})
+    if papers:
+        page = _papers(path, rig, factorial, bag, jobs, dask, kind, progress)
     else:
         _require_papers(path, {"--factorial": factorial, "--jobs": jobs, "--dask": dask})
-        progress.begin(None, "the run")
-        found = own.SceneStudies(asked_scene(scene, rig), bag)
-        contents = fill(own.SECTIONS, found, kind == "html", progress)
-        title = found.loaded.scene.title
-    text = render(kind, title, made, contents, found)
+        page = _own(scene, rig, bag, kind, progress)
+    title, seeds, found, contents = page
+    text = render(kind, title, replace(made, seeds=seeds), contents, found)
     with writing(out) as part:
         part.write_text(text, encoding="utf-8")
     console.print(f"report: {out} ({len(text) / 1e6:.1f} MB)", soft_wrap=True)
-    if json is not None:
-        write_json(data(contents.values()), json)
+    write_json(data(contents.values()) if json else {}, json)
+
+
+def _papers(
+    path: Path,
+    rig: str | None,
+    factorial: str | None,
+    bag: Path | None,
+    jobs: int | None,
+    dask: str | None,
+    kind: str,
+    progress: Progress,
+) -> tuple[str, str, Any, dict[Section, Content]]:
+    """Title, seeds and contents of the paper's page, its two long studies where they are sent."""
+    from cam_rig.report.document import fill
+    from cam_rig.report.paper import Paper, open_sources
+    from cam_rig.report.paper_sections import SECTIONS, SEEDS, TITLE
+    from cam_rig.schema.load import rig_beside
+    from cam_rig.simulation.asked import RIG
+    from cam_rig.workers import workplace
+
+    sources = open_sources(path, rig_beside(rig or RIG, path), factorial or FACTORIAL, bag)
+    with workplace(jobs, dask) as place:
+        paper = Paper(sources, place.executor)
+        return TITLE, SEEDS, paper, fill(SECTIONS, paper, kind == "html", progress)
+
+
+def _own(
+    scene: str, rig: str | None, bag: Path | None, kind: str, progress: Progress
+) -> tuple[str, str, Any, dict[Section, Content]]:
+    """Title and contents of a scene's own page, without seeds."""
+    from cam_rig.report.document import fill
+    from cam_rig.report.scene import SECTIONS, SceneStudies
+    from cam_rig.simulation.asked import asked_scene
+
+    progress.begin(None, "the run")
+    found = SceneStudies(asked_scene(scene, rig), bag)
+    contents = fill(SECTIONS, found, kind == "html", progress)
+    return found.loaded.scene.title, "", found, contents
 
 
 def page_made(scene: str, options: Mapping[str, object]) -> Made:

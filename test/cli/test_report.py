@@ -13,6 +13,8 @@ from typer.testing import CliRunner
 from cam_rig.cli.main import app
 from cam_rig.dynamics.jump.any_follower import find_jump, follower_of
 from cam_rig.law_design.pareto_front import ASKED
+from cam_rig.paper.as_cut.study import CUT
+from cam_rig.paper.flywheel import SHOWN
 from cam_rig.report.command import page_made
 from cam_rig.schema.load import config_root
 from cam_rig.simulation.scene import build_law, load_cam, load_scene
@@ -102,6 +104,8 @@ def fewer(undrawn, monkeypatch):
     monkeypatch.setattr("cam_rig.paper.stem.study.STEP", 50.0)
     monkeypatch.setattr("cam_rig.report.paper_sections.BASES", (0.065,))
     monkeypatch.setattr("cam_rig.report.paper_sections.ROLLERS", (0.02,))
+    monkeypatch.setattr("cam_rig.report.paper_sections.has_central_roller", lambda c: c.name == CUT)
+    monkeypatch.setattr("cam_rig.paper.flywheel.INERTIAS", (SHOWN, math.inf))
     monkeypatch.setattr("cam_rig.law_design.pareto_front.ASKED", ASKED[1:2])  # not of a jump
 
 
