@@ -97,7 +97,7 @@ CORRELATION_COLUMNS = (
 
 
 @dataclass(frozen=True)
-class CorrelatedPair:
+class ErrorCorrelation:
     """How the errors of two numbers go together, -1 to 1."""
 
     number: str
@@ -110,7 +110,7 @@ def number_tables(
 ) -> list[Records]:
     """A row a number; the correlation of the errors of those of some names, if they are several."""
     pairs = [
-        CorrelatedPair(names[i], names[k], float(correlation[i, k]))
+        ErrorCorrelation(names[i], names[k], float(correlation[i, k]))
         for i, k in product(range(len(names)), repeat=2)
         if len(names) > 1
     ]

@@ -73,7 +73,7 @@ OUTLYING = 0.55
 
 
 @dataclass(frozen=True)
-class JumpRow:
+class FittedJump:
     """A jump speed as read and of the numbers found, rpm, and what was put on for it."""
 
     reading: JumpReading
@@ -85,7 +85,7 @@ class JumpRow:
         return float(to_rpm(self.reading.speed))
 
 
-def _known(name: str) -> Callable[[JumpRow], float | None]:
+def _known(name: str) -> Callable[[FittedJump], float | None]:
     return lambda row: row.reading.known.get(name)
 
 
@@ -152,7 +152,7 @@ class JumpFit(Result):
     def tables(self) -> list[Records]:
         """The follower's numbers, and the jump speeds as read and of these."""
         names = tuple(number.name for number in self.identified)
-        rows = map(JumpRow, self.read.readings, self.speeds)
+        rows = map(FittedJump, self.read.readings, self.speeds)
         caption = f"{self.read.file}: the follower"
         return [
             *number_tables(caption, self.numbers, names, self.correlation),
