@@ -83,12 +83,12 @@ def test_profile_and_listen_take_it_too(own, tmp_path):
     """The scene's cam is checked; its sound is that of the named rig, and called relative."""
     checked = call("profile", own, "--json", "-")
     assert checked.exit_code == 0, checked.stderr
-    assert set(json.loads(checked.stdout)) == {"lug"}
+    assert [row["cam"] for row in json.loads(checked.stdout)["cams"]] == ["lug"]
     turns = ("--rpm", 300, "--seconds", 0.2, "--out", tmp_path / "a.wav", "--json", "-")
     heard = [call("listen", own, *rig, *turns) for rig in ((), ("--rig", "paper_table2"))]
     assert [result.exit_code for result in heard] == [0, 0]
     found = [json.loads(result.stdout) for result in heard]
-    assert [row["calibrated"] for row in found] == [True, False]
+    assert [row["sound"]["calibrated"] for row in found] == [True, False]
     assert "only differences between levels" in " ".join(heard[1].stderr.split())
 
 

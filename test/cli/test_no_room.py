@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import resource
 import subprocess
 import sys
@@ -91,6 +92,7 @@ def test_a_temporary_file_without_room(
     def fill() -> None:
         print("half a result")
         with tempfile.TemporaryFile(dir=tmp_path) as file:
+            monkeypatch.setattr(sys, "dont_write_bytecode", True)  # else half of a module's stays
             resource.setrlimit(resource.RLIMIT_FSIZE, (MOST, hard))
             file.write(bytes(2 * MOST))
 
@@ -115,6 +117,7 @@ def test_a_file_that_may_not_have_its_size(what: str, tmp_path: Path) -> None:
     """As on a full disk: nothing of it is left."""
 
     def limit() -> None:
+        os.environ["PYTHONDONTWRITEBYTECODE"] = "1"  # else half of a module's stays
         resource.setrlimit(resource.RLIMIT_FSIZE, (MOST, MOST))
 
     code, told = lines(WRITTEN[what], tmp_path, stdout=subprocess.DEVNULL, preexec_fn=limit)

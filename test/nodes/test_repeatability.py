@@ -237,7 +237,8 @@ def test_a_recorder_killed_while_all_are_ended_is_named(rig, short_scene, tmp_pa
 def test_a_full_disk_ends_the_run_with_its_name(rig, short_scene, tmp_path):
     """A file may grow to 50 kB here: the recorder reports what it could not write."""
     limited = "import resource as r; r.setrlimit(r.RLIMIT_FSIZE, (50_000, 50_000))"
-    start = f"{limited}; import signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN)"
+    whole = "import os; os.environ['PYTHONDONTWRITEBYTECODE'] = '1'"  # else half a module's stays
+    start = f"{whole}; {limited}; import signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN)"
     arguments = ["cam-rig", "run", str(short_scene), "--bag", str(tmp_path / "bag")]
     code = (
         f"{start}; import sys; sys.argv = {arguments!r}; from cam_rig.cli.main import main; main()"
