@@ -14,7 +14,6 @@ from platform import python_version
 from typing import Any, NamedTuple
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from cam_rig.files import no_room, temporary_folder
@@ -178,10 +177,8 @@ def render(
     for _ in range(2):
         page = templates.get_template(f"layout.{kind}").make_module(parts)
         texts = {
-            section: Markup(
-                templates.get_template(f"{section.template}.jinja").render(
-                    content.values, page=page, tables=content.tables, found=source
-                )
+            section: templates.get_template(f"{section.template}.jinja").render(
+                content.values, page=page, tables=content.tables, found=source
             )
             for section, content in contents.items()
         }

@@ -312,7 +312,7 @@ def test_the_page_says_what_it_shows(live: tuple[Pages, Visitor]) -> None:
     """The served page carries the script; what it says ends the waiting, and the node reads it."""
     pages, reader = live
     assert b"/shown?ns=" in reader.get(reader.home)
-    waiting = threading.Thread(target=pages.page.wait, daemon=True)
+    waiting = threading.Thread(target=pages.page.until_open, daemon=True)
     waiting.start()
     pages.page.driven(0.5)
     reader.get("/shown?ns=500000000")
