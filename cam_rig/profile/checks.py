@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import brentq
-from shapely import LinearRing, Polygon, is_valid_reason
 
 from cam_rig.errors import ReachError
+from cam_rig.extras import libraries_named
 from cam_rig.laws import Law
 from cam_rig.laws.law import Extreme, extremes
 from cam_rig.profile.contact import Element, Motion, Scan, Touch, greatest_between
@@ -162,6 +162,8 @@ def crossing_check(disc: Disc, law: Law) -> Check:
 def _crossing(contour: Contour) -> float | None:
     """Cam angle (rad) near a crossing."""
     points = contour.points.T
+    with libraries_named():
+        from shapely import LinearRing, Polygon, is_valid_reason
     if LinearRing(points).is_simple:
         return None
     numbers = re.findall(r"-?\d[\d.]*(?:e-?\d+)?", is_valid_reason(Polygon(points)))
