@@ -107,7 +107,7 @@ def _widened(
         for there in ELSEWHERE
         if not low <= there <= high and _likely(found, _at(found, there), outweighs)
     ]
-    return min(low, *beside), max(high, *beside)
+    return min([low, *beside]), max([high, *beside])
 
 
 def _at(found: Candidate, bounce: float) -> FitSolution:
