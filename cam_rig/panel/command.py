@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -77,6 +78,9 @@ def _require_same(kind: str, name: str, found: str) -> None:
 
 #: What is drawn and turned if nothing else is named.
 CAM, RIG = "poly345", "paper_table2"
+
+#: Bytes of a Unix socket's path, at most (unix(7)).
+LONGEST = 107
 
 #: A page that leads to an address.
 REDIRECT = """<!doctype html>
@@ -240,6 +244,11 @@ def _serve(
     first, own = load_cam(cam_path(cam)), load_rig(rig_path(rig))
     with temporary_folder("cam_rig-panel-", user_folder()) as folder:
         runner = BenchRunner(own, folder, out, rerun)
+        if (size := len(os.fsencode(runner.socket))) > LONGEST:
+            raise ConfigError(
+                f"{runner.socket}: a socket's path of {size} bytes; allowed: {LONGEST}; remedy: a "
+                "shorter XDG_RUNTIME_DIR or TMPDIR"
+            )
         board = Board(first, own, out, rig)
         pages: list[PanelPages] = [BoardPages(board), BenchPages(runner, first, board)]
         if lab is not None:

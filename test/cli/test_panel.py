@@ -132,3 +132,17 @@ def test_a_law_that_cannot_be_drawn_is_one_line(tmp_path: Path) -> None:
         assert result.exit_code == 2
         assert words in result.stderr
         assert result.stderr.count("\n") == 1
+
+
+def test_a_folder_too_deep_for_a_socket_is_named(tmp_path):
+    """With the limit and the remedy, before anything is served."""
+    deep = tmp_path / ("x" * 100)
+    deep.mkdir(mode=0o700)
+    places = os.environ | {"XDG_RUNTIME_DIR": str(deep), "TMPDIR": str(deep)}
+    command = [sys.executable, "-m", "cam_rig.cli.main", "panel", "--no-rerun", "--out", str(deep)]
+    done = subprocess.run(
+        command, env=places, capture_output=True, text=True, check=False, timeout=60
+    )
+    assert done.returncode == 2
+    assert "allowed: 107; remedy: a shorter XDG_RUNTIME_DIR or TMPDIR" in done.stderr
+    assert len(done.stderr.splitlines()) == 1

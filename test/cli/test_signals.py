@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import random
+import shutil
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -55,9 +57,10 @@ class Moment:
 
     def run(self) -> None:
         """Run it in a terminal's place: a session, folders and a ROS domain of its own."""
-        places = {name: self.folder / name for name in ("tmp", "run", "out", "home")}
+        places = {name: self.folder / name for name in ("tmp", "out", "home")}
         for place in places.values():
             place.mkdir(mode=0o700, parents=True)
+        places["run"] = Path(tempfile.mkdtemp())  # a socket's path may have 107 bytes
         mark = str(self.folder)
         words = self.command.format(out=places["out"], golden=GOLDEN).split()
         environment = os.environ | {MARK: mark, "TMPDIR": str(places["tmp"])}
@@ -85,6 +88,7 @@ class Moment:
             self.printed = printed.read().decode()
         self.left += [str(p) for name in ("tmp", "run") for p in places[name].rglob("*")]
         self.left = [one for one in self.left if not one.endswith(".lock")]
+        shutil.rmtree(places["run"])
 
     def _signal(self, process: subprocess.Popen[bytes]) -> None:
         send = os.killpg if self.group else os.kill
