@@ -88,7 +88,9 @@ def test_a_killed_viewer_is_started_again(forked, domain, wait_for, rig, tmp_pat
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("address", [stream_address(free_port()), "/no/such/folder"])
+@pytest.mark.parametrize(
+    "address", [stream_address(free_port()), "/no/such/folder"], ids=["port", "folder"]
+)
 def test_without_a_viewer_the_run_goes_on(forked, domain, rig, tmp_path, address):
     """Nobody listens at the address: the bag is whole all the same."""
     bag = tmp_path / "bag"
