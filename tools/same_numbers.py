@@ -44,16 +44,9 @@ COMMANDS = {
 }
 
 #: Keys whose name has changed since the numbers were kept, old: new.
-RENAMED: dict[str, str] = {
-    "answer": "conclusions",
-    "ringing_m": "residual_amplitude_m",
-    "swing_m": "peak_to_peak_m",
-    "leaves_rpm": "contact_lost_rpm",
-    "left": "contact_lost",
-    "sure_db": "confidence_db",
-}
+RENAMED: dict[str, str] = {}
 #: Keys, where there were none or sentences when the numbers were kept.
-ADDED = {"conclusions"}
+ADDED: set[str] = set()
 #: Why a value under one of them does not count.
 ADDITION = " (added)"
 
