@@ -23,7 +23,6 @@ from cam_rig.files import writing
 from cam_rig.interrupts import raised
 from cam_rig.show.result import Progress as Steps
 from cam_rig.show.result import Result
-from cam_rig.show.tables import DataTable, to_csv
 from cam_rig.show.terminal import console, say, show
 
 # What all verbs share: where words and tables go, and how errors end a command.
@@ -118,20 +117,6 @@ def write_json(data: dict[str, Any], target: str | None) -> None:
         return
     with writing(Path(target)) as part:
         part.write_text(text + "\n", encoding="utf-8")
-
-
-def write_csv(tables: Iterable[DataTable], target: Path | None) -> None:
-    """Write tables to a file, to stdout for ``-``, nowhere for None.
-
-    Raises
-    ------
-    OutputError : the place cannot be written
-    """
-    if target == STDOUT:
-        print(to_csv(tables), end="")
-    elif target is not None:
-        with writing(target) as part:
-            part.write_text(to_csv(tables), encoding="utf-8")
 
 
 def check_outputs(json_target: str | None, plot: Path | None, csv: Path | None = None) -> None:

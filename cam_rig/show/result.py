@@ -40,15 +40,10 @@ SI = {
     "mm/rad": ("m/rad", 1e-3),
     "mm/rad²": ("m/rad²", 1e-3),
     "mm/rad³": ("m/rad³", 1e-3),
-    "mm/s": ("m/s", 1e-3),
     "°": ("rad", math.pi / 180.0),
     "%": ("1", 1e-2),
     "ms": ("s", 1e-3),
-    "µs": ("s", 1e-6),
-    "mN·s": ("N·s", 1e-3),
-    "mPa": ("Pa", 1e-3),
     "MPa": ("Pa", 1e6),
-    "kN/m": ("N/m", 1e3),
     "turns": ("rad", 2.0 * math.pi),
 }
 
@@ -105,7 +100,7 @@ class Column:
 
     @property
     def head(self) -> tables.Head:
-        """Head, unit and format alone."""
+        """Heading, unit and format alone."""
         words = self.heading or self.key.replace("_", " ")
         return tables.Head(words, self.unit, self.shown, self.missing)
 

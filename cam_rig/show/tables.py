@@ -1,13 +1,10 @@
-"""A table as data: headings, units, cells and footnotes stand once; who shows it renders it.
+"""A table as people read it: headings, units, cells and footnotes; who shows it renders it.
 
-A study builds its tables in its own ``tables.py``; the terminal, the report's pages and CSV take
-headings and cells from there.
+Results make theirs of their columns (`cam_rig.show.result`); what is no result uses `tabulate`.
 """
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 import re
 import textwrap
@@ -227,19 +224,6 @@ def tabulate(
         tuple(tuple(row[i] for i in kept) for row in rows),
         tuple(note for note in notes if note),
     )
-
-
-def to_csv(tables: Iterable[DataTable]) -> str:
-    """Tables one under another: caption, headings with units, all digits of the numbers."""
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    for i, table in enumerate(tables):
-        if i:
-            writer.writerow([])
-        writer.writerow([table.caption])
-        writer.writerow([column.title for column in table.columns])
-        writer.writerows(table.rows)
-    return out.getvalue()
 
 
 def to_markdown(table: DataTable, name: str = "") -> str:

@@ -1,13 +1,12 @@
 """Tables as data: each heading beside its cells, numbers as they are shown, CSV with all digits."""
 
-import csv
 import doctest
 import math
 
 import pytest
 
 import cam_rig.show.tables
-from cam_rig.show.tables import DataTable, Head, called, number, tabulate, to_csv
+from cam_rig.show.tables import DataTable, Head, called, number, tabulate
 
 FIELDS = (
     (Head("cam"), lambda row: row[0]),
@@ -67,14 +66,6 @@ def test_cells_are_shown_by_their_column():
 def test_a_table_without_rows():
     """Nothing to show is an empty table, not an error."""
     assert tabulate("None", [], FIELDS) == DataTable("None", (), ())
-
-
-def test_csv_has_all_digits():
-    """Numbers are not rounded, what is missing is empty, tables stand apart."""
-    table = tabulate("Speeds, all", ROWS, FIELDS)
-    rows = list(csv.reader(to_csv([table, table]).splitlines()))
-    assert rows[:4] == [["Speeds, all"], ["cam", "speed [rpm]"], ["a", "413.4426"], ["b", ""]]
-    assert rows[4:] == [[], *rows[:4]]
 
 
 #: What cams are called.
