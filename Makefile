@@ -47,7 +47,7 @@ lint: setup ## lint, types, import rules alone; their words where one does not h
 tests: setup ## the tests alone
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest $(WORKERS)
 
-test-long: setup ## all tests, with many more random cases (most of an hour)
+test-long: setup ## all tests, with many more random cases (more than an hour)
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest $(WORKERS) -m "" --hypothesis-profile=long --references=compute
 
 references: setup ## compute the tests' many-digit references anew
