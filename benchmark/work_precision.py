@@ -10,11 +10,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from benchmark import live_rate, long_laws
-from benchmark.speed.campaign import campaign_table
 from benchmark.speed.cases import SPEEDS_RPM, rate_table, sample_rates
 from benchmark.speed.event_cost import event_costs, event_table
 from benchmark.speed.peers import PEERS
-from benchmark.speed.report import figure, measure, notes, table
+from benchmark.speed.report import figure, measure, notes
 from benchmark.speed.start_up import command_table, command_times, node_starts, node_table
 from benchmark.speed.study import FULL
 from cam_rig.show.figure import write
@@ -164,19 +163,20 @@ def bullets(lines: list[str]) -> str:
 
 def main() -> None:
     """Measure and write."""
-    study = measure(quick=False)
-    write(figure(study), PLOT)
+    found = measure(quick=False)
+    write(figure(found), PLOT)
+    study, (points, campaign) = found.study, found.to_show()
     left_out = notes(study)
     options = dict.fromkeys(f"{peer.name}: {peer.options}." for peer in PEERS)
     text = TEXT.format(
-        table=to_markdown(table(study)),
+        table=to_markdown(points),
         cores=study.cores,
         machine=f"{platform.machine()}, Python {platform.python_version()}",
         rates=samples(),
         jump_search=long_laws.section(long_laws.measure()),
         loosest=FULL.rtols[0],
         tightest=FULL.rtols[-1],
-        campaign=to_markdown(campaign_table(study.campaign)),
+        campaign=to_markdown(campaign),
         options=bullets(list(options)),
         notes="\nLeft out:\n\n" + bullets(left_out) if left_out else "",
         events=events(),

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,8 @@ from cam_rig.errors import MissingLibraryError
 from cam_rig.extras import libraries_named
 from cam_rig.laws import Law
 from cam_rig.schema.load import Library, config_root
-from cam_rig.show.tables import DataTable, Head, counted, tabulate
+from cam_rig.show.result import Column, Records
+from cam_rig.show.tables import counted
 from cam_rig.units import FloatArray
 
 SPREAD = {"uniform": 10, "unit": "%"}
@@ -48,6 +50,14 @@ INSTANTS = 40_001
 
 #: Points of a batch; batches, and points of the peer, for each process: of a quick study, a full.
 BATCH, BATCHES, PEER_POINTS = 25, (2, 4), (1, 2)
+
+
+CAMPAIGN = (
+    Column("solver", of=itemgetter(0)),
+    Column("points", "1", "d", of=itemgetter(1)),
+    Column("points_per_s", "1/s", ".3g", heading="points each second", of=itemgetter(2)),
+    Column("ratio", "", ".3g", heading="times as long", of=itemgetter(3)),
+)
 
 
 @dataclass(frozen=True)
@@ -137,8 +147,8 @@ def least_force(p: TwoMassParameters, law: Law, speed: float) -> float:
     return float((force + p.roller_mass * bend * speed**2).min())
 
 
-def campaign_table(found: CampaignRate) -> DataTable:
-    """A row each: the campaign and its peer, or why there is none."""
+def campaign_records(found: CampaignRate) -> Records:
+    """A record each: the campaign and its peer, or a note why there is none."""
     words = "joblib and solve_ivp"
     rows = [("campaign", found.points, found.points_per_s, 1.0)]
     if found.peer_per_s is not None and found.ratio is not None:
@@ -146,14 +156,5 @@ def campaign_table(found: CampaignRate) -> DataTable:
     note = f"{words}: {found.missing}"
     if found.largest_gap is not None:
         note = f"Jump speeds differ by {found.largest_gap:.2g} rpm at most, the peer's to {FINE:g}."
-    return tabulate(
-        f"A campaign of jump speeds in {counted(found.processes, 'process')}",
-        rows,
-        (
-            (Head("solver"), lambda row: row[0]),
-            (Head("points", "1", "d"), lambda row: row[1]),
-            (Head("points each second", "1/s", ".3g"), lambda row: row[2]),
-            (Head("times as long", "", ".3g"), lambda row: row[3]),
-        ),
-        note,
-    )
+    caption = f"A campaign of jump speeds in {counted(found.processes, 'process')}"
+    return Records("campaign", caption, CAMPAIGN, rows, (note,))

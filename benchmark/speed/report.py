@@ -1,34 +1,76 @@
-"""The study as plain data and as rows for a table."""
+"""The study as a result: a record for each point measured, the campaign, the samples a second."""
 
 from __future__ import annotations
 
-import math
-from typing import Annotated, Any
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from operator import itemgetter
+from typing import Annotated, ClassVar
 
 import typer
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from benchmark.speed.campaign import CAMPAIGN, campaign_records
 from benchmark.speed.cases import QUICK_TURNS
-from benchmark.speed.study import CaseResult, Sweep, WorkPrecisionPoint, WorkPrecisionStudy
-from cam_rig.show.command import (
-    Csv,
-    Json,
-    Plot,
-    check_outputs,
-    progress_bar,
-    user_errors,
-    write_csv,
-    write_json,
-    write_plot,
-)
+from benchmark.speed.study import CaseResult, WorkPrecisionPoint, WorkPrecisionStudy
+from cam_rig.show.command import command
 from cam_rig.show.figure import empty, logarithmic, styled
 from cam_rig.show.looks import BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILION, web
-from cam_rig.show.tables import DataTable, Head
-from cam_rig.show.terminal import say, show
+from cam_rig.show.result import SILENT, Column, Progress, Records, Result
 
-#: Headings; the first two are texts.
-HEADER = ("case", "solver, rtol", "time", "error", "events", "x rig")
+
+@dataclass(frozen=True)
+class MeasuredPoint:
+    """A solver at one setting in one case: the rig has no tolerance, and no ratio.
+
+    ``compared`` : the setting at which it is compared. ``only_a_bound`` : it never was as good.
+    """
+
+    case: str
+    solver: str
+    point: WorkPrecisionPoint | None
+    ratio: float | None = None
+    only_a_bound: bool = False
+    compared: bool = True
+    note: str = ""
+
+    @property
+    def words(self) -> str:
+        """Solver and tolerance, or why it has no point."""
+        if self.point is None:
+            return f"{self.solver}: {self.note}"
+        return self.solver if self.point.rtol is None else f"{self.solver} {self.point.rtol:.0e}"
+
+    @property
+    def bound(self) -> str | None:
+        """The ratio, marked where it is only a bound."""
+        if self.ratio is None:
+            return None
+        return f"{'> ' * self.only_a_bound}{self.ratio:.{0 if self.ratio >= 10 else 1}f}"
+
+
+def _of(name: str) -> Callable[[MeasuredPoint], float | None]:
+    return lambda one: None if one.point is None else getattr(one.point, name)
+
+
+POINTS = (
+    Column("case", cell=lambda one: one.case if one.solver == RIG_NAME else ""),
+    Column("solver", cell=lambda one: one.words, heading="solver, rtol"),
+    Column("rtol", "1", of=_of("rtol"), hidden=True),
+    Column("time", "ms", ".2g", of=_of("time_s")),
+    Column("error", "", ".1e", of=_of("error")),
+    Column("event_error", "s", ".1e", of=_of("event_error_s"), heading="events"),
+    Column("ratio", "1", heading="x rig", cell=lambda one: one.bound),
+    Column("repeats", of=_of("repeats"), hidden=True),
+    Column("compared", hidden=True),
+    Column("note", hidden=True),
+)
+
+SAMPLES = (
+    Column("model", of=itemgetter(0)),
+    Column("samples_per_s", "1/s", of=itemgetter(1)),
+)
 
 #: What a reader of the table must know.
 KEY = (
@@ -36,92 +78,55 @@ KEY = (
     "at its most accurate one: the ratio, marked >, is then a bound, for the same error costs more."
 )
 
-
-def to_json(study: WorkPrecisionStudy) -> dict[str, Any]:
-    """The promised keys, and beside them what a reader needs to judge them."""
-    return {
-        "cases": {name: _case(result) for name, result in study.cases.items()},
-        "samples_per_s": min(study.rates.values()),
-        "samples_per_s_by_model": study.rates,
-        "campaign": vars(study.campaign) | {"ratio": study.campaign.ratio},
-        "quick": study.quick,
-        "cores_used": 1,
-        "cores": study.cores,
-        "took_s": study.took_s,
-    }
+RIG_NAME = "rig"
 
 
-def _case(result: CaseResult) -> dict[str, Any]:
-    rig: dict[str, Any] = {"time_s": None, "error": None, "note": result.missing}
-    if result.rig is not None:
-        rig = _point(result.rig)
-    peers = {}
-    for name in result.peers:
-        best = result.best(name)
-        if best is not None:
-            sweep, point = best
-            peers[name] = {
-                **_point(point),
-                "method": sweep.peer.method,
-                "ratio": result.ratio(point),
-                "no_worse_than_rig": result.as_good(point),
-                "options": sweep.peer.options,
-            }
-    sweeps = {
-        sweep.peer.title: {"settings": [_point(p) for p in sweep.points], "notes": sweep.notes}
-        for sweep in result.sweeps
-    }
-    return {"title": result.case.title, "rig": rig, "peers": peers, "sweeps": sweeps}
+class Comparison(Result):
+    """The study: every point measured, a campaign beside its peer, the samples a second."""
+
+    schema = "cam_rig.speed.1"
+    drawn_by = "benchmark.speed.report:figure"
+    columns: ClassVar = {"points": POINTS, "campaign": CAMPAIGN, "samples": SAMPLES}
+
+    def __init__(self, study: WorkPrecisionStudy) -> None:
+        self.study = study
+
+    def tables(self) -> list[Records]:
+        """The points, the campaign; the rates are data alone."""
+        study = self.study
+        rate = min(study.rates.values()) / 1e6
+        caption = (
+            f"One of {study.cores} cores, {study.took_s:.0f} s; "
+            f"{rate:.0f} million samples of six numbers per second"
+        )
+        return [
+            self.table("points", caption, measured(study), KEY, seen=lambda one: one.compared),
+            campaign_records(study.campaign),
+            self.table("samples", "", study.rates.items(), hidden=True),
+        ]
+
+    def summary(self) -> list[str]:
+        """What was left out or cut short."""
+        return notes(self.study)
 
 
-def _point(point: WorkPrecisionPoint) -> dict[str, Any]:
-    data = {"time_s": point.time_s, "error": point.error, "repeats": point.repeats}
-    extra = {"event_error_s": point.event_error_s, "rtol": point.rtol}
-    return data | {key: value for key, value in extra.items() if value is not None}
-
-
-def table(study: WorkPrecisionStudy) -> DataTable:
-    """The measured points: the rig, then each peer at the setting it is compared at."""
-    rate = min(study.rates.values()) / 1e6
-    return DataTable(
-        f"One of {study.cores} cores, {study.took_s:.0f} s; "
-        f"{rate:.0f} million samples of six numbers per second",
-        tuple(Head(name, shown="" if i < 2 else "g") for i, name in enumerate(HEADER)),
-        tuple(_rows(study)),
-        (KEY,),
-    )
-
-
-def _rows(study: WorkPrecisionStudy) -> list[tuple[str, ...]]:
-    out: list[tuple[str, ...]] = []
+def measured(study: WorkPrecisionStudy) -> Iterator[MeasuredPoint]:
+    """By case the rig, then each peer: where it is compared first."""
     for name, result in study.cases.items():
-        if result.rig is None:
-            out.append((name, f"rig: {result.missing}", "", "", "", ""))
-        else:
-            out.append((name, "rig", *_cells(result.rig), "1"))
+        yield MeasuredPoint(name, RIG_NAME, result.rig, note=result.missing or "")
         for peer in result.peers:
+            sweeps = [sweep for sweep in result.sweeps if sweep.peer.name == peer]
             best = result.best(peer)
-            out.append(("", *(_peer(result, *best) if best else _absent(result, peer))))
-    return out
-
-
-def _cells(point: WorkPrecisionPoint) -> tuple[str, str, str]:
-    events = "" if point.event_error_s is None else f"{point.event_error_s:.1e} s"
-    digits = max(0, 1 - math.floor(math.log10(1e3 * point.time_s)))
-    return f"{1e3 * point.time_s:.{digits}f} ms", f"{point.error:.1e}", events
-
-
-def _peer(result: CaseResult, sweep: Sweep, point: WorkPrecisionPoint) -> tuple[str, ...]:
-    ratio = result.ratio(point)
-    bound = "" if result.as_good(point) else "> "
-    title = f"{sweep.peer.title} {point.rtol:.0e}"
-    shown = "" if ratio is None else f"{bound}{ratio:.{0 if ratio >= 10 else 1}f}"
-    return title, *_cells(point), shown
-
-
-def _absent(result: CaseResult, peer: str) -> tuple[str, ...]:
-    notes = [n for s in result.sweeps if s.peer.name == peer for n in s.notes]
-    return (f"{peer}: {notes[0] if notes else 'not measured'}", "", "", "", "")
+            if best is None:
+                words = [note for sweep in sweeps for note in sweep.notes]
+                yield MeasuredPoint(name, peer, None, note=(words or ["not measured"])[0])
+                continue
+            pairs = [best, *((s, p) for s in sweeps for p in s.points if p is not best[1])]
+            for sweep, point in pairs:
+                bound = not result.as_good(point)
+                yield MeasuredPoint(
+                    name, sweep.peer.title, point, result.ratio(point), bound, point is best[1]
+                )
 
 
 def notes(study: WorkPrecisionStudy) -> list[str]:
@@ -159,8 +164,9 @@ MIN_ERROR = 1e-17
 
 
 @styled
-def figure(study: WorkPrecisionStudy) -> Figure:
+def figure(found: Comparison) -> Figure:
     """Error against wall time of every solver and of the rig, one panel per case."""
+    study = found.study
     count = max(1, len(study.cases))
     columns = min(3, count)
     lines = -(-count // columns)
@@ -194,12 +200,12 @@ def _panel(axes: Axes, result: CaseResult) -> None:
 # python -m benchmark.speed: the rig's speed and error on this machine, beside other solvers.
 
 
+@command("json", "csv", "plot")
 def bench(
     quick: Annotated[bool, typer.Option("--quick", help="Fewer settings, about a minute.")] = False,
-    json_target: Json = None,
-    csv: Csv = None,
-    plot: Plot = None,
-) -> None:
+    *,
+    progress: Progress,
+) -> Comparison:
     """Measure error against time for the rig, scipy's solvers and SUNDIALS CVODE.
 
     One core; set OMP_NUM_THREADS=1 for the same in numpy. Then a campaign's points a second beside
@@ -211,31 +217,20 @@ def bench(
 
     python -m benchmark.speed --json out/bench.json --plot out/bench.png
     """
-    with user_errors():
-        from benchmark.speed.campaign import campaign_table
-
-        check_outputs(json_target, plot, csv)
-        study = measure(quick)
-        shown = [table(study), campaign_table(study.campaign)]
-        show(*shown)
-        say(*notes(study))
-        write_csv(shown, csv)
-        if plot is not None:
-            write_plot(plot, lambda: figure(study))
-        write_json(to_json(study), json_target)
+    return measure(quick, progress)
 
 
-def measure(quick: bool) -> WorkPrecisionStudy:
-    """Run the study behind a progress bar."""
+def measure(quick: bool, progress: Progress = SILENT) -> Comparison:
+    """Run the study on all cores."""
     import os
 
     from benchmark.speed.peers import PEERS
     from benchmark.speed.study import ORDER, run
 
-    with progress_bar() as bar:
-        task = bar.add_task("bench", total=len(ORDER) * len(PEERS) + 1)
+    progress.begin(len(ORDER) * len(PEERS) + 1, "bench")
 
-        def advance(what: str) -> None:
-            bar.update(task, description=what, advance=1)
+    def advance(what: str) -> None:
+        progress.tell(what)
+        progress.advance()
 
-        return run(quick, advance, cores=os.cpu_count() or 1)
+    return Comparison(run(quick, advance, cores=os.cpu_count() or 1))

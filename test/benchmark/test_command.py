@@ -20,7 +20,7 @@ app.command()(bench.bench)
 )
 def test_a_place_is_refused_before_the_study(tmp_path, monkeypatch, arguments, code, words):
     """A study takes minutes: one line comes first, with the code of a wrong argument."""
-    monkeypatch.setattr(bench, "measure", lambda quick: pytest.fail("the study ran"))
+    monkeypatch.setattr(bench, "measure", lambda *_: pytest.fail("the study ran"))
     (tmp_path / "file").write_text("", encoding="utf-8")
     (tmp_path / "a.png").mkdir()
     result = CliRunner().invoke(app, [a.format(tmp=tmp_path) for a in arguments])

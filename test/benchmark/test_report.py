@@ -10,7 +10,7 @@ from benchmark.speed import study as stored
 from benchmark.speed.campaign import CampaignRate
 from benchmark.speed.models import Solution
 from benchmark.speed.peers import PEERS
-from benchmark.speed.report import figure, notes, table, to_json
+from benchmark.speed.report import Comparison, notes
 from benchmark.speed.study import CaseResult, Sweep, WorkPrecisionPoint, WorkPrecisionStudy
 from cam_rig.show.figure import write
 
@@ -64,29 +64,29 @@ def test_a_peer_is_compared_at_its_best(study):
     assert not result.as_good(result.best("DOP853")[1])
 
 
-def test_json_has_the_promised_keys(study):
+def test_json_has_every_point(study):
     """And is plain data without NaN."""
-    data = json.loads(json.dumps(to_json(study), allow_nan=False))
-    case = data["cases"]["resonance"]
-    assert case["rig"]["time_s"] == 0.01
-    assert set(case["peers"]) == {"DOP853", "CVODE"}
-    assert case["peers"]["CVODE"]["ratio"] == pytest.approx(10.0)
-    assert data["cases"]["torsional"]["rig"]["note"] == "not written yet"
-    assert data["samples_per_s"] == 5e7
-    assert data["campaign"]["ratio"] == 100.0
+    data = json.loads(json.dumps(Comparison(study).data(), allow_nan=False))
+    assert [one["solver"] for one in data["points"]].count("rig") == 2
+    assert len(data["points"]) == 2 + 5 + 1
+    cvode = next(p for p in data["points"] if p["solver"] == "CVODE BDF" and p["compared"])
+    assert (cvode["time"], cvode["ratio"]) == (0.1, pytest.approx(10.0))
+    assert data["points"][6]["note"] == "not written yet"
+    assert data["samples"][1] == {"model": "elastic_stem", "samples_per_s": 5e7}
+    assert data["campaign"][1]["ratio"] == 100.0
 
 
-def test_rows_mark_a_ratio_that_is_only_a_bound(study):
+def test_a_ratio_that_is_only_a_bound_is_marked(study):
     """A peer that never was as good is compared at a larger error: its ratio is a bound."""
-    found = table(study)
-    assert all(len(row) == len(found.columns) for row in found.rows)
-    assert [row[-1] for row in found.rows] == ["1", "> 50", "10", "", ""]
+    points, _ = Comparison(study).to_show()
+    assert [row[-1] for row in points.texts] == ["", "> 50", "10", "", ""]
+    assert [row[0] for row in points.texts] == ["resonance", "", "", "torsional", ""]
     assert notes(study) == ["resonance: DOP853: rest left out"]
 
 
 def test_the_plot_is_a_picture(study, tmp_path):
     """With something in it."""
-    write(figure(study), tmp_path / "a.png")
+    write(Comparison(study).plot(), tmp_path / "a.png")
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
 
 

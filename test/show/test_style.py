@@ -53,7 +53,7 @@ def drawn() -> dict[str, Figure]:
         "turn by turn": noise.turn_by_turn(SoundLevel(200.0, 85.0, 80.0 + np.arange(12.0), 2, "")),
         "law": law.figure(cam, curve),
         "rises": law_overlay.rises_figure(families().values()),
-        "bench": work_precision.figure(_bench()),
+        "bench": work_precision.figure(work_precision.Comparison(_bench())),
     }
 
 
@@ -72,7 +72,6 @@ def test_no_text_is_cut_or_small_or_on_another(drawn: dict[str, Figure]) -> None
 
 
 @pytest.mark.variants(1)
-@pytest.mark.variants(2)
 @pytest.mark.parametrize("name", ["oscillating_conjugate", "arcs_straight", "gunt_gl110"])
 def test_profiles_and_laws_of_every_follower(
     name: str, cams: dict[str, CamConfig], laws: dict[str, Law]

@@ -11,7 +11,7 @@ from benchmark.speed.campaign import (
     CampaignRate,
     bisected,
     campaign_rate,
-    campaign_table,
+    campaign_records,
     least_force,
 )
 from benchmark.speed.cases import rad_per_s
@@ -50,12 +50,12 @@ def test_without_joblib_the_campaign_stands_alone(monkeypatch):
     found = campaign_rate(2, True)
     assert (found.processes, found.points, found.ratio) == (1, BATCH, None)
     assert found.points_per_s > 0.0
-    (note,) = campaign_table(found).notes
+    (note,) = campaign_records(found).notes
     assert "joblib" in note and "pip install" in note
 
 
 def test_the_table_has_the_ratio():
     """Of 25 points a second to 0.25: a hundred times as long."""
-    table = campaign_table(CampaignRate(2, 100, 25.0, 2, 0.25, 0.016))
+    (table,) = campaign_records(CampaignRate(2, 100, 25.0, 2, 0.25, 0.016)).to_show()
     assert [row[-1] for row in table.texts] == ["1", "100"]
     assert "0.016 rpm" in table.notes[0]
