@@ -1,0 +1,25 @@
+"""Least preload over speed, a line a cam."""
+
+from __future__ import annotations
+
+from matplotlib.figure import Figure
+
+from cam_rig.show.figure import empty, line, styled
+from cam_rig.show.looks import title_of
+
+from .study import PreloadResult
+
+
+@styled
+def figure(found: PreloadResult) -> Figure:
+    """What each cam needs, and what the rig has."""
+    out = empty(3.4)
+    axes = out.subplots()
+    for cam in found.cam_set.laws:
+        rows = [row for row in found.rows if row.cam == cam]
+        name = title_of(found.cam_set.titles, cam)
+        axes.plot([r.rpm for r in rows], [r.least for r in rows], label=name, **line(cam))
+    axes.axhline(found.rows[0].rig, color="0.3", lw=0.9, label="the rig's own")
+    axes.set(xlabel="cam speed [rpm]", ylabel="least preload [N]")
+    axes.legend()
+    return out

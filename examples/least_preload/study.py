@@ -1,0 +1,71 @@
+"""The least preload at which one rigid mass stays on its cam: what the force lacks at its least.
+
+The contact force m s″ω² + c s′ω + k s + F₀ rises with the preload F₀ alone, so the least preload is
+the rig's less the least force, found on every piece of the law.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import ClassVar
+
+from cam_rig.dynamics import FollowerParameters
+from cam_rig.dynamics.kinetostatic import force_extremes
+from cam_rig.laws.cam import CamSet
+from cam_rig.show.result import SILENT, Column, Footnote, Progress, Records, Result
+from cam_rig.units import RPM
+
+
+@dataclass(frozen=True)
+class PreloadRow:
+    """A cam at a speed: the least preload (N), and the rig's own."""
+
+    cam: str
+    rpm: float
+    least: float
+    rig: float
+
+    @property
+    def lost(self) -> bool:
+        """Whether the rig's own does not suffice."""
+        return self.rig < self.least
+
+
+@dataclass(frozen=True, repr=False)
+class PreloadResult(Result):
+    """The least preload of every cam at every speed."""
+
+    schema = "cam_rig.least_preload.1"
+    drawn_by = f"{__package__}.figures:figure"
+    columns: ClassVar = {
+        "preloads": (
+            Column("cam"),
+            Column("rpm", "rpm", "g"),
+            Column("least", "N", ".2f", heading="least preload"),
+            Column("rig", "N", ".2f", heading="the rig's"),
+            Column("lost", hidden=True, about="whether contact is lost with the rig's"),
+        )
+    }
+
+    cam_set: CamSet
+    rows: tuple[PreloadRow, ...]
+
+    def tables(self) -> list[Records]:
+        """A row a cam and speed."""
+        lost = Footnote("The rig's own preload loses contact.", lambda row: row.lost, "*")
+        caption = "Least preload that keeps one rigid mass in contact at {rpm:g} rpm"
+        return [self.table("preloads", caption, self.rows, lost, by="rpm")]
+
+
+def least_preloads(
+    cam_set: CamSet, rpm: Iterable[float], progress: Progress = SILENT
+) -> PreloadResult:
+    """The least preload of each cam at each speed."""
+    p = FollowerParameters.from_rig(cam_set.rig)
+    cases = [(cam, one) for one in rpm for cam in cam_set.laws]
+    rows = []
+    for cam, one in progress.over(cases):
+        force, _ = force_extremes(cam_set.laws[cam], p, one * RPM)
+        rows.append(PreloadRow(cam, one, p.preload - force, p.preload))
+    return PreloadResult(cam_set, tuple(rows))

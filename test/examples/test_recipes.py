@@ -1,0 +1,191 @@
+"""docs/extending.md as somebody new to the code follows it: in a copy of the package, edit by edit.
+
+Each test touches the files that its recipe names and no other; what the recipe promises then works.
+"""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+SLICE = ROOT / "examples" / "least_preload"
+
+
+class Copy:
+    """A copy of the package that is edited; ``touched`` are the files that were."""
+
+    def __init__(self, folder):
+        self.folder, self.touched = folder, set()
+        skip = shutil.ignore_patterns("__pycache__", "static")
+        for name in ("cam_rig", "config"):
+            shutil.copytree(ROOT / name, folder / name, ignore=skip)
+
+    def insert(self, file, before, text):
+        """A line before the first that contains some words."""
+        path = self.folder / file
+        found = path.read_text(encoding="utf-8")
+        at = found.rindex("\n", 0, found.index(before)) + 1
+        path.write_text(found[:at] + text + found[at:], encoding="utf-8")
+        self.touched.add(file)
+
+    def add(self, source, target):
+        """A new file."""
+        path = self.folder / target
+        path.parent.mkdir(exist_ok=True)
+        shutil.copyfile(source, path)
+
+    def python(self, *arguments):
+        """What a process prints that finds this copy first."""
+        env = os.environ | {"PYTHONPATH": str(self.folder)}
+        done = subprocess.run(
+            [sys.executable, *arguments],
+            cwd=self.folder, env=env, capture_output=True, text=True, timeout=100, check=False,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr[-2000:]
+        return done.stdout
+
+
+@pytest.fixture
+def copy(tmp_path):
+    return Copy(tmp_path)
+
+
+def recipe(heading):
+    """The files that a recipe names."""
+    text = (ROOT / "docs" / "extending.md").read_text(encoding="utf-8")
+    part = text.split(f"## {heading}\n")[1].split("\n## ")[0]
+    return set(re.findall(r"`(cam_rig/[^`]*\.py)`", part))
+
+
+def test_an_experiment_is_a_folder_and_a_line(copy):
+    """The example's folder and a line: a command with help, table, JSON and plot, in the help."""
+    for file in SLICE.glob("*.py"):
+        copy.add(file, f"cam_rig/paper/least_preload/{file.name}")
+    copy.insert(
+        "cam_rig/cli/main.py",
+        '    "vibration": (',
+        '    "least-preload": ("cam_rig.paper.least_preload.command:least_preload", "Preload."),\n',
+    )
+    run = ("-m", "cam_rig.cli.main", "least-preload", "poly345", "bezier15", "--rpm", "480")
+    found = json.loads(copy.python(*run, "--json", "-", "--plot", "a.png"))
+    least = [row["least"] for row in found["preloads"]]
+    assert least == pytest.approx(json.loads(copy.python("-c", FORCE)), rel=1e-6)
+    assert (copy.folder / "a.png").stat().st_size > 10_000
+    assert "least-preload" in copy.python("-m", "cam_rig.cli.main", "--help")
+    assert copy.touched <= recipe("An experiment")
+
+
+#: The least of what the preload is added to, at 100 001 angles.
+FORCE = """
+import json, numpy as np
+from cam_rig import build_law, load_cam, load_rig
+p, angle, w = load_rig("paper_table2").follower, np.linspace(0, 2 * np.pi, 100_001), 16 * np.pi
+def least(law):
+    s, v, a = (law(angle, order) for order in range(3))
+    return -(p.mass.si * a * w**2 + p.damping.si * v * w + p.spring_stiffness.si * s).min()
+print(json.dumps([least(build_law(load_cam(name))) for name in ("poly345", "bezier15")]))
+"""
+
+
+@pytest.mark.long
+def test_the_report_shows_an_experiment(copy):
+    """A function, a line and the example's sentences: a section with its figure and table."""
+    for file in SLICE.glob("*.py"):
+        copy.add(file, f"cam_rig/paper/least_preload/{file.name}")
+    copy.add(SLICE / "section.jinja", "cam_rig/report/templates/least_preload.jinja")
+    sections = "cam_rig/report/paper_sections.py"
+    copy.insert(sections, "def _jump(paper", SECTION)
+    copy.insert(
+        sections,
+        '    Section("readings",',
+        '    Section("least_preload", "Least preload", _least_preload),\n',
+    )
+    page = copy.python("-c", PAGE)
+    assert "## 1 Least preload" in page
+    assert "At 480 rpm 1 of 2 cases need more preload" in page
+    assert "| poly345 |" in page
+    assert copy.touched <= recipe("An experiment")
+
+
+SECTION = """def _least_preload(paper: Paper) -> Content:
+    from cam_rig.paper.least_preload.study import least_preloads
+
+    found = least_preloads(paper.cam_set, (300.0, 480.0))
+    return Content(found.to_show(), {"preload": found.plot}, {"preloads": found})
+
+
+"""
+PAGE = """
+from types import SimpleNamespace
+from cam_rig.report.document import Made, render
+from cam_rig.report.paper_sections import SECTIONS
+from cam_rig.simulation.asked import asked_cams
+section = next(one for one in SECTIONS if one.key == "least_preload")
+content = section.find(SimpleNamespace(cam_set=asked_cams(["poly345"], None)))
+assert content.drawn["preload"][0].startswith("data:image/svg")
+print(render("md", "A page", Made("a command"), {section: content}))
+"""
+
+
+@pytest.mark.long
+def test_a_goal_of_a_design_is_a_record_and_a_line(copy):
+    """The mean of s″²: searched for without a line in ``ROWS``, with a bound by one."""
+    copy.insert("cam_rig/quantities/catalogue.py", '    LawQuantity("shaft_torque"', GOAL)
+    copy.insert(
+        "cam_rig/law_design/rows.py",
+        '    "shaft_torque": Rows(',
+        '    "mean_acceleration": Rows(squares=_rms_acceleration),\n',
+    )
+    run = ("-m", "cam_rig.cli.main", "design", "poly345", "--pieces", "4", "--minimise")
+    new = json.loads(copy.python(*run, "mean_acceleration", "--json", "-"))
+    old = json.loads(copy.python(*run, "rms_acceleration", "--json", "-"))
+    numbers = [one["measures"][0] for one in (new, old)]
+    for key in ("result", "bound"):
+        assert numbers[0][key] == pytest.approx(numbers[1][key], rel=1e-9)
+    assert copy.touched <= recipe("A goal or a limit of a design, a measure of a campaign")
+
+
+GOAL = """    LawQuantity(
+        "mean_acceleration", "root of the mean of s″²", "mm/rad^2", _BEND,
+        values.rms_acceleration, senses=_MOST,
+    ),
+"""
+
+
+@pytest.mark.long
+def test_a_column_is_a_line(copy):
+    """A column of the jump speeds' table is in the JSON, too."""
+    file = "cam_rig/paper/jump/comparison.py"
+    text = (copy.folder / file).read_text(encoding="utf-8")
+    line = next(x for x in text.splitlines() if x.strip().startswith('Column("rpm", "rpm", ".2f"'))
+    copy.insert(
+        file, line, '            Column("per_s", "1/s", of=lambda row: row.found.rpm / 60),\n'
+    )
+    run = ("-m", "cam_rig.cli.main", "jump", "poly345", "--json", "-")
+    (row,) = json.loads(copy.python(*run))["jump"]
+    assert row["per_s"] == pytest.approx(row["rpm"] / 60)
+
+
+@pytest.mark.long
+def test_a_law_known_by_name_is_a_name_and_a_rise(copy):
+    """A rise of Bernstein ordinates: a cam file may name it, and contour and motion take it."""
+    copy.insert("cam_rig/schema/segments.py", '    "poly345",', '    "poly3",\n')
+    copy.insert(
+        "cam_rig/laws/segments.py",
+        '    "poly345": NamedRise(',
+        '    "poly3": NamedRise("3u² − 2u³", np.array([0.0, 0.0, 1.0, 1.0])),\n',
+    )
+    cam = (copy.folder / "config/cams/poly345.yaml").read_text(encoding="utf-8")
+    (copy.folder / "poly3.yaml").write_text(cam.replace("poly345", "poly3"), encoding="utf-8")
+    found = json.loads(copy.python("-m", "cam_rig.cli.main", "law", "poly3.yaml", "--json", "-"))
+    assert found["curves"][-1]["cam"] == "poly3"
+    laws = json.loads(copy.python("-m", "cam_rig.cli.main", "laws", "--json", "-"))
+    (rise,) = [one for one in laws["laws"] if one["law"] == "poly3"]
+    assert rise["peak_velocity"] == pytest.approx(1.5)
+    assert copy.touched <= recipe("A motion law known by name")
