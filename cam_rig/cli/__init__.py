@@ -1,4 +1,4 @@
-"""The command line: a file for each command, and what commands share in `common`."""
+"""The command line: the lazy list of commands, and those that start the nodes."""
 
 import os
 import sys

@@ -1,3 +1,1 @@
-"""Pictures of runs that instruments saw."""
-
-from __future__ import annotations
+"""What was measured: readings to a cam, runs to a rig, a run beside its model."""

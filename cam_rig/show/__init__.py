@@ -1,3 +1,1 @@
-"""What plots and the viewer draw with: colours, outlines, the follower's shape."""
-
-from __future__ import annotations
+"""A result as table, text, page and figure, in one style; it knows no slice."""

@@ -1,4 +1,4 @@
-"""Draw what the theory pages show: a cam with its forces, the models, the laws.
+"""Draw what the theory pages show: a cam with its forces, the models, the laws; the rooms.
 
     .venv/bin/python tools/docs/drawings.py
 
@@ -7,7 +7,12 @@ Cam and laws are the package's own; the files in docs/ are written anew, the sam
 
 from __future__ import annotations
 
+import ast
+import tomllib
+from collections.abc import Iterable
+from graphlib import TopologicalSorter
 from pathlib import Path
+from textwrap import fill
 
 import matplotlib as mpl
 import numpy as np
@@ -28,6 +33,10 @@ DOCS = Path(__file__).parents[2] / "docs"
 #: The cam of the drawing, and the angle (deg) it is drawn at: in the rise, well inclined.
 CAM, AT_DEG = "poly345", 75.0
 STEEL, INK, FORCE, SIZE = "#d5dbe1", "#222222", "#D55E00", "#0072B2"
+PACKAGE = DOCS.parent / "cam_rig"
+#: Rooms that hold slices, or are one.
+SLICES = ("measured", "campaigns", "law_design", "paper")
+MIDDLE = {"ha": "center", "va": "center"}
 SHOWN = ("constant_velocity", "simple_harmonic", "cycloidal", "poly345", "poly4567", "bezier9")
 
 
@@ -217,6 +226,74 @@ def laws(path: Path) -> None:
     save(figure, path)
 
 
+def rooms(path: Path) -> None:
+    """The rooms on their floors, each in its own words, and what each needs of those below.
+
+    Floors are those of the import contract; what is reached by another way is not drawn twice.
+    """
+    floors = floors_of_rooms()
+    figure, axes = plt.subplots(figsize=(9.6, 0.92 * len(floors)), layout="constrained")
+    at: dict[str, complex] = {}
+    for row, floor in enumerate(reversed(floors)):
+        for column, room in enumerate(floor):
+            at[room] = complex(4.0 * (column - 0.5 * (len(floor) - 1)), row)
+            box = mpl.patches.FancyBboxPatch(
+                (at[room].real - 1.85, row - 0.3), 3.7, 0.6, "round,pad=0,rounding_size=0.08",
+                fc=STEEL if room in SLICES else "white", ec=INK, lw=1.0, zorder=2,
+            )  # fmt: skip
+            axes.add_patch(box)
+            axes.text(at[room].real, row + 0.17, room, weight="bold", **MIDDLE)
+            axes.text(at[room].real, row - 0.1, fill(words_of(room), 50), fontsize=7, **MIDDLE)
+    for room, needed in direct_needs(at).items():
+        for other in sorted(needed):
+            start, end = at[room] - 0.3j, at[other] + 0.3j
+            axes.annotate(
+                "", (end.real, end.imag), (start.real, start.imag), zorder=1,
+                arrowprops={"arrowstyle": "-|>", "color": "0.6", "lw": 0.8, "shrinkB": 1},
+            )  # fmt: skip
+    axes.set(xlim=(-6.1, 6.1), ylim=(-0.45, len(floors) - 0.55))
+    axes.axis("off")
+    save(figure, path)
+
+
+def floors_of_rooms() -> list[list[str]]:
+    """The folders of each floor, from the top; without the modules of the ground."""
+    contracts = tomllib.loads((DOCS.parent / "pyproject.toml").read_text(encoding="utf-8"))
+    layers = contracts["tool"]["importlinter"]["contracts"][0]["layers"]
+    floors = [
+        [name for name in layer.split(" | ") if (PACKAGE / name).is_dir()] for layer in layers
+    ]
+    return [floor for floor in floors if floor]
+
+
+def words_of(room: str) -> str:
+    """The first clause of its docstring."""
+    text = ast.get_docstring(ast.parse((PACKAGE / room / "__init__.py").read_text("utf-8"))) or ""
+    return text.splitlines()[0].rstrip(".").replace("`", "")
+
+
+def direct_needs(rooms: Iterable[str]) -> dict[str, set[str]]:
+    """The rooms that each imports and reaches in no other way."""
+    needs: dict[str, set[str]] = {}
+    for room in rooms:
+        trees = (ast.parse(file.read_text("utf-8")) for file in (PACKAGE / room).rglob("*.py"))
+        froms = (n for tree in trees for n in ast.walk(tree) if isinstance(n, ast.ImportFrom))
+        named = {(node.module or "").split(".")[1:2][0] for node in froms if is_own(node)}
+        needs[room] = (named & set(rooms)) - {room}
+    reached: dict[str, set[str]] = {}
+    for room in TopologicalSorter(needs).static_order():
+        reached[room] = needs[room].union(*(reached[other] for other in needs[room]))
+    return {
+        room: {one for one in found if not any(one in reached[other] for other in found)}
+        for room, found in needs.items()
+    }
+
+
+def is_own(node: ast.ImportFrom) -> bool:
+    """Whether it imports from a room."""
+    return (node.module or "").startswith("cam_rig.")
+
+
 def circle(axes: Axes, centre: complex, radius: float, **style: object) -> None:
     """A circle; hollow unless a face colour is given."""
     look = {"fc": "none", "ec": "none", "lw": 1.0} | style
@@ -258,7 +335,12 @@ def save(figure: Figure, path: Path) -> None:
     plt.close(figure)
 
 
-DRAWINGS = {"cam_and_forces.svg": cam_and_forces, "models.svg": models, "laws.svg": laws}
+DRAWINGS = {
+    "cam_and_forces.svg": cam_and_forces,
+    "models.svg": models,
+    "laws.svg": laws,
+    "rooms.svg": rooms,
+}
 
 if __name__ == "__main__":
     mpl.rcParams["svg.hashsalt"] = "cam_rig"
