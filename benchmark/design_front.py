@@ -23,11 +23,10 @@ from pymoo.optimize import minimize
 from pymoo.termination.max_time import TimeBasedTermination
 
 import cam_rig
+from cam_rig.law_design.design import front
 from cam_rig.law_design.figures import front_figure
-from cam_rig.law_design.pareto_front import front
-from cam_rig.law_design.problem import DesignProblem, measured
 from cam_rig.law_design.request import DesignRequest, LawClass, parse_goal
-from cam_rig.law_design.space import Space
+from cam_rig.law_design.space import DesignProblem, Space, measured
 from cam_rig.laws import Law
 from cam_rig.laws.law import extremes
 from cam_rig.show.figure import write

@@ -5,14 +5,16 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import re
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from cam_rig.campaigns.draws import InputDraws, ends_of
@@ -24,33 +26,102 @@ from cam_rig.campaigns.inputs import (
     require_wavelength,
     with_numbers,
 )
-from cam_rig.campaigns.measures import (
-    CampaignMeasure,
-    kept,
-    parse_limits,
-    parse_measures,
-    require_runs,
-)
-from cam_rig.campaigns.schema import MAX_POINTS, CampaignConfig, load_campaign
+from cam_rig.campaigns.schema import MAX_POINTS, CampaignConfig
 from cam_rig.errors import CamRigError, ConfigError
 from cam_rig.laws import Law, build_law
 from cam_rig.laws.cam import require_sprung
-from cam_rig.quantities.terms import Limit
+from cam_rig.quantities.catalogue import QUANTITIES, measured_in
+from cam_rig.quantities.steady import scene_at
+from cam_rig.quantities.terms import Limit, Term, parse_limit, parse_term
 from cam_rig.quantities.values import Subject
 from cam_rig.schema import CamConfig, Library, RigConfig, SceneConfig, load_cam, load_rig
 from cam_rig.schema.explain import explain
-from cam_rig.schema.load import is_path, load_scene
+from cam_rig.schema.load import is_path, load, load_scene
+from cam_rig.schema.scene import MAX_SPEED, MIN_SPEED
 from cam_rig.show.tables import number
-from cam_rig.units import FloatArray
+from cam_rig.units import RPM, FloatArray
 
 #: Runs of a base without a scene: samples a second, turns and those left out.
 SAMPLE_RATE, TURNS, SETTLE_TURNS = 48_000, 4, 1
-
 #: A waviness has both.
 WAVE, WAVELENGTH = "profile.waviness.amplitude", "profile.waviness.wavelength"
-
 #: Any speed: each measure has its own.
 SPEED_RPM = 300.0
+
+
+@dataclass(frozen=True)
+class CampaignMeasure:
+    """One measure of a study, and where it stands in rows."""
+
+    term: Term
+
+    @property
+    def column(self) -> str:
+        """A plain name, ``lift_offs_at_450rpm``; with the unit where that is not SI."""
+        words = re.sub(r"\W+", "_", self.term.key.replace("@", "_at_"))
+        return words + {"rpm": "_rpm", "dB": "_db"}.get(self.unit, "")
+
+    @property
+    def unit(self) -> str:
+        """Unit in rows: SI, but for speeds in rpm and levels in dB."""
+        quantity = self.term.quantity
+        return quantity.unit if quantity.unit in ("rpm", "dB") else quantity.si
+
+    @property
+    def factor(self) -> float:
+        """One of that unit in SI."""
+        return self.term.quantity.units[self.unit]
+
+    def of(self, point: Subject) -> float:
+        """The measure of a point, in its unit in rows."""
+        return self.term.quantity.value(point, self.term, "<=") / self.factor
+
+
+def parse_measures(texts: Iterable[str], model: str) -> tuple[CampaignMeasure, ...]:
+    """The measures of a study whose scene has a model."""
+    found: list[CampaignMeasure] = []
+    for text in texts:
+        term = parse_term(text, measured_in(model))
+        quantity = term.quantity
+        if term.low < term.high and not quantity.ranges:
+            over = ", ".join(name for name, one in QUANTITIES.items() if one.ranges)
+            raise ConfigError(
+                f"{term.key}: is a range; allowed: one speed, a measure for each (a range for "
+                f"{over})"
+            )
+        if quantity.where == "rpm" and not MIN_SPEED <= term.low <= term.high <= MAX_SPEED:
+            raise ConfigError(
+                f"{term.key}: no model takes this speed; allowed: {MIN_SPEED / RPM:g} to "
+                f"{number(MAX_SPEED / RPM)} rpm"
+            )
+        if CampaignMeasure(term) in found:
+            raise ConfigError(f"measures: {term.key} stands twice; allowed: each once")
+        found.append(CampaignMeasure(term))
+    return tuple(found)
+
+
+def parse_limits(
+    texts: Iterable[str], measures: tuple[CampaignMeasure, ...], model: str
+) -> tuple[Limit, ...]:
+    """The limits of a study, on its measures."""
+    terms = [one.term for one in measures]
+    found = tuple(parse_limit(text, measured_in(model)) for text in texts)
+    for limit in found:
+        if limit.value is None:
+            raise ConfigError(f"limit on {limit.term.key}: start; allowed: a number and its unit")
+        if limit.term not in terms:
+            raise ConfigError(
+                f"limit on {limit.term.key}: is not measured; allowed: a limit on "
+                f"{', '.join(term.key for term in terms)}"
+            )
+    return found
+
+
+def kept(limit: Limit, values: FloatArray) -> NDArray[np.bool_]:
+    """Which values of its measure, in its unit in rows, keep a limit; NaN does not."""
+    assert limit.value is not None  # checked as the study was opened
+    bound = limit.value / CampaignMeasure(limit.term).factor
+    return values <= bound if limit.sense == "<=" else values >= bound
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +195,7 @@ class Campaign:
         given = {"points": points, "seed": seed}
         data = self.config.model_dump(exclude_none=True)
         data["plan"] |= {key: value for key, value in given.items() if value is not None}
-        return checked(replace(self, config=_validated(data)))
+        return _checked(replace(self, config=_validated(data)))
 
 
 def _validated(data: Mapping[str, Any]) -> CampaignConfig:
@@ -136,46 +207,41 @@ def _validated(data: Mapping[str, Any]) -> CampaignConfig:
 
 def campaign_from(data: Mapping[str, Any], library: Library) -> Campaign:
     """A study from plain data, as a file holds it."""
-    return campaign_of(_validated(data), library)
+    return _campaign(_validated(data), library)
 
 
 def open_campaign(path: Path) -> Campaign:
     """Read a study and the files it names: of its own folders, or shipped ones."""
-    config, library = load_campaign(path), Library.beside(path)
+    config = load(path, CampaignConfig)
     try:
-        return campaign_of(config, library)
+        return _campaign(config, Library.beside(path))
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
 
 
-def campaign_of(config: CampaignConfig, library: Library) -> Campaign:
-    """A study on its base."""
-    base = config.base
-    scene = None
+def _campaign(config: CampaignConfig, library: Library) -> Campaign:
+    base, scene = config.base, None
+    name, rig_name = base.cam, base.rig
     if base.scene is not None:
         scene_path = library.file("scenes", base.scene)
         scene = load_scene(scene_path)
         if is_path(base.scene):  # then the names in it are of its own folders
             library = Library.beside(scene_path)
-    if scene is not None and base.cam is not None and base.cam not in scene.cams:
-        raise ConfigError(
-            f"base.cam: is {base.cam!r}; allowed: a cam of scene {scene.name}: "
-            f"{', '.join(scene.cams)}"
-        )
-    name, rig_name = base.cam, base.rig
-    if scene is not None:
         name, rig_name = base.cam or scene.cams[0], scene.rig
+        if name not in scene.cams:
+            raise ConfigError(
+                f"base.cam: is {name!r}; allowed: a cam of scene {scene.name}: "
+                f"{', '.join(scene.cams)}"
+            )
     assert name is not None and rig_name is not None  # the schema's
     cam_path = library.file("cams", name)
     cam, rig = load_cam(cam_path), load_rig(library.file("rigs", rig_name))
     require_sprung(cam_path, cam)
-    if scene is None:
-        scene = _scene(cam, rig, base.model)
-    scene = scene.model_copy(update={"cams": [cam.name]})
-    return checked(Campaign(config, cam, rig, scene))
+    scene = (scene or _scene(cam, rig, base.model)).model_copy(update={"cams": [cam.name]})
+    return _checked(Campaign(config, cam, rig, scene))
 
 
-def checked(campaign: Campaign) -> Campaign:
+def _checked(campaign: Campaign) -> Campaign:
     """A study whose parts fit together."""
     _ = campaign.limits, campaign.law
     if WAVE in campaign.config.vary and WAVELENGTH not in campaign.config.vary:
@@ -185,7 +251,11 @@ def checked(campaign: Campaign) -> Campaign:
             for wavelength in ends_of(one).tolist():
                 require_wavelength(wavelength)
     if not any(one.path.startswith("scene.") for one in campaign.inputs):
-        require_runs(campaign.measures, campaign.scene)
+        for term in (one.term for one in campaign.measures if one.term.quantity.of_run):
+            try:  # a speed at which the scene cannot turn, whatever the point
+                scene_at(campaign.scene, term.low)
+            except ConfigError as error:
+                raise ConfigError(f"{term.key}: {error}") from None
     if campaign.total > MAX_POINTS:
         raise ConfigError(
             f"plan: has {number(campaign.total)} points; allowed: up to {number(MAX_POINTS)}; "

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
 #: Longest unit of a time in words that is still told in the one below, with its seconds.
 UNITS = (("d", 86400.0), ("h", 3600.0), ("min", 60.0), ("s", 1.0))
-
 SIZES = (("GB", 1e9), ("MB", 1e6), ("kB", 1e3))
 
 

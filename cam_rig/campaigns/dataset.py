@@ -33,22 +33,15 @@ from cam_rig.show.tables import counted
 from cam_rig.units import FloatArray
 
 LOCK = ".lock"
-
 FILES = "points-*.parquet"
-
 _NAME = re.compile(r"points-(\d+)-(\d+)-([0-9a-f]{16})\.parquet")
-
 #: What is added to the name of a file whose rows are made again.
 DAMAGED = ".damaged"
-
 #: Of such files so many are named.
 NAMED = 3
-
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
-
 #: Packages whose versions rows may depend on.
 VERSIONS = ("cam_rig", "numpy", "scipy")
-
 #: Differences between two studies that are named.
 DIFFERENCES = 3
 
@@ -86,10 +79,9 @@ class CampaignDataset:
         for measure in self.campaign.measures:
             words = measure.term.words
             fields.append(field(measure.column, pa.float64(), measure.unit, words, True))
+        why = "what failed and why, or did not settle"
         fields.append(field("status", word, "", f"{OK}, {UNSETTLED} or {FAILED}"))
-        fields.append(
-            field("reason", pa.string(), "", "what failed and why, or did not settle", True)
-        )
+        fields.append(field("reason", pa.string(), "", why, True))
         about = {"study": self.campaign.text, "fingerprint": self.campaign.fingerprint}
         return pa.schema(fields, metadata={**about, **versions()})
 
@@ -104,27 +96,26 @@ class CampaignDataset:
         target = self.folder / f"points-{rows.first:010d}-{rows.last:010d}-{digest}.parquet"
         part = target.with_name(f".{target.name}.part")
         try:
-            try:
-                part.write_bytes(data)
-                _to_disk(part)
-                part.replace(target)
-                _to_disk(self.folder)
-            finally:
-                part.unlink(missing_ok=True)
+            part.write_bytes(data)
+            _to_disk(part)
+            part.replace(target)
+            _to_disk(self.folder)
         except OSError as error:
             raise OutputError(
                 f"{target}: cannot be written ({error.strerror or error}); what is finished stays"
             ) from None
+        finally:
+            with suppress(OSError):
+                part.unlink(missing_ok=True)
 
     def _table(self, rows: BatchRows) -> Any:
         import pyarrow as pa
 
         count = len(rows.reasons)
-        seed, own = np.full(count, self.campaign.seed), versions()["cam_rig"]
         columns = [
             pa.array(np.arange(rows.first, rows.last)),
-            pa.array(seed),
-            pa.array([own] * count).dictionary_encode(),
+            pa.array(np.full(count, self.campaign.seed)),
+            pa.array([versions()["cam_rig"]] * count).dictionary_encode(),
             *(pa.array(column) for column in rows.inputs.T),
             *(pa.array(column, mask=np.isnan(column)) for column in rows.measures.T),
             pa.array(rows.status).dictionary_encode(),
@@ -134,21 +125,16 @@ class CampaignDataset:
 
     def batches(self) -> list[tuple[int, int, Path]]:
         """First point, the point after the last, and the file of each batch, in order."""
-        found = []
-        for path in self.folder.glob(FILES):
-            if match := _NAME.fullmatch(path.name):
-                found.append((int(match[1]), int(match[2]), path))
-        return sorted(found)
+        named = ((_NAME.fullmatch(path.name), path) for path in self.folder.glob(FILES))
+        return sorted((int(match[1]), int(match[2]), path) for match, path in named if match)
 
     def missing(self) -> list[tuple[int, int]]:
         """The ranges of points that are in no file, in order."""
-        gaps, at = [], 0
-        for first, last, _ in self.batches():
+        gaps, at, end = [], 0, self.campaign.total
+        for first, last in [*(batch[:2] for batch in self.batches()), (end, end)]:
             if first > at:
                 gaps.append((at, first))
             at = max(at, last)
-        if at < self.campaign.total:
-            gaps.append((at, self.campaign.total))
         return gaps
 
     def size(self) -> tuple[float, float]:
@@ -265,9 +251,10 @@ class CampaignDataset:
 
 def differences(old: Mapping[str, str], new: Mapping[str, str]) -> str:
     """What differs between two origins of rows, with the old and the new value of each."""
-    before, after = ({**_leaves(json.loads(one.get("study") or "{}"))} for one in (old, new))
-    for name in VERSIONS:
-        before[name], after[name] = old.get(name), new.get(name)
+    before, after = (
+        _leaves(json.loads(one.get("study") or "{}")) | {name: one.get(name) for name in VERSIONS}
+        for one in (old, new)
+    )
     found = [
         f"{key} is {_shown(after.get(key))}, was {_shown(before.get(key))}"
         for key in dict.fromkeys([*before, *after])

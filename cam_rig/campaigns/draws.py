@@ -18,13 +18,10 @@ from cam_rig.units import FloatArray
 # The points of a plan in the unit cube, each from its index alone.
 
 Indices = NDArray[np.uint64]
-
 #: Bits of Sobol's sequence; a coordinate is the middle of its smallest interval, never 0 or 1.
 SOBOL_BITS = 30
-
 #: Rounds of the network that permutes the strata of a Latin hypercube.
 ROUNDS = 8
-
 #: 2^64 over the golden ratio, odd: the step of SplitMix64.
 GOLDEN = 0x9E3779B97F4A7C15
 
@@ -57,8 +54,8 @@ def unit_points(
 def _sobol(seed: int, dimensions: int, first: int, last: int) -> FloatArray:
     """Points of the scrambled sequence."""
     sequence = qmc.Sobol(dimensions, scramble=True, bits=SOBOL_BITS, rng=seed)
-    parts = []
-    if first == 0 and last > 0:  # apart: scipy warns of a first draw that is no power of 2
+    parts = [np.empty((0, dimensions))]
+    if first == 0 < last:  # apart: scipy warns of a first draw that is no power of 2
         parts.append(sequence.random(1))
         first = 1
     else:
@@ -109,14 +106,9 @@ def _permuted(index: Indices, total: int, key: int) -> Indices:
     return found
 
 
-def grid_places(counts: list[int], first: int, last: int) -> NDArray[np.int64]:
+def grid_places(counts: list[int], first: int, last: int) -> NDArray[np.intp]:
     """Which step of each input, the last input fastest, ``(last − first, len(counts))``."""
-    index = np.arange(first, last, dtype=np.int64)
-    places = np.empty((index.size, len(counts)), dtype=np.int64)
-    for axis in range(len(counts) - 1, -1, -1):
-        places[:, axis] = index % counts[axis]
-        index //= counts[axis]
-    return places
+    return np.stack(np.unravel_index(np.arange(first, last), counts), axis=1)
 
 
 def rows_of(kind: PlanKind, points: int | None, counts: list[int]) -> int:
@@ -176,8 +168,8 @@ class InputDraws:
             places = grid_places(self._counts, first, last)
             columns = [steps_of(one)[places[:, i]] for i, one in enumerate(self.inputs)]
         else:
-            points = rows_of(plan.kind, plan.points, self._counts)
-            unit = unit_points(plan.kind, plan.seed, points, len(self.inputs), first, last)
+            dimensions = len(self.inputs)
+            unit = unit_points(plan.kind, plan.seed, self.total, dimensions, first, last)
             unit = self._correlated(unit)
             columns = [drawn(one, unit[:, i]) for i, one in enumerate(self.inputs)]
         return np.stack(columns, axis=1)
@@ -211,12 +203,10 @@ def steps_of(one: CampaignInput) -> FloatArray:
 
 def ends_of(one: CampaignInput) -> FloatArray:
     """The least and the largest that an input can be; the middle of what has no ends."""
-    variation = one.variation
-    if variation.values is not None:
+    if one.variation.values is not None:
         steps = steps_of(one)
         return np.array([steps.min(), steps.max()])
-    endless = variation.normal is not None and variation.within is None
-    return drawn(one, np.array([0.5] if endless else [0.0, 1.0]))
+    return drawn(one, np.array([0.5] if one.endless else [0.0, 1.0]))
 
 
 def drawn(one: CampaignInput, unit: FloatArray) -> FloatArray:

@@ -12,10 +12,10 @@ from matplotlib.figure import Figure, FigureBase
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
+from cam_rig.campaigns.campaign import CampaignMeasure
 from cam_rig.campaigns.draws import steps_of
 from cam_rig.campaigns.inputs import CampaignInput
 from cam_rig.campaigns.largest_waviness import DECADES, WavinessResult, resonances
-from cam_rig.campaigns.measures import CampaignMeasure
 from cam_rig.campaigns.results import FOR_MEDIAN, CampaignResult
 from cam_rig.campaigns.schema import PERCENT
 from cam_rig.schema.quantity import UNITS
@@ -28,48 +28,42 @@ from cam_rig.units import FloatArray
 
 #: Parts of a path that say where a number stands and not what it is.
 _PLACES = re.compile(r"^(?:(?:rig|cam)\.(?:follower\.)?|profile\.|scene\.(?:program\.)?)")
-
 _UNITS = {"um": "µm", "deg": "°"}
 
 
-def input_name(one: CampaignInput) -> str:
+def _input_name(one: CampaignInput) -> str:
     """Such as ``spring stiffness``."""
     return _PLACES.sub("", one.path).replace(".", " ").replace("_", " ")
 
 
-def input_unit(one: CampaignInput) -> tuple[str, float]:
+def _input_unit(one: CampaignInput) -> tuple[str, float]:
     """The unit an input is shown in and one of it in SI; SI where the study has percents."""
     unit = one.si_unit if one.variation.unit == PERCENT else one.variation.unit
     return _UNITS.get(unit, unit), UNITS[one.dimension][unit]
 
 
-def input_title(one: CampaignInput) -> str:
-    """Name and unit."""
-    unit = input_unit(one)[0]
-    return input_name(one) if unit == "1" else f"{input_name(one)} [{unit}]"
+def _input_title(one: CampaignInput) -> str:
+    unit = _input_unit(one)[0]
+    return _input_name(one) if unit == "1" else f"{_input_name(one)} [{unit}]"
 
 
-def measure_unit(measure: CampaignMeasure) -> tuple[str, float]:
-    """The unit a measure is shown in, and what one of it is in the unit of the rows."""
-    quantity = measure.term.quantity
-    return quantity.typeset, quantity.factor / measure.factor
+def _shown(results: CampaignResult, measure: CampaignMeasure) -> tuple[FloatArray, FloatArray]:
+    """A measure of all points, and the finite ones, in the unit that is shown."""
+    values = results.values(measure) / (measure.term.quantity.factor / measure.factor)
+    return values, values[np.isfinite(values)]
 
 
-def measure_title(measure: CampaignMeasure) -> str:
-    """Words and unit."""
-    unit = measure_unit(measure)[0]
+def _measure_title(measure: CampaignMeasure) -> str:
+    unit = measure.term.quantity.typeset
     return f"{measure.term.words} [{unit}]" if unit else measure.term.words
 
 
 #: Bars of a histogram, and inputs of a tornado, at most.
 BARS, INPUTS = 60, 12
-
 #: Of a line under half the figure, at most.
 LETTERS = 40
-
 #: The part of the points at either end of an input that a bar of a tornado is of.
 TENTH = 0.1
-
 #: Height and look of the bars of the lowest tenth and of the highest.
 LOOKS: tuple[tuple[float, dict[str, Any]], ...] = (
     (0.7, {"facecolor": web(SKY_BLUE), "edgecolor": "white"}),
@@ -88,20 +82,17 @@ def distributions(results: CampaignResult) -> Figure:
     out = empty(height * len(measures))
     panels = out.subplots(len(measures), 2, squeeze=False)
     for (left, right), measure in zip(panels, measures, strict=True):
-        values = results.values(measure) / measure_unit(measure)[1]
-        _histogram(left, results, measure, values)
-        _tornado(right, results, measure, values)
+        _histogram(left, results, measure)
+        _tornado(right, results, measure)
     handles = [Patch(label=words, **look) for words, (_, look) in zip(ENDS, LOOKS, strict=True)]
     out.legend(handles=handles, loc="outside lower right", ncols=2, frameon=False)
     return out
 
 
-def _histogram(
-    axes: Axes, results: CampaignResult, measure: CampaignMeasure, values: FloatArray
-) -> None:
+def _histogram(axes: Axes, results: CampaignResult, measure: CampaignMeasure) -> None:
     """How often a measure is what; limits are lines, with the part that keeps them."""
-    finite = values[np.isfinite(values)]
-    axes.set_xlabel(wrapped(measure_title(measure), LETTERS))
+    values, finite = _shown(results, measure)
+    axes.set_xlabel(wrapped(_measure_title(measure), LETTERS))
     axes.set_ylabel("points")
     axes.yaxis.set_major_locator(MaxNLocator(integer=True))
     if finite.size:
@@ -114,22 +105,20 @@ def _histogram(
             bound = found.limit.value / found.limit.term.quantity.factor
             axes.axvline(bound, color=web(VERMILION), ls="--")
             sign = "≤" if found.limit.sense == "<=" else "≥"
-            limit = f"{sign} {printed(bound)} {measure_unit(measure)[0]}"
+            limit = f"{sign} {printed(bound)} {measure.term.quantity.typeset}"
             words.append(f"{100.0 * found.share:.3g} % keep {limit}")
     axes.set_title("\n".join(words))
 
 
-def _tornado(
-    axes: Axes, results: CampaignResult, measure: CampaignMeasure, values: FloatArray
-) -> None:
+def _tornado(axes: Axes, results: CampaignResult, measure: CampaignMeasure) -> None:
     """The median of a measure where an input is in its lowest tenth, and in its highest."""
+    values, finite = _shown(results, measure)
     rows = [
-        (input_name(one), *_ends(results.input_values(one.path), values))
+        (_input_name(one), *_ends(results.input_values(one.path), values))
         for one in results.campaign.inputs
     ]
     rows = [row for row in rows if np.isfinite(row[1:]).all()]
     rows = sorted(rows, key=lambda row: abs(row[2] - row[1]))[-INPUTS:]
-    finite = values[np.isfinite(values)]
     middle = float(np.median(finite)) if finite.size else 0.0
     for i, (_, low, high) in enumerate(rows):
         for end, (height, look) in zip((low, high), LOOKS, strict=True):
@@ -138,7 +127,7 @@ def _tornado(
     axes.axvline(middle, color="0.2", lw=0.8)
     axes.xaxis.set_major_locator(MaxNLocator(5))
     axes.set_yticks(range(len(rows)), [row[0] for row in rows])
-    axes.set_xlabel(wrapped(f"median {measure_title(measure)}", LETTERS))
+    axes.set_xlabel(wrapped(f"median {_measure_title(measure)}", LETTERS))
     axes.grid(visible=False, axis="y")
 
 
@@ -166,12 +155,9 @@ def _ends(inputs: FloatArray, values: FloatArray) -> tuple[float, float]:
 
 #: Panels beside each other, and in all for one measure: the steps between are left out.
 COLUMNS, PANELS = 3, 6
-
 PANEL_HEIGHT = 2.3
-
 #: Of a line over a panel, at most.
 MAP_LETTERS = 26
-
 #: Of a line along one row of panels, at most.
 WORDS = 36
 
@@ -214,10 +200,8 @@ def _panels(
     cells: list[tuple[int | None, ...]],
 ) -> None:
     grid = _grid(results)
-    values = (results.values(measure) / measure_unit(measure)[1]).reshape(
-        [steps.size for _, steps in grid]
-    )
-    finite = values[np.isfinite(values)]
+    values, finite = _shown(results, measure)
+    values = values.reshape([steps.size for _, steps in grid])
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
     levels = [
         limit.value / measure.term.quantity.factor
@@ -227,7 +211,7 @@ def _panels(
     mesh = None
     for axes, cell in zip(panels, cells, strict=False):
         plane = values[tuple(slice(None) if i is None else i for i in cell)].T
-        sides = [grid[i][1] / input_unit(grid[i][0])[1] for i in axis]
+        sides = [grid[i][1] / _input_unit(grid[i][0])[1] for i in axis]
         mesh = axes.pcolormesh(
             *sides, plane, vmin=low, vmax=high, shading="nearest", rasterized=True
         )
@@ -237,10 +221,10 @@ def _panels(
         axes.set_title(_cell_title(grid, cell))
     for axes in panels[len(cells) :]:
         axes.set_visible(False)
-    part.supxlabel(input_title(grid[axis[0]][0]), fontsize="medium")
-    part.supylabel(input_title(grid[axis[1]][0]), fontsize="medium")
+    part.supxlabel(_input_title(grid[axis[0]][0]), fontsize="medium")
+    part.supylabel(_input_title(grid[axis[1]][0]), fontsize="medium")
     if mesh is not None:
-        part.colorbar(mesh, ax=panels, label=wrapped(measure_title(measure), WORDS))
+        part.colorbar(mesh, ax=panels, label=wrapped(_measure_title(measure), WORDS))
 
 
 def _cell_title(grid: list[tuple[CampaignInput, FloatArray]], cell: tuple[int | None, ...]) -> str:
@@ -248,8 +232,8 @@ def _cell_title(grid: list[tuple[CampaignInput, FloatArray]], cell: tuple[int | 
     words = []
     for (one, steps), i in zip(grid, cell, strict=True):
         if i is not None and steps.size > 1:
-            unit, factor = input_unit(one)
-            words.append(f"{input_name(one)} {printed(float(steps[i]) / factor, '.4g')} {unit}")
+            unit, factor = _input_unit(one)
+            words.append(f"{_input_name(one)} {printed(float(steps[i]) / factor, '.4g')} {unit}")
     return wrapped("\n".join(words), MAP_LETTERS)
 
 
@@ -267,13 +251,10 @@ def figure(results: CampaignResult) -> Figure:
 # The largest waviness over its wavelength.
 
 HEIGHT = 3.4
-
 #: Of the axis above the largest amplitude and below the least.
 ROOM = 1.5
-
 #: What the wavelengths of each kind are drawn with.
 FOUND: dict[str, Any] = {"color": web(BLUE), "marker": "o", "ms": 4.0}
-
 WHOLE: dict[str, Any] = {"color": web(BLUE), "marker": "o", "ms": 4.0, "mfc": "white", "ls": "none"}
 
 
@@ -287,7 +268,7 @@ def waviness_figure(result: WavinessResult) -> Figure:
     floor = float(search.amplitudes[1]) * 1e6
     top = floor * 10.0**DECADES
     value, low, high = (
-        np.array([limit_um(getattr(one, name), end, floor) for one in found])
+        np.array([_limit_um(getattr(one, name), end, floor) for one in found])
         for name, end in (("amplitude", floor), ("low", floor), ("high", top))
     )
     axes.set_yscale("log")
@@ -317,6 +298,6 @@ def waviness_figure(result: WavinessResult) -> Figure:
     return out
 
 
-def limit_um(value: float | None, end: float, floor: float) -> float:
+def _limit_um(value: float | None, end: float, floor: float) -> float:
     """An amplitude (m) in µm on the axis: what is not told is the end, and 0 the floor (µm)."""
     return end if value is None else max(floor, value * 1e6)

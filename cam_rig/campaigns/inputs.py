@@ -26,7 +26,6 @@ from cam_rig.schema.segment_base import quantities
 from cam_rig.units import TURN, FloatArray
 
 Config = TypeVar("Config", bound=BaseModel)
-
 #: Errors of a manufactured cam, with the dimension of each: see `profile_errors`.
 PROFILE = {
     "profile.size": "length",
@@ -38,7 +37,6 @@ PROFILE = {
 }
 
 _TOKEN = re.compile(r"[A-Za-z_]\w*|\[\d+\]")
-
 #: SI unit of a dimension: the one with the factor 1.
 _SI = {
     dimension: next(u for u, f in units.items() if f == 1.0) for dimension, units in UNITS.items()
@@ -81,6 +79,11 @@ class CampaignInput:
         """Of a distribution, SI."""
         own = self.variation.mean
         return self.base if own is None else own * self.factor
+
+    @property
+    def endless(self) -> bool:
+        """Whether its distribution has no ends."""
+        return self.variation.normal is not None and self.variation.within is None
 
 
 def paths_of(configs: Mapping[str, BaseModel]) -> dict[str, tuple[float, str]]:
@@ -162,16 +165,12 @@ def _put(node: Any, tokens: list[str], value: float) -> None:
 
 #: Pieces of a wave.
 PER_WAVE = 12
-
 #: A wave closes the turn over so many wavelengths, at the turn's end.
 CLOSING_WAVES = 2.0
-
 #: Shortest wavelength, rad (0.1°), and longest (a turn).
 SHORTEST, LONGEST = TURN / 3600.0, TURN
-
 #: Degree of the pieces that carry sines.
 DEGREE = 5
-
 #: Ordinates of the step 35 t⁴ − 84 t⁵ + 70 t⁶ − 20 t⁷ and of its slope and bend.
 _STEP = np.array([35.0, -84.0, 70.0, -20.0])
 

@@ -32,22 +32,16 @@ from cam_rig.workers import broken_named
 
 #: The part of the draws that may lose the limits.
 LOST = 0.01
-
 #: Amplitudes reach to this part of the lift, and over so many decades; beside them there is 0.
 OF_LIFT, DECADES = 0.1, 6.0
-
 #: Amplitudes in all: each is found in 9 steps, to 3 %.
 AMPLITUDES = 2**9 - 1
-
 #: Probabilities between which wavelengths are taken where their distribution has no end.
 ENDS = (0.01, 0.99)
-
 #: Wavelengths nearer to each other than this part of themselves are one.
 SAME = 1e-9
-
 #: Wavelengths near the stem's resonance, over that at it.
 NEAR = (0.95, 1.0, 1.05)
-
 Outcome = Literal["found", "lost without waviness", "kept at the largest amplitude"]
 
 
@@ -132,8 +126,7 @@ class WavinessSearch:
         Every other one divides the turn: the next that does.
         """
         one = self.campaign.inputs[self._column(WAVELENGTH)]
-        endless = one.variation.normal is not None and one.variation.within is None
-        ends = drawn(one, np.array(ENDS if endless else (0.0, 1.0)))
+        ends = drawn(one, np.array(ENDS if one.endless else (0.0, 1.0)))
         low, high = np.clip(ends, SHORTEST, LONGEST).tolist()
         found = np.geomspace(low, high, count)
         whole = TURN / np.round(TURN / found[::2])
@@ -200,10 +193,7 @@ def least_steps(
 
 
 def find_largest(
-    search: WavinessSearch,
-    wavelengths: FloatArray,
-    executor: Executor,
-    progress: Progress = SILENT,
+    search: WavinessSearch, wavelengths: FloatArray, executor: Executor, progress: Progress = SILENT
 ) -> WavinessResult:
     """The largest waviness of each wavelength (rad), in their order; the same on any executor."""
     progress.begin(wavelengths.size, search.campaign.config.name)
@@ -217,8 +207,6 @@ def find_largest(
         for future in flying:
             future.cancel()
 
-
-# The largest waviness of each wavelength from Python.
 
 #: Wavelengths of one search, at most; each takes seconds.
 MOST = 100_000

@@ -15,9 +15,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from scipy.stats import beta, binom
 
-from cam_rig.campaigns.campaign import UNSETTLED, Campaign
+from cam_rig.campaigns.campaign import UNSETTLED, Campaign, CampaignMeasure, kept
 from cam_rig.campaigns.dataset import CampaignDataset
-from cam_rig.campaigns.measures import CampaignMeasure, kept
 from cam_rig.campaigns.sensitivities import FirstOrder, JumpSensitivity, first_orders
 from cam_rig.errors import ConfigError
 from cam_rig.extras import libraries_named
@@ -31,17 +30,13 @@ if TYPE_CHECKING:
 
 #: Probabilities of the quantiles.
 PROBABILITIES = (0.01, 0.05, 0.5, 0.95, 0.99)
-
 #: Reasons of failed points that are named.
 REASONS = 3
-
 #: Probability that an interval does not hold the number.
 MISSED = 0.05
-
 #: Draws from which on the median of a sample has an interval; points from which on a standard
 #: deviation is known to about 10 % (1/√(2n)).
 FOR_MEDIAN, FOR_SPREAD = 6, 50
-
 #: Shares are told whose interval is no wider than ± so much.
 SHARE_ERROR = 0.1
 
@@ -115,9 +110,7 @@ def _of(key: str, unit: str = "", shown: str = ".6g", heading: str = "", **how: 
 
 
 MEASURE = Column("measure", of="measure.column", cell=lambda one: one.measure.term.words)
-
 UNIT = Column("unit", of="measure.unit")
-
 #: What a table is of, of which there is one for each measure.
 OF = (
     Column("measure", of="measure.column", hidden=True),

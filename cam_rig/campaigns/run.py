@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar
+from typing import Any
 
 from cam_rig.arguments import checked
 from cam_rig.campaigns.campaign import (
@@ -81,32 +81,21 @@ def campaign(
     return CampaignResult(dataset)
 
 
-P = ParamSpec("P")
-
-T = TypeVar("T")
-
 #: Processor time a batch should take, s, and more for each worker: twice what a batch costs the
 #: scheduler and the one writer, so that they are never what all others wait for.
 BATCH_S, EACH_WORKER_S = 1.0, 0.01
-
 #: Batches of a campaign, and so its files, at most or little more.
 MAX_BATCHES = 20_000
-
 #: Batches of one point that are sent before a cost is known, at most.
 PILOTS = 64
-
 #: A batch has at most so many points, and so many times those of the one measured before it.
 MAX_BATCH, GROWTH = 1 << 16, 4
-
 #: Batches in flight for each worker: one at work and others waiting.
 IN_FLIGHT = 3
 
 
 def run_campaign(
-    dataset: CampaignDataset,
-    executor: Executor,
-    workers: int,
-    progress: Progress = SILENT,
+    dataset: CampaignDataset, executor: Executor, workers: int, progress: Progress = SILENT
 ) -> None:
     """Make every point that the dataset has not; the dataset must be open.
 
@@ -138,9 +127,9 @@ def run_campaign(
 class InThisProcess(Executor):
     """Does each piece of work where it is submitted, before it goes on."""
 
-    def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """The work, done; an error is raised here."""
-        future: Future[T] = Future()
+        future: Future[Any] = Future()
         future.set_result(fn(*args, **kwargs))
         return future
 
@@ -168,9 +157,9 @@ class BatchSizes:
 
 def _batches(gaps: list[tuple[int, int]], sizes: BatchSizes) -> Iterator[tuple[int, int]]:
     """The gaps in pieces, each as long as a batch is to be when it is asked for."""
-    for first, last in gaps:
-        at = first
-        while at < last:
-            end = min(last, at + sizes.next)
-            yield at, end
-            at = end
+    for at, last in gaps:
+        first = at
+        while first < last:
+            end = min(last, first + sizes.next)
+            yield first, end
+            first = end

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, FiniteFloat, model_validator
 
-from cam_rig.schema.load import NAME, is_path, load
+from cam_rig.schema.load import NAME, is_path
 from cam_rig.schema.quantity import UNITS, Strict
 from cam_rig.schema.scene import Model, Name
 
 #: The unit of a variation that is relative to the base's number.
 PERCENT = "%"
-
 #: Points of a campaign, at most: its results take a column at a time, 0.8 GB of so many.
 MAX_POINTS = 100_000_000
-
 #: Steps of a range on a grid, at most.
 MAX_COUNT = 100_000
-
 #: Inputs of a campaign, at most.
 MAX_INPUTS = 100
 
@@ -35,11 +31,8 @@ def _file(text: str) -> str:
 
 #: A file by its name, or by its path.
 FileOrName = Annotated[str, AfterValidator(_file)]
-
 Finite = Annotated[FiniteFloat, Field(strict=True)]
-
 Spread = Annotated[FiniteFloat, Field(strict=True, ge=0.0)]
-
 PlanKind = Literal["grid", "latin_hypercube", "sobol", "shares"]
 
 
@@ -84,16 +77,13 @@ class Variation(Strict):
 
     @model_validator(mode="after")
     def _known_unit(self) -> Variation:
-        known = {unit for units in UNITS.values() for unit in units} | {PERCENT}
-        if self.unit not in known:
-            raise ValueError(f"has unit {self.unit!r}; allowed: % or one of {_listed(known)}")
+        known = {unit for units in UNITS.values() for unit in units}
+        if self.unit not in known | {PERCENT}:
+            words = ", ".join(sorted(known - {"1"}))
+            raise ValueError(f"has unit {self.unit!r}; allowed: % or one of {words}")
         if self.unit == PERCENT and self.mean is not None:
             raise ValueError("mean: is the base's number where the unit is %; allowed: no mean")
         return self
-
-
-def _listed(units: set[str]) -> str:
-    return ", ".join(sorted(units - {PERCENT, "1"}))
 
 
 class CampaignBase(Strict):
@@ -187,8 +177,3 @@ class CampaignConfig(Strict):
                 raise ValueError(f"correlated: {list(pair.inputs)} stands twice; allowed: once")
             seen.add(frozenset(pair.inputs))
         return self
-
-
-def load_campaign(path: Path) -> CampaignConfig:
-    """Read a study file."""
-    return load(path, CampaignConfig)

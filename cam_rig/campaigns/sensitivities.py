@@ -17,9 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
 
-from cam_rig.campaigns.campaign import make_point
+from cam_rig.campaigns.campaign import CampaignMeasure, make_point
 from cam_rig.campaigns.inputs import ProfileErrors
-from cam_rig.campaigns.measures import CampaignMeasure
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.jump.any_follower import follower_of
 from cam_rig.dynamics.jump.jump_speed import FROM_REST
@@ -38,19 +37,12 @@ if TYPE_CHECKING:
 
 #: The imaginary step, and to what part of itself the speed is found.
 STEP, FINE = 1e-30, 1e-14
-
 #: So much above the jump speed the follower does leave; the touch is within so many rad of there.
 ABOVE, NEAR = 1e-9, 0.01
-
 #: Numbers of a rig's follower that the two masses are made of.
 FOLLOWER = (
-    "mass",
-    "roller_share",
-    "spring_stiffness",
-    "stem_stiffness",
-    "damping",
-    "stem_damping",
-    "preload",
+    *("mass", "roller_share", "spring_stiffness", "stem_stiffness"),
+    *("damping", "stem_damping", "preload"),
 )
 
 
@@ -210,20 +202,19 @@ def jump_sensitivities(
     found = []
     for path, value in inputs.items():
         root, _, name = path.rpartition(".")
-        by_number = None
         if root == "rig.follower" and name in FOLLOWER:
             by_number = slope(_numbers_of(point.rig, name), law.ordinates, touch.speed)
-        elif (ordinates := error_slope(path, errors, law)) is not None:
+        elif (ordinates := _error_slope(path, errors, law)) is not None:
             by_number = slope(numbers, law.ordinates + 1j * STEP * ordinates, touch.speed)
-        if by_number is None:
+        else:
             reason = "no derivative: it moves joints, or is not the follower's"
             found.append(JumpSensitivity(path, value, None, reason))
-        else:
-            found.append(JumpSensitivity(path, value, -by_number / by_speed))
+            continue
+        found.append(JumpSensitivity(path, value, -by_number / by_speed))
     return tuple(found)
 
 
-def error_slope(path: str, errors: ProfileErrors, law: Law) -> FloatArray | None:
+def _error_slope(path: str, errors: ProfileErrors, law: Law) -> FloatArray | None:
     """How a law's ordinates ``(p + 1, n)`` move with an error of its profile; None with others."""
     round_, wave, quarter = errors.eccentric, errors.wavy, 0.5 * math.pi
     moved = {
@@ -254,7 +245,6 @@ def _numbers_of(rig: RigConfig, moved: str) -> dict[str, complex]:
 
 #: Measures that have derivatives, and how the follower runs.
 RUNS = {"jump_speed": FROM_REST, "jump_speed_steady": None}
-
 #: First order lies where its spread is so many times the points', or so small a part of it.
 LIES = 1.25
 
@@ -289,12 +279,9 @@ def first_orders(results: CampaignResult) -> list[FirstOrder]:
         if not isinstance(follower_of(point.rig), TwoMassParameters):
             return []
         numbers = dict(zip((one.path for one in campaign.inputs), middle.tolist(), strict=True))
-        below = {
-            path.removeprefix("profile."): value
-            for path, value in numbers.items()
-            if path.startswith("profile.")
-        }
-        errors = ProfileErrors.of(below)
+        errors = ProfileErrors.of(
+            {path[8:]: value for path, value in numbers.items() if path.startswith("profile.")}
+        )
         found = []
         for measure in campaign.measures:
             if measure.term.name in RUNS:
@@ -304,9 +291,8 @@ def first_orders(results: CampaignResult) -> list[FirstOrder]:
                 values = values[np.isfinite(values)]
                 spread, correlated = float(np.std(values)) * RPM, bool(campaign.config.correlated)
                 predicted = _predicted(results, inputs, correlated)
-                found.append(
-                    FirstOrder(measure, inputs, predicted, spread, correlated, values.size)
-                )
+                count = values.size
+                found.append(FirstOrder(measure, inputs, predicted, spread, correlated, count))
     except CamRigError:  # no such cam or rig, or no jump speed: no derivative either
         return []
     return found
@@ -316,11 +302,8 @@ def _predicted(
     results: CampaignResult, inputs: tuple[JumpSensitivity, ...], correlated: bool
 ) -> float:
     """The standard deviation (rad/s) that the derivatives and the drawn inputs predict."""
-    parts = [
-        one.derivative * results.input_values(one.path)
-        for one in inputs
-        if one.derivative is not None
-    ]
+    known = [(one.path, one.derivative) for one in inputs if one.derivative is not None]
+    parts = [derivative * results.input_values(path) for path, derivative in known]
     if correlated and parts:
         return float(np.std(np.sum(parts, axis=0)))
     return math.sqrt(sum(float(np.var(part)) for part in parts))

@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from cam_rig.law_design.problem import Asked, DesignProblem
 from cam_rig.law_design.request import DesignRequest, Multistart
-from cam_rig.law_design.space import LawEvent
+from cam_rig.law_design.space import Asked, DesignProblem, LawEvent
 from cam_rig.laws import Law
 from cam_rig.schema import CamConfig
 from cam_rig.schema.load import quantity, to_yaml, valid_cam
@@ -75,16 +74,14 @@ def spline_cam_data(
     """
     data = cam.model_dump(exclude_none=True)
     parts = {key: without_empty(data[key]) for key in ("follower", "contact") if key in data}
-    head = {"name": name, "title": title, "lift": _lift(cam, start)}
+    own = cam.lift
+    lift = quantity(
+        own.origin, own.numbers[0], own.unit, f"as {cam.name}: {own.source}", own.residual
+    )
+    if abs(own.si - start.lift) > SAME * start.lift:  # a law may have another than its file's
+        lift = quantity("assumed", start.lift * 1e3, "mm", f"that of the law of {cam.name}")
+    head = {"name": name, "title": title, "lift": lift}
     return head | parts | {"segments": _segments(cam, events, splines, free)}
-
-
-def _lift(cam: CamConfig, start: Law) -> dict[str, Any]:
-    """The start's, with where it comes from; a law may have another than its file's."""
-    own, name = cam.lift, cam.name
-    if abs(own.si - start.lift) > SAME * start.lift:
-        return quantity("assumed", start.lift * 1e3, "mm", f"that of the law of {name}")
-    return quantity(own.origin, own.numbers[0], own.unit, f"as {name}: {own.source}", own.residual)
 
 
 def without_empty(data: dict[str, Any]) -> dict[str, Any]:

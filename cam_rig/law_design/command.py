@@ -20,23 +20,18 @@ if TYPE_CHECKING:
     from cam_rig.law_design.result import LawDesign
     from cam_rig.schema import CamConfig, RigConfig
 
-Second = Annotated[
-    str | None,
-    typer.Option(metavar="QUANTITY", help="A front: the goal's best for values of another."),
-]
-
 Limits = Annotated[
     list[str] | None,
     typer.Option(help="Limit, such as 'peak_acceleration<=start'; as often as needed."),
 ]
-
 Keep = Annotated[
     str, typer.Option(help="What stays as the start has it; or dwells,lift; or lift alone.")
 ]
-
 Starts = Annotated[int, typer.Option(help="Where it is not convex: laws, or spans, to begin from.")]
-
-Seed = Annotated[int, typer.Option(help="Of the random ones among them.")]
+Second = Annotated[
+    str | None,
+    typer.Option(metavar="QUANTITY", help="A front: the goal's best for values of another."),
+]
 
 
 @command("plot", "csv", "json")
@@ -56,7 +51,7 @@ def design(
     joints: Annotated[str, typer.Option(help="Continuity at joints, C1 to C6.")] = "C3",
     degree: Annotated[int | None, typer.Option(help="To 15; by default joints + 2.")] = None,
     starts: Starts = 8,
-    seed: Seed = 1,
+    seed: Annotated[int, typer.Option(help="Of the random ones among them.")] = 1,
     pareto: Second = None,
     points: Annotated[int, typer.Option(help="Points of the front, 3 to 200.")] = 25,
     rig: Annotated[str, typer.Option(help="Rig file, or a name in config/rigs.")] = "paper_table2",
@@ -88,16 +83,37 @@ def design(
         raise ConfigError("--pareto: is of many cams; allowed beside it: no --out")
     require_new_yaml(out)
     asked = {"minimise": minimise, "maximise": maximise, "limits": limit or []}
-    law_class = {"pieces": pieces, "joints": joints, "degree": degree}
-    search = {"starts": starts, "seed": seed, "keep": keep.split(",")}
-    return _found(_config(start, rig, asked, law_class, search), pareto, points, out, progress)
+    others = {"starts": starts, "seed": seed, "keep": keep.split(",")}
+    class_ = {"pieces": pieces, "joints": joints, "degree": degree}
+    return _found(
+        _config(start, asked, rig=rig, class_=class_, **others), pareto, points, out, progress
+    )
+
+
+def _config(start: str, asked: dict[str, Any], **others: Any) -> DesignConfig:
+    """What the command line asks for, or a design file, whose files are beside it or shipped."""
+    from cam_rig.law_design.request import ClassConfig, DesignConfig, is_design
+    from cam_rig.schema.load import cam_path, load
+
+    path = cam_path(start)
+    if not is_design(path):
+        others["class_"] = ClassConfig(**others["class_"])
+        return DesignConfig.model_construct(start=start, **asked, **others)
+    if any(asked.values()):
+        raise ConfigError(
+            f"{path}: has a goal and limits of its own; allowed beside it: no --minimise, "
+            "--maximise, --limit"
+        )
+    file = load(path, DesignConfig)
+    beside = {key: path.parent / name for key, name in (("start", file.start), ("rig", file.rig))}
+    return file.model_copy(update={key: str(one) for key, one in beside.items() if one.is_file()})
 
 
 def _found(
     config: DesignConfig, pareto: str | None, points: int, out: Path | None, progress: Progress
 ) -> Result:
     """A front, or a law whose file is written too."""
-    from cam_rig.law_design.pareto_front import front
+    from cam_rig.law_design.design import front
     from cam_rig.law_design.request import DesignRequest, parse_second
     from cam_rig.schema import load_cam, load_rig
     from cam_rig.schema.load import cam_path, rig_path
@@ -114,31 +130,6 @@ def _found(
             part.write_text(found.text, encoding="utf-8")
         say(f"cam: {out}")
     return found
-
-
-def _config(
-    start: str,
-    rig: str,
-    asked: dict[str, Any],
-    law_class: dict[str, Any],
-    search: dict[str, Any],
-) -> DesignConfig:
-    """What the command line asks for, or a design file, whose files are beside it or shipped."""
-    from cam_rig.law_design.request import ClassConfig, DesignConfig, is_design
-    from cam_rig.schema.load import cam_path, load
-
-    path = cam_path(start)
-    if not is_design(path):
-        own = ClassConfig(**law_class)
-        return DesignConfig.model_construct(start=start, rig=rig, class_=own, **asked, **search)
-    if any(asked.values()):
-        raise ConfigError(
-            f"{path}: has a goal and limits of its own; allowed beside it: no --minimise, "
-            "--maximise, --limit"
-        )
-    file = load(path, DesignConfig)
-    beside = {key: path.parent / name for key, name in (("start", file.start), ("rig", file.rig))}
-    return file.model_copy(update={key: str(one) for key, one in beside.items() if one.is_file()})
 
 
 def _best(

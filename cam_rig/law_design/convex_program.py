@@ -9,6 +9,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -19,40 +20,57 @@ from cam_rig.errors import DesignError
 from cam_rig.extras import libraries_named
 from cam_rig.units import FloatArray
 
-# Quantities that are affine in a design's unknowns, c + A x: what a linear program is made of.
+#: An ordinate of a law is at most so many lifts.
+BOX, LARGEST = 10.0, "ordinates"
+#: How the solver is set, one after the other until it ends well. Left to itself it takes another
+#: factorisation for larger programs, three times as slow on these.
+ALWAYS = {"verbose": False, "max_iter": 400, "direct_solve_method": "qdldl"}
+TUNINGS = (
+    {"tol_feas": 1e-10, "tol_gap_abs": 1e-10, "tol_gap_rel": 1e-10},
+    {"static_regularization_constant": 1e-7, "iterative_refinement_max_iter": 50},
+    {"equilibrate_max_iter": 50, "reduced_tol_gap_rel": 1e-4, "reduced_tol_feas": 1e-4},
+)
 
-#: Indices, a mask or a slice.
-Chosen = NDArray[np.intp] | NDArray[np.bool_] | slice
+#: Where it does not, a solution is used that breaks no row, and is as near to its bound.
+USABLE = 1e-5
+#: Limits are proved to contradict each other for levels of no more than this size.
+LEVELS = 1e4
+#: A limit counts as active where it is met to this part of its scale.
+ACTIVE = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
 class Affine:
-    """Values c + A x, ``(n,)``, of unknowns x ``(m,)``; A is sparse."""
+    """Values c + A x, ``(n,)``, of unknowns x ``(m,)``; A is sparse or dense, any of it complex."""
 
-    constant: FloatArray
-    matrix: sparse.csr_array
+    constant: NDArray[Any]
+    matrix: Any
 
-    def __call__(self, unknowns: FloatArray) -> FloatArray:
+    def __call__(self, unknowns: FloatArray) -> NDArray[Any]:
         """The values at unknowns ``(m,)``."""
         return np.asarray(self.constant + self.matrix @ unknowns)
 
     def __add__(self, other: Affine) -> Affine:
-        return Affine(self.constant + other.constant, sparse.csr_array(self.matrix + other.matrix))
+        return Affine(self.constant + other.constant, self.matrix + other.matrix)
 
     def __mul__(self, factor: float) -> Affine:
-        return Affine(self.constant * factor, sparse.csr_array(self.matrix * factor))
+        return Affine(self.constant * factor, self.matrix * factor)
 
     def plus(self, number: float | FloatArray) -> Affine:
         """The values and a number more."""
         return Affine(self.constant + number, self.matrix)
 
-    def mapped(self, matrix: sparse.csr_array) -> Affine:
+    def mapped(self, matrix: Any) -> Affine:
         """``matrix`` times the values."""
-        return Affine(np.asarray(matrix @ self.constant), sparse.csr_array(matrix @ self.matrix))
+        return Affine(np.asarray(matrix @ self.constant), matrix @ self.matrix)
 
-    def rows(self, chosen: Chosen) -> Affine:
-        """Some of the values."""
-        return Affine(self.constant[chosen], sparse.csr_array(self.matrix[chosen]))
+    def rows(self, chosen: Any) -> Affine:
+        """Some of the values, by indices, a mask or a slice."""
+        return Affine(self.constant[chosen], self.matrix[chosen])
+
+    def dense(self) -> Affine:
+        """The same of a sparse matrix."""
+        return Affine(self.constant, self.matrix.toarray())
 
     @staticmethod
     def number(value: float, unknowns: int) -> Affine:
@@ -63,33 +81,9 @@ class Affine:
     def stacked(parts: list[Affine]) -> Affine:
         """The values of all, one after the other."""
         matrices = [part.matrix for part in parts]
-        return Affine(
-            np.concatenate([part.constant for part in parts]),
-            sparse.csr_array(sparse.vstack(matrices, format="csr")),
-        )
-
-
-#: An ordinate of a law is at most so many lifts.
-BOX, LARGEST = 10.0, "ordinates"
-
-#: How the solver is set, one after the other until it ends well. Left to itself it takes another
-#: factorisation for larger programs, three times as slow on these.
-TUNINGS: tuple[dict[str, float | int | str], ...] = (
-    {"tol_feas": 1e-10, "tol_gap_abs": 1e-10, "tol_gap_rel": 1e-10},
-    {"static_regularization_constant": 1e-7, "iterative_refinement_max_iter": 50},
-    {"equilibrate_max_iter": 50, "reduced_tol_gap_rel": 1e-4, "reduced_tol_feas": 1e-4},
-)
-
-FACTORISATION = "qdldl"
-
-#: Where it does not, a solution is used that breaks no row, and is as near to its bound.
-USABLE = 1e-5
-
-#: Limits are proved to contradict each other for levels of no more than this size.
-LEVELS = 1e4
-
-#: A limit counts as active where it is met to this part of its scale.
-ACTIVE = 1e-5
+        is_sparse = sparse.issparse(matrices[0])
+        matrix = sparse.vstack(matrices, "csr") if is_sparse else np.vstack(matrices)
+        return Affine(np.concatenate([part.constant for part in parts]), matrix)
 
 
 @dataclass(frozen=True)
@@ -118,23 +112,19 @@ class ProgramSolution:
     level: float
     bound: float
     active: tuple[str, ...]
-    blocks: tuple[RowBlock, ...]
+    blocks: list[RowBlock]
     multipliers: FloatArray
 
 
 class InfeasibleError(DesignError):
-    """No law of the class keeps the limits; ``fighting`` names those that contradict each other."""
+    """No law of the class keeps the limits; ``together`` names those that contradict each other."""
 
     def __init__(self, fighting: tuple[str, ...], proved: bool = True) -> None:
-        self.fighting, self.proved = fighting, proved
+        self.together = " and ".join(fighting[:2]) + (" at once" if len(fighting) > 1 else "")
+        self.proved = proved
         super().__init__(
             f"no law of the class keeps {self.together}; allowed: looser limits, or more pieces"
         )
-
-    @property
-    def together(self) -> str:
-        """The pair that fights, or the one that cannot be kept."""
-        return " and ".join(self.fighting[:2]) + (" at once" if len(self.fighting) > 1 else "")
 
 
 @dataclass
@@ -168,35 +158,29 @@ class ConvexProgram:
         with libraries_named():
             import clarabel
         blocks = self.all_blocks()
-        G = sparse.vstack(
-            [sparse.hstack([b.rows.matrix, sparse.csr_array(b.weight[:, None])]) for b in blocks]
-        )
-        h = np.concatenate([b.rows.constant for b in blocks])
+        rows, weights = _joined(blocks)
+        matrix = sparse.csc_matrix(-_beside(rows.matrix, weights))
+        halves = {"zero": clarabel.ZeroConeT, "nonneg": clarabel.NonnegativeConeT}
         cones: list[object] = []
         for block in blocks:
             size = block.weight.size
-            if block.kind == "zero":
-                cones.append(clarabel.ZeroConeT(size))
-            elif block.kind == "nonneg":
-                cones.append(clarabel.NonnegativeConeT(size))
-            else:
+            if block.kind == "cone":
                 cones += [clarabel.SecondOrderConeT(block.cone)] * (size // block.cone)
+            else:
+                cones.append(halves[block.kind](size))
         cost = np.zeros(self.unknowns + 1)
         cost[-1] = -1.0
         none = sparse.csc_matrix((cost.size, cost.size))
         best, fault = None, np.inf
         for tuning in TUNINGS:
             settings = clarabel.DefaultSettings()
-            settings.verbose, settings.max_iter = False, 400
-            settings.direct_solve_method = FACTORISATION
-            for key, value in tuning.items():
+            for key, value in {**ALWAYS, **tuning}.items():
                 setattr(settings, key, value)
-            solver = clarabel.DefaultSolver(none, cost, sparse.csc_matrix(-G), h, cones, settings)
+            solver = clarabel.DefaultSolver(none, cost, matrix, rows.constant, cones, settings)
             found = solver.solve()
-            status, dual = str(found.status), np.array(found.z)
+            status, x, dual = str(found.status), np.array(found.x), np.array(found.z)
             if status in ("PrimalInfeasible", "AlmostPrimalInfeasible"):
-                raise self._infeasible(blocks, dual)
-            x = np.array(found.x)
+                raise _infeasible(blocks, dual)
             if status in ("Solved", "AlmostSolved"):
                 return solution_of(blocks, x, dual)
             broken = max(0.0, *(-float(_slack(block, x).min()) for block in blocks))
@@ -211,22 +195,36 @@ class ConvexProgram:
         linked = self.link.constant.size
         link = RowBlock("", self.link, np.zeros(linked), "zero")
         ranked = sorted(self.blocks, key=lambda block: block.kind != "zero")
-        eye = sparse.csr_array(sparse.eye(self.unknowns - linked, self.unknowns))
-        matrix = sparse.csr_array(sparse.vstack([eye, -eye]))
+        eye = sparse.eye_array(self.unknowns - linked, self.unknowns)
+        matrix = sparse.vstack([eye, -eye], "csr")
         most = Affine(np.full(matrix.shape[0], BOX), matrix)
         return [link, *ranked, RowBlock(LARGEST, most, np.zeros(most.constant.size), "nonneg")]
 
-    def _infeasible(self, blocks: list[RowBlock], dual: FloatArray) -> InfeasibleError:
-        share: dict[str, float] = {}
-        for block, part in zip(blocks, _parts(blocks, dual), strict=True):
-            if block.name:
-                terms = abs(block.rows.matrix).sum(axis=1) + np.abs(block.rows.constant)
-                share[block.name] = share.get(block.name, 0.0) + float(np.abs(part * terms).sum())
-        most = max(share.values(), default=0.0)
-        ranked = sorted(share.items(), key=lambda item: (item[0] == LARGEST, -item[1]))
-        names = tuple(name for name, part in ranked if part > 1e-6 * most)
-        proved = all(block.necessary for block in blocks) and _refutes(blocks, dual)
-        return InfeasibleError(names or ("its limits",), proved)
+
+def _infeasible(blocks: list[RowBlock], dual: FloatArray) -> InfeasibleError:
+    share: dict[str, float] = {}
+    for block, part in zip(blocks, _parts(blocks, dual), strict=True):
+        if block.name:
+            terms = abs(block.rows.matrix).sum(axis=1) + np.abs(block.rows.constant)
+            share[block.name] = share.get(block.name, 0.0) + float(np.abs(part * terms).sum())
+    most = max(share.values(), default=0.0)
+    ranked = sorted(share.items(), key=lambda item: (item[0] == LARGEST, -item[1]))
+    names = tuple(name for name, part in ranked if part > 1e-6 * most)
+    # no unknowns keep the rows for any |t| up to `LEVELS`: Σ y (c + A x + w t) is below zero
+    y, weight = _in_cones(blocks, dual)
+    refuted = bound_of(blocks, y) + abs(weight) * LEVELS < 0.0
+    proved = all(block.necessary for block in blocks) and refuted
+    return InfeasibleError(names or ("its limits",), proved)
+
+
+def _joined(blocks: list[RowBlock]) -> tuple[Affine, FloatArray]:
+    """All rows, one after the other, and their weights of t."""
+    rows = Affine.stacked([block.rows for block in blocks])
+    return rows, np.concatenate([block.weight for block in blocks])
+
+
+def _beside(matrix: Any, weights: FloatArray) -> Any:
+    return sparse.hstack([matrix, sparse.csr_array(weights[:, None])], "csr")
 
 
 def _parts(blocks: list[RowBlock], of_rows: FloatArray) -> list[FloatArray]:
@@ -239,18 +237,11 @@ def solution_of(blocks: list[RowBlock], x: FloatArray, dual: FloatArray) -> Prog
 
     They are scaled to t; NaN where t has none.
     """
-    y = _in_cones(blocks, dual)
-    weight = float(np.concatenate([b.weight for b in blocks]) @ y)
+    y, weight = _in_cones(blocks, dual)
     multipliers = y / -weight if weight < 0.0 else np.full(y.size, np.nan)
     met = (b.name for b in blocks if b.kind != "zero" and _slack(b, x).min() < ACTIVE)
-    return ProgramSolution(
-        x[:-1],
-        float(x[-1]),
-        bound_of(blocks, multipliers),
-        tuple(dict.fromkeys(met)),
-        tuple(blocks),
-        multipliers,
-    )
+    active, bound = tuple(dict.fromkeys(met)), bound_of(blocks, multipliers)
+    return ProgramSolution(x[:-1], float(x[-1]), bound, active, blocks, multipliers)
 
 
 def _slack(block: RowBlock, x: FloatArray) -> FloatArray:
@@ -262,14 +253,14 @@ def _slack(block: RowBlock, x: FloatArray) -> FloatArray:
     return -np.abs(values) if block.kind == "zero" else values
 
 
-def _in_cones(blocks: list[RowBlock], dual: FloatArray) -> FloatArray:
-    """The solver's multipliers, put into the cones.
+def _in_cones(blocks: list[RowBlock], dual: FloatArray) -> tuple[FloatArray, float]:
+    """The solver's multipliers, put into the cones, and what they weigh t with.
 
     The first block links the last unknowns to the others, with −1 each: its multipliers are made
     such that those unknowns drop out.
     """
     y = dual.copy()
-    matrix = sparse.vstack([b.rows.matrix for b in blocks], format="csr")
+    rows, weights = _joined(blocks)
     for block, part in zip(blocks, _parts(blocks, y), strict=True):
         if block.kind == "nonneg":
             np.maximum(part, 0.0, out=part)
@@ -277,18 +268,8 @@ def _in_cones(blocks: list[RowBlock], dual: FloatArray) -> FloatArray:
             cones = part.reshape(-1, block.cone)
             cones[:, 0] = np.maximum(cones[:, 0], np.linalg.norm(cones[:, 1:], axis=1))
     linked = blocks[0].weight.size
-    y[:linked] += (matrix.T @ y)[matrix.shape[1] - linked :]
-    return y
-
-
-def _refutes(blocks: list[RowBlock], dual: FloatArray) -> bool:
-    """Whether multipliers prove that no unknowns keep the rows, for any |t| up to `LEVELS`.
-
-    Σ y (c + A x + w t) cannot be below zero, and yet is.
-    """
-    y = _in_cones(blocks, dual)
-    weight = float(np.concatenate([b.weight for b in blocks]) @ y)
-    return bound_of(blocks, y) + abs(weight) * LEVELS < 0.0
+    y[:linked] += (rows.matrix.T @ y)[-linked:]
+    return y, float(weights @ y)
 
 
 def bound_of(blocks: list[RowBlock], multipliers: FloatArray) -> float:
@@ -298,17 +279,15 @@ def bound_of(blocks: list[RowBlock], multipliers: FloatArray) -> float:
     """
     if np.isnan(multipliers).any():
         return np.inf
-    matrix = sparse.vstack([b.rows.matrix for b in blocks], format="csr")
-    constant = float(np.concatenate([b.rows.constant for b in blocks]) @ multipliers)
-    rest = (matrix.T @ multipliers)[: matrix.shape[1] - blocks[0].weight.size]
-    return constant + float(np.abs(rest).sum()) * BOX
+    rows, _ = _joined(blocks)
+    rest = (rows.matrix.T @ multipliers)[: -blocks[0].weight.size]
+    return float(rows.constant @ multipliers) + float(np.abs(rest).sum()) * BOX
 
 
 # Linear programs that differ by a few rows, each solved from where the last one ended.
 
 #: What rows and multipliers may be broken by; of a limit's scale.
 TOLERANCE = 1e-9
-
 #: How the solver is set. Left to itself it simplifies each program anew, and looks for a method.
 OPTIONS: dict[str, bool | int | str | float] = {
     "output_flag": False,
@@ -389,7 +368,8 @@ class GrowingProgram:
                 at = self._index[key]
                 if at not in in_use or bounds > in_use[at]:  # of equal rows the tightest
                     in_use[at], places[at] = bounds, first + row
-            self._add(block, new)
+            if new:
+                self._add(block, new)
             first += block.weight.size
         for at, bounds in in_use.items():
             if self._bounds.get(at) != bounds:
@@ -401,10 +381,7 @@ class GrowingProgram:
 
     def _add(self, block: RowBlock, new: list[int]) -> None:
         """Give the solver some rows of a block, as yet free."""
-        if not new:
-            return
-        weights = sparse.csr_array(block.weight[new][:, None])
-        matrix = sparse.csr_array(sparse.hstack([block.rows.matrix[new], weights], format="csr"))
+        matrix = _beside(block.rows.matrix[new], block.weight[new])
         free = np.full(len(new), np.inf)
         starts, columns = (part.astype(np.int32) for part in (matrix.indptr[:-1], matrix.indices))
         self._solver.addRows(len(new), -free, free, matrix.nnz, starts, columns, matrix.data)
@@ -412,15 +389,11 @@ class GrowingProgram:
 
 def _keys(block: RowBlock) -> Iterator[tuple[bytes, Bounds]]:
     """What tells each row from others, constants apart, and its bounds."""
-    matrix, equal = block.rows.matrix, block.kind == "zero"
-    columns, values, weights = matrix.indices.tobytes(), matrix.data.tobytes(), block.weight
-    wide = matrix.indices.itemsize
-    starts = matrix.indptr.tolist()
-    kind = block.kind.encode()
-    constants = block.rows.constant.tolist()
-    for begin, end, weight, constant in zip(
-        starts[:-1], starts[1:], weights.tolist(), constants, strict=True
-    ):
+    matrix, kind = block.rows.matrix, block.kind.encode()
+    columns, values, wide = matrix.indices.tobytes(), matrix.data.tobytes(), matrix.indices.itemsize
+    ends = pairwise(matrix.indptr.tolist())
+    numbers = zip(block.weight.tolist(), (-block.rows.constant).tolist(), strict=True)
+    for (begin, end), (weight, least) in zip(ends, numbers, strict=True):
         own = columns[wide * begin : wide * end], values[8 * begin : 8 * end]
         key = b"".join((kind, struct.pack("d", weight), *own))
-        yield key, (-constant, -constant if equal else np.inf)
+        yield key, (least, least if block.kind == "zero" else np.inf)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,32 +22,39 @@ from cam_rig.law_design.convex_program import (
     ProgramSolution,
     RowBlock,
 )
-from cam_rig.law_design.problem import Asked, DesignProblem
 from cam_rig.law_design.request import Multistart
 from cam_rig.law_design.rows import add, force_parts, keep_lift, rows_of
+from cam_rig.law_design.space import Asked, DesignProblem
 from cam_rig.law_design.two_mass_contact import MARGIN, ContactKept, Residual
+from cam_rig.quantities.terms import sign_of
 from cam_rig.units import RPM, FloatArray, to_rpm
 
-# Of a program's thousands of rows the few that a solution breaks or nearly meets.
-
-#: Every so many-th row is taken at first; one is broken where it is below zero by so much.
+#: Of a program's thousands of rows every so many-th is taken at first; one is broken where it is
+#: below zero by so much.
 FIRST_ROWS, BROKEN = 24, 1e-9
-
 #: With them those are taken that are no farther above it than this.
 NEARLY = 1e-3
+#: Rounds of cuts, at most; of a search of the jump speed of two masses.
+MAX_ROUNDS, MAX_SEARCHED = 80, 120
+#: A jump speed is found to this part.
+SPEED = 2e-5
 
 
 @dataclass(eq=False)
 class FewRows:
-    """Rows of a program, of which those are taken that a solution breaks or nearly meets."""
+    """Rows of a program, of which those are taken that a solution breaks or nearly meets.
 
-    program: ConvexProgram
+    Every ``every``-th inequality is taken from the beginning, and all others.
+    """
+
+    all_rows: list[RowBlock]
+    every: int = FIRST_ROWS
     taken: list[NDArray[np.bool_]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        for block in self.program.blocks:
+        for block in self.all_rows:
             taken = np.zeros(block.weight.size, dtype=bool)
-            taken[:: 1 if block.kind != "nonneg" else FIRST_ROWS] = True
+            taken[:: 1 if block.kind != "nonneg" else self.every] = True
             self.taken.append(taken)
 
     @property
@@ -56,35 +62,21 @@ class FewRows:
         """Those taken so far."""
         return [
             replace(block, rows=block.rows.rows(taken), weight=block.weight[taken])
-            for block, taken in zip(self.program.blocks, self.taken, strict=True)
+            for block, taken in zip(self.all_rows, self.taken, strict=True)
         ]
 
     def cut(self, solution: ProgramSolution) -> bool:
         """Take what a solution breaks, and what is near it; whether it breaks anything."""
         broken = False
-        for block, taken in zip(self.program.blocks, self.taken, strict=True):
+        for block, taken in zip(self.all_rows, self.taken, strict=True):
             values = block.rows(solution.unknowns) + block.weight * solution.level
             broken |= bool((~taken & (values < -BROKEN)).any())
             np.logical_or(taken, values < NEARLY, out=taken)
         return broken
 
 
-#: Rounds of cuts, at most; of a search of the jump speed of two masses.
-MAX_ROUNDS, MAX_SEARCHED = 80, 120
-
-#: A jump speed is found to this part.
-SPEED = 2e-5
-
-
-class Cuts(Protocol):
-    """Rows that are added where a law is seen to need them."""
-
-    @property
-    def blocks(self) -> list[RowBlock]:
-        """Those so far."""
-
-    def cut(self, solution: ProgramSolution) -> bool:
-        """Add what a solution breaks; whether that is anything."""
+#: Rows that are added where a law is seen to need them.
+Cuts = FewRows | ContactKept | Residual
 
 
 @dataclass(frozen=True)
@@ -124,12 +116,20 @@ class Solver:
     _static: dict[bool, ConvexProgram] = field(default_factory=dict)
 
     def best(self) -> Best:
-        """Solve it.
-
-        Where the sufficient program has no law, one may still be: the message says so.
-        """
+        """Solve it; where the sufficient program has no law, one may still be: it is said."""
+        run = rows_of(self.goal.term).run
         try:
-            return self._best()
+            if run is None:
+                return self._level()
+            if self.problem.two_masses and not run.rigid:
+                return TwoMassSearch(self, run.duration).best()
+            if not run.rigid and run.duration is None:
+                raise ConfigError(
+                    f"goal {self.goal.term.name}: rig {self.problem.rig.name!r} does not say how "
+                    "its mass is split; allowed: jump_speed_rigid, or follower.roller_share and "
+                    "follower.stem_damping in the rig file"
+                )
+            return self.rigid()
         except InfeasibleError as error:
             if error.proved:
                 raise
@@ -137,20 +137,6 @@ class Solver:
                 f"a law of the class may keep {error.together}, but none was found whose "
                 "ordinates prove it; allowed: limits looser by 0.1 %, or more pieces"
             ) from None
-
-    def _best(self) -> Best:
-        run = rows_of(self.goal.term).run
-        if run is None:
-            return self._level()
-        if self.problem.two_masses and not run.rigid:
-            return TwoMassSearch(self, run.duration).best()
-        if not run.rigid and run.duration is None:
-            raise ConfigError(
-                f"goal {self.goal.term.name}: rig {self.problem.rig.name!r} does not say how its "
-                "mass is split; allowed: jump_speed_rigid, or follower.roller_share and "
-                "follower.stem_damping in the rig file"
-            )
-        return self.rigid()
 
     def static(self, hull: bool) -> ConvexProgram:
         """The rows of lift and limits that need no rounds."""
@@ -177,11 +163,14 @@ class Solver:
                 found.append(Residual(self.problem, limit, hull))
             elif rows.run is not None and not rows.run.rigid:
                 assert limit.value is not None
-                margin = MARGIN if hull else 0.0
+                duration, margin = rows.run.duration, MARGIN if hull else 0.0
                 kept = ContactKept(
-                    self.problem, rows.run.duration, limit.value, limit.name, True, margin
+                    self.problem, duration, limit.value, limit.name, limit=True, margin=margin
                 )
-                self._begin(kept)
+                # first rows of a force: where the best law without vibration would be lowest
+                program = self.static(True)
+                program.at_least("rigid", force_parts(self.problem, kept.fastest, True), -1.0)
+                kept.look(self.settled(program, []).unknowns, 0.5)
                 found.append(kept)
         return found
 
@@ -195,7 +184,7 @@ class Solver:
 
     def settled(self, program: ConvexProgram, cuts: list[Cuts]) -> ProgramSolution:
         """Solve, cut and solve again until nothing is cut; the program's rows are cuts too."""
-        rounds = [FewRows(program), *cuts]
+        rounds = [FewRows(program.blocks), *cuts]
         for _ in range(MAX_ROUNDS):
             found = self.solved(rounds)
             if not any([cut.cut(found) for cut in rounds]) and self._confirmed(cuts, found):
@@ -218,7 +207,7 @@ class Solver:
 
     def _level(self) -> Best:
         """A goal that is the program's own level."""
-        sign = -1.0 if self.goal.sense == "<=" else 1.0
+        scale = -sign_of(self.goal.sense) * self.goal.scale
         found = {}
         for hull in (False, True):  # points first: where they have no law there is none
             program, cuts = self.static(hull), self.cuts(hull)
@@ -227,13 +216,14 @@ class Solver:
             else:
                 add(program, self.problem, self.goal, hull)
             found[hull] = self.settled(program, cuts)
-            if hull:
-                level = sign * found[hull].level * self.goal.scale
-                self.on_best(found[hull].unknowns, level)
-        value, bound = found[True].level, found[False].bound
-        scale = sign * self.goal.scale
-        active = tuple(n for n in found[True].active if n != self.goal.name)
-        return Best(found[True].unknowns, value * scale, bound * scale, active, self.rounds)
+        best, bound = found[True], found[False].bound * scale
+        self.on_best(best.unknowns, best.level * scale)
+        active = self.other_than_goal(best.active)
+        return Best(best.unknowns, best.level * scale, bound, active, self.rounds)
+
+    def other_than_goal(self, active: tuple[str, ...], *more: str) -> tuple[str, ...]:
+        """Limits among active names, without the goal."""
+        return tuple(name for name in active if name not in (self.goal.name, *more))
 
     def rigid(self) -> Best:
         """The highest speed at which the least force of one rigid mass can be above zero."""
@@ -264,8 +254,7 @@ class Solver:
         else:
             raise DesignError(f"no bound was proved up to {to_rpm(bound):.6g} rpm")
         value = rigid_jump_speed(self.problem.space.law(law.unknowns, "design"), self.problem.rigid)
-        active = tuple(name for name in law.active if name != self.goal.name)
-        return Best(law.unknowns, value, bound, active, self.rounds)
+        return Best(law.unknowns, value, bound, self.other_than_goal(law.active), self.rounds)
 
     def _root(self, level: Callable[[float], float], first: float) -> float:
         """Where a level that falls with speed is zero."""
@@ -286,35 +275,23 @@ class Solver:
                     raise DesignError("no law of the class keeps contact at 1 rpm")
         return float(brentq(level, low, high, xtol=1e-12, rtol=SPEED))
 
-    def _begin(self, kept: ContactKept) -> None:
-        """First rows of a force: where the best law without vibration would be lowest."""
-        program = self.static(True)
-        program.at_least("rigid", force_parts(self.problem, kept.fastest, True), -1.0)
-        kept.look(self.settled(program, []).unknowns, 0.5)
-
 
 # Two masses: cuts and the speed itself in one search.
 
 #: Laws that the exact search may refuse.
 MAX_REFUSED = 24
-
 #: A speed is settled where the level is no farther from the margin; a law holds a speed where the
 #: exact search finds its jump no lower by more than this part.
 NEAR, HELD = 4e-3, 5e-4
-
 #: Searches, until a law is no farther from its bound than this part.
 SEARCHES, NEAR_BOUND = 6, 2e-3
-
 #: A law is searched exactly where the level is no farther above the margin: else it goes faster.
 FAR = 0.1
-
 #: First guess of what the level falls by where the speed doubles, and the largest step of a speed.
 SLOPE, MAX_STEP = -11.0, 0.06
-
 #: A search that ends with a law that holds less than this part of its speed has found the bound's
 #: place alone.
 HALF_WAY = 0.95
-
 #: Speeds over the best law's at which a bound is sought.
 ABOVE = (1.0008, 1.0016, 1.0025, 1.004, 1.007, 1.012, 1.02, 1.04, 1.08, 1.15, 1.3)
 
@@ -343,7 +320,7 @@ class TwoMassSearch:
         assert rigid.bound is not None
         self.solver.rounds += rigid.rounds
         kept = ContactKept(self.problem, self.duration, 0.95 * rigid.bound)
-        cuts = [FewRows(self.solver.static(True)), *self.solver.cuts(True)]
+        cuts = [FewRows(self.solver.static(True).blocks), *self.solver.cuts(True)]
         kept.look(rigid.unknowns, 0.5)
         self._take(rigid.unknowns, rigid.active)
         bound = np.inf
@@ -392,8 +369,7 @@ class TwoMassSearch:
 
     def _held(self, kept: ContactKept, found: ProgramSolution) -> bool:
         """Whether the exact search finds that a law holds the speed; else its own is looked at."""
-        names = (self.solver.goal.name, kept.name)
-        active = tuple(name for name in found.active if name not in names)
+        active = self.solver.other_than_goal(found.active, kept.name)
         jump = self._take(found.unknowns, active)
         if jump.speed >= kept.fastest * (1.0 - HELD):
             return True
@@ -412,7 +388,7 @@ class TwoMassSearch:
 
     def _bound(self, kept: ContactKept, speed: float) -> float:
         """A speed at which the rows, some of those that a law must keep, leave no law."""
-        cuts = [FewRows(self.solver.static(False)), *self.solver.cuts(False)]
+        cuts = [FewRows(self.solver.static(False).blocks), *self.solver.cuts(False)]
         kept.margin = 0.0  # contact is kept above zero: more than that no law has to
         program = GrowingProgram()
         for above in ABOVE:

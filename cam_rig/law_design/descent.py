@@ -9,17 +9,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
 
 from cam_rig.errors import DesignError, DynamicsError
 from cam_rig.law_design.convex_program import Affine, ProgramSolution, RowBlock
-from cam_rig.law_design.cutting_planes import Cuts, Solver
-from cam_rig.law_design.problem import Asked, DesignProblem, measured
+from cam_rig.law_design.cutting_planes import Cuts, FewRows, Solver
 from cam_rig.law_design.rows import add, force_parts, rows_of
-from cam_rig.law_design.space import dwells
+from cam_rig.law_design.space import Asked, DesignProblem, dwells, measured
 from cam_rig.law_design.two_mass_contact import Residual
 from cam_rig.laws import Law
 from cam_rig.profile.contact import Motion
@@ -29,60 +28,26 @@ from cam_rig.units import FloatArray
 
 #: Steps of one descent, at most, and how often the rows of a step are corrected.
 STEPS, CORRECTED = 60, 2
-
 #: How far the ordinates (in lifts) may go in a step: at first, at most, and where it ends.
 FIRST_REACH, MOST_REACH, LEAST_REACH = 0.1, 2.0, 1e-5
-
 #: A step of less than this part of the goal ends it, the second time.
 LITTLE = 2e-5
-
 #: So does the promise of less than this part of the goal within the first reach.
 PROMISED = 1e-5
-
 #: A step that gains less than the first part of what its program promised is too long; one that
 #: gains more than the second may be longer.
 POOR, GOOD = 0.25, 0.7
-
 #: Limits are met with so much of their scale to spare; a law keeps those that it is no more over.
 SPARE, MOST_SPARE, KEPT = 1e-7, 1e-3, 1e-9
-
 #: That is no more than this part of the room that the last law has.
 ROOM = 0.5
-
 #: Slopes of branches are central differences over this part of the largest s, s' or s'', those of
 #: a value over this part of the lift: flights begin and end within it.
 STEP, VALUE_STEP = 1e-5, 1e-3
-
 #: A joint is looked at so much of a piece before and behind it; so much (dB) measures a level.
 BESIDE, LEVEL_SCALE = 1e-6, 10.0
-
 #: While limits are broken, a law is sought that keeps them with this to spare, no more.
 INSIDE = 0.02
-
-
-class LocalTerm(Protocol):
-    """A goal or a limit that is not convex, by what is to be small."""
-
-    @property
-    def name(self) -> str:
-        """As a table of active limits says it."""
-
-    @property
-    def allowed(self) -> float | None:
-        """What its value may be; None for a goal."""
-
-    @property
-    def scale(self) -> float:
-        """What its rows are measured by."""
-
-    def worst(self, law: Law) -> float:
-        """Its value for a law."""
-
-    def rows(self, unknowns: FloatArray, tried: list[FloatArray]) -> Affine:
-        """What its value is the greatest of, near a law as functions of the unknowns.
-
-        Of the last of the laws that were tried from there they give the exact values.
-        """
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,22 +86,18 @@ class PointwiseTerm:
     def _grid(self) -> FloatArray:
         """Angles in all pieces of the events, on both sides of the joints between them."""
         space = self.problem.space
-        parts = (np.arange(space.parts) + 0.5) / space.parts
         inner = space.law_class.pieces
-        found = []
-        for event in space.events:
-            joints = np.arange(1, inner)[:, None] + np.array([-BESIDE, BESIDE])
-            places = np.concatenate([(np.arange(inner)[:, None] + parts).ravel(), joints.ravel()])
-            found.append(event.start + event.span / inner * places)
-        return np.concatenate(found)
+        parts = (np.arange(inner)[:, None] + (np.arange(space.parts) + 0.5) / space.parts).ravel()
+        joints = (np.arange(1, inner)[:, None] + np.array([-BESIDE, BESIDE])).ravel()
+        places = np.concatenate([parts, joints])
+        return np.concatenate([one.start + one.span / inner * places for one in space.events])
 
     def _inside(self, angles: FloatArray) -> FloatArray:
         """Those of the angles that are in events and not at their ends, where nothing is free."""
         space = self.problem.space
         least = 0.25 / (space.law_class.pieces * space.parts)
-        place = [(angles - event.start) / event.span for event in space.events]
-        inside = [(least < u) & (u < 1.0 - least) for u in place]
-        return np.asarray(angles[np.any(inside, axis=0)])
+        place = np.array([(angles - event.start) / event.span for event in space.events])
+        return np.asarray(angles[((least < place) & (place < 1.0 - least)).any(axis=0)])
 
     def rows(self, unknowns: FloatArray, tried: list[FloatArray]) -> Affine:
         """The branches near a law as functions of the unknowns, over the events and at its maxima.
@@ -155,8 +116,7 @@ class PointwiseTerm:
         for branch, value in enumerate(self.branches(motion)):
             total = Affine(value, sparse.csr_array(parts[0].matrix.shape))
             for part, slope in zip(parts, slopes, strict=True):
-                weight = sparse.csr_array(sparse.diags(slope[branch]))
-                total = total + part.plus(-part(unknowns)).mapped(weight)
+                total += part.plus(-part(unknowns)).mapped(sparse.diags_array(slope[branch]))
             found.append(total)
         rows = Affine.stacked(found)
         if tried:
@@ -169,9 +129,7 @@ class PointwiseTerm:
         name = ("s", "slope", "bend")[order]
         own = getattr(motion, name)
         step = STEP * float(np.abs(own).max())
-        high, low = (
-            self.branches(replace(motion, **{name: own + sign * step})) for sign in (1.0, -1.0)
-        )
+        high, low = (self.branches(replace(motion, **{name: own + x})) for x in (step, -step))
         return np.asarray((high - low) / (2.0 * step))
 
 
@@ -215,11 +173,9 @@ class ValueTerm:
     def _slope(self, unknowns: bytes) -> FloatArray:
         """By how much the value grows with each unknown, ``(1, m)``; a step is tried more often."""
         space = self.problem.space
-        free = np.frombuffer(unknowns)[: space.unknowns - space.link.constant.size]
-        slope = np.zeros((1, space.unknowns))
-        for index in range(free.size):
-            step = np.zeros(free.size)
-            step[index] = VALUE_STEP
+        steps = VALUE_STEP * np.eye(space.free)
+        free, slope = np.frombuffer(unknowns)[: space.free], np.zeros((1, space.unknowns))
+        for index, step in enumerate(steps):
             high, low = (self._value(space.joined(free + sign * step)) for sign in (1.0, -1.0))
             slope[0, index] = (high - low) / (2.0 * VALUE_STEP)
         return slope
@@ -241,15 +197,7 @@ class Place(NamedTuple):
     active: tuple[str, ...] = ()
 
 
-@dataclass(eq=False)
-class _Fixed:
-    """Rows that are all in the program from the beginning."""
-
-    blocks: list[RowBlock]
-
-    def cut(self, _: ProgramSolution) -> bool:
-        """There are no others."""
-        return False
+LocalTerm = PointwiseTerm | ValueTerm
 
 
 @dataclass(eq=False)
@@ -260,7 +208,6 @@ class Descent:
     and kept; ``on_place`` is told each law that keeps all limits.
     """
 
-    problem: DesignProblem
     solver: Solver
     goal: LocalTerm | Asked
     limits: list[LocalTerm]
@@ -269,21 +216,23 @@ class Descent:
     reach: float = field(default=FIRST_REACH, init=False)
     _residual: list[Cuts] = field(default_factory=list)
 
+    def __post_init__(self) -> None:
+        self.problem, self._free = self.solver.problem, self.solver.problem.space.free
+
     def place(self, unknowns: FloatArray) -> Place:
         """A law's exact values."""
         law = self.problem.space.law(unknowns, "design")
         over = max((self._over(limit, law) for limit in self.limits), default=-np.inf)
-        return Place(unknowns, over, self._goal(law))
+        if isinstance(self.goal, Asked):
+            sign = sign_of(self.goal.sense)
+            value = sign * measured(self.problem, law, self.goal.term, self.goal.sense)
+        else:
+            value = self.goal.worst(law)
+        return Place(unknowns, over, value / self.goal.scale)
 
     def _over(self, limit: LocalTerm, law: Law) -> float:
         assert limit.allowed is not None
         return (limit.worst(law) - limit.allowed) / limit.scale
-
-    def _goal(self, law: Law) -> float:
-        if not isinstance(self.goal, Asked):
-            return self.goal.worst(law) / self.goal.scale
-        value = measured(self.problem, law, self.goal.term, self.goal.sense)
-        return sign_of(self.goal.sense) * value / self.goal.scale
 
     def run(self, unknowns: FloatArray) -> Place:
         """Downhill from a law that keeps the convex limits, to where no step is better."""
@@ -297,9 +246,9 @@ class Descent:
                 if self.reach < LEAST_REACH:
                     break
                 continue
-            gain = max(
-                here.goal - better.goal, here.over - better.over if here.over > KEPT else 0.0
-            )
+            gain = here.goal - better.goal
+            if here.over > KEPT:
+                gain = max(gain, here.over - better.over)
             idle = idle + 1 if gain < LITTLE * max(abs(better.goal), LITTLE) else 0
             here = better
             if idle == 2:
@@ -352,12 +301,6 @@ class Descent:
             self.reach = min(2.0 * self.reach, MOST_REACH)
 
     @property
-    def _free(self) -> int:
-        """How many unknowns are ordinates of s."""
-        space = self.problem.space
-        return space.unknowns - space.link.constant.size
-
-    @property
     def _speed(self) -> bool:
         """Whether the goal is the rigid jump speed."""
         return isinstance(self.goal, Asked) and rows_of(self.goal.term).run is not None
@@ -365,7 +308,7 @@ class Descent:
     def _solved(self, here: Place, tried: list[FloatArray], spare: float) -> ProgramSolution:
         """The best law of the program near a law; while it breaks limits, the goal waits."""
         program = self.solver.static(True)
-        cuts: list[Cuts] = [_Fixed([self._within(here)]), *self.cuts]
+        cuts: list[Cuts] = [FewRows([self._within(here)], every=1), *self.cuts]
         for limit in self.limits:
             assert limit.allowed is not None
             room = limit.rows(here.unknowns, tried) * (-1.0 / limit.scale)
@@ -400,9 +343,9 @@ class Descent:
 
     def _within(self, here: Place) -> RowBlock:
         """The ordinates are within reach."""
-        size, free = self.problem.space.unknowns, self._free
-        eye = sparse.csr_array(sparse.eye(free, size))
+        free = self._free
+        eye = sparse.eye_array(free, self.problem.space.unknowns)
         at = here.unknowns[:free]
         constant = np.concatenate([self.reach - at, self.reach + at])
-        rows = Affine(constant, sparse.csr_array(sparse.vstack([eye, -eye])))
+        rows = Affine(constant, sparse.vstack([eye, -eye], "csr"))
         return RowBlock("reach", rows, np.zeros(2 * free), "nonneg")

@@ -1,4 +1,7 @@
-"""A design: the best law of a class by a goal, beside its start and the bound that proves it."""
+"""A design: the best law of a class by a goal, beside its start and the bound that proves it.
+
+A front of two quantities: the best of one for every value of the other, each with its bound.
+"""
 
 from __future__ import annotations
 
@@ -7,36 +10,40 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
+from importlib.util import find_spec
+
+import numpy as np
 
 from cam_rig.arguments import checked
 from cam_rig.errors import ConfigError, DesignError
 from cam_rig.law_design.cam_file import designed_cam
 from cam_rig.law_design.cutting_planes import Best, Solver
-from cam_rig.law_design.local_search import EventSpans, LocalSearch
-from cam_rig.law_design.problem import Asked, DesignProblem, measured
+from cam_rig.law_design.local_search import LONGEST, SHORTEST, EventSpans, local_best
 from cam_rig.law_design.request import KEEP, STARTS, DesignRequest, LawClass, Multistart
-from cam_rig.law_design.result import LawDesign, Measure
+from cam_rig.law_design.result import Front, LawDesign, Measure
 from cam_rig.law_design.rows import asked_of, rows_of
-from cam_rig.law_design.space import Space
+from cam_rig.law_design.space import Asked, DesignProblem, Space, measured
 from cam_rig.laws import Law, build_law
-from cam_rig.quantities.terms import Limit, sign_of
+from cam_rig.laws.cam import CamSet
+from cam_rig.quantities.terms import Limit, Term, sign_of
 from cam_rig.schema import CamConfig, RigConfig
+from cam_rig.show.result import SILENT, Progress
 from cam_rig.units import FloatArray
 
 #: A goal below this part of the start's is solved again, measured by itself.
 SMALL = 0.05
-
+#: A limit is broken where the written law exceeds it by this part of its scale.
+BROKEN = 1e-6
+#: Followers between two faces or rollers of one disc, which bind the fall to the rise.
+CLOSED = ("constant_breadth", "constant_diameter")
+#: A limit on an event's span is met within this part of it.
+SPAN_MET = 1e-3
 #: Told what makes a design of a law that is better than those before, and its goal's value (SI).
 OnBest = Callable[[Callable[[], LawDesign], float], None]
 
-#: A limit is broken where the written law exceeds it by this part of its scale.
-BROKEN = 1e-6
 
-#: Followers between two faces or rollers of one disc, which bind the fall to the rise.
-CLOSED = ("constant_breadth", "constant_diameter")
-
-#: A limit on an event's span is met within this part of it.
-SPAN_MET = 1e-3
+def _untold(_design: Callable[[], LawDesign], _value: float) -> None:
+    pass
 
 
 def search_design(
@@ -44,7 +51,7 @@ def search_design(
     rig: RigConfig,
     request: DesignRequest,
     name: str | None = None,
-    on_best: OnBest = lambda _design, _value: None,
+    on_best: OnBest = _untold,
 ) -> LawDesign:
     """The best law of a class between the dwells of a cam.
 
@@ -56,19 +63,21 @@ def search_design(
             f"cam {cam.name!r}: its follower is {cam.follower.type}, whose fall must be its rise "
             "turned by 180°, which a design does not keep; allowed: other followers"
         )
+    problem, name = _problem(cam, rig, request), name or f"{cam.name}_designed"
+    how = _best_of_events if "events" in request.keep else _with_other_spans
+    return how(problem, request, name, on_best)
+
+
+def _problem(cam: CamConfig, rig: RigConfig, request: DesignRequest) -> DesignProblem:
     start = build_law(cam)
-    problem = DesignProblem(cam, start, rig, Space(start, request.law_class))
-    name = name or f"{cam.name}_designed"
-    if "events" in request.keep:
-        return design_problem(problem, request, name, on_best)
-    return _with_other_spans(problem, request, name, on_best)
+    return DesignProblem(cam, start, rig, Space(start, request.law_class))
 
 
 def _with_other_spans(
     problem: DesignProblem, request: DesignRequest, name: str, on_best: OnBest
 ) -> LawDesign:
     """The best law whose events have the best spans, by a search of these."""
-    asked = own_limits(problem, request)
+    asked = _with_values(problem, request).limits
     spans = [limit for limit in asked if limit.term.quantity.where == "event"]
     others = replace(request, limits=tuple(limit for limit in asked if limit not in spans))
     quick = replace(others, multistart=replace(request.multistart, starts=1))
@@ -81,18 +90,18 @@ def _with_other_spans(
             on_best(lambda: _of_start(problem, request, asked, moved, made()), value)
 
     def value(moved: DesignProblem) -> float:
-        return sign * design_problem(moved, quick, name, partial(told, moved)).goal.result
+        return sign * _best_of_events(moved, quick, name, partial(told, moved)).goal.result
 
     search = EventSpans(problem, "dwells" in request.keep, spans, value)
     moved, multistart = search.best(request.multistart)
-    found = design_problem(moved, others, name, partial(told, moved), multistart)
+    found = _best_of_events(moved, others, name, partial(told, moved), multistart)
     return _of_start(problem, request, asked, moved, found)
 
 
 def _of_start(
     problem: DesignProblem,
     request: DesignRequest,
-    asked: list[Limit],
+    asked: Sequence[Limit],
     moved: DesignProblem,
     found: LawDesign,
 ) -> LawDesign:
@@ -116,9 +125,10 @@ def _of_start(
     )
 
 
-def own_limits(problem: DesignProblem, request: DesignRequest) -> list[Limit]:
-    """The limits with the start's values, which stay where its events move."""
-    return [replace(limit, value=_allowed(problem, limit)) for limit in request.limits]
+def _with_values(problem: DesignProblem, request: DesignRequest) -> DesignRequest:
+    """A request whose limits have the start's values, which stay where its events move."""
+    limits = (replace(limit, value=_allowed(problem, limit)) for limit in request.limits)
+    return replace(request, limits=tuple(limits))
 
 
 def _allowed(problem: DesignProblem, limit: Limit) -> float:
@@ -128,11 +138,11 @@ def _allowed(problem: DesignProblem, limit: Limit) -> float:
     return measured(problem, problem.start, limit.term, limit.sense)
 
 
-def design_problem(
+def _best_of_events(
     problem: DesignProblem,
     request: DesignRequest,
     name: str,
-    on_best: OnBest = lambda _design, _value: None,
+    on_best: OnBest = _untold,
     search: Multistart | None = None,
 ) -> LawDesign:
     """The best law with the events that a problem has; ``search`` is what they were found by."""
@@ -145,7 +155,7 @@ def design_problem(
     if rows_of(goal.term).is_local(problem, True) or any(
         rows_of(x.term).is_local(problem) for x in limits
     ):
-        best = LocalSearch(problem, goal, limits, request.multistart, told).best()
+        best = local_best(problem, goal, limits, request.multistart, told)
     else:
         best = _solve(problem, goal, limits, told)
     return _law_design(problem, request, name, limits, best, search)
@@ -187,27 +197,6 @@ def _law_design(
     )
 
 
-def _solve(
-    problem: DesignProblem,
-    goal: Asked,
-    limits: list[Asked],
-    told: Callable[[FloatArray, float], None],
-) -> Best:
-    def shown(unknowns: FloatArray, value: float) -> None:
-        told(unknowns, rows_of(goal.term).from_rows(problem, goal.term, value))
-
-    best = Solver(problem, goal, limits, shown).best()
-    if goal.sense == "<=" and 0.0 < best.value < SMALL * goal.scale:
-        fine = Asked(goal.term, goal.sense, None, best.value / SMALL)  # for more digits
-        with suppress(DesignError):  # then the first stands alone
-            again = Solver(problem, fine, limits, shown).best()
-            law = min(best, again, key=lambda found: found.value)
-            assert best.bound is not None and again.bound is not None  # of programs
-            bound = max(best.bound, again.bound)
-            best = replace(law, bound=bound, rounds=best.rounds + again.rounds)
-    return best
-
-
 def _limit(problem: DesignProblem, law: Law, asked: Asked, limit: Limit, best: Best) -> Measure:
     quantity, allowed = limit.term.quantity, _allowed(problem, limit)
     start, result = (measured(problem, x, limit.term, limit.sense) for x in (problem.start, law))
@@ -219,6 +208,27 @@ def _limit(problem: DesignProblem, law: Law, asked: Asked, limit: Limit, best: B
         )
     active = asked.name in best.active
     return Measure(limit.term, limit.sense, start, result, limit=allowed, active=active)
+
+
+def _solve(
+    problem: DesignProblem,
+    goal: Asked,
+    limits: list[Asked],
+    told: Callable[[FloatArray, float], None],
+) -> Best:
+    def shown(unknowns: FloatArray, value: float) -> None:
+        told(unknowns, rows_of(goal.term).from_rows(problem, goal.term, value))
+
+    best = Solver(problem, goal, limits, shown).best()
+    if goal.sense == "<=" and 0.0 < best.value < SMALL * goal.scale:
+        fine = replace(goal, scale=best.value / SMALL)  # for more digits
+        with suppress(DesignError):  # then the first stands alone
+            again = Solver(problem, fine, limits, shown).best()
+            law = min(best, again, key=lambda found: found.value)
+            assert best.bound is not None and again.bound is not None  # of programs
+            bound = max(best.bound, again.bound)
+            best = replace(law, bound=bound, rounds=best.rounds + again.rounds)
+    return best
 
 
 @checked
@@ -273,3 +283,147 @@ def design(
         keep=keep,
     )
     return search_design(cam, rig, request)
+
+
+# A front of two quantities.
+
+#: Points of a front, at least and at most.
+FEWEST, MOST = 3, 200
+#: The shortest and longest spans of a front are found to this part of the start's.
+NEAR_EDGE = 2e-3
+
+
+def front(
+    cam: CamConfig,
+    rig: RigConfig,
+    request: DesignRequest,
+    other: Term,
+    points: int,
+    progress: Progress = SILENT,
+) -> Front:
+    """The goal's best between the best that the other quantity can be and where it no longer binds.
+
+    Where the other is an event's span, between the shortest and the longest that there can be.
+    """
+    if not FEWEST <= points <= MOST:
+        raise ConfigError(f"--points: is {points}; allowed: {FEWEST} to {MOST}")
+    progress.begin(points + 2, request.words)
+    if other.quantity.where == "event":
+        return _over_spans(cam, rig, request, other, points, progress)
+    if other == request.goal:
+        raise ConfigError(f"--pareto: is the goal, {other.key}; allowed: another quantity")
+    sense = other.quantity.senses[0]
+    own = search_design(cam, rig, replace(request, goal=other, sense=sense))
+    progress.advance()
+    free = search_design(cam, rig, request)
+    progress.advance()
+    best = own.goal.result
+    loosest = measured(_problem(cam, rig, request), free.law, other, sense)
+    if (loosest - best) * sign_of(sense) <= 1e-9 * abs(best):
+        raise ConfigError(
+            f"--pareto: {other.key} is best where {request.goal.key} is; allowed: two quantities "
+            "of which one costs the other"
+        )
+
+    def found(value: float) -> LawDesign:
+        limits = (*request.limits, Limit(other, sense, value))
+        return search_design(cam, rig, replace(request, limits=limits))
+
+    # the end itself has no room for any other law
+    return _along(other, np.linspace(best, loosest, points + 1)[1:], found, progress)
+
+
+def _along(
+    other: Term, allowed: FloatArray, found: Callable[[float], LawDesign], progress: Progress
+) -> Front:
+    """A design for each value; where it is interrupted those that there are."""
+    designs: list[LawDesign] = []
+    try:
+        for value in allowed.tolist():
+            designs.append(found(value))
+            progress.advance()
+    except KeyboardInterrupt:
+        if not designs:
+            raise
+    values = tuple(allowed[: len(designs)].tolist())
+    return Front(other, values, tuple(designs), allowed.size, len(designs) < allowed.size)
+
+
+def _over_spans(
+    cam: CamConfig,
+    rig: RigConfig,
+    request: DesignRequest,
+    other: Term,
+    points: int,
+    progress: Progress,
+) -> Front:
+    """The goal's best for each span of an event, the others in proportion, about their middles.
+
+    From the shortest that has a law (or half of the start's) to the longest that the dwells leave
+    (or twice the start's).
+    """
+    if "events" not in request.keep:
+        raise ConfigError(
+            f"--pareto: over {other.key} the events and the dwells have their spans from it; "
+            "allowed: without --keep"
+        )
+    problem = _problem(cam, rig, request)
+    own = _with_values(problem, request)
+    spans = EventSpans(problem, False, [], lambda _: 0.0)
+    span = measured(problem, problem.start, other, "<=")
+
+    def found(factor: float) -> LawDesign:
+        return _best_of_events(spans.moved(factor * spans.start), own, f"{cam.name}_designed")
+
+    def has_law(factor: float) -> bool:
+        with suppress(DesignError):
+            found(factor)
+            return True
+        return False
+
+    longest = _edge(lambda factor: spans.possible(factor * spans.start), 1.0, LONGEST)
+    if not has_law(longest):
+        found(longest)  # it says why
+    progress.advance()
+    shortest = _edge(has_law, longest, SHORTEST)
+    progress.advance()
+    allowed = np.linspace(shortest, longest, points) * span
+    return _along(other, allowed, lambda value: found(value / span), progress)
+
+
+def _edge(holds: Callable[[float], bool], inside: float, outside: float) -> float:
+    """The factor nearest to the outer one at which something still holds."""
+    if holds(outside):
+        return outside
+    while abs(outside - inside) > NEAR_EDGE:
+        middle = 0.5 * (inside + outside)
+        inside, outside = (middle, outside) if holds(middle) else (inside, middle)
+    return inside
+
+
+# How far the paper's laws are from the best of their class: its ordinates, its events.
+
+#: One Bézier curve as the paper's, and B-splines between dwells, few pieces and more.
+CURVE, SPLINE, FINE = LawClass(1, 3, 15), LawClass(8, 3), LawClass(16, 3)
+#: Over all speeds of the paper's figures; no law has a higher peak acceleration than its start.
+SOUND, VIBRATION = "sound_level_rigid@200-400rpm", "residual_vibration@200-400rpm"
+LIMITS = ("peak_acceleration<=start",)
+#: What is designed: the cam, and what is asked.
+ASKED = (
+    ("bezier15", DesignRequest.of(maximise="jump_speed", limits=LIMITS, law_class=CURVE)),
+    ("bezier15", DesignRequest.of(minimise=SOUND, limits=LIMITS, law_class=CURVE)),
+    ("poly345", DesignRequest.of(maximise="jump_speed", limits=LIMITS, law_class=SPLINE)),
+    ("poly345", DesignRequest.of(minimise=VIBRATION, limits=LIMITS, law_class=FINE)),
+    ("poly345", DesignRequest.of(minimise=SOUND, limits=LIMITS, law_class=FINE)),
+)
+
+
+def paper_designs(cam_set: CamSet) -> list[LawDesign]:
+    """The best laws beside the paper's, of those that are in the set.
+
+    Nothing where the solver of the extra ``design`` is not installed.
+    """
+    if find_spec("clarabel") is None:
+        return []
+    cams, rig = cam_set.cams, cam_set.rig
+    return [search_design(cams[cam], rig, asked) for cam, asked in ASKED if cam in cams]

@@ -22,9 +22,7 @@ from cam_rig.units import TURN, to_rpm
 
 #: Of the figure in inches, and points of a turn.
 HEIGHT, POINTS = 8.6, 1441
-
 START: dict[str, Any] = {"color": "0.45", "ls": "--", "lw": 1.2}
-
 DESIGNED: dict[str, Any] = {"color": series(0)["color"], "lw": 1.4}
 
 

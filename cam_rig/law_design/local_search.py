@@ -10,34 +10,30 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import partial
 
 import numpy as np
 from scipy import sparse
 from scipy.optimize import brentq, minimize
 
 from cam_rig.errors import ConfigError, DesignError
-from cam_rig.law_design.convex_program import Affine
+from cam_rig.law_design.convex_program import Affine, ConvexProgram
 from cam_rig.law_design.cutting_planes import Best, Cuts, Solver
 from cam_rig.law_design.descent import KEPT, Descent, LocalTerm, Place, PointwiseTerm, ValueTerm
-from cam_rig.law_design.problem import Asked, DesignProblem, measured
 from cam_rig.law_design.request import SAME, Multistart
 from cam_rig.law_design.rows import add, rows_of
-from cam_rig.law_design.space import Space, retimed
+from cam_rig.law_design.space import Asked, DesignProblem, Space, measured, retimed
 from cam_rig.quantities.catalogue import DESIGNED
 from cam_rig.quantities.terms import Limit, Term
 from cam_rig.units import TURN, FloatArray
 
 #: A span is at least and at most so many times the start's, where no limit says otherwise.
 SHORTEST, LONGEST = 0.5, 2.0
-
 #: A dwell that gives way keeps so much (rad); a search ends where spans (rad) and goal (in parts
 #: of it) are within so much; spans are whole multiples of the last (degrees).
 LEAST_DWELL, NEAR, LEVEL, STEP_DEG = 1e-3, 5e-4, 1e-5, 1e-4
-
 #: Designs of one descent, at most, for each span that is free.
 DESIGNS = 30
-
 #: Spans without a law are halved so often towards those nearest to the start's.
 NEARER = 4
 
@@ -79,6 +75,8 @@ class EventSpans:
             own = self.low if limit.sense == ">=" else self.high
             own[limit.term.event - 1] = limit.value
         self.base = self._base()
+        #: Spans that are unknown: where dwells stay the last is what the others leave.
+        self.size = self.start.size - self.keep_dwells
 
     def _base(self) -> FloatArray:
         """The spans that limits allow, nearest to the start's."""
@@ -111,12 +109,8 @@ class EventSpans:
         if (spans < self.low - slack).any() or (spans > self.high + slack).any():
             return False
         rests = np.diff(self._edges(spans))[::2]
-        return self.keep_dwells or bool((rests >= np.where(self._rests, LEAST_DWELL, 0.0)).all())
-
-    @property
-    def _rests(self) -> FloatArray:
-        """The dwells (rad) before, between and behind the events."""
-        return np.diff(self._edges(self.start))[::2]
+        own = np.diff(self._edges(self.start))[::2]  # dwells before, between and behind the events
+        return self.keep_dwells or bool((rests >= np.where(own, LEAST_DWELL, 0.0)).all())
 
     def _edges(self, spans: FloatArray) -> FloatArray:
         """The turn's start, both ends of each event in turn, and the turn's end (rad)."""
@@ -124,21 +118,14 @@ class EventSpans:
         begin = np.array([event.start for event in events])
         if self.keep_dwells:
             begin = begin + np.concatenate([[0.0], np.cumsum(spans - self.start)[:-1]])
-        else:
-            begin = begin + self._before * (self.start - spans)
+        else:  # half of an event's growth is before it, and none at the turn's ends
+            before = np.full(len(events), 0.5)
+            before[0] *= begin[0] != 0.0
+            if begin[-1] + self.start[-1] == TURN:
+                before[-1] = 1.0
+            begin = begin + before * (self.start - spans)
         ends = np.stack([begin, begin + spans], axis=1).ravel()
         return np.concatenate([[0.0], ends, [TURN]])
-
-    @cached_property
-    def _before(self) -> FloatArray:
-        """What part of an event's growth is before it: half, and none at the turn's ends."""
-        events = self.problem.space.events
-        before = np.full(len(events), 0.5)
-        if events[0].start == 0.0:
-            before[0] = 0.0
-        if events[-1].start + events[-1].span == TURN:
-            before[-1] = 1.0
-        return before
 
     def moved(self, spans: FloatArray) -> DesignProblem:
         """The problem with these spans."""
@@ -166,7 +153,7 @@ class EventSpans:
 
     def best(self, asked: Multistart) -> tuple[DesignProblem, Multistart]:
         """The problem with the best spans, and how many of the searches came to the same."""
-        size = self._size
+        size = self.size
         bounds = list(zip(self.low[:size], self.high[:size], strict=True))
         found = []
         for place in self._places(asked):
@@ -190,7 +177,7 @@ class EventSpans:
 
     def _places(self, asked: Multistart) -> Iterator[FloatArray]:
         """Unknowns to begin from: spans nearest to the start's, and random ones that have a law."""
-        random, size = np.random.default_rng(asked.seed), self._size
+        random, size = np.random.default_rng(asked.seed), self.size
         yield self.base[:size]
         for _ in range(asked.starts - 1):
             way = random.uniform(self.low, self.high) - self.base
@@ -205,136 +192,110 @@ class EventSpans:
                 place = self._rounded(self.base + way)
             yield place[:size]
 
-    @property
-    def _size(self) -> int:
-        """How many spans are unknown: where dwells stay the last is what the others leave."""
-        return self.start.size - (1 if self.keep_dwells else 0)
-
-
-# Laws to start from: the start's own, optima of convex goals, and seeded random laws of the class.
-
-#: Convex goals whose best laws are started from.
-GOALS = ("rms_acceleration", "peak_velocity")
-
-#: A random law is on the way from the first of these to a random corner of the class: at least so
-#: far, at most so far as s'' grows by so many times its largest.
-LEAST_WAY, BENDS = 0.2, 3.0
-
-
-def starts(solver: Solver, cuts: list[Cuts], asked: Multistart) -> Iterator[FloatArray]:
-    """Unknowns of laws that keep the solver's limits and what is cut, as many as are asked for.
-
-    The same for the same seed.
-    """
-    yield _near_start(solver, cuts)
-    random = np.random.default_rng(asked.seed)
-    best = [_best(solver, cuts, goal) for goal in GOALS[: asked.starts - 1]]
-    yield from best
-    bend = solver.problem.space.derivative(2)
-    for _ in range(asked.starts - 1 - len(best)):
-        way = _corner(solver, cuts, random) - best[0]
-        most = np.abs(bend(best[0])).max() / np.abs(bend.matrix @ way).max()
-        yield best[0] + random.uniform(LEAST_WAY, 1.0) * min(1.0, BENDS * most) * way
-
-
-def _near_start(solver: Solver, cuts: list[Cuts]) -> FloatArray:
-    """The law of the class whose lift is nearest to the start's, in mean square."""
-    problem = solver.problem
-    space, program = problem.space, solver.static(True)
-    u = np.linspace(0.0, 1.0, space.parts + 1)
-    angles = (space.breaks[:-1, None] + u * space.spans[:, None]).ravel()
-    apart = space.points(space.lift).plus(-problem.start(np.minimum(angles, space.breaks[-1])))
-    program.within("start", apart * (1.0 / problem.start.lift), weight=-1.0)
-    return solver.settled(program, cuts).unknowns
-
-
-def _best(solver: Solver, cuts: list[Cuts], goal: str) -> FloatArray:
-    program = solver.static(True)
-    scale = solver.problem.start.lift
-    add(program, solver.problem, Asked(Term(DESIGNED[goal]), "<=", None, scale), True)
-    return solver.settled(program, cuts).unknowns
-
-
-def _corner(solver: Solver, cuts: list[Cuts], random: np.random.Generator) -> FloatArray:
-    """The law that is farthest in a random direction of the ordinates."""
-    space, program = solver.problem.space, solver.static(True)
-    direction = np.zeros((1, space.unknowns))
-    free = space.unknowns - space.link.constant.size
-    direction[0, :free] = random.normal(size=free) / np.sqrt(free)
-    program.at_least("direction", Affine(np.zeros(1), sparse.csr_array(direction)), -1.0)
-    return solver.settled(program, cuts).unknowns
-
 
 # The best of several descents: a seeded multistart, the same for the same seed.
 
+#: Convex goals whose best laws are started from.
+GOALS = ("rms_acceleration", "peak_velocity")
+#: A random law is on the way from the first of these to a random corner of the class: at least so
+#: far, at most so far as s'' grows by so many times its largest.
+LEAST_WAY, CURVED = 0.2, 3.0
 
-@dataclass(eq=False)
-class LocalSearch:
-    """The search of one goal from several laws.
+
+def _starts(solver: Solver, cuts: list[Cuts], asked: Multistart) -> Iterator[FloatArray]:
+    """Unknowns of laws that keep the solver's limits and what is cut, as many as are asked for."""
+    problem, space = solver.problem, solver.problem.space
+    lift = problem.start.lift
+
+    def best(add_goal: Callable[[ConvexProgram], None]) -> FloatArray:
+        program = solver.static(True)
+        add_goal(program)
+        return solver.settled(program, cuts).unknowns
+
+    def nearest(program: ConvexProgram) -> None:
+        """To the start's lift, in mean square."""
+        u = np.linspace(0.0, 1.0, space.parts + 1)
+        angles = (space.breaks[:-1, None] + u * space.spans[:, None]).ravel()
+        own = problem.start(np.minimum(angles, space.breaks[-1]))
+        apart = space.points(space.derivative(0)).plus(-own)
+        program.within("start", apart * (1.0 / lift), weight=-1.0)
+
+    def farthest(program: ConvexProgram) -> None:
+        """In a random direction of the ordinates."""
+        direction = np.zeros((1, space.unknowns))
+        direction[0, : space.free] = random.normal(size=space.free) / np.sqrt(space.free)
+        rows = Affine(np.zeros(1), sparse.csr_array(direction))
+        program.at_least("direction", rows, -1.0)
+
+    yield best(nearest)
+    random = np.random.default_rng(asked.seed)
+    goals = [Asked(Term(DESIGNED[goal]), "<=", None, lift) for goal in GOALS[: asked.starts - 1]]
+    convex = [best(partial(add, problem=problem, asked=goal, hull=True)) for goal in goals]
+    yield from convex
+    second = space.derivative(2)
+    for _ in range(asked.starts - 1 - len(convex)):
+        way = best(farthest) - convex[0]
+        most = np.abs(second(convex[0])).max() / np.abs(second.matrix @ way).max()
+        yield convex[0] + random.uniform(LEAST_WAY, 1.0) * min(1.0, CURVED * most) * way
+
+
+def _local_term(problem: DesignProblem, asked: Asked) -> LocalTerm:
+    rows = rows_of(asked.term)
+    if rows.branches is None:
+        return ValueTerm(problem, asked)
+    branches, allowed = rows.branches(problem, asked.term), None
+    if asked.value is not None:
+        allowed = rows.on_branches(problem, asked.term, asked.value)
+    found = PointwiseTerm(problem, asked.name, branches, allowed)
+    if allowed is not None and found.at_rest > allowed + KEPT * found.scale:
+        raise DesignError(
+            f"limit {asked.name}: a dwell of {problem.start.name!r} breaks it, whatever "
+            "the law; allowed: a looser limit"
+        )
+    return found
+
+
+def local_best(
+    problem: DesignProblem,
+    goal: Asked,
+    limits: list[Asked],
+    asked: Multistart,
+    on_best: Callable[[FloatArray, float], None],
+) -> Best:
+    """The best law of all descents.
 
     ``on_best`` is told each law that is better than the ones before: unknowns and value (SI).
     """
+    convex = [limit for limit in limits if not rows_of(limit.term).is_local(problem)]
+    solver, rows = Solver(problem, goal, convex), rows_of(goal.term)
+    own = _local_term(problem, goal) if rows.is_local(problem, True) else goal
+    if rows.run is not None and not rows.run.rigid and problem.two_masses:
+        raise ConfigError(
+            f"goal {goal.term.key}: stands beside a limit that is not convex; allowed: it "
+            "as a limit, such as jump_speed>=450rpm, or the goal jump_speed_rigid"
+        )
+    local = [_local_term(problem, limit) for limit in limits if limit not in convex]
+    least = np.inf
 
-    problem: DesignProblem
-    goal: Asked
-    limits: list[Asked]
-    multistart: Multistart
-    on_best: Callable[[FloatArray, float], None] = lambda _x, _v: None
+    def told(place: Place) -> None:
+        nonlocal least
+        if place.goal < least:
+            least = place.goal
+            law = problem.space.law(place.unknowns, "design")
+            on_best(place.unknowns, measured(problem, law, goal.term, goal.sense))
 
-    def __post_init__(self) -> None:
-        convex = [x for x in self.limits if not rows_of(x.term).is_local(self.problem)]
-        self.solver = Solver(self.problem, self.goal, convex)
-        rows = rows_of(self.goal.term)
-        own = self._term(self.goal) if rows.is_local(self.problem, True) else self.goal
-        if rows.run is not None and not rows.run.rigid and self.problem.two_masses:
-            raise ConfigError(
-                f"goal {self.goal.term.key}: stands beside a limit that is not convex; allowed: it "
-                "as a limit, such as jump_speed>=450rpm, or the goal jump_speed_rigid"
-            )
-        limits = [self._term(x) for x in self.limits if x not in convex]
-        self.cuts = self.solver.cuts(True)
-        self.descent = Descent(self.problem, self.solver, own, limits, self.cuts, self._told)
-        self.best_goal = np.inf
-
-    def _term(self, asked: Asked) -> LocalTerm:
-        rows = rows_of(asked.term)
-        if rows.branches is None:
-            return ValueTerm(self.problem, asked)
-        branches, allowed = rows.branches(self.problem, asked.term), None
-        if asked.value is not None:
-            allowed = rows.on_branches(self.problem, asked.term, asked.value)
-        found = PointwiseTerm(self.problem, asked.name, branches, allowed)
-        if allowed is not None and found.at_rest > allowed + KEPT * found.scale:
-            raise DesignError(
-                f"limit {asked.name}: a dwell of {self.problem.start.name!r} breaks it, whatever "
-                "the law; allowed: a looser limit"
-            )
-        return found
-
-    def _value(self, place: Place) -> float:
-        law = self.problem.space.law(place.unknowns, "design")
-        return measured(self.problem, law, self.goal.term, self.goal.sense)
-
-    def _told(self, place: Place) -> None:
-        if place.goal < self.best_goal:
-            self.best_goal = place.goal
-            self.on_best(place.unknowns, self._value(place))
-
-    def best(self) -> Best:
-        """The best law of all descents."""
-        asked = self.multistart
-        ends = [self.descent.run(x) for x in starts(self.solver, self.cuts, asked)]
-        kept = [end for end in ends if end.over <= KEPT]
-        if not kept:
-            nearest = min(ends, key=lambda end: end.over)
-            names = " and ".join(limit.name for limit in self.descent.limits)
-            raise DesignError(
-                f"no law was found that keeps {names}, from {asked.starts} starts: the nearest is "
-                f"over by {100.0 * nearest.over:.2g} %; allowed: looser limits, more starts or "
-                "more pieces"
-            )
-        best = min(kept, key=lambda end: end.goal)
-        room = SAME * abs(best.goal)
-        near = sum(end.goal <= best.goal + room for end in kept)
-        found = Best(best.unknowns, active=best.active, rounds=self.solver.rounds)
-        return replace(found, multistart=replace(asked, near=near))
+    cuts = solver.cuts(True)
+    descent = Descent(solver, own, local, cuts, told)
+    ends = [descent.run(x) for x in _starts(solver, cuts, asked)]
+    kept = [end for end in ends if end.over <= KEPT]
+    if not kept:
+        nearest = min(ends, key=lambda end: end.over)
+        raise DesignError(
+            f"no law was found that keeps {' and '.join(limit.name for limit in local)}, from "
+            f"{asked.starts} starts: the nearest is over by {100.0 * nearest.over:.2g} %; allowed: "
+            "looser limits, more starts or more pieces"
+        )
+    best = min(kept, key=lambda end: end.goal)
+    near = sum(end.goal <= best.goal + SAME * abs(best.goal) for end in kept)
+    found = Best(best.unknowns, active=best.active, rounds=solver.rounds)
+    return replace(found, multistart=replace(asked, near=near))

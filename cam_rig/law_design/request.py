@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 from pydantic import Field, model_validator
-from scipy import sparse
-from scipy.interpolate import BSpline
 
 from cam_rig.errors import ConfigError
-from cam_rig.laws.spline import bezier_pieces
 from cam_rig.quantities.catalogue import DESIGNED
 from cam_rig.quantities.terms import Limit, Sense, Term, parse_limit, parse_term
 from cam_rig.schema.load import read_yaml
@@ -64,7 +60,6 @@ def is_design(path: Path) -> bool:
 
 #: Pieces and degree of a class, and how smooth its joints may be.
 MAX_PIECES, MAX_DEGREE, MAX_JOINTS = 200, 15, 6
-
 #: An event of more ordinates than this is not written to a cam file.
 MAX_ORDINATES = 500
 
@@ -139,32 +134,10 @@ class LawClass:
         return f"B-splines of degree {self.power} in {self.pieces} pieces, C{self.joints} joints"
 
 
-@lru_cache(maxsize=16)
-def to_bezier(law_class: LawClass, order: int = 0) -> sparse.csr_array:
-    """Ordinates of a derivative over one event to those of its Bézier pieces."""
-    knots, degree = law_class.knots, law_class.power - order
-    knots = knots[order : knots.size - order]
-    _, columns = bezier_pieces(BSpline(knots, np.eye(knots.size - degree - 1), degree))
-    return sparse.csr_array(np.concatenate(columns))
-
-
-@lru_cache(maxsize=8)
-def second_derivative(law_class: LawClass) -> sparse.csr_array:
-    """Ordinates over one event of unit length to those of the second derivative."""
-    knots, degree = law_class.knots, law_class.power
-    found = np.eye(law_class.count)
-    for _ in range(2):
-        apart = (knots[degree + 1 : -1] - knots[1 : -degree - 1]) / degree
-        found = np.diff(found, axis=0) / apart[:, None]
-        knots, degree = knots[1:-1], degree - 1
-    return sparse.csr_array(found)
-
-
 # How often a local search begins, from what seed, and how many of its descents agree.
 
 #: Starts, at most, and by default.
 MOST_STARTS, STARTS = 1000, 8
-
 #: Descents that end within this part of the best came to the same.
 SAME = 1e-3
 

@@ -17,7 +17,6 @@ from cam_rig.show.result import Column, Records, Result
 
 #: A result within this part of its bound is called certified.
 CERTIFIED = 2e-3
-
 #: A start breaks a limit that it is over by more than this part of.
 OVER = 1e-6
 
@@ -40,10 +39,6 @@ class Measure:
     def shown(self, value: float | None) -> float | None:
         """A value in the unit of tables."""
         return None if value is None else value / self.term.quantity.factor
-
-    def in_words(self, value: float | None) -> str:
-        """The same with its unit."""
-        return f"{self.shown(value):.5g} {self.term.quantity.typeset}"
 
     @property
     def kept(self) -> str:
@@ -180,23 +175,20 @@ class LawDesign(Result):
 
     def _verdict(self) -> str:
         """What the bound proves, in a line."""
-        goal = self.goal
-        side = "below" if goal.sense == "<=" else "above"
+        goal, several = self.goal, self.multistart
         if self.interrupted:
             return "interrupted: the best law so far, without a bound"
-        if goal.bound is not None:
-            proof = "certified" if self.certified else "not certified"
-            return (
-                f"no law of the class is {side} {goal.in_words(goal.bound)}; {proof}: "
-                f"{100.0 * self.gap:.2g} % from it"
-            )
-        assert self.multistart is not None  # what is local has one
-        if self.spans_bound is None:
-            return f"{self.multistart.words}; no bound: another law may be better"
-        return (
-            f"{self.multistart.words}; at these events no law is {side} "
-            f"{goal.in_words(self.spans_bound)}, at others one may be"
-        )
+        bound = self.spans_bound if goal.bound is None else goal.bound
+        if bound is None:
+            assert several is not None  # what is local has one
+            return f"{several.words}; no bound: another law may be better"
+        passed = f"{'below' if goal.sense == '<=' else 'above'} {goal.shown(bound):.5g}"
+        passed += f" {goal.term.quantity.typeset}"
+        if goal.bound is None:
+            assert several is not None
+            return f"{several.words}; at these events no law is {passed}, at others one may be"
+        proof = "certified" if self.certified else "not certified"
+        return f"no law of the class is {passed}; {proof}: {100.0 * self.gap:.2g} % from it"
 
 
 @dataclass(frozen=True, repr=False)
@@ -261,18 +253,21 @@ class Front(Result):
         return [words] if self.interrupted else []
 
 
+def _of_goal(key: str, heading: str, name: str) -> Column:
+    def cell(one: LawDesign) -> float | None:
+        return one.goal.shown(getattr(one.goal, name))
+
+    return Column(key, "", ".5g", heading, f"goal.{name}", cell)
+
+
 DESIGNS = (
     Column("start", of="start.name"),
     Column("class", of="request.law_class.words"),
     Column("quantity", of="goal.term.key", cell=lambda one: one.goal.term.words),
     Column("unit", of="goal.term.quantity.si", cell=lambda one: one.goal.term.quantity.typeset),
-    Column(
-        "start_value", "", ".5g", "start", "goal.start", lambda one: one.goal.shown(one.goal.start)
-    ),
-    Column(
-        "result", "", ".5g", "best law", "goal.result", lambda one: one.goal.shown(one.goal.result)
-    ),
-    Column("bound", "", ".5g", "", "goal.bound", lambda one: one.goal.shown(one.goal.bound)),
+    _of_goal("start_value", "start", "start"),
+    _of_goal("result", "best law", "result"),
+    _of_goal("bound", "", "bound"),
 )
 
 

@@ -19,7 +19,7 @@ from cam_rig.dynamics.jump.jump_speed import FROM_REST
 from cam_rig.dynamics.kinetostatic import force_weights
 from cam_rig.errors import ConfigError
 from cam_rig.law_design.convex_program import Affine, ConvexProgram
-from cam_rig.law_design.problem import SPARE, Asked, DesignProblem, measured
+from cam_rig.law_design.space import SPARE, Asked, DesignProblem, measured
 from cam_rig.laws import bernstein
 from cam_rig.laws.law import peak
 from cam_rig.profile.contact import Motion, Touch
@@ -31,41 +31,35 @@ from cam_rig.units import TURN, FloatArray
 
 #: Parts of a piece where only the polygon of the lift itself is asked for.
 FEW_PARTS = 2
-
 #: By this part of itself a lift that is reached within an event may be passed beside that place.
 TURNING = 1e-4
-
 #: Orders of the turn that a sound level takes, and what part of it those above are at most.
 HARMONICS, LEFT_OUT = 96, 2e-4
-
 #: Phase (rad) of the highest order between two Gauss cells, at most.
 CELL_PHASE = 6.0
 
 
-def force(problem: DesignProblem, speed: float, hull: bool) -> Affine:
-    """The contact force (N) of one rigid mass at a speed (rad/s), in hulls or at points."""
-    weights = tuple(force_weights(problem.rigid, speed).tolist())
-    cut = problem.space.hull if hull else problem.space.points
-    return cut(problem.space.weighted(weights)).plus(problem.rigid.preload)
-
-
 def force_parts(problem: DesignProblem, speed: float, hull: bool) -> Affine:
-    """The same in parts of the problem's scale."""
-    return force(problem, speed, hull) * (1.0 / problem.force_scale)
+    """The contact force of one rigid mass at a speed (rad/s), in parts of the problem's scale."""
+    return _force(problem, speed, hull) * (1.0 / problem.force_scale)
+
+
+def _force(problem: DesignProblem, speed: float, hull: bool) -> Affine:
+    weights, space = force_weights(problem.rigid, speed).tolist(), problem.space
+    return space.bounds(space.weighted(*weights), hull).plus(problem.rigid.preload)
 
 
 def keep_lift(program: ConvexProgram, problem: DesignProblem, hull: bool) -> None:
     """Between the start's lowest and highest lift, which is reached where the start reaches it."""
-    space = problem.space
+    space, scale = problem.space, 1.0 / problem.start.lift
     low, high = space.levels
     turning = space.turning_points
     spare = SPARE if hull else 0.0
     if turning:  # ordinates stand above a curve that turns
         spare = TURNING
-    parts = space.parts if turning else FEW_PARTS
-    lift = space.hull(space.lift, parts) if hull else space.points(space.lift)
-    lift = lift * (1.0 / problem.start.lift)
-    scale = 1.0 / problem.start.lift
+    parts, ordinates = space.parts if turning else FEW_PARTS, space.derivative(0)
+    lift = space.hull(ordinates, parts) if hull else space.points(ordinates)
+    lift *= scale
     for room in (lift.plus(spare - low * scale), (lift * -1.0).plus(spare + high * scale)):
         program.at_least("lift", room, necessary=not hull)
     for level, angle in turning:
@@ -78,8 +72,7 @@ def keep_lift(program: ConvexProgram, problem: DesignProblem, hull: bool) -> Non
 
 def _peak(problem: DesignProblem, asked: Asked, hull: bool) -> list[Affine]:
     """A derivative of either sign."""
-    space = problem.space
-    found = (space.hull if hull else space.points)(space.derivative(asked.term.quantity.order))
+    found = problem.space.bounds(problem.space.derivative(asked.term.quantity.order), hull)
     return [found, found * -1.0]
 
 
@@ -89,23 +82,19 @@ def _at_angles(problem: DesignProblem, asked: Asked, hull: bool) -> list[Affine]
     if term.low == term.high:
         return [space.at(order, np.array([term.low]))]
     parts = 16
-    ordinates = space.derivative(order)
-    begin = np.concatenate(
-        [a + s * np.arange(parts) / parts for a, s in zip(space.breaks, space.spans, strict=False)]
-    )
-    end = np.append(begin[1:], TURN)
-    count = 1 + space.degree - order
+    begin = (space.breaks[:-1, None] + space.spans[:, None] * np.arange(parts) / parts).ravel()
     if hull:
+        end, count = np.append(begin[1:], TURN), 1 + space.degree - order
         inside = np.flatnonzero((end > term.low) & (begin < term.high))
         rows = (inside[:, None] * count + np.arange(count)).ravel()
-        return [space.hull(ordinates, parts).rows(rows)]
+        return [space.hull(space.derivative(order), parts).rows(rows)]
     edges = np.unique(np.concatenate([begin, [term.low, term.high]]))
     return [space.at(order, edges[(edges >= term.low) & (edges <= term.high)])]
 
 
 def _forces(problem: DesignProblem, asked: Asked, hull: bool) -> list[Affine]:
     """The contact force at both ends of a range of speeds."""
-    return [force(problem, speed, hull) for speed in sorted({asked.term.low, asked.term.high})]
+    return [_force(problem, speed, hull) for speed in sorted({asked.term.low, asked.term.high})]
 
 
 def _pressure(problem: DesignProblem, asked: Asked, hull: bool) -> list[Affine]:
@@ -113,14 +102,11 @@ def _pressure(problem: DesignProblem, asked: Asked, hull: bool) -> list[Affine]:
     element, most = problem.element, asked.value
     assert isinstance(element, GuidedCentre) and most is not None
     space, tangent = problem.space, math.tan(most)
-    cut = space.hull if hull else space.points
-    height = element.height(np.zeros(1))[0]
+    height = tangent * element.height(np.zeros(1))[0]
     found = []
     for sign in (1.0, -1.0):
-        room = cut(space.weighted((tangent, -sign))).plus(
-            tangent * height + sign * element.eccentricity
-        )
-        found.append((room * -1.0).plus(most))
+        room = space.bounds(space.weighted(tangent, -sign), hull)
+        found.append((room.plus(height + sign * element.eccentricity) * -1.0).plus(most))
     return found
 
 
@@ -128,8 +114,7 @@ def _radius(problem: DesignProblem, _: Asked, hull: bool) -> list[Affine]:
     """R_b + s + s'' under a flat face; of any other follower it is not linear."""
     element, space = problem.element, problem.space
     assert isinstance(element, GuidedFace)
-    radius = (space.hull if hull else space.points)(space.weighted((1.0, 0.0, 1.0)))
-    return [radius.plus(element.base_radius)]
+    return [space.bounds(space.weighted(1.0, 0.0, 1.0), hull).plus(element.base_radius)]
 
 
 # Parts whose squares add to a quantity's own.
@@ -142,7 +127,7 @@ def _rms_acceleration(problem: DesignProblem, _: Term) -> Affine:
     points, weights = np.polynomial.legendre.leggauss(degree + 1)
     table = bernstein.basis(degree, 0.5 * (points + 1.0)) * np.sqrt(0.5 * weights)[:, None]
     blocks = [table * math.sqrt(span / TURN) for span in space.spans]
-    found = space.derivative(2).mapped(sparse.csr_array(sparse.block_diag(blocks, "csr")))
+    found = space.derivative(2).mapped(sparse.csr_array(sparse.block_diag(blocks)))
     return found.rows(np.flatnonzero(np.abs(found.constant) + abs(found.matrix).sum(axis=1)))
 
 
@@ -161,33 +146,24 @@ def _sound(problem: DesignProblem, term: Term) -> Affine:
         force_of = rigid.spring_stiffness + rigid.damping * rate + rigid.mass * rate**2
         radiated = corner * rate / (corner + rate) * force_of / order**2
         power += 2.0 * np.abs(radiated) ** 2 / SPEEDS
-    second = fourier(problem, order)
     gain = np.concatenate([np.sqrt(power)] * 2)
-    return Affine(second.constant * gain, sparse.csr_array(second.matrix * gain[:, None]))
+    return _fourier(problem, order).mapped(sparse.diags_array(gain))
 
 
-def fourier(problem: DesignProblem, order: FloatArray) -> Affine:
+def _fourier(problem: DesignProblem, order: FloatArray) -> Affine:
     """Real and imaginary parts of the Fourier coefficients of s'', by Gauss points."""
     space = problem.space
     parts = math.ceil(float(space.spans.max() * order.max()) / CELL_PHASE)
     points, weights = np.polynomial.legendre.leggauss(12)
     u = ((np.arange(parts)[:, None] + 0.5 * (points + 1.0)) / parts).ravel()
-    table = bernstein.basis(space.degree - 2, u)
-    values = space.derivative(2).mapped(
-        sparse.csr_array(sparse.kron(sparse.eye(space.spans.size), table, "csr"))
-    )
+    values = space.derivative(2).mapped(space.blocks(bernstein.basis(space.degree - 2, u)))
     angles = (space.breaks[:-1, None] + space.spans[:, None] * u).ravel()
     share = (space.spans[:, None] * np.tile(0.5 * weights / parts, parts)).ravel() / TURN
     turning = np.exp(-1j * order[:, None] * angles) * share
-    matrix = np.concatenate([turning.real, turning.imag])
-    return values.mapped(sparse.csr_array(matrix))
+    return values.mapped(sparse.csr_array(np.concatenate([turning.real, turning.imag])))
 
 
 # What depends on s, s' and s'' at one cam angle, and is not convex: linear near a law.
-
-
-def _torque(problem: DesignProblem, term: Term) -> Branches:
-    return torques(problem.rigid, term)
 
 
 def _angle(problem: DesignProblem, term: Term) -> Branches:
@@ -229,8 +205,7 @@ def _as_curvature(problem: DesignProblem, _: Term, radius: float) -> float:
 # The table: a quantity that stands in none of its columns is searched for by differences.
 
 
-def measured_at_start(problem: DesignProblem, term: Term, sense: Sense) -> float:
-    """The start's own value, as rows have it."""
+def _at_start(problem: DesignProblem, term: Term, sense: Sense) -> float:
     value = measured(problem, problem.start, term, sense)
     return rows_of(term).to_rows(problem, term, value)
 
@@ -241,8 +216,6 @@ class Run(NamedTuple):
     rigid: bool
     duration: float | None
 
-
-Scale = Callable[[DesignProblem, Term, Sense], float]
 
 Converted = Callable[[DesignProblem, Term, float], float]
 
@@ -274,7 +247,7 @@ class Rows:
     branches: Callable[[DesignProblem, Term], Branches] | None = None
     on_branches: Converted = _as_it_is
     convex: Callable[[DesignProblem, bool], bool] = lambda _problem, _goal: True
-    scale: Scale = measured_at_start
+    scale: Callable[[DesignProblem, Term, Sense], float] = _at_start
     to_rows: Converted = _as_it_is
     from_rows: Converted = _as_it_is
 
@@ -284,31 +257,24 @@ class Rows:
         return not (rows and self.convex(problem, goal))
 
 
-def _lift(problem: DesignProblem, *_: object) -> float:
-    return problem.start.lift
-
-
-def _force_scale(problem: DesignProblem, *_: object) -> float:
-    return problem.force_scale
+def _largest(problem: DesignProblem, term: Term, _: Sense) -> float:
+    return abs(peak(problem.start, term.quantity.order).value)
 
 
 def _one(*_: object) -> float:
     return 1.0
 
 
-def _largest(problem: DesignProblem, term: Term, _: Sense) -> float:
-    return abs(peak(problem.start, term.quantity.order).value)
+def _lift(problem: DesignProblem, *_: object) -> float:
+    return problem.start.lift
 
 
 def _rate(problem: DesignProblem, term: Term, level: float) -> float:
     return rate_of(problem.rig, term, level)
 
 
-def _level(problem: DesignProblem, term: Term, rate: float) -> float:
-    return level_of(problem.rig, term, rate)
-
-
-_PEAK, _FORCE = Rows(_peak, scale=_largest), Rows(_forces, scale=_force_scale)
+_PEAK = Rows(_peak, scale=_largest)
+_FORCE = Rows(_forces, scale=lambda problem, *_: problem.force_scale)
 
 ROWS = {
     "jump_speed": Rows(run=Run(False, FROM_REST), scale=_one),
@@ -321,8 +287,12 @@ ROWS = {
     "rms_acceleration": Rows(squares=_rms_acceleration),
     "peak_contact_force_rigid": _FORCE,
     "least_contact_force_rigid": _FORCE,
-    "shaft_torque": Rows(branches=_torque),
-    "sound_level_rigid": Rows(squares=_sound, to_rows=_rate, from_rows=_level),
+    "shaft_torque": Rows(branches=lambda problem, term: torques(problem.rigid, term)),
+    "sound_level_rigid": Rows(
+        squares=_sound,
+        to_rows=_rate,
+        from_rows=lambda problem, term, rate: level_of(problem.rig, term, rate),
+    ),
     "pressure_angle": Rows(
         _pressure,
         branches=_angle,
@@ -343,12 +313,8 @@ ROWS = {
 
 
 def rows_of(term: Term) -> Rows:
-    """What is known of a term's quantity."""
-    return ROWS.get(term.name, BY_DIFFERENCES)
-
-
-#: Of a quantity that has nothing but a value.
-BY_DIFFERENCES = Rows()
+    """What is known of a term's quantity; nothing but its value where it is not in the table."""
+    return ROWS.get(term.name, Rows())
 
 
 def asked_of(problem: DesignProblem, term: Term, sense: Sense, value: float | None) -> Asked:

@@ -8,24 +8,31 @@ to a few digits in the former. `Space.link` says that they are of one law.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 from scipy import sparse
+from scipy.interpolate import BSpline
 
+from cam_rig.dynamics import FollowerParameters, TwoMassParameters
+from cam_rig.dynamics.jump.any_follower import AnyFollower, follower_of
 from cam_rig.errors import ConfigError
 from cam_rig.law_design.convex_program import Affine
-from cam_rig.law_design.request import LawClass, second_derivative, to_bezier
+from cam_rig.law_design.request import LawClass
 from cam_rig.laws import Law, bernstein
 from cam_rig.laws.law import extremes
+from cam_rig.laws.spline import bezier_pieces
+from cam_rig.profile.contact import Element
+from cam_rig.profile.disc import discs
+from cam_rig.quantities.terms import Limit, Sense, Term, sign_of
+from cam_rig.quantities.values import Mode, Subject, mode_of
+from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.units import TURN, FloatArray
-
-# The events of a law: what lies between its dwells, and how it begins and ends there.
 
 #: A piece of a law whose ordinates differ by no more than this part of the lift is a dwell.
 FLAT = 1e-12
-
 #: A turn's end meets its start where they differ by no more than this part of a derivative.
 MEETS = 1e-9
 
@@ -74,12 +81,9 @@ def events(law: Law, joints: int) -> list[LawEvent]:
 
 
 def retimed(law: Law, found: list[LawEvent], edges: FloatArray) -> Law:
-    """A law whose events begin and end elsewhere, and which is in proportion between these angles.
+    """A law with its events elsewhere, in proportion between these angles.
 
-    Parameters
-    ----------
-    found : its events
-    edges : rad, rising: the turn's start, both new ends of each event in turn, the turn's end
+    ``edges`` (rad) rise: the turn's start, both new ends of each event in turn, the turn's end.
     """
     ends = [angle for event in found for angle in (event.start, event.start + event.span)]
     breaks = np.interp(law.breaks, [0.0, *ends, TURN], edges)
@@ -103,6 +107,27 @@ def _require_joined(law: Law, joints: int) -> None:
             )
 
 
+@lru_cache(maxsize=16)
+def _to_bezier(law_class: LawClass, order: int = 0) -> Any:
+    """Ordinates of a derivative over one event to those of its Bézier pieces."""
+    knots, degree = law_class.knots, law_class.power - order
+    knots = knots[order : knots.size - order]
+    _, columns = bezier_pieces(BSpline(knots, np.eye(knots.size - degree - 1), degree))
+    return sparse.csr_array(np.concatenate(columns))
+
+
+@lru_cache(maxsize=8)
+def _second_derivative(law_class: LawClass) -> Any:
+    """Ordinates over one event of unit length to those of the second derivative."""
+    knots, degree = law_class.knots, law_class.power
+    found = np.eye(law_class.count)
+    for _ in range(2):
+        apart = (knots[degree + 1 : -1] - knots[1 : -degree - 1]) / degree
+        found = np.diff(found, axis=0) / apart[:, None]
+        knots, degree = knots[1:-1], degree - 1
+    return sparse.csr_array(found)
+
+
 #: Parts of a piece for the polygon's bound, at least, at most, of a turn, and for each piece of an
 #: event: its ordinates are then near the polynomial. More pieces press harder on their limits.
 PARTS, MOST_PARTS, PARTS_OF_TURN, PARTS_A_PIECE = 24, 48, 256, 1.5
@@ -112,42 +137,44 @@ PARTS, MOST_PARTS, PARTS_OF_TURN, PARTS_A_PIECE = 24, 48, 256, 1.5
 class Space:
     """All laws of a class that rest where a start law does, and have its ends of events.
 
-    Unknowns are the free ordinates of each event in turn, in lifts.
+    Unknowns are the ``free`` ordinates of each event in turn, in lifts, then all of each one's s''.
     """
 
     start: Law
     law_class: LawClass
-    events: list[LawEvent] = field(default_factory=list)
 
-    def __post_init__(self) -> None:
-        if not self.events:
-            object.__setattr__(self, "events", events(self.start, self.law_class.joints))
+    @cached_property
+    def events(self) -> list[LawEvent]:
+        """What lies between the dwells."""
+        return events(self.start, self.law_class.joints)
+
+    @property
+    def free(self) -> int:
+        """How many unknowns are ordinates of s."""
+        return self.law_class.free * len(self.events)
 
     @property
     def unknowns(self) -> int:
-        """How many there are: the free ordinates of each event, then those of each one's s''."""
+        """How many there are."""
         return self._second(len(self.events))
 
     def _second(self, index: int) -> int:
         """Where the ordinates of s'' of an event begin among the unknowns."""
-        own = self.law_class
-        return own.free * len(self.events) + (own.count - 2) * index
+        return self.free + (self.law_class.count - 2) * index
 
     @cached_property
     def link(self) -> Affine:
         """What is zero where ordinates of s and of s'' are of one law."""
         rows = []
         for index in range(len(self.events)):
-            of_lift = self.coefficients(index).mapped(second_derivative(self.law_class))
-            rows.append((of_lift * (1.0 / self.start.lift)) + self._bend(index) * -1.0)
+            of_lift = self.coefficients(index).mapped(_second_derivative(self.law_class))
+            rows.append((of_lift * (1.0 / self.start.lift)) + self._curvature(index) * -1.0)
         return Affine.stacked(rows)
 
-    def _bend(self, index: int) -> Affine:
+    def _curvature(self, index: int) -> Affine:
         """The ordinates of s'' of one event, in lifts over its span squared."""
         count = self.law_class.count - 2
-        columns = self._second(index) + np.arange(count)
-        entries = (np.ones(count), (np.arange(count), columns))
-        matrix = sparse.csr_array(entries, shape=(count, self.unknowns))
+        matrix = sparse.eye_array(count, self.unknowns, k=self._second(index), format="csr")
         return Affine(np.zeros(count), matrix)
 
     @property
@@ -176,12 +203,10 @@ class Space:
     def breaks(self) -> FloatArray:
         """``(n + 1,)`` joints of the laws, rad."""
         inner = np.arange(self.law_class.pieces) / self.law_class.pieces
-        parts = [[0.0]]
-        for event in self.events:
-            parts.append((event.start + event.span * inner).tolist())
-            parts.append([event.start + event.span])
-        joints = np.array(sorted({angle for part in parts for angle in part} | {TURN}))
-        return joints
+        parts = [
+            np.append(one.start + one.span * inner, one.start + one.span) for one in self.events
+        ]
+        return np.unique(np.concatenate([[0.0], *parts, [TURN]]))
 
     @property
     def spans(self) -> FloatArray:
@@ -206,7 +231,7 @@ class Space:
         own = self.law_class
         if not any(derivatives[1:]):
             return np.full(own.joints + 1, derivatives[0])  # at rest, to the last digit
-        table = to_bezier(own)[: own.power + 1, : own.joints + 1].toarray()
+        table = _to_bezier(own)[: own.power + 1, : own.joints + 1].toarray()
         span = event.span / own.pieces * (1.0 if end == 0 else -1.0)
         matrix = np.empty((own.joints + 1, own.joints + 1))
         rows, scale = table, 1.0
@@ -214,11 +239,6 @@ class Space:
             matrix[order] = rows[0] * scale
             rows, scale = bernstein.derivative(rows), scale / span
         return np.asarray(np.linalg.solve(matrix, np.array(derivatives)))
-
-    @property
-    def lift(self) -> Affine:
-        """Ordinates of s (m) of every piece in turn, ``(n · (p + 1),)``."""
-        return self.derivative(0)
 
     def _around(self, order: int) -> Affine:
         """Ordinates of s or of s'' of every piece, dwells among them."""
@@ -230,8 +250,8 @@ class Space:
             if order == 0:
                 own = self.coefficients(index)
             else:
-                own = self._bend(index) * (self.start.lift / event.span**2)
-            parts.append(own.mapped(to_bezier(self.law_class, order)))
+                own = self._curvature(index) * (self.start.lift / event.span**2)
+            parts.append(own.mapped(_to_bezier(self.law_class, order)))
             at = first + self.law_class.pieces
         parts += [self._rest(order, angle) for angle in self.breaks[at:-1].tolist()]
         return Affine.stacked(parts)
@@ -243,13 +263,13 @@ class Space:
 
     @lru_cache(maxsize=16)  # noqa: B019 - a space lives as long as its design
     def derivative(self, order: int) -> Affine:
-        """Ordinates of d^order s/dθ^order (m/rad^order), of degree p − order, piece by piece."""
+        """Ordinates of dᵏs/dθᵏ (m/radᵏ), of degree p − k, piece by piece, ``(n (p + 1 − k),)``."""
         if order in (0, 2):
             return self._around(order)
         below, degree = self.derivative(order - 1), self.degree - order + 1
         step = bernstein.derivative(np.eye(degree + 1))
-        blocks = sparse.block_diag([step / span for span in self.spans], format="csr")
-        return below.mapped(sparse.csr_array(blocks))
+        blocks = sparse.csr_array(sparse.block_diag([step / span for span in self.spans]))
+        return below.mapped(blocks)
 
     def joined(self, free: FloatArray) -> FloatArray:
         """All unknowns where the free ordinates of the events (in lifts) are these."""
@@ -260,27 +280,27 @@ class Space:
 
     def law(self, unknowns: FloatArray, name: str) -> Law:
         """The law of some unknowns."""
-        ordinates = self.lift(unknowns).reshape(-1, self.degree + 1).T
+        ordinates = self.derivative(0)(unknowns).reshape(-1, self.degree + 1).T
         return Law(name, self.breaks, ordinates)
 
-    def weighted(self, weights: tuple[float, ...]) -> Affine:
+    def weighted(self, *weights: float) -> Affine:
         """Ordinates of Σ wₖ s⁽ᵏ⁾, of degree p."""
-        total: Affine | None = None
-        for order, weight in enumerate(weights):
-            term = self.elevated(order) * weight
-            total = term if total is None else total + term
-        assert total is not None
-        return total
+        terms = [self._elevated(order) * weight for order, weight in enumerate(weights)]
+        return sum(terms[1:], terms[0])
 
     @lru_cache(maxsize=16)  # noqa: B019
-    def elevated(self, order: int) -> Affine:
+    def _elevated(self, order: int) -> Affine:
         """A derivative's ordinates written with degree p."""
         up = bernstein.elevation_matrix(self.degree - order, self.degree)
-        return self.derivative(order).mapped(self._blocks(up))
+        return self.derivative(order).mapped(self.blocks(up))
 
-    def _blocks(self, matrix: FloatArray) -> sparse.csr_array:
+    def blocks(self, matrix: FloatArray) -> Any:
         """One matrix for the ordinates of every piece."""
-        return sparse.csr_array(sparse.kron(sparse.eye(self.spans.size), matrix, "csr"))
+        return sparse.kron(sparse.eye_array(self.spans.size), matrix, "csr")
+
+    def bounds(self, ordinates: Affine, hull: bool) -> Affine:
+        """What bounds a polynomial of these ordinates from both sides: its hull, or its points."""
+        return self.hull(ordinates) if hull else self.points(ordinates)
 
     @property
     def parts(self) -> int:
@@ -295,13 +315,13 @@ class Space:
         cuts = [
             bernstein.restrict(np.eye(degree + 1), i / parts, (i + 1) / parts) for i in range(parts)
         ]
-        return ordinates.mapped(self._blocks(np.concatenate(cuts)))
+        return ordinates.mapped(self.blocks(np.concatenate(cuts)))
 
     def points(self, ordinates: Affine) -> Affine:
         """Values at the ends of the parts of all pieces, at joints on both sides."""
         degree = ordinates.constant.size // self.spans.size - 1
         table = bernstein.basis(degree, np.linspace(0.0, 1.0, self.parts + 1))
-        return ordinates.mapped(self._blocks(table))
+        return ordinates.mapped(self.blocks(table))
 
     def at(self, order: int, angle: FloatArray) -> Affine:
         """A derivative at angles (rad); at a joint the right limit."""
@@ -313,3 +333,84 @@ class Space:
         columns = (piece[:, None] * (degree + 1) + np.arange(degree + 1)).ravel()
         shape = (angle.size, self.spans.size * (degree + 1))
         return ordinates.mapped(sparse.csr_array((table.ravel(), (rows, columns)), shape=shape))
+
+
+# A design's problem: the space of laws, the rig and the follower; a goal or a limit of it.
+
+#: Limits are kept with so much of their scale to spare: rounding of the solver and of the file.
+SPARE = 2e-8
+
+
+@dataclass(frozen=True, eq=False)
+class DesignProblem:
+    """What rows of a program are made of; ``free`` is what the start's cam has elsewhere."""
+
+    cam: CamConfig
+    start: Law
+    rig: RigConfig
+    space: Space
+    free: tuple[str, ...] = ()
+
+    @cached_property
+    def rigid(self) -> FollowerParameters:
+        """The follower as one rigid mass."""
+        return FollowerParameters.from_rig(self.rig)
+
+    @cached_property
+    def follower(self) -> AnyFollower:
+        """Of two masses where the rig says how they split."""
+        return follower_of(self.rig)
+
+    @property
+    def two_masses(self) -> bool:
+        """Whether it is."""
+        return isinstance(self.follower, TwoMassParameters)
+
+    @cached_property
+    def mode(self) -> Mode:
+        """Of that follower on its stem."""
+        return mode_of(self.rig)
+
+    @cached_property
+    def force_scale(self) -> float:
+        """The force (N) that forces are measured by: preload, or the spring at half the lift."""
+        return self.rigid.preload or 0.5 * self.rigid.spring_stiffness * self.start.lift
+
+    @cached_property
+    def element(self) -> Element | None:
+        """The contact of a cam of one disc whose follower has no inclined face."""
+        plates = discs(self.cam.follower, self.start)
+        element = plates[0].element
+        inclined = getattr(element, "inclination", 0.0) != 0.0
+        return None if len(plates) > 1 or inclined else element
+
+
+@lru_cache(maxsize=64)
+def measured(problem: DesignProblem, law: Law, term: Term, sense: Sense) -> float:
+    """A quantity of a law, SI; the level in dB."""
+    events = [(event.start, event.span) for event in problem.space.events]
+    return term.quantity.value(Subject(law, problem.rig, problem.cam, events), term, sense)
+
+
+@dataclass(frozen=True)
+class Asked(Limit):
+    """A goal (``value`` None) or a limit, with what its rows are measured by (SI)."""
+
+    scale: float
+
+    @property
+    def name(self) -> str:
+        """As the request says it, for the table of active limits."""
+        return f"goal {self.term.key}" if self.value is None else self.words
+
+    @property
+    def weight(self) -> float:
+        """Of the level t in the rows."""
+        return -1.0 if self.value is None else 0.0
+
+    def room(self, quantity: Affine, spare: float) -> Affine:
+        """Rows that are ≥ 0 where the limit is kept."""
+        rows = quantity * (-sign_of(self.sense) / self.scale)
+        if self.value is None:
+            return rows
+        return rows.plus(sign_of(self.sense) * self.value / self.scale - spare)

@@ -19,47 +19,35 @@ from scipy import sparse
 from cam_rig.dynamics.jump.jump_speed import Jump
 from cam_rig.errors import DynamicsError
 from cam_rig.law_design.convex_program import Affine, ProgramSolution, RowBlock
-from cam_rig.law_design.modal_amplitude import Cells, Dense, ForceAtSpeed, Linear
-from cam_rig.law_design.problem import SPARE, Asked, DesignProblem
-from cam_rig.quantities.mode import peaks, speeds_of
-from cam_rig.quantities.values import MISSED
+from cam_rig.law_design.modal_amplitude import Cells, ForceAtSpeed
+from cam_rig.law_design.space import SPARE, Asked, DesignProblem
+from cam_rig.quantities.values import MISSED, peaks, speeds_of
 from cam_rig.units import RPM, TURN, FloatArray, to_rpm
 
 #: The grid goes down to this part of the speed, in steps that turn the phase by this much (rad)
 #: over the time in which vibration decays; and has no more speeds than that.
 DOWN_TO, PHASE_STEP, MAX_SPEEDS = 0.45, 0.5, 400
-
 #: Where contact is lost below the grid, it goes down to this part of that speed; never below one.
 FARTHER_DOWN, LEAST_SPEED = 0.7, 10.0 * RPM
-
 #: Every so many-th speed of the grid is taken in any case, the fastest among them.
 EVERY = 6
-
 #: Rows of a turn at one speed that a law makes, at most: where it is lowest.
 LOWEST = 4
-
 #: Speeds with no more room than this part of the scale are looked at in every round.
 CLOSE = 0.1
-
 #: Rows that a solution is farther above than this part of the scale are left.
 NEAR = 0.15
-
 #: A law is below what the program allowed by more than this part of the scale.
 BELOW = 6e-3
-
 #: Rows of speeds above this part of the fastest are never left: the fastest may fall.
 KEEP_ABOVE = 0.95
-
 #: The level is at most so many times the scale.
 TOP = 100.0
-
 #: Rows are left where the level has fallen by this much since they last were.
 FALLEN = 1e-3
-
 #: Least force, in parts of its scale, that is kept at first: what lies between the places that are
 #: looked at is lower. Where the exact search finds that it is lower by more, so many times more.
 MARGIN, WIDER = 0.01, 1.6
-
 #: Turns of a run from rest that are looked at, as far as it goes, beside the settled one.
 TURNS = (1.0, 2.0, 3.0, 5.0, 8.0, 13.0, 21.0, 34.0)
 
@@ -87,14 +75,13 @@ class ContactKept:
     limit: bool = False
     margin: float = MARGIN
     more: dict[float, float] = field(default_factory=dict)
-    _rows: list[tuple[float, Dense, FloatArray]] = field(default_factory=list)
+    _rows: list[tuple[float, Affine, FloatArray]] = field(default_factory=list)
     _lowest: float = np.inf
 
     def __post_init__(self) -> None:
         self._look_down_to(DOWN_TO * self.fastest)
         rate = self.problem.mode.rate
-        decay = 1.0 / max(-rate.real, 1e-300)
-        decay = decay if self.duration is None else min(decay, self.duration)
+        decay = min(1.0 / max(-rate.real, 1e-300), self.duration or np.inf)
         fine = PHASE_STEP / (abs(rate) * decay)
         if self.duration is not None and self.fastest * self.duration < 2.0 * TURN:
             turns = self.fastest * self.duration / TURN
@@ -113,18 +100,18 @@ class ContactKept:
         self._known: dict[float, ForceAtSpeed] = {}
         self._room: dict[float, float] = {}
 
-    def speeds(self) -> list[float]:
+    def _speeds(self) -> list[float]:
         """The grid up to the fastest, that itself, and what the exact search has found."""
         ratio = 1.0 + self.step
-        top = math.floor(self.place + 1e-9)
+        top = math.floor(self._place + 1e-9)
         count = math.ceil(math.log(self.fastest / self.slowest) / math.log(ratio))
         grid = [self.anchor * ratio**k for k in range(top, top - count, -1)]
         extra = [speed for speed in self.more if speed < self.fastest]
         found = sorted({self.fastest, *grid, *extra})
-        return [speed for speed in found if self.duration is None or self.turns(speed)[-1] > 0.0]
+        return [speed for speed in found if self._turns(speed)[-1] > 0.0]
 
     @property
-    def place(self) -> float:
+    def _place(self) -> float:
         """Where the fastest stands in the grid."""
         return math.log(self.fastest / self.anchor) / math.log(1.0 + self.step)
 
@@ -132,11 +119,11 @@ class ContactKept:
         """Change the fastest by a factor, to a speed of the grid where that is a step or more."""
         before, self.fastest = self.fastest, self.fastest * factor
         if abs(factor - 1.0) > 0.7 * self.step:
-            on_grid = self.anchor * (1.0 + self.step) ** round(self.place)
+            on_grid = self.anchor * (1.0 + self.step) ** round(self._place)
             self.fastest = on_grid if on_grid != before else self.fastest
         self._lowest = np.inf  # a level may be higher than the lowest so far
 
-    def turns(self, speed: float) -> list[float]:
+    def _turns(self, speed: float) -> list[float]:
         """Which turns are looked at, at a speed: whole ones, the run's end may cut the last."""
         if self.duration is None:
             return [math.inf]
@@ -166,18 +153,18 @@ class ContactKept:
         worst is taken, and of its turns the worst. Speeds at which it was close when last looked
         at come first: all are looked at where these make no row.
         """
-        speeds = self.speeds()
+        speeds = self._speeds()
         close = [speed for speed in speeds if self._room.get(speed, 0.0) < CLOSE]
         return self._rows_below(close, unknowns, level) or self._rows_below(speeds, unknowns, level)
 
     def _rows_below(self, speeds: list[float], unknowns: FloatArray, level: float) -> int:
         found = [self._below(speed, unknowns, level) for speed in speeds]
-        worst = np.pad([below.values.min() for below in found], 1, constant_values=np.inf)
-        dip = (worst[1:-1] <= worst[:-2]) & (worst[1:-1] <= worst[2:])
+        dip = _minima(np.array([below.values.min() for below in found]))
         dip[::-EVERY] = True
         made = 0
         for here in [below for below, taken in zip(found, dip, strict=True) if taken]:
-            chosen = lowest(here.values)
+            lowest = np.flatnonzero(_minima(here.values) & (here.values < -0.5 * BELOW))
+            chosen = lowest[np.argsort(here.values[lowest])[:LOWEST]]
             if chosen.size:
                 force = self._at(here.speed)
                 goal = force.first.moving[chosen] & (not self.limit)
@@ -188,7 +175,7 @@ class ContactKept:
 
     def _below(self, speed: float, unknowns: FloatArray, level: float) -> Below:
         """The force less what is wanted, in parts of the scale, in the worst turn at a speed."""
-        here, turns = self._at(speed), np.array(self.turns(speed))
+        here, turns = self._at(speed), np.array(self._turns(speed))
         wanted = np.where(here.first.moving, level, self.margin)
         above = here.values(unknowns, turns) / self.problem.force_scale - wanted
         worst = int(np.argmin(above.min(axis=1)))
@@ -206,16 +193,15 @@ class ContactKept:
     @property
     def blocks(self) -> list[RowBlock]:
         """The rows so far, of speeds up to the fastest."""
+        scale = self.problem.force_scale
         chosen = [row for row in self._rows if row[0] <= self.fastest]
         if not self.limit:  # a level is finite before the first rows
-            none = np.zeros((1, self.problem.space.unknowns))
-            top = Dense(np.full(1, TOP * self.problem.force_scale), none)
+            top = Affine.number(TOP * scale, self.problem.space.unknowns).dense()
             chosen.append((self.fastest, top, np.full(1, -1.0)))
         if not chosen:
             return []
-        joined = Dense.joined([rows for _, rows, _ in chosen])
+        joined = Affine.stacked([rows for _, rows, _ in chosen])
         weight = np.concatenate([weight for _, _, weight in chosen])
-        scale = self.problem.force_scale
         constant = joined.constant / scale - np.where(weight < 0.0, 0.0, self.margin)
         affine = Affine(constant, sparse.csr_array(joined.matrix / scale))
         necessary = self.margin == 0.0
@@ -224,37 +210,33 @@ class ContactKept:
     def _thin(self, solution: ProgramSolution) -> None:
         """Leave the rows that the solution is far above."""
         kept = []
-        for speed, (constant, matrix), weight in self._rows:
-            force = (constant + matrix @ solution.unknowns) / self.problem.force_scale
+        for speed, rows, weight in self._rows:
+            force = rows(solution.unknowns) / self.problem.force_scale
             near = force < np.where(weight < 0.0, solution.level, self.margin) + NEAR
             near |= speed > KEEP_ABOVE * self.fastest
             if near.any():
-                kept.append((speed, Dense(constant[near], matrix[near]), weight[near]))
+                kept.append((speed, rows.rows(near), weight[near]))
         self._rows = kept
 
 
-def lowest(above: FloatArray) -> NDArray[np.intp]:
-    """Indices of the few lowest local minima below what was wanted."""
-    padded = np.pad(above, 1, constant_values=np.inf)
-    minimum = (above <= padded[:-2]) & (above <= padded[2:]) & (above < -0.5 * BELOW)
-    found = np.flatnonzero(minimum)
-    return np.asarray(found[np.argsort(above[found])[:LOWEST]])
+def _minima(values: FloatArray) -> NDArray[np.bool_]:
+    """Which values are no higher than their neighbours."""
+    padded = np.pad(values, 1, constant_values=np.inf)
+    return (values <= padded[:-2]) & (values <= padded[2:])
 
 
 # Residual vibration: the amplitude that an event alone leaves, at every speed of a range.
 
 #: Every so many-th speed is in the first program.
 FIRST_EVERY = 8
-
 #: A cut is made where the law exceeds what the program allowed by so much.
 WORSE = 1e-4
-
 #: Numbers of a table of phases that is made at once.
 MAX_TABLE = 2_000_000
 
 
 @lru_cache(maxsize=4)
-def left(problem: DesignProblem, low: float, high: float) -> tuple[FloatArray, list[Linear]]:
+def _left(problem: DesignProblem, low: float, high: float) -> tuple[FloatArray, list[Affine]]:
     """Speeds (rad/s) of a range, and what each event leaves at them."""
     events = problem.space.events
     cells = Cells(problem.space, problem.mode, low)
@@ -262,12 +244,12 @@ def left(problem: DesignProblem, low: float, high: float) -> tuple[FloatArray, l
     return speeds, [left_by_event(cells, e, speeds) for e in range(len(events))]
 
 
-def left_by_event(cells: Cells, event: int, speeds: FloatArray) -> Linear:
+def left_by_event(cells: Cells, event: int, speeds: FloatArray) -> Affine:
     """What an event alone leaves where it ends, as a function of the unknowns, at speeds (rad/s).
 
     The amplitude's integral, see `mode`, by Gauss points.
     """
-    mode, (slope, bend, columns) = cells.mode, cells.driving[event]
+    mode, (slope, curvature, columns) = cells.mode, cells.driving[event]
     points, weights = cells.gauss
     width = cells.width(event)
     angles = (width * (np.arange(cells.count)[:, None] + points)).ravel()
@@ -279,10 +261,10 @@ def left_by_event(cells: Cells, event: int, speeds: FloatArray) -> Linear:
         some = slice(first, first + step)
         rate = mode.rate / speeds[some, None]
         fading = np.exp(rate * (cells.space.events[event].span - angles)) * share
-        of_slope, of_bend = fading * mode.drive[0], fading * (mode.drive[1] * speeds[some, None])
-        constant[some] = of_slope @ slope.constant + of_bend @ bend.constant
-        matrix[some, columns] = of_slope @ slope.matrix + of_bend @ bend.matrix
-    return Linear(constant, matrix)
+        drive = slope.mapped(fading * mode.drive[0])
+        drive += curvature.mapped(fading * (mode.drive[1] * speeds[some, None]))
+        constant[some], matrix[some, columns] = drive.constant, drive.matrix
+    return Affine(constant, matrix)
 
 
 @dataclass(eq=False)
@@ -297,9 +279,9 @@ class Residual:
     def __post_init__(self) -> None:
         term = self.asked.term
         self.cells = Cells(self.problem.space, self.problem.mode, term.low)
-        self.speeds, self.left = left(self.problem, term.low, term.high)
-        for linear in self.left:
-            self._add(Linear(linear.constant[::FIRST_EVERY], linear.matrix[::FIRST_EVERY]))
+        self.speeds, self.left = _left(self.problem, term.low, term.high)
+        for affine in self.left:
+            self._add(affine.rows(slice(None, None, FIRST_EVERY)))
 
     def cut(self, solution: ProgramSolution) -> bool:
         """Add the speeds at which the law is worst, if worse than allowed; whether there are."""
@@ -309,28 +291,26 @@ class Residual:
         elif self.hull:
             allowed *= 1.0 - WORSE
         cut = False
-        for event, linear in enumerate(self.left):
-            found = 2.0 * np.abs(linear(solution.unknowns))
-            highest = left_by_event(
-                self.cells, event, peaks(self.speeds, found, allowed * (1.0 - MISSED))
-            )
+        for event, affine in enumerate(self.left):
+            found = 2.0 * np.abs(affine(solution.unknowns))
+            high = peaks(self.speeds, found, allowed * (1.0 - MISSED))
+            highest = left_by_event(self.cells, event, high)
             worse = 2.0 * np.abs(highest(solution.unknowns)) > allowed * (1.0 + WORSE)
             if worse.any():
-                self._add(Linear(highest.constant[worse], highest.matrix[worse]))
+                self._add(highest.rows(worse))
                 cut = True
         return cut
 
-    def _add(self, at: Linear) -> None:
+    def _add(self, at: Affine) -> None:
         count, size, scale = at.constant.size, self.problem.space.unknowns, self.asked.scale
-        constant = np.zeros((count, 3))
-        matrix = np.zeros((count, 3, size))
+        constant, matrix = np.zeros((count, 3)), np.zeros((count, 3, size))
         for place, part in ((1, np.real), (2, np.imag)):
             constant[:, place] = 2.0 * part(at.constant) / scale
             matrix[:, place] = 2.0 * part(at.matrix) / scale
         weight = np.zeros((count, 3))
         weight[:, 0] = self.asked.weight
         if self.asked.value is not None:
-            spare = 1.0 - WORSE if self.hull else 1.0
-            constant[:, 0] = self.asked.value / scale * spare - (SPARE if self.hull else 0.0)
+            kept, spare = (1.0 - WORSE, SPARE) if self.hull else (1.0, 0.0)
+            constant[:, 0] = self.asked.value / scale * kept - spare
         rows = Affine(constant.ravel(), sparse.csr_array(matrix.reshape(-1, size)))
         self.blocks.append(RowBlock(self.asked.name, rows, weight.ravel(), "cone", 3))

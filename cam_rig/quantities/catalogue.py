@@ -6,7 +6,6 @@ that a design keeps is kept in a campaign of the same cam.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
@@ -14,26 +13,25 @@ from types import MappingProxyType
 
 from cam_rig.dynamics.jump.any_follower import follower_of
 from cam_rig.dynamics.jump.jump_speed import FROM_REST
-from cam_rig.laws.law import peak
 from cam_rig.quantities import values
 from cam_rig.quantities.terms import ANGLE_UNITS, SPEED_UNITS, LawQuantity, Sense
 from cam_rig.units import TURN
 
 _LENGTH = {"mm": 1e-3, "m": 1.0, "um": 1e-6, "µm": 1e-6, "cm": 1e-2}
-
 _FORCE, _LEVEL = {"N": 1.0, "kN": 1e3}, {"dB": 1.0}
-
 _TORQUE = {"N*m": 1.0, "Nm": 1.0, "N·m": 1.0, "mN*m": 1e-3}
-
-_SLOPE, _BEND, _JERK = (
-    {f"mm{over}": 1e-3, f"m{over}": 1.0, f"um{over}": 1e-6} for over in ("/rad", "/rad^2", "/rad^3")
-)
-
 _MOST: tuple[Sense, ...] = ("<=",)
-
 _LEAST: tuple[Sense, ...] = (">=",)
-
 _BOTH: tuple[Sense, ...] = ("<=", ">=")
+#: Of each derivative of s in turn the name, the title, the unit's end, and its units.
+_DERIVATIVES = tuple(
+    (name, title, over, {f"mm{over}": 1e-3, f"m{over}": 1.0, f"um{over}": 1e-6})
+    for name, title, over in (
+        ("velocity", "s′", "/rad"),
+        ("acceleration", "s″", "/rad^2"),
+        ("jerk", "s‴", "/rad^3"),
+    )
+)
 
 #: Goals and limits of designs, some of which a campaign measures too.
 _DESIGNED = (
@@ -56,21 +54,16 @@ _DESIGNED = (
         "residual_vibration", "residual vibration of one event", "um", _LENGTH,
         values.residual, "rpm", _MOST,
     ),
-    LawQuantity(
-        "peak_velocity", "peak |s′|", "mm/rad", _SLOPE,
-        lambda one, *_: abs(peak(one.law, 1).value), senses=_MOST, order=1,
+    *(
+        LawQuantity(
+            f"peak_{name}", f"peak |{title}|", f"mm{over}", units, values.peak_of(order),
+            senses=_MOST, order=order,
+        )
+        for order, (name, title, over, units) in enumerate(_DERIVATIVES, 1)
     ),
     LawQuantity(
-        "peak_acceleration", "peak |s″|", "mm/rad^2", _BEND,
-        lambda one, *_: abs(peak(one.law, 2).value), senses=_MOST, order=2,
-    ),
-    LawQuantity(
-        "peak_jerk", "peak |s‴|", "mm/rad^3", _JERK,
-        lambda one, *_: abs(peak(one.law, 3).value), senses=_MOST, order=3,
-    ),
-    LawQuantity(
-        "rms_acceleration", "r.m.s. of s″", "mm/rad^2", _BEND, values.rms_acceleration,
-        senses=_MOST,
+        "rms_acceleration", "r.m.s. of s″", "mm/rad^2", _DERIVATIVES[1][3],
+        values.rms_acceleration, senses=_MOST,
     ),
     LawQuantity(
         "peak_contact_force_rigid", "peak contact force of one rigid mass", "N", _FORCE,
@@ -109,11 +102,7 @@ _DESIGNED = (
             goal=False, signed=True, order=order,
         )
         for order, (name, title, over, units) in enumerate(
-            (
-                ("lift", "lift", "", _LENGTH),
-                ("velocity", "s′", "/rad", _SLOPE),
-                ("acceleration", "s″", "/rad^2", _BEND),
-            )
+            (("lift", "lift", "", _LENGTH), *_DERIVATIVES[:2])
         )
     ),
 )  # fmt: skip
@@ -122,8 +111,7 @@ _DESIGNED = (
 _MEASURED = (
     LawQuantity(
         "residual_vibration_steady", "residual vibration of a mass on its stem in steady state",
-        "um", {"um": 1e-6, "µm": 1e-6, "mm": 1e-3, "m": 1.0}, values.steady_residual, "rpm",
-        ranges=True, campaign=True,
+        "um", _LENGTH, values.steady_residual, "rpm", ranges=True, campaign=True,
     ),
     LawQuantity(
         "least_contact_force", "least contact force", "N", _FORCE,
@@ -140,7 +128,7 @@ _MEASURED = (
         "rpm", signed=True, campaign=True, of_run=True,
     ),
     LawQuantity(
-        "peak_torque", "peak torque", "N*m", {"N*m": 1.0},
+        "peak_torque", "peak torque", "N*m", _TORQUE,
         lambda one, term, _: one.run(term.low).torque_peak, "rpm", campaign=True, of_run=True,
     ),
     LawQuantity(
@@ -149,17 +137,14 @@ _MEASURED = (
         "rpm", signed=True, campaign=True, of_run=True,
     ),
     LawQuantity(
-        "twist", "twist, peak to peak", "rad", {"rad": 1.0, "deg": math.pi / 180.0},
-        values.twist, "rpm", campaign=True,
+        "twist", "twist, peak to peak", "rad", ANGLE_UNITS, values.twist, "rpm", campaign=True,
     ),
 )  # fmt: skip
 
 #: Every quantity by its name.
 QUANTITIES: Mapping[str, LawQuantity] = {one.name: one for one in (*_DESIGNED, *_MEASURED)}
-
 #: What a design may have as a goal or a limit.
 DESIGNED = {name: one for name, one in QUANTITIES.items() if one.senses}
-
 #: What moves in each model of a scene, as titles say it.
 MOVES = {
     "kinetostatic": "one rigid mass held on the cam",

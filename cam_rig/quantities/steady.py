@@ -43,10 +43,8 @@ from cam_rig.units import NS, RPM, TURN, FloatArray
 
 #: A follower has settled when its turns to come change the force by no more than this part of it.
 SETTLED = 1e-6
-
 #: Turns from rest after which one that has not settled is measured as it is.
 MOST_TURNS = 40
-
 #: The contact force's row in the outputs of a mass on its stem.
 FORCE = 3
 

@@ -18,14 +18,10 @@ if TYPE_CHECKING:
     from cam_rig.quantities.values import Subject
 
 Sense = Literal["<=", ">="]
-
 SPEED_UNITS = {"rpm": RPM, "rad/s": 1.0}
-
 ANGLE_UNITS = {"deg": math.pi / 180.0, "rad": 1.0}
-
 #: The limit that a quantity's own value of the start law sets.
 START = "start"
-
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 
 _TERM = re.compile(
@@ -33,9 +29,7 @@ _TERM = re.compile(
 )
 
 _LIMIT = re.compile(r"(?P<term>[^<>=]+?)\s*(?P<sense><=|>=|≤|≥)\s*(?P<value>.+)")
-
 _VALUE = re.compile(rf"(?P<number>{_NUMBER})\s*(?P<unit>\S+)?")
-
 #: Units as they are typeset.
 _TYPESET = str.maketrans({"*": "·", "^": ""}) | str.maketrans("23", "²³")
 

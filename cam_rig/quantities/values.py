@@ -21,10 +21,10 @@ from cam_rig.dynamics.torsional.model import from_rig as shaft_of
 from cam_rig.dynamics.vibration import residual_vibration, steady_twist
 from cam_rig.errors import ConfigError, DynamicsError
 from cam_rig.laws import Law, bernstein
+from cam_rig.laws.law import peak
 from cam_rig.profile.checks import sharpest_convex
 from cam_rig.profile.contact import Motion, Scan, zoom
 from cam_rig.profile.disc import discs
-from cam_rig.quantities.mode import Mode, peaks, speeds_of
 from cam_rig.quantities.steady import MOST_TURNS, SETTLED, scene_at, steady_row
 from cam_rig.quantities.terms import Sense, Term
 from cam_rig.schema import CamConfig, RigConfig, SceneConfig
@@ -35,12 +35,12 @@ from cam_rig.units import RPM, TURN, FloatArray
 #: Speeds of a range, at which its level or its largest vibration is taken; with landings fewer, as
 #: a turn of each is simulated.
 SPEEDS, SPEEDS_WITH_JUMPS = 41, 13
-
 #: Gauss points of a cell of a piece, and the phase (rad) of the vibration in it at most.
 GAUSS, CELL_PHASE = 12, 2.0
-
 #: Peaks that are looked at are no farther below what is allowed, on the grid.
 MISSED = 0.01
+#: Speeds a beat: the largest between two of them is missed by 0.4 % at most; and of a range, most.
+A_BEAT, MAX_SPEEDS = 32, 4096
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +98,11 @@ def jump(one: Subject, follower: AnyFollower, duration: float | None) -> float:
         return none.speed
 
 
+def peak_of(order: int) -> Callable[..., float]:
+    """The largest of a derivative of either sign."""
+    return lambda one, *_: abs(peak(one.law, order).value)
+
+
 def at_angles(order: int) -> Callable[[Subject, Term, Sense], float]:
     """A derivative's largest, or least, over a range of angles."""
 
@@ -137,7 +142,86 @@ def twist(one: Subject, term: Term, _: Sense) -> float:
     return float(np.ptp(steady_twist(one.law, shaft_of(one.rig), term.low)[1]))
 
 
-# Residual vibration.
+# Residual vibration: the end mass vibrates about its static place, η̈ + 2ζω η̇ + ω² η = d₁ ṡ + d₂ s̈.
+
+
+@dataclass(frozen=True)
+class Mode:
+    """One mode in contact: λ (1/s), its drive by ṡ and s̈, and what it adds to the contact force.
+
+    Parameters
+    ----------
+    rate : λ, the one of positive imaginary part
+    drive : d₁ (1/s) and d₂
+    state : what η and η̇ add to the contact force, N/m and N·s/m
+    motion : what s, ṡ and s̈ do
+    constant : N
+    """
+
+    rate: complex
+    drive: tuple[float, float]
+    state: tuple[float, float]
+    motion: tuple[float, float, float]
+    constant: float
+
+    @property
+    def shown(self) -> complex:
+        """What an amplitude adds to the contact force, half of it."""
+        return self.state[0] + self.state[1] * self.rate
+
+    @classmethod
+    def of(cls, p: TwoMassParameters | FollowerParameters) -> Mode:
+        """Of two masses, or of one on its elastic stem (eq. 5 of the paper)."""
+        if isinstance(p, TwoMassParameters):
+            mass, stiffness = p.end_mass, p.stiffness
+            damping, share, roller = p.stem_damping + p.damping, p.share, p.roller_mass
+            stem, stem_damping, pressed = p.stem_stiffness, p.stem_damping, p.share
+        else:
+            mass, stiffness = p.mass, p.spring_stiffness + p.stem
+            damping, share, roller = p.damping, p.stem / stiffness, 0.0
+            stem, stem_damping, pressed = p.stem, 0.0, 1.0
+        half = 0.5 * damping / mass
+        square = stiffness / mass - half**2
+        if square <= 0.0:
+            raise ConfigError(
+                f"the stem does not vibrate: its damping is {damping:g} N·s/m; allowed for a "
+                f"residual vibration: below {2.0 * math.sqrt(stiffness * mass):.4g} N·s/m"
+            )
+        left = p.spring_stiffness / stiffness
+        return cls(
+            rate=complex(-half, math.sqrt(square)),
+            drive=((stem_damping - damping * share) / mass, -share),
+            state=(-stem, -stem_damping),
+            motion=(stem * left, stem_damping * left, roller),
+            constant=p.preload * pressed,
+        )
+
+
+def speeds_of(mode: Mode, longest: float, low: float, high: float) -> FloatArray:
+    """Speeds (rad/s) of a range, falling and even in 1/Ω, so many a beat of an event (rad)."""
+    if low == high:
+        return np.array([low])
+    beats = longest * mode.rate.imag * (1.0 / low - 1.0 / high) / TURN
+    count = min(MAX_SPEEDS, max(8, math.ceil(beats * A_BEAT)))
+    return np.asarray(1.0 / np.linspace(1.0 / high, 1.0 / low, count + 1))
+
+
+def peaks(speeds: FloatArray, amplitudes: FloatArray, above: float) -> FloatArray:
+    """Where a curve ``(n,)`` over speeds even in 1/Ω is highest, at peaks above a value, rad/s.
+
+    Of a parabola through the squares at three speeds; an end that is the highest is one too.
+    """
+    padded = np.pad(amplitudes, 1, constant_values=-np.inf)
+    at = np.flatnonzero(
+        (amplitudes >= padded[:-2]) & (amplitudes >= padded[2:]) & (amplitudes > above)
+    )
+    inner = (at > 0) & (at < amplitudes.size - 1)
+    below, here, beyond = (amplitudes[(at[inner] + k)] ** 2 for k in (-1, 0, 1))
+    curved = 2.0 * here - below - beyond
+    shift = np.divide(0.5 * (beyond - below), curved, out=np.zeros(curved.size), where=curved > 0.0)
+    found = 1.0 / speeds[at]
+    found[inner] += shift * (1.0 / speeds[at[inner] + 1] - found[inner])
+    return np.asarray(1.0 / found)
 
 
 def mode_of(rig: RigConfig) -> Mode:
@@ -241,7 +325,6 @@ def level_with_jumps(one: Subject, term: Term, *_: object) -> float:
 
 #: A quantity's branches ``(b, ...)`` of motions of one shape: the greatest is the worst.
 Branches = Callable[[Motion], FloatArray]
-
 #: Samples of a piece, at least, and of a turn; local maxima that are no lower than this part of
 #: the greatest are found to rounding.
 SAMPLES, SAMPLES_OF_TURN, NEARLY = 65, 4096, 0.02
@@ -249,14 +332,16 @@ SAMPLES, SAMPLES_OF_TURN, NEARLY = 65, 4096, 0.02
 
 def pressure_angle(one: Subject, *_: object) -> float:
     """The largest on any disc, rad."""
-    scans = [Scan(one.law, plate.element) for plate in discs(one.cam.follower, one.law)]
-    return max(scan.greatest(lambda touch: np.abs(touch.pressure)).value for scan in scans)
+    return max(scan.greatest(lambda touch: np.abs(touch.pressure)).value for scan in _scans(one))
 
 
 def least_radius(one: Subject, *_: object) -> float:
     """Of curvature on any disc where it is convex, m."""
-    scans = [Scan(one.law, plate.element) for plate in discs(one.cam.follower, one.law)]
-    return min(float(sharpest_convex(scan).value) for scan in scans)
+    return min(float(sharpest_convex(scan).value) for scan in _scans(one))
+
+
+def _scans(one: Subject) -> list[Scan]:
+    return [Scan(one.law, plate.element) for plate in discs(one.cam.follower, one.law)]
 
 
 def torque(one: Subject, term: Term, _: Sense) -> float:

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from cam_rig.dynamics.jump.jump_speed import FROM_REST
 from cam_rig.dynamics.vibration import STAND_IN
-from cam_rig.law_design.pareto_front import paper_designs
+from cam_rig.law_design.design import paper_designs
 from cam_rig.law_design.result import designs_table
 from cam_rig.laws import figures as law_figures
 from cam_rig.laws.catalogue import families

@@ -8,8 +8,13 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import cam_rig
-from cam_rig.campaigns.campaign import campaign_from, make_point, measure_batch
-from cam_rig.campaigns.measures import parse_limits, parse_measures
+from cam_rig.campaigns.campaign import (
+    campaign_from,
+    make_point,
+    measure_batch,
+    parse_limits,
+    parse_measures,
+)
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.dynamics.vibration import residual_vibration
 from cam_rig.errors import ConfigError

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from cam_rig.cli.main import app
 from cam_rig.dynamics.jump.any_follower import find_jump, follower_of
-from cam_rig.law_design.pareto_front import ASKED
+from cam_rig.law_design.design import ASKED
 from cam_rig.paper.as_cut.study import CUT
 from cam_rig.paper.flywheel import SHOWN
 from cam_rig.report.command import page_made
@@ -106,7 +106,7 @@ def fewer(undrawn, monkeypatch):
     monkeypatch.setattr("cam_rig.report.paper_sections.ROLLERS", (0.02,))
     monkeypatch.setattr("cam_rig.report.paper_sections.has_central_roller", lambda c: c.name == CUT)
     monkeypatch.setattr("cam_rig.paper.flywheel.INERTIAS", (SHOWN, math.inf))
-    monkeypatch.setattr("cam_rig.law_design.pareto_front.ASKED", ASKED[1:2])  # not of a jump
+    monkeypatch.setattr("cam_rig.law_design.design.ASKED", ASKED[1:2])  # not of a jump
 
 
 @pytest.mark.slow

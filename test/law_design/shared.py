@@ -6,10 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from cam_rig.law_design.design import search_design
-from cam_rig.law_design.problem import DesignProblem
 from cam_rig.law_design.request import DesignRequest, LawClass, Multistart
 from cam_rig.law_design.result import LawDesign
-from cam_rig.law_design.space import Space
+from cam_rig.law_design.space import DesignProblem, Space
 from cam_rig.laws import build_law
 from cam_rig.quantities.catalogue import DESIGNED
 from cam_rig.quantities.terms import Term, parse_term

@@ -15,11 +15,10 @@ from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
 from cam_rig.errors import ConfigError, DesignError
 from cam_rig.law_design.convex_program import BOX, ConvexProgram
-from cam_rig.law_design.pareto_front import front
-from cam_rig.law_design.problem import Asked
+from cam_rig.law_design.design import front
 from cam_rig.law_design.request import DesignRequest, LawClass, Multistart, parse_second
 from cam_rig.law_design.rows import add, keep_lift
-from cam_rig.law_design.space import PARTS
+from cam_rig.law_design.space import PARTS, Asked
 from cam_rig.laws import Law, build_law
 from cam_rig.laws.law import extremes, peak
 from cam_rig.profile import contours
@@ -240,9 +239,7 @@ def test_limits_that_contradict_each_other_are_named() -> None:
     """5 mm at 90° and 10 mm at 89°, rising: the two limits stand in the message."""
     with pytest.raises(DesignError, match=r"lift at 9\d°.*and.*lift at 9\d°"):
         designed(
-            LawClass(8, 2),
-            minimise="peak_jerk",
-            limits=["lift@90deg<=20mm", "lift@90deg>=21mm"],
+            LawClass(8, 2), minimise="peak_jerk", limits=["lift@90deg<=20mm", "lift@90deg>=21mm"]
         )
 
 

@@ -14,10 +14,9 @@ from cam_rig.acoustics.pressure import steady_power
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.kinetostatic import shaft_torque
 from cam_rig.errors import ConfigError, DesignError
-from cam_rig.law_design.problem import DesignProblem, measured
 from cam_rig.law_design.request import LawClass, Multistart
 from cam_rig.law_design.result import LawDesign
-from cam_rig.law_design.space import Space, dwells, events
+from cam_rig.law_design.space import DesignProblem, Space, dwells, events, measured
 from cam_rig.laws import Law, build_law
 from cam_rig.laws.law import peak
 from cam_rig.profile.disc import contours
