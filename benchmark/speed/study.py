@@ -22,13 +22,16 @@ from benchmark.speed.models import Case, OneMass, Oscillator, Solution, Twist, T
 from benchmark.speed.peers import PEERS, Peer
 from benchmark.speed.problem import PeerError
 from cam_rig.dynamics import FollowerParameters, Interval, elastic_stem
+from cam_rig.dynamics.linear.response import LinearResponse
+from cam_rig.dynamics.linear.sampling import Outputs, polynomial_part
 from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.dynamics.torsional import motion as torsion
 from cam_rig.dynamics.torsional import parameters as parameters_module
 from cam_rig.dynamics.two_mass.masses import TwoMassParameters
 from cam_rig.dynamics.two_mass.trajectory import Separation, states
 from cam_rig.errors import CamRigError
-from cam_rig.units import NS
+from cam_rig.laws import Law, bernstein
+from cam_rig.units import NS, FloatArray
 
 # What a study finds: points of error against time, and what follows from them.
 
@@ -165,11 +168,40 @@ def solve(case: Case) -> Solution:
     return ADAPTERS[type(case.model)](case)
 
 
+def outputs_at(
+    model: LinearResponse, start: FloatArray, angle: float, times: FloatArray, out: Outputs
+) -> FloatArray:
+    """Outputs ``(k, m)`` at ascending times (s) after a state at ``angle`` (rad).
+
+    State and law are of one part, also where by rounding a time is beside a joint.
+    """
+    free, local, part_of = model.passes(start, angle, times)
+    rows = np.asarray(out.state @ free)
+    for i in np.unique(part_of):
+        here, part = part_of == i, model.parts[i]
+        ordinates = polynomial_part(model, part, out)
+        rows[:, here] += bernstein.evaluate(ordinates.T, local[here] / part.length).T
+    return rows
+
+
+def stem_motion(
+    law: Law,
+    follower: FollowerParameters,
+    speed: float,
+    angle: float,
+    start: FloatArray,
+    times: FloatArray,
+) -> FloatArray:
+    """Rows of `elastic_stem.outputs` at ascending times (s) from (r, ṙ) at ``angle`` (rad) on."""
+    model = elastic_stem.response(law, follower, speed)
+    return outputs_at(model, start, angle, times, elastic_stem.outputs(follower))
+
+
 def _oscillator(case: Case) -> Solution:
     p = case.model
     assert isinstance(p, Oscillator)
     follower = FollowerParameters(p.mass, p.spring_stiffness, p.damping, 0.0, p.stem_stiffness)
-    rows = elastic_stem.motion(case.law, follower, case.speed, 0.0, np.zeros(2), case.times)
+    rows = stem_motion(case.law, follower, case.speed, 0.0, np.zeros(2), case.times)
     return Solution(rows[:1], rows[1:2])
 
 
@@ -219,7 +251,7 @@ def _one_mass(case: Case) -> Solution:
         here = (case.times >= phase.begin) & (case.times < phase.end)
         times = case.times[here]
         if phase.flight is not None:
-            motion[:, here] = phase.flight.state(times - phase.begin)
+            motion[:, here] = phase.flight.motion(times - phase.begin)[:2]
         else:
             angle = case.speed * times
             motion[:, here] = case.law(angle), case.speed * case.law(angle, 1)

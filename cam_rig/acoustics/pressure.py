@@ -30,14 +30,11 @@ class Background:
 
     A first-order recursion, x ← a x + √(1 − a²) n with a = e^(−2π corner/rate): its variance is 1
     from the first sample on, at any rate.
-
-    corner, rate : Hz
-    seed : of the generator; the same seed, the same noise
     """
 
-    corner: float
-    rate: float
-    seed: int
+    corner: float  #: Hz
+    rate: float  #: Hz
+    seed: int  #: the same seed, the same noise
     _last: float = field(init=False)
 
     def __post_init__(self) -> None:
@@ -71,35 +68,23 @@ SEED = 1
 
 @dataclass(frozen=True, eq=False)
 class SourceState:
-    """The state of a sound source.
+    """The state of a sound source."""
 
-    ``structure`` (None before the first block) and the last ``force`` in N, ``tail`` ``(k,)`` of
-    the pulses of landings (N), and the background's last sample and generator.
-    """
-
-    structure: float | None
-    force: float
-    tail: FloatArray
-    background: tuple[float, dict[str, Any]]
+    structure: float | None  #: q, N; None before the first block
+    force: float  #: the last one, N
+    tail: FloatArray  #: ``(k,)`` of the pulses of landings, N
+    background: tuple[float, dict[str, Any]]  #: last sample and generator
 
 
 @dataclass
 class SoundSource:
-    """The structure, the landings and the background with their state.
-
-    Parameters
-    ----------
-    parameters : acoustic constants of the rig
-    block_rate : Hz, of the force samples
-    least_rate : Hz; the pressure comes at the smallest whole multiple of ``block_rate`` that
-        reaches it
-    seed : of the background noise
-    """
+    """The structure, the landings and the background with their state."""
 
     parameters: RadiationParameters
-    block_rate: int
+    block_rate: int  #: Hz, of the force samples
+    #: Hz; the pressure comes at the smallest whole multiple of ``block_rate`` that reaches it
     least_rate: int = MIN_RATE
-    seed: int = SEED
+    seed: int = SEED  #: of the background noise
     _structure: float | None = field(default=None, init=False)
     _force: float = field(default=0.0, init=False)
 
@@ -132,11 +117,8 @@ class SoundSource:
     def pressure(self, force: FloatArray, impulse: FloatArray, speed: float) -> FloatArray:
         """Sound pressure in Pa over one block, ``(n · factor,)``.
 
-        Parameters
-        ----------
-        force : ``(n,)`` N, contact force at the block's samples
-        impulse : ``(n,)`` N·s of the landings since the sample before
-        speed : rad/s of the cam, for the level of the background
+        ``force`` in N at the samples and ``impulse`` in N·s of the landings since the sample before
+        are ``(n,)``; ``speed`` (rad/s) is of the cam, for the background.
         """
         if force.size == 0:
             raise ValueError("a block must hold at least one sample")
@@ -188,10 +170,10 @@ def _pulse(duration: float, rate: float) -> FloatArray:
 
 @dataclass(frozen=True)
 class MicrophoneState:
-    """The state of the structure from one block to the next: q and the last force, N."""
+    """The state of the structure from one block to the next."""
 
-    structure: float
-    force: float
+    structure: float  #: q, N
+    force: float  #: the last one, N
 
 
 def rms_pressure(
@@ -202,15 +184,10 @@ def rms_pressure(
     sample_rate: float,
     speed: float,
 ) -> tuple[MicrophoneState, float]:
-    """r.m.s. sound pressure (Pa) over one block.
+    """State after, and r.m.s. sound pressure (Pa) over, one block at ``sample_rate`` (Hz).
 
-    Parameters
-    ----------
-    state : as the block before left it; None starts with the structure at rest under the force
-    force : ``(n,)`` contact force in N at the samples, taken as straight between them
-    impulse : ``(n,)`` N·s, of the landings since the sample before
-    sample_rate : Hz
-    speed : rad/s, for the background
+    ``force`` (N, straight between the samples), ``impulse`` (N·s) and ``speed`` (rad/s) as of
+    `SoundSource.pressure`; without a ``state`` the structure begins at rest under the force.
     """
     if force.size == 0:
         raise ValueError("a block must hold at least one sample")
@@ -234,11 +211,7 @@ NODES = 12
 def mean_square_rate(
     law: Law, follower: FollowerParameters, corner_rate: float, speed: float
 ) -> float:
-    """⟨(ω_c (F − q))²⟩ over one turn at ``speed`` (rad/s), in (N/s)².
-
-    The structure's periodic state is one linear solve on the exact propagator; only the mean
-    is a quadrature, of a smooth function and at rounding level.
-    """
+    """⟨(ω_c (F − q))²⟩ of a periodic turn at ``speed`` (rad/s), to rounding, in (N/s)²."""
     require_smooth(law)
     forces = force_ordinates(law, follower, speed)
     matrix = np.array([[-corner_rate]])

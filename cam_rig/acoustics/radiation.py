@@ -25,8 +25,6 @@ from cam_rig.dynamics import FollowerParameters
 from cam_rig.schema import RigConfig
 from cam_rig.units import FloatArray
 
-# Sound pressure and its level in dB.
-
 #: Reference sound pressure in air, Pa (IEC 61672).
 REFERENCE_PRESSURE = 20e-6
 
@@ -43,34 +41,19 @@ def pressure_pa(level: NDArray[np.float64] | float) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class RadiationParameters:
-    """The acoustic constants of a rig.
+    """The acoustic constants of a rig."""
 
-    Parameters
-    ----------
-    gain : Pa·s/N, pressure per rate of contact force
-    corner : Hz
-    background : dB at the speed ``background_at`` (rad/s)
-    background_slope : dB per octave of speed
-    contact_time : s, duration of a landing's force pulse; 0 where nothing can land
-    background_corner : Hz, above which the background falls by 6 dB an octave
-    """
-
-    gain: float
-    corner: float
-    background: float
+    gain: float  #: Pa·s/N, pressure per rate of contact force
+    corner: float  #: Hz
+    background: float  #: dB at the speed ``background_at`` (rad/s)
     background_at: float
-    background_slope: float
-    contact_time: float
-    background_corner: float
+    background_slope: float  #: dB per octave of speed
+    contact_time: float  #: s, duration of a landing's force pulse; 0 where nothing can land
+    background_corner: float  #: Hz, above which the background falls by 6 dB an octave
 
     @classmethod
     def from_rig(cls, rig: RigConfig, *, lands: bool = True) -> RadiationParameters:
-        """Take the numbers of a rig file; a follower that never ``lands`` needs no stem.
-
-        Raises
-        ------
-        ConfigError : the file has no ``radiation``, or no stem that a landing compresses
-        """
+        """Take the numbers of a rig file; a follower that never ``lands`` needs no stem."""
         r = rig.need_radiation("the sound level")
         if lands:
             rig.need("stem_stiffness", "the sound of a landing")
@@ -103,8 +86,6 @@ class RadiationParameters:
         return np.asarray(peak**2 * math.pi**2 / (8.0 * self.contact_time))
 
 
-# What the structure makes of a force: q̇ = ω_c (F − q), solved exactly between samples.
-
 #: Samples that `first_order` takes together, a power of two.
 BLOCK = 64
 
@@ -117,13 +98,10 @@ def structure_response(
     force: FloatArray,
     impulse: FloatArray,
 ) -> FloatArray:
-    """Structure q (N) at the samples, ``(n,)``.
+    """Structure q (N) at the samples, ``(n,)``: q̇ = ω_c (F − q), solved exactly between them.
 
-    corner_rate : ω_c, rad/s
-    sample_rate : Hz
-    start, previous : q and force (N) at the sample before the first
-    force : ``(n,)`` N, straight between samples
-    impulse : ``(n,)`` N·s that falls at a sample: it lifts q by ω_c J
+    ``start`` and ``previous`` are q and force (N) at the sample before the first. ``force`` (N) is
+    straight between samples; ``impulse`` (N·s) falls at a sample and lifts q by ω_c J.
     """
     x = corner_rate / sample_rate
     keep = math.exp(-x)

@@ -2,7 +2,7 @@
 
 It carries its state, so a signal reads the same however it is cut into blocks. A sample rate of
 more than 40 kHz is needed for all of class 1, which ends at 20 kHz; a lower one says how far it
-reaches (`SoundLevelMeter.class_1_up_to_hz`).
+reaches (`weighting.class_1_up_to_hz`).
 """
 
 from __future__ import annotations
@@ -30,61 +30,40 @@ SILENCE = -200.0
 
 @dataclass(frozen=True)
 class Reading:
-    """What the meter shows for one block, in dB re 20 µPa.
+    """What the meter shows for one block, in dB re 20 µPa."""
 
-    ``level`` is the time-weighted sound level, energy-averaged over the block: in a steady sound
-    of whole turns that is its equivalent level, whichever cam angle a block ends at. ``at_end``
-    and ``highest`` are the time-weighted level at the block's end and its maximum,
-    ``equivalent`` is Leq over the block. ``overload``: the unweighted pressure went beyond a sine
-    at the top of the range; ``under_range``: the level is below its bottom.
-    """
-
+    #: The time-weighted sound level, energy-averaged over the block: in a steady sound of whole
+    #: turns that is its equivalent level, whichever cam angle a block ends at.
     level: float
-    at_end: float
-    highest: float
-    equivalent: float
-    overload: bool
-    under_range: bool
+    at_end: float  #: the time-weighted level at the block's end
+    highest: float  #: its maximum
+    equivalent: float  #: Leq over the block
+    overload: bool  #: the unweighted pressure went beyond a sine at the top of the range
+    under_range: bool  #: the level is below its bottom
 
 
 @dataclass(frozen=True, eq=False)
 class MeterState:
-    """The whole state of a meter.
-
-    ``filter`` ``(n, 2)`` and ``power`` (Pa²) are of the frequency and the time weighting; the
-    energy (Pa²), samples, highest level (dB) and overload are since it began.
-    """
+    """The whole state of a meter."""
 
     frequency_weighting: str
     time_weighting: str
-    filter: FloatArray
-    power: float
-    energy: float
+    filter: FloatArray  #: of the frequency weighting, ``(n, 2)``
+    power: float  #: of the time weighting, Pa²
+    energy: float  #: since it began, as all below, Pa²
     samples: int
-    highest: float
+    highest: float  #: dB
     overload: bool
 
 
 @dataclass
 class SoundLevelMeter:
-    """Blocks of sound pressure in, readings out.
+    """Blocks of sound pressure in, readings out; a `ConfigError` for an unknown weighting."""
 
-    Parameters
-    ----------
-    rate : Hz, of the pressure samples
-    frequency_weighting : A, C or Z
-    time_weighting : F (125 ms) or S (1 s)
-    span : range in dB; a level outside it is shown with a flag
-
-    Raises
-    ------
-    ConfigError : a weighting that the standard does not have
-    """
-
-    rate: int
-    frequency_weighting: str = "Z"
-    time_weighting: str = "F"
-    span: tuple[float, float] = RANGE
+    rate: int  #: Hz, of the pressure samples
+    frequency_weighting: str = "Z"  #: A, C or Z
+    time_weighting: str = "F"  #: F (125 ms) or S (1 s)
+    span: tuple[float, float] = RANGE  #: range in dB; a level outside it is shown with a flag
 
     def __post_init__(self) -> None:
         _require("frequency_weighting", self.frequency_weighting, FREQUENCY_WEIGHTINGS)
@@ -98,13 +77,7 @@ class SoundLevelMeter:
 
     @classmethod
     def from_state(cls, rate: int, state: MeterState) -> SoundLevelMeter:
-        """The meter in this state.
-
-        Raises
-        ------
-        ConfigError : the state has a weighting that the standard does not have
-        RunError : or a filter of another kind
-        """
+        """The meter in this state; a `RunError` if its filter is of another kind."""
         meter = cls(rate, state.frequency_weighting, state.time_weighting)
         if state.filter.shape != meter.state.filter.shape:
             raise RunError(
@@ -119,23 +92,14 @@ class SoundLevelMeter:
         """What is read, as IEC 61672-1 writes it: LZF, LAS."""
         return f"L{self.frequency_weighting}{self.time_weighting}"
 
-    @property
-    def class_1_up_to_hz(self) -> float:
-        """Nominal frequency (Hz) up to which readings are class 1; the standard ends at 20 kHz."""
-        return class_1_up_to_hz(self.rate)
-
     def read(self, pressure: FloatArray) -> Reading:
-        """The reading for the next samples, ``(n,)`` in Pa.
-
-        Raises
-        ------
-        RefusedError : a sample that is not a finite number; the meter is as it was
-        """
+        """The reading for the next samples, ``(n,)`` in Pa; refused ones leave it as it was."""
         if pressure.size == 0:
             raise ValueError("a block must hold at least one sample")
         _require_finite(pressure)
         weighted, filter_ = self._weighted(pressure)
-        power = self._averaged(np.square(weighted))
+        fresh = (1.0 - self._keep) * np.square(weighted)
+        power = first_order(self._keep, fresh, self.state.power)  # y ← keep y + (1 − keep) x
         energy = float(weighted @ weighted)
         highest = _level(float(power.max()))
         overload = float(np.abs(pressure).max()) > math.sqrt(2.0) * float(pressure_pa(self.span[1]))
@@ -183,10 +147,6 @@ class SoundLevelMeter:
         weighted, filter_ = sosfilt(self._sections, pressure, zi=self.state.filter)
         return np.asarray(weighted), np.asarray(filter_)
 
-    def _averaged(self, square: FloatArray) -> FloatArray:
-        """The time weighting of squares, Pa²: y ← keep y + (1 − keep) x."""
-        return first_order(self._keep, (1.0 - self._keep) * square, self.state.power)
-
 
 def _require_finite(pressure: FloatArray) -> None:
     """Refuse a broken signal: it would read as silence, for ever after."""
@@ -219,17 +179,14 @@ FULL_SCALE = 32767
 
 @dataclass(frozen=True)
 class Measurement:
-    """Levels in dB re 20 µPa by the standard's names, as LAeq and LAFmax, and the flags.
+    """What a recorded sound measures."""
 
-    ``class_1_up_to_hz`` is the nominal frequency up to which the levels are of class 1.
-    """
-
-    levels: dict[str, float]
+    levels: dict[str, float]  #: dB re 20 µPa by the standard's names, as LAeq and LAFmax
     bands: Spectrum
     peak_pa: float
     overload: bool
     under_range: bool
-    class_1_up_to_hz: float
+    class_1_up_to_hz: float  #: nominal frequency up to which the levels are of class 1
 
 
 def measure(pressure: FloatArray, rate: int) -> Measurement:
@@ -249,10 +206,7 @@ def measure(pressure: FloatArray, rate: int) -> Measurement:
 
 
 def full_scale(peak: float) -> float:
-    """Pressure (Pa) that a sound file's largest number stands for: 1, 2 or 5 times a power of 10.
-
-    The smallest of them that ``peak`` does not pass, so files of like loudness share it.
-    """
+    """Pressure (Pa) of a sound file's largest number: the least 1, 2, 5 · 10ⁿ from ``peak`` on."""
     if peak <= 0.0:
         return 1.0
     decade = 10.0 ** np.floor(np.log10(peak))

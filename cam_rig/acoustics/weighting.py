@@ -25,7 +25,6 @@ ZEROS = {"A": 4, "C": 2}
 FITTED = 6
 #: Where every weighting is 0 dB, Hz.
 REFERENCE = 1000.0
-
 #: Class 1 of table 3: nominal frequency (Hz), A and C (dB), acceptance limits above and below (dB).
 CLASS_1 = (
     (10.0, -70.4, -14.3, 3.0, -math.inf),
@@ -149,11 +148,11 @@ LEAST = float(np.finfo(float).eps)
 
 @dataclass(frozen=True, eq=False)
 class Spectrum:
-    """Band levels: exact mid-band frequency (Hz), nominal name, level (dB re 20 µPa)."""
+    """Band levels."""
 
-    frequency: FloatArray
-    names: tuple[str, ...]
-    level_db: FloatArray
+    frequency: FloatArray  #: exact mid-band frequency, Hz
+    names: tuple[str, ...]  #: nominal
+    level_db: FloatArray  #: re 20 µPa
 
 
 def third_octaves(pressure: FloatArray, rate: int) -> Spectrum:

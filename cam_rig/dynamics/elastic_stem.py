@@ -17,11 +17,10 @@ import numpy as np
 
 from cam_rig.dynamics.interval import Block, FollowerState, Interval
 from cam_rig.dynamics.linear.response import LinearResponse
-from cam_rig.dynamics.linear.sampling import Outputs, end_of, outputs_at, sample
+from cam_rig.dynamics.linear.sampling import Outputs, end_of, sample
 from cam_rig.dynamics.parameters import FollowerParameters, state_of
 from cam_rig.dynamics.speed_ramp import with_ramps
 from cam_rig.laws import Law
-from cam_rig.units import FloatArray
 
 
 @lru_cache(maxsize=64)
@@ -53,22 +52,6 @@ def outputs(parameters: FollowerParameters) -> Outputs:
     return Outputs(state, law, np.array([0.0, 0.0, 0.0, p.preload]))
 
 
-def motion(
-    law: Law,
-    parameters: FollowerParameters,
-    speed: float,
-    angle: float,
-    start: FloatArray,
-    times: FloatArray,
-) -> FloatArray:
-    """Rows of `outputs`, ``(4, len(times))``, at ascending times in s after ``angle`` (rad).
-
-    ``start`` is (r, ṙ) there; zeros is a follower that rests on a standing cam.
-    """
-    model = response(law, parameters, speed)
-    return outputs_at(model, start, angle, times, outputs(parameters))
-
-
 @with_ramps
 def advance(
     law: Law,
@@ -78,10 +61,7 @@ def advance(
     sample_rate: int,
     step: float,
 ) -> tuple[FollowerState, Block]:
-    """Take the follower through the interval, exactly; None puts it on the cam without vibration.
-
-    ``step`` is by how much ṡ is more than where ``state`` ended, m/s: x and ẋ go on.
-    """
+    """Take the follower through the interval; where ṡ gains ``step`` m/s, x and ẋ go on."""
     model = response(law, parameters, interval.speed)
     start = np.zeros(2) if state is None else state_of(state.inner, 2)
     if step != 0.0:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import Literal
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Literal, TypeVar
 
 import numpy as np
 
@@ -17,11 +18,11 @@ from cam_rig.dynamics.parameters import (
     require_stamp,
 )
 from cam_rig.errors import DynamicsError
-from cam_rig.laws import Law
 from cam_rig.laws.sampling import samples_before
 from cam_rig.units import NS, TURN, FloatArray
 
-# The columns of a block of samples, and of /follower/samples, by name: ``samples.force``.
+EventKind = Literal["lift-off", "landing"]
+Time = TypeVar("Time", float, FloatArray)
 
 #: Rows of a block, with their units.
 COLUMNS = (
@@ -34,63 +35,33 @@ COLUMNS = (
 )
 
 
-class NamedRows:
-    """The rows of a ``(6, n)`` array ``rows``, each ``(n,)`` by its name: views, never copies."""
+class _RowView:
+    """Rows of ``rows`` by their place: a view, never a copy."""
 
-    rows: FloatArray
+    def __init__(self, place: int | slice) -> None:
+        self.place = place
 
-    def _row(self, index: int) -> FloatArray:
-        row: FloatArray = self.rows[index]
+    def __get__(self, owner: NamedRows, _kind: object = None) -> FloatArray:
+        row: FloatArray = owner.rows[self.place]
         return row
 
-    @property
-    def time(self) -> FloatArray:
-        """Rig time, s."""
-        return self._row(0)
 
-    @property
-    def lift(self) -> FloatArray:
-        """Follower displacement, m."""
-        return self._row(1)
+class NamedRows:
+    """The rows of a ``(6, n)`` array ``rows``, each ``(n,)`` by its name."""
 
-    @property
-    def velocity(self) -> FloatArray:
-        """Follower velocity, m/s."""
-        return self._row(2)
-
-    @property
-    def acceleration(self) -> FloatArray:
-        """Follower acceleration, m/s²."""
-        return self._row(3)
-
-    @property
-    def force(self) -> FloatArray:
-        """Contact force, N; 0 in flight."""
-        return self._row(4)
-
-    @property
-    def impulse(self) -> FloatArray:
-        """Impulse of the landings since the sample before, N·s."""
-        return self._row(5)
-
-    @property
-    def motion(self) -> FloatArray:
-        """Lift, velocity and acceleration together, ``(3, n)``."""
-        return self.rows[1:4]
+    rows: FloatArray
+    time = _RowView(0)  #: rig time, s
+    lift = _RowView(1)  #: follower displacement, m
+    velocity = _RowView(2)  #: follower velocity, m/s
+    acceleration = _RowView(3)  #: follower acceleration, m/s²
+    force = _RowView(4)  #: contact force, N; 0 in flight
+    impulse = _RowView(5)  #: impulse of the landings since the sample before, N·s
+    motion = _RowView(slice(1, 4))  #: lift, velocity and acceleration together, ``(3, n)``
 
 
 @dataclass(frozen=True, eq=False)
 class Samples(NamedRows):
-    """The named rows of an array.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> rows = np.zeros((6, 100))
-    >>> Samples(rows).force[:10] = 25.0
-    >>> float(rows[4, 9])
-    25.0
-    """
+    """The named rows of an array."""
 
     rows: FloatArray
 
@@ -99,13 +70,10 @@ class Samples(NamedRows):
 IN_CACHE = 8192
 
 _COUNTED = np.arange(IN_CACHE, dtype=np.float64)
-
 #: A speed this small beside the other end's is rest: a ramp down to it ends there by rounding.
 REST = 1e-9
-
 #: Speeds that differ by less than this fraction are one: a ramp ends at its last speed to rounding.
 SAME_SPEED = 1e-12
-
 #: An interval may begin this far (rad) from the cam angle where the one before ended: rounding.
 ANGLE_TOLERANCE = 1e-6
 
@@ -125,23 +93,19 @@ def wrap(angle: float, turns: int = 0) -> tuple[int, float]:
 
 @dataclass(frozen=True)
 class Interval:
-    """Rig time from ``start_ns`` to ``stop_ns``: θ = angle + speed t + acceleration t²/2.
+    """A stretch of rig time: θ = angle + speed t + acceleration t²/2.
 
-    ``angle`` is the cam angle (rad) at the start, within its turn; ``turns`` are the whole turns
-    before. Apart they keep every digit however long the cam turns: an angle given without turns
-    has its own taken off. ``speed`` in rad/s at the start, ``acceleration`` in rad/s².
-
-    Raises
-    ------
-    DynamicsError : stamps that do not rise, a number out of range, or a cam that turns back
+    Angle and turns apart keep every digit however long the cam turns: an angle given without turns
+    has its own taken off. A `DynamicsError` for stamps that do not rise, a number out of range, or
+    a cam that turns back.
     """
 
     start_ns: int
     stop_ns: int
-    angle: float
-    speed: float
-    acceleration: float = 0.0
-    turns: int = 0
+    angle: float  #: of the cam at the start, within its turn, rad
+    speed: float  #: at the start, rad/s
+    acceleration: float = 0.0  #: rad/s²
+    turns: int = 0  #: whole turns before
 
     def __post_init__(self) -> None:
         for name in ("start_ns", "stop_ns"):
@@ -174,21 +138,16 @@ class Interval:
         """Mean speed, rad/s."""
         return self.speed + 0.5 * self.acceleration * self.duration
 
-    def angle_at(self, time: float) -> float:
-        """Cam angle (rad) at a time (s) since the start, from the turn it starts in."""
+    def angle_at(self, time: Time) -> Time:
+        """Cam angle (rad) at times (s) since the start, from the turn it starts in."""
         return self.angle + time * (self.speed + 0.5 * self.acceleration * time)
 
-    def unwrapped_at(self, time: float) -> float:
+    def unwrapped_at(self, time: Time) -> Time:
         """The same with all turns before: for people, as it loses digits turn by turn."""
         return self.turns * TURN + self.angle_at(time)
 
-    def unwrapped(self, times: FloatArray) -> FloatArray:
-        """`unwrapped_at` of many times ``(n,)``."""
-        since = times * (self.speed + 0.5 * self.acceleration * times)
-        return self.turns * TURN + (self.angle + since)
-
-    def speed_at(self, time: float) -> float:
-        """Speed (rad/s) at a time (s) since the start."""
+    def speed_at(self, time: Time) -> Time:
+        """Speed (rad/s) at times (s) since the start."""
         return self.speed + self.acceleration * time
 
     def time_at(self, angle: float) -> float:
@@ -205,14 +164,10 @@ class Interval:
         length = self.stop_ns - self.start_ns
         count = min(max(1, math.ceil(fastest * self.duration / most)), length)
         parts = []
-        for i in range(count):
-            since, until = length * i // count, length * (i + 1) // count
-            at = since / NS
-            start, stop = self.start_ns + since, self.start_ns + until
-            part = replace(
-                self, start_ns=start, stop_ns=stop, angle=self.angle_at(at), speed=self.speed_at(at)
-            )
-            parts.append(part)
+        for a, b in pairwise(length * i // count for i in range(count + 1)):
+            angle, speed = self.angle_at(a / NS), self.speed_at(a / NS)
+            stamps = self.start_ns + a, self.start_ns + b
+            parts.append(Interval(*stamps, angle, speed, self.acceleration, self.turns))
         return parts
 
     def grid(self, sample_rate: int) -> SampleGrid:
@@ -226,25 +181,19 @@ class Interval:
 
 @dataclass(frozen=True)
 class SampleGrid:
-    """``count`` samples of the rig's time grid; ``offset`` s from the interval's start."""
+    """An interval's samples of the rig's time grid."""
 
-    first: int
+    first: int  #: number of the first one
     count: int
-    offset: float
-    sample_rate: int
+    offset: float  #: of the first one from the interval's start, s
+    sample_rate: int  #: Hz
 
     def since_start(self) -> FloatArray:
         """Times since the interval's start, s."""
         return self.offset + np.arange(self.count) / self.sample_rate
 
-    def rows(self, motion: FloatArray | float = 0.0) -> FloatArray:
-        """``(6, count)`` as in `COLUMNS`, of lift to contact force ``(4, count)``; no impulses."""
-        rows = self.open_rows()
-        rows[1:5] = motion
-        return rows
-
     def open_rows(self) -> FloatArray:
-        """``(6, count)`` with times and no impulses; lift to contact force are to be written."""
+        """``(6, count)`` as in `COLUMNS`, without impulses; lift to force are to be written."""
         rows = np.empty((len(COLUMNS), self.count))
         for begin in range(0, self.count, IN_CACHE):
             times = rows[0, begin : begin + IN_CACHE]
@@ -265,42 +214,33 @@ class SampleGrid:
         return slice(first, last), self.offset + np.arange(first, last) / self.sample_rate
 
 
-EventKind = Literal["lift-off", "landing"]
-
-
 @dataclass(frozen=True)
 class Event:
-    """A lift-off or a landing.
-
-    ``time`` in s of rig time, ``angle`` of the cam in rad with all its turns, ``impulse`` in N·s
-    and ``energy_lost`` in J (both zero at a lift-off).
-    """
+    """A lift-off or a landing."""
 
     kind: EventKind
-    time: float
-    angle: float
-    impulse: float = 0.0
-    energy_lost: float = 0.0
+    time: float  #: s of rig time
+    angle: float  #: of the cam, rad, with all its turns
+    impulse: float = 0.0  #: N·s, 0 at a lift-off
+    energy_lost: float = 0.0  #: J, 0 at a lift-off
 
 
 @dataclass(frozen=True)
 class FollowerState:
     """Where the follower is at the end of an interval.
 
-    ``pending_impulse`` (N·s) fell after the interval's last sample: the next block shows it.
-    ``inner`` is what else the model remembers. ``cam_angle`` (rad, within the turn) and
-    ``cam_speed`` (rad/s) are the cam's there: what goes on from here must begin at that angle,
-    and a speed other than that is an impact on the follower, or lifts it off. None: not known.
+    What goes on from here must begin at ``cam_angle``; a speed other than ``cam_speed`` is an
+    impact on the follower, or lifts it off.
     """
 
-    displacement: float
-    velocity: float
-    contact_force: float
+    displacement: float  #: m
+    velocity: float  #: m/s
+    contact_force: float  #: N
     in_contact: bool
-    pending_impulse: float = 0.0
-    inner: tuple[float, ...] = ()
-    cam_angle: float | None = None
-    cam_speed: float | None = None
+    pending_impulse: float = 0.0  #: N·s, after the last sample: the next block shows it
+    inner: tuple[float, ...] = ()  #: what else the model remembers
+    cam_angle: float | None = None  #: rad, within the turn; None: not known
+    cam_speed: float | None = None  #: rad/s; None: not known
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -316,15 +256,11 @@ class FollowerState:
 
 @dataclass(frozen=True, eq=False)
 class Block(NamedRows):
-    """The samples of one interval, ``(6, n)``, rows as in `COLUMNS`, and its events.
-
-    Each row by its name: ``block.time``, ``.lift``, ``.velocity``, ``.acceleration``, ``.force``,
-    ``.impulse``.
-    """
+    """The samples of one interval, ``(6, n)``, rows as in `COLUMNS`, and its events."""
 
     interval: Interval
     rows: FloatArray
-    events: tuple[Event, ...] = field(default=())
+    events: tuple[Event, ...] = ()
 
     def with_impulse(self, impulse: float) -> Block:
         """The block with more impulse (N·s) at its first sample."""
@@ -368,17 +304,10 @@ def same_speed(one: float, other: float) -> bool:
     return abs(one - other) <= SAME_SPEED * max(abs(one), abs(other))
 
 
-# Landing impulses on the sample grid.
-
-
 def show_impulses(
     rows: FloatArray, grid: SampleGrid, events: Sequence[Event], pending: float
 ) -> float:
-    """Add each impulse to the sample at or after it; return what comes after the last one.
-
-    ``events`` have times in s since the interval's start; ``pending`` (N·s) is what the interval
-    before could not show.
-    """
+    """Add impulses to the samples at or after them; return what (N·s) comes after the last."""
     late = 0.0
     due = [(0, pending)] + [(grid.index_after(event.time), event.impulse) for event in events]
     for index, impulse in due:
@@ -387,16 +316,3 @@ def show_impulses(
         else:
             late += impulse
     return late
-
-
-#: A change of the cam's velocity below this fraction of (cam speed x lift) is rounding: no step.
-NO_IMPACT = 1e-12
-
-#: A bounce is contact when it is lower than this fraction of the lift, or than so many metres,
-#: a hundred thousandth of an atom.
-MIN_OF_LIFT, MIN_HEIGHT = 1e-12, 1e-15
-
-
-def least_bounce(law: Law) -> float:
-    """Height (m) below which a bounce is contact."""
-    return max(MIN_OF_LIFT * law.lift, MIN_HEIGHT)

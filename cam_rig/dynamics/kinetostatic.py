@@ -10,15 +10,13 @@ from functools import lru_cache
 import numpy as np
 
 from cam_rig.dynamics.interval import Block, FollowerState, Interval
-from cam_rig.dynamics.parameters import FollowerParameters, require_turning
+from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.speed_ramp import with_ramps
 from cam_rig.dynamics.velocity_jumps import require_smooth
 from cam_rig.laws import Law, bernstein
 from cam_rig.laws.law import extremes
 from cam_rig.laws.sampling import sample
 from cam_rig.units import TURN, FloatArray
-
-# Contact force of a follower that sits on the cam, and where it would have to pull.
 
 #: A force is known to so many rounding errors of its parts.
 ROUNDING_ERRORS = 16.0
@@ -28,12 +26,6 @@ def force_weights(parameters: FollowerParameters, speed: float) -> FloatArray:
     """Weights of s, s', s'' in the contact force at ``speed`` (rad/s)."""
     p = parameters
     return np.array([p.spring_stiffness, p.damping * speed, p.mass * speed**2])
-
-
-def motion_weights(parameters: FollowerParameters, speed: float) -> FloatArray:
-    """``(4, 3)``: weights of s, s', s'' in lift, velocity, acceleration, contact force."""
-    kinematic = np.diag([1.0, speed, speed**2])
-    return np.vstack([kinematic, force_weights(parameters, speed)])
 
 
 def force_ordinates(law: Law, parameters: FollowerParameters, speed: float) -> FloatArray:
@@ -80,24 +72,7 @@ def state_at(law: Law, parameters: FollowerParameters, angle: float, speed: floa
     return FollowerState(s, v, force, in_contact=True)
 
 
-def advance(
-    law: Law,
-    parameters: FollowerParameters,
-    state: FollowerState | None,
-    interval: Interval,
-    sample_rate: int,
-) -> tuple[FollowerState, Block]:
-    """Follow the law through the interval; the contact force may come out negative.
-
-    ``state`` plays no part (there is no memory), it is taken so that models are alike.
-    """
-    require_turning(interval.mean_speed)
-    require_smooth(law)  # here, where it is not yet a ramp's substitute
-    return _advance(law, parameters, state, interval, sample_rate)
-
-
-@with_ramps
-def _advance(
+def _at_one_speed(
     law: Law,
     parameters: FollowerParameters,
     _: FollowerState | None,
@@ -105,23 +80,27 @@ def _advance(
     sample_rate: int,
     _step: float,
 ) -> tuple[FollowerState, Block]:
+    """Follow the law through the interval, without memory; the contact force may be negative."""
     end = interval.angle + interval.speed * interval.duration
     rows = contact_samples(law, parameters, interval, sample_rate)
     return state_at(law, parameters, end, interval.speed), Block(interval, rows)
+
+
+advance = with_ramps(_at_one_speed, require_smooth)
 
 
 def contact_samples(
     law: Law, parameters: FollowerParameters, interval: Interval, sample_rate: int
 ) -> FloatArray:
     """The samples ``(6, n)`` of a follower on the cam, rows as in `COLUMNS`, at one speed."""
-    grid = interval.grid(sample_rate)
-    rows = grid.open_rows()
+    grid, speed = interval.grid(sample_rate), interval.speed
+    rows, kinematic = grid.open_rows(), np.diag([1.0, speed, speed**2])
     sample(
         law,
-        interval.angle + interval.speed * grid.offset,
-        interval.speed / sample_rate,
+        interval.angle + speed * grid.offset,
+        speed / sample_rate,
         grid.count,
-        motion_weights(parameters, interval.speed),
+        np.vstack([kinematic, force_weights(parameters, speed)]),
         np.array([0.0, 0.0, 0.0, parameters.preload]),
         rows[1:5],
     )

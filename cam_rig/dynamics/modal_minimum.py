@@ -17,16 +17,12 @@ from cam_rig.units import TURN, ComplexArray, FloatArray
 
 #: A cell is no wider than this part of a turn.
 MIN_CELLS = 192
-
 #: A cell that may hold the least value is cut into so many.
 CUT = 8
-
 #: A least value is found to this part of the output's size.
 EXACT = 1e-13
-
 #: A value in a cut costs as much as so many in the first cells.
 COSTS = 4
-
 #: Cuts until rounding decides: 8^17 is 2^51.
 MAX_CUTS = 17
 
@@ -53,16 +49,16 @@ class Looks:
 
 @dataclass(frozen=True, eq=False)
 class LawCells:
-    """The pieces of a law, the long ones cut: each cell's piece, and where in it, rad, ``(c,)``."""
+    """The pieces of a law, the long ones cut, ``(c,)``."""
 
     piece: Indices
-    low: FloatArray
-    width: FloatArray
-    ends: FloatArray
+    low: FloatArray  #: where in the piece, rad
+    width: FloatArray  #: rad
+    ends: FloatArray  #: the law's basis at both ends of each cell, ``(2, c, p + 1)``
 
     @classmethod
     def of(cls, law: Law) -> LawCells:
-        """The cells of a law; ``ends`` are its basis at both ends of each, ``(2, c, p + 1)``."""
+        """The cells of a law."""
         count = np.ceil(law.spans * (MIN_CELLS / TURN)).astype(int)
         piece = np.repeat(np.arange(law.spans.size), count)
         inner = np.arange(piece.size) - np.repeat(np.cumsum(count) - count, count)
@@ -73,32 +69,25 @@ class LawCells:
 
 
 class Candidates(NamedTuple):
-    """Cells of some turn at some speed, ``(n,)``: which speed, piece, and where in it (rad).
+    """Cells of some turn at some speed, ``(n,)``."""
 
-    ``amplitude`` ``(n, 2)`` is that at the start of the piece.
-    """
-
-    row: Indices
+    row: Indices  #: which speed
     piece: Indices
-    low: FloatArray
-    width: FloatArray
-    amplitude: ComplexArray
+    low: FloatArray  #: where in it, rad
+    width: FloatArray  #: rad
+    amplitude: ComplexArray  #: at the start of the piece, ``(n, 2)``
 
 
 @dataclass(frozen=True, eq=False)
 class CellTables:
-    """What holds for cells ``(c,)`` at speeds ``(m,)`` (rad/s).
-
-    ``turns`` ``(m, t, 2)`` is the amplitude where each turn of a run begins, ``own`` ``(m, n, 2)``
-    what the turn's joints have added to it where each piece begins.
-    """
+    """What holds for cells ``(c,)`` at speeds ``(m,)``."""
 
     model: ModalResponse
     cells: LawCells
     duration: float | None
-    speeds: FloatArray
-    turns: ComplexArray
-    own: ComplexArray
+    speeds: FloatArray  #: rad/s
+    turns: ComplexArray  #: amplitude where each turn of a run begins, ``(m, t, 2)``
+    own: ComplexArray  #: what the turn's joints have added where each piece begins, ``(m, n, 2)``
 
     @cached_property
     def forced(self) -> FloatArray:
@@ -142,10 +131,7 @@ class CellTables:
         return np.asarray(EXACT * size)
 
     def candidates(self, turns: slice, found: FloatArray) -> Candidates:
-        """Cells of these turns that may hold a value below what was found in all.
-
-        The output where each begins lowers ``found`` ``(m,)`` first.
-        """
+        """Cells of these turns that may hold a value below ``found`` ``(m,)``, lowered first."""
         begin, end = self._values(turns)
         begin[self._over(turns)] = np.inf
         np.minimum(found, begin.min(axis=(1, 2)), out=found)
@@ -191,10 +177,7 @@ class CellTables:
 
 
 def closer(tables: CellTables, candidates: Candidates, found: FloatArray, looks: Looks) -> None:
-    """Lower what was found, ``(m,)``, to the least value in the candidates.
-
-    They are cut again and again; what may not hold a lower value is left.
-    """
+    """Lower ``found`` ``(m,)`` to the least value in the candidates, cut again and again."""
     model, cut = tables.model, np.arange(CUT + 1.0) / CUT
     for _ in range(MAX_CUTS):
         if candidates.row.size == 0:
@@ -221,37 +204,26 @@ def closer(tables: CellTables, candidates: Candidates, found: FloatArray, looks:
         )
 
 
-# The least output of one vibration mode over a run, at many speeds at once.
-
 #: What a grid of speeds may miss of the vibration between them.
 GRID_MISSES = 0.01
-
 #: For a bound over many speeds a piece is cut into parts no wider than this part of a turn.
 FEW_CELLS = 24
-
 #: What is left of a start that has faded.
 FADED = 1e-17
-
 #: Cells of all speeds and turns that are held in memory together.
 TOGETHER = 1 << 20
 
 
 @dataclass(frozen=True, eq=False)
 class ModalRun:
-    """How long a model runs: ``duration`` s from rest at θ = 0, or settled for ever (None).
-
-    ``looks`` counts the values that its least outputs are found by.
-    """
+    """A model's run, and its least output at many speeds at once."""
 
     model: ModalResponse
-    duration: float | None
+    duration: float | None  #: s from rest at θ = 0; None is settled for ever
     looks: Looks = field(default_factory=Looks)
 
     def turns(self, speeds: FloatArray, turn: ComplexArray) -> ComplexArray:
-        """Amplitude at the start of each turn, ``(m, turns, 2)``; one turn adds ``turn`` (m, 2).
-
-        Turns after one that differs from the steady state by rounding alone are left out.
-        """
+        """Amplitude where each turn begins until it is steady; a turn adds ``turn`` ``(m, 2)``."""
         model = self.model
         if self.duration is None:
             return model.steady(speeds, turn)[:, None]
@@ -293,10 +265,7 @@ class ModalRun:
 
     @cached_property
     def _signed_terms(self) -> tuple[NDArray[np.intp], FloatArray, FloatArray]:
-        """The terms' ordinates that are positive, and those that are not, in parts of pieces.
-
-        In short parts ordinates are near the polynomial. First comes the piece of each part.
-        """
+        """The piece of each short part, and the terms' positive and other ordinates in it."""
         terms = self.model.terms
         counts = np.ceil(self.model.law.spans * (FEW_CELLS / TURN)).astype(int)
         parts = []

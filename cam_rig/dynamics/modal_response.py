@@ -22,8 +22,6 @@ from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein
 from cam_rig.units import TURN, ComplexArray, FloatArray, to_rpm
 
-# Sums of fading terms over the joints of a turn, and the series of a transfer function.
-
 #: Amplitudes are summed over so many joints that they fade by e to this, at most.
 FADED = 20.0
 
@@ -60,10 +58,8 @@ def carried(gains: NDArray[Any], ends: FloatArray, rates: NDArray[Any]) -> NDArr
 
 #: Terms of the series after two below this fraction of the largest are rounding of a fit.
 SETTLED = 1e-14
-
 #: Rounding may take this part of the output.
 LOST = 1e-4
-
 #: Rates nearer than this fraction are moved apart: a critically damped mode is one, not two.
 APART = 1e-7
 
@@ -73,21 +69,14 @@ class ModalResponse:
     """One output of a model with one mode, over one law, at any speeds.
 
     An amplitude is complex, ``(..., 2)``, one number for each rate λ: (η, η̇) = Σ a (1, λ) e^{λt}.
-
-    Parameters
-    ----------
-    matrix : A of (η, η̇), ``(2, 2)``, first row (0, 1)
-    drive : what s, ṡ, s̈ contribute to η̈, ``(3,)``
-    state, motion : what (η, η̇) and (s, ṡ, s̈) contribute to the output, ``(2,)`` and ``(3,)``
-    constant : of the output
     """
 
     law: Law
-    matrix: FloatArray
-    drive: FloatArray
-    state: FloatArray
-    motion: FloatArray
-    constant: float
+    matrix: FloatArray  #: A of (η, η̇), ``(2, 2)``, first row (0, 1)
+    drive: FloatArray  #: what s, ṡ, s̈ contribute to η̈, ``(3,)``
+    state: FloatArray  #: what (η, η̇) contributes to the output, ``(2,)``
+    motion: FloatArray  #: what (s, ṡ, s̈) contributes, ``(3,)``
+    constant: float  #: of the output
 
     @classmethod
     def of(cls, response: LinearResponse, outputs: Outputs, row: int = 0) -> ModalResponse:
@@ -198,10 +187,7 @@ class ModalResponse:
 
     @cached_property
     def _edges(self) -> FloatArray:
-        """s⁽ᵏ⁾ at the start of each piece less that at the end of the one before, and the former.
-
-        ``(2, p + 2, n)``
-        """
+        """``(2, p + 2, n)``: jumps of s⁽ᵏ⁾ at the start of each piece, and s⁽ᵏ⁾ there."""
         start, end = self.derivatives[:, 0], self.derivatives[:, -1]
         return np.stack([start - np.roll(end, 1, axis=1), start])
 
@@ -259,10 +245,7 @@ class ModalResponse:
         return np.asarray(np.exp(rate * angle / speeds[:, None]))
 
     def largest_state_jumps(self, speed: float) -> tuple[FloatArray, float]:
-        """What the `envelope` of each state jump ``(n,)``, and from rest, does not exceed.
-
-        So is it at every slower speed too. The damping is light.
-        """
+        """Most of `envelope` of each state jump ``(n,)`` and from rest up to a speed; if light."""
         powers = self.powers(np.array([speed]))[0] * np.abs(self.own)
         eta = np.abs(self._edges[:, :-1]).transpose(0, 2, 1) @ powers
         rate = np.abs(self._edges[:, 1:]).transpose(0, 2, 1) @ (powers * speed)
@@ -272,10 +255,7 @@ class ModalResponse:
         return jumps, float(start[0])
 
     def since_turn(self, speeds: FloatArray) -> ComplexArray:
-        """Amplitudes where each piece begins, of this turn's state jumps alone, ``(m, n + 1, 2)``.
-
-        The last is at the end of the turn, with the state jump of its first joint.
-        """
+        """Amplitudes at pieces and turn's end of this turn's jumps alone, ``(m, n + 1, 2)``."""
         gains = np.roll(self.state_jumps(speeds), -1, axis=1)
         one, two = (rate / speeds[:, None] for rate in self.rates)
         ends = self.law.breaks[1:]
@@ -297,10 +277,7 @@ class ModalResponse:
         return np.asarray(turn / gap)
 
     def amplitude_at(self, speeds: FloatArray, angle: float) -> FloatArray:
-        """Amplitude of the steady free vibration in the output at a cam angle (rad), ``(m,)``.
-
-        At a joint that after its state jump.
-        """
+        """Amplitude of the steady free vibration in the output at an angle, after a jump."""
         piece = self.law.piece(angle)
         start = float(self.law.breaks[piece])
         at = self.steady(speeds) * self.fading(speeds, start)[:, 0]

@@ -10,25 +10,18 @@ import numpy as np
 from cam_rig.dynamics.events.course import Course, no_contact
 from cam_rig.dynamics.events.runs import RunTable
 from cam_rig.dynamics.interval import Block, FollowerState, Interval, Samples
-from cam_rig.dynamics.kinetostatic import (
-    contact_samples,
-    force_rounding,
-    loss_intervals,
-    state_at,
-)
+from cam_rig.dynamics.kinetostatic import contact_samples, force_rounding, loss_intervals, state_at
 from cam_rig.dynamics.linear.exponential import Flight, FreeSystem, Pairs
-from cam_rig.dynamics.parameters import FollowerParameters, require_turning, told
+from cam_rig.dynamics.parameters import FollowerParameters, told
 from cam_rig.dynamics.speed_ramp import with_ramps
 from cam_rig.dynamics.velocity_jumps import short_of_velocity_jump
 from cam_rig.laws import Law
 from cam_rig.units import FloatArray
 
-# One mass in the air: m ÿ + c ẏ + k y + preload = 0.
-
 
 @lru_cache(maxsize=64)
 def free_mass(parameters: FollowerParameters) -> FreeSystem:
-    """The follower without the cam; its state is (y, ẏ) in m and m/s."""
+    """The follower in the air, m ÿ + c ẏ + k y + preload = 0; its state is (y, ẏ), m and m/s."""
     p = parameters
     stiffness, damping = p.spring_stiffness / p.mass, p.damping / p.mass
     return FreeSystem(
@@ -66,10 +59,7 @@ class OneMassTrajectory(Course):
         self.parameters, self.interval = parameters, interval
 
     def run(self, state: FollowerState | None, step: float = 0.0) -> None:
-        """Find all phases of the interval; ``state`` None puts the follower on the cam.
-
-        ``step`` is by how much the cam's velocity is more than where the state ended, m/s.
-        """
+        """Find all phases from a state (None: on the cam) on, where ṡ has gained ``step`` m/s."""
         start: FloatArray | Flight = np.zeros(2)
         if state is not None and not state.in_contact:
             start = lifted_off(self.parameters, state.displacement, state.velocity, *state.inner)
@@ -96,10 +86,6 @@ class OneMassTrajectory(Course):
             force_rounding(law, p, speed) / p.mass,
         )
 
-    def on_cam(self, time: float) -> FollowerState:
-        """The follower as it would be on the cam at a time since the interval's start."""
-        return state_at(self.law, self.parameters, self.angle + self.speed * time, self.speed)
-
     @property
     def end(self) -> FollowerState:
         """The follower at the end of the interval, before a velocity jump of the next one."""
@@ -108,9 +94,6 @@ class OneMassTrajectory(Course):
             return FollowerState(y, v, 0.0, in_contact=False, inner=self.last.known)
         angle = short_of_velocity_jump(self.law, self.angle + self.speed * self.phases[-1].end)
         return state_at(self.law, self.parameters, angle, self.speed)
-
-
-# One mass on a rigid stem: contact, lift-off, flight, landing.
 
 
 @with_ramps
@@ -126,7 +109,6 @@ def advance(
 
     ``step`` is by how much ṡ is more than where ``state`` ended, m/s.
     """
-    require_turning(interval.speed)
     course = OneMassTrajectory(law, parameters, interval)
     course.run(state, step)
     rows = contact_samples(law, parameters, interval, sample_rate)

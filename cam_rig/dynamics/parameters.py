@@ -1,4 +1,4 @@
-"""The follower's numbers, in SI, as the models use them."""
+"""What a model may be given, in SI; all else is refused here, by name and limit."""
 
 from __future__ import annotations
 
@@ -14,20 +14,14 @@ from cam_rig.schema import RigConfig
 from cam_rig.schema.quantity import Quantity
 from cam_rig.units import FloatArray
 
-# What a model may be given: numbers, times, states; all else is refused here, by name and limit.
-
 #: A number above zero is between these, one of either sign no farther from zero, all in SI.
 LEAST, MOST = 1e-15, 1e15
-
 #: Largest cam angle, rad: beyond it less than four digits of the phase are left.
 MAX_ANGLE = 1e12
-
 #: Slowest and fastest cam, rad/s.
 MIN_SPEED, MAX_SPEED = 1e-30, 1e9
-
 #: Finest grid of samples, Hz: rig time is counted in ns.
 MAX_RATE = 1_000_000_000
-
 #: What a number may be, by the words that say so.
 LIMITS = {
     "> 0": (LEAST, MOST),
@@ -133,24 +127,15 @@ def told(name: str, value: float | None) -> float:
 
 @dataclass(frozen=True)
 class FollowerParameters:
-    """One mass on a closing spring, pressed on the cam.
+    """One mass on a closing spring, pressed on the cam."""
 
-    Parameters
-    ----------
-    mass : kg
-    spring_stiffness : N/m, closing spring
-    damping : N·s/m, follower to ground
-    preload : N, spring and weight at zero lift
-    stem_stiffness : N/m, what a landing compresses; None on a rig that does not tell it
-    restitution : Newton's coefficient of a landing, 0 plastic; None as before
-    """
-
-    mass: float
-    spring_stiffness: float
-    damping: float
-    preload: float
+    mass: float  #: kg
+    spring_stiffness: float  #: N/m, closing spring
+    damping: float  #: N·s/m, follower to ground
+    preload: float  #: N, spring and weight at zero lift
+    #: N/m, what a landing compresses; None on a rig that does not tell it
     stem_stiffness: float | None = None
-    restitution: float | None = 0.0
+    restitution: float | None = 0.0  #: Newton's coefficient of a landing, 0 plastic; None as before
 
     def __post_init__(self) -> None:
         words = {"damping": "≥ 0", "preload": "≥ 0", "restitution": "in [0, 1)"}

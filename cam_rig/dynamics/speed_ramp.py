@@ -22,6 +22,7 @@ from cam_rig.dynamics.interval import (
     require_joined,
     speed_change,
 )
+from cam_rig.dynamics.parameters import require_turning
 from cam_rig.dynamics.velocity_jumps import SLACK, short_of_velocity_jump
 from cam_rig.laws import Law, bernstein
 from cam_rig.laws.bernstein import compose, product
@@ -33,50 +34,47 @@ USED = 0.875 * TURN
 P = TypeVar("P")
 
 Advance = Callable[[Law, P, FollowerState | None, Interval, int], tuple[FollowerState, Block]]
-
 #: A model at one speed. Last comes by how much ṡ is more than where the state before ended, m/s.
 AtOneSpeed = Callable[
     [Law, P, FollowerState | None, Interval, int, float], tuple[FollowerState, Block]
 ]
 
 
-def with_ramps(advance: AtOneSpeed[P]) -> Advance[P]:
-    """The model for intervals whose speed changes too, and from one to the next."""
+def with_ramps(
+    advance: AtOneSpeed[P], require: Callable[[Law], None] = lambda _law: None
+) -> Advance[P]:
+    """The model for intervals whose speed changes too, and from one to the next.
+
+    ``require`` refuses a law that the model cannot take.
+    """
 
     @wraps(advance)
     def through(
         law: Law, parameters: P, state: FollowerState | None, interval: Interval, sample_rate: int
     ) -> tuple[FollowerState, Block]:
+        require(law)  # here, where it is not yet a ramp's substitute
+        require_turning(interval.mean_speed)
         require_joined(state, interval)
-        step = _step(law, interval.angle, speed_change(state, interval))
+        change = speed_change(state, interval)  # it acts before a velocity jump there
+        step = law.at(short_of_velocity_jump(law, interval.angle))[1] * change if change else 0.0
         if interval.acceleration == 0.0:
             end, block = advance(law, parameters, state, interval, sample_rate, step)
             return ended(end, interval), block
-        blocks = []
+        blocks, events = list[Block](), list[Event]()
         for part in interval.split(TURN):
             ramped, steady = substitute(law, part)
             state, block = advance(ramped, parameters, state, steady, sample_rate, step)
-            blocks.append(replace(block, events=_true_angles(block, part, steady)))
+            blocks.append(block)
+            events += [  # with the angle of the cam in place of the substitute's, which is a time
+                replace(event, angle=part.unwrapped_at(event.angle / steady.speed))
+                for event in block.events
+            ]
             step = 0.0
         assert state is not None
         rows = np.hstack([block.rows for block in blocks])
-        events = tuple(event for block in blocks for event in block.events)
-        return ended(state, interval), Block(interval, rows, events)
+        return ended(state, interval), Block(interval, rows, tuple(events))
 
     return through
-
-
-def _step(law: Law, angle: float, change: float) -> float:
-    """What ṡ gains (m/s) where the speed changes (rad/s), before a velocity jump there."""
-    return law.at(short_of_velocity_jump(law, angle))[1] * change if change else 0.0
-
-
-def _true_angles(block: Block, part: Interval, steady: Interval) -> tuple[Event, ...]:
-    """Events with the angle of the cam in place of the substitute's, which tells the time."""
-    return tuple(
-        replace(event, angle=part.unwrapped_at(event.angle / steady.speed))
-        for event in block.events
-    )
 
 
 @lru_cache(maxsize=64)
@@ -116,10 +114,7 @@ def _velocity_jumps(
 
 
 def _stretches(law: Law, interval: Interval) -> list[Stretch]:
-    """The pieces of the law that the ramp passes, in order.
-
-    One that begins with a jump of s' at the ramp's end is the next interval's (`velocity_jumps`).
-    """
+    """The pieces that the ramp passes; a jump of s' at its end is the next interval's."""
     found, begin = [], 0.0
     reached = interval.angle_at(interval.duration)
     index = law.piece(interval.angle)

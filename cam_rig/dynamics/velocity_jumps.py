@@ -32,10 +32,7 @@ class VelocityJump(NamedTuple):
 def velocity_jumps_ahead(
     law: Law, angle: float, speed: float, duration: float
 ) -> tuple[VelocityJump, ...]:
-    """The joints with a jump of s' that an interval owns, in order.
-
-    The interval lasts ``duration`` s from a cam angle (rad) on, at ``speed`` (rad/s).
-    """
+    """The joints with a jump of s' that ``duration`` s from ``angle`` (rad) on own, in order."""
     if not law.velocity_jumps:
         return ()
     found: list[VelocityJump] = []
@@ -84,10 +81,7 @@ OTHER_MODELS = (
 
 
 def require_smooth(law: Law, otherwise: str = OTHER_MODELS) -> None:
-    """Refuse a law whose velocity jumps, for a model that it would need an infinite force in.
-
-    ``otherwise`` is what else is allowed, with the comma or semicolon before it.
-    """
+    """Refuse a law whose velocity jumps, an infinite force; ``otherwise`` is what is allowed."""
     if law.velocity_jumps:
         piece = max(law.velocity_jumps, key=lambda i: abs(law.velocity_jumps[i]))
         raise DynamicsError(

@@ -20,15 +20,11 @@ from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.units import RPM, TURN, FloatArray
 
-# Where a follower should rest at its lowest: the stretch in which residual vibration is read.
-
 #: A piece whose ordinates differ by no more than this fraction of the lift is flat, ...
 FLAT = 1e-12
-
 #: ... and low where it is no higher than this fraction above the lowest ordinate: a spline through
 #: readings that leaves its dwell may dip below it by part of their scatter.
 LOW = 1e-3
-
 #: In place of the low dwell of a law without one: this much (rad) about its lowest lift, as wide
 #: as the low dwell of the paper's other laws here.
 GRID = 3600
@@ -38,11 +34,11 @@ STAND_IN = float(np.radians(62.5))
 
 @dataclass(frozen=True)
 class LowDwell:
-    """A stretch of the turn from ``start`` (rad), ``span`` wide; ``dwell`` says that it rests."""
+    """The stretch of the turn in which residual vibration is read."""
 
-    start: float
-    span: float
-    dwell: bool
+    start: float  #: rad
+    span: float  #: rad
+    dwell: bool  #: whether it rests
 
     @property
     def middle(self) -> float:
@@ -75,47 +71,26 @@ def low_dwell(law: Law) -> LowDwell:
     return LowDwell((middle - 0.5 * STAND_IN) % TURN, STAND_IN, False)
 
 
-# Speed fluctuation over the flywheel's inertia, beside eq. 10 of the paper, its limit I_v → ∞.
-
 #: Instants of a turn.
 SAMPLES = 4096
 
 
 @dataclass(frozen=True)
 class FlywheelTurn:
-    """One turn of a cam on its shaft in steady state, driven by a constant torque.
+    """One turn of a cam on its shaft in steady state, driven by a constant torque."""
 
-    Parameters
-    ----------
-    inertia : I_v, kg·m²
-    fluctuation, cam_fluctuation : (fastest − slowest)/mean speed of flywheel and cam
-    formula : the handbook's ΔE/((I_v + I) ω²), shaft rigid, load as at even speed
-    twist : rad, peak to peak
-    torque : N·m, of the motor
-    """
-
-    inertia: float
-    fluctuation: float
-    cam_fluctuation: float
-    formula: float
-    twist: float
-    torque: float
+    inertia: float  #: I_v, kg·m²
+    fluctuation: float  #: (fastest − slowest)/mean speed of the flywheel
+    cam_fluctuation: float  #: and of the cam
+    formula: float  #: the handbook's ΔE/((I_v + I) ω²), shaft rigid, load as at even speed
+    twist: float  #: rad, peak to peak
+    torque: float  #: N·m, of the motor
 
 
 def flywheel_turn(
     law: Law, shaft: TorsionalParameters, inertia: float, speed: float
 ) -> FlywheelTurn:
-    """A turn at the mean ``speed`` (rad/s) behind a flywheel of ``inertia`` (kg·m²).
-
-    Examples
-    --------
-    >>> import cam_rig
-    >>> law = cam_rig.build_law(cam_rig.load_cam("poly345"))
-    >>> shaft = shaft_of(cam_rig.load_rig("paper_table2"))
-    >>> turn = flywheel_turn(law, shaft, 0.2, 300 * RPM)
-    >>> round(turn.fluctuation, 4), round(turn.formula, 4)
-    (0.0312, 0.0312)
-    """
+    """A turn at the mean ``speed`` (rad/s) behind a flywheel of ``inertia`` (kg·m²)."""
     held = math.isinf(inertia)
     behind = replace(shaft, flywheel_inertia=None if held else inertia)
     motion = steady_motion(law, behind, speed)
@@ -135,10 +110,7 @@ def flywheel_turn(
 
 
 def energy_fluctuation(law: Law, shaft: TorsionalParameters, speed: float) -> float:
-    """ΔE (J): largest less smallest surplus of work in a turn at even ``speed`` (rad/s).
-
-    The surplus is ∫(T_mean − T) dθ of the cam's torque T = (m ω² s'' + c ω s' + k s + F₀) s'.
-    """
+    """Peak to peak ∫(T_mean − T) dθ (J) at even speed, T = (m ω² s'' + c ω s' + k s + F₀) s'."""
     f = shaft.follower
     angles = np.linspace(0.0, TURN, SAMPLES + 1)
     s, s1 = law(angles), law(angles, 1)
@@ -151,7 +123,6 @@ def energy_fluctuation(law: Law, shaft: TorsionalParameters, speed: float) -> fl
 
 #: Least natural periods of the stem a turn: below, free and forced vibration cannot be told apart.
 PERIODS = 3.0
-
 #: Slowest and fastest speed, rpm; below, a turn has more periods of the stem than can be sampled.
 SLOWEST, FASTEST = 1.0, 1e5
 
@@ -175,25 +146,20 @@ def require_speeds(follower: FollowerParameters, rpm: Iterable[float]) -> None:
 
 #: Samples of a turn at least, and of a period of the stem.
 MIN_SAMPLES, PER_PERIOD = 4096, 32
-
 #: Free vibration beyond this many times all of the vibration is not part of it.
 MAX_RINGING = 2.0
-
 #: Samples of a turn of twist.
 TWIST_SAMPLES = 2048
 
 
 @dataclass(frozen=True, eq=False)
 class SteadyTurn:
-    """One turn of eq. 5 in steady state; rows ``(n,)``: cam angle (rad), x (m), ẍ (m/s²), r (m).
+    """One turn of eq. 5 in steady state, ``(n,)`` each."""
 
-    r is the vibration about the static share of the lift.
-    """
-
-    angle: FloatArray
-    displacement: FloatArray
-    acceleration: FloatArray
-    vibration: FloatArray
+    angle: FloatArray  #: of the cam, rad
+    displacement: FloatArray  #: x, m
+    acceleration: FloatArray  #: ẍ, m/s²
+    vibration: FloatArray  #: r about the static share of the lift, m
 
 
 def steady_turn(law: Law, follower: FollowerParameters, speed: float) -> SteadyTurn:
@@ -214,24 +180,15 @@ def steady_turn(law: Law, follower: FollowerParameters, speed: float) -> SteadyT
 
 @dataclass(frozen=True)
 class Vibration:
-    """What a cam does to its follower and its shaft at one speed, in steady state.
+    """What a cam does to its follower and its shaft at one speed, in steady state."""
 
-    Parameters
-    ----------
-    window : where residual vibration is read
-    residual_amplitude : m, largest free vibration in the window, excited by the joints
-    peak_to_peak : m, of x about the static share of the lift there
-    acceleration, rigid_acceleration : m/s², largest |ẍ|, and that of the law itself
-    twist : rad, peak to peak of cam less flywheel; None for a rig without a shaft
-    fluctuation : (fastest − slowest)/mean speed of the flywheel; None where it holds its speed
-    """
-
-    window: LowDwell
-    residual_amplitude: float
-    peak_to_peak: float
-    acceleration: float
-    rigid_acceleration: float
-    twist: float | None
+    window: LowDwell  #: where residual vibration is read
+    residual_amplitude: float  #: m, largest free vibration in the window, excited by the joints
+    peak_to_peak: float  #: m, of x about the static share of the lift there
+    acceleration: float  #: m/s², largest |ẍ|
+    rigid_acceleration: float  #: m/s², that of the law itself
+    twist: float | None  #: rad, peak to peak of cam less flywheel; None for a rig without a shaft
+    #: (fastest − slowest)/mean speed of the flywheel; None where it holds its speed
     fluctuation: float | None = None
 
 

@@ -86,7 +86,7 @@ def instants_of(
         law=law,
         index=index,
         time_ns=seconds * NS + rest * NS // sample_rate,
-        angle=interval.unwrapped(since),
+        angle=interval.unwrapped_at(since),
         angle_in_turn=in_turn,
         speed=interval.speed + interval.acceleration * since,
         torque=force * law(in_turn, 1),

@@ -29,7 +29,7 @@ from cam_rig.dynamics.linear.sampling import Outputs
 from cam_rig.dynamics.modal_minimum import ModalRun
 from cam_rig.dynamics.modal_response import ModalResponse
 from cam_rig.dynamics.torsional.model import from_rig as shaft_of
-from cam_rig.dynamics.torsional.motion import periodic_state
+from cam_rig.dynamics.torsional.motion import steady_state
 from cam_rig.dynamics.two_mass.masses import contact_response, force_output
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
@@ -135,7 +135,7 @@ def _twisted(law: Law, rig: RigConfig, speed: float) -> SteadyStart:
     shaft = shaft_of(rig)
     if shaft.flywheel_inertia is not None:
         return SteadyStart()
-    start = periodic_state(law, shaft, speed)
+    _, start = steady_state(law, shaft, speed)
     return SteadyStart(_vibrating(np.array([start.twist, start.twist_rate])))
 
 

@@ -136,7 +136,7 @@ def _kept(scene: SceneStudies) -> Iterator[Answer]:
 
 
 def _jump_speeds(scene: SceneStudies) -> Iterator[Answer]:
-    fastest = speeds_of(scene.loaded)[-1]
+    fastest = speeds_of(scene.loaded.scene)[-1]
     for row in scene.jumps.rows:
         where = "below" if row.found.rpm < fastest else "above"
         yield Answer(
@@ -177,7 +177,7 @@ def _worth(scene: SceneStudies) -> str:
 def _summary(scene: SceneStudies) -> Content:
     values = {
         "model": scene.loaded.scene.model.replace("_", " "),
-        "speeds": speeds_of(scene.loaded),
+        "speeds": speeds_of(scene.loaded.scene),
     }
     return Content(summary_table(_answers(scene)), values=values)
 
@@ -230,7 +230,7 @@ def _jump(scene: SceneStudies) -> Content:
 
 
 def _vibration(scene: SceneStudies) -> Content:
-    rpm = spread(speeds_of(scene.loaded), VIBRATION_SPEEDS)
+    rpm = spread(speeds_of(scene.loaded.scene), VIBRATION_SPEEDS)
     each = scene.tried("vibration", lambda one: measure(one, rpm))
     if not each:
         return Content(results={"vibration": None})
@@ -243,7 +243,7 @@ def _vibration(scene: SceneStudies) -> Content:
 def _sound(scene: SceneStudies) -> Content:
     """Levels over speed, and orders where the model has a closed form of them."""
     model, rig = scene.loaded.scene.model, scene.loaded.rig
-    speeds = [rpm * RPM for rpm in spread(speeds_of(scene.loaded), ORDER_SPEEDS)]
+    speeds = [rpm * RPM for rpm in spread(speeds_of(scene.loaded.scene), ORDER_SPEEDS)]
     each = scene.tried("sound", lambda one: waterfall(one.laws, model, rig, speeds)[0])
     found, tables = OrdersResult(tuple(each.values()), scene.titles), [_levels(scene)]
     if scene.recorded is not None:

@@ -15,16 +15,12 @@ if TYPE_CHECKING:
 
 #: Rigs that are named, at most.
 MOST_NAMED = 5
-
 #: The rig of cams that are named without one.
 RIG = "paper_table2"
 
 
 def asked_cams(names: list[str] | None, rig: str | None) -> CamSet:
-    """Cams (None: those of Table 2) on a rig, or one scene's cams on its rig; by file or name.
-
-    No rig is the scene's, the only one beside the cams, or `RIG`.
-    """
+    """Cams on a rig by file or name (None: Table 2 on `RIG`, or beside them), or a scene's."""
     from cam_rig.laws.cam import CamSet, open_cam_set
     from cam_rig.schema import load_tables
 
@@ -69,9 +65,6 @@ def asked_scene(scene: str, rig: str | None) -> LoadedScene:
 def scene_speeds(scene: str, most: int) -> list[float]:
     """So many of a scene's speeds (rpm) at most, the slowest and the fastest among them."""
     from cam_rig.schema import load_scene
-    from cam_rig.units import to_rpm
+    from cam_rig.simulation.scene import speeds_of, spread
 
-    given = load_scene(scene_path(scene)).program.speeds.si_list
-    speeds = sorted({round(to_rpm(speed), 9) for speed in given})
-    step = max(1.0, (len(speeds) - 1) / (most - 1))
-    return [speeds[round(i * step)] for i in range(min(most, len(speeds)))]
+    return spread(speeds_of(load_scene(scene_path(scene))), most)

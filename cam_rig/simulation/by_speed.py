@@ -6,7 +6,6 @@ All but the level is of the samples, be they computed or read from a bag: both g
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -14,10 +13,9 @@ import numpy as np
 
 from cam_rig.laws import Law
 from cam_rig.show.result import Column, Footnote
+from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.simulate import Settling, TickSamples
 from cam_rig.units import TURN, FloatArray, to_rpm
-
-# Flights of the follower as its samples show them: lift-offs, and the longest time off the cam.
 
 #: A force of zero is a flight where the follower is off the cam by more than this part of the
 #: lift; else a follower without preload rests on the cam's dwell.
@@ -26,27 +24,9 @@ OFF_THE_CAM = 1e-9
 
 @dataclass
 class FlightCount:
-    """Counts flights, block after block: times are known to one sample.
+    """Counts flights, block after block: times are known to one sample."""
 
-    Parameters
-    ----------
-    least_gap : m; a follower that comes no farther from the cam has not left it
-
-    Examples
-    --------
-    Two flights, of which the second bounces once:
-
-    >>> import numpy as np
-    >>> force = np.array([5.0, 0.0, 0.0, 4.0, 0.0, 0.0, 0.0, 0.0, 3.0])
-    >>> gap = np.array([0.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1.0, 0.0])
-    >>> impulse = np.array([0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 1.0, 0.5])
-    >>> count = FlightCount(1e-9)
-    >>> count.take(force, gap, impulse, settled=True)
-    >>> count.lift_offs, count.longest
-    (2, 3)
-    """
-
-    least_gap: float
+    least_gap: float  #: m; a follower that comes no farther from the cam has not left it
     lift_offs: int = field(default=0, init=False)
     #: Samples of the longest flight, from lift-off or bounce to the next landing.
     longest: int = field(default=0, init=False)
@@ -84,37 +64,23 @@ class FlightCount:
 
 @dataclass(frozen=True)
 class SpeedRow:
-    """The settled turns of one cam at one speed.
-
-    Parameters
-    ----------
-    rpm : cam speed
-    turns : how many settled turns there are samples of
-    level_db : sound level, dB re 20 µPa; None where the microphone's messages are missing
-    force_peak, force_least : N, contact force at the samples, 0 in flight; below 0 in a model
-        that holds the follower on the cam
-    lift_offs : a turn
-    flight : s, longest time off the cam, to one sample
-    landing : N·s, hardest landing (two landings within one sample count as one)
-    torque_peak, torque_least, torque_mean : N·m, F s' (eq. 8 of the paper); below 0 it is the
-        follower that turns the cam
-    """
+    """The settled turns of one cam at one speed."""
 
     cam: str
-    rpm: float
-    turns: float
+    rpm: float  #: cam speed
+    turns: float  #: how many settled turns there are samples of
+    #: sound level, dB re 20 µPa; None where the microphone's messages are missing
     level_db: float | None
-    force_peak: float
-    force_least: float
-    lift_offs: float
-    flight: float
-    landing: float
-    torque_peak: float
-    torque_least: float
-    torque_mean: float
+    force_peak: float  #: N, contact force at the samples, 0 in flight
+    force_least: float  #: N; below 0 in a model that holds the follower on the cam
+    lift_offs: float  #: a turn
+    flight: float  #: s, longest time off the cam, to one sample
+    landing: float  #: N·s, hardest landing (two landings within one sample count as one)
+    torque_peak: float  #: N·m, F s' (eq. 8 of the paper)
+    torque_least: float  #: N·m; below 0 it is the follower that turns the cam
+    torque_mean: float  #: N·m
 
 
-#: The columns of the rows.
 SPEEDS = (
     Column("cam"),
     Column("rpm", "rpm", ".6g", "speed"),
@@ -200,6 +166,12 @@ class SpeedRows:
         self._settling = Settling(settle_turns)
         self._before: tuple[str, float] | None = None
 
+    @classmethod
+    def of(cls, loaded: LoadedScene) -> SpeedRows:
+        """The rows of a scene's run."""
+        scene = loaded.scene
+        return cls(loaded.laws, int(scene.sample_rate.si), scene.program.settle_turns.si)
+
     def take(self, tick: TickSamples) -> None:
         """Go on with the samples of the next tick."""
         key, before = (tick.cam, tick.start.speed), self._before
@@ -223,17 +195,3 @@ class SpeedRows:
                 level = levels.get(cam, {}).get(speed)
                 found.append(step.row(cam, speed, self._rate, level))
         return tuple(found)
-
-
-def rows_by_speed(
-    ticks: Iterable[TickSamples],
-    laws: dict[str, Law],
-    rate: int,
-    settle_turns: float,
-    levels: dict[str, dict[float, float]],
-) -> tuple[SpeedRow, ...]:
-    """The `SpeedRows` of a run's ticks, in order; no more than one is held at a time."""
-    taken = SpeedRows(laws, rate, settle_turns)
-    for tick in ticks:
-        taken.take(tick)
-    return taken.rows(levels)

@@ -17,7 +17,6 @@ from cam_rig.show.terminal import say
 
 #: Hz, the rate of audio equipment.
 RATE = 48_000
-
 #: s, how long one speed is held by default.
 SECONDS = 5.0
 

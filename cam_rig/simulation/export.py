@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,42 +27,35 @@ CHUNK_ROWS = 1 << 16
 CAM = "cam"
 
 
-@dataclass(frozen=True)
-class ExportColumn:
-    """A column of numbers: its name with the unit in it, the unit, and what it is."""
+class ExportColumn(NamedTuple):
+    """A column of numbers: its name with the unit in it, the unit, what it is, of `TickSamples`."""
 
     name: str
     unit: str
     meaning: str
-    of: Callable[[TickSamples], FloatArray]
+    of: str
 
 
 COLUMNS = (
-    ExportColumn("time_s", "s", "rig time", lambda tick: tick.time),
-    ExportColumn("rpm", "rpm", "cam speed", lambda tick: np.round(tick.rpm, 9)),
-    ExportColumn("angle_rad", "rad", "cam angle θ with all its turns", lambda tick: tick.angle),
-    ExportColumn(
-        "angle_in_turn_rad", "rad", "cam angle θ from 0 to 2π", lambda tick: tick.angle_in_turn
-    ),
-    ExportColumn("lift_m", "m", "follower displacement", lambda tick: tick.lift),
-    ExportColumn("velocity_m_s", "m/s", "follower velocity", lambda tick: tick.velocity),
-    ExportColumn(
-        "acceleration_m_s2", "m/s²", "follower acceleration", lambda tick: tick.acceleration
-    ),
-    ExportColumn("force_N", "N", "contact force, 0 in flight", lambda tick: tick.force),
-    ExportColumn(
-        "impulse_N_s", "N·s", "landings since the sample before", lambda tick: tick.impulse
-    ),
+    ExportColumn("time_s", "s", "rig time", "time"),
+    ExportColumn("rpm", "rpm", "cam speed", "rpm"),
+    ExportColumn("angle_rad", "rad", "cam angle θ with all its turns", "angle"),
+    ExportColumn("angle_in_turn_rad", "rad", "cam angle θ from 0 to 2π", "angle_in_turn"),
+    ExportColumn("lift_m", "m", "follower displacement", "lift"),
+    ExportColumn("velocity_m_s", "m/s", "follower velocity", "velocity"),
+    ExportColumn("acceleration_m_s2", "m/s²", "follower acceleration", "acceleration"),
+    ExportColumn("force_N", "N", "contact force, 0 in flight", "force"),
+    ExportColumn("impulse_N_s", "N·s", "landings since the sample before", "impulse"),
 )
 
 
 @dataclass(frozen=True, eq=False)
 class Chunk:
-    """Some rows: ``numbers`` ``(k, n)`` as in `COLUMNS`; ``cams`` and ``counts`` run by run."""
+    """Some rows."""
 
-    numbers: FloatArray
-    cams: tuple[str, ...]
-    counts: tuple[int, ...]
+    numbers: FloatArray  #: ``(k, n)`` as in `COLUMNS`
+    cams: tuple[str, ...]  #: run by run
+    counts: tuple[int, ...]  #: rows of each run
 
     @property
     def names(self) -> NDArray[np.str_]:
@@ -72,17 +65,14 @@ class Chunk:
 
 @dataclass
 class Contents:
-    """What an export held, known when it is over.
-
-    ``rows``, ``begin`` and ``end`` (s, of first and last sample) and ``gaps``: how often samples
-    are missing between two, where messages were lost, the cam stood, or a step was left out.
-    """
+    """What an export held, known when it is over."""
 
     rate: int
     rows: int = 0
+    #: How often samples are missing: messages were lost, the cam stood, or a step was left out.
     gaps: int = 0
-    begin: float = 0.0
-    end: float = 0.0
+    begin: float = 0.0  #: of the first sample, s
+    end: float = 0.0  #: of the last sample, s
     there: dict[str, None] = field(default_factory=dict)
 
     def follow(self, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
@@ -114,16 +104,13 @@ def chunks(ticks: Iterable[TickSamples]) -> Iterator[Chunk]:
 
 
 def _joined(ticks: list[TickSamples]) -> Chunk:
-    numbers = [np.hstack([column.of(tick) for tick in ticks]) for column in COLUMNS]
+    numbers = [np.hstack([getattr(tick, column.of) for tick in ticks]) for column in COLUMNS]
     cams, counts = zip(*((tick.cam, tick.time.size) for tick in ticks), strict=True)
     return Chunk(np.stack(numbers), cams, counts)
 
 
-# Rows as CSV: one heading, every number with all its digits.
-
-
 def write(path: Path, chunks: Iterable[Chunk], _about: dict[str, str], _rate: int) -> None:
-    """Write all rows, the cam's name in the second column."""
+    """Rows as CSV: one heading, the cam in the second column, every number with all its digits."""
     time, *others = (column.name for column in COLUMNS)
     with path.open("w", encoding="utf-8", newline="") as file:
         file.write(",".join([time, CAM, *others]) + "\n")
@@ -133,11 +120,8 @@ def write(path: Path, chunks: Iterable[Chunk], _about: dict[str, str], _rate: in
             file.writelines(",".join(row) + "\n" for row in rows)
 
 
-# Rows as NumPy's archive: an array each column, written without holding one in memory.
-
-
 def write_npz(path: Path, chunks: Iterable[Chunk], about: dict[str, str], rate: int) -> None:
-    """Write all rows; the columns lie in temporary files until their length is known."""
+    """Rows as NumPy's archive; columns lie in temporary files until their length is known."""
     rows, cams = 0, dict[str, int]()
     with temporary_folder() as folder:
         with ExitStack() as stack:
@@ -173,20 +157,14 @@ def _write_cams(archive: zipfile.ZipFile, codes: Path, names: Any, rows: int) ->
 def _member(archive: zipfile.ZipFile, name: str, dtype: np.dtype[Any], rows: int) -> IO[bytes]:
     """A column of the archive, open behind its header."""
     out = archive.open(f"{name}.npy", "w", force_zip64=True)
-    header = {
-        "descr": np.lib.format.dtype_to_descr(dtype),
-        "fortran_order": False,
-        "shape": (rows,),
-    }
+    described = np.lib.format.dtype_to_descr(dtype)
+    header = {"descr": described, "fortran_order": False, "shape": (rows,)}
     np.lib.format.write_array_header_1_0(out, header)
     return out
 
 
-# Rows as Parquet, with unit and meaning of each column in the schema.
-
-
 def write_parquet(path: Path, chunks: Iterable[Chunk], about: dict[str, str], rate: int) -> None:
-    """Write all rows, a row group for each chunk."""
+    """Rows as Parquet, a row group for each chunk, units and meanings in the schema."""
     with libraries_named():
         import pyarrow as pa
         import pyarrow.parquet as pq
@@ -214,8 +192,6 @@ def _schema(pa: Any, about: dict[str, str]) -> Any:
     return pa.schema([time, cam, *others], metadata=about)
 
 
-# Rows as a sound file: a channel each quantity, 32-bit floats in SI units.
-
 #: No channels: the sample's place says the time, and 32 bits do not hold an angle of many turns.
 WITHOUT = ("time_s", "angle_rad")
 
@@ -229,7 +205,7 @@ REMEDY = "so name one --cam and --rpm, or write .parquet, .npz or .csv"
 
 
 def write_wav(path: Path, chunks: Iterable[Chunk], about: dict[str, str], rate: int) -> None:
-    """Write all rows."""
+    """Rows as a sound file: a channel each quantity, 32-bit floats in SI units."""
     rows, begin, last = 0, 0.0, None
     with path.open("w+b") as file:
         file.write(_head(0, rate, _comment(about, 0.0)))
@@ -280,8 +256,6 @@ def _chunk(name: bytes, data: bytes) -> bytes:
     return struct.pack("<4sI", name, len(data)) + data
 
 
-# A run's samples into a file: the kind goes by the file's ending.
-
 #: Writers by ending: path, rows, what the run was, samples a second.
 FORMATS: dict[str, Callable[[Path, Iterable[Chunk], dict[str, str], int], None]] = {
     ".parquet": write_parquet,
@@ -306,10 +280,7 @@ def export(
     cam: str | None = None,
     rpm: float | None = None,
 ) -> Contents:
-    """Write the samples of a run, in bounded memory, whole or not at all.
-
-    Only those of a cam, or of a speed that is held; None for all, ramps included.
-    """
+    """Write a run's samples in bounded memory, whole or not at all; of a cam, of a held speed."""
     require_format(path)
     rate = int(loaded.scene.sample_rate.si)
     contents, scene = Contents(rate), loaded.scene

@@ -31,7 +31,6 @@ from cam_rig.units import FloatArray
 
 #: A cubic through fewer speeds than this would show what nobody measured.
 MIN_SPEEDS = 6
-
 #: Room above and below levels turn by turn, dB, so that the rounding of settled ones is not seen.
 MARGIN_DB = 1.0
 
@@ -98,8 +97,6 @@ def turn_by_turn(found: SoundLevel) -> Figure:
     return out
 
 
-# Lift and contact force of a follower over time; the force over a turn, speed by speed.
-
 #: A speed (rpm), cam angles in the turn (°, rising) and contact forces (N), both ``(n,)``.
 ForceCurve = tuple[float, FloatArray, FloatArray]
 
@@ -138,13 +135,10 @@ def over_turn(curves: Mapping[str, Sequence[ForceCurve]]) -> Figure:
     return out
 
 
-# All findings about a scene: what each study gives for its cams on its rig, or why it cannot.
-
-
 def force_curves(run: SceneRun) -> dict[str, list[ForceCurve]]:
     """The contact force over the last turn at some of the speeds, by the cam's title."""
     scene = run.loaded.scene
-    shown = spread(speeds_of(run.loaded), FORCE_SPEEDS)
+    shown = spread(speeds_of(scene), FORCE_SPEEDS)
     last: dict[str, dict[float, deque[tuple[np.ndarray, np.ndarray]]]] = {}
     for tick in run.blocks():
         rpm = next((speed for speed in shown if tick.is_of(None, speed)), None)
@@ -162,7 +156,6 @@ def force_curves(run: SceneRun) -> dict[str, list[ForceCurve]]:
 
 
 def _over_turn(rpm: float, ticks: deque[tuple[np.ndarray, np.ndarray]]) -> ForceCurve:
-    """The samples of a turn by rising angle."""
     angle = np.concatenate([angles for angles, _ in ticks])
     order = np.argsort(angle, kind="stable")
     return rpm, np.degrees(angle[order]), np.concatenate([forces for _, forces in ticks])[order]

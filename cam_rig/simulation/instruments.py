@@ -18,8 +18,6 @@ from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
 from cam_rig.units import NS, RPM, TURN, FloatArray
 
-# A run as instruments saw it: each quantity with times of its own, on the clock of the bag.
-
 #: Readings of which the usual step is taken, at once; a slower speed has another.
 WINDOW = 64
 #: A step that is so many times the usual one is a gap; of readings at a steady rate, and others.
@@ -30,26 +28,17 @@ STEADY = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Signal:
-    """One measured quantity: ``time`` (s, rising) and ``value`` (SI), both ``(n,)``.
+    """One measured quantity."""
 
-    ``source`` is the topic and field it was read from.
-    """
-
-    time: FloatArray
-    value: FloatArray
-    source: str = ""
+    time: FloatArray  #: s, rising, ``(n,)``
+    value: FloatArray  #: SI, ``(n,)``
+    source: str = ""  #: the topic and field it was read from
 
     def gaps(self) -> FloatArray:
         """``(k, 2)`` times (s) between which readings are missing: the step is far too long.
 
         Usual is the median step of the readings nearby, since an encoder may give one for each
         count, and so more at high speed.
-
-        Examples
-        --------
-        >>> time = np.delete(np.arange(200) / 100.0, slice(50, 60))
-        >>> Signal(time, time).gaps().tolist()
-        [[0.49, 0.6]]
         """
         steps = np.diff(self.time)
         if steps.size < 3:
@@ -73,28 +62,16 @@ def pulls(force: FloatArray) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class MeasuredRun:
-    """What was recorded of one cam on a machine; what is None was not.
+    """What was recorded of one cam on a machine; what is None was not."""
 
-    Parameters
-    ----------
-    source : the bag
-    cam : name of the cam, as in the scene; empty where the bag does not say
-    angle : cam angle with all its turns, rad; of an encoder, so perhaps in steps
-    lift : follower displacement, m
-    force : contact force, N
-    level : sound level, dB re 20 µPa
-    notes : what was found odd in the bag, each a sentence for people
-    begin_ns : the stamp (ns) from which all times count
-    """
-
-    source: Path
-    cam: str
-    angle: Signal
-    lift: Signal | None = None
-    force: Signal | None = None
-    level: Signal | None = None
-    notes: tuple[str, ...] = ()
-    begin_ns: int = 0
+    source: Path  #: the bag
+    cam: str  #: name of the cam, as in the scene; empty where the bag does not say
+    angle: Signal  #: cam angle with all its turns, rad; of an encoder, so perhaps in steps
+    lift: Signal | None = None  #: follower displacement, m
+    force: Signal | None = None  #: contact force, N
+    level: Signal | None = None  #: sound level, dB re 20 µPa
+    notes: tuple[str, ...] = ()  #: what was found odd in the bag, each a sentence for people
+    begin_ns: int = 0  #: the stamp (ns) from which all times count
 
 
 #: Samples of the model for one of a force sensor that vibrates.
@@ -103,32 +80,20 @@ FINER = 16
 
 @dataclass(frozen=True)
 class InstrumentErrors:
-    """What the instruments of a machine do to what they measure.
+    """What the instruments of a machine do to what they measure."""
 
-    Parameters
-    ----------
-    rate, encoder_rate : Hz, samples of lift and force, and of the encoder
-    counts : of the encoder in a turn; 0 for one without steps
-    offset : rad, what the encoder shows where the cam is at θ = 0
-    clock : part by which the clock of lift and force is fast beside the encoder's
-    force_noise : part of the largest force, or with ``in_proportion`` of each force
-    lift_noise : m
-    backlash : m, by how much the gauge of the lift reads less in a rise than in a fall
-    sensor_frequency : Hz, resonance of the force sensor; 0 for one without
-    sensor_damping : its damping ratio
-    """
-
-    rate: int = 2000
-    encoder_rate: int = 1000
-    counts: int = 1024
-    offset: float = math.radians(3.0)
-    clock: float = 200e-6
-    force_noise: float = 0.01
+    rate: int = 2000  #: Hz, samples of lift and force
+    encoder_rate: int = 1000  #: Hz
+    counts: int = 1024  #: of the encoder in a turn; 0 for one without steps
+    offset: float = math.radians(3.0)  #: rad, what the encoder shows where the cam is at θ = 0
+    clock: float = 200e-6  #: part by which the clock of lift and force is fast beside the encoder's
+    force_noise: float = 0.01  #: part of the largest force, or with ``in_proportion`` of each force
     in_proportion: bool = False
-    lift_noise: float = 10e-6
+    lift_noise: float = 10e-6  #: m
+    #: m, by how much the gauge of the lift reads less in a rise than in a fall
     backlash: float = 0.0
-    sensor_frequency: float = 0.0
-    sensor_damping: float = 0.02
+    sensor_frequency: float = 0.0  #: Hz, resonance of the force sensor; 0 for one without
+    sensor_damping: float = 0.02  #: its damping ratio
 
 
 def measured_run(
@@ -144,12 +109,8 @@ def measured_run(
 ) -> MeasuredRun:
     """A run at some speeds (rpm), one after another, as it would be recorded.
 
-    Parameters
-    ----------
-    model : of the scenes' models
-    turns : at each speed
-    settled_for : turns at a speed before those that are recorded
-    ramp : s, from one speed to the next; only the encoder is recorded in it
+    Recorded are ``turns`` at each speed, after ``settled_for`` others; in the ``ramp`` (s) from one
+    speed to the next only the encoder is.
     """
     random = np.random.default_rng(seed)
     time, angle, before = 0.0, float(random.uniform(0.0, TURN)), 0.0
@@ -233,8 +194,6 @@ def _side(velocity: FloatArray) -> FloatArray:
     return np.sign(velocity[last])
 
 
-# The count of an encoder, from the angles that were read through it.
-
 #: Angles that rise by whole steps so nearly, in parts of one, were read through an encoder; over a
 #: step of n of them √n times that, as the count is not known better, and at most.
 WHOLE, MOST = 1e-3, 0.05
@@ -247,12 +206,6 @@ def encoder_count(angle: FloatArray) -> float:
 
     Not each count need have been read, but steps of two sizes, standing still among them: equal
     steps are those of a cam that turns steadily.
-
-    Examples
-    --------
-    >>> counts = np.floor(30.0 * np.linspace(0.0, 1.0, 500) / (2.0 * np.pi / 1024))
-    >>> round(2.0 * np.pi / encoder_count(counts * (2.0 * np.pi / 1024)))
-    1024
     """
     every = np.abs(np.diff(angle))
     steps = every[every > EQUAL]

@@ -74,7 +74,7 @@ class FollowerMotion(NamedRows, Result):
         """``(n,)`` cam angle with all its turns, rad."""
         rate = int(self.scene.sample_rate.si)
         intervals = [block.interval for block in self.blocks]
-        found = np.concatenate([i.unwrapped(i.grid(rate).since_start()) for i in intervals])
+        found = np.concatenate([i.unwrapped_at(i.grid(rate).since_start()) for i in intervals])
         found.setflags(write=False)
         return found
 

@@ -9,9 +9,7 @@ import numpy as np
 from cam_rig.schema import PublishedNoise
 from cam_rig.units import FloatArray, rms, to_rpm
 
-#: Regressions are cubic, as the paper's.
 REGRESSION_DEGREE = 3
-
 #: A number of a polynomial below this part of its largest is rounding; and such an imaginary part.
 ROUNDING, ALMOST_REAL = 1e-12, 1e-9
 
@@ -32,10 +30,7 @@ def cubic(rpm: FloatArray) -> FloatArray:
 
 
 def real_roots(coefficients: FloatArray) -> FloatArray:
-    """Real roots of c0 + c1 x + …, for x of about one.
-
-    A leading number of mere rounding is taken for zero: its own root would drown the others.
-    """
+    """Real roots of c0 + c1 x + …, x about one; a leading number of mere rounding is zero."""
     kept = np.polynomial.polynomial.polytrim(coefficients, ROUNDING * np.abs(coefficients).max())
     roots = np.polynomial.polynomial.polyroots(kept)
     return np.asarray(roots.real[np.abs(roots.imag) < ALMOST_REAL])
@@ -46,10 +41,8 @@ def crossings(
 ) -> FloatArray:
     """Speeds (rpm) at which two regressions cross, in their order.
 
-    Parameters
-    ----------
-    difference : coefficients c0 … c3 in dB of one less the other, over x = rpm/scale − shift
-    speeds : lowest and highest speed (rpm) at which both are known
+    ``difference`` is c0 … c3 (dB) of one less the other, over x = rpm/scale − shift; ``speeds`` are
+    the lowest and the highest (rpm) at which both are known.
     """
     found = (real_roots(difference) + shift) * scale
     return np.sort(found[(found >= speeds[0]) & (found <= speeds[1])])
@@ -66,9 +59,6 @@ def nearest_crossing(
     """The one of the `crossings` nearest to ``near`` (rpm); None when there is none."""
     inside = crossings(difference, speeds, scale=scale, shift=shift)
     return float(inside[np.argmin(np.abs(inside - near))]) if inside.size else None
-
-
-# Levels over speed beside the published regressions: fit errors, and where two curves cross.
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,9 +82,7 @@ class NoiseResult:
 
 
 def compare(
-    levels: dict[str, dict[float, float]],
-    roles: dict[str, str],
-    published: PublishedNoise | None,
+    levels: dict[str, dict[float, float]], roles: dict[str, str], published: PublishedNoise | None
 ) -> NoiseResult:
     """Regressions of all cams, their r.m.s. difference to the published ones, the crossover."""
     curves = {}

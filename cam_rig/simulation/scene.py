@@ -35,8 +35,6 @@ from cam_rig.schema.quantity import Quantity
 from cam_rig.schema.rig import SI_UNITS
 from cam_rig.units import FloatArray, to_rpm
 
-# Cams, rigs and scenes from files: the shipped ones by their names, one's own by their paths.
-
 
 @checked
 def load_cam(cam: str | Path) -> CamConfig:
@@ -111,8 +109,6 @@ def load_scene(scene: str | Path) -> LoadedScene:
     return open_scene(named_path("scenes", scene))
 
 
-# Whether a rig's levels are sound pressure levels, or good for comparisons alone.
-
 #: The shipped rig that was calibrated, and the model of the follower it was calibrated with.
 SHIPPED, MODEL = "tm21", "one_mass"
 #: What a level is worth whose rig was not calibrated, and what that means.
@@ -122,7 +118,6 @@ RELATIVE_NOTE = (
     "Relative: the rig's acoustic constants were not fitted with this follower and model, so only "
     "differences between levels mean something."
 )
-
 #: What follows in the source of a calibration: the follower and model it holds for.
 FITTED_WITH = "; fitted with "
 #: Two numbers that differ by less, relative, are the same in other units.
@@ -133,15 +128,6 @@ def is_calibrated(rig: RigConfig, model: str) -> bool:
     """Whether the acoustic constants of a rig were fitted with its own follower.
 
     They are identified, and not the shipped ones behind another follower or another model.
-
-    Examples
-    --------
-    >>> import cam_rig
-    >>> rig = cam_rig.load_rig("tm21")
-    >>> is_calibrated(rig, "one_mass")
-    True
-    >>> is_calibrated(cam_rig.load_rig("paper_table2"), "two_mass")
-    False
     """
     own, shipped = rig.radiation, _shipped()
     if own is None or not own.gain.origin == own.corner.origin == "identified":
@@ -317,8 +303,6 @@ def open_scene(scene_path: Path) -> LoadedScene:
     )
 
 
-# How long the arrow of a contact force is drawn.
-
 #: The arrow of the greatest contact force, as a share of the follower's reach.
 ARROW = 0.5
 
@@ -330,25 +314,17 @@ def max_contact_force(loaded: LoadedScene, cam: str, speed: float) -> float:
     return follower.preload + float((force_weights(follower, speed) @ motion).max())
 
 
-# All findings about a scene: what each study gives for its cams on its rig, or why it cannot.
-
 #: Speeds at most of the vibration tables, of the force over the turn, and of the orders.
 VIBRATION_SPEEDS, FORCE_SPEEDS, ORDER_SPEEDS = 4, 5, 13
 
 
-def speeds_of(loaded: LoadedScene) -> list[float]:
+def speeds_of(scene: SceneConfig) -> list[float]:
     """The scene's speeds (rpm), each once, rising."""
-    return sorted({round(to_rpm(speed), 9) for speed in loaded.scene.program.speeds.si_list})
+    return sorted({round(to_rpm(speed), 9) for speed in scene.program.speeds.si_list})
 
 
 def spread(speeds: list[float], most: int) -> list[float]:
-    """So many of the speeds at most, the first and the last among them.
-
-    Examples
-    --------
-    >>> spread([1.0, 2.0, 3.0, 4.0, 5.0], 3)
-    [1.0, 3.0, 5.0]
-    """
+    """So many of the speeds at most, the first and the last among them."""
     if len(speeds) <= most:
         return speeds
     return [speeds[i] for i in np.linspace(0, len(speeds) - 1, most).round().astype(int).tolist()]

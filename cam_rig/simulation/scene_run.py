@@ -16,7 +16,7 @@ from cam_rig.arguments import checked
 from cam_rig.dynamics import Samples
 from cam_rig.errors import ConfigError
 from cam_rig.show.result import Column, Records, Result
-from cam_rig.simulation.by_speed import BOUNCING, SPEEDS, SpeedRow, SpeedRows, rows_by_speed
+from cam_rig.simulation.by_speed import BOUNCING, SPEEDS, SpeedRow, SpeedRows
 from cam_rig.simulation.export import export
 from cam_rig.simulation.regression import NoiseCurve, NoiseResult, compare
 from cam_rig.simulation.scene import RELATIVE, RELATIVE_NOTE, LoadedScene, load_scene
@@ -112,11 +112,14 @@ class SceneRun(Result):
     @cached_property
     def noise(self) -> NoiseResult:
         """Level (dB) against speed (rpm): ``curves`` by cam, and where two regressions cross."""
+        roles = {cam: self.loaded.role(cam) for cam in self._levels}
+        return compare(self._levels, roles, self.loaded.published)
+
+    @cached_property
+    def _levels(self) -> dict[str, dict[float, float]]:
         levels = step_levels(self.ticks, self.loaded.scene.program.settle_turns.si)
         require_ticks(levels, str(self.source))
-        return compare(
-            levels, {cam: self.loaded.role(cam) for cam in levels}, self.loaded.published
-        )
+        return levels
 
     @checked
     def samples(self, cam: str, rpm: float) -> Samples:
@@ -151,13 +154,12 @@ class SceneRun(Result):
         tm21 350.0 92.8 1.0
         tm21 400.0 114.0 1.0
         """
-        scene = self.loaded.scene
-        rate, settle = int(scene.sample_rate.si), scene.program.settle_turns.si
-        levels = step_levels(self.ticks, settle)
-        require_ticks(levels, str(self.source))
-        if self.speeds is not None:
-            return self.speeds.rows(levels)
-        return rows_by_speed(self.blocks(), self.loaded.laws, rate, settle, levels)
+        levels, speeds = self._levels, self.speeds
+        if speeds is None:
+            speeds = SpeedRows.of(self.loaded)
+            for tick in self.blocks():
+                speeds.take(tick)
+        return speeds.rows(levels)
 
     @checked
     def export(self, path: str | Path, *, cam: str | None = None, rpm: float | None = None) -> None:
@@ -235,8 +237,7 @@ def run_scene(
     (array([200., 300., 350., 400.]), array([78.5, 81.4, 83.2, 85.4]))
     """
     loaded = scene if isinstance(scene, LoadedScene) else load_scene(scene)
-    rate, settle = loaded.scene.sample_rate.si, loaded.scene.program.settle_turns.si
-    speeds, ticks = SpeedRows(loaded.laws, int(rate), settle), []
+    speeds, ticks = SpeedRows.of(loaded), []
     for tick in simulate(loaded, speeds.take):
         ticks.append(tick)
         on_tick()

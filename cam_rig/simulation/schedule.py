@@ -15,17 +15,16 @@ from cam_rig.units import NS, TURN
 
 @dataclass(frozen=True)
 class CamState:
-    """The cam from ``time_ns`` (rig time) until the next state, at one speed or along a ramp.
+    """The cam from a time until the next state, at one speed or along a ramp.
 
-    ``angle`` in rad, ``speed`` in rad/s, ``cam`` the name of the mounted cam. The angle's whole
-    turns are counted apart, in ``turns``, so that it has the same digits however long the cam
+    The angle's whole turns are counted apart, so that it has the same digits however long the cam
     turns; one given without turns has its own taken off.
     """
 
-    time_ns: int
-    angle: float
-    speed: float
-    cam: str
+    time_ns: int  #: rig time
+    angle: float  #: rad
+    speed: float  #: rad/s
+    cam: str  #: name of the mounted cam
     turns: int = 0
 
     def __post_init__(self) -> None:
@@ -44,10 +43,7 @@ class CamState:
         return (self.turns - other.turns) * TURN + (self.angle - other.angle)
 
     def until(self, end: CamState) -> Interval:
-        """The interval that ends with the next state.
-
-        The angle turned tells a ramp, at the mean of both speeds, from a speed that is held.
-        """
+        """The interval up to the next state: a ramp if the angle turned is the mean speed's."""
         length = (end.time_ns - self.time_ns) / NS
         turned = end.since(self)
         ramp = abs(turned - 0.5 * (self.speed + end.speed) * length)
@@ -70,10 +66,7 @@ class CamState:
 
 
 def cam_states(scene: SceneConfig) -> Iterator[CamState]:
-    """All states of a scene in order; the last one stands still and closes the last tick.
-
-    Each speed is held for whole turns; θ goes on from one to the next without a jump.
-    """
+    """All states in order, θ without a jump; the last stands still and closes the last tick."""
     time_ns, turns, angle, program = 0, 0, 0.0, scene.program
     for cam in scene.cams:
         before = 0.0
@@ -92,15 +85,7 @@ def cam_states(scene: SceneConfig) -> Iterator[CamState]:
 
 
 def run_length(scene: SceneConfig) -> tuple[int, int]:
-    """Rig time (ns) of the whole scene, and of its longest tick.
-
-    Examples
-    --------
-    >>> import cam_rig
-    >>> length, longest = run_length(cam_rig.load_scene("quick"))
-    >>> list(cam_states(cam_rig.load_scene("quick")))[-1].time_ns == length
-    True
-    """
+    """Rig time (ns) of the whole scene, and of its longest tick."""
     program, lengths, longest = scene.program, 0, 0
     for before, speed in pairwise([0.0, *program.speeds.si_list]):
         ramp = _ramp(scene, before, speed)
@@ -117,10 +102,7 @@ def _hold(scene: SceneConfig, speed: float) -> Iterator[Interval]:
 
 
 def _edge(scene: SceneConfig, speed: float, ticks: int) -> int:
-    """The time (ns) at which so many ticks of one speed end.
-
-    In whole numbers, so that a turn ends at the same nanosecond however it is divided.
-    """
+    """When (ns) so many ticks of a speed end: a turn at the same one however it is divided."""
     tick = Fraction(TURN) * NS / Fraction(speed) / scene.program.ticks_per_turn
     whole, parts = (2 * tick).as_integer_ratio()
     return (ticks * whole + parts) // (2 * parts)

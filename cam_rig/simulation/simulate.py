@@ -19,22 +19,16 @@ from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState, cam_states
 from cam_rig.units import NS, TURN, FloatArray, to_rpm
 
-# Sound pressure level of each cam at each speed, from the ticks of a run.
-
 
 @dataclass(frozen=True)
 class MeasuredTick:
-    """The microphone's r.m.s. pressure (Pa) over one tick, from ``start`` to ``stop_ns``.
-
-    ``samples`` are those of the tick, of which the pressure is the mean. ``steady`` is False along
-    a ramp.
-    """
+    """What the microphone measured over one tick."""
 
     start: CamState
     stop_ns: int
-    pressure: float
-    samples: int
-    steady: bool = True
+    pressure: float  #: r.m.s., Pa
+    samples: int  #: of which the pressure is the mean
+    steady: bool = True  #: False along a ramp
 
     @classmethod
     def between(
@@ -48,13 +42,9 @@ class MeasuredTick:
 
 @dataclass
 class Settling:
-    """Which ticks of a run are settled.
+    """Which ticks of a run are settled; a step is a run of one cam at one speed, ramps left out."""
 
-    A step is a run of ticks of one cam at one speed; its first ``turns`` are left out, and ramps
-    are.
-    """
-
-    turns: float
+    turns: float  #: of each step, left out
     _first: CamState | None = field(default=None, init=False)
 
     def is_over(self, start: CamState, steady: bool) -> bool:
@@ -93,21 +83,16 @@ def require_ticks(levels: dict[str, dict[float, float]], where: str) -> None:
         raise CamRigError(f"{where}: no settled tick to measure; run at least one whole step")
 
 
-# The follower's samples of a tick, joined with the cam that turned under them.
-
 #: Speeds nearer than this part of each other are one.
 SAME = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class TickSamples(NamedRows):
-    """Samples ``(6, n)`` of one tick, rows as in `COLUMNS`, and θ, rpm and cam beside them.
-
-    The interval begins with ``start``, and may go on beyond the samples, never end before them.
-    """
+    """Samples ``(6, n)`` of one tick, rows as in `COLUMNS`, and θ, rpm and cam beside them."""
 
     start: CamState
-    interval: Interval
+    interval: Interval  #: from ``start`` on; it may go on beyond the samples
     rows: FloatArray
 
     @property
@@ -134,37 +119,33 @@ class TickSamples(NamedRows):
     @property
     def angle(self) -> FloatArray:
         """``(n,)`` cam angle with all its turns, rad."""
-        return self.interval.unwrapped(self._since)
+        return self.interval.unwrapped_at(self._since)
 
     @cached_property
     def angle_in_turn(self) -> FloatArray:
         """``(n,)`` cam angle in [0, 2π), rad: it has all its digits however long the cam turned."""
-        i = self.interval
-        angle = i.angle + self._since * (i.speed + 0.5 * i.acceleration * self._since)
+        angle = self.interval.angle_at(self._since)
         inside = angle - np.floor(angle / TURN) * TURN
         return np.where(inside < TURN, inside, 0.0)  # TURN itself by rounding
 
     def turned(self, rate: int) -> float:
-        """Angle (rad) that the cam turned under the samples, which are at ``rate`` Hz.
-
-        All of the interval's, unless that goes on beyond the samples.
-        """
+        """Angle (rad) that the cam turned under the samples, at ``rate`` Hz."""
         part = self.time.size / self.interval.grid(rate).count
         return part * self.interval.mean_speed * self.interval.duration
 
     @property
     def rpm(self) -> FloatArray:
         """``(n,)`` cam speed, rpm."""
-        return to_rpm(self.interval.speed + self.interval.acceleration * self._since)
+        return np.round(to_rpm(self.interval.speed_at(self._since)), 9)
 
 
 @dataclass(frozen=True)
 class FollowerCheckpoint:
-    """What a follower carries from tick to tick: the last cam state, its own, an impulse owed."""
+    """What a follower carries from tick to tick."""
 
     last: CamState | None = None
     state: FollowerState | None = None
-    owed: float = 0.0
+    owed: float = 0.0  #: N·s, of a landing that no sample has shown
 
 
 @dataclass
@@ -225,12 +206,15 @@ class MicrophoneSimulator:
         )
         return pressure
 
+    def measure(self, tick: TickSamples) -> MeasuredTick:
+        """The same of a tick's samples."""
+        pressure = self.listen(tick.rows, tick.interval.mean_speed)
+        stop, count = tick.interval.stop_ns, tick.rows.shape[1]
+        return MeasuredTick(tick.start, stop, pressure, count, tick.steady)
+
 
 def turned_ticks(loaded: LoadedScene, begin: FollowerState | None = None) -> Iterator[TickSamples]:
-    """The follower's samples of a scene tick by tick, with the cam that turned under it.
-
-    ``begin`` is the follower where the scene begins, None for one put down on the cam.
-    """
+    """The follower's samples of a scene tick by tick; ``begin`` None puts it down on the cam."""
     follower = FollowerSimulator.of(loaded)
     start: CamState | None = None
     for state in cam_states(loaded.scene):
@@ -247,19 +231,12 @@ def simulate(
     take: Callable[[TickSamples], None] = lambda _: None,
     begin: FollowerState | None = None,
 ) -> Iterator[MeasuredTick]:
-    """Run the scene tick by tick; ``take`` gets each tick's samples, which are not kept.
-
-    ``begin`` as of `turned_ticks`.
-    """
+    """Run the scene tick by tick; ``take`` gets each tick's samples, which are not kept."""
     microphone = MicrophoneSimulator.of(loaded)
     for tick in turned_ticks(loaded, begin):
         take(tick)
-        pressure = microphone.listen(tick.rows, tick.interval.mean_speed)
-        count = tick.rows.shape[1]
-        yield MeasuredTick(tick.start, tick.interval.stop_ns, pressure, count, tick.steady)
+        yield microphone.measure(tick)
 
-
-# One settled turn at each speed: what a cam does to the structure, before any acoustics.
 
 #: Hz: levels are within 0.003 dB of those at 384 kHz (docs/accuracy.md).
 TURN_RATE_HZ = 12_000
@@ -286,11 +263,11 @@ class Sounding(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Turns:
-    """The last turn of a run at each of ``speeds`` (rad/s): force (N) and impulse (N·s) blocks."""
+    """The last turn of a run at each speed."""
 
-    speeds: FloatArray
-    forces: tuple[FloatArray, ...]
-    impulses: tuple[FloatArray, ...]
+    speeds: FloatArray  #: rad/s
+    forces: tuple[FloatArray, ...]  #: N
+    impulses: tuple[FloatArray, ...]  #: N·s
 
     @property
     def rpm(self) -> FloatArray:
@@ -323,10 +300,7 @@ def _contact_power(rate: float, force: FloatArray, impulse: FloatArray) -> float
 def settled_turns(
     law: Law, model: str, parameters: Any, speeds: Sequence[float] | FloatArray
 ) -> Turns:
-    """Run turns at each speed until one is like the next, and keep that one.
-
-    A rigid follower that ends a turn on the cam has forgotten it; otherwise the second is kept.
-    """
+    """The second turn at each speed; of a rigid follower that ends on the cam the first."""
     forces, impulses = [], []
     for speed in map(float, speeds):
         turn, state = round(TURN / speed * NS), None
@@ -342,13 +316,11 @@ def settled_turns(
 
 @dataclass(frozen=True)
 class Acoustics:
-    """The fitted constants of a rig's sound.
-
-    ``response`` is empty, or dB of the contact's sound over powers 1, 2, 3 of (rpm − 300)/100:
-    how much better the rig passes sound on at one speed than at another, whatever the cam.
-    """
+    """The fitted constants of a rig's sound."""
 
     radiation: RadiationParameters
+    #: Empty, or dB of the contact's sound over powers 1, 2, 3 of (rpm − 300)/100: how much better
+    #: the rig passes sound on at one speed than at another, whatever the cam.
     response: tuple[float, ...] = ()
 
     def levels(self, turns: Sounding) -> FloatArray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from operator import itemgetter
@@ -22,12 +21,13 @@ from cam_rig.schema import SceneConfig
 from cam_rig.show.result import SILENT, Column, Progress, Records, Result
 from cam_rig.simulation.motion import CAM, FollowerMotion
 from cam_rig.simulation.scene import RELATIVE_NOTE, LoadedScene, is_calibrated
-from cam_rig.simulation.schedule import CamState, cam_states, tick_count
+from cam_rig.simulation.schedule import CamState, tick_count
 from cam_rig.simulation.simulate import (
-    FollowerSimulator,
     MeasuredTick,
     MicrophoneSimulator,
+    TickSamples,
     step_levels,
+    turned_ticks,
 )
 from cam_rig.units import FloatArray
 
@@ -133,10 +133,8 @@ def _measured_ticks(motion: FollowerMotion) -> list[MeasuredTick]:
     measured = []
     for block in motion.blocks:
         i = block.interval
-        pressure = microphone.listen(block.rows, i.mean_speed)
         start = CamState(i.start_ns, i.angle, i.speed, CAM, i.turns)
-        count = block.rows.shape[1]
-        measured.append(MeasuredTick(start, i.stop_ns, pressure, count, i.acceleration == 0.0))
+        measured.append(microphone.measure(TickSamples(start, i, block.rows)))
     return measured
 
 
@@ -148,16 +146,13 @@ def _calibrated_on(motion: FollowerMotion) -> str:
     return (motion.rig.calibrated_on or "measured levels") if fitted else ""
 
 
-# What stands before the follower to listen: blocks of a run in, meter readings or sound out.
-
-
 @dataclass(frozen=True, eq=False)
 class MeterSimulatorState:
-    """The state of sound source and meter, and what is read next, as LZF."""
+    """The state of sound source and meter."""
 
     source: SourceState
     meter: MeterState
-    next: str
+    next: str  #: what is read next, as LZF
 
 
 @dataclass
@@ -210,10 +205,7 @@ class MeterSimulator:
 def audition(
     loaded: LoadedScene, cam: str | None, rpm: float | None, seconds: float, rate: int
 ) -> LoadedScene:
-    """The scene as it is listened to: at ``rate`` Hz, one cam (None: all), at its speeds or at one.
-
-    One speed is held for whole turns that last at least ``seconds``.
-    """
+    """The scene at ``rate`` Hz, of one cam or all, or at one speed for ``seconds`` or more."""
     if cam is not None:
         loaded = loaded.only(cam, loaded.law_of(cam))
     data = loaded.scene.model_dump(exclude_none=True)
@@ -224,16 +216,6 @@ def audition(
         data["program"]["turns"] = {"assumed": turns, "unit": "turns"}
         data["program"]["settle_turns"] = {"assumed": 0, "unit": "turns"}
     return replace(loaded, scene=SceneConfig.model_validate(data))
-
-
-def sounds(loaded: LoadedScene, source: SoundSource) -> Iterator[FloatArray]:
-    """Sound pressure (Pa) of each tick of a scene, at the rate of ``source``."""
-    follower = FollowerSimulator.of(loaded)
-    for state in cam_states(loaded.scene):
-        turned = follower.turn_to(state)
-        if turned is not None:
-            block = turned[1]
-            yield source.pressure(block.force, block.impulse, block.interval.mean_speed)
 
 
 #: The frequency weightings of the levels, in words.
@@ -318,7 +300,7 @@ def listen(loaded: LoadedScene, rate: int, out: Path, progress: Progress = SILEN
     """The sound of a scene at its microphone, at ``rate`` Hz, for a file ``out``."""
     source, pressure = SoundSource(loaded.radiation, rate, least_rate=rate), []
     progress.begin(tick_count(loaded.scene), loaded.scene.name)
-    for tick in sounds(loaded, source):
-        pressure.append(tick)
+    for tick in turned_ticks(loaded):
+        pressure.append(source.pressure(tick.force, tick.impulse, tick.interval.mean_speed))
         progress.advance()
     return ListenResult(loaded, np.concatenate(pressure), rate, out)

@@ -3,54 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
 
-import numpy as np
 import pytest
 
-from cam_rig.dynamics import (
-    Event,
-    FollowerParameters,
-    FollowerState,
-    Interval,
-    TwoMassParameters,
-)
-from cam_rig.laws import Law, bernstein
-from cam_rig.laws.sampling import fit
+from cam_rig.dynamics import TwoMassParameters
+from cam_rig.laws import Law, build_law
 from cam_rig.schema import RigConfig, load_rig
-from cam_rig.units import RPM, TURN
 
-from .helpers import edge_law, ticked
-
-
-@dataclass
-class Result:
-    """All samples, all events, and the last state of a run."""
-
-    rows: np.ndarray
-    events: list[Event]
-    state: FollowerState
-
-
-@pytest.fixture(scope="session")
-def run() -> Callable[..., Result]:
-    """Run a model at one speed through intervals between the instants ``cuts_ns``."""
-
-    def go(
-        law: Law,
-        parameters: FollowerParameters,
-        rpm: float,
-        cuts_ns: Sequence[int],
-        *,
-        model: str = "one_mass",
-        sample_rate: int = 8000,
-        state: FollowerState | None = None,
-    ) -> Result:
-        whole = Interval(0, cuts_ns[-1], 0.0, rpm * RPM)
-        return Result(*ticked(law, model, parameters, whole, cuts_ns, sample_rate, state))
-
-    return go
+from .helpers import edge_law
 
 
 @pytest.fixture
@@ -80,22 +41,10 @@ def edge() -> Law:
 
 
 @pytest.fixture(scope="session")
-def harmonic() -> Law:
+def harmonic(make_cam) -> Law:
     """Dwell 60°, simple-harmonic rise of 50 mm over 120°, dwell 60°, fall over 120°.
 
     s'' jumps by ± h π²/(2β²) at both ends of each.
     """
-    lift, span = 0.05, np.radians(120.0)
-
-    def rise(u, order):
-        cosine = [np.cos, lambda x: -np.sin(x), lambda x: -np.cos(x), np.sin][order](np.pi * u)
-        return 0.5 * lift * ((order == 0) - np.pi**order * cosine)
-
-    breaks, pieces = fit(rise, 0.0, 1.0)
-    degree, dwell = pieces[0].size - 1, np.radians(60.0)
-    up, steps = pieces, span * np.diff(breaks)
-    down = [column[::-1] for column in reversed(pieces)]
-    rests = [bernstein.elevate(np.array([level]), degree) for level in (0.0, lift)]
-    edges = np.cumsum([0.0, dwell, *steps, dwell, *steps[::-1]])
-    edges[-1] = TURN
-    return Law("harmonic", edges, np.stack([rests[0], *up, rests[1], *down], axis=1))
+    dwell, motion = {"law": "dwell", "span": 60}, {"law": "simple_harmonic", "span": 120}
+    return build_law(make_cam(dwell, motion | {"to": 1}, dwell, motion | {"to": 0}))

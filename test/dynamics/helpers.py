@@ -4,20 +4,34 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable
+from contextlib import suppress
+from typing import NamedTuple
 
+import mpmath as mp
 import numpy as np
+import pytest
 
+from benchmark.speed.exact import polynomial, powers
 from cam_rig.dynamics import MODELS, Event, FollowerState, Interval, TwoMassParameters
-from cam_rig.dynamics.events.approach import Gap, Hop, landing
-from cam_rig.dynamics.events.course import free_table, law_table
+from cam_rig.dynamics.events.approach import FlightOverCam, Gap, landing
+from cam_rig.dynamics.events.course import EndlessEventsError, free_table, law_table
 from cam_rig.dynamics.events.free_flight import launched
 from cam_rig.dynamics.events.law_table import Cam
 from cam_rig.dynamics.linear.exponential import Flight
-from cam_rig.laws import Law
+from cam_rig.dynamics.two_mass.trajectory import Separation
+from cam_rig.laws import Law, bernstein
 from cam_rig.units import NS, TURN
 
 #: ns in a millisecond.
 MS = NS // 1000
+
+
+class Run(NamedTuple):
+    """All samples, all events, and the last state of a run."""
+
+    rows: np.ndarray
+    events: list[Event]
+    state: FollowerState
 
 
 def ticked(
@@ -29,7 +43,7 @@ def ticked(
     rate: int = 8000,
     state: FollowerState | None = None,
     nudge: float = 0.0,
-) -> tuple[np.ndarray, list[Event], FollowerState]:
+) -> Run:
     """Rows, events and last state of an interval cut at instants (ns since its start).
 
     ``nudge`` (rad) is added to every second tick's angle.
@@ -49,7 +63,7 @@ def ticked(
         rows.append(block.rows)
         events += block.events
     assert state is not None
-    return np.hstack(rows), events, state
+    return Run(np.hstack(rows), events, state)
 
 
 def every(tick: int, total: int) -> list[int]:
@@ -60,11 +74,76 @@ def every(tick: int, total: int) -> list[int]:
 def land(
     flight: Flight, law: Law, angle: float, speed: float, limit: float, noise: float = 0.0
 ) -> Gap:
-    """Where a flight from a cam angle (rad) on ends; ``noise`` as in `Hop`."""
+    """Where a flight from a cam angle (rad) on ends; ``noise`` as in `FlightOverCam`."""
     launch = launched(free_table(flight.system, arrays=False), flight.start.tolist())
     gap, opening = flight.known or (0.0, 0.0)
     cam = Cam(law_table(law, arrays=False), float(speed), float(angle))
-    return landing(Hop(launch, cam, bool(flight.known), float(gap), float(opening), noise), limit)
+    return landing(
+        FlightOverCam(launch, cam, bool(flight.known), float(gap), float(opening), noise), limit
+    )
+
+
+def assert_same(found, wanted, tolerance: float, apart=slice(None)) -> None:
+    """Rows (those ``apart``), events and last state of two ways to cut a run (`ticked`)."""
+    (rows, events, state), (other_rows, other_events, end) = found, wanted
+    size = np.abs(other_rows[1:5]).max(axis=1)
+    assert (np.abs(rows - other_rows)[1:5, apart].max(axis=1) < max(tolerance, 1e-10) * size).all()
+    assert [event.kind for event in events] == [event.kind for event in other_events]
+    for one, other in zip(events, other_events, strict=True):
+        assert one.time == pytest.approx(other.time, abs=0.1 * tolerance)
+        assert one.impulse == pytest.approx(other.impulse, abs=10.0 * tolerance)
+    assert state.velocity == pytest.approx(end.velocity, abs=tolerance * size[1])
+    assert state.displacement == pytest.approx(end.displacement, abs=tolerance * size[0])
+
+
+def off_joints(law: Law, angle: np.ndarray) -> np.ndarray:
+    """Which samples do not fall on a jump, where they may show either side of it."""
+    return np.abs(angle[:, None] % TURN - law.breaks).min(axis=1) > 1e-9
+
+
+def turned(law: Law, angle: float, factor: float = 1.0) -> Law:
+    """The same cam with its zero moved on by ``angle`` (rad), its lift made smaller."""
+    law = with_joints(law, angle)
+    at = int(np.searchsorted(law.breaks, angle))
+    breaks = np.append(law.breaks[at:], law.breaks[1 : at + 1] + TURN) - law.breaks[at]
+    breaks[-1] = TURN
+    return Law("turned", breaks, factor * np.roll(law.ordinates, -at, axis=1))
+
+
+def with_joints(law: Law, *angles: float) -> Law:
+    """The same law with more joints, at these angles (rad)."""
+    breaks, columns = np.array(sorted({*law.breaks.tolist(), *angles})), []
+    for a, b in itertools.pairwise(breaks):
+        i = int(np.searchsorted(law.breaks, 0.5 * (a + b), side="right")) - 1
+        ends = np.clip((np.array([a, b]) - law.breaks[i]) / law.spans[i], 0.0, 1.0)
+        columns.append(bernstein.restrict(law.ordinates[:, i], *ends))
+    return Law(law.name, breaks, np.stack(columns, axis=1))
+
+
+class _Walk(Separation):
+    most_events = 0
+
+
+def lift_off(
+    law: Law, p: TwoMassParameters, speed: float, start: np.ndarray, limit: float
+) -> float | None:
+    """When (s) a walk from part to part first loses contact, from (η, η̇) at θ = 0 on."""
+    walk = _Walk(law, p, speed)
+    with suppress(EndlessEventsError):
+        walk.run(limit, start)
+    return walk.events[0].time if walk.events else None
+
+
+def exact_law(law: Law, angle: mp.mpf) -> list[mp.mpf]:
+    """s, s' and s'' at a cam angle (rad) in mpmath's digits; the law's doubles taken as exact."""
+    inside = angle - mp.floor(angle / mp.mpf(TURN)) * mp.mpf(TURN)
+    i = max(k for k in range(law.spans.size) if mp.mpf(law.breaks[k]) <= inside)
+    low, found = mp.mpf(law.breaks[i]), []
+    span, row = mp.mpf(law.breaks[i + 1]) - low, powers(law.ordinates[:, i].tolist())
+    for order in range(3):
+        found.append(polynomial(row, (inside - low) / span) / span**order)
+        row = [k * a for k, a in enumerate(row)][1:] or [mp.mpf(0)]
+    return found
 
 
 def edge_law() -> Law:
@@ -72,21 +151,6 @@ def edge_law() -> Law:
     breaks = np.radians([0.0, 60.0, 150.0, 210.0, 300.0, 360.0])
     breaks[-1] = TURN
     return Law("edge", breaks, 0.05 * np.array([[0.0, 0, 1, 1, 0], [0, 1, 1, 0, 0]]))
-
-
-def flight_matrix(p: TwoMassParameters) -> np.ndarray:
-    """A of (z, ż, y, ẏ) of two masses in flight."""
-    rows = [
-        [-p.stem_stiffness, -p.stem_damping, p.stem_stiffness, p.stem_damping],
-        [p.stem_stiffness, p.stem_damping, -p.stiffness, -(p.stem_damping + p.damping)],
-    ]
-    first, last = np.array(rows) / [[p.roller_mass], [p.end_mass]]
-    return np.stack([[0.0, 1.0, 0.0, 0.0], first, [0.0, 0.0, 0.0, 1.0], last])
-
-
-def flight_load(p: TwoMassParameters) -> np.ndarray:
-    """The constant part of its rate."""
-    return np.array([0.0, 0.0, 0.0, -p.preload / p.end_mass])
 
 
 def gauss(edges: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:

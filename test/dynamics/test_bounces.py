@@ -1,6 +1,5 @@
 """Bounces without end in a finite time: few events, then contact, and no loop."""
 
-import dataclasses
 from dataclasses import replace
 
 import numpy as np
@@ -49,8 +48,7 @@ def check(landings, times, accumulated, restitution, mass):
 
 
 @pytest.mark.parametrize(
-    ("cam", "restitution"),
-    [("hump", 0.5), ("hump", 0.9), ("hump", 0.99), ("disc", 0.5)],
+    ("cam", "restitution"), [("hump", 0.5), ("hump", 0.9), ("hump", 0.99), ("disc", 0.5)]
 )
 def test_one_mass(cam, restitution, monkeypatch):
     """ln(v₀/v)/ln(1/e) landings until a bounce is lower than rounding, then it sits."""
@@ -70,19 +68,10 @@ def test_one_mass(cam, restitution, monkeypatch):
     np.testing.assert_allclose(block.rows[4, after], PRELOAD, rtol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("cam", "restitution"),
-    [
-        ("hump", 0.5),
-        ("hump", 0.9),
-        ("disc", 0.5),
-    ],
-)
+@pytest.mark.parametrize(("cam", "restitution"), [("hump", 0.5), ("hump", 0.9), ("disc", 0.5)])
 def test_two_masses(cam, restitution, monkeypatch):
-    """The roller alone bounces, pressed on by a stem whose other end does not move.
-
-    An end mass of 1e9 kg gives way by 1e-8 of what the roller does.
-    """
+    """The roller alone bounces, pressed on by a stem whose other end does not move."""
+    # An end mass of 1e9 kg gives way by 1e-8 of what the roller does.
     monkeypatch.setattr(Separation, "most_events", 200)
     p = TwoMassParameters(ROLLER, 1e9, STEM, 4030.0, 0.0, 0.0, PRELOAD, restitution=restitution)
     rest = -p.preload / p.stiffness
@@ -93,26 +82,6 @@ def test_two_masses(cam, restitution, monkeypatch):
     check(landings, times, times[-1], restitution, ROLLER)
     assert isinstance(found.last, np.ndarray)
     assert found.phases[-1].end - found.phases[-1].begin > 0.9
-
-
-def jumping(law, stem, rpm):
-    """One turn of a cam that throws the two masses off, e = 0.9."""
-    p = TwoMassParameters(0.52, 0.78, stem, 4030.0, 8.642, 8.642, 12.753, restitution=0.9)
-    speed = rpm * np.pi / 30.0
-    found = Separation(law, p, speed)
-    found.run(TURN / speed)
-    assert found.phases[-1].end == TURN / speed
-    return found.events
-
-
-def test_two_masses_on_a_jumping_cam(laws):
-    """Bounces on bounces, and yet finitely many, in order; and the cam can only push."""
-    for stem, rpm in ((1.26e6, 450.0), (3.3e8, 600.0)):
-        events = jumping(laws["poly345"], stem, rpm)
-        times = [event.time for event in events]
-        assert 4 < len(times) < 5000
-        assert times == sorted(times)
-        assert min(event.impulse for event in events) >= 0.0
 
 
 def test_too_many_bounces_are_said(monkeypatch):
@@ -127,29 +96,6 @@ def test_too_many_bounces_are_said(monkeypatch):
         MODELS["one_mass"].advance(law_of("hump"), follower, lifted_off, interval, 100)
 
 
-# Newton's restitution on a dwell, and on a cam that jumps.
-
-
-@pytest.mark.parametrize("e", [0.8, 0.9])
-def test_bouncing_cam_goes_on(laws, follower, run, e):
-    """Five turns of a jumping cam with a lively follower: finite, and never below the cam."""
-    p = dataclasses.replace(follower, restitution=e)
-    result = run(laws["poly345"], p, 600.0, [0, NS // 2])
-    assert np.isfinite(result.rows).all()
-    assert len(result.events) < 5000
-    cam = laws["poly345"](20.0 * np.pi * result.rows[0])
-    assert np.all(result.rows[1] - cam > -1e-13)
-
-
-def test_livelier_is_longer_in_the_air(laws, follower, run):
-    """The time in the air grows with restitution."""
-    air = []
-    for e in (0.0, 0.5):
-        p = dataclasses.replace(follower, restitution=e)
-        air.append(int((run(laws["poly345"], p, 600.0, [0, NS // 2]).rows[4] == 0.0).sum()))
-    assert air[0] < air[1]
-
-
 # After a landing the stiff stem throws the roller up again and again, at 25 kHz.
 
 STIFF = TwoMassParameters(0.52, 0.78, 3.3e8, 4030.0, 8.642, 8.642, 12.753)
@@ -158,13 +104,11 @@ FAST = 450.0 * np.pi / 30.0
 
 @pytest.mark.parametrize("name", ["two_mass_soft", "two_mass_stem", "one_mass_arc"])
 def test_events_are_those_of_fifty_digits(name):
-    """All of them, in order, each to 1e-13 s; the motion between to 2e-12 of its largest.
-
-    Not one of the bounces is lost or invented, though each begins where the last left off, and
-    each hands on its error: sixty of them on the stem enlarge a rounding a hundred times, so that
-    the last digit of its stiffness, or of the speed, is worth 1e-13 s. Where that weighs more, five
-    times its weight is the limit: the processor chooses how sums are rounded.
-    """
+    """All of them, in order, each to 1e-13 s; the motion between to 2e-12 of its largest."""
+    # Not one of the bounces is lost or invented, though each begins where the last left off, and
+    # each hands on its error: sixty of them on the stem enlarge a rounding a hundred times, so that
+    # the last digit of its stiffness, or of the speed, is worth 1e-13 s. Where it weighs more, five
+    # times its weight is the limit: the processor chooses how sums are rounded.
     case = CASES[name]()
     wanted, got = stored.read(case), rig.solve(case)
     assert [kind for kind, _ in got.events] == [kind for kind, _ in wanted.events]
@@ -194,12 +138,10 @@ def course(laws):
 
 
 def test_it_chatters(course):
-    """Flights shorter than a period of the roller on its stem follow the first landing closely.
-
-    √(k₁/m₁) gives 0.25 ms a period.
-    """
+    """Flights shorter than a period of the roller on its stem follow the first landing closely."""
+    # √(k₁/m₁) gives 0.25 ms a period.
     period = TURN / np.sqrt(STIFF.stem_stiffness / STIFF.roller_mass)
-    flights = np.array([p.end - p.begin for p in course.phases if not p.contact])
+    flights = np.array([p.end - p.begin for p in course.phases if p.flight is not None])
     assert (flights < period).sum() > 8
     assert flights.max() > 4.0 * period
     kinds = [event.kind for event in course.events]
@@ -219,19 +161,10 @@ def test_it_dies_out(course):
 def test_the_force_stays_positive_between(course):
     """In contact the cam pushes, in each of the phases, however short."""
     for phase in course.phases:
-        if phase.contact and phase.end > phase.begin:
+        if phase.flight is None and phase.end > phase.begin:
             inside = np.linspace(phase.begin, phase.end, 12)[1:-1]
             force = phase_states(course, phase, inside)[4]
             assert force.min() > -1e-6  # N; 1e-15 m on this stem
-
-
-def test_without_damping_it_ends_too(laws):
-    """Nothing but plastic landings takes energy away, and they are finitely many."""
-    undamped = replace(STIFF, stem_damping=0.0, damping=0.0)
-    found = Separation(laws["poly345"], undamped, FAST)
-    found.run(TURN / FAST)
-    assert 10 < len(found.events) < 5000
-    assert found.phases[-1].end == TURN / FAST
 
 
 # The contact force comes down to zero and touches it, or goes a hair below. Near its minimum

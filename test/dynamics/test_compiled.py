@@ -19,7 +19,7 @@ from cam_rig.dynamics.events.runs import run_events
 from cam_rig.dynamics.events.search import ALWAYS, PLAIN, VARIABLE, cache_folder, form_of
 from cam_rig.dynamics.two_mass import trajectory
 from cam_rig.dynamics.two_mass.masses import free_masses
-from cam_rig.dynamics.two_mass.trajectory import Separation, lift_off
+from cam_rig.dynamics.two_mass.trajectory import Separation, first_lift_off
 from cam_rig.laws import Law
 from cam_rig.units import NS, RPM, TURN
 
@@ -109,9 +109,8 @@ def test_a_loss_of_contact_alone(laws, monkeypatch):
     found = []
     for form in (PLAIN, ALWAYS):
         monkeypatch.setenv(VARIABLE, form)
-        found.append(lift_off(laws["poly345"], TWO, 450.0 * RPM, 0.0, np.zeros(2), 1.0))
-    assert found[0][0] == found[1][0]
-    assert found[0][1].tolist() == found[1][1].tolist()
+        found.append(first_lift_off(laws["poly345"], TWO, 450.0 * RPM, np.zeros(2), 1.0))
+    assert found[0] == found[1] is not None
 
 
 def test_binomials_beyond_the_table():
@@ -250,22 +249,6 @@ def test_two_compile_at_once(kept, capsys):
     capsys.readouterr()
     assert loaded(2.0) == 6.0
     assert "damaged" not in capsys.readouterr().err
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("seed", range(20))
-def test_damage_ends_no_process(tmp_path, seed):
-    """A process that meets it finds the events of plain Python, and the next one says nothing."""
-    (events, _), _ = run(**{VARIABLE: PLAIN})
-    whole, rng = tmp_path / "cam_rig" / cache_folder().name, np.random.default_rng(seed)
-    shutil.copytree(cache_folder() / "run_events", whole / "run_events")
-    files = sorted(path for path in whole.rglob("*") if path.is_file())
-    damage(files[rng.integers(len(files))], rng)
-    (found, _), words = run(XDG_CACHE_HOME=str(tmp_path), **{VARIABLE: ALWAYS})
-    assert found == events
-    assert words.count("is damaged") == 1
-    (found, _), words = run(XDG_CACHE_HOME=str(tmp_path), **{VARIABLE: ALWAYS})
-    assert (found, words) == (events, "")
 
 
 def test_a_place_that_cannot_be_written(monkeypatch, tmp_path):

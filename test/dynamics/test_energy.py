@@ -42,22 +42,21 @@ def missing_of_one(law, p, speed, milliseconds):
                 force = p.mass * acceleration + p.damping * v + p.spring_stiffness * s + p.preload
                 work += weights @ (force * v)
             else:
-                v = phase.flight.state(t - phase.begin)[1]
+                v = phase.flight.motion(t - phase.begin)[1]
             burnt += weights @ (p.damping * v**2)
     landings = [event for event in course.events if event.kind == "landing"]
-    work += sum(e.impulse * course.on_cam(e.time).velocity for e in landings)
+    work += sum(e.impulse * law.at(e.angle)[1] * speed for e in landings)
     lost = sum(e.energy_lost for e in landings)
 
-    def stored(state):
-        y, v = state.displacement, state.velocity
+    def stored(y, v):
         return 0.5 * p.mass * v**2 + 0.5 * p.spring_stiffness * y**2 + p.preload * y
 
     last = course.phases[-1]
-    end = course.on_cam(last.end)
+    end = [x * speed**k for k, x in enumerate(law.at(speed * last.end)[:2])]
     if last.flight is not None:
-        y, v = (float(x[0]) for x in last.flight.state(np.array([last.end - last.begin])))
-        end = replace(end, displacement=y, velocity=v)
-    change = stored(end) - stored(course.on_cam(0.0))
+        end = [float(x[0]) for x in last.flight.motion(np.array([last.end - last.begin]))[:2]]
+    s, slope, _ = law.at(0.0)
+    change = stored(*end) - stored(s, slope * speed)
     return abs(work - burnt - lost - change) / (abs(work) + lost + burnt), course
 
 

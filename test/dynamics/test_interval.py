@@ -70,7 +70,7 @@ def test_rest_by_rounding_is_rest():
 
 # The grid of samples that all intervals share.
 
-times_ns = st.integers(0, 20 * NS)
+times_ns = st.integers(0, 4000 * NS)
 rates = st.integers(100, 1_000_000)
 
 
@@ -110,14 +110,6 @@ def test_index_after():
     grid = Interval(0, NS, 0.0, 1.0).grid(1000)
     assert [grid.index_after(t) for t in (-1.0, 0.0, 0.25, 0.2501)] == [0, 0, 250, 251]
     np.testing.assert_allclose(grid.since_start()[[0, 999]], [0.0, 0.999], rtol=1e-15)
-
-
-def test_an_hour_on_the_grid_is_still_exact():
-    """Rig time does not wear out the grid: it is counted in whole numbers."""
-    hour = 3600 * NS
-    grid = Interval(hour + 1, hour + NS, 0.0, 1.0).grid(48_000)
-    assert grid.first == 3600 * 48_000 + 1
-    assert grid.count == 48_000 - 1
 
 
 # Rows of a block by their names.

@@ -8,11 +8,13 @@ import pytest
 from benchmark.speed import exact
 from benchmark.speed import study as rig
 from benchmark.speed.models import Case, Oscillator, TwoMasses
-from cam_rig.dynamics import MODELS, FollowerParameters, FollowerState, Interval, TwoMassParameters
-from cam_rig.dynamics.elastic_stem import motion
-from cam_rig.laws import Law, bernstein, build_law
+from benchmark.speed.study import stem_motion as motion
+from cam_rig.dynamics import MODELS, FollowerParameters, Interval, TwoMassParameters
+from cam_rig.laws import Law, build_law
 from cam_rig.laws.sampling import AT_SAMPLE
 from cam_rig.units import NS, TURN
+
+from .helpers import with_joints
 
 SPEED = 120.0 * np.pi / 30.0
 #: Samples 1 ns apart, the finest instants that rig time has.
@@ -42,21 +44,10 @@ def around(law, model, parameters, piece):
     return rows[3:5, after - 1], rows[3:5, after], rows
 
 
-def test_the_jumps_of_simple_harmonic_motion(harmonic):
-    """± h π²/(2β²) where it leaves a dwell, and as much where it comes to one."""
-    expected = 0.05 * np.pi**2 / (2.0 * np.radians(120.0) ** 2)
-    jumps = [after - before for _, before, after in joints_of(harmonic)]
-    np.testing.assert_allclose(jumps, expected * np.array([-1, 1, 1, -1]), rtol=1e-11)
-
-
-def test_the_arc_cam_has_four(laws):
-    """Base to flank, flank to nose, and back."""
-    assert len(joints_of(laws["tm21"])) == 4
-
-
 @pytest.mark.parametrize("model", ["kinetostatic", "one_mass"])
 def test_a_rigid_follower_feels_the_jump(jumping, follower, model):
     """ẍ = ω² s'' from either side, and F jumps by m times that; 1 ns of jerk is the tolerance."""
+    assert len(joints_of(jumping)) == 4
     jerk = float(np.abs(jumping.derivative_ordinates(3)).max()) * SPEED**3
     for piece, left, right in joints_of(jumping):
         before, after, _ = around(jumping, model, follower, piece)
@@ -130,15 +121,6 @@ def parameters(paper_rig):
     return {name: model.parameters(paper_rig) for name, model in MODELS.items()}
 
 
-def cut(law, angle):
-    """The same law with one more joint, at ``angle`` (rad)."""
-    i = int(np.searchsorted(law.breaks, angle, side="right")) - 1
-    u = (angle - law.breaks[i]) / law.spans[i]
-    columns = list(law.ordinates.T)
-    columns[i : i + 1] = bernstein.split(law.ordinates[:, i], u)
-    return Law(law.name, np.insert(law.breaks, i + 1, angle), np.stack(columns, axis=1))
-
-
 def one_turn(law, name, parameters, turns=1):
     interval = Interval(0, turns * TURN_NS, 0.0, FAST)
     return MODELS[name].advance(law, parameters[name], None, interval, 4000)
@@ -154,7 +136,7 @@ def test_lift_off_in_the_last_of_a_segment(laws, parameters, name):
     law = laws["poly345"]
     first = one_turn(law, name, parameters)[1].events
     for before in (1e-12, 1e-13, 4e-16, 0.0, -1e-13):
-        found = one_turn(cut(law, first[0].angle + before), name, parameters)[1].events
+        found = one_turn(with_joints(law, first[0].angle + before), name, parameters)[1].events
         assert [event.kind for event in found[:2]] == ["lift-off", "landing"]
         for one, other in zip(found[:2], first[:2], strict=True):
             assert one.angle == pytest.approx(other.angle, abs=1e-11)
@@ -193,11 +175,9 @@ def test_rest_in_slices_of_a_nanoradian(parameters, name):
 
 
 def test_a_rise_of_a_nanoradian_is_a_step(laws):
-    """A stem cannot tell 1e-9 rad from a step: x = h (1 − cos Ωt), whatever the rise is made of.
-
-    The rise takes 1e-9/ω s, in which the stem turns by 2e-8 rad: that is the difference, and
-    velocities of 1e9 m/s and accelerations of 1e19 m/s² in between must leave no trace.
-    """
+    """A stem cannot tell 1e-9 rad from a step: x = h (1 − cos Ωt), whatever the rise is made of."""
+    # The rise takes 1e-9/ω s, in which the stem turns by 2e-8 rad: that is the difference, and
+    # velocities of 1e9 m/s and accelerations of 1e19 m/s² in between must leave no trace.
     follower, speed = FollowerParameters(1.3, 4030.0, 0.0, 0.0, 1e5), 10.0
     rise = 0.01 * np.repeat([0.0, 1.0], 3)
     columns = [0.0 * rise, rise, 0.0 * rise + 0.01, rise[::-1]]
@@ -208,28 +188,3 @@ def test_a_rise_of_a_nanoradian_is_a_step(laws):
     rate, rest = np.sqrt(total / follower.mass), 0.01 * follower.stem_stiffness / total
     np.testing.assert_allclose(x, rest * (1.0 - np.cos(rate * since)), rtol=0, atol=1e-7 * rest)
     np.testing.assert_allclose(v, rest * rate * np.sin(rate * since), atol=1e-7 * rest * rate)
-
-
-@pytest.mark.parametrize("name", ["two_mass", "torsional"])
-def test_a_dwell_of_a_whole_turn(make_cam, parameters, name):
-    """A disc: nothing lifts, nothing twists, and the force is the preload at any speed."""
-    law = build_law(make_cam({"law": "dwell", "span": 360}))
-    for speed in (0.001, 40.0, 10_000.0):
-        interval = Interval(0, NS // 10, 0.0, speed)
-        _, block = MODELS[name].advance(law, parameters[name], None, interval, 4000)
-        p = parameters[name]
-        wanted = p.share * p.preload if name == "two_mass" else p.follower.preload
-        np.testing.assert_allclose(block.rows[4], wanted, rtol=1e-12)
-        np.testing.assert_array_equal(block.rows[1:4], 0.0)
-        assert block.events == ()
-
-
-def test_a_disc_under_a_thrown_follower(make_cam, parameters):
-    """It comes down once, plastically, with the impulse of its fall."""
-    law = build_law(make_cam({"law": "dwell", "span": 360}))
-    p = replace(parameters["one_mass"], damping=0.0)
-    lifted_off = FollowerState(0.0, 0.3, 0.0, in_contact=False)
-    state, block = MODELS["one_mass"].advance(law, p, lifted_off, Interval(0, NS, 0.0, 40.0), 1000)
-    assert [event.kind for event in block.events] == ["landing"]
-    assert block.events[0].impulse == pytest.approx(0.3 * p.mass, rel=1e-9)
-    assert state.in_contact

@@ -9,13 +9,13 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from benchmark.speed.exact import polynomial, powers
-from cam_rig.dynamics import MODELS, FollowerParameters, FollowerState, Interval
+from cam_rig.dynamics import MODELS, FollowerParameters, Interval
 from cam_rig.dynamics.elastic_stem import response
 from cam_rig.dynamics.linear.response import LinearResponse
-from cam_rig.dynamics.torsional.motion import periodic_state
 from cam_rig.laws import Law
 from cam_rig.units import NS, TURN
+
+from .helpers import exact_law
 
 TURNS = 100_000
 RPM = 600.0
@@ -24,43 +24,26 @@ TURN_NS = 60 * NS // 600
 EPS = float(np.finfo(float).eps)
 
 
-def exact_lift(law, rate, indices):
-    """s at the angles ω k / ``rate``, ω and 2π the rig's doubles, with 40 digits."""
-    out = []
-    with mp.workdps(40):
-        pieces = [powers(column) for column in law.ordinates.T.tolist()]
-        for k in indices:
-            turned = mp.mpf(SPEED) * int(k) / rate
-            inside = turned - mp.floor(turned / mp.mpf(TURN)) * mp.mpf(TURN)
-            i = int(np.searchsorted(law.breaks, float(inside), side="right")) - 1
-            low, high = mp.mpf(law.breaks[i]), mp.mpf(law.breaks[i + 1])
-            u = (inside - low) / (high - low)
-            out.append(float(polynomial(pieces[i], u)))
-    return np.array(out)
-
-
 @pytest.mark.parametrize("turns", [20_000, pytest.param(TURNS, marks=pytest.mark.long)])
 def test_one_call_over_all_turns(laws, follower, turns):
-    """Samples of one interval of many turns stay on the law, to the rounding of their angle.
-
-    6.3e5 rad of 1e5 turns are known to eps times itself, and the law's slope makes a lift of it.
-    """
+    """Samples of one interval of many turns stay on the law, to the rounding of their angle."""
+    # 6.3e5 rad of 1e5 turns are known to eps times itself, and the law's slope makes a lift of it.
     law, rate = laws["poly345"], 7
     interval = Interval(0, turns * TURN_NS, 0.0, SPEED)
     rows = MODELS["kinetostatic"].advance(law, follower, None, interval, rate)[1].rows
     some = np.arange(rows.shape[1] - 1, 0, -997)
     slope = float(np.abs(law.motion[1]).max())
     limit = 4.0 * EPS * turns * TURN * slope
-    error = np.abs(rows[1, some] - exact_lift(law, rate, some))
+    with mp.workdps(40):
+        exact = [float(exact_law(law, mp.mpf(SPEED) * int(k) / rate)[0]) for k in some]
+    error = np.abs(rows[1, some] - exact)
     assert error.max() < limit
     assert rows[1, some].max() > 0.04
 
 
 def test_free_vibration_keeps_its_phase(laws):
-    """On a disc of many parts, r = r₀ cos Ωt after 3.2e8 rad of an undamped stem.
-
-    One turn's phase (1593 rad) is rounded to eps times itself; that adds up turn by turn.
-    """
+    """On a disc of many parts, r = r₀ cos Ωt after 3.2e8 rad of an undamped stem."""
+    # One turn's phase (1593 rad) is rounded to eps times itself; that adds up turn by turn.
     flat = Law("flat", laws["poly345"].breaks, 0.0 * laws["poly345"].ordinates)
     follower = FollowerParameters(1.3, 4030.0, 0.0, 0.0, 3.3e8)
     duration = TURNS * TURN / SPEED
@@ -76,10 +59,7 @@ def test_free_vibration_keeps_its_phase(laws):
 
 
 def test_walking_is_skipping(laws, follower):
-    """Turn after turn comes to the state that doubling the turn's map comes to.
-
-    A thousand turns of the stem's phase, 1.6e6 rad, rounded.
-    """
+    """Turn after turn comes to the state that doubling the turn's map comes to."""
     undamped = FollowerParameters(1.3, 4030.0, 0.0, 0.0, 3.3e8)
     model, start = response(laws["tm21"], undamped, SPEED), np.array([1e-5, 0.0])
     angle, duration = 1.0, 1000.3 * TURN / SPEED
@@ -89,10 +69,8 @@ def test_walking_is_skipping(laws, follower):
 
 
 def test_forced_resonance_grows_for_all_turns(laws):
-    """Secular growth: after N turns N times the growth of one, no more and no less.
-
-    A mode off its harmonic by eps loses the phase 9·2π N eps; that squared would show.
-    """
+    """Secular growth: after N turns N times the growth of one, no more and no less."""
+    # A mode off its harmonic by eps loses the phase 9·2π N eps; that squared would show.
     matrix = np.array([[0.0, 1.0], [-((9.0 * SPEED) ** 2), 0.0]])
     drive = np.array([[0.0, 0.0, 0.0], [(9.0 * SPEED) ** 2, 0.0, 0.0]])
     model = LinearResponse(laws["poly345"], SPEED, matrix, drive, np.zeros(2))
@@ -101,51 +79,6 @@ def test_forced_resonance_grows_for_all_turns(laws):
     size = np.array([1.0, 9.0 * SPEED]) * np.hypot(one[0], one[1] / (9.0 * SPEED))
     assert size[0] > 1e-5
     assert np.abs((all_of_them / TURNS - one) / size).max() < 18.0 * np.pi * TURNS * EPS
-
-
-def test_steady_vibration_is_still_the_steady_one(laws, follower):
-    """What returns after a turn is there after 1e5: to the steady state's own rounding."""
-    model = response(laws["poly345"], follower, SPEED)
-    begin = model.periodic()
-    after = model.end(begin, 0.0, TURNS * TURN / SPEED)
-    # the last instant is known to eps · 1e4 s, in which the stem turns 16 000 rad/s
-    size = np.abs(begin).max()
-    np.testing.assert_allclose(after, begin, rtol=0, atol=15_932.0 * 1e4 * EPS * size)
-
-
-def test_separation_of_a_late_turn(laws, paper_rig):
-    """Started on turn 1e5, the two masses leave and land as on the first.
-
-    Late angles have a spacing of 1.2e-10 rad, 2e-12 s; an impulse follows with its slope.
-    """
-    p = MODELS["two_mass"].parameters(paper_rig)
-    advance, law = MODELS["two_mass"].advance, laws["poly345"]
-    first = advance(law, p, None, Interval(0, TURN_NS, 0.0, SPEED), 1000)[1].events
-    late = Interval(TURNS * TURN_NS, (TURNS + 1) * TURN_NS, TURNS * TURN, SPEED)
-    found = advance(law, p, None, late, 1000)[1].events
-    assert [event.kind for event in found] == [event.kind for event in first]
-    assert len(found) > 2
-    spacing = float(np.spacing(TURNS * TURN))
-    for one, other in zip(found, first, strict=True):
-        assert one.angle - TURNS * TURN == pytest.approx(other.angle, abs=4.0 * spacing)
-        assert one.impulse == pytest.approx(other.impulse, rel=1e-6, abs=1e-9)
-
-
-def test_torsion_of_a_late_turn(laws, paper_rig):
-    """The periodic twist of turn 1e5 is that of the first, and comes back after it."""
-    p = MODELS["torsional"].parameters(paper_rig)
-    law = laws["poly345"]
-    begin = periodic_state(law, p, SPEED)
-    state = FollowerState(0.0, 0.0, 0.0, True, inner=(begin.twist, begin.twist_rate))
-    late = Interval(TURNS * TURN_NS, (TURNS + 1) * TURN_NS, TURNS * TURN, SPEED)
-    end, block = MODELS["torsional"].advance(law, p, state, late, 5000)
-    early = MODELS["torsional"].advance(law, p, state, Interval(0, TURN_NS, 0.0, SPEED), 5000)[1]
-    peak = float(np.abs(block.rows[4]).max())
-    rate = np.sqrt(p.shaft_stiffness / p.cam_inertia)
-    twist = max(abs(begin.twist), abs(begin.twist_rate) / rate)
-    assert abs(end.inner[0] - begin.twist) < 1e-8 * twist
-    assert abs(end.inner[1] - begin.twist_rate) < 1e-8 * twist * rate
-    assert np.abs(block.rows[4] - early.rows[4]).max() < 1e-8 * peak
 
 
 # A long run streams in blocks: memory is that of a block, whatever the length.
@@ -180,10 +113,8 @@ LONG = ("elastic_stem", 300, "one_mass", 60, "two_mass", 60, "torsional", 20, "k
 
 @pytest.mark.parametrize("runs", [RUNS, pytest.param(LONG, marks=pytest.mark.long)])
 def test_memory_does_not_grow(runs):
-    """What a model keeps (parts of a turn, chunks) it has after the first turns, in a process.
-
-    An hour's 172.8 million samples of six doubles are 8.3 GB; never is more there than a block.
-    """
+    """What a model keeps (parts of a turn, chunks) it has after the first turns, in a process."""
+    # An hour's 172.8 million samples of six doubles are 8.3 GB; never is more there than a block.
     done = subprocess.run(
         [sys.executable, "-c", STREAM, *map(str, runs)],
         cwd=ROOT,

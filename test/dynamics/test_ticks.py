@@ -96,7 +96,7 @@ def test_the_tick_does_not_enter(laws, paper_rig, cam, name):
         assert abs(state.displacement - last.displacement) <= limit[1]
 
 
-# Hops of seeded rigs of every damping.
+# Flights of seeded rigs of every damping.
 
 
 def random_rig(seed, model):
@@ -123,7 +123,7 @@ def random_rig(seed, model):
         *(pytest.param(c, range(100, 140), marks=pytest.mark.long) for c in (*CAMS, "bezier15")),
     ],
 )
-def test_the_number_of_hops_is_the_runs_own(laws, cam, seeds):
+def test_the_number_of_flights_is_the_runs_own(laws, cam, seeds):
     """Not that of its ticks: the same events, impulses to 1e-9. Bézier 15 is all one piece."""
     for model, seed in itertools.product(("one_mass", "two_mass"), seeds):
         p, rpm = random_rig(seed, model)
@@ -141,7 +141,7 @@ def test_the_number_of_hops_is_the_runs_own(laws, cam, seeds):
 
 
 def test_critical_damping_is_nothing_special(laws):
-    """An end mass on a closing spring damped critically hops as one damped by a hair more or less.
+    """An end mass on a closing spring damped critically flies as one damped by a hair more or less.
 
     Its matrix has one shape for two modes, and a weak spring would rest far away.
     """
@@ -179,34 +179,23 @@ TURN_NS = 60 * NS // 600
 END = 4 * TURN_NS
 
 
+def jumping(laws, p, cuts, rate=8000):
+    """A run of the 3-4-5 cam between instants (ns)."""
+    interval = Interval(0, cuts[-1], 0.0, RPM_JUMPING * RPM)
+    return ticked(laws["poly345"], "one_mass", p, interval, cuts, rate)
+
+
 @pytest.fixture(scope="module")
-def whole(laws, follower, run):
+def whole(laws, follower):
     """Four turns of the jumping 3-4-5 cam in one interval."""
-    return run(laws["poly345"], follower, RPM_JUMPING, [0, END])
+    return jumping(laws, follower, [0, END])
 
 
-@pytest.mark.parametrize("length", [TURN_NS, 7_654_321])
-def test_samples_and_events_do_not_depend_on_the_interval(laws, follower, run, whole, length):
-    """Samples to 1e-10 of each row's size; the same events at the same angles and impulses."""
-    cut = run(laws["poly345"], follower, RPM_JUMPING, every(length, END))
-    sizes = np.abs(whole.rows).max(axis=1, keepdims=True)
-    assert cut.rows.shape == whole.rows.shape
-    assert np.all(np.abs(cut.rows - whole.rows) <= 1e-10 * sizes)
-    assert [e.kind for e in cut.events] == [e.kind for e in whole.events]
-    for one, other in zip(cut.events, whole.events, strict=True):
-        assert one.angle == pytest.approx(other.angle, abs=1e-10)
-        assert one.time == pytest.approx(other.time, abs=1e-12)
-        assert one.impulse == pytest.approx(other.impulse, rel=1e-9)
-
-
-def test_intervals_shorter_than_a_sample(laws, follower, run, whole):
-    """Intervals of 40 µs at 125 µs a sample: most have no sample, and nothing is lost.
-
-    From before the first lift-off to after its landing.
-    """
+def test_intervals_shorter_than_a_sample(laws, follower, whole):
+    """Intervals of 40 µs at 125 µs a sample: most have no sample, and nothing is lost."""
     first = whole.events[1].time + 0.01
     cuts = [0, *range(20 * MS, round(first * NS), 40_000)]
-    cut = run(laws["poly345"], follower, RPM_JUMPING, cuts)
+    cut = jumping(laws, follower, cuts)
     sizes = np.abs(whole.rows).max(axis=1, keepdims=True)
     assert len(cut.events) >= 2
     assert np.all(np.abs(cut.rows - whole.rows[:, : cut.rows.shape[1]]) <= 1e-9 * sizes)
@@ -217,10 +206,10 @@ def test_intervals_shorter_than_a_sample(laws, follower, run, whole):
     inner=st.lists(st.integers(1, 2 * TURN_NS - 1), unique=True, max_size=12),
     restitution=st.sampled_from([0.0, 0.5]),
 )
-def test_each_impulse_shows_once(laws, follower, run, inner, restitution):
+def test_each_impulse_shows_once(laws, follower, inner, restitution):
     """All impulses of the events stand in the blocks, or wait for the next block."""
     p, cuts = dataclasses.replace(follower, restitution=restitution), [0, *sorted(inner)]
-    result = run(laws["poly345"], p, RPM_JUMPING, [*cuts, 2 * TURN_NS], sample_rate=1000)
+    result = jumping(laws, p, [*cuts, 2 * TURN_NS], 1000)
     total = sum(event.impulse for event in result.events)
     assert total > 1.0
     shown = result.rows[5].sum() + result.state.pending_impulse
@@ -241,10 +230,8 @@ def test_events_and_impulses_are_in_order(whole):
 
 # The cam's whole turns are counted apart: late turns are like the first, to the last digit.
 
-#: 480 rpm: a turn is 125 ms, and so many turns are whole seconds: the grid of samples is the same.
+#: 480 rpm: a turn is 125 ms, a thousand turns are whole seconds, so the grid of samples is one.
 PERIOD, SPEED = NS // 8, 480.0 * RPM
-TURNS = (0, 1_000, 100_000, 10_000_000)
-TICKS = (MS, 7 * MS, 50 * MS, PERIOD)
 LATE = {
     "kinetostatic": ("kinetostatic", {}),
     "elastic_stem": ("elastic_stem", {}),
@@ -265,32 +252,12 @@ def begun_late(law, model, p, total, tick, turns=0, acceleration=0.0):
     return rows, [(e.kind, e.time - start / NS, e.angle - turns * TURN, e) for e in events], state
 
 
-def known_until(law, model, p, total, acceleration, wanted):
-    """Time (s) up to which the last digit of a number moves no event by more than 1e-14 s.
-
-    Bounce after bounce enlarges it, in some series a billion times: no tick can be better.
-    """
-    until = np.inf
-    for last, name in itertools.product((-1e-15, 1e-15), ("preload", "spring_stiffness")):
-        nudged = replace(p, **{name: getattr(p, name) * (1.0 + last)})
-        events = begun_late(law, model, nudged, total, PERIOD, 0, acceleration)[1]
-        for one, other in itertools.zip_longest(events, wanted[1]):
-            if one is None or other is None or abs(one[1] - other[1]) > 1e-14:
-                until = min(until, *(event[1] for event in (one, other) if event))
-                break
-    return until
-
-
-def same(found, wanted, turns, until=np.inf):
+def same(found, wanted, turns):
     """Events and samples to 1e-10 of each row's size; a late clock has few digits after its dot."""
     rows, events, state = found
-    size, early = np.abs(wanted[0]).max(axis=1), wanted[0][0] < until
-    clock = 1e-12 + np.spacing(turns * PERIOD / NS)
-    assert (np.abs(rows - wanted[0])[1:, early].max(axis=1) <= 1e-10 * size[1:]).all()
+    size, clock = np.abs(wanted[0]).max(axis=1), 1e-12 + np.spacing(turns * PERIOD / NS)
+    assert (np.abs(rows - wanted[0])[1:].max(axis=1) <= 1e-10 * size[1:]).all()
     assert np.abs(rows[0] - wanted[0][0]).max() <= clock
-    if until < np.inf:
-        events = [event for event in events if event[1] < until - clock]
-        wanted = wanted[0], wanted[1][: len(events)], state
     assert [kind for kind, *_ in events] == [kind for kind, *_ in wanted[1]]
     for one, other in zip(events, wanted[1], strict=True):
         assert one[1] == pytest.approx(other[1], abs=clock)
@@ -316,25 +283,9 @@ def test_late_turns_are_like_the_first(laws, paper_rig, name):
     wanted = begun_late(laws["poly345"], model, p, total, PERIOD, 0, acceleration)
     if model in ("one_mass", "two_mass"):
         assert len(wanted[1]) > 3
-    for tick, turns in ((MS, TURNS[3]), (50 * MS, TURNS[2]), (PERIOD, TURNS[1])):
+    for tick, turns in ((MS, 10_000_000), (50 * MS, 100_000), (PERIOD, 1_000)):
         found = begun_late(laws["poly345"], model, p, total, tick, turns, acceleration)
         same(found, wanted, turns)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("cam", ["poly345", "tm21", "bezier15"])
-@pytest.mark.parametrize("acceleration", [0.0, 40.0])
-@pytest.mark.parametrize("name", LATE)
-def test_all_late_turns_in_all_ticks(laws, paper_rig, name, acceleration, cam):
-    """The same for more cams, and each length of a tick after each number of turns."""
-    model, p = late(paper_rig, name)
-    law, total = laws[cam], 500 * MS
-    wanted, until = begun_late(law, model, p, total, PERIOD, 0, acceleration), np.inf
-    if model in ("one_mass", "two_mass"):
-        until = known_until(law, model, p, total, acceleration, wanted)
-    for tick, turns in itertools.product(TICKS, TURNS):
-        found = begun_late(law, model, p, total, tick, turns, acceleration)
-        same(found, wanted, turns, until)
 
 
 def test_contact_is_kept_over_late_borders(laws):

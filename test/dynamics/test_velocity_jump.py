@@ -8,23 +8,19 @@ import mpmath as mp
 import numpy as np
 import pytest
 
+from benchmark.speed import exact
+from benchmark.speed.models import Case, Oscillator
+from benchmark.speed.study import stem_motion as motion
 from cam_rig.dynamics import FollowerParameters, Interval, TwoMassParameters
-from cam_rig.dynamics.elastic_stem import motion, response
-from cam_rig.dynamics.events.course import jumps_table
-from cam_rig.dynamics.events.law_table import bound, no_later, take
+from cam_rig.dynamics.elastic_stem import response
 from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.dynamics.two_mass.trajectory import Separation, states
-from cam_rig.dynamics.velocity_jumps import (
-    SLACK,
-    require_smooth,
-    short_of_velocity_jump,
-    velocity_jumps_ahead,
-)
+from cam_rig.dynamics.velocity_jumps import velocity_jumps_ahead
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.units import NS, TURN
 
-from .helpers import MS, ticked
+from .helpers import MS, assert_same, off_joints, ticked
 
 LIFT, RISE = 0.05, np.radians(90.0)
 STEP = LIFT / RISE
@@ -105,90 +101,42 @@ def test_thrown_off_and_back(edge):
     ],
 )
 def test_the_length_of_a_tick_does_not_enter(edge, model, p, tolerance, rpm):
-    """Ticks of 1 ms and 200 ms; at 100 rpm ticks and samples end on the joints.
-
-    A sample that falls on a jump may show either side of it, so these are not compared.
-    """
+    """Ticks of 1 ms and 200 ms; at 100 rpm ticks and samples end on the joints."""
+    # A sample that falls on a jump may show either side of it, so these are not compared.
     speed = rpm * np.pi / 30.0
-    rows, events, state = run(model, edge, p, range(0, 600 * MS + 1, MS), speed)
-    coarse, expected, end = run(model, edge, p, range(0, 600 * MS + 1, 200 * MS), speed)
-    assert [event.kind for event in events] == [event.kind for event in expected]
-    for one, other in zip(events, expected, strict=True):
-        assert one.time == pytest.approx(other.time, abs=tolerance)
-        assert one.impulse == pytest.approx(other.impulse, abs=tolerance)
-    turned = rows[0] * speed
-    apart = np.abs(turned[:, None] % TURN - edge.breaks).min(axis=1) > 1e-9
-    size = np.abs(coarse[1:5]).max(axis=1)
-    difference = np.abs(rows - coarse)[1:5, apart].max(axis=1)
-    assert (difference < tolerance * size).all()
-    assert state.velocity == pytest.approx(end.velocity, abs=tolerance * size[1])
+    fine = run(model, edge, p, range(0, 600 * MS + 1, MS), speed)
+    coarse = run(model, edge, p, range(0, 600 * MS + 1, 200 * MS), speed)
+    apart = off_joints(edge, fine[0][0] * speed)
+    assert_same(fine, coarse, tolerance, apart)
 
 
-@pytest.mark.parametrize(("model", "p"), [("one_mass", ONE), ("two_mass", TWO)])
+@pytest.mark.parametrize(
+    ("model", "p"), [("one_mass", ONE), ("two_mass", TWO), ("elastic_stem", ONE)]
+)
 def test_rounding_neither_loses_nor_doubles_a_blow(edge, model, p):
-    """Ticks that end on the joints, with angles that disagree by rounding: the same events."""
-    expected = run(model, edge, p, [0, 550 * MS])[1]
+    """Ticks that end on the joints, with angles that disagree by rounding: the same run."""
+    expected = run(model, edge, p, [0, 550 * MS])
+    apart = off_joints(edge, expected[0][0] * SPEED)
     for nudge in (-1e-13, -1e-15, 0.0, 1e-15, 1e-13):
-        events = run(model, edge, p, ON_JOINTS, nudge=nudge)[1]
-        assert [event.kind for event in events] == [event.kind for event in expected]
-        for one, other in zip(events, expected, strict=True):
-            assert one.time == pytest.approx(other.time, abs=1e-12)
-            assert one.impulse == pytest.approx(other.impulse, abs=1e-10)
-
-
-def test_rounding_neither_loses_nor_doubles_a_kick(edge):
-    """The same for the stem of the residual model, which only bends."""
-    expected = run("elastic_stem", edge, ONE, [0, 550 * MS])[0]
-    size = np.abs(expected[1:5]).max(axis=1, keepdims=True)
-    for nudge in (-1e-13, 0.0, 1e-13):
-        rows = run("elastic_stem", edge, ONE, ON_JOINTS, nudge=nudge)[0]
         # an angle that is off by 1e-13 rad is a time that is off by 1e-14 s, at 16 000 rad/s
-        assert (np.abs(rows - expected)[1:5] < 1e-9 * size).all()
+        assert_same(run(model, edge, p, ON_JOINTS, nudge=nudge), expected, 1e-9, apart)
 
 
 @pytest.mark.parametrize("stem", [1e5, 3.3e8])
 def test_stem_against_fifty_digits(edge, stem):
     """Residual vibration: x and ẋ go on over a joint, piece by piece with 50 digits."""
-    p = dataclasses.replace(ONE, stem_stiffness=stem)
-    times = np.sort(np.random.default_rng(8).uniform(0.0, 1.2, 40))
-    expected = stem_by_mpmath(edge, p, times)
-    got = motion(edge, p, SPEED, 0.0, np.zeros(2), times)
-    assert np.abs(got[0] - expected[0]).max() < 1e-13 * LIFT
-    assert np.abs(got[1] - expected[1]).max() < 1e-11 * np.abs(expected[1]).max()
-    ticked = run("elastic_stem", edge, p, range(0, 1200 * MS + 1, 50 * MS), rate=1000)[0]
-    expected = stem_by_mpmath(edge, p, ticked[0, ::60])
-    assert np.abs(ticked[1, ::60] - expected[0]).max() < 1e-13 * LIFT
-    assert np.abs(ticked[2, ::60] - expected[1]).max() < 1e-11 * np.abs(expected[1]).max()
-
-
-def stem_by_mpmath(law, p, times):
-    """Position and velocity from rest, at ascending times."""
-    with mp.workdps(50):
-        m, c, stem, w = (mp.mpf(x) for x in (p.mass, p.damping, p.stem_stiffness, SPEED))
-        total = stem + mp.mpf(p.spring_stiffness)
-        root = mp.sqrt(total / m - (c / m / 2) ** 2)
-        rates = (mp.mpc(-c / m / 2, root), mp.mpc(-c / m / 2, -root))
-        x, v, todo, out, turn = mp.mpf(0), mp.mpf(0), [mp.mpf(float(t)) for t in times], [], 0
-        while todo:
-            for i, (a, b) in enumerate(law.ordinates.T.tolist()):
-                begin = (mp.mpf(law.breaks[i]) + turn * mp.mpf(TURN)) / w
-                span = (mp.mpf(law.breaks[i + 1]) - mp.mpf(law.breaks[i])) / w
-                slope = (mp.mpf(b) - mp.mpf(a)) / span
-                rest = stem / total * (mp.mpf(a) - c * slope / total)
-                climb = stem / total * slope
-                one = (v - climb - rates[1] * (x - rest)) / (rates[0] - rates[1])
-                both = (one, x - rest - one)
-
-                def at(t, rest=rest, climb=climb, both=both):
-                    grown = [g * mp.exp(r * t) for g, r in zip(both, rates, strict=True)]
-                    rate = sum(r * g for r, g in zip(rates, grown, strict=True))
-                    return mp.re(rest + climb * t + sum(grown)), mp.re(climb + rate)
-
-                while todo and todo[0] <= begin + span:
-                    out.append([float(y) for y in at(todo.pop(0) - begin)])
-                x, v = at(span)
-            turn += 1
-        return np.array(out).T
+    p, grid = dataclasses.replace(ONE, stem_stiffness=stem), np.arange(20) * 0.06
+    times = np.sort(np.append(np.random.default_rng(8).uniform(0.0, 1.2, 40), grid[1:]))
+    model = Oscillator(p.mass, p.damping, p.spring_stiffness, stem)
+    wanted = exact.solve(Case("edge", "", edge, model, SPEED, 2, 2, times))
+    expected = np.stack([wanted.displacement[0], wanted.velocity[0]])
+    ticks = run("elastic_stem", edge, p, range(0, 1200 * MS + 1, 50 * MS), rate=1000)[0]
+    for got, right in (
+        (motion(edge, p, SPEED, 0.0, np.zeros(2), times), expected),
+        (ticks[1:, 60::60], expected[:, np.isin(times, grid[1:])]),
+    ):
+        assert np.abs(got[0] - right[0]).max() < 1e-13 * LIFT
+        assert np.abs(got[1] - right[1]).max() < 1e-11 * np.abs(expected[1]).max()
 
 
 def test_stem_comes_back_after_a_turn(edge):
@@ -213,7 +161,7 @@ def test_flight_over_the_joints(edge):
     assert any(np.any(np.abs(joints - phase.end) < 1e-15) for phase in flights[:-1])
     for phase in flights:
         times = np.linspace(phase.begin, phase.end, 500)
-        gap = phase.flight.state(times - phase.begin)[0] - edge(speed * times)
+        gap = phase.flight.motion(times - phase.begin)[0] - edge(speed * times)
         assert gap.min() > -1e-14
     landed = [event for event in course.events if event.kind == "landing"]
     assert len(landed) >= 3
@@ -221,7 +169,7 @@ def test_flight_over_the_joints(edge):
     begins = {phase.end: phase.begin for phase in flights}
     for event in landed[1:]:
         if event.time in ends:
-            y = ends[event.time].state(np.array([event.time - begins[event.time]]))[0][0]
+            y = ends[event.time].motion(np.array([event.time - begins[event.time]]))[0][0]
             assert y == pytest.approx(edge.at(event.angle)[0], abs=1e-13)
 
 
@@ -286,37 +234,6 @@ def test_a_joint_has_one_owner():
         after = velocity_jumps_ahead(saw, border + gap, 10.0, 0.05)
         assert (len(before), len(after)) == (0, 1)
         assert after[0].time <= 1e-13 or shift + gap < 0.0
-
-
-def test_a_kink_is_met_behind_the_joint_never_before(edge):
-    """At the time of a kink the law is that of the piece that begins there."""
-    angles = np.random.default_rng(5).uniform(0.0, TURN, 300)
-    for angle in angles.tolist():
-        for velocity_jump in velocity_jumps_ahead(edge, angle, 7.3, 2.0):
-            slope = edge.at(angle + 7.3 * velocity_jump.time)[1]
-            before = edge.at(angle + 7.3 * velocity_jump.time - 1e-9)[1]
-            assert slope - before == pytest.approx(velocity_jump.step)
-
-
-def test_short_of_a_kink(edge):
-    """The end of an interval at a joint is read before the joint, on either side of it."""
-    for shift in (-1e-12, 0.0, 1e-12):
-        for joint in (60.0, 420.0):
-            angle = short_of_velocity_jump(edge, math.radians(joint) + shift)
-            assert edge.at(angle)[1] == 0.0
-            assert abs(angle - math.radians(joint)) < 1e-14
-    assert short_of_velocity_jump(edge, 1.0) == 1.0
-    ahead = jumps_table(edge, 0.5, 1.0, edge.joints[1] - 0.5 + 0.5 * SLACK, arrays=False)
-    assert ahead.ahead == []
-    assert ahead.clear == pytest.approx(edge.joints[1] - 0.5, abs=1e-14)
-
-
-def test_a_smooth_law_has_nothing_to_look_for(laws):
-    """No kinks: the interval is one stretch and nothing is searched."""
-    ahead, now = jumps_table(laws["poly345"], 0.3, 5.0, 2.0, arrays=False), [0.0] * 10
-    assert (bound(ahead, now), ahead.clear, take(ahead, now, 2.0)) == (2.0, 2.0, 0.0)
-    assert no_later(ahead, now, 5.0, 1.9999999999999) == 1.9999999999999
-    require_smooth(laws["poly345"])
 
 
 def test_a_steady_level_is_refused_too(edge, follower, rig):

@@ -30,11 +30,9 @@ WITH_EXAMPLES = (
     "cam_rig.measured.real_run.run",
     "cam_rig.simulation.scene_run",
     "cam_rig.simulation.sound",
-    "cam_rig.dynamics.interval",
     "cam_rig.laws.cam",
     "cam_rig.laws.law",
     "cam_rig.schema.rig",
-    "cam_rig.simulation.by_speed",
 )
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy import sparse
 
+from benchmark.speed.study import outputs_at
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
-from cam_rig.dynamics.linear.sampling import outputs_at
 from cam_rig.dynamics.two_mass.masses import contact_response, force_output
 from cam_rig.errors import ConfigError
 from cam_rig.law_design.convex_program import Affine, ConvexProgram, GrowingProgram, InfeasibleError

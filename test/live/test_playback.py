@@ -21,7 +21,8 @@ def ticks(speeds, ticks_per_turn):
         turned = now * RPM * (time_ns - start.time_ns) / NS
         states.append(CamState(time_ns, start.angle + turned, then * RPM, "tm21", start.turns))
         grid = start.until(states[-1]).grid(RATE)
-        rows = grid.rows(grid.first + np.arange(grid.count, dtype=float))
+        rows = grid.open_rows()
+        rows[1:5] = grid.first + np.arange(grid.count, dtype=float)
         found.append(Tick(start, states[-1], rows))
     return found
 

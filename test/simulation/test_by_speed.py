@@ -9,7 +9,7 @@ import pytest
 
 import cam_rig
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.by_speed import rows_by_speed
+from cam_rig.simulation.by_speed import SpeedRows
 from cam_rig.simulation.schedule import cam_states
 from cam_rig.simulation.simulate import FollowerSimulator, turned_ticks
 from cam_rig.units import RPM, TURN
@@ -17,10 +17,11 @@ from cam_rig.units import RPM, TURN
 GOLDEN = config_root().parent / "bags" / "golden"
 
 
-def rows_of(loaded, **changes):
-    rate = int(loaded.scene.sample_rate.si)
-    settle = loaded.scene.program.settle_turns.si
-    return rows_by_speed(turned_ticks(loaded), loaded.laws, rate, settle, {}, **changes)
+def rows_of(loaded):
+    found = SpeedRows.of(loaded)
+    for tick in turned_ticks(loaded):
+        found.take(tick)
+    return found.rows({})
 
 
 def on_rig(loaded, **numbers):

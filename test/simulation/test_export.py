@@ -67,16 +67,6 @@ def test_the_angle_is_that_of_the_lift(tmp_path, run):
     assert table["angle_in_turn_rad"].between(0.0, TURN, inclusive="left").all()
 
 
-def test_a_bag_exports_what_its_scene_exports(tmp_path, run):
-    """The nodes recorded what the scene gives."""
-    run.export(tmp_path / "bag.csv")
-    cam_rig.run_scene(run.loaded).export(tmp_path / "scene.csv")
-    one, other = (read(tmp_path / name) for name in ("bag.csv", "scene.csv"))
-    for name in NUMBERS:
-        scale = other[name].abs().max()
-        np.testing.assert_allclose(one[name], other[name], rtol=0, atol=1e-11 * scale)
-
-
 def test_parquet_says_units(tmp_path, run):
     """In the schema, with the meaning; and what was run."""
     run.export(tmp_path / "a.parquet")

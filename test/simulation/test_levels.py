@@ -92,14 +92,10 @@ def test_crossover_of_two_cubics(published):
     assert [result.curves[cam].role for cam in ("one", "two")] == ["x", "y"]
 
 
-def test_no_crossover_outside_the_measured_speeds(published):
-    """Two curves that meet nowhere within the speeds have no crossover."""
+def test_no_crossover_without_both_cams(published):
+    """Nor outside the speeds, nor without published curves: there is none to look for."""
     apart = {"one": steps_of(ONE), "two": steps_of(ONE + np.array([10.0, 0.0, 0.0, 0.0]))}
     assert compare(apart, {"one": "", "two": ""}, published).crossover_rpm is None
-
-
-def test_no_crossover_without_both_cams(published):
-    """One cam alone crosses nothing; without published curves there is none to look for."""
     assert compare({"one": steps_of(ONE)}, {"one": ""}, published).crossover_rpm is None
     both = {"one": steps_of(ONE), "two": steps_of(TWO)}
     assert compare(both, {"one": "", "two": ""}, None).crossover_rpm is None
@@ -126,23 +122,15 @@ def test_nothing_measured_is_an_error():
 
 def test_regression_recovers_a_cubic():
     """Levels on a cubic give its coefficients back (1e-9 of each term's size at 400 rpm)."""
+    # A flat curve is one too, its higher coefficients zero, not missing; three points make none.
     level = np.polynomial.polynomial.polyval(RPM, ONE)
     scale = 400.0 ** np.arange(4)
     np.testing.assert_allclose(regression(RPM, level) * scale, ONE * scale, rtol=1e-9)
-
-
-@pytest.mark.parametrize("level", [0.0, 80.0])
-def test_regression_always_has_four_numbers(level):
-    """A flat curve is a cubic too: its higher coefficients are zero, not missing."""
-    coefficients = regression(RPM, np.full(RPM.size, level))
-    np.testing.assert_allclose(coefficients, [level, 0.0, 0.0, 0.0], rtol=0, atol=1e-10)
-
-
-def test_too_few_points_have_no_cubic():
-    """Three points do not make a cubic: not a number, rather than an invention."""
-    coefficients = regression(RPM[:3], np.array([70.0, 71.0, 72.0]))
-    assert coefficients.shape == (4,)
-    assert np.isnan(coefficients).all()
+    flat = regression(RPM, np.full(RPM.size, 80.0))
+    np.testing.assert_allclose(flat, [80.0, 0.0, 0.0, 0.0], rtol=0, atol=1e-10)
+    few = regression(RPM[:3], np.array([70.0, 71.0, 72.0]))
+    assert few.shape == (4,)
+    assert np.isnan(few).all()
 
 
 def test_a_leading_number_of_rounding_has_no_root():

@@ -98,10 +98,8 @@ def test_a_model_says_which_laws_it_takes(rig):
 
 
 def test_the_level_leaves_out_the_first_turns(law, rig):
-    """The mean in energy of the others; all turns but one may be left out.
-
-    At 375 rpm each turn has 640 samples, so that each weighs the same.
-    """
+    """The mean in energy of the others; all turns but one may be left out."""
+    # At 375 rpm each turn has 640 samples, so that each weighs the same.
     motion = cam_rig.simulate(law, rig, rpm=375, turns=4, sample_rate=4000)
     heard = cam_rig.sound_level(motion, settle_turns=2)
     mean = 10.0 * np.log10(np.mean(10.0 ** (heard.by_turn[2:] / 10.0)))

@@ -15,13 +15,6 @@ def scene(request, make_scene):
     return make_scene(ticks_per_turn=request.param, speeds=[200, 333, 400, 210])
 
 
-def test_tick_count(scene):
-    """There are as many ticks as said, and one state more to close the last."""
-    states = list(cam_states(scene))
-    assert len(states) == tick_count(scene) + 1
-    assert tick_count(scene) == 2 * 4 * 3 * scene.program.ticks_per_turn
-
-
 def test_length_and_longest_tick_are_those_of_the_states(scene, ramped):
     """The last stamp, and to a nanosecond the longest of the gaps; along ramps as well."""
     for program in (scene, ramped):
@@ -70,49 +63,27 @@ def test_the_angle_keeps_its_digits(make_scene):
             break
 
 
-def test_stamps_rise_and_start_at_zero(scene):
-    """Time begins at 0 and each state is later than the one before."""
-    times = [state.time_ns for state in cam_states(scene)]
-    assert times[0] == 0
-    assert all(a < b for a, b in pairwise(times))
-
-
 def test_angle_is_continuous(scene):
-    """θ at a state is where the state before it has turned to, over speeds and cams."""
+    """θ at a state is where the state before it has turned to, over speeds and cams, unramped."""
     for before, after in pairwise(cam_states(scene)):
+        interval = before.until(after)
+        assert (interval.start_ns, interval.stop_ns) == (before.time_ns, after.time_ns)
+        told = interval.angle, interval.speed, interval.acceleration
+        assert told == (before.angle, before.speed, 0.0)
         reached = before.speed * (after.time_ns - before.time_ns) / NS
         assert after.since(before) == pytest.approx(reached, abs=1e-12)
 
 
 def test_order_of_cams_and_speeds(scene):
-    """Cam after cam, and for each the speeds in the order given."""
-    played = dict.fromkeys((state.cam, state.speed) for state in cam_states(scene) if state.speed)
+    """Cam after cam, and for each the speeds in the order given; as many ticks as said."""
+    states = list(cam_states(scene))
+    assert len(states) == tick_count(scene) + 1 == 2 * 4 * 3 * scene.program.ticks_per_turn + 1
+    assert states[0].time_ns == 0
+    assert all(a.time_ns < b.time_ns for a, b in pairwise(states))
+    assert (states[-1].speed, states[-1].cam) == (0.0, "bezier15")
+    played = dict.fromkeys((state.cam, state.speed) for state in states if state.speed)
     rates = [float(speed) for speed in scene.program.speeds.si_list]
     assert list(played) == [(cam, speed) for cam in ("poly345", "bezier15") for speed in rates]
-
-
-def test_last_state_stands_still(scene):
-    """The last state closes the last tick and turns no more."""
-    last = list(cam_states(scene))[-1]
-    assert last.speed == 0.0
-    assert last.cam == "bezier15"
-
-
-def test_ticks_are_even(make_scene):
-    """A tick is the turn's share to half a nanosecond: rounding does not add up."""
-    scene = make_scene(ticks_per_turn=7, speeds=[333], turns=50)
-    states = [state for state in cam_states(scene) if state.cam == "poly345"]
-    ideal = np.arange(len(states)) * 60.0 / 333.0 / 7.0
-    times = np.array([state.time_ns for state in states]) / NS
-    np.testing.assert_allclose(times, ideal, rtol=0, atol=0.51e-9)
-
-
-def test_interval_until_the_next(scene):
-    """The interval of a tick has both stamps, the first angle and the first speed."""
-    first, second = list(cam_states(scene))[:2]
-    interval = first.until(second)
-    assert (interval.start_ns, interval.stop_ns) == (first.time_ns, second.time_ns)
-    assert (interval.angle, interval.speed) == (first.angle, first.speed)
 
 
 # Ramps
@@ -170,11 +141,6 @@ def test_ticks_of_a_ramp_are_no_longer_than_of_its_faster_end(ramped):
             fastest = max(part.speed, part.speed_at(part.duration))
             assert part.duration * fastest <= turn * (1.0 + 1e-6) or part.mean_speed < 1.0
     assert max(part.mean_speed * part.duration for part in intervals(ramped)) <= turn * 1.000001
-
-
-def test_a_program_without_a_ramp_steps(make_scene):
-    """Speeds follow each other at once."""
-    assert all(part.acceleration == 0.0 for part in intervals(make_scene()))
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from dataclasses import replace
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from cam_rig.dynamics.interval import Interval
 from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.two_mass.masses import TwoMassParameters
-from cam_rig.dynamics.two_mass.trajectory import Separation, lift_off
+from cam_rig.dynamics.two_mass.trajectory import Separation, first_lift_off
 from cam_rig.laws import Law
 from cam_rig.units import NS, TURN
 
@@ -26,7 +25,7 @@ def main() -> None:
     OneMassTrajectory(law, one, Interval(0, NS // 10, 0.0, 60.0)).run(None)
     two = TwoMassParameters(0.5, 0.5, 1e6, 1e3, 1.0, 1.0, 1.0)
     Separation(law, two, 60.0).run(0.1)
-    lift_off(law, replace(two, preload=1e3), 1.0, 0.0, np.zeros(2), 0.1)
+    first_lift_off(law, two, 60.0, np.zeros(2), 0.1)
 
 
 if __name__ == "__main__":

@@ -43,46 +43,40 @@ BEFORE_1 = 1.0 - 1e-16
 
 
 class Gap(NamedTuple):
-    """Follower less cam at a time (s) since the flight began: m, and m/s.
+    """Follower less cam."""
 
-    ``noise`` (m) is what rounding may have added; ``landed`` whether the flight ends here.
-    """
-
-    time: float
-    gap: float
-    rate: float
-    noise: float
-    landed: bool
+    time: float  #: since the flight began, s
+    gap: float  #: m
+    rate: float  #: m/s
+    noise: float  #: what rounding may have added, m
+    landed: bool  #: whether the flight ends here
 
 
-class Hop(NamedTuple):
-    """A flight over a cam, both from time 0 on.
-
-    ``known`` says whether ``gap`` (m) and ``opening`` (m/s) at the start are known better than as
-    differences of two places. ``force_noise`` (m/s²) is by how much the acceleration may be wrong
-    at which the gap opens when the cam's force, which is known to so much, falls to zero.
-    """
+class FlightOverCam(NamedTuple):
+    """A flight over a cam, both from time 0 on."""
 
     launch: Launch
     cam: Cam
-    known: bool
-    gap: float
-    opening: float
+    known: bool  #: whether the two below are known better than as differences of two places
+    gap: float  #: at the start, m
+    opening: float  #: at the start, m/s
+    #: By how much the acceleration may be wrong at which the gap opens when the cam's force, which
+    #: is known to so much, falls to zero, m/s².
     force_noise: float
 
 
-def landing(hop: Hop, limit: float) -> Gap:
+def landing(flight: FlightOverCam, limit: float) -> Gap:
     """The flight's end: where it lands, or at ``limit`` (s) in the air."""
-    rounding = _rounding(hop.cam)
-    now, last = _begin(hop), limit - rounding
+    rounding = _rounding(flight.cam)
+    now, last = _begin(flight), limit - rounding
     while now.time < limit:
         # A velocity jump ends the flight: rounding must not put its last bit behind that jump.
         within = now.time - (rounding if now.time > last else 0.0)
-        now = _window(hop, now, limit, within)
+        now = _window(flight, now, limit, within)
         if now.landed:
             return now
         if now.time < last:
-            now = _open_until(hop, now, limit)
+            now = _open_until(flight, now, limit)
     return now
 
 
@@ -93,11 +87,11 @@ def _rounding(cam: Cam) -> float:
     return min(max(SAME_PLACE / cam.speed, 4.0 * last_digit(cam)), VELOCITY_JUMP_S)
 
 
-def _begin(hop: Hop) -> Gap:
+def _begin(flight: FlightOverCam) -> Gap:
     """The gap at the beginning; as the difference of two places where it is not known better."""
-    if hop.known:
-        return Gap(0.0, hop.gap, hop.opening, 0.0, False)
-    launch, cam = hop.launch, hop.cam
+    if flight.known:
+        return Gap(0.0, flight.gap, flight.opening, 0.0, False)
+    launch, cam = flight.launch, flight.cam
     place, velocity = place_of(launch, launch.start), place_of(launch, launch.rates)
     piece, _ = _start(cam)
     s, slope = lift_within(cam, piece, 0.0)
@@ -110,9 +104,9 @@ def _start(cam: Cam) -> tuple[int, float]:
     return piece, min(max((cam.angle - low) / (high - low), 0.0), BEFORE_1)
 
 
-def _at(hop: Hop, time: float, piece: int) -> Gap:
+def _at(flight: FlightOverCam, time: float, piece: int) -> Gap:
     """The gap by how far both have come since; where a piece ends, before what follows it."""
-    begun, cam, launch = _begin(hop), hop.cam, hop.launch
+    begun, cam, launch = _begin(flight), flight.cam, flight.launch
     gone, start = moved(launch, time), place_of(launch, launch.start)
     way, rate = place_of(launch, gone.way), place_of(launch, gone.rates)
     noise = gap_rounding(cam.law, start)
@@ -141,9 +135,9 @@ def _bent(cam: Cam, piece: int, first: float, u: float, length: float) -> tuple[
     return value_at(gaps, len(gaps), u), value_at(rates, len(rates), u)
 
 
-def _open_until(hop: Hop, now: Gap, limit: float) -> Gap:
+def _open_until(flight: FlightOverCam, now: Gap, limit: float) -> Gap:
     """The gap as far from ``now`` on as steps prove that it is open."""
-    cam, launch, begin, value, rate = hop.cam, hop.launch, now.time, now.gap, now.rate
+    cam, launch, begin, value, rate = flight.cam, flight.launch, now.time, now.gap, now.rate
     start, least = place_of(launch, launch.start), MIN_STEP * launch.free.window
     (_, _, largest), square = seen(launch, begin), cam.speed * cam.speed
     piece, _, high = piece_from(cam, begin)
@@ -165,7 +159,7 @@ def _open_until(hop: Hop, now: Gap, limit: float) -> Gap:
             piece = (piece + 1) % len(cam.law.pieces)
             high = high + cam.law.pieces[piece][PLACE][SPAN]
             rate = velocity - lift_within(cam, piece, begin)[1]
-    return now if passed < 0 else _at(hop, begin, passed)
+    return now if passed < 0 else _at(flight, begin, passed)
 
 
 def ahead(value: float, rate: float, bend: float) -> float:
@@ -181,10 +175,7 @@ def ahead(value: float, rate: float, bend: float) -> float:
 def is_clear(
     value: float, rate: float, last: float, last_rate: float, width: float, bend: float
 ) -> bool:
-    """Whether a function is above zero in a cell of ``width`` s, at whose ends it is known.
-
-    What it is after the beginning and before the end proves it, or how low it can be between.
-    """
+    """Whether a function known at both ends of a cell of ``width`` s is above zero in it."""
     if value <= 0.0 or last <= 0.0:
         return False
     proven = ahead(value, rate, bend) + ahead(last, -last_rate, bend)
@@ -202,14 +193,11 @@ def step(value: float, rate: float, bend: float, least: float) -> float:
     return max(least, math.sqrt(2.0 * max(value, 0.0) / bend), ahead(value, rate, bend))
 
 
-def _window(hop: Hop, now: Gap, limit: float, within: float) -> Gap:
-    """The gap's polynomial from ``now`` on: where it falls to zero, or its end.
-
-    The law's piece is that of the time ``within``.
-    """
-    cam, begin = hop.cam, now.time
+def _window(flight: FlightOverCam, now: Gap, limit: float, within: float) -> Gap:
+    """The gap from ``now`` on, on the piece of the time ``within``, to its zero or its end."""
+    cam, begin = flight.cam, now.time
     piece, low, high = piece_from(cam, within)
-    end = min(begin + hop.launch.free.window, limit)
+    end = min(begin + flight.launch.free.window, limit)
     if within == begin:
         end = min(end, (high - cam.angle) / cam.speed)
     if not end > begin:
@@ -219,8 +207,8 @@ def _window(hop: Hop, now: Gap, limit: float, within: float) -> Gap:
     last = min(max((cam.angle + cam.speed * end - low) / span, 0.0), 1.0)
     size = cam.law.size
     bend = restricted(cam.law.pieces[piece][ACCELERATION], size, first, max(first, last))
-    rates = hop.launch.rates if begin == 0.0 else moved(hop.launch, begin).rates
-    opening = accelerations(hop.launch, rates, length, size - 1)
+    rates = flight.launch.rates if begin == 0.0 else moved(flight.launch, begin).rates
+    opening = accelerations(flight.launch, rates, length, size - 1)
     square = cam.speed * cam.speed
     doubt = EPS * (OF_ACCELERATIONS * size_of(opening) + square * _bend_size(cam, piece))
     count = max(len(bend), len(opening))
@@ -229,7 +217,7 @@ def _window(hop: Hop, now: Gap, limit: float, within: float) -> Gap:
         opening[i] -= square * bend[i]
     speeds = integrated(opening, length, now.rate)
     gaps = integrated(speeds, length, now.gap)
-    doubt_at_start = doubt + hop.force_noise + _slip(cam, opening, length)
+    doubt_at_start = doubt + flight.force_noise + _slip(cam, opening, length)
     at = _landing(gaps, now, length, doubt_at_start)
     if at >= 0.0:
         return Gap(begin + at * length, 0.0, value_at(speeds, len(speeds), at), 0.0, True)
@@ -242,10 +230,7 @@ def _after(time: float) -> float:
 
 
 def _slip(cam: Cam, opening: Row, length: float) -> float:
-    """What the acceleration (m/s²) changes within the rounding of the time of a lift-off.
-
-    The time is a float, and so is the angle: the force there is not quite none.
-    """
+    """What the acceleration (m/s²) changes within the rounding of the time of a lift-off."""
     steepest, degree = 0.0, len(opening) - 1
     for i in range(min(2, degree)):
         steepest = max(steepest, abs(opening[i + 1] - opening[i]))
@@ -260,10 +245,7 @@ def _bend_size(cam: Cam, piece: int) -> float:
 
 
 def _landing(gaps: Row, now: Gap, length: float, doubt: float) -> float:
-    """U ∈ [0, 1] where the gap falls to zero; a zero at the start is divided out first.
-
-    A polynomial with the ordinates b is u times one with the ordinates bᵢ n/i.
-    """
+    """U ∈ [0, 1] where the gap falls to zero; a zero at the start is divided out first."""
     noise = now.noise + OF_ACCELERATIONS * EPS * size_of(gaps)
     if now.gap != 0.0 or now.noise != 0.0 or now.rate < 0.0:
         return fall(gaps, noise)
@@ -274,7 +256,7 @@ def _landing(gaps: Row, now: Gap, length: float, doubt: float) -> float:
 
 
 def _divided(row: Row) -> Row:
-    """The ordinates of a polynomial divided by u, which is zero at 0."""
+    """The ordinates of a polynomial divided by u, which is zero at 0: bᵢ n/i."""
     degree = len(row) - 1
     out = zeros(degree)
     for i in range(degree):

@@ -25,14 +25,11 @@ from cam_rig.units import TURN
 
 #: (η, η̇).
 Pair = tuple[float, float]
-
 #: Highest degree of a vibration's series in a window.
 MOST_TERMS = 24
-
 #: Places in a part's rows: its numbers; X, of η and of η̇; the force's polynomial part, the same
 #: times binomials, and the ordinates of its rate (N/s) times theirs.
 PART, PLACES, VELOCITIES, FORCE, WEIGHTED, RATES = range(6)
-
 #: Places in a part's numbers: where it begins and its span (rad), its length (s), the number of its
 #: ordinates, the force's least ordinate (N), its rounding, what its second derivative does not
 #: exceed (N/s²), and e^{Ah} over the part, row by row.
@@ -40,37 +37,30 @@ LOW, SPAN, LENGTH, SIZE, LOWEST, ROUNDING, BEND, FLOW, NUMBERS = 0, 1, 2, 3, 4, 
 
 
 class StemContactTable(NamedTuple):
-    """A `LinearResponse` of two states and one output, the contact force; n parts a turn.
+    """A `LinearResponse` of two states and one output, the contact force; n parts a turn."""
 
-    Parameters
-    ----------
-    parts : ``(n, 6, q)``, rows as above; what a shorter one leaves is not used
-    stiffness, damping : of η̈ = −stiffness η − damping η̇, in 1/s² and 1/s
-    place, velocity : what η and η̇ contribute to the force
-    """
-
-    parts: Stack
-    stiffness: float
-    damping: float
-    place: float
-    velocity: float
+    parts: Stack  #: ``(n, 6, q)``, rows as above; what a shorter one leaves is not used
+    stiffness: float  #: of η̈ = −stiffness η − damping η̇, 1/s²
+    damping: float  #: 1/s
+    place: float  #: what η contributes to the force, N/m
+    velocity: float  #: what η̇ contributes, N·s/m
 
 
 class ContactStretch(NamedTuple):
-    """A stretch of contact: ``local`` s into a part, with (η, η̇) less X there."""
+    """A stretch of contact within a part."""
 
     part: int
-    local: float
-    place: float
-    velocity: float
+    local: float  #: s into the part
+    place: float  #: η less X there, m
+    velocity: float  #: η̇ less X there, m/s
 
 
 class ContactLoss(NamedTuple):
-    """When (s) contact is lost, negative where it is not; and the last stretch, and its begin."""
+    """A loss of contact, or none."""
 
-    time: float
-    begin: float
-    stretch: ContactStretch
+    time: float  #: s, negative where contact is not lost
+    begin: float  #: of the last stretch, s
+    stretch: ContactStretch  #: the last one
 
 
 def loss_of_contact(
@@ -104,22 +94,8 @@ def loss_of_contact(
             index, turn = 0, turn + TURN
 
 
-def contact_loss(
-    contact: StemContactTable,
-    speed: float,
-    angle: float,
-    state: tuple[float, float],
-    duration: float,
-) -> tuple[float, float, float]:
-    """Time of the loss alone, negative where there is none, and (η, η̇) then."""
-    contact = borrowed(contact)
-    loss = loss_of_contact(contact, speed, angle, state, duration)
-    place, velocity = state_after(contact, loss.stretch, loss.time - loss.begin)
-    return loss.time, place, velocity
-
-
 def loss_in_part(contact: StemContactTable, place: float, velocity: float, limit: float) -> float:
-    """The same in the only part of a table, from its beginning with (η, η̇) less X there."""
+    """`ContactLoss.time` in a table's only part, from its beginning, with (η, η̇) less X there."""
     contact = borrowed(contact)
     return _fall_of_force(contact, ContactStretch(0, 0.0, place, velocity), limit)
 

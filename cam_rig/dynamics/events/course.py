@@ -12,64 +12,20 @@ from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
-from cam_rig.dynamics.events.contact import (
-    FLOW,
-    FORCE,
-    NUMBERS,
-    PART,
-    PLACES,
-    RATES,
-    VELOCITIES,
-    WEIGHTED,
-    StemContactTable,
-)
-from cam_rig.dynamics.events.free_flight import (
-    DAMPING,
-    DRIFT,
-    ENERGY,
-    INVERSE,
-    LOAD,
-    MATRIX,
-    ROW,
-    SEEN,
-    SERIES,
-    SHAPES,
-    STIFFNESS,
-    FreeTable,
-)
-from cam_rig.dynamics.events.law_table import (
-    ACCELERATION,
-    BEND,
-    END,
-    EVENT_SIZE,
-    FLYING,
-    GAP,
-    KNOWN,
-    LIFT,
-    OPENING,
-    PHASE_SIZE,
-    PLACE,
-    STATE,
-    STEP,
-    TIME,
-    Cam,
-    Jumps,
-    LawTable,
-    RunRecord,
-    fly_from,
-)
+from cam_rig.dynamics.events import contact as stem
+from cam_rig.dynamics.events import free_flight as air
+from cam_rig.dynamics.events import law_table as at
+from cam_rig.dynamics.events.law_table import Cam, Jumps, LawTable, RunRecord, fly_from
 from cam_rig.dynamics.events.rows import zero_rows, zeros
 from cam_rig.dynamics.events.runs import RunTable, run_events
 from cam_rig.dynamics.events.search import form_of, plain_time
 from cam_rig.dynamics.interval import (
-    NO_IMPACT,
     Block,
     Event,
     EventKind,
     FollowerState,
     Interval,
     SampleGrid,
-    least_bounce,
     show_impulses,
 )
 from cam_rig.dynamics.linear.exponential import Flight, FreeSystem
@@ -83,21 +39,21 @@ from cam_rig.units import NS, TURN, FloatArray
 #: Phases that are found in one call: in the first, and in the longest, each having twice the room
 #: of the one before; compiled so many times more.
 FIRST_ROOM, MOST_ROOM, COMPILED_ROOM = 4, 128, 32
+#: A change of the cam's velocity below this fraction of (cam speed x lift) is rounding: no step.
+NO_IMPACT = 1e-12
+#: A bounce is contact when it is lower than this fraction of the lift, or than so many metres,
+#: a hundred thousandth of an atom.
+MIN_OF_LIFT, MIN_HEIGHT = 1e-12, 1e-15
 
 
 @dataclass(frozen=True, eq=False)
 class Phase:
-    """Contact, of two masses with a vibration (η, η̇), or a flight, from ``begin`` to ``end`` s."""
+    """Contact or a flight."""
 
-    begin: float
-    end: float
-    vibration: FloatArray
+    begin: float  #: s
+    end: float  #: s
+    vibration: FloatArray  #: (η, η̇) of two masses in contact
     flight: Flight | None = None
-
-    @property
-    def contact(self) -> bool:
-        """Whether the follower is on the cam."""
-        return self.flight is None
 
 
 class EndlessEventsError(DynamicsError):
@@ -121,7 +77,7 @@ class Course:
     ) -> None:
         self.law, self.speed, self.angle = law, speed, angle
         self.events: list[Event] = []
-        self._system, self._turns = system, turns
+        self.system, self._turns = system, turns
         self._rows: list[list[float]] = []
         self._phases: list[Phase] = []
         #: What the follower is after the last phase: a vibration (η, η̇) on the cam, or a flight.
@@ -130,41 +86,37 @@ class Course:
     @property
     def phases(self) -> list[Phase]:
         """All phases so far, in order; each is made when it is asked for first."""
-        self._phases += [self._phase(row) for row in self._rows[len(self._phases) :]]
+        for row in self._rows[len(self._phases) :]:
+            state = self._state(row)
+            flight = state if isinstance(state, Flight) else None
+            vibration = np.zeros(2) if isinstance(state, Flight) else state
+            self._phases.append(Phase(row[at.TIME], row[at.END], vibration, flight))
         return self._phases
-
-    def _phase(self, row: list[float]) -> Phase:
-        state = self._state(row)
-        if isinstance(state, Flight):
-            return Phase(row[TIME], row[END], np.zeros(2), state)
-        return Phase(row[TIME], row[END], state)
 
     def _state(self, row: list[float]) -> FloatArray | Flight:
         """What the follower is in a row of a run's numbers."""
-        if not row[FLYING]:
-            return np.array(row[STATE : STATE + 2])
-        known = (row[GAP], row[OPENING]) if row[KNOWN] else ()
-        return Flight(self._system, np.array(row[STATE : STATE + self._system.load.size]), *known)
+        if not row[at.FLYING]:
+            return np.array(row[at.STATE : at.STATE + 2])
+        known = (row[at.GAP], row[at.OPENING]) if row[at.KNOWN] else ()
+        state = np.array(row[at.STATE : at.STATE + self.system.load.size])
+        return Flight(self.system, state, *known)
 
     def _begin(self, state: FloatArray | Flight, step: float) -> list[float]:
         """Where a run begins: in contact with a state, or in flight; ṡ has gained ``step`` m/s."""
-        now = [0.0] * (STATE + self._system.load.size)
-        now[STEP] = step
+        now = [0.0] * (at.STATE + self.system.load.size)
+        now[at.STEP] = step
         if isinstance(state, Flight):
-            now[STATE:] = state.start.tolist()
+            now[at.STATE :] = state.start.tolist()
             gap, opening = state.known or (0.0, 0.0)
             fly_from(now, bool(state.known), gap, opening)
         else:
-            now[STATE : STATE + state.size] = state.tolist()
+            now[at.STATE : at.STATE + state.size] = state.tolist()
         return now
 
     def _find(self, table: Callable[[bool], RunTable], now: list[float], duration: float) -> None:
-        """Phases and events up to ``duration`` s; ``now`` is where the run is, and is kept so.
-
-        ``table`` is what the run takes, of arrays or of lists.
-        """
+        """Phases and events up to ``duration`` s from ``now`` on, by ``table``, plain or not."""
         room, tables = FIRST_ROOM, cache(table)
-        while room == FIRST_ROOM or now[TIME] < duration:
+        while room == FIRST_ROOM or now[at.TIME] < duration:
             phases, events = _found(tables, now, room)
             self._rows += phases
             self.events += [self._event(*row) for row in events]
@@ -188,20 +140,17 @@ class Course:
             RunTable,
             arrays,
             Cam(law_table(law, arrays), speed, self.angle),
-            free_table(self._system, arrays),
+            free_table(self.system, arrays),
             jumps_table(law, self.angle, speed, duration, arrays),
             *follower,
-            least_bounce(law),
+            max(MIN_OF_LIFT * law.lift, MIN_HEIGHT),
             NO_IMPACT * speed * law.lift,
         )
 
     def block(
         self, interval: Interval, grid: SampleGrid, rows: FloatArray, before: FollowerState | None
     ) -> tuple[float, Block]:
-        """Impulse (N·s) that fell after the last sample, and the samples with events in rig time.
-
-        ``before`` is the state in which the interval begins.
-        """
+        """Impulse (N·s) after the last sample, and the block with events in rig time."""
         pending = 0.0 if before is None else before.pending_impulse
         pending = show_impulses(rows, grid, self.events, pending)
         begun = interval.start_ns / NS
@@ -215,13 +164,14 @@ def _found(
     """Rows of phases and of events that one call finds, in plain Python or compiled."""
     compiled = form_of(run_events)
     if compiled is None:
-        counts, phases = zeros(2), zero_rows(room, PHASE_SIZE)
-        events, lists = zero_rows(2 * room, EVENT_SIZE), table(False)
+        counts, phases = zeros(2), zero_rows(room, at.PHASE_SIZE)
+        events, lists = zero_rows(2 * room, at.EVENT_SIZE), table(False)
         with plain_time():
             run_events(lists, RunRecord(now, phases, events, counts))
         return phases[: int(counts[0])], events[: int(counts[1])]
     room *= COMPILED_ROOM
-    place, made = np.array(now), (np.empty((room, PHASE_SIZE)), np.empty((2 * room, EVENT_SIZE)))
+    place = np.array(now)
+    made = np.empty((room, at.PHASE_SIZE)), np.empty((2 * room, at.EVENT_SIZE))
     count: Any = np.zeros(2)
     record: Any = (place, *made, count)
     compiled(table(True), RunRecord(*record))
@@ -230,19 +180,13 @@ def _found(
     return found, met
 
 
-# Laws, free systems and contact as tables, in the form that the search takes: lists or arrays.
-
 Table = TypeVar("Table")
-
 #: A rounded force is known to so many rounding errors.
 ROUNDING_ERRORS = 64.0
 
 
 def table_of(kind: Callable[..., Table], arrays: bool, *values: Any) -> Table:
-    """A table whose numbers are floats, its arrays contiguous arrays or lists of them.
-
-    Compiled code is for one type each; a table inside it is in form already.
-    """
+    """A table of floats, and arrays or lists of them: compiled code is for one type each."""
     return kind(*(_in_form(value, arrays) for value in values))
 
 
@@ -257,57 +201,61 @@ def law_table(law: Law, arrays: bool) -> LawTable:
     """The table of a law."""
     size = law.degree + 1
     pieces = np.zeros((law.spans.size, 5, max(size, 3)))
-    pieces[:, PLACE, :3] = np.stack([law.breaks[:-1], law.spans, law.bends], axis=1)
+    pieces[:, at.PLACE, :3] = np.stack([law.breaks[:-1], law.spans, law.bends], axis=1)
     weighted = law.motion * bernstein.binomials(law.degree)[:, None]
-    pieces[:, LIFT : BEND + 1, :size] = np.transpose(weighted, (2, 0, 1))
-    pieces[:, ACCELERATION, :size] = law.motion[2].T
+    pieces[:, at.LIFT : at.BEND + 1, :size] = np.transpose(weighted, (2, 0, 1))
+    pieces[:, at.ACCELERATION, :size] = law.motion[2].T
     largest, steepest, _ = law.bounds
     jumps = bool(law.velocity_jumps)
     return table_of(LawTable, arrays, pieces, size, largest, steepest, law.largest_step, jumps)
 
 
 @lru_cache(maxsize=128)
-def free_table(system: FreeSystem, arrays: bool) -> FreeTable:
+def free_table(system: FreeSystem, arrays: bool) -> air.FreeTable:
     """The table of masses in the air."""
     pairs, size = system.pairs, system.load.size
-    rows = np.zeros((SERIES + len(system.series), size))
-    blocks = {MATRIX: system.matrix, LOAD: system.load, ROW: system.row, ENERGY: system.energy}
+    rows = np.zeros((air.SERIES + len(system.series), size))
+    blocks = [(air.MATRIX, system.matrix), (air.LOAD, system.load), (air.ROW, system.row)]
+    blocks += [(air.ENERGY, system.energy), (air.SERIES, system.series)]
     if pairs is not None:
-        blocks |= {SHAPES: pairs.shapes, INVERSE: pairs.inverse, DRIFT: pairs.inverse @ system.load}
         shown = np.vstack([system.row, system.energy]) @ pairs.shapes
-        blocks |= {SEEN: shown}
-        rows[DAMPING, : size // 2], rows[STIFFNESS, : size // 2] = pairs.damping, pairs.stiffness
-    for first, block in (blocks | {SERIES: system.series}).items():
+        blocks += [(air.SHAPES, pairs.shapes), (air.INVERSE, pairs.inverse), (air.SEEN, shown)]
+        rows[air.DRIFT] = pairs.inverse @ system.load
+        rows[air.DAMPING, : size // 2] = pairs.damping
+        rows[air.STIFFNESS, : size // 2] = pairs.stiffness
+    for first, block in blocks:
         rows[first : first + len(np.atleast_2d(block))] = block
-    return table_of(FreeTable, arrays, rows, system.window, pairs is not None)
+    return table_of(air.FreeTable, arrays, rows, system.window, pairs is not None)
 
 
 @lru_cache(maxsize=64)
 def contact_table(
     response: LinearResponse, output: Outputs, arrays: bool, only: Part | None = None
-) -> StemContactTable:
+) -> stem.StemContactTable:
     """The table of a response of two states whose output is the contact force; or of one part."""
     known = response.parts if only is None else (only,)
     sizes = [part.particular.shape[1] for part in known]
-    parts = np.zeros((len(sizes), 6, max(*sizes, NUMBERS)))
+    parts = np.zeros((len(sizes), 6, max(*sizes, stem.NUMBERS)))
     for rows, part, size in zip(parts, known, sizes, strict=True):
         force = polynomial_part(response, part, output)[0]
         rates = bernstein.derivative(force) / part.length
         bend = np.abs(bernstein.derivative(rates)).max() / part.length
         rounding = ROUNDING_ERRORS * bernstein.EPS * np.abs(force).max()
-        rows[PART, :FLOW] = part.low, part.span, part.length, size, force.min(), rounding, bend
-        rows[PART, FLOW:NUMBERS] = part.flow.ravel()
-        rows[PLACES : VELOCITIES + 1, :size], rows[FORCE, :size] = part.particular, force
-        rows[WEIGHTED, :size] = bernstein.binomials(size - 1) * force
-        rows[RATES, : rates.size] = bernstein.binomials(rates.size - 1) * rates
+        numbers = part.low, part.span, part.length, size, force.min(), rounding, bend
+        rows[stem.PART, : stem.NUMBERS] = *numbers, *part.flow.ravel()
+        rows[stem.PLACES : stem.VELOCITIES + 1, :size] = part.particular
+        rows[stem.FORCE, :size] = force
+        rows[stem.WEIGHTED, :size] = bernstein.binomials(size - 1) * force
+        rows[stem.RATES, : rates.size] = bernstein.binomials(rates.size - 1) * rates
     _, (spring, damper) = response.matrix
-    return table_of(StemContactTable, arrays, parts, -spring, -damper, *output.state[0])
+    return table_of(stem.StemContactTable, arrays, parts, -spring, -damper, *output.state[0])
 
 
 @lru_cache(maxsize=2)
-def no_contact(arrays: bool) -> StemContactTable:
+def no_contact(arrays: bool) -> stem.StemContactTable:
     """The same of a follower without a stem."""
-    return table_of(StemContactTable, arrays, np.zeros((0, 6, NUMBERS)), 0.0, 0.0, 0.0, 0.0)
+    parts = np.zeros((0, 6, stem.NUMBERS))
+    return table_of(stem.StemContactTable, arrays, parts, 0.0, 0.0, 0.0, 0.0)
 
 
 def jumps_table(law: Law, angle: float, speed: float, duration: float, arrays: bool) -> Jumps:

@@ -11,11 +11,8 @@ from typing import NamedTuple
 from cam_rig.dynamics.events.polynomials import from_powers
 from cam_rig.dynamics.events.rows import Row, Rows, binomials, dot, zero_rows, zeros
 
-# One mass on spring and damper, ẍ + 2δ ẋ + κ x = 0, at one time in plain numbers.
-
 #: Below this time, in units of the fastest rate, the power series is used, of so many terms.
 SHORT, SERIES_TERMS = 0.5, 18
-
 #: Two terms of the series below this are the last: the first is 1.
 LEAST = 2.0**-62
 
@@ -23,7 +20,7 @@ Response = tuple[float, float, float]
 
 
 def impulse_at(damping: float, stiffness: float, time: float) -> Response:
-    """S (s), Ṡ (1) and ∫S (s²) at a time in s; ``damping`` 2δ in 1/s, ``stiffness`` κ in 1/s²."""
+    """S (s), Ṡ (1) and ∫S (s²) of ẍ + 2δ ẋ + κ x = 0 at a time in s; 2δ in 1/s, κ in 1/s²."""
     if max(math.sqrt(stiffness), damping) * time <= SHORT:
         return _series(damping * time, stiffness * time * time, time)
     decay = 0.5 * damping
@@ -70,10 +67,8 @@ def _creeping(decay: float, root: float, stiffness: float, time: float) -> Respo
 
 #: |A| t of a window, and what the series of the acceleration may leave out of it.
 REACH, LEFT_OUT = 2.0, 2.0**-58
-
 #: The exponential of a matrix with |A| t up to this is a series of so many terms.
 SMALL, TERMS = 0.5, 18
-
 #: Places in a free system's rows, of up to four states: the matrix A, the load b, the row, the
 #: energy, V and its inverse, the pairs' damping and stiffness, the inverse times the load, row and
 #: energy times V, the series; as in `FreeSystem`.
@@ -83,27 +78,20 @@ DAMPING, STIFFNESS, DRIFT, SEEN, SERIES = 18, 19, 20, 21, 26
 
 
 class FreeTable(NamedTuple):
-    """Numbers of a `FreeSystem` of n states.
+    """Numbers of a `FreeSystem` of n states."""
 
-    Parameters
-    ----------
-    rows : ``(51, n)``
-    window : s
-    paired : whether there are pairs; without them their rows are not used
-    """
-
-    rows: Rows
-    window: float
-    paired: bool
+    rows: Rows  #: ``(51, n)``
+    window: float  #: s
+    paired: bool  #: whether there are pairs; without them their rows are not used
 
 
 class Launch(NamedTuple):
-    """A flight from ``start`` (n,): its first rates, and its numbers by pairs, ``(m, 3)``."""
+    """The state at lift-off."""
 
     free: FreeTable
-    start: Row
-    rates: Row
-    pairs: Rows
+    start: Row  #: ``(n,)``
+    rates: Row  #: ẋ there
+    pairs: Rows  #: its numbers by pairs, ``(m, 3)``
 
 
 class Moved(NamedTuple):
@@ -170,10 +158,7 @@ def _pair(launch: Launch, i: int, time: float) -> tuple[float, float, float, flo
 
 
 def seen(launch: Launch, time: float) -> tuple[float, float, float]:
-    """Way (m) and velocity (m/s) of the mass that meets the cam, at a time in s.
-
-    Third comes what |its acceleration| (m/s²) does not exceed from then on.
-    """
+    """Way (m) and velocity (m/s) of the mass on the cam; what |its acceleration| is below later."""
     if not launch.free.paired:
         gone = _by_exponential(launch, time)
         way, velocity = place_of(launch, gone.way), place_of(launch, gone.rates)
@@ -246,10 +231,7 @@ def largest_acceleration(launch: Launch, rates: Row) -> float:
 
 
 def accelerations(launch: Launch, rates: Row, length: float, least: int) -> Row:
-    """Bernstein ordinates of the acceleration (m/s²) in the ``length`` s after these rates.
-
-    The exponential's power series, with as many terms as the length needs, ``least`` + 1 at least.
-    """
+    """Bernstein ordinates of the acceleration (m/s²) in ``length`` s, ``least`` + 1 or more."""
     rows, part = launch.free.rows, length / launch.free.window
     degree, left_out, most = 0, 1.0, len(rows) - SERIES - 1
     while degree < most and (left_out > LEFT_OUT or degree < least):

@@ -11,13 +11,10 @@ from cam_rig.dynamics.velocity_jumps import SAME_PLACE
 from cam_rig.units import TURN
 
 EPS = 2.0**-52
-
 #: Roundings of an angle that a lift-off may be wrong by.
 SLIP = 4.0
-
 #: A gap reckoned from two places is this many rounding errors of them wrong at most.
 ROUNDING_ERRORS = 16.0
-
 #: Places in a piece's rows: [where it begins, its span, what |s''| does not exceed]; s, s' and s''
 #: times binomials; s'' as it is.
 PLACE, LIFT, SLOPE, BEND, ACCELERATION = range(5)
@@ -26,31 +23,22 @@ BEGIN, SPAN, LARGEST = range(3)
 
 
 class LawTable(NamedTuple):
-    """Numbers of a `Law`; n pieces of degree p.
+    """Numbers of a `Law`; n pieces of degree p."""
 
-    Parameters
-    ----------
-    pieces : ``(n, 5, q)`` with q = p + 1, at least 3; rad, m, m/rad and m/rad²
-    size : p + 1
-    largest, steepest : what |s| (m) and |s'| (m/rad) do not exceed
-    largest_step : largest step of s at a joint, m
-    jumps : whether s' jumps anywhere
-    """
-
-    pieces: Stack
-    size: int
-    largest: float
-    steepest: float
-    largest_step: float
-    jumps: bool
+    pieces: Stack  #: ``(n, 5, q)`` with q = p + 1, at least 3; rad, m, m/rad and m/rad²
+    size: int  #: p + 1
+    largest: float  #: what |s| does not exceed, m
+    steepest: float  #: what |s'| does not exceed, m/rad
+    largest_step: float  #: largest step of s at a joint, m
+    jumps: bool  #: whether s' jumps anywhere
 
 
 class Cam(NamedTuple):
-    """A law on a cam that turns at ``speed`` (rad/s) and is at ``angle`` (rad) at time 0."""
+    """A law on a cam that turns."""
 
     law: LawTable
-    speed: float
-    angle: float
+    speed: float  #: rad/s
+    angle: float  #: at time 0, rad
 
 
 def law_at(law: LawTable, angle: float) -> tuple[float, float, float]:
@@ -70,10 +58,7 @@ def cam_at(cam: Cam, time: float) -> tuple[float, float, float]:
 
 
 def lift_within(cam: Cam, piece: int, time: float) -> tuple[float, float]:
-    """S (m) and ṡ (m/s) at a time, in a piece that holds that angle; at a joint either does.
-
-    The rounding of the angle at time 0 is the same for all times.
-    """
+    """S (m) and ṡ (m/s) at a time, in a piece that holds that angle; at a joint either does."""
     rows, size, ahead = cam.law.pieces[piece], cam.law.size, cam.speed * time
     span = rows[PLACE][SPAN]
     away = cam.angle - (rows[PLACE][BEGIN] + 0.5 * span)
@@ -111,39 +96,32 @@ def gap_rounding(law: LawTable, displacement: float) -> float:
     return ROUNDING_ERRORS * EPS * size + law.largest_step
 
 
-# What both models' runs keep: where they are, the velocity jumps ahead, the rows they write.
-
 #: Places in the row of numbers that a run goes on from: the time, whether the follower flies,
 #: whether its gap is known, the gap, the speed at which it opens, velocity jumps that are over,
 #: the step of ṡ that is still to be met, whether the run has begun, and the state (contact or
 #: flight).
 TIME, FLYING, KNOWN, GAP, OPENING, JUMPS_DONE, STEP, BEGUN, STATE = range(9)
-
 #: Numbers of a phase: the run's row where it begins, up to four of the state, and when it ends.
 PHASE_SIZE, END = STATE + 5, STATE + 4
-
 #: Numbers of an event: 0 for a lift-off or 1 for a landing, time, impulse, energy lost.
 EVENT_SIZE = 4
 
 
 class Jumps(NamedTuple):
-    """Velocity jumps of an interval of ``duration`` s, ``(n, 2)``: when (s), what ṡ gains (m/s).
+    """Velocity jumps of an interval."""
 
-    ``clear`` is up to where the law is as before a velocity jump of the next interval.
-    """
-
-    ahead: Rows
-    duration: float
-    clear: float
+    ahead: Rows  #: ``(n, 2)``: when (s), what ṡ gains (m/s)
+    duration: float  #: s
+    clear: float  #: up to where the law is as before a velocity jump of the next interval, s
 
 
 class RunRecord(NamedTuple):
-    """What a run writes: its place, ``(9 + n,)``, phases and events, and how many there are."""
+    """What a run writes."""
 
-    now: Row
+    now: Row  #: its place, ``(9 + n,)``
     phases: Rows
     events: Rows
-    counts: Row
+    counts: Row  #: how many phases and events there are
 
 
 def has_room(record: RunRecord) -> bool:

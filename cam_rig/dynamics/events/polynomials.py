@@ -119,10 +119,7 @@ def value_at(row: Row, size: int, u: float) -> float:
 
 
 def only_root(row: Row) -> float:
-    """U ∈ (0, 1) of the one change of sign; the first and the last ordinate have opposite signs.
-
-    Newton's steps, and halvings where these leave the bracket or close in slowly.
-    """
+    """U ∈ (0, 1) where a polynomial changes sign once: Newton's steps, and halvings beside them."""
     degree = len(row) - 1
     weighted, slopes = weighted_by_binomials(row, degree + 1), zeros(degree)
     weights = binomials(degree - 1)

@@ -16,7 +16,6 @@ T = TypeVar("T")
 Row: TypeAlias = list[float]
 Rows: TypeAlias = list[list[float]]
 Stack: TypeAlias = list[list[list[float]]]
-
 #: Rows of Pascal's triangle, up to a degree that few laws reach.
 PASCAL: Rows = [[float(math.comb(n, i)) for i in range(n + 1)] for n in range(96)]
 
@@ -32,10 +31,7 @@ def zero_rows(count: int, size: int) -> Rows:
 
 
 def place_of(tables: Stack, inside: float) -> int:
-    """Index of the table that holds an angle, rad; the right one where two meet.
-
-    The first number of each is the angle at which it begins, in rising order.
-    """
+    """Index of the table that holds an angle, rad, by their first numbers, which rise."""
     low, high = 0, len(tables)
     while high - low > 1:
         middle = (low + high) // 2

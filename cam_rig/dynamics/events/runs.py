@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cam_rig.dynamics.events.approach import Hop, landing
+from cam_rig.dynamics.events.approach import FlightOverCam, landing
 from cam_rig.dynamics.events.contact import Pair, StemContactTable, loss_of_contact, state_after
 from cam_rig.dynamics.events.free_flight import FreeTable, launched, moved
 from cam_rig.dynamics.events.law_table import (
@@ -40,7 +40,6 @@ from cam_rig.units import TURN
 
 #: (s, ṡ, s̈).
 Motion = tuple[float, float, float]
-
 #: Angle (rad) of a loss interval too short to lift anything but a rounding error.
 GRAZE = 1e-9
 
@@ -50,40 +49,26 @@ class RunTable(NamedTuple):
 
     In contact the state of two masses is the end mass's vibration (η, η̇), that of one is the cam's;
     in flight it is (w, ẇ, Y, Ẏ) of two and (y, ẏ) of one, as in `FreeSystem`.
-
-    Parameters
-    ----------
-    mass : kg, of what meets the cam
-    force : weights of s, ṡ, s̈ in the contact force, and its constant (N)
-    losses : ``(n, 2)`` cam angles in [0, 2π] between which the cam would have to pull one mass
-    stem : whether there are two masses; of one the five after it are not used
-    contact : the end mass while the roller is on the cam
-    drive : what s, ṡ, s̈ contribute to η̈
-    end_share : of the end mass in both
-    left : 1 − α, the static share of the lift that the stem is compressed by
-    sag : m, what the preload compresses
-    restitution : of a landing
-    force_noise : m/s², as in `Hop`
-    least_bounce : m, below which a bounce is contact
-    no_impact : m/s, below which a step of ṡ is rounding
     """
 
     cam: Cam
     free: FreeTable
     jumps: Jumps
-    mass: float
+    mass: float  #: kg, of what meets the cam
+    #: weights of s, ṡ, s̈ in the contact force, and its constant (N)
     force: tuple[float, float, float, float]
+    #: ``(n, 2)`` cam angles in [0, 2π] between which the cam would have to pull one mass
     losses: Rows
-    stem: bool
-    contact: StemContactTable
-    drive: Motion
-    end_share: float
-    left: float
-    sag: float
-    restitution: float
-    force_noise: float
-    least_bounce: float
-    no_impact: float
+    stem: bool  #: whether there are two masses; of one the five after it are not used
+    contact: StemContactTable  #: the end mass while the roller is on the cam
+    drive: Motion  #: what s, ṡ, s̈ contribute to η̈
+    end_share: float  #: of the end mass in both
+    left: float  #: 1 − α, the static share of the lift that the stem is compressed by
+    sag: float  #: m, what the preload compresses
+    restitution: float  #: of a landing
+    force_noise: float  #: m/s², as in `FlightOverCam`
+    least_bounce: float  #: m, below which a bounce is contact
+    no_impact: float  #: m/s, below which a step of ṡ is rounding
 
 
 def run_events(run: RunTable, record: RunRecord) -> None:
@@ -103,7 +88,6 @@ def run_events(run: RunTable, record: RunRecord) -> None:
 
 
 def _contact_of_one(run: RunTable, record: RunRecord) -> None:
-    """A phase of contact, and what ends it."""
     now, last = record.now, bound(run.jumps, record.now)
     end, lift_off = last, _next_lift_off(run, now[TIME])
     if lift_off < run.jumps.clear:
@@ -128,7 +112,6 @@ def _next_lift_off(run: RunTable, time: float) -> float:
 
 
 def _contact_of_two(run: RunTable, record: RunRecord) -> None:
-    """A phase of contact, and what ends it."""
     now, time, last = record.now, record.now[TIME], bound(run.jumps, record.now)
     start, angle = (now[STATE], now[STATE + 1]), run.cam.angle + run.cam.speed * time
     limit = min(last, run.jumps.clear) - time
@@ -166,8 +149,10 @@ def _flight(run: RunTable, record: RunRecord) -> None:
         start[i] = now[STATE + i]
     launch = launched(run.free, start)
     ahead = Cam(cam.law, cam.speed, cam.angle + cam.speed * begin)
-    hop = Hop(launch, ahead, now[KNOWN] != 0.0, now[GAP], now[OPENING], run.force_noise)
-    found = landing(hop, last - begin)
+    flight = FlightOverCam(
+        launch, ahead, now[KNOWN] != 0.0, now[GAP], now[OPENING], run.force_noise
+    )
+    found = landing(flight, last - begin)
     end = no_later(run.jumps, now, cam.speed, begin + found.time) if found.landed else last
     add_phase(record, end)
     opening, now[TIME] = found.rate - take(run.jumps, now, end), end
@@ -177,7 +162,7 @@ def _flight(run: RunTable, record: RunRecord) -> None:
         for i in range(len(start)):
             now[STATE + i] += way[i]
     if lands:
-        _meet(run, record, end, (now[STATE], now[STATE + 1]), opening)
+        _land(run, record, end, (now[STATE], now[STATE + 1]), opening)
     else:
         fly_from(now, True, found.gap, opening)
 
@@ -196,7 +181,7 @@ def _velocity_step(run: RunTable, record: RunRecord, time: float, gained: float)
     if gained < 0.0:
         _lift_off(run, record, time, before, stretch, -gained)
     else:
-        _meet(run, record, time, stretch, -gained)
+        _land(run, record, time, stretch, -gained)
 
 
 def _stretch(run: RunTable, vibration: Pair, cam: Motion) -> Pair:
@@ -226,11 +211,8 @@ def _fly(
     fly_from(now, True, 0.0, opening)
 
 
-def _meet(run: RunTable, record: RunRecord, time: float, stretch: Pair, rate: float) -> None:
-    """A landing at ``rate`` (m/s, not above 0): what flies on, or is in contact.
-
-    ``stretch`` is (w, ẇ) before it, of two masses.
-    """
+def _land(run: RunTable, record: RunRecord, time: float, stretch: Pair, rate: float) -> None:
+    """A landing at ``rate`` ≤ 0 (m/s), of two masses from (w, ẇ): it flies on, or stays."""
     now, cam, approach, force = record.now, cam_at(run.cam, time), -rate, 0.0
     on_cam, vibration = (stretch[0], stretch[1] + rate), (0.0, 0.0)
     if run.stem:

@@ -23,26 +23,12 @@ from typing import Any, TypeVar
 
 from cam_rig.dynamics.events import rows
 
-# The event search compiled by numba, where that is installed and worth its time.
-
-#: Modules of the search that are compiled.
-MODULES = (
-    "rows",
-    "arrays",
-    "polynomials",
-    "law_table",
-    "free_flight",
-    "approach",
-    "contact",
-    "runs",
-)
-
+#: Modules of the search that are compiled as they are, beside `arrays`.
+MODULES = ("rows", "polynomials", "law_table", "free_flight", "approach", "contact", "runs")
 #: Seconds in plain Python after which the compiled code is loaded, or made.
 LOAD_AFTER, COMPILE_AFTER = 0.5, 10.0
-
 #: What the environment may say of it: plain Python alone, or compiled code from the first event on.
 VARIABLE, PLAIN, ALWAYS = "CAM_RIG_EVENTS", "plain", "compiled"
-
 #: Beside the files of one function's code: what each of them is called, and its SHA-256.
 DIGESTS = "digests"
 
@@ -114,10 +100,7 @@ def _digests(folder: Path) -> bytes:
 
 
 def _prepared(function: Run) -> Run | None:
-    """A run that compiles, or loads what is kept, when it is called first.
-
-    Where numba is broken or nothing can be kept the same results come without it: said once.
-    """
+    """A run that compiles, or loads what is kept, at its first call; else plain, said once."""
     folder = cache_folder() / function.__name__
     kept = _is_kept(function)
     if not kept:
@@ -193,7 +176,7 @@ def _register() -> None:
     }
     for function, other in special.items():
         overload(function, strict=False)(other)
-    for name in (name for name in MODULES if name != "arrays"):
+    for name in MODULES:
         module = importlib.import_module(f"{__package__}.{name}")
         for function in vars(module).values():
             own = isfunction(function) and function.__module__ == module.__name__
@@ -203,12 +186,9 @@ def _register() -> None:
 
 @cache
 def cache_folder() -> Path:
-    """Where compiled code is kept: of these sources, libraries and CPU, and of this user alone.
-
-    And of the place of these sources, by which numba names its own folder in there.
-    """
+    """Where code is kept: of these sources and their place, libraries, CPU, and this user alone."""
     stamp = hashlib.sha256(__file__.encode())
-    for name in MODULES:
+    for name in (*MODULES, "arrays"):
         stamp.update(Path(__file__).with_name(f"{name}.py").read_bytes())
     for library in ("numba", "llvmlite", "numpy"):
         stamp.update(f"{library} {version(library)} ".encode())

@@ -1,3 +1,1 @@
 """The paper's jump speeds: the lowest speed at which a follower loses contact."""
-
-from __future__ import annotations

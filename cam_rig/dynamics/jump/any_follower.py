@@ -22,8 +22,6 @@ from cam_rig.schema import RigConfig
 from cam_rig.show.result import Column, Records, Result
 from cam_rig.units import RPM, FloatArray
 
-# The jump speed of a cam on a rig: the lowest at which the follower loses contact.
-
 
 @dataclass(frozen=True, repr=False)
 class JumpSpeed(Jump, Result):
@@ -110,14 +108,7 @@ def described(parameters: AnyFollower) -> str:
 
 
 def described_run(parameters: AnyFollower, duration: float | None) -> str:
-    """Which follower, and how it runs: ``duration`` s from rest, or in steady state for None.
-
-    Examples
-    --------
-    >>> import cam_rig
-    >>> described_run(follower_of(cam_rig.load_rig("paper_table2")), 1.7)
-    'two masses, 1.7 s from rest'
-    """
+    """Which follower, and how it runs: ``duration`` s from rest, or in steady state for None."""
     name = described(parameters)
     if name == ONE_MASS:
         return f"{name}, from rest as in steady state"
@@ -125,10 +116,7 @@ def described_run(parameters: AnyFollower, duration: float | None) -> str:
 
 
 def find_jump(law: Law, parameters: AnyFollower, duration: float | None) -> Jump:
-    """The lowest speed at which contact is lost, in ``duration`` s from rest or steady for None.
-
-    One mass is the same in both; its time is that of the angle in the first turn.
-    """
+    """The lowest speed at which contact is lost, in ``duration`` s from rest or steady for None."""
     if isinstance(parameters, TwoMassParameters):
         return jump_of_parameters(law, parameters, duration)
     if duration is not None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,21 +26,17 @@ from cam_rig.units import RPM, TURN, FloatArray
 
 #: Half of what a speed is known to, relative: 0.002 rpm at 400 rpm.
 TOLERANCE = 5e-6
-
 #: Longest run from rest, s: after a minute little but the steady state is left.
 LONGEST = 60.0
 
 
 @dataclass(frozen=True)
 class Jump:
-    """A jump speed (rad/s); where (rad of cam angle in its turn) and when (s) contact is lost.
+    """A jump speed, and where contact is lost."""
 
-    ``time`` counts from rest, or from the beginning of a turn in steady state.
-    """
-
-    speed: float
-    angle: float
-    time: float
+    speed: float  #: rad/s
+    angle: float  #: of the cam in its turn, rad
+    time: float  #: from rest, or from the beginning of a turn in steady state, s
 
     @property
     def rpm(self) -> float:
@@ -57,19 +54,12 @@ def require_run(duration: float) -> None:
 
 
 def jump_speed(law: Law, parameters: TwoMassParameters, duration: float | None = 1.7) -> Jump:
-    """The lowest speed at which the two-mass follower loses contact.
-
-    ``duration`` (s) is of a run from rest at θ = 0, at one speed; None for the steady state.
-    """
+    """The lowest speed at which two masses lose contact, in ``duration`` s from rest or steady."""
     if duration is not None:
         require_run(duration)
     require_smooth(law, "; where it falls contact is lost at any speed")
     found = sought(law, parameters, duration)
-
-    def lift_off_time(speed: float) -> float | None:
-        return _leaves(law, parameters, speed, duration)
-
-    low, high, time = _prove(lift_off_time, found)
+    low, high, time = _prove(partial(_leaves, law, parameters, duration), found)
     return Jump(0.5 * (low + high), float((high * time) % TURN), time)
 
 
@@ -106,7 +96,7 @@ def _prove(
 
 
 def _leaves(
-    law: Law, parameters: TwoMassParameters, speed: float, duration: float | None
+    law: Law, parameters: TwoMassParameters, duration: float | None, speed: float
 ) -> float | None:
     """When (s) the exact model first loses contact, None where it keeps it."""
     start, length = np.zeros(2), duration
@@ -115,26 +105,18 @@ def _leaves(
     return first_lift_off(law, parameters, speed, start, length)
 
 
-# The jump speed of a rigid follower: what the slopes of a law allow, without any vibration.
-
 #: A piece is halved no more often: 2^-40 of it is rounding.
 HALVINGS = 40
-
 #: Parts that may lower the speed, at most: more are a force of zero all along.
 MAX_PARTS = 1 << 16
-
 #: A force below zero by so much of its parts is zero.
 ROUNDING = 1e-14
-
 #: Points of a piece for the least force.
 POINTS = 2049
 
 
 def rigid_jump_speed(law: Law, follower: FollowerParameters) -> float:
-    """Lowest speed (rad/s) at which m s'' Ω² + c s' Ω + k s + preload is zero at some angle.
-
-    Infinite for a law that nowhere decelerates.
-    """
+    """Lowest speed (rad/s) at which m s'' Ω² + c s' Ω + k s + preload is zero; ∞ if at none."""
     return rigid_jump(law, follower)[0]
 
 
@@ -210,17 +192,12 @@ def _speeds(follower: FollowerParameters, motion: FloatArray) -> FloatArray:
     return np.where(np.isfinite(found) & (found > 0.0), found, np.inf)
 
 
-# The speed from which a model that holds the follower on the cam is no longer valid.
-
 #: Length of the run from rest, s, as in Table 2.
 FROM_REST = 1.7
 
 
 def contact_lost_speed(law: Law, rig: RigConfig) -> float:
-    """Jump speed (rad/s) on a rig: 0 where contact is lost at any speed, ∞ where at none.
-
-    That of two masses from rest, or of one rigid mass on a rig that does not say how they split.
-    """
+    """Jump speed (rad/s) on a rig, from rest: 0 where contact is lost at any speed, ∞ at none."""
     if law.velocity_jumps:  # where the velocity jumps down the follower lifts off
         return 0.0
     follower = rig.follower

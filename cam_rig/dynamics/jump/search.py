@@ -25,39 +25,29 @@ from cam_rig.units import RPM, TURN, FloatArray, to_rpm
 
 #: Where the search begins and ends, rpm.
 SLOWEST, FASTEST = 1.0, 1e5
-
 #: The phase of the free vibration turns by this much (rad) from one speed to the next.
 PHASE_STEP = 0.5
-
 #: Speeds looked at together, and a dip's second look.
 TOGETHER, CLOSER = 64, 33
-
 #: Of these so many are looked at in one step.
 FEW = 12
-
 #: A damping ratio below this counts as 0: a search in steady state would have no end.
 UNDAMPED = 1e-7
-
 #: A zero is polished to this part of the speed, and of the bracket it was found in.
 POLISHED, POLISHED_IN = 5e-7, 1e-3
-
 #: A search looks at so many values of the force at most: half a minute's work.
 MAX_LOOKS = 5e7
-
 #: Finer than this rounding decides.
 MAX_POLISHED = 1e-13
 
 
 @dataclass(frozen=True)
 class Sought:
-    """A zero of the least force and its bracket (rad/s): above zero at ``low``, below at ``high``.
+    """A zero of the least force in a bracket narrower than a resonance, however little damped."""
 
-    The bracket is narrower than a resonance, however little it is damped.
-    """
-
-    low: float
+    low: float  #: where the least force is above zero, rad/s
     speed: float
-    high: float
+    high: float  #: where it is below
 
 
 class NoJumpSpeedError(DynamicsError):

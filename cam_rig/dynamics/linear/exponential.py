@@ -8,53 +8,25 @@ weak spring puts far away.
 
 from __future__ import annotations
 
+import importlib
 import math
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 
 from cam_rig.units import ComplexArray, FloatArray
 
-# What the models use of `scipy.linalg`, imported by the first call: many scenes need none of it.
 
+@cache
+def linalg() -> Any:
+    """`scipy.linalg`, imported by the first call: many scenes need none of it."""
+    return importlib.import_module("scipy.linalg")
 
-def expm(matrices: FloatArray) -> FloatArray:
-    """e^A of ``(..., n, n)``."""
-    from scipy.linalg import expm as function
-
-    return np.asarray(function(matrices), dtype=np.float64)
-
-
-def matrix_balance(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The matrix with rows and columns of like size, and what it was transformed with."""
-    from scipy.linalg import matrix_balance as function
-
-    balanced, scale = function(matrix)
-    return np.asarray(balanced), np.asarray(scale)
-
-
-def schur(matrix: FloatArray, **how: Any) -> tuple[FloatArray, FloatArray, int]:
-    """Ordered real Schur form: triangle, basis, and how many eigenvalues come first."""
-    from scipy.linalg import schur as function
-
-    triangle, basis, count = function(matrix, **how)
-    return np.asarray(triangle), np.asarray(basis), int(count)
-
-
-def solve_sylvester(left: FloatArray, right: FloatArray, value: FloatArray) -> FloatArray:
-    """X of A X + X B = Q."""
-    from scipy.linalg import solve_sylvester as function
-
-    return np.asarray(function(left, right, value), dtype=np.float64)
-
-
-# The impulse response of a mass on spring and damper, accurate for every damping and time.
 
 #: Below this time, in units of the fastest rate, the power series is used.
 SHORT = 0.5
-
 #: Terms of the series: 0.5^18/18! is far below rounding.
 TERMS = 18
 
@@ -62,7 +34,7 @@ Response = tuple[FloatArray, FloatArray, FloatArray]
 
 
 def response(damping: float, stiffness: float, time: FloatArray) -> Response:
-    """S (s), Ṡ (1) and C (s²) at times in s, by 2δ = c/m in 1/s and κ = k/m in 1/s²."""
+    """Impulse response S (s), Ṡ (1) and its integral C (s²) at times in s; 2δ in 1/s, κ in 1/s²."""
     time = np.asarray(time, dtype=np.float64)
     short = max(math.sqrt(stiffness), damping) * time <= SHORT
     if short.all():
@@ -132,34 +104,25 @@ SERIES_DEGREE, REACH = 24, 2.0
 
 @dataclass(frozen=True, eq=False)
 class Pairs:
-    """x = V ξ with ξ in pairs (q, q̇), each q̈ = −κ q − 2δ q̇ but for a constant.
+    """x = V ξ with ξ in pairs (q, q̇), each q̈ = −κ q − 2δ q̇ but for a constant."""
 
-    ``shapes`` is V and ``inverse`` its inverse, ``(n, n)``; ``damping`` 2δ in 1/s and
-    ``stiffness`` κ in 1/s², ``(n / 2,)``.
-    """
-
-    shapes: FloatArray
-    inverse: FloatArray
-    damping: FloatArray
-    stiffness: FloatArray
+    shapes: FloatArray  #: V, ``(n, n)``
+    inverse: FloatArray  #: of V
+    damping: FloatArray  #: 2δ, 1/s, ``(n / 2,)``
+    stiffness: FloatArray  #: κ, 1/s², ``(n / 2,)``
 
 
 @dataclass(frozen=True, eq=False)
 class FreeSystem:
-    """The masses in the air; their states are places and velocities in turn.
+    """The masses in the air; their states are places and velocities in turn."""
 
-    Parameters
-    ----------
-    matrix, load : A and b, ``(n, n)`` and ``(n,)``
-    row : what the states contribute to the place of the mass that meets the cam, ``(n,)``
-    energy : ``(k, n)``: takes ẋ to a vector whose length that mass's acceleration never exceeds
-    pairs : None where they are too much alike; then it goes by the exponential of the matrix
-    """
-
-    matrix: FloatArray
-    load: FloatArray
+    matrix: FloatArray  #: A, ``(n, n)``
+    load: FloatArray  #: b, ``(n,)``
+    #: what the states contribute to the place of the mass that meets the cam, ``(n,)``
     row: FloatArray
+    #: ``(k, n)``: takes ẋ to a vector whose length that mass's acceleration never exceeds
     energy: FloatArray
+    #: None where they are too much alike; then it goes by the exponential of the matrix
     pairs: Pairs | None
 
     @cached_property
@@ -207,42 +170,35 @@ class FreeSystem:
         n, rates = start.size, self.rates(start)
         matrix = np.zeros((n + 1, n + 1))
         matrix[:n, :n], matrix[:n, n] = self.matrix, rates
-        flows = expm(matrix[None] * times[:, None, None])
+        flows = linalg().expm(matrix[None] * times[:, None, None])
         return flows[:, :n, n].T, (flows[:, :n, :n] @ rates).T
 
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """Free motion from the state ``start`` ``(n,)`` at t = 0.
+    """Free motion.
 
-    ``gap`` (m) and ``opening`` (m/s) are how far the mass is from the cam then and how fast it
-    lifts off, where that is known better than as the difference of two places: at a lift-off the
-    gap is not one.
+    Gap and opening are given where they are known better than as the difference of two places: at a
+    lift-off the gap is not one.
     """
 
     system: FreeSystem
-    start: FloatArray
-    gap: float | None = None
-    opening: float | None = None
+    start: FloatArray  #: state at t = 0, ``(n,)``
+    gap: float | None = None  #: how far the mass is from the cam then, m
+    opening: float | None = None  #: how fast it lifts off, m/s
 
     @property
     def known(self) -> tuple[float, ...]:
         """Gap and opening, or nothing where they are not known."""
         return () if self.gap is None or self.opening is None else (self.gap, self.opening)
 
-    def state(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Displacement (m) and velocity (m/s) of the mass at times (s), ``(len(times),)``."""
-        return self.motion(times)[:2]
-
     def motion(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Displacement, velocity and acceleration (m/s²) of the mass at times in s."""
+        """Displacement (m), velocity (m/s) and acceleration (m/s²) of the mass at times in s."""
         s = self.system
         way, rates = s.moved(self.start, times)
         place = s.row @ self.start + s.row @ way
         return np.asarray(place), np.asarray(s.row @ rates), np.asarray(s.row @ s.matrix @ rates)
 
-
-# e^{At} z at many times.
 
 #: Modes whose shapes are more alike than this are not used: their digits would cancel.
 WORST_CONDITION = 1e4
@@ -262,7 +218,7 @@ def free_motion(matrix: FloatArray, start: FloatArray, times: FloatArray) -> Flo
         return np.asarray(starts * (rate + damping * impulse) + (matrix @ starts) * impulse)
     modes = _modes(matrix.tobytes(), starts.shape[0], WORST_CONDITION)
     if modes is None:
-        flows = expm(matrix[None] * times[:, None, None])
+        flows = linalg().expm(matrix[None] * times[:, None, None])
         return np.asarray(np.matmul(flows, starts.T[:, :, None])[:, :, 0].T)
     rates, shapes, inverse = modes
     return np.asarray(shapes @ ((inverse @ starts) * np.exp(np.outer(rates, times)))).real
@@ -274,7 +230,7 @@ def _modes(
 ) -> tuple[ComplexArray, ComplexArray, ComplexArray] | None:
     """Rates, shapes and inverse shapes of a matrix; None when its modes are too much alike."""
     matrix = np.frombuffer(data).reshape(size, size)
-    balanced, scale = matrix_balance(matrix)
+    balanced, scale = linalg().matrix_balance(matrix)
     rates, vectors = np.linalg.eig(balanced)
     if np.linalg.cond(vectors) > worst:
         return None

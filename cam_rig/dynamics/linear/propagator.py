@@ -21,13 +21,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from cam_rig.dynamics.linear.exponential import (
-    expm,
-    free_motion,
-    matrix_balance,
-    schur,
-    solve_sylvester,
-)
+from cam_rig.dynamics.linear.exponential import free_motion, linalg
 from cam_rig.laws import bernstein
 from cam_rig.units import FloatArray
 
@@ -54,22 +48,19 @@ def exponential(matrix: FloatArray, time: float) -> FloatArray:
 def exponentials(matrix: FloatArray, times: FloatArray) -> FloatArray:
     """The same at many times ``(m,)``, ``(m, n, n)``."""
     if matrix.shape[0] != 2:
-        return expm(matrix * times[:, None, None])
+        flows: FloatArray = linalg().expm(matrix * times[:, None, None])
+        return flows
     return np.stack([free_motion(matrix, unit, times).T for unit in np.eye(2)], axis=2)
 
 
 @dataclass(frozen=True, eq=False)
 class ForcingPiece:
-    """One piece of the response, in one or more equal parts.
-
-    ``particular`` is ``(parts, n, p + 1)``, the ordinates of X on each part; ``part_flow`` is
-    e^{Ah} over one part of length ``part`` (s).
-    """
+    """One piece of the response, in one or more equal parts."""
 
     matrix: FloatArray
-    particular: FloatArray
-    duration: float
-    part_flow: FloatArray
+    particular: FloatArray  #: ``(parts, n, p + 1)``, the ordinates of X on each part
+    duration: float  #: s
+    part_flow: FloatArray  #: e^{Ah} over one part
 
     @property
     def part(self) -> float:
@@ -94,7 +85,7 @@ class ForcingPiece:
             here = index == i
             since = times[here] - i * self.part
             forced = bernstein.evaluate(self.particular[i].T, since / self.part)
-            flows = expm(self.matrix[None] * since[:, None, None])
+            flows = linalg().expm(self.matrix[None] * since[:, None, None])
             states[:, here] = (forced + flows @ (starts[i] - self.particular[i, :, 0])).T
         return states
 
@@ -149,9 +140,9 @@ def _solve(
     inputs = np.asarray(inputs, dtype=np.float64).transpose(1, 2, 0)
     settled = np.zeros((width, m, n - k))
     if fast.size:
-        slope = derivative_matrix(width - 1)
+        slope, solve = derivative_matrix(width - 1), linalg().solve_sylvester
         for i, duration in enumerate(durations.tolist()):
-            settled[:, i] = solve_sylvester(fast, -slope.T / duration, -inputs[:, i, k:].T).T
+            settled[:, i] = solve(fast, -slope.T / duration, -inputs[:, i, k:].T).T
     lengths = durations / parts
     responses = []
     for i in range(parts):
@@ -178,8 +169,8 @@ def _modes(
         rates, shapes = creeping
         k = int(np.sum(np.abs(rates) * duration < bound))
         return np.diag(rates[:k]), np.diag(rates[k:]), shapes
-    balanced, scale = matrix_balance(matrix)
-    triangle, basis, k = schur(
+    balanced, scale = linalg().matrix_balance(matrix)
+    triangle, basis, k = linalg().schur(
         balanced, output="real", sort=lambda re, im: math.hypot(re, im) * duration < bound
     )
     if k == 0:  # nothing to keep apart: the matrix as it is has the smallest rounding
@@ -187,7 +178,7 @@ def _modes(
     slow, fast = triangle[:k, :k], triangle[k:, k:]
     decouple = np.eye(matrix.shape[0])
     if k < matrix.shape[0]:
-        decouple[:k, k:] = solve_sylvester(slow, -fast, -triangle[:k, k:])
+        decouple[:k, k:] = linalg().solve_sylvester(slow, -fast, -triangle[:k, k:])
     return slow, fast, np.asarray(scale @ basis @ decouple)
 
 
@@ -219,10 +210,7 @@ def _picard_terms(reach: float) -> int:
 def _picard(
     matrix: FloatArray, forcing: FloatArray, durations: FloatArray, terms: int
 ) -> FloatArray:
-    """Ordinates of the solutions from zero: ∫f + A∫∫f + A²∫∫∫f and so on.
-
-    Forcing ``(p + 1, m, k)``, ``durations`` ``(m,)``; ``(q + 1, m, k)``.
-    """
+    """∫f + A∫∫f + A²∫∫∫f and so on: ``(q + 1, m, k)`` of forcing ``(p + 1, m, k)``."""
     lengths = durations[:, None]
     integrals = [lengths * bernstein.antiderivative(forcing)]
     for _ in range(terms):

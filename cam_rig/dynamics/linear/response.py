@@ -36,10 +36,10 @@ RESONANT = 1e-11
 
 @dataclass(frozen=True, eq=False)
 class TurnMap:
-    """Φ ``(n, n)`` and r ``(n,)`` of one turn from θ = 0."""
+    """What one turn from θ = 0 makes of a state: Φ x + r."""
 
-    flow: FloatArray
-    rest: FloatArray
+    flow: FloatArray  #: Φ, ``(n, n)``
+    rest: FloatArray  #: r, ``(n,)``
 
     def after(self, state: FloatArray, turns: int) -> FloatArray:
         """The state ``(n,)`` after whole turns: as many products as their number has bits."""
@@ -60,22 +60,17 @@ class TurnMap:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A stretch of the turn with one polynomial X: x(t) = X + e^{At} z.
+    """A stretch of the turn with one polynomial X: x(t) = X + e^{At} z."""
 
-    ``number`` counts the parts of the turn; it is part ``of_piece[0]`` of ``of_piece[1]`` of the
-    law's piece. ``low`` and ``span`` in rad of cam angle, ``length`` in s, ``particular``
-    ``(n, p + 1)``; ``state_jump`` is by how much the state jumps where the part begins.
-    """
-
-    number: int
-    low: float
-    span: float
-    length: float
+    number: int  #: in the turn
+    low: float  #: cam angle where it begins, rad
+    span: float  #: rad
+    length: float  #: s
     law_piece: int
-    of_piece: tuple[int, int]
-    particular: FloatArray
-    flow: FloatArray
-    state_jump: FloatArray | None = None
+    of_piece: tuple[int, int]  #: which part of how many of the law's piece
+    particular: FloatArray  #: X, ``(n, p + 1)``
+    flow: FloatArray  #: e^{Ah} over the part
+    state_jump: FloatArray | None = None  #: by how much the state jumps where it begins
 
     def forced(self, time: FloatArray) -> FloatArray:
         """X at times in s since the part's start, ``(n, len(time))``."""
@@ -83,36 +78,25 @@ class Part:
 
 
 class LinearRun(NamedTuple):
-    """A part as it is passed: from ``begin`` to ``end`` (s since the walk's start).
-
-    ``local`` is where in the part it begins, in s; ``free`` the state there, less X.
-    """
+    """A part as it is passed."""
 
     part: Part
-    begin: float
-    end: float
-    local: float
-    free: FloatArray
+    begin: float  #: s since the walk's start
+    end: float  #: s
+    local: float  #: where in the part it begins, s
+    free: FloatArray  #: the state there, less X
 
 
 @dataclass(frozen=True, eq=False)
 class LinearResponse:
-    """The response of one linear model to one law at one speed.
-
-    Parameters
-    ----------
-    speed : rad/s, above 0
-    matrix : A, ``(n, n)``
-    drive : G, ``(n, 3)``, what s, ṡ and s̈ contribute
-    constant : g, ``(n,)``
-    jumps_act : whether a jump of ṡ, an impulse of s̈, acts on the state; else the caller does it
-    """
+    """The response of one linear model to one law at one speed."""
 
     law: Law
-    speed: float
-    matrix: FloatArray
-    drive: FloatArray
-    constant: FloatArray
+    speed: float  #: rad/s, above 0
+    matrix: FloatArray  #: A, ``(n, n)``
+    drive: FloatArray  #: G, ``(n, 3)``, what s, ṡ and s̈ contribute
+    constant: FloatArray  #: g, ``(n,)``
+    #: whether a jump of ṡ, an impulse of s̈, acts on the state; else the caller does it
     jumps_act: bool = False
 
     def __post_init__(self) -> None:
@@ -142,10 +126,7 @@ class LinearResponse:
         return None if step is None else self.drive[:, 2] * (self.speed * step)
 
     def walk(self, start: FloatArray, angle: float, duration: float) -> Iterator[LinearRun]:
-        """Run after run from state ``start`` at cam angle ``angle`` (rad) for ``duration`` s.
-
-        A state jump at the start is the walk's, one at its end is not (`velocity_jumps`).
-        """
+        """Run after run for ``duration`` s, with a state jump at the start, none at the end."""
         start = state_of(start, self.constant.size)
         require_angle(angle)
         slack = SLACK / self.speed if self.law.repeats else 0.0

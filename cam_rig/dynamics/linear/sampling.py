@@ -32,27 +32,11 @@ from cam_rig.units import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class Outputs:
-    """What to sample: C x + D (s, ṡ, s̈) + d; ``(k, n)``, ``(k, 3)``, ``(k,)``."""
+    """What to sample: C x + D (s, ṡ, s̈) + d."""
 
-    state: FloatArray
-    law: FloatArray
-    constant: FloatArray
-
-
-def outputs_at(
-    model: LinearResponse, start: FloatArray, angle: float, times: FloatArray, outputs: Outputs
-) -> FloatArray:
-    """Outputs ``(k, m)`` at ascending times ``(m,)`` in s after ``start`` at ``angle`` (rad).
-
-    State and law are of one part, also where by rounding a time is beside a joint.
-    """
-    free, local, part_of = model.passes(start, angle, times)
-    out = np.asarray(outputs.state @ free)
-    for i in np.unique(part_of):
-        here = np.flatnonzero(part_of == i)
-        ordinates = polynomial_part(model, model.parts[i], outputs)
-        out[:, here] += bernstein.evaluate(ordinates.T, local[here] / model.parts[i].length).T
-    return out
+    state: FloatArray  #: C, ``(k, n)``
+    law: FloatArray  #: D, ``(k, 3)``
+    constant: FloatArray  #: d, ``(k,)``
 
 
 def end_of(
@@ -80,10 +64,7 @@ def sample(
     outputs: Outputs,
     out: FloatArray | None = None,
 ) -> FloatArray:
-    """Outputs ``(k, count)`` at ``first + j step`` s after ``start`` at cam angle ``angle``.
-
-    They are written to ``out`` where it is given, each of whose rows has no gaps.
-    """
+    """Outputs ``(k, count)``, into ``out`` if given, at ``first + j step`` s after ``start``."""
     out = np.empty((outputs.state.shape[0], count)) if out is None else out
     done = 0
     long: dict[tuple[int, int, int], list[_Passage]] = {}
@@ -107,11 +88,11 @@ def sample(
 
 
 class _Passage(NamedTuple):
-    """Samples of one part as it is passed: the first ``offset`` s after the state ``free``."""
+    """Samples of one part as it is passed."""
 
     samples: SampleRun
-    offset: float
-    free: FloatArray
+    offset: float  #: of the first from the state, s
+    free: FloatArray  #: the state less X
 
 
 def _fill_directly(

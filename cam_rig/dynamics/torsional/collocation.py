@@ -20,28 +20,20 @@ from cam_rig.dynamics.linear.exponential import response
 from cam_rig.dynamics.torsional.parameters import TorsionalParameters, TorsionalState
 from cam_rig.units import FloatArray
 
-# Chebyshev collocation in integral form: tables by degree, and a path of many windows.
-
 #: Samples evaluated together: their basis values stay in the processor's cache.
 BATCH = 2048
 
 
 @dataclass(frozen=True, eq=False)
 class CollocationTable:
-    """Chebyshev-Lobatto nodes on [0, 1] and what is linear in the values there.
+    """Chebyshev-Lobatto nodes on [0, 1] and what is linear in the values there."""
 
-    Parameters
-    ----------
-    nodes : ``(N + 1,)`` from 0 to 1
-    series : ``(3, N + 3, N + 1)``; [r] takes values at the nodes to the Chebyshev coefficients
-        of the r-fold integral from 0
-    first, second : ``(N + 1, N + 1)``; take values to those of the one- and two-fold integral
-    """
-
-    nodes: FloatArray
+    nodes: FloatArray  #: ``(N + 1,)`` from 0 to 1
+    #: ``(3, N + 3, N + 1)``; [r] takes values at the nodes to the Chebyshev coefficients of the
+    #: r-fold integral from 0
     series: FloatArray
-    first: FloatArray
-    second: FloatArray
+    first: FloatArray  #: ``(N + 1, N + 1)``; takes values to those of the integral
+    second: FloatArray  #: the same for the two-fold integral
 
 
 @lru_cache(maxsize=32)
@@ -101,19 +93,13 @@ def basis(size: int, u: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class ChebyshevPath:
-    """Rows of functions of time, window after window, each a Chebyshev series.
+    """Rows of functions of time, window after window, each a Chebyshev series."""
 
-    Parameters
-    ----------
-    edges : ``(W + 1,)`` times between the windows, s
-    spans : ``(W,)`` length of the interval each series is written on; it begins with its
-        window and may end later
-    series : W arrays ``(rows, size)``
-    """
-
-    edges: FloatArray
+    edges: FloatArray  #: ``(W + 1,)`` times between the windows, s
+    #: ``(W,)`` length of the interval each series is written on; it begins with its window and may
+    #: end later
     spans: FloatArray
-    series: list[FloatArray]
+    series: list[FloatArray]  #: W arrays ``(rows, size)``
 
     def window(self, times: FloatArray) -> FloatArray:
         """Index of the window of each time; at an edge the one that begins there."""
@@ -147,29 +133,23 @@ class ChebyshevPath:
 
 #: Newton's method has converged when the next correction would be below this, relatively ...
 CONVERGED = 1e-15
-
 #: ... and has reached rounding when corrections below this no longer shrink.
 ROUNDING = 1e-12
 
 MAX_ITERATIONS = 15
-
 #: A correction may be this fraction of the last before the matrix is made anew.
 SLOW = 0.01
-
 #: Chebyshev coefficients of u²/2, u and 1, what a ramp adds to angle, speed and acceleration.
 RAMP = np.array([[3.0, 4.0, 1.0], [8.0, 8.0, 0.0], [16.0, 0.0, 0.0]]) / 16.0
 
 
 @dataclass(frozen=True, eq=False)
 class TwistPiece:
-    """One piece of a law, ``span`` rad long.
+    """One piece of a law."""
 
-    ``weights`` is ``(4, p + 1)``: Bernstein ordinates of s and of its first three derivatives,
-    each times its binomial.
-    """
-
+    #: ``(4, p + 1)``: Bernstein ordinates of s and its first three derivatives, times binomials.
     weights: FloatArray
-    span: float
+    span: float  #: rad
 
     @cached_property
     def flat(self) -> bool:
@@ -221,10 +201,7 @@ class CollocationWindow:
         self._set(np.zeros_like(self.times))
 
     def _free(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """ψ, ψ̇, ψ̈ of the shaft without a follower: the first guess, and exact in a dwell.
-
-        z = ψ + (flywheel acceleration)/k obeys z̈ = −k z − c ż.
-        """
+        """ψ, ψ̇, ψ̈ without a follower, by z = ψ + (flywheel's θ̈)/k: z̈ = −k z − c ż."""
         p, start = self.parameters, self.start
         k, c = p.mobility * p.shaft_stiffness, p.mobility * p.shaft_damping
         rest = (p.flywheel_acceleration[2] + self.ramp) / k
@@ -330,10 +307,7 @@ class CollocationWindow:
         return largest(coefficients[int(0.4 * size) :]) / scale, largest(coefficients[-3:]) / scale
 
     def series(self) -> FloatArray:
-        """Chebyshev coefficients of ψ, ψ̇, θ_c, θ̇_c, θ̈_c over the window, ``(5, N + 3)``.
-
-        Of a flywheel with an inertia also δ and δ̇, ``(7, N + 3)``.
-        """
+        """Chebyshev coefficients of ψ, ψ̇, θ_c, θ̇_c, θ̈_c; then δ, δ̇ of a free flywheel."""
         h, start = self.length, self.start
         scales = np.array([[1.0], [h], [h**2]])
         value, rate, twist = scales * (self.table.series @ self.more)

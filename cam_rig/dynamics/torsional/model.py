@@ -67,7 +67,8 @@ def advance(
     # From time zero: a late start takes no digits from the samples' times.
     motion = solve(law, driven, start, 0.0, interval.duration, interval.acceleration)
     grid = interval.grid(sample_rate)
-    rows = grid.rows(follower_rows(motion, np.minimum(grid.since_start(), motion.stop_time)))
+    rows = grid.open_rows()
+    rows[1:5] = follower_rows(motion, np.minimum(grid.since_start(), motion.stop_time))
     x, v, _, force = follower_rows(motion, np.array([motion.stop_time]))[:, 0].tolist()
     end = FollowerState(x, v, force, in_contact=True, inner=inner_of(motion))
     return ended(end, interval), Block(interval, rows)

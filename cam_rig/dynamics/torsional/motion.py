@@ -33,20 +33,15 @@ from cam_rig.units import TURN, FloatArray, to_rpm
 
 @dataclass(frozen=True, eq=False)
 class TorsionalMotion:
-    """A solution over ``[start_time, stop_time]`` (s); ``end`` is its state at ``stop_time``.
-
-    ``path`` counts time from ``start_time``: a late start takes no digits from the windows.
-    ``pieces`` and ``lows`` give the piece of the law in each window of ``path`` and the cam
-    angle (rad) at which that piece begins.
-    """
+    """A solution over ``[start_time, stop_time]`` (s)."""
 
     law: Law
     parameters: TorsionalParameters
     start_time: float
-    path: ChebyshevPath
-    pieces: NDArray[np.intp]
-    lows: FloatArray
-    end: TorsionalState
+    path: ChebyshevPath  #: from ``start_time`` on: a late start takes no digits from the windows
+    pieces: NDArray[np.intp]  #: piece of the law in each window
+    lows: FloatArray  #: cam angle at which that piece begins, rad
+    end: TorsionalState  #: at ``stop_time``
 
     @property
     def stop_time(self) -> float:
@@ -54,25 +49,15 @@ class TorsionalMotion:
         return self.start_time + float(self.path.edges[-1])
 
     def at(self, times: FloatArray) -> FloatArray:
-        """ψ (rad), ψ̇, θ_c (rad), θ̇_c and θ̈_c, ``(5, len(times))``, at times (s) in any order.
-
-        Where θ̈_c steps, at a joint of the law, the right limit is taken.
-        """
+        """ψ (rad), ψ̇, θ_c (rad), θ̇_c, θ̈_c, ``(5, m)``, at times (s); at joints right limits."""
         return self.path.at(self._since(times))[:5]
 
     def lead(self, times: FloatArray) -> FloatArray:
-        """``(2, len(times))``: by how much the flywheel is ahead of even turning, rad and rad/s.
-
-        Zeros where it holds its speed.
-        """
+        """By how much the flywheel is ahead of even turning, rad and rad/s, ``(2, m)``."""
         since = self._since(times)
         if self.parameters.flywheel_inertia is None:
             return np.zeros((2, since.size))
         return self.path.at(since)[5:]
-
-    def sample(self, first: float, step: float, count: int) -> FloatArray:
-        """``(5, count)`` at ``first + j·step`` (s), j = 0 … count − 1."""
-        return self.at(first + step * np.arange(count, dtype=np.float64))
 
     def _since(self, times: FloatArray) -> FloatArray:
         """Times since the start, none of them outside."""
@@ -118,10 +103,7 @@ def solve(
     duration: float,
     ramp: float = 0.0,
 ) -> TorsionalMotion:
-    """Solve eq. 10 from ``state`` at ``start_time`` (s) for ``duration`` (s).
-
-    ``ramp`` (rad/s²) is the flywheel's acceleration, or what the motor gives more over I_v.
-    """
+    """Solve eq. 10 for ``duration`` (s); ``ramp`` (rad/s²) is of the flywheel, or of its motor."""
     numbers = {"start_time": start_time, "duration": duration, "ramp": ramp, **asdict(state)}
     for name, value in numbers.items():
         require_number(name, value, "> 0" if name == "duration" else "of either sign")
@@ -138,49 +120,26 @@ def solve(
     return TorsionalMotion(law, parameters, start_time, path, pieces, lows, end)
 
 
-# Steady states of a cam on its shaft: what one turn brings back (eq. 10 of the paper).
-
 #: A steady state returns to itself to this fraction of its peak; it is sought to PERIODIC.
 RETURNS, PERIODIC = 1e-11, 1e-13
 
 MAX_TURNS = 25
-
 #: Change of the start taken for the slopes of the map, in peaks.
 NUDGE = 0.03
-
 #: A start that comes back to this fraction of its change: the shaft is in resonance with the cam.
 RESONANT = 1e-8
 
 
-def periodic_state(
-    law: Law, parameters: TorsionalParameters, speed: float, flywheel_angle: float = 0.0
-) -> TorsionalState:
-    """The state at ``flywheel_angle`` (rad) that returns after one turn at ``speed`` (rad/s)."""
-    return steady_state(law, parameters, speed, flywheel_angle)[1]
-
-
 @lru_cache(maxsize=64)
 def steady_state(
-    law: Law, parameters: TorsionalParameters, speed: float, flywheel_angle: float = 0.0
+    law: Law, parameters: TorsionalParameters, speed: float
 ) -> tuple[TorsionalParameters, TorsionalState]:
-    """The state that returns after one turn at the mean ``speed`` (rad/s), and what drives it.
+    """The state at the flywheel's angle 0 that returns after one turn, and what drives it.
 
-    A flywheel that holds its speed begins at ``flywheel_angle`` (rad). One with an inertia is
-    driven by a constant torque, the mean of the load: it comes with the parameters. As any state
-    of the turn may be its first, the one is taken whose flywheel passes ``flywheel_angle``
-    together with even turning, without a lead.
-
-    Examples
-    --------
-    >>> import cam_rig
-    >>> from cam_rig.dynamics import MODELS
-    >>> law = cam_rig.build_law(cam_rig.load_cam("poly345"))
-    >>> shaft = MODELS["torsional"].parameters(cam_rig.load_rig("paper_flywheel"))
-    >>> driven, start = steady_state(law, shaft, 30.0)
-    >>> start.lead, driven.motor_torque > 0.0
-    (0.0, True)
+    ``speed`` (rad/s) is the mean. A flywheel with an inertia is driven by a constant torque, the
+    mean of the load: it comes with the parameters. As any state of the turn may be its first, the
+    one is taken whose flywheel passes angle 0 together with even turning, without a lead.
     """
-    require_number("flywheel_angle", flywheel_angle, "of either sign")
     require_number("speed", speed, "of either sign")
     if speed == 0.0:
         raise DynamicsError(f"speed is {speed!r}; allowed for a periodic state: finite, not 0")
@@ -192,7 +151,7 @@ def steady_state(
 
     def begun(x: FloatArray) -> tuple[TorsionalParameters, TorsionalState]:
         twist, rate, *free = (x * unit[: x.size]).tolist()
-        start = TorsionalState(twist, rate, flywheel_angle, speed, 0.0, *free[:1])
+        start = TorsionalState(twist, rate, 0.0, speed, 0.0, *free[:1])
         return replace(parameters, motor_torque=free[1]) if free else parameters, start
 
     def miss(x: FloatArray) -> FloatArray:

@@ -10,24 +10,16 @@ from cam_rig.errors import DynamicsError
 
 @dataclass(frozen=True)
 class TorsionalParameters:
-    """A cam on an elastic shaft behind a flywheel, which holds its speed or has an inertia.
+    """A cam on an elastic shaft behind a flywheel, which holds its speed or has an inertia."""
 
-    Parameters
-    ----------
-    follower : the follower on the cam; its stem is rigid here
-    cam_inertia : I, kg·m²
-    shaft_stiffness : k_s, N·m/rad
-    shaft_damping : c_s, N·m·s/rad
-    flywheel_inertia : I_v, kg·m²; None holds its speed (eq. 10 of the paper, the limit I_v → ∞)
-    motor_torque : T, N·m, constant, on a flywheel that has an inertia; `motion.steady_state`
-        finds the one that holds the mean speed
-    """
-
-    follower: FollowerParameters
-    cam_inertia: float
-    shaft_stiffness: float
-    shaft_damping: float = 0.0
+    follower: FollowerParameters  #: the follower on the cam; its stem is rigid here
+    cam_inertia: float  #: I, kg·m²
+    shaft_stiffness: float  #: k_s, N·m/rad
+    shaft_damping: float = 0.0  #: c_s, N·m·s/rad
+    #: I_v, kg·m²; None holds its speed (eq. 10 of the paper, the limit I_v → ∞)
     flywheel_inertia: float | None = None
+    #: T, N·m, constant, on a flywheel that has an inertia; `motion.steady_state` finds the one that
+    #: holds the mean speed
     motor_torque: float = 0.0
 
     def __post_init__(self) -> None:
@@ -61,19 +53,17 @@ class TorsionalParameters:
 
 @dataclass(frozen=True)
 class TorsionalState:
-    """Twist ψ = θ_c − θ_v (rad), its rate (rad/s), and where the flywheel is.
+    """The shaft's twist, and where the flywheel is.
 
-    ``flywheel_angle`` (rad) and ``flywheel_speed`` (rad/s) are those of even turning, which the
-    drive sets; ``lead`` (rad) and ``lead_rate`` (rad/s) are by how much a flywheel of finite
-    inertia is ahead of it. Apart, a heavy flywheel's fluctuation keeps all its digits.
+    Even turning and lead apart, a heavy flywheel's fluctuation keeps all its digits.
     """
 
-    twist: float
-    twist_rate: float
-    flywheel_angle: float
-    flywheel_speed: float
-    lead: float = 0.0
-    lead_rate: float = 0.0
+    twist: float  #: ψ = θ_c − θ_v, rad
+    twist_rate: float  #: rad/s
+    flywheel_angle: float  #: of even turning, which the drive sets, rad
+    flywheel_speed: float  #: of even turning, rad/s
+    lead: float = 0.0  #: by how much a flywheel of finite inertia is ahead of it, rad
+    lead_rate: float = 0.0  #: rad/s
 
     @property
     def cam_angle(self) -> float:

@@ -62,32 +62,26 @@ def pieces_of(law: Law) -> tuple[TwistPiece, ...]:
 
 @dataclass
 class Control:
-    """What has proved to resolve a piece: longest window (s), rungs above those of the phase."""
+    """What has proved to resolve a piece."""
 
-    reach: float
-    bump: int = 0
+    reach: float  #: longest window, s
+    bump: int = 0  #: rungs above those of the phase
 
 
 @dataclass(frozen=True, eq=False)
 class SmoothInterval:
-    """A finished window: ``[begin, end]`` (s), series over ``span`` (s) of its piece.
+    """A finished window."""
 
-    ``low`` is the unwrapped cam angle (rad) at which the piece begins; the series count from it.
-    """
-
-    begin: float
-    end: float
-    span: float
+    begin: float  #: s
+    end: float  #: s
+    span: float  #: what the series are over, s
     series: FloatArray
     piece: int
-    low: float
+    low: float  #: unwrapped cam angle at which the piece begins; the series count from it, rad
 
 
 class March:
-    """Takes a state on, and keeps what it learns about the pieces of the law.
-
-    ``ramp`` is what the flywheel is sped up by, rad/s².
-    """
+    """Takes a state on, along a ``ramp`` (rad/s²), and keeps what it learns about the pieces."""
 
     def __init__(self, law: Law, parameters: TorsionalParameters, ramp: float = 0.0) -> None:
         self.law, self.parameters, self.pieces = law, parameters, pieces_of(law)

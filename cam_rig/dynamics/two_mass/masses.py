@@ -15,8 +15,6 @@ from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
 from cam_rig.units import FloatArray
 
-# The two-mass follower of eq. 14-19: a roller mass and an end mass, joined by the stem.
-
 #: What two masses need of a rig beside what one needs, and what is said where it is missing.
 NEEDED = ("roller_share", "stem_stiffness", "stem_damping")
 
@@ -25,24 +23,16 @@ BY, ONE_MASS = "two masses (the model two_mass)", "take one mass (the model one_
 
 @dataclass(frozen=True)
 class TwoMassParameters:
-    """The numbers of the model, SI.
+    """The two-mass follower of eq. 14-19: a roller mass and an end mass, joined by the stem."""
 
-    Parameters
-    ----------
-    roller_mass, end_mass : m₁ and m₂, kg
-    stem_stiffness, spring_stiffness : k₁ and k₂, N/m
-    stem_damping, damping : c₁ (in the stem) and c₂ (end mass to ground), N·s/m
-    preload : N, of the closing spring at zero lift
-    restitution : Newton's coefficient of a landing of the roller mass; None if not told
-    """
-
-    roller_mass: float
-    end_mass: float
-    stem_stiffness: float
-    spring_stiffness: float
-    stem_damping: float
-    damping: float
-    preload: float
+    roller_mass: float  #: m₁, kg
+    end_mass: float  #: m₂, kg
+    stem_stiffness: float  #: k₁, N/m
+    spring_stiffness: float  #: k₂, N/m
+    stem_damping: float  #: c₁, in the stem, N·s/m
+    damping: float  #: c₂, end mass to ground, N·s/m
+    preload: float  #: N, of the closing spring at zero lift
+    #: Newton's coefficient of a landing of the roller mass; None if not told
     restitution: float | None = 0.0
 
     def __post_init__(self) -> None:
@@ -85,11 +75,7 @@ class TwoMassParameters:
 
     @cached_property
     def inner_matrix(self) -> FloatArray:
-        """A of flight in (w, ẇ, Y, Ẏ): stretch w = y − z of the stem, and centre of mass Y.
-
-        In these the slow and the fast mode stand apart; in z and y the closing spring drowns in
-        the rounding of the stem, 1e5 times as stiff.
-        """
+        """A of flight in (w, ẇ, Y, Ẏ), as in `free_masses`."""
         m1, m2 = self.roller_mass, self.end_mass
         total, both = m1 + m2, 1.0 / m1 + 1.0 / m2
         share, end = m1 / total, 1.0 / m2
@@ -102,10 +88,7 @@ class TwoMassParameters:
 
 @lru_cache(maxsize=64)
 def contact_response(law: Law, parameters: TwoMassParameters, speed: float) -> LinearResponse:
-    """The end mass while the roller is in contact; state (η, η̇).
-
-    A jump of the law's velocity is for the caller: the roller may not stay on the cam.
-    """
+    """The end mass while the roller is in contact, which a jump of s' may end; state (η, η̇)."""
     p, damping = parameters, parameters.stem_damping + parameters.damping
     matrix = np.array([[0.0, 1.0], [-p.stiffness / p.end_mass, -damping / p.end_mass]])
     drive = np.zeros((2, 3))
@@ -125,7 +108,6 @@ def force_output(parameters: TwoMassParameters) -> Outputs:
 
 #: Pairs whose shapes are more alike than this are not told apart: their digits would cancel.
 WORST_CONDITION = 1e3
-
 #: Newton's steps to a factor of the characteristic polynomial, and when it is found.
 MAX_STEPS, FOUND = 12, 1e-15
 
@@ -171,10 +153,7 @@ def from_inner(parameters: TwoMassParameters, inner: FloatArray) -> FloatArray:
 
 
 def _pairs(p: TwoMassParameters) -> Pairs | None:
-    """The best of all ways to pair the four rates, None where none is good.
-
-    In the best the centre moves least in the stem's own motion, and the stem in the centre's.
-    """
+    """The best way to pair the four rates: stem and centre least coupled; None if none is good."""
     found = [
         _shaped(p, *sides)
         for factors in _factors(_characteristic(p))

@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from cam_rig.dynamics.events.contact import contact_loss, loss_in_part
+from cam_rig.dynamics.events.contact import loss_in_part
 from cam_rig.dynamics.events.course import ROUNDING_ERRORS, Course, Phase, contact_table
 from cam_rig.dynamics.events.runs import RunTable
 from cam_rig.dynamics.events.search import call
@@ -39,43 +39,14 @@ from cam_rig.laws.bernstein import EPS
 from cam_rig.laws.sampling import sample as sample_law
 from cam_rig.units import TURN, FloatArray
 
-# What ends contact in the two-mass model: the force falls to zero.
-
-
-def lift_off(
-    law: Law,
-    parameters: TwoMassParameters,
-    speed: float,
-    angle: float,
-    state: FloatArray,
-    limit: float,
-) -> tuple[float, FloatArray] | None:
-    """Time (s) after which the contact force is negative, and (η, η̇) then.
-
-    None when not within ``limit``; ``state`` is (η, η̇) at cam angle ``angle`` (rad).
-    """
-    require_angle(angle)
-    require_number("limit", limit, "≥ 0")
-    response, output = contact_response(law, parameters, speed), force_output(parameters)
-    place, velocity = state_of(state, 2).tolist()
-    found, *vibration = call(
-        contact_loss,
-        lambda arrays: contact_table(response, output, arrays),
-        speed,
-        float(angle),
-        (place, velocity),
-        float(limit),
-    )
-    return None if found < 0.0 else (found, np.array(vibration))
-
 
 def first_lift_off(
     law: Law, parameters: TwoMassParameters, speed: float, state: FloatArray, limit: float
 ) -> float | None:
-    """Time (s) of the first lift-off of a run from θ = 0 on, None when not within ``limit``.
+    """Time (s) of the first lift-off of a run from (η, η̇) at θ = 0; None if not within ``limit``.
 
-    As `lift_off`, but all parts of all turns are bounded at once, and the root is sought only in
-    those that the bound leaves.
+    All parts of all turns are bounded at once, and the force's zero is sought only in those that
+    the bound leaves.
     """
     response, output = contact_response(law, parameters, speed), force_output(parameters)
     turns = max(1, math.ceil(limit * speed / TURN))
@@ -157,7 +128,7 @@ class Separation(Course):
         start: FloatArray | Flight = np.zeros(2)
         if state is not None:
             start = state_of(state, 2 if contact else 4)
-            start = start if contact else self.lifted_off(to_inner(self.parameters, start))
+            start = start if contact else Flight(self.system, to_inner(self.parameters, start))
         self.go(duration, start)
 
     def go(self, duration: float, start: FloatArray | Flight, step: float = 0.0) -> None:
@@ -185,13 +156,9 @@ class Separation(Course):
             force_noise(self.law, p, self.speed),
         )
 
-    def lifted_off(self, inner: FloatArray, *known: float) -> Flight:
-        """The flight from a state (w, ẇ, Y, Ẏ); gap and opening as in `Flight`."""
-        return Flight(self._system, inner, *known)
-
     def fly(self, flight: Flight, times: FloatArray) -> FloatArray:
         """(z, ż, y, ẏ) at times (s) of a flight, ``(4, len(times))``."""
-        way, _ = self._system.moved(flight.start, times)
+        way, _ = self.system.moved(flight.start, times)
         return from_inner(self.parameters, flight.start[:, None] + way)
 
     def cam(self, time: FloatArray) -> FloatArray:
@@ -212,8 +179,8 @@ class Separation(Course):
             return FollowerState(z, v, 0.0, False, inner=inner)
         angle = short_of_velocity_jump(self.law, self.angle + self.speed * duration)
         s, slope, bend = self.law.at(angle)
-        cam, out = np.array([s, slope * self.speed, bend * self.speed**2]), self._force
-        force = float((out.state @ self.last + out.law @ cam + out.constant)[0])
+        cam = np.array([s, slope * self.speed, bend * self.speed**2])
+        force = float(self.force(self.last[:, None], cam[:, None])[0])
         return FollowerState(s, float(cam[1]), force, True, inner=tuple(self.last.tolist()))
 
 
@@ -261,10 +228,11 @@ def advance(
     start: FloatArray | Flight = np.zeros(2)
     if state is not None:
         inner = np.array(state.inner)
-        start = inner if state.in_contact else course.lifted_off(inner[:4], *state.inner[4:])
+        start = inner if state.in_contact else Flight(course.system, inner[:4], *state.inner[4:])
     course.go(interval.duration, start, step)
     grid = interval.grid(sample_rate)
-    rows = grid.rows()
+    rows = grid.open_rows()
+    rows[1:5] = 0.0
     shown = Samples(rows)
     for phase in course.phases:
         if within := grid.within(phase.begin, phase.end):

@@ -151,7 +151,7 @@ def _contact_after(law: Law, p: TwoMassParameters, speed: float) -> tuple[float,
         return 0.0, state
     course = Separation(law, p, speed)
     course.go((SETTLING[2] + 1) * turn, state)
-    last = [x for x in course.phases if x.contact and x.end > SETTLING[2] * turn]
+    last = [x for x in course.phases if x.flight is None and x.end > SETTLING[2] * turn]
     if not last:
         return None
     phase = max(last, key=lambda x: x.end - x.begin)

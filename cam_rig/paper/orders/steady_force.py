@@ -17,7 +17,7 @@ from cam_rig.dynamics.linear.response import LinearResponse
 from cam_rig.dynamics.linear.sampling import Outputs, polynomial_part
 from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.dynamics.two_mass.masses import TwoMassParameters, contact_response, force_output
-from cam_rig.dynamics.two_mass.trajectory import Separation, lift_off, states
+from cam_rig.dynamics.two_mass.trajectory import Separation, first_lift_off, states
 from cam_rig.dynamics.velocity_jumps import require_smooth
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law, bernstein
@@ -210,7 +210,7 @@ def _two_mass(law: Law, p: TwoMassParameters, speed: float) -> SteadyForce:
     model, turn = contact_response(law, p, speed), TURN / speed
     start = model.turn.fixed_point()
     stays = start is not None and not law.velocity_jumps
-    if start is not None and stays and lift_off(law, p, speed, 0.0, start, turn) is None:
+    if start is not None and stays and first_lift_off(law, p, speed, start, turn) is None:
         contact = tuple(_linear_pieces(model, force_output(p), start, 0.0, 0.0, turn))
         return SteadyForce(speed, 1, contact)
     for run in SETTLING:

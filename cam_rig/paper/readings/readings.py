@@ -18,7 +18,7 @@ import numpy as np
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.jump.search import force_run, sought_speed
 from cam_rig.dynamics.modal_response import SETTLED
-from cam_rig.dynamics.two_mass.trajectory import lift_off
+from cam_rig.dynamics.two_mass.trajectory import first_lift_off
 from cam_rig.laws import Law, bernstein, build_law
 from cam_rig.paper.jump.refit import ROUNDED_TO, with_event
 from cam_rig.schema import CamConfig, TableReading
@@ -419,5 +419,5 @@ def _first_loss(law: Law, follower: TwoMassParameters, speed: float, run: float)
     """When (s) contact is first lost; NaN where it is not."""
     if np.isnan(speed):
         return float("nan")
-    found = lift_off(law, follower, speed, 0.0, np.zeros(2), run)
-    return float("nan") if found is None else found[0]
+    found = first_lift_off(law, follower, speed, np.zeros(2), run)
+    return float("nan") if found is None else found

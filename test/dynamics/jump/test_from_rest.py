@@ -14,11 +14,13 @@ from cam_rig.dynamics.jump.any_follower import find_jump, follower_of
 from cam_rig.dynamics.jump.search import force_run, sought_speed
 from cam_rig.dynamics.modal_minimum import LawCells, ModalRun
 from cam_rig.errors import DynamicsError
-from cam_rig.laws import Law, bernstein, build_law
+from cam_rig.laws import build_law
 from cam_rig.paper.readings.readings import Rigs, ShapeTable, turn_minima
 from cam_rig.schema import load_cam
 from cam_rig.schema.load import config_root
 from cam_rig.units import RPM, TURN
+
+from ..helpers import turned
 
 #: Duration of the runs, s.
 RUN = 0.4
@@ -29,42 +31,12 @@ def rig():
     return cam_rig.load_rig("paper_table2")
 
 
-def risen(law, away):
-    """A law whose turn begins ``away`` rad later."""
-    at = int(np.searchsorted(law.breaks, away))
-    assert law.breaks[at] == pytest.approx(away)
-    breaks = np.append(law.breaks[at:], law.breaks[1 : at + 1] + TURN) - law.breaks[at]
-    ordinates = np.concatenate([law.ordinates[:, at:], law.ordinates[:, :at]], axis=1)
-    breaks[0], breaks[-1] = 0.0, TURN
-    return Law(f"{law.name} from {away:.3g}", breaks, ordinates)
-
-
 @pytest.fixture(scope="module")
 def steep(laws):
-    """Laws with s′(0) ≠ 0, rising and falling: a straight part first, or half of a curve."""
-    found = []
-    for name in ("bezier_segments", "poly345"):
-        law = laws[name]
-        slopes = law(law.breaks[:-1], 1)
-        joints = law.breaks[1:-1][np.abs(slopes[1:]) > 1e-3]
-        if joints.size == 0:  # cut a rise in two: the same law with one joint more
-            law = halved(law)
-            slopes = law(law.breaks[:-1], 1)
-            joints = law.breaks[1:-1][np.abs(slopes[1:]) > 1e-3]
-        found.append(risen(law, float(joints[-1 if found else 0])))
-    assert {np.sign(law(np.zeros(1), 1)[0]) for law in found} == {-1.0, 1.0}
+    """Laws with s′(0) ≠ 0, rising and falling: their zero is in the middle of a motion."""
+    found = [turned(laws["poly345"], np.radians(degrees)) for degrees in (90.0, 270.0)]
+    assert [np.sign(law(np.zeros(1), 1)[0]) for law in found] == [1.0, -1.0]
     return found
-
-
-def halved(law):
-    """The same law with a joint in the middle of each piece."""
-    breaks, columns = [0.0], []
-    for i, span in enumerate(law.spans):
-        for low, high in ((0.0, 0.5), (0.5, 1.0)):
-            columns.append(bernstein.restrict(law.ordinates[:, i], low, high))
-            breaks.append(float(law.breaks[i] + high * span))
-    breaks[-1] = TURN
-    return Law(law.name, np.array(breaks), np.array(columns).T)
 
 
 def integrated(law, p, speed, times):

@@ -11,13 +11,11 @@ from benchmark.speed import exact as many_digits_of
 from benchmark.speed.models import CONTACT, Case, Oscillator, output_times
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.dynamics.elastic_stem import response
-from cam_rig.dynamics.linear.propagator import derivative_matrix, periodic_state, piece
+from cam_rig.dynamics.linear.propagator import piece
 from cam_rig.dynamics.linear.response import LinearResponse
 from cam_rig.dynamics.two_mass.masses import free_masses, from_inner, to_inner
 from cam_rig.laws import bernstein
 from cam_rig.units import TURN
-
-from ..helpers import flight_load, flight_matrix
 
 
 @pytest.fixture
@@ -76,10 +74,8 @@ def test_random_stable_system(exact, n, degree):
 @pytest.mark.parametrize("degree", [5, 15])
 @pytest.mark.parametrize("time_constants", [1e-3, 0.1, 1.0, 10.0, 1000.0])
 def test_any_length_against_the_time_constant(exact, degree, time_constants):
-    """ẋ = −x + f over pieces much shorter and much longer than 1 s: the error is rounding.
-
-    1e-12 of the largest force allows for four digits of cancellation.
-    """
+    """ẋ = −x + f over pieces much shorter and much longer than 1 s: the error is rounding."""
+    # 1e-12 of the largest force allows for four digits of cancellation.
     forcing = np.random.default_rng(degree).normal(size=(1, degree + 1))
     matrix, start = np.array([[-1.0]]), np.array([0.7])
     part = piece(matrix, forcing, time_constants)
@@ -90,76 +86,23 @@ def test_any_length_against_the_time_constant(exact, degree, time_constants):
     np.testing.assert_allclose(part.end(start), expected, rtol=0, atol=1e-12)
 
 
-def test_stiff_stem_under_a_whole_turn(exact, laws):
-    """Mass on its stem (15 932 rad/s, ζ = 2e-4) under one turn of Bézier 15 at 400 rpm."""
-    rate, duration = 15_932.0, 0.15
-    matrix = np.array([[0.0, 1.0], [-(rate**2), -4e-4 * rate]])
-    lift = laws["bezier15"].ordinates[:, 0]
-    forcing = np.stack([np.zeros_like(lift), rate**2 * lift])
-    part = piece(matrix, forcing, duration)
-    expected = exact(matrix, forcing, duration, [0.0, 0.0], 0.5 * duration)
-    got = part.at(np.zeros(2), np.array([0.5 * duration]))[:, 0]
-    assert got[0] == pytest.approx(expected[0], abs=1e-13 * 0.05)
-    # a vibration of the lift's rounding has this velocity: eps · lift · rate, and some digits
-    assert got[1] == pytest.approx(expected[1], abs=1e-11 * 1.0)
+#: Matrix; seed and number of ordinates of the forcing; start; durations. An undamped mode forced by
+#: a piece of exactly its own period; modes without a spring, which drift; one eigenvector for two.
+SPECIAL = {
+    "resonance": ([[0.0, TURN], [-TURN, 0.0]], 3, 6, [1.0, -2.0], [1.0]),
+    "drift": ([[0.0]], 8, 6, [1.0], [2.0]),
+    "damped drift": ([[0.0, 1.0], [0.0, -3.0]], 8, 6, [1.0, 1.0], [2.0]),
+    "critical": ([[0.0, 1.0], [-25.0, -10.0]], 9, 8, [0.3, -1.0], [0.01, 1.0, 20.0]),
+}
 
 
-def test_resonance(exact):
-    """An undamped mode forced by a piece of exactly its own period is no special case."""
-    matrix = np.array([[0.0, 2.0 * np.pi], [-2.0 * np.pi, 0.0]])
-    forcing = np.random.default_rng(3).normal(size=(2, 6))
-    start = np.array([1.0, -2.0])
-    expected = exact(matrix, forcing, 1.0, start, 1.0)
-    np.testing.assert_allclose(piece(matrix, forcing, 1.0).end(start), expected, atol=1e-12)
-
-
-def test_response_obeys_the_equation():
-    """ẋ − A x = f, by central differences inside the piece."""
-    rng = np.random.default_rng(5)
-    matrix, forcing = stable(3, rng), rng.normal(size=(3, 8))
-    part, h, t = piece(matrix, forcing, 6.0), 1e-4, np.linspace(0.5, 5.5, 11)
-    start = rng.normal(size=3)
-    rate = (part.at(start, t + h) - part.at(start, t - h)) / (2 * h)
-    force = np.stack([bernstein.evaluate(row, t / 6.0) for row in forcing])
-    # truncation h²/6 times a third derivative of order 100
-    np.testing.assert_allclose(rate - matrix @ part.at(start, t), force, rtol=0, atol=1e-6)
-
-
-def test_periodic_state_returns_to_itself():
-    """After all pieces the periodic state is back where it began."""
-    rng = np.random.default_rng(6)
-    matrix = stable(3, rng)
-    pieces = [piece(matrix, rng.normal(size=(3, 6)), length) for length in (3.0, 5.0, 4.0)]
-    begin = state = periodic_state(pieces)
-    for part in pieces:
-        state = part.end(state)
-    np.testing.assert_allclose(state, begin, rtol=0, atol=1e-13 * np.abs(begin).max())
-    assert np.abs(begin).max() > 1e-3
-
-
-def test_derivative_matrix():
-    """It takes ordinates to those of the derivative, with the degree kept, and is nilpotent."""
-    matrix = derivative_matrix(5)
-    b = np.random.default_rng(7).normal(size=6)
-    expected = bernstein.elevate(bernstein.derivative(b), 5)
-    np.testing.assert_allclose(matrix @ b, expected, rtol=0, atol=1e-13)
-    assert np.abs(np.linalg.matrix_power(matrix, 6)).max() < 1e-9 * np.abs(matrix).max() ** 6
-
-
-@pytest.mark.parametrize("matrix", [np.zeros((1, 1)), np.array([[0.0, 1.0], [0.0, -3.0]])])
-def test_no_restoring_force(exact, matrix):
-    """A mode without a spring drifts; that is a response like any other, not a failure."""
-    n = matrix.shape[0]
-    forcing, start = np.random.default_rng(8).normal(size=(n, 6)), np.ones(n)
-    expected = exact(matrix, forcing, 2.0, start, 2.0)
-    np.testing.assert_allclose(piece(matrix, forcing, 2.0).end(start), expected, atol=1e-13)
-
-
-def test_critical_damping(exact):
-    """One eigenvector for two modes: nothing here asks for eigenvectors."""
-    matrix = np.array([[0.0, 1.0], [-25.0, -10.0]])
-    forcing, start = np.random.default_rng(9).normal(size=(2, 8)), np.array([0.3, -1.0])
-    for duration in (0.01, 1.0, 20.0):
+@pytest.mark.parametrize("name", SPECIAL)
+def test_special_matrices(exact, name):
+    """They are no special cases: nothing here asks for eigenvectors, or for a restoring force."""
+    matrix, seed, count, start, durations = SPECIAL[name]
+    matrix, start = np.array(matrix), np.array(start)
+    forcing = np.random.default_rng(seed).normal(size=(start.size, count))
+    for duration in durations:
         expected = exact(matrix, forcing, duration, start, duration)
         got = piece(matrix, forcing, duration).end(start)
         np.testing.assert_allclose(got, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
@@ -200,11 +143,9 @@ def errors(reference, law, model, speed, turns=1):
 @pytest.mark.parametrize("cam", ["poly345", "bezier15", "cycloidal", "tm21"])
 @pytest.mark.parametrize("turns", [1, 20])
 def test_stiffest_stem_without_damping(laws, many_digits, cam, turns):
-    """1e10 N/m and no damper: nothing that is excited ever dies, and a phase is all there is.
-
-    Ωt is 17 500 rad a turn; its rounding, eps Ωt, is the tolerance, four times over for the sums
-    over the parts of a turn.
-    """
+    """1e10 N/m and no damper: nothing that is excited ever dies, and a phase is all there is."""
+    # Ωt is 17 500 rad a turn; its rounding, eps Ωt, is the tolerance, four times over for the sums
+    # over the parts of a turn.
     model = Vibration(1.3, 0.0, 4030.0, 1e10)
     phase = np.sqrt(1e10 / 1.3) * turns * TURN / SPEED
     limit = 4.0 * np.finfo(float).eps * phase
@@ -215,14 +156,27 @@ def test_stiffest_stem_without_damping(laws, many_digits, cam, turns):
 @pytest.mark.parametrize("off", [0.0, 1e-12, -1e-12, 1e-6, -1e-6])
 @pytest.mark.parametrize("speed", [0.3, 20.0, 3000.0])
 def test_a_critically_damped_stem(laws, many_digits, off, speed):
-    """c = 2√(km), 64 1/s twice, and near it: one mode shape for two modes.
-
-    The reference is off critical by 1e-22, for it goes by eigenvectors.
-    """
+    """c = 2√(km), 64 1/s twice, and near it: one mode shape for two modes."""
+    # The reference is off critical by 1e-22, for it goes by eigenvectors.
     with mp.workdps(60):
         damping = mp.mpf(128.0 * (1.0 + off)) * (1 + mp.mpf(10) ** -22)
     model = Vibration(1.0, damping, 96.0, 4000.0)
     assert max(errors(many_digits, laws["poly345"], model, speed)) < 1e-11
+
+
+def flight_matrix(p: TwoMassParameters) -> np.ndarray:
+    """A of (z, ż, y, ẏ) of two masses in flight."""
+    rows = [
+        [-p.stem_stiffness, -p.stem_damping, p.stem_stiffness, p.stem_damping],
+        [p.stem_stiffness, p.stem_damping, -p.stiffness, -(p.stem_damping + p.damping)],
+    ]
+    first, last = np.array(rows) / [[p.roller_mass], [p.end_mass]]
+    return np.stack([[0.0, 1.0, 0.0, 0.0], first, [0.0, 0.0, 0.0, 1.0], last])
+
+
+def flight_load(p: TwoMassParameters) -> np.ndarray:
+    """The constant part of its rate."""
+    return np.array([0.0, 0.0, 0.0, -p.preload / p.end_mass])
 
 
 def test_critically_damped_flight():

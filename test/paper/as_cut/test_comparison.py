@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 from cam_rig.cli.main import app
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.jump.jump_speed import FROM_REST
-from cam_rig.dynamics.two_mass.trajectory import lift_off
+from cam_rig.dynamics.two_mass.trajectory import first_lift_off
 from cam_rig.errors import ConfigError
 from cam_rig.laws import build_law
 from cam_rig.paper.as_cut.study import CutBench, DrawnCam, as_cut, over_sizes, radii
@@ -52,7 +52,7 @@ def test_bezier_15(drawn, bench):
     rig = TwoMassParameters.from_rig(load_rig(CONFIG / "rigs" / "paper_table2.yaml"))
 
     def leaves(speed):
-        return lift_off(found.cut.law, rig, speed, 0.0, np.zeros(2), FROM_REST) is not None
+        return first_lift_off(found.cut.law, rig, speed, np.zeros(2), FROM_REST) is not None
 
     assert leaves(found.cut.jump * (1.0 + 1e-5))
     assert not leaves(found.cut.jump * (1.0 - 1e-5))

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from cam_rig.cli.main import app
 from cam_rig.dynamics import TwoMassParameters
-from cam_rig.dynamics.two_mass.trajectory import lift_off
+from cam_rig.dynamics.two_mass.trajectory import first_lift_off
 from cam_rig.errors import ConfigError
 from cam_rig.laws import build_law
 from cam_rig.paper.jump.refit import with_event
@@ -58,7 +58,7 @@ def test_the_first_speed_of_the_grid_by_the_exact_model():
     rpm = first_on_grid(law, follower, 500.0, 1.0)
 
     def lost(speed_rpm):
-        return lift_off(law, follower, speed_rpm * RPM, 0.0, np.zeros(2), 1.0) is not None
+        return first_lift_off(law, follower, speed_rpm * RPM, np.zeros(2), 1.0) is not None
 
     assert lost(rpm)
     assert not any(lost(slower) for slower in np.arange(200.0, rpm, 5.0))
@@ -89,8 +89,8 @@ def test_a_window_by_the_exact_model():
     speeds = np.linspace(410.0, 420.0, 501)
     near = []
     for rpm in speeds:
-        found = lift_off(law, LIGHT, rpm * RPM, 0.0, np.zeros(2), 2.0)
-        near.append(found is not None and abs(found[0] - 1.2) <= 30.0 / 415.0)
+        found = first_lift_off(law, LIGHT, rpm * RPM, np.zeros(2), 2.0)
+        near.append(found is not None and abs(found - 1.2) <= 30.0 / 415.0)
     assert any(near)
     exact = 10.0 * float(np.mean(near))
     assert window(law, LIGHT, printed, 2.0) == pytest.approx(exact, abs=0.04)
@@ -191,8 +191,8 @@ def test_the_grid_may_hide_a_jump():
     assert five.speeds == 5 and five.hidden
     row = five.hidden[0]
     law = build_law(with_event(CAMS[row.cam], five.reading.event.si, five.reading.high_dwell.si))
-    at_jump = lift_off(
-        law, follower_of(five.reading), row.jump * 1.00001 * RPM, 0.0, np.zeros(2), KNOWN.run_s
+    at_jump = first_lift_off(
+        law, follower_of(five.reading), row.jump * 1.00001 * RPM, np.zeros(2), KNOWN.run_s
     )
     assert at_jump is not None
     assert shipped.limit_times == 0
