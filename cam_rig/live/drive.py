@@ -214,7 +214,7 @@ class DriveProgram:
         checkpoints: Sequence[DriveCheckpoint] = (),
         commands: OperatorCommands | None = None,
     ) -> None:
-        self.laws: dict[str, Law] = {}
+        self.laws: dict[str, Law] = {}  # that the law server has published
         self.flow = FlowControl(consumers)
         self.pacing = Pacing()
         self.ticks = tick_count(scene)
@@ -233,10 +233,6 @@ class DriveProgram:
         for checkpoint in checkpoints:
             self._resending.append(checkpoint.state)
             self.flow.sent(checkpoint.state.time_ns)
-
-    def add_law(self, law: Law) -> None:
-        """Take a law of the scene's library."""
-        self.laws[law.name] = law
 
     @property
     def done(self) -> bool:

@@ -21,6 +21,7 @@ from cam_rig.profile.contact import Motion
 from cam_rig.show import looks as colours
 from cam_rig.show.looks import closed, of_cam
 from cam_rig.simulation.scene import ARROW as ARROW_SHARE
+from cam_rig.simulation.scene import max_contact_force
 from cam_rig.units import FloatArray
 
 #: Kinds of visualization_msgs/Marker.
@@ -91,7 +92,8 @@ class FollowerMarkers:
 
     def __init__(self, robot: Robot) -> None:
         self._robot, self._front = robot, 0.5 * BODY * robot.size
-        self._metres_per_newton = ARROW_SHARE * robot.size / robot.top_force
+        force = max_contact_force(robot.loaded, robot.mounted.name, robot.top_speed)
+        self._metres_per_newton = ARROW_SHARE * robot.size / force
         self._touching = CdrTemplate(KIND, self._contact, 4)
         self._flying = CdrTemplate(KIND, self._flight, 4)
 

@@ -234,7 +234,7 @@ class CamDrive(ClockSource):
     def _on_law(self, message: Any) -> None:
         law = decode_law(*array_of(message))
         require_own_law(self._loaded, law)
-        self._program.add_law(law)
+        self._program.laws[law.name] = law
         self.turn()
 
     def next_due(self) -> float:

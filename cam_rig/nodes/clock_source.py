@@ -15,8 +15,8 @@ from std_msgs.msg import Float64
 from cam_rig.errors import RunError
 from cam_rig.live.flow_control import FlowControl
 from cam_rig.messages import topics
-from cam_rig.messages.codec import stamp_ns
-from cam_rig.nodes.convert import ERROR, OK, WARN, Activity, to_cam_state, to_header, to_time
+from cam_rig.messages.codec import CAM_JOINTS, stamp_ns
+from cam_rig.nodes.convert import ERROR, OK, WARN, Activity, to_header, to_joint_state, to_time
 from cam_rig.nodes.rig_node import RigNode, require_one_scene
 from cam_rig.nodes.run_end import FinishedRun, FinishReport
 from cam_rig.runner.node_table import OPTIONAL, held_by, in_chain
@@ -169,10 +169,13 @@ class ClockSource(RigNode):
 
     def publish_state(self, state: CamState, torque: float) -> None:
         """Send a state of the cam, and its time unless /clock would go back: it is sent again."""
-        header = to_header(state.time_ns, state.cam)
         self.newest_ns = max(self.newest_ns, state.time_ns)
         self.publish_time(state.time_ns)
-        self._state_out.publish(to_cam_state(header, state, torque))
+        joints = {
+            name: (angle, state.speed, torque)
+            for name, angle in zip(CAM_JOINTS, (state.unwrapped, state.angle), strict=True)
+        }
+        self._state_out.publish(to_joint_state(to_header(state.time_ns, state.cam), **joints))
 
     def publish_factor(self, factor: float | None) -> None:
         """Publish rig seconds a wall second; None of a free run."""

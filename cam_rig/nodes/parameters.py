@@ -11,7 +11,7 @@ from cam_rig.bag.split import check_parameter_duration, check_parameter_size
 from cam_rig.errors import ConfigError
 from cam_rig.live.flow_control import factor_of, pacing_of
 from cam_rig.messages import topics
-from cam_rig.messages.topics import Topic
+from cam_rig.messages.topics import TOPICS, Topic
 from cam_rig.runner.node_table import CONSUMERS, END, OPTIONAL, STAY, WAIT
 from cam_rig.schema.load import named_path
 from cam_rig.schema.scene import MAX_POINTS_PER_TURN
@@ -84,9 +84,7 @@ SCENE = Spec(
 )
 
 CHECKPOINT = Spec(
-    "checkpoint",
-    "",
-    "folder of this run where a node saves its state for a successor; empty: none",
+    "checkpoint", "", "folder of this run where a node saves its state for a successor; empty: none"
 )
 
 #: What a node does when the drive or the player says that the run is over.
@@ -98,9 +96,7 @@ AT_END = Spec(
 )
 
 PROGRESS = Spec(
-    "progress_fd",
-    -1,
-    "open file descriptor that gets a line of JSON for each state; -1: none",
+    "progress_fd", -1, "open file descriptor that gets a line of JSON for each state; -1: none"
 )
 
 POINTS = Spec(
@@ -189,8 +185,6 @@ PARAMETERS: dict[str, tuple[Spec, ...]] = {
 
 # What each node takes and gives beside them, as its ``--help`` prints it.
 
-#: Topics of the table in its order.
-TOPICS = tuple(value for value in vars(topics).values() if isinstance(value, Topic))
 #: What every node publishes.
 COMMON = (topics.DIAGNOSTICS, topics.READY)
 

@@ -16,14 +16,11 @@ from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
 from cam_rig.messages import topics
-from cam_rig.messages.topics import Topic
 from cam_rig.runner.node_table import WAIT
 
 if TYPE_CHECKING:
     from cam_rig.nodes.rig_node import RigNode
 
-#: The topics of one publisher each.
-OWNED = tuple(value for value in vars(topics).values() if isinstance(value, Topic) and value.owner)
 #: Wall time (s) that the recorder's last message may take to the drive, which then ends.
 DELIVERY_S = 2.0
 #: Wall time (s) between two looks at who has left.

@@ -17,13 +17,7 @@ from cam_rig.live.sockets import require_loopback
 from cam_rig.runner.fork_server import ForkServer
 from cam_rig.runner.node_process import Arguments, NodeProcess, stop_all
 from cam_rig.runner.node_table import ENTRIES, PATIENCE_S, RECORDER
-from cam_rig.runner.resources import (
-    LOCK_GRACE_S,
-    CheckpointFolder,
-    clean,
-    log_folder,
-    require_room,
-)
+from cam_rig.runner.resources import LOCK_GRACE_S, CheckpointFolder, clean, log_folder, require_room
 
 #: Wall time (s) that a look waits for the drive's first report.
 LOOK_S = 0.05

@@ -8,7 +8,7 @@ import pytest
 from cam_rig.dynamics import MODELS, FollowerParameters
 from cam_rig.errors import RefusedError
 from cam_rig.messages import topics
-from cam_rig.messages.motion import JOINTS, MotionMessages, choose, instants_of, points_per_tick
+from cam_rig.messages.motion import JOINTS, MotionMessages, choose, instants_of
 from cam_rig.messages.serialization import CdrTemplate, header, new, serialize
 from cam_rig.messages.topics import motion_depth
 from cam_rig.simulation.schedule import CamState
@@ -42,7 +42,7 @@ def test_instants_are_in_order_within_their_tick_and_hold_its_peaks(laws, follow
     ticks, points = int(chance.choice([1, 3, 7, 72, 100])), int(chance.choice([1, 2, 36, 72, 720]))
     rate = int(chance.choice([500, 2_000, 12_000, 44_100, 48_000, 192_000]))
     rpm = float(chance.uniform(10.0, min(600.0, 0.4 * rate * 60.0 / ticks)))
-    wanted, last_ns, last_angle = points_per_tick(points, ticks), -1, -1.0
+    wanted, last_ns, last_angle = max(1, round(points / ticks)), -1, -1.0
     for start, end, rows in ticks_of(law, follower, rpm, ticks, rate):
         found = instants_of(law, start, end, rows, rate, wanted)
         count = min(wanted, rows.shape[1])
@@ -142,7 +142,7 @@ def test_messages_are_byte_for_byte_what_rosbags_writes(make_loaded_scene, ticks
     follower = FollowerParameters.from_rig(loaded.rig)
     for start, end, rows in ticks_of(law, follower, 150.0, ticks_per_turn, rate):
         found = motion.moved(start, end, rows)
-        i = instants_of(law, start, end, rows, rate, points_per_tick(72, ticks_per_turn))
+        i = instants_of(law, start, end, rows, rate, round(72 / ticks_per_turn))
         expected = [
             (topic, int(time_ns), by_rosbags(topic, time_ns, i, n))
             for n, time_ns in enumerate(i.time_ns)

@@ -12,13 +12,7 @@ from rclpy.parameter import Parameter
 from cam_rig.errors import ConfigError
 from cam_rig.nodes.__main__ import NODES
 from cam_rig.nodes.parameters import ABOUT, PARAMETERS, published, usage
-from cam_rig.nodes.rig_node import (
-    convert,
-    declare,
-    require_one_scene,
-    scene_mark,
-    unknown_names,
-)
+from cam_rig.nodes.rig_node import convert, declare, require_one_scene, scene_mark, unknown_names
 from cam_rig.schema.load import config_root
 from tools.docs.parameters import FOLDER, text
 

@@ -28,11 +28,7 @@ NODES = ("recorder", "microphone", "follower", "law_server", "cam_drive")
 def python(*arguments):
     """What a Python of its own does, with its output as text."""
     return subprocess.run(
-        [sys.executable, *arguments],
-        capture_output=True,
-        text=True,
-        timeout=100,
-        check=False,
+        [sys.executable, *arguments], capture_output=True, text=True, timeout=100, check=False
     )
 
 

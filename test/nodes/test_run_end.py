@@ -77,10 +77,7 @@ def test_nodes_alone_end_with_the_run_and_leave_a_closed_bag(
         f"turning {cam} at {rpm} rpm" for cam in ("tm21", "bezier15") for rpm in (250, 400)
     ]
     first, last = said("follower", logged)
-    assert (first, last) == (
-        "waiting for cam_drive and law_server",
-        f"done with {rig.ticks} ticks",
-    )
+    assert (first, last) == ("waiting for cam_drive and law_server", f"done with {rig.ticks} ticks")
     first, *_, last = said(RECORDER, logged)
     assert first.startswith(f"recording into {tmp_path / 'bag'}")
     assert last.startswith(f"closed {tmp_path / 'bag'}: {rig.ticks + 1} states")

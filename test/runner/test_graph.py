@@ -151,10 +151,7 @@ def test_a_drive_that_was_stopped_has_not_done_its_program(monkeypatch, tmp_path
     monkeypatch.setattr("cam_rig.runner.graph.NodeProcess", Made)
     monkeypatch.setattr("cam_rig.runner.graph.stop_all", lambda _: None)
     graph = Graph(live(tmp_path, tmp_path / "bag"))
-    with (
-        pytest.raises(RunError, match="node cam_drive was stopped before the first tick"),
-        graph,
-    ):
+    with pytest.raises(RunError, match="node cam_drive was stopped before the first tick"), graph:
         list(graph.progress())
 
 
