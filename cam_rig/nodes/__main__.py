@@ -12,23 +12,14 @@ import signal
 import sys
 from functools import partial
 from importlib import import_module
-from types import FrameType
-from typing import NoReturn
 
 from cam_rig.errors import CamRigError
 from cam_rig.extras import libraries_named, source_date
 
 #: The class of each node, by its name and its module's.
-NODES = {
-    "law_server": "LawServer",
-    "cam_drive": "CamDrive",
-    "follower": "Follower",
-    "microphone": "Microphone",
-    "recorder": "Recorder",
-    "viewer": "Viewer",
-    "player": "Player",
-    "panel": "Panel",
-}
+NODES = {"law_server": "LawServer", "cam_drive": "CamDrive", "follower": "Follower",
+         "microphone": "Microphone", "recorder": "Recorder", "viewer": "Viewer",
+         "player": "Player", "panel": "Panel"}  # fmt: skip
 HELP = ("-h", "--help")
 STOPPING = (signal.SIGINT, signal.SIGTERM)
 
@@ -57,9 +48,10 @@ def start(name: str) -> None:
         signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # a pager may be left before the end
         print(import_module("cam_rig.nodes.parameters").usage(name))
         return
-    # also where a shell that started this process in the background has set SIGINT to be ignored
+    # while the imports run there is nothing to close; also where a shell that started this process
+    # in the background has set SIGINT to be ignored
     for number in STOPPING:
-        signal.signal(number, _exit_at_once)
+        signal.signal(number, lambda *_: os._exit(0))
     # the runner starts this process with both blocked, so that none can come before this line
     signal.pthread_sigmask(signal.SIG_UNBLOCK, STOPPING)
     _end_with_the_runner()
@@ -74,11 +66,6 @@ def start(name: str) -> None:
     app.run(getattr(module, NODES[name]))
 
 
-def _exit_at_once(_signal: int, _frame: FrameType | None) -> NoReturn:
-    """A signal to stop while the imports run: there is nothing to close."""
-    os._exit(0)
-
-
 def _end_with_the_runner() -> None:
     """A runner that is killed outright must not leave its nodes behind (PR_SET_PDEATHSIG)."""
     runner = os.environ.get("CAM_RIG_RUNNER")
@@ -88,14 +75,8 @@ def _end_with_the_runner() -> None:
             sys.exit(f"the runner {runner} has ended")
 
 
-law_server = partial(main, "law_server")
-cam_drive = partial(main, "cam_drive")
-follower = partial(main, "follower")
-microphone = partial(main, "microphone")
-recorder = partial(main, "recorder")
-viewer = partial(main, "viewer")
-player = partial(main, "player")
-panel = partial(main, "panel")
+# the executables, by the nodes' names
+globals().update({name: partial(main, name) for name in NODES})
 
 
 if __name__ == "__main__":

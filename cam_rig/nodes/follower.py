@@ -90,7 +90,7 @@ class MotionPublisher:
     def publish(self, tick: Tick, came: float) -> None:
         """Publish a finished tick, whose last state came at a wall time (s)."""
         topic = topics.REAL_TIME_FACTOR.relative
-        # a drive that is there has not told its pace yet; the player of a bag has none to tell
+        # a drive tells its pace at once; where a bag is played by others there is none that does
         is_early = self._factor is None and self._node.count_publishers(topic)
         if not (wanted := self._wanted()) or is_early:
             return
