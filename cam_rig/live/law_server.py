@@ -57,10 +57,7 @@ class CamMounting:
         return MountingCheckpoint(self.cam, self.last)
 
     def request(self, cam: str) -> bool:
-        """Mount a cam whose file is in the library, and whose law the scene's model can turn.
-
-        False where it was mounted before; then its law did not reach the drive.
-        """
+        """Mount a cam of the library whose law the model can turn; False where it was mounted."""
         if cam == self.cam:
             return False
         self._loaded.mount(cam)

@@ -99,11 +99,6 @@ class Robot:
         return max(self.loaded.scene.program.speeds.si_list)
 
     @property
-    def max_lift(self) -> float:
-        """The greatest of the scene's cams, m: its follower is one joint for all of them."""
-        return max(float(self.loaded.laws[cam](turn_angles(360)).max()) for cam in self.cams)
-
-    @property
     def most(self) -> tuple[float, float]:
         """Greatest contact force (N) and lift's speed (m/s) of the scene's cams at that speed."""
         forces = [max_contact_force(self.loaded, cam, self.top_speed) for cam in self.cams]
@@ -128,7 +123,9 @@ class Robot:
     @property
     def moving(self) -> list[Joint]:
         """The joints of /tf, in the order of their names."""
-        limits = 0.0, (1.0 + LIFT_OFF) * self.max_lift
+        # of all the scene's cams, as its follower is one joint for them
+        lift = max(float(self.loaded.laws[cam](turn_angles(360)).max()) for cam in self.cams)
+        limits = 0.0, (1.0 + LIFT_OFF) * lift
         cam = Joint(CAM, "continuous", GUIDE, CAM)
         slide = Joint(FOLLOWER, "prismatic", GUIDE, FOLLOWER, limits=limits)
         if not isinstance(self.shape, Oscillating):

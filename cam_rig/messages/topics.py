@@ -182,10 +182,7 @@ class Publishers:
         self._sources: dict[str, dict[bytes, Topic]] = {}
 
     def require(self, node: str, topic: Topic, source: bytes) -> None:
-        """Refuse to go on when another process than a node's own publishes on its topics.
-
-        An empty ``source`` is the recorder itself.
-        """
+        """Refuse another process than a node's own on its topics; an empty one is the recorder."""
         known = self._sources.setdefault(node, {})
         if not source or source in known:
             return

@@ -25,25 +25,20 @@ STOPPING = (signal.SIGINT, signal.SIGTERM)
 
 
 def main(name: str) -> None:
-    """Be a node's process, which ends with it.
-
-    All is closed then: to take a thousand modules apart would only double the time of its end.
-    """
+    """Be a node's process, which ends with it."""
     try:
         start(name)
     except SystemExit as ended:
         if isinstance(ended.code, str):  # which the interpreter prints
             raise
+        # all is closed: to take a thousand modules apart would only double the time of its end
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(ended.code or 0)
 
 
 def start(name: str) -> None:
-    """Run a node until it finishes, fails, or gets a signal to stop (SIGINT, SIGTERM).
-
-    Asked for help, print what it takes, and start nothing.
-    """
+    """Run a node until it finishes, fails, or gets SIGINT or SIGTERM; or print its help."""
     if any(word in sys.argv[1:] for word in HELP):
         signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # a pager may be left before the end
         print(import_module("cam_rig.nodes.parameters").usage(name))
@@ -59,11 +54,11 @@ def start(name: str) -> None:
         source_date()  # scipy's import ends at what is none
         with libraries_named():
             module = import_module(f"cam_rig.nodes.{name}")
-            app = import_module("cam_rig.nodes.process")
+            process = import_module("cam_rig.nodes.process")
+        process.run(getattr(module, NODES[name]))
     except CamRigError as error:
         print(f"cam_rig: {error}", file=sys.stderr)
         sys.exit(error.exit_code)
-    app.run(getattr(module, NODES[name]))
 
 
 def _end_with_the_runner() -> None:

@@ -48,10 +48,7 @@ def message_class(topic: Topic) -> Any:
 
 
 def qos(topic: Topic, publishers: int = 1) -> QoSProfile:
-    """The one quality of service of a topic, for publishers and subscribers alike.
-
-    ``publishers`` multiplies the depth, for the histories of so many at once.
-    """
+    """The one quality of service of a topic; the depth is of the histories of so many at once."""
     durability = DurabilityPolicy.TRANSIENT_LOCAL if topic.latched else DurabilityPolicy.VOLATILE
     return QoSProfile(
         reliability=ReliabilityPolicy.RELIABLE,

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
-from rcl_interfaces.msg import SetParametersResult
-from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 
-from cam_rig.errors import CamRigError
 from cam_rig.live.law_server import CamMounting
 from cam_rig.live.state_validation import Admission
 from cam_rig.messages import topics
@@ -37,21 +35,15 @@ class LawServer(RigNode):
         self._cams = CamMounting(self._loaded, self.given["cam"], left)
         self._samples, self._laws, self._mounted = ResendBuffer(), ResendBuffer(), 0
         self._publish_law()
-        self.add_on_set_parameters_callback(self._on_parameters)
+        self.check(cam=self._mount)
         self.subscribe(topics.CAM_STATE, self._on_state)
         self.get_logger().info(self.activity().words)
 
-    def _on_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
-        for parameter in (p for p in parameters if p.name == "cam"):
-            try:
-                is_new = self._cams.request(str(parameter.value))
-            except CamRigError as error:
-                return SetParametersResult(successful=False, reason=str(error))
-            if is_new:
-                self._publish_law()
-            else:
-                self._laws.resend(self._mounted)
-        return SetParametersResult(successful=True)
+    def _mount(self, cam: Any) -> None:
+        if self._cams.request(str(cam)):
+            self._publish_law()
+        else:  # its law did not reach the drive
+            self._laws.resend(self._mounted)
 
     def summary(self) -> str:
         """What the node has done, in words, when it ends."""

@@ -77,11 +77,9 @@ SCENE = Spec(
     "scene file (YAML), or a name in config/scenes, that every node takes its numbers from",
     read=lambda scene: str(named_path("scenes", scene)) if isinstance(scene, str) else scene,
 )
-
 CHECKPOINT = Spec(
     "checkpoint", "", "folder of this run where a node saves its state for a successor; empty: none"
 )
-
 #: What a node does when the drive or the player says that the run is over.
 AT_END = Spec(
     "at_end",
@@ -89,7 +87,6 @@ AT_END = Spec(
     "at the run's end: end; stay, for another run, as if started anew; wait for a signal to stop",
     choices=(END, STAY, WAIT),
 )
-
 _PROGRESS = Spec(
     "progress_fd", -1, "open file descriptor that gets a line of JSON for each state; -1: none"
 )
@@ -244,11 +241,7 @@ def published(node: str) -> tuple[Topic, ...]:
 
 
 def usage(node: str) -> str:
-    """What a node does and takes, for people: parameters, topics, services, an example.
-
-    >>> print(usage("follower").splitlines()[0])
-    follower: computes the follower's motion and contact force between the states of the cam
-    """
+    """What a node does and takes, for people: parameters, topics, services, an example."""
     about = ABOUT[node]
     lines = [
         f"{node}: {about.does}",

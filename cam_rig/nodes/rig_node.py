@@ -15,8 +15,7 @@ from rcl_interfaces.msg import (
     ParameterDescriptor,
     SetParametersResult,
 )
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
+from rclpy.clock import Clock, ClockType
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -110,10 +109,7 @@ def declare(node: Node, table: tuple[Spec, ...]) -> dict[str, Any]:
 
 
 def unknown_names(node: Node, table: tuple[Spec, ...]) -> list[str]:
-    """What was given for parameters that the node does not have, in words, one each.
-
-    No error: a file of parameters may be meant for several nodes.
-    """
+    """What was given for parameters of other nodes, as a file may, in words: one each."""
     known = [spec.name for spec in table]
     given = (name for name in node._parameter_overrides if not node.has_parameter(name))
     found = []
@@ -131,22 +127,6 @@ def convert(table: tuple[Spec, ...], parameters: list[Parameter]) -> list[Parame
         Parameter(one.name, value=specs[one.name].convert(one.value)) if one.name in specs else one
         for one in parameters
     ]
-
-
-def refuse_wrong(table: tuple[Spec, ...]) -> Callable[[list[Parameter]], SetParametersResult]:
-    """Answer a request to set parameters: refused with a reason, or fine; nothing is changed."""
-    specs = {spec.name: spec for spec in table}
-
-    def check(parameters: list[Parameter]) -> SetParametersResult:
-        for parameter in parameters:
-            try:
-                if parameter.name in specs:
-                    specs[parameter.name].require(parameter.value)
-            except CamRigError as error:
-                return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
-
-    return check
 
 
 # One scene for all nodes: each says which it has, and the drive refuses another.
@@ -219,7 +199,7 @@ class RigNode(Node):
         self.taken = self.ticks = self.interrupts = 0
         #: Who published on the rig's topics when the run ended; empty before.
         self.rig_publishers: dict[str, set[bytes]] = {}
-        self.add_on_set_parameters_callback(refuse_wrong(self._table))
+        self.check(**{spec.name: spec.require for spec in self._table})
         self.health = Diagnostics(self.publisher(DIAGNOSTICS), name)
         # of its own, so that the history of the rig's diagnostics holds no heartbeat
         self._heartbeats = self.publisher(replace(DIAGNOSTICS, depth=1))
@@ -229,6 +209,19 @@ class RigNode(Node):
         self.listen_for_end()
         if self.runs_before:
             self.get_logger().info("stays for another run")
+
+    def check(self, **checks: Callable[[Any], object]) -> None:
+        """Refuse to set a parameter to a value for which its check raises an error."""
+
+        def answer(parameters: list[Parameter]) -> SetParametersResult:
+            try:
+                for parameter in (p for p in parameters if p.name in checks):
+                    checks[parameter.name](parameter.value)
+            except CamRigError as error:
+                return SetParametersResult(successful=False, reason=str(error))
+            return SetParametersResult(successful=True)
+
+        self.add_on_set_parameters_callback(answer)
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
         """Set parameters together, after conversion; refused, with the reason, if one is wrong."""
@@ -291,10 +284,7 @@ class RigNode(Node):
         return cast("RigPublisher", made)
 
     def every(self, period: float, act: Callable[[], None]) -> Timer:
-        """Call ``act`` with a period (s) of wall time, under use_sim_time too.
-
-        The rig itself makes rig time: a node that waited for it would wait for ever.
-        """
+        """Call ``act`` with a period (s) of wall time: rig time, which the rig makes, may stand."""
 
         def safe() -> None:
             try:

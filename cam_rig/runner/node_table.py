@@ -57,12 +57,6 @@ def in_chain(names: Sequence[str]) -> list[str]:
 
 
 def held_by(names: Sequence[str]) -> str:
-    """Which of some nodes that do not answer holds the others, in words.
-
-    Each waits for those that stand after it in the table.
-
-    >>> held_by(["recorder", "microphone", "follower"])
-    'follower, and behind it microphone, recorder'
-    """
+    """Which of some nodes that do not answer holds the others, in words."""
     first, *rest = in_chain(names)
     return f"{first}, and behind it {', '.join(rest)}" if rest else first

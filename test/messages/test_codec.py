@@ -21,8 +21,9 @@ from cam_rig.simulation.schedule import CamState
 from cam_rig.units import TURN
 
 
-def test_a_law_comes_back_bit_for_bit():
-    """What the law server publishes is the exact law, not a sampling of it."""
+def test_laws_and_blocks_come_back_bit_for_bit():
+    """What the law server publishes is the exact law, not a sampling of it; samples are the core's
+    numbers, unrounded."""
     for cam in ("poly345", "cycloidal", "bezier15", "tm21"):
         law = build_law(load_cam(config_root() / "cams" / f"{cam}.yaml"))
         dimensions, data = encode_law(law)
@@ -30,10 +31,6 @@ def test_a_law_comes_back_bit_for_bit():
         assert back.name == law.name
         assert np.array_equal(back.breaks, law.breaks)
         assert np.array_equal(back.ordinates, law.ordinates)
-
-
-def test_a_block_comes_back_bit_for_bit():
-    """The samples are the numbers of the core, unrounded."""
     rows = np.random.default_rng(1).normal(size=(6, 7))
     dimensions, data = encode_block(rows)
     assert np.array_equal(decode_block(dimensions, data.ravel()), rows)
