@@ -272,24 +272,15 @@ def test_a_cam_that_the_law_server_refuses_is_dropped():
     assert program.take(10.0).cam == SCENE.cams[0]
 
 
-def test_a_state_waits_for_its_time(program):
-    """Paced, the second state goes out when its rig time has come."""
-    program.pacing.set("real_time")
-    first = program.take(50.0)
-    program.flow.acknowledge("all", first.time_ns)
-    assert program.take(50.1) is None
-    assert program.wait(50.1) == pytest.approx(0.2)
-    assert program.take(50.3).time_ns == 300_000_000
-
-
 def test_rig_time_goes_on_between_two_states(program):
-    """At half real time 5 ms of it in 10 ms, up to the next state and never past it, stopped or
-    not; a free run has none, nor has a cam that stands."""
+    """At half real time 5 ms of it in 10 ms, up to the next state, which waits for its time, and
+    never past it, stopped or not; a free run has none, nor has a cam that stands."""
     assert program.time_ns(50.0) is None
     program.pacing.set("0.5x")
     first = program.take(50.0)
     program.flow.acknowledge("all", first.time_ns)
     assert [program.time_ns(50.0 + t) for t in (0.0, 0.01, 0.3)] == [0, 5_000_000, 150_000_000]
+    assert program.take(50.1) is None and program.wait(50.1) == pytest.approx(0.5)
     assert program.time_ns(60.0) == 299_999_999
     program.run(False)  # the tick that turns is finished
     assert program.time_ns(60.0) == 299_999_999

@@ -91,11 +91,13 @@ def test_a_successor_publishes_what_its_predecessor_would_have(cams):
 
 
 def test_a_successor_knows_states_that_were_followed():
-    """They are older than the oldest checkpoint's state."""
+    """They are older than the oldest checkpoint's state; after it some may be missing, once."""
     successor = CamMounting(LOADED, "", [MountingCheckpoint("cycloidal", STATES[3])])
     assert successor.cam == "cycloidal"
     assert successor.validator.admit(STATES[3]) is Admission.SEEN
     assert successor.validator.admit(STATES[6]) is Admission.NEW_SEQUENCE
+    with pytest.raises(RefusedError, match="was one lost"):
+        successor.validator.admit(STATES[9])
 
 
 def test_a_law_and_a_contour_are_those_of_the_cams_file():
