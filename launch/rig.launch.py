@@ -21,6 +21,7 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
+from cam_rig.nodes.parameters import PARAMETERS
 from cam_rig.runner.node_table import DRIVE, END, NODES, PATIENCE_S, STAY, NodeEntry
 
 #: Arguments with what they are without being given, and what they mean; where there is nothing, a
@@ -97,9 +98,10 @@ def checkpoint(context: LaunchContext) -> str:
 
 def node(entry: NodeEntry, folder: str, context: LaunchContext) -> Node:
     """Start a node of the table with those of its parameters that were given."""
-    wanted = {"scene": str, "use_sim_time": bool, **entry.parameters}
-    if entry.essential:
-        wanted["at_end"] = str
+    kinds = {spec.name: type(spec.default) for spec in PARAMETERS[entry.name]}
+    wanted = {name: kinds[name] for name in ARGUMENTS if name in kinds} | {"use_sim_time": bool}
+    if not entry.essential:
+        del wanted["at_end"]
     given = {
         name: ParameterValue(LaunchConfiguration(name), value_type=kind)
         for name, kind in wanted.items()

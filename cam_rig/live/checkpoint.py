@@ -86,10 +86,7 @@ HEAD = 9
 
 
 class Checkpoint:
-    """The states of one node after each of its last ticks, in a file of the run's folder.
-
-    An empty ``folder`` keeps nothing.
-    """
+    """States of a node after each of its last ticks, in a file of ``folder``; empty keeps none."""
 
     def __init__(self, folder: str, node: str) -> None:
         self._folder = Path(folder) if folder else None

@@ -95,10 +95,7 @@ class SetpointSchedule:
         self.state = replace(self.state, speed=speed)
 
     def mount(self, cam: str) -> None:
-        """Turn another cam from the next state on, until the scene mounts its next one.
-
-        An empty name is the scene's own.
-        """
+        """Turn another cam, empty for the scene's own, until the scene mounts its next one."""
         planned = None if self._at is None else self._at.cam
         cams = None if planned is None or cam in (planned, "") else (planned, cam)
         self.state = replace(self.state, cam=cams)
@@ -214,7 +211,7 @@ class DriveProgram:
         checkpoints: Sequence[DriveCheckpoint] = (),
         commands: OperatorCommands | None = None,
     ) -> None:
-        self.laws: dict[str, Law] = {}
+        self.laws: dict[str, Law] = {}  # that the law server has published
         self.flow = FlowControl(consumers)
         self.pacing = Pacing()
         self.ticks = tick_count(scene)
@@ -233,10 +230,6 @@ class DriveProgram:
         for checkpoint in checkpoints:
             self._resending.append(checkpoint.state)
             self.flow.sent(checkpoint.state.time_ns)
-
-    def add_law(self, law: Law) -> None:
-        """Take a law of the scene's library."""
-        self.laws[law.name] = law
 
     @property
     def done(self) -> bool:
@@ -343,10 +336,6 @@ class DriveProgram:
         self.run(False)
         self._halting = False
         self.schedule.rewind()
-
-    def waits_for(self) -> list[str]:
-        """The nodes that have not answered yet."""
-        return self.flow.behind() or ["law_server"]
 
     def _out(self, state: CamState) -> CamState:
         self.flow.sent(state.time_ns)

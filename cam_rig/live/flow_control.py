@@ -43,13 +43,9 @@ MAX_WAITING = 2 * HISTORY_DEPTH
 
 
 class FlowControl:
-    """Counts the ticks sent and what each consumer has acknowledged.
+    """Counts the ticks sent, and those acknowledged by each consumer with their closing stamps."""
 
-    Each of the ``consumers`` acknowledges with the stamp of the state that closed the tick.
-    """
-
-    def __init__(self, consumers: list[str], limit: int = MAX_TICKS_IN_FLIGHT) -> None:
-        self._limit = limit
+    def __init__(self, consumers: list[str]) -> None:
         self._acknowledged = dict.fromkeys(consumers, -1)
         self._sent: deque[int] = deque()
 
@@ -64,7 +60,7 @@ class FlowControl:
 
     def may_send(self) -> bool:
         """Whether the next state may go out."""
-        return self.in_flight < self._limit
+        return self.in_flight < MAX_TICKS_IN_FLIGHT
 
     def sent(self, stamp_ns: int) -> None:
         """Note a state that went out."""
@@ -132,10 +128,7 @@ def factor_of(pacing: str) -> float | None:
 
 @dataclass
 class Pacing:
-    """Delays each state until its rig time has come.
-
-    A run that is late goes on from where it is: lost time is not made up.
-    """
+    """Delays each state until its rig time has come; what a late run has lost is not made up."""
 
     #: Rig seconds a wall second; None never waits.
     factor: float | None = None

@@ -10,25 +10,13 @@ import numpy as np
 
 from cam_rig.dynamics import MODELS
 from cam_rig.errors import CamRigError, RefusedError
-from cam_rig.laws import Law, build_law
-from cam_rig.laws.cam import law_of, require_sprung
-from cam_rig.live.state_validation import Admission, StateValidator
+from cam_rig.laws import Law
+from cam_rig.live.state_validation import StateValidator
 from cam_rig.profile import contours
-from cam_rig.schema import CamConfig, Library, load_cam, load_scene
+from cam_rig.schema import CamConfig
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import FloatArray
-
-
-@dataclass(frozen=True)
-class MountReply:
-    """The answer to a request for a cam: its refusal, empty where it is mounted now.
-
-    ``is_new`` is False where it was mounted before; then its law did not reach the drive.
-    """
-
-    refusal: str = ""
-    is_new: bool = False
 
 
 @dataclass(frozen=True)
@@ -40,81 +28,55 @@ class MountingCheckpoint:
 
 
 class CamMounting:
-    """The cams of a scene's library, one of which is mounted.
+    """The cams of a scene's library, one of which is mounted, and the ``last`` state received.
 
     First is ``cam``, empty for the scene's first; ``checkpoints`` are of a predecessor, the oldest
     first.
     """
 
     def __init__(
-        self, scene_file: Path, cam: str = "", checkpoints: Sequence[MountingCheckpoint] = ()
+        self, loaded: LoadedScene, cam: str = "", checkpoints: Sequence[MountingCheckpoint] = ()
     ) -> None:
-        scene, self._library = load_scene(scene_file), Library.beside(scene_file)
-        self._model = MODELS[scene.model]
-        self._laws: dict[str, Law] = {}
+        self._loaded = loaded
         oldest = checkpoints[0].last if checkpoints else None  # None before the first state
         since = -1 if oldest is None else oldest.time_ns
         # The history may begin later than that: whatever state comes first is admitted.
-        self._validator = StateValidator.of(scene, since=since)
-        self._last: CamState | None = None
-        first = checkpoints[-1].cam if checkpoints else cam
-        self._mount(first or scene.cams[0])
+        self.validator = StateValidator.of(loaded.scene, since=since)
+        self.last: CamState | None = None
+        self.cam, first = "", checkpoints[-1].cam if checkpoints else cam
+        self.request(first or loaded.scene.cams[0])
 
     @property
     def law(self) -> Law:
         """The mounted cam's law."""
-        return self._laws[self.cam]
+        return self._loaded.laws[self.cam]
 
     @property
     def checkpoint(self) -> MountingCheckpoint:
         """To be saved after each request and each state."""
-        return MountingCheckpoint(self.cam, self._last)
+        return MountingCheckpoint(self.cam, self.last)
 
-    def request(self, cam: str) -> MountReply:
-        """Mount a cam, if its file is in the library and the scene's model can turn its law."""
+    def request(self, cam: str) -> bool:
+        """Mount a cam of the library whose law the model can turn; False where it was mounted."""
         if cam == self.cam:
-            return MountReply()
-        try:
-            self._mount(cam)
-        except CamRigError as error:
-            return MountReply(str(error))
-        return MountReply(is_new=True)
-
-    def admit(self, state: CamState) -> Admission:
-        """How a state relates to those before; see `StateValidator.admit`."""
-        return self._validator.admit(state)
-
-    def is_newest(self, state: CamState) -> bool:
-        """Whether no state has come after this one."""
-        return state == self._last
-
-    def resume(self, checkpoint: MountingCheckpoint) -> None:
-        """Go on from what a predecessor knew."""
-        self._last = checkpoint.last
+            return False
+        self._loaded.mount(cam)
+        MODELS[self._loaded.scene.model].require(self._loaded.laws[cam])
+        self.cam = cam
+        return True
 
     def follow(self, state: CamState) -> Law | None:
         """Take a state; the law to publish with it, None unless cam or speed are new."""
-        last = self._last
+        last, self.last = self.last, state
         known = last is not None and (last.cam, last.speed) == (state.cam, state.speed)
-        law = self._law_of(state.cam) if state.speed > 0.0 and not known else None
-        self._last = state
-        return law
-
-    def _mount(self, cam: str) -> None:
-        path = self._library.path("cams", cam)
-        config = load_cam(path)
-        require_sprung(path, config)
-        law = law_of(path, config)
-        self._model.require(law)
-        self._laws[cam], self.cam, self.config = law, cam, config
-
-    def _law_of(self, cam: str) -> Law:
-        if cam not in self._laws:
-            try:
-                self._laws[cam] = build_law(load_cam(self._library.path("cams", cam)))
-            except CamRigError as error:
-                raise RefusedError(f"cam state: {error}") from None
-        return self._laws[cam]
+        if known or state.speed == 0.0:
+            return None
+        try:
+            self._loaded.mount(state.cam)
+        except CamRigError as error:
+            self.last = last
+            raise RefusedError(f"cam state: {error}") from None
+        return self._loaded.laws[state.cam]
 
 
 # Laws and contours received from the law server, compared with those of the cam's file.
@@ -134,18 +96,17 @@ def contour_of(cam: CamConfig, law: Law) -> FloatArray:
 def require_own_law(loaded: LoadedScene, law: Law) -> None:
     """Refuse a law that is not that of the cam's file in the scene's library."""
     _mount(loaded, law.name)
-    own, words = loaded.laws[law.name], f"law {law.name!r}: its"
-    _require_near(law.breaks, own.breaks, LAW_TOLERANCE, f"{words} breaks", loaded, law.name)
-    _require_near(
-        law.ordinates, own.ordinates, LAW_TOLERANCE, f"{words} ordinates", loaded, law.name
-    )
+    own, file = loaded.laws[law.name], loaded.cam_files[law.name]
+    for of in ("breaks", "ordinates"):
+        what = f"law {law.name!r}: its {of}"
+        _require_near(getattr(law, of), getattr(own, of), LAW_TOLERANCE, what, file)
 
 
 def require_own_contour(loaded: LoadedScene, cam: str, points: FloatArray) -> None:
     """Refuse a contour ``(2, n)`` (m) that is not that of the cam's file."""
     _mount(loaded, cam)
-    known = contour_of(loaded.cams[cam], loaded.laws[cam])
-    _require_near(points, known, CONTOUR_TOLERANCE, f"contour of {cam!r}: its points", loaded, cam)
+    known, what = contour_of(loaded.cams[cam], loaded.laws[cam]), f"contour of {cam!r}: its points"
+    _require_near(points, known, CONTOUR_TOLERANCE, what, loaded.cam_files[cam])
 
 
 def _mount(loaded: LoadedScene, cam: str) -> None:
@@ -156,14 +117,8 @@ def _mount(loaded: LoadedScene, cam: str) -> None:
 
 
 def _require_near(
-    received: FloatArray,
-    known: FloatArray,
-    tolerance: float,
-    what: str,
-    loaded: LoadedScene,
-    cam: str,
+    received: FloatArray, known: FloatArray, tolerance: float, what: str, file: Path
 ) -> None:
-    file = loaded.cam_files[cam]
     if received.shape != known.shape:
         raise RefusedError(f"{what} are {received.shape}; {file} has {known.shape}")
     difference = float(np.abs(received - known).max())

@@ -1,7 +1,6 @@
 """Laws, blocks and cam states as the content of messages: labelled arrays, stamps, joints.
 
-No message class enters here, so nodes (rclpy) and analysis (rosbags) share it. A dimension is a
-(label, size) pair, outermost first.
+No message class enters here, so nodes (rclpy) and analysis (rosbags) share it.
 """
 
 from __future__ import annotations
@@ -21,6 +20,7 @@ from cam_rig.live.state_validation import MAX_SAMPLES, require_possible
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, TURN, FloatArray
 
+#: A label and a size each, outermost first.
 Dimensions = list[tuple[str, int]]
 #: The row of a piece: the cam angle where it begins, then its Bernstein ordinates.
 PIECE_LABEL = "break_rad, ordinates_m"
@@ -115,11 +115,6 @@ def real_time_factor(value: float) -> float:
             f"real-time factor: is {value:g}; allowed: 0, or {FACTORS[0]:g} to {FACTORS[1]:g}"
         )
     return value
-
-
-def cam_positions(state: CamState) -> tuple[float, float]:
-    """Positions of `CAM_JOINTS`, rad."""
-    return state.unwrapped, state.angle
 
 
 def cam_state_of(message: Any) -> CamState:

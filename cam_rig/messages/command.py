@@ -7,11 +7,7 @@ from typing import Annotated
 
 import typer
 
-from cam_rig.show.command import (
-    DEFAULT_SCENE,
-    Scene,
-    user_errors,
-)
+from cam_rig.show.command import DEFAULT_SCENE, Scene, user_errors
 from cam_rig.show.terminal import say
 
 

@@ -11,7 +11,7 @@ of the cam. The cam turns in it, and the follower moves in it.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -37,45 +37,35 @@ Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
-class FixedJoint:
-    """A link that stays where it is on its parent; m, and roll, pitch, yaw in rad."""
+class Joint:
+    """A link on its parent: where it stays (m, and roll, pitch, yaw in rad), or moves in a plane.
 
+    There it turns about z by the joint's position (rad), or slides along its own y by it (m), from
+    where it is at position 0. ``limits`` are None where it turns for ever; ``follows`` is its
+    position over that of the joint ``follower``, None for one of its own.
+    """
+
+    name: str
+    kind: Literal["fixed", "continuous", "prismatic", "revolute"]
     parent: str
     child: str
     xyz: Vector = (0.0, 0.0, 0.0)
     rpy: Vector = (0.0, 0.0, 0.0)
-
-    @property
-    def name(self) -> str:
-        """The joint's name."""
-        return f"{self.child}_mount"
-
-
-@dataclass(frozen=True)
-class PlaneJoint:
-    """A link that moves in its parent's plane.
-
-    It turns about z by the joint's position (rad), or slides along its own y by it (m). ``origin``
-    is x, y (m) and yaw (rad) at position 0; ``limits`` are None where it turns for ever;
-    ``follows`` is its position over that of the joint ``follower``, None for one of its own.
-    """
-
-    name: str
-    kind: Literal["continuous", "prismatic", "revolute"]
-    parent: str
-    child: str
-    origin: Vector = (0.0, 0.0, 0.0)
     limits: tuple[float, float] | None = None
     follows: float | None = None
 
     def pose(self, position: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """x, y (m) and yaw (rad) of the child at positions, each ``(n,)``."""
-        x, y, yaw = self.origin
+        """x, y (m) and yaw (rad) of a moving child at positions, each ``(n,)``."""
+        (x, y, _), yaw = self.xyz, self.rpy[2]
         if self.kind != "prismatic":
             still = np.zeros_like(position)
             return x + still, y + still, yaw + position
         slid_x, slid_y = -math.sin(yaw) * position, math.cos(yaw) * position
         return x + slid_x, y + slid_y, np.full_like(position, yaw)
+
+
+def _mount(parent: str, child: str, xyz: Vector = (0, 0, 0), rpy: Vector = (0, 0, 0)) -> Joint:
+    return Joint(f"{child}_mount", "fixed", parent, child, xyz, rpy)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,16 +99,6 @@ class Robot:
         return max(self.loaded.scene.program.speeds.si_list)
 
     @property
-    def top_force(self) -> float:
-        """Greatest contact force at that speed of a follower that stays in contact, N."""
-        return max_contact_force(self.loaded, self.mounted.name, self.top_speed)
-
-    @property
-    def max_lift(self) -> float:
-        """The greatest of the scene's cams, m: its follower is one joint for all of them."""
-        return max(float(self.loaded.laws[cam](turn_angles(360)).max()) for cam in self.cams)
-
-    @property
     def most(self) -> tuple[float, float]:
         """Greatest contact force (N) and lift's speed (m/s) of the scene's cams at that speed."""
         forces = [max_contact_force(self.loaded, cam, self.top_speed) for cam in self.cams]
@@ -131,33 +111,30 @@ class Robot:
         return self.loaded.laws[self.mounted.name]
 
     @property
-    def fixed(self) -> list[FixedJoint]:
+    def fixed(self) -> list[Joint]:
         """The joints of /tf_static."""
-        motor, microphone = (-0.75 * self.size, 0.0, 0.0), (2.0 * self.size, 0.0, 2.0 * self.size)
-        cams = [FixedJoint(CAM, name) for name in self.cams]
         return [
-            FixedJoint(BASE, GUIDE, rpy=UPRIGHT),
-            FixedJoint(BASE, MOTOR, motor),
-            FixedJoint(BASE, MICROPHONE, microphone),
-            *cams,
+            _mount(BASE, GUIDE, rpy=UPRIGHT),
+            _mount(BASE, MOTOR, (-0.75 * self.size, 0.0, 0.0)),
+            _mount(BASE, MICROPHONE, (2.0 * self.size, 0.0, 2.0 * self.size)),
+            *(_mount(CAM, name) for name in self.cams),
         ]
 
     @property
-    def moving(self) -> list[PlaneJoint]:
+    def moving(self) -> list[Joint]:
         """The joints of /tf, in the order of their names."""
-        limits = 0.0, (1.0 + LIFT_OFF) * self.max_lift
-        cam = PlaneJoint(CAM, "continuous", GUIDE, CAM)
+        # of all the scene's cams, as its follower is one joint for them
+        lift = max(float(self.loaded.laws[cam](turn_angles(360)).max()) for cam in self.cams)
+        limits = 0.0, (1.0 + LIFT_OFF) * lift
+        cam = Joint(CAM, "continuous", GUIDE, CAM)
+        slide = Joint(FOLLOWER, "prismatic", GUIDE, FOLLOWER, limits=limits)
         if not isinstance(self.shape, Oscillating):
-            return [cam, PlaneJoint(FOLLOWER, "prismatic", GUIDE, FOLLOWER, limits=limits)]
+            return [cam, slide]
         rest, rate = np.zeros(1), -1.0 / self.shape.element.arm
-        x, y = self.shape.origin(rest)[0]
-        origin = float(x), float(y), float(self.shape.turn(rest)[0])
-        turned = rate * limits[1], 0.0
-        return [
-            cam,
-            PlaneJoint(FOLLOWER, "prismatic", GUIDE, ARC, limits=limits),
-            PlaneJoint(ARM, "revolute", GUIDE, FOLLOWER, origin, turned, rate),
-        ]
+        x, y = self.shape.origin(rest)[0].tolist()
+        turn, turned = (0.0, 0.0, float(self.shape.turn(rest)[0])), (rate * limits[1], 0.0)
+        arm = Joint(ARM, "revolute", GUIDE, FOLLOWER, (x, y, 0.0), turn, turned, rate)
+        return [cam, replace(slide, child=ARC), arm]
 
     def body(self, points: FloatArray) -> FloatArray:
         """Points ``(n, 2)`` of the follower's outline, in the link ``follower``."""

@@ -21,6 +21,7 @@ from cam_rig.profile.contact import Motion
 from cam_rig.show import looks as colours
 from cam_rig.show.looks import closed, of_cam
 from cam_rig.simulation.scene import ARROW as ARROW_SHARE
+from cam_rig.simulation.scene import max_contact_force
 from cam_rig.units import FloatArray
 
 #: Kinds of visualization_msgs/Marker.
@@ -50,10 +51,7 @@ def marker(
     text: str = "",
     turns: bool = False,
 ) -> Any:
-    """A visualization_msgs/Marker to add or to take the place of its number's last.
-
-    One that ``turns`` with its frame (frame_locked) is drawn anew whenever the frame moves.
-    """
+    """A visualization_msgs/Marker; one that ``turns`` with its frame is drawn anew with it."""
     no_image = new("sensor_msgs/CompressedImage", header(0, ""), "", np.zeros(0, np.uint8))
     no_mesh = new("visualization_msgs/MeshFile", "", np.zeros(0, np.uint8))
     turn = new("geometry_msgs/Quaternion", 0.0, 0.0, 0.0, 1.0)
@@ -91,17 +89,15 @@ class FollowerMarkers:
 
     def __init__(self, robot: Robot) -> None:
         self._robot, self._front = robot, 0.5 * BODY * robot.size
-        self._metres_per_newton = ARROW_SHARE * robot.size / robot.top_force
+        force = max_contact_force(robot.loaded, robot.mounted.name, robot.top_speed)
+        self._metres_per_newton = ARROW_SHARE * robot.size / force
         self._touching = CdrTemplate(KIND, self._contact, 4)
         self._flying = CdrTemplate(KIND, self._flight, 4)
 
     def at(
         self, stamps: NDArray[np.int64], angle: FloatArray, lift: FloatArray, force: FloatArray
     ) -> list[bytes]:
-        """A message at each of ``(n,)`` stamps (ns); cam angle in rad, lift in m, force in N.
-
-        Where the contact force is zero, contact is lost.
-        """
+        """A message at each stamp (ns), ``(n,)``; rad, m, and N, of which there are 0 in flight."""
         shape, motion = self._robot.shape, Motion(angle, *self._robot.law.motion_at(angle))
         contact, normal = shape.contact(motion)
         along = np.sum(normal * shape.upward(motion.s), axis=1)
@@ -121,26 +117,18 @@ class FollowerMarkers:
         ball, shaft = (0.04 * size,) * 3, (0.02 * size, 0.05 * size, 0.0)
         ends = point(x, y, self._front), point(tip_x, tip_y, self._front)
         dot, arrow = colour(colours.BLACK), colour(colours.FORCE)
-        return new(
-            "visualization_msgs/MarkerArray",
-            [
-                marker(at, NAMESPACE, 0, SPHERE, ball, dot, place=ends[0]),
-                marker(at, NAMESPACE, 1, ARROW, shaft, arrow, ends),
-            ],
-        )
+        at_contact = marker(at, NAMESPACE, 0, SPHERE, ball, dot, place=ends[0])
+        pushed = marker(at, NAMESPACE, 1, ARROW, shaft, arrow, ends)
+        return new("visualization_msgs/MarkerArray", [at_contact, pushed])
 
     def _flight(self, x: float, y: float, to_x: float, to_y: float) -> Any:
         size, at, red = self._robot.size, example_header(GUIDE), colour(colours.GAP)
         ends = point(x, y, self._front), point(to_x, to_y, self._front)
         line, words = (0.02 * size, 0.0, 0.0), (0.0, 0.0, 0.1 * size)
         beside = point(0.5 * size, 0.0, self._front)
-        return new(
-            "visualization_msgs/MarkerArray",
-            [
-                marker(at, NAMESPACE, 0, LINE_STRIP, line, red, ends),
-                marker(at, NAMESPACE, 1, TEXT, words, red, place=beside, text=_WORDS),
-            ],
-        )
+        gap = marker(at, NAMESPACE, 0, LINE_STRIP, line, red, ends)
+        said = marker(at, NAMESPACE, 1, TEXT, words, red, place=beside, text=_WORDS)
+        return new("visualization_msgs/MarkerArray", [gap, said])
 
 
 def _with_words(flight: bytes, gap: float) -> bytes:
@@ -153,10 +141,7 @@ def _with_words(flight: bytes, gap: float) -> bytes:
 
 
 def cam_markers(robot: Robot) -> bytes:
-    """The serialized MarkerArray of the mounted cam, in the frame that bears its name.
-
-    The contour is that of /cam/profile, to its last digit; how thick the cam is, is only looks.
-    """
+    """The serialized MarkerArray of the mounted cam; its contour is /cam/profile's to the digit."""
     cam, size = robot.mounted, robot.size
     outline, half = contour_of(cam, robot.law).T, 0.5 * DISC * size
     strip = [point(float(x), float(y), half) for x, y in closed(outline)]

@@ -1,8 +1,7 @@
 """The motion as standard messages, at the instants of each tick: for people and their viewers.
 
 They follow from what else is published: the follower sends them while somebody subscribes, and the
-recorder makes the same bytes by itself. A further topic is a further line in `EACH_INSTANT` or
-`EACH_CAM`.
+recorder makes the same bytes by itself.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from cam_rig.dynamics import Samples
 from cam_rig.errors import RefusedError
 from cam_rig.laws import Law
 from cam_rig.messages import topics
-from cam_rig.messages.frames import CAM, FixedJoint, PlaneJoint, Robot, Vector
+from cam_rig.messages.frames import CAM, Robot, Vector
 from cam_rig.messages.markers import FollowerMarkers, cam_markers
 from cam_rig.messages.serialization import CdrTemplate, example_header, header, new, serialize
 from cam_rig.messages.topics import Topic
@@ -102,23 +101,11 @@ def choose(lift: FloatArray, force: FloatArray, count: int) -> Indices:
     The tick is divided evenly into ``count`` bins, each with one sample at least, and the first of
     each is taken. In a bin that has the tick's largest lift, its largest or its least force, these
     are taken instead; they are two or three instants where they fall into one bin.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> lift = np.array([0.0, 1.0, 2.0, 3.0, 2.0, 1.0, 0.0, 0.0])
-    >>> choose(lift, 10.0 - lift, 4)
-    array([0, 3, 4, 6])
     """
     bins = np.arange(min(count, lift.size)) * lift.size // min(count, lift.size)
     peaks = np.unique([lift.argmax(), force.argmax(), force.argmin()])
     taken = np.unique(np.searchsorted(bins, peaks, side="right") - 1)
     return np.union1d(np.delete(bins, taken), peaks)
-
-
-def points_per_tick(points_per_turn: int, ticks_per_turn: int) -> int:
-    """How many bins of a tick give ``points_per_turn`` instants a turn; one at least."""
-    return max(1, round(points_per_turn / ticks_per_turn))
 
 
 # /tf and /tf_static as robot_state_publisher makes them of /joint_states and the URDF.
@@ -144,7 +131,9 @@ class Transforms:
     def fixed(self, stamp_ns: int) -> bytes:
         """The message of /tf_static, of rig time in ns."""
         transforms = [
-            _transform(header(stamp_ns, joint.parent), joint, joint.xyz, quaternion(joint.rpy))
+            _transform(
+                header(stamp_ns, joint.parent), joint.child, joint.xyz, quaternion(joint.rpy)
+            )
             for joint in self._fixed
         ]
         return serialize(new("tf2_msgs/TFMessage", transforms))
@@ -153,7 +142,7 @@ class Transforms:
         transforms = []
         for joint, (x, y, z, w) in zip(self._joints, np.reshape(numbers, (-1, 4)), strict=True):
             place, turn = (x, y, 0.0), (0.0, 0.0, z, w)
-            transforms.append(_transform(example_header(joint.parent), joint, place, turn))
+            transforms.append(_transform(example_header(joint.parent), joint.child, place, turn))
         return new("tf2_msgs/TFMessage", transforms)
 
 
@@ -169,14 +158,11 @@ def quaternion(rpy: Vector) -> tuple[float, float, float, float]:
 
 
 def _transform(
-    of_parent: Any,
-    joint: FixedJoint | PlaneJoint,
-    place: Vector,
-    turn: tuple[float, float, float, float],
+    of_parent: Any, child: str, place: Vector, turn: tuple[float, float, float, float]
 ) -> Any:
     pose = new("geometry_msgs/Vector3", *place), new("geometry_msgs/Quaternion", *turn)
     transform = new("geometry_msgs/Transform", *pose)
-    return new("geometry_msgs/TransformStamped", of_parent, joint.child, transform)
+    return new("geometry_msgs/TransformStamped", of_parent, child, transform)
 
 
 # What makes the serialized messages of each topic, for a robot with a cam mounted.
@@ -251,13 +237,9 @@ class DerivedMessage(NamedTuple):
 
 
 class MotionMessages:
-    """Derived messages of a run.
+    """Derived messages of a run: of some topics, at some instants a turn; 0: as the scene says.
 
-    Parameters
-    ----------
-    loaded : the scene; a cam mounted by an operator is in it by the time it turns
-    points_per_turn : instants a turn; 0: as the scene says
-    topics : those that are made; a bag holds all
+    A cam mounted by an operator is in the loaded scene by the time it turns.
     """
 
     def __init__(
@@ -268,9 +250,8 @@ class MotionMessages:
     ) -> None:
         self.topics, self.sample_rate = topics, int(loaded.scene.sample_rate.si)
         self._loaded, scene = loaded, loaded.scene
-        self._points = points_per_tick(
-            points_per_turn or scene.points_per_turn, scene.program.ticks_per_turn
-        )
+        points = (points_per_turn or scene.points_per_turn) / scene.program.ticks_per_turn
+        self._points = max(1, round(points))  # a tick
         self._robot = cache(lambda cam: Robot.of(loaded, cam))
         self._maker = cache(lambda topic, cam: EACH_INSTANT[topic](self._robot(cam)))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import struct
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -77,12 +78,8 @@ def stamp_of(cdr: bytes) -> int:
 
 #: Looked for in an example's bytes; no message has such a stamp by chance.
 EXAMPLE_STAMP = (0x5A17C0DE, 0x1B2D4F63)
-
-
-def example_header(frame_id: str) -> Any:
-    """A std_msgs/Header for an example; the stamps of what is made of it replace its own."""
-    stamp = new("builtin_interfaces/Time", *EXAMPLE_STAMP)
-    return new("std_msgs/Header", stamp, frame_id)
+#: A header for an example; the stamps of what is made of it replace its own.
+example_header = partial(header, EXAMPLE_STAMP[0] * NS + EXAMPLE_STAMP[1])
 
 
 class CdrTemplate:

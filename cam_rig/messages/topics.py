@@ -1,7 +1,6 @@
 """The one table of topics: name, type, quality of service, publisher, and how many per tick.
 
-Nodes, recorder, runner and analysis take a topic's name from this table. The names are those of
-the root namespace; a rig in another one has its namespace before each.
+The names are those of the root namespace; a rig in another one has its namespace before each.
 """
 
 from __future__ import annotations
@@ -30,16 +29,12 @@ class Topic:
 
     ``per`` says when it is published: for each ``state`` of the cam, each ``tick`` (the time
     between two states), each ``instant`` (some samples of a tick, stamped with their own time),
-    each ``cam`` mounted, each ``speed``, or at ``any`` time.
-
-    ``twin`` names the stamped topic that the same node publishes as often: the n-th message of the
-    one belongs to the stamp of the n-th of the other.
-
-    ``owner`` is the node that publishes it, and no other may; empty where several do. A message of
-    more than ``most_bytes`` is refused before it is read.
-
-    A ``derived`` topic follows from others, and the recorder makes its messages by itself: of what
-    is published when somebody can see it, a bag holds the same in every run.
+    each ``cam`` mounted, each ``speed``, or at ``any`` time. ``twin`` names the stamped topic that
+    the same node publishes as often: the n-th message of the one belongs to the stamp of the n-th
+    of the other. ``owner`` is the node that publishes it, and no other may; empty where several do.
+    A message of more than ``most_bytes`` is refused before it is read. A ``derived`` topic follows
+    from others, and the recorder makes its messages by itself: of what is published when somebody
+    can see it, a bag holds the same in every run.
     """
 
     name: str
@@ -62,36 +57,27 @@ class Topic:
         """The name in a namespace such as "/rig1"; empty for the root."""
         return self.name if self.name in OF_ALL else namespace + self.name
 
-    @property
-    def package(self) -> str:
-        """The interface package, std_msgs for one."""
-        return self.type.split("/")[0]
-
-    @property
-    def message(self) -> str:
-        """The message's name within its package."""
-        return self.type.split("/")[2]
-
 
 #: A bag holds the time of each state; a paced run's rig time goes on between them.
 CLOCK = Topic(
     "/clock", "rosgraph_msgs/msg/Clock", "state", stamped=False, owner="cam_drive", derived=True
 )
-_law_server = partial(Topic, owner="law_server")
+_law_server, _follower, _microphone = (
+    partial(Topic, owner=node) for node in ("law_server", "follower", "microphone")
+)
 LAW = _law_server("/cam/law", "trajectory_msgs/msg/JointTrajectory", "speed")
 LAW_COEFFICIENTS = _law_server(
     "/cam/law_coefficients", "std_msgs/msg/Float64MultiArray", "cam", stamped=False
 )
 PROFILE = _law_server("/cam/profile", "geometry_msgs/msg/PolygonStamped", "cam")
 CAM_STATE = Topic("/cam/state", "sensor_msgs/msg/JointState", "state", owner="cam_drive")
-FOLLOWER_STATE = Topic("/follower/state", "sensor_msgs/msg/JointState", "tick", owner="follower")
-FOLLOWER_SAMPLES = Topic(
+FOLLOWER_STATE = _follower("/follower/state", "sensor_msgs/msg/JointState", "tick")
+FOLLOWER_SAMPLES = _follower(
     "/follower/samples",
     "std_msgs/msg/Float64MultiArray",
     "tick",
     stamped=False,
-    twin="/follower/state",
-    owner="follower",
+    twin=FOLLOWER_STATE.name,
     most_bytes=MAX_SAMPLES * len(COLUMNS) * 8 + 1024,
 )
 #: The motion for people.
@@ -109,18 +95,15 @@ ROBOT_DESCRIPTION = _looks("/robot_description", "std_msgs/msg/String", depth=1)
 #: Live these two are robot_state_publisher's.
 TF_STATIC = _looks("/tf_static", "tf2_msgs/msg/TFMessage", depth=1)
 TF = _motion("/tf", "tf2_msgs/msg/TFMessage", depth=100, stamped=False)
-LEVEL = Topic(
-    "/microphone/level",
-    "std_msgs/msg/Float64",
-    "tick",
-    stamped=False,
-    twin="/microphone/pressure",
-    owner="microphone",
+LEVEL = _microphone(
+    "/microphone/level", "std_msgs/msg/Float64", "tick", stamped=False, twin="/microphone/pressure"
 )
-PRESSURE = Topic(
-    "/microphone/pressure", "sensor_msgs/msg/FluidPressure", "tick", owner="microphone"
-)
+PRESSURE = _microphone("/microphone/pressure", "sensor_msgs/msg/FluidPressure", "tick")
 DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "any")
+#: What a bag holds: all of the above, in this order.
+RECORDING = tuple(value for value in vars().values() if isinstance(value, Topic))
+#: What the recorder receives; the rest of a bag it makes itself.
+RECEIVED = tuple(topic for topic in RECORDING if not topic.derived)
 #: The nodes that report on /diagnostics, in the order of a bag.
 DIAGNOSED_NODES = ("cam_drive", "law_server", "follower", "microphone", "recorder")
 #: The name there of what the follower shows at a run's own pace; of wall time too.
@@ -152,28 +135,8 @@ CAM_RPM = _event("/cam/rpm", "std_msgs/msg/Float64", latched=False)
 PARAMETER_EVENTS = Topic(
     "/parameter_events", "rcl_interfaces/msg/ParameterEvent", "any", latched=False, depth=1000
 )
-#: What a bag holds.
-RECORDING = (
-    CLOCK,
-    LAW,
-    LAW_COEFFICIENTS,
-    PROFILE,
-    CAM_STATE,
-    FOLLOWER_STATE,
-    FOLLOWER_SAMPLES,
-    JOINT_STATES,
-    FOLLOWER_CONTACT,
-    FOLLOWER_MARKERS,
-    CAM_MARKERS,
-    ROBOT_DESCRIPTION,
-    TF_STATIC,
-    TF,
-    LEVEL,
-    PRESSURE,
-    DIAGNOSTICS,
-)
-#: What the recorder receives; the rest of a bag it makes itself.
-RECEIVED = tuple(topic for topic in RECORDING if not topic.derived)
+#: The whole table, in its order.
+TOPICS = tuple(value for value in vars().values() if isinstance(value, Topic))
 
 
 def motion_depth(points_per_turn: int) -> int:
@@ -204,9 +167,8 @@ def occasions(before: CamState | None, state: CamState) -> set[str]:
 
 
 class Publishers:
-    """The processes that have published as each node of the rig.
+    """The processes that have published as each node, which was launched ``launches`` times.
 
-    A node was launched once, or as often as ``launches`` says, where killed ones are started again;
     ``name_of`` is the node that publishes on a topic from a process.
     """
 
@@ -220,10 +182,7 @@ class Publishers:
         self._sources: dict[str, dict[bytes, Topic]] = {}
 
     def require(self, node: str, topic: Topic, source: bytes) -> None:
-        """Refuse to go on when another process than a node's own publishes on its topics.
-
-        An empty ``source`` is the recorder itself.
-        """
+        """Refuse another process than a node's own on its topics; an empty one is the recorder."""
         known = self._sources.setdefault(node, {})
         if not source or source in known:
             return

@@ -8,7 +8,7 @@ them; masses and inertias that follow from looks are assumed, and a comment says
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 from xml.etree import ElementTree
@@ -25,8 +25,7 @@ from cam_rig.messages.frames import (
     GUIDE,
     MICROPHONE,
     MOTOR,
-    FixedJoint,
-    PlaneJoint,
+    Joint,
     Robot,
     Vector,
 )
@@ -174,22 +173,19 @@ def urdf(robot: Robot) -> str:
     for name, (rgba, _) in MATERIALS.items():
         channels = [(rgba >> shift & 0xFF) / 255.0 for shift in (24, 16, 8)]
         SubElement(SubElement(root, "material", name=name), "color", rgba=text([*channels, 1.0]))
-    for link in (BASE, GUIDE, MOTOR, MICROPHONE, CAM, FOLLOWER, *robot.cams):
-        _link(root, robot, link)
-    if any(joint.child == ARC for joint in robot.moving):
-        _link(root, robot, ARC)
-    joints: list[FixedJoint | PlaneJoint] = [*robot.fixed, *robot.moving]
+    joints, bodies = [*robot.fixed, *robot.moving], _bodies(robot)
+    arc = [joint.child for joint in joints if joint.child == ARC]
+    for link in (BASE, GUIDE, MOTOR, MICROPHONE, CAM, FOLLOWER, *robot.cams, *arc):
+        _link(root, robot, link, bodies.get(link, []))
     for joint in joints:
         _joint(root, robot, joint)
     ElementTree.indent(root)
     return '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
-def _link(root: Element, robot: Robot, name: str) -> None:
+def _link(root: Element, robot: Robot, name: str, bodies: list[Body]) -> None:
     """A link with its bodies, its mass and its inertia; a comment says what is assumed."""
-    element = SubElement(root, "link", name=name)
-    looks = _contour if name == robot.mounted.name else _LOOKS.get(name, lambda _: ())
-    bodies, mass = list(looks(robot)), None
+    element, mass = SubElement(root, "link", name=name), None
     words = "mass and inertia assumed: of solid bodies" if bodies else "1 g assumed: no body"
     if name == FOLLOWER:
         rig = robot.loaded.rig
@@ -201,18 +197,13 @@ def _link(root: Element, robot: Robot, name: str) -> None:
         element.extend(body.elements())
 
 
-def _joint(root: Element, robot: Robot, joint: FixedJoint | PlaneJoint) -> None:
-    kind = "fixed" if isinstance(joint, FixedJoint) else joint.kind
-    element = SubElement(root, "joint", name=joint.name, type=kind)
-    if isinstance(joint, FixedJoint):
-        xyz, rpy = joint.xyz, joint.rpy
-    else:
-        x, y, yaw = joint.origin
-        xyz, rpy = (x, y, 0.0), (0.0, 0.0, yaw)
-    SubElement(element, "origin", xyz=text(xyz, JOINT_DIGITS), rpy=text(rpy, JOINT_DIGITS))
+def _joint(root: Element, robot: Robot, joint: Joint) -> None:
+    element = SubElement(root, "joint", name=joint.name, type=joint.kind)
+    xyz, rpy = text(joint.xyz, JOINT_DIGITS), text(joint.rpy, JOINT_DIGITS)
+    SubElement(element, "origin", xyz=xyz, rpy=rpy)
     SubElement(element, "parent", link=joint.parent)
     SubElement(element, "child", link=joint.child)
-    if isinstance(joint, FixedJoint):
+    if joint.kind == "fixed":
         return
     SubElement(element, "axis", xyz="0 1 0" if joint.kind == "prismatic" else "0 0 1")
     if joint.limits is not None:
@@ -228,53 +219,30 @@ def _joint(root: Element, robot: Robot, joint: FixedJoint | PlaneJoint) -> None:
         SubElement(element, "mimic", joint=FOLLOWER, multiplier=follows, offset="0")
 
 
-def _base(robot: Robot) -> Iterator[Body]:
-    box = (LINE * BENCH, 2.4 * BENCH, 3.0 * BENCH)
-    yield Body(box, "wall", (-0.5 * BENCH, 0.0, 0.4 * BENCH))
-
-
-def _motor(robot: Robot) -> Iterator[Body]:
-    behind = 0.75 * (robot.size - BENCH)  # its link is as far off as the cam is large
+def _bodies(robot: Robot) -> dict[str, list[Body]]:
+    """The bodies of each link that has some."""
+    size, cam, shape = robot.size, robot.mounted, robot.shape
+    disc, line, radius = DISC * size, LINE * size, cam.follower.base_radius.si
+    wall = (LINE * BENCH, 2.4 * BENCH, 3.0 * BENCH)
+    behind = 0.75 * (size - BENCH)  # the motor's link is as far off as the cam is large
     along_shaft = (0.0, 0.5 * math.pi, 0.0)
-    yield Body((0.35 * BENCH, 0.4 * BENCH), "black", (behind, 0.0, 0.0), along_shaft)
-
-
-def _microphone(robot: Robot) -> Iterator[Body]:
-    yield Body((0.05 * BENCH, 0.4 * BENCH), "black")
-
-
-def _cam(robot: Robot) -> Iterator[Body]:
-    size, base = robot.size, robot.mounted.follower.base_radius.si
-    yield Body((base, 0.9 * DISC * size), "steel")
     front, back = 0.15 * size, -0.75 * BENCH  # of the shaft
     middle = (0.0, 0.0, 0.5 * (front + back))
-    yield Body((0.25 * base, front - back), "steel", middle)
-
-
-def _contour(robot: Robot) -> Iterator[Body]:
-    cam = robot.mounted
-    outline = contour_of(cam, robot.law).T
-    yield from prism(outline, cam.follower.base_radius.si, 0.9 * DISC * robot.size, "steel")
-
-
-def _guide(robot: Robot) -> Iterator[Body]:
-    for strip in robot.shape.support():
-        yield _strip(strip, DISC * robot.size, LINE * robot.size, "wall")
-
-
-def _follower(robot: Robot) -> Iterator[Body]:
-    for strip in robot.shape.outline():
-        yield _strip(robot.body(strip), BODY * robot.size, LINE * robot.size, "brass")
-
-
-_LOOKS = {
-    BASE: _base,
-    GUIDE: _guide,
-    MOTOR: _motor,
-    MICROPHONE: _microphone,
-    CAM: _cam,
-    FOLLOWER: _follower,
-}
+    contour = contour_of(cam, robot.law).T
+    return {
+        BASE: [Body(wall, "wall", (-0.5 * BENCH, 0.0, 0.4 * BENCH))],
+        GUIDE: [_strip(strip, disc, line, "wall") for strip in shape.support()],
+        MOTOR: [Body((0.35 * BENCH, 0.4 * BENCH), "black", (behind, 0.0, 0.0), along_shaft)],
+        MICROPHONE: [Body((0.05 * BENCH, 0.4 * BENCH), "black")],
+        CAM: [
+            Body((radius, 0.9 * disc), "steel"),
+            Body((0.25 * radius, front - back), "steel", middle),
+        ],
+        FOLLOWER: [
+            _strip(robot.body(strip), BODY * size, line, "brass") for strip in shape.outline()
+        ],
+        cam.name: prism(contour, radius, 0.9 * disc, "steel"),
+    }
 
 
 def _strip(strip: FloatArray, depth: float, line: float, material: str) -> Body:

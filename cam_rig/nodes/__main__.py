@@ -12,54 +12,41 @@ import signal
 import sys
 from functools import partial
 from importlib import import_module
-from types import FrameType
-from typing import NoReturn
 
 from cam_rig.errors import CamRigError
 from cam_rig.extras import libraries_named, source_date
 
 #: The class of each node, by its name and its module's.
-NODES = {
-    "law_server": "LawServer",
-    "cam_drive": "CamDrive",
-    "follower": "Follower",
-    "microphone": "Microphone",
-    "recorder": "Recorder",
-    "viewer": "Viewer",
-    "player": "Player",
-    "panel": "Panel",
-}
+NODES = {"law_server": "LawServer", "cam_drive": "CamDrive", "follower": "Follower",
+         "microphone": "Microphone", "recorder": "Recorder", "viewer": "Viewer",
+         "player": "Player", "panel": "Panel"}  # fmt: skip
 HELP = ("-h", "--help")
 STOPPING = (signal.SIGINT, signal.SIGTERM)
 
 
 def main(name: str) -> None:
-    """Be a node's process, which ends with it.
-
-    All is closed then: to take a thousand modules apart would only double the time of its end.
-    """
+    """Be a node's process, which ends with it."""
     try:
         start(name)
     except SystemExit as ended:
         if isinstance(ended.code, str):  # which the interpreter prints
             raise
+        # all is closed: to take a thousand modules apart would only double the time of its end
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(ended.code or 0)
 
 
 def start(name: str) -> None:
-    """Run a node until it finishes, fails, or gets a signal to stop (SIGINT, SIGTERM).
-
-    Asked for help, print what it takes, and start nothing.
-    """
+    """Run a node until it finishes, fails, or gets SIGINT or SIGTERM; or print its help."""
     if any(word in sys.argv[1:] for word in HELP):
         signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # a pager may be left before the end
         print(import_module("cam_rig.nodes.parameters").usage(name))
         return
-    # also where a shell that started this process in the background has set SIGINT to be ignored
+    # while the imports run there is nothing to close; also where a shell that started this process
+    # in the background has set SIGINT to be ignored
     for number in STOPPING:
-        signal.signal(number, _exit_at_once)
+        signal.signal(number, lambda *_: os._exit(0))
     # the runner starts this process with both blocked, so that none can come before this line
     signal.pthread_sigmask(signal.SIG_UNBLOCK, STOPPING)
     _end_with_the_runner()
@@ -67,16 +54,11 @@ def start(name: str) -> None:
         source_date()  # scipy's import ends at what is none
         with libraries_named():
             module = import_module(f"cam_rig.nodes.{name}")
-            app = import_module("cam_rig.nodes.process")
+            process = import_module("cam_rig.nodes.process")
+        process.run(getattr(module, NODES[name]))
     except CamRigError as error:
         print(f"cam_rig: {error}", file=sys.stderr)
         sys.exit(error.exit_code)
-    app.run(getattr(module, NODES[name]))
-
-
-def _exit_at_once(_signal: int, _frame: FrameType | None) -> NoReturn:
-    """A signal to stop while the imports run: there is nothing to close."""
-    os._exit(0)
 
 
 def _end_with_the_runner() -> None:
@@ -88,14 +70,8 @@ def _end_with_the_runner() -> None:
             sys.exit(f"the runner {runner} has ended")
 
 
-law_server = partial(main, "law_server")
-cam_drive = partial(main, "cam_drive")
-follower = partial(main, "follower")
-microphone = partial(main, "microphone")
-recorder = partial(main, "recorder")
-viewer = partial(main, "viewer")
-player = partial(main, "player")
-panel = partial(main, "panel")
+# the executables, by the nodes' names
+globals().update({name: partial(main, name) for name in NODES})
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from rcl_interfaces.msg import ParameterEvent, SetParametersResult
+from rcl_interfaces.msg import ParameterEvent
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.task import Future
@@ -20,7 +20,6 @@ from cam_rig.live.law_server import require_own_law
 from cam_rig.live.queues import RepeatBudget
 from cam_rig.messages import topics
 from cam_rig.messages.codec import array_of, decode_law
-from cam_rig.messages.topics import PARAMETER_EVENTS
 from cam_rig.nodes.clock_source import ClockSource
 from cam_rig.nodes.convert import ERROR, OK, WARN, Activity, Diagnostics
 from cam_rig.nodes.rig_node import RigNode
@@ -35,17 +34,9 @@ from cam_rig.units import RPM
 class DriveControls:
     """Passes operator commands on to the drive's program; ``kept`` saves them for a successor."""
 
-    def __init__(
-        self,
-        node: ClockSource,
-        program: DriveProgram,
-        send: Callable[[CamState], None],
-        set_pacing: Callable[[str], None],
-        kept: Checkpoint,
-    ) -> None:
-        self._node, self._program, self._send, self._kept = node, program, send, kept
-        self._set_pacing = set_pacing
-        node.add_on_set_parameters_callback(self._refuse)
+    def __init__(self, node: CamDrive, kept: Checkpoint) -> None:
+        self._node, self._program, self._kept = node, node.program, kept
+        node.check(rpm=lambda rpm: node.program.require_speed(rpm * RPM))
         node.subscribe(topics.CAM_RPM, self._on_rpm)
         node.add_post_set_parameters_callback(self._on_parameters)
         for service in (self.start, self.stop, self.reset, self.emergency_stop):
@@ -75,7 +66,7 @@ class DriveControls:
     def emergency_stop(self) -> str:
         """Stand still at the end of the present tick, until a reset."""
         if (state := self._program.halt()) is not None:
-            self._send(state)
+            self._node.send(state)
         self.save()
         return "the cam stands; reset, then start, to go on"
 
@@ -84,7 +75,7 @@ class DriveControls:
             if parameter.name == "rpm":
                 self._program.command(parameter.value * RPM)
             elif parameter.name == "pacing":
-                self._set_pacing(parameter.value)
+                self._node.set_pacing(parameter.value)
         self.save()
 
     def mounted(self, cam: str) -> None:
@@ -96,15 +87,6 @@ class DriveControls:
         """Save the commands as they are now."""
         program, pacing = self._program, self._node.get_parameter("pacing").value
         self._kept.save(OperatorCommands(program.schedule.state, program.running, pacing))
-
-    def _refuse(self, parameters: list[Parameter]) -> SetParametersResult:
-        """Refuse a speed whose ticks would have too few or too many samples."""
-        try:
-            for parameter in (p for p in parameters if p.name == "rpm"):
-                self._program.require_speed(parameter.value * RPM)
-        except RefusedError as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
 
     def _on_rpm(self, message: Any) -> None:
         command = [Parameter("rpm", value=float(message.data))]
@@ -156,7 +138,7 @@ class LawServerClient:
                     else:
                         self._verify(cam, mounted)
 
-        self._node.subscribe(PARAMETER_EVENTS, on_event)
+        self._node.subscribe(topics.PARAMETER_EVENTS, on_event)
 
     def _verify(self, cam: str, mounted: Callable[[str], None]) -> None:
         def on_reply(future: Future) -> None:
@@ -165,7 +147,8 @@ class LawServerClient:
             if values == [cam]:
                 mounted(cam)
             else:
-                self._node.refuse(RefusedError(f"{PARAMETER_EVENTS.name}: {cam!r} is not mounted"))
+                words = f"{topics.PARAMETER_EVENTS.name}: {cam!r} is not mounted"
+                self._node.refuse(RefusedError(words))
 
         if self._client.services_are_ready():
             self._client.get_parameters(["cam"]).add_done_callback(on_reply)
@@ -189,25 +172,26 @@ class CamDrive(ClockSource):
         server = LawServerClient(self, self._on_refused)
         kept = Checkpoint(self.given["checkpoint"], "commands")
         commands = kept.newest()
-        self._program = DriveProgram(
+        self.program = DriveProgram(
             self._loaded.scene, consumers, server.request, checkpoints, commands
         )
         if commands is not None:
             self.set_parameters([Parameter("pacing", value=commands.pacing)])
-        self._set_pacing(self.get_parameter("pacing").value)
+        self.set_pacing(self.get_parameter("pacing").value)
         if checkpoints:
             self._take_over(checkpoints[-1].state)
         if not checkpoints and commands is None:
-            self._program.running = self.given["autostart"] and self.runs_before == 0
-            self._program.command(self.given["rpm"] * RPM)
+            self.program.running = self.given["autostart"] and self.runs_before == 0
+            self.program.command(self.given["rpm"] * RPM)
         self.subscribe(topics.LAW_COEFFICIENTS, self._on_law)
-        controls = DriveControls(self, self._program, self._send, self._set_pacing, kept)
-        server.on_mounted(self._program.expects, controls.mounted)
-        self.begin(consumers, self._program.flow)
+        controls = DriveControls(self, kept)
+        server.on_mounted(self.program.expects, controls.mounted)
+        self.begin(consumers, self.program.flow)
 
-    def _set_pacing(self, pacing: str) -> None:
-        self._program.pacing.set(pacing)
-        factor = self._program.pacing.factor
+    def set_pacing(self, pacing: str) -> None:
+        """Set the pacing from the next state on."""
+        self.program.pacing.set(pacing)
+        factor = self.program.pacing.factor
         self.publish_factor(factor)
         if factor is None:
             self._between.cancel()
@@ -217,70 +201,71 @@ class CamDrive(ClockSource):
     def _take_over(self, last: CamState) -> None:
         """Go on from a predecessor's last state; /clock may have come close to the next one's."""
         self.newest_ns, self.clock_ns = last.time_ns, last.time_ns - 1
-        following = self._program.schedule.next_state
-        if self._program.pacing.factor is not None and following is not None:
+        following = self.program.schedule.next_state
+        if self.program.pacing.factor is not None and following is not None:
             self.clock_ns = following.time_ns - 1
 
     def _tell_time(self) -> None:
         """Let rig time go on between two states."""
-        time_ns = self._program.time_ns(time.monotonic())
+        time_ns = self.program.time_ns(time.monotonic())
         if time_ns is not None and not self.done.done():
             self.publish_time(time_ns)
 
     def _on_refused(self, cam: str, reason: str) -> None:
-        self._program.refused(cam)
+        self.program.refused(cam)
         self.refuse(RefusedError(f"cam {cam!r}: the law server refuses it ({reason})"))
 
     def _on_law(self, message: Any) -> None:
         law = decode_law(*array_of(message))
         require_own_law(self._loaded, law)
-        self._program.add_law(law)
+        self.program.laws[law.name] = law
         self.turn()
 
     def next_due(self) -> float:
         """Wall time (s) until the next state is due."""
-        return self._program.wait(time.monotonic())
+        return self.program.wait(time.monotonic())
 
     def send_next(self) -> bool:
         """Send the next state, when it may go out now."""
-        if (state := self._program.take(time.monotonic())) is None:
+        if (state := self.program.take(time.monotonic())) is None:
             return False
-        self._send(state)
+        self.send(state)
         return True
 
-    def _send(self, state: CamState) -> None:
-        self.save(self._program.checkpoint, state.time_ns)
+    def send(self, state: CamState) -> None:
+        """Send a state for the first time."""
+        self.save(self.program.checkpoint, state.time_ns)
         level, words = OK, "turning" if state.speed else "stands"
-        if self._program.halted and state.speed == 0.0:
+        if self.program.halted and state.speed == 0.0:
             level, words = ERROR, "emergency stop"
         self.health.report(state.time_ns, level, words)
-        if late := self._program.pacing.late:
+        if late := self.program.pacing.late:
             self._pace.report(state.time_ns, WARN, "lagging", {"late_s": f"{late:.3g}"})
-        elif self._program.pacing.factor is not None:
+        elif self.program.pacing.factor is not None:
             self._pace.report(state.time_ns, OK, "on time")
         self._repeats.publish()
         self._publish(state)
-        self.note_sent(state, self._program.sent - 1)
+        self.note_sent(state, self.program.sent - 1)
 
     def _publish(self, state: CamState) -> None:
-        law = self._program.laws[state.cam]
+        law = self.program.laws[state.cam]
         self.publish_state(state, shaft_torque(law, self._mechanics, state.angle, state.speed))
-        if self._program.pacing.factor is not None:
+        if self.program.pacing.factor is not None:
             self._between.reset()  # /clock goes on by itself only where states are farther apart
 
     def resend(self) -> None:
         """Send the states in flight once more."""
-        for state in self._program.unanswered():
+        for state in self.program.unanswered():
             if self._repeats.repeat():
                 self._publish(state)
 
     def is_done(self) -> bool:
         """Whether every state is sent and every tick acknowledged."""
-        return self._program.done
+        return self.program.done
 
     def is_idle(self) -> bool:
         """Whether no node is waited for: stopped, or held back by the pacing."""
-        program = self._program
+        program = self.program
         stands = not program.running and program.flow.in_flight == 0
         return stands or self.next_due() > 0.0
 
@@ -292,17 +277,18 @@ class CamDrive(ClockSource):
     @property
     def is_commanded(self) -> bool:
         """Whether the cam turns at a commanded speed."""
-        return self._program.schedule.state.speed is not None
+        return self.program.schedule.state.speed is not None
 
     def activity(self) -> Activity:
         """What the node does now."""
-        if self._program.halted:
+        if self.program.halted:
             return Activity("emergency", (), "emergency stop, waiting for ~/reset")
-        if self._awaited or self._program.running:
+        if self._awaited or self.program.running:
             return super().activity()
         return Activity("stopped", (), "stopped, waiting for ~/start")
 
     def stuck(self) -> str:
         """What is missing, in words."""
-        program = self._program
-        return f"{program.sent} of {program.ticks + 1} states from: {held_by(program.waits_for())}"
+        program = self.program
+        behind = held_by(program.flow.behind() or [LAW_SERVER])
+        return f"{program.sent} of {program.ticks + 1} states from: {behind}"

@@ -15,11 +15,11 @@ from std_msgs.msg import Float64
 from cam_rig.errors import RunError
 from cam_rig.live.flow_control import FlowControl
 from cam_rig.messages import topics
-from cam_rig.messages.codec import stamp_ns
-from cam_rig.nodes.convert import ERROR, OK, WARN, Activity, to_cam_state, to_header, to_time
+from cam_rig.messages.codec import CAM_JOINTS, stamp_ns
+from cam_rig.nodes.convert import ERROR, OK, WARN, Activity, to_header, to_joint_state, to_time
 from cam_rig.nodes.rig_node import RigNode, require_one_scene
-from cam_rig.nodes.run_end import FinishedRun, FinishReport
-from cam_rig.runner.node_table import OPTIONAL, held_by, in_chain
+from cam_rig.nodes.run_end import POLL_S, FinishedRun, have_left, publishers
+from cam_rig.runner.node_table import OPTIONAL, WAIT, held_by, in_chain
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import to_rpm
 
@@ -36,7 +36,6 @@ ACKNOWLEDGES = {
     "law_server": topics.FOLLOWED,
     "viewer": topics.SHOWN,
 }
-
 #: Wall time (s) that consumers which a run can go on without are waited for alone.
 OPTIONAL_PATIENCE_S = 15.0
 
@@ -77,7 +76,8 @@ class ClockSource(RigNode):
 
     def listen_for_end(self) -> None:
         """It is this node that says when the run is over."""
-        self._finished = FinishReport(self)
+        self._finished, self._bag_is_closed = self.publisher(topics.FINISHED), False
+        self.subscribe(topics.CLOSED, self._on_closed)
 
     def begin(self, consumers: list[str], flow: FlowControl) -> None:
         """Subscribe to the consumers' acknowledgements, and turn when all are ready."""
@@ -150,15 +150,32 @@ class ClockSource(RigNode):
         if not self.is_done():
             super().drain(spin_once)
 
+    def _on_closed(self, _message: Any) -> None:
+        self._bag_is_closed = True
+
     def conclude(self, spin_once: Callable[..., None]) -> None:
-        """Say that the run is over, and how; the recorder then closes its bag."""
+        """Say that the run is over, and how; wait until the recorder has closed its bag or left."""
         level, words = WARN, "stopped"
         if self.failure is not None:
             level, words = ERROR, str(self.failure)
         elif self.is_done():
             level, words = OK, "done"
         run = FinishedRun(level, words, self.ticks, max(0, self.newest_ns))
-        self._finished.publish(run, spin_once)
+        self._bag_is_closed, message = False, run.message(self.get_name())
+        self.remember_publishers()
+        self._finished.publish(message)
+        if self.given["at_end"] == WAIT:
+            return
+        signals, patience = self.interrupts, self.given["patience"]
+        deadline = time.monotonic() + patience
+        recorder = publishers(self, self.resolve_topic_name(topics.CLOSED.relative))
+        while not (self._bag_is_closed or have_left(self, recorder) or self.interrupts > signals):
+            if time.monotonic() > deadline:
+                words = f"the recorder has not closed its bag within {patience:g} s"
+                self.get_logger().warning(words)
+                return
+            spin_once(timeout_sec=POLL_S)
+            self._finished.publish(message)  # one may be lost to queue overflow
 
     def _stuck_error(self) -> RunError:
         patience = self.given["patience"]
@@ -169,10 +186,13 @@ class ClockSource(RigNode):
 
     def publish_state(self, state: CamState, torque: float) -> None:
         """Send a state of the cam, and its time unless /clock would go back: it is sent again."""
-        header = to_header(state.time_ns, state.cam)
         self.newest_ns = max(self.newest_ns, state.time_ns)
         self.publish_time(state.time_ns)
-        self._state_out.publish(to_cam_state(header, state, torque))
+        joints = {
+            name: (angle, state.speed, torque)
+            for name, angle in zip(CAM_JOINTS, (state.unwrapped, state.angle), strict=True)
+        }
+        self._state_out.publish(to_joint_state(to_header(state.time_ns, state.cam), **joints))
 
     def publish_factor(self, factor: float | None) -> None:
         """Publish rig seconds a wall second; None of a free run."""

@@ -28,8 +28,8 @@ from cam_rig.laws import Law
 from cam_rig.live.flow_control import MAX_TICKS_IN_FLIGHT
 from cam_rig.live.law_server import contour_of
 from cam_rig.live.queues import RepeatBudget
-from cam_rig.messages.codec import CAM_JOINTS, Dimensions, cam_positions
-from cam_rig.messages.topics import HEARTBEAT, Topic
+from cam_rig.messages.codec import Dimensions
+from cam_rig.messages.topics import Topic
 from cam_rig.schema import CamConfig
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, TURN
@@ -43,14 +43,12 @@ LAW_POINTS = 180
 
 def message_class(topic: Topic) -> Any:
     """The message class of a topic."""
-    return getattr(import_module(f"{topic.package}.msg"), topic.message)
+    package, _, name = topic.type.split("/")
+    return getattr(import_module(f"{package}.msg"), name)
 
 
 def qos(topic: Topic, publishers: int = 1) -> QoSProfile:
-    """The one quality of service of a topic, for publishers and subscribers alike.
-
-    ``publishers`` multiplies the depth, for the histories of so many at once.
-    """
+    """The one quality of service of a topic; the depth is of the histories of so many at once."""
     durability = DurabilityPolicy.TRANSIENT_LOCAL if topic.latched else DurabilityPolicy.VOLATILE
     return QoSProfile(
         reliability=ReliabilityPolicy.RELIABLE,
@@ -70,27 +68,11 @@ def to_header(time_ns: int, frame: str = "") -> Header:
     return Header(stamp=to_time(time_ns), frame_id=frame)
 
 
-def to_joint_state(
-    joint: str, header: Header, position: float, velocity: float, effort: float
-) -> JointState:
-    """One joint; floats are made plain, since rclpy does not check them."""
+def to_joint_state(header: Header, **joints: tuple[float, float, float]) -> JointState:
+    """Position, velocity and effort of each joint; plain floats, as rclpy does not check them."""
+    position, velocity, effort = (list(map(float, of)) for of in zip(*joints.values(), strict=True))
     return JointState(
-        header=header,
-        name=[joint],
-        position=[float(position)],
-        velocity=[float(velocity)],
-        effort=[float(effort)],
-    )
-
-
-def to_cam_state(header: Header, state: CamState, torque: float) -> JointState:
-    """The cam's state, its angle with all turns and within the turn; torque in N·m."""
-    return JointState(
-        header=header,
-        name=list(CAM_JOINTS),
-        position=[float(angle) for angle in cam_positions(state)],
-        velocity=[float(state.speed)] * len(CAM_JOINTS),
-        effort=[float(torque)] * len(CAM_JOINTS),
+        header=header, name=list(joints), position=position, velocity=velocity, effort=effort
     )
 
 
@@ -146,10 +128,15 @@ def weightings(quantity: str) -> list[Parameter]:
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
 
-def to_status(name: str, level: bytes, words: str, values: dict[str, str]) -> DiagnosticStatus:
-    """What a node, or a part of it, says of itself."""
+def to_diagnosis(
+    time_ns: int, name: str, level: bytes, words: str, values: dict[str, str]
+) -> DiagnosticArray:
+    """What a node, or a part of it, says of itself at a time."""
     pairs = [KeyValue(key=key, value=value) for key, value in values.items()]
-    return DiagnosticStatus(level=level, name=name, message=words, hardware_id="rig", values=pairs)
+    status = DiagnosticStatus(
+        level=level, name=name, message=words, hardware_id="rig", values=pairs
+    )
+    return DiagnosticArray(header=to_header(time_ns), status=[status])
 
 
 #: Wall time (s) after the last diagnosis before there is a heartbeat.
@@ -166,7 +153,7 @@ class Diagnostics:
     """
 
     def __init__(self, publisher: Publisher, node: str) -> None:
-        self._publisher, self.node = publisher, node
+        self._publisher, self._node = publisher, node
         #: Wall time (s) of the last message.
         self.published_at = -SILENT_S
         self.reported: Reported = (-1, "", -1, -1)
@@ -182,8 +169,7 @@ class Diagnostics:
         self.reported = (*now, time_ns)
         if now == tuple(before):
             return None
-        status = to_status(self.node, level, words, values or {})
-        message = DiagnosticArray(header=to_header(time_ns), status=[status])
+        message = to_diagnosis(time_ns, self._node, level, words, values or {})
         self._publisher.publish(message)
         self.published_at = time.monotonic()
         return message
@@ -195,24 +181,6 @@ class Activity(NamedTuple):
     state: str
     waits_for: Sequence[str]
     words: str
-
-
-class Heartbeat:
-    """What a node does, once a second of wall time while rig time stands; no bag holds it.
-
-    Its publisher is its own, so that the history of the rig's diagnostics holds no heartbeat.
-    """
-
-    def __init__(self, publisher: Publisher, health: Diagnostics) -> None:
-        self._publisher, self._health = publisher, health
-
-    def beat(self, now: Activity) -> None:
-        """Publish what the node does, unless its diagnostics have just said so."""
-        if time.monotonic() - self._health.published_at < SILENT_S:
-            return
-        values = {"state": now.state, "waits_for": ", ".join(now.waits_for)}
-        status = to_status(self._health.node + HEARTBEAT, OK, now.words, values)
-        self._publisher.publish(DiagnosticArray(header=to_header(time.time_ns()), status=[status]))
 
 
 # What a node takes: every message bounded and guarded, and at the end the rest of them.
@@ -246,14 +214,10 @@ def require_length(topic: Topic, cdr: bytes) -> None:
         raise RefusedError(f"{topic.name}: {len(cdr)} bytes; allowed: {topic.most_bytes}")
 
 
-def take_rest(
-    spin_once: Callable[..., None],
-    taken: Callable[[], int],
-    now: Callable[[], float] = time.monotonic,
-) -> None:
+def take_rest(spin_once: Callable[..., None], taken: Callable[[], int]) -> None:
     """Spin until nothing more is taken for a while, at most `MAX_DRAIN_S`."""
-    quiet, deadline = 0, now() + MAX_DRAIN_S
-    while quiet < 5 and now() < deadline:
+    quiet, deadline = 0, time.monotonic() + MAX_DRAIN_S
+    while quiet < 5 and time.monotonic() < deadline:
         before = taken()
         spin_once(timeout_sec=0.02)
         quiet = quiet + 1 if taken() == before else 0
@@ -261,6 +225,7 @@ def take_rest(
 
 # What a node published for its last ticks, to be sent again to a node that did not get it.
 
+#: A publisher and its message.
 Published = tuple[Publisher, Any]
 
 

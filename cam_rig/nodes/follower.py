@@ -13,7 +13,6 @@ from threading import Event, Lock, Thread
 from typing import NamedTuple
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Float64MultiArray
 
@@ -38,9 +37,9 @@ from cam_rig.nodes.convert import (
     WARN,
     ResendBuffer,
     to_array,
+    to_diagnosis,
     to_header,
     to_joint_state,
-    to_status,
 )
 from cam_rig.nodes.rig_node import RigNode
 from cam_rig.simulation.scene import open_scene
@@ -90,7 +89,10 @@ class MotionPublisher:
 
     def publish(self, tick: Tick, came: float) -> None:
         """Publish a finished tick, whose last state came at a wall time (s)."""
-        if not (wanted := self._wanted()) or not self._is_pace_known():
+        topic = topics.REAL_TIME_FACTOR.relative
+        # a drive tells its pace at once; where a bag is played by others there is none that does
+        is_early = self._factor is None and self._node.count_publishers(topic)
+        if not (wanted := self._wanted()) or is_early:
             return
         if not self._factor:
             self._send(self._motion.moved(*tick, wanted), wanted)
@@ -99,11 +101,6 @@ class MotionPublisher:
             self._playback.add(tick, self._factor, came, time.monotonic())
         if not self._thread.is_alive():
             self._thread.start()
-
-    def _is_pace_known(self) -> bool:
-        """Whether the drive has told its pace, or is none that does, as where a bag is played."""
-        topic = topics.REAL_TIME_FACTOR.relative
-        return self._factor is not None or not self._node.count_publishers(topic)
 
     def close(self) -> None:
         """Publish nothing more."""
@@ -170,8 +167,7 @@ class MotionPublisher:
         self._reported_ns = time_ns
         values = {"lag_s": f"{lag:.3g}", "rate_hz": f"{1.0 / self._period:g}"}
         words = f"shown {lag:.3f} s behind the drive"
-        status = to_status(topics.SHOWN_MOTION, OK, words, values)
-        self._reports.publish(DiagnosticArray(header=to_header(time_ns), status=[status]))
+        self._reports.publish(to_diagnosis(time_ns, topics.SHOWN_MOTION, OK, words, values))
 
     def _say_who_holds(self, topic: Topic, how_long: str) -> None:
         infos = self._node.get_subscriptions_info_by_topic(topic.relative)
@@ -234,7 +230,7 @@ class Follower(RigNode):
         motion = (state.displacement, state.velocity, state.contact_force)
         messages = (
             to_array(*encode_block(block.rows)),
-            to_joint_state("follower", header, *motion),
+            to_joint_state(header, follower=motion),
         )
         self._sent.publish(end.time_ns, list(zip(self._out, messages, strict=True)))
 

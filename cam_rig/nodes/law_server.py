@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
-from rcl_interfaces.msg import SetParametersResult
-from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 
 from cam_rig.live.law_server import CamMounting
@@ -33,23 +32,18 @@ class LawServer(RigNode):
         self._robot_out = {topic: self.publisher(topic) for topic in self._robot.topics}
         self._predecessor = self.checkpoint.all()
         left = [checkpoint for checkpoint, _ in self._predecessor]
-        self._cams = CamMounting(Path(self.given["scene"]), self.given["cam"], left)
+        self._cams = CamMounting(self._loaded, self.given["cam"], left)
         self._samples, self._laws, self._mounted = ResendBuffer(), ResendBuffer(), 0
         self._publish_law()
-        self.add_on_set_parameters_callback(self._on_parameters)
+        self.check(cam=self._mount)
         self.subscribe(topics.CAM_STATE, self._on_state)
         self.get_logger().info(self.activity().words)
 
-    def _on_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
-        for parameter in (p for p in parameters if p.name == "cam"):
-            reply = self._cams.request(str(parameter.value))
-            if reply.refusal:
-                return SetParametersResult(successful=False, reason=reply.refusal)
-            if reply.is_new:
-                self._publish_law()
-            else:
-                self._laws.resend(self._mounted)
-        return SetParametersResult(successful=True)
+    def _mount(self, cam: Any) -> None:
+        if self._cams.request(str(cam)):
+            self._publish_law()
+        else:  # its law did not reach the drive
+            self._laws.resend(self._mounted)
 
     def summary(self) -> str:
         """What the node has done, in words, when it ends."""
@@ -60,16 +54,15 @@ class LawServer(RigNode):
         self._save()
         law = self._cams.law
         self._mounted += 1
-        contour = (self._profile, to_polygon(self._cams.config, law))
-        self._loaded.mount(law.name)
+        contour = (self._profile, to_polygon(self._loaded.cams[law.name], law))
         looks = [(self._robot_out[topic], cdr) for topic, _, cdr in self._robot.mounted(law.name)]
         coefficients = (self._coefficients, to_array(*encode_law(law)))
         self._laws.publish(self._mounted, [coefficients, contour, *looks])
 
     def _on_state(self, message: JointState) -> None:
         state = cam_state_of(message)
-        if self._cams.admit(state) is Admission.SEEN:
-            if self._cams.is_newest(state):  # once for all the states that are sent again
+        if self._cams.validator.admit(state) is Admission.SEEN:
+            if state == self._cams.last:  # once for all the states that are sent again
                 self._laws.resend(self._mounted)
             self._samples.resend(state.time_ns)
         else:
@@ -80,7 +73,7 @@ class LawServer(RigNode):
         while self._predecessor:  # as far as it was before the first state that comes
             checkpoint, reported = self._predecessor.pop(0)
             if checkpoint.last is not None and checkpoint.last.time_ns < state.time_ns:
-                self._cams.resume(checkpoint)
+                self._cams.last = checkpoint.last
                 self.health.reported = reported
         if (law := self._cams.follow(state)) is not None:
             self._samples.publish(state.time_ns, [(self._sampled, to_trajectory(law, state))])

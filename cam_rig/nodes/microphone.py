@@ -11,7 +11,7 @@ from std_msgs.msg import Float64, Float64MultiArray
 from cam_rig.live.queues import TickMatcher
 from cam_rig.live.state_validation import Admission, StateValidator
 from cam_rig.messages import topics
-from cam_rig.messages.codec import array_of, cam_state_of, decode_block
+from cam_rig.messages.codec import block_of, cam_state_of
 from cam_rig.nodes.convert import OK, WARN, ResendBuffer, to_header, weightings
 from cam_rig.nodes.rig_node import RigNode
 from cam_rig.simulation.scene import open_scene
@@ -58,7 +58,7 @@ class Microphone(RigNode):
         self._listen()
 
     def _on_samples(self, message: Float64MultiArray) -> None:
-        self._ticks.add_block(decode_block(*array_of(message)))
+        self._ticks.add_block(block_of(message))
         self._listen()
 
     def _listen(self) -> None:

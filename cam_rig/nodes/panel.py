@@ -20,7 +20,7 @@ from std_srvs.srv import Trigger
 
 from cam_rig.live.sockets import LineSocket
 from cam_rig.messages import topics
-from cam_rig.messages.codec import array_of, cam_state_of, decode_block, stamp_ns
+from cam_rig.messages.codec import block_of, cam_state_of, stamp_ns
 from cam_rig.nodes.parameters import ABOUT, LIVE
 from cam_rig.nodes.rig_node import RigNode
 from cam_rig.units import to_rpm
@@ -127,7 +127,7 @@ class Panel(RigNode):
             self._line.send({"health": [status.name, status.level[0], values]})
 
     def _on_samples(self, message: Float64MultiArray) -> None:
-        rows = decode_block(*array_of(message))
+        rows = block_of(message)
         data = base64.b64encode(np.ascontiguousarray(rows, "<f8").tobytes()).decode("ascii")
         self._line.send({"samples": data, "shape": rows.shape})
 

@@ -11,7 +11,7 @@ from cam_rig.bag.split import check_parameter_duration, check_parameter_size
 from cam_rig.errors import ConfigError
 from cam_rig.live.flow_control import factor_of, pacing_of
 from cam_rig.messages import topics
-from cam_rig.messages.topics import Topic
+from cam_rig.messages.topics import TOPICS, Topic
 from cam_rig.runner.node_table import CONSUMERS, END, OPTIONAL, STAY, WAIT
 from cam_rig.schema.load import named_path
 from cam_rig.schema.scene import MAX_POINTS_PER_TURN
@@ -71,24 +71,15 @@ class Spec:
             self.check(value)
 
 
-def _scene_file(scene: Any) -> Any:
-    """The path of a scene that may be given by its name, as in the command line."""
-    return str(named_path("scenes", scene)) if isinstance(scene, str) else scene
-
-
 SCENE = Spec(
     "scene",
     "tm21_sweep",
     "scene file (YAML), or a name in config/scenes, that every node takes its numbers from",
-    read=_scene_file,
+    read=lambda scene: str(named_path("scenes", scene)) if isinstance(scene, str) else scene,
 )
-
 CHECKPOINT = Spec(
-    "checkpoint",
-    "",
-    "folder of this run where a node saves its state for a successor; empty: none",
+    "checkpoint", "", "folder of this run where a node saves its state for a successor; empty: none"
 )
-
 #: What a node does when the drive or the player says that the run is over.
 AT_END = Spec(
     "at_end",
@@ -96,126 +87,47 @@ AT_END = Spec(
     "at the run's end: end; stay, for another run, as if started anew; wait for a signal to stop",
     choices=(END, STAY, WAIT),
 )
-
-PROGRESS = Spec(
-    "progress_fd",
-    -1,
-    "open file descriptor that gets a line of JSON for each state; -1: none",
+_PROGRESS = Spec(
+    "progress_fd", -1, "open file descriptor that gets a line of JSON for each state; -1: none"
 )
-
-POINTS = Spec(
+_PATIENCE = Spec("patience", 20.0, "wall time without progress before giving up, s", 0.1, 86400.0)
+_POINTS = Spec(
     "points_per_turn",
     0,
     "instants a turn at which /joint_states and the like show the motion; 0: as the scene says",
     0,
     MAX_POINTS_PER_TURN,
 )
-
-#: The consumers that are waited for by default: a run need not be seen.
-ESSENTIAL = tuple(name for name in CONSUMERS if name not in OPTIONAL)
-
-PARAMETERS: dict[str, tuple[Spec, ...]] = {
-    "law_server": (
-        SCENE,
-        CHECKPOINT,
-        AT_END,
-        Spec("cam", "", "a file of config/cams, mounted until the drive asks for another; "
-             "empty: the scene's first", live=True),
-    ),
-    "cam_drive": (
-        SCENE,
-        CHECKPOINT,
-        AT_END,
-        Spec("rpm", 0.0, "set: the speed from the next tick on, rpm, 0 as the scene says; "
-             "read: the speed now", 0.0, 1e5, live=True),
-        Spec("pacing", "free", "rig time beside wall time: free, real_time, or a factor: 20, 20x",
-             live=True, check=factor_of, read=pacing_of),
-        Spec("autostart", True, "turn as soon as every node is ready; false: wait for ~/start"),
-        Spec("consumers", list(ESSENTIAL), "nodes that are waited for", choices=CONSUMERS),
-        Spec("patience", 20.0, "wall time without progress before giving up, s", 0.1, 86400.0),
-        PROGRESS,
-    ),
-    "follower": (
-        SCENE,
-        CHECKPOINT,
-        AT_END,
-        POINTS,
-        Spec("motion_rate", 100.0, "how often /joint_states and the like show the motion of a run "
-             "at real time or a factor, Hz of wall time", 1.0, 1000.0),
-    ),
-    "microphone": (
-        SCENE,
-        CHECKPOINT,
-        AT_END,
-        Spec("frequency_weighting", "Z",
-             "frequency weighting of the level, class 1 up to 20 kHz: A, C or Z",
-             choices=FREQUENCY_WEIGHTINGS, live=True),
-        Spec("time_weighting", "F", "time weighting of the level: F (125 ms) or S (1 s)",
-             choices=tuple(TIME_WEIGHTINGS), live=True),
-    ),
-    "recorder": (
-        SCENE,
-        CHECKPOINT,
-        AT_END,
-        Spec("bag", "", "folder to record into, must not exist; empty: bags/<scene>_<date>"),
-        POINTS,
-        Spec("max_bagfile_size", 0, "bytes after which the bag goes on in another file; 0: no "
-             "limit", check=check_parameter_size),
-        Spec("max_bagfile_duration", 0.0, "rig time after which the bag goes on in another file, "
-             "s; 0: no limit", check=check_parameter_duration),
-    ),
-    "viewer": (
-        SCENE,
-        CHECKPOINT,
-        replace(AT_END, default=WAIT),
-        Spec("address", "", "Rerun's address that the picture goes to, or the folder that a page "
-             "of cam-rig reads it from; empty opens a window"),
-    ),
-    "panel": (
-        SCENE,
-        CHECKPOINT,
-        replace(AT_END, default=WAIT),
-        Spec("socket", "", "socket of cam-rig panel, which starts this node"),
-    ),
-    "player": (
-        CHECKPOINT,
-        replace(AT_END, choices=(END, WAIT)),
-        Spec("bag", "", "bag whose cam states and laws are played"),
-        Spec("patience", 20.0, "wall time without progress before giving up, s", 0.1, 86400.0),
-        PROGRESS,
-    ),
-}  # fmt: skip
-
-
-# What each node takes and gives beside them, as its ``--help`` prints it.
-
-#: Topics of the table in its order.
-TOPICS = tuple(value for value in vars(topics).values() if isinstance(value, Topic))
 #: What every node publishes.
 COMMON = (topics.DIAGNOSTICS, topics.READY)
+#: The consumers that are waited for by default: a run need not be seen.
+ESSENTIAL = tuple(name for name in CONSUMERS if name not in OPTIONAL)
+_ACKNOWLEDGEMENTS = (topics.FOLLOWER_STATE, topics.PRESSURE, topics.RECORDED)
 
 
 @dataclass(frozen=True)
 class About:
-    """One node: what it does, the topics it takes, its services, an example of its parameters.
+    """One node: what it does, its parameters, the topics it takes, its services, an example.
 
     It publishes the topics that it owns, ``gives``, and `COMMON`.
     """
 
     does: str
+    parameters: tuple[Spec, ...]
     takes: tuple[Topic, ...]
     example: str
     gives: tuple[Topic, ...] = ()
     services: tuple[str, ...] = ()
 
 
-_ACKNOWLEDGEMENTS = (topics.FOLLOWER_STATE, topics.PRESSURE, topics.RECORDED)
-
-_PLAYED = (topics.CLOCK, topics.CAM_STATE, topics.LAW_COEFFICIENTS, topics.PROFILE, topics.LAW)
-
 ABOUT = {
     "law_server": About(
         "holds the motion law of the mounted cam and publishes it, latched",
+        (
+            SCENE, CHECKPOINT, AT_END,
+            Spec("cam", "", "a file of config/cams, mounted until the drive asks for another; "
+                 "empty: the scene's first", live=True),
+        ),
         (topics.CAM_STATE, topics.FINISHED),
         "-p scene:=quick -p cam:=cycloidal",
         gives=(topics.ROBOT_DESCRIPTION,),
@@ -223,43 +135,70 @@ ABOUT = {
     "cam_drive": About(
         "turns the cam through the scene's speeds, no faster than its slowest consumer",
         (
-            topics.LAW_COEFFICIENTS,
-            *_ACKNOWLEDGEMENTS,
-            topics.FOLLOWED,
-            topics.CLOSED,
-            topics.READY,
-            topics.CAM_RPM,
-            topics.PARAMETER_EVENTS,
+            SCENE, CHECKPOINT, AT_END,
+            Spec("rpm", 0.0, "set: the speed from the next tick on, rpm, 0 as the scene says; "
+                 "read: the speed now", 0.0, 1e5, live=True),
+            Spec("pacing", "free", "rig time beside wall time: free, real_time, or a factor: 20, "
+                 "20x", live=True, check=factor_of, read=pacing_of),
+            Spec("autostart", True, "turn as soon as every node is ready; false: wait for ~/start"),
+            Spec("consumers", list(ESSENTIAL), "nodes that are waited for", choices=CONSUMERS),
+            _PATIENCE, _PROGRESS,
+        ),
+        (
+            topics.LAW_COEFFICIENTS, *_ACKNOWLEDGEMENTS, topics.FOLLOWED, topics.CLOSED,
+            topics.READY, topics.CAM_RPM, topics.PARAMETER_EVENTS,
         ),
         "-p scene:=quick -p pacing:=20 -p autostart:=false",
         services=("start", "stop", "reset", "emergency_stop"),
     ),
     "follower": About(
         "computes the follower's motion and contact force between the states of the cam",
+        (
+            SCENE, CHECKPOINT, AT_END, _POINTS,
+            Spec("motion_rate", 100.0, "how often /joint_states and the like show the motion of a "
+                 "run at real time or a factor, Hz of wall time", 1.0, 1000.0),
+        ),
         (topics.LAW_COEFFICIENTS, topics.CAM_STATE, topics.REAL_TIME_FACTOR, topics.FINISHED),
         "-p scene:=quick -p points_per_turn:=360",
         gives=(topics.JOINT_STATES,),
     ),
     "microphone": About(
         "computes sound pressure and level from the contact force of each tick",
+        (
+            SCENE, CHECKPOINT, AT_END,
+            Spec("frequency_weighting", "Z",
+                 "frequency weighting of the level, class 1 up to 20 kHz: A, C or Z",
+                 choices=FREQUENCY_WEIGHTINGS, live=True),
+            Spec("time_weighting", "F", "time weighting of the level: F (125 ms) or S (1 s)",
+                 choices=tuple(TIME_WEIGHTINGS), live=True),
+        ),
         (topics.FOLLOWER_SAMPLES, topics.CAM_STATE, topics.FINISHED),
         "-p scene:=quick -p frequency_weighting:=A",
     ),
     "recorder": About(
         "records every message of the rig into a rosbag2 bag (MCAP)",
+        (
+            SCENE, CHECKPOINT, AT_END,
+            Spec("bag", "", "folder to record into, must not exist; empty: bags/<scene>_<date>"),
+            _POINTS,
+            Spec("max_bagfile_size", 0, "bytes after which the bag goes on in another file; 0: no "
+                 "limit", check=check_parameter_size),
+            Spec("max_bagfile_duration", 0.0, "rig time after which the bag goes on in another "
+                 "file, s; 0: no limit", check=check_parameter_duration),
+        ),
         (*topics.RECEIVED, topics.FINISHED),
         "-p scene:=quick -p bag:=bags/mine",
     ),
     "viewer": About(
         "draws the run in Rerun while it runs",
         (
-            topics.PROFILE,
-            topics.CAM_STATE,
-            topics.FOLLOWER_SAMPLES,
-            topics.LEVEL,
-            topics.PRESSURE,
-            topics.REAL_TIME_FACTOR,
-            topics.FINISHED,
+            SCENE, CHECKPOINT, replace(AT_END, default=WAIT),
+            Spec("address", "", "Rerun's address that the picture goes to, or the folder that a "
+                 "page of cam-rig reads it from; empty opens a window"),
+        ),
+        (
+            topics.PROFILE, topics.CAM_STATE, topics.FOLLOWER_SAMPLES, topics.LEVEL,
+            topics.PRESSURE, topics.REAL_TIME_FACTOR, topics.FINISHED,
         ),
         "-p scene:=quick",
         gives=(topics.SHOWN,),
@@ -267,23 +206,31 @@ ABOUT = {
     "panel": About(
         "passes commands of a page in a browser on to the other nodes, and shows it what they say",
         (
-            topics.CAM_STATE,
-            topics.LEVEL,
-            topics.PRESSURE,
-            topics.FOLLOWER_SAMPLES,
-            topics.DIAGNOSTICS,
-            topics.PARAMETER_EVENTS,
-            topics.FINISHED,
+            SCENE, CHECKPOINT, replace(AT_END, default=WAIT),
+            Spec("socket", "", "socket of cam-rig panel, which starts this node"),
+        ),
+        (
+            topics.CAM_STATE, topics.LEVEL, topics.PRESSURE, topics.FOLLOWER_SAMPLES,
+            topics.DIAGNOSTICS, topics.PARAMETER_EVENTS, topics.FINISHED,
         ),
         "-p scene:=quick -p socket:=/run/user/1000/panel.socket",
     ),
     "player": About(
         "publishes the cam states and laws of a bag, in place of cam_drive and law_server",
+        (
+            CHECKPOINT, replace(AT_END, choices=(END, WAIT)),
+            Spec("bag", "", "bag whose cam states and laws are played"),
+            _PATIENCE, _PROGRESS,
+        ),
         (*_ACKNOWLEDGEMENTS, topics.CLOSED, topics.READY),
         "-p bag:=bags/golden",
-        gives=(*_PLAYED, topics.REAL_TIME_FACTOR, topics.FINISHED),
+        gives=(
+            topics.CLOCK, topics.CAM_STATE, topics.LAW_COEFFICIENTS, topics.PROFILE, topics.LAW,
+            topics.REAL_TIME_FACTOR, topics.FINISHED,
+        ),
     ),
-}
+}  # fmt: skip
+PARAMETERS = {node: about.parameters for node, about in ABOUT.items()}
 
 
 def published(node: str) -> tuple[Topic, ...]:
@@ -294,11 +241,7 @@ def published(node: str) -> tuple[Topic, ...]:
 
 
 def usage(node: str) -> str:
-    """What a node does and takes, for people: parameters, topics, services, an example.
-
-    >>> print(usage("follower").splitlines()[0])
-    follower: computes the follower's motion and contact force between the states of the cam
-    """
+    """What a node does and takes, for people: parameters, topics, services, an example."""
     about = ABOUT[node]
     lines = [
         f"{node}: {about.does}",
@@ -307,10 +250,10 @@ def usage(node: str) -> str:
         "",
         "parameters (default; * may be set while the node runs)",
     ]
-    for spec in PARAMETERS[node]:
+    for spec in about.parameters:
         lines += _parameter(spec)
-    lines += ["", "subscribes to", *map(_topic, about.takes)]
-    lines += ["", "publishes", *map(_topic, published(node))]
+    for how, of in (("subscribes to", about.takes), ("publishes", published(node))):
+        lines += ["", how, *(f"  {topic.name:34} {topic.type}" for topic in of)]
     if about.services:
         lines += ["", "services"]
         lines += [f"  ~/{name:32} std_srvs/srv/Trigger" for name in about.services]
@@ -319,7 +262,6 @@ def usage(node: str) -> str:
 
 
 def _parameter(spec: Spec) -> list[str]:
-    """A parameter with default, type, what it is, and what is allowed."""
     default = ", ".join(spec.default) if isinstance(spec.default, list) else spec.default
     shown = str(default).lower() if isinstance(default, bool) else default
     head = f"  {spec.name}{' *' if spec.live else ''}"
@@ -332,13 +274,9 @@ def _parameter(spec: Spec) -> list[str]:
     return lines
 
 
-def _topic(topic: Topic) -> str:
-    return f"  {topic.name:34} {topic.type}"
-
-
 #: What may be set while the nodes run: the parameters of each node that are live.
 LIVE = {
-    node: {spec.name: spec for spec in specs if spec.live}
+    node: live
     for node, specs in PARAMETERS.items()
-    if any(spec.live for spec in specs)
+    if (live := {spec.name: spec for spec in specs if spec.live})
 }

@@ -76,15 +76,11 @@ def run(make: Callable[[], RigNode]) -> None:
     try:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:  # a parameter file that is missing or not one
-        print(f"cam_rig: {error}", file=sys.stderr)
-        sys.exit(ConfigError.exit_code)
+        raise ConfigError(str(error)) from None
     if stray := remove_ros_args(sys.argv)[1:]:
-        print(
-            f"cam_rig: {stray[0]!r}: no such argument; allowed: --help, and what is given "
-            "after --ros-args",
-            file=sys.stderr,
+        raise ConfigError(
+            f"{stray[0]!r}: no such argument; allowed: --help, and what is given after --ros-args"
         )
-        sys.exit(ConfigError.exit_code)
     code = 1
     try:
         code = _run(make, request)

@@ -16,7 +16,6 @@ from cam_rig.bag.recorder import open_bag
 from cam_rig.bag.split import Split
 from cam_rig.errors import CamRigError
 from cam_rig.messages import topics
-from cam_rig.messages.topics import Publishers
 from cam_rig.nodes.convert import OK, message_class, qos, require_length, take_rest, to_header
 from cam_rig.nodes.rig_node import RigNode
 from cam_rig.nodes.run_end import (
@@ -48,7 +47,7 @@ class Recorder(RigNode):
         loaded = open_scene(Path(self.given["scene"]))
         default = time.strftime(f"bags/{loaded.scene.name}_%Y-%m-%d_%H-%M-%S")
         bag = _next_bag(Path(self.given["bag"] or default), self.runs_before)
-        self._sources = Publishers(self.checkpoint.launches, self._name_of)
+        self._sources = topics.Publishers(self.checkpoint.launches, self._name_of)
         namespace, points = self.get_namespace().rstrip("/"), self.given["points_per_turn"]
         self._lock = ExitStack()
         self._lock.enter_context(own_recorder(self.context.get_domain_id(), namespace))
@@ -63,8 +62,8 @@ class Recorder(RigNode):
         # diagnoses first: DDS discovers in this order, and the last state ends the drive
         for topic in reversed(topics.RECEIVED):
             kind, take = message_class(topic), self._on(topic)
-            depth = qos(topic, MAX_NODES if topic is topics.DIAGNOSTICS else 1)
-            self.create_subscription(kind, topic.relative, take, depth, raw=True)
+            how = qos(topic, MAX_NODES if topic is topics.DIAGNOSTICS else 1)
+            self.create_subscription(kind, topic.relative, take, how, raw=True)
         self.every(0.25, self._idle)
         self.get_logger().info(f"recording into {bag}, waiting for the other nodes")
 

@@ -15,8 +15,7 @@ from rcl_interfaces.msg import (
     ParameterDescriptor,
     SetParametersResult,
 )
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
+from rclpy.clock import Clock, ClockType
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -29,19 +28,21 @@ from std_srvs.srv import Trigger
 from cam_rig.errors import CamRigError, ConfigError, RunError, did_you_mean
 from cam_rig.files import read_bytes
 from cam_rig.live.checkpoint import Checkpoint
-from cam_rig.messages.topics import DIAGNOSTICS, READY, Topic, second_publisher
+from cam_rig.messages.topics import DIAGNOSTICS, HEARTBEAT, READY, TOPICS, Topic, second_publisher
 from cam_rig.nodes.convert import (
+    OK,
+    SILENT_S,
     Activity,
     Diagnostics,
-    Heartbeat,
     guarded,
     message_class,
     qos,
     require_length,
     take_rest,
+    to_diagnosis,
 )
 from cam_rig.nodes.parameters import PARAMETERS, Spec
-from cam_rig.nodes.run_end import OWNED, EndWithTheDrive, publishers
+from cam_rig.nodes.run_end import EndWithTheDrive, publishers
 from cam_rig.runner.node_table import STAY
 from cam_rig.runner.resources import namespace_named
 from cam_rig.schema.load import MAX_BYTES
@@ -97,26 +98,18 @@ def declare(node: Node, table: tuple[Spec, ...]) -> dict[str, Any]:
     """Declare a node's parameters; their values by name."""
     values = {}
     for spec in table:
-        value: Any = spec.convert(_given(node, spec))
+        any_type = ParameterDescriptor(dynamic_typing=True)
+        given = node.declare_parameter(spec.name, spec.default, any_type).value
+        node.undeclare_parameter(spec.name)
+        value: Any = spec.convert(given)
         spec.require(value)
         node.declare_parameter(spec.name, value, descriptor(spec), ignore_override=True)
         values[spec.name] = value
     return values
 
 
-def _given(node: Node, spec: Spec) -> Any:
-    """What was given for a parameter at the start, of whatever type; else its default."""
-    any_type = ParameterDescriptor(dynamic_typing=True)
-    value: Any = node.declare_parameter(spec.name, spec.default, any_type).value
-    node.undeclare_parameter(spec.name)
-    return value
-
-
 def unknown_names(node: Node, table: tuple[Spec, ...]) -> list[str]:
-    """What was given for parameters that the node does not have, in words, one each.
-
-    No error: a file of parameters may be meant for several nodes.
-    """
+    """What was given for parameters of other nodes, as a file may, in words: one each."""
     known = [spec.name for spec in table]
     given = (name for name in node._parameter_overrides if not node.has_parameter(name))
     found = []
@@ -134,22 +127,6 @@ def convert(table: tuple[Spec, ...], parameters: list[Parameter]) -> list[Parame
         Parameter(one.name, value=specs[one.name].convert(one.value)) if one.name in specs else one
         for one in parameters
     ]
-
-
-def refuse_wrong(table: tuple[Spec, ...]) -> Callable[[list[Parameter]], SetParametersResult]:
-    """Answer a request to set parameters: refused with a reason, or fine; nothing is changed."""
-    specs = {spec.name: spec for spec in table}
-
-    def check(parameters: list[Parameter]) -> SetParametersResult:
-        for parameter in parameters:
-            try:
-                if parameter.name in specs:
-                    specs[parameter.name].require(parameter.value)
-            except CamRigError as error:
-                return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
-
-    return check
 
 
 # One scene for all nodes: each says which it has, and the drive refuses another.
@@ -202,15 +179,19 @@ class RigNode(Node):
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
-        self._table = name
+        self._table = PARAMETERS[name]
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.done: Future = Future()
         self.failure: CamRigError | None = None
-        self.given = declare(self, PARAMETERS[name])
-        for words in unknown_names(self, PARAMETERS[name]):
+        self.given = declare(self, self._table)
+        for words in unknown_names(self, self._table):
             self.get_logger().warning(words)
         namespace_named(self.get_namespace())  # refused where it is too long for a lock's name
-        self._require_one_run()
+        if self.given.get("at_end") == STAY and self.given["checkpoint"]:
+            raise ConfigError(  # a successor would go on with the run before the present one
+                f"at_end: is {STAY} with a checkpoint folder, which is of one run; allowed: one of "
+                "the two"
+            )
         self.checkpoint = Checkpoint(self.given["checkpoint"], name)
         self.checkpoint.count_launch()
         self._owned: list[Topic] = []
@@ -218,28 +199,34 @@ class RigNode(Node):
         self.taken = self.ticks = self.interrupts = 0
         #: Who published on the rig's topics when the run ended; empty before.
         self.rig_publishers: dict[str, set[bytes]] = {}
-        self.add_on_set_parameters_callback(refuse_wrong(PARAMETERS[name]))
+        self.check(**{spec.name: spec.require for spec in self._table})
         self.health = Diagnostics(self.publisher(DIAGNOSTICS), name)
-        heartbeat = Heartbeat(self.publisher(replace(DIAGNOSTICS, depth=1)), self.health)
-        self.every(HEARTBEAT_S, lambda: heartbeat.beat(self.activity()))
+        # of its own, so that the history of the rig's diagnostics holds no heartbeat
+        self._heartbeats = self.publisher(replace(DIAGNOSTICS, depth=1))
+        self.every(HEARTBEAT_S, self._beat)
         self._ready = self.publisher(READY)
         self.every(WATCH_PERIOD_S, self._watch)
         self.listen_for_end()
         if self.runs_before:
             self.get_logger().info("stays for another run")
 
-    def _require_one_run(self) -> None:
-        """A successor would go on with the run before the present one."""
-        if self.given.get("at_end") == STAY and self.given["checkpoint"]:
-            raise ConfigError(
-                f"at_end: is {STAY} with a checkpoint folder, which is of one run; allowed: one of "
-                "the two"
-            )
+    def check(self, **checks: Callable[[Any], object]) -> None:
+        """Refuse to set a parameter to a value for which its check raises an error."""
+
+        def answer(parameters: list[Parameter]) -> SetParametersResult:
+            try:
+                for parameter in (p for p in parameters if p.name in checks):
+                    checks[parameter.name](parameter.value)
+            except CamRigError as error:
+                return SetParametersResult(successful=False, reason=str(error))
+            return SetParametersResult(successful=True)
+
+        self.add_on_set_parameters_callback(answer)
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
         """Set parameters together, after conversion; refused, with the reason, if one is wrong."""
         try:
-            wanted = convert(PARAMETERS[self._table], parameter_list)
+            wanted = convert(self._table, parameter_list)
         except ConfigError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return super().set_parameters_atomically(wanted)
@@ -253,6 +240,14 @@ class RigNode(Node):
         whom = "the next tick" if self.ticks else " and ".join(self.waits_for)
         return Activity("waiting", self.waits_for, f"waiting for {whom}")
 
+    def _beat(self) -> None:
+        """Publish what the node does, unless its diagnostics have just said so; for no bag."""
+        if time.monotonic() - self.health.published_at >= SILENT_S:
+            now, name = self.activity(), self.get_name() + HEARTBEAT
+            values = {"state": now.state, "waits_for": ", ".join(now.waits_for)}
+            message = to_diagnosis(time.time_ns(), name, OK, now.words, values)
+            self._heartbeats.publish(message)
+
     def summary(self) -> str:
         """What the node has done, in words, when it ends."""
         return f"done with {self.ticks} ticks"
@@ -264,7 +259,7 @@ class RigNode(Node):
 
     def remember_publishers(self) -> None:
         """Note who publishes for the run that ends now."""
-        names = (self.resolve_topic_name(topic.relative) for topic in OWNED)
+        names = (self.resolve_topic_name(topic.relative) for topic in TOPICS if topic.owner)
         self.rig_publishers = publishers(self, *names)
 
     def save(self, state: Any, stamp_ns: int) -> None:
@@ -289,10 +284,7 @@ class RigNode(Node):
         return cast("RigPublisher", made)
 
     def every(self, period: float, act: Callable[[], None]) -> Timer:
-        """Call ``act`` with a period (s) of wall time, under use_sim_time too.
-
-        The rig itself makes rig time: a node that waited for it would wait for ever.
-        """
+        """Call ``act`` with a period (s) of wall time: rig time, which the rig makes, may stand."""
 
         def safe() -> None:
             try:

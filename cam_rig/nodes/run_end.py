@@ -9,21 +9,18 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
 from cam_rig.messages import topics
-from cam_rig.messages.topics import Topic
 from cam_rig.runner.node_table import WAIT
 
 if TYPE_CHECKING:
     from cam_rig.nodes.rig_node import RigNode
 
-#: The topics of one publisher each.
-OWNED = tuple(value for value in vars(topics).values() if isinstance(value, Topic) and value.owner)
 #: Wall time (s) that the recorder's last message may take to the drive, which then ends.
 DELIVERY_S = 2.0
 #: Wall time (s) between two looks at who has left.
@@ -138,34 +135,3 @@ class EndWithTheDrive:
             self._absence.poll()
         elif have_left(self._node, self._drives):
             self._node.finish()
-
-
-class FinishReport:
-    """The drive's half: it says that the run is over, and waits until the bag is closed."""
-
-    def __init__(self, node: RigNode) -> None:
-        self._node, self._closed = node, False
-        self._out = node.publisher(topics.FINISHED)
-        node.subscribe(topics.CLOSED, self._on_closed)
-
-    def _on_closed(self, _message: Any) -> None:
-        self._closed = True
-
-    def publish(self, run: FinishedRun, spin_once: Callable[..., None]) -> None:
-        """Publish how the run ended; return when the recorder has closed its bag or has left."""
-        node, patience = self._node, self._node.given["patience"]
-        self._closed = False
-        node.remember_publishers()
-        message = run.message(node.get_name())
-        self._out.publish(message)
-        if node.given["at_end"] == WAIT:
-            return
-        signals, deadline = node.interrupts, time.monotonic() + patience
-        recorder = publishers(node, node.resolve_topic_name(topics.CLOSED.relative))
-        while not (self._closed or have_left(node, recorder) or node.interrupts > signals):
-            if time.monotonic() > deadline:
-                words = f"the recorder has not closed its bag within {patience:g} s"
-                node.get_logger().warning(words)
-                return
-            spin_once(timeout_sec=POLL_S)
-            self._out.publish(message)  # one may be lost to queue overflow

@@ -14,7 +14,7 @@ from std_msgs.msg import Float64
 
 from cam_rig.errors import CamRigError, RefusedError
 from cam_rig.messages import topics
-from cam_rig.messages.codec import array_of, cam_state_of, decode_block, real_time_factor, stamp_ns
+from cam_rig.messages.codec import block_of, cam_state_of, real_time_factor, stamp_ns
 from cam_rig.nodes.convert import to_header
 from cam_rig.nodes.rig_node import RigNode
 from cam_rig.simulation.scene import open_scene
@@ -47,7 +47,7 @@ class Viewer(RigNode):
         handlers: dict[topics.Topic, Callable[[Any], None]] = {
             topics.PROFILE: self._on_profile,
             topics.CAM_STATE: lambda m: feed.state(cam_state_of(m)),
-            topics.FOLLOWER_SAMPLES: lambda m: feed.block(decode_block(*array_of(m))),
+            topics.FOLLOWER_SAMPLES: lambda m: feed.block(block_of(m)),
             topics.LEVEL: lambda m: feed.level(m.data),
             topics.PRESSURE: lambda m: feed.pressure(stamp_ns(m.header.stamp), m.fluid_pressure),
         }

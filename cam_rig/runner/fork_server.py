@@ -4,10 +4,10 @@ Five interpreters would import the same hundreds of modules. One process imports
 (`cam_rig.nodes.fork_server`), and each node is forked from it: a process of its own all the same, a
 child of the runner's, with its own pid, session, output and exit code.
 
-Without the server (not Linux, an old kernel, it was killed) a node is started by itself, as
-`ros2 run` does. The standard library's fork server is none for nodes: its children are not the
-runner's, so their pids, their output and a signal that ends them would need as much code again;
-each would import the runner's main module; and what it runs comes by pickle.
+Without the server (not Linux, it was killed) a node is started by itself, as `ros2 run` does. The
+standard library's fork server is none for nodes: its children are not the runner's, so their pids,
+their output and a signal that ends them would need as much code again; each would import the
+runner's main module; and what it runs comes by pickle.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from __future__ import annotations
 import ctypes
 import json
 import os
-import select
 import signal
 import socket
 import subprocess
 import sys
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from threading import Lock
@@ -30,6 +30,8 @@ from cam_rig.interrupts import interruptible
 ADOPT, ADOPTS = 36, 37
 #: Wall time (s) that the server has to answer; a suspended one never does.
 PATIENCE_S = 60.0
+#: Wall time (s) between two looks whether a node has ended.
+POLL_S = 0.01
 #: Bytes that a command line may have for `ps` to show all of it.
 COMMAND_ROOM = 8192
 #: Of the server and its nodes, unless the user has set another: with more it forks nothing.
@@ -57,18 +59,11 @@ class ForkedProcess:
 
     def wait(self, timeout: float | None = None) -> int:
         """Wait for its end."""
+        begun = time.monotonic()
         while (code := self.poll()) is None:
-            try:
-                ended = os.pidfd_open(self.pid)
-            except ProcessLookupError:  # another thread has polled
-                continue
-            try:
-                waiter = select.poll()
-                waiter.register(ended, select.POLLIN)
-                if not waiter.poll(None if timeout is None else timeout * 1e3):
-                    raise subprocess.TimeoutExpired(str(self.pid), timeout or 0.0)
-            finally:
-                os.close(ended)
+            if timeout is not None and time.monotonic() - begun > timeout:
+                raise subprocess.TimeoutExpired(str(self.pid), timeout)
+            time.sleep(POLL_S)
         return code
 
     def send_signal(self, number: int) -> None:
@@ -91,7 +86,7 @@ class ForkServer:
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
         self._requests: socket.socket | None = None
-        self._usable = _is_possible()
+        self._usable = sys.platform == "linux"
 
     def __enter__(self) -> ForkServer:
         return self
@@ -206,11 +201,3 @@ def _adopting() -> Iterator[None]:
             yield
         finally:
             prctl(ADOPT, before)
-
-
-def _is_possible() -> bool:
-    """Whether this system has what the server needs."""
-    with suppress(AttributeError, OSError):
-        os.close(os.pidfd_open(os.getpid()))
-        return sys.platform == "linux"
-    return False

@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from queue import Empty, Queue
-from types import TracebackType
 
 from cam_rig.errors import RunError
 from cam_rig.extras import require
@@ -17,13 +16,7 @@ from cam_rig.live.sockets import require_loopback
 from cam_rig.runner.fork_server import ForkServer
 from cam_rig.runner.node_process import Arguments, NodeProcess, stop_all
 from cam_rig.runner.node_table import ENTRIES, PATIENCE_S, RECORDER
-from cam_rig.runner.resources import (
-    LOCK_GRACE_S,
-    CheckpointFolder,
-    clean,
-    log_folder,
-    require_room,
-)
+from cam_rig.runner.resources import LOCK_GRACE_S, CheckpointFolder, clean, log_folder, require_room
 
 #: Wall time (s) that a look waits for the drive's first report.
 LOOK_S = 0.05
@@ -32,16 +25,10 @@ LOOK_S = 0.05
 class Graph:
     """The nodes of one run; a context manager that leaves no process behind.
 
-    Parameters
-    ----------
-    nodes : parameters by node, the last one being the drive, whose end is the run's
-    respawn : start a node again that was killed, instead of ending the run
-    permit : of a node that is to be started again, and how it ended: whether to do so now; asked
-        again until it is
-    network : let the nodes be discovered in the whole subnet, not on this machine alone
-    log : called with what happened, a line at a time
-    namespace : the rig's, "/rig1"; empty for the root
-    server : that the nodes are forked from, where it was begun before; ended with the run
+    ``nodes`` are parameters by node, the last one being the drive, whose end is the run's. With
+    ``respawn`` a node that was killed is started again, instead of ending the run: as soon as
+    ``permit``, asked with its name and how it ended, says so. Without ``network`` the nodes are
+    discovered on this machine alone; the ``server`` that they are forked from ends with the run.
     """
 
     def __init__(
@@ -86,12 +73,7 @@ class Graph:
             stack.pop_all()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, _kind: object, error: BaseException | None, _trace: object) -> None:
         self._end()
         from cam_rig.bag.recover import NOTHING_RECORDED
 
@@ -113,7 +95,7 @@ class Graph:
         if self._checkpoints is not None:
             self._checkpoints.remove()
         # a killed node leaves segments behind, and so does one that could not write them whole
-        if any(process.leaves_pieces for process in started) or any(self._respawned.values()):
+        if any(node.process.poll() for node in started) or any(self._respawned.values()):
             time.sleep(LOCK_GRACE_S)  # by then, a port without a lock is not one of a new run
             clean(self._begun)
 
@@ -123,10 +105,7 @@ class Graph:
             yield from self.look()
 
     def look(self) -> list[dict[str, float | str]]:
-        """What the drive has reported since the last look; deals with nodes that have ended.
-
-        Waits a moment for the first report.
-        """
+        """What the drive reported since the last look, waiting a moment; deals with ended nodes."""
         ended = [name for name, process in self.processes.items() if process.has_ended]
         ended = [name for name in ended if name not in self._left_out]
         if self._drive in ended:
@@ -168,10 +147,7 @@ class Graph:
         return False
 
     def _recorder_closes(self) -> bool:
-        """Ask the recorder to close the bag while everything can still be resent to a successor.
-
-        False when it was killed instead, and is to be started again.
-        """
+        """Ask the recorder to close the bag; False when it was killed, and is to start again."""
         from cam_rig.bag.files import is_unclosed
 
         recorder = self.processes[RECORDER]

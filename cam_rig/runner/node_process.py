@@ -35,9 +35,7 @@ SHUTDOWN_GRACE_S = 10.0
 PROFILES = "FASTDDS_DEFAULT_PROFILES_FILE"
 #: Lines of stderr that are kept.
 MAX_STDERR_LINES = 1000
-
 Arguments = dict[str, str | bool | float | list[str]]
-
 Process = subprocess.Popen[str] | ForkedProcess
 
 
@@ -93,11 +91,6 @@ class NodeProcess:
     def has_ended(self) -> bool:
         """Whether it has ended."""
         return self.code is not None
-
-    @property
-    def leaves_pieces(self) -> bool:
-        """Whether it may have left shared memory behind: its middleware was not taken down."""
-        return bool(self.process.poll())
 
     @property
     def was_killed(self) -> bool:
@@ -219,10 +212,7 @@ def stop_all(nodes: list[NodeProcess]) -> None:
 
 
 def environment(network: bool = False) -> dict[str, str]:
-    """The nodes' environment: no socket leaves this machine without ``network``.
-
-    With it, a profile of the user's own counts, where there is one.
-    """
+    """The nodes' environment; only with ``network`` sockets leave this machine, as the user set."""
     from cam_rig.schema.load import config_root
 
     # The nodes' matrices are small: threads inside one node only take the cores of the others.
@@ -254,11 +244,7 @@ def live(
     split: Split | None = None,
     **drive: str | bool | float,
 ) -> dict[str, Arguments]:
-    """The nodes of a run in the order of the table, with their parameters.
-
-    ``screen`` is where a viewer draws the run to; None starts no viewer. ``split`` has the limits
-    of each file of the bag.
-    """
+    """The nodes of a run; a viewer draws to ``screen``, if any; ``split`` limits each file."""
     names = [entry.name for entry in NODES if screen is not None or entry.name != VIEWER]
     consumers = [name for name in names if name in CONSUMERS]
     given: dict[str, Arguments] = {

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 #: Starts of a node that was killed, at most, before it is given up.
 MAX_RESPAWNS = 20
@@ -19,39 +18,30 @@ END, STAY, WAIT = "end", "stay", "wait"
 
 @dataclass(frozen=True)
 class NodeEntry:
-    """One node of a run: its executable, and the parameters it gets beside scene and checkpoint.
+    """One node of a run, by its executable.
 
     A run ends with an ``essential`` node that has ended. Without another one it goes on: that node
     is started again up to ``max_respawns`` times, whatever ended it, and then left out.
     """
 
     name: str
-    parameters: dict[str, type[Any]]
     essential: bool = True
     max_respawns: int = MAX_RESPAWNS
 
 
 RECORDER, VIEWER, DRIVE = "recorder", "viewer", "cam_drive"
 NODES = (
-    NodeEntry(
-        RECORDER,
-        {
-            "bag": str,
-            "points_per_turn": int,
-            "max_bagfile_size": int,
-            "max_bagfile_duration": float,
-        },
-    ),
-    NodeEntry(VIEWER, {"address": str}, essential=False, max_respawns=3),
-    NodeEntry("microphone", {}),
-    NodeEntry("follower", {"points_per_turn": int, "motion_rate": float}),
-    NodeEntry("law_server", {}),
-    NodeEntry(DRIVE, {"pacing": str, "autostart": bool, "patience": float}),
+    NodeEntry(RECORDER),
+    NodeEntry(VIEWER, essential=False, max_respawns=3),
+    NodeEntry("microphone"),
+    NodeEntry("follower"),
+    NodeEntry("law_server"),
+    NodeEntry(DRIVE),
 )
 #: The node in place of drive and law server where a bag is replayed.
-PLAYER = NodeEntry("player", {"bag": str})
+PLAYER = NodeEntry("player")
 #: The node that passes the commands of a page in a browser on to the others.
-PANEL = NodeEntry("panel", {"socket": str}, essential=False)
+PANEL = NodeEntry("panel", essential=False)
 ENTRIES = {entry.name: entry for entry in (*NODES, PLAYER, PANEL)}
 #: The nodes that make what others consume, in a run and in a replay.
 SOURCES = ("law_server", DRIVE, PLAYER.name)
@@ -67,12 +57,6 @@ def in_chain(names: Sequence[str]) -> list[str]:
 
 
 def held_by(names: Sequence[str]) -> str:
-    """Which of some nodes that do not answer holds the others, in words.
-
-    Each waits for those that stand after it in the table.
-
-    >>> held_by(["recorder", "microphone", "follower"])
-    'follower, and behind it microphone, recorder'
-    """
+    """Which of some nodes that do not answer holds the others, in words."""
     first, *rest = in_chain(names)
     return f"{first}, and behind it {', '.join(rest)}" if rest else first

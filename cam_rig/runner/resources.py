@@ -80,15 +80,11 @@ def log_folder() -> tuple[Path, str]:
 #: The greatest ROS domain, by the ports of DDS.
 MAX_DOMAIN = 232
 #: A number as ROS reads it: as in C, where a leading 0 makes it octal.
-NUMBER = re.compile(
-    r"\s*\+?(?:0[xX](?P<hex>[0-9a-fA-F]+)|0(?P<oct>[0-7]*)|(?P<dec>[1-9][0-9]*))", re.ASCII
-)
-
+NUMBER = re.compile(r"\s*\+?(0[xX][0-9a-fA-F]+|0[0-7]*|[1-9][0-9]*)", re.ASCII)
 #: Characters of such a number, at most.
 MAX_CHARACTERS = 64
 #: A namespace of ROS; a topic's name ends it, and may have 255 characters with it.
 NAMESPACE = re.compile(r"(/(?:_?[A-Za-z]|_[0-9])(?:_?[A-Za-z0-9])*_?)+", re.ASCII)
-
 MAX_NAMESPACE = 200
 #: What opening a file raises that is not this user's own: a link, a folder, another user's.
 FOREIGN = (errno.ELOOP, errno.EISDIR, errno.EACCES, errno.EPERM)
@@ -147,8 +143,8 @@ def domain_number(text: str) -> int:
     """The ROS domain that a value of ROS_DOMAIN_ID stands for: 030 is 24, 0x10 is 16, none is 0."""
     found = NUMBER.fullmatch(text or "0") if len(text) <= MAX_CHARACTERS else None
     if found is not None:
-        digits = [(found["hex"], 16), (found["oct"], 8), (found["dec"], 10)]
-        number = next((int(d or "0", base) for d, base in digits if d is not None), 0)
+        digits = found[1].lower()
+        number = int(digits, 16 if "x" in digits else 8 if digits[0] == "0" else 10)
         if number <= MAX_DOMAIN:
             return number
     raise ConfigError(f"ROS_DOMAIN_ID: is {text[:40]!r}; allowed: 0 to {MAX_DOMAIN}")
@@ -173,13 +169,10 @@ def _lock(path: Path) -> int:
 
 #: Bytes that must be free: a page for each lock of seven nodes, several times over.
 MIN_FREE = MIB
-
 REMEDY = "remove what fills it, or give a container more (docker run --shm-size=256m)"
-
 FOLDER = Path("/dev/shm")
 #: A segment or a port has a lock file beside it, which its owner holds until it ends.
 SEGMENT = re.compile(r"fastdds_(?:[0-9a-f]{16}|port\d{1,5})")
-
 LOCKS = ("_el", "_sl")
 #: Age (s) up to which a file may yet get its lock.
 LOCK_GRACE_S = 1.0
@@ -237,17 +230,20 @@ def _are_left(files: list[Path], since: float) -> bool:
         mine = all(one.st_uid == os.getuid() for one in about)
         if not mine or not since - 1.0 < newest < time.time() - LOCK_GRACE_S:
             return False
-        return not any(_is_held(path) for path in files if path.name.endswith(LOCKS))
+        return not any(_is_locked(path) for path in files if path.name.endswith(LOCKS))
     except (OSError, ValueError):
         return False
 
 
-def _is_held(lock: Path) -> bool:
-    with lock.open("rb") as stream:
-        try:
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return True
+def _is_locked(path: Path) -> bool:
+    """Whether another process holds the lock of a file or folder, which is no link."""
+    lock = os.open(path, os.O_RDONLY | os.O_NOFOLLOW)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    finally:
+        os.close(lock)
     return False
 
 
@@ -257,18 +253,15 @@ PREFIX = "cam_rig-checkpoint-"
 
 
 class CheckpointFolder:
-    """A folder that nodes write to every tick.
+    """A folder that nodes write to every tick, in memory where there is such a place.
 
     The runner holds its lock until it ends, whatever ends it; so the next run recognises a folder
     that a killed runner left, and removes it.
-
-    Raises
-    ------
-    OutputError : no place for it can be written
     """
 
     def __init__(self, place: Path | None = None) -> None:
-        place = place or _place()
+        shared = FOLDER if os.access(FOLDER, os.W_OK) else None
+        place = place or runtime_folder() or shared or user_folder()
         _clear(place)
         try:
             self.path = Path(tempfile.mkdtemp(prefix=PREFIX, dir=place))
@@ -283,27 +276,11 @@ class CheckpointFolder:
         os.close(self._lock)
 
 
-def _place() -> Path:
-    """In memory where there is such a place; a folder made there is this user's alone."""
-    shared = FOLDER if os.access(FOLDER, os.W_OK) else None
-    return runtime_folder() or shared or user_folder()
-
-
 def _clear(place: Path) -> None:
     """Remove the folders of this user whose runner has ended."""
     for folder in place.glob(f"{PREFIX}*"):
         with suppress(OSError):  # another user's, or another run removes it now
-            if _is_left(folder):
+            about = folder.lstat()  # one that was just made may yet get its lock
+            is_old = about.st_mtime <= time.time() - LOCK_GRACE_S
+            if about.st_uid == os.getuid() and is_old and not _is_locked(folder):
                 shutil.rmtree(folder, ignore_errors=True)
-
-
-def _is_left(folder: Path) -> bool:
-    about = folder.lstat()
-    if about.st_uid != os.getuid() or about.st_mtime > time.time() - LOCK_GRACE_S:
-        return False  # one that was just made may yet get its lock
-    lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    finally:
-        os.close(lock)
-    return True

@@ -17,7 +17,6 @@ from std_srvs.srv import Trigger
 
 from cam_rig.errors import RunError
 from cam_rig.messages import topics
-from cam_rig.messages.topics import Topic
 from cam_rig.nodes.convert import message_class, qos
 from cam_rig.runner.node_table import ENTRIES
 
@@ -29,7 +28,7 @@ POLL_S = 0.02
 ANSWER_S = 5.0
 #: Messages that wait for one who listens, of a topic that is not the rig's.
 DEPTH = 1000
-_RIG_TOPICS = {topic.name: topic for topic in vars(topics).values() if isinstance(topic, Topic)}
+_RIG_TOPICS = {topic.name: topic for topic in topics.TOPICS}
 
 
 class RigClient:

@@ -106,22 +106,6 @@ def test_no_command_makes_theta_or_time_jump(scene, commands):
     assert all(b.time_ns > a.time_ns for a, b in itertools.pairwise(out))
 
 
-def test_a_halt_stands_where_the_tick_ends_and_a_rewind_begins_again():
-    """The cam stops with its last tick; after a second it runs the scene from there."""
-    schedule = SetpointSchedule(SCENE)
-    for _ in range(5):
-        schedule.advance()
-    due = schedule.next_state
-    halted = schedule.halt()
-    assert (halted.time_ns, halted.angle, halted.speed) == (due.time_ns, due.angle, 0.0)
-    assert schedule.next_state is None and schedule.halt() is None
-    schedule.rewind()
-    again = schedule.next_state
-    assert (again.time_ns, again.angle) == (due.time_ns + STANDSTILL_NS, due.angle)
-    assert again.cam == "tm21" and again.speed == pytest.approx(200 * RPM)
-    assert len(run_out(schedule)) == len(PLAN)
-
-
 def test_a_successor_continues_the_schedule():
     """The schedule's state alone determines what comes next."""
     schedule = SetpointSchedule(SCENE)
@@ -174,16 +158,14 @@ def test_the_whole_scene_goes_out_once_and_in_order():
 
 
 def test_nothing_turns_before_its_law_is_known():
-    """A cam without a published law is waited for, by name; its request is made again.
-
-    The law server may have been killed with it; once a second, not more often.
-    """
+    """A cam without a published law is waited for, by name; its request is made again. The law
+    server may have been killed with it; once a second, not more often."""
     asked = []
     program = drive(lambda cam: asked.append(cam) is None, laws={})
     for now in (0.0, 0.1, 0.9, 1.1, 1.2, 2.5):
         assert program.take(now) is None
     assert asked == ["tm21"] * 3
-    assert program.waits_for() == ["law_server"] and not program.done
+    assert program.flow.behind() == [] and not program.done
 
 
 def test_a_stopped_drive_sends_nothing_and_goes_on(program):
@@ -196,21 +178,23 @@ def test_a_stopped_drive_sends_nothing_and_goes_on(program):
     assert program.done
 
 
-def test_an_emergency_stop_waits_for_a_reset(program):
-    """The cam stands at once; start alone does nothing."""
-    out = follow(program, 5)
+def test_an_emergency_stop_stands_where_the_tick_ends_and_waits_for_a_reset(program):
+    """Start alone does nothing; after a second the scene begins again from there."""
+    follow(program, 5)
+    due = program.schedule.next_state
     standing = program.halt()
-    assert standing.speed == 0.0 and standing.time_ns > out[-1].time_ns
+    assert (standing.time_ns, standing.angle, standing.speed) == (due.time_ns, due.angle, 0.0)
+    assert program.schedule.next_state is None and program.halt() is None
     program.flow.acknowledge("all", standing.time_ns)
     program.run(True)
-    assert follow(program, 5) == []
-    assert not program.done
+    assert follow(program, 5) == [] and not program.done
     program.reset()
     assert follow(program, 5) == []
     program.run(True)
     again = follow(program, 100)
-    assert again[0].time_ns > standing.time_ns and again[0].angle == standing.angle
-    assert program.done
+    assert (again[0].time_ns, again[0].angle) == (due.time_ns + STANDSTILL_NS, due.angle)
+    assert again[0].cam == "tm21" and again[0].speed == pytest.approx(200 * RPM)
+    assert len(again) == len(PLAN) and program.done
 
 
 def test_a_successor_continues_without_a_gap():
@@ -288,24 +272,15 @@ def test_a_cam_that_the_law_server_refuses_is_dropped():
     assert program.take(10.0).cam == SCENE.cams[0]
 
 
-def test_a_state_waits_for_its_time(program):
-    """Paced, the second state goes out when its rig time has come."""
-    program.pacing.set("real_time")
-    first = program.take(50.0)
-    program.flow.acknowledge("all", first.time_ns)
-    assert program.take(50.1) is None
-    assert program.wait(50.1) == pytest.approx(0.2)
-    assert program.take(50.3).time_ns == 300_000_000
-
-
 def test_rig_time_goes_on_between_two_states(program):
-    """At half real time 5 ms of it in 10 ms, up to the next state and never past it, stopped or
-    not; a free run has none, nor has a cam that stands."""
+    """At half real time 5 ms of it in 10 ms, up to the next state, which waits for its time, and
+    never past it, stopped or not; a free run has none, nor has a cam that stands."""
     assert program.time_ns(50.0) is None
     program.pacing.set("0.5x")
     first = program.take(50.0)
     program.flow.acknowledge("all", first.time_ns)
     assert [program.time_ns(50.0 + t) for t in (0.0, 0.01, 0.3)] == [0, 5_000_000, 150_000_000]
+    assert program.take(50.1) is None and program.wait(50.1) == pytest.approx(0.5)
     assert program.time_ns(60.0) == 299_999_999
     program.run(False)  # the tick that turns is finished
     assert program.time_ns(60.0) == 299_999_999
@@ -349,9 +324,7 @@ def test_rig_time_is_never_past_the_next_state(program, seed):
 
 def test_a_late_report_of_the_law_server_is_not_an_override():
     """A cam of few ticks is sent before it is reported as mounted; the next cam turns."""
-    first, program = [state for state in PLAN if state.cam == SCENE.cams[0]], drive(laws={})
-    for law in LOADED.laws.values():
-        program.add_law(law)
+    first, program = [state for state in PLAN if state.cam == SCENE.cams[0]], drive()
     assert follow(program, len(first)) == first
     assert program.take(100.0).cam == SCENE.cams[1]  # asked for as well by now
     for cam in SCENE.cams:

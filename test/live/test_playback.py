@@ -38,9 +38,7 @@ def at(playback, wall):
 
 def shown(ticks, factor, rate, late=lambda: 0.0, settled=0):
     """Wall time, rig time (s) and how far behind the drive (s of wall time), of all that is shown.
-
-    ``late`` tells how long each state takes to the follower.
-    """
+    ``late`` tells how long each state takes to the follower."""
     playback, found, due = Playback(RATE), [], 0.0
     for n, tick in enumerate(ticks):
         came = tick.end.time_ns / NS / factor + late()

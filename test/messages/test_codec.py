@@ -9,7 +9,6 @@ from cam_rig.errors import RefusedError
 from cam_rig.laws import build_law
 from cam_rig.messages.codec import (
     BLOCK_LABEL,
-    cam_positions,
     cam_state_of,
     decode_block,
     decode_law,
@@ -22,8 +21,9 @@ from cam_rig.simulation.schedule import CamState
 from cam_rig.units import TURN
 
 
-def test_a_law_comes_back_bit_for_bit():
-    """What the law server publishes is the exact law, not a sampling of it."""
+def test_laws_and_blocks_come_back_bit_for_bit():
+    """What the law server publishes is the exact law, not a sampling of it; samples are the core's
+    numbers, unrounded."""
     for cam in ("poly345", "cycloidal", "bezier15", "tm21"):
         law = build_law(load_cam(config_root() / "cams" / f"{cam}.yaml"))
         dimensions, data = encode_law(law)
@@ -31,10 +31,6 @@ def test_a_law_comes_back_bit_for_bit():
         assert back.name == law.name
         assert np.array_equal(back.breaks, law.breaks)
         assert np.array_equal(back.ordinates, law.ordinates)
-
-
-def test_a_block_comes_back_bit_for_bit():
-    """The samples are the numbers of the core, unrounded."""
     rows = np.random.default_rng(1).normal(size=(6, 7))
     dimensions, data = encode_block(rows)
     assert np.array_equal(decode_block(dimensions, data.ravel()), rows)
@@ -78,7 +74,7 @@ def test_a_cam_state_comes_back_bit_for_bit():
         rng = np.random.default_rng(turns)
         for angle in (0.0, *rng.uniform(0.0, TURN, 50), np.nextafter(TURN, 0.0)):
             state = CamState(3_000_000_007, float(angle), 50.0, "tm21", turns)
-            assert cam_state_of(message(list(cam_positions(state)))) == state
+            assert cam_state_of(message([state.unwrapped, state.angle])) == state
 
 
 def test_a_cam_state_of_before_is_taken():

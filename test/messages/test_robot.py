@@ -54,10 +54,8 @@ def homogeneous(rotation, place):
 
 
 def poses(text, positions):
-    """``(4, 4)`` of each joint's child in its parent, by (parent, child), at joint positions.
-
-    Where a URDF puts its links: read and composed without the rig's own code.
-    """
+    """``(4, 4)`` of each joint's child in its parent, by (parent, child), at joint positions. Where
+    a URDF puts its links: read and composed without the rig's own code."""
     found = {}
     for joint in ElementTree.fromstring(text).iter("joint"):
         position, mimic = positions.get(joint.get("name")), joint.find("mimic")
@@ -115,9 +113,7 @@ def test_the_parser_of_ros_takes_it(kind, tmp_path):
 
 def test_dimensions_are_the_files(kind):
     """Base circle, roller and mass are as in the files; a follower moves up along z of base_link.
-
-    The shaft points along x.
-    """
+    The shaft points along x."""
     follower, links = kind.robot.mounted.follower, links_of(kind.urdf)
     radii = {
         name: [float(c.get("radius")) for c in link.findall("visual/geometry/cylinder")]
@@ -133,10 +129,8 @@ def test_dimensions_are_the_files(kind):
 
 
 def test_one_follower_s_joint_for_all_cams_of_the_scene(scene_of_kinds):
-    """Its limits leave room for the largest lift of the scene's cams, and for lift-off.
-
-    So do the bodies of the bench: which cam is mounted changes neither.
-    """
+    """Its limits leave room for the largest lift of the scene's cams, and for lift-off. So do the
+    bodies of the bench: which cam is mounted changes neither."""
     limits, bench = [], []
     for cam in scene_of_kinds.scene.cams:
         text = urdf(Robot.of(scene_of_kinds, cam))
@@ -179,10 +173,8 @@ def inertia(link):
 
 
 def test_every_link_has_a_mass_that_can_be(kind):
-    """Gazebo drops a link without one; principal inertias keep the triangle's inequality.
-
-    What is seen can be touched, and what is assumed says so.
-    """
+    """Gazebo drops a link without one; principal inertias keep the triangle's inequality. What is
+    seen can be touched, and what is assumed says so."""
     links = links_of(kind.urdf)
     for link in links.values():
         assert float(link.find("inertial/mass").get("value")) > 0.0
@@ -239,10 +231,8 @@ def matrices(cdr):
 
 
 def test_links_are_where_the_urdf_puts_them(kind):
-    """At random angles, over many turns, and lifts: to 1e-11, stamped with their instants.
-
-    /tf and /tf_static together hold each joint of the URDF once.
-    """
+    """At random angles, over many turns, and lifts: to 1e-11, stamped with their instants. /tf and
+    /tf_static together hold each joint of the URDF once."""
     random, count, made = np.random.default_rng(7), 10, Transforms(kind.robot)
     stamps = np.sort(random.integers(0, 100 * NS, count))
     angle, lift = random.uniform(-10.0, 1000.0, count), random.uniform(0.0, 0.02, count)
@@ -310,10 +300,8 @@ def require_on_both(robot, lift, of_cam, of_follower):
 
 
 def test_contact_is_drawn_where_it_is_and_as_hard(kind):
-    """The point is on cam and follower; the arrow is along the common normal.
-
-    Its part along y of the link follower is the contact force.
-    """
+    """The point is on cam and follower; the arrow is along the common normal. Its part along y of
+    the link follower is the contact force."""
     robot, force = kind.robot, np.linspace(1.0, 50.0, COUNT)
     lift = robot.law(ANGLE)
     found = markers(FollowerMarkers(robot).at(STAMPS, ANGLE, lift, force))
@@ -334,10 +322,8 @@ def test_contact_is_drawn_where_it_is_and_as_hard(kind):
 
 
 def test_in_flight_the_gap_is_drawn_and_said(kind):
-    """From the contour to the follower, with its length in µm; the same markers, replaced.
-
-    Of contact and flight in one tick, each instant is drawn by its own force.
-    """
+    """From the contour to the follower, with its length in µm; the same markers, replaced. Of
+    contact and flight in one tick, each instant is drawn by its own force."""
     robot = kind.robot
     lift = robot.law(ANGLE) + GAP
     found = markers(FollowerMarkers(robot).at(STAMPS, ANGLE, lift, np.zeros(COUNT)))

@@ -14,7 +14,6 @@ from types import SimpleNamespace
 import pytest
 import rclpy
 from mcap.reader import make_reader
-from rcl_interfaces.srv import DescribeParameters
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Float64
 
@@ -50,10 +49,8 @@ TICKS = 64
 
 class OneProcess:
     """The nodes of a run in this process and on one context, each spun by a thread as by its own.
-
     What a process adds is left out: its start, its end, signals. ``late`` are the nodes that do not
-    take messages before they are started.
-    """
+    take messages before they are started."""
 
     def __init__(self, nodes, late=(), namespace=""):
         self._given, self._late = nodes, late
@@ -129,7 +126,7 @@ def node_of(name):
     return getattr(import_module(f"cam_rig.nodes.{name}"), NODES[name])()
 
 
-def payloads(bag):
+def payloads_of(bag):
     """Every message's bytes by topic, in the order of rig time."""
     found = {}
     for file in mcap_files(bag):
@@ -150,10 +147,8 @@ def mapped(*pids):
 
 
 def unused():
-    """The files of Fast DDS in /dev/shm that no process uses.
-
-    Ports below 7400 are of no domain: other runs on this machine share them.
-    """
+    """The files of Fast DDS in /dev/shm that no process uses. Ports below 7400 are of no domain:
+    other runs on this machine share them."""
     names = {path.name for path in Path("/dev/shm").glob("*fastdds*")} - mapped()
     return {name for name in names if "port7" not in name}
 
@@ -175,7 +170,7 @@ def wait_until(condition):
     return found
 
 
-def size(bag):
+def size_of(bag):
     """Bytes that a bag has on disk, 0 where there is none yet."""
     return sum(file.stat().st_size for file in bag.glob("*.mcap")) if bag.is_dir() else 0
 
@@ -185,7 +180,7 @@ def patient(scene, bag, screen=None, **drive):
     return live(scene, bag, screen, **{"patience": WAIT, **drive})
 
 
-def run_here(scene, bag, on_tick=lambda _tick: None, **how):
+def run_to_end(scene, bag, on_tick=lambda _tick: None, **how):
     """Run to the end in this process; every node ends in order."""
     with OneProcess(patient(scene, bag, **how)) as here:
         for report in here.progress():
@@ -225,20 +220,14 @@ def undisturbed_bag(short_scene, tmp_path_factory):
     """An undisturbed run of the short scene in one process."""
     bag = tmp_path_factory.mktemp("undisturbed") / "bag"
     with isolated_domain():
-        run_here(short_scene, bag)
+        run_to_end(short_scene, bag)
     return bag
 
 
 @pytest.fixture(scope="session")
 def undisturbed(undisturbed_bag):
     """The payloads of that run."""
-    return payloads(undisturbed_bag)
-
-
-@pytest.fixture(scope="session")
-def wait_for():
-    """Poll until something is true, however busy the machine is."""
-    return wait_until
+    return payloads_of(undisturbed_bag)
 
 
 @pytest.fixture
@@ -286,10 +275,6 @@ class User(RigClient):
             self.set(node, name, value)
         return str(refused.value)
 
-    def describe(self, node, name):
-        request = DescribeParameters.Request(names=[name])
-        return self.ask(DescribeParameters, f"/{node}/describe_parameters", request).descriptors[0]
-
     def say_rpm(self, rpm):
         """The command topic."""
         self.publish("/cam/rpm", Float64(data=rpm))
@@ -300,21 +285,3 @@ def user(domain):
     """Somebody at a terminal, in the rig's domain."""
     with User(domain, name="user") as made:
         yield made
-
-
-@pytest.fixture(scope="session")
-def rig():
-    """What the tests of the nodes do again and again."""
-    return SimpleNamespace(
-        live=patient,
-        here=OneProcess,
-        node=node_of,
-        run=run_graph,
-        run_here=run_here,
-        payloads=payloads,
-        processes=node_processes,
-        mapped=mapped,
-        unused=unused,
-        size=size,
-        ticks=TICKS,
-    )

@@ -14,29 +14,30 @@ from cam_rig.errors import BagError
 from cam_rig.messages.topics import RECORDING, recorded_topic
 from cam_rig.runner.graph import Graph
 
-pytestmark = pytest.mark.ros
+from .conftest import OneProcess, patient, payloads_of
 
+pytestmark = pytest.mark.ros
 GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
 
 
 def test_two_rigs_in_one_domain_are_each_as_alone(
-    forked, domain, rig, short_scene, undisturbed, tmp_path
+    forked, domain, short_scene, undisturbed, tmp_path
 ):
     """One of processes, and one in this: the messages of each are those of the run alone."""
     bags = {name: tmp_path / name for name in ("rig1", "rig2")}
-    graph = Graph(rig.live(short_scene, bags["rig1"]), namespace="/rig1")
-    with graph, rig.here(rig.live(short_scene, bags["rig2"]), namespace="/rig2") as here:
+    graph = Graph(patient(short_scene, bags["rig1"]), namespace="/rig1")
+    with graph, OneProcess(patient(short_scene, bags["rig2"]), namespace="/rig2") as here:
         runs = [graph.progress(), here.progress()]
         while runs:  # side by side, a tick of each in turn
             runs = [run for run in runs if next(run, None) is not None]
     for name, bag in bags.items():
         require_complete(bag, read_recording(bag).loaded.scene)
-        payloads = rig.payloads(bag)
+        payloads = payloads_of(bag)
         names = {t.name: t.within(f"/{name}") for t in RECORDING}
         assert payloads == {names[topic]: found for topic, found in undisturbed.items()}
 
 
-def test_a_bag_of_a_namespace_is_read_and_recovered_like_any_other(rig, namespaced, tmp_path):
+def test_a_bag_of_a_namespace_is_read_and_recovered_like_any_other(namespaced, tmp_path):
     """Counts and messages bear the names of the table, and a recovered bag those of its rig."""
     bag, expected = namespaced("/lab/rig1")
     assert read_counts(bag) == expected
@@ -45,7 +46,7 @@ def test_a_bag_of_a_namespace_is_read_and_recovered_like_any_other(rig, namespac
     recovered = recover(bag, tmp_path / "recovered")
     assert not recovered.loss.gaps
     assert read_counts(tmp_path / "recovered") == expected
-    assert all(name.startswith("/lab/rig1/") for name in rig.payloads(tmp_path / "recovered"))
+    assert all(name.startswith("/lab/rig1/") for name in payloads_of(tmp_path / "recovered"))
 
 
 def test_a_bag_of_two_rigs_is_refused_by_their_names(namespaced):

@@ -1,7 +1,6 @@
 """The nodes as processes: the same numbers, one line where one cannot go on, signals, imports."""
 
 import json
-import os
 import random
 import shutil
 import signal
@@ -20,20 +19,17 @@ from cam_rig.runner.graph import Graph
 from cam_rig.runner.node_process import NodeProcess
 from cam_rig.schema.load import config_root
 
+from .conftest import node_processes, patient, payloads_of, size_of, wait_until
+
 pytestmark = pytest.mark.ros
 LONG = pytest.mark.long
 NODES = ("recorder", "microphone", "follower", "law_server", "cam_drive")
 
 
-def python(*arguments):
+def python(code):
     """What a Python of its own does, with its output as text."""
-    return subprocess.run(
-        [sys.executable, *arguments],
-        capture_output=True,
-        text=True,
-        timeout=100,
-        check=False,
-    )
+    command = [sys.executable, "-c", code]
+    return subprocess.run(command, capture_output=True, text=True, timeout=100, check=False)
 
 
 # A run.
@@ -58,7 +54,7 @@ def sockets(pid):
 
 
 def test_a_run_of_processes_is_that_of_one(
-    forked, domain, rig, short_scene, undisturbed, tmp_path, wait_for, monkeypatch
+    forked, domain, short_scene, undisturbed, tmp_path, monkeypatch
 ):
     """The bag, byte by byte; no process is left. Whatever the user's own settings, every socket is
     on the loopback, and on the multicast group joined there."""
@@ -72,61 +68,43 @@ def test_a_run_of_processes_is_that_of_one(
         found = {name: sockets(node.process.pid) for name, node in graph.processes.items()}
         return found if all(found.values()) else None
 
-    with Graph(rig.live(short_scene, tmp_path / "bag", pacing="5x")) as graph:
+    with Graph(patient(short_scene, tmp_path / "bag", pacing="5x")) as graph:
         next(graph.progress())
-        found = wait_for(addresses_of_all)
+        found = wait_until(addresses_of_all)
         for _ in graph.progress():
             pass
     assert set(found) == set(NODES)
     assert all("127.0.0.1" in addresses for addresses in found.values())
     assert set.union(*found.values()) <= {"127.0.0.1", "239.255.0.1"}
-    assert rig.payloads(tmp_path / "bag") == undisturbed
-    assert rig.processes(tmp_path / "bag") == []
-
-
-def start_run(rig, wait_for, short_scene, tmp_path):
-    """A run under way, of a scene file of its own, by which its nodes are found."""
-    scene, bag = tmp_path / "scenes" / "short.yaml", tmp_path / "bag"
-    scene.parent.mkdir()
-    shutil.copy(short_scene, scene)
-    command = [sys.executable, "-m", "cam_rig.cli.main", "run", str(scene), "--bag", str(bag)]
-    command += ["--pacing", "0.3x"]  # no end before the test's
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=dict(os.environ))
-    wait_for(lambda: rig.size(bag) > 100_000)
-    assert len(rig.processes(scene)) > 5  # the runner and its five nodes
-    return process, scene, bag
+    assert payloads_of(tmp_path / "bag") == undisturbed
+    assert node_processes(tmp_path / "bag") == []
 
 
 @pytest.mark.parametrize(
     "name", ["SIGINT", *(pytest.param(name, marks=LONG) for name in ("SIGTERM", "SIGHUP"))]
 )
-def test_a_signal_ends_all_and_closes_the_bag(domain, rig, wait_for, short_scene, tmp_path, name):
+def test_a_signal_ends_all_and_closes_the_bag(domain, short_scene, tmp_path, name):
     """Ctrl-C, kill, a closed terminal: code 128 + signal, a closed bag, no process left."""
-    process, scene, bag = start_run(rig, wait_for, short_scene, tmp_path)
-    number = getattr(signal, name)
+    bag, number = tmp_path / "bag", getattr(signal, name)
+    command = [sys.executable, "-m", "cam_rig.cli.main", "run", str(short_scene), "--bag", str(bag)]
+    command += ["--pacing", "0.3x"]  # no end before the test's
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    wait_until(lambda: size_of(bag) > 100_000)
+    assert len(node_processes(short_scene)) > 5  # the runner and its five nodes
     process.send_signal(number)
     _, words = process.communicate(timeout=100)
     assert process.returncode == 128 + number
     assert f"interrupted by {name}" in words
     assert read_recording(bag).ticks
-    assert rig.processes(scene) == []
-
-
-@LONG  # a node and a fork server are looked at in every run (test/runner)
-def test_a_killed_runner_leaves_no_node(domain, wait_for, rig, short_scene, tmp_path):
-    """kill -9 of the runner: the nodes end by themselves."""
-    process, scene, _ = start_run(rig, wait_for, short_scene, tmp_path)
-    process.kill()
-    process.communicate(timeout=100)
-    wait_for(lambda: not rig.processes(scene))
+    assert node_processes(short_scene) == []
 
 
 def test_a_run_that_is_interrupted_before_it_began_has_recorded_nothing(
-    forked, domain, rig, short_scene, tmp_path
+    forked, domain, short_scene, tmp_path
 ):
     """And reports so, not that a bag was closed."""
     logged = []
-    graph = Graph(rig.live(short_scene, tmp_path / "bag"), log=logged.append)
+    graph = Graph(patient(short_scene, tmp_path / "bag"), log=logged.append)
     with pytest.raises(KeyboardInterrupt), graph:
         raise KeyboardInterrupt
     assert logged == ["nothing was recorded"]
@@ -134,10 +112,6 @@ def test_a_run_that_is_interrupted_before_it_began_has_recorded_nothing(
 
 
 # A node that cannot go on: its error reaches the user, with a code.
-
-
-def arguments(*parameters):
-    return ["--ros-args", *(part for parameter in parameters for part in ("-p", parameter))]
 
 
 @pytest.fixture
@@ -179,13 +153,6 @@ def test_a_node_reports_why_it_ends(domain, run_here):
         assert words in logged and "Traceback" not in logged
 
 
-def test_the_code_is_the_processs(domain):
-    """As any shell sees it."""
-    ended = python("-m", "cam_rig.nodes", "microphone", *arguments("time_weighting:=X"))
-    assert ended.returncode == 2
-    assert ended.stderr == "cam_rig: time_weighting: has X; allowed: F, S\n"
-
-
 @pytest.mark.parametrize(("failed", "code"), [(False, -signal.SIGALRM), (True, 1)])
 def test_a_middleware_that_never_returns_is_left(failed, code):
     """It may hold the interpreter too, so that no Python code runs any more; nor is an alarm left
@@ -200,7 +167,7 @@ def test_a_middleware_that_never_returns_is_left(failed, code):
         f"with process.bounded(failed={failed}): print('left', flush=True) or "
         "ctypes.PyDLL(None).sleep(600)",
     )
-    ended = python("-c", "\n".join(lines))
+    ended = python("\n".join(lines))
     assert (ended.stdout, ended.returncode) == ("left\n", code)
 
 
@@ -226,13 +193,8 @@ def test_a_signal_that_comes_early_ends_a_node_in_order(
 
 def test_a_node_ends_by_a_signal_that_its_shell_ignores(domain, short_scene):
     """A script's background job inherits SIGINT ignored: the node listens to it all the same."""
-    command = [
-        sys.executable,
-        "-m",
-        "cam_rig.nodes",
-        "follower",
-        *arguments(f"scene:={short_scene}"),
-    ]
+    command = [sys.executable, "-m", "cam_rig.nodes", "follower", "--ros-args"]
+    command += ["-p", f"scene:={short_scene}"]
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         node = subprocess.Popen(command)
@@ -265,6 +227,6 @@ for names in (("process", "cam_drive", "microphone"), ("follower", "law_server")
 
 def test_a_node_imports_what_it_needs():
     """Started by `ros2 run`, a launch file or the runner."""
-    lines = map(json.loads, python("-c", IMPORTS).stdout.splitlines())
+    lines = map(json.loads, python(IMPORTS).stdout.splitlines())
     for loaded, barred in zip(lines, (NEVER | OF_BAGS, NEVER | {"mcap"}, NEVER), strict=True):
         assert set(loaded) & barred == set()

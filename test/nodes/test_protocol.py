@@ -2,17 +2,15 @@
 
 from functools import partial
 from random import Random
+from types import SimpleNamespace
 
 import pytest
-from geometry_msgs.msg import WrenchStamped
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
-from sensor_msgs.msg import JointState
 from std_msgs.msg import String
-from visualization_msgs.msg import MarkerArray
 
 from cam_rig.bag.completeness import require_complete
 from cam_rig.bag.reader import read_counts, read_recording
@@ -25,6 +23,8 @@ from cam_rig.nodes.rig_node import RigPublisher
 from cam_rig.schema.load import config_root
 from cam_rig.simulation.simulate import simulate
 from cam_rig.testing.client import RigClient
+
+from .conftest import TICKS, OneProcess, patient, payloads_of, run_to_end, wait_until
 
 pytestmark = pytest.mark.ros
 QUICK = config_root() / "scenes" / "quick.yaml"
@@ -40,9 +40,9 @@ def require_as_simulated(bag):
     return recording
 
 
-def test_the_nodes_give_the_numbers_of_the_core(rig, undisturbed_bag):
+def test_the_nodes_give_the_numbers_of_the_core(undisturbed_bag):
     """The bag of a run is what the scene gives without nodes."""
-    assert len(require_as_simulated(undisturbed_bag).ticks) == rig.ticks
+    assert len(require_as_simulated(undisturbed_bag).ticks) == TICKS
 
 
 RAMP = '  ramp: {assumed: 0.4, unit: s, source: "a test"}\n  ticks_per_turn: 3\n'
@@ -62,7 +62,7 @@ RAMP = '  ramp: {assumed: 0.4, unit: s, source: "a test"}\n  ticks_per_turn: 3\n
         ),
     ],
 )
-def test_other_programs_give_the_numbers_of_the_core_too(domain, rig, tmp_path, changes):
+def test_other_programs_give_the_numbers_of_the_core_too(domain, tmp_path, changes):
     """Every tick from the first; a report on one cam is not taken for the next."""
     text = QUICK.read_text(encoding="utf-8")
     for old, new in changes.items():
@@ -71,79 +71,63 @@ def test_other_programs_give_the_numbers_of_the_core_too(domain, rig, tmp_path, 
     scene, ticks = tmp_path / "scenes" / "quick.yaml", []
     scene.parent.mkdir()
     scene.write_text(text, encoding="utf-8")
-    rig.run_here(scene, tmp_path / "bag", ticks.append)
+    run_to_end(scene, tmp_path / "bag", ticks.append)
     assert ticks == list(range(len(ticks)))
     require_as_simulated(tmp_path / "bag")
 
 
-def test_nothing_is_sent_before_every_node_is_ready(domain, rig, short_scene, wait_for, tmp_path):
+def test_nothing_is_sent_before_every_node_is_ready(domain, short_scene, tmp_path):
     """The recorder stands while it starts: no state goes out; then it goes on, and all goes out."""
     bag = tmp_path / "bag"
-    with rig.here(rig.live(short_scene, bag), late=["recorder"]) as here:
-        wait_for(lambda: here.nodes["cam_drive"]._awaited == {"recorder"})
+    with OneProcess(patient(short_scene, bag), late=["recorder"]) as here:
+        wait_until(lambda: here.nodes["cam_drive"]._awaited == {"recorder"})
         assert here.nodes["follower"].taken < 5 and here.nodes["cam_drive"].newest_ns < 0
         here.start("recorder")
-        assert [report["tick"] for report in here.progress()][-1] == rig.ticks
-    assert read_counts(bag)["/cam/state"] == rig.ticks + 1
+        assert [report["tick"] for report in here.progress()][-1] == TICKS
+    assert read_counts(bag)["/cam/state"] == TICKS + 1
 
 
 # A subscriber gets the bytes that the bag holds.
 
-KINDS = {
-    topics.JOINT_STATES: JointState,
-    topics.FOLLOWER_CONTACT: WrenchStamped,
-    topics.FOLLOWER_MARKERS: MarkerArray,
-}
-#: What the law server says of the mounted cam, latched.
-MOUNTED = {topics.ROBOT_DESCRIPTION: String, topics.CAM_MARKERS: MarkerArray}
+#: At each instant; and, latched, of the mounted cam.
+MOVING = (topics.JOINT_STATES, topics.FOLLOWER_CONTACT, topics.FOLLOWER_MARKERS)
+MOUNTED = (topics.ROBOT_DESCRIPTION, topics.CAM_MARKERS)
 
 
-def test_what_a_subscriber_gets_is_what_the_bag_holds(
-    user, rig, short_scene, undisturbed, wait_for, tmp_path
-):
+def test_what_a_subscriber_gets_is_what_the_bag_holds(user, short_scene, undisturbed, tmp_path):
     """Byte by byte, each once and in order, from when it has joined; the bag is no other for it."""
-    bag, found = tmp_path / "bag", {topic.name: [] for topic in KINDS}
-    mounted = {topic.name: [] for topic in MOUNTED}
+    bag, found = tmp_path / "bag", {topic: [] for topic in (*MOVING, *MOUNTED)}
+    latched = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
     def is_known(topic):
         user.spin(0.05)
         return user.node.count_publishers(topic.name) > 0
 
-    def is_received():
-        user.spin()
-        return all(found.values()) and all(mounted.values())
+    def plain(topic):  # DDS fills the last four bytes up
+        return [read_message(topic, cdr)[1] for cdr in found[topic]]
 
-    with rig.here(rig.live(short_scene, bag, autostart=False)) as here:
-        for topic, kind in KINDS.items():
-            got = found[topic.name].append
-            user.node.create_subscription(kind, topic.name, got, QoSProfile(depth=50_000), raw=True)
-            wait_for(partial(is_known, topic))
-        for topic, kind in MOUNTED.items():
-            got = mounted[topic.name].append
-            late = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-            user.node.create_subscription(kind, topic.name, got, late, raw=True)
-            wait_for(partial(is_known, topic))
+    def is_received():  # a spin takes one message of those that wait
+        user.spin()
+        return all(set(plain(topic)) >= set(payloads[topic.name]) for topic in MOUNTED)
+
+    with OneProcess(patient(short_scene, bag, autostart=False)) as here:
+        for topic, got in found.items():
+            how = latched if topic in MOUNTED else QoSProfile(depth=50_000)
+            kind = message_class(topic)
+            user.node.create_subscription(kind, topic.name, got.append, how, raw=True)
+            wait_until(partial(is_known, topic))
         user.call("/cam_drive/start")
         for _ in here.progress():
-            is_received()
-    payloads = rig.payloads(bag)
-
-    def is_drained():  # a spin takes one message of those that wait
-        is_received()
-        known = {t.name: {read_message(t, cdr)[1] for cdr in mounted[t.name]} for t in MOUNTED}
-        return all(found.values()) and all(known[n] >= set(payloads[n]) for n in known)
-
-    wait_for(is_drained)
-    for topic in (*KINDS, *MOUNTED):  # DDS fills the last four bytes up
-        got = (found | mounted)[topic.name]
-        got[:] = [read_message(topic, cdr)[1] for cdr in got]
-    for name, got in found.items():
-        recorded = payloads[name]
-        assert recorded == undisturbed[name]
+            user.spin()
+    payloads = payloads_of(bag)
+    wait_until(lambda: is_received() and all(found.values()))
+    for topic in MOVING:
+        got, recorded = plain(topic), payloads[topic.name]
         first = recorded.index(got[0])
         assert got == recorded[first : first + len(got)]
-    for name, got in mounted.items():  # one that comes late has the cam that is mounted
-        assert list(dict.fromkeys(got)) == payloads[name]
+        assert recorded == undisturbed[topic.name]
+    for topic in MOUNTED:  # one that comes late has the cam that is mounted
+        assert list(dict.fromkeys(plain(topic))) == payloads[topic.name]
 
 
 #: What holds up a publisher that waits for its readers: reliable, and nothing is ever dropped.
@@ -154,10 +138,10 @@ KEEPS_ALL = QoSProfile(
 )
 
 
-def test_strangers_change_nothing(user, domain, rig, short_scene, undisturbed, tmp_path):
+def test_strangers_change_nothing(user, domain, short_scene, undisturbed, tmp_path):
     """DDS matches no endpoints of different types; and histories keep the newest, so that the drive
     waits for its own consumers, not for a reader that never reads."""
-    published = [topic for topic in topics.RECORDING if topic.package != "tf2_msgs"]
+    published = [topic for topic in topics.RECORDING if not topic.type.startswith("tf2_msgs")]
     for topic in published:
         user.node.create_subscription(message_class(topic), topic.name, print, KEEPS_ALL)
     with RigClient(domain) as other:
@@ -171,41 +155,24 @@ def test_strangers_change_nothing(user, domain, rig, short_scene, undisturbed, t
             for publisher in out:
                 publisher.publish(String(data="nonsense"))
 
-        rig.run_here(short_scene, tmp_path / "bag", talk)
-    assert rig.payloads(tmp_path / "bag") == undisturbed
+        run_to_end(short_scene, tmp_path / "bag", talk)
+    assert payloads_of(tmp_path / "bag") == undisturbed
 
 
 # Answers that were lost to queue overflow are sent again.
 
 
-class Listener:
-    """Stands in for a publisher: remembers what went out."""
-
-    def __init__(self):
-        self.published = []
-
-    def publish(self, message):
-        self.published.append(message)
-
-
-def test_a_tick_is_resent_in_order():
-    """All messages of the tick that is asked for, and of no other."""
-    out, repeats = Listener(), ResendBuffer()
-    repeats.publish(10, [(out, "a"), (out, "b")])
-    repeats.publish(20, [(out, "c")])
-    repeats.resend(10)
-    assert out.published == ["a", "b", "c", "a", "b"]
-
-
-def test_only_ticks_in_flight_are_remembered():
-    """Memory is bounded; what every consumer has acknowledged is not resent."""
-    out, repeats = Listener(), ResendBuffer()
+def test_ticks_in_flight_are_resent_in_order():
+    """All messages of the tick that is asked for; of what every consumer has acknowledged none is
+    remembered."""
+    published, repeats = [], ResendBuffer()
+    out = SimpleNamespace(publish=published.append)
     for stamp in range(100):
-        repeats.publish(stamp, [(out, stamp)])
-    out.published.clear()
+        repeats.publish(stamp, [(out, f"{stamp}a"), (out, f"{stamp}b")])
+    published.clear()
     for stamp in range(100):
         repeats.resend(stamp)
-    assert out.published == [95, 96, 97, 98, 99]
+    assert published == [f"{stamp}{of}" for stamp in range(95, 100) for of in "ab"]
 
 
 # A writer that a subscriber holds up loses nothing that the rig needs.
@@ -284,9 +251,7 @@ def test_weightings_change_live(make):
     wanted = [Parameter(name, value=v) for name, v in zip(names, "AS", strict=True)]
     assert microphone.set_parameters_atomically(wanted).successful
     assert microphone._meter.quantity == "LAS"
-    refused = microphone.set_parameters([Parameter("frequency_weighting", value="B")])[0]
-    assert (refused.successful, refused.reason) == (
-        False,
-        "frequency_weighting: has B; allowed: A, C, Z",
-    )
+    assert not microphone.set_parameters([Parameter("frequency_weighting", value="B")])[
+        0
+    ].successful
     assert microphone._meter.quantity == "LAS"

@@ -12,32 +12,17 @@ from cam_rig.messages import topics
 from cam_rig.messages.codec import cam_state_of
 from cam_rig.messages.serialization import read_message, stamp_of
 from cam_rig.nodes.convert import message_class
-from cam_rig.runner.graph import Graph
+
+from .conftest import OneProcess, patient, payloads_of, wait_until
 
 pytestmark = pytest.mark.ros
 MOTION = (topics.JOINT_STATES, topics.FOLLOWER_CONTACT, topics.FOLLOWER_MARKERS)
-SCENE = """
-name: one_speed
-title: One speed
-cams: [tm21]
-rig: tm21
-model: one_mass
-sample_rate: {{assumed: 12, unit: kHz, source: "a test"}}
-program:
-  speeds: {{assumed: [{rpm}], unit: rpm, source: "a test"}}
-  turns: {{assumed: {turns}, unit: turns, source: "a test"}}
-  settle_turns: {{assumed: 1, unit: turns, source: "a test"}}
-  ticks_per_turn: {ticks}
-published: tm21_noise
-"""
 
 
 class Watcher:
     """Somebody who notes the wall time of each message's arrival, as a thread beside the test.
-
     ``control`` are the wall times at which another thread woke that wants to at the same rate: how
-    even anything can be on this machine now.
-    """
+    even anything can be on this machine now."""
 
     def __init__(self, user, rate):
         self.user, self.rate, self.ended = user, rate, threading.Event()
@@ -106,92 +91,42 @@ class Watcher:
         assert np.median(gaps) >= 0.5 * min(period, other_gap), topic.name
 
 
-def print_seen(seen, rpm, ticks, factor, lag, advance):
-    """A row of what was measured, shown by ``pytest -s``."""
-    parts = [f"{rpm} rpm, {ticks} ticks, {factor}x"]
-    for topic, longest in ((topics.JOINT_STATES, 0.015), (topics.CLOCK, 0.015)):
-        gaps = np.diff(seen.times(topic)[0])
-        parts.append(f"{1.0 / gaps.mean():.1f} Hz, {100.0 * np.mean(gaps <= longest):.2f} %")
-    woke = np.diff(seen.control)
-    parts.append(f"{100.0 * np.mean(woke <= 0.015):.2f} %")
-    parts.append(f"{1e3 * np.quantile(lag, 0.99):.0f} ms")
-    parts.append(f"{100.0 * np.mean(np.abs(advance - 1.0) <= 0.05):.1f} %")
-    parts.append(f"{100.0 * np.std(advance):.1f} %")
-    print("|", " | ".join(parts), "|")
-
-
-def watch(user, rig, wait_for, running, rate=100.0, seconds=None):
-    """Watch a run that stands to its end, or for a wall time (s)."""
-    watcher = Watcher(user, rate)
-    with running as run:
-        for topic in watcher.heard:
-            wait_for(lambda topic=topic: watcher.sees(topic))
-        user.call("/cam_drive/start")
-        begin = time.monotonic()
-        with watcher.watching():
-            for _ in run.progress():
-                if seconds is not None and time.monotonic() - begin > seconds:
-                    break
-    return watcher
-
-
-def paced(rig, scene, bag, pacing, rate):
-    """The nodes of a run that stands, to turn at a pace."""
-    nodes = rig.live(scene, bag, autostart=False, pacing=pacing)
-    nodes["follower"]["motion_rate"] = rate
-    return nodes
-
-
+@pytest.mark.parametrize(
+    ("factor", "rate"), [(2.0, 50.0), pytest.param(0.5, 100.0, marks=pytest.mark.long)]
+)
 def test_a_paced_run_is_seen_evenly_and_recorded_as_any(
-    user, rig, wait_for, short_scene, undisturbed, tmp_path
+    user, short_scene, undisturbed, tmp_path, factor, rate
 ):
-    """At 2x the motion comes 50 times a second, samples of the bag; this is the free run's."""
-    bag = tmp_path / "bag"
-    here = rig.here(paced(rig, short_scene, bag, "2x", 50.0))
-    seen = watch(user, rig, wait_for, here, rate=50.0)
-    assert rig.payloads(bag) == undisturbed
-    rows = np.concatenate([tick.rows for tick in read_ticks(bag)], axis=1)
+    """The motion comes so many times a second, at most a tick and 50 ms behind the drive, samples
+    of the bag; this is the free run's. /clock goes on between the states."""
+    bag, seen = tmp_path / "bag", Watcher(user, rate)
+    nodes = patient(short_scene, bag, autostart=False, pacing=f"{factor}x")
+    nodes["follower"]["motion_rate"] = rate
+    with OneProcess(nodes) as run:
+        for topic in seen.heard:
+            wait_until(lambda topic=topic: seen.sees(topic))
+        user.call("/cam_drive/start")
+        with seen.watching():
+            for _ in run.progress():
+                pass
+    assert payloads_of(bag) == undisturbed
+    late, (drive_wall, drive) = seen.lateness(factor), seen.times(topics.CAM_STATE)
     for topic in MOTION[:2]:  # markers bear their stamp within
-        seen.assert_even(topic, 50.0, seen.lateness(2.0))
+        seen.assert_even(topic, rate, late)
         assert (np.diff(seen.times(topic)[1]) > 0.0).all()
+    wall, stamps = seen.times(topics.JOINT_STATES)
+    inside = (wall > drive_wall[0]) & (wall < drive_wall[-1])
+    lag = (np.interp(wall[inside], drive_wall, drive) - stamps[inside]) / factor
+    assert np.quantile(lag, 0.99) <= np.diff(drive).max() / factor + 0.05 + late
+    assert seen.lags and all(lag > 0.0 for lag in seen.lags)
     clock = seen.times(topics.CLOCK)[1]
-    assert (np.diff(clock) > 0.0).all()
+    assert (np.diff(clock) > 0.0).all() and len(clock) > 1.5 * len(drive)
+    seen.assert_even(topics.CLOCK, 125.0, late, np.median(np.diff(drive_wall)))
     states = [cam_state_of(m).time_ns for _, _, m in messages(bag, (topics.CAM_STATE,))]
     assert set(states) <= {stamp_of(cdr) for _, cdr in seen.heard[topics.CLOCK]}
-    assert len(clock) > 1.5 * len(states)  # it goes on between them
+    rows = np.concatenate([tick.rows for tick in read_ticks(bag)], axis=1)
     for _, cdr in seen.heard[topics.JOINT_STATES]:
         message, stamp = read_message(topics.JOINT_STATES, cdr)[0], stamp_of(cdr) * 1e-9
         sample = np.abs(rows[0] - stamp).argmin()
-        assert abs(rows[0, sample] - stamp) < 2e-9
-        assert (message.position[1], message.velocity[1], message.effort[1]) == tuple(
-            rows[[1, 2, 4], sample]
-        )
-    assert seen.lags and all(lag > 0.0 for lag in seen.lags)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("factor", [0.25, 1.0, 4.0])
-@pytest.mark.parametrize(("rpm", "ticks"), [(20, 1), (220, 1), (220, 12), (2000, 1), (2000, 72)])
-def test_any_speed_is_seen_evenly(forked, user, rig, wait_for, tmp_path, rpm, ticks, factor):
-    """A message a period, at most a turn and 50 ms behind the drive, and what the machine adds;
-    twenty times a second the newest angle has advanced by what the speed says."""
-    (tmp_path / "scenes").mkdir()
-    scene, seconds = tmp_path / "scenes" / "one_speed.yaml", 10.0 + 2.0 * 60.0 / rpm / factor
-    turns = int(seconds * factor * rpm / 60.0) + 3
-    scene.write_text(SCENE.format(rpm=rpm, turns=turns, ticks=ticks), encoding="utf-8")
-    graph = Graph(paced(rig, scene, tmp_path / "bag", f"{factor}x", 100.0))
-    seen = watch(user, rig, wait_for, graph, seconds=seconds)
-    late = seen.lateness(factor)
-    for topic in MOTION[:2]:
-        seen.assert_even(topic, 100.0, late)
-    wall, stamps = seen.times(topics.JOINT_STATES)
-    drive_wall, drive = seen.times(topics.CAM_STATE)
-    seen.assert_even(topics.CLOCK, 125.0, late, np.median(np.diff(drive_wall)))
-    inside = (wall > drive_wall[0]) & (wall < drive_wall[-1])
-    lag = (np.interp(wall[inside], drive_wall, drive) - stamps[inside]) / factor
-    assert np.quantile(lag, 0.99) <= 60.0 / rpm / factor + 0.05 + late
-    frames = np.arange(wall[0] + 1.0, wall[-1] - 0.01, 0.05) + 0.001 * np.arange(10)[:, np.newaxis]
-    newest = stamps[np.searchsorted(wall, frames) - 1]  # pictures that begin at any moment
-    advance = np.diff(newest) / 0.05 / factor
-    print_seen(seen, rpm, ticks, factor, lag, advance)
-    assert np.mean(np.abs(advance - 1.0) * 0.05 <= 0.05 * 0.05 + 0.01 + late) > 0.95
+        shown = message.position[1], message.velocity[1], message.effort[1]
+        assert abs(rows[0, sample] - stamp) < 2e-9 and shown == tuple(rows[[1, 2, 4], sample])

@@ -12,6 +12,8 @@ from cam_rig.viewer.page import newest_recording
 from cam_rig.viewer.process import free_port, stream_address
 from cam_rig.viewer.recording import save_recording
 
+from .conftest import patient, run_to_end, wait_until
+
 pytestmark = [pytest.mark.ros, pytest.mark.filterwarnings("ignore:RRD file has no footer")]
 QUICK = config_root() / "scenes" / "quick.yaml"
 CURVES = ("lift/follower", "lift/law", "velocity/follower", "force/contact", "level", "speed")
@@ -50,38 +52,34 @@ def as_recorded(bag, folder):
     return recorded
 
 
-def test_the_live_picture_is_the_bags(domain, wait_for, rig, tmp_path):
-    """All six nodes run, no tick is missing in bag or picture, and the numbers are the same.
-
-    Of every two samples of this scene a live curve has the least and the greatest.
-    """
+def test_the_live_picture_is_the_bags(domain, tmp_path):
+    """All six nodes run, no tick is missing in bag or picture, and the numbers are the same. Of
+    every two samples of this scene a live curve has the least and the greatest."""
     bag, folder = tmp_path / "bag", tmp_path / "page"
     folder.mkdir()
-    rig.run_here(QUICK, bag, screen=str(folder))
+    run_to_end(QUICK, bag, screen=str(folder))
     recorded = as_recorded(bag, tmp_path)
-    seen = wait_for(lambda: arrived(newest_recording(folder), recorded))
+    seen = wait_until(lambda: arrived(newest_recording(folder), recorded))
     for name in CURVES:
         times, values = seen[name].T
         there = np.isin(recorded[name][:, 0], times)
         np.testing.assert_array_equal(seen[name], recorded[name][there], err_msg=name)
         assert np.diff(times).max() <= 2.0 * np.diff(recorded[name][:, 0]).max(), name
-        assert (values.min(), values.max()) == (
-            recorded[name][:, 1].min(),
-            recorded[name][:, 1].max(),
-        )
+        whole = recorded[name][:, 1]
+        assert (values.min(), values.max()) == (whole.min(), whole.max())
 
 
 @pytest.mark.long
-def test_a_killed_viewer_is_started_again(forked, domain, wait_for, rig, tmp_path):
+def test_a_killed_viewer_is_started_again(forked, domain, tmp_path):
     """A spectator does not cost the measurement: the bag is whole, and the new one sees the end."""
     bag, folder, logged = tmp_path / "bag", tmp_path / "page", []
     folder.mkdir()
-    with Graph(rig.live(QUICK, bag, str(folder), pacing="1x"), log=logged.append) as graph:
+    with Graph(patient(QUICK, bag, str(folder), pacing="1x"), log=logged.append) as graph:
         for report in graph.progress():
             if report["tick"] == 2:
                 graph.processes["viewer"].process.kill()
     recorded = as_recorded(bag, tmp_path)
-    seen = wait_for(lambda: curves(newest_recording(folder)))
+    seen = wait_until(lambda: curves(newest_recording(folder)))
     assert ["viewer" in line and "started again" in line for line in logged] == [True]
     for name in CURVES:
         np.testing.assert_array_equal(seen[name][-1], recorded[name][-1], err_msg=name)
@@ -89,25 +87,16 @@ def test_a_killed_viewer_is_started_again(forked, domain, wait_for, rig, tmp_pat
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    "address", [stream_address(free_port()), "/no/such/folder"], ids=["port", "folder"]
+    ("address", "pacing"),
+    [("/no/such/folder", "free"), (stream_address(free_port()), "1x")],
+    ids=["nobody listens", "killed whenever it is there"],
 )
-def test_without_a_viewer_the_run_goes_on(forked, domain, rig, tmp_path, address):
-    """Nobody listens at the address: the bag is whole all the same."""
-    bag = tmp_path / "bag"
-    with Graph(rig.live(QUICK, bag, address)) as graph:
-        for _ in graph.progress():
-            pass
-    require_complete(bag, load_scene(QUICK))
-
-
-@pytest.mark.long
-def test_a_run_goes_on_without_a_viewer_that_cannot_stay(forked, domain, rig, tmp_path):
-    """Killed whenever it is there: the drive stops waiting for it, and the bag is whole."""
+def test_a_run_goes_on_without_a_viewer_that_cannot_stay(forked, domain, tmp_path, address, pacing):
+    """The drive stops waiting for it, and the bag is whole."""
     bag, logged = tmp_path / "bag", []
-    address = stream_address(free_port())
-    with Graph(rig.live(QUICK, bag, address, pacing="1x"), log=logged.append) as graph:
+    with Graph(patient(QUICK, bag, address, pacing=pacing), log=logged.append) as graph:
         for report in graph.progress():
-            if report["tick"] >= 2:
+            if pacing == "1x" and report["tick"] >= 2:
                 graph.processes["viewer"].process.kill()
     require_complete(bag, load_scene(QUICK))
     assert any("node viewer" in line for line in logged)

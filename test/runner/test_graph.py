@@ -1,6 +1,7 @@
 """The runner: which exit ends the run, which node is started again, which one is named."""
 
 import errno
+import os
 import resource
 import signal
 import subprocess
@@ -8,7 +9,8 @@ import sys
 import threading
 from itertools import combinations
 from pathlib import Path
-from typing import ClassVar
+from types import SimpleNamespace
+from unittest.mock import Mock
 
 import pytest
 
@@ -23,189 +25,142 @@ from cam_rig.runner.resources import log_folder
 KILLED = -signal.SIGKILL
 
 
-class Process:
-    """Stands in for a node's process: it has ended with a code, or runs."""
-
-    codes: dict
-    overdue = is_suspended = False
-
-    def __init__(self, name, *_):
-        self.name = name
-        self.code = self.codes[name].pop(0) if self.codes.get(name) else None
-
-    @property
-    def has_ended(self):
-        return self.code is not None
-
-    @property
-    def leaves_pieces(self):
-        return bool(self.code)
-
-    @property
-    def was_killed(self):
-        return self.has_ended and self.code < 0
-
-    def settle(self):
-        pass
-
-    def exit_summary(self):
-        return f"{self.name} ended with {self.code}"
-
-    def last_stderr_line(self):
-        return "no space"
-
-
-def torn_bag(bag):
-    """What a recorder leaves that was killed before it closed the bag."""
-    BagWriter(bag).flush()
-
-
 @pytest.fixture
-def progress(monkeypatch, tmp_path):
-    """Start nodes of which some end at once, with these codes; what was started and logged."""
-    started, logged, closing = [], [], []
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+def made(monkeypatch, tmp_path):
+    """Makes graphs whose nodes have ended, with a code for each start, or end when asked to."""
+    did = SimpleNamespace(started=[], logged=[], stopped=[], cleaned=[])
 
-    def stop(nodes):
-        for node in nodes:
-            node.code = closing.pop(0) if closing else 0
+    class Process:
+        pid = os.getpid()
 
-    def make(respawn, killed_closing=0, **codes):
-        closing.extend([KILLED] * killed_closing)
+        def __init__(self, code, name, closing):
+            self.code, self.name, self.closing = code, name, closing
 
-        class Made(Process):
-            def __init__(self, name, *rest):
-                super().__init__(name, *rest)
-                started.append(name)
+        def poll(self):
+            return self.code
 
-        Made.codes = {name: [code] for name, code in codes.items() if name != "again"}
-        for name, code in codes.get("again", {}).items():
-            Made.codes[name].append(code)
+        def send_signal(self, _number):
+            if self.code is None:
+                self.code = self.closing.pop(0) if self.closing else 0
+                did.stopped.append(self.name)
+
+        def wait(self, _timeout):
+            return self.code
+
+    def make(respawn=False, closing=(), screen=None, **codes):
+        closing = list(closing)
+
+        class Made(NodeProcess):
+            def __init__(self, name, *_):
+                self.name, self.stderr_lines, self._threads = name, ["no space"], []
+                ends = codes.get(name, [])
+                self.process = Process(ends.pop(0) if ends else None, name, closing)
+                self.overdue = False
+                did.started.append(name)
+
         monkeypatch.setattr("cam_rig.runner.graph.NodeProcess", Made)
-        monkeypatch.setattr("cam_rig.runner.graph.clean", lambda _: [])
-        monkeypatch.setattr("cam_rig.runner.graph.stop_all", stop)
-        graph = Graph(live(tmp_path, tmp_path / "bag"), respawn, log=logged.append)
-        for name in graph._nodes:
-            graph._start(name)
-        started.clear()
-        if killed_closing:
-            torn_bag(tmp_path / "bag")
-        graph._progress.put('{"done": true}')
-        list(graph.progress())
-        return started, logged
+        nodes = live(tmp_path, tmp_path / "bag", screen=screen)
+        return Graph(nodes, respawn, log=did.logged.append)
 
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setattr("cam_rig.runner.graph.clean", did.cleaned.append)
+    monkeypatch.setattr("cam_rig.runner.graph.LOCK_GRACE_S", 0.0)
+    make.did = did
     return make
 
 
-@pytest.mark.parametrize("other", ["follower", "microphone", "law_server"])
-def test_a_node_that_ends_after_the_drive_costs_nothing(progress, other):
+@pytest.fixture
+def progress(made):
+    """Lets the drive be done, in a graph whose nodes have been started; what follows."""
+
+    def progress(respawn, **codes):
+        for of in vars(made.did).values():
+            of.clear()
+        graph = made(respawn, **codes)
+        graph._start_all()
+        made.did.started.clear()
+        graph._progress.put('{"done": true}')
+        list(graph.progress())
+        return made.did.started, made.did.logged
+
+    return progress
+
+
+def test_a_node_that_ends_after_the_drive_costs_nothing(progress):
     """With --respawn: the drive's end is the run's, and no node is started in vain."""
-    started, logged = progress(True, cam_drive=0, **{other: KILLED})
-    assert started == []
-    assert logged == [f"node {other} ended with -9 before the first tick, when all was published"]
+    for other in ("follower", "microphone", "law_server"):
+        started, logged = progress(True, cam_drive=[0], **{other: [KILLED]})
+        how = "was ended by signal 9 before the first tick, when all was published"
+        assert (started, logged) == ([], [f"node {other} {how}"])
 
 
 def test_a_recorder_killed_after_the_drive_has_a_successor(progress):
     """It had answered for ticks that it had not flushed: the drive sends its last ones again."""
-    codes = {"cam_drive": 0, "recorder": KILLED, "follower": KILLED, "again": {"cam_drive": 0}}
+    codes = {"cam_drive": [0, 0], "recorder": [KILLED], "follower": [KILLED]}
     started, logged = progress(True, **codes)
     assert sorted(started) == ["cam_drive", "follower", "recorder"]
     assert [line.split()[1] for line in logged] == ["recorder", "follower"]
 
 
-def test_a_recorder_that_is_killed_while_it_closes_is_started_again(progress):
-    """With --respawn: the drive sends its last states to the successor, which closes the bag."""
-    codes = {"cam_drive": 0, "again": {"cam_drive": 0}}
-    started, logged = progress(True, killed_closing=1, **codes)
-    assert sorted(started) == ["cam_drive", "recorder"]
-    assert logged == ["node recorder ended with -9 before the first tick: started again"]
-
-
-@pytest.mark.parametrize("code", [KILLED, 1, 0])
-def test_a_run_goes_on_without_its_viewer(monkeypatch, tmp_path, code):
-    """It is started again a few times, however it ended; then one line reports it."""
-    logged = []
-
-    class Made(Process):
-        codes: ClassVar = {VIEWER: [code] * 4}
-
-    monkeypatch.setattr("cam_rig.runner.graph.NodeProcess", Made)
-    monkeypatch.setattr("cam_rig.runner.graph.clean", lambda _: [])
-    graph = Graph(live(tmp_path, tmp_path / "bag", screen="address"), log=logged.append)
-    for name in graph._nodes:
-        graph._start(name)
-    for _ in range(3):
-        graph._handle_exit(VIEWER)
-    assert graph.processes[VIEWER].has_ended
-    graph._handle_exit(VIEWER)
-    assert logged[:3] == [f"node viewer ended with {code} before the first tick: started again"] * 3
-    assert logged[3].endswith("; the run goes on without it") and len(logged) == 4
-
-
-def test_a_drive_that_was_stopped_has_not_done_its_program(monkeypatch, tmp_path):
-    """It ends in order, with code 0, and the run is not complete all the same."""
-
-    class Made(Process):
-        codes: ClassVar = {"cam_drive": [0]}
-
-    monkeypatch.setattr("cam_rig.runner.graph.NodeProcess", Made)
-    monkeypatch.setattr("cam_rig.runner.graph.stop_all", lambda _: None)
-    graph = Graph(live(tmp_path, tmp_path / "bag"))
-    with (
-        pytest.raises(RunError, match="node cam_drive was stopped before the first tick"),
-        graph,
-    ):
-        list(graph.progress())
-
-
-def test_without_respawn_a_recorder_killed_while_it_closes_is_not(progress):
-    """Its bag is recovered when all have ended."""
-    assert progress(False, killed_closing=1, cam_drive=0) == ([], [])
+@pytest.mark.parametrize("respawn", [True, False])
+def test_a_recorder_that_is_killed_while_it_closes(progress, tmp_path, respawn):
+    """With --respawn the drive sends its last states to the successor, which closes the bag; else
+    that is recovered when all have ended."""
+    BagWriter(tmp_path / "bag").flush()  # what a recorder leaves that was killed
+    started, logged = progress(respawn, closing=[KILLED], cam_drive=[0, 0])
+    assert sorted(started) == ["cam_drive", "recorder"] * respawn
+    words = "node recorder was ended by signal 9 before the first tick: started again"
+    assert logged == [words] * respawn
 
 
 def test_without_respawn_a_node_killed_beside_the_drive_is_named(progress):
     """Not the drive, which has ended as it should."""
     for other in ("recorder", "follower", "microphone", "law_server"):
-        with pytest.raises(RunError, match=f"node {other} ended with -9"):
-            progress(False, cam_drive=0, **{other: KILLED})
+        with pytest.raises(RunError, match=f"node {other} was ended by signal 9"):
+            progress(False, cam_drive=[0], **{other: [KILLED]})
 
 
 def test_a_node_that_fails_beside_the_drive_is_named_with_its_error(progress):
     """A full disk is none that goes away by starting again."""
-    with pytest.raises(RunError, match=r"node recorder ended with 1 before .*: no space"):
-        progress(True, cam_drive=0, recorder=1)
+    with pytest.raises(RunError, match=r"node recorder ended with code 1 before .*: no space"):
+        progress(True, cam_drive=[0], recorder=[1])
+
+
+@pytest.mark.parametrize("code", [KILLED, 1, 0])
+def test_a_run_goes_on_without_its_viewer(made, code):
+    """It is started again a few times, however it ended; then one line reports it."""
+    graph, logged = made(screen="address", **{VIEWER: [code] * 4}), made.did.logged
+    graph._start_all()
+    for _ in range(4):
+        graph.look()
+    assert graph.processes[VIEWER].has_ended
+    assert all(line.endswith("before the first tick: started again") for line in logged[:3])
+    assert logged[3].endswith("; the run goes on without it")
+    graph.look()
+    assert len(logged) == 4
+
+
+def test_a_drive_that_was_stopped_has_not_done_its_program(made):
+    """It ends in order, with code 0, and the run is not complete all the same."""
+    words = "node cam_drive was stopped before the first tick"
+    with pytest.raises(RunError, match=words), made(cam_drive=[0]) as graph:
+        list(graph.progress())
 
 
 @pytest.mark.parametrize(("code", "cleans"), [(1, True), (KILLED, True), (0, False), (None, False)])
-def test_shared_memory_is_cleaned_after_a_run_that_failed(monkeypatch, tmp_path, code, cleans):
+def test_shared_memory_is_cleaned_after_a_run_that_failed(made, code, cleans):
     """A node that could not write, on a full disk, leaves pieces as a killed one does."""
-    cleaned = []
-
-    class Made(Process):
-        codes: ClassVar = {"microphone": [code]}
-
-    monkeypatch.setattr("cam_rig.runner.graph.NodeProcess", Made)
-    monkeypatch.setattr("cam_rig.runner.graph.stop_all", lambda _: None)
-    monkeypatch.setattr("cam_rig.runner.graph.clean", cleaned.append)
-    monkeypatch.setattr("cam_rig.runner.graph.LOCK_GRACE_S", 0.0)
-    with Graph(live(tmp_path, tmp_path / "bag")):
+    with made(microphone=[code]):
         pass
-    assert bool(cleaned) == cleans
+    assert bool(made.did.cleaned) == cleans
 
 
-def test_an_interrupt_ends_all_and_the_recorder_last(monkeypatch, tmp_path):
+def test_an_interrupt_ends_all_and_the_recorder_last(made):
     """Whatever ends a run ends its nodes."""
-    stopped = []
-
-    class Made(Process):
-        codes: ClassVar = {}
-
-    monkeypatch.setattr("cam_rig.runner.graph.NodeProcess", Made)
-    monkeypatch.setattr("cam_rig.runner.graph.stop_all", stopped.extend)
-    with pytest.raises(KeyboardInterrupt), Graph(live(tmp_path, tmp_path / "bag")):
+    with pytest.raises(KeyboardInterrupt), made():
         raise KeyboardInterrupt
-    assert [node.name for node in stopped][-1] == "recorder"
-    assert len(stopped) == 5
+    assert made.did.stopped[-1] == "recorder"
+    assert len(made.did.stopped) == 5
 
 
 def test_of_nodes_that_do_not_answer_the_first_of_the_chain_is_named():
@@ -224,28 +179,24 @@ def test_of_nodes_that_do_not_answer_the_first_of_the_chain_is_named():
 FULL = "node follower cannot be started \\({}\\); end other programs, or raise what .*ulimit -v"
 
 
-def start():
-    return NodeProcess("follower", {}, False, lambda _line: None)
+def start(report=None):
+    return NodeProcess("follower", {}, False, print, report)
 
 
-@pytest.mark.parametrize(
-    ("error", "why"),
-    [
+@pytest.mark.parametrize("reports", [False, True])
+def test_no_process_to_be_had(monkeypatch, reports):
+    """One line with what is short and what to do; no pipe is left, however often it is tried."""
+    for error, why in (
         (MemoryError(), "no memory"),
         (BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable"), "Resource temporarily"),
         (OSError(errno.ENOMEM, "Cannot allocate memory"), "Cannot allocate memory"),
-    ],
-    ids=["memory", "processes", "fork"],
-)
-def test_no_process_to_be_had(monkeypatch, error, why):
-    """One line with what is short and what to do."""
-
-    def refuse(*_args, **_more):
-        raise error
-
-    monkeypatch.setattr(process.subprocess, "Popen", refuse)
-    with pytest.raises(RunError, match=FULL.format(f"{why}.*")):
-        start()
+    ):
+        refuse = Mock(side_effect=error)
+        monkeypatch.setattr(process.subprocess, "Popen", refuse)
+        before = len(list(Path("/proc/self/fd").iterdir()))
+        with pytest.raises(RunError, match=FULL.format(f"{why}.*")):
+            start(print if reports else None)
+        assert len(list(Path("/proc/self/fd").iterdir())) == before
 
 
 @pytest.mark.parametrize("which", [1, 2])
@@ -288,14 +239,7 @@ def test_a_run_with_little_memory(tmp_path, mebibytes):
     if done.returncode:
         assert "Traceback" not in done.stderr
         assert "cam-rig: " in done.stderr.strip().splitlines()[-1]
-    assert not [pid for pid in Path("/proc").glob("[0-9]*") if str(bag) in _command(pid)]
-
-
-def _command(process: Path) -> str:
-    try:
-        return (process / "cmdline").read_text(errors="replace")
-    except OSError:  # it has ended meanwhile
-        return ""
+    assert subprocess.run(["pgrep", "-f", str(bag)], check=False, timeout=100).returncode == 1
 
 
 def test_a_node_has_a_place_for_its_log_files(monkeypatch, tmp_path):
@@ -324,17 +268,3 @@ def test_log_files_go_elsewhere_where_they_cannot_be_written(monkeypatch, tmp_pa
     assert place.parent == own
     assert words.startswith(str(tmp_path / "file")) and words.endswith(str(place))
     assert environment()["ROS_LOG_DIR"] == str(place)
-
-
-@pytest.mark.parametrize("reports", [False, True])
-def test_a_node_that_cannot_be_started_leaves_no_pipe(monkeypatch, reports):
-    """Both ends of its progress are closed; a run may start a node again many times."""
-
-    def refuse(*_args, **_more):
-        raise MemoryError
-
-    monkeypatch.setattr(process.subprocess, "Popen", refuse)
-    before = len(list(Path("/proc/self/fd").iterdir()))
-    with pytest.raises(RunError):
-        NodeProcess("follower", {}, False, print, print if reports else None)
-    assert len(list(Path("/proc/self/fd").iterdir())) == before

@@ -9,6 +9,8 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -33,17 +35,23 @@ from cam_rig.runner.resources import (
 # A domain, and a namespace of it.
 
 
-@pytest.fixture(params=["runtime", "temporary"])
-def place(request, monkeypatch, tmp_path):
-    """Where the lock is: in the user's runtime folder, or in a folder in the temporary place."""
-    folder = tmp_path / "run"
-    folder.mkdir(mode=0o700)
+@pytest.fixture
+def temporary(monkeypatch, tmp_path):
+    """A temporary place of the test's own, of a user without a runtime folder."""
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    if request.param == "runtime":
-        monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
-        return folder
     monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
-    return tmp_path / f"cam_rig-{os.getuid()}"
+    return tmp_path
+
+
+@pytest.fixture(params=["runtime", "temporary"])
+def place(request, monkeypatch, temporary):
+    """Where the lock is: in the user's runtime folder, or in a folder in the temporary place."""
+    if request.param == "temporary":
+        return temporary / f"cam_rig-{os.getuid()}"
+    folder = temporary / "run"
+    folder.mkdir(mode=0o700)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
+    return folder
 
 
 def test_a_domain_is_held_once(monkeypatch, place):
@@ -75,26 +83,26 @@ def test_the_same_number_is_the_same_domain(monkeypatch, place):
                 pass
 
 
-@given(st.from_regex(r"[ \t]?\+?0?[xX]?[0-9a-fA-F]{0,4}[a-z ]?", fullmatch=True))
+NO_DOMAINS = ("-1", "233", "08", "1e2", "٣", "7abc", "0x", "1" * 5000, "2_0")
+
+
+@given(
+    st.from_regex(r"[ \t]?\+?0?[xX]?[0-9a-fA-F]{0,4}[a-z ]?", fullmatch=True)
+    | st.sampled_from(NO_DOMAINS)
+)
 @settings(derandomize=True, max_examples=3 * settings.default.max_examples)
 def test_numbers_are_read_as_ros_reads_them(text):
-    """C's strtoul with base 0; what follows a number, or is too large, is refused."""
+    """C's strtoul with base 0; what follows a number, or is too large, is refused in a line."""
     library, end = ctypes.CDLL(None), ctypes.c_char_p()
     library.strtoul.restype = ctypes.c_ulong
     wanted = library.strtoul(text.encode(), ctypes.byref(end), 0)
     if text and (wanted > MAX_DOMAIN or end.value or not text.strip()):
-        with pytest.raises(ConfigError, match=f"ROS_DOMAIN_ID: is .*; allowed: 0 to {MAX_DOMAIN}"):
+        words = f"ROS_DOMAIN_ID: is .*; allowed: 0 to {MAX_DOMAIN}"
+        with pytest.raises(ConfigError, match=words) as refused:
             domain_number(text)
+        assert len(str(refused.value)) < 100
     else:
-        assert domain_number(text) == wanted
-
-
-def test_what_is_no_domain():
-    """One line with the beginning of what it is."""
-    for text in ("-1", "233", "08", "1e2", "٣", "7abc", "0x", "1" * 5000, "2_0"):
-        with pytest.raises(ConfigError, match="ROS_DOMAIN_ID: is ") as caught:
-            domain_number(text)
-        assert len(str(caught.value)) < 100
+        assert text not in NO_DOMAINS and domain_number(text) == wanted
 
 
 @pytest.mark.ros
@@ -110,68 +118,55 @@ def test_ros_itself_reads_them_so(monkeypatch):
         context.shutdown()
 
 
-@pytest.mark.parametrize("kind", ["link", "pipe", "folder"])
-def test_a_lock_that_somebody_else_has_laid_there(monkeypatch, place, tmp_path, kind):
+def link(path):
+    path.symlink_to(path.with_name("other"))
+
+
+def open_to_all(folder):
+    folder.mkdir()
+    folder.chmod(0o777)
+
+
+@pytest.mark.parametrize("lay", [link, os.mkfifo, os.mkdir])
+def test_a_lock_that_somebody_else_has_laid_there(monkeypatch, place, lay):
     """Neither followed nor waited for, and left as it is."""
     monkeypatch.setenv("ROS_DOMAIN_ID", "9")
     with own_domain():
         pass
     lock = place / "cam_rig-domain-9.lock"
     lock.unlink()
-    if kind == "link":
-        lock.symlink_to(tmp_path / "made")
-    elif kind == "pipe":
-        os.mkfifo(lock)
-    else:
-        lock.mkdir()
-    with (
-        pytest.raises(OutputError, match=r"domain-9\.lock: is not a file of yours; remove"),
-        own_domain(),
-    ):
+    lay(lock)
+    words = r"domain-9\.lock: is not a file of yours; remove"
+    with pytest.raises(OutputError, match=words), own_domain():
         pass
-    assert not (tmp_path / "made").exists()
+    assert not lock.with_name("other").exists()
 
 
-@pytest.mark.parametrize("kind", ["open", "link", "file"])
-def test_a_folder_that_others_can_write_to_is_not_used(monkeypatch, tmp_path, kind):
+@pytest.mark.parametrize("lay", [link, open_to_all, Path.touch])
+def test_a_folder_that_others_can_write_to_is_not_used(temporary, lay):
     """Another user may have been there first."""
-    monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    own, other = tmp_path / f"cam_rig-{os.getuid()}", tmp_path / "other"
-    other.mkdir(mode=0o700)
-    if kind == "open":
-        own.mkdir()
-        own.chmod(0o777)
-    elif kind == "link":
-        own.symlink_to(other)
-    else:
-        own.touch()
-    with (
-        pytest.raises(OutputError, match="is not a folder of yours alone; remove it"),
-        own_domain(),
-    ):
+    (temporary / "other").mkdir(mode=0o700)
+    lay(temporary / f"cam_rig-{os.getuid()}")
+    words = "is not a folder of yours alone; remove it"
+    with pytest.raises(OutputError, match=words), own_domain():
         pass
-    assert list(other.iterdir()) == []
+    assert list((temporary / "other").iterdir()) == []
 
 
 @pytest.mark.parametrize("given", ["run", "/nowhere/at/all", "{open}", "\0"])
-def test_a_runtime_folder_that_is_none(monkeypatch, tmp_path, given):
+def test_a_runtime_folder_that_is_none(monkeypatch, temporary, given):
     """A relative one, one that is not there, one that all can write to: the temporary place."""
-    (tmp_path / "open").mkdir()
-    (tmp_path / "open").chmod(0o777)
-    value = given.format(open=tmp_path / "open")
-    environment = {"XDG_RUNTIME_DIR": value}
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    open_to_all(temporary / "open")
+    environment = {"XDG_RUNTIME_DIR": given.format(open=temporary / "open")}
     monkeypatch.setattr("cam_rig.runner.resources.os.environ", environment)
     with own_domain():
-        assert (tmp_path / f"cam_rig-{os.getuid()}" / "cam_rig-domain-0.lock").is_file()
+        assert (temporary / f"cam_rig-{os.getuid()}" / "cam_rig-domain-0.lock").is_file()
 
 
-def test_without_room_for_a_lock_the_way_out_is_named(monkeypatch, tmp_path):
+def test_without_room_for_a_lock_the_way_out_is_named(monkeypatch, temporary):
     """A disk that is full: one line, no traceback."""
-    (tmp_path / "file").touch()
-    monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "file"))
+    (temporary / "file").touch()
+    monkeypatch.setattr("tempfile.tempdir", str(temporary / "file"))
     with pytest.raises(OutputError, match="name a folder with room in TMPDIR"), own_domain():
         pass
 
@@ -203,8 +198,7 @@ DEAD, LIVE, OLD = "fastdds_0123456789abcdef", "fastdds_port7411", "fastdds_fedcb
 def make(folder, name, age=5.0):
     path = folder / name
     path.write_bytes(b"x")
-    then = time.time() - age
-    os.utime(path, (then, then))
+    os.utime(path, 2 * (time.time() - age,))
     return path
 
 
@@ -264,15 +258,10 @@ FULL = "mount -t tmpfs -o size=4k tmpfs /dev/shm && head -c 4096 /dev/zero > /de
 def in_a_full_one(*command):
     """What the command gives in a mount namespace of its own."""
     unshare = shutil.which("unshare")
-    if (
-        unshare is None
-        or subprocess.run([unshare, "-m", "true"], check=False, timeout=100).returncode
-    ):
+    run = partial(subprocess.run, capture_output=True, text=True, check=False, timeout=100)
+    if unshare is None or run([unshare, "-m", "true"]).returncode:
         pytest.skip("no mount namespace can be made here")
-    line = FULL + shlex.join(command)
-    done = subprocess.run(
-        [unshare, "-m", "sh", "-c", line], capture_output=True, text=True, check=False, timeout=100
-    )
+    done = run([unshare, "-m", "sh", "-c", FULL + shlex.join(command)])
     if "mount:" in done.stderr:
         pytest.skip("no file system can be mounted here")
     return done
@@ -282,14 +271,8 @@ def test_a_run_in_a_full_shared_memory_is_refused(tmp_path):
     """Before a node is started; nothing is recorded."""
     bag = str(tmp_path / "bag")
     done = in_a_full_one(sys.executable, "-m", "cam_rig.cli.main", "run", "quick", "--bag", bag)
-    assert done.returncode == 1
-    assert (
-        done.stderr.strip()
-        .splitlines()[-1]
-        .startswith(
-            "cam-rig: /dev/shm: has 0 KiB free; allowed: at least 1024 KiB, so remove what fills it"
-        )
-    )
+    words = "cam-rig: /dev/shm: has 0 KiB free; allowed: at least 1024 KiB, so remove what fills it"
+    assert done.returncode == 1 and done.stderr.splitlines()[-1].startswith(words)
     assert not (tmp_path / "bag").exists()
 
 
@@ -302,11 +285,9 @@ print(node.exit_summary())
 
 
 @pytest.mark.ros
-def test_a_node_in_a_full_shared_memory(tmp_path):
+def test_a_node_in_a_full_shared_memory():
     """It is ended by SIGBUS, and the exit summary names the cause."""
-    script = tmp_path / "node.py"
-    script.write_text(NODE)
-    done = in_a_full_one(sys.executable, str(script))
+    done = in_a_full_one(sys.executable, "-c", NODE)
     words = "follower was ended by signal 7 (SIGBUS: /dev/shm was full, 0 KiB are free now; remove "
     assert done.stdout.startswith(words), done.stderr
 
@@ -320,35 +301,24 @@ print(folder.path, flush=True); input()
 """
 
 
-def age(folder):
-    """As if it had been made a while ago."""
-    then = time.time() - 60.0
-    os.utime(folder, (then, then))
-
-
 def test_what_a_killed_run_left_goes_with_the_next(tmp_path):
-    """While it runs its folder stays, whatever its age; other folders always do."""
+    """While it runs its folder stays, whatever its age, and one that was just made, between its
+    making and its lock; other folders always do."""
     (tmp_path / "cam_rig-replay-x").mkdir()
     (tmp_path / "elsewhere").mkdir()
     (tmp_path / f"{PREFIX}link").symlink_to(tmp_path / "elsewhere")
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
     with subprocess.Popen([sys.executable, "-c", MAKE, tmp_path], text=True, **pipes) as other:
         name = other.stdout.readline().strip()
-        age(name)
+        os.utime(name, 2 * (time.time() - 60.0,))  # as if it had been made a while ago
         mine = CheckpointFolder(tmp_path)
         assert os.path.isdir(name)
         other.kill()
         other.wait(timeout=100)
+    (tmp_path / f"{PREFIX}new").mkdir()
     CheckpointFolder(tmp_path).remove()
     assert not os.path.exists(name)
     assert mine.path.is_dir()
     mine.remove()
     left = {path.name for path in tmp_path.iterdir()}
-    assert left == {"cam_rig-replay-x", "elsewhere", f"{PREFIX}link"}
-
-
-def test_one_that_was_just_made_stays(tmp_path):
-    """Between its making and its lock it may not be removed."""
-    (tmp_path / f"{PREFIX}new").mkdir()
-    CheckpointFolder(tmp_path).remove()
-    assert (tmp_path / f"{PREFIX}new").is_dir()
+    assert left == {"cam_rig-replay-x", "elsewhere", f"{PREFIX}link", f"{PREFIX}new"}
