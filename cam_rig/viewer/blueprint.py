@@ -173,7 +173,6 @@ def _report(loaded: LoadedScene, rpm: float, ranges: Ranges) -> rrb.Container:
 
 
 def _cams(loaded: LoadedScene, share: float) -> list[rrb.Container]:
-    """The cams side by side, each turning under its follower."""
     return [
         _scene(
             loaded, f"{level_chart.COMPARE}/{name}/scene", shortened(cam.title, MAX_TITLE), share
@@ -183,7 +182,6 @@ def _cams(loaded: LoadedScene, share: float) -> list[rrb.Container]:
 
 
 def _turns(loaded: LoadedScene, rpm: float, ranges: Ranges) -> list[rrb.Spatial2DView]:
-    """Curves of all cams at one speed over each other, from 0 to 360°."""
     return [
         _chart(
             level_chart.at_speed(rpm, row.key),
@@ -241,6 +239,5 @@ def _near(window: float | None) -> rrb.TimeAxis:
 
 
 def _whole(duration: float) -> rrb.TimeAxis:
-    """The run from start to end (s)."""
     ends = [rr.TimeRangeBoundary.absolute(seconds=s) for s in (0.0, duration)]
     return rrb.TimeAxis(view_range=rr.TimeRange(start=ends[0], end=ends[1]))

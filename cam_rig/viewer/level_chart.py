@@ -62,13 +62,7 @@ def beside(loaded: LoadedScene) -> float:
 
 
 def spread(places: FloatArray, step: float) -> FloatArray:
-    """``(n,)`` places moved so that each is a step from the next, in their order.
-
-    Examples
-    --------
-    >>> spread(np.array([5.0, 0.0, 4.0]), 2.0).tolist()
-    [6.0, 0.0, 4.0]
-    """
+    """``(n,)`` places moved up so that each is a step from the next, in their order."""
     moved, order = places.copy(), np.argsort(places, kind="stable")
     for before, at in pairwise(order):
         moved[at] = max(moved[at], moved[before] + step)
@@ -96,17 +90,14 @@ class LevelChart:
             self._draw_names(None)
 
     def add(self, tick: MeasuredTick, end_angle: float) -> float | None:
-        """The level (dB) at this speed so far with the next tick, None until it has settled.
+        """The level (dB) at this speed with the next tick, which ends at a cam angle (rad).
 
-        ``end_angle`` (rad) is the cam's at the tick's end.
+        None until it has settled.
         """
-        if self._step and (tick.start.cam, tick.start.speed) != (
-            self._step[0].start.cam,
-            self._step[0].start.speed,
-        ):
+        cam, speed = tick.start.cam, tick.start.speed
+        if self._step and (cam, speed) != (self._step[0].start.cam, self._step[0].start.speed):
             self._step = []
         self._step.append(tick)
-        cam, speed = tick.start.cam, tick.start.speed
         level = step_levels(self._step, self._settle).get(cam, {}).get(speed)
         if level is not None:
             self._levels.setdefault(cam, {})[speed] = level
@@ -199,10 +190,7 @@ def band_numbers(sample_rate: float) -> FloatArray:
 def third_octaves(
     parameters: RadiationParameters, force: FloatArray, impulse: FloatArray, sample_rate: float
 ) -> FloatArray:
-    """Level (dB re 20 µPa, not below 0) in each of `band_numbers` over one turn.
-
-    Contact force (N) and landings' impulses (N·s) ``(n,)`` at a sample rate (Hz).
-    """
+    """Level (dB re 20 µPa, 0 at least) in each band, of a turn's force (N) and impulses (N·s)."""
     power = band_power(parameters, force, impulse, sample_rate)
     return level_db(np.sqrt(np.maximum(power, SILENCE)))
 

@@ -67,10 +67,8 @@ class Access:
 
     @property
     def cookie(self) -> str:
-        """The header that sets the cookie.
-
-        Not ``Strict``: a browser would not send it with the page that a file of ours opens.
-        """
+        """The header that sets the cookie."""
+        # Not Strict: a browser would not send it with the page that a file of ours opens.
         return f"{self.cookie_name}={self.token}; HttpOnly; Path=/; SameSite=Lax"
 
     def why_not(
@@ -98,10 +96,7 @@ class Access:
 
 @dataclass
 class Guard:
-    """An application behind host, origin and token, for pages and websockets alike.
-
-    ``home`` is the page that the printed address leads to, ``policy`` the content security policy.
-    """
+    """An application behind host, origin and token; the printed address leads to ``home``."""
 
     app: ASGIApp
     access: Access
@@ -189,10 +184,7 @@ def serve_application(app: ASGIApp, home: str, policy: str, port: int = 0) -> It
 
 
 def _in_one_line(record: logging.LogRecord) -> bool:
-    """A page's message that is no UTF-8 is not worth a traceback; a request cut off, no word.
-
-    Nor is one that is no HTTP: a terminal shows the run, not what a browser asks.
-    """
+    """No traceback for a message that is no UTF-8, no word of a request cut off or no HTTP."""
     error = record.exc_info[1] if record.exc_info else None
     if isinstance(error, UnicodeDecodeError):
         record.exc_info = None
