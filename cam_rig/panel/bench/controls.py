@@ -13,6 +13,7 @@ from cam_rig.acoustics import RadiationParameters
 from cam_rig.errors import RefusedError, RunError
 from cam_rig.live.sockets import MAX_LINE, line_of, read_line
 from cam_rig.nodes.parameters import ABOUT, KINDS, LIVE
+from cam_rig.panel import is_number
 from cam_rig.panel.bench.live_state import LiveState, PageSound
 from cam_rig.panel.bench.runner import SAMPLE_RATE, BenchRunner, Setup, add_cam
 from cam_rig.schema import CamConfig
@@ -26,8 +27,7 @@ ANSWER_S = 5.0
 class NodeLink:
     """Takes the one connection of the panel's node; another one takes its place.
 
-    The socket is in a folder that no other user can enter; ``heard`` is called with each line
-    that is not an answer.
+    ``heard`` is called with each line that is not an answer.
     """
 
     def __init__(self, path: Path, heard: Callable[[dict[str, Any]], None]) -> None:
@@ -175,8 +175,7 @@ class BenchControls:
             raise RefusedError(f"set: is {name[:40]!r}; allowed: {', '.join(SETTINGS)}")
         node, spec = SETTINGS[name]
         kind = type(spec.default)
-        is_number = isinstance(value, int | float) and not isinstance(value, bool)
-        if not (is_number if kind is float else isinstance(value, str)):
+        if not (is_number(value) if kind is float else isinstance(value, str)):
             raise RefusedError(f"{name}: is {str(value)[:40]!r}; allowed: {KINDS[kind]}")
         return await self._link.ask({"node": node, "name": name, "value": kind(value)})
 
