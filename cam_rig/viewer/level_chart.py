@@ -107,7 +107,12 @@ class LevelChart:
     def flush(self) -> None:
         """Draw what was measured since."""
         for cam, (time_ns, angle) in self._new.items():
-            self._draw_measured(cam, time_ns, angle)
+            entity = f"{VIEW}/measured/{cam}"
+            if cam not in self._drawn:
+                self._drawn.add(cam)
+                style = rr.Points2D.from_fields(colors=of_cam(cam), radii=POINT)
+                self._canvas.always(entity, style)
+            self._canvas.points(entity, self._canvas.at(time_ns / NS, angle), self._points(cam))
         if self._new and len(self._ends()) > len(self._named):
             self._draw_names(max(self._new.values()))
         self._new = {}
@@ -148,14 +153,6 @@ class LevelChart:
         else:
             times = self._canvas.at(at[0] / NS, at[1])
             self._canvas.points(entity, times, places, labels=names, colors=shades)
-
-    def _draw_measured(self, cam: str, time_ns: int, angle: float) -> None:
-        entity = f"{VIEW}/measured/{cam}"
-        if cam not in self._drawn:
-            self._drawn.add(cam)
-            style = rr.Points2D.from_fields(colors=of_cam(cam), radii=POINT)
-            self._canvas.always(entity, style)
-        self._canvas.points(entity, self._canvas.at(time_ns / NS, angle), self._points(cam))
 
     def _points(self, cam: str) -> FloatArray:
         """``(n, 2)`` places of a cam's points so far."""
@@ -200,7 +197,9 @@ def band_power(
 ) -> FloatArray:
     """Mean square sound pressure (Pa²) in each band; their sum is that of the turn."""
     frequency = np.asarray(np.fft.rfftfreq(force.size, 1.0 / sample_rate), dtype=np.float64)
-    transfer = parameters.gain * parameters.corner_rate / (1.0 - 1j * _ratio(parameters, frequency))
+    with np.errstate(divide="ignore"):  # the constant does not sound
+        ratio = np.minimum(parameters.corner / frequency, 1e150)
+    transfer = parameters.gain * parameters.corner_rate / (1.0 - 1j * ratio)
     pulse = _half_sine(parameters.contact_time * frequency)
     lines = np.fft.rfft(force) + np.fft.rfft(impulse) * sample_rate * pulse
     power = 2.0 * np.abs(transfer * lines / force.size) ** 2
@@ -209,12 +208,6 @@ def band_power(
     numbers = band_numbers(sample_rate)
     band = np.rint(10.0 * np.log10(frequency[1:])).clip(numbers[0], numbers[-1]) - numbers[0]
     return np.bincount(band.astype(np.int64), power[1:], numbers.size).astype(np.float64)
-
-
-def _ratio(parameters: RadiationParameters, frequency: FloatArray) -> FloatArray:
-    """ω_c/ω, and for the constant, which does not sound, as good as infinite."""
-    with np.errstate(divide="ignore"):
-        return np.minimum(parameters.corner / frequency, 1e150)
 
 
 def _half_sine(x: FloatArray) -> FloatArray:

@@ -167,7 +167,12 @@ def save_recording(
     """
     require_free(path, overwrite)
     loaded, view_options = loaded or read_scene(bag), view_options or ViewOptions()
-    duration, rpm = run_duration(bag, loaded), compared_rpm(loaded, view_options.rpm)
+    rpm = compared_rpm(loaded, view_options.rpm)
+    ticks = read_counts(bag).get(topics.FOLLOWER_SAMPLES.name, 0)
+    if ticks == 0:
+        raise BagError(f"{bag}: has no {topics.FOLLOWER_SAMPLES.name}, so nothing to show")
+    *_, last = islice(cam_states(loaded.scene), ticks + 1)  # of an interrupted run, too
+    duration = last.time_ns / NS
     samples = round(duration * loaded.scene.sample_rate.si)
     bucket = 1 if view_options.all_samples else bucket_for(samples, WHOLE_BELOW)
     whole, ranges = view_options.layout is Layout.RUN, scene_ranges(loaded)
@@ -189,15 +194,6 @@ def feed_bag(bag: Path, loaded: LoadedScene, feed: RunFeed, on_tick: Callable[[]
         for _ in feed.draw():
             on_tick()
     feed.close()
-
-
-def run_duration(bag: Path, loaded: LoadedScene) -> float:
-    """Rig time (s) of the ticks in a bag, all of its scene's or those before an interruption."""
-    ticks = read_counts(bag).get(topics.FOLLOWER_SAMPLES.name, 0)
-    if ticks == 0:
-        raise BagError(f"{bag}: has no {topics.FOLLOWER_SAMPLES.name}, so nothing to show")
-    *_, last = islice(cam_states(loaded.scene), ticks + 1)
-    return last.time_ns / NS
 
 
 def bucket_for(samples: int, whole_below: int) -> int:

@@ -229,19 +229,15 @@ class Scene2D:
         support = [strip * MM for strip in self._shape.support()]
         self._strips(state, "guide", support, looks.GREY, THIN)
         self._strips(state, "follower/outline", framing.follower(), looks.FOLLOWER, LINE)
-        self._dial(state, framing, 0.4 * base * MM)
+        self._strips(state, "ring", looks.ring(framing.ring), looks.GREY, THIN)
+        self._strips(state, "rotation", looks.rotation(0.4 * base * MM), looks.GREY, LINE)
+        self._words(state, "numbers", *framing.numbers(), looks.GREY)
 
     def _framing_of(self, cam: str) -> Framing:
         """Of a cam of the scene, or of one that was mounted since."""
         if cam not in self._framed:
             self._framed |= framings(self._loaded)
         return self._framed[cam]
-
-    def _dial(self, state: CamState, framing: Framing, inner: float) -> None:
-        self._strips(state, "ring", looks.ring(framing.ring), looks.GREY, THIN)
-        places, numbers = framing.numbers()
-        self._strips(state, "rotation", looks.rotation(inner), looks.GREY, LINE)
-        self._words(state, "numbers", places, numbers, looks.GREY)
 
     def speed(self, state: CamState, title: str = "") -> None:
         """Say under the cam which it is and how fast it turns; a bar shows the force's scale."""

@@ -72,8 +72,11 @@ def test_nothing_is_overwritten_and_nothing_made_of_nothing(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def straight(whole):
-    return payloads(whole)
+def straight(tmp_path_factory, golden):
+    """What a recorder makes that lives to its end."""
+    bag = tmp_path_factory.mktemp("straight") / "bag"
+    record(bag, golden).close()
+    return payloads(bag)
 
 
 def assert_same_numbers(made, expected):
