@@ -13,13 +13,14 @@ import re
 import secrets
 import socket
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import uvicorn
 from starlette.datastructures import MutableHeaders
-from starlette.requests import HTTPConnection
+from starlette.requests import HTTPConnection, cookie_parser
 from starlette.responses import PlainTextResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -84,14 +85,11 @@ class Access:
         own, origin = [f"http://{host}" for host in self.hosts], headers.get("origin")
         if (origin is not None or needs_origin) and origin not in own:
             return "allowed: pages of this address alone"
-        given = self._of_cookie(headers.get("cookie") or "") if token is None else token
+        cookies = cookie_parser(headers.get("cookie") or "")
+        given = cookies.get(self.cookie_name, "") if token is None else token
         if not secrets.compare_digest(given.encode(errors="replace"), self.token.encode()):
             return "allowed: the whole address that was printed, with its token"
         return ""
-
-    def _of_cookie(self, cookies: str) -> str:
-        pairs = (pair.strip().partition("=") for pair in cookies.split(";"))
-        return next((value for name, _, value in pairs if name == self.cookie_name), "")
 
 
 @dataclass
@@ -138,23 +136,18 @@ async def _refuse(words: str, status: int, scope: Scope, receive: Receive, send:
     await PlainTextResponse(words + "\n", status)(scope, receive, send)
 
 
-@dataclass(frozen=True)
-class Served:
-    """What is being served: the address that a browser is given, and whether it has ended."""
+class Served(NamedTuple):
+    """The address that a browser is given, and whether its server runs."""
 
     address: str
-    ended: threading.Event
-
-    def alive(self) -> bool:
-        """Whether its server runs."""
-        return not self.ended.is_set()
+    alive: Callable[[], bool]
 
 
 @contextmanager
 def serve_application(app: ASGIApp, home: str, policy: str, port: int = 0) -> Iterator[Served]:
     """Serve an application behind a `Guard` as long as the context lasts; port 0: a free one."""
     with _listener(port) as listener:
-        access, ended = Access(int(listener.getsockname()[1])), threading.Event()
+        access = Access(int(listener.getsockname()[1]))
         config = uvicorn.Config(
             Guard(app, access, home, policy),
             log_config=None,
@@ -168,16 +161,10 @@ def serve_application(app: ASGIApp, home: str, policy: str, port: int = 0) -> It
         logging.getLogger("uvicorn.error").addFilter(_in_one_line)
         server = uvicorn.Server(config)
 
-        def run() -> None:
-            try:
-                server.run(sockets=[listener])
-            finally:
-                ended.set()
-
-        thread = threading.Thread(target=run, daemon=True)
+        thread = threading.Thread(target=server.run, args=([listener],), daemon=True)
         thread.start()
         try:
-            yield Served(access.address, ended)
+            yield Served(access.address, thread.is_alive)
         finally:
             server.should_exit = True
             thread.join(END_S)  # a request that computes does not keep the command

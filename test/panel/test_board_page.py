@@ -342,7 +342,7 @@ def test_nothing_sticks_out_and_the_language_that_is_chosen_stays(page):
 
 
 @pytest.mark.parametrize(
-    "cams", [["conjugate", "trigonometric"], pytest.param(["bezier15"], marks=pytest.mark.long)]
+    "cams", [["trigonometric"], pytest.param(["bezier15", "conjugate"], marks=pytest.mark.long)]
 )
 def test_any_cam_and_rig_can_be_drawn(chromium, tmp_path, cams):
     """Only a stand-in shows the file's jump speed; opened from a file, the token goes."""
