@@ -30,7 +30,7 @@ from unittest import mock
 
 from mcap.reader import make_reader
 
-from cam_rig.bag.files import mcap_file
+from cam_rig.bag.files import bag_file
 from cam_rig.bag.reader import read_counts
 from cam_rig.errors import CamRigError
 from cam_rig.runner import graph as graph_module
@@ -138,7 +138,7 @@ class Case:
 def payloads(bag: Path) -> dict[str, list[bytes]]:
     """Every message's bytes by topic, in the order of rig time."""
     found: dict[str, list[bytes]] = {}
-    with mcap_file(bag).open("rb") as stream:
+    with bag_file(bag).open("rb") as stream:
         for _, channel, message in make_reader(stream).iter_messages():
             found.setdefault(channel.topic, []).append(message.data)
     return found

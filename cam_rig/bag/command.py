@@ -55,12 +55,7 @@ def read_run(bag: Path, scene: str | None = None) -> SceneRun:
 
 
 def newest_bag() -> Path:
-    """The bag under ``bags/`` that was written last, of those that were closed.
-
-    Raises
-    ------
-    BagError : there is none
-    """
+    """The bag under ``bags/`` that was written last, of those that were closed."""
     from cam_rig.bag.files import METADATA, is_unclosed
     from cam_rig.errors import BagError
 
@@ -162,11 +157,6 @@ def recover(
     """
     from cam_rig.bag.recover import recover as recover_bag
 
-    target = output or _beside(bag)
-    say(f"{target}: {recover_bag(bag, target).words}")
-
-
-def _beside(bag: Path) -> Path:
-    """The default output, also of a bag that is named ``.``."""
     place = bag if bag.name not in ("", "..") else bag.resolve()
-    return place.parent / f"{place.stem if place.is_file() else place.name}_recovered"
+    target = output or place.parent / (f"{place.stem if place.is_file() else place.name}_recovered")
+    say(f"{target}: {recover_bag(bag, target).words}")

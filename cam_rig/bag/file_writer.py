@@ -16,14 +16,7 @@ from typing import Any
 
 import yaml
 from mcap.writer import CompressionType, Writer
-from rosbags.interfaces import (
-    Qos,
-    QosDurability,
-    QosHistory,
-    QosLiveliness,
-    QosReliability,
-    QosTime,
-)
+from rosbags import interfaces
 from rosbags.rosbag2.metadata import dump_qos_v9
 from rosbags.typesys import Stores, get_typestore
 
@@ -35,7 +28,7 @@ from cam_rig.messages.topics import Topic
 
 # The description of a bag for rosbag2: metadata.yaml, and each topic's quality of service.
 
-FOREVER = QosTime(2147483647, 4294967295)
+FOREVER = interfaces.QosTime(2147483647, 4294967295)
 #: The record in an MCAP file, and the key in it, that rosbag2 reads a file's metadata from.
 RECORD, RECORD_KEY = "rosbag2", "serialized_metadata"
 #: The time (ns) at which a file without messages begins, as rosbag2 has it.
@@ -75,15 +68,15 @@ class FileContent:
 
 def offered_qos(topic: Topic) -> list[Any]:
     """What a topic was published with; `ros2 bag play` offers the same again."""
-    durability = QosDurability.TRANSIENT_LOCAL if topic.latched else QosDurability.VOLATILE
-    qos = Qos(
-        history=QosHistory.KEEP_LAST,
+    durability = interfaces.QosDurability["TRANSIENT_LOCAL" if topic.latched else "VOLATILE"]
+    qos = interfaces.Qos(
+        history=interfaces.QosHistory.KEEP_LAST,
         depth=topic.depth,
-        reliability=QosReliability.RELIABLE,
+        reliability=interfaces.QosReliability.RELIABLE,
         durability=durability,
         deadline=FOREVER,
         lifespan=FOREVER,
-        liveliness=QosLiveliness.AUTOMATIC,
+        liveliness=interfaces.QosLiveliness.AUTOMATIC,
         liveliness_lease_duration=FOREVER,
         avoid_ros_namespace_conventions=False,
     )
@@ -254,10 +247,7 @@ class FileWriter:
             self.sync()
 
     def flush(self) -> None:
-        """Write everything to the file, where a killed process cannot lose it.
-
-        Every half second, fsync as well, so that a power cut cannot take it either.
-        """
+        """Write everything to the file, safe from a kill; every half second fsync as well."""
         self._writer.flush()
         self._stream.flush()
         self._flushed, self._dirty, self._unsynced = time.monotonic(), False, True
@@ -276,10 +266,7 @@ class FileWriter:
             self.part = None
 
     def finish(self, whole: list[FileContent]) -> None:
-        """Write the file's end, by which it counts as closed; it replaces an old one last of all.
-
-        ``whole`` is the bag so far, this file too.
-        """
+        """Write the end of the file and of the bag (``whole``), by which it counts as closed."""
         self._writer.flush()
         self._describe(whole)
         self._writer.finish()
@@ -300,7 +287,6 @@ class FileWriter:
             self._stream.close()
 
     def _describe(self, whole: list[FileContent]) -> None:
-        """Write what rosbag2 knows of the bag so far."""
         about = {RECORD_KEY: _yaml(information(whole, (), self._namespace))}
         self._writer.add_metadata(RECORD, about)
 

@@ -92,14 +92,6 @@ def mcap_files(bag: Path) -> list[Path]:
     return files
 
 
-def mcap_file(bag: Path) -> Path:
-    """The file of a bag that has one; see `mcap_files`."""
-    files = mcap_files(bag)
-    if len(files) != 1:
-        raise BagError(f"{bag}: holds {len(files)} .mcap files; allowed: one")
-    return files[0]
-
-
 def in_order(files: Iterable[Path]) -> list[Path]:
     """The files of a bag, by the numbers at the end of their names."""
     found = sorted(files, key=lambda file: (len(file.name), file.name))
@@ -133,15 +125,10 @@ def why_not_a_bag(path: Path) -> str | None:
         return _why_not_mcap(path) if path.suffix == ".mcap" else "is not a bag: not an .mcap file"
     if wrong := [_why_not_mcap(file) for file in sorted(path.glob("*.mcap"))]:
         return wrong[0] if all(wrong) else None
-    return _why_not_a_bag_without_files(path)
-
-
-def _why_not_a_bag_without_files(path: Path) -> str | None:
     if any(path.glob(f"*.mcap{PART}")):
         return "is not a bag: a recovery was interrupted here; repeat it"
-    if not (path / METADATA).exists():  # else of another storage, as SQLite
-        return "is not a bag: no .mcap file in it"
-    return None
+    there = (path / METADATA).exists()  # then of another storage, as SQLite
+    return None if there else "is not a bag: no .mcap file in it"
 
 
 def _why_not_mcap(file: Path) -> str | None:
@@ -231,10 +218,7 @@ def damaged(bag: Path, error: Exception) -> BagError:
 
 
 def require_new_bag(directory: Path, number: int = 0) -> None:
-    """Refuse, before anything is started, a bag that cannot be made.
-
-    ``number`` is that of the last file that it may have.
-    """
+    """Refuse, before anything is started, a bag that cannot have files up to a number."""
     try:
         there = directory.exists()
         place = next(path for path in directory.absolute().parents if path.exists())

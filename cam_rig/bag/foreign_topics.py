@@ -114,15 +114,12 @@ PART = re.compile(r"(?P<name>\w+)(?:\[(?P<index>\w+)\])?")
 
 
 def number_at(message: Any, path: str) -> float:
-    """The number at a path; an empty one is that of a message with one number alone.
-
-    A name in brackets is looked for in the message's ``name``, as a JointState has them.
-    """
+    """The number at a path, by a joint's name too; an empty one is that of the only number."""
     path = path or _only(message)
     value = message
     for part in path.split("."):
-        match = PART.fullmatch(part)
-        if match is None or not _has(value, match["name"]):
+        match, there = PART.fullmatch(part), getattr(value, "__dataclass_fields__", {})
+        if match is None or match["name"] not in there or match["name"].startswith("_"):
             raise ValueError(_unknown(message, path))
         owner, value = value, getattr(value, match["name"])
         if match["index"] is not None:
@@ -132,10 +129,6 @@ def number_at(message: Any, path: str) -> float:
     if isinstance(value, bool | np.bool_) or not isinstance(value, int | float | np.number):
         raise ValueError(_unknown(message, path))
     return float(value)
-
-
-def _has(value: Any, name: str) -> bool:
-    return name in getattr(value, "__dataclass_fields__", {}) and not name.startswith("_")
 
 
 def _entry(owner: Any, values: Any, name: str, index: str) -> Any:

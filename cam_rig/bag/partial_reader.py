@@ -80,7 +80,6 @@ def attachments(file: Path) -> Iterator[Attachment]:
 
 
 def _safe(bag: Path, name: str) -> Path:
-    """The path of an attached file in its folder."""
     parts = name.split("/")
     if name.startswith("/") or ".." in parts or "\0" in name:
         raise BagError(f"{bag}: attachment {name[:80]!r} points elsewhere")
@@ -188,7 +187,6 @@ class PartialReader:
             self._note(error)
 
     def _of_chunk(self, stream: BinaryIO, chunk: Record) -> Iterator[Found]:
-        """What a chunk holds, as far as it goes."""
         count, sound, read, wrong = 0, False, 0, None
         try:
             head = chunk_head(stream, chunk)

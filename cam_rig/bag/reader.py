@@ -69,10 +69,7 @@ def pressure_of(message: Any) -> tuple[int, float]:
 def raw_messages(
     bag: Path, names: set[str], chosen: str | None = None
 ) -> Iterator[tuple[Connection, int, bytes]]:
-    """The serialized messages of some topics with their rig time in ns, in the order of the bag.
-
-    ``chosen`` is the rig's namespace, for a bag of several.
-    """
+    """Serialized messages with rig time (ns), in order; ``chosen`` is a rig's namespace."""
     try:
         rigs = set[str]()
         for reader in readers(bag):
@@ -86,11 +83,7 @@ def raw_messages(
 
 
 def readers(bag: Path) -> Iterator[Reader]:
-    """A reader of each file of a bag in turn, open until the next one is asked for.
-
-    None takes more memory than its file's size warrants. The content of metadata.yaml is in the
-    files too, so it is not read.
-    """
+    """A reader of each file in turn; none takes more memory than its file's size warrants."""
     try:
         for file in _sources(bag):
             with Reader(file) as reader:
@@ -100,7 +93,6 @@ def readers(bag: Path) -> Iterator[Reader]:
 
 
 def _sources(bag: Path) -> list[Path]:
-    """The files of a bag that can be read, in their order."""
     found = [bag]
     if bag.is_dir():
         require_plain(bag)
@@ -120,10 +112,7 @@ def _sources(bag: Path) -> list[Path]:
 
 
 def _namespace(bag: Path, reader: Reader, rigs: set[str]) -> str:
-    """The namespace of the rig in a bag, "/rig1"; empty for the root, or without a rig.
-
-    ``rigs`` are those of the files before, to which this file's is added.
-    """
+    """The namespace of the rig in a bag, "/rig1" or empty; ``rigs`` grows by those of this file."""
     rigs |= _rigs(reader)
     if len(rigs) > 1:
         several = ", ".join(sorted(name or "/" for name in rigs))

@@ -50,14 +50,8 @@ class BagRecorder:
     bag that was split, it is the last file that is written anew; the closed ones before it are
     kept.
 
-    Parameters
-    ----------
-    loaded : the scene, attached with its files
-    publishers : the one publisher of each topic
-    resume : go on with a bag that a killed recorder left, instead of refusing it
-    namespace : of the rig, "/rig1"; empty for the root
-    points_per_turn : instants a turn of the motion for people; 0: as the scene says
-    split : the limits of each of its files
+    ``resume`` goes on with a bag that a killed recorder left, instead of refusing it;
+    ``points_per_turn`` is of the motion for people, 0: as the scene says.
     """
 
     def __init__(
@@ -122,7 +116,6 @@ class BagRecorder:
         self._writer.close()
 
     def _check(self, topic: Topic, message: Any) -> None:
-        """Refuse a law or a contour that is not the one of the cam's file."""
         if topic is LAW_COEFFICIENTS:
             require_own_law(self._loaded, decode_law(*array_of(message)))
         else:

@@ -8,9 +8,10 @@ from __future__ import annotations
 import os
 import re
 import struct
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from io import BytesIO
+from itertools import accumulate
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -44,10 +45,7 @@ MESSAGE_HEAD = struct.Struct("<HIQQ")
 
 
 class Record(NamedTuple):
-    """A record at the top level of a file: its opcode, where its content begins, its bytes.
-
-    ``length`` is what the record claims, ``available`` what the file has of it.
-    """
+    """A record at a file's top: opcode, begin, the bytes that it claims and that the file has."""
 
     opcode: int
     start: int
@@ -61,10 +59,7 @@ class Record(NamedTuple):
 
 
 def records_of(stream: BinaryIO) -> Iterator[Record]:
-    """The records of a file in order; after one that is not whole, from the next whole chunk on.
-
-    There are none in a file that is empty yet.
-    """
+    """The records of a file in order; after one that is not whole, from the next whole chunk on."""
     number, size = stream.fileno(), os.fstat(stream.fileno()).st_size
     if not MCAP0_MAGIC.startswith(os.pread(number, len(MCAP0_MAGIC), 0)):
         raise BagError(f"{stream.name}: does not begin as an MCAP file does")
@@ -151,11 +146,11 @@ def chunk_head(stream: BinaryIO, record: Record) -> ChunkHead:
 
 def unpack(stream: BinaryIO, record: Record, head: ChunkHead) -> bytes:
     """The bytes of a chunk as far as they can be had, never more than it claims."""
-    available = min(head.packed, record.start + record.available - head.packed_at)
-    if not head.compression:
-        return os.pread(stream.fileno(), max(available, 0), head.packed_at)
     require_modest(head)
+    available = min(head.packed, record.start + record.available - head.packed_at)
     packed = os.pread(stream.fileno(), max(available, 0), head.packed_at)
+    if not head.compression:
+        return packed
     out = bytearray()
     try:
         for part in _unpacked(head.compression, packed):
@@ -178,46 +173,31 @@ def require_modest(head: ChunkHead) -> None:
         )
 
 
-def unpacked_size(stream: BinaryIO, head: ChunkHead) -> int:
-    """Bytes that a compressed chunk really unpacks to, counted to one more than it claims."""
-    packed, size = os.pread(stream.fileno(), head.packed, head.packed_at), 0
-    for part in _unpacked(head.compression, packed):
-        size += len(part)
-        if size > head.unpacked:
-            break
-    return size
-
-
 def inside(data: bytes) -> Iterator[Schema | Channel | Message]:
     """What a chunk holds, up to the first record that is truncated or is not one."""
     place = 0
     while place + HEAD.size <= len(data):
         opcode, length = HEAD.unpack_from(data, place)
-        place += HEAD.size
+        place += HEAD.size + length
         if opcode not in INSIDE:
             raise ValueError(f"a record of kind {opcode} in a chunk")
-        if place + length > len(data):
-            raise ValueError(f"a record of {length} bytes where {len(data) - place} are left")
-        part = data[place : place + length]
-        place += length
-        yield INSIDE[opcode](part)
+        if place > len(data):
+            left = len(data) - place + length
+            raise ValueError(f"a record of {length} bytes where {left} are left")
+        yield INSIDE[opcode](data[place - length : place])
     if place != len(data):
         raise ValueError(f"{len(data) - place} bytes that are not a record")
 
 
 def _unpacked(compression: str, packed: bytes) -> Iterator[bytes]:
-    """What compressed bytes unpack to, in parts."""
     if compression == "zstd":
         with zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True) as reader:
             while part := reader.read(UNPACK_BYTES):
                 yield part
         return
-    unpacker, rest = lz4.frame.LZ4FrameDecompressor(), packed
-    while not unpacker.eof:
-        part = unpacker.decompress(rest, max_length=UNPACK_BYTES)
-        rest = b""
-        if not part:
-            return
+    unpacker = lz4.frame.LZ4FrameDecompressor()
+    while not unpacker.eof and (part := unpacker.decompress(packed, max_length=UNPACK_BYTES)):
+        packed = b""
         yield part
 
 
@@ -229,12 +209,11 @@ FREE_UNPACKED, MAX_RATIO = 16 * MIB, 100
 MAX_AT_ONCE = 128 * MIB
 #: A bag whose messages or files are compressed one by one.
 COMPRESSED = re.compile(rb"compression_mode[\"']?\s*:\s*[\"']?(file|message)", re.IGNORECASE)
-Span = tuple[int, int, int]
 
 
 def require_bounded(file: Path) -> None:
     """Refuse an MCAP file that would take more memory than its size warrants."""
-    spans: list[Span] = []
+    packed: list[ChunkHead] = []
     chunks: dict[int, tuple[Record, ChunkHead]] = {}
     with file.open("rb") as stream:
         try:
@@ -244,20 +223,23 @@ def require_bounded(file: Path) -> None:
                         f"a record of {record.length} bytes, the file has {record.available}"
                     )
                 if record.opcode == Opcode.CHUNK:
-                    chunks[record.start], span = _chunk(stream, record)
-                    spans += span
+                    head = chunk_head(stream, record)
+                    chunks[record.start] = record, head
+                    if head.compression:
+                        _require_honest(stream, head)
+                        packed.append(head)
                 elif record.opcode == Opcode.CHUNK_INDEX:
                     _require_true(ChunkIndex.read(fields(content(stream, record))), chunks)
         except (ValueError, EOFError, struct.error, McapError) as error:
             raise BagError(f"{file}: {reason(error)}") from None
-    size, total = file.stat().st_size, sum(unpacked for *_, unpacked in spans)
+    size, total = file.stat().st_size, sum(head.unpacked for head in packed)
     most = FREE_UNPACKED + MAX_RATIO * size
     if total > most:
         raise BagError(
             f"{file}: {size} bytes that unpack to {total}; allowed: {most}, {MAX_RATIO} times as "
             f"much and {FREE_UNPACKED // MIB} MiB"
         )
-    if (held := _at_once(spans)) > MAX_AT_ONCE:
+    if (held := _at_once(packed)) > MAX_AT_ONCE:
         raise BagError(
             f"{file}: compressed chunks of {held} bytes are of one time; allowed: {MAX_AT_ONCE}"
         )
@@ -275,19 +257,20 @@ def require_plain(bag: Path) -> None:
             )
 
 
-def _chunk(stream: BinaryIO, record: Record) -> tuple[tuple[Record, ChunkHead], list[Span]]:
-    head = chunk_head(stream, record)
+def _require_honest(stream: BinaryIO, head: ChunkHead) -> None:
+    """Refuse a compressed chunk that unpacks to another size than it claims."""
     require_modest(head)
-    if not head.compression:
-        return (record, head), []
+    packed, size = os.pread(stream.fileno(), head.packed, head.packed_at), 0
     try:
-        size = unpacked_size(stream, head)
+        for part in _unpacked(head.compression, packed):
+            size += len(part)
+            if size > head.unpacked:
+                break
     except (zstandard.ZstdError, RuntimeError) as error:
         raise ValueError(f"a chunk that cannot be unpacked ({error})") from None
     if size != head.unpacked:
         more = "more" if size > head.unpacked else f"{size}"
         raise ValueError(f"a chunk claims {head.unpacked} bytes unpacked and has {more}")
-    return (record, head), [(head.begin, head.end, head.unpacked)]
 
 
 def _require_true(index: ChunkIndex, chunks: dict[int, tuple[Record, ChunkHead]]) -> None:
@@ -300,19 +283,13 @@ def _require_true(index: ChunkIndex, chunks: dict[int, tuple[Record, ChunkHead]]
     record, head = chunks.pop(start)
     claimed = index.compression, index.compressed_size, index.uncompressed_size, index.chunk_length
     true = head.compression, head.packed, head.unpacked, record.length + 9
-    if claimed != true or (index.message_start_time, index.message_end_time) != (
-        head.begin,
-        head.end,
-    ):
+    times = index.message_start_time, index.message_end_time
+    if claimed != true or times != (head.begin, head.end):
         raise ValueError(f"an index that claims {claimed} of a chunk that is {true}")
 
 
-def _at_once(spans: Iterable[Span]) -> int:
+def _at_once(heads: list[ChunkHead]) -> int:
     """The most bytes of chunks that overlap in time."""
-    edges = [(begin, 0, size) for begin, _, size in spans]
-    edges += [(max(begin, end), 1, -size) for begin, end, size in spans]
-    most = held = 0
-    for _, _, size in sorted(edges):
-        held += size
-        most = max(most, held)
-    return most
+    edges = [(head.begin, 0, head.unpacked) for head in heads]
+    edges += [(max(head.begin, head.end), 1, -head.unpacked) for head in heads]
+    return max(accumulate(size for *_, size in sorted(edges)), default=0)

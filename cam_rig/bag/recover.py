@@ -5,7 +5,6 @@ from __future__ import annotations
 import shlex
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import chain
 from pathlib import Path
 
 from mcap.records import Attachment
@@ -28,7 +27,6 @@ from cam_rig.bag.reader import read_counts, read_scene
 from cam_rig.bag.writer import BagWriter
 from cam_rig.errors import BagError, CamRigError
 from cam_rig.messages.topics import Topic, recorded_topic
-from cam_rig.schema import SceneConfig
 
 #: The report on a recording without any message.
 NOTHING_RECORDED = "nothing was recorded"
@@ -36,10 +34,7 @@ NOTHING_RECORDED = "nothing was recorded"
 
 @dataclass(frozen=True)
 class Recovered:
-    """Recovered messages by topic, their newest log time (ns), and what is missing.
-
-    ``readers`` know the state of each file.
-    """
+    """Recovered messages by topic, their newest log time (ns), and what is missing."""
 
     counts: dict[str, int]
     last_ns: int
@@ -79,7 +74,6 @@ class Recovered:
 
 
 def _damage(found: PartialReader) -> list[str]:
-    """What is damaged in a file, in words."""
     words = list[str]()
     if found.cut:
         words.append(f"{found.cut} of the saved are from a truncated chunk")
@@ -101,7 +95,7 @@ def recover(bag: Path, target: Path) -> Recovered:
 
     It may be killed and repeated: what it left of the new bag is overwritten.
     """
-    copying = Recovery(bag, mcap_files(bag))
+    copying = Recovery(bag)
     if not _is_unfinished(target):
         require_new_bag(target)
     with BagWriter(target, rewrite=True) as writer:
@@ -115,7 +109,7 @@ def recover_in_place(bag: Path) -> Recovered:
 
     It may be killed and repeated: each old file stays until the new one is complete.
     """
-    copying = Recovery(bag, mcap_files(bag))
+    copying = Recovery(bag)
     wrong = [file for file in copying.files if not is_closed(file)]
     wrong = wrong or copying.files[-1:]  # only metadata.yaml is missing
     try:
@@ -137,7 +131,7 @@ def recover_in_place(bag: Path) -> Recovered:
 
 def examine(bag: Path) -> Recovered:
     """What a bag holds, and what it lacks; nothing is written."""
-    copying = Recovery(bag, mcap_files(bag))
+    copying = Recovery(bag)
     for file in copying.files:
         copying.read(file)
     return copying.result()
@@ -170,8 +164,8 @@ def _is_unfinished(target: Path) -> bool:
 class Recovery:
     """The files of a bag as they are read, each as far as it goes."""
 
-    def __init__(self, bag: Path, files: list[Path]) -> None:
-        self.files = files
+    def __init__(self, bag: Path) -> None:
+        self.files = mcap_files(bag)
         self._bag, self._holdings = bag, Holdings()
         self._readers: dict[Path, PartialReader] = {}
         self._contents: dict[Path, FileContent] = {}
@@ -181,14 +175,9 @@ class Recovery:
         reader = self._readers[file] = PartialReader(file)
         content = FileContent(bag_file(self._bag, number_of(file)).name)
         self._contents[file] = content
-        records = reader.records()
-        first = next(records, None)
-        if first is None and len(self.files) == 1:
-            why = f" ({reader.why})" if reader.why else ""
-            raise BagError(
-                f"{self._bag}: no readable record in {file.name}{why}; nothing to recover"
-            )
-        for record in chain([first] if first else [], records):
+        empty = len(self.files) == 1
+        for record in reader.records():
+            empty = False
             if isinstance(record, Attachment):
                 if writer is not None:
                     writer.attach(record.name, record.data)
@@ -201,6 +190,11 @@ class Recovery:
             if writer is not None:
                 number = message.sequence if reader.ours else 0
                 writer.write(topic, message.log_time, message.data, schema.data, number)
+        if empty:
+            why = f" ({reader.why})" if reader.why else ""
+            raise BagError(
+                f"{self._bag}: no readable record in {file.name}{why}; nothing to recover"
+            )
         return content
 
     def result(self, writer: BagWriter | None = None) -> Recovered:
@@ -208,15 +202,12 @@ class Recovery:
         readers = tuple(self._readers[file] for file in self.files)
         whole = all(reader.whole for reader in readers)
         ours = all(self._readers[file].ours for file in self.files if self._contents[file].total)
-        loss = loss_of(self._holdings, _scene(self._bag), whole, ours)
+        scene = None
+        with suppress(CamRigError):
+            scene = read_scene(self._bag).scene
+        loss = loss_of(self._holdings, scene, whole, ours)
         whole_bag = together(self._contents.values())
         saved = Recovered(whole_bag.counts, whole_bag.last, readers, loss)
         if writer is not None and not saved.sound:
             writer.attach(RECOVERED, saved.words.encode())
         return saved
-
-
-def _scene(bag: Path) -> SceneConfig | None:
-    with suppress(CamRigError):
-        return read_scene(bag).scene
-    return None

@@ -15,7 +15,7 @@ from cam_rig.bag.reader import messages, raw_messages
 from cam_rig.dynamics import COLUMNS
 from cam_rig.errors import BagError
 from cam_rig.messages import topics
-from cam_rig.messages.codec import array_of, cam_state_of, decode_block, stamp_ns
+from cam_rig.messages.codec import block_of, cam_state_of, stamp_ns
 from cam_rig.messages.serialization import read_message
 from cam_rig.messages.topics import Topic
 from cam_rig.show.result import Column, Records, Result
@@ -120,7 +120,7 @@ def _numbers(topic: Topic, message: Any) -> Iterator[tuple[str, Any]]:
     if topic.stamped:
         yield "stamp [ns]", np.array([stamp_ns(message.header.stamp)])
     if topic is topics.FOLLOWER_SAMPLES:
-        yield from zip(COLUMNS, decode_block(*array_of(message)), strict=True)
+        yield from zip(COLUMNS, block_of(message), strict=True)
     elif topic is topics.FOLLOWER_STATE:
         yield "lift [m]", message.position
         yield "velocity [m/s]", message.velocity
@@ -143,11 +143,7 @@ QUANTITY = re.compile(r"\bL[ACZ][FS]$")
 
 @dataclass(frozen=True)
 class Played:
-    """A state of the cam, and the serialized messages up to it and with it.
-
-    ``quantity`` is what the microphone read of the tick that ends here, by its diagnostics; empty
-    without one.
-    """
+    """A state, all serialized messages up to it, and what the microphone read then, if known."""
 
     state: CamState
     messages: tuple[tuple[Topic, bytes], ...]

@@ -74,14 +74,10 @@ class Waiting:
             self._keep(topic, stamp, cdr)
         finally:  # an error in the one must not cost the other
             for twin in TWINS[topic.name]:
-                self._pair(twin, source, number, stamp)
+                self.pair(twin, source, number, stamp)
 
-    def keep_twin(self, topic: Topic, source: bytes, number: int, cdr: bytes) -> None:
-        """Keep a message without a stamp until its twin tells the stamp."""
-        self._pair(topic, source, number, cdr)
-
-    def _pair(self, topic: Topic, source: bytes, number: int, half: int | bytes) -> None:
-        """Bring an unstamped message and the stamp of its twin together."""
+    def pair(self, topic: Topic, source: bytes, number: int, half: int | bytes) -> None:
+        """Bring an unstamped message and the stamp of its twin together, whichever comes first."""
         key = (topic.name, source, number)
         other = self._halves.pop(key, None)
         if isinstance(half, int) and isinstance(other, bytes):
@@ -117,10 +113,7 @@ class Diagnostic(NamedTuple):
 
 
 class PendingDiagnostics:
-    """Messages that wait until rig time, by the cam's states, has come to their stamps.
-
-    So a stamp of the wall clock, which other programs use on the same topic, never gets into a bag.
-    """
+    """Messages that wait until rig time comes to their stamps: one of the wall clock never does."""
 
     def __init__(self) -> None:
         self._waiting: dict[Diagnostic, None] = {}
@@ -173,12 +166,8 @@ class Writing(Protocol):
 class RecordingSession:
     """Writes serialized messages in the order of rig time, each once.
 
-    Parameters
-    ----------
-    validator : which states of the cam are possible
-    publishers : the one publisher of each topic
-    check : refuses a law or a contour (topic, message) that is not the cam's own
-    motion : makes the derived messages; None: none
+    ``check`` refuses a law or a contour (topic, message) that is not the cam's own; ``motion``
+    makes the derived messages.
     """
 
     def __init__(
@@ -226,13 +215,12 @@ class RecordingSession:
                 self._publishers.require(node, topic, source)
             self._diagnostics.take(stamp_of(cdr), node, cdr)
         elif topic.twin:
-            self._waiting.keep_twin(topic, source, number, cdr)
+            self._waiting.pair(topic, source, number, cdr)
         else:
             self._waiting.keep_stamped(topic, source, number, cdr)
         stamps = []
         while self._states and self._complete():
-            self._write_state()
-            stamps.append(self.written)
+            stamps.append(self._write_state())
         self._write_diagnostics(self.written)
         return stamps
 
@@ -272,7 +260,7 @@ class RecordingSession:
             "cam" not in there or all(state.cam in known for known in self._cams.values())
         )
 
-    def _write_state(self) -> None:
+    def _write_state(self) -> int:
         state, cdr = self._states.popleft()
         stamp, put = state.time_ns, self._writer.write
         there = occasions(self._before, state)
@@ -293,6 +281,7 @@ class RecordingSession:
         self._before, self.written = state, stamp
         self._known.discard(stamp)
         self._waiting.forget(stamp)
+        return stamp
 
     def _moved(self, state: CamState) -> list[DerivedMessage]:
         """The derived messages of the tick that ends at a state; none without its samples."""

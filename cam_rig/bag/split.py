@@ -24,13 +24,9 @@ AMOUNT = re.compile(r"\s*(\d{1,12}(?:\.\d{1,9})?)\s*([A-Za-z]+)\s*")
 class Split:
     """The limits of each file of a bag, as `ros2 bag record` has them; 0 is none.
 
+    ``size`` is bytes of messages, without what is attached to each file; ``duration`` rig time, s.
     A file ends with the tick in which it comes to a limit: the next state of the cam begins the
     next file, so that a tick is never divided.
-
-    Parameters
-    ----------
-    size : bytes of messages, without what is attached to each file
-    duration : rig time, s
     """
 
     size: int = 0
@@ -62,38 +58,34 @@ class Split:
             )
         amount, what = float(found[1]), f"split: is {text.strip()}"
         if found[2] in SIZES:
-            size = round(amount * SIZES[found[2]])
-            require_size(size, what)
-            return cls(size=size)
-        duration = amount * TIMES[found[2]]
-        require_duration(duration, what)
-        return cls(duration=duration)
+            return cls(size=_checked_size(round(amount * SIZES[found[2]]), what))
+        return cls(duration=_checked_duration(amount * TIMES[found[2]], what))
 
 
-def require_size(size: int, what: str) -> None:
-    """Refuse a size (bytes) that a file cannot have; the error begins with ``what``."""
+def _checked_size(size: int, what: str) -> int:
     if not MIN_FILE_BYTES <= size < 2**63:
         raise ConfigError(
             f"{what}; allowed: a file of {MIN_FILE_BYTES} bytes ({MIN_FILE_BYTES / 1e6:g} MB) or "
             "more, as it repeats the scene and its cams"
         )
+    return size
 
 
-def require_duration(duration: float, what: str) -> None:
-    """Refuse a duration (s) that a file cannot have; the error begins with ``what``."""
+def _checked_duration(duration: float, what: str) -> float:
     if not MIN_FILE_S <= duration <= MAX_FILE_S:
         raise ConfigError(
             f"{what}; allowed: a file of {MIN_FILE_S:g} to {MAX_FILE_S:g} s of rig time"
         )
+    return duration
 
 
 def check_parameter_size(size: int) -> None:
     """Refuse a value of the parameter max_bagfile_size; 0 is no limit."""
     if size != 0:
-        require_size(size, f"max_bagfile_size: is {size}")
+        _checked_size(size, f"max_bagfile_size: is {size}")
 
 
 def check_parameter_duration(duration: float) -> None:
     """Refuse a value of the parameter max_bagfile_duration; 0 is no limit."""
     if duration != 0.0:
-        require_duration(duration, f"max_bagfile_duration: is {duration:g}")
+        _checked_duration(duration, f"max_bagfile_duration: is {duration:g}")

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from types import TracebackType
 
 from cam_rig.bag import files
 from cam_rig.bag.file_writer import FileContent, FileWriter, metadata
@@ -16,22 +15,13 @@ from cam_rig.messages.topics import RECORDING, Topic
 
 
 class BagWriter:
-    """A rosbag2 bag being written; a context manager.
+    """A rosbag2 bag being written; a context manager. Its directory must not exist yet.
 
     From the start it has a metadata.yaml that other readers take, though it counts nothing yet.
-    A file that comes to a limit is followed by another: it repeats the schemas, the channels and
-    the attachments, so that it can be read alone. At every moment the newest file is not closed.
-
-    The directory must not exist yet, its parent folders are made.
-
-    Parameters
-    ----------
-    rewrite : instead, what is written replaces one of the bag's files when `replace_old` is called,
-        or when it is closed; until then that file, if there is one, stays as it is
-    split : the limits of each file; one that is rewritten is never split
-    number : of the file that is written first
-    namespace : of the rig, "/rig1"; put before each topic's name
-    others : what the bag's other files hold
+    A file that comes to a limit of ``split`` is followed by another: it repeats the schemas, the
+    channels and the attachments, so that it can be read alone. At every moment the newest file is
+    not closed. ``rewrite``: instead, what is written replaces the bag's file of a ``number``, as
+    `FileWriter` says; it is never split. ``others`` is what the bag's other files hold.
     """
 
     def __init__(
@@ -53,15 +43,20 @@ class BagWriter:
         #: Stamp (ns) of the first state of the file that is written now.
         self._begin: int | None = None
         self._failed: BagError | None = None
-        self._make_folder(rewrite)
-        self._file = self._open_first(rewrite)
+        with self._making(directory):
+            directory.mkdir(parents=True, exist_ok=rewrite)
+            files.sync_folder(directory.parent)
+        file = bag_file(directory, number)
+        with self._making(file):
+            self._file = FileWriter(file, rewrite, namespace)
         try:
-            self._file.start(self._others)
-            if not rewrite:
-                self._write_metadata(RECORDING)
-        except OSError as error:
+            with self._making(directory / METADATA):
+                self._file.start(self._others)
+                if not rewrite:
+                    self._write_metadata(RECORDING)
+        except BagError:
             self.abandon()
-            raise BagError(f"{directory}: cannot be made ({error.strerror})") from None
+            raise
 
     @property
     def file(self) -> Path:
@@ -71,13 +66,8 @@ class BagWriter:
     def __enter__(self) -> BagWriter:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        if error is not None:
+    def __exit__(self, kind: object, *_error: object) -> None:
+        if kind is not None:
             self.abandon()
             return
         try:
@@ -145,7 +135,7 @@ class BagWriter:
             self._file.flush_if_due()
 
     def flush(self) -> None:
-        """Write everything to the file; see `FileWriter.flush`."""
+        """Write everything to the file, where a killed process cannot lose it."""
         with self._writing():
             self._file.flush()
 
@@ -160,10 +150,7 @@ class BagWriter:
                 self._write_metadata(RECORDING)
 
     def close(self) -> None:
-        """Finish the bag: metadata.yaml first, then the file's end, by which it counts as closed.
-
-        A new file replaces the old one last of all.
-        """
+        """Finish the bag: metadata.yaml, then the file's end, by which it counts as closed."""
         if self._file.closed:
             return
         with self._writing():
@@ -201,10 +188,7 @@ class BagWriter:
         return self._failed
 
     def _begin_file(self) -> None:
-        """Begin the next file and close this one, in that order.
-
-        So a kill at any moment leaves a file that is not closed, which says that the bag is not.
-        """
+        """Begin the next file, then close this one: a kill between leaves one not closed."""
         with self._writing():
             old = self._file
             old.sync()
@@ -227,29 +211,18 @@ class BagWriter:
             self._write_metadata(RECORDING)
 
     def _contents(self) -> list[FileContent]:
-        """What all files of the bag hold, in their order."""
         found = {content.name: content for content in (*self._others, self._file.content)}
         return sorted(found.values(), key=lambda content: (len(content.name), content.name))
 
-    def _make_folder(self, exists: bool) -> None:
+    @contextmanager
+    def _making(self, path: Path) -> Iterator[None]:
+        """What is done inside may find that a path cannot be made."""
         try:
-            self.directory.mkdir(parents=True, exist_ok=exists)
-            files.sync_folder(self.directory.parent)
-        except FileExistsError:
-            raise BagError(
-                f"{self.directory}: exists already, not overwriting; name another bag"
-            ) from None
-        except OSError as error:
-            raise BagError(f"{self.directory}: cannot be made ({error.strerror})") from None
-
-    def _open_first(self, replaces: bool) -> FileWriter:
-        file = bag_file(self.directory, self._number)
-        try:
-            return FileWriter(file, replaces, self._namespace)
+            yield
         except BlockingIOError:
-            raise BagError(f"{part_of(file)}: is being written by another process") from None
+            raise BagError(f"{part_of(path)}: is being written by another process") from None
         except FileExistsError:
-            raise BagError(f"{file}: exists already, not overwriting; name another bag") from None
+            raise BagError(f"{path}: exists already, not overwriting; name another bag") from None
         except OSError as error:
             raise BagError(f"{self.directory}: cannot be made ({error.strerror})") from None
 

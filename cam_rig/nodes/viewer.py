@@ -14,7 +14,7 @@ from std_msgs.msg import Float64
 
 from cam_rig.errors import CamRigError, RefusedError
 from cam_rig.messages import topics
-from cam_rig.messages.codec import block_of, cam_state_of, real_time_factor, stamp_ns
+from cam_rig.messages.codec import real_time_factor
 from cam_rig.nodes.convert import to_header
 from cam_rig.nodes.rig_node import RigNode
 from cam_rig.simulation.scene import open_scene
@@ -44,13 +44,7 @@ class Viewer(RigNode):
             _, address = self._windows.enter_context(window())
         self._view, self._received = LiveView(self._loaded, address), 0
         self._shown, feed = self.publisher(topics.SHOWN), self._view.feed
-        handlers: dict[topics.Topic, Callable[[Any], None]] = {
-            topics.PROFILE: self._on_profile,
-            topics.CAM_STATE: lambda m: feed.state(cam_state_of(m)),
-            topics.FOLLOWER_SAMPLES: lambda m: feed.block(block_of(m)),
-            topics.LEVEL: lambda m: feed.level(m.data),
-            topics.PRESSURE: lambda m: feed.pressure(stamp_ns(m.header.stamp), m.fluid_pressure),
-        }
+        handlers = feed.handlers | {topics.PROFILE: self._on_profile}
         for topic, handle in handlers.items():
             self.subscribe(replace(topic, depth=QUEUE_DEPTH), self._on(handle))
         self.every(LOOK_EVERY_S, self._view.flush)

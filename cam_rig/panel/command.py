@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
@@ -18,23 +18,15 @@ if TYPE_CHECKING:
     from cam_rig.schema import CamConfig, RigConfig
 
 
+File = TypeVar("File", "CamConfig", "RigConfig")
+
 # cam-rig panel --mark: the marks of lab sheets.
 
 
 def mark_sheets(
     sheets: list[Path], cam: str | None, rig: str | None, tolerance: float | None
 ) -> MarksResult:
-    """Mark lab sheets.
-
-    Parameters
-    ----------
-    cam, rig : files that the sheets are of; None for shipped ones of the names on the sheets
-    tolerance : %, within which a reading is right; None for 1 %
-
-    Raises
-    ------
-    ConfigError : no sheet, or none of this cam and rig
-    """
+    """Mark lab sheets of a cam and a rig, by default shipped ones of the names on the sheets."""
     from cam_rig.panel.lab.marking import TOLERANCE_PERCENT, MarksResult, mark_sheet
     from cam_rig.schema import load_cam, load_rig
     from cam_rig.schema.load import cam_path, rig_path
@@ -44,15 +36,11 @@ def mark_sheets(
 
     def cam_of(name: str) -> CamConfig:
         _require_name("cam", name)
-        found = load_cam(cam_path(cam or name))
-        _require_same("cam", name, found.name)
-        return found
+        return _same("cam", name, load_cam(cam_path(cam or name)))
 
     def rig_of(name: str) -> RigConfig:
         _require_name("rig", name)
-        found = load_rig(rig_path(rig or name))
-        _require_same("rig", name, found.name)
-        return found
+        return _same("rig", name, load_rig(rig_path(rig or name)))
 
     within = TOLERANCE_PERCENT if tolerance is None else tolerance
     return MarksResult(tuple(mark_sheet(path, within, cam_of, rig_of) for path in sheets))
@@ -67,13 +55,13 @@ def _require_name(kind: str, name: str) -> None:
         raise ConfigError(f"{kind} is {shown(name)}; allowed: a name as {kind} files have it")
 
 
-def _require_same(kind: str, name: str, found: str) -> None:
-
-    if name != found:
-        option = "--rig FILE" if kind == "rig" else "the cam's file"
-        raise ConfigError(
-            f"is of {kind} {name!r}, marked with {found!r}; allowed: the same, so name {option}"
-        )
+def _same(kind: str, name: str, found: File) -> File:
+    if name == found.name:
+        return found
+    option = "--rig FILE" if kind == "rig" else "the cam's file"
+    raise ConfigError(
+        f"is of {kind} {name!r}, marked with {found.name!r}; allowed: the same, so name {option}"
+    )
 
 
 #: What is drawn and turned if nothing else is named.
@@ -99,37 +87,27 @@ Names = Annotated[
         "that end in .csv.",
     ),
 ]
-
 RigOfPanel = Annotated[
     str | None, typer.Option(help=f"Rig file, or a name in config/rigs; by default {RIG}.")
 ]
-
 Port = Annotated[
     int, typer.Option(min=0, max=65535, help="Port on this machine; 0 takes a free one.")
 ]
-
 Out = Annotated[Path, typer.Option(metavar="FOLDER", help="Where cam files, bags and sheets go.")]
-
 Lang = Annotated[
     str | None, typer.Option(help="Language of the pages, en or es; the browser's by default.")
 ]
-
 NoRerun = Annotated[
     bool, typer.Option("--no-rerun", help="The bench without Rerun's picture of the rig.")
 ]
-
 Open = Annotated[bool, typer.Option("--open", help="Open the browser.")]
-
 LabName = Annotated[
     str | None, typer.Option(metavar="NAME", help="A lab sheet for a student: jump.")
 ]
-
 Seed = Annotated[
     str | None, typer.Option(metavar="NAME", help="With --lab: measure a rig of hidden numbers.")
 ]
-
 ToMark = Annotated[bool, typer.Option("--mark", help="Mark lab sheets instead.")]
-
 Tolerance = Annotated[
     float | None,
     typer.Option(
@@ -188,7 +166,6 @@ def panel(
 
 
 def _apart(names: list[str], mark: bool) -> tuple[list[str], list[Path]]:
-    """The cam, if one is named, and the sheets that are to be marked."""
     sheets = [name for name in names if mark and name.endswith(".csv")]
     cams = [name for name in names if name not in sheets]
     if len(cams) > 1:
@@ -199,7 +176,6 @@ def _apart(names: list[str], mark: bool) -> tuple[list[str], list[Path]]:
 def _require_together(
     lab: str | None, seed: str | None, mark: bool, open_browser: bool, for_marks: bool
 ) -> None:
-    """Refuse options that would be passed over."""
     if seed is not None and lab is None:
         raise ConfigError("--seed: is of a lab sheet; allowed: with --lab")
     if mark and (lab is not None or open_browser):
@@ -219,12 +195,6 @@ def _serve(
     seed: str | None,
     lang: str | None,
 ) -> None:
-    """Serve the pages until Ctrl-C.
-
-    Raises
-    ------
-    CamRigError : a file or a name is wrong, a library is missing, or the server ended
-    """
     from cam_rig.extras import require
     from cam_rig.files import temporary_folder
     from cam_rig.panel.board.board import Board

@@ -138,10 +138,7 @@ def languages() -> list[str]:
 
 
 def application(*pages: PanelPages, language: str | None = None) -> Starlette:
-    """All pages of a panel as one application, with the files that they share.
-
-    ``language`` is that of a page whose reader has not chosen one; None takes the browser's.
-    """
+    """All pages of a panel with the files that they share; ``language`` None is the browser's."""
 
     @asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncIterator[None]:
@@ -187,8 +184,7 @@ Message = dict[str, Any]
 class LivePage:
     """A page that waits for nobody and is waited for by nobody.
 
-    Of each kind of message only the newest waits for it. One that reads nothing, of a browser that
-    is suspended, is dropped alone.
+    Of each kind of message only the newest waits for it. One that reads nothing is dropped alone.
     """
 
     def __init__(self, socket: WebSocket) -> None:
@@ -201,19 +197,18 @@ class LivePage:
         self._newest[kind] = message
         self._new.set()
 
-    async def serve(
-        self,
-        obey: Callable[[Message], Awaitable[Message]],
-        refused: Callable[[Any, str], Message],
-    ) -> None:
+    def refused(self, number: Any, words: str) -> Message:
+        """The answer to a refused message of a number, None where it has none."""
+        return {"type": "refused", "number": number, "words": words}
+
+    async def serve(self, obey: Callable[[Message], Awaitable[Message]]) -> None:
         """Do what it asks and tell it what is new, until it is closed.
 
-        ``obey`` gives what came of a message; where it raises a RefusedError, ``refused`` gives
-        the answer to the message of a number (None where it has none), with words.
+        ``obey`` gives what came of a message, or raises a RefusedError.
         """
         try:
             async with asyncio.TaskGroup() as group:
-                group.create_task(self._obey(obey, refused))
+                group.create_task(self._obey(obey))
                 for telling in self.telling():
                     group.create_task(telling)
         # Closed; closed while another task sends; reads nothing.
@@ -232,11 +227,7 @@ class LivePage:
             else:
                 await self.socket.send_json(message)
 
-    async def _obey(
-        self,
-        obey: Callable[[Message], Awaitable[Message]],
-        refused: Callable[[Any, str], Message],
-    ) -> None:
+    async def _obey(self, obey: Callable[[Message], Awaitable[Message]]) -> None:
         while True:
             number = None
             try:
@@ -244,7 +235,7 @@ class LivePage:
                 number = asked.get("number")
                 answer = await obey(asked)
             except RefusedError as error:
-                answer = refused(number, str(error))
+                answer = self.refused(number, str(error))
             await self.send(answer)
 
     async def _tell(self) -> None:

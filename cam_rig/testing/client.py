@@ -34,8 +34,7 @@ _RIG_TOPICS = {topic.name: topic for topic in topics.TOPICS}
 class RigClient:
     """A node in a context and ROS domain of its own; messages are taken while it waits.
 
-    ``node`` is the node, for subscriptions and clients of your own; ``context`` is for further
-    nodes, which `add_node` spins beside it.
+    ``node`` is for subscriptions and clients of your own, ``context`` for nodes to `add_node`.
     """
 
     def __init__(self, domain: int, patience: float = PATIENCE_S, name: str = "test") -> None:
@@ -66,12 +65,7 @@ class RigClient:
         self._executor.spin_once(timeout_sec=seconds)
 
     def wait_for(self, condition: Callable[[], Any], what: str = "the condition") -> Any:
-        """Take messages until a condition is true; what it gave.
-
-        Raises
-        ------
-        RunError : it did not come true within ``patience``
-        """
+        """Take messages until a condition is true; what it gave; RunError after ``patience``."""
         deadline = time.monotonic() + self.patience
         while not (found := condition()):
             if time.monotonic() > deadline:
@@ -84,10 +78,7 @@ class RigClient:
     ) -> list[Any]:
         """A list that grows by each message of a topic that ``accept`` takes, while the rig waits.
 
-        Parameters
-        ----------
-        topic : its name; of a latched topic of the rig, its history comes first
-        kind : its type; not needed for a topic of the rig
+        ``kind`` is its type; not needed for one of the rig. A latched topic's history comes first.
         """
         heard: list[Any] = []
 
@@ -101,12 +92,7 @@ class RigClient:
     def wait_for_message(
         self, topic: str, accept: Callable[[Any], Any] = lambda _message: True, kind: Any = None
     ) -> Any:
-        """The first message of a topic that ``accept`` takes; see `listen`.
-
-        Raises
-        ------
-        RunError : none came within ``patience``
-        """
+        """The first message of a topic that ``accept`` takes; RunError after ``patience``."""
         heard: list[Any] = []
         subscription = self._subscribe(topic, kind, heard.append)
         try:
@@ -123,12 +109,7 @@ class RigClient:
         self._publishers[topic].publish(message)
 
     def call(self, service: str) -> str:
-        """Call a service of type std_srvs/Trigger, such as ``/cam_drive/stop``; its words.
-
-        Raises
-        ------
-        RunError : it refuses, with the reason
-        """
+        """Call a std_srvs/Trigger, as ``/cam_drive/stop``; its words, RunError if it refuses."""
         answer = self.ask(Trigger, service, Trigger.Request())
         if not answer.success:
             raise RunError(f"{service}: {answer.message}")
@@ -156,12 +137,7 @@ class RigClient:
             self.node.destroy_client(client)
 
     def set_parameter(self, node: str, name: str, value: Any) -> None:
-        """Set a parameter of a node, such as ``("cam_drive", "rpm", 320.0)``.
-
-        Raises
-        ------
-        RunError : the node refuses it, with the reason
-        """
+        """Set a parameter, such as ``("cam_drive", "rpm", 320.0)``; RunError if it is refused."""
         wanted = [Parameter(name, value=value).to_parameter_msg()]
         request = SetParameters.Request(parameters=wanted)
         result = self.ask(SetParameters, f"/{node}/set_parameters", request).results[0]

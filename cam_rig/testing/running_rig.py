@@ -186,7 +186,6 @@ class RunningRig(RigClient):
                 self._graph = stack.enter_context(Graph(nodes, log=self.log.append))
                 super().__init__(self.domain, self._given_patience)
             stack.callback(RigClient.__exit__, self)
-            stack.callback(self._end_programs)
             self._watcher = Thread(target=self._watch, daemon=True)
             self._watcher.start()
             self._stack = stack.pop_all()
@@ -225,12 +224,7 @@ class RunningRig(RigClient):
         return read_bag(self.bag)
 
     def wait_for(self, condition: Callable[[], Any], what: str = "the condition") -> Any:
-        """Take messages until a condition is true; what it gave.
-
-        Raises
-        ------
-        RunError : a node or a program ended before its time; it did not come true in time
-        """
+        """As `RigClient.wait_for`; RunError too where a node or a program ended before its time."""
 
         def met() -> Any:
             self._require_no_failure()
@@ -241,9 +235,7 @@ class RunningRig(RigClient):
     def wait_for_tick(self, number: int = 1) -> dict[str, Any]:
         """Wait until the drive has sent the end of a tick; its report: ``tick``, ``cam``, ``rpm``.
 
-        Raises
-        ------
-        RunError : the run is over and had fewer ticks; see `wait_for`
+        RunError where the run is over and had fewer ticks.
         """
 
         def found() -> Any:
@@ -263,6 +255,7 @@ class RunningRig(RigClient):
         """Start a program in the rig's domain, a node of yours for one; it ends with the rig."""
         program = StartedProgram(command, self.environment)
         self._programs.append(program)
+        self._stack.callback(program.end)
         return program
 
     def _watch(self) -> None:
@@ -285,7 +278,3 @@ class RunningRig(RigClient):
         if self._failure is not None:
             self._reported = True
             raise self._failure
-
-    def _end_programs(self) -> None:
-        for program in self._programs:
-            program.end()

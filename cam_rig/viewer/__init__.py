@@ -18,10 +18,7 @@ class Layout(StrEnum):
 
 @dataclass(frozen=True)
 class ViewOptions:
-    """How a recording is laid out and thinned.
-
-    Cams are compared at a speed, by default the scene's highest.
-    """
+    """How a recording is laid out and thinned; cams are compared at ``rpm``, else the highest."""
 
     layout: Layout = Layout.RUN
     rpm: float | None = None

@@ -44,18 +44,19 @@ def blueprint(
     the start. Of ``bucket`` samples two are shown.
     """
     if layout is Layout.RUN:
-        return _blueprint(
-            _run(loaded, duration, bucket, ranges, window), _played(loaded, duration, window)
+        view = _run(loaded, duration, bucket, ranges, window)
+        timeline = _played(loaded, duration, window)
+    else:
+        view = (_compare if layout is Layout.COMPARE else _report)(loaded, compared, ranges)
+        timeline = rrb.TimePanel(
+            state="collapsed",
+            timeline=TURN_DEGREES,
+            fps=DEGREES_PER_SECOND,
+            play_state="playing",
+            loop_mode="all",
         )
-    timeline = rrb.TimePanel(
-        state="collapsed",
-        timeline=TURN_DEGREES,
-        fps=DEGREES_PER_SECOND,
-        play_state="playing",
-        loop_mode="all",
-    )
-    views = _compare if layout is Layout.COMPARE else _report
-    return _blueprint(views(loaded, compared, ranges), timeline)
+    panels = rrb.BlueprintPanel(state="collapsed"), rrb.SelectionPanel(state="collapsed")
+    return rrb.Blueprint(view, *panels, timeline, auto_views=False, auto_layout=False)
 
 
 def compared_rpm(loaded: LoadedScene, rpm: float | None) -> float:
@@ -75,11 +76,6 @@ def playback_begin(loaded: LoadedScene, duration: float) -> float:
     program = loaded.scene.program
     settled = max(1.0, program.settle_turns.si) * TURN / program.speeds.si_list[0]
     return min(settled, 0.5 * duration)
-
-
-def _blueprint(view: rrb.Container, timeline: rrb.TimePanel) -> rrb.Blueprint:
-    panels = rrb.BlueprintPanel(state="collapsed"), rrb.SelectionPanel(state="collapsed")
-    return rrb.Blueprint(view, *panels, timeline, auto_views=False, auto_layout=False)
 
 
 def _played(loaded: LoadedScene, duration: float, window: float | None) -> rrb.TimePanel:
@@ -159,7 +155,7 @@ def _compare(loaded: LoadedScene, rpm: float, ranges: Ranges) -> rrb.Container:
         rrb.Horizontal(*_turns(loaded, rpm, ranges), name="One turn"),
         rrb.Horizontal(*bars, name="Sound of the turn"),
     )
-    return rrb.Vertical(rrb.Horizontal(*_cams(loaded, 4.0)), below, row_shares=[3, 2])
+    return rrb.Vertical(rrb.Horizontal(*_cams(loaded)), below, row_shares=[3, 2])
 
 
 def _report(loaded: LoadedScene, rpm: float, ranges: Ranges) -> rrb.Container:
@@ -167,23 +163,18 @@ def _report(loaded: LoadedScene, rpm: float, ranges: Ranges) -> rrb.Container:
         rrb.TextDocumentView(origin=RESULTS, name="Results"),
         rrb.TextDocumentView(origin=ABOUT, name="About"),
     )
-    upper = rrb.Horizontal(_noise(loaded), rrb.Horizontal(*_cams(loaded, 4.0)))
+    upper = rrb.Horizontal(_noise(loaded), rrb.Horizontal(*_cams(loaded)))
     turns = rrb.Horizontal(*_turns(loaded, rpm, ranges))
     return rrb.Vertical(upper, turns, words, row_shares=[4, 3, 3])
 
 
-def _cams(loaded: LoadedScene, share: float) -> list[rrb.Container]:
-    """The cams side by side, each turning under its follower."""
-    return [
-        _scene(
-            loaded, f"{level_chart.COMPARE}/{name}/scene", shortened(cam.title, MAX_TITLE), share
-        )
-        for name, cam in loaded.cams.items()
-    ]
+def _cams(loaded: LoadedScene) -> list[rrb.Container]:
+    titles = {name: shortened(cam.title, MAX_TITLE) for name, cam in loaded.cams.items()}
+    views = {name: f"{level_chart.COMPARE}/{name}/scene" for name in titles}
+    return [_scene(loaded, views[name], title, 4.0) for name, title in titles.items()]
 
 
 def _turns(loaded: LoadedScene, rpm: float, ranges: Ranges) -> list[rrb.Spatial2DView]:
-    """Curves of all cams at one speed over each other, from 0 to 360°."""
     return [
         _chart(
             level_chart.at_speed(rpm, row.key),
@@ -241,6 +232,5 @@ def _near(window: float | None) -> rrb.TimeAxis:
 
 
 def _whole(duration: float) -> rrb.TimeAxis:
-    """The run from start to end (s)."""
     ends = [rr.TimeRangeBoundary.absolute(seconds=s) for s in (0.0, duration)]
     return rrb.TimeAxis(view_range=rr.TimeRange(start=ends[0], end=ends[1]))

@@ -8,19 +8,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Event
-from types import TracebackType
 from typing import TYPE_CHECKING, Annotated, Self
 
 import typer
 from rich.markup import escape
 
 from cam_rig.errors import ConfigError
-from cam_rig.show.command import (
-    LINE_EVERY_S,
-    SceneOfBag,
-    progress_bar,
-    user_errors,
-)
+from cam_rig.show.command import LINE_EVERY_S, SceneOfBag, command, progress_bar
 from cam_rig.show.terminal import console
 from cam_rig.viewer import Layout, ViewOptions
 
@@ -33,10 +27,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Screen:
-    """``address`` is where the picture is sent, None for nowhere; ``stay`` waits for its end.
-
-    ``page`` is what a browser shows of it.
-    """
+    """Where a picture is sent, if anywhere; a wait for its end; what a browser shows of it."""
 
     address: str | None = None
     stay: Callable[[], None] = lambda: None
@@ -44,13 +35,7 @@ class Screen:
 
 
 class DelayReport:
-    """How far a page is behind the drive, in words; the longest delay is printed at the end.
-
-    Parameters
-    ----------
-    page : what a browser shows; None where there is none
-    clock : wall time, s
-    """
+    """How far a page is behind the drive, in words; the longest delay is printed at the end."""
 
     def __init__(self, page: PageTime | None, clock: Callable[[], float] = time.monotonic) -> None:
         self._page, self._clock, self._printed = page, clock, clock()
@@ -71,25 +56,14 @@ class DelayReport:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         if self._page is not None and self._page.longest is not None:
             console.print(f"viewer at most {self._page.longest:.1f} s behind")
 
 
 @contextmanager
 def open_screen(view: bool, web: bool, wait_for_it: bool = False) -> Iterator[Screen]:
-    """Open what was asked for; a browser wins over a window, and its page may be waited for.
-
-    Raises
-    ------
-    ConfigError : nothing was asked for that could be waited for
-    CamRigError : no window can be opened here, or the viewer does not start
-    """
+    """Open what was asked for; a browser wins over a window, and its page may be waited for."""
     if wait_for_it and not (view or web):
         raise ConfigError("--wait: waits for a viewer, and there is none; add --web or --view")
     if web:
@@ -117,6 +91,7 @@ def stay_until_interrupted() -> None:
     Event().wait()
 
 
+@command()
 def view(
     bag: Annotated[
         Path | None, typer.Argument(help="Bag to show; by default the newest in bags/.")
@@ -159,53 +134,37 @@ def view(
 
     cam-rig view bags/tm21_sweep_2026-01-31_12-00-00 --save out/sweep.rrd
     """
-    from cam_rig.schema.load import scene_path
-
-    with user_errors():
-        from cam_rig.errors import ConfigError
-
-        if save is not None and web:
-            raise ConfigError("--save and --web: a file is written or a page served; name one")
-        if save is None and force:
-            raise ConfigError("--force: overwrites the file of --save, and none is named")
-        view_options = ViewOptions(layout, rpm, all_samples)
-        _view(bag, scene_path(scene) if scene else None, save, web, view_options, force)
-
-
-def _view(
-    bag: Path | None,
-    scene: Path | None,
-    save: Path | None,
-    web: bool,
-    view_options: ViewOptions,
-    force: bool,
-) -> None:
     from cam_rig.bag.command import newest_bag
     from cam_rig.files import temporary_folder
+    from cam_rig.schema.load import scene_path
     from cam_rig.viewer.process import require_display, show
+    from cam_rig.viewer.rerun_page import serve_file
 
+    if save is not None and web:
+        raise ConfigError("--save and --web: a file is written or a page served; name one")
+    if save is None and force:
+        raise ConfigError("--force: overwrites the file of --save, and none is named")
+    options, place = ViewOptions(layout, rpm, all_samples), scene_path(scene) if scene else None
     if save is not None:
-        convert(bag or newest_bag(), scene, save, view_options, force)
+        convert(bag or newest_bag(), place, save, options, force)
         return
     if not web:
         require_display()
     found = bag or newest_bag()
     with temporary_folder() as folder:
         path = folder / f"{found.resolve().name}.rrd"
-        begin = convert(found, scene, path, view_options, force=False)
-        if web:
-            _serve(path, begin)
-        else:
-            show(path)
+        begin = convert(found, place, path, options, force=False)
+        if not web:
+            return show(path)
+        with serve_file(path, begin) as address:
+            print(address, flush=True)
+            stay_until_interrupted()
 
 
 def convert(
     bag: Path, scene: Path | None, path: Path, view_options: ViewOptions, force: bool
 ) -> float:
-    """Write a bag as a Rerun recording, with its own scene unless another is named.
-
-    Gives the rig time (s) from which it is played.
-    """
+    """Write a bag as a Rerun recording; gives the rig time (s) from which it is played."""
     from cam_rig.bag.reader import read_counts
     from cam_rig.messages.topics import FOLLOWER_SAMPLES
     from cam_rig.simulation.scene import open_scene
@@ -224,11 +183,3 @@ def convert(
         )
     console.print(f"{path}: {path.stat().st_size / 1e6:.1f} MB", soft_wrap=True)
     return begin
-
-
-def _serve(path: Path, begin: float) -> None:
-    from cam_rig.viewer.rerun_page import serve_file
-
-    with serve_file(path, begin) as address:
-        print(address, flush=True)
-        stay_until_interrupted()

@@ -62,13 +62,7 @@ def beside(loaded: LoadedScene) -> float:
 
 
 def spread(places: FloatArray, step: float) -> FloatArray:
-    """``(n,)`` places moved so that each is a step from the next, in their order.
-
-    Examples
-    --------
-    >>> spread(np.array([5.0, 0.0, 4.0]), 2.0).tolist()
-    [6.0, 0.0, 4.0]
-    """
+    """``(n,)`` places moved up so that each is a step from the next, in their order."""
     moved, order = places.copy(), np.argsort(places, kind="stable")
     for before, at in pairwise(order):
         moved[at] = max(moved[at], moved[before] + step)
@@ -96,17 +90,14 @@ class LevelChart:
             self._draw_names(None)
 
     def add(self, tick: MeasuredTick, end_angle: float) -> float | None:
-        """The level (dB) at this speed so far with the next tick, None until it has settled.
+        """The level (dB) at this speed with the next tick, which ends at a cam angle (rad).
 
-        ``end_angle`` (rad) is the cam's at the tick's end.
+        None until it has settled.
         """
-        if self._step and (tick.start.cam, tick.start.speed) != (
-            self._step[0].start.cam,
-            self._step[0].start.speed,
-        ):
+        cam, speed = tick.start.cam, tick.start.speed
+        if self._step and (cam, speed) != (self._step[0].start.cam, self._step[0].start.speed):
             self._step = []
         self._step.append(tick)
-        cam, speed = tick.start.cam, tick.start.speed
         level = step_levels(self._step, self._settle).get(cam, {}).get(speed)
         if level is not None:
             self._levels.setdefault(cam, {})[speed] = level
@@ -116,7 +107,12 @@ class LevelChart:
     def flush(self) -> None:
         """Draw what was measured since."""
         for cam, (time_ns, angle) in self._new.items():
-            self._draw_measured(cam, time_ns, angle)
+            entity = f"{VIEW}/measured/{cam}"
+            if cam not in self._drawn:
+                self._drawn.add(cam)
+                style = rr.Points2D.from_fields(colors=of_cam(cam), radii=POINT)
+                self._canvas.always(entity, style)
+            self._canvas.points(entity, self._canvas.at(time_ns / NS, angle), self._points(cam))
         if self._new and len(self._ends()) > len(self._named):
             self._draw_names(max(self._new.values()))
         self._new = {}
@@ -158,14 +154,6 @@ class LevelChart:
             times = self._canvas.at(at[0] / NS, at[1])
             self._canvas.points(entity, times, places, labels=names, colors=shades)
 
-    def _draw_measured(self, cam: str, time_ns: int, angle: float) -> None:
-        entity = f"{VIEW}/measured/{cam}"
-        if cam not in self._drawn:
-            self._drawn.add(cam)
-            style = rr.Points2D.from_fields(colors=of_cam(cam), radii=POINT)
-            self._canvas.always(entity, style)
-        self._canvas.points(entity, self._canvas.at(time_ns / NS, angle), self._points(cam))
-
     def _points(self, cam: str) -> FloatArray:
         """``(n, 2)`` places of a cam's points so far."""
         steps = self._levels[cam]
@@ -199,10 +187,7 @@ def band_numbers(sample_rate: float) -> FloatArray:
 def third_octaves(
     parameters: RadiationParameters, force: FloatArray, impulse: FloatArray, sample_rate: float
 ) -> FloatArray:
-    """Level (dB re 20 µPa, not below 0) in each of `band_numbers` over one turn.
-
-    Contact force (N) and landings' impulses (N·s) ``(n,)`` at a sample rate (Hz).
-    """
+    """Level (dB re 20 µPa, 0 at least) in each band, of a turn's force (N) and impulses (N·s)."""
     power = band_power(parameters, force, impulse, sample_rate)
     return level_db(np.sqrt(np.maximum(power, SILENCE)))
 
@@ -212,7 +197,9 @@ def band_power(
 ) -> FloatArray:
     """Mean square sound pressure (Pa²) in each band; their sum is that of the turn."""
     frequency = np.asarray(np.fft.rfftfreq(force.size, 1.0 / sample_rate), dtype=np.float64)
-    transfer = parameters.gain * parameters.corner_rate / (1.0 - 1j * _ratio(parameters, frequency))
+    with np.errstate(divide="ignore"):  # the constant does not sound
+        ratio = np.minimum(parameters.corner / frequency, 1e150)
+    transfer = parameters.gain * parameters.corner_rate / (1.0 - 1j * ratio)
     pulse = _half_sine(parameters.contact_time * frequency)
     lines = np.fft.rfft(force) + np.fft.rfft(impulse) * sample_rate * pulse
     power = 2.0 * np.abs(transfer * lines / force.size) ** 2
@@ -221,12 +208,6 @@ def band_power(
     numbers = band_numbers(sample_rate)
     band = np.rint(10.0 * np.log10(frequency[1:])).clip(numbers[0], numbers[-1]) - numbers[0]
     return np.bincount(band.astype(np.int64), power[1:], numbers.size).astype(np.float64)
-
-
-def _ratio(parameters: RadiationParameters, frequency: FloatArray) -> FloatArray:
-    """ω_c/ω, and for the constant, which does not sound, as good as infinite."""
-    with np.errstate(divide="ignore"):
-        return np.minimum(parameters.corner / frequency, 1e150)
 
 
 def _half_sine(x: FloatArray) -> FloatArray:

@@ -100,18 +100,11 @@ def cursor_request(time_ns: int) -> bytes:
 
 
 def _field(number: int, content: bytes) -> bytes:
-    """A field of protobuf whose content has a length."""
     return bytes([number << 3 | 2]) + _varint(len(content)) + content
 
 
 def _varint(value: int) -> bytes:
-    """Seven bits a byte, the lowest first.
-
-    Examples
-    --------
-    >>> _varint(300).hex()
-    'ac02'
-    """
+    """Seven bits a byte, the lowest first."""
     more = value >> 7
     return bytes([value & 127 | 128]) + _varint(more) if more else bytes([value])
 
@@ -157,15 +150,6 @@ class PageTime:
         """Wall time (s) since the drive was where the page is; None while neither is known.
 
         As the page has reported last; a report that is overdue adds to it.
-
-        Examples
-        --------
-        >>> wall = iter([10.0, 11.0, 11.5, 12.0, 15.0])
-        >>> page = PageTime(lambda: next(wall))
-        >>> page.driven(2.0), page.driven(3.0), page.take("ns=2000000000")
-        (None, None, None)
-        >>> page.behind(), page.behind()
-        (1.5, 4.0)
         """
         if self._reported is None:
             return None
@@ -192,10 +176,7 @@ def new_recording(folder: Path) -> Path:
 
 
 def next_part(part: Path) -> Path | None:
-    """The part in which a recording goes on when one is full; None while it is not.
-
-    The first, which has what does not change, stays; of the others the newest.
-    """
+    """The part in which a recording goes on when one is full; the first and the newest stay."""
     if not part.exists() or part.stat().st_size < MAX_PART:
         return None
     run, number = part.stem.split("_")
@@ -223,10 +204,7 @@ def write_delay(folder: Path, behind: float | None) -> None:
 
 
 def page_delay(folder: Path) -> float | None:
-    """How far (s) the page is behind by its last report; one that is overdue adds to it.
-
-    None while nothing is known.
-    """
+    """How far (s) the page is behind by its last report; one that is overdue adds to it."""
     file = folder / BEHIND
     with suppress(OSError, ValueError):  # not written yet, or just now
         late = float(file.read_text(encoding="ascii"))

@@ -97,6 +97,8 @@ SPEED = SeriesLine(
 #: Lift-off and landing.
 LIFT_OFF = Mark("plots/lift/lift_off", "lift-off", colours.LIFT_OFF)
 LANDING = Mark("plots/lift/landing", "landing", colours.LANDING)
+#: Few enough to be sent as they are.
+UNTHINNED = (ZERO, SPEED, LEVEL, LIFT_OFF, LANDING)
 
 
 def extremes(values: FloatArray, bucket: int) -> NDArray[np.intp]:
@@ -114,10 +116,7 @@ def extremes(values: FloatArray, bucket: int) -> NDArray[np.intp]:
 
 @dataclass
 class SeriesWriter:
-    """Collects the samples of a curve, or single points, and sends them in big columns.
-
-    ``bucket`` 1 keeps every sample; else the minimum and the maximum of every ``bucket`` are kept.
-    """
+    """Collects a curve's samples, of each ``bucket`` least and greatest, and sends them."""
 
     canvas: Canvas
     series: SeriesLine | Mark
@@ -201,13 +200,7 @@ MIN_GAP, CLOSE, MAX_SHARE = 1.0, 4.0, 0.2
 
 
 def drawn_of(model: str) -> tuple[Drawn, ...]:
-    """What is drawn of a model: the gap where it can leave the cam, the twist of a shaft.
-
-    Examples
-    --------
-    >>> [row.key for row in drawn_of("one_mass")]
-    ['lift', 'velocity', 'acceleration', 'force', 'gap']
-    """
+    """What is drawn of a model: the gap where it can leave the cam, the twist of a shaft."""
     more = [GAP] if MODELS[model].lifts_off else [TWIST] if model == TORSIONAL else []
     return LIFT, VELOCITY, ACCELERATION, FORCE, *more
 

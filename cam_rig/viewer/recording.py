@@ -15,13 +15,14 @@ from typing import Any, Protocol
 import numpy as np
 import rerun as rr
 
-from cam_rig.bag.reader import messages, read_counts, read_scene
+from cam_rig.bag.reader import messages, pressure_of, read_counts, read_scene
 from cam_rig.errors import BagError, CamRigError
 from cam_rig.live.flow_control import REMEMBERED_STATES
 from cam_rig.live.playback import MARGIN_S, Playback, Tick
 from cam_rig.live.queues import TickMatcher
 from cam_rig.messages import topics
-from cam_rig.messages.codec import array_of, cam_state_of, decode_block, stamp_ns
+from cam_rig.messages.codec import block_of, cam_state_of
+from cam_rig.messages.topics import Topic
 from cam_rig.show.chart import APPLICATION, name_recording, require_free, rrd_stream
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState, cam_states, run_length
@@ -66,6 +67,17 @@ class RunFeed:
         self._sounds: deque[tuple[int, float, float]] = deque()
         self._received: dict[CamState | tuple[int, float], None] = {}
         self._drawn = self._sound_until = -1
+
+    @property
+    def handlers(self) -> dict[Topic, Callable[[Any], None]]:
+        """What takes a message, by its topic."""
+        return {
+            topics.CAM_STATE: lambda m: self.state(cam_state_of(m)),
+            topics.PROFILE: lambda m: self.profile(str(m.header.frame_id), polygon(m)),
+            topics.FOLLOWER_SAMPLES: lambda m: self.block(block_of(m)),
+            topics.LEVEL: lambda m: self.level(float(m.data)),
+            topics.PRESSURE: lambda m: self.pressure(*pressure_of(m)),
+        }
 
     @property
     def is_behind(self) -> bool:
@@ -137,13 +149,6 @@ class RunFeed:
 WHOLE_BELOW = 1_000_000
 #: Buckets per curve of a longer run; each gives its minimum and its maximum.
 BUCKETS = 250_000
-TOPICS = (
-    topics.CAM_STATE,
-    topics.PROFILE,
-    topics.FOLLOWER_SAMPLES,
-    topics.LEVEL,
-    topics.PRESSURE,
-)
 
 
 def save_recording(
@@ -162,7 +167,12 @@ def save_recording(
     """
     require_free(path, overwrite)
     loaded, view_options = loaded or read_scene(bag), view_options or ViewOptions()
-    duration, rpm = run_duration(bag, loaded), compared_rpm(loaded, view_options.rpm)
+    rpm = compared_rpm(loaded, view_options.rpm)
+    ticks = read_counts(bag).get(topics.FOLLOWER_SAMPLES.name, 0)
+    if ticks == 0:
+        raise BagError(f"{bag}: has no {topics.FOLLOWER_SAMPLES.name}, so nothing to show")
+    *_, last = islice(cam_states(loaded.scene), ticks + 1)  # of an interrupted run, too
+    duration = last.time_ns / NS
     samples = round(duration * loaded.scene.sample_rate.si)
     bucket = 1 if view_options.all_samples else bucket_for(samples, WHOLE_BELOW)
     whole, ranges = view_options.layout is Layout.RUN, scene_ranges(loaded)
@@ -176,41 +186,19 @@ def save_recording(
 
 def feed_bag(bag: Path, loaded: LoadedScene, feed: RunFeed, on_tick: Callable[[], None]) -> None:
     """Pass every message of a bag on; ``on_tick`` is called after each tick."""
-    for topic, _, message in messages(bag, TOPICS):
-        if topic is topics.PROFILE:
-            feed.profile(str(message.header.frame_id), polygon(message))
-        elif topic is topics.LEVEL:
-            feed.level(float(message.data))
-        elif topic is topics.PRESSURE:
-            feed.pressure(stamp_ns(message.header.stamp), float(message.fluid_pressure))
-        elif topic is topics.CAM_STATE:
-            feed.state(cam_state(message, loaded))
-        else:
-            feed.block(decode_block(*array_of(message)))
+    take = feed.handlers
+    for topic, _, message in messages(bag, tuple(take)):
+        take[topic](message)
+        if topic is topics.CAM_STATE:
+            loaded.law_of(message.header.frame_id)  # refuses a cam that the scene has not
         for _ in feed.draw():
             on_tick()
     feed.close()
 
 
-def run_duration(bag: Path, loaded: LoadedScene) -> float:
-    """Rig time (s) of the ticks in a bag, all of its scene's or those before an interruption."""
-    ticks = read_counts(bag).get(topics.FOLLOWER_SAMPLES.name, 0)
-    if ticks == 0:
-        raise BagError(f"{bag}: has no {topics.FOLLOWER_SAMPLES.name}, so nothing to show")
-    *_, last = islice(cam_states(loaded.scene), ticks + 1)
-    return last.time_ns / NS
-
-
 def bucket_for(samples: int, whole_below: int) -> int:
     """Samples per bucket, so that a long run stays small enough for a viewer."""
     return 1 if samples < whole_below else math.ceil(samples / BUCKETS)
-
-
-def cam_state(message: Any, loaded: LoadedScene) -> CamState:
-    """The cam's state from its message, of a cam that the scene knows."""
-    state = cam_state_of(message)
-    loaded.law_of(state.cam)
-    return state
 
 
 def polygon(message: Any) -> FloatArray:
@@ -232,10 +220,7 @@ TIMEOUT_S = 8.0
 
 
 class LiveView:
-    """A feed that a viewer shows at once.
-
-    Its address is ``rerun+http://127.0.0.1:9876/proxy`` for one, or the folder that a page reads.
-    """
+    """A feed that is shown at once: by a viewer at an address, or in a folder that a page reads."""
 
     def __init__(self, loaded: LoadedScene, address: str) -> None:
         duration, tick = (length / NS for length in run_length(loaded.scene))
@@ -312,13 +297,7 @@ class LiveView:
 
 
 def screen_bucket(window: float, rate: float) -> int:
-    """Samples of which a curve shows the least and the greatest, where it shows some time (s).
-
-    Examples
-    --------
-    >>> screen_bucket(1.0, 12_000.0)
-    12
-    """
+    """Samples of which a curve shows the least and the greatest, where it shows some time (s)."""
     return max(1, round(window * rate / ACROSS_SCREEN))
 
 

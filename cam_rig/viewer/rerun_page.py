@@ -123,7 +123,6 @@ class RerunPages:
         return self._own("/") if request.url.query else RedirectResponse(HOME, 303)
 
     async def _shown(self, request: Request) -> Response:
-        """Take what a page shows; it is told what to show."""
         self.page.take(request.url.query)
         if self.folder is not None:
             write_delay(self.folder, self.page.behind())
@@ -185,7 +184,6 @@ def viewer_files() -> dict[str, ViewerFile]:
 
 
 def _viewer_file(port: int, path: str) -> ViewerFile | None:
-    """A file of Rerun's server; None where it has none."""
     try:
         with closing(HTTPConnection(LOOPBACK, port, timeout=TIMEOUT_S)) as viewer:
             viewer.request("GET", path)

@@ -32,14 +32,10 @@ SEND_EVERY_S = 5.0
 class RunRecorder:
     """Draws a run tick by tick; `close` sends what is left.
 
-    Parameters
-    ----------
-    bucket : samples of which the minimum and the maximum are kept, 1 for all
-    compared : speed (rpm) at which the cams are laid over each other and put side by side
-    whole : draw the run itself too; else only the results of its turns and speeds
-    pace : of a live run, how many pictures of cam and follower may be sent; None for a finished
-        one, whose results are there at every time
-    send_every : rig time (s) that is sent at once at the most, and a tick
+    Of every ``bucket`` samples the minimum and the maximum are kept; at ``compared`` rpm the cams
+    are laid over each other and put side by side; ``whole`` draws the run itself too. ``pace`` is
+    of a live run; a finished one (None) has its results at every time. ``send_every`` is the rig
+    time (s) that is sent at once at the most, and a tick.
     """
 
     def __init__(
@@ -113,10 +109,7 @@ class RunRecorder:
             self._run_view.show(min(until, self._sent / NS))
 
     def flush(self, until: float = math.inf) -> None:
-        """Send what was collected so far, pictures up to a rig time (s).
-
-        The run itself comes first, for nothing may lead it.
-        """
+        """Send all, the run first, for nothing may lead it; pictures up to a rig time (s)."""
         if self._run_view is not None:
             self._run_view.flush(until)
         if self._last is not None:
@@ -128,7 +121,6 @@ class RunRecorder:
             self._newest_sound = None
 
     def _say(self, state: str, at: CamState) -> None:
-        """Show the results of a live run so far, and whether it goes on."""
         columns = rr.TextDocument.columns(text=[self._results.words(state)])
         self._canvas.rows(RESULTS, self._canvas.state(at), columns)
 
@@ -147,7 +139,6 @@ class RunRecorder:
             self._say("finished", self._last[1])
 
     def _finish_step(self) -> None:
-        """Lay the step's last turn over those of the other cams."""
         turn = self._turns.turn()
         if turn is not None and math.isclose(turn.rpm, self._compared, rel_tol=1e-9):
             level_chart.draw_turn(self._canvas, self._loaded, turn, self._ranges.whole)

@@ -18,27 +18,9 @@ from cam_rig.show.looks import four_digits, shortened
 from cam_rig.simulation.scene import RELATIVE_NOTE, LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, TURN, FloatArray, to_rpm
+from cam_rig.viewer import quantities
 from cam_rig.viewer.level_chart import BandChart, third_octaves
-from cam_rig.viewer.quantities import (
-    ACCELERATION_LINE,
-    FORCE_LINE,
-    GAP_LINE,
-    LANDING,
-    LAW,
-    LEVEL,
-    LIFT_LINE,
-    LIFT_OFF,
-    SPEED,
-    TWIST_LINE,
-    VELOCITY_LINE,
-    ZERO,
-    Mark,
-    SceneRanges,
-    SeriesLine,
-    SeriesWriter,
-    drawn_of,
-    gap_of,
-)
+from cam_rig.viewer.quantities import Mark, SceneRanges, SeriesLine, SeriesWriter, drawn_of, gap_of
 from cam_rig.viewer.scene2d import Scene2D, frame_mask
 from cam_rig.viewer.timeline import Canvas, FramePace, Turn, lift_offs
 from cam_rig.viewer.turn_chart import MAX_TITLE, TurnChart
@@ -54,47 +36,44 @@ class TimeSeries:
 
     def __init__(self, canvas: Canvas, loaded: LoadedScene, bucket: int) -> None:
         self._loaded, self._flew = loaded, False
-        thinned = [LAW, *(row.line for row in drawn_of(loaded.scene.model))]
+        thinned = [quantities.LAW, *(row.line for row in drawn_of(loaded.scene.model))]
         self._writers: dict[SeriesLine | Mark, SeriesWriter] = {
             **{line: SeriesWriter(canvas, line, bucket) for line in thinned},
-            **{one: SeriesWriter(canvas, one) for one in (ZERO, SPEED, LEVEL, LIFT_OFF, LANDING)},
+            **{one: SeriesWriter(canvas, one) for one in quantities.UNTHINNED},
         }
 
     def tick(self, start: CamState, end: CamState, angle: FloatArray, rows: FloatArray) -> None:
-        """Take one tick: unwrapped cam ``angle`` (rad) and rows at its samples.
-
-        They are the ``(6, n)`` of its block, and the twist (rad) below them where a shaft has it.
-        """
+        """Take one tick: cam ``angle`` (rad) and the block's rows, with a shaft's twist below."""
         time, lift, velocity, acceleration, force, impulse = rows[:6]
         law = self._law(start, end, angle)
         drawn = {
-            LIFT_LINE: lift,
-            LAW: law,
-            VELOCITY_LINE: velocity,
-            ACCELERATION_LINE: acceleration,
-            FORCE_LINE: force,
+            quantities.LIFT_LINE: lift,
+            quantities.LAW: law,
+            quantities.VELOCITY_LINE: velocity,
+            quantities.ACCELERATION_LINE: acceleration,
+            quantities.FORCE_LINE: force,
         }
-        if GAP_LINE in self._writers:
-            drawn[GAP_LINE] = np.where(force == 0.0, lift - law, 0.0)
-        if TWIST_LINE in self._writers:
-            drawn[TWIST_LINE] = rows[6]
+        if quantities.GAP_LINE in self._writers:
+            drawn[quantities.GAP_LINE] = np.where(force == 0.0, lift - law, 0.0)
+        if quantities.TWIST_LINE in self._writers:
+            drawn[quantities.TWIST_LINE] = rows[6]
         for line, values in drawn.items():
             self._writers[line].add(time, angle, values)
-        self._add(ZERO, start, 0.0)
-        self._add(ZERO, end, 0.0)
-        self._add(SPEED, start, start.speed)
-        left, met = lift_offs(force, self._flew), impulse > 0.0
+        self._add(quantities.ZERO, start, 0.0)
+        self._add(quantities.ZERO, end, 0.0)
+        self._add(quantities.SPEED, start, start.speed)
+        left, landed = lift_offs(force, self._flew), impulse > 0.0
         self._flew = bool(force[-1] == 0.0)
-        for mark, there in ((LIFT_OFF, left), (LANDING, met)):
+        for mark, there in ((quantities.LIFT_OFF, left), (quantities.LANDING, landed)):
             self._writers[mark].add(time[there], angle[there], lift[there])
 
     def level(self, end: CamState, level: float) -> None:
         """Take the level (dB) of the tick that ended with a state."""
-        self._add(LEVEL, end, level)
+        self._add(quantities.LEVEL, end, level)
 
     def stop(self, end: CamState, speed: float) -> None:
         """Draw the speed (rad/s) up to the end of the run."""
-        self._add(SPEED, end, speed)
+        self._add(quantities.SPEED, end, speed)
 
     def flush(self) -> None:
         """Send what was collected."""
@@ -192,7 +171,6 @@ class RunView:
         self._events = []
 
     def _change(self, state: CamState, profile: FloatArray) -> None:
-        """What changes with the cam or the speed."""
         last, self._last = self._last, state
         if last is not None and (state.cam, state.speed) == (last.cam, last.speed):
             return
@@ -209,10 +187,8 @@ class RunView:
 
 # What the viewer shows as text: the scene with every number, and a table of results.
 
-HEAD = (
-    "| cam | rpm | level [dB] | max force [N] | min force [N] | lift-offs | gap [µm] |",
-    "|---|---:|---:|---:|---:|---:|---:|",
-)
+HEAD = """| cam | rpm | level [dB] | max force [N] | min force [N] | lift-offs | gap [µm] |
+|---|---:|---:|---:|---:|---:|---:|"""
 
 
 class ResultTable:
@@ -238,16 +214,12 @@ class ResultTable:
 
     def words(self, state: str = "") -> str:
         """Markdown; ``state`` of a live run stands in the heading: running, finished."""
-        lines, cams = [], [*self._loaded.cams]
-        for cam in cams:
+        lines = []
+        for cam in self._loaded.cams:
             steps = [step for step in self._motion if step[0] == cam]
             lines += [self._line(*step, first=step is steps[0]) for step in steps]
-        head = (
-            HEAD
-            if self._loaded.calibrated
-            else (HEAD[0].replace("level", "relative level"), HEAD[1])
-        )
-        return "\n".join([f"# Results{f', {state}' if state else ''}", "", *head, *lines]) + "\n"
+        head = HEAD if self._loaded.calibrated else HEAD.replace("level", "relative level")
+        return "\n".join([f"# Results{f', {state}' if state else ''}", "", head, *lines]) + "\n"
 
     def _line(self, cam: str, speed: float, first: bool) -> str:
         level, rpm = self._levels.get((cam, speed)), to_rpm(speed)

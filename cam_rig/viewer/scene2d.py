@@ -13,22 +13,8 @@ from numpy.typing import NDArray
 from cam_rig.profile import contours
 from cam_rig.profile.contact import Motion
 from cam_rig.profile.outlines import FollowerShape, Translating, follower_shape
-from cam_rig.show import looks as colours
-from cam_rig.show.looks import (
-    MM,
-    NUMBER,
-    body,
-    circle,
-    closed,
-    distances,
-    four_digits,
-    of_cam,
-    ring,
-    ring_numbers,
-    rotation,
-    tint,
-    turned,
-)
+from cam_rig.show import looks
+from cam_rig.show.looks import MM, NUMBER
 from cam_rig.simulation.scene import LoadedScene, max_contact_force
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import TURN, FloatArray, to_rpm
@@ -56,10 +42,7 @@ ARROW = 0.22
 
 @dataclass(frozen=True)
 class Framing:
-    """A cam with its follower in its view; lengths in mm, as the cam is.
-
-    It has the radius of the ring of degrees, and the ``(2,)`` corners of all that is drawn.
-    """
+    """A cam with its follower in its view, mm: radius of the ring of degrees, ``(2,)`` corners."""
 
     shape: FollowerShape
     ring: float
@@ -79,15 +62,15 @@ class Framing:
 
     def numbers(self) -> tuple[FloatArray, list[str]]:
         """``(n, 2)`` places of the ring's numbers, and the numbers that no follower runs over."""
-        places, numbers = ring_numbers(self.ring)
+        places, numbers = looks.ring_numbers(self.ring)
         covered = np.zeros(len(numbers), dtype=bool)
         for lift in np.linspace(0.0, self.shape.max_lift, PLACES)[:, None]:
             tilt, origin = float(self.shape.turn(lift)[0]), self.shape.origin(lift)[0] * MM
             for strip in self.follower():
-                covered |= distances(places, turned(strip, tilt) + origin) < CLEAR * self.ring
-        return places[~covered], [
-            one for one, hidden in zip(numbers, covered, strict=True) if not hidden
-        ]
+                away = looks.distances(places, looks.turned(strip, tilt) + origin)
+                covered |= away < CLEAR * self.ring
+        free = [one for one, hidden in zip(numbers, covered, strict=True) if not hidden]
+        return places[~covered], free
 
     def follower(self) -> list[FloatArray]:
         """Strips of the follower, whose stem ends over its bearing."""
@@ -129,7 +112,7 @@ def _framing(loaded: LoadedScene, name: str) -> Framing:
     points += [strip * MM for strip in shape.support()]
     for lift in (np.zeros(1), np.array([draft.max_lift])):
         tilt, place = float(shape.turn(lift)[0]), shape.origin(lift)[0] * MM
-        points += [turned(strip, tilt) + place for strip in draft.follower()]
+        points += [looks.turned(strip, tilt) + place for strip in draft.follower()]
     every = np.concatenate(points)
     low = every.min(axis=0) - np.array([0.0, WORDS * ring])
     return Framing(shape, ring, low, every.max(axis=0))
@@ -150,14 +133,6 @@ def readings(
     """Markdown of each of n frames: rad, m and N ``(n,)``; a gap of 0 is contact.
 
     ``max_lift`` (m) is that of the picture: a follower above it is drawn there.
-
-    >>> one = np.ones(1)
-    >>> print(readings(one, 400.0, 5e-3 * one, 117.0 * one, 0.0 * one, 0.2 * one)[0])
-    ```
-    θ       57.3°       400 rpm
-    lift    5.000 mm    in contact
-    force   117.0 N     pressure angle 11.5°
-    ```
     """
     columns = (
         np.degrees(np.mod(angle, TURN)),
@@ -169,17 +144,12 @@ def readings(
     return [_words(rpm, 1e3 * max_lift, *row) for row in np.stack(columns, axis=1).tolist()]
 
 
-def no_readings(rpm: float) -> str:
-    """Markdown of a cam that begins to turn (1/min), before its first frame."""
-    return _lines(("", "", ""), (f"{rpm:.4g} rpm", "", ""))
-
-
 def _words(
     rpm: float, edge: float, theta: float, lift: float, force: float, gap: float, lean: float
 ) -> str:
     off = gap != 0.0
     left = f"{theta:.1f}°", f"{lift:.3f} mm", f"{force:.1f} N"
-    state = f"gap {four_digits(gap)} µm" if off else "in contact"
+    state = f"gap {looks.four_digits(gap)} µm" if off else "in contact"
     angle = "not touched" if off else f"pressure angle {lean:.1f}°"
     if lift > edge:
         angle = f"drawn at {edge:.0f} mm"
@@ -207,9 +177,7 @@ def frame_mask(angle: FloatArray, step: float) -> NDArray[np.bool_]:
 
 
 class Scene2D:
-    """Draws into a recording: a cam when it is mounted, then frames of cam and follower.
-
-    Every cam is drawn as large as the largest of the scene, whatever its own size.
+    """Draws a cam when it is mounted, as large as the scene's largest; then frames of both.
 
     ``view`` is the entity that the view shows; ``pace`` says of a live run how many frames may be
     sent, None sends all; ``scale`` is the force (N) of the longest arrow, by default the greatest
@@ -232,13 +200,13 @@ class Scene2D:
         self._highest = max(one.height for one in self._framed.values())
         self._scale = scale
         self._waiting = list[FloatArray]()
-        shaft = rr.Points2D([[0.0, 0.0]], colors=colours.GREY, radii=SHAFT)
+        shaft = rr.Points2D([[0.0, 0.0]], colors=looks.GREY, radii=SHAFT)
         canvas.always(f"{self._root}/shaft", shaft)
         body_style = rr.LineStrips2D.from_fields(draw_order=19.0)  # behind all other lines
         canvas.always(f"{self._root}/cam/body", body_style)
-        gap = rr.LineStrips2D.from_fields(colors=colours.GAP, radii=THICK)
+        gap = rr.LineStrips2D.from_fields(colors=looks.GAP, radii=THICK)
         canvas.always(f"{self._root}/gap", gap)
-        force = rr.Arrows2D.from_fields(colors=colours.FORCE, radii=THICK)
+        force = rr.Arrows2D.from_fields(colors=looks.FORCE, radii=THICK)
         canvas.always(f"{self._root}/force", force)
 
     def mount(self, state: CamState, profile: FloatArray) -> None:
@@ -250,17 +218,20 @@ class Scene2D:
         # A plane in Rerun has y down; widths grow as the third root of the determinant.
         flip = rr.Transform3D.columns(mat3x3=np.diag([zoom, -zoom, zoom])[None])
         self._canvas.rows(self._root, self._canvas.state(state), flip)
-        outline, base = closed(profile) * MM, self._loaded.cams[state.cam].follower.base_radius.si
-        colour, mark = of_cam(state.cam), np.stack([np.zeros(2), outline[0]])
-        filled, half = body(outline)
-        self._strips(state, "cam/body", filled, tint(colour), half)
-        self._strips(state, "cam/circle", [circle(base * MM)], colours.GREY, THIN)
+        outline = looks.closed(profile) * MM
+        base = self._loaded.cams[state.cam].follower.base_radius.si
+        colour, mark = looks.of_cam(state.cam), np.stack([np.zeros(2), outline[0]])
+        filled, half = looks.body(outline)
+        self._strips(state, "cam/body", filled, looks.tint(colour), half)
+        self._strips(state, "cam/circle", [looks.circle(base * MM)], looks.GREY, THIN)
         self._strips(state, "cam/contour", [outline], colour, LINE)
         self._strips(state, "cam/mark", [mark], colour, LINE)
         support = [strip * MM for strip in self._shape.support()]
-        self._strips(state, "guide", support, colours.GREY, THIN)
-        self._strips(state, "follower/outline", framing.follower(), colours.FOLLOWER, LINE)
-        self._dial(state, framing, 0.4 * base * MM)
+        self._strips(state, "guide", support, looks.GREY, THIN)
+        self._strips(state, "follower/outline", framing.follower(), looks.FOLLOWER, LINE)
+        self._strips(state, "ring", looks.ring(framing.ring), looks.GREY, THIN)
+        self._strips(state, "rotation", looks.rotation(0.4 * base * MM), looks.GREY, LINE)
+        self._words(state, "numbers", *framing.numbers(), looks.GREY)
 
     def _framing_of(self, cam: str) -> Framing:
         """Of a cam of the scene, or of one that was mounted since."""
@@ -268,18 +239,8 @@ class Scene2D:
             self._framed |= framings(self._loaded)
         return self._framed[cam]
 
-    def _dial(self, state: CamState, framing: Framing, inner: float) -> None:
-        """The ring of degrees, and which way the cam turns."""
-        self._strips(state, "ring", ring(framing.ring), colours.GREY, THIN)
-        places, numbers = framing.numbers()
-        self._strips(state, "rotation", rotation(inner), colours.GREY, LINE)
-        self._words(state, "numbers", places, numbers, colours.GREY)
-
     def speed(self, state: CamState, title: str = "") -> None:
-        """Say under the cam which it is and how fast it turns from this state on.
-
-        The force is drawn to the scale of this speed, which a bar shows.
-        """
+        """Say under the cam which it is and how fast it turns; a bar shows the force's scale."""
         self.flush()
         self._rpm, framing = to_rpm(state.speed), self._framing_of(state.cam)
         longest = self._scale or max_contact_force(self._loaded, state.cam, state.speed)
@@ -287,18 +248,18 @@ class Scene2D:
         foot, across = framing.low + 0.015 * framing.height, np.array([0.09, 0.085])
         force = 10.0 ** math.floor(math.log10(longest))
         bar = foot + np.array([[0.0, 0.0], [0.0, force * self._arrow]])
-        self._strips(state, "bar", [bar], colours.FORCE, THICK)
+        self._strips(state, "bar", [bar], looks.FORCE, THICK)
         beside = (foot + across * framing.height)[None]
-        self._words(state, "bar/words", beside, [f"{force:g} N"], colours.FORCE)
+        self._words(state, "bar/words", beside, [f"{force:g} N"], looks.FORCE)
         under = np.array([[0.0, framing.low[1] + 0.045 * framing.height]])
         words = f"{title}{self._rpm:.4g} rpm"
-        self._words(state, "label", under, [words], of_cam(state.cam))
+        self._words(state, "label", under, [words], looks.of_cam(state.cam))
         if self._pace is not None:  # until its first frame comes, nothing of the one before
             at = self._canvas.state(state)
             self._canvas.strips(f"{self._root}/gap", at, [])
             no_force = rr.Arrows2D.columns(origins=[], vectors=[]).partition([0])
             self._canvas.rows(f"{self._root}/force", at, no_force)
-            self._read(at, [no_readings(self._rpm)])
+            self._read(at, [_lines(("", "", ""), (f"{self._rpm:.4g} rpm", "", ""))])
 
     def frames(
         self, time: FloatArray, angle: FloatArray, lift: FloatArray, force: FloatArray
@@ -350,7 +311,6 @@ class Scene2D:
         self._canvas.rows(f"{self._root}/force", times, columns)
 
     def _read(self, at: list[rr.TimeColumn], words: list[str]) -> None:
-        """Show readings, each at its time."""
         columns = rr.TextDocument.columns(text=words, media_type=["text/markdown"] * len(words))
         self._canvas.rows(f"{self._view}_readings", at, columns)
 

@@ -141,7 +141,6 @@ class FramePace:
         return np.unique(np.linspace(count - 1, 0, min(most, count)).astype(np.intp))
 
     def _adapt(self, behind: float | None, now: float) -> None:
-        """Take how far (s) the page is behind now."""
         if behind is None:
             return
         delay = behind - 1.0 / self.rate

@@ -17,19 +17,7 @@ from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import TURN, FloatArray, to_rpm
 from cam_rig.viewer import quantities
-from cam_rig.viewer.quantities import (
-    GAP,
-    LAW,
-    LIFT,
-    TWIST,
-    Drawn,
-    Ranges,
-    SceneRanges,
-    SeriesLine,
-    drawn_of,
-    extremes,
-    gap_of,
-)
+from cam_rig.viewer.quantities import LAW, LIFT, Drawn, Ranges, SceneRanges, SeriesLine
 from cam_rig.viewer.timeline import Canvas, Turn, lift_offs
 
 # Axes over one turn of the cam, 0 to 360°, one under the other, as books on cams have them.
@@ -95,10 +83,8 @@ class TurnAxes:
     def move_cursor(
         self, canvas: Canvas, view: str, at: list[rr.TimeColumn], angle: FloatArray
     ) -> None:
-        """Where the cam is, at each of many times: a line at its unwrapped angle ``(n,)``, rad.
-
-        Drawn anew each time: a transform that moves costs a page a third of its speed.
-        """
+        """Where the cam is, at each of many times: a line at its unwrapped angle ``(n,)``, rad."""
+        # Drawn anew each time: a transform that moves costs a page a third of its speed.
         x = np.mod(angle, TURN) / TURN * WIDTH
         strips = np.empty((x.size, 2, 2))
         strips[:, :, 0], strips[:, :, 1] = x[:, None], (HEAD, self.height)
@@ -127,26 +113,16 @@ def label(
 
 
 def in_turn(angle: FloatArray) -> tuple[FloatArray, int]:
-    """Degrees within the turn of a turn's unwrapped angles (rad), and where in them 0° is passed.
-
-    Examples
-    --------
-    >>> degrees, first = in_turn(np.radians([270.0, 359.0, 360.0, 450.0]))
-    >>> degrees.round(9).tolist(), first
-    ([270.0, 359.0, 0.0, 90.0], 2)
-    """
+    """Degrees within the turn of unwrapped angles (rad) of a turn, and where 0° is passed."""
     degrees = np.degrees(angle - TURN * np.floor(angle / TURN + 1e-9))
     return degrees, int(degrees.argmin())
 
 
 def curve(axes: TurnAxes, key: str, angle: FloatArray, values: FloatArray) -> FloatArray:
-    """``(n, 2)`` points of a turn's curve, from 0 to 360°, its peaks among them.
-
-    ``values`` are in the unit shown, at unwrapped cam ``angle`` (rad).
-    """
+    """``(n, 2)`` points of a turn's curve in the unit shown, from 0 to 360°, its peaks too."""
     degrees, first = in_turn(angle)
     degrees, values = np.roll(degrees, -first), np.roll(values, -first)
-    kept = extremes(values, -(-values.size // PLACES))
+    kept = quantities.extremes(values, -(-values.size // PLACES))
     return axes.place(key, degrees[kept], values[kept])
 
 
@@ -174,7 +150,7 @@ class TurnChart:
         self, canvas: Canvas, loaded: LoadedScene, ranges: SceneRanges, every: bool
     ) -> None:
         self._canvas, self._loaded, self._every = canvas, loaded, every
-        self._rows = drawn_of(loaded.scene.model)
+        self._rows = quantities.drawn_of(loaded.scene.model)
         self._ranges, self._axes = ranges, TurnAxes(self._rows, ranges.whole)
         self._flies = MODELS[loaded.scene.model].lifts_off
         self._edges = np.array([HEAD, self._axes.height])
@@ -240,7 +216,6 @@ class TurnChart:
         self._canvas.rows(f"{VIEW}/caption", at, rr.Points2D.columns(labels=[words]))
 
     def _mount(self, at: list[rr.TimeColumn], cam: str) -> None:
-        """The axes and the law of a cam."""
         self._axes = TurnAxes(self._rows, self._ranges.of(cam))
         for key, axes in self._axes.axes.items():
             marks = self._axes.marks(key)
@@ -252,10 +227,10 @@ class TurnChart:
 
     def _curve(self, key: str, factor: float, turn: Turn) -> FloatArray:
         law = self._loaded.laws[turn.cam]
-        if key == GAP.key:
-            values = gap_of(law, turn.angle, turn)
+        if key == quantities.GAP.key:
+            values = quantities.gap_of(law, turn.angle, turn)
         else:
-            values = turn.rows[6] if key == TWIST.key else getattr(turn, key)
+            values = turn.rows[6] if key == quantities.TWIST.key else getattr(turn, key)
         return curve(self._axes, key, turn.angle, values * factor)
 
     def _draw_events(self, at: list[rr.TimeColumn], turn: Turn) -> None:
@@ -263,8 +238,8 @@ class TurnChart:
         degrees, _ = in_turn(turn.angle)
         off = turn.force == 0.0
         lift = turn.lift * LIFT.line.factor
-        left, met = lift_offs(turn.force, bool(off[-1])), turn.impulse > 0.0
-        for mark, there in ((quantities.LIFT_OFF, left), (quantities.LANDING, met)):
+        left, landed = lift_offs(turn.force, bool(off[-1])), turn.impulse > 0.0
+        for mark, there in ((quantities.LIFT_OFF, left), (quantities.LANDING, landed)):
             points = self._axes.place("lift", degrees[there], lift[there])
             self._canvas.points(f"{VIEW}/lift/{mark.name}", at, points)
         if self._flies:
@@ -297,22 +272,16 @@ class TurnChart:
             self._canvas.always(f"{VIEW}/{row.key}/axes", frame)
             words = rr.Points2D.from_fields(colors=colours.GREY, radii=UNSEEN, show_labels=True)
             self._canvas.always(f"{VIEW}/{row.key}/axes/y", words)
+        middle = [[0.5 * WIDTH, CAPTION]]
         caption = rr.Points2D.from_fields(
-            positions=[[0.5 * WIDTH, CAPTION]],
-            colors=colours.BLACK,
-            radii=UNSEEN,
-            show_labels=True,
+            positions=middle, colors=colours.BLACK, radii=UNSEEN, show_labels=True
         )
         self._canvas.always(f"{VIEW}/caption", caption)
 
     def _draw_legend(self) -> None:
         """Strokes and points of the lift with their names beside them, over its axes."""
-        shown = [
-            LIFT.line,
-            LAW,
-            *((quantities.LIFT_OFF, quantities.LANDING) if self._flies else ()),
-        ]
-        for (x, middle), it in zip(LEGEND, shown, strict=False):
+        marks = (quantities.LIFT_OFF, quantities.LANDING) if self._flies else ()
+        for (x, middle), it in zip(LEGEND, (LIFT.line, LAW, *marks), strict=False):
             where = f"{VIEW}/lift/legend/{it.name}"
             top = HEAD + TITLE_AT[1]
             label(self._canvas, f"{where}/name", (middle, top), it.name, it.colour)

@@ -13,13 +13,14 @@ import re
 import secrets
 import socket
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import uvicorn
 from starlette.datastructures import MutableHeaders
-from starlette.requests import HTTPConnection
+from starlette.requests import HTTPConnection, cookie_parser
 from starlette.responses import PlainTextResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -67,10 +68,8 @@ class Access:
 
     @property
     def cookie(self) -> str:
-        """The header that sets the cookie.
-
-        Not ``Strict``: a browser would not send it with the page that a file of ours opens.
-        """
+        """The header that sets the cookie."""
+        # Not Strict: a browser would not send it with the page that a file of ours opens.
         return f"{self.cookie_name}={self.token}; HttpOnly; Path=/; SameSite=Lax"
 
     def why_not(
@@ -86,22 +85,16 @@ class Access:
         own, origin = [f"http://{host}" for host in self.hosts], headers.get("origin")
         if (origin is not None or needs_origin) and origin not in own:
             return "allowed: pages of this address alone"
-        given = self._of_cookie(headers.get("cookie") or "") if token is None else token
+        cookies = cookie_parser(headers.get("cookie") or "")
+        given = cookies.get(self.cookie_name, "") if token is None else token
         if not secrets.compare_digest(given.encode(errors="replace"), self.token.encode()):
             return "allowed: the whole address that was printed, with its token"
         return ""
 
-    def _of_cookie(self, cookies: str) -> str:
-        pairs = (pair.strip().partition("=") for pair in cookies.split(";"))
-        return next((value for name, _, value in pairs if name == self.cookie_name), "")
-
 
 @dataclass
 class Guard:
-    """An application behind host, origin and token, for pages and websockets alike.
-
-    ``home`` is the page that the printed address leads to, ``policy`` the content security policy.
-    """
+    """An application behind host, origin and token; the printed address leads to ``home``."""
 
     app: ASGIApp
     access: Access
@@ -143,23 +136,18 @@ async def _refuse(words: str, status: int, scope: Scope, receive: Receive, send:
     await PlainTextResponse(words + "\n", status)(scope, receive, send)
 
 
-@dataclass(frozen=True)
-class Served:
-    """What is being served: the address that a browser is given, and whether it has ended."""
+class Served(NamedTuple):
+    """The address that a browser is given, and whether its server runs."""
 
     address: str
-    ended: threading.Event
-
-    def alive(self) -> bool:
-        """Whether its server runs."""
-        return not self.ended.is_set()
+    alive: Callable[[], bool]
 
 
 @contextmanager
 def serve_application(app: ASGIApp, home: str, policy: str, port: int = 0) -> Iterator[Served]:
     """Serve an application behind a `Guard` as long as the context lasts; port 0: a free one."""
     with _listener(port) as listener:
-        access, ended = Access(int(listener.getsockname()[1])), threading.Event()
+        access = Access(int(listener.getsockname()[1]))
         config = uvicorn.Config(
             Guard(app, access, home, policy),
             log_config=None,
@@ -173,26 +161,17 @@ def serve_application(app: ASGIApp, home: str, policy: str, port: int = 0) -> It
         logging.getLogger("uvicorn.error").addFilter(_in_one_line)
         server = uvicorn.Server(config)
 
-        def run() -> None:
-            try:
-                server.run(sockets=[listener])
-            finally:
-                ended.set()
-
-        thread = threading.Thread(target=run, daemon=True)
+        thread = threading.Thread(target=server.run, args=([listener],), daemon=True)
         thread.start()
         try:
-            yield Served(access.address, ended)
+            yield Served(access.address, thread.is_alive)
         finally:
             server.should_exit = True
             thread.join(END_S)  # a request that computes does not keep the command
 
 
 def _in_one_line(record: logging.LogRecord) -> bool:
-    """A page's message that is no UTF-8 is not worth a traceback; a request cut off, no word.
-
-    Nor is one that is no HTTP: a terminal shows the run, not what a browser asks.
-    """
+    """No traceback for a message that is no UTF-8, no word of a request cut off or no HTTP."""
     error = record.exc_info[1] if record.exc_info else None
     if isinstance(error, UnicodeDecodeError):
         record.exc_info = None

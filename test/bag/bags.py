@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from cam_rig.bag import files
-from cam_rig.bag.files import mcap_file
+from cam_rig.bag.files import bag_file
 from cam_rig.bag.reader import raw_messages
 from cam_rig.bag.recorder import BagRecorder
 from cam_rig.messages.topics import RECORDING
@@ -45,40 +45,18 @@ def payloads(bag):
 
 def cut_off(bag, size, source=GOLDEN):
     """A bag of which so many bytes were written, or such a part of them."""
-    data = mcap_file(source).read_bytes()
+    data = bag_file(source).read_bytes()
     bag.mkdir()
     (bag / f"{bag.name}_0.mcap").write_bytes(data[: int(size * len(data)) if size < 1 else size])
     return bag
 
 
-class WrappedFile(io.RawIOBase):
-    """An unbuffered file in front of ``raw``; what is written is for a subclass to say."""
+class WrappedFile(io.FileIO):
+    """The same open file, unbuffered; what is written is for a subclass to say."""
 
     def __init__(self, raw):
-        self._raw = raw
-        self.name = raw.name
-
-    def writable(self):
-        return True
-
-    def seekable(self):
-        return True
-
-    def fileno(self):
-        return self._raw.fileno()
-
-    def tell(self):
-        return self._raw.tell()
-
-    def seek(self, place, whence=0):
-        return self._raw.seek(place, whence)
-
-    def truncate(self, size=None):
-        return self._raw.truncate(size)
-
-    def close(self):
-        self._raw.close()
-        super().close()
+        super().__init__(os.dup(raw.fileno()), "w")
+        raw.close()
 
 
 class Dying(WrappedFile):
@@ -91,9 +69,9 @@ class Dying(WrappedFile):
     def write(self, data):
         data = bytes(data)
         self._step()
-        half = self._raw.write(data[: len(data) // 2])
+        half = super().write(data[: len(data) // 2])
         self._step()
-        return half + self._raw.write(data[half:])
+        return half + super().write(data[half:])
 
     def truncate(self, size=None):
         self._step()
@@ -137,10 +115,7 @@ def _forked(action, step):
 
 
 def killed_bags(prepare, some):
-    """What is left of something that was killed: at ``some`` of its steps, evenly spread; 0: all.
-
-    ``prepare(name)`` gives a new bag and what is to be done with it.
-    """
+    """What is left of what ``prepare(name)`` gives, killed at ``some`` of its steps; 0: at each."""
     seen, steps = os.pipe(), count()
     _forked(prepare("rehearsal")[1], lambda: os.write(seen[1], b"."))
     last = len(os.read(seen[0], 1 << 16)) - 1

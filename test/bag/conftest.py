@@ -3,7 +3,7 @@
 import pytest
 from mcap.reader import make_reader
 
-from cam_rig.bag.files import mcap_file, mcap_files
+from cam_rig.bag.files import bag_file, mcap_files
 from cam_rig.bag.split import Split
 
 from .bags import BY_NAME, GOLDEN, Frugal, record
@@ -13,7 +13,7 @@ from .bags import BY_NAME, GOLDEN, Frugal, record
 def golden():
     """(topic, number of the message in its topic, bytes) in the order of the bag; received ones."""
     found, numbers = [], dict.fromkeys(BY_NAME, 0)
-    with mcap_file(GOLDEN).open("rb") as stream:
+    with bag_file(GOLDEN).open("rb") as stream:
         for _, channel, message in make_reader(stream).iter_messages(log_time_order=False):
             if BY_NAME[channel.topic].derived:
                 continue
@@ -24,9 +24,9 @@ def golden():
 
 @pytest.fixture(scope="session")
 def whole(tmp_path_factory, golden):
-    """The golden run in one file."""
+    """The golden run in one file, of few instants a turn."""
     bag = tmp_path_factory.mktemp("whole") / "bag"
-    record(bag, golden).close()
+    record(bag, golden, points_per_turn=12).close()
     return bag
 
 
@@ -36,7 +36,7 @@ def split(tmp_path_factory, golden):
     bag = tmp_path_factory.mktemp("split") / "bag"
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ROS_DISTRO", "kilted")
-        record(bag, golden, split=Split(duration=0.5)).close()
+        record(bag, golden, split=Split(duration=0.5), points_per_turn=12).close()
     assert len(mcap_files(bag)) > 2
     return bag
 

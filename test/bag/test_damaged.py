@@ -9,7 +9,7 @@ from mcap.writer import CompressionType, Writer
 from typer.testing import CliRunner
 
 from cam_rig.bag.completeness import require_complete
-from cam_rig.bag.files import mcap_file
+from cam_rig.bag.files import bag_file
 from cam_rig.bag.reader import read_counts, read_recording, read_scene
 from cam_rig.bag.recorder import BagRecorder
 from cam_rig.bag.records import records_of
@@ -25,7 +25,7 @@ LENGTHS = (0, 1, 8, 22, 255, 2**16, 2**20, 2**31, 2**32 - 1, 2**40, 2**63, 2**64
 
 def compressed(path, kind):
     """The golden bag as another writer compresses it."""
-    with mcap_file(GOLDEN).open("rb") as source, path.open("wb") as target:
+    with bag_file(GOLDEN).open("rb") as source, path.open("wb") as target:
         reader, writer = make_reader(source), Writer(target, compression=kind, chunk_size=20_000)
         writer.start("ros2", "other")
         for one in reader.iter_attachments():
@@ -47,7 +47,7 @@ def compressed(path, kind):
 def originals(tmp_path_factory):
     """Bytes, and where a record's length stands, of one bag three ways."""
     folder, found = tmp_path_factory.mktemp("originals"), []
-    files = [mcap_file(GOLDEN)]
+    files = [bag_file(GOLDEN)]
     files += [
         compressed(folder / f"{k.name}.mcap", k)
         for k in (CompressionType.ZSTD, CompressionType.LZ4)
@@ -161,7 +161,7 @@ def test_what_is_saved_was_recorded(tmp_path, originals, seed):
     except CamRigError as error:
         assert "nothing to recover" in str(error) or "does not begin" in str(error)
         return
-    found = contents(mcap_file(tmp_path / "recovered"))
+    found = contents(bag_file(tmp_path / "recovered"))
     wrong = 0
     for topic, part in found.items():
         true = [one for one in part if one in whole[topic]]

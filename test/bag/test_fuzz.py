@@ -72,7 +72,7 @@ STATES = st.builds(
 )
 
 
-@given(st.lists(STATES | laws(), max_size=12))
+@given(st.lists(STATES | laws(), max_size=8))
 def test_a_follower_stays_finite_whatever_is_published(received):
     """What it refuses is refused by name; what it publishes of the rest is finite."""
     bench = FollowerSimulator.of(LOADED)
@@ -124,16 +124,3 @@ def test_a_recorder_goes_on_whatever_is_published(kept, received):
         except RefusedError:
             continue
     session.close()
-
-
-def test_a_flipped_byte_in_a_state_is_no_accident(kept, golden):
-    """A message with a wrong byte is taken as it is, or refused."""
-    state = next(m[2] for m in golden if m[0] is topics.CAM_STATE)
-    for place in range(4, len(state), 3):
-        cdr = bytearray(state)
-        cdr[place] ^= 0xFF
-        session = RecordingSession(kept, StateValidator(1000.0))
-        try:
-            session.take(topics.CAM_STATE, bytes(cdr))
-        except RefusedError as error:
-            assert str(error)

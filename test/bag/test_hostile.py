@@ -13,7 +13,7 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import Channel, Chunk, ChunkIndex, DataEnd, Footer, Header, Schema
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
-from cam_rig.bag.files import mcap_file, require_new_bag
+from cam_rig.bag.files import bag_file, require_new_bag
 from cam_rig.bag.partial_reader import MAX_ATTACHED
 from cam_rig.bag.reader import messages, raw_messages, read_counts, read_recording, read_scene
 from cam_rig.bag.recover import recover
@@ -142,11 +142,15 @@ def test_an_index_leads_to_no_chunk_that_the_file_has_not(tmp_path):
 
 
 def test_what_cannot_be_unpacked_is_refused(tmp_path):
-    """Garbage, nothing, and an unknown compression."""
+    """Garbage, nothing, an unknown compression, and an SQLite file that is none."""
     for compression in ("zstd", "lz4", "x"):
         for data in (b"", b"garbage", zstandard.compress(b"")[:5]):
             file = file_of(tmp_path / "a.mcap", chunk(data, compression, 100))
             assert all(read_all(file)[:4])
+    (tmp_path / "bag").mkdir()
+    (tmp_path / "bag" / "bag_0.db3").write_bytes(b"SQLite format 3\0" + os.urandom(5000))
+    (tmp_path / "bag" / "metadata.yaml").write_text("x", encoding="utf-8")
+    assert all(read_all(tmp_path / "bag"))
 
 
 @pytest.mark.variants(3)
@@ -154,7 +158,7 @@ def test_what_cannot_be_unpacked_is_refused(tmp_path):
 @pytest.mark.parametrize("opcode", [1, 3, 4, 5, 6, 7, 8, 9, 11, 12, 200])
 def test_a_record_longer_than_its_file_is_not_read(tmp_path, frugal, opcode, length):
     """What a record claims is compared with what is there."""
-    file = mcap_file(GOLDEN)
+    file = bag_file(GOLDEN)
     data = file.read_bytes()
     made = tmp_path / "a.mcap"
     made.write_bytes(data[:FIRST] + struct.pack("<BQ", opcode, length) + data[FIRST:])
@@ -167,7 +171,7 @@ def test_a_record_longer_than_its_file_is_not_read(tmp_path, frugal, opcode, len
 @pytest.mark.parametrize("field", [0, 8, 16, 20, 30, 40])
 def test_lengths_inside_an_attachment_are_bounded(tmp_path, frugal, field):
     """Of its name, its kind, its data."""
-    data = bytearray(mcap_file(GOLDEN).read_bytes())
+    data = bytearray(bag_file(GOLDEN).read_bytes())
     at = data.index(b"scenes/") - 4 + field
     data[at : at + 4] = b"\xff\xff\xff\x7f"
     made = tmp_path / "a.mcap"
@@ -184,7 +188,7 @@ def attached(path, *names, data=b"x: 1"):
 
 
 def test_the_name_of_an_attachment_is_checked(tmp_path):
-    """It is a file's path below its folder, and one that a disk can have."""
+    """It is a file's path below its folder, one that a disk can have, and no other's folder."""
     names = {
         "scenes/" + 300 * "a" + ".yaml": "has a name of 305 bytes; allowed: 1 to 255",
         "scenes/" + 200 * "ä" + ".yaml": "has a name of 405 bytes",
@@ -201,13 +205,9 @@ def test_the_name_of_an_attachment_is_checked(tmp_path):
             read_scene(attached(tmp_path / f"bag{number}", name))
         assert words in str(refused.value)
     assert list(tmp_path.rglob("evil*")) == []
-
-
-def test_a_file_that_is_a_folder_as_well_is_refused(tmp_path):
-    """Of two attachments, the one stands where the other's folder would be."""
-    for number, names in enumerate([("a", "a/b"), ("a/b", "a")]):
+    for number, two in enumerate([("a", "a/b"), ("a/b", "a")]):
         with pytest.raises(BagError, match="is a file here and a folder there"):
-            read_scene(attached(tmp_path / f"bag{number}", *names))
+            read_scene(attached(tmp_path / f"two{number}", *two))
 
 
 def test_attachments_are_few_and_small(tmp_path, frugal):
@@ -221,7 +221,7 @@ def test_attachments_are_few_and_small(tmp_path, frugal):
 
 def test_an_attachment_that_was_changed_is_not_read(tmp_path):
     """A flipped bit in the rig's numbers would make every level wrong, in silence."""
-    data = bytearray(mcap_file(GOLDEN).read_bytes())
+    data = bytearray(bag_file(GOLDEN).read_bytes())
     data[data.index(b"mass")] ^= 1
     (tmp_path / "a.mcap").write_bytes(data)
     with pytest.raises(BagError, match="has a wrong checksum"):
@@ -239,15 +239,15 @@ def test_a_type_that_is_another_is_refused(tmp_path):
         list(messages(tmp_path / "bag", (topics.LEVEL,)))
 
 
-def test_ten_thousand_topics_are_bounded(tmp_path, frugal):
+def test_two_thousand_topics_are_bounded(tmp_path, frugal):
     """A recovery writes what a rig may have, and reports that there was more."""
     records = [Schema(1, b"", "ros2msg", "a/msg/B")]
-    records += [Channel(i + 1, f"/t{i}", "cdr", {}, 1) for i in range(10_000)]
+    records += [Channel(i + 1, f"/t{i}", "cdr", {}, 1) for i in range(2_000)]
     out = RecordBuilder()
-    for i in range(10_000):
+    for i in range(2_000):
         out.write(struct.pack("<BQHIQQ", 5, 22, i + 1, 0, i, i))
     data = out.end()
-    records.append(chunk(data, "", len(data), 0, 10_000))
+    records.append(chunk(data, "", len(data), 0, 2_000))
     saved = recover(file_of(tmp_path / "a.mcap", *records), tmp_path / "recovered")
     assert len(saved.counts) == 1000 and "damaged" in saved.words
 
@@ -286,16 +286,8 @@ def test_a_bag_compressed_message_by_message_is_refused(tmp_path):
             read_counts(bag)
 
 
-def test_an_sqlite_file_that_is_none_is_refused(tmp_path):
-    """rosbag2's other format."""
-    (tmp_path / "bag").mkdir()
-    (tmp_path / "bag" / "bag_0.db3").write_bytes(b"SQLite format 3\0" + os.urandom(5000))
-    (tmp_path / "bag" / "metadata.yaml").write_text("x", encoding="utf-8")
-    assert all(read_all(tmp_path / "bag"))
-
-
 def test_a_name_too_long_for_the_bags_file_is_refused_at_once(tmp_path):
-    """By the bytes that the disk allows, before anything is started."""
+    """By the bytes that the disk allows; so is one that no terminal can show."""
     for letters in ("a", "ä", "日"):
         size = len(letters.encode())
         most = (255 - len("_0.mcap.part")) // size
@@ -307,15 +299,11 @@ def test_a_name_too_long_for_the_bags_file_is_refused_at_once(tmp_path):
     deep = str(tmp_path) + "/abcdefghi" * 500
     with pytest.raises(BagError, match="path is 1 bytes too long"):
         require_new_bag(Path(deep[: 4096 - len("/ten/ten_0.mcap.part")] + "/ten"))
-
-
-def test_names_that_no_disk_can_have_are_one_line_everywhere(tmp_path):
-    """As the target of a recovery, and as a bag to be read; so is one that cannot be written."""
     for letters in (244, 250, 300):
         with pytest.raises(BagError, match="too long"):
             recover(GOLDEN, tmp_path / ("a" * letters))
         assert all(read_all(tmp_path / ("a" * letters)))
-    for name in ("a\nb", "a\x1bb", "a\udcffb"):  # in metadata.yaml and on terminals
+    for name in ("a\nb", "a\x1bb", "a\udcffb"):
         with pytest.raises(BagError, match="allowed: a name of letters"):
             require_new_bag(tmp_path / name)
 

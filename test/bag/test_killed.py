@@ -1,8 +1,4 @@
-"""Killed at any step, and done again: nothing of a recording is lost, and nothing is left over.
-
-A process is killed at a step on its files: before, halfway in and after each write, fsync and
-rename. In every run at some of them, the first, the last and between; the long test at each.
-"""
+"""Killed before, halfway in and after a write, fsync or rename, and done again: nothing is lost."""
 
 import shutil
 from functools import cache
@@ -55,40 +51,28 @@ def names(bag):
 
 
 @SOME
-def test_a_recovery_may_be_killed_at_any_step(tmp_path, some):
-    """In place: the second one gives every message, whenever the first one was killed."""
-    recover(cut_off(tmp_path / "torn", 60_000), tmp_path / "all")
-    expected = payloads(tmp_path / "all")
-
-    def prepare(name):
-        bag = cut_off(tmp_path / f"bag{name}", 60_000)
-        return bag, lambda: recover_in_place(bag)
-
-    for bag in killed_bags(prepare, some):
-        if is_unclosed(bag):
-            with pytest.raises(BagError, match="cam-rig recover"):
-                read_counts(bag)
-            recover_in_place(bag)
-        assert payloads(bag) == expected
-        assert names(bag) == [".mcap", ".yaml"]
-
-
-@SOME
-def test_a_copy_may_be_killed_at_any_step(tmp_path, some):
-    """Into another folder: the same command again makes it; no reader takes a part."""
+@pytest.mark.parametrize("in_place", [True, False])
+def test_a_recovery_may_be_killed_at_any_step(tmp_path, some, in_place):
+    """In place or into a new folder: the same again gives every message; no reader takes a part."""
     torn = cut_off(tmp_path / "torn", 60_000)
     recover(torn, tmp_path / "all")
     expected = payloads(tmp_path / "all")
 
-    def prepare(name):
-        target = tmp_path / f"recovered{name}"
-        return target, lambda: recover(torn, target)
+    def again(bag):
+        return recover_in_place(bag) if in_place else recover(torn, bag)
 
-    for target in killed_bags(prepare, some):
-        if not target.exists() or why_not_a_bag(target) or is_unclosed(target):
-            recover(torn, target)
-        assert payloads(target) == expected
-        assert names(target) == [".mcap", ".yaml"]
+    def prepare(name):
+        bag = tmp_path / f"bag{name}"
+        return (cut_off(bag, 60_000) if in_place else bag), lambda: again(bag)
+
+    for bag in killed_bags(prepare, some):
+        if not bag.exists() or why_not_a_bag(bag) or is_unclosed(bag):
+            if in_place:
+                with pytest.raises(BagError, match="cam-rig recover"):
+                    read_counts(bag)
+            again(bag)
+        assert payloads(bag) == expected
+        assert names(bag) == [".mcap", ".yaml"]
 
 
 @SOME
@@ -128,10 +112,7 @@ def test_a_recorder_may_be_killed_while_it_closes(tmp_path, golden, straight, so
 
 @SOME
 def test_killed_while_it_splits_it_has_what_was_flushed(tmp_path, golden, straight_split, some):
-    """The bag is closed or says that it is not; recovered, it holds every flushed message.
-
-    A successor then makes the bag that would have been recorded without the kill.
-    """
+    """Recovered, it holds every flushed message; a successor makes the bag as without the kill."""
 
     def noting(bag):
         """A recorder that notes in a file how many messages it has flushed."""

@@ -12,7 +12,7 @@ from mcap.records import Attachment
 
 from cam_rig.bag import files
 from cam_rig.bag.completeness import Holdings, belonging, expected_counts, loss_of
-from cam_rig.bag.files import bag_files, is_unclosed, mcap_file
+from cam_rig.bag.files import bag_file, bag_files, is_unclosed
 from cam_rig.bag.partial_reader import PartialReader
 from cam_rig.bag.reader import messages, read_counts, read_scene
 from cam_rig.bag.recorder import BagRecorder
@@ -30,7 +30,7 @@ SCENE = read_scene(GOLDEN).scene
 
 RECORDS = [
     record[1:]
-    for record in PartialReader(mcap_file(GOLDEN)).records()
+    for record in PartialReader(bag_file(GOLDEN)).records()
     if not isinstance(record, Attachment)
 ]
 
@@ -122,18 +122,14 @@ def test_without_its_scene_the_numbers_of_the_messages_tell():
     assert of_others.gaps == () and not of_others.open_end
 
 
-def test_instants_that_are_gone_are_counted():
-    """How many a tick has is not in the scene alone; their numbers tell which are missing."""
+def test_instants_and_diagnoses_that_are_gone_are_counted():
+    """How many there are is not in the scene alone; their numbers tell which are missing."""
     gone = range(TIMES[3], TIMES[4])
     kept = held(lambda t, m: t != "/joint_states" or m.log_time not in gone)
     first, last = instants_until(TIMES[3]) + 1, instants_until(TIMES[4])
     count = last - first + 1
     words = f"messages {first} to {last} of /joint_states ({count} messages)"
     assert count >= 72 and loss_of(kept, SCENE, True, True).words == words
-
-
-def test_a_diagnosis_that_is_gone_is_counted():
-    """They come when there is something to say; their numbers tell which are missing."""
     loss = loss_of(held(lambda t, m: t != "/diagnostics" or m.sequence not in (2, 3)), SCENE, 1, 1)
     assert loss.words == "messages 2 to 3 of /diagnostics (2 messages)"
 
@@ -188,7 +184,7 @@ def full_after(monkeypatch, size):
         def write(self, data):
             if left[0] == 0:
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-            written = self._raw.write(bytes(data)[: left[0]])
+            written = super().write(bytes(data)[: left[0]])
             left[0] -= written
             return written
 
@@ -256,7 +252,7 @@ def test_a_recorder_on_a_full_disk_keeps_what_was_written(
 
 def test_a_damaged_length_costs_no_more_than_its_chunk(tmp_path):
     """Behind a record whose length is wrong, the next chunk is found by what it looks like."""
-    file = mcap_file(GOLDEN)
+    file = bag_file(GOLDEN)
     with file.open("rb") as stream:
         chunks = [record for record in records_of(stream) if record.opcode == 6]
         chunk = next(each for each in chunks if chunk_head(stream, each).packed > 200_000)
@@ -276,10 +272,7 @@ def test_a_damaged_length_costs_no_more_than_its_chunk(tmp_path):
 
 
 def test_the_rest_of_an_endless_scene_is_not_counted_tick_by_tick():
-    """Of a bench's hundred thousand turns, a recording that ends early only says that it does.
-
-    Closed, it says after which tick; neither makes a list of all that was planned.
-    """
+    """Of a bench's 100 000 turns it only says that it ends early; closed, after which tick."""
     program = SCENE.program.model_copy(
         update={"turns": SCENE.program.turns.model_copy(update={"assumed": 1e5, "given": None})}
     )

@@ -12,6 +12,7 @@ from rosbags.rosbag2.metadata import parse_qos
 
 from cam_rig.bag.file_writer import NEVER
 from cam_rig.bag.files import is_unclosed, mcap_files
+from cam_rig.bag.partial_reader import attachments
 from cam_rig.bag.reader import read_counts, read_recording
 from cam_rig.bag.recover import recover
 from cam_rig.bag.replay import compare, played
@@ -90,10 +91,7 @@ def records(bag):
 
 
 def test_each_file_describes_the_bag_at_its_begin_and_at_its_end(split):
-    """As rosbag2's storage plugin does: the begin says that nothing is written yet.
-
-    The last file's end says what metadata.yaml says, an earlier one's the bag so far.
-    """
+    """As rosbag2 does: nothing at the begin, the bag so far at the end, all of it at the last."""
     names, total = [], 0
     for file, begin, about in records(split):
         for found in (begin, about):
@@ -125,7 +123,7 @@ def test_each_file_describes_the_bag_at_its_begin_and_at_its_end(split):
 
 
 def test_a_file_stands_alone(split):
-    """Schemas, channels and the scene are in each; its own ticks can be analysed.
+    """Schemas, channels, versions and the scene are in each; its own ticks can be analysed.
 
     What is published once for each cam is in the file of its time, as `ros2 bag record` has it.
     """
@@ -134,6 +132,7 @@ def test_a_file_stands_alone(split):
         about = summary(file)
         assert topics <= {channel.topic for channel in about.channels.values()}
         assert all(about.schemas[c.schema_id].data for c in about.channels.values())
+        assert "versions.json" in {attached.name for attached in attachments(file)}
         alone = read_recording(file)
         assert alone.loaded.scene.name == "quick"
         ticks += len(alone.ticks)
@@ -172,11 +171,12 @@ def test_the_limits_are_kept(tmp_path, golden, limit):
 
 
 def test_a_split_bag_is_recovered_into_one_file(whole, split, tmp_path):
-    """A copy holds everything, with the numbers of the messages as they were."""
+    """A copy holds everything, with the numbers of the messages as they were, and the scene."""
     saved = recover(split, tmp_path / "copy")
-    assert "nothing lost" in saved.words
+    assert saved.whole and "nothing lost" in saved.words
     assert len(mcap_files(tmp_path / "copy")) == 1
     assert payloads(tmp_path / "copy") == payloads(whole)
+    assert len(read_recording(tmp_path / "copy").ticks) == 16
 
 
 def test_a_file_that_is_missing_is_named(split, tmp_path):
@@ -193,7 +193,7 @@ def test_a_file_that_is_missing_is_named(split, tmp_path):
     assert read_counts(bag / "bag_2.mcap")
 
 
-def test_a_limit_by_words():
+def test_a_limit_by_words_or_a_refusal_in_words():
     for text, expected in {
         "100MB": Split(size=100_000_000),
         "1.5 GiB": Split(size=1_610_612_736),
@@ -202,11 +202,7 @@ def test_a_limit_by_words():
         "2 h": Split(duration=7200.0),
     }.items():
         assert Split.parsed(text) == expected
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
+    for text, words in (
         ("100", r"allowed: a number and one of MB, GB, MiB, GiB, s, min, h, as 100MB or 60s"),
         ("60 rpm", "allowed: a number and one of"),
         ("-5s", "allowed: a number and one of"),
@@ -215,8 +211,6 @@ def test_a_limit_by_words():
         ("0s", r"is 0s; allowed: a file of 1 to 3\.2e\+08 s of rig time"),
         ("999999999999h", "allowed: a file of 1 to"),
         ("99999999999GB", "allowed: a file of 1000000 bytes"),
-    ],
-)
-def test_a_limit_that_is_none_is_refused(text, words):
-    with pytest.raises(ConfigError, match=words):
-        Split.parsed(text)
+    ):
+        with pytest.raises(ConfigError, match=words):
+            Split.parsed(text)

@@ -12,7 +12,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 from typer.testing import CliRunner
 
-from cam_rig.bag.files import mcap_file
+from cam_rig.bag.files import bag_file
 from cam_rig.bag.partial_reader import PartialReader
 from cam_rig.bag.reader import read_counts
 from cam_rig.bag.writer import BagWriter
@@ -70,7 +70,7 @@ def test_recover_of_a_cut_bag(tmp_path):
     """A cut copy of a bag: recovered beside it, the damaged one is as it was."""
     torn = tmp_path / "torn"
     shutil.copytree(GOLDEN, torn)
-    file = mcap_file(torn)
+    file = torn / "golden_0.mcap"
     file.write_bytes(file.read_bytes()[:-5_000])
     before = file.read_bytes()
     refused = call("analyze", torn)
@@ -89,7 +89,7 @@ def test_analyze_says_what_a_recovered_bag_lacks(tmp_path):
     """A recovered bag looks like any other: what is missing is attached to it, and reported."""
     torn = tmp_path / "torn"
     torn.mkdir()
-    data = mcap_file(GOLDEN).read_bytes()
+    data = bag_file(GOLDEN).read_bytes()
     (torn / "torn_0.mcap").write_bytes(data[: len(data) * 8 // 10])
     words = call("recover", torn).stderr.replace("\n", " ")
     missing = f"ticks {read_counts(tmp_path / 'torn_recovered')['/cam/state']} to 16 of 16"
@@ -168,7 +168,7 @@ def test_replay_finds_a_changed_number(tmp_path, monkeypatch):
     wrong = bytes(types.serialize_cdr(level, one.msgtype))
     bag = tmp_path / "bag"
     with BagWriter(bag) as writer:
-        for record in PartialReader(mcap_file(GOLDEN)).records():
+        for record in PartialReader(bag_file(GOLDEN)).records():
             if isinstance(record, Attachment):
                 writer.attach(record.name, record.data)
                 continue

@@ -13,8 +13,6 @@ import pytest
 from matplotlib.figure import Figure
 
 import cam_rig
-from cam_rig.dynamics import TwoMassParameters
-from cam_rig.dynamics.jump.search import force_run
 from cam_rig.errors import BagError, ConfigError
 from cam_rig.show.result import notebook
 
@@ -25,8 +23,8 @@ WITH_EXAMPLES = (
     "cam_rig.profile.contour",
     "cam_rig.simulation.scene",
     "cam_rig.dynamics.jump.any_follower",
-    "cam_rig.campaigns.largest_waviness",
     "cam_rig.simulation.motion",
+    "cam_rig.campaigns.largest_waviness",
     "cam_rig.measured.real_run.run",
     "cam_rig.simulation.scene_run",
     "cam_rig.simulation.sound",
@@ -117,16 +115,9 @@ def rig():
     return cam_rig.load_rig("paper_table2")
 
 
-def test_the_least_force_is_zero_at_the_jump_speed(law, rig):
-    found = cam_rig.jump_speed(law, rig)
-    run = force_run(law, TwoMassParameters.from_rig(rig), found.duration)
-    assert run.lowest(found.speed * (1.0 - 1e-5)) > 0.0 > run.lowest(found.speed * (1.0 + 1e-5))
-    assert cam_rig.jump_speed(law, rig.with_follower(preload=40.0)).rpm > found.rpm
-    assert found.to_pandas()["rpm"].tolist() == [found.rpm]
-
-
 def test_the_jump_speed_is_drawn_where_the_force_is_zero(law, rig, figures):
     found = cam_rig.jump_speed(law, rig)
+    assert found.to_pandas()["rpm"].tolist() == [found.rpm]
     (axes,) = found.plot().axes
     rpm, force = axes.lines[0].get_data()
     assert np.interp(found.rpm, rpm, force) == pytest.approx(0.0, abs=0.2)
@@ -142,19 +133,14 @@ def test_a_rig_of_other_numbers_is_checked_as_its_file_is(rig):
     assert rig.follower.roller_share.si == 0.4
 
 
-def test_the_pitch_curve_is_the_base_circle_and_the_lift():
-    """A roller's centre on a radial guide is R_b + R_r + s from the cam's."""
-    cam = cam_rig.load_cam("poly345")
-    shape = cam_rig.contour(cam, points=90)
-    base = cam.follower.base_radius.si + cam.follower.roller
-    centre = np.hypot(*shape.discs[0].pitch)
-    np.testing.assert_allclose(centre, base + shape.law(shape.angle), rtol=1e-12)
+def test_the_points_of_a_contour_are_as_many_as_asked_for_and_cannot_be_changed():
+    shape = cam_rig.contour(cam_rig.load_cam("poly345"), points=90)
     assert shape.x.size == shape.y.size == 90
     assert shape.to_pandas()["x"].tolist() == shape.x.tolist()
     with pytest.raises(ValueError, match="read-only"):
         shape.x[0] = 0.0
     with pytest.raises(ConfigError, match="points: is 3; allowed: 36 to 1000000"):
-        cam_rig.contour(cam, points=3)
+        cam_rig.contour(cam_rig.load_cam("poly345"), points=3)
 
 
 def test_a_conjugate_cam_has_two_contours(figures):
@@ -167,30 +153,19 @@ def test_a_conjugate_cam_has_two_contours(figures):
         shape.plot(positions=2)
 
 
-def test_a_scene_and_its_bag_give_one_result(figures):
+def test_a_bag_and_its_scene_give_one_run(figures):
     recording = cam_rig.read_bag(GOLDEN)
     computed = cam_rig.run_scene(recording.loaded)
-    assert recording.complete
-    assert computed.complete
-    assert recording.counts["/cam/state"] > 0
-    assert computed.counts == {}
-    for cam, curve in computed.noise.curves.items():
-        np.testing.assert_allclose(
-            recording.noise.curves[cam].level_db, curve.level_db, rtol=0, atol=1e-9
-        )
+    assert recording.complete and computed.complete
+    assert recording.counts["/cam/state"] > 0 and computed.counts == {}
     table = recording.to_pandas()
     assert list(table)[:4] == ["cam", "rpm", "turns", "level"]
     assert table["level"].tolist()[:4] == recording.noise.curves["tm21"].level_db.tolist()
     (axes,) = recording.plot().axes
     assert axes.get_xlabel() == "cam speed [rpm]"
-
-
-def test_the_samples_of_a_bag_are_those_of_the_scene():
-    recording = cam_rig.read_bag(GOLDEN)
-    recorded = recording.samples("tm21", 350)
-    computed = cam_rig.run_scene(recording.loaded).samples("tm21", 350.0)
-    away = np.abs(recorded.rows - computed.rows).max(axis=1)
-    assert (away <= 1e-11 * np.abs(computed.rows).max(axis=1)).all()
+    recorded, again = recording.samples("tm21", 350), computed.samples("tm21", 350.0)
+    away = np.abs(recorded.rows - again.rows).max(axis=1)
+    assert (away <= 1e-11 * np.abs(again.rows).max(axis=1)).all()
     np.testing.assert_allclose(np.diff(recorded.time), 1e-3, rtol=0, atol=1e-12)
     with pytest.raises(ValueError, match="read-only"):
         recorded.force[0] = 1.0

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from cam_rig.bag.completeness import require_complete
-from cam_rig.bag.files import mcap_file
+from cam_rig.bag.files import bag_file
 from cam_rig.bag.reader import raw_messages, read_counts, read_recording
 from cam_rig.bag.recover import recover
 from cam_rig.bag.writer import BagWriter
@@ -41,7 +41,7 @@ def test_a_bag_of_a_namespace_is_read_and_recovered_like_any_other(namespaced, t
     """Counts and messages bear the names of the table, and a recovered bag those of its rig."""
     bag, expected = namespaced("/lab/rig1")
     assert read_counts(bag) == expected
-    with mcap_file(bag).open("r+b") as stream:
+    with bag_file(bag).open("r+b") as stream:
         stream.truncate(stream.seek(0, 2) - 40)
     recovered = recover(bag, tmp_path / "recovered")
     assert not recovered.loss.gaps

@@ -1,20 +1,16 @@
 """A panel that is served, without nodes or with them, and its pages, in a browser or without."""
 
-from __future__ import annotations
-
 import json
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 import pytest
-from websockets.sync.client import ClientConnection, connect
+from websockets.sync.client import connect
 
 import cam_rig
 from cam_rig.panel.bench.pages import BenchPages
@@ -28,15 +24,12 @@ from tools.docs.browser import TIMEOUT_S, new_page, open_browser, why_no_browser
 
 from ..viewer.asking import Visitor
 
-if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page
-
 #: Wall time (s) after which something that has not come true never will, however busy the machine.
 WAIT_S = 60.0
 BOARD, BENCH = "/changes", "/bench/live"
 
 
-def until(condition: Callable[[], Any], words: str = "it did not come true") -> None:
+def until(condition, words="it did not come true"):
     """Wait for something that another thread or process does."""
     end = time.monotonic() + WAIT_S
     while not condition():
@@ -45,15 +38,15 @@ def until(condition: Callable[[], Any], words: str = "it did not come true") -> 
 
 
 @pytest.fixture
-def board(tmp_path: Path) -> Board:
+def board(tmp_path):
     return Board(cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2"), tmp_path / "out")
 
 
-def sheet_of(rig: str = "paper_table2", seed: str | None = None, cam: str = "poly345") -> LabSheet:
+def sheet_of(rig="paper_table2", seed=None, cam="poly345"):
     return LabSheet("jump", cam_rig.load_cam(cam), cam_rig.load_rig(rig), seed)
 
 
-def socket_of(visitor: Visitor, path: str) -> ClientConnection:
+def socket_of(visitor, path):
     """A page's websocket."""
     return connect(
         f"ws://{visitor.url.netloc}{path}",
@@ -66,15 +59,15 @@ def socket_of(visitor: Visitor, path: str) -> ClientConnection:
 class ServedPages(Visitor):
     """A panel with board, bench and lab, without nodes, and who has its whole address."""
 
-    def __init__(self, board: BoardPages, bench: BenchPages, lab: LabPages, address: str) -> None:
+    def __init__(self, board, bench, lab, address):
         super().__init__(address)
         self.pages, self.bench, self.lab = board, bench, lab
         self.board = board.board
 
-    def page(self, path: str) -> ClientConnection:
+    def page(self, path):
         return socket_of(self, path)
 
-    def right(self, path: str) -> dict[str, Any]:
+    def right(self, path):
         """A message that a page may send."""
         if path == BENCH:
             return {"do": "clear"}
@@ -82,7 +75,7 @@ class ServedPages(Visitor):
 
 
 @pytest.fixture(scope="module")
-def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServedPages]:
+def served(tmp_path_factory):
     """One panel for the tests of a file."""
     folder, sheet = tmp_path_factory.mktemp("panel"), sheet_of()
     pages = BoardPages(Board(sheet.cam, sheet.rig, folder / "out"))
@@ -96,7 +89,7 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServedPages]:
 
 
 @pytest.fixture(scope="module")
-def chromium() -> Iterator[Browser]:
+def chromium():
     if why := why_no_browser():
         pytest.skip(why)
     with open_browser(webgl=False) as browser:
@@ -106,36 +99,36 @@ def chromium() -> Iterator[Browser]:
 class BrowserPage:
     """A page of the panel: what it shows, and what went wrong or to another host."""
 
-    def __init__(self, page: Page) -> None:
+    def __init__(self, page):
         self.page = page
-        self.errors: list[str] = []
-        self.outside: list[str] = []
+        self.errors = []
+        self.outside = []
         page.on("pageerror", lambda error: self.errors.append(str(error)))
         page.on("console", lambda m: self.errors.append(m.text) if m.type == "error" else None)
         page.on("request", lambda asked: self._note(asked.url))
         page.on("websocket", lambda socket: self._note(socket.url))
 
-    def _note(self, url: str) -> None:
+    def _note(self, url):
         if urlsplit(url).scheme not in ("data", "file") and urlsplit(url).hostname != "127.0.0.1":
             self.outside.append(url)
 
-    def open(self, address: str, path: str = "") -> None:
+    def open(self, address, path=""):
         """Open what a printed address leads to, and a path from there."""
         self.page.goto(address)
         if path:
             self.page.goto(f"http://{urlsplit(address).netloc}{path}")
 
-    def text(self, name: str) -> str:
+    def text(self, name):
         return str(self.page.evaluate("id => document.getElementById(id)?.textContent", name))
 
-    def number(self, name: str) -> float | None:
+    def number(self, name):
         """The first word of a readout, if it is a number."""
         try:
             return float(self.text(name).split()[0])
         except (ValueError, IndexError):
             return None
 
-    def path(self, chart: str, kind: str = "") -> str:
+    def path(self, chart, kind=""):
         """The points of the curve itself, or of another kind of it."""
         script = """([id, kind]) => [...document.querySelectorAll(`#${id} .curve`)].find(
             (path) => kind ? path.classList.contains(kind)
@@ -143,17 +136,17 @@ class BrowserPage:
         ).getAttribute("d") ?? ''"""
         return str(self.page.evaluate(script, [chart, kind]))
 
-    def until(self, condition: Callable[[], Any]) -> None:
+    def until(self, condition):
         """Wait for what is to be seen on the page."""
         deadline = time.monotonic() + TIMEOUT_S
         while not condition():
             assert time.monotonic() < deadline, f"never came; the page says {self._said()}"
             self.page.wait_for_timeout(40)
 
-    def _said(self) -> list[str]:
+    def _said(self):
         return [self.text(name) for name in ("status", "graph", "speed", "level", "ended")]
 
-    def width(self, width: int) -> int:
+    def width(self, width):
         """How wide the page is that is shown in so many pixels."""
         self.page.set_viewport_size({"width": width, "height": 800})
         drawn = "() => new Promise((done) => setTimeout(() => requestAnimationFrame(done)))"
@@ -162,7 +155,7 @@ class BrowserPage:
 
 
 @contextmanager
-def in_browser(chromium: Browser, kind: type[Any], **context: str) -> Iterator[Any]:
+def in_browser(chromium, kind, **context):
     """A page of its own; nothing may go wrong on it, and no other host be asked."""
     page = chromium.new_context(**context).new_page() if context else new_page(chromium)
     shown = kind(page)
@@ -178,21 +171,21 @@ def in_browser(chromium: Browser, kind: type[Any], **context: str) -> Iterator[A
 class BenchPage:
     """A page of the bench without a browser: what it is told, and what it commands."""
 
-    def __init__(self, socket: ClientConnection) -> None:
+    def __init__(self, socket):
         self.socket, self.number, self.sound = socket, 0, b""
-        self.live: dict[str, Any] = {}
+        self.live = {}
 
-    def _next(self) -> dict[str, Any]:
+    def _next(self):
         message = self.socket.recv(timeout=WAIT_S)
         if isinstance(message, bytes):
             self.sound += message
             return {}
-        found: dict[str, Any] = json.loads(message)
+        found = json.loads(message)
         if found["type"] == "live":
             self.live = found
         return found
 
-    def until(self, condition: Callable[[dict[str, Any]], Any]) -> dict[str, Any]:
+    def until(self, condition):
         """Wait until the bench is so; what it then shows."""
         end = time.monotonic() + WAIT_S
         while not (self.live and condition(self.live)):
@@ -200,38 +193,38 @@ class BenchPage:
             self._next()
         return self.live
 
-    def ask(self, do: str, **more: Any) -> dict[str, Any]:
+    def ask(self, do, **more):
         """What a command is answered with."""
         self.number += 1
         self.socket.send(json.dumps({"number": self.number, "do": do, **more}))
         return self.answer(self.number)
 
-    def answer(self, number: int | None) -> dict[str, Any]:
+    def answer(self, number):
         """The answer to the command of a number; None of one without."""
         while (message := self._next()).get("type") != "answer" or message["answer"] != number:
             pass
         return message
 
-    def do(self, do: str, **more: Any) -> dict[str, Any]:
+    def do(self, do, **more):
         """A command that must not be refused."""
         answer = self.ask(do, **more)
         assert answer["success"], answer["words"]
         return answer
 
-    def running(self) -> dict[str, Any]:
+    def running(self):
         """Wait until the nodes are there and have told their parameters."""
         return self.until(lambda live: live["graph"] == "running" and len(live["values"]) == 3)
 
-    def turning(self, rpm: float) -> dict[str, Any]:
+    def turning(self, rpm):
         """Wait until the cam turns at a speed."""
         return self.until(lambda live: abs(live["state"].get("rpm", 0.0) - rpm) < 1e-6)
 
-    def turned(self, seconds: float) -> dict[str, Any]:
+    def turned(self, seconds):
         """Start, and wait until the cam has turned for some rig time (s)."""
         self.do("call", value="start")
         return self.until(lambda live: live["state"].get("time_ns", 0) > 1e9 * seconds)
 
-    def keep(self) -> Path:
+    def keep(self):
         """Keep the bag that is recorded; its path."""
         kept = len(self.live["kept"])
         self.do("keep")
@@ -241,19 +234,19 @@ class BenchPage:
 class RunningPanel(Visitor):
     """cam-rig panel as a process that keeps its bags in a folder ``out``."""
 
-    def __init__(self, process: subprocess.Popen[str], out: Path) -> None:
+    def __init__(self, process, out):
         self.process, self.out = process, out
         assert process.stdout is not None
         super().__init__(process.stdout.readline().strip())
 
     @contextmanager
-    def page(self) -> Iterator[BenchPage]:
+    def page(self):
         """A page of the bench, which begins the nodes."""
         self.get("/bench")
         with socket_of(self, BENCH) as socket:
             yield BenchPage(socket)
 
-    def nodes(self) -> dict[str, int]:
+    def nodes(self):
         """The processes of its nodes by name."""
         found = subprocess.run(
             ["ps", "--ppid", str(self.process.pid), "-o", "pid=,args="],
@@ -265,14 +258,14 @@ class RunningPanel(Visitor):
         lines = [line.split() for line in found.stdout.splitlines() if "-m cam_rig.nodes " in line]
         return {words[words.index("cam_rig.nodes") + 1]: int(words[0]) for words in lines}
 
-    def end(self, number: signal.Signals) -> int:
+    def end(self, number):
         """End it by a signal; its exit code."""
         self.process.send_signal(number)
         return self.process.wait(WAIT_S)
 
 
 @contextmanager
-def panel_process(out: Path, *options: str) -> Iterator[RunningPanel]:
+def panel_process(out, *options):
     """A panel without Rerun, as long as the context lasts."""
     command = [Path(sys.executable).parent / "cam-rig", "panel", "--no-rerun", "--out", out]
     with subprocess.Popen(

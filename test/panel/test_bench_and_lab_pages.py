@@ -1,14 +1,9 @@
 """Bench and lab sheet in a real browser, without nodes: what is where, and a sheet by its keys."""
 
-from __future__ import annotations
-
 import itertools
 import time
-from collections.abc import Callable, Iterator
 from http.server import BaseHTTPRequestHandler, HTTPServer
-from pathlib import Path
 from threading import Thread
-from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -18,10 +13,7 @@ from cam_rig.panel.lab.pages import LabPages
 from cam_rig.panel.server import serve
 from tools.docs.browser import TIMEOUT_S
 
-from .conftest import BrowserPage, ServedPages, in_browser, sheet_of
-
-if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Dialog
+from .conftest import BrowserPage, in_browser, sheet_of
 
 pytestmark = pytest.mark.slow
 SIZES = [(1000, 700), (1250, 800), (1366, 768), (1600, 910)]
@@ -34,7 +26,7 @@ Box = tuple[float, float, float, float]
 class Bench(BrowserPage):
     """The bench as a browser shows it, whose nodes never come."""
 
-    def begin(self, address: str, language: str) -> None:
+    def begin(self, address, language):
         """Open it in a language."""
         chosen = f"sessionStorage.setItem('language', '{language}')"
         self.page.context.add_init_script(chosen)
@@ -42,9 +34,9 @@ class Bench(BrowserPage):
         self.until(lambda: self.text("graph") != "")
         assert self.page.evaluate("document.documentElement.lang") == language
 
-    def boxes(self, things: str = THINGS) -> dict[str, Box]:
+    def boxes(self, things=THINGS):
         """Left, top, right and bottom of what can be seen; what is in another has no own."""
-        found: list[tuple[str, list[float]]] = self.page.evaluate(
+        found = self.page.evaluate(
             """(things) => [...document.querySelectorAll(things)]
               .filter((one) => one.checkVisibility() && !one.parentElement.closest(things))
               .map((one, i) => [`${one.id || one.textContent} ${i}`, one.getBoundingClientRect()])
@@ -56,11 +48,8 @@ class Bench(BrowserPage):
 
 
 @pytest.mark.parametrize("language", ["es", pytest.param("en", marks=pytest.mark.long)])
-def test_nothing_lies_over_anything_and_the_stop_is_in_sight(
-    chromium: Browser, served: ServedPages, language: str
-) -> None:
-    """By the boxes of all that is read or taken hold of, in every language, at every size. The
-    heading names the model that is set up, two masses where the rig says how its mass is split."""
+def test_nothing_lies_over_anything_and_the_stop_is_in_sight(chromium, served, language):
+    """By the boxes of all that is read or taken hold of; the heading names the model."""
     with in_browser(chromium, Bench) as bench:
         bench.begin(served.address, language)
         for width, height in SIZES:
@@ -75,7 +64,7 @@ def test_nothing_lies_over_anything_and_the_stop_is_in_sight(
         assert served.bench.live.setup.model == "two_mass"
 
 
-def require_apart(bench: Bench, width: int) -> None:
+def require_apart(bench, width):
     """Nothing lies over anything, or sticks out of its column or the page."""
     boxes = bench.boxes()
     assert len(boxes) > 25
@@ -95,7 +84,7 @@ class _Rerun(BaseHTTPRequestHandler):
 
     said = False
 
-    def do_GET(self) -> None:
+    def do_GET(self):
         script = "const asking = setInterval(async () => {"
         script += "if (await (await fetch('/said')).text() !== 'yes') return;"
         script += "clearInterval(asking); parent.postMessage('shown', '*'); }, 50)"
@@ -107,12 +96,12 @@ class _Rerun(BaseHTTPRequestHandler):
         self.end_headers()
         self.wfile.write(body.encode())
 
-    def log_message(self, *_words: Any) -> None:
+    def log_message(self, *_words):
         pass
 
 
 @pytest.fixture
-def rerun(served: ServedPages) -> Iterator[type[_Rerun]]:
+def rerun(served):
     server = HTTPServer(("127.0.0.1", 0), _Rerun)
     Thread(target=server.serve_forever, daemon=True).start()
     _Rerun.said = False
@@ -123,9 +112,7 @@ def rerun(served: ServedPages) -> Iterator[type[_Rerun]]:
     server.server_close()
 
 
-def test_a_poster_stands_until_the_rig_is_shown(
-    chromium: Browser, served: ServedPages, rerun: type[_Rerun]
-) -> None:
+def test_a_poster_stands_until_the_rig_is_shown(chromium, served, rerun):
     """What it is, the cam drawn to scale, and Start; nothing of another program's empty page."""
     with in_browser(chromium, Bench) as bench:
         bench.begin(served.address, "en")
@@ -158,35 +145,32 @@ SHOWN = """() => JSON.parse(document.body.dataset.shown || "{}").rpm
 class LabPage(BrowserPage):
     """A page of a lab sheet, worked by keys."""
 
-    def settle(self) -> None:
+    def settle(self):
         """Wait until the force is that of the knob's speed."""
         self.until(lambda: self.page.evaluate(SHOWN))
 
-    def press(self, key: str) -> None:
+    def press(self, key):
         """A key on the knob."""
         self.page.locator("#knob").press(key)
         self.settle()
 
-    def lost(self) -> bool:
+    def lost(self):
         return self.text("contact") == "contact lost"
 
-    def press_until(self, key: str, condition: Callable[[], bool]) -> None:
+    def press_until(self, key, condition):
         end = time.monotonic() + TIMEOUT_S
         while not condition():
             assert time.monotonic() < end
             self.press(key)
 
 
-def test_a_reading_taken_by_keys_is_within_1_rpm_of_the_truth(
-    chromium: Browser, tmp_path: Path
-) -> None:
-    """Up by tens until contact is lost, down by ones until it holds: read, recorded, marked. Then a
-    reading in contact is asked about, and taken where the student says so, and only there."""
+def test_a_reading_taken_by_keys_is_within_1_rpm_of_the_truth(chromium, tmp_path):
+    """Up by tens, down by ones; a reading in contact is asked about, and taken if so said."""
     pages, asked, answers = LabPages(sheet_of(seed="group-3"), tmp_path), list[str](), [False, True]
     sheet = pages.notebook.sheet
     low, high = sheet.knob
 
-    def answer(dialog: Dialog) -> None:
+    def answer(dialog):
         asked.append(dialog.message)
         (dialog.accept if answers.pop(0) else dialog.dismiss)()
 
@@ -237,7 +221,7 @@ def test_a_reading_taken_by_keys_is_within_1_rpm_of_the_truth(
             assert page.width(width) <= width
 
 
-def test_the_theory_is_shown_when_it_is_asked_for(chromium: Browser, tmp_path: Path) -> None:
+def test_the_theory_is_shown_when_it_is_asked_for(chromium, tmp_path):
     """Without a seed; the line goes away again. Of other pages those alone that are served."""
     pages = LabPages(sheet_of("tm21"), tmp_path)
     with serve(pages, home="/lab") as panel, in_browser(chromium, LabPage) as page:

@@ -1,15 +1,11 @@
 """The bench with its nodes: pages steer them, others too, and what is recorded is what was done."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal
 import time
-from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -23,16 +19,13 @@ from cam_rig.testing.client import RigClient
 from cam_rig.testing.running_rig import isolated_domain
 from cam_rig.units import NS
 
-from .conftest import WAIT_S, BrowserPage, RunningPanel, in_browser, panel_process, until
-
-if TYPE_CHECKING:
-    from playwright.sync_api import Browser
+from .conftest import WAIT_S, BrowserPage, in_browser, panel_process, until
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 
 @pytest.fixture(scope="module")
-def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[RunningPanel, int]]:
+def shared(tmp_path_factory):
     """One panel with its nodes and its ROS domain, until a test ends it."""
     out = tmp_path_factory.mktemp("bench") / "out"
     with isolated_domain() as domain, panel_process(out) as panel:
@@ -40,20 +33,20 @@ def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[RunningPa
 
 
 @pytest.fixture
-def running_panel(ros_domain: int, tmp_path: Path) -> Iterator[RunningPanel]:
+def running_panel(ros_domain, tmp_path):
     """A panel of a test's own."""
     with panel_process(tmp_path / "out") as panel:
         yield panel
 
 
-def contiguous(bag: Path) -> float:
+def contiguous(bag):
     """The rig time (s) that a bag has samples of, each tick beginning where the last one ended."""
     ticks = [tick.interval for tick in read_ticks(bag)]
     assert all(one.stop_ns == other.start_ns for one, other in pairwise(ticks))
     return (ticks[-1].stop_ns - ticks[0].start_ns) / NS
 
 
-def is_alive(pid: int) -> bool:
+def is_alive(pid):
     """Whether there is a process that has not ended."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
@@ -61,9 +54,8 @@ def is_alive(pid: int) -> bool:
         return False
 
 
-def test_one_page_holds_the_controls(shared: tuple[RunningPanel, int]) -> None:
-    """Another one sees, may stop in an emergency, and may take over; then the first is refused. The
-    bag is closed and kept on demand, and another run begins."""
+def test_one_page_holds_the_controls(shared):
+    """Another may stop in an emergency and take over; the bag is kept on demand, a run follows."""
     with shared[0].page() as first, shared[0].page() as second:
         first.running()
         assert second.running()["holds"] is False
@@ -88,9 +80,7 @@ def test_one_page_holds_the_controls(shared: tuple[RunningPanel, int]) -> None:
     assert not is_unclosed(bag)
 
 
-def test_a_killed_node_is_named_and_one_command_starts_it_again(
-    shared: tuple[RunningPanel, int],
-) -> None:
+def test_a_killed_node_is_named_and_one_command_starts_it_again(shared):
     """The others wait for it; the run goes on."""
     panel, _ = shared
     with panel.page() as page:
@@ -110,31 +100,29 @@ def test_a_killed_node_is_named_and_one_command_starts_it_again(
 class BenchInBrowser(BrowserPage):
     """The bench's page as a browser shows it."""
 
-    def begin(self, panel: RunningPanel) -> None:
+    def begin(self, panel):
         """Open the bench, and wait for its nodes."""
         self.open(panel.address, "/bench")
         self.until(lambda: self.page.locator("#start").is_enabled())
 
-    def command(self, rpm: int) -> None:
+    def command(self, rpm):
         """Type a speed, and wait until the cam turns so."""
         self.page.locator("#rpm").fill(str(rpm))
         self.page.locator("#rpm").press("Enter")
         self.until(lambda: self.text("speed") == str(rpm))
 
-    def noted(self, rpm: int) -> bool:
+    def noted(self, rpm):
         """Press the button; whether a reading at a speed is noted."""
         self.page.locator("#note").click()
         self.page.wait_for_timeout(200)
         return f" {rpm} rpm, " in self.text("noted") and "dB" in self.text("noted")
 
-    def knob(self) -> float:
+    def knob(self):
         """Where the knob stands, rpm."""
         return float(self.page.locator("#knob").get_attribute("aria-valuenow") or "nan")
 
 
-def test_the_knob_turns_the_cam_and_is_turned(
-    chromium: Browser, shared: tuple[RunningPanel, int]
-) -> None:
+def test_the_knob_turns_the_cam_and_is_turned(chromium, shared):
     """By keys and by the pointer; what another program sets is where it then stands."""
     panel, domain = shared
     with in_browser(chromium, BenchInBrowser) as bench:
@@ -164,9 +152,8 @@ def test_the_knob_turns_the_cam_and_is_turned(
         bench.until(lambda: bench.knob() == 333.0 and shown.input_value() == "333")
 
 
-def test_nothing_stays_of_a_panel_that_is_killed(shared: tuple[RunningPanel, int]) -> None:
-    """Its nodes end by themselves, and the bag is closed; it goes on over the node that was killed
-    with the tick it had come to."""
+def test_nothing_stays_of_a_panel_that_is_killed(shared):
+    """Its nodes end by themselves, the bag is closed, and whole over the node that was killed."""
     panel, _ = shared
     with panel.page() as page:
         page.running()
@@ -182,10 +169,8 @@ def test_nothing_stays_of_a_panel_that_is_killed(shared: tuple[RunningPanel, int
 
 
 @pytest.mark.long
-def test_a_page_turns_the_rig_and_so_does_anybody_else(
-    running_panel: RunningPanel, ros_domain: int
-) -> None:
-    """Speed, cam and weighting are the nodes' own parameters: what is set outside is shown."""
+def test_a_page_turns_the_rig_and_so_does_anybody_else(running_panel, ros_domain):
+    """By the nodes' own parameters; what is set outside is shown; after a reload they turn on."""
     with running_panel.page() as page:
         live = page.running()
         assert (live["drive"], live["domain"], live["holds"]) == ("stopped", ros_domain, True)
@@ -197,6 +182,10 @@ def test_a_page_turns_the_rig_and_so_does_anybody_else(
             page.until(lambda live: live["values"]["cam_drive"]["rpm"] == 410.0)
             outside.set_parameter("microphone", "frequency_weighting", "A")
             page.until(lambda live: live["values"]["microphone"]["frequency_weighting"] == "A")
+    with running_panel.page() as page:
+        live = page.until(lambda live: live["state"])
+        assert (live["drive"], live["holds"]) == ("turning", True)
+        assert live["values"]["cam_drive"]["rpm"] == 410.0
         page.do("set", name="cam", value="cycloidal")
         page.until(lambda live: live["state"]["cam"] == "cycloidal" and live["level"])
         page.do("call", value="stop")
@@ -207,7 +196,7 @@ def test_a_page_turns_the_rig_and_so_does_anybody_else(
 
 
 @pytest.mark.long
-def test_a_noted_level_is_the_exact_one(running_panel: RunningPanel) -> None:
+def test_a_noted_level_is_the_exact_one(running_panel):
     """To what the sample rate of the bench and the background leave of the mean of a second."""
     cam, rig = cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2")
     with running_panel.page() as page:
@@ -231,7 +220,7 @@ def test_a_noted_level_is_the_exact_one(running_panel: RunningPanel) -> None:
 
 
 @pytest.mark.long
-def test_another_set_up_is_another_run_and_its_bag_is_kept(running_panel: RunningPanel) -> None:
+def test_another_set_up_is_another_run_and_its_bag_is_kept(running_panel):
     """The kept bag holds the chosen numbers and every tick up to where it was closed."""
     with running_panel.page() as page:
         page.running()
@@ -256,25 +245,8 @@ def test_another_set_up_is_another_run_and_its_bag_is_kept(running_panel: Runnin
 
 
 @pytest.mark.long
-def test_a_reload_finds_the_bench_as_it_is(running_panel: RunningPanel) -> None:
-    """The nodes are the server's and not the page's: they turn on, and readings stay."""
-    with running_panel.page() as page:
-        page.running()
-        page.do("set", name="rpm", value=275)
-        page.do("call", value="start")
-        page.turning(275.0)
-    with running_panel.page() as page:
-        live = page.until(lambda live: live["state"])
-        assert live["drive"] == "turning"
-        assert live["holds"] is True
-        assert live["values"]["cam_drive"]["rpm"] == 275.0
-
-
-@pytest.mark.long
 @pytest.mark.parametrize("wait", [0.1, 0.4, 1.0])
-def test_a_signal_while_the_rig_is_set_up_ends_the_panel(
-    running_panel: RunningPanel, wait: float
-) -> None:
+def test_a_signal_while_the_rig_is_set_up_ends_the_panel(running_panel, wait):
     """Whether it comes while nodes are ended, or while the next ones begin."""
     with running_panel.page() as page:
         page.running()
@@ -286,7 +258,7 @@ def test_a_signal_while_the_rig_is_set_up_ends_the_panel(
 
 
 @pytest.mark.long
-def test_what_is_drawn_is_put_on_the_bench(running_panel: RunningPanel) -> None:
+def test_what_is_drawn_is_put_on_the_bench(running_panel):
     """The law that turns is the one of the handles; drawn again, it is another cam."""
     board = json.loads(running_panel.get("/board"))
     ordinates = list(board["ordinates"])
@@ -311,7 +283,7 @@ def test_what_is_drawn_is_put_on_the_bench(running_panel: RunningPanel) -> None:
 
 
 @pytest.mark.long
-def test_a_run_that_fails_leaves_its_bag(running_panel: RunningPanel, ros_domain: int) -> None:
+def test_a_run_that_fails_leaves_its_bag(running_panel, ros_domain):
     """A second publisher on a topic of the rig ends it; what was recorded is named, and stays."""
     with running_panel.page() as page:
         page.running()
@@ -328,9 +300,8 @@ def test_a_run_that_fails_leaves_its_bag(running_panel: RunningPanel, ros_domain
 
 
 @pytest.mark.long
-def test_levels_are_noted_and_drawn(chromium: Browser, running_panel: RunningPanel) -> None:
-    """A marker a reading; above the jump speed it is full, and the lamp was lit. 400 px wide,
-    nothing is beside the page, and every control has a name."""
+def test_levels_are_noted_and_drawn(chromium, running_panel):
+    """Full markers above the jump speed; 400 px are wide enough; every control has a name."""
     law, rig = cam_rig.build_law(cam_rig.load_cam("poly345")), cam_rig.load_rig("paper_table2")
     jump = find_jump(law, follower_of(rig), None).rpm  # the model that the bench begins with
     with in_browser(chromium, BenchInBrowser) as bench:
@@ -358,9 +329,7 @@ def test_levels_are_noted_and_drawn(chromium: Browser, running_panel: RunningPan
 
 
 @pytest.mark.long
-def test_a_killed_node_is_started_by_a_button(
-    chromium: Browser, running_panel: RunningPanel
-) -> None:
+def test_a_killed_node_is_started_by_a_button(chromium, running_panel):
     """Its line goes when it is back, and the cam turns on."""
     with in_browser(chromium, BenchInBrowser) as bench:
         bench.begin(running_panel)

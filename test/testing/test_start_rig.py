@@ -31,8 +31,7 @@ def test_pytest_finds_it_by_itself():
 
 @pytest.mark.usefixtures("forked")
 def test_the_rig_is_driven_listened_to_and_read(start_rig):
-    """Commands, messages live, the run's end by itself, and the bag after it; beside another rig,
-    which hears nothing of it: each has a domain, a bag and numbers of its own."""
+    """Commands, messages, its end by itself, its bag; another rig beside hears nothing of it."""
     before = dict(os.environ)
     with start_rig("quick", autostart=False) as rig, start_rig("quick") as other:
         assert rig.scene.name == "quick.yaml"
@@ -90,14 +89,6 @@ def test_the_page_s_examples_run(start_rig):
     assert len(tests) == 3
     for test in tests:
         test(start_rig)
-
-
-@pytest.mark.long
-def test_the_page_s_module_runs(pytester):
-    """In a pytest that knows nothing but the installed plugin."""
-    example = next(c for lang, _, c in blocks(DOCS / "own_nodes.md") if "def test_" in c)
-    pytester.makepyfile(example)
-    pytester.runpytest_subprocess(*PLUGINS).assert_outcomes(passed=3)
 
 
 @pytest.mark.long

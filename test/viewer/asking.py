@@ -1,14 +1,10 @@
 """Requests to a server of pages, header by header."""
 
-from __future__ import annotations
-
-from http.client import HTTPConnection, HTTPMessage
+from http.client import HTTPConnection
 from urllib.parse import urlsplit
 
 
-def opened(
-    address: str, path: str, method: str = "GET", body: str = "", **headers: str
-) -> HTTPConnection:
+def opened(address, path, method="GET", body="", **headers):
     """A connection on which a path has been asked for; ``Host`` is the address's by default."""
     url = urlsplit(address)
     connection = HTTPConnection(url.hostname or "", url.port, timeout=20)
@@ -19,9 +15,7 @@ def opened(
     return connection
 
 
-def ask(
-    address: str, path: str, method: str = "GET", body: str = "", **headers: str
-) -> tuple[int, HTTPMessage, bytes]:
+def ask(address, path, method="GET", body="", **headers):
     """Status, headers and body."""
     connection = opened(address, path, method, body, **headers)
     answer = connection.getresponse()
@@ -33,7 +27,7 @@ def ask(
 class Visitor:
     """A browser that came with the whole address: its cookie, its origin, where it was led to."""
 
-    def __init__(self, address: str) -> None:
+    def __init__(self, address):
         self.url, self.address = urlsplit(address), address
         status, answered, _ = ask(address, f"/?{self.url.query}")
         assert status == 303
@@ -41,12 +35,12 @@ class Visitor:
         self.cookie = self.set_cookie.split(";")[0]
         self.headers = {"Cookie": self.cookie, "Origin": f"http://{self.url.netloc}"}
 
-    def get(self, path: str) -> bytes:
+    def get(self, path):
         """The body of a path that there is."""
         status, _, body = ask(self.address, path, Cookie=self.cookie)
         assert status == 200, (path, status)
         return body
 
-    def post(self, path: str, body: str = "") -> tuple[int, HTTPMessage, bytes]:
+    def post(self, path, body=""):
         """What a page's own request is answered with."""
         return ask(self.address, path, "POST", body, **self.headers)

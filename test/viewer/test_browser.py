@@ -5,11 +5,8 @@ from __future__ import annotations
 import itertools
 import re
 import time
-from collections.abc import Iterator
 from contextlib import nullcontext
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -33,11 +30,6 @@ from tools.docs.browser import (
     photographs,
     why_no_browser,
 )
-
-from .conftest import SmallBag
-
-if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page
 
 pytestmark = pytest.mark.slow
 #: A red box at once, and a green one that comes later.
@@ -71,7 +63,7 @@ NOBODYS = {"green": 0x00FF00FF, "blue": 0x0000FFFF, "pink": 0xFF00FFFF}
 
 
 @pytest.fixture(scope="module")
-def chromium() -> Iterator[Browser]:
+def chromium():
     """One browser for all visits."""
     if why := why_no_browser():
         pytest.skip(f"no browser: {why}")
@@ -88,26 +80,24 @@ class Visit:
     errors: list[str] = field(default_factory=list)
     outside: list[str] = field(default_factory=list)
 
-    def missing(self) -> set[str]:
+    def missing(self):
         """The names of the colours that never were there."""
         return {name for name, pixels in self.most.items() if pixels < MIN_PIXELS}
 
-    def watch(self, page: Page) -> None:
+    def watch(self, page):
         """Write down errors on the console, requests to any other machine, and times shown."""
         page.on("console", lambda m: self.errors.append(m.text) if m.type == "error" else None)
         page.on("pageerror", lambda error: self.errors.append(str(error)))
         page.on("request", lambda asked: self._asked(asked.url))
 
-    def _asked(self, url: str) -> None:
+    def _asked(self, url):
         if urlsplit(url).hostname not in (None, "127.0.0.1"):
             self.outside.append(url)
         if shown := re.search(r"/shown\?ns=(\d+)", url):
             self.times.append(int(shown[1]) / NS)
 
 
-def look(
-    chromium: Browser, address: str, shown: dict[str, int], without: set[str], until: float = 0.0
-) -> Visit:
+def look(chromium, address, shown, without, until=0.0):
     """Visit an address until all colours were seen but some, and a rig time (s) was reached."""
     visit, page, begun = Visit(dict.fromkeys(shown, 0)), new_page(chromium), time.monotonic()
     visit.watch(page)
@@ -126,19 +116,15 @@ def look(
 
 
 @pytest.fixture(scope="module")
-def path(bag: SmallBag, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def path(bag, tmp_path_factory):
     """The small run as the command would serve it."""
     path = tmp_path_factory.mktemp("web") / "small run.rrd"
     save_recording(bag.path, path)
     return path
 
 
-def test_every_curve_is_seen_from_where_the_run_is_played(
-    chromium: Browser, bag: SmallBag, path: Path
-) -> None:
-    """Pixels of each series' own colour, and none of a colour that nothing was drawn in; nothing on
-    the console. No font, no version, no report of use: it works offline and tells nobody. The
-    cursor gets to where the run begins in a leap, though it plays at a tenth of the run's speed."""
+def test_every_curve_is_seen_from_where_the_run_is_played(chromium, bag, path):
+    """By pixels of its own colour; no error, no request elsewhere; the cursor leaps there."""
     end = float(bag.samples[0, -1])
     with serve_file(path, BEGIN * end) as address:
         visit = look(chromium, address, SHOWN | NOBODYS, set(NOBODYS), BEGIN * end)
@@ -148,9 +134,7 @@ def test_every_curve_is_seen_from_where_the_run_is_played(
     assert np.diff(visit.times).max() > 0.5 * end
 
 
-def test_a_photograph_waits_for_every_colour(
-    chromium: Browser, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_photograph_waits_for_every_colour(chromium, tmp_path, monkeypatch):
     """A page whose second box comes later: the picture has both."""
     page = tmp_path / "page.html"
     page.write_text(LATE, encoding="utf-8")
@@ -161,7 +145,7 @@ def test_a_photograph_waits_for_every_colour(
 
 
 @pytest.mark.long
-def test_a_page_at_rest_takes_up_one_run_after_the_other(chromium: Browser, bag: SmallBag) -> None:
+def test_a_page_at_rest_takes_up_one_run_after_the_other(chromium, bag):
     """Opened before there is any; it draws nothing meanwhile, and is told of each by name."""
     page, shown = new_page(chromium), re.compile(r"/shown\?ns=\d")
     with serve() as pages:
@@ -180,13 +164,11 @@ def test_a_page_at_rest_takes_up_one_run_after_the_other(chromium: Browser, bag:
 
 
 @pytest.mark.long
-def test_a_curve_that_is_left_out_is_missed(
-    chromium: Browser, bag: SmallBag, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_curve_that_is_left_out_is_missed(chromium, bag, tmp_path, monkeypatch):
     """The same run without its velocity: that curve and no other is not seen."""
     send = TurnChart._strips
 
-    def send_others(self: TurnChart, at: Any, entity: str, strips: Any) -> None:
+    def send_others(self, at, entity, strips):
         if entity.partition("/")[0] != "velocity":
             send(self, at, entity, strips)
 
@@ -199,7 +181,7 @@ def test_a_curve_that_is_left_out_is_missed(
     assert seen.missing() == {LEFT_OUT.entity}
 
 
-def test_no_two_curves_look_alike() -> None:
+def test_no_two_curves_look_alike():
     """Else the one could stand for the other."""
     for one, other in itertools.combinations(SHOWN.values(), 2):
         channels = [abs((one >> shift & 255) - (other >> shift & 255)) for shift in (24, 16, 8)]

@@ -1,37 +1,28 @@
 """What is drawn beside cam and follower: axes, levels, bands, turns of several cams, words."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import islice, pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from cam_rig.acoustics import MicrophoneState, RadiationParameters, rms_pressure
+from cam_rig.acoustics import RadiationParameters, rms_pressure
 from cam_rig.dynamics import MODELS
 from cam_rig.dynamics.torsional.motion import solve, steady_state
-from cam_rig.schema import RigConfig
 from cam_rig.schema.load import config_root
 from cam_rig.show.chart import ABOVE, round_range, step_marks, tens_range
 from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import cam_states
 from cam_rig.simulation.simulate import MeasuredTick, step_levels
 from cam_rig.units import NS, TURN
-from cam_rig.viewer import Layout, ViewOptions, timeline
+from cam_rig.viewer import Layout, ViewOptions, level_chart, timeline
 from cam_rig.viewer.level_chart import (
     BAND_LEVELS,
-    ROW,
-    STEP,
     at_speed,
     band_axes,
     band_numbers,
     band_power,
-    beside,
     level_axes,
-    shown_cams,
-    spread,
     third_octaves,
 )
 from cam_rig.viewer.quantities import (
@@ -47,14 +38,12 @@ from cam_rig.viewer.scene2d import force_scale
 from cam_rig.viewer.timeline import CAM_DEGREES, TURN_DEGREES, time_columns
 from cam_rig.viewer.turn_chart import HEAD, WIDTH
 
-from .conftest import Drawings, Picture, SmallBag
-
 STRIPS, POSITIONS = "LineStrips2D:strips", "Points2D:positions"
 
 # -- axes of round numbers, and points on them ------------------------------------------------
 
 
-def some_ends() -> list[tuple[float, float]]:
+def some_ends():
     """Pairs that differ by anything from a thousandth to a million, around 0 and away from it."""
     random = np.random.default_rng(18)
     size = 10.0 ** random.uniform(-3.0, 6.0, 300)
@@ -62,9 +51,8 @@ def some_ends() -> list[tuple[float, float]]:
     return [*zip(low.tolist(), (low + size * random.uniform(0.01, 1.0, 300)).tolist(), strict=True)]
 
 
-def test_an_axis_holds_its_values_and_wastes_little() -> None:
-    """From and to are whole steps of 1, 2 or 5 by a power of ten, less than one beyond each end. It
-    has two to four numbers, whole steps apart, and 0 is one of them where the axis passes it."""
+def test_an_axis_holds_its_values_and_wastes_little():
+    """Ends are whole steps of 1, 2 or 5, less than one beyond; 2 to 4 numbers, 0 among them."""
     for low, high in some_ends():
         left, right, step = round_range(low, high)
         mantissa = step / 10.0 ** np.floor(np.log10(step) + 1e-9)
@@ -85,13 +73,7 @@ def test_an_axis_holds_its_values_and_wastes_little() -> None:
             assert np.abs(values).min() < 1e-9 * step
         for value, words in marks.items():
             assert float(words.replace("−", "-")) == pytest.approx(value, rel=1e-5)
-    # a follower that never leaves its cam has a gap of 0
-    assert round_range(0.0, 0.0)[:2] == (0.0, 1.0)
-
-
-def test_an_axis_over_time_has_three_numbers_and_room_for_them() -> None:
-    """Powers of ten times a whole number, at most eleven apart, half of the axis used at least."""
-    for low, high in some_ends():
+        # over time: powers of ten times a whole number, three at least and eleven at most
         left, right = tens_range(low, high)
         assert left <= low and high <= right
         step = 10.0 ** np.floor(np.log10(high - low) + 1e-9)
@@ -99,11 +81,12 @@ def test_an_axis_over_time_has_three_numbers_and_room_for_them() -> None:
         assert numbers.size >= 3
         assert (right - left) / step <= 10.0 * (1.0 + ABOVE) + 1.0
         assert high - low >= 0.33 * (right - left)
+    # a follower that never leaves its cam has a gap of 0
+    assert round_range(0.0, 0.0)[:2] == (0.0, 1.0)
 
 
-def test_a_small_gap_beside_a_great_one_has_an_axis_of_its_own() -> None:
-    """It fills a fifth of that axis at least, wherever it would fill less of the other; gaps that
-    one axis shows have no other. TM21's cams fly a little at one speed, and far at another."""
+def test_a_small_gap_beside_a_great_one_has_an_axis_of_its_own():
+    """It fills a fifth of it at least; gaps that one axis shows have no other."""
     for least in (1.5e-6, 16.5e-6, 3e-4):
         (low, high, _) = close_gap([least, 0.04, 0.0])[CLOSE_GAP]
         assert low == 0.0
@@ -114,7 +97,7 @@ def test_a_small_gap_beside_a_great_one_has_an_axis_of_its_own() -> None:
     assert whole[CLOSE_GAP][1] <= MAX_SHARE * 4.0 * whole["gap"][1]
 
 
-def test_least_and_greatest_of_every_bucket_stay_in_order() -> None:
+def test_least_and_greatest_of_every_bucket_stay_in_order():
     """Each bucket keeps its own two, also the last, shorter one; a bucket of one keeps all."""
     for count, bucket in ((1, 5), (5, 5), (52, 5), (100, 7), (9, 100)):
         values = np.random.default_rng(1).normal(size=count)
@@ -129,7 +112,7 @@ def test_least_and_greatest_of_every_bucket_stay_in_order() -> None:
     np.testing.assert_array_equal(extremes(np.array([3.0, 1.0, 2.0]), 1), [0, 1, 2])
 
 
-def test_a_row_at_the_end_of_a_turn_is_at_0_of_the_next() -> None:
+def test_a_row_at_the_end_of_a_turn_is_at_0_of_the_next():
     """Angles reached at whole ns, before or after the turn is full, as the drive says them."""
     turns = np.arange(1, 700)
     for rpm in (60.0, 200.0, 400.0, 3000.0, 10_000.0):
@@ -145,7 +128,7 @@ def test_a_row_at_the_end_of_a_turn_is_at_0_of_the_next() -> None:
 
 
 @pytest.mark.parametrize("free", [True, False])
-def test_twist_tick_by_tick_is_that_of_the_model(config_dir: Path, free: bool) -> None:
+def test_twist_tick_by_tick_is_that_of_the_model(config_dir, free):
     """Each tick ends with the model's twist; behind a free flywheel each turn is the steady one."""
     loaded = open_scene(config_dir / "scenes" / "flywheel.yaml")
     if not free:
@@ -175,11 +158,11 @@ RATE = 12_000.0
 
 
 @pytest.fixture(scope="module")
-def radiation(rig: RigConfig) -> RadiationParameters:
+def radiation(rig):
     return RadiationParameters.from_rig(rig)
 
 
-def test_a_tone_sounds_in_its_own_band(radiation: RadiationParameters) -> None:
+def test_a_tone_sounds_in_its_own_band(radiation):
     """1 N at 1 kHz is gain · ω_c · sin-ratio in band 30, and nothing elsewhere."""
     time = np.arange(12_000) / RATE
     power = band_power(radiation, np.cos(2e3 * np.pi * time), np.zeros_like(time), RATE)
@@ -190,13 +173,12 @@ def test_a_tone_sounds_in_its_own_band(radiation: RadiationParameters) -> None:
     assert power[numbers != 30.0].max() < 1e-20 * expected
 
 
-def test_the_bands_sum_to_what_the_microphone_hears(radiation: RadiationParameters) -> None:
-    """A turn of smooth force, repeated until the structure is periodic, without background. A
-    constant force does not sound: 0 dB, not minus infinity."""
+def test_the_bands_sum_to_what_the_microphone_hears(radiation):
+    """Of a periodic turn without background; a constant force is 0 dB; a landing is its energy."""
     turn = 2000
     phase = 2.0 * np.pi * np.arange(turn) / turn
     force = 100.0 + 60.0 * np.cos(phase) + 20.0 * np.sin(5.0 * phase)
-    state: MicrophoneState | None = None
+    state = None
     for _ in range(40):
         state, pressure = rms_pressure(radiation, state, force, np.zeros(turn), RATE, 30.0)
     contact = pressure**2 - radiation.background_power(30.0)
@@ -205,22 +187,15 @@ def test_the_bands_sum_to_what_the_microphone_hears(radiation: RadiationParamete
     levels = third_octaves(radiation, np.full(501, 80.0), np.zeros(501), RATE)
     np.testing.assert_allclose(levels, 0.0, atol=1e-12)
     assert levels.size == band_numbers(RATE).size
-
-
-def test_a_landing_is_its_radiated_energy(radiation: RadiationParameters) -> None:
-    """One impulse in a turn radiates what the energy law says, all of it within 20 kHz."""
-    rate, turn = 96_000.0, 19_200
-    impulse = np.zeros(turn)
+    rate, turn, impulse = 96_000.0, 19_200, np.zeros(19_200)
     impulse[77] = 0.01
     power = band_power(radiation, np.zeros(turn), impulse, rate).sum()
     energy = float(radiation.landing_energy(np.array([0.01]))[0])
-    np.testing.assert_allclose(power * turn / rate, energy, rtol=0.03)
+    np.testing.assert_allclose(power * turn / rate, energy, rtol=0.03)  # what is within 20 kHz
 
 
-def test_each_bar_stands_around_its_band_and_is_as_high_as_its_level(
-    bag: SmallBag, drawings: Drawings
-) -> None:
-    """Both cams' bars in the same axes: middle n, foot at the lowest dB, top at the level."""
+def test_each_bar_stands_around_its_band_and_is_as_high_as_its_level(bag, drawings, picture):
+    """Middle n, foot at the lowest dB, top at the level; in a run from the end of each turn on."""
     shown, rate = drawings(ViewOptions(Layout.COMPARE, 700.0)), bag.loaded.scene.sample_rate.si
     axes, numbers = band_axes(rate), band_numbers(rate)
     for i, cam in enumerate(bag.loaded.cams):
@@ -233,10 +208,6 @@ def test_each_bar_stands_around_its_band_and_is_as_high_as_its_level(
             np.testing.assert_allclose(middle, axes.place(numbers, heights), atol=1e-4)
     for other in (4_000.0, 12_000.0, 96_000.0):
         assert (band_axes(other).y, band_axes(other).x[0]) == (BAND_LEVELS, 4.5)
-
-
-def test_a_run_has_bars_for_each_turn(bag: SmallBag, picture: Picture) -> None:
-    """From the end of the tick that completes a turn on."""
     times = np.array([end for end, _ in bag.levels]) * 1e-9
     whole = [i for i in range(16) if i % 4]  # two ticks are a turn, and each step begins anew
     np.testing.assert_allclose(picture.time("bands/bars"), times[whole], atol=1e-9)
@@ -245,28 +216,26 @@ def test_a_run_has_bars_for_each_turn(bag: SmallBag, picture: Picture) -> None:
 # -- levels over speed ------------------------------------------------------------------------
 
 
-def test_each_cam_is_named_beside_its_last_point(bag: SmallBag, picture: Picture) -> None:
-    """All of them, in words, right of the axes and none over another; of random places none is
-    nearer to the next than a step, and none is moved up."""
+def test_each_cam_is_named_beside_its_last_point(bag, picture):
+    """In words, right of the axes, none over another; of random places none is moved up."""
     names = picture.column("noise/names", "Points2D:labels")[-1]
-    assert names == [*shown_cams(bag.loaded).values()]
+    assert names == [*level_chart.shown_cams(bag.loaded).values()]
     places = picture.column("noise/names", POSITIONS)[-1]
     axes, (x, y) = level_axes(bag.loaded), np.array(places).T
     assert np.all(x > axes.width)
-    assert np.all(x < axes.width * (1.0 + beside(bag.loaded)))
-    assert np.diff(np.sort(y)).min() >= STEP - 1e-4
+    assert np.all(x < axes.width * (1.0 + level_chart.beside(bag.loaded)))
+    assert np.diff(np.sort(y)).min() >= level_chart.STEP - 1e-4
     random = np.random.default_rng(18)
     for _ in range(50):
         places = random.uniform(0.0, 30.0, random.integers(1, 7))
-        moved = spread(places, 5.0)
+        moved = level_chart.spread(places, 5.0)
         np.testing.assert_array_equal(np.argsort(moved), np.argsort(places))
         assert np.all(moved >= places)
         assert np.all(np.diff(np.sort(moved)) >= 5.0 - 1e-12)
 
 
-def test_measured_points_are_the_steps_levels(bag: SmallBag, picture: Picture) -> None:
-    """The chart's last points are the energy mean over each step's settled ticks, in axes with the
-    speed to the right and the level up."""
+def test_measured_points_are_the_steps_levels(bag, picture):
+    """The last ones are the energy mean over each step's settled ticks; speed right, level up."""
     states, rate = list(cam_states(bag.loaded.scene)), int(bag.loaded.scene.sample_rate.si)
     ticks = [
         MeasuredTick.between(start, end, pressure, rate)
@@ -288,16 +257,14 @@ def test_measured_points_are_the_steps_levels(bag: SmallBag, picture: Picture) -
 
 
 @pytest.mark.parametrize("rpm", [300.0, 700.0])
-def test_the_last_turn_lies_over_those_of_the_others(
-    bag: SmallBag, drawings: Drawings, rpm: float
-) -> None:
+def test_the_last_turn_lies_over_those_of_the_others(bag, drawings, rpm):
     """Samples of the step's last turn at their degrees, its greatest and its least among them."""
     shown = drawings(ViewOptions(Layout.COMPARE, rpm))
     low, high, _ = scene_ranges(bag.loaded).whole["lift"]
     for i, cam in enumerate(bag.loaded.cams):
         (strips,) = shown.column(f"{at_speed(rpm, 'lift')}/lift/{cam}", STRIPS)
         x, y = np.array(strips[0]).T
-        degrees, lift = x / WIDTH * 360.0, high - (y - HEAD) / ROW * (high - low)
+        degrees, lift = x / WIDTH * 360.0, high - (y - HEAD) / level_chart.ROW * (high - low)
         step = 4 * (2 * i + int(rpm > 500.0))
         rows = np.concatenate(bag.rows[step + 2 : step + 4], axis=1)
         angle = np.degrees(np.concatenate(bag.angles[step + 2 : step + 4])) % 360.0
@@ -309,9 +276,8 @@ def test_the_last_turn_lies_over_those_of_the_others(
 
 
 @pytest.mark.parametrize("layout", [Layout.COMPARE, Layout.REPORT])
-def test_cams_side_by_side_at_one_speed(bag: SmallBag, drawings: Drawings, layout: Layout) -> None:
-    """A moving picture and bars a cam, at the speed asked for, and not the whole run. On the
-    screen, where every cam is as high as the next, the bar of 100 N is as long."""
+def test_cams_side_by_side_at_one_speed(bag, drawings, layout):
+    """A moving picture and bars a cam, not the whole run; the bar of 100 N is as long for each."""
     shown, lengths = drawings(ViewOptions(layout, 300.0)), []
     assert "/plots/lift/follower" not in shown.entities
     assert 100.0 < force_scale(bag.loaded, 10.0 * np.pi) < 1000.0
@@ -327,7 +293,7 @@ def test_cams_side_by_side_at_one_speed(bag: SmallBag, drawings: Drawings, layou
     assert lengths[0] == pytest.approx(lengths[1], rel=1e-5)
 
 
-def test_results_are_those_of_the_turns(bag: SmallBag, picture: Picture) -> None:
+def test_results_are_those_of_the_turns(bag, picture):
     """Cams in the scene's order, each named once, its speeds below it, with four digits."""
     words = picture.column("results", "TextDocument:text")[-1][0]
     lines = [[cell.strip() for cell in line.split("|")[1:]] for line in words.splitlines()[4:]]
@@ -345,9 +311,7 @@ def test_results_are_those_of_the_turns(bag: SmallBag, picture: Picture) -> None
 
 
 @pytest.mark.parametrize("layout", list(Layout))
-def test_a_finished_run_has_its_results_at_every_time(
-    bag: SmallBag, picture: Picture, drawings: Drawings, layout: Layout
-) -> None:
+def test_a_finished_run_has_its_results_at_every_time(bag, picture, drawings, layout):
     """On every timeline, also on that of a turn's degrees, all steps are in words and points."""
     shown = picture if layout is Layout.RUN else drawings(ViewOptions(layout, 300.0))
     (words,) = shown.column("results", "TextDocument:text")
@@ -358,9 +322,8 @@ def test_a_finished_run_has_its_results_at_every_time(
     assert shown.column("results", TURN_DEGREES) == []
 
 
-def test_numbers_are_listed_by_origin(bag: SmallBag) -> None:
-    """Scene, cams and rig, each number with its unit under given, assumed or identified; thinning
-    is told, so that whoever looks at the curves knows what they are."""
+def test_numbers_are_listed_by_origin(bag):
+    """Each number with its unit under given, assumed or identified; thinning is told."""
     words = about(bag.loaded, 1)
     assert words.startswith("# Two cams, two speeds\n")
     assert "## Polynomial 3-4-5" in words

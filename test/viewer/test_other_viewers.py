@@ -1,20 +1,17 @@
 """The bag as it is, without our own drawing: what Rerun's MCAP import makes of it."""
 
-from __future__ import annotations
-
 import os
 import re
 import shlex
 import subprocess
 import sys
-from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from cam_rig.bag.files import mcap_file
+from cam_rig.bag.files import bag_file
 from cam_rig.bag.reader import messages
 from cam_rig.messages import topics
 from cam_rig.schema.load import config_root
@@ -36,19 +33,19 @@ OF_ROS = (
 GOLDEN = config_root().parent / "bags" / "golden"
 
 
-def convert(path: Path, *options: str) -> Picture:
+def convert(path, *options):
     """The golden bag as Rerun's own converter makes it."""
-    command = [sys.executable, "-c", COMMAND, "mcap", "convert", str(mcap_file(GOLDEN)), *options]
+    command = [sys.executable, "-c", COMMAND, "mcap", "convert", str(bag_file(GOLDEN)), *options]
     subprocess.run([*command, "-o", str(path)], check=True, env=os.environ | SILENT, timeout=60)
     return Picture(path)
 
 
 @pytest.fixture(scope="module")
-def imported(tmp_path_factory: pytest.TempPathFactory) -> Picture:
+def imported(tmp_path_factory):
     return convert(tmp_path_factory.mktemp("imported") / "golden.rrd")
 
 
-def test_the_options_of_the_documents_leave_named_curves_over_rig_time(tmp_path: Path) -> None:
+def test_the_options_of_the_documents_leave_named_curves_over_rig_time(tmp_path):
     """No `samples[i]`; θ, lift and force by their joints; durations from 0 instead of dates."""
     documented = (config_root().parent / "docs" / "viewing.md").read_text(encoding="utf-8")
     (line,) = re.findall(r"rerun mcap convert (.*?) -o", documented, re.DOTALL)
@@ -64,9 +61,8 @@ def test_the_options_of_the_documents_leave_named_curves_over_rig_time(tmp_path:
     assert max(times).total_seconds() < 10.0
 
 
-def test_joint_states_and_pressure_plot_by_themselves(imported: Picture) -> None:
-    """Angle, speed and torque of the cam, lift and force of the follower, as in the bag; r.m.s.
-    sound pressure, one value a tick."""
+def test_joint_states_and_pressure_plot_by_themselves(imported):
+    """Each field as in the bag; r.m.s. sound pressure, one value a tick."""
     every = ("position", "velocity", "effort")
     for topic, fields in (
         (topics.CAM_STATE, every),
@@ -83,10 +79,8 @@ def test_joint_states_and_pressure_plot_by_themselves(imported: Picture) -> None
     np.testing.assert_array_equal(shown, recorded)
 
 
-def test_the_rig_turns_by_itself(imported: Picture) -> None:
-    """Rerun draws the bodies of the last URDF in the bag, each in its link's frame, and moves them
-    by the bag's transforms: every link that has a body has a frame, the cam and the follower at
-    each instant."""
+def test_the_rig_turns_by_itself(imported):
+    """Each body of the last URDF in its link's frame, moved by the bag's transforms."""
     *_, (_, _, last) = messages(GOLDEN, (topics.ROBOT_DESCRIPTION,))
     links = [
         e for e in ElementTree.fromstring(last.data).iter("link") if e.find("visual") is not None
@@ -101,9 +95,9 @@ def test_the_rig_turns_by_itself(imported: Picture) -> None:
     assert {"guide", "motor", "microphone", "tm21", "bezier15"} <= still
 
 
-def test_every_message_explains_itself() -> None:
+def test_every_message_explains_itself():
     """Schemas are in the file, in the encoding that Foxglove and PlotJuggler read."""
-    with mcap_file(GOLDEN).open("rb") as stream:
+    with bag_file(GOLDEN).open("rb") as stream:
         reader = make_reader(stream)
         assert reader.get_header().profile == "ros2"
         summary = reader.get_summary()

@@ -1,10 +1,6 @@
 """The picture of a bag shows the bag's own numbers."""
 
-from __future__ import annotations
-
 import random
-from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,50 +8,37 @@ from rerun.chunk import RrdReader
 
 from cam_rig.errors import BagError, CamRigError
 from cam_rig.messages import topics
-from cam_rig.simulation.schedule import CamState, cam_states
-from cam_rig.units import NS, FloatArray
+from cam_rig.simulation.schedule import cam_states
+from cam_rig.units import NS
 from cam_rig.viewer import ViewOptions, recording
 from cam_rig.viewer.quantities import FORCE_LINE as FORCE
 from cam_rig.viewer.quantities import LANDING, LEVEL, SPEED, ZERO
 from cam_rig.viewer.quantities import LIFT_LINE as LIFT
 from cam_rig.viewer.recording import WHOLE_BELOW, RunFeed, bucket_for, save_recording
 
-from .conftest import Picture, SmallBag, make_bag
+from .conftest import Picture, make_bag
 
 SCALARS = "Scalars:scalars"
 
 
-def test_lift_and_force_are_every_sample_of_the_bag(bag: SmallBag, picture: Picture) -> None:
-    """A small bag is shown whole: lift in mm, force in N, at the samples' own rig time."""
+def test_every_sample_level_and_speed_of_a_small_bag_is_shown(bag, picture):
+    """Lift (mm), force (N) at rig time and cam angle, level where its tick ends, speed in rpm."""
     time, lift, _, _, force, _ = bag.samples
     np.testing.assert_allclose(picture.numbers(LIFT.entity, SCALARS), lift * 1e3, rtol=1e-12)
     np.testing.assert_allclose(picture.numbers(FORCE.entity, SCALARS), force, rtol=1e-12)
     np.testing.assert_allclose(picture.time(FORCE.entity), time, atol=1e-9)
     np.testing.assert_allclose(picture.numbers(ZERO.entity, SCALARS), 0.0)
-
-
-def test_cam_degrees_go_on_from_turn_to_turn(bag: SmallBag, picture: Picture) -> None:
-    """The second timeline is the unwrapped cam angle in whole degrees."""
     degrees = picture.numbers(LIFT.entity, "cam_degrees")
     assert np.all(np.diff(degrees) >= 0.0)
     assert np.all(np.abs(degrees + 0.5 - np.degrees(bag.angle)) < 0.5 + 1e-5)
-    assert degrees[-1] > 7 * 360
-
-
-def test_level_is_shown_where_its_tick_ends(bag: SmallBag, picture: Picture) -> None:
-    """Each tick's level is that of /microphone/level, at the state that closes the tick."""
     times, levels = np.array(bag.levels).T
     np.testing.assert_allclose(picture.time(LEVEL.entity), times / NS, atol=1e-9)
     np.testing.assert_allclose(picture.numbers(LEVEL.entity, SCALARS), levels)
-
-
-def test_speed_is_in_rpm(picture: Picture) -> None:
-    """Two cams at 300 and at 700 rpm, four ticks each, the last until the end."""
     expected = np.repeat([300.0, 700.0, 300.0, 700.0], [4, 4, 4, 5])
     np.testing.assert_allclose(picture.numbers(SPEED.entity, SCALARS), expected)
 
 
-def test_landings_are_marked(bag: SmallBag, picture: Picture) -> None:
+def test_landings_are_marked(bag, picture):
     """Every sample with an impulse is a marker on the lift and a line of text."""
     time, lift, _, _, _, impulse = bag.samples
     landed = impulse > 0.0
@@ -67,11 +50,8 @@ def test_landings_are_marked(bag: SmallBag, picture: Picture) -> None:
     assert "Polynomial 3-4-5, 700 rpm" in words
 
 
-def test_a_long_run_keeps_its_peaks(
-    bag: SmallBag, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Fewer samples, but each tick's greatest and least force and lift are there. Below a million
-    samples all are shown; above, some half a million a line."""
+def test_a_long_run_keeps_its_peaks(bag, tmp_path, monkeypatch):
+    """Of each tick the greatest and least; all samples below a million, half a million above."""
     monkeypatch.setattr(recording, "WHOLE_BELOW", 100)
     monkeypatch.setattr(recording, "BUCKETS", 40)
     save_recording(bag.path, tmp_path / "few.rrd")
@@ -89,22 +69,21 @@ def test_a_long_run_keeps_its_peaks(
     assert bucket_for(6_314_142, WHOLE_BELOW) == 26
 
 
-def test_what_holds_at_every_time_is_read_first(picture: Picture) -> None:
+def test_what_holds_at_every_time_is_read_first(picture):
     """A viewer shows a file while it loads: colours, axes and results precede the first curve."""
     static = [chunk.is_static for chunk in RrdReader(picture.path).stream().to_chunks()]
     assert any(static)
     assert static == sorted(static, reverse=True)
 
 
-def test_an_existing_file_is_not_overwritten(bag: SmallBag, tmp_path: Path) -> None:
-    """Only with ``overwrite``, and nothing is left beside it. Another suffix, and a folder
-    that is a file, are refused. A progress bar can count on one call a tick."""
+def test_an_existing_file_is_not_overwritten(bag, tmp_path):
+    """Only with ``overwrite``; another suffix, a folder that is a file are refused."""
     path = tmp_path / "taken.rrd"
     path.write_text("mine")
     with pytest.raises(CamRigError, match=r"taken\.rrd: exists already.*--force"):
         save_recording(bag.path, path)
     assert path.read_text() == "mine"
-    ticks: list[None] = []
+    ticks = []
     save_recording(bag.path, path, overwrite=True, on_tick=lambda: ticks.append(None))
     assert len(ticks) == len(bag.rows) == 16
     assert Picture(path).time(LIFT.entity).size == bag.samples.shape[1]
@@ -114,7 +93,7 @@ def test_an_existing_file_is_not_overwritten(bag: SmallBag, tmp_path: Path) -> N
             save_recording(bag.path, tmp_path / other)
 
 
-def test_a_bag_without_what_is_shown_is_refused(tmp_path: Path, config_dir: Path) -> None:
+def test_a_bag_without_what_is_shown_is_refused(tmp_path, config_dir):
     """The message names the topic, and no half file stays behind."""
     for topic, words in (
         (topics.PROFILE, "'poly345' turns, but its /cam/profile is not in the bag"),
@@ -134,37 +113,34 @@ def test_a_bag_without_what_is_shown_is_refused(tmp_path: Path, config_dir: Path
 class Notes:
     """Stands for a recording: writes down what it receives."""
 
-    def __init__(self) -> None:
-        self.profiles: dict[str, FloatArray] = {}
-        self.received: list[tuple[str, int]] = []
-        self.levels: list[float] = []
+    def __init__(self):
+        self.profiles = {}
+        self.received = []
+        self.levels = []
 
-    def tick(self, start: CamState, end: CamState, rows: FloatArray) -> None:
+    def tick(self, start, end, rows):
         assert start.cam in self.profiles
         assert start.time_ns <= round(rows[0, 0] * 1e9) <= end.time_ns
         self.received.append(("tick", end.time_ns))
 
-    def sound(self, end_ns: int, level: float, pressure: float) -> None:
+    def sound(self, end_ns, level, pressure):
         np.testing.assert_allclose(level, 20.0 * np.log10(pressure / 20e-6))
         self.received.append(("sound", end_ns))
         self.levels.append(level)
 
-    def close(self) -> None:
+    def close(self):
         self.received.append(("close", 0))
 
 
-def echoed(calls: list[Callable[[], None]]) -> list[Callable[[], None]]:
+def echoed(calls):
     """After every third call, the last three once more."""
     return [call for i in range(0, len(calls), 3) for call in 2 * calls[i : i + 3]]
 
 
 @pytest.mark.parametrize("republished", [False, True])
 @pytest.mark.parametrize("seed", range(4))
-def test_any_order_of_topics_gives_the_ticks_in_order(
-    bag: SmallBag, seed: int, republished: bool
-) -> None:
-    """Each topic keeps its own order; every tick is passed on once, and its sound after it. Also
-    when nodes republish what a subscriber may have missed."""
+def test_any_order_of_topics_gives_the_ticks_in_order(bag, seed, republished):
+    """Each once, its sound after it, also when nodes republish what may have been missed."""
     notes = Notes()
     feed = RunFeed(notes)
     queues = [
@@ -190,16 +166,3 @@ def test_any_order_of_topics_gives_the_ticks_in_order(
     assert notes.levels == [v for _, v in bag.levels]
     assert all(notes.received.index(("tick", t)) < notes.received.index(("sound", t)) for t in ends)
     assert notes.received[-1] == ("close", 0)
-
-
-def test_a_cam_without_a_profile_waits_and_is_named_at_the_end(bag: SmallBag) -> None:
-    """Nothing is drawn of it; the end says which cam it was."""
-    notes = Notes()
-    feed = RunFeed(notes)
-    for state in cam_states(bag.loaded.scene):
-        feed.state(state)
-    for rows in bag.rows:
-        feed.block(rows)
-    assert list(feed.draw()) == []
-    with pytest.raises(BagError, match="cam 'poly345' turns, but its /cam/profile is not"):
-        feed.close()

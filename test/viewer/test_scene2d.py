@@ -1,24 +1,17 @@
 """The moving picture is true: the roller is on the contour wherever there is contact."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
 
 from cam_rig.schema.load import config_root
 from cam_rig.show.looks import distances, of_cam, turned
 from cam_rig.simulation.scene import max_contact_force, open_scene
-from cam_rig.units import FloatArray
 from cam_rig.viewer.scene2d import ARROW, FRAMES_PER_TURN, bounds, frame_mask, framings, readings
-
-from .conftest import Picture, SmallBag
 
 CAM, FOLLOWER, CONTOUR = "scene/rig/cam", "scene/rig/follower", "scene/rig/cam/contour"
 
 
-def gap(point: FloatArray, outline: FloatArray) -> float:
+def gap(point, outline):
     """Distance of a point to a closed polyline ``(n, 2)``, its first point again at the end."""
     begin, along = outline[:-1], np.diff(outline, axis=0)
     share = np.sum((point - begin) * along, axis=1) / np.sum(along**2, axis=1)
@@ -26,14 +19,12 @@ def gap(point: FloatArray, outline: FloatArray) -> float:
     return float(np.hypot(*(point - foot).T).min())
 
 
-@pytest.mark.parametrize("angle", [0.0, 0.3, 2.0, 4.5, 7.0])
-def test_the_follower_of_the_cams_frame_is_up_in_the_rigs(angle: float) -> None:
-    """What the cam sees towards (sin θ, cos θ) is on the +y axis of the rig."""
-    seen = np.array([[np.sin(angle), np.cos(angle)]])
-    np.testing.assert_allclose(turned(seen, angle), [[0.0, 1.0]], atol=1e-15)
+def sample_of(bag, picture, entity):
+    """The sample that each row of an entity is of."""
+    return np.abs(bag.samples[0][:, None] - picture.time(entity)).argmin(axis=0)
 
 
-def test_each_cam_replaces_the_one_before(bag: SmallBag, picture: Picture) -> None:
+def test_each_cam_replaces_the_one_before(bag, picture):
     """One contour at a time: the recorded /cam/profile in mm, closed, when its cam comes on."""
     strips = picture.column(CONTOUR, "LineStrips2D:strips")
     assert len(strips) == 2
@@ -44,7 +35,7 @@ def test_each_cam_replaces_the_one_before(bag: SmallBag, picture: Picture) -> No
     np.testing.assert_allclose(picture.time(CONTOUR), [0.0, half], atol=1e-3)
 
 
-def test_the_picture_turns_the_cam_as_the_drive_did(bag: SmallBag, picture: Picture) -> None:
+def test_the_picture_turns_the_cam_as_the_drive_did(bag, picture):
     """The recorded rotation is the cam angle at the frame's time, counterclockwise about z."""
     time, quaternion = picture.time(CAM), picture.numbers(CAM, "Transform3D:quaternion")
     x, y, z, w = quaternion.T
@@ -54,14 +45,14 @@ def test_the_picture_turns_the_cam_as_the_drive_did(bag: SmallBag, picture: Pict
     np.testing.assert_allclose(w + 1j * z, np.exp(0.5j * angle), atol=1e-6)
 
 
-def test_the_roller_touches_the_turned_contour(bag: SmallBag, picture: Picture) -> None:
+def test_the_roller_touches_the_turned_contour(bag, picture):
     """In contact the contour is one roller radius from the roller's centre, in flight farther."""
     time = picture.time(FOLLOWER)
     place = picture.numbers(FOLLOWER, "Transform3D:translation")[:, :2]
     _, _, z, w = picture.numbers(CAM, "Transform3D:quaternion").T
     strips = [np.array(row[0]) for row in picture.column(CONTOUR, "LineStrips2D:strips")]
     mounted = np.searchsorted(picture.time(CONTOUR), time, side="right") - 1
-    sample = np.abs(bag.samples[0][:, None] - time).argmin(axis=0)
+    sample = sample_of(bag, picture, FOLLOWER)
     force = bag.samples[4, sample]
     angle = 2.0 * np.arctan2(z, w)
     gaps = np.array(
@@ -74,7 +65,7 @@ def test_the_roller_touches_the_turned_contour(bag: SmallBag, picture: Picture) 
     assert gaps[force == 0.0].max() > 10.5
 
 
-def test_frames_come_at_equal_angles_across_blocks() -> None:
+def test_frames_come_at_equal_angles_across_blocks():
     """One sample a frame, however the samples are cut into blocks."""
     angle = np.linspace(0.0, 4.0 * np.pi, 5000, endpoint=False)
     step = angle[1]
@@ -85,10 +76,10 @@ def test_frames_come_at_equal_angles_across_blocks() -> None:
     assert frame_mask(angle[::500], 500 * step).all()
 
 
-def test_the_gap_is_drawn_in_flight_and_nowhere_else(bag: SmallBag, picture: Picture) -> None:
+def test_the_gap_is_drawn_in_flight_and_nowhere_else(bag, picture):
     """From the point the cam would touch straight up by lift minus law; none in contact."""
     strips = picture.column("scene/rig/gap", "LineStrips2D:strips")
-    sample = np.abs(bag.samples[0][:, None] - picture.time("scene/rig/gap")).argmin(axis=0)
+    sample = sample_of(bag, picture, "scene/rig/gap")
     flies = bag.samples[4, sample] == 0.0
     assert [len(row) for row in strips] == flies.astype(int).tolist()
     assert 10 < flies.sum() < 0.5 * flies.size
@@ -102,17 +93,17 @@ def test_the_gap_is_drawn_in_flight_and_nowhere_else(bag: SmallBag, picture: Pic
             assert y1 - y0 == pytest.approx(gap * 1e3, abs=1e-3)
 
 
-def test_the_arrow_is_the_contact_force(bag: SmallBag, picture: Picture) -> None:
+def test_the_arrow_is_the_contact_force(bag, picture):
     """Its height is the force in the speed's scale, it leans as the normal does, none in flight."""
     vectors = picture.column("scene/rig/force", "Arrows2D:vectors")
     origins = picture.column("scene/rig/force", "Arrows2D:origins")
-    sample = np.abs(bag.samples[0][:, None] - picture.time("scene/rig/force")).argmin(axis=0)
+    sample = sample_of(bag, picture, "scene/rig/force")
     force = bag.samples[4, sample]
     assert [len(row) for row in vectors] == (force != 0.0).astype(int).tolist()
     half = bag.samples.shape[1] // 2
     touching = [k for k, row in enumerate(vectors) if row and sample[k] < half]
     height = np.array([vectors[k][0][1] for k in touching])
-    scale = height / force[sample < half][[k for k in touching]]
+    scale = height / force[touching]
     slow = picture.time("scene/rig/force")[touching] < 0.4 - 1e-6
     for step, rpm in ((slow, 300.0), (~slow, 700.0)):
         longest = max_contact_force(bag.loaded, "poly345", rpm * np.pi / 30.0)
@@ -131,22 +122,15 @@ def test_the_arrow_is_the_contact_force(bag: SmallBag, picture: Picture) -> None
         np.testing.assert_allclose(centre, [0.0, distance * 1e3], atol=1e-3)
 
 
-def test_the_words_under_the_cam_say_which_and_how_fast_in_its_colour(
-    bag: SmallBag, picture: Picture
-) -> None:
-    """A label for each step, coloured as the contour above it."""
-    words = [row[0] for row in picture.column("scene/rig/label", "Points2D:labels")]
-    assert len(words) == 4
-    assert words[1] == "Polynomial 3-4-5, 700 rpm"
+def test_under_the_cam_are_its_name_and_speed_and_a_bar_of_a_force(bag, picture):
+    """In the contour's colour; the bar is a power of ten, to the arrow's scale, no longer."""
+    cams = ("poly345", "poly345", "bezier15", "bezier15")
+    labels = [row[0] for row in picture.column("scene/rig/label", "Points2D:labels")]
+    assert labels[1] == "Polynomial 3-4-5, 700 rpm"
     seen = [row[0] for row in picture.column("scene/rig/label", "Points2D:colors")]
-    assert seen == [of_cam(cam) for cam in ("poly345", "poly345", "bezier15", "bezier15")]
-
-
-def test_the_bar_is_as_long_as_the_arrow_of_its_force(bag: SmallBag, picture: Picture) -> None:
-    """A power of ten, to the same scale, no longer than the longest arrow of its speed."""
+    assert seen == [of_cam(cam) for cam in cams]
     bars = picture.column("scene/rig/bar", "LineStrips2D:strips")
     words = picture.column("scene/rig/bar/words", "Points2D:labels")
-    cams = ("poly345", "poly345", "bezier15", "bezier15")
     for bar, (label,), cam, rpm in zip(bars, words, cams, (300.0, 700.0) * 2, strict=True):
         (foot, top), force = bar[0], float(label.removesuffix(" N"))
         longest = max_contact_force(bag.loaded, cam, rpm * np.pi / 30.0)
@@ -157,7 +141,7 @@ def test_the_bar_is_as_long_as_the_arrow_of_its_force(bag: SmallBag, picture: Pi
 
 
 @pytest.mark.parametrize("scene", ["tm21_sweep", "quick"])
-def test_the_greatest_force_is_seen_at_every_speed(scene: str) -> None:
+def test_the_greatest_force_is_seen_at_every_speed(scene):
     """The preload alone, as in the low dwell, has an arrow of a hundredth of the view."""
     loaded = open_scene(config_root() / "scenes" / f"{scene}.yaml")
     for cam in loaded.cams:
@@ -167,7 +151,7 @@ def test_the_greatest_force_is_seen_at_every_speed(scene: str) -> None:
 
 
 @pytest.mark.parametrize("cam", ["oscillating_roller", "oscillating_flat", "flat", "poly345"])
-def test_no_number_of_the_ring_is_run_over(make_loaded_scene: Any, cam: str) -> None:
+def test_no_number_of_the_ring_is_run_over(make_loaded_scene, cam):
     """At no lift of the law; all others are there, more than half."""
     framing = framings(make_loaded_scene(cams=[cam]))[cam]
     places, numbers = framing.numbers()
@@ -178,7 +162,7 @@ def test_no_number_of_the_ring_is_run_over(make_loaded_scene: Any, cam: str) -> 
             assert distances(places, turned(strip, tilt) + place).min() > 0.1 * framing.ring
 
 
-def test_a_follower_that_flies_out_of_its_view_is_drawn_at_the_edge() -> None:
+def test_a_follower_that_flies_out_of_its_view_is_drawn_at_the_edge():
     """The readings say that it is higher, and how high."""
     one = np.ones(1)
     words = readings(one, 5000.0, 0.2 * one, 0.0 * one, 0.1 * one, one, max_lift=0.065)[0]
@@ -188,7 +172,7 @@ def test_a_follower_that_flies_out_of_its_view_is_drawn_at_the_edge() -> None:
     assert "not touched" in words
 
 
-def test_nothing_of_a_cam_and_its_follower_is_cut(bag: SmallBag, picture: Picture) -> None:
+def test_nothing_of_a_cam_and_its_follower_is_cut(bag, picture):
     """Contour, ring, guide and the whole follower, in flight too, are within the view's bounds."""
     (left, right), (top, bottom) = bounds(framings(bag.loaded))
     zoom = picture.numbers("scene/rig", "Transform3D:mat3x3").reshape(-1, 3, 3)
@@ -209,11 +193,10 @@ def test_nothing_of_a_cam_and_its_follower_is_cut(bag: SmallBag, picture: Pictur
         assert y.max() <= bottom
 
 
-def test_the_readings_are_those_of_the_frame(bag: SmallBag, picture: Picture) -> None:
+def test_the_readings_are_those_of_the_frame(bag, picture):
     """θ, speed, lift, force, and the gap or contact with the pressure angle, at its sample."""
     words = [row[0] for row in picture.column("scene_readings", "TextDocument:text")]
-    time = picture.time("scene_readings")
-    sample = np.abs(bag.samples[0][:, None] - time).argmin(axis=0)
+    sample = sample_of(bag, picture, "scene_readings")
     half = bag.samples.shape[1] // 2
     for text, i in zip(words, sample, strict=True):
         theta, lift, force = (line.split() for line in text.splitlines()[1:4])

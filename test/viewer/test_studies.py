@@ -1,9 +1,5 @@
 """Recordings beside a run: laws as their own curves, orders as the spectra's own numbers."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -13,7 +9,7 @@ from cam_rig.laws import chart as law_chart
 from cam_rig.laws.catalogue import ORDERS, rise_curves
 from cam_rig.laws.chart import save_laws
 from cam_rig.paper.orders.chart import entity, orders_tabs, save_orders
-from cam_rig.paper.orders.spectrum import RANGE, CamOrders, loudest, waterfall
+from cam_rig.paper.orders.spectrum import RANGE, loudest, waterfall
 from cam_rig.show.chart import SPEED
 from cam_rig.show.looks import short
 from cam_rig.units import RPM
@@ -25,7 +21,7 @@ SPEEDS = (300.0, 350.0, 400.0)
 UNITS = ("h", "h/β", "h/β²", "h/β³")
 
 
-def test_each_curve_is_the_law(tmp_path: Path) -> None:
+def test_each_curve_is_the_law(tmp_path):
     """Heights in the chart are the values, to a scale that all laws of the chart share."""
     curves = [rise_curves(name) for name in ("poly345", "cycloidal", "simple_harmonic")]
     save_laws(curves, "u", UNITS, tmp_path / "a.rrd")
@@ -45,15 +41,14 @@ def test_each_curve_is_the_law(tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def found() -> tuple[CamOrders, ...]:
+def found():
     law = cam_rig.build_law(cam_rig.load_cam("poly345"))
     rig = cam_rig.load_rig("paper_table2")
     return waterfall({"poly345": law}, "elastic_stem", rig, [rpm * RPM for rpm in SPEEDS], 40)
 
 
-def test_bars_are_the_levels_of_the_speed(found: tuple[CamOrders, ...], tmp_path: Path) -> None:
-    """Their tops lie as the levels do; each stands at its speed on the timeline. A stroke is what
-    is within 60 dB of the loudest; the even orders of a cam that rises as it falls are not."""
+def test_bars_are_the_levels_of_the_speed(found, tmp_path):
+    """To scale, each at its speed on the timeline; a stroke is within 60 dB of the loudest."""
     path = tmp_path / "a.rrd"
     save_orders(found, path)
     picture, (study,) = Picture(path), found
@@ -72,7 +67,7 @@ def test_bars_are_the_levels_of_the_speed(found: tuple[CamOrders, ...], tmp_path
         save_orders(found, tmp_path / "a.png")
 
 
-def test_tabs_and_charts_are_named_in_words(found: tuple[CamOrders, ...]) -> None:
+def test_tabs_and_charts_are_named_in_words(found):
     """A cam by its title, a long one shortened; without one by its name in words."""
     long = "A cam whose title has about forty letters"
     for titles, name in (({}, "Polynomial 3-4-5"), ({"poly345": long}, short(long))):

@@ -1,26 +1,21 @@
 """One turn over 0 to 360°: the samples' own numbers, on axes that hold the whole scene."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
-from cam_rig.dynamics import MODELS, Samples
+from cam_rig.dynamics import Samples
 from cam_rig.schema.load import config_root
 from cam_rig.show.chart import step_marks
 from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.simulate import turned_ticks
-from cam_rig.units import FloatArray
 from cam_rig.viewer.quantities import GAP_LINE as GAP
 from cam_rig.viewer.quantities import LANDING, LIFT_OFF, drawn_of, gap_of, scene_ranges
 from cam_rig.viewer.turn_chart import HEAD, LAID, ROW, WIDTH, TurnAxes, curve
 
-from .conftest import Picture, SmallBag
-
 STRIPS, POSITIONS = "LineStrips2D:strips", "Points2D:positions"
 
 
-def back(bag: SmallBag, cam: str, key: str, strip: object) -> tuple[FloatArray, FloatArray]:
+def back(bag, cam, key, strip):
     """Degrees and values that a strip of the chart was drawn from."""
     ranges = scene_ranges(bag.loaded).of(cam)
     low, high, _ = ranges[key]
@@ -29,22 +24,14 @@ def back(bag: SmallBag, cam: str, key: str, strip: object) -> tuple[FloatArray, 
     return x / WIDTH * 360.0, high - (y - top) / ROW * (high - low)
 
 
-def rows_of(bag: SmallBag, step: int, turn: int) -> tuple[Samples, FloatArray]:
+def rows_of(bag, step, turn):
     """Samples of a turn of a step, and their unwrapped angles."""
     at = slice(4 * step + 2 * turn, 4 * step + 2 * turn + 2)
     return Samples(np.concatenate(bag.rows[at], axis=1)), np.concatenate(bag.angles[at])
 
 
-def test_what_can_leave_the_cam_has_a_gap() -> None:
-    """And what cannot has none: a residual model's force may be negative instead."""
-    for name, model in MODELS.items():
-        keys = [row.key for row in drawn_of(name)]
-        assert ("gap" in keys) == model.lifts_off
-        assert ("twist" in keys) == (name == "torsional")
-
-
 @pytest.mark.parametrize("scene", ["quick", "torsion"])
-def test_the_axes_hold_the_whole_scene(scene: str) -> None:
+def test_the_axes_hold_the_whole_scene(scene):
     """Every sample of every quantity is within its cam's axis, and has at least two numbers."""
     loaded = open_scene(config_root() / "scenes" / f"{scene}.yaml")
     ranges = scene_ranges(loaded)
@@ -60,7 +47,7 @@ def test_the_axes_hold_the_whole_scene(scene: str) -> None:
             assert len(step_marks(*axis)) >= 2
 
 
-def test_a_curve_is_the_turns_samples(bag: SmallBag, picture: Picture) -> None:
+def test_a_curve_is_the_turns_samples(bag, picture):
     """Each quantity of each first turn: samples at their degrees, from 0 to 360, peaks included."""
     for step, cam in enumerate(("poly345", "poly345", "bezier15", "bezier15")):
         rows, angle = rows_of(bag, step, 0)
@@ -79,7 +66,7 @@ def test_a_curve_is_the_turns_samples(bag: SmallBag, picture: Picture) -> None:
             assert y.max() == pytest.approx(known.max(), abs=near)
 
 
-def test_the_law_lies_over_the_lift(bag: SmallBag, picture: Picture) -> None:
+def test_the_law_lies_over_the_lift(bag, picture):
     """The second strip, thinner and darker, is the law at every degree."""
     for strips in picture.column("turn/lift/follower/0", STRIPS):
         if strips:
@@ -91,7 +78,7 @@ def test_the_law_lies_over_the_lift(bag: SmallBag, picture: Picture) -> None:
     assert -widths[1] < -widths[0]
 
 
-def test_turns_that_look_alike_are_sent_once(bag: SmallBag, picture: Picture) -> None:
+def test_turns_that_look_alike_are_sent_once(bag, picture):
     """In contact from rest the second turn is the first; each step begins in the first place."""
     sent = [strips for strips in picture.column("turn/force/follower/0", STRIPS) if strips]
     assert len(sent) == 4
@@ -107,9 +94,7 @@ def test_turns_that_look_alike_are_sent_once(bag: SmallBag, picture: Picture) ->
     assert not [t for t in times for a, b in slow if a < t < b]
 
 
-def test_landings_and_lift_offs_are_marked_and_flights_shaded(
-    bag: SmallBag, picture: Picture
-) -> None:
+def test_landings_and_lift_offs_are_marked_and_flights_shaded(bag, picture):
     """On the lift, at the degrees of the samples; strokes behind all rows cover each flight."""
     rows, angle = rows_of(bag, 1, 0)
     degrees, off = np.degrees(angle) % 360.0, rows.force == 0.0
@@ -125,7 +110,7 @@ def test_landings_and_lift_offs_are_marked_and_flights_shaded(
     assert apart.min(axis=0).max() < 0.501 + 360.0 * 700.0 / 60.0 / 4000.0
 
 
-def test_the_gap_is_lift_minus_law_in_flight(bag: SmallBag, picture: Picture) -> None:
+def test_the_gap_is_lift_minus_law_in_flight(bag, picture):
     """Over time, in µm, sample by sample; 0 in contact."""
     half = bag.samples.shape[1] // 2
     laws = [law(bag.angle) for law in bag.loaded.laws.values()]
@@ -136,14 +121,14 @@ def test_the_gap_is_lift_minus_law_in_flight(bag: SmallBag, picture: Picture) ->
     assert gap.max() > 1e3
 
 
-def test_the_cursor_is_at_the_cams_angle(bag: SmallBag, picture: Picture) -> None:
+def test_the_cursor_is_at_the_cams_angle(bag, picture):
     """At each frame, within the turn."""
     place = picture.numbers("turn/cursor", STRIPS)[:, 0, 0]
     sample = np.abs(bag.samples[0][:, None] - picture.time("turn/cursor")).argmin(axis=0)
     np.testing.assert_allclose(place / WIDTH, bag.angle[sample] / (2.0 * np.pi) % 1.0, atol=1e-6)
 
 
-def test_what_is_beyond_its_axis_ends_at_its_edge() -> None:
+def test_what_is_beyond_its_axis_ends_at_its_edge():
     """An operator may drive faster than the scene: no curve runs into the row above."""
     (lift, *_) = drawn_of("one_mass")
     axes = TurnAxes([lift], {"lift": (0.0, 10.0, 5.0)})

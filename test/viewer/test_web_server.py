@@ -1,7 +1,5 @@
 """Rerun's page: the recording, Rerun's own viewer behind a guard, and nothing else."""
 
-from __future__ import annotations
-
 import itertools
 import os
 import socket
@@ -9,7 +7,6 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -18,20 +15,8 @@ import pytest
 from cam_rig.errors import CamRigError
 from cam_rig.live.sockets import LOOPBACK
 from cam_rig.viewer import page as page_module
-from cam_rig.viewer.page import (
-    REPORT_EVERY_S,
-    TIMELINE,
-    PageTime,
-    cursor_request,
-    new_recording,
-    newest_recording,
-    next_part,
-    page_delay,
-    page_script,
-    part_after,
-    write_delay,
-)
-from cam_rig.viewer.rerun_page import Pages, serve, serve_file
+from cam_rig.viewer.page import PageTime, new_recording, page_delay, page_script
+from cam_rig.viewer.rerun_page import serve, serve_file
 from cam_rig.viewer.timeline import RIG_TIME
 from cam_rig.viewer.web_server import Access
 
@@ -62,7 +47,7 @@ COOKIES = {
 }
 
 
-def test_host_origin_and_cookie_must_all_be_right() -> None:
+def test_host_origin_and_cookie_must_all_be_right():
     """One that is wrong refuses, whatever the others are, with one line that says what is."""
     for host, origin, cookie, needed in itertools.product(HOSTS, ORIGINS, COOKIES, (False, True)):
         given = {"host": host, "origin": origin, "cookie": cookie}
@@ -75,9 +60,8 @@ def test_host_origin_and_cookie_must_all_be_right() -> None:
         assert len(why_not.splitlines()) <= 1
 
 
-def test_a_token_in_the_address_counts_alone_and_is_nobody_elses() -> None:
-    """A wrong one is refused also beside the right cookie; each server has one of its own, long
-    enough that nobody guesses it."""
+def test_a_token_in_the_address_counts_alone_and_is_nobody_elses():
+    """A wrong one is refused also beside the right cookie; each server's is long and its own."""
     headers = {"host": "localhost:8123"}
     assert ACCESS.why_not(headers, "right") == ""
     for wrong in ("", "wrong", "\ud800"):
@@ -91,16 +75,15 @@ def test_a_token_in_the_address_counts_alone_and_is_nobody_elses() -> None:
 
 
 @pytest.fixture(scope="module")
-def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Visitor]:
+def page(tmp_path_factory):
     path = tmp_path_factory.mktemp("web") / "a run.rrd"
     path.write_bytes(RECORDED)
     with serve_file(path) as address:
         yield Visitor(address)
 
 
-def test_the_address_leads_to_the_viewer_and_the_viewer_to_the_recording(page: Visitor) -> None:
-    """The token leaves the address; the page is told by name what to show, and asks nobody else;
-    the viewer's code and WebAssembly come through."""
+def test_the_address_leads_to_the_viewer_and_the_viewer_to_the_recording(page):
+    """The token leaves the address; the page is told what to show, and asks nobody else."""
     assert "token" not in page.home
     assert "HttpOnly" in page.set_cookie
     status, headers, body = ask(page.address, page.home, Cookie=page.cookie)
@@ -119,12 +102,10 @@ def test_the_address_leads_to_the_viewer_and_the_viewer_to_the_recording(page: V
     assert ask(page.address, "/../../etc/passwd", Cookie=page.cookie)[0] == 404
 
 
-def test_without_the_token_there_is_nothing(page: Visitor) -> None:
+def test_without_the_token_there_is_nothing(page):
     """Neither recording nor viewer: to another user, to a site of another name, to its pages."""
-    wrong: list[dict[str, str]] = [{}, {"Cookie": page.cookie[:-1]}, {"Cookie": "x=y"}]
-    hosts = ("evil.example", f"evil.example:{page.url.port}", LOOPBACK, "")
-    wrong += [{"Cookie": page.cookie, "Host": host} for host in hosts]
-    wrong += [{"Cookie": page.cookie, "Origin": "http://evil.example"}]
+    own = {"Cookie": page.cookie}
+    wrong = [{}, own | {"Host": "evil.example"}, own | {"Origin": "http://evil.example"}]
     for path in ("/", "/a%20run.rrd", "/re_viewer.js", "/shown?ns=1", "/nothing"):
         assert ask(page.address, path, Cookie=page.cookie)[0] != 403
         for headers in wrong:
@@ -138,14 +119,12 @@ def test_without_the_token_there_is_nothing(page: Visitor) -> None:
 NO_PATHS = [b"foo", b"@x.invalid/y", b":1/y", b"http://x.invalid/", b"/a\x01b", b"/\xe9", b"x:y@z"]
 
 
-def test_what_is_no_path_is_refused(
-    page: Visitor, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_is_no_path_is_refused(page, capfd, monkeypatch):
     """Nothing asked for is taken for a host, so that no name is looked up; no traceback."""
-    looked_up: list[object] = []
+    looked_up = []
     original = socket.getaddrinfo
 
-    def spied(host: object, *rest: object, **more: object) -> object:
+    def spied(host, *rest, **more):
         looked_up.append(host)
         return original(host, *rest, **more)  # type: ignore[arg-type]
 
@@ -161,7 +140,7 @@ def test_what_is_no_path_is_refused(
     assert "Traceback" not in capfd.readouterr().err
 
 
-def listening_ports(pids: list[int]) -> set[int]:
+def listening_ports(pids):
     """The TCP ports at which processes listen."""
     inodes = set()
     for pid in pids:
@@ -178,7 +157,7 @@ def listening_ports(pids: list[int]) -> set[int]:
     return {int(row[1].split(":")[1], 16) for row in rows if row[3] == "0A" and row[9] in inodes}
 
 
-def children(pid: int) -> list[int]:
+def children(pid):
     """A process and all that it has begun."""
     found = [pid]
     for task in Path(f"/proc/{pid}/task").glob("*/children"):
@@ -188,7 +167,7 @@ def children(pid: int) -> list[int]:
 
 
 @pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="reads Linux's own tables")
-def test_no_port_is_open_that_asks_for_no_token(tmp_path: Path) -> None:
+def test_no_port_is_open_that_asks_for_no_token(tmp_path):
     """Of a process that serves a file and a live run: each port refuses who has no token."""
     (tmp_path / "a.rrd").write_bytes(RECORDED)
     script = (
@@ -213,20 +192,20 @@ def test_no_port_is_open_that_asks_for_no_token(tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def served() -> Iterator[tuple[Pages, Visitor]]:
+def served():
     with serve() as pages:
         yield pages, Visitor(pages.address)
 
 
 @pytest.fixture
-def live(served: tuple[Pages, Visitor]) -> tuple[Pages, Visitor]:
+def live(served):
     """A page of a run that has not begun."""
     for recording in served[0].folder.iterdir():
         recording.unlink()
     return served
 
 
-def test_a_live_run_is_sent_while_it_is_written(live: tuple[Pages, Visitor]) -> None:
+def test_a_live_run_is_sent_while_it_is_written(live):
     """What is written comes at once; the next run is named, and ends what was sent of this one."""
     pages, reader = live
     assert reader.get("/shown?ns=-1") == b""
@@ -247,7 +226,7 @@ def test_a_live_run_is_sent_while_it_is_written(live: tuple[Pages, Visitor]) -> 
         connection.close()
 
 
-def test_a_page_that_reads_nothing_holds_no_other_up(live: tuple[Pages, Visitor]) -> None:
+def test_a_page_that_reads_nothing_holds_no_other_up(live):
     """The run is written, and another page has it whole."""
     pages, reader = live
     recording = new_recording(pages.folder)
@@ -262,9 +241,7 @@ def test_a_page_that_reads_nothing_holds_no_other_up(live: tuple[Pages, Visitor]
             connection.close()
 
 
-def test_a_long_run_goes_on_from_part_to_part(
-    live: tuple[Pages, Visitor], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_long_run_goes_on_from_part_to_part(live, monkeypatch):
     """One answer has them one after the other; a page that comes late has first part and newest."""
     pages, reader = live
     monkeypatch.setattr(page_module, "MAX_PART", 1)
@@ -274,7 +251,7 @@ def test_a_long_run_goes_on_from_part_to_part(
     answer = connection.getresponse()
     assert answer.read(1) == b"0"
     for i in range(1, 10):
-        part = next_part(part) or part
+        part = page_module.next_part(part) or part
         part.write_bytes(b"%d" % i)
         assert answer.read(1) == b"%d" % i
     kept = b"0" + b"".join(b"%d" % i for i in range(10 - page_module.KEPT_PARTS, 10))
@@ -285,13 +262,13 @@ def test_a_long_run_goes_on_from_part_to_part(
 
 
 @pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="reads Linux's own tables")
-def test_a_closed_page_is_followed_no_more(live: tuple[Pages, Visitor]) -> None:
+def test_a_closed_page_is_followed_no_more(live):
     """Also where nothing more is written, which alone would tell: its file is closed."""
     pages, reader = live
     recording = new_recording(pages.folder)
     recording.write_bytes(b"begin")
 
-    def is_open() -> bool:
+    def is_open():
         """Whether this process reads the recording."""
         links = [link for link in Path("/proc/self/fd").iterdir() if link.is_symlink()]
         return any(os.path.realpath(link) == str(recording) for link in links)
@@ -308,7 +285,7 @@ def test_a_closed_page_is_followed_no_more(live: tuple[Pages, Visitor]) -> None:
         time.sleep(0.02)
 
 
-def test_the_page_says_what_it_shows(live: tuple[Pages, Visitor]) -> None:
+def test_the_page_says_what_it_shows(live):
     """The served page carries the script; what it says ends the waiting, and the node reads it."""
     pages, reader = live
     assert b"/shown?ns=" in reader.get(reader.home)
@@ -325,64 +302,49 @@ def test_the_page_says_what_it_shows(live: tuple[Pages, Visitor]) -> None:
 # -- the folder between node and server -------------------------------------------------------
 
 
-def test_a_run_takes_the_place_of_the_one_before(tmp_path: Path) -> None:
-    """The folder has one recording, the newest; what reads the old one has it still open."""
-    assert newest_recording(tmp_path) is None
-    first = new_recording(tmp_path)
-    first.write_bytes(b"one")
-    with first.open("rb") as reader:
-        second = new_recording(tmp_path)
-        second.write_bytes(b"two")
-        assert reader.read() == b"one"
-    assert second > first
-    assert newest_recording(tmp_path) == second
-    assert not first.exists()
-    with pytest.raises(CamRigError, match="gone: no page reads it"):
-        new_recording(tmp_path / "gone")
-
-
-def test_a_long_run_keeps_its_beginning_and_its_newest(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_long_run_keeps_its_beginning_and_its_newest(tmp_path, monkeypatch):
     """However long: the first part, of which the others are the going on, and some of the last."""
     monkeypatch.setattr(page_module, "MAX_PART", 10)
+    assert page_module.newest_recording(tmp_path) is None
     first = part = new_recording(tmp_path)
-    assert next_part(part) is None
+    assert page_module.next_part(part) is None
     for i in range(40):
         part.write_bytes(bytes(9))
-        assert next_part(part) is None
+        assert page_module.next_part(part) is None
         part.write_bytes(bytes([i]) * 10)
-        following = next_part(part)
+        following = page_module.next_part(part)
         assert following is not None
         following.touch()
         part = following
         there = sorted(tmp_path.glob("*.rrd"))
-        assert there[0] == first == newest_recording(tmp_path)
+        assert there[0] == first == page_module.newest_recording(tmp_path)
         assert there[-1] == part
         assert len(there) <= page_module.KEPT_PARTS + 1
-    assert part_after(first) == there[1]
-    assert part_after(there[1]) == there[2]
-    assert part_after(part) is None
+    assert page_module.part_after(first) == there[1]
+    assert page_module.part_after(there[1]) == there[2]
+    assert page_module.part_after(part) is None
     other = new_recording(tmp_path)
-    assert part_after(first) is None
+    assert page_module.part_after(first) is None
     assert not first.exists()
     assert other > first
+    with pytest.raises(CamRigError, match="gone: no page reads it"):
+        new_recording(tmp_path / "gone")
 
 
-def test_the_delay_is_the_last_one_written_and_grows_when_it_is_overdue(tmp_path: Path) -> None:
+def test_the_delay_is_the_last_one_written_and_grows_when_it_is_overdue(tmp_path):
     """Nothing while none is, or it is being written; nothing when the folder is gone."""
     assert page_delay(tmp_path) is None
-    write_delay(tmp_path, None)
+    page_module.write_delay(tmp_path, None)
     assert page_delay(tmp_path) is None
-    write_delay(tmp_path, 1.5)
+    page_module.write_delay(tmp_path, 1.5)
     assert page_delay(tmp_path) == pytest.approx(1.5)
     for silent in (3.0, 60.0):
-        write_delay(tmp_path, 0.5)
+        page_module.write_delay(tmp_path, 0.5)
         then = time.time() - silent
         os.utime(tmp_path / page_module.BEHIND, (then, then))
         late = page_delay(tmp_path)
         assert late is not None
-        assert -1e-2 <= late - (0.5 + silent - REPORT_EVERY_S) <= 5.0
+        assert -1e-2 <= late - (0.5 + silent - page_module.REPORT_EVERY_S) <= 5.0
     (tmp_path / page_module.BEHIND).write_text("")
     assert page_delay(tmp_path) is None
     assert page_delay(tmp_path / "gone") is None
@@ -396,13 +358,13 @@ class Wall:
 
     now = 0.0
 
-    def __call__(self) -> float:
+    def __call__(self):
         return self.now
 
 
 @pytest.mark.parametrize("factor", [0.5, 1.0, 20.0])
-def test_the_delay_is_wall_time_at_any_pace(factor: float) -> None:
-    """A page that shows what the drive did a second ago is a second behind, however fast it is."""
+def test_the_delay_is_wall_time_at_any_pace(factor):
+    """As of the page's report; one that hangs says nothing, and its delay grows all the same."""
     wall = Wall()
     page = PageTime(wall)
     for i in range(40):
@@ -412,11 +374,14 @@ def test_the_delay_is_wall_time_at_any_pace(factor: float) -> None:
             page.take(f"ns={round(factor * (wall.now - 1.0) * 1e9)}")
             assert page.behind() == pytest.approx(1.0)
     assert page.longest == pytest.approx(1.0)
+    wall.now += page_module.REPORT_EVERY_S
+    assert page.behind() == pytest.approx(1.0)
+    wall.now += 7.0
+    assert page.behind() == pytest.approx(8.0)
 
 
-def test_a_page_that_shows_nothing_or_is_ahead_is_not_late() -> None:
-    """It is open, but has no rig time; nor has one whose words are none. The drive reports now and
-    then: what it has not reported yet may be shown already."""
+def test_a_page_that_shows_nothing_or_is_ahead_is_not_late():
+    """Without a rig time there is no delay; what the drive has not reported may be shown."""
     page = PageTime(Wall())
     page.driven(1.0)
     page.take("ns=-1")
@@ -428,57 +393,20 @@ def test_a_page_that_shows_nothing_or_is_ahead_is_not_late() -> None:
     assert page.behind() == 0.0
 
 
-def test_an_overdue_report_counts() -> None:
-    """A page that hangs says nothing: its delay grows all the same."""
-    wall = Wall()
-    page = PageTime(wall)
-    page.driven(1.0)
-    wall.now = 0.5
-    page.take("ns=500000000")
-    wall.now += REPORT_EVERY_S
-    assert page.behind() == pytest.approx(0.5)
-    wall.now += 7.0
-    assert page.behind() == pytest.approx(7.5)
+def test_the_request_names_timeline_and_time():
+    """As Rerun's Viewer Control API numbers its fields; the page must not import Rerun."""
+    assert page_module.TIMELINE == RIG_TIME == "rig_time"
+    for time_ns, varint in (
+        (1, b"\x01"),
+        (127, b"\x7f"),
+        (128, b"\x80\x01"),
+        (300_000_000, b"\x80\xc6\x86\x8f\x01"),
+    ):
+        parts = b"\x12\x0a\x0a\x08rig_time\x1a" + bytes([1 + len(varint)]) + b"\x08" + varint
+        assert page_module.cursor_request(time_ns) == b"\x32" + bytes([len(parts)]) + parts
 
 
-def fields(message: bytes) -> Iterator[tuple[int, int | bytes]]:
-    """Numbers and contents of a protobuf message's fields: whole numbers, and what has a length."""
-    rest = list(message)
-
-    def varint() -> int:
-        value = shift = 0
-        while True:
-            byte = rest.pop(0)
-            value |= (byte & 127) << shift
-            shift += 7
-            if byte < 128:
-                return value
-
-    while rest:
-        key = varint()
-        assert key & 7 in (0, 2)
-        if key & 7 == 0:
-            yield key >> 3, varint()
-        else:
-            size = varint()
-            yield key >> 3, bytes(rest[:size])
-            del rest[:size]
-
-
-def test_the_request_names_timeline_and_time() -> None:
-    """As Rerun's Viewer Control API numbers its fields; the timeline's name stands in two modules,
-    for one of them must not import Rerun."""
-    assert TIMELINE == RIG_TIME
-    for time_ns in (1, 127, 128, 300_000_000, 7_200_000_000_000):
-        [(number, request)] = fields(cursor_request(time_ns))
-        assert number == 6 and isinstance(request, bytes)
-        parts = dict(fields(request))
-        assert isinstance(parts[2], bytes) and isinstance(parts[3], bytes)
-        assert dict(fields(parts[2])) == {1: RIG_TIME.encode()}
-        assert dict(fields(parts[3])) == {1: time_ns}
-
-
-def test_only_a_recording_that_begins_later_has_its_cursor_moved() -> None:
+def test_only_a_recording_that_begins_later_has_its_cursor_moved():
     """A live run is followed, and its page asks nothing of its viewer."""
     assert "viewer_control" not in page_script()
     assert "viewer_control" in page_script(0.3)

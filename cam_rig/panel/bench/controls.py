@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
@@ -13,6 +13,7 @@ from cam_rig.acoustics import RadiationParameters
 from cam_rig.errors import RefusedError, RunError
 from cam_rig.live.sockets import MAX_LINE, line_of, read_line
 from cam_rig.nodes.parameters import ABOUT, KINDS, LIVE
+from cam_rig.panel import is_number
 from cam_rig.panel.bench.live_state import LiveState, PageSound
 from cam_rig.panel.bench.runner import SAMPLE_RATE, BenchRunner, Setup, add_cam
 from cam_rig.schema import CamConfig
@@ -26,8 +27,7 @@ ANSWER_S = 5.0
 class NodeLink:
     """Takes the one connection of the panel's node; another one takes its place.
 
-    The socket is in a folder that no other user can enter; ``heard`` is called with each line
-    that is not an answer.
+    ``heard`` is called with each line that is not an answer.
     """
 
     def __init__(self, path: Path, heard: Callable[[dict[str, Any]], None]) -> None:
@@ -105,6 +105,7 @@ SERVICES = ABOUT["cam_drive"].services
 START, STOP, _, EMERGENCY_STOP = SERVICES
 Reply = dict[str, Any]
 DONE: Reply = {"success": True, "words": ""}
+COMMANDS = ("call", "set", "set_up", "keep", "start_again", "note", "clear")
 
 
 class BenchControls:
@@ -113,24 +114,38 @@ class BenchControls:
     def __init__(self, runner: BenchRunner, live: LiveState, link: NodeLink) -> None:
         self._runner, self._live, self._link = runner, live, link
         self.sound = self._sound(live.setup)
-        self._commands: dict[Any, Callable[[dict[str, Any]], Awaitable[Reply]]] = {
-            "call": self._call,
-            "set": self._set,
-            "set_up": self._change_setup,
-            "keep": self._keep,
-            "start_again": self._start_again,
-            "note": self._note,
-            "clear": self._clear,
-        }
 
     async def obey(self, command: dict[str, Any]) -> Reply:
         """Do what a command says; what came of it."""
-        act = self._commands.get(str(command.get("do")))
-        if act is None:
-            raise RefusedError(
-                f"do: is {str(command.get('do'))[:40]!r}; allowed: {', '.join(self._commands)}"
-            )
-        return await act(command)
+        value = command.get("value")
+        match command.get("do"):
+            case "call":
+                return await self._call(value)
+            case "set":
+                return await self._set(str(command.get("name")), value)
+            case "set_up" if isinstance(value, dict):
+                self.set_up(self._as_it_is(value))
+            case "set_up":
+                raise RefusedError("set-up: allowed: a JSON object")
+            case "keep" if self._live.state:  # the present bag; the same set-up begins anew
+                self.set_up(self._as_it_is({}), keep=True)
+            case "keep":
+                raise RefusedError(
+                    "bag: nothing is recorded yet; allowed: after the cam has turned"
+                )
+            case "start_again" if str(value) in self._live.ended:
+                self._runner.start_again(str(value))
+            case "start_again":
+                raise RefusedError(
+                    f"start again: is {str(value)[:40]!r}; allowed: a node that has ended"
+                )
+            case "note":
+                return DONE | {"noted": asdict(self._live.note())}
+            case "clear":
+                self._live.readings.clear()
+            case other:
+                raise RefusedError(f"do: is {str(other)[:40]!r}; allowed: {', '.join(COMMANDS)}")
+        return DONE
 
     def set_up(self, setup: Setup, keep: bool = False) -> None:
         """End the present run, and begin one of a set-up."""
@@ -161,49 +176,19 @@ class BenchControls:
         """The set-up with the cam that is mounted, the speed that is commanded, and more."""
         return self._live.setup.changed(self._live.mounted() | given, self._runner.rig)
 
-    async def _call(self, command: dict[str, Any]) -> Reply:
-        if command.get("value") not in SERVICES:
+    async def _call(self, service: Any) -> Reply:
+        if service not in SERVICES:
             raise RefusedError(f"call: allowed: {', '.join(SERVICES)}")
-        reply = await self._link.ask({"call": command["value"]})
-        if reply["success"] and command["value"] in (STOP, START):
-            (self._live.stopped if command["value"] == STOP else self._live.started)()
+        reply = await self._link.ask({"call": service})
+        if reply["success"] and service in (STOP, START):
+            (self._live.stopped if service == STOP else self._live.started)()
         return reply
 
-    async def _set(self, command: dict[str, Any]) -> Reply:
-        name, value = str(command.get("name")), command.get("value")
+    async def _set(self, name: str, value: Any) -> Reply:
         if name not in SETTINGS:
             raise RefusedError(f"set: is {name[:40]!r}; allowed: {', '.join(SETTINGS)}")
         node, spec = SETTINGS[name]
         kind = type(spec.default)
-        is_number = isinstance(value, int | float) and not isinstance(value, bool)
-        if not (is_number if kind is float else isinstance(value, str)):
+        if not (is_number(value) if kind is float else isinstance(value, str)):
             raise RefusedError(f"{name}: is {str(value)[:40]!r}; allowed: {KINDS[kind]}")
         return await self._link.ask({"node": node, "name": name, "value": kind(value)})
-
-    async def _change_setup(self, command: dict[str, Any]) -> Reply:
-        given = command.get("value")
-        if not isinstance(given, dict):
-            raise RefusedError("set-up: allowed: a JSON object")
-        self.set_up(self._as_it_is(given))
-        return DONE
-
-    async def _keep(self, _command: dict[str, Any]) -> Reply:
-        """Close the present bag and keep it; the same set-up begins anew."""
-        if not self._live.state:
-            raise RefusedError("bag: nothing is recorded yet; allowed: after the cam has turned")
-        self.set_up(self._as_it_is({}), keep=True)
-        return DONE
-
-    async def _start_again(self, command: dict[str, Any]) -> Reply:
-        node = str(command.get("value"))
-        if node not in self._live.ended:
-            raise RefusedError(f"start again: is {node[:40]!r}; allowed: a node that has ended")
-        self._runner.start_again(node)
-        return DONE
-
-    async def _note(self, _command: dict[str, Any]) -> Reply:
-        return DONE | {"noted": asdict(self._live.note())}
-
-    async def _clear(self, _command: dict[str, Any]) -> Reply:
-        self._live.readings.clear()
-        return DONE

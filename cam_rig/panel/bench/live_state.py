@@ -88,10 +88,7 @@ class Meter:
         return self._ticks[-1] if self._ticks else None
 
     def steady(self, time_constant: float) -> tuple[float, float, int]:
-        """Speed (rpm) and level (dB, mean square) of the last turns, a second or more of them.
-
-        And when they began (ns). ``time_constant`` (s) is that of the meter's time weighting.
-        """
+        """Speed (rpm), mean-square level (dB) of the last whole turns, and when they began (ns)."""
         last = self.latest
         if last is None or last.rpm == 0.0:
             raise RefusedError("reading: nothing turns; allowed: start, and wait some seconds")

@@ -57,6 +57,10 @@ class BenchPage(LivePage):
             self._sound.append(sound)
             self._heard.set()
 
+    def refused(self, number: Any, words: str) -> dict[str, Any]:
+        """As a command is answered."""
+        return {"type": "answer", "success": False, "words": words, "answer": number}
+
     def telling(self) -> list[Any]:
         """Its sound beside the rest."""
         return [*super().telling(), self._play()]
@@ -156,20 +160,16 @@ class BenchPages(PanelPages):
         self._pages.append(shown)
         self._changed()
         try:
-            await shown.serve(partial(self._obey, shown), _refused)
+            await shown.serve(partial(self._obey, shown))
         finally:
             self._pages.remove(shown)  # the next one holds the controls
             self._listen()
             self._changed()
 
     async def _obey(self, page: BenchPage, command: dict[str, Any]) -> dict[str, Any]:
-        """Do what a page asks; the answer, with the number of its message."""
         try:
-            return (
-                {"type": "answer"}
-                | await self._done(page, command)
-                | {"answer": command.get("number")}
-            )
+            answer = {"type": "answer"} | await self._done(page, command)
+            return answer | {"answer": command.get("number")}
         finally:
             self._changed()
 
@@ -222,7 +222,3 @@ class BenchPages(PanelPages):
         rig = setup.rig(self._runner.rig)
         fitted = is_calibrated(rig, setup.model)
         return (rig.calibrated_on or "measured levels") if fitted else ""
-
-
-def _refused(number: Any, words: str) -> dict[str, Any]:
-    return {"type": "answer", "success": False, "words": words, "answer": number}

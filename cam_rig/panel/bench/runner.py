@@ -54,8 +54,7 @@ MAX_ADDED_MASS = 100.0
 class Setup:
     """What is chosen while the machine stands: the cam that is mounted first, and one of `MODELS`.
 
-    The mass (kg) is added to the follower's own; spring in N/m, preload in N; the speed is that
-    of the cam until another one is commanded.
+    The mass (kg) is added to the follower's own; spring in N/m, preload in N; the first speed.
     """
 
     cam: str
@@ -237,7 +236,6 @@ class BenchRunner:
             self._page.driven(rig_time)
 
     def _next(self, timeout: float = 0.0) -> tuple[Setup, NodeValues] | None:
-        """The newest set-up that waits."""
         found = None
         with suppress(Empty):
             found = self._setups.get(timeout > 0.0, timeout or None)
@@ -246,7 +244,6 @@ class BenchRunner:
         return found
 
     def _run(self, setup: Setup, values: NodeValues) -> tuple[Setup, NodeValues] | None:
-        """One run; what is set up next, None where nothing is."""
         self._waiting.clear()
         self._permitted.clear()
         following: tuple[Setup, NodeValues] | None = None
@@ -257,7 +254,8 @@ class BenchRunner:
                 nodes[DRIVE] |= {"autostart": False, "patience": PATIENCE_S, "pacing": "real_time"}
                 for node, chosen in values.items():
                     nodes[node] |= chosen
-                self.tell({"graph": "starting", "domain": _domain()})
+                domain = domain_number(os.environ.get("ROS_DOMAIN_ID", ""))
+                self.tell({"graph": "starting", "domain": domain})
                 with Graph(nodes, respawn=True, log=self._log, permit=self._permit) as graph:
                     while not graph.finished and following is None:
                         graph.look()
@@ -284,11 +282,7 @@ class BenchRunner:
 
     @contextmanager
     def _bag(self, replaced: Callable[[], bool]) -> Iterator[Path]:
-        """Where a run records to.
-
-        Removed where a person has ended the run, by a signal or another set-up, and does not keep
-        it; what else ends a run leaves its bag.
-        """
+        """Where a run records to; removed where a person has ended the run and does not keep it."""
         self._keep = False
         bag = self.out / time.strftime("bench_%Y-%m-%d_%H-%M-%S")
         while bag.exists():
@@ -305,7 +299,3 @@ class BenchRunner:
                 shutil.rmtree(bag, ignore_errors=True)
             elif bag.is_dir():
                 self.tell({"kept": str(bag)})
-
-
-def _domain() -> int:
-    return domain_number(os.environ.get("ROS_DOMAIN_ID", ""))

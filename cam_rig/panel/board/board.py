@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import math
 import shlex
 from dataclasses import asdict
 from pathlib import Path
@@ -18,6 +17,7 @@ from cam_rig.errors import CamRigError, ConfigError, OutputError, ProfileError, 
 from cam_rig.extras import require
 from cam_rig.law_design.cam_file import without_empty
 from cam_rig.laws import Law, build_law
+from cam_rig.panel import is_number
 from cam_rig.panel.board.drawable import DRAWN, at_once
 from cam_rig.panel.board.drawn_law import ORDERS, POINTS, DrawnLaw, in_base64, motion_in_base64
 from cam_rig.profile.check_table import check_cam
@@ -35,10 +35,7 @@ MAX_ORDINATE = 100.0
 
 
 class Board:
-    """A drawing board; it outlives the pages that show it.
-
-    It begins with a cam on a rig, which commands take as ``rig_name``; files are saved in ``out``.
-    """
+    """A cam drawn on a rig (commands take it as ``rig_name``); files go to ``out``."""
 
     def __init__(
         self, cam: CamConfig, rig: RigConfig, out: Path, rig_name: str | None = None
@@ -66,7 +63,7 @@ class Board:
 
     def _allowed(self, given: Any) -> FloatArray:
         count = self.ordinates.size
-        if not (isinstance(given, list) and len(given) == count and all(map(_is_number, given))):
+        if not (isinstance(given, list) and len(given) == count and all(map(is_number, given))):
             raise RefusedError(f"ordinates: allowed: a list of {count} numbers")
         found = self.drawn.ordinates.copy()
         found[self._free] = np.array(given, dtype=np.float64)[self._free]
@@ -83,6 +80,7 @@ class Board:
         start, table = self.drawn.start, self.drawn.table
         pivot = getattr(start.cam.follower, "pivot_distance", None)
         own = FollowerParameters.from_rig(self.rig)
+        calibrated = is_calibrated(self.rig, "one_mass")
         return {
             "cam": {
                 "name": self.file.name,
@@ -106,7 +104,8 @@ class Board:
                 "preload": own.preload,
                 "two_masses": self._two_masses,
                 "from_rest_s": FROM_REST,
-                "calibrated_on": self._calibrated_on(),
+                # where the level of one mass is not relative
+                "calibrated_on": self.rig.calibrated_on if calibrated else "",
             },
             "rpm": self.rpm,
             "rpm_range": [MIN_RPM, MAX_RPM],
@@ -133,43 +132,44 @@ class Board:
         law = build_law(load_cam(Library((config_root(),)).path("cams", name)))
         return {"name": name, "motion": motion_in_base64(law)}
 
-    def _calibrated_on(self) -> str:
-        """The cam that the level of one mass is calibrated on; empty where it is relative."""
-        fitted = is_calibrated(self.rig, "one_mass")
-        return self.rig.calibrated_on if fitted else ""
-
     def save(self, name: Any, ordinates: Any) -> Path:
         """Write ordinates as a cam file; of a law that cannot be made it says so, and why."""
-        path, own = self.out / f"{require_name(name)}.yaml", self._allowed(ordinates)
-        why_not = why_not_made(self.cam, self.law(own))
-        write_new(path, cam_text(path.stem, self.cam, self.file, own, why_not))
+        path = self.out / f"{require_name(name)}.yaml"
+        write_new(path, self._text(path.stem, ordinates))
         return path
 
     def drawn_cam(self, name: str, ordinates: Any) -> CamConfig:
         """The cam of some ordinates, without a file."""
+        return CamConfig.model_validate(parse_yaml(self._text(name, ordinates)))
+
+    def _text(self, name: str, ordinates: Any) -> str:
         own = self._allowed(ordinates)
-        why_not = why_not_made(self.cam, self.law(own))
-        text = cam_text(name, self.cam, self.file, own, why_not)
-        return CamConfig.model_validate(parse_yaml(text))
+        return cam_text(name, self.cam, self.file, own, why_not_made(self.cam, self.law(own)))
 
     def saved(self, name: Any, ordinates: Any) -> dict[str, Any]:
         """What a page is told of a file that it saved."""
         path = self.save(name, ordinates)
-        command = design_command(path, self.rig_name)
+        words = ("cam-rig", "design", str(path), "--maximise", GOAL, "--limit", LIMIT)
+        command = shlex.join([*words, "--rig", self.rig_name, "--out", str(designed_path(path))])
         return {"path": str(path), "command": command, "why_not": load_cam(path).cannot_be_made}
 
     def dxf(self, ordinates: Any) -> str:
-        """The contour of some ordinates for the workshop, as DXF."""
-        return contour_dxf(self.cam, self.law(self._allowed(ordinates)))
+        """The contour of some ordinates in mm, as `cam-rig profile --out` writes it."""
+        cam, law = self.cam, self.law(self._allowed(ordinates))
+        for library in ("ezdxf", "shapely"):
+            require(library)
+        if why := why_not_made(cam, law):
+            raise ProfileError(f"cannot be made: {why}")
+        from cam_rig.profile.drawing_files import to_document
+        from cam_rig.profile.polyline import contour_paths, polyline
 
-
-def _is_number(given: Any) -> bool:
-    return isinstance(given, int | float) and not isinstance(given, bool) and math.isfinite(given)
+        curves, text = contour_paths(cam.follower, law), io.StringIO()
+        to_document({curve.name: polyline(curve, CHORD_ERROR) for curve in curves}).write(text)
+        return text.getvalue()
 
 
 def _speed(rpm: Any) -> float:
-    """A speed (rpm) of a page."""
-    if not (_is_number(rpm) and MIN_RPM <= rpm <= MAX_RPM):
+    if not (is_number(rpm) and MIN_RPM <= rpm <= MAX_RPM):
         raise RefusedError(f"rpm: is {rpm!r:.40}; allowed: {MIN_RPM:g} to {MAX_RPM:g}")
     return float(rpm)
 
@@ -201,10 +201,7 @@ def why_not_made(cam: CamConfig, law: Law) -> str | None:
 def cam_text(
     name: str, cam: CamConfig, file: CamConfig, ordinates: FloatArray, why_not: str | None
 ) -> str:
-    """The file of a drawn cam with other ordinates ``(m,)``, begun from a file.
-
-    It says ``why_not``, where the cam cannot be made.
-    """
+    """The file of a drawn cam with other ordinates ``(m,)``; it says why it cannot be made."""
     data = cam.model_dump(exclude_none=True)
     data |= {"name": name, "title": f"{file.title}, drawn"}
     data.pop("cannot_be_made", None)
@@ -240,27 +237,6 @@ def write_new(path: Path, text: str) -> None:
         raise OutputError(f"{path}: cannot be written ({error.strerror})") from None
 
 
-def contour_dxf(cam: CamConfig, law: Law) -> str:
-    """The contour in mm, as `cam-rig profile --out` writes it."""
-    for library in ("ezdxf", "shapely"):
-        require(library)
-    if why := why_not_made(cam, law):
-        raise ProfileError(f"cannot be made: {why}")
-    from cam_rig.profile.drawing_files import to_document
-    from cam_rig.profile.polyline import contour_paths, polyline
-
-    curves = contour_paths(cam.follower, law)
-    text = io.StringIO()
-    to_document({curve.name: polyline(curve, CHORD_ERROR) for curve in curves}).write(text)
-    return text.getvalue()
-
-
 def designed_path(start: Path) -> Path:
     """Where a design from a saved cam is written."""
     return start.with_name(f"{start.stem}_designed.yaml")
-
-
-def design_command(path: Path, rig: str) -> str:
-    """What designs the fastest law from a saved cam, as it is typed."""
-    words = ("cam-rig", "design", str(path), "--maximise", GOAL, "--limit", LIMIT)
-    return shlex.join([*words, "--rig", rig, "--out", str(designed_path(path))])

@@ -121,10 +121,10 @@ def _nearest(law: Law, event: LawEvent) -> Spline:
         ordinates[fixed] = np.linalg.solve(np.array(rows), _at_end(law, event, end, fixed.size))
     inside, edges = 0.5 * (np.polynomial.legendre.leggauss(GAUSS)[0] + 1.0), np.unique(knots)
     at = (edges[:-1, None] + np.diff(edges)[:, None] * inside).ravel()
-    lift, bend = (law(event.start + event.span * at, k) / law.lift for k in (0, 2))
-    bend *= event.span**2
-    rms = math.sqrt(float(np.mean(bend**2))) or 1.0
-    wanted = np.concatenate([bend / rms, WEIGHT * lift])
+    lift, curvature = (law(event.start + event.span * at, k) / law.lift for k in (0, 2))
+    curvature *= event.span**2
+    rms = math.sqrt(float(np.mean(curvature**2))) or 1.0
+    wanted = np.concatenate([curvature / rms, WEIGHT * lift])
     table = np.concatenate([unit(at, 2) / rms, WEIGHT * unit(at)])
     free = np.setdiff1d(np.arange(count), np.concatenate(ends))
     ordinates[free] = np.linalg.lstsq(table[:, free], wanted - table @ ordinates)[0]

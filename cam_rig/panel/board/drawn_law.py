@@ -74,15 +74,11 @@ class DrawnLaw:
         drawn = None if own is None else cls(own)
         return drawn if drawn is not None and drawn.handles else cls(as_b_splines(cam))
 
-    @property
-    def drawn(self) -> list[Drawn]:
-        """The segments that have ordinates, in turn."""
-        return [segment for segment in self.start.cam.segments if isinstance(segment, DRAWN)]
-
     @cached_property
     def ordinates(self) -> FloatArray:
         """``(m,)`` those of the start, segment by segment."""
-        return np.array([x for segment in self.drawn for x in segment.ordinates.numbers])
+        drawn = (segment for segment in self.start.cam.segments if isinstance(segment, DRAWN))
+        return np.array([x for segment in drawn for x in segment.ordinates.numbers])
 
     @cached_property
     def handles(self) -> list[Handle]:
@@ -90,7 +86,7 @@ class DrawnLaw:
         smooth = {joint.angle: joint.continuity for joint in joints(self.start.law)}
         ends = np.array(sorted(smooth))
         found, index = [], 0
-        segments = zip(self.start.cam.segments, self._angles, strict=True)
+        segments = zip(self.start.cam.segments, segment_angles(self.start.cam), strict=True)
         for number, (segment, begin) in enumerate(segments):
             if not isinstance(segment, DRAWN):
                 continue
@@ -104,10 +100,6 @@ class DrawnLaw:
                 found.append(Handle(index + i, here % TURN, number, here - first, last - here))
             index += count
         return found
-
-    @cached_property
-    def _angles(self) -> list[float]:
-        return segment_angles(self.start.cam)
 
     @cached_property
     def _pieces(self) -> list[tuple[int, FloatArray]]:

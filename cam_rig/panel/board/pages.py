@@ -7,7 +7,7 @@ import json
 import os
 import sys
 from collections.abc import AsyncIterator, Callable
-from contextlib import AbstractAsyncContextManager, asynccontextmanager, suppress
+from contextlib import asynccontextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,7 @@ from cam_rig.errors import CamRigError, OutputError, RefusedError
 from cam_rig.laws import Law
 from cam_rig.panel.board.board import Board, designed_path, require_name, write_new
 from cam_rig.panel.server import LivePage, PanelPages, get, page_file, post
-from cam_rig.schema import CamConfig, RigConfig, load_cam
+from cam_rig.schema import CamConfig, load_cam
 from cam_rig.show import looks as colours
 
 #: A law rests when it has not changed for so long, s.
@@ -86,14 +86,13 @@ class BoardPages(PanelPages):
         return Response(text, media_type="image/vnd.dxf")
 
     async def _changes(self, socket: WebSocket) -> None:
-        """Changes of one page, each answered at once; other pages follow."""
         await socket.accept()
         shown = LivePage(socket)
         shown.tell("moved", lambda: self._state() | self.board.at_once())
         self._pages.add(shown)
         self._changed.set()
         try:
-            await shown.serve(partial(self._take, shown), _refused)
+            await shown.serve(partial(self._take, shown))
         finally:
             self._pages.discard(shown)
 
@@ -110,16 +109,16 @@ class BoardPages(PanelPages):
         return {"type": "moved", "number": None, "ordinates": ordinates, "rpm": self.board.rpm}
 
     def _tell(self, message: dict[str, Any], pages: set[LivePage] | None = None) -> None:
-        """Tell pages, all unless some are named."""
         for page in self._pages if pages is None else pages:
             page.tell(message["type"], lambda: message)
 
     async def _answer_at_rest(self) -> None:
         """What takes longer, of the last law alone, once it has rested."""
-        start = self.board.drawn.start
-        file = None if start.own or start.exact else self.board.file
+        board, start = self.board, self.board.drawn.start
+        first = {"cam": board.cam.model_dump(), "rig": board.rig.model_dump()}
+        first["file"] = None if start.own or start.exact else board.file.model_dump()
         while True:
-            async with worker(self.board.cam, self.board.rig, file) as process:
+            async with beside(first) as process:
                 try:
                     while True:
                         await self._answer_once(process)
@@ -134,16 +133,11 @@ class BoardPages(PanelPages):
         self._tell(asked | found)
 
     async def _rest(self) -> None:
-        """Wait for a change, and then for none."""
         await self._changed.wait()
         while self._changed.is_set():
             self._changed.clear()
             with suppress(TimeoutError):
                 await asyncio.wait_for(self._changed.wait(), REST_S)
-
-
-def _refused(number: Any, words: str) -> dict[str, Any]:
-    return {"type": "refused", "number": number, "words": words}
 
 
 # The server's end of its worker processes: of the law that rests, and of a design.
@@ -176,14 +170,6 @@ async def beside(first: dict[str, Any], *arguments: str) -> AsyncIterator[Proces
         with suppress(ProcessLookupError):
             process.kill()
         await process.wait()
-
-
-def worker(
-    cam: CamConfig, rig: RigConfig, file: CamConfig | None
-) -> AbstractAsyncContextManager[Process]:
-    """The process that answers for laws of a cam; beside each for that of a ``file``, if any."""
-    own = None if file is None else file.model_dump()
-    return beside({"cam": cam.model_dump(), "rig": rig.model_dump(), "file": own})
 
 
 async def ask(process: Process, law: Law, rpm: float) -> dict[str, Any]:
@@ -255,7 +241,6 @@ class Designs:
 
 
 def _written(found: dict[str, Any], out: Path) -> dict[str, Any]:
-    """The design's end for the pages, its file written."""
     if "words" in found:
         return found
     if "text" not in found:

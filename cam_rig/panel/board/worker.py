@@ -36,10 +36,7 @@ def answer_laws(first: dict[str, Any], cam: CamConfig, rig: RigConfig) -> None:
 
 
 def design(first: dict[str, Any], cam: CamConfig, rig: RigConfig) -> None:
-    """Each better jump speed of what `cam-rig design` finds for the board's goal, then its law.
-
-    Or why there is none.
-    """
+    """Each better jump speed that `cam-rig design` finds, then its law, or why there is none."""
     from cam_rig.law_design.design import search_design
     from cam_rig.law_design.request import DesignRequest
     from cam_rig.panel.board.board import GOAL, LIMIT

@@ -27,8 +27,9 @@ TOLERANCE_PERCENT = 1.0
 
 @dataclass(frozen=True)
 class ReadingMark:
-    """A reading, the true jump speed (rpm) of its set-up, and whether they are near enough."""
+    """A reading of a file, the true jump speed (rpm) of its set-up, whether it is near enough."""
 
+    file: str
     reading: LabReading
     true_rpm: float
     within: bool
@@ -89,28 +90,17 @@ def mark_sheet(
 def _mark(path: Path, sheet: LabSheet, reading: LabReading, tolerance: float) -> ReadingMark:
     if reading.setup not in sheet.setups:
         s = reading.setup
+        there = {"springs": sheet.springs, "masses": sheet.added_masses, "preloads": sheet.preloads}
         allowed = " | ".join(
             f"{name} {', '.join(f'{number:g}' for number in numbers)}"
-            for name, numbers in (
-                ("springs", sheet.springs),
-                ("masses", sheet.added_masses),
-                ("preloads", sheet.preloads),
-            )
+            for name, numbers in there.items()
         )
         raise ConfigError(
             f"{path}, reading {reading.number}: {s.spring_stiffness:g} N/m, {s.added_mass:g} kg, "
             f"{s.preload:g} N is no set-up of this sheet; allowed: {allowed}"
         )
     true = sheet.jump_rpm(reading.setup)
-    return ReadingMark(reading, true, abs(reading.rpm - true) <= 0.01 * tolerance * true)
-
-
-@dataclass(frozen=True)
-class MarkRow:
-    """A mark and the sheet it is of."""
-
-    file: str
-    mark: ReadingMark
+    return ReadingMark(str(path), reading, true, abs(reading.rpm - true) <= 0.01 * tolerance * true)
 
 
 @dataclass(frozen=True, repr=False)
@@ -121,15 +111,15 @@ class MarksResult(Result):
     columns: ClassVar = {
         "readings": (
             Column("file"),
-            Column("reading", "", "d", of="mark.reading.number"),
-            Column("spring_stiffness", "N/m", "g", "spring", "mark.reading.setup.spring_stiffness"),
-            Column("added_mass", "kg", "g", of="mark.reading.setup.added_mass"),
-            Column("preload", "N", "g", of="mark.reading.setup.preload"),
-            Column("rpm", "rpm", ".2f", "read", "mark.reading.rpm"),
-            Column("true_rpm", "rpm", ".2f", "true", "mark.true_rpm"),
-            Column("difference_rpm", "rpm", "+.2f", "difference", "mark.difference_rpm"),
-            Column("difference", "%", "+.2f", of=lambda row: 0.01 * row.mark.difference_percent),
-            Column("within", of="mark.within", cell=lambda row: "yes" if row.mark.within else "no"),
+            Column("reading", "", "d", of="reading.number"),
+            Column("spring_stiffness", "N/m", "g", "spring", "reading.setup.spring_stiffness"),
+            Column("added_mass", "kg", "g", of="reading.setup.added_mass"),
+            Column("preload", "N", "g", of="reading.setup.preload"),
+            Column("rpm", "rpm", ".2f", "read", "reading.rpm"),
+            Column("true_rpm", "rpm", ".2f", "true"),
+            Column("difference_rpm", "rpm", "+.2f", "difference"),
+            Column("difference", "%", "+.2f", of=lambda mark: 0.01 * mark.difference_percent),
+            Column("within", cell=lambda mark: "yes" if mark.within else "no"),
         ),
         "sheets": (
             Column("file", of=lambda sheet: str(sheet.path)),
@@ -148,7 +138,7 @@ class MarksResult(Result):
 
     def tables(self) -> list[Records]:
         """``readings``, sheet by sheet, and ``sheets``."""
-        rows = [MarkRow(str(sheet.path), mark) for sheet in self.sheets for mark in sheet.marks]
+        rows = [mark for sheet in self.sheets for mark in sheet.marks]
         note = "True: the lowest speed at which the steady state loses contact."
         return [
             self.table("readings", "{file}", rows, note, by="file"),
@@ -221,8 +211,8 @@ def _turns(law: Law, follower: AnyFollower, speed: float) -> list[Block]:
 def _steady_start(law: Law, follower: TwoMassParameters, speed: float) -> FollowerState:
     """Two masses at cam angle 0, in the steady state in which they are held on the cam."""
     vibration = contact_response(law, follower, speed).periodic()
-    lift, slope, bend = law.at(0.0)
-    motion = np.array([lift, slope * speed, bend * speed**2])
+    lift, slope, curvature = law.at(0.0)
+    motion = np.array([lift, slope * speed, curvature * speed**2])
     output = force_output(follower)
     force = float((output.state @ vibration + output.law @ motion + output.constant)[0])
     return FollowerState(lift, slope * speed, force, True, inner=tuple(vibration.tolist()))

@@ -71,8 +71,6 @@ class LabPages(PanelPages):
         return csv_file(name, to_text(self.notebook.recorded))
 
     def _alone(self, path: str, answer: Answer) -> Route:
-        """A request that is answered when the one before has been."""
-
         async def answered(body: dict[str, Any]) -> dict[str, Any] | Response:
             async with self._busy:
                 return await answer(body)

@@ -21,6 +21,7 @@ from cam_rig.errors import ConfigError, OutputError, RefusedError, did_you_mean
 from cam_rig.files import MIB, read_bytes, shown, writing
 from cam_rig.laws import Law, build_law
 from cam_rig.laws.cam import require_sprung
+from cam_rig.panel import is_number
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.units import RPM
 
@@ -42,13 +43,7 @@ class LabSetup:
 
 
 def drawn(lab: str, seed: str, number: str, tolerance: float) -> float:
-    """The factor on a number: in 1 ± ``tolerance``, evenly, the same for the same words.
-
-    Examples
-    --------
-    >>> round(drawn("jump", "alpha", "mass", 0.04), 6)
-    1.000891
-    """
+    """The factor on a number: in 1 ± ``tolerance``, evenly, the same for the same words."""
     data = hashlib.sha256(f"cam_rig\n{lab}\n{seed}\n{number}".encode()).digest()
     return 1.0 + tolerance * (2.0 * int.from_bytes(data[:8], "big") / (2**64 - 1) - 1.0)
 
@@ -174,8 +169,8 @@ class LabSheet:
         """
         own = FollowerParameters.from_rig(self.rig)
         _, angle = rigid_jump(self.law, replace(own, damping=0.0))
-        lift, _, bend = self.law.at(angle)
-        return float(lift), float(bend)
+        lift, _, curvature = self.law.at(angle)
+        return float(lift), float(curvature)
 
     def load(self, setup: LabSetup) -> float:
         """What presses the follower on, over its mass: (k s + preload) / m by the sheet, m/s²."""
@@ -290,7 +285,6 @@ def _entry(line: str) -> tuple[str, str]:
 
 
 def _reading(path: Path, row: list[str]) -> LabReading:
-    """A reading of a row."""
     cells = [cell.strip() for cell in row[: len(COLUMNS)]]
     where = f"{path}, reading {shown(row[0], quoted=False)}"
     if len(cells) < len(COLUMNS) or any(cell.strip() for cell in row[len(COLUMNS) :]):
@@ -342,10 +336,9 @@ class Notebook:
     def speed(self, given: dict[str, Any]) -> float:
         """The speed (rpm) that a page names."""
         rpm, (low, high) = given.get("rpm"), self.sheet.knob
-        is_number = isinstance(rpm, int | float) and not isinstance(rpm, bool)
-        if not is_number or not low <= rpm <= high:  # type: ignore[operator]
+        if not (is_number(rpm) and low <= rpm <= high):
             raise RefusedError(f"rpm: is {str(rpm)[:40]!r}; allowed: {low:g} to {high:g}")
-        return round(float(rpm), DECIMALS)  # type: ignore[arg-type]
+        return round(float(rpm), DECIMALS)
 
     def record(self, given: dict[str, Any]) -> LabReading:
         """Take a reading, and write the file."""

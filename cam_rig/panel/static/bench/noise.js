@@ -1,8 +1,6 @@
 // The noise-against-rpm chart: a marker a reading, a shape and a colour a cam.
-import { Chart, MARKERS, element, extent, ticks } from "../common/charts.js";
+import { Chart, entry, extent, look, ticks } from "../common/charts.js";
 import { text } from "../common/texts.js";
-
-const SHAPES = Object.keys(MARKERS);
 
 export class NoiseChart {
   constructor(place, key, colours) {
@@ -16,7 +14,7 @@ export class NoiseChart {
   draw(readings) {
     this.readings = readings;
     for (const { cam } of readings) if (!this.names.includes(cam)) this.names.push(cam);
-    if (this.key.childElementCount !== this.names.length) this.key.replaceChildren(...this.names.map((cam) => this.#entry(cam)));
+    if (this.key.childElementCount !== this.names.length) this.key.replaceChildren(...this.names.map((cam) => entry(cam, this.#look(cam))));
     const most = Math.max(600, ...readings.map(({ rpm }) => Math.ceil(rpm / 100) * 100));
     this.chart.x = [0, most];
     this.chart.xTicks = ticks(0, most, 6);
@@ -25,17 +23,5 @@ export class NoiseChart {
     this.chart.points("noise", readings.map(({ cam, rpm, level_db: y, contact }) => ({ x: rpm, y, ...this.#look(cam), full: contact === "contact lost" })));
   }
 
-  #look(cam) {
-    const i = this.names.indexOf(cam);
-    return { colour: this.colours[i % this.colours.length], marker: SHAPES[i % SHAPES.length] };
-  }
-
-  #entry(cam) {
-    const item = Object.assign(document.createElement("li"), { textContent: cam });
-    const { colour, marker } = this.#look(cam);
-    const icon = element("svg", { viewBox: "-8 -8 16 16", "aria-hidden": "true" });
-    element("path", { class: "point", d: MARKERS[marker], stroke: colour, fill: "#fff" }, icon);
-    item.prepend(icon);
-    return item;
-  }
+  #look(cam) { return look(this.names.indexOf(cam), this.colours); }
 }

@@ -5,23 +5,33 @@ const MOST_AHEAD = 0.4;
 /** A gap (s) before what comes after an interruption, so that the next block is in time. */
 const LEAD = 0.08;
 
-export class Sound {
-  /** listen(bool) asks for the blocks, or for none. */
-  constructor(listen) { Object.assign(this, { listen, context: null, rate: 16000, next: 0, on: false }); }
+/** The page's loudspeaker, opened when the volume is turned up. */
+export class Loudspeaker {
+  constructor() { Object.assign(this, { context: null, on: false }); }
 
+  /** Set the volume; whether it begins to be heard, or ends. */
   volume(value) {
     if (!this.context && value > 0) {
       this.context = new AudioContext();
       this.gain = this.context.createGain();
       this.gain.connect(this.context.destination);
     }
-    if (this.context) {
-      this.gain.gain.value = value * value; // what one hears goes with the logarithm
-      if (value > 0) this.context.resume();
-    }
-    if (this.on !== value > 0) this.listen(value > 0);
+    if (this.context) this.gain.gain.value = value * value; // what one hears goes with the logarithm
+    if (value > 0) this.context.resume();
+    const changed = this.on !== value > 0;
     this.on = value > 0;
+    return changed;
   }
+}
+
+export class Sound extends Loudspeaker {
+  /** listen(bool) asks for the blocks, or for none. */
+  constructor(listen) {
+    super();
+    Object.assign(this, { listen, rate: 16000, next: 0 });
+  }
+
+  volume(value) { if (super.volume(value)) this.listen(this.on); }
 
   play(samples) {
     if (!this.on || !samples.length) return;

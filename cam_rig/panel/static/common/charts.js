@@ -159,6 +159,21 @@ export const MARKERS = {
   diamond: "M0 -6L5 0L0 6L-5 0Z",
 };
 
+/** Colour and shape of the i-th kind of markers. */
+export function look(i, colours) {
+  const shapes = Object.keys(MARKERS);
+  return { colour: colours[i % colours.length], marker: shapes[i % shapes.length] };
+}
+
+/** What a kind of markers is, for the key beside a chart. */
+export function entry(textContent, { colour, marker }) {
+  const item = Object.assign(document.createElement("li"), { textContent });
+  const icon = element("svg", { viewBox: "-8 -8 16 16", "aria-hidden": "true" });
+  element("path", { class: "point", d: MARKERS[marker], stroke: colour, fill: "#fff" }, icon);
+  item.prepend(icon);
+  return item;
+}
+
 function decades([low, high]) {
   const found = [];
   for (let i = Math.ceil(low); i <= high; i += 1) found.push(i);

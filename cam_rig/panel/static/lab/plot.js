@@ -1,8 +1,7 @@
 // The readings' plot: the square of the jump speed over the load on the mass, a marker a reading.
-import { Chart, MARKERS, element, ticks } from "../common/charts.js";
+import { Chart, entry, look, ticks } from "../common/charts.js";
 import { text } from "../common/texts.js";
 
-const SHAPES = Object.keys(MARKERS);
 /** rpm² of one unit of the plot: 400 rpm are 160. */
 const UNIT = 1000;
 
@@ -14,7 +13,7 @@ export class JumpPlot {
     this.chart.fit(0, sheet.knob[1] ** 2 / UNIT, true);
     this.chart.resized = () => this.draw(this.readings ?? []);
     this.slope = null;
-    key.replaceChildren(...sheet.added_masses.map((mass) => this.#entry(mass)));
+    key.replaceChildren(...sheet.added_masses.map((mass) => entry(`+${mass} kg`, this.#look(mass))));
   }
 
   draw(readings) {
@@ -25,17 +24,5 @@ export class JumpPlot {
     this.chart.curve("theory", this.slope === null ? null : [0, (this.slope * step) / UNIT], { colour: "#333", kind: "theory", step });
   }
 
-  #look(mass) {
-    const i = this.sheet.added_masses.indexOf(mass);
-    return { colour: this.sheet.colours[i % this.sheet.colours.length], marker: SHAPES[i % SHAPES.length] };
-  }
-
-  #entry(mass) {
-    const item = Object.assign(document.createElement("li"), { textContent: `+${mass} kg` });
-    const { colour, marker } = this.#look(mass);
-    const icon = element("svg", { viewBox: "-8 -8 16 16", "aria-hidden": "true" });
-    element("path", { class: "point", d: MARKERS[marker], stroke: colour, fill: "#fff" }, icon);
-    item.prepend(icon);
-    return item;
-  }
+  #look(mass) { return look(this.sheet.added_masses.indexOf(mass), this.sheet.colours); }
 }

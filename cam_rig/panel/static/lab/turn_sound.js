@@ -1,23 +1,18 @@
 // The sound of one turn, over and over; nothing is asked for while the volume is 0.
 
-export class TurnSound {
+import { Loudspeaker } from "../bench/sound.js";
+
+export class TurnSound extends Loudspeaker {
   /** changed() is told when it begins to be heard. */
-  constructor(changed) { Object.assign(this, { changed, context: null, on: false }); }
+  constructor(changed) {
+    super();
+    this.changed = changed;
+  }
 
   volume(value) {
-    if (!this.context && value > 0) {
-      this.context = new AudioContext();
-      this.gain = this.context.createGain();
-      this.gain.connect(this.context.destination);
-    }
-    const began = !this.on && value > 0;
-    this.on = value > 0;
-    if (this.context) this.gain.gain.value = value * value; // what one hears goes with the logarithm
-    if (!this.on) this.#end();
-    if (began) {
-      this.context.resume();
-      this.changed();
-    }
+    if (!super.volume(value)) return;
+    if (this.on) this.changed();
+    else this.#end();
   }
 
   /** Turn to another turn: base64 of 32-bit floats, and their rate in Hz. */
