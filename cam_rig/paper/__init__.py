@@ -1,3 +1,1 @@
 """What an experimenter does with the rig: programs, sweeps, comparisons, identification."""
-
-from __future__ import annotations
