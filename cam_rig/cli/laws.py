@@ -15,7 +15,6 @@ from cam_rig.show.result import Result
 from cam_rig.show.terminal import say
 
 if TYPE_CHECKING:
-    from cam_rig.laws.catalogue import RiseFamily
     from cam_rig.laws.results import CamLawsResult, RisesResult
 
 
@@ -32,7 +31,7 @@ def law(
     names: Annotated[
         list[str],
         typer.Argument(
-            help="Cam files, names in config/cams, or names of rises as `cam-rig laws` lists them.",
+            help="Cam files, names in config/cams, or names of rises as `cam-rig laws` lists them."
         ),
     ],
     rises: Annotated[
@@ -42,8 +41,7 @@ def law(
     out: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE",
-            help="The plot (PNG, SVG, PDF); out/law_NAMES.png if not given.",
+            metavar="FILE", help="The plot (PNG, SVG, PDF); out/law_NAMES.png if not given."
         ),
     ] = None,
     save: Save = None,
@@ -88,12 +86,7 @@ def law(
 
 
 def _named(names: list[str], rises: bool) -> tuple[RisesResult | CamLawsResult, list[str]]:
-    """What names mean, and words for the name of its plot.
-
-    Raises
-    ------
-    ConfigError, LawError : one line that names the file and what is wrong in it
-    """
+    """What names mean, and words for the name of its plot."""
     from cam_rig.laws.cam import law_of
     from cam_rig.laws.results import CamLawsResult, RisesResult
     from cam_rig.schema import load_cam
@@ -136,24 +129,13 @@ def laws(
     from cam_rig.laws.catalogue import families
     from cam_rig.laws.results import LawsResult
 
-    shown = tuple(families().values()) if family is None else (_family(family),)
-    return LawsResult(shown, free=family is None)
-
-
-def _family(name: str) -> RiseFamily:
-    """A family by its name.
-
-    Raises
-    ------
-    ConfigError : there is none of that name
-    """
-    from cam_rig.laws.catalogue import families
-
     found = families()
-    if name not in found:
-        hint = did_you_mean(name, found)
-        raise ConfigError(f"--family {name!r}: no such family{hint}; allowed: {', '.join(found)}")
-    return found[name]
+    if family is None:
+        return LawsResult(tuple(found.values()), free=True)
+    if family not in found:
+        hint = did_you_mean(family, found)
+        raise ConfigError(f"--family {family!r}: no such family{hint}; allowed: {', '.join(found)}")
+    return LawsResult((found[family],), free=False)
 
 
 #: Letters of the names in the name of a plot.
@@ -161,20 +143,20 @@ MAX_LETTERS = 60
 
 
 def are_rises(names: Sequence[str], rises: bool) -> bool:
-    """Whether the names are drawn as bare rises: when asked for, or when not all are cams.
-
-    Raises
-    ------
-    ConfigError : a name that is nothing, or given twice; a rise beside a cam that is no rise
-    """
+    """Whether the names are drawn as bare rises: when asked for, or when not all are cams."""
     from cam_rig.laws.segments import NAMED_RISES
+    from cam_rig.schema.load import config_root
 
-    cams = _cam_names()
+    cams = sorted(path.stem for path in (config_root() / "cams").glob("*.yaml"))
     for i, name in enumerate(names):
         if name in names[:i]:
             raise ConfigError(f"{name!r} is named twice; allowed: each law once")
         if not _is_cam(name, cams) and name not in NAMED_RISES:
-            raise ConfigError(_unknown(name, cams, list(NAMED_RISES)))
+            hint = did_you_mean(name, [*cams, *NAMED_RISES])
+            raise ConfigError(
+                f"{name[:40]!r}: no such cam or rise{hint}; cams: {', '.join(cams)}; "
+                f"rises: {', '.join(NAMED_RISES)}"
+            )
     if not rises and all(_is_cam(name, cams) for name in names):
         return False
     alone = next((name for name in names if name not in NAMED_RISES), None)
@@ -205,22 +187,8 @@ def record(found: RisesResult | CamLawsResult, path: Path) -> None:
     say(f"recording: {path}")
 
 
-def _cam_names() -> list[str]:
-    from cam_rig.schema.load import config_root
-
-    return sorted(path.stem for path in (config_root() / "cams").glob("*.yaml"))
-
-
 def _is_cam(name: str, cams: Sequence[str]) -> bool:
     """Whether it is a cam's name, or a path, which is a cam's or an error of its own."""
     from cam_rig.schema.load import cam_path
 
     return name in cams or cam_path(name) == Path(name)
-
-
-def _unknown(name: str, cams: Sequence[str], rises: Sequence[str]) -> str:
-    hint = did_you_mean(name, [*cams, *rises])
-    return (
-        f"{name[:40]!r}: no such cam or rise{hint}; cams: {', '.join(cams)}; "
-        f"rises: {', '.join(rises)}"
-    )

@@ -22,128 +22,38 @@ from cam_rig.extras import libraries_named
 from cam_rig.interrupts import handle_signals
 from cam_rig.show.command import Command
 
-#: Each command: its function, or its group of functions, and its line in the help.
+#: Each command's module; the function, or the group of functions, has the command's name.
 COMMANDS = {
-    "run": ("cam_rig.cli.run:run", "Run a scene through the node graph and record it."),
-    "simulate": (
-        "cam_rig.simulation.command:simulate",
-        "Run a scene without ROS, on the same core: a row each speed, and its noise compared.",
-    ),
-    "analyze": (
-        "cam_rig.bag.command:analyze",
-        "Read a recorded sweep back: a row each speed, and its noise beside the "
-        "published regressions.",
-    ),
-    "compare": (
-        "cam_rig.measured.real_run.command:compare",
-        "Drive a scene's model with the cam angle of a real run, and show where the two part.",
-    ),
-    "export": (
-        "cam_rig.bag.command:export",
-        "Write every sample of a run with the cam that turned under it.",
-    ),
-    "view": (
-        "cam_rig.viewer.command:view",
-        "Show a recorded run: the cam turning, its follower, lift, contact force and sound.",
-    ),
-    "panel": (
-        "cam_rig.panel.command:panel",
-        "Turn the rig by hand in a browser, and draw the laws of its cams.",
-    ),
-    "recover": (
-        "cam_rig.bag.command:recover",
-        "Copy everything readable of a damaged or unfinished bag into a new, valid one.",
-    ),
-    "replay": (
-        "cam_rig.cli.run:replay",
-        "Feed recorded cam states and laws to live nodes, and compare their messages with the bag.",
-    ),
-    "urdf": (
-        "cam_rig.messages.command:urdf",
-        "Print the rig of a scene as URDF: base, guide, motor, microphone, cam and follower.",
-    ),
-    "laws": (
-        "cam_rig.cli.laws:laws",
-        "List the laws with their peaks per unit rise and unit span, and how smoothly they join.",
-    ),
-    "law": (
-        "cam_rig.cli.laws:law",
-        "Plot lift, velocity, acceleration and jerk over the cam angle; list peaks and joints.",
-    ),
-    "new": (
-        "cam_rig.measured.cam_fit.command:new",
-        "Write cam, rig and scene files from a table of lifts; they run as they are.",
-    ),
-    "profile": (
-        "cam_rig.profile.command:profile",
-        "Check a cam's contour: undercut, curvature, pressure angle, reach. Draw it, or "
-        "measure one.",
-    ),
-    "as-cut": (
-        "cam_rig.paper.as_cut.command:as_cut",
-        "Drive a roller on the contour of a point, as fig. 12 of the paper draws it.",
-    ),
-    "timing": (
-        "cam_rig.paper.timing.command:timing",
-        "List the cam angles of 1, 50 and 99 % of the lift; of one cam, what each ordinate moves.",
-    ),
-    "design": (
-        "cam_rig.law_design.command:design",
-        "Design the law that is best by a goal, and bound what any law of its class could reach.",
-    ),
-    "contact": (
-        "cam_rig.paper.contact.command:contact",
-        "Find Hertz pressure and sliding speed over the turn, and the bounds on the base radius.",
-    ),
-    "jump": (
-        "cam_rig.paper.jump.command:jump",
-        "Find the jump speed of cams to 0.01 rpm, beside the paper's Table 2.",
-    ),
-    "readings": (
-        "cam_rig.paper.readings.command:readings",
-        "Read Table 2 of the paper in several ways: which rig shows its speeds, and its times.",
-    ),
-    "vibration": (
-        "cam_rig.paper.vibration.command:vibration",
-        "Measure residual vibration in the low dwell, peak acceleration, and twist of the shaft.",
-    ),
-    "factorial": (
-        "cam_rig.paper.factorial.command:factorial",
-        "Give laws of every continuity the same angles, then the same acceleration; "
-        "analyse variance.",
-    ),
-    "campaign": (
-        "cam_rig.campaigns.command:campaign",
-        "Measure thousands of rigs that differ in some numbers, and keep a row of each.",
-    ),
-    "noise": (
-        "cam_rig.paper.noise.command:noise",
-        "Calibrate on one cam, predict another, identify the third, with confidence intervals.",
-    ),
-    "orders": (
-        "cam_rig.paper.orders.command:orders",
-        "Find the spectrum of force and sound by orders of the cam: exact, without leakage.",
-    ),
-    "report": (
-        "cam_rig.report.command:report",
-        "Write everything about a scene's cams as one self-contained page.",
-    ),
-    "listen": (
-        "cam_rig.simulation.command:listen",
-        "Write what the microphone hears: 48 kHz, 16 bit, sound pressure in proportion.",
-    ),
-    "calibrate": (
-        "cam_rig.paper.noise.command:calibrate",
-        "Fit gain and cut-off of the rig's radiation to the published noise of one cam.",
-    ),
-    "identify": (
-        "cam_rig.paper.noise.command:identify",
-        "Search lift, event and nose angle of a tangent-arc cam that fit its published noise.",
-    ),
-    "fit": (
-        "cam_rig.measured.command:fit",
-        "Find the numbers of a cam, or of a rig, from what was measured.",
-    ),
+    "run": "cam_rig.cli.run",
+    "simulate": "cam_rig.simulation.command",
+    "analyze": "cam_rig.bag.command",
+    "compare": "cam_rig.measured.real_run.command",
+    "export": "cam_rig.bag.command",
+    "view": "cam_rig.viewer.command",
+    "panel": "cam_rig.panel.command",
+    "recover": "cam_rig.bag.command",
+    "replay": "cam_rig.cli.run",
+    "urdf": "cam_rig.messages.command",
+    "laws": "cam_rig.cli.laws",
+    "law": "cam_rig.cli.laws",
+    "new": "cam_rig.measured.cam_fit.command",
+    "profile": "cam_rig.profile.command",
+    "as-cut": "cam_rig.paper.as_cut.command",
+    "timing": "cam_rig.paper.timing.command",
+    "design": "cam_rig.law_design.command",
+    "contact": "cam_rig.paper.contact.command",
+    "jump": "cam_rig.paper.jump.command",
+    "readings": "cam_rig.paper.readings.command",
+    "vibration": "cam_rig.paper.vibration.command",
+    "factorial": "cam_rig.paper.factorial.command",
+    "campaign": "cam_rig.campaigns.command",
+    "noise": "cam_rig.paper.noise.command",
+    "orders": "cam_rig.paper.orders.command",
+    "report": "cam_rig.report.command",
+    "listen": "cam_rig.simulation.command",
+    "calibrate": "cam_rig.paper.noise.command",
+    "identify": "cam_rig.paper.noise.command",
+    "fit": "cam_rig.measured.command",
 }
 # All commands: a wrong option, and what cannot be written, end them in one line.
 
@@ -163,7 +73,7 @@ class Commands(TyperGroup):
 
     def get_command(self, _ctx: Any, name: str) -> TyperCommand | None:
         """A command's name and line, for the help."""
-        return TyperCommand(name, help=COMMANDS[name][1]) if name in COMMANDS else None
+        return TyperCommand(name, help=summary(name)) if name in COMMANDS else None
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
         """The command that the first argument names, imported."""
@@ -285,15 +195,9 @@ def options(
 
 @cache
 def command(name: str) -> Any:
-    """A command, or a group of some, as click knows it.
-
-    Raises
-    ------
-    MissingLibraryError : it needs a library that is not installed
-    """
-    module, function = COMMANDS[name][0].split(":")
+    """A command, or a group of some, as click knows it."""
     with libraries_named():
-        found = getattr(import_module(module), function)
+        found = getattr(import_module(COMMANDS[name]), _function(name))
     if isinstance(found, typer.Typer):
         return typer.main.get_group(found)
     alone = typer.Typer(
@@ -301,6 +205,19 @@ def command(name: str) -> Any:
     )
     alone.command(name, cls=Command)(found)
     return typer.main.get_command(alone)
+
+
+def summary(name: str) -> str:
+    """The first sentence of a command's docstring, read without importing its module."""
+    path = Path(__file__).parents[2].joinpath(*COMMANDS[name].split(".")).with_suffix(".py")
+    docstring = rf'^(?:def {_function(name)}\(|{_function(name)} = ).*?"""(.+?)(?:\n\n|""")'
+    found = re.search(docstring, path.read_text(encoding="utf-8"), re.M | re.S)
+    assert found is not None
+    return " ".join(found[1].split())
+
+
+def _function(name: str) -> str:
+    return name.replace("-", "_")
 
 
 def main() -> None:

@@ -23,7 +23,7 @@ from cam_rig.laws.catalogue import (
 from cam_rig.laws.law import SMOOTHEST, Extreme, Joint, continuity, extremes, joints
 from cam_rig.laws.segments import NAMED_RISES
 from cam_rig.schema import CamConfig
-from cam_rig.show.result import Arrays, Column, Records, Result, part
+from cam_rig.show.result import Arrays, Column, Records, Result
 from cam_rig.units import FloatArray
 
 
@@ -40,13 +40,13 @@ RISES = (
     Column("law"),
     Column("source", heading="from, or by", about="equation, or keys of the cam's file"),
     *(
-        Column(f"peak_{order}", "", ".4f", order, part("figures", f"peak_{order}"), missing="any")
+        Column(f"peak_{order}", "", ".4f", order, f"figures.peak_{order}", missing="any")
         for order in ("velocity", "acceleration", "jerk")
     ),
     Column(
         "continuity",
         heading="joins",
-        of=part("figures", "continuity"),
+        of="figures.continuity",
         cell=lambda row: "any" if row.figures is None else f"C{row.figures.continuity}",
         about="order of the highest derivative without a jump",
     ),

@@ -41,14 +41,14 @@ class TwoWay:
         whole = self.total or 1.0
         return self.rows / whole, self.columns / whole, self.interaction / whole
 
+    @property
+    def class_share(self) -> float:
+        """Share of what lies between groups of rows."""
+        return self.classes / (self.total or 1.0)
+
 
 def two_way(values: FloatArray, groups: Sequence[object] | None = None) -> TwoWay:
-    """Analyse a table ``(a, b)``.
-
-    Parameters
-    ----------
-    groups : one label a row: rows with the same label are one class; by default each its own
-    """
+    """Analyse a table ``(a, b)``; rows of one label of ``groups`` are a class, or each its own."""
     a, b = values.shape
     mean = float(values.mean())
     row, column = values.mean(axis=1) - mean, values.mean(axis=0) - mean
@@ -70,20 +70,8 @@ def two_way(values: FloatArray, groups: Sequence[object] | None = None) -> TwoWa
 def two_levels(values: FloatArray) -> dict[tuple[int, ...], float]:
     """Shares of the sum of squares of k factors with two levels each, and of their interactions.
 
-    Parameters
-    ----------
-    values : ``(2, …, 2)``, one axis a factor
-
-    Returns
-    -------
-    By the axes that act together, ``(0,)`` or ``(0, 2)``: shares that add up to one, all zero
-    where nothing varies.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> two_levels(np.array([[0.0, 0.0], [2.0, 2.0]]))
-    {(0,): 1.0, (1,): 0.0, (0, 1): 0.0}
+    Of ``values`` ``(2, …, 2)``, an axis a factor; by the axes that act together, ``(0,)`` or
+    ``(0, 2)``. They add up to one, or are all zero where nothing varies.
     """
     signs = np.array([-1.0, 1.0])
     squares = {}

@@ -19,10 +19,8 @@ from cam_rig.units import RPM
 
 #: Inertias of the table, kg·m²; infinity is eq. 10.
 INERTIAS = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 20.0, math.inf)
-
 #: The inertia of the rig paper_flywheel, assumed there: a steel disc of 300 mm.
 SHOWN = 0.2
-
 #: Speed of the report's tables, rpm, and the cam that is shown over the inertia.
 FLYWHEEL_RPM, SHOWN_CAM = 300.0, "poly345"
 

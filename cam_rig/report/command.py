@@ -108,15 +108,15 @@ def _papers(
 ) -> tuple[str, str, Any, dict[Section, Content]]:
     """Title, seeds and contents of the paper's page, its two long studies where they are sent."""
     from cam_rig.report.document import fill
-    from cam_rig.report.paper import Paper, open_sources
+    from cam_rig.report.paper import Paper
     from cam_rig.report.paper_sections import SECTIONS, SEEDS, TITLE
     from cam_rig.schema.load import rig_beside
     from cam_rig.simulation.asked import RIG
     from cam_rig.workers import workplace
 
-    sources = open_sources(path, rig_beside(rig or RIG, path), factorial or FACTORIAL, bag)
+    paper = Paper(path, rig_beside(rig or RIG, path), factorial or FACTORIAL, bag)
     with workplace(jobs, dask) as place:
-        paper = Paper(sources, place.executor)
+        paper.begin(place.executor)
         return TITLE, SEEDS, paper, fill(SECTIONS, paper, kind == "html", progress)
 
 

@@ -10,13 +10,13 @@ from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib.metadata import version
+from io import BytesIO
 from platform import python_version
 from typing import Any, NamedTuple
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
-from cam_rig.files import no_room, temporary_folder
 from cam_rig.show.figure import strips, write_strip
 from cam_rig.show.result import SILENT, Column, Progress, Records, Result
 from cam_rig.show.tables import DataTable, number, printed, to_markdown, typeset
@@ -27,14 +27,7 @@ LIBRARIES = ("numpy", "scipy")
 
 @dataclass(frozen=True)
 class Made:
-    """How a page was made.
-
-    Parameters
-    ----------
-    command : that makes it again
-    date : of the day, empty where the page is not to differ from one day to the next
-    seeds : of what is drawn at random; empty where nothing is
-    """
+    """The command that makes the page again, its date if it has one, and the seeds if any."""
 
     command: str
     date: str = ""
@@ -49,14 +42,9 @@ class Made:
 
 @dataclass(frozen=True, eq=False)
 class Content:
-    """What a section shows.
+    """What a section shows: tables in order, figures by key, drawn only for a page that has them.
 
-    Parameters
-    ----------
-    tables : in the order they are read
-    figures : by key, drawn only for a page that has them, with so many ``dpi`` of what is pixels
-    values : what the sentences take their numbers from
-    results : what JSON has of it, by the name of the command
+    Sentences take their numbers from ``values``; JSON has ``results``, by the name of the command.
     """
 
     tables: Sequence[DataTable] = ()
@@ -110,15 +98,9 @@ def uris(figure: Figure, dpi: float | None = None) -> list[str]:
     """A figure's strips as SVG, from the top, each a data URI that repeats bit for bit."""
     found = []
     for low, high in strips(figure):
-        with temporary_folder() as folder:
-            path = folder / "figure.svg"
-            try:
-                write_strip(figure, low, high, path, dpi)
-            except OSError as error:
-                raise no_room(folder, error) from None
-            text = path.read_text(encoding="utf-8")
-        kept = [line for line in text.splitlines() if "<dc:date>" not in line]
-        encoded = base64.b64encode("\n".join(kept).encode()).decode()
+        write_strip(figure, low, high, drawn := BytesIO(), dpi)
+        kept = [line for line in drawn.getvalue().splitlines() if b"<dc:date>" not in line]
+        encoded = base64.b64encode(b"\n".join(kept)).decode()
         found.append(f"data:image/svg+xml;base64,{encoded}")
     return found
 
@@ -128,15 +110,6 @@ class Numbering:
 
     A reference may stand before what it names: a page is rendered twice, and the second time every
     number is known.
-
-    Examples
-    --------
-    >>> numbers = Numbering()
-    >>> numbers.give("figure", "force"), numbers.give("figure", "jump"), numbers.give("table", 1)
-    (1, 2, 1)
-    >>> numbers.restart()
-    >>> numbers.see("figure", "jump")
-    2
     """
 
     def __init__(self) -> None:
@@ -214,13 +187,7 @@ def to(pair: tuple[float, float], shown: str = ".0f") -> str:
 
 
 def anchor(heading: str) -> str:
-    """What a heading of Markdown is linked by, as GitHub and MkDocs have it.
-
-    Examples
-    --------
-    >>> anchor("12 Given, assumed, identified")
-    '12-given-assumed-identified'
-    """
+    """What a heading of Markdown is linked by, as GitHub and MkDocs have it."""
     return re.sub(r"[^\w\s-]", "", heading).strip().lower().replace(" ", "-")
 
 
@@ -243,22 +210,10 @@ def summary_table(rows: Iterable[Answer]) -> list[DataTable]:
 
 
 def bold(value: float, shown: str = ".6g", unit: str = "") -> str:
-    """A number in bold, with its unit.
-
-    Examples
-    --------
-    >>> bold(0.369, ".2f", "%")
-    '**0.37 %**'
-    """
+    """A number in bold, with its unit."""
     return f"**{number(value, shown)}{' ' + unit if unit else ''}**"
 
 
 def span(ends: tuple[float, float], shown: str = ".6g", unit: str = "") -> str:
-    """A range in bold, with its unit at the end.
-
-    Examples
-    --------
-    >>> span((0.7, 1.66), ".1f", "turns")
-    '**0.7** to **1.7 turns**'
-    """
+    """A range in bold, with its unit at the end."""
     return f"{bold(ends[0], shown)} to {bold(ends[1], shown, unit)}"

@@ -17,7 +17,6 @@ class Misprint(NamedTuple):
 
 
 PAPER, LAWS, PROFILE, EXAMPLE = "paper", "laws thesis", "profile thesis", "worked example"
-
 MISPRINTS = (
     Misprint(PAPER, "eq. 2, two coefficients", "45045, 434434", "4504.5, 4344.34"),
     Misprint(PAPER, "eq. 20, constant", "2593808", "25.93808"),

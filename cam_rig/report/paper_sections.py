@@ -24,7 +24,7 @@ from cam_rig.paper.as_cut.study import (
     over_sizes,
 )
 from cam_rig.paper.contact import figures as contact_plot
-from cam_rig.paper.contact.comparison import compare_contacts, find_play, play_table
+from cam_rig.paper.contact.comparison import compare_contacts, play_table
 from cam_rig.paper.flywheel import FLYWHEEL_RPM, study_flywheel
 from cam_rig.paper.flywheel import SHOWN as FLYWHEEL_SHOWN
 from cam_rig.paper.jump import figures as jump_plot
@@ -48,7 +48,6 @@ from cam_rig.show.tables import DataTable, Head, tabulate
 from cam_rig.units import to_rpm
 
 TITLE = "Cam rig: the paper's experiments, redone and taken further"
-
 #: What is drawn at random.
 SEEDS = (
     f"{methods.SEED} (bootstrap of the noise study, {methods.DRAWS} draws), "
@@ -57,17 +56,13 @@ SEEDS = (
 
 #: Speed of the contact study, rpm.
 CONTACT_RPM = 300.0
-
 #: Roller and least radius of the contour in the nomogram, in lifts.
 SHARPEST = 2.0
-
 #: Highest order of the Campbell diagrams, whose rays stay apart on paper, and dots per inch of
 #: their thousands of strokes, which are pixels within the SVG.
 SHOWN_ORDERS, ORDERS_DPI = 40, 130
-
 #: Speeds of the figures, rpm: below every jump speed, and above all but Bézier 15's.
 STEADY_RPM, TAKEOFF_RPM = 300.0, 460.0
-
 #: The follower's numbers in Table 1: key there, attribute, heading.
 FOLLOWER = (
     ("spring_stiffness_N_per_m", "spring_stiffness", "return spring [N/m]"),
@@ -105,9 +100,9 @@ def _cams(paper: Paper) -> Content:
 
 
 def _table_1(paper: Paper) -> DataTable:
-    elastic, stiff = paper.cam_set.rig, paper.sources.stiff
+    elastic, stiff = paper.cam_set.rig, paper.stiff
     lift = paper.cam_set.cams[PROPOSED].lift.si
-    printed = paper.sources.tables.table_1
+    printed = paper.tables.table_1
     rows: list[tuple[str, float, float, float]] = [
         (name, printed[key], getattr(stiff.follower, at).si, getattr(elastic.follower, at).si)
         for key, at, name in FOLLOWER
@@ -210,8 +205,8 @@ def _timing(paper: Paper) -> Content:
 
 
 def _contact(paper: Paper) -> Content:
-    found = compare_contacts(paper.sources.touching, CONTACT_RPM, GUIDED)
-    play = play_table(find_play(paper.sources.form_closed))
+    found = compare_contacts(paper.touching, CONTACT_RPM, GUIDED)
+    play = play_table(paper.form_closed)
     return Content(
         found.to_show(paper.titles) + play.to_show(paper.titles),
         {"contact": found.plot, "events": partial(contact_plot.events_figure, GUIDED, SHARPEST)},
@@ -221,7 +216,7 @@ def _contact(paper: Paper) -> Content:
 
 
 def _noise(paper: Paper) -> Content:
-    found, bag, titles = paper.noise, paper.sources.recorded, paper.loaded.titles
+    found, bag, titles = paper.noise, paper.recorded, paper.loaded.titles
     tables = found.to_show(paper.titles)
     values = {"best": found.best, "why": found.high_dwell, "levels": tables[-1]}
     if bag is not None:
@@ -271,13 +266,12 @@ def _design(paper: Paper) -> Content:
 
 
 def _numbers(paper: Paper) -> Content:
-    sources = paper.sources
-    rigs = {f"rig {rig.name}": rig for rig in (paper.cam_set.rig, sources.stiff)}
+    rigs = {f"rig {rig.name}": rig for rig in (paper.cam_set.rig, paper.stiff)}
     shown = {f"cam {name}": cam for name, cam in (paper.cam_set.cams | paper.loaded.cams).items()}
     others = {
         f"scene {paper.loaded.scene.name}": paper.loaded.scene,
-        f"factorial {sources.factorial.name}": sources.factorial,
-        f"readings {sources.readings.name}": sources.readings,
+        f"factorial {paper.asked.name}": paper.asked,
+        f"readings {paper.table_readings.name}": paper.table_readings,
     }
     return origins({**rigs, **shown, **others})
 

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from pydantic import BaseModel
@@ -79,29 +80,23 @@ def _require_same(bag: Path, found: LoadedScene, wanted: LoadedScene) -> None:
             f"{bag}: is a recording of the scene {found.scene.name!r}; allowed: of "
             f"{wanted.scene.name!r}, so record that with: cam-rig run {wanted.scene.name}"
         )
-    if changed := _changed(found, wanted):
+    now = _numbers(wanted)
+    if changed := [name for name, number in _numbers(found).items() if number != now[name]]:
         raise BagError(
             f"{bag}: was recorded with another {' and '.join(changed)} than the files have now; "
             f"allowed: the same, so record it anew with: cam-rig run {wanted.scene.name}"
         )
 
 
-def _changed(found: LoadedScene, wanted: LoadedScene) -> list[str]:
+def _numbers(loaded: LoadedScene) -> dict[str, Any]:
     """What would make other levels: not what a file's words say, only its numbers."""
-    pairs = {
-        "program": (found.scene.program.speeds.si_list, wanted.scene.program.speeds.si_list),
-        "model": (found.scene.model, wanted.scene.model),
-        "follower": (found.follower, wanted.follower),
-        "sound": (found.radiation, wanted.radiation),
-        "cams": (_numbers(found), _numbers(wanted)),
-    }
-    return [name for name, (one, other) in pairs.items() if one != other]
-
-
-def _numbers(loaded: LoadedScene) -> dict[str, tuple[bytes, bytes]]:
-    """The laws of a loaded scene as their exact numbers."""
+    laws = loaded.laws.items()
     return {
-        cam: (law.breaks.tobytes(), law.ordinates.tobytes()) for cam, law in loaded.laws.items()
+        "program": loaded.scene.program.speeds.si_list,
+        "model": loaded.scene.model,
+        "follower": loaded.follower,
+        "sound": loaded.radiation,
+        "cams": {cam: (law.breaks.tobytes(), law.ordinates.tobytes()) for cam, law in laws},
     }
 
 
@@ -109,7 +104,6 @@ def _numbers(loaded: LoadedScene) -> dict[str, tuple[bytes, bytes]]:
 
 #: More numbers than this of one quantity are not all shown.
 MOST_SHOWN = 8
-
 #: A derivative of the lift in the cam angle, and what its unit is divided by.
 DERIVATIVES = (("", ""), ("s′", "rad"), ("s″", "rad²"), ("s‴", "rad³"))
 
@@ -147,9 +141,9 @@ def origins(files: Mapping[str, BaseModel], own: bool = False) -> Content:
     rows = {name: list(quantities(model, "")) for name, model in files.items()}
     counts = Counter(quantity.origin for some in rows.values() for _, quantity in some)
     columns = (
-        Column("number", of=lambda row: row[0]),
+        Column("number", of="0"),
         Column("value", of=lambda row: _value(row[1])),
-        Column("origin", of=lambda row: row[1].origin),
+        Column("origin", of="1.origin"),
         Column("source", of=lambda row: _source(row[1])),
     )
     tables = [Records("", name, columns, some) for name, some in rows.items()]

@@ -24,10 +24,8 @@ from cam_rig.units import FloatArray
 
 #: Radii on the screen: Rerun takes a negative one as points, not as the plane's unit.
 THIN, UNSEEN = -0.5, -0.1
-
 #: Room for the words around the axes, as shares of width and height: left, right, above, below.
 MARGINS = (0.17, 0.05, 0.1, 0.12)
-
 #: Room above the highest number of an axis over time, as a share of what is below it.
 ABOVE = 0.05
 
@@ -36,12 +34,9 @@ ABOVE = 0.05
 class Axes:
     """From two quantities to the plane; its y is down, as in Rerun.
 
-    Parameters
-    ----------
-    x, y : what is shown, from and to
-    width, height : the plane's size, any unit
-    top : where its upper edge is in the plane
-    raised : share of the height by which words beside y stand above their mark, for they hang
+    ``x`` and ``y``: what is shown, from and to; ``width`` and ``height``: the plane's size, any
+    unit; ``top``: where its upper edge is in the plane; ``raised``: share of the height by which
+    words beside y stand above their mark, for they hang.
     """
 
     x: tuple[float, float]
@@ -60,12 +55,7 @@ class Axes:
     def bounds(
         self, right: float = MARGINS[1], below: float = MARGINS[3]
     ) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Range of x and y of a view of it all.
-
-        Parameters
-        ----------
-        right, below : left free there, shares of width and height
-        """
+        """Range of x and y of a view of it all, with shares of width and height left free."""
         left, _, above, _ = MARGINS
         x = -left * self.width, (1.0 + right) * self.width
         return x, (-above * self.height, (1.0 + below) * self.height)
@@ -127,14 +117,7 @@ def round_marks(low: float, high: float, unit: str) -> dict[float, str]:
 def round_range(low: float, high: float, parts: int = 5) -> tuple[float, float, float]:
     """From and to where an axis goes that shows two values, and its step: 1, 2 or 5 by ten to n.
 
-    Parameters
-    ----------
-    parts : steps that the values span at the most; rounding outwards may add one at either end
-
-    Examples
-    --------
-    >>> round_range(-41.0, 52.0), round_range(0.0, 0.0)
-    ((-60.0, 60.0, 20.0), (0.0, 1.0, 0.2))
+    The values span at most so many ``parts``; rounding outwards may add one at either end.
     """
     if not high > low:
         high = low + 1.0
@@ -150,11 +133,6 @@ def tens_range(low: float, high: float) -> tuple[float, float]:
 
     It steps by the greatest power of ten in what is shown, where ten steps have room. A number at
     the upper edge would not be drawn: there is some room above the last.
-
-    Examples
-    --------
-    >>> tens_range(-100.0, 60.0), tens_range(0.0, 250.0), tens_range(0.0, 1200.0)
-    ((-100.0, 110.0), (0.0, 250.0), (0.0, 2100.0))
     """
     step = 10.0 ** np.floor(np.log10(high - low) + 1e-9)
     first, last = np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9)
@@ -168,13 +146,7 @@ def tens_range(low: float, high: float) -> tuple[float, float]:
 
 
 def step_marks(low: float, high: float, step: float, most: int = 4) -> dict[float, str]:
-    """Two to ``most`` values of an axis of `round_range`, 0 among them, and what they are called.
-
-    Examples
-    --------
-    >>> step_marks(-60.0, 60.0, 20.0)
-    {-40.0: '−40', 0.0: '0', 40.0: '40'}
-    """
+    """Two to ``most`` values of an axis of `round_range`, 0 among them, and their names."""
     for stride in (1, 2, 3, 4):
         first, last = np.ceil(low / step / stride - 1e-9), np.floor(high / step / stride + 1e-9)
         if last - first < most:
@@ -183,13 +155,9 @@ def step_marks(low: float, high: float, step: float, most: int = 4) -> dict[floa
     return {float(v): f"{v:.6g}".replace("-", "−") for v in values}
 
 
-# Orders over speed as a Rerun recording: Campbell diagrams, and the spectrum of each speed.
-
 #: The timeline: cam speed in whole rpm.
 SPEED = "cam_rpm"
 
-
-# From a bag to a Rerun recording.
 
 APPLICATION = "cam_rig"
 

@@ -83,18 +83,12 @@ class Bar(Steps):
 
 #: Kinds of picture a plot can be written as.
 PICTURES = (".png", ".svg", ".pdf", ".jpg")
-
 #: In place of a file.
 STDOUT = Path("-")
 
 
 def write_plot(target: Path, figure: Callable[[], Figure]) -> None:
-    """Draw a figure into a file, of any kind that matplotlib knows by the suffix; say where it is.
-
-    Raises
-    ------
-    OutputError : the place cannot be written
-    """
+    """Draw a figure into a file, of any kind that matplotlib knows; say where it is."""
     from cam_rig.show.figure import write
 
     with writing(target) as part:
@@ -103,20 +97,13 @@ def write_plot(target: Path, figure: Callable[[], Figure]) -> None:
 
 
 def write_json(data: dict[str, Any], target: str | None) -> None:
-    """Write JSON to a file, to stdout for ``-``, nowhere for None.
-
-    Raises
-    ------
-    OutputError : the place cannot be written
-    """
-    if target is None:
-        return
+    """Write JSON to a file, to stdout for ``-``, nowhere for None."""
     text = json.dumps(data, indent=2)
     if target == "-":
         print(text)
-        return
-    with writing(Path(target)) as part:
-        part.write_text(text + "\n", encoding="utf-8")
+    elif target is not None:
+        with writing(Path(target)) as part:
+            part.write_text(text + "\n", encoding="utf-8")
 
 
 def check_outputs(json_target: str | None, plot: Path | None, csv: Path | None = None) -> None:
@@ -127,9 +114,9 @@ def check_outputs(json_target: str | None, plot: Path | None, csv: Path | None =
         raise ConfigError(f"{plot}: unknown kind of picture; allowed: {', '.join(PICTURES)}")
     if plot is not None:
         require("matplotlib")
-    asked = [plot, csv, None if json_target in (None, "-") else Path(str(json_target))]
-    for target in (path for path in asked if path not in (None, STDOUT)):
-        check_place(target)
+    for target in (plot, csv, None if json_target is None else Path(json_target)):
+        if target not in (None, STDOUT):
+            check_place(target)
 
 
 def check_place(target: Path) -> None:
@@ -156,15 +143,8 @@ def check_recording(target: Path) -> None:
         raise ConfigError(f"{target}: unknown kind of recording; allowed: .rrd")
 
 
-def write_tables(result: Result, target: Path | None) -> None:
-    """Write the first table as CSV, to stdout for ``-``; each other into a file beside it.
-
-    Raises
-    ------
-    OutputError : a place cannot be written
-    """
-    if target is None:
-        return
+def write_tables(result: Result, target: Path) -> None:
+    """Write the first table as CSV, to stdout for ``-``; each other into a file beside it."""
     first, *others = result.tables()
     if target == STDOUT:
         print(first.to_csv(), end="")
@@ -177,18 +157,8 @@ def write_tables(result: Result, target: Path | None) -> None:
         say(f"csv: {target}; further tables: {', '.join(map(str, beside))}")
 
 
-# What ``cam-rig fit cam`` and ``cam-rig new`` share: readings to a fit, a fit to files.
-
-
 def write_new(folder: Path, texts: dict[str, str]) -> None:
-    """Write files into a folder, none over another.
-
-    Raises
-    ------
-    OutputError : one is there already, or cannot be written
-    """
-    from cam_rig.files import writing
-
+    """Write files into a folder, none over another."""
     for name in texts:
         require_new(folder / name)
     for name, text in texts.items():
@@ -205,14 +175,7 @@ def require_new_yaml(out: Path | None) -> None:
 
 
 def require_new(target: Path) -> None:
-    """Refuse a file that is there already, or a place that cannot be written.
-
-    Raises
-    ------
-    OutputError : with what to do
-    """
-    from cam_rig.errors import OutputError
-
+    """Refuse a file that is there already, or a place that cannot be written."""
     if target.exists():
         raise OutputError(f"{target}: exists already, not overwriting; name another or move it")
     check_place(target)
@@ -221,9 +184,6 @@ def require_new(target: Path) -> None:
 def say_assumed(assumed: Iterable[str]) -> None:
     """Print what no reading tells."""
     say(*(f"assumed: {words}" for words in assumed))
-
-
-# All commands: a wrong option, and what cannot be written, end them in one line.
 
 
 class Command(TyperCommand):
@@ -241,8 +201,6 @@ class Command(TyperCommand):
             raise typer.Exit(ConfigError.exit_code)
         return super().parse_args(ctx, args)
 
-
-# Files that a command names: by path, or by the word that a shipped one goes by.
 
 DEFAULT_SCENE = "tm21_sweep"
 
@@ -301,8 +259,7 @@ Namespace = Annotated[
 ]
 
 Jobs = Annotated[
-    int | None,
-    typer.Option(metavar="N", min=1, max=1024, help="Processes; by default one a core."),
+    int | None, typer.Option(metavar="N", min=1, max=1024, help="Processes; by default one a core.")
 ]
 
 Dask = Annotated[
@@ -314,11 +271,8 @@ Dask = Annotated[
 ]
 
 
-# Where a run is seen while it runs: in a window, in a browser, or nowhere.
-
 #: Wall time (s) from line to line on a page's delay, where there is no terminal for a bar.
 LINE_EVERY_S = 10.0
-
 #: The options that a command has by what its result can be written as.
 OUTPUTS = {"plot": Plot, "csv": Csv, "json": Json}
 
@@ -382,17 +336,13 @@ def _without(function: Callable[..., Any]) -> Any:
 def give_out(
     result: Result | None, plot: Path | None, csv: Path | None, json_target: str | None
 ) -> None:
-    """Show a result, write it as asked, and end with its exit code.
-
-    Raises
-    ------
-    OutputError : a place cannot be written
-    """
+    """Show a result, write it as asked, and end with its exit code."""
     if result is None:
         return
     show(*result.to_show())
     say(*result.summary())
-    write_tables(result, csv)
+    if csv is not None:
+        write_tables(result, csv)
     if plot is not None:
         write_plot(plot, result.plot)
     if json_target is not None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
 from textwrap import wrap
@@ -41,12 +42,9 @@ from cam_rig.show.looks import (
 from cam_rig.units import FloatArray
 
 CAM_ANGLE, CAM_SPEED = "cam angle θ [°]", "cam speed [rpm]"
-
 LEVEL = "sound pressure level [dB re 20 µPa]"
-
 #: Width of a figure in inches: 170 mm, the text of an A4 page.
 WIDTH = 170.0 / 25.4
-
 #: Read once. `styled` has a function draw in it; what matplotlib is set to elsewhere stays.
 STYLE = mpl.rc_params_from_file(
     Path(__file__).with_name("style.mplstyle"), use_default_template=False
@@ -56,13 +54,10 @@ styled = mpl.rc_context(STYLE)
 
 #: Letters of a line over a whole figure, at most.
 ACROSS = 72
-
 #: A logarithmic axis over more decades than this has no ticks at 3.
 DECADES = 4.0
-
 #: Curves that are no cam's, such as one cam at several speeds: in none of the cams' colours.
 SERIES = tuple(map(web, (BLUE, VERMILION, GREEN, BLACK, PURPLE, ORANGE, SKY_BLUE)))
-
 #: Of the side of a panel, between two markers of a curve.
 MARKER_GAP = 0.14
 
@@ -73,15 +68,16 @@ def empty(height: float, width: float = WIDTH) -> Figure:
 
 
 @styled
-def write(figure: Figure, path: Path, dpi: float | None = None, part: Bbox | None = None) -> None:
-    """Write a figure as PNG, or as any format that matplotlib knows by the suffix.
+def write(
+    figure: Figure, to: Path | BytesIO, dpi: float | None = None, part: Bbox | None = None
+) -> None:
+    """Write a figure, or a ``part`` in inches from its lower left, as matplotlib knows the suffix.
 
-    Parameters
-    ----------
-    dpi : of what is made of pixels; None for the style's
-    part : of the figure, inches from its lower left; None for all of it
+    To memory it is SVG. ``dpi`` is of what is made of pixels, by default the style's.
     """
-    figure.savefig(path, dpi=STYLE["savefig.dpi"] if dpi is None else dpi, bbox_inches=part)
+    dpi = STYLE["savefig.dpi"] if dpi is None else dpi
+    kind = None if isinstance(to, Path) else "svg"
+    figure.savefig(to, dpi=dpi, bbox_inches=part, format=kind)
 
 
 def logarithmic(*axes: Axis) -> None:
@@ -152,7 +148,6 @@ def series_marker(index: int) -> dict[str, Any]:
 
 #: Height of a strip in inches, if its panels are not higher: a third of an A4 page's text.
 STRIP = 3.4
-
 #: Inches by which rows may overlap: boxes of glyphs are rounded up.
 TOUCH = 0.02
 
@@ -180,12 +175,14 @@ def strips(figure: Figure, most: float = STRIP) -> list[tuple[float, float]]:
     return list(zip([*cuts[1:], 0.0], cuts, strict=True))
 
 
-def write_strip(figure: Figure, low: float, high: float, path: Path, dpi: float | None) -> None:
+def write_strip(
+    figure: Figure, low: float, high: float, to: Path | BytesIO, dpi: float | None
+) -> None:
     """Write one of the `strips`; what is outside of it is left out of the file too."""
     outside = [a for a, span in _parts(figure) if not low <= 0.5 * (span[0] + span[1]) <= high]
     for artist in outside:
         artist.set_visible(False)
-    write(figure, path, dpi, Bbox([[0.0, low], [figure.get_figwidth(), high]]))
+    write(figure, to, dpi, Bbox([[0.0, low], [figure.get_figwidth(), high]]))
     for artist in outside:
         artist.set_visible(True)
 

@@ -39,7 +39,6 @@ DASHES: tuple[Any, ...] = (
 )
 
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
-
 #: Shipped cams, then rises that no cam is named after. New ones go to the end: places are for ever.
 NAMES = (
     *("bezier15", "poly345", "poly4567", "cycloidal", "tm21", "flat", "oscillating_flat"),
@@ -57,21 +56,15 @@ NAMES = (
 
 #: Places for shipped names, those to come among them: no look of one's own cam changes with them.
 PLACES = 48
-
 #: Rises that are the same curve as another.
 SAME = {"bezier5": "poly345", "bezier7": "poly4567"}
 
 
 @dataclass(frozen=True)
 class CamLook:
-    """How a cam is drawn.
+    """How a cam is drawn, its colour as 0xRRGGBBAA.
 
-    Parameters
-    ----------
-    colour : 0xRRGGBBAA
-    dash : of `DASHES`
-    marker : of `MARKERS`, for points
-    marked : a line carries the marker too, for its dash is another cam's as well
+    Where it is ``marked`` a line carries the marker too, for its dash is another cam's as well.
     """
 
     colour: int
@@ -83,13 +76,8 @@ class CamLook:
 def cam_look(name: str) -> CamLook:
     """The look of a cam or a named rise.
 
-    Of a name that is not in `NAMES` the colour is one of eight by its CRC-32, and dash and marker
-    are a pair that no name of the table has.
-
-    Examples
-    --------
-    >>> web(cam_look("bezier15").colour), web(cam_look("poly345").colour)
-    ('#4477aa', '#ee6677')
+    A name that is not in `NAMES` has a colour by its CRC-32, and a pair of dash and marker that no
+    name of the table has.
     """
     kinds, name = len(DASHES), SAME.get(name, name)
     if name in NAMES:
@@ -110,45 +98,25 @@ def of_cam(name: str) -> int:
 # The one palette of plots and viewer, 0xRRGGBBAA as Rerun has it.
 
 SKY_BLUE, BLUE, GREEN, PURPLE = 0x56B4E9FF, 0x0072B2FF, 0x009E73FF, 0xCC79A7FF
-
 ORANGE, VERMILION, BLACK, LIGHT_GREY = 0xE69F00FF, 0xD55E00FF, 0x000000FF, 0xCCCCCCFF
-
 LIFT, LAW, VELOCITY, ACCELERATION = SKY_BLUE, 0x00426BFF, GREEN, PURPLE
-
 FORCE, LANDING, LIFT_OFF, TWIST = ORANGE, VERMILION, 0x882255FF, 0x332288FF
-
 LEVEL, SPEED, BANDS = 0x117733FF, 0xAA4499FF, 0x44AA99FF
-
 GREY, FOLLOWER, GAP, ZERO = 0x999999FF, 0x8C6D31FF, 0xFF0000FF, 0x661100FF
-
 #: Behind curves, where the follower is off the cam.
 FLIGHT = 0xF2DADAFF
-
 #: On paper: s to s''', the discs of a cam, their pitch curve, and what may not be passed.
 DERIVATIVES = (BLUE, GREEN, VERMILION, BLACK)
-
 DISCS, PITCH_CURVE, LIMIT = (BLUE, VERMILION), GREEN, PURPLE
 
 
 def web(colour: int) -> str:
-    """The colour as ``#rrggbb``, without its opacity.
-
-    Examples
-    --------
-    >>> web(BLUE)
-    '#0072b2'
-    """
+    """The colour as ``#rrggbb``, without its opacity."""
     return f"#{colour >> 8:06x}"
 
 
 def tint(colour: int, share: float = 0.25) -> int:
-    """A colour as it is seen when so much of it lies on white, opaque.
-
-    Examples
-    --------
-    >>> web(tint(BLUE))
-    '#bfdcec'
-    """
+    """A colour as it is seen when so much of it lies on white, opaque."""
     parts = (colour >> shift & 255 for shift in (24, 16, 8))
     mixed = bytes(round(255 + share * (part - 255)) for part in parts)
     return int.from_bytes(mixed + b"\xff", "big")
@@ -198,13 +166,7 @@ def turned(points: FloatArray, angle: float) -> FloatArray:
 
 
 def distances(points: FloatArray, strip: FloatArray) -> FloatArray:
-    """``(n,)`` distances of ``(n, 2)`` points from a strip ``(m, 2)`` of lines.
-
-    Examples
-    --------
-    >>> distances(np.array([[0.5, 2.0], [4.0, 4.0]]), np.array([[0.0, 0.0], [1.0, 0.0]])).tolist()
-    [2.0, 5.0]
-    """
+    """``(n,)`` distances of ``(n, 2)`` points from a strip ``(m, 2)`` of lines."""
     begin, along = strip[:-1], np.diff(strip, axis=0)
     length = np.maximum(np.sum(along**2, axis=1), np.finfo(float).tiny)
     to = points[:, None] - begin
@@ -217,10 +179,8 @@ def distances(points: FloatArray, strip: FloatArray) -> FloatArray:
 
 #: Degrees from number to number, and from tick to tick.
 NUMBERED, TICKED = 30, 10
-
 #: Radii as shares of the ring's: ends of a short and a long tick, middle of a number.
 SHORT, LONG, NUMBER = 1.03, 1.07, 1.17
-
 #: The arc that says which way the cam turns, °, and its arrow's head over its radius.
 ARC, BARB = (150.0, 390.0), 0.28
 
@@ -252,16 +212,9 @@ def rotation(radius: float) -> list[FloatArray]:
 
 
 def body(outline: FloatArray, shells: int = 6, points: int = 60) -> tuple[list[FloatArray], float]:
-    """Closed strips within an outline around the origin, and the radius that makes them fill it.
+    """Closed strips ``(n, 2)`` within an outline around the origin, and half the width to fill it.
 
-    Parameters
-    ----------
-    outline : ``(n, 2)``, closed, seen whole from the origin as a cam is
-    points : of a strip; wide lines are what a browser without a graphics card is slow at
-
-    Returns
-    -------
-    strips ``(n, 2)`` from the inside, and half of their width
+    Few ``points`` a strip: wide lines are what a browser without a graphics card is slow at.
     """
     outline = outline[np.linspace(0, len(outline) - 1, points + 1).astype(int)]
     radii = np.hypot(*outline.T)
@@ -280,7 +233,6 @@ def _towards(degrees: float) -> FloatArray:
 
 #: Differences smaller than this, in µm and N, are of rounding: no bench has such gauges.
 LEAST_DIFFERENCE = 1e-3
-
 #: What is written where there is no other, and how far (µm, N) the axis goes there.
 EQUAL, EQUAL_REACH = "equal to rounding", 1.0
 
@@ -291,13 +243,7 @@ def is_rounding(largest: float) -> bool:
 
 
 def reach(largest: float) -> float:
-    """How far to both sides of zero an axis goes for a largest difference (µm, N).
-
-    Examples
-    --------
-    >>> reach(20.0), reach(5e-9)
-    (23.0, 1.0)
-    """
+    """How far to both sides of zero an axis goes for a largest difference (µm, N)."""
     return EQUAL_REACH if is_rounding(largest) else 1.15 * largest
 
 
@@ -305,22 +251,14 @@ def reach(largest: float) -> float:
 
 #: Names that are more than words and digits.
 _POLYNOMIAL, _BEZIER = re.compile(r"poly(\d+)"), re.compile(r"bezier(\d+)(.*)")
-
 #: Letters of a cam's title in a legend or over a panel, at most.
 LONGEST_TITLE = 28
-
 #: Powers of ten from and to which a number is written out.
 PLAIN = (-3, 3)
 
 
 def in_words(name: str) -> str:
-    """The name of a cam, rise or rig in words, where its title is not at hand.
-
-    Examples
-    --------
-    >>> [in_words(name) for name in ("poly345", "bezier15", "bezier4_start", "tm21", "my_cam")]
-    ['Polynomial 3-4-5', 'Bézier degree 15', 'Bézier degree 4, start', 'TM21', 'My cam']
-    """
+    """The name of a cam, rise or rig in words, where its title is not at hand."""
     if found := _POLYNOMIAL.fullmatch(name):
         return f"Polynomial {'-'.join(found[1])}"
     if found := _BEZIER.fullmatch(name):
@@ -330,13 +268,7 @@ def in_words(name: str) -> str:
 
 
 def shortened(title: str, longest: int) -> str:
-    """A title of so many letters at the most: of a long one its beginning and its end.
-
-    Examples
-    --------
-    >>> shortened("Polynomial 3-4-5", 16), shortened("Cam of the left inlet valve, v2", 16)
-    ('Polynomial 3-4-5', 'Cam of t…lve, v2')
-    """
+    """A title of so many letters at the most: of a long one its beginning and its end."""
     if len(title) <= longest:
         return title
     half = longest // 2
@@ -354,25 +286,13 @@ def short(title: str) -> str:
 
 
 def four_digits(value: float) -> str:
-    """A number of four significant digits, written out.
-
-    Examples
-    --------
-    >>> four_digits(28706.4), four_digits(117.04), four_digits(-0.25)
-    ('28710', '117', '−0.25')
-    """
+    """A number of four significant digits, written out."""
     shown = f"{value:.4g}"
     return (f"{float(shown):.0f}" if "e+" in shown else shown).replace("-", "−")
 
 
 def log_tick(value: float) -> str:
-    """What a tick of a logarithmic axis is called.
-
-    Examples
-    --------
-    >>> [log_tick(value) for value in (0.03, 300.0, 1e6, 3e-9)]
-    ['0.03', '300', '10⁶', '3·10⁻⁹']
-    """
+    """What a tick of a logarithmic axis is called."""
     if value <= 0.0:
         return ""
     power = math.floor(math.log10(value) + 1e-9)

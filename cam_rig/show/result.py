@@ -18,7 +18,7 @@ from html import escape
 from importlib import import_module
 from io import BytesIO
 from itertools import groupby
-from operator import attrgetter, itemgetter
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from cam_rig.extras import libraries_named
@@ -50,24 +50,12 @@ SI = {
 
 @dataclass(frozen=True)
 class Column:
-    """A field of a record: its key in data, and its heading, unit and format in a table.
+    """A field of a record: its key in data, where it is in SI; heading, unit and format in a table.
 
-    Parameters
-    ----------
-    key : name in JSON, CSV and pandas; the value there is in SI
-    unit : as shown; see `SI`
-    shown : format of a number, such as ".2f"; empty for text
-    heading : by default the key in words
-    of : attribute of the record, dotted, or a function of it; by default the key
-    cell : what is shown instead of the value, as a function of the record
-    missing : what is shown where there is nothing
-    hidden : in data only
-    about : what it is, where key and heading do not say it
-
-    Examples
-    --------
-    >>> Column("peak_to_peak", "µm", ".3g").si
-    'm'
+    ``unit`` is as shown, see `SI`; ``shown`` the format of a number, such as ".2f", empty for text.
+    ``of`` is a path in the record, as "limits.0.value", or a function of it, by default the key;
+    ``cell`` a function that gives what is shown instead, ``missing`` what is shown where there is
+    nothing. A ``hidden`` one is in data only. ``about`` is for what key and heading do not say.
     """
 
     key: str
@@ -87,7 +75,7 @@ class Column:
 
     def value(self, record: Any) -> Any:
         """The record's value, in SI."""
-        return self.of(record) if callable(self.of) else attrgetter(self.of or self.key)(record)
+        return self.of(record) if callable(self.of) else _reached(record, self.of or self.key)
 
     def text(self, record: Any) -> Cell:
         """What stands in the cell: a number in the unit that is shown, a text, or nothing."""
@@ -116,18 +104,13 @@ class Footnote:
 
 @dataclass(frozen=True)
 class Records:
-    """Records under columns.
+    """Records under columns; ``key`` is its name in JSON and in the name of its CSV file.
 
-    Parameters
-    ----------
-    key : its name in JSON, and in the name of its CSV file
-    caption : with the value of ``by`` in braces, as "at {rpm:g} rpm"
-    by : a column each value of which has a table of its own, where people read
-    across : a column each value of which has its own of the columns behind it, where people read
-    seen : which records people read; data has all
-    single : of one record: in JSON an object in place of a list of one
-    hidden : in data only
-    upright : of one record: people read a line a column, with what is there, and its unit
+    Where people read, each value of the column ``by`` has a table of its own, and stands in the
+    caption in braces, as "at {rpm:g} rpm"; each value of ``across`` has its own of the columns
+    behind it; only records that are ``seen`` stand there, and none of a ``hidden`` table; an
+    ``upright`` one has a line a column of its one record, with what is there, and its unit. In JSON
+    a ``single`` one is an object in place of a list of one.
     """
 
     key: str
@@ -170,10 +153,7 @@ class Records:
         return DataFrame.from_records(self.rows(), columns=[c.key for c in self.columns])
 
     def to_show(self, called: Mapping[str, str] | None = None) -> list[DataTable]:
-        """As people read it, a table for each value of ``by``.
-
-        ``called`` : what cams are called, where not by their names
-        """
+        """A table for each value of ``by``; ``called`` is what cams are called, if not by name."""
         titles = called or {}
         return [self._part(*part, titles).called(titles) for part in self._parts()]
 
@@ -215,10 +195,7 @@ class Records:
 
 @dataclass(frozen=True)
 class Arrays(Records):
-    """Records of which each column is an array, its value of ``whole``: data alone, in any number.
-
-    ``records`` only counts them.
-    """
+    """Records, as data alone, of which each column is an array: its value of ``whole``."""
 
     whole: Any = None
     hidden: bool = True
@@ -270,17 +247,13 @@ def _wide(
     return tabulate(caption, cells, [(head, itemgetter(i)) for i, head in enumerate(heads)], *texts)
 
 
-def part(field: str, at: Any) -> Callable[[Any], Any]:
-    """Of what an attribute names, an item or an attribute; None of none. For a column's ``of``."""
-    take = attrgetter(field)
-
-    def value(record: Any) -> Any:
-        whole = take(record)
-        if whole is None:
+def _reached(record: Any, path: str) -> Any:
+    """What a dotted path of attributes and indices leads to; None of none."""
+    for step in path.split("."):
+        if record is None:
             return None
-        return getattr(whole, at) if isinstance(at, str) else plain(whole[at])
-
-    return value
+        record = record[int(step)] if step.isdigit() else getattr(record, step)
+    return record
 
 
 def plain(value: Any) -> Any:
@@ -360,9 +333,9 @@ class Result:
 
 def _html(table: DataTable) -> str:
     lines = [[column.title for column in table.columns], *table.printed]
-    head, *rows = ("".join(f"<td>{escape(text)}</td>" for text in line) for line in lines)
-    body = "".join(f"<tr>{row}</tr>" for row in rows)
-    return f"<table><caption>{escape(table.caption)}</caption><tr>{head}</tr>{body}</table>"
+    cells = ("".join(f"<td>{escape(text)}</td>" for text in line) for line in lines)
+    rows = "".join(f"<tr>{row}</tr>" for row in cells)
+    return f"<table><caption>{escape(table.caption)}</caption>{rows}</table>"
 
 
 class Progress:

@@ -16,7 +16,6 @@ Item = TypeVar("Item")
 
 #: Characters of a line of Markdown outside a table.
 MARKDOWN_WIDTH = 100
-
 #: Significant digits of a number that was found, on a page.
 DIGITS = 4
 
@@ -25,9 +24,7 @@ Cell = str | float | None
 
 #: A minus before a number, which is no hyphen of a word; a number with an exponent.
 _MINUS = re.compile(r"(?<![\w)\]-])-(?=\.?\d)")
-
 _POWER = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]?\d+)(?!\w)")
-
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -35,15 +32,8 @@ _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 class Head:
     """A heading, the unit of the numbers under it, and how they are shown.
 
-    Parameters
-    ----------
-    shown : format of a number, such as ".2f"; empty for a column of text
-    missing : what stands where there is nothing
-
-    Examples
-    --------
-    >>> Head("jump speed", "rpm", ".1f").text(413.4426)
-    '413.4'
+    ``shown`` is the format of a number, such as ".2f", empty for a column of text; ``missing`` is
+    what stands where there is nothing.
     """
 
     heading: str
@@ -66,11 +56,6 @@ class Head:
         """A cell as a page has it: typeset, of four digits at most where decimals are asked for.
 
         A format of significant digits, such as ".6g", stands: it is of what was set, not found.
-
-        Examples
-        --------
-        >>> [Head("force", "N", "+.2f").printed(value) for value in (-413.4426, 28706.4, 0.0)]
-        ['−413.4', '+28710', '+0.00']
         """
         text = self.text(cell)
         if isinstance(cell, float) and math.isfinite(cell) and self.shown.endswith("f"):
@@ -83,13 +68,7 @@ class Head:
 
 
 def typeset(text: str) -> str:
-    """A text as it is printed: a true minus, powers of ten raised.
-
-    Examples
-    --------
-    >>> typeset("-0.25 to 3.3e8, 1e-09 on bezier-15")
-    '−0.25 to 3.3·10⁸, 10⁻⁹ on bezier-15'
-    """
+    """A text as it is printed: a true minus, powers of ten raised."""
     return _MINUS.sub("−", _POWER.sub(_power, text))
 
 
@@ -99,38 +78,18 @@ def _power(found: re.Match[str]) -> str:
 
 
 def printed(value: float, shown: str = ".6g") -> str:
-    """A number in a sentence or a picture.
-
-    Examples
-    --------
-    >>> printed(-0.25), printed(3.3e8)
-    ('−0.25', '3.3·10⁸')
-    """
+    """A number in a sentence or a picture."""
     return typeset(number(value, shown))
 
 
 def number(value: float, shown: str = ".6g") -> str:
-    """A number by a format, with no idle characters in its exponent: 1.26e6, 9.9e-5.
-
-    Examples
-    --------
-    >>> number(3.3e8)
-    '3.3e8'
-    """
+    """A number by a format, with no idle characters in its exponent: 1.26e6, 9.9e-5."""
     mantissa, mark, exponent = format(value, shown).partition("e")
     return f"{mantissa}e{int(exponent)}" if mark else mantissa
 
 
 def counted(count: int, what: str) -> str:
-    """A count and what is counted, in the singular or the plural.
-
-    Examples
-    --------
-    >>> counted(1, "point"), counted(64, "point")
-    ('1 point', '64 points')
-    >>> counted(2, "process")
-    '2 processes'
-    """
+    """A count and what is counted, in the singular or the plural."""
     plural = "es" if what.endswith("s") else "s"
     return f"{count} {what}{'' if count == 1 else plural}"
 
@@ -148,15 +107,14 @@ class DataTable:
     def texts(self) -> list[list[str]]:
         """The rows as they are shown."""
         return [
-            [column.text(cell) for column, cell in zip(self.columns, row, strict=True)]
-            for row in self.rows
+            [c.text(cell) for c, cell in zip(self.columns, row, strict=True)] for row in self.rows
         ]
 
     @property
     def printed(self) -> list[list[str]]:
         """The rows as a page has them."""
         return [
-            [column.printed(cell) for column, cell in zip(self.columns, row, strict=True)]
+            [c.printed(cell) for c, cell in zip(self.columns, row, strict=True)]
             for row in self.rows
         ]
 
@@ -180,13 +138,6 @@ def called(text: str, titles: Mapping[str, str]) -> str:
     """A text with titles for names; within other words only for names with a digit or "_".
 
     A rig may have the name of a cam, and keeps it.
-
-    Examples
-    --------
-    >>> called("tm21 less flat, rig tm21", {"tm21": "TM21", "flat": "Flat face"})
-    'TM21 less flat, rig tm21'
-    >>> called("flat", {"flat": "Flat face"})
-    'Flat face'
     """
     return titles[text] if text in titles else _within(text, titles)
 
@@ -208,12 +159,6 @@ def tabulate(
     """Build a table of one row per item, each column beside what it takes from an item.
 
     A column in which nothing stands is left out, and so is an empty note.
-
-    Examples
-    --------
-    >>> fields = ((Head("cam"), str), (Head("letters", "1", "d"), len))
-    >>> tabulate("Names", ["a", "bc"], fields).rows
-    (('a', 1), ('bc', 2))
     """
     columns, takes = zip(*fields, strict=True)
     rows = [[take(item) for take in takes] for item in items]
@@ -227,22 +172,7 @@ def tabulate(
 
 
 def to_markdown(table: DataTable, name: str = "") -> str:
-    """Caption, table and notes, with a blank line between them and none at the end.
-
-    Parameters
-    ----------
-    name : before the caption, as "Table 3. "
-
-    Examples
-    --------
-    >>> columns = (Head("cam"), Head("n", "rpm", "d"))
-    >>> print(to_markdown(DataTable("Speeds", columns, (("a", 9),))))
-    **Speeds**
-    <BLANKLINE>
-    | cam | n [rpm] |
-    | --- | ---: |
-    | a | 9 |
-    """
+    """Caption behind a name, as "Table 3. ", table and notes, a blank line between them."""
     ruler = ["---:" if column.shown else "---" for column in table.columns]
     lines = [[typeset(column.title) for column in table.columns], ruler, *table.printed]
     rows = "\n".join(f"| {' | '.join(line)} |" for line in lines)

@@ -51,17 +51,20 @@ def sweep(tmp_path_factory):
     scene, factorial = load("scenes", "tm21_sweep"), load("factorials", "continuity")
     scene["program"]["speeds"]["given"] = list(range(200, 401, 25))
     factorial["rises"] = ["poly345", "poly4567"]
-    for key, numbers in {"events": [105, 135], "gentle": [110, 130], "squeezed": [300]}.items():
+    levels = {"events": [105, 135], "gentle": [110, 130], "squeezed": [300], "noise": [200]}
+    for key, numbers in levels.items():
         factorial[key]["assumed"] = numbers
     readings = load("published/readings", "table2")
     for name in readings["readings"].keys() - {"shipped", "five_speeds"}:
         del readings["readings"][name]
     files = {"scenes/tm21_sweep": scene, "factorials/continuity": factorial}
+    yaml = YAML(typ="safe")
+    yaml.default_flow_style, yaml.width = None, 1000
     for name, data in (files | {"published/readings/table2": readings}).items():
         path = config / f"{name}.yaml"
         path.parent.mkdir(parents=True)
         with path.open("w", encoding="utf-8") as file:
-            YAML(typ="safe").dump(data, file)
+            yaml.dump(data, file)
     return config / "scenes" / "tm21_sweep.yaml"
 
 

@@ -10,22 +10,18 @@ from mcap.records import Attachment
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
-from typer.testing import CliRunner
 
 from cam_rig.bag.files import bag_file
 from cam_rig.bag.partial_reader import PartialReader
 from cam_rig.bag.reader import read_counts
 from cam_rig.bag.writer import BagWriter
-from cam_rig.cli.main import app
 from cam_rig.messages.topics import recorded_topic
 from cam_rig.schema.load import config_root
 
+from .calls import call
+
 GOLDEN = config_root().parent / "bags" / "golden"
 MESSAGES = sum(read_counts(GOLDEN).values())
-
-
-def call(*arguments):
-    return CliRunner().invoke(app, [str(a) for a in arguments])
 
 
 def as_ros2_records(target, plugin):
@@ -42,28 +38,30 @@ def as_ros2_records(target, plugin):
 
 @pytest.mark.variants(1)
 @pytest.mark.parametrize("plugin", list(StoragePlugin), ids=lambda p: p.name)
-def test_analyze_takes_a_bag_of_ros2_bag_record(tmp_path, plugin):
-    """MCAP or SQLite, with the wall's time: the same levels, when the scene is named."""
-    as_ros2_records(tmp_path / "theirs", plugin)
-    expected = json.loads(call("analyze", GOLDEN, "--json", "-").stdout)
-    result = call("analyze", tmp_path / "theirs", "--scene", "quick", "--json", "-")
-    assert result.exit_code == 0, result.stderr
-    assert json.loads(result.stdout)["levels"] == expected["levels"]
-    nameless = call("analyze", tmp_path / "theirs")
+def test_a_bag_of_ros2_bag_record(tmp_path, plugin):
+    """MCAP or SQLite, with the wall's time: the same levels, samples and drawing as of the run,
+    when the scene is named."""
+    theirs = tmp_path / "theirs"
+    as_ros2_records(theirs, plugin)
+    nameless = call("analyze", theirs)
     assert nameless.exit_code == 1
     assert "--scene" in nameless.stderr or "holds 0 .mcap files" in nameless.stderr
-
-
-def test_view_takes_a_bag_of_ros2_bag_record(tmp_path):
-    """As its error says: with the scene named, it is drawn."""
-    bag, picture = tmp_path / "theirs", tmp_path / "a.rrd"
-    as_ros2_records(bag, StoragePlugin.MCAP)
-    nameless = call("view", bag, "--save", picture)
-    assert nameless.exit_code == 1 and "--scene" in nameless.stderr
-    result = call("view", bag, "--scene", "quick", "--save", picture)
-    assert result.exit_code == 0, result.stderr
-    call("view", GOLDEN, "--save", tmp_path / "b.rrd")
-    assert picture.stat().st_size == pytest.approx((tmp_path / "b.rrd").stat().st_size, rel=0.01)
+    for bag, words in ((theirs, ["--scene", "quick"]), (GOLDEN, [])):
+        for verb, option, suffix in (
+            ("analyze", "--json", "json"),
+            ("export", "--to", "csv"),
+            ("view", "--save", "rrd"),
+        ):
+            result = call(verb, bag, *words, option, tmp_path / f"{bag.name}.{suffix}")
+            assert result.exit_code == 0, result.stderr
+    one, other = (json.loads((tmp_path / f"{n}.json").read_text()) for n in ("theirs", "golden"))
+    assert one["levels"] == other["levels"]
+    counts = {row["topic"]: row["count"] for row in other["messages"]}
+    assert counts["/follower/samples"] == 16
+    texts = [(tmp_path / f"{name}.csv").read_text() for name in ("theirs", "golden")]
+    assert texts[0] == texts[1]
+    sizes = [(tmp_path / f"{name}.rrd").stat().st_size for name in ("theirs", "golden")]
+    assert sizes[0] == pytest.approx(sizes[1], rel=0.01)
 
 
 def test_recover_of_a_cut_bag(tmp_path):
@@ -207,13 +205,3 @@ def test_what_never_was_a_bag_is_not_to_be_recovered(tmp_path, verb, make, words
     assert "recover" not in result.stderr
     assert "PosixPath" not in result.stderr
     assert len(result.stderr.strip().splitlines()) == 1
-
-
-def test_an_unclosed_bag_is_to_be_recovered(tmp_path):
-    """What was a bag once is sent to ``recover``."""
-    bag = shutil.copytree(GOLDEN, tmp_path / "golden")
-    (file,) = bag.glob("*.mcap")
-    file.write_bytes(file.read_bytes()[:60_000])
-    result = call("view", bag, "--save", tmp_path / "a.rrd")
-    assert result.exit_code == 1
-    assert f"cam-rig recover {bag}" in result.stderr

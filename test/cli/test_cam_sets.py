@@ -6,16 +6,12 @@ from shutil import copy, copytree
 
 import pytest
 from ruamel.yaml import YAML
-from typer.testing import CliRunner
 
-from cam_rig.cli.main import app
 from cam_rig.errors import ConfigError
 from cam_rig.schema.load import config_root, one_scene
 from cam_rig.simulation.asked import asked_cams, asked_scene, scene_speeds
 
-
-def call(*arguments):
-    return CliRunner().invoke(app, [str(a) for a in arguments])
+from .calls import call
 
 
 @pytest.fixture(scope="module")

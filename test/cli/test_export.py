@@ -5,19 +5,12 @@ import io
 
 import numpy as np
 import pytest
-from rosbags.rosbag2 import StoragePlugin
-from typer.testing import CliRunner
 
-from cam_rig.cli.main import app
 from cam_rig.schema.load import config_root
 
-from .test_bags import as_ros2_records
+from .calls import call
 
 GOLDEN = config_root().parent / "bags" / "golden"
-
-
-def call(*arguments):
-    return CliRunner().invoke(app, [str(a) for a in arguments])
 
 
 def test_a_scene_and_its_bag_give_the_same_rows():
@@ -43,30 +36,3 @@ def test_export_says_what_it_wrote(tmp_path, source):
         assert set(columns["cam"]) == {"tm21"}
         assert f"{columns['force_N'].size} samples" in result.stderr
     assert "gaps" not in result.stderr
-
-
-@pytest.mark.variants(1)
-@pytest.mark.parametrize("plugin", list(StoragePlugin), ids=lambda plugin: plugin.name)
-def test_a_bag_of_ros2_bag_record(tmp_path, plugin):
-    """With the wall's time and no scene: the same samples, when the scene is named."""
-    as_ros2_records(tmp_path / "theirs", plugin)
-    for source, words in ((tmp_path / "theirs", ["--scene", "quick"]), (GOLDEN, [])):
-        result = call("export", source, *words, "--to", tmp_path / f"{source.name}.csv")
-        assert result.exit_code == 0, result.stderr
-    one, other = ((tmp_path / f"{name}.csv").read_text() for name in ("theirs", "golden"))
-    assert one == other
-
-
-def test_what_cannot_be_exported_is_said_in_a_line(tmp_path):
-    """Kind of file, place, speed."""
-    for words, error in (
-        (["quick", "--to", tmp_path / "a.xlsx"], "allowed: .parquet, .csv, .npz, .wav"),
-        (["quick", "--to", tmp_path], "unknown kind of file"),
-        (["quick", "--rpm", "222", "--to", tmp_path / "a.csv"], "no samples of a cam at 222 rpm"),
-        (["quik", "--to", tmp_path / "a.csv"], "did you mean 'quick'"),
-    ):
-        result = call("export", *words)
-        assert result.exit_code == 2
-        assert error in result.stderr
-        assert result.stderr.strip().count("\n") == 0
-    assert list(tmp_path.iterdir()) == []

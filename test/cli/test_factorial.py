@@ -1,42 +1,28 @@
-"""cam-rig factorial: two processes, JSON for programs, a plot, refusals in a line."""
+"""cam-rig factorial: JSON for programs, a plot, refusals in a line."""
 
 import json
 import math
+from functools import partial
+from pathlib import Path
+from shutil import copy
 
 import pytest
-from ruamel.yaml import YAML
-from typer.testing import CliRunner
 
-from cam_rig.cli.main import app
-from cam_rig.schema.load import config_root
+from .calls import call as run
 
-
-def call(*arguments):
-    return CliRunner().invoke(app, ["factorial", *(str(a) for a in arguments)])
+call = partial(run, "factorial")
 
 
 @pytest.fixture
-def small(tmp_path):
+def small(sweep, tmp_path):
     """The shipped study with two laws and two angles."""
-    data = YAML(typ="safe").load(
-        (config_root() / "factorials" / "continuity.yaml").read_text(encoding="utf-8")
-    )
-    data["rises"] = ["poly345", "poly4567"]
-    levels = {"events": [105, 135], "gentle": [110, 130], "squeezed": [300], "noise": [200]}
-    for key, numbers in levels.items():
-        data[key]["assumed"] = numbers
-    path = tmp_path / "continuity.yaml"
-    with path.open("w", encoding="utf-8") as file:
-        yaml = YAML(typ="safe")
-        yaml.default_flow_style, yaml.width = None, 1000
-        yaml.dump(data, file)
-    return path
+    return Path(copy(sweep.parents[1] / "factorials" / "continuity.yaml", tmp_path))
 
 
 def test_json_and_plot(small):
     """Values, shares that add up, and the conclusions; a picture, and the tables as CSV."""
     plot, csv = small.parent / "a.png", small.parent / "a.csv"
-    result = call(small, "--json", "-", "--plot", plot, "--csv", csv)
+    result = call(small, "--jobs", 1, "--json", "-", "--plot", plot, "--csv", csv)
     assert result.exit_code == 0
     data = json.loads(result.stdout)
     rows = {(one["design"], one["effect"], one["in_contact"]): one for one in data["variance"]}
@@ -84,9 +70,8 @@ def test_a_study_that_cannot_be_run(small, key, old, new, words):
     assert words in result.stderr
 
 
-def test_refusals(small):
-    """An unknown study, an unknown rig."""
-    assert "no_such.yaml: no such file; there are: continuity" in call("no_such").stderr
+def test_an_unknown_rig(small):
+    """Of the study is named."""
     small.write_text(small.read_text(encoding="utf-8").replace("tm21", "no_such_rig"))
     result = call(small, "--json", small.parent / "a.json")
     assert result.exit_code == 2

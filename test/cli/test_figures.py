@@ -38,6 +38,9 @@ CASES = [
     "timing {bezier_14} --plot",
     "law {tiny_3} --out",
     "law {below_0} --out",
+    "law worked_example_constant_velocity --out",
+    "law b_spline --out",
+    "law measured --out",
     "law {tiny_3} {below_0} {bezier_14} {arm_7} {flat_7} --out",
     "laws --plot",
     "design {tiny_3} --minimise peak_jerk --pieces 4 --joints C2 --plot",
@@ -148,7 +151,6 @@ def drawing_commands(commands, before=""):
             yield before + name
 
 
-@pytest.mark.variants(1)
 @pytest.mark.variants(2)
 @pytest.mark.parametrize("case", CASES)
 def test_no_figure_is_faulty(case, own, tmp_path):

@@ -6,15 +6,11 @@ import json
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from cam_rig.cli.main import app
 from cam_rig.laws.catalogue import free_laws
 from cam_rig.laws.segments import NAMED_RISES
 
-
-def call(*arguments):
-    return CliRunner().invoke(app, [str(a) for a in arguments])
+from .calls import call
 
 
 def test_laws_as_json():
@@ -46,7 +42,6 @@ def test_laws_for_people():
         assert f" {name} " in result.stderr
 
 
-@pytest.mark.variants(1)
 @pytest.mark.variants(2)
 @pytest.mark.parametrize("suffix", ["png", "svg", "pdf"])
 def test_law_is_drawn(tmp_path, suffix):
@@ -58,14 +53,6 @@ def test_law_is_drawn(tmp_path, suffix):
     assert target.read_bytes().startswith(magic)
     assert "in/rad" in result.stderr
     assert "90° C2" in result.stderr
-
-
-@pytest.mark.variants(1)
-@pytest.mark.variants(2)
-@pytest.mark.parametrize("cam", ["worked_example_constant_velocity", "b_spline", "measured"])
-def test_odd_laws_are_drawn_too(tmp_path, cam):
-    """Velocity jumps, control polygons, measured points."""
-    assert call("law", cam, "--out", tmp_path / "a.png").exit_code == 0
 
 
 def test_law_as_csv(laws):
@@ -118,7 +105,6 @@ def test_a_csv_of_several_cams_holds_that_of_each(config_dir):
         assert [row for row in both if row["cam"] == name] == alone
 
 
-@pytest.mark.variants(1)
 @pytest.mark.variants(2)
 @pytest.mark.parametrize(
     ("arguments", "words"),
@@ -126,7 +112,6 @@ def test_a_csv_of_several_cams_holds_that_of_each(config_dir):
         (["law", "poly345", "cycloidal", "bezier9", "--out"], "Peaks for unit rise and unit span"),
         (["law", "poly345", "worked_example_quintic", "--out"], "mm/rad"),
         (["law", "bezier6_start", "--out"], "bezier6_start  eq. 3.5"),
-        (["laws", "--plot"], "bezier8_end"),
         (["laws", "--family", "classical", "--plot"], "modified_trapezoid"),
     ],
 )
@@ -158,35 +143,6 @@ def test_a_family_by_itself():
     names = [row["law"] for row in json.loads(result.stdout)["laws"]]
     assert names == ["bezier4_end", "bezier6_end", "bezier8_end"]
     assert "cycloidal" not in result.stderr
-
-
-@pytest.mark.parametrize(
-    ("arguments", "code", "words"),
-    [
-        (["law", "zzz"], 2, "'zzz': no such cam or rise; cams: arcs_"),
-        (["law", "poly354"], 2, "no such cam or rise (did you mean 'poly345'?); cams: arcs_"),
-        (["law", "poly345", "bezier8start"], 2, "did you mean 'bezier8_start'?"),
-        (["law", "poly345", "cycloidal", "poly345"], 2, "'poly345' is named twice; allowed: each"),
-        (["law", "bezier15", "bezier9"], 2, "'bezier15' is a cam and no rise, 'bezier9' is a rise"),
-        (["law", "bezier15", "--rises"], 2, "no rise, --rises asks for rises; allowed: cams with"),
-        (["law", "poly345", "{tmp}/none.yaml"], 2, "cam-rig: {tmp}/none.yaml: no such file"),
-        (["laws", "--family", "strat"], 2, "did you mean 'start'?); allowed: polynomial, start"),
-        (["laws", "--plot", "{tmp}/a.xyz"], 2, "unknown kind of picture; allowed: .png"),
-        (["law", "{tmp}"], 2, "cam-rig: {tmp}: is a folder; allowed: a YAML file"),
-        (["law", "{tmp}/none"], 2, "cam-rig: {tmp}/none: no such file\n"),
-        (["law", "poly345", "--out", "{tmp}/a.xyz"], 2, "unknown kind of picture; allowed: .png"),
-        (["law", "poly345", "--out", "{tmp}"], 2, "unknown kind of picture"),
-        (["law"], 2, "Missing argument"),
-        (["laws", "--json", "{tmp}"], 1, "is a folder; allowed: a file"),
-    ],
-)
-def test_errors_are_one_line_with_a_code(tmp_path, arguments, code, words):
-    """A user's mistake gives a line and a code, no traceback, and writes nothing."""
-    result = call(*(a.replace("{tmp}", str(tmp_path)) for a in arguments))
-    assert result.exit_code == code
-    assert words.replace("{tmp}", str(tmp_path)) in result.stderr
-    assert "Traceback" not in result.stderr
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_cam_that_cannot_be_names_its_file(tmp_path, config_dir):

@@ -6,16 +6,12 @@ from shutil import copytree
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from cam_rig.acoustics import level_db
-from cam_rig.cli.main import app
 from cam_rig.schema.load import config_root
 from cam_rig.simulation.scene import load_scene
 
-
-def call(*arguments):
-    return CliRunner().invoke(app, [str(a) for a in arguments])
+from .calls import call
 
 
 @pytest.mark.usefixtures("one_study")
@@ -72,47 +68,12 @@ def test_listen_writes_a_sound_file(tmp_path):
     assert not told["overload"]
 
 
-def test_seconds_without_a_speed(tmp_path):
-    """A length that would be ignored is an error."""
-    result = CliRunner().invoke(
-        app, ["listen", "quick", "--seconds", "3", "--out", str(tmp_path / "a.wav")]
-    )
-    assert result.exit_code == 2
-    assert "--seconds is 3 without --rpm" in result.stderr
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_listen_repeats(tmp_path):
     """The background is seeded: the same file twice."""
     files = [tmp_path / name for name in ("a.wav", "b.wav")]
     for out in files:
         call("listen", "quick", "--rpm", "200", "--cam", "tm21", "--seconds", "0.5", "--out", out)
     assert files[0].read_bytes() == files[1].read_bytes()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "code", "words"),
-    [
-        (["noise", "quick"], 2, "a noise study needs at least 9"),
-        (
-            ["noise", "--rig", "none"],
-            2,
-            "none.yaml: no such file; there are: paper_flywheel, paper_table2",
-        ),
-        (["noise", "--rig", "tm21"], 2, "follower.roller_share: is missing"),
-        (["listen", "quick", "--out", "{tmp}/a.mp3"], 2, "unknown kind of sound file; allowed"),
-        (["listen", "quick", "--out", "{tmp}/a.wav", "--cam", "no"], 2, "has no cam 'no'"),
-        (["listen", "quick", "--out", "/proc/none/a.wav"], 1, "/proc/none/a.wav: cannot be"),
-        (["listen", "quick", "--out", "{tmp}/a.wav", "--rpm", "0"], 2, ""),
-    ],
-)
-def test_errors(tmp_path, arguments, code, words):
-    """A line and a code, no traceback, and nothing written."""
-    result = call(*(a.replace("{tmp}", str(tmp_path)) for a in arguments))
-    assert result.exit_code == code
-    assert words in result.stderr
-    assert "Traceback" not in result.stderr
-    assert list(tmp_path.iterdir()) == []
 
 
 def roles(scene):

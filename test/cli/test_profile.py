@@ -2,23 +2,22 @@
 
 import json
 import re
+from functools import partial
 
 import numpy as np
 import pytest
 from ruamel.yaml import YAML
 from shapely import LinearRing, distance, points, prepare
-from typer.testing import CliRunner
 
-from cam_rig.cli.main import app
 from cam_rig.laws import build_law
 from cam_rig.profile import contours, turn_angles
 from cam_rig.schema import load_cam
 from cam_rig.schema.load import cam_path, config_root
 from cam_rig.show.tables import number
 
+from .calls import call as run
 
-def call(*arguments):
-    return CliRunner().invoke(app, ["profile", *(str(a) for a in arguments)])
+call = partial(run, "profile")
 
 
 @pytest.fixture
@@ -32,14 +31,21 @@ def undercut(tmp_path):
     return tmp_path / "flat.yaml"
 
 
-def test_all_shipped_cams_pass():
+@pytest.fixture(scope="module")
+def all_shipped():
+    """What the command says of every shipped cam."""
+    result = call("--all", "--json", "-")
+    assert result.exit_code == 0
+    return result
+
+
+def test_all_shipped_cams_pass(all_shipped):
     """Each cam of the folder is in the table and in the JSON, and all but one can be made.
 
     The constant velocity of the worked example has corners, which no contour follows: its file
     says so, and it is no failure of the set; asked for by itself it is.
     """
-    result = call("--all", "--json", "-")
-    assert result.exit_code == 0
+    result = all_shipped
     assert "its file says that it cannot be made: its velocity jumps" in result.stderr
     assert call("worked_example_constant_velocity").exit_code == 1
     data = json.loads(result.stdout)
@@ -57,12 +63,12 @@ def test_all_shipped_cams_pass():
     assert (pressure["limit"], pressure["unit"]) == (pytest.approx(np.pi / 6.0), "rad")
 
 
-def test_the_table_of_all_fits_80_columns():
+def test_the_table_of_all_fits_80_columns(all_shipped):
     """Every cam on one line with all its numbers, none cut; a straight flank has no radius.
 
     TM21's numbers are the theses' cam's; "–" is what a cam has not.
     """
-    lines = call("--all").stderr.splitlines()
+    lines = all_shipped.stderr.splitlines()
     names = {path.stem for path in (config_root() / "cams").glob("*.yaml")}
     table = lines[: next(i for i, line in enumerate(lines) if line.startswith("–: "))]
     rows = {line.split()[0]: line.split() for line in table if line.strip()}
@@ -184,38 +190,6 @@ def test_pitch_curve_is_the_path_of_such_a_cutter(tmp_path):
     assert call("tm21", "--cutter", "10", "--out", tmp_path / "c.csv").exit_code == 0
     assert (tmp_path / "p.csv").read_bytes() == (tmp_path / "c.csv").read_bytes()
     assert call("tm21", "--cutter", "8", "--out", tmp_path / "d.svg").exit_code == 0
-
-
-@pytest.mark.parametrize(
-    ("arguments", "code", "words"),
-    [
-        ([], 2, "no cam is named; allowed: "),
-        (["no_such_cam"], 2, "no_such_cam.yaml: no such file; there are: arcs_centres"),
-        (["flat", "--out", "{tmp}/a.step"], 2, "unknown kind of file; allowed: .dxf, .svg, .csv"),
-        (["flat", "--out", "{tmp}"], 2, "unknown kind of file"),
-        (["flat", "tm21", "--out", "{tmp}/a.dxf"], 2, "2 cams for one file"),
-        (["--all", "--plot", "{tmp}/a.png"], 2, "cams for one file"),
-        (["flat", "--plot", "{tmp}/a.xyz"], 2, "unknown kind of picture"),
-        (["flat", "--pitch"], 2, "--pitch and --cutter need --out"),
-        (["flat", "--pitch", "--out", "{tmp}/a.dxf"], 2, "a flat follower has no pitch curve"),
-        (["tm21", "--pitch", "--cutter", "3", "--out", "{tmp}/a.dxf"], 2, "are two paths"),
-        (["tm21", "--cutter", "-3", "--out", "{tmp}/a.dxf"], 2, "is -3 mm; allowed: more than 0"),
-        (["tm21", "--cutter", "600", "--out", "{tmp}/a.dxf"], 1, "concave radius of curvature 507"),
-        (["tm21", "--tolerance", "0", "--out", "{tmp}/a.dxf"], 2, "tolerance is 0 µm; allowed: "),
-        (["tm21", "--tolerance", "nan", "--out", "{tmp}/a.dxf"], 2, "tolerance is nan µm; allo"),
-        (["tm21", "--from", "{tmp}/none.csv"], 1, "none.csv: cannot be read"),
-        (["tm21", "--from", "a.csv", "--plot", "{tmp}/a.png"], 2, "--from measures; allowed with"),
-        (["tm21", "--from", "{tmp}/none.png"], 2, "unknown kind of file; allowed: .dxf, .csv"),
-        (["tm21", "--out", "/proc/none/a.dxf"], 1, "cannot be written"),
-    ],
-)
-def test_mistakes_are_one_line_and_write_nothing(tmp_path, arguments, code, words):
-    """A line and a code, no traceback, no file."""
-    result = call(*(a.replace("{tmp}", str(tmp_path)) for a in arguments))
-    assert result.exit_code == code
-    assert words in result.stderr
-    assert "Traceback" not in result.stderr
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_an_arm_that_does_not_reach_is_a_wrong_file(tmp_path):

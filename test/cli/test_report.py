@@ -5,12 +5,11 @@ import math
 import re
 from concurrent.futures import Future
 from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
-from cam_rig.cli.main import app
 from cam_rig.dynamics.jump.any_follower import find_jump, follower_of
 from cam_rig.law_design.design import ASKED
 from cam_rig.paper.as_cut.study import CUT
@@ -21,10 +20,9 @@ from cam_rig.simulation.scene import build_law, load_cam, load_scene
 from cam_rig.simulation.scene_run import run_scene
 
 from ..figure_faults import EXPONENT, HYPHEN
+from .calls import call as run
 
-
-def call(*arguments):
-    return CliRunner().invoke(app, ["report", *(str(a) for a in arguments)])
+call = partial(run, "report")
 
 
 def sentences(page):
@@ -107,6 +105,8 @@ def fewer(undrawn, monkeypatch):
     monkeypatch.setattr("cam_rig.report.paper_sections.has_central_roller", lambda c: c.name == CUT)
     monkeypatch.setattr("cam_rig.paper.flywheel.INERTIAS", (SHOWN, math.inf))
     monkeypatch.setattr("cam_rig.law_design.design.ASKED", ASKED[1:2])  # not of a jump
+    monkeypatch.setattr("cam_rig.paper.readings.readings.SPEEDS", 32)
+    monkeypatch.setattr("cam_rig.paper.readings.readings.POINTS", 640)
 
 
 @pytest.mark.slow
@@ -161,42 +161,6 @@ def check_page(scene, tmp_path):
         *("jump", "as-cut", "timing", "vibration", "contact", "noise", "orders", "factorial")
     }
     assert sorted(p.name for p in out.parent.iterdir()) == ["report.html", "report.json"]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "code", "words"),
-    [
-        (["--out", "{tmp}/a.pdf"], 2, "unknown kind of page; allowed: .html, .md"),
-        (["--out", "{tmp}"], 2, "unknown kind of page"),
-        (["--out", "/dev/null/a.html"], 1, "cannot be written, /dev/null is no writable folder"),
-        (["--out", "{tmp}/a.html", "--bag", "{golden}"], 1, "is a recording of the scene 'quick'"),
-        (["--out", "{tmp}/a.html", "--bag", "{tmp}/none"], 1, "no such bag"),
-        (["--out", "{tmp}/a.html", "--rig", "tm21"], 2, "follower.roller_share: is missing"),
-        (["--out", "{tmp}/a.html", "--scene", "no_such"], 2, "no such file"),
-        (["--out", "{tmp}/a.html", "--factorial", "no_such"], 2, "no such file"),
-        (["--out", "{tmp}/a.html", "quick", "--factorial", "continuity"], 2, "not the paper's"),
-        (["--out", "{tmp}/a.html", "quick", "--jobs", "2"], 2, "not the paper's"),
-        (["--out", "{tmp}/a.html", "--dask", "nowhere"], 2, "allowed: an address"),
-        (["--out", "{tmp}/a.html", "quick", "--rig", "no_such"], 2, "no such file"),
-    ],
-)
-def test_refusals(tmp_path, arguments, code, words):
-    """Wrong places, bags and names are told before anything runs, and nothing is written."""
-    golden = str(config_root().parent / "bags" / "golden")
-    texts = (a.replace("{tmp}", str(tmp_path)).replace("{golden}", golden) for a in arguments)
-    result = call(*texts)
-    assert result.exit_code == code
-    assert words in result.stderr
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_date_that_is_none(tmp_path, monkeypatch):
-    """Is told before anything runs."""
-    monkeypatch.setenv("SOURCE_DATE_EPOCH", "today")
-    result = call("quick", "--out", tmp_path / "a.html")
-    assert result.exit_code == 2
-    assert "SOURCE_DATE_EPOCH: 'today' is no date; allowed: whole seconds" in result.stderr
-    assert list(tmp_path.iterdir()) == []
 
 
 SECTIONS = ("summary", "cams", "contour", "turn", "jump", "vibration", "sound", "numbers")

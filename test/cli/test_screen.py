@@ -1,26 +1,11 @@
 """What a run is shown on, and how long."""
 
-import subprocess
-import sys
-from pathlib import Path
-
 import pytest
 
 from cam_rig.errors import CamRigError
 from cam_rig.show.command import LINE_EVERY_S
 from cam_rig.viewer.command import DelayReport
 from cam_rig.viewer.page import PageTime
-
-
-def test_waiting_needs_somebody_to_wait_for(tmp_path):
-    """The error names what to add, before anything is started."""
-    command = [Path(sys.executable).with_name("cam-rig"), "run", "quick", "--wait"]
-    done = subprocess.run(
-        command, capture_output=True, text=True, cwd=tmp_path, check=False, timeout=100
-    )
-    assert done.returncode == 2
-    assert "--wait: waits for a viewer" in done.stderr
-    assert not list(tmp_path.iterdir())
 
 
 def test_a_log_says_how_far_the_page_is_behind(capsys):

@@ -1,12 +1,20 @@
 """A page as a document: head, contents, numbers; text is escaped, words stand left."""
 
-import doctest
 import re
 
 import pytest
 
-import cam_rig.report.document
-from cam_rig.report.document import Answer, Numbering, environment, percent, summary_table, to
+from cam_rig.report.document import (
+    Answer,
+    Numbering,
+    anchor,
+    bold,
+    environment,
+    percent,
+    span,
+    summary_table,
+    to,
+)
 from cam_rig.show.tables import DataTable, Head
 
 TABLE = DataTable(
@@ -45,11 +53,6 @@ def render(kind, parts=PARTS, figures=("pic",)):
         text = environment(kind).from_string(parts).render(page=page, table=TABLE, other=OTHER)
         numbering.restart()
     return text
-
-
-def test_examples():
-    """What the docstrings show is what comes out."""
-    assert doctest.testmod(cam_rig.report.document).failed == 0
 
 
 def test_html():
@@ -135,3 +138,6 @@ def test_numbers_in_sentences():
     assert percent(-0.0053, "+.2f") == "−0.53 %"
     assert to((0.71, 1.66), ".1f") == "0.7 to 1.7"
     assert to((-2e-7, 3.3e8), ".2g") == "−2·10⁻⁷ to 3.3·10⁸"
+    assert bold(0.369, ".2f", "%") == "**0.37 %**"
+    assert span((0.7, 1.66), ".1f", "turns") == "**0.7** to **1.7 turns**"
+    assert anchor("12 Given, assumed, identified") == "12-given-assumed-identified"

@@ -187,10 +187,7 @@ def eq_2_33():
         swing = 5.0 * distance(angle)
         one, two = pivot - arm * np.cos(swing), arm * np.sin(swing)
         return np.array(
-            [
-                np.cos(angle) * one + np.sin(angle) * two,
-                -np.sin(angle) * one + np.cos(angle) * two,
-            ]
+            [np.cos(angle) * one + np.sin(angle) * two, -np.sin(angle) * one + np.cos(angle) * two]
         )
 
     def error(sign):

@@ -73,6 +73,12 @@ def test_csv_and_pandas_have_the_keys():
     assert "<td>b †</td>" in FOUND._repr_html_()
 
 
+def test_a_column_is_of_a_path():
+    """Attributes and indices, and nothing where there is none on the way."""
+    found = [Column("a", of=path).value([1j, (None, 2.0)]) for path in ("0.imag", "1.1", "1.0.x")]
+    assert found == [1.0, 2.0, None]
+
+
 def called(tmp_path, *arguments):
     app = typer.Typer()
 

@@ -1,12 +1,19 @@
 """Tables as data: each heading beside its cells, numbers as they are shown, CSV with all digits."""
 
-import doctest
 import math
 
 import pytest
 
-import cam_rig.show.tables
-from cam_rig.show.tables import DataTable, Head, called, number, tabulate
+from cam_rig.show.tables import (
+    DataTable,
+    Head,
+    called,
+    counted,
+    number,
+    tabulate,
+    to_markdown,
+    typeset,
+)
 
 FIELDS = (
     (Head("cam"), lambda row: row[0]),
@@ -16,24 +23,21 @@ FIELDS = (
 ROWS = (("a", 413.4426), ("b", None))
 
 
-def test_examples():
-    """What the docstrings show is what comes out."""
-    assert doctest.testmod(cam_rig.show.tables).failed == 0
+def test_words_and_numbers():
+    """As few characters as needed; typeset a true minus and raised powers; counts in the plural."""
+    values = (1.26e6, 3.3e8, 0.05, 4030.0, 9.8599e-5)
+    assert [*map(number, values)] == ["1.26e6", "3.3e8", "0.05", "4030", "9.8599e-5"]
+    shown = "−0.25 to 3.3·10⁸, 10⁻⁹ on bezier-15"
+    assert typeset("-0.25 to 3.3e8, 1e-09 on bezier-15") == shown
+    assert [counted(n, "point") for n in (1, 64)] == ["1 point", "64 points"]
+    assert counted(2, "process") == "2 processes"
 
 
-@pytest.mark.parametrize(
-    ("value", "shown"),
-    [
-        (1.26e6, "1.26e6"),
-        (3.3e8, "3.3e8"),
-        (0.05, "0.05"),
-        (4030.0, "4030"),
-        (9.8599e-5, "9.8599e-5"),
-    ],
-)
-def test_numbers(value, shown):
-    """As few characters as needed."""
-    assert number(value) == shown
+def test_markdown():
+    """A name, the caption, numbers to the right; no blank line at the end."""
+    table = DataTable("Speeds", (Head("cam"), Head("n", "rpm", "d")), (("a", 9),))
+    expected = "**Table 3. Speeds**\n\n| cam | n [rpm] |\n| --- | ---: |\n| a | 9 |"
+    assert to_markdown(table, "Table 3. ") == expected
 
 
 @pytest.mark.parametrize(

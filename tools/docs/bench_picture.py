@@ -19,11 +19,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cam_rig.errors import CamRigError
-from cam_rig.files import writing
-from cam_rig.show.command import user_errors
 from cam_rig.show.looks import LIFT
-from cam_rig.show.terminal import console
-from tools.docs.browser import MIN_PIXELS, TIMEOUT_S, count, new_page, open_browser, photographs
+from tools.docs.browser import (
+    MIN_PIXELS,
+    TIMEOUT_S,
+    count,
+    new_page,
+    open_browser,
+    photographs,
+    put,
+)
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -35,12 +40,7 @@ SPEEDS = {"poly345": range(200, 550, 50), "tm21": range(200, 500, 50)}
 
 
 def photograph_bench(path: Path) -> None:
-    """Write the bench with the readings of two cams, and the rig in Rerun.
-
-    Raises
-    ------
-    CamRigError : there is no browser, or the page does not come to show it
-    """
+    """Write the bench with the readings of two cams, and the rig in Rerun."""
     with _panel() as address, open_browser() as browser:
         page = new_page(browser)
         page.set_viewport_size(SIZE)  # type: ignore[arg-type]
@@ -89,13 +89,5 @@ def _panel() -> Iterator[str]:
             process.wait(TIMEOUT_S)
 
 
-def main() -> None:
-    """Write the picture into docs/."""
-    with user_errors():
-        with writing(PICTURE) as part:
-            photograph_bench(part)
-        console.print(f"{PICTURE}: {PICTURE.stat().st_size / 1e3:.0f} kB", soft_wrap=True)
-
-
 if __name__ == "__main__":
-    main()
+    put(PICTURE, photograph_bench)

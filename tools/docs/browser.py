@@ -6,8 +6,9 @@ import importlib.util
 import io
 import shutil
 import time
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +16,9 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from cam_rig.errors import CamRigError
+from cam_rig.files import writing
+from cam_rig.show.command import user_errors
+from cam_rig.show.terminal import console
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -58,12 +62,7 @@ def why_no_browser() -> str | None:
 
 @contextmanager
 def open_browser(webgl: bool = True) -> Iterator[Browser]:
-    """A Chromium without a window; without WebGL it draws plain pages faster.
-
-    Raises
-    ------
-    CamRigError : there is none
-    """
+    """A Chromium without a window; without WebGL it draws plain pages faster."""
     if why := why_no_browser():
         raise CamRigError(f"no browser: {why}")
     from playwright.sync_api import sync_playwright
@@ -92,10 +91,6 @@ def photographs(page: Page, deadline: float) -> Iterator[Pixels]:
     """Pictures ``(h, w, 3)`` of a page, one after the other, until a time of `time.monotonic`.
 
     A browser that is short of time cannot always take one: then it is asked again.
-
-    Raises
-    ------
-    CamRigError : not a single one could be taken
     """
     from playwright.sync_api import Error
 
@@ -118,13 +113,7 @@ def photographs(page: Page, deadline: float) -> Iterator[Pixels]:
 def photograph(address: str, colours: Collection[int], settled: int) -> Pixels:
     """A picture of a page on which all colours 0xRRGGBBAA can be seen at once.
 
-    Parameters
-    ----------
-    settled : the colour of what grows while the page loads, and then no more
-
-    Raises
-    ------
-    CamRigError : no browser, or they never are
+    ``settled``: the colour of what grows while the page loads, and then no more.
     """
     with open_browser() as browser:
         page, deadline = new_page(browser), time.monotonic() + TIMEOUT_S
@@ -138,6 +127,23 @@ def photograph(address: str, colours: Collection[int], settled: int) -> Pixels:
             before = now
     words = ", ".join(f"#{colour >> 8:06x}" for colour in missing) or "the page is not still; none"
     raise CamRigError(f"{address}: {words} not to be seen after {TIMEOUT_S:g} s")
+
+
+def until(page: Page, condition: str, also: Callable[[], bool] = lambda: True) -> None:
+    """Wait until a condition holds in the page, and another here."""
+    deadline = time.monotonic() + TIMEOUT_S
+    while not (also() and page.evaluate(condition)):
+        if time.monotonic() > deadline:
+            raise CamRigError(f"{page.url}: the page does not come to show {condition}")
+        page.wait_for_timeout(50)
+
+
+def put(picture: Path, photograph: Callable[[Path], None]) -> None:
+    """Write a picture into docs/."""
+    with user_errors():
+        with writing(picture) as part:
+            photograph(part)
+        console.print(f"{picture}: {picture.stat().st_size / 1e3:.0f} kB", soft_wrap=True)
 
 
 def count(pixels: Pixels, colour: int) -> int:

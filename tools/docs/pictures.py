@@ -28,15 +28,8 @@ def draw_pictures(archive: TurnArchive, noise: Callable[[Path], None], folder: P
 
     Animated is the cam whose follower is farthest off it at the highest speed.
 
-    Parameters
-    ----------
-    archive : the last turn of every cam at every speed of a run
-    noise : draws noise against rpm into a file
-    folder : must exist
-
-    Raises
-    ------
-    BagError : the run was ended before a cam's last speed
+    ``archive``: the last turn of every cam at every speed of a run; ``noise``: draws noise against
+    rpm into a file; ``folder``: must exist.
     """
     rpm = compared_rpm(archive.loaded, None)
     turns = [archive.turn(cam, rpm) for cam in archive.loaded.cams]

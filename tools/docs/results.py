@@ -103,7 +103,8 @@ def _table(columns: tuple[Column, ...]) -> Iterator[str]:
     yield "| key | unit | meaning |"
     yield "|---|---|---|"
     for column in columns:
-        words = column.about or column.heading.replace("{}", "…") or column.key.replace("_", " ")
+        words = column.heading.replace("{}", "…") or column.key.replace("_", " ")
+        words += f": {column.about}" if column.about else ""
         meaning = re.sub(r"\s+", " ", words).replace("|", "\\|")
         yield f"| `{column.key}` | {column.si} | {meaning} |"
 

@@ -26,12 +26,7 @@ SHOWN = (
 
 
 def photograph_viewer(bag: Path, path: Path) -> None:
-    """Write the run's own layout as a browser shows it when the bag is loaded.
-
-    Raises
-    ------
-    CamRigError : there is no browser, or it does not show it all
-    """
+    """Write the run's own layout as a browser shows it when the bag is loaded."""
     with TemporaryDirectory(prefix="cam_rig_") as folder:
         recording = Path(folder) / f"{bag.resolve().name}.rrd"
         begin = save_recording(bag, recording)

@@ -45,14 +45,8 @@ def draw_rig(axes: Axes, archive: TurnArchive, turn: Turn, sample: int) -> list[
         line(np.concatenate([point, shape.carried(point, motion.s, lift)]), colours.GAP, 4.0)
     else:
         along = float(np.sum(normal * shape.upward(motion.s)))
-        arrow = (
-            normal[0]
-            * force
-            / along
-            * ARROW
-            * shape.reach
-            / max_contact_force(loaded, turn.cam, turn.speed)
-        )
+        most = max_contact_force(loaded, turn.cam, turn.speed)
+        arrow = normal[0] * force / along * ARROW * shape.reach / most
         drawn.append(
             axes.annotate(
                 "",

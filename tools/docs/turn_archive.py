@@ -46,24 +46,14 @@ class TurnArchive:
         """Nothing is left over."""
 
     def turn(self, cam: str, rpm: float) -> Turn:
-        """The last turn of a cam at a speed.
-
-        Raises
-        ------
-        BagError : the run was ended before it
-        """
+        """The last turn of a cam at a speed."""
         if (cam, rpm) not in self.turns:
             raise BagError(f"no whole turn of {cam!r} at {rpm:g} rpm; was the run interrupted?")
         return self.turns[cam, rpm]
 
 
 def read_turns(bag: Path, on_tick: Callable[[], None] = lambda: None) -> TurnArchive:
-    """The turns of a bag; ``on_tick`` is called after each tick.
-
-    Raises
-    ------
-    BagError : it cannot be read
-    """
+    """The turns of a bag; ``on_tick`` is called after each tick."""
     archive = TurnArchive(read_scene(bag))
     feed_bag(bag, archive.loaded, RunFeed(archive), on_tick)
     return archive

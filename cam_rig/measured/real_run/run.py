@@ -13,7 +13,7 @@ from cam_rig.extras import libraries_named
 from cam_rig.measured.real_run.comparison import SpeedDeparture, compare_steps
 from cam_rig.measured.real_run.pairs import RecordedPairs, pair_measured
 from cam_rig.measured.real_run.sentences import done, sentences
-from cam_rig.show.result import SI, Column, Footnote, Records, Result, part
+from cam_rig.show.result import SI, Column, Footnote, Records, Result
 from cam_rig.show.tables import Cell
 from cam_rig.simulation.scene import RELATIVE_NOTE, LoadedScene, load_scene
 
@@ -26,19 +26,19 @@ def _departure(name: str, unit: str) -> tuple[Column, ...]:
         return None if row.exact or found is None else found.noise / SI.get(unit, ("", 1.0))[1]
 
     def mark(row: SpeedDeparture) -> Cell:
-        agrees = part(name, "within")(row)
-        return ("=" if row.exact else "*") if agrees else None
+        found = getattr(row, name)
+        return ("=" if row.exact else "*") if found is not None and found.within else None
 
     def angle(row: SpeedDeparture) -> float | None:
         found = getattr(row, name)
         return None if found is None else math.radians(found.degrees)
 
     return (
-        Column(f"{name}_rms", unit, ".3g", f"{name} r.m.s.", part(name, "rms")),
-        Column(f"{name}_noise", unit, ".3g", "noise", part(name, "noise"), noise),
-        Column(f"{name}_largest", unit, "+.3g", "largest", part(name, "largest")),
+        Column(f"{name}_rms", unit, ".3g", f"{name} r.m.s.", f"{name}.rms"),
+        Column(f"{name}_noise", unit, ".3g", "noise", f"{name}.noise", noise),
+        Column(f"{name}_largest", unit, "+.3g", "largest", f"{name}.largest"),
         Column(f"{name}_largest_at", "°", ".0f", "at", angle),
-        Column(f"{name}_within_noise", "", "", " ", part(name, "within"), mark),
+        Column(f"{name}_within_noise", "", "", " ", f"{name}.within", mark),
     )
 
 
@@ -101,12 +101,12 @@ class RunComparison(Result):
                 "1/turn",
                 ".3g",
                 "lift-offs measured",
-                part("contact", "measured"),
+                "contact.measured",
             ),
-            Column("lift_offs_model", "1/turn", ".3g", "model", part("contact", "model")),
-            Column("events_later", "ms", "+.3f", "events later by", part("contact", "shift")),
+            Column("lift_offs_model", "1/turn", ".3g", "model", "contact.model"),
+            Column("events_later", "ms", "+.3f", "events later by", "contact.shift"),
             Column("events_later_angle", "°", "+.2f", "by", lambda row: row.later),
-            Column("contact_lost", "", "", "contact lost", part("contact", "rule")),
+            Column("contact_lost", "", "", "contact lost", "contact.rule"),
             Column("level_measured", "dB", ".1f", "level measured", "measured_db"),
             Column("level_model", "dB", ".1f", "model", "model_db", _beside_measured),
             Column("level_difference", "dB", "+.2f", "difference"),

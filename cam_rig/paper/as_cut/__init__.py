@@ -1,3 +1,1 @@
 """The cam as fig. 12 of the paper draws it, a point's contour, and a roller that runs on it."""
-
-from __future__ import annotations

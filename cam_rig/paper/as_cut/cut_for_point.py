@@ -22,24 +22,19 @@ from cam_rig.units import TURN, FloatArray
 
 #: Steps of Newton's method, with bisection as its guard; the guard alone would take 53.
 STEPS, CONVERGED = 60, 2e-15
-
 #: Degree of the fitted third derivative, and its accepted relative tail: s'' is then known to
 #: 1e-12 of its size. Pieces come out short, and a high degree there would lose digits of the force.
 THIRD_DEGREE, TAIL = 10, 1e-10
-
 #: Points a piece at which the fitted law is held against the closed form.
 COMPARED = 33
 
 
 @dataclass(frozen=True, eq=False)
 class FollowedLaw:
-    """The law of a roller on a contour cut for a point, and how well it is known.
+    """The law of a roller on a contour cut for a point, 0 on the base circle.
 
-    Parameters
-    ----------
-    law : of the roller's centre, 0 on the base circle
-    error : ``(3,)`` largest difference of s (m), s' (m/rad) and s'' (m/rad²) to the closed form,
-        at `COMPARED` points of each piece
+    ``error`` ``(3,)`` is the largest difference of s (m), s' (m/rad) and s'' (m/rad²) to the closed
+    form, at `COMPARED` points of each piece.
     """
 
     law: Law
@@ -51,13 +46,8 @@ class _CutPiece:
     """One piece of the law that was cut, and the roller's centre while it touches there.
 
     φ is the polar angle of the contour, ρ = R_b + s(φ) its radius, θ the cam angle: the polar
-    angle of the roller's centre, at the distance d.
-
-    Parameters
-    ----------
-    start, span : rad, of φ
-    ordinates : ``(4, p + 1)`` of ρ, ρ', ρ'', ρ''' in m/rad^order
-    roller : m
+    angle of the roller's centre, at the distance d. ``ordinates`` ``(4, p + 1)`` are of ρ to its
+    third derivative, m/rad^order.
     """
 
     start: float
@@ -99,15 +89,8 @@ class _CutPiece:
 def roller_centre(rows: FloatArray, roller: float) -> tuple[FloatArray, FloatArray]:
     """The centre of a roller that touches a polar contour, and its derivatives in the cam angle.
 
-    Parameters
-    ----------
-    rows : ``(4, n)`` radius ρ of the contour and its first three derivatives in φ, m/rad^order
-    roller : m
-
-    Returns
-    -------
-    distance : ``(4, n)`` d and its first three derivatives in θ, m/rad^order
-    rate : ``(n,)`` dθ/dφ
+    Of ``rows`` ``(4, n)``, ρ and its first three derivatives in φ, m/rad^order, and a radius in m
+    come ``(4, n)`` d and its first three derivatives in θ, m/rad^order, and ``(n,)`` dθ/dφ.
 
     With q² = ρ² + ρ'², t = d'/d the tangent of the pressure angle and κ_p = κ/(1 + R_r κ) the
     curvature of the pitch curve: t = ρρ'/(ρ² + R_r q), d'' = d (1 + 2t²) − κ_p d² (1 + t²)^(3/2).
@@ -137,31 +120,19 @@ def roller_centre(rows: FloatArray, roller: float) -> tuple[FloatArray, FloatArr
 
 
 def followed_law(law: Law, base_radius: float, roller: float) -> FollowedLaw:
-    """The law of a roller's centre on the contour R_b + s(φ), which was cut for a point.
+    """The law of a roller's centre on the contour R_b + s(φ) that was cut for a point; radii in m.
 
-    Parameters
-    ----------
-    law : s, that the contour was drawn with
-    base_radius, roller : m
-
-    Returns
-    -------
-    A law of the one type, fitted to rounding (`cam_rig.laws.sampling`), with the error it was found
-    to have. Its lift is that of s, as the two curves are parallel; a dwell stays one.
-
-    Examples
-    --------
-    >>> import cam_rig
-    >>> law = cam_rig.build_law(cam_rig.load_cam("bezier15"))
-    >>> found = followed_law(law, 0.065, 0.010)
-    >>> round(1e3 * float(found.law(1.0) - law(1.0)), 3)  # mm that the roller stands too high
-    0.857
+    It is fitted to rounding (`cam_rig.laws.sampling`), with the error it was found to have. Its
+    lift is that of s, as the two curves are parallel; a dwell stays one.
     """
     _require_room(law, base_radius, roller)
     breaks: list[float] = []
     columns: list[FloatArray] = []
     errors = [np.zeros(3)]
-    for piece in _cut_pieces(law, base_radius, roller):
+    ordinates = np.stack([law.derivative_ordinates(order) for order in range(4)])
+    ordinates[0] += base_radius
+    for i, (start, span) in enumerate(zip(law.breaks[:-1], law.spans, strict=True)):
+        piece = _CutPiece(float(start), float(span), ordinates[:, :, i], roller)
         (edges, fitted), error = _fit(piece, base_radius + roller)
         errors.append(error)
         breaks += edges if not breaks else edges[1:]
@@ -170,16 +141,6 @@ def followed_law(law: Law, base_radius: float, roller: float) -> FollowedLaw:
     edges, columns = turned_to_zero((breaks, columns), TURN)
     edges[-1] = TURN
     return FollowedLaw(Law(law.name, np.array(edges), joined(columns)), np.max(errors, axis=0))
-
-
-def _cut_pieces(law: Law, base_radius: float, roller: float) -> list[_CutPiece]:
-    ordinates = np.stack([law.derivative_ordinates(order) for order in range(4)])
-    ordinates[0] += base_radius
-    places = zip(law.breaks[:-1], law.spans, strict=True)
-    return [
-        _CutPiece(float(start), float(span), ordinates[:, :, i], roller)
-        for i, (start, span) in enumerate(places)
-    ]
 
 
 def _fit(piece: _CutPiece, prime: float) -> tuple[Pieces, FloatArray]:

@@ -21,21 +21,16 @@ from cam_rig.paper.as_cut.cut_for_point import followed_law
 from cam_rig.profile.contact import greatest_between
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.cam import Roller
-from cam_rig.show.result import SILENT, Column, Progress, Records, Result, part
+from cam_rig.show.result import SILENT, Column, Progress, Records, Result
 from cam_rig.show.tables import number
 from cam_rig.simulation.scene import LoadedScene
-from cam_rig.simulation.simulate import Acoustics, Turns, settled_turns
+from cam_rig.simulation.simulate import Acoustics, settled_turns
 from cam_rig.units import RPM, FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class CutBench:
-    """What the cams are run on: two masses for the jump speed, the noise study's rig for levels.
-
-    Parameters
-    ----------
-    speeds : rad/s, of the levels
-    """
+    """Two masses for the jump speed; a scene's follower, sound and speeds (rad/s) for levels."""
 
     two_mass: TwoMassParameters
     follower: FollowerParameters
@@ -52,21 +47,12 @@ class CutBench:
             np.array(loaded.scene.program.speeds.si_list),
         )
 
-    def jump_speed(self, law: Law) -> float:
-        """Jump speed from rest, rad/s."""
-        return sought_speed(law, self.two_mass, FROM_REST)
-
-    def turns(self, law: Law) -> Turns:
-        """A settled turn at each speed."""
-        return settled_turns(law, "one_mass", self.follower, self.speeds)
-
 
 @dataclass(frozen=True, eq=False)
 class DrawnCam:
-    """A law with its jump speed (rad/s) and its levels (dB).
+    """A law with its jump speed (rad/s) and levels (dB).
 
-    ``lands_from`` is the slowest speed (rad/s) of the levels at which the follower lands in each
-    turn, None where it always keeps contact.
+    ``lands_from``: slowest speed (rad/s) with a landing in each turn; None in contact throughout.
     """
 
     law: Law
@@ -82,22 +68,18 @@ class DrawnCam:
     @classmethod
     def run(cls, law: Law, bench: CutBench) -> DrawnCam:
         """Run a law."""
-        turns = bench.turns(law)
+        turns = settled_turns(law, "one_mass", bench.follower, bench.speeds)
         lands = (speed for speed, i in zip(turns.speeds, turns.impulses, strict=True) if i.any())
-        levels = bench.acoustics.levels(turns)
-        return cls(law, bench.jump_speed(law), levels, min(map(float, lands), default=None))
+        jump, levels = sought_speed(law, bench.two_mass, FROM_REST), bench.acoustics.levels(turns)
+        return cls(law, jump, levels, min(map(float, lands), default=None))
 
 
 @dataclass(frozen=True, eq=False)
 class AsCut:
-    """A roller on the contour R_b + s of a law, beside the law itself.
+    """A law, and the one that a roller follows on its contour R_b + s; radii in m.
 
-    Parameters
-    ----------
-    drawn, cut : the law, and the one that the roller follows
-    base_radius, roller : m
-    error : ``(3,)`` of the roller's law: m, m/rad, m/rad²
-    too_high : m, where the roller stands farthest above s
+    ``error`` ``(3,)`` is of the roller's law: m, m/rad, m/rad²; ``too_high`` (m) where it stands
+    farthest above s.
     """
 
     cam: str
@@ -140,14 +122,14 @@ class AsCutResult(Result):
             Column("change_to", "dB", "+.3f", "to", lambda row: row.change.max()),
             Column("lands_from", "rpm", ".0f", "s lands from", _rpm("drawn.lands_from"), None, "–"),
             Column("lands_from_cut", "rpm", ".0f", "as cut", _rpm("cut.lands_from"), None, "–"),
-            *(Column(f"error_s{i}", of=part("error", i), hidden=True) for i in range(3)),
+            *(Column(f"error_s{i}", of=f"error.{i}", hidden=True) for i in range(3)),
         ),
         "levels": (
-            Column("cam", of=lambda row: row[0].cam),
-            Column("base_radius", "mm", of=lambda row: row[0].base_radius),
-            Column("roller_radius", "mm", of=lambda row: row[0].roller),
+            Column("cam", of="0.cam"),
+            Column("base_radius", "mm", of="0.base_radius"),
+            Column("roller_radius", "mm", of="0.roller"),
             Column("rpm", "rpm", of=lambda row: row[1] / RPM),
-            Column("change", "dB", of=lambda row: row[2]),
+            Column("change", "dB", of="2"),
         ),
     }
 

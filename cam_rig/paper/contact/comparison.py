@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from cam_rig.schema.quantity import Quantity
 from cam_rig.schema.segment_base import quantities
 from cam_rig.show.result import Column, Footnote, Records, Result
 from cam_rig.show.tables import Cell
-from cam_rig.units import RPM, RPM_PER_RAD_S, TURN
+from cam_rig.units import RPM, RPM_PER_RAD_S, TURN, FloatArray
 
 #: Event angles of the nomogram's tables, degrees.
 EVENTS = (60.0, 90.0, 120.0, 150.0, 180.0)
@@ -34,15 +34,9 @@ EVENTS = (60.0, 90.0, 120.0, 150.0, 180.0)
 class ContactRow:
     """What a cam's contact comes to over the turn.
 
-    Parameters
-    ----------
-    case : the cam, its law, and the surfaces
-    pressure : Pa, largest Hertz pressure, and where
-    load, width : N and m, normal force and width of the contact there
-    relative_radius : m, 1/κ of the pair there; of the follower alone where the cam is straight
-    sliding : m/s, largest speed of the cam's surface along the follower's, and where
-    lost : whether the cam would have to pull somewhere: there is no contact, nor pressure
-    bounds : on the base radius
+    There are the largest Hertz ``pressure`` (Pa) and sliding speed (m/s), and where; at the former
+    the normal force (N), the contact's width (m), and 1/κ of the pair (m), of the follower alone
+    where the cam is straight. It is ``lost`` where the cam would have to pull somewhere.
     """
 
     case: ContactCase
@@ -53,6 +47,11 @@ class ContactRow:
     sliding: Extreme
     lost: bool
     bounds: BaseBounds
+
+    @property
+    def cam(self) -> CamConfig:
+        """The cam."""
+        return self.case.cam
 
     @property
     def roller_rpm(self) -> float | None:
@@ -66,7 +65,7 @@ class ContactRow:
         least, most = self.bounds.least, self.bounds.sliding
         if least is None or most is None or least > most:
             return "no base radius meets all"
-        own = self.case.cam.follower.base_radius.si
+        own = self.cam.follower.base_radius.si
         return "within" if least <= own <= most else "outside"
 
 
@@ -101,7 +100,7 @@ def _kind(cam: CamConfig) -> str:
 
 def _follower(row: ContactRow) -> str:
     radius = row.case.surfaces.radius
-    return _kind(row.case.cam) + (f", R {1e3 * radius:.3g} mm" if math.isfinite(radius) else "")
+    return _kind(row.cam) + (f", R {1e3 * radius:.3g} mm" if math.isfinite(radius) else "")
 
 
 def _bound(key: str, heading: str) -> Column:
@@ -114,22 +113,19 @@ def _bound(key: str, heading: str) -> Column:
     return Column(key, "mm", ".1f", heading, f"bounds.{key}", cell)
 
 
-def _least_radius(i: int) -> Column:
-    return Column(f"event_{EVENTS[i]:g}", "", ".2f", f"β = {EVENTS[i]:g}°", lambda row: row[1 + i])
-
-
-def _title(row: ContactRow) -> str:
-    return row.case.cam.title
+def _title(row: ContactRow | Play) -> str:
+    return row.cam.title
 
 
 #: The lower bounds, as a sentence names them.
-LOWER = {
-    "curvature": "curvature",
-    "pressure_angle": "pressure angle",
-    "pressure": "Hertz pressure",
-}
-
-RADII = (Column("rise", of=lambda row: row[0]), *map(_least_radius, range(len(EVENTS))))
+LOWER = {"curvature": "curvature", "pressure_angle": "pressure angle", "pressure": "Hertz pressure"}
+RADII = (
+    Column("rise", of="0"),
+    *(
+        Column(f"event_{event:g}", "", ".2f", f"β = {event:g}°", f"{i}")
+        for i, event in enumerate(EVENTS, 1)
+    ),
+)
 
 
 @dataclass(frozen=True, repr=False)
@@ -143,8 +139,8 @@ class ContactResult(Result):
     drawn_by = "cam_rig.paper.contact.figures:figure"
     columns: ClassVar = {
         "contact": (
-            Column("cam", of="case.cam.name", cell=_title),
-            Column("follower", of="case.cam.follower.type", cell=_follower),
+            Column("cam", of="cam.name", cell=_title),
+            Column("follower", of="cam.follower.type", cell=_follower),
             Column("pressure", "MPa", ".1f", "largest pressure", "pressure.value"),
             Column("angle", "°", ".1f", "at", "pressure.angle"),
             Column("normal_force", "N", ".1f", "normal force there", "load"),
@@ -161,8 +157,8 @@ class ContactResult(Result):
             Column("contact_lost", of="lost", hidden=True),
         ),
         "bounds": (
-            Column("cam", of="case.cam.name", cell=_title),
-            Column("base_radius", "mm", ".4g", of="case.cam.follower.base_radius.si"),
+            Column("cam", of="cam.name", cell=_title),
+            Column("base_radius", "mm", ".4g", of="cam.follower.base_radius.si"),
             _bound("curvature", "least by curvature"),
             _bound("pressure_angle", "least by pressure angle"),
             _bound("pressure", "least by Hertz pressure"),
@@ -177,10 +173,10 @@ class ContactResult(Result):
             Column("result"),
         ),
         "assumed": (
-            Column("number", of=lambda row: row[0]),
+            Column("number", of="0"),
             Column("value", of=lambda row: _quantity(row[1])),
-            Column("origin", of=lambda row: row[1].origin),
-            Column("source", of=lambda row: row[1].source),
+            Column("origin", of="1.origin"),
+            Column("source", of="1.source"),
         ),
         "run": (Column("rig"), Column("rpm", "rpm")),
         "roller_radii": RADII,
@@ -194,7 +190,7 @@ class ContactResult(Result):
 
     def tables(self) -> list[Records]:
         """``contact``, ``bounds``, ``assumed``; ``roller_radii`` and ``face_radii`` if asked."""
-        parts = [row.case.cam.parts for row in self.rows]
+        parts = [row.cam.parts for row in self.rows]
         contact = self.table(
             "contact",
             f"Hertz pressure and sliding at {self.rpm:g} rpm, rig {self.rig}",
@@ -258,40 +254,32 @@ def compare_contacts(cam_set: CamSet, rpm: float, steepest: float | None = None)
 
 # Followers that a cam moves both ways: their play between the two contacts.
 
-
-@dataclass(frozen=True)
-class PlayRow:
-    """Least and greatest play (m) over the turn of one cam's follower; negative: it jams."""
-
-    cam: CamConfig
-    least: float
-    greatest: float
-
-
 PLAY = (
-    Column("cam", of="cam.name", cell=lambda row: row.cam.title),
-    Column("follower", of="cam.follower.type", cell=lambda row: _kind(row.cam)),
-    Column("least", "nm", ".1e"),
-    Column("greatest", "nm", ".1e"),
+    Column("cam", of="cam.name", cell=_title),
+    Column("follower", of="cam.follower.type", cell=lambda case: _kind(case.cam)),
+    Column("least", "nm", ".1e", of=lambda case: case.play.min().item()),
+    Column("greatest", "nm", ".1e", of=lambda case: case.play.max().item()),
 )
 
 
-def play_table(rows: Iterable[PlayRow]) -> Records:
+class Play(NamedTuple):
+    """The play (m) of one cam's follower over the turn; where it is negative, it jams."""
+
+    cam: CamConfig
+    play: FloatArray
+
+
+def play_table(cams: Iterable[tuple[CamConfig, Law]]) -> Records:
     """Play of followers that a cam moves both ways."""
     caption = (
         "Play between the two contacts over the turn, each element put on its finished contour"
     )
     note = "Negative: the follower would jam. The contours are splines through 3600 points."
-    return Records("play", caption, PLAY, tuple(rows), (note,))
+    rows = tuple(Play(cam, closure(cam.follower, law)) for cam, law in cams)
+    return Records("play", caption, PLAY, rows, (note,))
 
 
 def open_form_closed(paths: Iterable[Path]) -> list[tuple[CamConfig, Law]]:
     """Read cam files with their laws."""
     cams = [(path, load_cam(path)) for path in paths]
     return [(cam, law_of(path, cam)) for path, cam in cams]
-
-
-def find_play(cams: Iterable[tuple[CamConfig, Law]]) -> list[PlayRow]:
-    """The play of each."""
-    found = [(cam, closure(cam.follower, law)) for cam, law in cams]
-    return [PlayRow(cam, float(play.min()), float(play.max())) for cam, play in found]

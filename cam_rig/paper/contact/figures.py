@@ -19,12 +19,9 @@ from cam_rig.units import FloatArray
 
 #: Samples of a turn, and base radii of a curve from and to these times the cam's own.
 POINTS, RADII = 1440, 36
-
 FROM, TO = 0.25, 3.0
-
 #: Letters of a name in the legend, of which three stand beside each other.
 LETTERS = 32
-
 #: Event angles of the nomogram, degrees.
 EVENTS = np.linspace(30.0, 180.0, 151)
 
@@ -90,12 +87,9 @@ def _limit(axes: Axes, values: set[float], name: str, unit: str) -> None:
 
 @styled
 def events_figure(most: float, radius: float) -> Figure:
-    """Least radii over the event angle, law by law, in lifts.
+    """Least radii over the event angle, law by law, in lifts; ``most`` pressure angle in rad.
 
-    Parameters
-    ----------
-    most : rad, most pressure angle of a roller
-    radius : roller and least radius of the contour together, over the lift
+    The ``radius`` is the roller's and the least one of the contour together.
     """
     event = np.radians(EVENTS)
     out = empty(3.6)

@@ -27,7 +27,6 @@ assert set(RISES) <= set(NAMED_RISES)
 
 #: Halvings of the search for a radius: to 1e-12 of the lift.
 HALVINGS = 48
-
 #: Samples of each piece of a rise: a radius comes out to 1e-5 of itself.
 SAMPLES = 1001
 

@@ -31,19 +31,8 @@ from cam_rig.units import FloatArray
 def hertz_pressure(load: FloatArray, curvature: FloatArray, modulus: float) -> FloatArray:
     """Largest pressure p₀ (Pa), in the middle of the contact: √(F' E* κ / π).
 
-    Parameters
-    ----------
-    load : F', N/m, force over the face width
-    curvature : κ = 1/R₁ + 1/R₂, 1/m; a concave radius is negative
-    modulus : E*, Pa: 1/E* = (1 − ν₁²)/E₁ + (1 − ν₂²)/E₂
-
-    Examples
-    --------
-    Steel rollers of 20 and 40 mm radius, 100 N/mm:
-
-    >>> steel = 206e9 / (2 * (1 - 0.3**2))
-    >>> round(float(peak_pressure(1e5, 1 / 0.02 + 1 / 0.04, steel)) / 1e6, 1)  # MPa
-    519.8
+    F' in N/m is the force over the face width, κ = 1/R₁ + 1/R₂ with a negative radius where it is
+    concave, E* in Pa: 1/E* = (1 − ν₁²)/E₁ + (1 − ν₂²)/E₂.
     """
     return np.sqrt(load * modulus * curvature / np.pi)
 
@@ -55,16 +44,10 @@ def half_width(load: FloatArray, curvature: FloatArray, modulus: float) -> Float
 
 @dataclass(frozen=True)
 class Surfaces:
-    """One cam under its follower at one speed; arrays have the shape of the motion.
+    """One cam under its follower at one speed (rad/s); arrays have the shape of the motion.
 
-    Parameters
-    ----------
-    element : what touches the cam
-    radius : m, of the follower's surface: a roller's, a point's tip, infinite for a face
-    rolls : whether it is a roller, which turns instead of sliding
-    parts : width and material
-    rig : the follower's mechanics
-    speed : rad/s
+    ``radius`` (m) is of the follower's surface: a roller's, which ``rolls`` instead of sliding, a
+    point's tip, infinite for a face.
     """
 
     element: Element
@@ -174,14 +157,9 @@ LOWER = ("curvature", "pressure", "pressure_angle")
 class BaseBounds:
     """Base radii (m) of one cam at one speed; each holds with the cam's other numbers unchanged.
 
-    Parameters
-    ----------
-    curvature : least, without undercut and sharper parts than asked for
-    pressure_angle : least, for the most pressure angle
-    pressure : least, for the most Hertz pressure
-    sliding : greatest, for the most sliding speed; infinite for a roller
-
-    None where no base radius will do, 0 where every one down to a hundredth of the cam's own does.
+    The least without undercut and sharper parts than asked for, for the most pressure angle and
+    Hertz pressure; the greatest for the most sliding speed, infinite for a roller. None where none
+    will do, 0 where every one down to a hundredth of the cam's own does.
     """
 
     curvature: float | None

@@ -1,3 +1,1 @@
 """What the paper leaves open: does continuity reduce vibration, or lower acceleration."""
-
-from __future__ import annotations

@@ -7,7 +7,7 @@ is None.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from cam_rig.laws.catalogue import figures
 from cam_rig.paper.factorial.design import (
     EFFECTS,
+    SMOOTH,
     Design,
     Effect,
     Factorial,
     FactorialConfig,
-    Measures,
 )
 from cam_rig.units import RPM_PER_RAD_S
 
@@ -58,25 +58,22 @@ def advantages(found: Factorial) -> list[Advantage]:
     """The proposed cam against each other cam of a study."""
     proposed = found.config.proposed
     best = found.cams[proposed]
-    return [_over(cam, best, other) for cam, other in found.cams.items() if cam != proposed]
-
-
-def _over(cam: str, best: Measures, other: Measures) -> Advantage:
-    return Advantage(
-        cam=cam,
-        jump=math.log(best.jump / other.jump),
-        jump_slopes=math.log(best.rigid_jump / other.rigid_jump),
-        acceleration=math.log(other.acceleration / best.acceleration),
-        acceleration_slopes=math.log(other.own_acceleration / best.own_acceleration),
-        residual=math.log(other.residual / best.residual),
-        noise=other.noise - best.noise,
-    )
+    return [
+        Advantage(
+            cam=cam,
+            jump=math.log(best.jump / other.jump),
+            jump_slopes=math.log(best.rigid_jump / other.rigid_jump),
+            acceleration=math.log(other.acceleration / best.acceleration),
+            acceleration_slopes=math.log(other.own_acceleration / best.own_acceleration),
+            residual=math.log(other.residual / best.residual),
+            noise=other.noise - best.noise,
+        )
+        for cam, other in found.cams.items()
+        if cam != proposed
+    ]
 
 
 # Which cells of a factorial design lose contact at the speeds of an effect.
-
-#: A table of fewer laws or angles has no variance to analyse.
-LEAST = 2
 
 
 def fastest(effect: Effect, config: FactorialConfig) -> float | None:
@@ -106,32 +103,13 @@ def staying(design: Design, effect: Effect, config: FactorialConfig) -> Design |
             del rows[int(np.argmax(by_row))]
         else:
             del columns[int(np.argmax(by_column))]
-    if min(len(rows), len(columns)) < LEAST:
-        return None
-    return replace(
-        design,
-        name=f"{design.name}, in contact",
-        rises=tuple(design.rises[i] for i in rows),
-        angles=design.angles[columns],
-        cells=[[design.cells[i][j] for j in columns] for i in rows],
-    )
-
-
-def laws_left(design: Design, effect: Effect, config: FactorialConfig) -> dict[str, int]:
-    """How many cells of each law leave, of the laws that have such."""
-    counts = contact_lost(design, effect, config).sum(axis=1).tolist()
-    return {rise: n for rise, n in zip(design.rises, counts, strict=True) if n}
+    return design.part("in contact", rows, columns)
 
 
 BY_KEY = {effect.key: effect for effect in EFFECTS}
-
 JUMP, RESIDUAL, NOISE = BY_KEY["jump"], BY_KEY["residual"], BY_KEY["noise"]
-
 #: A factor with at least this share of the sum of squares governs an effect.
 GOVERNS = 0.6
-
-#: From this class on the acceleration is continuous.
-SMOOTH = 2
 
 
 class Cause(StrEnum):
@@ -166,20 +144,15 @@ class Shares:
         found = design.analysis(effect)
         law, angle, _ = found.shares
         told = classes_of(design) is Classes.SEVERAL
-        return cls(law, found.classes / (found.total or 1.0) if told else None, angle)
+        return cls(law, found.class_share if told else None, angle)
 
 
 @dataclass(frozen=True)
 class EffectConclusion:
-    """One effect in one design.
+    """One effect in one design: what governs it, and how many of its cells lose contact, by law.
 
-    Parameters
-    ----------
-    governed_by : the factor with most of the sum of squares
-    cells, lost : cells in all, and by law those that lose contact at the effect's speeds
-    fastest_rpm : the fastest of those speeds; None where none is lost
-    in_contact : shares over the laws and angles that all keep contact; None where none is lost,
-        or too few are left
+    ``fastest_rpm`` is the fastest of the effect's speeds, None where no cell is lost;
+    ``in_contact`` the shares over the laws and angles that all keep contact, where enough are left.
     """
 
     governed_by: Cause
@@ -208,24 +181,13 @@ class Smooth:
 class Conclusions:
     """The study in short; pairs are the least and the greatest.
 
-    Parameters
-    ----------
-    proposed : the cam whose advantage is explained
-    advantage : what its higher jump speed mostly comes from
-    ahead, others : over how many of the other cams it has the higher jump speed
-    jump_share, acceleration_share : share of the advantage that a rigid follower has too, and that
-        is therefore of the slopes
-    same_angles, same_acceleration : by key of the effect
-    jump_smooth : jump speed at the same acceleration among laws of C2 and above
-    step_to_c2 : whether it is the step to a continuous acceleration that raises the jump speed
-    residual_ratio : residual vibration of the lowest class over that of the highest
-    residual_falls : whether it falls from each class to the next
-    noise_spread_db : between laws, rigid follower, same acceleration
-    loudest, loudest_is_sharpest : the loudest law at the same angles; whether it has the highest
-        peak acceleration
-    compressed_rpm : jump speed of the proposed cam by the span (degrees) it is compressed into
-    others_rpm : jump speeds of the other cams; None without any
-    behind : at how many of the spans the proposed cam is behind the best of them
+    ``advantage`` is what the higher jump speed of the ``proposed`` cam, over so many ``ahead`` of
+    the ``others``, mostly comes from. ``jump_share`` and ``acceleration_share`` are of the slopes,
+    as a rigid follower has them too. ``jump_smooth`` is of laws of C2 and above at the same
+    acceleration; ``residual_ratio`` of the lowest class over the highest; ``noise_spread_db``
+    between laws, rigid follower, same acceleration; ``loudest`` at the same angles, perhaps that of
+    highest peak acceleration. ``compressed_rpm`` is by the span (degrees) the proposed cam is
+    compressed into, at so many of which it is ``behind`` the best of the others.
     """
 
     proposed: str
@@ -253,7 +215,7 @@ class Conclusions:
 def conclusions(found: Factorial) -> Conclusions:
     """What the study comes to."""
     same, alike = found.same_angles, found.same_acceleration
-    rows, smoother = advantages(found), _smoother(alike)
+    rows, smoother = advantages(found), alike.smoother
     ahead = [row for row in rows if row.jump > 0.0]
     residual = class_means(alike, RESIDUAL)
     ratio = 10.0 ** ((residual[min(residual)] - residual[max(residual)]) / 20.0)
@@ -324,8 +286,7 @@ def falls_with_class(design: Design, effect: Effect) -> bool:
 
 def mean_jumps(design: Design) -> list[float]:
     """Jump speed of each law, geometric mean over the angles, rpm."""
-    means = np.exp(np.log(JUMP.values(design.cells)).mean(axis=1))
-    return [float(mean) for mean in means]
+    return list(map(float, np.exp(np.log(JUMP.values(design.cells)).mean(axis=1))))
 
 
 def _cause(ahead: list[Advantage]) -> Cause:
@@ -343,26 +304,20 @@ def _range(values: list[float]) -> tuple[float, float] | None:
 
 
 def _effects(design: Design, config: FactorialConfig) -> dict[str, EffectConclusion]:
-    return {effect.key: _effect(design, effect, config) for effect in EFFECTS}
-
-
-def _effect(design: Design, effect: Effect, config: FactorialConfig) -> EffectConclusion:
-    lost, speed = laws_left(design, effect, config), fastest(effect, config)
-    stay = staying(design, effect, config) if lost else None
-    return EffectConclusion(
-        governed_by=governed_by(design, effect),
-        shares=Shares.of(design, effect),
-        cells=len(design.rises) * design.angles.size,
-        lost=lost,
-        fastest_rpm=speed * RPM_PER_RAD_S if lost and speed is not None else None,
-        in_contact=None if stay is None else Shares.of(stay, effect),
-    )
-
-
-def _smoother(design: Design) -> Design | None:
-    """The laws of C2 and above; None where they are too few, or all."""
-    smooth = design.from_class(SMOOTH)
-    return None if smooth is None or smooth.rises == design.rises else smooth
+    found = {}
+    for effect in EFFECTS:
+        counts, speed = contact_lost(design, effect, config).sum(axis=1), fastest(effect, config)
+        lost = {rise: n for rise, n in zip(design.rises, counts.tolist(), strict=True) if n}
+        stay = staying(design, effect, config) if lost else None
+        found[effect.key] = EffectConclusion(
+            governed_by=governed_by(design, effect),
+            shares=Shares.of(design, effect),
+            cells=len(design.rises) * design.angles.size,
+            lost=lost,
+            fastest_rpm=speed * RPM_PER_RAD_S if lost and speed is not None else None,
+            in_contact=None if stay is None else Shares.of(stay, effect),
+        )
+    return found
 
 
 def _step_to_c2(design: Design, smooth: Design) -> bool:
@@ -375,7 +330,7 @@ def _step_to_c2(design: Design, smooth: Design) -> bool:
 
 
 def _smooth(design: Design) -> Smooth | None:
-    smooth = design.from_class(SMOOTH)
+    smooth = design.smooth
     if smooth is None:
         return None
     by_speed = sorted(zip(mean_jumps(smooth), smooth.rises, strict=True))

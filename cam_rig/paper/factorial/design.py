@@ -9,6 +9,7 @@ what of its advantage remains with a rigid follower, and what when its event is 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -114,14 +115,11 @@ class FactorialConfig(Strict):
 class Measures:
     """The effects of one law.
 
-    Parameters
-    ----------
-    jump : rad/s, from rest; ``rigid_jump`` that of a rigid follower
-    acceleration : m/s², geometric mean over the speeds of the largest |ẍ| in steady state;
-        ``own_acceleration`` that of the law itself
-    residual : m, r.m.s. over the speeds of the residual vibration in the low dwell
-    noise : dB, mean over the speeds, landings among it, on the rigid follower
-    noise_in_contact : dB, on the elastic follower, at the one speed
+    ``jump`` is the jump speed from rest (rad/s), ``rigid_jump`` that of a rigid follower;
+    ``acceleration`` (m/s²) the geometric mean over the speeds of the largest |ẍ| in steady state,
+    ``own_acceleration`` that of the law itself; ``residual`` (m) the r.m.s. over the speeds of the
+    residual vibration in the low dwell; ``noise`` (dB) the mean over the speeds, landings among it,
+    on the rigid follower; ``noise_in_contact`` (dB) at the one speed on the elastic one.
     """
 
     jump: float
@@ -189,8 +187,10 @@ class Bench:
         )
 
 
-#: Fewer laws have no variance to analyse.
-MIN_LAWS = 2
+#: A table of fewer laws or angles has no variance to analyse.
+LEAST = 2
+#: From this class on the acceleration is continuous.
+SMOOTH = 2
 
 
 @dataclass(frozen=True)
@@ -245,14 +245,28 @@ class Design:
         """The analysis of variance of one effect."""
         return two_way(effect.analysed(self.cells), self.classes)
 
-    def from_class(self, least: int) -> Design | None:
-        """The same with the laws of class C^least and above alone; None for fewer than two."""
-        keep = [i for i, order in enumerate(self.classes) if order >= least]
-        if len(keep) < MIN_LAWS:
+    def part(self, name: str, rows: Sequence[int], columns: Sequence[int]) -> Design | None:
+        """Some of its laws and angles; None where too few are left to analyse."""
+        if min(len(rows), len(columns)) < LEAST:
             return None
-        rises = tuple(self.rises[i] for i in keep)
-        name = f"{self.name}, C{least} and above"
-        return Design(name, rises, self.angles, [self.cells[i] for i in keep])
+        return Design(
+            f"{self.name}, {name}",
+            tuple(self.rises[i] for i in rows),
+            self.angles[list(columns)],
+            [[self.cells[i][j] for j in columns] for i in rows],
+        )
+
+    @property
+    def smooth(self) -> Design | None:
+        """The laws of C2 and above alone; None for fewer than two."""
+        rows = [i for i, order in enumerate(self.classes) if order >= SMOOTH]
+        return self.part(f"C{SMOOTH} and above", rows, range(self.angles.size))
+
+    @property
+    def smoother(self) -> Design | None:
+        """The same; None where all laws are such."""
+        smooth = self.smooth
+        return None if smooth is None or smooth.rises == self.rises else smooth
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,10 +282,5 @@ class Factorial:
     @property
     def designs(self) -> list[Design]:
         """Both designs, each followed by its laws of C2 and above where only some are."""
-        found = []
-        for design in (self.same_angles, self.same_acceleration):
-            smooth = design.from_class(2)
-            found += (
-                [design] if smooth is None or smooth.rises == design.rises else [design, smooth]
-            )
-        return found
+        both = (self.same_angles, self.same_acceleration)
+        return [part for whole in both for part in (whole, whole.smoother) if part is not None]

@@ -15,10 +15,8 @@ from cam_rig.show.looks import BLUE, LIGHT_GREY, ORANGE, SKY_BLUE, in_words, web
 
 #: Effects that have a panel.
 SHOWN = tuple(e for e in EFFECTS if e.key != "noise_in_contact")
-
 #: Of the two designs whose effects are shown.
 TITLES = ("equal event angles", "equal peak acceleration")
-
 #: Parts of the variance: name, colour, hatch.
 PARTS = (
     ("law, between continuity classes", BLUE, ""),
@@ -57,12 +55,7 @@ def _effects(out: FigureBase, found: Factorial) -> None:
     panels[-1, 1].set_xlabel(f"rise and fall of {in_words(found.config.reference)} [°]")
     handles, _ = panels[0, 0].get_legend_handles_labels()
     lost = Line2D([], [], ls="", marker="o", ms=4, color="0.35", mfc="white", label="contact lost")
-    out.legend(
-        handles=[*handles, lost],
-        loc="outside lower center",
-        ncols=3,
-        frameon=False,
-    )
+    out.legend(handles=[*handles, lost], loc="outside lower center", ncols=3, frameon=False)
 
 
 def _curves(axes: Axes, design: Design, effect: Effect, lost: NDArray[np.bool_]) -> None:

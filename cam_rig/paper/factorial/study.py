@@ -34,7 +34,7 @@ from cam_rig.paper.factorial.design import (
     as_gentle,
     squeezed,
 )
-from cam_rig.show.result import SILENT, Column, Progress, Records, Result, part
+from cam_rig.show.result import SILENT, Column, Progress, Records, Result
 from cam_rig.units import RPM_PER_RAD_S
 
 
@@ -42,7 +42,7 @@ class Variance(NamedTuple):
     """The analysis of an effect in a design, or in the part of it that keeps contact.
 
     ``lost`` counts cells without contact; None for an effect that does not suppose it.
-    ``fastest`` is the effect's fastest speed, rad/s.
+    ``fastest`` is the effect's fastest speed, rpm.
     """
 
     whole: Design
@@ -72,10 +72,6 @@ class Cell(NamedTuple):
     angle: float = 0.0
 
 
-def _share(i: int) -> Any:
-    return lambda row: row.found.shares[i]
-
-
 def _percent(logarithm: str) -> Any:
     """By how much more, or less, %."""
     sign = -1.0 if logarithm == "acceleration" else 1.0
@@ -88,7 +84,7 @@ def _rpm(field: str) -> Any:
 
 def _pair(field: str) -> tuple[Column, ...]:
     """The least and the greatest; None without any."""
-    return Column(f"{field}_from", of=part(field, 0)), Column(f"{field}_to", of=part(field, 1))
+    return Column(f"{field}_from", of=f"{field}.0"), Column(f"{field}_to", of=f"{field}.1")
 
 
 #: What is measured of a law.
@@ -125,31 +121,22 @@ class FactorialResult(Factorial, Result):
     columns: ClassVar = {
         "variance": (
             *ANALYSED,
-            Column("law", "%", ".1f", of=_share(0)),
-            Column(
-                "between_classes",
-                "%",
-                ".1f",
-                of=lambda row: row.found.classes / (row.found.total or 1.0),
-            ),
-            Column("angle", "%", ".1f", of=_share(1)),
-            Column("interaction", "%", ".1f", of=_share(2)),
+            Column("law", "%", ".1f", of="found.shares.0"),
+            Column("between_classes", "%", ".1f", of="found.class_share"),
+            Column("angle", "%", ".1f", of="found.shares.1"),
+            Column("interaction", "%", ".1f", of="found.shares.2"),
             Column("sum_of_squares", "dB²", ".1f", of="found.total"),
             Column("cells_without_contact", "", "d", of="lost"),
             Column("governed_by"),
             Column(
-                "fastest",
-                "rpm",
-                of=lambda row: None if row.fastest is None else row.fastest * RPM_PER_RAD_S,
-                hidden=True,
-                about="a cell that jumps below it has lost contact",
+                "fastest", "rpm", hidden=True, about="a cell that jumps below it has lost contact"
             ),
         ),
         "laws": (
-            Column("law", of=lambda row: row[0]),
-            Column("continuity", of=lambda row: row[1], cell=lambda row: f"C{row[1]}"),
-            Column("same_angles", "rpm", ".0f", of=lambda row: row[2]),
-            Column("same_acceleration", "rpm", ".0f", of=lambda row: row[3]),
+            Column("law", of="0"),
+            Column("continuity", of="1", cell=lambda row: f"C{row[1]}"),
+            Column("same_angles", "rpm", ".0f", of="2"),
+            Column("same_acceleration", "rpm", ".0f", of="3"),
         ),
         "advantage": (
             Column("over", of="cam"),
@@ -183,12 +170,12 @@ class FactorialResult(Factorial, Result):
             *_pair("acceleration_share"),
             Column("classes"),
             *(
-                Column(f"jump_smooth_{share}", of=part("jump_smooth", share))
+                Column(f"jump_smooth_{share}", of=f"jump_smooth.{share}")
                 for share in ("law", "classes", "slopes")
             ),
             *map(Column, ("step_to_c2", "residual_ratio", "residual_falls")),
             *(
-                Column(f"smooth_{field}", of=part("smooth", field))
+                Column(f"smooth_{field}", of=f"smooth.{field}")
                 for field in ("first", "first_rpm", "last", "last_rpm", "falls_with_class")
             ),
             Column("noise_spread", "dB", of="noise_spread_db"),
@@ -261,10 +248,11 @@ class FactorialResult(Factorial, Result):
                 count = int(contact_lost(design, effect, self.config).sum())
                 stay = staying(design, effect, self.config) if count else None
                 speed = fastest(effect, self.config)
+                rpm = None if speed is None else speed * RPM_PER_RAD_S
                 for some in filter(None, (design, stay)):
                     lost = (count if some is design else 0) if effect.speeds else None
                     by = governed_by(some, effect)
-                    yield Variance(design, some, effect, some.analysis(effect), by, lost, speed)
+                    yield Variance(design, some, effect, some.analysis(effect), by, lost, rpm)
 
     def _cells(self) -> Iterator[Cell]:
         for design in (self.same_angles, self.same_acceleration):
@@ -304,22 +292,21 @@ def run_factorial(
     pressed = [squeezed(cams[config.proposed], span) for span in config.squeezed.si_list]
     todo = [*laws, *cams.values(), *pressed]
     progress.begin(len(todo), config.name)
-    left = _told((map if pool is None else pool.map)(bench.measure, todo), progress)
+    left = (map if pool is None else pool.map)(bench.measure, todo)
+
+    def measured() -> Measures:
+        found = next(left)
+        progress.advance()
+        return found
 
     def table(name: str, angles: list[float]) -> Design:
-        cells = [[next(left) for _ in angles] for _ in rises]
+        cells = [[measured() for _ in angles] for _ in rises]
         return Design(name, rises, np.array(angles), cells)
 
     return FactorialResult(
         config=config,
         same_angles=table("same angles", config.events.si_list),
         same_acceleration=table("same acceleration", config.gentle.si_list),
-        cams={cam: next(left) for cam in cams},
-        squeezed={span: next(left) for span in config.squeezed.si_list},
+        cams={cam: measured() for cam in cams},
+        squeezed={span: measured() for span in config.squeezed.si_list},
     )
-
-
-def _told(found: Iterator[Measures], progress: Progress) -> Iterator[Measures]:
-    for one in found:
-        progress.advance()
-        yield one

@@ -1,3 +1,1 @@
 """Jump speeds beside the paper's Table 2, and the rig's unprinted numbers fitted to them."""
-
-from __future__ import annotations

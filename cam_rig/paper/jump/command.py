@@ -23,8 +23,7 @@ def jump(
     ] = None,
     steady: Annotated[bool, typer.Option("--steady", help="In steady state instead.")] = False,
     ramp: Annotated[
-        float | None,
-        typer.Option(metavar="RPM/S", help="Along a ramp instead, 1 to 1e5."),
+        float | None, typer.Option(metavar="RPM/S", help="Along a ramp instead, 1 to 1e5.")
     ] = None,
     refit: Annotated[
         bool, typer.Option("--refit", help="Fit the rig's unprinted numbers anew (a minute).")

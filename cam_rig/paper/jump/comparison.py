@@ -28,7 +28,7 @@ from cam_rig.dynamics.jump.search import FASTEST, keeps_contact, sought_speed
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, build_law
 from cam_rig.laws.cam import CamSet
-from cam_rig.schema import CamConfig, PublishedTables, RigConfig, load_rig
+from cam_rig.schema import CamConfig, PublishedTables, load_rig
 from cam_rig.schema.load import WORDS, bare, config_root, same_as_shipped
 from cam_rig.show.result import SILENT, Column, Footnote, Progress, Records, Result
 from cam_rig.show.tables import counted
@@ -51,23 +51,18 @@ class Reference:
 
 def references(cam_set: CamSet, published: PublishedTables) -> dict[str, Reference]:
     """What is published of a set of cams, by cam."""
-    rig = is_identified(cam_set.rig)
+    shipped = load_rig(config_root() / "rigs" / f"{IDENTIFIED}.yaml")
+    identified = bare(cam_set.rig.follower, WORDS) == bare(shipped.follower, WORDS)
     found = {}
     for name, cam in cam_set.cams.items():
         known = published.table_2_jump.get(name)
         if known is None or not same_as_shipped(cam, WORDS | {"span"}):
             continue
         role = ""
-        if rig and same_as_shipped(cam, WORDS):
+        if identified and same_as_shipped(cam, WORDS):
             role = "fitted" if name in published.table_2_defined else "test"
         found[name] = Reference(known.rpm, known.time_s, role)
     return found
-
-
-def is_identified(rig: RigConfig) -> bool:
-    """Whether a rig's follower is the one that was identified from the jump speeds."""
-    shipped = load_rig(config_root() / "rigs" / f"{IDENTIFIED}.yaml")
-    return bool(bare(rig.follower, WORDS) == bare(shipped.follower, WORDS))
 
 
 @dataclass(frozen=True)
@@ -108,12 +103,9 @@ class JumpRow:
 class Comparison:
     """Jump speeds against Table 2.
 
-    Parameters
-    ----------
-    rms : r.m.s. of the relative differences of ``cams`` cams: of those that identified the rig
-        where ``fitted``, else of all that are published
-    same_ranking : whether the published cams come in the published order
-    turns, published_turns : fewest and most turns before contact is first lost
+    ``rms`` of the relative differences is over ``cams`` cams: those that identified the rig where
+    ``fitted``, else all that are published. ``turns`` are the fewest and most before contact is
+    first lost.
     """
 
     rms: float
@@ -137,13 +129,7 @@ class JumpResult(Result):
             Column("rpm", "rpm", ".2f", "jump speed", "found.rpm"),
             Column("published_rpm", "rpm", "g", "paper"),
             Column("difference", "%", "+.2f"),
-            Column(
-                "steady_rpm",
-                "rpm",
-                ".2f",
-                "steady state",
-                lambda row: None if row.steady is None else row.steady.rpm,
-            ),
+            Column("steady_rpm", "rpm", ".2f", "steady state", "steady.rpm"),
             Column("rigid_rpm", "rpm", ".1f", "rigid"),
             Column("angle", "°", ".1f", "cam angle", "found.angle"),
             Column("time", "s", ".3f", of="found.time"),
@@ -201,8 +187,10 @@ class JumpResult(Result):
         if not turns or all(row.difference is None for row in self.rows):
             return None
         ours, theirs = ((min(t), max(t)) for t in zip(*turns, strict=True))
-        ranking = same_ranking(self.rows)
-        return Comparison(rms_difference(known), len(known), bool(fitted), ranking, ours, theirs)
+        printed = [row for row in self.rows if row.published_rpm is not None]
+        ranked = sorted(printed, key=lambda row: row.found.rpm)
+        same = ranked == sorted(printed, key=lambda row: row.published_rpm or 0.0)
+        return Comparison(rms_difference(known), len(known), bool(fitted), same, ours, theirs)
 
     def tables(self) -> list[Records]:
         """``jump``, a row a cam, and ``run``."""
@@ -239,13 +227,6 @@ def rms_difference(rows: Iterable[JumpRow]) -> float:
     return rms(known) if known else math.nan
 
 
-def same_ranking(rows: Iterable[JumpRow]) -> bool:
-    """Whether the published cams come in the published order."""
-    known = [row for row in rows if row.published_rpm is not None]
-    ours = sorted(known, key=lambda row: row.found.rpm)
-    return ours == sorted(known, key=lambda row: row.published_rpm or 0.0)
-
-
 def find_jumps(
     cam_set: CamSet,
     published: dict[str, Reference],
@@ -253,12 +234,9 @@ def find_jumps(
     ramp: float | None = None,
     progress: Progress = SILENT,
 ) -> JumpResult:
-    """The jump of every cam.
+    """The jump of every cam in ``duration`` s from rest at one speed, and in steady state.
 
-    Parameters
-    ----------
-    duration : s from rest at one speed, with the steady state beside it; None for that alone
-    ramp : rpm/s, along a ramp from rest instead
+    None for that alone; along a ``ramp`` (rpm/s) from rest instead.
     """
     if duration is not None:
         require_run(duration)
@@ -283,18 +261,12 @@ def find_jumps(
 
 #: Slowest and steepest ramp, rpm/s: hours of turns, and a jump within the first turn.
 SLOWEST, STEEPEST = 1.0, 1e5
-
 #: Events are exact at any rate; samples are not looked at.
 SAMPLE_RATE_HZ = 1000
 
 
 def jump_along_ramp(law: Law, parameters: AnyFollower, rate: float) -> Jump:
-    """Where the follower first loses contact on a cam that starts from rest at θ = 0.
-
-    Parameters
-    ----------
-    rate : rad/s², of the cam
-    """
+    """First loss of contact on a cam that speeds up from rest at θ = 0 by ``rate`` rad/s²."""
     if not SLOWEST <= rate / RPM * (1.0 + 1e-12) <= STEEPEST * (1.0 + 2e-12):
         raise DynamicsError(
             f"the ramp is {rate / RPM:g} rpm/s; allowed: {SLOWEST:g} to {STEEPEST:g} rpm/s"
@@ -320,31 +292,23 @@ def jump_along_ramp(law: Law, parameters: AnyFollower, rate: float) -> Jump:
 
 #: The paper's fifth law.
 BY_SEGMENTS = "bezier_segments"
-
 #: The half-rises there are (laws thesis, eq. 3.4-3.9).
 DEGREES = (4, 6, 8)
-
 _HALF = re.compile(r"bezier\d+_(start|end)")
 
 
 def jump_by_degree(
     cam: CamConfig, parameters: TwoMassParameters, duration: float
 ) -> dict[int, float]:
-    """Jump speed (rpm) from rest with every half-rise of a cam of each degree.
-
-    Empty for a cam that has no half-rises.
-    """
+    """Jump speed (rpm) from rest with every half-rise of a cam, if it has any, of each degree."""
     if not any(_HALF.fullmatch(segment.law) for segment in cam.segments):
         return {}
-    return {
-        degree: sought_speed(build_law(_with_degree(cam, degree)), parameters, duration) / RPM
-        for degree in DEGREES
-    }
-
-
-def _with_degree(cam: CamConfig, degree: int) -> CamConfig:
-    segments = [
-        segment.model_copy(update={"law": _HALF.sub(rf"bezier{degree}_\1", segment.law)})
-        for segment in cam.segments
-    ]
-    return cam.model_copy(update={"segments": segments})
+    found = {}
+    for degree in DEGREES:
+        segments = [
+            segment.model_copy(update={"law": _HALF.sub(rf"bezier{degree}_\1", segment.law)})
+            for segment in cam.segments
+        ]
+        law = build_law(cam.model_copy(update={"segments": segments}))
+        found[degree] = sought_speed(law, parameters, duration) / RPM
+    return found

@@ -21,7 +21,6 @@ from cam_rig.units import RPM, TURN
 
 #: Between these speeds (rpm) most of the paper's cams lose contact: an inset.
 INSET = (380.0, 420.0)
-
 #: Times its jump speed up to which a cam's curve goes: it has left the axes, and beside a cam that
 #: jumps at ten times the speed it would cost a thousand turns a point.
 BEYOND = 2.0

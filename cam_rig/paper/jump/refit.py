@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -72,19 +72,14 @@ def _kinds(cam: CamConfig) -> list[str]:
 
 #: Largest factor on either side of a start, and the step of a numerical derivative.
 REACH, STEP = 3.0, 1e-3
-
 #: Relative step on either side for the confidence intervals of the numbers.
 ABOUT = 0.02
-
 #: Starts, the file's own first; how far they scatter; and their seed.
 STARTS, SCATTER, SEED = 3, np.array([0.02, 0.4, 0.15, 0.3]), 1
-
 #: Most steps of one start.
 MAX_STEPS = 20
-
 #: A search begins at this part of the published speed.
 BELOW = 0.6
-
 #: Table 2 prints its speeds in steps of this, rpm.
 ROUNDED_TO = 5.0
 
@@ -100,8 +95,7 @@ class Numbers:
 
     def times(self, x: FloatArray) -> Numbers:
         """Each number times e^x."""
-        values = np.array([self.event, self.stem_stiffness, self.roller_share, self.preload])
-        return Numbers(*(values * np.exp(x)).tolist())
+        return Numbers(*(np.array(astuple(self)) * np.exp(x)).tolist())
 
 
 @dataclass(frozen=True)
@@ -155,10 +149,10 @@ class RefitResult(Result):
             Column("preload", "N", ".5g", of="numbers.preload"),
         ),
         "standard_errors": (
-            Column("event", "%", ".1f", "event angle", lambda refit: refit.deviation[0].item()),
-            Column("stem_stiffness", "%", ".1f", "", lambda refit: refit.deviation[1].item()),
-            Column("roller_share", "%", ".1f", "", lambda refit: refit.deviation[2].item()),
-            Column("preload", "%", ".1f", "", lambda refit: refit.deviation[3].item()),
+            Column("event", "%", ".1f", "event angle", "deviation.0"),
+            Column("stem_stiffness", "%", ".1f", of="deviation.1"),
+            Column("roller_share", "%", ".1f", of="deviation.2"),
+            Column("preload", "%", ".1f", of="deviation.3"),
             Column("rounding", "%", ".2f", "rounding of a speed"),
         ),
     }
@@ -197,17 +191,9 @@ class RefitResult(Result):
 
 
 def refit_rig(
-    cam_set: CamSet,
-    published: PublishedTables,
-    duration: float,
-    progress: Progress = SILENT,
+    cam_set: CamSet, published: PublishedTables, duration: float, progress: Progress = SILENT
 ) -> RefitResult:
-    """Fit the rig's four unprinted numbers anew, and try them on all cams.
-
-    Raises
-    ------
-    ConfigError, DynamicsError : the cams are not those of the table; the run is too long
-    """
+    """Fit the rig's four unprinted numbers anew, and try them on all cams."""
     require_run(duration)
     parameters = TwoMassParameters.from_rig(cam_set.rig)
     fitted = {cam: published.table_2_jump[cam].rpm for cam in published.table_2_defined}
@@ -239,10 +225,7 @@ def refit(
 ) -> Refit:
     """Search the four numbers, from the rig's own and from places scattered about it.
 
-    Parameters
-    ----------
-    published : jump speed (rpm) of each cam to fit
-    duration : s of the run from rest
+    ``published`` has the jump speed (rpm) of each cam to fit, in ``duration`` s from rest.
     """
     start = Numbers(
         event_of(cams[cam] for cam in published),

@@ -28,14 +28,11 @@ from cam_rig.units import FloatArray, rms, to_rpm
 
 #: Bounds of lift (m), event span (deg) and nose span as a fraction of the event span.
 BOUNDS = np.array([[0.002, 0.05], [60.0, 300.0], [0.05, 0.95]])
-
 #: Largest pitch radius (m) of a flank that is visibly concave, as the paper calls the cam; beyond
 #: this a flank of some millimetres is straight.
 MAX_FLANK = 0.5
-
 #: Fit error given to a geometry that cannot exist, dB.
 IMPOSSIBLE = 50.0
-
 #: Sample rate of a trial.
 TRIAL_RATE_HZ = 8000
 
@@ -77,10 +74,7 @@ def trial_stage(loaded: LoadedScene) -> LoadedScene:
 
 
 def identify(loaded: LoadedScene, cam: str, seed: int, progress: Progress = SILENT) -> Geometry:
-    """Search lift and angles of an arc cam; ``loaded`` holds the scene to run for each trial.
-
-    A global search (differential evolution, seeded) followed by a local one.
-    """
+    """Search lift and angles of an arc cam: differential evolution, seeded, then a local search."""
     progress.begin(None, "searching")
     arc_cam(loaded.cams[cam])  # it must have arcs to move
     trial = trial_stage(loaded)
@@ -109,7 +103,7 @@ def identify(loaded: LoadedScene, cam: str, seed: int, progress: Progress = SILE
     polished = minimize(
         rmse, best.x, method="Nelder-Mead", options={"xatol": 1e-5, "fatol": 1e-5, "maxfev": 200}
     )
-    lift, event, fraction = (float(v) for v in polished.x)
+    lift, event, fraction = polished.x.tolist()
     # Rounded to what the residual can support, so that the file is readable and spans add up.
     for digits in (2, 3, 4, 6):  # the fewest that keep the geometry possible
         short = [round(lift, digits + 4), round(event, digits), round(event * fraction, digits)]
@@ -120,7 +114,7 @@ def identify(loaded: LoadedScene, cam: str, seed: int, progress: Progress = SILE
 
 
 def _levels(loaded: LoadedScene, cam: str, x: FloatArray) -> FloatArray | None:
-    lift, event, fraction = (float(v) for v in x)
+    lift, event, fraction = x.tolist()
     if np.any(x < BOUNDS[:, 0]) or np.any(x > BOUNDS[:, 1]):
         return None
     try:
@@ -137,10 +131,8 @@ def _levels(loaded: LoadedScene, cam: str, x: FloatArray) -> FloatArray | None:
 #: Lifts tried as a start, relative to the given one, and events relative to the valley of equal
 #: levels: shapes that sound alike lie along it, lift about in proportion to the event cubed.
 LIFTS, EVENTS = (1.2, 1.0, 0.85, 0.72, 0.61), (0.97, 1.0, 1.03)
-
 #: First steps of the search, relative to lift and event, and the most trials.
 SIMPLEX, TRIALS = 0.03, 32
-
 #: Step of a numerical derivative, relative to lift and event: where arcs join the force jumps
 #: between samples, so levels jitter by 0.01 dB as a shape moves.
 STEP = 2e-2
@@ -188,26 +180,9 @@ class ArcShape:
         return build_law(with_geometry(cam, 1e3 * self.lift, *degrees.tolist()))
 
 
-@dataclass(frozen=True, eq=False)
-class ShapeFit:
-    """A shape and its sound; ``sensitivity`` ``(n, 2)``: dB per change of lift, of event, by 1."""
-
-    shape: ArcShape
-    acoustics: Acoustics
-    cam: PublishedCam
-    sensitivity: FloatArray
-
-
 @dataclass(frozen=True)
 class ShapeProblem:
-    """What a shape is fitted to.
-
-    Parameters
-    ----------
-    cam : file of the arc cam
-    published : its published level, dB
-    turn : runs a law at the published speeds
-    """
+    """An arc cam's file, its published levels (dB), and what runs a law at their speeds."""
 
     cam: CamConfig
     published: FloatArray
@@ -221,13 +196,11 @@ class ShapeProblem:
             self._known[shape] = PublishedCam(self.cam.name, turns, self.published)
         return self._known[shape]
 
-    def seen(self, shape: ArcShape, acoustics: Acoustics) -> ShapeFit:
-        """A shape as it is, with its sound and its sensitivity."""
-        cam = self.cam_of(shape)
-        moved = [self.cam_of(shape.scaled(*(1.0 + STEP * axis))) for axis in np.eye(2)]
-        base = acoustics.levels(cam.turns)
-        slope = [(acoustics.levels(other.turns) - base) / STEP for other in moved]
-        return ShapeFit(shape, acoustics, cam, np.stack(slope, axis=1))
+    def sensitivity(self, shape: ArcShape, acoustics: Acoustics) -> FloatArray:
+        """``(n, 2)``: dB per change of lift, of event, by 1."""
+        moved = [shape.scaled(*(1.0 + STEP * axis)) for axis in np.eye(2)]
+        base, *levels = (acoustics.levels(self.cam_of(s).turns) for s in (shape, *moved))
+        return np.stack([(level - base) / STEP for level in levels], axis=1)
 
     def fit(self, near: ArcShape, acoustics: Acoustics) -> ArcShape:
         """Lift and event of least difference, from near a shape whose flank is kept.
@@ -243,10 +216,11 @@ class ShapeProblem:
             except LawError:
                 return IMPOSSIBLE
 
-        start = min(_starts(near), key=cost)
+        valley = [near.scaled(a, b * a ** (1.0 / 3.0)) for a in LIFTS for b in EVENTS]
+        start = min([*valley, near], key=cost)
 
         def cost_at(x: FloatArray) -> float:
-            return cost(start.scaled(float(x[0]), float(x[1])))
+            return cost(start.scaled(*x.tolist()))
 
         found = minimize(
             cost_at,
@@ -259,8 +233,4 @@ class ShapeProblem:
                 "fatol": 5e-3,
             },
         )
-        return start.scaled(float(found.x[0]), float(found.x[1]))
-
-
-def _starts(near: ArcShape) -> list[ArcShape]:
-    return [near.scaled(a, b * a ** (1.0 / 3.0)) for a in LIFTS for b in EVENTS] + [near]
+        return start.scaled(*found.x.tolist())

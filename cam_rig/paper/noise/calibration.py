@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -20,7 +21,6 @@ from cam_rig.units import TURN, FloatArray, rms, to_rpm
 
 #: Terms of the speed response: with its gain a cubic, like a published regression.
 RESPONSE_TERMS = 3
-
 #: Step of a numerical derivative, relative in a constant, in dB of a response term.
 STEP = 1e-4
 
@@ -80,10 +80,9 @@ def calibrate(
     speeds: FloatArray,
     levels: FloatArray,
 ) -> tuple[RadiationParameters, float]:
-    """Fit gain and corner to the levels (dB) of one cam at ``speeds`` (rad/s).
+    """Gain and corner fitted to one cam's ``levels`` (dB) at ``speeds`` (rad/s), and r.m.s. left.
 
-    Two numbers, least squares in dB, on the exact steady response; the background stays as it is.
-    Returns the constants and the r.m.s. difference (dB) that is left.
+    Least squares in dB on the exact steady response; the background stays as it is.
     """
     for speed in speeds:
         if loss_intervals(law, follower, float(speed)):
@@ -155,7 +154,6 @@ def sensitivity(cam: PublishedCam, acoustics: Acoustics) -> FloatArray:
 
 #: Samples of a turn and harmonics of it: up to 500 Hz at 200 rpm.
 SAMPLES, HARMONICS = 1024, 150
-
 #: Starts of a fit of modes, which may end in more than one place, and their seed.
 STARTS, SEED = 8, 1
 
@@ -186,15 +184,13 @@ class StructureFit:
     predicted_db: float
 
 
-def _low_pass(x: FloatArray, frequency: FloatArray) -> FloatArray:
+def _low_pass(x: FloatArray, frequency: FloatArray, poles: int = 1) -> FloatArray:
     gain, corner = np.exp(x)
     rate = 2.0 * np.pi * frequency
-    return np.asarray((gain * rate) ** 2 / (1.0 + (frequency / corner) ** 2))
+    return np.asarray((gain * rate) ** 2 / (1.0 + (frequency / corner) ** 2) ** poles)
 
 
-def _double_low_pass(x: FloatArray, frequency: FloatArray) -> FloatArray:
-    gain, corner = np.exp(x)
-    return np.asarray((gain * 2.0 * np.pi * frequency / (1.0 + (frequency / corner) ** 2)) ** 2)
+_double_low_pass = partial(_low_pass, poles=2)
 
 
 def _modes(x: FloatArray, frequency: FloatArray) -> FloatArray:
@@ -206,9 +202,7 @@ def _modes(x: FloatArray, frequency: FloatArray) -> FloatArray:
 
 
 _POLE = (1e-4, 20.0)
-
 _LOW_MODE, _HIGH_MODE = (1e-4, 12.0, 0.4), (1e-4, 50.0, 0.4)
-
 STRUCTURES = (
     Structure("low-pass", _low_pass, _POLE),
     Structure("one mode", _modes, _LOW_MODE),
@@ -229,13 +223,9 @@ def compare_structures(
     speeds: FloatArray,
     fitted: str,
 ) -> list[StructureFit]:
-    """Fit every candidate to the cam ``fitted``, and predict the other one.
+    """Fit every candidate to one of two cams, and predict the other.
 
-    Parameters
-    ----------
-    laws : two cams that keep contact at all ``speeds`` (rad/s)
-    radiation : for its background
-    published : level in dB at the speeds, by cam
+    Both keep contact at all ``speeds`` (rad/s), where ``published`` has their levels in dB.
     """
     (other,) = laws.keys() - {fitted}
     harmonics = {cam: harmonic_power(law, follower, speeds) for cam, law in laws.items()}

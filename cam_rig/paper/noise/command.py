@@ -13,12 +13,7 @@ import yaml
 
 from cam_rig.errors import ConfigError
 from cam_rig.schema.quantity import ORIGINS
-from cam_rig.show.command import (
-    DEFAULT_SCENE,
-    Scene,
-    SceneOption,
-    command,
-)
+from cam_rig.show.command import DEFAULT_SCENE, Scene, SceneOption, command
 from cam_rig.show.result import Progress, Result
 from cam_rig.show.terminal import say
 
@@ -31,15 +26,7 @@ def set_identified(
 ) -> None:
     """Put numbers in as ``identified``, with source and residual; the file is replaced whole.
 
-    Nothing else of the text changes: the numbers' own words are replaced where they stand.
-
-    Parameters
-    ----------
-    numbers : key path -> number, in the unit the file already has there
-
-    Raises
-    ------
-    ConfigError : the file cannot be written
+    Nothing else of the text changes. ``numbers`` are by key path, in the unit the file has there.
     """
     text = path.read_bytes().decode("utf-8")
     root = yaml.compose(text, Loader=yaml.SafeLoader)
@@ -136,19 +123,15 @@ def calibrate(
     )
     if not dry_run:
         numbers: dict[tuple[str | int, ...], float] = {
-            ("radiation", "gain"): _round(found.gain),
-            ("radiation", "corner"): _round(found.corner),
+            # Five digits: far finer than the residual supports, and a file stays readable.
+            ("radiation", key): float(f"{getattr(found, key):.5g}")
+            for key in ("gain", "corner")
         }
         held = FITTED_WITH + fitted_with(loaded.rig, MODEL)
         source = f"cam-rig calibrate, published noise of {cam} alone{held}"
         residual = f"{rmse:.3f} dB RMS over {speeds.size} speeds, 2 numbers fitted"
         set_identified(loaded.rig_file, numbers, source, residual)
         say(f"written to {loaded.rig_file}")
-
-
-def _round(value: float) -> float:
-    """Five digits: far finer than the residual supports, and a file stays readable."""
-    return float(f"{value:.5g}")
 
 
 # cam-rig identify: the geometry of an arc cam, from its published noise.

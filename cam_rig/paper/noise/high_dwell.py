@@ -24,7 +24,6 @@ from cam_rig.units import FloatArray
 
 #: The rise whose acceleration jumps at a dwell, as at the joints of arcs.
 WITH_JUMPS = "simple_harmonic"
-
 #: The factors in their order, in words.
 FACTORS = ("lift", "high dwell", "joints")
 
@@ -38,23 +37,15 @@ class Timing(NamedTuple):
     lift: float
 
 
-class Variant(NamedTuple):
-    """One cam of the factorial."""
-
-    lift: float
-    high_dwell: float
-    rise: str
-
-
 @dataclass(frozen=True, eq=False)
 class HighDwellStudy:
     """Levels (dB) of the eight cams at the study's speeds, the first the reference itself.
 
-    ``shares`` are those of the sum of squares of the mean levels, by the factors that act together
-    (indices into `FACTORS`).
+    A cam is told by lift (m), high dwell (rad) and rise. ``shares`` are those of the sum of squares
+    of the mean levels, by the factors that act together (indices into `FACTORS`).
     """
 
-    levels_db: dict[Variant, FloatArray]
+    levels_db: dict[tuple[float, float, str], FloatArray]
     shares: Mapping[tuple[int, ...], float]
 
     def change_db(self, factor: str) -> FloatArray:
@@ -88,20 +79,13 @@ def study_high_dwell(
 ) -> HighDwellStudy | None:
     """Run the eight cams; None where the reference cam cannot be changed in all three.
 
-    It must have a high dwell between two equal rises, another lift, and no jumps at its joints.
-
-    Parameters
-    ----------
-    other_lift : m, of the arc cam
+    It must have a high dwell between two equal rises, another lift than the arc cam's
+    ``other_lift`` (m), and no jumps at its joints.
     """
     timing = timing_of(setup.loaded.cams[setup.roles.reference])
     if timing is None:
         return None
-    choices = (
-        (timing.lift, other_lift),
-        (timing.high_dwell, 0.0),
-        (timing.rise, WITH_JUMPS),
-    )
+    choices = ((timing.lift, other_lift), (timing.high_dwell, 0.0), (timing.rise, WITH_JUMPS))
     if any(own == other for own, other in choices):
         return None
     speeds = np.asarray(setup.cams[setup.roles.reference].turns.speeds)
@@ -109,6 +93,6 @@ def study_high_dwell(
     for lift, dwell, rise in product(*choices):
         law = up_and_down(rise, timing.event, lift, dwell)
         turns = settled_turns(law, "one_mass", setup.loaded.follower, speeds)
-        levels[Variant(lift, dwell, rise)] = acoustics.levels(turns)
+        levels[lift, dwell, rise] = acoustics.levels(turns)
     means = np.array([level.mean() for level in levels.values()]).reshape(2, 2, 2)
     return HighDwellStudy(levels, two_levels(means))

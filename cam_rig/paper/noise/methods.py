@@ -10,12 +10,13 @@ Three ways stand side by side:
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 
-from cam_rig.paper.noise.arc_cam import ArcShape, ShapeFit
+from cam_rig.paper.noise.arc_cam import ArcShape
 from cam_rig.paper.noise.calibration import (
     PublishedCam,
     by_substitution,
@@ -37,10 +38,8 @@ from cam_rig.units import FloatArray, rms
 
 #: Neighbouring speeds that are drawn together: a third of the range.
 BLOCK = 7
-
 #: Draws, and the seed of them.
 DRAWS, SEED = 2000, 1
-
 #: Percent outside a 95 % band, on either side.
 TAIL = 2.5
 
@@ -76,9 +75,8 @@ class Band:
 class Crossing:
     """Speed in rpm at which two regressions cross, with its confidence interval.
 
-    ``low`` and ``high`` hold 95 % of the draws, ``deviation`` is their standard deviation;
-    ``missing`` is the share of draws that do not cross at all within the speeds. ``points_rpm`` is
-    where the simulated levels themselves cross, without a regression.
+    ``low`` and ``high`` hold 95 % of the draws, of which a share ``missing`` does not cross at all
+    within the speeds. ``points_rpm`` is where the simulated levels themselves cross.
     """
 
     rpm: float | None
@@ -102,9 +100,9 @@ def crossing(rpm: FloatArray, one: FloatArray, two: FloatArray, near: float) -> 
 
 
 def _difference(rpm: FloatArray, one: FloatArray, two: FloatArray) -> tuple[FloatArray, float]:
-    """Coefficients of one less the other over rpm/scale − 1, and that scale."""
+    """Coefficients of one less the other, each ``(n,)`` or draws, over rpm/scale − 1; the scale."""
     scale = float(rpm.mean())
-    fit = np.polynomial.polynomial.polyfit(rpm / scale - 1.0, one - two, REGRESSION_DEGREE)
+    fit = np.polynomial.polynomial.polyfit(rpm / scale - 1.0, (one - two).T, REGRESSION_DEGREE)
     return np.asarray(fit, dtype=np.float64), scale
 
 
@@ -124,14 +122,16 @@ def crossing_interval(
     near: float,
 ) -> Crossing:
     """The crossing of two regressions, with what draws ``(DRAWS, n)`` of both say about it."""
-    found = [crossing(rpm, one, two, near) for one, two in zip(*draws, strict=True)]
+    fits, scale = _difference(rpm, *draws)
+    ends = (rpm[0], rpm[-1])
+    found = [nearest_crossing(fit, ends, near, scale=scale, shift=1.0) for fit in fits.T]
     there = np.array([rpm for rpm in found if rpm is not None])
+    low = high = deviation = np.nan
+    if there.size > 1:
+        low, high = np.percentile(there, [TAIL, 100.0 - TAIL]).tolist()
+        deviation = float(np.std(there, ddof=1))
     missing = 1.0 - there.size / len(found)
-    if there.size < 2:
-        return Crossing(crossing(rpm, *best, near), np.nan, np.nan, np.nan, missing)
-    low, high = np.percentile(there, [TAIL, 100.0 - TAIL])
-    deviation = float(np.std(there, ddof=1))
-    return Crossing(crossing(rpm, *best, near), float(low), float(high), deviation, missing)
+    return Crossing(crossing(rpm, *best, near), low, high, deviation, missing)
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,62 +200,41 @@ class Method:
 
 def with_two_constants(study: NoiseSetup, refit: bool) -> Method:
     """Gain and corner from the reference; the arc cam as its file has it, or fitted anew."""
-    reference = study.cams[study.roles.reference]
-    acoustics = two_constants([reference], study.start)
-    swapped = two_constants([study.cams[study.roles.predicted]], study.start)
-    unseen = reference.difference(swapped)
-    if refit:
-        fit = study.problem.seen(study.fit_shape(acoustics), acoustics)
-        return _method("two constants, arc cam refitted", study, fit, cubic(study.rpm), unseen)
-    fit = study.problem.seen(study.shape, acoustics)
-    return _method("two constants", study, fit, np.eye(study.rpm.size), unseen)
+    name = "two constants, arc cam refitted" if refit else "two constants"
+    return _method(name, study, lambda cam: two_constants([cam], study.start), refit)
 
 
 def with_substitution(study: NoiseSetup) -> Method:
     """Gain and speed response from the reference; the arc cam's geometry fitted to that."""
-    reference = study.cams[study.roles.reference]
-    acoustics = by_substitution(reference, study.start)
-    fit = study.problem.seen(study.fit_shape(acoustics), acoustics)
-    swapped = by_substitution(study.cams[study.roles.predicted], study.start)
-    unseen = reference.difference(swapped)
-    return _method("by substitution", study, fit, cubic(study.rpm), unseen)
+    return _method("by substitution", study, lambda cam: by_substitution(cam, study.start), True)
 
 
 def _method(
-    name: str, study: NoiseSetup, fit: ShapeFit, compared: FloatArray, unseen: FloatArray
+    name: str, study: NoiseSetup, calibrated: Callable[[PublishedCam], Acoustics], refit: bool
 ) -> Method:
     """Curves and bands.
 
-    Parameters
-    ----------
-    compared : ``(n, n)``, what of a difference the geometry was fitted to
-    unseen : difference (dB) of this way on a cam it was not fitted to: the reference's,
-        with the parts of reference and predicted cam exchanged
+    The difference (dB) of this way on a cam it was not fitted to is the reference's, with the parts
+    of reference and predicted cam exchanged.
     """
-    roles, acoustics, project = study.roles, fit.acoustics, cubic(study.rpm)
-    cams = study.cams | {roles.arcs: fit.cam}
-    unlike = dict.fromkeys(cams, -unseen) | {roles.arcs: -fit.cam.difference(acoustics)}
+    reference = study.cams[study.roles.reference]
+    acoustics, project = calibrated(reference), cubic(study.rpm)
+    unseen = reference.difference(calibrated(study.cams[study.roles.predicted]))
+    shape = study.fit_shape(acoustics) if refit else study.shape
+    compared = project if refit else np.eye(study.rpm.size)  # what the geometry was fitted to
+    arcs, slope = study.problem.cam_of(shape), study.problem.sensitivity(shape, acoustics)
+    roles, cams = study.roles, study.cams | {arcs.cam: arcs}
+    unlike = dict.fromkeys(cams, -unseen) | {arcs.cam: -arcs.difference(acoustics)}
     generator = np.random.default_rng(SEED)
     fitted, left = ({cam: resample(unlike[cam], generator) for cam in cams} for _ in range(2))
-    slopes = {cam: sensitivity(h, acoustics) for cam, h in cams.items()}
+    slopes = {cam: sensitivity(one, acoustics) for cam, one in cams.items()}
     constants = fitted[roles.reference] @ _refit(project @ slopes[roles.reference], project).T
-    moved = {cam: constants @ slope.T for cam, slope in slopes.items()}
-    shape = (fitted[roles.arcs] - moved[roles.arcs]) @ _refit(
-        compared @ fit.sensitivity, compared
-    ).T
-    moved[roles.arcs] = moved[roles.arcs] + shape @ fit.sensitivity.T
-    refitted = fit.shape != study.shape
-    numbers = {roles.reference: 2 + len(acoustics.response), roles.arcs: 2 if refitted else 3}
+    moved = {cam: constants @ one.T for cam, one in slopes.items()}
+    change = (fitted[arcs.cam] - moved[arcs.cam]) @ _refit(compared @ slope, compared).T
+    moved[arcs.cam] = moved[arcs.cam] + change @ slope.T
+    numbers = {roles.reference: 2 + len(acoustics.response), roles.arcs: 2 if refit else 3}
     curves = {
-        cam: _curve(
-            name,
-            study,
-            h,
-            acoustics,
-            numbers.get(cam, 0),
-            moved[cam] @ project,
-            left[cam] @ project,
-        )
+        cam: _curve(name, study, h, acoustics, numbers.get(cam, 0), moved[cam], left[cam])
         for cam, h in cams.items()
     }
     drawn = {c: curves[c].regression_db + (moved[c] + left[c]) @ project for c in cams}
@@ -274,7 +253,7 @@ def _method(
         ).tolist()
     )
     named = study.crossover
-    return Method(name, acoustics, fit.shape, curves, found(*named.between, named.rpm), pairs)
+    return Method(name, acoustics, shape, curves, found(*named.between, named.rpm), pairs)
 
 
 def _refit(slope: FloatArray, compared: FloatArray) -> FloatArray:

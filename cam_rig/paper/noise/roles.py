@@ -1,13 +1,13 @@
-"""The set-up of a noise study: the role of each cam, and the mechanics of each, run once.
+"""The set-up of a noise study: the mechanics of each cam, run once, and the role of each.
 
-One cam calibrates the acoustic constants (the reference), one is predicted, one has its geometry
-identified.
+The reference calibrates the acoustic constants; one is predicted, one has its geometry identified.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -22,10 +22,8 @@ from cam_rig.units import FloatArray, to_rpm
 
 #: A shape is fitted at each of these of the study's speeds, and then compared at all.
 EVERY = 2
-
 #: What gives the levels of a scene that is no noise study.
 OTHERWISE = "for any other scene take cam-rig simulate or report"
-
 #: Half of them still are more than a cubic has numbers.
 MIN_SPEEDS = 9
 
@@ -99,17 +97,18 @@ class NoiseSetup:
     @cached_property
     def problem(self) -> ShapeProblem:
         """The arc cam's shape as it is fitted, at all speeds."""
-        return self._problem(1)
+        return self.shape_problem("one_mass", self.loaded.follower, 1)
 
     @cached_property
     def _thin(self) -> ShapeProblem:
-        return self._problem(EVERY)
+        return self.shape_problem("one_mass", self.loaded.follower)
 
-    def _problem(self, every: int) -> ShapeProblem:
+    def shape_problem(self, model: str, follower: Any, every: int = EVERY) -> ShapeProblem:
+        """The arc cam's shape as it is fitted on a model's follower, at some of the speeds."""
         arcs = self.cams[self.roles.arcs].every(every)
 
         def turn(law: Law) -> Turns:
-            return settled_turns(law, "one_mass", self.loaded.follower, arcs.turns.speeds)
+            return settled_turns(law, model, follower, arcs.turns.speeds)
 
         return ShapeProblem(self.loaded.cams[self.roles.arcs], arcs.published, turn)
 

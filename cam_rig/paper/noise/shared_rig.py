@@ -8,8 +8,8 @@ shows what its preload does, and, when asked, on the whole two-mass follower.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.optimize import Bounds, differential_evolution
@@ -17,7 +17,6 @@ from scipy.optimize import Bounds, differential_evolution
 from cam_rig.acoustics import RadiationParameters
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.errors import CamRigError
-from cam_rig.laws import Law
 from cam_rig.paper.noise.arc_cam import IMPOSSIBLE, MAX_FLANK, ArcShape, ShapeProblem
 from cam_rig.paper.noise.calibration import PublishedCam, two_constants
 from cam_rig.paper.noise.methods import crossing
@@ -25,12 +24,11 @@ from cam_rig.paper.noise.roles import EVERY, NoiseSetup
 from cam_rig.schema import RigConfig
 from cam_rig.show.result import SILENT, Progress
 from cam_rig.simulation.regression import cubic
-from cam_rig.simulation.simulate import Acoustics, Turns, settled_turns
+from cam_rig.simulation.simulate import Acoustics, settled_turns
 from cam_rig.units import FloatArray
 
 #: Lift (m), event (rad) and curvature of the flank (1/m) that the search goes through.
 SEARCHED = Bounds([0.002, 1.2, 1.0 / MAX_FLANK], [0.02, 3.5, 40.0])
-
 #: Generations of the search, shapes a generation for each number, and its seed.
 GENERATIONS, POPULATION, SEED = 12, 7, 2
 
@@ -53,58 +51,39 @@ class OneRig:
 def with_rigid_stem(study: NoiseSetup, rig: RigConfig) -> OneRig:
     """The rig's masses, spring and preload on a rigid stem."""
     follower = FollowerParameters.from_rig(rig)
-    smooth = _smooth(study, lambda law, speeds: settled_turns(law, "one_mass", follower, speeds))
+    smooth = _smooth(study, "one_mass", follower)
     acoustics = two_constants([smooth[study.roles.reference]], study.start)
-    arcs = study.cams[study.roles.arcs].every(EVERY)
-
-    def turn(law: Law) -> Turns:
-        return settled_turns(law, "one_mass", follower, arcs.turns.speeds)
-
+    problem = study.shape_problem("one_mass", follower)
     # Lift-off stays at its speed when lift and preload grow together.
     share = rig.follower.preload.si / study.loaded.rig.follower.preload.si
-    start = study.shape.scaled(share**0.5, 1.0)
-    problem = ShapeProblem(study.loaded.cams[study.roles.arcs], arcs.published, turn)
-    shape = problem.fit(start, acoustics)
-    name = f"{rig.name}, rigid stem"
-    return _result(name, study, acoustics, smooth, shape, problem.cam_of(shape))
+    shape = problem.fit(study.shape.scaled(share**0.5, 1.0), acoustics)
+    arcs = problem.cam_of(shape)
+    return _result(f"{rig.name}, rigid stem", study, acoustics, smooth, shape, arcs)
 
 
 def with_elastic_stem(
-    study: NoiseSetup,
-    rig: RigConfig,
-    arcs: bool = False,
-    progress: Progress = SILENT,
+    study: NoiseSetup, rig: RigConfig, arcs: bool = False, progress: Progress = SILENT
 ) -> OneRig:
-    """The whole two-mass follower of the rig.
-
-    Parameters
-    ----------
-    arcs : also search for the arc cam's shape, which takes minutes
-    progress : told the r.m.s. difference (dB) of the best shape after each generation
-    """
+    """The whole two-mass follower of the rig; ``arcs``: the arc cam's shape too, in minutes."""
     follower = TwoMassParameters.from_rig(rig)
-
-    def turn(law: Law, speeds: FloatArray) -> Turns:
-        return settled_turns(law, "two_mass", follower, speeds)
-
-    smooth = _smooth(study, turn)
+    smooth = _smooth(study, "two_mass", follower)
     start = Acoustics(_landing_on_roller(study, follower))
     acoustics = two_constants([smooth[study.roles.reference]], start)
     if not arcs:
-        return _result(rig.name, study, acoustics, smooth, None, None)
-    thin = study.cams[study.roles.arcs].every(EVERY)
-    cam = study.loaded.cams[study.roles.arcs]
-    problem = ShapeProblem(cam, thin.published, lambda law: turn(law, thin.turns.speeds))
+        return _result(rig.name, study, acoustics, smooth)
+    problem = study.shape_problem("two_mass", follower)
     shape = _search(problem, acoustics, progress)
     return _result(rig.name, study, acoustics, smooth, shape, problem.cam_of(shape))
 
 
-def _smooth(study: NoiseSetup, turn: Callable[[Law, FloatArray], Turns]) -> dict[str, PublishedCam]:
+def _smooth(study: NoiseSetup, model: str, follower: Any) -> dict[str, PublishedCam]:
     """Reference and predicted cam on another follower, at all speeds."""
-    cams = {cam: study.cams[cam] for cam in (study.roles.reference, study.roles.predicted)}
+    cams = (study.cams[cam] for cam in (study.roles.reference, study.roles.predicted))
     return {
-        cam: PublishedCam(cam, turn(study.loaded.laws[cam], h.turns.speeds), h.published)
-        for cam, h in cams.items()
+        one.cam: replace(
+            one, turns=settled_turns(study.loaded.laws[one.cam], model, follower, one.turns.speeds)
+        )
+        for one in cams
     }
 
 
@@ -147,19 +126,15 @@ def _result(
     study: NoiseSetup,
     acoustics: Acoustics,
     smooth: dict[str, PublishedCam],
-    shape: ArcShape | None,
-    arcs: PublishedCam | None,
+    shape: ArcShape | None = None,
+    arcs: PublishedCam | None = None,
 ) -> OneRig:
-    cams = smooth if arcs is None else smooth | {study.roles.arcs: arcs}
-    left = {cam: h.rms(acoustics) for cam, h in cams.items()}
-    crossed = None if arcs is None else _crossing(study, cams, acoustics)
+    if arcs is None:
+        left = {cam: one.rms(acoustics) for cam, one in smooth.items()}
+        return OneRig(name, acoustics, left, None, None)
+    thinned = {cam: one.every(EVERY) for cam, one in smooth.items()} | {arcs.cam: arcs}
+    named = study.crossover
+    one, two = (cubic(arcs.rpm) @ acoustics.levels(thinned[cam].turns) for cam in named.between)
+    crossed = crossing(arcs.rpm, one, two, named.rpm)
+    left = {name: cam.rms(acoustics) for name, cam in (smooth | {arcs.cam: arcs}).items()}
     return OneRig(name, acoustics, left, shape, crossed)
-
-
-def _crossing(
-    study: NoiseSetup, cams: dict[str, PublishedCam], acoustics: Acoustics
-) -> float | None:
-    named, rpm = study.crossover, cams[study.roles.arcs].rpm
-    thinned = {cam: h if cam == study.roles.arcs else h.every(EVERY) for cam, h in cams.items()}
-    one, two = (cubic(rpm) @ acoustics.levels(thinned[cam].turns) for cam in named.between)
-    return crossing(rpm, one, two, named.rpm)

@@ -24,7 +24,7 @@ from cam_rig.paper.noise.roles import NoiseSetup, StudyRoles
 from cam_rig.paper.noise.shared_rig import OneRig, with_elastic_stem, with_rigid_stem
 from cam_rig.schema import RigConfig
 from cam_rig.schema.published import Crossover
-from cam_rig.show.result import SILENT, Column, Footnote, Progress, Records, Result, part
+from cam_rig.show.result import SILENT, Column, Footnote, Progress, Records, Result
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.units import FloatArray
 
@@ -131,8 +131,8 @@ class NoiseStudyResult(Result):
             Column("numbers_fitted", "", "d", "numbers fitted to it", "numbers"),
             Column("rms_points", "dB", ".2f", "points", "rms_db"),
             Column("rms_regression", "dB", ".2f", "regression", "rms_regression_db"),
-            Column("largest", "dB", "+.2f", "largest difference", part("largest", 0)),
-            Column("largest_at", "rpm", ".0f", "at", part("largest", 1)),
+            Column("largest", "dB", "+.2f", "largest difference", "largest.0"),
+            Column("largest_at", "rpm", ".0f", "at", "largest.1"),
             Column(
                 "half_band",
                 "dB",
@@ -142,7 +142,7 @@ class NoiseStudyResult(Result):
             ),
             Column("published_inside", "%", ".0f", of=lambda c: c.expected.holds(c.published_db)),
             *(
-                Column(f"c{i}", of=part("coefficients", i), hidden=True, about=f"dB/rpm^{i}")
+                Column(f"c{i}", of=f"coefficients.{i}", hidden=True, about=f"dB/rpm^{i}")
                 for i in range(4)
             ),
         ),
@@ -159,8 +159,8 @@ class NoiseStudyResult(Result):
             Column("verdict"),
             Column("holds", about="speeds at which it holds", hidden=True),
             Column("cases", about="speeds looked at", hidden=True),
-            Column("fails_from", "rpm", of=part("fails_rpm", 0), hidden=True),
-            Column("fails_to", "rpm", of=part("fails_rpm", 1), hidden=True),
+            Column("fails_from", "rpm", of="fails_rpm.0", hidden=True),
+            Column("fails_to", "rpm", of="fails_rpm.1", hidden=True),
         ),
         "methods": (
             Column("calibration", of="name"),
@@ -204,14 +204,14 @@ class NoiseStudyResult(Result):
             Column("lift", "mm", ".2f"),
             Column("high_dwell", "°", ".1f"),
             Column("rise"),
-            Column("change_from", "dB", "+.1f", of=part("change", 0)),
-            Column("change_to", "dB", "+.1f", "to", part("change", 1)),
+            Column("change_from", "dB", "+.1f", of="change.0"),
+            Column("change_to", "dB", "+.1f", "to", "change.1"),
             Column("rpm", "rpm", "g"),
             Column("level", "dB", ".1f"),
         ),
         "high_dwell_shares": (
             Column("by", of=lambda share: " × ".join(FACTORS[axis] for axis in share[0])),
-            Column("share", "%", ".1f", of=lambda share: share[1]),
+            Column("share", "%", ".1f", of="1"),
         ),
         "levels": (
             Column("calibration", of="method"),
@@ -220,7 +220,7 @@ class NoiseStudyResult(Result):
             Column("published", "dB", ".1f"),
             Column("level", "dB", ".1f", "here"),
             *(
-                Column(f"{band}_{end}", "dB", of=part(band, i), hidden=True)
+                Column(f"{band}_{end}", "dB", of=f"{band}.{i}", hidden=True)
                 for band in ("confidence", "expected")
                 for i, end in enumerate(("low", "high"))
             ),
@@ -368,10 +368,8 @@ def study_noise(
 ) -> NoiseStudyResult:
     """Run every part of the study on a scene.
 
-    Parameters
-    ----------
-    rig : the rig identified from the jump speeds, whose noise is compared too
-    arcs : also fit the arc cam on that rig's two masses, which takes minutes
+    ``rig``: the rig identified from the jump speeds, whose noise is compared too; ``arcs``: also
+    fit the arc cam on that rig's two masses, which takes minutes.
     """
     parts = progress.over(PARTS)
     next(parts)

@@ -1,3 +1,1 @@
 """Force and sound of a steady turn by orders of the cam, without leakage."""
-
-from __future__ import annotations

@@ -26,13 +26,10 @@ from cam_rig.units import FloatArray
 
 #: Radii on the screen, and width of the plane, whose height is 100.
 STROKE, CURSOR, WIDTH = -1.2, -0.8, 160.0
-
 #: What the charts show.
 CHARTS = {"rays": "orders over speed", "lines": "by order, at one speed"}
-
 #: Room for half of the last mark, and for those below it, as shares of the width.
 RIGHT, BELOW = 0.12, 0.1
-
 #: From dark to bright, 0 to 255: a scale that is even in lightness.
 SCALE = np.array(
     [[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]], dtype=np.float64
@@ -44,9 +41,7 @@ def save_orders(
 ) -> None:
     """Write the spectra of cams as a ``.rrd`` file that appears when it is whole.
 
-    Parameters
-    ----------
-    titles : what cams are called, where not by their names in words
+    ``titles``: what cams are called, where not by their names in words.
     """
     require_free(path, overwrite=True)
     tops = {quantity: loudest(found, quantity) for quantity in QUANTITIES}

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 #: What a cam alone is put on: rig and model.
 CAM_RIG, CAM_MODEL = "tm21", "one_mass"
-
 #: Orders at most, and speeds at most: a table that nobody reads, minutes.
 MAX_ORDERS, MAX_SPEEDS = 10_000, 1000
 
@@ -28,8 +27,7 @@ Source = Annotated[
 ]
 
 Speeds = Annotated[
-    str | None,
-    typer.Option(help="Speeds: 300, or 200,300, or 200:400:10; by default the scene's."),
+    str | None, typer.Option(help="Speeds: 300, or 200,300, or 200:400:10; by default the scene's.")
 ]
 
 OneCam = Annotated[str | None, typer.Option(help="One cam of a scene; by default all.")]
@@ -139,17 +137,7 @@ def _is_cam(source: str) -> bool:
 
 
 def speeds_of(text: str) -> list[float]:
-    """Speeds in rpm of "300", "200,300" or "200:400:10", the last one included.
-
-    Raises
-    ------
-    ConfigError : it is none of these, a speed is not above 0, or there are too many
-
-    Examples
-    --------
-    >>> speeds_of("200:230:10")
-    [200.0, 210.0, 220.0, 230.0]
-    """
+    """Speeds in rpm of "300", "200,300" or "200:400:10", the last one included."""
     try:
         if ":" in text:
             low, high, step = map(float, text.split(":"))

@@ -16,7 +16,6 @@ from cam_rig.units import FloatArray
 
 #: Orders that are named at the edge, at most.
 NAMED = 8
-
 COLOURS, GROUND = "viridis", "0.12"
 
 

@@ -59,11 +59,7 @@ def vibration_integral(
 ) -> ComplexArray:
     """∫₀ᴸ c e^{At} z e^{−iΩt} dt at Ω = ``rates`` ``(n,)`` in rad/s, of a damped mass.
 
-    Parameters
-    ----------
-    matrix : A, ``(2, 2)``
-    row, start : c and z, ``(2,)``
-    length : L, s
+    ``matrix``: A, ``(2, 2)``; ``row`` and ``start``: c and z, ``(2,)``; ``length``: L, s.
     """
     decay = 0.5 * float(np.trace(matrix))
     square = float(np.linalg.det(matrix)) - decay**2
@@ -112,14 +108,10 @@ SILENCE = 1e-15
 class OrderSpectrum:
     """A cam at one speed.
 
-    Parameters
-    ----------
-    steady : the force that it is of
-    orders : ``(n,)`` from 0 on; in parts of one where the force comes back after several turns
-    force : ``(n,)`` c_n in N, the landings as half-sine pulses among it; F is c_0 and the real
-        part of 2 Σ c_n e^{inθ}
-    pressure : ``(n,)`` the same of the sound pressure, Pa
-    background_db : level of the background, which is noise and has no orders
+    ``orders`` ``(n,)`` go from 0 on, in parts of one where the force comes back after several
+    turns. ``force`` ``(n,)`` is c_n in N, landings as half-sine pulses among it: F is c_0 and the
+    real part of 2 Σ c_n e^{inθ}. ``pressure`` ``(n,)`` is the same of the sound, Pa. The
+    background, ``background_db``, is noise and has no orders.
     """
 
     steady: SteadyForce
@@ -157,10 +149,7 @@ class OrderSpectrum:
         """The same without the orders above one."""
         kept = int(np.searchsorted(self.orders, highest, side="right"))
         return replace(
-            self,
-            orders=self.orders[:kept],
-            force=self.force[:kept],
-            pressure=self.pressure[:kept],
+            self, orders=self.orders[:kept], force=self.force[:kept], pressure=self.pressure[:kept]
         )
 
     @property
@@ -209,17 +198,7 @@ def spectrum(steady: SteadyForce, radiation: RadiationParameters, highest: int) 
 def order_spectrum(
     law: Law, model: str, rig: RigConfig, speed: float, highest: int
 ) -> OrderSpectrum:
-    """The steady force of a model at a speed (rad/s), and its sound, up to an order.
-
-    Examples
-    --------
-    >>> import cam_rig
-    >>> from cam_rig.units import RPM
-    >>> law = cam_rig.build_law(cam_rig.load_cam("eccentric_roller"))
-    >>> found = order_spectrum(law, "one_mass", cam_rig.load_rig("tm21"), 200 * RPM, 10)
-    >>> int(found.amplitude[1:].argmax()) + 1
-    1
-    """
+    """The steady force of a model at a speed (rad/s), and its sound, up to an order."""
     steady = steady_force(law, model, rig, speed)
     lands = MODELS[model].lifts_off
     return spectrum(steady, RadiationParameters.from_rig(rig, lands=lands), highest)
@@ -229,10 +208,8 @@ def order_spectrum(
 
 #: What is shown over speed: the spectra's property, and its heading.
 QUANTITIES = {"force_db": "contact force [dB re 1 N]", "level": "sound [dB re 20 µPa]"}
-
 #: dB between what is shown brightest and what is not shown.
 RANGE = 60.0
-
 #: Highest order by default: 667 Hz at 400 rpm.
 HIGHEST = 100
 

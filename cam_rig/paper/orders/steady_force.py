@@ -26,10 +26,8 @@ from cam_rig.units import NS, TURN, FloatArray
 
 #: Turns that a follower which leaves the cam is given to settle, tried in this order.
 SETTLING = (4, 16, 64)
-
 #: Turns after which a motion may come back to itself, at most.
 MAX_PERIOD = 8
-
 #: Part of a turn that both contacts must share, and by how much a state may differ of its scale.
 OVERLAP, SAME_STATE = 1e-9, 1e-8
 
@@ -69,13 +67,9 @@ class ForcePiece:
 class SteadyForce:
     """The contact force over ``turns`` turns, after which it comes back to itself.
 
-    Parameters
-    ----------
-    speed : rad/s
-    turns : 1; more for a follower that lands otherwise in every turn of so many
-    pieces : in order; between them the follower flies and the force is zero
-    landings : (time in s since θ = 0, impulse in N·s)
-    settled : False where no steady state was found: then it is the last turn that was run
+    ``turns`` are more than 1 for a follower that lands otherwise in every turn of so many. Between
+    the ``pieces`` it flies and the force is zero; ``landings`` are (time in s since θ = 0, impulse
+    in N·s). Not ``settled``, it is the last turn that was run. ``speed`` in rad/s.
     """
 
     speed: float

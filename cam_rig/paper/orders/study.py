@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -13,7 +13,6 @@ from cam_rig.show.result import Column, Footnote, Records, Result
 
 #: So many of the loudest orders are named.
 LOUDEST = 2
-
 #: Orders are shown up to so many rows.
 SHOWN = 40
 
@@ -25,12 +24,13 @@ class OrdersRow:
     cam: str
     spectrum: OrderSpectrum
 
-    def loudest(self, rank: int) -> int | None:
-        """Place of the loudest order, of the second, …, in the spectrum."""
-        level = self.spectrum.level[1:]
+    def loudest(self, rank: int) -> tuple[float, float] | None:
+        """The loudest order, the second, …, with its level (dB)."""
+        orders, level = self.spectrum.orders[1:], self.spectrum.level[1:]
         if level.size <= rank:
             return None
-        return int(np.argsort(-level, kind="stable")[rank]) + 1
+        place = np.argsort(-level, kind="stable")[rank]
+        return float(orders[place]), float(level[place])
 
 
 @dataclass(frozen=True)
@@ -48,14 +48,12 @@ def _of(name: str) -> Callable[[OrderRow], float]:
 
 def _loudest(rank: int) -> Column:
     def order(row: OrdersRow) -> float | None:
-        place = row.loudest(rank)
-        return None if place is None else float(row.spectrum.orders[place])
+        found = row.loudest(rank)
+        return found and found[0]
 
     def words(row: OrdersRow) -> str | None:
-        place, spectrum = row.loudest(rank), row.spectrum
-        if place is None:
-            return None
-        return f"{spectrum.orders[place]:g}: {spectrum.level[place]:.1f}"
+        found = row.loudest(rank)
+        return found and f"{found[0]:g}: {found[1]:.1f}"
 
     return Column(f"loudest_{rank + 1}", of=order, cell=words)
 
@@ -93,7 +91,7 @@ class OrdersResult(Result):
                 lambda row: row.spectrum.steady.turns if row.spectrum.steady.settled else None,
                 missing="none",
             ),
-            Column("mean_force", "N", ".2f", of=lambda row: float(row.spectrum.amplitude[0])),
+            Column("mean_force", "N", ".2f", of="spectrum.amplitude.0"),
             Column("level", "dB", ".1f", "sound", "spectrum.total_db"),
             Column("background_level", "dB", ".1f", "background", "spectrum.background_db"),
             *map(_loudest, range(LOUDEST)),
@@ -133,7 +131,11 @@ class OrdersResult(Result):
 
     def tables(self) -> list[Records]:
         """``orders``, the mean at order 0 left out, ``speeds`` and ``run``."""
-        rows = list(self._order_rows())
+        rows = [
+            OrderRow(row.cam, row.spectrum, place)
+            for row in self.speed_rows
+            for place in range(1, row.spectrum.orders.size)
+        ]
         orders = self.table(
             "orders",
             "Force and sound by orders of the cam",
@@ -143,8 +145,3 @@ class OrdersResult(Result):
         )
         run: list[Any] = list(self.studies[:1])
         return [orders, self.speeds, self.table("run", "The model", run, single=True, hidden=True)]
-
-    def _order_rows(self) -> Iterator[OrderRow]:
-        for row in self.speed_rows:
-            for place in range(1, row.spectrum.orders.size):
-                yield OrderRow(row.cam, row.spectrum, place)

@@ -1,3 +1,1 @@
 """Table 2 of the paper read in several ways: which rig shows its speeds, and its times."""
-
-from __future__ import annotations

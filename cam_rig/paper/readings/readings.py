@@ -29,7 +29,6 @@ from cam_rig.units import RPM, TURN, ComplexArray, FloatArray, rms, to_rpm
 
 #: Derivatives of the law that are kept: enough where a turn has ten periods of the vibration.
 DERIVATIVES = 14
-
 #: Points of a turn, and how many a period of the vibration needs: with fewer its envelope is taken.
 TURN_POINTS, PER_PERIOD = 640, 16
 
@@ -94,10 +93,8 @@ class Rigs:
 class ShapeTable:
     """A law's derivatives in u of each piece at its points, whatever the pieces' spans are.
 
-    Parameters
-    ----------
-    pieces : for each piece ``(count, q)``, d^k s/du^k at q points from u = 0 to 1
-    ends : ``(2, count + 1, n)``, the same at both ends of each piece, with one derivative more
+    ``pieces``: for each piece ``(count, q)``, d^k s/du^k at q points from u = 0 to 1; ``ends``:
+    ``(2, count + 1, n)``, the same at both ends of each piece, with one derivative more.
     """
 
     pieces: tuple[FloatArray, ...]
@@ -150,10 +147,7 @@ def turn_minima(
     Where a piece has fewer points than the vibration needs, its envelope stands for it: the force
     is then a lower bound, and a near one where many periods fit in a piece.
 
-    Parameters
-    ----------
-    spans : ``(b, n)``, rad, of the law's pieces on each rig
-    speed : rad/s, one or ``(b,)``
+    ``spans``: ``(b, n)``, rad, of the law's pieces on each rig; ``speed``: rad/s, one or ``(b,)``.
     """
     speed = np.broadcast_to(speed, rigs.preload.shape)
     scale = speed[:, None] / spans
@@ -236,16 +230,12 @@ def _force(
 
 #: The first speed looked at, rpm, and the last, as a multiple of the printed one.
 FIRST_RPM, LAST = 200.0, 1.3
-
 #: Contact is lost far too early below this part of the printed speed.
 EARLY = 0.9
-
 #: Speeds about the printed one at which the time of the first loss is looked at, and at a time.
 SPEEDS, TOGETHER = 501, 16
-
 #: Points a turn there: 16 a period up to 3 kHz at 600 rpm.
 POINTS = 4800
-
 #: A solver of ordinary differential equations knows a speed, or a force, to the first part of it.
 SOLVER, BEYOND = 1e-6, 1e-3
 
@@ -254,14 +244,11 @@ SOLVER, BEYOND = 1e-6, 1e-3
 class ReadRow:
     """What a reading makes of one cam.
 
-    Parameters
-    ----------
-    jump : rpm, the jump speed: at any speed, between those of the grid too
-    rpm : the first speed of the table's grid at which contact is lost; NaN where it is at none
-    time : s, when it is first lost there
-    at_limit, beyond : s, the same at speeds `SOLVER` and `BEYOND` of it above the jump speed
-    window : rpm, the range of speeds that give the printed time, see `window`
-    force : N, the least of a run at the printed speed; what vibration would have to take from it
+    ``jump`` is the jump speed (rpm) at any speed, ``rpm`` the first of the table's grid at which
+    contact is lost, and ``time`` (s) when it is first lost there, NaN where it is not; ``at_limit``
+    and ``beyond`` (s) the same at speeds `SOLVER` and `BEYOND` of it above the jump speed;
+    ``window`` the range of speeds (rpm) that give the printed time; ``force`` (N) the least of a
+    run at the printed speed, which vibration would have to take from it.
     """
 
     cam: str
@@ -353,9 +340,7 @@ def read(
 ) -> Read:
     """Every cam on a reading's rig, with its event angle and high dwell.
 
-    Parameters
-    ----------
-    run : s from rest, longer than any printed time
+    ``run``: s from rest, longer than any printed time.
     """
     follower = follower_of(reading)
     rows = []

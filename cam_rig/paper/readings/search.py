@@ -39,22 +39,16 @@ BOUNDS = {
 }
 
 LOGARITHMIC = frozenset({"stem_stiffness", "stem_damping", "damping"})
-
 #: Points a turn at the slower speeds, where the envelope of the vibration stands for it.
 OUTLINE = 160
-
 #: A trial's miss counts up to this, rpm; a time needs a window of at least this many rpm.
 MAX_MISS, MIN_WINDOW = 50.0, 0.02
-
 #: What it costs, rpm, where no speed has the printed turn as the first.
 NO_WINDOW = 2.0
-
 #: The force falls by this much (N) a rpm at least, so that a miss is finite.
 MIN_SLOPE = 0.2
-
 #: Trials side by side, for each number sought.
 POPULATION = 40
-
 #: The last low dwell is at least this long, rad.
 MIN_LOW_DWELL = math.radians(5.0)
 
@@ -63,10 +57,8 @@ MIN_LOW_DWELL = math.radians(5.0)
 class Trials:
     """One cam of the table, to be tried on many rigs.
 
-    Parameters
-    ----------
-    spans : ``(3, n)``, rad: the pieces' spans are the first row, plus the event times the second,
-        plus the high dwell times the third
+    Its pieces' spans (rad) are the first row of ``spans`` ``(3, n)``, plus the event times the
+    second, plus the high dwell times the third.
     """
 
     shape: ShapeTable
@@ -156,13 +148,8 @@ class Found:
 class ReadingSearch:
     """The table's cams, the numbers that are given and those that are sought.
 
-    Parameters
-    ----------
-    given : SI; mass and spring_stiffness among them, and each number that is not sought
-    sought : keys of `BOUNDS`
-    with_times : whether the printed times count
-    run : s from rest
-    nearby : whether contact need only hold at the next slower speed of the table's grid
+    Numbers are in SI, ``sought`` ones keys of `BOUNDS`, a ``run`` in s from rest. The printed times
+    may count; ``nearby``, contact need only hold at the next slower speed of the table's grid.
     """
 
     trials: Mapping[str, Trials]

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 from cam_rig.errors import ConfigError, did_you_mean
 from cam_rig.paper.jump.refit import ROUNDED_TO
@@ -28,14 +27,11 @@ def _number(key: str, unit: str, shown: str, heading: str = "") -> Column:
     return Column(key, unit, "", heading, column.of, cell)
 
 
-def _of(key: str) -> Callable[[tuple[Read, ReadRow]], float | None]:
-    """What a row has; None for NaN, where contact is not lost."""
+class ReadCam(NamedTuple):
+    """A cam on the rig of a reading."""
 
-    def value(pair: tuple[Read, ReadRow]) -> float | None:
-        found = float(getattr(pair[1], key))
-        return None if math.isnan(found) else found
-
-    return value
+    read: Read
+    row: ReadRow
 
 
 @dataclass(frozen=True, repr=False)
@@ -59,17 +55,17 @@ class ReadingsResult(Result):
             Column("rms", "%", ".2f", "jump speeds, r.m.s."),
         ),
         "cams": (
-            Column("reading", of=lambda pair: pair[0].name),
-            Column("cam", of=lambda pair: pair[1].cam),
-            Column("published_rpm", "rpm", "g", "paper", lambda pair: pair[1].printed.rpm),
-            Column("rpm", "rpm", "g", "first of the grid", _of("rpm")),
-            Column("jump_rpm", "rpm", ".1f", "jump speed", _of("jump")),
-            Column("published_time", "s", ".2f", "paper", lambda pair: pair[1].printed.time_s),
-            Column("time", "s", ".3f", of=_of("time")),
-            Column("time_at_jump", "s", ".3f", "at the jump + 1e-6", _of("at_limit")),
-            Column("time_beyond", "s", ".3f", "+ 1e-3", _of("beyond")),
-            Column("window", "rpm", ".2f", of=_of("window")),
-            Column("least_force", "N", "+.1f", of=_of("force")),
+            Column("reading", of="read.name"),
+            Column("cam", of="row.cam"),
+            Column("published_rpm", "rpm", "g", "paper", "row.printed.rpm"),
+            Column("rpm", "rpm", "g", "first of the grid", "row.rpm"),
+            Column("jump_rpm", "rpm", ".1f", "jump speed", "row.jump"),
+            Column("published_time", "s", ".2f", "paper", "row.printed.time_s"),
+            Column("time", "s", ".3f", of="row.time"),
+            Column("time_at_jump", "s", ".3f", "at the jump + 1e-6", "row.at_limit"),
+            Column("time_beyond", "s", ".3f", "+ 1e-3", "row.beyond"),
+            Column("window", "rpm", ".2f", of="row.window"),
+            Column("least_force", "N", "+.1f", of="row.force"),
         ),
         "search": (Column("trials"), Column("miss", "rpm", about="of all cams together")),
     }
@@ -105,7 +101,7 @@ class ReadingsResult(Result):
                 "cams",
                 "Readings of the paper's Table 2: first loss of contact, looked at every "
                 f"{ROUNDED_TO:g} rpm",
-                self._pairs(),
+                (ReadCam(one, row) for one in self.found for row in one.rows),
                 "Time: at the first speed of the grid, and above the jump speed by so much of it.",
                 f"Window: over how many rpm, of {ROUNDED_TO:g} on either side of the printed "
                 "speed, the printed time comes out within half a turn.",
@@ -114,11 +110,6 @@ class ReadingsResult(Result):
             ),
             self.table("search", "The search", search, hidden=True),
         ]
-
-    def _pairs(self) -> Iterator[tuple[Read, ReadRow]]:
-        for one in self.found:
-            for row in one.rows:
-                yield one, row
 
     def summary(self) -> list[str]:
         """What the readings come to."""
@@ -164,12 +155,7 @@ def search_anew(
     seed: int,
     progress: Progress = SILENT,
 ) -> ReadingsResult:
-    """Seek a reading's identified numbers anew, and read the table with them.
-
-    Raises
-    ------
-    ConfigError : no such reading, or nothing in it is identified
-    """
+    """Seek a reading's identified numbers anew, and read the table with them."""
     if name not in known.readings:
         raise ConfigError(
             f"--search: is {name!r}{did_you_mean(name, known.readings)}; allowed: "

@@ -17,8 +17,6 @@ from scipy.linalg import eigh_tridiagonal
 from scipy.optimize import brentq
 
 from cam_rig.dynamics import TwoMassParameters
-from cam_rig.dynamics.linear.response import LinearResponse
-from cam_rig.dynamics.linear.sampling import Outputs
 from cam_rig.laws import Law
 from cam_rig.units import TURN, ComplexArray, FloatArray
 
@@ -57,12 +55,7 @@ class Stem:
         return self.foot_mass + 0.5 * self.mass / self.elements
 
     def transfer(self, rates: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-        """What a lift e^{pt} makes of contact force (N/m) and of the head's displacement (1).
-
-        Parameters
-        ----------
-        rates : p, 1/s, none of them 0; imaginary for a harmonic
-        """
+        """What a lift e^{pt}, p in 1/s and not 0, makes of contact force (N/m) and head (1)."""
         f, p = self.follower, np.asarray(rates)
         head = self.head_mass * p**2 + f.damping * p + f.spring_stiffness
         elastic = f.stem_stiffness + f.stem_damping * p
@@ -107,47 +100,10 @@ class Stem:
         return np.array(roots) * math.sqrt(square)
 
 
-def chain_response(law: Law, stem: Stem, speed: float) -> tuple[LinearResponse, Outputs]:
-    """A chain in contact through the rig's exact solver; outputs contact force and head, N and m.
-
-    The state is displacement and velocity of each node behind the foot about their static place
-    under the lift, in turn from the foot on: so the lift's rounding is not multiplied by the stem.
-    """
-    f, n = stem.follower, int(stem.elements)
-    masses = np.full(n, stem.mass / n)
-    masses[-1] = 0.5 * stem.mass / n + stem.head_mass
-    ladder = 2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
-    ladder[-1, -1] = 1.0
-    stiffness, damping = n * f.stem_stiffness * ladder, n * f.stem_damping * ladder
-    stiffness[-1, -1] += f.spring_stiffness
-    damping[-1, -1] += f.damping
-    left = f.spring_stiffness / f.stiffness  # 1 − α
-    static = 1.0 - left * np.arange(1, n + 1) / n
-    matrix = np.zeros((2 * n, 2 * n))
-    matrix[::2, 1::2] = np.eye(n)
-    matrix[1::2, ::2] = -stiffness / masses[:, None]
-    matrix[1::2, 1::2] = -damping / masses[:, None]
-    drive = np.zeros((2 * n, 3))
-    drive[1::2, 1] = -damping @ static
-    drive[1, 1] += n * f.stem_damping
-    drive[1::2, 1] /= masses
-    drive[1::2, 2] = -static
-    state, motion = np.zeros((2, 2 * n)), np.zeros((2, 3))
-    state[0, :2] = -n * f.stem_stiffness, -n * f.stem_damping
-    state[1, -2] = 1.0
-    motion[0] = f.stem_stiffness * left, f.stem_damping * left, stem.on_cam
-    motion[1, 0] = f.share
-    preload = np.array([f.share * f.preload, -f.preload / f.stiffness])
-    return LinearResponse(law, speed, matrix, drive, np.zeros(2 * n)), Outputs(
-        state, motion, preload
-    )
-
-
 # The steady turn of a stem of any number of elements as a Fourier series, exact in each harmonic.
 
 #: Harmonics up to this many times the stem's own frequency are taken, as a power of two, ...
 BEYOND = 8.0
-
 #: ... and at least so many; the law is sampled this much finer, so that little of it folds back.
 MIN_HARMONICS, FINER = 2048, 4
 

@@ -24,9 +24,7 @@ from cam_rig.units import RPM
 
 #: Elements of the stem whose frequencies, and whose least force is shown, and what they are called.
 COUNTS = (1, 2, 3, 5, 9, 17, 33)
-
 SHOWN = {1.0: "two masses", 2.0: "three masses", BAR: "bar"}
-
 #: Speeds of the least force, rpm.
 SPEEDS = np.arange(150.0, 440.0, 2.0)
 

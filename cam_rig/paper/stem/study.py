@@ -24,18 +24,14 @@ from cam_rig.units import RPM
 
 #: Elements of the stem; one is the two-mass follower.
 ELEMENTS = (1.0, 2.0, 3.0, 5.0, 9.0, BAR)
-
 #: The jump is sought from this many of the stem's resonances below the rigid follower's on, in
 #: this many steps for each; above it no further than this ratio.
 RESONANCES, STEPS, HIGHEST = 8.0, 8.0, 1.5
-
 #: A jump speed is found to this, relative.
 FOUND = 1e-7
-
 #: Two masses are enough where the least contact force is that of a bar to this part of the
 #: preload; speeds (rpm) at which they are compared.
 TENTH, SLOWEST, STEP = 0.1, 100.0, 5.0
-
 #: Speed at which the report's stems are compared, rpm, and the cam that is shown over the masses.
 STEM_RPM, SHOWN_CAM = 300.0, "poly345"
 
@@ -217,10 +213,8 @@ def study_stem(cam_set: CamSet, stiffness: float, rpm: float) -> StemStudy:
 
 
 def _row(cam_set: CamSet, rig: RigConfig, elements: float, rpm: float) -> StemRow:
-    stem, radiation = (
-        Stem(TwoMassParameters.from_rig(rig), elements),
-        RadiationParameters.from_rig(rig),
-    )
+    stem = Stem(TwoMassParameters.from_rig(rig), elements)
+    radiation = RadiationParameters.from_rig(rig)
     turns = {cam: stem_turn(law, stem, rpm * RPM) for cam, law in cam_set.laws.items()}
     return StemRow(
         elements,

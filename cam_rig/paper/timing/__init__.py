@@ -1,3 +1,1 @@
 """When a cam has lifted its follower, and what moves that: the paper's own caveat."""
-
-from __future__ import annotations

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cam_rig.errors import ConfigError
 from cam_rig.laws import Law, bernstein
 from cam_rig.laws import spline as b_spline
 from cam_rig.laws.cam import segment_angles
@@ -23,25 +22,18 @@ if TYPE_CHECKING:
 
 #: Heights that are timed, as fractions of the lift.
 LEVELS = (0.01, 0.50, 0.99)
-
 #: Nearer to a height than this fraction of the lift a joint is on it, and two passages nearer than
 #: this (rad) are one.
 ON, SAME = 1e-12, 1e-7
-
 #: So far (rad) on either side of a passage the law is above and below.
 BESIDE = 1e-5
 
 
 @dataclass(frozen=True)
 class TimedEvent:
-    """A passage through a height.
+    """A passage through a height, ``level`` over the lowest place as a fraction of the lift.
 
-    Parameters
-    ----------
-    level : the height over the lowest place, as a fraction of the lift
-    angle : rad, cam angle of the passage
-    rising : whether the follower goes up there
-    slope : m/rad, s' there
+    It is at cam angle ``angle`` (rad), upwards where ``rising``, with s' = ``slope`` (m/rad).
     """
 
     level: float
@@ -53,19 +45,7 @@ class TimedEvent:
 def events(law: Law, lift: float, levels: Iterable[float] = LEVELS) -> tuple[TimedEvent, ...]:
     """Every passage of a turn through the heights ``levels``, in the order of the cam angle.
 
-    Parameters
-    ----------
-    lift : m, that the levels are fractions of: the one of the cam's file
-    levels : heights above the lowest place of the law; one that is not reached has no passage
-
-    Examples
-    --------
-    The 3-4-5 rises over 117.5° from 31.25° on and is halfway up in the middle of that:
-
-    >>> import cam_rig
-    >>> law = cam_rig.build_law(cam_rig.load_cam("poly345"))
-    >>> [round(np.degrees(event.angle).item(), 4) for event in events(law, 0.05, [0.5])]
-    [90.0, 270.0]
+    They are above the law's lowest place, in fractions of ``lift`` (m), the one of the cam's file.
     """
     low = extremes(law, 0)[0].value
     found = []
@@ -82,23 +62,24 @@ def events(law: Law, lift: float, levels: Iterable[float] = LEVELS) -> tuple[Tim
 def _passages(law: Law, height: float, on: float) -> list[float]:
     """Cam angles in [0, 2π) where s may pass a height (m): roots inside of pieces, and joints."""
     above = law.ordinates - height
-    found: list[float] = []
-    for i, (start, span) in enumerate(zip(law.breaks[:-1], law.spans, strict=True)):
-        if abs(above[0, i]) <= on:
-            found.append(float(start))
-        found += [float(start + span * u) for u in bernstein.crossings(above[:, i])]
-    once: list[float] = []
-    for angle in sorted(float(angle) % TURN for angle in found):
-        if not once or angle - once[-1] > SAME:
-            once.append(angle)
-    return once
+    joints = law.breaks[:-1][np.abs(above[0]) <= on]
+    angles = np.sort(np.mod([*joints, *_roots(law, above)], TURN))
+    return list(map(float, angles[np.diff(angles, prepend=-np.inf) > SAME]))
+
+
+def _roots(law: Law, ordinates: FloatArray) -> list[float]:
+    """Cam angles at which a piecewise polynomial on the law's pieces is zero."""
+    return [
+        float(start + span * u)
+        for i, (start, span) in enumerate(zip(law.breaks[:-1], law.spans, strict=True))
+        for u in bernstein.crossings(ordinates[:, i])
+    ]
 
 
 # What an ordinate of a Bézier curve or a B-spline moves: the law, and the angles it is timed by.
 
 #: An ordinate reaches where s changes by more than this part of the ordinate's change.
 REACHED = 1e-3
-
 #: Steps between ordinates that differ by less are equal.
 SAME_STEP = 1e-12
 
@@ -107,18 +88,12 @@ SAME_STEP = 1e-12
 class Ordinates:
     """The ordinates of one segment, and the basis function of each.
 
-    Parameters
-    ----------
-    segment : number of the segment in the cam's file, from 0
-    kind : ``bezier`` or ``b_spline``
-    values : ``(m,)`` in fractions of the lift, over the base circle
-    abscissae : ``(m,)`` cam angles of the control points, rad
-    breaks : ``(k + 1,)`` cam angles of the pieces, rad
-    basis : ``(p + 1, k, m)`` Bernstein ordinates of each function on each piece
+    ``segment`` counts the file's from 0; ``values`` ``(m,)`` are in fractions of the lift over the
+    base circle, ``abscissae`` ``(m,)`` and ``breaks`` ``(k + 1,)`` the cam angles (rad) of control
+    points and of pieces, ``basis`` ``(p + 1, k, m)`` Bernstein ordinates of each function on each.
     """
 
     segment: int
-    kind: str
     values: FloatArray
     abscissae: FloatArray
     breaks: FloatArray
@@ -196,7 +171,7 @@ def _of(number: int, segment: Segment, start: float, law: Law, lift: float) -> O
 
 def _bezier(number: int, values: FloatArray, breaks: FloatArray) -> Ordinates:
     at = np.linspace(breaks[0], breaks[-1], values.size)
-    return Ordinates(number, "bezier", values, at, breaks, np.eye(values.size)[:, None, :])
+    return Ordinates(number, values, at, breaks, np.eye(values.size)[:, None, :])
 
 
 def _spline(number: int, segment: BSpline, start: float) -> Ordinates:
@@ -206,7 +181,7 @@ def _spline(number: int, segment: BSpline, start: float) -> Ordinates:
     parts = [b_spline.pieces(knots, unit, segment.degree) for unit in np.eye(values.size)]
     basis = np.stack([np.stack(columns, axis=1) for _, columns in parts], axis=2)
     at = b_spline.greville(knots, segment.degree)
-    return Ordinates(number, "b_spline", values, at, np.array(parts[0][0]), basis)
+    return Ordinates(number, values, at, np.array(parts[0][0]), basis)
 
 
 def shift_matrix(ordinates: Ordinates, timed: Iterable[TimedEvent], lift: float) -> FloatArray:
@@ -218,10 +193,8 @@ def shift_matrix(ordinates: Ordinates, timed: Iterable[TimedEvent], lift: float)
 
 #: Degree of the spline and its pieces, of 15° each.
 DEGREE, PIECES = 5, 24
-
 #: Places over the turn at which it is held against the curve.
 COMPARED = 720
-
 #: Greatest lifts that differ by less than this fraction of the lift are one.
 TIE = 1e-9
 
@@ -237,19 +210,9 @@ def equal(values: Sequence[float]) -> int:
 
 
 def with_same_events(cam: CamConfig, law: Law, timed: Sequence[TimedEvent]) -> CamConfig:
-    """The cam with a B-spline in place of its Bézier curve.
-
-    Parameters
-    ----------
-    law : of the cam
-    timed : events that both have at the same angles
-    """
-    segment = cam.segments[0]
-    if not isinstance(segment, Bezier) or len(cam.segments) != 1:
-        raise ConfigError(
-            f"cam {cam.name!r} has no Bézier curve over the whole turn; allowed: one segment "
-            "bezier of 360°"
-        )
+    """The cam, of one curve, with a B-spline that has events at the same angles in its place."""
+    (segment,) = cam.segments
+    assert isinstance(segment, Bezier)
     knots = np.concatenate(
         [np.zeros(DEGREE - 1), np.arange(PIECES + 1.0), np.full(DEGREE - 1, PIECES)]
     )
@@ -312,10 +275,6 @@ def _conditions(
 
 def _tops(law: Law, lift: float) -> list[float]:
     """Cam angles (rad) of the greatest lift, each of them where several are equal."""
-    slope, top = law.derivative_ordinates(1), extremes(law, 0)[1].value
-    at = [
-        float(start + span * u)
-        for i, (start, span) in enumerate(zip(law.breaks[:-1], law.spans, strict=True))
-        for u in bernstein.crossings(slope[:, i])
-    ]
+    top = extremes(law, 0)[1].value
+    at = _roots(law, law.derivative_ordinates(1))
     return [angle for angle in at if float(law(angle)) > top - TIE * lift]

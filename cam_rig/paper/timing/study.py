@@ -55,12 +55,8 @@ class CamTiming:
 class Alone:
     """What it takes, to first order, to move one event by one degree and leave the others.
 
-    Parameters
-    ----------
-    event : that is moved
-    ordinate : the largest change of an ordinate, in fractions of the lift
-    lift : the largest change of s, in fractions of the lift
-    reach : rad of the turn over which s changes by more than `REACHED` of that
+    The largest change of an ordinate, and that of s (``lift``), are in fractions of the lift; s
+    changes by more than `REACHED` of it over ``reach`` rad of the turn.
     """
 
     event: TimedEvent
@@ -73,11 +69,8 @@ class Alone:
 class EventControl:
     """How the free ordinates of one curve control its events.
 
-    Parameters
-    ----------
-    reaches : ``(m,)`` rad of the turn that each free ordinate reaches
-    within : ``(m,)`` how many events each reaches
-    alone : for each event, the change of least sum of squares that moves it alone
+    Each free ordinate reaches ``reaches`` ``(m,)`` rad of the turn and ``within`` ``(m,)`` events;
+    ``alone`` has for each event the change of least sum of squares that moves it alone.
     """
 
     timing: CamTiming
@@ -181,11 +174,11 @@ def _alone(i: int) -> tuple[Column, Column]:
             "%/°",
             ".2f",
             ordinate,
-            lambda row: row.alone[i].ordinate,
+            f"alone.{i}.ordinate",
             lambda row: 100.0 * row.alone[i].ordinate,
             about="largest change of an ordinate, in lifts",
         ),
-        Column(f"{key}_reach", "°", ".0f", "s changes over", lambda row: row.alone[i].reach),
+        Column(f"{key}_reach", "°", ".0f", "s changes over", f"alone.{i}.reach"),
     )
 
 
@@ -230,10 +223,10 @@ class TimingResult(Result):
             *(column for i in range(len(LEVELS)) for column in _alone(i)),
         ),
         "events": (
-            Column("cam", of=lambda row: row[0]),
-            Column("level", of=lambda row: row[1].level, about="in lifts"),
-            Column("angle", "°", ".3f", of=lambda row: row[1].angle),
-            Column("rising", of=lambda row: row[1].rising),
+            Column("cam", of="0"),
+            Column("level", of="1.level", about="in lifts"),
+            Column("angle", "°", ".3f", of="1.angle"),
+            Column("rising", of="1.rising"),
         ),
         "shifts": (
             Column("cam"),

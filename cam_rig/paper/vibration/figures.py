@@ -35,10 +35,8 @@ LABELS = (
 
 #: The row whose abscissa is counted from the middle of the low dwell, and how far it goes, °.
 RESIDUAL, AROUND = 1, 60.0
-
 #: Columns before a new block of rows begins; the other cams.
 MOST_COLUMNS = 5
-
 #: Letters of a line over a column.
 COLUMN_LETTERS = 14
 

@@ -17,10 +17,8 @@ from cam_rig.units import RPM
 
 #: The cam that the paper proposes, and its two polynomials by degree.
 PROPOSED, LOWER, HIGHER = "bezier15", "poly345", "poly4567"
-
 #: What residual vibration may be measured by; the paper does not say which.
 RESIDUAL = {"residual_amplitude": "residual amplitude", "peak_to_peak": "peak to peak"}
-
 #: Speeds of the vibration tables of a report, rpm.
 VIBRATION_RPM = (200.0, 250.0, 300.0, 350.0)
 

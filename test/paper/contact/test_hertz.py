@@ -9,11 +9,7 @@ from cam_rig.paper.contact.surfaces import hertz_pressure as peak_pressure
 from cam_rig.schema.cam import ContactParts
 
 #: Load (N/m), radii (m; negative: concave), E* (Pa).
-CASES = [
-    (1.0e5, 0.020, 0.040, 113e9),
-    (2.3e4, 0.010, -0.055, 113e9),
-    (7.7e5, 0.150, np.inf, 60e9),
-]
+CASES = [(1.0e5, 0.020, 0.040, 113e9), (2.3e4, 0.010, -0.055, 113e9), (7.7e5, 0.150, np.inf, 60e9)]
 
 
 @pytest.mark.parametrize(("load", "one", "other", "modulus"), CASES)
@@ -32,8 +28,7 @@ def test_the_pressure_is_that_of_elasticity(load, one, other, modulus):
             # p(ξ)/(x − ξ) less p(x)/(x − ξ), whose principal value is known, has no pole.
             here = mp.sqrt(1 - at**2)
             smooth = mp.quad(
-                lambda z, at=at, here=here: (mp.sqrt(1 - z**2) - here) / (at - z),
-                [-1, at, 1],
+                lambda z, at=at, here=here: (mp.sqrt(1 - z**2) - here) / (at - z), [-1, at, 1]
             )
             principal = smooth + here * mp.log((1 + at) / (1 - at))
             slope = 2 / (mp.pi * mp.mpf(modulus)) * peak * principal

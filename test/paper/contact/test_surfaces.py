@@ -1,12 +1,11 @@
 """Load, pressure and sliding: exact for circles and faces, by energy for all; cam-rig contact."""
 
 import json
+from functools import partial
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from cam_rig.cli.main import app
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.kinetostatic import shaft_torque
 from cam_rig.errors import ProfileError
@@ -17,6 +16,8 @@ from cam_rig.profile.contact import Motion
 from cam_rig.profile.faces import SwungCentre, SwungFace
 from cam_rig.schema import CamConfig, load_cam
 from cam_rig.schema.load import named_path
+
+from ...cli.calls import call as run
 
 RIG = FollowerParameters(
     mass=0.9, spring_stiffness=3000.0, damping=6.0, preload=80.0, stem_stiffness=1e7
@@ -149,18 +150,18 @@ def test_no_pressure_where_the_cam_would_have_to_pull():
 # The command.
 
 
-def call(*arguments):
-    return CliRunner().invoke(app, ["contact", *(str(a) for a in arguments)])
+call = partial(run, "contact")
 
 
-def test_tables_json_and_figures(tmp_path):
-    """A face slides and a roller rolls; the nomogram's table comes with its figure."""
+def test_tables_json_and_nomogram(tmp_path):
+    """A face slides and a roller rolls; the nomogram's table comes with its figure; what no cam
+    file gives stands under the tables, with its origin."""
     plot, events, csv = (tmp_path / name for name in ("c.png", "e.svg", "c.csv"))
-    result = call(
-        *("flat", "poly345", "--plot", plot, "--events", events, "--csv", csv, "--json", "-")
-    )
+    files = ("--plot", plot, "--events", events, "--csv", csv)
+    result = call("flat", "poly345", *files, "--json", "-")
     assert result.exit_code == 0, result.stderr
-    assert plot.stat().st_size > 0
+    for word in ("face_width", "youngs_modulus", "assumed", "most_sliding_speed"):
+        assert word in result.stderr
     assert b"</svg>" in events.read_bytes()
     assert "120°" in result.stderr
     face = (tmp_path / "c.face_radii.csv").read_text(encoding="utf-8")
@@ -173,19 +174,3 @@ def test_tables_json_and_figures(tmp_path):
     assert roller["sliding"] is None
     assert flat["sliding"] > flat["pressure"]
     assert data["run"] == {"rig": "paper_table2", "rpm": 300.0}
-
-
-def test_assumptions_are_listed():
-    """What no cam file gives stands under the tables, with its origin."""
-    result = call("flat")
-    for word in ("face_width", "youngs_modulus", "assumed", "most_sliding_speed"):
-        assert word in result.stderr
-
-
-def test_a_cam_closed_by_form_is_refused(tmp_path):
-    """The force between two contacts is no one's that the rig knows; nothing is written."""
-    plot = tmp_path / "c.png"
-    result = call("conjugate", "--plot", plot)
-    assert result.exit_code == 2
-    assert "closing spring" in result.stderr
-    assert not plot.exists()

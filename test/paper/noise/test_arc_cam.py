@@ -55,7 +55,7 @@ def test_fit_matches_the_curve_a_shape_was_made_with(problem):
 def test_sensitivity_is_the_derivative(problem):
     """Of lift and event, against a wider symmetric difference, where the follower keeps contact."""
     problem, acoustics, true = problem
-    slope = problem.seen(true, acoustics).sensitivity
+    slope = problem.sensitivity(true, acoustics)
     for axis, step in enumerate(np.diag([0.05, 0.05])):
         up, down = (
             acoustics.levels(problem.cam_of(true.scaled(*(1.0 + s * step))).turns) for s in (1, -1)

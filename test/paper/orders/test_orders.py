@@ -4,23 +4,21 @@ import csv
 import io
 import json
 import math
+from functools import partial
 
 import pytest
-from typer.testing import CliRunner
 
-from cam_rig.cli.main import app
 from cam_rig.errors import ConfigError
 from cam_rig.paper.orders.command import speeds_of
 
+from ...cli.calls import call as run
 
-def call(*arguments):
-    return CliRunner().invoke(app, ["orders", *(str(a) for a in arguments)])
+call = partial(run, "orders")
 
 
-def test_a_cam_at_one_speed(tmp_path):
+def test_a_cam_at_one_speed():
     """3-4-5 up and down alike: its even orders are rounding; the CSV has what the table shows."""
-    plot = tmp_path / "orders.png"
-    result = call("poly345", "--rpm", "400", "--orders", "12", "--csv", "-", "--plot", plot)
+    result = call("poly345", "--rpm", "400", "--orders", "12", "--csv", "-")
     assert result.exit_code == 0, result.stderr
     rows = list(csv.DictReader(io.StringIO(result.stdout)))
     assert [float(row["order"]) for row in rows] == list(range(1, 13))
@@ -29,13 +27,11 @@ def test_a_cam_at_one_speed(tmp_path):
     assert min(amplitudes[::2]) > 1.0
     assert float(rows[2]["frequency"]) == pytest.approx(20.0)
     assert "Phase: force = mean" in result.stderr
-    assert plot.read_bytes().startswith(b"\x89PNG")
 
 
 def test_a_scene_over_speed(tmp_path):
     """Its cams, rig, model and speeds; the phase is of the force over θ."""
-    plot = tmp_path / "orders.png"
-    result = call("quick", "--orders", "20", "--json", "-", "--plot", plot)
+    result = call("quick", "--orders", "20", "--json", "-", "--plot", tmp_path / "a.png")
     assert result.exit_code == 0, result.stderr
     found = json.loads(result.stdout)
     speeds = {(row["cam"], row["rpm"]): row for row in found["speeds"]}
@@ -47,7 +43,6 @@ def test_a_scene_over_speed(tmp_path):
         if (row["cam"], row["rpm"]) == ("bezier15", 200)
     )
     assert at_rest == pytest.approx(12.753, abs=0.5)  # the preload, where the lift is zero
-    assert plot.stat().st_size > 10_000
 
 
 def test_another_rig_and_model():
@@ -57,25 +52,6 @@ def test_another_rig_and_model():
     words = ["--cam", "poly345", "--rpm", "400", "--rig", "paper_table2", "--json", "-"]
     of_scene = json.loads(call("tm21_sweep", *words).stdout)
     assert of_scene["run"] == {"rig": "paper_table2", "model": "one_mass"}
-
-
-@pytest.mark.parametrize(
-    ("words", "error"),
-    [
-        (["poly354"], "poly354: no such cam or scene (did you mean 'poly345'?)"),
-        (["poly345", "--cam", "tm21"], "--cam tm21: poly345 is a cam; allowed: with a scene"),
-        (["poly345", "--model", "torsional"], "model torsional: its force is no closed form"),
-        (["poly345", "--rpm", "0"], "--rpm 0: allowed: 300, or 200,300, or 200:400:10"),
-        (["poly345", "--save", "a.png"], "a.png: unknown kind of recording; allowed: .rrd"),
-        (["conjugate"], "allowed on a rig: one that a closing spring alone"),
-    ],
-)
-def test_refusals(words, error):
-    """In one line, with what is allowed."""
-    result = call(*words)
-    assert result.exit_code == 2
-    assert error in result.stderr
-    assert result.stderr.strip().count("\n") == 0
 
 
 def test_speeds_as_words():

@@ -1,7 +1,6 @@
 """Orders of force and sound against the models' own equations, energy, and the FFT."""
 
 import dataclasses
-import doctest
 
 import numpy as np
 import pytest
@@ -12,7 +11,6 @@ from cam_rig.acoustics.pressure import mean_square_rate
 from cam_rig.dynamics import MODELS, FollowerParameters, TwoMassParameters
 from cam_rig.errors import ConfigError, DynamicsError
 from cam_rig.laws import Law
-from cam_rig.paper.orders import spectrum as module
 from cam_rig.paper.orders import steady_force as steady_force_module
 from cam_rig.paper.orders.spectrum import force_orders, order_spectrum, polynomial_integral
 from cam_rig.paper.orders.steady_force import steady_force
@@ -201,8 +199,3 @@ def test_what_has_no_closed_form_is_refused():
     assert MODELS.keys() - steady_force_module.steady_force.__globals__["BUILDERS"].keys() == {
         "torsional"
     }
-
-
-def test_the_example_is_true():
-    """As it is printed."""
-    assert doctest.testmod(module).failed == 0

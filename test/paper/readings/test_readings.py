@@ -4,9 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from cam_rig.cli.main import app
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.two_mass.trajectory import first_lift_off
 from cam_rig.errors import ConfigError
@@ -20,6 +18,8 @@ from cam_rig.schema.load import config_root
 from cam_rig.schema.published import PublishedJump
 from cam_rig.show.result import Progress
 from cam_rig.units import RPM, TURN
+
+from ...cli.calls import call
 
 CONFIG = config_root()
 KNOWN = load_readings(CONFIG / "published" / "readings" / "table2.yaml")
@@ -164,8 +164,9 @@ def test_nothing_to_seek_is_refused():
         ReadingSearch.of(fixed, CAMS, PRINTED, False, 2.0)
 
 
-def test_tables_of_the_readings():
+def test_tables_of_the_readings(monkeypatch):
     """A row a reading, its fitted numbers marked and counted; times only where they are found."""
+    monkeypatch.setattr("cam_rig.paper.readings.readings.SPEEDS", 32)
     reading = KNOWN.readings["shipped"]
     found = ReadingsResult((read("shipped", reading, CAMS, PRINTED, KNOWN.run_s),))
     readings, cams = found.to_show()
@@ -201,22 +202,13 @@ def test_the_grid_may_hide_a_jump():
 # The command.
 
 
-def call(*words):
-    return CliRunner().invoke(app, ["readings", *map(str, words)])
-
-
-def test_an_unknown_reading_is_refused_with_those_there_are():
-    """The likeliest name, and all of them."""
-    result = call("--search", "wieght")
-    assert result.exit_code == 2
-    assert "did you mean 'weight'?" in result.stderr
-    assert "five_speeds" in result.stderr
-
-
-def test_a_search_says_what_it_found_and_misses(tmp_path):
+def test_a_search_says_what_it_found_and_misses(tmp_path, monkeypatch):
     """One number over one generation: a table of numbers, one of misses, and both as CSV."""
+    monkeypatch.setattr("cam_rig.paper.readings.readings.SPEEDS", 32)
     out = tmp_path / "found.csv"
-    result = call("--search", "printed_stem", "--nearby", "--generations", 1, "--csv", out)
+    result = call(
+        "readings", "--search", "printed_stem", "--nearby", "--generations", 1, "--csv", out
+    )
     assert result.exit_code == 0, result.stderr
     assert "best of 128 trials" in result.output
     assert out.read_text(encoding="utf-8").startswith("reading,event,high_dwell,")
@@ -225,10 +217,3 @@ def test_a_search_says_what_it_found_and_misses(tmp_path):
     assert (
         (tmp_path / "found.search.csv").read_text(encoding="utf-8").startswith("trials,miss\n128,")
     )
-
-
-def test_what_only_a_search_obeys_is_refused_without_one():
-    """Rather than passed over."""
-    result = call("--with-times")
-    assert result.exit_code == 2
-    assert "needed: --search NAME" in result.stderr

@@ -9,9 +9,11 @@ import pytest
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.linear.sampling import sample
 from cam_rig.dynamics.two_mass.masses import contact_response, force_output
-from cam_rig.paper.stem.chain import BAR, Stem, chain_response, stem_turn
+from cam_rig.paper.stem.chain import BAR, Stem, stem_turn
 from cam_rig.schema import load_rig
 from cam_rig.units import RPM, TURN
+
+from .solver import chain_response, exact
 
 SPEED = 300.0 * RPM
 
@@ -29,12 +31,6 @@ def some_follower(seed):
         *rng.uniform(0.2, 1.5, 2), 10.0 ** rng.uniform(5.5, 7.0), rng.uniform(1e3, 1e4),
         *rng.uniform(2.0, 30.0, 2), rng.uniform(10.0, 50.0),
     )  # fmt: skip
-
-
-def exact(law, stem, speed, count):
-    """Force and head of a steady turn through the rig's exact solver, ``(2, count)``."""
-    model, outputs = chain_response(law, stem, speed)
-    return sample(model, model.periodic(), 0.0, 0.0, TURN / speed / count, count, outputs)
 
 
 def test_masses_and_static_stiffness_are_kept(follower):

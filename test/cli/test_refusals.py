@@ -1,0 +1,116 @@
+"""A mistake gives one line and a code, no traceback, and nothing is written."""
+
+import pytest
+
+from cam_rig.schema.load import config_root
+
+from .calls import call
+
+#: Command line, exit code, words of its line; none where typer shows the usage instead.
+REFUSED = [
+    ("urdf quick --cam none", 2, "no such file; there are: "),
+    ("urdf quick --cam conjugate", 2, "conjugate"),
+    ("simulate no_such_scene", 2, "no_such_scene.yaml: no such file; there are: "),
+    ("run no_such_scene --bag {tmp}/bag", 2, "no such file"),
+    ("run quick --bag {tmp}", 1, "exists already, not overwriting"),
+    ("run quick --bag {tmp}/bag --wait", 2, "--wait: waits for a viewer"),
+    ("analyze {tmp}/none", 1, "no such bag"),
+    ("identify bezier15", 2, "cannot be identified"),
+    ("simulate --nonsense", 2, ""),
+    ("simulate quick --plot {tmp}/a.xyz", 2, "unknown kind of picture; allowed: .png"),
+    ("simulate quick --json {tmp}", 1, "is a folder; allowed: a file"),
+    ("simulate quick --json /proc/none/a.json", 1, "/proc/none/a.json: cannot be"),
+    ("export quick --to {tmp}/a.xlsx", 2, "allowed: .parquet, .csv, .npz, .wav"),
+    ("export quick --to {tmp}", 2, "unknown kind of file"),
+    ("export quick --rpm 222 --to {tmp}/a.csv", 2, "no samples of a cam at 222 rpm"),
+    ("export quik --to {tmp}/a.csv", 2, "did you mean 'quick'"),
+    ("law zzz", 2, "'zzz': no such cam or rise; cams: arcs_"),
+    ("law poly354", 2, "no such cam or rise (did you mean 'poly345'?); cams: arcs_"),
+    ("law poly345 bezier8start", 2, "did you mean 'bezier8_start'?"),
+    ("law poly345 cycloidal poly345", 2, "'poly345' is named twice; allowed: each"),
+    ("law bezier15 bezier9", 2, "'bezier15' is a cam and no rise, 'bezier9' is a rise"),
+    ("law bezier15 --rises", 2, "no rise, --rises asks for rises; allowed: cams with"),
+    ("law poly345 {tmp}/none.yaml", 2, "cam-rig: {tmp}/none.yaml: no such file"),
+    ("law {tmp}", 2, "cam-rig: {tmp}: is a folder; allowed: a YAML file"),
+    ("law {tmp}/none", 2, "cam-rig: {tmp}/none: no such file\n"),
+    ("law poly345 --out {tmp}/a.xyz", 2, "unknown kind of picture; allowed: .png"),
+    ("law", 2, ""),
+    ("laws --family strat", 2, "did you mean 'start'?); allowed: polynomial, start"),
+    ("noise quick", 2, "a noise study needs at least 9"),
+    ("noise --rig none", 2, "none.yaml: no such file; there are: paper_flywheel, paper_table2"),
+    ("noise --rig tm21", 2, "follower.roller_share: is missing"),
+    ("listen quick --out {tmp}/a.mp3", 2, "unknown kind of sound file; allowed"),
+    ("listen quick --out {tmp}/a.wav --cam no", 2, "has no cam 'no'"),
+    ("listen quick --out /proc/none/a.wav", 1, "/proc/none/a.wav: cannot be"),
+    ("listen quick --out {tmp}/a.wav --rpm 0", 2, "--rpm: is '0'; allowed: greater than"),
+    ("listen quick --seconds 3 --out {tmp}/a.wav", 2, "--seconds is 3 without --rpm"),
+    ("report --out {tmp}/a.pdf", 2, "unknown kind of page; allowed: .html, .md"),
+    ("report --out {tmp}", 2, "unknown kind of page"),
+    ("report --out /dev/null/a.html", 1, "cannot be written, /dev/null is no writable folder"),
+    ("report --out {tmp}/a.html --bag {golden}", 1, "is a recording of the scene 'quick'"),
+    ("report --out {tmp}/a.html --bag {tmp}/none", 1, "no such bag"),
+    ("report --out {tmp}/a.html --rig tm21", 2, "follower.roller_share: is missing"),
+    ("report --out {tmp}/a.html --scene no_such", 2, "no such file"),
+    ("report --out {tmp}/a.html --factorial no_such", 2, "no such file"),
+    ("report --out {tmp}/a.html quick --factorial continuity", 2, "not the paper's"),
+    ("report --out {tmp}/a.html quick --jobs 2", 2, "not the paper's"),
+    ("report --out {tmp}/a.html --dask nowhere", 2, "allowed: an address"),
+    ("report --out {tmp}/a.html quick --rig no_such", 2, "no such file"),
+    ("profile", 2, "no cam is named; allowed: "),
+    ("profile no_such_cam", 2, "no_such_cam.yaml: no such file; there are: arcs_centres"),
+    ("profile flat --out {tmp}/a.step", 2, "unknown kind of file; allowed: .dxf, .svg, .csv"),
+    ("profile flat --out {tmp}", 2, "unknown kind of file"),
+    ("profile flat tm21 --out {tmp}/a.dxf", 2, "2 cams for one file"),
+    ("profile --all --plot {tmp}/a.png", 2, "cams for one file"),
+    ("profile flat --pitch", 2, "--pitch and --cutter need --out"),
+    ("profile flat --pitch --out {tmp}/a.dxf", 2, "a flat follower has no pitch curve"),
+    ("profile tm21 --pitch --cutter 3 --out {tmp}/a.dxf", 2, "are two paths"),
+    ("profile tm21 --cutter -3 --out {tmp}/a.dxf", 2, "is -3 mm; allowed: more than 0"),
+    ("profile tm21 --cutter 600 --out {tmp}/a.dxf", 1, "concave radius of curvature 507"),
+    ("profile tm21 --tolerance 0 --out {tmp}/a.dxf", 2, "tolerance is 0 µm; allowed: "),
+    ("profile tm21 --tolerance nan --out {tmp}/a.dxf", 2, "tolerance is nan µm; allo"),
+    ("profile tm21 --from {tmp}/none.csv", 1, "none.csv: cannot be read"),
+    ("profile tm21 --from a.csv --plot {tmp}/a.png", 2, "--from measures; allowed with"),
+    ("profile tm21 --from {tmp}/none.png", 2, "unknown kind of file; allowed: .dxf, .csv"),
+    ("profile tm21 --out /proc/none/a.dxf", 1, "cannot be written"),
+    ("jump poly345 poly345", 2, "is named twice"),
+    ("jump conjugate", 2, "follower.type is 'conjugate'; allowed on a rig"),
+    ("jump worked_example_constant_velocity", 1, "one slope; where it falls contact is lost"),
+    ("jump --rig tm21 --refit", 2, "follower.roller_share: is missing"),
+    ("jump --rig no_such_rig", 2, "no_such_rig.yaml: no such file"),
+    ("jump --from-rest -1", 1, "the run from rest lasts -1 s; allowed: above 0"),
+    ("jump --from-rest 1e9", 1, "lasts 1e+09 s; allowed: above 0, to 60 s"),
+    ("jump --ramp 1e9", 1, "ramp is 1e+09 rpm/s; allowed: 1 to 100000 rpm/s"),
+    ("jump --steady --ramp 100", 2, "allowed: one of them"),
+    ("jump --steady --from-rest 3", 2, "allowed: one of them"),
+    ("jump --ramp 350 --plot {tmp}/a.png", 2, "--ramp holds none"),
+    ("jump poly345 --refit", 2, "needed: bezier15, poly345, poly4567, cycloidal"),
+    ("jump --refit --plot {tmp}/a.png", 2, "allowed: without --steady, --ramp and --plot"),
+    ("orders poly354", 2, "poly354: no such cam or scene (did you mean 'poly345'?)"),
+    ("orders poly345 --cam tm21", 2, "--cam tm21: poly345 is a cam; allowed: with a scene"),
+    ("orders poly345 --model torsional", 2, "model torsional: its force is no closed form"),
+    ("orders poly345 --rpm 0", 2, "--rpm 0: allowed: 300, or 200,300, or 200:400:10"),
+    ("orders poly345 --save a.png", 2, "a.png: unknown kind of recording; allowed: .rrd"),
+    ("orders conjugate", 2, "allowed on a rig: one that a closing spring alone"),
+    ("readings --search wieght", 2, "did you mean 'weight'?); allowed: "),
+    ("readings --with-times", 2, "needed: --search NAME"),
+    ("timing cycloidal --plot {tmp}/a.png", 2, "has no ordinates to plot"),
+    ("contact conjugate --plot {tmp}/a.png", 2, "closing spring"),
+    ("as-cut flat --json {tmp}/a.json", 2, "allowed: a roller in a guide without eccentricity"),
+    ("as-cut bezier15 --base 0 --json {tmp}/a.json", 2, "--base: is 0 mm"),
+    ("vibration poly345 --rpm 0 --json {tmp}/a.json", 1, "speed is 0 rpm; allowed: 1 to 3139 rpm"),
+    ("vibration worked_example_constant_velocity", 1, "or a rig without a shaft"),
+    ("factorial no_such", 2, "no_such.yaml: no such file; there are: continuity"),
+]
+
+
+@pytest.mark.parametrize(("line", "code", "words"), REFUSED, ids=[line for line, *_ in REFUSED])
+def test_a_mistake_is_one_line_and_writes_nothing(tmp_path, line, code, words):
+    """Before anything runs, where it can be seen before."""
+    places = {"tmp": tmp_path, "golden": config_root().parent / "bags" / "golden"}
+    result = call(*line.format_map(places).split())
+    assert result.exit_code == code
+    assert words.format_map(places) in result.stderr
+    assert result.stderr.count("cam-rig: ") == bool(words), result.stderr
+    assert "Traceback" not in result.stderr
+    assert list(tmp_path.iterdir()) == []
