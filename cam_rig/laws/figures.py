@@ -107,15 +107,7 @@ def _peaks(axes: Axes, law: Law, order: int) -> None:
 def _control_points(axes: Axes, cam: CamConfig) -> None:
     """What the law is shaped by: control polygons, measured points."""
     for angles, ordinates in control_polygons(cam):
-        axes.plot(
-            np.degrees(angles),
-            ordinates * MM,
-            "s--",
-            color=GREY,
-            ms=3,
-            lw=0.8,
-            zorder=1,
-        )
+        axes.plot(np.degrees(angles), ordinates * MM, "s--", color=GREY, ms=3, lw=0.8, zorder=1)
     for segment in cam.segments:
         if isinstance(segment, Table):
             lifts = np.array(segment.file.lifts) * MM
@@ -246,9 +238,5 @@ def _panel(axes: Axes, curves: list[tuple[LawCurves, Style]], order: int, factor
 def _legend(axes: Axes, columns: int, title: str | None = None) -> None:
     """Above the first panel, where it hides no curve."""
     axes.legend(
-        loc="lower center",
-        bbox_to_anchor=(0.5, 1.02),
-        ncols=columns,
-        title=title,
-        frameon=False,
+        loc="lower center", bbox_to_anchor=(0.5, 1.02), ncols=columns, title=title, frameon=False
     )

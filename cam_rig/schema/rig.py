@@ -56,9 +56,7 @@ class Radiation(Strict):
     background_at: Annotated[Quantity, must_be("speed", above=0.0)]
     background_slope: Annotated[Quantity, must_be("level slope", least=-60.0, most=60.0)]
     background_corner: Annotated[Quantity, must_be("frequency", above=0.0, most=1e6)] = Quantity(
-        assumed=500.0,
-        unit="Hz",
-        source="motor and bearings; no source prints it",
+        assumed=500.0, unit="Hz", source="motor and bearings; no source prints it"
     )
     calibrated_on: str = ""
 
