@@ -149,8 +149,10 @@ def workplace(jobs: int | None, dask: str | None) -> Iterator[Workplace]:
         return
     if jobs is not None:
         raise ConfigError("--jobs and --dask: the cluster has its own; allowed: one of them")
-    with _cluster(dask) as found, broken_named():
-        yield found
+    with _client(dask) as client:
+        found = Workplace(client.get_executor(pure=False), _count(client, dask))
+        with broken_named():
+            yield found
 
 
 def check_workplace(dask: str | None) -> None:
@@ -169,12 +171,6 @@ def _where(dask: str) -> dict[str, str]:
             "that `dask scheduler --scheduler-file` wrote"
         )
     return {"scheduler_file": dask}
-
-
-@contextmanager
-def _cluster(dask: str) -> Iterator[Workplace]:
-    with _client(dask) as client:
-        yield Workplace(client.get_executor(pure=False), _count(client, dask))
 
 
 @interruptible

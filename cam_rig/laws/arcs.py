@@ -50,10 +50,7 @@ Part = Circle | StraightLine
 
 @dataclass(frozen=True)
 class Chain:
-    """A closed contour: its parts in the order of the cam angle, and their joints.
-
-    ``normals[i]`` is the outward unit normal where part i meets the next one.
-    """
+    """A closed contour: parts by the cam angle, outward unit normals where each meets the next."""
 
     parts: tuple[Part, ...]
     normals: tuple[complex, ...]
@@ -105,11 +102,9 @@ def _arc(before: Circle, after: Circle, radius: float, name: str) -> Circle:
         )
     if radius < 0.0:
         least = max(0.0, 0.5 * (between - before.radius - after.radius))
-        possible = -radius > least
     else:
         least = 0.5 * (between + before.radius + after.radius)
-        possible = radius > least
-    if not possible:
+    if not abs(radius) > least:
         raise LawError(
             f"{name}: radius {radius * 1e3:g} mm is too small to touch both its neighbours; "
             f"allowed: more than {least * 1e3:g} mm"
@@ -187,10 +182,8 @@ def _root_derivative(
 class ConcaveFlankCam:
     """A symmetric cam of base circle, concave flanks and nose, given by its event angles.
 
-    base_radius : pitch radius of the base circle, m
-    lift : m
-    event_half_angle : cam angle from the nose's middle to where the flank leaves the base, rad
-    nose_half_angle : cam angle from the nose's middle to the joint of nose and flank, rad
+    base_radius, lift : m, of the pitch curve
+    event_half_angle, nose_half_angle : rad, from the nose's middle to the flank's two ends
     """
 
     base_radius: float
@@ -199,12 +192,9 @@ class ConcaveFlankCam:
     nose_half_angle: float
 
     def radii(self) -> tuple[float, float]:
-        """Pitch radii (m) of flank and nose.
-
-        Tangency at the joint puts it on the line of the two centres, and its direction is
-        given; with the cosine rule in the triangle of the three centres that is a quadratic
-        in the flank's radius.
-        """
+        """Pitch radii (m) of flank and nose."""
+        # The joint is on the line of the two centres, in a given direction: with the cosine rule
+        # in the triangle of the three centres a quadratic in the flank's radius.
         base, top = self.base_radius, self.base_radius + self.lift
         psi, alpha = self.event_half_angle, self.nose_half_angle
         a = base**2 + top**2 - 2.0 * base * top * np.cos(psi)
@@ -212,12 +202,8 @@ class ConcaveFlankCam:
         d = 2.0 * (top - base * np.cos(psi))
         e = 2.0 * (1.0 - np.cos(psi))
         s, k = np.sin(psi - alpha), np.sin(alpha)
-        quadratic = [
-            b * s - (top * e - b) * k,
-            (a + b * base) * s - (top * d - a) * k,
-            a * base * s,
-        ]
-        for root in sorted(np.roots(quadratic), key=abs):
+        second, first = b * s - (top * e - b) * k, (a + b * base) * s - (top * d - a) * k
+        for root in sorted(np.roots([second, first, a * base * s]), key=abs):
             flank = float(np.real(root))
             if abs(np.imag(root)) > 0.0 or flank <= 0.0:
                 continue

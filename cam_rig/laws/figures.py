@@ -22,7 +22,7 @@ from cam_rig.laws.catalogue import (
     sampled_pieces,
 )
 from cam_rig.laws.law import SMOOTHEST, Joint, Law, extremes, joints
-from cam_rig.laws.results import CamLawsResult, LawsResult, RisesResult
+from cam_rig.laws.results import PER, CamLawsResult, LawsResult, RisesResult
 from cam_rig.schema import CamConfig
 from cam_rig.schema.segment_base import Table
 from cam_rig.show.figure import CAM_ANGLE, empty, line, styled, turn_axis, wrapped
@@ -32,7 +32,6 @@ from cam_rig.show.tables import printed
 #: One a panel.
 COLOURS = tuple(map(web, DERIVATIVES))
 NAMES = ("lift s", "velocity s′", "acceleration s″", "jerk s‴")
-PER = ("", "/rad", "/rad²", "/rad³")
 #: Joints nearer than this are one, deg.
 SAME_DEG = 1e-6
 #: Segments narrower than this have no name in the plot, or an upright one, deg.

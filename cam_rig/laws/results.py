@@ -238,26 +238,20 @@ class CamLawsResult(Result):
         ]
         return [
             Arrays.of("curves", self.columns["curves"], self),
-            self._alone(rows) if len(self.cams) == 1 else self._side_by_side(rows),
+            self._extremes(rows),
             self.table("joints", "", self.rough, hidden=True),
         ]
 
-    def _alone(self, rows: list[ExtremeRow]) -> Records:
-        return self.table("extremes", f"Extremes of {self.cams[0][1].name}", rows)
-
-    def _side_by_side(self, rows: list[ExtremeRow]) -> Records:
-        own = {"hidden": False}
-        gone = {"hidden": True}
+    def _extremes(self, rows: list[ExtremeRow]) -> Records:
+        if len(self.cams) == 1:
+            return self.table("extremes", f"Extremes of {self.cams[0][1].name}", rows)
         changed: dict[str, dict[str, Any]] = {
-            "cam": own,
-            "continuity": own,
             "quantity": {"cell": lambda row: f"{SYMBOLS[row.order]} [{row.unit}{PER[row.order]}]"},
-            "unit": gone,
             "largest": {"heading": "largest {}", "shown": ".5g"},
-            "largest_at": gone,
             "smallest": {"heading": "smallest {}", "shown": ".5g"},
-            "smallest_at": gone,
         }
+        changed |= {key: {"hidden": False} for key in ("cam", "continuity")}
+        changed |= {key: {"hidden": True} for key in ("unit", "largest_at", "smallest_at")}
         columns = tuple(replace(c, **changed[c.key]) for c in self.columns["extremes"])
         table = self.table("extremes", "Extremes over the turn", rows, across="quantity")
         return replace(table, columns=columns, seen=lambda row: row.order > 0)

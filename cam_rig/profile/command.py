@@ -93,7 +93,7 @@ def profile(
 
     cam-rig profile poly345 --from out/cam.dxf --out out/law.csv
     """
-    from cam_rig.errors import ConfigError
+    from cam_rig.errors import ConfigError, ProfileError
     from cam_rig.profile import command_files
     from cam_rig.profile.check_table import POSITIONS, ProfileResult
 
@@ -105,19 +105,12 @@ def profile(
     first, drawn = cams_checked[0], out is not None or plot is not None
     if source is not None:
         return command_files.measure(request, first.cam, first.law)
-    if drawn and not force:
-        _require_possible(first)
+    for check in first.failed if drawn and not force else ():
+        if check.vital:
+            raise ProfileError(f"{first.cam.name}: {check}; or draw it with --force")
     if out is not None:
         command_files.write(request, first.cam, first.law, force)
     return ProfileResult(tuple(cams_checked), positions or POSITIONS, drawn, every)
-
-
-def _require_possible(one: CheckedCam) -> None:
-    """Refuse to draw a cam that cannot exist."""
-    from cam_rig.errors import ProfileError
-
-    for check in (check for check in one.failed if check.vital):
-        raise ProfileError(f"{one.cam.name}: {check}; or draw it with --force")
 
 
 def _paths(cams: list[str], every: bool) -> list[Path]:

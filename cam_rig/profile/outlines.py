@@ -26,11 +26,7 @@ BEARING, LIFT_OFF = 0.1, 0.12
 
 @dataclass(frozen=True)
 class FollowerShape(ABC):
-    """A follower in the plane; all lengths in m, all angles in rad, arrays of shape ``(n,)``.
-
-    element : what touches the cam, a roller, a point or a flat face, as the profile has it
-    max_lift : of the law, m
-    """
+    """A follower in the plane; all lengths in m, all angles in rad, arrays of shape ``(n,)``."""
 
     element: Guided | Swung
     max_lift: float
@@ -72,9 +68,7 @@ class FollowerShape(ABC):
     def carried(self, points: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
         """``(n, 2)`` points of the follower, moved with it from lift ``start`` to ``end``."""
         angle = self.turn(end) - self.turn(start)
-        arm = points - self.origin(start)
-        cosine, sine = np.cos(angle), np.sin(angle)
-        x, y = arm.T
+        (x, y), cosine, sine = (points - self.origin(start)).T, np.cos(angle), np.sin(angle)
         turned: FloatArray = np.column_stack([x * cosine - y * sine, x * sine + y * cosine])
         return self.origin(end) + turned
 

@@ -93,9 +93,7 @@ class RigConfig(Strict):
     def need(self, key: str, by: str, instead: str = "") -> Quantity:
         """A number of the follower that the file may leave out, for what is named by ``by``.
 
-        Raises
-        ------
-        ConfigError : it is missing; ``instead`` is another remedy than to add it
+        ``instead`` is another remedy than to add it.
         """
         number: Quantity | None = getattr(self.follower, key)
         if number is None:
@@ -103,12 +101,7 @@ class RigConfig(Strict):
         return number
 
     def need_radiation(self, by: str) -> Radiation:
-        """The section ``radiation``, for what is named by ``by``.
-
-        Raises
-        ------
-        ConfigError : it is missing
-        """
+        """The section ``radiation``, for what is named by ``by``."""
         if self.radiation is None:
             raise self.missing("radiation", by)
         return self.radiation

@@ -17,7 +17,7 @@ from cam_rig.laws.catalogue import (
     rise_values,
 )
 from cam_rig.laws.figures import cams_figure, rises_figure
-from cam_rig.laws.segments import BUILDERS, NAMED_RISES, cycloidal, simple_harmonic
+from cam_rig.laws.segments import NAMED_RISES
 from cam_rig.schema.segments import Rise, Segment
 from cam_rig.show.figure import line as look
 from cam_rig.show.looks import in_words
@@ -28,7 +28,6 @@ def test_every_law_of_a_file_is_listed():
     tags = {tag for model in models for tag in get_args(model.model_fields["law"].annotation)}
     free = set(free_laws())
     assert tags == free | set(NAMED_RISES)
-    assert free - {"dwell"} == set(BUILDERS)
     assert set(get_args(Rise.model_fields["law"].annotation)) == set(NAMED_RISES)
 
 
@@ -70,27 +69,6 @@ def test_curves_of_each_rise():
             off = np.abs(area - np.diff(motion[order, ::2]))
             assert off.max() < 1e-2 * u[1]  # s''' may jump inside an interval
             assert np.median(off) < 1e-9
-
-
-def test_rises_by_formula():
-    u = np.linspace(0.0, 1.0, 101)
-    for name, formula in (("simple_harmonic", simple_harmonic), ("cycloidal", cycloidal)):
-        curves, values = rise_curves(name), rise_values(name, u)
-        for order in ORDERS:
-            limit = 1e-9 * np.abs(formula(u, order)).max()
-            drawn = formula(curves.x, order)
-            np.testing.assert_allclose(curves.motion[order], drawn, rtol=0, atol=limit)
-            np.testing.assert_allclose(values[order], formula(u, order), rtol=0, atol=limit)
-
-
-def test_a_half_rise_to_rest_is_the_one_from_rest_turned():
-    """Eq. 3.7-3.9 are 1 − s(1 − u) of eq. 3.4-3.6."""
-    u = np.linspace(0.0, 1.0, 65)
-    for degree in (4, 6, 8):
-        start, end = (rise_values(f"bezier{degree}_{part}", u) for part in ("start", "end"))
-        turned = start[:, ::-1] * np.array([-1.0, 1.0, -1.0, 1.0])[:, None]
-        turned[0] += 1.0
-        np.testing.assert_allclose(end, turned, rtol=0, atol=1e-10)
 
 
 def test_a_cams_curves_are_its_law(laws):

@@ -191,14 +191,9 @@ def test_a_sharp_piece_hides_no_joint_of_another(make_cam):
     assert [joint.continuity for joint in found] == [2, 2, SMOOTHEST, 2, 2]
 
 
-def test_jumps_of_the_slope_are_told_with_their_size(make_cam):
-    """At θ = 0 the last piece meets the first; a half-rise beside a straight part of another
-    slope is C0, and the jump is in m/rad."""
+def test_the_turns_end_joins_its_start(make_cam):
+    """At θ = 0 the last piece meets the first: the slope's jump there is in m/rad."""
     law = build_law(make_cam({"law": "bezier", "span": 360, "ordinates": [0, 1, 0]}))
     (joint,) = joints(law)
     assert (joint.angle, joint.continuity) == (0.0, 0)
     assert joint.jump == pytest.approx(2 * 2 * 0.05 / TURN, rel=1e-12)
-    steps = (rise(60, 0.5, "bezier4_start"), rise(60, 0.75, "constant_velocity"))
-    joint = joints(build_law(make_cam(*steps, rise(60, 1, "bezier4_end"), rise(180, 0))))[1]
-    assert joint.continuity == 0
-    assert joint.jump == pytest.approx((0.25 - 1.0) * 0.05 / np.radians(60.0), rel=1e-12)

@@ -73,17 +73,6 @@ def test_smoothing_stays_within_the_tolerance():
         assert continuity(law_of(found)) == SMOOTHEST
 
 
-def test_smoothing_brings_the_derivative_back():
-    """Readings rounded to 0.01 mm: smoothed, the acceleration is far nearer the truth."""
-    rounded, h = np.round(wave(turn(120)), 5), 1e-3
-    true = (wave(FINE + h) - 2.0 * wave(FINE) + wave(FINE - h)) / h**2
-    rough, fair = (
-        rms(law_of(smooth(turn(120), rounded, tolerance))(FINE, 2) - true)
-        for tolerance in (0.0, 1e-5 / np.sqrt(12.0))
-    )
-    assert fair < 0.1 * rough
-
-
 def test_shipped_table_follows_its_points(cams, laws):
     """The r.m.s. distance of measured.csv is the file's tolerance; no point is off by 4 of them.
 

@@ -177,7 +177,6 @@ def test_a_neck_narrower_than_the_roller():
         require_profile(made.cam, made.law)
 
 
-@pytest.mark.long
 def test_no_base_radius_is_named_that_would_cut_the_pivot():
     """An arm near its cam: free of undercut only where the cam is at the pivot already."""
     numbers = {"base_radius": 40, "roller_radius": 9, "pivot_distance": 90, "arm": 75}
@@ -187,13 +186,6 @@ def test_no_base_radius_is_named_that_would_cut_the_pivot():
     assert not check.passed
     assert check.remedy.startswith("no base_radius would do: let the spans be longer")
     assert least_base_radius(made.cam.follower, made.law) is None
-    for base in range(41, 130):
-        other = make("oscillating_roller", far, lift=200, **numbers | {"base_radius": base})
-        try:
-            checks = check_cam(other.cam, other.law)
-        except ProfileError:
-            return
-        assert any(check.vital and not check.passed for check in checks)
 
 
 def test_pressure_angle_limit_is_the_files():

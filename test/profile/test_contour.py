@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from mpmath import mp, mpf
 
 from cam_rig.profile import contours, turn_angles
 from cam_rig.profile.contact import Motion
@@ -88,38 +87,6 @@ def test_face_equations(angles):
         close(contour.pressure, beta, 1e-16)
         beside = make(kind, eccentricity=-7.0)
         close(contour.points, beside.contours(angles)[0].points, 1e-16)
-
-
-def test_oscillating_face_equations(angles):
-    """Eq. 2.27-2.29 in the guide's frame."""
-    made, l1, l2, arm = make("oscillating_flat"), 0.110, 0.006, 0.090
-    d = np.arcsin((0.050 - l2) / l1) + made.law(angles) / arm
-    l3 = l1 * np.cos(d) / (1.0 + made.law(angles, 1) / arm)
-    x, y = l1 + l2 * np.sin(d) - l3 * np.cos(d), l2 * np.cos(d) + l3 * np.sin(d)
-    point = (x + 1j * y) * np.exp(-1j * angles)
-    close(made.contours(angles)[0].points, [point.real, point.imag], 1e-16)
-
-
-def test_oscillating_roller_against_50_digits():
-    """Points and curvature from eq. 2.30-2.34 with numerical derivatives in 50 digits."""
-    at = np.radians([75.0, 100.0, 130.0, 160.0])
-    contour = make("oscillating_roller").contours(at)[0]
-    with mp.workdps(50):
-        l1, l3, prime, roller = (mpf(length) / 1000 for length in (90, 75, 48, 8))
-        gamma = mp.acos((l3**2 + l1**2 - prime**2) / (2 * l1 * l3))
-        span, begin = mpf(110) * mp.pi / 180, mpf(60) * mp.pi / 180
-
-        def pitch(t):
-            u = (t - begin) / span
-            s = mpf(10) / 1000 * (u - mp.sin(2 * mp.pi * u) / (2 * mp.pi))
-            return (l1 - l3 * mp.expj(-(gamma + s / l3))) * mp.expj(-t)
-
-        for i, theta in enumerate(at):
-            first, second = (mp.diff(pitch, mpf(float(theta)), n) for n in (1, 2))
-            bend = -mp.im(mp.conj(first) * second) / abs(first) ** 3
-            point = pitch(mpf(float(theta))) - roller * 1j * first / abs(first)
-            assert complex(*contour.points[:, i]) == pytest.approx(complex(point), abs=1e-16)
-            assert contour.radius[i] == pytest.approx(float(1 / bend - roller), rel=1e-12)
 
 
 def test_constant_breadth_and_diameter_are_constant(angles):

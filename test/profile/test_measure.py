@@ -4,7 +4,6 @@ import re
 
 import numpy as np
 import pytest
-from shapely import LineString, Point, Polygon
 
 from cam_rig.errors import ProfileError
 from cam_rig.profile import contours, turn_angles
@@ -105,40 +104,6 @@ def test_follower_rests_where_the_law_says(every_kind, angles):
 @pytest.mark.variants(5)
 def test_shipped_cams_lift_as_their_laws_say(law, cams, angles):
     assert_rests_on_the_law(Made(cams[law.name], law), angles[::2])
-
-
-def outline_of(element, s, angle):
-    """The follower at displacement s as a shapely shape in the cam's frame, and its half width."""
-
-    def placed(points):
-        turned = points * np.exp(-1j * angle)
-        return np.column_stack([turned.real, turned.imag])
-
-    stand = element.stand(np.array([s]))
-    if isinstance(element, GuidedCentre | SwungCentre):
-        return Point(placed(stand)[0]), element.roller
-    if isinstance(element, GuidedFace):
-        along = element.side * np.exp(1j * element.inclination)
-    else:
-        along = np.exp(-1j * element.arm_angle(np.array(s)))
-    return LineString(placed(stand + along * np.array([-0.3, 0.3]))), 0.0
-
-
-@pytest.mark.variants(6)
-def test_follower_touches_the_cam_and_does_not_enter_it(made):
-    """By shapely on a polygon: at s it touches; a micrometre out of the cam it does not."""
-    fine = np.linspace(0.0, 2.0 * np.pi, 40_000, endpoint=False)
-    polygons = [Polygon(contour.points.T) for contour in made.contours(fine)]
-    for number, element in made.riders():
-        for angle in np.radians(np.arange(7.0, 360.0, 30.0)):
-            s, side, polygon = float(made.law(angle)), getattr(element, "side", 1), polygons[number]
-            shape, width = outline_of(element, s, angle)
-            assert abs(shape.distance(polygon.exterior) - width) < 2e-8  # m: the polygon's chords
-            if isinstance(shape, LineString):
-                assert shape.intersection(polygon).length < 4e-4
-            shape, width = outline_of(element, s + 1e-6 * side, angle)
-            away = shape.distance(polygon.exterior) - width
-            assert 4e-7 < away < 1.6e-6  # the way of the contact, not that at the end of the arm
 
 
 # Points that are no contour in order: shuffled, or with a part left out.
