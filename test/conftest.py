@@ -26,7 +26,6 @@ from cam_rig.testing.running_rig import isolated_domain
 from .references import many_digits
 
 __all__ = ["many_digits"]
-
 CONFIG = Path(__file__).parents[1] / "config"
 CAM_NAMES = sorted(path.stem for path in (CONFIG / "cams").glob("*.yaml"))
 #: Cams whose velocity jumps: no follower can stay on them, so few models take them.

@@ -157,25 +157,18 @@ class Arc:
         """Polar radius at cam angles (rad), or its derivative of order 1 to 3, m/rad^order."""
         delta = angle - self.direction
         sine, cosine = np.sin(delta), np.cos(delta)
-        root = np.sqrt(self.radius**2 - (self.distance * sine) ** 2)
-        side = -1.0 if self.concave else 1.0
         shift = self.distance * (cosine, -sine, -cosine, sine)[order]
-        return np.asarray(shift + side * _root_derivative(self.distance, sine, cosine, root, order))
-
-
-def _root_derivative(
-    distance: float, sine: FloatArray, cosine: FloatArray, q: FloatArray, order: int
-) -> FloatArray:
-    """Derivatives of q = √(ρ² − D² sin²δ), with S = D² sin 2δ / 2 so that q' = −S/q."""
-    half = distance**2 * sine * cosine
-    slope = distance**2 * (cosine**2 - sine**2)
-    if order == 0:
-        return q
-    if order == 1:
-        return -half / q
-    if order == 2:
-        return -slope / q - half**2 / q**3
-    return 4.0 * half / q - 3.0 * half * slope / q**3 - 3.0 * half**3 / q**5
+        # q = √(ρ² − D² sin²δ) and its derivatives, with S = D² sin 2δ / 2 so that q' = −S/q
+        root = q = np.sqrt(self.radius**2 - (self.distance * sine) ** 2)
+        half = self.distance**2 * sine * cosine
+        slope = self.distance**2 * (cosine**2 - sine**2)
+        if order == 1:
+            root = -half / q
+        elif order == 2:
+            root = -slope / q - half**2 / q**3
+        elif order == 3:
+            root = 4.0 * half / q - 3.0 * half * slope / q**3 - 3.0 * half**3 / q**5
+        return np.asarray(shift - root if self.concave else shift + root)
 
 
 @dataclass(frozen=True)
@@ -208,20 +201,17 @@ class ConcaveFlankCam:
             if abs(np.imag(root)) > 0.0 or flank <= 0.0:
                 continue
             nose = float((a + b * flank) / (d + e * flank))
-            if 0.0 < nose < top and self._joins(flank, nose):
+            if not 0.0 < nose < top:
+                continue
+            with np.errstate(invalid="ignore"):  # a follower could also come under an overhang
+                before, after = (arc(np.array([-alpha]), 0)[0] for arc in self._arcs(flank, nose))
+            if abs(after - before) < 1e-9 * base:
                 return flank, nose
         raise LawError(
             f"tangent arcs: no concave flank joins base radius {base * 1e3:g} mm to lift "
             f"{self.lift * 1e3:g} mm with event half angle {np.degrees(psi):g}° and nose half "
             f"angle {np.degrees(alpha):g}°; move the nose half angle"
         )
-
-    def _joins(self, flank: float, nose: float) -> bool:
-        """Whether a follower goes from flank to nose: it could also come under an overhang."""
-        joint = np.array([-self.nose_half_angle])
-        with np.errstate(invalid="ignore"):
-            before, after = (arc(joint, 0)[0] for arc in self._arcs(flank, nose))
-        return bool(abs(after - before) < 1e-9 * self.base_radius)
 
     def arcs(self) -> tuple[Arc, Arc]:
         """Flank (on the rising side, direction measured from the nose) and nose."""

@@ -138,10 +138,7 @@ class Law:
         return np.diff(self.breaks)
 
     def __call__(self, angle: FloatArray | float, order: int = 0) -> FloatArray:
-        """Displacement s (m) or d^order s/dθ^order (m/rad^order) at cam angles in rad.
-
-        At a joint the piece that begins there is taken (the right limit).
-        """
+        """Displacement (m), or its derivative (m/rad^order), at angles in rad; right limits."""
         if not (isinstance(order, Real) and 0 <= order < math.inf and int(order) == order):
             raise LawError(f"law {self.name!r}: order is {order!r}; allowed: 0, 1, 2, …")
         at = self._angles(angle)

@@ -130,10 +130,7 @@ class SampleRun(NamedTuple):
 
 
 def repeated(runs: list[SampleRun]) -> list[list[SampleRun]]:
-    """Runs of one piece in order; those are together that are the same, evenly apart.
-
-    So are all turns, but for rounding, where the samples of a turn are a whole number.
-    """
+    """Runs of one piece in order, those together that are the same, as turns are, evenly apart."""
     found: list[list[SampleRun]] = []
     for run in runs:
         train = found[-1] if found else [run]

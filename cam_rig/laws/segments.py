@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache, partial
 from math import comb, perm
-from typing import get_args
 
 import numpy as np
 
@@ -20,20 +18,8 @@ from cam_rig.laws.law import Law
 from cam_rig.laws.sampling import Curve, Section, fit, fit_sections
 from cam_rig.laws.spline import Rest, Smoothed, require_above_scatter, smooth
 from cam_rig.schema import CamConfig
+from cam_rig.schema import segments as kinds
 from cam_rig.schema.segment_base import Table
-from cam_rig.schema.segments import (
-    ArcsByCentres,
-    ArcsByRadii,
-    Bezier,
-    BSpline,
-    Dwell,
-    Polynomial,
-    Rise,
-    RiseName,
-    Segment,
-    TangentArcs,
-    Trigonometric,
-)
 from cam_rig.units import TURN, FloatArray
 
 # The polynomial through conditions on values and derivatives (eq. 2.1, worked example c).
@@ -113,42 +99,39 @@ def trigonometric(mean: float, cosine: list[float], sine: list[float]) -> Curve:
 SAME_LIFT, SAME_LIFT_TOLERANCES = 1e-2, 8.0
 
 
-def own_pieces(segment: Segment, cam: CamConfig) -> Pieces | None:
-    """Breakpoints (rad, from the segment's start) and ordinates (m) of a segment.
-
-    None for one that goes on from the level before it: a dwell, a named rise.
-    """
+def own_pieces(segment: kinds.Segment, cam: CamConfig) -> Pieces | None:
+    """Pieces from the segment's start (rad, m); None where it goes on from the level before."""
     lift, span = cam.lift.si, segment.span.si
     pieces: Pieces | None = None
     match segment:
-        case Bezier():
+        case kinds.Bezier():
             pieces = [0.0, span], [lift * np.array(segment.ordinates.numbers)]
-        case BSpline():
+        case kinds.BSpline():
             knots = np.array(segment.knots.numbers)
             knots = span * ((knots - knots[0]) / (knots[-1] - knots[0]))
             ordinates = lift * np.array(segment.ordinates.numbers)
             pieces = b_spline.pieces(knots, ordinates, segment.degree)
-        case Polynomial():
+        case kinds.Polynomial():
             u = [min(1.0, angle / span) for angle in segment.at.si_list]
             try:
                 ordinates = polynomial_through(u, segment.order, segment.value.numbers)
             except LawError as error:
                 raise LawError(f"cam {cam.name!r}: {error}") from None
             pieces = [0.0, span], [lift * ordinates]
-        case Trigonometric():
+        case kinds.Trigonometric():
             cosine, sine = (
                 [] if numbers is None else [lift * number for number in numbers.numbers]
                 for numbers in (segment.cosine, segment.sine)
             )
             pieces = fit(trigonometric(lift * segment.mean.si, cosine, sine), 0.0, span)
-        case TangentArcs():
+        case kinds.TangentArcs():
             pieces = tangent_arcs(segment, cam)
-        case ArcsByRadii() | ArcsByCentres():
+        case kinds.ArcsByRadii() | kinds.ArcsByCentres():
             pieces = whole_turn_arcs(segment, cam)
         case Table():
             pieces = smoothed(segment, cam).pieces
         case _:
-            assert isinstance(segment, Dwell | Rise)
+            assert isinstance(segment, kinds.Dwell | kinds.Rise)
     return pieces
 
 
@@ -255,7 +238,6 @@ MODIFIED_SINE = _whole(
     [(0.0, 0.125, _wave(0.0, PI * SINE, 0.25 * SINE, 4.0 * PI, 0.0))],
     (0.125, 0.875, _wave(2.0 * SINE, PI * SINE, 2.25 * SINE, 4.0 * PI / 3.0, PI / 3.0)),
 )
-
 #: s = (2u − sin(4πu)/2π)/(π + 2) to 1/8, a parabola to 3/8, then again a sine to 5/8.
 _SIZE = 0.5 * TRAPEZOID / PI
 MODIFIED_TRAPEZOID = _whole(
@@ -282,21 +264,8 @@ class NamedRise:
     slopes: tuple[float, float] = (0.0, 0.0)
 
 
-#: Bézier rises by the end of their name: the lowest degree and its equation, ordinates, slopes.
-_BEZIER: dict[str, tuple[int, int, Callable[[int], FloatArray], tuple[float, float]]] = {
-    "": (5, 1, full_rise, (0.0, 0.0)),
-    "_start": (4, 4, half_rise_start, (0.0, 2.0)),
-    "_end": (4, 7, half_rise_end, (2.0, 0.0)),
-}
-
-
-def _bezier_rise(name: str) -> NamedRise:
-    degree, part = int(name[6]), name[7:]
-    first, equation, ordinates, slopes = _BEZIER[part]
-    return NamedRise(f"eq. 3.{equation + (degree - first) // 2}", ordinates(degree), slopes)
-
-
-_OTHERS = {
+#: Every name that a cam file may give, `RiseName`, with its rise.
+NAMED_RISES: dict[str, NamedRise] = {
     "constant_velocity": NamedRise("worked example a", np.array([0.0, 1.0])),
     "simple_harmonic": NamedRise("worked example b", [(0.0, 1.0, simple_harmonic)]),
     "cycloidal": NamedRise("paper, section 2", [(0.0, 1.0, cycloidal)]),
@@ -304,11 +273,15 @@ _OTHERS = {
     "modified_trapezoid": NamedRise("cam handbooks", MODIFIED_TRAPEZOID),
     "poly345": NamedRise("paper; eq. 3.1", full_rise(5)),
     "poly4567": NamedRise("paper; eq. 3.2", full_rise(7)),
-}
-
-#: Every name that a cam file may give, `RiseName`, with its rise.
-NAMED_RISES: dict[str, NamedRise] = {
-    name: _OTHERS.get(name) or _bezier_rise(name) for name in get_args(RiseName)
+    **{f"bezier{n}": NamedRise(f"eq. 3.{n // 2 - 1}", full_rise(n)) for n in (5, 7, 9)},
+    **{
+        f"bezier{n}_{part}": NamedRise(f"eq. 3.{first + n // 2}", ordinates(n), slopes)
+        for part, first, ordinates, slopes in (
+            ("start", 2, half_rise_start, (0.0, 2.0)),
+            ("end", 5, half_rise_end, (2.0, 0.0)),
+        )
+        for n in (4, 6, 8)
+    },
 }
 
 

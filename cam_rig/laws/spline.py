@@ -43,10 +43,7 @@ def pieces(knots: FloatArray, ordinates: FloatArray, degree: int) -> Pieces:
 
 
 def bezier_pieces(spline: BSpline[np.float64]) -> Pieces:
-    """The Bézier curves of a spline: each inner knot is inserted until it stands degree times.
-
-    The control points then are the ordinates; insertion takes convex combinations of them.
-    """
+    """The Bézier curves of a spline: each inner knot is inserted until it stands degree times."""
     from scipy.interpolate import insert  # BSpline.insert_knot, its equal, is newer
 
     n = spline.k
@@ -63,7 +60,6 @@ def bezier_pieces(spline: BSpline[np.float64]) -> Pieces:
 DEGREE = 5
 #: Ordinates at either end of a spline that are the dwell's level: s, s' and s'' join.
 HELD = 3
-
 #: Even intervals that are tried from one dwell to the next, ...
 INTERVALS = (*range(1, 9), *range(10, 17, 2), *range(20, 33, 4), *range(40, 65, 8))
 INTERVALS += (80, 96, 128, 192)
@@ -240,7 +236,7 @@ def _jumps(knots: FloatArray) -> FloatArray:
 WINDOW = 7
 #: Median of |x| of the standard normal distribution.
 NORMAL_MEDIAN = 0.6744897501960817
-#: Differences beyond so many standard deviations are of slips, and of jumps of the derivatives;
+#: Differences beyond so many standard deviations are of outliers, and of jumps of derivatives;
 #: what is left of the standard normal distribution without them has this standard deviation.
 TRIMMED, TRIMMED_STANDARD_DEVIATION = 3.0, 0.9865784
 #: Standard error of the scatter of n readings, times √n, in parts of it: found by simulation.
@@ -253,10 +249,8 @@ WIDEST_WINDOW = math.radians(100.0)
 
 
 def differences(angles: FloatArray, lifts: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """``(n,)`` scaled divided differences (m) about each reading (rad, m), and which of them count.
-
-    A window that bridges a stretch without readings, or has equal ones alone, does not.
-    """
+    """``(n,)`` scaled divided differences (m) about each reading (rad, m), and which count."""
+    # a window that bridges a stretch without readings, or has equal ones alone, does not
     count, half = angles.size, WINDOW // 2
     index = np.arange(count)[:, None] + np.arange(-half, half + 1)
     x = angles[index % count] + TURN * (index // count)

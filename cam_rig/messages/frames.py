@@ -18,7 +18,8 @@ import numpy as np
 
 from cam_rig.laws import Law
 from cam_rig.profile import turn_angles
-from cam_rig.profile.outlines import FollowerShape, Oscillating, follower_shape
+from cam_rig.profile.faces import Swung
+from cam_rig.profile.outlines import FollowerShape, follower_shape
 from cam_rig.schema import CamConfig
 from cam_rig.schema.cam import FRAMES
 from cam_rig.simulation.scene import LoadedScene, max_contact_force
@@ -147,7 +148,7 @@ class Robot:
         """The joints of /tf, in the order of their names."""
         limits = 0.0, (1.0 + LIFT_OFF) * self.max_lift
         cam = PlaneJoint(CAM, "continuous", GUIDE, CAM)
-        if not isinstance(self.shape, Oscillating):
+        if not isinstance(self.shape.element, Swung):
             return [cam, PlaneJoint(FOLLOWER, "prismatic", GUIDE, FOLLOWER, limits=limits)]
         rest, rate = np.zeros(1), -1.0 / self.shape.element.arm
         x, y = self.shape.origin(rest)[0]
@@ -161,6 +162,6 @@ class Robot:
 
     def body(self, points: FloatArray) -> FloatArray:
         """Points ``(n, 2)`` of the follower's outline, in the link ``follower``."""
-        if isinstance(self.shape, Oscillating):
+        if isinstance(self.shape.element, Swung):
             return points
         return points + self.shape.origin(np.zeros(1))

@@ -152,7 +152,6 @@ class CheckRow:
 
 #: Positions of the follower in a picture.
 POSITIONS = 24
-
 #: Of several cams: what stands where one has no such number.
 NONE = "–"
 

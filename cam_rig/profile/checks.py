@@ -28,7 +28,6 @@ RELATIONS: dict[str, Callable[[float, float], bool]] = {
     "less than": operator.lt,
     "at most": operator.le,
 }
-
 #: Units that checks are shown in, and their factor from SI.
 FACTORS = {"mm": 1e3, "mm/rad": 1e3, "°": 180.0 / np.pi, "1": 1.0, "crossings": 1.0}
 
@@ -141,22 +140,16 @@ def pivot_checks(scan: Scan) -> Iterator[Check]:
 
 def crossing_check(disc: Disc, law: Law) -> Check:
     """Two places of the contour in each other's way: a neck narrower than the roller."""
-    found = _crossing(Contour.of(disc, Motion.uniform(law, OUTLINE)))
-    remedy, count = "let base_radius be larger or the roller smaller", float(found is not None)
-    return Check("contour across itself", count, "at most", 0.0, "crossings", found, remedy)
-
-
-def _crossing(contour: Contour) -> float | None:
-    """Cam angle (rad) near a crossing."""
-    points = contour.points.T
     with libraries_named():
         from shapely import LinearRing, Polygon, is_valid_reason
-    if LinearRing(points).is_simple:
-        return None
-    numbers = re.findall(r"-?\d[\d.]*(?:e-?\d+)?", is_valid_reason(Polygon(points)))
-    place = np.array([float(number) for number in numbers[:2]])
-    nearest = int(np.argmin(np.hypot(*(points - place).T)))
-    return float(contour.angle[nearest])
+    contour, found = Contour.of(disc, Motion.uniform(law, OUTLINE)), None
+    points = contour.points.T
+    if not LinearRing(points).is_simple:
+        numbers = re.findall(r"-?\d[\d.]*(?:e-?\d+)?", is_valid_reason(Polygon(points)))
+        place = np.array([float(number) for number in numbers[:2]])
+        found = float(contour.angle[np.argmin(np.hypot(*(points - place).T))])
+    remedy, count = "let base_radius be larger or the roller smaller", float(found is not None)
+    return Check("contour across itself", count, "at most", 0.0, "crossings", found, remedy)
 
 
 # Radius of curvature: undercut, cusp, and a roller that does not fit (§2.3.1-2.3.2).
@@ -165,7 +158,7 @@ def _crossing(contour: Contour) -> float | None:
 CUSP = 1e-9
 
 
-def _bend(touch: Touch) -> FloatArray:
+def _curvature(touch: Touch) -> FloatArray:
     assert touch.pitch_curvature is not None
     return touch.pitch_curvature
 
@@ -174,19 +167,19 @@ def sharpest_convex(scan: Scan) -> Extreme:
     """Least convex radius of the contour, m: not positive where undercut, infinite without one."""
     if scan.touch.pitch_curvature is None:
         return scan.least(lambda touch: touch.radius)
-    bend = scan.greatest(_bend)
-    radius = 1.0 / bend.value - scan.element.roller if bend.value > 0.0 else np.inf
-    return Extreme(radius, bend.angle)
+    most = scan.greatest(_curvature)
+    radius = 1.0 / most.value - scan.element.roller if most.value > 0.0 else np.inf
+    return Extreme(radius, most.angle)
 
 
 def sharpest_concave(scan: Scan) -> Extreme | None:
     """Least concave radius of the contour, m, positive: the pitch curve's and the roller's."""
     if scan.touch.pitch_curvature is None:
         return None
-    bend = scan.least(_bend)
-    if not bend.value < 0.0:
+    least = scan.least(_curvature)
+    if not least.value < 0.0:
         return None
-    return Extreme(scan.element.roller - 1.0 / bend.value, bend.angle)
+    return Extreme(scan.element.roller - 1.0 / least.value, least.angle)
 
 
 def curvature_checks(scan: Scan, follower: Follower, least_base: float | None) -> Iterator[Check]:
@@ -256,7 +249,7 @@ def least_base_radius(follower: Follower, law: Law) -> float | None:
 def least_base(margin: Callable[[float], float], own: float) -> float | None:
     """The root next to ``own`` of a finite margin that grows with the base radius (m).
 
-    0 where the margin is positive down to a hundredth of ``own``, None where it nowhere is.
+    0 where it is positive down to a hundredth of ``own``, None where it nowhere is.
     """
     good = margin(own) > 0.0
     here, factor = own, SMALLER if good else LARGER

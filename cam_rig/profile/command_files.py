@@ -92,7 +92,7 @@ def write(request: Request, cam: CamConfig, law: Law, force: bool) -> None:
             if kind == ".svg":
                 drawing_files.write_svg(part, lines, rounding)
             else:
-                drawing_files.write_dxf(part, lines)
+                drawing_files.to_document(lines).saveas(part)
             counts = " and ".join(str(line.shape[1]) for line in lines.values())
             words = f"{counts} points, chord error at most {request.tolerance:g} µm"
     names = " and ".join(curve.name for curve in curves)

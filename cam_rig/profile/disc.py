@@ -17,14 +17,11 @@ from cam_rig.units import ComplexArray, FloatArray
 
 @dataclass(frozen=True)
 class Disc:
-    """One cam plate: which of the conjugate cams (else empty), and the element that shapes it.
-
-    opposite : another element that the same contour moves, on its other side
-    """
+    """One cam plate: which of the conjugate cams (else empty), and the element that shapes it."""
 
     name: str
     element: Element
-    opposite: Element | None = None
+    opposite: Element | None = None  # that the same contour moves, on its other side
 
 
 def discs(follower: Follower, law: Law, base_radius: float | None = None) -> tuple[Disc, ...]:

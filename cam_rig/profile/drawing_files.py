@@ -10,6 +10,7 @@ from pathlib import Path
 import ezdxf
 import numpy as np
 from ezdxf import units
+from ezdxf.document import Drawing
 from ezdxf.entities import LWPolyline, Polyline, Spline
 from ezdxf.lldxf.const import DXFError
 from ezdxf.path import make_path
@@ -28,7 +29,6 @@ MM = 1e3
 MARGIN_MM = 5.0
 #: Decimals of a millimetre that there are at least: the lines are 0.25 mm wide.
 COARSEST_DIGITS = 2
-
 PAGE = """\
 <?xml version="1.0" encoding="utf-8"?>
 <svg xmlns="http://www.w3.org/2000/svg" width="{0}mm" height="{1}mm" viewBox="0 0 {0} {1}">
@@ -69,8 +69,8 @@ IN_ARC = 96
 PER_CONTROL_POINT = 16
 
 
-def write_dxf(path: Path, curves: dict[str, FloatArray]) -> None:
-    """Write DXF R2010 with one closed polyline on each layer; points ``(2, n)`` in m."""
+def to_document(curves: dict[str, FloatArray]) -> Drawing:
+    """DXF R2010 with one closed polyline on each layer; points ``(2, n)`` in m."""
     document = ezdxf.new("R2010", units=units.MM)
     for layer, points in curves.items():
         document.layers.add(layer)
@@ -79,7 +79,7 @@ def write_dxf(path: Path, curves: dict[str, FloatArray]) -> None:
     audit = document.audit()
     if audit.has_issues:
         raise OutputError(f"the drawing fails its audit: {audit.errors + audit.fixes}")
-    document.saveas(path)
+    return document
 
 
 def read_dxf(path: Path) -> list[FloatArray]:

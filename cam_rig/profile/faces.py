@@ -40,10 +40,7 @@ class Swung(Element):
     side: int
 
     def arm_angle(self, s: FloatArray) -> FloatArray:
-        """Angle at the pivot (rad) from the line to the axis, on the arm's own side, at s (m).
-
-        An arm with a centre reaches between 0 and π, a face between −π/2 and π/2.
-        """
+        """Angle at the pivot (rad) from the line to the axis, on the arm's own side, at s (m)."""
         return self.start + self.side * s / self.arm
 
     def lift_at(self, place: FloatArray) -> FloatArray:

@@ -39,10 +39,7 @@ def reach_of(element: Element, law: Law) -> float:
 
 
 def positions(element: Element, law: Law, angle: FloatArray) -> list[list[FloatArray]]:
-    """For each cam angle (rad) the follower's outline as strips, ``(n, 2)`` mm, in the cam's frame.
-
-    A roller or a face, with its stem or its arm.
-    """
+    """For each cam angle (rad) the follower as strips, ``(n, 2)`` mm, in the cam's frame."""
     strips = _outline(element, law, Motion.at(law, angle))
     turn = np.exp(-1j * angle)[:, None]
     turned = [strip * turn * MM for strip in strips]
@@ -125,10 +122,7 @@ STILL, NARROW, NAMED_STAGE = 1e-6, 5.0, 48.0
 def figure(
     cam: CamConfig, law: Law, checks: list[Check], follower_positions: int = POSITIONS
 ) -> Figure:
-    """The cam with its follower around it, at equal steps, as the graphical method has it (§2.2.1).
-
-    Beside it radius of curvature and pressure angle over a turn.
-    """
+    """The cam with its follower around it, radius of curvature and pressure angle over a turn."""
     discs = contours(cam.follower, law, POINTS)
     out = empty(5.2)
     panels = out.subplot_mosaic(

@@ -156,10 +156,7 @@ POINTS, READINGS = 3600, 360
 def play(
     elements: tuple[Element, Element], curves: tuple[Curve, Curve], angle: FloatArray
 ) -> FloatArray:
-    """How far (m of s) the follower can move between its two contacts at cam angles (rad).
-
-    0: both touch. Negative: the follower does not go between its cams.
-    """
+    """How far (m of s; negative: not at all) the follower can move between its two contacts."""
     low, high = (rest(one, curve, angle) for one, curve in zip(elements, curves, strict=True))
     return high - low
 

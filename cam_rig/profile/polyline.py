@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 
@@ -87,13 +86,12 @@ LONGEST = 1.0 / 90.0
 MORE, TRIALS = 1.08, 12
 #: Less is within the rounding of a metre, m.
 FINEST = 1e-11
+#: Of a smooth stretch: cam angles (rad), steps of the path between (m), its curvature (1/m).
+Samples = tuple[FloatArray, FloatArray, FloatArray]
 
 
 def polyline(path: ContourPath, tolerance: float) -> FloatArray:
-    """``(2, n)`` points on the path, m; no chord between two is farther than ``tolerance`` (m).
-
-    The chord error is measured between the points, and points are added until it holds.
-    """
+    """``(2, n)`` points on the path, m; no chord between two is farther than ``tolerance`` (m)."""
     if not tolerance >= FINEST:
         raise ProfileError(
             f"tolerance is {tolerance * 1e6:.3g} µm; allowed: at least {FINEST * 1e6:g} µm"
@@ -101,34 +99,26 @@ def polyline(path: ContourPath, tolerance: float) -> FloatArray:
     rough = [joint.angle for joint in joints(path.law) if joint.continuity < 2]
     cuts = sorted({0.0, TURN, *rough})
     stretches = [_samples(path, low, high) for low, high in pairwise(cuts)]
-    longest = LONGEST * sum(float(one.step.sum()) for one in stretches)
+    longest = LONGEST * sum(float(step.sum()) for _, step, _ in stretches)
     found = np.concatenate([_line(path, one, longest, tolerance) for one in stretches], axis=1)
     step = np.hypot(*(found - np.roll(found, 1, axis=1)))
     return found[:, step > FINEST]  # both sides of a joint may be one point
 
 
-class _Stretch(NamedTuple):
-    """Cam angles of a smooth stretch (rad), steps of the path between (m), its curvature (1/m)."""
-
-    angle: FloatArray
-    step: FloatArray
-    curvature: FloatArray
-
-
-def _samples(path: ContourPath, low: float, high: float) -> _Stretch:
+def _samples(path: ContourPath, low: float, high: float) -> Samples:
     """From ``low`` to just before ``high`` (rad), where the law still is that of the stretch."""
     count = max(IN_CHORD, round(GUESS * (high - low) / TURN))
     angle = np.linspace(low, np.nextafter(high, low), count + 1)
     points, radius, _ = path.at(angle)
     step = np.hypot(*np.diff(points, axis=1))
     curvature = np.abs(1.0 / np.where(radius == 0.0, np.inf, radius))
-    return _Stretch(angle, step, 0.5 * (curvature[1:] + curvature[:-1]))
+    return angle, step, 0.5 * (curvature[1:] + curvature[:-1])
 
 
-def _line(path: ContourPath, one: _Stretch, longest: float, tolerance: float) -> FloatArray:
+def _line(path: ContourPath, one: Samples, longest: float, tolerance: float) -> FloatArray:
     """Points of a smooth stretch, with both its ends."""
-    angle, finest = one.angle, np.sqrt(one.curvature / (8.0 * tolerance))
-    chords = one.step * np.maximum(finest, 1.0 / longest)
+    angle, step, curvature = one
+    chords = step * np.maximum(np.sqrt(curvature / (8.0 * tolerance)), 1.0 / longest)
     passed = np.append(0.0, np.cumsum(chords))
     count = max(1, int(np.ceil(passed[-1])))
     for _ in range(TRIALS):

@@ -25,11 +25,8 @@ def kind_of(value: object) -> str:
 
 
 def explain(error: ValidationError, kind: type[BaseModel]) -> str:
-    """The problem that tells most, in words, and the keys of the others, each once.
-
-    An unknown key comes first: the key that is missing beside it is often the same, misspelt.
-    """
-    problems = error.errors()
+    """The problem that tells most, in words, and the keys of the others, each once."""
+    problems = error.errors()  # an unknown key is often one that is missing, misspelt
     first = next((p for p in problems if p["type"] == "extra_forbidden"), problems[0])
     wrong = [_key(p, kind) or str(p["msg"]) for p in problems if p is not first]
     others = list(dict.fromkeys(wrong))

@@ -7,6 +7,7 @@ import re
 import sysconfig
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -119,52 +120,22 @@ class Library:
         return [root / folder / f"{name}.yaml" for root in self.roots]
 
 
-def load_cam(path: Path) -> CamConfig:
-    """Read one file of ``config/cams/``."""
-    return load(path, CamConfig)
-
-
-def load_rig(path: Path) -> RigConfig:
-    """Read one file of ``config/rigs/``."""
-    return load(path, RigConfig)
-
-
-def load_scene(path: Path) -> SceneConfig:
-    """Read one file of ``config/scenes/``."""
-    return load(path, SceneConfig)
-
-
-def load_published(path: Path) -> PublishedNoise:
-    """Read one file of ``config/published/``."""
-    return load(path, PublishedNoise)
-
-
-def load_tables(path: Path) -> PublishedTables:
-    """Read one file of ``config/published/tables/``."""
-    return load(path, PublishedTables)
-
-
-def load_readings(path: Path) -> TableReadings:
-    """Read one file of ``config/published/readings/``."""
-    return load(path, TableReadings)
+# Each reads one file of a folder of ``config``, by its path.
+load_cam = partial(load, kind=CamConfig)
+load_rig = partial(load, kind=RigConfig)
+load_scene = partial(load, kind=SceneConfig)
+load_published = partial(load, kind=PublishedNoise)
+load_tables = partial(load, kind=PublishedTables)
+load_readings = partial(load, kind=TableReadings)
 
 
 # Files that a command names: by path, or by the word that a shipped one goes by.
 
 
-def scene_path(scene: str) -> Path:
-    """A scene by its path, or by its name in ``config/scenes``."""
-    return named_path("scenes", scene)
-
-
-def cam_path(cam: str) -> Path:
-    """A cam by its path, or by its name in ``config/cams``."""
-    return named_path("cams", cam)
-
-
-def rig_path(rig: str) -> Path:
-    """A rig by its path, or by its name in ``config/rigs``."""
-    return named_path("rigs", rig)
+# A file by its path, or by its name in its folder of ``config``.
+scene_path = partial(named_path, "scenes")
+cam_path = partial(named_path, "cams")
+rig_path = partial(named_path, "rigs")
 
 
 def rig_beside(rig: str, scene: Path) -> Path:

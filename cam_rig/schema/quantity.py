@@ -21,7 +21,6 @@ from cam_rig.units import RPM, TURN
 
 Origin = Literal["given", "assumed", "identified"]
 ORIGINS: tuple[Origin, ...] = ("given", "assumed", "identified")
-
 #: dimension -> unit -> factor to SI
 UNITS: dict[str, dict[str, float]] = {
     "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254},

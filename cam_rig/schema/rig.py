@@ -91,10 +91,7 @@ class RigConfig(Strict):
         return "" if self.radiation is None else self.radiation.calibrated_on
 
     def need(self, key: str, by: str, instead: str = "") -> Quantity:
-        """A number of the follower that the file may leave out, for what is named by ``by``.
-
-        ``instead`` is another remedy than to add it.
-        """
+        """A number of the follower that the file may leave out, needed by ``by`` or ``instead``."""
         number: Quantity | None = getattr(self.follower, key)
         if number is None:
             raise self.missing(f"follower.{key}", by, instead)

@@ -69,10 +69,7 @@ COLUMNS = {"angle": "angle", "lift": "length"}
 
 
 def read_points(path: Path) -> tuple[list[float], list[float]]:
-    """Angles (rad) and lifts (m) of a CSV file with ``#`` comments.
-
-    Its first line names the columns with their units, as in ``angle_deg,lift_mm``, in any order.
-    """
+    """Angles (rad) and lifts (m) of a CSV file whose first line is as ``angle_deg,lift_mm``."""
     lines = _lines(path)
     if not lines:
         raise ValueError(f"{path.name}: is empty; allowed: a header line, then points")

@@ -206,24 +206,14 @@ class ArcsByCentres(WholeTurn):
 
 # Dwells, and the rises and falls that are known by a name.
 
-RiseName = Literal[
-    "constant_velocity",
-    "simple_harmonic",
-    "cycloidal",
-    "modified_sine",
-    "modified_trapezoid",
-    "poly345",
-    "poly4567",
-    "bezier5",
-    "bezier7",
-    "bezier9",
-    "bezier4_start",
-    "bezier6_start",
-    "bezier8_start",
-    "bezier4_end",
-    "bezier6_end",
-    "bezier8_end",
+_Classical = Literal[
+    "constant_velocity", "simple_harmonic", "cycloidal", "modified_sine", "modified_trapezoid"
 ]
+_Polynomial = Literal["poly345", "poly4567", "bezier5", "bezier7", "bezier9"]
+_HalfRise = Literal[
+    "bezier4_start", "bezier6_start", "bezier8_start", "bezier4_end", "bezier6_end", "bezier8_end"
+]
+RiseName = Literal[_Classical, _Polynomial, _HalfRise]
 
 
 class Dwell(SegmentBase):

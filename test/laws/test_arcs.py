@@ -40,10 +40,7 @@ def law_of(chain, follower):
 
 
 def test_blends():
-    """An arc of the radius asked for; the contour turns as its sign says.
-
-    Equal flanks are mirrored; one given with the centre that a blend found is taken as it is.
-    """
+    """An arc of the radius asked for; the contour turns as its sign says; equal ones mirror."""
     chain = close([BASE_CIRCLE, Blend(0.08), NOSE_CIRCLE, Blend(-0.06)])
     assert [part.radius for part in chain.parts] == pytest.approx([BASE, 0.08, NOSE, -0.06])
     turns = [chain.normals[i] / chain.normals[i - 1] for i in range(1, 4)]
@@ -95,12 +92,7 @@ def contour(chain, points=20_001):
 
 @pytest.mark.parametrize(("flank", "kind"), RIDES)
 def test_follower_on_the_finished_contour_is_at_s(flank, kind):
-    """Put the follower on the arcs, turn the cam, read where it is.
-
-    A roller's edge touches the contour and nothing of it is inside the roller; a flat face has
-    the highest point under it. Between 20 001 points a roller sinks by up to 0.6 nm. Tangent arcs
-    give C1: that is the cam of fig. 1 of the paper.
-    """
+    """Put the follower on the arcs, turn the cam, read where it is: C1, as fig. 1 of the paper."""
     chain, follower = chain_of(FLANKS[flank]), FOLLOWERS[kind]
     law, points = law_of(chain, follower), contour(chain)
     assert continuity(law) == 1
@@ -122,11 +114,7 @@ def test_follower_on_the_finished_contour_is_at_s(flank, kind):
 
 
 def test_what_no_follower_goes_over():
-    """A flat face would jump from one end of a flank that is not convex to the other.
-
-    A roller as large as a concave flank touches all of it at once; under the overhang of a wide
-    nose on a thin neck no follower goes; given counterclockwise the same arcs make no contour.
-    """
+    """A face bridges what is not convex; a large roller, an overhang, arcs the other way round."""
     for flank in ("straight", "concave"):
         with pytest.raises(LawError, match=rf"arcs\[1\]: is {flank}, which a flat face bridges"):
             arc_pieces(chain_of(FLANKS[flank]), BASE, FOLLOWERS["flat"])
@@ -160,11 +148,7 @@ def test_what_may_ride_on_arcs():
 
 
 def test_shipped_pitch_curve_lies_on_its_arcs(cams, laws):
-    """The roller's centre of arcs_centres is one roller radius off the circles in the file.
-
-    Law and file agree on the frame: +y at cam angle 0, from there towards +x. arcs_by_radii is
-    the chain of its circles, bit for bit but for the fit.
-    """
+    """The roller's centre is one roller radius off the circles, from +y towards +x."""
     law, follower = laws["arcs_centres"], cams["arcs_centres"].follower
     angle = np.linspace(0.0, TURN, 721)
     pitch = follower.base_radius.si + follower.roller + law(angle)
@@ -237,10 +221,7 @@ def test_law_of_event_angles_is_that_of_its_circles(geometry, arc_law):
 
 
 def test_joints_and_mirror(geometry, arc_law):
-    """r and r' go on; r'' jumps by R_b(R_b + ρ)/ρ where the flank leaves the base.
-
-    The fall is the rise in a mirror, bit for bit in the ordinates.
-    """
+    """r' goes on; r'' jumps by R_b(R_b + ρ)/ρ at the base; the fall is the rise, bit for bit."""
     flank, _ = geometry.arcs()
     assert np.abs(arc_law.jumps(0)).max() < 1e-15
     assert np.abs(arc_law.jumps(1)).max() < 1e-13

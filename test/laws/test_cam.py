@@ -67,10 +67,7 @@ def test_velocity_steps_and_discs_under_the_models(make_cam, follower):
 
 
 def test_the_ripple_of_bezier15(cams, laws):
-    """Its high dwell is a ripple: 1.0059766 of the lift between maxima at u = 0.43093 and beyond.
-
-    At θ = 180° it is Σ C(15,i) bᵢ / 2¹⁵; `Law.lift` has the maxima.
-    """
+    """Its high dwell is a ripple: 1.0059766 of the lift, Σ C(15,i) bᵢ / 2¹⁵, between two maxima."""
     numbers, law = cams["bezier15"].segments[0].ordinates.numbers, laws["bezier15"]
     exact = sum(math.comb(15, i) * b for i, b in enumerate(numbers)) / 2**15
     assert exact == pytest.approx(1.0059766, abs=5e-8)
@@ -81,10 +78,7 @@ def test_the_ripple_of_bezier15(cams, laws):
 
 
 def test_lift_is_the_largest_displacement(cams, laws):
-    """Law.lift is the config's lift, for Bézier 15 with its overshoot of 0.896 %.
-
-    That of a table is its points', which the spline leaves by its tolerance.
-    """
+    """The config's lift, for Bézier 15 with its overshoot of 0.896 %; of a table its points'."""
     for name, law in laws.items():
         overshoot = 1.0089649 if name == "bezier15" else 1.0
         tolerance = 2e-3 if cams[name].files else 5e-8

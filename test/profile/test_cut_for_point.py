@@ -68,10 +68,7 @@ def test_fifty_digits():
 
 
 def test_lift_is_kept_and_never_below(followed_by):
-    """The contour does not enter the roller: it stands above s, at the extremes of s on it.
-
-    Where s' = 0 the roller's s'' is s''/(1 − R_r s''/(ρ (ρ + R_r))): flatter at the crest.
-    """
+    """It stands above s, at its extremes on it, with s''/(1 − R_r s''/(ρ (ρ + R_r))) there."""
     at = np.array([np.pi])
     for law, found in followed_by:
         assert (found.law(ANGLES) - law(ANGLES)).min() > -1e-14
@@ -87,10 +84,7 @@ def test_lift_is_kept_and_never_below(followed_by):
 
 
 def test_limits_and_refusals(laws):
-    """No roller: s itself. A large cam: R_r s'²/(2 ρ (ρ + R_r)) above s, the first order.
-
-    A corner, a roller too large for a concave part, no base circle: named, with the remedy.
-    """
+    """No roller: s itself. A large cam: R_r s'²/(2 ρ (ρ + R_r)) above s, the first order."""
     law = laws["bezier15"]
     assert np.abs(followed_law(law, BASE, 0.0).law(ANGLES) - law(ANGLES)).max() < 1e-15
     base = 50.0

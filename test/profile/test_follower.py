@@ -44,10 +44,7 @@ def drawn(cams: dict[str, CamConfig], laws: dict[str, Law]) -> list[Drawn]:
 
 
 def test_contact(drawn: list[Drawn]) -> None:
-    """Turned into the rig's frame, the contour's point for a cam angle is the point of contact.
-
-    At no lift and no slope it is one base radius from the cam's axis.
-    """
+    """The contour's point is the point of contact; at no lift one base radius from the axis."""
     none = np.zeros(1)
     for one in drawn:
         contact, _ = one.shape.contact(Motion.at(one.law, ANGLES))
@@ -64,10 +61,7 @@ def test_contact(drawn: list[Drawn]) -> None:
 
 
 def test_the_follower_moves_as_one(drawn: list[Drawn]) -> None:
-    """A small rise moves the place as far, the way `upward` says; a face's beside its arm.
-
-    Carrying is a rigid motion: the place itself goes where the follower's place is.
-    """
+    """A small rise moves the place the way `upward` says; carrying is a rigid motion."""
     lift, rise = np.array([LIFT]), np.array([1e-7])
     start, end = np.array([0.5 * LIFT]), np.array([3.0 * LIFT])
     for one in drawn:
@@ -113,10 +107,7 @@ def test_what_the_stem_carries_stays_below_its_bearing(cams, laws) -> None:
 
 
 def test_the_dial() -> None:
-    """What is up at cam angle 0 stands at the number of the angle, for every number.
-
-    The arrow turns counterclockwise, and its tip is its head's.
-    """
+    """What is up at cam angle 0 stands at the angle's number; the arrow turns counterclockwise."""
     for place, word in zip(*ring_numbers(10.0), strict=True):
         up = turned(np.array([[0.0, 10.0 * NUMBER]]), np.radians(float(word)))
         np.testing.assert_allclose(up[0], place, atol=1e-12)
@@ -127,8 +118,7 @@ def test_the_dial() -> None:
 
 
 def test_a_body_fills_its_outline(cams, laws) -> None:
-    """Every point of a fine net within the contour is under a strip, and no strip reaches out of
-    it by more than a fiftieth of its radius."""
+    """Every point within is under a strip, and none reaches out by 1/50 of the radius."""
     share = np.linspace(0.0, 1.0, 30)[:, None]
     for name in ("tm21", "flat", "oscillating_roller"):
         contour = contours(cams[name].follower, laws[name], 360)[0].points.T
