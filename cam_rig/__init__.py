@@ -51,7 +51,6 @@ _HOMES = {
     "simulate": "cam_rig.simulation.motion",
     "sound_level": "cam_rig.simulation.sound",
 }
-
 __all__ = [
     "CamRigError",
     "Law",

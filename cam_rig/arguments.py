@@ -21,7 +21,6 @@ from cam_rig.errors import ConfigError
 
 P = ParamSpec("P")
 R = TypeVar("R")
-
 #: What a parameter of a type takes, in words; of the rig's own with the function that makes one.
 WORDS: dict[Any, str] = {
     bool: "True or False",
@@ -34,7 +33,6 @@ WORDS: dict[Any, str] = {
     Callable: "a function",
     np.ndarray: "an array",
 }
-
 MAKERS = {
     "CamConfig": ("a cam", "load_cam"),
     "RigConfig": ("a rig", "load_rig"),
@@ -46,10 +44,7 @@ MAKERS = {
 
 
 def checked(function: Callable[P, R]) -> Callable[P, R]:
-    """The same function, which refuses an argument that is not what its annotation says.
-
-    A number is finite and no bool; a number of NumPy's is one of Python's.
-    """
+    """The same function, which refuses an argument that is not what its annotation says."""
     signature = inspect.signature(function)
 
     @cache

@@ -11,10 +11,9 @@ BEGIN, END = 700, 300
 
 
 class CamRigError(Exception):
-    """Root of every error the rig raises on purpose.
+    """Root of every error the rig raises on purpose: thing, value, limit, and what to do about it.
 
-    The message names the thing, its value, the limit and what to do about it. Of a value that makes
-    it longer than a screen, such as a list of thousands of numbers, the middle is left out.
+    Of a message longer than a screen, as of a list of thousands of numbers, the middle is left out.
     """
 
     exit_code = 1

@@ -11,30 +11,23 @@ from cam_rig.errors import ConfigError, MissingLibraryError
 
 #: Extra of setup.py by what is imported; the rest is the core, which is always there.
 EXTRAS = {
-    "SALib": "campaign",
-    "clarabel": "design",
-    "distributed": "dask",
-    "ezdxf": "cad",
-    "highspy": "design",
-    "jinja2": "cli",
-    "joblib": "bench",
-    "lz4": "bags",
-    "matplotlib": "plots",
-    "mcap": "bags",
-    "numba": "fast",
-    "pyarrow": "parquet",
-    "pymoo": "bench",
-    "rclpy": "ros-wheels",
-    "rerun": "view",
-    "rich": "cli",
-    "rosbags": "bags",
-    "shapely": "cad",
-    "sksundae": "bench",
-    "starlette": "panel",
-    "typer": "cli",
-    "uvicorn": "panel",
-    "websockets": "panel",
-    "zstandard": "bags",
+    library: extra
+    for extra, libraries in {
+        "bags": "lz4 mcap rosbags zstandard",
+        "bench": "joblib pymoo sksundae",
+        "cad": "ezdxf shapely",
+        "campaign": "SALib",
+        "cli": "jinja2 rich typer",
+        "dask": "distributed",
+        "design": "clarabel highspy",
+        "fast": "numba",
+        "panel": "starlette uvicorn websockets",
+        "parquet": "pyarrow",
+        "plots": "matplotlib",
+        "ros-wheels": "rclpy",
+        "view": "rerun",
+    }.items()
+    for library in libraries.split()
 }
 #: Ends of the names of packages of ROS messages, which come with rclpy.
 ROS_INTERFACES = ("_msgs", "_srvs", "_interfaces")
@@ -51,10 +44,7 @@ def require(library: str) -> None:
 
 
 def source_date() -> int | None:
-    """What SOURCE_DATE_EPOCH says, s since 1970; None where it is not set.
-
-    numpy reads it when scipy is imported, matplotlib when it writes SVG or PDF.
-    """
+    """What SOURCE_DATE_EPOCH says (s since 1970, or None): numpy reads it, and matplotlib."""
     text = os.environ.get("SOURCE_DATE_EPOCH")
     if text is None:
         return None

@@ -24,10 +24,7 @@ def shown(text: str, quoted: bool = True) -> str:
 
 
 def read_bytes(path: Path, most: int, follow: bool = True) -> bytes:
-    """The bytes of a plain file of at most ``most`` bytes.
-
-    A pipe or a device is not waited for and not read. ``follow`` follows symbolic links.
-    """
+    """The bytes of a plain file of at most ``most`` bytes; no pipe or device is waited for."""
     flags = os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK | (0 if follow else os.O_NOFOLLOW)
     with open(os.open(path, flags), "rb") as stream:
         about = os.fstat(stream.fileno())

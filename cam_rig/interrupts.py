@@ -61,7 +61,9 @@ class _Interrupt:
     def deliver(self, frame: FrameType | None, whole: FrameType | None = None) -> None:
         """Raise here, or in the line after the outermost of the functions that must be whole."""
         while frame is not None and frame.f_code not in _interruptible:
-            if _is_whole(frame.f_code):
+            code = frame.f_code
+            named = code.co_name in WHOLE or code.co_qualname in WHOLE
+            if named or code.co_filename.startswith(IMPORTS):
                 whole = frame
             frame = frame.f_back
         if whole is None:
@@ -151,8 +153,3 @@ def interruptible(function: Function) -> Function:
     whole = cast("Function", begun)
     _interruptible.update((function.__code__, whole.__code__))
     return whole
-
-
-def _is_whole(code: CodeType) -> bool:
-    named = code.co_name in WHOLE or code.co_qualname in WHOLE
-    return named or code.co_filename.startswith(IMPORTS)

@@ -26,10 +26,9 @@ UNTOLD = "ignore:resource_tracker:UserWarning"
 
 
 class _Worker(SpawnProcess):
-    """A process that no signal to a command reaches, from its first instruction on.
+    """A process that no signal to a command reaches: it would print where it was.
 
-    A terminal signals all processes of a command. A worker would print where it was, in the
-    middle of its imports as likely as not; so the command alone is interrupted, and kills it.
+    The command alone is interrupted, and kills it.
     """
 
     def start(self) -> None:
@@ -58,11 +57,9 @@ def _none_left(error: OSError) -> RunError:
 
 
 def _start_tracker() -> None:
-    """Start Python's own process that removes what a command leaves, deaf to a hang-up too.
-
-    It ignores the other signals that end a command, and inherits the mask for this one. Another
-    that took its place would know nothing of what there is to remove, and print tracebacks of it.
-    """
+    """Start Python's own process that removes what a command leaves, deaf to a hang-up too."""
+    # It ignores the other signals, and inherits the mask for this one. Another that took its place
+    # would know nothing of what there is to remove, and print tracebacks of it.
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
     try:
         resource_tracker.ensure_running()
@@ -149,8 +146,10 @@ def workplace(jobs: int | None, dask: str | None) -> Iterator[Workplace]:
         return
     if jobs is not None:
         raise ConfigError("--jobs and --dask: the cluster has its own; allowed: one of them")
-    with _cluster(dask) as found, broken_named():
-        yield found
+    with _client(dask) as client:
+        found = Workplace(client.get_executor(pure=False), _count(client, dask))
+        with broken_named():
+            yield found
 
 
 def check_workplace(dask: str | None) -> None:
@@ -169,12 +168,6 @@ def _where(dask: str) -> dict[str, str]:
             "that `dask scheduler --scheduler-file` wrote"
         )
     return {"scheduler_file": dask}
-
-
-@contextmanager
-def _cluster(dask: str) -> Iterator[Workplace]:
-    with _client(dask) as client:
-        yield Workplace(client.get_executor(pure=False), _count(client, dask))
 
 
 @interruptible

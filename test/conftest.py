@@ -26,7 +26,6 @@ from cam_rig.testing.running_rig import isolated_domain
 from .references import many_digits
 
 __all__ = ["many_digits"]
-
 CONFIG = Path(__file__).parents[1] / "config"
 CAM_NAMES = sorted(path.stem for path in (CONFIG / "cams").glob("*.yaml"))
 #: Cams whose velocity jumps: no follower can stay on them, so few models take them.
@@ -34,9 +33,7 @@ VELOCITY_JUMPS = {"worked_example_constant_velocity"}
 
 
 #: Tests that share a run or a study with another file's: they go to that file's worker.
-GROUPS = {
-    "test/cli/test_noise.py::test_noise_json_and_plot": "test/cli/test_report.py",
-}
+GROUPS = {"test/cli/test_noise.py::test_noise_json_and_plot": "test/cli/test_report.py"}
 #: Wall time (s) after which a test of a kind hangs, on a busy machine; others: pyproject.toml.
 TIMEOUTS = {"slow": 600, "ros": 300, "long": 3600}
 #: More workers than this only take memory.
@@ -109,11 +106,7 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 settings.register_profile(
-    "long",
-    settings.get_profile("ordinary"),
-    max_examples=400,
-    derandomize=False,
-    print_blob=True,
+    "long", settings.get_profile("ordinary"), max_examples=400, derandomize=False, print_blob=True
 )
 settings.load_profile("ordinary")
 

@@ -6,7 +6,6 @@ import os
 import re
 import subprocess
 import sys
-from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from xml.etree import ElementTree
@@ -80,16 +79,11 @@ def declared():
     return keys, [set(words.split()) for words in without]
 
 
-@cache
 def imported(folder="cam_rig"):
     """Top-level names that a folder imports, without Python's own and the project's."""
-    names = set()
-    for path in (ROOT / folder).rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Import):
-                names |= {alias.name.split(".")[0] for alias in node.names}
-            elif isinstance(node, ast.ImportFrom) and node.level == 0:
-                names.add(node.module.split(".")[0])
+    lines = re.compile(r"^ *(?:from (\w+)[\w.]* )?import (\w+)", re.M)
+    texts = [path.read_text(encoding="utf-8") for path in (ROOT / folder).rglob("*.py")]
+    names = {module or name for text in texts for module, name in lines.findall(text)}
     return names - set(sys.stdlib_module_names) - {"benchmark", "cam_rig", "tools"}
 
 
@@ -100,18 +94,12 @@ def test_what_is_imported_is_declared():
     missing = {n for n in found if IMPORTED_AS.get(n, n) not in known}
     assert missing - {"builtin_interfaces", *OPTIONAL} == MAKERS | TESTS <= lists["TEST"]
     assert set(OPTIONAL) <= lists["TEST"]
-
-
-def test_what_the_tools_import_is_declared():
-    lists = lists_of_setup()
-    known = lists["CORE"] | lists["ALL"] | lists["TEST"] | lists["DOCS"]
-    assert {IMPORTED_AS.get(n, n) for n in imported("tools")} <= known
+    of_tools = lists["CORE"] | lists["ALL"] | lists["TEST"] | lists["DOCS"]
+    assert {IMPORTED_AS.get(n, n) for n in imported("tools")} <= of_tools
 
 
 def test_rosdep_and_pip_install_the_same():
-    """Every library of setup.py has a rosdep key in package.xml, or is named as one that has none;
-    no key is left of one that is needed no more.
-    """
+    """Every library has a rosdep key, or is named as one without; no key is left over."""
     lists, (keys, (without, *_)) = lists_of_setup(), declared()
     runtime = lists["CORE"] | lists["ALL"] | lists["DASK"]
     by_key = {KEYS.get(name, f"python3-{name}") for name in runtime - without}
@@ -141,14 +129,14 @@ def test_the_lock_has_all_extras():
     assert {extra.removeprefix("--extra ") for extra in extras} >= {"all", "ros-wheels", "test"}
 
 
+def run(code):
+    command, pipes = [sys.executable, "-c", code], {"capture_output": True, "text": True}
+    return subprocess.run(command, check=False, cwd=ROOT, timeout=100, **pipes)
+
+
 def test_the_core_alone_runs_the_ten_lines():
-    barred = {*EXTRAS, *OPTIONAL}
-    code = TEN_LINES.format(barred=barred)
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=100
-    )
-    assert done.stderr == ""
-    assert done.stdout == "413.44\n"
+    done = run(TEN_LINES.format(barred={*EXTRAS, *OPTIONAL}))
+    assert (done.stderr, done.stdout) == ("", "413.44\n")
 
 
 #: What is not installed, a command that needs it, and the end of its line.
@@ -171,17 +159,8 @@ def test_a_command_names_the_extra_that_it_lacks(barred):
         f"import sys; sys.modules[{barred!r}] = None; sys.argv = ['cam-rig', *{command.split()}]\n"
         "from cam_rig.cli import start; start()"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=ROOT,
-        timeout=100,
-    )
-    assert done.returncode == 1
-    assert done.stderr.strip() == f"cam-rig: {barred} is not installed: pip install '{remedy}"
-    assert done.stdout == ""
+    done, line = run(code), f"cam-rig: {barred} is not installed: pip install '{remedy}\n"
+    assert (done.returncode, done.stdout, done.stderr) == (1, "", line)
 
 
 def test_the_version_stands_once():
@@ -228,19 +207,14 @@ def copied():
 
 
 def test_pip_installs_what_ubuntu_has_not_in_the_versions_of_the_lock():
-    """Every library of the rig comes from one of both, but for those that need NumPy 2, what
-    serves them alone, and numba, without which the same results take longer."""
+    """Every library from one of both, but those of NumPy 2, and numba; as the page says."""
     lists, asked = lists_of_setup(), pinned(ROOT / "requirements-ros.txt")
-    assert asked.items() <= pinned(ROOT / "requirements.lock").items()
+    lock, said = pinned(ROOT / "requirements.lock"), re.findall(r"([\w-]+)==([\w.]+)", PAGE)
+    assert asked.items() <= lock.items() >= set(said)
+    assert set(asked) <= set(dict(said))
     left_out = {"numba", "pyarrow", "rerun-sdk", "salib"}
     assert set(asked) | FROM_UBUNTU == (lists["CORE"] | lists["ALL"]) - left_out
     assert not set(asked) & FROM_UBUNTU
-
-
-def test_the_page_gives_the_versions_of_the_lock():
-    said = dict(re.findall(r"([\w-]+)==([\w.]+)", PAGE))
-    assert said.items() <= pinned(ROOT / "requirements.lock").items()
-    assert set(pinned(ROOT / "requirements-ros.txt")) <= set(said)
 
 
 def test_all_that_the_image_copies_is_there():
@@ -294,16 +268,13 @@ def test_the_image_starts_a_launch_file_that_there_is():
 
 
 def test_compose_builds_that_image():
-    (rig,) = yaml.safe_load((DOCKER / "compose.yaml").read_text(encoding="utf-8"))[
-        "services"
-    ].values()
+    compose = yaml.safe_load((DOCKER / "compose.yaml").read_text(encoding="utf-8"))
+    (rig,) = compose["services"].values()
     context = (DOCKER / rig["build"]["context"]).resolve()
     assert context == ROOT
     assert (context / rig["build"]["dockerfile"]) == DOCKER / "Dockerfile"
     assert set(rig["build"]["args"]) == {"DISTRO"}
     assert rig["shm_size"] == "256m"
     (volume,) = rig["volumes"]
-    assert (
-        Path(volume.split(":")[1])
-        in Path(json.loads(dict(instructions())["CMD"])[-1].split("=")[1]).parents
-    )
+    bag = Path(json.loads(dict(instructions())["CMD"])[-1].split("=")[1])
+    assert Path(volume.split(":")[1]) in bag.parents

@@ -124,11 +124,11 @@ def campaign(
     cam-rig campaign tolerance_poly345 --points 64 --largest-waviness 24
     """
     from cam_rig.campaigns.campaign import open_campaign
-    from cam_rig.schema.load import campaign_path
+    from cam_rig.schema.load import named_path
     from cam_rig.workers import check_workplace
 
     check_workplace(dask)
-    asked = open_campaign(campaign_path(study)).planned(points, seed)
+    asked = open_campaign(named_path("campaigns", study)).planned(points, seed)
     if largest_waviness is not None:
         if out is not None or resume:
             raise ConfigError(

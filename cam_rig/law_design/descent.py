@@ -76,7 +76,7 @@ class PointwiseTerm:
     @property
     def at_rest(self) -> float:
         """Its value in the dwells, which no law of the class changes; −∞ without one."""
-        levels = [self.problem.start.lift_at(start) for start, _ in dwells(self.problem.start)]
+        levels = [self.problem.start.at(start)[0] for start, _ in dwells(self.problem.start)]
         if not levels:
             return -np.inf
         motion = Motion(np.zeros(len(levels)), np.array(levels), *np.zeros((2, len(levels))))

@@ -14,7 +14,8 @@ from cam_rig.dynamics.kinetostatic import force_weights
 from cam_rig.law_design.result import Front, LawDesign
 from cam_rig.laws import Law
 from cam_rig.laws.catalogue import cam_curves
-from cam_rig.laws.figures import NAMES, PER
+from cam_rig.laws.figures import NAMES
+from cam_rig.laws.results import PER
 from cam_rig.profile.disc import contours
 from cam_rig.show.figure import CAM_ANGLE, empty, series, styled, turn_axis
 from cam_rig.show.looks import MM, short

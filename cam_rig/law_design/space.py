@@ -257,7 +257,7 @@ class Space:
         return Affine.stacked(parts)
 
     def _rest(self, order: int, angle: float) -> Affine:
-        level = self.start.lift_at(angle) if order == 0 else 0.0
+        level = self.start.at(angle)[0] if order == 0 else 0.0
         count = self.degree + 1 - order
         return Affine(np.full(count, level), sparse.csr_array((count, self.unknowns)))
 

@@ -1,9 +1,8 @@
-"""The law of a follower on a contour of tangent arcs.
+"""The law of a follower on a contour of tangent arcs, which join with one slope: s'' jumps.
 
-A roller's centre, or a point, moves along the arcs grown by the roller's radius, and its lift is
-the polar radius of that pitch curve over the pitch circle. A flat face touches where the outward
-normal points along the follower, so its lift is ρ + Re(c·e^(−iθ)) − R_b: it skips what is not
-convex. In all three the arcs join with one slope, and s'' jumps at every joint.
+The lift of a roller's centre or a point is the polar radius of the arcs grown by the roller's
+radius, over the pitch circle. A flat face touches where the outward normal points along the
+follower, so its lift is ρ + Re(c·e^(−iθ)) − R_b: it skips what is not convex.
 """
 
 from __future__ import annotations
@@ -68,8 +67,23 @@ def arc_pieces(chain: Chain, base_radius: float, follower: ArcFollower) -> Piece
 def _curve(part: Part, base_radius: float, follower: ArcFollower) -> Curve:
     """The lift above the base circle while the follower is on a part."""
     if follower.flat:
-        return _support(part, base_radius)
-    return _polar(part, base_radius, follower.roller_radius)
+        assert isinstance(part, Circle)
+        distance, direction = abs(part.centre), cmath.phase(part.centre)
+        zero = base_radius - part.radius
+    else:
+        radius, zero = (
+            _polar_radius(part, follower.roller_radius),
+            base_radius + follower.roller_radius,
+        )
+
+    def curve(angle: FloatArray, order: int) -> FloatArray:
+        if follower.flat:
+            value = distance * np.cos(angle - direction + 0.5 * math.pi * order)
+        else:
+            value = radius(angle, order)
+        return np.asarray(value - zero if order == 0 else value)
+
+    return curve
 
 
 def _flat_angles(chain: Chain) -> list[float]:
@@ -85,13 +99,16 @@ def _flat_angles(chain: Chain) -> list[float]:
 
 
 def _pitch_angles(chain: Chain, roller: float) -> list[float]:
+    points = []  # where the follower's centre is as each part meets the next
     for i, part in enumerate(chain.parts):
         if isinstance(part, Circle) and part.radius < 0.0 and part.radius + roller >= 0.0:
             raise LawError(
                 f"arcs[{i}]: concave radius {-part.radius * 1e3:g} mm, the roller's is "
                 f"{roller * 1e3:g} mm; allowed: a smaller roller"
             )
-    points = [_pitch_point(chain, i, roller) for i in range(len(chain.parts))]
+        circle = part if isinstance(part, Circle) else chain.parts[(i + 1) % len(chain.parts)]
+        assert isinstance(circle, Circle)  # a line stands between circles
+        points.append(circle.centre + (circle.radius + roller) * chain.normals[i])
     angles = _rising([cmath.phase(point) for point in points])
     for i, part in enumerate(chain.parts):
         with np.errstate(invalid="ignore"):
@@ -100,14 +117,6 @@ def _pitch_angles(chain: Chain, roller: float) -> list[float]:
         if not (np.abs(reached - expected) <= AGREE * expected).all():
             raise _folds(i)
     return angles
-
-
-def _pitch_point(chain: Chain, i: int, roller: float) -> complex:
-    """Where the follower's centre is when part i meets the next."""
-    one, other = chain.parts[i], chain.parts[(i + 1) % len(chain.parts)]
-    circle = one if isinstance(one, Circle) else other
-    assert isinstance(circle, Circle)  # a line stands between circles
-    return circle.centre + (circle.radius + roller) * chain.normals[i]
 
 
 def _rising(ends: list[float]) -> list[float]:
@@ -130,28 +139,6 @@ def _folds(i: int) -> LawError:
         "allowed: arcs in the order of the cam angle, clockwise from +y, seen from the cam's "
         "centre one behind the other"
     )
-
-
-def _support(part: Part, base_radius: float) -> Curve:
-    assert isinstance(part, Circle)
-    distance, direction = abs(part.centre), cmath.phase(part.centre)
-    above = part.radius - base_radius
-
-    def curve(angle: FloatArray, order: int) -> FloatArray:
-        wave = distance * np.cos(angle - direction + 0.5 * math.pi * order)
-        return np.asarray(wave + (above if order == 0 else 0.0))
-
-    return curve
-
-
-def _polar(part: Part, base_radius: float, roller: float) -> Curve:
-    radius = _polar_radius(part, roller)
-
-    def curve(angle: FloatArray, order: int) -> FloatArray:
-        value = radius(angle, order)
-        return value - (base_radius + roller) if order == 0 else value
-
-    return curve
 
 
 def _polar_radius(part: Part, roller: float) -> Curve:
@@ -227,7 +214,15 @@ def whole_turn_arcs(segment: ArcsByRadii | ArcsByCentres, cam: CamConfig) -> Pie
         pieces = arc_pieces(close(parts), cam.follower.base_radius.si, arc_follower(cam))
     except LawError as error:
         raise LawError(f"cam {cam.name!r}: {error}") from None
-    _check_height(pieces, cam)
+    breaks, columns = pieces
+    low, high = extremes(Law(cam.name, np.array(breaks), joined(columns)), 0)
+    lift, limit = cam.lift.si, SAME_LIFT * cam.lift.si
+    if abs(low.value) > limit or abs(high.value - lift) > limit:
+        raise LawError(
+            f"cam {cam.name!r}: its arcs lift from {low.value * 1e3:.9g} mm to "
+            f"{high.value * 1e3:.9g} mm above the base radius; allowed: from 0 to the lift, "
+            f"{lift * 1e3:.9g} mm, so correct base_radius or lift"
+        )
     return pieces
 
 
@@ -252,16 +247,3 @@ def _part(arc: ArcSpec) -> Circle | Blend:
     if radius is None or arc.x is None or arc.y is None:
         return Blend(radius)
     return Circle(complex(arc.y.si, arc.x.si), radius)
-
-
-def _check_height(pieces: Pieces, cam: CamConfig) -> None:
-    """The arcs' lowest and highest point are the base circle and the lift of the file."""
-    breaks, columns = pieces
-    low, high = extremes(Law(cam.name, np.array(breaks), joined(columns)), 0)
-    lift, limit = cam.lift.si, SAME_LIFT * cam.lift.si
-    if abs(low.value) > limit or abs(high.value - lift) > limit:
-        raise LawError(
-            f"cam {cam.name!r}: its arcs lift from {low.value * 1e3:.9g} mm to "
-            f"{high.value * 1e3:.9g} mm above the base radius; allowed: from 0 to the lift, "
-            f"{lift * 1e3:.9g} mm, so correct base_radius or lift"
-        )

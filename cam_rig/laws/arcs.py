@@ -50,10 +50,7 @@ Part = Circle | StraightLine
 
 @dataclass(frozen=True)
 class Chain:
-    """A closed contour: its parts in the order of the cam angle, and their joints.
-
-    ``normals[i]`` is the outward unit normal where part i meets the next one.
-    """
+    """A closed contour: parts by the cam angle, outward unit normals where each meets the next."""
 
     parts: tuple[Part, ...]
     normals: tuple[complex, ...]
@@ -105,11 +102,9 @@ def _arc(before: Circle, after: Circle, radius: float, name: str) -> Circle:
         )
     if radius < 0.0:
         least = max(0.0, 0.5 * (between - before.radius - after.radius))
-        possible = -radius > least
     else:
         least = 0.5 * (between + before.radius + after.radius)
-        possible = radius > least
-    if not possible:
+    if not abs(radius) > least:
         raise LawError(
             f"{name}: radius {radius * 1e3:g} mm is too small to touch both its neighbours; "
             f"allowed: more than {least * 1e3:g} mm"
@@ -162,35 +157,26 @@ class Arc:
         """Polar radius at cam angles (rad), or its derivative of order 1 to 3, m/rad^order."""
         delta = angle - self.direction
         sine, cosine = np.sin(delta), np.cos(delta)
-        root = np.sqrt(self.radius**2 - (self.distance * sine) ** 2)
-        side = -1.0 if self.concave else 1.0
         shift = self.distance * (cosine, -sine, -cosine, sine)[order]
-        return np.asarray(shift + side * _root_derivative(self.distance, sine, cosine, root, order))
-
-
-def _root_derivative(
-    distance: float, sine: FloatArray, cosine: FloatArray, q: FloatArray, order: int
-) -> FloatArray:
-    """Derivatives of q = √(ρ² − D² sin²δ), with S = D² sin 2δ / 2 so that q' = −S/q."""
-    half = distance**2 * sine * cosine
-    slope = distance**2 * (cosine**2 - sine**2)
-    if order == 0:
-        return q
-    if order == 1:
-        return -half / q
-    if order == 2:
-        return -slope / q - half**2 / q**3
-    return 4.0 * half / q - 3.0 * half * slope / q**3 - 3.0 * half**3 / q**5
+        # q = √(ρ² − D² sin²δ) and its derivatives, with S = D² sin 2δ / 2 so that q' = −S/q
+        root = q = np.sqrt(self.radius**2 - (self.distance * sine) ** 2)
+        half = self.distance**2 * sine * cosine
+        slope = self.distance**2 * (cosine**2 - sine**2)
+        if order == 1:
+            root = -half / q
+        elif order == 2:
+            root = -slope / q - half**2 / q**3
+        elif order == 3:
+            root = 4.0 * half / q - 3.0 * half * slope / q**3 - 3.0 * half**3 / q**5
+        return np.asarray(shift - root if self.concave else shift + root)
 
 
 @dataclass(frozen=True)
 class ConcaveFlankCam:
     """A symmetric cam of base circle, concave flanks and nose, given by its event angles.
 
-    base_radius : pitch radius of the base circle, m
-    lift : m
-    event_half_angle : cam angle from the nose's middle to where the flank leaves the base, rad
-    nose_half_angle : cam angle from the nose's middle to the joint of nose and flank, rad
+    base_radius, lift : m, of the pitch curve
+    event_half_angle, nose_half_angle : rad, from the nose's middle to the flank's two ends
     """
 
     base_radius: float
@@ -199,12 +185,9 @@ class ConcaveFlankCam:
     nose_half_angle: float
 
     def radii(self) -> tuple[float, float]:
-        """Pitch radii (m) of flank and nose.
-
-        Tangency at the joint puts it on the line of the two centres, and its direction is
-        given; with the cosine rule in the triangle of the three centres that is a quadratic
-        in the flank's radius.
-        """
+        """Pitch radii (m) of flank and nose."""
+        # The joint is on the line of the two centres, in a given direction: with the cosine rule
+        # in the triangle of the three centres a quadratic in the flank's radius.
         base, top = self.base_radius, self.base_radius + self.lift
         psi, alpha = self.event_half_angle, self.nose_half_angle
         a = base**2 + top**2 - 2.0 * base * top * np.cos(psi)
@@ -212,30 +195,23 @@ class ConcaveFlankCam:
         d = 2.0 * (top - base * np.cos(psi))
         e = 2.0 * (1.0 - np.cos(psi))
         s, k = np.sin(psi - alpha), np.sin(alpha)
-        quadratic = [
-            b * s - (top * e - b) * k,
-            (a + b * base) * s - (top * d - a) * k,
-            a * base * s,
-        ]
-        for root in sorted(np.roots(quadratic), key=abs):
+        second, first = b * s - (top * e - b) * k, (a + b * base) * s - (top * d - a) * k
+        for root in sorted(np.roots([second, first, a * base * s]), key=abs):
             flank = float(np.real(root))
             if abs(np.imag(root)) > 0.0 or flank <= 0.0:
                 continue
             nose = float((a + b * flank) / (d + e * flank))
-            if 0.0 < nose < top and self._joins(flank, nose):
+            if not 0.0 < nose < top:
+                continue
+            with np.errstate(invalid="ignore"):  # a follower could also come under an overhang
+                before, after = (arc(np.array([-alpha]), 0)[0] for arc in self._arcs(flank, nose))
+            if abs(after - before) < 1e-9 * base:
                 return flank, nose
         raise LawError(
             f"tangent arcs: no concave flank joins base radius {base * 1e3:g} mm to lift "
             f"{self.lift * 1e3:g} mm with event half angle {np.degrees(psi):g}° and nose half "
             f"angle {np.degrees(alpha):g}°; move the nose half angle"
         )
-
-    def _joins(self, flank: float, nose: float) -> bool:
-        """Whether a follower goes from flank to nose: it could also come under an overhang."""
-        joint = np.array([-self.nose_half_angle])
-        with np.errstate(invalid="ignore"):
-            before, after = (arc(joint, 0)[0] for arc in self._arcs(flank, nose))
-        return bool(abs(after - before) < 1e-9 * self.base_radius)
 
     def arcs(self) -> tuple[Arc, Arc]:
         """Flank (on the rising side, direction measured from the nose) and nose."""

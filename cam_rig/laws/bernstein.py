@@ -29,9 +29,8 @@ MAX_STEPS = 2000
 def bracketed_root(function: Callable[[float], float], lo: float, hi: float) -> float:
     """The x between ``lo`` and ``hi`` where a function changes sign, to rounding.
 
-    Brent's method (R. P. Brent, Algorithms for Minimization without Derivatives, 1973, ch. 4): the
-    secant or inverse quadratic interpolation where it closes in quickly, a halving where it does
-    not. It takes the steps of `scipy.optimize.brentq`, and gives the same bits.
+    By the steps, and with the bits, of `scipy.optimize.brentq` (R. P. Brent, Algorithms for
+    Minimization without Derivatives, 1973, ch. 4).
     """
     before, now = lo, hi
     f_before, f_now = function(before), function(now)
@@ -118,8 +117,8 @@ def evaluate(ordinates: FloatArray, u: FloatArray) -> FloatArray:
 def scalar(ordinates: FloatArray) -> Callable[[float], float]:
     """The polynomial (``(p + 1,)`` ordinates) as a function of one u, in plain floats.
 
-    Horner's rule in u/(1 − u), or in its inverse beyond the middle, so that no power grows: as
-    stable as the basis, and 20 times as quick as an array of one.
+    Horner's rule in u/(1 − u), or its inverse beyond the middle: no power grows, so it is as stable
+    as the basis.
     """
     weighted = (binomials(ordinates.size - 1) * ordinates).tolist()
     backward, degree = weighted[::-1], len(weighted) - 1
@@ -181,10 +180,8 @@ def taylor(ordinates: FloatArray) -> FloatArray:
 
 
 def split(ordinates: FloatArray, u: float) -> tuple[FloatArray, FloatArray]:
-    """De Casteljau: ordinates on [0, u] and on [u, 1]; the joint is the same number in both.
-
-    Row i of the left half's matrix holds the basis of degree i at u; the right half mirrors it.
-    """
+    """De Casteljau: ordinates on [0, u] and on [u, 1]; the joint is the same number in both."""
+    # row i of the left half's matrix holds the basis of degree i at u; the right half mirrors it
     pascal, rest = _pascal(ordinates.shape[0] - 1)
     order = np.arange(float(ordinates.shape[0]))
     near, far = u**order, (1.0 - u) ** order
@@ -218,10 +215,9 @@ def sign_changes(ordinates: FloatArray) -> int:
 
 
 def crossings(ordinates: FloatArray, lo: float = 0.0, hi: float = 1.0) -> list[float]:
-    """All u in (lo, hi) where the polynomial changes sign, in order.
+    """All u in (lo, hi) where a polynomial, of ordinates on [lo, hi], changes sign, in order.
 
-    The ordinates are those on [lo, hi]. None is missed: a piece is dropped only when its
-    ordinates do not change sign, which proves that the polynomial does not. Touching zero
+    None is missed: a piece is dropped only when its ordinates do not change sign. Touching zero
     without crossing it is not counted.
     """
     changes = sign_changes(ordinates)
@@ -232,25 +228,16 @@ def crossings(ordinates: FloatArray, lo: float = 0.0, hi: float = 1.0) -> list[f
     if hi - lo <= _ROOT_RESOLUTION:
         return [0.5 * (lo + hi)] if _opposite(ordinates[0], ordinates[-1]) else []
     left, right = split(ordinates, 0.5)
-    mid = 0.5 * (lo + hi)
-    at_split = (
-        [mid] if left[-1] == 0.0 and _opposite(_sign_before(left), _sign_after(right)) else []
-    )
+    mid, at_split = 0.5 * (lo + hi), []
+    before, after = np.trim_zeros(left), np.trim_zeros(right)
+    if left[-1] == 0.0 and before.size and after.size and _opposite(before[-1], after[0]):
+        at_split = [mid]
     return crossings(left, lo, mid) + at_split + crossings(right, mid, hi)
 
 
 def _opposite(one: float, other: float) -> bool:
     """Opposite signs; a product of the two would underflow for tiny values."""
     return bool(np.sign(one) * np.sign(other) < 0.0)
-
-
-def _sign_before(ordinates: FloatArray) -> float:
-    nonzero = ordinates[ordinates != 0.0]
-    return float(np.sign(nonzero[-1])) if nonzero.size else 0.0
-
-
-def _sign_after(ordinates: FloatArray) -> float:
-    return _sign_before(ordinates[::-1])
 
 
 def negative_intervals(ordinates: FloatArray) -> list[tuple[float, float]]:
@@ -277,8 +264,7 @@ def product(one: FloatArray, other: FloatArray) -> FloatArray:
 def compose(outer: FloatArray, inner: FloatArray) -> FloatArray:
     """Ordinates of f(u(τ)), ``(2p + 1, k)`` from f ``(p + 1, k)`` and a quadratic u ``(3,)``.
 
-    De Casteljau's scheme with u(τ) in place of a number. With the ordinates of u in [0, 1] every
-    step is a convex combination, so nothing cancels.
+    De Casteljau's scheme with u(τ) in [0, 1] as the number: convex combinations, nothing cancels.
     """
     rows = outer[:, None, :]
     near, far = binomials(2) * inner, binomials(2) * (1.0 - inner)
@@ -287,13 +273,8 @@ def compose(outer: FloatArray, inner: FloatArray) -> FloatArray:
         grown = np.zeros((rows.shape[0] - 1, degree + 3, rows.shape[2]))
         for i in range(3):
             grown[:, i : i + degree + 1] += far[i] * scaled[:-1] + near[i] * scaled[1:]
-        rows = grown / _column(degree + 2)
+        rows = grown / binomials(degree + 2)[:, None]
     return np.asarray(rows[0])
-
-
-@lru_cache(maxsize=128)
-def _column(degree: int) -> FloatArray:
-    return binomials(degree)[:, None]
 
 
 # Bernstein pieces that follow one another, before they are a cam's law.
@@ -305,11 +286,7 @@ NEAR = 1e-12
 
 
 def turned_to_zero(pieces: Pieces, turn: float) -> Pieces:
-    """One turn of pieces that begins anywhere, as one that begins at angle 0.
-
-    The breakpoints may begin at any angle and end a turn later. The piece at angle 0 is cut
-    there, and what lies outside of [0, turn] comes round again on the other side.
-    """
+    """One turn of pieces that begins at any angle, as one from angle 0, where a piece is cut."""
     moved: list[tuple[float, float, FloatArray]] = []
     breaks, columns = pieces
     for start, stop, column in zip(breaks[:-1], breaks[1:], columns, strict=True):

@@ -37,22 +37,15 @@ def build_law(cam: CamConfig) -> Law:
     >>> round(law.lift, 6), float(law(0.0, 2))  # m, and m/rad² at cam angle 0
     (0.05, 0.0)
     """
-    lift = cam.lift.si
     own = [own_pieces(segment, cam) for segment in cam.segments]
-    breaks: list[float] = [0.0]
-    columns = []
-    level = _start_level(cam, own)
+    breaks, columns, level = [0.0], [], _start_level(cam, own)
     for i, (segment, pieces) in enumerate(zip(cam.segments, own, strict=True)):
-        steps, parts = pieces or _relative(segment, level, lift)
-        gap = float(parts[0][0]) - level
-        if abs(gap) > STEP_TOLERANCE * lift:
-            raise LawError(_step_message(cam.name, f"segments[{i}]", gap, lift))
+        steps, parts = pieces or _relative(segment, level, cam.lift.si)
+        _require_no_step(cam, f"segments[{i}]", float(parts[0][0]) - level)
         breaks += [breaks[-1] + step for step in steps[1:]]
         columns += parts
         level = float(parts[-1][-1])
-    gap = level - float(columns[0][0])
-    if abs(gap) > STEP_TOLERANCE * lift:
-        raise LawError(_step_message(cam.name, "the end of the turn", gap, lift))
+    _require_no_step(cam, "the end of the turn", level - float(columns[0][0]))
     breaks[-1] = TURN
     return Law(cam.name, np.array(breaks), joined(columns))
 
@@ -63,11 +56,12 @@ def segment_angles(cam: CamConfig) -> list[float]:
     return [sum(spans[:i]) for i in range(len(spans))]
 
 
-def _step_message(name: str, where: str, gap: float, lift: float) -> str:
-    return (
-        f"cam {name!r}: {where} steps by {gap / lift:.6g} of the lift; allowed: no step, so let "
-        "each segment begin where the one before it ends"
-    )
+def _require_no_step(cam: CamConfig, where: str, gap: float) -> None:
+    if abs(gap) > STEP_TOLERANCE * cam.lift.si:
+        raise LawError(
+            f"cam {cam.name!r}: {where} steps by {gap / cam.lift.si:.6g} of the lift; allowed: no "
+            "step, so let each segment begin where the one before it ends"
+        )
 
 
 def _start_level(cam: CamConfig, own: list[Pieces | None]) -> float:
@@ -104,10 +98,7 @@ def arc_cam(cam: CamConfig) -> ConcaveFlankCam:
 
 
 def control_polygons(cam: CamConfig) -> list[tuple[FloatArray, FloatArray]]:
-    """Cam angles (rad) and ordinates (m) of the control points, one pair a segment that has any.
-
-    Those of a Bézier curve are equidistant, those of a B-spline stand at its Greville abscissae.
-    """
+    """Cam angles (rad; Greville's of a B-spline) and ordinates (m), a pair a segment with any."""
     found = []
     for segment, start in zip(cam.segments, segment_angles(cam), strict=True):
         if isinstance(segment, Bezier):

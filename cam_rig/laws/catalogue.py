@@ -58,10 +58,7 @@ def families() -> dict[str, RiseFamily]:
 
 @dataclass(frozen=True)
 class Figures:
-    """Peaks of a rise of unit lift over a unit span, and the class it joins with.
-
-    ``continuity`` is C^k against dwells; a half-rise joins a dwell and a straight line.
-    """
+    """Peaks of a rise of unit lift and span, and its class against what it is made to join."""
 
     peak_velocity: float
     peak_acceleration: float
@@ -74,16 +71,11 @@ def figures(name: str) -> Figures:
     """The figures of a named rise, from exact roots."""
     law = between_lines(name)
     velocity, acceleration, jerk = (abs(peak(law, order).value) for order in (1, 2, 3))
-    inside = [joint.continuity for joint in joints(law) if 1.0 <= joint.angle <= 2.0]
-    return Figures(velocity, acceleration, jerk, min(inside))
+    return Figures(velocity, acceleration, jerk, min(one.continuity for one in joints(law)[1:]))
 
 
 def between_lines(name: str) -> Law:
-    """The rise of a name from angle 1 to 2 (rad), between the lines that it is made for.
-
-    Unit lift and unit span; the lines are dwells, or for a half-rise a dwell and constant
-    velocity. The law is not periodic: it is only meant about the rise.
-    """
+    """A rise of unit lift from angle 1 to 2 (rad), between the dwells or lines it is made for."""
     before, after = NAMED_RISES[name].slopes
     breaks, columns = unit_rise(name)
     rest = TURN - 2.0
@@ -98,8 +90,8 @@ def between_lines(name: str) -> Law:
 POINTS, FEWEST = 2000, 12
 #: Derivatives that are drawn: s, s', s'', s'''.
 ORDERS = range(4)
-#: Cam angles (rad) between which `between_lines` has its rise.
-RISE = (1.0, 2.0)
+#: Cam angle (rad) at which `between_lines` begins its rise, after the first of its pieces.
+START = 1.0
 #: Unit of lift where the cams have several, and what it is in m.
 COMMON_UNIT = ("mm", 1e-3)
 
@@ -108,9 +100,7 @@ COMMON_UNIT = ("mm", 1e-3)
 class LawCurves:
     """S, s', s'' and s''' of one law as they are drawn; a jump stands with both its limits.
 
-    name : what the curves are called
-    x : ``(n,)`` cam angle in degrees, or u ∈ [0, 1] of a bare rise
-    motion : ``(4, n)`` of a cam in m/rad^order, of a bare rise per unit rise and unit span
+    x, motion : ``(n,)`` deg and ``(4, n)`` m/rad^order; of a bare rise u ∈ [0, 1], per unit rise
     infinite : where the velocity jumps, and so s'' is infinite: x, and what s' gains
     """
 
@@ -121,10 +111,7 @@ class LawCurves:
 
 
 def sampled_pieces(law: Law, order: int) -> tuple[FloatArray, FloatArray]:
-    """Cam angles (rad) and values (m/rad^order) to draw, ``(count, n)``, one column a piece.
-
-    Both ends of a piece are in it, so that a jump shows its two limits.
-    """
+    """Cam angles (rad) and values (m/rad^order) to draw, ``(count, n)``, each piece end to end."""
     u = np.linspace(0.0, 1.0, max(FEWEST, POINTS // law.spans.size))
     angles = law.breaks[:-1] + np.outer(u, law.spans)
     return angles, bernstein.evaluate(law.derivative_ordinates(order), u)
@@ -142,20 +129,18 @@ def cam_curves(name: str, law: Law) -> LawCurves:
 def rise_curves(name: str) -> LawCurves:
     """The curves of a named rise over u from 0 to 1, without what it joins."""
     law = between_lines(name)
-    inside = _inside(law)
-    angles = sampled_pieces(law, 0)[0]
-    motion = [sampled_pieces(law, order)[1][:, inside].T.ravel() for order in ORDERS]
-    jumps = [j for j in joints(law) if j.continuity == 0 and RISE[0] <= j.angle <= RISE[1]]
-    infinite = tuple((joint.angle - RISE[0], joint.jump) for joint in jumps)
-    return LawCurves(name, angles[:, inside].T.ravel() - RISE[0], np.stack(motion), infinite)
+    u = sampled_pieces(law, 0)[0][:, 1:-1].T.ravel() - START
+    motion = [sampled_pieces(law, order)[1][:, 1:-1].T.ravel() for order in ORDERS]
+    jumps = [joint for joint in joints(law)[1:] if joint.continuity == 0]
+    infinite = tuple((joint.angle - START, joint.jump) for joint in jumps)
+    return LawCurves(name, u, np.stack(motion), infinite)
 
 
 def rise_values(name: str, u: FloatArray) -> FloatArray:
     """S to s''' of a named rise, ``(4, len(u))``; right limits, at u = 1 the left one."""
     law = between_lines(name)
-    values = np.stack([law(RISE[0] + u, order) for order in ORDERS])
-    last = int(np.flatnonzero(_inside(law))[-1])
-    ends = [law.derivative_ordinates(order)[-1, last] for order in ORDERS]
+    values = np.stack([law(START + u, order) for order in ORDERS])
+    ends = [law.derivative_ordinates(order)[-1, -2] for order in ORDERS]
     return np.where(u == 1.0, np.array(ends)[:, None], values)
 
 
@@ -163,8 +148,3 @@ def common_unit(cams: Iterable[CamConfig]) -> tuple[str, float]:
     """The unit of lift that all cams have, and what it is in m; mm if they have several, or m."""
     units = {(cam.lift.unit, cam.lift.factor) for cam in cams}
     return units.pop() if len(units) == 1 and ("m", 1.0) not in units else COMMON_UNIT
-
-
-def _inside(law: Law) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """``(n,)`` which pieces of a law of `between_lines` are the rise's."""
-    return (law.breaks[:-1] >= RISE[0]) & (law.breaks[:-1] < RISE[1])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -63,9 +64,16 @@ def save_laws(
             x = DEGREES if along == "°" else round_marks(*axes.x, along)
             axes.draw(stream, f"{entity(order)}/axes", x, round_marks(*axes.y, ""))
             for i, curve in enumerate(curves):
-                _draw(stream, axes, order, curve)
-                if order == 0:
-                    _name(stream, axes, curve, names[i], (i + 1) / (len(curves) + 1))
+                where, colour = f"{entity(order)}/{curve.name}", of_cam(curve.name)
+                points = axes.place(curve.x, curve.motion[order])
+                strips = rr.LineStrips2D([points], colors=colour, radii=STROKE)
+                stream.log(where, strips, static=True)
+                if order == 0:  # the name stands on the curve
+                    at = points[[round((i + 1) / (len(curves) + 1) * (len(points) - 1))]]
+                    look: dict[str, Any] = {"colors": colour, "radii": -2.0, "show_labels": True}
+                    stream.log(
+                        f"{where}/name", rr.Points2D(at, labels=[names[i]], **look), static=True
+                    )
 
 
 def entity(order: int) -> str:
@@ -87,26 +95,3 @@ def _view(order: int, axes: Axes, unit: str) -> rrb.Spatial2DView:
     bounds = rrb.VisualBounds2D(x_range=x, y_range=y)
     name = f"{CHARTS[order].capitalize()} [{unit}]"
     return rrb.Spatial2DView(origin=entity(order), name=name, visual_bounds=bounds)
-
-
-def _draw(stream: rr.RecordingStream, axes: Axes, order: int, curve: LawCurves) -> None:
-    """One curve."""
-    colour = of_cam(curve.name)
-    points = axes.place(curve.x, curve.motion[order])
-    strips = rr.LineStrips2D([points], colors=colour, radii=STROKE)
-    stream.log(f"{entity(order)}/{curve.name}", strips, static=True)
-
-
-def _name(
-    stream: rr.RecordingStream, axes: Axes, curve: LawCurves, name: str, share: float
-) -> None:
-    """The name on the curve in the first chart, at a share of its length."""
-    points = axes.place(curve.x, curve.motion[0])
-    words = rr.Points2D(
-        points[[round(share * (len(points) - 1))]],
-        labels=[name],
-        show_labels=True,
-        colors=of_cam(curve.name),
-        radii=-2.0,
-    )
-    stream.log(f"{entity(0)}/{curve.name}/name", words, static=True)

@@ -1,7 +1,4 @@
-"""A law over the cam angle as the theses draw it: s, s', s'', s''' in four stacked panels.
-
-A law that was fitted is drawn with its readings instead, and what is between them.
-"""
+"""A law over the cam angle as the theses draw it: s, s', s'', s''' in four stacked panels."""
 
 from __future__ import annotations
 
@@ -12,17 +9,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from cam_rig.laws import catalogue
 from cam_rig.laws.cam import control_polygons, segment_angles
-from cam_rig.laws.catalogue import (
-    ORDERS,
-    LawCurves,
-    RiseFamily,
-    cam_curves,
-    rise_curves,
-    sampled_pieces,
-)
 from cam_rig.laws.law import SMOOTHEST, Joint, Law, extremes, joints
-from cam_rig.laws.results import CamLawsResult, LawsResult, RisesResult
+from cam_rig.laws.results import PER, CamLawsResult, LawsResult, RisesResult
 from cam_rig.schema import CamConfig
 from cam_rig.schema.segment_base import Table
 from cam_rig.show.figure import CAM_ANGLE, empty, line, styled, turn_axis, wrapped
@@ -32,7 +22,6 @@ from cam_rig.show.tables import printed
 #: One a panel.
 COLOURS = tuple(map(web, DERIVATIVES))
 NAMES = ("lift s", "velocity s′", "acceleration s″", "jerk s‴")
-PER = ("", "/rad", "/rad²", "/rad³")
 #: Joints nearer than this are one, deg.
 SAME_DEG = 1e-6
 #: Segments narrower than this have no name in the plot, or an upright one, deg.
@@ -74,7 +63,7 @@ def _marked(cam: CamConfig, law: Law) -> list[Joint]:
 def _curve(axes: Axes, law: Law, order: int) -> None:
     """One derivative, piece by piece: a jump is a dotted line."""
     ordinates, colour = law.derivative_ordinates(order) * MM, COLOURS[order]
-    angles, values = sampled_pieces(law, order)
+    angles, values = catalogue.sampled_pieces(law, order)
     values = values * MM
     gap = np.full((1, law.spans.size), np.nan)  # lifts the pen between pieces
     line = (np.concatenate([part, gap]).T.ravel() for part in (np.degrees(angles), values))
@@ -107,15 +96,7 @@ def _peaks(axes: Axes, law: Law, order: int) -> None:
 def _control_points(axes: Axes, cam: CamConfig) -> None:
     """What the law is shaped by: control polygons, measured points."""
     for angles, ordinates in control_polygons(cam):
-        axes.plot(
-            np.degrees(angles),
-            ordinates * MM,
-            "s--",
-            color=GREY,
-            ms=3,
-            lw=0.8,
-            zorder=1,
-        )
+        axes.plot(np.degrees(angles), ordinates * MM, "s--", color=GREY, ms=3, lw=0.8, zorder=1)
     for segment in cam.segments:
         if isinstance(segment, Table):
             lifts = np.array(segment.file.lifts) * MM
@@ -177,9 +158,9 @@ Style = dict[str, Any]
 @styled
 def cams_figure(cams: Sequence[tuple[CamConfig, Law]]) -> Figure:
     """The laws of cams over the cam angle, in mm."""
-    curves = [(cam_curves(short(cam.title), law), line(cam.name)) for cam, law in cams]
+    curves = [(catalogue.cam_curves(short(cam.title), law), line(cam.name)) for cam, law in cams]
     out = empty(HEIGHT)
-    panels = out.subplots(len(ORDERS), 1, sharex=True)
+    panels = out.subplots(len(catalogue.ORDERS), 1, sharex=True)
     for order, axes in enumerate(panels):
         _panel(axes, curves, order, MM)
         axes.set_ylabel(f"{NAMES[order]} [mm{PER[order]}]")
@@ -190,16 +171,16 @@ def cams_figure(cams: Sequence[tuple[CamConfig, Law]]) -> Figure:
 
 
 @styled
-def rises_figure(families: Iterable[RiseFamily]) -> Figure:
+def rises_figure(families: Iterable[catalogue.RiseFamily]) -> Figure:
     """Bare rises of unit lift over a unit span, one column a family."""
     shown = list(families)
     alone = len(shown) == 1
     out = empty(HEIGHT)
-    panels = out.subplots(len(ORDERS), len(shown), sharex=True, squeeze=False)
+    panels = out.subplots(len(catalogue.ORDERS), len(shown), sharex=True, squeeze=False)
     for name, unit, axes in zip(NAMES, RISE_UNITS, panels[:, 0], strict=True):
         axes.set_ylabel(f"{name} [{unit}]")
     for column, family in zip(panels.T, shown, strict=True):
-        curves = [(rise_curves(name), line(name)) for name in family.rises]
+        curves = [(catalogue.rise_curves(name), line(name)) for name in family.rises]
         for order, axes in enumerate(column):
             _panel(axes, _distinct(curves), order, 1.0)
             axes.set_xlim(0.0, 1.0)
@@ -215,7 +196,7 @@ def laws_figure(found: LawsResult) -> Figure:
 
 def rises_result_figure(found: RisesResult) -> Figure:
     """All in one column."""
-    return rises_figure([RiseFamily("Rises of h over the span β", found.names)])
+    return rises_figure([catalogue.RiseFamily("Rises of h over the span β", found.names)])
 
 
 def cam_laws_figure(found: CamLawsResult) -> Figure:
@@ -223,19 +204,23 @@ def cam_laws_figure(found: CamLawsResult) -> Figure:
     return figure(*found.cams[0]) if len(found.cams) == 1 else cams_figure(found.cams)
 
 
-def _distinct(curves: list[tuple[LawCurves, Style]]) -> list[tuple[LawCurves, Style]]:
+def _distinct(
+    curves: list[tuple[catalogue.LawCurves, Style]],
+) -> list[tuple[catalogue.LawCurves, Style]]:
     """Curves that are the same one as a single curve with all their names."""
-    found: dict[bytes, tuple[LawCurves, Style]] = {}
+    found: dict[bytes, tuple[catalogue.LawCurves, Style]] = {}
     for one, drawn in curves:
         key = one.motion.tobytes()
         name = (
             f"{found[key][0].name}\n= {in_words(one.name)}" if key in found else in_words(one.name)
         )
-        found[key] = (LawCurves(name, one.x, one.motion, one.infinite), drawn)
+        found[key] = (catalogue.LawCurves(name, one.x, one.motion, one.infinite), drawn)
     return list(found.values())
 
 
-def _panel(axes: Axes, curves: list[tuple[LawCurves, Style]], order: int, factor: float) -> None:
+def _panel(
+    axes: Axes, curves: list[tuple[catalogue.LawCurves, Style]], order: int, factor: float
+) -> None:
     """One derivative of every law; where the velocity jumps, s'' has an arrow at the edge."""
     for one, drawn in curves:
         axes.plot(one.x, one.motion[order] * factor, label=one.name, **drawn)
@@ -246,9 +231,5 @@ def _panel(axes: Axes, curves: list[tuple[LawCurves, Style]], order: int, factor
 def _legend(axes: Axes, columns: int, title: str | None = None) -> None:
     """Above the first panel, where it hides no curve."""
     axes.legend(
-        loc="lower center",
-        bbox_to_anchor=(0.5, 1.02),
-        ncols=columns,
-        title=title,
-        frameon=False,
+        loc="lower center", bbox_to_anchor=(0.5, 1.02), ncols=columns, title=title, frameon=False
     )

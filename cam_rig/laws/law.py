@@ -32,11 +32,7 @@ class Extreme:
 
 
 def extremes(law: Law, order: int) -> tuple[Extreme, Extreme]:
-    """Smallest and largest value of the derivative of an order.
-
-    Candidates are the ends of each piece, so both sides of a joint, and inside each piece every
-    root of the next derivative.
-    """
+    """Smallest and largest value of a derivative: at ends of pieces, or roots of the next one."""
     here = law.derivative_ordinates(order)
     slope = law.derivative_ordinates(order + 1)
     low = high = Extreme(float(here[0, 0]), 0.0)
@@ -58,7 +54,6 @@ def peak(law: Law, order: int) -> Extreme:
     return low if -low.value > high.value else high
 
 
-Scalar = Callable[[float], float]
 #: A jump of s' is one above this fraction of the lift a rad, and of the slopes beside it; below
 #: it is rounding.
 VELOCITY_JUMP, SLOPE_ROUNDING = 1e-9, 1e-12
@@ -106,9 +101,8 @@ class Law:
     known: Known | None = None
 
     def __post_init__(self) -> None:
-        for field, kind in (("name", str), ("known", Known | None)):
+        for field, kind, words in (("name", str, "a text"), ("known", Known | None, "None")):
             if not isinstance(value := getattr(self, field), kind):
-                words = "a text" if kind is str else "None"
                 raise LawError(f"law: {field} is {type(value).__name__}; allowed: {words}")
         try:
             breaks = np.array(self.breaks, dtype=np.float64)
@@ -144,19 +138,15 @@ class Law:
         return np.diff(self.breaks)
 
     def __call__(self, angle: FloatArray | float, order: int = 0) -> FloatArray:
-        """Displacement s (m) or d^order s/dθ^order (m/rad^order) at cam angles in rad.
-
-        At a joint the piece that begins there is taken (the right limit).
-        """
+        """Displacement (m), or its derivative (m/rad^order), at angles in rad; right limits."""
         if not (isinstance(order, Real) and 0 <= order < math.inf and int(order) == order):
             raise LawError(f"law {self.name!r}: order is {order!r}; allowed: 0, 1, 2, …")
         at = self._angles(angle)
         order = min(int(order), self.degree + 1)  # all further ones are zero too
-        ordinates = self.motion[order] if order < 3 else self.derivative_ordinates(order)
-        return np.asarray(self._evaluate(ordinates[None], at.ravel())[0].reshape(at.shape))
+        ordinates = self._of_order(order)[None]
+        return np.asarray(self._evaluate(ordinates, at.ravel())[0].reshape(at.shape))
 
     def _angles(self, angle: FloatArray | float) -> FloatArray:
-        """Cam angles (rad) as finite numbers."""
         try:
             at = np.asarray(angle, dtype=np.float64)
         except (TypeError, ValueError, OverflowError):
@@ -188,32 +178,18 @@ class Law:
         return out
 
     def at(self, angle: float) -> tuple[float, float, float]:
-        """S (m), s' (m/rad) and s'' (m/rad²) at one cam angle in rad, in plain floats.
-
-        At a joint the right limit, as `__call__` gives it.
-        """
+        """S (m), s' (m/rad), s'' (m/rad²) at one cam angle (rad), right limits, in plain floats."""
         inside = angle - math.floor(angle / TURN) * TURN
         piece = self.piece(inside)
         u = (inside - self.joints[piece]) / float(self.spans[piece])
-        s, slope, bend = self.scalars(piece)
-        return s(u), slope(u), bend(u)
-
-    def lift_at(self, angle: float) -> float:
-        """S (m) alone, as `at` gives it."""
-        inside = angle - math.floor(angle / TURN) * TURN
-        piece = self.piece(inside)
-        return self.scalars(piece)[0]((inside - self.joints[piece]) / float(self.spans[piece]))
-
-    def scalars(self, piece: int) -> tuple[Scalar, Scalar, Scalar]:
-        """s, s' and s'' of one piece as functions of one u ∈ [0, 1]."""
         if piece not in self._scalars:
-            s, slope, bend = (bernstein.scalar(order[:, piece]) for order in self.motion)
-            self._scalars[piece] = (s, slope, bend)
-        return self._scalars[piece]
+            self._scalars[piece] = [bernstein.scalar(row[:, piece]) for row in self.motion]
+        s, slope, curvature = self._scalars[piece]
+        return s(u), slope(u), curvature(u)
 
     @cached_property
-    def _scalars(self) -> dict[int, tuple[Scalar, Scalar, Scalar]]:
-        return {}
+    def _scalars(self) -> dict[int, list[Callable[[float], float]]]:
+        return {}  # s, s' and s'' of a piece as functions of u ∈ [0, 1]
 
     def piece(self, inside: float) -> int:
         """Index of the piece that holds an angle of the first turn, rad."""
@@ -225,10 +201,7 @@ class Law:
         return [float(angle) for angle in self.breaks]
 
     def within(self, pieces: NDArray[np.intp], angle: float, ahead: FloatArray) -> FloatArray:
-        """U ∈ [0, 1] of angles ``ahead`` of one (rad) in pieces ``(n,)`` that hold them.
-
-        At a joint either piece does. The rounding of the one angle is the same for all.
-        """
+        """U ∈ [0, 1] of angles ``ahead`` of one (rad), rounded alike, in pieces ``(n,)``."""
         away = angle - (self.breaks[pieces] + 0.5 * self.spans[pieces])
         away = away - np.round((away + ahead) / TURN) * TURN + ahead
         return np.clip(away / self.spans[pieces] + 0.5, 0.0, 1.0)
@@ -237,6 +210,9 @@ class Law:
     def bends(self) -> FloatArray:
         """``(n,)`` what |s''| (m/rad²) does not exceed in each piece."""
         return np.asarray(np.abs(self.motion[2]).max(axis=0))
+
+    def _of_order(self, order: int) -> FloatArray:
+        return self.motion[order] if order < 3 else self.derivative_ordinates(order)
 
     def derivative_ordinates(self, order: int) -> FloatArray:
         """``(p + 1, n)`` ordinates of the derivative in θ, written with the law's degree."""
@@ -266,8 +242,7 @@ class Law:
         """Largest minus smallest displacement over the turn, m."""
         if self.known is not None:
             return self.known.lift
-        low, high = float(self.ordinates[0].min()), float(self.ordinates[0].max())
-        extremes = [low, high]
+        extremes = low, high = [float(self.ordinates[0].min()), float(self.ordinates[0].max())]
         beyond = (self.ordinates.min(axis=0) < low) | (self.ordinates.max(axis=0) > high)
         for i in np.flatnonzero(beyond).tolist():  # no piece is beyond its ordinates
             at = np.array(bernstein.crossings(bernstein.derivative(self.ordinates[:, i])))
@@ -283,11 +258,10 @@ class Law:
     def substitute(
         self, breaks: FloatArray, motion: FloatArray, velocity_jumps: dict[int, float]
     ) -> Law:
-        """A law that is not repeated, from s, s', s'' ``(3, p + 1, n)`` known each on its own.
+        """A law that is not repeated, of s, s', s'' ``(3, p + 1, n)`` known each on its own.
 
-        It takes this law's lift, the measure of what is small. Differences of the ordinates of s
-        alone would lose the digits of s'' where a piece is short. ``velocity_jumps``
-        are m/rad by the piece that they begin.
+        Where pieces are short, differences of s would lose the digits of s''. The lift, by which
+        is told what is small, is this law's; ``velocity_jumps`` (m/rad) go by the piece they begin.
         """
         motion.setflags(write=False)
         known = Known(motion, self.lift, velocity_jumps)
@@ -295,7 +269,7 @@ class Law:
 
     def jumps(self, order: int) -> FloatArray:
         """``(n,)`` right minus left limit of the derivative at the start of each piece."""
-        ordinates = self.motion[order] if order < 3 else self.derivative_ordinates(order)
+        ordinates = self._of_order(order)
         before = np.roll(ordinates[-1], 1)
         if not self.repeats:
             before[0] = ordinates[0, 0]
@@ -303,10 +277,7 @@ class Law:
 
     @cached_property
     def velocity_jumps(self) -> dict[int, float]:
-        """Joints at which the velocity jumps: the piece that begins there, and what s' gains.
-
-        In order, m/rad; empty for a law that every model takes.
-        """
+        """What s' gains (m/rad) where it jumps, in order, by the piece that begins there."""
         if self.known is not None:
             return self.known.velocity_jumps
         jumps, slopes = self.jumps(1), np.abs(self.motion[1]).max(axis=0)
@@ -347,13 +318,11 @@ class Joint:
 def joints(law: Law) -> tuple[Joint, ...]:
     """Every joint of the law with its class, in order from cam angle 0."""
     jumps = np.stack([law.jumps(order) for order in range(SMOOTHEST + 1)])
-    breaks = np.abs(jumps) > np.stack([_limits(law, order) for order in range(SMOOTHEST + 1)])
-    found = []
-    for i, angle in enumerate(law.breaks[:-1]):
-        first = int(np.argmax(breaks[:, i])) if breaks[:, i].any() else SMOOTHEST + 1
-        jump = 0.0 if first > SMOOTHEST else float(jumps[first, i])
-        found.append(Joint(float(angle), first - 1, jump))
-    return tuple(found)
+    broken = np.abs(jumps) > np.stack([_limits(law, order) for order in range(SMOOTHEST + 1)])
+    first = np.where(broken.any(axis=0), np.argmax(broken, axis=0), SMOOTHEST + 1)
+    sizes = np.vstack([jumps, np.zeros(law.spans.size)])[first, np.arange(law.spans.size)]
+    found = zip(law.breaks[:-1].tolist(), (first - 1).tolist(), sizes.tolist(), strict=True)
+    return tuple(Joint(*one) for one in found)
 
 
 def continuity(law: Law) -> int:
@@ -364,9 +333,8 @@ def continuity(law: Law) -> int:
 def _limits(law: Law, order: int) -> FloatArray:
     """``(n,)`` jump (m/rad^order) at the start of each piece that still counts as 0.
 
-    A fraction of the derivative's peak in the two pieces that meet, for another piece may be a
-    thousand times as sharp; of s itself over the turn. Or what the rounding of levels makes of it
-    in those pieces where that is more: short ones of high degree, and dwells.
+    A part of the derivative's peak in the two pieces, for others may be far sharper; of s over the
+    turn. Or what rounding of levels makes of it, in short pieces of high degree and in dwells.
     """
     level = float(np.abs(law.ordinates).max())
     if order == 0:

@@ -10,16 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cam_rig.laws import Law
-from cam_rig.laws.catalogue import (
-    ORDERS,
-    Figures,
-    RiseFamily,
-    common_unit,
-    figures,
-    free_laws,
-    rise_values,
-)
+from cam_rig.laws import Law, catalogue
 from cam_rig.laws.law import SMOOTHEST, Extreme, Joint, continuity, extremes, joints
 from cam_rig.laws.segments import NAMED_RISES
 from cam_rig.schema import CamConfig
@@ -33,7 +24,7 @@ class RiseRow:
 
     law: str
     source: str
-    figures: Figures | None
+    figures: catalogue.Figures | None
 
 
 RISES = (
@@ -51,12 +42,11 @@ RISES = (
         about="order of the highest derivative without a jump",
     ),
 )
-
 PEAKS = "Peaks for unit rise and unit span"
 
 
 def _named(names: Iterable[str]) -> list[RiseRow]:
-    return [RiseRow(name, NAMED_RISES[name].source, figures(name)) for name in names]
+    return [RiseRow(name, NAMED_RISES[name].source, catalogue.figures(name)) for name in names]
 
 
 @dataclass(frozen=True, repr=False)
@@ -67,7 +57,7 @@ class LawsResult(Result):
     drawn_by = "cam_rig.laws.figures:laws_figure"
     columns: ClassVar = {"laws": RISES}
 
-    families: tuple[RiseFamily, ...]
+    families: tuple[catalogue.RiseFamily, ...]
     free: bool
 
     def tables(self) -> list[Records]:
@@ -75,7 +65,7 @@ class LawsResult(Result):
         named = {name for family in self.families for name in family.rises}
         rows = _named(name for name in NAMED_RISES if name in named)
         if self.free:
-            free = free_laws().items()
+            free = catalogue.free_laws().items()
             rows += [RiseRow(name, keys or "the level before", None) for name, keys in free]
         return [self.table("laws", PEAKS, rows)]
 
@@ -86,7 +76,6 @@ def _curve(key: str) -> Callable[[Any], Any]:
 
 #: Parts of the span at which the curve of a rise is given.
 STEPS = 200
-
 #: Orders of the lift in words, and what follows the unit of lift.
 WORDS = ("lift", "velocity", "acceleration", "jerk")
 PER = ("", "/rad", "/rad²", "/rad³")
@@ -114,7 +103,7 @@ class RisesResult(Result):
     def curves(self) -> dict[str, Any]:
         """By column, rise after rise."""
         u = np.linspace(0.0, 1.0, STEPS + 1)
-        motion = np.hstack([rise_values(name, u) for name in self.names])
+        motion = np.hstack([catalogue.rise_values(name, u) for name in self.names])
         rises = np.repeat(self.names, u.size)
         return {"rise": rises, "u": np.tile(u, len(self.names))} | _by_order(motion)
 
@@ -216,7 +205,9 @@ class CamLawsResult(Result):
     def curves(self) -> dict[str, Any]:
         """By column, cam after cam."""
         angle = np.radians(np.arange(0.0, 360.0, STEP_DEG))
-        motion = np.hstack([np.stack([law(angle, i) for i in ORDERS]) for _, law in self.cams])
+        motion = np.hstack(
+            [np.stack([law(angle, i) for i in catalogue.ORDERS]) for _, law in self.cams]
+        )
         names = np.repeat([cam.name for cam, _ in self.cams], angle.size)
         return {"cam": names, "angle": np.tile(angle, len(self.cams))} | _by_order(motion)
 
@@ -228,36 +219,30 @@ class CamLawsResult(Result):
 
     def tables(self) -> list[Records]:
         """``curves``, ``extremes`` and rough ``joints``; several cams stand side by side."""
-        unit, factor = common_unit(cam for cam, _ in self.cams)
+        unit, factor = catalogue.common_unit(cam for cam, _ in self.cams)
         if len(self.cams) == 1:
             unit, factor = self.cams[0][0].lift.unit, self.cams[0][0].lift.factor
         rows = [
             ExtremeRow(cam.name, law, order, unit, factor, *extremes(law, order))
             for cam, law in self.cams
-            for order in ORDERS
+            for order in catalogue.ORDERS
         ]
         return [
             Arrays.of("curves", self.columns["curves"], self),
-            self._alone(rows) if len(self.cams) == 1 else self._side_by_side(rows),
+            self._extremes(rows),
             self.table("joints", "", self.rough, hidden=True),
         ]
 
-    def _alone(self, rows: list[ExtremeRow]) -> Records:
-        return self.table("extremes", f"Extremes of {self.cams[0][1].name}", rows)
-
-    def _side_by_side(self, rows: list[ExtremeRow]) -> Records:
-        own = {"hidden": False}
-        gone = {"hidden": True}
+    def _extremes(self, rows: list[ExtremeRow]) -> Records:
+        if len(self.cams) == 1:
+            return self.table("extremes", f"Extremes of {self.cams[0][1].name}", rows)
         changed: dict[str, dict[str, Any]] = {
-            "cam": own,
-            "continuity": own,
             "quantity": {"cell": lambda row: f"{SYMBOLS[row.order]} [{row.unit}{PER[row.order]}]"},
-            "unit": gone,
             "largest": {"heading": "largest {}", "shown": ".5g"},
-            "largest_at": gone,
             "smallest": {"heading": "smallest {}", "shown": ".5g"},
-            "smallest_at": gone,
         }
+        changed |= {key: {"hidden": False} for key in ("cam", "continuity")}
+        changed |= {key: {"hidden": True} for key in ("unit", "largest_at", "smallest_at")}
         columns = tuple(replace(c, **changed[c.key]) for c in self.columns["extremes"])
         table = self.table("extremes", "Extremes over the turn", rows, across="quantity")
         return replace(table, columns=columns, seen=lambda row: row.order > 0)

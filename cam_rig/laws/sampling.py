@@ -59,16 +59,11 @@ def sample(
     offsets: FloatArray,
     out: FloatArray | None = None,
 ) -> FloatArray:
-    """Linear combinations of s, s', s'' at the angles ``start + j·step``, j = 0 … count − 1.
+    """``(k, count)`` combinations of s, s', s'' at the angles ``start + j·step`` (rad).
 
-    start, step : rad; the angle is unwrapped, the step positive
-    weights : ``(k, 3)`` row by row the weights of s, s', s''
-    offsets : ``(k,)`` constants added to each row
-    out : where to write the samples, ``(k, count)``, each row without gaps; None for a new array
-
-    Returns
-    -------
-    ``(k, count)``
+    start, step : the angle is unwrapped, the step positive
+    weights, offsets : ``(k, 3)`` of s, s', s'' and ``(k,)``, row by row
+    out : where to write the samples, each row without gaps; None for a new array
     """
     out = np.empty((weights.shape[0], count)) if out is None else out
     turn = math.floor(start / TURN)
@@ -85,7 +80,8 @@ def sample(
             if run.chunk:
                 long.setdefault((index, run.chunk), []).append(run)
             else:
-                _fill_directly(law, index, run, weights, out)
+                at_each = bernstein.basis(law.degree, run.at()).T
+                np.matmul(weights @ law.motion[:, :, index], at_each, out=out[:, begin:end])
                 out[:, begin:end] += offsets[:, None]
         begin = end
         piece += 1
@@ -103,10 +99,7 @@ def sample(
 
 
 class SampleRun(NamedTuple):
-    """Samples ``begin`` to ``end`` (of all that are asked for) in one piece.
-
-    At u = ``first``, ``width`` apart, in chunks of ``chunk``; 0 where these do not pay.
-    """
+    """Samples in one piece: at u = ``first``, ``width`` apart; chunk 0: chunks do not pay."""
 
     begin: int
     end: int
@@ -118,10 +111,8 @@ class SampleRun(NamedTuple):
     def of(cls, begin: int, end: int, first: float, width: float) -> SampleRun:
         """With the longest chunks that lose no digits."""
         most = min((end - begin) / MIN_CHUNKS, WIDEST_CHUNK / width)
-        for chunk in CHUNKS:
-            if chunk <= most:
-                return cls(begin, end, first, width, chunk)
-        return cls(begin, end, first, width, 0)
+        chunk = next((chunk for chunk in CHUNKS if chunk <= most), 0)
+        return cls(begin, end, first, width, chunk)
 
     @property
     def length(self) -> int:
@@ -139,10 +130,7 @@ class SampleRun(NamedTuple):
 
 
 def repeated(runs: list[SampleRun]) -> list[list[SampleRun]]:
-    """Runs of one piece in order, those together that are one and the same, evenly apart.
-
-    Where the samples of a turn are a whole number every turn is like the first, but for rounding.
-    """
+    """Runs of one piece in order, those together that are the same, as turns are, evenly apart."""
     found: list[list[SampleRun]] = []
     for run in runs:
         train = found[-1] if found else [run]
@@ -159,8 +147,8 @@ def repeated(runs: list[SampleRun]) -> list[list[SampleRun]]:
 class ChunkSeries:
     """What takes basis values at a chunk's middle to the series of k polynomials about it.
 
-    ``table`` is ``(k, p + 1, q)`` with no more powers q than change a last digit; the ``powers``
-    ``(q, chunk)`` of the local abscissa give the chunk's samples, ``width`` u apart.
+    table : ``(k, p + 1, q)`` with no more powers q than change a last digit
+    powers : ``(q, chunk)`` of the local abscissa at the chunk's samples, ``width`` u apart
     """
 
     table: FloatArray
@@ -191,10 +179,9 @@ class ChunkSeries:
 def fill_in_chunks(
     runs: list[SampleRun], terms: FloatArray, over: FloatArray, out: FloatArray
 ) -> None:
-    """Write the samples of runs as `repeated` gives them.
+    """Write the samples of runs as `repeated` gives them into ``out`` ``(k, count)``.
 
-    ``terms`` ``(k, runs or 1, chunks, q)`` times ``over`` ``(k or 1, q, chunk)`` go straight into
-    ``out`` ``(k, count)``, but for what the last chunk has left.
+    They are ``terms`` ``(k, runs or 1, chunks, q)`` times ``over`` ``(k or 1, q, chunk)``.
     """
     first, chunk = runs[0], runs[0].chunk
     full, left = divmod(first.length, chunk)
@@ -229,13 +216,6 @@ def _piece_series(law: Law, index: int, width: float, chunk: int, weights: bytes
     return ChunkSeries.of(taylor, width, chunk)
 
 
-def _fill_directly(
-    law: Law, index: int, run: SampleRun, weights: FloatArray, out: FloatArray
-) -> None:
-    at = bernstein.basis(law.degree, run.at())
-    np.matmul(weights @ law.motion[:, :, index], at.T, out=out[:, run.begin : run.end])
-
-
 # Analytic curves turned into Bernstein pieces with derivatives as good as the values.
 
 #: Degree of the interpolant of the third derivative; the curve itself has three more.
@@ -261,19 +241,14 @@ def _nodes(degree: int) -> tuple[FloatArray, FloatArray]:
 def fit(
     curve: Curve, start: float, stop: float, degree: int = THIRD_DEGREE, accepted_tail: float = TAIL
 ) -> Pieces:
-    """Bernstein pieces of ``curve`` on [start, stop]: breakpoints and ordinate columns.
+    """Bernstein pieces of ``curve(x, order)``, order 0 to 3, on [start, stop].
 
-    ``curve(x, order)`` gives the values and the derivatives up to the third. The third
-    derivative is interpolated and integrated three times from exact values at the piece's
-    start, so s''' is as accurate as s (differencing an interpolant of s would lose six
-    digits). A piece is halved until its Chebyshev tail is at rounding level.
-
-    ``degree`` and ``accepted_tail`` are those of the third derivative: where pieces come out short
-    against a period of the stem, a lower degree keeps the vibration's polynomial solution small.
+    The third derivative is interpolated, and integrated from exact values at the piece's start:
+    differencing an interpolant of s would lose six digits of it. A piece is halved until the
+    Chebyshev tail of this derivative is accepted. Where pieces come out short against a period of
+    the stem, a lower degree of it keeps the vibration's polynomial solution small.
     """
-    breaks: list[float] = [start]
-    pieces: list[FloatArray] = []
-    todo = [(start, stop)]
+    breaks, pieces, todo = [start], [], [(start, stop)]
     while todo:
         a, b = todo.pop()
         third = _third_derivative(curve, a, b, degree, accepted_tail)
@@ -286,7 +261,11 @@ def fit(
             mid = 0.5 * (a + b)
             todo += [(mid, b), (a, mid)]
             continue
-        pieces.append(_integrate(third, curve, a, b))
+        ordinates = third
+        for order in (2, 1, 0):
+            at_start = curve(np.array([a]), order)[0]
+            ordinates = (b - a) * bernstein.antiderivative(ordinates) + at_start
+        pieces.append(ordinates)
         breaks.append(b)
     return breaks, pieces
 
@@ -311,14 +290,4 @@ def _third_derivative(
     tail = np.abs(series[-2:]).max()
     size = float(np.abs(curve(np.array([a, b]), 0)).max())
     accepted = max(accepted_tail * np.abs(series).max(), ROUNDING * size / (b - a) ** 3)
-    if not tail <= accepted:
-        return None
-    return np.asarray(np.linalg.solve(collocation, values))
-
-
-def _integrate(third: FloatArray, curve: Curve, a: float, b: float) -> FloatArray:
-    at = np.array([a])
-    ordinates = third
-    for order in (2, 1, 0):
-        ordinates = (b - a) * bernstein.antiderivative(ordinates) + curve(at, order)[0]
-    return ordinates
+    return np.asarray(np.linalg.solve(collocation, values)) if tail <= accepted else None

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache, partial
 from math import comb, perm
-from typing import Any, get_args
 
 import numpy as np
 
@@ -20,21 +18,19 @@ from cam_rig.laws.law import Law
 from cam_rig.laws.sampling import Curve, Section, fit, fit_sections
 from cam_rig.laws.spline import Rest, Smoothed, require_above_scatter, smooth
 from cam_rig.schema import CamConfig
+from cam_rig.schema import segments as kinds
 from cam_rig.schema.segment_base import Table
-from cam_rig.schema.segments import Bezier, BSpline, Polynomial, RiseName, Segment, Trigonometric
 from cam_rig.units import TURN, FloatArray
 
 # The polynomial through conditions on values and derivatives (eq. 2.1, worked example c).
 
 
 def polynomial_through(u: list[float], order: list[int], value: list[float]) -> FloatArray:
-    """Bernstein ordinates on [0, 1] of the polynomial of lowest degree through the conditions.
+    """Bernstein ordinates on [0, 1] of the polynomial of degree m − 1 through m conditions.
 
     u, order, value : (m,) each; the derivative of order r at u ∈ [0, 1] is to be the value
-
-    The m conditions give degree m − 1. They are solved in exact fractions: the system is badly
-    conditioned in any basis, and of at most 21 rows.
     """
+    # in exact fractions: the system is badly conditioned in any basis, and of at most 21 rows
     at = [Fraction(x) for x in u]
     rows = [_row(len(at) - 1, x, r) for x, r in zip(at, order, strict=True)]
     for row, x in zip(rows, value, strict=True):
@@ -103,43 +99,40 @@ def trigonometric(mean: float, cosine: list[float], sine: list[float]) -> Curve:
 SAME_LIFT, SAME_LIFT_TOLERANCES = 1e-2, 8.0
 
 
-def own_pieces(segment: Segment, cam: CamConfig) -> Pieces | None:
-    """Breakpoints (rad, from the segment's start) and ordinates (m) of a segment.
-
-    None for one that goes on from the level before it: a dwell, a named rise.
-    """
-    build = BUILDERS.get(segment.law)
-    return None if build is None else build(segment, cam)
-
-
-def _bezier(segment: Bezier, cam: CamConfig) -> Pieces:
-    return [0.0, segment.span.si], [cam.lift.si * np.array(segment.ordinates.numbers)]
-
-
-def _b_spline(segment: BSpline, cam: CamConfig) -> Pieces:
-    knots = np.array(segment.knots.numbers)
-    knots = segment.span.si * ((knots - knots[0]) / (knots[-1] - knots[0]))
-    return b_spline.pieces(knots, cam.lift.si * np.array(segment.ordinates.numbers), segment.degree)
-
-
-def _polynomial(segment: Polynomial, cam: CamConfig) -> Pieces:
-    span = segment.span.si
-    u = [min(1.0, angle / span) for angle in segment.at.si_list]
-    try:
-        ordinates = polynomial_through(u, segment.order, segment.value.numbers)
-    except LawError as error:
-        raise LawError(f"cam {cam.name!r}: {error}") from None
-    return [0.0, span], [cam.lift.si * ordinates]
-
-
-def _trigonometric(segment: Trigonometric, cam: CamConfig) -> Pieces:
-    lift = cam.lift.si
-    cosine, sine = (
-        [] if numbers is None else [lift * number for number in numbers.numbers]
-        for numbers in (segment.cosine, segment.sine)
-    )
-    curve = trigonometric(lift * segment.mean.si, cosine, sine)
-    return fit(curve, 0.0, segment.span.si)
+def own_pieces(segment: kinds.Segment, cam: CamConfig) -> Pieces | None:
+    """Pieces from the segment's start (rad, m); None where it goes on from the level before."""
+    lift, span = cam.lift.si, segment.span.si
+    pieces: Pieces | None = None
+    match segment:
+        case kinds.Bezier():
+            pieces = [0.0, span], [lift * np.array(segment.ordinates.numbers)]
+        case kinds.BSpline():
+            knots = np.array(segment.knots.numbers)
+            knots = span * ((knots - knots[0]) / (knots[-1] - knots[0]))
+            ordinates = lift * np.array(segment.ordinates.numbers)
+            pieces = b_spline.pieces(knots, ordinates, segment.degree)
+        case kinds.Polynomial():
+            u = [min(1.0, angle / span) for angle in segment.at.si_list]
+            try:
+                ordinates = polynomial_through(u, segment.order, segment.value.numbers)
+            except LawError as error:
+                raise LawError(f"cam {cam.name!r}: {error}") from None
+            pieces = [0.0, span], [lift * ordinates]
+        case kinds.Trigonometric():
+            cosine, sine = (
+                [] if numbers is None else [lift * number for number in numbers.numbers]
+                for numbers in (segment.cosine, segment.sine)
+            )
+            pieces = fit(trigonometric(lift * segment.mean.si, cosine, sine), 0.0, span)
+        case kinds.TangentArcs():
+            pieces = tangent_arcs(segment, cam)
+        case kinds.ArcsByRadii() | kinds.ArcsByCentres():
+            pieces = whole_turn_arcs(segment, cam)
+        case Table():
+            pieces = smoothed(segment, cam).pieces
+        case _:
+            assert isinstance(segment, kinds.Dwell | kinds.Rise)
+    return pieces
 
 
 def smoothed(segment: Table, cam: CamConfig) -> Smoothed:
@@ -161,27 +154,13 @@ def smoothed(segment: Table, cam: CamConfig) -> Smoothed:
         raise LawError(f"cam {cam.name!r}: {points.file}: {error}") from None
 
 
-#: A segment's ``law`` to what makes its pieces.
-BUILDERS: dict[str, Callable[[Any, CamConfig], Pieces]] = {
-    "bezier": _bezier,
-    "b_spline": _b_spline,
-    "polynomial": _polynomial,
-    "trigonometric": _trigonometric,
-    "tangent_arcs": tangent_arcs,
-    "arcs_by_radii": whole_turn_arcs,
-    "arcs_by_centres": whole_turn_arcs,
-    "table": lambda segment, cam: smoothed(segment, cam).pieces,
-}
-
-
 # Rises from 0 to 1 over u ∈ [0, 1] that are one Bézier curve, by their ordinates.
 
 
 def full_rise(degree: int) -> FloatArray:
-    """Ordinates {0…0, 1…1}, half each, of odd degree: C^((degree − 1)/2) (eq. 3.1-3.3).
+    """Ordinates {0…0, 1…1}, half each, of odd degree, 3-4-5 and so on: C^((degree − 1)/2).
 
-    Degree 5 is 10u³ − 15u⁴ + 6u⁵, the polynomial 3-4-5, and degree 7 is
-    35u⁴ − 84u⁵ + 70u⁶ − 20u⁷, the 4-5-6-7.
+    Eq. 3.1-3.3: degree 5 is 10u³ − 15u⁴ + 6u⁵, degree 7 is 35u⁴ − 84u⁵ + 70u⁶ − 20u⁷.
     """
     return np.repeat([0.0, 1.0], (degree + 1) // 2)
 
@@ -204,22 +183,16 @@ def simple_harmonic(u: FloatArray, order: int) -> FloatArray:
     """The rise or its derivative in u, order 0 to 3."""
     if order == 0:
         return np.asarray(np.sin(0.5 * np.pi * u) ** 2)  # the same, without cancellation near 0
-    half = 0.5 * np.pi**order
-    if order == 2:
-        return np.asarray(half * np.cos(np.pi * u))
-    return np.asarray((half if order == 1 else -half) * np.sin(np.pi * u))
+    half = 0.5 * np.pi**order * (-1.0 if order == 3 else 1.0)
+    return np.asarray(half * (np.cos if order == 2 else np.sin)(np.pi * u))
 
 
 def cycloidal(u: FloatArray, order: int) -> FloatArray:
     """The rise or its derivative in u, order 0 to 3."""
     turn = 2.0 * np.pi * u
-    if order == 0:
-        return np.asarray(u - np.sin(turn) / (2.0 * np.pi))
-    if order == 1:
-        return np.asarray(1.0 - np.cos(turn))
-    if order == 2:
-        return np.asarray(2.0 * np.pi * np.sin(turn))
-    return np.asarray(4.0 * np.pi**2 * np.cos(turn))
+    sine, cosine = np.sin(turn), np.cos(turn)
+    level, slope = u - sine / (2.0 * np.pi), 1.0 - cosine
+    return np.asarray((level, slope, 2.0 * np.pi * sine, 4.0 * np.pi**2 * cosine)[order])
 
 
 PI = np.pi
@@ -265,18 +238,14 @@ MODIFIED_SINE = _whole(
     [(0.0, 0.125, _wave(0.0, PI * SINE, 0.25 * SINE, 4.0 * PI, 0.0))],
     (0.125, 0.875, _wave(2.0 * SINE, PI * SINE, 2.25 * SINE, 4.0 * PI / 3.0, PI / 3.0)),
 )
-
 #: s = (2u − sin(4πu)/2π)/(π + 2) to 1/8, a parabola to 3/8, then again a sine to 5/8.
+_SIZE = 0.5 * TRAPEZOID / PI
 MODIFIED_TRAPEZOID = _whole(
     [
-        (0.0, 0.125, _wave(0.0, 2.0 * TRAPEZOID, 0.5 * TRAPEZOID / PI, 4.0 * PI, 0.0)),
+        (0.0, 0.125, _wave(0.0, 2.0 * TRAPEZOID, _SIZE, 4.0 * PI, 0.0)),
         (0.125, 0.375, _constant_acceleration),
     ],
-    (
-        0.375,
-        0.625,
-        _wave(0.5 - 0.5 * SLOPE_AT_THREE, SLOPE_AT_THREE, -0.5 * TRAPEZOID / PI, 4.0 * PI, 0.0),
-    ),
+    (0.375, 0.625, _wave(0.5 - 0.5 * SLOPE_AT_THREE, SLOPE_AT_THREE, -_SIZE, 4.0 * PI, 0.0)),
 )
 
 
@@ -285,11 +254,9 @@ MODIFIED_TRAPEZOID = _whole(
 
 @dataclass(frozen=True)
 class NamedRise:
-    """A rise from 0 to 1 over u ∈ [0, 1].
+    """A rise from 0 to 1 over u ∈ [0, 1]: Bernstein ordinates, or analytic sections.
 
-    source : where it comes from; equations 3.x are the laws thesis's
-    shape : its Bernstein ordinates, or its analytic sections
-    slopes : slope of what it joins before and after: 0 for a dwell
+    slopes : of what it joins before and after, 0 for a dwell; equations 3.x are the laws thesis's
     """
 
     source: str
@@ -297,22 +264,8 @@ class NamedRise:
     slopes: tuple[float, float] = (0.0, 0.0)
 
 
-#: Bézier rises by the end of their name: the lowest degree and its equation, ordinates, slopes.
-_BEZIER: dict[str, tuple[int, int, Callable[[int], FloatArray], tuple[float, float]]] = {
-    "": (5, 1, full_rise, (0.0, 0.0)),
-    "_start": (4, 4, half_rise_start, (0.0, 2.0)),
-    "_end": (4, 7, half_rise_end, (2.0, 0.0)),
-}
-
-
-def _bezier_rise(name: str) -> NamedRise:
-    """The rise ``bezier<degree>``, or a half-rise ``bezier<degree>_start`` or ``…_end``."""
-    degree, part = int(name[6]), name[7:]
-    first, equation, ordinates, slopes = _BEZIER[part]
-    return NamedRise(f"eq. 3.{equation + (degree - first) // 2}", ordinates(degree), slopes)
-
-
-_OTHERS = {
+#: Every name that a cam file may give, `RiseName`, with its rise.
+NAMED_RISES: dict[str, NamedRise] = {
     "constant_velocity": NamedRise("worked example a", np.array([0.0, 1.0])),
     "simple_harmonic": NamedRise("worked example b", [(0.0, 1.0, simple_harmonic)]),
     "cycloidal": NamedRise("paper, section 2", [(0.0, 1.0, cycloidal)]),
@@ -320,11 +273,15 @@ _OTHERS = {
     "modified_trapezoid": NamedRise("cam handbooks", MODIFIED_TRAPEZOID),
     "poly345": NamedRise("paper; eq. 3.1", full_rise(5)),
     "poly4567": NamedRise("paper; eq. 3.2", full_rise(7)),
-}
-
-#: Every name that a cam file may give, `RiseName`, with its rise.
-NAMED_RISES: dict[str, NamedRise] = {
-    name: _OTHERS.get(name) or _bezier_rise(name) for name in get_args(RiseName)
+    **{f"bezier{n}": NamedRise(f"eq. 3.{n // 2 - 1}", full_rise(n)) for n in (5, 7, 9)},
+    **{
+        f"bezier{n}_{part}": NamedRise(f"eq. 3.{first + n // 2}", ordinates(n), slopes)
+        for part, first, ordinates, slopes in (
+            ("start", 2, half_rise_start, (0.0, 2.0)),
+            ("end", 5, half_rise_end, (2.0, 0.0)),
+        )
+        for n in (4, 6, 8)
+    },
 }
 
 
@@ -342,11 +299,9 @@ MIN_DWELL = 1e-9
 
 
 def up_and_down(rise: str, event: float, lift: float, high_dwell: float | None = None) -> Law:
-    """Half a low dwell, rise, high dwell, fall, half a low dwell.
+    """Half a low dwell, rise, high dwell, fall, half a low dwell; of a lift in m.
 
-    event : rad, of the rise and of the fall, at most π
-    lift : m
-    high_dwell : rad; by default as long as the low one
+    event, high_dwell : rad, of rise and fall alike, at most π; by default as long as the low dwell
     """
     steps, columns = unit_rise(rise)
     high = math.pi - event if high_dwell is None else high_dwell

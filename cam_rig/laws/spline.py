@@ -1,12 +1,9 @@
 """A law through measured points: the periodic smoothing spline of degree 5, and exact dwells.
 
-The spline is FITPACK's (Dierckx, *Curve and Surface Fitting with Splines*, ch. 6): it takes the
-fewest knots whose least-squares residual can reach the tolerance, and among the splines on them
-the one whose jumps of the fifth derivative are smallest. It is C⁴ all around.
-
-Where dwells are given, the turn is made of them and of a spline between each two. That has the
-fewest even intervals that reach the tolerance, and again the smallest jumps of the fifth
-derivative. It leaves and reaches its dwells at C²: three ordinates at either end are their level.
+The spline is FITPACK's (Dierckx, *Curve and Surface Fitting with Splines*, ch. 6): of the fewest
+knots whose least-squares residual can reach the tolerance, with the smallest jumps of the fifth
+derivative, C⁴ all around. Between dwells it is of the fewest even intervals that reach the
+tolerance, again with the smallest jumps, and leaves and reaches them at C².
 """
 
 from __future__ import annotations
@@ -32,11 +29,8 @@ if TYPE_CHECKING:
 
 
 def greville(knots: FloatArray, degree: int) -> FloatArray:
-    """``(m,)`` Greville abscissae ξᵢ = (uᵢ + … + uᵢ₊ₙ₋₁)/n of m control points (eq. 2.8).
-
-    ``knots`` are the m + n − 1 of the thesis, the ends n times.
-    """
-    windows = np.lib.stride_tricks.sliding_window_view(knots, degree)
+    """``(m,)`` Greville abscissae ξᵢ = (uᵢ + … + uᵢ₊ₙ₋₁)/n of m control points (eq. 2.8)."""
+    windows = np.lib.stride_tricks.sliding_window_view(knots, degree)  # m + n − 1, ends n times
     return np.asarray(windows.mean(axis=1))
 
 
@@ -49,11 +43,7 @@ def pieces(knots: FloatArray, ordinates: FloatArray, degree: int) -> Pieces:
 
 
 def bezier_pieces(spline: BSpline[np.float64]) -> Pieces:
-    """The Bézier curves of a spline, over its domain.
-
-    Each inner knot is inserted until it stands ``degree`` times; the control points then are
-    the Bézier ordinates. Insertion takes convex combinations, so it is as accurate as they are.
-    """
+    """The Bézier curves of a spline: each inner knot is inserted until it stands degree times."""
     from scipy.interpolate import insert  # BSpline.insert_knot, its equal, is newer
 
     n = spline.k
@@ -70,18 +60,9 @@ def bezier_pieces(spline: BSpline[np.float64]) -> Pieces:
 DEGREE = 5
 #: Ordinates at either end of a spline that are the dwell's level: s, s' and s'' join.
 HELD = 3
-
 #: Even intervals that are tried from one dwell to the next, ...
-INTERVALS = (
-    *range(1, 9),
-    *range(10, 17, 2),
-    *range(20, 33, 4),
-    *range(40, 65, 8),
-    80,
-    96,
-    128,
-    192,
-)
+INTERVALS = (*range(1, 9), *range(10, 17, 2), *range(20, 33, 4), *range(40, 65, 8))
+INTERVALS += (80, 96, 128, 192)
 
 #: ... and how many of them an event of so many points bears: with more it would pass through all.
 INTERVALS_PER_POINT = 0.75
@@ -92,7 +73,7 @@ AT_END = 1e-9
 
 
 class Rest(NamedTuple):
-    """A dwell: from ``start`` (rad) for ``span`` (rad) at ``level`` (m)."""
+    """A dwell: start and span in rad, level in m."""
 
     start: float
     span: float
@@ -114,8 +95,8 @@ def smooth(
 ) -> Smoothed:
     """The smoothest spline within ``tolerance`` (m, r.m.s.) of points (rad, m) of one turn.
 
-    A last point that repeats the first a turn later is averaged with it. ``dwells`` are in the
-    order of the cam angle; between two of them the tolerance is that of the points there.
+    A last point that repeats the first is averaged with it. Between two ``dwells``, which are in
+    order, the tolerance is that of the points there.
     """
     if angles[-1] - angles[0] > TURN * (1.0 - 1e-12):
         lifts = np.concatenate([[0.5 * (lifts[0] + lifts[-1])], lifts[1:-1]])
@@ -139,15 +120,11 @@ def _spline(angles: FloatArray, lifts: FloatArray, tolerance: float) -> BSpline[
         try:
             knots = splrep(x, y, k=DEGREE, s=angles.size * tolerance**2, per=True)
         except RuntimeWarning:
-            raise _unreached(tolerance, angles.size) from None
+            raise LawError(
+                f"no spline comes within {tolerance * 1e3:g} mm r.m.s. of the {angles.size} "
+                "points; allowed: a larger tolerance, or 0 to go through every point"
+            ) from None
     return BSpline(*knots)
-
-
-def _unreached(tolerance: float, count: int) -> LawError:
-    return LawError(
-        f"no spline comes within {tolerance * 1e3:g} mm r.m.s. of the {count} "
-        "points; allowed: a larger tolerance, or 0 to go through every point"
-    )
 
 
 def _between_dwells(
@@ -197,10 +174,10 @@ def _event(
 def _held(
     x: FloatArray, y: FloatArray, knots: FloatArray, levels: tuple[float, float], t: float
 ) -> tuple[BSpline[np.float64], bool]:
-    """The smoothest spline on knots within ``t`` of the points, and whether there is one.
+    """The smoothest spline on knots within ``t`` of the points, else the nearest; which of both.
 
-    Without one, the nearest. Least squares with the end ordinates held; the weight of the jumps of
-    the fifth derivative is raised until the r.m.s. distance is t.
+    Least squares with the end ordinates held; the weight of the jumps of the fifth derivative is
+    raised until the r.m.s. distance is t.
     """
     from scipy.interpolate import BSpline
     from scipy.linalg import lstsq
@@ -259,7 +236,7 @@ def _jumps(knots: FloatArray) -> FloatArray:
 WINDOW = 7
 #: Median of |x| of the standard normal distribution.
 NORMAL_MEDIAN = 0.6744897501960817
-#: Differences beyond so many standard deviations are of slips, and of jumps of the derivatives;
+#: Differences beyond so many standard deviations are of outliers, and of jumps of derivatives;
 #: what is left of the standard normal distribution without them has this standard deviation.
 TRIMMED, TRIMMED_STANDARD_DEVIATION = 3.0, 0.9865784
 #: Standard error of the scatter of n readings, times √n, in parts of it: found by simulation.
@@ -272,14 +249,8 @@ WIDEST_WINDOW = math.radians(100.0)
 
 
 def differences(angles: FloatArray, lifts: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """``(n,)`` scaled divided differences (m) about each reading, and which of them count.
-
-    angles : ``(n,)`` rad, rising, within one turn
-    lifts : ``(n,)`` m
-
-    A window that bridges a stretch without readings, or in which all readings are equal, does not
-    count.
-    """
+    """``(n,)`` scaled divided differences (m) about each reading (rad, m), and which count."""
+    # a window that bridges a stretch without readings, or has equal ones alone, does not
     count, half = angles.size, WINDOW // 2
     index = np.arange(count)[:, None] + np.arange(-half, half + 1)
     x = angles[index % count] + TURN * (index // count)
@@ -297,11 +268,10 @@ def scatter(angles: FloatArray, lifts: FloatArray) -> float:
     if angles.size < WINDOW + 1:
         return 0.0
     found, counts = differences(angles, lifts)
-    if np.count_nonzero(counts) < WINDOW:
-        return 0.0
     sizes = np.abs(found[counts])
-    first = float(np.median(sizes)) / NORMAL_MEDIAN
-    near = sizes[sizes <= TRIMMED * first]
+    if sizes.size < WINDOW:
+        return 0.0
+    near = sizes[sizes <= TRIMMED * float(np.median(sizes)) / NORMAL_MEDIAN]
     return rms(near) / TRIMMED_STANDARD_DEVIATION
 
 

@@ -18,7 +18,8 @@ import numpy as np
 
 from cam_rig.laws import Law
 from cam_rig.profile import turn_angles
-from cam_rig.profile.outlines import FollowerShape, Oscillating, follower_shape
+from cam_rig.profile.faces import Swung
+from cam_rig.profile.outlines import FollowerShape, follower_shape
 from cam_rig.schema import CamConfig
 from cam_rig.schema.cam import FRAMES
 from cam_rig.simulation.scene import LoadedScene, max_contact_force
@@ -128,7 +129,7 @@ class Robot:
         limits = 0.0, (1.0 + LIFT_OFF) * lift
         cam = Joint(CAM, "continuous", GUIDE, CAM)
         slide = Joint(FOLLOWER, "prismatic", GUIDE, FOLLOWER, limits=limits)
-        if not isinstance(self.shape, Oscillating):
+        if not isinstance(self.shape.element, Swung):
             return [cam, slide]
         rest, rate = np.zeros(1), -1.0 / self.shape.element.arm
         x, y = self.shape.origin(rest)[0].tolist()
@@ -138,6 +139,6 @@ class Robot:
 
     def body(self, points: FloatArray) -> FloatArray:
         """Points ``(n, 2)`` of the follower's outline, in the link ``follower``."""
-        if isinstance(self.shape, Oscillating):
+        if isinstance(self.shape.element, Swung):
             return points
         return points + self.shape.origin(np.zeros(1))

@@ -11,7 +11,7 @@ import numpy as np
 
 from cam_rig.errors import ProfileError, ReachError
 from cam_rig.laws import Law
-from cam_rig.laws.law import VELOCITY_JUMP
+from cam_rig.laws.law import VELOCITY_JUMP, Extreme
 from cam_rig.profile.checks import (
     Check,
     corner_check,
@@ -55,9 +55,9 @@ GUIDED, SWUNG = float(np.radians(30.0)), float(np.radians(45.0))
 
 def greatest_allowed(follower: Follower, element: Element) -> float:
     """The most pressure angle, rad: what the cam file asks for, else what handbooks advise."""
-    usual = SWUNG if isinstance(element, Swung) else GUIDED
-    asked = follower.most_pressure_angle
-    return usual if asked is None else asked.si
+    if (asked := follower.most_pressure_angle) is not None:
+        return asked.si
+    return SWUNG if isinstance(element, Swung) else GUIDED
 
 
 def pressure_check(scan: Scan, follower: Follower) -> Check:
@@ -70,7 +70,7 @@ def pressure_check(scan: Scan, follower: Follower) -> Check:
 
 def check_cam(cam: CamConfig, law: Law) -> list[Check]:
     """Every check that the kind of follower asks for, those first that explain the later ones."""
-    follower = cam.follower
+    follower, smaller = cam.follower, "a smaller one is undercut or out of reach"
     found = [corner_check(law, VELOCITY_JUMP)]
     least_base = least_base_radius(follower, law)
     try:
@@ -83,11 +83,9 @@ def check_cam(cam: CamConfig, law: Law) -> list[Check]:
         checks = list(_disc_checks(disc, follower, law, least_base))
         found += [replace(check, disc=disc.name) for check in checks]
     if least_base is not None and least_base > 0.0:
-        base = follower.base_radius.si
-        remedy = "a smaller one is undercut or out of reach"
-        found.append(
-            Check("base radius", base, "more than", least_base, "mm", None, remedy, vital=False)
-        )
+        base = Extreme(follower.base_radius.si, 0.0)
+        check = Check.at("base radius", base, "more than", least_base, "mm", smaller)
+        found.append(replace(check, angle=None, vital=False))
     return found
 
 
@@ -134,9 +132,8 @@ class CheckedCam:
     def worst(self, name: str) -> float | None:
         """Value of the check of that name that is nearest to its limit, of two discs."""
         named = [check for check in self.checks if check.name == name]
-        sign = {"more than": 1.0}
-        values = [(sign.get(check.relation, -1.0) * check.value, check.value) for check in named]
-        worst = min(values)[1] if values else math.inf
+        nearest = min if named and named[0].relation == "more than" else max
+        worst = nearest((check.value for check in named), default=math.inf)
         return worst if math.isfinite(worst) else None
 
     @property
@@ -155,7 +152,6 @@ class CheckRow:
 
 #: Positions of the follower in a picture.
 POSITIONS = 24
-
 #: Of several cams: what stands where one has no such number.
 NONE = "–"
 

@@ -28,7 +28,6 @@ RELATIONS: dict[str, Callable[[float, float], bool]] = {
     "less than": operator.lt,
     "at most": operator.le,
 }
-
 #: Units that checks are shown in, and their factor from SI.
 FACTORS = {"mm": 1e3, "mm/rad": 1e3, "°": 180.0 / np.pi, "1": 1.0, "crossings": 1.0}
 
@@ -37,12 +36,8 @@ FACTORS = {"mm": 1e3, "mm/rad": 1e3, "°": 180.0 / np.pi, "1": 1.0, "crossings":
 class Check:
     """One thing that is right with a cam, or wrong.
 
-    name : what is checked
-    value, limit : SI units
-    relation : one of `RELATIONS`
-    unit : one of `FACTORS`, for showing
+    value, limit : SI units, shown in the unit, of `FACTORS`; the relation is one of `RELATIONS`
     angle : rad, the cam angle where the value is; None for the cam as a whole
-    remedy : what to do when it fails
     vital : whether a cam that fails cannot exist; else it is bad, but can be made
     disc : which of conjugate cams; empty otherwise
     """
@@ -105,18 +100,17 @@ OUTLINE = 3600
 def reach_checks(scan: Scan) -> Iterator[Check]:
     """What the kind of follower can reach."""
     element, law = scan.element, scan.law
-    yield _around_the_axis(element, law)
+    nearest = least_clearance(element, law)
+    remedy = "the cam would not hold its shaft: let base_radius be larger"
+    yield Check.at("distance from the axis", nearest, "more than", 0.0, "mm", remedy)
     if isinstance(element, Swung):
         yield from _arm(element, law)
     yield from pivot_checks(scan)
-    if isinstance(element, SwungFace):
-        yield _turning(element, law)
-
-
-def _around_the_axis(element: Element, law: Law) -> Check:
-    nearest = least_clearance(element, law)
-    remedy = "the cam would not hold its shaft: let base_radius be larger"
-    return Check.at("distance from the axis", nearest, "more than", 0.0, "mm", remedy)
+    if isinstance(element, SwungFace):  # 1 + φ' of eq. 2.28: at 0 the contact is at infinity
+        back = greatest_between(lambda angle: -law(angle, 1), law.breaks)
+        turn = Extreme(1.0 - back.value / element.arm, back.angle)
+        remedy = "the face falls faster than the cam turns: let the fall be longer or the lift less"
+        yield Check.at("turn of the face per turn", turn, "more than", 0.0, "1", remedy)
 
 
 def least_clearance(element: Element, law: Law) -> Extreme:
@@ -144,32 +138,18 @@ def pivot_checks(scan: Scan) -> Iterator[Check]:
         yield Check.at("largest radius of the cam", farthest, "less than", pivot, "mm", remedy)
 
 
-def _turning(element: SwungFace, law: Law) -> Check:
-    """1 + φ' of eq. 2.28: at 0 the contact is at infinity."""
-    back = greatest_between(lambda angle: -law(angle, 1), law.breaks)
-    turn = Extreme(1.0 - back.value / element.arm, back.angle)
-    remedy = "the face falls faster than the cam turns: let the fall be longer or the lift less"
-    return Check.at("turn of the face per turn", turn, "more than", 0.0, "1", remedy)
-
-
 def crossing_check(disc: Disc, law: Law) -> Check:
     """Two places of the contour in each other's way: a neck narrower than the roller."""
-    found = _crossing(Contour.of(disc, Motion.uniform(law, OUTLINE)))
-    remedy, count = "let base_radius be larger or the roller smaller", float(found is not None)
-    return Check("contour across itself", count, "at most", 0.0, "crossings", found, remedy)
-
-
-def _crossing(contour: Contour) -> float | None:
-    """Cam angle (rad) near a crossing."""
-    points = contour.points.T
     with libraries_named():
         from shapely import LinearRing, Polygon, is_valid_reason
-    if LinearRing(points).is_simple:
-        return None
-    numbers = re.findall(r"-?\d[\d.]*(?:e-?\d+)?", is_valid_reason(Polygon(points)))
-    place = np.array([float(number) for number in numbers[:2]])
-    nearest = int(np.argmin(np.hypot(*(points - place).T)))
-    return float(contour.angle[nearest])
+    contour, found = Contour.of(disc, Motion.uniform(law, OUTLINE)), None
+    points = contour.points.T
+    if not LinearRing(points).is_simple:
+        numbers = re.findall(r"-?\d[\d.]*(?:e-?\d+)?", is_valid_reason(Polygon(points)))
+        place = np.array([float(number) for number in numbers[:2]])
+        found = float(contour.angle[np.argmin(np.hypot(*(points - place).T))])
+    remedy, count = "let base_radius be larger or the roller smaller", float(found is not None)
+    return Check("contour across itself", count, "at most", 0.0, "crossings", found, remedy)
 
 
 # Radius of curvature: undercut, cusp, and a roller that does not fit (§2.3.1-2.3.2).
@@ -178,34 +158,28 @@ def _crossing(contour: Contour) -> float | None:
 CUSP = 1e-9
 
 
-def _bend(touch: Touch) -> FloatArray:
+def _curvature(touch: Touch) -> FloatArray:
     assert touch.pitch_curvature is not None
     return touch.pitch_curvature
 
 
 def sharpest_convex(scan: Scan) -> Extreme:
-    """Least convex radius of the contour, m; not positive where it is undercut.
-
-    Infinite for a contour without a convex part.
-    """
+    """Least convex radius of the contour, m: not positive where undercut, infinite without one."""
     if scan.touch.pitch_curvature is None:
         return scan.least(lambda touch: touch.radius)
-    bend = scan.greatest(_bend)
-    radius = 1.0 / bend.value - scan.element.roller if bend.value > 0.0 else np.inf
-    return Extreme(radius, bend.angle)
+    most = scan.greatest(_curvature)
+    radius = 1.0 / most.value - scan.element.roller if most.value > 0.0 else np.inf
+    return Extreme(radius, most.angle)
 
 
 def sharpest_concave(scan: Scan) -> Extreme | None:
-    """Least concave radius of the contour, m, positive; None for a cam without a concave part.
-
-    It is the pitch curve's and the roller's together, so a law without a corner passes.
-    """
+    """Least concave radius of the contour, m, positive: the pitch curve's and the roller's."""
     if scan.touch.pitch_curvature is None:
         return None
-    bend = scan.least(_bend)
-    if not bend.value < 0.0:
+    least = scan.least(_curvature)
+    if not least.value < 0.0:
         return None
-    return Extreme(scan.element.roller - 1.0 / bend.value, bend.angle)
+    return Extreme(scan.element.roller - 1.0 / least.value, least.angle)
 
 
 def curvature_checks(scan: Scan, follower: Follower, least_base: float | None) -> Iterator[Check]:
@@ -248,10 +222,8 @@ def least_base_radius(follower: Follower, law: Law) -> float | None:
     """The base radius (m) above which no convex part is sharper than the least radius asked for.
 
     Nor does the follower cross the cam's axis. A face in a guide has both in closed form: radius
-    R_b + (s + s'') cos β, distance from the axis R_b + s cos β. For the others it is the root, next
-    to the cam's own base radius, of the least radius as a function of R_b; the least one that the
-    follower reaches counts as such. 0 where every base radius down to a hundredth of the own does,
-    None where none does, or the cam cuts the pivot of an arm there.
+    R_b + (s + s'') cos β, distance from the axis R_b + s cos β. For the others see `least_base`;
+    None too where the cam cuts the pivot of an arm there.
     """
     asked, own = follower.least_curvature_radius, follower.base_radius.si
     sharpest = 0.0 if asked is None else asked.si
@@ -266,15 +238,18 @@ def least_base_radius(follower: Follower, law: Law) -> float | None:
         return min(max(value, -own), own)  # finite, for the root finder
 
     least = least_base(margin, own)
-    if least and not _clear_of_the_pivot(follower, law, least * (1.0 + PRECISION)):
-        return None
-    return least
+    if not least:
+        return least
+    # on larger base radii the cam sooner cuts the pivot
+    found = plates_on(follower, law, least * (1.0 + PRECISION))
+    checks = (check for disc in found for check in pivot_checks(Scan(law, disc.element)))
+    return least if all(check.passed for check in checks) else None
 
 
 def least_base(margin: Callable[[float], float], own: float) -> float | None:
     """The root next to ``own`` of a finite margin that grows with the base radius (m).
 
-    0 where the margin is positive down to a hundredth of ``own``, None where it nowhere is.
+    0 where it is positive down to a hundredth of ``own``, None where it nowhere is.
     """
     good = margin(own) > 0.0
     here, factor = own, SMALLER if good else LARGER
@@ -285,12 +260,6 @@ def least_base(margin: Callable[[float], float], own: float) -> float | None:
             return float(brentq(margin, low, high, xtol=PRECISION * own))
         here = there
     return 0.0 if good else None
-
-
-def _clear_of_the_pivot(follower: Follower, law: Law, base: float) -> bool:
-    """Whether the cam on a base radius does not cut the pivot; on larger ones it sooner does."""
-    found = (Scan(law, disc.element) for disc in plates_on(follower, law, base))
-    return all(check.passed for scan in found for check in pivot_checks(scan))
 
 
 def _sharpest(plates: tuple[Disc, ...], law: Law) -> float:

@@ -18,40 +18,31 @@ Cams = Annotated[
     list[str] | None,
     typer.Argument(help="Cam files, or names in config/cams; or one scene: its cams."),
 ]
-
 Every = Annotated[bool, typer.Option("--all", help="Check every cam of config/cams.")]
-
 Out = Annotated[
     Path | None, typer.Option(help="Write the contour: .dxf, .svg or .csv (lengths in mm).")
 ]
-
 Positions = Annotated[
     int | None,
     typer.Option(
         min=3, max=720, help="Positions of the follower around the cam in --plot; else 24."
     ),
 ]
-
 Pitch = Annotated[
     bool, typer.Option("--pitch", help="Write the pitch curve instead of the contour.")
 ]
-
 Cutter = Annotated[
     float | None,
     typer.Option(metavar="MM", help="Write the path of a cutter of this radius instead."),
 ]
-
 Tolerance = Annotated[float, typer.Option(metavar="UM", help="Chord error of DXF and SVG, in µm.")]
-
 Points = Annotated[
     int, typer.Option(min=36, max=1_000_000, help="Rows of a CSV file, over one turn.")
 ]
-
 Source = Annotated[
     Path | None,
     typer.Option("--from", help="Measure this contour (.csv, .dxf) with the cam's follower."),
 ]
-
 Force = Annotated[bool, typer.Option("--force", help="Draw a cam even though it cannot exist.")]
 
 
@@ -93,7 +84,7 @@ def profile(
 
     cam-rig profile poly345 --from out/cam.dxf --out out/law.csv
     """
-    from cam_rig.errors import ConfigError
+    from cam_rig.errors import ConfigError, ProfileError
     from cam_rig.profile import command_files
     from cam_rig.profile.check_table import POSITIONS, ProfileResult
 
@@ -105,40 +96,26 @@ def profile(
     first, drawn = cams_checked[0], out is not None or plot is not None
     if source is not None:
         return command_files.measure(request, first.cam, first.law)
-    if drawn and not force:
-        _require_possible(first)
+    for check in first.failed if drawn and not force else ():
+        if check.vital:
+            raise ProfileError(f"{first.cam.name}: {check}; or draw it with --force")
     if out is not None:
         command_files.write(request, first.cam, first.law, force)
     return ProfileResult(tuple(cams_checked), positions or POSITIONS, drawn, every)
 
 
-def _require_possible(one: CheckedCam) -> None:
-    """Refuse to draw a cam that cannot exist."""
-    from cam_rig.errors import ProfileError
-
-    for check in (check for check in one.failed if check.vital):
-        raise ProfileError(f"{one.cam.name}: {check}; or draw it with --force")
-
-
 def _paths(cams: list[str], every: bool) -> list[Path]:
     from cam_rig.errors import ConfigError
-    from cam_rig.schema.load import (
-        Library,
-        cam_path,
-        config_root,
-        load_scene,
-        one_scene,
-        scene_path,
-    )
+    from cam_rig.schema import load
 
-    if (scene := one_scene(cams)) is not None:
-        path = scene_path(scene)
-        library = Library.beside(path)
-        paths = [library.path("cams", name) for name in load_scene(path).cams]
+    if (scene := load.one_scene(cams)) is not None:
+        path = load.scene_path(scene)
+        library = load.Library.beside(path)
+        paths = [library.path("cams", name) for name in load.load_scene(path).cams]
     else:
-        paths = [cam_path(cam) for cam in cams]
+        paths = [load.cam_path(cam) for cam in cams]
     if every:
-        paths += sorted((config_root() / "cams").glob("*.yaml"))
+        paths += sorted((load.config_root() / "cams").glob("*.yaml"))
     if not paths:
         raise ConfigError("no cam is named; allowed: cam files, names in config/cams, or --all")
     return paths

@@ -68,10 +68,9 @@ class Request:
 
 
 def _suffix(path: Path, allowed: tuple[str, ...]) -> None:
-    if path.suffix.lower() not in allowed:
-        hint = ""
-        if path.suffix.lower() in (".step", ".stp"):
-            hint = " (no STEP: import the DXF into CAD and extrude it)"
+    if (suffix := path.suffix.lower()) not in allowed:
+        step = suffix in (".step", ".stp")
+        hint = " (no STEP: import the DXF into CAD and extrude it)" if step else ""
         raise ConfigError(f"{path}: unknown kind of file; allowed: {', '.join(allowed)}{hint}")
 
 
@@ -93,7 +92,7 @@ def write(request: Request, cam: CamConfig, law: Law, force: bool) -> None:
             if kind == ".svg":
                 drawing_files.write_svg(part, lines, rounding)
             else:
-                drawing_files.write_dxf(part, lines)
+                drawing_files.to_document(lines).saveas(part)
             counts = " and ".join(str(line.shape[1]) for line in lines.values())
             words = f"{counts} points, chord error at most {request.tolerance:g} µm"
     names = " and ".join(curve.name for curve in curves)
@@ -122,6 +121,8 @@ READINGS = 720
 class Measured:
     """A law read from a contour: cam angles (rad), lifts and their error (m); which disc it is."""
 
+    cam: str
+    source: str
     disc: str
     points: int
     angle: FloatArray
@@ -142,37 +143,28 @@ class MeasuredResult(Result):
     columns: ClassVar = {
         "contours": (
             Column("cam"),
-            Column("disc", of="one.disc"),
-            Column("points", "", "d", of="one.points"),
-            Column("lift", "mm", ".6g", of=lambda row: float(np.ptp(row.one.lift))),
+            Column("disc"),
+            Column("points", "", "d"),
+            Column("lift", "mm", ".6g", of=lambda one: float(np.ptp(one.lift))),
             Column(
                 "largest_error",
                 "µm",
                 "+.3g",
-                of=lambda row: float(row.one.error[row.one.largest_at]),
+                of=lambda one: float(one.error[one.largest_at]),
                 about="of the lift, from the law of the cam",
             ),
-            Column("at", "°", "g", of=lambda row: float(row.one.angle[row.one.largest_at])),
-            Column("rms_error", "µm", ".3g", "r.m.s. error", lambda row: rms(row.one.error)),
+            Column("at", "°", "g", of=lambda one: float(one.angle[one.largest_at])),
+            Column("rms_error", "µm", ".3g", "r.m.s. error", lambda one: rms(one.error)),
             Column("source", hidden=True, about="the file"),
         )
     }
 
-    cam: str
-    source: Path
     contours: tuple[Measured, ...]
 
     def tables(self) -> list[Records]:
         """A row a contour."""
-        rows = [_Row(self.cam, str(self.source), one) for one in self.contours]
-        return [self.table("contours", f"{self.source}, from the law of {self.cam}", rows)]
-
-
-@dataclass(frozen=True)
-class _Row:
-    cam: str
-    source: str
-    one: Measured
+        caption = f"{self.contours[0].source}, from the law of {self.contours[0].cam}"
+        return [self.table("contours", caption, self.contours)]
 
 
 def measure(request: Request, cam: CamConfig, law: Law) -> MeasuredResult:
@@ -183,7 +175,9 @@ def measure(request: Request, cam: CamConfig, law: Law) -> MeasuredResult:
     from cam_rig.profile.measure import closed_curve, rest
 
     assert request.source is not None
-    contours = _read(request.source)
+    is_dxf = request.source.suffix.lower() == ".dxf"
+    read = drawing_files.read_dxf if is_dxf else drawing_files.read_contour
+    contours = read(request.source)
     for doubt in (doubt for points in contours for doubt in _doubts(request.source, points)):
         say(f"warning: {request.source}: {doubt}")
     plates = discs(cam.follower, law)
@@ -193,16 +187,15 @@ def measure(request: Request, cam: CamConfig, law: Law) -> MeasuredResult:
             f"for each contour of a {cam.follower.type} follower"
         )
     angle = turn_angles(READINGS)
-    found = tuple(
-        Measured(disc.name, points.shape[1], angle, lift, lift - law(angle))
-        for disc, points in zip(plates, contours, strict=True)
-        for lift in [rest(disc.element, closed_curve(points), angle)]
-    )
+    names, found = (cam.name, str(request.source)), []
+    for disc, points in zip(plates, contours, strict=True):
+        lift = rest(disc.element, closed_curve(points), angle)
+        found.append(Measured(*names, disc.name, points.shape[1], angle, lift, lift - law(angle)))
     if request.out is not None:
         with writing(request.out) as part:
             drawing_files.write_law(part, angle, found[0].lift)
         say(f"law: {request.out}")
-    return MeasuredResult(cam.name, request.source, found)
+    return MeasuredResult(tuple(found))
 
 
 def _doubts(source: Path, points: FloatArray) -> list[str]:
@@ -213,13 +206,3 @@ def _doubts(source: Path, points: FloatArray) -> list[str]:
     if source.suffix.lower() == ".csv":
         found += [gap(points), sparse(points)]
     return [doubt for doubt in found if doubt is not None]
-
-
-def _read(source: Path) -> list[FloatArray]:
-    from cam_rig.profile import drawing_files
-
-    return (
-        drawing_files.read_dxf(source)
-        if source.suffix.lower() == ".dxf"
-        else drawing_files.read_contour(source)
-    )

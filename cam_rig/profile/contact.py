@@ -21,16 +21,10 @@ from cam_rig.units import TURN, ComplexArray, FloatArray
 
 # The law sampled for the profile: s, s', s'' at cam angles.
 
-_ONE_EACH = np.eye(3)
-
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """The follower's displacement at cam angles; all four arrays have one shape.
-
-    angle : rad
-    s, slope, bend : s, s', s'' in m, m/rad, m/rad²
-    """
+    """Cam angles (rad), and there s, s', s'' in m, m/rad, m/rad²; four arrays of one shape."""
 
     angle: FloatArray
     s: FloatArray
@@ -40,9 +34,8 @@ class Motion:
     @classmethod
     def uniform(cls, law: Law, count: int) -> Motion:
         """``count`` equal steps over one turn, without its end."""
-        return cls(
-            turn_angles(count), *sample(law, 0.0, TURN / count, count, _ONE_EACH, np.zeros(3))
-        )
+        motion = sample(law, 0.0, TURN / count, count, np.eye(3), np.zeros(3))
+        return cls(turn_angles(count), *motion)
 
     @classmethod
     def at(cls, law: Law, angle: FloatArray) -> Motion:
@@ -51,10 +44,7 @@ class Motion:
 
     @classmethod
     def on_pieces(cls, law: Law, u: FloatArray) -> Motion:
-        """``(len(u), n)``: every piece of the law at ``u`` ∈ [0, 1], both its ends included.
-
-        A quantity that jumps at a joint so has both its limits there.
-        """
+        """``(len(u), n)``: every piece of the law at ``u`` ∈ [0, 1], so a jump with both limits."""
         values = np.tensordot(bernstein.basis(law.degree, u), law.motion, axes=([1], [1]))
         return cls(law.breaks[:-1] + u[:, None] * law.spans, *np.moveaxis(values, 1, 0))
 
@@ -79,15 +69,12 @@ STRAIGHT = 1e-10
 class Touch:
     """Contact of a follower with its cam at each cam angle; arrays of one shape.
 
-    contact : m, point of contact
-    normal : unit normal there, out of the cam
-    radius : m, signed radius of curvature of the contour: positive where it is convex (solid
-        inside the circle), negative where concave, infinite where straight
-    rate : m/rad, way of the contact along the contour a rad of cam angle; negative where the
-        contour runs back: it is undercut there
-    pressure : rad, pressure angle: from the direction in which the follower moves to the normal,
-        counterclockwise
-    centre : m, centre of the roller, or the point: the pitch curve. None for a face
+    contact, normal : m, the point, and the unit normal there, out of the cam
+    radius : m, of curvature of the contour: positive where it is convex (solid inside the circle),
+        negative where concave, infinite where straight
+    rate : m/rad, way of the contact along the contour; negative where that runs back: undercut
+    pressure : rad, from the direction in which the follower moves to the normal, counterclockwise
+    centre : m, of the roller, or the point: the pitch curve. None for a face
     pitch_curvature : 1/m, signed as ``radius``. None for a face
     """
 
@@ -103,14 +90,11 @@ class Touch:
 class Element(ABC):
     """The part of a follower that touches one cam.
 
-    Besides the contact that the law asks for (`touch`), it knows how a follower is measured
-    (`place_on`): that takes points of a finished contour and nothing of the law. Its place (m) is
-    what grows as the follower moves outwards: height in the guide, way along the arc of the arm.
-
-    roller : m, 0 for a point or a face
+    Its place (m) is what grows as the follower moves outwards: height in the guide, way along the
+    arc of the arm. By `place_on` it is measured on a finished contour, with nothing of the law.
     """
 
-    roller: float
+    roller: float  # m, 0 for a point or a face
 
     @abstractmethod
     def touch(self, motion: Motion) -> Touch:
@@ -120,8 +104,7 @@ class Element(ABC):
     def place_on(self, points: ComplexArray) -> FloatArray:
         """Place at which the follower just touches each point of the guide's frame (m).
 
-        −∞ where it passes the point by; of a follower without width, that of its path's point
-        nearest to it.
+        −∞ where it passes the point by; without width, that of its path's nearest point.
         """
 
     @abstractmethod
@@ -130,35 +113,31 @@ class Element(ABC):
 
     @abstractmethod
     def clearance(self, s: FloatArray) -> FloatArray:
-        """Distance (m) of the roller, the point or the face's line from the axis, at s (m).
+        """Distance (m) of roller, point or face from the axis at s (m), with which it is monotone.
 
-        It grows or falls with s. Where it is not positive, the contour does not go around the
-        axis: no cam has room for a shaft.
+        Where it is not positive the contour does not go around the axis: no room for a shaft.
         """
 
     @abstractmethod
     def stand(self, s: FloatArray) -> ComplexArray:
-        """Roller's centre, the point, or where the face meets its guide, at displacements s (m).
-
-        With an arm and a face: the point of the face at the end of the arm.
-        """
+        """Roller's centre, point, or where the face meets its guide or arm's end, at s (m)."""
 
     @abstractmethod
     def moves(self, points: ComplexArray) -> ComplexArray:
         """Velocity of the follower's own points at ``points``, over that of s (1)."""
 
 
-def offset_curve(
-    centre: ComplexArray, tangent: ComplexArray, second: ComplexArray, roller: float
-) -> tuple[ComplexArray, ComplexArray, FloatArray, FloatArray, FloatArray]:
-    """Contour inside a pitch curve (eq. 2.22-2.25, 2.43-2.46).
+def offset_contact(
+    centre: ComplexArray,
+    tangent: ComplexArray,
+    second: ComplexArray,
+    roller: float,
+    pressure: FloatArray,
+) -> Touch:
+    """On the contour inside a pitch curve (eq. 2.22-2.25, 2.43-2.46).
 
     ``tangent`` and ``second`` are the derivatives of the pitch curve in the cam's own frame, seen
-    in the guide's.
-
-    Returns
-    -------
-    contact, outward normal, radius, rate, pitch curvature (0 where it is rounding: straight)
+    in the guide's. A curvature of the size of rounding is 0: straight.
     """
     speed = np.abs(tangent)
     normal = 1j * tangent / speed
@@ -167,7 +146,8 @@ def offset_curve(
     shrunk = 1.0 - roller * curvature
     with np.errstate(divide="ignore"):
         radius = np.where(curvature == 0.0, np.inf, shrunk / curvature)
-    return centre - roller * normal, normal, radius, shrunk * speed, curvature
+    contact = centre - roller * normal
+    return Touch(contact, normal, radius, shrunk * speed, pressure, centre, curvature)
 
 
 # Least and greatest values over one turn: dense samples of every smooth piece, then a zoom.

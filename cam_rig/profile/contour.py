@@ -30,6 +30,9 @@ def _of_discs(take: Callable[[Contour], Any]) -> Callable[[CamContour], Any]:
     return lambda shape: np.concatenate([take(disc) for disc in shape.discs])
 
 
+_radius = _of_discs(lambda disc: disc.radius)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class CamContour(Result):
     """The contour of a cam in its own frame; point i is touched at cam angle i.
@@ -50,12 +53,7 @@ class CamContour(Result):
             Column("angle", "°", of=_of_discs(lambda disc: disc.angle), about="cam angle"),
             Column("x", "mm", of=_of_discs(lambda disc: disc.points[0])),
             Column("y", "mm", of=_of_discs(lambda disc: disc.points[1])),
-            Column(
-                "radius",
-                "mm",
-                of=_of_discs(lambda disc: disc.radius),
-                about="of curvature, below 0 where concave",
-            ),
+            Column("radius", "mm", of=_radius, about="of curvature, below 0 where concave"),
             Column("pressure_angle", "°", of=_of_discs(lambda disc: disc.pressure)),
         ),
         "checks": ProfileResult.columns["checks"],
@@ -76,14 +74,12 @@ class CamContour(Result):
     @property
     def x(self) -> FloatArray:
         """``(n,)`` m."""
-        x, _ = self.discs[0].points
-        return np.asarray(x)
+        return np.asarray(self.discs[0].points[0])
 
     @property
     def y(self) -> FloatArray:
         """``(n,)`` m."""
-        _, y = self.discs[0].points
-        return np.asarray(y)
+        return np.asarray(self.discs[0].points[1])
 
     @property
     def radius(self) -> FloatArray:

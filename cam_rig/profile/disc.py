@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,110 +17,64 @@ from cam_rig.units import ComplexArray, FloatArray
 
 @dataclass(frozen=True)
 class Disc:
-    """One cam plate.
-
-    Parameters
-    ----------
-    name : empty, or which of the conjugate cams it is
-    element : the element that shapes it
-    opposite : another element that the same contour moves, on its other side
-    """
+    """One cam plate: which of the conjugate cams (else empty), and the element that shapes it."""
 
     name: str
     element: Element
-    opposite: Element | None = None
+    opposite: Element | None = None  # that the same contour moves, on its other side
 
 
 def discs(follower: Follower, law: Law, base_radius: float | None = None) -> tuple[Disc, ...]:
-    """The discs of a cam with this follower and law.
-
-    ``base_radius`` (m) replaces the follower's own, for a search.
+    """The discs of a cam with this follower and law; ``base_radius`` (m) replaces its own.
 
     Raises
     ------
     ReachError : the follower does not reach the base circle
     """
     base = follower.base_radius.si if base_radius is None else base_radius
-    build = _BUILDERS[type(follower)]
-    return build(follower, law, base)
+    roller, eccentricity = follower.roller, _si(getattr(follower, "eccentricity", None))
+    match follower:
+        case kinds.Point() | kinds.Roller():
+            plates = [Disc("", GuidedCentre.on_base(base, roller, eccentricity))]
+        case kinds.Flat() | kinds.InclinedFlat():
+            inclination = _si(getattr(follower, "inclination", None))
+            plates = [Disc("", GuidedFace.on_base(base, inclination, eccentricity))]
+        case kinds.OscillatingPoint() | kinds.OscillatingRoller():
+            arm, pivot = follower.arm.si, follower.pivot_distance.si
+            plates = [Disc("", SwungCentre.on_base(base, roller, arm, pivot))]
+        case kinds.OscillatingFlat():
+            arm, pivot = follower.arm.si, follower.pivot_distance.si
+            plates = [Disc("", SwungFace.on_base(base, arm, _si(follower.face_offset), pivot))]
+        case kinds.ConstantBreadth():  # faces 2 R_b + s_max apart (profile thesis §2.2.2)
+            face = GuidedFace(0.0, 0.0, base + stroke(law), side=-1)
+            plates = [Disc("", GuidedFace.on_base(base, 0.0, 0.0), face)]
+        case kinds.ConstantDiameter():  # rollers 2 R_p + s_max apart
+            other = GuidedCentre(roller, 0.0, base + roller + stroke(law), side=-1)
+            plates = [Disc("", GuidedCentre.on_base(base, roller, 0.0), other)]
+        case kinds.Conjugate():  # the second cam lets down what the first one lifts (§2.2.2)
+            first = GuidedCentre.on_base(base, roller, eccentricity)
+            start = first.start + stroke(law)
+            if follower.roller_distance is not None:
+                start = follower.roller_distance.si - first.start
+            second = GuidedCentre(roller, -eccentricity, start, side=-1)
+            plates = [Disc("first", first), Disc("second", second)]
+        case kinds.OscillatingConjugate():  # two arms of one rocker
+            plates = _rocker(follower, law, base)
+    return tuple(plates)
 
 
 def _si(quantity: Quantity | None) -> float:
     return 0.0 if quantity is None else quantity.si
 
 
-def _centre(follower: kinds.Point | kinds.Roller, law: Law, base: float) -> tuple[Disc, ...]:
-    eccentricity = _si(follower.eccentricity)
-    return (Disc("", GuidedCentre.on_base(base, follower.roller, eccentricity)),)
-
-
-def _face(follower: kinds.Flat | kinds.InclinedFlat, law: Law, base: float) -> tuple[Disc, ...]:
-    inclination = follower.inclination.si if isinstance(follower, kinds.InclinedFlat) else 0.0
-    return (Disc("", GuidedFace.on_base(base, inclination, _si(follower.eccentricity))),)
-
-
-def _swung_centre(
-    follower: kinds.OscillatingPoint | kinds.OscillatingRoller, law: Law, base: float
-) -> tuple[Disc, ...]:
-    arm, pivot = follower.arm.si, follower.pivot_distance.si
-    return (Disc("", SwungCentre.on_base(base, follower.roller, arm, pivot)),)
-
-
-def _swung_face(follower: kinds.OscillatingFlat, law: Law, base: float) -> tuple[Disc, ...]:
-    arm, pivot = follower.arm.si, follower.pivot_distance.si
-    return (Disc("", SwungFace.on_base(base, arm, _si(follower.face_offset), pivot)),)
-
-
-def _breadth(follower: kinds.ConstantBreadth, law: Law, base: float) -> tuple[Disc, ...]:
-    """Faces 2 R_b + s_max apart (profile thesis §2.2.2)."""
-    opposite = GuidedFace(0.0, 0.0, base + stroke(law), side=-1)
-    return (Disc("", GuidedFace.on_base(base, 0.0, 0.0), opposite),)
-
-
-def _diameter(follower: kinds.ConstantDiameter, law: Law, base: float) -> tuple[Disc, ...]:
-    """Rollers 2 R_p + s_max apart."""
-    start = base + follower.roller + stroke(law)
-    opposite = GuidedCentre(follower.roller, 0.0, start, side=-1)
-    return (Disc("", GuidedCentre.on_base(base, follower.roller, 0.0), opposite),)
-
-
-def _conjugate(follower: kinds.Conjugate, law: Law, base: float) -> tuple[Disc, ...]:
-    """The second cam lets down what the first one lifts (profile thesis §2.2.2)."""
-    eccentricity = _si(follower.eccentricity)
-    first = GuidedCentre.on_base(base, follower.roller, eccentricity)
-    start = first.start + stroke(law)
-    if follower.roller_distance is not None:
-        start = follower.roller_distance.si - first.start
-    second = GuidedCentre(follower.roller, -eccentricity, start, side=-1)
-    return Disc("first", first), Disc("second", second)
-
-
-def _swung_conjugate(
-    follower: kinds.OscillatingConjugate, law: Law, base: float
-) -> tuple[Disc, ...]:
-    """Two arms of one rocker: the second roller sinks as the first one rises."""
+def _rocker(follower: kinds.OscillatingConjugate, law: Law, base: float) -> list[Disc]:
+    """The second roller sinks as the first one rises."""
     roller, arm, pivot = follower.roller, follower.arm.si, follower.pivot_distance.si
     first = SwungCentre.on_base(base, roller, arm, pivot)
     start = first.start + stroke(law) / arm
     if follower.arms_angle is not None:
         start = follower.arms_angle.si - first.start
-    second = SwungCentre(roller, arm, pivot, start, side=-1)
-    return Disc("first", first), Disc("second", second)
-
-
-_BUILDERS: dict[type, Callable[..., tuple[Disc, ...]]] = {
-    kinds.Point: _centre,
-    kinds.Roller: _centre,
-    kinds.Flat: _face,
-    kinds.InclinedFlat: _face,
-    kinds.OscillatingPoint: _swung_centre,
-    kinds.OscillatingRoller: _swung_centre,
-    kinds.OscillatingFlat: _swung_face,
-    kinds.ConstantBreadth: _breadth,
-    kinds.ConstantDiameter: _diameter,
-    kinds.Conjugate: _conjugate,
-    kinds.OscillatingConjugate: _swung_conjugate,
-}
+    return [Disc("first", first), Disc("second", SwungCentre(roller, arm, pivot, start, side=-1))]
 
 
 # The contour of a cam in its own frame, with curvature and pressure angle (kinematic inversion).
@@ -133,12 +86,10 @@ class Contour:
 
     Parameters
     ----------
-    disc : the disc and its follower
-    angle : ``(n,)`` cam angles, rad
+    angle, pressure : ``(n,)`` rad, cam angle and pressure angle, signed
     points, normal : ``(2, n)`` m, and unit vectors out of the cam
     radius : ``(n,)`` m, radius of curvature: positive where convex, negative where concave
     rate : ``(n,)`` m/rad, dP/dθ along the clockwise tangent; not positive: undercut
-    pressure : ``(n,)`` rad, pressure angle, signed
     pitch : ``(2, n)`` m, path of the roller's centre or of the point; None for a face
     """
 
@@ -174,9 +125,7 @@ class Contour:
 
 
 def contours(follower: Follower, law: Law, count: int) -> tuple[Contour, ...]:
-    """The contours of a cam, one a disc, at ``count`` equal steps of the cam angle.
-
-    Nothing is checked here but that the follower reaches its base circle: see `checks`.
+    """The contours of a cam, one a disc, at ``count`` equal steps; checked by `checks` alone.
 
     Raises
     ------

@@ -18,6 +18,7 @@ from shapely import LineString, segmentize
 
 from cam_rig.errors import ConfigError, OutputError, ProfileError
 from cam_rig.files import MIB, read_bytes, shown
+from cam_rig.profile.contact import Motion
 from cam_rig.profile.polyline import ContourPath
 from cam_rig.schema.quantity import UNITS
 from cam_rig.units import TURN, FloatArray
@@ -28,7 +29,6 @@ MM = 1e3
 MARGIN_MM = 5.0
 #: Decimals of a millimetre that there are at least: the lines are 0.25 mm wide.
 COARSEST_DIGITS = 2
-
 PAGE = """\
 <?xml version="1.0" encoding="utf-8"?>
 <svg xmlns="http://www.w3.org/2000/svg" width="{0}mm" height="{1}mm" viewBox="0 0 {0} {1}">
@@ -43,8 +43,8 @@ PAGE = """\
 def write_svg(path: Path, curves: dict[str, FloatArray], rounding: float) -> None:
     """Write closed polylines by name, ``(2, n)`` points in m, as one path each.
 
-    The page is whole millimetres wide and high, with 5 mm left free around the curves. Points
-    are absolute, so that what a reader rounds does not add up, and off by ``rounding`` (m) at most.
+    The page is of whole millimetres, 5 of them free around the curves. Points are absolute, so that
+    what a reader rounds does not add up, and off by ``rounding`` (m) at most.
     """
     digits = max(COARSEST_DIGITS, math.ceil(-math.log10(math.sqrt(2.0) * MM * rounding)))
     every = MM * np.concatenate(list(curves.values()), axis=1)
@@ -70,22 +70,16 @@ PER_CONTROL_POINT = 16
 
 
 def to_document(curves: dict[str, FloatArray]) -> Drawing:
-    """A drawing with one closed polyline on each layer; points ``(2, n)`` in m."""
+    """DXF R2010 with one closed polyline on each layer; points ``(2, n)`` in m."""
     document = ezdxf.new("R2010", units=units.MM)
     for layer, points in curves.items():
         document.layers.add(layer)
-        attributes = {"layer": layer}
-        space = document.modelspace()
+        space, attributes = document.modelspace(), {"layer": layer}
         space.add_lwpolyline((MM * points).T, close=True, dxfattribs=attributes)
     audit = document.audit()
     if audit.has_issues:
         raise OutputError(f"the drawing fails its audit: {audit.errors + audit.fixes}")
     return document
-
-
-def write_dxf(path: Path, curves: dict[str, FloatArray]) -> None:
-    """Write the drawing as DXF R2010."""
-    to_document(curves).saveas(path)
 
 
 def read_dxf(path: Path) -> list[FloatArray]:
@@ -107,17 +101,19 @@ def read_dxf(path: Path) -> list[FloatArray]:
 
 
 def _closed(entity: object) -> bool:
-    if isinstance(entity, LWPolyline | Spline):
-        return bool(entity.closed)
-    if isinstance(entity, Polyline) and (entity.is_2d_polyline or entity.is_3d_polyline):
-        return bool(entity.is_closed)
-    return False
+    if isinstance(entity, Polyline):
+        return bool(entity.is_closed and (entity.is_2d_polyline or entity.is_3d_polyline))
+    return isinstance(entity, LWPolyline | Spline) and bool(entity.closed)
 
 
 def _points(entity: object, metre: float) -> FloatArray:
     """Points of a closed entity in its own unit; ``metre`` is one metre in it."""
-    if isinstance(entity, Spline):
-        return _on_spline(entity)
+    if isinstance(entity, Spline):  # the outer knots of an unclamped one lie beyond its range
+        tool = entity.construction_tool()
+        knots, degree = tool.knots(), tool.degree
+        count = PER_CONTROL_POINT * len(tool.control_points)
+        on = tool.points(np.linspace(knots[degree], knots[-degree - 1], count).tolist())
+        return np.array([(p.x, p.y) for p in on], dtype=np.float64).T
     assert isinstance(entity, LWPolyline | Polyline)
     vertices = list(make_path(entity, segments=IN_ARC).flattening(ARC_ERROR * metre))
     points = np.array([(p.x, p.y) for p in vertices], dtype=np.float64)
@@ -125,15 +121,6 @@ def _points(entity: object, metre: float) -> FloatArray:
         length = float(np.hypot(*np.diff(points, axis=0).T).sum())
         points = np.array(segmentize(LineString(points), length / ON_ARCS).coords)
     return points[:-1].T if np.array_equal(points[0], points[-1]) else points.T
-
-
-def _on_spline(entity: Spline) -> FloatArray:
-    """Points of its valid range: the outer knots of an unclamped spline lie beyond it."""
-    tool = entity.construction_tool()
-    knots, degree = tool.knots(), tool.degree
-    count = PER_CONTROL_POINT * len(tool.control_points)
-    points = tool.points(np.linspace(knots[degree], knots[-degree - 1], count).tolist())
-    return np.array([(p.x, p.y) for p in points], dtype=np.float64).T
 
 
 # Contours and laws as CSV: full precision, units in the names of the columns.
@@ -151,7 +138,7 @@ def write_contour(path: Path, curves: list[ContourPath], count: int) -> None:
         rows = csv.writer(stream, lineterminator="\n")
         rows.writerow(("disc", *HEADER) if several else HEADER)
         for number, curve in enumerate(curves, start=1):
-            points, radius, pressure = curve.uniform(count)
+            points, radius, pressure = curve.of(Motion.uniform(curve.law, count))
             columns = (degrees, *(MM * points), MM * radius, np.degrees(pressure))
             for row in zip(*(column.tolist() for column in columns), strict=True):
                 rows.writerow((number, *row) if several else row)
@@ -166,10 +153,7 @@ def write_law(path: Path, angle: FloatArray, lift: FloatArray) -> None:
 
 
 def read_contour(path: Path) -> list[FloatArray]:
-    """The contours of a CSV file with columns ``x_mm`` and ``y_mm`` (or m, cm, in), in m.
-
-    A column ``disc`` tells the contours apart.
-    """
+    """The contours (m) of a CSV file with columns ``x_mm``, ``y_mm`` (or m, …) and ``disc``."""
     try:
         text = io.StringIO(read_bytes(path, MAX_BYTES).decode("utf-8-sig"), newline="")
         rows = [row for row in csv.reader(text) if row and not row[0].startswith("#")]
@@ -186,21 +170,14 @@ def read_contour(path: Path) -> list[FloatArray]:
         )
     wanted = [names.index(f"x_{unit}"), names.index(f"y_{unit}")]
     points = np.array([_numbers(path, row, wanted) for row in rows[1:]]).reshape(-1, 2)
-    discs = [_disc(path, row, names) for row in rows[1:]]
-    labels = np.array(discs, dtype=str)
-    factor = UNITS["length"][unit]
+    disc = names.index("disc") if "disc" in names else None
+    for row in rows[1:]:
+        if disc is not None and len(row) <= disc:
+            allowed = shown(",".join(names), False)
+            raise ProfileError(f"{path}: has the row {shown(','.join(row))}; allowed: {allowed}")
+    discs = ["" if disc is None else row[disc] for row in rows[1:]]
+    labels, factor = np.array(discs, dtype=str), UNITS["length"][unit]
     return [factor * points[labels == name].T for name in dict.fromkeys(discs)]
-
-
-def _disc(path: Path, row: list[str], names: list[str]) -> str:
-    """Which disc a row is of."""
-    if "disc" not in names:
-        return ""
-    if len(row) <= names.index("disc"):
-        raise ProfileError(
-            f"{path}: has the row {shown(','.join(row))}; allowed: {shown(','.join(names), False)}"
-        )
-    return row[names.index("disc")]
 
 
 def _numbers(path: Path, row: list[str], columns: list[int]) -> list[float]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cam_rig.errors import ReachError
-from cam_rig.profile.contact import Element, Motion, Touch, offset_curve
+from cam_rig.profile.contact import Element, Motion, Touch, offset_contact
 from cam_rig.units import ComplexArray, FloatArray
 
 
@@ -40,11 +40,7 @@ class Swung(Element):
     side: int
 
     def arm_angle(self, s: FloatArray) -> FloatArray:
-        """Angle at the pivot (rad) at displacements s (m).
-
-        From the line of pivot and axis, on the arm's own side of it. An arm with a centre reaches
-        between 0 and π, a face between −π/2 and π/2.
-        """
+        """Angle at the pivot (rad) from the line to the axis, on the arm's own side, at s (m)."""
         return self.start + self.side * s / self.arm
 
     def lift_at(self, place: FloatArray) -> FloatArray:
@@ -58,11 +54,10 @@ class Swung(Element):
 
 @dataclass(frozen=True)
 class GuidedCentre(Guided):
-    """A roller or a point in a guide (eq. 2.19-2.25).
+    """A roller or a point in a guide (eq. 2.19-2.25), lengths in m.
 
-    roller : m
-    eccentricity : m, of the guide, towards +x when seen with the follower above the cam
-    start : m, height of the centre over the cam's axis at s = 0
+    eccentricity : of the guide, towards +x when seen with the follower above the cam
+    start : height of the centre over the cam's axis at s = 0
     side : 1 above the cam; −1 below it, where the law lowers the height
     """
 
@@ -88,28 +83,22 @@ class GuidedCentre(Guided):
 
     def touch(self, motion: Motion) -> Touch:
         """The contact that follows the law."""
-        height = self.height(motion.s)
-        up = self.side * motion.slope - self.eccentricity
-        side = self.side
+        side, height = self.side, self.height(motion.s)
+        up = side * motion.slope - self.eccentricity
         centre = side * (self.eccentricity + 1j * height)
         tangent = side * (height + 1j * up)
         second = side * ((up + side * motion.slope) + 1j * (side * motion.bend - height))
-        contact, normal, radius, rate, curvature = offset_curve(
-            centre, tangent, second, self.roller
-        )
-        pressure = np.arctan2(up, height)
-        return Touch(contact, normal, radius, rate, pressure, centre, curvature)
+        return offset_contact(centre, tangent, second, self.roller, np.arctan2(up, height))
 
     def place_on(self, points: ComplexArray) -> FloatArray:
         """Height of the centre at which the follower just touches each point."""
         under = self.roller**2 - self.beside(points) ** 2
         height = self.side * points.imag + np.sqrt(np.maximum(under, 0.0))
-        place = np.where(under >= 0.0, height, -np.inf) if self.roller else height
-        return np.asarray(place, dtype=np.float64)
+        return np.asarray(np.where(under >= 0.0, height, -np.inf) if self.roller else height)
 
     def beside(self, points: ComplexArray) -> FloatArray:
         """How far points are to the right of the centre's path, m."""
-        return np.asarray(self.side * points.real - self.eccentricity, dtype=np.float64)
+        return np.asarray(self.side * points.real - self.eccentricity)
 
     def clearance(self, s: FloatArray) -> FloatArray:
         """Distance of roller or point from the cam's axis at s; below the axis it is negative."""
@@ -119,9 +108,9 @@ class GuidedCentre(Guided):
 
 @dataclass(frozen=True)
 class SwungCentre(Swung):
-    """A roller or a point at the end of an arm (eq. 2.26, 2.30-2.36).
+    """A roller or a point at the end of an arm (eq. 2.26, 2.30-2.36), lengths in m.
 
-    roller, arm, pivot : m; ``pivot`` is the distance of the pivot from the cam's axis
+    pivot : its distance from the cam's axis
     start : rad, γ: angle at the pivot from the cam's axis to the centre at s = 0
     side : 1 above the line of pivot and axis; −1 below it, where the law lowers the angle
     """
@@ -148,15 +137,12 @@ class SwungCentre(Swung):
     def touch(self, motion: Motion) -> Touch:
         """The contact that follows the law."""
         slope, bend = motion.slope / self.arm, motion.bend / self.arm
-        out = self._out(motion.s)
+        out = self.arm * np.exp(-1j * self.side * self.arm_angle(motion.s))
         centre = self.pivot - out
         tangent = 1j * ((1.0 + slope) * out - self.pivot)
         second = (1.0 + slope) ** 2 * out - self.pivot + 1j * bend * out
-        contact, normal, radius, rate, curvature = offset_curve(
-            centre, tangent, second, self.roller
-        )
-        pressure = np.angle(normal * (1j * self.side * out).conj())
-        return Touch(contact, normal, radius, rate, pressure, centre, curvature)
+        pressure = np.angle(1j * tangent / np.abs(tangent) * (1j * self.side * out).conj())
+        return offset_contact(centre, tangent, second, self.roller, pressure)
 
     def place_on(self, points: ComplexArray) -> FloatArray:
         """Way along the arc at which the follower just touches each point."""
@@ -178,12 +164,8 @@ class SwungCentre(Swung):
         return np.asarray(np.abs(self.stand(s)) - self.roller)
 
     def stand(self, s: FloatArray) -> ComplexArray:
-        """The centre at displacements s."""
-        return np.asarray(self.pivot - self._out(s))
-
-    def _out(self, s: FloatArray) -> ComplexArray:
-        """From the centre to the pivot, at displacements s."""
-        return np.asarray(self.arm * np.exp(-1j * self.side * self.arm_angle(s)))
+        """The centre."""
+        return np.asarray(self.pivot - self.arm * np.exp(-1j * self.side * self.arm_angle(s)))
 
 
 # Followers that touch with a straight face: the contour is the envelope of its lines.
@@ -195,8 +177,7 @@ class GuidedFace(Guided):
 
     inclination : rad, of the face, counterclockwise from square to the guide
     eccentricity : m, of the guide: it moves the guide along the face, not the contour
-    start : m, height at which the face meets the guide at s = 0
-    side : 1 above the cam; −1 below it, where the law lowers the height
+    start : m, height at which the face meets the guide at s = 0; side as of `GuidedCentre`
     """
 
     inclination: float
@@ -233,9 +214,8 @@ class GuidedFace(Guided):
 
     def place_on(self, points: ComplexArray) -> FloatArray:
         """Height in the guide at which the face goes through each point."""
-        slant = np.tan(self.inclination)
-        height = self.side * (points.imag - slant * points.real) + slant * self.eccentricity
-        return np.asarray(height, dtype=np.float64)
+        slant = float(np.tan(self.inclination))
+        return self.side * (points.imag - slant * points.real) + slant * self.eccentricity
 
     def clearance(self, s: FloatArray) -> FloatArray:
         """Distance of the face from the cam's axis at displacements s."""
@@ -244,11 +224,10 @@ class GuidedFace(Guided):
 
 @dataclass(frozen=True)
 class SwungFace(Swung):
-    """A face along an arm (eq. 2.26-2.29).
+    """A face along an arm (eq. 2.26-2.29), lengths in m.
 
-    arm : m, where the law is measured
-    offset : m, of the face from the pivot, out of the cam
-    pivot : m, distance of the pivot from the cam's axis
+    arm, pivot : from the pivot to where the law is measured, and to the cam's axis
+    offset : of the face from the pivot, out of the cam
     start : rad, γ: angle of the face to the line of pivot and axis at s = 0
     """
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
@@ -37,10 +39,7 @@ def reach_of(element: Element, law: Law) -> float:
 
 
 def positions(element: Element, law: Law, angle: FloatArray) -> list[list[FloatArray]]:
-    """For each cam angle (rad) the follower's outline as strips, ``(n, 2)`` mm, in the cam's frame.
-
-    A roller or a face, with its stem or its arm.
-    """
+    """For each cam angle (rad) the follower as strips, ``(n, 2)`` mm, in the cam's frame."""
     strips = _outline(element, law, Motion.at(law, angle))
     turn = np.exp(-1j * angle)[:, None]
     turned = [strip * turn * MM for strip in strips]
@@ -123,11 +122,7 @@ STILL, NARROW, NAMED_STAGE = 1e-6, 5.0, 48.0
 def figure(
     cam: CamConfig, law: Law, checks: list[Check], follower_positions: int = POSITIONS
 ) -> Figure:
-    """The cam with its follower around it, radius of curvature and pressure angle over a turn.
-
-    ``follower_positions`` of the follower are drawn, at equal steps of the cam angle, as the
-    graphical method divides the turn (profile thesis, §2.2.1).
-    """
+    """The cam with its follower around it, radius of curvature and pressure angle over a turn."""
     discs = contours(cam.follower, law, POINTS)
     out = empty(5.2)
     panels = out.subplot_mosaic(
@@ -212,20 +207,12 @@ def _name_angles(axes: Axes, contour: Contour, law: Law, count: int) -> None:
     every = max(1, round(NAMED / step)) if count > EACH_NAMED else 1
     angle = np.degrees(turn_angles(count))[::every]
     angle = angle[angle < 360.0 - 0.5 * every * step]  # no name on that of 0°
-    for degrees, strips in zip(
-        angle, positions(contour.disc.element, law, np.radians(angle)), strict=True
-    ):
+    around = positions(contour.disc.element, law, np.radians(angle))
+    style: dict[str, Any] = {"ha": "center", "va": "center", "color": "0.3"}
+    for degrees, strips in zip(angle, around, strict=True):
         end = strips[-1][-1]
         beyond = OUTSIDE_PT * end / np.hypot(*end)
-        axes.annotate(
-            f"{degrees:.3g}°",
-            end,
-            beyond,
-            textcoords="offset points",
-            ha="center",
-            va="center",
-            color="0.3",
-        )
+        axes.annotate(f"{degrees:.3g}°", end, beyond, textcoords="offset points", **style)
 
 
 def _curvature(axes: Axes, cam: CamConfig, law: Law, discs: tuple[Contour, ...]) -> None:
@@ -234,10 +221,8 @@ def _curvature(axes: Axes, cam: CamConfig, law: Law, discs: tuple[Contour, ...])
         radius = contour.radius * MM
         shown = np.where(np.abs(radius) < OFF * size, radius, np.nan)
         name = f"{contour.disc.name}: " if contour.disc.name else ""
-        degrees, sharpest = (
-            np.degrees(contour.angle),
-            sharpest_convex(Scan(law, contour.disc.element)),
-        )
+        degrees = np.degrees(contour.angle)
+        sharpest = sharpest_convex(Scan(law, contour.disc.element))
         smallest = printed(sharpest.value * MM, ".4g")
         number = f"$ρ_{{min}}$ = {smallest} mm at {_degrees(sharpest):.4g}°"
         axes.plot(degrees, shown, color=colour, ls=dash, label=f"{name}{number}")
@@ -286,11 +271,8 @@ def _stages(axes: Axes, law: Law, named: bool) -> None:
     """Rise and dwell shaded over the whole height, by the sign of s'."""
     angle = turn_angles(POINTS)
     slope, steepest = law(angle, 1), max(float(np.abs(e.value)) for e in extremes(law, 1))
-    still = np.abs(slope) <= STILL * steepest
-    for where, shade, name in (
-        (slope > STILL * steepest, "0.85", "rise"),
-        (still, "0.95", "dwell"),
-    ):
+    rising, still = slope > STILL * steepest, np.abs(slope) <= STILL * steepest
+    for where, shade, name in ((rising, "0.85", "rise"), (still, "0.95", "dwell")):
         for start, stop in _runs(where):
             first, last = start * 360.0 / POINTS, stop * 360.0 / POINTS
             if last - first >= NARROW:

@@ -1,7 +1,7 @@
 """A follower put on a finished contour: where does it rest? Nothing of the law is used.
 
-The cam is turned, the follower lowered until it touches. A face or a roller rests on the point
-of the contour that holds it up farthest; a point on the crossing of its path with the contour.
+A face or a roller rests on the point of the contour that holds it up farthest; a point on the
+crossing of its path with the contour.
 """
 
 from __future__ import annotations
@@ -33,13 +33,9 @@ BLOCK = 64
 
 
 def closed_curve(points: FloatArray) -> Curve:
-    """The periodic cubic spline through the ``(2, n)`` points of a closed contour, m.
-
-    A last point equal to the first, and points that repeat the one before, are dropped.
-    """
-    closed = np.append(points, points[:, :1], axis=1)
-    step = np.hypot(closed[0, 1:] - closed[0, :-1], closed[1, 1:] - closed[1, :-1])
-    kept = closed[:, :-1][:, step > 1e-9 * step.max(initial=0.0)]
+    """The periodic cubic spline through the ``(2, n)`` points of a closed contour, m."""
+    step = np.hypot(*np.diff(np.append(points, points[:, :1], axis=1), axis=1))
+    kept = points[:, step > 1e-9 * step.max(initial=0.0)]  # without repeated ones
     if kept.shape[1] < 8:
         raise ProfileError(
             f"contour has {kept.shape[1]} different points; allowed: at least 8, and for a "
@@ -60,11 +56,10 @@ def rest(element: Element, curve: Curve, angle: FloatArray) -> FloatArray:
     """Displacement s (m) at cam angles (rad) of a follower resting on a contour."""
     at = turn_angles(COARSE)
     outline = curve(at)
-    narrow = isinstance(element, GuidedCentre | SwungCentre) and element.roller == 0.0
     place = np.empty(angle.size)
     for begin in range(0, angle.size, BLOCK):
         turn = np.exp(1j * angle[begin : begin + BLOCK])[:, None]
-        if narrow and isinstance(element, GuidedCentre | SwungCentre):
+        if isinstance(element, GuidedCentre | SwungCentre) and element.roller == 0.0:
             found = _crossing(element, curve, outline, turn)
         else:
             found = _highest(element, curve, outline, turn)
@@ -161,11 +156,7 @@ POINTS, READINGS = 3600, 360
 def play(
     elements: tuple[Element, Element], curves: tuple[Curve, Curve], angle: FloatArray
 ) -> FloatArray:
-    """How far (m of s) the follower can move between its two contacts at cam angles (rad).
-
-    The first element rests at the least displacement it is let down to, the second at the greatest
-    it is let up to. 0: both touch. Negative: the follower does not go between its cams.
-    """
+    """How far (m of s; negative: not at all) the follower can move between its two contacts."""
     low, high = (rest(one, curve, angle) for one, curve in zip(elements, curves, strict=True))
     return high - low
 
@@ -179,10 +170,7 @@ def pair(plates: tuple[Disc, ...]) -> tuple[Element, Element]:
 
 
 def closure(follower: Follower, law: Law) -> FloatArray:
-    """``(360,)`` play (m) over the turn of a follower on its finished contours.
-
-    The contours are splines through 3600 points: nothing of the law is used in the measurement.
-    """
+    """``(360,)`` play (m) over the turn of a follower on its contours, splines of 3600 points."""
     found = contours(follower, law, POINTS)
     curves = [closed_curve(contour.points) for contour in found]
     elements = pair(tuple(contour.disc for contour in found))

@@ -7,7 +7,6 @@ on +x, and the cam turns counterclockwise. Of a cam with two discs the first is 
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,15 +24,14 @@ BEARING, LIFT_OFF = 0.1, 0.12
 
 
 @dataclass(frozen=True)
-class FollowerShape(ABC):
+class FollowerShape:
     """A follower in the plane; all lengths in m, all angles in rad, arrays of shape ``(n,)``.
 
-    element : what touches the cam, a roller, a point or a flat face, as the profile has it
-    max_lift : of the law, m
+    What a guide along y carries never turns; an arm's lift is the way along the arc at its end.
     """
 
     element: Guided | Swung
-    max_lift: float
+    max_lift: float  # of the law
 
     @property
     def reach(self) -> float:
@@ -49,59 +47,42 @@ class FollowerShape(ABC):
         touch = self.element.touch(motion)
         return _points(touch.contact), _points(touch.normal)
 
-    @abstractmethod
     def turn(self, lift: FloatArray) -> FloatArray:
-        """``(n,)`` how far the outline is turned about its own origin."""
+        """``(n,)`` how far the outline is turned about its own origin; an arm's is along -x."""
+        if isinstance(self.element, Swung):
+            return -self.element.arm_angle(lift)
+        return np.zeros_like(lift)
 
-    @abstractmethod
     def origin(self, lift: FloatArray) -> FloatArray:
-        """``(n, 2)`` where the origin of the outline is."""
+        """``(n, 2)`` where the origin of the outline is: the pivot, or the place itself."""
+        if isinstance(self.element, Swung):
+            return np.tile([self.element.pivot, 0.0], (lift.size, 1))
+        return self.place(lift)
 
-    @abstractmethod
-    def outline(self) -> list[FloatArray]:
-        """Strips about the origin of the outline."""
-
-    @abstractmethod
-    def support(self) -> list[FloatArray]:
-        """Strips of what stands still: a guide, a pivot."""
-
-    @abstractmethod
     def upward(self, lift: FloatArray) -> FloatArray:
         """``(n, 2)`` unit vectors in which the lift grows: along the guide, square to the arm."""
+        return _points(1j * np.exp(1j * self.turn(lift)))
 
     def carried(self, points: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
         """``(n, 2)`` points of the follower, moved with it from lift ``start`` to ``end``."""
         angle = self.turn(end) - self.turn(start)
-        arm = points - self.origin(start)
-        cosine, sine = np.cos(angle), np.sin(angle)
-        x, y = arm.T
+        (x, y), cosine, sine = (points - self.origin(start)).T, np.cos(angle), np.sin(angle)
         turned: FloatArray = np.column_stack([x * cosine - y * sine, x * sine + y * cosine])
         return self.origin(end) + turned
 
-
-@dataclass(frozen=True)
-class Translating(FollowerShape):
-    """A point, roller or face in a guide along y, which may run past the cam's axis."""
-
-    element: Guided
-
-    def turn(self, lift: FloatArray) -> FloatArray:
-        """It never turns."""
-        return np.zeros_like(lift)
-
-    def origin(self, lift: FloatArray) -> FloatArray:
-        """The place itself."""
-        return self.place(lift)
-
-    def upward(self, lift: FloatArray) -> FloatArray:
-        """Along the guide."""
-        return np.column_stack([np.zeros_like(lift), np.ones_like(lift)])
-
     def outline(self) -> list[FloatArray]:
-        """Roller, point or face, and the stem."""
-        top, half, roller = self._length, 0.03 * self.reach, self.element.roller
-        if isinstance(self.element, GuidedFace):
-            tilt, wide = self.element.inclination, 0.9 * self.reach
+        """Strips about its origin: roller, point or face, with the stem or the arm."""
+        element, half, roller = self.element, 0.03 * self.reach, self.element.roller
+        if isinstance(element, SwungFace):
+            ends = [[0.0, element.offset], [-2.0 * element.pivot, element.offset]]
+            return [np.array(ends)]
+        if isinstance(element, Swung):
+            arm = np.array([[0.0, 0.0], [-element.arm, 0.0]])
+            return [(circle(roller) if roller else tip(half, half)) + arm[1], arm]
+        # the stem is in its bearing at no lift too
+        top = max(self.reach, self._bearing + 2.0 * BEARING * self.reach - element.start)
+        if isinstance(element, GuidedFace):
+            tilt, wide = element.inclination, 0.9 * self.reach
             along = np.array([np.cos(tilt), np.sin(tilt)])
             return [np.outer([-wide, wide], along), stem(half, 0.0, top)]
         if roller:
@@ -109,8 +90,11 @@ class Translating(FollowerShape):
         return [tip(half, 2.0 * half), stem(half, 2.0 * half, top)]
 
     def support(self) -> list[FloatArray]:
-        """The bearing of the stem, above the highest place of what the stem carries."""
-        top, low = self.reach, self._bearing
+        """Strips of what stands still: the pivot's pin, or the bearing above all that moves."""
+        top = self.reach
+        if isinstance(self.element, Swung):
+            return [circle(0.05 * top) + np.array([self.element.pivot, 0.0])]
+        low = self._bearing
         return bearing(self.element.eccentricity, 0.04 * top, 0.16 * top, low, low + BEARING * top)
 
     @property
@@ -119,51 +103,12 @@ class Translating(FollowerShape):
         carried = max(self.element.roller, 0.06 * self.reach)
         return self.reach + carried + LIFT_OFF * self.max_lift
 
-    @property
-    def _length(self) -> float:
-        """Of the stem, which is in its bearing at no lift too."""
-        return max(self.reach, self._bearing + 2.0 * BEARING * self.reach - self.element.start)
-
-
-@dataclass(frozen=True)
-class Oscillating(FollowerShape):
-    """A point, roller or face on an arm, whose lift is the way along the arc at the arm's end."""
-
-    element: Swung
-
-    def turn(self, lift: FloatArray) -> FloatArray:
-        """The outline is drawn with its arm along -x."""
-        return -self.element.arm_angle(lift)
-
-    def origin(self, lift: FloatArray) -> FloatArray:
-        """The pivot."""
-        return np.tile([self.element.pivot, 0.0], (lift.size, 1))
-
-    def upward(self, lift: FloatArray) -> FloatArray:
-        """Square to the arm."""
-        return _points(1j * np.exp(-1j * self.element.arm_angle(lift)))
-
-    def outline(self) -> list[FloatArray]:
-        """The arm from the pivot, and what is at its end; or the face."""
-        if isinstance(self.element, SwungFace):
-            ends = [[0.0, self.element.offset], [-2.0 * self.element.pivot, self.element.offset]]
-            return [np.array(ends)]
-        half, roller = 0.03 * self.reach, self.element.roller
-        arm = np.array([[0.0, 0.0], [-self.element.arm, 0.0]])
-        return [(circle(roller) if roller else tip(half, half)) + arm[1], arm]
-
-    def support(self) -> list[FloatArray]:
-        """The pivot's pin."""
-        return [circle(0.05 * self.reach) + np.array([self.element.pivot, 0.0])]
-
 
 def follower_shape(cam: CamConfig, law: Law) -> FollowerShape:
     """The shape of a cam's follower."""
-    element, greatest = discs(cam.follower, law)[0].element, float(law(turn_angles(360)).max())
-    if isinstance(element, Swung):
-        return Oscillating(element, greatest)
-    assert isinstance(element, Guided)
-    return Translating(element, greatest)
+    element = discs(cam.follower, law)[0].element
+    assert isinstance(element, Guided | Swung)
+    return FollowerShape(element, float(law(turn_angles(360)).max()))
 
 
 def _points(of_plane: ComplexArray) -> FloatArray:

@@ -1,7 +1,7 @@
 """A closed polyline along a path, with few points and a proven chord error.
 
-The path is cut where the law's slope or acceleration jumps: there the path has a corner, steps
-along a face, or bends otherwise at once, and a vertex stands on each side.
+Where the law's slope or acceleration jumps the path has a corner, or bends otherwise at once: a
+vertex stands on each side.
 """
 
 from __future__ import annotations
@@ -34,13 +34,10 @@ class ContourPath:
 
     def at(self, angle: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Points ``(2, n)`` m, radius of curvature m and pressure angle rad at cam angles, rad."""
-        return self._of(Motion.at(self.law, angle))
+        return self.of(Motion.at(self.law, angle))
 
-    def uniform(self, count: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The same at equal steps over one turn."""
-        return self._of(Motion.uniform(self.law, count))
-
-    def _of(self, motion: Motion) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def of(self, motion: Motion) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The same at the angles of a motion."""
         contour = Contour.of(self.disc, motion)
         points = contour.points + self.offset * contour.normal
         return points, contour.radius + self.offset, contour.pressure
@@ -89,56 +86,39 @@ LONGEST = 1.0 / 90.0
 MORE, TRIALS = 1.08, 12
 #: Less is within the rounding of a metre, m.
 FINEST = 1e-11
+#: Of a smooth stretch: cam angles (rad), steps of the path between (m), its curvature (1/m).
+Samples = tuple[FloatArray, FloatArray, FloatArray]
 
 
 def polyline(path: ContourPath, tolerance: float) -> FloatArray:
-    """``(2, n)`` points on the path, m; no chord between two is farther than ``tolerance`` (m).
-
-    Points are dense where the curvature is. The chord error is measured on samples of the path
-    between the points, and points are added until it holds.
-    """
+    """``(2, n)`` points on the path, m; no chord between two is farther than ``tolerance`` (m)."""
     if not tolerance >= FINEST:
         raise ProfileError(
             f"tolerance is {tolerance * 1e6:.3g} µm; allowed: at least {FINEST * 1e6:g} µm"
         )
-    stretches = [_samples(path, low, high) for low, high in pairwise(_cuts(path.law))]
+    rough = [joint.angle for joint in joints(path.law) if joint.continuity < 2]
+    cuts = sorted({0.0, TURN, *rough})
+    stretches = [_samples(path, low, high) for low, high in pairwise(cuts)]
     longest = LONGEST * sum(float(step.sum()) for _, step, _ in stretches)
-    found = np.concatenate([_stretch(path, *one, longest, tolerance) for one in stretches], axis=1)
+    found = np.concatenate([_line(path, one, longest, tolerance) for one in stretches], axis=1)
     step = np.hypot(*(found - np.roll(found, 1, axis=1)))
     return found[:, step > FINEST]  # both sides of a joint may be one point
 
 
-def _cuts(law: Law) -> list[float]:
-    """Cam angles (rad) where s' or s'' jumps, with the ends of the turn."""
-    rough = [joint.angle for joint in joints(law) if joint.continuity < 2]
-    return sorted({0.0, TURN, *rough})
-
-
-def _samples(
-    path: ContourPath, low: float, high: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Cam angles of a smooth stretch (rad), the steps of the path between (m), its bend (1/m).
-
-    The stretch ends just before ``high``, where the law still is that of the stretch.
-    """
+def _samples(path: ContourPath, low: float, high: float) -> Samples:
+    """From ``low`` to just before ``high`` (rad), where the law still is that of the stretch."""
     count = max(IN_CHORD, round(GUESS * (high - low) / TURN))
     angle = np.linspace(low, np.nextafter(high, low), count + 1)
     points, radius, _ = path.at(angle)
     step = np.hypot(*np.diff(points, axis=1))
-    bend = np.abs(1.0 / np.where(radius == 0.0, np.inf, radius))
-    return angle, step, 0.5 * (bend[1:] + bend[:-1])
+    curvature = np.abs(1.0 / np.where(radius == 0.0, np.inf, radius))
+    return angle, step, 0.5 * (curvature[1:] + curvature[:-1])
 
 
-def _stretch(
-    path: ContourPath,
-    angle: FloatArray,
-    step: FloatArray,
-    bend: FloatArray,
-    longest: float,
-    tolerance: float,
-) -> FloatArray:
+def _line(path: ContourPath, one: Samples, longest: float, tolerance: float) -> FloatArray:
     """Points of a smooth stretch, with both its ends."""
-    chords = step * np.maximum(np.sqrt(bend / (8.0 * tolerance)), 1.0 / longest)
+    angle, step, curvature = one
+    chords = step * np.maximum(np.sqrt(curvature / (8.0 * tolerance)), 1.0 / longest)
     passed = np.append(0.0, np.cumsum(chords))
     count = max(1, int(np.ceil(passed[-1])))
     for _ in range(TRIALS):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
@@ -28,10 +28,9 @@ def _assumed(value: float, unit: str, source: str) -> Quantity:
 class ContactParts(Strict):
     """The section ``contact`` of a cam file; every key may be left out.
 
-    ``tip_radius`` is that of a point follower: an actual point would have infinite pressure. The
-    follower is of the cam's material where ``follower_youngs_modulus`` and
-    ``follower_poisson_ratio`` are not given. ``most_pressure`` and ``most_sliding_speed`` are what
-    bounds the base radius from below and from above.
+    ``tip_radius`` is that of a point follower: an actual point would have infinite pressure. By
+    default the follower is of the cam's material. ``most_pressure`` and ``most_sliding_speed``
+    bound the base radius from below and from above.
     """
 
     face_width: Width = _assumed(10.0, "mm", "no source prints it; a narrow cam of a test rig")
@@ -75,6 +74,9 @@ class _Follower(Strict):
     ``most_pressure_angle`` what the guide or the pivot bears: 30° and 45° when not given.
     """
 
+    #: Whether a spring alone holds it on the cam, as the dynamic models take it.
+    sprung: ClassVar[bool] = True
+
     base_radius: Length
     least_curvature_radius: Radius | None = None
     most_pressure_angle: Steepest | None = None
@@ -83,11 +85,6 @@ class _Follower(Strict):
     def roller(self) -> float:
         """Roller radius in m, 0 for a follower without one."""
         return 0.0
-
-    @property
-    def sprung(self) -> bool:
-        """Whether a spring alone holds it on the cam, as the dynamic models take it."""
-        return True
 
     def numbers(self) -> dict[str, Quantity]:
         """Every number of the follower by its key."""
@@ -121,12 +118,9 @@ class _Pivoted(_Follower):
 
 
 class _Positive(_Follower):
-    """The cam moves it both ways."""
+    """The cam moves it both ways: it cannot leave the cam."""
 
-    @property
-    def sprung(self) -> bool:
-        """No: it cannot leave the cam."""
-        return False
+    sprung: ClassVar[bool] = False
 
 
 class Point(_Guided):
@@ -217,10 +211,9 @@ FRAMES = ("base_link", "guide", "motor", "microphone", "cam", "follower", "follo
 
 
 class CamConfig(Strict):
-    """One file of ``config/cams/``.
+    """One file of ``config/cams/``; `parts` has the defaults of ``contact``.
 
-    ``cannot_be_made`` says why a cam is there to be looked at only: one that fails a check, and is
-    meant to. ``contact`` is only for stresses: `parts` has its defaults where it is not given.
+    ``cannot_be_made`` says why a cam fails a check and is meant to, to be looked at only.
     """
 
     name: str = Field(pattern=r"^[a-z][a-z0-9_]*$")

@@ -25,22 +25,14 @@ def kind_of(value: object) -> str:
 
 
 def explain(error: ValidationError, kind: type[BaseModel]) -> str:
-    """The problem that tells most, in words, and the keys of the others.
-
-    An unknown key comes first: the key that is missing beside it is often the same, misspelt.
-    """
-    problems = error.errors()
+    """The problem that tells most, in words, and the keys of the others, each once."""
+    problems = error.errors()  # an unknown key is often one that is missing, misspelt
     first = next((p for p in problems if p["type"] == "extra_forbidden"), problems[0])
-    others = [_key(p, kind) or str(p["msg"]) for p in problems if p is not first]
-    return _sentence(first, kind) + _more(list(dict.fromkeys(others)))
-
-
-def _more(others: list[str]) -> str:
-    """What else is wrong, `NAMED` by their keys; a key with two errors stands once."""
-    if not others:
-        return ""
-    rest = len(others) - NAMED
-    return f" (also wrong: {', '.join(others[:NAMED])}{f' and {rest} more' if rest > 0 else ''})"
+    wrong = [_key(p, kind) or str(p["msg"]) for p in problems if p is not first]
+    others = list(dict.fromkeys(wrong))
+    more = f" and {len(others) - NAMED} more" if len(others) > NAMED else ""
+    also = f" (also wrong: {', '.join(others[:NAMED])}{more})" if others else ""
+    return _sentence(first, kind) + also
 
 
 def _sentence(problem: ErrorDetails, kind: type[BaseModel]) -> str:
@@ -48,13 +40,20 @@ def _sentence(problem: ErrorDetails, kind: type[BaseModel]) -> str:
     tag = str(context.get("discriminator", "")).strip("'")
     match problem["type"]:
         case "extra_forbidden":
-            text = _unknown_key(problem, kind)
+            above = problem["loc"][:-1]
+            properties = _along(kind, above)[-1].get("properties", {})
+            allowed = sorted(properties if above else kind.model_fields)
+            hint = did_you_mean(str(problem["loc"][-1]), allowed)
+            listing = f"; allowed: {', '.join(allowed)}" if allowed else ""
+            text = f"{key}: unknown key, value {shown}{hint}{listing}"
         case "missing":
             text = f"{key}: missing; it is required"
         case "value_error":
             text = f"{key}: {context['error']}" if key else str(context["error"])
         case "union_tag_not_found":
-            text = f"{key}.{tag}: missing; allowed: one of {_tags(kind, problem)}"
+            node = _along(kind, problem["loc"])[-1]
+            known = ", ".join(node.get("discriminator", {}).get("mapping", {}))
+            text = f"{key}.{tag}: missing; allowed: one of {known}"
         case "union_tag_invalid":
             known = str(context["expected_tags"])
             name = context["tag"]
@@ -76,14 +75,6 @@ def _hint(name: object, known: str) -> str:
     return did_you_mean(str(name), re.findall(r"'([^']*)'", known))
 
 
-def _unknown_key(problem: ErrorDetails, kind: type[BaseModel]) -> str:
-    key, shown = _key(problem, kind), _shown(problem["input"])
-    allowed = sorted(_fields_at(kind, problem["loc"][:-1]))
-    hint = did_you_mean(str(problem["loc"][-1]), allowed)
-    listing = f"; allowed: {', '.join(allowed)}" if allowed else ""
-    return f"{key}: unknown key, value {shown}{hint}{listing}"
-
-
 @cache
 def _schema(kind: type[BaseModel]) -> Any:
     return kind.model_json_schema()
@@ -96,12 +87,6 @@ def _along(kind: type[BaseModel], loc: tuple[int | str, ...]) -> list[Any]:
     for part in loc:
         nodes.append(_resolve(_step(nodes[-1], part), schema))
     return nodes
-
-
-def _tags(kind: type[BaseModel], problem: ErrorDetails) -> str:
-    """The tags of a union: the names of its members."""
-    node = _along(kind, problem["loc"])[-1]
-    return ", ".join(node.get("discriminator", {}).get("mapping", {}))
 
 
 def _shown(value: object) -> str:
@@ -127,12 +112,6 @@ def _key(problem: ErrorDetails, kind: type[BaseModel]) -> str:
         else:
             out += f".{part}" if out else part
     return out
-
-
-def _fields_at(kind: type[BaseModel], loc: tuple[int | str, ...]) -> set[str]:
-    """The keys allowed at a location, as far as the model's annotations tell."""
-    node = _along(kind, loc)[-1]
-    return set(node.get("properties", {})) if loc else set(kind.model_fields)
 
 
 def _resolve(node: Any, schema: Any) -> Any:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import re
 import sysconfig
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -28,37 +30,24 @@ NAME = re.compile(r"[a-z][a-z0-9_]{0,99}")
 
 def config_root() -> Path:
     """The shipped ``config`` folder: the source tree's, else the installed share folder's."""
-    source = Path(__file__).parents[2] / "config"
-    if source.is_dir():
-        return source
-    for parent in Path(__file__).parents:
-        share = parent / "share" / "cam_rig" / "config"
-        if share.is_dir():
-            return share
-    return Path(sysconfig.get_path("data")) / "share" / "cam_rig" / "config"
+    shared, above = Path("share/cam_rig/config"), Path(__file__).parents
+    places = [above[2] / "config", *(parent / shared for parent in above)]
+    found = next((place for place in places if place.is_dir()), None)
+    return found or Path(sysconfig.get_path("data")) / shared
 
 
 def named_path(folder: str, name: str | Path) -> Path:
-    """The file that a path means; a word without folder and suffix is a shipped file's name.
-
-    folder : of ``config``, where the shipped files of its kind are
-    """
-    path = Path(name)
-    return path if is_path(name) or _is_file(path) else config_root() / folder / f"{name}.yaml"
+    """The file that a path means; a word without folder and suffix is one's of a config folder."""
+    path, there = Path(name), False
+    with suppress(OSError):  # of a name that no file can have
+        there = path.is_file()
+    return path if is_path(name) or there else config_root() / folder / f"{name}.yaml"
 
 
 def is_path(name: str | Path) -> bool:
     """Whether a text can only be a path: it has a folder, or the suffix of a YAML file."""
     path = Path(name)
     return path.name != str(name) or path.suffix in (".yaml", ".yml")
-
-
-def _is_file(path: Path) -> bool:
-    """Whether there is a file at a path; a name that no file can have is none."""
-    try:
-        return path.is_file()
-    except OSError:
-        return False
 
 
 def read_yaml(path: Path, most: int = MAX_BYTES) -> Any:
@@ -77,13 +66,9 @@ def read_yaml(path: Path, most: int = MAX_BYTES) -> Any:
 
 def _not_there(*paths: Path) -> str:
     """That there is no such file in any of these places, and what there is beside the last."""
-    return f"{', '.join(map(str, paths))}: no such file{_neighbours(paths[-1])}"
-
-
-def _neighbours(path: Path) -> str:
-    """The YAML files there are beside one that is missing, the likeliest first."""
-    there = sorted(p.stem for p in path.parent.glob("*.yaml"))
-    return f"{did_you_mean(path.stem, there)}; there are: {', '.join(there)}" if there else ""
+    there = sorted(p.stem for p in paths[-1].parent.glob("*.yaml"))
+    known = f"{did_you_mean(paths[-1].stem, there)}; there are: {', '.join(there)}" if there else ""
+    return f"{', '.join(map(str, paths))}: no such file{known}"
 
 
 def load(path: Path, kind: type[Config]) -> Config:
@@ -102,15 +87,10 @@ def load(path: Path, kind: type[Config]) -> Config:
 
 @dataclass(frozen=True)
 class Library:
-    """The folders that the names in a file refer to, the file's own before the shipped one.
-
-    Parameters
-    ----------
-    here : what paths in the file are relative to: its folder
-    """
+    """The folders that the names in a file refer to, the file's own before the shipped one."""
 
     roots: tuple[Path, ...]
-    here: Path = Path()
+    here: Path = Path()  # what paths in the file are relative to: its folder
 
     @classmethod
     def beside(cls, scene: Path) -> Library:
@@ -119,109 +99,49 @@ class Library:
         return cls(tuple(dict.fromkeys((own, config_root()))), scene.parent)
 
     def path(self, folder: str, name: str) -> Path:
-        """The file ``folder/name.yaml`` of the first root that has it.
+        """The file ``folder/name.yaml`` of the first root that has it; it must be a plain name."""
+        places = self._places(folder, name)
+        return next((path for path in places if path.is_file()), places[-1])
 
-        Raises
-        ------
-        ConfigError : the name is not a plain name
-        """
+    def file(self, folder: str, name: str) -> Path:
+        """The file that a path means, or as `path` the one that a name does; it must be there."""
+        places = [self.here / name] if is_path(name) else self._places(folder, name)
+        for path in places:
+            if path.is_file():
+                return path
+        raise ConfigError(_not_there(*places))
+
+    def _places(self, folder: str, name: str) -> list[Path]:
         if not NAME.fullmatch(name):
             raise ConfigError(
                 f"{folder}: is {name[:40]!r}; allowed: a name of up to 100 small letters, digits "
                 "and _, a letter first"
             )
-        candidates = [root / folder / f"{name}.yaml" for root in self.roots]
-        return next((path for path in candidates if path.is_file()), candidates[-1])
-
-    def file(self, folder: str, name: str) -> Path:
-        """The file that a path means, or as `path` the one that a name does.
-
-        Raises
-        ------
-        ConfigError : no file; all places that were looked at are named
-        """
-        if is_path(name):
-            places = [self.here / name]
-        else:
-            self.path(folder, name)  # refuses what is no name
-            places = [root / folder / f"{name}.yaml" for root in self.roots]
-        found = next((path for path in places if path.is_file()), None)
-        if found is None:
-            raise ConfigError(_not_there(*places))
-        return found
+        return [root / folder / f"{name}.yaml" for root in self.roots]
 
 
-def load_cam(path: Path) -> CamConfig:
-    """Read one file of ``config/cams/``."""
-    return load(path, CamConfig)
-
-
-def load_rig(path: Path) -> RigConfig:
-    """Read one file of ``config/rigs/``."""
-    return load(path, RigConfig)
-
-
-def load_scene(path: Path) -> SceneConfig:
-    """Read one file of ``config/scenes/``."""
-    return load(path, SceneConfig)
-
-
-def load_published(path: Path) -> PublishedNoise:
-    """Read one file of ``config/published/``."""
-    return load(path, PublishedNoise)
-
-
-def load_tables(path: Path) -> PublishedTables:
-    """Read one file of ``config/published/tables/``."""
-    return load(path, PublishedTables)
-
-
-def load_readings(path: Path) -> TableReadings:
-    """Read one file of ``config/published/readings/``."""
-    return load(path, TableReadings)
+# Each reads one file of a folder of ``config``, by its path.
+load_cam = partial(load, kind=CamConfig)
+load_rig = partial(load, kind=RigConfig)
+load_scene = partial(load, kind=SceneConfig)
+load_published = partial(load, kind=PublishedNoise)
+load_tables = partial(load, kind=PublishedTables)
+load_readings = partial(load, kind=TableReadings)
 
 
 # Files that a command names: by path, or by the word that a shipped one goes by.
 
 
-def scene_path(scene: str) -> Path:
-    """A scene by its path, or by its name in ``config/scenes``."""
-    return named_path("scenes", scene)
-
-
-def cam_path(cam: str) -> Path:
-    """A cam by its path, or by its name in ``config/cams``."""
-    return named_path("cams", cam)
-
-
-def rig_path(rig: str) -> Path:
-    """A rig by its path, or by its name in ``config/rigs``."""
-    return named_path("rigs", rig)
+# A file by its path, or by its name in its folder of ``config``.
+scene_path = partial(named_path, "scenes")
+cam_path = partial(named_path, "cams")
+rig_path = partial(named_path, "rigs")
 
 
 def rig_beside(rig: str, scene: Path) -> Path:
     """A rig by its path, or by its name beside a scene, then in ``config/rigs``."""
     path = named_path("rigs", rig)
     return path if path == Path(rig) else Library.beside(scene).path("rigs", rig)
-
-
-def is_scene(source: str) -> bool:
-    """Whether a file, or a shipped name, is that of a scene and not of a cam."""
-    path = scene_path(source)
-    if not path.is_file():
-        return False
-    data = read_yaml(path)
-    return isinstance(data, dict) and "program" in data
-
-
-def study_path(study: str) -> Path:
-    """A factorial study by its path, or by its name in ``config/factorials``."""
-    return named_path("factorials", study)
-
-
-def campaign_path(study: str) -> Path:
-    """A campaign's study by its path, or by its name in ``config/campaigns``."""
-    return named_path("campaigns", study)
 
 
 def tables_path() -> Path:
@@ -239,7 +159,10 @@ def readings_path() -> Path:
 
 def one_scene(names: list[str] | None) -> str | None:
     """The scene that is named in place of cams; None where cams are."""
-    return names[0] if names and len(names) == 1 and is_scene(names[0]) else None
+    if not names or len(names) > 1 or not (path := scene_path(names[0])).is_file():
+        return None
+    data = read_yaml(path)
+    return names[0] if isinstance(data, dict) and "program" in data else None
 
 
 # Whether a file is a shipped one, told by its numbers and laws and not by its name.
@@ -253,11 +176,8 @@ def same_as_shipped(cam: CamConfig, without: frozenset[str] = WORDS) -> bool:
     path = config_root() / "cams" / f"{cam.name}.yaml"
     if not path.is_file():
         return False
-    shipped = load_cam(path)
-    return all(
-        bare(getattr(cam, key), without) == bare(getattr(shipped, key), without)
-        for key in ("lift", "segments")
-    )
+    one, other = (bare([each.lift, each.segments], without) for each in (cam, load_cam(path)))
+    return bool(one == other)
 
 
 def bare(value: Any, without: frozenset[str]) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterable
 from typing import Annotated
 
 import numpy as np
@@ -13,6 +14,12 @@ from cam_rig.schema.rig import Damping, Force, Mass, RollerShare, Stiffness
 
 #: Coefficients c0 to c3.
 Cubic = Annotated[list[FiniteFloat], Field(min_length=4, max_length=4)]
+
+
+def _require_known(key: str, cams: Iterable[str], known: Collection[str]) -> None:
+    for cam in cams:
+        if cam not in known:
+            raise ValueError(f"{key}: has {cam!r}; allowed: {', '.join(known)}")
 
 
 class Crossover(Strict):
@@ -38,10 +45,7 @@ class PublishedNoise(Strict):
             raise ValueError(f"range_rpm: is {low:g} to {high:g}; allowed: rising, above 0")
         if len(set(self.crossover.between)) < 2:
             raise ValueError(f"crossover.between: is {self.crossover.between}; allowed: two cams")
-        for cam in self.crossover.between:
-            if cam not in self.regression_db:
-                known = ", ".join(self.regression_db)
-                raise ValueError(f"crossover.between: has {cam!r}; allowed: {known}")
+        _require_known("crossover.between", self.crossover.between, self.regression_db)
         return self
 
     def level(self, cam: str, rpm: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -67,10 +71,7 @@ class PublishedTables(Strict):
 
     @model_validator(mode="after")
     def _known(self) -> PublishedTables:
-        for cam in self.table_2_defined:
-            if cam not in self.table_2_jump:
-                known = ", ".join(self.table_2_jump)
-                raise ValueError(f"table_2_defined: has {cam!r}; allowed: {known}")
+        _require_known("table_2_defined", self.table_2_defined, self.table_2_jump)
         return self
 
 

@@ -12,6 +12,7 @@ Exactly one of ``given`` (a source prints it), ``assumed`` (nobody does, and it 
 from __future__ import annotations
 
 import math
+from operator import ge, gt, le
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
@@ -20,7 +21,6 @@ from cam_rig.units import RPM, TURN
 
 Origin = Literal["given", "assumed", "identified"]
 ORIGINS: tuple[Origin, ...] = ("given", "assumed", "identified")
-
 #: dimension -> unit -> factor to SI
 UNITS: dict[str, dict[str, float]] = {
     "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254},
@@ -108,39 +108,6 @@ class Quantity(Strict):
         return [value * self.factor for value in self.numbers]
 
 
-def _check(
-    quantity: Quantity,
-    dimension: str,
-    many: bool,
-    above: float | None,
-    least: float | None,
-    most: float | None,
-) -> Quantity:
-    units = UNITS[dimension]
-    if quantity.unit not in units:
-        article = "an" if dimension[0] in "aeiou" else "a"
-        raise ValueError(
-            f"has unit {quantity.unit!r}, not {article} {dimension}; allowed: {', '.join(units)}"
-        )
-    if isinstance(quantity.raw, list) != many:
-        wanted = "a list of numbers" if many else "one number"
-        raise ValueError(f"is {quantity.raw}; allowed: {wanted}")
-    if many and not quantity.numbers:
-        raise ValueError("is an empty list; allowed: at least one number")
-    for value in quantity.numbers:
-        si = value * units[quantity.unit]
-        for limit, broken, words in (
-            (above, above is not None and not si > above, "greater than"),
-            (least, least is not None and si < least, "at least"),
-            (most, most is not None and si > most, "at most"),
-        ):
-            if broken and limit is not None:
-                shown = limit / units[quantity.unit]
-                unit = "" if quantity.unit == "1" else f" {quantity.unit}"
-                raise ValueError(f"is {value:g}{unit}; allowed: {words} {shown:g}{unit}")
-    return quantity
-
-
 def must_be(
     dimension: str,
     *,
@@ -150,4 +117,27 @@ def must_be(
     most: float | None = None,
 ) -> AfterValidator:
     """Annotation of a config key: its dimension, and limits in SI units."""
-    return AfterValidator(lambda q: _check(q, dimension, many, above, least, most))
+    units = UNITS[dimension]
+    limits = ((above, gt, "greater than"), (least, ge, "at least"), (most, le, "at most"))
+
+    def check(quantity: Quantity) -> Quantity:
+        if quantity.unit not in units:
+            article = "an" if dimension[0] in "aeiou" else "a"
+            allowed = ", ".join(units)
+            raise ValueError(
+                f"has unit {quantity.unit!r}, not {article} {dimension}; allowed: {allowed}"
+            )
+        if isinstance(quantity.raw, list) != many:
+            wanted = "a list of numbers" if many else "one number"
+            raise ValueError(f"is {quantity.raw}; allowed: {wanted}")
+        if many and not quantity.numbers:
+            raise ValueError("is an empty list; allowed: at least one number")
+        factor, unit = quantity.factor, "" if quantity.unit == "1" else f" {quantity.unit}"
+        for value in quantity.numbers:
+            for limit, holds, words in limits:
+                if limit is not None and not holds(value * factor, limit):
+                    shown = limit / factor
+                    raise ValueError(f"is {value:g}{unit}; allowed: {words} {shown:g}{unit}")
+        return quantity
+
+    return AfterValidator(check)

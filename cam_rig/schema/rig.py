@@ -56,9 +56,7 @@ class Radiation(Strict):
     background_at: Annotated[Quantity, must_be("speed", above=0.0)]
     background_slope: Annotated[Quantity, must_be("level slope", least=-60.0, most=60.0)]
     background_corner: Annotated[Quantity, must_be("frequency", above=0.0, most=1e6)] = Quantity(
-        assumed=500.0,
-        unit="Hz",
-        source="motor and bearings; no source prints it",
+        assumed=500.0, unit="Hz", source="motor and bearings; no source prints it"
     )
     calibrated_on: str = ""
 
@@ -93,24 +91,14 @@ class RigConfig(Strict):
         return "" if self.radiation is None else self.radiation.calibrated_on
 
     def need(self, key: str, by: str, instead: str = "") -> Quantity:
-        """A number of the follower that the file may leave out, for what is named by ``by``.
-
-        Raises
-        ------
-        ConfigError : it is missing; ``instead`` is another remedy than to add it
-        """
+        """A number of the follower that the file may leave out, needed by ``by`` or ``instead``."""
         number: Quantity | None = getattr(self.follower, key)
         if number is None:
             raise self.missing(f"follower.{key}", by, instead)
         return number
 
     def need_radiation(self, by: str) -> Radiation:
-        """The section ``radiation``, for what is named by ``by``.
-
-        Raises
-        ------
-        ConfigError : it is missing
-        """
+        """The section ``radiation``, for what is named by ``by``."""
         if self.radiation is None:
             raise self.missing("radiation", by)
         return self.radiation

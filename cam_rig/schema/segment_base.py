@@ -48,21 +48,17 @@ class WholeTurn(SegmentBase):
 
 def quantities(node: BaseModel, prefix: str) -> Iterator[tuple[str, Quantity]]:
     """Every number of a config model by its key."""
-    for key in type(node).model_fields:
-        value = getattr(node, key)
-        for at, item in _items(value):
+    for key, value in node:
+        items: list[tuple[str, object]] = [("", value)]
+        if isinstance(value, list):
+            items = [(f"[{i}]", item) for i, item in enumerate(value)]
+        elif isinstance(value, dict):
+            items = [(f".{name}", item) for name, item in value.items()]
+        for at, item in items:
             if isinstance(item, Quantity):
                 yield f"{prefix}{key}{at}", item
             elif isinstance(item, BaseModel):
                 yield from quantities(item, f"{prefix}{key}{at}.")
-
-
-def _items(value: object) -> list[tuple[str, object]]:
-    if isinstance(value, list):
-        return [(f"[{i}]", item) for i, item in enumerate(value)]
-    if isinstance(value, dict):
-        return [(f".{key}", item) for key, item in value.items()]
-    return [("", value)]
 
 
 # Measured points from a CSV file: a column of angles and one of lifts, units in the header.
@@ -73,11 +69,7 @@ COLUMNS = {"angle": "angle", "lift": "length"}
 
 
 def read_points(path: Path) -> tuple[list[float], list[float]]:
-    """Angles (rad) and lifts (m) of a CSV file.
-
-    The first line that is not empty and no ``#`` comment names the columns with their units,
-    as in ``angle_deg,lift_mm``, in any order; other columns are not read.
-    """
+    """Angles (rad) and lifts (m) of a CSV file whose first line is as ``angle_deg,lift_mm``."""
     lines = _lines(path)
     if not lines:
         raise ValueError(f"{path.name}: is empty; allowed: a header line, then points")
@@ -102,16 +94,14 @@ def _lines(path: Path) -> list[tuple[int, list[str]]]:
         raise ValueError(f"{path.name}: cannot be read ({error})") from None
     except ConfigError as error:
         raise ValueError(f"{path.name}: {error}") from None
-    rows = enumerate(text.splitlines(), start=1)
-    kept = [(i, row) for i, row in rows if row.strip() and not row.lstrip().startswith("#")]
-    return [(i, _cells(path.name, i, row)) for i, row in kept]
-
-
-def _cells(name: str, line: int, row: str) -> list[str]:
-    try:
-        return next(csv.reader([row]))
-    except csv.Error as error:  # a cell that is too long, or of bytes that are not text
-        raise ValueError(f"{name}: line {line}: cannot be read ({error})") from None
+    found = []
+    for line, row in enumerate(text.splitlines(), start=1):
+        if row.strip() and not row.lstrip().startswith("#"):
+            try:
+                found.append((line, next(csv.reader([row]))))
+            except csv.Error as error:  # a cell that is too long, or of bytes that are not text
+                raise ValueError(f"{path.name}: line {line}: cannot be read ({error})") from None
+    return found
 
 
 def _column(name: str, header: list[str], kind: str) -> tuple[int, float]:
@@ -173,27 +163,22 @@ def _read(value: Any, info: ValidationInfo) -> Any:
         raise ValueError(f"is {value!r}; allowed: the name of a .csv file beside the cam's file")
     folder = (info.context or {}).get("folder", Path())
     angles, lifts = read_points(folder / value)
-    _check(value, angles)
-    return {"file": value, "angles": angles, "lifts": lifts}
-
-
-def _check(name: str, angles: list[float]) -> None:
-    """Enough points, rising, all around the turn."""
     if not FEWEST_POINTS <= len(angles) <= MAX_POINTS:
         raise ValueError(
-            f"{name}: has {len(angles)} points; allowed: {FEWEST_POINTS} to {MAX_POINTS}"
+            f"{value}: has {len(angles)} points; allowed: {FEWEST_POINTS} to {MAX_POINTS}"
         )
     degrees = [math.degrees(angle) for angle in angles]
     for i, (one, other) in enumerate(pairwise(degrees)):
         if other <= one:
             raise ValueError(
-                f"{name}: point {i + 2} is at {other:g}° after {one:g}°; allowed: rising angles, "
+                f"{value}: point {i + 2} is at {other:g}° after {one:g}°; allowed: rising angles, "
                 "so sort the points and leave out repeated ones"
             )
     if degrees[0] < 0.0 or degrees[-1] > 360.0 + 1e-9:
         raise ValueError(
-            f"{name}: angles are {degrees[0]:g}° to {degrees[-1]:g}°; allowed: 0° to 360°"
+            f"{value}: angles are {degrees[0]:g}° to {degrees[-1]:g}°; allowed: 0° to 360°"
         )
+    return {"file": value, "angles": angles, "lifts": lifts}
 
 
 class MeasuredDwell(Strict):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from itertools import pairwise
 from typing import Annotated, Literal
 
@@ -66,15 +67,12 @@ class BSpline(SegmentBase):
         for i, (one, other) in enumerate(pairwise(knots)):
             if other < one:
                 raise ValueError(f"knots: knot {i + 2} is {other:g} after {one:g}; allowed: rising")
-        for knot in dict.fromkeys(knots):
-            self._multiplicity(knot, knots)
+        for knot, times in Counter(knots).items():
+            at_end = knot in (knots[0], knots[-1])
+            if (at_end and times != self.degree) or times > self.degree:
+                limit = f"{self.degree} times" if at_end else f"at most {self.degree} times"
+                raise ValueError(f"knots: {knot:g} stands {times} times; allowed: {limit}")
         return self
-
-    def _multiplicity(self, knot: float, knots: list[float]) -> None:
-        times, at_end = knots.count(knot), knot in (knots[0], knots[-1])
-        if (at_end and times != self.degree) or times > self.degree:
-            limit = f"{self.degree} times" if at_end else f"at most {self.degree} times"
-            raise ValueError(f"knots: {knot:g} stands {times} times; allowed: {limit}")
 
 
 class Trigonometric(WholeTurn):
@@ -87,9 +85,9 @@ class Trigonometric(WholeTurn):
 
     @model_validator(mode="after")
     def _harmonics(self) -> Trigonometric:
-        for key in ("cosine", "sine"):
-            count = len(getattr(self, key).numbers) if getattr(self, key) is not None else 0
-            if count > MAX_HARMONICS:
+        for key, sizes in (("cosine", self.cosine), ("sine", self.sine)):
+            if sizes is not None and len(sizes.numbers) > MAX_HARMONICS:
+                count = len(sizes.numbers)
                 raise ValueError(f"{key}: are {count}; allowed: at most {MAX_HARMONICS}")
         return self
 
@@ -128,9 +126,8 @@ class Polynomial(SegmentBase):
                     f"order: is {order}; allowed: at most {count - 1}, the degree that "
                     f"{count} conditions give"
                 )
-        conditions = list(zip(self.at.numbers, self.order, strict=True))
-        for at, order in conditions:
-            if conditions.count((at, order)) > 1:
+        for (at, order), times in Counter(zip(self.at.numbers, self.order, strict=True)).items():
+            if times > 1:
                 raise ValueError(
                     f"at: has {at:g} {self.at.unit} of order {order} twice; allowed: once"
                 )
@@ -140,7 +137,6 @@ class Polynomial(SegmentBase):
 # Cams made of circular arcs and straight lines, each tangent to the next.
 
 MAX_ARCS = 100
-Coordinate = Annotated[Quantity, must_be("length", least=-100.0, most=100.0)]
 SignedLength = Annotated[Quantity, must_be("length", least=-100.0, most=100.0)]
 
 
@@ -183,8 +179,8 @@ class ArcSpec(Strict):
     """
 
     radius: SignedLength | None = None
-    x: Coordinate | None = None
-    y: Coordinate | None = None
+    x: SignedLength | None = None
+    y: SignedLength | None = None
 
     @model_validator(mode="after")
     def _complete(self) -> ArcSpec:
@@ -210,24 +206,14 @@ class ArcsByCentres(WholeTurn):
 
 # Dwells, and the rises and falls that are known by a name.
 
-RiseName = Literal[
-    "constant_velocity",
-    "simple_harmonic",
-    "cycloidal",
-    "modified_sine",
-    "modified_trapezoid",
-    "poly345",
-    "poly4567",
-    "bezier5",
-    "bezier7",
-    "bezier9",
-    "bezier4_start",
-    "bezier6_start",
-    "bezier8_start",
-    "bezier4_end",
-    "bezier6_end",
-    "bezier8_end",
+_Classical = Literal[
+    "constant_velocity", "simple_harmonic", "cycloidal", "modified_sine", "modified_trapezoid"
 ]
+_Polynomial = Literal["poly345", "poly4567", "bezier5", "bezier7", "bezier9"]
+_HalfRise = Literal[
+    "bezier4_start", "bezier6_start", "bezier8_start", "bezier4_end", "bezier6_end", "bezier8_end"
+]
+RiseName = Literal[_Classical, _Polynomial, _HalfRise]
 
 
 class Dwell(SegmentBase):
@@ -261,19 +247,4 @@ Segment = Annotated[
     | ArcsByCentres
     | Table,
     Field(discriminator="law"),
-]
-
-__all__ = [
-    "ArcSpec",
-    "ArcsByCentres",
-    "ArcsByRadii",
-    "BSpline",
-    "Bezier",
-    "Dwell",
-    "Polynomial",
-    "Rise",
-    "Segment",
-    "Table",
-    "TangentArcs",
-    "Trigonometric",
 ]

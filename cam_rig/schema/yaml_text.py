@@ -7,7 +7,7 @@ recurse, run code or grow beyond what was read. A text that looks like a date st
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -96,12 +96,14 @@ class _Builder:
                 self._count(1, line)
                 value = _scalar(event, line)
                 self._remember(event.anchor, value, 1, 0)
-                merges = value == "<<" and event.implicit[0]
-                self._put(MERGE if merges and self._wants_key else value, line)
+                into = self._open[-1] if self._open else None
+                wants_key = into is not None and into.key is NO_KEY and isinstance(into.value, dict)
+                merges = wants_key and value == "<<" and event.implicit[0]
+                self._put(MERGE if merges else value, line)
             case yaml.SequenceStartEvent() | yaml.MappingStartEvent():
                 self._begin(event, line)
             case yaml.SequenceEndEvent() | yaml.MappingEndEvent():
-                self._end(line)
+                self._end()
             case yaml.AliasEvent():
                 if event.anchor not in self._anchors:
                     raise _wrong(line, f"*{event.anchor} is not there, or not at its end")
@@ -113,14 +115,6 @@ class _Builder:
                 if self._documents > 1:
                     raise _wrong(line, "a second document begins; allowed: one")
 
-    @property
-    def _wants_key(self) -> bool:
-        return (
-            bool(self._open)
-            and isinstance(self._open[-1].value, dict)
-            and (self._open[-1].key is NO_KEY)
-        )
-
     def _begin(self, event: Any, line: int) -> None:
         _require_depth(len(self._open) + 1, line)
         value: Value = {} if isinstance(event, yaml.MappingStartEvent) else []
@@ -129,11 +123,10 @@ class _Builder:
         self._open.append(_Open(value, event.anchor, line, self._values))
         self._count(1, line)
 
-    def _end(self, line: int) -> None:
+    def _end(self) -> None:
         closed = self._open.pop()
         for merged in closed.merged:
-            for key, value in merged.items():
-                closed.value.setdefault(key, value)
+            closed.value |= merged | closed.value
         self._remember(closed.anchor, closed.value, self._values - closed.before, closed.height)
         self._put(closed.value, closed.line, closed.height)
 
@@ -151,7 +144,9 @@ class _Builder:
             into.key = _key(value, into.value, line)
         else:
             if into.key is MERGE:
-                into.merged.extend(_mappings(value, line))
+                into.merged += value if isinstance(value, list) else [value]
+                if not all(isinstance(one, dict) for one in into.merged):
+                    raise _wrong(line, "<< merges mappings alone")
             else:
                 into.value[into.key] = value
             into.key = NO_KEY
@@ -172,14 +167,6 @@ def _key(value: Value, mapping: dict[Value, Value], line: int) -> Value:
     if value is not MERGE and value in mapping:
         raise _wrong(line, f"the key {str(value)[:40]!r} is there twice")
     return value
-
-
-def _mappings(value: Value, line: int) -> Iterator[dict[Value, Value]]:
-    """What a merge key brings in."""
-    for one in value if isinstance(value, list) else [value]:
-        if not isinstance(one, dict):
-            raise _wrong(line, "<< merges mappings alone")
-        yield one
 
 
 def _scalar(event: Any, line: int) -> Value:

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from cam_rig.profile import contours
 from cam_rig.profile.contact import Motion
-from cam_rig.profile.outlines import FollowerShape, Translating, follower_shape
+from cam_rig.profile.faces import Swung
+from cam_rig.profile.outlines import FollowerShape, follower_shape
 from cam_rig.show import looks
 from cam_rig.show.looks import MM, NUMBER
 from cam_rig.simulation.scene import LoadedScene, max_contact_force
@@ -75,7 +76,7 @@ class Framing:
     def follower(self) -> list[FloatArray]:
         """Strips of the follower, whose stem ends over its bearing."""
         strips = [strip * MM for strip in self.shape.outline()]
-        if not isinstance(self.shape, Translating):
+        if isinstance(self.shape.element, Swung):
             return strips
         over = max(float(strip[:, 1].max()) for strip in self.shape.support())
         start = float(self.shape.origin(np.zeros(1))[0, 1])

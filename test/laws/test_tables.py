@@ -7,23 +7,10 @@ from scipy.optimize import least_squares
 
 from cam_rig.dynamics.vibration import low_dwell
 from cam_rig.errors import LawError
-from cam_rig.laws import Law, build_law
+from cam_rig.laws import Law, build_law, spline
 from cam_rig.laws.bernstein import joined, turned_to_zero
 from cam_rig.laws.law import SMOOTHEST, continuity
 from cam_rig.laws.segments import smoothed
-from cam_rig.laws.spline import (
-    DEGREE,
-    HELD,
-    INTERVALS,
-    SURE,
-    Rest,
-    _event,
-    least_tolerance,
-    require_above_scatter,
-    scatter,
-    scatter_error,
-    smooth,
-)
 from cam_rig.units import TURN, rms
 
 FINE = np.linspace(0.0, TURN, 1000, endpoint=False)
@@ -48,13 +35,10 @@ def wave(angle):
 
 
 def test_zero_tolerance_goes_through_every_point():
-    """An interpolating quintic: at the points to rounding, between them to h⁶.
-
-    A first point that is said again at 360°, a little apart, is averaged.
-    """
+    """An interpolating quintic: at the points to rounding, between them to h⁶, and closed."""
     for start in (0.0, 0.02):
         angles = start + turn(72)
-        found = smooth(angles, wave(angles), 0.0)
+        found = spline.smooth(angles, wave(angles), 0.0)
         assert found.largest < 1e-16
         law = law_of(found)
         assert np.abs(law(FINE) - wave(FINE)).max() < 3.0**6 * (TURN / 72) ** 6 * 0.0004
@@ -62,33 +46,19 @@ def test_zero_tolerance_goes_through_every_point():
     angles = np.linspace(0.0, TURN, 73)
     lifts = wave(angles)
     lifts[-1] += 2e-7
-    assert float(law_of(smooth(angles, lifts, 0.0))(0.0)) == pytest.approx(1e-7, abs=1e-16)
+    assert float(law_of(spline.smooth(angles, lifts, 0.0))(0.0)) == pytest.approx(1e-7, abs=1e-16)
 
 
 def test_smoothing_stays_within_the_tolerance():
     """The r.m.s. distance is the tolerance (within FITPACK's 0.1 %): no more, and used up."""
     for tolerance in (2e-6, 2e-5, 2e-4):
-        found = smooth(turn(120), wave(turn(120)) + noise(120, tolerance, 3), tolerance)
+        found = spline.smooth(turn(120), wave(turn(120)) + noise(120, tolerance, 3), tolerance)
         assert 0.99 * tolerance <= found.rms <= 1.001 * tolerance
         assert continuity(law_of(found)) == SMOOTHEST
 
 
-def test_smoothing_brings_the_derivative_back():
-    """Readings rounded to 0.01 mm: smoothed, the acceleration is far nearer the truth."""
-    rounded, h = np.round(wave(turn(120)), 5), 1e-3
-    true = (wave(FINE + h) - 2.0 * wave(FINE) + wave(FINE - h)) / h**2
-    rough, fair = (
-        rms(law_of(smooth(turn(120), rounded, tolerance))(FINE, 2) - true)
-        for tolerance in (0.0, 1e-5 / np.sqrt(12.0))
-    )
-    assert fair < 0.1 * rough
-
-
 def test_shipped_table_follows_its_points(cams, laws):
-    """The r.m.s. distance of measured.csv is the file's tolerance; no point is off by 4 of them.
-
-    A file whose lift is not that of its points says both.
-    """
+    """The r.m.s. distance of measured.csv is the file's tolerance; no point is off by 4 of them."""
     cam = cams["measured"]
     segment = cam.segments[0]
     found, tolerance = smoothed(segment, cam), segment.tolerance.si
@@ -102,10 +72,7 @@ def test_shipped_table_follows_its_points(cams, laws):
 
 
 def test_turned_to_zero():
-    """Pieces that begin anywhere become the same curve from 0, one cut more; none at a breakpoint.
-
-    Where the turn closes it is still one periodic spline.
-    """
+    """Pieces that begin anywhere become one from 0, cut once more, but at a breakpoint."""
     column = np.array([0.0, 1.0, 4.0, 9.0])
     breaks, columns = turned_to_zero(([-1.0, 2.0, TURN - 1.0], [column, column[::-1]]), TURN)
     assert breaks == pytest.approx([0.0, 2.0, TURN - 1.0, TURN])
@@ -116,14 +83,17 @@ def test_turned_to_zero():
     assert breaks == pytest.approx([0.0, TURN - 2.0, TURN])
     assert len(columns) == 2
     angles = 0.013 + turn(40)
-    law = law_of(smooth(angles, wave(angles), 1e-6))
+    law = law_of(spline.smooth(angles, wave(angles), 1e-6))
     for order in range(5):
         assert abs(law.jumps(order)[0]) < 1e-8 * np.abs(law.derivative_ordinates(order)).max()
 
 
 # Dwells: exact where the cam rests, C2 where it leaves, no noise.
 
-DWELLS = [Rest(np.radians(160), np.radians(40), 0.012), Rest(np.radians(320), np.radians(80), 0.0)]
+DWELLS = [
+    spline.Rest(np.radians(160), np.radians(40), 0.012),
+    spline.Rest(np.radians(320), np.radians(80), 0.0),
+]
 
 
 def readings(laws, count, scale, seed=0):
@@ -134,7 +104,7 @@ def readings(laws, count, scale, seed=0):
 def test_dwells_are_exact_and_joined_at_c2(laws):
     for count in (36, 72, 360):
         for scale in (2e-6, 2e-5):
-            law = law_of(smooth(*readings(laws, count, scale), 1.2 * scale, DWELLS))
+            law = law_of(spline.smooth(*readings(laws, count, scale), 1.2 * scale, DWELLS))
             for dwell in DWELLS:
                 start, stop = dwell.start + 1e-9, dwell.start + dwell.span - 1e-9
                 inside = np.linspace(start, stop, 50) % TURN
@@ -151,7 +121,7 @@ def test_the_acceleration_comes_back(laws):
     for seed in range(5):
         measured = readings(laws, 360, 2e-6, seed)
         with_dwells, without = (
-            rms(law_of(smooth(*measured, 2.2e-6, d))(FINE, 2) - true) for d in (DWELLS, [])
+            rms(law_of(spline.smooth(*measured, 2.2e-6, d))(FINE, 2) - true) for d in (DWELLS, [])
         )
         assert with_dwells < 0.01 * np.abs(true).max()
         assert with_dwells < 0.5 * without
@@ -160,11 +130,11 @@ def test_the_acceleration_comes_back(laws):
 def test_the_distance_is_the_tolerance(laws):
     """Between dwells, the ordinates that they hold allowed for; nowhere more than that."""
     angles, lifts = readings(laws, 360, 5e-6)
-    found = smooth(angles, lifts, 6e-6, DWELLS)
+    found = spline.smooth(angles, lifts, 6e-6, DWELLS)
     away = np.abs(law_of(found)(angles) - lifts)
     rests = np.any([(angles - d.start) % TURN <= d.span for d in DWELLS], axis=0)
     event = (angles > np.radians(200.1)) & (angles < DWELLS[1].start - 1e-9)
-    bound = 6e-6 * np.sqrt(1.0 + 2.0 * HELD / np.count_nonzero(event))
+    bound = 6e-6 * np.sqrt(1.0 + 2.0 * spline.HELD / np.count_nonzero(event))
     assert rms(away[event]) == pytest.approx(bound, rel=1e-6)
     assert found.rms == pytest.approx(rms(away), rel=1e-9)
     assert found.largest == pytest.approx(away.max(), rel=1e-9)
@@ -177,49 +147,45 @@ def test_it_is_the_same_as_scipys_least_squares(laws):
     begin, end = DWELLS[0].start + DWELLS[0].span, DWELLS[1].start
     inside = (angles > begin) & (angles < end)
     x, y = angles[inside], lifts[inside]
-    inner = np.linspace(begin, end, INTERVALS[4] + 1)[1:-1]
-    knots = np.concatenate([[begin] * (DEGREE + 1), inner, [end] * (DEGREE + 1)])
+    inner = np.linspace(begin, end, spline.INTERVALS[4] + 1)[1:-1]
+    knots = np.concatenate([[begin] * (spline.DEGREE + 1), inner, [end] * (spline.DEGREE + 1)])
 
     def away(free):
-        ordinates = np.concatenate([[0.012] * HELD, free, [0.0] * HELD])
-        return BSpline(knots, ordinates, DEGREE)(x) - y
+        ordinates = np.concatenate([[0.012] * spline.HELD, free, [0.0] * spline.HELD])
+        return BSpline(knots, ordinates, spline.DEGREE)(x) - y
 
-    first = np.linspace(0.012, 0.0, knots.size - DEGREE - 1 - 2 * HELD)
+    first = np.linspace(0.012, 0.0, knots.size - spline.DEGREE - 1 - 2 * spline.HELD)
     fitted = least_squares(away, first, xtol=1e-15, ftol=1e-15)
     # a tolerance that these intervals reach by a hair and no fewer do
-    bound = rms(fitted.fun) * (1.0 + 1e-9) / np.sqrt(1.0 + 2.0 * HELD / x.size)
-    ours = _event(x, y, (begin, end), (0.012, 0.0), bound)
-    assert ours.c[HELD:-HELD] == pytest.approx(fitted.x, abs=1e-8)
+    bound = rms(fitted.fun) * (1.0 + 1e-9) / np.sqrt(1.0 + 2.0 * spline.HELD / x.size)
+    ours = spline._event(x, y, (begin, end), (0.012, 0.0), bound)
+    assert ours.c[spline.HELD : -spline.HELD] == pytest.approx(fitted.x, abs=1e-8)
 
 
 def test_gaps_events_and_single_dwells(laws):
-    """Readings over the event alone, as of a gauge that is not read on the base circle, will do.
-
-    With one dwell the spline goes round to it again; an event without readings has six ordinates
-    that are all held: the 3-4-5 polynomial from level to level.
-    """
+    """Readings over the event alone will do; an event without any is the 3-4-5 polynomial."""
     angles, lifts = readings(laws, 360, 2e-6)
     read = (angles > np.radians(35)) & (angles < np.radians(325))
-    law = law_of(smooth(angles[read], lifts[read], 2.2e-6, DWELLS))
+    law = law_of(spline.smooth(angles[read], lifts[read], 2.2e-6, DWELLS))
     assert np.abs(law(FINE) - laws["flat"](FINE)).max() < 5e-6
-    dwell = low_dwell(law_of(smooth(angles, lifts, 2.2e-6, DWELLS[1:])))
+    dwell = low_dwell(law_of(spline.smooth(angles, lifts, 2.2e-6, DWELLS[1:])))
     assert dwell.dwell
     assert np.degrees([dwell.start, dwell.span]) == pytest.approx([320.0, 80.0])
-    rests = [Rest(0.0, 2.0, 0.0), Rest(3.0, 2.0, 0.01)]
+    rests = [spline.Rest(0.0, 2.0, 0.0), spline.Rest(3.0, 2.0, 0.01)]
     angles = np.concatenate([np.linspace(0.1, 1.9, 8), np.linspace(3.1, 4.9, 8)])
-    law = law_of(smooth(angles, np.where(angles < 2.5, 0.0, 0.01), 1e-6, rests))
+    law = law_of(spline.smooth(angles, np.where(angles < 2.5, 0.0, 0.01), 1e-6, rests))
     u = np.linspace(0.01, 0.99, 9)
     assert law(2.0 + u) == pytest.approx(0.01 * (10 * u**3 - 15 * u**4 + 6 * u**5), abs=1e-15)
 
 
 def test_a_tolerance_that_no_spline_reaches():
     """Two readings of one place, a hundredth of a degree and 1 mm apart: no even knots do both."""
-    rests = [Rest(0.0, 2.0, 0.0), Rest(4.0, 2.0, 0.0)]
+    rests = [spline.Rest(0.0, 2.0, 0.0), spline.Rest(4.0, 2.0, 0.0)]
     angles = np.array([0.5, 1.0, 1.5, 3.0, 3.0002, 3.0004, 3.0006, 4.5, 5.0, 5.5])
     lifts = np.array([0.0, 0.0, 0.0, 0.001, 0.002, 0.0, 0.001, 0.0, 0.0, 0.0])
     words = r"no spline comes within 1e-05 mm r\.m\.s\. of the 4 points"
     with pytest.raises(LawError, match=words):
-        smooth(angles, lifts, 1e-8, rests)
+        spline.smooth(angles, lifts, 1e-8, rests)
 
 
 # Scatter of readings: found within its error, blind to smooth laws, and a limit to tolerances.
@@ -228,50 +194,48 @@ def test_a_tolerance_that_no_spline_reaches():
 @pytest.mark.parametrize("count", [72, 360, 2000])
 def test_scatter_of_noise_is_its_standard_deviation(count):
     """Over 60 seeds: the mean within 3 of its errors, the spread is what scatter_error says."""
-    found = [scatter(turn(count), noise(count, seed=seed)) for seed in range(60)]
-    assert np.mean(found) == pytest.approx(1.0, abs=3.0 * scatter_error(count) / np.sqrt(60) + 0.03)
-    assert np.std(found) == pytest.approx(scatter_error(count), rel=0.35)
+    found = [spline.scatter(turn(count), noise(count, seed=seed)) for seed in range(60)]
+    assert np.mean(found) == pytest.approx(
+        1.0, abs=3.0 * spline.scatter_error(count) / np.sqrt(60) + 0.03
+    )
+    assert np.std(found) == pytest.approx(spline.scatter_error(count), rel=0.35)
 
 
 def test_a_cams_own_shape_is_no_scatter(laws):
-    """2 µm of noise are found as such on laws of all kinds, those with jumps of s'' too.
-
-    Divided differences of order 6 vanish on a polynomial of degree 5, at uneven angles too.
-    """
+    """2 µm of noise are found on laws of all kinds; none on a polynomial of degree 5."""
     for name in ("poly345", "cycloidal", "arcs_convex", "bezier15", "tm21"):
         for count in (180, 360):
             angles = 0.01 + np.linspace(0.0, 6.27, count, endpoint=False)
-            found = scatter(angles, laws[name](angles) + noise(count, 2e-6, count))
-            assert abs(found - 2e-6) < 3.0 * scatter_error(count) * 2e-6
+            found = spline.scatter(angles, laws[name](angles) + noise(count, 2e-6, count))
+            assert abs(found - 2e-6) < 3.0 * spline.scatter_error(count) * 2e-6
     angles = np.sort(np.random.default_rng(4).uniform(0.0, 6.0, 40))
     lifts = np.polynomial.Polynomial([1.0, -2.0, 0.3, 0.7, -0.1, 0.02])(angles)
-    assert scatter(angles, lifts) < 1e-9
+    assert spline.scatter(angles, lifts) < 1e-9
 
 
 def test_what_tells_nothing_of_scatter():
     """A gauge on one division; seven readings, of one difference; one off by 0.4 mm among 2 µm."""
-    assert scatter(turn(100), np.zeros(100)) == 0.0
-    assert scatter(np.arange(7.0) / 2.0, np.arange(7.0) ** 7) == 0.0
+    assert spline.scatter(turn(100), np.zeros(100)) == 0.0
+    assert spline.scatter(np.arange(7.0) / 2.0, np.arange(7.0) ** 7) == 0.0
     lifts = noise(360, 2e-6, 1)
-    before = scatter(turn(360), lifts)
+    before = spline.scatter(turn(360), lifts)
     lifts[100] += 4e-4
-    assert scatter(turn(360), lifts) == pytest.approx(before, rel=0.05)
+    assert spline.scatter(turn(360), lifts) == pytest.approx(before, rel=0.05)
 
 
 def test_a_tolerance_below_the_scatter_is_refused(cams, laws):
-    """0.5 µm asked of readings with 2 µm: refused with both numbers; 0, and enough, are taken.
-
-    The limit follows the standard error: 0.4 of it for 27 readings, all for very many.
-    """
+    """With both numbers; the limit follows the standard error: 0.4 of it for 27 readings."""
     angles = turn(360)
     lifts = laws["cycloidal"](angles) + noise(360, 2e-6, 2)
     message = r"tolerance is 0\.0005 mm, the points scatter by 0\.002.* mm, so the spline would"
     with pytest.raises(LawError, match=message):
-        require_above_scatter(angles, lifts, 0.5e-6)
-    require_above_scatter(angles, lifts, 0.0)
-    require_above_scatter(angles, lifts, least_tolerance(scatter(angles, lifts), 360))
-    assert least_tolerance(1.0, 27) == 0.4
-    assert least_tolerance(1.0, 10**8) == pytest.approx(1.0, abs=SURE * 2e-4)
+        spline.require_above_scatter(angles, lifts, 0.5e-6)
+    spline.require_above_scatter(angles, lifts, 0.0)
+    spline.require_above_scatter(
+        angles, lifts, spline.least_tolerance(spline.scatter(angles, lifts), 360)
+    )
+    assert spline.least_tolerance(1.0, 27) == 0.4
+    assert spline.least_tolerance(1.0, 10**8) == pytest.approx(1.0, abs=spline.SURE * 2e-4)
     table = cams["measured"].segments[0]
     points = table.file.model_copy(update={"angles": tuple(angles), "lifts": tuple(lifts)})
     tolerance = table.tolerance.model_copy(update={"assumed": 0.0005})

@@ -30,8 +30,7 @@ from cam_rig.messages.markers import (
 from cam_rig.messages.motion import Transforms
 from cam_rig.messages.urdf import Body, inertial, urdf
 from cam_rig.profile import contours, contours_at
-from cam_rig.profile.faces import GuidedFace, SwungFace
-from cam_rig.profile.outlines import Oscillating
+from cam_rig.profile.faces import GuidedFace, Swung, SwungFace
 from cam_rig.units import NS
 
 TYPES = get_typestore(Stores.ROS2_KILTED)
@@ -279,7 +278,7 @@ def off_the_follower(robot, points):
     shape, rest = robot.shape, np.zeros(1)
     element = shape.element
     place = shape.place(rest)
-    if isinstance(shape, Oscillating):  # the link lies along the arm at rest
+    if isinstance(element, Swung):  # the link lies along the arm at rest
         turn = -float(shape.turn(rest)[0])
         place = place - shape.origin(rest)
         place = place @ np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]).T

@@ -31,21 +31,11 @@ FOLLOWERS: dict[str, dict[str, float]] = {
 }
 ANGLES = {"arms_angle", "inclination", "most_pressure_angle"}
 Segments = list[tuple[str, float, float | None]]
-UNEVEN: Segments = [
-    ("dwell", 60, None),
-    ("cycloidal", 110, 1),
-    ("dwell", 40, None),
-    ("poly345", 120, 0),
-    ("dwell", 30, None),
-]
+UNEVEN: Segments = [("dwell", 60, None), ("cycloidal", 110, 1), ("dwell", 40, None)]
+UNEVEN += [("poly345", 120, 0), ("dwell", 30, None)]
 #: Where s(θ) + s(θ + π) = s_max, although the rise is not symmetric about the cam.
-OPPOSITE: Segments = [
-    ("dwell", 10, None),
-    ("poly345", 150, 1),
-    ("dwell", 30, None),
-    ("poly345", 150, 0),
-    ("dwell", 20, None),
-]
+OPPOSITE: Segments = [("dwell", 10, None), ("poly345", 150, 1), ("dwell", 30, None)]
+OPPOSITE += [("poly345", 150, 0), ("dwell", 20, None)]
 BREADTH = ("constant_breadth", "constant_diameter")
 
 

@@ -30,10 +30,7 @@ def test_cams_that_can_be_made_pass(followed, cams, every_kind):
 
 
 def test_extremes_are_those_of_a_dense_contour(every_kind):
-    """Least radius and greatest pressure angle of 50 000 points, and never beaten by one.
-
-    The greatest value may be at the edge of a piece.
-    """
+    """Least radius and greatest pressure angle of 50 000 points, and never beaten by one."""
     for made in every_kind:
         for number, contour in enumerate(contours(made.cam.follower, made.law, 50_000)):
             scan = Scan(made.law, contour.disc.element)
@@ -106,10 +103,7 @@ def test_out_of_reach_of_the_base_circle():
 
 
 def test_a_cam_has_its_shaft_inside():
-    """Shapely has the axis outside where the check fails, inside on the base radius it names.
-
-    Down from the base circle and up again, gently: the curvature of each is right.
-    """
+    """Shapely has the axis outside where the check fails, inside on the base radius it names."""
     down, axis = [("cycloidal", 180, -1), ("cycloidal", 180, 0)], Point(0.0, 0.0)
     far = {"base_radius": 15, "roller_radius": 60, "pivot_distance": 120}
     for kind, depth, numbers in (
@@ -162,10 +156,7 @@ def test_a_corner_is_refused():
 
 
 def test_a_neck_narrower_than_the_roller():
-    """Curvature passes everywhere, yet the two flanks are in each other's way.
-
-    The lobe is wider at its end than at its foot, for a thick roller.
-    """
+    """Curvature passes everywhere, yet the two flanks are in each other's way."""
     lobe = [("cycloidal", 48, 1), ("dwell", 14, None), ("cycloidal", 48, 0)]
     neck = [("dwell", 125, None), *lobe, ("dwell", 125, None)]
     made = make("roller", neck, lift=188, base_radius=7, roller_radius=28, eccentricity=0)
@@ -177,7 +168,6 @@ def test_a_neck_narrower_than_the_roller():
         require_profile(made.cam, made.law)
 
 
-@pytest.mark.long
 def test_no_base_radius_is_named_that_would_cut_the_pivot():
     """An arm near its cam: free of undercut only where the cam is at the pivot already."""
     numbers = {"base_radius": 40, "roller_radius": 9, "pivot_distance": 90, "arm": 75}
@@ -187,13 +177,6 @@ def test_no_base_radius_is_named_that_would_cut_the_pivot():
     assert not check.passed
     assert check.remedy.startswith("no base_radius would do: let the spans be longer")
     assert least_base_radius(made.cam.follower, made.law) is None
-    for base in range(41, 130):
-        other = make("oscillating_roller", far, lift=200, **numbers | {"base_radius": base})
-        try:
-            checks = check_cam(other.cam, other.law)
-        except ProfileError:
-            return
-        assert any(check.vital and not check.passed for check in checks)
 
 
 def test_pressure_angle_limit_is_the_files():

@@ -2,10 +2,8 @@
 
 import numpy as np
 import pytest
-from mpmath import mp, mpf
 
 from cam_rig.profile import contours, turn_angles
-from cam_rig.profile.contact import Motion
 
 from .conftest import OPPOSITE, make
 
@@ -25,10 +23,7 @@ def test_uniform_contour_is_the_one_at_its_angles(every_kind):
 
 
 def test_rate_tangent_and_curvature_are_derivatives(every_kind, angles):
-    """dP/dθ is along the tangent, at the rate, to the error of a central difference.
-
-    r_c is the way along the contour a rad of the normal; clockwise turns are convex.
-    """
+    """dP/dθ is along the tangent, at the rate; r_c is the way a rad of the normal."""
     for made in every_kind:
         ahead, behind = made.contours(angles + STEP), made.contours(angles - STEP)
         for here, fore, aft in zip(made.contours(angles), ahead, behind, strict=True):
@@ -37,19 +32,6 @@ def test_rate_tangent_and_curvature_are_derivatives(every_kind, angles):
             np.testing.assert_allclose(np.hypot(*here.normal), 1.0, rtol=1e-14)
             change = (fore.normal - aft.normal) / (2.0 * STEP)
             close(here.rate / here.radius, np.sum(change * here.tangent, axis=0), 1e-6)
-
-
-def test_normal_velocities_agree(every_kind, angles):
-    """Along the normal cam and follower move alike: nothing enters, nothing parts."""
-    turn = np.exp(1j * angles)
-    for made in every_kind:
-        for contour in made.contours(angles):
-            normal, point = ((xy[0] + 1j * xy[1]) * turn for xy in (contour.normal, contour.points))
-            velocity, element = 1j * made.law(angles, 1), contour.disc.element
-            if hasattr(element, "pivot"):  # the arm lifts by turning clockwise
-                velocity = velocity * (element.pivot - point) / element.arm
-            of_cam = (normal * (1j * point).conj()).real
-            close(of_cam, (normal * velocity.conj()).real, 1e-15)
 
 
 def test_roller_equations(angles):
@@ -70,10 +52,7 @@ def test_roller_equations(angles):
 
 
 def test_face_equations(angles):
-    """Eq. 2.17 and 2.40 (corrected), d₀ from base radius, inclination and eccentricity.
-
-    The eccentricity moves the guide along the face, nothing else.
-    """
+    """Eq. 2.17 and 2.40 (corrected); the eccentricity moves the guide along the face alone."""
     for kind, inclination in (("flat", 0.0), ("inclined_flat", 12.0)):
         made = make(kind)
         beta, e, base = np.radians(inclination), 3e-3, made.cam.follower.base_radius.si
@@ -90,38 +69,6 @@ def test_face_equations(angles):
         close(contour.points, beside.contours(angles)[0].points, 1e-16)
 
 
-def test_oscillating_face_equations(angles):
-    """Eq. 2.27-2.29 in the guide's frame."""
-    made, l1, l2, arm = make("oscillating_flat"), 0.110, 0.006, 0.090
-    d = np.arcsin((0.050 - l2) / l1) + made.law(angles) / arm
-    l3 = l1 * np.cos(d) / (1.0 + made.law(angles, 1) / arm)
-    x, y = l1 + l2 * np.sin(d) - l3 * np.cos(d), l2 * np.cos(d) + l3 * np.sin(d)
-    point = (x + 1j * y) * np.exp(-1j * angles)
-    close(made.contours(angles)[0].points, [point.real, point.imag], 1e-16)
-
-
-def test_oscillating_roller_against_50_digits():
-    """Points and curvature from eq. 2.30-2.34 with numerical derivatives in 50 digits."""
-    at = np.radians([75.0, 100.0, 130.0, 160.0])
-    contour = make("oscillating_roller").contours(at)[0]
-    with mp.workdps(50):
-        l1, l3, prime, roller = (mpf(length) / 1000 for length in (90, 75, 48, 8))
-        gamma = mp.acos((l3**2 + l1**2 - prime**2) / (2 * l1 * l3))
-        span, begin = mpf(110) * mp.pi / 180, mpf(60) * mp.pi / 180
-
-        def pitch(t):
-            u = (t - begin) / span
-            s = mpf(10) / 1000 * (u - mp.sin(2 * mp.pi * u) / (2 * mp.pi))
-            return (l1 - l3 * mp.expj(-(gamma + s / l3))) * mp.expj(-t)
-
-        for i, theta in enumerate(at):
-            first, second = (mp.diff(pitch, mpf(float(theta)), n) for n in (1, 2))
-            bend = -mp.im(mp.conj(first) * second) / abs(first) ** 3
-            point = pitch(mpf(float(theta))) - roller * 1j * first / abs(first)
-            assert complex(*contour.points[:, i]) == pytest.approx(complex(point), abs=1e-16)
-            assert contour.radius[i] == pytest.approx(float(1 / bend - roller), rel=1e-12)
-
-
 def test_constant_breadth_and_diameter_are_constant(angles):
     """Opposite tangents are 2 R_b + s_max apart, opposite centres 2 R_p + s_max (§2.2.2)."""
     one, two = (make(kind, OPPOSITE) for kind in ("constant_breadth", "constant_diameter"))
@@ -133,10 +80,7 @@ def test_constant_breadth_and_diameter_are_constant(angles):
 
 
 def test_conjugate_rollers_keep_their_distance(angles):
-    """At every angle the two axes are 2 R_p + s_max apart, or what the file asks for.
-
-    With the distance of §2.2.2 both pitch curves come down to one circle.
-    """
+    """2 R_p + s_max apart, with one prime circle (§2.2.2), or what the file asks for."""
     for asked, distance in (({}, 0.126), ({"roller_distance": 140.0}, 0.140)):
         first, second = make("conjugate", eccentricity=0.0, **asked).contours(angles)
         np.testing.assert_allclose(np.hypot(*(first.pitch - second.pitch)), distance, rtol=1e-13)
@@ -146,11 +90,7 @@ def test_conjugate_rollers_keep_their_distance(angles):
 
 
 def test_conjugate_arms_are_one_rocker(angles):
-    """The angle between the arms is 2 γ + s_max / arm, or what the file asks for, all the turn.
-
-    It is taken from the rollers' centres as the contours have them, about the pivot's place. When
-    no angle is given both pitch curves come down to one circle.
-    """
+    """2 γ + s_max / arm between the arms, with one prime circle, or what the file asks for."""
     pivot = 0.090 * np.exp(-1j * angles)  # in the cam's frame
     gamma = np.arccos((0.075**2 + 0.090**2 - 0.048**2) / (2 * 0.075 * 0.090))
     own = 2 * gamma + 0.010 / 0.075
@@ -162,12 +102,3 @@ def test_conjugate_arms_are_one_rocker(angles):
     made = make("oscillating_conjugate")
     for contour in contours(made.cam.follower, made.law, 3600):
         assert np.hypot(*contour.pitch).min() == pytest.approx(0.048, rel=1e-12)
-
-
-def test_motion_has_both_limits_at_a_joint():
-    """Sampled piece by piece, s'' of the 3-4-5 rise and of the dwell beside it both are there."""
-    law = make("roller").law
-    motion = Motion.on_pieces(law, np.array([0.0, 1.0]))
-    assert motion.angle.shape == (2, law.spans.size)
-    np.testing.assert_allclose(motion.angle[1, :-1], motion.angle[0, 1:], rtol=1e-15)
-    close(motion.s[1, :-1], motion.s[0, 1:], 1e-16)

@@ -8,9 +8,7 @@ import pytest
 
 from cam_rig.errors import ProfileError
 from cam_rig.laws import Law
-from cam_rig.laws.bernstein import joined
-from cam_rig.laws.sampling import fit
-from cam_rig.paper.as_cut.cut_for_point import followed_law, roller_centre
+from cam_rig.paper.as_cut.cut_for_point import followed_law
 from cam_rig.profile.contact import Motion
 from cam_rig.profile.disc import Contour, Disc
 from cam_rig.profile.faces import GuidedCentre
@@ -32,23 +30,6 @@ def followed_by(laws):
     """The roller's law on each cam cut for a point, computed once."""
     made = [*(laws[name] for name in ("bezier15", "poly345", "cycloidal")), random_law(3)]
     return [(law, followed_law(law, BASE, ROLLER)) for law in made]
-
-
-def test_circle():
-    """A roller on a circle of radius a, its centre e beside the axis, runs on one of a + R_r."""
-    a, e = 0.060, 0.012
-
-    def polar(angle, order):
-        series = np.polynomial.chebyshev.Chebyshev.interpolate(
-            lambda x: e * np.cos(x) + np.sqrt(a**2 - (e * np.sin(x)) ** 2), 70, [0.0, 2.0 * np.pi]
-        )
-        return series.deriv(order)(angle) - (a - e if order == 0 else 0.0)
-
-    breaks, columns = fit(polar, 0.0, 2.0 * np.pi, accepted_tail=1e-9)
-    law = Law("eccentric", np.array(breaks), joined(columns))
-    found, wide = followed_law(law, a - e, ROLLER).law, a + ROLLER
-    exact = e * np.cos(ANGLES) + np.sqrt(wide**2 - (e * np.sin(ANGLES)) ** 2) - (wide - e)
-    assert np.abs(found(ANGLES) - exact).max() < 1e-12
 
 
 def test_a_roller_put_on_the_contour_stands_there(followed_by):
@@ -87,10 +68,7 @@ def test_fifty_digits():
 
 
 def test_lift_is_kept_and_never_below(followed_by):
-    """The contour does not enter the roller: it stands above s, at the extremes of s on it.
-
-    Where s' = 0 the roller's s'' is s''/(1 − R_r s''/(ρ (ρ + R_r))): flatter at the crest.
-    """
+    """It stands above s, at its extremes on it, with s''/(1 − R_r s''/(ρ (ρ + R_r))) there."""
     at = np.array([np.pi])
     for law, found in followed_by:
         assert (found.law(ANGLES) - law(ANGLES)).min() > -1e-14
@@ -105,34 +83,8 @@ def test_lift_is_kept_and_never_below(followed_by):
             assert np.abs(found.law(at, 2) - exact).max() < 1e-11
 
 
-def test_derivatives_by_differences():
-    """d', d'', d''' of `roller_centre` are the differences of d over θ, to the second order."""
-    law = random_law(8)
-
-    def rows(phi):
-        found = np.stack([law(phi, order) for order in range(4)])
-        found[0] += BASE
-        return found
-
-    def theta(phi):
-        rho, slope = rows(phi)[:2]
-        return phi + np.angle(rho + ROLLER * (rho - 1j * slope) / np.hypot(rho, slope))
-
-    phi, step = np.linspace(1.0, 5.0, 9), 1e-4
-    distance, rate = roller_centre(rows(phi), ROLLER)
-    ahead, behind = (roller_centre(rows(phi + sign * step), ROLLER)[0] for sign in (1, -1))
-    turned = theta(phi + step) - theta(phi - step)
-    assert np.abs(turned / (2.0 * step) - rate).max() < 1e-7
-    for order in range(3):
-        slope = (ahead[order] - behind[order]) / (2.0 * step) / rate
-        assert np.abs(slope - distance[order + 1]).max() < 1e-7
-
-
 def test_limits_and_refusals(laws):
-    """No roller: s itself. A large cam: R_r s'²/(2 ρ (ρ + R_r)) above s, the first order.
-
-    A corner, a roller too large for a concave part, no base circle: named, with the remedy.
-    """
+    """No roller: s itself. A large cam: R_r s'²/(2 ρ (ρ + R_r)) above s, the first order."""
     law = laws["bezier15"]
     assert np.abs(followed_law(law, BASE, 0.0).law(ANGLES) - law(ANGLES)).max() < 1e-15
     base = 50.0

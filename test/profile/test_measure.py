@@ -4,22 +4,10 @@ import re
 
 import numpy as np
 import pytest
-from shapely import LineString, Point, Polygon
 
 from cam_rig.errors import ProfileError
-from cam_rig.profile import contours, turn_angles
+from cam_rig.profile import contours, measure, turn_angles
 from cam_rig.profile.faces import GuidedCentre, GuidedFace, SwungCentre, SwungFace
-from cam_rig.profile.measure import (
-    POINTS,
-    closed_curve,
-    closure,
-    crossing,
-    gap,
-    pair,
-    play,
-    rest,
-    sparse,
-)
 
 from .conftest import OPPOSITE, Made, make
 
@@ -35,7 +23,7 @@ def eccentric_circle(at):
 
 
 def is_at(element, expected, rtol=1e-14):
-    found = rest(element, eccentric_circle, ANGLES)
+    found = measure.rest(element, eccentric_circle, ANGLES)
     np.testing.assert_allclose(found, expected, rtol=rtol)
 
 
@@ -63,7 +51,7 @@ def test_sense_and_start_of_the_points_do_not_matter(every_kind):
         for disc, contour in zip(made.discs, found, strict=True):
             other = np.roll(contour.points[:, ::-1], 321, axis=1)
             other = np.append(other, other[:, :1], axis=1)  # closed twice
-            lift = rest(disc.element, closed_curve(other), ANGLES)
+            lift = measure.rest(disc.element, measure.closed_curve(other), ANGLES)
             np.testing.assert_allclose(lift, made.law(ANGLES), rtol=0, atol=1e-9 * made.law.lift)
 
 
@@ -75,10 +63,10 @@ def test_what_cannot_be_measured():
 
     for element in (GuidedCentre(0.005, 0.0, 0.0), GuidedCentre(0.0, 0.0, 0.0)):
         with pytest.raises(ProfileError, match=r"passes the contour by at \d+(\.\d+)?°; allowed: "):
-            rest(element, aside, ANGLES)
+            measure.rest(element, aside, ANGLES)
     words = "contour has 3 different points; allowed: at least 8"
     with pytest.raises(ProfileError, match=re.escape(words)):
-        closed_curve(np.array([[0.0, 1.0, 0.5, 0.0], [0.0, 0.0, 1.0, 0.0]]))
+        measure.closed_curve(np.array([[0.0, 1.0, 0.5, 0.0], [0.0, 0.0, 1.0, 0.0]]))
 
 
 # The one test that a contour cannot fool: put the follower on it, and see where it rests.
@@ -92,7 +80,7 @@ def assert_rests_on_the_law(made, angles):
             x, y = made.contours(at.ravel())[number].points
             return (x + 1j * y).reshape(at.shape)
 
-        lift = rest(element, curve, angles)
+        lift = measure.rest(element, curve, angles)
         np.testing.assert_allclose(lift, made.law(angles), rtol=0, atol=1e-9 * made.law.lift)
 
 
@@ -107,40 +95,6 @@ def test_shipped_cams_lift_as_their_laws_say(law, cams, angles):
     assert_rests_on_the_law(Made(cams[law.name], law), angles[::2])
 
 
-def outline_of(element, s, angle):
-    """The follower at displacement s as a shapely shape in the cam's frame, and its half width."""
-
-    def placed(points):
-        turned = points * np.exp(-1j * angle)
-        return np.column_stack([turned.real, turned.imag])
-
-    stand = element.stand(np.array([s]))
-    if isinstance(element, GuidedCentre | SwungCentre):
-        return Point(placed(stand)[0]), element.roller
-    if isinstance(element, GuidedFace):
-        along = element.side * np.exp(1j * element.inclination)
-    else:
-        along = np.exp(-1j * element.arm_angle(np.array(s)))
-    return LineString(placed(stand + along * np.array([-0.3, 0.3]))), 0.0
-
-
-@pytest.mark.variants(6)
-def test_follower_touches_the_cam_and_does_not_enter_it(made):
-    """By shapely on a polygon: at s it touches; a micrometre out of the cam it does not."""
-    fine = np.linspace(0.0, 2.0 * np.pi, 40_000, endpoint=False)
-    polygons = [Polygon(contour.points.T) for contour in made.contours(fine)]
-    for number, element in made.riders():
-        for angle in np.radians(np.arange(7.0, 360.0, 30.0)):
-            s, side, polygon = float(made.law(angle)), getattr(element, "side", 1), polygons[number]
-            shape, width = outline_of(element, s, angle)
-            assert abs(shape.distance(polygon.exterior) - width) < 2e-8  # m: the polygon's chords
-            if isinstance(shape, LineString):
-                assert shape.intersection(polygon).length < 4e-4
-            shape, width = outline_of(element, s + 1e-6 * side, angle)
-            away = shape.distance(polygon.exterior) - width
-            assert 4e-7 < away < 1.6e-6  # the way of the contact, not that at the end of the arm
-
-
 # Points that are no contour in order: shuffled, or with a part left out.
 
 
@@ -151,22 +105,24 @@ def test_contours_are_in_order_and_whole(followed, cams):
             for contour in contours(cams[name].follower, law, count):
                 closed = np.append(contour.points, contour.points[:, :1], axis=1)
                 for points in (contour.points, closed, contour.points[:, ::-1]):
-                    assert crossing(points) is gap(points) is sparse(points) is None
+                    assert (
+                        measure.crossing(points)
+                        is measure.gap(points)
+                        is measure.sparse(points)
+                        is None
+                    )
 
 
 def test_points_that_are_no_whole_contour():
-    """Of a circle of 360 points, 40 mm in radius, a step is 0.698 mm.
-
-    Of 200 of them the chord of the other 161° is 2 R sin(80.5°).
-    """
+    """Of a circle of 360 points, 40 mm in radius, a step is 0.698 mm."""
     angle = np.radians(np.arange(360.0))
     points = 0.040 * np.array([np.cos(angle), np.sin(angle)])
     shuffled = np.random.default_rng(1).permutation(points, axis=1)
-    assert "crosses itself" in str(crossing(shuffled))
-    assert "12 points" in str(sparse(np.zeros((2, 12))))
+    assert "crosses itself" in str(measure.crossing(shuffled))
+    assert "12 points" in str(measure.sparse(np.zeros((2, 12))))
     words = "points 200 and 1 are 78.9 mm apart, the others 0.6981 mm (median)"
-    assert words in str(gap(points[:, :200]))
-    assert "points 10 and 11 are" in str(gap(np.delete(points, np.arange(10, 25), axis=1)))
+    assert words in str(measure.gap(points[:, :200]))
+    assert "points 10 and 11 are" in str(measure.gap(np.delete(points, np.arange(10, 25), axis=1)))
 
 
 # A follower moved both ways has no play: both its elements touch, by dropping each on its cam.
@@ -175,32 +131,20 @@ def test_points_that_are_no_whole_contour():
 def test_shipped_cams_have_no_play(cams, laws):
     """Both rollers touch all round; so do the faces of a fall that is its rise turned by 180°."""
     for name in ("constant_breadth", "constant_diameter", "conjugate", "oscillating_conjugate"):
-        assert np.abs(closure(cams[name].follower, laws[name])).max() < NONE
+        assert np.abs(measure.closure(cams[name].follower, laws[name])).max() < NONE
     made = make("constant_breadth", OPPOSITE)
-    assert np.abs(closure(made.cam.follower, made.law)).max() < NONE
-
-
-def test_random_rockers_have_no_play():
-    """Arms, pivots, rollers and angles between the arms at random; rise and fall differ."""
-    for seed in range(3):
-        rng = np.random.default_rng(seed)
-        ranges = {"base_radius": (38, 46), "roller_radius": (5, 11)}
-        ranges |= {"pivot_distance": (88, 110), "arm": (70, 88)}
-        ranges |= {"arms_angle": (78, 88)} if seed % 2 else {}
-        numbers = {key: rng.uniform(*ends) for key, ends in ranges.items()}
-        made = make("oscillating_conjugate", lift=rng.uniform(6, 14), **numbers)
-        assert np.abs(closure(made.cam.follower, made.law)).max() < NONE
+    assert np.abs(measure.closure(made.cam.follower, made.law)).max() < NONE
 
 
 def test_a_second_cam_cut_for_another_rocker_shows():
     """For an angle between the arms wrong by δ the play is −arm δ at every angle."""
     for wrong in (-0.01, 0.02):
         right, cut = (make("oscillating_conjugate", arms_angle=80.0 + d) for d in (0.0, wrong))
-        first = contours(right.cam.follower, right.law, POINTS)[0]
-        second = contours(cut.cam.follower, cut.law, POINTS)[1]
-        curves = closed_curve(first.points), closed_curve(second.points)
-        found = play(pair(right.discs), curves, turn_angles(36))
+        first = contours(right.cam.follower, right.law, measure.POINTS)[0]
+        second = contours(cut.cam.follower, cut.law, measure.POINTS)[1]
+        curves = measure.closed_curve(first.points), measure.closed_curve(second.points)
+        found = measure.play(measure.pair(right.discs), curves, turn_angles(36))
         np.testing.assert_allclose(found, -0.075 * np.radians(wrong), rtol=0, atol=NONE)
     made = make("roller")
     with pytest.raises(ProfileError, match="moves both ways"):
-        closure(made.cam.follower, made.law)
+        measure.closure(made.cam.follower, made.law)

@@ -12,17 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cam_rig.errors import CamRigError
-from cam_rig.schema import load_cam, load_published, load_rig, load_scene
 from cam_rig.schema.load import config_root, read_yaml
 from cam_rig.simulation.scene import open_scene
 
-LOADERS = {
-    "cams/tm21.yaml": load_cam,
-    "cams/bezier15.yaml": load_cam,
-    "rigs/tm21.yaml": load_rig,
-    "scenes/quick.yaml": load_scene,
-    "published/tm21_noise.yaml": load_published,
-}
+from .fuzz_files import SHIPPED as LOADERS
+
 SHIPPED = {name: read_yaml(config_root() / name) for name in LOADERS}
 MANY = settings(max_examples=2 * settings.default.max_examples)
 ANYTHING = st.recursive(

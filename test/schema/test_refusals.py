@@ -88,43 +88,28 @@ def test_missing_and_unknown_keys(error_of, refuse):
 
 RIG = """
 title | [a, b] | title: is …allowed: a valid string
-title | 3 | title: is …allowed: a valid string
-title |  | title: is …allowed: a valid string
-title | {a: 1} | title: is …allowed: a valid string
 mass | {given: -1.5, unit: kg} | follower.mass: is -1.5 kg; allowed: greater than 0 kg
-mass | {given: 0, unit: kg} | follower.mass: is 0 kg; allowed: greater than 0 kg
 mass | {given: .nan, unit: kg} | follower.mass: is nan; allowed: finite numbers
 mass | {given: .inf, unit: kg} | follower.mass: is inf; allowed: finite numbers
-mass | {given: 1e999, unit: kg} | follower.mass: is inf; allowed: finite numbers
 mass | {given: 1, unit: lb} | follower.mass: has unit 'lb', not a mass; allowed: kg, g
-mass | {given: 1, unit: mm} | follower.mass: has unit 'mm', not a mass; allowed: kg, g
 mass | {given: [1, 2], unit: kg} | follower.mass: is [1.0, 2.0]; allowed: one number
-mass | {given: [], unit: kg} | follower.mass: is []; allowed: one number
 mass | {given: 1, assumed: 2, unit: kg} | follower.mass: has given and assumed; allowed: exactly one
 mass | {unit: kg} | follower.mass: has none; allowed: exactly one of given, assumed, identified
 mass | 1.3 | follower.mass: is 1.3; allowed: …
-mass | heavy | follower.mass: is 'heavy'; allowed: …
 mass |  | follower.mass: is None; allowed: …
-mass | [1.3] | follower.mass: is [1.3]; allowed: …
 mass | {given: abc, unit: kg} | follower.mass.given: …allowed: …
-mass | {given: {a: 1}, unit: kg} | follower.mass.given: …allowed: …
-mass | {given: [a], unit: kg} | follower.mass.given…allowed: …
 mass | {given: '1.3', unit: kg} | follower.mass.given: …allowed: …
 mass | {given: true, unit: kg} | follower.mass.given: …allowed: …
 mass | {given: 1.3} | follower.mass.unit: missing; it is required
 mass | {givn: 1.3, unit: kg} | follower.mass.givn: unknown key, value 1.3 (did you mean 'given'?)
 mass | {given: 1e-30, unit: kg} | follower.mass: is 1e-30 kg; allowed: at least 1e-09 kg
 stem_stiffness | {given: -3.3e8, unit: N/m} | follower.stem_stiffness: is -3.3e+08 N/m; allowed: gr
-stem_stiffness | {given: 1e-30, unit: N/m} | follower.stem_stiffness: is 1e-30 N/m; allowed: at lea
-spring_stiffness | {given: 0, unit: N/m} | follower.spring_stiffness: is 0 N/m; allowed: greater th
 damping | {given: -1, unit: N*s/m} | follower.damping: is -1 N*s/m; allowed: at least 0
 preload | {given: -1, unit: N} | follower.preload: is -1 N; allowed: at least 0
 restitution | {given: 1, unit: "1"} | follower.restitution: is 1; allowed: at most 0.999
 restitution | {given: -0.1, unit: "1"} | follower.restitution: is -0.1; allowed: at least 0
-gain | {given: 0, unit: Pa*s/N} | radiation.gain: is 0 Pa*s/N; allowed: greater than 0
 corner | {given: -17, unit: Hz} | radiation.corner: is -17 Hz; allowed: greater than 0
 background | {given: 73, unit: Hz} | radiation.background: has unit 'Hz', not a level; allowed: dB
-background_at | {given: 0, unit: rpm} | radiation.background_at: is 0 rpm; allowed: greater than 0
 """
 SCENE = """
 cams | [poly345, tm21, poly345] | …names a cam twice; allowed: each once
@@ -133,28 +118,21 @@ cams | [] | cams: is []
 cams | [../tm21] | cams[0]: is '../tm21'
 model | three_mass | model: is 'three_mass' (did you mean 'two_mass'?); allowed: 'kinetostatic', …
 sample_rate | {given: 99, unit: Hz} | sample_rate: is 99 Hz; allowed: at least 100 Hz
-sample_rate | {given: 2, unit: MHz} | sample_rate: has unit 'MHz'
 sample_rate | {given: 2000, unit: kHz} | sample_rate: is 2000 kHz; allowed: at most
 sample_rate | {given: 440.5, unit: Hz} | sample_rate: is 440.5 Hz; allowed: a whole
 turns | {given: 2.5, unit: turns} | …turns: is 2.5 turns; allowed: a whole number
 turns | {given: 0, unit: turns} | program.turns: is 0 turns; allowed: at least 1
 settle_turns | {given: 1000, unit: turns} | …settle_turns: is 1000 turns; allowed: less
-settle_turns | {given: -1, unit: turns} | …is -1 turns; allowed: at least 0
 ticks_per_turn | 0 | program.ticks_per_turn: is 0; allowed: greater than or equal to 1
-ticks_per_turn | 1.5 | program.ticks_per_turn: is 1.5; allowed: a valid integer
 ticks_per_turn | many | program.ticks_per_turn: is 'many'; allowed: a valid integer
 points_per_turn | 0 | points_per_turn: is 0; allowed: greater than or equal to 1
 points_per_turn | 3601 | points_per_turn: is 3601; allowed: less than or equal
-points_per_turn | 7.5 | points_per_turn: is 7.5; allowed: a valid integer
 given | [-200, 210] | program.speeds: is -200 rpm; allowed: at least 0.01 rpm
-given | [0, 210] | program.speeds: is 0 rpm; allowed: at least 0.01 rpm
 given | [.nan, 210] | program.speeds: …allowed: finite numbers
-given | [.inf, 210] | program.speeds: …allowed: finite numbers
 unit | Hz | program.speeds: has unit 'Hz', not a speed; allowed: rad/s, rpm
 """
 PUBLISHED = """
 range_rpm | [200] | range_rpm[1]: missing
-range_rpm | [200, .inf] | range_rpm[1]: is inf; allowed: a fin
 tm21 | [.nan, 1, 1, 1] | regression_db.tm21[0]: is nan; allowed: a finite number
 tm21 | [low, 1, 1, 1] | regression_db.tm21[0]: is 'low'; allowed: a valid number
 crossover | {between: [bezier, tm21], rpm: 335} | …bezier…
@@ -193,15 +171,11 @@ def test_samples_of_ticks_and_ramps(config_dir, error_of):
 #: What stands in the shipped cam, what is there instead, and the words of the line.
 CAM = """
 117.5, | 100, | segments: spans sum to 342.5°; allowed: 360°
-117.5, | 120, | segments: …too much by 2.5°
-117.5, | -117.5, | segments[1].span: …greater than 0 deg
 117.5, | 0, | segments[1].span: is 0 deg; allowed: …
 117.5, | 361, | segments[1].span: …at most 360 deg
-117.5, | .nan, | segments[1].span: is nan; allowed: finite
 117.5, unit: deg | 117.5, unit: mm | segments[1].span: …allowed: rad, deg, turn
 to: 1, | to: 2, | segments[1].to: is 2; allowed: less than or equal to 1
 to: 1, | to: .nan, | segments[1].to: is nan; allowed: a finite number
-to: 1, | to: up, | segments[1].to: is 'up'; allowed: a valid number
 to: 1, |  | segments[1].to: missing; it is required
 to: 1, | to: 1, too: 2, | segments[1].too: …did you mean 'to'?
 law: poly345, to: 1 | law: poly346, to: 1 | segments[1].law: is 'poly346' (did you mean 'poly345'?)
@@ -209,7 +183,6 @@ law: poly345, to: 1 | to: 1 | segments[1].law: …allowed: …
 type: roller | type: wheel | follower.type: is 'wheel'; allowed: 'point', 'roller'
   type: roller |   # type: | follower.type: missing; allowed: one of conjugate, …
 type: roller | type: point | follower.roller_radius: unknown key, value a mapping
-type: roller | type: flat | follower.roller_radius: …base_radius, eccentricity, …
   roller_radius: |   # roller_radius: | follower.roller_radius: missing; it is requ
   roller_radius: |   roller_radios: | follower.roller_radios: …mean 'roller_radius'?
 assumed: 10, | assumed: 0, | follower.roller_radius: is 0 mm; allowed: greater than 0 mm
@@ -219,8 +192,6 @@ name: poly345 | name: guide | name: is 'guide', another frame of the rig
 lift: {given: 0.05 | lift: {given: -0.05 | lift: is -0.05 m; allowed: greater than
 segments:(?s:.*) |  | segments: missing
 segments:(?s:.*) | segments: [] | segments: is []; allowed: at least 1
-segments:(?s:.*) | segments: 3 | segments: …
-segments:(?s:.*) | segments: [3] | segments[0]: …
 segments:(?s:.*) | segments: [{law: dwell}] | segments[0].span: …
 """
 

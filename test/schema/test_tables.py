@@ -45,11 +45,7 @@ def load(config_dir, tmp_path):
 
 
 def test_points_that_are_taken(load, tmp_path):
-    """Angles in rad and lifts in m, columns in any order, comments and other columns aside.
-
-    With or without a last point at 360° that repeats the first, as Windows writes it, and with
-    tolerance 0: there is always a way through every point.
-    """
+    """Columns in any order, comments aside, with or without 360°, as Windows writes it."""
     path = tmp_path / "points.csv"
     path.write_text("# gauge 3\n\n lift_in , note, angle_turn\n1,top,0.5\n0.5,,0.75\n")
     angles, lifts = read_points(path)
@@ -66,7 +62,6 @@ def test_wrong_points_are_refused(load, tmp_path):
     for text, words in (
         (None, "measured.csv: no such file beside the cam's file"),
         ("", "measured.csv: is empty; allowed: a header line, then points"),
-        ("# only a comment\n", "measured.csv: is empty"),
         (b"\xff\xfe\x00", "measured.csv: cannot be read"),
         (table(header="angle,lift"), "columns are angle, lift; allowed: one of angle_rad, angle_d"),
         (table(header="angle_deg,lift_kg"), "allowed: one of lift_m, lift_cm, lift_mm, lift_um, l"),
@@ -74,8 +69,6 @@ def test_wrong_points_are_refused(load, tmp_path):
         (table(header="a" * 100_000), "aaa...; allowed: one of angle_rad"),
         (table(ROWS[:8]), "has 8 points; allowed: 12 to 7200"),
         (table(["0,nan", *ROWS[1:]]), "line 2: lift_mm is 'nan'; allowed: a finite number"),
-        (table(["0,inf", *ROWS[1:]]), "line 2: lift_mm is 'inf'"),
-        (table(["0,up", *ROWS[1:]]), "line 2: lift_mm is 'up'"),
         (table(["0", *ROWS[1:]]), "line 2: lift_mm is ''"),
         (table(["0," + "1" * 140_000, *ROWS[1:]]), "line 2: cannot be read (field larger than"),
         (table(["0," + "a" * 100_000, *ROWS[1:]]), "aaa...; allowed: a finite number"),
@@ -83,9 +76,7 @@ def test_wrong_points_are_refused(load, tmp_path):
         (table([*ROWS[:5], ROWS[4], *ROWS[5:]]), "point 6 is at 60° after 60°; allowed: rising"),
         (table([ROWS[1], ROWS[0], *ROWS[2:]]), "point 2 is at 0° after 15°; allowed: rising"),
         (table([*ROWS, "375,0"]), "angles are 0° to 375°; allowed: 0° to 360°"),
-        (table(["-15,0", *ROWS]), "angles are -15° to 345°"),
         (table(ROWS[:14]), "has no point for 165° after 195°; allowed: gaps of at most 45°"),
-        (table([*ROWS[:8], *ROWS[12:]]), "has no point for 75° after 105°"),
         (table([*ROWS, "360,0.5"]), "does not close, the lift at 360° is 0.0005 m above"),
         (table([f"{15 * i},3" for i in range(24)]), "all lifts are 0.003 m; allowed: a lift"),
     ):
@@ -111,10 +102,7 @@ def test_points_lie_beside_the_cam(refuse):
 
 
 def test_dwells(load):
-    """A gap of 90°, and one across the turn's end, are allowed inside of a dwell.
-
-    Dwells follow one another with an event between each two, around the turn.
-    """
+    """A gap is allowed inside of a dwell; dwells follow one another with an event between."""
     gap = table([*ROWS[:8], *ROWS[13:]])
     assert load(gap, dwells=[(100, 120)]).dwells[0].span.si > 2.0
     load(table(ROWS[4:19]), dwells=[(270, 150)])
@@ -200,10 +188,7 @@ def test_headings_in_several_languages(read):
 
 
 def test_units():
-    """The last word that is a unit counts: "lift in mm" is in mm.
-
-    German Grad is a degree; what is a 400th of a turn is called gon.
-    """
+    """The last word that is a unit counts; German Grad is a degree, a 400th of a turn is gon."""
     lengths = dict.fromkeys(("in", "inches", "pulgadas", "Zoll", "pouces", '"'), 0.0254)
     lengths |= {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "µm": 1e-6, "um": 1e-6, "thou": 2.54e-5}
     for unit, factor in lengths.items():
@@ -226,10 +211,7 @@ def test_what_is_not_said_is_assumed_and_said(read):
 
 
 def test_columns_of_lifts(read):
-    """Two followers in one table; which is meant is asked for, or all are taken.
-
-    A column that is not asked for may hold words, decimal commas, nothing.
-    """
+    """Which is meant is asked for, or all are taken; another may hold words, or nothing."""
     two = "angle_deg,lift_a_mm,lift_b_mm\n0,0,0.0\n10,1,2\n"
     found = read(two)
     assert [column.name for column in found.columns] == ["lift_a_mm", "lift_b_mm"]

@@ -35,11 +35,11 @@ def factorial(
     from cam_rig.paper.factorial.design import Bench, open_factorial
     from cam_rig.paper.factorial.study import run_factorial
     from cam_rig.schema import load_rig, load_tables
-    from cam_rig.schema.load import cam_path, rig_path, study_path, tables_path
+    from cam_rig.schema.load import cam_path, named_path, rig_path, tables_path
     from cam_rig.workers import check_workplace, workplace
 
     check_workplace(dask)
-    config = open_factorial(study_path(study))
+    config = open_factorial(named_path("factorials", study))
     others = [cam for cam in load_tables(tables_path()).table_2_jump if cam != config.proposed]
     cam_set = open_cam_set(map(cam_path, [config.proposed, *others]), rig_path(config.rig))
     bench = Bench.of(config, cam_set.rig, load_rig(rig_path(config.noise_rig)))
