@@ -1,6 +1,7 @@
 """The package keeps its layout: a name is defined once, and files and functions stay readable."""
 
 import ast
+import tomllib
 from collections import Counter
 from pathlib import Path
 
@@ -57,3 +58,19 @@ def test_no_name_is_sought_among_too_many():
         if folder.name != "__pycache__"
     }
     assert {folder: count for folder, count in counts.items() if count > 20} == {}
+
+
+def test_every_slice_is_under_the_contract_of_slices():
+    """Whoever adds a folder to the experiments or the fits names it where imports are checked."""
+    read = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    (containers,) = (
+        set(one["containers"])
+        for one in read["tool"]["importlinter"]["contracts"]
+        if "(command)" in one.get("layers", ())
+    )
+    slices = {
+        ".".join(path.parent.relative_to(ROOT).parts)
+        for room in ("paper", "measured")
+        for path in (ROOT / "cam_rig" / room).glob("*/command.py")
+    }
+    assert slices - containers == set()

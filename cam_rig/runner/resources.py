@@ -16,6 +16,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from cam_rig.errors import ConfigError, OutputError, RunError
+from cam_rig.extras import require
 from cam_rig.files import MIB, no_room, temporary_place
 
 # Folders that are this user's alone, for locks and checkpoints of runs on one machine.
@@ -93,6 +94,7 @@ FOREIGN = (errno.ELOOP, errno.EISDIR, errno.EACCES, errno.EPERM)
 @contextmanager
 def own_domain(namespace: str = "") -> Iterator[None]:
     """Hold a namespace of this ROS domain; the kernel releases it with the process."""
+    require("rclpy")
     with _only("domain", domain_number(os.environ.get("ROS_DOMAIN_ID", "")), namespace) as where:
         if where:
             raise RunError(

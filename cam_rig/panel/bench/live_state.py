@@ -238,9 +238,10 @@ class LiveState:
 
     def chosen(self) -> dict[str, dict[str, Any]]:
         """What else was set on the nodes, for those of the next set-up."""
-        drive, ear = (self.values.get(node, {}) for node in ("cam_drive", "microphone"))
-        pace = {key: drive[key] for key in ("pacing",) if key in drive}
-        return {"cam_drive": pace, "microphone": dict(ear)}
+        return {
+            node: {key: value for key, value in values.items() if key not in ("cam", "rpm")}
+            for node, values in self.values.items()
+        }
 
     def note(self) -> NotedReading:
         """Note the present reading."""
