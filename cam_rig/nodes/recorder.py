@@ -16,7 +16,7 @@ from cam_rig.bag.recorder import open_bag
 from cam_rig.bag.split import Split
 from cam_rig.errors import CamRigError
 from cam_rig.messages import topics
-from cam_rig.nodes.convert import OK, message_class, qos, require_length, take_rest, to_header
+from cam_rig.nodes.convert import OK, message_class, qos, require_length, to_header
 from cam_rig.nodes.rig_node import RigNode
 from cam_rig.nodes.run_end import (
     DELIVERY_S,
@@ -97,6 +97,7 @@ class Recorder(RigNode):
             require_length(topic, cdr)
             number = about["publication_sequence_number"] or 0
             self._acknowledge(self._bag.take(topic, cdr, process_of(about), number))
+            self.taken += 1
 
         return take
 
@@ -124,10 +125,6 @@ class Recorder(RigNode):
             self._bag.idle()
         except CamRigError as error:
             self.fail(error)
-
-    def drain(self, spin_once: Callable[..., None]) -> None:
-        """Record what has arrived but was not taken yet."""
-        take_rest(spin_once, lambda: self._bag.count)
 
     def summary(self) -> str:
         """What the node has done, in words, when it ends."""

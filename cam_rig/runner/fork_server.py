@@ -94,18 +94,10 @@ class ForkServer:
     def __exit__(self, *_error: object) -> None:
         self.close()
 
-    @property
-    def pid(self) -> int | None:
-        """Its process; None where there is none."""
-        return self._process.pid if self._process is not None else None
-
     def begin(self) -> ForkServer:
         """Start it, where that is possible and not done yet; it is not waited for."""
-        if self._usable and self._process is None:
-            self._begin()
-        return self
-
-    def _begin(self) -> None:
+        if not self._usable or self._process is not None:
+            return self
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         number = str(theirs.fileno())
         command = [sys.executable, "-m", "cam_rig.nodes.fork_server", number, " " * COMMAND_ROOM]
@@ -123,9 +115,10 @@ class ForkServer:
         except (OSError, MemoryError):
             ours.close()
             self._usable = False
-            return
-        ours.settimeout(PATIENCE_S)
-        self._requests = ours
+        else:
+            ours.settimeout(PATIENCE_S)
+            self._requests = ours
+        return self
 
     def start(
         self, command: Sequence[str], environment: dict[str, str], pipe: int | None

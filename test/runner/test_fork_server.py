@@ -98,7 +98,7 @@ def test_an_import_that_fails_is_the_nodes_own_failure(ros_domain, fork_server):
     node = fork_server.start([*COMMAND[:3], "nowhere"], environment(), None)
     assert node.wait(timeout=100) == 1
     assert "No module named 'cam_rig.nodes.nowhere'" in node.stderr.read()
-    assert is_running(fork_server.pid)
+    assert is_running(fork_server._process.pid)
 
 
 def test_what_the_runner_has_no_time_for_does_not_run(ros_domain, fork_server, monkeypatch):
@@ -119,8 +119,8 @@ def test_a_killed_server_is_done_without(ros_domain):
     """Its nodes stay, and the next is started by itself."""
     with ForkServer() as server:
         node = server.start(COMMAND, environment(), None)
-        os.kill(server.pid, signal.SIGKILL)
-        wait_until(lambda: not is_running(server.pid))
+        os.kill(server._process.pid, signal.SIGKILL)
+        wait_until(lambda: not is_running(server._process.pid))
         assert node.poll() is None
         other = NodeProcess("follower", {}, False, print, server=server)
         assert isinstance(other.process, subprocess.Popen)
@@ -136,7 +136,7 @@ def test_where_it_cannot_be_a_node_is_started_by_itself(ros_domain, monkeypatch)
     node = NodeProcess("follower", {}, False, print, server=server)
     node.process.kill()
     assert isinstance(node.process, subprocess.Popen)
-    assert (node.process.wait(timeout=100), server.pid) == (-signal.SIGKILL, None)
+    assert (node.process.wait(timeout=100), server._process) == (-signal.SIGKILL, None)
 
 
 RUNNER = """
@@ -145,7 +145,7 @@ from cam_rig.runner.fork_server import ForkServer
 from cam_rig.runner.node_process import NodeProcess
 server = ForkServer()
 node = NodeProcess("follower", {}, False, print, server=server)
-print(server.pid, node.process.pid, type(node.process).__name__, flush=True)
+print(server._process.pid, node.process.pid, type(node.process).__name__, flush=True)
 input()
 """
 
