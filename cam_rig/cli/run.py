@@ -37,23 +37,17 @@ if TYPE_CHECKING:
 Pacing = Annotated[
     str, typer.Option(help="Rig time beside wall time: free, real_time, or Nx such as 20x.")
 ]
-
 View = Annotated[bool, typer.Option("--view", help="Show it in Rerun while it runs.")]
-
 Web = Annotated[bool, typer.Option("--web", help="Show it so to a browser on this machine.")]
-
 Wait = Annotated[
     bool, typer.Option("--wait", help="With --web or --view: start when somebody sees it.")
 ]
-
 Respawn = Annotated[
     bool, typer.Option("--respawn", help="Start a node again that was killed, and go on.")
 ]
-
 Network = Annotated[
     bool, typer.Option("--network", help="Let the subnet see the nodes; else this machine alone.")
 ]
-
 SplitLimit = Annotated[
     str | None,
     typer.Option(

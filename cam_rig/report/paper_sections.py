@@ -14,15 +14,8 @@ from cam_rig.law_design.design import paper_designs
 from cam_rig.law_design.result import designs_table
 from cam_rig.laws import figures as law_figures
 from cam_rig.laws.catalogue import families
-from cam_rig.paper.as_cut.study import (
-    BASES,
-    CUT,
-    ROLLERS,
-    CutBench,
-    cut_all,
-    has_central_roller,
-    over_sizes,
-)
+from cam_rig.paper.as_cut import study as as_cut
+from cam_rig.paper.as_cut.study import CUT
 from cam_rig.paper.contact import figures as contact_plot
 from cam_rig.paper.contact.comparison import compare_contacts, play_table
 from cam_rig.paper.flywheel import FLYWHEEL_RPM, study_flywheel
@@ -176,13 +169,14 @@ def _stem(paper: Paper) -> Content:
 
 def _as_cut(paper: Paper) -> Content:
     """Cams with rollers as they were cut, and `CUT` over its radii."""
-    cam_set, bench = paper.cam_set, CutBench.of(paper.cam_set.rig, paper.loaded)
-    rollers = [cam for cam, config in cam_set.cams.items() if has_central_roller(config)]
-    cuts = cut_all(cam_set.only(rollers), bench)
+    cam_set, bench = paper.cam_set, as_cut.CutBench.of(paper.cam_set.rig, paper.loaded)
+    rollers = [cam for cam, config in cam_set.cams.items() if as_cut.has_central_roller(config)]
+    cuts = as_cut.cut_all(cam_set.only(rollers), bench)
     tables, cut = cuts.to_show(paper.titles), cuts.of(CUT)
     if cut is not None:
         title = cam_set.titles[CUT]
-        tables += over_sizes(cut, bench, BASES, ROLLERS, title).to_show(paper.titles)
+        sizes = as_cut.BASES, as_cut.ROLLERS
+        tables += as_cut.over_sizes(cut, bench, *sizes, title).to_show(paper.titles)
     return Content(
         tables,
         {"fig12": partial(cuts.plot, cam=CUT)} if cut else {},

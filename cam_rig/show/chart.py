@@ -114,14 +114,14 @@ def round_marks(low: float, high: float, unit: str) -> dict[float, str]:
     return dict(zip(values.tolist(), words, strict=True))
 
 
-def round_range(low: float, high: float, parts: int = 5) -> tuple[float, float, float]:
+def round_range(low: float, high: float) -> tuple[float, float, float]:
     """From and to where an axis goes that shows two values, and its step: 1, 2 or 5 by ten to n.
 
-    The values span at most so many ``parts``; rounding outwards may add one at either end.
+    The values span at most five steps; rounding outwards may add one at either end.
     """
     if not high > low:
         high = low + 1.0
-    raw = (high - low) / parts
+    raw = (high - low) / 5
     power = 10.0 ** np.floor(np.log10(raw))
     step = float(min(f * power for f in (1.0, 2.0, 5.0, 10.0) if f * power >= raw * (1 - 1e-9)))
     ends = np.floor(low / step + 1e-9), np.ceil(high / step - 1e-9)

@@ -24,21 +24,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 
-from cam_rig.show.looks import (
-    BLACK,
-    BLUE,
-    DASHES,
-    GAP,
-    GREEN,
-    MARKERS,
-    ORANGE,
-    PURPLE,
-    SKY_BLUE,
-    VERMILION,
-    cam_look,
-    log_tick,
-    web,
-)
+from cam_rig.show.looks import DASHES, GAP, MARKERS, SERIES, cam_look, log_tick, web
 from cam_rig.units import FloatArray
 
 CAM_ANGLE, CAM_SPEED = "cam angle θ [°]", "cam speed [rpm]"
@@ -56,15 +42,13 @@ styled = mpl.rc_context(STYLE)
 ACROSS = 72
 #: A logarithmic axis over more decades than this has no ticks at 3.
 DECADES = 4.0
-#: Curves that are no cam's, such as one cam at several speeds: in none of the cams' colours.
-SERIES = tuple(map(web, (BLUE, VERMILION, GREEN, BLACK, PURPLE, ORANGE, SKY_BLUE)))
 #: Of the side of a panel, between two markers of a curve.
 MARKER_GAP = 0.14
 
 
-def empty(height: float, width: float = WIDTH) -> Figure:
-    """A figure without axes; sides in inches."""
-    return Figure(figsize=(width, height), layout="constrained")
+def empty(height: float) -> Figure:
+    """A figure of a page's width without axes; its height in inches."""
+    return Figure(figsize=(WIDTH, height), layout="constrained")
 
 
 @styled
@@ -136,12 +120,12 @@ def colour(cam: str) -> str:
 
 def series(index: int) -> dict[str, Any]:
     """Colour and dash of the index-th of several curves that are no cams."""
-    return {"color": SERIES[index % len(SERIES)], "ls": DASHES[index % len(DASHES)]}
+    return {"color": web(SERIES[index % len(SERIES)]), "ls": DASHES[index % len(DASHES)]}
 
 
 def series_marker(index: int) -> dict[str, Any]:
     """Colour and marker of the index-th of several curves that are no cams."""
-    return {"color": SERIES[index % len(SERIES)], "marker": MARKERS[index % len(MARKERS)]}
+    return {"color": web(SERIES[index % len(SERIES)]), "marker": MARKERS[index % len(MARKERS)]}
 
 
 # A tall figure in strips between its rows of panels, so that paper may part it there.
@@ -153,7 +137,7 @@ TOUCH = 0.02
 
 
 @styled
-def strips(figure: Figure, most: float = STRIP) -> list[tuple[float, float]]:
+def strips(figure: Figure) -> list[tuple[float, float]]:
     """From and to of each strip, inches above the foot of the figure, the highest strip first.
 
     What stands above and below all panels goes with the nearest. The figure's layout is done, and
@@ -170,7 +154,7 @@ def strips(figure: Figure, most: float = STRIP) -> list[tuple[float, float]]:
             rows.append([low, high])
     cuts = [figure.get_figheight()]
     for above, row in pairwise(rows):
-        if cuts[-1] - row[0] > most:
+        if cuts[-1] - row[0] > STRIP:
             cuts.append(0.5 * (above[0] + row[1]))
     return list(zip([*cuts[1:], 0.0], cuts, strict=True))
 

@@ -103,6 +103,8 @@ LIFT, LAW, VELOCITY, ACCELERATION = SKY_BLUE, 0x00426BFF, GREEN, PURPLE
 FORCE, LANDING, LIFT_OFF, TWIST = ORANGE, VERMILION, 0x882255FF, 0x332288FF
 LEVEL, SPEED, BANDS = 0x117733FF, 0xAA4499FF, 0x44AA99FF
 GREY, FOLLOWER, GAP, ZERO = 0x999999FF, 0x8C6D31FF, 0xFF0000FF, 0x661100FF
+#: Curves that are no cam's, such as one cam at several speeds: in none of the cams' colours.
+SERIES = (BLUE, VERMILION, GREEN, BLACK, PURPLE, ORANGE, SKY_BLUE)
 #: Behind curves, where the follower is off the cam.
 FLIGHT = 0xF2DADAFF
 #: On paper: s to s''', the discs of a cam, their pitch curve, and what may not be passed.
@@ -115,10 +117,10 @@ def web(colour: int) -> str:
     return f"#{colour >> 8:06x}"
 
 
-def tint(colour: int, share: float = 0.25) -> int:
-    """A colour as it is seen when so much of it lies on white, opaque."""
+def tint(colour: int) -> int:
+    """A colour as it is seen when a quarter of it lies on white, opaque."""
     parts = (colour >> shift & 255 for shift in (24, 16, 8))
-    mixed = bytes(round(255 + share * (part - 255)) for part in parts)
+    mixed = bytes(round(255 + 0.25 * (part - 255)) for part in parts)
     return int.from_bytes(mixed + b"\xff", "big")
 
 
@@ -181,6 +183,8 @@ def distances(points: FloatArray, strip: FloatArray) -> FloatArray:
 NUMBERED, TICKED = 30, 10
 #: Radii as shares of the ring's: ends of a short and a long tick, middle of a number.
 SHORT, LONG, NUMBER = 1.03, 1.07, 1.17
+#: Strips that fill a cam, and points of each: a browser without a graphics card is slow at them.
+SHELLS, SHELL_POINTS = 6, 60
 #: The arc that says which way the cam turns, °, and its arrow's head over its radius.
 ARC, BARB = (150.0, 390.0), 0.28
 
@@ -211,16 +215,13 @@ def rotation(radius: float) -> list[FloatArray]:
     return [arc, np.array([barbs[0], arc[-1], barbs[1]])]
 
 
-def body(outline: FloatArray, shells: int = 6, points: int = 60) -> tuple[list[FloatArray], float]:
-    """Closed strips ``(n, 2)`` within an outline around the origin, and half the width to fill it.
-
-    Few ``points`` a strip: wide lines are what a browser without a graphics card is slow at.
-    """
-    outline = outline[np.linspace(0, len(outline) - 1, points + 1).astype(int)]
+def body(outline: FloatArray) -> tuple[list[FloatArray], float]:
+    """Closed strips ``(n, 2)`` within an outline around the origin, and half their width."""
+    outline = outline[np.linspace(0, len(outline) - 1, SHELL_POINTS + 1).astype(int)]
     radii = np.hypot(*outline.T)
-    half = float(radii.max()) / (2.0 * shells)
+    half = float(radii.max()) / (2.0 * SHELLS)
     inner = outline * ((radii - half) / radii)[:, None]
-    return [inner * (i + 0.5) / (shells - 0.5) for i in range(shells)], 1.08 * half
+    return [inner * (i + 0.5) / (SHELLS - 0.5) for i in range(SHELLS)], 1.08 * half
 
 
 def _towards(degrees: float) -> FloatArray:

@@ -3,6 +3,9 @@
 from typer.testing import CliRunner
 
 from cam_rig.cli.main import app
+from cam_rig.schema.load import config_root
+
+GOLDEN = config_root().parent / "bags" / "golden"
 
 
 def call(*arguments):

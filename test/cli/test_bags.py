@@ -16,11 +16,9 @@ from cam_rig.bag.partial_reader import PartialReader
 from cam_rig.bag.reader import read_counts
 from cam_rig.bag.writer import BagWriter
 from cam_rig.messages.topics import recorded_topic
-from cam_rig.schema.load import config_root
 
-from .calls import call
+from .calls import GOLDEN, call
 
-GOLDEN = config_root().parent / "bags" / "golden"
 MESSAGES = sum(read_counts(GOLDEN).values())
 
 
@@ -39,8 +37,7 @@ def as_ros2_records(target, plugin):
 @pytest.mark.variants(1)
 @pytest.mark.parametrize("plugin", list(StoragePlugin), ids=lambda p: p.name)
 def test_a_bag_of_ros2_bag_record(tmp_path, plugin):
-    """MCAP or SQLite, with the wall's time: the same levels, samples and drawing as of the run,
-    when the scene is named."""
+    """MCAP or SQLite by the wall's time, its scene named: the run's levels, samples, drawing."""
     theirs = tmp_path / "theirs"
     as_ros2_records(theirs, plugin)
     nameless = call("analyze", theirs)

@@ -55,10 +55,7 @@ WORDS = ["contact", "force", "displacement", "peak-to-peak", "at", "m/rad²", "p
 @pytest.mark.variants(8)
 @pytest.mark.parametrize("seed", range(20))
 def test_heads_stay_whole_in_a_table_that_is_too_wide(printed, seed):
-    """Random tables of up to thirty columns at 80: they come in parts, and no word is broken.
-
-    Every part has the columns that tell its rows apart, and nothing is lost.
-    """
+    """Random tables come in parts with what tells rows apart; no word is broken or lost."""
     rng = np.random.default_rng(seed)
     count, height = int(rng.integers(5, 31)), int(rng.integers(1, 6))
 

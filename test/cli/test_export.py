@@ -6,11 +6,7 @@ import io
 import numpy as np
 import pytest
 
-from cam_rig.schema.load import config_root
-
-from .calls import call
-
-GOLDEN = config_root().parent / "bags" / "golden"
+from .calls import GOLDEN, call
 
 
 def test_a_scene_and_its_bag_give_the_same_rows():

@@ -13,7 +13,8 @@ from typer.testing import CliRunner
 from cam_rig.cli.main import COMMANDS, app, command
 from cam_rig.schema.load import config_root
 
-GOLDEN = config_root().parent / "bags" / "golden"
+from .calls import GOLDEN
+
 TITLE = "A cam whose title is of many more letters than forty: {}"
 #: Cams of one's own: name, the shipped file, what else differs in it.
 CAMS = {

@@ -15,7 +15,8 @@ import typer
 
 from cam_rig.cli import main
 
-GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
+from .calls import GOLDEN
+
 COMMAND = Path(sys.executable).with_name("cam-rig")
 #: Commands by what they write to stdout.
 PRINTED = {

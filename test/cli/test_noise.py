@@ -16,10 +16,7 @@ from .calls import call
 
 @pytest.mark.usefixtures("one_study")
 def test_noise_json_and_plot(sweep, tmp_path):
-    """Every part is in the JSON, nothing of it NaN, and the plot is a picture.
-
-    The tables are whole on a terminal of 80 columns.
-    """
+    """Every part is in the JSON, no NaN; the plot is a picture; tables are whole at 80 columns."""
     result = call("noise", sweep, "--json", tmp_path / "a.json", "--plot", tmp_path / "a.png")
     assert result.exit_code == 0, result.stderr
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")

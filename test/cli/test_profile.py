@@ -40,11 +40,7 @@ def all_shipped():
 
 
 def test_all_shipped_cams_pass(all_shipped):
-    """Each cam of the folder is in the table and in the JSON, and all but one can be made.
-
-    The constant velocity of the worked example has corners, which no contour follows: its file
-    says so, and it is no failure of the set; asked for by itself it is.
-    """
+    """All but one can be made: the worked example's constant velocity has corners."""
     result = all_shipped
     assert "its file says that it cannot be made: its velocity jumps" in result.stderr
     assert call("worked_example_constant_velocity").exit_code == 1
@@ -64,10 +60,7 @@ def test_all_shipped_cams_pass(all_shipped):
 
 
 def test_the_table_of_all_fits_80_columns(all_shipped):
-    """Every cam on one line with all its numbers, none cut; a straight flank has no radius.
-
-    TM21's numbers are the theses' cam's; "–" is what a cam has not.
-    """
+    """A line a cam, no number cut; TM21's are the theses' cam's; “–” is what a cam has not."""
     lines = all_shipped.stderr.splitlines()
     names = {path.stem for path in (config_root() / "cams").glob("*.yaml")}
     table = lines[: next(i for i, line in enumerate(lines) if line.startswith("–: "))]

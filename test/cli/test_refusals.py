@@ -2,9 +2,7 @@
 
 import pytest
 
-from cam_rig.schema.load import config_root
-
-from .calls import call
+from .calls import GOLDEN, call
 
 #: Command line, exit code, words of its line; none where typer shows the usage instead.
 REFUSED = [
@@ -107,7 +105,7 @@ REFUSED = [
 @pytest.mark.parametrize(("line", "code", "words"), REFUSED, ids=[line for line, *_ in REFUSED])
 def test_a_mistake_is_one_line_and_writes_nothing(tmp_path, line, code, words):
     """Before anything runs, where it can be seen before."""
-    places = {"tmp": tmp_path, "golden": config_root().parent / "bags" / "golden"}
+    places = {"tmp": tmp_path, "golden": GOLDEN}
     result = call(*line.format_map(places).split())
     assert result.exit_code == code
     assert words.format_map(places) in result.stderr

@@ -91,18 +91,20 @@ PICTURE = "data:image/svg+xml;base64,AAAA"
 
 @pytest.fixture
 def undrawn(monkeypatch):
-    """Figures are made, and not drawn: the commands' tests draw them, and the whole page's."""
+    """Figures are made, and not drawn: the commands' tests draw them."""
     monkeypatch.setattr("cam_rig.report.document.uris", lambda *_: [PICTURE, PICTURE])
 
 
 @pytest.fixture
-def fewer(undrawn, monkeypatch):
-    """Of each long study a few cases."""
+def fewer(monkeypatch):
+    """Of each long study a few cases, and no figure, which the commands' tests make."""
+    pictures = property(lambda content: {key: [PICTURE] * 2 for key in content.figures})
+    monkeypatch.setattr("cam_rig.report.document.Content.drawn", pictures)
     monkeypatch.setattr("cam_rig.paper.stem.study.ELEMENTS", (1.0, 2.0, math.inf))
     monkeypatch.setattr("cam_rig.paper.stem.study.STEP", 50.0)
-    monkeypatch.setattr("cam_rig.report.paper_sections.BASES", (0.065,))
-    monkeypatch.setattr("cam_rig.report.paper_sections.ROLLERS", (0.02,))
-    monkeypatch.setattr("cam_rig.report.paper_sections.has_central_roller", lambda c: c.name == CUT)
+    monkeypatch.setattr("cam_rig.paper.as_cut.study.BASES", (0.065,))
+    monkeypatch.setattr("cam_rig.paper.as_cut.study.ROLLERS", (0.02,))
+    monkeypatch.setattr("cam_rig.paper.as_cut.study.has_central_roller", lambda c: c.name == CUT)
     monkeypatch.setattr("cam_rig.paper.flywheel.INERTIAS", (SHOWN, math.inf))
     monkeypatch.setattr("cam_rig.law_design.design.ASKED", ASKED[1:2])  # not of a jump
     monkeypatch.setattr("cam_rig.paper.readings.readings.SPEEDS", 32)
@@ -112,7 +114,7 @@ def fewer(undrawn, monkeypatch):
 @pytest.mark.slow
 @pytest.mark.usefixtures("in_this_process", "one_study", "fewer")
 def test_the_page(sweep, tmp_path):
-    """Of a smaller scene, with figures that are not drawn."""
+    """Of a smaller scene, with no figure."""
     check_page(sweep, tmp_path)
 
 
@@ -223,10 +225,7 @@ def own_scene(tmp_path_factory):
 
 @pytest.mark.usefixtures("undrawn")
 def test_a_scene_of_ones_own(own_scene, tmp_path, monkeypatch):
-    """Every section and figure; what a study cannot take is said, and levels are relative.
-
-    The head says when, by which command, and that nothing was drawn at random.
-    """
+    """Every section and figure; refusals are said, levels relative; the head says when and how."""
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
     out, data = tmp_path / "own.html", tmp_path / "own.json"
     result = call(own_scene, "--out", out, "--json", data)

@@ -17,6 +17,8 @@ import pytest
 
 from cam_rig.interrupts import STOPPING
 
+from .calls import GOLDEN
+
 LONG = pytest.mark.long
 BIN = Path(sys.executable).parent
 #: Wall time (s) that a command may take to end; on a busy machine many times what it takes.
@@ -35,7 +37,6 @@ COMMANDS = {
     "report --out {out}/report.html --jobs 2": 30.0,
     "design poly345 --maximise jump_speed --limit peak_acceleration<=start --out {out}/a.yaml": 8.0,
 }
-GOLDEN = Path(__file__).parents[2] / "bags" / "golden"
 #: Of a process before its first own line: as of any program, the signal itself ends it.
 BEFORE = {-number for number in STOPPING}
 

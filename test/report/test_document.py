@@ -4,17 +4,8 @@ import re
 
 import pytest
 
-from cam_rig.report.document import (
-    Answer,
-    Numbering,
-    anchor,
-    bold,
-    environment,
-    percent,
-    span,
-    summary_table,
-    to,
-)
+from cam_rig.report import document
+from cam_rig.report.document import Answer, Numbering, environment, percent, summary_table, to
 from cam_rig.show.tables import DataTable, Head
 
 TABLE = DataTable(
@@ -138,6 +129,6 @@ def test_numbers_in_sentences():
     assert percent(-0.0053, "+.2f") == "−0.53 %"
     assert to((0.71, 1.66), ".1f") == "0.7 to 1.7"
     assert to((-2e-7, 3.3e8), ".2g") == "−2·10⁻⁷ to 3.3·10⁸"
-    assert bold(0.369, ".2f", "%") == "**0.37 %**"
-    assert span((0.7, 1.66), ".1f", "turns") == "**0.7** to **1.7 turns**"
-    assert anchor("12 Given, assumed, identified") == "12-given-assumed-identified"
+    assert document.bold(0.369, ".2f", "%") == "**0.37 %**"
+    assert document.span((0.7, 1.66), ".1f", "turns") == "**0.7** to **1.7 turns**"
+    assert document.anchor("12 Given, assumed, identified") == "12-given-assumed-identified"

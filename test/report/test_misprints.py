@@ -64,8 +64,7 @@ def ordinates_of_bezier_15():
 
 
 def table_1():
-    """With 13 kg on the spring, and all that weight as preload, every law of Table 2 is left below
-    the lowest speed printed; with 1.3 kg the printed speeds can be reached. rpm."""
+    """13 kg leave the spring below the lowest speed printed; with 1.3 kg it can be reached. rpm."""
     laws = ("bezier15", "poly345", "poly4567", "cycloidal", "bezier_segments")
 
     def missing(mass):
@@ -114,8 +113,7 @@ def eq_3_7():
 
 
 def eq_2_1():
-    """Basis functions add up to one everywhere, at a knot as well; the sum begins with the constant
-    a₀, without which a law that starts at 1 starts at 0."""
+    """Basis functions add up to one at a knot too; without a₀ a law from 1 starts at 0."""
     knots = np.arange(5.0)
 
     def sums(closed):
@@ -202,8 +200,7 @@ def eq_2_33():
 
 
 def eq_2_39():
-    """In a base that turns with the follower, d/dθ of (x, y) is (x' + y, y' − x): the last
-    component is minus the first one before. m/rad²."""
+    """In a base that turns along, d/dθ of (x, y) is (x' + y, y' − x). m/rad²."""
     printed = -(distance(THETA) + second(THETA)) * np.cos(TILT) - OFFSET * np.sin(TILT)
     right = -((distance(THETA) + second(THETA)) * np.cos(TILT) - OFFSET * np.sin(TILT))
 

@@ -31,7 +31,7 @@ def pixels(path: Path) -> np.ndarray:
 
 
 @pytest.mark.variants(2)
-@pytest.mark.parametrize("rows", [1, 5, 2, 12])
+@pytest.mark.parametrize("rows", [1, 12, 2, 5])
 def test_strips_make_up_the_figure(rows: int, tmp_path: Path) -> None:
     """They lie on each other from the top to the foot, and each is as high as its panels need."""
     figure = stacked(rows)

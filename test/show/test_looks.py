@@ -11,25 +11,8 @@ from cam_rig.laws.catalogue import rise_curves
 from cam_rig.laws.segments import NAMED_RISES
 from cam_rig.schema import load_scene, load_tables
 from cam_rig.schema.load import config_root
-from cam_rig.show.looks import (
-    BLUE,
-    COLOURS,
-    DASHES,
-    MARKERS,
-    NAMES,
-    SAME,
-    CamLook,
-    cam_look,
-    distances,
-    four_digits,
-    in_words,
-    log_tick,
-    of_cam,
-    reach,
-    shortened,
-    tint,
-    web,
-)
+from cam_rig.show import looks as pictures
+from cam_rig.show.looks import COLOURS, DASHES, MARKERS, NAMES, SAME, CamLook, cam_look, of_cam
 
 #: Cams that the report draws on each other: of Table 2, and those whose contact is compared.
 TABLE_2 = ("bezier15", "poly345", "poly4567", "cycloidal", "bezier_segments")
@@ -91,19 +74,19 @@ def test_rises_that_are_one_curve_look_the_same() -> None:
 @pytest.mark.parametrize(
     ("found", "shown"),
     [
-        (web(cam_look("bezier15").colour), "#4477aa"),
-        (web(tint(BLUE)), "#bfdcec"),
-        (in_words("poly345"), "Polynomial 3-4-5"),
-        (in_words("bezier15"), "Bézier degree 15"),
-        (in_words("bezier4_start"), "Bézier degree 4, start"),
-        (in_words("tm21"), "TM21"),
-        (in_words("my_cam"), "My cam"),
-        (shortened("Polynomial 3-4-5", 16), "Polynomial 3-4-5"),
-        (shortened("Cam of the left inlet valve, v2", 16), "Cam of t…lve, v2"),
-        (four_digits(28706.4), "28710"),
-        (four_digits(-0.25), "−0.25"),
-        (log_tick(300.0), "300"),
-        (log_tick(3e-9), "3·10⁻⁹"),
+        (pictures.web(cam_look("bezier15").colour), "#4477aa"),
+        (pictures.web(pictures.tint(pictures.BLUE)), "#bfdcec"),
+        (pictures.in_words("poly345"), "Polynomial 3-4-5"),
+        (pictures.in_words("bezier15"), "Bézier degree 15"),
+        (pictures.in_words("bezier4_start"), "Bézier degree 4, start"),
+        (pictures.in_words("tm21"), "TM21"),
+        (pictures.in_words("my_cam"), "My cam"),
+        (pictures.shortened("Polynomial 3-4-5", 16), "Polynomial 3-4-5"),
+        (pictures.shortened("Cam of the left inlet valve, v2", 16), "Cam of t…lve, v2"),
+        (pictures.four_digits(28706.4), "28710"),
+        (pictures.four_digits(-0.25), "−0.25"),
+        (pictures.log_tick(300.0), "300"),
+        (pictures.log_tick(3e-9), "3·10⁻⁹"),
     ],
 )
 def test_words_of_pictures(found: str, shown: str) -> None:
@@ -113,9 +96,9 @@ def test_words_of_pictures(found: str, shown: str) -> None:
 
 def test_reach_and_distances() -> None:
     """An axis has room beyond a difference, and 1 where it is rounding; distances from a strip."""
-    assert (reach(20.0), reach(5e-9)) == (pytest.approx(23.0), 1.0)
+    assert (pictures.reach(20.0), pictures.reach(5e-9)) == (pytest.approx(23.0), 1.0)
     points, strip = np.array([[0.5, 2.0], [4.0, 4.0]]), np.array([[0.0, 0.0], [1.0, 0.0]])
-    assert distances(points, strip).tolist() == [2.0, 5.0]
+    assert pictures.distances(points, strip).tolist() == [2.0, 5.0]
 
 
 def _luminance(colour: int) -> float:

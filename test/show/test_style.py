@@ -72,7 +72,7 @@ def test_no_text_is_cut_or_small_or_on_another(drawn: dict[str, Figure]) -> None
 
 
 @pytest.mark.variants(1)
-@pytest.mark.parametrize("name", ["oscillating_conjugate", "arcs_straight", "gunt_gl110"])
+@pytest.mark.parametrize("name", ["arcs_straight", "oscillating_conjugate", "gunt_gl110"])
 def test_profiles_and_laws_of_every_follower(
     name: str, cams: dict[str, CamConfig], laws: dict[str, Law]
 ) -> None:

@@ -4,16 +4,8 @@ import math
 
 import pytest
 
-from cam_rig.show.tables import (
-    DataTable,
-    Head,
-    called,
-    counted,
-    number,
-    tabulate,
-    to_markdown,
-    typeset,
-)
+from cam_rig.show import tables
+from cam_rig.show.tables import DataTable, Head, called, counted, number, tabulate
 
 FIELDS = (
     (Head("cam"), lambda row: row[0]),
@@ -28,7 +20,7 @@ def test_words_and_numbers():
     values = (1.26e6, 3.3e8, 0.05, 4030.0, 9.8599e-5)
     assert [*map(number, values)] == ["1.26e6", "3.3e8", "0.05", "4030", "9.8599e-5"]
     shown = "−0.25 to 3.3·10⁸, 10⁻⁹ on bezier-15"
-    assert typeset("-0.25 to 3.3e8, 1e-09 on bezier-15") == shown
+    assert tables.typeset("-0.25 to 3.3e8, 1e-09 on bezier-15") == shown
     assert [counted(n, "point") for n in (1, 64)] == ["1 point", "64 points"]
     assert counted(2, "process") == "2 processes"
 
@@ -37,7 +29,7 @@ def test_markdown():
     """A name, the caption, numbers to the right; no blank line at the end."""
     table = DataTable("Speeds", (Head("cam"), Head("n", "rpm", "d")), (("a", 9),))
     expected = "**Table 3. Speeds**\n\n| cam | n [rpm] |\n| --- | ---: |\n| a | 9 |"
-    assert to_markdown(table, "Table 3. ") == expected
+    assert tables.to_markdown(table, "Table 3. ") == expected
 
 
 @pytest.mark.parametrize(

@@ -18,13 +18,10 @@ Events = Annotated[
     Path | None,
     typer.Option("--events", help="Draw the least base radius over the event angle, law by law."),
 ]
-
 Rpm = Annotated[float, typer.Option(min=0.0, max=1e5, help="Speed of the cam.")]
-
 Steepest = Annotated[
     float, typer.Option(metavar="DEG", min=1.0, max=89.0, help="Most pressure angle of --events.")
 ]
-
 Sharpest = Annotated[
     float,
     typer.Option(

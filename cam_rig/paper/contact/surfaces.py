@@ -191,12 +191,15 @@ def base_bounds(case: ContactCase) -> BaseBounds:
     follower, limits = case.cam.follower, case.surfaces.parts
     own = follower.base_radius.si
 
+    def steepest(_: Surfaces, scan: Scan) -> float:
+        return scan.greatest(lambda touch: np.abs(touch.pressure)).value
+
     def least(measure: Measure, limit: float) -> float | None:
         return least_base(lambda base: -_excess(case, measure, limit, base, np.inf), own)
 
     return BaseBounds(
         curvature=least_base_radius(follower, case.law),
-        pressure_angle=least(_steepest, greatest_allowed(follower, case.surfaces.element)),
+        pressure_angle=least(steepest, greatest_allowed(follower, case.surfaces.element)),
         pressure=least(peak_pressure, limits.most_pressure.si),
         sliding=_greatest(case, own, limits.most_sliding_speed.si),
     )
@@ -210,10 +213,6 @@ def peak_pressure(surfaces: Surfaces, scan: Scan) -> float:
 def peak_sliding(surfaces: Surfaces, scan: Scan) -> float:
     """Largest sliding speed (m/s) over the turn."""
     return scan.greatest_of(surfaces.sliding).value
-
-
-def _steepest(_: Surfaces, scan: Scan) -> float:
-    return scan.greatest(lambda touch: np.abs(touch.pressure)).value
 
 
 def measured(case: ContactCase, measure: Measure, base: float) -> float | None:

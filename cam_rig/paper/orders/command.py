@@ -25,23 +25,17 @@ MAX_ORDERS, MAX_SPEEDS = 10_000, 1000
 Source = Annotated[
     str, typer.Argument(metavar="CAM|SCENE", help="Cam or scene: a file, or a name in config.")
 ]
-
 Speeds = Annotated[
     str | None, typer.Option(help="Speeds: 300, or 200,300, or 200:400:10; by default the scene's.")
 ]
-
 OneCam = Annotated[str | None, typer.Option(help="One cam of a scene; by default all.")]
-
 OwnRig = Annotated[
     str | None, typer.Option(help="Rig file, or a name in config/rigs; by default the scene's.")
 ]
-
 OwnModel = Annotated[
     str | None, typer.Option(help="Model, as in a scene (two_mass); by default the scene's.")
 ]
-
 Highest = Annotated[int, typer.Option("--orders", min=1, max=MAX_ORDERS, help="Highest order.")]
-
 Save = Annotated[
     Path | None, typer.Option(help="Write a Rerun recording (.rrd): diagram and spectra.")
 ]

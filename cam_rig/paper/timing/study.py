@@ -284,7 +284,13 @@ class TimingResult(Result):
             self.table(
                 "shifts",
                 "What each ordinate moves",
-                (row for timing in self.timings for row in _shift_rows(timing)),
+                (
+                    ShiftRow(timing.cam.name, o.segment, j, event, shift)
+                    for timing in self.timings
+                    for o in timing.ordinates
+                    for event in timing.events
+                    for j, shift in enumerate(o.shifts(event, timing.cam.lift.si).tolist())
+                ),
                 hidden=True,
             ),
         ]
@@ -306,10 +312,3 @@ def _ordinate_rows(timing: CamTiming) -> Iterator[OrdinateRow]:
         for j, shifted in enumerate(rows):
             value, reach = o.values[j].item(), reaches[j].item()
             yield OrdinateRow(timing.cam.name, o.segment, j, value, j in free, reach, shifted)
-
-
-def _shift_rows(timing: CamTiming) -> Iterator[ShiftRow]:
-    for o in timing.ordinates:
-        for event in timing.events:
-            for j, shift in enumerate(o.shifts(event, timing.cam.lift.si).tolist()):
-                yield ShiftRow(timing.cam.name, o.segment, j, event, shift)

@@ -9,9 +9,6 @@ import typer
 from cam_rig.show.command import CamsOrScene, RigOfScene, command
 from cam_rig.show.result import Progress, Result
 
-#: The jump speed of the first of the paper's laws is 389 rpm.
-SPEEDS = [200.0, 250.0, 300.0, 350.0]
-
 
 @command("json", "csv", "plot")
 def vibration(
@@ -37,10 +34,10 @@ def vibration(
 
     cam-rig vibration quick --rig paper_table2
     """
-    from cam_rig.paper.vibration.study import measure
+    from cam_rig.paper.vibration.study import VIBRATION_RPM, measure
     from cam_rig.schema.load import one_scene
     from cam_rig.simulation.asked import asked_cams, scene_speeds
 
     cam_set, scene = asked_cams(cams, rig), one_scene(cams)
-    own = SPEEDS if scene is None else scene_speeds(scene, len(SPEEDS))
+    own = VIBRATION_RPM if scene is None else scene_speeds(scene, len(VIBRATION_RPM))
     return measure(cam_set, rpm or own, progress)

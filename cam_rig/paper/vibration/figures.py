@@ -37,7 +37,7 @@ LABELS = (
 RESIDUAL, AROUND = 1, 60.0
 #: Columns before a new block of rows begins; the other cams.
 MOST_COLUMNS = 5
-#: Letters of a line over a column.
+#: Letters of a line over a column, which has two.
 COLUMN_LETTERS = 14
 
 OTHERS: dict[str, Any] = {"color": "0.8", "lw": 0.6, "zorder": 1.5}
@@ -60,7 +60,7 @@ def figure(found: VibrationResult, rpm: float = 0.0) -> Figure:
         top, column = place // columns * count, place % columns
         title, dwell = title_of(cam_set.titles, cam), low_dwell(cam_set.laws[cam])
         _column(panels[top : top + count, column], cam, title, rows, dwell)
-        panels[top, column].set_title(_broken(title))
+        panels[top, column].set_title("\n".join([*wrap(title, COLUMN_LETTERS), ""][:2]))
     for unused in panels[(blocks - 1) * count :, len(cams) - (blocks - 1) * columns :].flat:
         unused.set_visible(False)
     for row, across in enumerate(panels):
@@ -127,9 +127,3 @@ def _share(across: np.ndarray, label: str) -> None:
         axes.set_ylim(limits[:, 0].min(), limits[:, 1].max())
         axes.tick_params(labelleft=axes is across[0])
     across[0].set_ylabel(label)
-
-
-def _broken(title: str) -> str:
-    """A title over two lines, for a narrow column."""
-    lines = wrap(title, COLUMN_LETTERS)
-    return "\n".join([*lines, ""][:2])

@@ -19,7 +19,7 @@ from cam_rig.units import RPM
 PROPOSED, LOWER, HIGHER = "bezier15", "poly345", "poly4567"
 #: What residual vibration may be measured by; the paper does not say which.
 RESIDUAL = {"residual_amplitude": "residual amplitude", "peak_to_peak": "peak to peak"}
-#: Speeds of the vibration tables of a report, rpm.
+#: Speeds of the vibration tables, rpm: the first of the paper's laws jumps at 389 rpm.
 VIBRATION_RPM = (200.0, 250.0, 300.0, 350.0)
 
 

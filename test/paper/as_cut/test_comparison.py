@@ -6,13 +6,13 @@ from functools import partial
 import numpy as np
 import pytest
 
+from cam_rig import load_cam
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.jump.jump_speed import FROM_REST
 from cam_rig.dynamics.two_mass.trajectory import first_lift_off
 from cam_rig.errors import ConfigError
 from cam_rig.laws import build_law
 from cam_rig.paper.as_cut.study import CutBench, DrawnCam, as_cut, over_sizes, radii
-from cam_rig.schema import load_cam, load_rig
 from cam_rig.schema.load import config_root
 from cam_rig.simulation.scene import open_scene
 
@@ -21,19 +21,14 @@ from ...cli.calls import call as run
 CONFIG = config_root()
 
 
-def cam(name):
-    return load_cam(CONFIG / "cams" / f"{name}.yaml")
-
-
 @pytest.fixture(scope="module")
-def bench():
-    rig = load_rig(CONFIG / "rigs" / "paper_table2.yaml")
-    return CutBench.of(rig, open_scene(CONFIG / "scenes" / "tm21_sweep.yaml"))
+def bench(table2):
+    return CutBench.of(table2, open_scene(CONFIG / "scenes" / "tm21_sweep.yaml"))
 
 
 @pytest.fixture(scope="module")
 def drawn(bench):
-    return DrawnCam.run(build_law(cam("bezier15")), bench)
+    return DrawnCam.run(build_law(load_cam("bezier15")), bench)
 
 
 def test_a_point_changes_nothing(drawn, bench):
@@ -44,16 +39,16 @@ def test_a_point_changes_nothing(drawn, bench):
     assert found.too_high.value < 1e-15
 
 
-def test_bezier_15(drawn, bench):
+def test_bezier_15(drawn, bench, table2):
     """Highest above s, jump speed proven by the exact model, and noise nearly as before."""
-    found = as_cut("bezier15", drawn, bench, *radii(cam("bezier15")))
+    found = as_cut("bezier15", drawn, bench, *radii(load_cam("bezier15")))
     dense = np.linspace(0.0, 2.0 * np.pi, 20001)
     highest = (found.cut.law(dense) - drawn.law(dense)).max()
     assert found.too_high.value == pytest.approx(highest, rel=1e-6)
-    rig = TwoMassParameters.from_rig(load_rig(CONFIG / "rigs" / "paper_table2.yaml"))
+    follower = TwoMassParameters.from_rig(table2)
 
     def leaves(speed):
-        return first_lift_off(found.cut.law, rig, speed, np.zeros(2), FROM_REST) is not None
+        return first_lift_off(found.cut.law, follower, speed, np.zeros(2), FROM_REST) is not None
 
     assert leaves(found.cut.jump * (1.0 + 1e-5))
     assert not leaves(found.cut.jump * (1.0 - 1e-5))
@@ -75,7 +70,7 @@ def test_other_followers_are_refused():
     """A face, and a guide beside the axis: R_b + s is nobody's contour there."""
     for name in ("flat", "eccentric_roller"):
         with pytest.raises(ConfigError, match="allowed: a roller in a guide without eccentricity"):
-            radii(cam(name))
+            radii(load_cam(name))
 
 
 call = partial(run, "as-cut")
@@ -83,7 +78,8 @@ call = partial(run, "as-cut")
 
 def test_the_command(tmp_path):
     """The cam's own radii where none are given."""
-    result = call("bezier15", "--roller", 20, "--json", "-", "--csv", tmp_path / "a.csv")
+    files = ("--csv", tmp_path / "a.csv", "--plot", tmp_path / "a.png")
+    result = call("bezier15", "--roller", 20, "--json", "-", *files)
     assert result.exit_code == 0, result.stderr
     data = json.loads(result.stdout)
     (row,) = data["as_cut"]

@@ -153,9 +153,9 @@ def test_no_pressure_where_the_cam_would_have_to_pull():
 call = partial(run, "contact")
 
 
-def test_tables_json_and_nomogram(tmp_path):
-    """A face slides and a roller rolls; the nomogram's table comes with its figure; what no cam
-    file gives stands under the tables, with its origin."""
+def test_tables_json_and_nomogram(tmp_path, monkeypatch):
+    """A face slides, a roller rolls; the nomogram's table comes with its figure; origins of all."""
+    monkeypatch.setattr("cam_rig.paper.contact.figures.RADII", 6)
     plot, events, csv = (tmp_path / name for name in ("c.png", "e.svg", "c.csv"))
     files = ("--plot", plot, "--events", events, "--csv", csv)
     result = call("flat", "poly345", *files, "--json", "-")

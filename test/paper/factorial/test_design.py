@@ -48,10 +48,9 @@ def config(config_dir):
 
 
 @pytest.fixture(scope="module")
-def bench(config, config_dir):
+def bench(config, table2, config_dir):
     """Its rigs."""
-    rig, noise_rig = (load_rig(config_dir / "rigs" / f"{n}.yaml") for n in ("paper_table2", "tm21"))
-    return Bench.of(config, rig, noise_rig)
+    return Bench.of(config, table2, load_rig(config_dir / "rigs" / "tm21.yaml"))
 
 
 @pytest.fixture(scope="module")
@@ -106,10 +105,7 @@ def test_sharper_is_worse(found):
 
 
 def test_ringing_falls_with_continuity(found):
-    """At equal acceleration each higher class leaves less residual vibration, at every angle.
-
-    To a follower that cannot ring the law hardly matters: its noise is of the slopes.
-    """
+    """At equal acceleration each higher class rings less at every angle; noise is of the slopes."""
     design = found.same_acceleration
     values = BY_KEY["residual"].values(design.cells)
     order = np.argsort(design.classes, kind="stable")
@@ -165,10 +161,7 @@ def test_no_advantage_to_explain(found):
 
 
 def test_cells_that_leave(found):
-    """A cell has left where its jump speed is below the fastest speed its effect was measured at.
-
-    The laws and angles that stay are a full table without any such cell.
-    """
+    """A cell leaves whose jump speed is below its effect's fastest; the rest is a full table."""
     design, effect, config = found.same_acceleration, BY_KEY["residual"], found.config
     speed = fastest(effect, config)
     assert speed == pytest.approx(400.0 * math.pi / 30.0)
@@ -255,14 +248,13 @@ def test_conclusions_turn_with_the_numbers(found):
     assert before.residual_ratio > 1.0 > after.residual_ratio
 
 
-def test_one_follower(config, config_dir):
+def test_one_follower(config, table2):
     """Two rigs with different masses are no one follower."""
-    rig = load_rig(config_dir / "rigs" / "paper_table2.yaml")
-    mass = rig.follower.mass.model_copy(update={"given": 2.0})
-    follower = rig.follower.model_copy(update={"mass": mass})
-    other = rig.model_copy(update={"follower": follower})
+    mass = table2.follower.mass.model_copy(update={"given": 2.0})
+    follower = table2.follower.model_copy(update={"mass": mass})
+    other = table2.model_copy(update={"follower": follower})
     with pytest.raises(ConfigError, match=r"1\.3 kg on paper_table2 and 2 kg on .*; allowed"):
-        Bench.of(config, rig, other)
+        Bench.of(config, table2, other)
 
 
 def test_up_and_down_with_another_high_dwell():

@@ -19,25 +19,20 @@ SPEED = 300.0 * RPM
 
 
 @pytest.fixture(scope="module")
-def rig(config_dir):
-    return load_rig(config_dir / "rigs" / "paper_table2.yaml")
-
-
-@pytest.fixture(scope="module")
-def study(laws, rig):
+def study(laws, table2):
     """The polynomial 3-4-5 over all inertias."""
-    return study_flywheel(CamSet({}, {"poly345": laws["poly345"]}, rig), 300.0)
+    return study_flywheel(CamSet({}, {"poly345": laws["poly345"]}, table2), 300.0)
 
 
 def turns(study):
     return [row.turn for row in study.rows]
 
 
-def test_the_last_row_is_equation_10(study, laws, rig):
+def test_the_last_row_is_equation_10(study, laws, table2):
     """An infinite flywheel does not fluctuate; its twist is the vibration study's."""
     last = turns(study)[-1]
     assert last.fluctuation == 0.0 == last.formula
-    twist = np.ptp(steady_twist(laws["poly345"], shaft_of(rig), SPEED)[1])
+    twist = np.ptp(steady_twist(laws["poly345"], shaft_of(table2), SPEED)[1])
     assert last.twist == pytest.approx(twist, rel=1e-5)
 
 
@@ -52,16 +47,16 @@ def test_a_heavier_flywheel_fluctuates_less(study):
 
 
 @pytest.mark.parametrize("cam", ["poly4567", "tm21", "bezier15"])
-def test_the_handbook_formula_holds_on_a_rigid_shaft(laws, rig, cam):
+def test_the_handbook_formula_holds_on_a_rigid_shaft(laws, table2, cam):
     """ΔE/(I ω²) for a flywheel so heavy that the load is that of even speed."""
-    shaft = replace(shaft_of(rig), shaft_stiffness=1e6, shaft_damping=5.0)
+    shaft = replace(shaft_of(table2), shaft_stiffness=1e6, shaft_damping=5.0)
     turn = flywheel_turn(laws[cam], shaft, 50.0, SPEED)
     assert turn.fluctuation == pytest.approx(turn.formula, rel=2e-3)
 
 
-def test_surplus_without_damping_is_kinetic_and_potential(laws, rig):
+def test_surplus_without_damping_is_kinetic_and_potential(laws, table2):
     """No damper: ΔE is the largest of ½ m ω² s'² + ½ k s² + F₀ s."""
-    shaft = shaft_of(rig)
+    shaft = shaft_of(table2)
     f = replace(shaft.follower, damping=0.0)
     law, angles = laws["cycloidal"], np.linspace(0.0, 2.0 * np.pi, 20_001)
     stored = 0.5 * (f.mass * SPEED**2 * law(angles, 1) ** 2 + f.spring_stiffness * law(angles) ** 2)

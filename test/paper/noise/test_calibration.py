@@ -48,10 +48,7 @@ def test_two_constants_are_recovered(make_loaded_scene, published_cam):
 
 
 def test_substitution_carries_over(make_loaded_scene, published_cam):
-    """What one cam measures of the rig's speed response holds for another, to 0.05 dB.
-
-    The reference's corner is first fitted as if there were no response, so not all of it is exact.
-    """
+    """What one cam measures of the rig's speed response holds for another, to 0.05 dB."""
     start = Acoustics(make_loaded_scene().radiation)
     r = start.radiation
     true = start.with_constants(r.gain, r.corner, (0.5, -0.4, 0.3))
@@ -145,8 +142,7 @@ def test_harmonics_through_the_low_pass_are_the_steady_response(laws, follower, 
 
 @pytest.mark.long
 def test_the_low_pass_predicts_best():
-    """More constants fit the cam they see better, and the cam they do not see worse; an A-weighted
-    level of this sound could not have had the published shape."""
+    """More constants fit the cam they see better, the other worse; an A-weighted level neither."""
     loaded = open_scene(config_root() / "scenes" / "tm21_sweep.yaml")
     cams, speeds = ("poly345", "bezier15"), np.array(loaded.scene.program.speeds.si_list)
     fits = compare_structures(

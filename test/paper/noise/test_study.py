@@ -12,7 +12,7 @@ from cam_rig.paper.noise.methods import leave_one_out, with_substitution, with_t
 from cam_rig.paper.noise.roles import NoiseSetup, StudyRoles
 from cam_rig.paper.noise.shared_rig import with_elastic_stem, with_rigid_stem
 from cam_rig.paper.noise.study import NoiseStudyResult
-from cam_rig.schema import load_published, load_rig
+from cam_rig.schema import load_published
 from cam_rig.schema.load import config_root
 from cam_rig.simulation.regression import cubic
 from cam_rig.simulation.scene import open_scene
@@ -36,16 +36,8 @@ def methods(study):
     )
 
 
-@pytest.fixture(scope="module")
-def table2():
-    return load_rig(config_root() / "rigs" / "paper_table2.yaml")
-
-
 def test_parts(study, make_loaded_scene):
-    """Who calibrates, who is predicted and who is identified follows from the files.
-
-    Two cams are no study, three speeds are no regression; the error says what is.
-    """
+    """Roles follow from the files; two cams are no study, three speeds no regression."""
     assert study.roles == StudyRoles(reference="poly345", predicted="bezier15", arcs="tm21")
     with pytest.raises(ConfigError, match="needs model one_mass and three published cams"):
         NoiseSetup.of(make_loaded_scene(speeds=list(range(200, 401, 25))))
@@ -65,10 +57,7 @@ def test_targets(methods):
 
 @pytest.mark.long
 def test_the_published_crossing_is_expected(methods):
-    """The published 335 rpm is within every 95 % interval, and within 5 rpm by substitution.
-
-    By two constants it comes within 10 rpm, by regressions nearer than by points.
-    """
+    """335 rpm is in every 95 % interval, within 5 rpm by substitution, 10 by two constants."""
     for method in methods:
         assert method.crossing.low < 335.0 < method.crossing.high
         assert method.crossing.missing == 0.0
@@ -130,10 +119,7 @@ def test_each_cam_left_out(study):
 
 
 def test_one_rig(study, methods, table2):
-    """The follower of the jump speeds costs the smooth cams less than 0.05 dB.
-
-    A preload is no sound: on a rigid stem it costs them nothing. The arc cam it costs more.
-    """
+    """The follower of the jump speeds costs the smooth cams less than 0.05 dB, the arc cam more."""
     own = {cam: curve.rms_db for cam, curve in methods[1].curves.items()}
     rigid, elastic = with_rigid_stem(study, table2), with_elastic_stem(study, table2)
     for cam in ("poly345", "bezier15"):
@@ -145,8 +131,7 @@ def test_one_rig(study, methods, table2):
 
 
 def test_every_crossing_of_the_published_curves_has_its_counterpart(methods):
-    """The roots of the printed cubics (numpy, whatever the study does); the way that predicts best
-    what it was not fitted to is by substitution."""
+    """Roots of the printed cubics, by numpy; by substitution what was not fitted comes out best."""
     published = load_published(config_root() / "published" / "tm21_noise.yaml").regression_db
     for method in methods:
         for pair in method.pairs:
@@ -186,8 +171,7 @@ def test_the_first_cam_is_the_reference(study, found):
 
 
 def test_a_change_is_one_of_the_motion(study, found):
-    """In contact what changes of the force is proportional to the lift, the preload is constant:
-    without background a tenth of the lift is 20 dB the quieter at every speed."""
+    """In contact a tenth of the lift is 20 dB the quieter at every speed, without background."""
     quiet = dataclasses.replace(study.start.radiation, background=-200.0)
     alone = study_high_dwell(study, Acoustics(quiet), LIFT)
     (lift, dwell, rise), *_ = alone.levels_db

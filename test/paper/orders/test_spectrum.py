@@ -67,9 +67,7 @@ def force_by_transfer(model, rig, lift, p, preload):
 @pytest.mark.parametrize("model", ["kinetostatic", "one_mass", "elastic_stem", "two_mass"])
 @pytest.mark.parametrize("seed", range(3))
 def test_in_contact_an_order_is_the_lifts_times_the_stiffness(model, seed):
-    """For random laws and rigs: each model is linear, so an order of the force is that of the lift
-    times the dynamic stiffness at its frequency.
-    """
+    """Models are linear: an order of the force is the lift's times the dynamic stiffness."""
     law, rig, speed = random_law(seed), random_rig(seed), (150.0 + 60.0 * seed) * RPM
     found = order_spectrum(law, model, rig, speed, 60)
     assert found.steady.settled
@@ -111,9 +109,7 @@ def sampled(steady, count):
     ],
 )
 def test_an_fft_comes_to_the_same(cam, model, rpm, away):
-    """To rounding where the force is smooth, to one sample over its jump where it is not; and half
-    as far with twice the samples, so it is the FFT that is off.
-    """
+    """To rounding, or to one sample over a jump; twice the samples, half as far: the FFT is off."""
     law = cam_rig.build_law(cam_rig.load_cam(cam))
     rig = PAPER if model in ("elastic_stem", "two_mass") else cam_rig.load_rig("tm21")
     steady = steady_force(law, model, rig, rpm * RPM)
@@ -143,9 +139,7 @@ def test_landings_keep_the_balance_of_momentum(cam, rpm):
 
 
 def test_the_orders_are_what_the_microphone_hears(make_loaded_scene):
-    """Of a cam that is left, with orders up to 60 kHz: the mean square of the sound's samples over
-    a settled turn, without background.
-    """
+    """With landings, up to 60 kHz: the mean square of the sound's samples over a settled turn."""
     loaded = make_loaded_scene(cams=["tm21"], speeds=[350, 400], turns=3, sample_rate=192_000)
     silent = dataclasses.replace(loaded.radiation, background=-200.0)
     source = SoundSource(silent, 192_000, least_rate=192_000)
@@ -171,9 +165,7 @@ def test_a_force_that_comes_back_after_two_turns_has_halves_of_orders():
 
 
 def test_a_smoother_cam_sounds_at_fewer_orders():
-    """Where 99 % of the sound's power lies: a step of the force (arcs) reaches farthest, one of
-    jerk (3-4-5) less, a law without either (Bézier 15) least; cut off, the rest is the same.
-    """
+    """99 % of the sound's power: a step of force reaches farthest, one of jerk less, none least."""
     rig, highest = cam_rig.load_rig("tm21"), {}
     for cam in ("tm21", "poly345", "bezier15"):
         law = cam_rig.build_law(cam_rig.load_cam(cam))

@@ -70,9 +70,7 @@ LIGHT = TwoMassParameters(0.634, 0.666, 2.424962e6, 4030.0, 0.0105, 0.0105, 14.2
 
 
 def test_damping_decides_how_much_a_time_tells():
-    """With the printed damping the turns are alike and no speed about 415 rpm gives 1.50 s; with a
-    thousandth of it vibration builds up for many turns, and some speeds do.
-    """
+    """With the printed damping turns are alike: no speed about 415 rpm gives 1.50 s."""
     law = build_law(CAMS["poly345"])
     damped = TwoMassParameters(0.5, 0.8, 1.26e6, 4030.0, 8.642, 8.642, 30.6)
     printed = PublishedJump(rpm=415.0, time_s=1.5)
@@ -81,9 +79,7 @@ def test_damping_decides_how_much_a_time_tells():
 
 
 def test_a_window_by_the_exact_model():
-    """The exact model first loses contact within half a turn of the printed time at as many speeds
-    as the window says, but for those at its edges.
-    """
+    """It loses contact about the printed time at as many speeds as the window says."""
     law = build_law(CAMS["poly345"])
     printed = PublishedJump(rpm=415.0, time_s=1.2)
     speeds = np.linspace(410.0, 420.0, 501)
@@ -97,9 +93,7 @@ def test_a_window_by_the_exact_model():
 
 
 def test_a_trial_that_shows_the_table_misses_nothing():
-    """The search's own measure against the exact model: at the speed that comes out it is zero,
-    5 rpm beside it it is not.
-    """
+    """At the speed of the exact model a trial misses nothing, 5 rpm beside it does."""
     reading = KNOWN.readings["shipped"]
     numbers = {key: np.array([getattr(reading, key).si]) for key in BOUNDS}
     numbers |= {"mass": np.array([1.3]), "spring_stiffness": np.array([4030.0])}
@@ -181,9 +175,7 @@ def test_tables_of_the_readings(monkeypatch):
 
 @pytest.mark.long
 def test_the_grid_may_hide_a_jump():
-    """The reading with all five speeds loses contact between slower speeds of the grid, the shipped
-    one does not: its jump speeds at any speed are the table's within 0.5 %.
-    """
+    """The reading with all five speeds jumps between slower ones of the grid, the shipped not."""
     shipped, five = (
         read(name, KNOWN.readings[name], CAMS, PRINTED, KNOWN.run_s)
         for name in ("shipped", "five_speeds")

@@ -10,7 +10,6 @@ from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.linear.sampling import sample
 from cam_rig.dynamics.two_mass.masses import contact_response, force_output
 from cam_rig.paper.stem.chain import BAR, Stem, stem_turn
-from cam_rig.schema import load_rig
 from cam_rig.units import RPM, TURN
 
 from .solver import chain_response, exact
@@ -19,9 +18,9 @@ SPEED = 300.0 * RPM
 
 
 @pytest.fixture(scope="module")
-def follower(config_dir):
+def follower(table2):
     """The follower of Table 2."""
-    return TwoMassParameters.from_rig(load_rig(config_dir / "rigs" / "paper_table2.yaml"))
+    return TwoMassParameters.from_rig(table2)
 
 
 def some_follower(seed):

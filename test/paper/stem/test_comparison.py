@@ -12,7 +12,6 @@ from cam_rig.dynamics.jump.jump_speed import jump_speed
 from cam_rig.laws.cam import CamSet
 from cam_rig.paper.stem.chain import BAR, Stem, stem_turn
 from cam_rig.paper.stem.study import ELEMENTS, matched_stiffness, stem_jump, study_stems, vibration
-from cam_rig.schema import load_rig
 from cam_rig.units import RPM
 
 from ...figure_faults import faults
@@ -20,13 +19,8 @@ from .solver import exact
 
 
 @pytest.fixture(scope="module")
-def rig(config_dir):
-    return load_rig(config_dir / "rigs" / "paper_table2.yaml")
-
-
-@pytest.fixture(scope="module")
-def stems(laws, rig):
-    return study_stems(CamSet({}, {"poly345": laws["poly345"]}, rig), [1.26e6], 300.0)
+def stems(laws, table2):
+    return study_stems(CamSet({}, {"poly345": laws["poly345"]}, table2), [1.26e6], 300.0)
 
 
 @pytest.fixture(scope="module")
@@ -36,28 +30,28 @@ def study(stems):
 
 
 @pytest.mark.parametrize("cam", ["poly345", "bezier15", "poly4567", "cycloidal"])
-def test_one_element_jumps_as_two_masses(laws, rig, cam):
+def test_one_element_jumps_as_two_masses(laws, table2, cam):
     """The jump study's steady state, found by its own search and exact proof."""
-    follower = TwoMassParameters.from_rig(rig)
+    follower = TwoMassParameters.from_rig(table2)
     expected = jump_speed(laws[cam], follower, None).speed
-    assert stem_jump(laws[cam], Stem(follower, 1.0), rig) == pytest.approx(expected, rel=2e-5)
+    assert stem_jump(laws[cam], Stem(follower, 1.0), table2) == pytest.approx(expected, rel=2e-5)
 
 
 @pytest.mark.parametrize("elements", [2.0, 5.0])
-def test_the_exact_solver_loses_contact_there(laws, rig, elements):
+def test_the_exact_solver_loses_contact_there(laws, table2, elements):
     """A chain's least force through the rig's solver changes its sign at the jump speed."""
-    law, stem = laws["cycloidal"], Stem(TwoMassParameters.from_rig(rig), elements)
-    jump = stem_jump(law, stem, rig)
+    law, stem = laws["cycloidal"], Stem(TwoMassParameters.from_rig(table2), elements)
+    jump = stem_jump(law, stem, table2)
     least = []
     for speed in (jump * (1.0 - 1e-4), jump * (1.0 + 1e-4)):
         least.append(exact(law, stem, speed, 8000)[0].min())
     assert least[0] > 0.0 > least[1]
 
 
-def test_the_sound_of_a_stiff_stem_is_that_of_a_rigid_follower(laws, rig):
+def test_the_sound_of_a_stiff_stem_is_that_of_a_rigid_follower(laws, table2):
     """⟨(ω_c (F − q))²⟩ by harmonics, and by the exact steady structure under eq. 9's force."""
-    law, follower = laws["poly4567"], FollowerParameters.from_rig(rig)
-    stiff = replace(TwoMassParameters.from_rig(rig), stem_stiffness=1e10)
+    law, follower = laws["poly4567"], FollowerParameters.from_rig(table2)
+    stiff = replace(TwoMassParameters.from_rig(table2), stem_stiffness=1e10)
     turn = stem_turn(law, Stem(stiff, BAR), 300.0 * RPM)
     expected = mean_square_rate(law, follower, 116.0, 300.0 * RPM)
     assert turn.power(116.0) == pytest.approx(expected, rel=1e-4)
@@ -81,10 +75,10 @@ def test_the_rows_tend_to_the_bar(study):
     assert ratio == pytest.approx((9.0 / 5.0) ** 2, rel=0.1)
 
 
-def test_where_two_masses_are_not_enough(study, laws, rig):
+def test_where_two_masses_are_not_enough(study, laws, table2):
     """At the speed given they miss the bar's least force by a tenth of the preload, not below."""
     cam, rpm = study.off
-    follower = TwoMassParameters.from_rig(rig)
+    follower = TwoMassParameters.from_rig(table2)
 
     def missed(at):
         two, bar = (stem_turn(laws[cam], Stem(follower, n), at * RPM) for n in (1.0, BAR))
@@ -95,9 +89,9 @@ def test_where_two_masses_are_not_enough(study, laws, rig):
     assert abs(study.jump_error[1]) > 0.05
 
 
-def test_a_bar_of_the_same_frequency_jumps_nearly_as_two_masses(study, rig):
+def test_a_bar_of_the_same_frequency_jumps_nearly_as_two_masses(study, table2):
     """What the two masses miss is mostly that frequency."""
-    follower = replace(TwoMassParameters.from_rig(rig))
+    follower = replace(TwoMassParameters.from_rig(table2))
     stiffness = matched_stiffness(follower)
     bar = Stem(replace(follower, stem_stiffness=stiffness), BAR).natural_frequencies(1)
     assert bar == pytest.approx(Stem(follower, 1.0).natural_frequencies(1), rel=1e-10)
@@ -105,10 +99,10 @@ def test_a_bar_of_the_same_frequency_jumps_nearly_as_two_masses(study, rig):
     assert abs(study.matched_error[1]) < 0.1 * abs(study.jump_error[1])
 
 
-def test_vibration_is_read_in_the_low_dwell(laws, rig):
+def test_vibration_is_read_in_the_low_dwell(laws, table2):
     """There the head moves about its place by the free vibration alone, dying out."""
     law = laws["poly345"]
-    turn = stem_turn(law, Stem(TwoMassParameters.from_rig(rig), BAR), 300.0 * RPM)
+    turn = stem_turn(law, Stem(TwoMassParameters.from_rig(table2), BAR), 300.0 * RPM)
     assert 0.0 < vibration(law, turn) < np.ptp(turn.head)
 
 

@@ -9,16 +9,11 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from cam_rig import load_cam
 from cam_rig.laws import Law, build_law
 from cam_rig.paper.timing.events import LEVELS, events
-from cam_rig.schema import load_cam
-from cam_rig.schema.load import config_root
 
 from ...cli.calls import call as run
-
-
-def shipped(name):
-    return build_law(load_cam(config_root() / "cams" / f"{name}.yaml"))
 
 
 def test_simple_harmonic(make_cam):
@@ -38,7 +33,7 @@ def test_simple_harmonic(make_cam):
 def test_cycloidal():
     """u − sin(2πu)/2π = p has one root."""
     span, start = np.radians(117.5), np.radians(31.25)
-    found = events(shipped("cycloidal"), 0.05)
+    found = events(build_law(load_cam("cycloidal")), 0.05)
     for event in found[:3]:
         u = brentq(
             lambda u, p=event.level: u - np.sin(2.0 * np.pi * u) / (2.0 * np.pi) - p,
@@ -51,7 +46,7 @@ def test_cycloidal():
 @pytest.mark.parametrize("name", ["half_rises", "bezier_segments", "poly345", "trigonometric"])
 def test_a_joint_on_the_height_counts_once(name):
     """Half-rises meet at half the lift, in the middle of rise and fall."""
-    found = events(shipped(name), 0.05, [0.5])
+    found = events(build_law(load_cam(name)), 0.05, [0.5])
     assert [event.angle for event in found] == pytest.approx([0.5 * np.pi, 1.5 * np.pi], abs=1e-9)
 
 
@@ -73,7 +68,7 @@ def test_the_law_is_there(seed):
 
 def test_a_height_that_is_not_reached():
     """Nothing passes it."""
-    assert events(shipped("poly345"), 0.05, [1.01]) == ()
+    assert events(build_law(load_cam("poly345")), 0.05, [1.01]) == ()
 
 
 # The command.

@@ -3,15 +3,10 @@
 import numpy as np
 import pytest
 
+from cam_rig import load_cam
 from cam_rig.laws import build_law
 from cam_rig.paper.timing.events import DEGREE, PIECES, REACHED, held, shift_matrix
 from cam_rig.paper.timing.study import CamTiming, EventControl, beside_b_spline
-from cam_rig.schema import load_cam
-from cam_rig.schema.load import config_root
-
-
-def shipped(name):
-    return load_cam(config_root() / "cams" / f"{name}.yaml")
 
 
 def timing_of(cam):
@@ -30,7 +25,7 @@ def changed(cam, segment, change):
 
 @pytest.fixture(scope="module")
 def bezier():
-    return timing_of(shipped("bezier15"))
+    return timing_of(load_cam("bezier15"))
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +36,7 @@ def beside(bezier):
 @pytest.mark.parametrize(("name", "segment"), [("bezier15", 0), ("b_spline", 1), ("b_spline", 3)])
 def test_shifts_are_derivatives(name, segment):
     """Differences of the angles of the cam built anew; upwards, so that the lowest place stays."""
-    cam, step = shipped(name), 1e-5
+    cam, step = load_cam(name), 1e-5
     timing = timing_of(cam)
     ordinates = next(o for o in timing.ordinates if o.segment == segment)
     exact = shift_matrix(ordinates, timing.events, cam.lift.si)
@@ -58,7 +53,7 @@ def test_shifts_are_derivatives(name, segment):
 @pytest.mark.parametrize("name", ["bezier15", "b_spline", "poly4567"])
 def test_all_together_lift_the_law(name):
     """Basis functions add up to one: all ordinates together move an event by −h/s'."""
-    timing = timing_of(shipped(name))
+    timing = timing_of(load_cam(name))
     for ordinates in timing.ordinates:
         for event in timing.events:
             if ordinates.breaks[0] < event.angle < ordinates.breaks[-1]:
@@ -88,7 +83,7 @@ def test_ordinates_that_joints_hold():
     assert held([0.0, 0.0, 0.0, 1.0]) == 3
     assert held([0.0, 0.25, 0.5, 0.75, 0.75]) == 4
     assert held([0.0, 1.0, 3.0]) == 1
-    free = {name: _free(shipped(name)) for name in ("bezier15", "poly345", "half_rises")}
+    free = {name: _free(load_cam(name)) for name in ("bezier15", "poly345", "half_rises")}
     assert free == {"bezier15": 8, "poly345": 0, "half_rises": 0}
 
 
@@ -133,4 +128,4 @@ def test_one_event_alone(beside, which):
 
 def test_only_one_curve_has_a_spline_beside():
     """A cam of several segments has none."""
-    assert beside_b_spline(timing_of(shipped("poly345"))) == []
+    assert beside_b_spline(timing_of(load_cam("poly345"))) == []

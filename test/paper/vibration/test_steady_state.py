@@ -18,20 +18,12 @@ from cam_rig.dynamics.vibration import (
 )
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import build_law
-from cam_rig.laws.cam import open_cam_set
 from cam_rig.paper.factorial.design import squeezed
 from cam_rig.paper.vibration.study import Claim, Verdict, claims_table, measure
 from cam_rig.schema import load_rig
 from cam_rig.units import RPM
 
-FIVE = ("bezier15", "poly345", "poly4567", "cycloidal", "bezier_segments")
-
-
-@pytest.fixture(scope="module")
-def cam_set(config_dir):
-    """The five laws on the rig of the paper's jump speeds."""
-    cams = [config_dir / "cams" / f"{name}.yaml" for name in FIVE]
-    return open_cam_set(cams, config_dir / "rigs" / "paper_table2.yaml")
+from ..conftest import FIVE
 
 
 @pytest.fixture(scope="module")
@@ -41,10 +33,7 @@ def soft(cam_set):
 
 
 def test_low_dwell_goes_around_the_turn(laws):
-    """The dwell of a cam that rests about θ = 0 is one stretch; the high dwell is not meant.
-
-    Bézier 15 has no low dwell: 62.5° about θ = 0 stand in, and it says so.
-    """
+    """About θ = 0 it is one stretch; for Bézier 15, which has none, 62.5° stand in."""
     found, other = low_dwell(laws["poly345"]), low_dwell(laws["bezier15"])
     assert found.dwell and not other.dwell
     for one in (found, other):
@@ -194,10 +183,7 @@ def test_a_rig_without_a_shaft(config_dir, cam_set):
 
 @pytest.mark.parametrize("rpm", [0.0, -3.0, 1e-3, 3200.0, 8000.0, float("nan"), float("inf")])
 def test_speeds_that_mean_nothing(cam_set, rpm):
-    """Too slow to sample, or so fast that the stem hardly swings in a turn: refused, with limits.
-
-    At 8000 rpm the stem swings 1.2 times a turn: what is not ringing no longer follows the law.
-    """
+    """Too slow to sample, or so fast that the stem swings 1.2 times a turn."""
     with pytest.raises(DynamicsError, match=r"speed is .* rpm; allowed: 1 to 31\d\d rpm"):
         measure(cam_set, (300.0, rpm))
 
@@ -221,10 +207,7 @@ def test_steady_turn_is_the_fourier_series(laws, soft, cam, rpm):
 
 
 def test_a_law_too_steep_to_split(laws, soft):
-    """Ringing that is larger than all that vibrates is an artefact of the split, and refused.
-
-    So it is where the high derivatives of a fitted law grow faster than the stem can follow.
-    """
+    """Ringing larger than all that vibrates is an artefact of the split, and refused."""
     law = squeezed(laws["cycloidal"], np.radians(60.0))
     with pytest.raises(
         DynamicsError, match=r"residual vibration of .* in a vibration of .*; allowed"
