@@ -117,9 +117,6 @@ def first_order(keep: float, drive: FloatArray, start: float) -> FloatArray:
 
     In blocks, all of which go forward together from rest, by doubling; each then gets what the one
     before has left. As quick as scipy's filter, whose import takes half a second.
-
-    >>> first_order(0.5, np.array([1.0, 1.0, 1.0]), 2.0).tolist()
-    [2.0, 2.0, 2.0]
     """
     blocks = np.zeros((-(-drive.size // BLOCK), BLOCK))
     blocks.reshape(-1)[: drive.size] = drive

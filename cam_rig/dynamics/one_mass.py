@@ -105,10 +105,7 @@ def advance(
     sample_rate: int,
     step: float,
 ) -> tuple[FollowerState, Block]:
-    """Take the follower through the interval, exactly; ``state`` None puts it on the cam.
-
-    ``step`` is by how much ṡ is more than where ``state`` ended, m/s.
-    """
+    """Take the follower through the interval, exactly; ṡ has gained ``step`` m/s before it."""
     course = OneMassTrajectory(law, parameters, interval)
     course.run(state, step)
     rows = contact_samples(law, parameters, interval, sample_rate)

@@ -35,11 +35,7 @@ class Signal:
     source: str = ""  #: the topic and field it was read from
 
     def gaps(self) -> FloatArray:
-        """``(k, 2)`` times (s) between which readings are missing: the step is far too long.
-
-        Usual is the median step of the readings nearby, since an encoder may give one for each
-        count, and so more at high speed.
-        """
+        """``(k, 2)`` times (s) around steps far longer than the median nearby: readings missing."""
         steps = np.diff(self.time)
         if steps.size < 3:
             return np.empty((0, 2))

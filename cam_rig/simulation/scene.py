@@ -125,10 +125,7 @@ SAME = 1e-9
 
 
 def is_calibrated(rig: RigConfig, model: str) -> bool:
-    """Whether the acoustic constants of a rig were fitted with its own follower.
-
-    They are identified, and not the shipped ones behind another follower or another model.
-    """
+    """Whether acoustic constants are identified, with the rig's own follower and this model."""
     own, shipped = rig.radiation, _shipped()
     if own is None or not own.gain.origin == own.corner.origin == "identified":
         return False

@@ -10,8 +10,13 @@ import pytest
 
 from cam_rig.dynamics import FollowerParameters, FollowerState, Interval
 from cam_rig.dynamics.events import polynomials
+from cam_rig.dynamics.events.course import free_table
 from cam_rig.dynamics.events.free_flight import (
     impulse_at,
+    largest_acceleration,
+    launched,
+    moved,
+    seen,
 )
 from cam_rig.dynamics.events.polynomials import NONE, fall
 from cam_rig.dynamics.kinetostatic import force_weights
@@ -186,6 +191,16 @@ def test_acceleration_obeys_newton(flight):
     difference = (flight.motion(t + h)[1] - flight.motion(t - h)[1]) / (2 * h)
     scale = np.abs(a).max() + 1.7 / flight.system.window
     np.testing.assert_allclose(a, difference, rtol=0, atol=1e-6 * scale)
+
+
+def test_energy_bounds_what_comes_later(flight):
+    """|ÿ| never exceeds what is said of it at a time, from then on."""
+    flight, later = flight[1], np.linspace(0.0, 0.3, 3001)
+    launch = launched(free_table(flight.system, arrays=False), flight.start.tolist())
+    for begin in (0.0, 0.004, 0.1):
+        largest = np.abs(flight.motion(later[later >= begin])[2]).max() * (1.0 - 1e-12)
+        assert largest <= seen(launch, begin)[2]
+        assert largest <= largest_acceleration(launch, moved(launch, begin).rates)
 
 
 # What is hard for a search: long series, instants next to each other, a touch at a joint.

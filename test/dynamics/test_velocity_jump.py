@@ -13,9 +13,14 @@ from benchmark.speed.models import Case, Oscillator
 from benchmark.speed.study import stem_motion as motion
 from cam_rig.dynamics import FollowerParameters, Interval, TwoMassParameters
 from cam_rig.dynamics.elastic_stem import response
+from cam_rig.dynamics.events.course import jumps_table
 from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.dynamics.two_mass.trajectory import Separation, states
-from cam_rig.dynamics.velocity_jumps import velocity_jumps_ahead
+from cam_rig.dynamics.velocity_jumps import (
+    SLACK,
+    short_of_velocity_jump,
+    velocity_jumps_ahead,
+)
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.units import NS, TURN
@@ -234,6 +239,19 @@ def test_a_joint_has_one_owner():
         after = velocity_jumps_ahead(saw, border + gap, 10.0, 0.05)
         assert (len(before), len(after)) == (0, 1)
         assert after[0].time <= 1e-13 or shift + gap < 0.0
+
+
+def test_short_of_a_kink(edge):
+    """The end of an interval at a joint is read before the joint, on either side of it."""
+    for shift in (-1e-12, 0.0, 1e-12):
+        for joint in (60.0, 420.0):
+            angle = short_of_velocity_jump(edge, math.radians(joint) + shift)
+            assert edge.at(angle)[1] == 0.0
+            assert abs(angle - math.radians(joint)) < 1e-14
+    assert short_of_velocity_jump(edge, 1.0) == 1.0
+    ahead = jumps_table(edge, 0.5, 1.0, edge.joints[1] - 0.5 + 0.5 * SLACK, arrays=False)
+    assert ahead.ahead == []
+    assert ahead.clear == pytest.approx(edge.joints[1] - 0.5, abs=1e-14)
 
 
 def test_a_steady_level_is_refused_too(edge, follower, rig):

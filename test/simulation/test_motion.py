@@ -15,11 +15,6 @@ def law():
     return cam_rig.build_law(cam_rig.load_cam("bezier15"))
 
 
-@pytest.fixture(scope="module")
-def rig():
-    return cam_rig.load_rig("tm21")
-
-
 @pytest.fixture
 def figures(monkeypatch):
     """Figures without a screen, all closed at the end."""

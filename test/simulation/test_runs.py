@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from ruamel.yaml import YAML
 
 from cam_rig.acoustics import level_db, steady_power
 from cam_rig.dynamics import MODELS, Interval, TwoMassParameters
@@ -11,7 +10,6 @@ from cam_rig.live.drive import SetpointSchedule
 from cam_rig.live.queues import FollowerQueue, TickMatcher
 from cam_rig.schema import load_rig
 from cam_rig.schema.load import config_root
-from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import cam_states, tick_count
 from cam_rig.simulation.simulate import (
     TURN_RATE_HZ,
@@ -182,23 +180,18 @@ def drawn(seed):
         "cams": [cam],
         "rig": "paper_table2" if model in ("two_mass", "torsional") else "tm21",
         "model": model,
-        "sample_rate": {"assumed": rate, "unit": "Hz"},
+        "sample_rate": rate,
         "program": program,
     }
 
 
 @pytest.fixture
-def divided(tmp_path):
+def divided(make_loaded_scene):
     """Open a scene with so many ticks a turn."""
 
     def make(scene, ticks):
-        data = {"name": "drawn", "title": "a drawn scene", **scene}
-        data["program"] = data["program"] | {"ticks_per_turn": ticks}
-        path = tmp_path / "scenes" / "drawn.yaml"
-        path.parent.mkdir(exist_ok=True)
-        with path.open("w", encoding="utf-8") as file:
-            YAML(typ="safe").dump(data, file)
-        return open_scene(path)
+        program = scene["program"] | {"ticks_per_turn": ticks}
+        return make_loaded_scene(**scene | {"program": program})
 
     return make
 

@@ -201,14 +201,9 @@ def changed(rig, part, **numbers):
     return RigConfig.model_validate(data)
 
 
-@pytest.fixture(scope="module")
-def tm21():
-    return cam_rig.load_rig("tm21")
-
-
-def test_a_copy_with_another_follower_is_not_calibrated(tm21):
+def test_a_copy_with_another_follower_is_not_calibrated(rig):
     """The constants stand in its file as identified, but with another follower."""
-    assert is_calibrated(tm21, "one_mass")
+    assert is_calibrated(rig, "one_mass")
     for numbers in (
         {"mass": {"given": 0.8, "unit": "kg"}},
         {"spring_stiffness": {"given": 9.0, "unit": "N/mm"}},
@@ -216,32 +211,31 @@ def test_a_copy_with_another_follower_is_not_calibrated(tm21):
         {"restitution": {"assumed": 0.3, "unit": "1"}},
         {"roller_share": {"assumed": 0.4, "unit": "1"}},
     ):
-        assert not is_calibrated(changed(tm21, "follower", **numbers), "one_mass")
-    same = changed(tm21, "follower", mass={"assumed": 1300.0, "unit": "g"})
+        assert not is_calibrated(changed(rig, "follower", **numbers), "one_mass")
+    same = changed(rig, "follower", mass={"assumed": 1300.0, "unit": "g"})
     assert is_calibrated(same, "one_mass")  # what counts is the number
 
 
-def test_constants_of_its_own(tm21):
+def test_constants_of_its_own(rig):
     """Fitted anew they count; assumed they do not."""
-    rig = changed(tm21, "follower", mass={"given": 0.8, "unit": "kg"})
-    fitted = changed(rig, "radiation", gain={"identified": 2e-4, "unit": "Pa*s/N"})
-    assumed = changed(rig, "radiation", gain={"assumed": 2e-4, "unit": "Pa*s/N"})
+    other = changed(rig, "follower", mass={"given": 0.8, "unit": "kg"})
+    fitted = changed(other, "radiation", gain={"identified": 2e-4, "unit": "Pa*s/N"})
+    assumed = changed(other, "radiation", gain={"assumed": 2e-4, "unit": "Pa*s/N"})
     assert is_calibrated(fitted, "two_mass")
     assert not is_calibrated(assumed, "one_mass")
 
 
-def test_another_model_was_not_fitted(tm21):
+def test_another_model_was_not_fitted(rig):
     """The constants take the model's error too."""
-    assert not is_calibrated(tm21, "elastic_stem")
+    assert not is_calibrated(rig, "elastic_stem")
     assert not is_calibrated(cam_rig.load_rig("paper_table2"), "two_mass")
 
 
-def test_no_cam_of_an_uncalibrated_scene_has_a_role(tm21):
+def test_no_cam_of_an_uncalibrated_scene_has_a_role(rig):
     """Neither calibrated, nor predicted, nor identified: all of its levels are relative."""
     scene = cam_rig.load_scene("tm21_sweep")
     assert {scene.role(cam) for cam in scene.cams} == {"calibrated", "predicted", "identified"}
-    rig = changed(tm21, "follower", mass={"given": 0.8, "unit": "kg"})
-    own = replace(scene, rig=rig)
+    own = replace(scene, rig=changed(rig, "follower", mass={"given": 0.8, "unit": "kg"}))
     assert {own.role(cam) for cam in own.cams} == {RELATIVE}
     assert own.part("poly345") == "calibrated"  # what a study that calibrates anew starts from
 

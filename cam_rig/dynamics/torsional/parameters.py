@@ -53,10 +53,7 @@ class TorsionalParameters:
 
 @dataclass(frozen=True)
 class TorsionalState:
-    """The shaft's twist, and where the flywheel is.
-
-    Even turning and lead apart, a heavy flywheel's fluctuation keeps all its digits.
-    """
+    """Twist and flywheel; lead and even turning apart, a heavy flywheel keeps all its digits."""
 
     twist: float  #: ψ = θ_c − θ_v, rad
     twist_rate: float  #: rad/s

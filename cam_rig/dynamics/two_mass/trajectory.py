@@ -219,11 +219,7 @@ def advance(
     sample_rate: int,
     step: float,
 ) -> tuple[FollowerState, Block]:
-    """Take the follower through the interval; None puts it on the cam without vibration.
-
-    The block's motion is that of the roller mass, which meets the cam. ``step`` is by how much ṡ
-    is more than where ``state`` ended, m/s.
-    """
+    """The same of two masses; the block's motion is that of the roller mass, on the cam."""
     course = Separation(law, parameters, interval.speed, interval.angle, interval.turns)
     start: FloatArray | Flight = np.zeros(2)
     if state is not None:
