@@ -10,7 +10,7 @@ import copy
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, TypeVar
 
@@ -186,10 +186,7 @@ def require_wavelength(wavelength: float) -> None:
 
 @dataclass(frozen=True)
 class ProfileErrors:
-    """Errors of one cam: lengths in m, angles in rad of cam angle; a phase is that at θ = 0.
-
-    ``wavelength`` is None where there is no waviness.
-    """
+    """Errors of one cam: lengths in m, angles in rad of cam angle; a phase is that at θ = 0."""
 
     size: float = 0.0
     eccentricity: float = 0.0
@@ -205,16 +202,6 @@ class ProfileErrors:
         if (wavelength := own.pop("waviness_wavelength", None)) is not None:
             require_wavelength(wavelength)
         return cls(**own, wavelength=wavelength)
-
-    @property
-    def eccentric(self) -> ProfileErrors:
-        """The eccentricity alone."""
-        return replace(self, size=0.0, waviness=0.0)
-
-    @property
-    def wavy(self) -> ProfileErrors:
-        """The waviness alone."""
-        return replace(self, size=0.0, eccentricity=0.0)
 
     @property
     def _step(self) -> float:

@@ -121,10 +121,7 @@ class WavinessSearch:
         )
 
     def wavelengths(self, count: int) -> FloatArray:
-        """So many (rad) over the study's range, and those about the stem's resonance in it.
-
-        Every other one divides the turn: the next that does.
-        """
+        """So many (rad) over the range, every other divides the turn; and those at resonance."""
         one = self.campaign.inputs[self._column(WAVELENGTH)]
         ends = drawn(one, np.array(ENDS if one.endless else (0.0, 1.0)))
         low, high = np.clip(ends, SHORTEST, LONGEST).tolist()
