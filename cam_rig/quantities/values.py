@@ -242,11 +242,11 @@ def left_by(mode: Mode, law: Law, start: float, end: float, speeds: FloatArray) 
     width = np.diff(edges)[:, None]
     angles = (edges[:-1, None] + 0.5 * width * (points + 1.0)).ravel()
     share = (0.5 * width * weights).ravel()
-    _, slope, bend = law.motion_at(angles) * share
+    _, slope, curvature = law.motion_at(angles) * share
     found = np.empty(speeds.size)
     for i, speed in enumerate(speeds.tolist()):
         fading = np.exp(mode.rate / speed * (end - angles))
-        total = (mode.drive[0] * slope + mode.drive[1] * speed * bend) @ fading
+        total = (mode.drive[0] * slope + mode.drive[1] * speed * curvature) @ fading
         found[i] = abs(total) / mode.rate.imag
     return found
 
