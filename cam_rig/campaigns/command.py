@@ -119,11 +119,11 @@ def campaign(
     """
     from cam_rig.campaigns.campaign import open_campaign
     from cam_rig.campaigns.largest_waviness import WavinessSearch, find_largest
-    from cam_rig.schema.load import campaign_path
+    from cam_rig.schema.load import named_path
     from cam_rig.workers import check_workplace, workplace
 
     check_workplace(dask)
-    asked = open_campaign(campaign_path(study)).planned(points, seed)
+    asked = open_campaign(named_path("campaigns", study)).planned(points, seed)
     there = partial(workplace, jobs, dask)
     if largest_waviness is None:
         given = {"--points": points, "--seed": seed, "--jobs": jobs, "--dask": dask}
