@@ -19,7 +19,6 @@ from pydantic import ValidationError
 
 from cam_rig.campaigns.draws import InputDraws, ends_of
 from cam_rig.campaigns.inputs import (
-    CampaignInput,
     ProfileErrors,
     input_of,
     paths_of,
@@ -28,7 +27,7 @@ from cam_rig.campaigns.inputs import (
 )
 from cam_rig.campaigns.schema import MAX_POINTS, CampaignConfig
 from cam_rig.errors import CamRigError, ConfigError
-from cam_rig.laws import Law, build_law
+from cam_rig.laws import build_law
 from cam_rig.laws.cam import require_sprung
 from cam_rig.quantities.catalogue import QUANTITIES, measured_in
 from cam_rig.quantities.steady import scene_at
@@ -124,7 +123,7 @@ def kept(limit: Limit, values: FloatArray) -> NDArray[np.bool_]:
     return values <= bound if limit.sense == "<=" else values >= bound
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Campaign:
     """A study on its base: what varies, what is measured, and how points are run."""
 
@@ -133,48 +132,22 @@ class Campaign:
     rig: RigConfig
     scene: SceneConfig
 
+    def __post_init__(self) -> None:
+        config, model = self.config, self.scene.model
+        self.measures = parse_measures(config.measures, model)
+        self.limits = parse_limits(config.limits, self.measures, model)
+        self.law = build_law(self.cam)
+        configs: dict[str, Any] = {"cam": self.cam, "rig": self.rig}
+        if config.base.scene is not None:
+            configs["scene"] = self.scene
+        known = paths_of(configs)
+        self.inputs = tuple(input_of(path, one, known) for path, one in config.vary.items())
+        self.draws = InputDraws(config, self.inputs)
+        self.total, self.seed = self.draws.total, config.plan.seed
+
     def __reduce__(self) -> tuple[type[Campaign], tuple[object, ...]]:
         """What goes to a worker: the files; the rest is made of them there."""
         return Campaign, (self.config, self.cam, self.rig, self.scene)
-
-    @cached_property
-    def draws(self) -> InputDraws:
-        """The inputs of all points."""
-        return InputDraws.of(self.config, self.inputs)
-
-    @cached_property
-    def inputs(self) -> tuple[CampaignInput, ...]:
-        """What varies."""
-        configs: dict[str, Any] = {"cam": self.cam, "rig": self.rig}
-        if self.config.base.scene is not None:
-            configs["scene"] = self.scene
-        known = paths_of(configs)
-        return tuple(input_of(path, one, known) for path, one in self.config.vary.items())
-
-    @cached_property
-    def measures(self) -> tuple[CampaignMeasure, ...]:
-        """What is measured."""
-        return parse_measures(self.config.measures, self.scene.model)
-
-    @cached_property
-    def limits(self) -> tuple[Limit, ...]:
-        """What the measures are to keep."""
-        return parse_limits(self.config.limits, self.measures, self.scene.model)
-
-    @cached_property
-    def law(self) -> Law:
-        """The base's law."""
-        return build_law(self.cam)
-
-    @property
-    def total(self) -> int:
-        """Points of the plan."""
-        return self.draws.total
-
-    @property
-    def seed(self) -> int:
-        """Of the plan."""
-        return self.config.plan.seed
 
     @cached_property
     def text(self) -> str:
@@ -243,7 +216,6 @@ def _campaign(config: CampaignConfig, library: Library) -> Campaign:
 
 def _checked(campaign: Campaign) -> Campaign:
     """A study whose parts fit together."""
-    _ = campaign.limits, campaign.law
     if WAVE in campaign.config.vary and WAVELENGTH not in campaign.config.vary:
         raise ConfigError(f"vary.{WAVE}: has no wavelength; needed beside it: {WAVELENGTH}")
     for one in campaign.inputs:
@@ -288,8 +260,6 @@ def _scene(cam: CamConfig, rig: RigConfig, model: str | None) -> SceneConfig:
         }
     )
 
-
-# A point: its cam and rig made, then measured.
 
 #: Status of a point: all measures are there, or a reason says why not, or of which turns they are.
 OK, FAILED, UNSETTLED = "ok", "failed", "unsettled"

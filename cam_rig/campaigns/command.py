@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import shlex
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,9 +21,9 @@ from cam_rig.show.terminal import console, say
 if TYPE_CHECKING:
     from cam_rig.campaigns.campaign import Campaign
     from cam_rig.campaigns.dataset import CampaignDataset
+    from cam_rig.workers import Workplace
 
-
-# How far a campaign is, how long the rest takes and how large it gets: a bar, or lines.
+    Place = Callable[[], AbstractContextManager[Workplace]]
 
 #: Longest unit of a time in words that is still told in the one below, with its seconds.
 UNITS = (("d", 86400.0), ("h", 3600.0), ("min", 60.0), ("s", 1.0))
@@ -28,10 +31,7 @@ SIZES = (("GB", 1e9), ("MB", 1e6), ("kB", 1e3))
 
 
 class CampaignProgress(Progress):
-    """Told of points as they are written; in a terminal a bar, elsewhere a line now and then.
-
-    Time left and size are extrapolated from the points of this run, from its first batch on.
-    """
+    """A bar, elsewhere a line now and then: time left and size, by the points of this run."""
 
     def __init__(self, dataset: CampaignDataset, bar: Progress) -> None:
         self._dataset, self._bar, self._name = dataset, bar, dataset.campaign.config.name
@@ -52,19 +52,13 @@ class CampaignProgress(Progress):
         left, due = self._total - self._done, now - self._told >= LINE_EVERY_S
         if due:
             self._told, self._size = now, sized(*self._dataset.size())
-        rate = estimate(now - self._begin[0], self._done - self._begin[1], left)
+        seconds, points, rate = now - self._begin[0], self._done - self._begin[1], ""
+        if points and seconds > 0.0:
+            rate = f"{points / seconds:.3g} points/s, {in_words(left * seconds / points)} left"
         ahead = ", ".join(filter(None, (rate, self._size)))
         self._bar.tell(f"{self._name} {ahead}")
         if due and left and not console.is_terminal:
             say(f"{self._name}: {self._done} of {self._total} points, {ahead}")
-
-
-def estimate(seconds: float, points: int, left: int) -> str:
-    """The rate of points made in so many s, and what time the others take."""
-    if points == 0 or seconds <= 0.0:
-        return ""
-    rate = points / seconds
-    return f"{rate:.3g} points/s, {in_words(left / rate)} left"
 
 
 def in_words(seconds: float) -> str:
@@ -124,67 +118,39 @@ def campaign(
     cam-rig campaign tolerance_poly345 --points 64 --largest-waviness 24
     """
     from cam_rig.campaigns.campaign import open_campaign
+    from cam_rig.campaigns.largest_waviness import WavinessSearch, find_largest
     from cam_rig.schema.load import named_path
-    from cam_rig.workers import check_workplace
+    from cam_rig.workers import check_workplace, workplace
 
     check_workplace(dask)
     asked = open_campaign(named_path("campaigns", study)).planned(points, seed)
-    if largest_waviness is not None:
-        if out is not None or resume:
-            raise ConfigError(
-                "--largest-waviness: keeps no rows; allowed: without --out and --resume"
-            )
-        return _largest(asked, largest_waviness, jobs, dask, progress)
-    folder = out or Path("out") / asked.config.name
-    again = _command(study, folder, points, seed, jobs, dask)
-    return _measured(folder, asked, resume, jobs, dask, again, progress)
+    there = partial(workplace, jobs, dask)
+    if largest_waviness is None:
+        given = {"--points": points, "--seed": seed, "--jobs": jobs, "--dask": dask}
+        folder = out or Path("out") / asked.config.name
+        again = _command([study, "--out", str(folder), "--resume"], given)
+        return _measured(folder, asked, resume, there, again, progress)
+    if out is not None or resume:
+        raise ConfigError("--largest-waviness: keeps no rows; allowed: without --out and --resume")
+    search = WavinessSearch(asked)
+    with there() as place:
+        return find_largest(search, search.wavelengths(largest_waviness), place.executor, progress)
 
 
-def _largest(
-    campaign: Campaign, count: int, jobs: int | None, dask: str | None, progress: Progress
-) -> Result:
-    """What waviness each of so many wavelengths may have."""
-    from cam_rig.campaigns.largest_waviness import WavinessSearch, find_largest
-    from cam_rig.workers import workplace
-
-    search = WavinessSearch(campaign)
-    with workplace(jobs, dask) as place:
-        return find_largest(search, search.wavelengths(count), place.executor, progress)
-
-
-def _command(
-    study: str,
-    folder: Path,
-    points: int | None,
-    seed: int | None,
-    jobs: int | None,
-    dask: str | None,
-) -> str:
+def _command(words: list[str], given: dict[str, int | str | None]) -> str:
     """The command that goes on where this one ends."""
-    import shlex
-
-    given = {"--points": points, "--seed": seed, "--jobs": jobs, "--dask": dask}
-    words = ["cam-rig", "campaign", study, "--out", str(folder), "--resume"]
-    for option, value in given.items():
-        words += [] if value is None else [option, str(value)]
-    return shlex.join(words)
+    options = [(key, str(value)) for key, value in given.items() if value is not None]
+    return shlex.join(["cam-rig", "campaign", *words, *chain.from_iterable(options)])
 
 
 def _measured(
-    folder: Path,
-    asked: Campaign,
-    resume: bool,
-    jobs: int | None,
-    dask: str | None,
-    again: str,
-    progress: Progress,
+    folder: Path, asked: Campaign, resume: bool, there: Place, again: str, progress: Progress
 ) -> Result:
     """Make the points that are missing; what ends it says how to go on."""
     from cam_rig.campaigns.dataset import CampaignDataset
     from cam_rig.campaigns.results import CampaignResult
     from cam_rig.campaigns.run import run_campaign
     from cam_rig.extras import require
-    from cam_rig.workers import workplace
 
     require("pyarrow")
     dataset = CampaignDataset(folder, asked)
@@ -192,7 +158,7 @@ def _measured(
         if damaged:
             say(damaged)
         if dataset.missing():
-            with workplace(jobs, dask) as place:
+            with there() as place:
                 told = CampaignProgress(dataset, progress)
                 run_campaign(dataset, place.executor, place.count, told)
     found = CampaignResult(dataset)

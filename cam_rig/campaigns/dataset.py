@@ -169,10 +169,7 @@ class CampaignDataset:
         return np.concatenate(parts) if parts else np.zeros(0)
 
     def reasons(self, status: str = FAILED) -> list[tuple[str, int]]:
-        """Why points have a status and how many, the most frequent first.
-
-        Reasons that differ in their numbers alone are one, in the words of the first of them.
-        """
+        """Why points have a status and how many, most frequent first; numbers alone part none."""
         import pyarrow.compute as pc
 
         counts: Counter[str] = Counter()
@@ -297,7 +294,6 @@ def _digest(first: int, last: int, data: bytes) -> str:
 
 
 def _intact(path: Path) -> bytes:
-    """What a batch's file holds."""
     match = _NAME.fullmatch(path.name)
     assert match is not None  # only such are batches
     if not path.is_file():  # a pipe would never end

@@ -15,8 +15,6 @@ from cam_rig.campaigns.schema import CampaignConfig, PlanKind
 from cam_rig.errors import ConfigError
 from cam_rig.units import FloatArray
 
-# The points of a plan in the unit cube, each from its index alone.
-
 Indices = NDArray[np.uint64]
 #: Bits of Sobol's sequence; a coordinate is the middle of its smallest interval, never 0 or 1.
 SOBOL_BITS = 30
@@ -52,7 +50,6 @@ def unit_points(
 
 
 def _sobol(seed: int, dimensions: int, first: int, last: int) -> FloatArray:
-    """Points of the scrambled sequence."""
     sequence = qmc.Sobol(dimensions, scramble=True, bits=SOBOL_BITS, rng=seed)
     parts = [np.empty((0, dimensions))]
     if first == 0 < last:  # apart: scipy warns of a first draw that is no power of 2
@@ -119,47 +116,29 @@ def rows_of(kind: PlanKind, points: int | None, counts: list[int]) -> int:
     return points * (len(counts) + 2) if kind == "shares" else points
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class InputDraws:
-    """The inputs of every point of a plan, ``(n, d)`` SI, a batch at a time.
-
-    ``mixing`` ``(d, d)`` is the lower triangle whose rows mix independent normal numbers into
-    correlated ones (a Gaussian copula); None where all are independent.
-    """
+    """The inputs of all points, ``(n, d)`` SI, correlated by a Gaussian copula."""
 
     config: CampaignConfig
     inputs: tuple[CampaignInput, ...]
-    mixing: FloatArray | None
 
-    @classmethod
-    def of(cls, config: CampaignConfig, inputs: tuple[CampaignInput, ...]) -> InputDraws:
-        """The draws of a study."""
-        if not config.correlated:
-            return cls(config, inputs, None)
-        order = [one.path for one in inputs]
+    def __post_init__(self) -> None:
+        variations = [one.variation for one in self.inputs]
+        self._counts = [len(v.values) if v.values else v.count or 1 for v in variations]
+        self.total = rows_of(self.config.plan.kind, self.config.plan.points, self._counts)
+        order = [one.path for one in self.inputs]
         matrix = np.eye(len(order))
-        for pair in config.correlated:
+        for pair in self.config.correlated:
             i, j = (order.index(path) for path in pair.inputs)
             matrix[i, j] = matrix[j, i] = pair.coefficient
         try:
-            mixing = np.asarray(np.linalg.cholesky(matrix), dtype=np.float64)
+            self._mixing = np.linalg.cholesky(matrix).tolist()
         except np.linalg.LinAlgError:
             raise ConfigError(
                 "correlated: no numbers have these correlations together (their matrix is not "
                 "positive definite); allowed: smaller coefficients"
             ) from None
-        return cls(config, inputs, mixing)
-
-    @property
-    def total(self) -> int:
-        """Rows of the plan."""
-        return rows_of(self.config.plan.kind, self.config.plan.points, self._counts)
-
-    @property
-    def _counts(self) -> list[int]:
-        """Steps of each input on a grid."""
-        variations = [one.variation for one in self.inputs]
-        return [len(v.values) if v.values else v.count or 1 for v in variations]
 
     def rows(self, first: int, last: int) -> FloatArray:
         """Points ``first`` to ``last`` (exclusive); a row depends on its index and the study."""
@@ -181,10 +160,10 @@ class InputDraws:
 
     def _correlated(self, unit: FloatArray) -> FloatArray:
         """Term by term: a matrix product may round otherwise in a batch of another length."""
-        if self.mixing is None:
+        if not self.config.correlated:
             return unit
         normal, found = ndtri(unit), np.zeros_like(unit)
-        for i, row in enumerate(self.mixing.tolist()):
+        for i, row in enumerate(self._mixing):
             for k, weight in enumerate(row[: i + 1]):
                 found[:, i] += weight * normal[:, k]
         return np.asarray(ndtr(found))

@@ -24,8 +24,6 @@ from cam_rig.show.looks import BLUE, GREEN, SKY_BLUE, VERMILION, web
 from cam_rig.show.tables import printed, typeset
 from cam_rig.units import FloatArray
 
-# What inputs and measures are called on a figure's axes, and the units they are shown in.
-
 #: Parts of a path that say where a number stands and not what it is.
 _PLACES = re.compile(r"^(?:(?:rig|cam)\.(?:follower\.)?|profile\.|scene\.(?:program\.)?)")
 _UNITS = {"um": "µm", "deg": "°"}
@@ -212,9 +210,8 @@ def _panels(
     for axes, cell in zip(panels, cells, strict=False):
         plane = values[tuple(slice(None) if i is None else i for i in cell)].T
         sides = [grid[i][1] / _input_unit(grid[i][0])[1] for i in axis]
-        mesh = axes.pcolormesh(
-            *sides, plane, vmin=low, vmax=high, shading="nearest", rasterized=True
-        )
+        look: dict[str, Any] = {"vmin": low, "vmax": high, "shading": "nearest"}
+        mesh = axes.pcolormesh(*sides, plane, rasterized=True, **look)
         if levels and np.isfinite(plane).all() and min(plane.shape) > 1:
             axes.contour(*sides, plane, levels=sorted(levels), colors=web(VERMILION))
         axes.grid(visible=False)
@@ -237,9 +234,6 @@ def _cell_title(grid: list[tuple[CampaignInput, FloatArray]], cell: tuple[int | 
     return wrapped("\n".join(words), MAP_LETTERS)
 
 
-# Pictures of a campaign: a map of a grid; distributions, and what each input does, of draws.
-
-
 def figure(results: CampaignResult) -> Figure:
     """A map where a grid varies two inputs or more, else distributions."""
     grid = results.campaign.config.plan.kind == "grid"
@@ -247,8 +241,6 @@ def figure(results: CampaignResult) -> Figure:
         return measure_map(results)
     return distributions(results)
 
-
-# The largest waviness over its wavelength.
 
 HEIGHT = 3.4
 #: Of the axis above the largest amplitude and below the least.
@@ -279,11 +271,9 @@ def waviness_figure(result: WavinessResult) -> Figure:
     whole = np.array([abs(one.waves - round(one.waves)) < 1e-9 for one in found])
     if whole.any():
         axes.plot(angle[whole], value[whole], **WHOLE, label="divides the turn")
-    for one in resonances(search.campaign):
-        if angle.min() <= np.degrees(one) <= angle.max():
-            axes.axvline(
-                np.degrees(one), color=web(VERMILION), ls="--", label="resonance at the limit"
-            )
+    for one in np.degrees(resonances(search.campaign)):
+        if angle.min() <= one <= angle.max():
+            axes.axvline(one, color=web(VERMILION), ls="--", label="resonance at the limit")
     outcome = np.array([one.outcome != "found" for one in found])
     if outcome.any():
         axes.plot(angle[outcome], value[outcome], "x", color=web(GREEN), label="at the end tried")

@@ -10,7 +10,7 @@ import copy
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, TypeVar
 
@@ -171,7 +171,7 @@ CLOSING_WAVES = 2.0
 SHORTEST, LONGEST = TURN / 3600.0, TURN
 #: Degree of the pieces that carry sines.
 DEGREE = 5
-#: Ordinates of the step 35 t⁴ − 84 t⁵ + 70 t⁶ − 20 t⁷ and of its slope and bend.
+#: Ordinates of the step 35 t⁴ − 84 t⁵ + 70 t⁶ − 20 t⁷ and of its slope and curvature.
 _STEP = np.array([35.0, -84.0, 70.0, -20.0])
 
 
@@ -186,10 +186,7 @@ def require_wavelength(wavelength: float) -> None:
 
 @dataclass(frozen=True)
 class ProfileErrors:
-    """Errors of one cam: lengths in m, angles in rad of cam angle; a phase is that at θ = 0.
-
-    ``wavelength`` is None where there is no waviness.
-    """
+    """Errors of one cam: lengths in m, angles in rad of cam angle; a phase is that at θ = 0."""
 
     size: float = 0.0
     eccentricity: float = 0.0
@@ -207,16 +204,6 @@ class ProfileErrors:
         return cls(**own, wavelength=wavelength)
 
     @property
-    def eccentric(self) -> ProfileErrors:
-        """The eccentricity alone."""
-        return replace(self, size=0.0, waviness=0.0)
-
-    @property
-    def wavy(self) -> ProfileErrors:
-        """The waviness alone."""
-        return replace(self, size=0.0, eccentricity=0.0)
-
-    @property
     def _step(self) -> float:
         """Longest piece, rad."""
         waves = [TURN] if self.eccentricity else []
@@ -227,7 +214,7 @@ class ProfileErrors:
         """The law with the errors, of degree 5 at least.
 
         Its pieces are cut into equal parts, `PER_WAVE` of a wave at least, and each part takes the
-        quintic that has the error's value, slope and bend at both its ends: C2 at every joint, and
+        quintic with the error's value, slope and curvature at both its ends: C2 at every joint, and
         the error itself but for |Δs| ≤ h⁶ M/46080 and |Δs''| ≤ h⁴ M/1920, M its largest sixth
         derivative (Birkhoff and Priver 1967). Of a wave a sin kθ that is 4.5e-7 a, and 3.9e-5 of
         its a k²; in the closing up to five times as much. The law itself is kept exactly.
@@ -246,7 +233,7 @@ class ProfileErrors:
         return Law(law.name, np.concatenate(breaks), np.concatenate(columns, axis=1))
 
     def at(self, angle: FloatArray) -> FloatArray:
-        """Value (m), slope (m/rad) and bend (m/rad²) of the errors at cam angles of a turn, (3, n).
+        """Value (m), slope (m/rad) and curvature (m/rad²) of the errors at cam angles, (3, n).
 
         A wave that goes into the turn a whole number of times is a sine all around. Any other
         would step at the turn's end: over the last two wavelengths it passes smoothly (C3) into
@@ -266,26 +253,26 @@ class ProfileErrors:
         powers = np.stack([t**k for k in range(2, 8)])
         step = _STEP @ powers[2:]
         slope = (_STEP * [4, 5, 6, 7]) @ powers[1:5] / closing
-        bend = (_STEP * [12, 20, 30, 42]) @ powers[:4] / closing**2
+        curvature = (_STEP * [12, 20, 30, 42]) @ powers[:4] / closing**2
         gap = ahead - own
         own[0] += step * gap[0]
         own[1] += step * gap[1] + slope * gap[0]
-        own[2] += step * gap[2] + 2.0 * slope * gap[1] + bend * gap[0]
+        own[2] += step * gap[2] + 2.0 * slope * gap[1] + curvature * gap[0]
         return own
 
     def ordinates(self, ends: FloatArray, degree: int) -> FloatArray:
         """Of the quintics between neighbouring angles ``(n + 1,)``, ``(degree + 1, n)``."""
-        value, slope, bend = self.at(ends)
+        value, slope, curvature = self.at(ends)
         h = np.diff(ends)
         left = [value[:-1], value[:-1] + slope[:-1] * h / 5.0]
-        left.append(2.0 * left[1] - left[0] + bend[:-1] * h**2 / 20.0)
+        left.append(2.0 * left[1] - left[0] + curvature[:-1] * h**2 / 20.0)
         right = [value[1:], value[1:] - slope[1:] * h / 5.0]
-        right.append(2.0 * right[1] - right[0] + bend[1:] * h**2 / 20.0)
+        right.append(2.0 * right[1] - right[0] + curvature[1:] * h**2 / 20.0)
         return bernstein.elevate(np.stack([*left, *right[::-1]]), degree)
 
 
 def _sine(amplitude: float, wavelength: float, phase: float, angle: FloatArray) -> FloatArray:
-    """Value, slope and bend of a sine, ``(3, n)``."""
+    """Value, slope and curvature of a sine, ``(3, n)``."""
     k = TURN / wavelength
     sine, cosine = np.sin(k * angle + phase), np.cos(k * angle + phase)
     return np.asarray(amplitude * np.stack([sine, k * cosine, -(k**2) * sine]))

@@ -87,14 +87,19 @@ def resonances(campaign: Campaign) -> list[float]:
     return [one for one in found if SHORTEST <= one <= LONGEST]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class WavinessSearch:
-    """A study with limits and a waviness, to be searched at one wavelength after another."""
+    """A study with limits and a waviness, to be searched at one wavelength after another.
+
+    The ``amplitudes`` that are tried, m, rise from 0, evenly spaced in their logarithm.
+    """
 
     campaign: Campaign
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be asked."""
+        largest = OF_LIFT * float(np.ptp(self.campaign.law.ordinates))
+        rising = np.geomspace(largest * 10.0**-DECADES, largest, AMPLITUDES - 1)
+        self.amplitudes = np.append(0.0, rising)
         config = self.campaign.config
         if not self.campaign.limits:
             raise ConfigError("limits: has none; needed for the largest waviness: one at least")
@@ -112,19 +117,8 @@ class WavinessSearch:
                     "other than its amplitude and wavelength"
                 )
 
-    @property
-    def amplitudes(self) -> FloatArray:
-        """Those tried, m, rising from 0; evenly spaced in their logarithm."""
-        largest = OF_LIFT * float(np.ptp(self.campaign.law.ordinates))
-        return np.concatenate(
-            [[0.0], np.geomspace(largest * 10.0**-DECADES, largest, AMPLITUDES - 1)]
-        )
-
     def wavelengths(self, count: int) -> FloatArray:
-        """So many (rad) over the study's range, and those about the stem's resonance in it.
-
-        Every other one divides the turn: the next that does.
-        """
+        """So many (rad) over the range, every other divides the turn; and those at resonance."""
         one = self.campaign.inputs[self._column(WAVELENGTH)]
         ends = drawn(one, np.array(ENDS if one.endless else (0.0, 1.0)))
         low, high = np.clip(ends, SHORTEST, LONGEST).tolist()

@@ -67,10 +67,7 @@ class Quantile:
 
 @dataclass(frozen=True)
 class LimitYield:
-    """The part of all points that keeps a limit, with its interval; a failed point does not.
-
-    A grid is no sample: what it has of an interval is not shown.
-    """
+    """The part of all points that keeps a limit, with its interval (not of a grid)."""
 
     limit: Limit
     share: float
@@ -98,15 +95,8 @@ class OfMeasure:
     own: Any
 
 
-def _of(key: str, unit: str = "", shown: str = ".6g", heading: str = "", **how: Any) -> Column:
-    """A number of what there is of a measure; nothing for what the sample does not tell."""
-    plain = Column(key, unit, shown, heading, of=f"own.{how.pop('name', key)}", **how)
-
-    def cell(record: OfMeasure) -> Any:
-        value = plain.text(record)
-        return None if isinstance(value, float) and math.isnan(value) else value
-
-    return Column(key, unit, shown, heading, plain.of, cell, plain.missing, plain.hidden)
+def _of(key: str, unit: str = "", shown: str = ".6g", heading: str = "") -> Column:
+    return Column(key, unit, shown, heading, f"own.{key}")
 
 
 MEASURE = Column("measure", of="measure.column", cell=lambda one: one.measure.term.words)
@@ -424,10 +414,7 @@ def proportion(kept: int, count: int) -> tuple[float, float, float]:
 
 
 def saltelli_shares(values: FloatArray, paths: list[str], seed: int) -> tuple[InputShare, ...]:
-    """Shares from the rows of Saltelli's design, in the order of `plan.unit_points`.
-
-    A measure that does not vary has none: zeros.
-    """
+    """Shares from rows in the order of `unit_points`; zeros of a measure that does not vary."""
     with libraries_named():
         from SALib.analyze import sobol
     if np.ptp(values) == 0.0:

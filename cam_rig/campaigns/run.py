@@ -23,8 +23,6 @@ from cam_rig.schema.load import Library, config_root, named_path
 from cam_rig.show.result import SILENT, Progress
 from cam_rig.workers import broken_named
 
-# A campaign from Python: thousands of rigs that differ in some numbers, a row of each.
-
 
 def opened(study: str | Path | Mapping[str, Any]) -> Campaign:
     """A study by its name in ``config/campaigns``, a path, or what such a file holds."""

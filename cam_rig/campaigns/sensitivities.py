@@ -173,19 +173,15 @@ class _FreeVibration:
 
 @dataclass(frozen=True)
 class JumpSensitivity:
-    """dΩ/dp (rad/s per SI unit) of one input at its value (SI); None with the reason beside it."""
+    """dΩ/dp (rad/s per SI unit) of an input at its value (SI); None where it moves joints."""
 
     path: str
     value: float
     derivative: float | None
-    reason: str = ""
 
 
 def jump_sensitivities(
-    point: Subject,
-    errors: ProfileErrors,
-    inputs: Mapping[str, float],
-    duration: float | None = FROM_REST,
+    point: Subject, errors: ProfileErrors, inputs: Mapping[str, float], duration: float | None
 ) -> tuple[JumpSensitivity, ...]:
     """The derivative of the jump speed of two masses in each input, at one point.
 
@@ -202,29 +198,28 @@ def jump_sensitivities(
     found = []
     for path, value in inputs.items():
         root, _, name = path.rpartition(".")
+        derivative = None
         if root == "rig.follower" and name in FOLLOWER:
-            by_number = slope(_numbers_of(point.rig, name), law.ordinates, touch.speed)
+            moved = _numbers_of(point.rig, name)
+            derivative = -slope(moved, law.ordinates, touch.speed) / by_speed
         elif (ordinates := _error_slope(path, errors, law)) is not None:
-            by_number = slope(numbers, law.ordinates + 1j * STEP * ordinates, touch.speed)
-        else:
-            reason = "no derivative: it moves joints, or is not the follower's"
-            found.append(JumpSensitivity(path, value, None, reason))
-            continue
-        found.append(JumpSensitivity(path, value, -by_number / by_speed))
+            rows = law.ordinates + 1j * STEP * ordinates
+            derivative = -slope(numbers, rows, touch.speed) / by_speed
+        found.append(JumpSensitivity(path, value, derivative))
     return tuple(found)
 
 
 def _error_slope(path: str, errors: ProfileErrors, law: Law) -> FloatArray | None:
     """How a law's ordinates ``(p + 1, n)`` move with an error of its profile; None with others."""
-    round_, wave, quarter = errors.eccentric, errors.wavy, 0.5 * math.pi
+    eccentric = replace(errors, size=0.0, waviness=0.0)
+    wavy = replace(errors, size=0.0, eccentricity=0.0)
+    phases = errors.eccentricity_phase + 0.5 * math.pi, errors.waviness_phase + 0.5 * math.pi
     moved = {
         "profile.size": ProfileErrors(size=1.0),
-        "profile.eccentricity.amplitude": replace(round_, eccentricity=1.0),
-        "profile.eccentricity.phase": replace(
-            round_, eccentricity_phase=round_.eccentricity_phase + quarter
-        ),
-        "profile.waviness.amplitude": replace(wave, waviness=1.0),
-        "profile.waviness.phase": replace(wave, waviness_phase=wave.waviness_phase + quarter),
+        "profile.eccentricity.amplitude": replace(eccentric, eccentricity=1.0),
+        "profile.eccentricity.phase": replace(eccentric, eccentricity_phase=phases[0]),
+        "profile.waviness.amplitude": replace(wavy, waviness=1.0),
+        "profile.waviness.phase": replace(wavy, waviness_phase=phases[1]),
     }
     return moved[path].ordinates(law.breaks, law.degree) if path in moved else None
 
@@ -240,8 +235,6 @@ def _numbers_of(rig: RigConfig, moved: str) -> dict[str, complex]:
     mass, share = own.pop("mass"), own.pop("roller_share")
     return {**own, "roller_mass": mass * share, "end_mass": mass * (1.0 - share)}
 
-
-# What local derivatives say of a campaign's jump speed, beside what its points say.
 
 #: Measures that have derivatives, and how the follower runs.
 RUNS = {"jump_speed": FROM_REST, "jump_speed_steady": None}

@@ -26,10 +26,7 @@ def designed_cam(
     limits: list[Asked],
     search: Multistart | None = None,
 ) -> tuple[CamConfig, str]:
-    """The cam of some unknowns and its file, with the follower of the start's.
-
-    ``search`` is of what is local.
-    """
+    """The cam of some unknowns, and its file; ``search`` is of what is local."""
     cam, space = problem.cam, problem.space
     own, goal = space.law_class, f"{request.verb} {request.goal.key}"
     knots = np.rint(own.knots[1:-1] * own.pieces).astype(int).tolist()

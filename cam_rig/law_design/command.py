@@ -112,7 +112,6 @@ def _config(start: str, asked: dict[str, Any], **others: Any) -> DesignConfig:
 def _found(
     config: DesignConfig, pareto: str | None, points: int, out: Path | None, progress: Progress
 ) -> Result:
-    """A front, or a law whose file is written too."""
     from cam_rig.law_design.design import front
     from cam_rig.law_design.request import DesignRequest, parse_second
     from cam_rig.schema import load_cam, load_rig

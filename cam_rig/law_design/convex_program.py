@@ -233,10 +233,7 @@ def _parts(blocks: list[RowBlock], of_rows: FloatArray) -> list[FloatArray]:
 
 
 def solution_of(blocks: list[RowBlock], x: FloatArray, dual: FloatArray) -> ProgramSolution:
-    """Of unknowns with t as the last, and multipliers of all rows, not yet put right.
-
-    They are scaled to t; NaN where t has none.
-    """
+    """Of unknowns with t as the last, and multipliers of all rows, as yet not scaled to t."""
     y, weight = _in_cones(blocks, dual)
     multipliers = y / -weight if weight < 0.0 else np.full(y.size, np.nan)
     met = (b.name for b in blocks if b.kind != "zero" and _slack(b, x).min() < ACTIVE)
@@ -273,10 +270,7 @@ def _in_cones(blocks: list[RowBlock], dual: FloatArray) -> tuple[FloatArray, flo
 
 
 def bound_of(blocks: list[RowBlock], multipliers: FloatArray) -> float:
-    """Σ y c + |Aᵀ y| · BOX: with Σ y w = −1 what t cannot exceed, as Σ y (c + A x + w t) ≥ 0.
-
-    Infinite for multipliers that prove nothing.
-    """
+    """Σ y c + |Aᵀ y| · BOX, which t cannot exceed where Σ y w = −1: Σ y (c + A x + w t) ≥ 0."""
     if np.isnan(multipliers).any():
         return np.inf
     rows, _ = _joined(blocks)

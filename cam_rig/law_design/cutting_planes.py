@@ -75,6 +75,8 @@ class FewRows:
         return broken
 
 
+#: Told a law's unknowns and its goal's value (SI).
+Told = Callable[[FloatArray, float], None]
 #: Rows that are added where a law is seen to need them.
 Cuts = FewRows | ContactKept | Residual
 
@@ -95,23 +97,15 @@ class Best:
     rounds: int = 0
     multistart: Multistart | None = None
 
-    @property
-    def so_far(self) -> bool:
-        """Whether the search has not ended."""
-        return self.rounds == 0
-
 
 @dataclass(eq=False)
 class Solver:
-    """One goal over one class, under limits.
-
-    ``on_best`` is told each law that is better than the ones before: unknowns and value (SI).
-    """
+    """One goal over one class, under limits; ``on_best`` is told better laws and values (SI)."""
 
     problem: DesignProblem
     goal: Asked
     limits: list[Asked]
-    on_best: Callable[[FloatArray, float], None] = lambda _x, _v: None
+    on_best: Told = lambda _x, _v: None
     rounds: int = 0
     _static: dict[bool, ConvexProgram] = field(default_factory=dict)
 
@@ -222,7 +216,7 @@ class Solver:
         return Best(best.unknowns, best.level * scale, bound, active, self.rounds)
 
     def other_than_goal(self, active: tuple[str, ...], *more: str) -> tuple[str, ...]:
-        """Limits among active names, without the goal."""
+        """Names of active limits, without the goal's."""
         return tuple(name for name in active if name not in (self.goal.name, *more))
 
     def rigid(self) -> Best:

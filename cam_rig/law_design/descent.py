@@ -52,10 +52,7 @@ INSIDE = 0.02
 
 @dataclass(frozen=True, eq=False)
 class PointwiseTerm:
-    """A goal (``allowed`` None) or a limit on the greatest value of a quantity's branches.
-
-    They depend on s, s' and s'' at one cam angle: near a law they are linear in the unknowns.
-    """
+    """A goal (``allowed`` None) or a limit on the greatest of branches, of s, s' and s''."""
 
     problem: DesignProblem
     name: str
@@ -133,31 +130,19 @@ class PointwiseTerm:
         return np.asarray((high - low) / (2.0 * step))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class ValueTerm:
     """A goal or a limit that has nothing but a value: its slopes are differences of it."""
 
     problem: DesignProblem
     asked: Asked
 
-    @property
-    def name(self) -> str:
-        """As a table of active limits says it."""
-        return self.asked.name
-
-    @property
-    def scale(self) -> float:
-        """Of a level 10 dB: the start's own is no measure of what it changes by."""
-        return LEVEL_SCALE if self.asked.term.quantity.unit == "dB" else self.asked.scale
-
-    @property
-    def allowed(self) -> float | None:
-        """What is to be small may be so much."""
-        return None if self.asked.value is None else self._sign * self.asked.value
-
-    @property
-    def _sign(self) -> float:
-        return sign_of(self.asked.sense)
+    def __post_init__(self) -> None:
+        asked = self.asked
+        self.name, self._sign = asked.name, sign_of(asked.sense)
+        self.allowed = None if asked.value is None else self._sign * asked.value
+        # the start's own level is no measure of what it changes by
+        self.scale = LEVEL_SCALE if asked.term.quantity.unit == "dB" else asked.scale
 
     def worst(self, law: Law) -> float:
         """What is to be small."""
@@ -218,6 +203,9 @@ class Descent:
 
     def __post_init__(self) -> None:
         self.problem, self._free = self.solver.problem, self.solver.problem.space.free
+        own = self.goal
+        #: Whether the goal is the rigid jump speed.
+        self._speed = isinstance(own, Asked) and rows_of(own.term).run is not None
 
     def place(self, unknowns: FloatArray) -> Place:
         """A law's exact values."""
@@ -300,11 +288,6 @@ class Descent:
         elif gain > GOOD * promised and moved > 0.9 * self.reach:
             self.reach = min(2.0 * self.reach, MOST_REACH)
 
-    @property
-    def _speed(self) -> bool:
-        """Whether the goal is the rigid jump speed."""
-        return isinstance(self.goal, Asked) and rows_of(self.goal.term).run is not None
-
     def _solved(self, here: Place, tried: list[FloatArray], spare: float) -> ProgramSolution:
         """The best law of the program near a law; while it breaks limits, the goal waits."""
         program = self.solver.static(True)
@@ -322,7 +305,13 @@ class Descent:
             rows = self.goal.rows(here.unknowns, tried) * (-1.0 / self.goal.scale)
             program.at_least(self.goal.name, rows, -1.0)
         elif self._speed:
-            rows = force_parts(self.problem, self._jump(here), True)
+            if not np.isfinite(here.goal):
+                raise DynamicsError(
+                    "the class has laws that keep contact at every speed; allowed: a limit on what "
+                    "lets it, such as peak_acceleration<=start"
+                )
+            # where the level is zero at a law's jump speed, what is above it jumps later
+            rows = force_parts(self.problem, -here.goal * self.goal.scale, True)
             program.at_least(self.goal.name, rows, -1.0)
         elif rows_of(self.goal.term).in_rounds:
             self._residual = self._residual or [Residual(self.problem, self.goal, True)]
@@ -330,16 +319,6 @@ class Descent:
         else:
             add(program, self.problem, self.goal, True)
         return self.solver.settled(program, cuts)
-
-    def _jump(self, here: Place) -> float:
-        """The jump speed of a law: where the level is zero, what is above it jumps later."""
-        assert isinstance(self.goal, Asked)
-        if not np.isfinite(here.goal):
-            raise DynamicsError(
-                "the class has laws that keep contact at every speed; allowed: a limit on what "
-                "lets it, such as peak_acceleration<=start"
-            )
-        return -here.goal * self.goal.scale
 
     def _within(self, here: Place) -> RowBlock:
         """The ordinates are within reach."""

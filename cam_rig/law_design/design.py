@@ -17,7 +17,7 @@ import numpy as np
 from cam_rig.arguments import checked
 from cam_rig.errors import ConfigError, DesignError
 from cam_rig.law_design.cam_file import designed_cam
-from cam_rig.law_design.cutting_planes import Best, Solver
+from cam_rig.law_design.cutting_planes import Best, Solver, Told
 from cam_rig.law_design.local_search import LONGEST, SHORTEST, EventSpans, local_best
 from cam_rig.law_design.request import KEEP, STARTS, DesignRequest, LawClass, Multistart
 from cam_rig.law_design.result import Front, LawDesign, Measure
@@ -42,22 +42,14 @@ SPAN_MET = 1e-3
 OnBest = Callable[[Callable[[], LawDesign], float], None]
 
 
-def _untold(_design: Callable[[], LawDesign], _value: float) -> None:
-    pass
-
-
 def search_design(
     cam: CamConfig,
     rig: RigConfig,
     request: DesignRequest,
     name: str | None = None,
-    on_best: OnBest = _untold,
+    on_best: OnBest = lambda _design, _value: None,
 ) -> LawDesign:
-    """The best law of a class between the dwells of a cam.
-
-    ``name`` is the new cam's, by default the start's with ``_designed``; ``on_best`` is told each
-    better law.
-    """
+    """The best law of a class between the dwells of a cam; ``on_best`` is told each better one."""
     if cam.follower.type in CLOSED:
         raise ConfigError(
             f"cam {cam.name!r}: its follower is {cam.follower.type}, whose fall must be its rise "
@@ -142,7 +134,7 @@ def _best_of_events(
     problem: DesignProblem,
     request: DesignRequest,
     name: str,
-    on_best: OnBest = _untold,
+    on_best: OnBest = lambda _design, _value: None,
     search: Multistart | None = None,
 ) -> LawDesign:
     """The best law with the events that a problem has; ``search`` is what they were found by."""
@@ -169,7 +161,6 @@ def _law_design(
     best: Best,
     search: Multistart | None,
 ) -> LawDesign:
-    """A law with all that was asked of it."""
     start, space, term, sense = problem.start, problem.space, request.goal, request.sense
     search = search or best.multistart
     cam, text = designed_cam(problem, best.unknowns, name, request, limits, search)
@@ -193,7 +184,7 @@ def _law_design(
         tuple(measures),
         best.rounds,
         search,
-        interrupted=best.so_far,
+        interrupted=not best.rounds,
     )
 
 
@@ -201,7 +192,7 @@ def _limit(problem: DesignProblem, law: Law, asked: Asked, limit: Limit, best: B
     quantity, allowed = limit.term.quantity, _allowed(problem, limit)
     start, result = (measured(problem, x, limit.term, limit.sense) for x in (problem.start, law))
     over = (result - allowed) * sign_of(limit.sense)
-    if over > BROKEN * max(abs(allowed), abs(start)) and not best.so_far:
+    if over > BROKEN * max(abs(allowed), abs(start)) and best.rounds:
         raise DesignError(
             f"the law found breaks {limit.words}: it has {result / quantity.factor:.6g} "
             f"{quantity.unit}; allowed: a narrower range, or more pieces"
@@ -210,12 +201,7 @@ def _limit(problem: DesignProblem, law: Law, asked: Asked, limit: Limit, best: B
     return Measure(limit.term, limit.sense, start, result, limit=allowed, active=active)
 
 
-def _solve(
-    problem: DesignProblem,
-    goal: Asked,
-    limits: list[Asked],
-    told: Callable[[FloatArray, float], None],
-) -> Best:
+def _solve(problem: DesignProblem, goal: Asked, limits: list[Asked], told: Told) -> Best:
     def shown(unknowns: FloatArray, value: float) -> None:
         told(unknowns, rows_of(goal.term).from_rows(problem, goal.term, value))
 
@@ -285,8 +271,6 @@ def design(
     return search_design(cam, rig, request)
 
 
-# A front of two quantities.
-
 #: Points of a front, at least and at most.
 FEWEST, MOST = 3, 200
 #: The shortest and longest spans of a front are found to this part of the start's.
@@ -301,15 +285,13 @@ def front(
     points: int,
     progress: Progress = SILENT,
 ) -> Front:
-    """The goal's best between the best that the other quantity can be and where it no longer binds.
-
-    Where the other is an event's span, between the shortest and the longest that there can be.
-    """
+    """The goal's best between the other's best and where it no longer binds, or over all spans."""
     if not FEWEST <= points <= MOST:
         raise ConfigError(f"--points: is {points}; allowed: {FEWEST} to {MOST}")
     progress.begin(points + 2, request.words)
+    problem = _problem(cam, rig, request)
     if other.quantity.where == "event":
-        return _over_spans(cam, rig, request, other, points, progress)
+        return _over_spans(problem, request, other, points, progress)
     if other == request.goal:
         raise ConfigError(f"--pareto: is the goal, {other.key}; allowed: another quantity")
     sense = other.quantity.senses[0]
@@ -317,8 +299,7 @@ def front(
     progress.advance()
     free = search_design(cam, rig, request)
     progress.advance()
-    best = own.goal.result
-    loosest = measured(_problem(cam, rig, request), free.law, other, sense)
+    best, loosest = own.goal.result, measured(problem, free.law, other, sense)
     if (loosest - best) * sign_of(sense) <= 1e-9 * abs(best):
         raise ConfigError(
             f"--pareto: {other.key} is best where {request.goal.key} is; allowed: two quantities "
@@ -350,12 +331,7 @@ def _along(
 
 
 def _over_spans(
-    cam: CamConfig,
-    rig: RigConfig,
-    request: DesignRequest,
-    other: Term,
-    points: int,
-    progress: Progress,
+    problem: DesignProblem, request: DesignRequest, other: Term, points: int, progress: Progress
 ) -> Front:
     """The goal's best for each span of an event, the others in proportion, about their middles.
 
@@ -367,13 +343,14 @@ def _over_spans(
             f"--pareto: over {other.key} the events and the dwells have their spans from it; "
             "allowed: without --keep"
         )
-    problem = _problem(cam, rig, request)
     own = _with_values(problem, request)
     spans = EventSpans(problem, False, [], lambda _: 0.0)
     span = measured(problem, problem.start, other, "<=")
 
     def found(factor: float) -> LawDesign:
-        return _best_of_events(spans.moved(factor * spans.start), own, f"{cam.name}_designed")
+        return _best_of_events(
+            spans.moved(factor * spans.start), own, f"{problem.cam.name}_designed"
+        )
 
     def has_law(factor: float) -> bool:
         with suppress(DesignError):
@@ -419,10 +396,7 @@ ASKED = (
 
 
 def paper_designs(cam_set: CamSet) -> list[LawDesign]:
-    """The best laws beside the paper's, of those that are in the set.
-
-    Nothing where the solver of the extra ``design`` is not installed.
-    """
+    """The best laws beside the paper's that are in the set; none without the extra ``design``."""
     if find_spec("clarabel") is None:
         return []
     cams, rig = cam_set.cams, cam_set.rig

@@ -86,7 +86,6 @@ def _force(axes: Axes, design: LawDesign, both: tuple[tuple[Law, str, Any], ...]
 
 
 def _contour(axes: Axes, design: LawDesign, both: tuple[tuple[Law, str, Any], ...]) -> None:
-    """The contours of both."""
     for law, _, style in both:
         for contour in contours(design.cam.follower, law, POINTS - 1):
             x, y = contour.points * MM

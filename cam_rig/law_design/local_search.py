@@ -18,11 +18,12 @@ from scipy.optimize import brentq, minimize
 
 from cam_rig.errors import ConfigError, DesignError
 from cam_rig.law_design.convex_program import Affine, ConvexProgram
-from cam_rig.law_design.cutting_planes import Best, Cuts, Solver
+from cam_rig.law_design.cutting_planes import Best, Cuts, Solver, Told
 from cam_rig.law_design.descent import KEPT, Descent, LocalTerm, Place, PointwiseTerm, ValueTerm
 from cam_rig.law_design.request import SAME, Multistart
 from cam_rig.law_design.rows import add, rows_of
-from cam_rig.law_design.space import Asked, DesignProblem, Space, measured, retimed
+from cam_rig.law_design.space import Asked, DesignProblem, Space, measured
+from cam_rig.laws import Law
 from cam_rig.quantities.catalogue import DESIGNED
 from cam_rig.quantities.terms import Limit, Term
 from cam_rig.units import TURN, FloatArray
@@ -40,12 +41,7 @@ NEARER = 4
 
 @dataclass(eq=False)
 class EventSpans:
-    """The spans (rad) that the events of a problem may have, and their search.
-
-    Raises
-    ------
-    ConfigError : an event that does not begin and end at rest, limits that leave no spans
-    """
+    """The spans (rad) that the events of a problem may have, and their search."""
 
     problem: DesignProblem
     keep_dwells: bool
@@ -129,7 +125,10 @@ class EventSpans:
 
     def moved(self, spans: FloatArray) -> DesignProblem:
         """The problem with these spans."""
-        law = retimed(self.problem.start, self.problem.space.events, self._edges(spans))
+        start = self.problem.start
+        breaks = np.interp(start.breaks, self._edges(self.start), self._edges(spans))
+        breaks[-1] = TURN
+        law = Law(start.name, breaks, start.ordinates)
         space = Space(law, self.problem.space.law_class)
         free = ("events",) if self.keep_dwells else ("events", "dwells")
         return replace(self.problem, start=law, space=space, free=free)
@@ -256,16 +255,9 @@ def _local_term(problem: DesignProblem, asked: Asked) -> LocalTerm:
 
 
 def local_best(
-    problem: DesignProblem,
-    goal: Asked,
-    limits: list[Asked],
-    asked: Multistart,
-    on_best: Callable[[FloatArray, float], None],
+    problem: DesignProblem, goal: Asked, limits: list[Asked], asked: Multistart, on_best: Told
 ) -> Best:
-    """The best law of all descents.
-
-    ``on_best`` is told each law that is better than the ones before: unknowns and value (SI).
-    """
+    """The best law of all descents; ``on_best`` is told better ones, with the goal's value (SI)."""
     convex = [limit for limit in limits if not rows_of(limit.term).is_local(problem)]
     solver, rows = Solver(problem, goal, convex), rows_of(goal.term)
     own = _local_term(problem, goal) if rows.is_local(problem, True) else goal

@@ -8,6 +8,7 @@ little phase give it to rounding.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -31,55 +32,36 @@ MAX_CELLS = 8000
 PER_PERIOD, PERIODS = 32, 1.25
 
 
-class Stretch(NamedTuple):
-    """A dwell, or (where it has a number) an event: from and to (rad), and a dwell's lift (m)."""
-
-    start: float
-    end: float
-    event: int | None
-    level: float
-
-
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Cells:
-    """The events of a space in cells, the law in them, and the dwells between.
+    """The events of a space in cells, fine enough for speeds down to the ``slowest`` (rad/s).
 
-    ``slowest`` (rad/s) is the lowest speed at which they are fine enough.
+    The phase in each is small; an event has ``count`` cells. ``gauss`` are Gauss points of [0, 1]
+    and their weights.
     """
 
     space: Space
     mode: Mode
     slowest: float
 
-    @cached_property
-    def per_piece(self) -> int:
-        """Cells of one piece, so that the phase in each is small at the slowest speed."""
+    def __post_init__(self) -> None:
         pieces = self.space.law_class.pieces
         phase = max(event.span for event in self.space.events) * self.mode.rate.imag / self.slowest
-        found = max(2, math.ceil(phase / pieces / CELL_PHASE))
-        if found * pieces > MAX_CELLS:
+        self.per_piece = max(2, math.ceil(phase / pieces / CELL_PHASE))
+        self.count = self.per_piece * pieces
+        if self.count > MAX_CELLS:
             raise ConfigError(
                 f"the stem vibrates {phase / TURN:.4g} times in an event at "
                 f"{to_rpm(self.slowest):.4g} rpm; allowed for a design: "
                 f"{MAX_CELLS * CELL_PHASE / TURN:.4g} times; so stiff a stem is nearly rigid: "
                 "jump_speed_rigid"
             )
-        return found
-
-    @property
-    def count(self) -> int:
-        """Cells of one event."""
-        return self.per_piece * self.space.law_class.pieces
+        points, weights = np.polynomial.legendre.leggauss(GAUSS)
+        self.gauss = 0.5 * (points + 1.0), 0.5 * weights
 
     def width(self, event: int) -> float:
         """Of the cells of an event, rad."""
         return self.space.events[event].span / self.count
-
-    @cached_property
-    def gauss(self) -> tuple[FloatArray, FloatArray]:
-        """Gauss points of [0, 1] and their weights."""
-        points, weights = np.polynomial.legendre.leggauss(GAUSS)
-        return 0.5 * (points + 1.0), 0.5 * weights
 
     @cached_property
     def driving(self) -> list[tuple[Affine, Affine, NDArray[np.intp]]]:
@@ -108,22 +90,18 @@ class Cells:
         table = sparse.kron(sparse.eye_array(count), bernstein.basis(degree, u), "csr")
         return self.space.derivative(order).rows(rows).mapped(table).dense()
 
-    @cached_property
-    def stretches(self) -> list[Stretch]:
-        """Dwells and events of a turn, one after the other."""
-        found, at = [], 0.0
+    def stretches(self) -> Iterator[tuple[float, float, int | None]]:
+        """Dwells and (with their number) events of a turn in turn, each from and to (rad)."""
+        at = 0.0
         for index, event in enumerate(self.space.events):
-            found.append(Stretch(at, event.start, None, event.first[0]))
+            yield at, event.start, None
             at = event.start + event.span
-            found.append(Stretch(event.start, at, index, 0.0))
-        return [*found, Stretch(at, TURN, None, self.space.events[-1].last[0])]
+            yield event.start, at, index
+        yield at, TURN, None
 
 
 class FirstTurn(NamedTuple):
-    """A first turn from rest: angles ``(n,)``, the force there, and the amplitude at its end.
-
-    ``moving`` says which are in events.
-    """
+    """From rest: angles ``(n,)``, which are in events, force there, amplitude at the end."""
 
     angles: FloatArray
     moving: NDArray[np.bool_]
@@ -155,21 +133,21 @@ class ForceAtSpeed:
         size, edge = cells.space.unknowns, 0.0
         last = Affine(np.zeros(1, complex), np.zeros((1, size), complex))
         angles, moving, force = [], [], []
-        for stretch in cells.stretches:
-            here = self._places(stretch)
+        for start, stop, event in cells.stretches():
+            here = self._places(start, stop, event)
             if here.size == 0:
                 continue
             amplitude = _carried(last, np.exp(self.rate * (here - edge)))
-            if stretch.event is None:
-                level = np.full(here.size, weights[0] * stretch.level)
-                still = Affine(level, np.zeros((here.size, size)))
+            if event is None:
+                level = weights[0] * cells.space.start.lift_at(start)
+                still = Affine(np.full(here.size, level), np.zeros((here.size, size)))
             else:
-                amplitude += self._excited(stretch.event)
-                lift, slope, curvature = cells.motion[stretch.event]
+                amplitude += self._excited(event)
+                lift, slope, curvature = cells.motion[event]
                 still = lift * weights[0] + slope * weights[1] + curvature * weights[2]
                 last, edge = amplitude, float(here[-1])
             angles.append(here)
-            moving.append(np.full(here.size, stretch.event is not None))
+            moving.append(np.full(here.size, event is not None))
             constant = 2.0 * (mode.shown * amplitude.constant).real
             matrix = 2.0 * (mode.shown * amplitude.matrix).real
             force.append(still.plus(mode.constant) + Affine(constant, matrix))
@@ -196,14 +174,14 @@ class ForceAtSpeed:
             fading[:, None] * np.cumsum(added / fading[:, None], axis=0),
         )
 
-    def _places(self, stretch: Stretch) -> FloatArray:
+    def _places(self, start: float, stop: float, event: int | None) -> FloatArray:
         """Angles of an event's cells, or in a dwell as long as the first periods take."""
-        if stretch.event is not None:
-            width = self.cells.width(stretch.event)
-            return np.asarray(stretch.start + width * np.arange(1.0, self.cells.count + 1.0))
+        if event is not None:
+            width = self.cells.width(event)
+            return np.asarray(start + width * np.arange(1.0, self.cells.count + 1.0))
         period = TURN / self.cells.mode.rate.imag * self.speed
         steps = np.arange(1.0, PERIODS * PER_PERIOD + 1.0) * period / PER_PERIOD
-        return stretch.start + steps[steps < stretch.end - stretch.start]
+        return start + steps[steps < stop - start]
 
     @cached_property
     def _before(self) -> ComplexArray:

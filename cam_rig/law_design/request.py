@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +15,6 @@ from cam_rig.quantities.terms import Limit, Sense, Term, parse_limit, parse_term
 from cam_rig.schema.load import read_yaml
 from cam_rig.schema.quantity import Strict
 from cam_rig.units import FloatArray
-
-# A design file: a goal, limits and a class of laws, beside the cam and the rig they are for.
 
 
 class ClassConfig(Strict):
@@ -56,8 +54,6 @@ def is_design(path: Path) -> bool:
     return isinstance(data, dict) and "start" in data
 
 
-# A class of laws: B-splines of a degree in equal pieces of each event, and their Bézier pieces.
-
 #: Pieces and degree of a class, and how smooth its joints may be.
 MAX_PIECES, MAX_DEGREE, MAX_JOINTS = 200, 15, 6
 #: An event of more ordinates than this is not written to a cam file.
@@ -66,10 +62,7 @@ MAX_ORDINATES = 500
 
 @dataclass(frozen=True)
 class LawClass:
-    """B-splines in equal pieces of each event; ``joints`` k: Cᵏ where they meet, and at its ends.
-
-    Their degree is by default k + 2.
-    """
+    """B-splines in equal pieces of each event, Cᵏ by ``joints`` k; of degree k + 2 by default."""
 
     pieces: int = 16
     joints: int = 3
@@ -96,13 +89,6 @@ class LawClass:
                 f"class: {self.count} ordinates an event; allowed: {MAX_ORDINATES}, so fewer "
                 "pieces, a lower degree or smoother joints"
             )
-
-    @classmethod
-    def of(cls, pieces: int, joints: str, degree: int | None) -> LawClass:
-        """From words: joints such as C3."""
-        if not (joints[:1] in ("C", "c") and joints[1:].isdecimal()):
-            raise ConfigError(f"joints: are {joints!r}; allowed: C1 to C{MAX_JOINTS}")
-        return cls(pieces, int(joints[1:]), degree)
 
     @property
     def power(self) -> int:
@@ -133,8 +119,6 @@ class LawClass:
             return f"Bézier curves of degree {self.power}"
         return f"B-splines of degree {self.power} in {self.pieces} pieces, C{self.joints} joints"
 
-
-# How often a local search begins, from what seed, and how many of its descents agree.
 
 #: Starts, at most, and by default.
 MOST_STARTS, STARTS = 1000, 8
@@ -199,10 +183,10 @@ class DesignRequest:
 
     goal: Term
     sense: Sense
-    limits: tuple[Limit, ...] = ()
-    law_class: LawClass = field(default_factory=LawClass)
-    multistart: Multistart = field(default_factory=Multistart)
-    keep: tuple[str, ...] = KEEP[0]
+    limits: tuple[Limit, ...]
+    law_class: LawClass
+    multistart: Multistart
+    keep: tuple[str, ...]
 
     @classmethod
     def of(
@@ -238,11 +222,13 @@ class DesignRequest:
     def of_config(cls, config: DesignConfig) -> DesignRequest:
         """From a design file."""
         own = config.class_
+        if not (own.joints[:1] in ("C", "c") and own.joints[1:].isdecimal()):
+            raise ConfigError(f"joints: are {own.joints!r}; allowed: C1 to C{MAX_JOINTS}")
         return cls.of(
             minimise=config.minimise,
             maximise=config.maximise,
             limits=config.limits,
-            law_class=LawClass.of(own.pieces, own.joints, own.degree),
+            law_class=LawClass(own.pieces, int(own.joints[1:]), own.degree),
             multistart=Multistart(config.starts, config.seed),
             keep=config.keep,
         )

@@ -23,10 +23,7 @@ OVER = 1e-6
 
 @dataclass(frozen=True)
 class Measure:
-    """A goal or a limit of a design, SI (dB for levels).
-
-    ``bound`` is what no law of the class passes, for the goal alone; ``limit`` for limits alone.
-    """
+    """A goal, with what no law of the class passes, or a limit of a design, SI (dB for levels)."""
 
     term: Term
     sense: Sense
@@ -122,10 +119,7 @@ class LawDesign(Result):
 
     @property
     def gap(self) -> float:
-        """How far the result is from its bound, in parts of it; of a level, of its pressure.
-
-        Infinite where there is no bound.
-        """
+        """How far the result is from its bound, in parts of it; of a level in pressure; else ∞."""
         goal = self.goal
         if goal.bound is None:
             return math.inf

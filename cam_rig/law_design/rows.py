@@ -21,7 +21,7 @@ from cam_rig.errors import ConfigError
 from cam_rig.law_design.convex_program import Affine, ConvexProgram
 from cam_rig.law_design.space import SPARE, Asked, DesignProblem, measured
 from cam_rig.laws import bernstein
-from cam_rig.laws.law import peak
+from cam_rig.laws.law import extremes, peak
 from cam_rig.profile.contact import Motion, Touch
 from cam_rig.profile.disc import discs
 from cam_rig.profile.faces import GuidedCentre, GuidedFace
@@ -52,7 +52,7 @@ def _force(problem: DesignProblem, speed: float, hull: bool) -> Affine:
 def keep_lift(program: ConvexProgram, problem: DesignProblem, hull: bool) -> None:
     """Between the start's lowest and highest lift, which is reached where the start reaches it."""
     space, scale = problem.space, 1.0 / problem.start.lift
-    low, high = space.levels
+    low, high = (end.value for end in extremes(problem.start, 0))
     turning = space.turning_points
     spare = SPARE if hull else 0.0
     if turning:  # ordinates stand above a curve that turns
@@ -71,7 +71,6 @@ def keep_lift(program: ConvexProgram, problem: DesignProblem, hull: bool) -> Non
 
 
 def _peak(problem: DesignProblem, asked: Asked, hull: bool) -> list[Affine]:
-    """A derivative of either sign."""
     found = problem.space.bounds(problem.space.derivative(asked.term.quantity.order), hull)
     return [found, found * -1.0]
 
@@ -93,7 +92,6 @@ def _at_angles(problem: DesignProblem, asked: Asked, hull: bool) -> list[Affine]
 
 
 def _forces(problem: DesignProblem, asked: Asked, hull: bool) -> list[Affine]:
-    """The contact force at both ends of a range of speeds."""
     return [_force(problem, speed, hull) for speed in sorted({asked.term.low, asked.term.high})]
 
 
@@ -132,11 +130,8 @@ def _rms_acceleration(problem: DesignProblem, _: Term) -> Affine:
 
 
 def _sound(problem: DesignProblem, term: Term) -> Affine:
-    """Weighted harmonics of s'' whose squares add to the mean power of the contact force's rate.
-
-    Of a follower that stays on the cam, mean over speeds; pressure follows that rate through the
-    structure's corner.
-    """
+    """Weighted harmonics of s'' whose squares add to the mean power of the contact force's rate."""
+    # of a follower that stays on the cam; pressure follows its rate through the structure's corner
     rigid = problem.rigid
     corner = TURN * problem.rig.need_radiation(f"the goal or limit {term.key}").corner.si
     order = np.arange(1.0, HARMONICS + 1.0)
@@ -178,11 +173,10 @@ def _angle(problem: DesignProblem, term: Term) -> Branches:
 
 def _curvature(problem: DesignProblem, _: Term) -> Branches:
     """Of the pitch curve (1/m) on each disc; under a face less the radius (m)."""
-
-    def of_touch(touch: Touch) -> list[FloatArray]:
-        return [-touch.radius if touch.pitch_curvature is None else touch.pitch_curvature]
-
-    return _on_discs(problem, of_touch)
+    return _on_discs(
+        problem,
+        lambda touch: [-touch.radius if touch.pitch_curvature is None else touch.pitch_curvature],
+    )
 
 
 def _on_discs(problem: DesignProblem, quantity: Callable[[Touch], list[FloatArray]]) -> Branches:
@@ -228,16 +222,12 @@ def _as_it_is(_problem: DesignProblem, _term: Term, value: float) -> float:
 class Rows:
     """What a design knows of a quantity.
 
-    Parameters
-    ----------
-    linear : what has to keep the limit, for the limit itself
-    squares : parts whose squares add to its own
-    in_rounds : whether rows are made where a law is seen to need them, as of residual vibration
-    run : of a jump speed: the force it keeps above zero is linear
-    branches : functions of the motion of which the greatest counts, and a limit as one on them
-    convex : whether its rows hold for a problem, of a goal or of a limit
-    scale : what its rows are measured by; by default the start's own value
-    to_rows, from_rows : a value (SI; dB) as its rows have it, and back
+    ``linear`` has to keep the limit, for the limit itself; ``squares`` are parts whose squares add
+    to its own; rows ``in_rounds`` are made where a law is seen to need them, as of residual
+    vibration; of a jump speed's ``run`` the force is linear; of ``branches``, functions of the
+    motion, the greatest counts, and ``on_branches`` is a limit as one on them. Rows hold where it
+    is ``convex`` for a problem, of a goal or of a limit; ``scale`` measures them, by default the
+    start's own value; ``to_rows`` and ``from_rows`` take a value (SI; dB) there and back.
     """
 
     linear: Callable[[DesignProblem, Asked, bool], list[Affine]] | None = None
@@ -261,25 +251,17 @@ def _largest(problem: DesignProblem, term: Term, _: Sense) -> float:
     return abs(peak(problem.start, term.quantity.order).value)
 
 
-def _one(*_: object) -> float:
-    return 1.0
-
-
 def _lift(problem: DesignProblem, *_: object) -> float:
     return problem.start.lift
-
-
-def _rate(problem: DesignProblem, term: Term, level: float) -> float:
-    return rate_of(problem.rig, term, level)
 
 
 _PEAK = Rows(_peak, scale=_largest)
 _FORCE = Rows(_forces, scale=lambda problem, *_: problem.force_scale)
 
 ROWS = {
-    "jump_speed": Rows(run=Run(False, FROM_REST), scale=_one),
-    "jump_speed_steady": Rows(run=Run(False, None), scale=_one),
-    "jump_speed_rigid": Rows(run=Run(True, None), scale=_one),
+    "jump_speed": Rows(run=Run(False, FROM_REST)),
+    "jump_speed_steady": Rows(run=Run(False, None)),
+    "jump_speed_rigid": Rows(run=Run(True, None)),
     "residual_vibration": Rows(in_rounds=True),
     "peak_velocity": _PEAK,
     "peak_acceleration": _PEAK,
@@ -290,7 +272,7 @@ ROWS = {
     "shaft_torque": Rows(branches=lambda problem, term: torques(problem.rigid, term)),
     "sound_level_rigid": Rows(
         squares=_sound,
-        to_rows=_rate,
+        to_rows=lambda problem, term, level: rate_of(problem.rig, term, level),
         from_rows=lambda problem, term, rate: level_of(problem.rig, term, rate),
     ),
     "pressure_angle": Rows(
@@ -322,11 +304,11 @@ def asked_of(problem: DesignProblem, term: Term, sense: Sense, value: float | No
     rows = rows_of(term)
     if value is not None:
         value = rows.to_rows(problem, term, value)
-        if value <= 0.0 and rows.to_rows is _rate:
+        if value <= 0.0 and rows.squares is _sound:
             raise ConfigError(f"limit {term.key}: the background alone is as loud")
         if not math.isfinite(value):
             raise ConfigError(f"limit {term.key}: the start has none; allowed: a number")
-    scale = rows.scale(problem, term, sense)
+    scale = 1.0 if rows.run else rows.scale(problem, term, sense)
     if not (math.isfinite(scale) and scale > 0.0):  # a start without that quantity
         scale = 1.0 if value is None else abs(value) or 1.0
     return Asked(term, sense, value, scale)

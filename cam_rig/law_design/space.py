@@ -17,7 +17,7 @@ from scipy import sparse
 from scipy.interpolate import BSpline
 
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
-from cam_rig.dynamics.jump.any_follower import AnyFollower, follower_of
+from cam_rig.dynamics.jump.any_follower import follower_of
 from cam_rig.errors import ConfigError
 from cam_rig.law_design.convex_program import Affine
 from cam_rig.law_design.request import LawClass
@@ -65,35 +65,22 @@ def dwells(law: Law) -> list[tuple[float, float]]:
 
 def events(law: Law, joints: int) -> list[LawEvent]:
     """What lies between the dwells of a law; their ends are those of their neighbours."""
+
+    def ends(piece: int, place: int) -> tuple[float, ...]:
+        piece %= law.spans.size
+        return tuple(float(law.derivative_ordinates(k)[place, piece]) for k in range(joints + 1))
+
     edges = [0.0, *(angle for dwell in dwells(law) for angle in dwell), TURN]
     found = []
     for begin, end in zip(edges[::2], edges[1::2], strict=True):
         if end > begin:
-            pieces = np.searchsorted(law.breaks, [begin, end])
-            before, after = (int(pieces[0]) - 1) % law.spans.size, int(pieces[1]) % law.spans.size
-            first, last = _end(law, before, -1, joints), _end(law, after, 0, joints)
-            found.append(LawEvent(begin, end - begin, first, last))
+            first, after = np.searchsorted(law.breaks, [begin, end]).tolist()
+            found.append(LawEvent(begin, end - begin, ends(first - 1, -1), ends(after, 0)))
     if not found:
         raise ConfigError(f"cam {law.name!r}: it rests all around; allowed: a cam with a lift")
     if len(edges) == 2:
         _require_joined(law, joints)
     return found
-
-
-def retimed(law: Law, found: list[LawEvent], edges: FloatArray) -> Law:
-    """A law with its events elsewhere, in proportion between these angles.
-
-    ``edges`` (rad) rise: the turn's start, both new ends of each event in turn, the turn's end.
-    """
-    ends = [angle for event in found for angle in (event.start, event.start + event.span)]
-    breaks = np.interp(law.breaks, [0.0, *ends, TURN], edges)
-    breaks[-1] = TURN
-    return Law(law.name, breaks, law.ordinates)
-
-
-def _end(law: Law, piece: int, end: int, joints: int) -> tuple[float, ...]:
-    """S and its derivatives at the start (0) or at the end (−1) of a piece."""
-    return tuple(float(law.derivative_ordinates(k)[end, piece]) for k in range(joints + 1))
 
 
 def _require_joined(law: Law, joints: int) -> None:
@@ -133,30 +120,26 @@ def _second_derivative(law_class: LawClass) -> Any:
 PARTS, MOST_PARTS, PARTS_OF_TURN, PARTS_A_PIECE = 24, 48, 256, 1.5
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Space:
     """All laws of a class that rest where a start law does, and have its ends of events.
 
-    Unknowns are the ``free`` ordinates of each event in turn, in lifts, then all of each one's s''.
+    The ``unknowns`` are the ``free`` ordinates of each event in turn, in lifts, then all of each
+    one's s''. Pieces have joints at ``breaks`` ``(n + 1,)`` and ``spans`` ``(n,)``, rad.
     """
 
     start: Law
     law_class: LawClass
 
-    @cached_property
-    def events(self) -> list[LawEvent]:
-        """What lies between the dwells."""
-        return events(self.start, self.law_class.joints)
-
-    @property
-    def free(self) -> int:
-        """How many unknowns are ordinates of s."""
-        return self.law_class.free * len(self.events)
-
-    @property
-    def unknowns(self) -> int:
-        """How many there are."""
-        return self._second(len(self.events))
+    def __post_init__(self) -> None:
+        own = self.law_class
+        self.events, self.degree = events(self.start, own.joints), own.power
+        self.free = own.free * len(self.events)
+        self.unknowns = self._second(len(self.events))
+        inner = np.arange(own.pieces) / own.pieces
+        joints = [np.append(x.start + x.span * inner, x.start + x.span) for x in self.events]
+        self.breaks = np.unique(np.concatenate([[0.0], *joints, [TURN]]))
+        self.spans = np.diff(self.breaks)
 
     def _second(self, index: int) -> int:
         """Where the ordinates of s'' of an event begin among the unknowns."""
@@ -178,17 +161,6 @@ class Space:
         return Affine(np.zeros(count), matrix)
 
     @property
-    def degree(self) -> int:
-        """Of all pieces."""
-        return self.law_class.power
-
-    @cached_property
-    def levels(self) -> tuple[float, float]:
-        """Lowest and highest lift (m) of the start law."""
-        low, high = extremes(self.start, 0)
-        return low.value, high.value
-
-    @property
     def turning_points(self) -> list[tuple[float, float]]:
         """Highest and lowest lift (m) and where (rad), those that no end of an event has."""
         ends = {level for event in self.events for level in (event.first[0], event.last[0])}
@@ -198,20 +170,6 @@ class Space:
             for found in extremes(self.start, 0)
             if all(abs(found.value - level) > near for level in ends)
         ]
-
-    @cached_property
-    def breaks(self) -> FloatArray:
-        """``(n + 1,)`` joints of the laws, rad."""
-        inner = np.arange(self.law_class.pieces) / self.law_class.pieces
-        parts = [
-            np.append(one.start + one.span * inner, one.start + one.span) for one in self.events
-        ]
-        return np.unique(np.concatenate([[0.0], *parts, [TURN]]))
-
-    @property
-    def spans(self) -> FloatArray:
-        """``(n,)`` rad."""
-        return np.diff(self.breaks)
 
     def coefficients(self, index: int) -> Affine:
         """The ordinates (m) of one event, fixed ones too, ``(count,)``."""
@@ -341,9 +299,13 @@ class Space:
 SPARE = 2e-8
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class DesignProblem:
-    """What rows of a program are made of; ``free`` is what the start's cam has elsewhere."""
+    """What rows of a program are made of; ``free`` is what the start's cam has elsewhere.
+
+    The ``follower`` is of two masses where the rig says how they split, ``rigid`` of one;
+    ``force_scale`` (N) measures forces: the preload, or the spring at half the lift.
+    """
 
     cam: CamConfig
     start: Law
@@ -351,30 +313,16 @@ class DesignProblem:
     space: Space
     free: tuple[str, ...] = ()
 
-    @cached_property
-    def rigid(self) -> FollowerParameters:
-        """The follower as one rigid mass."""
-        return FollowerParameters.from_rig(self.rig)
-
-    @cached_property
-    def follower(self) -> AnyFollower:
-        """Of two masses where the rig says how they split."""
-        return follower_of(self.rig)
-
-    @property
-    def two_masses(self) -> bool:
-        """Whether it is."""
-        return isinstance(self.follower, TwoMassParameters)
+    def __post_init__(self) -> None:
+        rigid = self.rigid = FollowerParameters.from_rig(self.rig)
+        self.follower = follower_of(self.rig)
+        self.two_masses = isinstance(self.follower, TwoMassParameters)
+        self.force_scale = rigid.preload or 0.5 * rigid.spring_stiffness * self.start.lift
 
     @cached_property
     def mode(self) -> Mode:
         """Of that follower on its stem."""
         return mode_of(self.rig)
-
-    @cached_property
-    def force_scale(self) -> float:
-        """The force (N) that forces are measured by: preload, or the spring at half the lift."""
-        return self.rigid.preload or 0.5 * self.rigid.spring_stiffness * self.start.lift
 
     @cached_property
     def element(self) -> Element | None:

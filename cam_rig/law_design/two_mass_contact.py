@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,14 +49,6 @@ FALLEN = 1e-3
 MARGIN, WIDER = 0.01, 1.6
 #: Turns of a run from rest that are looked at, as far as it goes, beside the settled one.
 TURNS = (1.0, 2.0, 3.0, 5.0, 8.0, 13.0, 21.0, 34.0)
-
-
-class Below(NamedTuple):
-    """The force (in parts of its scale) less what is wanted, in one turn at a speed."""
-
-    speed: float
-    turn: float
-    values: FloatArray
 
 
 @dataclass(eq=False)
@@ -159,28 +150,28 @@ class ContactKept:
 
     def _rows_below(self, speeds: list[float], unknowns: FloatArray, level: float) -> int:
         found = [self._below(speed, unknowns, level) for speed in speeds]
-        dip = _minima(np.array([below.values.min() for below in found]))
+        dip = _minima(np.array([values.min() for _, values in found]))
         dip[::-EVERY] = True
         made = 0
-        for here in [below for below, taken in zip(found, dip, strict=True) if taken]:
-            lowest = np.flatnonzero(_minima(here.values) & (here.values < -0.5 * BELOW))
-            chosen = lowest[np.argsort(here.values[lowest])[:LOWEST]]
+        for place in np.flatnonzero(dip):
+            speed, (turn, values) = speeds[place], found[place]
+            lowest = np.flatnonzero(_minima(values) & (values < -0.5 * BELOW))
+            chosen = lowest[np.argsort(values[lowest])[:LOWEST]]
             if chosen.size:
-                force = self._at(here.speed)
+                force = self._at(speed)
                 goal = force.first.moving[chosen] & (not self.limit)
-                rows = force.rows(chosen, here.turn)
-                self._rows.append((here.speed, rows, np.where(goal, -1.0, 0.0)))
+                self._rows.append((speed, force.rows(chosen, turn), np.where(goal, -1.0, 0.0)))
                 made += chosen.size
         return made
 
-    def _below(self, speed: float, unknowns: FloatArray, level: float) -> Below:
-        """The force less what is wanted, in parts of the scale, in the worst turn at a speed."""
+    def _below(self, speed: float, unknowns: FloatArray, level: float) -> tuple[float, FloatArray]:
+        """The worst turn at a speed, and the force less what is wanted, in parts of the scale."""
         here, turns = self._at(speed), np.array(self._turns(speed))
         wanted = np.where(here.first.moving, level, self.margin)
         above = here.values(unknowns, turns) / self.problem.force_scale - wanted
         worst = int(np.argmin(above.min(axis=1)))
         self._room[speed] = float(above[worst].min())
-        return Below(speed, float(turns[worst]), above[worst])
+        return float(turns[worst]), above[worst]
 
     def cut(self, solution: ProgramSolution) -> bool:
         """Leave the rows far above, add those below; whether there are any."""
@@ -245,10 +236,7 @@ def _left(problem: DesignProblem, low: float, high: float) -> tuple[FloatArray, 
 
 
 def left_by_event(cells: Cells, event: int, speeds: FloatArray) -> Affine:
-    """What an event alone leaves where it ends, as a function of the unknowns, at speeds (rad/s).
-
-    The amplitude's integral, see `mode`, by Gauss points.
-    """
+    """What an event leaves at its end, in the unknowns, at speeds (rad/s), by Gauss points."""
     mode, (slope, curvature, columns) = cells.mode, cells.driving[event]
     points, weights = cells.gauss
     width = cells.width(event)

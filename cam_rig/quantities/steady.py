@@ -114,10 +114,7 @@ def _vibrating(inner: FloatArray) -> FollowerState:
 def _in_contact(
     response: LinearResponse, outputs: Outputs, row: int, holds: bool = False
 ) -> SteadyStart | None:
-    """The periodic state; None where contact is lost in it, or its force cannot be told exactly.
-
-    A model that ``holds`` the follower on the cam loses it nowhere.
-    """
+    """The periodic state; None where contact is lost, or the force cannot be told exactly."""
     speeds = np.array([response.speed])
     pull = Outputs(-outputs.state, -outputs.law, -outputs.constant)
     model, opposite = (ModalResponse.of(response, one, row) for one in (outputs, pull))

@@ -43,23 +43,14 @@ def sign_of(sense: Sense) -> float:
 class LawQuantity:
     """A quantity of a law on a rig.
 
-    Parameters
-    ----------
-    title : in words, with the model that it is of
-    unit, units : of tables and pictures; each unit of a request, to SI (dB of a level)
-    value : of a subject, SI; over a range of angles or speeds the one that a limit of that sense
-        is about
-    where : what it is taken at: a speed or an angle, a range of them, an event's number, or nothing
-    senses : the limits that a design can keep, none of what it does not know; a goal minimises
-        where ``<=`` is, else maximises
-    goal : whether a design may have it as one
-    signed : whether it may be below zero, or zero
-    below : what a limit on it has to be less than, SI
-    order : of the derivative of s that it is of
-    campaign : whether a campaign measures it
-    rigid : whether it is a jump speed of one rigid mass, which no resonance changes
-    of_run : whether it is of a run of the scene's model, which its title then names
-    ranges : whether a campaign takes it over a range of speeds
+    ``title`` has the model that it is of; ``unit`` is that of tables, each of ``units`` goes to SI
+    (dB of a level). ``value`` is of a subject, SI: over a range of angles or speeds the one that a
+    limit of that sense is about. ``where`` it is taken: a speed or an angle, a range of them, an
+    event's number, or nothing. A design can keep limits of ``senses``, and minimises a ``goal``
+    where ``<=`` is among them, else maximises. ``signed`` ones may be below zero, or zero; a limit
+    is less than ``below`` (SI); ``order`` is of the derivative of s that it is of. A ``campaign``
+    may measure it, over ``ranges`` of speeds too; ``rigid`` is a jump speed of one rigid mass,
+    which no resonance changes; ``of_run`` of a run of the scene's model, which its title names.
     """
 
     name: str
@@ -176,12 +167,10 @@ def parse_term(text: str, known: Mapping[str, LawQuantity]) -> Term:
             raise ConfigError(f"{text!r}: allowed: the number of one event, such as {name}@1")
         return Term(quantity, number, number)
     if low is None:
-        what, example = (
-            ("a speed or a range of speeds", "200-400rpm")
-            if where == "rpm"
-            else ("an angle or a range", "90deg")
-        )
-        raise ConfigError(f"{name}: is not said at what; needed: {what}, such as {name}@{example}")
+        needed = f"a speed or a range of speeds, such as {name}@200-400rpm"
+        if where == "deg":
+            needed = f"an angle or a range, such as {name}@90deg"
+        raise ConfigError(f"{name}: is not said at what; needed: {needed}")
     units, unit = SPEED_UNITS if where == "rpm" else ANGLE_UNITS, match["unit"] or where
     if unit not in units:
         raise ConfigError(f"{text!r}: unit is {unit!r}; allowed: {', '.join(units)}")

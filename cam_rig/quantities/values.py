@@ -45,13 +45,10 @@ A_BEAT, MAX_SPEEDS = 32, 4096
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """A law on a rig; its cam says what the follower is.
+    """A law on a rig; its cam says what the follower is, ``events`` what lies between the dwells.
 
-    Parameters
-    ----------
-    events : start and span (rad) of what lies between the dwells
-    scene : how it is run where a quantity is of a run
-    proved : whether a jump speed of two masses is proved by the exact model too, to 5e-7
+    These have start and span (rad); ``scene`` is how it is run where a quantity is of a run; a jump
+    speed of two masses is ``proved`` by the exact model too, to 5e-7.
     """
 
     law: Law
@@ -147,15 +144,10 @@ def twist(one: Subject, term: Term, _: Sense) -> float:
 
 @dataclass(frozen=True)
 class Mode:
-    """One mode in contact: λ (1/s), its drive by ṡ and s̈, and what it adds to the contact force.
+    """One mode in contact: λ (1/s, of positive imaginary part), its drive by ṡ and s̈, its force.
 
-    Parameters
-    ----------
-    rate : λ, the one of positive imaginary part
-    drive : d₁ (1/s) and d₂
-    state : what η and η̇ add to the contact force, N/m and N·s/m
-    motion : what s, ṡ and s̈ do
-    constant : N
+    ``drive`` is d₁ (1/s) and d₂. To the contact force η and η̇ add ``state`` (N/m, N·s/m), s, ṡ and
+    s̈ ``motion``, and ``constant`` (N) is there always.
     """
 
     rate: complex
@@ -207,10 +199,7 @@ def speeds_of(mode: Mode, longest: float, low: float, high: float) -> FloatArray
 
 
 def peaks(speeds: FloatArray, amplitudes: FloatArray, above: float) -> FloatArray:
-    """Where a curve ``(n,)`` over speeds even in 1/Ω is highest, at peaks above a value, rad/s.
-
-    Of a parabola through the squares at three speeds; an end that is the highest is one too.
-    """
+    """Speeds (rad/s) of a curve's peaks, even in 1/Ω: of parabolas of its squares, or ends."""
     padded = np.pad(amplitudes, 1, constant_values=-np.inf)
     at = np.flatnonzero(
         (amplitudes >= padded[:-2]) & (amplitudes >= padded[2:]) & (amplitudes > above)
@@ -253,11 +242,11 @@ def left_by(mode: Mode, law: Law, start: float, end: float, speeds: FloatArray) 
     width = np.diff(edges)[:, None]
     angles = (edges[:-1, None] + 0.5 * width * (points + 1.0)).ravel()
     share = (0.5 * width * weights).ravel()
-    _, slope, bend = law.motion_at(angles) * share
+    _, slope, curvature = law.motion_at(angles) * share
     found = np.empty(speeds.size)
     for i, speed in enumerate(speeds.tolist()):
         fading = np.exp(mode.rate / speed * (end - angles))
-        total = (mode.drive[0] * slope + mode.drive[1] * speed * bend) @ fading
+        total = (mode.drive[0] * slope + mode.drive[1] * speed * curvature) @ fading
         found[i] = abs(total) / mode.rate.imag
     return found
 
@@ -268,9 +257,6 @@ def steady_residual(one: Subject, term: Term, _: Sense) -> float:
     speeds = np.linspace(term.low, term.high, count)
     follower = FollowerParameters.on_stem(one.rig, f"the measure {term.name}")
     return float(residual_vibration(one.law, follower, speeds).max())
-
-
-# Sound levels, dB.
 
 
 def run_level(one: Subject, term: Term, _: Sense) -> float:
@@ -374,10 +360,7 @@ def torques(p: FollowerParameters, term: Term) -> Branches:
 
 
 def maxima(law: Law, branches: Branches) -> list[tuple[float, float]]:
-    """Of each piece the greatest value of all branches and its angle (rad), if near the turn's.
-
-    The value is infinite where one is not a number.
-    """
+    """Greatest value of all branches and angle (rad) of each piece near the turn's; ∞ for NaN."""
     count = max(SAMPLES, min(512, SAMPLES_OF_TURN // law.spans.size))
     u = np.linspace(0.0, 1.0, count)
     values = branches(Motion.on_pieces(law, u)).max(axis=0)

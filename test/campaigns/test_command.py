@@ -90,9 +90,6 @@ def test_the_largest_waviness_is_told_and_keeps_no_rows(study, tmp_path, monkeyp
     assert "wavelength" in (tmp_path / "a.csv").read_text(encoding="utf-8")
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
     assert not (tmp_path / "out").exists()
-    refused = call(path, "--largest-waviness", 3, "--resume")
-    assert (refused.exit_code, refused.stderr.count("\n")) == (2, 1)
-    assert "keeps no rows" in refused.stderr
 
 
 @pytest.mark.long
@@ -140,6 +137,8 @@ BAD = (
     ({"measures": ["sound_level@1e9rpm"], "limits": []}, "allowed: 0.01 to 100000 rpm"),
     ({"measures": ["jump_sped"], "limits": []}, "did you mean 'jump_speed'"),
     ({"measures": ["sound_level"], "limits": []}, "not said at what"),
+    ({"measures": ["residual_vibration@300rpm"], "limits": []}, "'residual_vibration_steady'"),
+    ({"measures": ["jump_speed", "jump_speed"], "limits": []}, "stands twice"),
     ({"limits": ["jump_speed>=3kg"]}, "allowed: a number with one of rpm"),
     ({"limits": ["twist@300rpm<=1deg"]}, "is not measured"),
     ({"plan": {"kind": "sobol", "points": 10**12}}, "has 1e12 points; allowed: up to 1e8"),
@@ -171,6 +170,8 @@ def test_bad_studies_are_refused_in_one_line(study, tmp_path):
         (["--points", "1000000000"], "has 1e9 points; allowed: up to 1e8; remedy: several"),
         (["--jobs", "0"], "--jobs: is '0'; allowed: greater than or equal to 1"),
         (["--largest-waviness", "0"], "--largest-waviness: is '0'; allowed: greater"),
+        (["--largest-waviness", "3"], "keeps no rows"),
+        (["--dask", "nowhere"], "allowed: an address"),
     ],
 )
 def test_a_wrong_option_is_refused_in_one_line(tmp_path, option, words):
@@ -179,6 +180,12 @@ def test_a_wrong_option_is_refused_in_one_line(tmp_path, option, words):
     assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
     assert words in result.stderr
     assert not (tmp_path / "rows").exists()
+
+
+def test_a_cluster_has_its_own_processes(tmp_path):
+    """Both places at once are refused."""
+    both = call("jump_map", "--out", tmp_path / "r", "--dask", "tcp://127.0.0.1:1", "--jobs", 2)
+    assert (both.exit_code, "allowed: one of them" in both.stderr) == (2, True)
 
 
 @pytest.mark.long
@@ -220,15 +227,6 @@ def test_a_cam_and_a_rig_by_their_paths(study, tmp_path):
     assert found[0] == found[1]
     missing = call(study(base={"cam": "mine", "rig": "tm21"}, **parts))
     assert f"{tmp_path}/cams/mine.yaml, {config_root()}/cams/mine.yaml: no such" in missing.stderr
-
-
-def test_a_cluster_that_is_none_is_refused_in_one_line(tmp_path):
-    """Neither an address nor a file; and both places at once."""
-    one = call("jump_map", "--out", tmp_path / "rows", "--dask", "nowhere")
-    assert (one.exit_code, one.stderr.count("\n")) == (2, 1)
-    assert "allowed: an address" in one.stderr
-    both = call("jump_map", "--out", tmp_path / "r", "--dask", "tcp://127.0.0.1:1", "--jobs", 2)
-    assert "allowed: one of them" in both.stderr
 
 
 @pytest.mark.long
@@ -315,9 +313,6 @@ def test_a_folder_that_has_rows_is_not_written_over(study, tmp_path):
     assert "plan.seed is 9, was 1; allowed" in other.stderr
     assert other.exit_code == 2
     assert "plan.points is 5, was 2;" in call(path, "--out", out, "--resume", "--points", 5).stderr
-
-
-# How far a campaign is: where there is no terminal, a line with the time left and the size.
 
 
 @pytest.fixture

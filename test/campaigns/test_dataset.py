@@ -71,16 +71,6 @@ def test_resuming_makes_what_is_missing_and_nothing_else(dataset):
         assert np.array_equal(dataset.column(name), column, equal_nan=True)
 
 
-def test_rows_of_another_study_are_not_mixed(dataset, study):
-    """Neither by chance nor with --resume."""
-    run(dataset)
-    with pytest.raises(ConfigError, match="--resume to go on"):
-        run(dataset)
-    other = CampaignDataset(dataset.folder, study(plan={"kind": "sobol", "points": 8, "seed": 4}))
-    with pytest.raises(ConfigError, match="is of another study"):
-        run(other, resume=True)
-
-
 def test_a_second_writer_is_refused(dataset):
     """In a line; the first goes on."""
     with dataset.opened(False):
@@ -109,8 +99,6 @@ def test_a_full_disk_ends_in_one_line_and_leaves_nothing_half(dataset, tmp_path,
     run(full, resume=True)
     assert full.missing() == []
 
-
-# Damaged files.
 
 #: Batches of the campaign that is damaged, by their last points.
 BATCHES = (1, 4, 9, 16)

@@ -14,8 +14,6 @@ from cam_rig.errors import ConfigError
 from cam_rig.schema.load import config_root, load_cam, load_rig
 from cam_rig.units import TURN
 
-# Points of a plan from their index alone.
-
 KINDS = ("latin_hypercube", "sobol", "shares")
 
 
@@ -77,8 +75,6 @@ def test_a_grid_has_every_combination_once():
     assert np.array_equal(grid_places([2, 3, 4], 7, 11), places[7:11])
     assert rows_of("grid", None, [2, 3, 4]) == 24
 
-
-# From the unit cube to numbers.
 
 PRELOAD, MASS = "rig.follower.preload", "rig.follower.mass"
 
@@ -163,8 +159,6 @@ def test_every_number_of_a_shipped_file_can_be_put_back(folder):
                 k: v for k, v in known.items() if k != key
             }
 
-
-# Errors of a profile as piecewise polynomials.
 
 ANGLES = np.linspace(0.0, TURN, 20011)[:-1]
 

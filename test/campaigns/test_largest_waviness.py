@@ -1,21 +1,15 @@
 """The largest waviness: a formula where first order is exact, and what ends a search."""
 
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
-
 import numpy as np
 import pytest
 
-from cam_rig.campaigns.campaign import WAVE, WAVELENGTH, keeps_limits
+from cam_rig.campaigns.campaign import WAVE, WAVELENGTH
 from cam_rig.campaigns.inputs import ProfileErrors
 from cam_rig.campaigns.largest_waviness import (
-    LOST,
     WavinessSearch,
-    find_largest,
     least_steps,
     resonances,
 )
-from cam_rig.campaigns.run import InThisProcess
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.errors import ConfigError
 from cam_rig.units import RPM, TURN
@@ -75,33 +69,6 @@ def test_a_rigid_follower_loses_contact_where_the_formula_says(search, wavelengt
     assert found.evaluations < 3 * asked.campaign.total
 
 
-@pytest.mark.long
-def test_so_many_draws_keep_the_limit_with_it_and_not_with_more(search):
-    """Counted one by one, on two masses: the amplitude found, and the next one tried."""
-    asked = search(
-        limits=["jump_speed>=330rpm"],
-        measures=["jump_speed"],
-        plan={"kind": "sobol", "points": 24, "seed": 1},
-    )
-    found = asked.at(TURN / 18.0)
-    rows = asked.campaign.draws.rows(0, 24)
-    rows[:, 1] = TURN / 18.0
-    step = int(np.searchsorted(asked.amplitudes, found.amplitude))
-
-    def lost(amplitude):
-        rows[:, 0] = amplitude
-        return sum(not keeps_limits(asked.campaign, row) for row in rows)
-
-    assert lost(asked.amplitudes[step]) <= LOST * 24 < lost(asked.amplitudes[step + 1])
-
-
-def test_a_higher_limit_allows_less(search):
-    """Down to none at all."""
-    limits = [f"jump_speed_rigid>={rpm}rpm" for rpm in (300, 440, 600)]
-    low, high, beyond = (search(limits=[one]).at(TURN / 12.5).amplitude for one in limits)
-    assert low > high > 0.0 == beyond
-
-
 @pytest.mark.parametrize(
     ("rpm", "outcome", "end"),
     [(600, "lost without waviness", 0), (0.001, "kept at the largest amplitude", -1)],
@@ -111,17 +78,6 @@ def test_both_ends_of_the_amplitudes_are_said(search, rpm, outcome, end):
     asked = search(limits=[f"jump_speed_rigid>={rpm}rpm"])
     found = asked.at(TURN / 12.0)
     assert (found.outcome, found.amplitude) == (outcome, asked.amplitudes[end])
-
-
-@pytest.mark.long
-def test_two_processes_find_the_same(search):
-    """Digit for digit, in the order of the wavelengths."""
-    asked = search()
-    wavelengths = asked.wavelengths(5)
-    alone = find_largest(asked, wavelengths, InThisProcess()).wavelengths
-    with ProcessPoolExecutor(2, get_context("spawn")) as pool:
-        assert find_largest(asked, wavelengths, pool).wavelengths == alone
-    assert [one.wavelength for one in alone] == wavelengths.tolist()
 
 
 def test_wavelengths_fill_the_range_and_every_other_divides_the_turn(search):

@@ -67,11 +67,8 @@ def test_an_experiment_is_a_folder_and_a_line(copy):
     """The example's folder and a line: a command with help, table, JSON and plot, in the help."""
     for file in SLICE.glob("*.py"):
         copy.add(file, f"cam_rig/paper/least_preload/{file.name}")
-    copy.insert(
-        "cam_rig/cli/main.py",
-        '    "vibration": (',
-        '    "least-preload": ("cam_rig.paper.least_preload.command:least_preload", "Preload."),\n',
-    )
+    line = '    "least-preload": "cam_rig.paper.least_preload.command",\n'
+    copy.insert("cam_rig/cli/main.py", '    "vibration": "', line)
     run = ("-m", "cam_rig.cli.main", "least-preload", "poly345", "bezier15", "--rpm", "480")
     found = json.loads(copy.python(*run, "--json", "-", "--plot", "a.png"))
     least = [row["least"] for row in found["preloads"]]

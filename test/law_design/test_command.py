@@ -36,6 +36,7 @@ def test_the_file_is_a_cam_with_the_values_of_the_table(tmp_path):
     assert data["design"]["certified"]
     assert plot.read_bytes().startswith(b"\x89PNG")
     keys, row = (tmp_path / "a.csv").read_text(encoding="utf-8").splitlines()
+    assert goal["unit"] == "m/rad^3"
     assert keys == "quantity,unit,start,result,bound,limit,active"
     assert row.startswith("peak_jerk,m/rad^3,")
 
@@ -54,47 +55,57 @@ def test_a_design_file_is_the_same_request(tmp_path):
     assert "has a goal and limits of its own" in both.stderr
 
 
-def test_ctrl_c_keeps_the_best_law_so_far(tmp_path, monkeypatch):
-    """Interrupted after a first law: file, table and JSON are of it; it ends with 130."""
-    solve = study.search_design
+LOCAL = ("--minimise", "shaft_torque@300rpm", "--pieces", "6")
+
+
+@pytest.mark.parametrize(
+    ("asked", "laws"), [(SMALL, 1), pytest.param(LOCAL, 3, marks=pytest.mark.long)]
+)
+def test_ctrl_c_keeps_the_best_law_so_far(tmp_path, monkeypatch, asked, laws):
+    """Interrupted after some laws, each better: file, table and JSON are of the last; code 130."""
+    solve, values = study.search_design, []
 
     def interrupted(cam, rig, request, name, told):
         def then_stop(file, value):
             told(file, value)
-            raise KeyboardInterrupt
+            values.append(value)
+            if len(values) == laws:
+                raise KeyboardInterrupt
 
         return solve(cam, rig, request, name, then_stop)
 
     monkeypatch.setattr(study, "search_design", interrupted)
-    asked = "--out", tmp_path / "kept.yaml", "--json", "-"
-    result = call("poly345", *SMALL, *asked)
+    result = call("poly345", *asked, "--out", tmp_path / "kept.yaml", "--json", "-")
     assert result.exit_code == 130
     assert "without a bound" in result.stderr
     data = json.loads(result.stdout)
-    asked = data["design"]
-    assert (asked["interrupted"], asked["certified"], asked["gap"]) == (True, False, None)
-    assert data["measures"][0]["unit"] == "m/rad^3"
-    assert data["measures"][0]["result"] < data["measures"][0]["start"]
+    found, goal = data["design"], data["measures"][0]
+    assert (found["interrupted"], found["certified"], found["gap"]) == (True, False, None)
+    assert goal["result"] < goal["start"]
+    assert values == sorted(values, reverse=True)
     assert build_law(load_cam(tmp_path / "kept.yaml")).lift == pytest.approx(0.05, rel=1e-9)
 
 
-@pytest.mark.long
 def test_what_is_not_convex_says_local_and_has_no_bound(tmp_path):
-    """In the table, in JSON and in the file; the picture has both laws."""
+    """In table, JSON and file, which is the same byte for byte with the same seed; a picture."""
     out, plot = tmp_path / "easy.yaml", tmp_path / "easy.png"
-    result = call(
-        *("poly345", "--minimise", "shaft_torque@300rpm", "--pieces", "4", "--joints", "C2"),
-        *("--starts", "3", "--seed", "7", "--out", out, "--plot", plot, "--json", "-"),
-    )
+    goal = ["--minimise", "shaft_torque@250rpm", "--pieces", "1", "--degree", "8"]
+    asked = [*goal, "--starts", "2", "--seed", "7", "--out", out, "--json", "-"]
+    result = call("poly345", *asked, "--plot", plot)
     assert result.exit_code == 0, result.stderr
     data = json.loads(result.stdout)
-    asked = data["design"]
-    assert (asked["starts"], asked["seed"], asked["certified"], asked["gap"]) == (3, 7, False, None)
-    assert 1 <= asked["near"] <= 3
+    found = data["design"]
+    assert (found["starts"], found["seed"], found["certified"], found["gap"]) == (2, 7, False, None)
+    assert 1 <= found["near"] <= 2
     assert data["measures"][0]["bound"] is None
-    assert "local (3 starts, " in result.stderr
-    assert "seed 7, local (3 starts, " in out.read_text(encoding="utf-8").splitlines()[0]
+    assert "local (2 starts, " in result.stderr
+    text = out.read_text(encoding="utf-8")
+    assert "seed 7, local (2 starts, " in text.splitlines()[0]
+    assert "without a bound" in text.splitlines()[0]
     assert plot.read_bytes().startswith(b"\x89PNG")
+    out.unlink()
+    call("poly345", *asked)
+    assert out.read_text(encoding="utf-8") == text
 
 
 def test_events_share_what_dwells_leave(tmp_path):
@@ -106,51 +117,49 @@ def test_events_share_what_dwells_leave(tmp_path):
     )
     assert result.exit_code == 0, result.stderr
     data = json.loads(result.stdout)
-    assert np.degrees(data["events"][0]["span"]) == pytest.approx(110.0, abs=1e-3)
-    assert np.degrees(data["events"][1]["span"]) == pytest.approx(125.0, abs=1e-3)
+    spans = [np.degrees(event["span"]) for event in data["events"]]
+    assert spans == pytest.approx([110.0, 125.0], abs=1e-3)
     assert data["design"]["bound_at_these_events"] <= data["measures"][0]["result"]
+    text = (tmp_path / "moved.yaml").read_text(encoding="utf-8")
+    assert "dwells are the start's" in text and "found with the law" in text
     assert len(build_law(load_cam(tmp_path / "moved.yaml")).spans) == 4 + 4 + 3
 
 
-@pytest.mark.long
-def test_ctrl_c_keeps_the_best_of_a_search(tmp_path, monkeypatch):
-    """Interrupted after a first law of a search that is local: as of a convex one."""
-    solve, laws = study.search_design, []
-
-    def interrupted(cam, rig, request, name, told):
-        def then_stop(file, value):
-            told(file, value)
-            laws.append(value)
-            if len(laws) == 3:
-                raise KeyboardInterrupt
-
-        return solve(cam, rig, request, name, then_stop)
-
-    monkeypatch.setattr(study, "search_design", interrupted)
-    out = tmp_path / "kept.yaml"
-    result = call("poly345", "--minimise", "shaft_torque@300rpm", "--pieces", "6", "--out", out)
-    assert result.exit_code == 130
-    assert laws == sorted(laws, reverse=True)
-    assert build_law(load_cam(out)).lift == pytest.approx(0.05, rel=1e-9)
-
-
+POLY, SHARED = ("poly345", *SMALL), ("--keep", "dwells,lift")
+TWO = ("--limit", "event_angle@1<=90deg", "--limit", "event_angle@2<=90deg")
+SLOW = ("--limit", "peak_acceleration<=20mm/rad^2", "--starts", "1")
 REFUSED = (
     (["poly345"], 2, "needed: one, to minimise or to maximise"),
     (["poly345", "--minimise", "jump_speed"], 2, "allowed: maximise"),
+    (["poly345", "--maximise", "shaft_torque@300rpm"], 2, "allowed: minimise"),
     (["poly345", "--maximise", "jump_sped"], 2, "did you mean 'jump_speed'"),
     (["poly345", *SMALL[:4], "--joints", "3"], 2, "allowed: C1 to C6"),
     (["poly345", *SMALL[:2], "--pieces", "0"], 2, "pieces is 0; allowed: 1 to 200"),
-    (["poly345", *SMALL, "--keep", "dwells"], 2, "allowed: events,dwells,lift"),
-    (["poly345", *SMALL, "--limit", "event_angle@1<=90deg"], 2, "events stay; allowed:"),
+    ([*POLY, "--keep", "dwells"], 2, "allowed: events,dwells,lift or dwells,lift or"),
+    ([*POLY, "--limit", "event_angle@1<=90deg"], 2, "events stay; allowed:"),
+    ([*POLY, "--keep", "lift", "--limit", "event_angle@3<=90deg"], 2, "has 2 events"),
+    ([*POLY, *SHARED, *TWO], 2, "no spans of events keep them"),
+    ([*POLY, *SHARED, *SLOW], 1, "have a law; of the last: no law of the class keeps"),
+    (["bezier15", *SMALL, *SHARED], 2, "has one event"),
     (["poly345", "--minimise", "shaft_torque@300rpm", "--starts", "0"], 2, "allowed: 1 to"),
     (["poly345", "--minimise", "shaft_torque@300rpm", "--seed", "-1"], 2, "0 and above"),
     (["flat", "--minimise", "pressure_angle"], 2, "pressure angle no law changes"),
-    (["poly345", *SMALL, "--out", "a.yml"], 2, "ends in .yaml"),
-    (["poly345", *SMALL, "--limit", "lift@90deg<=1kg"], 2, "one of mm, m"),
-    (["poly345", *SMALL, "--limit", "lift@150deg<=1mm"], 1, "no law of the class keeps"),
+    ([*POLY, "--limit", "radius_of_curvature>=80mm"], 1, "a dwell of 'poly345' breaks it"),
+    ([*POLY, "--limit", "shaft_torque@300rpm<=1Nm", "--starts", "1"], 1, "was found that keeps"),
+    (
+        ["poly345", "--maximise", "jump_speed", "--limit", "shaft_torque@300rpm<=6Nm"],
+        2,
+        "as a limit",
+    ),
+    ([*POLY, "--out", "a.yml"], 2, "ends in .yaml"),
+    ([*POLY, "--limit", "lift@90deg<=1kg"], 2, "one of mm, m"),
+    ([*POLY, "--limit", "lift@150deg<=1mm"], 1, "no law of the class keeps"),
     (["tm21", "--maximise", "jump_speed_steady", "--rig", "tm21"], 2, "jump_speed_rigid"),
     (["nowhere", *SMALL], 2, "no such file"),
-    (["poly345", *SMALL, "--pareto", "peak_jerk", "--out", "a.yaml"], 2, "no --out"),
+    ([*POLY, "--pareto", "peak_jerk", "--out", "a.yaml"], 2, "no --out"),
+    ([*POLY, "--pareto", "peak_jerk"], 2, "is the goal"),
+    ([*POLY, "--pareto", "peak_acceleration", "--points", "2"], 2, "allowed: 3 to 200"),
+    ([*POLY, "--pareto", "event_angle@1", *SHARED], 2, "allowed: without --keep"),
 )
 
 

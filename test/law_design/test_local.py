@@ -11,35 +11,19 @@ import pytest
 import cam_rig
 from cam_rig.acoustics import RadiationParameters
 from cam_rig.acoustics.pressure import steady_power
+from cam_rig.campaigns.inputs import with_numbers
 from cam_rig.dynamics import FollowerParameters
-from cam_rig.dynamics.kinetostatic import shaft_torque
-from cam_rig.errors import ConfigError, DesignError
+from cam_rig.dynamics.kinetostatic import force_weights, shaft_torque
 from cam_rig.law_design.request import LawClass, Multistart
 from cam_rig.law_design.result import LawDesign
 from cam_rig.law_design.space import DesignProblem, Space, dwells, events, measured
 from cam_rig.laws import Law, build_law
 from cam_rig.laws.law import peak
 from cam_rig.profile.disc import contours
-from cam_rig.schema import CamConfig, RigConfig
+from cam_rig.schema import CamConfig
 from cam_rig.units import RPM, TURN
 
-from .shared import RIG, cam, designed, problem, term, written
-
-ANGLES = np.linspace(0.0, TURN, 7201)
-
-
-def rig_with(**numbers: tuple[float, str]) -> RigConfig:
-    """The rig with other numbers of its follower."""
-    data = RIG.model_dump(exclude_none=True)
-    for key, (value, unit) in numbers.items():
-        data["follower"][key] = {"given": value, "unit": unit}
-    return RigConfig.model_validate(data)
-
-
-def peak_torque(law: Law, rig: RigConfig, rpm: float) -> float:
-    """From the contact force of the kinetostatic model at many angles, as a run publishes it."""
-    follower = FollowerParameters.from_rig(rig)
-    return max(abs(shaft_torque(law, follower, float(a), rpm * RPM)) for a in ANGLES)
+from .shared import RIG, cam, designed, peak_torque, problem, require_kept, term, written
 
 
 def least_radius(start: CamConfig, law: Law) -> float:
@@ -61,43 +45,39 @@ def test_torque_against_a_constant_force_is_that_of_the_least_peak_slope() -> No
 
     All starts come to it.
     """
-    rig = rig_with(
-        spring_stiffness=(1e-6, "N/m"), mass=(1e-6, "kg"), damping=(0.0, "N*s/m"), preload=(50, "N")
-    )
+    light = {"follower.spring_stiffness": 1e-6, "follower.mass": 1e-6, "follower.damping": 0.0}
+    rig = with_numbers(RIG, {**light, "follower.preload": 50.0})
     law_class = LawClass(8, 2)
     limits = ["peak_acceleration<=start"]
     slope = designed(law_class, rig=rig, minimise="peak_velocity", limits=limits)
-    torque = designed(law_class, rig=rig, starts=8, minimise="shaft_torque@10rpm", limits=limits)
+    torque = designed(law_class, rig=rig, starts=4, minimise="shaft_torque@10rpm", limits=limits)
     assert slope.certified
     assert torque.goal.result == pytest.approx(50.0 * slope.goal.result, rel=5e-4)
     assert torque.goal.bound is None
     assert not torque.certified
-    assert torque.multistart == Multistart(8, near=8)
+    assert torque.multistart == Multistart(4, near=4)
 
 
 def test_one_free_ordinate_is_as_good_as_a_scan(tmp_path: Path) -> None:
     """A class of one ordinate each for rise and fall: the best of 401 values of both is not better.
 
-    The torque of every law of the scan is the kinetostatic model's.
+    The torque is the kinetostatic model's.
     """
-    law_class = LawClass(1, 3, 8)
+    law_class, speed = LawClass(1, 3, 8), 250.0 * RPM
     found = designed(law_class, minimise="shaft_torque@250rpm")
-    space, follower = Space(build_law(cam()), law_class), FollowerParameters.from_rig(RIG)
-    rise = np.linspace(0.0, np.pi, 1201)
-    halves: list[list[float]] = [[], []]
-    for ordinate in np.linspace(0.0, 1.0, 401):
-        law = space.law(space.joined(np.full(2, ordinate)), "scan")
-        for half, angles in zip(halves, (rise, rise + np.pi), strict=True):
-            s, slope, bend = law.motion_at(angles)
-            speed = 250.0 * RPM
-            force = follower.spring_stiffness * s + follower.damping * speed * slope
-            force += follower.mass * speed**2 * bend + follower.preload
-            half.append(np.abs(force * slope).max())
-    best = max(min(half) for half in halves)
+    space = Space(build_law(cam()), law_class)
+    laws = [space.law(space.joined(np.full(2, x)), "scan") for x in np.linspace(0.0, 1.0, 401)]
+    follower, angles = FollowerParameters.from_rig(RIG), np.linspace(0.0, np.pi, 1201)
+    halves = []
+    for half in (angles, angles + np.pi):
+        motions, weights = [law.motion_at(half) for law in laws], force_weights(follower, speed)
+        halves.append(min(np.abs((weights @ m + follower.preload) * m[1]).max() for m in motions))
     law = build_law(written(found, tmp_path))
-    assert peak_torque(law, RIG, 250.0) == pytest.approx(found.goal.result, rel=1e-5)
-    assert found.goal.result <= best * (1.0 + 2e-5)  # where a descent ends
-    assert found.goal.result >= best * (1.0 - 2e-3)  # the scan's own grid
+    assert peak_torque(law, speed) == pytest.approx(found.goal.result, rel=1e-5)
+    by_model = max(abs(shaft_torque(law, follower, a, speed)) for a in np.linspace(0.0, TURN, 721))
+    assert by_model == pytest.approx(found.goal.result, rel=1e-3)
+    assert found.goal.result <= max(halves) * (1.0 + 2e-5)  # where a descent ends
+    assert found.goal.result >= max(halves) * (1.0 - 2e-3)  # the scan's own grid
 
 
 @pytest.mark.variants(1)
@@ -119,21 +99,17 @@ def test_one_free_ordinate_is_as_good_as_a_scan(tmp_path: Path) -> None:
 def test_the_written_cam_keeps_its_limits(
     name: str, goal: str, limits: list[str], tmp_path: Path
 ) -> None:
-    """Torque by the kinetostatic model, radius by circles through the contour's points."""
+    """Torque by its formula, radius by circles through the contour's points."""
     found = designed(LawClass(8, 3), cam(name), starts=3, minimise=goal, limits=limits)
+    require_kept(found)
     made = written(found, tmp_path)
     law = build_law(made)
-    assert found.goal.result < found.goal.start
     for measure in found.measures:
         if measure.term.name == "shaft_torque":
-            rpm = measure.term.low / RPM
-            assert peak_torque(law, RIG, rpm) == pytest.approx(measure.result, rel=1e-4)
-        if measure.term.name == "radius_of_curvature":
-            assert measure.limit is not None
+            expected = peak_torque(law, measure.term.low)
+            assert expected == pytest.approx(measure.result, rel=1e-4)
+        if measure.term.name == "radius_of_curvature" and measure.limit is not None:
             assert least_radius(made, law) >= measure.limit * (1.0 - 2e-3)
-        if measure.limit is not None:
-            over = measure.result - measure.limit
-            assert (over if measure.sense == "<=" else -over) <= 1e-6 * abs(measure.limit)
 
 
 @pytest.mark.variants(1)
@@ -142,35 +118,30 @@ def test_random_cams_and_rigs(seed: int, tmp_path: Path) -> None:
     """Any lift, base, follower, rig and speed: better than the start's fit, with its limits."""
     random = np.random.default_rng(seed)
     lift = float(10.0 ** random.uniform(-3.5, -0.5))
-    data = cam().model_dump(by_alias=True, exclude_none=True)
-    data["lift"] = {"given": lift, "unit": "m"}
-    data["follower"]["base_radius"] = {"given": float(random.uniform(1.5, 4.0)) * lift, "unit": "m"}
-    roller = float(random.uniform(0.1, 0.5)) * lift
-    data["follower"]["roller_radius"] = {"given": roller, "unit": "m"}
-    start = CamConfig.model_validate(data)
-    rig = rig_with(
-        spring_stiffness=(float(10.0 ** random.uniform(2, 5)), "N/m"),
-        mass=(float(10.0 ** random.uniform(-1, 1)), "kg"),
-        preload=(float(random.uniform(5.0, 200.0)), "N"),
+    start = with_numbers(
+        cam(),
+        {
+            "lift": lift,
+            "follower.base_radius": random.uniform(1.5, 4.0) * lift,
+            "follower.roller_radius": random.uniform(0.1, 0.5) * lift,
+        },
+    )
+    rig = with_numbers(
+        RIG,
+        {
+            "follower.spring_stiffness": 10.0 ** random.uniform(2, 5),
+            "follower.mass": 10.0 ** random.uniform(-1, 1),
+            "follower.preload": random.uniform(5.0, 200.0),
+        },
     )
     rpm = float(random.uniform(20.0, 600.0))
     limits = ["peak_acceleration<=start", "radius_of_curvature>=start"]
-    found = designed(
-        LawClass(6, 2), start, rig, 3, minimise=f"shaft_torque@{rpm!r}rpm", limits=limits
-    )
-    assert found.goal.result < found.goal.start
-    law = build_law(written(found, tmp_path))
-    force = FollowerParameters.from_rig(rig)
-    s, slope, bend = law.motion_at(ANGLES)
-    speed = rpm * RPM
-    total = force.spring_stiffness * s + force.damping * speed * slope + force.preload
-    total += force.mass * speed**2 * bend
-    assert np.abs(total * slope).max() == pytest.approx(found.goal.result, rel=1e-4)
-    assert found.goal.result >= np.abs(total * slope).max() * (1.0 - 1e-9)
-    for measure in found.measures[1:]:
-        assert measure.limit is not None
-        over = measure.result - measure.limit
-        assert (over if measure.sense == "<=" else -over) <= 1e-6 * abs(measure.limit)
+    goal = f"shaft_torque@{rpm!r}rpm"
+    found = designed(LawClass(5, 2), start, rig, 2, minimise=goal, limits=limits)
+    require_kept(found)
+    expected = peak_torque(build_law(written(found, tmp_path)), rpm * RPM, rig)
+    assert found.goal.result == pytest.approx(expected, rel=1e-4)
+    assert found.goal.result >= expected * (1.0 - 1e-9)
 
 
 def test_the_greatest_torque_of_a_range_is_no_less_than_at_any_speed_of_it() -> None:
@@ -179,23 +150,8 @@ def test_the_greatest_torque_of_a_range_is_no_less_than_at_any_speed_of_it() -> 
         LawClass(6, 3), starts=2, minimise="shaft_torque@60-500rpm",
         limits=["peak_acceleration<=start"],
     )  # fmt: skip
-    follower = FollowerParameters.from_rig(RIG)
-    s, slope, bend = found.law.motion_at(ANGLES)
-    peaks = []
-    for speed in np.linspace(60.0, 500.0, 45) * RPM:
-        force = follower.spring_stiffness * s + follower.damping * speed * slope
-        force += follower.mass * speed**2 * bend + follower.preload
-        peaks.append(np.abs(force * slope).max())
+    peaks = [peak_torque(found.law, speed * RPM) for speed in np.linspace(60.0, 500.0, 45)]
     assert max(peaks) == pytest.approx(found.goal.result, rel=1e-5)
-
-
-def test_the_same_seed_gives_the_same_file() -> None:
-    """Byte for byte; and its file says the seed, and that there is no bound."""
-    words = {"minimise": "shaft_torque@300rpm", "limits": ["peak_acceleration<=start"]}
-    first, again = (designed(LawClass(6, 3), starts=3, **words) for _ in range(2))
-    assert first.text == again.text
-    assert "seed 1, local (3 starts, " in first.text.splitlines()[0]
-    assert "without a bound" in first.text.splitlines()[0]
 
 
 def test_a_convex_goal_under_a_limit_that_does_not_bind_is_the_convex_best() -> None:
@@ -209,49 +165,12 @@ def test_a_convex_goal_under_a_limit_that_does_not_bind_is_the_convex_best() -> 
 
 @pytest.mark.long
 def test_the_jump_speed_of_a_rigid_mass_under_a_limit_on_the_radius() -> None:
-    """The limit costs speed, so its result is below the bound without it, and above the start."""
+    """The limit costs speed: its result is below the bound without it, and above the start."""
     law_class, limits = LawClass(8, 3), ["peak_acceleration<=start"]
     free = designed(law_class, maximise="jump_speed_rigid", limits=limits)
     limits.append("radius_of_curvature>=start")
     found = designed(law_class, starts=2, maximise="jump_speed_rigid", limits=limits)
     assert found.goal.start < found.goal.result <= free.goal.bound  # type: ignore[operator]
-
-
-@pytest.mark.parametrize(
-    ("name", "words", "error", "message"),
-    [
-        ("flat", {"minimise": "pressure_angle"}, ConfigError, "pressure angle no law changes"),
-        (
-            "poly345",
-            {"minimise": "peak_jerk", "limits": ["radius_of_curvature>=80mm"]},
-            DesignError,
-            "a dwell of 'poly345' breaks it",
-        ),
-        (
-            "poly345",
-            {"minimise": "peak_jerk", "limits": ["shaft_torque@300rpm<=1Nm"]},
-            DesignError,
-            "no law was found that keeps .* from 2 starts",
-        ),
-        (
-            "poly345",
-            {"maximise": "jump_speed", "limits": ["shaft_torque@300rpm<=6Nm"]},
-            ConfigError,
-            "allowed: it as a limit, such as jump_speed>=450rpm",
-        ),
-        ("poly345", {"maximise": "shaft_torque@300rpm"}, ConfigError, "allowed: minimise"),
-    ],
-)
-def test_what_cannot_be_is_refused_in_one_line(
-    name: str, words: dict[str, Any], error: type[Exception], message: str
-) -> None:
-    """It names the limit and what is allowed."""
-    with pytest.raises(error, match=message) as caught:
-        designed(LawClass(6, 3), cam(name), starts=2, **words)
-    assert "\n" not in str(caught.value)
-
-
-# The level where contact may be lost.
 
 
 def level(own: DesignProblem, law: Law, text: str) -> float:
@@ -294,8 +213,6 @@ def test_a_search_is_quieter_than_the_best_law_that_no_landing_counts_for() -> N
     assert limit.result <= limit.limit * (1.0 + 1e-6)  # type: ignore[operator]
     assert found.goal.bound is None
 
-
-# Event angles as unknowns.
 
 HEIGHTS, LIFT = np.array([0.4, 0.6, 1.0]), 0.05
 
@@ -361,54 +278,3 @@ def test_limits_of_the_start_are_those_of_its_own_events() -> None:
     assert other.goal.start == fixed.goal.start
     allowed = abs(peak(build_law(two_rises()), 2).value)
     assert abs(peak(other.law, 2).value) <= allowed * (1.0 + 1e-6)
-
-
-@pytest.mark.long
-def test_the_same_seed_gives_the_same_spans() -> None:
-    """Byte for byte; the file says that its events were found."""
-    words: dict[str, Any] = {"minimise": "peak_acceleration"}
-    first, again = (moved(two_rises(), ["dwells", "lift"], **words) for _ in range(2))
-    assert first.text == again.text
-    assert "dwells are the start's" in first.text
-    assert "found with the law" in first.text
-
-
-@pytest.mark.parametrize(
-    ("name", "keep", "limits", "error", "message"),
-    [
-        ("poly345", ["dwells"], [], ConfigError, "allowed: events,dwells,lift or dwells,lift or"),
-        ("bezier15", ["dwells", "lift"], [], ConfigError, "has one event"),
-        (
-            "poly345",
-            ["events", "dwells", "lift"],
-            ["event_angle@1<=90deg"],
-            ConfigError,
-            "events stay",
-        ),
-        ("poly345", ["lift"], ["event_angle@3<=90deg"], ConfigError, "has 2 events"),
-        ("poly345", ["lift"], ["event_angle<=90deg"], ConfigError, "such as event_angle@1"),
-        ("poly345", ["lift"], ["event_angle@1.5<=90deg"], ConfigError, "such as event_angle@1"),
-        (
-            "poly345",
-            ["dwells", "lift"],
-            ["event_angle@1<=90deg", "event_angle@2<=90deg"],
-            ConfigError,
-            "no spans of events keep them",
-        ),
-        (
-            "poly345",
-            ["dwells", "lift"],
-            ["peak_acceleration<=20mm/rad^2"],
-            DesignError,
-            "no spans of events that were tried have a law; of the last: no law of the class keeps",
-        ),
-    ],
-)
-def test_spans_that_cannot_be_are_refused_in_one_line(
-    name: str, keep: list[str], limits: list[str], error: type[Exception], message: str
-) -> None:
-    """It says what is allowed."""
-    start = cam(name)
-    with pytest.raises(error, match=message) as caught:
-        moved(start, keep, minimise="peak_velocity", limits=limits)
-    assert "\n" not in str(caught.value)

@@ -24,8 +24,6 @@ from cam_rig.units import TURN, FloatArray
 
 from .shared import RIG, cam, problem, term
 
-# Programs that go on from each other give what each gives alone.
-
 FREE, LINKED, POOL = 8, 5, 60
 
 
@@ -78,8 +76,6 @@ def test_no_unknowns_keep_the_rows():
     assert growing.solve(program).level == pytest.approx(first.level, abs=1e-9)
 
 
-# The laws of a class.
-
 RNG = np.random.default_rng(11)
 
 
@@ -122,20 +118,6 @@ def test_the_derivatives_in_the_unknowns_are_the_laws() -> None:
         np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
 
 
-def test_the_hull_holds_the_curve_and_shrinks_to_it() -> None:
-    """Ordinates of cut pieces bound the polynomial, nearer with more parts."""
-    space = Space(build_law(cam()), LawClass(6, 3))
-    unknowns = space.joined(RNG.uniform(0.0, 1.0, 2 * space.law_class.free))
-    values = space.at(2, np.linspace(0.0, 2.0 * np.pi, 5001))(unknowns)
-    reach = []
-    for parts in (1, 4, 16):
-        hull = space.hull(space.derivative(2), parts)(unknowns)
-        assert hull.min() <= values.min() + 1e-12
-        assert hull.max() >= values.max() - 1e-12
-        reach.append(np.ptp(hull) - np.ptp(values))
-    assert reach[0] > 4.0 * reach[1] > 16.0 * reach[2] > 0.0
-
-
 REFUSED: tuple[tuple[dict[str, int], str], ...] = (
     ({"pieces": 0}, "pieces is 0; allowed: 1 to 200"),
     ({"pieces": 201}, "pieces is 201"),
@@ -159,9 +141,6 @@ def test_a_cam_that_rests_all_around_has_nothing_to_design() -> None:
     circle = Law("circle", np.array([0.0, 2.0 * np.pi]), np.zeros((2, 1)))
     with pytest.raises(ConfigError, match="it rests all around"):
         Space(circle, LawClass()).events
-
-
-# Vibration and force are those of the exact model.
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -207,8 +186,6 @@ def test_an_overdamped_stem_has_no_residual_vibration() -> None:
     with pytest.raises(ConfigError, match=r"does not vibrate.*allowed.*below"):
         Mode.of(follower)
 
-
-# Rows near a law.
 
 QUANTITIES = ("shaft_torque@300rpm", "shaft_torque@50-600rpm", "pressure_angle")
 CAMS = ("poly345", "oscillating_roller", "oscillating_flat", "conjugate", "eccentric_roller")
