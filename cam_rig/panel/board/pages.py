@@ -115,7 +115,7 @@ class BoardPages(PanelPages):
     async def _answer_at_rest(self) -> None:
         """What takes longer, of the last law alone, once it has rested."""
         board, start = self.board, self.board.drawn.start
-        first = {"cam": board.cam.model_dump(), "rig": board.rig.model_dump()}
+        first: dict[str, Any] = {"cam": board.cam.model_dump(), "rig": board.rig.model_dump()}
         first["file"] = None if start.own or start.exact else board.file.model_dump()
         while True:
             async with beside(first) as process:
