@@ -192,6 +192,7 @@ MAX_READINGS = 20_000_000
 class _Readings:
     """Readings of one quantity as they come."""
 
+    bag: Path
     source: MappedField
     stamps: array[int] = field(default_factory=lambda: array("q"))
     values: array[float] = field(default_factory=lambda: array("d"))
@@ -203,12 +204,16 @@ class _Readings:
         ns = 0 if stamp is None else int(stamp.sec) * NS + int(stamp.nanosec)
         self.headed = ns > 0 and not self.source.bag_time
         self.stamps.append(ns if self.headed else log_time)
-        self.values.append(number_at(message, self.source.field))
-        if len(self.values) > MAX_READINGS:
-            raise ValueError(
-                f"more than {MAX_READINGS} readings; allowed: as many, so cut it with: "
-                "ros2 bag convert"
-            )
+        try:
+            self.values.append(number_at(message, self.source.field))
+            if len(self.values) > MAX_READINGS:
+                raise ValueError(
+                    f"more than {MAX_READINGS} readings; allowed: as many, so cut it with: "
+                    "ros2 bag convert"
+                )
+        except ValueError as error:
+            where = f"{self.source.quantity}: {self.source.topic} [{message.__msgtype__}]"
+            raise BagError(f"{self.bag}: {where}: {error}") from None
 
     def signal(self, begin_ns: int) -> tuple[Signal, list[str]]:
         """The readings in the order of their time, each time once; and what was done."""
@@ -250,27 +255,17 @@ def read_fields(
                 f"{bag}: {found.topic} is {there[found.topic]}, which is not a standard message; "
                 "allowed: those of std_msgs, sensor_msgs, geometry_msgs and the like"
             )
-        by_topic.setdefault(found.topic, []).append(_Readings(found))
+        by_topic.setdefault(found.topic, []).append(_Readings(bag, found))
     try:
         for reader in readers(bag):
             wanted = [c for c in reader.connections if c.topic in by_topic]
             for connection, log_time, data in reader.messages(wanted) if wanted else ():
                 message = types.deserialize_cdr(data, connection.msgtype)
                 for readings in by_topic[connection.topic]:
-                    _take(bag, readings, message, log_time)
+                    readings.take(message, log_time)
     except UNREADABLE as error:
         raise damaged(bag, error) from None
     return _signals(bag, [one for found in by_topic.values() for one in found])
-
-
-def _take(bag: Path, readings: _Readings, message: Any, log_time: int) -> None:
-    try:
-        readings.take(message, log_time)
-    except ValueError as error:
-        kind = message.__msgtype__
-        raise BagError(
-            f"{bag}: {readings.source.quantity}: {readings.source.topic} [{kind}]: {error}"
-        ) from None
 
 
 def _signals(bag: Path, found: list[_Readings]) -> tuple[dict[str, Signal], int, list[str]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -151,10 +152,7 @@ def state_words(bag: Path) -> str:
 
 def _is_unfinished(target: Path) -> bool:
     """Whether a folder holds nothing but what a killed recovery left."""
-    try:
-        if not target.is_dir():
-            return False
-    except OSError:  # no file can have such a name
+    if not os.path.isdir(target):  # also where no file can have such a name
         return False
     part, names = part_of(bag_file(target)).name, {entry.name for entry in target.iterdir()}
     metadata = {METADATA, part_of(target / METADATA).name}

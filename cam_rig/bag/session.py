@@ -9,8 +9,9 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Hashable, Iterator, Set
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
+from cam_rig.bag.writer import BagWriter
 from cam_rig.errors import RefusedError
 from cam_rig.live.flow_control import HISTORY_DEPTH
 from cam_rig.live.state_validation import Admission, StateValidator
@@ -153,16 +154,6 @@ STAMPED = tuple(topic for topic in topics.RECEIVED if topic.per in ("speed", "ti
 CAM_TOPICS = tuple(topic for topic in topics.RECEIVED if topic.per == "cam")
 
 
-class Writing(Protocol):
-    """Where messages go: a `BagWriter`."""
-
-    def write(self, topic: Topic, log_time: int, cdr: bytes) -> None:
-        """Write one message at a rig time (ns)."""
-
-    def begin_state(self, stamp: int) -> None:
-        """Called before the messages of a state (ns)."""
-
-
 class RecordingSession:
     """Writes serialized messages in the order of rig time, each once.
 
@@ -172,7 +163,7 @@ class RecordingSession:
 
     def __init__(
         self,
-        writer: Writing,
+        writer: BagWriter,
         validator: StateValidator,
         publishers: Publishers | None = None,
         check: Callable[[Topic, Any], None] = lambda _topic, _message: None,

@@ -142,7 +142,7 @@ def _run(
     from cam_rig.simulation.scene import open_scene
     from cam_rig.simulation.schedule import cam_states, tick_count
     from cam_rig.units import NS
-    from cam_rig.viewer.command import DelayReport
+    from cam_rig.viewer.command import delay_report
 
     loaded = open_scene(path)
     loaded.require_numbers()
@@ -155,13 +155,13 @@ def _run(
     with (
         own_domain(namespace),
         progress_bar() as bar,
-        DelayReport(page) as delay,
+        delay_report(page) as delayed,
         Graph(nodes, respawn, network, _log, namespace, server) as graph,
     ):
         task = bar.add_task("starting the nodes", total=tick_count(loaded.scene))
         for report in graph.progress():
             words, tick = f"{report['cam']} {report['rpm']:.0f} rpm", int(report["tick"])
-            bar.update(task, completed=tick, description=delay.driven(stamps[tick], words))
+            bar.update(task, completed=tick, description=delayed(stamps[tick], words))
     for name, node in graph.processes.items():
         if node.warnings:
             words = f"{name} warned {len(node.warnings)} times, last: {node.warnings[-1]}"

@@ -154,11 +154,7 @@ class RunningRig(RigClient):
     """
 
     def __init__(
-        self,
-        scene: str | Path,
-        bag: str | Path,
-        patience: float = PATIENCE_S,
-        **drive: Any,
+        self, scene: str | Path, bag: str | Path, patience: float = PATIENCE_S, **drive: Any
     ) -> None:
         self.scene, self.bag = named_path("scenes", scene), Path(bag)
         #: What the drive reported, tick by tick: ``tick``, ``cam``, ``rpm``.

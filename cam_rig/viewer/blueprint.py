@@ -94,11 +94,7 @@ def _played(loaded: LoadedScene, duration: float, window: float | None) -> rrb.T
 
 
 def _run(
-    loaded: LoadedScene,
-    duration: float,
-    bucket: int,
-    ranges: Ranges,
-    window: float | None,
+    loaded: LoadedScene, duration: float, bucket: int, ranges: Ranges, window: float | None
 ) -> rrb.Container:
     one_turn = TurnAxes(drawn_of(loaded.scene.model), ranges).bounds()
     tabs = rrb.Tabs(

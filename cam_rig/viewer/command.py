@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Event
-from typing import TYPE_CHECKING, Annotated, Self
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.markup import escape
@@ -34,31 +34,33 @@ class Screen:
     page: PageTime | None = None
 
 
-class DelayReport:
-    """How far a page is behind the drive, in words; the longest delay is printed at the end."""
+@contextmanager
+def delay_report(
+    page: PageTime | None, clock: Callable[[], float] = time.monotonic
+) -> Iterator[Callable[[float, str], str]]:
+    """How far a page is behind the drive: gives the words on what the drive does with the delay.
 
-    def __init__(self, page: PageTime | None, clock: Callable[[], float] = time.monotonic) -> None:
-        self._page, self._clock, self._printed = page, clock, clock()
+    What it gives takes the rig time (s) and the words; the longest delay is printed at the end.
+    """
+    printed = clock()
 
-    def driven(self, rig_time: float, words: str) -> str:
-        """The words on what the drive does at a rig time (s), the delay after them."""
-        if self._page is None:
+    def driven(rig_time: float, words: str) -> str:
+        nonlocal printed
+        if page is None:
             return words
-        self._page.driven(rig_time)
-        late = self._page.behind()
+        page.driven(rig_time)
+        late, now = page.behind(), clock()
         words += "" if late is None else f", viewer {late:.1f} s behind"
-        now = self._clock()
-        if not console.is_terminal and late is not None and now - self._printed >= LINE_EVERY_S:
-            self._printed = now
+        if not console.is_terminal and late is not None and now - printed >= LINE_EVERY_S:
+            printed = now
             console.print(escape(words))
         return words
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_error: object) -> None:
-        if self._page is not None and self._page.longest is not None:
-            console.print(f"viewer at most {self._page.longest:.1f} s behind")
+    try:
+        yield driven
+    finally:
+        if page is not None and page.longest is not None:
+            console.print(f"viewer at most {page.longest:.1f} s behind")
 
 
 @contextmanager
@@ -103,12 +105,10 @@ def view(
         bool, typer.Option("--web", help="Serve it to a browser on this machine, open no window.")
     ] = False,
     layout: Annotated[
-        Layout,
-        typer.Option(help="For a run, for cams side by side at one speed, or for a report."),
+        Layout, typer.Option(help="For a run, for cams side by side at one speed, or for a report.")
     ] = Layout.RUN,
     rpm: Annotated[
-        float | None,
-        typer.Option(help="Speed at which cams are compared; by default the highest."),
+        float | None, typer.Option(help="Speed at which cams are compared; by default the highest.")
     ] = None,
     scene: SceneOfBag = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite the file.")] = False,
@@ -135,10 +135,7 @@ def view(
     cam-rig view bags/tm21_sweep_2026-01-31_12-00-00 --save out/sweep.rrd
     """
     from cam_rig.bag.command import newest_bag
-    from cam_rig.files import temporary_folder
     from cam_rig.schema.load import scene_path
-    from cam_rig.viewer.process import require_display, show
-    from cam_rig.viewer.rerun_page import serve_file
 
     if save is not None and web:
         raise ConfigError("--save and --web: a file is written or a page served; name one")
@@ -147,15 +144,25 @@ def view(
     options, place = ViewOptions(layout, rpm, all_samples), scene_path(scene) if scene else None
     if save is not None:
         convert(bag or newest_bag(), place, save, options, force)
-        return
+    else:
+        _show(bag, place, options, web)
+
+
+def _show(bag: Path | None, scene: Path | None, options: ViewOptions, web: bool) -> None:
+    from cam_rig.bag.command import newest_bag
+    from cam_rig.files import temporary_folder
+    from cam_rig.viewer.process import require_display, show
+
     if not web:
         require_display()
     found = bag or newest_bag()
     with temporary_folder() as folder:
         path = folder / f"{found.resolve().name}.rrd"
-        begin = convert(found, place, path, options, force=False)
+        begin = convert(found, scene, path, options, force=False)
         if not web:
             return show(path)
+        from cam_rig.viewer.rerun_page import serve_file
+
         with serve_file(path, begin) as address:
             print(address, flush=True)
             stay_until_interrupted()

@@ -101,11 +101,7 @@ class TurnAxes:
 
 
 def label(
-    canvas: Canvas,
-    entity: str,
-    at: tuple[float, float],
-    words: str,
-    colour: int = colours.BLACK,
+    canvas: Canvas, entity: str, at: tuple[float, float], words: str, colour: int = colours.BLACK
 ) -> None:
     """Words whose middle hangs from a place, once for all."""
     shown = rr.Points2D([at], labels=[words], colors=colour, radii=UNSEEN, show_labels=True)

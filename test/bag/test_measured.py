@@ -162,15 +162,9 @@ def test_of_two_rigs_one_is_chosen_by_its_namespace(tmp_path):
         ("angle=/lvdt lift=/cell", "lift: /cell .*no field is named, and there are wrench.force.x"),
         ("angle=/lvdt lift=/encoder.name[0]", "no number 'name"),
         ("angle=/lvdt lift=/cell.wrench", "no number 'wrench'; allowed: wrench.force.x"),
-        (
-            "angle=/still lift=/lvdt",
-            "/still: the angle goes from -0° .*allowed: a cam that turns",
-        ),
+        ("angle=/still lift=/lvdt", "/still: the angle goes from -0° .*allowed: a cam that turns"),
         ("angle=/few.data lift=/lvdt", "angle: /few has 1 readings; allowed: two or more"),
-        (
-            "angle=/encoder.position[0] lift=/late.data",
-            "late.data is from 50.* of one time",
-        ),
+        ("angle=/encoder.position[0] lift=/late.data", "late.data is from 50.* of one time"),
     ],
 )
 def test_what_is_not_there_is_named_beside_what_is(tmp_path, line, error):

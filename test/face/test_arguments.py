@@ -69,10 +69,7 @@ def test_another_type():
             lambda: cam_rig.load_cam(None),
             "cam: is None (NoneType); allowed: a text without NUL or a path",
         ),
-        (
-            lambda: cam_rig.simulate(LAW, RIG, rpm=10**5000),
-            "rpm: is int; allowed: a finite number",
-        ),
+        (lambda: cam_rig.simulate(LAW, RIG, rpm=10**5000), "rpm: is int; allowed: a finite number"),
     ):
         with pytest.raises(ConfigError) as refused:
             call()
