@@ -139,7 +139,7 @@ class ForceAtSpeed:
                 continue
             amplitude = _carried(last, np.exp(self.rate * (here - edge)))
             if event is None:
-                level = weights[0] * cells.space.start.lift_at(start)
+                level = weights[0] * cells.space.start.at(start)[0]
                 still = Affine(np.full(here.size, level), np.zeros((here.size, size)))
             else:
                 amplitude += self._excited(event)
