@@ -193,8 +193,8 @@ class CellTable:
             return [Heading(f"column {i + 1}", "other", None) for i in range(width)]
         joined = (" ".join(parts) for parts in zip(*above, strict=True))
         # in one line, as files and messages can hold it
-        shown_ones = ("".join(c if c.isprintable() else " " for c in text) for text in joined)
-        return [heading(" ".join(text.split())) for text in shown_ones]
+        printable = ("".join(c if c.isprintable() else " " for c in text) for text in joined)
+        return [heading(" ".join(text.split())) for text in printable]
 
     def numbers(
         self, line: int, cells: list[str], headings: list[Heading], used: list[int]
