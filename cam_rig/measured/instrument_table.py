@@ -36,7 +36,6 @@ ANGLE_UNITS = _by_word(
         TURN / 400.0: "gon gons",
     }
 )
-
 #: The same of lengths, m.
 LENGTH_UNITS = _by_word(
     {
@@ -48,19 +47,15 @@ LENGTH_UNITS = _by_word(
         2.54e-5: "thou mil mils",
     }
 )
-
 #: What words of an angle, and of a lift, begin with or hold, in English, Spanish, German, French,
 #: Italian and Portuguese.
 ANGLE_WORDS = ("angle", "angul", "angol", "winkel", "theta", "rotat", "rotac", "rotaz", "drehung")
-
 ANGLE_LETTERS = frozenset(("θ", "φ", "phi", "ang", "giro"))
-
 LIFT_WORDS = (
     *("lift", "hub", "elevac", "levant", "alzad", "alzat", "levee", "levage", "erhebung", "weg"),
     *("displac", "desplaz", "deplac", "spost", "carrera", "corsa", "course", "altura", "elevat"),
     *("hauteur", "hohe", "altezza", "curso", "reading", "lectura", "ablesung", "lecture"),
 )
-
 LIFT_LETTERS = frozenset(("s", "h", "y", "z"))
 
 
@@ -74,13 +69,7 @@ class Heading:
 
 
 def heading(text: str) -> Heading:
-    """What a heading says.
-
-    Examples
-    --------
-    >>> heading("Ángulo de leva (grados)").kind, heading("Nockenhub [mm]")
-    ('angle', Heading(text='Nockenhub [mm]', kind='lift', factor=0.001))
-    """
+    """What a heading says."""
     plain = _plain(text)
     words = re.findall(r'[a-zθφμµ]+|°|"', plain)
     angle = next((ANGLE_UNITS[word] for word in reversed(words) if word in ANGLE_UNITS), None)
@@ -95,13 +84,7 @@ def heading(text: str) -> Heading:
 
 
 def plain_words(text: str) -> list[str]:
-    """The words of a heading in small letters without accents.
-
-    Examples
-    --------
-    >>> plain_words("Précharge [N]")
-    ['precharge', 'n']
-    """
+    """The words of a heading in small letters without accents."""
     return re.findall(r"[a-z]+", _plain(text))
 
 
@@ -112,15 +95,11 @@ def _plain(text: str) -> str:
 
 
 SEPARATORS = {";": "semicolon", "\t": "tab", ",": "comma", " ": "space"}
-
 NUMBER = re.compile(r"[-+]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][-+]?\d+)?")
-
 #: The number of an empty cell.
 NOTHING = "nan"
-
 #: Two lines above the numbers may be one heading: names, and units under them.
 HEADING_LINES = 2
-
 #: Lines of a file, at most.
 MAX_LINES = 100_000
 
@@ -210,10 +189,12 @@ class CellTable:
         if above and len(above[-1]) > 1 and len(above[-1]) != width:
             raise self._uneven(line, width, len(above[-1]))
         above = [cells for cells in above if len(cells) == width]
-        joined = [_printable(" ".join(parts)) for parts in zip(*above, strict=True)]
-        if not joined:
+        if not above:
             return [Heading(f"column {i + 1}", "other", None) for i in range(width)]
-        return [heading(text) for text in joined]
+        joined = (" ".join(parts) for parts in zip(*above, strict=True))
+        # in one line, as files and messages can hold it
+        printable = ("".join(c if c.isprintable() else " " for c in text) for text in joined)
+        return [heading(" ".join(text.split())) for text in printable]
 
     def numbers(
         self, line: int, cells: list[str], headings: list[Heading], used: list[int]
@@ -241,11 +222,6 @@ class CellTable:
             f"{self.seen}); allowed: as many, and ; or tab between them where the comma is the "
             "decimal mark"
         )
-
-
-def _printable(text: str) -> str:
-    """A heading in one line, as files and messages can hold it."""
-    return " ".join("".join(c if c.isprintable() else " " for c in text).split())
 
 
 def _separator(lines: list[str]) -> str:

@@ -1,6 +1,6 @@
 """One contour of tangent arcs through the readings of one or several followers at once.
 
-The least squares of `arcs_search` for every way in which the columns may have been read, and of
+The least squares of `ArcSearch` for every way in which the columns may have been read, and of
 the likeliest once more with straight flanks: these are taken where the readings do not rule them
 out.
 """
@@ -8,26 +8,24 @@ out.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from itertools import product
 
 import numpy as np
 
 from cam_rig.errors import LawError
-from cam_rig.measured.cam_fit.arcs import FLANK, PRIME, Form
+from cam_rig.measured.cam_fit.arcs import FLANK, PRIME, ArcSearch, Form
 from cam_rig.measured.cam_fit.arcs_intervals import Profile
-from cam_rig.measured.cam_fit.arcs_result import ArcsFit, Flank, Known, Other
-from cam_rig.measured.cam_fit.arcs_search import ArcSearch
+from cam_rig.measured.cam_fit.arcs_result import ArcsFit, Flank, Known
 from cam_rig.measured.cam_fit.gauge import OUTLIER, Readings, judged_by, with_outliers
 
 #: Outliers are judged by the arcs, and the arcs are fitted again, at most so many times.
 ROUNDS = 4
-
 #: A contour whose lifts are off the readings by this part of the lift, r.m.s., is another one.
 FAR = 0.05
-
 #: A reading of the columns that leaves so many times the least residual is not refined.
 FAR_OFF = 2.0
 
@@ -42,26 +40,18 @@ def fit_arcs(
 ) -> ArcsFit:
     """Fit one contour to all columns, above their zero; of unnamed ones the kind is found too.
 
-    Parameters
-    ----------
-    kinds : for each column whether its follower is flat; None tries both
-    roller_radius : m, 0 for a point; only its sum with the base radius is told
-    base_radius : m, taken where all followers are flat, for nothing is told of it then, and where
-        both radii are known
-    known : which of them is given, not assumed
-    flank : what is known of it; None takes a straight one unless the readings rule it out
-
-    Which readings are outliers, the arcs say: a good one beside a kink, where a flat face passes
-    from base circle to nose, is contradicted by its neighbours alone, and hides one that is none.
+    ``kinds``: for each column whether its follower is flat, None tries both; ``roller_radius``: m,
+    0 for a point; ``base_radius``: m, taken where all followers are flat, for nothing is told of it
+    then, and where both radii are known; ``known``: which of them is given; ``flank``: None takes a
+    straight one unless the readings rule it out. Which readings are outliers, the arcs say: a good
+    one beside a kink, where a flat face passes from base circle to nose, is contradicted by its
+    neighbours alone, and hides one that is none.
     """
-    fit = partial(
-        _fitted,
-        kinds=kinds,
-        roller_radius=roller_radius,
-        base_radius=base_radius,
-        known=known,
-        flank=flank,
-    )
+
+    def fit(columns: tuple[Readings, ...]) -> ArcsFit:
+        searches = _searches(columns, kinds, roller_radius, base_radius, known)
+        return _fitted(columns, searches, known, flank)
+
     found = _settled(fit, columns)
     if any(column.readings.outliers for column in found.fitted_columns):
         with suppress(LawError):  # a slip so large that nothing comes near with it
@@ -93,18 +83,11 @@ def _explains(whole: ArcsFit, found: ArcsFit) -> bool:
 
 
 def _fitted(
-    columns: tuple[Readings, ...],
-    kinds: tuple[bool | None, ...],
-    roller_radius: float,
-    base_radius: float,
-    known: Known,
-    flank: Flank,
+    columns: tuple[Readings, ...], searches: Iterable[ArcSearch], known: Known, flank: Flank
 ) -> ArcsFit:
-    """One contour through the columns as they are."""
-    searches = list(_searches(columns, kinds, roller_radius, base_radius, known))
     if flank == "straight":
-        searches = [search.holding(FLANK, 0.0) for search in searches]
-    tried = sorted(_profiles(searches), key=_unlikely)
+        searches = (search.holding(FLANK, 0.0) for search in searches)
+    tried = sorted(_profiles(list(searches)), key=_unlikely)
     highest = max(float(column.lifts.max()) for column in columns)
     if tried[0].rms >= FAR * highest:
         raise LawError(
@@ -112,17 +95,13 @@ def _fitted(
             "readings; allowed: a symmetric cam, else --shape spline"
         )
     best, *rest = tried
-    others = tuple(
-        Other(one.search.named(), one.rms, tuple(flat for flat, _ in one.search.roles))
-        for one in rest
-    )
     taken = best if flank else _straight_if_as_near(best)
     without = None
-    if known == "both" and not all(flat for flat, _ in best.search.roles):
+    if known == "both" and not all(best.search.flats):
         held = {index: value for index, value in taken.search.held.items() if index != PRIME}
-        search = taken.search.of(taken.search.form, held)
+        search = replace(taken.search, held=held)
         without = Profile(search, search.best())
-    return ArcsFit(taken, best, known, flank, others, without)
+    return ArcsFit(taken, best, known, flank, tuple(rest), without)
 
 
 def _searches(

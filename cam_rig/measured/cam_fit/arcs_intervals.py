@@ -22,31 +22,23 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cam_rig.measured.cam_fit.arcs import FLANK, PRIME, number_of
-from cam_rig.measured.cam_fit.arcs_search import NO_CONTOUR, ArcSearch
+from cam_rig.measured.cam_fit.arcs import FLANK, NO_CONTOUR, PRIME, ArcSearch, number_of
 from cam_rig.units import FloatArray, rounded_to_error
 
 #: What lies outside of an interval on either side.
 OUTSIDE = 0.025
-
 #: Standard errors from the middle of an interval to its ends, of a normal error.
 ENDS = 1.96
-
 #: Ends are found to this part of their distance from the best number.
 ENDS_TO = 0.01
-
 #: The sum of squares of a contour is found to this part of it.
 NEAR = 1e-6
-
 #: Step of the search's numbers, which are of the order of 1, for their slopes.
 SLOPE_STEP = 1e-6
-
 #: Standard error of a coordinate, in parts, where the slopes tell none.
 FIRST_STEP = 1e-3
-
 #: An end beyond so many doublings of the first step, or a radius of so many lifts, is none.
 DOUBLINGS, MOST_LIFTS = 30, 100.0
-
 #: A number is told poorly where its standard error is more than this part of it.
 POORLY = 1.0 / 3.0
 
@@ -119,22 +111,19 @@ class Told:
             return ""
         low, high = self._end(self.low), self._end(self.high)
         if self.over_straight:
-            convex = f"{low} {self.unit} convex"
-            concave = f"{high.lstrip('-')} {self.unit} concave"
-            ends = 0.0 < self.low < math.inf, self.high < 0.0
-            return (
-                f"{convex if ends[0] else 'any'} over straight to {concave if ends[1] else 'any'}"
-            )
+            convex = f"{low} {self.unit} convex" if 0.0 < self.low < math.inf else "any"
+            concave = f"{high.lstrip('-')} {self.unit} concave" if self.high < 0.0 else "any"
+            return f"{convex} over straight to {concave}"
         if not math.isfinite(self.high):
             return f"above {low} {self.unit}" if math.isfinite(self.low) else "any"
-        between = f"{low} to {high} {self.unit}"
-        return between if math.isfinite(self.low) else f"below {high} {self.unit}"
+        words = f"{low} to" if math.isfinite(self.low) else "below"
+        return f"{words} {high} {self.unit}"
 
     def _end(self, end: float) -> str:
         value, error = self._factor * end, self._factor * self.error
-        return (
-            rounded_to_error(value, error) if math.isfinite(error) else f"{float(f'{value:.3g}'):g}"
-        )
+        if math.isfinite(error):
+            return rounded_to_error(value, error)
+        return f"{float(f'{value:.3g}'):g}"
 
 
 class Line(NamedTuple):
@@ -163,6 +152,11 @@ class Profile:
         return float(np.sum(self.search.away(self.x) ** 2))
 
     @property
+    def name(self) -> str:
+        """How the columns were read, in words."""
+        return self.search.name
+
+    @cached_property
     def rms(self) -> float:
         """r.m.s. residual of all readings, m."""
         return self.search.rms(self.x)
@@ -204,14 +198,15 @@ class Profile:
         variance = float(turn @ spread)
         if not variance > 0.0:  # a concave flank under a flat face, where nothing changes
             return Line(FIRST_STEP * max(1.0, float(np.abs(x).max())), self.limit, 0.0 * x)
+        ends = np.cumsum([column.angles.size for column in search.columns])
+        weights = np.split(spread @ bent, ends[:-1])
         zeros = sum(
-            (float(np.sum(weights)) * column.zero_error) ** 2
-            for weights, column in zip(search.by_column(spread @ bent), search.columns, strict=True)
+            (float(np.sum(own)) * column.zero_error) ** 2
+            for own, column in zip(weights, search.columns, strict=True)
         )
         error = math.sqrt(self.variance * variance)
-        return Line(
-            error, self.limit * math.hypot(1.0, math.sqrt(zeros) / error), spread / variance
-        )
+        limit = self.limit * math.hypot(1.0, math.sqrt(zeros) / error)
+        return Line(error, limit, spread / variance)
 
     def interval(self, index: int) -> tuple[float, float]:
         """Least and greatest of a number (m, rad) within the limit, as `Told` has them."""
@@ -228,7 +223,7 @@ class Profile:
         least = -math.inf
         if index == PRIME:
             least = 1.0 / (MOST_LIFTS * self.search.arcs(self.x).lift)
-        elif index == FLANK and all(flat for flat, _ in self.search.roles):
+        elif index == FLANK and all(self.search.flats):
             least = 0.0  # a flat face does not reach a concave flank
         path = _Path(self, index, least)
         inside, step = path.start, sign * path.limit * path.error

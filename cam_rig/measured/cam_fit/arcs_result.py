@@ -26,37 +26,21 @@ from cam_rig.units import rms
 
 #: Which radius is known beside the readings.
 Known = Literal["base", "roller", "both"] | None
-
 #: What is known of the flanks.
 Flank = Literal["straight", "curved"] | None
-
 #: Of two readings of the columns this much nearer (in parts) one is told from the other.
 CLEARLY_NEARER = 1.1
-
 #: How a column was read, by whether it is reversed.
 SENSES = ("as turned", "reversed")
-
-
-@dataclass(frozen=True)
-class Other:
-    """Another reading of the columns: in words, its r.m.s. residual (m), the followers' kinds."""
-
-    name: str
-    rms: float
-    flats: tuple[bool, ...]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ArcsFit(Result):
     """A contour of tangent arcs, its columns, and what else was tried.
 
-    Parameters
-    ----------
-    best : the contour that is taken
-    curved : the best of any flank, which may be ``best``
-    others : every other reading of the columns, likeliest first
-    without_radii : the best contour of other radii than those that were both given
-    notes : how the readings were read, a sentence each
+    ``best``: the contour that is taken; ``curved``: the best of any flank, which may be ``best``;
+    ``others``: every other reading of the columns, likeliest first; ``without_radii``: the best
+    contour of other radii than those that were both given; ``notes``: how the readings were read.
     """
 
     schema = "cam_rig.fit_arcs.1"
@@ -105,7 +89,7 @@ class ArcsFit(Result):
     curved: Profile
     known: Known
     flank: Flank
-    others: tuple[Other, ...]
+    others: tuple[Profile, ...]
     without_radii: Profile | None = None
     notes: tuple[str, ...] = ()
 
@@ -141,15 +125,11 @@ class ArcsFit(Result):
         """Whether every follower is a flat one, so that no base radius is told."""
         return all(column.kind == "flat" for column in self.fitted_columns)
 
-    @property
-    def told_of(self) -> Profile:
-        """What the intervals are of: of any flank, unless it is known to be straight."""
-        return self.best if self.flank == "straight" else self.curved
-
     @cached_property
     def told(self) -> tuple[Told, ...]:
-        """What the readings tell of each number, a straight flank or not."""
-        return tuple(self._told(i, self.told_of) for i in COORDINATES)
+        """What the readings tell of each number, of any flank unless it is known as straight."""
+        profile = self.best if self.flank == "straight" else self.curved
+        return tuple(self._told(i, profile) for i in COORDINATES)
 
     @cached_property
     def prime_if_straight(self) -> Told | None:
@@ -167,15 +147,13 @@ class ArcsFit(Result):
         return Told(name, value, *profile.interval(index), unit=unit)
 
     @property
-    def unclear_kinds(self) -> Other | None:
+    def unclear_kinds(self) -> Profile | None:
         """Other kinds of follower with which the readings are as near."""
-        flats = tuple(flat for flat, _ in self.best.search.roles)
-        return next(
-            (one for one in self.others if one.flats != flats and self.as_near(one)),
-            None,
-        )
+        flats = self.best.search.flats
+        others = (one for one in self.others if one.search.flats != flats)
+        return next(filter(self.as_near, others), None)
 
-    def as_near(self, other: Other) -> bool:
+    def as_near(self, other: Profile) -> bool:
         """Whether another reading of the columns is not told from this one."""
         return other.rms < CLEARLY_NEARER * self.rms
 
@@ -269,7 +247,6 @@ class ArcsFit(Result):
             )
 
     def _poorly(self) -> Iterator[str]:
-        """Which numbers hardly mean anything."""
         free = self.without_radii
         if free is not None and free.away(self.best.squares) > free.line(PRIME).limit:
             low, high = free.interval(PRIME)

@@ -16,11 +16,9 @@ if TYPE_CHECKING:
     from cam_rig.measured.cam_fit.request import FitRequest
 
 Tables = Annotated[list[Path], typer.Argument(help="Table of cam angles and gauge readings.")]
-
 Out = Annotated[
     Path | None, typer.Option(metavar="CAM.yaml", help="Write the cam's file, and its points.")
 ]
-
 Shape = Annotated[
     Literal["spline", "arcs"],
     typer.Option(help="A smooth spline with exact dwells, or one contour of tangent arcs."),
@@ -43,7 +41,6 @@ Follower = Annotated[
         "for each in their order."
     ),
 ]
-
 Flank = Annotated[
     Literal["straight", "curved"] | None,
     typer.Option(
@@ -51,24 +48,19 @@ Flank = Annotated[
         "it out."
     ),
 ]
-
 GaugeColumn = Annotated[
     str | None, typer.Option(help="Heading of the column of lifts, the only one that is read.")
 ]
-
 Tolerance = Annotated[
     float | None,
     typer.Option(metavar="MM", help="Error of the gauge; by default the scatter of the readings."),
 ]
-
 Reverse = Annotated[
     bool, typer.Option("--reverse", help="The cam was turned the other way: take -angle.")
 ]
-
 RollerRadius = Annotated[
     float | None, typer.Option(metavar="MM", min=0.0, help="Roller radius; by default assumed.")
 ]
-
 BaseRadius = Annotated[
     float | None, typer.Option(metavar="MM", min=0.0, help="Base radius; by default assumed.")
 ]
@@ -157,7 +149,6 @@ def new(
 
 
 def _write_scene(name: str, request: FitRequest, tables: list[Path], place: Path, rig: str) -> None:
-    """Write a fitted cam with a rig like another and a scene, and say what was assumed."""
     from cam_rig.measured.cam_fit.files import own_rig, own_scene
     from cam_rig.schema.load import load_rig, rig_path
 

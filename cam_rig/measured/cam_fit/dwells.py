@@ -23,29 +23,21 @@ from cam_rig.units import TURN, FloatArray
 
 #: Readings of a dwell, and its span (rad), at least; both ends are a reading.
 FEWEST, SHORTEST = 5, math.radians(15.0)
-
 #: Of them so many lie between the ends that are found.
 FEWEST_INSIDE = 3
-
 #: What a parabola may take off the sum of squares, in squares of the scatter: 99.9 % of what chance
 #: takes, with two degrees of freedom.
 TREND = 13.8
-
 #: Levels nearer than so many of their standard errors are one level.
 SAME_LEVEL = 3.0
-
 #: Beyond a dwell's end so much of the event (in parts of it) tells where the end is.
 BEYOND = 0.35
-
 #: How far (rad) the end may lie inside of the run, and in how many steps it is sought.
 INSIDE, STEPS = math.radians(25.0), 200
-
 #: Decimals of degrees of a dwell's start and span.
 DEGREES = 4
-
 #: Two dwells are so far apart (rad), or one of them is none.
 LEAST_ROOM = math.radians(2.0 * LEAST_EVENT_DEG)
-
 #: Powers of the angle with which a law leaves its dwell.
 POWERS = (3, 4, 5)
 
@@ -57,6 +49,10 @@ class FoundDwell:
     rest: Rest
     count: int
     scatter: float
+
+    def at_level(self, level: float) -> FoundDwell:
+        """The same at another level (m)."""
+        return replace(self, rest=self.rest._replace(level=level))
 
     def covers(self, start: float, span: float) -> bool:
         """Whether a stretch of the turn (rad) lies inside."""
@@ -181,18 +177,16 @@ def _pooled(dwells: list[FoundDwell], scatter: float) -> list[FoundDwell]:
             groups[-1].append(dwell)
         else:
             groups.append([dwell])
-    return [_at_mean(dwell, group) for group in groups for dwell in group]
+    pooled = []
+    for group in groups:
+        levels, weights = [one.rest.level for one in group], [one.count for one in group]
+        pooled += [one.at_level(float(np.average(levels, weights=weights))) for one in group]
+    return pooled
 
 
 def _same_level(one: FoundDwell, other: FoundDwell, scatter: float) -> bool:
     error = scatter * math.sqrt(1.0 / one.count + 1.0 / other.count)
     return other.rest.level - one.rest.level <= SAME_LEVEL * error
-
-
-def _at_mean(dwell: FoundDwell, group: list[FoundDwell]) -> FoundDwell:
-    weights = [one.count for one in group]
-    level = float(np.average([one.rest.level for one in group], weights=weights))
-    return replace(dwell, rest=dwell.rest._replace(level=level))
 
 
 def _dwell(readings: Readings, runs: list[_RestingRun], i: int, scatter: float) -> FoundDwell:
@@ -205,11 +199,9 @@ def _dwell(readings: Readings, runs: list[_RestingRun], i: int, scatter: float) 
     last = first + _span(readings, (run.first + np.arange(run.count)) % count)
     ahead = (run.first + np.arange(run.count + to_next)) % count
     behind = (run.first + run.count - 1 - np.arange(run.count + to_last)) % count
-    open_end, open_start = (
-        0.0,
-        0.0,
-    )  # an end lies beyond a stretch without readings, if one is inside
+    open_end = open_start = 0.0
     if bridges(readings) and _holds_gap(readings, ahead[: run.count]):
+        # an end lies beyond a stretch without readings that is inside
         open_end = (sum(readings.gap) - first) % TURN
         open_start = (last - readings.gap[0]) % TURN
     forwards = (readings.angles[ahead] - first) % TURN

@@ -18,7 +18,7 @@ FIT_POINTS, SHADE = 3601, "0.8"
 def spline_figure(fit: SplineFit) -> Figure:
     """Lift, distance and acceleration; dwells are shaded."""
     out = empty(6.7)
-    lift, away, bend = out.subplots(3, 1, sharex=True)
+    lift, away, acceleration = out.subplots(3, 1, sharex=True)
     angles, colour = np.linspace(0.0, TURN, FIT_POINTS), series(0)["color"]
     degrees, readings = np.degrees(angles), fit.readings
     lift.plot(degrees, fit.law(angles) * 1e3, color=colour)
@@ -28,18 +28,18 @@ def spline_figure(fit: SplineFit) -> Figure:
     distance = (readings.lifts - fit.law(readings.angles)) * 1e3
     away.plot(np.degrees(readings.angles), distance, ".", color="k", ms=3)
     away.axhspan(-fit.tolerance * 1e3, fit.tolerance * 1e3, color=SHADE, lw=0)
-    bend.plot(degrees, fit.law(angles, 2) * 1e3, color=colour)
-    for axes in (lift, bend):
+    acceleration.plot(degrees, fit.law(angles, 2) * 1e3, color=colour)
+    for axes in (lift, acceleration):
         for dwell in fit.dwells:
             start, stop = np.degrees([dwell.rest.start, dwell.rest.start + dwell.rest.span])
             axes.axvspan(start, min(stop, 360.0), color=SHADE, lw=0, zorder=0)
             axes.axvspan(0.0, max(stop - 360.0, 0.0), color=SHADE, lw=0, zorder=0)
     lift.set_ylabel("lift [mm]")
     away.set_ylabel("reading − law [mm]")
-    bend.set_ylabel("acceleration s″ [mm/rad²]")
+    acceleration.set_ylabel("acceleration s″ [mm/rad²]")
     lift.set_title(wrapped(f"{readings.name}: dwells shaded; below, the distance allowed"))
-    turn_axis(bend, 30)
-    bend.set_xlabel(CAM_ANGLE)
+    turn_axis(acceleration, 30)
+    acceleration.set_xlabel(CAM_ANGLE)
     return out
 
 

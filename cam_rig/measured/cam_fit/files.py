@@ -3,31 +3,32 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
+from cam_rig.errors import ConfigError, LawError
 from cam_rig.laws import Law, build_law
-from cam_rig.measured.cam_fit.arcs import FollowerKind
+from cam_rig.measured.cam_fit.arcs import FLANK, LIFT, NOSE, PRIME, Arcs, FollowerKind, Form
+from cam_rig.measured.cam_fit.arcs_intervals import Told
+from cam_rig.measured.cam_fit.arcs_result import ArcsFit
 from cam_rig.measured.cam_fit.dwells import DEGREES
 from cam_rig.measured.cam_fit.spline_fit import SplineFit
 from cam_rig.profile.check_table import check_cam
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.load import assumed_numbers, quantity, to_yaml, valid_cam
-from cam_rig.units import TURN, to_rpm
+from cam_rig.units import TURN, rounded_to_error, to_rpm
 
 #: A base radius is sought in lifts, the first that passes the checks of the contour.
 BASE_RADII_IN_LIFTS = (2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0, 10.0, 15.0, 20.0, 30.0)
-
 #: A roller is as large as this part of the base radius.
 ROLLER_PART = 0.3
-
 #: Decimals of lengths in mm of a file.
 MILLIMETRES = 6
-
 FREE_CHOICE = "a free choice, the readings do not tell it: replace it by the cam's own"
 
 
@@ -128,19 +129,22 @@ def _table_segment(file: str, fit: SplineFit) -> dict[str, Any]:
     if fit.dwells:
         segment["dwells"] = [
             {
-                "start": quantity("identified", start, "deg", "found in the readings"),
-                "span": quantity("identified", span, "deg", f"{dwell.count} readings rest"),
+                "start": quantity(
+                    "identified", _degrees(dwell.rest.start) % 360.0, "deg", "found in the readings"
+                ),
+                "span": quantity(
+                    "identified", _degrees(dwell.rest.span), "deg", f"{dwell.count} readings rest"
+                ),
                 "level": quantity("identified", _mm(dwell.rest.level), "mm", "their mean"),
             }
-            for dwell, start, span in zip(fit.dwells, *_angles(fit), strict=True)
+            for dwell in fit.dwells
         ]
     return segment
 
 
-def _angles(fit: SplineFit) -> tuple[list[float], list[float]]:
-    """Start and span of each dwell, deg, as the file has them."""
-    starts = [round(math.degrees(dwell.rest.start), DEGREES) % 360.0 for dwell in fit.dwells]
-    return starts, [round(math.degrees(dwell.rest.span), DEGREES) for dwell in fit.dwells]
+def _degrees(angle: float) -> float:
+    """An angle (rad) of a dwell, deg, as the file has it."""
+    return round(math.degrees(angle), DEGREES)
 
 
 def _points(fit: SplineFit) -> dict[str, tuple[float, ...]]:
@@ -177,14 +181,131 @@ def _mm(metres: float) -> float:
     return round(float(metres) * 1e3, MILLIMETRES)
 
 
+# A contour of tangent arcs, each number to the digits that readings tell.
+
+#: Rounding moves a contour by so much of the error of a reading at most, and has so many digits
+#: more than the errors tell where it needs them: errors of radii go together.
+MOVED, MOST_DIGITS = 0.1, 6
+
+
+def arcs_cam(name: str, fit: ArcsFit, kind: FollowerKind) -> CamFiles:
+    """The cam file of a contour of tangent arcs, with a follower on it."""
+    arcs, roller = _rounded(fit)
+    source = "tangent arcs through " + " and ".join(
+        column.readings.name for column in fit.fitted_columns
+    )
+    residual = ", ".join(f"{c.rms * 1e3:.3g} mm r.m.s. {c.kind}" for c in fit.fitted_columns)
+
+    def found(metres: float, told: Told) -> dict[str, Any]:
+        interval = told.interval
+        words = f"95 %: {told.name} {interval}; {residual}" if interval else residual
+        return quantity("identified", float(f"{1e3 * metres:.12g}"), "mm", source, words)
+
+    segment = {
+        "law": "arcs_by_radii",
+        "span": quantity("given", 360, "deg", "the whole contour"),
+        "flank": arcs.flank,
+        "nose_radius": found(arcs.nose_radius, fit.told[NOSE]),
+    }
+    if arcs.flank_radius is not None:
+        segment["flank_radius"] = found(abs(arcs.flank_radius), fit.told[FLANK])
+    follower = follower_data(kind, *_radii(fit, arcs.base_radius, roller, found))
+    assumed = [
+        f"{key.replace('_', ' ')} {value['assumed']:.4g} mm"
+        for key, value in follower.items()
+        if "assumed" in value
+    ]
+    data = {
+        "name": name,
+        "title": f"{name}, tangent arcs through readings",
+        "lift": found(arcs.lift, fit.told[LIFT]),
+        "follower": follower,
+        "segments": [segment],
+    }
+    cam = valid_cam(data)
+    nose = math.degrees(arcs.nose_angle) % 360.0
+    at_nose = f"Cam angle 180 deg, the nose, is {nose:.2f} deg of the readings."
+    header = comments(
+        f"{source}.", at_nose, *fit.notes, *(f"assumed: {words}" for words in assumed)
+    )
+    return CamFiles(cam, build_law(cam), {f"{name}.yaml": header + to_yaml(data)}, tuple(assumed))
+
+
+def _radii(
+    fit: ArcsFit, base: float, roller: float, found: Any
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Base and roller radius (m): given, assumed, or identified as what their sum leaves."""
+    base_given, roller_given = (fit.known in (one, "both") for one in ("base", "roller"))
+    prime = fit.told[PRIME]
+    base_data = chosen(base, base_given) if base_given or fit.only_flat else found(base, prime)
+    if base_given and not roller_given and not fit.only_flat:
+        return base_data, found(roller, prime)
+    return base_data, chosen(roller, roller_given)
+
+
+def _rounded(fit: ArcsFit) -> tuple[Arcs, float]:
+    """The contour and its roller's radius (m), to the digits of their errors.
+
+    More digits are kept until the rounded contour is as near to the readings.
+    """
+    search = fit.best.search
+    for more in range(MOST_DIGITS):
+        arcs, roller = _with_digits(fit, 10.0**-more)
+        form = Form(roller, search.form.sums)
+        with suppress(LawError):
+            held = replace(search, form=form, held=dict(enumerate(form.coordinates(arcs))))
+            squares = float(np.sum(held.away(np.array([])) ** 2))
+            if fit.best.away(squares) < MOVED:
+                return arcs, roller
+    return fit.arcs, fit.roller_radius
+
+
+def _with_digits(fit: ArcsFit, part: float) -> tuple[Arcs, float]:
+    """All lengths to the second digit of a part of their errors; what was given stands."""
+    exact, told = fit.arcs, fit.told
+
+    def to(metres: float, number: Told) -> float:
+        error = 1e3 * part * number.error
+        if not math.isfinite(error):  # hardly told: by what rounding to four digits leaves
+            error = part * 10.0 ** (math.floor(math.log10(abs(1e3 * metres))) - 2)
+        return 1e-3 * float(rounded_to_error(1e3 * metres, error))
+
+    flank = None if exact.flank_radius is None else to(exact.flank_radius, told[FLANK])
+    base, roller = exact.base_radius, fit.roller_radius
+    if fit.known == "base" and not fit.only_flat:
+        roller = to(roller, told[PRIME])
+    elif not told[PRIME].held:
+        base = to(base, told[PRIME])
+    nose = to(exact.nose_radius, told[NOSE])
+    return Arcs(base, to(exact.lift, told[LIFT]), flank, nose, exact.nose_angle), roller
+
+
+def require_told(fit: ArcsFit, named: bool) -> None:
+    """Refuse to write what no reading tells and nobody has given; ``named``: the followers are."""
+    unclear = fit.unclear_kinds
+    if unclear is not None and not named:
+        found, several = fit.best.name, len(fit.fitted_columns) > 1
+        raise ConfigError(
+            f"the readings do not tell the follower: {found} leaves {fit.rms * 1e3:.3g} mm r.m.s., "
+            f"{unclear.name} {unclear.rms * 1e3:.3g} mm; allowed: --follower roller, flat or point"
+            f"{', once for each column' if several else ''}"
+        )
+    if not fit.base_is_told:
+        prime = fit.told[PRIME]
+        rolling = " and --roller-radius" if fit.roller_radius else ""
+        raise ConfigError(
+            f"lifts alone do not tell the base radius: {prime.name} is {prime.interval} "
+            f"with 95 %; allowed: --base-radius{rolling}, or readings of a flat follower too"
+        )
+
+
 # A rig and a scene for a cam of one's own: they run as they are, and say what they assume.
 
 #: Speeds of the scene in parts of the rigid follower's jump speed: the last is above it.
 PARTS = (0.4, 0.6, 0.8, 0.9, 1.1)
-
 #: Speeds (rpm) of a cam that no speed lifts its follower off, and the most of any.
-SPEEDS, MOST_RPM = (100.0, 200.0, 300.0), 20_000.0
-
+SPEEDS: tuple[float, ...] = (100.0, 200.0, 300.0)
+MOST_RPM = 20_000.0
 #: Samples a turn at the highest speed, at least, and of any scene a second.
 SAMPLES, LEAST_RATE = 720, 10_000
 
@@ -201,15 +322,13 @@ def own_rig(name: str, like: RigConfig) -> str:
 
 
 def own_scene(name: str, law: Law, rig: RigConfig) -> tuple[str, tuple[float, ...]]:
-    """A scene file for a cam and a rig of one name, and its speeds in rpm."""
-    speeds = own_speeds(law, rig)
-    rate = max(LEAST_RATE, 1000 * math.ceil(SAMPLES * max(speeds) / 60.0 / 1000.0))
+    """A scene file for a cam and a rig of one name, and its speeds in rpm, of two digits."""
     jump = to_rpm(rigid_jump_speed(law, FollowerParameters.from_rig(rig)))
-    above = (
-        f"40 to 110 % of the speed at which a rigid follower leaves the cam, {jump:.4g} rpm"
-        if math.isfinite(jump)
-        else "a rigid follower never leaves the cam"
-    )
+    speeds, above = SPEEDS, "a rigid follower never leaves the cam"
+    if math.isfinite(jump):
+        speeds = tuple(sorted({float(f"{min(part * jump, MOST_RPM):.2g}") for part in PARTS}))
+        above = f"40 to 110 % of the speed at which a rigid follower leaves the cam, {jump:.4g} rpm"
+    rate = max(LEAST_RATE, 1000 * math.ceil(SAMPLES * max(speeds) / 60.0 / 1000.0))
     turns, settle = "one turn to settle, two to measure", "one turn to settle"
     data = {
         "name": name,
@@ -225,12 +344,3 @@ def own_scene(name: str, law: Law, rig: RigConfig) -> tuple[str, tuple[float, ..
         },
     }
     return to_yaml(data), speeds
-
-
-def own_speeds(law: Law, rig: RigConfig) -> tuple[float, ...]:
-    """Rising speeds (rpm) of two digits, about the one at which a rigid follower leaves the cam."""
-    jump = to_rpm(rigid_jump_speed(law, FollowerParameters.from_rig(rig)))
-    if not math.isfinite(jump):
-        return SPEEDS
-    rounded = {float(f"{min(part * jump, MOST_RPM):.2g}") for part in PARTS}
-    return tuple(sorted(rounded))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -40,13 +40,8 @@ class GaugeColumn:
 class GaugeTable:
     """A file of readings.
 
-    Parameters
-    ----------
-    file : its name
-    angles : rad, in the order of the file
-    columns : one for each follower
-    lines : line of the file of each reading
-    notes : how it was read, and what was assumed, a sentence each
+    ``angles``: rad, in the order of the file; ``lines``: of the file, of each reading; ``notes``:
+    how it was read, and what was assumed, a sentence each.
     """
 
     file: str
@@ -90,7 +85,11 @@ class _GaugeReader(CellTable):
         headings = self.headings(width)
         angle, lifts, notes = self._assigned(headings, column)
         used = [angle, *lifts]
-        body = [(line, cells) for line, cells in self.rows[self.first :] if self._says(cells, used)]
+        body = [
+            (line, cells)
+            for line, cells in self.rows[self.first :]
+            if max(used) >= len(cells) or any(cells[i] for i in used)  # another width is an error
+        ]
         texts = [self.numbers(line, cells, headings, used) for line, cells in body]
         for (line, _), row in zip(body, texts, strict=True):
             if row[angle] == NOTHING:
@@ -118,14 +117,9 @@ class _GaugeReader(CellTable):
             (read, *notes, *words),
         )
 
-    def _says(self, cells: list[str], used: list[int]) -> bool:
-        """Whether a line has a reading: of another width, which is an error, or not all empty."""
-        return max(used) >= len(cells) or any(cells[i] for i in used)
-
     def _assigned(
         self, headings: list[Heading], column: str | None
     ) -> tuple[int, list[int], list[str]]:
-        """Index of the angles' column, those of lifts, and what had to be assumed."""
         angles = [i for i, one in enumerate(headings) if one.kind == "angle"]
         lifts = [i for i, one in enumerate(headings) if one.kind == "lift"]
         others = [i for i, one in enumerate(headings) if one.kind == "other"]
@@ -164,7 +158,6 @@ class _GaugeReader(CellTable):
 
 
 def _angle_factor(one: Heading, angles: list[float]) -> tuple[float, list[str]]:
-    """Factor to rad, and what had to be assumed."""
     if one.factor is not None:
         return one.factor, []
     around = max(angles) - min(angles)
@@ -174,20 +167,15 @@ def _angle_factor(one: Heading, angles: list[float]) -> tuple[float, list[str]]:
 
 #: Readings of one angle (rad) are nearer than this.
 SAME_ANGLE = 1e-6
-
 #: A gauge that shows less than this (m) is none.
 LEAST_RESOLUTION = 1e-9
-
 #: Levels on both sides of a stretch without readings are one within this part of the lift.
 OPEN = 0.05
-
 #: They differ by no more than so many scatters and steps of the gauge.
 REPEATED = 6.0
-
 #: An outlier is so many scatters from what its neighbours say, and so many times farther than any
 #: reading that is none: the few places where the law itself is not smooth come in numbers.
 OUTLIER, OUTLIER_ALONE = 6.0, 2.0
-
 #: Slips, at most: of all readings, and in parts of them. More is another kind of error.
 MOST_OUTLIERS, MOST_OUTLIERS_PART = 10, 0.05
 
@@ -204,19 +192,13 @@ class Outlier:
 
 @dataclass(frozen=True, eq=False)
 class Readings:
-    """Readings of one follower over one turn.
+    """Readings of one follower over one turn, ``(n,)`` each.
 
-    Parameters
-    ----------
-    name : of the file and the column
-    angles : ``(n,)`` rad, rising, from 0 on
-    lifts : ``(n,)`` m, above the gauge's own zero
-    lines : ``(n,)`` line of the file of each
-    resolution : the step in which lifts are written, m
-    gap : start and span (rad) of the longest stretch without readings
-    notes : what was done to them, a sentence each
-    outliers : readings that were left out, above the gauge's own zero
-    zero, zero_error : what was found in them as zero and subtracted, and its standard error, m
+    ``angles``: rad, rising, from 0 on; ``lifts``: m, above the gauge's own zero; ``lines``: of the
+    file; ``resolution``: the step in which lifts are written, m; ``gap``: start and span (rad) of
+    the longest stretch without readings; ``notes``: what was done to them, a sentence each;
+    ``outliers``: those left out, above the gauge's own zero; ``zero``, ``zero_error``: what was
+    subtracted as zero, and its standard error, m.
     """
 
     name: str
@@ -276,9 +258,7 @@ def put_in_order(table: GaugeTable, column: GaugeColumn, reverse: bool = False) 
 
 
 def _averaged(
-    table: GaugeTable,
-    column: GaugeColumn,
-    rows: tuple[FloatArray, FloatArray, NDArray[np.int64]],
+    table: GaugeTable, column: GaugeColumn, rows: tuple[FloatArray, FloatArray, NDArray[np.int64]]
 ) -> Readings:
     angles, lifts, lines = rows
     starts = np.flatnonzero(np.diff(angles, prepend=-1.0) > SAME_ANGLE)
@@ -339,10 +319,9 @@ def without_outliers(readings: Readings) -> Readings:
         clear = sizes[k] > OUTLIER * normal and sizes[k] > OUTLIER_ALONE * sizes[k + 1]
         if clear and _scattered(taken[: k + 1], readings.angles.size):
             outliers = k + 1
-    left = np.setdiff1d(np.arange(readings.angles.size), taken[:outliers])
-    return _leaving(
-        readings, left, tuple(_outlier(readings, left, i) for i in sorted(taken[:outliers]))
-    )
+    named = sorted(taken[:outliers])
+    left = np.setdiff1d(np.arange(readings.angles.size), named)
+    return _leaving(readings, left, named, [_beside(readings, left, i) for i in named])
 
 
 def with_outliers(readings: Readings) -> Readings:
@@ -351,9 +330,8 @@ def with_outliers(readings: Readings) -> Readings:
     angles = np.append(readings.angles, [one.angle for one in before])
     lifts = np.append(readings.lifts, [one.lift - readings.zero for one in before])
     lines = np.append(readings.lines, np.array([one.line for one in before], dtype=np.int64))
-    return _leaving(
-        replace(readings, angles=angles, lifts=lifts, lines=lines), np.argsort(angles), ()
-    )
+    whole = replace(readings, angles=angles, lifts=lifts, lines=lines)
+    return _leaving(whole, np.argsort(angles))
 
 
 def judged_by(readings: Readings, law: Callable[[FloatArray], FloatArray]) -> Readings:
@@ -369,27 +347,33 @@ def judged_by(readings: Readings, law: Callable[[FloatArray], FloatArray]) -> Re
         normal = max(rms(beside[farthest[k + 1 :]]), readings.rounding)
         if abs(beside[farthest[k]]) > OUTLIER * normal:
             outliers = k + 1
-    named = (
+    named = np.sort(farthest[:outliers])
+    return _leaving(whole, np.sort(farthest[outliers:]), named, beside[named])
+
+
+def _leaving(
+    readings: Readings,
+    left: NDArray[np.int64],
+    named: Sequence[int] | NDArray[np.int64] = (),
+    beside: Sequence[float] | FloatArray = (),
+) -> Readings:
+    """The readings that are left, the others named with how far they are off (m)."""
+    outliers = (
         Outlier(
-            int(whole.lines[i]),
-            float(whole.angles[i]),
-            float(whole.lifts[i]) + whole.zero,
-            float(beside[i]),
+            int(readings.lines[i]),
+            float(readings.angles[i]),
+            float(readings.lifts[i]) + readings.zero,
+            float(off),
         )
-        for i in sorted(farthest[:outliers])
+        for i, off in zip(named, beside, strict=True)
     )
-    return _leaving(whole, np.sort(farthest[outliers:]), tuple(named))
-
-
-def _leaving(readings: Readings, left: NDArray[np.int64], named: tuple[Outlier, ...]) -> Readings:
-    """The readings that are left, the others named."""
     return replace(
         readings,
         angles=readings.angles[left],
         lifts=readings.lifts[left],
         lines=readings.lines[left],
         gap=_widest_gap(readings.angles[left]),
-        outliers=named,
+        outliers=tuple(outliers),
     )
 
 
@@ -400,8 +384,8 @@ def _scattered(indices: list[int], count: int) -> bool:
     return bool(apart.min() >= WINDOW // 2)
 
 
-def _outlier(readings: Readings, left: NDArray[np.int64], index: int) -> Outlier:
-    """How far a reading is from the polynomial through three good neighbours on either side."""
+def _beside(readings: Readings, left: NDArray[np.int64], index: int) -> float:
+    """How far (m) a reading is from the polynomial through three good neighbours on either side."""
     ahead = (readings.angles[left] - readings.angles[index] + 0.5 * TURN) % TURN - 0.5 * TURN
     half = WINDOW // 2
     order = np.argsort(ahead)
@@ -409,13 +393,7 @@ def _outlier(readings: Readings, left: NDArray[np.int64], index: int) -> Outlier
     near = order[np.arange(place - half, place + half) % left.size]
     x, y = ahead[near], readings.lifts[left][near]
     lagrange = [np.prod(np.delete(x, i) / (np.delete(x, i) - x[i])) for i in range(x.size)]
-    lift = float(readings.lifts[index])
-    return Outlier(
-        int(readings.lines[index]),
-        float(readings.angles[index]),
-        lift,
-        lift - float(np.dot(lagrange, y)),
-    )
+    return float(readings.lifts[index]) - float(np.dot(lagrange, y))
 
 
 def gap_note(readings: Readings, arcs: bool) -> tuple[str, ...]:

@@ -8,11 +8,10 @@ from typing import Literal
 
 from cam_rig.errors import ConfigError
 from cam_rig.measured.cam_fit.arcs import FollowerKind
-from cam_rig.measured.cam_fit.arcs_file import arcs_cam, require_told
 from cam_rig.measured.cam_fit.arcs_fit import fit_arcs
 from cam_rig.measured.cam_fit.arcs_result import ArcsFit, Flank, Known
 from cam_rig.measured.cam_fit.dwells import above_zero
-from cam_rig.measured.cam_fit.files import CamFiles, spline_cam
+from cam_rig.measured.cam_fit.files import CamFiles, arcs_cam, require_told, spline_cam
 from cam_rig.measured.cam_fit.gauge import (
     GaugeColumn,
     GaugeTable,

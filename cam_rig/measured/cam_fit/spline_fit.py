@@ -26,14 +26,12 @@ from cam_rig.units import FloatArray
 #: Without a gauge's error the scatter is allowed, and so many of its standard errors: one that was
 #: found too small makes a spline of many knots, one found too large hardly another one.
 MARGIN = 2.0
-
 #: Where no spline comes near enough, it is allowed so many times the distance, and again.
 WIDER = 2.0
 
 
 #: Readings wider apart than this (deg) leave the law between them to the spline.
 WIDE_DEG = 5.0
-
 #: A reading is named where neighbours too contradict it by so many scatters, or all others do.
 CONTRADICTED = 2.5
 
@@ -42,16 +40,11 @@ CONTRADICTED = 2.5
 class SplineFit(Result):
     """What a spline through readings is, and how far it is from them; lengths in m.
 
-    Parameters
-    ----------
-    readings : those that were used, above the lowest lift
-    zero : what the gauge showed there
-    scatter : standard deviation of the readings about a smooth law, by themselves
-    asked : the gauge's error as it was given, None where it was not
-    tolerance : r.m.s. distance that the spline was allowed
-    widened : whether that had to be more than was asked for, or than the scatter: nearer, the
-        spline would need nearly a knot a reading
-    notes : how the readings were read, a sentence each
+    ``zero``: what the gauge showed at the lowest lift; ``scatter``: standard deviation of the
+    readings about a smooth law, by themselves; ``asked``: the gauge's error as it was given;
+    ``tolerance``: r.m.s. distance that the spline was allowed; ``widened``: whether that had to be
+    more than was asked for, or than the scatter: nearer, the spline would need nearly a knot a
+    reading; ``notes``: how the readings were read.
     """
 
     schema = "cam_rig.fit_spline.1"
@@ -216,7 +209,7 @@ def fit_spline(readings: Readings, asked: float | None = None) -> SplineFit:
         asked,
         allowed,
         allowed > tolerance,
-        tuple(_above(dwell, zero) for dwell in dwells),
+        tuple(dwell.at_level(dwell.rest.level - zero) for dwell in dwells),
         smoothed,
         _law(smoothed),
     )
@@ -280,10 +273,6 @@ def _require_same_lift(readings: Readings, law: Law, allowed: float) -> None:
             f"{height * 1e3:.4g} mm; allowed: the same within {SAME_LIFT:g} of it, so read finer "
             "where the cam is steep"
         )
-
-
-def _above(dwell: FoundDwell, zero: float) -> FoundDwell:
-    return replace(dwell, rest=dwell.rest._replace(level=dwell.rest.level - zero))
 
 
 def _law(smoothed: Smoothed) -> Law:

@@ -5,37 +5,30 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from cam_rig.measured.real_run.model_run import ModelRun, SteadyStretch
 from cam_rig.simulation.instruments import Signal
-from cam_rig.units import TURN, FloatArray, correlation_length
+from cam_rig.units import TURN, FloatArray, correlation_length, rms
 
 #: Orders of the cam that a turn's readings are compared by, and readings it needs for that.
 ORDERS, LEAST_READINGS = 24, 12
-
 #: Angles a turn at which the first offset is looked for.
 ANGLES = 2048
-
 #: A clock's error shows where it is so many standard errors, and moves the lift by so much (rad).
 SHOWS, LEAST_SHIFT = 5.0, 1e-3
-
 #: Standard deviations within which nine of ten readings are; a spread that is none, of the lift.
 NINETY, FINEST = 1.645, 1e-6
-
 #: Readings farther off than so many standard deviations (landings) do not count.
 CLIP = 4.0
-
 #: Slower than this part of the fastest, the follower does not say which way it goes.
 MOVES = 0.05
-
 #: All speeds are taken where they leave no more than this times what the others do.
 AS_GOOD = 1.2
-
 #: Steps at most, and a step (rad) that is none.
 MAX_STEPS, SETTLED = 4, 1e-6
-
 NAMES = ("offset", "zero", "lag", "delay", "drift")
 
 
@@ -43,15 +36,12 @@ NAMES = ("offset", "zero", "lag", "delay", "drift")
 class Alignment:
     """How the sensors' readings lie on the cam's angle.
 
-    Parameters
-    ----------
-    offset : rad, the cam's angle less the encoder's
-    delay : s, what the sensors' stamps are late by is below 0
-    drift : s a second, by how much the sensors' clock is slow
-    zero : m, what the gauge shows at no lift
-    lag : m, half the width of the lift's hysteresis; below 0 the gauge lags, as with backlash
-    scatter : m, r.m.s. of what is left of the lift
-    errors : standard errors of these five, in the same order as `NAMES`; 0 of what was not fitted
+    ``offset``: rad, the cam's angle less the encoder's; ``delay``: s, what the sensors' stamps are
+    late by is below 0; ``drift``: s a second, by how much the sensors' clock is slow; ``zero``: m,
+    what the gauge shows at no lift; ``lag``: m, half the width of the lift's hysteresis; below 0
+    the gauge lags, as with backlash; ``scatter``: m, r.m.s. of what is left of the lift;
+    ``errors``: standard errors of these five, in the same order as `NAMES`; 0 of what was not
+    fitted.
     """
 
     offset: float = 0.0
@@ -110,11 +100,7 @@ def _speeds(stretches: Sequence[SteadyStretch]) -> tuple[float, bool]:
 
 
 def _fitted(
-    found: Alignment,
-    stretches: Sequence[SteadyStretch],
-    lift: Signal,
-    drive: Drive,
-    fixed: bool,
+    found: Alignment, stretches: Sequence[SteadyStretch], lift: Signal, drive: Drive, fixed: bool
 ) -> Alignment:
     """All numbers; then again without a delay or drift that does not show."""
     fastest, several = _speeds(stretches)
@@ -130,12 +116,8 @@ def _fitted(
     }
     if not hidden & names:
         return found
-    found = replace(
-        found,
-        delay=0.0 if "delay" in hidden else found.delay,
-        drift=0.0 if "drift" in hidden else found.drift,
-    )
-    return _iterated(found, stretches, lift, drive, names - hidden)
+    none: dict[str, Any] = dict.fromkeys(hidden, 0.0)
+    return _iterated(replace(found, **none), stretches, lift, drive, names - hidden)
 
 
 def _first(runs: Sequence[ModelRun], given: float, lift: Signal) -> Alignment | None:
@@ -222,26 +204,25 @@ def _improved(
     }
     chosen = [name for name in NAMES if name in names]
     matrix = np.column_stack([by_name[name] for name in chosen])
-    known = {name: getattr(found, name) for name in ("zero", "lag") if name in chosen}
     off = rest - found.zero - found.lag * sign
     apart = np.abs(off - np.median(off))  # on a long dwell most readings say nothing of the angle
-    spread = max(
-        float(np.percentile(apart, 90.0)) / NINETY, FINEST * float(np.ptp(modelled[there]))
-    )
-    near = apart <= CLIP * spread
+    least = FINEST * float(np.ptp(modelled[there]))
+    near = apart <= CLIP * max(float(np.percentile(apart, 90.0)) / NINETY, least)
     scale = np.abs(matrix).max(axis=0)
-    step, _, rank, _ = np.linalg.lstsq(matrix[near] / scale, rest[near], rcond=None)
+    scaled = matrix[near] / scale
+    step, _, rank, _ = np.linalg.lstsq(scaled, rest[near], rcond=None)
     if rank < len(chosen):
         return found
-    left = rest[near] - matrix[near] / scale @ step
+    left = rest[near] - scaled @ step
     # correlated residuals count as fewer, else a clock's error would show in any of them
     variance = correlation_length(left) * float(left @ left) / max(left.size - len(chosen), 1)
-    inverse = np.linalg.inv((matrix[near] / scale).T @ (matrix[near] / scale))
+    inverse = np.linalg.inv(scaled.T @ scaled)
     errors = dict(zip(chosen, np.sqrt(variance * np.diag(inverse)) / scale, strict=True))
     change = dict(zip(chosen, (step / scale).tolist(), strict=True))
     values = {
-        name: change[name] + (0.0 if name in known else getattr(found, name)) for name in chosen
+        name: change[name] + (0.0 if name in ("zero", "lag") else getattr(found, name))
+        for name in chosen
     }
     every = rest - matrix / scale @ step
     all_errors = tuple(float(errors.get(name, 0.0)) for name in NAMES)
-    return replace(found, **values, scatter=math.sqrt(float(np.mean(every**2))), errors=all_errors)
+    return replace(found, **values, scatter=rms(every), errors=all_errors)

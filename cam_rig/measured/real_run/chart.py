@@ -9,7 +9,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from cam_rig.measured.real_run.comparison import QUANTITIES, OverTurn, SpeedDeparture
+from cam_rig.measured.real_run.comparison import QUANTITIES, SpeedDeparture
 from cam_rig.measured.real_run.run import RunComparison
 from cam_rig.show import looks as colours
 from cam_rig.show.chart import (
@@ -25,13 +25,10 @@ from cam_rig.show.looks import EQUAL, is_rounding, reach, title_of
 
 #: Each is drawn as measured, of the model, and their difference.
 CHARTS = ("measured", "model", "difference")
-
 #: Radius on the screen of a curve, size of a chart's plane, and how words stand beside it.
 STROKE, WIDTH, HEIGHT, RAISED = -1.4, 160.0, 120.0, 0.06
-
 #: Marks of the cam angle, °; room for half of the last one, and for those below, as shares.
 DEGREES = {float(at): f"{at}°" for at in range(0, 361, 90)}
-
 RIGHT, BELOW = 0.1, 0.16
 
 
@@ -96,7 +93,7 @@ def _view(
 
 def _axes(rows: Sequence[SpeedDeparture], quantity: str) -> dict[str, Axes]:
     """Axes by chart, the same for measured and model; none where it was not measured."""
-    turns = _turns(rows, quantity)
+    turns = [row.drawn[quantity] for row in rows if quantity in row.drawn]
     if not turns:
         return {}
     factor, apart = QUANTITIES[quantity][2], reach(_largest(rows, quantity))
@@ -110,21 +107,15 @@ def _axes(rows: Sequence[SpeedDeparture], quantity: str) -> dict[str, Axes]:
     }
 
 
-def _turns(rows: Sequence[SpeedDeparture], quantity: str) -> list[OverTurn]:
-    return [turn for row in rows if (turn := row.turn(quantity)) is not None]
-
-
 def _largest(rows: Sequence[SpeedDeparture], quantity: str) -> float:
     """The largest difference, in the unit that differences are shown in."""
-    found = [float(np.abs(turn.difference).max()) for turn in _turns(rows, quantity)]
+    turns = [row.drawn[quantity] for row in rows if quantity in row.drawn]
+    found = [float(np.abs(turn.difference).max()) for turn in turns]
     return QUANTITIES[quantity][4] * max(found, default=0.0)
 
 
 def _draw(
-    stream: rr.RecordingStream,
-    rows: Sequence[SpeedDeparture],
-    quantity: str,
-    axes: dict[str, Axes],
+    stream: rr.RecordingStream, rows: Sequence[SpeedDeparture], quantity: str, axes: dict[str, Axes]
 ) -> None:
     _, unit, factor, small, fine, colour = QUANTITIES[quantity]
     for chart, place in axes.items():
@@ -132,7 +123,7 @@ def _draw(
         words = round_marks(*place.y, small if chart == "difference" else unit)
         place.draw(stream, f"{view}/axes", DEGREES, words)
     for row in rows:
-        turn = row.turn(quantity)
+        turn = row.drawn.get(quantity)
         if turn is None:
             continue
         stream.set_time(SPEED, sequence=round(row.rpm))

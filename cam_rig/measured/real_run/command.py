@@ -19,14 +19,12 @@ Topics = Annotated[
         "angle, lift, force, level; SI without a unit.",
     ),
 ]
-
 Offset = Annotated[
     float | None,
     typer.Option(
         metavar="DEG", help="Cam angle less the encoder's; by default found from the lift."
     ),
 ]
-
 Rig = Annotated[
     str | None, typer.Option("--namespace", help="One rig of a bag that holds several: /rig2.")
 ]

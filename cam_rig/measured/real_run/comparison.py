@@ -6,7 +6,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cam_rig.laws import Law
 from cam_rig.measured.real_run.deviation import (
@@ -18,19 +17,16 @@ from cam_rig.measured.real_run.deviation import (
     lost_contact,
 )
 from cam_rig.show import looks
-from cam_rig.units import TURN, FloatArray
+from cam_rig.units import TURN
 
 # A frequency that stands out of a difference: a sensor or its mounting may have it.
 
 #: Readings of a part whose spectrum is taken, at most, and parts, at least.
 LONGEST, PARTS = 1024, 4
-
 #: A peak so many times the median stands out.
 STANDS_OUT = 30.0
-
 #: Frequencies that differ by less than this part are one; speeds by more are several.
 SAME, OTHER = 0.05, 0.15
-
 #: Below this order of the cam a difference is the motion's: of mass, spring, damping.
 LOWEST_ORDER = 8.0
 
@@ -56,13 +52,6 @@ def common_frequency(speeds: Sequence[float], peaks: Sequence[float | None]) -> 
     """The frequency (Hz) that stands out at several speeds (rpm) alike; None: it moves with them.
 
     What the cam excites moves with its speed; what rings by itself does not.
-
-    Examples
-    --------
-    >>> common_frequency([200.0, 300.0, 400.0], [151.0, 149.0, 150.0])
-    150.0
-    >>> common_frequency([200.0, 300.0, 400.0], [20.0, 30.0, 40.0]) is None
-    True
     """
     found = [(speed, peak) for speed, peak in zip(speeds, peaks, strict=True) if peak is not None]
     if len(found) < 2:
@@ -81,41 +70,17 @@ QUANTITIES = {
     "lift": ("lift", "mm", 1e3, "µm", 1e6, looks.LIFT),
     "force": ("contact force", "N", 1.0, "N", 1.0, looks.FORCE),
 }
-
 #: Readings of a drawn turn, at least and at most.
 LEAST_DRAWN, MOST_DRAWN = 300, 1500
 
 
 @dataclass(frozen=True, eq=False)
-class OverTurn:
-    """One turn of a quantity for a picture: cam angle (°, rising), measured, model; ``(n,)``.
-
-    ``calm`` are those not beside a jump of the model, which count.
-    """
-
-    degrees: FloatArray
-    measured: FloatArray
-    model: FloatArray
-    calm: NDArray[np.bool_]
-
-    @property
-    def difference(self) -> FloatArray:
-        """Measured less model."""
-        return self.measured - self.model
-
-
-@dataclass(frozen=True, eq=False)
 class SpeedDeparture:
-    """One cam at one speed.
+    """One cam at one speed; what is None was not measured.
 
-    Parameters
-    ----------
-    rpm, turns : mean speed, settled turns
-    lift, force : None where it was not measured
-    contact : lift-offs and when; None where neither lift nor force was measured
-    measured_db, model_db : sound level, dB re 20 µPa; None where there is none
-    peak_hz : frequency that stands out of the force's difference; None: none does
-    lift_turn, force_turn : the last turn, for a picture
+    ``turns``: settled; ``measured_db``, ``model_db``: sound level, dB re 20 µPa; ``peak_hz``:
+    frequency that stands out of the force's difference; ``drawn``: the last turn of each of
+    `QUANTITIES`, for a picture.
     """
 
     cam: str
@@ -127,8 +92,7 @@ class SpeedDeparture:
     measured_db: float | None
     model_db: float | None
     peak_hz: float | None
-    lift_turn: OverTurn | None
-    force_turn: OverTurn | None
+    drawn: dict[str, PairedSignal]
 
     @property
     def level_difference(self) -> float | None:
@@ -148,15 +112,6 @@ class SpeedDeparture:
         degrees = None if self.contact is None else self.contact.degrees
         return None if degrees is None else float(np.radians(degrees))
 
-    def turn(self, quantity: str) -> OverTurn | None:
-        """The last turn of one of `QUANTITIES`."""
-        return self.lift_turn if quantity == "lift" else self.force_turn
-
-    @property
-    def agrees(self) -> bool:
-        """Whether lift and force agree within their noise, or exactly where there is none."""
-        return all(one is None or one.within for one in (self.lift, self.force))
-
 
 def compare_steps(steps: Iterable[PairedStep], laws: dict[str, Law]) -> list[SpeedDeparture]:
     """A row for each step; no more than one step is held at a time."""
@@ -164,9 +119,8 @@ def compare_steps(steps: Iterable[PairedStep], laws: dict[str, Law]) -> list[Spe
 
 
 def _row(step: PairedStep, law: Law) -> SpeedDeparture:
-    lift, force = (
-        None if pair is None else departure(pair, step.exact) for pair in (step.lift, step.force)
-    )
+    pairs = {"lift": step.lift, "force": step.force}
+    lift, force = (None if pair is None else departure(pair, step.exact) for pair in pairs.values())
     seen = step.force is not None and force is not None and not step.exact and not force.within
     return SpeedDeparture(
         cam=step.cam,
@@ -178,22 +132,15 @@ def _row(step: PairedStep, law: Law) -> SpeedDeparture:
         measured_db=step.levels[0],
         model_db=step.levels[1],
         peak_hz=peak_frequency(step.force) if seen and step.force is not None else None,
-        lift_turn=_over_turn(step.lift),
-        force_turn=_over_turn(step.force),
+        drawn={name: _last_turn(pair) for name, pair in pairs.items() if pair is not None},
     )
 
 
-def _over_turn(pair: PairedSignal | None) -> OverTurn | None:
-    """The last turn, or as many of the last as have enough readings, over the cam angle."""
-    if pair is None:
-        return None
+def _last_turn(pair: PairedSignal) -> PairedSignal:
+    """The last turn, or as many of the last as have enough readings, in the order of the angle."""
     count = int(np.count_nonzero(pair.angle > pair.angle[-1] - TURN))
-    count = min(pair.angle.size, max(count, LEAST_DRAWN))
-    inside = np.degrees(np.remainder(pair.angle[-count:], TURN))
-    order = np.argsort(inside, kind="stable")
+    last = pair.some(slice(-min(pair.angle.size, max(count, LEAST_DRAWN)), None))
+    order = np.argsort(last.degrees, kind="stable")
     if order.size > MOST_DRAWN:
         order = order[np.linspace(0, order.size - 1, MOST_DRAWN).astype(np.intp)]
-    measured, model = pair.measured[-count:][order], pair.model[-count:][order]
-    beside = pair.beside_jump
-    calm = np.ones(order.size, dtype=bool) if beside is None else ~beside[-count:][order]
-    return OverTurn(inside[order], measured, model, calm)
+    return last.some(order)

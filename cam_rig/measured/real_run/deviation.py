@@ -11,21 +11,17 @@ from numpy.typing import NDArray
 
 from cam_rig.laws import Law
 from cam_rig.simulation.by_speed import OFF_THE_CAM
-from cam_rig.units import RPM, TURN, FloatArray
+from cam_rig.units import RPM, TURN, FloatArray, rms
 
 # What was measured and what the model has, at the same instants.
 
 
 @dataclass(frozen=True, eq=False)
 class PairedSignal:
-    """One quantity, measured and of the model.
+    """One quantity, measured and of the model at the same instants, SI, ``(n,)`` each.
 
-    Parameters
-    ----------
-    time : s, ``(n,)``, on the clock of the cam angle
-    angle : cam angle with all its turns, rad, ``(n,)``
-    measured, model : the quantity at these instants, SI, ``(n,)``
-    beside_jump : ``(n,)``, whether the model jumps close by; None: nowhere
+    ``time``: s, on the clock of the cam angle; ``angle``: of the cam with all its turns, rad;
+    ``beside_jump``: whether the model jumps close by; None: nowhere.
     """
 
     time: FloatArray
@@ -34,14 +30,24 @@ class PairedSignal:
     model: FloatArray
     beside_jump: NDArray[np.bool_] | None = None
 
-    def calm(self) -> PairedSignal:
-        """The readings that are not beside a jump."""
-        if self.beside_jump is None:
-            return self
-        kept = ~self.beside_jump
-        return PairedSignal(
-            self.time[kept], self.angle[kept], self.measured[kept], self.model[kept]
+    @property
+    def calm(self) -> NDArray[np.bool_]:
+        """Which readings are not beside a jump."""
+        return (
+            np.ones(self.time.size, dtype=bool) if self.beside_jump is None else ~self.beside_jump
         )
+
+    @property
+    def degrees(self) -> FloatArray:
+        """Cam angle in its turn, °."""
+        return np.degrees(np.remainder(self.angle, TURN))
+
+    def some(self, which: slice | NDArray[np.bool_ | np.intp]) -> PairedSignal:
+        """Some of the readings."""
+        time, angle, measured, model = (
+            array[which] for array in (self.time, self.angle, self.measured, self.model)
+        )
+        return PairedSignal(time, angle, measured, model, ~self.calm[which])
 
     @property
     def difference(self) -> FloatArray:
@@ -51,15 +57,10 @@ class PairedSignal:
 
 @dataclass(frozen=True, eq=False)
 class PairedStep:
-    """The settled turns of one cam at one speed.
+    """The settled turns of one cam at one speed; what is None was not measured.
 
-    Parameters
-    ----------
-    rpm : mean speed
-    turns : how many settled turns
-    lift, force : None where it was not measured
-    levels : measured and of the model, dB re 20 µPa; None where there is none
-    exact : whether the model was driven with the very states of the cam, sample by sample
+    ``levels``: measured and of the model, dB re 20 µPa; ``exact``: whether the model was driven
+    with the very states of the cam, sample by sample.
     """
 
     cam: str
@@ -73,42 +74,29 @@ class PairedStep:
 
 #: Parts of a turn in which noise is estimated, and over which differences are averaged.
 BINS = 180
-
 #: Readings in a part of a turn from which its noise is estimated, at least: of fewer, the square
 #: of the median is too large.
 LEAST = 40
-
 #: Median of the absolute value of normal noise, in standard deviations.
 MEDIAN = 0.6744897501960817
-
 #: What the noise does not explain is within it up to this part of it: an estimate has its error.
 WITHIN = 0.5
-
 #: Twice the standard error of what is left of the mean square, for one reading.
 NOISE_ERROR = 5.4
-
 #: Parts of the model's range: no bench shows finer differences; turns alike differ by less.
 FINEST, LEAST_UNREST = 2e-4, 0.02
-
 #: Exactly driven, two numbers that differ by this part of the largest value are one.
 ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class Departure:
-    """Measured less model over the settled turns of one speed.
+    """Measured less model over the settled turns of one speed, SI.
 
-    Parameters
-    ----------
-    rms : root mean square of the difference, SI
-    noise : r.m.s. scatter of the readings from turn to turn, SI; 0 where it was driven exactly
-    largest : the difference of the largest size, with its sign; of the mean over the turns, in
-        parts of 2°, where there is noise
-    degrees : cam angle in its turn at which that is
-    scale : largest less least value of the model
-    unrest : SI, by so much the model's own turns differ from each other in 5 % of the turn
-    exact : whether the model was driven with the very states of the cam
-    readings : how many
+    ``noise``: r.m.s. scatter from turn to turn, 0 where it was driven exactly; ``largest``: with
+    its sign, of the mean over the turns in parts of 2° where there is noise; ``degrees``: cam angle
+    in its turn at which that is; ``scale``: the model's range; ``unrest``: by so much the model's
+    own turns differ in 5 % of the turn; ``exact``: as in `PairedStep`.
     """
 
     rms: float
@@ -146,33 +134,20 @@ class Departure:
 
 
 def departure(pair: PairedSignal, exact: bool) -> Departure:
-    """How far the measured is from the model, beside no jump.
-
-    Examples
-    --------
-    >>> angle = np.linspace(0.0, 10.0 * TURN, 20000)
-    >>> rng = np.random.default_rng(1)
-    >>> pair = PairedSignal(angle, angle, np.cos(angle) + rng.normal(0, 0.01, 20000), np.cos(angle))
-    >>> found = departure(pair, exact=False)
-    >>> bool(abs(found.noise - 0.01) < 3e-4), found.within
-    (True, True)
-    """
-    pair = pair.calm()
+    """How far the measured is from the model, beside no jump."""
+    pair = pair.some(pair.calm)
     difference = pair.difference
-    rms = math.sqrt(float(np.mean(difference**2)))
-    scale = float(np.ptp(pair.model))
+    size, scale = rms(difference), float(np.ptp(pair.model))
     if exact:
         at = int(np.argmax(np.abs(difference)))
-        degrees = float(np.degrees(np.remainder(pair.angle[at], TURN)))
-        return Departure(
-            rms, 0.0, float(difference[at]), degrees, scale, 0.0, exact, difference.size
-        )
+        largest, degrees = float(difference[at]), float(pair.degrees[at])
+        return Departure(size, 0.0, largest, degrees, scale, 0.0, exact, difference.size)
     noise = scatter(pair.angle, difference)
     places, means = mean_over_turns(pair.angle, difference)
     at = int(np.argmax(np.abs(means)))
     unrest = float(np.percentile(np.abs(_off_neighbours(pair.angle, pair.model)), 95.0))
     largest, degrees = float(means[at]), float(places[at])
-    return Departure(rms, noise, largest, degrees, scale, unrest, exact, difference.size)
+    return Departure(size, noise, largest, degrees, scale, unrest, exact, difference.size)
 
 
 def mean_over_turns(angle: FloatArray, value: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -197,7 +172,7 @@ def scatter(angle: FloatArray, value: FloatArray) -> float:
         return 0.0
     bins = max(1, min(BINS, off.size // LEAST))
     medians = [float(np.median(part)) for part in np.array_split(off, bins)]
-    return math.sqrt(float(np.mean(np.square(medians)))) / MEDIAN
+    return rms(medians) / MEDIAN
 
 
 def _off_neighbours(angle: FloatArray, value: FloatArray) -> FloatArray:
@@ -218,30 +193,22 @@ def _off_neighbours(angle: FloatArray, value: FloatArray) -> FloatArray:
 
 #: A force counts as lost below so many standard deviations of its noise,
 SIGMAS = 4.0
-
 #: and below this part of its mean: a load cell's zero is not exact.
 PART_OF_MEAN = 0.02
-
 #: Where no force was measured: m, the follower is off by more than this part of the lift.
 PART_OF_LIFT = 2e-3
-
 #: Neighbours whose mean tells a lost contact from noise.
 NEIGHBOURS = 5
-
 #: A measured and a modelled event this far apart (rad) are not the same one.
 NEAR = TURN / 12.0
 
 
 @dataclass(frozen=True)
 class LostContact:
-    """Lift-offs and landings of one speed.
+    """Lift-offs a turn of one speed, and how much later events are measured.
 
-    Parameters
-    ----------
-    measured, model : lift-offs a turn
-    shift : s, median of measured less modelled time of the events that both have; None: no such
-    degrees : the same as cam angle, °
-    rule : in words, what counts as lost
+    ``shift``: s, median over the events that both have; None: no such; ``degrees``: the same as cam
+    angle, °; ``rule``: in words, what counts as lost.
     """
 
     measured: float
@@ -261,8 +228,9 @@ def lost_contact(step: PairedStep, law: Law) -> LostContact | None:
             _exactly(pair.model, step.lift.model, step.lift.angle, law),
         )
     elif step.force is not None:
-        pair, limit, zero, rule = _of_force(step.force)
-        clear = limit - zero
+        pair = step.force
+        limit, zero = _of_force(pair)
+        clear, rule = limit - zero, f"F < {limit:.3g} N"
         lost = (pair.measured - limit, pair.model - limit)
     elif step.lift is not None:
         pair, rise = step.lift, law(np.remainder(step.lift.angle, TURN))
@@ -286,7 +254,7 @@ def _exactly(force: FloatArray, lift: FloatArray, angle: FloatArray, law: Law) -
     return np.where((force <= 0.0) & ~off, 1.0, force)
 
 
-def _of_force(pair: PairedSignal) -> tuple[PairedSignal, float, float, str]:
+def _of_force(pair: PairedSignal) -> tuple[float, float]:
     """The force below which contact may be lost, and that below which the mean of some is none."""
     places, means = mean_over_turns(pair.angle, pair.measured)
     lowest = places[np.argsort(means)[: max(1, means.size // 20)]]
@@ -294,8 +262,7 @@ def _of_force(pair: PairedSignal) -> tuple[PairedSignal, float, float, str]:
     near = np.abs(part[:, None] - lowest).min(axis=1) <= 360.0 / means.size
     noise = scatter(pair.angle[near], pair.difference[near]) if near.sum() > 2 else 0.0
     error = PART_OF_MEAN * float(pair.measured.mean())
-    limit, zero = max(SIGMAS * noise, error), max(noise, 0.5 * error)
-    return pair, limit, zero, f"F < {limit:.3g} N"
+    return max(SIGMAS * noise, error), max(noise, 0.5 * error)
 
 
 def _events(
@@ -307,14 +274,14 @@ def _events(
     on a dwell a small force may fall below the limit now and then.
     """
     lost = above <= 0.0
-    if not exact:
-        lost = _without_single(lost)
-    changes = np.flatnonzero(lost[1:] != lost[:-1])
-    edges = np.r_[0, changes + 1, lost.size]
+    if not exact:  # the majority of each reading and its neighbours: noise alone changes nothing
+        padded = np.pad(lost.astype(np.intp), 1, mode="edge")
+        lost = padded[:-2] + padded[1:-1] + padded[2:] >= 2
+    edges = np.r_[0, np.flatnonzero(np.diff(lost)) + 1, lost.size]
     for begin, end in pairwise(edges.tolist()):
         if lost[begin] and _lowest_mean(above[begin:end]) > -clear:
             lost[begin:end] = False
-    changes = np.flatnonzero(lost[1:] != lost[:-1])
+    changes = np.flatnonzero(np.diff(lost))
     if not changes.size:
         return np.empty(0), np.empty(0)
     before, after = above[changes], above[changes + 1]
@@ -326,15 +293,8 @@ def _events(
 
 
 def _lowest_mean(values: FloatArray) -> float:
-    """The lowest mean of neighbours."""
     count = min(NEIGHBOURS, values.size)
     return float(np.convolve(values, np.full(count, 1.0 / count), mode="valid").min())
-
-
-def _without_single(lost: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The majority of each reading and its neighbours: noise alone changes nothing."""
-    padded = np.pad(lost.astype(np.intp), 1, mode="edge")
-    return padded[:-2] + padded[1:-1] + padded[2:] >= 2
 
 
 def _median_shift(

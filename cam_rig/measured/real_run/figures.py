@@ -9,7 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cam_rig.measured.real_run.comparison import QUANTITIES, OverTurn, SpeedDeparture
+from cam_rig.measured.real_run.comparison import QUANTITIES, SpeedDeparture
+from cam_rig.measured.real_run.deviation import PairedSignal
 from cam_rig.measured.real_run.run import RunComparison
 from cam_rig.show import looks as colours
 from cam_rig.show.figure import CAM_ANGLE, empty, styled, turn_axis
@@ -17,7 +18,6 @@ from cam_rig.show.looks import EQUAL, is_rounding, reach, title_of, web
 
 #: More readings a turn than this are drawn as a line.
 MANY = 600
-
 #: What its grey points are.
 BESIDE = "beside a jump of the force: not counted"
 
@@ -26,7 +26,7 @@ def chosen(rows: Sequence[SpeedDeparture]) -> list[SpeedDeparture]:
     """Of each cam the lowest speed, the first with lift-offs, and the highest; with curves."""
     found: list[SpeedDeparture] = []
     for cam in dict.fromkeys(row.cam for row in rows):
-        here = [row for row in rows if row.cam == cam and (row.lift_turn or row.force_turn)]
+        here = [row for row in rows if row.cam == cam and row.drawn]
         here.sort(key=lambda row: row.rpm)
         leaving = [row for row in here if row.contact and row.contact.measured >= 0.5]
         some = {id(row): row for row in (*here[:1], *leaving[:1], *here[-1:])}
@@ -41,7 +41,7 @@ def figure(found: RunComparison) -> Figure:
     by_cam: dict[str, list[SpeedDeparture]] = {}
     for row in chosen(rows):
         by_cam.setdefault(row.cam, []).append(row)
-    shown = [name for name in QUANTITIES if any(row.turn(name) for row in rows)]
+    shown = [name for name in QUANTITIES if any(name in row.drawn for row in rows)]
     across = max((len(columns) for columns in by_cam.values()), default=1)
     down = len(shown) * len(by_cam)
     if not down:
@@ -71,12 +71,11 @@ def figure(found: RunComparison) -> Figure:
 def _block(
     panels: Any, title: str, columns: Sequence[SpeedDeparture], shown: Sequence[str]
 ) -> None:
-    """The panels of one cam."""
     for j, row in enumerate(columns):
         panels[0, j].set_title(f"{title}\n{row.rpm:.6g} rpm")
     for i, name in enumerate(shown):
         words, unit, factor, small, fine, colour = QUANTITIES[name]
-        turns = {j: turn for j, row in enumerate(columns) if (turn := row.turn(name)) is not None}
+        turns = {j: row.drawn[name] for j, row in enumerate(columns) if name in row.drawn}
         for j, turn in turns.items():
             _curves(panels[2 * i, j], turn, factor, web(colour), name)
             _difference(panels[2 * i + 1, j], turn, fine)
@@ -90,7 +89,7 @@ def _block(
             panels[2 * i + 1, 0].set_title(EQUAL, loc="left", fontsize="medium")
 
 
-def _curves(axes: Axes, turn: OverTurn, factor: float, colour: str, name: str) -> None:
+def _curves(axes: Axes, turn: PairedSignal, factor: float, colour: str, name: str) -> None:
     many = turn.degrees.size > MANY
     style = {"lw": 3.0} if many else {"lw": 0.0, "marker": ".", "ms": 4.0}
     axes.plot(
@@ -100,7 +99,7 @@ def _curves(axes: Axes, turn: OverTurn, factor: float, colour: str, name: str) -
     turn_axis(axes)
 
 
-def _difference(axes: Axes, turn: OverTurn, factor: float) -> None:
+def _difference(axes: Axes, turn: PairedSignal, factor: float) -> None:
     axes.axhline(0.0, color="0.1", lw=0.8)
     difference = turn.difference * factor
     dots: dict[str, Any] = {"lw": 0.0, "marker": ".", "ms": 2.5}

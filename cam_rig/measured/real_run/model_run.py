@@ -19,13 +19,10 @@ from cam_rig.units import NS, TURN, FloatArray, to_rpm
 
 #: Turns whose mean speeds differ by less than this part are of one speed; or by this many counts.
 SAME_SPEED, SAME_COUNTS = 0.02, 4.0
-
 #: A gap in which the cam turned by less (rad) does not end a stretch.
 SMALL_GAP = TURN / 8.0
-
 #: Knots a turn of a motion that is not steady, and readings between two, at least.
 KNOTS, READINGS = 8, 6
-
 #: A line is kept unless a curve leaves less than this part of its scatter.
 BETTER = 0.9
 
@@ -34,12 +31,9 @@ BETTER = 0.9
 class SteadyStretch:
     """Turns at one speed: θ at ``knots`` (s), with quadratic pieces between them.
 
-    Parameters
-    ----------
-    angle, speed : ``(k,)`` rad with all turns, and rad/s, at the knots
-    scatter : rad, r.m.s. of the readings about the motion
-    largest : rad, the farthest of them
-    line : whether one speed is held throughout
+    ``angle``, ``speed``: ``(k,)`` rad with all turns, and rad/s, at the knots; ``scatter``,
+    ``largest``: r.m.s. and largest distance of the readings from the motion, rad; ``line``: whether
+    one speed is held throughout.
     """
 
     knots: FloatArray

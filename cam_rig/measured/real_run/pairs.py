@@ -27,14 +27,8 @@ from cam_rig.simulation.simulate import (
 )
 from cam_rig.units import TURN, FloatArray, to_rpm
 
-
-@dataclass(frozen=True, eq=False)
-class _ModelTick:
-    """A tick of the model, its sound pressure (Pa), and where it was put down after a loss."""
-
-    samples: TickSamples
-    pressure: float
-    put_down: CamState | None
+#: A tick of the model, its sound pressure (Pa), and where it was put down after a loss.
+ModelTick = tuple[TickSamples, float, CamState | None]
 
 
 @dataclass
@@ -78,10 +72,7 @@ class RecordedPairs:
     lost: int = 0
 
     def steps(
-        self,
-        ticks: Iterable[TickSamples],
-        states: Iterable[CamState],
-        pressures: dict[int, float],
+        self, ticks: Iterable[TickSamples], states: Iterable[CamState], pressures: dict[int, float]
     ) -> Iterator[PairedStep]:
         """Pair the settled turns of each cam and speed.
 
@@ -95,10 +86,9 @@ class RecordedPairs:
             if parts is not None and (key != (parts.cam, parts.speed) or not tick.steady):
                 yield from [parts.step()] if parts.rows else []
                 parts = None
-            settled = settling.is_over(tick.start, tick.steady)
-            if not settled:
+            if not settling.is_over(tick.start, tick.steady):
                 continue
-            down = model.put_down
+            down = model[2]
             if down is not None and tick.start.since(down) / TURN <= settle - 1e-6:
                 continue
             parts = parts or _StepParts(*key)
@@ -108,8 +98,7 @@ class RecordedPairs:
 
     def _both(
         self, ticks: Iterable[TickSamples], states: Iterable[CamState]
-    ) -> Iterator[tuple[TickSamples, _ModelTick]]:
-        """Each tick of the bag with the model's that begins with the same state."""
+    ) -> Iterator[tuple[TickSamples, ModelTick]]:
         ticks = iter(ticks)
         first = next(ticks, None)
         if first is None:
@@ -118,19 +107,17 @@ class RecordedPairs:
         models = self._model(states, rate or int(self.loaded.scene.sample_rate.si))
         here, used = next(models, None), False
         for tick in chain([first], ticks):
-            while here is not None and here.samples.start.time_ns < tick.start.time_ns:
+            while here is not None and here[0].start.time_ns < tick.start.time_ns:
                 self.lost += not used
                 here, used = next(models, None), False
-            if here is not None and here.samples.start == tick.start:
+            if here is not None and here[0].start == tick.start:
                 used = True
                 yield tick, here
 
-    def _model(self, states: Iterable[CamState], rate: int) -> Iterator[_ModelTick]:
+    def _model(self, states: Iterable[CamState], rate: int) -> Iterator[ModelTick]:
         """The scene's model, driven with the states; put down anew where some are missing."""
-        follower, microphone = (
-            FollowerSimulator.of(self.loaded),
-            MicrophoneSimulator.of(self.loaded),
-        )
+        follower = FollowerSimulator.of(self.loaded)
+        microphone = MicrophoneSimulator.of(self.loaded)
         follower.sample_rate = microphone.sample_rate = rate
         start: CamState | None = None
         put_down: CamState | None = None
@@ -143,8 +130,7 @@ class RecordedPairs:
             if turned is not None and start is not None:
                 block = turned[1]
                 pressure = microphone.listen(block.rows, block.interval.mean_speed)
-                samples = TickSamples(start, block.interval, block.rows)
-                yield _ModelTick(samples, pressure, put_down)
+                yield TickSamples(start, block.interval, block.rows), pressure, put_down
             start = state
             if not self._takes(state.cam):  # it ended the last tick of the cam before
                 start, follower.checkpoint = None, FollowerCheckpoint()
@@ -170,35 +156,30 @@ def _joined(start: CamState, end: CamState) -> bool:
 
 
 def _take(
-    parts: _StepParts, tick: TickSamples, model: _ModelTick, pressures: dict[int, float]
+    parts: _StepParts, tick: TickSamples, model: ModelTick, pressures: dict[int, float]
 ) -> None:
     """Note the samples that both have; of a tick whose end is lost, the bag has several."""
-    rows = model.samples.rows
+    samples, pressure, _ = model
     step = 1.0 if tick.time.size < 2 else float(np.diff(tick.time).mean())
-    first = round((tick.time[0] - rows[0, 0]) / step)
-    rows = rows[:, first : first + tick.time.size]
+    first = round((tick.time[0] - samples.rows[0, 0]) / step)
+    rows = samples.rows[:, first : first + tick.time.size]
     if first < 0 or rows.shape[1] != tick.time.size:
         return
-    lifts, forces = (tick.lift, rows[1]), (tick.force, rows[4])
-    parts.rows.append(np.stack([tick.time, tick.angle, *lifts, *forces]))
+    parts.rows.append(np.stack([tick.time, tick.angle, tick.lift, rows[1], tick.force, rows[4]]))
     parts.turned += tick.turned(round(1.0 / step)) if tick.time.size > 1 else 0.0
-    measured = pressures.get(model.samples.interval.stop_ns)
+    measured = pressures.get(samples.interval.stop_ns)
     if measured is not None:
-        count = model.samples.time.size
-        parts.energy += np.array([measured**2, model.pressure**2, 1.0]) * count
+        parts.energy += np.array([measured**2, pressure**2, 1.0]) * samples.time.size
 
 
 # A run of any bench beside the model: the cam's motion through the readings of its angle.
 
 #: Settled turns of a speed, at least.
 LEAST_TURNS = 2.0
-
 #: Readings of a quantity at a speed, at least.
 LEAST_READINGS = 32
-
 #: A force that changes by this part of its range within so much cam angle (rad) jumps.
 JUMP, JUMP_ANGLE = 0.1, np.radians(0.5)
-
 #: The r.m.s. of rounding is 0.29 counts.
 LEAST_ROUNDING = 0.1
 
@@ -207,14 +188,8 @@ LEAST_ROUNDING = 0.1
 class MeasuredPairs:
     """A measured run on the model of a scene.
 
-    Parameters
-    ----------
-    run : as it was read
-    loaded : the scene
-    cam : its name in the scene
-    stretches : where the cam turned steadily
-    alignment : encoder's zero, sensors' clock, gauge's zero
-    given : whether the encoder's zero was given, and not found
+    ``stretches``: where the cam turned steadily; ``given``: whether the encoder's zero was given,
+    and not found.
     """
 
     run: MeasuredRun
@@ -245,45 +220,36 @@ class MeasuredPairs:
         settle = self.loaded.scene.program.settle_turns.si
         for stretch in sorted(self.stretches, key=lambda one: one.mean_speed):
             model = drive(self.loaded, self.cam, stretch, self.alignment.offset)
-            span = model.begin, float(stretch.knots[-1])
-            lift = self._pair(self.run.lift, model, 1, stretch, span)
-            if lift is not None:
-                zero = self.alignment.zero
-                lift = PairedSignal(lift.time, lift.angle, lift.measured - zero, lift.model)
-            force = self._pair(self.run.force, model, 4, stretch, span)
+            force = self._pair(self.run.force, model, 4)
             yield PairedStep(
                 self.cam,
                 stretch.rpm,
                 stretch.turns - settle,
-                lift,
-                None if force is None else _with_jumps(force, model),
-                (self._measured_level(span), model.level()),
+                self._pair(self.run.lift, model, 1, self.alignment.zero),
+                force and _with_jumps(force, model),
+                (self._measured_level(model), model.level()),
             )
 
     def _pair(
-        self,
-        signal: Signal | None,
-        model: ModelRun,
-        row: int,
-        stretch: SteadyStretch,
-        span: tuple[float, float],
+        self, signal: Signal | None, model: ModelRun, row: int, zero: float = 0.0
     ) -> PairedSignal | None:
         if signal is None:
             return None
         time = self.alignment.on_cam_clock(signal.time)
-        inside = (time >= span[0]) & (time <= min(span[1], model.rows[0, -1]))
+        end = min(float(model.stretch.knots[-1]), model.rows[0, -1])
+        inside = (time >= model.begin) & (time <= end)
         if np.count_nonzero(inside) < LEAST_READINGS:
             return None
         time = time[inside]
-        angle = stretch.at(time) + self.alignment.offset
+        angle = model.stretch.at(time) + self.alignment.offset
         modelled = np.interp(time, model.rows[0], model.rows[row])
-        return PairedSignal(time, angle, signal.value[inside], modelled)
+        return PairedSignal(time, angle, signal.value[inside] - zero, modelled)
 
-    def _measured_level(self, span: tuple[float, float]) -> float | None:
+    def _measured_level(self, model: ModelRun) -> float | None:
         if self.run.level is None:
             return None
         time = self.alignment.on_cam_clock(self.run.level.time)
-        inside = (time >= span[0]) & (time <= span[1])
+        inside = (time >= model.begin) & (time <= model.stretch.knots[-1])
         if not inside.any():
             return None
         levels = self.run.level.value[inside]

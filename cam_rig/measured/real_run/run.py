@@ -43,7 +43,6 @@ def _departure(name: str, unit: str) -> tuple[Column, ...]:
 
 
 def _beside_measured(row: SpeedDeparture) -> Cell:
-    """The model's level where one was measured, in a table."""
     return None if row.measured_db is None else row.model_db
 
 
@@ -63,7 +62,6 @@ NOTES = (
     ),
     Footnote("=: equal to rounding.", lambda row: row.exact),
 )
-
 LATER = Footnote(
     "Events later by: the median, of lift-offs and landings that both have.",
     lambda row: row.contact is not None and row.contact.shift is not None,
@@ -74,12 +72,9 @@ LATER = Footnote(
 class RunComparison(Result):
     """Where a recorded run and a model part.
 
-    Parameters
-    ----------
-    source : the bag
-    loaded : the scene whose model was driven with the cam angle of the bag
-    speeds : a row each cam and speed: lift, force, lift-offs, level, measured and of the model
-    notes : what was found in the bag and done to its readings, each a sentence
+    ``source``: the bag; ``loaded``: the scene whose model was driven with the cam angle of the bag;
+    ``speeds``: a row each cam and speed: lift, force, lift-offs, level, measured and of the model;
+    ``notes``: what was found in the bag and done to its readings, each a sentence.
     """
 
     schema = "cam_rig.compare.1"
@@ -198,7 +193,6 @@ def compare_run(
 def _recorded(
     bag: Path, loaded: LoadedScene, cam: str | None, namespace: str | None
 ) -> tuple[list[SpeedDeparture], list[str]]:
-    """The rows of a bag of the rig, and what it lacks."""
     with libraries_named():
         from cam_rig.bag.measured_run import own_namespace, read_pressures, read_states
         from cam_rig.bag.reader import read_ticks
@@ -219,7 +213,6 @@ def _recorded(
 def _measured(
     bag: Path, loaded: LoadedScene, topics: str, cam: str | None, offset_deg: float | None
 ) -> tuple[list[SpeedDeparture], list[str]]:
-    """The rows of a bag of another program, and what was found and done."""
     with libraries_named():
         from cam_rig.bag.foreign_topics import parse_topics
         from cam_rig.bag.measured_run import read_measured

@@ -14,13 +14,10 @@ from cam_rig.units import TURN
 
 #: Both by their name: factor to the unit that is shown, and the unit.
 SHOWN = {"lift": (1e6, "µm"), "force": (1.0, "N")}
-
 #: A lift that is so many times the cam's is that of another.
 UNLIKE = 2.0
-
 #: °, by which events that both have are not of one time.
 LATER_DEG = 1.0
-
 #: dB, levels that differ by less are alike to the ear.
 ALIKE_DB = 1.0
 
@@ -45,13 +42,12 @@ def sentences(rows: Sequence[SpeedDeparture]) -> list[str]:
             f"At {speeds} rpm the model's own turns differ, as it bounces: there lift-offs a turn "
             "compare, and curves do not."
         )
-    differing = [row for row in rows if row.contact and _count_differs(row)]
-    if differing:
-        row = differing[0]
-        assert row.contact is not None
+    counts = ((row.rpm, row.contact.measured, row.contact.model) for row in rows if row.contact)
+    # noise alone may show a lift-off now and then: one in two turns is more or less
+    if differing := [one for one in counts if abs(one[1] - one[2]) >= 0.5]:
         said.append(
-            f"Lift-offs differ first at {row.rpm:.4g} rpm: {row.contact.measured:.2g} a turn "
-            f"measured, {row.contact.model:.2g} of the model."
+            "Lift-offs differ first at {:.4g} rpm: {:.2g} a turn measured, {:.2g} of the "
+            "model.".format(*differing[0])
         )
     said += _later(rows)
     said += _levels(rows)
@@ -95,35 +91,26 @@ def _agreements(found: Sequence[tuple[str, SpeedDeparture, Departure]]) -> list[
     return said
 
 
-def _count_differs(row: SpeedDeparture) -> bool:
-    """Whether a lift-off in two turns is more or less: noise alone may show one now and then."""
-    assert row.contact is not None
-    return abs(row.contact.measured - row.contact.model) >= 0.5
-
-
 def _later(rows: Sequence[SpeedDeparture]) -> list[str]:
-    """Where lift-offs and landings come at another time than the model's."""
-    known = [row.contact for row in rows if row.contact and row.contact.degrees is not None]
-    worst = max(known, key=lambda one: abs(one.degrees or 0.0), default=None)
-    if worst is None or worst.degrees is None or abs(worst.degrees) < LATER_DEG:
+    contacts = ((row.rpm, row.contact) for row in rows if row.contact)
+    known = [(one.degrees or 0.0, one.shift or 0.0, rpm) for rpm, one in contacts]
+    degrees, shift, rpm = max(known, key=lambda one: abs(one[0]), default=(0.0, 0.0, 0.0))
+    if abs(degrees) < LATER_DEG:
         return []
-    row = next(row for row in rows if row.contact is worst)
     return [
-        f"Lift-offs and landings come {1e3 * abs(worst.shift or 0.0):.2g} ms, "
-        f"{abs(worst.degrees):.2g}° of the cam, {'later' if worst.degrees > 0.0 else 'earlier'} "
-        f"than the model's at {row.rpm:.4g} rpm."
+        f"Lift-offs and landings come {1e3 * abs(shift):.2g} ms, {abs(degrees):.2g}° of the cam, "
+        f"{'later' if degrees > 0.0 else 'earlier'} than the model's at {rpm:.4g} rpm."
     ]
 
 
 def _levels(rows: Sequence[SpeedDeparture]) -> list[str]:
-    known = [row for row in rows if row.level_difference is not None]
+    known = [(off, row.rpm) for row in rows if (off := row.level_difference) is not None]
     if not known:
         return []
-    worst = max(known, key=lambda row: abs(row.level_difference or 0.0))
-    most = worst.level_difference or 0.0
+    most, rpm = max(known, key=lambda one: abs(one[0]))
     if abs(most) < ALIKE_DB:
         return [f"Sound levels differ by {abs(most):.2g} dB at most."]
-    return [f"The level differs most at {worst.rpm:.4g} rpm: {most:+.1f} dB."]
+    return [f"The level differs most at {rpm:.4g} rpm: {most:+.1f} dB."]
 
 
 def done(pairs: MeasuredPairs) -> list[str]:

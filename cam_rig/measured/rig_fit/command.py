@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     from cam_rig.measured.rig_fit.jump_fit import JumpFit
     from cam_rig.measured.rig_fit.result import RigFit
     from cam_rig.schema import RigConfig
+    from cam_rig.simulation.instruments import MeasuredRun
 
 #: Kinds of file that hold a table; all others are bags.
 TABLES = (".csv", ".txt", ".tsv")
-
 #: What is fitted.
 MODELS = ("one_mass", "two_mass")
 
@@ -40,11 +40,9 @@ Source = Annotated[
     Path,
     typer.Argument(help="Bag of a measured run (folder, .mcap, .db3), or .csv of jump speeds."),
 ]
-
 CamOrScene = Annotated[
     str, typer.Argument(help="Cam that was on: a file, a name in config/cams, or a scene's.")
 ]
-
 Topics = Annotated[
     str | None,
     typer.Option(
@@ -52,13 +50,10 @@ Topics = Annotated[
         help="Where angle, lift and force are in a bag of another program, as for compare.",
     ),
 ]
-
 OneCam = Annotated[str | None, typer.Option("--cam", help="Cam of a scene or a bag with several.")]
-
 Namespace = Annotated[
     str | None, typer.Option("--namespace", help="One rig of a bag that holds several: /rig2.")
 ]
-
 Model = Annotated[
     str | None,
     typer.Option(
@@ -67,17 +62,14 @@ Model = Annotated[
         help="One rigid mass, or two and a stem; by default the likelier.",
     ),
 ]
-
 Given = Annotated[
     list[str] | None,
     typer.Option(metavar="NAME=VALUE", help="A number that is known, in SI: mass=1.3."),
 ]
-
 Tolerance = Annotated[
     float | None,
     typer.Option(metavar="RPM", help="Error of a jump speed; by default from the residuals."),
 ]
-
 Out = Annotated[
     Path | None, typer.Option(metavar="RIG.yaml", help="Write a rig file of what was found.")
 ]
@@ -115,6 +107,7 @@ def fit_rig(
     """
     from cam_rig.measured.rig_fit.jump_fit import fit_jumps
     from cam_rig.measured.rig_fit.jump_table import read_jump_table
+    from cam_rig.measured.rig_fit.rig_fit import fit_rig as fit
     from cam_rig.simulation.asked import asked_cams
 
     require_new_yaml(out)
@@ -128,41 +121,31 @@ def fit_rig(
         found = fit_jumps(law, table, cams.rig, model, known, tolerance, progress)
     else:
         _require_none(tolerance=tolerance)
-        mapped = topics, namespace
-        found = _from_bag(source, cams, one_cam, mapped, model, known, progress)
+        run = _read(source, cams, one_cam, topics, namespace)
+        law = _law_of(cams, run.cam)
+        progress.begin(None, "reading")
+        found = fit(law, run, cams.rig, model, known, progress)
     if out is not None:
         _write_rig(out, found, cams.rig, source)
     return found
 
 
-def _from_bag(
-    bag: Path,
-    cams: CamSet,
-    one_cam: str | None,
-    mapped: tuple[str | None, str | None],
-    model: str | None,
-    given: dict[str, float],
-    progress: Progress,
-) -> RigFit:
-    """The fit of a bag: of another program by its topics, of the rig in its namespace."""
+def _read(
+    bag: Path, cams: CamSet, one_cam: str | None, topics: str | None, namespace: str | None
+) -> MeasuredRun:
+    """The run of a bag: of another program by its topics, of the rig in its namespace."""
     from cam_rig.bag.foreign_topics import parse_topics
     from cam_rig.bag.measured_run import read_measured
-    from cam_rig.measured.rig_fit.rig_fit import fit_rig as fit
 
-    topics, namespace = mapped
     mapping = None if topics is None else parse_topics(topics)
     asked = one_cam or (next(iter(cams.laws)) if len(cams.laws) == 1 else None)
     if mapping is not None:
         _require_none(namespace=namespace)
         asked = _law_of(cams, one_cam).name
-    run = read_measured(bag, mapping, asked, namespace)
-    law = _law_of(cams, run.cam)
-    progress.begin(None, "reading")
-    return fit(law, run, cams.rig, model, given, progress)
+    return read_measured(bag, mapping, asked, namespace)
 
 
 def _law_of(cams: CamSet, name: str | None) -> Law:
-    """The law of a cam that is named, or of the only one."""
     there = list(cams.laws)
     if name is None and len(there) > 1:
         raise ConfigError(f"cams are {', '.join(there)}; say with --cam which one was on")
@@ -176,7 +159,6 @@ def _law_of(cams: CamSet, name: str | None) -> Law:
 
 
 def _known(given: list[str] | None) -> dict[str, float]:
-    """NAME=VALUE by name."""
     from cam_rig.measured.rig_fit.numbers import NUMBERS
 
     found = {}

@@ -11,7 +11,7 @@ from cam_rig.measured.rig_fit.result import RigFit
 from cam_rig.show import looks as colours
 from cam_rig.show.figure import CAM_ANGLE, empty, styled, turn_axis
 from cam_rig.show.looks import web
-from cam_rig.units import TURN, to_rpm
+from cam_rig.units import TURN
 
 #: Speeds that are shown, at most; points of a curve.
 MOST_SPEEDS, POINTS = 3, 1440
@@ -20,9 +20,9 @@ MOST_SPEEDS, POINTS = 3, 1440
 @styled
 def rig_figure(fit: RigFit) -> Figure:
     """Force, or lift where none was measured, of some speeds over one turn; residuals below."""
-    likelihood = fit.solution.likelihood
-    force = any(hold.force.value.size for hold in likelihood.holds)
-    order = sorted(range(len(likelihood.holds)), key=lambda i: likelihood.holds[i].speed)
+    holds = fit.solution.holds
+    force = any(hold.force.value.size for hold in holds)
+    order = sorted(range(len(holds)), key=lambda i: holds[i].speed)
     picked = sorted(
         {order[round(k)] for k in np.linspace(0, len(order) - 1, MOST_SPEEDS)}, key=order.index
     )
@@ -41,22 +41,20 @@ def rig_figure(fit: RigFit) -> Figure:
 
 
 def _hold(above: Axes, below: Axes, fit: RigFit, i: int, force: bool) -> None:
-    likelihood, x = fit.solution.likelihood, fit.solution.x
-    hold, predicted = likelihood.holds[i], likelihood.predicted(x, i)
+    predicted = fit.solution.predicted[i]
     assert predicted is not None  # a search ends at steady turns
-    if force:
-        angle, value = predicted.force_angle, hold.force.value[likelihood.kept[i]]
-        left, factor, fine = value - predicted.force, 1.0, 1.0
-    else:
-        angle, value = predicted.lift_angle, hold.lift.value
-        left, factor, fine = value - predicted.lift, 1e3, 1e6
-    degrees, colour = np.degrees(np.mod(angle, TURN)), colours.FORCE if force else colours.LIFT
-    above.plot(degrees, value * factor, ".", ms=2.5, color=web(colour), label="measured")
+    shown, factor, fine, colour = (
+        (predicted.force, 1.0, 1.0, colours.FORCE)
+        if force
+        else (predicted.lift, 1e3, 1e6, colours.LIFT)
+    )
+    degrees, measured = np.degrees(np.mod(shown.angle, TURN)), shown.value - shown.left
+    above.plot(degrees, measured * factor, ".", ms=2.5, color=web(colour), label="measured")
     turn = np.linspace(0.0, TURN, POINTS, endpoint=False)
     curve = predicted.turn.at(turn)[1 if force else 0]
     above.plot(np.degrees(turn), curve * factor, color="0.1", lw=1.0, label="fitted")
     below.axhline(0.0, color="0.1", lw=0.8)
-    below.plot(degrees, left * fine, ".", ms=2.0, color=web(colours.LIMIT))
+    below.plot(degrees, -shown.left * fine, ".", ms=2.0, color=web(colours.LIMIT))
     turn_axis(above)
     turn_axis(below)
 
@@ -64,8 +62,7 @@ def _hold(above: Axes, below: Axes, fit: RigFit, i: int, force: bool) -> None:
 @styled
 def jump_figure(fit: JumpFit) -> Figure:
     """Jump speeds as read over those of the numbers found; residuals below."""
-    read = to_rpm(np.array([reading.speed for reading in fit.read.readings]))
-    found = np.array(fit.speeds)
+    read, found = fit.read.rpm, np.array(fit.speeds)
     out = empty(5.4)
     above, below = out.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
     ends = [min(read.min(), found.min()), max(read.max(), found.max())]

@@ -8,7 +8,8 @@ follower's own is sought beside it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
@@ -21,53 +22,39 @@ from cam_rig.dynamics.jump.any_follower import find_jump
 from cam_rig.dynamics.jump.search import FASTEST, SLOWEST
 from cam_rig.errors import CamRigError, ConfigError
 from cam_rig.laws import Law
-from cam_rig.measured.rig_fit.estimates import TOLD
-from cam_rig.measured.rig_fit.found import (
-    CORRELATION_COLUMNS,
-    NUMBER_COLUMNS,
-    FoundNumber,
-    interval_words,
-    number_sentences,
-    number_tables,
-    told,
-)
 from cam_rig.measured.rig_fit.jump_table import JumpReading, JumpTable
 from cam_rig.measured.rig_fit.numbers import (
+    CORRELATION_COLUMNS,
+    NUMBER_COLUMNS,
     NUMBERS,
+    TOLD,
+    WITHIN_95,
+    FoundNumber,
+    correlation_of,
     follower_of,
     from_search,
+    interval_words,
+    number_tables,
     require_in_model,
     search_limits,
     slope,
     to_search,
 )
-from cam_rig.measured.rig_fit.start import WITHIN_95
+from cam_rig.measured.rig_fit.search import normal_inverse
 from cam_rig.schema import RigConfig
 from cam_rig.show.result import SILENT, Column, Progress, Records, Result
 from cam_rig.units import RPM, FloatArray, rms, to_rpm
 
 #: Sought of one rigid mass; a stem's beside them.
 RIGID = ("mass", "spring_stiffness", "preload", "damping")
-
 STEM = ("stem_stiffness", "roller_share")
-
 #: Step of what is sought, of its size.
 STEP = 1e-4
-
-#: Directions told by less than this part of the best are told by nothing.
-BLIND = 1e-7
-
-#: Part of a direction that a number of it has at least.
-SHARE = 0.05
-
 #: Readings that scatter by more than this part of their speed fit no follower; an error that was
 #: given is not followed where they scatter by more than so many of it.
 NO_FIT, TOO_FAR = 0.04, 2.0
-
 #: Least own mass (kg) with which a search begins.
 LIGHT = 0.05
-
-
 #: One jump speed with more than this part of all that is left, as squares, is an outlier.
 OUTLYING = 0.55
 
@@ -82,11 +69,16 @@ class FittedJump:
     @property
     def read(self) -> float:
         """As read, rpm."""
-        return float(to_rpm(self.reading.speed))
+        return to_rpm(self.reading.speed)
 
+    @property
+    def residual(self) -> float:
+        """As read less that of the numbers found, rpm."""
+        return self.read - self.fitted
 
-def _known(name: str) -> Callable[[FittedJump], float | None]:
-    return lambda row: row.reading.known.get(name)
+    def known(self, name: str) -> float | None:
+        """What was put on, of one kind."""
+        return self.reading.known.get(name)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -105,12 +97,15 @@ class JumpFit(Result):
         "correlation": CORRELATION_COLUMNS,
         "jump_speeds": (
             Column("line", "", "d", of="reading.line"),
-            Column("mass", "kg", ".6g", "mass put on", _known("mass")),
-            Column("spring_stiffness", "N/m", ".6g", "spring", _known("spring_stiffness")),
-            Column("preload", "N", ".6g", of=_known("preload")),
+            Column("mass", "kg", ".6g", "mass put on", lambda row: row.known("mass")),
+            Column(
+                *("spring_stiffness", "N/m", ".6g", "spring"),
+                of=lambda row: row.known("spring_stiffness"),
+            ),
+            Column("preload", "N", ".6g", of=lambda row: row.known("preload")),
             Column("read_rpm", "rpm", ".2f", "read", "read"),
             Column("fitted_rpm", "rpm", ".2f", "fitted", "fitted"),
-            Column("residual_rpm", "rpm", ".2f", "residual", lambda row: row.read - row.fitted),
+            Column("residual_rpm", "rpm", ".2f", "residual", "residual"),
         ),
         "fit": (
             Column("source", of="read.file"),
@@ -142,7 +137,7 @@ class JumpFit(Result):
     @property
     def left(self) -> FloatArray:
         """Found less read, rpm."""
-        return np.array(self.speeds) - to_rpm(np.array([r.speed for r in self.read.readings]))
+        return np.array(self.speeds) - self.read.rpm
 
     @property
     def residual(self) -> str:
@@ -166,9 +161,9 @@ class JumpFit(Result):
 
     def conclusions(self) -> Iterator[str]:
         """The answer first, then how far it may be trusted."""
-        found = told(self.identified)
+        found = ", ".join(number.in_a_sentence() for number in self.identified)
         yield f"Identified: {found}." if found else "Nothing of the follower is identifiable."
-        yield from number_sentences(self.numbers)
+        yield from (n.in_a_sentence() for n in self.numbers if n.value is None)
         if "mass" in self.read.columns:
             yield "The mass is the follower's own, beside what was put on."
         if not self.error_given:
@@ -188,7 +183,7 @@ class _JumpModel:
     """Jump speeds (rpm) of what is sought; told are the set-ups of each step of a search."""
 
     law: Law
-    readings: tuple[JumpReading, ...]
+    table: JumpTable
     sought: tuple[str, ...]
     given: dict[str, float]
     progress: Progress
@@ -196,33 +191,28 @@ class _JumpModel:
     @cached_property
     def _setups(self) -> tuple[list[dict[str, float]], list[int]]:
         """What was put on, each once, and of each reading which it is."""
-        known = [tuple(sorted(reading.known.items())) for reading in self.readings]
+        known = [tuple(sorted(reading.known.items())) for reading in self.table.readings]
         index = {setup: i for i, setup in enumerate(dict.fromkeys(known))}
         return [dict(setup) for setup in index], [index[setup] for setup in known]
 
     def values(self, x: FloatArray, known: dict[str, float]) -> dict[str, float]:
         """All numbers of a set-up: the own mass and what was put on are one."""
-        found = {n: from_search(n, float(v)) for n, v in zip(self.sought, x, strict=True)}
-        values = self.given | found
+        values = self.given | from_search(self.sought, x)
         on = known.get("mass", 0.0)
         return values | known | {"mass": max(values["mass"] + on, 1e-9)}
 
     def speeds(self, x: FloatArray) -> FloatArray:
         """Of all readings, ``(n,)``; those of one set-up are one speed."""
         setups, which = self._setups
-        found = np.empty(len(setups))
+        found = np.full(len(setups), FASTEST)
         self.progress.begin(len(setups), "set-ups of a step of the search")
         for i, known in enumerate(setups):
             self.progress.advance()
-            found[i] = self._speed(self.values(x, known))
+            values = self.values(x, known)
+            follower = follower_of(values, values.get("stem_stiffness"))
+            with suppress(CamRigError):
+                found[i] = find_jump(self.law, follower, None).rpm
         return found[which]
-
-    def _speed(self, values: dict[str, float]) -> float:
-        follower = follower_of(values, values.get("stem_stiffness"))
-        try:
-            return find_jump(self.law, follower, None).rpm
-        except CamRigError:
-            return FASTEST
 
 
 def fit_jumps(
@@ -236,12 +226,9 @@ def fit_jumps(
 ) -> JumpFit:
     """Find a follower's numbers from the speeds at which it jumps.
 
-    Parameters
-    ----------
-    base : rig at whose numbers the search begins
-    model : one_mass (None too) or two_mass: two masses, in steady state
-    given : numbers that are known, by name, SI
-    error : rpm, one standard deviation of a reading; None takes it from what is left
+    ``base``: rig at whose numbers the search begins; ``model``: one_mass (None too) or two_mass:
+    two masses, in steady state; ``given``: numbers that are known, by name, SI; ``error``: rpm, one
+    standard deviation of a reading; None takes it from what is left.
     """
     given, two = dict(given or {}), model == "two_mass"
     require_in_model(given, model)
@@ -259,17 +246,33 @@ def fit_jumps(
         )
     _require_in_reach(table)
     values = _start(table, base, given, two)
-    trial = _JumpModel(law, table.readings, sought, values, progress)
-    x = _searched(trial, values)
-    speeds = trial.speeds(x)
-    left = speeds - to_rpm(np.array([r.speed for r in table.readings]))
-    free = count - len(sought)
-    deviation, followed = _deviation(table, law, speeds, left, free, error)
+    trial = _JumpModel(law, table, sought, values, progress)
+    x = _searched(trial)
+    speeds, free = trial.speeds(x), count - len(sought)
+    deviation, followed = _deviation(trial, speeds, free, error)
     # an error that is estimated of few readings has Student's distribution
     within = WITHIN_95 if followed else float(student.ppf(0.975, max(free, 1)))
-    numbers, correlation = _told(trial, x, deviation, given, names, table, within)
-    kind, found = "two_mass" if two else "one_mass", tuple(speeds.tolist())
-    return JumpFit(law, table, kind, numbers, correlation, found, deviation, followed, free)
+    covariance, null_groups = normal_inverse(_slopes(trial, x) / deviation)
+    found = [
+        *_identified(trial, x, np.sqrt(np.diag(covariance)), null_groups, within),
+        *(FoundNumber(name, value, None, "given") for name, value in given.items()),
+    ]
+    order = (*names, *given)
+    found.sort(key=lambda number: order.index(number.name))
+    if "restitution" not in given:
+        found.append(FoundNumber.unidentified("restitution", "no landing is in a jump speed"))
+    kept = [sought.index(n.name) for n in found if n.name in sought and n.value is not None]
+    return JumpFit(
+        law,
+        table,
+        "two_mass" if two else "one_mass",
+        tuple(found),
+        correlation_of(covariance[np.ix_(kept, kept)]),
+        tuple(speeds.tolist()),
+        deviation,
+        followed,
+        free,
+    )
 
 
 def _require_in_reach(table: JumpTable) -> None:
@@ -290,20 +293,17 @@ def _require_in_reach(table: JumpTable) -> None:
 
 
 def _deviation(
-    table: JumpTable,
-    law: Law,
-    speeds: FloatArray,
-    left: FloatArray,
-    free: int,
-    error: float | None,
+    trial: _JumpModel, speeds: FloatArray, free: int, error: float | None
 ) -> tuple[float, bool]:
     """Standard deviation (rpm) of a reading, and whether it is the one that was given."""
+    left = speeds - trial.table.rpm
     scatter = rms(left) * math.sqrt(left.size / free) if free else 0.0
     if (speeds >= FASTEST).any() or scatter > NO_FIT * float(speeds.mean()):
         raise ConfigError(
-            f"{table.file}: the readings are {rms(left):.3g} rpm r.m.s. from any follower found on "
-            f"cam {law.name}; allowed: {100.0 * NO_FIT:g} % of the speed; was that cam on, "
-            "are the units right, is there a preload? A --rig nearer to it may help the search"
+            f"{trial.table.file}: the readings are {rms(left):.3g} rpm r.m.s. from any follower "
+            f"found on cam {trial.law.name}; allowed: {100.0 * NO_FIT:g} % of the speed; was that "
+            "cam on, are the units right, is there a preload? A --rig nearer to it may help the "
+            "search"
         )
     if error and scatter <= TOO_FAR * error:
         return error, True
@@ -328,9 +328,9 @@ def _start(
     return values | given
 
 
-def _searched(trial: _JumpModel, values: dict[str, float]) -> FloatArray:
+def _searched(trial: _JumpModel) -> FloatArray:
     """Least squares of the speeds, from the start and from springs and preloads about it."""
-    wanted = to_rpm(np.array([reading.speed for reading in trial.readings]))
+    wanted, values = trial.table.rpm, trial.given
     if not trial.sought:
         return np.empty(0)
 
@@ -347,7 +347,7 @@ def _searched(trial: _JumpModel, values: dict[str, float]) -> FloatArray:
             off,
             np.clip(x, low + 1e-9, high - 1e-9),
             bounds=(low, high),
-            x_scale=np.array([_size(name, begin[name]) for name in trial.sought]),
+            x_scale=_sizes(trial.sought, begin),
             diff_step=np.full(x.size, STEP),
             xtol=1e-12 if rigid else 1e-8,
             ftol=1e-12 if rigid else 1e-8,
@@ -359,72 +359,42 @@ def _searched(trial: _JumpModel, values: dict[str, float]) -> FloatArray:
     return found
 
 
-def _size(name: str, value: float) -> float:
-    return 1.0 if NUMBERS[name].logarithm else max(abs(value), 1.0)
+def _sizes(names: tuple[str, ...], values: dict[str, float]) -> FloatArray:
+    """What steps of what is sought are to be measured by, ``(n,)``."""
+    return np.array([1.0 if NUMBERS[n].logarithm else max(abs(values[n]), 1.0) for n in names])
 
 
-def _told(
-    trial: _JumpModel,
-    x: FloatArray,
-    deviation: float,
-    given: dict[str, float],
-    names: tuple[str, ...],
-    table: JumpTable,
-    within: float,
-) -> tuple[tuple[FoundNumber, ...], FloatArray]:
-    """The numbers with standard errors, or why there is none; and their correlation."""
-    values = {n: from_search(n, float(v)) for n, v in zip(trial.sought, x, strict=True)}
-    sizes = np.array([_size(name, values[name]) for name in trial.sought])
-    slopes = np.empty((len(trial.readings), x.size))
+def _slopes(trial: _JumpModel, x: FloatArray) -> FloatArray:
+    slopes = np.empty((len(trial.table.readings), x.size))
     low, high = search_limits(trial.sought)
+    sizes = _sizes(trial.sought, from_search(trial.sought, x))
     for k, step in enumerate(np.diag(STEP * sizes)):
         ends = [np.clip(x + sign * step, low, high) for sign in (1.0, -1.0)]
         up, down = (trial.speeds(end) for end in ends)
-        slopes[:, k] = (up - down) * sizes[k] / (ends[0] - ends[1])[k]
-    _, singular, directions = np.linalg.svd(slopes / deviation, full_matrices=False)
-    seen = singular > BLIND * singular.max(initial=0.0)
-    blind = [np.abs(direction) > SHARE for direction in directions[~seen]]
-    inverse = directions[seen].T / singular[seen]
-    covariance = inverse @ inverse.T
-    errors = np.sqrt(np.diag(covariance)) * sizes
-    found, kept = [], []
-    for name in names:
-        if name in table.columns and name != "mass":
-            continue
-        if name in given:
-            found.append(FoundNumber(name, given[name], None, "given"))
-            continue
-        k = trial.sought.index(name)
-        error = float(errors[k]) * slope(name, values[name])
-        others = [
-            other
-            for group in blind
-            if group[k]
-            for i, other in enumerate(trial.sought)
-            if group[i] and i != k
-        ]
-        reason = _reason(name, values[name], error, within, others, table)
+        slopes[:, k] = (up - down) / (ends[0] - ends[1])[k]
+    return slopes
+
+
+def _identified(
+    trial: _JumpModel,
+    x: FloatArray,
+    errors: FloatArray,
+    null_groups: tuple[tuple[int, ...], ...],
+    within: float,
+) -> Iterator[FoundNumber]:
+    for k, (name, value) in enumerate(from_search(trial.sought, x).items()):
+        error = float(errors[k]) * slope(name, value)
+        others = [trial.sought[i] for group in null_groups if k in group for i in group if i != k]
+        reason = _reason(name, value, error, within, others, trial.table)
         if reason:
-            found.append(FoundNumber.unidentified(name, reason, error))
+            yield FoundNumber.unidentified(name, reason, error)
         else:
-            found.append(FoundNumber(name, values[name], error, "identified", within=within))
-            kept.append(k)
-    part = covariance[np.ix_(kept, kept)]
-    scale = np.sqrt(np.diag(part))
-    found += [
-        FoundNumber(name, value, None, "given")
-        for name, value in given.items()
-        if name not in names
-    ]
-    if "restitution" not in given:
-        found.append(FoundNumber.unidentified("restitution", "no landing is in a jump speed"))
-    return tuple(found), part / np.outer(scale, scale)
+            yield FoundNumber(name, value, error, "identified", within=within)
 
 
 def _reason(
     name: str, value: float, error: float, within: float, others: list[str], table: JumpTable
 ) -> str:
-    """Why a number is not identified; empty where it is."""
     if others:
         more = "" if "mass" in table.columns else ", or a column of masses put on"
         apart = ", ".join(dict.fromkeys(others))

@@ -7,19 +7,20 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from cam_rig.errors import ConfigError
 from cam_rig.files import shown
 from cam_rig.measured.instrument_table import CellTable, plain_words, read_lines
-from cam_rig.units import RPM, TURN
+from cam_rig.units import RPM, TURN, FloatArray, to_rpm
 
 #: What a heading's words begin with, in English, Spanish, German, French, Italian, Portuguese.
 WORDS = {
-    "speed": "rpm speed drehzahl velocidad vitesse velocita giri jump omega",
-    "mass": "mass masa gewicht weight peso poids",
-    "spring_stiffness": "spring stiff feder muelle resorte rigid ressort molla",
-    "preload": "preload vorspann precarga precharge precarico",
+    "speed": re.compile("rpm|speed|drehzahl|velocidad|vitesse|velocita|giri|jump|omega"),
+    "mass": re.compile("mass|masa|gewicht|weight|peso|poids"),
+    "spring_stiffness": re.compile("spring|stiff|feder|muelle|resorte|rigid|ressort|molla"),
+    "preload": re.compile("preload|vorspann|precarga|precharge|precarico"),
 }
-
 #: Units of each to SI; the first is taken where a heading names none.
 UNITS = {
     "speed": {"rpm": RPM, "1/min": RPM, "u/min": RPM, "rad/s": 1.0, "hz": TURN, "1/s": TURN},
@@ -27,10 +28,8 @@ UNITS = {
     "spring_stiffness": {"n/m": 1.0, "n/mm": 1e3, "n/cm": 1e2, "kn/m": 1e3, "lbf/in": 175.126835},
     "preload": {"n": 1.0, "kn": 1e3, "lbf": 4.4482216},
 }
-
 #: A last word of a heading that is no longer than this is meant as a unit.
 SHORT = 3
-
 #: A unit as headings have it: in brackets, or behind the last blank or underscore.
 BRACKETS = re.compile(r"[\[(]([^\])]+)[\])]\s*$")
 
@@ -52,6 +51,11 @@ class JumpTable:
     readings: tuple[JumpReading, ...]
     columns: tuple[str, ...]
     notes: tuple[str, ...]
+
+    @property
+    def rpm(self) -> FloatArray:
+        """The jump speeds, ``(n,)``."""
+        return to_rpm(np.array([reading.speed for reading in self.readings]))
 
 
 def read_jump_table(path: Path) -> JumpTable:
@@ -87,11 +91,10 @@ class _JumpReader(CellTable):
         return JumpTable(self.file, tuple(readings), columns, (read, *notes))
 
     def _assigned(self, headings: list[str]) -> tuple[dict[str, tuple[int, float]], list[str]]:
-        """Column and factor to SI of each number, and what had to be assumed."""
         found, notes = dict[str, tuple[int, float]](), list[str]()
         for index, text in enumerate(headings):
             words = plain_words(text)
-            names = [name for name, starts in WORDS.items() if _any_starts(words, starts.split())]
+            names = [n for n, starts in WORDS.items() if any(map(starts.match, words))]
             name = names[-1] if names else None  # "spring preload" is a preload
             if name is None:
                 continue
@@ -114,7 +117,6 @@ class _JumpReader(CellTable):
         return found, notes
 
     def _unit(self, text: str, name: str) -> str | None:
-        """The unit in a heading, None without one."""
         plain = text.strip().casefold().replace("·", "*").replace("min-1", "1/min")
         bracket = BRACKETS.search(plain)
         last = (bracket[1] if bracket else re.split(r"[\s_]", plain)[-1]).replace(" ", "")
@@ -136,7 +138,3 @@ class _JumpReader(CellTable):
                 f"{'≥' if least == 0.0 else '>'} 0 (separator seen: {self.seen})"
             )
         return value
-
-
-def _any_starts(words: list[str], starts: list[str]) -> bool:
-    return any(word.startswith(tuple(starts)) for word in words)

@@ -12,24 +12,16 @@ from typing import TypeVar
 import numpy as np
 
 from cam_rig.errors import ConfigError
-from cam_rig.measured.rig_fit.numbers import (
-    BACKLASH,
-    OF_TWO,
-    ONE_MASS,
-    RATIO,
-    RESONANCE,
-    TWO_MASSES,
-    ZERO,
-)
+from cam_rig.measured.rig_fit.numbers import OF_TWO, ONE_MASS, TWO_MASSES
+from cam_rig.measured.rig_fit.residuals import BACKLASH, RATIO, RESONANCE, ZERO
 from cam_rig.measured.rig_fit.search import (
     Candidate,
     FitSolution,
     continued,
     contradict,
-    landings_of,
+    lever,
     log_ratio,
     search,
-    steady_holds_of,
     uncertainty,
 )
 from cam_rig.measured.rig_fit.start import (
@@ -41,44 +33,36 @@ from cam_rig.measured.rig_fit.start import (
     zero_in_flight,
 )
 from cam_rig.show.result import Progress
-from cam_rig.units import TURN, FloatArray
+from cam_rig.units import TURN
 
 One = TypeVar("One", bound=Candidate)
-
 #: What vibrates is sought where the logarithm of its likelihood ratio is above this.
 CLEARLY_LIKELIER = 30.0
-
-#: A gauge's backlash is sought where it is beyond so many standard errors.
-PLAY = 6.0
-
-#: And beyond this part of the lift: less is rounding.
-LEAST_PLAY = 1e-7
-
+#: A gauge's backlash is sought where it is beyond so many standard errors, and beyond this part of
+#: the lift: less is rounding.
+CLEAR_BACKLASH, LEAST_BACKLASH = 6.0, 1e-7
 #: Restitutions from which lifts alone are searched.
 BOUNCES_TRIED = (0.05, 0.25, 0.45, 0.65)
 
 
 def one_mass(aligned: FitSolution, given: dict[str, float]) -> FitSolution:
     """One rigid mass; the restitution once there are landings to tell it."""
-    if not any(hold.force.value.size for hold in aligned.likelihood.holds):
+    if not _forces(aligned):
         return _of_lifts(aligned, given)
     still = _still(aligned, given)
     found = _everywhere(aligned, still, given)
-    if _has_play(found):
-        values, bounce = found.likelihood.values(found.x), found.bounce
-        found = search(continued(found, found.likelihood.sought, values, play=True))
-        found = replace(found, bounce=bounce)
+    if _has_backlash(found):
+        start = continued(found, found.likelihood.sought, found.values, backlash=True)
+        found = replace(search(start), bounce=found.bounce)
     return still if still is not None and contradict(still, found) else found
 
 
-def _smooth(given: dict[str, float]) -> tuple[str, ...]:
-    """What is sought of a rigid mass on the cam."""
-    return tuple(name for name in ONE_MASS if name not in given and name != "restitution")
+def _smooth(given: dict[str, float], names: tuple[str, ...] = ONE_MASS) -> tuple[str, ...]:
+    return tuple(name for name in names if name not in given and name != "restitution")
 
 
 def _begun(aligned: FitSolution, given: dict[str, float]) -> dict[str, float]:
-    """Numbers to begin with."""
-    return aligned.likelihood.values(aligned.x) | {"restitution": 0.0} | given
+    return aligned.values | {"restitution": 0.0} | given
 
 
 def _still(aligned: FitSolution, given: dict[str, float]) -> FitSolution | None:
@@ -86,10 +70,10 @@ def _still(aligned: FitSolution, given: dict[str, float]) -> FitSolution | None:
 
     None where these are all speeds, or have no force.
     """
-    quiet = _on_the_cam(aligned)
-    if len(quiet) == len(aligned.likelihood.holds) or not _forces(aligned, quiet):
+    quiet = _some_on_the_cam(aligned)
+    if not quiet:
         return None
-    return search(continued(aligned, _smooth(given), _begun(aligned, given), only=quiet))
+    return search(continued(aligned, _smooth(given), _begun(aligned, given), quiet))
 
 
 def _everywhere(
@@ -97,21 +81,33 @@ def _everywhere(
 ) -> FitSolution:
     """One rigid mass at all speeds, from those without landings where there are any."""
     start = _of_all(aligned, still) if still is not None else None
-    if start is None or not any(landings_of(start)):
+    if start is None or not any(start.landings):
         found = search(start or continued(aligned, _smooth(given), _begun(aligned, given)))
-        if not any(landings_of(found)):
+        if not any(found.landings):
             return found
         start = found
     return with_bounces(tared(start), given)
 
 
 def _of_all(one: Candidate, still: FitSolution) -> Candidate:
-    """What was found at some speeds, at all of ``one``: a search may begin there."""
+    """What was found at some speeds, at all of ``one``: a search may begin there.
+
+    The phases of all holds are on a line through those of some, ψ = a + b ω t. One hold tells no
+    line: then all phases are moved as its own is.
+    """
     like = still.likelihood
-    start = continued(
-        one, like.sought, like.values(still.x), resonance=like.resonance, tare=like.tare
-    )
-    return Candidate(start.likelihood, _with_phases_of(still, start))
+    start = continued(one, like.sought, still.values, resonance=like.resonance, tare=like.tare)
+    new, x = start.likelihood, start.x
+    phases = np.unwrap(still.x[like.instruments.phases])
+    if phases.size > 1:
+        line = np.linalg.lstsq(lever(still), phases, rcond=None)[0]
+        x[new.instruments.phases] = lever(start) @ line
+    else:
+        at = new.instruments.phases.start + new.holds.index(still.holds[0])
+        x[new.instruments.phases] += phases[0] - x[at]
+    for name, at in new.instruments.at.items():
+        x[at] = like.single(still.x, name)
+    return start
 
 
 def _on_the_cam(found: Candidate) -> list[int]:
@@ -120,12 +116,19 @@ def _on_the_cam(found: Candidate) -> list[int]:
     By the forces too: on a stem it leaves a cam with steps of acceleration at slower speeds than
     one rigid mass does.
     """
-    still = [i for i, landings in enumerate(landings_of(found)) if not landings]
-    return [i for i in still if found.likelihood.holds[i].presses] or still
+    still = [i for i, landings in enumerate(found.landings) if not landings]
+    return [i for i in still if found.holds[i].presses] or still
 
 
-def _forces(found: Candidate, holds: list[int]) -> bool:
-    return any(found.likelihood.holds[i].force.value.size for i in holds)
+def _some_on_the_cam(found: Candidate) -> list[int]:
+    """The same; none where these are all, or have no force."""
+    here = _on_the_cam(found)
+    return here if len(here) < len(found.holds) and _forces(found, here) else []
+
+
+def _forces(found: Candidate, holds: list[int] | None = None) -> bool:
+    there = range(len(found.holds)) if holds is None else holds
+    return any(found.holds[i].force.value.size for i in there)
 
 
 def _of_lifts(aligned: FitSolution, given: dict[str, float]) -> FitSolution:
@@ -133,12 +136,11 @@ def _of_lifts(aligned: FitSolution, given: dict[str, float]) -> FitSolution:
 
     So from several restitutions on, and the least that is missed stays.
     """
-    smooth, values = _smooth(given), _begun(aligned, given)
-    free = "restitution" not in given
-    sought = (*smooth, "restitution") if free else smooth
-    starts = [values | {"restitution": bounce} for bounce in BOUNCES_TRIED] if free else [values]
-    found = [search(continued(aligned, sought, start)) for start in starts]
-    steady = [one for one in found if len(steady_holds_of(one)) == len(one.likelihood.holds)]
+    sought = tuple(name for name in ONE_MASS if name not in given)
+    bounces = [given["restitution"]] if "restitution" in given else BOUNCES_TRIED
+    values = _begun(aligned, given)
+    found = [search(continued(aligned, sought, values | {"restitution": b})) for b in bounces]
+    steady = [one for one in found if len(one.steady) == len(one.holds)]
     if not steady:
         raise ConfigError(
             "no follower comes near the lifts and moves alike from turn to turn at every speed; "
@@ -147,42 +149,16 @@ def _of_lifts(aligned: FitSolution, given: dict[str, float]) -> FitSolution:
     return min(steady, key=lambda one: one.likelihood.lift_noise)
 
 
-def _with_phases_of(still: FitSolution, start: Candidate) -> FloatArray:
-    """What ``start`` seeks, with the instruments of some holds.
-
-    The phases of all holds are on a line through those of some, ψ = a + b ω t. One hold tells no
-    line: then all phases are moved as its own is.
-    """
-    new, found = start.likelihood, start.x.copy()
-    phases = np.unwrap(still.x[still.likelihood.instruments.phases])
-    if phases.size > 1:
-        design = [
-            np.array([[1.0, h.speed * 0.5 * (h.hold.begin + h.hold.end)] for h in like.holds])
-            for like in (still.likelihood, new)
-        ]
-        line = np.linalg.lstsq(design[0], phases, rcond=None)[0]
-        found[new.instruments.phases] = design[1] @ line
-    else:
-        at = new.instruments.phases.start + new.holds.index(still.likelihood.holds[0])
-        found[new.instruments.phases] += phases[0] - start.x[at]
-    for name in new.instruments.single:
-        at = new.instruments.at(name)
-        assert at is not None
-        found[at] = still.likelihood.single(still.x, name)
-    return found
-
-
 def _two_masses(
     one: Candidate, still: Candidate, stem: dict[str, float], given: dict[str, float]
 ) -> FitSolution:
     """Two masses, from a stem and the numbers of one mass ``still`` at some speeds of ``one``."""
-    values = still.likelihood.values(still.x) | {"restitution": given.get("restitution", 0.0)}
-    sought = tuple(name for name in TWO_MASSES if name not in given and name != "restitution")
-    start = values | stem | given
+    sought = _smooth(given, TWO_MASSES)
+    start = still.values | {"restitution": given.get("restitution", 0.0)} | stem | given
     quiet = _quiet(still, sought, start)
     if quiet is None:
         found = search(continued(one, sought, start))
-        if "restitution" not in given and any(landings_of(found)):
+        if "restitution" not in given and any(found.landings):
             found = with_bounces(found, given)
         return found
     return quiet if "restitution" in given else _beside_flights(one, quiet)
@@ -190,13 +166,12 @@ def _two_masses(
 
 def _beside_flights(one: Candidate, quiet: FitSolution) -> FitSolution:
     """Numbers of the speeds on the cam, with what those that lift off say of the restitution."""
-    like = quiet.likelihood
-    if len(like.holds) == len(one.likelihood.holds):
+    if len(quiet.holds) == len(one.holds):
         return quiet
     flying = _of_all(one, quiet)
-    if not any(landings_of(flying)):
+    if not any(flying.landings):
         return quiet
-    rings = any(hold.rings for hold in flying.likelihood.holds)
+    rings = any(hold.rings for hold in flying.holds)
     zero = None if rings else zero_in_flight(flying)
     return replace(quiet, bounce=bounce_beside(flying) if zero is None else None, zero=zero)
 
@@ -212,29 +187,25 @@ def _quiet(
     """
     here = _on_the_cam(still)
     while _forces(still, here):
-        found = search(continued(still, sought, start, tare=False, only=here))
-        start = found.likelihood.values(found.x)
-        flying = landings_of(found)
+        found = search(continued(still, sought, start, here, tare=False))
+        start, flying = found.values, found.landings
         if any(flying):
             here = [i for i, landings in zip(here, flying, strict=True) if not landings]
-        elif len(here) > 1 and leaves_a_pattern(found.likelihood, found.x):
-            here.remove(max(here, key=lambda i: still.likelihood.holds[i].speed))
+        elif len(here) > 1 and leaves_a_pattern(found):
+            here.remove(max(here, key=lambda i: still.holds[i].speed))
         else:
             return found
     return None
 
 
 def _with_resonance(one: FitSolution, stem: dict[str, float]) -> FitSolution:
-    """One mass under a force sensor that vibrates as the likeliest stem does."""
-    values = one.likelihood.values(one.x)
+    values = one.values
     end = values["mass"] * (1.0 - stem["roller_share"])
     rate = math.sqrt((stem["stem_stiffness"] + values["spring_stiffness"]) / end)
     start = continued(one, one.likelihood.sought, values, resonance=True)
-    new, x = start.likelihood, start.x
-    frequency, ratio = new.instruments.at(RESONANCE), new.instruments.at(RATIO)
-    assert frequency is not None
-    assert ratio is not None
-    x[frequency], x[ratio] = math.log(rate / TURN), 0.5 * stem["stem_damping"] / (end * rate)
+    at = start.likelihood.instruments.at
+    start.x[at[RESONANCE]] = math.log(rate / TURN)
+    start.x[at[RATIO]] = 0.5 * stem["stem_damping"] / (end * rate)
     return replace(search(start), bounce=one.bounce)
 
 
@@ -245,7 +216,7 @@ def two_masses(aligned: FitSolution, given: dict[str, float], progress: Progress
     one = one_mass(aligned, rigid) if still is None else _of_all(aligned, still)
     begin = _where_it_shows(one)
     progress.tell("two masses and a stem")
-    return _two_masses(one, begin, likely_stem(begin.likelihood, begin.x)[0], given)
+    return _two_masses(one, begin, likely_stem(begin)[0], given)
 
 
 def elastic(one: FitSolution, given: dict[str, float], progress: Progress) -> FitSolution:
@@ -254,23 +225,23 @@ def elastic(one: FitSolution, given: dict[str, float], progress: Progress) -> Fi
     It is looked for at the speeds on the cam, if it shows there, as bounces of a rigid mass on what
     has a stem tell nothing.
     """
-    if any(hold.rings for hold in one.likelihood.holds):
+    if any(hold.rings for hold in one.holds):
         progress.tell("a resonance of the force sensor")
         return _ringing(one)
-    if not leaves_a_pattern(one.likelihood, one.x):
+    if not leaves_a_pattern(one):
         return one
     still = _where_it_shows(one)
-    stem, gain = likely_stem(still.likelihood, still.x)
+    stem, gain = likely_stem(still)
     if gain < CLEARLY_LIKELIER:
         return one
     best = one
     progress.tell("a resonance of the force sensor")
     sensor = _with_resonance(still, stem)
-    if not leaves_a_pattern(sensor.likelihood, sensor.x):
+    if not leaves_a_pattern(sensor):
         sensor = sensor if still is one else _with_resonance(one, stem)
         if log_ratio(sensor, one) > CLEARLY_LIKELIER:
             best = sensor
-            if not leaves_a_pattern(sensor.likelihood, sensor.x):
+            if not leaves_a_pattern(sensor):
                 return sensor
     progress.tell("two masses and a stem")
     two = _two_masses(one, still, stem, given)
@@ -280,16 +251,13 @@ def elastic(one: FitSolution, given: dict[str, float], progress: Progress) -> Fi
 def _where_it_shows(one: One) -> One | FitSolution:
     """One mass at the speeds on the cam alone, if what is left of the force has a pattern there."""
     calm = _calm(one)
-    return one if calm is None or not leaves_a_pattern(calm.likelihood, calm.x) else calm
+    return one if calm is None or not leaves_a_pattern(calm) else calm
 
 
 def _calm(one: Candidate) -> FitSolution | None:
     """One mass at the speeds on the cam alone; None where these are all, or have no force."""
-    here = _on_the_cam(one)
-    if len(here) == len(one.likelihood.holds) or not _forces(one, here):
-        return None
-    sought = tuple(name for name in one.likelihood.sought if name != "restitution")
-    return search(continued(one, sought, one.likelihood.values(one.x), tare=False, only=here))
+    here = _some_on_the_cam(one)
+    return search(continued(one, one.smooth, one.values, here, tare=False)) if here else None
 
 
 def _ringing(one: FitSolution) -> FitSolution:
@@ -297,24 +265,21 @@ def _ringing(one: FitSolution) -> FitSolution:
 
     From the speeds on the cam, for a landing rings all that comes after it.
     """
-    calm = _calm(one) or one
-    if not leaves_a_pattern(calm.likelihood, calm.x):
-        return calm if calm is one else _beside_flights(one, calm)
-    sensor = _with_resonance(calm, likely_stem(calm.likelihood, calm.x)[0])
-    likelier = sensor if log_ratio(sensor, calm) > CLEARLY_LIKELIER else calm
+    likelier = calm = _calm(one) or one
+    if leaves_a_pattern(calm):
+        sensor = _with_resonance(calm, likely_stem(calm)[0])
+        likelier = sensor if log_ratio(sensor, calm) > CLEARLY_LIKELIER else calm
     return likelier if calm is one else _beside_flights(one, likelier)
 
 
-def _has_play(found: FitSolution) -> bool:
+def _has_backlash(found: FitSolution) -> bool:
     """Whether what is left of the lift stands apart after rises and after falls."""
-    likelihood = found.likelihood
-    if likelihood.instruments.at(ZERO) is None:
+    if ZERO not in found.likelihood.instruments.at:
         return False
-    start = continued(found, likelihood.sought, likelihood.values(found.x), play=True)
+    start = continued(found, found.likelihood.sought, found.values, backlash=True)
     new, x = start.likelihood, start.x
     slopes, residuals = new.slopes(x), new.residuals(x)
-    at = new.instruments.at(BACKLASH)
-    assert at is not None
+    at = new.instruments.at[BACKLASH]
     step, *_ = np.linalg.lstsq(slopes, -residuals, rcond=1e-12)
     error = uncertainty(FitSolution(new, x, slopes, residuals + slopes @ step)).errors[at]
-    return bool(abs(step[at]) > max(PLAY * error, LEAST_PLAY * likelihood.law.lift))
+    return bool(abs(step[at]) > max(CLEAR_BACKLASH * error, LEAST_BACKLASH * new.law.lift))

@@ -1,16 +1,17 @@
-"""The numbers of a follower that a fit looks for: units, limits, and the follower of them."""
+"""The numbers of a follower that a fit looks for, and what is shown of those that it found."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.errors import ConfigError
-from cam_rig.laws import Law
-from cam_rig.units import TURN, FloatArray
+from cam_rig.show.result import Column, Records
+from cam_rig.units import FloatArray, rounded_to_error
 
 Follower = FollowerParameters | TwoMassParameters
 
@@ -36,11 +37,8 @@ NUMBERS = {
     "roller_share": Number("1", 0.01, 0.99),
     "stem_damping": Number("N*s/m", 0.0, 1e9),
 }
-
 ONE_MASS = ("mass", "spring_stiffness", "preload", "damping", "restitution")
-
 TWO_MASSES = (*ONE_MASS, "stem_stiffness", "roller_share", "stem_damping")
-
 #: Those that one rigid mass has not.
 OF_TWO = ("roller_share", "stem_damping")
 
@@ -80,9 +78,10 @@ def to_search(name: str, value: float) -> float:
     return float(np.log(value)) if NUMBERS[name].logarithm else value
 
 
-def from_search(name: str, x: float) -> float:
-    """What is sought as a number of the rig."""
-    return float(np.exp(x)) if NUMBERS[name].logarithm else x
+def from_search(names: Iterable[str], x: FloatArray) -> dict[str, float]:
+    """What is sought, ``(n,)``, and perhaps more behind it, as numbers of the rig."""
+    found = zip(names, x.tolist(), strict=False)
+    return {n: float(np.exp(v)) if NUMBERS[n].logarithm else v for n, v in found}
 
 
 def slope(name: str, value: float) -> float:
@@ -96,57 +95,129 @@ def search_limits(names: tuple[str, ...]) -> tuple[FloatArray, FloatArray]:
     return np.array(low), np.array([to_search(name, NUMBERS[name].high) for name in names])
 
 
-# The numbers of the instruments, which are found beside those of the follower.
+# A number that a fit found, or why it has none: as tables, sentences and rig files have it.
 
-#: Errors of the instruments: of the sensors' clock (ppm), the lift's zero and backlash (m), the
-#: force's zero (N), a resonance of the force sensor (logarithm of its frequency in Hz, and damping
-#: ratio).
-CLOCK, ZERO, BACKLASH, TARE, RESONANCE, RATIO = SINGLE = (
-    *("clock", "zero", "backlash", "force_zero"),
-    *("sensor_frequency", "sensor_damping"),
-)
-
-#: Cam angles (rad) at which the side of a play is known; a cam slower than this part stands still.
-SIDES, STILL = np.linspace(0.0, TURN, 4097), 1e-6
+#: 95 % of a normal distribution lie within so many standard deviations.
+WITHIN_95 = 1.96
+#: An error of more than this part of a value is warned of; below this a number is identified.
+CAUTION, TOLD = 1.0 / 3.0, 0.5
 
 
 @dataclass(frozen=True)
-class Instruments:
-    """Where the numbers of the instruments stand behind those of the follower.
+class FoundNumber:
+    """One number, SI: given; identified, with its standard error; or not identified, and why.
 
-    ``first`` is how many those are, ``single`` the names of what there is once for all holds.
+    ``within`` is how many standard errors its interval of 95 % reaches to either side.
     """
 
-    first: int
-    holds: int
-    single: tuple[str, ...]
+    name: str
+    value: float | None
+    error: float | None
+    origin: str
+    reason: str = ""
+    within: float = WITHIN_95
+
+    @classmethod
+    def unidentified(cls, name: str, reason: str, error: float | None = None) -> FoundNumber:
+        """One without a value; ``error`` is what a search would have stated."""
+        return cls(name, None, error, "not identified", reason)
 
     @property
-    def phases(self) -> slice:
-        """Of each hold, rad."""
-        return slice(self.first, self.first + self.holds)
+    def unit(self) -> str:
+        """Of both."""
+        return NUMBERS[self.name].unit
 
     @property
-    def speeds(self) -> slice:
-        """Of each hold: how far its speed is off, in standard errors of the encoder's."""
-        return slice(self.first + self.holds, self.first + 2 * self.holds)
-
-    def at(self, name: str) -> int | None:
-        """Where one of `SINGLE` stands; None where it is not sought."""
-        if name not in self.single:
-            return None
-        return self.first + 2 * self.holds + self.single.index(name)
+    def shown(self) -> str:
+        """The value, to two digits of its standard error where it has one; empty without one."""
+        return "" if self.value is None else rounded_to_error(self.value, self.error or 0.0)
 
     @property
-    def size(self) -> int:
-        """How many numbers there are, the follower's among them."""
-        return self.first + 2 * self.holds + len(self.single)
+    def shown_error(self) -> str:
+        """The standard error, to two digits; empty without a value."""
+        if self.value is None or self.error is None:
+            return ""
+        return rounded_to_error(self.error, self.error)
+
+    @property
+    def caution(self) -> str:
+        """What stands beside a value whose error is a third of it or more, or larger than it."""
+        if self.value is None or self.error is None or self.error < CAUTION * self.value:
+            return ""
+        half = self.within * self.error
+        words = interval_words(self.value, half, self.unit)
+        return f"{'may be 0' if self.value < half else 'uncertain'}: {words}"
+
+    @property
+    def gist(self) -> str:
+        """In words: 1.2995 ± 0.0008 kg."""
+        return self._with_caution(f"{self.shown} ± {self.shown_error} {self.unit}")
+
+    def in_a_sentence(self) -> str:
+        """The number by its name, or that it is not identified, and why."""
+        if self.value is not None:
+            return self._with_caution(f"{self.name} {self.shown} {self.unit}")
+        end = "" if self.reason.endswith("?") else "."
+        return f"{self.name}: not identified, {self.reason}{end}"
+
+    def _with_caution(self, words: str) -> str:
+        return words.removesuffix(" 1") + (f" ({self.caution})" if self.caution else "")
 
 
-def side_of(law: Law, angle: FloatArray) -> FloatArray:
-    """1 after a rise and -1 after a fall at cam angles (rad): where play is taken up."""
-    slope = law.motion_at(SIDES)[1]
-    moving = np.abs(slope) > STILL * np.abs(slope).max()
-    last = np.maximum.accumulate(np.where(moving, np.arange(slope.size), -1))
-    last = np.where(last < 0, np.flatnonzero(moving)[-1], last)
-    return np.asarray(np.sign(slope[last])[np.searchsorted(SIDES, np.mod(angle, TURN)) - 1])
+def interval_words(value: float, half: float, unit: str) -> str:
+    """An interval of 95 % of a number that is not below zero, in words."""
+    low, end = value - half, f"{value + half:.3g} {unit}".removesuffix(" 1")
+    return f"with 95 % it is below {end}" if low <= 0.0 else f"with 95 % it is {low:.3g} to {end}"
+
+
+NUMBER_COLUMNS = (
+    Column("number", of="name"),
+    Column("value", "", ".6g", cell=lambda number: number.shown, about="SI, see unit"),
+    Column(
+        "standard_error",
+        "",
+        ".2g",
+        of=lambda number: None if number.value is None else number.error,
+        cell=lambda number: number.shown_error,
+    ),
+    Column("unit"),
+    Column("origin", cell=lambda number: "; ".join(filter(None, (number.origin, number.caution)))),
+    Column("caution", hidden=True),
+    Column("reason", hidden=True, about="why it has no value"),
+)
+CORRELATION_COLUMNS = (
+    Column("number"),
+    Column("other", cell=lambda pair: pair.other.replace("_", " ")),
+    Column("correlation", "", ".2f"),
+)
+
+
+@dataclass(frozen=True)
+class ErrorCorrelation:
+    """How the errors of two numbers go together, -1 to 1."""
+
+    number: str
+    other: str
+    correlation: float
+
+
+def number_tables(
+    caption: str, numbers: Iterable[FoundNumber], names: tuple[str, ...], correlation: FloatArray
+) -> list[Records]:
+    """A row a number; the correlation of the errors of those of some names, if they are several."""
+    pairs = [
+        ErrorCorrelation(names[i], names[k], float(correlation[i, k]))
+        for i, k in product(range(len(names)), repeat=2)
+        if len(names) > 1
+    ]
+    title, columns = "Correlation of their errors", CORRELATION_COLUMNS
+    return [
+        Records("numbers", caption, NUMBER_COLUMNS, tuple(numbers)),
+        Records("correlation", title, columns, pairs, across="other"),
+    ]
+
+
+def correlation_of(covariance: FloatArray) -> FloatArray:
+    """``(n, n)``; of a number without an error 0."""
+    deviation = np.maximum(np.sqrt(np.diag(covariance)), 1e-300)
+    return np.asarray(covariance / np.outer(deviation, deviation))

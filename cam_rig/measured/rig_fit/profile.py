@@ -10,14 +10,13 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from cam_rig.measured.rig_fit.numbers import NUMBERS
+from cam_rig.measured.rig_fit.numbers import NUMBERS, WITHIN_95
 from cam_rig.measured.rig_fit.search import (
     FIRST_GUARD,
     Candidate,
     FitSolution,
     continued,
     inflation,
-    landings_of,
     log_ratio,
     search,
 )
@@ -25,17 +24,14 @@ from cam_rig.measured.rig_fit.start import (
     LEAST_FLYING,
     SMALL_BOUNCE,
     SQUARE_95,
-    WITHIN_95,
     forces_in_flight,
     freed,
 )
 
 #: First step from the likeliest restitution, each next one twice it; halvings of the last.
 FIRST_STEP, HALVINGS = 0.01, 3
-
 #: Looks about, each from the likeliest of the one before where that is by this log ratio.
 LOOKS, LIKELIER = 4, 1.0
-
 #: Restitutions at which a narrow interval is held against all that lies beside it.
 ELSEWHERE = (0.1, 0.3, 0.5, 0.7, 0.9)
 
@@ -45,13 +41,12 @@ def profiled(found: FitSolution) -> FitSolution:
 
     Of two masses there is none: their bounces depend on every number at once.
     """
-    like = found.likelihood
-    if "roller_share" in like.values(found.x) or not any(landings_of(found)):
+    if "roller_share" in found.values or not any(found.landings):
         return found
     bounce = None
-    if "restitution" in like.sought:
+    if "restitution" in found.likelihood.sought:
         found, low, high = _interval(found)
-        value = found.likelihood.values(found.x)["restitution"]
+        value = found.values["restitution"]
         # Near none, none is said: what is known is the end.
         middle = 0.5 * (low + high) if value >= SMALL_BOUNCE else 0.0
         bounce = middle, (high - middle) / WITHIN_95
@@ -65,11 +60,10 @@ def _settled(found: FitSolution) -> Candidate:
     Late in a series of bounces a landing passes samples within a standard error of a number: the
     sum of squares has a cliff there, and its curvature is that of a narrow valley.
     """
-    settled = found.likelihood.settled(found.x, FIRST_GUARD)
-    shown = forces_in_flight(settled, found.x).size >= LEAST_FLYING
-    values = settled.values(found.x)
-    start = Candidate(settled, found.x)
-    return continued(start, settled.sought, values, tare=settled.tare and shown)
+    start = Candidate(found.likelihood.settled(found.x, FIRST_GUARD), found.x)
+    shown = forces_in_flight(start).size >= LEAST_FLYING
+    tare = found.likelihood.tare and shown
+    return continued(start, found.likelihood.sought, found.values, tare=tare)
 
 
 def _interval(found: FitSolution) -> tuple[FitSolution, float, float]:
@@ -111,10 +105,7 @@ def _widened(
 
 
 def _at(found: Candidate, bounce: float) -> FitSolution:
-    """The other numbers sought anew beside a restitution."""
-    names = tuple(name for name in found.likelihood.sought if name != "restitution")
-    values = found.likelihood.values(found.x) | {"restitution": bounce}
-    return search(continued(found, names, values))
+    return search(continued(found, found.smooth, found.values | {"restitution": bounce}))
 
 
 def _end(
@@ -143,5 +134,4 @@ def _end(
 
 def _likely(found: FitSolution, trial: FitSolution, level: float) -> bool:
     """Whether every hold stays steady and the ratio of likelihoods is near one."""
-    steady = len(trial.likelihood.holds) == len(found.likelihood.holds)
-    return steady and log_ratio(found, trial) < level
+    return len(trial.holds) == len(found.holds) and log_ratio(found, trial) < level

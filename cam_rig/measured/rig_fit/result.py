@@ -7,16 +7,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
+import numpy as np
+
 from cam_rig.laws import Law
-from cam_rig.measured.rig_fit.found import (
+from cam_rig.measured.rig_fit.models import LEAST_BACKLASH
+from cam_rig.measured.rig_fit.numbers import (
     CORRELATION_COLUMNS,
     NUMBER_COLUMNS,
     FoundNumber,
-    number_sentences,
     number_tables,
-    told,
 )
-from cam_rig.measured.rig_fit.oddities import oddities
 from cam_rig.measured.rig_fit.search import FitSolution
 from cam_rig.show.result import SI, Column, Records, Result
 from cam_rig.show.tables import number
@@ -120,7 +120,6 @@ class RigFit(Result):
         ),
     }
 
-    law: Law
     run: MeasuredRun
     model: str
     numbers: tuple[FoundNumber, ...]
@@ -132,15 +131,14 @@ class RigFit(Result):
     left_out: tuple[float, ...]
 
     @property
+    def law(self) -> Law:
+        """Of the cam."""
+        return self.solution.likelihood.law
+
+    @property
     def identified(self) -> tuple[FoundNumber, ...]:
         """The numbers that the run tells."""
         return tuple(n for n in self.numbers if n.origin == "identified")
-
-    @property
-    def correlated(self) -> tuple[str, ...]:
-        """The names of those in ``correlation``."""
-        sought = self.solution.likelihood.sought
-        return tuple(n.name for n in self.identified if n.name in sought)
 
     @property
     def residual(self) -> str:
@@ -153,8 +151,10 @@ class RigFit(Result):
     def tables(self) -> list[Records]:
         """The follower's numbers, what is left at each speed, and the instruments' numbers."""
         caption, gauges = f"{Path(self.run.source).name}: the follower", self.instruments
+        sought = self.solution.likelihood.sought
+        names = tuple(n.name for n in self.identified if n.name in sought)
         return [
-            *number_tables(caption, self.numbers, self.correlated, self.correlation),
+            *number_tables(caption, self.numbers, names, self.correlation),
             self.table("speeds", "Residuals, r.m.s.", self.holds),
             self.table("instruments", "The instruments, by the same samples", gauges),
             self.table("fit", "The fit", [self], single=True, hidden=True),
@@ -166,7 +166,7 @@ class RigFit(Result):
 
     def conclusions(self) -> Iterator[str]:
         """The answer first, then what stands in its way."""
-        found = told(self.identified)
+        found = ", ".join(number.in_a_sentence() for number in self.identified)
         model = "two masses and a stem" if self.model == "two_mass" else "one rigid mass"
         yield (
             f"Identified as {model}: {found}."
@@ -177,7 +177,7 @@ class RigFit(Result):
         if len(reasons) == 1 and not self.identified:
             yield f"Not identified: {reasons.pop()}"
         else:
-            yield from number_sentences(self.numbers)
+            yield from (n.in_a_sentence() for n in self.numbers if n.value is None)
         if self.left_out:
             speeds = ", ".join(f"{rpm:.4g}" for rpm in self.left_out)
             yield f"At {speeds} rpm the follower lifts off: " + (
@@ -197,4 +197,101 @@ class RigFit(Result):
             f"The gain of the force sensor is taken as true{tare}; so is the encoder's clock: 100 "
             "ppm of it are 200 ppm of a mass."
         )
-        yield from oddities(self)
+        yield from _oddities(self)
+
+
+# What looks odd in the residuals: another cam, backlash, outliers, correlation.
+
+#: Neighbours that err alike over more samples than this are no noise.
+COLOURED = 1.5
+#: A backlash is one beyond so many standard errors.
+CLEAR_BACKLASH = 2.0
+#: A residual larger than this part of the lift is not a gauge's.
+WRONG_CAM = 0.01
+#: A lift that is so near, in parts of itself, is no gauge's: what is left is rounding.
+EXACT = 1e-9
+#: A peak of a spectrum stands out that has this part of all of it in its eight lines.
+STANDS_OUT = 0.3
+#: A sample that is off by so many standard deviations is an outlier; a standard deviation by the
+#: median of what is off, which outliers do not move.
+OUTLIER, TO_DEVIATION = 10.0, 1.4826
+
+
+def _oddities(fit: RigFit) -> Iterator[str]:
+    """What looks odd, a sentence each; of another cam that alone."""
+    gauges = {number.key: number for number in fit.instruments}
+    noise = gauges["lift_noise"].value if "lift_noise" in gauges else None
+    if noise is not None and noise > WRONG_CAM * fit.law.lift:
+        yield (
+            f"The lift is {noise * 1e3:.3g} mm r.m.s. from the law of {fit.law.name}: another cam, "
+            "or turned the other way?"
+        )
+        return
+    play = gauges.get("lift_backlash")
+    least = LEAST_BACKLASH * fit.law.lift
+    if play and abs(play.value) > max(CLEAR_BACKLASH * (play.error or 0.0), least):
+        yield (
+            f"The lift reads {abs(play.value) * 1e3:.3g} mm "
+            f"{'less' if play.value > 0.0 else 'more'} in rises than in falls: backlash, "
+            "or a gauge that drags. It is fitted with."
+        )
+    if "force_sensor_resonance" in gauges:
+        yield (
+            f"The force rings at {gauges['force_sensor_resonance'].value:.4g} Hz as a sensor or "
+            "its mount does, and not as a stem: it is fitted with."
+        )
+    exact = noise is not None and noise < EXACT * fit.law.lift
+    if not exact:
+        yield from _outliers(fit)
+    for name, length in zip(("lift", "force"), fit.alike, strict=True):
+        if length > COLOURED and not exact:
+            yield (
+                f"The residuals of the {name} are correlated over {length:.2g} samples"
+                f"{_frequency_words(fit, name)}. The standard errors take account of it, but the "
+                "noise is not white or the model lacks something."
+            )
+    ripple = max(hold.hold.ripple for hold in fit.solution.holds)
+    if ripple > np.radians(0.3):
+        yield (
+            f"The cam's angle is up to {np.degrees(ripple):.2g} deg from a steady turn: the speed "
+            "fluctuates, and the model holds it."
+        )
+
+
+def _outliers(fit: RigFit) -> Iterator[str]:
+    likelihood, parts = fit.solution.likelihood, {"lift": [np.empty(0)], "force": [np.empty(0)]}
+    for i, there in enumerate(fit.solution.predicted):
+        if there is not None:
+            parts["lift"].append(there.lift.left / likelihood.lift_noise)
+            parts["force"].append(there.force.left / likelihood.force_deviation(i))
+    for name, found in parts.items():
+        off = np.abs(np.concatenate(found))
+        deviation = TO_DEVIATION * float(np.median(off)) if off.size else 0.0
+        count = int(np.count_nonzero(off > OUTLIER * deviation))
+        if count and deviation > 0.0:
+            yield (
+                f"{count} of {off.size} samples of the {name} are more than {OUTLIER:g} standard "
+                "deviations off, outliers: they move the numbers, so leave them out."
+            )
+
+
+def _frequency_words(fit: RigFit, name: str) -> str:
+    """Where the spectrum of what is left stands out, of the hold with most samples."""
+    best, found = STANDS_OUT, None
+    for i, there in enumerate(fit.solution.predicted):
+        since = fit.solution.likelihood.samples(i)[name == "force"].since
+        if there is None or since.size < 64:
+            continue
+        left = getattr(there, name).left
+        step = float(np.median(np.diff(since)))
+        even = np.zeros(round((since[-1] - since[0]) / step) + 1)
+        even[np.rint((since - since[0]) / step).astype(int)] = left - left.mean()
+        power = np.abs(np.fft.rfft(even)) ** 2
+        at = int(np.argmax(power))
+        part = float(power[max(0, at - 4) : at + 5].sum() / power.sum())
+        if part > best:
+            best, found = part, at / (even.size * step)
+    if found is None:
+        return ""
+    cause = "a resonance of the sensor or its mount?" if name == "force" else "the gauge's?"
+    return f", most at {found:.3g} Hz ({cause})"

@@ -2,32 +2,53 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from typing import Any
+
+import numpy as np
 
 from cam_rig.dynamics.parameters import si_or_none
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
-from cam_rig.measured.rig_fit.estimates import found_of
-from cam_rig.measured.rig_fit.found import FoundNumber
 from cam_rig.measured.rig_fit.models import elastic, one_mass, two_masses
-from cam_rig.measured.rig_fit.numbers import OF_TWO, ONE_MASS, require_in_model
+from cam_rig.measured.rig_fit.numbers import (
+    NUMBERS,
+    OF_TWO,
+    ONE_MASS,
+    TOLD,
+    TWO_MASSES,
+    WITHIN_95,
+    FoundNumber,
+    correlation_of,
+    interval_words,
+    require_in_model,
+    slope,
+)
 from cam_rig.measured.rig_fit.profile import profiled
-from cam_rig.measured.rig_fit.residuals import Likelihood
-from cam_rig.measured.rig_fit.result import RigFit
-from cam_rig.measured.rig_fit.search import Candidate, FitSolution, search
+from cam_rig.measured.rig_fit.residuals import BACKLASH, RATIO, RESONANCE, TARE, ZERO, Likelihood
+from cam_rig.measured.rig_fit.result import HoldFit, InstrumentNumber, RigFit
+from cam_rig.measured.rig_fit.search import (
+    Candidate,
+    FitSolution,
+    Uncertainty,
+    lever,
+    misfit,
+    search,
+    uncertainty,
+)
 from cam_rig.measured.rig_fit.start import rough_start
-from cam_rig.measured.rig_fit.turns import measured_holds
+from cam_rig.measured.rig_fit.turns import MeasuredHold, measured_holds
 from cam_rig.schema import RigConfig
 from cam_rig.schema.load import assumed_numbers, quantity, to_yaml
 from cam_rig.show.result import SILENT, Progress
 from cam_rig.simulation.instruments import MeasuredRun
-from cam_rig.units import rms
+from cam_rig.units import TURN, rms
 
 #: A lift that is further from the law's than this part of it, r.m.s., at the slowest speed is of
 #: another cam.
 FAR_OFF = 0.05
-
 #: What is said where the search has no number to begin at.
 FROM, OTHER = "the fit, which begins at it", "begin at another rig"
 
@@ -63,13 +84,11 @@ def fit_rig(
     scale = {} if forces or set(given) & set(ONE_MASS[:4]) else {"mass": values["mass"]}
     stem = given.get("stem_stiffness", si_or_none(base.follower.stem_stiffness))
     start = Likelihood(law, holds, (), values, stem)
-    start.force_noise = (
-        0.01 * max((h.force.value.max(initial=0.0) for h in holds), default=1.0) or 1.0
-    )
+    start.force_noise = 0.01 * max(h.force.value.max(initial=0.0) for h in holds) or 1.0
     progress.tell("one rigid mass")
     aligned = search(Candidate(start, start.start(values, phase, zero)))
     if _is_of_another_cam(aligned):
-        return found_of(law, run, aligned, given, tuple(scale), holds)
+        return found_of(run, aligned, given, tuple(scale), holds)
     if model == "two_mass":
         found = two_masses(aligned, given, progress)
     else:
@@ -77,7 +96,7 @@ def fit_rig(
         if model is None and forces:
             found = elastic(found, given, progress)
     progress.tell("standard errors")
-    return found_of(law, run, profiled(found), given, tuple(scale), holds)
+    return found_of(run, profiled(found), given, tuple(scale), holds)
 
 
 def _is_of_another_cam(aligned: FitSolution) -> bool:
@@ -85,12 +104,184 @@ def _is_of_another_cam(aligned: FitSolution) -> bool:
 
     A follower that has left the cam may be as far from it, so a force has to say that it has not.
     """
-    like, x = aligned.likelihood, aligned.x
-    slowest = min(range(len(like.holds)), key=lambda i: like.holds[i].speed)
-    hold, predicted = like.holds[slowest], like.predicted(x, slowest)
+    slowest = min(range(len(aligned.holds)), key=lambda i: aligned.holds[i].speed)
+    hold, predicted = aligned.holds[slowest], aligned.predicted[slowest]
     if predicted is None or not (hold.lift.value.size and hold.force.value.size and hold.presses):
         return False
-    return rms(predicted.lift_left) > FAR_OFF * like.law.lift
+    return rms(predicted.lift.left) > FAR_OFF * aligned.likelihood.law.lift
+
+
+# What a solution says of each number: its value with a standard error, or why there is none.
+
+#: A restitution is identified where its standard error is below this.
+TOLD_RESTITUTION = 0.1
+#: What the speeds that were left out might have told.
+LEFT_OUT = {
+    "restitution": "the speeds that lift off fit no such follower",
+    "stem_stiffness": "a rigid stem explains the speeds on the cam: try --model two_mass",
+}
+
+
+def found_of(
+    run: MeasuredRun,
+    solution: FitSolution,
+    given: dict[str, float],
+    scale: tuple[str, ...],
+    holds: tuple[MeasuredHold, ...],
+) -> RigFit:
+    """All that a solution says.
+
+    ``given``: numbers that are known; ``scale``: those that were fixed since only ratios to them
+    are told; ``holds``: all that were measured.
+    """
+    errors, sought = uncertainty(solution), solution.likelihood.sought
+    unfit = misfit(solution, errors.alike)
+    model = "two_mass" if "roller_share" in solution.values else "one_mass"
+    names = TWO_MASSES if model == "two_mass" else (*ONE_MASS, "stem_stiffness")
+    steady = [hold.hold for hold in solution.holds]
+    left_out = tuple(hold.hold.rpm for hold in holds if hold.hold not in steady)
+    numbers = [_number(name, solution, errors, given, scale) for name in names]
+    if left_out:
+        numbers = [_without_flights(number) for number in numbers]
+    if unfit:
+        numbers = [
+            n if n.origin == "given" else FoundNumber.unidentified(n.name, unfit) for n in numbers
+        ]
+    told = [sought.index(n.name) for n in numbers if n.name in sought and n.value is not None]
+    return RigFit(
+        run,
+        model,
+        tuple(numbers),
+        correlation_of(errors.covariance[np.ix_(told, told)]),
+        tuple(_hold_fit(solution, i) for i in range(len(steady))),
+        tuple(_instruments(solution, errors)),
+        solution,
+        errors.alike,
+        left_out,
+    )
+
+
+def _number(
+    name: str,
+    solution: FitSolution,
+    errors: Uncertainty,
+    given: dict[str, float],
+    scale: tuple[str, ...],
+) -> FoundNumber:
+    sought = solution.likelihood.sought
+    if name in given:
+        return FoundNumber(name, given[name], None, "given")
+    if name == "preload" and solution.zero is not None:
+        words = f"in flight the force reads {solution.zero:.3g} N: set its zero"
+        return FoundNumber.unidentified(name, words)
+    if name == "restitution" and solution.bounce is not None:
+        return _bounce(*solution.bounce, "roller_share" in solution.values)
+    if name not in sought:
+        return FoundNumber.unidentified(name, _not_sought(name, scale, solution))
+    k, value = sought.index(name), solution.values[name]
+    error = float(errors.errors[k]) * slope(name, value)
+    group = next((g for g in errors.null_groups if k in g), None)
+    reason = ""
+    if group is not None or error == 0.0:
+        others = [sought[i] for i in group or () if i < len(sought) and i != k]
+        reason = _null_reason(others, solution)
+    elif scale:
+        mass = solution.likelihood.given["mass"]
+        ratio = f"{value / mass:.5g} ± {error / mass:.2g} in SI"
+        reason = f"only its ratio to the mass is identifiable from lifts, {ratio}; give a mass"
+    elif error >= TOLD * value:
+        reason = f"{interval_words(value, WITHIN_95 * error, NUMBERS[name].unit)}: too wide"
+    if reason:
+        return FoundNumber.unidentified(name, reason, error)
+    return FoundNumber(name, value, error, "identified")
+
+
+def _bounce(value: float, error: float, stem: bool) -> FoundNumber:
+    if error < TOLD_RESTITUTION and not stem:
+        return FoundNumber("restitution", value, error, "identified")
+    likely = f"{max(0.0, value - error):.2g} to {value + error:.2g}"
+    reason = f"bounces on a stem depend on every number: with the others as found, {likely}"
+    if not stem:
+        words = interval_words(value, WITHIN_95 * error, NUMBERS["restitution"].unit)
+        reason = f"{words}: the landings that were measured are too soft"
+    return FoundNumber.unidentified("restitution", reason, error)
+
+
+def _without_flights(number: FoundNumber) -> FoundNumber:
+    """The same with the reason of what the speeds that were left out might have told."""
+    if number.value is not None or number.error is not None:
+        return number
+    return replace(number, reason=LEFT_OUT.get(number.name, number.reason))
+
+
+def _not_sought(name: str, scale: tuple[str, ...], solution: FitSolution) -> str:
+    if name == "restitution" and not any(solution.landings):
+        return "no landing was measured: the follower never leaves the cam"
+    if name == "stem_stiffness":
+        forces = any(hold.force.value.size for hold in solution.holds)
+        return "a rigid stem explains what was measured" if forces else "only a force shows a stem"
+    if name in scale:
+        return (
+            "only ratios to the mass are identifiable from lifts alone: measure a force too, or "
+            "give a mass"
+        )
+    return "not a free parameter here"
+
+
+def _null_reason(others: list[str], solution: FitSolution) -> str:
+    if others:
+        return f"not identifiable apart from {', '.join(others)}: give one of them"
+    if not any(solution.landings):
+        return "on the cam the lift is the law's whatever it is: measure a force, or faster speeds"
+    return "not identifiable: nothing that was measured changes with it"
+
+
+def _hold_fit(solution: FitSolution, i: int) -> HoldFit:
+    predicted = solution.predicted[i]
+    assert predicted is not None  # a search ends at steady turns
+    lift, force = predicted.lift.left, predicted.force.left
+    return HoldFit(
+        solution.likelihood.speed_of(solution.x, i) * 60.0 / TURN,
+        solution.holds[i].hold.turns,
+        lift.size + force.size,
+        rms(lift) if lift.size else None,
+        rms(force) if force.size else None,
+        sum(event.kind == "lift-off" for event in predicted.turn.events),
+    )
+
+
+def _instruments(solution: FitSolution, errors: Uncertainty) -> Iterator[InstrumentNumber]:
+    """Offset and clock are a line through the phases: ψ = −offset − clock ω t."""
+    likelihood, x, holds = solution.likelihood, solution.x, solution.holds
+    where = likelihood.instruments
+    design = lever(solution)[:, : 2 if len(holds) > 2 else 1]
+    covariance = errors.covariance[where.phases, where.phases]
+    weights = np.linalg.pinv(covariance, hermitian=True)
+    normal = np.linalg.inv(design.T @ weights @ design)
+    line = -normal @ design.T @ weights @ np.unwrap(x[where.phases])
+    deviation = np.sqrt(np.diag(normal)).tolist()
+
+    def known(key: str, name: str) -> InstrumentNumber:
+        at = where.at.get(name)
+        error = None if at is None else float(errors.errors[at])
+        return InstrumentNumber(key, likelihood.single(x, name), error)
+
+    yield InstrumentNumber("encoder_offset", math.remainder(float(line[0]), TURN), deviation[0])
+    if line.size > 1:
+        yield InstrumentNumber("clock_fast_by", float(line[1]), deviation[1])
+    if any(h.lift.value.size for h in holds):
+        yield known("lift_zero", ZERO)
+        if likelihood.backlash:
+            yield known("lift_backlash", BACKLASH)
+        yield InstrumentNumber("lift_noise", likelihood.lift_noise)
+    if likelihood.tare:
+        yield known("force_zero", TARE)
+    if any(h.force.value.size for h in holds):
+        yield InstrumentNumber("force_noise", likelihood.force_noise)
+        yield InstrumentNumber("force_noise_part", likelihood.force_part)
+    if likelihood.resonance:
+        yield InstrumentNumber("force_sensor_resonance", math.exp(x[where.at[RESONANCE]]))
+        yield InstrumentNumber("force_sensor_damping", likelihood.single(x, RATIO))
 
 
 # A rig file of what was identified; what nothing tells is another rig's, and assumed.

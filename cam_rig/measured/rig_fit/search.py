@@ -8,33 +8,31 @@ logarithm of the likelihood.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 from scipy.optimize import least_squares, nnls
 
 from cam_rig.errors import ConfigError
-from cam_rig.measured.rig_fit.numbers import RATIO, search_limits, to_search
-from cam_rig.measured.rig_fit.residuals import FAR, Likelihood
+from cam_rig.measured.rig_fit.numbers import search_limits
+from cam_rig.measured.rig_fit.residuals import FAR, RATIO, Likelihood, Predicted
+from cam_rig.measured.rig_fit.turns import MeasuredHold
 from cam_rig.units import TURN, FloatArray, autocorrelation, rms
 
 #: Looks at which samples lie beside a landing, at most; distances from one, rad.
 MOST_ROUNDS, FIRST_GUARD, GUARD = 8, 0.05, 0.01
-
 #: Steps of the first searches, whose noise is not known yet, and of the others.
 FIRST_STEPS, MOST_STEPS = 6, 40
-
 #: A search is over where the sum of squares falls by this part of it.
 SETTLED = 3e-7
-
 #: A sum of squares that grows by more than this is no chance, of twenty numbers at most.
 CONTRARY = 60.0
-
 #: Damping ratios of a force sensor, least and most.
 RATIOS = (1e-4, 2.0)
-
 #: Looks at the noise; its floor, in parts of the whole.
 NOISE_ROUNDS, LEAST_FLOOR = 4, 0.05
 
@@ -48,6 +46,39 @@ class Candidate:
 
     likelihood: Likelihood
     x: FloatArray
+
+    @property
+    def holds(self) -> tuple[MeasuredHold, ...]:
+        """Of its likelihood."""
+        return self.likelihood.holds
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The follower's numbers, sought and given."""
+        return self.likelihood.values(self.x)
+
+    @property
+    def smooth(self) -> tuple[str, ...]:
+        """What is sought but for the restitution."""
+        return tuple(name for name in self.likelihood.sought if name != "restitution")
+
+    @cached_property
+    def predicted(self) -> tuple[Predicted | None, ...]:
+        """Each hold as the numbers make it; None where its turns differ."""
+        return tuple(self.likelihood.predicted(self.x, i) for i in range(len(self.holds)))
+
+    @property
+    def steady(self) -> list[int]:
+        """The holds in which each turn is as the one before."""
+        return [i for i, there in enumerate(self.predicted) if there is not None]
+
+    @property
+    def landings(self) -> list[int]:
+        """A turn, of each hold; one where no turn is as the one before, for it bounces."""
+        return [
+            1 if there is None else sum(event.kind == "landing" for event in there.turn.events)
+            for there in self.predicted
+        ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,26 +94,14 @@ class FitSolution(Candidate):
     bounce: tuple[float, float] | None = None
     zero: float | None = None
 
-    def __post_init__(self) -> None:
-        unknowns, samples = self.likelihood.instruments.size, self.likelihood.count
-        shapes = self.x.shape, self.residuals.shape, self.slopes.shape
-        if shapes != ((unknowns,), (samples,), (samples, unknowns)):
-            raise ValueError(
-                f"a solution of {samples} residuals and {unknowns} unknowns has x, residuals and "
-                f"Jacobian of shapes {', '.join(map(str, shapes))}"
-            )
-
 
 def search(start: Candidate) -> FitSolution:
     """The least squares from ``start`` on, with the noise and the samples beside landings anew."""
     likelihood, x = start.likelihood, start.x
     bounds = _limits(likelihood, x.size)
-    inner = [
-        b + 1e-9 * max(1.0, abs(b)) * d if math.isfinite(b) else b
-        for bs, d in zip(bounds, (1.0, -1.0), strict=True)
-        for b in bs.tolist()
-    ]
-    x = np.clip(x, inner[: x.size], inner[x.size :])
+    margin = np.where(np.isfinite(bounds), 1e-9 * np.maximum(1.0, np.abs(bounds)), 0.0)
+    inner = bounds[0] + margin[0], bounds[1] - margin[1]
+    x = np.clip(x, *inner)
     for i in range(MOST_ROUNDS):
         moved = likelihood.keep_clear(x, FIRST_GUARD if i == 0 else GUARD)
         sized = _size_noise(likelihood, likelihood.residuals(x))
@@ -92,24 +111,23 @@ def search(start: Candidate) -> FitSolution:
             likelihood.residuals,
             x,
             likelihood.slopes,
-            bounds=bounds,
+            bounds=tuple(bounds),
             x_scale="jac",
             ftol=SETTLED,
             xtol=1e-10,
             gtol=1e-12,
             max_nfev=FIRST_STEPS if i < 2 else MOST_STEPS,
         )
-        x = np.clip(found.x, inner[: x.size], inner[x.size :])
+        x = np.clip(found.x, *inner)
     return FitSolution(likelihood, found.x, np.asarray(found.jac), found.fun)
 
 
-def _limits(likelihood: Likelihood, size: int) -> tuple[FloatArray, FloatArray]:
-    """Lowest and highest of what is sought, ``(size,)`` each."""
-    low, high = search_limits(likelihood.sought)
-    free = np.full(size - low.size, np.inf)
-    bounds = np.concatenate([low, -free]), np.concatenate([high, free])
-    if (at := likelihood.instruments.at(RATIO)) is not None:
-        bounds[0][at], bounds[1][at] = RATIOS
+def _limits(likelihood: Likelihood, size: int) -> FloatArray:
+    """``(2, size)``: lowest and highest of what is sought."""
+    free = np.array([[-np.inf], [np.inf]]) * np.ones(size - len(likelihood.sought))
+    bounds = np.hstack([search_limits(likelihood.sought), free])
+    if (at := likelihood.instruments.at.get(RATIO)) is not None:
+        bounds[:, at] = RATIOS
     return bounds
 
 
@@ -122,21 +140,19 @@ def _size_noise(likelihood: Likelihood, residuals: FloatArray) -> bool:
     for i, (hold, kept) in enumerate(zip(likelihood.holds, likelihood.kept, strict=True)):
         middle = at + hold.lift.value.size
         end = middle + int(kept.sum())
-        if (residuals[at:end] == FAR).all():  # no steady turn: that says nothing of the noise
-            at = end
-            continue
-        lifts.append(residuals[at:middle])
-        forces.append(residuals[middle:end] * likelihood.force_deviation(i))
-        pressing.append(likelihood.pressing[i][kept])
+        if (residuals[at:end] != FAR).any():  # else no steady turn, which tells no noise
+            lifts.append(residuals[at:middle])
+            forces.append(residuals[middle:end] * likelihood.force_deviation(i))
+            pressing.append(likelihood.pressing[i][kept])
         at = end
-    before = np.array([likelihood.lift_noise, likelihood.force_noise, likelihood.force_part])
+    before = np.array(likelihood.noise)
     lift, force = np.concatenate(lifts), np.concatenate(forces)
     if lift.any():
         likelihood.lift_noise *= rms(lift)
     if force.any():
         likelihood.force_noise, likelihood.force_part = noise_of(force, np.concatenate(pressing))
-    after = np.array([likelihood.lift_noise, likelihood.force_noise, likelihood.force_part])
-    return bool((np.abs(after - before) > 0.01 * before + 1e-4 * np.array([0.0, 0.0, 1.0])).any())
+    changed = np.abs(np.array(likelihood.noise) - before)
+    return bool((changed > 0.01 * before + 1e-4 * np.array([0.0, 0.0, 1.0])).any())
 
 
 def noise_of(residual: FloatArray, force: FloatArray) -> tuple[float, float]:
@@ -160,18 +176,15 @@ def continued(
     before: Candidate,
     sought: tuple[str, ...],
     values: dict[str, float],
-    play: bool | None = None,
-    resonance: bool | None = None,
-    tare: bool | None = None,
-    only: list[int] | None = None,
+    only: Sequence[int] | None = None,
+    **having: Any,
 ) -> Candidate:
     """A candidate of other numbers, with the instruments as they were.
 
-    ``play``, ``resonance`` and ``tare`` are what else they may have, None as they had; ``only``
-    are some holds.
+    ``only`` are some holds; ``having`` is what else they have now: backlash, resonance, tare.
     """
     old = before.likelihood
-    steady = [i for i in steady_holds_of(before) if only is None or i in only]
+    steady = [i for i in before.steady if only is None or i in only]
     if not steady:
         raise ConfigError(
             "at no speed does the follower move alike from turn to turn; needed: a speed at which "
@@ -184,36 +197,20 @@ def continued(
         given={name: value for name, value in values.items() if name not in sought},
         kept=[],
         pressing=[],
-        play=old.play if play is None else play,
-        resonance=old.resonance if resonance is None else resonance,
-        tare=old.tare if tare is None else tare,
+        **having,
     )
-    x = np.zeros(new.instruments.size)
-    x[: len(sought)] = [to_search(name, values[name]) for name in sought]
     here, there = new.instruments, old.instruments
+    x = new.start(values, 0.0, 0.0)
     x[here.phases] = before.x[there.phases][steady]
     x[here.speeds] = before.x[there.speeds][steady]
-    for name in here.single:
-        to = here.at(name)
-        assert to is not None
-        x[to] = old.single(before.x, name)
+    for name, at in here.at.items():
+        x[at] = old.single(before.x, name)
     return Candidate(new, x)
 
 
-def steady_holds_of(found: Candidate) -> list[int]:
-    """The holds in which each turn is as the one before."""
-    like = found.likelihood
-    return [i for i in range(len(like.holds)) if like.predicted(found.x, i) is not None]
-
-
-def landings_of(found: Candidate) -> list[int]:
-    """Landings a turn, of each hold; one where no turn is as the one before, for it bounces."""
-    like = found.likelihood
-    turns = (like.predicted(found.x, i) for i in range(len(like.holds)))
-    return [
-        1 if turn is None else sum(event.kind == "landing" for event in turn.turn.events)
-        for turn in turns
-    ]
+def lever(found: Candidate) -> FloatArray:
+    """1 and ω t in the middle of each hold, ``(n, 2)``."""
+    return np.array([[1.0, h.speed * h.hold.middle] for h in found.holds])
 
 
 def contradict(some: FitSolution, all_of_it: FitSolution) -> bool:
@@ -225,14 +222,9 @@ def contradict(some: FitSolution, all_of_it: FitSolution) -> bool:
     order = [there.holds.index(hold) for hold in here.holds if hold in there.holds]
     if len(order) < len(here.holds):
         return False
-    moved = continued(all_of_it, there.sought, there.values(all_of_it.x), only=order)
-    new = moved.likelihood
-    new.kept, new.pressing = here.kept, here.pressing
-    new.lift_noise, new.force_noise, new.force_part = (
-        here.lift_noise,
-        here.force_noise,
-        here.force_part,
-    )
+    moved = continued(all_of_it, there.sought, all_of_it.values, only=order)
+    new = replace(moved.likelihood, kept=here.kept, pressing=here.pressing)
+    new.lift_noise, new.force_noise, new.force_part = here.noise
     missed, least = (float(off @ off) for off in (new.residuals(moved.x), some.residuals))
     return missed - least > CONTRARY
 
@@ -242,11 +234,7 @@ def log_ratio(one: FitSolution, other: FitSolution) -> float:
 
     Of the holds that both have, and there of the samples that lie beside a landing of neither.
     """
-    mine, theirs = (
-        {id(hold): i for i, hold in enumerate(solution.likelihood.holds)}
-        for solution in (one, other)
-    )
-    common = [(mine[key], theirs[key]) for key in mine if key in theirs]
+    common = [(i, other.holds.index(h)) for i, h in enumerate(one.holds) if h in other.holds]
     both = [one.likelihood.kept[i] & other.likelihood.kept[k] for i, k in common]
     logs = []
     for side, solution in enumerate((one, other)):
@@ -266,11 +254,9 @@ def log_ratio(one: FitSolution, other: FitSolution) -> float:
 # What a search's slopes and residuals say of its numbers: standard errors, null directions.
 
 #: Directions in which the residuals change by less than this part of the most are told by nothing.
-BLIND = 1e-6
-
+NULL = 1e-6
 #: Part of a direction that a number of it has at least.
 SHARE = 0.05
-
 #: What is left beyond so many times the noise is no fit.
 MUCH = 3.0
 
@@ -284,7 +270,7 @@ class Uncertainty:
     """
 
     covariance: FloatArray
-    blind: tuple[tuple[int, ...], ...]
+    null_groups: tuple[tuple[int, ...], ...]
     alike: tuple[float, float]
 
     @property
@@ -295,28 +281,27 @@ class Uncertainty:
 
 def uncertainty(solution: FitSolution) -> Uncertainty:
     """Covariance (JᵀJ)⁻¹ JᵀRJ (JᵀJ)⁻¹ of least squares under noise of correlation R."""
-    inverse, told, vectors = _inverse(solution.slopes)
+    inverse, null_groups = normal_inverse(solution.slopes)
     scores, alike = _scores(solution.likelihood, solution.slopes, solution.residuals)
-    columns = (np.flatnonzero(np.abs(vector) > SHARE) for vector in vectors[:, ~told].T)
-    blind = tuple(tuple(group.tolist()) for group in columns)
-    return Uncertainty(inverse @ scores @ inverse, blind, alike)
+    return Uncertainty(inverse @ scores @ inverse, null_groups, alike)
 
 
 def inflation(solution: FitSolution, k: int) -> float:
     """By what factor the noise's correlation widens the variance of an unknown."""
-    plain = _inverse(solution.slopes)[0][k, k]
+    plain = normal_inverse(solution.slopes)[0][k, k]
     return float(uncertainty(solution).covariance[k, k] / plain) if plain > 0.0 else 1.0
 
 
-def _inverse(slopes: FloatArray) -> tuple[FloatArray, NDArray[np.bool_], FloatArray]:
-    """(JᵀJ)⁻¹ ``(n, n)``; which directions are told; all, in columns, of scaled unknowns."""
+def normal_inverse(slopes: FloatArray) -> tuple[FloatArray, tuple[tuple[int, ...], ...]]:
+    """(JᵀJ)⁻¹ ``(n, n)`` of slopes ``(m, n)``, and groups of unknowns with a null direction."""
     sizes = np.linalg.norm(slopes, axis=0)
     sizes[sizes == 0.0] = 1.0
     scaled = slopes / sizes
     values, vectors = np.linalg.eigh(scaled.T @ scaled)
-    told = values > BLIND**2 * values[-1]
+    told = values > NULL**2 * values.max(initial=0.0)
     inverse = (vectors[:, told] / values[told]) @ vectors[:, told].T
-    return inverse / np.outer(sizes, sizes), told, vectors
+    columns = (np.flatnonzero(np.abs(vector) > SHARE) for vector in vectors[:, ~told].T)
+    return inverse / np.outer(sizes, sizes), tuple(tuple(group.tolist()) for group in columns)
 
 
 def _scores(
@@ -330,8 +315,8 @@ def _scores(
     at = slopes.shape[0] - len(likelihood.holds)
     total, lengths = slopes[at:].T @ slopes[at:], ([1.0], [1.0])
     at = 0
-    for hold, kept in zip(likelihood.holds, likelihood.kept, strict=True):
-        for found, size in zip(lengths, (hold.lift.value.size, int(kept.sum())), strict=True):
+    for i in range(len(likelihood.holds)):
+        for found, size in zip(lengths, likelihood.sizes(i), strict=True):
             part = slice(at, at + size)
             at += size
             if size:
@@ -363,31 +348,23 @@ def misfit(solution: FitSolution, alike: tuple[float, float]) -> str:
     neighbours err alike (``alike``, as in `Uncertainty`), or in one of several that are as likely,
     if a single speed flies.
     """
-    likelihood = solution.likelihood
-    flying = landings_of(solution)
-    if any(flying) and not any(hold.force.value.size for hold in likelihood.holds):
+    flying = sum(map(bool, solution.landings))
+    if flying and not any(hold.force.value.size for hold in solution.holds):
         if alike[0] > MUCH:
             return (
                 f"the residuals of the lift are correlated over {alike[0]:.2g} samples: "
                 "measure a force too, or speeds at which the follower bounces less"
             )
-        if sum(map(bool, flying)) == 1:
+        if flying == 1:
             return "a single speed that lifts off identifies nothing: measure another, or a force"
     for name, unit, factor in (("lift", "mm", 1e3), ("force", "N", 1.0)):
-        left, noise = list[FloatArray](), list[FloatArray]()
-        for i in range(len(likelihood.holds)):
-            predicted = likelihood.predicted(solution.x, i)
-            if predicted is None:
-                continue
-            angle, there, off = (
-                (predicted.lift_angle, predicted.lift, predicted.lift_left)
-                if name == "lift"
-                else (predicted.force_angle, predicted.force, predicted.force_left)
-            )
-            order = np.argsort(np.mod(angle, TURN))
-            left.append(off)
-            noise.append(np.diff((there - off)[order]) / math.sqrt(2.0))
-        size = rms(np.concatenate(left)) if any(x.size for x in left) else 0.0
+        shown = [getattr(there, name) for there in solution.predicted if there is not None]
+        left = np.concatenate([one.left for one in shown])
+        noise = [
+            np.diff((one.value - one.left)[np.argsort(np.mod(one.angle, TURN))]) / math.sqrt(2.0)
+            for one in shown
+        ]
+        size = rms(left) if left.size else 0.0
         apart = rms(np.concatenate(noise)) if size else 0.0
         if size > MUCH * apart:
             return (

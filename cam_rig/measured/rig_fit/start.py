@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from scipy.optimize import nnls
@@ -13,34 +14,22 @@ from cam_rig.dynamics.kinetostatic import force_weights
 from cam_rig.dynamics.two_mass.masses import contact_response, force_output
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
-from cam_rig.measured.rig_fit.numbers import TARE, ZERO, Follower, follower_of
-from cam_rig.measured.rig_fit.residuals import FAR, Likelihood, Predicted
-from cam_rig.measured.rig_fit.search import (
-    Candidate,
-    FitSolution,
-    continued,
-    log_ratio,
-    search,
-    steady_holds_of,
-)
+from cam_rig.measured.rig_fit.numbers import follower_of
+from cam_rig.measured.rig_fit.residuals import FAR, TARE, ZERO, Predicted
+from cam_rig.measured.rig_fit.search import Candidate, FitSolution, continued, log_ratio, search
 from cam_rig.measured.rig_fit.turns import PRESSED, MeasuredHold
 from cam_rig.units import TURN, FloatArray
 
 #: Cam angles tried for the encoder's zero.
 PHASES = 360
-
 #: Every so manyth sample is looked at here.
 EVERY = 8
-
 #: Natural frequencies of the stem that are tried, Hz: from, to, each so many times the one before.
 FREQUENCIES = (8.0, 3000.0, 1.1)
-
 #: Parts of a turn over which what is left is averaged, at most; samples in one, at least.
 MOST_PARTS, LEAST_IN_PART = 256, 6
-
 #: Samples of a hold beside which a stem is tried, at most.
 MOST_LOOKED_AT = 600
-
 #: Shares of the mass on the roller's side, and damping ratios, that are tried.
 SHARES, DAMPING_RATIOS = (0.25, 0.5), (0.005, 0.05)
 
@@ -56,12 +45,7 @@ def rough_start(
     best, found = math.inf, (dict(base), 0.0, 0.0)
     lifts = [(h.angle + h.speed * h.lift.since[::EVERY], h.lift.value[::EVERY]) for h in holds]
     angle, lift = (np.concatenate(x) for x in zip(*lifts, strict=True))
-    pressed = [_pressed(hold) for hold in holds]
-    angles = np.concatenate([h.angle + h.speed * f[0] for h, f in zip(holds, pressed, strict=True)])
-    force = np.concatenate([f[1] for f in pressed])
-    speed = np.concatenate(
-        [np.full(f[0].size, h.speed) for h, f in zip(holds, pressed, strict=True)]
-    )
+    angles, speed, force = np.hstack([_pressed(hold) for hold in holds])
     for phase in np.arange(PHASES) * (TURN / PHASES):
         missed, zero, numbers = 0.0, 0.0, dict(base)
         if lift.size:
@@ -69,8 +53,8 @@ def rough_start(
             zero = float(np.median(off))
             missed += float(((off - zero) ** 2).sum()) / float(lift.var())
         if force.size:
-            s, slope, bend = law.motion_at(angles + phase)
-            parts = np.stack([bend * speed**2, slope * speed, s, np.ones_like(s)], axis=1)
+            s, slope, curvature = law.motion_at(angles + phase)
+            parts = np.stack([curvature * speed**2, slope * speed, s, np.ones_like(s)], axis=1)
             sizes = np.linalg.norm(parts, axis=0)
             sizes[sizes == 0.0] = 1.0  # all that presses is on a dwell, at this phase
             _, triangle = np.linalg.qr(np.column_stack([parts / sizes, force]))
@@ -83,13 +67,11 @@ def rough_start(
     return found
 
 
-def _pressed(hold: MeasuredHold) -> tuple[FloatArray, FloatArray]:
-    """Times and forces of the samples of a follower on the cam, some of a hold."""
-    force = hold.force
-    if not force.value.size:
-        return force.since, force.value
-    on = force.value > PRESSED * force.value.max()
-    return force.since[on][::EVERY], force.value[on][::EVERY]
+def _pressed(hold: MeasuredHold) -> FloatArray:
+    """Cam angle, speed and force of some samples of a follower on the cam, ``(3, n)``."""
+    since, force = hold.force.since, hold.force.value
+    on = np.flatnonzero(force > PRESSED * force.max(initial=0.0))[::EVERY]
+    return np.stack([hold.angle + hold.speed * since[on], np.full(on.size, hold.speed), force[on]])
 
 
 def _allowed(fitted: FloatArray, base: dict[str, float]) -> dict[str, float]:
@@ -102,20 +84,19 @@ def _allowed(fitted: FloatArray, base: dict[str, float]) -> dict[str, float]:
     }
 
 
-def leaves_a_pattern(likelihood: Likelihood, x: FloatArray) -> bool:
+def leaves_a_pattern(found: Candidate) -> bool:
     """Whether what is left of the force repeats from turn to turn, beyond what noise does.
 
     Means over parts of a turn, in standard deviations: the sum of their squares is that of as many
     parts, but for √2 of their number's root.
     """
     squares = parts = 0.0
-    for i in range(len(likelihood.holds)):
-        predicted = likelihood.predicted(x, i)
-        if predicted is None or not predicted.force.size:
+    for i, there in enumerate(found.predicted):
+        if there is None or not there.force.left.size:
             continue
-        left = predicted.force_left / likelihood.force_deviation(i)
+        left = there.force.left / found.likelihood.force_deviation(i)
         count = max(4, min(MOST_PARTS, left.size // LEAST_IN_PART))
-        part = (np.mod(predicted.force_angle, TURN) * (count / TURN)).astype(int) % count
+        part = (np.mod(there.force.angle, TURN) * (count / TURN)).astype(int) % count
         sizes = np.bincount(part, minlength=count)
         sums = np.bincount(part, left, minlength=count)
         squares += float((sums[sizes > 0] ** 2 / sizes[sizes > 0]).sum())
@@ -123,63 +104,50 @@ def leaves_a_pattern(likelihood: Likelihood, x: FloatArray) -> bool:
     return squares > parts + math.sqrt(2.0 * parts)
 
 
-def likely_stem(likelihood: Likelihood, x: FloatArray) -> tuple[dict[str, float], float]:
+def likely_stem(one: Candidate) -> tuple[dict[str, float], float]:
     """The stem that with the numbers of one mass comes nearest to the forces.
 
     With it the logarithm of how much likelier it makes them than a rigid one. Only as far as the
     follower stays on the cam, where each stem needs one linear solve.
-
-    ``likelihood``, ``x``: of one mass, where its search ended.
     """
-    one, found = likelihood.values(x), list[tuple[float, dict[str, float]]]()
-    forces = [_pressing(likelihood, x, i) for i in range(len(likelihood.holds))]
-    rigid = sum(_missed_rigid(likelihood, one, *force) for force in forces)
+    values, law = one.values, one.likelihood.law
+    follower = follower_of(values, one.likelihood.stem_stiffness)
+    assert isinstance(follower, FollowerParameters)
+    forces = [_pressing(one, i) for i in range(len(one.holds))]
+    rigid = 0.0
+    for speed, angle, force in forces:
+        there = force_weights(follower, speed) @ law.motion_at(angle) + follower.preload
+        rigid += float(((there - force) ** 2).sum())
     low, high, factor = FREQUENCIES
-    for k in range(round(math.log(high / low) / math.log(factor))):
-        rate = TURN * low * factor**k
-        for share in SHARES:
-            for ratio in DAMPING_RATIOS:
-                end = one["mass"] * (1.0 - share)
-                stem = {
-                    "stem_stiffness": max(end * rate**2 - one["spring_stiffness"], end * rate),
-                    "roller_share": share,
-                    "stem_damping": 2.0 * ratio * end * rate,
-                }
-                follower = follower_of(one | stem, likelihood.stem_stiffness)
-                missed = sum(_missed(likelihood.law, follower, *force) for force in forces)
-                found.append((missed, stem))
-    best, stem = min(found, key=lambda pair: pair[0])
-    count = sum(force[2].size for force in forces)
+    rates = [TURN * low * factor**k for k in range(round(math.log(high / low) / math.log(factor)))]
+    best, stem = math.inf, dict[str, float]()
+    for rate, share, ratio in product(rates, SHARES, DAMPING_RATIOS):
+        end = values["mass"] * (1.0 - share)
+        tried = {
+            "stem_stiffness": max(end * rate**2 - values["spring_stiffness"], end * rate),
+            "roller_share": share,
+            "stem_damping": 2.0 * ratio * end * rate,
+        }
+        two = follower_of(values | tried, None)
+        assert isinstance(two, TwoMassParameters)
+        missed = sum(_missed(law, two, *force) for force in forces)
+        if missed < best:
+            best, stem = missed, tried
+    count = sum(force.size for _, _, force in forces)
     return stem, 0.5 * count * math.log(rigid / best)
 
 
-def _pressing(
-    likelihood: Likelihood, x: FloatArray, i: int
-) -> tuple[float, FloatArray, FloatArray]:
+def _pressing(one: Candidate, i: int) -> tuple[float, FloatArray, FloatArray]:
     """Speed (rad/s) of a hold, cam angles and forces of some samples that press."""
-    force = likelihood.holds[i].force.value[likelihood.kept[i]]
-    on = np.flatnonzero(force > PRESSED * force.max(initial=0.0))
-    on = on[:: -(-on.size // MOST_LOOKED_AT) or 1]
-    return likelihood.speed_of(x, i), likelihood.angles(x, i)[1][on], force[on]
-
-
-def _missed_rigid(
-    likelihood: Likelihood,
-    values: dict[str, float],
-    speed: float,
-    angle: FloatArray,
-    force: FloatArray,
-) -> float:
-    follower = follower_of(values, likelihood.stem_stiffness)
-    assert isinstance(follower, FollowerParameters)
-    there = force_weights(follower, speed) @ likelihood.law.motion_at(angle) + follower.preload
-    return float(((there - force) ** 2).sum())
+    like, (_, counted) = one.likelihood, one.likelihood.samples(i)
+    on = np.flatnonzero(counted.value > PRESSED * counted.value.max(initial=0.0))
+    some = counted.where(on[:: -(-on.size // MOST_LOOKED_AT) or 1])
+    return like.speed_of(one.x, i), like.angles(one.x, i, some.since), some.value
 
 
 def _missed(
-    law: Law, follower: Follower, speed: float, angle: FloatArray, force: FloatArray
+    law: Law, follower: TwoMassParameters, speed: float, angle: FloatArray, force: FloatArray
 ) -> float:
-    assert isinstance(follower, TwoMassParameters)
     try:
         return float(((_on_the_cam(law, follower, speed, angle) - force) ** 2).sum())
     except DynamicsError:  # in resonance without damping
@@ -204,73 +172,51 @@ def _on_the_cam(
 
 #: Restitutions tried, then so many finer ones between those beside the best.
 BOUNCES, FINER = (1e-3, *(0.025 * k for k in range(1, 37))), 16
-
 #: A restitution below this is none: it is known by what it is not beyond.
 SMALL_BOUNCE = 0.02
-
 #: Steps to the phase of a hold that goes with a restitution, and one of the angle (rad).
 PHASE_STEPS, ANGLE_STEP = 4, 1e-6
-
 #: A square counts so much at most where restitutions are tried.
 MOST_SQUARE = 36.0
-
 #: Squares a sample that are still noise, with what a landing beside a sample adds.
 EXPLAINED = 1.5
-
 #: Of a sum of squares, what 95 % of one number's errors stay below.
 SQUARE_95 = 3.84
-
 #: Samples in flight that show the force's zero, at least: with it flights become longer. It is off
 #: where it is beyond so many standard errors.
 LEAST_FLYING, OFF = 4, 6.0
-
 #: And beyond this part of the preload.
 LEAST_ZERO = 0.005
-
 #: Looks at it, each with the flights of the one before.
 ZERO_ROUNDS = 5
-
-#: 95 % of a normal distribution lie within so many standard deviations.
-WITHIN_95 = 1.96
 
 
 def with_bounces(found: Candidate, given: dict[str, float]) -> FitSolution:
     """The restitution beside the other numbers, from the likeliest beside those of ``found`` on."""
-    values = found.likelihood.values(found.x)
     if "restitution" in given:
-        return search(continued(found, found.likelihood.sought, values))
+        return search(continued(found, found.likelihood.sought, found.values))
     likely, _, _ = _likely(found)
-    names = tuple(name for name in found.likelihood.sought if name != "restitution")
-    middle = _tried(found, names, 0.5 * (likely[0] + likely[-1]))
+    middle = _tried(found, 0.5 * (likely[0] + likely[-1]))
     bounce = {"restitution": max(middle.bounce, BOUNCES[0])}
-    start = _with_phases(continued(found, names, values | bounce), middle.phases)
-    return freed(search(start), (*names, "restitution"))
+    start = continued(found, found.smooth, found.values | bounce)
+    start.x[start.likelihood.instruments.phases] = middle.phases
+    return freed(search(start), (*found.smooth, "restitution"))
 
 
 def freed(fixed: FitSolution, sought: tuple[str, ...]) -> FitSolution:
     """The restitution too, which was fixed: sought, or as it is where that is likelier.
 
     Where bounces are lower than the noise of the lift, no slope tells it, and a search drifts off.
+    Then it is among what is sought with its slopes, and not moved.
     """
-    free = search(continued(fixed, sought, fixed.likelihood.values(fixed.x)))
-    steady = len(free.likelihood.holds) == len(fixed.likelihood.holds)
-    return free if steady and log_ratio(free, fixed) >= 0.0 else as_sought(fixed, sought)
-
-
-def as_sought(fixed: FitSolution, sought: tuple[str, ...]) -> FitSolution:
-    """The same, with what was fixed among what is sought: with slopes, and not moved."""
-    like, steady = fixed.likelihood, steady_holds_of(fixed)
-    start = continued(fixed, sought, like.values(fixed.x))
-    kept, pressing = [like.kept[i] for i in steady], [like.pressing[i] for i in steady]
+    free = search(continued(fixed, sought, fixed.values))
+    if len(free.holds) == len(fixed.holds) and log_ratio(free, fixed) >= 0.0:
+        return free
+    start = continued(fixed, sought, fixed.values)
+    kept = [fixed.likelihood.kept[i] for i in fixed.steady]
+    pressing = [fixed.likelihood.pressing[i] for i in fixed.steady]
     new = replace(start.likelihood, kept=kept, pressing=pressing)
     return FitSolution(new, start.x, new.slopes(start.x), new.residuals(start.x))
-
-
-def _with_phases(start: Candidate, phases: FloatArray) -> Candidate:
-    """The same with other phases (rad) of its holds."""
-    x = start.x.copy()
-    x[start.likelihood.instruments.phases] = phases
-    return Candidate(start.likelihood, x)
 
 
 def bounce_beside(found: Candidate) -> tuple[float, float] | None:
@@ -280,8 +226,7 @@ def bounce_beside(found: Candidate) -> tuple[float, float] | None:
     of them the flights are as they were measured, to their noise.
     """
     _, possible, step = _likely(found)
-    names = tuple(name for name in found.likelihood.sought if name != "restitution")
-    best = min((_tried(found, names, bounce) for bounce in possible), key=lambda one: one.missed)
+    best = min((_tried(found, bounce) for bounce in possible), key=lambda one: one.missed)
     if best.missed >= EXPLAINED * best.samples:
         return None
     return 0.5 * (possible[0] + possible[-1]), 0.5 * (possible[-1] - possible[0] + step)
@@ -289,12 +234,11 @@ def bounce_beside(found: Candidate) -> tuple[float, float] | None:
 
 def _likely(found: Candidate) -> tuple[list[float], list[float], float]:
     """Restitutions tried that are likely, that are possible, and the step between two of them."""
-    names = tuple(name for name in found.likelihood.sought if name != "restitution")
-    coarse = [_tried(found, names, bounce) for bounce in BOUNCES]
+    coarse = [_tried(found, bounce) for bounce in BOUNCES]
     least = min(trial.missed for trial in coarse)
     near = [k for k, trial in enumerate(coarse) if trial.missed <= least + MOST_SQUARE]
     ends = BOUNCES[max(0, near[0] - 1)], BOUNCES[min(len(BOUNCES) - 1, near[-1] + 1)]
-    fine = [_tried(found, names, bounce) for bounce in np.linspace(*ends, FINER + 1).tolist()]
+    fine = [_tried(found, bounce) for bounce in np.linspace(*ends, FINER + 1).tolist()]
     least = min(trial.missed for trial in fine)
     likely, possible = (
         [trial.bounce for trial in fine if trial.missed <= least + more]
@@ -313,10 +257,8 @@ class Tried:
     samples: int
 
 
-def _tried(found: Candidate, names: tuple[str, ...], bounce: float) -> Tried:
-    """A restitution beside the other numbers as they are."""
-    values = found.likelihood.values(found.x) | {"restitution": bounce}
-    start = continued(found, names, values)
+def _tried(found: Candidate, bounce: float) -> Tried:
+    start = continued(found, found.smooth, found.values | {"restitution": bounce})
     new, x = start.likelihood, start.x
     missed, samples = 0.0, 0
     for i, hold in enumerate(new.holds):  # all forces, for bounces hide them else
@@ -325,49 +267,44 @@ def _tried(found: Candidate, names: tuple[str, ...], bounce: float) -> Tried:
             samples += hold.lift.value.size + hold.force.value.size
             missed += FAR**2 * hold.force.value.size
         elif predicted.turn.events:
-            new.pressing[i] = np.abs(predicted.turn.at(predicted.force_angle)[1])
+            new.pressing[i] = np.abs(predicted.turn.at(predicted.force.angle)[1])
             samples += hold.lift.value.size + hold.force.value.size
-            x[new.instruments.phases.start + i], off = _phase(new, x, i, predicted)
+            x[new.instruments.phases.start + i], off = _phase(start, i, predicted)
             missed += off
     return Tried(bounce, missed, x[new.instruments.phases], samples)
 
 
-def _phase(
-    likelihood: Likelihood, x: FloatArray, i: int, predicted: Predicted
-) -> tuple[float, float]:
+def _phase(start: Candidate, i: int, predicted: Predicted) -> tuple[float, float]:
     """The phase (rad) of a hold that goes with its turn, and the squares of what is missed."""
-    hold = likelihood.holds[i]
-    phase = float(x[likelihood.instruments.phases][i])
-    lift, moved = hold.lift.value.size > 0, 0.0
+    phase = float(start.x[start.likelihood.instruments.phases][i])
+    lift, moved = start.holds[i].lift.value.size > 0, 0.0
     for _ in range(PHASE_STEPS):
-        off = _off(likelihood, x, i, predicted, moved, lift)
-        rise = (_off(likelihood, x, i, predicted, moved + ANGLE_STEP, lift) - off) / ANGLE_STEP
+        off = _off(start, i, predicted, moved, lift)
+        rise = (_off(start, i, predicted, moved + ANGLE_STEP, lift) - off) / ANGLE_STEP
         moved -= float(rise @ off) / max(float(rise @ rise), 1e-300)
-    squares = [_off(likelihood, x, i, predicted, moved, which) ** 2 for which in (True, False)]
+    squares = [_off(start, i, predicted, moved, which) ** 2 for which in (True, False)]
     # A landing that is off by less than a sample puts one force wrong by all of it.
     return phase + moved, float(sum(np.minimum(part, MOST_SQUARE).sum() for part in squares))
 
 
-def _off(
-    likelihood: Likelihood, x: FloatArray, i: int, predicted: Predicted, moved: float, lift: bool
-) -> FloatArray:
+def _off(start: Candidate, i: int, predicted: Predicted, moved: float, lift: bool) -> FloatArray:
     """By how much lift, or force, is missed, in standard deviations, ``moved`` rad further."""
-    hold = likelihood.holds[i]
+    like, x = start.likelihood, start.x
+    measured = like.samples(i)
     if lift:
-        shown = predicted.turn.at(predicted.lift_angle + moved)[0] + likelihood.single(x, ZERO)
-        return (shown - hold.lift.value) / likelihood.lift_noise
-    shown = predicted.turn.at(predicted.force_angle + moved)[1] + likelihood.single(x, TARE)
-    return (shown - hold.force.value[likelihood.kept[i]]) / likelihood.force_deviation(i)
+        shown = predicted.turn.at(predicted.lift.angle + moved)[0] + like.single(x, ZERO)
+        return (shown - measured[0].value) / like.lift_noise
+    shown = predicted.turn.at(predicted.force.angle + moved)[1] + like.single(x, TARE)
+    return (shown - measured[1].value) / like.force_deviation(i)
 
 
 def tared(found: Candidate) -> Candidate:
     """The same with the zero of the force sensor, which shows in flights: where they are low."""
-    like = found.likelihood
-    start = continued(found, like.sought, like.values(found.x), tare=True)
-    new, x = start.likelihood, start.x
-    low, at = forces_in_flight(like, found.x), new.instruments.at(TARE)
-    if low.size < LEAST_FLYING or at is None:
+    like, low = found.likelihood, forces_in_flight(found)
+    start = continued(found, like.sought, found.values, tare=True)
+    if low.size < LEAST_FLYING:
         return found
+    x, at = start.x, start.likelihood.instruments.at[TARE]
     x[at] = float(np.median(low))
     if "preload" in like.sought:
         k = like.sought.index("preload")
@@ -382,7 +319,7 @@ def zero_in_flight(flying: Candidate) -> float | None:
         return None
     at, low = like.sought.index("preload"), np.empty(0)
     for _ in range(ZERO_ROUNDS):
-        low = forces_in_flight(like, x)
+        low = forces_in_flight(Candidate(like, x.copy()))
         if low.size < LEAST_FLYING:
             return None
         zero = float(np.median(low))
@@ -391,11 +328,11 @@ def zero_in_flight(flying: Candidate) -> float | None:
     return zero if abs(zero) > OFF * error + LEAST_ZERO * flying.x[at] else None
 
 
-def forces_in_flight(like: Likelihood, x: FloatArray) -> FloatArray:
+def forces_in_flight(found: Candidate) -> FloatArray:
     """What the force sensor shows (N) where the follower is off the cam."""
     flying = [
-        hold.force.value[like.kept[i]][there.turn.at(there.force_angle)[1] == 0.0]
-        for i, hold in enumerate(like.holds)
-        if (there := like.predicted(x, i)) is not None
+        found.likelihood.samples(i)[1].value[there.turn.at(there.force.angle)[1] == 0.0]
+        for i, there in enumerate(found.predicted)
+        if there is not None
     ]
     return np.concatenate([np.empty(0), *flying])

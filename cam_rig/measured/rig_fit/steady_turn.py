@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -21,30 +20,18 @@ from cam_rig.units import NS, TURN, FloatArray
 
 #: Turns after which a follower that leaves the cam is settled, or never: each tried in its turn.
 SETTLING = (2, 4, 8, 16, 32)
-
 #: By how much a settled turn may miss where it began, of a turn and of its vibration's scale.
 SAME = 1e-11
-
 #: Steps to a turn that comes back to itself, at most; and of a slope, of the vibration's scale.
 MOST_STEPS, STEP = 12, 1e-6
 
 
-class PeriodicTurn(Protocol):
-    """A turn of a follower that comes back to itself."""
-
-    @property
-    def events(self) -> tuple[Event, ...]:
-        """Lift-offs and landings, angles in [0, 2π)."""
-        ...
-
-    def at(self, angle: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Lift (m) and contact force (N) at cam angles (rad) of any turn, ``(n,)`` each."""
-        ...
-
-
 @dataclass(frozen=True, eq=False)
 class OneMassTurn:
-    """The last turn of a `OneMassTrajectory`, which began ``begin`` s after θ = 0."""
+    """The last turn of a `OneMassTrajectory`, which began ``begin`` s after θ = 0.
+
+    ``events`` are its lift-offs and landings, angles in [0, 2π).
+    """
 
     course: OneMassTrajectory
     begin: float
@@ -86,6 +73,9 @@ class TwoMassTurn:
         return found[0], found[4]
 
 
+PeriodicTurn = OneMassTurn | TwoMassTurn
+
+
 def one_mass_turn(law: Law, p: FollowerParameters, speed: float) -> OneMassTurn | None:
     """One rigid mass at ``speed`` (rad/s); None where no turn is as the one before."""
     turn = TURN / speed
@@ -96,7 +86,8 @@ def one_mass_turn(law: Law, p: FollowerParameters, speed: float) -> OneMassTurn 
         course.run(None)
         begin = whole * turn
         if whole == 1 or _came_back(course, begin - turn, begin):
-            return OneMassTurn(course, begin, _within_turn(course.events, begin, turn))
+            events = [one for one in course.events if begin < one.time <= begin + turn]
+            return OneMassTurn(course, begin, tuple(events))
     return None
 
 
@@ -120,13 +111,10 @@ def two_mass_turn(
     A turn maps the vibration before it to that after it; its fixed point is found by Newton's
     method, from the turn of nearly the same follower ``near`` with that one's slopes.
     """
-    if near is None:
-        begun = _contact_after(law, p, speed)
-        if begun is None:
-            return None
-        angle, start = begun
-    else:
-        angle, start = near.course.angle, near.start
+    begun = (near.course.angle, near.start) if near else _contact_after(law, p, speed)
+    if begun is None:
+        return None
+    angle, start = begun
     scale = _vibration_scale(law, p, speed)
     for _ in range(MOST_STEPS):
         course = _turned(law, p, speed, angle, start)
@@ -145,9 +133,9 @@ def _contact_after(law: Law, p: TwoMassParameters, speed: float) -> tuple[float,
 
     In the middle of the longest contact of the last turn: what changes a little is so there too.
     """
-    turn, state = TURN / speed, contact_response(law, p, speed).periodic()
-    course = _turned(law, p, speed, 0.0, state)
-    if not course.events:
+    turn, response = TURN / speed, contact_response(law, p, speed)
+    state = response.periodic()
+    if not _turned(law, p, speed, 0.0, state).events:
         return 0.0, state
     course = Separation(law, p, speed)
     course.go((SETTLING[2] + 1) * turn, state)
@@ -156,7 +144,6 @@ def _contact_after(law: Law, p: TwoMassParameters, speed: float) -> tuple[float,
         return None
     phase = max(last, key=lambda x: x.end - x.begin)
     middle = 0.5 * (phase.begin + phase.end)
-    response = contact_response(law, p, speed)
     vibration = response.end(phase.vibration, speed * phase.begin, middle - phase.begin)
     return float(np.mod(speed * middle, TURN)), vibration
 
@@ -186,13 +173,9 @@ def _vibration_scale(law: Law, p: TwoMassParameters, speed: float) -> FloatArray
     return np.array([place, place * float(np.sqrt(p.stiffness / p.end_mass))])
 
 
-def _within_turn(events: Iterable[Event], begin: float, turn: float) -> tuple[Event, ...]:
-    return tuple(event for event in events if begin < event.time <= begin + turn)
-
-
-def bounces_of(events: Iterable[Event]) -> list[tuple[float, float]]:
+def bounces_of(turn: PeriodicTurn | None) -> list[tuple[float, float]]:
     """Cam angle (rad) of each landing of a turn, and of the first of its bounces, not above it."""
-    there = list(events)
+    there = () if turn is None else turn.events
     first = next((k for k, event in enumerate(there) if event.kind == "lift-off"), 0)
     found, begun = list[tuple[float, float]](), None
     for k, event in enumerate(there[first:] + there[:first]):
@@ -209,7 +192,6 @@ def bounces_of(events: Iterable[Event]) -> list[tuple[float, float]]:
 
 #: Cam angles at which the force of a turn is taken.
 POINTS = 8192
-
 #: On either side of a landing, rad.
 BESIDE = 1e-9
 

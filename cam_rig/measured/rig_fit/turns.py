@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -18,13 +18,10 @@ from cam_rig.units import TURN, FloatArray, correlation_length, rms, to_rpm
 
 #: A speed is steady while the angle stays within this of a line, rad, and a count more.
 STEADY = 0.01
-
 #: Turns and readings of a hold, at least.
 LEAST_TURNS, LEAST_READINGS = 1.0, 8
-
 #: Parts of a count at which an encoder may stand, and by which the angle at the end may differ.
 STEP_PHASES, QUARTERS = np.arange(8.0) / 8.0, np.array([-0.25, 0.0, 0.25])
-
 #: Times that a hold is looked at anew, at most.
 MOST_GROWTHS = 12
 
@@ -41,8 +38,8 @@ class Hold:
     end: float
     angle: float
     speed: float
-    speed_error: float = 0.0
-    ripple: float = 0.0
+    speed_error: float
+    ripple: float
 
     @property
     def rpm(self) -> float:
@@ -54,17 +51,17 @@ class Hold:
         """How far the cam turns."""
         return self.speed * (self.end - self.begin) / TURN
 
-    def angle_at(self, time: FloatArray) -> FloatArray:
-        """Cam angle (rad) at times in s."""
-        return np.asarray(self.angle + self.speed * (time - self.begin))
+    @property
+    def middle(self) -> float:
+        """Time (s) in its middle."""
+        return 0.5 * (self.begin + self.end)
 
-    def after(self, turns: float) -> Hold | None:
-        """The same without its first turns; None where nothing is left."""
-        begin = self.begin + turns * TURN / self.speed
-        if begin >= self.end:
-            return None
-        angle = self.angle + turns * TURN
-        return Hold(begin, self.end, angle, self.speed, self.speed_error, self.ripple)
+    def settled(self) -> Hold:
+        """The same without its first turns, if it has twice as many."""
+        if self.turns <= 2.0 * SETTLE_TURNS:
+            return self
+        begin = self.begin + SETTLE_TURNS * TURN / self.speed
+        return replace(self, begin=begin, angle=self.angle + SETTLE_TURNS * TURN)
 
 
 def steady_holds(run: MeasuredRun) -> tuple[Hold, ...]:
@@ -147,21 +144,16 @@ def _of_steps(since: FloatArray, speed: float, count: float) -> float:
 
 #: Turns of a hold that are left out, for the follower to settle, where it has twice as many.
 SETTLE_TURNS = 1.0
-
 #: HoldSamples of a quantity that are fitted, at most; of more every k-th is taken.
 MOST_SAMPLES = 40_000
-
 #: HoldSamples of a hold, at least.
 LEAST_SAMPLES = 20
-
 #: A follower that presses with more than this part of its largest force is on the cam; of a hold it
 #: may press with less in this part of the samples, as noise has it.
 PRESSED, SELDOM = 0.05, 0.01
-
 #: No cam pulls: a force that is below minus this part of its largest in this part of the samples is
 #: its sensor's.
 PULLED, RARELY = 0.1, 0.001
-
 #: A lift that differs by more than this part of itself from turn to turn is of no steady motion.
 RESTLESS = 0.02
 
@@ -173,17 +165,16 @@ class HoldSamples:
     since: FloatArray
     value: FloatArray
 
-    def where(self, kept: NDArray[np.bool_]) -> HoldSamples:
+    def where(self, kept: NDArray[np.bool_ | np.intp]) -> HoldSamples:
         """Some of them."""
         return HoldSamples(self.since[kept], self.value[kept])
 
 
 @dataclass(frozen=True, eq=False)
 class MeasuredHold:
-    """A hold with what was measured in it; ``angle`` (rad) is the encoder's in its middle."""
+    """A hold with what was measured in it."""
 
     hold: Hold
-    angle: float
     lift: HoldSamples
     force: HoldSamples
 
@@ -191,6 +182,11 @@ class MeasuredHold:
     def speed(self) -> float:
         """rad/s, by the encoder."""
         return self.hold.speed
+
+    @property
+    def angle(self) -> float:
+        """The encoder's (rad) in the hold's middle."""
+        return self.hold.angle + self.speed * (self.hold.middle - self.hold.begin)
 
     @property
     def presses(self) -> bool:
@@ -215,27 +211,18 @@ def measured_holds(run: MeasuredRun) -> tuple[MeasuredHold, ...]:
     for name, signal in (("lift", run.lift), ("force", run.force)):
         if signal is not None:
             _require_alive(run, name, signal)
-    holds = [
-        hold.after(SETTLE_TURNS) or hold if hold.turns > 2.0 * SETTLE_TURNS else hold
-        for hold in steady_holds(run)
-    ]
-    every = [_every(signal, holds) for signal in (run.lift, run.force)]
-    found, most = [], 0
-    for hold in holds:
-        lift = _within(run.lift, hold, every[0])
-        force = _within(run.force, hold, every[1])
-        count = lift.since.size + force.since.size
-        most = max(most, count)
-        if count >= LEAST_SAMPLES:
-            middle = 0.5 * (hold.begin + hold.end)
-            found.append(MeasuredHold(hold, float(hold.angle_at(np.array(middle))), lift, force))
-    if not found:
+    holds = [hold.settled() for hold in steady_holds(run)]
+    parts = [_within(signal, holds) for signal in (run.lift, run.force)]
+    found = [MeasuredHold(*one) for one in zip(holds, *parts, strict=True)]
+    most = max(one.lift.since.size + one.force.since.size for one in found)
+    if most < LEAST_SAMPLES:
         raise ConfigError(
             f"{run.source}: {most or 'no'} samples of lift and force while the cam turns steadily "
             f"at one speed; needed: {LEAST_SAMPLES}, so sample faster, or hold a speed longer"
             f"{'' if most else ' (are their stamps of one clock?)'}"
         )
-    steady = tuple(hold for hold in found if not _is_restless(hold))
+    enough = (one for one in found if one.lift.since.size + one.force.since.size >= LEAST_SAMPLES)
+    steady = tuple(hold for hold in enough if not _is_restless(hold))
     if not steady:
         raise ConfigError(
             f"{run.source}: at no speed does the lift come back from turn to turn within "
@@ -254,7 +241,6 @@ def _is_restless(hold: MeasuredHold) -> bool:
 
 
 def _require_alive(run: MeasuredRun, name: str, signal: Signal) -> None:
-    """Refuse a channel that says nothing, or a force with the sign of a pull."""
     where = f"{run.source}: {name} ({signal.source or name})"
     if signal.value.size < LEAST_SAMPLES:
         raise ConfigError(
@@ -273,20 +259,14 @@ def _require_alive(run: MeasuredRun, name: str, signal: Signal) -> None:
         )
 
 
-def _inside(signal: Signal, hold: Hold) -> slice:
-    return slice(*np.searchsorted(signal.time, [hold.begin, hold.end]).tolist())
-
-
-def _every(signal: Signal | None, holds: list[Hold]) -> int:
+def _within(signal: Signal | None, holds: list[Hold]) -> list[HoldSamples]:
+    """The samples of one quantity in each hold, thinned alike where there are too many."""
     if signal is None:
-        return 1
-    count = sum(signal.time[_inside(signal, hold)].size for hold in holds)
-    return -(-count // MOST_SAMPLES) or 1
-
-
-def _within(signal: Signal | None, hold: Hold, every: int) -> HoldSamples:
-    if signal is None:
-        return HoldSamples(np.empty(0), np.empty(0))
-    inside = _inside(signal, hold)
-    middle = 0.5 * (hold.begin + hold.end)
-    return HoldSamples(signal.time[inside][::every] - middle, signal.value[inside][::every])
+        return [HoldSamples(np.empty(0), np.empty(0))] * len(holds)
+    ends = [np.searchsorted(signal.time, [hold.begin, hold.end]).tolist() for hold in holds]
+    every = -(-sum(last - first for first, last in ends) // MOST_SAMPLES) or 1
+    parts = [slice(first, last, every) for first, last in ends]
+    return [
+        HoldSamples(signal.time[part] - hold.middle, signal.value[part])
+        for part, hold in zip(parts, holds, strict=True)
+    ]

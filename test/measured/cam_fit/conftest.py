@@ -3,17 +3,36 @@
 import numpy as np
 import pytest
 
+from cam_rig.laws.arc_law import ArcFollower
 from cam_rig.measured.cam_fit.gauge import GaugeColumn, GaugeTable, put_in_order
 from cam_rig.units import TURN
 
 
-def table_of(angles, *lifts, resolution=1e-9, lines=None):
-    """A table as it comes from a file."""
-    columns = [
-        GaugeColumn(f"lift_{i}", tuple(map(float, one)), resolution) for i, one in enumerate(lifts)
-    ]
-    lines = tuple(lines if lines is not None else range(2, 2 + len(angles)))
-    return GaugeTable("lifts.csv", tuple(map(float, angles)), tuple(columns), lines, ())
+def all_around(count):
+    """Cam angles (rad) over one turn."""
+    return np.linspace(0.0, TURN, count, endpoint=False)
+
+
+def in_order(angles, lifts, resolution=1e-9, reverse=False):
+    """Readings (rad, m) as they come from a file, from line 2 on, put in order."""
+    column = GaugeColumn("lift", tuple(map(float, lifts)), resolution)
+    lines = tuple(range(2, 2 + len(angles)))
+    table = GaugeTable("lifts.csv", tuple(map(float, angles)), (column,), lines, ())
+    return put_in_order(table, column, reverse)
+
+
+FLAT, ROLLER = ArcFollower(True, 0.0), ArcFollower(False, 0.01)
+ANGLES = all_around(72)
+
+
+def readings_of(arcs, *followers, noise=0.0, reverse=(), seed=0):
+    """Readings of followers on a contour, the columns of ``reverse`` read backwards."""
+    rng = np.random.default_rng(seed)
+    columns = []
+    for i, follower in enumerate(followers):
+        lifts = arcs.lifts(follower, -ANGLES if i in reverse else ANGLES)
+        columns.append(in_order(ANGLES, lifts + rng.normal(scale=noise, size=ANGLES.size)))
+    return tuple(columns)
 
 
 @pytest.fixture(scope="session")
@@ -31,13 +50,11 @@ def scaled(laws):
 def measured(scaled):
     """Readings in order of a shipped law, 10 mm of lift, with noise and a zero (m)."""
 
-    def read(name, count=360, noise=2e-6, zero=0.0, seed=0, outliers=None, **kwargs):
-        angles = np.linspace(0.0, TURN, count, endpoint=False)
-        scatter = np.random.default_rng(seed).normal(scale=noise, size=count)
-        lifts = scaled(name)(angles) + scatter + zero
+    def read(name, count=360, noise=2e-6, zero=0.0, seed=0, outliers=None):
+        lifts = scaled(name)(all_around(count)) + zero
+        lifts += np.random.default_rng(seed).normal(scale=noise, size=count)
         for place, outlier in (outliers or {}).items():
             lifts[place] += outlier
-        table = table_of(angles, lifts)
-        return put_in_order(table, table.columns[0], **kwargs)
+        return in_order(all_around(count), lifts)
 
     return read

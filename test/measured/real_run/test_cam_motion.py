@@ -1,15 +1,10 @@
 """The cam's motion through an encoder's counts is smooth, and within a count of each reading."""
 
-import doctest
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
-from cam_rig.measured.real_run import alignment
-from cam_rig.measured.real_run import comparison as spectrum
-from cam_rig.measured.real_run import deviation as departure
-from cam_rig.measured.real_run import model_run as cam_motion
 from cam_rig.measured.real_run.model_run import steady_stretches
 from cam_rig.simulation.instruments import Signal
 from cam_rig.units import RPM, TURN
@@ -19,13 +14,6 @@ COUNT = TURN / 1024
 
 def counts(angle):
     return np.floor(angle / COUNT) * COUNT
-
-
-@pytest.mark.parametrize("module", [alignment, cam_motion, departure, spectrum])
-def test_the_examples_are_true(module):
-    """What the docstrings promise."""
-    found = doctest.testmod(module, extraglobs={"np": np, "TURN": TURN})
-    assert found.failed == 0
 
 
 def test_an_even_speed_is_one_number_for_all_turns():

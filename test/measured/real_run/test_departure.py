@@ -17,7 +17,7 @@ def pair(difference, model=None):
     return PairedSignal(TIME, ANGLE, model + difference, model)
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("kind", ["even", "in proportion"])
 def test_noise_is_found_beside_a_departure(seed, kind):
     """Even noise and noise in proportion to the force, beside a wave of as much: both are told."""

@@ -9,49 +9,39 @@ import pytest
 from scipy.signal import TransferFunction, lsim
 
 from cam_rig.errors import BagError
-from cam_rig.measured.real_run.comparison import compare_steps
-from cam_rig.measured.real_run.pairs import pair_measured
 from cam_rig.measured.real_run.run import RunComparison
 from cam_rig.measured.real_run.sentences import done, sentences
 from cam_rig.simulation.instruments import Signal
 from cam_rig.units import RPM
 
-from .bench import COUNTS, OFFSET_DEG, measured, with_follower
+from .bench import COUNTS, OFFSET_DEG, agrees, compared, measured, with_follower
 
-#: ° by which a reading is behind on average, as an encoder rounds down.
-HALF = 180.0 / COUNTS
+#: ° by which a reading is behind, on average half a count more as an encoder rounds down.
+BEHIND = OFFSET_DEG + 180.0 / COUNTS
 
 
 @pytest.fixture
 def scene(make_loaded_scene):
-    def make(cam="poly345", speeds=(200, 250, 300, 350, 400), **changes):
+    def make(cam="poly345", speeds=(200, 300), **changes):
         settings = {"turns": 12, "settle_turns": 2, "sample_rate": 8000, **changes}
         return make_loaded_scene(cams=[cam], speeds=list(speeds), **settings)
 
     return make
 
 
-@pytest.mark.variants(2)
 @pytest.mark.parametrize(
-    ("cam", "speeds", "seed"),
-    [
-        ("poly345", (200, 250, 300, 350, 400), 1),
-        ("poly345", (200, 250, 300, 350, 400), 2),
-        ("tm21", (250, 300, 380, 430, 480), 1),
-    ],
-    ids=["in contact", "another noise", "jumping"],
+    ("cam", "speeds"), [("poly345", (200, 300, 400)), ("tm21", (250, 380, 480))]
 )
-def test_a_bench_of_the_scene_agrees_within_the_noise(scene, cam, speeds, seed):
-    """Five speeds, 1 % of force noise, 10 µm, 1024 counts, 3° off, a clock 200 ppm slow."""
+def test_a_bench_of_the_scene_agrees_within_the_noise(scene, cam, speeds):
+    """In contact and jumping: 1 % of force noise, 10 µm, 1024 counts, 3° off, 200 ppm slow."""
     loaded = scene(cam, speeds)
-    pairs = pair_measured(measured(loaded, seed, slow=200e-6), loaded, cam)
+    pairs, rows = compared(measured(loaded, slow=200e-6), loaded)
     found = pairs.alignment
-    assert np.degrees(found.offset) == pytest.approx(OFFSET_DEG + HALF, abs=0.05)
+    assert np.degrees(found.offset) == pytest.approx(BEHIND, abs=0.05)
     assert found.drift == pytest.approx(200e-6, abs=4e-6) and found.delay == 0.0
-    rows = compare_steps(pairs.steps(), loaded.laws)
     assert [row.rpm for row in rows] == pytest.approx(list(speeds), rel=1e-4)
     for row in rows:
-        assert row.agrees
+        assert agrees(row)
         assert row.lift.noise == pytest.approx(10e-6, rel=0.15)
         assert row.lift.rms == pytest.approx(10e-6, rel=0.05)
         assert abs(row.level_difference) < 0.02
@@ -59,7 +49,8 @@ def test_a_bench_of_the_scene_agrees_within_the_noise(scene, cam, speeds, seed):
         if row.contact.model > 0.5:
             assert abs(row.contact.degrees) < 0.3
     said = [*done(pairs), *sentences(rows)]
-    assert "The sensors' clock is 200 ppm slow beside that of the angle: corrected." in said
+    words = r"The sensors' clock is (199|200|201) ppm slow beside that of the angle: corrected."
+    assert any(re.fullmatch(words, line) for line in said)
     assert said[0].startswith("The angle has 1024 counts a turn;")
     for name in ("lift", "force"):
         words = f"The {name} agrees with the model within the noise at every speed"
@@ -70,14 +61,13 @@ def test_a_heavier_follower_shows_beyond_the_noise(scene):
     """ΔF = Δm ω² s'' at the place of the largest difference, to the noise of its mean."""
     loaded = scene(speeds=(200, 350))
     heavy = with_follower(loaded, mass=1.25)
-    run, law = measured(heavy, force_noise=0.005), loaded.laws["poly345"]
-    rows = compare_steps(pair_measured(run, loaded, "poly345").steps(), loaded.laws)
+    _, rows = compared(measured(heavy, force_noise=0.005), loaded)
     more = heavy.follower.mass - loaded.follower.mass
     row = rows[-1]
     assert row.lift.within and not row.force.within
     # A part of 2° is averaged, and the mean has a fifth of a reading's noise.
     near = np.radians(row.force.degrees + np.linspace(-1.0, 1.0, 21))
-    expected = more * (row.rpm * RPM) ** 2 * float(law(near, 2).mean())
+    expected = more * (row.rpm * RPM) ** 2 * float(loaded.laws["poly345"](near, 2).mean())
     assert row.force.largest == pytest.approx(expected, abs=1.5 * row.force.noise)
     assert abs(expected) > 5.0 * row.force.noise
     (first, *_) = sentences(rows)
@@ -87,20 +77,17 @@ def test_a_heavier_follower_shows_beyond_the_noise(scene):
 def test_a_heavier_follower_leaves_its_cam_later_or_sooner_and_that_is_not_hidden(scene):
     """Zero and clock are found at speeds in contact: a flight's error does not go into them."""
     loaded = scene("tm21", (250, 300, 400, 450))
-    run = measured(with_follower(loaded, mass=1.1), slow=200e-6)
-    pairs = pair_measured(run, loaded, "tm21")
-    assert np.degrees(pairs.alignment.offset) == pytest.approx(OFFSET_DEG + HALF, abs=0.05)
-    rows = compare_steps(pairs.steps(), loaded.laws)
+    pairs, rows = compared(measured(with_follower(loaded, mass=1.1), slow=200e-6), loaded)
+    assert np.degrees(pairs.alignment.offset) == pytest.approx(BEHIND, abs=0.05)
     assert rows[0].lift.within and not any(row.lift.within for row in rows[2:])
     assert all(row.contact.degrees > 1.0 for row in rows[2:])  # the heavier one flies farther
 
 
 def test_backlash_of_the_gauge_is_named_with_its_width(scene):
     """0.2 mm: the offset is right all the same, the lift departs by half of it, the force not."""
-    loaded = scene(speeds=(200, 300))
-    pairs = pair_measured(measured(loaded, backlash=0.2e-3), loaded, "poly345")
-    assert np.degrees(pairs.alignment.offset) == pytest.approx(OFFSET_DEG + HALF, abs=0.05)
-    rows = compare_steps(pairs.steps(), loaded.laws)
+    loaded = scene()
+    pairs, rows = compared(measured(loaded, backlash=0.2e-3), loaded)
+    assert np.degrees(pairs.alignment.offset) == pytest.approx(BEHIND, abs=0.05)
     assert all(abs(row.lift.largest) == pytest.approx(1e-4, rel=0.15) for row in rows)
     assert all(row.force.within and not row.lift.within for row in rows)
     assert any("lift differs by 200 µm: backlash" in line for line in done(pairs))
@@ -115,139 +102,127 @@ def test_a_load_cell_that_rings_is_told_by_its_frequency(scene):
         system = TransferFunction([w * w], [1.0, 2.0 * damping * w, w * w])
         return lsim(system, force, time - time[0])[1]
 
-    run = measured(loaded, sense=cell)
-    rows = compare_steps(pair_measured(run, loaded, "poly345").steps(), loaded.laws)
-    assert [row.peak_hz for row in rows[1:]] == pytest.approx(
-        [150.0] * 2, abs=7.0
-    )  # an order's width
+    _, rows = compared(measured(loaded, sense=cell), loaded)
+    peaks = [row.peak_hz for row in rows[1:]]
+    assert peaks == pytest.approx([150.0] * 2, abs=7.0)  # an order's width
     assert any(re.search(r"force rings near 1[45]\d Hz", line) for line in sentences(rows))
-    run = measured(with_follower(loaded, mass=1.3))
-    rows = compare_steps(pair_measured(run, loaded, "poly345").steps(), loaded.laws)
+    _, rows = compared(measured(with_follower(loaded, mass=1.3)), loaded)
     assert not any("rings" in line for line in sentences(rows))
 
 
 def test_stamps_that_are_late_are_told_from_an_offset_by_several_speeds(scene):
     """2 ms are 2.4° at 200 rpm and 4.8° at 400; the encoder's zero is 3° at each."""
     loaded = scene(speeds=(200, 300, 400))
-    pairs = pair_measured(measured(loaded, late=2e-3), loaded, "poly345")
+    pairs, rows = compared(measured(loaded, late=2e-3), loaded)
     assert pairs.alignment.delay == pytest.approx(-2e-3, abs=2e-5)
-    assert np.degrees(pairs.alignment.offset) == pytest.approx(OFFSET_DEG + HALF, abs=0.05)
+    assert np.degrees(pairs.alignment.offset) == pytest.approx(BEHIND, abs=0.05)
     assert any("stamps are 2 ms late" in line for line in done(pairs))
-    assert all(row.agrees for row in compare_steps(pairs.steps(), loaded.laws))
+    assert all(agrees(row) for row in rows)
 
 
 def test_a_given_offset_is_kept_and_one_without_a_lift_is_said(scene):
     """Nothing else is known of it where only the force was measured."""
-    loaded = scene(speeds=(200, 300))
+    loaded = scene()
     run = measured(loaded)
-    given = pair_measured(run, loaded, "poly345", np.radians(OFFSET_DEG + HALF))
-    assert given.alignment.offset == np.radians(OFFSET_DEG + HALF)
+    given, _ = compared(run, loaded, np.radians(BEHIND))
+    assert given.alignment.offset == np.radians(BEHIND)
     assert any("as given" in line for line in done(given))
-    blind = pair_measured(replace(run, lift=None), loaded, "poly345")
+    blind, (row, _) = compared(replace(run, lift=None), loaded)
     assert blind.alignment.offset == 0.0
     assert any("the lift was not measured to find it by" in line for line in done(blind))
-    (row, _) = compare_steps(blind.steps(), loaded.laws)
     assert row.lift is None and not row.force.within  # 3° are seen in the force
 
 
-def test_a_lift_in_another_unit_is_asked_for(scene):
-    """mm taken for m: the range is a thousand times the cam's."""
-    loaded = scene(speeds=(200, 300))
+def test_a_lift_in_another_unit_and_a_force_that_pulls_are_said(scene):
+    """mm taken for m: the range is a thousand times the cam's. A cam presses, and never pulls."""
+    loaded = scene()
     run = measured(loaded)
-    lift = Signal(run.lift.time, 1e3 * run.lift.value)
-    said = done(pair_measured(replace(run, lift=lift), loaded, "poly345"))
+    odd = {"lift": replace(run.lift, value=1e3 * run.lift.value)}
+    odd["force"] = replace(run.force, value=-run.force.value)
+    said = done(compared(replace(run, **odd), loaded)[0])
     whole = 1e3 * loaded.laws["poly345"].lift
     words = f"over {1e3 * whole:.3g} mm, that of cam poly345 over {whole:.3g} mm: is it the cam"
     assert any(words in line for line in said)
-    assert not any("is it the cam" in line for line in done(pair_measured(run, loaded, "poly345")))
+    assert any("turn its sign" in line for line in said)
+    said = " ".join(done(compared(run, loaded)[0]))
+    assert "is it the cam" not in said and "turn its sign" not in said
+
+
+def thinned(run, kept):
+    """The run with some of its readings of lift and force."""
+    signals = {
+        name: Signal(signal.time[kept], signal.value[kept], signal.source)
+        for name, signal in (("lift", run.lift), ("force", run.force))
+    }
+    return replace(run, **signals)
 
 
 def test_sensors_slower_than_the_cam_still_find_the_zero(scene):
     """25 readings a second at 200 and 300 rpm, five and seven a turn: several turns are one."""
-    loaded = scene("tm21", (200, 300), turns=16)
-    run = measured(loaded)
-    slow = {
-        name: Signal(signal.time[::40], signal.value[::40], signal.source)
-        for name, signal in (("lift", run.lift), ("force", run.force))
-    }
-    pairs = pair_measured(replace(run, **slow), loaded, "tm21")
-    assert np.degrees(pairs.alignment.offset) == pytest.approx(OFFSET_DEG + HALF, abs=0.15)
-    assert all(row.agrees for row in compare_steps(pairs.steps(), loaded.laws))
+    loaded = scene("tm21", turns=16)
+    pairs, rows = compared(thinned(measured(loaded), slice(None, None, 40)), loaded)
+    assert np.degrees(pairs.alignment.offset) == pytest.approx(BEHIND, abs=0.15)
+    assert all(agrees(row) for row in rows)
 
 
 def test_readings_without_noise_or_counts_are_the_model_s(scene):
     """Zero to a millionth of a degree; what is left is the model's own grid of samples."""
     loaded = scene("tm21", (200, 350))
-    run = measured(loaded, counts=0, lift_noise=0.0, force_noise=0.0)
-    pairs = pair_measured(run, loaded, "tm21")
+    pairs, rows = compared(measured(loaded, counts=0, lift_noise=0.0, force_noise=0.0), loaded)
     assert pairs.count == 0.0
     assert np.degrees(pairs.alignment.offset) == pytest.approx(OFFSET_DEG, abs=1e-6)
-    for row in compare_steps(pairs.steps(), loaded.laws):
-        assert row.agrees and row.lift.rms < 1e-9 and row.force.rms < 1e-3
+    for row in rows:
+        assert agrees(row) and row.lift.rms < 1e-9 and row.force.rms < 1e-3
 
 
 def test_lost_readings_are_not_bridged(scene):
     """Of the sensors they are not there; of the encoder they end the steady turns."""
-    loaded = scene(speeds=(200, 300))
+    loaded = scene()
     run = measured(loaded)
     time = run.angle.time
-    lost = (time > 2.0) & (time < 2.5)
-    sensors = {
-        name: Signal(signal.time[~lost], signal.value[~lost], signal.source)
-        for name, signal in (("lift", run.lift), ("force", run.force))
-    }
-    pairs = pair_measured(replace(run, **sensors), loaded, "poly345")
+    kept = (time <= 2.0) | (time >= 2.5)
+    pairs, rows = compared(thinned(run, kept), loaded)
     assert len(pairs.stretches) == 2
     step = next(pairs.steps())
     assert not ((step.force.time > 2.001) & (step.force.time < 2.499)).any()
-    assert all(row.agrees for row in compare_steps(pairs.steps(), loaded.laws))
-    angle = Signal(time[~lost], run.angle.value[~lost], run.angle.source)
-    pairs = pair_measured(replace(run, angle=angle), loaded, "poly345")
-    assert [round(one.rpm) for one in pairs.stretches] == [200, 200, 300] or len(
-        pairs.stretches
-    ) == 2
+    assert all(agrees(row) for row in rows)
+    angle = Signal(time[kept], run.angle.value[kept], run.angle.source)
+    pairs, rows = compared(replace(run, angle=angle), loaded)
     edges = [(one.knots[0], one.knots[-1]) for one in pairs.stretches]
-    assert not any(begin < 2.25 < end for begin, end in edges)
-    assert all(row.agrees for row in compare_steps(pairs.steps(), loaded.laws))
+    assert len(edges) in (2, 3) and not any(begin < 2.25 < end for begin, end in edges)
+    assert all(agrees(row) for row in rows)
 
 
 def test_a_cam_that_never_turns_steadily_is_refused(scene):
     """With what steady means and how many turns are asked."""
-    loaded = scene(speeds=(200, 300))
+    loaded = scene()
     time = np.arange(1500) / 1000.0
     run = replace(measured(loaded), angle=Signal(time, 40.0 * time**2, "/encoder"))
     with pytest.raises(BagError, match=r"nowhere 4 turns at a speed that is held within 2 %"):
-        pair_measured(run, loaded, "poly345")
+        compared(run, loaded)
 
 
-def _spoilt(signal, rng):
-    """A signal as no instrument should give it."""
-    time, value = signal.time, signal.value.copy()
-    fault = int(rng.integers(6))
-    if fault == 0:
-        kept = rng.random(time.size) > rng.uniform(0.1, 0.95)
-        return Signal(time[kept], value[kept])
-    if fault == 1:
-        return Signal(time[:5], value[:5])
-    if fault == 2:
-        return Signal(time, value * rng.choice([0.0, -1.0, 1e6]))
-    if fault == 3:
-        return Signal(time, value + value.std() * rng.normal(size=value.size))
-    if fault == 4:
-        return Signal(time + rng.choice([-2.0, 2.0, 100.0]), value)
-    value[rng.integers(0, value.size, 20)] *= 1e3
-    return Signal(time, value)
+#: A signal as no instrument should give it: of time, value, and a random generator.
+FAULTS = (
+    lambda t, v, rng: np.stack([t, v])[:, rng.random(t.size) > rng.uniform(0.1, 0.95)],
+    lambda t, v, _: (t[:5], v[:5]),
+    lambda t, v, rng: (t, v * rng.choice([0.0, -1.0, 1e6])),
+    lambda t, v, rng: (t, v + v.std() * rng.normal(size=v.size)),
+    lambda t, v, rng: (t + rng.choice([-2.0, 2.0, 100.0]), v),
+    lambda t, v, rng: (t, v * np.where(rng.random(v.size) < 0.01, 1e3, 1.0)),
+)
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(len(FAULTS)))
 def test_whatever_the_sensors_show_is_compared_in_finite_numbers(scene, seed):
     """Lost, few, of no size, buried in noise, at another time, with spikes: there is a table."""
     rng = np.random.default_rng(seed)
     loaded = scene("tm21", (250, 400), turns=6, sample_rate=4000)
     run = measured(loaded, seed)
-    run = replace(run, lift=_spoilt(run.lift, rng), force=_spoilt(run.force, rng))
-    pairs = pair_measured(run, loaded, "tm21")
-    rows = compare_steps(pairs.steps(), loaded.laws)
+    lift = Signal(*FAULTS[seed](run.lift.time, run.lift.value, rng))
+    force = Signal(*FAULTS[seed - 1](run.force.time, run.force.value, rng))
+    run = replace(run, lift=lift, force=force)
+    pairs, rows = compared(run, loaded)
     found = RunComparison(run.source, loaded, tuple(rows), tuple(done(pairs)))
     text = json.dumps(found.data(), allow_nan=False)
     assert len(json.loads(text)["events"]) == len(found.to_show()[0].texts) == 2
@@ -258,16 +233,8 @@ def test_only_the_bounce_differs(scene):
     loaded = scene(speeds=(300, 450, 470), model="one_mass")
     machine = replace(loaded, rig=loaded.rig.with_follower(restitution=0.4))
     loaded = replace(loaded, rig=loaded.rig.with_follower(restitution=0.0))
-    rows = compare_steps(pair_measured(measured(machine), loaded, "poly345").steps(), loaded.laws)
+    _, rows = compared(measured(machine), loaded)
     said = sentences(rows)
     assert any("later than the model's at" in words for words in said), said
-    turn = rows[-1].force_turn
+    turn = rows[-1].drawn["force"]
     assert 0 < np.count_nonzero(~turn.calm) < 0.1 * turn.calm.size
-
-
-def test_a_force_with_the_sign_of_a_pull_is_said(scene):
-    """A cam presses; a load cell may count the other way."""
-    loaded = scene(speeds=(250,))
-    run = measured(loaded)
-    run = replace(run, force=replace(run.force, value=-run.force.value))
-    assert any("turn its sign" in words for words in done(pair_measured(run, loaded, "poly345")))

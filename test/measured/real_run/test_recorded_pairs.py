@@ -14,7 +14,7 @@ from cam_rig.simulation.schedule import cam_states
 from cam_rig.simulation.simulate import simulate, turned_ticks
 from cam_rig.units import RPM, TURN
 
-from .bench import with_follower
+from .bench import agrees, with_follower
 
 
 def random_law(seed):
@@ -52,7 +52,7 @@ def test_a_run_is_its_own_scene_s(make_loaded_scene, model):
         assert row.turns == pytest.approx(2.0, abs=1e-3)
         assert row.lift.rms == row.force.rms == row.lift.largest == row.force.largest == 0.0
         assert row.contact.measured == row.contact.model and row.contact.shift in (None, 0.0)
-        assert row.level_difference == 0.0 and row.agrees
+        assert row.level_difference == 0.0 and agrees(row)
     assert pairs.lost == 0
     assert sentences(rows)[:2] == [
         f"The {name} is that of the model, to rounding, at every speed."
@@ -60,8 +60,7 @@ def test_a_run_is_its_own_scene_s(make_loaded_scene, model):
     ]
 
 
-@pytest.mark.parametrize("model", ["kinetostatic", "one_mass"])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(("seed", "model"), [(0, "kinetostatic"), (1, "one_mass")])
 def test_a_heavier_follower_takes_its_mass_times_its_acceleration_more(
     make_loaded_scene, seed, model
 ):
@@ -86,16 +85,12 @@ def test_the_largest_departure_is_named_with_its_place(make_loaded_scene):
     loaded = random_rig(loaded, 3)
     heavy, law = with_follower(loaded, mass=1.1), loaded.laws["poly345"]
     rows = compare_steps(RecordedPairs(loaded).steps(*recorded(heavy)), loaded.laws)
-    angle = np.linspace(0.0, TURN, 100_000)
-    most = np.abs(law(angle, 2)).max()
-    row = rows[-1]
-    more = heavy.follower.mass - loaded.follower.mass
-    assert abs(row.force.largest) == pytest.approx(more * (row.rpm * RPM) ** 2 * most, rel=1e-3)
-    there = abs(float(law(np.radians(row.force.degrees), 2)))
-    assert there == pytest.approx(most, rel=1e-3)
-    (first, *_) = sentences(rows)
-    assert first.startswith(f"The largest departure is of the force: {row.force.largest:+.3g} N")
-    assert f"at 260 rpm, θ = {row.force.degrees:.0f}°" in first
+    most = np.abs(law(np.linspace(0.0, TURN, 100_000), 2)).max()
+    force, more = rows[-1].force, heavy.follower.mass - loaded.follower.mass
+    assert abs(force.largest) == pytest.approx(more * (260.0 * RPM) ** 2 * most, rel=1e-3)
+    assert abs(float(law(np.radians(force.degrees), 2))) == pytest.approx(most, rel=1e-3)
+    words = f"The largest departure is of the force: {force.largest:+.3g} N at 260 rpm"
+    assert sentences(rows)[0].startswith(f"{words}, θ = {force.degrees:.0f}°")
 
 
 def test_lost_messages_are_left_out_and_what_is_left_is_the_same(make_loaded_scene):

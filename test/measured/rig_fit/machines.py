@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.signal import lfilter
@@ -11,8 +12,8 @@ from scipy.signal import lfilter
 import cam_rig
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
+from cam_rig.measured.rig_fit.numbers import WITHIN_95
 from cam_rig.measured.rig_fit.rig_fit import fit_rig
-from cam_rig.measured.rig_fit.start import WITHIN_95
 from cam_rig.simulation.instruments import InstrumentErrors, Signal, measured_run
 from cam_rig.units import to_rpm
 
@@ -40,8 +41,7 @@ SCATTER, ALIKE = 0.02, (0.5, 0.95)
 FORCE_NOISE, LIFT_NOISE = 0.01, 10e-6
 
 
-@dataclass(frozen=True)
-class Score:
+class Score(NamedTuple):
     """One number of one machine: by how many of its standard errors it is off."""
 
     seed: int
@@ -69,10 +69,8 @@ def noise_of(kind, random, size):
 def rig_of(model, random):
     """The follower's numbers, each its own."""
     rig = cam_rig.load_rig("tm21" if model == "one_mass" else "paper_table2")
-    numbers = {
-        name: getattr(rig.follower, name).si * float(random.uniform(0.6, 1.6))
-        for name in ("mass", "spring_stiffness", "preload", "damping")
-    }
+    names = ("mass", "spring_stiffness", "preload", "damping")
+    numbers = {n: getattr(rig.follower, n).si * float(random.uniform(0.6, 1.6)) for n in names}
     if model == "one_mass":
         numbers["restitution"] = float(random.uniform(0.1, 0.6))
     else:

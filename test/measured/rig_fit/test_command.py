@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 import cam_rig
 from cam_rig.cli.main import app
-from cam_rig.measured.rig_fit.found import FoundNumber, number_tables
+from cam_rig.measured.rig_fit.numbers import FoundNumber, number_tables
 from cam_rig.measured.rig_fit.rig_fit import fitted_rig
 
 SURE = FoundNumber("preload", 14.947876, 0.0323, "identified")
@@ -22,37 +22,28 @@ def table(*numbers):
     return number_tables("rig", numbers, (), None)[0]
 
 
-def shown(*numbers):
-    return table(*numbers).to_show()[0].rows
-
-
 def test_a_number_has_the_digits_of_its_error():
-    """In the table, and in the file with the error beside it."""
-    rows = {row[0]: row for row in shown(SURE, UNSURE, OPEN, NONE)}
+    """In the table; one that is not identified has no value there, nor in JSON."""
+    numbers = table(SURE, UNSURE, OPEN, NONE)
+    rows = {row[0]: row for row in numbers.to_show()[0].rows}
     assert rows["preload"][1:3] == ("14.948", "0.032")
     assert rows["damping"][1:3] == ("8.6", "3.1")
-    assert SURE.gist == "14.948 ± 0.032 N"
+    assert table(NONE).to_show()[0].rows == (("stem_stiffness", "N/m", "not identified"),)
+    assert numbers.rows()[-1]["value"] is None
 
 
 @pytest.mark.parametrize(("found", "words"), [(UNSURE, "uncertain"), (OPEN, "may be 0")])
 def test_a_wide_error_is_warned_of_beside_the_value(found, words):
     """A third of the value or more, or its sign open: in the row, in the file, in JSON."""
-    (row,) = shown(found)
+    (row,) = table(found).to_show()[0].rows
     assert re.match(rf"identified; {words}: with 95 % it is", row[-1])
     assert words in found.gist
     assert words in table(found).rows()[0]["caution"]
     assert SURE.caution == ""
 
 
-def test_a_number_without_a_value_is_not_identified():
-    """Neither in the table nor in JSON; a rig file has another rig's, assumed."""
-    (row,) = shown(NONE)
-    assert row == ("stem_stiffness", "N/m", "not identified")
-    assert table(NONE).rows()[0]["value"] is None
-
-
 def test_a_rig_file_has_the_digits_of_the_error(rig):
-    """14.948, and 14.948 ± 0.032 N beside it."""
+    """14.948, and 14.948 ± 0.032 N beside it; of what is not identified another rig's, assumed."""
     text, _ = fitted_rig("bench", [SURE, NONE], rig, "cam-rig fit rig a.csv", "1 rpm a reading")
     follower = yaml.safe_load(text)["follower"]
     assert follower["preload"]["identified"] == 14.948

@@ -14,27 +14,13 @@ import pytest
 
 from cam_rig.measured.rig_fit.residuals import Likelihood
 from cam_rig.measured.rig_fit.rig_fit import fit_rig
-from cam_rig.measured.rig_fit.search import FitSolution, uncertainty
+from cam_rig.measured.rig_fit.search import uncertainty
 from cam_rig.measured.rig_fit.turns import measured_holds
 from cam_rig.simulation.instruments import InstrumentErrors, measured_run
 
-from .machines import NOISES, coverage, kind_of, scores_of
+from .machines import NOISES, coverage, scores_of
 
 MACHINES = 200
-
-
-@pytest.mark.long
-def test_intervals_of_a_dozen_machines_hold_the_truth():
-    """In contact up to just below the jump, each noise four times: 95 %, but for chance.
-
-    Near the jump some speeds press little in parts of a turn, and are no start of a search.
-    """
-    seeds = [seed for seed in range(30) if kind_of(seed)[:2] == ("one_mass", "in contact")]
-    assert len(seeds) == 12
-    scores = list(itertools.chain.from_iterable(scores_of(seed, rate=400) for seed in seeds))
-    assert len(scores) >= 3 * len(seeds)
-    assert coverage(scores) >= 0.85, [score for score in scores if abs(score.off) > 2.0]
-    assert math.sqrt(np.mean([score.off**2 for score in scores])) > 0.5  # nor are they too wide
 
 
 @pytest.mark.long
@@ -72,15 +58,6 @@ def solution(law, rig):
     return fit_rig(law, run, rig, "one_mass").solution
 
 
-def test_a_solution_is_of_its_own_unknowns(solution):
-    """A Jacobian of other columns, or of other rows, makes no solution."""
-    for slopes in (solution.slopes[:, 1:], solution.slopes[1:]):
-        with pytest.raises(ValueError, match="unknowns"):
-            FitSolution(solution.likelihood, solution.x, slopes, solution.residuals)
-    with pytest.raises(ValueError, match="unknowns"):
-        replace(solution, x=solution.x[1:])
-
-
 def test_errors_of_correlated_noise_are_those_of_many_draws(solution):
     """The covariance of least squares under noise of correlation 0.9ᵏ, by drawing it 2000 times.
 
@@ -105,22 +82,6 @@ def test_errors_of_correlated_noise_are_those_of_many_draws(solution):
     assert stated[first] == pytest.approx(drawn[first], rel=0.2)
 
 
-#: A normal error is beyond so many standard errors once in 15 000 machines.
-FAR_OFF = 4.0
-
-
-@pytest.mark.long
-@pytest.mark.parametrize(
-    "seed", [3, *(pytest.param(k, marks=pytest.mark.long) for k in (7, 17, 23, 27, 33, 37))]
-)
-def test_a_restitution_of_several_speeds_with_landings(seed):
-    """Samples come into bounces and leave them: a curvature there was 7 standard errors off."""
-    assert kind_of(seed)[:2] == ("one_mass", "landings")
-    off = {score.name: score.off for score in scores_of(seed)}
-    assert abs(off.get("restitution", 0.0)) < FAR_OFF  # of seed 27 it is not identified
-    assert "restitution" in off or seed == 27
-
-
 @pytest.mark.parametrize("bounce", [0.2, 0.35, 0.5])
 def test_what_no_bounce_reaches_knows_no_restitution(law, rig, bounce):
     """From lift-off to the first landing, and settled on the cam, a motion depends on none."""
@@ -137,19 +98,21 @@ def test_what_no_bounce_reaches_knows_no_restitution(law, rig, bounce):
     settled = likelihoods[0].settled(x, 0.05)
     bouncing = [likelihood.residuals(x) for likelihood in likelihoods]
     assert np.abs(bouncing[1] - bouncing[0]).max() > 0.5
-    assert 0.3 * likelihoods[0].count < settled.count < likelihoods[0].count
+    assert 0.3 * bouncing[0].size < settled.residuals(x).size < bouncing[0].size
     beside = Likelihood(law, settled.holds, (), likelihoods[1].given, None)
     assert settled.residuals(x) == pytest.approx(beside.residuals(x), abs=1e-6)
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("seed", [61, 151])
-def test_a_narrow_valley_in_a_level_likelihood_is_no_restitution(seed):
-    """One speed just above the jump speed, where few samples are in a bounce.
+@pytest.mark.parametrize("seed", [3, 7, 17, 23, 27, 33, 37, 61, 151])
+def test_no_restitution_is_far_off(seed):
+    """Samples come into bounces and leave them: a curvature there was 7 standard errors off.
 
-    The best valley of the likelihood, 17 to 20 of its own errors off, is likelier than all other
-    restitutions by chance; none is told.
+    Of seeds 61 and 151 one speed is just above the jump speed, and few samples are in a bounce: the
+    best of many narrow valleys, 17 to 20 of its own errors off, is likelier by chance alone. There
+    and of seed 27 none need be identified. A normal error is beyond 4 once in 15 000 machines.
     """
-    scores = scores_of(seed)
-    assert all(abs(score.off) < 3.0 for score in scores if score.name == "restitution")
-    assert {"mass", "preload"} <= {score.name for score in scores}
+    off = {score.name: score.off for score in scores_of(seed)}
+    assert abs(off.get("restitution", 0.0)) < (3.0 if seed in (61, 151) else 4.0)
+    assert "restitution" in off or seed in (27, 61, 151)
+    assert {"mass", "preload"} <= set(off) or seed not in (61, 151)

@@ -83,22 +83,24 @@ def test_an_outlier_is_named(law, rig):
     assert any("Line 6" in words for words in fit.conclusions())
 
 
-@pytest.mark.parametrize("rpm", [1e308, 1.1e5, 0.5])
-def test_a_speed_that_no_jump_has_is_refused(law, rig, rpm):
-    """Its line, the value, what is allowed."""
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        *(
+            ({"speed": rpm * RPM}, rf"the jump speed is {re.escape(f'{rpm:g}')} rpm; allowed: from")
+            for rpm in (1e308, 1.1e5, 0.5)
+        ),
+        (
+            {"known": {"mass": 0.0, "spring_stiffness": 1e280}},
+            r"spring_stiffness is 1e\+280 N/m; allowed",
+        ),
+    ],
+)
+def test_what_no_follower_has_is_refused(law, rig, change, words):
+    """A speed that no jump has, a number beyond the limits: its line, the value, the limit."""
     read = table(law)
-    wrong = (*read.readings[:-1], replace(read.readings[-1], speed=rpm * RPM))
-    with pytest.raises(
-        ConfigError, match=rf"line 10.*{re.escape(f'{rpm:g}')} rpm; allowed: from 1"
-    ):
-        fit_jumps(law, replace(read, readings=wrong), rig)
-
-
-def test_a_number_beyond_a_follower_s_is_refused(law, rig):
-    read = table(law)
-    odd = {"mass": 0.0, "spring_stiffness": 1e280}
-    wrong = (*read.readings[:-1], replace(read.readings[-1], known=odd))
-    with pytest.raises(ConfigError, match=r"line 10: spring_stiffness is 1e\+280 N/m; allowed"):
+    wrong = (*read.readings[:-1], replace(read.readings[-1], **change))
+    with pytest.raises(ConfigError, match=f"line 10: {words}"):
         fit_jumps(law, replace(read, readings=wrong), rig)
 
 
