@@ -241,6 +241,16 @@ def test_a_joint_has_one_owner():
         assert after[0].time <= 1e-13 or shift + gap < 0.0
 
 
+def test_a_kink_is_met_behind_the_joint_never_before(edge):
+    """At the time of a kink the law is that of the piece that begins there."""
+    angles = np.random.default_rng(5).uniform(0.0, TURN, 300)
+    for angle in angles.tolist():
+        for velocity_jump in velocity_jumps_ahead(edge, angle, 7.3, 2.0):
+            slope = edge.at(angle + 7.3 * velocity_jump.time)[1]
+            before = edge.at(angle + 7.3 * velocity_jump.time - 1e-9)[1]
+            assert slope - before == pytest.approx(velocity_jump.step)
+
+
 def test_short_of_a_kink(edge):
     """The end of an interval at a joint is read before the joint, on either side of it."""
     for shift in (-1e-12, 0.0, 1e-12):
