@@ -22,7 +22,7 @@ from cam_rig.panel.lab.sheet import LabSheet
 from cam_rig.panel.server import serve
 from tools.docs.browser import TIMEOUT_S, new_page, open_browser, why_no_browser
 
-from ..viewer.asking import Visitor
+from ..viewer.asking import Visitor, children
 
 #: Wall time (s) after which something that has not come true never will, however busy the machine.
 WAIT_S = 60.0
@@ -236,7 +236,6 @@ class RunningPanel(Visitor):
 
     def __init__(self, process, out):
         self.process, self.out = process, out
-        assert process.stdout is not None
         super().__init__(process.stdout.readline().strip())
 
     @contextmanager
@@ -248,15 +247,8 @@ class RunningPanel(Visitor):
 
     def nodes(self):
         """The processes of its nodes by name."""
-        found = subprocess.run(
-            ["ps", "--ppid", str(self.process.pid), "-o", "pid=,args="],
-            capture_output=True,
-            text=True,
-            check=False,
-            timeout=100,
-        )
-        lines = [line.split() for line in found.stdout.splitlines() if "-m cam_rig.nodes " in line]
-        return {words[words.index("cam_rig.nodes") + 1]: int(words[0]) for words in lines}
+        found = children(self.process.pid).items()
+        return {words[3]: pid for pid, words in found if words[2:3] == ["cam_rig.nodes"]}
 
     def end(self, number):
         """End it by a signal; its exit code."""
@@ -269,10 +261,7 @@ def panel_process(out, *options):
     """A panel without Rerun, as long as the context lasts."""
     command = [Path(sys.executable).parent / "cam-rig", "panel", "--no-rerun", "--out", out]
     with subprocess.Popen(
-        [*map(str, command), *options],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
+        [*map(str, command), *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
         try:
             yield RunningPanel(process, out)

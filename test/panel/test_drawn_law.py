@@ -80,7 +80,6 @@ def test_a_law_of_ordinates_has_its_own_where_some_may_be_moved():
         assert start.own
         assert start.distance == 0.0
     own = with_own_ordinates(load("b_spline"))
-    assert own is not None
     assert DrawnLaw(own).handles == []
     start = DrawnLaw.of(load("b_spline")).start
     assert not start.own

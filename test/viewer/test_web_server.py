@@ -20,7 +20,7 @@ from cam_rig.viewer.rerun_page import serve, serve_file
 from cam_rig.viewer.timeline import RIG_TIME
 from cam_rig.viewer.web_server import Access
 
-from .asking import Visitor, ask, opened
+from .asking import Visitor, ask, children, opened
 
 RECORDED = b"RRF2 of a kind"
 
@@ -126,7 +126,7 @@ def test_what_is_no_path_is_refused(page, capfd, monkeypatch):
 
     def spied(host, *rest, **more):
         looked_up.append(host)
-        return original(host, *rest, **more)  # type: ignore[arg-type]
+        return original(host, *rest, **more)
 
     for asked in NO_PATHS:
         with socket.create_connection((LOOPBACK, page.url.port), timeout=20) as asker:
@@ -157,15 +157,6 @@ def listening_ports(pids):
     return {int(row[1].split(":")[1], 16) for row in rows if row[3] == "0A" and row[9] in inodes}
 
 
-def children(pid):
-    """A process and all that it has begun."""
-    found = [pid]
-    for task in Path(f"/proc/{pid}/task").glob("*/children"):
-        for child in task.read_text().split():
-            found += children(int(child))
-    return found
-
-
 @pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="reads Linux's own tables")
 def test_no_port_is_open_that_asks_for_no_token(tmp_path):
     """Of a process that serves a file and a live run: each port refuses who has no token."""
@@ -179,9 +170,11 @@ def test_no_port_is_open_that_asks_for_no_token(tmp_path):
     command = [sys.executable, "-c", script, str(tmp_path / "a.rrd")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
         try:
-            assert server.stdout is not None
             addresses = server.stdout.readline().split()
-            ports = listening_ports(children(server.pid))
+            pids = [server.pid]
+            for pid in pids:
+                pids += children(pid)
+            ports = listening_ports(pids)
             assert ports == {urlsplit(address).port for address in addresses}
             assert [ask(address, "/")[0] for address in addresses] == [403, 403]
         finally:
@@ -313,7 +306,6 @@ def test_a_long_run_keeps_its_beginning_and_its_newest(tmp_path, monkeypatch):
         assert page_module.next_part(part) is None
         part.write_bytes(bytes([i]) * 10)
         following = page_module.next_part(part)
-        assert following is not None
         following.touch()
         part = following
         there = sorted(tmp_path.glob("*.rrd"))
@@ -343,7 +335,6 @@ def test_the_delay_is_the_last_one_written_and_grows_when_it_is_overdue(tmp_path
         then = time.time() - silent
         os.utime(tmp_path / page_module.BEHIND, (then, then))
         late = page_delay(tmp_path)
-        assert late is not None
         assert -1e-2 <= late - (0.5 + silent - page_module.REPORT_EVERY_S) <= 5.0
     (tmp_path / page_module.BEHIND).write_text("")
     assert page_delay(tmp_path) is None
