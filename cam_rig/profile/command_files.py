@@ -106,7 +106,7 @@ def _curves(request: Request, cam: CamConfig, law: Law, force: bool) -> list[Con
         return path.pitch_paths(cam.follower, law)
     if request.cutter is None:
         return path.contour_paths(cam.follower, law)
-    curves = path.cutter_paths(cam.follower, law, request.cutter * 1e-3)
+    curves = path.contour_paths(cam.follower, law, "CUTTER", request.cutter * 1e-3)
     if not force:
         for curve in curves:
             curve.require_room()
@@ -172,13 +172,13 @@ def measure(request: Request, cam: CamConfig, law: Law) -> MeasuredResult:
     from cam_rig.profile import drawing_files
     from cam_rig.profile.contact import turn_angles
     from cam_rig.profile.disc import discs
-    from cam_rig.profile.measure import closed_curve, rest
+    from cam_rig.profile.measure import closed_curve, doubts, rest
 
     assert request.source is not None
     is_dxf = request.source.suffix.lower() == ".dxf"
     read = drawing_files.read_dxf if is_dxf else drawing_files.read_contour
     contours = read(request.source)
-    for doubt in (doubt for points in contours for doubt in _doubts(request.source, points)):
+    for doubt in (doubt for points in contours for doubt in doubts(points, not is_dxf)):
         say(f"warning: {request.source}: {doubt}")
     plates = discs(cam.follower, law)
     if len(contours) != len(plates):
@@ -196,13 +196,3 @@ def measure(request: Request, cam: CamConfig, law: Law) -> MeasuredResult:
             drawing_files.write_law(part, angle, found[0].lift)
         say(f"law: {request.out}")
     return MeasuredResult(tuple(found))
-
-
-def _doubts(source: Path, points: FloatArray) -> list[str]:
-    """What a contour should not be; the edges of a drawing are meant, of a table they are gaps."""
-    from cam_rig.profile.measure import crossing, gap, sparse
-
-    found = [crossing(points)]
-    if source.suffix.lower() == ".csv":
-        found += [gap(points), sparse(points)]
-    return [doubt for doubt in found if doubt is not None]

@@ -116,35 +116,29 @@ WIDE = 10.0
 FEWEST = 36
 
 
-def crossing(points: FloatArray) -> str | None:
-    """What is wrong with the order of ``(2, n)`` points (m), if the line through them crosses."""
-    if LinearRing(points.T).is_simple:
-        return None
-    return "the contour crosses itself; allowed: points in their order around the cam"
+def doubts(points: FloatArray, table: bool) -> list[str]:
+    """What ``(2, n)`` points (m) of a contour should not be.
 
-
-def sparse(points: FloatArray) -> str | None:
-    """Whether ``(2, n)`` points are too few to tell a cam's shape between them."""
-    if points.shape[1] >= FEWEST:
-        return None
-    return (
-        f"{points.shape[1]} points; between them the contour is guessed, to a part of the lift; "
-        f"allowed: {FEWEST} or more"
-    )
-
-
-def gap(points: FloatArray) -> str | None:
-    """The widest step between ``(2, n)`` points (m), the last one to the first, if it is a gap."""
+    The edges of a drawing are meant; in a table they are gaps, and few points guess the shape.
+    """
+    found = []
+    if not LinearRing(points.T).is_simple:
+        found.append("the contour crosses itself; allowed: points in their order around the cam")
     step = np.hypot(*(np.roll(points, -1, axis=1) - points))
     usual, widest = float(np.median(step)), int(np.argmax(step))
-    if not step[widest] > WIDE * usual:
-        return None
-    follower = (widest + 1) % step.size + 1
-    return (
-        f"points {widest + 1} and {follower} are {step[widest] * 1e3:.4g} mm apart, the others "
-        f"{usual * 1e3:.4g} mm (median); between them the contour is guessed; allowed: a whole "
-        f"contour, no step above {WIDE:g} medians"
-    )
+    if table and step[widest] > WIDE * usual:
+        follower = (widest + 1) % step.size + 1
+        found.append(
+            f"points {widest + 1} and {follower} are {step[widest] * 1e3:.4g} mm apart, the others "
+            f"{usual * 1e3:.4g} mm (median); between them the contour is guessed; allowed: a whole "
+            f"contour, no step above {WIDE:g} medians"
+        )
+    if table and points.shape[1] < FEWEST:
+        found.append(
+            f"{points.shape[1]} points; between them the contour is guessed, to a part of the "
+            f"lift; allowed: {FEWEST} or more"
+        )
+    return found
 
 
 # Play of a frame or a rocker that a cam moves both ways: whether both its elements touch.

@@ -17,6 +17,7 @@ from cam_rig.laws.law import joints
 from cam_rig.profile.checks import sharpest_concave
 from cam_rig.profile.contact import Motion, Scan
 from cam_rig.profile.disc import Contour, Disc, discs
+from cam_rig.profile.faces import GuidedFace, SwungFace
 from cam_rig.schema.cam import Follower
 from cam_rig.units import TURN, FloatArray
 
@@ -53,29 +54,25 @@ class ContourPath:
             )
 
 
-def contour_paths(follower: Follower, law: Law) -> list[ContourPath]:
-    """The contours themselves, one a disc."""
-    return [ContourPath(_layer("CAM", disc), disc, law) for disc in discs(follower, law)]
+def contour_paths(
+    follower: Follower, law: Law, kind: str = "CAM", offset: float = 0.0
+) -> list[ContourPath]:
+    """The contours, or paths ``offset`` (m) outside of them such as a cutter's, one a disc."""
+    return [
+        ContourPath(f"{kind}_{disc.name.upper()}" if disc.name else kind, disc, law, offset)
+        for disc in discs(follower, law)
+    ]
 
 
 def pitch_paths(follower: Follower, law: Law) -> list[ContourPath]:
     """The pitch curves; of a point follower the contours."""
-    plates = discs(follower, law)
-    if Contour.of(plates[0], Motion.uniform(law, 1)).pitch is None:
+    paths = contour_paths(follower, law, "PITCH", follower.roller)
+    if isinstance(paths[0].disc.element, GuidedFace | SwungFace):
         raise ConfigError(
             f"a {follower.type} follower has no pitch curve; allowed: a roller or a point, or the "
             "path of a cutter by its radius"
         )
-    return [ContourPath(_layer("PITCH", disc), disc, law, disc.element.roller) for disc in plates]
-
-
-def cutter_paths(follower: Follower, law: Law, radius: float) -> list[ContourPath]:
-    """Path of the centre of a cutter with this radius, m."""
-    return [ContourPath(_layer("CUTTER", disc), disc, law, radius) for disc in discs(follower, law)]
-
-
-def _layer(kind: str, disc: Disc) -> str:
-    return f"{kind}_{disc.name.upper()}" if disc.name else kind
+    return paths
 
 
 #: Samples of the path for a first guess, and at least so many in each chord for the proof.

@@ -182,8 +182,7 @@ class ConstantDiameter(_Positive, _Rolling):
 class Conjugate(_Positive, _Guided, _Rolling):
     """A frame of two rollers, each on its own cam of one shaft.
 
-    ``roller_distance`` is that of the two axes, 2 (R_b + R_r) + s_max when not given: then both
-    cams have one prime circle.
+    ``roller_distance`` of the axes is 2 (R_b + R_r) + s_max, for one prime circle, if not given.
     """
 
     type: Literal["conjugate"]
@@ -193,9 +192,8 @@ class Conjugate(_Positive, _Guided, _Rolling):
 class OscillatingConjugate(_Positive, _Pivoted, _Rolling):
     """Two arms about one pivot, a roller at the end of each on its own cam of one shaft.
 
-    The second arm is as long as the first, on the other side of the cam's axis, and turns with it:
-    ``arms_angle`` is between them, 2 γ + s_max / arm when not given: then both cams have one prime
-    circle. γ is the first arm's angle at the pivot at no lift.
+    The second arm is as long, on the other side of the cam's axis. ``arms_angle`` is between them:
+    2 γ + s_max / arm, for one prime circle, if not given; γ is the first arm's angle at no lift.
     """
 
     type: Literal["oscillating_conjugate"]

@@ -29,12 +29,10 @@ SI_UNITS = {
 
 
 class FollowerMechanics(Strict):
-    """The follower on its closing spring.
+    """The follower on its closing spring; what may be None is asked for by `RigConfig.need`.
 
-    What may be None is asked for where it is used, by `RigConfig.need`: the stem by an elastic
-    stem, two masses and the sound of a landing; ``restitution`` by a model that lands;
-    ``roller_share``, the part of the mass on the cam's side of the stem, and ``stem_damping`` by
-    two masses.
+    The stem by an elastic stem, two masses, the sound of a landing; ``restitution`` by a model that
+    lands; ``roller_share``, the mass on the cam's side, and ``stem_damping`` by two masses.
     """
 
     mass: Mass

@@ -36,8 +36,7 @@ Model = Annotated[
 class Program(Strict):
     """The cam's speed: hold each of ``speeds`` for ``turns``, tick by tick.
 
-    With ``ramp`` each cam starts at rest, and every speed is reached evenly in that time; without,
-    the speed steps.
+    With ``ramp`` each cam starts at rest and reaches every speed evenly in that time, else at once.
     """
 
     speeds: Annotated[Quantity, must_be("speed", many=True, least=MIN_SPEED, most=MAX_SPEED)]

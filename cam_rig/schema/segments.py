@@ -151,10 +151,9 @@ class TangentArcs(SegmentBase):
 
 
 class ArcsByRadii(WholeTurn):
-    """Base circle, two equal flanks and a nose, by their radii on the contour.
+    """The follower's base circle, two equal flanks and a nose, by their radii on the contour.
 
-    The base circle is the follower's ``base_radius``; the nose's top stands one lift above it,
-    at cam angle 180°. The event's angles follow from the radii.
+    The nose's top stands one lift above it at 180°; the event's angles follow from the radii.
     """
 
     law: Literal["arcs_by_radii"]
@@ -171,11 +170,9 @@ class ArcsByRadii(WholeTurn):
 
 
 class ArcSpec(Strict):
-    """One part of a contour.
+    """One part of a contour: with ``x`` and ``y`` an arc about that centre, below 0 if concave.
 
-    With ``x`` and ``y`` a circular arc about that centre; with a ``radius`` alone the arc that
-    joins its two neighbours; with nothing at all the straight line between them. A concave
-    arc's radius is negative.
+    With a ``radius`` alone the arc that joins its neighbours; with nothing the line between them.
     """
 
     radius: SignedLength | None = None
@@ -194,10 +191,9 @@ class ArcSpec(Strict):
 
 
 class ArcsByCentres(WholeTurn):
-    """A contour of arcs by centres and radii, in the order of the cam angle.
+    """A contour of arcs by centres and radii, in the order of the cam angle, from +y towards +x.
 
-    Centres are in the cam's frame: the follower stands above the cam on +y at cam angle 0, and
-    the cam angle runs from +y towards +x.
+    Centres are in the cam's frame: the follower stands above the cam on +y at cam angle 0.
     """
 
     law: Literal["arcs_by_centres"]

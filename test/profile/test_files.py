@@ -14,7 +14,7 @@ from cam_rig.profile import contours, discs, turn_angles
 from cam_rig.profile import drawing_files as files
 from cam_rig.profile.faces import GuidedFace
 from cam_rig.profile.measure import closed_curve, rest
-from cam_rig.profile.polyline import contour_paths, cutter_paths, pitch_paths, polyline
+from cam_rig.profile.polyline import contour_paths, pitch_paths, polyline
 
 from .conftest import make
 
@@ -62,20 +62,20 @@ def test_cutter_paths(cams, laws):
     """Of the roller's radius the pitch curve; any other is its radius away; none too large."""
     for kind in ("roller", "oscillating_roller", "conjugate"):
         made = make(kind)
-        cutters = cutter_paths(made.cam.follower, made.law, made.cam.follower.roller)
+        cutters = contour_paths(made.cam.follower, made.law, "CUTTER", made.cam.follower.roller)
         pitches = pitch_paths(made.cam.follower, made.law)
         for cutter, pitch, contour in zip(cutters, pitches, made.contours(DENSE), strict=True):
             np.testing.assert_allclose(cutter.at(DENSE)[0], contour.pitch, rtol=0, atol=1e-16)
             np.testing.assert_array_equal(cutter.at(DENSE)[0], pitch.at(DENSE)[0])
     made = make("flat")
-    (path,) = cutter_paths(made.cam.follower, made.law, 0.012)
+    (path,) = contour_paths(made.cam.follower, made.law, "CUTTER", 0.012)
     ring = LinearRing(made.contours(DENSE)[0].points.T)
     away = distance(ring, points(path.at(turn_angles(100))[0].T))
     np.testing.assert_allclose(away, 0.012, rtol=0, atol=1e-6)  # m: chords of the ring
     tm21 = cams["tm21"].follower, laws["tm21"]
-    (path,) = cutter_paths(*tm21, 0.5)
+    (path,) = contour_paths(*tm21, "CUTTER", 0.5)
     path.require_room()
-    (path,) = cutter_paths(*tm21, 0.51)
+    (path,) = contour_paths(*tm21, "CUTTER", 0.51)
     words = "cutter radius is 510 mm; allowed: less than the concave radius of curvature 507.69"
     with pytest.raises(ProfileError, match=re.escape(words)):
         path.require_room()

@@ -105,12 +105,7 @@ def test_contours_are_in_order_and_whole(followed, cams):
             for contour in contours(cams[name].follower, law, count):
                 closed = np.append(contour.points, contour.points[:, :1], axis=1)
                 for points in (contour.points, closed, contour.points[:, ::-1]):
-                    assert (
-                        measure.crossing(points)
-                        is measure.gap(points)
-                        is measure.sparse(points)
-                        is None
-                    )
+                    assert measure.doubts(points, True) == []
 
 
 def test_points_that_are_no_whole_contour():
@@ -118,11 +113,14 @@ def test_points_that_are_no_whole_contour():
     angle = np.radians(np.arange(360.0))
     points = 0.040 * np.array([np.cos(angle), np.sin(angle)])
     shuffled = np.random.default_rng(1).permutation(points, axis=1)
-    assert "crosses itself" in str(measure.crossing(shuffled))
-    assert "12 points" in str(measure.sparse(np.zeros((2, 12))))
+    (crossing,) = measure.doubts(shuffled, False)
+    assert "crosses itself" in crossing
+    (sparse,) = measure.doubts(points[:, ::30], True)
+    assert "12 points" in sparse
     words = "points 200 and 1 are 78.9 mm apart, the others 0.6981 mm (median)"
-    assert words in str(measure.gap(points[:, :200]))
-    assert "points 10 and 11 are" in str(measure.gap(np.delete(points, np.arange(10, 25), axis=1)))
+    assert words in measure.doubts(points[:, :200], True)[0]
+    (gap,) = measure.doubts(np.delete(points, np.arange(10, 25), axis=1), True)
+    assert "points 10 and 11 are" in gap
 
 
 # A follower moved both ways has no play: both its elements touch, by dropping each on its cam.
