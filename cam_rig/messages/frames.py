@@ -38,7 +38,7 @@ Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
-class Joint:
+class RobotJoint:
     """A link on its parent: where it stays (m, and roll, pitch, yaw in rad), or moves in a plane.
 
     There it turns about z by the joint's position (rad), or slides along its own y by it (m), from
@@ -65,8 +65,8 @@ class Joint:
         return x + slid_x, y + slid_y, np.full_like(position, yaw)
 
 
-def _mount(parent: str, child: str, xyz: Vector = (0, 0, 0), rpy: Vector = (0, 0, 0)) -> Joint:
-    return Joint(f"{child}_mount", "fixed", parent, child, xyz, rpy)
+def _mount(parent: str, child: str, xyz: Vector = (0, 0, 0), rpy: Vector = (0, 0, 0)) -> RobotJoint:
+    return RobotJoint(f"{child}_mount", "fixed", parent, child, xyz, rpy)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +112,7 @@ class Robot:
         return self.loaded.laws[self.mounted.name]
 
     @property
-    def fixed(self) -> list[Joint]:
+    def fixed(self) -> list[RobotJoint]:
         """The joints of /tf_static."""
         return [
             _mount(BASE, GUIDE, rpy=UPRIGHT),
@@ -122,19 +122,19 @@ class Robot:
         ]
 
     @property
-    def moving(self) -> list[Joint]:
+    def moving(self) -> list[RobotJoint]:
         """The joints of /tf, in the order of their names."""
         # of all the scene's cams, as its follower is one joint for them
         lift = max(float(self.loaded.laws[cam](turn_angles(360)).max()) for cam in self.cams)
         limits = 0.0, (1.0 + LIFT_OFF) * lift
-        cam = Joint(CAM, "continuous", GUIDE, CAM)
-        slide = Joint(FOLLOWER, "prismatic", GUIDE, FOLLOWER, limits=limits)
+        cam = RobotJoint(CAM, "continuous", GUIDE, CAM)
+        slide = RobotJoint(FOLLOWER, "prismatic", GUIDE, FOLLOWER, limits=limits)
         if not isinstance(self.shape.element, Swung):
             return [cam, slide]
         rest, rate = np.zeros(1), -1.0 / self.shape.element.arm
         x, y = self.shape.origin(rest)[0].tolist()
         turn, turned = (0.0, 0.0, float(self.shape.turn(rest)[0])), (rate * limits[1], 0.0)
-        arm = Joint(ARM, "revolute", GUIDE, FOLLOWER, (x, y, 0.0), turn, turned, rate)
+        arm = RobotJoint(ARM, "revolute", GUIDE, FOLLOWER, (x, y, 0.0), turn, turned, rate)
         return [cam, replace(slide, child=ARC), arm]
 
     def body(self, points: FloatArray) -> FloatArray:

@@ -25,8 +25,8 @@ from cam_rig.messages.frames import (
     GUIDE,
     MICROPHONE,
     MOTOR,
-    Joint,
     Robot,
+    RobotJoint,
     Vector,
 )
 from cam_rig.show import looks as colours
@@ -197,7 +197,7 @@ def _link(root: Element, robot: Robot, name: str, bodies: list[Body]) -> None:
         element.extend(body.elements())
 
 
-def _joint(root: Element, robot: Robot, joint: Joint) -> None:
+def _joint(root: Element, robot: Robot, joint: RobotJoint) -> None:
     element = SubElement(root, "joint", name=joint.name, type=joint.kind)
     xyz, rpy = text(joint.xyz, JOINT_DIGITS), text(joint.rpy, JOINT_DIGITS)
     SubElement(element, "origin", xyz=xyz, rpy=rpy)

@@ -107,6 +107,11 @@ class SpeedDeparture:
         return any(one is not None and one.exact for one in (self.lift, self.force))
 
     @property
+    def agrees(self) -> bool:
+        """Whether lift and force agree within their noise, or exactly where there is none."""
+        return all(one is None or one.within for one in (self.lift, self.force))
+
+    @property
     def later(self) -> float | None:
         """By how much cam angle (rad) events come later than the model's; None: none to compare."""
         degrees = None if self.contact is None else self.contact.degrees
