@@ -53,6 +53,7 @@ def sockets(pid):
     return found
 
 
+@pytest.mark.long
 def test_no_socket_leaves_the_machine(forked, domain, short_scene, tmp_path, monkeypatch):
     """Whatever the user's own settings, every one is on the loopback, and on the multicast group
     joined there; no process is left."""

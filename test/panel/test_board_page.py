@@ -181,6 +181,7 @@ def test_a_dragged_handle_moves_the_law_and_all_that_follows(page, board):
     assert board.ordinates[index] != board.drawn.ordinates[index]
 
 
+@pytest.mark.long
 def test_all_pages_show_the_one_board_and_a_reload_keeps_it(chromium, page, board, served):
     """The last change wins; less motion is a button's; a browser in Spanish has Spanish pages."""
     with in_browser(chromium, BoardPage, locale="es-EC") as other:
@@ -289,6 +290,7 @@ def test_what_is_drawn_can_be_taken_along(page, board, tmp_path):
     assert np.hypot(*points).min() == pytest.approx(0.065, abs=1e-6)  # the base circle
 
 
+@pytest.mark.long
 def test_the_start_and_other_laws_are_shown_beside(page, board, served):
     """Each curve apart; none is taken away again. So is a design, as the server tells of it."""
     assert page.path("chart2", "ghost") != ""
@@ -343,6 +345,7 @@ def test_nothing_sticks_out_and_the_language_that_is_chosen_stays(page):
             assert chart["x"] <= box["x"] <= chart["x"] + chart["width"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "cams", [["trigonometric"], pytest.param(["bezier15", "conjugate"], marks=pytest.mark.long)]
 )
@@ -414,6 +417,7 @@ def test_a_wide_pull_takes_its_neighbours_along(page, board):
     assert {j.continuity for j in joints(board.law())} == {2, 4}
 
 
+@pytest.mark.long
 def test_a_stroboscope_shows_the_phase_of_each_flash(page):
     """It goes on by the rest of a turn, the roller at its lift; late frames take none away."""
     browser = page.page

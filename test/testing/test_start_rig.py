@@ -79,6 +79,7 @@ def test_a_program_that_failed_is_named_with_its_last_line(start_rig):
         rig.wait_for_tick(1)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("forked")
 def test_the_page_s_examples_run(start_rig):
     """The tests of its module, each with the fixture that this pytest has found by itself."""

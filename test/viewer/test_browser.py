@@ -123,6 +123,7 @@ def path(bag, tmp_path_factory):
     return path
 
 
+@pytest.mark.long
 def test_every_curve_is_seen_from_where_the_run_is_played(chromium, bag, path):
     """By pixels of its own colour; no error, no request elsewhere; the cursor leaps there."""
     end = float(bag.samples[0, -1])

@@ -82,6 +82,7 @@ def test_the_same_as_scipy_on_the_same_likelihood(law, rig):
         assert number.error == pytest.approx(errors[k], rel=0.1), name  # neighbours may err alike
 
 
+@pytest.mark.long
 def test_flights_tell_the_restitution(law, rig):
     """Above the jump speed all five numbers, and the instruments' errors beside them."""
     other = rig.with_follower(restitution=0.3)
