@@ -8,6 +8,7 @@ from typer.testing import CliRunner
 
 from cam_rig.cli.main import app
 from cam_rig.law_design import design as study
+from cam_rig.law_design.rows import ROWS
 from cam_rig.laws import build_law
 from cam_rig.laws.law import peak
 from cam_rig.quantities.catalogue import DESIGNED
@@ -173,7 +174,8 @@ def test_refusals_are_one_line():
 
 
 def test_the_help_names_every_goal():
-    """What the table of quantities has."""
+    """What the table of quantities has; rows are of these alone."""
+    assert set(ROWS) <= set(DESIGNED)
     words = call("--help").stdout
     for name, one in DESIGNED.items():
         assert name in words, one.title
