@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Literal, TypeVar
+from typing import Literal, TypeVar, overload
 
 import numpy as np
 
@@ -38,10 +38,18 @@ COLUMNS = (
 class _RowView:
     """Rows of ``rows`` by their place: a view, never a copy."""
 
-    def __init__(self, place: int | slice) -> None:
-        self.place = place
+    def __init__(self, place: int | slice, about: str) -> None:
+        self.place, self.__doc__ = place, about
 
-    def __get__(self, owner: NamedRows, _kind: object = None) -> FloatArray:
+    @overload
+    def __get__(self, owner: None, _kind: object = None) -> _RowView: ...
+
+    @overload
+    def __get__(self, owner: NamedRows, _kind: object = None) -> FloatArray: ...
+
+    def __get__(self, owner: NamedRows | None, _kind: object = None) -> _RowView | FloatArray:
+        if owner is None:  # asked of the class, as help does
+            return self
         row: FloatArray = owner.rows[self.place]
         return row
 
@@ -50,13 +58,13 @@ class NamedRows:
     """The rows of a ``(6, n)`` array ``rows``, each ``(n,)`` by its name."""
 
     rows: FloatArray
-    time = _RowView(0)  #: rig time, s
-    lift = _RowView(1)  #: follower displacement, m
-    velocity = _RowView(2)  #: follower velocity, m/s
-    acceleration = _RowView(3)  #: follower acceleration, m/s²
-    force = _RowView(4)  #: contact force, N; 0 in flight
-    impulse = _RowView(5)  #: impulse of the landings since the sample before, N·s
-    motion = _RowView(slice(1, 4))  #: lift, velocity and acceleration together, ``(3, n)``
+    time = _RowView(0, "Rig time, s.")
+    lift = _RowView(1, "Follower displacement, m.")
+    velocity = _RowView(2, "Follower velocity, m/s.")
+    acceleration = _RowView(3, "Follower acceleration, m/s².")
+    force = _RowView(4, "Contact force, N; 0 in flight.")
+    impulse = _RowView(5, "Impulse of the landings since the sample before, N·s.")
+    motion = _RowView(slice(1, 4), "Lift, velocity and acceleration together, ``(3, n)``.")
 
 
 @dataclass(frozen=True, eq=False)

@@ -120,13 +120,34 @@ class Library:
         return [root / folder / f"{name}.yaml" for root in self.roots]
 
 
-# Each reads one file of a folder of ``config``, by its path.
-load_cam = partial(load, kind=CamConfig)
-load_rig = partial(load, kind=RigConfig)
-load_scene = partial(load, kind=SceneConfig)
-load_published = partial(load, kind=PublishedNoise)
-load_tables = partial(load, kind=PublishedTables)
-load_readings = partial(load, kind=TableReadings)
+def load_cam(path: Path) -> CamConfig:
+    """Read one file of ``config/cams/``."""
+    return load(path, CamConfig)
+
+
+def load_rig(path: Path) -> RigConfig:
+    """Read one file of ``config/rigs/``."""
+    return load(path, RigConfig)
+
+
+def load_scene(path: Path) -> SceneConfig:
+    """Read one file of ``config/scenes/``."""
+    return load(path, SceneConfig)
+
+
+def load_published(path: Path) -> PublishedNoise:
+    """Read one file of ``config/published/``."""
+    return load(path, PublishedNoise)
+
+
+def load_tables(path: Path) -> PublishedTables:
+    """Read one file of ``config/published/tables/``."""
+    return load(path, PublishedTables)
+
+
+def load_readings(path: Path) -> TableReadings:
+    """Read one file of ``config/published/readings/``."""
+    return load(path, TableReadings)
 
 
 # Files that a command names: by path, or by the word that a shipped one goes by.

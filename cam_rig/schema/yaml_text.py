@@ -126,7 +126,8 @@ class _Builder:
     def _end(self) -> None:
         closed = self._open.pop()
         for merged in closed.merged:
-            closed.value |= merged | closed.value
+            for key, value in merged.items():
+                closed.value.setdefault(key, value)
         self._remember(closed.anchor, closed.value, self._values - closed.before, closed.height)
         self._put(closed.value, closed.line, closed.height)
 
