@@ -166,12 +166,12 @@ class CampaignResult(Result):
             _of("value", "SI", heading="there"),
             Column(
                 "derivative", "", ".6g", "rpm each SI unit", "own.derivative",
-                _rpm(lambda _: 1.0), "none", about="rad/s each SI unit",
+                _rpm(lambda _: 1.0), "none", about="in data rad/s each SI unit",
             ),
             Column(
                 "each_percent", "", ".4g", "rpm each percent",
                 lambda one: one.own.derivative and 0.01 * one.own.value * one.own.derivative,
-                _rpm(lambda own: 0.01 * own.value), "none", about="rad/s",
+                _rpm(lambda own: 0.01 * own.value), "none", about="in data rad/s",
             ),
         ),
         "reasons": (

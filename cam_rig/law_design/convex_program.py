@@ -117,11 +117,11 @@ class ProgramSolution:
 
 
 class InfeasibleError(DesignError):
-    """No law of the class keeps the limits; ``together`` names those that contradict each other."""
+    """No law of the class keeps the limits; ``fighting`` are those that contradict each other."""
 
     def __init__(self, fighting: tuple[str, ...], proved: bool = True) -> None:
         self.together = " and ".join(fighting[:2]) + (" at once" if len(fighting) > 1 else "")
-        self.proved = proved
+        self.fighting, self.proved = fighting, proved
         super().__init__(
             f"no law of the class keeps {self.together}; allowed: looser limits, or more pieces"
         )

@@ -78,9 +78,9 @@ LEAST_DRAWN, MOST_DRAWN = 300, 1500
 class SpeedDeparture:
     """One cam at one speed; what is None was not measured.
 
-    ``turns``: settled; ``measured_db``, ``model_db``: sound level, dB re 20 µPa; ``peak_hz``:
-    frequency that stands out of the force's difference; ``drawn``: the last turn of each of
-    `QUANTITIES`, for a picture.
+    ``turns``: settled; ``contact``: lift-offs a turn, and when; ``measured_db``, ``model_db``:
+    sound level, dB re 20 µPa; ``peak_hz``: frequency that stands out of the force's difference,
+    None where none does; ``drawn``: the last turn of each of `QUANTITIES`, for a picture.
     """
 
     cam: str
