@@ -60,8 +60,8 @@ class CamMounting:
         """Mount a cam of the library whose law the model can turn; False where it was mounted."""
         if cam == self.cam:
             return False
-        self._loaded.mount(cam)
-        MODELS[self._loaded.scene.model].require(self._loaded.laws[cam])
+        require = MODELS[self._loaded.scene.model].require
+        self._loaded.mount(cam, again=True, require=require)  # its file may have changed
         self.cam = cam
         return True
 

@@ -153,7 +153,7 @@ class Diagnostics:
     """
 
     def __init__(self, publisher: Publisher, node: str) -> None:
-        self._publisher, self._node = publisher, node
+        self._publisher, self.node = publisher, node
         #: Wall time (s) of the last message.
         self.published_at = -SILENT_S
         self.reported: Reported = (-1, "", -1, -1)
@@ -169,7 +169,7 @@ class Diagnostics:
         self.reported = (*now, time_ns)
         if now == tuple(before):
             return None
-        message = to_diagnosis(time_ns, self._node, level, words, values or {})
+        message = to_diagnosis(time_ns, self.node, level, words, values or {})
         self._publisher.publish(message)
         self.published_at = time.monotonic()
         return message

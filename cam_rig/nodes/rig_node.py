@@ -243,7 +243,7 @@ class RigNode(Node):
     def _beat(self) -> None:
         """Publish what the node does, unless its diagnostics have just said so; for no bag."""
         if time.monotonic() - self.health.published_at >= SILENT_S:
-            now, name = self.activity(), self.get_name() + HEARTBEAT
+            now, name = self.activity(), self.health.node + HEARTBEAT
             values = {"state": now.state, "waits_for": ", ".join(now.waits_for)}
             message = to_diagnosis(time.time_ns(), name, OK, now.words, values)
             self._heartbeats.publish(message)

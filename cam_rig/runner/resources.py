@@ -239,7 +239,7 @@ def _are_left(files: list[Path], since: float) -> bool:
 
 def _is_locked(path: Path) -> bool:
     """Whether another process holds the lock of a file or folder, which is no link."""
-    lock = os.open(path, os.O_RDONLY | os.O_NOFOLLOW)
+    lock = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -213,14 +214,21 @@ class LoadedScene:
         ]
         return [self.scene_file, self.rig_file, *self.cam_files.values(), *points, *published]
 
-    def mount(self, name: str) -> None:
-        """Add a cam, mounted by an operator, from the library of the scene's cams."""
-        if name in self.cams:
+    def mount(
+        self, name: str, again: bool = False, require: Callable[[Law], object] = lambda _: None
+    ) -> None:
+        """Add a cam, mounted by an operator, from the library of the scene's cams.
+
+        One that is there is read only ``again`` on demand; ``require`` may refuse its law.
+        """
+        if name in self.cams and not again:
             return
         path = Library.beside(self.scene_file).path("cams", name)
         cam = read_cam(path)
         require_sprung(path, cam)
-        self.laws[name], self.cams[name], self.cam_files[name] = law_of(path, cam), cam, path
+        law = law_of(path, cam)
+        require(law)
+        self.laws[name], self.cams[name], self.cam_files[name] = law, cam, path
 
     def law_of(self, cam: str) -> Law:
         """The law of a cam of the scene."""

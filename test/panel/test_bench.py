@@ -174,6 +174,7 @@ def test_what_is_in_flight_after_a_stop_does_not_turn(live):
 def test_a_set_up_or_a_weighting_begins_anew_and_keeps_what_was_noted(live):
     """Cam and speed are carried over; contact, level and nodes that ended are of the old run."""
     live.heard({"node": "cam_drive", "values": {"rpm": 280.0, "pacing": "5x"}})
+    live.heard({"node": "cam_drive", "values": {"scene": "/no/setting.yaml"}})
     turn(live, 0, 150)
     live.note()
     live.heard({"node": "microphone", "values": {"frequency_weighting": "C"}})

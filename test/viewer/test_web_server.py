@@ -42,6 +42,7 @@ COOKIES = {
     "cam_rig_8124=right": False,
     "cam_rig_8123=righ": False,
     "cam_rig_8123=": False,
+    'cam_rig_8123="right"': False,  # nothing is unquoted: that takes long where it is long
     "é\ud800=1": False,
     "": False,
 }

@@ -19,6 +19,7 @@ from cam_rig.dynamics import Samples
 from cam_rig.errors import RefusedError
 from cam_rig.live.flow_control import MAX_TICKS_IN_FLIGHT
 from cam_rig.messages.topics import HEARTBEAT, PACE
+from cam_rig.nodes.parameters import LIVE
 from cam_rig.panel.bench.runner import Setup
 from cam_rig.units import NS, TURN
 
@@ -239,8 +240,9 @@ class LiveState:
     def chosen(self) -> dict[str, dict[str, Any]]:
         """What else was set on the nodes, for those of the next set-up."""
         return {
-            node: {key: value for key, value in values.items() if key not in ("cam", "rpm")}
-            for node, values in self.values.items()
+            node: {key: values[key] for key in live if key in values and key not in ("cam", "rpm")}
+            for node, live in LIVE.items()
+            if (values := self.values.get(node))
         }
 
     def note(self) -> NotedReading:
