@@ -42,7 +42,7 @@ def live_rate(scene: str, shown: bool, folder: Path) -> LiveRate:
     loaded = open_scene(path)
     stamps = [state.time_ns / NS for state in cam_states(loaded.scene)]
     with ExitStack() as stack:
-        screen = stack.enter_context(serve()).stream if shown else None
+        screen = str(stack.enter_context(serve()).folder) if shown else None
         stack.enter_context(own_domain(""))
         nodes = live(path, folder / f"{scene}_{shown}", screen, pacing="free")
         with Graph(nodes) as graph:
