@@ -4,6 +4,8 @@ Usage: python -m benchmark.contour
 """
 
 import time
+from collections.abc import Callable
+from functools import partial
 
 from cam_rig.laws import build_law
 from cam_rig.profile import contours
@@ -14,7 +16,7 @@ from cam_rig.schema.load import config_root
 POINTS, REPEATS = 36_000, 10
 
 
-def best_of(repeats, work):
+def best_of(repeats: int, work: Callable[[], object]) -> float:
     """Shortest time of some repeats, s."""
     times = []
     for _ in range(repeats):
@@ -24,7 +26,7 @@ def best_of(repeats, work):
     return min(times)
 
 
-def main():
+def main() -> None:
     begun = time.perf_counter()
     cams = [load_cam(path) for path in sorted((config_root() / "cams").glob("*.yaml"))]
     read = time.perf_counter() - begun
@@ -35,7 +37,7 @@ def main():
     checked = time.perf_counter() - begun
     print(f"{len(cams)} cams read in {read:.3f} s, checked in {checked:.3f} s")
     for cam, law in zip(cams, laws, strict=True):
-        took = best_of(REPEATS, lambda c=cam, s=law: contours(c.follower, s, POINTS))
+        took = best_of(REPEATS, partial(contours, cam.follower, law, POINTS))
         print(f"{cam.name:20} {cam.follower.type:20} {POINTS} points in {took * 1e3:.1f} ms")
 
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from pymoo.algorithms.moo.nsga2 import NSGA2
@@ -26,11 +27,12 @@ import cam_rig
 from cam_rig.law_design.design import front
 from cam_rig.law_design.figures import front_figure
 from cam_rig.law_design.request import DesignRequest, LawClass, parse_goal
+from cam_rig.law_design.result import Front
 from cam_rig.law_design.space import DesignProblem, Space, measured
 from cam_rig.laws import Law
 from cam_rig.laws.law import extremes
 from cam_rig.show.figure import write
-from cam_rig.units import to_rpm
+from cam_rig.units import FloatArray, to_rpm
 
 POINTS, POPULATION, SEED = 25, 100, 1
 GOAL, OTHER = parse_goal("jump_speed_rigid"), parse_goal("peak_acceleration")
@@ -50,7 +52,7 @@ class Laws(ElementwiseProblem):
         self.problem, self.shapes, self.evaluated = problem, shapes, 0
         super().__init__(n_var=low.size, n_obj=2, n_ieq_constr=1, xl=low, xu=high)
 
-    def _evaluate(self, x, out, *_args, **_kwargs):
+    def _evaluate(self, x: FloatArray, out: dict[str, Any], *_args: Any, **_kwargs: Any) -> None:
         self.evaluated += 1
         problem = self.problem
         law = problem.space.law(problem.space.joined(self.shapes @ x), "peer")
@@ -115,11 +117,14 @@ def main() -> None:
     report(ours, took, laws, found.F, asked)
 
 
-def report(ours, took, laws, peer, asked) -> None:
+def report(
+    ours: Front, took: float, laws: Laws, peer: FloatArray, asked: argparse.Namespace
+) -> None:
     """Print and draw."""
     allowed = np.array(ours.allowed) * 1e3
     result = np.array([to_rpm(design.goal.result) for design in ours.designs])
-    bound = np.array([to_rpm(design.goal.bound) for design in ours.designs])
+    bounds = (design.goal.bound for design in ours.designs)
+    bound = np.array([to_rpm(one) for one in bounds if one is not None])  # of a jump speed, all
     own = np.column_stack([-result, allowed])
     # what is slower than the slowest of both, or steeper than the steepest, counts for nothing
     worst = np.maximum(own.max(axis=0), peer.max(axis=0))

@@ -50,7 +50,8 @@ def trial(
     if model == "one_mass":
         numbers["restitution"] = float(random.uniform(0.1, 0.6))
     else:
-        stem, share = follower.stem_stiffness.si, float(random.uniform(0.25, 0.6))
+        stem = rig.need("stem_stiffness", "the fit of a stem").si
+        share = float(random.uniform(0.25, 0.6))
         numbers |= {"stem_stiffness": stem * float(random.uniform(0.5, 2.0)), "roller_share": share}
         numbers["stem_damping"] = float(random.uniform(5.0, 30.0))
     rig = rig.with_follower(**numbers)

@@ -62,7 +62,7 @@ def through(law: Law, count: int) -> Law:
         return law
     angles = np.linspace(0.0, TURN, count, endpoint=False)
     breaks, columns = smooth(angles, law(angles), 0.0).pieces
-    return Law(law.name, breaks, joined(columns))
+    return Law(law.name, np.array(breaks), joined(columns))
 
 
 def measure() -> list[JumpCost]:

@@ -108,7 +108,7 @@ def row(cam: str, rig: str, model: str, rpm: float, what: str) -> str:
 
 def samples(steady: SteadyForce, count: int) -> np.ndarray:
     """The force at evenly spaced instants of all its turns."""
-    return steady.at(np.arange(count) * (steady.duration / count))
+    return steady.at(np.arange(float(count)) * (steady.duration / count))
 
 
 def level_differences() -> tuple[list[float], list[float]]:

@@ -51,7 +51,9 @@ def main(ticks: str = "100000", scene: str = "quick", pacing: str = "free") -> i
     """Run the prolonged scene and look at its nodes now and then."""
     with tempfile.TemporaryDirectory() as folder, own_domain():
         path = prolonged(Path(folder), scene, int(ticks))
-        total, early, used = tick_count(load_scene(path)), {}, {}
+        total = tick_count(load_scene(path))
+        early: dict[str, float] = {}
+        used: dict[str, float] = {}
         begun, shown = time.monotonic(), -EVERY
         with Graph(live(path, Path(folder) / "bag", pacing=pacing), log=print) as graph:
             print("wall s", "tick", *graph.processes, sep="\t")

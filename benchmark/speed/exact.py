@@ -28,8 +28,6 @@ from cam_rig.units import TURN
 
 # A law's pieces with 50 digits, as power series of time: the law's doubles taken as exact.
 
-# type: ignore[import-untyped]
-
 
 @dataclass(frozen=True)
 class ExactPiece:
@@ -101,9 +99,6 @@ def derivative(coefficients: list[Number]) -> list[Number]:
 
 
 # A phase on one piece of the law in closed form, and the first crossing of its guard.
-
-# type: ignore[import-untyped]
-
 
 #: Scanned points in a period of the fastest mode, and at least in a piece.
 SCAN = 24
@@ -221,9 +216,6 @@ def _root(value: Callable[[Number], Number], low: Number, high: Number) -> Numbe
     return mp.findroot(value, (low, high), solver="anderson", tol=mp.mpf(10) ** -100, verify=False)
 
 
-# type: ignore[import-untyped]
-
-
 DIGITS = 60
 
 
@@ -287,9 +279,6 @@ def solve(case: Case) -> Solution:
 
 
 # The torsional reference: Taylor series of high order with 45 digits, joint after joint.
-
-# type: ignore[import-untyped]
-
 
 TWIST_DIGITS = 45
 
