@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Literal, TypeVar, overload
+from typing import Literal, TypeVar
 
 import numpy as np
 
@@ -35,36 +35,45 @@ COLUMNS = (
 )
 
 
-class _RowView:
-    """Rows of ``rows`` by their place: a view, never a copy."""
-
-    def __init__(self, place: int | slice, about: str) -> None:
-        self.place, self.__doc__ = place, about
-
-    @overload
-    def __get__(self, owner: None, _kind: object = None) -> _RowView: ...
-
-    @overload
-    def __get__(self, owner: NamedRows, _kind: object = None) -> FloatArray: ...
-
-    def __get__(self, owner: NamedRows | None, _kind: object = None) -> _RowView | FloatArray:
-        if owner is None:  # asked of the class, as help does
-            return self
-        row: FloatArray = owner.rows[self.place]
-        return row
-
-
 class NamedRows:
     """The rows of a ``(6, n)`` array ``rows``, each ``(n,)`` by its name."""
 
     rows: FloatArray
-    time = _RowView(0, "Rig time, s.")
-    lift = _RowView(1, "Follower displacement, m.")
-    velocity = _RowView(2, "Follower velocity, m/s.")
-    acceleration = _RowView(3, "Follower acceleration, m/s².")
-    force = _RowView(4, "Contact force, N; 0 in flight.")
-    impulse = _RowView(5, "Impulse of the landings since the sample before, N·s.")
-    motion = _RowView(slice(1, 4), "Lift, velocity and acceleration together, ``(3, n)``.")
+
+    @property
+    def time(self) -> FloatArray:
+        """Rig time, s."""
+        return self.rows[0, :]
+
+    @property
+    def lift(self) -> FloatArray:
+        """Follower displacement, m."""
+        return self.rows[1, :]
+
+    @property
+    def velocity(self) -> FloatArray:
+        """Follower velocity, m/s."""
+        return self.rows[2, :]
+
+    @property
+    def acceleration(self) -> FloatArray:
+        """Follower acceleration, m/s²."""
+        return self.rows[3, :]
+
+    @property
+    def force(self) -> FloatArray:
+        """Contact force, N; 0 in flight."""
+        return self.rows[4, :]
+
+    @property
+    def impulse(self) -> FloatArray:
+        """Impulse of the landings since the sample before, N·s."""
+        return self.rows[5, :]
+
+    @property
+    def motion(self) -> FloatArray:
+        """Lift, velocity and acceleration together, ``(3, n)``."""
+        return self.rows[1:4]
 
 
 @dataclass(frozen=True, eq=False)
