@@ -53,6 +53,11 @@ def test_a_script_runs(name, tmp_path, capsys):
     assert {path.name for path in (tmp_path / "out").iterdir()} == pictures
 
 
+def listeners(rig, topic):
+    """The nodes that subscribe to a topic; the recorder is one of most."""
+    return {one.node_name for one in rig.node.get_subscriptions_info_by_topic(topic)}
+
+
 @pytest.mark.ros
 @pytest.mark.usefixtures("forked")
 def test_a_node_stops_the_drive_at_lift_off(start_rig):
@@ -61,8 +66,7 @@ def test_a_node_stops_the_drive_at_lift_off(start_rig):
     assert "cam_rig" not in path.read_text(encoding="utf-8")
     rig = start_rig("jump_two_mass", pacing="0.5x", autostart=False)  # a tail of many seconds
     node = rig.start_program(sys.executable, str(path))
-    # it has called wait_for_service() and listens
-    rig.wait_for(lambda: rig.node.count_subscribers("/diagnostics") > 0)
+    rig.wait_for(lambda: "stop_at_lift_off" in listeners(rig, "/diagnostics"))
     rig.call("/cam_drive/start")
     rig.wait_for(lambda: node.code is not None, "the end of the node")
     assert "contact lost at 420 rpm" in node.output
