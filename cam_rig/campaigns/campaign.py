@@ -349,4 +349,4 @@ def make_point(campaign: Campaign, inputs: FloatArray) -> Subject:
         with_numbers(campaign.rig, numbers["rig"]),
         with_numbers(campaign.scene, numbers["scene"]),
     )
-    return Subject(law, rig, cam, scene=scene, proved=False)
+    return Subject(law, rig, cam, scene=scene)

@@ -15,17 +15,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq, minimize_scalar
 
 from cam_rig.campaigns.campaign import CampaignMeasure, make_point
 from cam_rig.campaigns.inputs import ProfileErrors
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.jump.any_follower import follower_of
 from cam_rig.dynamics.jump.jump_speed import FROM_REST
-from cam_rig.dynamics.jump.search import force_run, sought
-from cam_rig.dynamics.modal_response import taylor_series
-from cam_rig.dynamics.two_mass.masses import contact_response
-from cam_rig.dynamics.two_mass.trajectory import first_lift_off
+from cam_rig.dynamics.jump.search import sought
 from cam_rig.errors import CamRigError, DynamicsError
 from cam_rig.laws import Law, bernstein
 from cam_rig.quantities.values import Subject
@@ -35,10 +31,10 @@ from cam_rig.units import RPM, TURN, FloatArray
 if TYPE_CHECKING:
     from cam_rig.campaigns.results import CampaignResult
 
-#: The imaginary step, and to what part of itself the speed is found.
-STEP, FINE = 1e-30, 1e-14
-#: So much above the jump speed the follower does leave; the touch is within so many rad of there.
-ABOVE, NEAR = 1e-9, 0.01
+#: The imaginary step.
+STEP = 1e-30
+#: No derivative is told where contact is lost within so many rad of the end of a run.
+NEAR = 1e-6
 #: Numbers of a rig's follower that the two masses are made of.
 FOLLOWER = (
     *("mass", "roller_share", "spring_stiffness", "stem_stiffness"),
@@ -57,29 +53,13 @@ class ContactTouch:
 
 def touch_of(law: Law, follower: TwoMassParameters, duration: float | None) -> ContactTouch:
     """The touch at the jump speed of a run from rest of so many s, or in steady state (None)."""
-    found, run = sought(law, follower, duration), force_run(law, follower, duration)
-    speed = float(brentq(run.lowest, found.low, found.high, xtol=1e-300, rtol=FINE))
-    above = speed * (1.0 + ABOVE)
-    start, length = np.zeros(2), duration
-    if length is None:
-        start, length = contact_response(law, follower, above).periodic(), TURN / above
-    time = first_lift_off(law, follower, above, start, length)
-    if time is None or (time * above + NEAR > length * above and duration is not None):
+    found = sought(law, follower, duration)
+    if duration is not None and (duration - found.time) * found.speed < NEAR:
         raise DynamicsError(
             "no derivative: contact is lost at the end of the run, not where the force is least"
         )
-    numbers = _numbers(follower)
-    turn, inside = divmod(time * above, TURN)
-
-    def force(angle: float) -> float:
-        shifted = ContactTouch(speed, int(turn + angle // TURN), angle % TURN)
-        return float(contact_force(law, law.ordinates, numbers, speed, shifted, duration).real)
-
-    near = minimize_scalar(
-        force, bounds=(inside - NEAR, inside + NEAR), method="bounded", options={"xatol": 1e-12}
-    )
-    angle = float(near.x)
-    return ContactTouch(speed, int(turn + angle // TURN), angle % TURN)
+    turn = round((found.time * found.speed - found.angle) / TURN)
+    return ContactTouch(found.speed, turn, found.angle)
 
 
 def contact_force(
@@ -93,7 +73,7 @@ def contact_force(
     """The contact force (N) of two masses at an angle of a turn, from rest or in steady state.
 
     Any of the numbers, of the law's ordinates ``(p + 1, n)`` (m), and the speed (rad/s) may be
-    complex. As in `cam_rig.dynamics.modal_response`: a polynomial in each piece, and free vibration
+    complex. As in `cam_rig.dynamics.modal.motion`: a polynomial in each piece, and free vibration
     that makes up for its jumps at joints.
     """
     p, touched = numbers, touch.angle
@@ -114,6 +94,18 @@ def contact_force(
     force = np.array([p["stem_stiffness"] * left, p["stem_damping"] * left, p["roller_mass"]])
     own = np.array([p["stem_stiffness"], p["stem_damping"]])
     return complex(force @ (s[:3, :, piece] @ basis) - own @ place + share * p["preload"])
+
+
+def taylor_series(top: NDArray[Any], bottom: NDArray[Any], count: int) -> NDArray[Any]:
+    """Taylor coefficients of top(D)/bottom(D), by long division; complex where these are."""
+    kind = np.result_type(top, bottom)
+    found = np.zeros(count, kind)
+    rest = np.zeros(count + bottom.size, kind)
+    rest[: top.size] = top
+    for k in range(count):
+        found[k] = rest[k] / bottom[0]
+        rest[k : k + bottom.size] -= found[k] * bottom
+    return found
 
 
 def _derivatives(law: Law, ordinates: NDArray[Any]) -> NDArray[Any]:

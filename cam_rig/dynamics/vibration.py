@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from cam_rig.dynamics.elastic_stem import outputs, response
 from cam_rig.dynamics.linear.sampling import sample
-from cam_rig.dynamics.modal_response import ModalResponse
+from cam_rig.dynamics.modal.run import ModalRun
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.torsional.motion import steady_motion
 from cam_rig.dynamics.torsional.parameters import TorsionalParameters
@@ -226,8 +227,8 @@ def residual_vibration(law: Law, follower: FollowerParameters, speeds: FloatArra
     require_speeds(follower, speeds / RPM)
     window = low_dwell(law)
     at = [window.start, *law.breaks[:-1][window.holds(law.breaks[:-1])].tolist()]
-    model = ModalResponse.of(response(law, follower, float(speeds[0])), outputs(follower))
-    found = np.max([model.amplitude_at(speeds, angle) for angle in at], axis=0)
+    run = ModalRun.of(response(law, follower, float(speeds[0])), outputs(follower), None)
+    found = np.array([max(free_amplitude(run, x, angle) for angle in at) for x in speeds.tolist()])
     last = int(np.argmax(speeds))  # the faster, the less of the vibration follows the law
     whole = float(np.abs(steady_turn(law, follower, float(speeds[last])).vibration).max())
     if not found[last] <= MAX_RINGING * whole:
@@ -237,6 +238,25 @@ def residual_vibration(law: Law, follower: FollowerParameters, speeds: FloatArra
             "the stem to follow the law"
         )
     return np.asarray(found)
+
+
+#: Two rates nearer than this part of them are moved apart: critical damping has but one.
+APART = 1e-7
+
+
+def free_amplitude(run: ModalRun, speed: float, angle: float) -> float:
+    """Amplitude of the output's free vibration at a cam angle (rad) in steady state.
+
+    Of Σ a (1, λ) e^{λt} = (η, η̇) with the two rates λ, complex or real.
+    """
+    mode, (place, velocity) = run.mode, run.steady(speed, angle)
+    half, most = 0.5 * mode.damping, math.sqrt(mode.stiffness)
+    apart = cmath.sqrt(half**2 - mode.stiffness)
+    apart = apart if abs(apart) > APART * most else complex(APART * most)
+    rates = apart - half, -apart - half
+    one = (velocity - rates[1] * place) * (mode.place + mode.velocity * rates[0])
+    other = (velocity - rates[0] * place) * (mode.place + mode.velocity * rates[1])
+    return float((abs(one) + abs(other)) / abs(2.0 * apart))
 
 
 def steady_twist(

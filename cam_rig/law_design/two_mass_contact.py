@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from cam_rig.dynamics.jump.jump_speed import Jump
+from cam_rig.dynamics.jump.search import Jump
 from cam_rig.errors import DynamicsError
 from cam_rig.law_design.convex_program import Affine, ProgramSolution, RowBlock
 from cam_rig.law_design.modal_amplitude import Cells, ForceAtSpeed

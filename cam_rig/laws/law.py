@@ -282,8 +282,10 @@ class Law:
             return self.known.velocity_jumps
         jumps, slopes = self.jumps(1), np.abs(self.motion[1]).max(axis=0)
         beside = np.maximum(slopes, np.roll(slopes, 1))
-        real = np.abs(jumps) > VELOCITY_JUMP * self.lift + SLOPE_ROUNDING * beside
-        return {int(i): float(jumps[i]) for i in np.flatnonzero(real)}
+        over = np.abs(jumps) - SLOPE_ROUNDING * beside
+        if (over <= 0.0).all():  # whatever the lift
+            return {}
+        return {int(i): float(jumps[i]) for i in np.flatnonzero(over > VELOCITY_JUMP * self.lift)}
 
     @cached_property
     def largest_step(self) -> float:

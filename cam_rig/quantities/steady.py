@@ -26,8 +26,7 @@ from cam_rig.dynamics import (
 from cam_rig.dynamics.kinetostatic import force_extremes, force_weights
 from cam_rig.dynamics.linear.response import LinearResponse
 from cam_rig.dynamics.linear.sampling import Outputs
-from cam_rig.dynamics.modal_minimum import ModalRun
-from cam_rig.dynamics.modal_response import ModalResponse
+from cam_rig.dynamics.modal.run import ModalRun
 from cam_rig.dynamics.torsional.model import from_rig as shaft_of
 from cam_rig.dynamics.torsional.motion import steady_state
 from cam_rig.dynamics.two_mass.masses import contact_response, force_output
@@ -115,15 +114,14 @@ def _in_contact(
     response: LinearResponse, outputs: Outputs, row: int, holds: bool = False
 ) -> SteadyStart | None:
     """The periodic state; None where contact is lost, or the force cannot be told exactly."""
-    speeds = np.array([response.speed])
     pull = Outputs(-outputs.state, -outputs.law, -outputs.constant)
-    model, opposite = (ModalResponse.of(response, one, row) for one in (outputs, pull))
-    if response.law.velocity_jumps or not model.resolved(speeds).all():
+    run, opposite = (ModalRun.of(response, one, None, row) for one in (outputs, pull))
+    if response.law.velocity_jumps or not run.resolved(response.speed):
         return None
-    least = ModalRun(model, None).lowest(response.speed)
+    least = run.lowest(response.speed)
     if least <= 0.0 and not holds:
         return None
-    largest = -ModalRun(opposite, None).lowest(response.speed)
+    largest = -opposite.lowest(response.speed)
     return SteadyStart(_vibrating(response.periodic()), forces=(least, largest))
 
 

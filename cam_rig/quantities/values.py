@@ -15,7 +15,7 @@ from cam_rig.acoustics.pressure import mean_square_rate
 from cam_rig.acoustics.radiation import level_db, pressure_pa
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.dynamics.jump.any_follower import AnyFollower, find_jump, follower_of
-from cam_rig.dynamics.jump.search import NoJumpSpeedError, sought_speed
+from cam_rig.dynamics.jump.search import NoJumpSpeedError
 from cam_rig.dynamics.kinetostatic import force_extremes
 from cam_rig.dynamics.torsional.model import from_rig as shaft_of
 from cam_rig.dynamics.vibration import residual_vibration, steady_twist
@@ -47,8 +47,7 @@ A_BEAT, MAX_SPEEDS = 32, 4096
 class Subject:
     """A law on a rig; its cam says what the follower is, ``events`` what lies between the dwells.
 
-    These have start and span (rad); ``scene`` is how it is run where a quantity is of a run; a jump
-    speed of two masses is ``proved`` by the exact model too, to 5e-7.
+    These have start and span (rad); ``scene`` is how it is run where a quantity is of a run.
     """
 
     law: Law
@@ -56,7 +55,6 @@ class Subject:
     cam: CamConfig
     events: Sequence[tuple[float, float]] = ()
     scene: SceneConfig | None = None
-    proved: bool = True
     _runs: dict[float, tuple[SpeedRow, bool]] = field(default_factory=dict)
 
     @cached_property
@@ -88,8 +86,6 @@ def jump(one: Subject, follower: AnyFollower, duration: float | None) -> float:
     if one.law.velocity_jumps:  # where the velocity jumps down the follower lifts off
         return 0.0
     try:
-        if isinstance(follower, TwoMassParameters) and not one.proved:
-            return sought_speed(one.law, follower, duration)
         return find_jump(one.law, follower, duration).speed
     except NoJumpSpeedError as none:
         return none.speed

@@ -23,8 +23,12 @@ from typing import Any, TypeVar
 
 from cam_rig.dynamics.events import rows
 
-#: Modules of the search that are compiled as they are, beside `arrays`.
-MODULES = ("rows", "polynomials", "law_table", "free_flight", "approach", "contact", "runs")
+#: Modules of this package that are compiled as they are, beside `arrays`.
+MODULES = (
+    *("events.rows", "events.polynomials", "events.law_table", "events.free_flight"),
+    *("events.approach", "events.contact", "events.runs"),
+    *("modal.motion", "modal.least", "modal.sags", "modal.first_zero", "jump.rigid"),
+)
 #: Seconds in plain Python after which the compiled code is loaded, or made.
 LOAD_AFTER, COMPILE_AFTER = 0.5, 10.0
 #: What the environment may say of it: plain Python alone, or compiled code from the first event on.
@@ -177,7 +181,7 @@ def _register() -> None:
     for function, other in special.items():
         overload(function, strict=False)(other)
     for name in MODULES:
-        module = importlib.import_module(f"{__package__}.{name}")
+        module = importlib.import_module(f"cam_rig.dynamics.{name}")
         for function in vars(module).values():
             own = isfunction(function) and function.__module__ == module.__name__
             if own and function not in special:
@@ -188,8 +192,9 @@ def _register() -> None:
 def cache_folder() -> Path:
     """Where code is kept: of these sources and their place, libraries, CPU, and this user alone."""
     stamp = hashlib.sha256(__file__.encode())
-    for name in (*MODULES, "arrays"):
-        stamp.update(Path(__file__).with_name(f"{name}.py").read_bytes())
+    for name in (*MODULES, "events.arrays"):
+        path = Path(__file__).parents[1].joinpath(*name.split(".")).with_suffix(".py")
+        stamp.update(path.read_bytes())
     for library in ("numba", "llvmlite", "numpy"):
         stamp.update(f"{library} {version(library)} ".encode())
     stamp.update(f"{sys.version} {platform.machine()} {_cpu()}".encode())

@@ -11,9 +11,16 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from cam_rig.arguments import checked
-from cam_rig.dynamics.jump.jump_speed import FROM_REST, Jump, require_run, rigid_jump, rigid_least
+from cam_rig.dynamics.jump.jump_speed import FROM_REST, require_run, rigid_jump, rigid_least
 from cam_rig.dynamics.jump.jump_speed import jump_speed as jump_of_parameters
-from cam_rig.dynamics.jump.search import FASTEST, SLOWEST, force_run, keeps_contact, loses_contact
+from cam_rig.dynamics.jump.search import (
+    FASTEST,
+    SLOWEST,
+    Jump,
+    force_run,
+    keeps_contact,
+    loses_contact,
+)
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.two_mass.masses import TwoMassParameters
 from cam_rig.dynamics.velocity_jumps import require_smooth

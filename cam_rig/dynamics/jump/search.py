@@ -1,10 +1,8 @@
-"""Where the least contact force of a run first falls to zero, going through the speeds upwards.
+"""Where the least contact force of two masses first falls to zero, going up through the speeds.
 
 That force is not monotone in speed: the stem is in resonance with the cam at each harmonic, where
-the follower may lose contact and keep it again a little faster. So the search takes all speeds
-from the slowest on, in steps in which the phase of the free vibration turns by no more than half
-a radian over its decay time: half of a resonance's half-width in steady state. A cheap bound comes
-first, over as wide a range of speeds as it holds for.
+the follower may lose contact and keep it again a little faster. None is stepped over, see
+`cam_rig.dynamics.modal.first_zero`.
 """
 
 from __future__ import annotations
@@ -12,42 +10,33 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-from scipy.optimize import brentq, minimize_scalar
-
-from cam_rig.dynamics.modal_minimum import ModalRun, TooManyLooksError
-from cam_rig.dynamics.modal_response import ModalResponse
+from cam_rig.dynamics.modal.first_zero import ABOVE, BELOW, PAUSED, UNTOLD
+from cam_rig.dynamics.modal.run import ModalRun
 from cam_rig.dynamics.two_mass.masses import TwoMassParameters, contact_response, force_output
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
-from cam_rig.units import RPM, TURN, FloatArray, to_rpm
+from cam_rig.units import RPM, TURN, to_rpm
 
 #: Where the search begins and ends, rpm.
 SLOWEST, FASTEST = 1.0, 1e5
-#: The phase of the free vibration turns by this much (rad) from one speed to the next.
-PHASE_STEP = 0.5
-#: Speeds looked at together, and a dip's second look.
-TOGETHER, CLOSER = 64, 33
-#: Of these so many are looked at in one step.
-FEW = 12
 #: A damping ratio below this counts as 0: a search in steady state would have no end.
 UNDAMPED = 1e-7
-#: A zero is polished to this part of the speed, and of the bracket it was found in.
-POLISHED, POLISHED_IN = 5e-7, 1e-3
 #: A search looks at so many values of the force at most: half a minute's work.
-MAX_LOOKS = 5e7
-#: Finer than this rounding decides.
-MAX_POLISHED = 1e-13
+MAX_LOOKS = 1e9
 
 
 @dataclass(frozen=True)
-class Sought:
-    """A zero of the least force in a bracket narrower than a resonance, however little damped."""
+class Jump:
+    """A jump speed, and where contact is lost."""
 
-    low: float  #: where the least force is above zero, rad/s
-    speed: float
-    high: float  #: where it is below
+    speed: float  #: rad/s
+    angle: float  #: of the cam in its turn, rad
+    time: float  #: from rest, or from the beginning of a turn in steady state, s
+
+    @property
+    def rpm(self) -> float:
+        """The speed in rpm."""
+        return self.speed / RPM
 
 
 class NoJumpSpeedError(DynamicsError):
@@ -78,84 +67,40 @@ def keeps_contact(law: Law) -> NoJumpSpeedError:
 
 def force_run(law: Law, parameters: TwoMassParameters, duration: float | None) -> ModalRun:
     """The contact force of the two-mass follower over a run, at any speeds."""
-    model = ModalResponse.of(contact_response(law, parameters, RPM), force_output(parameters))
-    return ModalRun(model, duration)
-
-
-def _too_many(law: Law, run: ModalRun, first: float) -> DynamicsError:
-    """What is raised where a search up from a speed (rpm) takes too many looks."""
-    hertz = float(np.abs(run.model.rates).max()) / TURN
-    return DynamicsError(
-        f"cam {law.name!r}: contact holds up to {first:.4g} rpm, but the follower vibrates at "
-        f"{hertz:.3g} Hz and a search above takes more than {MAX_LOOKS:g} looks at its force; "
-        "allowed for a jump speed: a softer stem or spring, more damping, a shorter run from rest, "
-        "or the steady state"
-    )
+    return ModalRun.of(contact_response(law, parameters, RPM), force_output(parameters), duration)
 
 
 def sought_speed(
     law: Law, parameters: TwoMassParameters, duration: float | None, slowest: float = SLOWEST
 ) -> float:
-    """The jump speed (rad/s) without its proof; ``slowest`` (rpm) is where the search begins."""
+    """The jump speed (rad/s) alone; ``slowest`` (rpm) is where the search begins."""
     return sought(law, parameters, duration, slowest).speed
 
 
 def sought(
     law: Law, parameters: TwoMassParameters, duration: float | None, slowest: float = SLOWEST
-) -> Sought:
-    """The same with the bracket it was found in."""
+) -> Jump:
+    """The lowest speed from ``slowest`` (rpm) on at which contact is lost, and where."""
     run = force_run(law, parameters, duration)
-    run.looks.most = MAX_LOOKS
-    if duration is None and run.model.rates.real.max() > -UNDAMPED * np.abs(run.model.rates).max():
+    mode = run.mode
+    if duration is None and mode.damping <= 2.0 * UNDAMPED * math.sqrt(mode.stiffness):
         raise DynamicsError(
             "no steady state: a stem without damping vibrates without end, at each harmonic of the "
             "speed louder turn after turn; allowed: damping, or a run from rest"
         )
-    low, high = _bracket(run, law, slowest)
-    run.looks.most = math.inf  # polishing takes few
-    fine = max(MAX_POLISHED, min(POLISHED, POLISHED_IN * (high / low - 1.0)))
-    return Sought(low, float(brentq(run.lowest, low, high, rtol=fine)), high)
+    found = run.climb(RPM * slowest, RPM * FASTEST, MAX_LOOKS)
+    if found.outcome == BELOW:
+        raise loses_contact(law, slowest)
+    if found.outcome == ABOVE:
+        raise keeps_contact(law)
+    if found.outcome == UNTOLD:
+        raise _untold(law, found.low)
+    if found.outcome == PAUSED:
+        raise _too_many(law, run, found.low)
+    return Jump(found.speed, found.angle % TURN, found.angle / found.speed)
 
 
-def step(run: ModalRun) -> float:
-    """Relative step of the speed from which the force is as good as continuous."""
-    rates = run.model.rates
-    decay_time = 1.0 / max(float(-rates.real.max()), 1e-300)
-    if run.duration is not None:
-        decay_time = min(decay_time, run.duration)
-    return min(0.02, PHASE_STEP / (float(np.abs(rates).max()) * decay_time))
-
-
-def _bracket(run: ModalRun, law: Law, slowest: float) -> tuple[float, float]:
-    """Two speeds (rad/s): the least force is above zero at the lower and below at the upper."""
-    ratio = 1.0 + step(run)
-    block = ratio**TOGETHER
-    first, stride = slowest, block
-    while first < FASTEST:
-        if _clear(run, first, first * stride):
-            first, stride = first * stride, stride**2
-            continue
-        if stride > block:
-            stride = max(block, math.sqrt(stride))
-            continue
-        speeds = RPM * first * ratio ** np.arange(TOGETHER + 1.0)
-        clear = run.model.resolved(speeds)
-        speeds = speeds[: speeds.size if clear.all() else int(np.argmin(clear))]
-        try:
-            found = _first_below(run, speeds, RPM * slowest) if speeds.size else None
-        except TooManyLooksError:
-            raise _too_many(law, run, first) from None
-        if found is not None:
-            if found[0] <= RPM * slowest:
-                raise loses_contact(law, slowest)
-            return found
-        if not clear.all():
-            raise _unresolved(law, float(speeds[-1]) if speeds.size else 0.0)
-        first *= block
-    raise keeps_contact(law)
-
-
-def _unresolved(law: Law, speed: float) -> DynamicsError:
+def _untold(law: Law, speed: float) -> DynamicsError:
     """What is raised where contact holds as far (rad/s) as the force can be told."""
     return DynamicsError(
         f"cam {law.name!r}: contact holds up to {to_rpm(speed):.4g} rpm, but above it the stem has "
@@ -165,64 +110,12 @@ def _unresolved(law: Law, speed: float) -> DynamicsError:
     )
 
 
-def _clear(run: ModalRun, low: float, high: float) -> bool:
-    """Whether contact is proved to hold from one speed to another (rpm), without a look at each."""
-    high = min(high, FASTEST)
-    return bool(run.model.resolved(RPM * np.array([high]))[0]) and run.above(RPM * low, RPM * high)
-
-
-def _least_to_zero(run: ModalRun, speeds: FloatArray) -> FloatArray:
-    """The least force at speeds, up to a few after the first at which it is not above zero."""
-    found: list[FloatArray] = []
-    for i in range(0, speeds.size, FEW):
-        found.append(run.least(speeds[i : i + FEW]))
-        if (found[-1] <= 0.0).any():
-            break
-    return np.concatenate(found)
-
-
-def _first_below(run: ModalRun, speeds: FloatArray, slowest: float) -> tuple[float, float] | None:
-    """The first bracket of a zero among neighbouring speeds, in a dip between two of them too."""
-    least = _least_to_zero(run, speeds)
-    speeds = speeds[: least.size]
-    below = np.flatnonzero(least <= 0.0)
-    stop = int(below[0]) if below.size else speeds.size
-    for i in dips(least):
-        if i < stop:
-            closer = _with_lowest(run, np.linspace(speeds[i - 1], speeds[i + 1], CLOSER))
-            if closer is not None:
-                speeds, stop = closer
-                break
-    if stop == speeds.size:
-        return None
-    low = float(speeds[max(0, stop - 1)])
-    while run.lowest(low) <= 0.0 and low > slowest:  # it hid between grid points
-        low *= 1.0 - step(run)
-    return low, float(speeds[stop])
-
-
-def _with_lowest(run: ModalRun, speeds: FloatArray) -> tuple[FloatArray, int] | None:
-    """The speeds, and which is the first below zero; None where none is.
-
-    Where the grid leaves it open the lowest place is sought between its points, and put among the
-    speeds.
-    """
-    least = run.least(speeds)
-    found = np.flatnonzero(least <= 0.0)
-    if found.size:
-        return speeds, int(found[0])
-    at = int(np.clip(np.argmin(least), 1, speeds.size - 2))
-    if least[at] > run.missed(speeds[at : at + 1])[0]:
-        return None
-    near = minimize_scalar(run.lowest, bounds=(speeds[at - 1], speeds[at + 1]), method="bounded")
-    if near.fun > 0.0:
-        return None
-    return np.array([*speeds[:at], near.x]), at
-
-
-def dips(values: FloatArray) -> NDArray[np.intp]:
-    """Inner points that are minima and could hide a sign change beside them."""
-    left, mid, right = values[:-2], values[1:-1], values[2:]
-    bend = left - 2.0 * mid + right
-    hidden = (mid > 0.0) & (mid <= left) & (mid <= right) & (mid < bend)
-    return np.asarray(np.flatnonzero(hidden) + 1)
+def _too_many(law: Law, run: ModalRun, speed: float) -> DynamicsError:
+    """What is raised where a search up from a speed (rad/s) takes too many looks."""
+    hertz = math.sqrt(run.mode.stiffness) / TURN
+    return DynamicsError(
+        f"cam {law.name!r}: contact holds up to {to_rpm(speed):.4g} rpm, but the follower vibrates "
+        f"at {hertz:.3g} Hz and a search above takes more than {MAX_LOOKS:g} looks at its force; "
+        "allowed for a jump speed: a softer stem or spring, more damping, a shorter run from rest, "
+        "or the steady state"
+    )

@@ -218,6 +218,9 @@ def number_tables(
 
 
 def correlation_of(covariance: FloatArray) -> FloatArray:
-    """``(n, n)``; of a number without an error 0."""
-    deviation = np.maximum(np.sqrt(np.diag(covariance)), 1e-300)
-    return np.asarray(covariance / np.outer(deviation, deviation))
+    """``(n, n)``; of a number without an error 0, of any other with itself exactly 1."""
+    square = np.diag(covariance)
+    deviation = np.maximum(np.sqrt(square), 1e-300)
+    found = covariance / np.outer(deviation, deviation)
+    np.fill_diagonal(found, np.where(square > 0.0, 1.0, 0.0))
+    return np.asarray(found)

@@ -19,12 +19,11 @@ from cam_rig.dynamics.jump.any_follower import (
 )
 from cam_rig.dynamics.jump.jump_speed import (
     FROM_REST,
-    Jump,
     jump_speed,
     require_run,
     rigid_jump_speed,
 )
-from cam_rig.dynamics.jump.search import FASTEST, keeps_contact, sought_speed
+from cam_rig.dynamics.jump.search import FASTEST, Jump, keeps_contact, sought_speed
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, build_law
 from cam_rig.laws.cam import CamSet

@@ -17,7 +17,7 @@ import numpy as np
 
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.jump.search import force_run, sought_speed
-from cam_rig.dynamics.modal_response import SETTLED
+from cam_rig.dynamics.modal.motion import SETTLED
 from cam_rig.dynamics.two_mass.trajectory import first_lift_off
 from cam_rig.laws import Law, bernstein, build_law
 from cam_rig.paper.jump.refit import ROUNDED_TO, with_event
@@ -354,12 +354,8 @@ def first_on_grid(law: Law, follower: TwoMassParameters, last_rpm: float, run: f
     """The first speed (rpm) of the grid at which a run from rest loses contact; NaN for none."""
     grid = np.arange(FIRST_RPM, last_rpm + 0.5 * ROUNDED_TO, ROUNDED_TO)
     force = force_run(law, follower, run)
-    for few in np.array_split(grid, max(1, grid.size // 8)):
-        least, missed = force.least(few * RPM), force.missed(few * RPM)
-        for rpm, low, between in zip(few, least, missed, strict=True):
-            if low <= 0.0 or (low <= between and force.lowest(rpm * RPM) <= 0.0):
-                return float(rpm)
-    return float("nan")
+    lost = (rpm for rpm in grid.tolist() if force.lowest(rpm * RPM) <= 0.0)
+    return float(next(lost, math.nan))
 
 
 def window(law: Law, follower: TwoMassParameters, printed: PublishedJump, run: float) -> float:

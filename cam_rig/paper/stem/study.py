@@ -13,7 +13,6 @@ from scipy.optimize import brentq, minimize_scalar
 from cam_rig.acoustics import RadiationParameters, level_db
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
-from cam_rig.dynamics.jump.search import dips
 from cam_rig.dynamics.vibration import low_dwell
 from cam_rig.laws import Law
 from cam_rig.laws.cam import CamSet
@@ -248,6 +247,11 @@ def level(turn: StemTurn, radiation: RadiationParameters) -> float:
     return float(level_db(math.sqrt(radiation.background_power(turn.speed) + contact)))
 
 
+def hides_zero(left: float, mid: float, right: float) -> bool:
+    """Whether the middle of three values is a minimum that could hide a sign change beside it."""
+    return 0.0 < mid <= min(left, right) and mid < left - 2.0 * mid + right
+
+
 def stem_jump(law: Law, stem: Stem, rig: RigConfig) -> float:
     """The lowest speed (rad/s) at which the least contact force of the steady turn is zero.
 
@@ -262,7 +266,7 @@ def stem_jump(law: Law, stem: Stem, rig: RigConfig) -> float:
     speeds, values = [rigid * max(0.3, 1.0 - RESONANCES * apart)], list[float]()
     while speeds[-1] < HIGHEST * rigid:
         values.append(least(speeds[-1]))
-        if len(values) > 2 and dips(np.array(values[-3:])).size:
+        if len(values) > 2 and hides_zero(*values[-3:]):
             near = minimize_scalar(least, bounds=(speeds[-3], speeds[-1]), method="bounded")
             if near.fun <= 0.0:
                 return float(brentq(least, speeds[-3], near.x, rtol=FOUND))

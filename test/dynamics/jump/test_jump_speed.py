@@ -1,14 +1,11 @@
 """Jump speeds: the lowest, proved on both sides, and what they must not depend on."""
 
 from dataclasses import asdict, replace
-from functools import partial
 
 import numpy as np
 import pytest
 
 from cam_rig.dynamics import TwoMassParameters
-from cam_rig.dynamics.jump import jump_speed as jump
-from cam_rig.dynamics.jump import search as search_module
 from cam_rig.dynamics.jump.jump_speed import jump_speed
 from cam_rig.dynamics.jump.search import sought_speed
 from cam_rig.dynamics.two_mass.masses import contact_response
@@ -61,25 +58,16 @@ def test_a_resonance_that_only_just_lifts(cams, two_mass, slowest):
     assert not leaves(laws["poly345"], follower, 348.4 * RPM, 1.7)
 
 
-def test_a_resonance_narrower_than_the_tolerance(laws, two_mass, monkeypatch):
-    """With next to no damping the jump speed is still that of the first resonance that throws off.
+def test_a_resonance_narrower_than_a_millionth(laws, two_mass):
+    """With next to no damping the jump speed is that of the first resonance that throws off.
 
     The follower leaves in a band of a millionth of the speed, and next only far above it.
     """
     law, slack = laws["poly345"], replace(two_mass, stem_damping=0.003, damping=0.003)
-    near = partial(search_module.sought, slowest=52.5)  # seconds rather than a quarter of a minute
-    monkeypatch.setattr(jump, "sought", near)
-    found = jump_speed(law, slack, None)
-    assert found.speed == pytest.approx(near(law, slack, None).speed, rel=1e-5)
-    assert not leaves(law, slack, found.speed * 1.0001, None)
-
-
-def test_a_jump_that_cannot_be_proved(laws, two_mass, monkeypatch):
-    """A zero that the exact model does not have is an error, not a speed from elsewhere."""
-    wrong = search_module.Sought(*(rpm * RPM for rpm in (300.0, 300.001, 300.002)))
-    monkeypatch.setattr(jump, "sought", lambda *_: wrong)
-    with pytest.raises(DynamicsError, match=r"sought 300\.001 rpm, but .* allowed: a resonance"):
-        jump_speed(laws["poly345"], two_mass, None)
+    found = jump_speed(law, slack, None).speed
+    assert not leaves(law, slack, found * (1.0 - 1e-8), None)
+    assert leaves(law, slack, found * (1.0 + 1e-8), None)
+    assert not leaves(law, slack, found * 1.0001, None)
 
 
 def test_forces_in_proportion(laws, two_mass):
@@ -93,7 +81,8 @@ def test_forces_in_proportion(laws, two_mass):
 def test_a_longer_run_leaves_no_later(laws, two_mass):
     """What leaves within a short run leaves within a long one: speeds fall with the length."""
     speeds = [jump_speed(laws["poly345"], two_mass, t).speed for t in (0.1, 0.3, 1.7)]
-    assert speeds == sorted(speeds, reverse=True)
+    assert speeds[1] <= speeds[0] * (1.0 + 1e-12)
+    assert speeds[2] <= speeds[1] * (1.0 + 1e-12)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,200 @@
+"""The lowest speed at which the least output is zero, going upwards; none is stepped over.
+
+What the output may sag below its chord over a step of the speed is bounded in each group, see
+`sags`. Where its least values at both ends are above that, so is all between. And where the sag of
+all is no more than a quarter of the first of them, the output is above zero all along, or below
+zero at the end and has become so once.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from cam_rig.dynamics.events.rows import Row, Rows, borrowed, zero_rows, zeros
+from cam_rig.dynamics.modal.least import Least, Stretch, least
+from cam_rig.dynamics.modal.motion import (
+    LawSeries,
+    Oscillator,
+    OscillatorMotion,
+    Series,
+    end_of,
+    motion_at,
+    resolved,
+    series_of,
+)
+from cam_rig.dynamics.modal.sags import BENT, FORCED, FREE, TINY, sags_between
+from cam_rig.units import TURN
+
+#: What a search may find: the output reaches zero; it is there at the start; it is above zero as
+#: far as was asked; as far as it can be told; it may be looked at no more, and goes on from there.
+FOUND, BELOW, ABOVE, UNTOLD, PAUSED = range(5)
+#: On the way the least output is found to this part of itself.
+NEARLY = 0.25
+#: How near the search comes to a speed from which on the output cannot be told.
+NEAR = 1e-3
+#: A step is no shorter than this part of the speed, and a speed told no finer: rounding decides.
+FINEST = 1e-11
+#: Sags that a step is made for, as parts of the least output where it begins, and for how much
+#: longer than the last one it is tried.
+SAGS, LONGER = 0.75, 1.5
+#: On the way to a zero the least output is found to this part of itself.
+POLISHED = 1e-4
+#: Steps of the root between two speeds.
+MOST_STEPS = 200
+
+
+class Climb(NamedTuple):
+    """How far a search has come, and what it has found."""
+
+    outcome: int
+    low: float  #: up to where the output is above zero, rad/s
+    step: float  #: with which to go on, part of the speed
+    speed: float  #: where the least output is zero, if it was found, rad/s
+    angle: float  #: where it is there, rad from the start of the run
+
+
+def climb(
+    law: LawSeries, mode: Oscillator, low: float, step: float, last: float, most: float
+) -> Climb:
+    """Go up from a speed (rad/s) to ``last`` at most, with as many looks as ``most``."""
+    law, series, count = borrowed(law), _series(law, mode), len(law.sizes)
+    if not resolved(law, series, low):
+        return Climb(UNTOLD, low, step, low, 0.0)
+    sags, floors, margins, there = zero_rows(count, 3), zeros(count), zeros(count), zeros(count)
+    motion = motion_at(law, mode, series, low)
+    found = _floors(law, mode, motion, floors)
+    if found.value <= 0.0:
+        return Climb(BELOW, low, step, low, found.angle)
+    looks = float(found.looks)
+    while low < last:
+        high = min(low * (1.0 + step), last)
+        if not resolved(law, series, high):
+            if step < NEAR:
+                return Climb(UNTOLD, low, step, low, 0.0)
+            step *= 0.5
+            continue
+        sags_between(law, mode, motion.norm, series, low, high, sags)
+        lowest, finest = motion.lowest, FINEST * low
+        width = max(finest, min(high - low, _width(sags, floors, lowest)))
+        high = low + width
+        looks += _margins(law, mode, motion, high, floors, margins)
+        looks += len(law.jumps) * len(series.own)
+        if not _holds(sags, margins, margins, lowest, lowest, width) and width > finest:
+            step = 0.5 * width / low
+            continue
+        after = motion_at(law, mode, series, high)
+        found, step = _floors(law, mode, after, there), width / low
+        looks += found.looks
+        if not _holds(sags, margins, there, lowest, after.lowest, width) and width > finest:
+            step *= 0.5
+        elif found.value <= 0.0:
+            zero = _zero(law, mode, series, low, high)
+            return Climb(FOUND, low, step, zero[0], zero[1])
+        else:
+            low, motion, step = high, after, LONGER * step
+            floors, there = there, floors
+        if looks > most:
+            return Climb(PAUSED, low, step, low, 0.0)
+    return Climb(ABOVE, low, step, low, 0.0)
+
+
+def _series(law: LawSeries, mode: Oscillator) -> Series:
+    return series_of(mode, len(law.jumps[0]) - 1)
+
+
+def _floors(law: LawSeries, mode: Oscillator, motion: OscillatorMotion, floors: Row) -> Least:
+    """The least output of the run, nearly, and what it is not below in each group."""
+    for i in range(len(floors)):
+        floors[i] = math.inf
+    whole = Stretch(0.0, end_of(motion, mode.duration), NEARLY)
+    return least(law, mode, motion, whole, floors)
+
+
+def _margins(
+    law: LawSeries, mode: Oscillator, motion: OscillatorMotion, high: float, floors: Row, out: Row
+) -> int:
+    """What the output is not below in each group up to where the run at a speed ``high`` ends."""
+    for i in range(len(floors)):
+        out[i] = floors[i]
+    end, further = motion.speed * mode.duration, high * mode.duration
+    if end >= len(motion.starts) * TURN or math.isinf(end):
+        return 0
+    return least(law, mode, motion, Stretch(end, further, NEARLY), out).looks
+
+
+def _width(sags: Rows, floors: Row, lowest: Row) -> float:
+    """Step of the speed (rad/s) over which the sags are but a part of the least outputs."""
+    width = math.inf
+    for i in range(len(sags)):
+        if floors[i] < math.inf:
+            free, forced = sags[i][FREE], 0.125 * max(sags[i][FORCED], TINY)
+            wide = SAGS * floors[i] / (0.125 * max(sags[i][BENT], TINY))
+            wide = max(wide, (SAGS * floors[i] - 2.0 * free) / forced)
+            wide = max(wide, (SAGS * lowest[i] - free) / forced)
+            width = min(width, math.sqrt(max(0.0, wide)))
+    return width
+
+
+def _holds(
+    sags: Rows, before: Row, after: Row, forced: Row, forced_after: Row, width: float
+) -> bool:
+    """Whether no group is below zero between two speeds but where it becomes so once.
+
+    The least outputs at both, and of the polynomial parts alone.
+    """
+    square = 0.125 * width * width
+    for i in range(len(sags)):
+        bent, free = sags[i][BENT] * square, sags[i][FREE]
+        alone = free + sags[i][FORCED] * square
+        sag = min(bent, free + alone)
+        if (
+            before[i] < math.inf
+            and alone > min(forced[i], forced_after[i])
+            and (sag > before[i] or (sag > after[i] and 4.0 * bent > before[i]))
+        ):
+            return False
+    return True
+
+
+def _zero(
+    law: LawSeries, mode: Oscillator, series: Series, low: float, high: float
+) -> tuple[float, float]:
+    """Where the least output is zero between a speed at which it is above and one where it is not.
+
+    By the secant, whose value at the end that stays is halved (the Illinois method).
+    """
+    above = _lowest(law, mode, series, low, POLISHED)
+    below = _lowest(law, mode, series, high, POLISHED)
+    first, last, where, side = above.value, below.value, below.angle, 0
+    for _ in range(MOST_STEPS):
+        if high - low <= FINEST * high or last == 0.0:
+            break
+        speed = high - last * (high - low) / (last - first)
+        if not low < speed < high:
+            speed = 0.5 * (low + high)
+        now = _lowest(law, mode, series, speed, POLISHED)
+        if now.value > 0.0:
+            low, first = speed, now.value
+            last = 0.5 * last if side > 0 else last
+            side = 1
+        else:
+            high, last, where = speed, now.value, now.angle
+            first = 0.5 * first if side < 0 else first
+            side = -1
+    return high, where
+
+
+def _lowest(
+    law: LawSeries, mode: Oscillator, series: Series, speed: float, relative: float
+) -> Least:
+    """The least output of the run at one speed."""
+    motion = motion_at(law, mode, series, speed)
+    whole = Stretch(0.0, end_of(motion, mode.duration), relative)
+    return least(law, mode, motion, whole, zeros(len(law.sizes)))
+
+
+def least_at(law: LawSeries, mode: Oscillator, speed: float) -> float:
+    """The least output of the run at a speed (rad/s)."""
+    law = borrowed(law)
+    return _lowest(law, mode, _series(law, mode), speed, 0.0).value

@@ -1,0 +1,180 @@
+"""The least output of a mode over a run at one speed: parts of pieces are cut, or left by a bound.
+
+In no part is the output lower than the chord of the polynomial less what a curve of so much bend
+may sag and less the vibration, which does not grow; nor than its own chord less the sag of both.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from cam_rig.dynamics.events.rows import Row, Rows, zero_rows, zeros
+from cam_rig.dynamics.modal.motion import (
+    ADDED,
+    BEGIN,
+    BEND,
+    FLOW,
+    HIGHEST,
+    LEFT,
+    LOWEST,
+    OWN,
+    SPAN,
+    LawSeries,
+    Oscillator,
+    OscillatorMotion,
+    amplitude,
+    flow_over,
+    forced_at,
+    moved,
+)
+from cam_rig.units import TURN
+
+#: A part that may hold the least value is cut into so many.
+CUT = 8
+#: A least value is found to this part of the output's size.
+EXACT = 1e-13
+#: Parts below this fraction of their piece are not cut: rounding decides.
+RESOLUTION = 2.0**-50
+#: Parts that wait at once: `CUT` for each of the cuts down to `RESOLUTION`.
+MOST_PARTS = 160
+#: Places in a part: where it begins and its width (rad in the piece), free (η, η̇) there, its bound.
+LOW, WIDTH, ETA, RATE, BOUND, PART = 0, 1, 2, 3, 4, 5
+
+
+class Least(NamedTuple):
+    """The least value."""
+
+    value: float
+    angle: float  #: where, rad from the start of the run
+    looks: int  #: values that were looked at
+
+
+class Stretch(NamedTuple):
+    """What is looked at, and how closely."""
+
+    begin: float  #: rad from the start of the run
+    end: float
+    relative: float  #: what is left out may be lower than the value by this part of it
+
+
+def least(
+    law: LawSeries, mode: Oscillator, motion: OscillatorMotion, stretch: Stretch, floors: Row
+) -> Least:
+    """The least output of a stretch of the run.
+
+    ``floors`` ``(g,)`` are lowered to what the output is not below in each group in any turn.
+    """
+    found, parts = Least(math.inf, stretch.begin, len(motion.pieces)), zero_rows(MOST_PARTS, PART)
+    first, last = int(stretch.begin // TURN), min(len(motion.starts), int(stretch.end // TURN) + 1)
+    within = last - first == 1
+    low, high = stretch.begin - first * TURN, stretch.end - first * TURN
+    deepest, bound, group = -1, math.inf, 0
+    for i in range(len(motion.pieces)):
+        numbers = motion.pieces[i]
+        if within and (numbers[BEGIN] >= high or numbers[BEGIN] + numbers[SPAN] < low):
+            continue
+        floor = numbers[LOWEST] - numbers[OWN] - motion.most * numbers[LEFT]
+        if floor < bound or deepest < 0:
+            bound, deepest = floor, i
+    if deepest >= 0:
+        found = _in_turns(mode, motion, stretch, deepest, first, last, parts, found)
+    for i in range(len(motion.pieces)):
+        numbers = motion.pieces[i]
+        while i >= law.groups[group + 1]:
+            group += 1
+        if within and (numbers[BEGIN] >= high or numbers[BEGIN] + numbers[SPAN] < low):
+            continue
+        floor = numbers[LOWEST] - numbers[OWN] - motion.most * numbers[LEFT]
+        if floor < _allowed(found.value, EXACT * numbers[HIGHEST], stretch.relative):
+            if i != deepest:
+                found = _in_turns(mode, motion, stretch, i, first, last, parts, found)
+            floor = max(floor, found.value - stretch.relative * abs(found.value))
+        floors[group] = min(floors[group], floor)
+    return found
+
+
+def _allowed(value: float, exact: float, relative: float) -> float:
+    """What is not below this is left out, where a value was found."""
+    return value if value == math.inf else value - max(exact, relative * abs(value))
+
+
+def _in_turns(
+    mode: Oscillator,
+    motion: OscillatorMotion,
+    stretch: Stretch,
+    piece: int,
+    first: int,
+    last: int,
+    parts: Rows,
+    found: Least,
+) -> Least:
+    """What was found, or what is lower in a piece, from a turn on to before another."""
+    numbers = motion.pieces[piece]
+    for turn in range(first, last):
+        angle, x = turn * TURN + numbers[BEGIN], motion.starts[turn]
+        begin, end = max(0.0, stretch.begin - angle), min(numbers[SPAN], stretch.end - angle)
+        if end < begin or end <= 0.0:
+            continue
+        place, rate = moved(numbers, FLOW, (x[0], x[1]))
+        state = place + numbers[ADDED], rate + numbers[ADDED + 1]
+        free = motion.norm.reach * amplitude(motion.norm, state)
+        exact = EXACT * (numbers[HIGHEST] + free)
+        if numbers[LOWEST] - free < _allowed(found.value, exact, stretch.relative):
+            if begin > 0.0:
+                flow = zeros(4)
+                flow_over(mode, begin / motion.speed, flow)
+                state = moved(flow, 0, state)
+            part = parts[0]
+            part[LOW], part[WIDTH], part[BOUND] = begin, end - begin, -math.inf
+            part[ETA], part[RATE] = state
+            found = _in_piece(mode, motion, stretch.relative, exact, piece, angle, parts, found)
+    return Least(found.value, found.angle, found.looks + last - first)
+
+
+def _in_piece(
+    mode: Oscillator,
+    motion: OscillatorMotion,
+    relative: float,
+    exact: float,
+    piece: int,
+    angle: float,
+    parts: Rows,
+    found: Least,
+) -> Least:
+    """The same in the first of ``parts``, a part of a piece that begins at ``angle``."""
+    numbers, forced, flow, size = motion.pieces[piece], motion.forced[piece], zeros(4), motion.norm
+    span, bend, slow = numbers[SPAN], numbers[BEND], 1.0 / (motion.speed * motion.speed)
+    lowest, where, looks, top = found.value, found.angle, found.looks, 0
+    while top >= 0:
+        part = parts[top]
+        low, step, eta, rate = part[LOW], part[WIDTH] / CUT, part[ETA], part[RATE]
+        bound, top = part[BOUND], top - 1
+        if bound >= _allowed(lowest, exact, relative):
+            continue
+        flow_over(mode, step / motion.speed, flow)
+        before = forced_at(forced, min(1.0, low / span))
+        value = before + mode.place * eta + mode.velocity * rate
+        eighth, looks = 0.125 * step * step, looks + CUT
+        if value < lowest:
+            lowest, where = value, angle + low
+        for _ in range(CUT):
+            low += step
+            after = forced_at(forced, min(1.0, low / span))
+            place, velocity = flow[0] * eta + flow[1] * rate, flow[2] * eta + flow[3] * rate
+            reached = after + mode.place * place + mode.velocity * velocity
+            if reached < lowest:
+                lowest, where = reached, angle + low
+            acceleration = -mode.stiffness * eta - mode.damping * rate
+            jerk = -mode.stiffness * rate - mode.damping * acceleration
+            faster = size.reach * amplitude(size, (acceleration, jerk)) * slow
+            free = size.reach * amplitude(size, (eta, rate))
+            chord = max(min(before, after) - free, min(value, reached) - eighth * faster)
+            bound = chord - eighth * bend
+            if step > RESOLUTION * span and bound < _allowed(lowest, exact, relative):
+                top += 1
+                part = parts[top]
+                part[LOW], part[WIDTH], part[BOUND] = low - step, step, bound
+                part[ETA], part[RATE] = eta, rate
+            before, value, eta, rate = after, reached, place, velocity
+    return Least(lowest, where, looks)

@@ -1,0 +1,145 @@
+"""One mode's run on a law at any speeds: its least output, and where that first is zero."""
+
+from __future__ import annotations
+
+import cmath
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from cam_rig.dynamics.events.rows import zeros
+from cam_rig.dynamics.events.search import call
+from cam_rig.dynamics.linear.response import RESONANT, LinearResponse
+from cam_rig.dynamics.linear.sampling import Outputs
+from cam_rig.dynamics.modal.first_zero import PAUSED, Climb, climb, least_at
+from cam_rig.dynamics.modal.motion import (
+    ADDED,
+    BEGIN,
+    FLOW,
+    LawSeries,
+    Oscillator,
+    flow_over,
+    motion_at,
+    moved,
+    resolved,
+    series_of,
+)
+from cam_rig.errors import DynamicsError
+from cam_rig.laws import Law, bernstein
+from cam_rig.units import TURN, FloatArray, to_rpm
+
+#: Looks after which a search can be interrupted: milliseconds of compiled code.
+AT_ONCE = 1e5
+
+
+#: Short pieces make groups, so many a turn at least; spans that differ by less than this part are
+#: the same.
+GROUPS, SAME = 64, 1e-12
+
+
+@lru_cache(maxsize=64)
+def law_series(law: Law, arrays: bool) -> LawSeries:
+    """A law's derivatives; as lists, or as the arrays that compiled code takes."""
+    orders = [law.ordinates]
+    for _ in range(law.degree + 1):
+        orders.append(bernstein.derivative(orders[-1]) / law.spans)
+    rows = np.stack([bernstein.elevate(ordinates, law.degree) for ordinates in orders])
+    jumps = rows[:, 0] - np.roll(rows[:, -1], 1, axis=1)
+    largest, jumped = np.abs(rows).max(axis=1), np.abs(jumps)
+    ways = np.abs(rows).mean(axis=1) * law.spans
+    ways[1:] += jumped[:-1]  # a derivative jumps by the integral of the next
+    groups, ends = [0], np.searchsorted(law.breaks, law.breaks[:-1] + TURN / GROUPS, "right") - 1
+    while groups[-1] < law.spans.size:
+        groups.append(max(groups[-1] + 1, int(ends[groups[-1]])))
+    begins = groups[:-1]
+    inner = np.add.reduceat(jumped, begins, axis=1) - jumped[:, begins]
+    sizes = [np.maximum.reduceat(largest, begins, axis=1), jumped[:, begins]]
+    sizes += [np.maximum(inner, 0.0), np.add.reduceat(ways, begins, axis=1)]
+    order = np.argsort(law.spans, kind="stable")
+    rising = law.spans[order]
+    new = np.append(True, np.diff(rising) > SAME * rising[1:])
+    first = np.minimum.reduceat(order, np.flatnonzero(new))
+    alike = np.empty_like(order)
+    alike[order] = first[np.cumsum(new) - 1]
+    tables: list[Any] = [rows.transpose(2, 0, 1), jumps.T, law.breaks, alike, np.array(groups)]
+    tables += [rows[:, 0, 0], largest.max(axis=1), np.stack(sizes).transpose(2, 0, 1)]
+    tables = [np.ascontiguousarray(table) for table in tables]
+    return LawSeries(*(tables if arrays else [table.tolist() for table in tables]))
+
+
+@dataclass(frozen=True)
+class ModalRun:
+    """A mode on a law, from rest or in steady state."""
+
+    law: Law
+    mode: Oscillator
+
+    @classmethod
+    def of(
+        cls, response: LinearResponse, outputs: Outputs, duration: float | None, row: int = 0
+    ) -> ModalRun:
+        """One row of a model's outputs, ``duration`` s from rest at θ = 0 or settled for ever.
+
+        At which speed the response was made plays no part.
+        """
+        first, second, third = response.drive[1].tolist()
+        s, slope, bend = outputs.law[row].tolist()
+        mode = Oscillator(
+            stiffness=-float(response.matrix[1, 0]),
+            damping=-float(response.matrix[1, 1]),
+            drive=(first, second, third),
+            place=float(outputs.state[row, 0]),
+            velocity=float(outputs.state[row, 1]),
+            motion=(s, slope, bend),
+            constant=float(outputs.constant[row]),
+            duration=math.inf if duration is None else duration,
+        )
+        return cls(response.law, mode)
+
+    def least(self, speeds: FloatArray) -> FloatArray:
+        """Least output of the run at each speed (rad/s), ``(m,)``, to rounding."""
+        return np.array([self.lowest(speed) for speed in speeds.tolist()])
+
+    def lowest(self, speed: float) -> float:
+        """Least output at one speed (rad/s)."""
+        return float(call(least_at, self._table, self.mode, speed))
+
+    def resolved(self, speed: float) -> bool:
+        """Whether rounding leaves the output its digits at a speed (rad/s)."""
+        series = series_of(self.mode, self.law.degree + 1)
+        return resolved(law_series(self.law, False), series, speed)
+
+    def steady(self, speed: float, angle: float) -> FloatArray:
+        """Free (η, η̇) in steady state at a speed (rad/s) and a cam angle (rad), ``(2,)``."""
+        mode, piece = self.mode, self.law.piece(angle)
+        half, period = 0.5 * mode.damping, TURN / speed
+        root = cmath.sqrt(half**2 - mode.stiffness)
+        if min(abs(1.0 - cmath.exp((x - half) * period)) for x in (root, -root)) < RESONANT:
+            raise DynamicsError(
+                f"no steady state at {to_rpm(speed):.6g} rpm: a mode without damping is at a "
+                "harmonic of the speed; allowed: damping, or another speed"
+            )
+        motion = motion_at(
+            law_series(self.law, False), mode, series_of(mode, self.law.degree + 1), speed
+        )
+        numbers, flow, start = motion.pieces[piece], zeros(4), motion.starts[0]
+        place, rate = moved(numbers, FLOW, (start[0], start[1]))
+        flow_over(mode, (angle - numbers[BEGIN]) / speed, flow)
+        return np.array(moved(flow, 0, (place + numbers[ADDED], rate + numbers[ADDED + 1])))
+
+    def climb(self, low: float, last: float, most: float) -> Climb:
+        """Up from a speed (rad/s) to where the output is zero, as `first_zero.climb`."""
+        step, looks = 1.0, 0.0
+        while looks < most:
+            at_once = min(AT_ONCE, most - looks)
+            found = Climb(*call(climb, self._table, self.mode, low, step, last, at_once))
+            if found.outcome != PAUSED:
+                return found
+            low, step, looks = found.low, found.step, looks + at_once
+        return Climb(PAUSED, low, step, low, 0.0)
+
+    def _table(self, arrays: bool) -> LawSeries:
+        return law_series(self.law, arrays)

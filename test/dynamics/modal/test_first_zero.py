@@ -1,0 +1,128 @@
+"""The first zero of the least force: no loss of contact is stepped over, however narrow."""
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize_scalar
+
+from cam_rig.dynamics.events.search import VARIABLE
+from cam_rig.dynamics.jump.search import SLOWEST, force_run, sought
+from cam_rig.dynamics.modal.first_zero import series_of
+from cam_rig.dynamics.modal.motion import norm_of
+from cam_rig.dynamics.modal.run import law_series
+from cam_rig.dynamics.modal.sags import BENT, FORCED, FREE, sags_between
+from cam_rig.dynamics.two_mass.masses import contact_response, force_output
+from cam_rig.errors import DynamicsError
+from cam_rig.units import RPM, TURN
+
+from .cases import case
+
+#: Speeds between the slowest and the one found, of which so many dips are looked into.
+SPEEDS, DIPS = 400, 4
+#: Rounding of the terms of a sliver's force, of their size.
+ROUNDING = 1e-11
+
+
+@pytest.fixture(autouse=True)
+def compiled(monkeypatch):
+    """Thousands of looks a case: by compiled code."""
+    monkeypatch.setenv(VARIABLE, "compiled")
+
+
+def found_in(seed):
+    """The run of a random case and what is found; None where it says that it has none."""
+    law, rig, duration = case(seed)
+    try:
+        return law, rig, duration, sought(law, rig, duration)
+    except DynamicsError as error:
+        assert "allowed" in str(error)
+        return None
+
+
+def noise(law, rig, speed):
+    """What rounding may take from a force, N."""
+    sizes = np.array(law_series(law, False).largest)
+    series = series_of(force_run(law, rig, None).mode, law.degree + 1).output
+    return ROUNDING * max(np.abs(series) * sizes[:-1] * speed ** np.arange(law.degree + 1.0))
+
+
+def require_first(seed):
+    """Above zero at every speed of a fine grid below, and in its dips; zero where it was found."""
+    found = found_in(seed)
+    if found is None:
+        return
+    law, rig, duration, jump = found
+    run, small = force_run(law, rig, duration), noise(law, rig, jump.speed)
+    speeds = np.geomspace(SLOWEST * RPM, jump.speed * (1.0 - 1e-9), SPEEDS)
+    least = run.least(speeds)
+    assert (least > -small).all()
+    for i in 1 + np.argsort(least[1:-1])[:DIPS]:
+        bounds = (speeds[i - 1], speeds[i + 1])
+        assert minimize_scalar(run.lowest, bounds=bounds, method="bounded").fun > -small
+    assert run.lowest(jump.speed * (1.0 + 1e-7)) < small
+    length = duration or TURN / jump.speed
+    assert jump.time <= length * (1.0 + 1e-9)
+    if jump.time < length * (1.0 - 1e-9):  # else the run ends where the force falls, or jumps down
+        size = rig.preload + np.abs(least).max()
+        assert abs(run.lowest(jump.speed)) < 1e-6 * size + small
+
+
+@pytest.mark.variants(4)
+@pytest.mark.parametrize("first", range(0, 48, 4))
+def test_no_loss_of_contact_is_stepped_over(first):
+    """Random laws and rigs, from rest and settled, against a fine scan by the least force."""
+    for seed in range(first, first + 4):
+        require_first(seed)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("first", range(1000, 5000, 100))
+def test_in_thousands_none_is(first):
+    """The same in 4000."""
+    for seed in range(first, first + 100):
+        require_first(seed)
+
+
+def forces(law, rig, speed, duration, angles):
+    """The exact model's contact force (N) at angles (rad) of the run."""
+    response, output = contact_response(law, rig, speed), force_output(rig)
+    start = response.periodic() if duration is None else np.zeros(2)
+    states = response.states(start, 0.0, angles / speed)
+    motion = law.motion_at(angles) * (speed ** np.arange(3.0))[:, None]
+    return (output.state @ states + output.law @ motion + output.constant[:, None])[0]
+
+
+@pytest.mark.variants(8)
+@pytest.mark.parametrize("seed", range(30))
+def test_no_force_sags_by_more_than_is_told(seed):
+    """At each angle of a run, half way between two speeds: by the exact model."""
+    law, rig, duration = case(seed)
+    rng = np.random.default_rng(seed)
+    low = 10.0 ** rng.uniform(0.0, 2.0)
+    high = low * (1.0 + 10.0 ** rng.uniform(-4.0, -0.5))
+    run, table = force_run(law, rig, duration), law_series(law, False)
+    if not run.resolved(high):
+        return
+    series, out = series_of(run.mode, law.degree + 1), [[0.0] * 3 for _ in table.sizes]
+    sags_between(table, run.mode, norm_of(run.mode), series, low, high, out)
+    end = min(TURN if duration is None else high * duration, 40.0 * TURN)
+    angles = np.sort(rng.uniform(0.0, end, 3000))
+    middle = 0.5 * (low + high)
+    begin, between, last = (forces(law, rig, x, duration, angles) for x in (low, middle, high))
+    told, square = np.array(out), (high - low) ** 2 / 8.0
+    sag = np.minimum(told[:, BENT] * square, 2.0 * told[:, FREE] + told[:, FORCED] * square)
+    of = np.searchsorted(law.breaks[table.groups], angles % TURN, side="right") - 1
+    lost = 0.5 * (begin + last) - between
+    small = 1e-12 * np.abs(between).max() + noise(law, rig, high)
+    assert (lost <= sag[of] * (1.0 + 1e-9) + small).all()
+
+
+@pytest.mark.variants(4)
+@pytest.mark.parametrize("seed", range(200, 208))
+def test_plain_and_compiled_find_the_same_bits(seed, monkeypatch):
+    """One source in both forms: how far they come, and the zero, to the last bit."""
+    law, rig, duration = case(seed)
+    run, found = force_run(law, rig, duration), []
+    for form in ("plain", "compiled"):
+        monkeypatch.setenv(VARIABLE, form)
+        found.append(run.climb(SLOWEST * RPM, 1e5 * RPM, 2e4))
+    assert found[0] == found[1]
