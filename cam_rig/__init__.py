@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from cam_rig.bag.reader import read_bag
     from cam_rig.campaigns.largest_waviness import largest_waviness
     from cam_rig.campaigns.run import campaign
-    from cam_rig.dynamics.jump.any_follower import jump_speed
+    from cam_rig.dynamics.jump.rigs import jump_speed
     from cam_rig.errors import CamRigError
     from cam_rig.law_design.design import design
     from cam_rig.laws import Law
@@ -41,7 +41,7 @@ _HOMES = {
     "compare_run": "cam_rig.measured.real_run.run",
     "contour": "cam_rig.profile.contour",
     "design": "cam_rig.law_design.design",
-    "jump_speed": "cam_rig.dynamics.jump.any_follower",
+    "jump_speed": "cam_rig.dynamics.jump.rigs",
     "largest_waviness": "cam_rig.campaigns.largest_waviness",
     "load_cam": "cam_rig.simulation.scene",
     "load_rig": "cam_rig.simulation.scene",

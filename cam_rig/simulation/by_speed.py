@@ -122,11 +122,14 @@ class _Step:
 
     def take(self, tick: TickSamples, rate: int, settled: bool) -> None:
         """Go on with the samples of the next tick, at ``rate`` Hz."""
-        lift, slope, _ = self.law.motion_at(tick.angle_in_turn)
-        self.flights.take(tick.force, tick.lift - lift, tick.impulse, settled)
+        angle, flying = tick.angle_in_turn, tick.force == 0.0
+        gap = np.zeros(flying.size)  # on the cam
+        if flying.any():
+            gap[flying] = tick.lift[flying] - self.law(angle[flying])
+        self.flights.take(tick.force, gap, tick.impulse, settled)
         if not settled:
             return
-        torque = tick.force * slope
+        torque = tick.force * self.law(angle, 1)
         self.samples += torque.size
         self.turned += tick.turned(rate)
         self.force = _widened(self.force, tick.force.max(), tick.force.min())

@@ -10,9 +10,8 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from cam_rig.arguments import checked
-from cam_rig.dynamics.jump.jump_speed import FROM_REST, require_run, rigid_jump, rigid_least
 from cam_rig.dynamics.jump.jump_speed import jump_speed as jump_of_parameters
+from cam_rig.dynamics.jump.jump_speed import require_run, rigid_jump, rigid_least
 from cam_rig.dynamics.jump.search import (
     FASTEST,
     SLOWEST,
@@ -62,37 +61,6 @@ class JumpSpeed(Jump, Result):
         """What and where, in rpm and degrees."""
         where = f"contact lost at {math.degrees(self.angle):.1f}° after {self.time:.3g} s"
         return f"JumpSpeed({self.law.name}: {self.rpm:.2f} rpm, {where})"
-
-
-@checked
-def jump_speed(law: Law, rig: RigConfig, *, duration: float | None = FROM_REST) -> JumpSpeed:
-    """The lowest speed at which the follower loses contact, to 0.01 rpm.
-
-    Of two masses where the rig says how they split, else of one rigid mass, which does not vibrate.
-
-    Parameters
-    ----------
-    law : of `build_law`, or one's own `Law`
-    rig : two masses with ``roller_share`` and ``stem_damping``, such as ``paper_table2``; one
-        mass without both
-    duration : s, of runs from rest at cam angle 0, each at one speed; None for the steady state
-
-    Raises
-    ------
-    ConfigError : an argument of another type, or the rig has one of the two numbers alone
-    DynamicsError : a duration beyond 60 s; contact lost at every speed or at none; or no steady
-        state
-
-    Examples
-    --------
-    >>> import cam_rig
-    >>> law = cam_rig.build_law(cam_rig.load_cam("poly345"))
-    >>> rig = cam_rig.load_rig("paper_table2")
-    >>> round(cam_rig.jump_speed(law, rig).rpm, 2)
-    413.44
-    """
-    found = find_jump(law, follower_of(rig), duration)
-    return JumpSpeed(found.speed, found.angle, found.time, law, rig, duration)
 
 
 #: What a rig gives to a jump speed, and what each is called.

@@ -40,6 +40,8 @@ FINEST = 1e-11
 SAGS, LONGER = 0.75, 1.5
 #: On the way to a zero the least output is found to this part of itself.
 POLISHED = 1e-4
+#: A zero is found to this part of the speed.
+ROOT = 1e-14
 #: Steps of the root between two speeds.
 MOST_STEPS = 200
 
@@ -168,7 +170,7 @@ def _zero(
     below = _lowest(law, mode, series, high, POLISHED)
     first, last, where, side = above.value, below.value, below.angle, 0
     for _ in range(MOST_STEPS):
-        if high - low <= FINEST * high or last == 0.0:
+        if high - low <= ROOT * high or last == 0.0:
             break
         speed = high - last * (high - low) / (last - first)
         if not low < speed < high:
