@@ -27,7 +27,7 @@ from cam_rig.units import RPM, TURN
 
 Found = TypeVar("Found")
 
-CAM, RIG, FROM_REST, REPEATS = "bezier15", "paper_table2", 1.7, 3
+CAM, RIG, FROM_REST, REPEATS, NOISE_NM = "bezier15", "paper_table2", 1.7, 7, 10.0
 PIECES = (1, 12, 36, 90, 180, 360, 720, 1440)
 #: The slope is that from so many pieces on: below, what does not grow with them counts.
 MANY = 180
@@ -36,7 +36,8 @@ SECTION = """\
 ## Jump search
 
 CPU time of one jump speed over the pieces of the law: a spline of degree 5 through so many readings
-of the Bézier 15 cam, which itself is one piece. Nothing is cached before a search.
+of the Bézier 15 cam, which itself is one piece, and through the same with {noise:g} nm of noise.
+Nothing of a law is cached before its search.
 
 {table}
 
@@ -47,21 +48,23 @@ From {many} pieces on the time grows as the number of pieces to the power
 
 @dataclass(frozen=True)
 class JumpCost:
-    """CPU times (s) of the three searches on a law, and the speed found from rest, rpm."""
+    """CPU times (s) of searches on a law, and the speed found from rest, rpm."""
 
     pieces: int
     rpm: float
     rest_s: float
+    noisy_s: float  #: from rest, of noisy readings
     steady_s: float
     rigid_s: float
 
 
-def through(law: Law, count: int) -> Law:
-    """The spline through so many even readings of a law; of one, the law itself."""
+def through(law: Law, count: int, noise: float = 0.0) -> Law:
+    """The spline through so many even readings of a law (noise in m); of one, the law itself."""
     if count == 1:
         return law
     angles = np.linspace(0.0, TURN, count, endpoint=False)
-    breaks, columns = smooth(angles, law(angles), 0.0).pieces
+    readings = law(angles) + noise * np.random.default_rng(count).standard_normal(count)
+    breaks, columns = smooth(angles, readings, 0.0).pieces
     return Law(law.name, np.array(breaks), joined(columns))
 
 
@@ -73,9 +76,11 @@ def measure() -> list[JumpCost]:
     for count in PIECES:
         law = through(law_of(CAM), count)
         rest, jump = _cost(law, partial(jump_speed, parameters=two, duration=FROM_REST))
+        noisy = through(law_of(CAM), count, 1e-9 * NOISE_NM)
+        rough, _ = _cost(noisy, partial(jump_speed, parameters=two, duration=FROM_REST))
         steady, _ = _cost(law, partial(jump_speed, parameters=two, duration=None))
         rigid, _ = _cost(law, partial(rigid_jump, follower=one))
-        found.append(JumpCost(law.spans.size, jump.speed / RPM, rest, steady, rigid))
+        found.append(JumpCost(law.spans.size, jump.speed / RPM, rest, rough, steady, rigid))
     return found
 
 
@@ -97,9 +102,10 @@ def cost_table(costs: list[JumpCost]) -> DataTable:
         costs,
         (
             (Head("pieces", "", "d"), lambda cost: cost.pieces),
-            (Head("two masses, from rest", "ms", ".0f"), lambda cost: 1e3 * cost.rest_s),
-            (Head("two masses, steady", "ms", ".0f"), lambda cost: 1e3 * cost.steady_s),
-            (Head("one rigid mass", "ms", ".1f"), lambda cost: 1e3 * cost.rigid_s),
+            (Head("two masses, from rest", "ms", ".2f"), lambda cost: 1e3 * cost.rest_s),
+            (Head("the same, noisy", "ms", ".2f"), lambda cost: 1e3 * cost.noisy_s),
+            (Head("two masses, steady", "ms", ".2f"), lambda cost: 1e3 * cost.steady_s),
+            (Head("one rigid mass", "ms", ".3f"), lambda cost: 1e3 * cost.rigid_s),
             (Head("jump, from rest", "rpm", ".3f"), lambda cost: cost.rpm),
         ),
     )
@@ -118,7 +124,8 @@ def section(costs: list[JumpCost]) -> str:
         )
     ]
     listed = ", ".join(slopes)
-    return SECTION.format(table=to_markdown(cost_table(costs)), many=MANY, slopes=listed)
+    table = to_markdown(cost_table(costs))
+    return SECTION.format(table=table, many=MANY, slopes=listed, noise=NOISE_NM)
 
 
 if __name__ == "__main__":

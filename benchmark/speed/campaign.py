@@ -1,10 +1,10 @@
-"""Points a second of a campaign, beside the same study with joblib and scipy's solve_ivp.
+"""Points a second of a campaign, beside the same study with joblib and SUNDIALS CVODE.
 
 Both find the jump speed of two masses, 1.7 s from rest, of rigs whose spring, preload and mass
-vary by 10 %, in as many processes. The peer integrates the equations of motion (DOP853, rtol 1e-8),
-looks at the least contact force, and halves a bracket down to 0.05 rpm. It is given that bracket,
-1 % wide: the force is not monotone in speed, and a scan for its first zero would take many times
-as long.
+vary by 10 %, in as many processes. The peer integrates the equations of motion (Adams, rtol 1e-8)
+up to the first root of the contact force, and halves a bracket down to 0.05 rpm. It is given that
+bracket, 1 % wide: the force is not monotone in speed, and a scan for its first zero would take many
+times as long.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from benchmark.speed.cases import rad_per_s
+from benchmark.speed.peers import MAX_STEPS, ROOT_FOUND, cvode_class
 from cam_rig.campaigns.campaign import campaign_from, make_point, measure_batch
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.jump.jump_speed import FROM_REST
-from cam_rig.errors import MissingLibraryError
+from cam_rig.errors import CamRigError
 from cam_rig.extras import libraries_named
 from cam_rig.laws import Law
 from cam_rig.schema.load import Library, config_root
@@ -44,11 +44,8 @@ STUDY: dict[str, Any] = {
 #: Half the peer's bracket over the speed, and how fine it is halved, rpm.
 BRACKET, FINE = 0.005, 0.05
 
-#: Instants at which the peer looks at the force.
-INSTANTS = 40_001
-
 #: Points of a batch; batches, and points of the peer, for each process: of a quick study, a full.
-BATCH, BATCHES, PEER_POINTS = 25, (2, 4), (1, 2)
+BATCH, BATCHES, PEER_POINTS = 250, (2, 8), (2, 10)
 
 
 CAMPAIGN = (
@@ -93,7 +90,8 @@ def campaign_rate(processes: int, quick: bool) -> CampaignRate:
     try:
         with libraries_named():
             from joblib import Parallel, delayed
-    except MissingLibraryError as error:
+        cvode_class()
+    except CamRigError as error:
         rows = measure_batch(campaign, 0, BATCH)
         return CampaignRate(1, BATCH, BATCH / rows.seconds, missing=str(error))
     with Parallel(processes) as parallel:
@@ -122,33 +120,40 @@ def bisected(p: TwoMassParameters, law: Law, near: float) -> float:
     low, high = near * (1.0 - BRACKET), near * (1.0 + BRACKET)
     while high - low > FINE:
         middle = 0.5 * (low + high)
-        lost = least_force(p, law, rad_per_s(middle)) < 0.0
-        low, high = (low, middle) if lost else (middle, high)
+        low, high = (low, middle) if leaves(p, law, rad_per_s(middle)) else (middle, high)
     return 0.5 * (low + high)
 
 
-def least_force(p: TwoMassParameters, law: Law, speed: float) -> float:
-    """The peer's least contact force (N) of a run from rest at a speed (rad/s)."""
+def leaves(p: TwoMassParameters, law: Law, speed: float) -> bool:
+    """Whether the peer's contact force falls to zero in a run from rest at a speed (rad/s)."""
 
-    def rate(time: float, state: FloatArray) -> list[float]:
-        s, slope, _ = law.at(speed * time)
-        y, v = state
-        force = p.stem_damping * (slope * speed - v) + p.stem_stiffness * (s - y)
-        return [v, (force - p.spring_stiffness * y - p.damping * v - p.preload) / p.end_mass]
+    def in_stem(time: float, state: FloatArray) -> tuple[float, float]:
+        s, slope, bend = law.at(speed * time)
+        force = p.stem_damping * (slope * speed - state[1]) + p.stem_stiffness * (s - state[0])
+        return force, bend * speed**2
 
-    times = np.linspace(0.0, FROM_REST, INSTANTS)
+    def right_side(time: float, state: FloatArray, out: FloatArray) -> None:
+        force, _ = in_stem(time, state)
+        out[0] = state[1]
+        closing = p.spring_stiffness * state[0] + p.damping * state[1] + p.preload
+        out[1] = (force - closing) / p.end_mass
+
+    def contact(time: float, state: FloatArray, out: FloatArray) -> None:
+        force, acceleration = in_stem(time, state)
+        out[0] = force + p.roller_mass * acceleration
+
+    contact.terminal, contact.direction = [True], [-1]  # type: ignore[attr-defined]
     cam = law.motion_at(np.zeros(1)) * np.array([[1.0], [speed], [speed**2]])
     start = p.static_place(cam)[:, 0]  # from rest: without vibration
-    run = solve_ivp(rate, (0.0, FROM_REST), start, "DOP853", times, rtol=1e-8, atol=1e-12)
-    y, v = run.y
-    s, slope, bend = law.motion_at(speed * times)
-    force = p.stem_damping * (slope * speed - v) + p.stem_stiffness * (s - y)
-    return float((force + p.roller_mass * bend * speed**2).min())
+    options = {"method": "Adams", "rtol": 1e-8, "atol": 1e-12, "max_num_steps": MAX_STEPS}
+    solver = cvode_class()(right_side, eventsfn=contact, num_events=1, **options)
+    done = solver.solve(np.array([0.0, 0.5 * FROM_REST, FROM_REST]), start)
+    return bool(done.status == ROOT_FOUND)
 
 
 def campaign_records(found: CampaignRate) -> Records:
     """A record each: the campaign and its peer, or a note why there is none."""
-    words = "joblib and solve_ivp"
+    words = "joblib and CVODE"
     rows = [("campaign", found.points, found.points_per_s, 1.0)]
     if found.peer_per_s is not None and found.ratio is not None:
         rows.append((words, found.peer_points, found.peer_per_s, found.ratio))

@@ -11,7 +11,6 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any, TypeVar
 
 import numpy as np
@@ -228,7 +227,7 @@ class ProfileErrors:
         for i, count in enumerate(counts.tolist()):
             ends = np.linspace(law.breaks[i], law.breaks[i + 1], count + 1)
             breaks.append(ends[1:])
-            parts = np.einsum("cqp,p->qc", _cuts(law.degree, count), law.ordinates[:, i])
+            parts = np.einsum("cqp,p->qc", bernstein.parts(law.degree, count), law.ordinates[:, i])
             columns.append(bernstein.elevate(parts, degree) + self.ordinates(ends, degree))
         return Law(law.name, np.concatenate(breaks), np.concatenate(columns, axis=1))
 
@@ -276,10 +275,3 @@ def _sine(amplitude: float, wavelength: float, phase: float, angle: FloatArray) 
     k = TURN / wavelength
     sine, cosine = np.sin(k * angle + phase), np.cos(k * angle + phase)
     return np.asarray(amplitude * np.stack([sine, k * cosine, -(k**2) * sine]))
-
-
-@lru_cache(maxsize=256)
-def _cuts(degree: int, count: int) -> FloatArray:
-    """Matrices ``(count, p + 1, p + 1)`` that take a piece's ordinates to those of equal parts."""
-    unit = np.eye(degree + 1)
-    return np.stack([bernstein.restrict(unit, k / count, (k + 1) / count) for k in range(count)])

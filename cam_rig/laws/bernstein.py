@@ -207,6 +207,15 @@ def restrict(ordinates: FloatArray, start: float, stop: float) -> FloatArray:
     return split(tail, inner)[0] if inner < 1.0 else tail
 
 
+@lru_cache(maxsize=256)
+def parts(degree: int, count: int) -> FloatArray:
+    """Matrices ``(count, p + 1, p + 1)`` that take ordinates to those of equal parts."""
+    unit = np.eye(degree + 1)
+    found = np.stack([restrict(unit, k / count, (k + 1) / count) for k in range(count)])
+    found.setflags(write=False)
+    return found
+
+
 def sign_changes(ordinates: FloatArray) -> int:
     """Number of sign changes: no fewer than the roots in (0, 1) (Descartes' rule)."""
     signs = np.sign(ordinates)

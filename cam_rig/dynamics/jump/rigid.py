@@ -31,7 +31,7 @@ def rigid_zero(law: LawSeries, follower: RigidMass) -> tuple[float, float]:
     What keeps contact up to the lowest speed found so far is left, the rest is halved, until
     rounding decides.
     """
-    law, count, size = borrowed(law), len(law.derivatives), len(law.first) - 1
+    law, count, size = borrowed(law), len(law.derivatives), len(law.largest) - 1
     best, where = math.inf, math.nan
     for i in range(count):
         s, slope, bend = law.derivatives[i][0], law.derivatives[i][1], law.derivatives[i][2]

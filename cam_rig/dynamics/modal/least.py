@@ -14,6 +14,7 @@ from cam_rig.dynamics.modal.motion import (
     ADDED,
     BEGIN,
     BEND,
+    CARRIED,
     FLOW,
     HIGHEST,
     LEFT,
@@ -23,6 +24,7 @@ from cam_rig.dynamics.modal.motion import (
     LawSeries,
     Oscillator,
     OscillatorMotion,
+    Pair,
     amplitude,
     flow_over,
     forced_at,
@@ -78,7 +80,7 @@ def least(
         if floor < bound or deepest < 0:
             bound, deepest = floor, i
     if deepest >= 0:
-        found = _in_turns(mode, motion, stretch, deepest, first, last, parts, found)
+        found = _in_turns(law, mode, motion, stretch, deepest, first, last, parts, found)
     for i in range(len(motion.pieces)):
         numbers = motion.pieces[i]
         while i >= law.groups[group + 1]:
@@ -88,7 +90,7 @@ def least(
         floor = numbers[LOWEST] - numbers[OWN] - motion.most * numbers[LEFT]
         if floor < _allowed(found.value, EXACT * numbers[HIGHEST], stretch.relative):
             if i != deepest:
-                found = _in_turns(mode, motion, stretch, i, first, last, parts, found)
+                found = _in_turns(law, mode, motion, stretch, i, first, last, parts, found)
             floor = max(floor, found.value - stretch.relative * abs(found.value))
         floors[group] = min(floors[group], floor)
     return found
@@ -100,6 +102,7 @@ def _allowed(value: float, exact: float, relative: float) -> float:
 
 
 def _in_turns(
+    law: LawSeries,
     mode: Oscillator,
     motion: OscillatorMotion,
     stretch: Stretch,
@@ -120,7 +123,8 @@ def _in_turns(
         state = place + numbers[ADDED], rate + numbers[ADDED + 1]
         free = motion.norm.reach * amplitude(motion.norm, state)
         exact = EXACT * (numbers[HIGHEST] + free)
-        if numbers[LOWEST] - free < _allowed(found.value, exact, stretch.relative):
+        allowed = _allowed(found.value, exact, stretch.relative)
+        if numbers[LOWEST] - free < allowed and _chord(law, mode, motion, piece, state) < allowed:
             if begin > 0.0:
                 flow = zeros(4)
                 flow_over(mode, begin / motion.speed, flow)
@@ -130,6 +134,34 @@ def _in_turns(
             part[ETA], part[RATE] = state
             found = _in_piece(mode, motion, stretch.relative, exact, piece, angle, parts, found)
     return Least(found.value, found.angle, found.looks + last - first)
+
+
+def _chord(
+    law: LawSeries, mode: Oscillator, motion: OscillatorMotion, piece: int, state: Pair
+) -> float:
+    """What the output is not below in a piece that begins with free (η, η̇) ``state``.
+
+    By its chord, and what a curve may sag below that whose second derivative follows from the
+    whole motion: in a piece much shorter than the mode's period, where derivatives of s jump, the
+    polynomial and the vibration are large and cancel.
+    """
+    numbers, forced, steep = motion.pieces[piece], motion.forced[piece], law.steepest[piece]
+    speed, square, rate = motion.speed, motion.speed * motion.speed, math.sqrt(mode.stiffness)
+    time, end = numbers[SPAN] / speed, moved(motion.flows[law.alike[piece]], 0, state)
+    first = forced[0] + mode.place * state[0] + mode.velocity * state[1]
+    last = forced[len(forced) - 1] + mode.place * end[0] + mode.velocity * end[1]
+    d0, d1, d2 = abs(mode.drive[0]), abs(mode.drive[1]) * speed, abs(mode.drive[2]) * square
+    m0, m1, m2 = abs(mode.motion[0]), abs(mode.motion[1]) * speed, abs(mode.motion[2]) * square
+    push = d0 * steep[0] + d1 * steep[1] + d2 * steep[2]
+    faster = speed * (d0 * steep[1] + d1 * steep[2] + d2 * steep[3])
+    place, velocity = numbers[CARRIED] + state[0], numbers[CARRIED + 1] + state[1]
+    most = math.sqrt(mode.stiffness * place * place + velocity * velocity) + time * push
+    acceleration = (rate + mode.damping) * most + push
+    jerk = mode.stiffness * most + mode.damping * acceleration + faster
+    bend = abs(mode.place) * acceleration + abs(mode.velocity) * jerk
+    bend += square * (m0 * steep[2] + m1 * steep[3] + m2 * steep[4])
+    below: float = 0.125 * bend * time * time
+    return min(first, last) - below
 
 
 def _in_piece(

@@ -31,9 +31,20 @@ LARGEST, JUMP, INNER, WAY = range(4)
 #: Numbers of a piece: where it begins and its span (rad), the polynomial's least ordinate, its
 #: largest absolute one and what its second derivative (1/rad²) does not exceed, the flow from the
 #: turn's start to here, what the turn's joints have added to (η, η̇) here, what that contributes to
-#: the output at most, and what is left of a norm since the turn's start.
-BEGIN, SPAN, LOWEST, HIGHEST, BEND, FLOW, ADDED, OWN, LEFT = 0, 1, 2, 3, 4, 5, 9, 11, 12
-NUMBERS = 13
+#: the output at most, what is left of a norm since the turn's start, the polynomial's (η, η̇) here.
+BEGIN, SPAN, LOWEST, HIGHEST, BEND, FLOW, ADDED, OWN, LEFT, CARRIED = (
+    0,
+    1,
+    2,
+    3,
+    4,
+    5,
+    9,
+    11,
+    12,
+    13,
+)
+NUMBERS = 15
 
 
 class LawSeries(NamedTuple):
@@ -44,9 +55,10 @@ class LawSeries(NamedTuple):
     breaks: Row  #: ``(n + 1,)``, rad
     alike: list[int]  #: ``(n,)``: which is the first piece of the same span
     groups: list[int]  #: ``(g + 1,)``: with which piece each group begins
-    first: Row  #: ``(p + 2,)``: s⁽ᵏ⁾ where the turn begins
+    starts: Rows  #: ``(n, p + 2)``: s⁽ᵏ⁾ where each piece begins
     largest: Row  #: ``(p + 2,)``: what |s⁽ᵏ⁾| does not exceed
     sizes: Stack  #: ``(g, 4, p + 2)``, rows as above
+    steepest: Rows  #: ``(n, 5)``: what s to its fourth derivative do not exceed in each piece
 
 
 class Oscillator(NamedTuple):
@@ -84,7 +96,8 @@ class OscillatorMotion(NamedTuple):
 
     speed: float  #: rad/s
     norm: Norm
-    pieces: Rows  #: ``(n, 13)``, numbers as above
+    pieces: Rows  #: ``(n, 15)``, numbers as above
+    flows: Rows  #: ``(n, 5)``: e^{At} over each piece that is the first of its span, and its norm
     forced: Rows  #: ``(n, p + 1)``: ordinates of the output's polynomial part, times binomials
     lowest: Row  #: ``(g,)``: its least ordinate in each group
     starts: Rows  #: ``(t, 2)``: free (η, η̇) where turns begin, until the motion repeats or ends
@@ -209,6 +222,8 @@ def motion_at(law: LawSeries, mode: Oscillator, series: Series, speed: float) ->
         for j in range(4):
             numbers[FLOW + j] = whole[j]
         numbers[ADDED], numbers[ADDED + 1] = state
+        carried = forced_state(series, law.starts[i], speed, terms)
+        numbers[CARRIED], numbers[CARRIED + 1] = carried
         numbers[OWN], numbers[LEFT] = fading.reach * amplitude(fading, state), left
         _forced(law.derivatives[i], powers, mode.constant, forced[i], numbers)
         for j in range(size):
@@ -219,7 +234,7 @@ def motion_at(law: LawSeries, mode: Oscillator, series: Series, speed: float) ->
         left *= flow[4]
     added = forced_state(series, law.jumps[0], speed, terms)
     turn = state[0] - added[0], state[1] - added[1]
-    begin = forced_state(series, law.first, speed, terms)
+    begin = forced_state(series, law.starts[0], speed, terms)
     starts = _starts(mode, fading, speed, begin, whole, turn)
     lowest, most = zeros(len(law.sizes)), 0.0
     for start in starts:
@@ -228,7 +243,7 @@ def motion_at(law: LawSeries, mode: Oscillator, series: Series, speed: float) ->
         lowest[g] = math.inf
         for i in range(law.groups[g], law.groups[g + 1]):
             lowest[g] = min(lowest[g], pieces[i][LOWEST])
-    return OscillatorMotion(speed, fading, pieces, forced, lowest, starts, most)
+    return OscillatorMotion(speed, fading, pieces, flows, forced, lowest, starts, most)
 
 
 def _forced(derivatives: Rows, powers: Row, constant: float, out: Row, numbers: Row) -> None:

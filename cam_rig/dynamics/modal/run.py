@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cmath
 import math
+from bisect import bisect_right
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -35,6 +36,8 @@ from cam_rig.units import TURN, FloatArray, to_rpm
 AT_ONCE = 1e5
 
 
+#: Long pieces are cut, so many a turn at least.
+PARTS = 8
 #: Short pieces make groups, so many a turn at least; spans that differ by less than this part are
 #: the same.
 GROUPS, SAME = 64, 1e-12
@@ -47,25 +50,40 @@ def law_series(law: Law, arrays: bool) -> LawSeries:
     for _ in range(law.degree + 1):
         orders.append(bernstein.derivative(orders[-1]) / law.spans)
     rows = np.stack([bernstein.elevate(ordinates, law.degree) for ordinates in orders])
-    jumps = rows[:, 0] - np.roll(rows[:, -1], 1, axis=1)
+    counts = np.ceil(law.spans * (PARTS / TURN) * (1.0 - SAME)).astype(int)
+    joints = np.cumsum(counts) - counts
+    whole, spans = (
+        rows[:, 0] - np.roll(rows[:, -1], 1, axis=1),
+        np.repeat(law.spans / counts, counts),
+    )
+    parts = [
+        np.einsum("cqp,kp->kqc", bernstein.parts(law.degree, count), rows[:, :, i])
+        for i, count in enumerate(counts.tolist())
+    ]
+    rows, jumps = np.concatenate(parts, axis=2), np.zeros((len(rows), spans.size))
+    jumps[:, joints] = whole
+    inside = (np.arange(spans.size) - np.repeat(joints, counts)) * spans
+    breaks = np.append(np.repeat(law.breaks[:-1], counts) + inside, law.breaks[-1])
     largest, jumped = np.abs(rows).max(axis=1), np.abs(jumps)
-    ways = np.abs(rows).mean(axis=1) * law.spans
+    ways = np.abs(rows).mean(axis=1) * spans
     ways[1:] += jumped[:-1]  # a derivative jumps by the integral of the next
-    groups, ends = [0], np.searchsorted(law.breaks, law.breaks[:-1] + TURN / GROUPS, "right") - 1
-    while groups[-1] < law.spans.size:
+    groups, ends = [0], np.searchsorted(breaks, breaks[:-1] + TURN / GROUPS, "right") - 1
+    while groups[-1] < spans.size:
         groups.append(max(groups[-1] + 1, int(ends[groups[-1]])))
     begins = groups[:-1]
     inner = np.add.reduceat(jumped, begins, axis=1) - jumped[:, begins]
     sizes = [np.maximum.reduceat(largest, begins, axis=1), jumped[:, begins]]
     sizes += [np.maximum(inner, 0.0), np.add.reduceat(ways, begins, axis=1)]
-    order = np.argsort(law.spans, kind="stable")
-    rising = law.spans[order]
+    order = np.argsort(spans, kind="stable")
+    rising = spans[order]
     new = np.append(True, np.diff(rising) > SAME * rising[1:])
     first = np.minimum.reduceat(order, np.flatnonzero(new))
     alike = np.empty_like(order)
     alike[order] = first[np.cumsum(new) - 1]
-    tables: list[Any] = [rows.transpose(2, 0, 1), jumps.T, law.breaks, alike, np.array(groups)]
-    tables += [rows[:, 0, 0], largest.max(axis=1), np.stack(sizes).transpose(2, 0, 1)]
+    tables: list[Any] = [rows.transpose(2, 0, 1), jumps.T, breaks, alike, np.array(groups)]
+    steepest = np.zeros((5, spans.size))
+    steepest[: len(rows)] = largest[:5]
+    tables += [rows[:, 0].T, largest.max(axis=1), np.stack(sizes).transpose(2, 0, 1), steepest.T]
     tables = [np.ascontiguousarray(table) for table in tables]
     return LawSeries(*(tables if arrays else [table.tolist() for table in tables]))
 
@@ -114,7 +132,7 @@ class ModalRun:
 
     def steady(self, speed: float, angle: float) -> FloatArray:
         """Free (η, η̇) in steady state at a speed (rad/s) and a cam angle (rad), ``(2,)``."""
-        mode, piece = self.mode, self.law.piece(angle)
+        mode, law = self.mode, law_series(self.law, False)
         half, period = 0.5 * mode.damping, TURN / speed
         root = cmath.sqrt(half**2 - mode.stiffness)
         if min(abs(1.0 - cmath.exp((x - half) * period)) for x in (root, -root)) < RESONANT:
@@ -122,9 +140,8 @@ class ModalRun:
                 f"no steady state at {to_rpm(speed):.6g} rpm: a mode without damping is at a "
                 "harmonic of the speed; allowed: damping, or another speed"
             )
-        motion = motion_at(
-            law_series(self.law, False), mode, series_of(mode, self.law.degree + 1), speed
-        )
+        motion = motion_at(law, mode, series_of(mode, self.law.degree + 1), speed)
+        piece = min(max(bisect_right(law.breaks, angle), 1), len(law.jumps)) - 1
         numbers, flow, start = motion.pieces[piece], zeros(4), motion.starts[0]
         place, rate = moved(numbers, FLOW, (start[0], start[1]))
         flow_over(mode, (angle - numbers[BEGIN]) / speed, flow)

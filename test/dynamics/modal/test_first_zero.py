@@ -110,7 +110,7 @@ def test_no_force_sags_by_more_than_is_told(seed):
     begin, between, last = (forces(law, rig, x, duration, angles) for x in (low, middle, high))
     told, square = np.array(out), (high - low) ** 2 / 8.0
     sag = np.minimum(told[:, BENT] * square, 2.0 * told[:, FREE] + told[:, FORCED] * square)
-    of = np.searchsorted(law.breaks[table.groups], angles % TURN, side="right") - 1
+    of = np.searchsorted(np.array(table.breaks)[table.groups], angles % TURN, side="right") - 1
     lost = 0.5 * (begin + last) - between
     small = 1e-12 * np.abs(between).max() + noise(law, rig, high)
     assert (lost <= sag[of] * (1.0 + 1e-9) + small).all()

@@ -164,7 +164,7 @@ def test_least_is_the_exhaustive_minimum(count, damping, rest):
     stretch = Stretch(0.0, speed * length, 0.25)
     nearly = least(table, run.mode, motion_of(run, speed), stretch, floors)
     size = np.abs(force).max()
-    begins = law.breaks[table.groups]
+    begins = np.array(table.breaks)[table.groups]
     of = np.searchsorted(begins, (speed * times) % TURN + 1e-12, side="right") - 1
     assert (force >= np.array(floors)[of] - 1e-11 * size).all()
     assert nearly.value - 0.25 * abs(nearly.value) <= force.min() + 1e-11 * size
