@@ -33,7 +33,7 @@ from cam_rig.dynamics.modal.motion import (
 from cam_rig.units import TURN
 
 #: A part that may hold the least value is cut into so many.
-CUT = 8
+CUT = 4
 #: A least value is found to this part of the output's size.
 EXACT = 1e-13
 #: Parts below this fraction of their piece are not cut: rounding decides.
