@@ -10,12 +10,15 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from importlib.util import find_spec
 from typing import TypeVar
 
 import numpy as np
 
 from benchmark.speed.cases import law_of
+from benchmark.speed.event_cost import form_of_search
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
+from cam_rig.dynamics.events.search import ALWAYS, PLAIN
 from cam_rig.dynamics.jump.jump_speed import jump_speed, rigid_jump
 from cam_rig.laws import Law
 from cam_rig.laws.bernstein import joined
@@ -70,6 +73,11 @@ def through(law: Law, count: int, noise: float = 0.0) -> Law:
 
 def measure() -> list[JumpCost]:
     """Each law of `PIECES`."""
+    with form_of_search(ALWAYS if find_spec("numba") else PLAIN):
+        return _measured()
+
+
+def _measured() -> list[JumpCost]:
     rig = load_rig(config_root() / "rigs" / f"{RIG}.yaml")
     two, one = TwoMassParameters.from_rig(rig), FollowerParameters.from_rig(rig)
     found = []

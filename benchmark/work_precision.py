@@ -43,8 +43,9 @@ of {cores} cores ({machine}); a rig's run starts with a law of which nothing is 
 ## A campaign
 
 The jump speed, 1.7 s from rest, of rigs whose spring, preload and mass vary by 10 %. The peer is
-given each speed to 1 % and halves from there, with DOP853 at rtol 1e-8: a scan for the first speed
-at which contact is lost would take many times as long.
+given each speed to 1 % and halves from there, with CVODE (Adams) at rtol 1e-8 up to the first root
+of the contact force: a scan for the first speed at which contact is lost would take many times as
+long.
 
 {campaign}
 

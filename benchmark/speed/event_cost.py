@@ -66,7 +66,7 @@ def _of_case(name: str, peer: str, repeats: int) -> Iterator[EventCost]:
     landings = sum(kind == "landing" for kind, _ in reference.events)
     forms = [("compiled", ALWAYS)] if find_spec("numba") else []
     for words, form in (*forms, ("plain Python", PLAIN)):
-        with _form(form):
+        with form_of_search(form):
             error = _error(study.solve(case), reference)  # compiles, and makes the tables
             alone = _median(lambda: _search(case), repeats)
             whole = _median(lambda: study.solve(case.fresh()), repeats)
@@ -116,7 +116,7 @@ def _median(function: Callable[[], object], repeats: int) -> float:
 
 
 @contextmanager
-def _form(form: str) -> Iterator[None]:
+def form_of_search(form: str) -> Iterator[None]:
     """The search in one form, whatever the environment says of it."""
     before = os.environ.get(VARIABLE)
     os.environ[VARIABLE] = form

@@ -213,7 +213,7 @@ def bench(
     """Measure error against time for the rig, scipy's solvers and SUNDIALS CVODE.
 
     One core; set OMP_NUM_THREADS=1 for the same in numpy. Then a campaign's points a second beside
-    the same study with joblib and solve_ivp, on all cores. CVODE and joblib need the extra 'bench'.
+    the same study with joblib and CVODE, on all cores. CVODE and joblib need the extra 'bench'.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Compiles the search ahead of its first long run: ``python -m cam_rig.dynamics.events``."""
+"""Compiles the searches ahead of their first long run: ``python -m cam_rig.dynamics.events``."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ import numpy as np
 
 from cam_rig.dynamics.events.search import ALWAYS, VARIABLE
 from cam_rig.dynamics.interval import Interval
+from cam_rig.dynamics.jump.jump_speed import rigid_jump
+from cam_rig.dynamics.jump.search import force_run, sought
 from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.two_mass.masses import TwoMassParameters
@@ -17,7 +19,7 @@ from cam_rig.units import NS, TURN
 
 
 def main() -> None:
-    """One turn of each model on a cam of two cubics; each function compiles at its first call."""
+    """A turn of each model and its jump speeds on a cam of two cubics; a first call compiles."""
     os.environ[VARIABLE] = ALWAYS
     ordinates = np.array([[0.0, 0.01], [0.0, 0.01], [0.01, 0.0], [0.01, 0.0]])
     law = Law("smoothstep", np.array([0.0, 0.5 * TURN, TURN]), ordinates)
@@ -26,6 +28,9 @@ def main() -> None:
     two = TwoMassParameters(0.5, 0.5, 1e6, 1e3, 1.0, 1.0, 1.0)
     Separation(law, two, 60.0).run(0.1)
     first_lift_off(law, two, 60.0, np.zeros(2), 0.1)
+    force_run(law, two, 0.1).lowest(60.0)
+    sought(law, two, 0.1)
+    rigid_jump(law, one)
 
 
 if __name__ == "__main__":
