@@ -21,7 +21,7 @@ from cam_rig.campaigns.inputs import ProfileErrors
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.jump.any_follower import follower_of
 from cam_rig.dynamics.jump.jump_speed import FROM_REST
-from cam_rig.dynamics.jump.search import sought
+from cam_rig.dynamics.jump.search import touch
 from cam_rig.errors import CamRigError, DynamicsError
 from cam_rig.laws import Law, bernstein
 from cam_rig.quantities.values import Subject
@@ -53,13 +53,13 @@ class ContactTouch:
 
 def touch_of(law: Law, follower: TwoMassParameters, duration: float | None) -> ContactTouch:
     """The touch at the jump speed of a run from rest of so many s, or in steady state (None)."""
-    found = sought(law, follower, duration)
-    if duration is not None and (duration - found.time) * found.speed < NEAR:
+    found = touch(law, follower, duration)
+    if duration is not None and duration * found.speed - found.angle < NEAR:
         raise DynamicsError(
             "no derivative: contact is lost at the end of the run, not where the force is least"
         )
-    turn = round((found.time * found.speed - found.angle) / TURN)
-    return ContactTouch(found.speed, turn, found.angle)
+    turn, angle = divmod(found.angle, TURN)
+    return ContactTouch(found.speed, int(turn), angle)
 
 
 def contact_force(

@@ -71,7 +71,8 @@ def given_by(result: type[Result]) -> list[str]:
     calls = [
         f"cam_rig.{one.__name__}"
         for one in functions
-        if inspect.isfunction(one) and str(one.__annotations__.get("return")) == result.__name__
+        if inspect.isfunction(one)
+        and result.__name__ in str(one.__annotations__.get("return")).split(" | ")
     ]
     verbs = {verb.replace("-", "_").replace(" ", "_"): verb for verb in _verbs()}
     words = GIVEN_BY.get(name, verbs.get(name, ""))

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from cam_rig.dynamics.modal.first_zero import ABOVE, BELOW, PAUSED, UNTOLD
+from cam_rig.dynamics.modal.first_zero import ABOVE, BELOW, PAUSED, UNTOLD, Climb
 from cam_rig.dynamics.modal.run import ModalRun
 from cam_rig.dynamics.two_mass.masses import TwoMassParameters, contact_response, force_output
 from cam_rig.errors import DynamicsError
@@ -80,7 +80,15 @@ def sought_speed(
 def sought(
     law: Law, parameters: TwoMassParameters, duration: float | None, slowest: float = SLOWEST
 ) -> Jump:
-    """The lowest speed from ``slowest`` (rpm) on at which contact is lost, and where."""
+    """The lowest speed from ``slowest`` (rpm) on at which contact is lost, and where first."""
+    found = touch(law, parameters, duration, slowest)
+    return Jump(found.speed, found.first % TURN, found.first / found.speed)
+
+
+def touch(
+    law: Law, parameters: TwoMassParameters, duration: float | None, slowest: float = SLOWEST
+) -> Climb:
+    """The same speed, and where the least force of the run is zero there."""
     run = force_run(law, parameters, duration)
     mode = run.mode
     if duration is None and mode.damping <= 2.0 * UNDAMPED * math.sqrt(mode.stiffness):
@@ -97,7 +105,7 @@ def sought(
         raise _untold(law, found.low)
     if found.outcome == PAUSED:
         raise _too_many(law, run, found.low)
-    return Jump(found.speed, found.angle % TURN, found.angle / found.speed)
+    return found
 
 
 def _untold(law: Law, speed: float) -> DynamicsError:

@@ -40,6 +40,8 @@ FINEST = 1e-11
 SAGS, LONGER = 0.75, 1.5
 #: On the way to a zero the least output is found to this part of itself.
 POLISHED = 1e-4
+#: Turns that differ by less than this part of the speed fall below zero together.
+LAST_DIGIT = 5e-6
 #: A zero is found to this part of the speed.
 ROOT = 1e-14
 #: Steps of the root between two speeds.
@@ -54,6 +56,7 @@ class Climb(NamedTuple):
     step: float  #: with which to go on, part of the speed
     speed: float  #: where the least output is zero, if it was found, rad/s
     angle: float  #: where it is there, rad from the start of the run
+    first: float  #: the same in the first turn that falls below zero a last digit faster
 
 
 def climb(
@@ -62,18 +65,18 @@ def climb(
     """Go up from a speed (rad/s) to ``last`` at most, with as many looks as ``most``."""
     law, series, count = borrowed(law), _series(law, mode), len(law.sizes)
     if not resolved(law, series, low):
-        return Climb(UNTOLD, low, step, low, 0.0)
+        return Climb(UNTOLD, low, step, low, 0.0, 0.0)
     sags, floors, margins, there = zero_rows(count, 3), zeros(count), zeros(count), zeros(count)
     motion = motion_at(law, mode, series, low)
     found = _floors(law, mode, motion, floors)
     if found.value <= 0.0:
-        return Climb(BELOW, low, step, low, found.angle)
+        return Climb(BELOW, low, step, low, found.angle, found.angle)
     looks = float(found.looks)
     while low < last:
         high = min(low * (1.0 + step), last)
         if not resolved(law, series, high):
             if step < NEAR:
-                return Climb(UNTOLD, low, step, low, 0.0)
+                return Climb(UNTOLD, low, step, low, 0.0, 0.0)
             step *= 0.5
             continue
         sags_between(law, mode, motion.norm, series, low, high, sags)
@@ -92,13 +95,15 @@ def climb(
             step *= 0.5
         elif found.value <= 0.0:
             zero = _zero(law, mode, series, low, high)
-            return Climb(FOUND, low, step, zero[0], zero[1])
+            beyond = min(high, zero[0] * (1.0 + LAST_DIGIT))
+            first = _first_below(law, mode, series, beyond, zero[1])
+            return Climb(FOUND, low, step, zero[0], zero[1], first)
         else:
             low, motion, step = high, after, LONGER * step
             floors, there = there, floors
         if looks > most:
-            return Climb(PAUSED, low, step, low, 0.0)
-    return Climb(ABOVE, low, step, low, 0.0)
+            return Climb(PAUSED, low, step, low, 0.0, 0.0)
+    return Climb(ABOVE, low, step, low, 0.0, 0.0)
 
 
 def _series(law: LawSeries, mode: Oscillator) -> Series:
@@ -185,6 +190,20 @@ def _zero(
             first = 0.5 * first if side < 0 else first
             side = -1
     return high, where
+
+
+def _first_below(
+    law: LawSeries, mode: Oscillator, series: Series, speed: float, where: float
+) -> float:
+    """Where (rad) the first turn is lowest that is below zero at a speed; ``where`` if none is."""
+    motion, nothing = motion_at(law, mode, series, speed), zeros(len(law.sizes))
+    end = end_of(motion, mode.duration)
+    for turn in range(len(motion.starts)):
+        within = Stretch(turn * TURN, min(end, (turn + 1) * TURN), POLISHED)
+        found = least(law, mode, motion, within, nothing)
+        if found.value <= 0.0:
+            return found.angle
+    return where
 
 
 def _lowest(

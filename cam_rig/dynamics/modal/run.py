@@ -156,7 +156,7 @@ class ModalRun:
             if found.outcome != PAUSED:
                 return found
             low, step, looks = found.low, found.step, looks + at_once
-        return Climb(PAUSED, low, step, low, 0.0)
+        return Climb(PAUSED, low, step, low, 0.0, 0.0)
 
     def _table(self, arrays: bool) -> LawSeries:
         return law_series(self.law, arrays)
