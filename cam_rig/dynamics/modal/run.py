@@ -32,8 +32,8 @@ from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein
 from cam_rig.units import TURN, FloatArray, to_rpm
 
-#: Looks after which a search can be interrupted: milliseconds of compiled code.
-AT_ONCE = 1e5
+#: Looks after which a search can be interrupted: some 20 ms of compiled code, a second of plain.
+AT_ONCE = 5e5
 
 
 #: Long pieces are cut, so many a turn at least.
