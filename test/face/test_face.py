@@ -22,7 +22,7 @@ WITH_EXAMPLES = (
     "cam_rig.campaigns.run",
     "cam_rig.profile.contour",
     "cam_rig.simulation.scene",
-    "cam_rig.dynamics.jump.any_follower",
+    "cam_rig.dynamics.jump.rigs",
     "cam_rig.simulation.motion",
     "cam_rig.campaigns.largest_waviness",
     "cam_rig.measured.real_run.run",
