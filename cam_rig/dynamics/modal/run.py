@@ -43,6 +43,20 @@ PARTS = 8
 GROUPS, SAME = 64, 1e-12
 
 
+def _cut(law: Law, rows: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Ordinates ``(p + 2, p + 1, m)``, jumps ``(p + 2, m)`` and breaks, long pieces cut."""
+    counts = np.ceil(law.spans * (PARTS / TURN) * (1.0 - SAME)).astype(int)
+    firsts, spans = np.cumsum(counts) - counts, np.repeat(law.spans / counts, counts)
+    found, jumps = np.repeat(rows, counts, axis=2), np.zeros((len(rows), spans.size))
+    for i in np.flatnonzero(counts > 1).tolist():
+        first, count = int(firsts[i]), int(counts[i])
+        parts = np.einsum("cqp,kp->kqc", bernstein.parts(law.degree, count), rows[:, :, i])
+        found[:, :, first : first + count] = parts
+    jumps[:, firsts] = rows[:, 0] - np.roll(rows[:, -1], 1, axis=1)
+    inside = (np.arange(spans.size) - np.repeat(firsts, counts)) * spans
+    return found, jumps, np.append(np.repeat(law.breaks[:-1], counts) + inside, law.breaks[-1])
+
+
 @lru_cache(maxsize=64)
 def law_series(law: Law, arrays: bool) -> LawSeries:
     """A law's derivatives; as lists, or as the arrays that compiled code takes."""
@@ -50,20 +64,8 @@ def law_series(law: Law, arrays: bool) -> LawSeries:
     for _ in range(law.degree + 1):
         orders.append(bernstein.derivative(orders[-1]) / law.spans)
     rows = np.stack([bernstein.elevate(ordinates, law.degree) for ordinates in orders])
-    counts = np.ceil(law.spans * (PARTS / TURN) * (1.0 - SAME)).astype(int)
-    joints = np.cumsum(counts) - counts
-    whole, spans = (
-        rows[:, 0] - np.roll(rows[:, -1], 1, axis=1),
-        np.repeat(law.spans / counts, counts),
-    )
-    parts = [
-        np.einsum("cqp,kp->kqc", bernstein.parts(law.degree, count), rows[:, :, i])
-        for i, count in enumerate(counts.tolist())
-    ]
-    rows, jumps = np.concatenate(parts, axis=2), np.zeros((len(rows), spans.size))
-    jumps[:, joints] = whole
-    inside = (np.arange(spans.size) - np.repeat(joints, counts)) * spans
-    breaks = np.append(np.repeat(law.breaks[:-1], counts) + inside, law.breaks[-1])
+    rows, jumps, breaks = _cut(law, rows)
+    spans = np.diff(breaks)
     largest, jumped = np.abs(rows).max(axis=1), np.abs(jumps)
     ways = np.abs(rows).mean(axis=1) * spans
     ways[1:] += jumped[:-1]  # a derivative jumps by the integral of the next
