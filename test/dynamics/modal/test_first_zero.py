@@ -74,6 +74,12 @@ def test_no_loss_of_contact_is_stepped_over(first):
         require_first(seed)
 
 
+@pytest.mark.parametrize("seed", [3809, 3873, 4417])
+def test_contact_that_is_lost_where_the_run_ends(seed):
+    """The run ends in a fall of the force, or beside a joint where it jumps down: no later."""
+    require_first(seed)
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("first", range(1000, 5000, 100))
 def test_in_thousands_none_is(first):
