@@ -17,7 +17,7 @@ from benchmark.speed.models import Case, Solution
 
 #: Inputs may differ by the rounding of another machine's functions, and stored and computed values
 #: by what that comes to, of the largest value.
-SAME_INPUTS, SAME = 1e-8, 1e-11
+SAME_INPUTS, SAME = 1e-8, 1e-13
 REMEDY = "run `make references`"
 
 

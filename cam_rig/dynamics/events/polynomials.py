@@ -202,14 +202,20 @@ def crossing(row: Row, limit: float, last: bool) -> float:
     return found
 
 
-def _halve(parts: Rows, top: int) -> bool:
-    """The right half in place of a part, the left one behind it; whether the middle is a root."""
-    right, left = parts[top], parts[top + 1]
+def halve(right: Row, left: Row) -> None:
+    """The right half of a polynomial in its place, the left one in another (de Casteljau)."""
     size = len(right)
     for order in range(size):
         left[order] = right[0]
         for i in range(size - 1 - order):
             right[i] = 0.5 * (right[i] + right[i + 1])
+
+
+def _halve(parts: Rows, top: int) -> bool:
+    """The right half in place of a part, the left one behind it; whether the middle is a root."""
+    right, left = parts[top], parts[top + 1]
+    size = len(right)
+    halve(right, left)
     if right[0] != 0.0:
         return False
     before, after = size - 1, 0

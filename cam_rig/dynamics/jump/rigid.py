@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cam_rig.dynamics.events.rows import Row, Rows, borrowed, zero_rows, zeros
+from cam_rig.dynamics.events.polynomials import halve
+from cam_rig.dynamics.events.rows import Rows, borrowed, zero_rows, zeros
 from cam_rig.dynamics.modal.motion import LawSeries
 
 #: A part is halved no more often: 2^-40 of a piece is rounding.
@@ -53,7 +54,7 @@ def rigid_zero(law: LawSeries, follower: RigidMass) -> tuple[float, float]:
                 continue
             looked += 1
             for k in range(3):
-                _halve(parts[3 * top + k], parts[3 * top + 3 + k], size)
+                halve(parts[3 * top + k], parts[3 * top + 3 + k])
             widths[top] *= 0.5
             widths[top + 1], lows[top + 1] = widths[top], lows[top]
             lows[top] += widths[top]
@@ -100,11 +101,3 @@ def _may_pull(follower: RigidMass, parts: Rows, first: int, size: int, speed: fl
         if least + c < -ROUNDING * ((abs(a) * speed + abs(b)) * speed + abs(c)):
             return True
     return False
-
-
-def _halve(right: Row, left: Row, size: int) -> None:
-    """The right half of a polynomial in its place, the left one in another (de Casteljau)."""
-    for order in range(size):
-        left[order] = right[0]
-        for i in range(size - 1 - order):
-            right[i] = 0.5 * (right[i] + right[i + 1])

@@ -112,7 +112,7 @@ def jump_speed(
 
     Of two masses where the rig says how they split, else of one rigid mass, which does not vibrate.
     With numbers of the follower, each an array or one number for all, a row for each rig: the same,
-    bit for bit, as that rig alone, some thousand a second.
+    bit for bit, as that rig alone, some hundred a second.
 
     Parameters
     ----------

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from cam_rig.dynamics.events.polynomials import weighted_value
 from cam_rig.dynamics.events.rows import Row, Rows, zero_rows, zeros
 from cam_rig.dynamics.modal.motion import (
     ADDED,
@@ -27,7 +28,6 @@ from cam_rig.dynamics.modal.motion import (
     Pair,
     amplitude,
     flow_over,
-    forced_at,
     moved,
 )
 from cam_rig.units import TURN
@@ -185,14 +185,14 @@ def _in_piece(
         if bound >= _allowed(lowest, exact, relative):
             continue
         flow_over(mode, step / motion.speed, flow)
-        before = forced_at(forced, min(1.0, low / span))
+        before = weighted_value(forced, len(forced), min(1.0, low / span))
         value = before + mode.place * eta + mode.velocity * rate
         eighth, looks = 0.125 * step * step, looks + CUT
         if value < lowest:
             lowest, where = value, angle + low
         for _ in range(CUT):
             low += step
-            after = forced_at(forced, min(1.0, low / span))
+            after = weighted_value(forced, len(forced), min(1.0, low / span))
             place, velocity = flow[0] * eta + flow[1] * rate, flow[2] * eta + flow[3] * rate
             reached = after + mode.place * place + mode.velocity * velocity
             if reached < lowest:

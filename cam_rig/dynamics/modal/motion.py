@@ -11,7 +11,6 @@ import math
 from typing import NamedTuple
 
 from cam_rig.dynamics.events.free_flight import impulse_at
-from cam_rig.dynamics.events.polynomials import weighted_value
 from cam_rig.dynamics.events.rows import Row, Rows, Stack, binomials, zero_rows, zeros
 from cam_rig.units import TURN
 
@@ -32,19 +31,8 @@ LARGEST, JUMP, INNER, WAY = range(4)
 #: largest absolute one and what its second derivative (1/rad²) does not exceed, the flow from the
 #: turn's start to here, what the turn's joints have added to (η, η̇) here, what that contributes to
 #: the output at most, what is left of a norm since the turn's start, the polynomial's (η, η̇) here.
-BEGIN, SPAN, LOWEST, HIGHEST, BEND, FLOW, ADDED, OWN, LEFT, CARRIED = (
-    0,
-    1,
-    2,
-    3,
-    4,
-    5,
-    9,
-    11,
-    12,
-    13,
-)
-NUMBERS = 15
+BEGIN, SPAN, LOWEST, HIGHEST, BEND, FLOW = range(6)
+ADDED, OWN, LEFT, CARRIED, NUMBERS = 9, 11, 12, 13, 15
 
 
 class LawSeries(NamedTuple):
@@ -294,8 +282,3 @@ def _starts(mode: Oscillator, size: Norm, speed: float, begin: Pair, flow: Row, 
 def end_of(motion: OscillatorMotion, duration: float) -> float:
     """Where a run (s) ends, or what follows is as before; rad."""
     return min(len(motion.starts) * TURN, motion.speed * duration)
-
-
-def forced_at(forced: Row, u: float) -> float:
-    """The polynomial part at u of its piece."""
-    return weighted_value(forced, len(forced), u)
