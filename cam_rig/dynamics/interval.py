@@ -193,7 +193,7 @@ class Interval:
         first = -(-self.start_ns * sample_rate // NS)
         end = -(-self.stop_ns * sample_rate // NS)
         offset = (first * NS - self.start_ns * sample_rate) / (sample_rate * NS)
-        return SampleGrid(first, end - first, offset, sample_rate)
+        return SampleGrid(first, end - first, offset, sample_rate, self.duration)
 
 
 @dataclass(frozen=True)
@@ -204,6 +204,7 @@ class SampleGrid:
     count: int
     offset: float  #: of the first one from the interval's start, s
     sample_rate: int  #: Hz
+    duration: float  #: of the interval, s
 
     def since_start(self) -> FloatArray:
         """Times since the interval's start, s."""
@@ -225,7 +226,9 @@ class SampleGrid:
 
     def within(self, begin: float, end: float) -> tuple[slice, FloatArray] | None:
         """Which samples lie between two times (s since the interval's start), and when; or None."""
-        first, last = self.index_after(begin), min(self.index_after(end), self.count)
+        # The last sample may be so near the interval's end that it is at it, and is this one's.
+        last = self.count if end >= self.duration else min(self.index_after(end), self.count)
+        first = self.index_after(begin)
         if first >= last:
             return None
         return slice(first, last), self.offset + np.arange(first, last) / self.sample_rate

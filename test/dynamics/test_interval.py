@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cam_rig.dynamics import COLUMNS, Block, Interval, Samples
-from cam_rig.units import NS
+import cam_rig
+from cam_rig.dynamics import COLUMNS, MODELS, Block, Interval, Samples
+from cam_rig.units import NS, RPM
 
 speeds = st.floats(0.0, 1e3)
 
@@ -113,6 +114,28 @@ def test_index_after():
 
 
 # Rows of a block by their names.
+
+
+@pytest.mark.parametrize("model", ["one_mass", "two_mass", "elastic_stem"])
+@pytest.mark.parametrize("rpm", [250, 500])
+def test_a_sample_at_the_very_end_is_as_any_other(model, rpm):
+    """One that is nearer the end than rounding tells apart, in contact and in flight.
+
+    The end is moved to a part of a nanosecond behind the last sample: 48 kHz has such ends.
+    """
+    law = cam_rig.build_law(cam_rig.load_cam("poly345"))
+    parameters = MODELS[model].parameters(cam_rig.load_rig("paper_table2"))
+    speed, rate = rpm * RPM, 2580
+    ends = [k for k in range(200, 600) if 0 < -k * NS % rate < rate and -k * NS % rate < 1000]
+    assert len(ends) > 100
+    for k in ends[::10]:
+        stop = -(-k * NS // rate)
+        short, long = (
+            MODELS[model].advance(law, parameters, None, Interval(0, end, 0.0, speed), rate)[1]
+            for end in (stop, stop + NS // 100)
+        )
+        assert short.rows.shape[1] == k + 1
+        assert short.rows[:5] == pytest.approx(long.rows[:5, : k + 1], rel=1e-9, abs=1e-9)
 
 
 def test_names_are_the_columns_in_order():
