@@ -17,15 +17,14 @@ from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from cam_rig.errors import CamRigError, ConfigError, RefusedError
-from cam_rig.live.sockets import LOOPBACK
+from cam_rig.show import looks
+from cam_rig.show.looks import web
 from cam_rig.viewer.web_server import MAX_MESSAGE, Served, serve_application
 
-#: The page takes nothing from another host, and is shown in no other's frame; Rerun's page in one
-#: of its own is this machine's.
+#: The page takes nothing from another host, and is shown in no other's frame.
 POLICY = (
     "default-src 'self'; img-src 'self' data:; object-src 'none'; base-uri 'none'; "
-    "form-action 'none'; frame-ancestors 'none'; "
-    f"frame-src http://{LOOPBACK}:* http://localhost:*"
+    "form-action 'none'; frame-ancestors 'none'"
 )
 
 STATIC = Path(__file__).parent / "static"
@@ -137,6 +136,13 @@ def languages() -> list[str]:
     return sorted(path.stem for path in (STATIC / "texts").glob("*.json"))
 
 
+async def _looks(_: Request) -> Response:
+    """The figures' colours of what is drawn, as variables of a style sheet."""
+    names = "LIFT", "VELOCITY", "ACCELERATION", "FORCE", "GAP", "LANDING", "LIFT_OFF", "FOLLOWER"
+    rows = "".join(f"--of-{n.lower().replace('_', '-')}:{web(getattr(looks, n))};" for n in names)
+    return Response(f":root{{{rows}}}", media_type="text/css")
+
+
 def application(*pages: PanelPages, language: str | None = None) -> Starlette:
     """All pages of a panel with the files that they share; ``language`` None is the browser's."""
 
@@ -153,7 +159,11 @@ def application(*pages: PanelPages, language: str | None = None) -> Starlette:
         return JSONResponse(offers)
 
     own = [route for part in pages for route in part.routes]
-    common = Route("/languages", offered), Mount("/static", StaticFiles(directory=STATIC))
+    common = (
+        Route("/languages", offered),
+        Route("/looks.css", _looks),
+        Mount("/static", StaticFiles(directory=STATIC)),
+    )
     routes = [*own, *common]
     return Starlette(routes=routes, lifespan=lifespan)
 

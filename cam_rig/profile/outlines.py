@@ -21,6 +21,8 @@ from cam_rig.units import ComplexArray, FloatArray
 
 #: Height of a stem's bearing over the reach, and the room for lift-off, over the greatest lift.
 BEARING, LIFT_OFF = 0.1, 0.12
+#: A stem's end over its bearing, as a share of the follower's reach.
+STEM_END = 0.04
 
 
 @dataclass(frozen=True)
@@ -88,6 +90,14 @@ class FollowerShape:
         if roller:
             return [circle(roller), stem(half, 0.4 * roller, top)]
         return [tip(half, 2.0 * half), stem(half, 2.0 * half, top)]
+
+    def in_guide(self) -> list[FloatArray]:
+        """The outline with a stem that ends a little over its bearing."""
+        if isinstance(self.element, Swung):
+            return self.outline()
+        over = max(float(strip[:, 1].max()) for strip in self.support())
+        end = over + STEM_END * self.reach - float(self.origin(np.zeros(1))[0, 1])
+        return [np.column_stack([x, np.minimum(y, end)]) for x, y in (s.T for s in self.outline())]
 
     def support(self) -> list[FloatArray]:
         """Strips of what stands still: the pivot's pin, or the bearing above all that moves."""

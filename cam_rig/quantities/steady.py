@@ -17,6 +17,7 @@ from pydantic import ValidationError
 
 from cam_rig.dynamics import (
     MODELS,
+    Block,
     FollowerParameters,
     FollowerState,
     Interval,
@@ -74,6 +75,10 @@ def scene_at(scene: SceneConfig, speed: float) -> SceneConfig:
 def steady_row(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) -> tuple[SpeedRow, bool]:
     """The settled turns of a scene's one cam at its one speed (rad/s), and whether they repeat."""
     start = _start(law, rig, scene, speed)
+    return _row(law, rig, scene, start), start.settled
+
+
+def _row(law: Law, rig: RigConfig, scene: SceneConfig, start: SteadyStart) -> SpeedRow:
     nowhere, laws = Path(), {scene.cams[0]: law}
     loaded = LoadedScene(scene, rig, {}, laws, None, nowhere, nowhere, {}, None)
     settle = scene.program.settle_turns.si
@@ -86,7 +91,18 @@ def steady_row(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) -> tu
         row = rows.rows(step_levels(simulate(loaded, rows.take, start.state), settle))[0]
     if start.forces is not None:
         row = replace(row, force_least=start.forces[0], force_peak=start.forces[1])
-    return row, start.settled
+    return row
+
+
+def settled_turn(
+    law: Law, rig: RigConfig, scene: SceneConfig, speed: float, samples: int
+) -> tuple[Block, SpeedRow, bool]:
+    """As `steady_row`, with one turn of so many samples, within one, before."""
+    start, turn = _start(law, rig, scene, speed), round(TURN / speed * NS)
+    interval = Interval(0, turn, 0.0, TURN / turn * NS)
+    model, rate = MODELS[scene.model], max(1, round(samples * NS / turn))
+    _, block = model.advance(law, model.parameters(rig), start.state, interval, rate)
+    return block, _row(law, rig, scene, start), start.settled
 
 
 def _start(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) -> SteadyStart:

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from cam_rig.profile import contours
 from cam_rig.profile.contact import Motion
-from cam_rig.profile.faces import Swung
 from cam_rig.profile.outlines import FollowerShape, follower_shape
 from cam_rig.show import looks
 from cam_rig.show.looks import MM, NUMBER
@@ -25,8 +24,6 @@ from cam_rig.viewer.timeline import Canvas, FramePace
 
 #: The ring of degrees around a cam, over the cam's greatest radius; what its numbers need.
 RING, AROUND = 1.04, 1.09
-#: A stem's end over its bearing, as a share of the follower's reach.
-STEM_END = 0.04
 #: Room below the ring for a line of words and the bar of a force, over its radius.
 WORDS = 0.36
 #: Room for a follower in flight above the law's greatest lift: a share of that, and of the
@@ -75,13 +72,7 @@ class Framing:
 
     def follower(self) -> list[FloatArray]:
         """Strips of the follower, whose stem ends over its bearing."""
-        strips = [strip * MM for strip in self.shape.outline()]
-        if isinstance(self.shape.element, Swung):
-            return strips
-        over = max(float(strip[:, 1].max()) for strip in self.shape.support())
-        start = float(self.shape.origin(np.zeros(1))[0, 1])
-        end = (over + STEM_END * self.shape.reach - start) * MM
-        return [np.column_stack([x, np.minimum(y, end)]) for x, y in (s.T for s in strips)]
+        return [strip * MM for strip in self.shape.in_guide()]
 
 
 def framings(loaded: LoadedScene) -> dict[str, Framing]:

@@ -13,6 +13,7 @@ import pytest
 from websockets.sync.client import connect
 
 import cam_rig
+from cam_rig.panel.bench.drawing import SOUND
 from cam_rig.panel.bench.pages import BenchPages
 from cam_rig.panel.bench.runner import BenchRunner
 from cam_rig.panel.board.board import Board
@@ -173,12 +174,16 @@ class BenchPage:
 
     def __init__(self, socket):
         self.socket, self.number, self.sound = socket, 0, b""
+        self.motion: list[bytes] = []
         self.live = {}
 
     def _next(self):
         message = self.socket.recv(timeout=WAIT_S)
         if isinstance(message, bytes):
-            self.sound += message
+            if message.startswith(SOUND):
+                self.sound += message[len(SOUND) :]
+            else:
+                self.motion.append(message)
             return {}
         found = json.loads(message)
         if found["type"] == "live":

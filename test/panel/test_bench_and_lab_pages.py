@@ -2,8 +2,6 @@
 
 import itertools
 import time
-from http.server import BaseHTTPRequestHandler, HTTPServer
-from threading import Thread
 
 import pytest
 
@@ -16,9 +14,12 @@ from tools.docs.browser import TIMEOUT_S
 from .conftest import BrowserPage, in_browser, sheet_of
 
 pytestmark = pytest.mark.slow
-SIZES = [(1000, 700), (1250, 800), (1366, 768), (1600, 910)]
+SIZES = [(360, 640), (768, 1024), (1000, 700), (1280, 800), (1600, 910), (2560, 1440)]
 #: What a person reads or takes hold of.
-THINGS = "button, input, select, output, meter, h1, h2, h3, a, li, #knob, #lamp, .chart"
+THINGS = (
+    "button, input, select, output, meter, h1, h2, a, li, dt, dd, .chip, #knob, #lamp, .chart, "
+    "#rig, #forecast, #jumps, #relative, .quiet"
+)
 
 Box = tuple[float, float, float, float]
 
@@ -38,7 +39,8 @@ class Bench(BrowserPage):
         """Left, top, right and bottom of what can be seen; what is in another has no own."""
         found = self.page.evaluate(
             """(things) => [...document.querySelectorAll(things)]
-              .filter((one) => one.checkVisibility() && !one.parentElement.closest(things))
+              .filter((one) => one.checkVisibility() && !one.closest(".unseen"))
+              .filter((one) => !one.parentElement.closest(things))
               .map((one, i) => [`${one.id || one.textContent} ${i}`, one.getBoundingClientRect()])
               .filter(([, box]) => box.width && box.height)
               .map(([name, { left, top, right, bottom }]) => [name, [left, top, right, bottom]])""",
@@ -59,8 +61,8 @@ def test_nothing_lies_over_anything_and_the_stop_is_in_sight(chromium, served, l
             assert stop[1] >= 0
             assert stop[3] <= height
         assert bench.page.locator("#model").input_value() == "two_mass"
-        words = bench.page.locator("#model option:checked").text_content()
-        assert words and bench.text("title").endswith(f", {words}")
+        words = {"en": "two elastic masses", "es": "dos masas elásticas"}[language]
+        assert bench.text("title") == f"paper_table2, {words}"
         assert served.bench.live.setup.model == "two_mass"
 
 
@@ -79,60 +81,25 @@ def require_apart(bench, width):
             assert held, f"{name} sticks out of its column"
 
 
-class _Rerun(BaseHTTPRequestHandler):
-    """Stands for Rerun's page, which says when it shows the rig."""
-
-    said = False
-
-    def do_GET(self):
-        script = "const asking = setInterval(async () => {"
-        script += "if (await (await fetch('/said')).text() !== 'yes') return;"
-        script += "clearInterval(asking); parent.postMessage('shown', '*'); }, 50)"
-        body = "yes" if _Rerun.said else "no"
-        if self.path == "/":
-            body = f"<!doctype html><body style='background:#f00'><script>{script}</script>"
-        self.send_response(200)
-        self.send_header("Content-Type", "text/html")
-        self.end_headers()
-        self.wfile.write(body.encode())
-
-    def log_message(self, *_words):
-        pass
-
-
-@pytest.fixture
-def rerun(served):
-    server = HTTPServer(("127.0.0.1", 0), _Rerun)
-    Thread(target=server.serve_forever, daemon=True).start()
-    _Rerun.said = False
-    served.bench.live.screen = f"http://127.0.0.1:{server.server_address[1]}/"
-    yield _Rerun
-    served.bench.live.screen = ""
-    server.shutdown()
-    server.server_close()
-
-
-def test_a_poster_stands_until_the_rig_is_shown(chromium, served, rerun):
-    """What it is, the cam drawn to scale, and Start; nothing of another program's empty page."""
+def test_the_rig_is_drawn_before_it_turns_and_says_what_a_speed_will_do(chromium, served):
+    """Cam, follower and curves by the exact model; the pointer on a curve turns the cam."""
     with in_browser(chromium, Bench) as bench:
         bench.begin(served.address, "en")
-        poster = bench.page.locator("#poster")
-        bench.page.locator("#rerun").wait_for(state="visible")
-        bench.page.frame_locator("#rerun").locator("script").wait_for(state="attached")
-        for width, height in SIZES:
-            bench.page.set_viewport_size({"width": width, "height": height})
-            (page,), (over,) = bench.boxes("#rerun").values(), bench.boxes("#poster").values()
-            assert over == page
-        bench.page.locator("#poster_cam .curve").first.wait_for()
-        assert bench.text("poster_title") == cam_rig.load_cam("poly345").title
-        assert poster.locator("button").text_content() == bench.text("start")
-        assert poster.is_visible()
-        rerun.said = True
-        poster.wait_for(state="hidden")
-        bench.page.locator("#toggle").click()
-        assert not bench.page.locator("#stage").is_visible()
-        bench.page.locator("#toggle").click()
-        poster.wait_for(state="hidden")
+        cam, rig = cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2")
+        jump = cam_rig.jump_speed(cam_rig.build_law(cam), rig).rpm
+        bench.page.locator("#rig .disc").wait_for()
+        bench.until(lambda: "contact is kept" in bench.text("forecast"))
+        assert f"{jump:.5g} rpm" in bench.text("jumps")
+        assert bench.page.locator("#knob .jump").count() == 2
+        assert bench.page.locator("#turn_force .expected").get_attribute("d")
+        bench.page.locator("#rpm").fill("450")
+        bench.page.locator("#rpm").press("Enter")
+        bench.until(lambda: "At 450 rpm the follower leaves the cam" in bench.text("forecast"))
+        bench.page.locator("#preload").fill("200")
+        bench.until(lambda: "At 450 rpm contact is kept" in bench.text("forecast"))
+        box = bench.page.locator("#turn_lift").bounding_box()
+        bench.page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 30)
+        bench.until(lambda: (bench.number("at_lift") or 0.0) > 49.0)
 
 
 # -- the lab sheet ----------------------------------------------------------------------------
@@ -228,8 +195,11 @@ def test_the_theory_is_shown_when_it_is_asked_for(chromium, tmp_path):
         page.settle()
         line = page.page.locator("#plot .theory")
         assert not line.get_attribute("d")
+        assert not page.page.locator("#plotted").is_visible()
+        page.page.locator("#plot_it").press("Enter")
         page.page.locator("#theory").press("Enter")
         page.until(lambda: line.get_attribute("d"))
+        assert page.page.locator("math").is_visible()
         page.page.locator("#theory").press("Enter")
         page.until(lambda: not line.get_attribute("d"))
         links = page.page.locator("nav a:visible")

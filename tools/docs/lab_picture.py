@@ -45,6 +45,7 @@ def photograph_lab(path: Path) -> None:
             until(page, SHOWN)
             page.locator("#rpm").fill(f"{round(sheet.jump_rpm(sheet.setups[0])) + 5}")
             page.locator("#rpm").press("Enter")
+            page.locator("#plot_it").click()
             page.locator("#theory").click()
             until(page, LINE)
             until(page, SHOWN)

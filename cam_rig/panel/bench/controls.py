@@ -105,7 +105,7 @@ SERVICES = ABOUT["cam_drive"].services
 START, STOP, _, EMERGENCY_STOP = SERVICES
 Reply = dict[str, Any]
 DONE: Reply = {"success": True, "words": ""}
-COMMANDS = ("call", "set", "set_up", "keep", "start_again", "note", "clear")
+COMMANDS = ("call", "set", "set_up", "keep", "rerun", "start_again", "note", "clear")
 
 
 class BenchControls:
@@ -124,15 +124,18 @@ class BenchControls:
             case "set":
                 return await self._set(str(command.get("name")), value)
             case "set_up" if isinstance(value, dict):
-                self.set_up(self._as_it_is(value))
+                self.set_up(self.as_it_is(value))
             case "set_up":
                 raise RefusedError("set-up: allowed: a JSON object")
             case "keep" if self._live.state:  # the present bag; the same set-up begins anew
-                self.set_up(self._as_it_is({}), keep=True)
+                self.set_up(self.as_it_is({}), keep=True)
             case "keep":
                 raise RefusedError(
                     "bag: nothing is recorded yet; allowed: after the cam has turned"
                 )
+            case "rerun":
+                self._runner.show()
+                self.set_up(self.as_it_is({}))
             case "start_again" if str(value) in self._live.ended:
                 self._runner.start_again(str(value))
             case "start_again":
@@ -163,7 +166,7 @@ class BenchControls:
         """Turn a cam of its own from the next tick on, or once the nodes are there."""
         add_cam(cam, self._runner.cams)
         if self._live.graph != "running":
-            return self.set_up(self._as_it_is({"cam": cam.name}))
+            return self.set_up(self.as_it_is({"cam": cam.name}))
         answer = await self._link.ask({"node": "law_server", "name": "cam", "value": cam.name})
         if not answer["success"]:
             raise RefusedError(answer["words"])
@@ -172,7 +175,7 @@ class BenchControls:
     def _sound(self, setup: Setup) -> PageSound:
         return PageSound(RadiationParameters.from_rig(setup.rig(self._runner.rig)), SAMPLE_RATE)
 
-    def _as_it_is(self, given: dict[str, Any]) -> Setup:
+    def as_it_is(self, given: dict[str, Any]) -> Setup:
         """The set-up with the cam that is mounted, the speed that is commanded, and more."""
         return self._live.setup.changed(self._live.mounted() | given, self._runner.rig)
 

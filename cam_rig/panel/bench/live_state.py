@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import csv
 import io
 import math
@@ -21,7 +20,7 @@ from cam_rig.live.flow_control import MAX_TICKS_IN_FLIGHT
 from cam_rig.messages.topics import HEARTBEAT, PACE
 from cam_rig.nodes.parameters import LIVE
 from cam_rig.panel.bench.runner import Setup
-from cam_rig.units import NS, TURN
+from cam_rig.units import NS, TURN, FloatArray
 
 # What the bench reads: speed and level tick by tick, and a level that may be noted.
 
@@ -291,9 +290,8 @@ class PageSound:
         #: Samples a second of the sound, Hz.
         self.rate = self._source.rate
 
-    def render(self, message: dict[str, Any], rpm: float) -> bytes:
+    def render(self, rows: FloatArray, rpm: float) -> bytes:
         """The sound of a tick's samples, at a cam speed (rpm)."""
-        data = np.frombuffer(base64.b64decode(message["samples"]), dtype="<f8")
-        block = Samples(data.reshape(message["shape"]))
+        block = Samples(rows)
         pressure = self._source.pressure(block.force, block.impulse, rpm * TURN / 60.0)
         return bytes(np.asarray(pressure / FULL_SCALE_PA, dtype="<f4").tobytes())

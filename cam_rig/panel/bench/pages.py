@@ -3,19 +3,28 @@
 from __future__ import annotations
 
 import asyncio
+import base64
 from collections import deque
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from functools import partial
 from typing import Any
 
+import numpy as np
 from starlette.responses import Response
 from starlette.routing import WebSocketRoute
 from starlette.websockets import WebSocket
 
 from cam_rig.errors import RefusedError
-from cam_rig.laws import build_law
 from cam_rig.panel.bench.controls import DONE, EMERGENCY_STOP, SETTINGS, BenchControls, NodeLink
+from cam_rig.panel.bench.drawing import (
+    SOUND,
+    Cams,
+    LiveMotion,
+    cam_picture,
+    expected,
+    jump_speeds,
+)
 from cam_rig.panel.bench.live_state import LiveState, to_csv
 from cam_rig.panel.bench.runner import (
     MAX_ADDED_MASS,
@@ -28,49 +37,46 @@ from cam_rig.panel.bench.runner import (
     cam_names,
 )
 from cam_rig.panel.board.board import Board
-from cam_rig.panel.board.drawable import at_once
 from cam_rig.panel.server import LivePage, PanelPages, csv_file, get, page_file, post
 from cam_rig.schema import CamConfig
-from cam_rig.schema.load import Library, config_root, load_cam
 from cam_rig.show import looks as colours
 from cam_rig.simulation.scene import is_calibrated
-from cam_rig.units import NS
+from cam_rig.units import NS, FloatArray
 
-# One page of the bench: told as every live page is, and the sound if it listens.
+# One page of the bench: told as every live page is, and what it watches and listens to.
 
-#: Blocks of sound that wait for a page, at most: the oldest are dropped.
+#: Blocks of motion and sound that wait for a page, at most: the oldest are dropped.
 MAX_BLOCKS = 64
 
 
 class BenchPage(LivePage):
-    """A page that may listen."""
+    """A page that may watch, and listen."""
 
     def __init__(self, socket: WebSocket) -> None:
         super().__init__(socket)
-        self.listens = False
-        self._sound: deque[bytes] = deque(maxlen=MAX_BLOCKS)
+        self.listens = self.watches = False
+        self._blocks: deque[bytes] = deque(maxlen=MAX_BLOCKS)
         self._heard = asyncio.Event()
 
-    def play(self, sound: bytes) -> None:
-        """Send a block of sound, if the page listens."""
-        if self.listens:
-            self._sound.append(sound)
-            self._heard.set()
+    def stream(self, block: bytes) -> None:
+        """Send a block of a tick, in its turn."""
+        self._blocks.append(block)
+        self._heard.set()
 
     def refused(self, number: Any, words: str) -> dict[str, Any]:
         """As a command is answered."""
         return {"type": "answer", "success": False, "words": words, "answer": number}
 
     def telling(self) -> list[Any]:
-        """Its sound beside the rest."""
-        return [*super().telling(), self._play()]
+        """Its blocks beside the rest."""
+        return [*super().telling(), self._stream()]
 
-    async def _play(self) -> None:
+    async def _stream(self) -> None:
         while True:
             await self._heard.wait()
             self._heard.clear()
-            while self._sound:
-                await self.send(self._sound.popleft())
+            while self._blocks:
+                await self.send(self._blocks.popleft())
 
 
 #: Speeds (rpm) of the knob.
@@ -90,11 +96,14 @@ class BenchPages(PanelPages):
         self._link = NodeLink(runner.socket, self._heard)
         self._pages: list[BenchPage] = []  # the first one holds the controls
         self._controls = BenchControls(runner, self.live, self._link)
+        self._cams = Cams(runner.folder)
+        self._motion = LiveMotion(self._cams)
         self.routes = (
             page_file("/bench", "bench", self._begin),
             get("/bench/about", self._about),
             get("/bench/cam/{cam}", self._cam),
             get("/bench/readings.csv", self._csv),
+            post("/bench/expected", self._expected),
             post("/bench/mount", self._mount),
             WebSocketRoute("/bench/live", self._live),
         )
@@ -124,26 +133,32 @@ class BenchPages(PanelPages):
             name: {"node": node, "choices": choices.get(name, spec.choices)}
             for name, (node, spec) in SETTINGS.items()
         }
-        contour = {"contour": colours.web(colours.BLUE), "pitch": colours.web(colours.GREEN)}
         return {
-            "rig": {"title": rig.title},
+            "rig": {"name": rig.name},
             "has_screen": self._runner.has_screen,
             "models": allowed_models(rig),
             "model": self.live.setup.model,
             "settings": settings,
             "knob": KNOB,
             "speeds": (MIN_RPM, MAX_RPM),
-            "contour_colours": contour,
             "colours": [colours.web(colour) for colour in CAM_COLOURS],
             "max_added_mass": MAX_ADDED_MASS,
         }
 
     async def _cam(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """The contour of a cam that can be mounted, as the board draws it."""
-        library = Library((self._runner.folder, config_root()))
-        cam = load_cam(library.path("cams", asked["cam"]))
-        discs = at_once(cam, build_law(cam), self._runner.rig)["discs"]
-        return {"title": cam.title, "discs": discs}
+        """The picture of a cam that can be mounted."""
+        return cam_picture(*self._cams(asked["cam"]))
+
+    async def _expected(self, given: dict[str, Any]) -> dict[str, Any]:
+        """What a set-up does at its speed once it has settled, and its jump speeds."""
+        setup = self._controls.as_it_is(given)
+        law, rig = self._cams(setup.cam)[1], setup.rig(self._runner.rig)
+
+        def found() -> dict[str, Any]:
+            jumps = {"jumps": jump_speeds(law, rig, setup.model)}
+            return expected(setup, law, rig) | jumps
+
+        return await asyncio.to_thread(found)
 
     async def _mount(self, body: dict[str, Any]) -> dict[str, Any]:
         """Put the law of some ordinates of the board on the bench; its nodes begin if need be."""
@@ -179,6 +194,10 @@ class BenchPages(PanelPages):
                 page.listens = command.get("value") is True
                 self._listen()
                 return DONE
+            case "watch":
+                page.watches = command.get("value") is True
+                self._listen()
+                return DONE
             case "take_over":
                 self._pages.remove(page)
                 self._pages.insert(0, page)
@@ -190,18 +209,29 @@ class BenchPages(PanelPages):
         return await self._controls.obey(command)
 
     def _listen(self) -> None:
-        self._link.listen(any(page.listens for page in self._pages))
+        self._link.listen(any(page.listens or page.watches for page in self._pages))
 
     def _heard(self, message: dict[str, Any]) -> None:
         if "samples" in message:
-            sound = self._controls.sound.render(message, self.live.state.get("rpm", 0.0))
-            for page in self._pages:
-                page.play(sound)
-            return
+            data = np.frombuffer(base64.b64decode(message["samples"]), dtype="<f8")
+            return self._sampled(data.reshape(message["shape"]))
         if "state" in message:
             self._runner.driven(message["state"]["time_ns"] / NS)
+            self._motion.state(message["state"])
         self.live.heard(message)
         self._changed()
+
+    def _sampled(self, rows: FloatArray) -> None:
+        """A tick of the follower: seen where a page watches, heard where it listens."""
+        watching = [page for page in self._pages if page.watches]
+        listening = [page for page in self._pages if page.listens]
+        if watching and (seen := self._motion.block(rows)):
+            for page in watching:
+                page.stream(seen)
+        if listening:
+            heard = self._controls.sound.render(rows, self.live.state.get("rpm", 0.0))
+            for page in listening:
+                page.stream(SOUND + heard)
 
     def _happened(self, message: dict[str, Any]) -> None:
         self.live.happened(message)

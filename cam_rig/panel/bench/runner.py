@@ -112,7 +112,16 @@ class Setup:
         """Write scene and rig into a folder, beside its ``cams``; gives the scene's path."""
         speeds = [self.rpm] if self.rpm >= DRAWN_RPM else [self.rpm, DRAWN_RPM]
         rig = self.rig(base).model_dump(exclude_none=True, mode="json") | {"name": "bench"}
-        scene = {
+        scene = self.scene(base, speeds, MAX_TURNS)
+        for kind, data in (("scenes", scene), ("rigs", rig)):
+            (folder / kind).mkdir(parents=True, exist_ok=True)
+            text = yaml.safe_dump(data, sort_keys=False, allow_unicode=True)
+            (folder / kind / "bench.yaml").write_text(text, encoding="utf-8")
+        return folder / "scenes" / "bench.yaml"
+
+    def scene(self, base: RigConfig, speeds: list[float], turns: int) -> dict[str, Any]:
+        """As a scene file has it, of speeds in rpm."""
+        return {
             "name": "bench",
             "title": f"The bench, {base.title}",
             "cams": [self.cam],
@@ -121,16 +130,11 @@ class Setup:
             "sample_rate": {"assumed": SAMPLE_RATE, "unit": "Hz", "source": "the bench's"},
             "program": {
                 "speeds": {"assumed": speeds, "unit": "rpm", "source": SPEEDS_ARE},
-                "turns": {"assumed": MAX_TURNS, "unit": "turns", "source": "until it is ended"},
+                "turns": {"assumed": turns, "unit": "turns", "source": "until it is ended"},
                 "settle_turns": {"assumed": 1, "unit": "turns", "source": "the bench's"},
                 "ticks_per_turn": TICKS_PER_TURN,
             },
         }
-        for kind, data in (("scenes", scene), ("rigs", rig)):
-            (folder / kind).mkdir(parents=True, exist_ok=True)
-            text = yaml.safe_dump(data, sort_keys=False, allow_unicode=True)
-            (folder / kind / "bench.yaml").write_text(text, encoding="utf-8")
-        return folder / "scenes" / "bench.yaml"
 
 
 def allowed_models(rig: RigConfig) -> tuple[str, ...]:
@@ -184,7 +188,7 @@ class BenchRunner:
         self.tell: Told = lambda _message: None
         #: Address of the page that shows the rig in Rerun; empty where there is none.
         self.screen = ""
-        self.has_screen = self._wants_screen = screen
+        self.has_screen, self._wants_screen = screen, False
         self._stream: str | None = None
         self._page: PageTime | None = None
         self._setups: Queue[tuple[Setup, NodeValues]] = Queue()
@@ -201,6 +205,12 @@ class BenchRunner:
         """End the present run, and begin another with parameters of its nodes; ``keep`` its bag."""
         self._keep = self._keep or keep
         self._setups.put((setup, values))
+
+    def show(self) -> None:
+        """Have the next run shown in Rerun too, and those after it."""
+        if not self.has_screen:
+            raise RefusedError("rerun: this panel has none; allowed: without --no-rerun")
+        self._wants_screen = not self.screen
 
     def start_again(self, node: str) -> None:
         """Start a node that was killed."""

@@ -84,7 +84,6 @@ class Board:
         return {
             "cam": {
                 "name": self.file.name,
-                "title": self.file.title,
                 "lift_m": start.cam.lift.si,
                 "sprung": start.cam.follower.sprung,
             },
@@ -97,7 +96,6 @@ class Board:
             },
             "rig": {
                 "name": self.rig.name,
-                "title": self.rig.title,
                 "mass": own.mass,
                 "damping": own.damping,
                 "spring_stiffness": own.spring_stiffness,

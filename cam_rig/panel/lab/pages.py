@@ -11,6 +11,7 @@ from starlette.responses import Response
 from starlette.routing import Route
 
 from cam_rig.errors import RefusedError
+from cam_rig.panel.bench.drawing import cam_picture
 from cam_rig.panel.lab.marking import RATE_HZ, observe
 from cam_rig.panel.lab.sheet import MAX_NAME, TOLERANCES, LabSheet, Notebook, to_text
 from cam_rig.panel.server import Answer, PanelPages, csv_file, get, page_file, post
@@ -33,6 +34,7 @@ class LabPages(PanelPages):
             page_file("/lab", "lab"),
             get("/lab/sheet", self._about),
             get("/lab/theory", self._theory),
+            get("/lab/picture", self._picture),
             get("/lab/readings.csv", self._csv),
             self._alone("/lab/turn", self._turn),
             self._alone("/lab/record", self._record),
@@ -44,8 +46,8 @@ class LabPages(PanelPages):
         loads = [sheet.load(setup) for setup in sheet.setups]
         return {
             "lab": sheet.name,
-            "cam": {"name": sheet.cam.name, "title": sheet.cam.title},
-            "rig": {"title": sheet.rig.title, "mass": sheet.rig.follower.mass.si},
+            "cam": {"name": sheet.cam.name},
+            "rig": {"name": sheet.rig.name, "mass": sheet.rig.follower.mass.si},
             "seed": sheet.seed,
             "tolerances": TOLERANCES if sheet.seed else None,
             "springs": sheet.springs,
@@ -64,6 +66,9 @@ class LabPages(PanelPages):
         if self._sheet.seed is not None:
             raise RefusedError("theory: allowed: on a sheet without a seed")
         return {"slope": RPM_PER_RAD_S**2 / abs(self._sheet.critical[1])}
+
+    async def _picture(self, _: dict[str, Any]) -> dict[str, Any]:
+        return cam_picture(self._sheet.cam, self._sheet.law)
 
     async def _csv(self, _: dict[str, Any]) -> Response:
         path = self.notebook.path

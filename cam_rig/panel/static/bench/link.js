@@ -1,11 +1,14 @@
 // The socket to the bench: what is asked has a number and an answer; the state comes by itself.
 
 const AGAIN_MS = 500;
+/** Bytes of the name that a block begins with. */
+export const NAME = 8;
+const named = (data) => String.fromCharCode(...new Uint8Array(data, 0, NAME)).trim();
 
 export class Link {
-  /** live(message), sound(floats) and connected(bool) are told. */
-  constructor(live, sound, connected) {
-    Object.assign(this, { live, sound, connected, number: 0, asked: new Map() });
+  /** live(message), motion(buffer), sound(floats) and connected(bool) are told. */
+  constructor(live, motion, sound, connected) {
+    Object.assign(this, { live, motion, sound, connected, number: 0, asked: new Map() });
     this.#open();
   }
 
@@ -20,7 +23,7 @@ export class Link {
       setTimeout(() => this.#open(), AGAIN_MS);
     };
     this.socket.onmessage = ({ data }) => {
-      if (data instanceof ArrayBuffer) return this.sound(new Float32Array(data));
+      if (data instanceof ArrayBuffer) return named(data) === "sound" ? this.sound(new Float32Array(data, NAME)) : this.motion(data);
       const message = JSON.parse(data);
       if (message.type !== "answer") return this.live(message);
       this.asked.get(message.answer)?.(message);

@@ -1,15 +1,19 @@
 // The live bench: every control is a node's own parameter or service, and shows what the node says.
-import { ContourChart } from "../common/contour.js";
 import { shown } from "../common/charts.js";
 import { loadTexts, text } from "../common/texts.js";
 import { Knob } from "../common/knob.js";
 import { Link, Newest } from "./link.js";
 import { NoiseChart } from "./noise.js";
+import { Stage } from "./stage.js";
 import { Sound } from "./sound.js";
 
 const $ = (id) => document.getElementById(id);
 /** How long (ms) the lamp shows a contact that was lost: it may have been for a millisecond. */
 const LAMP_MS = 400;
+/** What is read out has stayed so long (ms). */
+const ANNOUNCE_MS = 1500;
+/** A volume and a level (dB) from which on headphones are warned of. */
+const LOUD = 0.5, LOUD_DB = 100;
 const SETUP = ["model", "added_mass", "spring_stiffness", "preload"];
 
 await loadTexts();
@@ -20,12 +24,15 @@ let now = null;
 
 // -- what is there once -----------------------------------------------------------------------------
 function heading(model) {
-  const said = text("bench_title", { rig: about.rig.title, model: text(`model_${model}`) });
-  if ($("title").textContent !== said) $("title").textContent = said;
+  say("title", text("bench_title", { rig: about.rig.name, model: text(`short_${model}`) }));
+}
+/** Words are put only where they change, so that a reader of the page hears them once. */
+function say(id, sentence) {
+  if ($(id).textContent !== sentence) $(id).textContent = sentence;
 }
 heading(about.model);
 document.title = `${text("nav_bench")} – cam_rig`;
-if (!about.has_screen) $("picture").remove();
+for (const id of ["rerun", "rerun_note"]) $(id).hidden = !about.has_screen;
 const words = { real_time: text("pace_real"), free: text("pace_free") };
 const named = { pacing: (pace) => words[pace] ?? pace.replace("x", "×"), time_weighting: (name) => text(`weighting_${name}`) };
 for (const id of SELECTS) fill(id, about.settings[id].choices, named[id]);
@@ -38,14 +45,19 @@ function fill(id, values, named = (value) => value) {
 
 // -- commands -----------------------------------------------------------------------------------------
 const sound = new Sound((listens) => link.ask({ do: "listen", value: listens }));
-const link = new Link(live, (samples) => sound.play(samples), (on) => {
+const stage = new Stage(() => now?.values.cam_drive?.pacing);
+const link = new Link(live, (block) => stage.take(block), (samples) => sound.play(samples), (on) => {
   status(on ? "" : text("disconnected_bench"), !on);
   if (on && sound.on) link.ask({ do: "listen", value: true });
-  if (!on) gone();
+  if (on) watch();
+  else gone();
 });
+/** A page that nobody sees is sent no motion. */
+function watch() { link.ask({ do: "watch", value: !document.hidden }); }
+document.addEventListener("visibilitychange", watch);
 /** Nothing is known of the bench any more. */
 function gone() {
-  enable(false);
+  enable(false, false);
   for (const id of ["emergency", "apply"]) $(id).disabled = true;
   for (const id of ["speed", "level"]) $(id).textContent = "–";
   $("meter").value = 0;
@@ -62,17 +74,22 @@ async function ask(command) {
   status(answer.success ? "" : answer.words || text("disconnected_bench"), !answer.success);
   return answer;
 }
+let wanted = null; // a speed that is chosen before the nodes are there
 const speed = new Newest((rpm) => ask({ do: "set", name: "rpm", value: rpm }));
+function choose_speed(rpm) {
+  if (runs(now)) speed.put(rpm);
+  else wanted = rpm;
+  forecast();
+}
 const knob = new Knob($("knob"), about.knob, text("commanded"), (rpm) => {
   $("rpm").value = rpm;
-  speed.put(rpm);
+  choose_speed(rpm);
 });
 $("rpm").addEventListener("change", () => {
   if (!$("rpm").reportValidity() || !Number.isFinite($("rpm").valueAsNumber)) return;
   knob.show($("rpm").valueAsNumber);
-  speed.put($("rpm").valueAsNumber);
+  choose_speed($("rpm").valueAsNumber);
 });
-$("poster_start")?.addEventListener("click", () => ask({ do: "call", value: "start" }));
 for (const service of ["start", "stop", "reset"]) $(service).addEventListener("click", () => ask({ do: "call", value: service }));
 $("emergency").addEventListener("click", () => ask({ do: "call", value: "emergency_stop" }));
 for (const id of SELECTS) $(id).addEventListener("change", async () => {
@@ -80,6 +97,11 @@ for (const id of SELECTS) $(id).addEventListener("change", async () => {
   if (!answer.success && now) choose(id, now);
 });
 $("volume").addEventListener("input", () => sound.volume($("volume").valueAsNumber));
+// A browser lets nothing be heard before something on the page is pressed.
+if (sound.remembered) addEventListener("pointerdown", () => {
+  $("volume").value = sound.remembered;
+  sound.volume(sound.remembered);
+}, { once: true });
 $("take_over").addEventListener("click", () => ask({ do: "take_over" }));
 $("setup").addEventListener("submit", (event) => {
   event.preventDefault();
@@ -87,7 +109,10 @@ $("setup").addEventListener("submit", (event) => {
   ask({ do: "set_up", value }).then(({ success }) => { edited = !success; });
 });
 let edited = false; // what is typed is not overwritten before it is set up
-$("setup").addEventListener("input", () => { edited = true; });
+$("setup").addEventListener("input", () => {
+  edited = true;
+  forecast();
+});
 $("note").addEventListener("click", async () => {
   const { success, noted, words: why } = await ask({ do: "note" });
   const { rpm, level_db: level } = noted ?? {};
@@ -95,13 +120,7 @@ $("note").addEventListener("click", async () => {
 });
 $("clear").addEventListener("click", () => ask({ do: "clear" }));
 $("keep").addEventListener("click", () => ask({ do: "keep" }));
-if (about.has_screen) $("toggle").addEventListener("click", () => {
-  const open = $("toggle").getAttribute("aria-expanded") !== "true";
-  $("toggle").setAttribute("aria-expanded", String(open));
-  $("toggle").textContent = text(open ? "hide" : "show");
-  $("picture").classList.toggle("closed", !open);
-  picture();
-});
+$("rerun").addEventListener("click", () => ask({ do: "rerun" }));
 
 // -- what is shown ------------------------------------------------------------------------------------
 const chart = new NoiseChart($("noise"), $("noise_key"), about.colours);
@@ -114,13 +133,14 @@ function live(message) {
   if (message.sound_rate) sound.rate = message.sound_rate;
   $("holder").hidden = message.holds;
   $("relative").textContent = message.calibrated_on ? text("calibrated", { cam: message.calibrated_on }) : text("level_relative");
-  const runs = graph === "running" && Object.keys(values).length > 0;
-  enable(message.holds && runs);
-  $("start").disabled ||= drive === "emergency";
-  if ($("poster_start")) $("poster_start").disabled = $("start").disabled || drive === "turning";
-  $("emergency").disabled = !runs;
+  enable(message.holds && runs(message), message.holds);
+  if (wanted !== null && message.holds && runs(message)) [wanted] = [null, speed.put(wanted)];
+  $("start").disabled ||= drive === "emergency" || drive === "turning";
+  $("stop").disabled ||= drive !== "turning";
+  $("emergency").disabled = !runs(message);
   $("apply").disabled = !message.holds || graph === "starting";
   $("keep").disabled ||= !("cam" in state);
+  screen(message);
   $("csv").hidden = !message.readings.length;
   graphWords(message);
   const turns = drive === "turning" && "rpm" in state;
@@ -133,8 +153,8 @@ function live(message) {
   losses = message.losses;
   lamp(contact);
   $("late").textContent = message.late ? text("late") : "";
-  if (!knob.held && !speed.pending && values.cam_drive && document.activeElement !== $("rpm")) {
-    const commanded = values.cam_drive.rpm || message.setup.rpm;
+  if (!knob.held && !speed.pending && wanted === null && document.activeElement !== $("rpm")) {
+    const commanded = values.cam_drive?.rpm || message.setup.rpm;
     knob.show(commanded);
     $("rpm").value = Number(commanded.toPrecision(6));
   }
@@ -144,19 +164,32 @@ function live(message) {
   list("ended", Object.entries(message.ended), ended);
   list("kept", message.kept, (path) => Object.assign(document.createElement("li"), { textContent: text("kept", { path }) }));
   list("log", message.log, (line) => Object.assign(document.createElement("li"), { textContent: line }));
-  picture();
+  $("loud").hidden = !(sound.on && $("volume").valueAsNumber > LOUD && message.level > LOUD_DB);
+  stage.show(message, turns);
+  forecast();
+  announce(message, turns);
 }
 
-function enable(on) {
-  knob.enable(on);
-  for (const id of ["rpm", "start", "stop", "reset", ...SELECTS, "note", "clear", "keep"]) $(id).disabled = !on;
+function runs(message) { return message?.graph === "running" && Object.keys(message.values).length > 0; }
+
+/** `on`: the nodes are there; `may`: this page holds the controls, and a speed may be chosen. */
+function enable(on, may) {
+  knob.enable(may);
+  $("rpm").disabled = !may;
+  for (const id of ["start", "stop", "reset", ...SELECTS, "note", "clear", "keep", "rerun"]) $(id).disabled = !on;
+}
+
+/** Rerun's page, under the name by which this one was opened: another one has none of its cookies. */
+function screen({ screen: address }) {
+  $("screen").hidden = !address;
+  if (address && !$("screen").href) $("screen").href = Object.assign(new URL(address), { hostname: location.hostname }).href;
+  if (address) $("rerun").hidden = $("rerun_note").hidden = true;
 }
 
 function graphWords({ graph, words: why, domain, drive, waits_for: nodes }) {
   $("ros").textContent = graph === "running" ? text("ros", { domain }) : "";
   const key = graph !== "running" ? `graph_${graph}` : nodes ? "drive_waits" : `drive_${drive}`;
-  const said = text(key, { why, nodes });
-  if ($("graph").textContent !== said) $("graph").textContent = said;
+  say("graph", text(key, { why, nodes }));
   $("graph").classList.toggle("fault", graph === "failed" || drive === "emergency");
 }
 
@@ -165,12 +198,11 @@ function lamp(contact) {
   if (lost) setTimeout(() => lamp(now.contact), LAMP_MS);
   $("lamp").classList.toggle("lost", lost);
   $("lamp").classList.toggle("none", !contact);
-  const said = text(lost ? "contact_is_lost" : contact ? "contact_is_kept" : "contact_unknown");
-  if ($("contact").textContent !== said) $("contact").textContent = said;
+  say("contact", text(lost ? "contact_is_lost" : contact ? "contact_is_kept" : "contact_unknown"));
 }
 
 function choose(id, { values, state, setup }) {
-  const given = id === "cam" ? values.law_server?.cam || state.cam || setup.cam : values[about.settings[id].node]?.[id];
+  const given = id === "cam" ? mounted({ values, state, setup }) : values[about.settings[id].node]?.[id];
   if (given === undefined || document.activeElement === $(id)) return;
   if (![...$(id).options].some(({ value }) => value === given)) $(id).append(new Option(given, given));
   $(id).value = given;
@@ -192,42 +224,40 @@ function ended([node, why]) {
   return item;
 }
 
-// -- the picture of the rig: Rerun's page, behind a poster until it shows the rig --------------------
-let pictured = false;
-addEventListener("message", ({ source, data }) => {
-  if (data !== "shown" || source !== $("rerun")?.contentWindow || pictured) return;
-  pictured = true;
-  picture();
+// -- what a speed will do, before it is turned at and beside what it does ------------------------------
+let asked = "";
+const expected = new Newest(async (given) => {
+  const answer = await fetch("/bench/expected", { method: "POST", body: JSON.stringify(given) }).catch(() => null);
+  const found = await answer?.json().catch(() => null);
+  if (!found) return;
+  stage.expect(answer.ok ? found : null);
+  if (!answer.ok) return say("forecast", found.words);
+  const { rpm, lost, settled, least_n: least, level_db: level } = found;
+  const values = { rpm: shown(rpm, 5), least: shown(least, 4), gap: shown(stage.highest, 3), level: level === null ? "–" : level.toFixed(1) };
+  say("forecast", text(!lost ? "forecast_kept" : settled ? "forecast_lost" : "forecast_irregular", values));
+  const jumps = found.jumps.map(({ model, rpm: jump }) => ({ rpm: jump, words: text("jump_by", { model: text(`short_${model}`), rpm: jump === null ? "∞" : shown(jump, 5) }) }));
+  knob.jump(jumps.filter(({ rpm: jump }) => jump !== null));
+  say("jumps", jumps.map(({ words: said }) => said).join(" · "));
 });
-const poster = about.has_screen ? new ContourChart($("poster_cam"), about.contour_colours, text("contour")) : null;
-let posted = null;
 
-function picture() {
-  if (!about.has_screen) return;
-  const open = $("toggle").getAttribute("aria-expanded") === "true";
-  const address = open && now?.screen;
-  $("stage").hidden = !open;
-  $("rerun").hidden = !address;
-  // Under the name by which this page was opened: another one has none of its cookies.
-  if (address && !$("rerun").src) $("rerun").src = Object.assign(new URL(address), { hostname: location.hostname }).href;
-  if (!address && $("rerun").src) {
-    $("rerun").removeAttribute("src");
-    pictured = false;
-  }
-  $("poster").hidden = pictured;
-  if (now && open && !pictured) post(now);
+/** Ask for what the set-up on the page does at the knob's speed, where that is another one. */
+function forecast() {
+  if (!now || !Number.isFinite($("rpm").valueAsNumber)) return;
+  const given = { cam: mounted(now), rpm: $("rpm").valueAsNumber, model: $("model").value };
+  for (const id of SETUP.slice(1)) given[id] = $(id).valueAsNumber;
+  const key = JSON.stringify(given);
+  if (key === asked || Object.values(given).includes(NaN)) return;
+  asked = key;
+  expected.put(given);
 }
+function mounted({ values, state, setup }) { return values.law_server?.cam || state.cam || setup.cam; }
 
-/** The cam that is mounted, until Rerun shows it turn. */
-async function post({ state, setup, drive }) {
-  const said = drive === "turning" ? text("picture_waits") : "";
-  if ($("no_picture").textContent !== said) $("no_picture").textContent = said;
-  const cam = now.values.law_server?.cam || state.cam || setup.cam;
-  if (cam === posted) return;
-  posted = cam;
-  const answer = await fetch(`/bench/cam/${encodeURIComponent(cam)}`);
-  if (!answer.ok || cam !== posted) return;
-  const { title, discs } = await answer.json();
-  $("poster_title").textContent = title;
-  poster.draw(discs, true);
+/** For who cannot see it: speed, contact and level, once they have stayed as they are. */
+let [heard, waits] = ["", 0];
+function announce({ state, level, contact }, turns) {
+  const said = turns ? text("announced", { rpm: shown(state.rpm, 4), contact: text(contact === "contact lost" ? "contact_is_lost" : "contact_is_kept"), level: level === null ? "–" : Math.round(level) }) : "";
+  if (said === heard) return;
+  heard = said;
+  clearTimeout(waits);
+  waits = setTimeout(() => say("announce", heard), ANNOUNCE_MS);
 }

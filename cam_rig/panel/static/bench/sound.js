@@ -1,9 +1,6 @@
-// The rig's sound: blocks as they come, one after the other; nothing is sent while the volume is 0.
+// The rig's sound: blocks as they come; nothing is sent while the volume is 0.
 
-/** Sound (s) that may wait to be played: more is dropped, so that it stays with the rig. */
-const MOST_AHEAD = 0.4;
-/** A gap (s) before what comes after an interruption, so that the next block is in time. */
-const LEAD = 0.08;
+const VOLUME = "volume";
 
 /** The page's loudspeaker, opened when the volume is turned up. */
 export class Loudspeaker {
@@ -12,7 +9,7 @@ export class Loudspeaker {
   /** Set the volume; whether it begins to be heard, or ends. */
   volume(value) {
     if (!this.context && value > 0) {
-      this.context = new AudioContext();
+      this.context = new AudioContext({ sampleRate: this.rate });
       this.gain = this.context.createGain();
       this.gain.connect(this.context.destination);
     }
@@ -28,22 +25,23 @@ export class Sound extends Loudspeaker {
   /** listen(bool) asks for the blocks, or for none. */
   constructor(listen) {
     super();
-    Object.assign(this, { listen, rate: 16000, next: 0 });
+    Object.assign(this, { listen, rate: 16000, speaker: null });
   }
 
-  volume(value) { if (super.volume(value)) this.listen(this.on); }
+  /** What was chosen last, from one visit to the next; 0 where nothing was. */
+  get remembered() { return Number(localStorage.getItem(VOLUME)) || 0; }
+
+  async volume(value) {
+    localStorage.setItem(VOLUME, value);
+    if (!super.volume(value)) return;
+    this.listen(this.on);
+    if (!this.on || this.speaker) return;
+    await this.context.audioWorklet.addModule("/static/bench/speaker.js");
+    this.speaker ??= new AudioWorkletNode(this.context, "speaker", { numberOfInputs: 0, outputChannelCount: [1] });
+    this.speaker.connect(this.gain);
+  }
 
   play(samples) {
-    if (!this.on || !samples.length) return;
-    const now = this.context.currentTime;
-    if (this.next < now) this.next = now + LEAD;
-    if (this.next > now + MOST_AHEAD) return;
-    const buffer = this.context.createBuffer(1, samples.length, this.rate);
-    buffer.copyToChannel(samples, 0);
-    const source = this.context.createBufferSource();
-    source.buffer = buffer;
-    source.connect(this.gain);
-    source.start(this.next);
-    this.next += buffer.duration;
+    if (this.on && samples.length) this.speaker?.port.postMessage(samples);
   }
 }

@@ -1,5 +1,5 @@
 // All charts of the page: the law and its derivatives, the force over the turn, the spectrum.
-import { Chart, element, extent, shown } from "../common/charts.js";
+import { seen, Chart, element, extent, shown } from "../common/charts.js";
 import { contactForce, motion, spectrum } from "./law.js";
 import { text } from "../common/texts.js";
 
@@ -119,7 +119,7 @@ export class Pictures {
     for (const [words, colour, kind] of [["key_law", colours.lift, ""], ["key_start", colours.ghost, "ghost"], ["key_second", "#111", "second"]]) {
       const item = document.createElement("li");
       const svg = element("svg", { viewBox: "0 0 34 10", "aria-hidden": "true" });
-      element("path", { class: `curve ${kind}`, stroke: colour, d: "M0 5H34" }, svg);
+      element("path", { class: `curve ${kind}`, stroke: seen(colour), d: "M0 5H34" }, svg);
       item.append(svg, text(words));
       $("key").append(item);
     }

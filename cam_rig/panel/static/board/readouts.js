@@ -10,7 +10,7 @@ export class Readouts {
     const { rig, cam } = board;
     this.version = null;
     this.sprung = cam.sprung;
-    $("title").textContent = text("title", { title: cam.title, rig: rig.title });
+    $("title").textContent = text("bench_title", { rig: cam.name, model: rig.name });
     document.title = `${cam.name} – cam_rig`;
     const { drawn_as: drawn, distance_m: distance } = board;
     $("class").textContent = drawn === null ? text("own")

@@ -27,6 +27,9 @@ export function shown(value, digits = 4) {
 }
 const formats = []; // they are slow to make
 
+/** Black is the colour of the words, which is white on a dark page. */
+export function seen(colour) { return /^#(000000|111|333)$/.test(colour) ? "currentColor" : colour; }
+
 const LEFT = 56, RIGHT = 16, TOP = 18, BOTTOM = 20;
 
 export class Chart {
@@ -117,7 +120,7 @@ export class Chart {
     }
     if (this.drawn.get(path) === values) return null;
     this.drawn.set(path, values);
-    if (colour) path.setAttribute("stroke", colour);
+    if (colour) path.setAttribute("stroke", seen(colour));
     return path;
   }
 
@@ -135,7 +138,7 @@ export class Chart {
     if (!this.groups.has(key)) this.groups.set(key, element("g", {}, this.curves));
     this.groups.get(key).replaceChildren(...all.map(({ x, y, colour, marker, full }) => {
       const at = `translate(${this.right(x).toFixed(1)} ${this.down(y).toFixed(1)})`;
-      return element("path", { class: "point", d: MARKERS[marker], transform: at, stroke: colour, fill: full ? colour : "#fff" });
+      return element("path", { class: full ? "point full" : "point", d: MARKERS[marker], transform: at, stroke: seen(colour), fill: seen(colour) });
     }));
   }
 
@@ -169,7 +172,7 @@ export function look(i, colours) {
 export function entry(textContent, { colour, marker }) {
   const item = Object.assign(document.createElement("li"), { textContent });
   const icon = element("svg", { viewBox: "-8 -8 16 16", "aria-hidden": "true" });
-  element("path", { class: "point", d: MARKERS[marker], stroke: colour, fill: "#fff" }, icon);
+  element("path", { class: "point", d: MARKERS[marker], stroke: seen(colour) }, icon);
   item.prepend(icon);
   return item;
 }

@@ -27,6 +27,7 @@ export class ContourChart {
     this.svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
     for (const { points, pitch, undercut, steep } of discs) {
       const all = points[0].map((_, i) => i);
+      element("path", { class: "body", d: `${line(points, all)}Z` }, parts);
       if (pitch) element("path", { class: "curve pitch", stroke: this.colours.pitch, d: `${line(pitch, all)}Z` }, parts);
       element("path", { class: "curve", stroke: this.colours.contour, d: `${line(points, all)}Z` }, parts);
       for (const [indices, kind] of [[undercut, "bad"], [steep, "steep"]]) {

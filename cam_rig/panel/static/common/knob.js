@@ -8,15 +8,16 @@ export class Knob {
   /** `range` in rpm; moved(rpm) is told of every change by a person. */
   constructor(place, range, label, moved) {
     Object.assign(this, { place, range, moved, value: range[0], held: false, enabled: true });
-    const svg = element("svg", { viewBox: "-68 -62 136 124", "aria-hidden": "true" });
+    const svg = element("svg", { viewBox: "-70 -64 140 122", "aria-hidden": "true" });
     place.append(svg);
     element("path", { class: "track", d: arc(FIRST, FIRST + SWEEP) }, svg);
     this.turned = element("path", { class: "turned" }, svg);
     element("circle", { class: "cap", r: 32 }, svg);
     this.mark = element("path", { class: "mark", d: "M0 -14V-29" }, svg);
+    this.jumps = element("g", {}, svg);
     for (const rpm of marks(range)) {
-      const [x, y] = point(this.#angle(rpm), 55);
-      element("text", { x, y: y + 3 }, svg).textContent = shown(rpm);
+      const [x, y] = point(this.#angle(rpm), 57);
+      element("text", { x, y: y + 3.5 }, svg).textContent = shown(rpm);
     }
     place.setAttribute("aria-label", label);
     place.setAttribute("aria-valuemin", range[0]);
@@ -31,6 +32,16 @@ export class Knob {
   #angle(rpm) {
     const [low, high] = this.range.map(Math.log);
     return FIRST + SWEEP * Math.min(1, Math.max(0, (Math.log(rpm) - low) / (high - low)));
+  }
+
+  /** Mark speeds (rpm) on the scale, each with its words. */
+  jump(speeds) {
+    const inside = speeds.filter(({ rpm }) => rpm > this.range[0] && rpm < this.range[1]);
+    this.jumps.replaceChildren(...inside.map(({ rpm, words }) => {
+      const mark = element("path", { class: "jump", d: "M0 -40L-4 -33H4Z", transform: `rotate(${this.#angle(rpm)})` });
+      element("title", {}, mark).textContent = words;
+      return mark;
+    }));
   }
 
   enable(on) {

@@ -2,6 +2,7 @@
 import { Newest } from "../bench/link.js";
 import { Chart, extent, shown } from "../common/charts.js";
 import { Knob } from "../common/knob.js";
+import { RigPicture } from "../common/rig.js";
 import { loadTexts, text } from "../common/texts.js";
 import { JumpPlot } from "./plot.js";
 import { TurnSound } from "./turn_sound.js";
@@ -15,7 +16,7 @@ const chosen = { rpm: sheet.knob[0] };
 
 // -- what is there once -----------------------------------------------------------------------------
 document.title = `${text("nav_lab")} – cam_rig`;
-$("title").textContent = text("lab_title", { rig: sheet.rig.title, cam: sheet.cam.name });
+$("title").textContent = text("bench_title", { rig: sheet.cam.name, model: sheet.rig.name });
 $("task_words").textContent = text(`lab_${sheet.lab}_task`, { mass: shown(sheet.rig.mass) });
 const steps = text(`lab_${sheet.lab}_steps`).split("\n");
 $("steps").replaceChildren(...steps.map((step) => Object.assign(document.createElement("li"), { textContent: step })));
@@ -32,12 +33,22 @@ for (const [name, [list, unit]] of Object.entries(CHOICES)) {
     const label = document.createElement("label");
     label.append(input, `${shown(value)} ${unit}`);
     $(name).append(label);
-    input.addEventListener("change", () => { chosen[name] = value; turn.put(); });
+    input.addEventListener("change", () => { chosen[name] = value; values(); turn.put(); });
   }
 }
 [$("rpm").min, $("rpm").max] = sheet.knob;
 $("theory").hidden = Boolean(sheet.seed);
-$("theory_words").textContent = text("lab_load_words", { lift: shown(1000 * sheet.lift) });
+$("load_words").textContent = text("lab_load_words", { lift: shown(1000 * sheet.lift) });
+
+/** What is set up, as the drawing's letters have it; a hidden rig's are those of its labels. */
+function values() {
+  const { spring_stiffness: k, added_mass: added, preload } = chosen;
+  $("values").textContent = text("lab_values", { k: shown(k), m: shown(sheet.rig.mass + added), preload: shown(preload), lift: shown(1000 * sheet.lift) });
+}
+values();
+const rig = new RigPicture($("rig_drawing"), text("rig_picture"));
+rig.load(await (await fetch("/lab/picture")).json());
+rig.pose({ angle: 0, lift: 0, force: 0, gap: 0 });
 
 const force = new Chart($("force"), { title: text("newton"), x: [0, 360], xTicks: [0, 60, 120, 180, 240, 300, 360], xTitle: text("angle") });
 const plot = new JumpPlot($("plot"), $("plot_key"), sheet);
@@ -113,11 +124,19 @@ $("student").addEventListener("change", async () => {
   const found = await post("/lab/student", { student: $("student").value });
   if (found) show(found);
 });
+$("plot_it").addEventListener("click", () => {
+  const on = $("plotted").hidden;
+  $("plotted").hidden = !on;
+  $("plot_it").setAttribute("aria-expanded", String(on));
+  $("plot_it").textContent = text(on ? "lab_plot_off" : "lab_plot");
+  plot.draw(plot.readings);
+});
 $("theory").addEventListener("click", async () => {
   const on = plot.slope === null;
   plot.slope = on ? (await (await fetch("/lab/theory")).json()).slope : null;
   $("theory").setAttribute("aria-pressed", String(on));
   $("theory").textContent = text(on ? "lab_theory_off" : "lab_theory");
+  $("theory_words").hidden = !on;
   plot.draw(plot.readings);
 });
 

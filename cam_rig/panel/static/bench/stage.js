@@ -1,0 +1,114 @@
+// The picture of the rig, its gauges and the charts of a turn: what runs, or what is expected.
+import { shown } from "../common/charts.js";
+import { text } from "../common/texts.js";
+import { Playback, rowsOf } from "./playback.js";
+import { Lens, RigPicture } from "../common/rig.js";
+import { TurnCharts } from "./turns.js";
+
+const $ = (id) => document.getElementById(id);
+const TURN = 2 * Math.PI;
+/** Gauges are read, not watched: so often (ms) they change. */
+const GAUGE_MS = 100;
+
+export class Stage {
+  /** `pacing()` gives the drive's pace: real_time, a factor as 0.5x, or free. */
+  constructor(pacing) {
+    Object.assign(this, { pacing, turns: false, cam: null, known: null, at: 0, frame: 0, gauged: 0, playback: new Playback() });
+    this.rig = new RigPicture($("rig"), text("rig_picture"));
+    this.lens = new Lens($("lens"));
+    this.charts = new TurnCharts($("curves"), (angle) => this.#hover(angle));
+    this.charts.told = (events) => this.rig.marks(events);
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { this.charts.dirty = true; this.#soon(); });
+  }
+
+  /** A block of a tick has come. */
+  take(block) {
+    this.playback.push(block);
+    this.#soon();
+  }
+
+  /** What the bench says: another cam is drawn anew, a cam that stands is held. */
+  show({ graph, values, state, setup }, turns) {
+    const cam = values.law_server?.cam || state.cam || setup.cam;
+    if (cam !== this.cam) this.#load(cam);
+    if (graph === "starting") this.playback.reset();
+    if (this.turns && !turns) this.stopped = true;
+    this.turns = turns;
+  }
+
+  async #load(cam) {
+    this.cam = cam;
+    const answer = await fetch(`/bench/cam/${encodeURIComponent(cam)}`).catch(() => null);
+    if (cam !== this.cam) return;
+    if (!answer?.ok) { this.cam = null; return; }
+    this.rig.load(await answer.json());
+    this.charts.clear();
+    this.#still();
+  }
+
+  /** A settled turn as the server found it; null where there is none. */
+  expect(found) {
+    const bytes = found && Uint8Array.from(atob(found.curves), (character) => character.charCodeAt(0));
+    this.known = bytes && rowsOf(bytes.buffer, 0);
+    this.charts.expected(this.known);
+    this.rig.strongest = this.known ? Math.max(1, ...this.known.force) : 1;
+    this.lens.widest = this.known ? Math.max(...this.known.gap) : 0;
+    if (!this.turns) this.#still();
+    this.#soon();
+  }
+
+  /** The highest the follower is off its cam in what is expected, µm. */
+  get highest() { return this.known ? Math.max(...this.known.gap) : 0; }
+
+  /** While the cam stands, the pointer on a chart turns it. */
+  #hover(angle) {
+    if (this.turns || angle === null) return;
+    this.at = angle;
+    this.#still();
+  }
+
+  /** The cam at an angle, with what is expected there. */
+  #still() {
+    if (this.turns || !this.rig.picture) return;
+    const { known, at } = this;
+    const i = known ? Math.min(known.angle.length - 1, Math.round((at / TURN) * known.angle.length)) : 0;
+    const pose = { angle: at, lift: known?.lift[i] ?? 0, force: known?.force[i] ?? 0, gap: known?.gap[i] ?? 0 };
+    this.rig.pose(pose);
+    this.#gauges(pose);
+    this.#soon();
+  }
+
+  #soon() { this.frame ||= requestAnimationFrame((now) => this.#draw(now)); }
+
+  #draw(now) {
+    this.frame = 0;
+    const { playback } = this;
+    const seconds = Math.min(0.25, (now - (this.drawn ?? now)) / 1000);
+    this.drawn = now;
+    const pace = this.pacing();
+    const factor = pace === "real_time" || !pace ? 1 : pace === "free" ? 1e9 : Number.parseFloat(pace);
+    const found = this.turns ? playback.advance(seconds, factor) : playback.settle();
+    for (const rows of found.passed) this.charts.take(rows);
+    if (found.now && (this.turns || found.passed.length) && this.rig.picture) {
+      this.at = ((found.now.angle % TURN) + TURN) % TURN;
+      this.rig.pose(found.now);
+      this.#gauges(found.now, now);
+    }
+    this.charts.draw(this.at);
+    if (this.turns && playback.end !== null) this.#soon();
+    else this.drawn = undefined;
+  }
+
+  /** `now` is the frame's time (ms) where it is one of many. */
+  #gauges({ angle, lift, force, gap }, now = Infinity) {
+    this.lens.show(gap);
+    $("lens").hidden = !(this.lens.widest > 10 || gap > 0);
+    if (now - this.gauged < GAUGE_MS) return;
+    this.gauged = Number.isFinite(now) ? now : 0;
+    const degrees = ((((angle % TURN) + TURN) % TURN) * 180) / Math.PI;
+    $("at_angle").textContent = `${degrees.toFixed(0)}°`;
+    $("at_lift").textContent = `${lift.toFixed(2)} mm`;
+    $("at_force").textContent = `${shown(force, 4)} N`;
+    $("at_gap").textContent = gap > 0 ? `${shown(gap, 3)} µm` : "0";
+  }
+}

@@ -1,0 +1,166 @@
+// s, v, a and F over one turn: what is expected, the turn that runs, the last one, those before fading.
+import { Chart, extent } from "../common/charts.js";
+import { text } from "../common/texts.js";
+
+const KINDS = [["lift", "mm"], ["velocity", "m/s"], ["acceleration", "m/s²"], ["force", "N"]];
+const TURN = 2 * Math.PI, TICKS = [0, 60, 120, 180, 240, 300, 360];
+/** What is left of a turn that is over, from one to the next. */
+const FADE = 0.25;
+
+export class TurnCharts {
+  /** `hovered(angle or null)` is told of the cam angle (rad) that the pointer is at. */
+  constructor(place, hovered) {
+    this.charts = KINDS.map(([name, unit], i) => {
+      const box = Object.assign(document.createElement("div"), { className: "chart", id: `turn_${name}` });
+      place.append(box);
+      const last = i === KINDS.length - 1;
+      const chart = new Chart(box, { title: `${text(`turn_${name}`)}, ${unit}`, x: [0, 360], xTicks: TICKS, xTitle: last ? text("angle") : "" });
+      const canvas = Object.assign(document.createElement("canvas"), { ariaHidden: "true" });
+      box.append(canvas);
+      chart.resized = () => { this.#sized(); this.expected(this.known); };
+      box.addEventListener("pointermove", ({ clientX }) => {
+        const angle = ((clientX - box.getBoundingClientRect().left - chart.right(0)) / (chart.right(360) - chart.right(0))) * TURN;
+        hovered(angle >= 0 && angle <= TURN ? angle : null);
+      });
+      box.addEventListener("pointerleave", () => hovered(null));
+      return { name, chart, canvas, past: document.createElement("canvas") };
+    });
+    Object.assign(this, { known: null, running: [], last: [], events: [], told: () => {} });
+    this.#sized();
+  }
+
+  #sized() {
+    const scale = Math.min(2, devicePixelRatio);
+    for (const { chart, canvas, past } of this.charts ?? []) {
+      for (const one of [canvas, past]) {
+        one.width = Math.round(chart.width * scale);
+        one.height = Math.round(chart.height * scale);
+        one.getContext("2d").scale(scale, scale);
+      }
+    }
+    this.dirty = true;
+  }
+
+  /** The settled turn of a set-up and speed: rows as in a block; null is none. */
+  expected(rows) {
+    this.known = rows;
+    for (const { name, chart } of this.charts) {
+      if (rows) this.#fit(chart, rows[name], rows !== this.fitted);
+      const step = rows ? (rows.angle[1] * 180) / Math.PI : 1;
+      chart.curve("expected", rows && Array.from(rows[name]), { kind: "expected", step });
+    }
+    this.fitted = rows;
+    this.dirty = true;
+  }
+
+  #fit(chart, values, anew) {
+    const [low, high] = extent([values]);
+    const before = `${chart.range}`;
+    chart.fit(Math.min(0, low), Math.max(0, high), anew);
+    if (`${chart.range}` === before) return;
+    for (const { canvas, past } of this.charts) for (const one of [canvas, past]) wipe(one);
+    this.dirty = true;
+  }
+
+  /** Samples that have passed, in their order. */
+  take(rows) {
+    for (let i = 0; i < rows.angle.length; i += 1) {
+      const turn = Math.floor(rows.angle[i] / TURN), angle = rows.angle[i] - turn * TURN;
+      if (this.running.length && angle < this.running.at(-1).angle - 1e-6) this.#over();
+      this.running.push({ angle, lift: rows.lift[i], velocity: rows.velocity[i], acceleration: rows.acceleration[i], force: rows.force[i] });
+    }
+    for (const { name, chart } of this.charts) if (rows.angle.length) this.#fit(chart, rows[name], false);
+    this.dirty = true;
+  }
+
+  /** A turn is over: it is the last one, and those before fade. */
+  #over() {
+    for (const { name, chart, past } of this.charts) {
+      const context = past.getContext("2d");
+      context.globalCompositeOperation = "destination-out";
+      context.fillStyle = `rgb(0 0 0 / ${FADE})`;
+      context.fillRect(0, 0, chart.width, chart.height);
+      context.globalCompositeOperation = "source-over";
+      context.globalAlpha = 0.5;
+      stroke(context, chart, this.last, name, this.colours?.[name]);
+      context.globalAlpha = 1;
+    }
+    this.last = this.running;
+    this.running = [];
+    this.told(crossings(this.last));
+  }
+
+  /** Nothing of the turns before. */
+  clear() {
+    Object.assign(this, { running: [], last: [], dirty: true });
+    for (const { past } of this.charts) wipe(past);
+  }
+
+  /** Draw what has changed; the cam stands at an angle (rad), null is nowhere. */
+  draw(angle) {
+    if (!this.dirty && angle === this.drawn) return;
+    this.dirty = false;
+    this.drawn = angle;
+    const style = getComputedStyle(document.documentElement);
+    const colour = (name) => style.getPropertyValue(`--${name}`);
+    this.colours = { shade: colour("shade"), ghost: colour("ghost"), ...Object.fromEntries(KINDS.map(([name]) => [name, colour(`of-${name}`)])) };
+    const rest = this.running.length ? this.last.filter((one) => one.angle > this.running.at(-1).angle) : this.last;
+    for (const { name, chart, canvas, past } of this.charts) {
+      if (!chart.range) continue;
+      const context = canvas.getContext("2d");
+      wipe(canvas);
+      for (const part of [rest, this.running]) this.#shade(context, chart, part);
+      context.drawImage(past, 0, 0, chart.width, chart.height);
+      for (const part of [rest, this.running]) stroke(context, chart, part, name, this.colours[name]);
+      if (angle !== null) {
+        context.fillStyle = this.colours.ghost;
+        context.fillRect(chart.right(((angle % TURN) * 180) / Math.PI) - 0.5, chart.down(chart.range[1]), 1, chart.down(chart.range[0]) - chart.down(chart.range[1]));
+      }
+    }
+  }
+
+  /** Behind the curves, where the follower is off the cam. */
+  #shade(context, chart, part) {
+    context.fillStyle = this.colours.shade;
+    const [top, bottom] = [chart.down(chart.range[1]), chart.down(chart.range[0])];
+    for (const [from, to] of flights(part)) {
+      context.fillRect(px(chart, part[from].angle), top, Math.max(1, px(chart, part[to].angle) - px(chart, part[from].angle)), bottom - top);
+    }
+  }
+}
+
+const px = (chart, angle) => chart.right((angle * 180) / Math.PI);
+
+function wipe(canvas) {
+  const context = canvas.getContext("2d");
+  context.save();
+  context.resetTransform();
+  context.clearRect(0, 0, canvas.width, canvas.height);
+  context.restore();
+}
+
+function stroke(context, chart, part, name, colour) {
+  if (part.length < 2) return;
+  context.strokeStyle = colour;
+  context.lineWidth = 1.8;
+  context.beginPath();
+  for (const one of part) context.lineTo(px(chart, one.angle), chart.down(one[name]));
+  context.stroke();
+}
+
+/** First and last indices of samples in flight. */
+function flights(part) {
+  const found = [];
+  let from = -1;
+  part.forEach(({ force }, i) => {
+    if (force === 0 && from < 0) from = i;
+    if (from >= 0 && (force !== 0 || i === part.length - 1)) { found.push([from, i]); from = -1; }
+  });
+  return found;
+}
+
+/** Where a turn's contact was lost and found again. */
+function crossings(part) {
+  return part.slice(1).flatMap((one, i) => (
+    (one.force === 0) === (part[i].force === 0) ? [] : [{ angle: one.angle, landing: one.force !== 0 }]));
+}

@@ -1,0 +1,167 @@
+// The cam under its follower, drawn to scale: it turns, the spring works, the force pushes.
+import { element, shown } from "./charts.js";
+
+/** Sizes over the ring's radius: its ticks, its numbers, the room around. */
+const TICK = [1.03, 1.06], NUMBER = 1.15, AROUND = 1.25;
+/** The longest arrow over the ring's radius, and a follower in flight at most, in lifts. */
+const ARROW = 0.55, HIGHEST = 1.35;
+/** Coils of the spring, and its width over the reach. */
+const COILS = 7, WIDE = 0.09;
+const degrees = (radians) => (radians * 180) / Math.PI;
+const path = (xs, ys) => `M${Array.from(xs, (x, i) => `${x} ${ys[i]}`).join("L")}`;
+
+export class RigPicture {
+  constructor(place, label) {
+    this.svg = element("svg", { role: "img", "aria-label": label });
+    place.append(this.svg);
+    this.strongest = 1;
+  }
+
+  /** A cam's picture as the server describes it (mm and rad). */
+  load(picture) {
+    this.picture = picture;
+    const { contour, support, outline } = picture;
+    this.ring = 1.04 * Math.max(...contour[0].map((x, i) => Math.hypot(x, contour[1][i])));
+    const rig = element("g", { transform: "scale(1 -1)" });
+    this.#ring(rig);
+    this.cam = element("g", {}, rig);
+    const closed = `${path(...contour)}Z`;
+    element("path", { class: "disc", d: closed }, this.cam);
+    element("circle", { class: "base", r: picture.base }, this.cam);
+    element("path", { class: "zero_mark", d: `M0 0L${contour[0][0]} ${contour[1][0]}` }, this.cam);
+    element("circle", { class: "hub", r: 0.09 * this.ring }, this.cam);
+    this.landings = element("g", {}, this.cam);
+    for (const strip of support) element("path", { class: "guide", d: path(...strip) }, rig);
+    this.spring = element("path", { class: "spring" }, rig);
+    this.follower = element("g", {}, rig);
+    for (const strip of [...outline].reverse()) element("path", { class: "follower", d: path(...strip) }, this.follower);
+    this.gap = element("path", { class: "gap" }, rig);
+    this.arrow = element("path", { class: "force" }, rig);
+    this.svg.replaceChildren(rig);
+    this.#numbers();
+    this.#frame();
+    this.marks([]);
+  }
+
+  /** A ring of degrees around the cam; the mark on the cam points at its angle. */
+  #ring(rig) {
+    const parts = [];
+    for (let d = 0; d < 360; d += 10) {
+      const [x, y] = towards(d);
+      const long = d % 30 ? TICK[0] : TICK[1];
+      parts.push(`M${x * this.ring} ${y * this.ring}L${x * this.ring * long} ${y * this.ring * long}`);
+    }
+    element("circle", { class: "ring", r: this.ring }, rig);
+    element("path", { class: "ring", d: parts.join("") }, rig);
+  }
+
+  #numbers() {
+    const size = 0.075 * this.ring;
+    for (let d = 0; d < 360; d += 30) {
+      const [x, y] = towards(d);
+      if (!this.picture.swings && y > 0.5) continue; // the follower stands there
+      element("text", { class: "degrees", x: x * this.ring * NUMBER, y: 0.35 * size - y * this.ring * NUMBER, "font-size": size }, this.svg).textContent = `${d}°`;
+    }
+  }
+
+  /** The view that holds it all, at any lift. */
+  #frame() {
+    const far = AROUND * this.ring;
+    let [left, right, bottom, top] = [-far, far, -far, far];
+    const take = (x, y) => { left = Math.min(left, x); right = Math.max(right, x); bottom = Math.min(bottom, y); top = Math.max(top, y); };
+    for (const [xs, ys] of this.picture.support) xs.forEach((x, i) => take(x, ys[i]));
+    for (const lift of [0, HIGHEST * this.picture.max_lift]) {
+      const [[x0, y0], turn] = this.#stand(lift);
+      for (const [xs, ys] of this.picture.outline) {
+        xs.forEach((x, i) => take(x0 + x * Math.cos(turn) - ys[i] * Math.sin(turn), y0 + x * Math.sin(turn) + ys[i] * Math.cos(turn)));
+      }
+    }
+    const room = 0.03 * (top - bottom);
+    this.svg.setAttribute("viewBox", `${left - room} ${-top - room} ${right - left + 2 * room} ${top - bottom + 2 * room}`);
+  }
+
+  #stand(lift) {
+    const { origin, along, turn, turns } = this.picture;
+    return [[origin[0] + along[0] * lift, origin[1] + along[1] * lift], turn + turns * lift];
+  }
+
+  /** Cam angle (rad), lift (mm), contact force (N) and gap (µm, 0 in contact). */
+  pose({ angle, lift, force, gap }) {
+    if (!this.picture) return;
+    const drawn = Math.min(lift, HIGHEST * this.picture.max_lift);
+    const [[x, y], turn] = this.#stand(drawn);
+    this.cam.setAttribute("transform", `rotate(${degrees(angle)})`);
+    this.follower.setAttribute("transform", `translate(${x} ${y}) rotate(${degrees(turn)})`);
+    this.spring.setAttribute("d", this.#coils(drawn));
+    const { touch, normal } = this.picture;
+    const count = touch[0].length;
+    const i = ((Math.round((angle / (2 * Math.PI)) * count) % count) + count) % count;
+    const [px, py, nx, ny] = [touch[0][i], touch[1][i], normal[0][i], normal[1][i]];
+    this.strongest = Math.max(this.strongest, force);
+    const length = (ARROW * this.ring * force) / this.strongest;
+    this.arrow.setAttribute("d", force > 0 ? arrow(px, py, nx, ny, length, 0.035 * this.ring) : "");
+    const up = gap / 1000;
+    this.gap.setAttribute("d", gap > 0 ? `M${px} ${py}l${nx * up} ${ny * up}` : "");
+  }
+
+  /** From the follower to what stands still: along the guide, or from an arm's end upwards. */
+  #coils(lift) {
+    const { place, swings, support, reach, roller, max_lift: most } = this.picture;
+    const part = lift / (most || 1);
+    const [x0, y0] = swings ? [0, 1].map((k) => place[k][0] + part * (place[k][1] - place[k][0])) : this.#stand(lift)[0];
+    const foot = y0 + Math.max(roller, 0.06 * reach);
+    const head = swings ? Math.max(...place[1]) + 0.7 * reach : Math.min(...support[0][1]);
+    const [half, step] = [WIDE * reach, (head - foot) / (2 * COILS)];
+    const coils = Array.from({ length: 2 * COILS - 1 }, (_, i) => `L${x0 + (i % 2 ? half : -half)} ${foot + (i + 1) * step}`);
+    return `M${x0 - half} ${foot}H${x0 + half}M${x0} ${foot}${coils.join("")}L${x0} ${head}`;
+  }
+
+  /** Where on the cam contact was lost and found again: [{ angle, landing }]. */
+  marks(events) {
+    const { touch, normal } = this.picture;
+    this.landings.replaceChildren(...events.slice(0, 60).map(({ angle, landing }) => {
+      const count = touch[0].length;
+      const i = ((Math.round((angle / (2 * Math.PI)) * count) % count) + count) % count;
+      const size = 0.03 * this.ring;
+      const [x, y] = [touch[0][i] - normal[0][i] * 1.6 * size, touch[1][i] - normal[1][i] * 1.6 * size];
+      return element("circle", { class: landing ? "landing" : "lift_off", cx: x, cy: y, r: size, transform: `rotate(${-degrees(angle)})` });
+    }));
+  }
+}
+
+/** The gap under a lens: cam below, follower above, as far apart as it says. */
+export class Lens {
+  constructor(place) {
+    this.svg = element("svg", { viewBox: "-50 -50 100 118", "aria-hidden": "true" });
+    const clip = element("clipPath", { id: "lens_clip" }, element("defs", {}, this.svg));
+    element("circle", { r: 46 }, clip);
+    const inside = element("g", { "clip-path": "url(#lens_clip)" }, this.svg);
+    element("circle", { class: "glass", r: 46 }, inside);
+    element("path", { class: "disc", d: "M-60 60V14Q0 6 60 14V60Z" }, inside);
+    this.follower = element("path", { class: "roller", d: "M-60 -90V0Q0 20 60 0V-90Z" }, inside);
+    element("circle", { class: "rim", r: 46 }, this.svg);
+    this.words = element("text", { y: 64, "text-anchor": "middle" }, this.svg);
+    this.widest = 1;
+    place.append(this.svg);
+  }
+
+  /** A gap (µm); the widest of late fills the glass. */
+  show(gap) {
+    this.widest = Math.max(this.widest, gap, 10);
+    this.follower.setAttribute("transform", `translate(0 ${(-48 * gap) / this.widest})`);
+    const said = gap > 0 ? `${shown(gap, 3)} µm` : "0 µm";
+    if (this.words.textContent !== said) this.words.textContent = said;
+  }
+}
+
+function towards(angle) {
+  const turn = (angle * Math.PI) / 180;
+  return [-Math.sin(turn), Math.cos(turn)];
+}
+
+function arrow(x, y, nx, ny, length, head) {
+  const [ex, ey] = [x + nx * length, y + ny * length];
+  const [bx, by] = [ex - nx * 2 * head, ey - ny * 2 * head];
+  const barbs = length > 2 * head ? `M${bx - ny * head} ${by + nx * head}L${ex} ${ey}L${bx + ny * head} ${by - nx * head}` : "";
+  return `M${x} ${y}L${ex} ${ey}${barbs}`;
+}
