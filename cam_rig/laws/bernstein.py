@@ -80,7 +80,7 @@ def _interpolated(x: tuple[float, float, float], f: tuple[float, float, float]) 
 
 EPS = float(np.finfo(np.float64).eps)
 #: Up to so many points one call that runs along them is quicker than a loop over the degree.
-FEW = 128
+FEW = 32
 #: Subdivision stops here: roots nearer than this cannot be told apart in double precision.
 _ROOT_RESOLUTION = 2.0**-46
 
@@ -95,16 +95,15 @@ def binomials(degree: int) -> FloatArray:
 
 def basis(degree: int, u: FloatArray) -> FloatArray:
     """Bernstein basis values B_i(u), ``(len(u), degree + 1)`` (eq. 1 of the paper)."""
-    powers = np.empty((2, degree + 1, u.size))
-    powers[:, 0] = 1.0
-    powers[0, 1:], powers[1, 1:] = u, 1.0 - u
+    powers = np.empty((degree + 1, 2, u.size))
+    powers[0] = 1.0
+    powers[1:, 0], powers[1:, 1] = u, 1.0 - u
     if u.size <= FEW:
-        np.multiply.accumulate(powers, axis=1, out=powers)
+        np.multiply.accumulate(powers, axis=0, out=powers)
     else:
         for i in range(2, degree + 1):
-            powers[:, i] *= powers[:, i - 1]
-    weights = powers[0]
-    weights *= powers[1, ::-1]
+            np.multiply(powers[i - 1], powers[1], out=powers[i])
+    weights = powers[:, 0] * powers[::-1, 1]
     weights *= binomials(degree)[:, None]
     return np.asarray(weights.T)
 
