@@ -283,7 +283,7 @@ class Law:
         jumps, slopes = self.jumps(1), np.abs(self.motion[1]).max(axis=0)
         beside = np.maximum(slopes, np.roll(slopes, 1))
         over = np.abs(jumps) - SLOPE_ROUNDING * beside
-        if (over <= 0.0).all():  # whatever the lift
+        if over.max() <= VELOCITY_JUMP * float(np.ptp(self.ordinates[0])):  # the lift is no less
             return {}
         return {int(i): float(jumps[i]) for i in np.flatnonzero(over > VELOCITY_JUMP * self.lift)}
 

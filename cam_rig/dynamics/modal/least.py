@@ -136,6 +136,12 @@ def _in_turns(
     return Least(found.value, found.angle, found.looks + last - first)
 
 
+def _forced(motion: OscillatorMotion, piece: int) -> Row:
+    """Ordinates of the polynomial in a piece, times binomials."""
+    size = len(motion.forced) // len(motion.pieces)
+    return motion.forced[piece * size : (piece + 1) * size]
+
+
 def _chord(
     law: LawSeries, mode: Oscillator, motion: OscillatorMotion, piece: int, state: Pair
 ) -> float:
@@ -145,7 +151,7 @@ def _chord(
     whole motion: in a piece much shorter than the mode's period, where derivatives of s jump, the
     polynomial and the vibration are large and cancel.
     """
-    numbers, forced, steep = motion.pieces[piece], motion.forced[piece], law.steepest[piece]
+    numbers, forced, steep = motion.pieces[piece], _forced(motion, piece), law.steepest[piece]
     speed, square, rate = motion.speed, motion.speed * motion.speed, math.sqrt(mode.stiffness)
     time, end = numbers[SPAN] / speed, moved(motion.flows[law.alike[piece]], 0, state)
     first = forced[0] + mode.place * state[0] + mode.velocity * state[1]
@@ -175,7 +181,12 @@ def _in_piece(
     found: Least,
 ) -> Least:
     """The same in the first of ``parts``, a part of a piece that begins at ``angle``."""
-    numbers, forced, flow, size = motion.pieces[piece], motion.forced[piece], zeros(4), motion.norm
+    numbers, forced, flow, size = (
+        motion.pieces[piece],
+        _forced(motion, piece),
+        zeros(4),
+        motion.norm,
+    )
     span, bend, slow = numbers[SPAN], numbers[BEND], 1.0 / (motion.speed * motion.speed)
     lowest, where, looks, top = found.value, found.angle, found.looks, 0
     while top >= 0:

@@ -64,7 +64,10 @@ def sags_between(
         other[i][BENT], other[i][FREE], other[i][FORCED] = direct, 0.0, direct
     start = zeros(3)
     if mode.duration < math.inf:
-        _excited(start, law.starts[0], size, series, high)
+        still = zeros(len(law.starts))
+        for k in range(len(still)):
+            still[k] = law.starts[k][0]
+        _excited(start, still, size, series, high)
     _vibrate(law, size, times, begins, along, start, out)
     _vibrate(law, size, times, none, pushed, zeros(3), other)
     for i in range(count):
