@@ -71,7 +71,7 @@ def least(
     first, last = int(stretch.begin // TURN), min(len(motion.starts), int(stretch.end // TURN) + 1)
     within = last - first == 1
     low, high = stretch.begin - first * TURN, stretch.end - first * TURN
-    deepest, bound, group = -1, math.inf, 0
+    deepest, bound, group, apart = -1, math.inf, 0, _apart(motion, first, last)
     for i in range(len(motion.pieces)):
         numbers = motion.pieces[i]
         if within and (numbers[BEGIN] >= high or numbers[BEGIN] + numbers[SPAN] < low):
@@ -88,8 +88,12 @@ def least(
         if within and (numbers[BEGIN] >= high or numbers[BEGIN] + numbers[SPAN] < low):
             continue
         floor = numbers[LOWEST] - numbers[OWN] - motion.most * numbers[LEFT]
-        if floor < _allowed(found.value, EXACT * numbers[HIGHEST], stretch.relative):
-            if i != deepest:
+        allowed = _allowed(found.value, EXACT * numbers[HIGHEST], stretch.relative)
+        if floor < allowed:
+            if last - first > 1:
+                state = _free(motion, i, last - 1)
+                floor = max(floor, _chord(law, mode, motion, i, state) - apart * numbers[LEFT])
+            if i != deepest and floor < allowed:
                 found = _in_turns(law, mode, motion, stretch, i, first, last, parts, found)
             floor = max(floor, found.value - stretch.relative * abs(found.value))
         floors[group] = min(floors[group], floor)
@@ -99,6 +103,26 @@ def least(
 def _allowed(value: float, exact: float, relative: float) -> float:
     """What is not below this is left out, where a value was found."""
     return value if value == math.inf else value - max(exact, relative * abs(value))
+
+
+def _apart(motion: OscillatorMotion, first: int, last: int) -> float:
+    """By how much the output differs at most from turn to turn, where the last of them begins.
+
+    All that joints excite in a turn is the same in each, and large where derivatives of s are; what
+    turns begin with differs by the motion itself, and that fades.
+    """
+    most, x = 0.0, motion.starts[last - 1]
+    for turn in range(first, last - 1):
+        one = motion.starts[turn]
+        most = max(most, amplitude(motion.norm, (one[0] - x[0], one[1] - x[1])))
+    return motion.norm.reach * most
+
+
+def _free(motion: OscillatorMotion, piece: int, turn: int) -> Pair:
+    """Free (η, η̇) where a piece begins in a turn."""
+    numbers, x = motion.pieces[piece], motion.starts[turn]
+    place, rate = moved(numbers, FLOW, (x[0], x[1]))
+    return place + numbers[ADDED], rate + numbers[ADDED + 1]
 
 
 def _in_turns(
@@ -115,12 +139,11 @@ def _in_turns(
     """What was found, or what is lower in a piece, from a turn on to before another."""
     numbers = motion.pieces[piece]
     for turn in range(first, last):
-        angle, x = turn * TURN + numbers[BEGIN], motion.starts[turn]
+        angle = turn * TURN + numbers[BEGIN]
         begin, end = max(0.0, stretch.begin - angle), min(numbers[SPAN], stretch.end - angle)
         if end < begin or end <= 0.0:
             continue
-        place, rate = moved(numbers, FLOW, (x[0], x[1]))
-        state = place + numbers[ADDED], rate + numbers[ADDED + 1]
+        state = _free(motion, piece, turn)
         free = motion.norm.reach * amplitude(motion.norm, state)
         exact = EXACT * (numbers[HIGHEST] + free)
         allowed = _allowed(found.value, exact, stretch.relative)
@@ -181,12 +204,8 @@ def _in_piece(
     found: Least,
 ) -> Least:
     """The same in the first of ``parts``, a part of a piece that begins at ``angle``."""
-    numbers, forced, flow, size = (
-        motion.pieces[piece],
-        _forced(motion, piece),
-        zeros(4),
-        motion.norm,
-    )
+    numbers, forced, flow = motion.pieces[piece], _forced(motion, piece), zeros(4)
+    size = motion.norm
     span, bend, slow = numbers[SPAN], numbers[BEND], 1.0 / (motion.speed * motion.speed)
     lowest, where, looks, top = found.value, found.angle, found.looks, 0
     while top >= 0:
