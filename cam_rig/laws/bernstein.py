@@ -209,10 +209,22 @@ def restrict(ordinates: FloatArray, start: float, stop: float) -> FloatArray:
 @lru_cache(maxsize=256)
 def parts(degree: int, count: int) -> FloatArray:
     """Matrices ``(count, p + 1, p + 1)`` that take ordinates to those of equal parts."""
-    unit = np.eye(degree + 1)
-    found = np.stack([restrict(unit, k / count, (k + 1) / count) for k in range(count)])
+    starts = np.arange(count) / count
+    widths = (np.arange(1, count + 1) / count - starts) / (1.0 - starts)
+    before, tails = _splits(degree, starts)
+    tails[:, 0] = before[:, -1]
+    found = np.asarray(np.matmul(_splits(degree, widths)[0], tails))
     found.setflags(write=False)
     return found
+
+
+def _splits(degree: int, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Matrices ``(n, p + 1, p + 1)`` of `split` at each u, but for the right one's first row."""
+    pascal, rest = _pascal(degree)
+    order = np.arange(degree + 1.0)
+    near, far = u[:, None] ** order, (1.0 - u)[:, None] ** order
+    left = pascal * near[:, None] * far[:, rest]
+    return left, (pascal * far[:, None] * near[:, rest])[:, ::-1, ::-1]
 
 
 def sign_changes(ordinates: FloatArray) -> int:
