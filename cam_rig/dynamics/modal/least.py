@@ -9,12 +9,11 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cam_rig.dynamics.events.polynomials import weighted_value
+from cam_rig.dynamics.events.polynomials import weighted_by_binomials, weighted_value
 from cam_rig.dynamics.events.rows import Row, Rows, zero_rows, zeros
 from cam_rig.dynamics.modal.motion import (
     ADDED,
     BEGIN,
-    BEND,
     CARRIED,
     FLOW,
     HIGHEST,
@@ -160,7 +159,7 @@ def _in_turns(
 
 
 def _forced(motion: OscillatorMotion, piece: int) -> Row:
-    """Ordinates of the polynomial in a piece, times binomials."""
+    """Ordinates of the polynomial in a piece."""
     size = len(motion.forced) // len(motion.pieces)
     return motion.forced[piece * size : (piece + 1) * size]
 
@@ -193,6 +192,14 @@ def _chord(
     return min(first, last) - below
 
 
+def _bend(ordinates: Row, span: float) -> float:
+    """What a polynomial's second derivative (1/rad²) does not exceed in a piece."""
+    count, change = len(ordinates), 0.0
+    for j in range(2, count):
+        change = max(change, abs(ordinates[j] - 2.0 * ordinates[j - 1] + ordinates[j - 2]))
+    return (count - 1) * (count - 2) * change / (span * span)
+
+
 def _in_piece(
     mode: Oscillator,
     motion: OscillatorMotion,
@@ -204,9 +211,10 @@ def _in_piece(
     found: Least,
 ) -> Least:
     """The same in the first of ``parts``, a part of a piece that begins at ``angle``."""
-    numbers, forced, flow = motion.pieces[piece], _forced(motion, piece), zeros(4)
-    size = motion.norm
-    span, bend, slow = numbers[SPAN], numbers[BEND], 1.0 / (motion.speed * motion.speed)
+    ordinates, flow, size = _forced(motion, piece), zeros(4), motion.norm
+    count, span = len(ordinates), motion.pieces[piece][SPAN]
+    forced = weighted_by_binomials(ordinates, count)
+    bend, slow = _bend(ordinates, span), 1.0 / (motion.speed * motion.speed)
     lowest, where, looks, top = found.value, found.angle, found.looks, 0
     while top >= 0:
         part = parts[top]
@@ -215,14 +223,14 @@ def _in_piece(
         if bound >= _allowed(lowest, exact, relative):
             continue
         flow_over(mode, step / motion.speed, flow)
-        before = weighted_value(forced, len(forced), min(1.0, low / span))
+        before = weighted_value(forced, count, min(1.0, low / span))
         value = before + mode.place * eta + mode.velocity * rate
         eighth, looks = 0.125 * step * step, looks + CUT
         if value < lowest:
             lowest, where = value, angle + low
         for _ in range(CUT):
             low += step
-            after = weighted_value(forced, len(forced), min(1.0, low / span))
+            after = weighted_value(forced, count, min(1.0, low / span))
             place, velocity = flow[0] * eta + flow[1] * rate, flow[2] * eta + flow[3] * rate
             reached = after + mode.place * place + mode.velocity * velocity
             if reached < lowest:

@@ -11,7 +11,7 @@ import math
 from typing import NamedTuple
 
 from cam_rig.dynamics.events.free_flight import impulse_at
-from cam_rig.dynamics.events.rows import Row, Rows, Stack, binomials, zero_rows, zeros
+from cam_rig.dynamics.events.rows import Row, Rows, Stack, zero_rows, zeros
 from cam_rig.units import TURN
 
 #: Two terms of the series after the second that are below this part of the largest are rounding.
@@ -27,12 +27,12 @@ Triple = tuple[float, float, float]
 #: it jumps, unsigned, where the group begins and at the joints inside; what ∫|s⁽ᵏ⁾| dθ over the
 #: group does not exceed, with the jumps of the derivative before.
 LARGEST, JUMP, INNER, WAY = range(4)
-#: Numbers of a piece: where it begins and its span (rad), the polynomial's least ordinate, its
-#: largest absolute one and what its second derivative (1/rad²) does not exceed, the flow from the
-#: turn's start to here, what the turn's joints have added to (η, η̇) here, what that contributes to
-#: the output at most, what is left of a norm since the turn's start, the polynomial's (η, η̇) here.
-BEGIN, SPAN, LOWEST, HIGHEST, BEND, FLOW = range(6)
-ADDED, OWN, LEFT, CARRIED, NUMBERS = 9, 11, 12, 13, 15
+#: Numbers of a piece: where it begins and its span (rad), the polynomial's least ordinate and its
+#: largest absolute one, the flow from the turn's start to here, what the turn's joints have added
+#: to (η, η̇) here, what that contributes to the output at most, what is left of a norm since the
+#: turn's start, the polynomial's (η, η̇) here.
+BEGIN, SPAN, LOWEST, HIGHEST, FLOW = range(5)
+ADDED, OWN, LEFT, CARRIED, NUMBERS = 8, 10, 11, 12, 14
 
 
 class LawSeries(NamedTuple):
@@ -84,9 +84,9 @@ class OscillatorMotion(NamedTuple):
 
     speed: float  #: rad/s
     norm: Norm
-    pieces: Rows  #: ``(n, 15)``, numbers as above
+    pieces: Rows  #: ``(n, 14)``, numbers as above
     flows: Rows  #: ``(n, 5)``: e^{At} over each piece that is the first of its span, and its norm
-    forced: Row  #: ``(n (p + 1),)``: ordinates of the output's polynomial part, times binomials
+    forced: Row  #: ``(n (p + 1),)``: ordinates of the output's polynomial part
     lowest: Row  #: ``(g,)``: its least ordinate in each group
     starts: Rows  #: ``(t, 2)``: free (η, η̇) where turns begin, until the motion repeats or ends
     most: float  #: what these contribute to the output at most
@@ -197,7 +197,7 @@ def motion_at(law: LawSeries, mode: Oscillator, series: Series, speed: float) ->
     """The mode at a speed (rad/s)."""
     count, size, fading = len(law.alike), len(series.own), norm_of(mode)
     terms = term_count(law, series, speed)
-    forced, weights = _polynomials(law, series, mode.constant, speed, terms), binomials(size - 1)
+    forced = _polynomials(law, series, mode.constant, speed, terms)
     jumps = forced_states(series, law.jumps, speed, terms)
     carried = forced_states(series, law.starts, speed, terms)
     pieces, flows = zero_rows(count, NUMBERS), zero_rows(count, 5)
@@ -216,21 +216,24 @@ def motion_at(law: LawSeries, mode: Oscillator, series: Series, speed: float) ->
         numbers[ADDED], numbers[ADDED + 1] = state
         numbers[CARRIED], numbers[CARRIED + 1] = carried[0][i], carried[1][i]
         numbers[OWN], numbers[LEFT] = fading.reach * amplitude(fading, state), left
-        _weigh(forced, i * size, size, weights, numbers)
+        lowest, highest = forced[i * size], forced[i * size]
+        for j in range(i * size + 1, (i + 1) * size):
+            lowest, highest = min(lowest, forced[j]), max(highest, forced[j])
+        numbers[LOWEST], numbers[HIGHEST] = lowest, max(abs(lowest), abs(highest))
         state, (a, b, c, d) = moved(flow, 0, state), (whole[0], whole[1], whole[2], whole[3])
         whole[0], whole[1] = flow[0] * a + flow[1] * c, flow[0] * b + flow[1] * d
         whole[2], whole[3] = flow[2] * a + flow[3] * c, flow[2] * b + flow[3] * d
         left *= flow[4]
     turn, begin = (state[0] - jumps[0][0], state[1] - jumps[1][0]), (carried[0][0], carried[1][0])
     starts = _starts(mode, fading, speed, begin, whole, turn)
-    lowest, most = zeros(len(law.sizes)), 0.0
+    floors, most = zeros(len(law.sizes)), 0.0
     for start in starts:
         most = max(most, fading.reach * amplitude(fading, (start[0], start[1])))
-    for g in range(len(lowest)):
-        lowest[g] = math.inf
+    for g in range(len(floors)):
+        floors[g] = math.inf
         for i in range(law.groups[g], law.groups[g + 1]):
-            lowest[g] = min(lowest[g], pieces[i][LOWEST])
-    return OscillatorMotion(speed, fading, pieces, flows, forced, lowest, starts, most)
+            floors[g] = min(floors[g], pieces[i][LOWEST])
+    return OscillatorMotion(speed, fading, pieces, flows, forced, floors, starts, most)
 
 
 def _polynomials(law: LawSeries, series: Series, constant: float, speed: float, terms: int) -> Row:
@@ -242,19 +245,6 @@ def _polynomials(law: LawSeries, series: Series, constant: float, speed: float, 
         add_scaled(out, series.output[k] * power, law.derivatives[k])
         power *= speed
     return out
-
-
-def _weigh(forced: Row, first: int, size: int, weights: Row, numbers: Row) -> None:
-    """Note a piece's numbers of its polynomial, and take its ordinates times binomials."""
-    lowest, highest, change = forced[first], forced[first], 0.0
-    for j in range(first, first + size):
-        lowest, highest = min(lowest, forced[j]), max(highest, forced[j])
-        if j > first + 1:
-            change = max(change, abs(forced[j] - 2.0 * forced[j - 1] + forced[j - 2]))
-    for j in range(size):
-        forced[first + j] *= weights[j]
-    numbers[LOWEST], numbers[HIGHEST] = lowest, max(abs(lowest), abs(highest))
-    numbers[BEND] = (size - 1) * (size - 2) * change / (numbers[SPAN] * numbers[SPAN])
 
 
 def flow_over(mode: Oscillator, time: float, out: Row) -> None:
