@@ -71,8 +71,8 @@ def _of_case(name: str, peer: str, repeats: int) -> Iterator[EventCost]:
     for words, form in (*forms, ("plain Python", PLAIN)):
         with form_of_search(form):
             error = _error(case, study.solve(case), reference)  # compiles, and makes the tables
-            alone = _median(lambda: _search(case), repeats)
-            whole = _median(lambda: study.solve(case.fresh()), repeats)
+            alone = median_of(lambda: _search(case), repeats)
+            whole = median_of(lambda: study.solve(case.fresh()), repeats)
         yield EventCost(name, landings, f"rig, the search, {words}", alone / landings, error)
         yield EventCost(name, landings, f"rig, {WHOLE}, {words}", whole / landings, error)
     found = list(_of_peer(case, case, reference, peer))
@@ -89,7 +89,7 @@ def _of_long(case: Case, reference: Solution, peer: str, repeats: int) -> Iterat
     form = ("compiled", ALWAYS) if find_spec("numba") else ("plain Python", PLAIN)
     with form_of_search(form[1]):
         solution = study.solve(long)
-        taken = _median(lambda: study.solve(long.fresh()), repeats)
+        taken = median_of(lambda: study.solve(long.fresh()), repeats)
     landings, error = _landings(solution), _error(case, solution, reference)
     yield EventCost(name, landings, f"rig, {WHOLE}, {form[0]}", taken / landings, error)
     found = list(_of_peer(case, long, reference, peer))
@@ -135,7 +135,8 @@ def _error(case: Case, solution: Solution, reference: Solution) -> float:
     return error
 
 
-def _median(function: Callable[[], object], repeats: int) -> float:
+def median_of(function: Callable[[], object], repeats: int) -> float:
+    """Median wall time, s."""
     times = []
     for _ in range(repeats):
         begun = time.perf_counter()
