@@ -30,7 +30,7 @@ WIDEST_CHUNK = 0.125
 #: ... and there must be so many in a run to pay.
 MIN_CHUNKS = 2
 #: Runs without chunks that are reckoned in one go, of turns one after another.
-TOGETHER = 16
+TOGETHER = 4
 #: What this part of a row's size is not worth a power of a chunk's series.
 NEGLIGIBLE = 2.0**-56
 #: Runs that begin within this part of a piece of each other begin alike: rounding of many turns.
