@@ -14,6 +14,7 @@ from benchmark.speed.cases import SPEEDS_RPM, rate_table, sample_rates
 from benchmark.speed.event_cost import event_costs, event_table
 from benchmark.speed.peers import PEERS
 from benchmark.speed.report import figure, measure, notes
+from benchmark.speed.settled import RTOL, settled_costs, settled_table
 from benchmark.speed.start_up import command_table, command_times, node_starts, node_table
 from benchmark.speed.study import FULL
 from cam_rig.show.figure import write
@@ -37,6 +38,8 @@ kind in the reference, so a missed or invented event counts. Time: median, in on
 of {cores} cores ({machine}); a rig's run starts with a law of which nothing is cached.
 
 {rates}
+
+{settled}
 
 {jump_search}
 
@@ -84,7 +87,8 @@ What a lift-off and its landing cost: wall time over the landings of the run.
 
 The search finds both, and all between them; its tables of the cam and of the follower are made. In
 plain Python and compiled by numba (`cam_rig[fast]`) it is one source, and gives the same bits. A
-whole solution has the tables made anew, and the motion at the output times.
+whole solution has the tables made anew, and the motion at the output times. In a run of many turns
+what it costs to begin one is a small part; its error is of the turns that have a reference.
 
 A process begins in plain Python. After half a second of it the compiled search is loaded, which
 takes as long; if there is none yet, it is compiled after ten, once for this user and machine
@@ -122,6 +126,16 @@ blocks what each turn and each call costs besides shows: the walk from turn to t
 
 {table}\
 """
+SETTLED = """\
+## Settled turns
+
+One point of a sweep or a campaign: TM21 on its rig, ten turns at 12 kHz of which two settle, with
+level, forces, torque, lift-offs and landings; above the jump speed the follower is turned until its
+turns repeat before. CVODE (rtol {rtol:.0e}) integrates the flights of ten turns alone; all its
+samples are of the law.
+
+{table}\
+"""
 LIVE = """\
 ## Live runs
 
@@ -151,6 +165,11 @@ def start_up() -> str:
     )
 
 
+def settled() -> str:
+    """The section on a point of settled turns."""
+    return SETTLED.format(rtol=RTOL, table=to_markdown(settled_table(settled_costs())))
+
+
 def samples() -> str:
     """The section on samples per second."""
     whole, broken = SPEEDS_RPM
@@ -174,6 +193,7 @@ def main() -> None:
         cores=study.cores,
         machine=f"{platform.machine()}, Python {platform.python_version()}",
         rates=samples(),
+        settled=settled(),
         jump_search=long_laws.section(long_laws.measure()),
         loosest=FULL.rtols[0],
         tightest=FULL.rtols[-1],

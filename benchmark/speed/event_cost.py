@@ -7,7 +7,7 @@ import statistics
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 
 from benchmark.speed import study
@@ -20,6 +20,9 @@ from cam_rig.show.tables import DataTable, Head, tabulate
 
 #: Cases with events, and the tolerances of the peer, of which the most accurate run counts.
 NAMES, RTOLS = ("one_mass_arc", "two_mass_soft", "two_mass_stem"), (1e-12, 3e-14)
+#: Cases whose runs of many turns show what an event costs, where a run's own cost is a small part.
+LONG_NAMES, LONG_TURNS = ("one_mass_arc", "two_mass_soft"), 100
+WHOLE = "a whole solution"
 
 #: The peer's longest run (s), and the rig's runs, of which the median counts.
 SECONDS, REPEATS = 60.0, 21
@@ -63,19 +66,40 @@ def event_table(costs: list[EventCost]) -> DataTable:
 def _of_case(name: str, peer: str, repeats: int) -> Iterator[EventCost]:
     case = CASES[name]()
     reference = study.read(case)
-    landings = sum(kind == "landing" for kind, _ in reference.events)
+    landings = _landings(reference)
     forms = [("compiled", ALWAYS)] if find_spec("numba") else []
     for words, form in (*forms, ("plain Python", PLAIN)):
         with form_of_search(form):
-            error = _error(study.solve(case), reference)  # compiles, and makes the tables
-            alone = _median(lambda: _search(case), repeats)
-            whole = _median(lambda: study.solve(case.fresh()), repeats)
+            error = _error(case, study.solve(case), reference)  # compiles, and makes the tables
+            alone = median_of(lambda: _search(case), repeats)
+            whole = median_of(lambda: study.solve(case.fresh()), repeats)
         yield EventCost(name, landings, f"rig, the search, {words}", alone / landings, error)
-        yield EventCost(name, landings, f"rig, a whole solution, {words}", whole / landings, error)
-    found = list(_of_peer(case, reference, peer))
+        yield EventCost(name, landings, f"rig, {WHOLE}, {words}", whole / landings, error)
+    found = list(_of_peer(case, case, reference, peer))
     if found:
-        words, taken, error = min(found, key=lambda run: run[2])
-        yield EventCost(name, landings, f"{words}, a whole solution", taken / landings, error)
+        words, taken, error, _ = min(found, key=lambda run: run[2])
+        yield EventCost(name, landings, f"{words}, {WHOLE}", taken / landings, error)
+    if name in LONG_NAMES:
+        yield from _of_long(case, reference, peer, repeats)
+
+
+def _of_long(case: Case, reference: Solution, peer: str, repeats: int) -> Iterator[EventCost]:
+    """The same case for `LONG_TURNS`; errors are of the turns that the reference has."""
+    long, name = case.lasting(LONG_TURNS), f"{case.name}, {LONG_TURNS} turns"
+    form = ("compiled", ALWAYS) if find_spec("numba") else ("plain Python", PLAIN)
+    with form_of_search(form[1]):
+        solution = study.solve(long)
+        taken = median_of(lambda: study.solve(long.fresh()), repeats)
+    landings, error = _landings(solution), _error(case, solution, reference)
+    yield EventCost(name, landings, f"rig, {WHOLE}, {form[0]}", taken / landings, error)
+    found = list(_of_peer(case, long, reference, peer))
+    if found:
+        words, taken, error, landings = min(found, key=lambda run: run[2])
+        yield EventCost(name, landings, f"{words}, {WHOLE}", taken / landings, error)
+
+
+def _landings(solution: Solution) -> int:
+    return sum(kind == "landing" for kind, _ in solution.events)
 
 
 def _search(case: Case) -> None:
@@ -85,28 +109,34 @@ def _search(case: Case) -> None:
         study.two_mass_course(case)
 
 
-def _of_peer(case: Case, reference: Solution, name: str) -> Iterator[tuple[str, float, float]]:
-    """Words, time (s) and error (s) of each setting that came to an end."""
+def _of_peer(
+    case: Case, run: Case, reference: Solution, name: str
+) -> Iterator[tuple[str, float, float, int]]:
+    """Words, time (s), error (s) in the case, landings of each setting that finished its run."""
     for peer in PEERS:
         if peer.name != name or peer.missing() is not None:
             continue
         for rtol in RTOLS:
             begun = time.perf_counter()
             try:
-                solution = peer.solve(case, rtol, SECONDS)
+                solution = peer.solve(run, rtol, SECONDS)
             except PeerError:
                 continue
             taken = time.perf_counter() - begun
-            yield f"{peer.title} {rtol:.0e}", taken, _error(solution, reference)
+            error = _error(case, solution, reference)
+            yield f"{peer.title} {rtol:.0e}", taken, error, _landings(solution)
 
 
-def _error(solution: Solution, reference: Solution) -> float:
-    error = solution.event_error(reference)
+def _error(case: Case, solution: Solution, reference: Solution) -> float:
+    """Of the events up to the case's end."""
+    within = tuple(event for event in solution.events if event[1] <= case.duration)
+    error = replace(solution, events=within).event_error(reference)
     assert error is not None
     return error
 
 
-def _median(function: Callable[[], object], repeats: int) -> float:
+def median_of(function: Callable[[], object], repeats: int) -> float:
+    """Median wall time, s."""
     times = []
     for _ in range(repeats):
         begun = time.perf_counter()

@@ -275,6 +275,11 @@ class Case:
         short = replace(self, turns=min(turns, self.turns))
         return replace(short, times=self.times[self.times <= short.duration])
 
+    def lasting(self, turns: int) -> Case:
+        """The same for so many turns, with as many output times in each."""
+        times = output_times(self.speed, turns, self.times.size // self.turns)
+        return replace(self, turns=turns, quick_turns=turns, times=times)
+
     def fresh(self) -> Case:
         """The same case with a law for which nothing has been computed yet."""
         return replace(self, law=Law(self.law.name, self.law.breaks, self.law.ordinates))

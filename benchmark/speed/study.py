@@ -248,7 +248,7 @@ def _one_mass(case: Case) -> Solution:
     course = one_mass_course(case)
     motion = np.empty((2, case.times.size))
     for phase in course.phases:
-        here = (case.times >= phase.begin) & (case.times < phase.end)
+        here = slice(*np.searchsorted(case.times, [phase.begin, phase.end]).tolist())
         times = case.times[here]
         if phase.flight is not None:
             motion[:, here] = phase.flight.motion(times - phase.begin)[:2]

@@ -225,11 +225,11 @@ class ProfileErrors:
         breaks, columns = [np.zeros(1)], []
         degree = max(DEGREE, law.degree)
         for i, count in enumerate(counts.tolist()):
-            ends = np.linspace(law.breaks[i], law.breaks[i + 1], count + 1)
-            breaks.append(ends[1:])
+            breaks.append(np.linspace(law.breaks[i], law.breaks[i + 1], count + 1)[1:])
             parts = np.einsum("cqp,p->qc", bernstein.parts(law.degree, count), law.ordinates[:, i])
-            columns.append(bernstein.elevate(parts, degree) + self.ordinates(ends, degree))
-        return Law(law.name, np.concatenate(breaks), np.concatenate(columns, axis=1))
+            columns.append(bernstein.elevate(parts, degree))
+        ends = np.concatenate(breaks)
+        return Law(law.name, ends, np.concatenate(columns, axis=1) + self.ordinates(ends, degree))
 
     def at(self, angle: FloatArray) -> FloatArray:
         """Value (m), slope (m/rad) and curvature (m/rad²) of the errors at cam angles, (3, n).
@@ -238,7 +238,9 @@ class ProfileErrors:
         would step at the turn's end: over the last two wavelengths it passes smoothly (C3) into
         the sine that began a turn ahead, a blend no larger than either.
         """
-        found = _sine(self.eccentricity, TURN, self.eccentricity_phase, angle)
+        found = np.zeros((3, angle.size))
+        if self.eccentricity:
+            found += _sine(self.eccentricity, TURN, self.eccentricity_phase, angle)
         found[0] += self.size
         if self.waviness and self.wavelength:
             found += self._wave(angle, self.wavelength)
@@ -246,7 +248,9 @@ class ProfileErrors:
 
     def _wave(self, angle: FloatArray, wavelength: float) -> FloatArray:
         closing = min(CLOSING_WAVES * wavelength, TURN)
-        own = _sine(self.waviness, wavelength, self.waviness_phase, angle)
+        found = _sine(self.waviness, wavelength, self.waviness_phase, angle)
+        blended = angle > TURN - closing
+        own, angle = found[:, blended], angle[blended]
         ahead = _sine(self.waviness, wavelength, self.waviness_phase, angle - TURN)
         t = np.clip((angle - (TURN - closing)) / closing, 0.0, 1.0)
         powers = np.stack([t**k for k in range(2, 8)])
@@ -257,7 +261,8 @@ class ProfileErrors:
         own[0] += step * gap[0]
         own[1] += step * gap[1] + slope * gap[0]
         own[2] += step * gap[2] + 2.0 * slope * gap[1] + curvature * gap[0]
-        return own
+        found[:, blended] = own
+        return found
 
     def ordinates(self, ends: FloatArray, degree: int) -> FloatArray:
         """Of the quintics between neighbouring angles ``(n + 1,)``, ``(degree + 1, n)``."""

@@ -54,9 +54,9 @@ def loss_intervals(
     """Cam angles in [0, 2π] between which the cam would have to pull: contact is lost there."""
     ordinates = force_ordinates(law, parameters, speed)
     found: list[tuple[float, float]] = []
-    for i, span in enumerate(law.spans):
+    for i in np.flatnonzero((ordinates < 0.0).any(axis=0)).tolist():  # none else falls below
         for start, stop in bernstein.negative_intervals(ordinates[:, i]):
-            low, high = (float(law.breaks[i] + u * span) for u in (start, stop))
+            low, high = (float(law.breaks[i] + u * law.spans[i]) for u in (start, stop))
             if found and low <= found[-1][1] + 1e-15 * TURN:
                 found[-1] = (found[-1][0], high)
             else:

@@ -270,10 +270,7 @@ class Space:
         """Ordinates of all pieces cut in parts: the polynomial lies in their convex hull."""
         parts = parts or self.parts
         degree = ordinates.constant.size // self.spans.size - 1
-        cuts = [
-            bernstein.restrict(np.eye(degree + 1), i / parts, (i + 1) / parts) for i in range(parts)
-        ]
-        return ordinates.mapped(self.blocks(np.concatenate(cuts)))
+        return ordinates.mapped(self.blocks(np.concatenate(bernstein.parts(degree, parts))))
 
     def points(self, ordinates: Affine) -> Affine:
         """Values at the ends of the parts of all pieces, at joints on both sides."""

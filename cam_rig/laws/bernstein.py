@@ -80,7 +80,7 @@ def _interpolated(x: tuple[float, float, float], f: tuple[float, float, float]) 
 
 EPS = float(np.finfo(np.float64).eps)
 #: Up to so many points one call that runs along them is quicker than a loop over the degree.
-FEW = 128
+FEW = 32
 #: Subdivision stops here: roots nearer than this cannot be told apart in double precision.
 _ROOT_RESOLUTION = 2.0**-46
 
@@ -95,16 +95,15 @@ def binomials(degree: int) -> FloatArray:
 
 def basis(degree: int, u: FloatArray) -> FloatArray:
     """Bernstein basis values B_i(u), ``(len(u), degree + 1)`` (eq. 1 of the paper)."""
-    powers = np.empty((2, degree + 1, u.size))
-    powers[:, 0] = 1.0
-    powers[0, 1:], powers[1, 1:] = u, 1.0 - u
+    powers = np.empty((degree + 1, 2, u.size))
+    powers[0] = 1.0
+    powers[1:, 0], powers[1:, 1] = u, 1.0 - u
     if u.size <= FEW:
-        np.multiply.accumulate(powers, axis=1, out=powers)
+        np.multiply.accumulate(powers, axis=0, out=powers)
     else:
         for i in range(2, degree + 1):
-            powers[:, i] *= powers[:, i - 1]
-    weights = powers[0]
-    weights *= powers[1, ::-1]
+            np.multiply(powers[i - 1], powers[1], out=powers[i])
+    weights = powers[:, 0] * powers[::-1, 1]
     weights *= binomials(degree)[:, None]
     return np.asarray(weights.T)
 
@@ -210,10 +209,22 @@ def restrict(ordinates: FloatArray, start: float, stop: float) -> FloatArray:
 @lru_cache(maxsize=256)
 def parts(degree: int, count: int) -> FloatArray:
     """Matrices ``(count, p + 1, p + 1)`` that take ordinates to those of equal parts."""
-    unit = np.eye(degree + 1)
-    found = np.stack([restrict(unit, k / count, (k + 1) / count) for k in range(count)])
+    starts = np.arange(count) / count
+    widths = (np.arange(1, count + 1) / count - starts) / (1.0 - starts)
+    before, tails = _splits(degree, starts)
+    tails[:, 0] = before[:, -1]
+    found = np.asarray(np.matmul(_splits(degree, widths)[0], tails))
     found.setflags(write=False)
     return found
+
+
+def _splits(degree: int, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Matrices ``(n, p + 1, p + 1)`` of `split` at each u, but for the right one's first row."""
+    pascal, rest = _pascal(degree)
+    order = np.arange(degree + 1.0)
+    near, far = u[:, None] ** order, (1.0 - u)[:, None] ** order
+    left = pascal * near[:, None] * far[:, rest]
+    return left, (pascal * far[:, None] * near[:, rest])[:, ::-1, ::-1]
 
 
 def sign_changes(ordinates: FloatArray) -> int:

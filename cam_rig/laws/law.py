@@ -59,6 +59,10 @@ def peak(law: Law, order: int) -> Extreme:
 VELOCITY_JUMP, SLOPE_ROUNDING = 1e-9, 1e-12
 
 
+#: Angles of a piece whose basis is reckoned in one go: more would not stay in a core's memory.
+TOGETHER = 1024
+
+
 class Known(NamedTuple):
     """What of a law is known better than its ordinates of s tell: see `Law.substitute`."""
 
@@ -172,9 +176,11 @@ class Law:
         pieces = np.searchsorted(self.breaks[1:-1], inside, side="right")
         out = np.empty((ordinates.shape[0], inside.size))
         for i in np.flatnonzero(np.bincount(pieces)):
-            here = np.flatnonzero(pieces == i)
-            u = (inside[here] - self.breaks[i]) / self.spans[i]
-            out[:, here] = ordinates[:, :, i] @ bernstein.basis(self.degree, u).T
+            every = np.flatnonzero(pieces == i)
+            for begin in range(0, every.size, TOGETHER):
+                here = every[begin : begin + TOGETHER]
+                u = (inside[here] - self.breaks[i]) / self.spans[i]
+                out[:, here] = ordinates[:, :, i] @ bernstein.basis(self.degree, u).T
         return out
 
     def at(self, angle: float) -> tuple[float, float, float]:
@@ -283,7 +289,7 @@ class Law:
         jumps, slopes = self.jumps(1), np.abs(self.motion[1]).max(axis=0)
         beside = np.maximum(slopes, np.roll(slopes, 1))
         over = np.abs(jumps) - SLOPE_ROUNDING * beside
-        if (over <= 0.0).all():  # whatever the lift
+        if over.max() <= VELOCITY_JUMP * float(np.ptp(self.ordinates[0])):  # the lift is no less
             return {}
         return {int(i): float(jumps[i]) for i in np.flatnonzero(over > VELOCITY_JUMP * self.lift)}
 

@@ -29,6 +29,8 @@ CHUNKS = (256, 64)
 WIDEST_CHUNK = 0.125
 #: ... and there must be so many in a run to pay.
 MIN_CHUNKS = 2
+#: Runs without chunks that are reckoned in one go, of turns one after another.
+TOGETHER = 4
 #: What this part of a row's size is not worth a power of a chunk's series.
 NEGLIGIBLE = 2.0**-56
 #: Runs that begin within this part of a piece of each other begin alike: rounding of many turns.
@@ -69,7 +71,7 @@ def sample(
     turn = math.floor(start / TURN)
     piece = int(np.searchsorted(law.breaks, start - turn * TURN, side="right")) - 1
     begin = 0
-    long: dict[tuple[int, int], list[SampleRun]] = {}
+    runs_of: dict[tuple[int, int], list[SampleRun]] = {}
     while begin < count:
         index = piece % law.spans.size
         low = law.joints[index] + (turn + piece // law.spans.size) * TURN
@@ -77,15 +79,13 @@ def sample(
         end = min(count, max(begin, samples_before((low + span - start) / step)))
         if end > begin:
             run = SampleRun.of(begin, end, (start + begin * step - low) / span, step / span)
-            if run.chunk:
-                long.setdefault((index, run.chunk), []).append(run)
-            else:
-                at_each = bernstein.basis(law.degree, run.at()).T
-                np.matmul(weights @ law.motion[:, :, index], at_each, out=out[:, begin:end])
-                out[:, begin:end] += offsets[:, None]
+            runs_of.setdefault((index, run.chunk), []).append(run)
         begin = end
         piece += 1
-    for (index, chunk), runs in long.items():
+    for (index, chunk), runs in runs_of.items():
+        if not chunk:
+            _fill_each(runs, law.degree, weights @ law.motion[:, :, index], offsets, out)
+            continue
         series = _piece_series(law, index, runs[0].width, chunk, weights.tobytes())
         trains = repeated(runs)
         terms = series.at([train[0] for train in trains])
@@ -174,6 +174,20 @@ class ChunkSeries:
         middles = firsts + self.width * (chunk * inner + 0.5 * (chunk - 1))
         at = bernstein.basis(self.table.shape[1] - 1, middles)
         return np.asarray(np.matmul(at, self.table))
+
+
+def _fill_each(
+    runs: list[SampleRun], degree: int, rows: FloatArray, offsets: FloatArray, out: FloatArray
+) -> None:
+    """Write the samples of runs of one piece, sample by sample, of ordinates ``(k, p + 1)``."""
+    for begin in range(0, len(runs), TOGETHER):
+        some = runs[begin : begin + TOGETHER]
+        found = rows @ bernstein.basis(degree, np.concatenate([run.at() for run in some])).T
+        found += offsets[:, None]
+        at = 0
+        for run in some:
+            out[:, run.begin : run.end] = found[:, at : at + run.length]
+            at += run.length
 
 
 def fill_in_chunks(

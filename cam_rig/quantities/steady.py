@@ -9,6 +9,7 @@ said.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -38,13 +39,16 @@ from cam_rig.schema.explain import explain
 from cam_rig.schema.quantity import Quantity
 from cam_rig.simulation.by_speed import SpeedRow, SpeedRows
 from cam_rig.simulation.scene import LoadedScene
-from cam_rig.simulation.simulate import simulate, step_levels, turned_ticks
+from cam_rig.simulation.schedule import CamState, cam_states
+from cam_rig.simulation.simulate import Settling, simulate, step_levels, turned_ticks
 from cam_rig.units import NS, RPM, TURN, FloatArray
 
 #: A follower has settled when its turns to come change the force by no more than this part of it.
 SETTLED = 1e-6
 #: Turns from rest after which one that has not settled is measured as it is.
 MOST_TURNS = 40
+#: Samples (Hz) where none is asked for; and of a tick at most, little more than a core's memory.
+FEWEST, MOST_SAMPLES = 1, 1 << 15
 #: The contact force's row in the outputs of a mass on its stem.
 FORCE = 3
 
@@ -84,11 +88,12 @@ def _row(law: Law, rig: RigConfig, scene: SceneConfig, start: SteadyStart) -> Sp
     settle = scene.program.settle_turns.si
     rows = SpeedRows(laws, int(scene.sample_rate.si), settle)
     if rig.radiation is None:  # no sound, so no level
-        for tick in turned_ticks(loaded, start.state):
+        for tick in turned_ticks(loaded, start.state, _long_ticks(scene)):
             rows.take(tick)
         row = rows.rows({})[0]
     else:
-        row = rows.rows(step_levels(simulate(loaded, rows.take, start.state), settle))[0]
+        ticks = simulate(loaded, rows.take, start.state, _long_ticks(scene))
+        row = rows.rows(step_levels(ticks, settle))[0]
     if start.forces is not None:
         row = replace(row, force_least=start.forces[0], force_peak=start.forces[1])
     return row
@@ -103,6 +108,18 @@ def settled_turn(
     model, rate = MODELS[scene.model], max(1, round(samples * NS / turn))
     _, block = model.advance(law, model.parameters(rig), start.state, interval, rate)
     return block, _row(law, rig, scene, start), start.settled
+
+
+def _long_ticks(scene: SceneConfig) -> Iterator[CamState]:
+    """The cam's states, few at each speed: where it begins, is settled, and within long times."""
+    settling, longest = Settling(scene.program.settle_turns.si), MOST_SAMPLES / scene.sample_rate.si
+    last, settled = None, False
+    for state in cam_states(scene):
+        before, settled = settled, settling.is_over(state, steady=True)
+        same = last is not None and (last.speed, before) == (state.speed, settled)
+        if last is None or not same or state.time_ns - last.time_ns > longest * NS:
+            yield state
+            last = state
 
 
 def _start(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) -> SteadyStart:
@@ -152,14 +169,14 @@ def _twisted(law: Law, rig: RigConfig, speed: float) -> SteadyStart:
 
 def _turned(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) -> SteadyStart:
     """A follower turned from rest until no turn to come changes it, or `MOST_TURNS`."""
-    model, rate = MODELS[scene.model], int(scene.sample_rate.si)
+    model = MODELS[scene.model]
     parameters, scale = model.parameters(rig), _scale(law, rig, speed)
     turn = round(TURN / speed * NS)
     interval = Interval(0, turn, 0.0, TURN / turn * NS)  # a turn of whole nanoseconds
     state: FollowerState | None = None
     before, change = None, math.inf
     for _ in range(MOST_TURNS):
-        end, _block = model.advance(law, parameters, state, interval, rate)
+        end, _block = model.advance(law, parameters, state, interval, FEWEST)
         state = replace(end, cam_angle=None, cam_speed=None, pending_impulse=0.0)
         here = _numbers(state, scale)
         last, change = change, _away(here, before)

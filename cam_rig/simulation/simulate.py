@@ -213,11 +213,18 @@ class MicrophoneSimulator:
         return MeasuredTick(tick.start, stop, pressure, count, tick.steady)
 
 
-def turned_ticks(loaded: LoadedScene, begin: FollowerState | None = None) -> Iterator[TickSamples]:
-    """The follower's samples of a scene tick by tick; ``begin`` None puts it down on the cam."""
+def turned_ticks(
+    loaded: LoadedScene,
+    begin: FollowerState | None = None,
+    states: Iterable[CamState] | None = None,
+) -> Iterator[TickSamples]:
+    """The follower's samples of a scene tick by tick; ``begin`` None puts it down on the cam.
+
+    Ticks are those of the drive, or between ``states`` of the cam.
+    """
     follower = FollowerSimulator.of(loaded)
     start: CamState | None = None
-    for state in cam_states(loaded.scene):
+    for state in cam_states(loaded.scene) if states is None else states:
         turned = follower.turn_to(state)
         if start is None:
             follower.checkpoint = FollowerCheckpoint(state, begin)
@@ -230,10 +237,11 @@ def simulate(
     loaded: LoadedScene,
     take: Callable[[TickSamples], None] = lambda _: None,
     begin: FollowerState | None = None,
+    states: Iterable[CamState] | None = None,
 ) -> Iterator[MeasuredTick]:
-    """Run the scene tick by tick; ``take`` gets each tick's samples, which are not kept."""
+    """Run the scene as `turned_ticks`; ``take`` gets each tick's samples, which are not kept."""
     microphone = MicrophoneSimulator.of(loaded)
-    for tick in turned_ticks(loaded, begin):
+    for tick in turned_ticks(loaded, begin, states):
         take(tick)
         yield microphone.measure(tick)
 

@@ -5,6 +5,7 @@ And the tables of laws, free systems and contact that the search takes, of lists
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
@@ -39,6 +40,8 @@ from cam_rig.units import NS, TURN, FloatArray
 #: Phases that are found in one call: in the first, and in the longest, each having twice the room
 #: of the one before; compiled so many times more.
 FIRST_ROOM, MOST_ROOM, COMPILED_ROOM = 4, 128, 32
+#: So little of a turn more is rounding.
+WHOLE_TURN = 1e-6
 #: A change of the cam's velocity below this fraction of (cam speed x lift) is rounding: no step.
 NO_IMPACT = 1e-12
 #: A bounce is contact when it is lower than this fraction of the lift, or than so many metres,
@@ -69,7 +72,7 @@ class Course:
     had. The search itself is `cam_rig.dynamics.events.runs`.
     """
 
-    #: More events than any physical series has.
+    #: More events than any physical series has in a turn.
     most_events: ClassVar[int]
 
     def __init__(
@@ -116,14 +119,15 @@ class Course:
     def _find(self, table: Callable[[bool], RunTable], now: list[float], duration: float) -> None:
         """Phases and events up to ``duration`` s from ``now`` on, by ``table``, plain or not."""
         room, tables = FIRST_ROOM, cache(table)
+        most = self.most_events * max(1, math.ceil(self.speed * duration / TURN - WHOLE_TURN))
         while room == FIRST_ROOM or now[at.TIME] < duration:
             phases, events = _found(tables, now, room)
             self._rows += phases
             self.events += [self._event(*row) for row in events]
-            if len(self.events) > self.most_events:  # an endless series would be the model's fault
+            if len(self.events) > most:  # an endless series would be the model's fault
                 raise EndlessEventsError(
-                    f"more than {self.most_events} events in {duration:g} s at {self.speed:g} "
-                    f"rad/s; allowed: {self.most_events} an interval"
+                    f"more than {most} events in {duration:g} s at {self.speed:g} rad/s; "
+                    f"allowed: {self.most_events} a turn"
                 )
             room = min(2 * room, MOST_ROOM)
         self.last = self._state(now)

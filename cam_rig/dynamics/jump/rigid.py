@@ -32,11 +32,11 @@ def rigid_zero(law: LawSeries, follower: RigidMass) -> tuple[float, float]:
     What keeps contact up to the lowest speed found so far is left, the rest is halved, until
     rounding decides.
     """
-    law, count, size = borrowed(law), len(law.derivatives), len(law.largest) - 1
+    law, count, size = borrowed(law), len(law.alike), len(law.largest) - 1
     best, where = math.inf, math.nan
     for i in range(count):
-        s, slope, bend = law.derivatives[i][0], law.derivatives[i][1], law.derivatives[i][2]
-        for j, angle in ((0, law.breaks[i]), (size - 1, law.breaks[i + 1])):
+        s, slope, bend = law.derivatives[0], law.derivatives[1], law.derivatives[2]
+        for j, angle in ((i * size, law.breaks[i]), ((i + 1) * size - 1, law.breaks[i + 1])):
             speed = _zero(follower, s[j], slope[j], bend[j])
             if speed < best:
                 best, where = speed, angle
@@ -45,7 +45,7 @@ def rigid_zero(law: LawSeries, follower: RigidMass) -> tuple[float, float]:
     for i in range(count):
         for k in range(3):
             for j in range(size):
-                parts[k][j] = law.derivatives[i][k][j]
+                parts[k][j] = law.derivatives[k][i * size + j]
         lows[0], widths[0], top = law.breaks[i], law.breaks[i + 1] - law.breaks[i], 0
         least = math.ldexp(widths[0], -HALVINGS)
         while top >= 0 and looked < MAX_PARTS:

@@ -84,7 +84,7 @@ def climb(
         width = max(finest, min(high - low, _width(sags, floors, lowest)))
         high = low + width
         looks += _margins(law, mode, motion, high, floors, margins)
-        looks += len(law.jumps) * len(series.own)
+        looks += len(law.alike) * len(series.own)
         if not _holds(sags, margins, margins, lowest, lowest, width) and width > finest:
             step = 0.5 * width / low
             continue
@@ -107,7 +107,7 @@ def climb(
 
 
 def _series(law: LawSeries, mode: Oscillator) -> Series:
-    return series_of(mode, len(law.jumps[0]) - 1)
+    return series_of(mode, len(law.jumps) - 1)
 
 
 def _floors(law: LawSeries, mode: Oscillator, motion: OscillatorMotion, floors: Row) -> Least:

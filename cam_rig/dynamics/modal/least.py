@@ -9,12 +9,11 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cam_rig.dynamics.events.polynomials import weighted_value
+from cam_rig.dynamics.events.polynomials import weighted_by_binomials, weighted_value
 from cam_rig.dynamics.events.rows import Row, Rows, zero_rows, zeros
 from cam_rig.dynamics.modal.motion import (
     ADDED,
     BEGIN,
-    BEND,
     CARRIED,
     FLOW,
     HIGHEST,
@@ -71,7 +70,7 @@ def least(
     first, last = int(stretch.begin // TURN), min(len(motion.starts), int(stretch.end // TURN) + 1)
     within = last - first == 1
     low, high = stretch.begin - first * TURN, stretch.end - first * TURN
-    deepest, bound, group = -1, math.inf, 0
+    deepest, bound, group, apart = -1, math.inf, 0, _apart(motion, first, last)
     for i in range(len(motion.pieces)):
         numbers = motion.pieces[i]
         if within and (numbers[BEGIN] >= high or numbers[BEGIN] + numbers[SPAN] < low):
@@ -88,8 +87,12 @@ def least(
         if within and (numbers[BEGIN] >= high or numbers[BEGIN] + numbers[SPAN] < low):
             continue
         floor = numbers[LOWEST] - numbers[OWN] - motion.most * numbers[LEFT]
-        if floor < _allowed(found.value, EXACT * numbers[HIGHEST], stretch.relative):
-            if i != deepest:
+        allowed = _allowed(found.value, EXACT * numbers[HIGHEST], stretch.relative)
+        if floor < allowed:
+            if last - first > 1:
+                state = _free(motion, i, last - 1)
+                floor = max(floor, _chord(law, mode, motion, i, state) - apart * numbers[LEFT])
+            if i != deepest and floor < allowed:
                 found = _in_turns(law, mode, motion, stretch, i, first, last, parts, found)
             floor = max(floor, found.value - stretch.relative * abs(found.value))
         floors[group] = min(floors[group], floor)
@@ -99,6 +102,26 @@ def least(
 def _allowed(value: float, exact: float, relative: float) -> float:
     """What is not below this is left out, where a value was found."""
     return value if value == math.inf else value - max(exact, relative * abs(value))
+
+
+def _apart(motion: OscillatorMotion, first: int, last: int) -> float:
+    """By how much the output differs at most from turn to turn, where the last of them begins.
+
+    All that joints excite in a turn is the same in each, and large where derivatives of s are; what
+    turns begin with differs by the motion itself, and that fades.
+    """
+    most, x = 0.0, motion.starts[last - 1]
+    for turn in range(first, last - 1):
+        one = motion.starts[turn]
+        most = max(most, amplitude(motion.norm, (one[0] - x[0], one[1] - x[1])))
+    return motion.norm.reach * most
+
+
+def _free(motion: OscillatorMotion, piece: int, turn: int) -> Pair:
+    """Free (η, η̇) where a piece begins in a turn."""
+    numbers, x = motion.pieces[piece], motion.starts[turn]
+    place, rate = moved(numbers, FLOW, (x[0], x[1]))
+    return place + numbers[ADDED], rate + numbers[ADDED + 1]
 
 
 def _in_turns(
@@ -115,12 +138,11 @@ def _in_turns(
     """What was found, or what is lower in a piece, from a turn on to before another."""
     numbers = motion.pieces[piece]
     for turn in range(first, last):
-        angle, x = turn * TURN + numbers[BEGIN], motion.starts[turn]
+        angle = turn * TURN + numbers[BEGIN]
         begin, end = max(0.0, stretch.begin - angle), min(numbers[SPAN], stretch.end - angle)
         if end < begin or end <= 0.0:
             continue
-        place, rate = moved(numbers, FLOW, (x[0], x[1]))
-        state = place + numbers[ADDED], rate + numbers[ADDED + 1]
+        state = _free(motion, piece, turn)
         free = motion.norm.reach * amplitude(motion.norm, state)
         exact = EXACT * (numbers[HIGHEST] + free)
         allowed = _allowed(found.value, exact, stretch.relative)
@@ -136,6 +158,12 @@ def _in_turns(
     return Least(found.value, found.angle, found.looks + last - first)
 
 
+def _forced(motion: OscillatorMotion, piece: int) -> Row:
+    """Ordinates of the polynomial in a piece."""
+    size = len(motion.forced) // len(motion.pieces)
+    return motion.forced[piece * size : (piece + 1) * size]
+
+
 def _chord(
     law: LawSeries, mode: Oscillator, motion: OscillatorMotion, piece: int, state: Pair
 ) -> float:
@@ -145,7 +173,7 @@ def _chord(
     whole motion: in a piece much shorter than the mode's period, where derivatives of s jump, the
     polynomial and the vibration are large and cancel.
     """
-    numbers, forced, steep = motion.pieces[piece], motion.forced[piece], law.steepest[piece]
+    numbers, forced, steep = motion.pieces[piece], _forced(motion, piece), law.steepest[piece]
     speed, square, rate = motion.speed, motion.speed * motion.speed, math.sqrt(mode.stiffness)
     time, end = numbers[SPAN] / speed, moved(motion.flows[law.alike[piece]], 0, state)
     first = forced[0] + mode.place * state[0] + mode.velocity * state[1]
@@ -164,6 +192,14 @@ def _chord(
     return min(first, last) - below
 
 
+def _bend(ordinates: Row, span: float) -> float:
+    """What a polynomial's second derivative (1/rad²) does not exceed in a piece."""
+    count, change = len(ordinates), 0.0
+    for j in range(2, count):
+        change = max(change, abs(ordinates[j] - 2.0 * ordinates[j - 1] + ordinates[j - 2]))
+    return (count - 1) * (count - 2) * change / (span * span)
+
+
 def _in_piece(
     mode: Oscillator,
     motion: OscillatorMotion,
@@ -175,8 +211,10 @@ def _in_piece(
     found: Least,
 ) -> Least:
     """The same in the first of ``parts``, a part of a piece that begins at ``angle``."""
-    numbers, forced, flow, size = motion.pieces[piece], motion.forced[piece], zeros(4), motion.norm
-    span, bend, slow = numbers[SPAN], numbers[BEND], 1.0 / (motion.speed * motion.speed)
+    ordinates, flow, size = _forced(motion, piece), zeros(4), motion.norm
+    count, span = len(ordinates), motion.pieces[piece][SPAN]
+    forced = weighted_by_binomials(ordinates, count)
+    bend, slow = _bend(ordinates, span), 1.0 / (motion.speed * motion.speed)
     lowest, where, looks, top = found.value, found.angle, found.looks, 0
     while top >= 0:
         part = parts[top]
@@ -185,14 +223,14 @@ def _in_piece(
         if bound >= _allowed(lowest, exact, relative):
             continue
         flow_over(mode, step / motion.speed, flow)
-        before = weighted_value(forced, len(forced), min(1.0, low / span))
+        before = weighted_value(forced, count, min(1.0, low / span))
         value = before + mode.place * eta + mode.velocity * rate
         eighth, looks = 0.125 * step * step, looks + CUT
         if value < lowest:
             lowest, where = value, angle + low
         for _ in range(CUT):
             low += step
-            after = weighted_value(forced, len(forced), min(1.0, low / span))
+            after = weighted_value(forced, count, min(1.0, low / span))
             place, velocity = flow[0] * eta + flow[1] * rate, flow[2] * eta + flow[3] * rate
             reached = after + mode.place * place + mode.velocity * velocity
             if reached < lowest:

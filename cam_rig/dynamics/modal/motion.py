@@ -11,7 +11,7 @@ import math
 from typing import NamedTuple
 
 from cam_rig.dynamics.events.free_flight import impulse_at
-from cam_rig.dynamics.events.rows import Row, Rows, Stack, binomials, zero_rows, zeros
+from cam_rig.dynamics.events.rows import Row, Rows, Stack, zero_rows, zeros
 from cam_rig.units import TURN
 
 #: Two terms of the series after the second that are below this part of the largest are rounding.
@@ -27,23 +27,23 @@ Triple = tuple[float, float, float]
 #: it jumps, unsigned, where the group begins and at the joints inside; what ∫|s⁽ᵏ⁾| dθ over the
 #: group does not exceed, with the jumps of the derivative before.
 LARGEST, JUMP, INNER, WAY = range(4)
-#: Numbers of a piece: where it begins and its span (rad), the polynomial's least ordinate, its
-#: largest absolute one and what its second derivative (1/rad²) does not exceed, the flow from the
-#: turn's start to here, what the turn's joints have added to (η, η̇) here, what that contributes to
-#: the output at most, what is left of a norm since the turn's start, the polynomial's (η, η̇) here.
-BEGIN, SPAN, LOWEST, HIGHEST, BEND, FLOW = range(6)
-ADDED, OWN, LEFT, CARRIED, NUMBERS = 9, 11, 12, 13, 15
+#: Numbers of a piece: where it begins and its span (rad), the polynomial's least ordinate and its
+#: largest absolute one, the flow from the turn's start to here, what the turn's joints have added
+#: to (η, η̇) here, what that contributes to the output at most, what is left of a norm since the
+#: turn's start, the polynomial's (η, η̇) here.
+BEGIN, SPAN, LOWEST, HIGHEST, FLOW = range(5)
+ADDED, OWN, LEFT, CARRIED, NUMBERS = 8, 10, 11, 12, 14
 
 
 class LawSeries(NamedTuple):
     """A law of n pieces of degree p with all its derivatives; neighbouring ones make g groups."""
 
-    derivatives: Stack  #: ``(n, p + 2, p + 1)``: ordinates of s⁽ᵏ⁾(θ), piece by piece
-    jumps: Rows  #: ``(n, p + 2)``: of s⁽ᵏ⁾ at the start of each piece
+    derivatives: Rows  #: ``(p + 2, n (p + 1))``: ordinates of s⁽ᵏ⁾(θ), piece after piece
+    jumps: Rows  #: ``(p + 2, n)``: of s⁽ᵏ⁾ at the start of each piece
     breaks: Row  #: ``(n + 1,)``, rad
     alike: list[int]  #: ``(n,)``: which is the first piece of the same span
     groups: list[int]  #: ``(g + 1,)``: with which piece each group begins
-    starts: Rows  #: ``(n, p + 2)``: s⁽ᵏ⁾ where each piece begins
+    starts: Rows  #: ``(p + 2, n)``: s⁽ᵏ⁾ where each piece begins
     largest: Row  #: ``(p + 2,)``: what |s⁽ᵏ⁾| does not exceed
     sizes: Stack  #: ``(g, 4, p + 2)``, rows as above
     steepest: Rows  #: ``(n, 5)``: what s to its fourth derivative do not exceed in each piece
@@ -84,9 +84,9 @@ class OscillatorMotion(NamedTuple):
 
     speed: float  #: rad/s
     norm: Norm
-    pieces: Rows  #: ``(n, 15)``, numbers as above
+    pieces: Rows  #: ``(n, 14)``, numbers as above
     flows: Rows  #: ``(n, 5)``: e^{At} over each piece that is the first of its span, and its norm
-    forced: Rows  #: ``(n, p + 1)``: ordinates of the output's polynomial part, times binomials
+    forced: Row  #: ``(n (p + 1),)``: ordinates of the output's polynomial part
     lowest: Row  #: ``(g,)``: its least ordinate in each group
     starts: Rows  #: ``(t, 2)``: free (η, η̇) where turns begin, until the motion repeats or ends
     most: float  #: what these contribute to the output at most
@@ -170,15 +170,21 @@ def term_count(law: LawSeries, series: Series, speed: float) -> int:
     return len(series.output)
 
 
-def forced_state(series: Series, row: Row, speed: float, terms: int) -> Pair:
-    """(η, η̇) of the polynomial where s⁽ᵏ⁾ or its jumps are ``row`` ``(p + 2,)``."""
-    place, velocity, power = 0.0, 0.0, 1.0
+def forced_states(series: Series, rows: Rows, speed: float, terms: int) -> Rows:
+    """η and η̇ of polynomials, ``(2, n)``, where s⁽ᵏ⁾ or its jumps are ``rows`` ``(p + 2, n)``."""
+    out, power = zero_rows(2, len(rows[0])), 1.0
     for k in range(terms):
         weight = series.own[k] * power
-        place += weight * row[k]
-        velocity += weight * speed * row[k + 1]
+        add_scaled(out[0], weight, rows[k])
+        add_scaled(out[1], weight * speed, rows[k + 1])
         power *= speed
-    return place, velocity
+    return out
+
+
+def add_scaled(out: Row, scale: float, row: Row) -> None:
+    """Add a multiple of a row: long ones, as compiled code takes several numbers at once."""
+    for i in range(len(out)):
+        out[i] += scale * row[i]
 
 
 def moved(flow: Row, first: int, state: Pair) -> Pair:
@@ -189,13 +195,12 @@ def moved(flow: Row, first: int, state: Pair) -> Pair:
 
 def motion_at(law: LawSeries, mode: Oscillator, series: Series, speed: float) -> OscillatorMotion:
     """The mode at a speed (rad/s)."""
-    count, size, fading = len(law.derivatives), len(series.own), norm_of(mode)
+    count, size, fading = len(law.alike), len(series.own), norm_of(mode)
     terms = term_count(law, series, speed)
-    powers, weights, power = zeros(terms), binomials(size - 1), 1.0
-    for k in range(terms):
-        powers[k] = series.output[k] * power
-        power *= speed
-    pieces, forced, flows = zero_rows(count, NUMBERS), zero_rows(count, size), zero_rows(count, 5)
+    forced = _polynomials(law, series, mode.constant, speed, terms)
+    jumps = forced_states(series, law.jumps, speed, terms)
+    carried = forced_states(series, law.starts, speed, terms)
+    pieces, flows = zero_rows(count, NUMBERS), zero_rows(count, 5)
     state, left, whole = (0.0, 0.0), 1.0, zeros(4)
     whole[0], whole[3] = 1.0, 1.0
     for i in range(count):
@@ -205,51 +210,41 @@ def motion_at(law: LawSeries, mode: Oscillator, series: Series, speed: float) ->
             flow_over(mode, numbers[SPAN] / speed, flow)
             flow[4] = math.exp(-fading.decay * numbers[SPAN] / speed)
         if i > 0:
-            added = forced_state(series, law.jumps[i], speed, terms)
-            state = state[0] - added[0], state[1] - added[1]
+            state = state[0] - jumps[0][i], state[1] - jumps[1][i]
         for j in range(4):
             numbers[FLOW + j] = whole[j]
         numbers[ADDED], numbers[ADDED + 1] = state
-        carried = forced_state(series, law.starts[i], speed, terms)
-        numbers[CARRIED], numbers[CARRIED + 1] = carried
+        numbers[CARRIED], numbers[CARRIED + 1] = carried[0][i], carried[1][i]
         numbers[OWN], numbers[LEFT] = fading.reach * amplitude(fading, state), left
-        _forced(law.derivatives[i], powers, mode.constant, forced[i], numbers)
-        for j in range(size):
-            forced[i][j] *= weights[j]
+        lowest, highest = forced[i * size], forced[i * size]
+        for j in range(i * size + 1, (i + 1) * size):
+            lowest, highest = min(lowest, forced[j]), max(highest, forced[j])
+        numbers[LOWEST], numbers[HIGHEST] = lowest, max(abs(lowest), abs(highest))
         state, (a, b, c, d) = moved(flow, 0, state), (whole[0], whole[1], whole[2], whole[3])
         whole[0], whole[1] = flow[0] * a + flow[1] * c, flow[0] * b + flow[1] * d
         whole[2], whole[3] = flow[2] * a + flow[3] * c, flow[2] * b + flow[3] * d
         left *= flow[4]
-    added = forced_state(series, law.jumps[0], speed, terms)
-    turn = state[0] - added[0], state[1] - added[1]
-    begin = forced_state(series, law.starts[0], speed, terms)
+    turn, begin = (state[0] - jumps[0][0], state[1] - jumps[1][0]), (carried[0][0], carried[1][0])
     starts = _starts(mode, fading, speed, begin, whole, turn)
-    lowest, most = zeros(len(law.sizes)), 0.0
+    floors, most = zeros(len(law.sizes)), 0.0
     for start in starts:
         most = max(most, fading.reach * amplitude(fading, (start[0], start[1])))
-    for g in range(len(lowest)):
-        lowest[g] = math.inf
+    for g in range(len(floors)):
+        floors[g] = math.inf
         for i in range(law.groups[g], law.groups[g + 1]):
-            lowest[g] = min(lowest[g], pieces[i][LOWEST])
-    return OscillatorMotion(speed, fading, pieces, flows, forced, lowest, starts, most)
+            floors[g] = min(floors[g], pieces[i][LOWEST])
+    return OscillatorMotion(speed, fading, pieces, flows, forced, floors, starts, most)
 
 
-def _forced(derivatives: Rows, powers: Row, constant: float, out: Row, numbers: Row) -> None:
-    """Ordinates of the output's polynomial in a piece, and its numbers."""
-    size = len(out)
-    for j in range(size):
+def _polynomials(law: LawSeries, series: Series, constant: float, speed: float, terms: int) -> Row:
+    """Ordinates of the output's polynomials, piece after piece."""
+    out, power = zeros(len(law.derivatives[0])), 1.0
+    for j in range(len(out)):
         out[j] = constant
-    for k in range(len(powers)):
-        row, power = derivatives[k], powers[k]
-        for j in range(size):
-            out[j] += power * row[j]
-    lowest, highest, change = out[0], out[0], 0.0
-    for j in range(size):
-        lowest, highest = min(lowest, out[j]), max(highest, out[j])
-        if j > 1:
-            change = max(change, abs(out[j] - 2.0 * out[j - 1] + out[j - 2]))
-    numbers[LOWEST], numbers[HIGHEST] = lowest, max(abs(lowest), abs(highest))
-    numbers[BEND] = (size - 1) * (size - 2) * change / (numbers[SPAN] * numbers[SPAN])
+    for k in range(terms):
+        add_scaled(out, series.output[k] * power, law.derivatives[k])
+        power *= speed
+    return out
 
 
 def flow_over(mode: Oscillator, time: float, out: Row) -> None:

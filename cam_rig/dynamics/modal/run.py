@@ -82,10 +82,11 @@ def law_series(law: Law, arrays: bool) -> LawSeries:
     first = np.minimum.reduceat(order, np.flatnonzero(new))
     alike = np.empty_like(order)
     alike[order] = first[np.cumsum(new) - 1]
-    tables: list[Any] = [rows.transpose(2, 0, 1), jumps.T, breaks, alike, np.array(groups)]
+    ordinates = rows.transpose(0, 2, 1).reshape(len(rows), -1)
+    tables: list[Any] = [ordinates, jumps, breaks, alike, np.array(groups)]
     steepest = np.zeros((5, spans.size))
     steepest[: len(rows)] = largest[:5]
-    tables += [rows[:, 0].T, largest.max(axis=1), np.stack(sizes).transpose(2, 0, 1), steepest.T]
+    tables += [rows[:, 0], largest.max(axis=1), np.stack(sizes).transpose(2, 0, 1), steepest.T]
     tables = [np.ascontiguousarray(table) for table in tables]
     return LawSeries(*(tables if arrays else [table.tolist() for table in tables]))
 
@@ -143,7 +144,7 @@ class ModalRun:
                 "harmonic of the speed; allowed: damping, or another speed"
             )
         motion = motion_at(law, mode, series_of(mode, self.law.degree + 1), speed)
-        piece = min(max(bisect_right(law.breaks, angle), 1), len(law.jumps)) - 1
+        piece = min(max(bisect_right(law.breaks, angle), 1), len(law.alike)) - 1
         numbers, flow, start = motion.pieces[piece], zeros(4), motion.starts[0]
         place, rate = moved(numbers, FLOW, (start[0], start[1]))
         flow_over(mode, (angle - numbers[BEGIN]) / speed, flow)

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cam_rig.dynamics.events.rows import Row, Rows, zero_rows, zeros
+from cam_rig.dynamics.events.rows import Row, Rows, dot, zero_rows, zeros
 from cam_rig.dynamics.modal.motion import (
     INNER,
     JUMP,
@@ -49,42 +49,61 @@ def sags_between(
     """The sags of all groups of a run between two speeds (rad/s), ``(g, 3)``."""
     count, times = len(law.sizes), Times(low, high, mode.duration)
     begins, along, pushed = zero_rows(count, 3), zero_rows(count, 3), zero_rows(count, 3)
-    other, none = zero_rows(count, 3), zero_rows(count, 3)
+    other, none, lefts = zero_rows(count, 3), zero_rows(count, 3), zeros(count)
+    weights, bends = _weights(size, series, high), _bends(series, high)
     for i in range(count):
         sizes = law.sizes[i]
-        _excited(begins[i], sizes[JUMP], size, series, high)
-        _excited(along[i], sizes[INNER], size, series, high)
+        _excited(begins[i], sizes[JUMP], weights)
+        _excited(along[i], sizes[INNER], weights)
         _pushed(pushed[i], sizes[WAY], mode, low, high)
-        forced, power = 0.0, 1.0
-        for k in range(2, len(series.output)):
-            forced += k * (k - 1) * abs(series.output[k]) * power * sizes[LARGEST][k]
-            power *= high
+        forced = dot(bends, sizes[LARGEST])
         direct = 2.0 * abs(mode.motion[2]) * sizes[LARGEST][2]
         out[i][BENT], out[i][FREE], out[i][FORCED] = forced, 0.0, forced
         other[i][BENT], other[i][FREE], other[i][FORCED] = direct, 0.0, direct
+        span = law.breaks[law.groups[i + 1]] - law.breaks[law.groups[i]]
+        lefts[i] = math.exp(-size.decay * span / high)
     start = zeros(3)
     if mode.duration < math.inf:
-        _excited(start, law.starts[0], size, series, high)
-    _vibrate(law, size, times, begins, along, start, out)
-    _vibrate(law, size, times, none, pushed, zeros(3), other)
+        still = zeros(len(law.starts))
+        for k in range(len(still)):
+            still[k] = law.starts[k][0]
+        _excited(start, still, weights)
+    _vibrate(law, size, times, lefts, begins, along, start, out)
+    _vibrate(law, size, times, lefts, none, pushed, zeros(3), other)
     for i in range(count):
         if other[i][BENT] < out[i][BENT]:
             for j in range(3):
                 out[i][j] = other[i][j]
 
 
-def _excited(out: Row, sizes: Row, size: Norm, series: Series, speed: float) -> None:
-    """N of jumps of such sizes, N' and N'' up to a speed."""
+def _weights(size: Norm, series: Series, speed: float) -> Rows:
+    """What jumps of derivatives add to N, N' and N'' up to a speed, ``(3, p + 2)``."""
     rate, power, count = size.rate + size.half, 1.0, len(series.own)
+    out = zero_rows(3, count + 1)
     for k in range(count + 1):
         weight = rate * abs(series.own[k]) if k < count else 0.0
         if k > 0:
             weight += abs(series.own[k - 1])
-        term = weight * power * sizes[k]
-        out[0] += term
-        out[1] += k * term / speed
-        out[2] += k * (k - 1) * term / (speed * speed)
+        weight *= power
+        out[0][k], out[1][k] = weight, k * weight / speed
+        out[2][k] = k * (k - 1) * weight / (speed * speed)
         power *= speed
+    return out
+
+
+def _bends(series: Series, speed: float) -> Row:
+    """What derivatives add to the polynomial's second derivative up to a speed, ``(p + 1,)``."""
+    out, power = zeros(len(series.output)), 1.0
+    for k in range(2, len(out)):
+        out[k] = k * (k - 1) * abs(series.output[k]) * power
+        power *= speed
+    return out
+
+
+def _excited(out: Row, sizes: Row, weights: Rows) -> None:
+    """N of jumps of such sizes, N' and N''."""
+    for i in range(3):
+        out[i] += dot(weights[i], sizes)
 
 
 def _pushed(out: Row, ways: Row, mode: Oscillator, low: float, high: float) -> None:
@@ -98,6 +117,7 @@ def _vibrate(
     law: LawSeries,
     size: Norm,
     times: Times,
+    lefts: Row,
     begins: Rows,
     along: Rows,
     start: Row,
@@ -106,10 +126,6 @@ def _vibrate(
     """Add vibrations to the sags: excited where groups begin, along them, and at the start."""
     sums, own, end = zeros(SUMS), zeros(SUMS), times.high * times.duration
     count = len(begins)
-    lefts = zeros(count)
-    for i in range(count):
-        span = law.breaks[law.groups[i + 1]] - law.breaks[law.groups[i]]
-        lefts[i] = math.exp(-size.decay * span / times.high)
     if end > TURN:
         for i in range(count):
             time = (law.breaks[law.groups[i + 1]] - law.breaks[law.groups[i]]) / times.low

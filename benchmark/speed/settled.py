@@ -1,0 +1,104 @@
+"""What one point of a sweep costs: the settled turns of TM21's follower, beside SUNDIALS CVODE.
+
+The rig's point is all that a campaign asks of a run: level, forces, torque, lift-offs, landings.
+The peer is given less to do: it integrates the flights up to their landings; all samples are those
+on the cam, in one call of the rig's own. It need not settle, nor tell a level.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from importlib.util import find_spec
+
+from benchmark.speed.cases import rad_per_s
+from benchmark.speed.event_cost import form_of_search, median_of
+from benchmark.speed.models import Case, OneMass, Solution, output_times
+from benchmark.speed.peers import PEERS
+from cam_rig.dynamics import Interval
+from cam_rig.dynamics.events.course import MIN_OF_LIFT
+from cam_rig.dynamics.events.search import ALWAYS, PLAIN
+from cam_rig.dynamics.kinetostatic import contact_samples
+from cam_rig.quantities.steady import scene_at, steady_row
+from cam_rig.show.tables import DataTable, Head, tabulate
+from cam_rig.simulation.scene import LoadedScene, load_scene
+from cam_rig.units import NS, TURN
+
+SCENE, CAM = "tm21_sweep", "tm21"
+
+#: Below the jump speed the follower stays on the cam; above it the peer has flights to integrate.
+SPEEDS_RPM, REPEATS, RTOL = (300.0, 391.37, 450.0), 21, 1e-8
+
+PEER = next(peer for peer in PEERS if peer.title == "CVODE Adams")
+
+
+@dataclass(frozen=True)
+class SettledCost:
+    """Time (s) of a point at a speed, its samples and landings, and the peer's, None without it."""
+
+    rpm: float
+    samples: int
+    landings: int
+    time_s: float
+    peer_s: float | None
+
+
+def settled_costs(
+    speeds_rpm: Iterable[float] = SPEEDS_RPM, repeats: int = REPEATS
+) -> list[SettledCost]:
+    """Each speed, all turns of the scene's program."""
+    loaded = load_scene(SCENE)
+    loaded = loaded.only(CAM, loaded.laws[CAM])
+    with form_of_search(ALWAYS if find_spec("numba") else PLAIN):
+        return [_cost(loaded, rpm, repeats) for rpm in speeds_rpm]
+
+
+def _cost(loaded: LoadedScene, rpm: float, repeats: int) -> SettledCost:
+    law, speed = loaded.laws[CAM], rad_per_s(rpm)
+
+    def point() -> float:
+        row, _ = steady_row(law, loaded.rig, scene_at(loaded.scene, speed), speed)
+        return row.lift_offs
+
+    landings = round(point() * loaded.scene.program.turns.si)
+    case, rate = _case(loaded, speed), int(loaded.scene.sample_rate.si)
+    peer = None
+    if landings and PEER.missing() is None:
+        peer = median_of(lambda: _by_peer(case, loaded, rate), max(1, repeats // 7))
+    samples = Interval(0, round(case.duration * NS), 0.0, speed).grid(rate).count
+    return SettledCost(rpm, samples, landings, median_of(point, repeats), peer)
+
+
+def _case(loaded: LoadedScene, speed: float) -> Case:
+    """The same follower for the peer."""
+    law, p, turns = loaded.laws[CAM], loaded.follower, int(loaded.scene.program.turns.si)
+    numbers = (p.mass, p.damping, p.spring_stiffness, p.preload, p.restitution or 0.0)
+    model = OneMass(*numbers, MIN_OF_LIFT * law.lift)
+    return Case(CAM, CAM, law, model, speed, turns, turns, output_times(speed, turns, 1))
+
+
+def _by_peer(case: Case, loaded: LoadedScene, rate: int) -> Solution:
+    """Its flights, and the samples of all turns on the cam."""
+    whole = Interval(0, round(case.turns * TURN / case.speed * NS), 0.0, case.speed)
+    contact_samples(case.law, loaded.follower, whole, rate)
+    return PEER.solve(case, RTOL)
+
+
+def settled_table(costs: list[SettledCost]) -> DataTable:
+    """A row for each speed."""
+    return tabulate(
+        "Settled turns",
+        costs,
+        (
+            (Head("speed", "rpm", "g"), lambda cost: cost.rpm),
+            (Head("samples", "", "d"), lambda cost: cost.samples),
+            (Head("landings", "", "d"), lambda cost: cost.landings),
+            (Head("a point", "ms", ".2f"), lambda cost: 1e3 * cost.time_s),
+            (Head("CVODE Adams", "ms", ".0f"), lambda cost: _ms(cost.peer_s)),
+            (Head("x rig", "", ".0f"), lambda cost: cost.peer_s and cost.peer_s / cost.time_s),
+        ),
+    )
+
+
+def _ms(time_s: float | None) -> float | None:
+    return None if time_s is None else 1e3 * time_s
