@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from starlette.applications import Starlette
+from starlette.middleware import Middleware
+from starlette.middleware.gzip import GZipMiddleware
 from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import BaseRoute, Mount, Route
@@ -165,7 +167,8 @@ def application(*pages: PanelPages, language: str | None = None) -> Starlette:
         Mount("/static", StaticFiles(directory=STATIC)),
     )
     routes = [*own, *common]
-    return Starlette(routes=routes, lifespan=lifespan)
+    packed = Middleware(GZipMiddleware, compresslevel=5)
+    return Starlette(routes=routes, lifespan=lifespan, middleware=[packed])
 
 
 @contextmanager

@@ -15,9 +15,9 @@ export class Pictures {
     this.step = 360 / board.points;
     const turn = { x: [0, 360], xTicks: [0, 60, 120, 180, 240, 300, 360] };
     const last = NAMES.length - 1;
-    this.charts = NAMES.map((_, i) => new Chart($(`chart${i}`), { ...turn, title: text(`s${i}`), xTitle: i === 0 || i === last ? text("angle") : "" }));
+    this.charts = NAMES.map((_, i) => new Chart($(`chart${i}`), { ...turn, title: text(`s${i}`), role: i === 0 ? "group" : "img", xTitle: i === 0 || i === last ? text("angle") : "" }));
     this.force = new Chart($("force"), { ...turn, title: text("newton"), xTitle: text("angle") });
-    this.spectrum = new Chart($("spectrum"), { x: [0, HIGHEST_ORDER + 1], xTicks: [1, 10, 20, 30, 40], title: "", xTitle: text("order"), log: true });
+    this.spectrum = new Chart($("spectrum"), { x: [0, HIGHEST_ORDER + 1], xTicks: [1, 10, 20, 30, 40], title: text("of_force"), xTitle: text("order"), log: true });
     this.all = [...this.charts, this.force, this.spectrum];
     this.#key();
   }

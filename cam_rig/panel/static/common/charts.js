@@ -33,10 +33,10 @@ export function seen(colour) { return /^#(000000|111|333)$/.test(colour) ? "curr
 const LEFT = 56, RIGHT = 16, TOP = 18, BOTTOM = 20;
 
 export class Chart {
-  /** `options`: x range, its ticks, log for a logarithmic y axis, title and xTitle. */
-  constructor(place, { title, x, xTicks, xTitle = "", log = false }) {
+  /** `options`: x range, its ticks, log for a logarithmic y axis, title and xTitle; the role of a picture, or of a group of handles. */
+  constructor(place, { title, x, xTicks, xTitle = "", log = false, role = "img" }) {
     Object.assign(this, { place, title, x, xTicks, xTitle, log });
-    this.svg = element("svg", { role: "img", "aria-label": title });
+    this.svg = element("svg", { role, "aria-label": title });
     place.append(this.svg);
     this.axes = element("g", {}, this.svg);
     const id = `clip_${place.id}`;
