@@ -98,7 +98,7 @@ Lang = Annotated[
     str | None, typer.Option(help="Language of the pages, en or es; the browser's by default.")
 ]
 NoRerun = Annotated[
-    bool, typer.Option("--no-rerun", help="The bench without Rerun's picture of the rig.")
+    bool, typer.Option("--no-rerun", help="The bench without Record in Rerun.")
 ]
 Open = Annotated[bool, typer.Option("--open", help="Open the browser.")]
 LabName = Annotated[
@@ -137,7 +137,7 @@ def panel(
 
     Prints an address on this machine and serves it until Ctrl-C. On the drawing board the
     ordinates of a law are handles on its curve; s to s''', contact force, spectrum and jump speeds
-    follow. The bench runs the nodes: knob, level meter, sound, readings, the rig in Rerun. The
+    follow. The bench runs the nodes: knob, the rig as it moves, level meter, sound, readings. The
     address has a token: without it no page, user or machine gets anything of the pages, Rerun's
     among them. The bench's nodes are open to ROS on this machine, as those of every run.
 

@@ -43,22 +43,30 @@ export class TurnCharts {
 
   /** The settled turn of a set-up and speed: rows as in a block; null is none. */
   expected(rows) {
+    const anew = rows !== this.known;
     this.known = rows;
-    for (const { name, chart } of this.charts) {
-      if (rows) this.#fit(chart, rows[name], rows !== this.fitted);
-      const step = rows ? (rows.angle[1] * 180) / Math.PI : 1;
-      chart.curve("expected", rows && Array.from(rows[name]), { kind: "expected", step });
+    for (const one of this.charts) {
+      if (rows) this.#fit(one, rows[one.name], anew);
+      this.#expect(one);
     }
-    this.fitted = rows;
     this.dirty = true;
   }
 
-  #fit(chart, values, anew) {
+  #expect({ name, chart }) {
+    const { known } = this;
+    const step = known ? (known.angle[1] * 180) / Math.PI : 1;
+    chart.curve("expected", known && Array.from(known[name]), { kind: "expected", step });
+  }
+
+  /** Axes that hold these values; what was drawn on others is drawn anew, or is gone. */
+  #fit(one, values, anew) {
+    const { chart } = one;
     const [low, high] = extent([values]);
     const before = `${chart.range}`;
     chart.fit(Math.min(0, low), Math.max(0, high), anew);
     if (`${chart.range}` === before) return;
-    for (const { canvas, past } of this.charts) for (const one of [canvas, past]) wipe(one);
+    wipe(one.past);
+    this.#expect(one);
     this.dirty = true;
   }
 
@@ -69,7 +77,7 @@ export class TurnCharts {
       if (this.running.length && angle < this.running.at(-1).angle - 1e-6) this.#over();
       this.running.push({ angle, lift: rows.lift[i], velocity: rows.velocity[i], acceleration: rows.acceleration[i], force: rows.force[i] });
     }
-    for (const { name, chart } of this.charts) if (rows.angle.length) this.#fit(chart, rows[name], false);
+    for (const one of this.charts) if (rows.angle.length) this.#fit(one, rows[one.name], false);
     this.dirty = true;
   }
 

@@ -60,7 +60,9 @@ export class RigPicture {
     for (let d = 0; d < 360; d += 30) {
       const [x, y] = towards(d);
       if (!this.picture.swings && y > 0.5) continue; // the follower stands there
-      element("text", { class: "degrees", x: x * this.ring * NUMBER, y: 0.35 * size - y * this.ring * NUMBER, "font-size": size }, this.svg).textContent = `${d}°`;
+      const number = element("text", { class: "degrees", x: x * this.ring * NUMBER, y: 0.35 * size - y * this.ring * NUMBER }, this.svg);
+      number.textContent = `${d}°`;
+      number.style.fontSize = `${size}px`; // of the drawing's own millimetres
     }
   }
 
