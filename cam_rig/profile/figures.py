@@ -268,14 +268,15 @@ def _pressure(axes: Axes, law: Law, discs: tuple[Contour, ...], checks: list[Che
 
 
 def _stages(axes: Axes, law: Law, named: bool) -> None:
-    """Rise and dwell shaded over the whole height, by the sign of s'."""
+    """Rise, dwell and fall by the sign of s', the first two shaded over the whole height."""
     angle = turn_angles(POINTS)
     slope, steepest = law(angle, 1), max(float(np.abs(e.value)) for e in extremes(law, 1))
-    rising, still = slope > STILL * steepest, np.abs(slope) <= STILL * steepest
-    for where, shade, name in ((rising, "0.85", "rise"), (still, "0.95", "dwell")):
+    least = STILL * steepest
+    stages = (slope > least, "0.85", "rise"), (abs(slope) <= least, "0.95", "dwell")
+    for where, shade, name in (*stages, (slope < -least, None, "fall")):
         for start, stop in _runs(where):
             first, last = start * 360.0 / POINTS, stop * 360.0 / POINTS
-            if last - first >= NARROW:
+            if shade and last - first >= NARROW:
                 axes.axvspan(first, last, color=shade, lw=0.0, zorder=0)
             if named and last - first >= NAMED_STAGE:
                 _note(axes, 0.5 * (first + last), 0.02, name, "bottom")
