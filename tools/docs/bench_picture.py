@@ -33,7 +33,7 @@ SPEEDS = {"poly345": range(200, 550, 50), "tm21": range(200, 500, 50)}
 
 def photograph_bench(path: Path) -> None:
     """Write the bench with the readings of two cams, while the follower flies."""
-    with _panel() as address, open_browser(webgl=False) as browser:
+    with panel_address() as address, open_browser(webgl=False) as browser:
         page = new_page(browser)
         page.set_viewport_size(SIZE)  # type: ignore[arg-type]
         page.goto(address)
@@ -64,7 +64,7 @@ def _note(page: Page, cam: str, rpm: int) -> None:
 
 
 @contextmanager
-def _panel() -> Iterator[str]:
+def panel_address() -> Iterator[str]:
     """A panel's address, as long as the context lasts."""
     command = [str(Path(sys.executable).parent / "cam-rig"), "panel", "--out"]
     with (

@@ -132,7 +132,7 @@ function live(message) {
   const { graph, drive, state, values, contact } = message;
   if (message.sound_rate) sound.rate = message.sound_rate;
   $("holder").hidden = message.holds;
-  $("relative").textContent = message.calibrated_on ? text("calibrated", { cam: message.calibrated_on }) : text("level_relative");
+  say("relative", message.calibrated_on ? text("calibrated", { cam: message.calibrated_on }) : text("level_relative"));
   enable(message.holds && runs(message), message.holds);
   if (wanted !== null && message.holds && runs(message)) [wanted] = [null, speed.put(wanted)];
   $("start").disabled ||= drive === "emergency" || drive === "turning";
@@ -144,15 +144,15 @@ function live(message) {
   $("csv").hidden = !message.readings.length;
   graphWords(message);
   const turns = drive === "turning" && "rpm" in state;
-  $("speed").textContent = "rpm" in state ? shown(turns ? state.rpm : 0, 5) : "–";
-  $("level").textContent = message.level === null ? "–" : message.level.toFixed(1);
+  say("speed", "rpm" in state ? shown(turns ? state.rpm : 0, 5) : "–");
+  say("level", message.level === null ? "–" : message.level.toFixed(1));
   $("meter").value = message.level ?? 0;
   const ear = values.microphone;
-  $("quantity").textContent = ear ? `dB, L${ear.frequency_weighting}${ear.time_weighting}` : "dB";
+  say("quantity", ear ? `dB, L${ear.frequency_weighting}${ear.time_weighting}` : "dB");
   if (contact === "contact lost" || message.losses > losses) lostAt = performance.now();
   losses = message.losses;
   lamp(contact);
-  $("late").textContent = message.late ? text("late") : "";
+  say("late", message.late ? text("late") : "");
   if (!knob.held && !speed.pending && wanted === null && document.activeElement !== $("rpm")) {
     const commanded = values.cam_drive?.rpm || message.setup.rpm;
     knob.show(commanded);
@@ -160,7 +160,7 @@ function live(message) {
   }
   for (const id of SELECTS) choose(id, message);
   if (!edited) for (const id of SETUP) $(id).value = message.setup[id];
-  chart.draw(message.readings);
+  if (message.readings.length !== chart.readings?.length) chart.draw(message.readings);
   list("ended", Object.entries(message.ended), ended);
   list("kept", message.kept, (path) => Object.assign(document.createElement("li"), { textContent: text("kept", { path }) }));
   list("log", message.log, (line) => Object.assign(document.createElement("li"), { textContent: line }));
@@ -187,7 +187,7 @@ function screen({ screen: address }) {
 }
 
 function graphWords({ graph, words: why, domain, drive, waits_for: nodes }) {
-  $("ros").textContent = graph === "running" ? text("ros", { domain }) : "";
+  say("ros", graph === "running" ? text("ros", { domain }) : "");
   const key = graph !== "running" ? `graph_${graph}` : nodes ? "drive_waits" : `drive_${drive}`;
   say("graph", text(key, { why, nodes }));
   $("graph").classList.toggle("fault", graph === "failed" || drive === "emergency");

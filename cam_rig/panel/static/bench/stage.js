@@ -9,11 +9,24 @@ const $ = (id) => document.getElementById(id);
 const TURN = 2 * Math.PI;
 /** Gauges are read, not watched: so often (ms) they change. */
 const GAUGE_MS = 100;
+/** The cam is watched, curves are read: so often (ms) those are drawn. */
+const CURVES_MS = 80;
+
+/** Without a graphics card every frame is the processor's work, and one in so long (ms) is enough. */
+const FRAME_MS = accelerated() ? 0 : 28;
+
+function accelerated() {
+  const context = document.createElement("canvas").getContext("webgl");
+  const named = context?.getExtension("WEBGL_debug_renderer_info");
+  const renderer = named ? context.getParameter(named.UNMASKED_RENDERER_WEBGL) : "";
+  context?.getExtension("WEBGL_lose_context")?.loseContext();
+  return Boolean(context) && !/swiftshader|llvmpipe|software/i.test(renderer);
+}
 
 export class Stage {
   /** `pacing()` gives the drive's pace: real_time, a factor as 0.5x, or free. */
   constructor(pacing) {
-    Object.assign(this, { pacing, turns: false, cam: null, known: null, at: 0, frame: 0, gauged: 0, playback: new Playback() });
+    Object.assign(this, { pacing, turns: false, cam: null, known: null, at: 0, frame: 0, gauged: 0, curved: 0, playback: new Playback() });
     this.rig = new RigPicture($("rig"), text("rig_picture"));
     this.lens = new Lens($("lens"));
     this.charts = new TurnCharts($("curves"), (angle) => this.#hover(angle));
@@ -82,6 +95,7 @@ export class Stage {
 
   #draw(now) {
     this.frame = 0;
+    if (this.turns && now - this.drawn < FRAME_MS) return this.#soon();
     const { playback } = this;
     const seconds = Math.min(0.25, (now - (this.drawn ?? now)) / 1000);
     this.drawn = now;
@@ -94,7 +108,10 @@ export class Stage {
       this.rig.pose(found.now);
       this.#gauges(found.now, now);
     }
-    this.charts.draw(this.at);
+    if (!this.turns || now - this.curved > CURVES_MS) {
+      this.curved = now;
+      this.charts.draw(this.at);
+    }
     if (this.turns && playback.end !== null) this.#soon();
     else this.drawn = undefined;
   }

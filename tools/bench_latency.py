@@ -1,0 +1,104 @@
+"""The bench in a browser without a graphics card: first picture, frames, delays, processor time.
+
+    .venv/bin/python -m tools.bench_latency
+
+The first picture is the cam's contour, after the page is asked for. A delay is from the event on
+the page to the readout that shows it. Processor time is of Chromium and of the panel's server, in
+parts of one core, while the cam turns at 450 rpm.
+"""
+
+from __future__ import annotations
+
+import os
+import statistics
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
+
+from tools.docs.bench_picture import panel_address
+from tools.docs.browser import TIMEOUT_S, new_page, open_browser
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+#: Speed (rpm), and seconds over which frames and processor time are counted.
+RPM, WATCHED_S = 450, 10.0
+#: Speeds that the knob is turned to for its delay.
+TURNED = (300, 350, 280, 420, 310, 390, 260)
+
+FRAMES = """(seconds) => new Promise((done) => {
+  let [frames, last] = [0, ""];
+  const begin = performance.now(), cam = document.querySelector("#rig svg > g > g");
+  const look = () => {
+    const now = cam.getAttribute("transform");
+    if (now !== last) frames += 1;
+    last = now;
+    if (performance.now() - begin > 1000 * seconds) done(frames / seconds);
+    else requestAnimationFrame(look);
+  };
+  look();
+})"""
+DELAY = """(rpm) => new Promise((done) => {
+  const begin = performance.now(), speed = document.getElementById("speed");
+  new MutationObserver(() => {
+    if (speed.textContent === String(rpm)) done(performance.now() - begin);
+  }).observe(speed, { childList: true });
+  const typed = document.getElementById("rpm");
+  typed.value = rpm;
+  typed.dispatchEvent(new Event("change"));
+})"""
+
+
+def cpu_seconds(pids: set[int]) -> float:
+    """Processor time (s) of processes so far."""
+    ticks = 0
+    for pid in pids:
+        fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
+        ticks += int(fields[11]) + int(fields[12])
+    return ticks / os.sysconf("SC_CLK_TCK")
+
+
+def processes(words: str) -> set[int]:
+    """Processes whose command line has these words."""
+    found = set()
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            line = path.read_bytes().replace(b"\0", b" ").decode(errors="replace")
+        except OSError:
+            continue
+        if words in line:
+            found.add(int(path.parent.name))
+    return found
+
+
+def first_picture(page: Page, address: str) -> float:
+    """Seconds from asking for the bench to the cam's contour."""
+    begin = time.monotonic()
+    page.goto(address, wait_until="commit")
+    page.locator("#rig .disc").wait_for()
+    return time.monotonic() - begin
+
+
+def main() -> None:
+    """Measure, and print a line each."""
+    with panel_address() as address, open_browser(webgl=False) as browser:
+        page = new_page(browser)
+        page.goto(address)
+        bench = f"http://{urlsplit(address).netloc}/bench"
+        cold = first_picture(page, bench)
+        print(f"first picture: {cold:.2f} s, again {first_picture(page, bench):.2f} s")
+        page.locator("#start:enabled").click(timeout=TIMEOUT_S * 1e3)
+        delays = [page.evaluate(DELAY, rpm) for rpm in TURNED]
+        print(f"typed speed to readout: {statistics.median(delays):.0f} ms, {max(delays):.0f} at most")
+        page.evaluate(DELAY, RPM)
+        both = processes("chrom"), processes("cam-rig panel")
+        begin = [cpu_seconds(pids) for pids in both]
+        frames = page.evaluate(FRAMES, WATCHED_S)
+        used = [100 * (cpu_seconds(p) - b) / WATCHED_S for p, b in zip(both, begin, strict=True)]
+        print(f"{RPM} rpm: {frames:.0f} frames/s; of a core: page {used[0]:.0f} %, server", end=" ")
+        print(f"{used[1]:.0f} %")
+
+
+if __name__ == "__main__":
+    main()
