@@ -90,7 +90,8 @@ def main() -> None:
         print(f"first picture: {cold:.2f} s, again {first_picture(page, bench):.2f} s")
         page.locator("#start:enabled").click(timeout=TIMEOUT_S * 1e3)
         delays = [page.evaluate(DELAY, rpm) for rpm in TURNED]
-        print(f"typed speed to readout: {statistics.median(delays):.0f} ms, {max(delays):.0f} at most")
+        middle = statistics.median(delays)
+        print(f"typed speed to readout: {middle:.0f} ms, {max(delays):.0f} at most")
         page.evaluate(DELAY, RPM)
         both = processes("chrom"), processes("cam-rig panel")
         begin = [cpu_seconds(pids) for pids in both]

@@ -97,9 +97,7 @@ Out = Annotated[Path, typer.Option(metavar="FOLDER", help="Where cam files, bags
 Lang = Annotated[
     str | None, typer.Option(help="Language of the pages, en or es; the browser's by default.")
 ]
-NoRerun = Annotated[
-    bool, typer.Option("--no-rerun", help="The bench without Record in Rerun.")
-]
+NoRerun = Annotated[bool, typer.Option("--no-rerun", help="The bench without Record in Rerun.")]
 Open = Annotated[bool, typer.Option("--open", help="Open the browser.")]
 LabName = Annotated[
     str | None, typer.Option(metavar="NAME", help="A lab sheet for a student: jump.")
