@@ -114,7 +114,7 @@ Tolerance = Annotated[
 ]
 
 
-@command("json", "csv")
+@command("json", "csv", "plot")
 def panel(
     names: Names = None,
     rig: RigOfPanel = None,
@@ -130,6 +130,7 @@ def panel(
     *,
     json: str | None,
     csv: Path | None,
+    plot: Path | None,
 ) -> Result | None:
     """Turn the rig by hand in a browser, and draw the laws of its cams.
 
@@ -151,9 +152,11 @@ def panel(
     cam-rig panel --lab jump --rig tm21 --seed group-3 --out sheets
 
     cam-rig panel --mark sheets/lab_jump_group-3.csv --json -
+
+    cam-rig panel --mark sheets/one.csv sheets/two.csv --plot class.png
     """
     cams, sheets = _apart(names or [], mark)
-    for_marks = any(given is not None for given in (tolerance, json, csv))
+    for_marks = any(given is not None for given in (tolerance, json, csv, plot))
     _require_together(lab, seed, mark, open_browser, for_marks)
     if mark:
         return mark_sheets(sheets, cams[0] if cams else None, rig, tolerance)
@@ -179,7 +182,7 @@ def _require_together(
     if mark and (lab is not None or open_browser):
         raise ConfigError("--mark serves no page; allowed: without --lab, --seed and --open")
     if for_marks and not mark:
-        raise ConfigError("--tolerance, --json, --csv: are of marks; allowed: with --mark")
+        raise ConfigError("--tolerance, --json, --csv, --plot: are of marks; allowed: with --mark")
 
 
 def _serve(

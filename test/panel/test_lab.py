@@ -14,6 +14,7 @@ from cam_rig.cli.main import app
 from cam_rig.dynamics.jump.any_follower import follower_of
 from cam_rig.dynamics.jump.jump_speed import rigid_least
 from cam_rig.errors import ConfigError, DynamicsError
+from cam_rig.panel.command import mark_sheets
 from cam_rig.panel.lab.marking import POINTS, observe
 from cam_rig.panel.lab.pages import LabPages
 from cam_rig.panel.lab.sheet import (
@@ -333,6 +334,24 @@ def test_marks_are_the_difference_to_find_jump(tmp_path):
     assert lines[0].startswith("file,reading,spring_stiffness,added_mass,preload,rpm,true_rpm,")
     assert len(lines) == 7
     assert target.with_suffix(".sheets.csv").read_text("utf-8").count("\n") == 3
+
+
+def test_the_class_is_drawn_with_the_farthest_reading_last(tmp_path):
+    """A row a sheet, a point a reading, what is beyond the tolerance full."""
+    sheets = [
+        written(tmp_path, seed, off) for seed, off in (("a", -0.03), ("b", 0.0), ("c", 0.005))
+    ]
+    found = mark_sheets(sheets, None, None, None)
+    above, below = found.plot().axes
+    assert [tick.get_text() for tick in above.get_yticklabels()] == ["Ana"] * 3
+    places = [(line.get_ydata()[0], line.get_xdata()[0]) for line in above.lines]
+    assert [len([1 for row, _ in places if row == k]) for k in range(3)] == [3, 3, 3]
+    assert all(abs(x + 3.0) < 0.01 for row, x in places if row == 2)
+    full = [line.get_markerfacecolor() != "none" for line in above.lines]
+    assert full == [False] * 6 + [True] * 3
+    assert sum(bar.get_height() for bar in below.containers[0]) == 9
+    assert mark(*sheets, "--plot", tmp_path / "class.png")[0] == 0
+    assert (tmp_path / "class.png").stat().st_size > 5000
 
 
 def test_a_spreadsheet_may_have_saved_it(tmp_path):

@@ -108,6 +108,7 @@ class MarksResult(Result):
     """The marks of sheets, of one tolerance (%)."""
 
     schema = "cam_rig.panel_marks.1"
+    drawn_by = "cam_rig.panel.lab.figures:marks_figure"
     columns: ClassVar = {
         "readings": (
             Column("file"),
