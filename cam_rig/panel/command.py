@@ -196,6 +196,7 @@ def _serve(
     seed: str | None,
     lang: str | None,
 ) -> None:
+    from cam_rig.dynamics.events.search import expect_many
     from cam_rig.extras import require
     from cam_rig.files import temporary_folder
     from cam_rig.panel.board.board import Board
@@ -212,6 +213,7 @@ def _serve(
     from cam_rig.panel.server import PanelPages, serve
     from cam_rig.runner.resources import user_folder
 
+    expect_many()
     first, own = load_cam(cam_path(cam)), load_rig(rig_path(rig))
     with temporary_folder("cam_rig-panel-", user_folder()) as folder:
         runner = BenchRunner(own, folder, out, rerun)
