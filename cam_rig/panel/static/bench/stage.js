@@ -1,19 +1,31 @@
 // The picture of the rig, its gauges and the charts of a turn: what runs, or what is expected.
 import { shown } from "../common/charts.js";
+import { $ } from "../common/dom.js";
 import { text } from "../common/texts.js";
+/** @import { Rows } from "./playback.js" */
 import { Playback, rowsOf } from "./playback.js";
 import { Lens, RigPicture } from "../common/rig.js";
 import { TurnCharts } from "./turns.js";
 
-const $ = (id) => document.getElementById(id);
 const TURN = 2 * Math.PI;
 /** Gauges are read, not watched: so often (ms) they change. */
 const GAUGE_MS = 100;
 
 export class Stage {
-  /** `pacing()` gives the drive's pace: real_time, a factor as 0.5x, or free. */
+  /** `pacing()` gives the drive's pace: real_time, a factor as 0.5x, or free. @param {() => string | undefined} pacing */
   constructor(pacing) {
-    Object.assign(this, { pacing, turns: false, cam: null, known: null, at: 0, frame: 0, gauged: 0, playback: new Playback() });
+    this.pacing = pacing;
+    this.turns = false;
+    /** @type {string | null} */
+    this.cam = null;
+    /** A settled turn that is expected. @type {Rows | null} */
+    this.known = null;
+    this.at = 0; // the cam angle, rad
+    this.frame = 0;
+    this.gauged = 0;
+    /** When (ms) it was drawn, while it moves. @type {number | undefined} */
+    this.drawn = undefined;
+    this.playback = new Playback();
     this.rig = new RigPicture($("rig"), text("rig_picture"));
     this.lens = new Lens($("lens"));
     this.charts = new TurnCharts($("curves"), (angle) => this.#hover(angle));
@@ -21,21 +33,21 @@ export class Stage {
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { this.charts.dirty = true; this.#soon(); });
   }
 
-  /** A block of a tick has come. */
+  /** A block of a tick has come. @param {ArrayBuffer} block */
   take(block) {
     this.playback.push(block);
     this.#soon();
   }
 
-  /** What the bench says: another cam is drawn anew, a cam that stands is held. */
+  /** What the bench says: another cam is drawn anew, a cam that stands is held. @param {Live} live @param {boolean} turns */
   show({ graph, values, state, setup }, turns) {
     const cam = values.law_server?.cam || state.cam || setup.cam;
     if (cam !== this.cam) this.#load(cam);
     if (graph === "starting") this.playback.reset();
-    if (this.turns && !turns) this.stopped = true;
     this.turns = turns;
   }
 
+  /** @param {string} cam */
   async #load(cam) {
     this.cam = cam;
     const answer = await fetch(`/bench/cam/${encodeURIComponent(cam)}`).catch(() => null);
@@ -46,10 +58,9 @@ export class Stage {
     this.#still();
   }
 
-  /** A settled turn as the server found it; null where there is none. */
+  /** A settled turn as the server found it; null where there is none. @param {Expected | null} found */
   expect(found) {
-    const bytes = found && Uint8Array.from(atob(found.curves), (character) => character.charCodeAt(0));
-    this.known = bytes && rowsOf(bytes.buffer, 0);
+    this.known = found && rowsOf(Uint8Array.from(atob(found.curves), (character) => character.charCodeAt(0)).buffer, 0);
     this.charts.expected(this.known);
     this.rig.strongest = this.known ? Math.max(1, ...this.known.force) : 1;
     this.lens.widest = this.known ? Math.max(...this.known.gap) : 0;
@@ -60,7 +71,7 @@ export class Stage {
   /** The highest the follower is off its cam in what is expected, µm. */
   get highest() { return this.known ? Math.max(...this.known.gap) : 0; }
 
-  /** While the cam stands, the pointer on a chart turns it. */
+  /** While the cam stands, the pointer on a chart turns it. @param {number | null} angle */
   #hover(angle) {
     if (this.turns || angle === null) return;
     this.at = angle;
@@ -80,6 +91,7 @@ export class Stage {
 
   #soon() { this.frame ||= requestAnimationFrame((now) => this.#draw(now)); }
 
+  /** @param {number} now */
   #draw(now) {
     this.frame = 0;
     const { playback } = this;
@@ -99,7 +111,7 @@ export class Stage {
     else this.drawn = undefined;
   }
 
-  /** `now` is the frame's time (ms) where it is one of many. */
+  /** `now` is the frame's time (ms) where it is one of many. @param {Pose} pose */
   #gauges({ angle, lift, force, gap }, now = Infinity) {
     this.lens.show(gap);
     $("lens").hidden = !(this.lens.widest > 10 || gap > 0);
