@@ -11,10 +11,10 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 # none should compile the package anew.
 unexport PYTHONPATH PYTHONDONTWRITEBYTECODE
 
-.PHONY: help setup run view pictures docs test lint tests test-long references bench lock clean
+.PHONY: help setup run view pictures docs test lint check-pages tests test-long references bench lock clean
 
 help: ## list these targets
-	@sed -nE 's/^([a-z-]+):[^#]*## (.*)/  make \1\t\2/p' Makefile | expand -t 18
+	@sed -nE 's/^([a-z-]+):[^#]*## (.*)/  make \1\t\2/p' Makefile | expand -t 20
 
 setup: $(STAMP) ## make .venv with everything in requirements.lock
 
@@ -44,6 +44,9 @@ lint: setup ## lint, types, import rules alone; their words where one does not h
 		$(BIN)/lint-imports; } 2>&1) && echo 'lint, types, import rules: all hold' || \
 		{ printf '%s\n' "$$words"; exit 1; }
 
+check-pages: ## types of the pages' JavaScript, by Node.js and npm
+	@cd tools/pages && npm ci --silent && node_modules/.bin/tsc && echo "types of the pages: all hold"
+
 tests: setup ## the tests alone
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest $(WORKERS)
 
@@ -63,7 +66,7 @@ lock: | $(BIN)/pip ## resolve requirements.lock anew (remove it first to raise e
 		--no-annotate --custom-compile-command 'make lock' --quiet
 
 clean: ## remove .venv and everything built; bags stay
-	rm -rf .venv build install log *.egg-info .*_cache .hypothesis
+	rm -rf .venv build install log tools/pages/node_modules *.egg-info .*_cache .hypothesis
 	find cam_rig launch test -name __pycache__ -prune -exec rm -rf {} +
 
 # pip is the last thing venv writes, so a half-made .venv is made again.

@@ -98,6 +98,37 @@ def test_a_killed_node_is_named_and_one_command_starts_it_again(shared):
         page.until(lambda live: not live["ended"] and live["state"]["time_ns"] > before + 5e8)
 
 
+def test_a_page_that_watches_is_sent_every_tick_and_another_none(shared):
+    """Blocks join without a gap at the commanded speed; what nobody watches is not sent."""
+    panel, _ = shared
+    with panel.page() as page, panel.page() as other:
+        page.running()
+        page.until(lambda live: live["holds"])
+        page.do("watch", value=True)
+        page.do("set", name="rpm", value=250)
+        page.do("call", value="start")
+        page.turning(250.0)
+        page.motion.clear()
+        page.until(lambda _: len(page.motion) > 40)
+        begins, steps, rows = zip(*map(block_of, page.motion), strict=True)
+        ends = [b + s * r.shape[1] for b, s, r in zip(begins, steps, rows, strict=True)]
+        assert begins[1:] == pytest.approx(ends[:-1], abs=1.01 * max(steps))
+        angles = np.unwrap(np.concatenate([row[0] for row in rows[5:]]))
+        times = np.concatenate(
+            [b + s * np.arange(r.shape[1]) for b, s, r in zip(begins, steps, rows, strict=True)][5:]
+        )
+        assert np.ptp(angles - 250.0 * RPM * times) < 1e-3
+        page.do("watch", value=False)
+        other.ask("note")
+        assert other.motion == []
+
+
+def block_of(data):
+    """Begin and step (s), and the rows of a tick's block."""
+    begin, step = np.frombuffer(data, "<f8", 2, len(MOTION)).tolist()
+    return begin, step, np.frombuffer(data, "<f4", offset=len(MOTION) + 16).reshape(6, -1)
+
+
 class BenchInBrowser(BrowserPage):
     """The bench's page as a browser shows it."""
 
@@ -198,37 +229,6 @@ def test_a_page_turns_the_rig_and_so_does_anybody_else(running_panel, ros_domain
         answer = page.ask("set", name="cam", value="no_such")
         assert not answer["success"]
         assert "no_such" in answer["words"]
-
-
-def test_a_page_that_watches_is_sent_every_tick_and_another_none(shared):
-    """Blocks join without a gap at the commanded speed; what nobody watches is not sent."""
-    panel, _ = shared
-    with panel.page() as page, panel.page() as other:
-        page.running()
-        page.until(lambda live: live["holds"])
-        page.do("watch", value=True)
-        page.do("set", name="rpm", value=250)
-        page.do("call", value="start")
-        page.turning(250.0)
-        page.motion.clear()
-        page.until(lambda _: len(page.motion) > 40)
-        begins, steps, rows = zip(*map(block_of, page.motion), strict=True)
-        ends = [b + s * r.shape[1] for b, s, r in zip(begins, steps, rows, strict=True)]
-        assert begins[1:] == pytest.approx(ends[:-1], abs=1.01 * max(steps))
-        angles = np.unwrap(np.concatenate([row[0] for row in rows[5:]]))
-        times = np.concatenate(
-            [b + s * np.arange(r.shape[1]) for b, s, r in zip(begins, steps, rows, strict=True)][5:]
-        )
-        assert np.ptp(angles - 250.0 * RPM * times) < 1e-3
-        page.do("watch", value=False)
-        other.ask("note")
-        assert other.motion == []
-
-
-def block_of(data):
-    """Begin and step (s), and the rows of a tick's block."""
-    begin, step = np.frombuffer(data, "<f8", 2, len(MOTION)).tolist()
-    return begin, step, np.frombuffer(data, "<f4", offset=len(MOTION) + 16).reshape(6, -1)
 
 
 @pytest.mark.long

@@ -3,35 +3,48 @@
 const AGAIN_MS = 500;
 /** Bytes of the name that a block begins with. */
 export const NAME = 8;
-const named = (data) => String.fromCharCode(...new Uint8Array(data, 0, NAME)).trim();
+const named = (/** @type {ArrayBuffer} */ data) => String.fromCharCode(...new Uint8Array(data, 0, NAME)).trim();
 
 export class Link {
-  /** live(message), motion(buffer), sound(floats) and connected(bool) are told. */
+  /**
+   * live(message), motion(buffer), sound(floats) and connected(bool) are told.
+   * @param {(message: Live) => void} live
+   * @param {(block: ArrayBuffer) => void} motion
+   * @param {(samples: Float32Array) => void} sound
+   * @param {(on: boolean) => void} connected
+   */
   constructor(live, motion, sound, connected) {
-    Object.assign(this, { live, motion, sound, connected, number: 0, asked: new Map() });
-    this.#open();
+    this.live = live;
+    this.motion = motion;
+    this.sound = sound;
+    this.connected = connected;
+    this.number = 0;
+    /** @type {Map<number, (answer: Answer) => void>} */
+    this.asked = new Map();
+    this.socket = this.#open();
   }
 
   #open() {
-    this.socket = new WebSocket(`ws://${location.host}/bench/live`);
-    this.socket.binaryType = "arraybuffer";
-    this.socket.onopen = () => this.connected(true);
-    this.socket.onclose = () => {
+    const socket = new WebSocket(`ws://${location.host}/bench/live`);
+    socket.binaryType = "arraybuffer";
+    socket.onopen = () => this.connected(true);
+    socket.onclose = () => {
       for (const answer of this.asked.values()) answer({ success: false, words: "" });
       this.asked.clear();
       this.connected(false);
-      setTimeout(() => this.#open(), AGAIN_MS);
+      setTimeout(() => { this.socket = this.#open(); }, AGAIN_MS);
     };
-    this.socket.onmessage = ({ data }) => {
+    socket.onmessage = ({ data }) => {
       if (data instanceof ArrayBuffer) return named(data) === "sound" ? this.sound(new Float32Array(data, NAME)) : this.motion(data);
       const message = JSON.parse(data);
       if (message.type !== "answer") return this.live(message);
       this.asked.get(message.answer)?.(message);
       this.asked.delete(message.answer);
     };
+    return socket;
   }
 
-  /** What the bench answers to a command: success, and words. */
+  /** What the bench answers to a command: success, and words. @param {object} command @returns {Promise<Answer>} */
   ask(command) {
     if (this.socket.readyState !== WebSocket.OPEN) return Promise.resolve({ success: false, words: "" });
     this.number += 1;
@@ -41,12 +54,19 @@ export class Link {
   }
 }
 
-/** Sends the newest value, one at a time; what comes meanwhile waits, and only the last of it. */
+/** Sends the newest value, one at a time; what comes meanwhile waits, and only the last of it. @template T */
 export class Newest {
-  constructor(send) { Object.assign(this, { send, busy: false, waiting: null }); }
+  /** @param {(value: T) => Promise<unknown>} send */
+  constructor(send) {
+    this.send = send;
+    this.busy = false;
+    /** @type {{value: T} | null} */
+    this.waiting = null;
+  }
 
   get pending() { return this.busy; }
 
+  /** @param {T} value */
   async put(value) {
     this.waiting = { value };
     if (this.busy) return;

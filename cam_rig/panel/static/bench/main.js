@@ -1,51 +1,62 @@
 // The live bench: every control is a node's own parameter or service, and shows what the node says.
 import { shown } from "../common/charts.js";
 import { loadTexts, text } from "../common/texts.js";
+import { $, field } from "../common/dom.js";
 import { Knob } from "../common/knob.js";
 import { Link, Newest } from "./link.js";
 import { NoiseChart } from "./noise.js";
 import { Stage } from "./stage.js";
 import { Sound } from "./sound.js";
 
-const $ = (id) => document.getElementById(id);
 /** How long (ms) the lamp shows a contact that was lost: it may have been for a millisecond. */
 const LAMP_MS = 400;
 /** What is read out has stayed so long (ms). */
 const ANNOUNCE_MS = 1500;
 /** A volume and a level (dB) from which on headphones are warned of. */
 const LOUD = 0.5, LOUD_DB = 100;
-const SETUP = ["model", "added_mass", "spring_stiffness", "preload"];
+const SETUP = /** @type {const} */ (["model", "added_mass", "spring_stiffness", "preload"]);
 
 await loadTexts();
+/**
+ * @type {{rig: {name: string}, has_screen: boolean, models: string[], model: string, settings: Record<string, {node: string, choices: string[]}>,
+ *   knob: Pair, speeds: Pair, colours: string[], max_added_mass: number}}
+ */
 const about = await (await fetch("/bench/about")).json();
 /** What may be set, has choices, and a list on the page; the speed alone has a knob. */
 const SELECTS = Object.keys(about.settings).filter((name) => $(name) && about.settings[name].choices.length);
+/** What the bench said last. @type {Live | null} */
 let now = null;
 
 // -- what is there once -----------------------------------------------------------------------------
+/** @param {string} model */
 function heading(model) {
   say("title", text("bench_title", { rig: about.rig.name, model: text(`short_${model}`) }));
 }
-/** Words are put only where they change, so that a reader of the page hears them once. */
+/** Words are put only where they change, so that a reader of the page hears them once. @param {string} id @param {string} sentence */
 function say(id, sentence) {
   if ($(id).textContent !== sentence) $(id).textContent = sentence;
 }
 heading(about.model);
 document.title = `${text("nav_bench")} – cam_rig`;
 for (const id of ["rerun", "rerun_note"]) $(id).hidden = !about.has_screen;
+/** @type {Record<string, string>} */
 const words = { real_time: text("pace_real"), free: text("pace_free") };
+/** @type {Record<string, (value: string) => string>} */
 const named = { pacing: (pace) => words[pace] ?? pace.replace("x", "×"), time_weighting: (name) => text(`weighting_${name}`) };
 for (const id of SELECTS) fill(id, about.settings[id].choices, named[id]);
 fill("model", about.models, (name) => text(`model_${name}`));
-$("added_mass").max = about.max_added_mass;
-[$("rpm").min, $("rpm").max] = about.speeds;
-function fill(id, values, named = (value) => value) {
+field("added_mass").max = String(about.max_added_mass);
+[field("rpm").min, field("rpm").max] = about.speeds.map(String);
+/** @param {string} id @param {string[]} values */
+function fill(id, values, named = (/** @type {string} */ value) => value) {
   for (const value of values) $(id).append(new Option(named(value), value));
 }
 
 // -- commands -----------------------------------------------------------------------------------------
+/** @type {Sound} */
 const sound = new Sound((listens) => link.ask({ do: "listen", value: listens }));
 const stage = new Stage(() => now?.values.cam_drive?.pacing);
+/** @type {Link} */
 const link = new Link(live, (block) => stage.take(block), (samples) => sound.play(samples), (on) => {
   status(on ? "" : text("disconnected_bench"), !on);
   if (on && sound.on) link.ask({ do: "listen", value: true });
@@ -58,54 +69,58 @@ document.addEventListener("visibilitychange", watch);
 /** Nothing is known of the bench any more. */
 function gone() {
   enable(false, false);
-  for (const id of ["emergency", "apply"]) $(id).disabled = true;
+  for (const id of ["emergency", "apply"]) field(id).disabled = true;
   for (const id of ["speed", "level"]) $(id).textContent = "–";
-  $("meter").value = 0;
+  field("meter").value = "0";
   for (const id of ["graph", "ros", "late"]) $(id).textContent = "";
   lostAt = -Infinity;
   lamp("");
 }
+/** @param {string} sentence @param {boolean} wrong */
 function status(sentence, wrong) {
   $("status").textContent = sentence;
   $("status").classList.toggle("fault", Boolean(wrong));
 }
+/** @param {object} command */
 async function ask(command) {
   const answer = await link.ask(command);
   status(answer.success ? "" : answer.words || text("disconnected_bench"), !answer.success);
   return answer;
 }
-let wanted = null; // a speed that is chosen before the nodes are there
-const speed = new Newest((rpm) => ask({ do: "set", name: "rpm", value: rpm }));
+/** A speed that is chosen before the nodes are there. @type {number | null} */
+let wanted = null;
+const speed = new Newest((/** @type {number} */ rpm) => ask({ do: "set", name: "rpm", value: rpm }));
+/** @param {number} rpm */
 function choose_speed(rpm) {
   if (runs(now)) speed.put(rpm);
   else wanted = rpm;
   forecast();
 }
 const knob = new Knob($("knob"), about.knob, text("commanded"), (rpm) => {
-  $("rpm").value = rpm;
+  field("rpm").value = String(rpm);
   choose_speed(rpm);
 });
 $("rpm").addEventListener("change", () => {
-  if (!$("rpm").reportValidity() || !Number.isFinite($("rpm").valueAsNumber)) return;
-  knob.show($("rpm").valueAsNumber);
-  choose_speed($("rpm").valueAsNumber);
+  if (!field("rpm").reportValidity() || !Number.isFinite(field("rpm").valueAsNumber)) return;
+  knob.show(field("rpm").valueAsNumber);
+  choose_speed(field("rpm").valueAsNumber);
 });
 for (const service of ["start", "stop", "reset"]) $(service).addEventListener("click", () => ask({ do: "call", value: service }));
 $("emergency").addEventListener("click", () => ask({ do: "call", value: "emergency_stop" }));
 for (const id of SELECTS) $(id).addEventListener("change", async () => {
-  const answer = await ask({ do: "set", name: id, value: $(id).value });
+  const answer = await ask({ do: "set", name: id, value: field(id).value });
   if (!answer.success && now) choose(id, now);
 });
-$("volume").addEventListener("input", () => sound.volume($("volume").valueAsNumber));
+$("volume").addEventListener("input", () => sound.volume(field("volume").valueAsNumber));
 // A browser lets nothing be heard before something on the page is pressed.
 if (sound.remembered) addEventListener("pointerdown", () => {
-  $("volume").value = sound.remembered;
+  field("volume").value = String(sound.remembered);
   sound.volume(sound.remembered);
 }, { once: true });
 $("take_over").addEventListener("click", () => ask({ do: "take_over" }));
 $("setup").addEventListener("submit", (event) => {
   event.preventDefault();
-  const value = Object.fromEntries(SETUP.map((id) => [id, id === "model" ? $(id).value : $(id).valueAsNumber]));
+  const value = Object.fromEntries(SETUP.map((id) => [id, id === "model" ? field(id).value : field(id).valueAsNumber]));
   ask({ do: "set_up", value }).then(({ success }) => { edited = !success; });
 });
 let edited = false; // what is typed is not overwritten before it is set up
@@ -115,8 +130,7 @@ $("setup").addEventListener("input", () => {
 });
 $("note").addEventListener("click", async () => {
   const { success, noted, words: why } = await ask({ do: "note" });
-  const { rpm, level_db: level } = noted ?? {};
-  $("noted").textContent = success ? text("noted", { rpm: shown(rpm, 5), level: shown(level, 4) }) : why;
+  $("noted").textContent = success && noted ? text("noted", { rpm: shown(noted.rpm, 5), level: shown(noted.level_db, 4) }) : why;
 });
 $("clear").addEventListener("click", () => ask({ do: "clear" }));
 $("keep").addEventListener("click", () => ask({ do: "keep" }));
@@ -126,6 +140,7 @@ $("rerun").addEventListener("click", () => ask({ do: "rerun" }));
 const chart = new NoiseChart($("noise"), $("noise_key"), about.colours);
 let [lostAt, losses] = [-Infinity, Infinity];
 
+/** @param {Live} message */
 function live(message) {
   now = message;
   heading(message.setup.model);
@@ -134,19 +149,22 @@ function live(message) {
   $("holder").hidden = message.holds;
   say("relative", message.calibrated_on ? text("calibrated", { cam: message.calibrated_on }) : text("level_relative"));
   enable(message.holds && runs(message), message.holds);
-  if (wanted !== null && message.holds && runs(message)) [wanted] = [null, speed.put(wanted)];
-  $("start").disabled ||= drive === "emergency" || drive === "turning";
-  $("stop").disabled ||= drive !== "turning";
-  $("emergency").disabled = !runs(message);
-  $("apply").disabled = !message.holds || graph === "starting";
-  $("keep").disabled ||= !("cam" in state);
+  if (wanted !== null && message.holds && runs(message)) {
+    speed.put(wanted);
+    wanted = null;
+  }
+  field("start").disabled ||= drive === "emergency" || drive === "turning";
+  field("stop").disabled ||= drive !== "turning";
+  field("emergency").disabled = !runs(message);
+  field("apply").disabled = !message.holds || graph === "starting";
+  field("keep").disabled ||= !("cam" in state);
   screen(message);
   $("csv").hidden = !message.readings.length;
   graphWords(message);
   const turns = drive === "turning" && "rpm" in state;
   say("speed", "rpm" in state ? shown(turns ? state.rpm : 0, 5) : "–");
   say("level", message.level === null ? "–" : message.level.toFixed(1));
-  $("meter").value = message.level ?? 0;
+  field("meter").value = String(message.level ?? 0);
   const ear = values.microphone;
   say("quantity", ear ? `dB, L${ear.frequency_weighting}${ear.time_weighting}` : "dB");
   if (contact === "contact lost" || message.losses > losses) lostAt = performance.now();
@@ -156,36 +174,39 @@ function live(message) {
   if (!knob.held && !speed.pending && wanted === null && document.activeElement !== $("rpm")) {
     const commanded = values.cam_drive?.rpm || message.setup.rpm;
     knob.show(commanded);
-    $("rpm").value = Number(commanded.toPrecision(6));
+    field("rpm").value = String(Number(commanded.toPrecision(6)));
   }
   for (const id of SELECTS) choose(id, message);
-  if (!edited) for (const id of SETUP) $(id).value = message.setup[id];
+  if (!edited) for (const id of SETUP) field(id).value = String(message.setup[id]);
   if (message.readings.length !== chart.readings?.length) chart.draw(message.readings);
   list("ended", Object.entries(message.ended), ended);
   list("kept", message.kept, (path) => Object.assign(document.createElement("li"), { textContent: text("kept", { path }) }));
   list("log", message.log, (line) => Object.assign(document.createElement("li"), { textContent: line }));
-  $("loud").hidden = !(sound.on && $("volume").valueAsNumber > LOUD && message.level > LOUD_DB);
+  $("loud").hidden = !(sound.on && field("volume").valueAsNumber > LOUD && (message.level ?? 0) > LOUD_DB);
   stage.show(message, turns);
   forecast();
   announce(message, turns);
 }
 
+/** @param {Live | null} message */
 function runs(message) { return message?.graph === "running" && Object.keys(message.values).length > 0; }
 
-/** `on`: the nodes are there; `may`: this page holds the controls, and a speed may be chosen. */
+/** `on`: the nodes are there; `may`: this page holds the controls, and a speed may be chosen. @param {boolean} on @param {boolean} may */
 function enable(on, may) {
   knob.enable(may);
-  $("rpm").disabled = !may;
-  for (const id of ["start", "stop", "reset", ...SELECTS, "note", "clear", "keep", "rerun"]) $(id).disabled = !on;
+  field("rpm").disabled = !may;
+  for (const id of ["start", "stop", "reset", ...SELECTS, "note", "clear", "keep", "rerun"]) field(id).disabled = !on;
 }
 
-/** Rerun's page, under the name by which this one was opened: another one has none of its cookies. */
+/** Rerun's page, under the name by which this one was opened: another one has none of its cookies. @param {Live} live */
 function screen({ screen: address }) {
   $("screen").hidden = !address;
-  if (address && !$("screen").href) $("screen").href = Object.assign(new URL(address), { hostname: location.hostname }).href;
+  const open = /** @type {HTMLAnchorElement} */ ($("screen"));
+  if (address && !open.href) open.href = Object.assign(new URL(address), { hostname: location.hostname }).href;
   if (address) $("rerun").hidden = $("rerun_note").hidden = true;
 }
 
+/** @param {Live} live */
 function graphWords({ graph, words: why, domain, drive, waits_for: nodes }) {
   say("ros", graph === "running" ? text("ros", { domain }) : "");
   const key = graph !== "running" ? `graph_${graph}` : nodes ? "drive_waits" : `drive_${drive}`;
@@ -193,32 +214,37 @@ function graphWords({ graph, words: why, domain, drive, waits_for: nodes }) {
   $("graph").classList.toggle("fault", graph === "failed" || drive === "emergency");
 }
 
+/** @param {string} contact */
 function lamp(contact) {
   const lost = performance.now() - lostAt < LAMP_MS;
-  if (lost) setTimeout(() => lamp(now.contact), LAMP_MS);
+  if (lost) setTimeout(() => lamp(now?.contact ?? ""), LAMP_MS);
   $("lamp").classList.toggle("lost", lost);
   $("lamp").classList.toggle("none", !contact);
   say("contact", text(lost ? "contact_is_lost" : contact ? "contact_is_kept" : "contact_unknown"));
 }
 
-function choose(id, { values, state, setup }) {
-  const given = id === "cam" ? mounted({ values, state, setup }) : values[about.settings[id].node]?.[id];
+/** @param {string} id @param {Live} live */
+function choose(id, live) {
+  const given = id === "cam" ? mounted(live) : live.values[about.settings[id].node]?.[id];
   if (given === undefined || document.activeElement === $(id)) return;
-  if (![...$(id).options].some(({ value }) => value === given)) $(id).append(new Option(given, given));
-  $(id).value = given;
+  const { options } = /** @type {HTMLSelectElement} */ ($(id));
+  if (![...options].some(({ value }) => value === given)) $(id).append(new Option(given, given));
+  field(id).value = given;
 }
 
-/** A list is made anew only where it has changed, so that a button in it can be pressed. */
+/** A list is made anew only where it has changed, so that a button in it can be pressed. @type {Record<string, string>} */
 const lists = {};
+/** @template T @param {string} id @param {T[]} items @param {(item: T) => Element} made */
 function list(id, items, made) {
-  const said = JSON.stringify([items, now.holds]);
+  const said = JSON.stringify([items, now?.holds]);
   if (lists[id] === said) return;
   lists[id] = said;
   $(id).replaceChildren(...items.map(made));
 }
+/** @param {[string, string]} node */
 function ended([node, why]) {
   const item = Object.assign(document.createElement("li"), { textContent: `${why} ` });
-  const button = Object.assign(document.createElement("button"), { type: "button", textContent: text("start_again", { node }), disabled: !now.holds });
+  const button = Object.assign(document.createElement("button"), { type: "button", textContent: text("start_again", { node }), disabled: !now?.holds });
   button.addEventListener("click", () => ask({ do: "start_again", value: node }));
   item.append(button);
   return item;
@@ -226,34 +252,37 @@ function ended([node, why]) {
 
 // -- what a speed will do, before it is turned at and beside what it does ------------------------------
 let asked = "";
-const expected = new Newest(async (given) => {
+const expected = new Newest(async (/** @type {object} */ given) => {
   const answer = await fetch("/bench/expected", { method: "POST", body: JSON.stringify(given) }).catch(() => null);
   const found = await answer?.json().catch(() => null);
   if (!found) return;
-  stage.expect(answer.ok ? found : null);
-  if (!answer.ok) return say("forecast", found.words);
-  const { rpm, lost, settled, least_n: least, level_db: level } = found;
+  stage.expect(answer?.ok ? found : null);
+  if (!answer?.ok) return say("forecast", found.words);
+  const { rpm, lost, settled, least_n: least, level_db: level, jumps: speeds } = /** @type {Expected} */ (found);
   const values = { rpm: shown(rpm, 5), least: shown(least, 4), gap: shown(stage.highest, 3), level: level === null ? "–" : level.toFixed(1) };
   say("forecast", text(!lost ? "forecast_kept" : settled ? "forecast_lost" : "forecast_irregular", values));
-  const jumps = found.jumps.map(({ model, rpm: jump }) => ({ rpm: jump, words: text("jump_by", { model: text(`short_${model}`), rpm: jump === null ? "∞" : shown(jump, 5) }) }));
-  knob.jump(jumps.filter(({ rpm: jump }) => jump !== null));
+  const jumps = speeds.map(({ model, rpm: jump }) => ({ rpm: jump ?? Infinity, words: text("jump_by", { model: text(`short_${model}`), rpm: jump === null ? "∞" : shown(jump, 5) }) }));
+  knob.jump(jumps);
   say("jumps", jumps.map(({ words: said }) => said).join(" · "));
 });
 
 /** Ask for what the set-up on the page does at the knob's speed, where that is another one. */
 function forecast() {
-  if (!now || !Number.isFinite($("rpm").valueAsNumber)) return;
-  const given = { cam: mounted(now), rpm: $("rpm").valueAsNumber, model: $("model").value };
-  for (const id of SETUP.slice(1)) given[id] = $(id).valueAsNumber;
+  if (!now || !Number.isFinite(field("rpm").valueAsNumber)) return;
+  /** @type {Record<string, string | number>} */
+  const given = { cam: mounted(now), rpm: field("rpm").valueAsNumber, model: field("model").value };
+  for (const id of SETUP.slice(1)) given[id] = field(id).valueAsNumber;
   const key = JSON.stringify(given);
   if (key === asked || Object.values(given).includes(NaN)) return;
   asked = key;
   expected.put(given);
 }
+/** @param {Live} live @returns {string} */
 function mounted({ values, state, setup }) { return values.law_server?.cam || state.cam || setup.cam; }
 
 /** For who cannot see it: speed, contact and level, once they have stayed as they are. */
 let [heard, waits] = ["", 0];
+/** @param {Live} live @param {boolean} turns */
 function announce({ state, level, contact }, turns) {
   const said = turns ? text("announced", { rpm: shown(state.rpm, 4), contact: text(contact === "contact lost" ? "contact_is_lost" : "contact_is_kept"), level: level === null ? "–" : Math.round(level) }) : "";
   if (said === heard) return;

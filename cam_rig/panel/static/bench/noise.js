@@ -3,14 +3,20 @@ import { Chart, entry, extent, look, ticks } from "../common/charts.js";
 import { text } from "../common/texts.js";
 
 export class NoiseChart {
+  /** @param {HTMLElement} place @param {HTMLElement} key @param {string[]} colours */
   constructor(place, key, colours) {
-    Object.assign(this, { key, colours });
+    this.key = key;
+    this.colours = colours;
+    /** @type {NotedReading[]} */
+    this.readings = [];
+    /** Cams, in the order in which they came. @type {string[]} */
+    this.names = [];
     this.chart = new Chart(place, { title: text("level_db"), x: [0, 600], xTicks: ticks(0, 600, 6), xTitle: text("speed_rpm") });
     this.chart.fit(60, 100, true);
-    this.chart.resized = () => this.draw(this.readings ?? []);
-    this.names = [];
+    this.chart.resized = () => this.draw(this.readings);
   }
 
+  /** @param {NotedReading[]} readings */
   draw(readings) {
     this.readings = readings;
     for (const { cam } of readings) if (!this.names.includes(cam)) this.names.push(cam);
@@ -23,5 +29,6 @@ export class NoiseChart {
     this.chart.points("noise", readings.map(({ cam, rpm, level_db: y, contact }) => ({ x: rpm, y, ...this.#look(cam), full: contact === "contact lost" })));
   }
 
+  /** @param {string} cam */
   #look(cam) { return look(this.names.indexOf(cam), this.colours); }
 }

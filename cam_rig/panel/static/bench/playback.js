@@ -2,24 +2,42 @@
 import { NAME } from "./link.js";
 
 /** Rows of a block, in this order: rad, mm, m/s, m/s², N, µm. */
-export const ROWS = ["angle", "lift", "velocity", "acceleration", "force", "gap"];
+export const ROWS = /** @type {const} */ (["angle", "lift", "velocity", "acceleration", "force", "gap"]);
+/** @typedef {typeof ROWS[number]} Row */
+/** @typedef {Record<Row, Float32Array>} Rows */
+/** @typedef {Record<Row, number>} Sample */
 /** How far (s of wall time, and ticks) the picture is behind the newest block. */
 const BEHIND_S = 0.05, BEHIND_TICKS = 1.5;
 /** What the picture is off its place is made up within about so long (s); more (s) is jumped. */
 const PULL_S = 0.3, FARTHEST_S = 0.4;
 
-/** Rows of 32-bit floats `(6, n)` from a byte on. */
+/** Rows of 32-bit floats `(6, n)` from a byte on. @param {ArrayBuffer} buffer @param {number} from */
 export function rowsOf(buffer, from) {
   const count = (buffer.byteLength - from) / 4 / ROWS.length;
-  return Object.fromEntries(ROWS.map((name, i) => [name, new Float32Array(buffer, from + 4 * i * count, count)]));
+  return each((_, i) => new Float32Array(buffer, from + 4 * i * count, count));
 }
 
 export class Playback {
-  constructor() { this.reset(); }
+  /** @type {{time: number, step: number, count: number, rows: Rows}[]} */
+  blocks = [];
+  /** Of the picture (s). @type {number | null} */
+  time = null;
+  /** Of the newest sample (s). @type {number | null} */
+  end = null;
+  /** When the newest block began (s). @type {number | null} */
+  start = null;
+  tick = 0;
+  at = 0;
+  /** Where it is. @type {Sample | null} */
+  before = null;
 
   /** Nothing is known of the motion any more. */
-  reset() { Object.assign(this, { blocks: [], time: null, end: null, tick: 0, at: 0, before: null }); }
+  reset() {
+    [this.blocks, this.time, this.end] = [[], null, null];
+    [this.tick, this.at, this.before] = [0, 0, null];
+  }
 
+  /** @param {ArrayBuffer} buffer */
   push(buffer) {
     const [time, step] = new Float64Array(buffer, NAME, 2);
     const rows = rowsOf(buffer, NAME + 16);
@@ -32,34 +50,39 @@ export class Playback {
     this.blocks.push({ time, step, count, rows });
   }
 
-  /** Go on by wall time (s) at a pace (rig time over wall time); what was passed, and where it is. */
+  /**
+   * Go on by wall time (s) at a pace (rig time over wall time); what was passed, and where it is.
+   * @param {number} seconds @param {number} pace
+   */
   advance(seconds, pace) {
     if (this.end === null) return { passed: [], now: null };
     const goal = this.end - Math.max(BEHIND_S * pace, BEHIND_TICKS * this.tick);
     const off = goal - (this.time ?? goal) - seconds * pace;
     if (this.time === null || Math.abs(off) > FARTHEST_S * pace + 2 * this.tick) this.time = goal;
     else this.time = Math.min(this.end, this.time + Math.max(0, seconds * pace + off * Math.min(1, seconds / PULL_S)));
-    return { passed: this.#passed(), now: this.before };
+    return { passed: this.#passed(this.time), now: this.before };
   }
 
   /** Where it stands once nothing comes any more. */
   settle() {
     if (this.end !== null) this.time = this.end;
-    return { passed: this.#passed(), now: this.before };
+    return { passed: this.#passed(this.time ?? 0), now: this.before };
   }
 
-  #passed() {
+  /** @param {number} now */
+  #passed(now) {
+    /** @type {Rows[]} */
     const passed = [];
     while (this.blocks.length) {
       const { time, step, count, rows } = this.blocks[0];
-      const upTo = Math.min(count, Math.floor((this.time - time) / (step || 1) + 1e-6) + 1);
+      const upTo = Math.min(count, Math.floor((now - time) / (step || 1) + 1e-6) + 1);
       if (upTo > this.at) {
-        passed.push(Object.fromEntries(ROWS.map((name) => [name, rows[name].subarray(this.at, upTo)])));
-        this.before = Object.fromEntries(ROWS.map((name) => [name, rows[name][upTo - 1]]));
+        passed.push(each((name) => rows[name].subarray(this.at, upTo)));
+        this.before = each((name) => rows[name][upTo - 1]);
         this.at = upTo;
       }
       if (this.at < count) {
-        const part = (this.time - time) / (step || 1) - (this.at - 1);
+        const part = (now - time) / (step || 1) - (this.at - 1);
         if (this.at > 0 && part > 0) this.before = between(rows, this.at - 1, Math.min(1, part));
         break;
       }
@@ -70,6 +93,8 @@ export class Playback {
   }
 }
 
-function between(rows, i, part) {
-  return Object.fromEntries(ROWS.map((name) => [name, rows[name][i] + part * (rows[name][i + 1] - rows[name][i])]));
-}
+/** Something of each row. @template T @param {(name: Row, i: number) => T} of @returns {Record<Row, T>} */
+function each(of) { return /** @type {Record<Row, T>} */ (Object.fromEntries(ROWS.map((name, i) => [name, of(name, i)]))); }
+
+/** @param {Rows} rows @param {number} i @param {number} part */
+function between(rows, i, part) { return each((name) => rows[name][i] + part * (rows[name][i + 1] - rows[name][i])); }

@@ -6,17 +6,21 @@ const MOST_S = 0.2;
 class Speaker extends AudioWorkletProcessor {
   constructor() {
     super();
-    Object.assign(this, { blocks: [], at: 0, waiting: 0, playing: false });
+    /** @type {Float32Array[]} */
+    this.blocks = [];
+    this.at = 0;
+    this.waiting = 0;
+    this.playing = false;
     this.port.onmessage = ({ data }) => {
       this.blocks.push(data);
       this.waiting += data.length;
       while (this.waiting - this.at > MOST_S * sampleRate && this.blocks.length > 1) {
-        this.waiting -= this.blocks.shift().length;
-        this.at = 0;
+        this.#next();
       }
     };
   }
 
+  /** @param {Float32Array[][]} _ @param {Float32Array[][]} outputs */
   process(_, [[out]]) {
     // A gap is followed by a short wait, so that the next block is in time.
     this.playing = this.waiting - this.at > (this.playing ? 0 : 0.05 * sampleRate);
@@ -24,10 +28,15 @@ class Speaker extends AudioWorkletProcessor {
       out[i] = this.blocks[0][this.at];
       this.at += 1;
       if (this.at < this.blocks[0].length) continue;
-      this.waiting -= this.blocks.shift().length;
-      this.at = 0;
+      this.#next();
     }
     return true;
+  }
+
+  #next() {
+    this.waiting -= this.blocks[0].length;
+    this.blocks.shift();
+    this.at = 0;
   }
 }
 

@@ -1,14 +1,16 @@
 // The picture of the rig, its gauges and the charts of a turn: what runs, or what is expected.
 import { shown } from "../common/charts.js";
+import { $ } from "../common/dom.js";
 import { text } from "../common/texts.js";
+/** @import { Rows } from "./playback.js" */
+/** @import { Crossing } from "../common/rig.js" */
+/** @import { Sample } from "./turns.js" */
 import { Playback, rowsOf } from "./playback.js";
 import { Lens, RigPicture } from "../common/rig.js";
 import { TurnCharts } from "./turns.js";
 
-const $ = (id) => document.getElementById(id);
 const TURN = 2 * Math.PI;
-/** Gauges are read, not watched: so often (ms) they change. */
-const GAUGE_MS = 100;
+const GAUGES = ["angle", "lift", "force", "gap"];
 /** The cam is watched, curves are read: so often (ms) those are drawn. */
 const CURVES_MS = 80;
 
@@ -18,37 +20,53 @@ const FRAME_MS = accelerated() ? 0 : 28;
 function accelerated() {
   const context = document.createElement("canvas").getContext("webgl");
   const named = context?.getExtension("WEBGL_debug_renderer_info");
-  const renderer = named ? context.getParameter(named.UNMASKED_RENDERER_WEBGL) : "";
+  const renderer = context && named ? context.getParameter(named.UNMASKED_RENDERER_WEBGL) : "";
   context?.getExtension("WEBGL_lose_context")?.loseContext();
   return Boolean(context) && !/swiftshader|llvmpipe|software/i.test(renderer);
 }
 
 export class Stage {
-  /** `pacing()` gives the drive's pace: real_time, a factor as 0.5x, or free. */
+  /** `pacing()` gives the drive's pace: real_time, a factor as 0.5x, or free. @param {() => string | undefined} pacing */
   constructor(pacing) {
-    Object.assign(this, { pacing, turns: false, cam: null, known: null, at: 0, frame: 0, gauged: 0, curved: 0, playback: new Playback() });
+    this.pacing = pacing;
+    this.turns = false;
+    /** @type {string | null} */
+    this.cam = null;
+    /** A settled turn that is expected. @type {Rows | null} */
+    this.known = null;
+    this.at = 0; // the cam angle, rad
+    this.frame = 0;
+    this.curved = 0; // when (ms) the curves were drawn
+    /** When (ms) it was drawn, while it moves. @type {number | undefined} */
+    this.drawn = undefined;
+    this.playback = new Playback();
     this.rig = new RigPicture($("rig"), text("rig_picture"));
     this.lens = new Lens($("lens"));
     this.charts = new TurnCharts($("curves"), (angle) => this.#hover(angle));
-    this.charts.told = (events) => this.rig.marks(events);
+    this.charts.told = (turn, events) => {
+      this.rig.marks(events);
+      if (this.turns) this.#turned(turn, events);
+    };
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { this.charts.dirty = true; this.#soon(); });
   }
 
-  /** A block of a tick has come. */
+  /** A block of a tick has come. @param {ArrayBuffer} block */
   take(block) {
     this.playback.push(block);
     this.#soon();
   }
 
-  /** What the bench says: another cam is drawn anew, a cam that stands is held. */
+  /** What the bench says: another cam is drawn anew, a cam that stands is held. @param {Live} live @param {boolean} turns */
   show({ graph, values, state, setup }, turns) {
     const cam = values.law_server?.cam || state.cam || setup.cam;
     if (cam !== this.cam) this.#load(cam);
     if (graph === "starting") this.playback.reset();
-    if (this.turns && !turns) this.stopped = true;
+    const { before } = this.playback;
+    if (this.turns && !turns && before) this.#stands({ ...before, angle: this.at });
     this.turns = turns;
   }
 
+  /** @param {string} cam */
   async #load(cam) {
     this.cam = cam;
     const answer = await fetch(`/bench/cam/${encodeURIComponent(cam)}`).catch(() => null);
@@ -59,10 +77,9 @@ export class Stage {
     this.#still();
   }
 
-  /** A settled turn as the server found it; null where there is none. */
+  /** A settled turn as the server found it; null where there is none. @param {Expected | null} found */
   expect(found) {
-    const bytes = found && Uint8Array.from(atob(found.curves), (character) => character.charCodeAt(0));
-    this.known = bytes && rowsOf(bytes.buffer, 0);
+    this.known = found && rowsOf(Uint8Array.from(atob(found.curves), (character) => character.charCodeAt(0)).buffer, 0);
     this.charts.expected(this.known);
     this.rig.strongest = this.known ? Math.max(1, ...this.known.force) : 1;
     this.lens.widest = this.known ? Math.max(...this.known.gap) : 0;
@@ -73,7 +90,7 @@ export class Stage {
   /** The highest the follower is off its cam in what is expected, µm. */
   get highest() { return this.known ? Math.max(...this.known.gap) : 0; }
 
-  /** While the cam stands, the pointer on a chart turns it. */
+  /** While the cam stands, the pointer on a chart turns it. @param {number | null} angle */
   #hover(angle) {
     if (this.turns || angle === null) return;
     this.at = angle;
@@ -87,15 +104,16 @@ export class Stage {
     const i = known ? Math.min(known.angle.length - 1, Math.round((at / TURN) * known.angle.length)) : 0;
     const pose = { angle: at, lift: known?.lift[i] ?? 0, force: known?.force[i] ?? 0, gap: known?.gap[i] ?? 0 };
     this.rig.pose(pose);
-    this.#gauges(pose);
+    this.#stands(pose);
     this.#soon();
   }
 
   #soon() { this.frame ||= requestAnimationFrame((now) => this.#draw(now)); }
 
+  /** @param {number} now */
   #draw(now) {
     this.frame = 0;
-    if (this.turns && now - this.drawn < FRAME_MS) return this.#soon();
+    if (this.turns && now - (this.drawn ?? -Infinity) < FRAME_MS) return this.#soon();
     const { playback } = this;
     const seconds = Math.min(0.25, (now - (this.drawn ?? now)) / 1000);
     this.drawn = now;
@@ -106,7 +124,7 @@ export class Stage {
     if (found.now && (this.turns || found.passed.length) && this.rig.picture) {
       this.at = ((found.now.angle % TURN) + TURN) % TURN;
       this.rig.pose(found.now);
-      this.#gauges(found.now, now);
+      this.#look(found.now.gap);
     }
     if (!this.turns || now - this.curved > CURVES_MS) {
       this.curved = now;
@@ -116,16 +134,31 @@ export class Stage {
     else this.drawn = undefined;
   }
 
-  /** `now` is the frame's time (ms) where it is one of many. */
-  #gauges({ angle, lift, force, gap }, now = Infinity) {
+  /** The gap under the lens, where it can be seen. @param {number} gap */
+  #look(gap) {
     this.lens.show(gap);
     $("lens").hidden = !(this.lens.widest > 10 || gap > 0);
-    if (now - this.gauged < GAUGE_MS) return;
-    this.gauged = Number.isFinite(now) ? now : 0;
-    const degrees = ((((angle % TURN) + TURN) % TURN) * 180) / Math.PI;
-    $("at_angle").textContent = `${degrees.toFixed(0)}°`;
-    $("at_lift").textContent = `${lift.toFixed(2)} mm`;
-    $("at_force").textContent = `${shown(force, 4)} N`;
-    $("at_gap").textContent = gap > 0 ? `${shown(gap, 3)} µm` : "0";
+  }
+
+  /** What the gauges say, and of what: where the cam stands, or the most of a turn. @param {"gauge" | "most"} kind @param {string[]} said */
+  #gauges(kind, ...said) {
+    GAUGES.forEach((name, i) => {
+      $(`name_${name}`).textContent = text(`${kind}_${name}`);
+      $(`at_${name}`).textContent = said[i];
+    });
+  }
+
+  /** @param {Pose} pose */
+  #stands({ angle, lift, force, gap }) {
+    this.#look(gap);
+    this.#gauges("gauge", `${((angle * 180) / Math.PI).toFixed(0)}°`, `${lift.toFixed(2)} mm`, `${shown(force, 4)} N`, gap > 0 ? `${shown(gap, 3)} µm` : "0");
+  }
+
+  /** A turn is over. @param {Sample[]} turn @param {Crossing[]} events */
+  #turned(turn, events) {
+    /** @param {"lift" | "force" | "gap"} name */
+    const most = (name) => turn.reduce((found, one) => Math.max(found, one[name]), 0);
+    const landings = events.filter(({ landing }) => landing).length;
+    this.#gauges("most", String(landings), `${most("lift").toFixed(2)} mm`, `${shown(most("force"), 4)} N`, landings ? `${shown(most("gap"), 3)} µm` : "0");
   }
 }

@@ -1,15 +1,35 @@
 // s, v, a and F over one turn: what is expected, the turn that runs, the last one, those before fading.
 import { Chart, extent } from "../common/charts.js";
+/** @import { Crossing } from "../common/rig.js" */
+/** @import { Rows } from "./playback.js" */
 import { text } from "../common/texts.js";
 
-const KINDS = [["lift", "mm"], ["velocity", "m/s"], ["acceleration", "m/s²"], ["force", "N"]];
+const KINDS = /** @type {const} */ ([["lift", "mm"], ["velocity", "m/s"], ["acceleration", "m/s²"], ["force", "N"]]);
+/** @typedef {typeof KINDS[number][0]} Kind */
+/** @typedef {Record<Kind | "angle" | "gap", number>} Sample */
+/** @typedef {{ name: Kind, chart: Chart, canvas: HTMLCanvasElement, past: HTMLCanvasElement }} One */
 const TURN = 2 * Math.PI, TICKS = [0, 60, 120, 180, 240, 300, 360];
 /** What is left of a turn that is over, from one to the next. */
 const FADE = 0.25;
 
 export class TurnCharts {
-  /** `hovered(angle or null)` is told of the cam angle (rad) that the pointer is at. */
+  /**
+   * `hovered(angle or null)` is told of the cam angle (rad) that the pointer is at.
+   * @param {HTMLElement} place @param {(angle: number | null) => void} hovered
+   */
   constructor(place, hovered) {
+    /** What is expected. @type {Rows | null} */
+    this.known = null;
+    /** The turn that runs, and the one before. @type {Sample[]} */
+    this.running = [];
+    /** @type {Sample[]} */
+    this.last = [];
+    /** Told of a turn that is over, and where in it contact was lost and found. @type {(turn: Sample[], events: Crossing[]) => void} */
+    this.told = () => {};
+    this.dirty = true;
+    /** The angle (rad) that is drawn. @type {number | null} */
+    this.drawn = null;
+    this.colours = colours();
     this.charts = KINDS.map(([name, unit], i) => {
       const box = Object.assign(document.createElement("div"), { className: "chart", id: `turn_${name}` });
       place.append(box);
@@ -25,7 +45,6 @@ export class TurnCharts {
       box.addEventListener("pointerleave", () => hovered(null));
       return { name, chart, canvas, past: document.createElement("canvas") };
     });
-    Object.assign(this, { known: null, running: [], last: [], events: [], told: () => {} });
     this.#sized();
   }
 
@@ -35,13 +54,13 @@ export class TurnCharts {
       for (const one of [canvas, past]) {
         one.width = Math.round(chart.width * scale);
         one.height = Math.round(chart.height * scale);
-        one.getContext("2d").scale(scale, scale);
+        brush(one).scale(scale, scale);
       }
     }
     this.dirty = true;
   }
 
-  /** The settled turn of a set-up and speed: rows as in a block; null is none. */
+  /** The settled turn of a set-up and speed: rows as in a block; null is none. @param {Rows | null} rows */
   expected(rows) {
     const anew = rows !== this.known;
     this.known = rows;
@@ -52,13 +71,14 @@ export class TurnCharts {
     this.dirty = true;
   }
 
+  /** @param {One} one */
   #expect({ name, chart }) {
     const { known } = this;
     const step = known ? (known.angle[1] * 180) / Math.PI : 1;
     chart.curve("expected", known && Array.from(known[name]), { kind: "expected", step });
   }
 
-  /** Axes that hold these values; what was drawn on others is drawn anew, or is gone. */
+  /** Axes that hold these values; what was drawn on others is drawn anew, or is gone. @param {One} one @param {Numbers} values @param {boolean} anew */
   #fit(one, values, anew) {
     const { chart } = one;
     const [low, high] = extent([values]);
@@ -70,12 +90,12 @@ export class TurnCharts {
     this.dirty = true;
   }
 
-  /** Samples that have passed, in their order. */
+  /** Samples that have passed, in their order. @param {Rows} rows */
   take(rows) {
     for (let i = 0; i < rows.angle.length; i += 1) {
       const turn = Math.floor(rows.angle[i] / TURN), angle = rows.angle[i] - turn * TURN;
-      if (this.running.length && angle < this.running.at(-1).angle - 1e-6) this.#over();
-      this.running.push({ angle, lift: rows.lift[i], velocity: rows.velocity[i], acceleration: rows.acceleration[i], force: rows.force[i] });
+      if (angle < (this.running.at(-1)?.angle ?? 0) - 1e-6) this.#over();
+      this.running.push({ angle, lift: rows.lift[i], velocity: rows.velocity[i], acceleration: rows.acceleration[i], force: rows.force[i], gap: rows.gap[i] });
     }
     for (const one of this.charts) if (rows.angle.length) this.#fit(one, rows[one.name], false);
     this.dirty = true;
@@ -84,69 +104,84 @@ export class TurnCharts {
   /** A turn is over: it is the last one, and those before fade. */
   #over() {
     for (const { name, chart, past } of this.charts) {
-      const context = past.getContext("2d");
+      const context = brush(past);
       context.globalCompositeOperation = "destination-out";
       context.fillStyle = `rgb(0 0 0 / ${FADE})`;
       context.fillRect(0, 0, chart.width, chart.height);
       context.globalCompositeOperation = "source-over";
       context.globalAlpha = 0.5;
-      stroke(context, chart, this.last, name, this.colours?.[name]);
+      stroke(context, chart, this.last, name, this.colours[name]);
       context.globalAlpha = 1;
     }
     this.last = this.running;
     this.running = [];
-    this.told(crossings(this.last));
+    this.told(this.last, crossings(this.last));
   }
 
   /** Nothing of the turns before. */
   clear() {
-    Object.assign(this, { running: [], last: [], dirty: true });
+    [this.running, this.last, this.dirty] = [[], [], true];
     for (const { past } of this.charts) wipe(past);
   }
 
-  /** Draw what has changed; the cam stands at an angle (rad), null is nowhere. */
+  /** Draw what has changed; the cam stands at an angle (rad), null is nowhere. @param {number | null} angle */
   draw(angle) {
     if (!this.dirty && angle === this.drawn) return;
     this.dirty = false;
     this.drawn = angle;
-    const style = getComputedStyle(document.documentElement);
-    const colour = (name) => style.getPropertyValue(`--${name}`);
-    this.colours = { shade: colour("shade"), ghost: colour("ghost"), ...Object.fromEntries(KINDS.map(([name]) => [name, colour(`of-${name}`)])) };
-    const rest = this.running.length ? this.last.filter((one) => one.angle > this.running.at(-1).angle) : this.last;
+    this.colours = colours();
+    const at = this.running.at(-1)?.angle ?? -1;
+    const rest = this.last.filter((one) => one.angle > at);
     for (const { name, chart, canvas, past } of this.charts) {
       if (!chart.range) continue;
-      const context = canvas.getContext("2d");
+      const context = brush(canvas);
       wipe(canvas);
       for (const part of [rest, this.running]) this.#shade(context, chart, part);
       context.drawImage(past, 0, 0, chart.width, chart.height);
       for (const part of [rest, this.running]) stroke(context, chart, part, name, this.colours[name]);
       if (angle !== null) {
         context.fillStyle = this.colours.ghost;
-        context.fillRect(chart.right(((angle % TURN) * 180) / Math.PI) - 0.5, chart.down(chart.range[1]), 1, chart.down(chart.range[0]) - chart.down(chart.range[1]));
+        context.fillRect(chart.right(((angle % TURN) * 180) / Math.PI) - 0.5, chart.down(chart.ends[1]), 1, chart.down(chart.ends[0]) - chart.down(chart.ends[1]));
       }
     }
   }
 
-  /** Behind the curves, where the follower is off the cam. */
+  /**
+   * Behind the curves, where the follower is off the cam.
+   * @param {CanvasRenderingContext2D} context @param {Chart} chart @param {Sample[]} part
+   */
   #shade(context, chart, part) {
     context.fillStyle = this.colours.shade;
-    const [top, bottom] = [chart.down(chart.range[1]), chart.down(chart.range[0])];
+    const [top, bottom] = [chart.down(chart.ends[1]), chart.down(chart.ends[0])];
     for (const [from, to] of flights(part)) {
       context.fillRect(px(chart, part[from].angle), top, Math.max(1, px(chart, part[to].angle) - px(chart, part[from].angle)), bottom - top);
     }
   }
 }
 
-const px = (chart, angle) => chart.right((angle * 180) / Math.PI);
+const px = (/** @type {Chart} */ chart, /** @type {number} */ angle) => chart.right((angle * 180) / Math.PI);
 
+/** @param {HTMLCanvasElement} canvas */
+const brush = (canvas) => /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
+
+/** Those of the page, light or dark. */
+function colours() {
+  const style = getComputedStyle(document.documentElement);
+  const of = (/** @type {string} */ name) => style.getPropertyValue(`--${name}`);
+  const kinds = /** @type {Record<Kind, string>} */ (Object.fromEntries(KINDS.map(([name]) => [name, of(`of-${name}`)])));
+  return { shade: of("shade"), ghost: of("ghost"), ...kinds };
+}
+
+/** @param {HTMLCanvasElement} canvas */
 function wipe(canvas) {
-  const context = canvas.getContext("2d");
+  const context = brush(canvas);
   context.save();
   context.resetTransform();
   context.clearRect(0, 0, canvas.width, canvas.height);
   context.restore();
 }
 
+/** @param {CanvasRenderingContext2D} context @param {Chart} chart @param {Sample[]} part @param {Kind} name @param {string} colour */
 function stroke(context, chart, part, name, colour) {
   if (part.length < 2) return;
   context.strokeStyle = colour;
@@ -156,8 +191,9 @@ function stroke(context, chart, part, name, colour) {
   context.stroke();
 }
 
-/** First and last indices of samples in flight. */
+/** First and last indices of samples in flight. @param {Sample[]} part */
 function flights(part) {
+  /** @type {Pair[]} */
   const found = [];
   let from = -1;
   part.forEach(({ force }, i) => {
@@ -167,7 +203,7 @@ function flights(part) {
   return found;
 }
 
-/** Where a turn's contact was lost and found again. */
+/** Where a turn's contact was lost and found again. @param {Sample[]} part @returns {Crossing[]} */
 function crossings(part) {
   return part.slice(1).flatMap((one, i) => (
     (one.force === 0) === (part[i].force === 0) ? [] : [{ angle: one.angle, landing: one.force !== 0 }]));

@@ -1,4 +1,5 @@
 // Handles on the curve: circles that are moved and never replaced, so that focus and pointer stay.
+/** @import { Chart } from "../common/charts.js" */
 import { element } from "../common/charts.js";
 
 /** Of the lift: what an arrow key moves an ordinate by, and how Shift and Page change that. */
@@ -7,11 +8,20 @@ const RADIUS = 6;
 
 export class Handles {
   /**
-   * handles: {index, angle, k} each; act: begin(), move(handle, lift in m), step(handle, lifts),
-   * home(handle), end(), least and most (mm); words: label(i), value(handle).
+   * @typedef {{begin: () => void, move: (handle: Handle, lift: number) => void, step: (handle: Handle, lifts: number) => void,
+   *   home: (handle: Handle) => void, end: () => void, least: number, most: number}} Act lifts in m, least and most in mm
+   * @param {Chart} chart
+   * @param {Handle[]} handles
+   * @param {Act} act
+   * @param {{label: (i: number) => string, value: (handle: Handle) => string}} words
    */
   constructor(chart, handles, act, words) {
-    Object.assign(this, { chart, handles, act, words, seen: [] });
+    this.chart = chart;
+    this.handles = handles;
+    this.act = act;
+    this.words = words;
+    /** @type {string[]} */
+    this.seen = [];
     this.circles = handles.map((handle, i) => {
       const circle = element("circle", { class: "handle", r: RADIUS, role: "slider", tabindex: 0, "aria-label": words.label(i), "aria-orientation": "vertical", "aria-valuemin": act.least, "aria-valuemax": act.most, "data-index": handle.index }, chart.svg);
       this.#listen(circle, handle);
@@ -19,7 +29,9 @@ export class Handles {
     });
   }
 
+  /** @param {SVGCircleElement} circle @param {Handle} handle */
   #listen(circle, handle) {
+    /** @type {number | null} */
     let grabbed = null;
     circle.addEventListener("pointerdown", (event) => {
       if (event.button !== 0) return;
@@ -42,10 +54,13 @@ export class Handles {
     circle.addEventListener("keydown", (event) => this.#key(event, handle));
   }
 
+  /** @param {KeyboardEvent} event @param {Handle} handle */
   #key(event, handle) {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     const fine = event.shiftKey ? FINE : 1;
-    const by = { ArrowUp: fine, ArrowRight: fine, ArrowDown: -fine, ArrowLeft: -fine, PageUp: COARSE, PageDown: -COARSE }[event.key];
+    /** @type {Record<string, number>} */
+    const ways = { ArrowUp: fine, ArrowRight: fine, ArrowDown: -fine, ArrowLeft: -fine, PageUp: COARSE, PageDown: -COARSE };
+    const by = ways[event.key];
     if (by === undefined && event.key !== "Home") return;
     event.preventDefault();
     this.act.begin();
@@ -54,7 +69,10 @@ export class Handles {
     this.act.end();
   }
 
-  /** Put every handle where the lift (m) is; what is as it was is not touched. */
+  /**
+   * Put every handle where the lift (m) is; what is as it was is not touched.
+   * @param {Numbers} lift @param {Numbers} ordinates @param {number} unit
+   */
   place(lift, ordinates, unit) {
     this.handles.forEach((handle, i) => {
       const at = [this.chart.right((handle.angle * 180) / Math.PI), this.chart.down(lift[handle.k] * 1e3)];
@@ -68,6 +86,7 @@ export class Handles {
   }
 }
 
+/** @param {Element} circle @param {Record<string, string>} attributes */
 function set(circle, attributes) {
   for (const [key, value] of Object.entries(attributes)) circle.setAttribute(key, value);
 }

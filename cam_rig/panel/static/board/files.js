@@ -1,23 +1,25 @@
 // What is written: the cam's file, the contour as DXF, and the command that designs on from it.
 import { shown } from "../common/charts.js";
+import { $, field } from "../common/dom.js";
 import { text } from "../common/texts.js";
 
-const $ = (id) => document.getElementById(id);
-
-/** The cam that was saved last: a design begins there. */
+/** The cam that was saved last: a design begins there. @type {string | null} */
 let saved = null;
 
-/** ordinates() gives those that are drawn; status(words, wrong) tells what came of it. */
+/**
+ * ordinates() gives those that are drawn; status(words, wrong) tells what came of it.
+ * @param {() => number[]} ordinates @param {Status} status
+ */
 export function listenForFiles(ordinates, status) {
-  const ask = (path, more = {}) => fetch(path, { method: "POST", body: JSON.stringify({ ...more, ordinates: ordinates() }) });
+  const ask = (/** @type {string} */ path, more = {}) => fetch(path, { method: "POST", body: JSON.stringify({ ...more, ordinates: ordinates() }) });
 
   $("controls").addEventListener("submit", async (event) => {
     event.preventDefault();
-    const answer = await ask("/save", { name: $("name").value });
+    const answer = await ask("/save", { name: field("name").value });
     const found = await answer.json();
     if (!answer.ok) return status(text("not_saved", found), true);
     $("command").textContent = found.command;
-    saved = $("name").value;
+    saved = field("name").value;
     $("design").hidden = false;
     if (found.why_not === null) return status(text("saved", found), false);
     return status(text("saved_not_made", found), true);
@@ -28,7 +30,7 @@ export function listenForFiles(ordinates, status) {
     if (!answer.ok) return status(text("no_dxf", await answer.json()), true);
     const link = document.createElement("a");
     link.href = URL.createObjectURL(await answer.blob());
-    link.download = `${$("name").value || "cam"}.dxf`;
+    link.download = `${field("name").value || "cam"}.dxf`;
     link.click();
     URL.revokeObjectURL(link.href);
     return status(text("dxf_made", { name: link.download }), false);
@@ -53,10 +55,10 @@ export function listenForFiles(ordinates, status) {
   $("copy").addEventListener("click", async () => {
     const range = document.createRange();
     range.selectNodeContents($("command"));
-    getSelection().removeAllRanges();
-    getSelection().addRange(range);
+    getSelection()?.removeAllRanges();
+    getSelection()?.addRange(range);
     try {
-      await navigator.clipboard.writeText($("command").textContent);
+      await navigator.clipboard.writeText($("command").textContent ?? "");
       status(text("copied"), false);
     } catch (refused) { // the browser does not let a page: it is selected, to be copied by hand
       if (!(refused instanceof DOMException)) throw refused;
@@ -65,13 +67,17 @@ export function listenForFiles(ordinates, status) {
   });
 }
 
+/** @param {boolean} on */
 function running(on) {
   $("design_run").hidden = on;
   $("design_stop").hidden = !on;
   $("design_progress").textContent = on ? text("designing") : "";
 }
 
-/** What a design has come to; put(motion) is given its law, in base64, once there is one. */
+/**
+ * What a design has come to; put(motion) is given its law, in base64, once there is one.
+ * @param {Design} found @param {(motion: string) => void} put @param {Status} status
+ */
 export function heardOfDesign({ so_far_rpm: best, rpm, path, motion, words, stopped }, put, status) {
   if (best !== undefined) {
     running(true);

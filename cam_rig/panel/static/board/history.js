@@ -1,8 +1,21 @@
 // Undo and redo: states before and after each gesture.
 
+/** @template T what there is at a time */
 export class History {
+  /**
+   * now() gives it, put(before) puts it back, told() is told of a change.
+   * @param {() => T} now @param {(before: T) => void} put @param {() => void} told
+   */
   constructor(now, put, told) {
-    Object.assign(this, { now, put, told, past: [], future: [], before: null });
+    this.now = now;
+    this.put = put;
+    this.told = told;
+    /** @type {T[]} */
+    this.past = [];
+    /** @type {T[]} */
+    this.future = [];
+    /** @type {T | null} */
+    this.before = null;
   }
 
   begin() { this.before ??= this.now(); }
@@ -20,10 +33,12 @@ export class History {
 
   redo() { this.#move(this.future, this.past); }
 
+  /** @param {T[]} from @param {T[]} to */
   #move(from, to) {
-    if (!from.length) return;
+    const before = from.pop();
+    if (before === undefined) return;
     to.push(this.now());
-    this.put(from.pop());
+    this.put(before);
     this.told();
   }
 }

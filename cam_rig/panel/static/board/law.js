@@ -1,13 +1,13 @@
 // The law in the page: s to s''' are fixed matrices times the ordinates, and the kinetostatic
 // contact force is their sum. All in SI.
 
-/** Little-endian float64 from base64. */
+/** Little-endian float64 from base64. @param {string} text */
 export function decode(text) {
   const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
   return new Float64Array(bytes.buffer);
 }
 
-/** The table of a board as it was sent, its arrays decoded. */
+/** The table of a board as it was sent, its arrays decoded. @param {Board} board */
 export function readTable(board) {
   const table = decode(board.table);
   const first = Uint32Array.from(decode(board.first));
@@ -15,7 +15,12 @@ export function readTable(board) {
   return { table, first, constant: decode(board.constant), points, orders, width: table.length / points / orders };
 }
 
-/** s (m), s', s'', s''' (m/rad^order) at equal steps of a turn, one Float64Array each. */
+/** @typedef {ReturnType<typeof readTable>} MotionTable */
+
+/**
+ * s (m), s', s'', s''' (m/rad^order) at equal steps of a turn, one Float64Array each.
+ * @param {MotionTable} table @param {Numbers} ordinates
+ */
 export function motion({ table, first, constant, points, orders, width }, ordinates) {
   const found = [];
   for (let order = 0; order < orders; order += 1) {
@@ -31,20 +36,23 @@ export function motion({ table, first, constant, points, orders, width }, ordina
   return found;
 }
 
-/** How far (m) the lift at angle index k moves for one ordinate more at `index`. */
+/**
+ * How far (m) the lift at angle index k moves for one ordinate more at `index`.
+ * @param {MotionTable} table @param {number} k @param {number} index
+ */
 export function pull({ table, first, width }, k, index) {
   const column = index - first[k];
   return column >= 0 && column < width ? table[k * width + column] : 0;
 }
 
-/** Contact force (N): m s'' Ω² + c s' Ω + k s + preload. */
+/** Contact force (N): m s'' Ω² + c s' Ω + k s + preload. @param {Float64Array[]} law @param {Mass} rig @param {number} rpm */
 export function contactForce([s, slope, bend], rig, rpm) {
   const speed = (rpm * 2 * Math.PI) / 60;
   const [inertia, drag] = [rig.mass * speed * speed, rig.damping * speed];
   return s.map((lift, i) => inertia * bend[i] + drag * slope[i] + rig.spring_stiffness * lift + rig.preload);
 }
 
-/** Amplitudes of orders 1 to `count` of one turn. */
+/** Amplitudes of orders 1 to `count` of one turn. @param {Numbers} values @param {number} count */
 export function spectrum(values, count) {
   const n = values.length;
   if (turn.length !== n) turn = Float64Array.from({ length: n }, (_, i) => Math.cos((2 * Math.PI * i) / n));

@@ -1,6 +1,7 @@
 // The drawing board: what is dragged changes the law here at once; the server says what is exact.
 import { Chart, shown } from "../common/charts.js";
 import { ContourChart } from "../common/contour.js";
+import { $, field } from "../common/dom.js";
 import { Handles } from "./drag.js";
 import { History } from "./history.js";
 import { decode, motion, pull, readTable } from "./law.js";
@@ -8,24 +9,25 @@ import { Pictures } from "./pictures.js";
 import { weights } from "./pull.js";
 import { Readouts } from "./readouts.js";
 import { Stroboscope } from "./stroboscope.js";
+import { STEPS } from "../common/knob.js";
 import { heardOfDesign, listenForFiles } from "./files.js";
 import { loadTexts, text } from "../common/texts.js";
 import { Wire } from "../common/wire.js";
 
-const $ = (id) => document.getElementById(id);
-const degrees = (radians) => (radians * 180) / Math.PI;
-const radians = (degrees) => (degrees * Math.PI) / 180;
+const degrees = (/** @type {number} */ radians) => (radians * 180) / Math.PI;
+const radians = (/** @type {number} */ degrees) => (degrees * Math.PI) / 180;
 
 await loadTexts();
+/** @type {Board} */
 const board = await (await fetch("/board")).json();
 const table = readTable(board);
 const state = { ordinates: Float64Array.from(board.ordinates), rpm: board.rpm };
 const start = Float64Array.from(board.start);
 const lift = board.cam.lift_m;
+/** What was sent with a number, and what another page sent. @type {Map<number | "moved", Float64Array>} */
 const sent = new Map();
 
-const pictures = new Pictures(board, table, motion(table, start));
-pictures.contour = new ContourChart($("contour"), board.colours, text("contour"));
+const pictures = new Pictures(board, table, motion(table, start), new ContourChart($("contour"), board.colours, text("contour")));
 const readouts = new Readouts(board);
 const stroboscope = new Stroboscope(board);
 
@@ -56,19 +58,23 @@ const history = new History(
   () => ({ ordinates: Array.from(state.ordinates), rpm: state.rpm }),
   (before) => { put(before); changed(); settle(); },
   () => {
-    $("undo").disabled = !history.past.length;
-    $("redo").disabled = !history.future.length;
+    field("undo").disabled = !history.past.length;
+    field("redo").disabled = !history.future.length;
   },
 );
+/** @param {{ordinates: number[], rpm: number}} to */
 function put({ ordinates, rpm }) {
   state.ordinates = Float64Array.from(ordinates);
   setSpeed(rpm);
 }
 /** After a gesture the axes may shrink again. */
 function settle() { requestAnimationFrame(() => draw(true)); }
-/** Move what a handle pulls: by(index) gives the way of its own ordinate's whole weight, in lifts. */
+/**
+ * Move what a handle pulls: by(index) gives the way of its own ordinate's whole weight, in lifts.
+ * @param {Handle} handle @param {(index: number) => number} by
+ */
 function pullBy(handle, by) {
-  for (const [{ index }, weight] of weights(own, handle, radians($("width").value))) {
+  for (const [{ index }, weight] of weights(own, handle, radians(Number(field("width").value)))) {
     const value = state.ordinates[index] + weight * by(index);
     state.ordinates[index] = Math.min(FARTHEST, Math.max(-FARTHEST, value));
   }
@@ -79,13 +85,14 @@ const own = board.handles.map((handle) => {
   return { ...handle, k, angle: (2 * Math.PI * k) / board.points };
 });
 const FARTHEST = 100; // lifts, of an ordinate
+/** @type {import("./drag.js").Act} */
 const act = {
   least: -FARTHEST * lift * 1e3,
   most: FARTHEST * lift * 1e3,
   begin: () => history.begin(),
   move(handle, height) {
     const now = motion(table, state.ordinates)[0][handle.k];
-    const moved = weights(own, handle, radians($("width").value));
+    const moved = weights(own, handle, radians(Number(field("width").value)));
     const lever = moved.reduce((sum, [{ index }, weight]) => sum + weight * pull(table, handle.k, index), 0);
     pullBy(handle, () => (height - now) / lever);
   },
@@ -102,21 +109,22 @@ for (const chart of pictures.all) chart.resized = drawSoon;
 
 // -- the knob, on a scale of equal ratios ---------------------------------------------------------
 const KNOB = [20, 2000];
+/** @param {number} rpm */
 function setSpeed(rpm) {
   state.rpm = rpm;
-  $("rpm").value = Number(rpm.toPrecision(6));
-  $("knob").value = Math.log(rpm);
+  field("rpm").value = String(Number(rpm.toPrecision(6)));
+  field("knob").value = String(Math.log(rpm));
 }
-[$("knob").min, $("knob").max] = KNOB.map(Math.log);
+[field("knob").min, field("knob").max] = KNOB.map((rpm) => String(Math.log(rpm)));
 $("knob").setAttribute("aria-label", text("speed"));
-[$("rpm").min, $("rpm").max] = board.rpm_range;
+[field("rpm").min, field("rpm").max] = board.rpm_range.map(String);
 $("knob").addEventListener("input", () => {
   history.begin();
-  setSpeed(Math.round(Math.exp($("knob").value)));
+  setSpeed(Math.round(Math.exp(field("knob").valueAsNumber)));
   changed();
 });
 $("knob").addEventListener("keydown", (event) => {
-  const by = { ArrowUp: 1, ArrowRight: 1, ArrowDown: -1, ArrowLeft: -1, PageUp: 10, PageDown: -10 }[event.key];
+  const by = STEPS[event.key];
   if (by === undefined) return;
   event.preventDefault();
   history.begin();
@@ -126,8 +134,8 @@ $("knob").addEventListener("keydown", (event) => {
 });
 $("knob").addEventListener("change", () => { history.end(); settle(); wire.flush(); });
 $("rpm").addEventListener("change", () => {
-  const rpm = $("rpm").valueAsNumber;
-  if (!$("rpm").checkValidity() || !Number.isFinite(rpm)) { $("rpm").reportValidity(); return; }
+  const rpm = field("rpm").valueAsNumber;
+  if (!field("rpm").checkValidity() || !Number.isFinite(rpm)) { field("rpm").reportValidity(); return; }
   history.begin();
   setSpeed(rpm);
   changed();
@@ -146,7 +154,7 @@ $("reset").addEventListener("click", () => {
   settle();
 });
 addEventListener("keydown", (event) => {
-  if (!(event.ctrlKey || event.metaKey) || event.target.matches("input:not([type=range])")) return;
+  if (!(event.ctrlKey || event.metaKey) || /** @type {Element} */ (event.target).matches("input:not([type=range])")) return;
   const key = event.key.toLowerCase();
   if (key === "z" && !event.shiftKey) history.undo();
   else if (key === "y" || (key === "z" && event.shiftKey)) history.redo();
@@ -154,25 +162,26 @@ addEventListener("keydown", (event) => {
   event.preventDefault();
 });
 listenForFiles(() => Array.from(state.ordinates), (words, wrong) => readouts.status(words, wrong));
-for (const width of WIDTHS_DEG) $("width").append(new Option(width ? text("width_deg", { width }) : text("width_one"), width));
+for (const width of WIDTHS_DEG) $("width").append(new Option(width ? text("width_deg", { width }) : text("width_one"), String(width)));
 for (const name of board.cams) $("second").append(new Option(name, name));
 $("second").addEventListener("change", async () => {
-  const name = $("second").value;
-  const answer = name && (await fetch(`/other/${name}`));
+  const name = field("second").value;
+  const answer = name ? await fetch(`/other/${name}`) : null;
   const found = answer && (await answer.json());
-  if ($("second").value !== name) return; // another was chosen meanwhile
+  if (field("second").value !== name) return; // another was chosen meanwhile
   if (answer && !answer.ok) readouts.status(found.words, true);
   showSecond(answer?.ok ? found.motion : null);
 });
-/** A law beside the board's own, in base64; null shows none. */
+/** A law beside the board's own, in base64; null shows none. @param {string | null} motion */
 function showSecond(motion) {
-  const flat = motion && decode(motion);
-  pictures.second = flat && Array.from({ length: board.orders }, (_, i) => flat.subarray(i * board.points, (i + 1) * board.points));
+  const flat = motion ? decode(motion) : null;
+  pictures.second = flat ? Array.from({ length: board.orders }, (_, i) => flat.subarray(i * board.points, (i + 1) * board.points)) : null;
   draw(true);
 }
 $("spectrum_of").addEventListener("change", () => draw(true));
 
 // -- the server -----------------------------------------------------------------------------------
+/** @param {BoardMessage} message @param {boolean} pending */
 function heard(message, pending) {
   if (message.type === "refused") readouts.status(text("refused", message), true);
   if (message.type === "rest") readouts.rest(message);
@@ -180,14 +189,14 @@ function heard(message, pending) {
   if (message.type === "moved") { put(message); sent.set("moved", Float64Array.from(message.ordinates)); }
   if (message.type !== "exact" && message.type !== "moved") return;
   const ordinates = sent.get(message.number ?? "moved");
-  for (const number of sent.keys()) if (number !== "moved" && number <= message.number) sent.delete(number);
+  for (const number of sent.keys()) if (number !== "moved" && number <= (message.number ?? 0)) sent.delete(number);
   readouts.exact(message);
   const turned = pictures.judged(ordinates, message);
   if (message.discs.length) stroboscope.shapes(message.discs);
   // What turned good or bad at rest may have other axes; in the middle of a gesture they stay.
   if (message.type === "moved" || (turned && !history.before)) settle();
   else if (turned) drawSoon();
-  if (!pending) readouts.current(message.version);
+  if (!pending) readouts.current();
 }
 const wire = new Wire(
   (number) => {

@@ -1,19 +1,34 @@
 // All charts of the page: the law and its derivatives, the force over the turn, the spectrum.
 import { seen, Chart, element, extent, shown } from "../common/charts.js";
+/** @import { ContourChart } from "../common/contour.js" */
+/** @import { MotionTable } from "./law.js" */
+import { $, field } from "../common/dom.js";
 import { contactForce, motion, spectrum } from "./law.js";
 import { text } from "../common/texts.js";
 
 /** Lengths are shown in mm; the spectrum has so many orders, over so many decades. */
 const MM = 1e3, HIGHEST_ORDER = 40, DECADES = 5;
 const NAMES = ["lift", "velocity", "acceleration", "jerk"];
-const $ = (id) => document.getElementById(id);
 
 export class Pictures {
-  constructor(board, table, start) {
-    Object.assign(this, { board, table, start, motion: start, second: null, faulty: false });
-    this.good = board.start_made ? Float64Array.from(board.start) : null; // the last that can be made
+  /** @param {Board} board @param {MotionTable} table @param {Float64Array[]} start @param {ContourChart} contour */
+  constructor(board, table, start, contour) {
+    this.board = board;
+    this.table = table;
+    this.start = start;
+    this.contour = contour;
+    this.motion = start;
+    /** Another law beside it. @type {Float64Array[] | null} */
+    this.second = null;
+    this.faulty = false;
+    /**
+     * @type {{rpm: number, second: Float64Array[] | null, forces: (Float64Array | null)[], lines: Record<string, (Float64Array | null)[]>} | null}
+     */
+    this.others = null;
+    /** The last that can be made. @type {Float64Array | null} */
+    this.good = board.start_made ? Float64Array.from(board.start) : null;
     this.step = 360 / board.points;
-    const turn = { x: [0, 360], xTicks: [0, 60, 120, 180, 240, 300, 360] };
+    const turn = { x: /** @type {Pair} */ ([0, 360]), xTicks: [0, 60, 120, 180, 240, 300, 360] };
     const last = NAMES.length - 1;
     this.charts = NAMES.map((_, i) => new Chart($(`chart${i}`), { ...turn, title: text(`s${i}`), role: i === 0 ? "group" : "img", xTitle: i === 0 || i === last ? text("angle") : "" }));
     this.force = new Chart($("force"), { ...turn, title: text("newton"), xTitle: text("angle") });
@@ -22,33 +37,35 @@ export class Pictures {
     this.#key();
   }
 
-  /** Draw ordinates at a speed; `anew` lets axes shrink. */
+  /** Draw ordinates at a speed; `anew` lets axes shrink. @param {Numbers} ordinates @param {number} rpm @param {boolean} anew */
   draw(ordinates, rpm, anew) {
     this.motion = motion(this.table, ordinates);
     this.charts.forEach((chart, i) => this.#law(chart, i, anew));
     const shownForce = this.faulty && this.good ? motion(this.table, this.good) : this.motion;
     const { rig, colours } = this.board;
     const own = contactForce(shownForce, rig, rpm);
-    const [start, second] = this.#others(rpm);
+    const others = this.#others(rpm);
+    const [start, second] = others.forces;
     this.force.fit(...widened(extent([own, start, second]), 0), anew);
     const common = { step: this.step };
     this.force.curve("start", start, { ...common, colour: colours.ghost, kind: "ghost" });
     this.force.curve("second", second, { ...common, colour: "#111", kind: "second" });
     this.force.curve("own", own, { ...common, colour: colours.force });
-    this.force.curve("lost", null, {});
+    this.force.curve("lost", null, common);
     this.#contact(own);
-    this.#spectrum(own, start, second, shownForce, anew);
+    this.#spectrum(own, shownForce, others, anew);
   }
 
-  /** The force of the start and of the second law, computed when speed or law change. */
+  /** The force of the start and of the second law, computed when speed or law change. @param {number} rpm */
   #others(rpm) {
-    if (this.others?.rpm !== rpm || this.others.second !== this.second) {
+    if (!this.others || this.others.rpm !== rpm || this.others.second !== this.second) {
       const forces = [this.start, this.second].map((law) => law && contactForce(law, this.board.rig, rpm));
       this.others = { rpm, second: this.second, forces, lines: {} };
     }
-    return this.others.forces;
+    return this.others;
   }
 
+  /** @param {Chart} chart @param {number} order @param {boolean} anew */
   #law(chart, order, anew) {
     const { colours } = this.board;
     const [own, start, second] = [this.motion[order], this.start[order], this.second?.[order]];
@@ -64,7 +81,7 @@ export class Pictures {
     chart.curve("own", own, { ...common, colour: colours[NAMES[order]] });
   }
 
-  /** Where the force is below zero, in words and in red. */
+  /** Where the force is below zero, in words and in red. @param {Float64Array} force */
   #contact(force) {
     const place = $("contact");
     let [first, last, least] = [-1, -1, Infinity];
@@ -85,13 +102,15 @@ export class Pictures {
     place.classList.toggle("fault", lost || this.faulty);
   }
 
-  #spectrum(force, startForce, secondForce, own, anew) {
-    const of = $("spectrum_of").value;
+  /** @param {Float64Array} force @param {Float64Array[]} own @param {NonNullable<Pictures["others"]>} others @param {boolean} anew */
+  #spectrum(force, own, others, anew) {
+    const of = field("spectrum_of").value;
     const ofForce = of === "force";
-    const lines = (values, scale) => values && spectrum(values, HIGHEST_ORDER).map((x) => Math.log10(Math.max(x * scale, 1e-300)));
-    const pick = (one, other) => (ofForce ? lines(one, 1) : other && lines(other[2], MM));
-    this.others.lines[of] ??= [pick(startForce, this.start), pick(secondForce, this.second)];
-    const found = [pick(force, own), ...this.others.lines[of]];
+    const lines = (/** @type {Float64Array} */ values, /** @type {number} */ scale) => spectrum(values, HIGHEST_ORDER).map((x) => Math.log10(Math.max(x * scale, 1e-300)));
+    /** @type {(one: Float64Array | null, other: Float64Array[] | null) => Float64Array | null} */
+    const pick = (one, other) => one && other && (ofForce ? lines(one, 1) : lines(other[2], MM));
+    others.lines[of] ??= [pick(others.forces[0], this.start), pick(others.forces[1], this.second)];
+    const found = [pick(force, own), ...others.lines[of]];
     const top = Math.ceil(Math.max(...found.flatMap((values) => (values ? [Math.max(...values)] : []))));
     this.spectrum.title = text(ofForce ? "newton" : "s2");
     this.spectrum.fit(top - DECADES, top, anew);
@@ -104,6 +123,7 @@ export class Pictures {
   /**
    * What the server found of some ordinates: a law that cannot be made keeps the last good force.
    * Gives whether that is to be drawn otherwise than before.
+   * @param {Float64Array | undefined} ordinates @param {Exact | Moved} found
    */
   judged(ordinates, { faults, discs }) {
     const before = this.faulty;
@@ -126,4 +146,5 @@ export class Pictures {
   }
 }
 
+/** @param {Pair} range @param {number} value @returns {Pair} */
 function widened([low, high], value) { return [Math.min(low, value), Math.max(high, value)]; }

@@ -5,8 +5,10 @@
  *
  * The cosine reaches `width` (rad) to either side, and no farther than the ordinates that keep the
  * end of the segment as it is, so that the law stays smooth there.
+ * @param {Handle[]} handles @param {Handle} own @param {number} width @returns {[Handle, number][]}
  */
 export function weights(handles, own, width) {
+  /** @type {[Handle, number][]} */
   const found = [[own, 1]];
   const [left, right] = [Math.min(width, own.left), Math.min(width, own.right)];
   for (const other of handles) {

@@ -1,13 +1,15 @@
 // Numbers and words from the server; those of an earlier law are marked until the new ones come.
 import { shown } from "../common/charts.js";
+import { $, field } from "../common/dom.js";
 import { text } from "../common/texts.js";
 
 const AT_REST = ["jump", "residual", "level"];
-const $ = (id) => document.getElementById(id);
 
 export class Readouts {
+  /** @param {Board} board */
   constructor(board) {
     const { rig, cam } = board;
+    /** @type {number | null} */
     this.version = null;
     this.sprung = cam.sprung;
     $("title").textContent = text("bench_title", { rig: cam.name, model: rig.name });
@@ -17,12 +19,15 @@ export class Readouts {
       : text(drawn.exact ? "exact" : "nearest", { degree: drawn.degree, distance: shown(distance * 1e6, 2) });
     $("jump_title").textContent = text(rig.two_masses ? "jump" : "jump_one", { seconds: rig.from_rest_s });
     $("level_title").textContent = rig.calibrated_on ? text("level", { cam: rig.calibrated_on }) : text("level_relative");
-    $("name").value = `${cam.name}_drawn`;
+    field("name").value = `${cam.name}_drawn`;
+    /** @type {string[]} */
     this.checks = [];
+    /** @type {string[]} */
     this.faults = [];
     this.stale();
   }
 
+  /** @param {string} words @param {boolean} wrong */
   status(words, wrong) {
     $("status").textContent = words;
     $("status").classList.toggle("fault", Boolean(wrong));
@@ -31,6 +36,7 @@ export class Readouts {
   /** The law has changed: what was found of it belongs to the one before. */
   stale() { for (const id of ["jump_rigid", ...AT_REST]) $(id).classList.add("stale"); }
 
+  /** @param {Exact | Moved} found */
   exact({ version, faults, warnings, jump_rigid: jump }) {
     this.version = version;
     for (const id of AT_REST) $(id).classList.add("stale");
@@ -44,6 +50,7 @@ export class Readouts {
   /** Nothing newer is on its way. */
   current() { $("jump_rigid").classList.remove("stale"); }
 
+  /** @param {Rest} message */
   rest(message) {
     if (message.version !== this.version) return;
     if (message.words) return this.status(message.words, true);
@@ -57,7 +64,7 @@ export class Readouts {
     this.#list();
   }
 
-  /** Numbers of a law that cannot be made are those of its motion alone, and are marked. */
+  /** Numbers of a law that cannot be made are those of its motion alone, and are marked. @param {boolean} made */
   #made(made) {
     $("not_made").hidden = made;
     $("readouts").classList.toggle("not_made", !made);
@@ -71,6 +78,7 @@ export class Readouts {
   }
 }
 
+/** @param {Fault} fault */
 function inWords({ key, angle_deg: angle, value_deg: found, allowed_deg: allowed, words }) {
   if (key === "error") return words;
   return text(key, { angle: shown(angle, 3), value: found && shown(found, 3), allowed: allowed && shown(allowed, 3) });
@@ -79,11 +87,10 @@ function inWords({ key, angle_deg: angle, value_deg: found, allowed_deg: allowed
 /** Of the unit of a readout: less is not told apart. */
 const LEAST = 1e-3;
 
+/** @param {string} id @param {Found} found @param {number} digits @param {string} unit */
 function value(id, { value: number, words }, digits, unit) {
   const size = number === undefined ? "" : Math.abs(number) < LEAST ? text("below", { value: LEAST }) : shown(number, digits);
-  put(id, words ?? (number === undefined ? text("at_no_speed") : `${size} ${unit}`));
+  $(id).textContent = words ?? (number === undefined ? text("at_no_speed") : `${size} ${unit}`);
   $(id).classList.remove("stale");
   $(id).classList.toggle("words", number === undefined);
 }
-
-function put(id, words) { $(id).textContent = words; }

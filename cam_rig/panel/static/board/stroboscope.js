@@ -2,22 +2,34 @@
 // turns between two flashes stands still. Nothing flashes on the page; it is redrawn at most once
 // a frame.
 import { element, shown } from "../common/charts.js";
+import { $, field } from "../common/dom.js";
 import { text } from "../common/texts.js";
 
-const $ = (id) => document.getElementById(id);
 const MARGIN = 10;
 
 export class Stroboscope {
+  /** @param {Board} board */
   constructor({ colours, follower, rpm }) {
-    Object.assign(this, { colours, follower, discs: [], turns: 0, speed: rpm, lift: null, since: null, seen: 0 });
+    this.colours = colours;
+    this.follower = follower;
+    /** @type {Disc[]} */
+    this.discs = [];
+    this.turns = 0;
+    this.speed = rpm;
+    /** @type {Numbers} */
+    this.lift = [];
+    /** When it began to run (ms). @type {number | null} */
+    this.since = null;
+    this.seen = 0;
+    this.unit = 0; // px/mm, once there are discs and room
     this.place = $("strobe");
-    this.svg = element("svg", { role: "img", "aria-label": text("strobe") }, null);
+    this.svg = element("svg", { role: "img", "aria-label": text("strobe") });
     this.place.append(this.svg);
     this.cam = element("g", {}, this.svg);
     this.held = element("g", {}, this.svg);
-    $("flashes").value = rpm;
+    field("flashes").value = String(rpm);
     $("flashes").addEventListener("input", () => this.#again());
-    $("as_speed").addEventListener("click", () => { $("flashes").value = this.speed; this.#again(); });
+    $("as_speed").addEventListener("click", () => { field("flashes").value = String(this.speed); this.#again(); });
     $("flash").addEventListener("click", () => this.#flash(1));
     $("run").addEventListener("click", () => this.#run(this.since === null));
     // Who asked for less motion steps by the button, flash by flash.
@@ -30,24 +42,25 @@ export class Stroboscope {
   }
 
   /** Flashes a minute. */
-  get rate() { return $("flashes").checkValidity() ? $("flashes").valueAsNumber : NaN; }
+  get rate() { return field("flashes").checkValidity() ? field("flashes").valueAsNumber : NaN; }
 
-  /** The lift (m) at equal steps of a turn, and the cam speed. */
+  /** The lift (m) at equal steps of a turn, and the cam speed. @param {Numbers} lift @param {number} rpm */
   law(lift, rpm) {
     this.lift = lift;
     if (rpm !== this.speed) { this.speed = rpm; this.#again(); } else this.#say();
   }
 
-  /** Contours in mm, of points at equal steps of the cam angle. */
+  /** Contours in mm, of points at equal steps of the cam angle. @param {Disc[]} discs */
   shapes(discs) {
     this.discs = discs;
     this.#place();
   }
 
+  /** @param {boolean} on */
   #run(on) {
     this.since = on ? performance.now() : null;
     this.seen = 0;
-    $("run").setAttribute("aria-pressed", on);
+    $("run").setAttribute("aria-pressed", String(on));
     $("run").textContent = text(on ? "strobe_stop" : "strobe_run");
     if (on) requestAnimationFrame(() => this.#frame());
   }
@@ -68,7 +81,7 @@ export class Stroboscope {
     requestAnimationFrame(() => this.#frame());
   }
 
-  /** So many flashes later: what the last one shows. */
+  /** So many flashes later: what the last one shows. @param {number} count */
   #flash(count) {
     const turns = count * (this.speed / this.rate);
     if (!Number.isFinite(turns)) return;
@@ -84,7 +97,7 @@ export class Stroboscope {
     $("seems").textContent = !Number.isFinite(per) ? text("strobe_range")
       : Math.abs(part) < 1e-9 ? text("strobe_still", { turns: shown(Math.round(per)) })
         : text(part > 0 ? "strobe_forward" : "strobe_backward", { rpm: shown(Math.abs(part) * this.rate, 3) });
-    const n = this.lift?.length ?? 0;
+    const n = this.lift.length;
     const lift = n ? (this.lift[Math.round(this.turns * n) % n] * 1e3).toFixed(3) : "–";
     $("phase").textContent = text("strobe_phase", { angle: (this.turns * 360).toFixed(1), lift });
   }
@@ -108,6 +121,7 @@ export class Stroboscope {
     this.#show();
   }
 
+  /** @param {Pair} point */
   #px([x, y]) { return [(this.unit * x).toFixed(1), (-this.unit * y).toFixed(1)]; }
 
   #show() {
@@ -121,7 +135,10 @@ export class Stroboscope {
     this.svg.dataset.degrees = (this.turns * 360).toFixed(3);
   }
 
-  /** Roller, knife edge or face where it touches, with its stem or arm. */
+  /**
+   * Roller, knife edge or face where it touches, with its stem or arm.
+   * @param {Disc} disc @param {number} angle @param {DocumentFragment} parts
+   */
   #follower({ points, pitch }, angle, parts) {
     const touch = turned(points, this.turns, angle);
     const centre = pitch ? turned(pitch, this.turns, angle) : touch;
@@ -136,17 +153,20 @@ export class Stroboscope {
       const [a, b] = [this.#px([touch[0] - dx, touch[1] - dy]), this.#px([touch[0] + dx, touch[1] + dy])];
       element("path", { class: "curve", stroke, d: `M${a.join(" ")}L${b.join(" ")}` }, parts);
     }
-    const end = pivot === null ? [x, y > 0 ? "1000" : "-1000"] : this.#px([pivot, 0]);
+    const end = pivot === null ? [x, Number(y) > 0 ? "1000" : "-1000"] : this.#px([pivot, 0]);
     element("path", { class: "curve ghost", stroke, d: `M${x} ${y}L${end.join(" ")}` }, parts);
   }
 }
 
-/** A point of a closed curve in the cam's frame, between two of those given, as the cam has turned. */
+/**
+ * A point of a closed curve in the cam's frame, between two of those given, as the cam has turned.
+ * @param {Points} points @param {number} turns @param {number} angle @returns {Pair}
+ */
 function turned([xs, ys], turns, angle) {
   const n = xs.length;
   const at = (((turns % 1) + 1) % 1) * n;
   const [i, part] = [Math.floor(at) % n, at - Math.floor(at)];
-  const between = (values) => values[i] + part * (values[(i + 1) % n] - values[i]);
+  const between = (/** @type {number[]} */ values) => values[i] + part * (values[(i + 1) % n] - values[i]);
   const [x, y] = [between(xs), between(ys)];
   return [Math.cos(angle) * x - Math.sin(angle) * y, Math.sin(angle) * x + Math.cos(angle) * y];
 }

@@ -1,23 +1,32 @@
 // Charts in SVG: axes that change with their range, and paths that change with every frame.
 
+/**
+ * @template {keyof SVGElementTagNameMap} T
+ * @param {T} name
+ * @param {Record<string, string | number>} attributes
+ * @param {ParentNode} [parent]
+ */
 export function element(name, attributes, parent) {
   const made = document.createElementNS("http://www.w3.org/2000/svg", name);
-  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, String(value));
   parent?.append(made);
   return made;
 }
 
-/** Round steps, about `count` of them, that cover a range. */
+/** Round steps, about `count` of them, that cover a range. @param {number} low @param {number} high @param {number} count */
 export function ticks(low, high, count) {
   const raw = (high - low) / count;
   const power = 10 ** Math.floor(Math.log10(raw));
-  const step = [1, 2, 5, 10].find((part) => part * power >= raw * 0.8) * power;
+  const step = ([1, 2, 5, 10].find((part) => part * power >= raw * 0.8) ?? NaN) * power;
   const found = [];
   for (let i = Math.ceil(low / step - 1e-9); i * step <= high + step * 1e-9; i += 1) found.push(i * step);
   return found;
 }
 
-/** A number with so many digits, a decimal point in every language, as in files and fields, and no exponent where it can be read without. */
+/**
+ * A number with so many digits, a decimal point in every language, as in files and fields, and no exponent where it can be read without.
+ * @param {number} value
+ */
 export function shown(value, digits = 4) {
   if (value === 0) return "0";
   const size = Math.abs(value);
@@ -25,29 +34,45 @@ export function shown(value, digits = 4) {
   formats[digits] ??= new Intl.NumberFormat("en", { maximumSignificantDigits: digits, useGrouping: false });
   return formats[digits].format(value);
 }
-const formats = []; // they are slow to make
+/** They are slow to make. @type {Intl.NumberFormat[]} */
+const formats = [];
 
-/** Black is the colour of the words, which is white on a dark page. */
+/** Black is the colour of the words, which is white on a dark page. @param {string} colour */
 export function seen(colour) { return /^#(000000|111|333)$/.test(colour) ? "currentColor" : colour; }
 
 const LEFT = 56, RIGHT = 16, TOP = 18, BOTTOM = 20;
 
 export class Chart {
-  /** `options`: x range, its ticks, log for a logarithmic y axis, title and xTitle; the role of a picture, or of a group of handles. */
+  /**
+   * `options`: x range, its ticks, log for a logarithmic y axis, title and xTitle; the role of a picture, or of a group of handles.
+   * @param {HTMLElement} place
+   * @param {{title: string, x: Pair, xTicks: number[], xTitle?: string, log?: boolean, role?: string}} options
+   */
   constructor(place, { title, x, xTicks, xTitle = "", log = false, role = "img" }) {
-    Object.assign(this, { place, title, x, xTicks, xTitle, log });
+    this.place = place;
+    this.title = title;
+    this.x = x;
+    this.xTicks = xTicks;
+    this.xTitle = xTitle;
+    this.log = log;
     this.svg = element("svg", { role, "aria-label": title });
     place.append(this.svg);
     this.axes = element("g", {}, this.svg);
     const id = `clip_${place.id}`;
     this.clip = element("rect", {}, element("clipPath", { id }, element("defs", {}, this.svg)));
     this.curves = element("g", { "clip-path": `url(#${id})` }, this.svg);
+    /** @type {Map<string, SVGPathElement>} */
     this.paths = new Map();
+    /** @type {Map<string, SVGGElement>} */
     this.groups = new Map();
+    /** @type {WeakMap<SVGPathElement, Numbers>} */
     this.drawn = new WeakMap();
+    /** Of y, once it has been fitted. @type {Pair | null} */
     this.range = null;
     this.resized = () => {};
     new ResizeObserver(() => { this.#axes(); this.resized(); }).observe(place);
+    this.width = 0;
+    this.height = 0;
     this.#measure();
   }
 
@@ -56,20 +81,28 @@ export class Chart {
     this.height = Math.max(60, this.place.clientHeight);
   }
 
+  /** @param {number} x */
   right(x) { return LEFT + ((x - this.x[0]) / (this.x[1] - this.x[0])) * (this.width - LEFT - RIGHT); }
 
+  /** Lowest and highest y, of a chart that has been fitted. */
+  get ends() { return /** @type {Pair} */ (this.range); }
+
+  /** @param {number} y */
   down(y) {
-    const [low, high] = this.range;
+    const [low, high] = this.ends;
     return TOP + ((high - y) / (high - low)) * (this.height - TOP - BOTTOM - (this.xTitle ? 14 : 0));
   }
 
-  /** The value at a height in px of the chart. */
+  /** The value at a height in px of the chart. @param {number} pixels */
   value(pixels) {
-    const [low, high] = this.range;
+    const [low, high] = this.ends;
     return high - ((pixels - TOP) / (this.height - TOP - BOTTOM - (this.xTitle ? 14 : 0))) * (high - low);
   }
 
-  /** Widen the range to hold these values; `anew` lets it shrink as well. */
+  /**
+   * Widen the range to hold these values; `anew` lets it shrink as well.
+   * @param {number} low @param {number} high @param {boolean} [anew]
+   */
   fit(low, high, anew) {
     if (!(Number.isFinite(low) && Number.isFinite(high))) return;
     if (!(high > low)) [low, high] = [low - 1, high + 1];
@@ -88,10 +121,10 @@ export class Chart {
     this.svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
     const [top, bottom] = [this.down(this.range[1]), this.down(this.range[0])];
     for (const [key, value] of Object.entries({ x: LEFT, y: top, width: width - LEFT - RIGHT, height: bottom - top })) {
-      this.clip.setAttribute(key, value);
+      this.clip.setAttribute(key, String(value));
     }
     const parts = document.createDocumentFragment();
-    const text = (x, y, words, more = {}) => { element("text", { x, y, ...more }, parts).textContent = words; };
+    const text = (/** @type {number} */ x, /** @type {number} */ y, /** @type {string} */ words, more = {}) => { element("text", { x, y, ...more }, parts).textContent = words; };
     const every = width < 300 ? 2 : 1;
     this.xTicks.forEach((x, i) => {
       element("path", { class: "grid", d: `M${this.right(x)} ${top}V${bottom}` }, parts);
@@ -109,10 +142,13 @@ export class Chart {
     this.drawn = new WeakMap();
   }
 
-  /** A path to be drawn; null where it is empty, or is of the same values on the same axes. */
+  /**
+   * A path to be drawn; null where it is empty, or is of the same values on the same axes.
+   * @param {string} key @param {Numbers | null | undefined} values @param {string | undefined} colour @param {string} kind
+   */
   #path(key, values, colour, kind) {
-    if (!this.paths.has(key)) this.paths.set(key, element("path", { class: `curve ${kind}` }, this.curves));
-    const path = this.paths.get(key);
+    const path = this.paths.get(key) ?? element("path", { class: `curve ${kind}` }, this.curves);
+    this.paths.set(key, path);
     if (!values) {
       if (path.getAttribute("d")) path.setAttribute("d", "");
       this.drawn.delete(path);
@@ -124,28 +160,38 @@ export class Chart {
     return path;
   }
 
-  /** Lines up to values at 1, 2, ...; `aside` (px) lets several stand beside each other. */
+  /**
+   * Lines up to values at 1, 2, ...; `aside` (px) lets several stand beside each other.
+   * @param {string} key @param {Numbers | null | undefined} values @param {{colour?: string, kind?: string, aside?: number}} look
+   */
   stems(key, values, { colour, kind = "", aside = 0 }) {
     const path = this.#path(key, values, colour, kind);
-    if (!path) return;
-    const bottom = this.down(this.range[0]).toFixed(1);
-    const parts = Array.from(values, (y, i) => `M${(this.right(i + 1) + aside).toFixed(1)} ${bottom}V${this.down(Math.max(y, this.range[0])).toFixed(1)}`);
+    if (!path || !values) return;
+    const bottom = this.down(this.ends[0]).toFixed(1);
+    const parts = Array.from(values, (y, i) => `M${(this.right(i + 1) + aside).toFixed(1)} ${bottom}V${this.down(Math.max(y, this.ends[0])).toFixed(1)}`);
     path.setAttribute("d", parts.join(""));
   }
 
-  /** Markers at points, each with its colour and shape; a full one stands out. */
+  /**
+   * Markers at points, each with its colour and shape; a full one stands out.
+   * @param {string} key @param {(Look & {x: number, y: number, full: boolean})[]} all
+   */
   points(key, all) {
-    if (!this.groups.has(key)) this.groups.set(key, element("g", {}, this.curves));
-    this.groups.get(key).replaceChildren(...all.map(({ x, y, colour, marker, full }) => {
+    const group = this.groups.get(key) ?? element("g", {}, this.curves);
+    this.groups.set(key, group);
+    group.replaceChildren(...all.map(({ x, y, colour, marker, full }) => {
       const at = `translate(${this.right(x).toFixed(1)} ${this.down(y).toFixed(1)})`;
       return element("path", { class: full ? "point full" : "point", d: MARKERS[marker], transform: at, stroke: seen(colour), fill: seen(colour) });
     }));
   }
 
-  /** A curve of values at equal steps of x; null takes it away. */
+  /**
+   * A curve of values at equal steps of x; null takes it away.
+   * @param {string} key @param {Numbers | null | undefined} values @param {{colour?: string, kind?: string, scale?: number, step: number}} look
+   */
   curve(key, values, { colour, kind = "", scale = 1, step }) {
     const path = this.#path(key, values, colour, kind);
-    if (!path) return;
+    if (!path || !values) return;
     const from = this.x[0];
     const parts = new Array(values.length);
     for (let i = 0; i < values.length; i += 1) {
@@ -162,13 +208,15 @@ export const MARKERS = {
   diamond: "M0 -6L5 0L0 6L-5 0Z",
 };
 
-/** Colour and shape of the i-th kind of markers. */
+/** @typedef {{colour: string, marker: keyof typeof MARKERS}} Look */
+
+/** Colour and shape of the i-th kind of markers. @param {number} i @param {string[]} colours @returns {Look} */
 export function look(i, colours) {
-  const shapes = Object.keys(MARKERS);
+  const shapes = /** @type {Look["marker"][]} */ (Object.keys(MARKERS));
   return { colour: colours[i % colours.length], marker: shapes[i % shapes.length] };
 }
 
-/** What a kind of markers is, for the key beside a chart. */
+/** What a kind of markers is, for the key beside a chart. @param {string} textContent @param {Look} look */
 export function entry(textContent, { colour, marker }) {
   const item = Object.assign(document.createElement("li"), { textContent });
   const icon = element("svg", { viewBox: "-8 -8 16 16", "aria-hidden": "true" });
@@ -177,13 +225,14 @@ export function entry(textContent, { colour, marker }) {
   return item;
 }
 
+/** @param {Pair} range */
 function decades([low, high]) {
   const found = [];
   for (let i = Math.ceil(low); i <= high; i += 1) found.push(i);
   return found;
 }
 
-/** Lowest and highest of several arrays, those that are there. */
+/** Lowest and highest of several arrays, those that are there. @param {(Numbers | null | undefined)[]} arrays @returns {Pair} */
 export function extent(arrays, scale = 1) {
   let [low, high] = [Infinity, -Infinity];
   for (const values of arrays) {

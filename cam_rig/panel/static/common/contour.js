@@ -2,8 +2,14 @@
 import { element, shown } from "./charts.js";
 
 export class ContourChart {
+  /** @param {HTMLElement} place @param {Record<string, string>} colours @param {string} label */
   constructor(place, colours, label) {
-    Object.assign(this, { place, colours, box: null, discs: [] });
+    this.place = place;
+    this.colours = colours;
+    /** Of x and of y. @type {[Pair, Pair] | null} */
+    this.box = null;
+    /** @type {Disc[]} */
+    this.discs = [];
     this.svg = element("svg", { role: "img", "aria-label": label });
     place.append(this.svg);
     this.scale = element("g", {}, this.svg);
@@ -11,7 +17,7 @@ export class ContourChart {
     new ResizeObserver(() => this.draw(this.discs)).observe(place);
   }
 
-  /** Discs with points and pitch in mm, ``(2, n)``; `anew` lets the scale shrink. */
+  /** Discs in mm; `anew` lets the scale shrink. @param {Disc[]} discs */
   draw(discs, anew = false) {
     this.discs = discs;
     const { clientWidth: width, clientHeight: height } = this.place;
@@ -21,8 +27,8 @@ export class ContourChart {
     const [[left, right], [bottom, top]] = this.box;
     const unit = Math.min((width - 12) / (right - left), (height - 28) / (top - bottom));
     const [x0, y0] = [width / 2 - (unit * (left + right)) / 2, height / 2 - 8 + (unit * (bottom + top)) / 2];
-    const at = ([xs, ys], i) => `${(x0 + unit * xs[i]).toFixed(1)} ${(y0 - unit * ys[i]).toFixed(1)}`;
-    const line = (points, indices) => `M${indices.map((i) => at(points, i)).join("L")}`;
+    const at = (/** @type {Points} */ [xs, ys], /** @type {number} */ i) => `${(x0 + unit * xs[i]).toFixed(1)} ${(y0 - unit * ys[i]).toFixed(1)}`;
+    const line = (/** @type {Points} */ points, /** @type {number[]} */ indices) => `M${indices.map((i) => at(points, i)).join("L")}`;
     const parts = document.createDocumentFragment();
     this.svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
     for (const { points, pitch, undercut, steep } of discs) {
@@ -30,7 +36,7 @@ export class ContourChart {
       element("path", { class: "body", d: `${line(points, all)}Z` }, parts);
       if (pitch) element("path", { class: "curve pitch", stroke: this.colours.pitch, d: `${line(pitch, all)}Z` }, parts);
       element("path", { class: "curve", stroke: this.colours.contour, d: `${line(points, all)}Z` }, parts);
-      for (const [indices, kind] of [[undercut, "bad"], [steep, "steep"]]) {
+      for (const { indices, kind } of [{ indices: undercut, kind: "bad" }, { indices: steep, kind: "steep" }]) {
         for (const run of runs(indices)) element("path", { class: `curve ${kind}`, d: line(points, run) }, parts);
       }
     }
@@ -38,11 +44,11 @@ export class ContourChart {
     this.#ruler([x0, y0], height, unit);
   }
 
-  /** The axis, and a length to measure by. */
+  /** The axis, and a length to measure by. @param {Pair} axis @param {number} height @param {number} unit */
   #ruler([x, y], height, unit) {
     const raw = 70 / unit;
     const power = 10 ** Math.floor(Math.log10(raw));
-    const length = [5, 2, 1].find((part) => part * power <= raw) * power;
+    const length = ([5, 2, 1].find((part) => part * power <= raw) ?? NaN) * power;
     const parts = document.createDocumentFragment();
     element("path", { class: "zero", d: `M${x - 6} ${y}H${x + 6}M${x} ${y - 6}V${y + 6}` }, parts);
     element("path", { class: "frame", d: `M8 ${height - 8}v-4v4h${length * unit}v-4` }, parts);
@@ -51,20 +57,23 @@ export class ContourChart {
   }
 }
 
-/** Least and greatest x and y (mm) of discs and their pitch curves, and of the axis. */
+/** Least and greatest x and y (mm) of discs and their pitch curves, and of the axis. @param {Disc[]} discs @returns {[Pair, Pair]} */
 function bounds(discs) {
-  return [0, 1].map((i) => {
+  const along = (/** @type {0 | 1} */ i) => {
     const values = [0, ...discs.flatMap(({ points, pitch }) => [...points[i], ...(pitch?.[i] ?? [])])];
-    return [Math.min(...values), Math.max(...values)];
-  });
+    return /** @type {Pair} */ ([Math.min(...values), Math.max(...values)]);
+  };
+  return [along(0), along(1)];
 }
 
-function union(one, other) {
-  return one.map(([low, high], i) => [Math.min(low, other[i][0]), Math.max(high, other[i][1])]);
+/** @param {[Pair, Pair]} one @param {[Pair, Pair]} other @returns {[Pair, Pair]} */
+function union([[left, right], [bottom, top]], [x, y]) {
+  return [[Math.min(left, x[0]), Math.max(right, x[1])], [Math.min(bottom, y[0]), Math.max(top, y[1])]];
 }
 
-/** Neighbours together; a single one has length by its next. */
+/** Neighbours together; a single one has length by its next. @param {number[]} indices */
 function runs(indices) {
+  /** @type {number[][]} */
   const found = [];
   for (const i of indices) {
     const last = found.at(-1);

@@ -7,17 +7,24 @@ const TICK = [1.03, 1.06], NUMBER = 1.15, AROUND = 1.25;
 const ARROW = 0.55, HIGHEST = 1.35;
 /** Coils of the spring, and its width over the reach. */
 const COILS = 7, WIDE = 0.09;
-const degrees = (radians) => (radians * 180) / Math.PI;
-const path = (xs, ys) => `M${Array.from(xs, (x, i) => `${x} ${ys[i]}`).join("L")}`;
+const degrees = (/** @type {number} */ radians) => (radians * 180) / Math.PI;
+const path = (/** @type {number[]} */ xs, /** @type {number[]} */ ys) => `M${Array.from(xs, (x, i) => `${x} ${ys[i]}`).join("L")}`;
 
 export class RigPicture {
+  /** @param {HTMLElement} place @param {string} label */
   constructor(place, label) {
     this.svg = element("svg", { role: "img", "aria-label": label });
     place.append(this.svg);
     this.strongest = 1;
+    this.ring = 0;
+    /** @type {CamPicture | null} */
+    this.picture = null;
+    // Until there is a cam.
+    this.cam = this.landings = this.follower = element("g", {});
+    this.spring = this.gap = this.arrow = element("path", {});
   }
 
-  /** A cam's picture as the server describes it (mm and rad). */
+  /** A cam's picture as the server describes it (mm and rad). @param {CamPicture} picture */
   load(picture) {
     this.picture = picture;
     const { contour, support, outline } = picture;
@@ -38,12 +45,12 @@ export class RigPicture {
     this.gap = element("path", { class: "gap" }, rig);
     this.arrow = element("path", { class: "force" }, rig);
     this.svg.replaceChildren(rig);
-    this.#numbers();
-    this.#frame();
+    this.#numbers(picture);
+    this.#frame(picture);
     this.marks([]);
   }
 
-  /** A ring of degrees around the cam; the mark on the cam points at its angle. */
+  /** A ring of degrees around the cam; the mark on the cam points at its angle. @param {SVGGElement} rig */
   #ring(rig) {
     const parts = [];
     for (let d = 0; d < 360; d += 10) {
@@ -55,26 +62,27 @@ export class RigPicture {
     element("path", { class: "ring", d: parts.join("") }, rig);
   }
 
-  #numbers() {
+  /** @param {CamPicture} picture */
+  #numbers({ swings }) {
     const size = 0.075 * this.ring;
     for (let d = 0; d < 360; d += 30) {
       const [x, y] = towards(d);
-      if (!this.picture.swings && y > 0.5) continue; // the follower stands there
+      if (!swings && y > 0.5) continue; // the follower stands there
       const number = element("text", { class: "degrees", x: x * this.ring * NUMBER, y: 0.35 * size - y * this.ring * NUMBER }, this.svg);
       number.textContent = `${d}°`;
       number.style.fontSize = `${size}px`; // of the drawing's own millimetres
     }
   }
 
-  /** The view that holds it all, at any lift. */
-  #frame() {
+  /** The view that holds it all, at any lift. @param {CamPicture} picture */
+  #frame(picture) {
     const far = AROUND * this.ring;
     let [left, right, bottom, top] = [-far, far, -far, far];
-    const take = (x, y) => { left = Math.min(left, x); right = Math.max(right, x); bottom = Math.min(bottom, y); top = Math.max(top, y); };
-    for (const [xs, ys] of this.picture.support) xs.forEach((x, i) => take(x, ys[i]));
-    for (const lift of [0, HIGHEST * this.picture.max_lift]) {
-      const [[x0, y0], turn] = this.#stand(lift);
-      for (const [xs, ys] of this.picture.outline) {
+    const take = (/** @type {number} */ x, /** @type {number} */ y) => { left = Math.min(left, x); right = Math.max(right, x); bottom = Math.min(bottom, y); top = Math.max(top, y); };
+    for (const [xs, ys] of picture.support) xs.forEach((x, i) => take(x, ys[i]));
+    for (const lift of [0, HIGHEST * picture.max_lift]) {
+      const [[x0, y0], turn] = stand(picture, lift);
+      for (const [xs, ys] of picture.outline) {
         xs.forEach((x, i) => take(x0 + x * Math.cos(turn) - ys[i] * Math.sin(turn), y0 + x * Math.sin(turn) + ys[i] * Math.cos(turn)));
       }
     }
@@ -82,20 +90,16 @@ export class RigPicture {
     this.svg.setAttribute("viewBox", `${left - room} ${-top - room} ${right - left + 2 * room} ${top - bottom + 2 * room}`);
   }
 
-  #stand(lift) {
-    const { origin, along, turn, turns } = this.picture;
-    return [[origin[0] + along[0] * lift, origin[1] + along[1] * lift], turn + turns * lift];
-  }
-
-  /** Cam angle (rad), lift (mm), contact force (N) and gap (µm, 0 in contact). */
+  /** @param {Pose} pose */
   pose({ angle, lift, force, gap }) {
-    if (!this.picture) return;
-    const drawn = Math.min(lift, HIGHEST * this.picture.max_lift);
-    const [[x, y], turn] = this.#stand(drawn);
+    const { picture } = this;
+    if (!picture) return;
+    const drawn = Math.min(lift, HIGHEST * picture.max_lift);
+    const [[x, y], turn] = stand(picture, drawn);
     this.cam.setAttribute("transform", `rotate(${degrees(angle)})`);
     this.follower.setAttribute("transform", `translate(${x} ${y}) rotate(${degrees(turn)})`);
-    this.spring.setAttribute("d", this.#coils(drawn));
-    const { touch, normal } = this.picture;
+    this.spring.setAttribute("d", coils(picture, drawn));
+    const { touch, normal } = picture;
     const count = touch[0].length;
     const i = ((Math.round((angle / (2 * Math.PI)) * count) % count) + count) % count;
     const [px, py, nx, ny] = [touch[0][i], touch[1][i], normal[0][i], normal[1][i]];
@@ -106,20 +110,9 @@ export class RigPicture {
     this.gap.setAttribute("d", gap > 0 ? `M${px} ${py}l${nx * up} ${ny * up}` : "");
   }
 
-  /** From the follower to what stands still: along the guide, or from an arm's end upwards. */
-  #coils(lift) {
-    const { place, swings, support, reach, roller, max_lift: most } = this.picture;
-    const part = lift / (most || 1);
-    const [x0, y0] = swings ? [0, 1].map((k) => place[k][0] + part * (place[k][1] - place[k][0])) : this.#stand(lift)[0];
-    const foot = y0 + Math.max(roller, 0.06 * reach);
-    const head = swings ? Math.max(...place[1]) + 0.7 * reach : Math.min(...support[0][1]);
-    const [half, step] = [WIDE * reach, (head - foot) / (2 * COILS)];
-    const coils = Array.from({ length: 2 * COILS - 1 }, (_, i) => `L${x0 + (i % 2 ? half : -half)} ${foot + (i + 1) * step}`);
-    return `M${x0 - half} ${foot}H${x0 + half}M${x0} ${foot}${coils.join("")}L${x0} ${head}`;
-  }
-
-  /** Where on the cam contact was lost and found again: [{ angle, landing }]. */
+  /** Where on the cam contact was lost and found again. @param {Crossing[]} events */
   marks(events) {
+    if (!this.picture) return;
     const { touch, normal } = this.picture;
     this.landings.replaceChildren(...events.slice(0, 60).map(({ angle, landing }) => {
       const count = touch[0].length;
@@ -133,6 +126,7 @@ export class RigPicture {
 
 /** The gap under a lens: cam below, follower above, as far apart as it says. */
 export class Lens {
+  /** @param {HTMLElement} place */
   constructor(place) {
     this.svg = element("svg", { viewBox: "-50 -50 100 118", "aria-hidden": "true" });
     const clip = element("clipPath", { id: "lens_clip" }, element("defs", {}, this.svg));
@@ -147,7 +141,7 @@ export class Lens {
     place.append(this.svg);
   }
 
-  /** A gap (µm); the widest of late fills the glass. */
+  /** A gap (µm); the widest of late fills the glass. @param {number} gap */
   show(gap) {
     this.widest = Math.max(this.widest, gap, 10);
     this.follower.setAttribute("transform", `translate(0 ${(-48 * gap) / this.widest})`);
@@ -156,11 +150,38 @@ export class Lens {
   }
 }
 
+/** @typedef {{angle: number, landing: boolean}} Crossing */
+
+/**
+ * Where the follower's origin is at a lift (mm), and how it is turned.
+ * @param {CamPicture} picture @param {number} lift @returns {[Pair, number]}
+ */
+function stand({ origin, along, turn, turns }, lift) {
+  return [[origin[0] + along[0] * lift, origin[1] + along[1] * lift], turn + turns * lift];
+}
+
+/**
+ * From the follower to what stands still: along the guide, or from an arm's end upwards.
+ * @param {CamPicture} picture @param {number} lift
+ */
+function coils(picture, lift) {
+  const { place, swings, support, reach, roller, max_lift: most } = picture;
+  const part = lift / (most || 1);
+  const [x0, y0] = swings ? place.map(([from, to]) => from + part * (to - from)) : stand(picture, lift)[0];
+  const foot = y0 + Math.max(roller, 0.06 * reach);
+  const head = swings ? Math.max(...place[1]) + 0.7 * reach : Math.min(...support[0][1]);
+  const [half, step] = [WIDE * reach, (head - foot) / (2 * COILS)];
+  const turns = Array.from({ length: 2 * COILS - 1 }, (_, i) => `L${x0 + (i % 2 ? half : -half)} ${foot + (i + 1) * step}`);
+  return `M${x0 - half} ${foot}H${x0 + half}M${x0} ${foot}${turns.join("")}L${x0} ${head}`;
+}
+
+/** @param {number} angle */
 function towards(angle) {
   const turn = (angle * Math.PI) / 180;
   return [-Math.sin(turn), Math.cos(turn)];
 }
 
+/** @param {number} x @param {number} y @param {number} nx @param {number} ny @param {number} length @param {number} head */
 function arrow(x, y, nx, ny, length, head) {
   const [ex, ey] = [x + nx * length, y + ny * length];
   const [bx, by] = [ex - nx * 2 * head, ey - ny * 2 * head];

@@ -3,31 +3,43 @@
 const AGAIN_MS = 500;
 
 export class Wire {
-  /** state() gives what is to be sent; heard(message) and connected(bool) are told. */
+  /**
+   * state() gives what is to be sent; heard(message) and connected(bool) are told.
+   * @param {(number: number) => object} state
+   * @param {(message: BoardMessage, pending: boolean) => void} heard
+   * @param {(on: boolean) => void} connected
+   */
   constructor(state, heard, connected) {
-    Object.assign(this, { state, heard, connected, number: 0, waiting: null, dirty: false });
-    this.#open();
+    this.state = state;
+    this.heard = heard;
+    this.connected = connected;
+    this.number = 0;
+    /** @type {number | null} */
+    this.waiting = null;
+    this.dirty = false;
+    this.socket = this.#open();
   }
 
   #open() {
-    this.socket = new WebSocket(`ws://${location.host}/changes`);
-    this.socket.onopen = () => {
+    const socket = new WebSocket(`ws://${location.host}/changes`);
+    socket.onopen = () => {
       this.waiting = null;
       this.connected(true);
       this.flush();
     };
-    this.socket.onclose = () => {
+    socket.onclose = () => {
       if (this.waiting !== null) this.dirty = true; // whether it arrived is not known
       this.connected(false);
-      setTimeout(() => this.#open(), AGAIN_MS);
+      setTimeout(() => { this.socket = this.#open(); }, AGAIN_MS);
     };
-    this.socket.onmessage = ({ data }) => {
-      const message = JSON.parse(data);
+    socket.onmessage = ({ data }) => {
+      const message = /** @type {BoardMessage} */ (JSON.parse(data));
       if (message.number != null && message.number === this.waiting) this.waiting = null;
       // Another page's change is not taken over an own one that is still to be sent.
       if (message.type !== "moved" || !this.pending) this.heard(message, this.pending);
       this.flush();
     };
+    return socket;
   }
 
   get pending() { return this.dirty || this.waiting !== null; }

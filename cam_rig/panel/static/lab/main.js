@@ -1,18 +1,19 @@
 // A lab sheet: a set-up, a knob, a lamp, the force over the turn, and what the student reads.
 import { Newest } from "../bench/link.js";
 import { Chart, extent, shown } from "../common/charts.js";
+import { $, field } from "../common/dom.js";
 import { Knob } from "../common/knob.js";
 import { RigPicture } from "../common/rig.js";
 import { loadTexts, text } from "../common/texts.js";
 import { JumpPlot } from "./plot.js";
 import { TurnSound } from "./turn_sound.js";
 
-const $ = (id) => document.getElementById(id);
-const CHOICES = { spring_stiffness: ["springs", "N/m"], added_mass: ["added_masses", "kg"], preload: ["preloads", "N"] };
+const CHOICES = /** @type {const} */ ({ spring_stiffness: ["springs", "N/m"], added_mass: ["added_masses", "kg"], preload: ["preloads", "N"] });
 
 await loadTexts();
+/** @type {LabSheet} */
 const sheet = await (await fetch("/lab/sheet")).json();
-const chosen = { rpm: sheet.knob[0] };
+const chosen = { rpm: sheet.knob[0], spring_stiffness: sheet.springs[0], added_mass: sheet.added_masses[0], preload: sheet.preloads[0] };
 
 // -- what is there once -----------------------------------------------------------------------------
 document.title = `${text("nav_lab")} – cam_rig`;
@@ -21,22 +22,22 @@ $("task_words").textContent = text(`lab_${sheet.lab}_task`, { mass: shown(sheet.
 const steps = text(`lab_${sheet.lab}_steps`).split("\n");
 $("steps").replaceChildren(...steps.map((step) => Object.assign(document.createElement("li"), { textContent: step })));
 if (sheet.seed) {
-  const percent = Object.fromEntries(Object.entries(sheet.tolerances).map(([key, part]) => [key, shown(100 * part)]));
+  const percent = Object.fromEntries(Object.entries(sheet.tolerances ?? {}).map(([key, part]) => [key, shown(100 * part)]));
   $("hidden_words").textContent = text("lab_hidden", { seed: sheet.seed, ...percent });
 }
-$("student").value = sheet.student;
-$("student").maxLength = sheet.max_name;
-for (const [name, [list, unit]] of Object.entries(CHOICES)) {
-  chosen[name] = sheet[list][0];
+field("student").value = sheet.student;
+field("student").maxLength = sheet.max_name;
+for (const name of /** @type {(keyof typeof CHOICES)[]} */ (Object.keys(CHOICES))) {
+  const [list, unit] = CHOICES[name];
   for (const [i, value] of sheet[list].entries()) {
-    const input = Object.assign(document.createElement("input"), { type: "radio", name, value, checked: i === 0 });
+    const input = Object.assign(document.createElement("input"), { type: "radio", name, value: String(value), checked: i === 0 });
     const label = document.createElement("label");
     label.append(input, `${shown(value)} ${unit}`);
     $(name).append(label);
     input.addEventListener("change", () => { chosen[name] = value; values(); turn.put(); });
   }
 }
-[$("rpm").min, $("rpm").max] = sheet.knob;
+[field("rpm").min, field("rpm").max] = sheet.knob.map(String);
 $("theory").hidden = Boolean(sheet.seed);
 $("load_words").textContent = text("lab_load_words", { lift: shown(1000 * sheet.lift) });
 
@@ -52,26 +53,34 @@ rig.pose({ angle: 0, lift: 0, force: 0, gap: 0 });
 
 const force = new Chart($("force"), { title: text("newton"), x: [0, 360], xTicks: [0, 60, 120, 180, 240, 300, 360], xTitle: text("angle") });
 const plot = new JumpPlot($("plot"), $("plot_key"), sheet);
+/** @type {number[] | null} */
 let drawn = null;
-force.resized = () => drawn && force.curve("force", drawn, { colour: sheet.force_colour, step: 360 / drawn.length });
+/** @param {number[]} values */
+const drawForce = (values) => force.curve("force", values, { colour: sheet.force_colour, step: 360 / values.length });
+force.resized = () => { if (drawn) drawForce(drawn); };
 
 // -- the drive -----------------------------------------------------------------------------------------
 const sound = new TurnSound(() => turn.put());
+/** @type {Newest<void>} */
 const turn = new Newest(observe);
 const knob = new Knob($("knob"), sheet.knob, text("speed"), (rpm) => speed(rpm));
+/** @param {number} rpm */
 function speed(rpm) {
   chosen.rpm = rpm;
-  $("rpm").value = rpm;
+  field("rpm").value = String(rpm);
   turn.put();
 }
 $("rpm").addEventListener("change", () => {
-  if (!$("rpm").reportValidity() || !Number.isFinite($("rpm").valueAsNumber)) return;
-  knob.show($("rpm").valueAsNumber);
-  speed($("rpm").valueAsNumber);
+  if (!field("rpm").reportValidity() || !Number.isFinite(field("rpm").valueAsNumber)) return;
+  knob.show(field("rpm").valueAsNumber);
+  speed(field("rpm").valueAsNumber);
 });
-$("volume").addEventListener("input", () => sound.volume($("volume").valueAsNumber));
+$("volume").addEventListener("input", () => sound.volume(field("volume").valueAsNumber));
 
-/** What the server answers; null where it refused, and the page says why. */
+/**
+ * What the server answers; null where it refused, and the page says why.
+ * @param {string} path @param {object} value @returns {Promise<any>}
+ */
 async function post(path, value) {
   try {
     const answer = await fetch(path, { method: "POST", body: JSON.stringify(value) });
@@ -84,6 +93,7 @@ async function post(path, value) {
     return null;
   }
 }
+/** @param {string} sentence */
 function status(sentence) {
   $("status").textContent = sentence;
   $("status").classList.toggle("fault", Boolean(sentence));
@@ -101,10 +111,11 @@ async function observe() {
   say("on_the_way", seen.contact_lost || !seen.was_lost ? "" : text("lab_on_the_way"));
   drawn = seen.force;
   force.fit(Math.min(0, ...extent([drawn])), extent([drawn])[1], true);
-  force.curve("force", drawn, { colour: sheet.force_colour, step: 360 / drawn.length });
+  drawForce(seen.force);
   sound.play(seen.sound, seen.rate);
   return lost;
 }
+/** @param {string} id @param {string} sentence */
 function say(id, sentence) {
   if ($(id).textContent !== sentence) $(id).textContent = sentence;
 }
@@ -121,7 +132,7 @@ $("record").addEventListener("click", async () => {
   $("recorded").textContent = text("lab_recorded", { number, rpm: shown(rpm, 6) });
 });
 $("student").addEventListener("change", async () => {
-  const found = await post("/lab/student", { student: $("student").value });
+  const found = await post("/lab/student", { student: field("student").value });
   if (found) show(found);
 });
 $("plot_it").addEventListener("click", () => {
@@ -140,6 +151,7 @@ $("theory").addEventListener("click", async () => {
   plot.draw(plot.readings);
 });
 
+/** @param {{readings: LabReading[], file: string | null}} notebook */
 function show({ readings, file }) {
   plot.draw(readings);
   $("csv").hidden = !readings.length;

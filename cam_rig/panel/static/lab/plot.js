@@ -6,16 +6,21 @@ import { text } from "../common/texts.js";
 const UNIT = 1000;
 
 export class JumpPlot {
+  /** @param {HTMLElement} place @param {HTMLElement} key @param {LabSheet} sheet */
   constructor(place, key, sheet) {
     this.sheet = sheet;
+    /** @type {LabReading[]} */
+    this.readings = [];
+    /** Of what is expected, once it is asked for. @type {number | null} */
+    this.slope = null;
     const most = Math.ceil(sheet.loads[1] / 50) * 50;
     this.chart = new Chart(place, { title: text("lab_square"), x: [0, most], xTicks: ticks(0, most, 6), xTitle: text("lab_load") });
     this.chart.fit(0, sheet.knob[1] ** 2 / UNIT, true);
-    this.chart.resized = () => this.draw(this.readings ?? []);
-    this.slope = null;
+    this.chart.resized = () => this.draw(this.readings);
     key.replaceChildren(...sheet.added_masses.map((mass) => entry(`+${mass} kg`, this.#look(mass))));
   }
 
+  /** @param {LabReading[]} readings */
   draw(readings) {
     this.readings = readings;
     this.chart.points("readings", readings.map(({ load, rpm, added_mass: mass, preload }) => (
@@ -24,5 +29,6 @@ export class JumpPlot {
     this.chart.curve("theory", this.slope === null ? null : [0, (this.slope * step) / UNIT], { colour: "#333", kind: "theory", step });
   }
 
+  /** @param {number} mass */
   #look(mass) { return look(this.sheet.added_masses.indexOf(mass), this.sheet.colours); }
 }

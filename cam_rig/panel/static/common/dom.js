@@ -1,0 +1,7 @@
+// Elements of the page by their ids.
+
+/** @param {string} id */
+export const $ = (id) => /** @type {HTMLElement} */ (document.getElementById(id));
+
+/** An input, or what has its value or is disabled as one: a select or a button. @param {string} id */
+export const field = (id) => /** @type {HTMLInputElement} */ (document.getElementById(id));

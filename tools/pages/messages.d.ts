@@ -1,0 +1,249 @@
+// What the server tells the pages, and what more than one of their modules speaks of.
+
+/** From and to, or x and y. */
+type Pair = [number, number];
+/** All x, and all y, of points. */
+type Points = [number[], number[]];
+type Numbers = Float64Array | Float32Array | number[];
+
+// -- the cam and its follower -----------------------------------------------------------------
+
+/** A contour in mm; `undercut` and `steep` are indices of points. */
+interface Disc {
+  points: Points;
+  pitch: Points | null;
+  undercut: number[];
+  steep: number[];
+}
+
+/** The cam in its own frame, the follower about its origin and how it moves; mm and rad. */
+interface CamPicture {
+  contour: Points;
+  base: number;
+  roller: number;
+  outline: Points[];
+  support: Points[];
+  origin: Pair;
+  along: Pair;
+  turn: number;
+  turns: number;
+  place: Points;
+  swings: boolean;
+  reach: number;
+  max_lift: number;
+  touch: Points;
+  normal: Points;
+}
+
+/** Cam angle (rad), lift (mm), contact force (N) and gap (µm, 0 in contact). */
+interface Pose {
+  angle: number;
+  lift: number;
+  force: number;
+  gap: number;
+}
+
+// -- the board --------------------------------------------------------------------------------
+
+/** One ordinate that may be moved; `k` is the angle's index, which the page adds. */
+interface Handle {
+  index: number;
+  angle: number;
+  segment: number;
+  left: number;
+  right: number;
+  k: number;
+}
+
+interface Board {
+  cam: { name: string; lift_m: number; sprung: boolean };
+  drawn_as: { degree: number; exact: boolean } | null;
+  distance_m: number;
+  start_made: boolean;
+  follower: { roller_mm: number; pivot_mm: number | null };
+  rig: Mass & { name: string; two_masses: boolean; from_rest_s: number; calibrated_on: string };
+  rpm: number;
+  rpm_range: Pair;
+  version: number;
+  ordinates: number[];
+  start: number[];
+  handles: Handle[];
+  cams: string[];
+  points: number;
+  orders: number;
+  /** Arrays in base64. */
+  first: string;
+  table: string;
+  constant: string;
+  colours: Record<string, string>;
+}
+
+/** One mass on a spring, SI. */
+interface Mass {
+  mass: number;
+  damping: number;
+  spring_stiffness: number;
+  preload: number;
+}
+
+/** A value or why there is none; nothing is none at any speed. */
+interface Found {
+  value?: number;
+  words?: string;
+}
+
+interface Fault {
+  key: string;
+  angle_deg: number;
+  value_deg?: number;
+  allowed_deg?: number;
+  words: string;
+}
+
+/** What ordinates come to, at once. */
+interface Exact {
+  type: "exact";
+  number: number;
+  version: number;
+  discs: Disc[];
+  faults: Fault[];
+  warnings: Fault[];
+  jump_rigid: Found;
+}
+
+/** Another page's ordinates, with what they come to. */
+interface Moved extends Omit<Exact, "type" | "number"> {
+  type: "moved";
+  number: null;
+  ordinates: number[];
+  rpm: number;
+}
+
+/** What is found once the law rests, or why it is not. */
+interface Rest {
+  type: "rest";
+  number?: undefined;
+  version: number;
+  words?: string;
+  jump: Found;
+  residual_um: Found;
+  level_db: Found;
+  file_jump?: Found;
+  checks: string[];
+  made: boolean;
+}
+
+/** A better law so far, the last one and its file, or why there is none. */
+interface Design {
+  type: "design";
+  number?: undefined;
+  so_far_rpm?: number;
+  rpm: number;
+  path: string;
+  motion: string;
+  words?: string;
+  stopped?: boolean;
+}
+
+interface Refused {
+  type: "refused";
+  number: number;
+  words: string;
+}
+
+type BoardMessage = Exact | Moved | Rest | Design | Refused;
+/** Shows a sentence, as a fault where something is wrong. */
+type Status = (words: string, wrong: boolean) => void;
+
+// -- the bench --------------------------------------------------------------------------------
+
+interface Setup {
+  cam: string;
+  rpm: number;
+  model: string;
+  added_mass: number;
+  spring_stiffness: number;
+  preload: number;
+}
+
+interface NotedReading {
+  cam: string;
+  rpm: number;
+  level_db: number;
+  contact: string;
+}
+
+/** The bench as a page sees it. */
+interface Live {
+  type: "live";
+  holds: boolean;
+  sound_rate: number;
+  calibrated_on: string;
+  setup: Setup;
+  graph: string;
+  words: string;
+  domain: number;
+  drive: string;
+  waits_for: string;
+  ended: Record<string, string>;
+  /** What the nodes are set to, by their names. */
+  values: Record<string, any>;
+  /** Empty until the cam has turned. */
+  state: { cam: string; rpm: number };
+  contact: string;
+  late: string;
+  kept: string[];
+  log: string[];
+  readings: NotedReading[];
+  screen: string;
+  losses: number;
+  level: number | null;
+}
+
+interface Answer {
+  success: boolean;
+  words: string;
+  noted?: NotedReading;
+}
+
+/** A settled turn; `curves` are its rows in base64. */
+interface Expected {
+  curves: string;
+  rpm: number;
+  lost: boolean;
+  settled: boolean;
+  least_n: number;
+  level_db: number | null;
+  jumps: { model: string; rpm: number | null }[];
+}
+
+// -- the lab ----------------------------------------------------------------------------------
+
+interface LabReading {
+  number: number;
+  spring_stiffness: number;
+  added_mass: number;
+  preload: number;
+  rpm: number;
+  load: number;
+}
+
+interface LabSheet {
+  lab: string;
+  cam: { name: string };
+  rig: { name: string; mass: number };
+  seed: string | null;
+  tolerances: Record<string, number> | null;
+  springs: number[];
+  added_masses: number[];
+  preloads: number[];
+  lift: number;
+  loads: Pair;
+  knob: Pair;
+  max_name: number;
+  colours: string[];
+  force_colour: string;
+  student: string;
+  readings: LabReading[];
+  file: string | null;
+}
