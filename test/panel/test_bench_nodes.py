@@ -119,6 +119,7 @@ def test_a_page_that_watches_is_sent_every_tick_and_another_none(shared):
         )
         assert np.ptp(angles - 250.0 * RPM * times) < 1e-3
         page.do("watch", value=False)
+        page.do("set", name="rpm", value=200)
         other.ask("note")
         assert other.motion == []
 
