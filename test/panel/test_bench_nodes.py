@@ -347,14 +347,16 @@ def test_levels_are_noted_and_drawn(chromium, running_panel):
         for rpm in (round(0.8 * jump), round(1.3 * jump)):
             bench.command(rpm)
             bench.until(lambda rpm=rpm: bench.noted(rpm))
-        fills = [point.get_attribute("fill") for point in bench.page.locator("#noise .point").all()]
-        assert fills[0] == "#fff"
-        assert fills[-1] != "#fff"
+        full = bench.page.evaluate(
+            """() => [...document.querySelectorAll("#noise .point")]
+              .map((one) => getComputedStyle(one)).map(({ fill, stroke }) => fill === stroke)"""
+        )
+        assert (full[0], full[-1]) == (False, True)
         bench.until(lambda: bench.text("contact") == "contact lost")
         rows = running_panel.get("/bench/readings.csv").decode().splitlines()
         contact = [row.split(",")[5] for row in rows[1:]]
         assert (contact[0], contact[-1]) == ("in contact", "contact lost")
-        assert len(contact) == len(fills)
+        assert len(contact) == len(full)
         assert bench.width(400) <= 400
         nameless = bench.page.evaluate(
             """() => [...document.querySelectorAll("button, input, select, [role=slider], meter")]

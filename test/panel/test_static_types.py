@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from .conftest import WAIT_S
+
 ROOT = Path(__file__).parents[2]
 TOOLS = ROOT / "tools/pages"
 SCRIPTS = sorted((ROOT / "cam_rig/panel/static").rglob("*.js"))
@@ -15,8 +17,9 @@ TSC = TOOLS / "node_modules/.bin/tsc"
 @pytest.mark.skipif(not TSC.exists(), reason="no TypeScript: make check-pages")
 def test_the_pages_are_of_their_types():
     """By tsc, every check of it; a script that it does not see would pass unseen."""
+    words = [TSC, "--listFiles"]
     checked = subprocess.run(
-        [TSC, "--listFiles"], cwd=TOOLS, capture_output=True, text=True, check=False
+        words, cwd=TOOLS, capture_output=True, text=True, check=False, timeout=WAIT_S
     )
     assert checked.returncode == 0, checked.stdout
     seen = {Path(line).resolve() for line in checked.stdout.splitlines()}

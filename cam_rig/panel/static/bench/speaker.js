@@ -14,9 +14,7 @@ class Speaker extends AudioWorkletProcessor {
     this.port.onmessage = ({ data }) => {
       this.blocks.push(data);
       this.waiting += data.length;
-      while (this.waiting - this.at > MOST_S * sampleRate && this.blocks.length > 1) {
-        this.#next();
-      }
+      while (this.waiting - this.at > MOST_S * sampleRate && this.blocks.length > 1) this.#next();
     };
   }
 

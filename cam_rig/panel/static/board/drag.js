@@ -6,10 +6,14 @@ import { element } from "../common/charts.js";
 const STEP = 0.005, FINE = 0.1, COARSE = 10;
 const RADIUS = 6;
 
+/**
+ * What a gesture does: move to a lift (m), step by so many lifts, go home; least and most in mm.
+ * @typedef {{begin: () => void, move: (handle: Handle, lift: number) => void, step: (handle: Handle, lifts: number) => void,
+ *   home: (handle: Handle) => void, end: () => void, least: number, most: number}} Act
+ */
+
 export class Handles {
   /**
-   * @typedef {{begin: () => void, move: (handle: Handle, lift: number) => void, step: (handle: Handle, lifts: number) => void,
-   *   home: (handle: Handle) => void, end: () => void, least: number, most: number}} Act lifts in m, least and most in mm
    * @param {Chart} chart
    * @param {Handle[]} handles
    * @param {Act} act

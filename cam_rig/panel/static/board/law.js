@@ -16,7 +16,6 @@ export function readTable(board) {
 }
 
 /** @typedef {ReturnType<typeof readTable>} MotionTable */
-
 /**
  * s (m), s', s'', s''' (m/rad^order) at equal steps of a turn, one Float64Array each.
  * @param {MotionTable} table @param {Numbers} ordinates

@@ -10,6 +10,12 @@ import { text } from "../common/texts.js";
 const MM = 1e3, HIGHEST_ORDER = 40, DECADES = 5;
 const NAMES = ["lift", "velocity", "acceleration", "jerk"];
 
+/**
+ * The force at a speed, of the start and of the second law, and the spectra of what was chosen.
+ * @typedef {{rpm: number, second: Float64Array[] | null, forces: (Float64Array | null)[],
+ *   lines: Record<string, (Float64Array | null)[]>}} Others
+ */
+
 export class Pictures {
   /** @param {Board} board @param {MotionTable} table @param {Float64Array[]} start @param {ContourChart} contour */
   constructor(board, table, start, contour) {
@@ -21,9 +27,7 @@ export class Pictures {
     /** Another law beside it. @type {Float64Array[] | null} */
     this.second = null;
     this.faulty = false;
-    /**
-     * @type {{rpm: number, second: Float64Array[] | null, forces: (Float64Array | null)[], lines: Record<string, (Float64Array | null)[]>} | null}
-     */
+    /** @type {Others | null} */
     this.others = null;
     /** The last that can be made. @type {Float64Array | null} */
     this.good = board.start_made ? Float64Array.from(board.start) : null;
@@ -102,7 +106,7 @@ export class Pictures {
     place.classList.toggle("fault", lost || this.faulty);
   }
 
-  /** @param {Float64Array} force @param {Float64Array[]} own @param {NonNullable<Pictures["others"]>} others @param {boolean} anew */
+  /** @param {Float64Array} force @param {Float64Array[]} own @param {Others} others @param {boolean} anew */
   #spectrum(force, own, others, anew) {
     const of = field("spectrum_of").value;
     const ofForce = of === "force";

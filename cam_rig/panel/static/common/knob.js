@@ -17,9 +17,8 @@ export class Knob {
     this.value = range[0];
     this.held = false;
     this.enabled = true;
-    // Angles (deg) of the mark and the pointer while it is held.
-    this.at = 0;
-    this.from = 0;
+    this.at = 0; // angle (deg) of the mark while it is held ...
+    this.from = 0; // ... and of the pointer
     const svg = element("svg", { viewBox: "-70 -64 140 122", "aria-hidden": "true" });
     place.append(svg);
     element("path", { class: "track", d: arc(FIRST, FIRST + SWEEP) }, svg);
