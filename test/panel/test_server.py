@@ -158,7 +158,7 @@ def test_every_language_has_all_texts_and_no_other():
     for path in STATIC.glob("*/*"):
         text = path.read_text(encoding="utf-8")
         if path.suffix == ".html":
-            asked |= set(re.findall(r'data-text="(\w+)"', text))
+            asked |= set(re.findall(r'data-(?:text|turning)="(\w+)"', text))
         if path.suffix == ".js":
             used |= set(re.findall(r'"([a-z_0-9]+)"', text))
             asked |= set(re.findall(r'\btext\("(\w+)"', text))

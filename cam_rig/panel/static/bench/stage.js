@@ -140,10 +140,10 @@ export class Stage {
     $("lens").hidden = !(this.lens.widest > 10 || gap > 0);
   }
 
-  /** What the gauges say, and of what: where the cam stands, or the most of a turn. @param {"gauge" | "most"} kind @param {string[]} said */
+  /** What the gauges say, and of what: where the cam stands, or the most of a turn. @param {"text" | "turning"} kind @param {string[]} said */
   #gauges(kind, ...said) {
     GAUGES.forEach((name, i) => {
-      $(`name_${name}`).textContent = text(`${kind}_${name}`);
+      $(`name_${name}`).textContent = text($(`name_${name}`).dataset[kind] ?? "");
       $(`at_${name}`).textContent = said[i];
     });
   }
@@ -151,7 +151,7 @@ export class Stage {
   /** @param {Pose} pose */
   #stands({ angle, lift, force, gap }) {
     this.#look(gap);
-    this.#gauges("gauge", `${((angle * 180) / Math.PI).toFixed(0)}°`, `${lift.toFixed(2)} mm`, `${shown(force, 4)} N`, gap > 0 ? `${shown(gap, 3)} µm` : "0");
+    this.#gauges("text", `${((angle * 180) / Math.PI).toFixed(0)}°`, `${lift.toFixed(2)} mm`, `${shown(force, 4)} N`, gap > 0 ? `${shown(gap, 3)} µm` : "0");
   }
 
   /** A turn is over. @param {Sample[]} turn @param {Crossing[]} events */
@@ -159,6 +159,6 @@ export class Stage {
     /** @param {"lift" | "force" | "gap"} name */
     const most = (name) => turn.reduce((found, one) => Math.max(found, one[name]), 0);
     const landings = events.filter(({ landing }) => landing).length;
-    this.#gauges("most", String(landings), `${most("lift").toFixed(2)} mm`, `${shown(most("force"), 4)} N`, landings ? `${shown(most("gap"), 3)} µm` : "0");
+    this.#gauges("turning", String(landings), `${most("lift").toFixed(2)} mm`, `${shown(most("force"), 4)} N`, landings ? `${shown(most("gap"), 3)} µm` : "0");
   }
 }
