@@ -14,9 +14,10 @@ from cam_rig.dynamics.kinetostatic import force_weights
 from cam_rig.dynamics.two_mass.masses import contact_response, force_output
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
+from cam_rig.measured.rig_fit.hidden import MOST_SQUARE, log_ratio_of_all
 from cam_rig.measured.rig_fit.numbers import follower_of
 from cam_rig.measured.rig_fit.residuals import FAR, TARE, ZERO, Predicted
-from cam_rig.measured.rig_fit.search import Candidate, FitSolution, continued, log_ratio, search
+from cam_rig.measured.rig_fit.search import Candidate, FitSolution, continued, search
 from cam_rig.measured.rig_fit.turns import PRESSED, MeasuredHold
 from cam_rig.units import TURN, FloatArray
 
@@ -176,8 +177,6 @@ BOUNCES, FINER = (1e-3, *(0.025 * k for k in range(1, 37))), 16
 SMALL_BOUNCE = 0.02
 #: Steps to the phase of a hold that goes with a restitution, and one of the angle (rad).
 PHASE_STEPS, ANGLE_STEP = 4, 1e-6
-#: A square counts so much at most where restitutions are tried.
-MOST_SQUARE = 36.0
 #: Squares a sample that are still noise, with what a landing beside a sample adds.
 EXPLAINED = 1.5
 #: Of a sum of squares, what 95 % of one number's errors stay below.
@@ -210,7 +209,7 @@ def freed(fixed: FitSolution, sought: tuple[str, ...]) -> FitSolution:
     Then it is among what is sought with its slopes, and not moved.
     """
     free = search(continued(fixed, sought, fixed.values))
-    if len(free.holds) == len(fixed.holds) and log_ratio(free, fixed) >= 0.0:
+    if len(free.holds) == len(fixed.holds) and log_ratio_of_all(free, fixed) >= 0.0:
         return free
     start = continued(fixed, sought, fixed.values)
     kept = [fixed.likelihood.kept[i] for i in fixed.steady]
