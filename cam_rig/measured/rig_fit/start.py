@@ -27,12 +27,17 @@ PHASES = 360
 EVERY = 8
 #: Natural frequencies of the stem that are tried, Hz: from, to, each so many times the one before.
 FREQUENCIES = (8.0, 3000.0, 1.1)
+#: Finer ones beside the likeliest, powers of it: what vibrates for long is in step with the
+#: forces only where its frequency is right to about its damping ratio.
+FINER_RATE, FINER_RATES = 1.01, range(-10, 11)
 #: Parts of a turn over which what is left is averaged, at most; samples in one, at least.
 MOST_PARTS, LEAST_IN_PART = 256, 6
 #: Samples of a hold beside which a stem is tried, at most.
 MOST_LOOKED_AT = 600
 #: Shares of the mass on the roller's side, and damping ratios, that are tried.
 SHARES, DAMPING_RATIOS = (0.25, 0.5), (0.005, 0.05)
+#: Speed (rad/s) of a hold, cam angles (rad) and forces (N), ``(n,)``, of samples that press.
+Pressing = tuple[float, FloatArray, FloatArray]
 
 
 def rough_start(
@@ -110,49 +115,74 @@ def likely_stem(one: Candidate) -> tuple[dict[str, float], float]:
 
     With it the logarithm of how much likelier it makes them than a rigid one. Only as far as the
     follower stays on the cam, where each stem needs one linear solve.
+
+    The numbers of one mass have taken up part of what a stem does. So each stem is as good as it is
+    beside others that go with it, and force is nearly linear in these.
     """
     values, law = one.values, one.likelihood.law
     follower = follower_of(values, one.likelihood.stem_stiffness)
     assert isinstance(follower, FollowerParameters)
     forces = [_pressing(one, i) for i in range(len(one.holds))]
-    rigid = 0.0
-    for speed, angle, force in forces:
-        there = force_weights(follower, speed) @ law.motion_at(angle) + follower.preload
-        rigid += float(((there - force) ** 2).sum())
+    moved = _moved_by_rigid_numbers(law, forces)
+    off = (force_weights(follower, v) @ law.motion_at(at) - f for v, at, f in forces)
+    rigid = _missed([there + follower.preload for there in off], moved)
     low, high, factor = FREQUENCIES
-    rates = [TURN * low * factor**k for k in range(round(math.log(high / low) / math.log(factor)))]
-    best, stem = math.inf, dict[str, float]()
-    for rate, share, ratio in product(rates, SHARES, DAMPING_RATIOS):
-        end = values["mass"] * (1.0 - share)
-        tried = {
-            "stem_stiffness": max(end * rate**2 - values["spring_stiffness"], end * rate),
-            "roller_share": share,
-            "stem_damping": 2.0 * ratio * end * rate,
-        }
-        two = follower_of(values | tried, None)
-        assert isinstance(two, TwoMassParameters)
-        missed = sum(_missed(law, two, *force) for force in forces)
-        if missed < best:
-            best, stem = missed, tried
-    count = sum(force.size for _, _, force in forces)
-    return stem, 0.5 * count * math.log(rigid / best)
+    count = round(math.log(high / low) / math.log(factor))
+    best, stem, near = math.inf, dict[str, float](), 0.0
+    for step, first, steps in ((factor, low, range(count)), (FINER_RATE, 0.0, FINER_RATES)):
+        rates = [(TURN * first or near) * step**k for k in steps]
+        for rate, share, ratio in product(rates, SHARES, DAMPING_RATIOS):
+            tried = _stem(values, rate, share, ratio)
+            missed = _missed_by(law, values | tried, forces, moved)
+            if missed < best:
+                best, stem, near = missed, tried, rate
+    return stem, 0.5 * moved.shape[0] * math.log(rigid / best)
 
 
-def _pressing(one: Candidate, i: int) -> tuple[float, FloatArray, FloatArray]:
+def _stem(values: dict[str, float], rate: float, share: float, ratio: float) -> dict[str, float]:
+    """A stem of a natural frequency (rad/s), share of the mass and damping ratio."""
+    end = values["mass"] * (1.0 - share)
+    return {
+        "stem_stiffness": max(end * rate**2 - values["spring_stiffness"], end * rate),
+        "roller_share": share,
+        "stem_damping": 2.0 * ratio * end * rate,
+    }
+
+
+def _missed_by(
+    law: Law, values: dict[str, float], forces: list[Pressing], moved: FloatArray
+) -> float:
+    two = follower_of(values, None)
+    assert isinstance(two, TwoMassParameters)
+    try:
+        return _missed([_on_the_cam(law, two, v, at) - f for v, at, f in forces], moved)
+    except DynamicsError:  # in resonance without damping
+        return math.inf
+
+
+def _moved_by_rigid_numbers(law: Law, forces: list[Pressing]) -> FloatArray:
+    """Orthonormal ``(n, 4)``: what forces change with mass, damping, spring and preload."""
+    parts = []
+    for speed, angle, _ in forces:
+        s, slope, curvature = law.motion_at(angle)
+        parts.append(np.stack([curvature * speed**2, slope * speed, s, np.ones_like(s)], axis=1))
+    columns = np.concatenate(parts)
+    sizes = np.linalg.norm(columns, axis=0)
+    return np.asarray(np.linalg.qr(columns / np.where(sizes > 0.0, sizes, 1.0))[0])
+
+
+def _missed(off: list[FloatArray], moved: FloatArray) -> float:
+    """Squares of what forces are off (N) but for what the numbers of one mass can move."""
+    whole = np.concatenate(off)
+    return float(((whole - moved @ (moved.T @ whole)) ** 2).sum())
+
+
+def _pressing(one: Candidate, i: int) -> Pressing:
     """Speed (rad/s) of a hold, cam angles and forces of some samples that press."""
     like, (_, counted) = one.likelihood, one.likelihood.samples(i)
     on = np.flatnonzero(counted.value > PRESSED * counted.value.max(initial=0.0))
     some = counted.where(on[:: -(-on.size // MOST_LOOKED_AT) or 1])
     return like.speed_of(one.x, i), like.angles(one.x, i, some.since), some.value
-
-
-def _missed(
-    law: Law, follower: TwoMassParameters, speed: float, angle: FloatArray, force: FloatArray
-) -> float:
-    try:
-        return float(((_on_the_cam(law, follower, speed, angle) - force) ** 2).sum())
-    except DynamicsError:  # in resonance without damping
-        return math.inf
 
 
 def _on_the_cam(

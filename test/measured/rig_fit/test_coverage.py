@@ -122,6 +122,19 @@ def test_no_restitution_is_far_off(seed):
     assert {"mass", "preload"} <= set(off) or seed not in (61, 151)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [115, pytest.param(179, marks=pytest.mark.long)])
+def test_no_number_of_two_masses_is_far_off(seed):
+    """One mass takes up what a soft stem does, and a stem that rings is in step for few cycles.
+
+    A search from any other stem ended in a valley of its own: a spring 8 of its errors off, a share
+    of the mass 22. A normal error of six or seven numbers is beyond 4 once in 2000 machines.
+    """
+    off = {score.name: score.off for score in scores_of(seed)}
+    assert {"mass", "spring_stiffness", "stem_stiffness", "roller_share"} <= set(off)
+    assert max(map(abs, off.values())) < 4.0
+
+
 def test_no_bouncing_hides_what_contradicts_it(law, rig):
     """A follower that bounces all around explains no forces of one that presses.
 
