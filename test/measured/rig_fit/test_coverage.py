@@ -114,7 +114,8 @@ def test_no_restitution_is_far_off(seed):
 
     Of seeds 61 and 151 one speed is just above the jump speed, and few samples are in a bounce: the
     best of many narrow valleys, 17 to 28 of its own errors off, was likelier by chance and by what
-    it left out beside its landings. There and of seed 27 none need be identified. A normal error is beyond 4 once in 15 000 machines.
+    it left out beside its landings. There and of seed 27 none need be identified. A normal error is
+    beyond 4 once in 15 000 machines.
     """
     off = {score.name: score.off for score in scores_of(seed)}
     assert abs(off.get("restitution", 0.0)) < (3.0 if seed in (61, 151) else 4.0)
