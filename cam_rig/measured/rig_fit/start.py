@@ -30,6 +30,8 @@ FREQUENCIES = (8.0, 3000.0, 1.1)
 #: Finer ones beside the likeliest, powers of it: what vibrates for long is in step with the
 #: forces only where its frequency is right to about its damping ratio.
 FINER_RATE, FINER_RATES = 1.01, range(-10, 11)
+#: What the numbers of one mass may move of the forces beside a stem, r.m.s., in parts of them.
+LITTLE = 0.1
 #: Parts of a turn over which what is left is averaged, at most; samples in one, at least.
 MOST_PARTS, LEAST_IN_PART = 256, 6
 #: Samples of a hold beside which a stem is tried, at most.
@@ -124,8 +126,10 @@ def likely_stem(one: Candidate) -> tuple[dict[str, float], float]:
     assert isinstance(follower, FollowerParameters)
     forces = [_pressing(one, i) for i in range(len(one.holds))]
     moved = _moved_by_rigid_numbers(law, forces)
-    off = (force_weights(follower, v) @ law.motion_at(at) - f for v, at, f in forces)
-    rigid = _missed([there + follower.preload for there in off], moved)
+    shown = [
+        force_weights(follower, v) @ law.motion_at(at) + follower.preload for v, at, _ in forces
+    ]
+    rigid = _missed(shown, forces, moved)
     low, high, factor = FREQUENCIES
     count = round(math.log(high / low) / math.log(factor))
     best, stem, near = math.inf, dict[str, float](), 0.0
@@ -155,9 +159,10 @@ def _missed_by(
     two = follower_of(values, None)
     assert isinstance(two, TwoMassParameters)
     try:
-        return _missed([_on_the_cam(law, two, v, at) - f for v, at, f in forces], moved)
+        shown = [_on_the_cam(law, two, speed, angle) for speed, angle, _ in forces]
     except DynamicsError:  # in resonance without damping
         return math.inf
+    return _missed(shown, forces, moved)
 
 
 def _moved_by_rigid_numbers(law: Law, forces: list[Pressing]) -> FloatArray:
@@ -171,10 +176,16 @@ def _moved_by_rigid_numbers(law: Law, forces: list[Pressing]) -> FloatArray:
     return np.asarray(np.linalg.qr(columns / np.where(sizes > 0.0, sizes, 1.0))[0])
 
 
-def _missed(off: list[FloatArray], moved: FloatArray) -> float:
-    """Squares of what forces are off (N) but for what the numbers of one mass can move."""
-    whole = np.concatenate(off)
-    return float(((whole - moved @ (moved.T @ whole)) ** 2).sum())
+def _missed(shown: list[FloatArray], forces: list[Pressing], moved: FloatArray) -> float:
+    """Squares of what forces are off (N) but for what the numbers of one mass can move.
+
+    By a little: a very soft stem moves a mass so far that nothing is linear, and counts in full.
+    """
+    measured = np.concatenate([force for _, _, force in forces])
+    off = np.concatenate(shown) - measured
+    move = moved.T @ off
+    part, whole = float(move @ move), float(measured @ measured)
+    return float(off @ off) - (part if part < LITTLE**2 * whole else 0.0)
 
 
 def _pressing(one: Candidate, i: int) -> Pressing:
