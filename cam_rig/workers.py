@@ -144,17 +144,18 @@ def workplace(jobs: int | None, dask: str | None) -> Iterator[Workplace]:
         with workers(jobs) as pool, broken_named():
             yield Workplace(pool, jobs or os.cpu_count() or 1)
         return
-    if jobs is not None:
-        raise ConfigError("--jobs and --dask: the cluster has its own; allowed: one of them")
+    check_workplace(jobs, dask)
     with _client(dask) as client:
         found = Workplace(client.get_executor(pure=False), _count(client, dask))
         with broken_named():
             yield found
 
 
-def check_workplace(dask: str | None) -> None:
-    """Refuse, before anything runs, a cluster that cannot be asked."""
+def check_workplace(jobs: int | None, dask: str | None) -> None:
+    """Refuse, before anything runs, a cluster that cannot be asked, and two places at once."""
     if dask is not None:
+        if jobs is not None:
+            raise ConfigError("--jobs and --dask: the cluster has its own; allowed: one of them")
         require("distributed")
         _where(dask)
 

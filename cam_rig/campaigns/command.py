@@ -122,7 +122,7 @@ def campaign(
     from cam_rig.schema.load import named_path
     from cam_rig.workers import check_workplace, workplace
 
-    check_workplace(dask)
+    check_workplace(jobs, dask)
     asked = open_campaign(named_path("campaigns", study)).planned(points, seed)
     there = partial(workplace, jobs, dask)
     if largest_waviness is None:

@@ -110,6 +110,8 @@ DIAGNOSED_NODES = ("cam_drive", "law_server", "follower", "microphone", "recorde
 SHOWN_MOTION = "follower: motion"
 #: The name there of the drive's pacing. It depends on the wall clock, so bags do not hold it.
 PACE = "cam_drive: pace"
+#: The key there of what the microphone reads, a level's letter symbol: LAF, LZS.
+QUANTITY = "quantity"
 #: The end of a node's name there, for what it says on wall time while nothing turns.
 HEARTBEAT = ": heartbeat"
 #: The recorder's acknowledgement: the stamp of the newest tick whose messages are all written.

@@ -67,7 +67,8 @@ class Microphone(RigNode):
             speed = start.until(end).mean_speed
             pressure, reading = self._source.listen(rows, speed), self._meter.read(rows, speed)
             level, words = (WARN, "overload") if reading.overload else (OK, "hears")
-            self.health.report(end.time_ns, level, f"{words} {self._meter.quantity}")
+            values = {topics.QUANTITY: self._meter.quantity}
+            self.health.report(end.time_ns, level, f"{words} {self._meter.quantity}", values)
             message = FluidPressure(header=to_header(end.time_ns, "microphone"))
             message.fluid_pressure = pressure
             messages = [(self._level, Float64(data=reading.level)), (self._pressure, message)]

@@ -78,7 +78,7 @@ def report(
     if out.suffix.lower() not in (".html", ".md"):
         raise ConfigError(f"{out}: unknown kind of page; allowed: .html, .md")
     check_place(out)
-    check_workplace(dask)
+    check_workplace(jobs, dask)
     scene, kind = scene_option or scene, out.suffix.lower().lstrip(".")
     path = scene_path(scene)
     papers = is_papers(open_scene(path))

@@ -183,9 +183,10 @@ def test_a_wrong_option_is_refused_in_one_line(tmp_path, option, words):
 
 
 def test_a_cluster_has_its_own_processes(tmp_path):
-    """Both places at once are refused."""
+    """Both places at once are refused, before there is a folder of rows."""
     both = call("jump_map", "--out", tmp_path / "r", "--dask", "tcp://127.0.0.1:1", "--jobs", 2)
     assert (both.exit_code, "allowed: one of them" in both.stderr) == (2, True)
+    assert not (tmp_path / "r").exists()
 
 
 @pytest.mark.long

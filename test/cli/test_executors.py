@@ -72,7 +72,7 @@ def test_a_cluster_is_found_by_its_address_and_by_its_file(cluster, tmp_path):
     file = tmp_path / "scheduler.json"
     file.write_text(json.dumps({"address": cluster.scheduler_address}), encoding="utf-8")
     for dask in (cluster.scheduler_address, str(file)):
-        check_workplace(dask)
+        check_workplace(None, dask)
         with workplace(None, dask) as place:
             assert place.count == 1
             assert list(place.executor.map(pow, [2, 3], [5, 2])) == [32, 9]
@@ -88,6 +88,6 @@ def test_where_nobody_answers_is_said_in_a_line(monkeypatch):
     ):
         pass
     with pytest.raises(ConfigError, match="allowed: an address"):
-        check_workplace("nowhere.json")
+        check_workplace(None, "nowhere.json")
     with pytest.raises(ConfigError, match="allowed: one of them"), workplace(2, "tcp://x:1"):
         pass

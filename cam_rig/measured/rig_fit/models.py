@@ -183,19 +183,37 @@ def _quiet(
 
     Bounces on a stem depend on every number at once, and their likelihood has a valley for each: a
     curvature there tells nothing of the others. On the cam the motion is linear. The fastest speed
-    is left out as long as what is left of the forces has a pattern.
+    is left out as long as what is left of the forces has a pattern. What is left out may have
+    led to a wrong stem, so one is looked for without it too.
     """
     here = _on_the_cam(still)
     while _forces(still, here):
         found = search(continued(still, sought, start, here, tare=False))
+        if len(here) < len(still.holds):
+            found = _likelier(found, _anew(still, sought, start, here))
         start, flying = found.values, found.landings
         if any(flying):
             here = [i for i, landings in zip(here, flying, strict=True) if not landings]
         elif len(here) > 1 and leaves_a_pattern(found):
-            here.remove(max(here, key=lambda i: still.holds[i].speed))
+            fastest = max(here, key=lambda i: still.holds[i].speed)
+            here = [i for i in here if i != fastest]
         else:
             return found
     return None
+
+
+def _anew(
+    still: Candidate, sought: tuple[str, ...], start: dict[str, float], here: list[int]
+) -> FitSolution:
+    """Two masses at some holds, from the stem that is likely beside one mass there."""
+    rigid = search(continued(still, still.smooth, still.values, here, tare=False))
+    given = {name: value for name, value in start.items() if name not in sought}
+    begin = rigid.values | likely_stem(rigid)[0] | given
+    return search(continued(still, sought, begin, here, tare=False))
+
+
+def _likelier(one: FitSolution, other: FitSolution) -> FitSolution:
+    return other if log_ratio(other, one) > 0.0 else one
 
 
 def _with_resonance(one: FitSolution, stem: dict[str, float]) -> FitSolution:

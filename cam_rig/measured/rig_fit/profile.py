@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from cam_rig.measured.rig_fit.hidden import log_ratio_of_all
 from cam_rig.measured.rig_fit.numbers import NUMBERS, WITHIN_95
 from cam_rig.measured.rig_fit.search import (
     FIRST_GUARD,
@@ -17,7 +18,6 @@ from cam_rig.measured.rig_fit.search import (
     FitSolution,
     continued,
     inflation,
-    log_ratio,
     search,
 )
 from cam_rig.measured.rig_fit.start import (
@@ -77,8 +77,8 @@ def _interval(found: FitSolution) -> tuple[FitSolution, float, float]:
     for _ in range(LOOKS):
         level = 0.5 * SQUARE_95 * max(1.0, inflation(found, at))
         (low, down), (high, up) = (_end(found, at, to, level) for to in (number.low, number.high))
-        best = min((*down, *up), key=lambda trial: log_ratio(found, trial), default=found)
-        if log_ratio(found, best) > -LIKELIER:
+        best = min((*down, *up), key=lambda trial: log_ratio_of_all(found, trial), default=found)
+        if log_ratio_of_all(found, best) > -LIKELIER:
             break
         found = freed(best, sought)
     return found, *_widened(found, at, low, high, level)
@@ -134,4 +134,4 @@ def _end(
 
 def _likely(found: FitSolution, trial: FitSolution, level: float) -> bool:
     """Whether every hold stays steady and the ratio of likelihoods is near one."""
-    return len(trial.holds) == len(found.holds) and log_ratio(found, trial) < level
+    return len(trial.holds) == len(found.holds) and log_ratio_of_all(found, trial) < level

@@ -35,6 +35,9 @@ STEP, ANGLE_STEP = 1e-5, 1e-6
 PPM = 1e-6
 #: What is off by a little at a landing is off by more at its bounces: of the angle since.
 SERIES = 0.5
+#: Places beside a sample at which a force is looked for. What is off by as much as a landing in a
+#: series is no wider than half of it, so none of these places is beside the series alone.
+ABOUT = 65
 #: Residual, in standard deviations, of a follower without a steady turn.
 FAR = 1e3
 #: Errors of the instruments: of the sensors' clock (ppm), the lift's zero and backlash (m), the
@@ -300,14 +303,35 @@ class Likelihood:
         before, self.kept, self.pressing = self.kept, [], []
         for i, hold in enumerate(self.holds):
             turn, angle = self.steady(x, i), self.angles(x, i, hold.force.since)
-            clear = np.ones(angle.size, dtype=bool)
-            for at, begun in () if self.resonance else bounces_of(turn):
-                wide = guard + SERIES * (at - begun)
-                clear &= _outside(angle, at - wide, at + wide)
-            self.kept.append(clear)
+            self.kept.append(self._beside(turn, angle, guard) == 0.0)
             pressing = np.zeros(angle.size) if turn is None else np.abs(turn.at(angle)[1])
             self.pressing.append(pressing)
         return any((a != b).any() for a, b in zip(before, self.kept, strict=True))
+
+    def _beside(self, turn: PeriodicTurn | None, angle: FloatArray, guard: float) -> FloatArray:
+        """By how much (rad) a landing beside each of ``angle`` may be off; 0 beside none."""
+        found = np.zeros(angle.size)
+        for at, begun in () if self.resonance else bounces_of(turn):
+            wide = guard + SERIES * (at - begun)
+            inside = ~_outside(angle, at - wide, at + wide)
+            found[inside] = np.maximum(found[inside], wide)
+        return found
+
+    def beside(self, x: FloatArray, i: int, guard: float) -> FloatArray:
+        """By how much (rad) a landing beside each force of a hold may be off; 0 beside none."""
+        return self._beside(self.steady(x, i), self.angles(x, i, self.holds[i].force.since), guard)
+
+    def forces_about(
+        self, x: FloatArray, i: int, some: NDArray[np.intp], wide: FloatArray
+    ) -> FloatArray:
+        """``(2, n)``: least and largest force shown within ``wide`` (rad) of some samples."""
+        turn = self.steady(x, i)
+        if turn is None:
+            return np.array([[-np.inf], [np.inf]]) * np.ones(some.size)
+        angle = self.angles(x, i, self.holds[i].force.since[some])
+        about = angle + wide * np.linspace(-1.0, 1.0, ABOUT)[:, None]
+        shown = self._sensed(x, turn, i)(about.ravel()).reshape(about.shape)
+        return np.stack([shown.min(axis=0), shown.max(axis=0)])
 
     def settled(self, x: FloatArray, guard: float) -> Likelihood:
         """The same without what is from ``guard`` (rad) before a landing to behind its bounces.

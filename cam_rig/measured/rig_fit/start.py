@@ -14,9 +14,10 @@ from cam_rig.dynamics.kinetostatic import force_weights
 from cam_rig.dynamics.two_mass.masses import contact_response, force_output
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
+from cam_rig.measured.rig_fit.hidden import MOST_SQUARE, log_ratio_of_all
 from cam_rig.measured.rig_fit.numbers import follower_of
 from cam_rig.measured.rig_fit.residuals import FAR, TARE, ZERO, Predicted
-from cam_rig.measured.rig_fit.search import Candidate, FitSolution, continued, log_ratio, search
+from cam_rig.measured.rig_fit.search import Candidate, FitSolution, continued, search
 from cam_rig.measured.rig_fit.turns import PRESSED, MeasuredHold
 from cam_rig.units import TURN, FloatArray
 
@@ -26,12 +27,19 @@ PHASES = 360
 EVERY = 8
 #: Natural frequencies of the stem that are tried, Hz: from, to, each so many times the one before.
 FREQUENCIES = (8.0, 3000.0, 1.1)
+#: Finer ones beside the likeliest, powers of it: what vibrates for long is in step with the
+#: forces only where its frequency is right to about its damping ratio.
+FINER_RATE, FINER_RATES = 1.01, range(-10, 11)
+#: What the numbers of one mass may move of the forces beside a stem, r.m.s., in parts of them.
+LITTLE = 0.1
 #: Parts of a turn over which what is left is averaged, at most; samples in one, at least.
 MOST_PARTS, LEAST_IN_PART = 256, 6
 #: Samples of a hold beside which a stem is tried, at most.
 MOST_LOOKED_AT = 600
 #: Shares of the mass on the roller's side, and damping ratios, that are tried.
 SHARES, DAMPING_RATIOS = (0.25, 0.5), (0.005, 0.05)
+#: Speed (rad/s) of a hold, cam angles (rad) and forces (N), ``(n,)``, of samples that press.
+Pressing = tuple[float, FloatArray, FloatArray]
 
 
 def rough_start(
@@ -109,49 +117,83 @@ def likely_stem(one: Candidate) -> tuple[dict[str, float], float]:
 
     With it the logarithm of how much likelier it makes them than a rigid one. Only as far as the
     follower stays on the cam, where each stem needs one linear solve.
+
+    The numbers of one mass have taken up part of what a stem does. So each stem is as good as it is
+    beside others that go with it, and force is nearly linear in these.
     """
     values, law = one.values, one.likelihood.law
     follower = follower_of(values, one.likelihood.stem_stiffness)
     assert isinstance(follower, FollowerParameters)
     forces = [_pressing(one, i) for i in range(len(one.holds))]
-    rigid = 0.0
-    for speed, angle, force in forces:
-        there = force_weights(follower, speed) @ law.motion_at(angle) + follower.preload
-        rigid += float(((there - force) ** 2).sum())
+    moved = _moved_by_rigid_numbers(law, forces)
+    shown = [
+        force_weights(follower, v) @ law.motion_at(at) + follower.preload for v, at, _ in forces
+    ]
+    rigid = _missed(shown, forces, moved)
     low, high, factor = FREQUENCIES
-    rates = [TURN * low * factor**k for k in range(round(math.log(high / low) / math.log(factor)))]
-    best, stem = math.inf, dict[str, float]()
-    for rate, share, ratio in product(rates, SHARES, DAMPING_RATIOS):
-        end = values["mass"] * (1.0 - share)
-        tried = {
-            "stem_stiffness": max(end * rate**2 - values["spring_stiffness"], end * rate),
-            "roller_share": share,
-            "stem_damping": 2.0 * ratio * end * rate,
-        }
-        two = follower_of(values | tried, None)
-        assert isinstance(two, TwoMassParameters)
-        missed = sum(_missed(law, two, *force) for force in forces)
-        if missed < best:
-            best, stem = missed, tried
-    count = sum(force.size for _, _, force in forces)
-    return stem, 0.5 * count * math.log(rigid / best)
+    count = round(math.log(high / low) / math.log(factor))
+    best, stem, near = math.inf, dict[str, float](), 0.0
+    for step, first, steps in ((factor, low, range(count)), (FINER_RATE, 0.0, FINER_RATES)):
+        rates = [(TURN * first or near) * step**k for k in steps]
+        for rate, share, ratio in product(rates, SHARES, DAMPING_RATIOS):
+            tried = _stem(values, rate, share, ratio)
+            missed = _missed_by(law, values | tried, forces, moved)
+            if missed < best:
+                best, stem, near = missed, tried, rate
+    return stem, 0.5 * moved.shape[0] * math.log(rigid / best)
 
 
-def _pressing(one: Candidate, i: int) -> tuple[float, FloatArray, FloatArray]:
+def _stem(values: dict[str, float], rate: float, share: float, ratio: float) -> dict[str, float]:
+    """A stem of a natural frequency (rad/s), share of the mass and damping ratio."""
+    end = values["mass"] * (1.0 - share)
+    return {
+        "stem_stiffness": max(end * rate**2 - values["spring_stiffness"], end * rate),
+        "roller_share": share,
+        "stem_damping": 2.0 * ratio * end * rate,
+    }
+
+
+def _missed_by(
+    law: Law, values: dict[str, float], forces: list[Pressing], moved: FloatArray
+) -> float:
+    two = follower_of(values, None)
+    assert isinstance(two, TwoMassParameters)
+    try:
+        shown = [_on_the_cam(law, two, speed, angle) for speed, angle, _ in forces]
+    except DynamicsError:  # in resonance without damping
+        return math.inf
+    return _missed(shown, forces, moved)
+
+
+def _moved_by_rigid_numbers(law: Law, forces: list[Pressing]) -> FloatArray:
+    """Orthonormal ``(n, 4)``: what forces change with mass, damping, spring and preload."""
+    parts = []
+    for speed, angle, _ in forces:
+        s, slope, curvature = law.motion_at(angle)
+        parts.append(np.stack([curvature * speed**2, slope * speed, s, np.ones_like(s)], axis=1))
+    columns = np.concatenate(parts)
+    sizes = np.linalg.norm(columns, axis=0)
+    return np.asarray(np.linalg.qr(columns / np.where(sizes > 0.0, sizes, 1.0))[0])
+
+
+def _missed(shown: list[FloatArray], forces: list[Pressing], moved: FloatArray) -> float:
+    """Squares of what forces are off (N) but for what the numbers of one mass can move.
+
+    By a little: a very soft stem moves a mass so far that nothing is linear, and counts in full.
+    """
+    measured = np.concatenate([force for _, _, force in forces])
+    off = np.concatenate(shown) - measured
+    move = moved.T @ off
+    part, whole = float(move @ move), float(measured @ measured)
+    return float(off @ off) - (part if part < LITTLE**2 * whole else 0.0)
+
+
+def _pressing(one: Candidate, i: int) -> Pressing:
     """Speed (rad/s) of a hold, cam angles and forces of some samples that press."""
     like, (_, counted) = one.likelihood, one.likelihood.samples(i)
     on = np.flatnonzero(counted.value > PRESSED * counted.value.max(initial=0.0))
     some = counted.where(on[:: -(-on.size // MOST_LOOKED_AT) or 1])
     return like.speed_of(one.x, i), like.angles(one.x, i, some.since), some.value
-
-
-def _missed(
-    law: Law, follower: TwoMassParameters, speed: float, angle: FloatArray, force: FloatArray
-) -> float:
-    try:
-        return float(((_on_the_cam(law, follower, speed, angle) - force) ** 2).sum())
-    except DynamicsError:  # in resonance without damping
-        return math.inf
 
 
 def _on_the_cam(
@@ -176,8 +218,6 @@ BOUNCES, FINER = (1e-3, *(0.025 * k for k in range(1, 37))), 16
 SMALL_BOUNCE = 0.02
 #: Steps to the phase of a hold that goes with a restitution, and one of the angle (rad).
 PHASE_STEPS, ANGLE_STEP = 4, 1e-6
-#: A square counts so much at most where restitutions are tried.
-MOST_SQUARE = 36.0
 #: Squares a sample that are still noise, with what a landing beside a sample adds.
 EXPLAINED = 1.5
 #: Of a sum of squares, what 95 % of one number's errors stay below.
@@ -210,7 +250,7 @@ def freed(fixed: FitSolution, sought: tuple[str, ...]) -> FitSolution:
     Then it is among what is sought with its slopes, and not moved.
     """
     free = search(continued(fixed, sought, fixed.values))
-    if len(free.holds) == len(fixed.holds) and log_ratio(free, fixed) >= 0.0:
+    if len(free.holds) == len(fixed.holds) and log_ratio_of_all(free, fixed) >= 0.0:
         return free
     start = continued(fixed, sought, fixed.values)
     kept = [fixed.likelihood.kept[i] for i in fixed.steady]

@@ -38,7 +38,7 @@ def factorial(
     from cam_rig.schema.load import cam_path, named_path, rig_path, tables_path
     from cam_rig.workers import check_workplace, workplace
 
-    check_workplace(dask)
+    check_workplace(jobs, dask)
     config = open_factorial(named_path("factorials", study))
     others = [cam for cam in load_tables(tables_path()).table_2_jump if cam != config.proposed]
     cam_set = open_cam_set(map(cam_path, [config.proposed, *others]), rig_path(config.rig))

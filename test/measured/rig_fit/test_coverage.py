@@ -12,11 +12,15 @@ from multiprocessing import get_context
 import numpy as np
 import pytest
 
+from cam_rig.dynamics import FollowerParameters
+from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
+from cam_rig.measured.rig_fit.hidden import log_ratio_of_all
 from cam_rig.measured.rig_fit.residuals import Likelihood
 from cam_rig.measured.rig_fit.rig_fit import fit_rig
-from cam_rig.measured.rig_fit.search import uncertainty
+from cam_rig.measured.rig_fit.search import Candidate, log_ratio, search, uncertainty
 from cam_rig.measured.rig_fit.turns import measured_holds
 from cam_rig.simulation.instruments import InstrumentErrors, measured_run
+from cam_rig.units import to_rpm
 
 from .machines import NOISES, coverage, scores_of
 
@@ -109,10 +113,51 @@ def test_no_restitution_is_far_off(seed):
     """Samples come into bounces and leave them: a curvature there was 7 standard errors off.
 
     Of seeds 61 and 151 one speed is just above the jump speed, and few samples are in a bounce: the
-    best of many narrow valleys, 17 to 20 of its own errors off, is likelier by chance alone. There
-    and of seed 27 none need be identified. A normal error is beyond 4 once in 15 000 machines.
+    best of many narrow valleys, 17 to 28 of its own errors off, was likelier by chance and by what
+    it left out beside its landings. There and of seed 27 none need be identified. A normal error is
+    beyond 4 once in 15 000 machines.
     """
     off = {score.name: score.off for score in scores_of(seed)}
     assert abs(off.get("restitution", 0.0)) < (3.0 if seed in (61, 151) else 4.0)
     assert "restitution" in off or seed in (27, 61, 151)
     assert {"mass", "preload"} <= set(off) or seed not in (61, 151)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "seed", [115, *(pytest.param(s, marks=pytest.mark.long) for s in (59, 179))]
+)
+def test_no_number_of_two_masses_is_far_off(seed):
+    """One mass takes up what a soft stem does, and a stem that rings is in step for few cycles.
+
+    A search from any other stem ended in a valley of its own: a spring 8 of its errors off, a share
+    of the mass 22. Of seed 59 a stem so soft that all numbers change with it was 660 errors off; it
+    need not be identified. One of seven normal errors is beyond 4 once in 2000 machines.
+    """
+    off = {score.name: score.off for score in scores_of(seed)}
+    assert {"mass", "spring_stiffness"} <= set(off)
+    assert {"stem_stiffness", "roller_share"} <= set(off) or seed == 59
+    assert max(map(abs, off.values())) < 4.0
+
+
+def test_no_bouncing_hides_what_contradicts_it(law, rig):
+    """A follower that bounces all around explains no forces of one that presses.
+
+    What it leaves out beside its landings counts against it, and the same against none of both.
+    """
+    jump = to_rpm(rigid_jump_speed(law, FollowerParameters.from_rig(rig)))
+    errors = InstrumentErrors(rate=800, encoder_rate=800)
+    other = rig.with_follower(restitution=0.3)
+    run = measured_run(law, other, "one_mass", (0.6 * jump, 1.01 * jump), errors, 1)
+    values = {name: getattr(rig.follower, name).si for name in ("mass", "spring_stiffness")}
+    values |= {name: getattr(rig.follower, name).si for name in ("preload", "damping")}
+    holds, found = measured_holds(run), []
+    for bounce in (0.3, 0.95):
+        like = Likelihood(law, holds, ("preload",), values | {"restitution": bounce}, None)
+        found.append(search(Candidate(like, like.start(values, 0.0, 0.0))))
+    few, many = found
+    kept = [int(one.likelihood.kept[1].sum()) for one in (few, many)]
+    assert kept[1] < 0.9 * kept[0]
+    assert log_ratio_of_all(few, many) > log_ratio(few, many) + 100.0
+    assert log_ratio_of_all(many, few) == pytest.approx(-log_ratio_of_all(few, many))
+    assert log_ratio_of_all(few, few) == 0.0
