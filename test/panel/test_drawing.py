@@ -104,3 +104,6 @@ def test_a_block_has_the_angle_and_the_gap_of_its_samples(tmp_path, rpm):
     assert math.degrees(step * rpm * RPM) < max(1.01, math.degrees(rpm * RPM / 4000) * 1.01)
     gap = np.where(run.force == 0.0, run.lift - law(run.angle), 0.0)[::every]
     assert rows[5] == pytest.approx(1e6 * gap, rel=1e-5, abs=1e-3)
+    for change in ({"cam": "gone"}, {"rpm": 0.0}):
+        live.state({"time_ns": 0, "angle": 0.0, "rpm": rpm, "cam": "poly345"} | change)
+        assert (live.block(run.rows[:, :1]) is None) == ("cam" in change)

@@ -74,10 +74,15 @@ class LiveMotion:
         if not began:
             return None
         state, step = began[-1], float(time[-1] - time[0]) / max(1, time.size - 1)
+        try:
+            law = self._cams(state["cam"])[1]
+        except CamRigError:  # its file went after the law server had read it
+            return None
         speed = state["rpm"] * RPM
         angle = state["angle"] % TURN + speed * (time - state["time_ns"] / NS)
-        every = max(1, int(STEP / (speed * step))) if step else 1
-        found = curves(self._cams(state["cam"])[1], angle, rows)[:, ::every]
+        turned = speed * step
+        every = max(1, int(STEP / turned)) if turned > 0.0 else 1
+        found = curves(law, angle, rows)[:, ::every]
         head = np.array([time[0], step * every], dtype="<f8")
         return MOTION + head.tobytes() + found.tobytes()
 
