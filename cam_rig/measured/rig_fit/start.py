@@ -116,7 +116,7 @@ def leaves_a_pattern(found: Candidate) -> bool:
     return squares > parts + math.sqrt(2.0 * parts)
 
 
-class Stem(NamedTuple):
+class TriedStem(NamedTuple):
     """A stem that is tried: squares of what forces are off (N²) beside the numbers as they are.
 
     And beside those that go with it.
@@ -158,11 +158,11 @@ def likely_stem(one: Candidate) -> tuple[dict[str, float], float]:
     return best.numbers, half * math.log(_missed(shown, forces, columns)[1] / best.moved)
 
 
-def _as_it_is(stem: Stem) -> float:
+def _as_it_is(stem: TriedStem) -> float:
     return stem.missed
 
 
-def _moved(stem: Stem) -> float:
+def _moved(stem: TriedStem) -> float:
     return stem.moved
 
 
@@ -172,7 +172,7 @@ def _stems(
     forces: list[Pressing],
     columns: FloatArray,
     rates: list[float],
-) -> Iterator[Stem]:
+) -> Iterator[TriedStem]:
     """Stems of natural frequencies (rad/s), but for those in resonance without damping."""
     for rate, share, ratio in product(rates, SHARES, DAMPING_RATIOS):
         end = values["mass"] * (1.0 - share)
@@ -187,7 +187,7 @@ def _stems(
             shown = [_on_the_cam(law, two, speed, angle) for speed, angle, _ in forces]
         except DynamicsError:
             continue
-        yield Stem(*_missed(shown, forces, columns), rate, numbers)
+        yield TriedStem(*_missed(shown, forces, columns), rate, numbers)
 
 
 def _moved_by_rigid_numbers(law: Law, forces: list[Pressing]) -> FloatArray:
