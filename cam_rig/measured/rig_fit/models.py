@@ -190,7 +190,7 @@ def _quiet(
     while _forces(still, here):
         found = search(continued(still, sought, start, here, tare=False))
         if len(here) < len(still.holds):
-            found = _likelier(found, _anew(still, sought, start, here))
+            found = _anew(still, found, here)
         start, flying = found.values, found.landings
         if any(flying):
             here = [i for i, landings in zip(here, flying, strict=True) if not landings]
@@ -202,18 +202,16 @@ def _quiet(
     return None
 
 
-def _anew(
-    still: Candidate, sought: tuple[str, ...], start: dict[str, float], here: list[int]
-) -> FitSolution:
-    """Two masses at some holds, from the stem that is likely beside one mass there."""
+def _anew(still: Candidate, found: FitSolution, here: list[int]) -> FitSolution:
+    """Two masses at some holds: found, or from a stem that clearly shows beside one mass there."""
     rigid = search(continued(still, still.smooth, still.values, here, tare=False))
-    given = {name: value for name, value in start.items() if name not in sought}
-    begin = rigid.values | likely_stem(rigid)[0] | given
-    return search(continued(still, sought, begin, here, tare=False))
-
-
-def _likelier(one: FitSolution, other: FitSolution) -> FitSolution:
-    return other if log_ratio(other, one) > 0.0 else one
+    stem, gain = likely_stem(rigid)
+    if gain < CLEARLY_LIKELIER:
+        return found
+    sought = found.likelihood.sought
+    begin = rigid.values | stem | found.likelihood.given
+    other = search(continued(still, sought, begin, here, tare=False))
+    return other if log_ratio(other, found) > 0.0 else found
 
 
 def _with_resonance(one: FitSolution, stem: dict[str, float]) -> FitSolution:

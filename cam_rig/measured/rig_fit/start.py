@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import nnls
@@ -32,6 +34,8 @@ FREQUENCIES = (8.0, 3000.0, 1.1)
 FINER_RATE, FINER_RATES = 1.01, range(-10, 11)
 #: What the numbers of one mass may move of the forces beside a stem, r.m.s., in parts of them.
 LITTLE = 0.1
+#: Log ratio that three numbers reach by chance once in twenty; the best of n stems by ln n more.
+BY_CHANCE = 3.91
 #: Parts of a turn over which what is left is averaged, at most; samples in one, at least.
 MOST_PARTS, LEAST_IN_PART = 256, 6
 #: Samples of a hold beside which a stem is tried, at most.
@@ -112,57 +116,78 @@ def leaves_a_pattern(found: Candidate) -> bool:
     return squares > parts + math.sqrt(2.0 * parts)
 
 
+class TriedStem(NamedTuple):
+    """A stem that is tried: squares of what forces are off (N²) beside the numbers as they are.
+
+    And beside those that go with it.
+    """
+
+    missed: float
+    moved: float
+    rate: float
+    numbers: dict[str, float]
+
+
 def likely_stem(one: Candidate) -> tuple[dict[str, float], float]:
     """The stem that with the numbers of one mass comes nearest to the forces.
 
     With it the logarithm of how much likelier it makes them than a rigid one. Only as far as the
     follower stays on the cam, where each stem needs one linear solve.
 
-    The numbers of one mass have taken up part of what a stem does. So each stem is as good as it is
-    beside others that go with it, and force is nearly linear in these.
+    The numbers of one mass have taken up part of what a stem does. So one that is far likelier
+    beside others that go with it is that stem; one that is by chance, of so many, is none.
     """
     values, law = one.values, one.likelihood.law
     follower = follower_of(values, one.likelihood.stem_stiffness)
     assert isinstance(follower, FollowerParameters)
     forces = [_pressing(one, i) for i in range(len(one.holds))]
-    moved = _moved_by_rigid_numbers(law, forces)
+    columns = _moved_by_rigid_numbers(law, forces)
     shown = [
         force_weights(follower, v) @ law.motion_at(at) + follower.preload for v, at, _ in forces
     ]
-    rigid = _missed(shown, forces, moved)
     low, high, factor = FREQUENCIES
-    count = round(math.log(high / low) / math.log(factor))
-    best, stem, near = math.inf, dict[str, float](), 0.0
-    for step, first, steps in ((factor, low, range(count)), (FINER_RATE, 0.0, FINER_RATES)):
-        rates = [(TURN * first or near) * step**k for k in steps]
-        for rate, share, ratio in product(rates, SHARES, DAMPING_RATIOS):
-            tried = _stem(values, rate, share, ratio)
-            missed = _missed_by(law, values | tried, forces, moved)
-            if missed < best:
-                best, stem, near = missed, tried, rate
-    return stem, 0.5 * moved.shape[0] * math.log(rigid / best)
+    steps = range(round(math.log(high / low) / math.log(factor)))
+    tried = list(_stems(law, values, forces, columns, [TURN * low * factor**k for k in steps]))
+    for near in {min(tried, key=key).rate for key in (_as_it_is, _moved)}:
+        rates = [near * FINER_RATE**k for k in FINER_RATES]
+        tried += _stems(law, values, forces, columns, rates)
+    least, best = min(tried, key=_as_it_is), min(tried, key=_moved)
+    half = 0.5 * columns.shape[0]
+    if half * math.log(least.moved / best.moved) < BY_CHANCE + math.log(len(tried)):
+        best = least
+    return best.numbers, half * math.log(_missed(shown, forces, columns)[1] / best.moved)
 
 
-def _stem(values: dict[str, float], rate: float, share: float, ratio: float) -> dict[str, float]:
-    """A stem of a natural frequency (rad/s), share of the mass and damping ratio."""
-    end = values["mass"] * (1.0 - share)
-    return {
-        "stem_stiffness": max(end * rate**2 - values["spring_stiffness"], end * rate),
-        "roller_share": share,
-        "stem_damping": 2.0 * ratio * end * rate,
-    }
+def _as_it_is(stem: TriedStem) -> float:
+    return stem.missed
 
 
-def _missed_by(
-    law: Law, values: dict[str, float], forces: list[Pressing], moved: FloatArray
-) -> float:
-    two = follower_of(values, None)
-    assert isinstance(two, TwoMassParameters)
-    try:
-        shown = [_on_the_cam(law, two, speed, angle) for speed, angle, _ in forces]
-    except DynamicsError:  # in resonance without damping
-        return math.inf
-    return _missed(shown, forces, moved)
+def _moved(stem: TriedStem) -> float:
+    return stem.moved
+
+
+def _stems(
+    law: Law,
+    values: dict[str, float],
+    forces: list[Pressing],
+    columns: FloatArray,
+    rates: list[float],
+) -> Iterator[TriedStem]:
+    """Stems of natural frequencies (rad/s), but for those in resonance without damping."""
+    for rate, share, ratio in product(rates, SHARES, DAMPING_RATIOS):
+        end = values["mass"] * (1.0 - share)
+        numbers = {
+            "stem_stiffness": max(end * rate**2 - values["spring_stiffness"], end * rate),
+            "roller_share": share,
+            "stem_damping": 2.0 * ratio * end * rate,
+        }
+        two = follower_of(values | numbers, None)
+        assert isinstance(two, TwoMassParameters)
+        try:
+            shown = [_on_the_cam(law, two, speed, angle) for speed, angle, _ in forces]
+        except DynamicsError:
+            continue
+        yield TriedStem(*_missed(shown, forces, columns), rate, numbers)
 
 
 def _moved_by_rigid_numbers(law: Law, forces: list[Pressing]) -> FloatArray:
@@ -176,16 +201,18 @@ def _moved_by_rigid_numbers(law: Law, forces: list[Pressing]) -> FloatArray:
     return np.asarray(np.linalg.qr(columns / np.where(sizes > 0.0, sizes, 1.0))[0])
 
 
-def _missed(shown: list[FloatArray], forces: list[Pressing], moved: FloatArray) -> float:
-    """Squares of what forces are off (N) but for what the numbers of one mass can move.
+def _missed(
+    shown: list[FloatArray], forces: list[Pressing], columns: FloatArray
+) -> tuple[float, float]:
+    """Squares of what forces are off (N²), and but for what the numbers of one mass can move.
 
     By a little: a very soft stem moves a mass so far that nothing is linear, and counts in full.
     """
     measured = np.concatenate([force for _, _, force in forces])
     off = np.concatenate(shown) - measured
-    move = moved.T @ off
-    part, whole = float(move @ move), float(measured @ measured)
-    return float(off @ off) - (part if part < LITTLE**2 * whole else 0.0)
+    move = columns.T @ off
+    missed, part, whole = float(off @ off), float(move @ move), float(measured @ measured)
+    return missed, missed - (part if part < LITTLE**2 * whole else 0.0)
 
 
 def _pressing(one: Candidate, i: int) -> Pressing:

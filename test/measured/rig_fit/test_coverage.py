@@ -125,18 +125,19 @@ def test_no_restitution_is_far_off(seed):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "seed", [115, *(pytest.param(s, marks=pytest.mark.long) for s in (59, 179))]
+    "seed", [115, *(pytest.param(s, marks=pytest.mark.long) for s in (59, 79, 179, 199))]
 )
 def test_no_number_of_two_masses_is_far_off(seed):
     """One mass takes up what a soft stem does, and a stem that rings is in step for few cycles.
 
     A search from any other stem ended in a valley of its own: a spring 8 of its errors off, a share
-    of the mass 22. Of seed 59 a stem so soft that all numbers change with it was 660 errors off; it
-    need not be identified. One of seven normal errors is beyond 4 once in 2000 machines.
+    of the mass 22. Of seeds 59, 79 and 199 hardly anything shows a stem: the best of all that were
+    tried was likelier by chance, 7 to 660 errors off, and none need be identified. One of seven
+    normal errors is beyond 4 once in 2000 machines.
     """
     off = {score.name: score.off for score in scores_of(seed)}
     assert {"mass", "spring_stiffness"} <= set(off)
-    assert {"stem_stiffness", "roller_share"} <= set(off) or seed == 59
+    assert {"stem_stiffness", "roller_share"} <= set(off) or seed not in (115, 179)
     assert max(map(abs, off.values())) < 4.0
 
 
