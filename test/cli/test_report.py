@@ -49,9 +49,9 @@ NAMES = r"(?<!rig )\b(tm21|bezier\d+|poly\d+|bezier_segments|simple_harmonic)\b"
 
 
 def answers(page):
-    """The rows of the summary: what the report asks, and what it says."""
+    """The summary: what the report asks, and what it says."""
     (summary,) = re.findall(r'<section id="summary">(.*?)</section>', page, re.DOTALL)
-    return re.findall(r'<tr><th scope="row"[^>]*>(.*?)</th>(.*?)</tr>', summary)
+    return re.findall(r"<h3>(.*?)</h3>(.*?)</article>", summary, re.DOTALL)
 
 
 def numbered(page, kind):
@@ -151,7 +151,7 @@ def check_page(scene, tmp_path):
         assert outward not in page
     assert too_long(page) == []
     assert untypeset(page) == []
-    listed = page.index('<section id="numbers">')  # with the names that files have
+    listed = page.index('<details id="numbers">')  # with the names that files have
     titled = re.sub('<td data-head="rig".*?</td>', "", page[:listed])
     named = [words for words in sentences(titled) if re.search(NAMES, words)]
     assert named == []
@@ -231,7 +231,7 @@ def test_a_scene_of_ones_own(own_scene, tmp_path, monkeypatch):
     result = call(own_scene, "--out", out, "--json", data)
     assert result.exit_code == 0, result.stderr
     page = out.read_text(encoding="utf-8")
-    assert tuple(re.findall(r'<section id="(.*?)">', page)) == SECTIONS
+    assert tuple(re.findall(r'<(?:section|details) id="(?!more-)(.*?)">', page)) == SECTIONS
     assert page.count("<figure ") == 10
     assert [words for words in too_long(page) if "allowed:" not in words] == []  # not errors' own
     assert untypeset(page) == []
