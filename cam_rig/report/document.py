@@ -55,16 +55,21 @@ class Content:
     values: Mapping[str, Any] = field(default_factory=dict)
     results: Mapping[str, Any] = field(default_factory=dict)
     dpi: float | None = None
+    #: Figures that are drawn, each until one of its panels is cut out.
+    _whole: dict[str, Figure] = field(default_factory=dict, init=False)
 
     @cached_property
     def drawn(self) -> dict[str, list[str]]:
         """Each figure's strips as data URIs, from the top."""
-        return {key: uris(draw(), self.dpi) for key, draw in self.figures.items()}
+        self._whole.update((key, draw()) for key, draw in self.figures.items())
+        return {key: uris(figure, self.dpi) for key, figure in self._whole.items()}
 
     def small(self, key: str, panel: int) -> str:
         """One panel of a figure as a data URI; empty where there is no such figure."""
-        draw = self.figures.get(key)
-        return "" if draw is None else uris(alone(draw(), panel), self.dpi)[0]
+        if key not in self.figures:
+            return ""
+        figure = self._whole.pop(key, None) or self.figures[key]()
+        return uris(alone(figure, panel), self.dpi)[0]
 
 
 class Section(NamedTuple):

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from cam_rig.dynamics.jump.jump_speed import FROM_REST
 from cam_rig.dynamics.vibration import STAND_IN
+from cam_rig.law_design import figures as design_plot
 from cam_rig.law_design.design import paper_designs
 from cam_rig.law_design.result import designs_table
 from cam_rig.laws import figures as law_figures
@@ -263,7 +264,8 @@ def _question(paper: Paper) -> Content:
 def _design(paper: Paper) -> Content:
     found = paper_designs(paper.cam_set)
     tables = designs_table(found).to_show(paper.titles)
-    return Content(tables, values={"designs": found, "cut": CUT})
+    figures = {"best": partial(design_plot.figure, found[0])} if found else {}
+    return Content(tables, figures, {"designs": found, "cut": CUT})
 
 
 def _numbers(paper: Paper) -> Content:
