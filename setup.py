@@ -107,6 +107,7 @@ setup(
         NAME: [
             "py.typed",
             "panel/static/*/*",
+            "show/*.css",
             "show/*.mplstyle",
             "report/templates/*",
             "report/templates/scene/*",

@@ -139,10 +139,10 @@ def languages() -> list[str]:
 
 
 async def _looks(_: Request) -> Response:
-    """The figures' colours of what is drawn, as variables of a style sheet."""
+    """Colours and sizes of every page, and the figures' colours of what is drawn, as variables."""
     names = "LIFT", "VELOCITY", "ACCELERATION", "FORCE", "GAP", "LANDING", "LIFT_OFF", "FOLLOWER"
     rows = "".join(f"--of-{n.lower().replace('_', '-')}:{web(getattr(looks, n))};" for n in names)
-    return Response(f":root{{{rows}}}", media_type="text/css")
+    return Response(f"{looks.tokens()}:root{{{rows}}}", media_type="text/css")
 
 
 def application(*pages: PanelPages, language: str | None = None) -> Starlette:

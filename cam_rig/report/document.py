@@ -15,9 +15,12 @@ from platform import python_version
 from typing import Any, NamedTuple
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2.environment import TemplateModule
 from matplotlib.figure import Figure
 
-from cam_rig.show.figure import strips, write_strip
+from cam_rig.report.equations import mathml, subscripts
+from cam_rig.show.figure import alone, strips, write_strip
+from cam_rig.show.looks import tokens
 from cam_rig.show.result import SILENT, Column, Progress, Records, Result
 from cam_rig.show.tables import DataTable, number, printed, to_markdown, typeset
 
@@ -52,20 +55,34 @@ class Content:
     values: Mapping[str, Any] = field(default_factory=dict)
     results: Mapping[str, Any] = field(default_factory=dict)
     dpi: float | None = None
+    #: Figures that are drawn, each until one of its panels is cut out.
+    _whole: dict[str, Figure] = field(default_factory=dict, init=False)
 
     @cached_property
     def drawn(self) -> dict[str, list[str]]:
         """Each figure's strips as data URIs, from the top."""
-        return {key: uris(draw(), self.dpi) for key, draw in self.figures.items()}
+        self._whole.update((key, draw()) for key, draw in self.figures.items())
+        return {key: uris(figure, self.dpi) for key, figure in self._whole.items()}
+
+    def small(self, key: str, panel: int) -> str:
+        """One panel of a figure as a data URI; empty where there is no such figure."""
+        if key not in self.figures:
+            return ""
+        figure = self._whole.pop(key, None) or self.figures[key]()
+        return uris(alone(figure, panel), self.dpi)[0]
 
 
 class Section(NamedTuple):
-    """Its sentences, its title, and who finds what it shows; ``late`` where that is waited for."""
+    """Its sentences, its title, and who finds what it shows; ``late`` where that is waited for.
+
+    ``aside`` is one for who checks the page: it stands in the appendix, behind all others.
+    """
 
     template: str
     title: str
     find: Callable[[Any], Content]
     late: bool = False
+    aside: bool = False
 
     @property
     def key(self) -> str:
@@ -115,17 +132,24 @@ class Numbering:
     def __init__(self) -> None:
         self._known: dict[tuple[str, Hashable], int] = {}
         self._counts: Counter[str] = Counter()
+        self._given: set[tuple[str, Hashable]] = set()
         self._first = True
 
     def restart(self) -> None:
         """Count from one again; what has a number keeps it."""
         self._counts.clear()
+        self._given.clear()
         self._first = False
+
+    def gave(self, kind: str, key: Hashable) -> bool:
+        """Whether what ``key`` names stands on the page already, since the last restart."""
+        return (kind, key) in self._given
 
     def give(self, kind: str, key: Hashable) -> int:
         """The next number of a kind, for what ``key`` names."""
         self._counts[kind] += 1
         self._known[kind, key] = self._counts[kind]
+        self._given.add((kind, key))
         return self._counts[kind]
 
     def see(self, kind: str, key: Hashable) -> int:
@@ -141,25 +165,66 @@ def render(
     Sentences take what they share from ``source``.
     """
     templates, numbering, text = environment(kind), Numbering(), ""
-    drawn = [] if kind == "md" else [content.drawn for content in contents.values()]
     parts = {
-        "figures": {key: strips for some in drawn for key, strips in some.items()},
+        "figures": {} if kind == "md" else _drawn(contents),
+        "pictures": {} if kind == "md" else _pictures(contents),
         "numbering": numbering,
         "numbers": {section.key: i for i, section in enumerate(contents, start=1)},
+        "found": source,
     }
     for _ in range(2):
-        page = templates.get_template(f"layout.{kind}").make_module(parts)
-        texts = {
-            section: templates.get_template(f"{section.template}.jinja").render(
-                content.values, page=page, tables=content.tables, found=source
-            )
-            for section, content in contents.items()
-        }
+        parts["page"] = templates.get_template(f"layout.{kind}").make_module(parts)
+        main, behind = _written(templates, contents, parts)
         text = templates.get_template(f"report.{kind}").render(
-            title=title, made=made, page=page, sections=texts
+            parts, title=title, made=made, sections=main, behind=behind
         )
         numbering.restart()
     return text if kind == "html" else re.sub("\n{3,}", "\n\n", text).strip() + "\n"
+
+
+def _written(
+    templates: Environment, contents: Mapping[Section, Content], parts: Mapping[str, Any]
+) -> tuple[dict[Section, str], dict[Section, str]]:
+    """The sections of the main part, and what the appendix has of each section.
+
+    That is the macro ``appendix`` of a section's template, and each of its tables that its
+    sentences do not show.
+    """
+    main, behind, modules = {}, {}, {}
+    for section, content in contents.items():
+        if not section.aside:
+            modules[section] = _module(templates, section, content, parts)
+            main[section] = str(modules[section])
+    for section, content in contents.items():
+        if section.aside:
+            behind[section] = str(_module(templates, section, content, parts))
+            continue
+        words = getattr(modules[section], "appendix", str)()
+        shown = parts["numbering"].gave
+        left = [one for one in content.tables if one.rows and not shown("table", one)]
+        if text := words + parts["page"].all(left).strip():
+            behind[section] = text
+    return main, behind
+
+
+def _module(
+    templates: Environment, section: Section, content: Content, parts: Mapping[str, Any]
+) -> TemplateModule:
+    """A section's template with all that its sentences take."""
+    given = {**parts, **content.values, "tables": content.tables}
+    return templates.get_template(f"{section.template}.jinja").make_module(given)
+
+
+def _drawn(contents: Mapping[Section, Content]) -> dict[str, list[str]]:
+    """Every figure's strips, by its key."""
+    return {key: uri for content in contents.values() for key, uri in content.drawn.items()}
+
+
+def _pictures(contents: Mapping[Section, Content]) -> dict[Answer, str]:
+    """The picture beside each answer, a panel of a figure of its section."""
+    by_key = {section.key: content for section, content in contents.items()}
+    answers = [one for content in contents.values() for one in content.values.get("answers", ())]
+    return {one: by_key[one.section].small(one.figure, one.panel) for one in answers if one.section}
 
 
 def environment(kind: str) -> Environment:
@@ -173,6 +238,8 @@ def environment(kind: str) -> Environment:
     )
     found.filters |= {"percent": percent, "number": printed, "to": to, "markdown": to_markdown}
     found.filters |= {"degrees": math.degrees, "anchor": anchor, "typeset": typeset}
+    found.filters |= {"mathml": mathml, "subscripts": subscripts, "summary": summary_table}
+    found.globals["tokens"] = tokens
     return found
 
 
@@ -195,18 +262,26 @@ def anchor(heading: str) -> str:
 
 
 class Answer(NamedTuple):
-    """A row of a summary; ``paper`` is empty on a page of one's own cams."""
+    """A row of a summary; ``paper`` is empty on a page of one's own cams.
+
+    ``section`` is the key of that which has more of it, and of its ``figure`` the ``panel`` is
+    the picture beside the answer.
+    """
 
     question: str
     here: str
     verdict: str
     paper: str = ""
+    section: str = ""
+    figure: str = ""
+    panel: int = 0
 
 
-def summary_table(rows: Iterable[Answer]) -> list[DataTable]:
+def summary_table(rows: Iterable[Answer]) -> DataTable:
     """The answers as a table."""
     columns = tuple(map(Column, ("question", "paper", "here", "verdict")))
-    return Records("summary", "Questions and answers", columns, tuple(rows)).to_show()
+    (table,) = Records("summary", "Questions and answers", columns, tuple(rows)).to_show()
+    return table
 
 
 def bold(value: float, shown: str = ".6g", unit: str = "") -> str:

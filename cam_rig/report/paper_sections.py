@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from cam_rig.dynamics.jump.jump_speed import FROM_REST
 from cam_rig.dynamics.vibration import STAND_IN
+from cam_rig.law_design import figures as design_plot
 from cam_rig.law_design.design import paper_designs
 from cam_rig.law_design.result import designs_table
 from cam_rig.laws import figures as law_figures
@@ -32,7 +33,7 @@ from cam_rig.paper.timing.study import TimingResult
 from cam_rig.paper.vibration.study import PROPOSED, claims_table, jump_claims
 from cam_rig.profile import figures as profile_plot
 from cam_rig.profile.check_table import GUIDED, check_cam
-from cam_rig.report.document import Content, Section, summary_table
+from cam_rig.report.document import Content, Section
 from cam_rig.report.paper import Paper
 from cam_rig.report.paper_reading import misprints_table
 from cam_rig.report.sections import laws_table, origins, recorded_table
@@ -66,7 +67,7 @@ FOLLOWER = (
 
 
 def _summary(paper: Paper) -> Content:
-    return Content(summary_table(answers(paper)))
+    return Content(values={"answers": list(answers(paper))})
 
 
 def _cams(paper: Paper) -> Content:
@@ -211,14 +212,19 @@ def _contact(paper: Paper) -> Content:
 
 def _noise(paper: Paper) -> Content:
     found, bag, titles = paper.noise, paper.recorded, paper.loaded.titles
-    tables = found.to_show(paper.titles)
-    values = {"best": found.best, "why": found.high_dwell, "levels": tables[-1]}
+    tables, recorded = found.to_show(paper.titles), []
     if bag is not None:
         curves = found.methods[0].curves
         simulated = {cam: curve.level_db for cam, curve in curves.items()}
         printed = {cam: curve.published_db for cam, curve in curves.items()}
-        tables.append(recorded_table(bag, simulated, titles, printed))
-    return Content(tables, {"fig16": found.plot}, values, {"noise": found})
+        recorded = [recorded_table(bag, simulated, titles, printed)]
+    values = {
+        "best": found.best,
+        "why": found.high_dwell,
+        "levels": tables[-1],
+        "recorded": recorded,
+    }
+    return Content([*tables, *recorded], {"fig16": found.plot}, values, {"noise": found})
 
 
 def _orders(paper: Paper) -> Content:
@@ -244,10 +250,12 @@ def _question(paper: Paper) -> Content:
     found = paper.factorial
     elastic, stiff = (one.at(STEADY_RPM) for one in (paper.vibration, paper.stiff_vibration))
     stiffer = (elastic[cam].residual_amplitude / stiff[cam].residual_amplitude for cam in elastic)
+    (advantage,) = (table for table in found.tables() if table.key == "advantage")
     values = {
         "question": found.conclusions(),
         "classes": found.same_angles.classes,
         "stiffer": min(stiffer),
+        "advantage": advantage.to_show(paper.titles),
     }
     tables, figures = found.to_show(paper.titles), {"factorial": found.plot}
     return Content(tables, figures, values, {"factorial": found})
@@ -256,7 +264,8 @@ def _question(paper: Paper) -> Content:
 def _design(paper: Paper) -> Content:
     found = paper_designs(paper.cam_set)
     tables = designs_table(found).to_show(paper.titles)
-    return Content(tables, values={"designs": found, "cut": CUT})
+    figures = {"best": partial(design_plot.figure, found[0])} if found else {}
+    return Content(tables, figures, {"designs": found, "cut": CUT})
 
 
 def _numbers(paper: Paper) -> Content:
@@ -280,7 +289,6 @@ SECTIONS = (
     Section("vibration", "Residual and torsional vibration", _vibration),
     Section("flywheel", "A flywheel that does not hold its speed", _flywheel),
     Section("jump", "Jump speed", _jump),
-    Section("readings", "The paper's Table 2 read in other ways", _readings),
     Section("stem", "Where two masses stop being enough", _stem),
     Section("as_cut", "The cam as it was cut", _as_cut),
     Section("timing", "Timing of the events", _timing),
@@ -289,6 +297,7 @@ SECTIONS = (
     Section("orders", "Orders of force and sound", _orders),
     Section("question", "Continuity or lower slopes", _question, late=True),
     Section("design", "What a better law could reach", _design),
-    Section("numbers", "Given, assumed, identified", _numbers),
-    Section("reading", "How the paper was read, and how this was made", _reading),
+    Section("readings", "The paper's Table 2 read in other ways", _readings, aside=True),
+    Section("numbers", "Given, assumed, identified", _numbers, aside=True),
+    Section("reading", "How the paper was read, and how this was made", _reading, aside=True),
 )

@@ -22,7 +22,7 @@ from cam_rig.paper.vibration.study import VibrationResult, measure
 from cam_rig.profile import figures as profile_plot
 from cam_rig.profile.check_table import CheckedCam, ProfileResult, check_cam
 from cam_rig.profile.checks import Check
-from cam_rig.report.document import Answer, Content, Section, bold, span, summary_table
+from cam_rig.report.document import Answer, Content, Section, bold, span
 from cam_rig.report.sections import laws_table, origins, read_recorded, recorded_table
 from cam_rig.show.tables import DataTable, Head, tabulate
 from cam_rig.simulation import figures as simulation_figures
@@ -105,34 +105,33 @@ def _passed(scene: SceneStudies) -> Answer:
         "Do the contours pass their checks?",
         f"{bold(len(checks) - failed)} of {bold(len(checks))} pass",
         f"{failed} fail{'s' if failed == 1 else ''}" if failed else "all pass",
+        section="contour",
+        figure=f"profile_{next(iter(scene.checks))}",
     )
 
 
 def _kept(scene: SceneStudies) -> Iterator[Answer]:
     """Of each cam: where it loses contact, and the longest flight."""
-    for cam in scene.loaded.cams:
+    for panel, cam in enumerate(scene.loaded.cams):
         rows = [row for row in scene.run.by_speed if row.cam == cam]
         off = [row for row in rows if row.flight > 0.0]
         pulled = [row for row in rows if row.force_least < 0.0]
-        asked = f"Does the follower keep contact with {scene.titles[cam]}?"
+        here, verdict = f"kept at {bold(len(rows))} of {bold(len(rows))} speeds", "kept"
         if off:
             longest = max(off, key=lambda row: row.flight)
             first = min(row.rpm for row in off)
-            yield Answer(
-                asked,
+            here = (
                 f"lost at {bold(len(off))} of {bold(len(rows))} speeds, first at "
                 f"{bold(first, '.6g', 'rpm')}; the longest flight lasts "
-                f"{bold(1e3 * longest.flight, '.1f', 'ms')}, at {bold(longest.rpm, '.6g', 'rpm')}",
-                "contact is lost",
+                f"{bold(1e3 * longest.flight, '.1f', 'ms')}, at {bold(longest.rpm, '.6g', 'rpm')}"
             )
+            verdict = "contact is lost"
         elif pulled:
-            yield Answer(
-                asked,
-                f"the model holds it, and pulls at {bold(len(pulled))} of {bold(len(rows))} speeds",
-                "contact would be lost",
-            )
-        else:
-            yield Answer(asked, f"kept at {bold(len(rows))} of {bold(len(rows))} speeds", "kept")
+            count = f"{bold(len(pulled))} of {bold(len(rows))}"
+            here = f"the model holds it, and pulls at {count} speeds"
+            verdict = "contact would be lost"
+        asked = f"Does the follower keep contact with {scene.titles[cam]}?"
+        yield Answer(asked, here, verdict, "", "turn", "force", panel)
 
 
 def _jump_speeds(scene: SceneStudies) -> Iterator[Answer]:
@@ -144,6 +143,8 @@ def _jump_speeds(scene: SceneStudies) -> Iterator[Answer]:
             f"{bold(row.found.rpm, '.1f', 'rpm')} ({scene.jumps.run}); contact is lost at "
             f"**{math.degrees(row.found.angle):.1f}°**",
             f"{where} the scene's fastest speed",
+            section="jump",
+            figure="jump",
         )
 
 
@@ -154,6 +155,8 @@ def _loudness(scene: SceneStudies) -> Answer:
         "How loud is it?",
         span(ends, ".1f", "dB") if ends[0] < ends[1] else bold(ends[0], ".1f", "dB"),
         _worth(scene),
+        section="sound",
+        figure="noise",
     )
 
 
@@ -178,8 +181,9 @@ def _summary(scene: SceneStudies) -> Content:
     values = {
         "model": scene.loaded.scene.model.replace("_", " "),
         "speeds": speeds_of(scene.loaded.scene),
+        "answers": list(_answers(scene)),
     }
-    return Content(summary_table(_answers(scene)), values=values)
+    return Content(values=values)
 
 
 def _cams(scene: SceneStudies) -> Content:
@@ -292,5 +296,5 @@ SECTIONS = (
     Section("scene/jump", "Jump speed", _jump),
     Section("scene/vibration", "Residual vibration", _vibration),
     Section("scene/sound", "Sound", _sound),
-    Section("numbers", "Given, assumed, identified", _numbers),
+    Section("numbers", "Given, assumed, identified", _numbers, aside=True),
 )

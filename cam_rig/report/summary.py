@@ -40,6 +40,7 @@ def _claims(paper: Paper) -> Iterator[Answer]:
         here,
         verdict,
         f"{bold(len(claims))} claims",
+        *("vibration", "fig4", 5),
     )
 
 
@@ -60,6 +61,7 @@ def _jump(paper: Paper) -> Iterator[Answer]:
         here,
         f"{'the same' if jump.same_ranking else 'another'} ranking of the cams",
         span((min(printed), max(printed)), ".6g", "rpm"),
+        *("jump", "jump"),
     )
     times = sum(read.times for read in paper.readings.found)
     yield Answer(
@@ -68,6 +70,7 @@ def _jump(paper: Paper) -> Iterator[Answer]:
         f"{bold(len(paper.readings.found))} readings",
         "reproduced in part" if times else "not reproduced",
         span(jump.published_turns, ".1f"),
+        *("jump", "fig11"),
     )
 
 
@@ -84,6 +87,7 @@ def _noise(paper: Paper) -> Iterator[Answer]:
         f"its curve within {bold(curve.rms_regression_db, '.2f', 'dB')} r.m.s.",
         f"published curve in the 95 % band at {bold(inside, '.0f', '%')} of the speeds",
         "a regression of measured levels",
+        *("noise", "fig16", noise.methods.index(best)),
     )
     yield _crossing(paper, " and ".join(titles[cam] for cam in published.crossover.between))
     why = noise.high_dwell
@@ -95,6 +99,7 @@ def _noise(paper: Paper) -> Iterator[Answer]:
             f"{bold(100.0 * dwell, '.1f', '%')}",
             "contradicted" if lift > dwell else "confirmed",
             "it has no high dwell",
+            *("cams", "fig1"),
         )
 
 
@@ -106,7 +111,7 @@ def _crossing(paper: Paper, rivals: str) -> Answer:
     said = bold(named, ".6g", "rpm")
     asked = f"Where are {rivals} equally loud?"
     if best.rpm is None:
-        return Answer(asked, "nowhere", "disagrees", said)
+        return Answer(asked, "nowhere", "disagrees", said, "noise", "fig16")
     every = [m.crossing.rpm for m in paper.noise.methods if m.crossing.rpm is not None]
     here = f"at **{number(best.rpm, '.1f')} ± {number(best.deviation, '.1f')} rpm**; "
     inside = best.low <= named <= best.high
@@ -115,6 +120,7 @@ def _crossing(paper: Paper, rivals: str) -> Answer:
         f"{here}{span((min(every), max(every)), '.1f', 'rpm')} by {bold(len(every))} calibrations",
         f"published speed {'inside' if inside else 'outside'} the 95 % interval",
         said,
+        *("noise", "fig16"),
     )
 
 
@@ -129,6 +135,7 @@ def _question(paper: Paper) -> Iterator[Answer]:
         else f"slopes make {span((100.0 * share[0], 100.0 * share[1]), '.0f', '%')} of it",
         str(question.advantage),
         "left open",
+        *("question", "factorial", 0),
     )
     part = residual.shares.law if residual.shares.classes is None else residual.shares.classes
     of = "the law" if residual.shares.classes is None else "continuity"
@@ -138,4 +145,5 @@ def _question(paper: Paper) -> Iterator[Answer]:
         f"{bold(100.0 * residual.shares.slopes, '.0f', '%')}",
         str(residual.governed_by),
         "left open",
+        *("question", "factorial", 5),
     )

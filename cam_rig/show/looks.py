@@ -13,6 +13,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 from zlib import crc32
 
@@ -115,6 +116,11 @@ DISCS, PITCH_CURVE, LIMIT = (BLUE, VERMILION), GREEN, PURPLE
 def web(colour: int) -> str:
     """The colour as ``#rrggbb``, without its opacity."""
     return f"#{colour >> 8:06x}"
+
+
+def tokens() -> str:
+    """Colours and sizes of pages in a browser, light and dark, as variables of a style sheet."""
+    return Path(__file__).with_name("tokens.css").read_text(encoding="utf-8")
 
 
 def tint(colour: int) -> int:

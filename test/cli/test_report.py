@@ -49,9 +49,9 @@ NAMES = r"(?<!rig )\b(tm21|bezier\d+|poly\d+|bezier_segments|simple_harmonic)\b"
 
 
 def answers(page):
-    """The rows of the summary: what the report asks, and what it says."""
+    """The summary: what the report asks, and what it says."""
     (summary,) = re.findall(r'<section id="summary">(.*?)</section>', page, re.DOTALL)
-    return re.findall(r'<tr><th scope="row"[^>]*>(.*?)</th>(.*?)</tr>', summary)
+    return re.findall(r"<h3>(.*?)</h3>(.*?)</article>", summary, re.DOTALL)
 
 
 def numbered(page, kind):
@@ -137,21 +137,21 @@ def check_page(scene, tmp_path):
     assert result.exit_code == 0, result.stderr
     page = out.read_text(encoding="utf-8")
     pictures = re.findall(r'<img src="([^"]{,40})', page)
-    assert page.count("<figure ") == 17 < len(pictures)  # tall ones in strips
+    assert page.count("<figure ") == 18 < len(pictures)  # tall ones in strips
     assert all(p.startswith("data:image/svg+xml;base64,") for p in pictures)
     for words in ("Table 1:", "Table 2:", "Table 3:", "Given, assumed, identified"):
         assert words in page
     plain = page.replace("&#39;", "'")
     for number in ("s 1", "s 2", "s 3.1 to 3.12", "s 4, 5, 6 and 9", "s 11", "s 12", "s 16"):
         assert re.search(rf"<b>Figure \d+, the [a-z ]+'{number}\.</b>", plain)
-    assert numbered(page, "figure") == list(range(1, 18))
+    assert numbered(page, "figure") == list(range(1, 19))
     assert numbered(page, "table") == list(range(1, page.count("<table>") + 1))
     assert set(re.findall(r'href="#([^"]*)"', page)) <= set(re.findall(r' id="([^"]*)"', page))
     for outward in ("<script", "http://", "https://", "<link"):
         assert outward not in page
     assert too_long(page) == []
     assert untypeset(page) == []
-    listed = page.index('<section id="numbers">')  # with the names that files have
+    listed = page.index('<details id="numbers">')  # with the names that files have
     titled = re.sub('<td data-head="rig".*?</td>', "", page[:listed])
     named = [words for words in sentences(titled) if re.search(NAMES, words)]
     assert named == []
@@ -231,7 +231,7 @@ def test_a_scene_of_ones_own(own_scene, tmp_path, monkeypatch):
     result = call(own_scene, "--out", out, "--json", data)
     assert result.exit_code == 0, result.stderr
     page = out.read_text(encoding="utf-8")
-    assert tuple(re.findall(r'<section id="(.*?)">', page)) == SECTIONS
+    assert tuple(re.findall(r'<(?:section|details) id="(?!more-)(.*?)">', page)) == SECTIONS
     assert page.count("<figure ") == 10
     assert [words for words in too_long(page) if "allowed:" not in words] == []  # not errors' own
     assert untypeset(page) == []

@@ -14,7 +14,7 @@ TABLE = DataTable(
     (("a & b", 1.0), ("c", None)),
     ("A note.",),
 )
-OTHER = DataTable("Another", (Head("name"), Head("here")), (("x", "**2 <** of 3"),))
+OTHER = DataTable("Another", (Head("name"), Head("here")), (("x", "2 < of 3"),))
 PARTS = """
 {% call page.words() %}
 More
@@ -27,7 +27,7 @@ one
 two
 {% endcall %}
 {% call page.figure("pic", "the paper's 16") %}A caption.{% endcall %}
-{{ page.table(other, marked=True) }}
+{{ page.table(other) }}
 """
 
 
@@ -53,7 +53,7 @@ def test_html():
     assert "<td>1.0</td>" in page
     assert '<p class="note">A note.</p>' in page
     assert "<li>one</li>\n<li>two</li>" in page
-    assert "<strong>2 &lt;</strong> of 3</td>" in page
+    assert "2 &lt; of 3</td>" in page
 
 
 def test_heads_have_scopes():
@@ -116,9 +116,41 @@ def test_head_and_contents(rendered):
     assert ", 2023-11-14;" in text
 
 
+def test_answers(rendered):
+    """Each with what the paper says and the verdict, numbers in bold; a table in Markdown."""
+    page = rendered("html")
+    assert "<h3>How fast?</h3>" in page
+    assert "<p><strong>9 rpm</strong>, and not <strong>10</strong></p>" in page
+    assert "Paper: about <strong>9 rpm</strong>" in page
+    assert "| How fast? | about **9 rpm** | **9 rpm**, and not **10** | agrees |" in rendered("md")
+
+
+def test_what_no_sentence_shows_is_in_the_appendix(rendered):
+    """Under its section, which leads there; tables of the main part have the first numbers."""
+    page, text = rendered("html"), rendered("md")
+    main, appendix = page.split('<div id="appendix">')
+    assert "A table to check" not in main
+    assert '<a href="#more-summary">' in main
+    assert '<details id="more-summary">' in appendix
+    assert "<b>Table 2.</b> A table to check" in appendix
+    assert "### 1 The start, in short, continued\n\n**Table 3. A table to check**" in text
+
+
+def test_equations_and_indices():
+    """MathML in HTML, the line itself in Markdown; an index is lowered, a name is not."""
+    parts = (
+        "{% call page.equation() %}\nF = k_s s\n{% endcall %}"
+        "{% call page.words() %}With k_s of paper_table2.{% endcall %}"
+    )
+    page = render("html", parts)
+    assert "<msub><mi>k</mi><mi>s</mi></msub>" in page
+    assert "<p>With k<sub>s</sub> of paper_table2.</p>" in page
+    assert "    F = k_s s\n\n" in render("md", parts)
+
+
 def test_no_paper_no_column():
     """On a page of one's own cams there is nothing to compare with."""
-    (own,), (paper,) = (summary_table([Answer("q", "h", "v", said)]) for said in ("", "p"))
+    own, paper = (summary_table([Answer("q", "h", "v", said)]) for said in ("", "p"))
     assert [c.heading for c in own.columns] == ["question", "here", "verdict"]
     assert paper.rows == (("q", "p", "h", "v"),)
 
