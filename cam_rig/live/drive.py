@@ -335,6 +335,8 @@ class DriveProgram:
         """Back to the scene's beginning, stopped; rig time and θ continue."""
         self.run(False)
         self._halting = False
+        if self.schedule.overrides_cam:
+            self._asked = ""  # the law server still holds the operator's
         self.schedule.rewind()
 
     def _out(self, state: CamState) -> CamState:

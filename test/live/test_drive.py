@@ -272,6 +272,27 @@ def test_a_cam_that_the_law_server_refuses_is_dropped():
     assert program.take(10.0).cam == SCENE.cams[0]
 
 
+def test_after_a_reset_the_scene_s_cam_is_mounted_again():
+    """Of a cam that an operator had mounted the law server is told, so that nobody shows it."""
+    asked = []
+    program = drive(lambda cam: asked.append(cam) is None)
+    assert len(follow(program, 2)) == 2
+    program.mounted(SCENE.cams[0])
+    program.mounted(SCENE.cams[1])
+    assert [state.cam for state in follow(program, 2)] == [SCENE.cams[1]] * 2
+    program.reset()
+    program.run(True)
+    before = len(asked)
+    assert follow(program, 1)[0].cam == SCENE.cams[0]
+    assert asked[before:] == [SCENE.cams[0]]
+    program.mounted(SCENE.cams[0])
+    assert not program.schedule.overrides_cam
+    program.reset()
+    program.run(True)
+    assert follow(program, 1)[0].cam == SCENE.cams[0]
+    assert len(asked) == before + 1
+
+
 def test_rig_time_goes_on_between_two_states(program):
     """At half real time 5 ms of it in 10 ms, up to the next state, which waits for its time, and
     never past it, stopped or not; a free run has none, nor has a cam that stands."""

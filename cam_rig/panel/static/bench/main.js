@@ -5,11 +5,14 @@ import { $, field } from "../common/dom.js";
 import { Knob } from "../common/knob.js";
 import { Link, Newest } from "./link.js";
 import { NoiseChart } from "./noise.js";
+import { length } from "../common/rig.js";
 import { Stage } from "./stage.js";
 import { Sound } from "./sound.js";
 
 /** How long (ms) the lamp shows a contact that was lost: it may have been for a millisecond. */
 const LAMP_MS = 400;
+/** What a speed does is waited for so long (ms): the server may be compiling its search. */
+const WAITS_MS = 60_000;
 /** What is read out has stayed so long (ms). */
 const ANNOUNCE_MS = 1500;
 /** A volume and a level (dB) from which on headphones are warned of. */
@@ -161,15 +164,16 @@ function live(message) {
   screen(message);
   $("csv").hidden = !message.readings.length;
   graphWords(message);
-  const turns = drive === "turning" && "rpm" in state;
+  const whole = Object.keys(message.ended).length === 0; // no node is missing
+  const turns = drive === "turning" && "rpm" in state && whole;
   say("speed", "rpm" in state ? shown(turns ? state.rpm : 0, 5) : "–");
-  say("level", message.level === null ? "–" : message.level.toFixed(1));
+  say("level", message.level === null || !whole ? "–" : message.level.toFixed(1));
   field("meter").value = String(message.level ?? 0);
   const ear = values.microphone;
   say("quantity", ear ? `dB, L${ear.frequency_weighting}${ear.time_weighting}` : "dB");
   if (contact === "contact lost" || message.losses > losses) lostAt = performance.now();
   losses = message.losses;
-  lamp(contact);
+  lamp(whole ? contact : "");
   say("late", message.late ? text("late") : "");
   if (!knob.held && !speed.pending && wanted === null && document.activeElement !== $("rpm")) {
     const commanded = values.cam_drive?.rpm || message.setup.rpm;
@@ -243,7 +247,7 @@ function list(id, items, made) {
 }
 /** @param {[string, string]} node */
 function ended([node, why]) {
-  const item = Object.assign(document.createElement("li"), { textContent: `${why} ` });
+  const item = Object.assign(document.createElement("li"), { textContent: `${text("node_ended", { node })} `, title: why });
   const button = Object.assign(document.createElement("button"), { type: "button", textContent: text("start_again", { node }), disabled: !now?.holds });
   button.addEventListener("click", () => ask({ do: "start_again", value: node }));
   item.append(button);
@@ -253,13 +257,13 @@ function ended([node, why]) {
 // -- what a speed will do, before it is turned at and beside what it does ------------------------------
 let asked = "";
 const expected = new Newest(async (/** @type {object} */ given) => {
-  const answer = await fetch("/bench/expected", { method: "POST", body: JSON.stringify(given) }).catch(() => null);
+  const answer = await fetch("/bench/expected", { method: "POST", body: JSON.stringify(given), signal: AbortSignal.timeout(WAITS_MS) }).catch(() => null);
   const found = await answer?.json().catch(() => null);
   if (!found) return;
   stage.expect(answer?.ok ? found : null);
   if (!answer?.ok) return say("forecast", found.words);
   const { rpm, lost, settled, least_n: least, level_db: level, jumps: speeds } = /** @type {Expected} */ (found);
-  const values = { rpm: shown(rpm, 5), least: shown(least, 4), gap: shown(stage.highest, 3), level: level === null ? "–" : level.toFixed(1) };
+  const values = { rpm: shown(rpm, 5), least: shown(least, 4), gap: length(stage.highest), level: level === null ? "–" : level.toFixed(1) };
   say("forecast", text(!lost ? "forecast_kept" : settled ? "forecast_lost" : "forecast_irregular", values));
   const jumps = speeds.map(({ model, rpm: jump }) => ({ rpm: jump ?? Infinity, words: text("jump_by", { model: text(`short_${model}`), rpm: jump === null ? "∞" : shown(jump, 5) }) }));
   knob.jump(jumps);
@@ -275,6 +279,7 @@ function forecast() {
   const key = JSON.stringify(given);
   if (key === asked || Object.values(given).includes(NaN)) return;
   asked = key;
+  for (const id of ["forecast", "jumps"]) $(id).classList.add("old");
   expected.put(given);
 }
 /** @param {Live} live @returns {string} */

@@ -6,16 +6,16 @@ import { text } from "../common/texts.js";
 /** @import { Crossing } from "../common/rig.js" */
 /** @import { Sample } from "./turns.js" */
 import { Playback, rowsOf } from "./playback.js";
-import { Lens, RigPicture } from "../common/rig.js";
+import { length, Lens, RigPicture } from "../common/rig.js";
 import { TurnCharts } from "./turns.js";
 
 const TURN = 2 * Math.PI;
 const GAUGES = ["angle", "lift", "force", "gap"];
-/** The cam is watched, curves are read: so often (ms) those are drawn. */
-const CURVES_MS = 80;
-
 /** Without a graphics card every frame is the processor's work, and one in so long (ms) is enough. */
 const FRAME_MS = accelerated() ? 0 : 28;
+
+/** The cam is watched, curves are read: so often (ms) those are drawn. */
+const CURVES_MS = FRAME_MS && 80;
 
 function accelerated() {
   const context = document.createElement("canvas").getContext("webgl");
@@ -36,6 +36,7 @@ export class Stage {
     this.known = null;
     this.at = 0; // the cam angle, rad
     this.frame = 0;
+    this.halted = false; // has just come to stand, and is to be drawn where
     this.curved = 0; // when (ms) the curves were drawn
     /** When (ms) it was drawn, while it moves. @type {number | undefined} */
     this.drawn = undefined;
@@ -61,9 +62,9 @@ export class Stage {
     const cam = values.law_server?.cam || state.cam || setup.cam;
     if (cam !== this.cam) this.#load(cam);
     if (graph === "starting") this.playback.reset();
-    const { before } = this.playback;
-    if (this.turns && !turns && before) this.#stands({ ...before, angle: this.at });
+    if (this.turns && !turns) this.halted = true;
     this.turns = turns;
+    if (this.halted) this.#soon();
   }
 
   /** @param {string} cam */
@@ -121,11 +122,13 @@ export class Stage {
     const factor = pace === "real_time" || !pace ? 1 : pace === "free" ? 1e9 : Number.parseFloat(pace);
     const found = this.turns ? playback.advance(seconds, factor) : playback.settle();
     for (const rows of found.passed) this.charts.take(rows);
-    if (found.now && (this.turns || found.passed.length) && this.rig.picture) {
+    if (found.now && (this.turns || this.halted || found.passed.length) && this.rig.picture) {
       this.at = ((found.now.angle % TURN) + TURN) % TURN;
       this.rig.pose(found.now);
-      this.#look(found.now.gap);
+      if (this.turns) this.#look(found.now.gap);
+      else this.#stands({ ...found.now, angle: this.at });
     }
+    this.halted = false;
     if (!this.turns || now - this.curved > CURVES_MS) {
       this.curved = now;
       this.charts.draw(this.at);
@@ -151,7 +154,7 @@ export class Stage {
   /** @param {Pose} pose */
   #stands({ angle, lift, force, gap }) {
     this.#look(gap);
-    this.#gauges("text", `${((angle * 180) / Math.PI).toFixed(0)}°`, `${lift.toFixed(2)} mm`, `${shown(force, 4)} N`, gap > 0 ? `${shown(gap, 3)} µm` : "0");
+    this.#gauges("text", `${((angle * 180) / Math.PI).toFixed(0)}°`, `${(lift + 0).toFixed(2).replace(/^-(0\.0+)$/, "$1")} mm`, `${shown(force, 4)} N`, gap > 0 ? length(gap) : "0");
   }
 
   /** A turn is over. @param {Sample[]} turn @param {Crossing[]} events */
@@ -159,6 +162,6 @@ export class Stage {
     /** @param {"lift" | "force" | "gap"} name */
     const most = (name) => turn.reduce((found, one) => Math.max(found, one[name]), 0);
     const landings = events.filter(({ landing }) => landing).length;
-    this.#gauges("turning", String(landings), `${most("lift").toFixed(2)} mm`, `${shown(most("force"), 4)} N`, landings ? `${shown(most("gap"), 3)} µm` : "0");
+    this.#gauges("turning", String(landings), `${most("lift").toFixed(2)} mm`, `${shown(most("force"), 4)} N`, landings ? length(most("gap")) : "0");
   }
 }

@@ -136,13 +136,20 @@ export class TurnCharts {
       if (!chart.range) continue;
       const context = brush(canvas);
       wipe(canvas);
+      const [left, right] = [chart.right(0), chart.right(360)];
+      const [bottom, top] = [chart.down(chart.ends[0]), chart.down(chart.ends[1])];
+      context.save();
+      context.beginPath();
+      context.rect(left, top, right - left, bottom - top);
+      context.clip(); // a turn of a faster speed may not fit these axes
       for (const part of [rest, this.running]) this.#shade(context, chart, part);
       context.drawImage(past, 0, 0, chart.width, chart.height);
       for (const part of [rest, this.running]) stroke(context, chart, part, name, this.colours[name]);
       if (angle !== null) {
         context.fillStyle = this.colours.ghost;
-        context.fillRect(chart.right(((angle % TURN) * 180) / Math.PI) - 0.5, chart.down(chart.ends[1]), 1, chart.down(chart.ends[0]) - chart.down(chart.ends[1]));
+        context.fillRect(px(chart, angle % TURN) - 0.5, top, 1, bottom - top);
       }
+      context.restore();
     }
   }
 

@@ -124,6 +124,9 @@ export class RigPicture {
   }
 }
 
+/** A length of so many µm as one reads it. @param {number} gap */
+export function length(gap) { return gap < 1000 ? `${shown(gap, 3)} µm` : `${shown(gap / 1000, 3)} mm`; }
+
 /** The gap under a lens: cam below, follower above, as far apart as it says. */
 export class Lens {
   /** @param {HTMLElement} place */
@@ -145,7 +148,7 @@ export class Lens {
   show(gap) {
     this.widest = Math.max(this.widest, gap, 10);
     this.follower.setAttribute("transform", `translate(0 ${(-48 * gap) / this.widest})`);
-    const said = gap > 0 ? `${shown(gap, 3)} µm` : "0 µm";
+    const said = length(gap);
     if (this.words.textContent !== said) this.words.textContent = said;
   }
 }
