@@ -20,7 +20,7 @@ NODES = [
 # What `import cam_rig` and a simulation need. package.xml declares the same dependencies, and those
 # of the extras below, by their rosdep keys; cam_rig/extras.py names the extra of a missing one.
 CORE = ["numpy", "pydantic>=2", "pyyaml", "scipy"]
-CLI = ["jinja2", "rich", "typer>=0.12.4"]
+CLI = ["jinja2", "markupsafe", "rich", "typer>=0.12.4"]
 PLOTS = ["matplotlib"]
 BAGS = ["lz4", "mcap", "rosbags", "zstandard"]
 # The viewer, and the page of it that is served to a browser.

@@ -17,7 +17,7 @@ EXTRAS = {
         "bench": "joblib pymoo sksundae",
         "cad": "ezdxf shapely",
         "campaign": "SALib",
-        "cli": "jinja2 rich typer",
+        "cli": "jinja2 markupsafe rich typer",
         "dask": "distributed",
         "design": "clarabel highspy",
         "fast": "numba",

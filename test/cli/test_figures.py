@@ -98,6 +98,7 @@ ELSEWHERE = {
     "factorial": "test_factorial.py",
     "fit rig": "../measured/rig_fit/test_command.py",
     "fit cam": "../measured/cam_fit/test_command.py",
+    "panel": "../panel/test_lab.py",
 }
 
 
