@@ -173,7 +173,10 @@ def test_the_version_stands_once():
 DOCKER = ROOT / "docker"
 PAGE = (ROOT / "docs" / "installation.md").read_text(encoding="utf-8")
 #: Libraries of setup.py that Ubuntu 24.04 has in a version that is new enough.
-FROM_UBUNTU = {"ezdxf", "jinja2", "markupsafe", "matplotlib", "numpy", "pyyaml", "rich", "scipy", "shapely"}
+FROM_UBUNTU = {
+    *("ezdxf", "jinja2", "markupsafe", "matplotlib", "numpy", "pyyaml", "rich", "scipy"),
+    "shapely",
+}
 #: Debian packages that a step needs beside ROS's own image, and rosdep's keys.
 APT = {"python3-venv"}
 
