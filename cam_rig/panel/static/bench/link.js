@@ -71,11 +71,14 @@ export class Newest {
     this.waiting = { value };
     if (this.busy) return;
     this.busy = true;
-    while (this.waiting) {
-      const { value: next } = this.waiting;
-      this.waiting = null;
-      await this.send(next);
+    try {
+      while (this.waiting) {
+        const { value: next } = this.waiting;
+        this.waiting = null;
+        await this.send(next);
+      }
+    } finally {
+      this.busy = false; // else nothing would be sent any more
     }
-    this.busy = false;
   }
 }
