@@ -103,11 +103,16 @@ def settled_turn(
     law: Law, rig: RigConfig, scene: SceneConfig, speed: float, samples: int
 ) -> tuple[Block, SpeedRow, bool]:
     """As `steady_row`, with one turn of so many samples, within one, before."""
-    start, turn = _start(law, rig, scene, speed), round(TURN / speed * NS)
-    interval = Interval(0, turn, 0.0, TURN / turn * NS)
-    model, rate = MODELS[scene.model], max(1, round(samples * NS / turn))
+    start, interval = _start(law, rig, scene, speed), _one_turn(speed)
+    model, rate = MODELS[scene.model], max(1, round(samples / interval.duration))
     _, block = model.advance(law, model.parameters(rig), start.state, interval, rate)
     return block, _row(law, rig, scene, start), start.settled
+
+
+def _one_turn(speed: float) -> Interval:
+    """A turn at a speed (rad/s), of whole nanoseconds."""
+    turn = round(TURN / speed * NS)
+    return Interval(0, turn, 0.0, TURN / turn * NS)
 
 
 def _long_ticks(scene: SceneConfig) -> Iterator[CamState]:
@@ -171,8 +176,7 @@ def _turned(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) -> Stead
     """A follower turned from rest until no turn to come changes it, or `MOST_TURNS`."""
     model = MODELS[scene.model]
     parameters, scale = model.parameters(rig), _scale(law, rig, speed)
-    turn = round(TURN / speed * NS)
-    interval = Interval(0, turn, 0.0, TURN / turn * NS)  # a turn of whole nanoseconds
+    interval = _one_turn(speed)
     state: FollowerState | None = None
     before, change = None, math.inf
     for _ in range(MOST_TURNS):

@@ -56,7 +56,7 @@ def test_the_follower_is_drawn_where_the_profile_has_it(name):
     ("model", "above"), [("one_mass", 480.0), ("two_mass", 430.0), ("kinetostatic", 480.0)]
 )
 def test_what_is_expected_is_what_a_long_run_does(model, above):
-    """Below and above the jump speed: lift, force and level of the turns once they repeat."""
+    """Below and above the jump speed: lift, force and flight of the turns once they repeat."""
     law, rig = law_of("poly345")[1], cam_rig.load_rig("paper_table2")
     setup = Setup.of(rig, "poly345").changed({"model": model}, rig)
     for rpm in (250.0, above):

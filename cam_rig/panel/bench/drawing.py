@@ -99,7 +99,6 @@ def cam_picture(cam: CamConfig, law: Law) -> dict[str, Any]:
     motion = Motion.at(law, turn_angles(POINTS))
     point, normal = shape.contact(motion)
     return {
-        "title": cam.title,
         "contour": np.round(MM * disc.points, DECIMALS).tolist(),
         "base": _rounded(cam.follower.base_radius.si * MM),
         "roller": _rounded(shape.element.roller * MM),

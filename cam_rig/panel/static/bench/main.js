@@ -15,7 +15,7 @@ const LAMP_MS = 400;
 const WAITS_MS = 60_000;
 /** What is read out has stayed so long (ms). */
 const ANNOUNCE_MS = 1500;
-/** A volume and a level (dB) from which on headphones are warned of. */
+/** A volume and a level (dB) from which on headphones are warned of: assumed, of no standard. */
 const LOUD = 0.5, LOUD_DB = 100;
 const SETUP = /** @type {const} */ (["model", "added_mass", "spring_stiffness", "preload"]);
 
