@@ -98,7 +98,7 @@ def _sign(token: str, gap: bool) -> str:
     letters = "".join(sign for sign in name if sign not in _DOTS)
     drawn = f"<mi>{escape(letters)}</mi>"
     for dots in (_DOTS[sign] for sign in name if sign in _DOTS):
-        drawn = f'<mover accent="true">{drawn}<mo>{dots}</mo></mover>'
+        drawn = f"<mover>{drawn}<mo>{dots}</mo></mover>"  # an accent would be set into the letter
     if primes := token[len(name) :]:
         drawn = f"<msup>{drawn}<mo>{primes}</mo></msup>"
     return drawn + '<mspace width="0.17em"/>' if len(letters) > 1 and gap else drawn
