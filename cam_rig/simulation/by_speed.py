@@ -12,6 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from cam_rig.laws import Law
+from cam_rig.laws.sampling import sample
 from cam_rig.show.result import Column, Footnote
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.simulate import Settling, TickSamples
@@ -104,6 +105,10 @@ BOUNCING = Footnote(
 )
 
 
+#: Of s, s' and s'' the one that makes a torque of a force.
+SLOPE = np.array([[0.0, 1.0, 0.0]])
+
+
 @dataclass
 class _Step:
     """One cam at one speed, as its samples come."""
@@ -129,7 +134,8 @@ class _Step:
         self.flights.take(tick.force, gap, tick.impulse, settled)
         if not settled:
             return
-        torque = tick.force * self.law(angle, 1)
+        step = tick.start.speed / rate
+        torque = tick.force * sample(self.law, angle[0], step, angle.size, SLOPE, np.zeros(1))[0]
         self.samples += torque.size
         self.turned += tick.turned(rate)
         self.force = _widened(self.force, tick.force.max(), tick.force.min())
