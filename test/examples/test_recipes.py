@@ -1,4 +1,4 @@
-"""docs/extending.md as somebody new to the code follows it: in a copy of the package, edit by edit.
+"""docs/architecture.md, Extending, as somebody new to the code follows it: in a copy of the package, edit by edit.
 
 Each test touches the files that its recipe names and no other; what the recipe promises then works.
 """
@@ -58,8 +58,8 @@ def copy(tmp_path):
 
 def recipe(heading):
     """The files that a recipe names."""
-    text = (ROOT / "docs" / "extending.md").read_text(encoding="utf-8")
-    part = text.split(f"## {heading}\n")[1].split("\n## ")[0]
+    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    part = text.split(f"### {heading}\n")[1].split("\n### ")[0]
     return set(re.findall(r"`(cam_rig/[^`]*\.py)`", part))
 
 
