@@ -1,6 +1,6 @@
-"""docs/architecture.md, Extending, as somebody new to the code follows it: in a copy of the package, edit by edit.
+"""Extending, in docs/architecture.md, as somebody new to the code follows it: edit by edit.
 
-Each test touches the files that its recipe names and no other; what the recipe promises then works.
+In a copy of the package. Each test touches the files that its recipe names and no other; what the recipe promises then works.
 """
 
 import json
