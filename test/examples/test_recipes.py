@@ -1,6 +1,7 @@
 """Extending, in docs/architecture.md, as somebody new to the code follows it: edit by edit.
 
-In a copy of the package. Each test touches the files that its recipe names and no other; what the recipe promises then works.
+In a copy of the package. Each test touches the files that its recipe names and no other; what the
+recipe promises then works.
 """
 
 import json

@@ -44,8 +44,8 @@ A scene is an argument. Where cams are arguments, one scene stands for its cams 
 
 An error is one line: the file or option, its value, what is allowed. A bag is never overwritten.
 
-Of a list of options, (required) and (by default ...) say what is taken without it. Those under
-*Shared* mean the same in every command that names them behind its list.
+Behind an argument or option stands what is taken without it, or that it is required. Those under
+*Shared* mean the same in every command that names them after its list.
 """
 
 
@@ -78,11 +78,11 @@ def section(name: str, verb: Any, shared: set[str]) -> str:
     items = {one: _item(one) for one in verb.params}
     parts = [f"## {name}", f"    {usage} [OPTIONS]", words.strip()]
     parts += ["\n".join(item for item in items.values() if item not in shared)]
-    if same := [", ".join(_names(one)) for one, item in items.items() if item in shared]:
-        parts.append("Shared: " + ", ".join(f"`{one}`" for one in same) + ".")
+    if same := [_names(one)[0].partition(" ")[0] for one, item in items.items() if item in shared]:
+        parts.append(", ".join(f"`{one}`" for one in same) + ": [shared](#shared).")
     lines = [line.strip() for line in examples.splitlines() if line.strip()]
     if lines:
-        parts.append("\n".join(["```console", *(f"$ {line}" for line in lines), "```"]))
+        parts.append("\n".join(["```sh", *lines, "```"]))
     return "\n\n".join(part for part in parts if part)
 
 
@@ -120,7 +120,7 @@ def _default(parameter: Any) -> str:
     if parameter.required or value in (None, False, (), ""):
         return "required" if parameter.required else ""
     values = value if isinstance(value, list | tuple) else [value]
-    return "by default `" + " ".join(str(getattr(one, "value", one)) for one in values) + "`"
+    return "`" + " ".join(str(getattr(one, "value", one)) for one in values) + "`"
 
 
 def _words(words: str) -> str:

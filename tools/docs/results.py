@@ -48,8 +48,8 @@ empty in CSV. A table of one record is an object in JSON, in place of a list.
 In JSON `schema` has the name and the version. The version rises when a key changes its meaning or
 goes; a new key does not raise it. This page is made from the code by `tools/docs/results.py`.
 
-Each table is a line: its key, then its columns as `key` \\[unit\\] and the heading that people see,
-where the key does not say it already.
+Each table is a line: its key, then its columns: `key`, \\[unit\\], and the heading that people see
+where the key does not say it.
 """
 
 
@@ -99,7 +99,7 @@ def section(result: type[Result]) -> str:
     whose = ", ".join(f"`{one}`" for one in given_by(result))
     first = inspect.cleandoc(result.__doc__ or "").split("\n\n")[0].replace("\n", " ")
     parts = [f"## {result.schema}", f"{whose}: {first}"]
-    tables = [f"- **{key}** — {_columns(columns)}" for key, columns in result.columns.items()]
+    tables = [f"- **{key}**: {_columns(columns)}" for key, columns in result.columns.items()]
     return "\n\n".join(part.replace("``", "`") for part in [*parts, "\n".join(tables)])
 
 
