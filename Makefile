@@ -56,7 +56,7 @@ test-long: setup ## all tests, with many more random cases (more than an hour)
 references: setup ## compute the tests' many-digit references anew
 	$(BIN)/python -m pytest --references=write -m ""
 
-bench: setup ## speed against error, against other solvers: writes docs/speed.md (5 minutes)
+bench: setup ## speed against error, against other solvers: writes docs/accuracy.md (5 minutes)
 	@OMP_NUM_THREADS=1 $(BIN)/python -m benchmark.work_precision
 
 lock: | $(BIN)/pip ## resolve requirements.lock anew (remove it first to raise every version)

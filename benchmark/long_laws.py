@@ -1,4 +1,4 @@
-"""What a jump search costs over the pieces of a law: a section of docs/speed.md.
+"""What a jump search costs over the pieces of a law: a section of docs/accuracy.md.
 
 Print it from the project's root: OMP_NUM_THREADS=1 .venv/bin/python -m benchmark.long_laws
 """
@@ -36,7 +36,7 @@ PIECES = (1, 12, 36, 90, 180, 360, 720, 1440)
 MANY = 180
 
 SECTION = """\
-## Jump search
+### Jump search
 
 CPU time of one jump speed over the pieces of the law: a spline of degree 5 through so many readings
 of the Bézier 15 cam, which itself is one piece, and through the same with {noise:g} nm of noise.

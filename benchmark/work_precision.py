@@ -1,4 +1,4 @@
-"""Error against time, the rig beside its peers: writes docs/speed.md and its plot.
+"""Error against time, the rig beside its peers: the last part of docs/accuracy.md and its plot.
 
 Run it from the project's root: OMP_NUM_THREADS=1 .venv/bin/python -m benchmark.work_precision
 """
@@ -12,7 +12,6 @@ from tempfile import TemporaryDirectory
 from benchmark import live_rate, long_laws
 from benchmark.speed.cases import SPEEDS_RPM, rate_table, sample_rates
 from benchmark.speed.event_cost import event_costs, event_table
-from benchmark.speed.peers import PEERS
 from benchmark.speed.report import figure, measure, notes
 from benchmark.speed.settled import RTOL, settled_costs, settled_table
 from benchmark.speed.start_up import command_table, command_times, node_starts, node_table
@@ -20,22 +19,34 @@ from benchmark.speed.study import FULL
 from cam_rig.show.figure import write
 from cam_rig.show.tables import to_markdown
 
-PAGE, PLOT = Path("docs/speed.md"), Path("docs/speed.png")
+PAGE, PLOT = Path("docs/accuracy.md"), Path("docs/speed.png")
+#: Where the part begins that is written here.
+HEADING = "## Speed against error\n"
 
-TEXT = """\
-# Speed against error
-
-What a result costs here, and what the same result costs with the solvers one would otherwise
-pick: error against a 50-digit reference, and wall time, both in one run.
+TEXT = """
+What a result costs here, and with the solvers one would otherwise pick: error against a 50-digit
+reference, and wall time, both in one run.
 
 ![error against wall time](speed.png)
 
 {table}
 
-Error: largest difference over the output times, relative to the largest value, of displacement
-or velocity, whichever is worse. Events: largest time between an event and the nearest of its
-kind in the reference, so a missed or invented event counts. Time: median, in one process on one
-of {cores} cores ({machine}); a rig's run starts with a law of which nothing is cached.
+Each peer is at its cheapest setting with an error no larger than the rig's. Where it has none, it
+is at its most accurate one, and the ratio, marked >, is a bound. Error: largest difference over the
+output times of displacement or velocity, relative to the largest value. Events: largest time to the
+nearest event of its kind in the reference, so a missed or invented one counts. Time: median, in one
+process on one of {cores} cores ({machine}); nothing of a law is cached.
+
+Peers (DOP853, LSODA and Radau of scipy, CVODE of scikit-sundae) get relative tolerances from
+{loosest:.0e} to {tightest:.0e} as far as the time allows, and atol = 0.001 rtol x usual size. They
+get their Jacobian, event functions, a restart at every joint of the law, and the gap as the state
+in flight.
+
+{cases}
+
+References are closed forms of every linear phase with 60 digits, events as roots of these; the
+torsional one Taylor series of order 40 with 45 digits (`benchmark/make_reference.py`). Made by
+`make bench` in {took:.0f} s; `python -m benchmark.speed` measures this machine.
 
 {rates}
 
@@ -43,57 +54,32 @@ of {cores} cores ({machine}); a rig's run starts with a law of which nothing is 
 
 {jump_search}
 
-## A campaign
+### A campaign
 
 The jump speed, 1.7 s from rest, of rigs whose spring, preload and mass vary by 10 %. The peer is
 given each speed to 1 % and halves from there, with CVODE (Adams) at rtol 1e-8 up to the first root
-of the contact force: a scan for the first speed at which contact is lost would take many times as
-long.
+of the contact force.
 
 {campaign}
-
-## What the peers are given
-
-- Relative tolerances from {loosest:.0e} to {tightest:.0e}, as tight as the time allows.
-- Their Jacobian and their event functions, and a restart at every joint of the law, so that they
-  never step across a jump of a derivative.
-- A right-hand side in plain Python floats; the law by Horner's rule about the middle of a piece.
-- The gap as the state in flight: it starts at exactly zero.
-- Contact of the one mass costs them nothing: it is the law, and lift-off a root of a polynomial.
-{options}
-{notes}
 
 {events}
 
 {start_up}
-{live}
 
-## The cases
-
-{cases}
-
-The references are made by `benchmark/make_reference.py`: closed forms of every linear phase with
-60 digits, events as roots of these; the torsional one by Taylor series of order 40 with 45 digits.
-Made by `benchmark/work_precision.py` in {took:.0f} s; `python -m benchmark.speed` measures this
-machine.
-"""
+{live}"""
 
 EVENTS = """\
-## Events
+### Events
 
 What a lift-off and its landing cost: wall time over the landings of the run.
 
 {table}
 
-The search finds both, and all between them; its tables of the cam and of the follower are made. In
-plain Python and compiled by numba (`cam_rig[fast]`) it is one source, and gives the same bits. A
-whole solution has the tables made anew, and the motion at the output times. In a run of many turns
-what it costs to begin one is a small part; its error is of the turns that have a reference.
-
-A process begins in plain Python. After half a second of it the compiled search is loaded, which
-takes as long; if there is none yet, it is compiled after ten, once for this user and machine
-(10 to 20 s; `python -m cam_rig.dynamics.events` does it ahead).
-`CAM_RIG_EVENTS=plain` or `=compiled` chooses one from the start.\
+In plain Python and compiled by numba (`cam_rig[fast]`) the search is one source, and gives the same
+bits. A whole solution has the tables of cam and follower made anew, and the motion at the output
+times. A process begins in plain Python. After half a second of it the compiled search is loaded; if
+there is none yet, it is compiled after ten, once for this user and machine (10 to 20 s;
+`python -m cam_rig.dynamics.events` does it ahead). `CAM_RIG_EVENTS=plain` or `=compiled` chooses.\
 """
 
 
@@ -103,13 +89,13 @@ def events() -> str:
 
 
 START_UP = """\
-## Start-up
+### Start-up
 
 What is waited for before anything is computed; medians, each beside a bare interpreter in turn.
 
 {nodes}
 
-By itself: with `ros2 run` or a launch file, CPU time of the imports. Forked: with `cam-rig run`,
+By itself: CPU time of the imports with `ros2 run` or a launch file. Forked: with `cam-rig run`,
 from a process that has imported what the nodes share.
 
 {commands}
@@ -117,27 +103,25 @@ from a process that has imported what the nodes share.
 CPU: of all processes of the command.\
 """
 SAMPLES = """\
-## Samples
+### Samples
 
 A block of samples (Bézier 15 at 48 kHz, the six rows of /follower/samples), each in turn with a
 copy of as many bytes, which is what this machine's memory takes. At {whole:g} rpm a turn is a whole
-number of samples, so that its polynomials are prepared once; at {broken:g} rpm it is not. In short
-blocks what each turn and each call costs besides shows: the walk from turn to turn, the last state.
+number of samples, so that its polynomials are prepared once; at {broken:g} rpm it is not.
 
 {table}\
 """
 SETTLED = """\
-## Settled turns
+### Settled turns
 
-One point of a sweep or a campaign: TM21 on its rig, ten turns at 12 kHz of which two settle, with
-level, forces, torque, lift-offs and landings; above the jump speed the follower is turned until its
-turns repeat before. CVODE (rtol {rtol:.0e}) integrates the flights of ten turns alone; all its
-samples are of the law.
+One point of a sweep or a campaign: TM21 on its rig, ten turns at 12 kHz of which two settle. Above
+the jump speed the follower is turned until its turns repeat before. CVODE (rtol {rtol:.0e})
+integrates the flights of ten turns alone; all its samples are of the law.
 
 {table}\
 """
 LIVE = """\
-## Live runs
+### Live runs
 
 Rig time over wall time of the shipped sweep through the nodes, from its first tick to the closed
 bag. With a viewer, all that a screen can show is sent to a Rerun server; no page is open.
@@ -177,17 +161,14 @@ def samples() -> str:
     return SAMPLES.format(whole=whole, broken=broken, table=table)
 
 
-def bullets(lines: list[str]) -> str:
-    return "\n".join(f"- {line}" for line in lines)
-
-
 def main() -> None:
     """Measure and write."""
+    before, mark, _ = PAGE.read_text(encoding="utf-8").partition(HEADING)
+    assert mark, f"{PAGE}: has no line {HEADING!r}"
     found = measure(quick=False)
     write(figure(found), PLOT)
     study, (points, campaign) = found.study, found.to_show()
-    left_out = notes(study)
-    options = dict.fromkeys(f"{peer.name}: {peer.options}." for peer in PEERS)
+    print(*notes(study), sep="\n")
     text = TEXT.format(
         table=to_markdown(points),
         cores=study.cores,
@@ -198,15 +179,13 @@ def main() -> None:
         loosest=FULL.rtols[0],
         tightest=FULL.rtols[-1],
         campaign=to_markdown(campaign),
-        options=bullets(list(options)),
-        notes="\nLeft out:\n\n" + bullets(left_out) if left_out else "",
         events=events(),
         start_up=start_up(),
         live=LIVE.format(table=to_markdown(live_rate.live_table())),
-        cases=bullets([f"`{name}`: {r.case.title}." for name, r in study.cases.items()]),
+        cases="\n".join(f"- `{name}`: {r.case.title}." for name, r in study.cases.items()),
         took=study.took_s,
     )
-    PAGE.write_text(text, encoding="utf-8")
+    PAGE.write_text(before + HEADING + text, encoding="utf-8")
     print(f"{PAGE}, {PLOT}")
 
 

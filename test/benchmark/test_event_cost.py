@@ -1,4 +1,4 @@
-"""What an event costs, as the table of docs/speed.md has it."""
+"""What an event costs, as the table of docs/accuracy.md has it."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""What a point of settled turns costs, as the table of docs/speed.md has it."""
+"""What a point of settled turns costs, as the table of docs/accuracy.md has it."""
 
 from benchmark.speed.settled import settled_costs, settled_table
 

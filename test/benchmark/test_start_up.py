@@ -1,4 +1,4 @@
-"""What a start costs, as the tables of docs/speed.md have it."""
+"""What a start costs, as the tables of docs/accuracy.md have it."""
 
 import subprocess
 

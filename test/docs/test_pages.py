@@ -33,21 +33,20 @@ def test_files_of_the_tree_exist(page):
 
 def test_short_names_in_the_tables_exist():
     """A file named without its folder stands beside the one named before it in its cell."""
-    for page in (DOCS / "architecture.md", DOCS / "extending.md"):
-        for cell in re.findall(r"\| ([^|\n]*)", text(page)):
-            folder = None
-            for name in re.findall(r"`([\w./*]+)`", cell):
-                if name.startswith("cam_rig/"):
-                    path = ROOT / name
-                    folder = path if path.is_dir() else path.parent
-                elif folder is not None and name.endswith(".py"):
-                    assert list(folder.glob(name)), f"{page.name}: {name} in {folder}"
+    for cell in re.findall(r"\| ([^|\n]*)", text(DOCS / "architecture.md")):
+        folder = None
+        for name in re.findall(r"`([\w./*]+)`", cell):
+            if name.startswith("cam_rig/"):
+                path = ROOT / name
+                folder = path if path.is_dir() else path.parent
+            elif folder is not None and name.endswith(".py"):
+                assert list(folder.glob(name)), f"{name} in {folder}"
 
 
 def test_every_picture_is_shown():
     """No picture in docs/ that no page shows."""
     words = "".join(text(page) for page in PAGES)
-    for picture in (*DOCS.glob("*.png"), *DOCS.glob("*.svg"), *DOCS.glob("*.webp")):
+    for picture in (p for kind in ("png", "svg", "webp") for p in DOCS.rglob(f"*.{kind}")):
         assert picture.name in words
 
 

@@ -29,8 +29,8 @@ def site(tmp_path_factory):
 def test_every_page_is_in_the_menu(site):
     """README is the first page; each document and each room has one."""
     menu = (site / "index.html").read_text(encoding="utf-8")
-    for page in DOCS.glob("*.md"):
-        assert f'href="{page.stem}.html"' in menu, page.name
+    for page in DOCS.rglob("*.md"):
+        assert f'href="{page.relative_to(DOCS).with_suffix(".html")}"' in menu, page.name
     assert (site / "api" / "cam_rig.html").is_file()
     assert (site / "search" / "search_index.js").is_file()
 

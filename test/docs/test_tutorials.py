@@ -29,6 +29,25 @@ def test_every_command_of_the_page_runs(page, least, within, tmp_path, monkeypat
     assert follow(DOCS / f"{page}.md", within) >= least
 
 
+LESSONS = sorted((DOCS / "course").glob("[1-9]*.md"))
+
+
+@pytest.mark.long
+@pytest.mark.slow
+@pytest.mark.parametrize("lesson", LESSONS, ids=lambda page: page.stem)
+def test_every_command_of_a_lesson_runs(lesson, tmp_path, monkeypatch):
+    """In a folder with nothing in it; every number that the lesson shows is printed."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "160")
+    assert follow(lesson, 1e-3 if lesson.stem == "8_design" else 0.0) >= 1
+
+
+@pytest.mark.parametrize("lesson", LESSONS, ids=lambda page: page.stem)
+def test_a_lesson_in_spanish_has_the_same_commands(lesson):
+    """And files, and numbers shown: what runs in one runs in the other."""
+    assert blocks(lesson) == blocks(DOCS / "course" / "es" / lesson.name)
+
+
 @pytest.mark.ros
 @pytest.mark.slow
 def test_every_command_of_the_first_hour(tmp_path, ros_domain, monkeypatch):

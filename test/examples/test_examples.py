@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import matplotlib as mpl
+import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
@@ -77,19 +78,45 @@ def test_a_node_stops_the_drive_at_lift_off(start_rig):
     assert run.ticks[-1].start.cam == "poly345"
 
 
-def test_the_notebook_runs(capsys):
-    """Cell by cell in one namespace, as a notebook runs them; a picture is a cell's last value."""
-    notebook = json.loads((EXAMPLES / "one_cam.ipynb").read_text(encoding="utf-8"))
+def run_notebook(name):
+    """Cell by cell in one namespace, as a notebook runs them; the value of each cell."""
+    notebook = json.loads((EXAMPLES / name).read_text(encoding="utf-8"))
     assert notebook["nbformat"] == 4
     names, values = {}, []
     for cell in notebook["cells"]:
         if cell["cell_type"] == "code":
             assert cell["outputs"] == []
             values.append(run_cell("".join(cell["source"]), names))
+    return values
+
+
+def test_the_notebook_runs(capsys):
+    """A picture is a cell's last value."""
+    values = run_notebook("one_cam.ipynb")
     assert sum(isinstance(value, Figure) for value in values) == 3
     assert values[0] == ("Polynomial 3-4-5", pytest.approx(0.05))
     assert [kind for kind, _ in values[4]] == ["lift-off", "landing"] * 2
     assert "dB at 250 rpm (calibrated on poly345)" in capsys.readouterr().out
+
+
+#: Pictures of a lesson's notebook, and values of cells that its lesson prints in its answers.
+LESSONS = {
+    "1_motion_laws": (1, [(2, [2.074, 8.135, 120.0]), (5, [[1.44, 67.75], [1.59, 95.45]])]),
+    "4_vibration": (2, [(0, (156.9, 0.0034))]),
+    "5_torsion": (1, [(1, (6.63, -5.52, 0.15)), (3, (0.1392, 79.6, 15.9)), (4, (6.75, 3.11))]),
+    "7_gauge_readings": (1, [(1, (8.0, 108.0))]),
+    "8_design": (1, [(2, (4.342, 5.833)), (3, 4.342)]),
+}
+
+
+@pytest.mark.parametrize("lesson", LESSONS)
+def test_the_notebook_of_a_lesson_runs(lesson):
+    """Its numbers are those that the lesson's answers print."""
+    pictures, shown = LESSONS[lesson]
+    values = run_notebook(f"course_{lesson}.ipynb")
+    assert sum(isinstance(value, Figure) for value in values) == pictures
+    for cell, value in shown:
+        np.testing.assert_allclose(values[cell], value, rtol=1e-3)
 
 
 def run_cell(source, names):

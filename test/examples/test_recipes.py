@@ -1,6 +1,7 @@
-"""docs/extending.md as somebody new to the code follows it: in a copy of the package, edit by edit.
+"""Extending, in docs/architecture.md, as somebody new to the code follows it: edit by edit.
 
-Each test touches the files that its recipe names and no other; what the recipe promises then works.
+In a copy of the package. Each test touches the files that its recipe names and no other; what the
+recipe promises then works.
 """
 
 import json
@@ -58,8 +59,8 @@ def copy(tmp_path):
 
 def recipe(heading):
     """The files that a recipe names."""
-    text = (ROOT / "docs" / "extending.md").read_text(encoding="utf-8")
-    part = text.split(f"## {heading}\n")[1].split("\n## ")[0]
+    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    part = text.split(f"### {heading}\n")[1].split("\n### ")[0]
     return set(re.findall(r"`(cam_rig/[^`]*\.py)`", part))
 
 

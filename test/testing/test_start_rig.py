@@ -83,9 +83,9 @@ def test_a_program_that_failed_is_named_with_its_last_line(start_rig):
 @pytest.mark.usefixtures("forked")
 def test_the_page_s_examples_run(start_rig):
     """The tests of its module, each with the fixture that this pytest has found by itself."""
-    example = next(c for lang, _, c in blocks(DOCS / "own_nodes.md") if "def test_" in c)
+    example = next(c for lang, _, c in blocks(DOCS / "nodes.md") if "def test_" in c)
     module = {}
-    exec(compile(example, "own_nodes.md", "exec"), module)
+    exec(compile(example, "nodes.md", "exec"), module)
     tests = [value for name, value in module.items() if name.startswith("test_")]
     assert len(tests) == 3
     for test in tests:

@@ -37,15 +37,19 @@ GIVEN_BY = {
 }
 HEAD = """# Results
 
+After this page you can read every number that a command writes or a Python function returns.
+
 What a command finds and what a Python function returns is one object: tables of records. `--json`
 writes its tables by their keys, `--csv` the first of them and each other into a file beside it, and
-`to_pandas("key")` gives one as a `DataFrame`; all three have the keys of this page, and numbers in
-the SI units of this page, whatever the unit in which the terminal shows them. Nothing that is no
-number is written as one: it is `null` in JSON and empty in CSV. A table of one record is an object
-in JSON, in place of a list.
+`to_pandas("key")` gives one as a `DataFrame`. All three have the keys of this page, and numbers in
+the SI units of this page, whatever the terminal shows. What is no number is `null` in JSON and
+empty in CSV. A table of one record is an object in JSON, in place of a list.
 
 In JSON `schema` has the name and the version. The version rises when a key changes its meaning or
 goes; a new key does not raise it. This page is made from the code by `tools/docs/results.py`.
+
+Each table is a line: its key, then its columns: `key`, \\[unit\\], and the heading that people see
+where the key does not say it.
 """
 
 
@@ -95,19 +99,20 @@ def section(result: type[Result]) -> str:
     whose = ", ".join(f"`{one}`" for one in given_by(result))
     first = inspect.cleandoc(result.__doc__ or "").split("\n\n")[0].replace("\n", " ")
     parts = [f"## {result.schema}", f"{whose}: {first}"]
-    for key, columns in result.columns.items():
-        parts += [f"### {key}", "\n".join(_table(columns))]
-    return "\n\n".join(part.replace("``", "`") for part in parts)
+    tables = [f"- **{key}**: {_columns(columns)}" for key, columns in result.columns.items()]
+    return "\n\n".join(part.replace("``", "`") for part in [*parts, "\n".join(tables)])
 
 
-def _table(columns: tuple[Column, ...]) -> Iterator[str]:
-    yield "| key | unit | meaning |"
-    yield "|---|---|---|"
+def _columns(columns: tuple[Column, ...]) -> str:
+    """The columns of a table one behind the other."""
+    items = []
     for column in columns:
-        words = column.heading.replace("{}", "…") or column.key.replace("_", " ")
-        words += f": {column.about}" if column.about else ""
-        meaning = re.sub(r"\s+", " ", words).replace("|", "\\|")
-        yield f"| `{column.key}` | {column.si} | {meaning} |"
+        unit = f" \\[{column.si}\\]" if column.si not in ("", column.key) else ""
+        heading = re.sub(r"\s+", " ", column.heading.replace("{}", "…")).strip()
+        said = {column.key.replace("_", " "), ""}
+        words = [one for one in (heading, re.sub(r"\s+", " ", column.about)) if one not in said]
+        items.append(f"`{column.key}`{unit}{' ' if words else ''}{': '.join(words)}")
+    return "; ".join(items)
 
 
 if __name__ == "__main__":
