@@ -1,0 +1,1 @@
+"""When a follower bounces above its jump speed, how it bounces."""
