@@ -41,9 +41,7 @@ ENDS, FLIES, PLACE_AT_END, LANDINGS, HARDEST, SOFTEST, ON_CAM, GROWTH, DERIVATIV
 TURN_SIZE = DERIVATIVE + 4
 
 
-def run_turns(
-    run: RunTable, record: RunRecord, frame: Row, turns: Rows, most: float
-) -> int:
+def run_turns(run: RunTable, record: RunRecord, frame: Row, turns: Rows, most: float) -> int:
     """Turn after turn from the record's place: rows of ``turns`` filled, and how many are.
 
     ``frame`` is the direction that grows most, of unit length. Fewer are filled where one has more
