@@ -12,10 +12,11 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from cam_rig.bounce.turn_map import TurnMap
 from cam_rig.dynamics.parameters import FollowerParameters
+from cam_rig.dynamics.turn_map import TurnMap
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.units import FloatArray, to_rpm
@@ -77,9 +78,9 @@ class PeriodicMotion:
         return float(self.states[-1, 0]), float(self.states[-1, 1])
 
     @property
-    def multipliers(self) -> FloatArray:
-        """``(2,)`` complex: what a small change is multiplied by in a period."""
-        return np.linalg.eigvals(self.derivative)
+    def multipliers(self) -> NDArray[np.complex128]:
+        """``(2,)`` what a small change is multiplied by in a period."""
+        return np.linalg.eigvals(self.derivative).astype(np.complex128)
 
     @property
     def stable(self) -> bool:
@@ -123,7 +124,7 @@ class Family:
     law: Law
     parameters: FollowerParameters
     period: int
-    _scale: FloatArray = field(init=False)  #: of gap, rate and speed: rad/s of the first one asked
+    _scale: FloatArray = field(init=False)  #: of gap, rate and speed
 
     def at(self, speed: float, state: tuple[float, float]) -> PeriodicMotion:
         """The motion at a speed (rad/s) near a state, by Newton's iteration.
@@ -132,7 +133,7 @@ class Family:
         ------
         UnfoundMotionError : there is none
         """
-        self._scale = np.array([self.law.lift, self.law.lift * speed, speed])
+        self._scale = self._scale_of(speed, state)
         start = np.array([*state, speed]) / self._scale
         along = np.array([0.0, 0.0, 1.0])
         return self._corrected(start, along, np.zeros(2))[0]
@@ -141,7 +142,7 @@ class Family:
         self, begin: PeriodicMotion, low: float, high: float, up: bool
     ) -> tuple[list[PeriodicMotion], list[Bifurcation]]:
         """From a motion on, first up or down, to an end of the branch or of the speeds (rad/s)."""
-        self._scale = np.array([self.law.lift, self.law.lift * begin.speed, begin.speed])
+        self._scale = self._scale_of(begin.speed, begin.state)
         motions, found = [begin], list[Bifurcation]()
         here, length = np.array([*begin.state, begin.speed]) / self._scale, FIRST
         by_speed = self._by_speed(here)
@@ -170,6 +171,11 @@ class Family:
             length = min(1.5 * length, LONGEST)
         return motions, found
 
+    def _scale_of(self, speed: float, state: tuple[float, float]) -> FloatArray:
+        """``(3,)`` the sizes of a gap, of its rate and of a speed."""
+        lift = self.law.lift
+        return np.array([max(lift, state[0]), max(lift * speed, abs(state[1])), speed])
+
     def _run(self, at: FloatArray) -> tuple[FloatArray, PeriodicMotion]:
         """Where a scaled (gap, rate, speed) comes to in a period, scaled, and as a motion."""
         gap, rate, speed = (at * self._scale).tolist()
@@ -190,7 +196,7 @@ class Family:
         places = [at - ahead, at, at + ahead]
         reached, motions = zip(*map(self._run, places), strict=True)
         first, last = (i if motions[i].landings == motions[1].landings else 1 for i in (0, 2))
-        return (reached[last] - reached[first]) / (max(last - first, 1) * NUDGE)
+        return np.asarray((reached[last] - reached[first]) / (max(last - first, 1) * NUDGE))
 
     def _matrix(self, motion: PeriodicMotion, by_speed: FloatArray) -> FloatArray:
         """``(2, 3)`` derivative of Pⁿ(x) − x, scaled."""
@@ -253,10 +259,10 @@ class Family:
             if test(before) * test(after) < 0.0:
                 at = brentq(lambda part, f=test: f(motion_at(part)), 0.0, length, xtol=1e-15)
                 motion = motion_at(at)
-                passes = abs(test(motion)) < PASSES
-                yield Bifurcation(
-                    kind if passes else CORNER, motion.rpm, self.period, motion.landings
-                )
+                told = kind if abs(test(motion)) < PASSES else CORNER
+                yield Bifurcation(told, motion.rpm, self.period, motion.landings)
+                if told == CORNER:
+                    return  # both may leap there
 
     def _end(self, last: PeriodicMotion, here: FloatArray, along: FloatArray) -> Bifurcation:
         """Why a branch ends: its halves have become alike, or a landing is new or gone beyond."""

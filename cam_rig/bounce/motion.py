@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cam_rig.bounce.turn_map import TurnMap, TurnsRun
+from cam_rig.dynamics.turn_map import TurnMap, TurnsRun
 from cam_rig.units import FloatArray
 
 IN_CONTACT, PERIODIC, IRREGULAR, NOT_TOLD = "in contact", "periodic", "irregular", "not told"

@@ -13,11 +13,11 @@ import numpy as np
 from cam_rig.acoustics import MicrophoneState, RadiationParameters, level_db, rms_pressure
 from cam_rig.arguments import checked
 from cam_rig.bounce.motion import IN_CONTACT, IRREGULAR, NOT_TOLD, PERIODIC, SEEN, motion_of
-from cam_rig.bounce.turn_map import ON_THE_CAM, TurnMap, TurnsRun
 from cam_rig.dynamics import MODELS, FollowerState, Interval
 from cam_rig.dynamics.events.search import expect_many
 from cam_rig.dynamics.jump.jump_speed import rigid_jump
 from cam_rig.dynamics.parameters import FollowerParameters
+from cam_rig.dynamics.turn_map import ON_THE_CAM, TurnMap, TurnsRun
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
