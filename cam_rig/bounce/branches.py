@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,13 +34,20 @@ NUDGE = 1e-7
 #: Halves of a period are alike to this part of the lift times the speed where it is born; and so
 #: far beyond an end of a branch another number of landings is looked for.
 ALIKE, BEYOND = 1e-3, (1e-8, 1e-7, 1e-6, 1e-5)
+#: To this part of itself the speed of a bifurcation is told.
+TOLD = 1e-6
+#: Motions at one speed whose hardest landings differ by no more than this part are one.
+SAME = 1e-3
 #: A derivative that changes by more than this part of itself so near to an end leaps there.
 LEAP = 1e-2
 #: A multiplier that is nearer to ±1 than this at a root passes it; else it jumps over it.
 PASSES = 1e-5
 
-FLIP, FOLD, GRAZE, CORNER, LOST = "period doubling", "fold", "grazing", "corner", "not told"
+LIFT_OFF, FLIP, FOLD = "first lift-off", "period doubling", "fold"
+GRAZE, CORNER, LOST = "grazing", "corner", "not told"
 WORDS = {
+    LIFT_OFF: "below, the follower stays on the cam; above, it flies and bounces, and at first comes "
+    "to rest in each turn",
     FLIP: "a multiplier is −1: beyond, the motion of this period is unstable, and one of twice the "
     "period begins or ends",
     FOLD: "a multiplier is +1: a stable and an unstable motion meet here, and beyond there is "
@@ -104,13 +112,18 @@ class Bifurcation:
 
     kind: str
     rpm: float
-    period: int
+    period: int | None
     landings: int  #: in the period, before it
 
     @property
     def words(self) -> str:
         """What happens."""
         return WORDS[self.kind]
+
+    def same_as(self, other: Bifurcation) -> bool:
+        """Whether both are one, come upon twice."""
+        alike = self.kind == other.kind and self.period == other.period
+        return alike and abs(self.rpm - other.rpm) < TOLD * self.rpm
 
 
 class UnfoundMotionError(DynamicsError):
@@ -292,18 +305,14 @@ class Branch:
     bifurcations: tuple[Bifurcation, ...]
 
     def holds(self, motion: PeriodicMotion) -> bool:
-        """Whether a motion is on it, to what lies between two of its own."""
-        speeds = np.array([one.speed for one in self.motions])
-        if motion.period != self.motions[0].period or not (
-            speeds.min() <= motion.speed <= speeds.max()
-        ):
+        """Whether a motion is on it: between two of its own, and as hard."""
+        if motion.period != self.motions[0].period:
             return False
-        scale = max(one.hardest for one in self.motions)
-        for a, b in zip(self.motions, self.motions[1:], strict=False):
+        for a, b in pairwise(self.motions):
             if (a.speed - motion.speed) * (b.speed - motion.speed) <= 0.0 and a.speed != b.speed:
                 part = (motion.speed - a.speed) / (b.speed - a.speed)
                 hardest = a.hardest + part * (b.hardest - a.hardest)
-                if abs(hardest - motion.hardest) < 1e-3 * scale:
+                if abs(hardest - motion.hardest) < SAME * hardest:
                     return True
         return False
 
@@ -322,12 +331,20 @@ def branches(
     law: Law,
     parameters: FollowerParameters,
     seen: Sequence[tuple[float, tuple[float, float], int]],
+    low: float,
+    high: float,
 ) -> tuple[Branch, ...]:
-    """Every branch that has one of some motions: speed (rad/s), state and period of each."""
-    low, high = min(one[0] for one in seen), max(one[0] for one in seen)
+    """Every branch between two speeds (rad/s) that has one of some motions.
+
+    Of each its speed (rad/s), a state and its period; those that an iteration does not find, and
+    that are on a branch already, begin none.
+    """
     found = list[Branch]()
     for speed, state, period in seen:
-        motion = Family(law, parameters, period).at(speed, state)
+        try:
+            motion = Family(law, parameters, period).at(speed, state)
+        except UnfoundMotionError:
+            continue
         if not any(branch.holds(motion) for branch in found):
             found.append(branch_through(law, parameters, motion, low, high))
     return tuple(found)

@@ -46,6 +46,13 @@ def bounce(
             help="Each speed begins on the cam (rest), or where the one below or above ended.",
         ),
     ] = Start.REST,
+    follow: Annotated[
+        bool,
+        typer.Option(
+            "--follow",
+            help="Follow the periodic motions, stable or not, and find where each changes.",
+        ),
+    ] = False,
     jobs: Jobs = None,
     dask: Dask = None,
     *,
@@ -63,6 +70,8 @@ def bounce(
     cam-rig bounce tm21 --restitution 0.7 --plot out/bounce.png
 
     cam-rig bounce tm21 --restitution 0.7 --rpm 380:500:1 --from above --csv out/bounce.csv
+
+    cam-rig bounce tm21 --restitution 0.7 --rpm 385:480:1 --follow --plot out/branches.svg
     """
     from cam_rig.bounce.study import first_lift_off, swept
     from cam_rig.dynamics.parameters import FollowerParameters
@@ -88,7 +97,7 @@ def bounce(
         speeds = [FROM * jump + i * step for i in range(SPEEDS)]
     else:
         speeds = speeds_asked(rpm)
-    how = law, on, speeds, restitution, turns, settle, start.value
+    how = law, on, speeds, restitution, turns, settle, start.value, follow
     if start != Start.REST or len(speeds) == 1:
         return swept(*how, progress=progress)
     with workplace(jobs, dask) as place:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import groupby
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -18,7 +20,8 @@ FOOT = 0.04
 def figure(found: BounceMap) -> Figure:
     """A dot a turn for its hardest landing; the exponent with its error; the level with its span.
 
-    The speed of the first lift-off is marked where it is among the speeds.
+    Branches that were followed are lines, dotted where the motion is unstable. The speed of the
+    first lift-off is marked where it is among the speeds.
     """
     heard = found.rows[0].level_db is not None
     out = empty(5.6 if heard else 4.2)
@@ -43,6 +46,11 @@ def _diagram(axes: Axes, found: BounceMap) -> None:
     rpm = found.per_turn(lambda row: row.rpm)
     hardest = np.concatenate([row.hardest for row in found.rows])
     axes.plot(rpm, hardest, ls="", marker=".", ms=1.2, mew=0.0, color="0.1", rasterized=True)
+    for branch in found.branches:
+        for stable, run in groupby(branch.motions, lambda one: one.stable):
+            motions = list(run)
+            x, y = [one.rpm for one in motions], [one.hardest for one in motions]
+            axes.plot(x, y, "-" if stable else ":", color="0.45", lw=0.8, zorder=1.5)
     axes.set(ylabel="hardest landing\nof each turn [m/s]")
     axes.set_ylim(bottom=0.0)
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from cam_rig.acoustics import MicrophoneState, RadiationParameters, level_db, rms_pressure
 from cam_rig.arguments import checked
+from cam_rig.bounce.branches import LIFT_OFF, WORDS, Bifurcation, Branch, branches
 from cam_rig.bounce.motion import IN_CONTACT, IRREGULAR, NOT_TOLD, PERIODIC, SEEN, motion_of
 from cam_rig.dynamics import MODELS, FollowerState, Interval
 from cam_rig.dynamics.events.search import expect_many
@@ -56,12 +57,13 @@ class BounceRow:
 
 RESTS = Footnote(
     "It comes to rest on the cam, where it has no freedom: every change dies out, and the exponent "
-    "is −∞.",
+    "is −∞. Its landings are those higher than rounding; in the limit they are without number.",
     lambda row: row.rests and row.motion == PERIODIC,
     "*",
 )
 UNTOLD = Footnote(
-    "Not told: the turns do not repeat, and the exponent is not told from zero; or no landing.",
+    "Not told: the turns have not come to repeat, and the exponent is not above its error; or none "
+    "lands.",
     lambda row: row.motion == NOT_TOLD,
     "?",
 )
@@ -88,9 +90,27 @@ class BounceMap(Result):
                 about="Lyapunov's, the largest; nothing where it is −∞",
             ),
             Column("exponent_error", "1/turn", ".1g", "error", about="95 %"),
-            Column("settled", "", "d", "settled after", about="turns"),
+            Column("settled", "", "d", "settled after", about="turns from the start"),
             Column("level_db", "dB", ".1f", "level", about="re 20 µPa, unweighted"),
             Column("level_spread_db", "dB", ".1f", "spread", about="loudest less quietest turn"),
+        ),
+        "bifurcations": (
+            Column("kind", heading="what happens"),
+            Column("rpm", "rpm", ".5f", "speed"),
+            Column("period", "", "d", about="in turns"),
+            Column("landings", "", "d", about="in the period, before it"),
+        ),
+        "orbits": (
+            Column("rpm", "rpm"),
+            Column("period"),
+            Column("landings", about="in the period"),
+            Column("stable"),
+            Column("hardest", "m/s", about="fastest landing against the cam"),
+            Column("softest", "m/s", about="slowest"),
+            Column("gap", "mm", of="state.0", about="at cam angle 0"),
+            Column("opening", "m/s", of="state.1", about="its rate there"),
+            Column("multipliers", about="real parts", of=lambda one: one.multipliers.real),
+            Column("turning", about="imaginary parts", of=lambda one: one.multipliers.imag),
         ),
         "turns": (
             Column("rpm", "rpm", of=lambda found: found.per_turn(lambda row: row.rpm)),
@@ -106,6 +126,7 @@ class BounceMap(Result):
     start: str  #: ``rest``, ``below`` or ``above``
     jump_rpm: float  #: at which the follower first lifts off
     rows: tuple[BounceRow, ...]
+    branches: tuple[Branch, ...] = ()  #: where they were asked for
 
     def per_turn(self, of: Callable[[BounceRow], float]) -> FloatArray:
         """A number of each speed, as often as the speed has turns."""
@@ -115,10 +136,29 @@ class BounceMap(Result):
         """``speeds``; in data ``turns`` too: of a period each once, else all that are kept."""
         e = self.parameters.restitution
         caption = f"{self.law.name} on {self.rig.name}, restitution {e:g}, {BEGUN[self.start]}"
+        motions = [one for branch in self.branches for one in branch.motions]
+        found = self.bifurcations if self.branches else []
+        words = (f"{kind}: {WORDS[kind]}." for kind in dict.fromkeys(one.kind for one in found))
+        shown = _changes(self.rows) if len(self.rows) > MOST_SHOWN else self.rows
+        notes: list[Footnote | str] = [RESTS, UNTOLD]
+        if len(shown) < len(self.rows):
+            notes.append(f"{len(self.rows)} speeds; here those at which the motion changes.")
         return [
-            self.table("speeds", caption, self.rows, RESTS, UNTOLD),
+            self.table("speeds", caption, self.rows, *notes, seen=lambda row: row in shown),
+            self.table("bifurcations", "Where a motion changes", found, *words),
+            self.table("orbits", "", motions, hidden=True),
             Arrays.of("turns", self.columns["turns"], self),
         ]
+
+    @property
+    def bifurcations(self) -> list[Bifurcation]:
+        """The first lift-off, and what happens on the branches, by speed."""
+        low, high = self.rows[0].rpm, self.rows[-1].rpm
+        found = [Bifurcation(LIFT_OFF, self.jump_rpm, None, 0)]
+        for one in (one for branch in self.branches for one in branch.bifurcations):
+            if not any(one.same_as(other) for other in found):
+                found.append(one)
+        return sorted((one for one in found if low <= one.rpm <= high), key=lambda one: one.rpm)
 
     def summary(self) -> list[str]:
         """The jump speed, and how many speeds of each kind."""
@@ -130,6 +170,19 @@ class BounceMap(Result):
         return f"BounceMap({self.law.name} on {self.rig.name}: {self.summary()[0]})"
 
 
+def _changes(rows: Sequence[BounceRow]) -> list[BounceRow]:
+    """The first and the last of those in a row that are of one kind, period and rest."""
+    kinds = [(row.motion, row.period, row.rests) for row in rows]
+    last = len(rows) - 1
+    return [
+        row
+        for i, row in enumerate(rows)
+        if i in (0, last) or kinds[i] != kinds[i - 1] or kinds[i] != kinds[i + 1]
+    ]
+
+
+#: Speeds that a terminal shows all of.
+MOST_SHOWN = 40
 KINDS = (IN_CONTACT, PERIODIC, IRREGULAR, NOT_TOLD)
 BEGUN = {
     REST: "each speed from the cam",
@@ -211,6 +264,7 @@ def bounce_map(
     turns: int = 200,
     settle: int = 300,
     start: str = REST,
+    follow: bool = False,
     executor: Executor | None = None,
 ) -> BounceMap:
     """What one rigid mass does above its jump speed, turn after turn: at rest, periodic, irregular.
@@ -227,6 +281,8 @@ def bounce_map(
     settle : turns before these
     start : ``rest``: each speed from the cam; ``below`` or ``above``: where the speed below or
         above has ended, which shows hysteresis
+    follow : follow each periodic motion that does not rest over the speeds, stable or not, and find
+        where it changes
     executor : where the speeds of ``rest`` are computed: a `ProcessPoolExecutor`, Dask's; None is
         this process
 
@@ -253,7 +309,7 @@ def bounce_map(
     speeds = [float(one) for one in rpm]
     if not speeds:
         raise ConfigError("rpm: is empty; allowed: one speed or more")
-    return swept(law, rig, speeds, restitution, turns, settle, start, executor)
+    return swept(law, rig, speeds, restitution, turns, settle, start, follow, executor)
 
 
 def swept(
@@ -264,6 +320,7 @@ def swept(
     turns: int,
     settle: int,
     start: str,
+    follow: bool,
     executor: Executor | None = None,
     progress: Progress = SILENT,
 ) -> BounceMap:
@@ -282,7 +339,13 @@ def swept(
         found.append(row)
         progress.advance()
     found.sort(key=lambda row: row.rpm)
-    return BounceMap(law, rig, p, start, first_lift_off(law, p), tuple(found))
+    lines: tuple[Branch, ...] = ()
+    if follow:
+        progress.tell("periodic motions")
+        free = [row for row in found if row.period is not None and not row.rests]
+        seen = [(row.rpm * RPM, row.end, row.period or 1) for row in free]
+        lines = branches(law, p, seen, found[0].rpm * RPM, found[-1].rpm * RPM)
+    return BounceMap(law, rig, p, start, first_lift_off(law, p), tuple(found), lines)
 
 
 def first_lift_off(law: Law, parameters: FollowerParameters) -> float:

@@ -22,6 +22,7 @@ from cam_rig.dynamics.events.search import form_of, plain_time
 from cam_rig.dynamics.interval import Interval
 from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.dynamics.parameters import FollowerParameters, require_number, require_turning
+from cam_rig.dynamics.velocity_jumps import short_of_velocity_jump
 from cam_rig.laws import Law
 from cam_rig.units import NS, TURN, FloatArray
 
@@ -107,7 +108,8 @@ class TurnMap:
     def __init__(self, law: Law, parameters: FollowerParameters, speed: float) -> None:
         require_turning(speed)
         self.law, self.parameters, self.speed = law, parameters, speed
-        self.duration = TURN / speed
+        # A velocity jump at angle 0 is the next turn's: this one ends a rounding before it.
+        self.duration = short_of_velocity_jump(law, TURN) / speed
         interval = Interval(0, max(1, round(NS * self.duration)), 0.0, speed)
         self._course = OneMassTrajectory(law, parameters, interval)
         self._table = lru_cache(self._made)

@@ -56,6 +56,8 @@ def run_turns(run: RunTable, record: RunRecord, frame: Row, turns: Rows, most: f
         row[DERIVATIVE] = row[DERIVATIVE + 3] = 1.0
         row[SOFTEST] = math.inf
         now[TIME], now[JUMPS_DONE], now[STEP], now[BEGUN] = 0.0, 0.0, 0.0, 0.0
+        if now[FLYING] == 0.0:  # a velocity jump at angle 0 may throw it at once
+            _carry(frame, row, run.cam.speed, (0.0, 0.0, 0.0, 0.0))
         while now[TIME] < run.jumps.duration:
             record.counts[0] = record.counts[1] = 0.0
             run_events(run, record)
@@ -71,35 +73,40 @@ def run_turns(run: RunTable, record: RunRecord, frame: Row, turns: Rows, most: f
 def _follow(run: RunTable, record: RunRecord, frame: Row, row: Row) -> None:
     """Carry a change through the phases of a record."""
     count, met, passed = int(record.counts[0]), int(record.counts[1]), 0
-    # A velocity jump at the turn's beginning is over before its first phase.
+    # The blow of a velocity jump at the turn's beginning comes before its first phase.
     while passed < met and record.events[passed][1] <= 0.0:
+        _note(run, record.events[passed], row)
         passed += 1
     for i in range(count):
         phase = record.phases[i]
         length, approach, rebound = phase[END] - phase[TIME], 0.0, 0.0
-        landed = False
         while passed < met and record.events[passed][1] <= phase[END]:
-            event = record.events[passed]
-            if event[0] != 0.0 and not landed:
-                landed = True
-                # E = m (1 − e²) v²/2 of p = m (1 + e) v: v + e v, and v − e v.
-                both = event[2] / run.mass
-                less = 2.0 * event[3] / event[2] if event[2] > 0.0 else 0.0
-                approach, rebound = 0.5 * (both + less), 0.5 * (both - less)
+            if record.events[passed][0] != 0.0:
+                approach, rebound = _note(run, record.events[passed], row)
             passed += 1
-        if landed:
-            row[LANDINGS] += 1.0
-            row[HARDEST] = max(row[HARDEST], approach)
-            row[SOFTEST] = min(row[SOFTEST], approach)
         if phase[FLYING] == 0.0:
             if length > 0.0:
                 row[ON_CAM] += length
                 _carry(frame, row, run.cam.speed, (0.0, 0.0, 0.0, 0.0))
             continue
         _carry(frame, row, run.cam.speed, _flown(run, length))
-        if landed and approach > 0.0:  # a graze has none: that of the flights which just miss
+        if approach > 0.0:  # a graze has none: that of the flights which just miss
             restitution = run.restitution if rebound > 0.5 * run.restitution * approach else 0.0
             _carry(frame, row, run.cam.speed, _landed(run, phase[END], approach, restitution))
+
+
+def _note(run: RunTable, event: Row, row: Row) -> tuple[float, float]:
+    """Note a landing in a turn's row: its speeds (m/s) against the cam before and after it."""
+    if event[0] == 0.0:
+        return 0.0, 0.0
+    # E = m (1 − e²) v²/2 of p = m (1 + e) v: v + e v, and v − e v.
+    both = event[2] / run.mass
+    less = 2.0 * event[3] / event[2] if event[2] > 0.0 else 0.0
+    approach = 0.5 * (both + less)
+    row[LANDINGS] += 1.0
+    row[HARDEST] = max(row[HARDEST], approach)
+    row[SOFTEST] = min(row[SOFTEST], approach)
+    return approach, 0.5 * (both - less)
 
 
 def _flown(run: RunTable, time: float) -> tuple[float, float, float, float]:
