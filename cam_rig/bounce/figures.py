@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from cam_rig.bounce.motion import IN_CONTACT, IRREGULAR, NOT_TOLD, PERIODIC
 from cam_rig.bounce.study import BEGUN, BounceMap
 from cam_rig.show.figure import CAM_SPEED, empty, series_marker, styled, wrapped
+from cam_rig.show.looks import in_words
 
 #: Of the axes' height, where what has the exponent −∞ is marked.
 FOOT = 0.04
@@ -36,7 +37,9 @@ def figure(found: BounceMap) -> Figure:
             axes.axvline(found.jump_rpm, color="0.3", ls=":", lw=0.9)
     panels[-1].set(xlabel=CAM_SPEED)
     e = found.parameters.restitution
-    words = f"{found.law.name} on {found.rig.title}, restitution {e:g}, {BEGUN[found.start]}"
+    words = (
+        f"{in_words(found.law.name)} on {found.rig.title}, restitution {e:g}, {BEGUN[found.start]}"
+    )
     out.suptitle(wrapped(words))
     out.legend(*panels[1].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     return out
@@ -45,7 +48,7 @@ def figure(found: BounceMap) -> Figure:
 def _diagram(axes: Axes, found: BounceMap) -> None:
     rpm = found.per_turn(lambda row: row.rpm)
     hardest = np.concatenate([row.hardest for row in found.rows])
-    axes.plot(rpm, hardest, ls="", marker=".", ms=1.2, mew=0.0, color="0.1", rasterized=True)
+    axes.plot(rpm, hardest, ls="", marker=".", ms=2.0, mew=0.0, color="0.1", rasterized=True)
     for branch in found.branches:
         for stable, run in groupby(branch.motions, lambda one: one.stable):
             motions = list(run)
@@ -62,7 +65,7 @@ def _exponents(axes: Axes, found: BounceMap) -> None:
         if rows:
             x, y = [r.rpm for r in rows], [r.exponent for r in rows]
             errors = [r.exponent_error for r in rows]
-            axes.errorbar(x, y, errors, ls="", ms=3.0, lw=0.8, label=kind, **series_marker(i))
+            axes.errorbar(x, y, errors, ls="", ms=2.4, lw=0.8, label=kind, **series_marker(i))
     rests = [r.rpm for r in found.rows if r.motion == IN_CONTACT or r.rests]
     if rests:
         foot, at = axes.get_xaxis_transform(), np.full(len(rests), FOOT)
