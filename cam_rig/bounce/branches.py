@@ -46,8 +46,8 @@ PASSES = 1e-5
 LIFT_OFF, FLIP, FOLD = "first lift-off", "period doubling", "fold"
 GRAZE, CORNER, LOST = "grazing", "corner", "not told"
 WORDS = {
-    LIFT_OFF: "below, the follower stays on the cam; above, it flies and bounces, and at first comes "
-    "to rest in each turn",
+    LIFT_OFF: "below, the follower stays on the cam; above, it flies and bounces, and at first "
+    "comes to rest in each turn",
     FLIP: "a multiplier is −1: beyond, the motion of this period is unstable, and one of twice the "
     "period begins or ends",
     FOLD: "a multiplier is +1: a stable and an unstable motion meet here, and beyond there is "
@@ -91,9 +91,14 @@ class PeriodicMotion:
         return np.linalg.eigvals(self.derivative).astype(np.complex128)
 
     @property
+    def leading(self) -> complex:
+        """The multiplier that is largest."""
+        return complex(max(self.multipliers.tolist(), key=abs))
+
+    @property
     def stable(self) -> bool:
         """Whether small changes die out."""
-        return bool(np.abs(self.multipliers).max() < 1.0)
+        return abs(self.leading) < 1.0
 
     @property
     def flip(self) -> float:

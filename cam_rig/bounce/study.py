@@ -28,7 +28,7 @@ from cam_rig.units import NS, RPM, FloatArray
 
 #: Where each speed begins: on the cam, or where the speed below, or above, has ended.
 REST, BELOW, ABOVE = "rest", "below", "above"
-#: Turns of which the level is the mean, after one that begins the sound.
+#: Turns of which the level is the mean, at most, after one that begins the sound.
 LEVEL_TURNS = 16
 #: Speeds that are sent to a process together.
 TOGETHER = 4
@@ -109,8 +109,8 @@ class BounceMap(Result):
             Column("softest", "m/s", about="slowest"),
             Column("gap", "mm", of="state.0", about="at cam angle 0"),
             Column("opening", "m/s", of="state.1", about="its rate there"),
-            Column("multipliers", about="real parts", of=lambda one: one.multipliers.real),
-            Column("turning", about="imaginary parts", of=lambda one: one.multipliers.imag),
+            Column("multiplier", of="leading.real", about="of the largest the real part"),
+            Column("multiplier_imaginary", of="leading.imag"),
         ),
         "turns": (
             Column("rpm", "rpm", of=lambda found: found.per_turn(lambda row: row.rpm)),
@@ -211,7 +211,7 @@ class Bench:
         run = turn_map.run(self.settle + self.turns, begin)
         found = motion_of(turn_map, run, self.turns)
         shown = 1 if found.kind == IN_CONTACT else found.period or self.turns
-        level, spread = self._level(turn_map, run)
+        level, spread = self._level(turn_map, run, min(shown, LEVEL_TURNS))
         return BounceRow(
             rpm=rpm,
             motion=found.kind,
@@ -232,18 +232,20 @@ class Bench:
         """The same at each of some speeds, from the cam."""
         return [self.row(one) for one in rpm]
 
-    def _level(self, turn_map: TurnMap, run: TurnsRun) -> tuple[float | None, float | None]:
+    def _level(
+        self, turn_map: TurnMap, run: TurnsRun, turns: int
+    ) -> tuple[float | None, float | None]:
         """Level (dB) of the last turns, and the loudest of them less the quietest."""
         if self.radiation is None:
             return None, None
-        gap, opening, flies, place, velocity = run.rows[-LEVEL_TURNS - 2, :5].tolist()
+        gap, opening, flies, place, velocity = run.rows[-turns - 2, :5].tolist()
         after: FollowerState | None = None
         if flies:
             after = FollowerState(place, velocity, 0.0, in_contact=False, inner=(gap, opening))
         speed, advance = turn_map.speed, MODELS["one_mass"].advance
         sound: MicrophoneState | None = None
         turn, pressures = round(NS * turn_map.duration), []
-        for i in range(LEVEL_TURNS + 1):
+        for i in range(turns + 1):
             interval = Interval(i * turn, (i + 1) * turn, speed * i * turn / NS, speed)
             after, block = advance(self.law, self.parameters, after, interval, TURN_RATE_HZ)
             heard = block.force, block.impulse, TURN_RATE_HZ, speed
