@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from cam_rig.bag.reader import read_bag
+    from cam_rig.bounce.study import bounce_map
     from cam_rig.campaigns.largest_waviness import largest_waviness
     from cam_rig.campaigns.run import campaign
     from cam_rig.dynamics.jump.rigs import jump_speed
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "CamRigError": "cam_rig.errors",
     "Law": "cam_rig.laws",
+    "bounce_map": "cam_rig.bounce.study",
     "build_law": "cam_rig.simulation.scene",
     "campaign": "cam_rig.campaigns.run",
     "compare_run": "cam_rig.measured.real_run.run",
@@ -55,6 +57,7 @@ __all__ = [
     "CamRigError",
     "Law",
     "__version__",
+    "bounce_map",
     "build_law",
     "campaign",
     "compare_run",

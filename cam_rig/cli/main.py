@@ -43,6 +43,7 @@ COMMANDS = {
     "design": "cam_rig.law_design.command",
     "contact": "cam_rig.paper.contact.command",
     "jump": "cam_rig.paper.jump.command",
+    "bounce": "cam_rig.bounce.command",
     "readings": "cam_rig.paper.readings.command",
     "vibration": "cam_rig.paper.vibration.command",
     "factorial": "cam_rig.paper.factorial.command",

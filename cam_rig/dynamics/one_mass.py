@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -69,13 +69,15 @@ class OneMassTrajectory(Course):
         if rides and not losses and not self.law.velocity_jumps:  # nothing takes it off the cam
             self._rows.append([*now, 0.0, 0.0, self.interval.duration])
         else:
-            self._find(self._run_table, now, self.interval.duration)
+            duration = self.interval.duration
+            self._find(partial(self.run_table, duration), now, duration)
 
-    def _run_table(self, arrays: bool) -> RunTable:
+    def run_table(self, duration: float, arrays: bool) -> RunTable:
+        """The table of a run of ``duration`` s from the interval's beginning."""
         law, p, speed = self.law, self.parameters, self.speed
         return self._table(
             arrays,
-            self.interval.duration,
+            duration,
             p.mass,
             tuple(map(float, (p.spring_stiffness, p.damping, p.mass, p.preload))),
             np.array(loss_intervals(law, p, speed)).reshape(-1, 2),

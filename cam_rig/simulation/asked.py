@@ -1,11 +1,13 @@
-"""The cams that a study is asked for, and the rig they turn on: named, or those of a scene."""
+"""What a study is asked for: cams, named or of a scene, the rig they turn on, speeds."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from cam_rig.errors import ConfigError
 from cam_rig.schema.load import cam_path, one_scene, rig_beside, rig_path, scene_path, tables_path
 from cam_rig.show.terminal import say
 
@@ -17,6 +19,8 @@ if TYPE_CHECKING:
 MOST_NAMED = 5
 #: The rig of cams that are named without one.
 RIG = "paper_table2"
+#: Speeds at most: minutes.
+MAX_SPEEDS = 1000
 
 
 def asked_cams(names: list[str] | None, rig: str | None) -> CamSet:
@@ -68,3 +72,22 @@ def scene_speeds(scene: str, most: int) -> list[float]:
     from cam_rig.simulation.scene import speeds_of, spread
 
     return spread(speeds_of(load_scene(scene_path(scene))), most)
+
+
+def speeds_asked(text: str) -> list[float]:
+    """Speeds in rpm of "300", "200,300" or "200:400:10", the last one included."""
+    try:
+        if ":" in text:
+            low, high, step = map(float, text.split(":"))
+            count = math.floor((high - low) / step + 1e-9) + 1
+            found = [low + i * step for i in range(min(count, MAX_SPEEDS + 1))]
+        else:
+            found = sorted({float(word) for word in text.split(",")})
+    except (ValueError, ZeroDivisionError, OverflowError):
+        found = []
+    if not (found and 0.0 < min(found) <= max(found) <= 1e5 and len(found) <= MAX_SPEEDS):
+        raise ConfigError(
+            f"--rpm {text}: allowed: 300, or 200,300, or 200:400:10 (from:to:step), each above 0 "
+            f"and at most 1e5, {MAX_SPEEDS} speeds at most"
+        )
+    return found

@@ -26,7 +26,7 @@ from cam_rig.dynamics.events import rows
 #: Modules of this package that are compiled as they are, beside `arrays`.
 MODULES = (
     *("events.rows", "events.polynomials", "events.law_table", "events.free_flight"),
-    *("events.approach", "events.contact", "events.runs"),
+    *("events.approach", "events.contact", "events.runs", "events.turns"),
     *("modal.motion", "modal.least", "modal.sags", "modal.first_zero", "jump.rigid"),
 )
 #: Seconds in plain Python after which the compiled code is loaded, or made.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -19,8 +18,8 @@ if TYPE_CHECKING:
 
 #: What a cam alone is put on: rig and model.
 CAM_RIG, CAM_MODEL = "tm21", "one_mass"
-#: Orders at most, and speeds at most: a table that nobody reads, minutes.
-MAX_ORDERS, MAX_SPEEDS = 10_000, 1000
+#: Orders at most: a table that nobody reads, minutes.
+MAX_ORDERS = 10_000
 
 Source = Annotated[
     str, typer.Argument(metavar="CAM|SCENE", help="Cam or scene: a file, or a name in config.")
@@ -71,12 +70,13 @@ def orders(
     from cam_rig.paper.orders.spectrum import waterfall
     from cam_rig.paper.orders.study import OrdersResult
     from cam_rig.schema.scene import model_named
+    from cam_rig.simulation.asked import speeds_asked
     from cam_rig.units import RPM
 
     if save is not None:
         check_recording(save)
     laws, titles, chosen_rig, own_model, own_speeds = _opened(source, cam, rig)
-    speeds = [speed * RPM for speed in (own_speeds if rpm is None else speeds_of(rpm))]
+    speeds = [speed * RPM for speed in (own_speeds if rpm is None else speeds_asked(rpm))]
     chosen = model_named(model or own_model)
     found = waterfall(laws, chosen, chosen_rig, speeds, highest, progress)
     if save is not None:
@@ -94,6 +94,7 @@ def _opened(
     from cam_rig.laws.cam import law_of, require_sprung
     from cam_rig.schema import load_cam, load_rig
     from cam_rig.schema.load import cam_path, rig_path, scene_path
+    from cam_rig.simulation.asked import speeds_asked
     from cam_rig.simulation.scene import open_scene
     from cam_rig.units import to_rpm
 
@@ -105,7 +106,7 @@ def _opened(
         require_sprung(path, loaded)
         named = load_rig(rig_path(rig or CAM_RIG))
         law, title = {loaded.name: law_of(path, loaded)}, {loaded.name: loaded.title}
-        return law, title, named, CAM_MODEL, speeds_of("200:400:10")
+        return law, title, named, CAM_MODEL, speeds_asked("200:400:10")
     scene = open_scene(scene_path(source))
     laws = dict(scene.laws) if cam is None else {cam: scene.law_of(cam)}
     speeds = [round(to_rpm(speed), 9) for speed in scene.scene.program.speeds.si_list]
@@ -128,22 +129,3 @@ def _is_cam(source: str) -> bool:
         )
     data = read_yaml(path)
     return isinstance(data, dict) and "segments" in data
-
-
-def speeds_of(text: str) -> list[float]:
-    """Speeds in rpm of "300", "200,300" or "200:400:10", the last one included."""
-    try:
-        if ":" in text:
-            low, high, step = map(float, text.split(":"))
-            count = math.floor((high - low) / step + 1e-9) + 1
-            found = [low + i * step for i in range(min(count, MAX_SPEEDS + 1))]
-        else:
-            found = sorted({float(word) for word in text.split(",")})
-    except (ValueError, ZeroDivisionError, OverflowError):
-        found = []
-    if not (found and 0.0 < min(found) <= max(found) <= 1e5 and len(found) <= MAX_SPEEDS):
-        raise ConfigError(
-            f"--rpm {text}: allowed: 300, or 200,300, or 200:400:10 (from:to:step), each above 0 "
-            f"and at most 1e5, {MAX_SPEEDS} speeds at most"
-        )
-    return found

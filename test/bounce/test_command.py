@@ -1,0 +1,62 @@
+"""cam-rig bounce: tables, files, refusals in a line."""
+
+import csv
+import io
+import json
+from functools import partial
+
+import pytest
+
+from ..cli.calls import call as run
+
+call = partial(run, "bounce")
+SHORT = ("--turns", "20", "--settle", "60", "--restitution", "0.7")
+
+
+def test_rows_by_speed():
+    """CSV and JSON have what the table shows."""
+    result = call("tm21", "--rpm", "310,390,450", "--jobs", "1", *SHORT, "--csv", "-")
+    assert result.exit_code == 0, result.stderr
+    rows = list(csv.DictReader(io.StringIO(result.stdout)))
+    assert [row["motion"] for row in rows] == ["in contact", "periodic", "periodic"]
+    assert [row["exponent"] == "" for row in rows] == [True, True, False]
+    assert float(rows[2]["exponent"]) == pytest.approx(-0.32, abs=0.01)
+
+
+def test_from_above_and_followed():
+    """Speeds from the fastest down, the branches they are on, and where these change."""
+    words = ("--rpm", "414:450:4", "--from", "above", "--follow", *SHORT, "--json", "-")
+    result = call("tm21", *words)
+    assert result.exit_code == 0, result.stderr
+    found = json.loads(result.stdout)
+    assert [row["rpm"] for row in found["speeds"]] == list(range(414, 451, 4))
+    folds = [one["rpm"] for one in found["bifurcations"] if one["kind"] == "fold"]
+    assert min(abs(rpm - 418.8029) for rpm in folds) < 1e-3
+    assert any(not one["stable"] for one in found["orbits"])
+
+
+def test_many_speeds_are_shown_where_they_change():
+    """Of fifty on the cam the first and the last; all are in the data."""
+    result = call("tm21", "--rpm", "200:249:1", "--from", "below", *SHORT)
+    assert result.exit_code == 0, result.stderr
+    shown = result.stdout + result.stderr
+    assert shown.count("in contact ") == 2
+    assert "50 speeds; here those at which the motion changes." in " ".join(shown.split())
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("nothing",), "nothing"),
+        (("tm21", "--rpm", "0"), "--rpm 0: allowed"),
+        (("tm21", "--restitution", "1"), "restitution is 1.0; allowed"),
+        (("worked_example_constant_velocity",), "jump speed of 0 rpm"),
+        (("conjugate",), "conjugate"),
+    ],
+)
+def test_refusals(words, told):
+    """One line that names what is wrong."""
+    result = call(*words)
+    assert result.exit_code != 0
+    assert told in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1

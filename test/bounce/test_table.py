@@ -1,0 +1,106 @@
+"""A ball on a table that moves up and down, whose windows have closed forms (Holmes 1982)."""
+
+import math
+
+import mpmath as mp
+import numpy as np
+import pytest
+
+from cam_rig.bounce.branches import FLIP, FOLD, Family
+from cam_rig.bounce.motion import IRREGULAR, PERIODIC, motion_of
+from cam_rig.dynamics.turn_map import TurnMap
+from cam_rig.units import RPM
+
+from .table import (
+    ManyDigits,
+    as_array,
+    ball,
+    landing_times,
+    one_landing,
+    speed_at,
+    table_law,
+    window,
+)
+
+LAW = table_law()
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99])
+def test_the_period_doubles_at_its_closed_form(restitution):
+    """One landing a turn loses its stability at s̈/g = −2 (1 + r²)/(1 + r)², to 1e-10."""
+    _, doubling = window(restitution)
+    speed, state = one_landing(restitution, 0.99 * doubling)
+    family = Family(LAW, ball(restitution), 1)
+    begin = family.at(speed, state)
+    assert begin.stable
+    motions, found = family.followed(begin, speed, speed_at(1.02 * doubling), up=True)
+    assert [one.kind for one in found] == [FLIP]
+    assert found[0].rpm == pytest.approx(speed_at(doubling) / RPM, rel=1e-10)
+    assert not motions[-1].stable
+
+
+@pytest.mark.parametrize("restitution", [0.1, 0.3, 0.5, 0.7, 0.9, 0.99])
+def test_the_window_begins_at_its_closed_form(restitution):
+    """One landing a turn is there from A ω²/g = π (1 − r)/(1 + r) on: a fold, to 1e-10."""
+    least, _ = window(restitution)
+    speed, state = one_landing(restitution, 1.05 * least)
+    family = Family(LAW, ball(restitution), 1)
+    motions, found = family.followed(family.at(speed, state), 0.9 * speed_at(least), speed, False)
+    assert [one.kind for one in found] == [FOLD]
+    assert found[0].rpm == pytest.approx(speed_at(least) / RPM, rel=1e-10)
+    assert motions[0].stable
+    assert motions[-1].multipliers.real.max() > 1.0  # it has gone round, and back up
+
+
+@pytest.mark.parametrize("restitution", [0.2, 0.5, 0.8])
+def test_multipliers_are_those_of_the_closed_form(restitution):
+    """Trace (1 + r)² (1 + s̈/g) − 2 r, determinant r²."""
+    least, doubling = window(restitution)
+    ratio = least + 0.6 * (doubling - least)
+    speed, state = one_landing(restitution, ratio)
+    motion = Family(LAW, ball(restitution), 1).at(speed, state)
+    np.testing.assert_allclose(motion.state, state, rtol=1e-10)
+    bend = -math.sqrt(ratio**2 - least**2)
+    trace = (1.0 + restitution) ** 2 * (1.0 + bend) - 2.0 * restitution
+    assert np.trace(motion.derivative) == pytest.approx(trace, abs=1e-10)
+    assert np.linalg.det(motion.derivative) == pytest.approx(restitution**2, rel=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("restitution", "ratio", "damping", "spring", "landings"),
+    [
+        (0.3, 2.6, 1.0, 10.0, 20),
+        (0.9, 1.3, 0.0, 0.1, 20),
+        pytest.param(0.8, 2.6, 0.1, 5.0, 200, marks=[pytest.mark.long, pytest.mark.slow]),
+    ],
+)
+def test_derivatives_and_exponents_in_many_digits(restitution, ratio, damping, spring, landings):
+    """Turn by turn in irregular motion: differences in 60 digits, and the exponents of their QR."""
+    p, speed = ball(restitution, damping, spring), speed_at(ratio)
+    turn_map, exact = TurnMap(LAW, p, speed), ManyDigits(p, speed)
+    begin = tuple(turn_map.run(50, (0.01, 0.1)).states[-1])
+    run = turn_map.run(10 * landings, begin)
+    units, frame, growth, met, turns = mp.diag([mp.mpf(speed), 1]), mp.eye(2), np.zeros(2), 0, 0
+    while met < landings:
+        times = landing_times(p, speed, *begin)
+        assert len(times) == run.landings[turns]
+        wanted = exact.derivative(*begin, times)
+        far = np.abs(run.derivatives[turns] - as_array(wanted)).max()
+        assert far < 1e-10 * np.abs(as_array(wanted)).max()
+        frame, upper = mp.qr(units * wanted * units**-1 * frame)
+        growth += [float(mp.log(abs(upper[i, i]))) for i in range(2)]
+        begin, met, turns = tuple(run.states[turns]), met + len(times), turns + 1
+    np.testing.assert_allclose(run.growth[:turns].sum(axis=0), growth, rtol=0, atol=1e-9 * turns)
+
+
+def test_kinds_on_both_sides_of_the_doubling():
+    """Within the window period 1; above its doubling 2; far above irregular."""
+    _, doubling = window(0.9)
+    kinds = []
+    for ratio in (0.95 * doubling, 1.02 * doubling, 1.6):
+        speed, state = one_landing(0.9, ratio)
+        turn_map = TurnMap(LAW, ball(0.9), speed)
+        found = motion_of(turn_map, turn_map.run(1200, (state[0] * 1.0001, state[1])), 400)
+        kinds.append((found.kind, found.period))
+    assert kinds[:2] == [(PERIODIC, 1), (PERIODIC, 2)]
+    assert kinds[2][0] == IRREGULAR

@@ -1,0 +1,178 @@
+"""The map of a turn: for any law, follower and speed it goes on as the models do, and contracts."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cam_rig.dynamics import FollowerParameters, Interval
+from cam_rig.dynamics.events.course import EndlessEventsError
+from cam_rig.dynamics.events.search import ALWAYS, PLAIN, VARIABLE
+from cam_rig.dynamics.one_mass import OneMassTrajectory
+from cam_rig.dynamics.turn_map import TurnMap
+from cam_rig.errors import DynamicsError
+from cam_rig.laws import Law
+from cam_rig.units import NS, RPM, TURN
+
+from .test_compiled import bumpy
+
+BASE = FollowerParameters(1.3, 4030.0, 8.642, 12.753, 3.3e8)
+
+
+def noisy(rng):
+    """A measured cam: 1440 cubic pieces, C¹, of a harmonic lift and 0.2 µm of noise."""
+    angle = np.linspace(0.0, TURN, 1441)
+    lift = 0.003 * (1.0 - np.cos(angle[:-1])) + 2e-7 * rng.standard_normal(1440)
+    slope = np.gradient(np.concatenate([lift[-3:], lift, lift[:3]]))[3:-3] / 3.0
+    following, after = np.roll(lift, -1), np.roll(slope, -1)
+    return Law("noisy", angle, np.stack([lift, lift + slope, following - after, following]))
+
+
+def random_map(laws, seed, fastest=900.0):
+    """A law, a follower with or without damping and restitution, and a speed."""
+    rng = np.random.default_rng(seed)
+    names = ["poly345", "tm21", "bezier15", "cycloidal", "flat"]
+    law = laws[names[int(rng.integers(len(names)))]]
+    if seed % 4 == 1:
+        law = bumpy(rng)
+    elif seed % 8 == 3:
+        law = noisy(rng)
+    p = replace(
+        BASE,
+        damping=[0.0, 8.642, 200.0][int(rng.integers(3))],
+        preload=[0.0, 12.753, 80.0][int(rng.integers(3))],
+        restitution=[0.0, 0.3, 0.7, 0.95][int(rng.integers(4))],
+    )
+    return TurnMap(law, p, float(rng.uniform(200.0, fastest)) * RPM), rng
+
+
+@pytest.mark.variants(12)
+@pytest.mark.parametrize("seed", range(200))
+def test_it_goes_on_as_the_model_does(laws, seed):
+    """A turn has the landings of the model's run over it, the fastest at its speed."""
+    turn_map, _ = random_map(laws, seed)
+    p, end = turn_map.parameters, turn_map.duration
+    interval = Interval(0, round(end * NS), 0.0, turn_map.speed)
+    course = OneMassTrajectory(turn_map.law, p, interval)
+    course.run(None)
+    landings = [e for e in course.events if e.kind == "landing"]
+    run = turn_map.run(1)
+    # Whole nanoseconds end a hair before or after the turn.
+    near = [e for e in landings if e.time > end - 2e-9]
+    assert abs(run.landings[0] - len(landings)) <= len(near)
+    if not near and landings:
+        hit = max(landings, key=lambda e: e.impulse)
+        lost = 2.0 * hit.energy_lost / hit.impulse  # (1 − e) v of p = m (1 + e) v
+        assert run.hardest[0] == pytest.approx(0.5 * (hit.impulse / p.mass + lost), rel=1e-9)
+
+
+@pytest.mark.variants(16)
+@pytest.mark.parametrize("seed", range(200))
+def test_areas_shrink_by_damping_and_restitution(laws, seed):
+    """The two growths of a turn add up to 2 n ln r − c T/m, to 1e-9; on the cam both are −∞."""
+    turn_map, rng = random_map(laws, seed)
+    p = turn_map.parameters
+    run = turn_map.run(30, (float(rng.uniform(0.0, 0.02)), float(rng.uniform(-0.5, 0.5))))
+    free = (run.on_cam == 0.0) & (np.array([1.0, *run.flies[:-1]]) > 0.0)
+    logarithm = math.log(p.restitution) if p.restitution > 0.0 else -math.inf
+    landed = np.array([2.0 * n * logarithm if n else 0.0 for n in run.landings])
+    wanted = landed - p.damping * turn_map.duration / p.mass
+    np.testing.assert_allclose(run.growth.sum(axis=1)[free], wanted[free], rtol=1e-9, atol=1e-9)
+    assert np.all(run.growth[~free] == -math.inf)
+    assert np.all(run.derivatives[~free] == 0.0)
+
+
+@pytest.mark.variants(8)
+@pytest.mark.parametrize("seed", range(100))
+def test_the_bits_are_those_of_plain_python(laws, monkeypatch, seed):
+    """Compiled or not; logarithms of a derivative may differ in their last digits."""
+    found = []
+    for form in (PLAIN, ALWAYS):
+        monkeypatch.setenv(VARIABLE, form)
+        turn_map, _ = random_map(laws, seed)
+        found.append(turn_map.run(4).rows)
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-13, atol=0.0)
+
+
+@pytest.mark.variants(12)
+@pytest.mark.parametrize("seed", range(100))
+def test_turns_one_by_one(laws, seed):
+    """A turn from where another ended is the next one, to what its derivative makes of rounding."""
+    turn_map, _ = random_map(laws, seed)
+    if turn_map.law.spans.size > 1000:
+        pytest.skip("hundreds of bounces on a noisy cam make 1e100 of a rounding")
+    run = turn_map.run(6)
+    scale = turn_map.law.lift * np.array([1.0, turn_map.speed])
+    for before, after, flies in zip(run.states, run.states[1:], run.flies[:-1], strict=False):
+        if flies:
+            one = turn_map.run(1, tuple(before))
+            far = np.abs((one.states[0] - after) / scale).max()
+            grown = np.abs(one.derivatives[0] * scale / scale[:, None]).max()
+            assert far < 1e-10 * (1.0 + grown)
+
+
+@pytest.mark.variants(8)
+@pytest.mark.parametrize("seed", range(60))
+def test_derivatives_are_differences(laws, seed):
+    """Of fourth order, where a step changes no landing's place among the law's pieces."""
+    turn_map, _ = random_map(laws, seed)
+    start = turn_map.run(10).states[-1]
+    if not start.any() or turn_map.law.spans.size > 1000:
+        pytest.skip("on the cam there is none but zero; on a noisy one a step leaves the piece")
+    derivative = turn_map.run(1, tuple(start)).derivatives[0]
+    scale = turn_map.law.lift * np.array([1.0, turn_map.speed])
+    errors = []
+    for step in (1e-5, 1e-6, 1e-7):
+        columns = []
+        for unit in np.diag(step * scale):
+            ends = [turn_map.run(1, tuple(start + k * unit)).states[0] for k in (-2, -1, 1, 2)]
+            columns.append(np.dot([1.0, -8.0, 8.0, -1.0], ends) / (12.0 * unit.sum()))
+        found = np.stack(columns, axis=1) * scale / scale[:, None]
+        wanted = derivative * scale / scale[:, None]
+        errors.append(np.abs(found - wanted).max() / max(1.0, np.abs(wanted).max()))
+    assert min(errors) < 1e-5
+
+
+def test_a_period_on_the_cam_has_no_memory(laws):
+    """Wherever it starts, once it has come to rest the follower goes the same way, to the bit."""
+    turn_map = TurnMap(laws["tm21"], replace(BASE, restitution=0.7), 370.0 * RPM)
+    ends = {tuple(turn_map.run(60, (0.01 * i, 0.1 * i)).states[-1]) for i in range(6)}
+    assert ends == {tuple(turn_map.run(60).states[-1])}
+
+
+def test_one_that_never_lands():
+    """No spring to speak of and no preload: thrown up it flies on, and nothing is invented."""
+    p = replace(BASE, spring_stiffness=1e-15, preload=0.0, damping=0.0, restitution=0.5)
+    law = Law("disc", np.array([0.0, TURN]), np.zeros((2, 1)))
+    run = TurnMap(law, p, 400.0 * RPM).run(50, (0.0, 1.0))
+    assert not run.landings.any()
+    np.testing.assert_allclose(run.states[-1], [50 * 0.15, 1.0], rtol=1e-12)
+    np.testing.assert_allclose(run.derivative(), [[1.0, 50 * 0.15], [0.0, 1.0]], atol=1e-12)
+
+
+def test_what_is_refused(laws):
+    """Restitution 1, a start below the cam, a cam that stands."""
+    with pytest.raises(DynamicsError, match=r"restitution is 1\.0; allowed: .*\[0, 1\)"):
+        replace(BASE, restitution=1.0)
+    turn_map = TurnMap(laws["poly345"], BASE, 40.0)
+    with pytest.raises(DynamicsError, match=r"gap is -0\.001; allowed"):
+        turn_map.run(1, (-1e-3, 0.0))
+    with pytest.raises(DynamicsError, match=r"speed is 0\.0 rad/s"):
+        TurnMap(laws["poly345"], BASE, 0.0)
+
+
+def test_bounces_without_end_are_said(laws, monkeypatch):
+    """More than a turn takes is an error that says where."""
+    monkeypatch.setattr(OneMassTrajectory, "most_events", 50)
+    p = replace(BASE, restitution=0.9)
+    with pytest.raises(EndlessEventsError, match="more than 50 landings in a turn at"):
+        TurnMap(laws["tm21"], p, 350.0 * RPM).run(3)
+
+
+@pytest.mark.long
+@pytest.mark.slow
+def test_a_million_turns(laws):
+    """They settle, and stay to the bit what they were."""
+    run = TurnMap(laws["tm21"], replace(BASE, restitution=0.7), 500.0 * RPM).run(1_000_000)
+    assert np.ptp(run.states[-1000:], axis=0).max() < 1e-15
