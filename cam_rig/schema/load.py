@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import sysconfig
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -159,10 +160,10 @@ cam_path = partial(named_path, "cams")
 rig_path = partial(named_path, "rigs")
 
 
-def rig_beside(rig: str, scene: Path) -> Path:
+def rig_beside(rig: str | Path, scene: Path) -> Path:
     """A rig by its path, or by its name beside a scene, then in ``config/rigs``."""
     path = named_path("rigs", rig)
-    return path if path == Path(rig) else Library.beside(scene).path("rigs", rig)
+    return path if path == Path(rig) else Library.beside(scene).path("rigs", str(rig))
 
 
 def tables_path() -> Path:
@@ -178,12 +179,14 @@ def readings_path() -> Path:
 # The cams that a study is asked for, and the rig they turn on: named, or those of a scene.
 
 
-def one_scene(names: list[str] | None) -> str | None:
-    """The scene that is named in place of cams; None where cams are."""
-    if not names or len(names) > 1 or not (path := scene_path(names[0])).is_file():
+def one_scene(names: Sequence[Any] | None) -> Path | None:
+    """The scene's file that is named in place of cams; None where cams are, by name or as such."""
+    if not names or len(names) > 1 or not isinstance(names[0], str | Path):
+        return None
+    if not (path := scene_path(names[0])).is_file():
         return None
     data = read_yaml(path)
-    return names[0] if isinstance(data, dict) and "program" in data else None
+    return path if isinstance(data, dict) and "program" in data else None
 
 
 # Whether a file is a shipped one, told by its numbers and laws and not by its name.
