@@ -14,7 +14,8 @@ class CamRigError(Exception):
     """Root of every error the rig raises on purpose: thing, value, limit, and what to do about it.
 
     One that a wrong argument meets is also the ``ValueError``, or of another type the
-    ``TypeError``, that Python's users expect. Of a message longer than a screen, as of a list of thousands of numbers, the middle is left out.
+    ``TypeError``, that Python's users expect. Of a message longer than a screen, as of a list of
+    thousands of numbers, the middle is left out.
     """
 
     exit_code = 1

@@ -131,7 +131,7 @@ def right(tmp_path_factory):
         },
         "build_law": {"cam": CAM},
         "campaign": {"study": "tolerance_poly345", "resume": False, "workers": 1, **points},
-        "compare_run": {"bag": GOLDEN, "scene": "quick", "cam": "tm21"}
+        "compare": {"bag": GOLDEN, "scene": "quick", "cam": "tm21"}
         | dict.fromkeys(("topics", "namespace", "offset_deg")),
         "contour": {"cam": CAM, "points": 36},
         "design": {"cam": CAM, "rig": RIG, "minimise": "peak_acceleration", "maximise": None}

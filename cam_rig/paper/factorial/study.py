@@ -35,6 +35,7 @@ from cam_rig.paper.factorial.design import (
     FactorialConfig,
     Measures,
     as_gentle,
+    open_factorial,
     squeezed,
 )
 from cam_rig.schema import load_rig, load_tables
@@ -343,7 +344,7 @@ def factorial(
     --------
     >>> import cam_rig
     >>> found = cam_rig.factorial()  # doctest: +SKIP
-    >>> print(*found.summary(), sep="\\n")  # doctest: +SKIP
+    >>> found.summary()  # doctest: +SKIP
     """
     config = open_factorial(named_path("factorials", study))
     others = [cam for cam in load_tables(tables_path()).table_2_jump if cam != config.proposed]

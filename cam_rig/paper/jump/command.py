@@ -57,5 +57,6 @@ def jump(
         )
     if plot is not None and refit:
         raise ConfigError("--refit: is not drawn; allowed: without --plot")
-    kind = {"from_rest": from_rest, "steady": steady, "ramp": ramp}
-    return study.jump(cams, rig, **kind, refit=refit, progress=progress)
+    return study.jump(
+        cams, rig, from_rest=from_rest, steady=steady, ramp=ramp, refit=refit, progress=progress
+    )

@@ -433,7 +433,6 @@ def noise(
     --------
     >>> import cam_rig
     >>> found = cam_rig.noise()  # doctest: +SKIP
-    >>> found.to_pandas("methods").rms_fitted.round(2).tolist()  # doctest: +SKIP
     """
     loaded = asked_scene(scene)
     if not isinstance(rig, RigConfig):

@@ -218,7 +218,7 @@ def readings(
     --------
     >>> import cam_rig
     >>> found = cam_rig.readings()  # doctest: +SKIP
-    >>> print(*found.summary(), sep="\\n")  # doctest: +SKIP
+    >>> found.summary()  # doctest: +SKIP
     """
     if search is None and (with_times or nearby):
         raise ConfigError("--with-times, --nearby: are of a search; needed: --search NAME")
