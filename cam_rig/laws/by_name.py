@@ -39,7 +39,7 @@ def law(
     >>> import cam_rig
     >>> found = cam_rig.law("poly345")
     >>> found.summary()
-    ['joints (others C4): 0° C2, 110° C2, 145° C2, 255° C2']
+    ['joints (others C4): 31.25° C2, 148.75° C2, 211.25° C2, 328.75° C2']
     """
     asked = [names] if isinstance(names, str | Path | CamConfig) else list(names)
     if not asked:

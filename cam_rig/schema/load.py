@@ -14,10 +14,11 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
+from cam_rig.arguments import checked
 from cam_rig.errors import ConfigError, did_you_mean
-from cam_rig.files import MIB, read_bytes
+from cam_rig.files import MIB, check_place, read_bytes, writing
 from cam_rig.schema.cam import CamConfig
-from cam_rig.schema.explain import explain, kind_of
+from cam_rig.schema.explain import explain, kind_of, made
 from cam_rig.schema.published import PublishedNoise, PublishedTables, TableReadings
 from cam_rig.schema.rig import RigConfig
 from cam_rig.schema.scene import SceneConfig
@@ -236,6 +237,39 @@ def assumed_numbers(section: BaseModel, source: str) -> dict[str, Any]:
 def to_yaml(data: dict[str, Any]) -> str:
     """A file of the rig: a number is one line, and so is a follower's or a segment's key."""
     return "\n".join(_lines(data, 0)) + "\n"
+
+
+def file_data(model: BaseModel) -> dict[str, Any]:
+    """What a model's file holds: nothing that is left out, no empty words."""
+    found: dict[str, Any] = _without_empty(model.model_dump(exclude_none=True))
+    return found
+
+
+def _without_empty(value: Any) -> Any:
+    if isinstance(value, dict):
+        kept = ((key, _without_empty(one)) for key, one in value.items())
+        return {key: one for key, one in kept if one not in ("", [], {})}
+    return [_without_empty(one) for one in value] if isinstance(value, list | tuple) else value
+
+
+@checked
+def save_model(model: BaseModel, path: str | Path) -> None:
+    """Write a cam or a rig under the name of its file, a table's points beside it."""
+    target = Path(path)
+    if target.suffix != ".yaml":
+        raise ConfigError(f"{target}: unknown kind of file; allowed: a name that ends in .yaml")
+    named = made(type(model), {**dict(model), "name": target.stem}, str(target))
+    data = file_data(named)
+    for segment in data.get("segments", ()):
+        if "file" in segment:
+            points, segment["file"] = segment["file"], f"{target.stem}.csv"
+            rows = zip(points["angles"], points["lifts"], strict=True)
+            text = "angle_rad,lift_m\n" + "".join(f"{a!r},{s!r}\n" for a, s in rows)
+            with writing(target.with_suffix(".csv")) as part:
+                part.write_text(text, encoding="utf-8")
+    check_place(target)
+    with writing(target) as part:
+        part.write_text(to_yaml(data), encoding="utf-8")
 
 
 def _lines(data: dict[str, Any], indent: int) -> list[str]:

@@ -51,9 +51,9 @@ def sweep(
     Examples
     --------
     >>> import cam_rig
-    >>> run = cam_rig.sweep("poly345", "tm21", rpm=[300, 400])
-    >>> [(row.rpm, round(row.force_peak, 1)) for row in run.by_speed]
-    [(300.0, 72.8), (400.0, 107.8)]
+    >>> run = cam_rig.sweep("poly345", "tm21", rpm=[300, 450])
+    >>> [(row.rpm, round(row.lift_offs), round(row.level_db, 1)) for row in run.by_speed]
+    [(300.0, 0, 83.7), (450.0, 1, 92.5)]
     """
     found = asked_cams(cams, rig)
     names, speeds = list(found.cams), asked_speeds(rpm)

@@ -368,7 +368,7 @@ def jump(
     --------
     >>> import cam_rig
     >>> cam_rig.jump(["poly345"], steady=True).to_pandas().rpm.round(1).tolist()
-    [413.5]
+    [414.5]
     """
     if sum((steady, ramp is not None, from_rest is not None)) > 1:
         raise ConfigError("steady, ramp and from rest are three kinds of run; allowed: one of them")

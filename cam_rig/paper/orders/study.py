@@ -202,8 +202,8 @@ def orders(
     --------
     >>> import cam_rig
     >>> found = cam_rig.orders("poly345", rpm=300, orders=10)
-    >>> found.to_pandas().order.max()
-    np.int64(10)
+    >>> int(found.to_pandas().order.max())
+    10
     """
     if not 1 <= orders <= MAX_ORDERS:
         raise ConfigError(f"orders: is {orders}; allowed: 1 to {MAX_ORDERS}")
