@@ -113,7 +113,7 @@ class Law:
     def __post_init__(self) -> None:
         for field, kind, words in (("name", str, "a text"), ("known", Known | None, "None")):
             if not isinstance(value := getattr(self, field), kind):
-                raise LawError(f"law: {field} is {type(value).__name__}; allowed: {words}")
+                raise ArgumentTypeError(f"law: {field} is {type(value).__name__}; allowed: {words}")
         try:
             breaks = np.array(self.breaks, dtype=np.float64)
             ordinates = np.array(self.ordinates, dtype=np.float64)

@@ -40,10 +40,15 @@ def config_root() -> Path:
 
 def named_path(folder: str, name: str | Path) -> Path:
     """The file that a path means; a word without folder and suffix is one's of a config folder."""
-    path, there = Path(name), False
-    with suppress(OSError):  # of a name that no file can have
-        there = path.is_file()
-    return path if is_path(name) or there else config_root() / folder / f"{name}.yaml"
+    path = Path(name)
+    return path if is_path(name) or is_there(path) else config_root() / folder / f"{name}.yaml"
+
+
+def is_there(path: Path) -> bool:
+    """Whether there is such a file: none has a name that is too long."""
+    with suppress(OSError):
+        return path.is_file()
+    return False
 
 
 def is_path(name: str | Path) -> bool:
@@ -184,9 +189,8 @@ def one_scene(names: Sequence[Any] | None) -> Path | None:
     """The scene's file that is named in place of cams; None where cams are, by name or as such."""
     if not names or len(names) > 1 or not isinstance(names[0], str | Path):
         return None
-    if not (path := scene_path(names[0])).is_file():
-        return None
-    data = read_yaml(path)
+    path = scene_path(names[0])
+    data = read_yaml(path) if is_there(path) else None
     return path if isinstance(data, dict) and "program" in data else None
 
 

@@ -191,6 +191,8 @@ def fit_cam(
     target = None if out is None else Path(out)
     require_new_yaml(target)
     files = [tables] if isinstance(tables, str | Path) else tables
+    if not files:
+        raise ConfigError("tables: is an empty list; allowed: a file, of arcs several")
     kinds = (follower,) if isinstance(follower, str) else tuple(follower or ())
     for name, length in (("roller_radius", roller_radius), ("base_radius", base_radius)):
         if length is not None and length < 0.0:

@@ -16,7 +16,7 @@ from cam_rig.laws.cam import law_of, require_sprung
 from cam_rig.paper.orders import MAX_ORDERS, MAX_SPEEDS
 from cam_rig.paper.orders.spectrum import CamOrders, OrderSpectrum, waterfall
 from cam_rig.schema import CamConfig, RigConfig, load_cam
-from cam_rig.schema.load import cam_path, config_root, named_path, read_yaml
+from cam_rig.schema.load import cam_path, config_root, is_there, named_path, read_yaml
 from cam_rig.schema.scene import model_named
 from cam_rig.show.result import SILENT, Column, Footnote, Progress, Records, Result
 from cam_rig.simulation.asked import Rig, Speeds, asked_rig, asked_scene, asked_speeds
@@ -241,8 +241,8 @@ def _opened(
 def _is_cam(source: str | Path) -> bool:
     """Whether a file, or a shipped name, is that of a cam."""
     path = named_path("scenes", source)
-    if not path.exists():
-        if cam_path(source).exists():
+    if not is_there(path):
+        if is_there(cam_path(source)):
             return True
         there = [file.stem for file in config_root().glob("[cs][ac]*/*.yaml")]
         raise ConfigError(
