@@ -70,23 +70,16 @@ def law(
 
     cam-rig law poly345 cycloidal bezier15 --save out/laws.rrd
 
-    cam-rig law config/cams/worked_example_quintic.yaml --out quintic.pdf
-
     cam-rig law bezier15 --csv - > bezier15.csv
     """
     check_outputs(None, out)
     if save is not None:
         check_recording(save)
     from cam_rig.laws import by_name
-    from cam_rig.laws.results import RisesResult
 
     found = by_name.law(names, rises=rises)
-    if isinstance(found, RisesResult):
-        called = ["rises", *found.names]
-    else:
-        called = [cam.name for cam, _ in found.cams]
     if out is None and csv is None and json is None:
-        out = Path("out") / f"law_{'_'.join(called)[:MAX_LETTERS]}.png"
+        out = Path("out") / f"law_{'_'.join(found.called)[:MAX_LETTERS]}.png"
     give_out(found, out, csv, json)
     if save is not None:
         record(found, save)

@@ -9,8 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
-from cam_rig.errors import ConfigError
-from cam_rig.schema.explain import explain, made
+from cam_rig.schema.explain import made, refused
 from cam_rig.schema.quantity import Quantity, Strict, must_be
 from cam_rig.schema.segment_base import SegmentBase, Table, quantities
 from cam_rig.schema.segments import Segment
@@ -262,7 +261,7 @@ class CamConfig(Strict):
     def __init__(
         self,
         name: str = "own_cam",
-        title: str = "",
+        title: str | None = None,
         *,
         lift: float | str | Quantity,
         segments: Sequence[SegmentBase | Mapping[str, object]],
@@ -274,9 +273,9 @@ class CamConfig(Strict):
         data = {"lift": lift, "segments": segments, "follower": follower, "contact": contact}
         words = {"identified_from": identified_from, "cannot_be_made": cannot_be_made}
         try:
-            super().__init__(name=name, title=title or name, **data, **words)
+            super().__init__(name=name, title=name if title is None else title, **data, **words)
         except ValidationError as error:
-            raise ConfigError(f"cam {name!r}: {explain(error, CamConfig)}") from None
+            raise refused("cam", name, error, CamConfig) from None
 
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]  # as in Strict
 

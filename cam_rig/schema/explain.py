@@ -32,9 +32,12 @@ def made(kind: type[Config], data: Mapping[str, Any], what: str) -> Config:
     try:
         return kind.model_validate(dict(data), context=IN_PYTHON)
     except ValidationError as error:
-        raise ConfigError(
-            f"{what} {str(data.get('name'))[:60]!r}: {explain(error, kind)}"
-        ) from None
+        raise refused(what, data.get("name"), error, kind) from None
+
+
+def refused(what: str, name: object, error: ValidationError, kind: type[BaseModel]) -> ConfigError:
+    """What is said of a cam or a rig that Python has made wrongly."""
+    return ConfigError(f"{what} {_shown(name)}: {explain(error, kind)}")
 
 
 def explain(error: ValidationError, kind: type[BaseModel]) -> str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import Field, ValidationError
 
 from cam_rig.errors import ConfigError
-from cam_rig.schema.explain import explain, made
+from cam_rig.schema.explain import made, refused
 from cam_rig.schema.quantity import Quantity, Strict, must_be
 
 if TYPE_CHECKING:
@@ -125,7 +125,7 @@ class RigConfig(Strict):
     def __init__(
         self,
         name: str = "own_rig",
-        title: str = "",
+        title: str | None = None,
         *,
         follower: FollowerMechanics | Mapping[str, object] | None = None,
         shaft: Shaft | Mapping[str, object] | None = None,
@@ -145,11 +145,11 @@ class RigConfig(Strict):
                 f"rig {name!r}: follower and {', '.join(numbers)}; allowed: numbers alone, or the "
                 "section follower"
             )
-        data = {"name": name, "title": title or name, "follower": follower}
+        data = {"name": name, "title": name if title is None else title, "follower": follower}
         try:
             super().__init__(**data, shaft=shaft, radiation=radiation)
         except ValidationError as error:
-            raise ConfigError(f"rig {name!r}: {explain(error, RigConfig)}") from None
+            raise refused("rig", name, error, RigConfig) from None
 
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]  # as in Strict
 

@@ -69,7 +69,7 @@ def frequency_response(
                 "or another frequency"
             ) from None
         found = found + outputs.state @ states[..., 0].T
-    return np.asarray(found.reshape(-1, *rates.shape))
+    return np.asarray(found.reshape(len(found), *rates.shape))
 
 
 def _matrices(rig: RigConfig, model: str | None) -> tuple[FloatArray, FloatArray, Outputs]:

@@ -44,26 +44,21 @@ def fit_rig(
     out: str | Path | None = None,
     progress: Progress = SILENT,
 ) -> RigFit | JumpFit:
-    """A follower's numbers from a run measured on it, or from its jump speeds.
+    r"""A follower's numbers from a run measured on it, or from its jump speeds.
 
-    Each has its standard error and correlations; what is not identifiable gets no number, and a
-    reason.
+    Each has its standard error; what is not identifiable gets no number, and a reason.
 
     Parameters
     ----------
-    source : a bag (folder, .mcap, .db3) with cam angle, and lift or contact force or both; or a
-        .csv, .txt or .tsv of jump speeds
+    source : a bag with cam angle, and lift or force or both; or a .csv or .txt of jump speeds
     cam : that was on: a name, a path or a cam, or a scene's name or path
-    topics : of a bag of another program, as `compare` takes it
+    topics, namespace : of a bag, as `compare` takes them
     one_cam : of a scene or a bag with several
-    namespace : one rig of a bag that holds several
-    rig : a name, a path or a rig, whose numbers stand where nothing tells any; None: the scene's,
-        or the only one beside the cam, else ``paper_table2``
+    rig : a name, a path or a rig, whose numbers stand where nothing tells any; None: as `jump`
     model : ``one_mass`` or ``two_mass``; None: the likelier
     given : numbers that are known, by their keys in a rig file, SI: ``{"mass": 1.3}``
     tolerance : standard error of a jump speed, rpm; None: from the residuals
-    out : a new .yaml file for a rig of what was found; ``assumed`` of what is returned says what
-        it has of another
+    out : a new .yaml file for a rig of what was found; ``assumed`` says what it has of another
     progress : told how far it is
 
     Raises
@@ -74,15 +69,10 @@ def fit_rig(
     Examples
     --------
     >>> import tempfile, cam_rig
-    >>> law, rig = cam_rig.build_law(cam_rig.load_cam("poly345")), cam_rig.load_rig("tm21")
-    >>> lines = ["preload [N],jump speed [rpm]"]
-    >>> for preload in (40.0, 60.0, 80.0, 100.0):
-    ...     changed = rig.with_follower(preload=preload)
-    ...     lines.append(f"{preload},{cam_rig.jump_speed(law, changed, duration=None).rpm:.2f}")
+    >>> table = "preload [N],jump speed [rpm]\n20,446.7\n40,469\n60,490.3\n"
     >>> with tempfile.NamedTemporaryFile("w", suffix=".csv") as file:
-    ...     for line in lines:
-    ...         print(line, file=file, flush=True)
-    ...     known = {"spring_stiffness": rig.follower.spring_stiffness.si, "damping": 0.0}
+    ...     _ = file.write(table), file.flush()
+    ...     known = {"spring_stiffness": 4030.0, "damping": 8.6}
     ...     found = cam_rig.fit_rig(file.name, "poly345", rig="tm21", given=known)
     >>> [number.name for number in found.identified]
     ['mass']
@@ -90,21 +80,46 @@ def fit_rig(
     target, bag = None if out is None else Path(out), Path(source)
     require_new_yaml(target)
     known, cams = _known(given or {}), asked_cams([cam], rig)
-    chosen = _model(model)
+    asked = cams, one_cam, _model(model), known, progress
     found: JumpFit | RigFit
     if bag.suffix.lower() in TABLES:
         _require_none(topics=topics, namespace=namespace)
-        if tolerance is not None and not tolerance > 0.0:
-            raise ConfigError(f"--tolerance: is {tolerance:g} rpm; allowed: > 0")
-        law, table = _law_of(cams, one_cam), read_jump_table(bag)
-        found = fit_jumps(law, table, cams.rig, chosen, known, tolerance, progress)
+        found = _of_table(bag, tolerance, *asked)
     else:
         _require_none(tolerance=tolerance)
-        run = _read(bag, cams, one_cam, topics, namespace)
-        law = _law_of(cams, run.cam)
-        progress.begin(None, "reading")
-        found = rig_fit.fit_rig(law, run, cams.rig, chosen, known, progress)
+        found = _of_bag(bag, topics, namespace, *asked)
     return found if target is None else _written(target, found, cams.rig, bag)
+
+
+def _of_table(
+    file: Path,
+    tolerance: float | None,
+    cams: CamSet,
+    one_cam: str | None,
+    model: str | None,
+    known: dict[str, float],
+    progress: Progress,
+) -> JumpFit:
+    if tolerance is not None and not tolerance > 0.0:
+        raise ConfigError(f"--tolerance: is {tolerance:g} rpm; allowed: > 0")
+    law, table = _law_of(cams, one_cam), read_jump_table(file)
+    return fit_jumps(law, table, cams.rig, model, known, tolerance, progress)
+
+
+def _of_bag(
+    bag: Path,
+    topics: str | None,
+    namespace: str | None,
+    cams: CamSet,
+    one_cam: str | None,
+    model: str | None,
+    known: dict[str, float],
+    progress: Progress,
+) -> RigFit:
+    run = _read(bag, cams, one_cam, topics, namespace)
+    law = _law_of(cams, run.cam)
+    progress.begin(None, "reading")
+    return rig_fit.fit_rig(law, run, cams.rig, model, known, progress)
 
 
 def _model(name: str | None) -> str | None:

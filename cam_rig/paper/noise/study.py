@@ -415,7 +415,7 @@ def noise(
 ) -> NoiseStudyResult:
     """Calibrate on one cam, predict another, identify the third, with confidence intervals.
 
-    Some ten seconds. The level of a motion of one's own is `sound_level`.
+    Some ten seconds.
 
     Parameters
     ----------
@@ -431,7 +431,6 @@ def noise(
 
     Examples
     --------
-    >>> import cam_rig
     >>> found = cam_rig.noise()  # doctest: +SKIP
     """
     loaded = asked_scene(scene)

@@ -163,8 +163,8 @@ class OrdersResult(Result):
 
 #: What a cam alone is put on: rig and model; and its speeds, rpm.
 CAM_RIG, CAM_MODEL, CAM_RPM = "tm21", "one_mass", tuple(range(200, 401, 10))
-#: As fast as any cam of a table, rpm.
-FASTEST_RPM = 1e5
+#: As slow, and as fast, as any cam of a table, rpm.
+SLOWEST_RPM, FASTEST_RPM = 0.01, 1e5
 
 
 @checked
@@ -209,12 +209,11 @@ def orders(
         raise ConfigError(f"orders: is {orders}; allowed: 1 to {MAX_ORDERS}")
     laws, titles, chosen, own_model, own_rpm = _opened(source, cam, rig)
     speeds = own_rpm if rpm is None else asked_speeds(rpm)
-    wrong = [one for one in speeds if not 0.0 < one <= FASTEST_RPM]
+    wrong = [one for one in speeds if not SLOWEST_RPM <= one <= FASTEST_RPM]
     if wrong or not 1 <= len(speeds) <= MAX_SPEEDS:
         what = f"is {wrong[0]:g} rpm" if wrong else f"are {len(speeds)}"
-        raise ConfigError(
-            f"rpm: {what}; allowed: 1 to {MAX_SPEEDS} speeds above 0, to {FASTEST_RPM:g} rpm"
-        )
+        limits = f"{SLOWEST_RPM:g} to {FASTEST_RPM:g} rpm"
+        raise ConfigError(f"rpm: {what}; allowed: 1 to {MAX_SPEEDS} speeds, {limits}")
     asked = [one * RPM for one in speeds]
     found = waterfall(laws, model_named(model or own_model), chosen, asked, orders, progress)
     return OrdersResult(found, titles)
