@@ -420,10 +420,8 @@ def noise(
     Parameters
     ----------
     scene : a name in ``config/scenes``, a path, or what `load_scene` gave; with published curves
-    rig : the rig that was identified from jump speeds: a name, beside the scene's or shipped, a
-        path or a rig
-    one_rig : fit the arc cam on that rig too, which takes minutes
-    progress : told how far it is
+    rig : the one identified from jump speeds: a name, a path or a rig
+    one_rig, progress : fit the arc cam on that rig too, in minutes; told how far it is
 
     Raises
     ------
