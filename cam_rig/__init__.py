@@ -1,6 +1,28 @@
 """A virtual cam test rig: cam laws, follower dynamics with loss of contact, and noise.
 
-All units are SI; angles are in rad, and a speed in rpm says so in its name.
+======================================================  ===========================================
+to have or to know                                      call
+======================================================  ===========================================
+a cam, a rig, an experiment from files                  load_cam, load_rig, load_scene
+a cam or a rig of one's own, and its file               Cam(...), Rig(...), .replace(), .save()
+a law: s and its derivatives; its peaks and joints      build_law, Law; law, list_laws; timing
+the shape of a cam, and its checks                      contour, check_contours; as_cut
+a follower's motion, lift-offs, landings at one speed   simulate
+the same over many speeds, with sound                   sweep; of a scene's file: run_scene
+the speed at which contact is lost                      jump_speed; beside the paper's: jump
+residual vibration, orders, contact pressure            vibration, orders, contact
+how loud a motion is                                    sound_level; the paper's study: noise
+the linear model, into scipy.signal                     Rig.state_space, Rig.frequency_response
+a better law, with a proven bound                       design
+many rigs that differ in some numbers                   campaign, largest_waviness
+a cam from gauge readings, a rig from a measured run    fit_cam, fit_rig
+a recorded run; beside the model                        read_bag; compare
+the paper's open question, its Table 2                  factorial, readings
+======================================================  ===========================================
+
+What they return has ``.tables()``, ``.to_pandas()``, ``.to_json()``, ``.plot()``, ``.summary()``.
+All units are SI; angles are in rad, and a speed in rpm says so in its name. Everything that is
+refused is a `CamRigError`, and the ``ValueError`` or ``TypeError`` that it would be elsewhere.
 
 >>> import cam_rig
 >>> law = cam_rig.build_law(cam_rig.load_cam("poly345"))
@@ -13,7 +35,7 @@ True
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from cam_rig.bag.reader import read_bag
@@ -24,65 +46,116 @@ if TYPE_CHECKING:
     from cam_rig.errors import CamRigError
     from cam_rig.law_design.design import design
     from cam_rig.laws import Law
-    from cam_rig.measured.real_run.run import compare_run
+    from cam_rig.laws.by_name import law, list_laws
+    from cam_rig.measured.cam_fit.request import fit_cam
+    from cam_rig.measured.real_run.run import compare
+    from cam_rig.measured.rig_fit.from_source import fit_rig
+    from cam_rig.paper.as_cut.study import as_cut
+    from cam_rig.paper.contact.comparison import contact
+    from cam_rig.paper.factorial.study import factorial
+    from cam_rig.paper.jump.refit import jump
+    from cam_rig.paper.noise.study import noise
+    from cam_rig.paper.orders.study import orders
+    from cam_rig.paper.readings.study import readings
+    from cam_rig.paper.timing.study import timing
+    from cam_rig.paper.vibration.study import vibration
+    from cam_rig.profile.check_contours import check_contours
     from cam_rig.profile.contour import contour
+    from cam_rig.schema import CamConfig as Cam
+    from cam_rig.schema import RigConfig as Rig
     from cam_rig.simulation.motion import simulate
     from cam_rig.simulation.scene import build_law, load_cam, load_rig, load_scene
     from cam_rig.simulation.scene_run import run_scene
     from cam_rig.simulation.sound import sound_level
+    from cam_rig.simulation.sweep import sweep
 
     __version__: str
 
-#: Where each name is defined. It is imported when it is first asked for.
+#: Where each name is defined, and as what if not by that name. It is imported when asked for.
 _HOMES = {
+    "Cam": "cam_rig.schema:CamConfig",
     "CamRigError": "cam_rig.errors",
     "Law": "cam_rig.laws",
+    "Rig": "cam_rig.schema:RigConfig",
+    "as_cut": "cam_rig.paper.as_cut.study",
     "bounce_map": "cam_rig.bounce.study",
     "build_law": "cam_rig.simulation.scene",
     "campaign": "cam_rig.campaigns.run",
-    "compare_run": "cam_rig.measured.real_run.run",
+    "check_contours": "cam_rig.profile.check_contours",
+    "compare": "cam_rig.measured.real_run.run",
+    "contact": "cam_rig.paper.contact.comparison",
     "contour": "cam_rig.profile.contour",
     "design": "cam_rig.law_design.design",
+    "factorial": "cam_rig.paper.factorial.study",
+    "fit_cam": "cam_rig.measured.cam_fit.request",
+    "fit_rig": "cam_rig.measured.rig_fit.from_source",
+    "jump": "cam_rig.paper.jump.refit",
     "jump_speed": "cam_rig.dynamics.jump.rigs",
     "largest_waviness": "cam_rig.campaigns.largest_waviness",
+    "law": "cam_rig.laws.by_name",
+    "list_laws": "cam_rig.laws.by_name",
     "load_cam": "cam_rig.simulation.scene",
     "load_rig": "cam_rig.simulation.scene",
     "load_scene": "cam_rig.simulation.scene",
+    "noise": "cam_rig.paper.noise.study",
+    "orders": "cam_rig.paper.orders.study",
     "read_bag": "cam_rig.bag.reader",
+    "readings": "cam_rig.paper.readings.study",
     "run_scene": "cam_rig.simulation.scene_run",
     "simulate": "cam_rig.simulation.motion",
     "sound_level": "cam_rig.simulation.sound",
+    "sweep": "cam_rig.simulation.sweep",
+    "timing": "cam_rig.paper.timing.study",
+    "vibration": "cam_rig.paper.vibration.study",
 }
 __all__ = [
+    "Cam",
     "CamRigError",
     "Law",
+    "Rig",
     "__version__",
+    "as_cut",
     "bounce_map",
     "build_law",
     "campaign",
-    "compare_run",
+    "check_contours",
+    "compare",
+    "contact",
     "contour",
     "design",
+    "factorial",
+    "fit_cam",
+    "fit_rig",
+    "jump",
     "jump_speed",
     "largest_waviness",
+    "law",
+    "list_laws",
     "load_cam",
     "load_rig",
     "load_scene",
+    "noise",
+    "orders",
     "read_bag",
+    "readings",
     "run_scene",
     "simulate",
     "sound_level",
+    "sweep",
+    "timing",
+    "vibration",
 ]
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     """A public name, from the module that defines it; the version from the installed package."""
     if name == "__version__":
         from importlib.metadata import version
 
-        value: Any = version("cam_rig")
+        value: object = version("cam_rig")
     elif name in _HOMES:
-        value = getattr(import_module(_HOMES[name]), name)
+        module, _, other = _HOMES[name].partition(":")
+        value = getattr(import_module(module), other or name)
     else:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     globals()[name] = value

@@ -13,11 +13,11 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cache, wraps
 from pathlib import Path
 from types import NoneType, SimpleNamespace, UnionType
-from typing import Any, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from cam_rig.errors import ConfigError
+from cam_rig.errors import ArgumentTypeError, ConfigError, did_you_mean
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -40,6 +40,7 @@ MAKERS = {
     "Law": ("a Law", "build_law"),
     "FollowerMotion": ("a motion", "simulate"),
     "Executor": ("an executor", "concurrent.futures"),
+    "Progress": ("a Progress", "cam_rig.show.result"),
 }
 
 
@@ -63,7 +64,8 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
                 value = given.arguments[name]
                 value = value.item() if isinstance(value, np.generic) else value
                 if not _fits(value, hint):
-                    raise ConfigError(_refusal(name, value, hint))
+                    kind = ConfigError if _is_of(value, hint) else ArgumentTypeError
+                    raise kind(_refusal(name, value, hint))
                 given.arguments[name] = value
         return function(*given.args, **given.kwargs)
 
@@ -74,12 +76,31 @@ def _fits(value: Any, hint: Any) -> bool:
     kind, inner = get_origin(hint) or hint, get_args(hint)
     if kind in (Union, UnionType):
         return any(_fits(value, one) for one in inner)
+    if kind is Literal:
+        return isinstance(value, str) and value in inner
     if kind is float:
         return _fits(value, int) or (isinstance(value, float) and math.isfinite(value))
     if kind is Sequence:
         there = isinstance(value, Sequence) and not isinstance(value, str | bytes)
         return there and all(_fits(one, inner[0]) for one in value)
+    if kind is Mapping and inner:
+        there = isinstance(value, Mapping) and all(_fits(key, inner[0]) for key in value)
+        return there and (inner[1] is Any or all(_fits(one, inner[1]) for one in value.values()))
     return isinstance(value, kind) and MORE.get(kind, lambda _: True)(value)
+
+
+def _is_of(value: Any, hint: Any) -> bool:
+    """Whether only the value of an argument is wrong, as NaN is, and not its type."""
+    kind, inner = get_origin(hint) or hint, get_args(hint)
+    if kind in (Union, UnionType):
+        return any(_is_of(value, one) for one in inner)
+    if isinstance(value, bool):
+        return kind is bool
+    if kind in (Literal, float):
+        return isinstance(value, str if kind is Literal else int | float)
+    if kind is Sequence and not isinstance(value, str | bytes):
+        return isinstance(value, Sequence) and all(_is_of(one, inner[0]) for one in value)
+    return isinstance(value, kind)
 
 
 def _can_be_a_path(value: str | Path) -> bool:
@@ -112,6 +133,9 @@ def _words(hint: Any, value: Any) -> str:
         return " or ".join(_words(one, value) for one in inner)
     if kind is Sequence:
         return f"a list, each {_words(inner[0], value)}"
+    if kind is Literal:
+        hint_of = did_you_mean(value, inner).strip() if isinstance(value, str) else ""
+        return " ".join(filter(None, (" or ".join(map(repr, inner)), hint_of)))
     if kind in WORDS:
         return WORDS[kind]
     what, maker = MAKERS[kind.__name__]

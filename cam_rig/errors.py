@@ -13,7 +13,9 @@ BEGIN, END = 700, 300
 class CamRigError(Exception):
     """Root of every error the rig raises on purpose: thing, value, limit, and what to do about it.
 
-    Of a message longer than a screen, as of a list of thousands of numbers, the middle is left out.
+    One that a wrong argument meets is also the ``ValueError``, or of another type the
+    ``TypeError``, that Python's users expect. Of a message longer than a screen, as of a list of
+    thousands of numbers, the middle is left out.
     """
 
     exit_code = 1
@@ -24,19 +26,23 @@ class CamRigError(Exception):
         super().__init__(message)
 
 
-class ConfigError(CamRigError):
+class ConfigError(CamRigError, ValueError):
     """A YAML file or an argument is wrong: the message names it, the value and what is allowed."""
 
     exit_code = 2
 
 
-class LawError(CamRigError):
+class ArgumentTypeError(ConfigError, TypeError):
+    """An argument of a function is of another type than it takes."""
+
+
+class LawError(CamRigError, ValueError):
     """A displacement law cannot exist with the numbers given."""
 
     exit_code = 2
 
 
-class ProfileError(CamRigError):
+class ProfileError(CamRigError, ValueError):
     """A cam cannot have this shape: the message gives the angle, the value and the limit."""
 
 
@@ -46,7 +52,7 @@ class ReachError(ProfileError):
     exit_code = 2
 
 
-class DynamicsError(CamRigError):
+class DynamicsError(CamRigError, ValueError):
     """A model was asked for something it cannot give."""
 
 

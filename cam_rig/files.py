@@ -80,3 +80,46 @@ def no_room(place: Path, error: OSError) -> OutputError:
         f"{place}: no temporary file can be written ({error.strerror}); name a folder with room "
         "in TMPDIR"
     )
+
+
+# New files: refused, before anything is computed, where they could not be written.
+
+
+def check_place(target: Path) -> None:
+    """Refuse a place where no file can be written."""
+    if target.is_dir():
+        raise OutputError(f"{target}: is a folder; allowed: a file")
+    if target.exists() and not target.is_file():
+        raise OutputError(f"{target}: is a device; allowed: a file, or - for stdout")
+    nearest = next(parent for parent in target.absolute().parents if parent.exists())
+    try:  # who may write is not told by the folder's bits alone: try it
+        with tempfile.TemporaryFile(dir=nearest):
+            pass
+    except OSError as error:
+        raise OutputError(
+            f"{target}: cannot be written, {nearest} is no writable folder ({error.strerror})"
+        ) from None
+
+
+def write_new(folder: Path, texts: dict[str, str]) -> None:
+    """Write files into a folder, none over another."""
+    for name in texts:
+        require_new(folder / name)
+    for name, text in texts.items():
+        with writing(folder / name) as part:
+            part.write_text(text, encoding="utf-8")
+
+
+def require_new_yaml(out: Path | None) -> None:
+    """Refuse, before anything is computed, an ``--out`` that is no new YAML file."""
+    if out is not None:
+        if out.suffix != ".yaml":
+            raise ConfigError(f"--out: is {out}; allowed: a name that ends in .yaml")
+        require_new(out)
+
+
+def require_new(target: Path) -> None:
+    """Refuse a file that is there already, or a place that cannot be written."""
+    if target.exists():
+        raise OutputError(f"{target}: exists already, not overwriting; name another or move it")
+    check_place(target)

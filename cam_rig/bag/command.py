@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cam_rig.show.command import SceneOfBag, check_place, command
+from cam_rig.files import check_place
+from cam_rig.show.command import SceneOfBag, command
 from cam_rig.show.result import Progress, Result
 from cam_rig.show.terminal import say
 
@@ -28,6 +29,8 @@ def analyze(
 
     A row has level, peak and least force, lift-offs a turn, longest flight, hardest landing, and
     torque, of the settled turns.
+
+    In Python: cam_rig.read_bag(bag, scene)
 
     Examples
     --------

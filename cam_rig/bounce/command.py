@@ -78,7 +78,7 @@ def bounce(
     from cam_rig.laws.cam import law_of, require_sprung
     from cam_rig.schema import load_cam, load_rig
     from cam_rig.schema.load import cam_path, rig_path
-    from cam_rig.simulation.asked import speeds_asked
+    from cam_rig.simulation.asked import speeds_in
     from cam_rig.workers import check_workplace, workplace
 
     check_workplace(jobs, dask)
@@ -96,7 +96,7 @@ def bounce(
         step = jump * (TO - FROM) / (SPEEDS - 1)
         speeds = [FROM * jump + i * step for i in range(SPEEDS)]
     else:
-        speeds = speeds_asked(rpm)
+        speeds = speeds_in(rpm)
     how = law, on, speeds, restitution, turns, settle, start.value, follow
     if start != Start.REST or len(speeds) == 1:
         return swept(*how, progress=progress)

@@ -109,6 +109,8 @@ def campaign(
     quantiles, yields and shares follow. Rows are the same on any number of processes, and on a
     Dask cluster. Ctrl-C keeps what is finished; --resume goes on.
 
+    In Python: cam_rig.campaign(study, out, points, seed, resume, executor)
+
     Examples
     --------
     cam-rig campaign tolerance_poly345 --points 256 --plot out/tolerances.png

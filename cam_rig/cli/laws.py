@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cam_rig.errors import ConfigError, did_you_mean
 from cam_rig.show.command import check_outputs, check_recording, command, give_out
 from cam_rig.show.result import Result
 from cam_rig.show.terminal import say
@@ -58,6 +56,8 @@ def law(
     as bare rises of unit lift over a unit span. The curves are in CSV
     and JSON, with which nothing is drawn unless --out is given.
 
+    In Python: cam_rig.law(names, rises)
+
     Examples
     --------
     cam-rig law poly345
@@ -70,33 +70,19 @@ def law(
 
     cam-rig law poly345 cycloidal bezier15 --save out/laws.rrd
 
-    cam-rig law config/cams/worked_example_quintic.yaml --out quintic.pdf
-
     cam-rig law bezier15 --csv - > bezier15.csv
     """
     check_outputs(None, out)
     if save is not None:
         check_recording(save)
-    found, called = _named(names, rises)
+    from cam_rig.laws import by_name
+
+    found = by_name.law(names, rises=rises)
     if out is None and csv is None and json is None:
-        out = Path("out") / f"law_{'_'.join(called)[:MAX_LETTERS]}.png"
+        out = Path("out") / f"law_{'_'.join(found.called)[:MAX_LETTERS]}.png"
     give_out(found, out, csv, json)
     if save is not None:
         record(found, save)
-
-
-def _named(names: list[str], rises: bool) -> tuple[RisesResult | CamLawsResult, list[str]]:
-    """What names mean, and words for the name of its plot."""
-    from cam_rig.laws.cam import law_of
-    from cam_rig.laws.results import CamLawsResult, RisesResult
-    from cam_rig.schema import load_cam
-    from cam_rig.schema.load import cam_path
-
-    if are_rises(names, rises):
-        return RisesResult(tuple(names)), ["rises", *names]
-    paths = [cam_path(name) for name in names]
-    cams = [(cam, law_of(path, cam)) for path in paths for cam in [load_cam(path)]]
-    return CamLawsResult(tuple(cams)), [cam.name for cam, _ in cams]
 
 
 # cam-rig laws: every displacement law, side by side.
@@ -116,6 +102,8 @@ def laws(
 
     The plot lays the rises of each family over each other, s to s''' one below the other.
 
+    In Python: cam_rig.list_laws(family)
+
     Examples
     --------
     cam-rig laws
@@ -126,47 +114,13 @@ def laws(
 
     cam-rig laws --json -
     """
-    from cam_rig.laws.catalogue import families
-    from cam_rig.laws.results import LawsResult
+    from cam_rig.laws.by_name import list_laws
 
-    found = families()
-    if family is None:
-        return LawsResult(tuple(found.values()), free=True)
-    if family not in found:
-        hint = did_you_mean(family, found)
-        raise ConfigError(f"--family {family!r}: no such family{hint}; allowed: {', '.join(found)}")
-    return LawsResult((found[family],), free=False)
+    return list_laws(family)
 
 
 #: Letters of the names in the name of a plot.
 MAX_LETTERS = 60
-
-
-def are_rises(names: Sequence[str], rises: bool) -> bool:
-    """Whether the names are drawn as bare rises: when asked for, or when not all are cams."""
-    from cam_rig.laws.segments import NAMED_RISES
-    from cam_rig.schema.load import config_root
-
-    cams = sorted(path.stem for path in (config_root() / "cams").glob("*.yaml"))
-    for i, name in enumerate(names):
-        if name in names[:i]:
-            raise ConfigError(f"{name!r} is named twice; allowed: each law once")
-        if not _is_cam(name, cams) and name not in NAMED_RISES:
-            hint = did_you_mean(name, [*cams, *NAMED_RISES])
-            raise ConfigError(
-                f"{name[:40]!r}: no such cam or rise{hint}; cams: {', '.join(cams)}; "
-                f"rises: {', '.join(NAMED_RISES)}"
-            )
-    if not rises and all(_is_cam(name, cams) for name in names):
-        return False
-    alone = next((name for name in names if name not in NAMED_RISES), None)
-    if alone is not None:
-        other = next((f"{name!r} is a rise" for name in names if not _is_cam(name, cams)), None)
-        raise ConfigError(
-            f"{alone!r} is a cam and no rise, {other or '--rises asks for rises'}; allowed: cams "
-            f"with cams, rises with rises; rises: {', '.join(NAMED_RISES)}"
-        )
-    return True
 
 
 def record(found: RisesResult | CamLawsResult, path: Path) -> None:
@@ -185,10 +139,3 @@ def record(found: RisesResult | CamLawsResult, path: Path) -> None:
         units = tuple(f"{unit}{per}" for per in PER)
         save_laws(curves, "°", units, path, {cam.name: cam.title for cam, _ in found.cams})
     say(f"recording: {path}")
-
-
-def _is_cam(name: str, cams: Sequence[str]) -> bool:
-    """Whether it is a cam's name, or a path, which is a cam's or an error of its own."""
-    from cam_rig.schema.load import cam_path
-
-    return name in cams or cam_path(name) == Path(name)

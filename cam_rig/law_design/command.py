@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cam_rig.errors import ConfigError
-from cam_rig.files import writing
-from cam_rig.show.command import command, require_new_yaml
+from cam_rig.files import require_new_yaml, writing
+from cam_rig.show.command import command
 from cam_rig.show.result import Progress, Result
 from cam_rig.show.terminal import say
 
@@ -70,6 +70,8 @@ def design(
     the best of several searches: shaft_torque@300rpm, sound_level_with_jumps@450-550rpm,
     pressure_angle (minimise), radius_of_curvature (maximise). Limits: any of these, lift@90deg,
     velocity@90deg, acceleration@80-100deg, event_angle@1. Ctrl-C keeps the best.
+
+    In Python: cam_rig.design(cam, rig, minimise, maximise, limits, …, pareto, points)
 
     Examples
     --------

@@ -11,6 +11,7 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from importlib.util import find_spec
+from typing import overload
 
 import numpy as np
 
@@ -19,7 +20,14 @@ from cam_rig.errors import ConfigError, DesignError
 from cam_rig.law_design.cam_file import designed_cam
 from cam_rig.law_design.cutting_planes import Best, Solver, Told
 from cam_rig.law_design.local_search import LONGEST, SHORTEST, EventSpans, local_best
-from cam_rig.law_design.request import KEEP, STARTS, DesignRequest, LawClass, Multistart
+from cam_rig.law_design.request import (
+    KEEP,
+    STARTS,
+    DesignRequest,
+    LawClass,
+    Multistart,
+    parse_second,
+)
 from cam_rig.law_design.result import Front, LawDesign, Measure
 from cam_rig.law_design.rows import asked_of, rows_of
 from cam_rig.law_design.space import Asked, DesignProblem, Space, measured
@@ -217,6 +225,40 @@ def _solve(problem: DesignProblem, goal: Asked, limits: list[Asked], told: Told)
     return best
 
 
+@overload
+def design(
+    cam: CamConfig,
+    rig: RigConfig,
+    *,
+    minimise: str | None = ...,
+    maximise: str | None = ...,
+    limits: Sequence[str] = ...,
+    pieces: int = ...,
+    joints: int = ...,
+    degree: int | None = ...,
+    starts: int = ...,
+    seed: int = ...,
+    keep: Sequence[str] = ...,
+    pareto: None = ...,
+    points: int = ...,
+) -> LawDesign: ...
+@overload
+def design(
+    cam: CamConfig,
+    rig: RigConfig,
+    *,
+    minimise: str | None = ...,
+    maximise: str | None = ...,
+    limits: Sequence[str] = ...,
+    pieces: int = ...,
+    joints: int = ...,
+    degree: int | None = ...,
+    starts: int = ...,
+    seed: int = ...,
+    keep: Sequence[str] = ...,
+    pareto: str,
+    points: int = ...,
+) -> Front: ...
 @checked
 def design(
     cam: CamConfig,
@@ -231,7 +273,9 @@ def design(
     starts: int = STARTS,
     seed: int = 1,
     keep: Sequence[str] = KEEP[0],
-) -> LawDesign:
+    pareto: str | None = None,
+    points: int = 25,
+) -> LawDesign | Front:
     """The law that is best by a goal, of B-splines in each event of a cam.
 
     Dwells, events and lift stay. The bound holds for the whole class: it comes from a convex
@@ -245,6 +289,7 @@ def design(
     pieces, joints, degree : of the splines; joints k means Cᵏ, a degree is by default k + 2
     keep : what stays: all of it, ``("dwells", "lift")`` or ``("lift",)``; then spans are searched
     starts, seed : of a local search; the same seed gives the same law
+    pareto, points : another quantity: the goal's best for so many of its values, 3 to 200, a front
 
     Raises
     ------
@@ -268,6 +313,8 @@ def design(
         multistart=Multistart(starts, seed),
         keep=keep,
     )
+    if pareto is not None:
+        return front(cam, rig, request, parse_second(pareto), points)
     return search_design(cam, rig, request)
 
 

@@ -117,7 +117,7 @@ def control_polygons(cam: CamConfig) -> list[tuple[FloatArray, FloatArray]]:
 # A cam file as a rig can use it: its law, and the refusal of a follower no model knows.
 
 
-def require_sprung(path: Path, cam: CamConfig) -> None:
+def require_sprung(path: Path | str, cam: CamConfig) -> None:
     """Refuse a cam whose follower the dynamic models do not know."""
     if not cam.follower.sprung:
         raise ConfigError(
@@ -126,8 +126,8 @@ def require_sprung(path: Path, cam: CamConfig) -> None:
         )
 
 
-def law_of(path: Path, cam: CamConfig) -> Law:
-    """The law of a cam file, its errors with the file's name."""
+def law_of(path: Path | str, cam: CamConfig) -> Law:
+    """The law of a cam, its errors with the name of its file."""
     try:
         return build_law(cam)
     except LawError as error:
@@ -161,15 +161,19 @@ class CamSet:
         return CamSet({name: self.cams[name] for name in laws}, laws, self.rig)
 
 
+def cam_set(cams: Iterable[tuple[Path | str, CamConfig]], rig: RigConfig) -> CamSet:
+    """Cams, each with the file or the name that an error tells, on a rig."""
+    found: dict[str, CamConfig] = {}
+    laws = {}
+    for path, cam in cams:
+        if cam.name in found:
+            raise ConfigError(f"{path}: cam {cam.name!r} is named twice; allowed: each once")
+        require_sprung(path, cam)
+        found[cam.name], laws[cam.name] = cam, law_of(path, cam)
+    return CamSet(found, laws, rig)
+
+
 def open_cam_set(cam_paths: Iterable[Path], rig_path: Path) -> CamSet:
     """Read cam files and a rig file."""
     rig = load_rig(rig_path)
-    cams: dict[str, CamConfig] = {}
-    laws = {}
-    for path in cam_paths:
-        cam = load_cam(path)
-        if cam.name in cams:
-            raise ConfigError(f"{path}: cam {cam.name!r} is named twice; allowed: each once")
-        require_sprung(path, cam)
-        cams[cam.name], laws[cam.name] = cam, law_of(path, cam)
-    return CamSet(cams, laws, rig)
+    return cam_set(((path, load_cam(path)) for path in cam_paths), rig)

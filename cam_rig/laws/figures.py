@@ -31,22 +31,34 @@ GREY = "0.45"
 
 @styled
 def figure(cam: CamConfig, law: Law) -> Figure:
-    """Lift, velocity, acceleration and jerk over a turn, with extremes and continuity classes."""
+    """A cam's law as `law_figure` has it, with the names of its segments and what shapes them."""
+    out = _stacked(law, _marked(cam, law), cam.title)
+    _control_points(out.axes[0], cam)
+    _names(out.axes[0], cam)
+    return out
+
+
+@styled
+def law_figure(law: Law) -> Figure:
+    """Lift, velocity, acceleration and jerk over a turn, with extremes and rough joints."""
+    rough = [joint for joint in joints(law) if joint.continuity < SMOOTHEST]
+    return _stacked(law, rough, law.name)
+
+
+def _stacked(law: Law, marked: list[Joint], title: str) -> Figure:
+    """Four panels with extremes and continuity classes."""
     out = empty(8.2)
     panels = out.subplots(4, 1, sharex=True)
-    marked = _marked(cam, law)
     for order, axes in enumerate(panels):
         _curve(axes, law, order)
         for joint in marked:
             axes.axvline(np.degrees(joint.angle), color=GREY, lw=0.7, ls=(0, (4, 3)), zorder=0)
-    _control_points(panels[0], cam)
-    _names(panels[0], cam)
     for joint in (joint for joint in marked if joint.continuity == 0):
         _arrow(panels[2], float(np.degrees(joint.angle)), joint.jump, "left")
     _classes(panels[0], marked)
     turn_axis(panels[3], 30)
     panels[3].set_xlabel(CAM_ANGLE)
-    out.suptitle(wrapped(cam.title))
+    out.suptitle(wrapped(title))
     return out
 
 

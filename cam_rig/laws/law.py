@@ -8,14 +8,20 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from numbers import Real
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cam_rig.errors import LawError
+from cam_rig.errors import ArgumentTypeError, LawError
+from cam_rig.extras import libraries_named
 from cam_rig.laws import bernstein
+from cam_rig.show.result import notebook
 from cam_rig.units import TURN, FloatArray
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from scipy.interpolate import BPoly
 
 # Largest and smallest value of a derivative over the turn, from roots, not from samples.
 
@@ -71,7 +77,7 @@ class Known(NamedTuple):
     velocity_jumps: dict[int, float]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Law:
     """Follower displacement s(θ) over one turn of the cam, repeated for every turn.
 
@@ -107,7 +113,7 @@ class Law:
     def __post_init__(self) -> None:
         for field, kind, words in (("name", str, "a text"), ("known", Known | None, "None")):
             if not isinstance(value := getattr(self, field), kind):
-                raise LawError(f"law: {field} is {type(value).__name__}; allowed: {words}")
+                raise ArgumentTypeError(f"law: {field} is {type(value).__name__}; allowed: {words}")
         try:
             breaks = np.array(self.breaks, dtype=np.float64)
             ordinates = np.array(self.ordinates, dtype=np.float64)
@@ -131,6 +137,81 @@ class Law:
             array.setflags(write=False)
             object.__setattr__(self, field, array)
 
+    def __repr__(self) -> str:
+        """Name, size and lift."""
+        pieces, lift = self.spans.size, float(np.ptp(self.ordinates))
+        size = f"{pieces} piece{'s' * (pieces > 1)} of degree {self.degree}"
+        return f"Law({self.name!r}: {size}, ordinates over {lift:.4g})"
+
+    @classmethod
+    def from_bpoly(cls, bpoly: BPoly, name: str = "bpoly") -> Law:
+        """The law of scipy's Bernstein polynomials over one turn, 0 to 2π rad, in m.
+
+        Raises
+        ------
+        LawError : breakpoints that are no turn, or values that are no real numbers
+
+        Examples
+        --------
+        >>> from scipy.interpolate import BPoly
+        >>> ends = [[0.0, 0.0, 0.0], [0.02, 0.0, 0.0], [0.0, 0.0, 0.0]]  # s, s' and s''
+        >>> law = Law.from_bpoly(BPoly.from_derivatives([0.0, np.pi, 2.0 * np.pi], ends))
+        >>> law.degree, round(law.lift, 9)
+        (5, 0.02)
+        """
+        from scipy.interpolate import BPoly
+
+        if not isinstance(bpoly, BPoly):
+            kind = type(bpoly).__name__
+            raise ArgumentTypeError(f"bpoly: is {kind}; allowed: a scipy.interpolate.BPoly")
+        if np.iscomplexobj(bpoly.c):
+            raise LawError(f"law {name!r}: has complex ordinates; allowed: real ones, in m")
+        return cls(name, bpoly.x, bpoly.c)
+
+    def to_bpoly(self) -> BPoly:
+        """The same as scipy's Bernstein polynomials, periodic: values, roots, integrals there.
+
+        Examples
+        --------
+        >>> law = Law("up", [0.0, np.pi, 2.0 * np.pi], [[0.0, 0.02], [0.02, 0.0]])
+        >>> float(law.to_bpoly()(0.5 * np.pi))  # m
+        0.01
+        """
+        from scipy.interpolate import BPoly
+
+        return BPoly(self.ordinates.copy(), self.breaks.copy(), extrapolate="periodic")
+
+    def derivative(self, order: int = 1) -> Law:
+        """The derivative in the cam angle as a law of its own, in m/rad^order; right limits.
+
+        Raises
+        ------
+        LawError : an order that is none
+
+        Examples
+        --------
+        >>> law = Law("up", [0.0, np.pi, 2.0 * np.pi], [[0.0, 0.02], [0.02, 0.0]])
+        >>> round(float(law.derivative()(1.0) * np.pi), 9)
+        0.02
+        """
+        times = self._order(order)
+        ordinates = self._of_order(times) if times else self.ordinates
+        return Law(f"{self.name}{chr(0x2032) * times}", self.breaks, ordinates, self.repeats)
+
+    def plot(self) -> Figure:
+        """Lift, velocity, acceleration and jerk over a turn, their extremes, and the joints.
+
+        Examples
+        --------
+        >>> import cam_rig
+        >>> figure = cam_rig.build_law(cam_rig.load_cam("poly345")).plot()
+        >>> len(figure.axes)
+        4
+        """
+        with libraries_named():
+            from cam_rig.laws.figures import law_figure
+        return notebook(law_figure(self))
+
     @property
     def degree(self) -> int:
         """Degree p common to all pieces."""
@@ -143,12 +224,15 @@ class Law:
 
     def __call__(self, angle: FloatArray | float, order: int = 0) -> FloatArray:
         """Displacement (m), or its derivative (m/rad^order), at angles in rad; right limits."""
-        if not (isinstance(order, Real) and 0 <= order < math.inf and int(order) == order):
-            raise LawError(f"law {self.name!r}: order is {order!r}; allowed: 0, 1, 2, …")
-        at = self._angles(angle)
-        order = min(int(order), self.degree + 1)  # all further ones are zero too
+        order, at = self._order(order), self._angles(angle)
         ordinates = self._of_order(order)[None]
         return np.asarray(self._evaluate(ordinates, at.ravel())[0].reshape(at.shape))
+
+    def _order(self, order: int) -> int:
+        """The order of a derivative, at most the one from which on all are zero."""
+        if not (isinstance(order, Real) and 0 <= order < math.inf and int(order) == order):
+            raise LawError(f"law {self.name!r}: order is {order!r}; allowed: 0, 1, 2, …")
+        return min(int(order), self.degree + 1)
 
     def _angles(self, angle: FloatArray | float) -> FloatArray:
         try:

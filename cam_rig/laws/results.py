@@ -99,6 +99,11 @@ class RisesResult(Result):
 
     names: tuple[str, ...]
 
+    @property
+    def called(self) -> list[str]:
+        """The rises' names, as of a picture's file."""
+        return ["rises", *self.names]
+
     @cached_property
     def curves(self) -> dict[str, Any]:
         """By column, rise after rise."""
@@ -200,6 +205,11 @@ class CamLawsResult(Result):
     }
 
     cams: tuple[tuple[CamConfig, Law], ...]
+
+    @property
+    def called(self) -> list[str]:
+        """The cams' names, as of a picture's file."""
+        return [cam.name for cam, _ in self.cams]
 
     @cached_property
     def curves(self) -> dict[str, Any]:

@@ -34,10 +34,9 @@ def urdf(
     cam-rig urdf tm21_sweep --cam poly345 --out out/rig.urdf
     """
     with user_errors():
-        from cam_rig.files import writing
+        from cam_rig.files import check_place, writing
         from cam_rig.messages.frames import Robot
         from cam_rig.messages.urdf import urdf as text_of
-        from cam_rig.show.command import check_place
         from cam_rig.simulation.scene import load_scene
 
         if out is not None:

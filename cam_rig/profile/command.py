@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from cam_rig.show.command import command
 from cam_rig.show.result import Result
-
-if TYPE_CHECKING:
-    from cam_rig.profile.check_table import CheckedCam
-
 
 Cams = Annotated[
     list[str] | None,
@@ -68,6 +64,8 @@ def profile(
     file and read at every angle; --out then writes that law as CSV. --positions are those of the
     graphical method: the follower's places around the standing cam.
 
+    In Python: cam_rig.check_contours(cams, every)
+
     Examples
     --------
     cam-rig profile --all
@@ -86,12 +84,13 @@ def profile(
     """
     from cam_rig.errors import ConfigError, ProfileError
     from cam_rig.profile import command_files
+    from cam_rig.profile.check_contours import checked_cams
     from cam_rig.profile.check_table import POSITIONS, ProfileResult
 
     if positions is not None and plot is None:
         raise ConfigError("--positions: are of the picture; needed: --plot PATH")
     request = command_files.Request(out, pitch, cutter, tolerance, points, source)
-    cams_checked = _checked(_paths(cams or [], every))
+    cams_checked = checked_cams(cams or [], every)
     request.require(len(cams_checked), drawing=plot is not None)
     first, drawn = cams_checked[0], out is not None or plot is not None
     if source is not None:
@@ -102,36 +101,3 @@ def profile(
     if out is not None:
         command_files.write(request, first.cam, first.law, force)
     return ProfileResult(tuple(cams_checked), positions or POSITIONS, drawn, every)
-
-
-def _paths(cams: list[str], every: bool) -> list[Path]:
-    from cam_rig.errors import ConfigError
-    from cam_rig.schema import load
-
-    if (scene := load.one_scene(cams)) is not None:
-        path = load.scene_path(scene)
-        library = load.Library.beside(path)
-        paths = [library.path("cams", name) for name in load.load_scene(path).cams]
-    else:
-        paths = [load.cam_path(cam) for cam in cams]
-    if every:
-        paths += sorted((load.config_root() / "cams").glob("*.yaml"))
-    if not paths:
-        raise ConfigError("no cam is named; allowed: cam files, names in config/cams, or --all")
-    return paths
-
-
-def _checked(paths: list[Path]) -> list[CheckedCam]:
-    from cam_rig.errors import LawError, ProfileError
-    from cam_rig.laws import build_law
-    from cam_rig.profile.check_table import CheckedCam
-    from cam_rig.schema import load_cam
-
-    found = []
-    for path in paths:
-        cam = load_cam(path)
-        try:
-            found.append(CheckedCam.of(cam, build_law(cam)))
-        except (LawError, ProfileError) as error:
-            raise type(error)(f"{path}: {error}") from None
-    return found

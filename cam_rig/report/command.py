@@ -13,8 +13,8 @@ import typer
 
 from cam_rig.errors import ConfigError
 from cam_rig.extras import source_date
-from cam_rig.files import writing
-from cam_rig.show.command import DEFAULT_SCENE, Dask, Jobs, Scene, check_place, command, write_json
+from cam_rig.files import check_place, writing
+from cam_rig.show.command import DEFAULT_SCENE, Dask, Jobs, Scene, command, write_json
 from cam_rig.show.result import Progress
 from cam_rig.show.terminal import console
 

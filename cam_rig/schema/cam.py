@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, ClassVar, Literal
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationError, model_validator
 
+from cam_rig.schema.explain import made, refused
 from cam_rig.schema.quantity import Quantity, Strict, must_be
-from cam_rig.schema.segment_base import Table, quantities
+from cam_rig.schema.segment_base import SegmentBase, Table, quantities
 from cam_rig.schema.segments import Segment
 
 # What cam and follower are where they touch: width, material, and what they bear.
@@ -67,7 +70,7 @@ ArmsAngle = Annotated[Quantity, must_be("angle", above=0.0, most=2.0 * math.pi)]
 Radius = Annotated[Quantity, must_be("length", least=0.0, most=100.0)]
 
 
-class _Follower(Strict):
+class BaseFollower(Strict):
     """What every follower has.
 
     ``least_curvature_radius`` (0 when not given) is what contact stress asks of convex parts,
@@ -91,7 +94,7 @@ class _Follower(Strict):
         return dict(quantities(self, ""))
 
 
-class _Rolling(_Follower):
+class _Rolling(BaseFollower):
     roller_radius: Length
 
     @property
@@ -100,13 +103,13 @@ class _Rolling(_Follower):
         return self.roller_radius.si
 
 
-class _Guided(_Follower):
+class _Guided(BaseFollower):
     """Its guide runs past the cam's axis at ``eccentricity``, towards +x."""
 
     eccentricity: Offset | None = None
 
 
-class _Pivoted(_Follower):
+class _Pivoted(BaseFollower):
     """Swings about a pivot at ``pivot_distance`` from the cam's axis; the law is at ``arm``.
 
     A rig's numbers are those at the arm's end, along its arc: mass J/arm², stiffness and damping
@@ -117,7 +120,7 @@ class _Pivoted(_Follower):
     arm: Length
 
 
-class _Positive(_Follower):
+class _Positive(BaseFollower):
     """The cam moves it both ways: it cannot leave the cam."""
 
     sprung: ClassVar[bool] = False
@@ -209,9 +212,41 @@ FRAMES = ("base_link", "guide", "motor", "microphone", "cam", "follower", "follo
 
 
 class CamConfig(Strict):
-    """One file of ``config/cams/``; `parts` has the defaults of ``contact``.
+    """One file of ``config/cams/``; in Python a law as segments around the turn, and a follower.
 
-    ``cannot_be_made`` says why a cam fails a check and is meant to, to be looked at only.
+    `parts` has the defaults of ``contact``; ``cannot_be_made`` says why a cam fails a check and is
+    meant to, to be looked at only.
+
+    Parameters
+    ----------
+    name, title : of the cam; the name is its file's
+    lift : m, or a text with its unit
+    segments : in the order of the cam angle, as a file has them: mappings of ``law``, ``span`` (rad
+        or a text) and the law's own keys; their spans are one turn together
+    follower : its ``type`` and sizes, as a file has them
+    contact : width, material and permissible values
+
+    Raises
+    ------
+    ConfigError : something is missing, out of range, or none
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> cam = cam_rig.Cam(
+    ...     "lug",
+    ...     lift="20 mm",
+    ...     segments=[
+    ...         {"law": "poly345", "span": "120 deg", "to": 1.0},
+    ...         {"law": "cycloidal", "span": "120 deg", "to": 0.0},
+    ...         {"law": "dwell", "span": "120 deg"},
+    ...     ],
+    ...     follower={"type": "roller", "base_radius": 0.04, "roller_radius": "10 mm"},
+    ... )
+    >>> cam
+    Cam('lug': lift 20 mm, roller, 3 segments)
+    >>> round(cam_rig.build_law(cam.replace(lift="25 mm")).lift, 6)
+    0.025
     """
 
     name: str = Field(pattern=r"^[a-z][a-z0-9_]*$")
@@ -222,6 +257,78 @@ class CamConfig(Strict):
     follower: Follower
     contact: ContactParts | None = None
     segments: list[Segment] = Field(min_length=1)
+
+    def __init__(
+        self,
+        name: str = "own_cam",
+        title: str | None = None,
+        *,
+        lift: float | str | Quantity,
+        segments: Sequence[SegmentBase | Mapping[str, object]],
+        follower: BaseFollower | Mapping[str, object],
+        contact: ContactParts | Mapping[str, object] | None = None,
+        identified_from: str | None = None,
+        cannot_be_made: str | None = None,
+    ) -> None:
+        data = {"lift": lift, "segments": segments, "follower": follower, "contact": contact}
+        words = {"identified_from": identified_from, "cannot_be_made": cannot_be_made}
+        try:
+            super().__init__(name=name, title=name if title is None else title, **data, **words)
+        except ValidationError as error:
+            raise refused("cam", name, error, CamConfig) from None
+
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]  # as in Strict
+
+    def __repr__(self) -> str:
+        """Name, lift, follower and how many segments."""
+        lift = str(self.lift).partition(" (")[0]
+        kind, count = self.follower.type, len(self.segments)
+        return f"Cam({self.name!r}: lift {lift}, {kind}, {count} segment{'s' * (count > 1)})"
+
+    __str__ = __repr__
+
+    def replace(self, **changes: object) -> CamConfig:
+        """The same cam with something else: a section, its name or lift, a size of its follower.
+
+        Numbers are plain in SI, or texts with a unit.
+
+        Raises
+        ------
+        ConfigError : no such name, or a value out of range
+
+        Examples
+        --------
+        >>> import cam_rig
+        >>> cam_rig.load_cam("poly345").replace(base_radius="60 mm").follower.base_radius
+        60 mm (assumed)
+        """
+        data: dict[str, Any] = dict(self)
+        own = type(self.follower).model_fields.keys() & changes.keys()
+        if own:
+            data["follower"] = dict(self.follower) | {key: changes.pop(key) for key in own}
+        return made(CamConfig, data | changes, "cam")
+
+    def save(self, path: str | Path) -> None:
+        """Write the cam's file, whole or not at all; it has the name of the file.
+
+        The points of a law of points are a .csv file beside it.
+
+        Raises
+        ------
+        ConfigError : the file's name is none of a cam
+        OutputError : it cannot be written
+
+        Examples
+        --------
+        >>> import tempfile, cam_rig
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     cam_rig.load_cam("poly345").replace(lift="30 mm").save(f"{folder}/mine.yaml")
+        ...     print(cam_rig.load_cam(f"{folder}/mine.yaml"))
+        Cam('mine': lift 30 mm, roller, 5 segments)
+        """
+        from cam_rig.schema.load import save_model
+
+        save_model(self, path)
 
     @model_validator(mode="after")
     def _own_frame(self) -> CamConfig:

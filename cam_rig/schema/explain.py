@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from functools import cache
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from cam_rig.errors import did_you_mean
+from cam_rig.errors import ConfigError, did_you_mean
+from cam_rig.schema.quantity import IN_PYTHON
 
+Config = TypeVar("Config", bound=BaseModel)
 #: Other keys that are wrong, named in the same line.
 NAMED = 3
 
@@ -22,6 +25,19 @@ def kind_of(value: object) -> str:
         return "nothing"
     names: dict[type, str] = {list: "a list", str: "text", dict: "a mapping"}
     return names.get(type(value), f"a {type(value).__name__}")
+
+
+def made(kind: type[Config], data: Mapping[str, Any], what: str) -> Config:
+    """A model of what Python gives it, plain numbers and texts with their unit among them."""
+    try:
+        return kind.model_validate(dict(data), context=IN_PYTHON)
+    except ValidationError as error:
+        raise refused(what, data.get("name"), error, kind) from None
+
+
+def refused(what: str, name: object, error: ValidationError, kind: type[BaseModel]) -> ConfigError:
+    """What is said of a cam or a rig that Python has made wrongly."""
+    return ConfigError(f"{what} {_shown(name)}: {explain(error, kind)}")
 
 
 def explain(error: ValidationError, kind: type[BaseModel]) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import sysconfig
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -13,10 +14,11 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
+from cam_rig.arguments import checked
 from cam_rig.errors import ConfigError, did_you_mean
-from cam_rig.files import MIB, read_bytes
+from cam_rig.files import MIB, check_place, read_bytes, writing
 from cam_rig.schema.cam import CamConfig
-from cam_rig.schema.explain import explain, kind_of
+from cam_rig.schema.explain import explain, kind_of, made
 from cam_rig.schema.published import PublishedNoise, PublishedTables, TableReadings
 from cam_rig.schema.rig import RigConfig
 from cam_rig.schema.scene import SceneConfig
@@ -38,10 +40,15 @@ def config_root() -> Path:
 
 def named_path(folder: str, name: str | Path) -> Path:
     """The file that a path means; a word without folder and suffix is one's of a config folder."""
-    path, there = Path(name), False
-    with suppress(OSError):  # of a name that no file can have
-        there = path.is_file()
-    return path if is_path(name) or there else config_root() / folder / f"{name}.yaml"
+    path = Path(name)
+    return path if is_path(name) or is_there(path) else config_root() / folder / f"{name}.yaml"
+
+
+def is_there(path: Path) -> bool:
+    """Whether there is such a file: none has a name that is too long."""
+    with suppress(OSError):
+        return path.is_file()
+    return False
 
 
 def is_path(name: str | Path) -> bool:
@@ -159,10 +166,10 @@ cam_path = partial(named_path, "cams")
 rig_path = partial(named_path, "rigs")
 
 
-def rig_beside(rig: str, scene: Path) -> Path:
+def rig_beside(rig: str | Path, scene: Path) -> Path:
     """A rig by its path, or by its name beside a scene, then in ``config/rigs``."""
     path = named_path("rigs", rig)
-    return path if path == Path(rig) else Library.beside(scene).path("rigs", rig)
+    return path if path == Path(rig) else Library.beside(scene).path("rigs", str(rig))
 
 
 def tables_path() -> Path:
@@ -178,12 +185,13 @@ def readings_path() -> Path:
 # The cams that a study is asked for, and the rig they turn on: named, or those of a scene.
 
 
-def one_scene(names: list[str] | None) -> str | None:
-    """The scene that is named in place of cams; None where cams are."""
-    if not names or len(names) > 1 or not (path := scene_path(names[0])).is_file():
+def one_scene(names: Sequence[Any] | None) -> Path | None:
+    """The scene's file that is named in place of cams; None where cams are, by name or as such."""
+    if not names or len(names) > 1 or not isinstance(names[0], str | Path):
         return None
-    data = read_yaml(path)
-    return names[0] if isinstance(data, dict) and "program" in data else None
+    path = scene_path(names[0])
+    data = read_yaml(path) if is_there(path) else None
+    return path if isinstance(data, dict) and "program" in data else None
 
 
 # Whether a file is a shipped one, told by its numbers and laws and not by its name.
@@ -233,6 +241,39 @@ def assumed_numbers(section: BaseModel, source: str) -> dict[str, Any]:
 def to_yaml(data: dict[str, Any]) -> str:
     """A file of the rig: a number is one line, and so is a follower's or a segment's key."""
     return "\n".join(_lines(data, 0)) + "\n"
+
+
+def file_data(model: BaseModel) -> dict[str, Any]:
+    """What a model's file holds: nothing that is left out, no empty words."""
+    found: dict[str, Any] = _without_empty(model.model_dump(exclude_none=True))
+    return found
+
+
+def _without_empty(value: Any) -> Any:
+    if isinstance(value, dict):
+        kept = ((key, _without_empty(one)) for key, one in value.items())
+        return {key: one for key, one in kept if one not in ("", [], {})}
+    return [_without_empty(one) for one in value] if isinstance(value, list | tuple) else value
+
+
+@checked
+def save_model(model: BaseModel, path: str | Path) -> None:
+    """Write a cam or a rig under the name of its file, a table's points beside it."""
+    target = Path(path)
+    if target.suffix != ".yaml":
+        raise ConfigError(f"{target}: unknown kind of file; allowed: a name that ends in .yaml")
+    named = made(type(model), {**dict(model), "name": target.stem}, str(target))
+    data = file_data(named)
+    for segment in data.get("segments", ()):
+        if "file" in segment:
+            points, segment["file"] = segment["file"], f"{target.stem}.csv"
+            rows = zip(points["angles"], points["lifts"], strict=True)
+            text = "angle_rad,lift_m\n" + "".join(f"{a!r},{s!r}\n" for a, s in rows)
+            with writing(target.with_suffix(".csv")) as part:
+                part.write_text(text, encoding="utf-8")
+    check_place(target)
+    with writing(target) as part:
+        part.write_text(to_yaml(data), encoding="utf-8")
 
 
 def _lines(data: dict[str, Any], indent: int) -> list[str]:

@@ -5,6 +5,9 @@ In YAML::
     mass: {given: 1.3, unit: kg, source: paper Table 1}
     span: {identified: 117.5, unit: deg, source: fit to Table 2, residual: 0.37 % RMS}
 
+In Python a plain number in SI, or a text with a unit as ``"3.2 N/mm"``, stands for one as well
+where a cam or a rig is made: it is assumed. In a file neither does.
+
 Exactly one of ``given`` (a source prints it), ``assumed`` (nobody does, and it says why) or
 ``identified`` (fitted, and it says to what) carries the number.
 """
@@ -12,10 +15,20 @@ Exactly one of ``given`` (a source prints it), ``assumed`` (nobody does, and it 
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Mapping
 from operator import ge, gt, le
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationInfo,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
+    model_validator,
+)
 
 from cam_rig.units import RPM, TURN
 
@@ -46,14 +59,30 @@ UNITS: dict[str, dict[str, float]] = {
 }
 
 
+#: Numbers of a list that are shown.
+SHOWN = 6
 #: A number as YAML means it: neither text nor true.
 Number = Annotated[float, Field(strict=True)]
+
+
+#: How other programs write a unit, as this one does.
+WRITTEN = str.maketrans({"·": "*", "²": "^2", "µ": "u", "μ": "u", "°": "deg"})
+#: A number and its unit in one text.
+WITH_UNIT = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S*)\s*")
+#: Context of a validation that takes plain numbers: of a model made in Python, not of a file's.
+IN_PYTHON: dict[str, Any] = {"in_python": True}
 
 
 class Strict(BaseModel):
     """Base of every config model: unknown keys are errors, values do not change."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+    def __init__(self, /, **data: Any) -> None:
+        self.__pydantic_validator__.validate_python(data, self_instance=self, context=IN_PYTHON)
+
+    # else pydantic would build what a file has by __init__ too, and take plain numbers there
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
 
 class Quantity(Strict):
@@ -75,6 +104,15 @@ class Quantity(Strict):
         if not all(math.isfinite(v) for v in self.numbers):
             raise ValueError(f"is {self.raw}; allowed: finite numbers")
         return self
+
+    def __repr__(self) -> str:
+        """With its unit and its origin, without its source."""
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        numbers = ", ".join(f"{value:g}" for value in self.numbers[:SHOWN])
+        more = f", … {len(self.numbers)}" if len(self.numbers) > SHOWN else ""
+        return f"{numbers}{more}{unit} ({self.origin})"
+
+    __str__ = __repr__
 
     @property
     def origin(self) -> Origin:
@@ -115,12 +153,15 @@ def must_be(
     above: float | None = None,
     least: float | None = None,
     most: float | None = None,
-) -> AfterValidator:
+) -> WrapValidator:
     """Annotation of a config key: its dimension, and limits in SI units."""
     units = UNITS[dimension]
     limits = ((above, gt, "greater than"), (least, ge, "at least"), (most, le, "at most"))
 
-    def check(quantity: Quantity) -> Quantity:
+    def check(value: Any, handler: ValidatorFunctionWrapHandler, info: ValidationInfo) -> Quantity:
+        if (info.context or {}).get("in_python"):
+            value = _in_python(value, units)
+        quantity: Quantity = handler(value)
         if quantity.unit not in units:
             article = "an" if dimension[0] in "aeiou" else "a"
             allowed = ", ".join(units)
@@ -140,4 +181,27 @@ def must_be(
                     raise ValueError(f"is {value:g}{unit}; allowed: {words} {shown:g}{unit}")
         return quantity
 
-    return AfterValidator(check)
+    return WrapValidator(check)
+
+
+def _in_python(value: Any, units: Mapping[str, float]) -> Any:
+    """A plain number in SI, or a text with its unit, as a file has it; all else as it is."""
+    value = value.item() if hasattr(value, "item") and not getattr(value, "ndim", 0) else value
+    value = value.tolist() if hasattr(value, "tolist") else value
+    unit = next(name for name, factor in units.items() if factor == 1.0)
+    if isinstance(value, str):
+        found = WITH_UNIT.fullmatch(value)
+        if found is None or not (found[2] or unit == "1"):
+            known = ", ".join(units)
+            raise ValueError(
+                f"is {value[:40]!r}; allowed: a number in {unit}, or a text with one and its "
+                f"unit: {known}"
+            )
+        value, unit = float(found[1]), found[2].translate(WRITTEN) or "1"
+    plain = isinstance(value, int | float) and not isinstance(value, bool)
+    if plain or (isinstance(value, list | tuple) and not any(isinstance(x, dict) for x in value)):
+        number = list(value) if isinstance(value, list | tuple) else value
+        return {"assumed": number, "unit": unit, "source": "in Python"}
+    if not isinstance(value, Quantity | dict):
+        raise ValueError(f"is a {type(value).__name__}; allowed: a number, or a text with its unit")
+    return value

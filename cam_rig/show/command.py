@@ -5,7 +5,6 @@ from __future__ import annotations
 import inspect
 import json
 import sys
-import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -17,9 +16,9 @@ import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from typer.core import TyperCommand
 
-from cam_rig.errors import INTERRUPTED, CamRigError, ConfigError, OutputError
+from cam_rig.errors import INTERRUPTED, CamRigError, ConfigError
 from cam_rig.extras import libraries_named, require, source_date
-from cam_rig.files import writing
+from cam_rig.files import check_place, writing
 from cam_rig.interrupts import raised
 from cam_rig.show.result import Progress as Steps
 from cam_rig.show.result import Result
@@ -119,22 +118,6 @@ def check_outputs(json_target: str | None, plot: Path | None, csv: Path | None =
             check_place(target)
 
 
-def check_place(target: Path) -> None:
-    """Refuse a place where no file can be written."""
-    if target.is_dir():
-        raise OutputError(f"{target}: is a folder; allowed: a file")
-    if target.exists() and not target.is_file():
-        raise OutputError(f"{target}: is a device; allowed: a file, or - for stdout")
-    nearest = next(parent for parent in target.absolute().parents if parent.exists())
-    try:  # who may write is not told by the folder's bits alone: try it
-        with tempfile.TemporaryFile(dir=nearest):
-            pass
-    except OSError as error:
-        raise OutputError(
-            f"{target}: cannot be written, {nearest} is no writable folder ({error.strerror})"
-        ) from None
-
-
 def check_recording(target: Path) -> None:
     """Refuse, before anything is computed, a Rerun recording that could not be written."""
     require("rerun")
@@ -155,30 +138,6 @@ def write_tables(result: Result, target: Path) -> None:
             part.write_text(table.to_csv(), encoding="utf-8")
     if beside:
         say(f"csv: {target}; further tables: {', '.join(map(str, beside))}")
-
-
-def write_new(folder: Path, texts: dict[str, str]) -> None:
-    """Write files into a folder, none over another."""
-    for name in texts:
-        require_new(folder / name)
-    for name, text in texts.items():
-        with writing(folder / name) as part:
-            part.write_text(text, encoding="utf-8")
-
-
-def require_new_yaml(out: Path | None) -> None:
-    """Refuse, before anything is computed, an ``--out`` that is no new YAML file."""
-    if out is not None:
-        if out.suffix != ".yaml":
-            raise ConfigError(f"--out: is {out}; allowed: a name that ends in .yaml")
-        require_new(out)
-
-
-def require_new(target: Path) -> None:
-    """Refuse a file that is there already, or a place that cannot be written."""
-    if target.exists():
-        raise OutputError(f"{target}: exists already, not overwriting; name another or move it")
-    check_place(target)
 
 
 def say_assumed(assumed: Iterable[str]) -> None:
@@ -328,6 +287,7 @@ def give_out(
         return
     show(*result.to_show())
     say(*result.summary())
+    say_assumed(result.assumed)
     if csv is not None:
         write_tables(result, csv)
     if plot is not None:

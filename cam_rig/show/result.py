@@ -284,6 +284,8 @@ class Result:
     #: Whether it ended before all was found, and 0, or with which code a command ends.
     interrupted: bool = False
     exit_code: int = 0
+    #: What a file that was written of it says though nobody measured it, a sentence each.
+    assumed: tuple[str, ...] = ()
 
     def tables(self) -> list[Records]:
         """Its tables, the one that was asked for first."""

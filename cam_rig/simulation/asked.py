@@ -1,80 +1,127 @@
-"""What a study is asked for: cams, named or of a scene, the rig they turn on, speeds."""
+"""The cams that a study is asked for, and the rig they turn on: named, given, or those of a scene.
+
+The functions of ``import cam_rig`` and the commands of their names ask alike.
+"""
 
 from __future__ import annotations
 
 import math
+import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+import numpy as np
 
 from cam_rig.errors import ConfigError
-from cam_rig.schema.load import cam_path, one_scene, rig_beside, rig_path, scene_path, tables_path
-from cam_rig.show.terminal import say
+from cam_rig.laws.cam import CamSet, cam_set
+from cam_rig.schema import CamConfig, RigConfig, load_cam, load_rig, load_scene, load_tables
+from cam_rig.schema.load import (
+    cam_path,
+    config_root,
+    named_path,
+    one_scene,
+    rig_beside,
+    rig_path,
+    tables_path,
+)
+from cam_rig.simulation.scene import LoadedScene, open_scene, speeds_of, spread
+from cam_rig.units import FloatArray
 
-if TYPE_CHECKING:
-    from cam_rig.laws.cam import CamSet
-    from cam_rig.simulation.scene import LoadedScene
+#: A cam, or several: names in ``config/cams``, paths or cams; or one scene, for its cams on its
+#: rig; None is for those of the paper's Table 2.
+Cams = str | Path | CamConfig | Sequence[str | Path | CamConfig] | None
+#: A rig: a name in ``config/rigs``, a path or a rig; None is the scene's, or the only one beside
+#: the cams, else paper_table2.
+Rig = str | Path | RigConfig | None
+#: A scene: a name in ``config/scenes``, a path, or what `load_scene` gave.
+Scene = str | Path | LoadedScene
+#: A speed, or several, rpm.
+Speeds = float | Sequence[float] | FloatArray
 
 #: Rigs that are named, at most.
 MOST_NAMED = 5
 #: The rig of cams that are named without one.
 RIG = "paper_table2"
-#: Speeds at most: minutes.
+#: Speeds at most: a table that nobody reads, minutes.
 MAX_SPEEDS = 1000
 
 
-def asked_cams(names: list[str] | None, rig: str | None) -> CamSet:
-    """Cams on a rig by file or name (None: Table 2 on `RIG`, or beside them), or a scene's."""
-    from cam_rig.laws.cam import CamSet, open_cam_set
-    from cam_rig.schema import load_tables
-
-    if (scene := one_scene(names)) is not None:
+def asked_cams(cams: Cams = None, rig: Rig = None) -> CamSet:
+    """Cams on a rig, each given or by file or name (None: Table 2), or those of one scene."""
+    asked = listed(cams)
+    if (scene := one_scene(asked)) is not None:
         loaded = asked_scene(scene, rig)
         return CamSet(loaded.cams, loaded.laws, loaded.rig)
-    cams = names or list(load_tables(tables_path()).table_2_jump)
-    file = rig_path(rig) if rig else _rig_beside([cam_path(cam) for cam in cams])
-    return open_cam_set(map(cam_path, cams), file)
+    named = named_cams(asked)
+    files = [where for where, _ in named if isinstance(where, Path)]
+    return cam_set(named, asked_rig(_rig_beside(files) if rig is None else rig))
+
+
+def listed(cams: Cams) -> list[str | Path | CamConfig]:
+    """One cam or several as a list."""
+    return [cams] if isinstance(cams, str | Path | CamConfig) else list(cams or ())
+
+
+def named_cams(cams: Sequence[str | Path | CamConfig]) -> list[tuple[Path | str, CamConfig]]:
+    """Cams, each with its file, or its name where it is given; of none those of Table 2."""
+    if not cams:
+        cams = list(load_tables(tables_path()).table_2_jump)
+    found: list[tuple[Path | str, CamConfig]] = []
+    for one in cams:
+        if isinstance(one, CamConfig):
+            found.append((one.name, one))
+        else:
+            found.append((cam_path(one), load_cam(cam_path(one))))
+    return found
+
+
+def asked_rig(rig: str | Path | RigConfig) -> RigConfig:
+    """A rig that is given, or by file or name."""
+    return rig if isinstance(rig, RigConfig) else load_rig(rig_path(rig))
 
 
 def _rig_beside(cams: list[Path]) -> Path:
     """The only rig beside cams of one's own, else `RIG`; which one it is, and why, is said."""
-    from cam_rig.schema.load import config_root
-
     own = [cam for cam in cams if not cam.resolve().is_relative_to(config_root().resolve())]
     if not own:
         return rig_path(RIG)
     folders = sorted({cam.parent.parent / "rigs" for cam in own})
     found = [file for folder in folders for file in sorted(folder.glob("*.yaml"))]
     if len(found) == 1:
-        say(f"rig {found[0]}, the only one beside the cam; --rig takes another")
+        _say(f"rig {found[0]}, the only one beside the cam; --rig takes another")
         return found[0]
     there = ", ".join(map(str, found[:MOST_NAMED])) or "no rig"
-    say(f"rig {RIG}, the paper's: beside the cam there is {there}; --rig takes another")
+    _say(f"rig {RIG}, the paper's: beside the cam there is {there}; --rig takes another")
     return rig_path(RIG)
 
 
-def asked_scene(scene: str, rig: str | None) -> LoadedScene:
-    """A scene by file or name, on its rig, or another by file, or name beside it or in config."""
-    from cam_rig.schema import load_rig
-    from cam_rig.simulation.scene import open_scene
+def _say(words: str) -> None:
+    print(words, file=sys.stderr)  # the terminal's own needs a library that the core has not
 
-    path = scene_path(scene)
-    loaded = open_scene(path)
+
+def asked_scene(scene: Scene, rig: Rig = None) -> LoadedScene:
+    """A scene on its rig, or on another that is given, or by file, or name beside it or shipped."""
+    loaded = scene if isinstance(scene, LoadedScene) else open_scene(named_path("scenes", scene))
     if rig is None:
         return loaded
-    file = rig_beside(rig, path)
+    if isinstance(rig, RigConfig):
+        return replace(loaded, rig=rig)
+    file = rig_beside(rig, loaded.scene_file)
     return replace(loaded, rig=load_rig(file), rig_file=file)
 
 
-def scene_speeds(scene: str, most: int) -> list[float]:
+def asked_speeds(rpm: Speeds) -> list[float]:
+    """Speeds, rpm."""
+    return [float(one) for one in np.atleast_1d(np.asarray(rpm, dtype=np.float64)).ravel()]
+
+
+def scene_speeds(scene: str | Path, most: int) -> list[float]:
     """So many of a scene's speeds (rpm) at most, the slowest and the fastest among them."""
-    from cam_rig.schema import load_scene
-    from cam_rig.simulation.scene import speeds_of, spread
-
-    return spread(speeds_of(load_scene(scene_path(scene))), most)
+    return spread(speeds_of(load_scene(named_path("scenes", scene))), most)
 
 
-def speeds_asked(text: str) -> list[float]:
+def speeds_in(text: str) -> list[float]:
     """Speeds in rpm of "300", "200,300" or "200:400:10", the last one included."""
     try:
         if ":" in text:

@@ -10,8 +10,8 @@ from typing import Annotated
 import typer
 
 from cam_rig.errors import ConfigError
-from cam_rig.files import writing
-from cam_rig.show.command import DEFAULT_SCENE, OtherRig, Scene, check_place, command
+from cam_rig.files import check_place, writing
+from cam_rig.show.command import DEFAULT_SCENE, OtherRig, Scene, command
 from cam_rig.show.result import Progress, Result
 from cam_rig.show.terminal import say
 
@@ -81,6 +81,8 @@ def simulate(scene: Scene = DEFAULT_SCENE, *, progress: Progress) -> Result:
 
     A row has level, peak and least force, lift-offs a turn, longest flight, hardest landing, and
     torque, of the settled turns.
+
+    In Python: cam_rig.run_scene(scene)
 
     Examples
     --------

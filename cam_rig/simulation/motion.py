@@ -142,7 +142,7 @@ def simulate(
     >>> [event.kind for event in motion.events][:2]
     ['lift-off', 'landing']
     """
-    scene = _scene(rig, model, rpm, turns, sample_rate, ramp)
+    scene = scene_of("simulate", [CAM], rig, model, [rpm], turns, 0, sample_rate, ramp)
     _require_room(rpm, turns, sample_rate)
     chosen = MODELS[scene.model]
     simulator = FollowerSimulator(chosen, chosen.parameters(rig), sample_rate, {CAM: law})
@@ -166,32 +166,40 @@ def _require_room(rpm: float, turns: int, sample_rate: int) -> None:
         )
 
 
-def _scene(
-    rig: RigConfig, model: str, rpm: float, turns: int, sample_rate: int, ramp: float | None
+def scene_of(
+    function: str,
+    cams: list[str],
+    rig: RigConfig,
+    model: str,
+    rpm: list[float],
+    turns: float,
+    settle_turns: float,
+    sample_rate: int,
+    ramp: float | None,
 ) -> SceneConfig:
-    """The arguments as a scene of one cam and one speed, checked like a scene's file."""
+    """A function's arguments as a scene, checked like a scene's file."""
+
+    def number(value: object, unit: str) -> dict[str, object]:
+        return {"assumed": value, "unit": unit, "source": f"argument of {function}"}
+
     program: dict[str, Any] = {
-        "speeds": _number([rpm], "rpm"),
-        "turns": _number(turns, "turns"),
-        "settle_turns": _number(0, "turns"),
+        "speeds": number(rpm, "rpm"),
+        "turns": number(turns, "turns"),
+        "settle_turns": number(settle_turns, "turns"),
     }
     if ramp is not None:
-        program["ramp"] = _number(ramp, "s")
+        program["ramp"] = number(ramp, "s")
     data = {
-        "name": CAM,
-        "title": CAM,
-        "cams": [CAM],
+        "name": function,
+        "title": ", ".join(cams),
+        "cams": cams,
         "rig": rig.name,
         "model": model,
-        "sample_rate": _number(sample_rate, "Hz"),
+        "sample_rate": number(sample_rate, "Hz"),
         "program": program,
     }
     try:
         return SceneConfig.model_validate(data)
     except ValidationError as error:
         words = explain(error, SceneConfig).replace("program.speeds", "rpm")
-        raise ConfigError(f"simulate: {words.replace('program.', '')}") from None
-
-
-def _number(value: object, unit: str) -> dict[str, object]:
-    return {"assumed": value, "unit": unit, "source": "argument of simulate"}
+        raise ConfigError(f"{function}: {words.replace('program.', '')}") from None

@@ -184,6 +184,12 @@ class LoadedScene:
     cam_files: dict[str, Path]
     published_file: Path | None
 
+    def __repr__(self) -> str:
+        """Cams, rig and model, without their numbers."""
+        speeds = ", ".join(f"{rpm:g}" for rpm in spread(speeds_of(self.scene), FORCE_SPEEDS))
+        what = f"{', '.join(self.laws)} on {self.rig.name}, {self.scene.model}"
+        return f"LoadedScene({self.scene.name}: {what}, {speeds} rpm)"
+
     @property
     def titles(self) -> dict[str, str]:
         """What the mounted cams are called."""

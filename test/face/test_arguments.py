@@ -9,7 +9,16 @@ import numpy as np
 import pytest
 
 import cam_rig
-from cam_rig.errors import BagError, ConfigError, DynamicsError, LawError
+from cam_rig.errors import (
+    BagError,
+    ConfigError,
+    DesignError,
+    DynamicsError,
+    LawError,
+    MissingLibraryError,
+    OutputError,
+)
+from cam_rig.show.result import SILENT
 
 CAM, RIG = cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2")
 LAW = cam_rig.build_law(CAM)
@@ -113,6 +122,13 @@ WRONG = [
     *(object(), object, math),
 ]
 FUNCTIONS = [name for name in cam_rig.__all__ if name[0].islower()]
+#: What computes for many seconds: it is left out, after the arguments were looked at.
+LONG = {
+    "factorial": ["cam_rig.paper.factorial.study.run_factorial"],
+    "noise": ["cam_rig.paper.noise.study.study_noise"],
+    "readings": [f"cam_rig.paper.readings.study.{one}" for one in ("read_all", "search_anew")],
+    "jump": ["cam_rig.paper.jump.refit.refit_rig"],
+}
 GOLDEN = str(Path(__file__).parents[2] / "bags" / "golden")
 
 
@@ -120,7 +136,15 @@ GOLDEN = str(Path(__file__).parents[2] / "bags" / "golden")
 def right(tmp_path_factory):
     """Arguments of every function that are right, and cheap."""
     motion = cam_rig.simulate(LAW, RIG, rpm=450, turns=2)
-    points = {"points": 1, "seed": 1, "executor": None}
+    points, told = {"points": 1, "seed": 1, "executor": None}, {"progress": SILENT}
+    folder = tmp_path_factory.mktemp("measured")
+    angle = np.arange(0.0, 360.0, 5.0)
+    lifts = np.column_stack([angle, 1e3 * LAW(np.radians(angle))])
+    head = "angle [deg],lift [mm]"
+    np.savetxt(folder / "lifts.csv", lifts, delimiter=",", header=head, comments="")
+    jumps = ["preload [N],jump speed [rpm]", "20,344.9", "30.6,413.4", "45,417.2"]
+    (folder / "jumps.csv").write_text("\n".join(jumps), encoding="utf-8")
+    one = {"cams": "poly345", "rig": "tm21"}
     made = {
         "Law": {
             "name": "own",
@@ -129,27 +153,58 @@ def right(tmp_path_factory):
             "repeats": True,
             "known": None,
         },
+        "as_cut": one | {"scene": "quick", "base": 0.05, "roller": 0.005} | told,
         "build_law": {"cam": CAM},
         "campaign": {"study": "tolerance_poly345", "resume": False, "workers": 1, **points},
-        "compare_run": {"bag": GOLDEN, "scene": "quick", "cam": "tm21"}
+        "check_contours": {"cams": "poly345", "every": False},
+        "compare": {"bag": GOLDEN, "scene": "quick", "cam": "tm21"}
         | dict.fromkeys(("topics", "namespace", "offset_deg")),
+        "contact": one | {"rpm": 200.0, "pressure_angle": None},
         "contour": {"cam": CAM, "points": 36},
         "design": {"cam": CAM, "rig": RIG, "minimise": "peak_acceleration", "maximise": None}
         | {"limits": (), "pieces": 6, "joints": 1, "degree": None, "starts": 1, "seed": 1}
-        | {"keep": ("dwells", "events", "lift")},
+        | {"keep": ("dwells", "events", "lift"), "pareto": None, "points": 3},
+        "factorial": {"study": "continuity", "executor": None} | told,
+        "fit_cam": {"tables": folder / "lifts.csv", "shape": "spline", "reverse": False}
+        | dict.fromkeys(("follower", "column", "tolerance", "flank", "out"))
+        | dict.fromkeys(("roller_radius", "base_radius")),
+        "fit_rig": {"source": folder / "jumps.csv", "cam": "poly345", "rig": "tm21"}
+        | {"given": {"damping": 8.6, "spring_stiffness": 4030.0}}
+        | dict.fromkeys(("topics", "one_cam", "namespace", "model", "tolerance", "out"))
+        | told,
+        "jump": one | {"from_rest": 0.5, "steady": False, "ramp": None, "refit": False} | told,
         "jump_speed": {"law": LAW, "rig": RIG, "duration": 0.5},
         "largest_waviness": {"study": "tolerance_poly345", "wavelengths": [0.31], **points},
+        "law": {"names": "poly345", "rises": False},
+        "list_laws": {"family": "start"},
         "load_cam": {"cam": "poly345"},
         "load_rig": {"rig": "tm21"},
         "load_scene": {"scene": "quick"},
+        "noise": {"scene": "quick", "rig": RIG, "one_rig": False} | told,
+        "orders": {"source": "poly345", "rpm": 300.0, "cam": None, "rig": "tm21"}
+        | {"model": "one_mass", "orders": 5}
+        | told,
         "read_bag": {"bag": GOLDEN, "scene": None},
+        "readings": {"search": None, "with_times": False, "nearby": False}
+        | {"generations": 1, "seed": 1}
+        | told,
         "run_scene": {"scene": "quick", "on_tick": lambda: None},
         "simulate": {"law": LAW, "rig": RIG, "model": "one_mass", "rpm": 450, "turns": 1}
         | {"sample_rate": 48_000, "ramp": None},
         "sound_level": {"motion": motion, "settle_turns": 1},
+        "sweep": one
+        | {"rpm": [300.0], "model": "one_mass", "turns": 2, "settle_turns": 1}
+        | {"sample_rate": 1000, "ramp": None}
+        | told,
+        "timing": {"cams": "poly345"},
+        "vibration": one | {"rpm": 300.0} | told,
     }
     made["campaign"]["out"] = tmp_path_factory.mktemp("out") / "campaign"
     return made
+
+
+#: What is no argument's fault alone: a file that is not there, a place, a design without a law.
+OF_FILES = BagError | OutputError | DesignError | MissingLibraryError
 
 
 def refuses_in_one_line(function, arguments):
@@ -159,6 +214,7 @@ def refuses_in_one_line(function, arguments):
     except cam_rig.CamRigError as error:
         assert "\n" not in str(error)
         assert 0 < len(str(error)) < 12_000  # a path of 5000 characters is named
+        assert isinstance(error, ValueError | OF_FILES)
 
 
 @pytest.mark.variants(2)
@@ -167,12 +223,49 @@ def test_only_errors_of_the_rig_come_out(right, name, monkeypatch, tmp_path):
     here = tmp_path / "a" / "b"  # some of the wrong values are places that can be written
     here.mkdir(parents=True)
     monkeypatch.chdir(here)
+    for long in LONG.get(name, ()):
+        monkeypatch.setattr(long, lambda *_arguments, **_named: None)
     function = getattr(cam_rig, name)
     parameters = signature(function).parameters
     assert set(right[name]) == set(parameters)
     for argument in right[name]:
         for value in (one for one in WRONG if one is not parameters[argument].default):
             refuses_in_one_line(function, right[name] | {argument: value})
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_another_type_is_a_type_error_and_nan_a_value_error(right, name):
+    """As Python's users expect, beside the rig's own; so it is in each argument."""
+    function, given = getattr(cam_rig, name), right[name]
+    for argument, value in given.items():
+        with pytest.raises(TypeError) as refused:
+            function(**given | {argument: object()})
+        assert isinstance(refused.value, cam_rig.CamRigError)
+        if isinstance(value, float):
+            with pytest.raises(ValueError, match=f"{argument}: is nan"):
+                function(**given | {argument: math.nan})
+
+
+@pytest.mark.parametrize("make", [cam_rig.Cam, cam_rig.Rig])
+def test_a_cam_or_a_rig_of_wrong_things(make, tmp_path, monkeypatch):
+    """Made, changed, saved, or asked for its linear model."""
+    monkeypatch.chdir(tmp_path)
+    base = CAM if make is cam_rig.Cam else RIG
+    sections = dict(base)
+    calls = [partial(partial, make, **sections), partial(partial, base.replace), base.save]
+    for name in sections:
+        for value in WRONG:
+            for call in calls[:2]:
+                refuses_in_one_line(call(**{name: value}), {})
+    for value in WRONG:
+        refuses_in_one_line(partial(base.save, value), {})
+        if make is cam_rig.Rig:
+            refuses_in_one_line(partial(base.frequency_response, value), {})
+            refuses_in_one_line(partial(base.state_space, value), {})
+            for number in ("mass", "spring", "roller_share"):
+                own = {"mass": 1.0, "spring": 1.0, "preload": 1.0} | {number: value}
+                refuses_in_one_line(partial(make, **own), {})
+                refuses_in_one_line(partial(base.replace, **{number: value}), {})
 
 
 @pytest.mark.parametrize("every", [4, pytest.param(1, marks=pytest.mark.long)])

@@ -40,7 +40,8 @@ class ArcsFit(Result):
 
     ``best``: the contour that is taken; ``curved``: the best of any flank, which may be ``best``;
     ``others``: every other reading of the columns, likeliest first; ``without_radii``: the best
-    contour of other radii than those that were both given; ``notes``: how the readings were read.
+    contour of other radii than those that were both given; ``notes``: how the readings were read;
+    ``assumed``: what no reading tells of a file that was written.
     """
 
     schema = "cam_rig.fit_arcs.1"
@@ -92,6 +93,7 @@ class ArcsFit(Result):
     others: tuple[Profile, ...]
     without_radii: Profile | None = None
     notes: tuple[str, ...] = ()
+    assumed: tuple[str, ...] = ()
 
     @property
     def arcs(self) -> Arcs:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from cam_rig.show.command import Rig, command, require_new_yaml, say_assumed, write_new
+from cam_rig.files import write_new
+from cam_rig.show.command import Rig, command, say_assumed
 from cam_rig.show.result import Result
 from cam_rig.show.terminal import say, show
 
@@ -70,6 +71,10 @@ def _kinds(follower: list[OwnFollower] | None) -> tuple[Any, ...]:
     return tuple(one.value for one in follower or ())
 
 
+def _metres(millimetres: float | None) -> float | None:
+    return None if millimetres is None else 1e-3 * millimetres
+
+
 @command("json", "csv", "plot")
 def fit_cam(
     tables: Tables,
@@ -90,22 +95,29 @@ def fit_cam(
     not followed. Arcs take all columns and files at once, and say which was read with a flat
     follower.
 
+    In Python: cam_rig.fit_cam(tables, shape, follower, column, tolerance, …, out)
+
     Examples
     --------
     cam-rig fit cam lifts.csv --tolerance 0.005 --plot out/fit.png
 
     cam-rig fit cam gl110.csv --shape arcs --out mine/cams/gl110.yaml
     """
-    from cam_rig.measured.cam_fit.request import FitRequest
+    from cam_rig.measured.cam_fit import request
 
-    require_new_yaml(out)
-    radii, kinds = (roller_radius, base_radius), _kinds(follower)
-    request = FitRequest(shape, kinds, column, tolerance, reverse, *radii, flank)
-    found = request.run(tables)
+    found = request.fit_cam(
+        tables,
+        shape=shape,
+        follower=_kinds(follower),
+        column=column,
+        tolerance=_metres(tolerance),
+        reverse=reverse,
+        roller_radius=_metres(roller_radius),
+        base_radius=_metres(base_radius),
+        flank=flank,
+        out=out,
+    )
     if out is not None:
-        files = request.files(found, out.stem)
-        write_new(out.parent, files.texts)
-        say_assumed(files.assumed)
         say(f"cam: {out}")
     return found
 
@@ -143,8 +155,9 @@ def new(
     """
     from cam_rig.measured.cam_fit.request import FitRequest
 
-    radii, kinds = (roller_radius, base_radius), _kinds(follower)
-    request = FitRequest(shape, kinds, column, tolerance, reverse, *radii, flank, True)
+    radii, kinds = (_metres(roller_radius), _metres(base_radius)), _kinds(follower)
+    error = _metres(tolerance)
+    request = FitRequest(shape, kinds, column, error, reverse, *radii, flank, True)
     _write_scene(name, request, from_csv, folder or Path(name), rig)
 
 

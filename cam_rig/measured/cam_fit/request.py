@@ -1,12 +1,15 @@
-"""Readings to a fit, and a fit to files, as ``cam-rig fit cam`` and ``cam-rig new`` are asked."""
+"""Readings to a fit, and a fit to files, as `fit_cam` and ``cam-rig new`` are asked."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
+from cam_rig.arguments import checked
 from cam_rig.errors import ConfigError
+from cam_rig.files import require_new_yaml, write_new
 from cam_rig.measured.cam_fit.arcs import FollowerKind
 from cam_rig.measured.cam_fit.arcs_fit import fit_arcs
 from cam_rig.measured.cam_fit.arcs_result import ArcsFit, Flank, Known
@@ -28,7 +31,7 @@ FOLLOWERS: tuple[FollowerKind, ...] = ("roller", "point", "flat")
 
 @dataclass(frozen=True)
 class FitRequest:
-    """What is asked of a fit; lengths in mm.
+    """What is asked of a fit; lengths in m.
 
     ``ask_nothing`` takes the first column for a spline where there are several, and says so.
     """
@@ -58,7 +61,7 @@ class FitRequest:
             notes += [f"{one.name}: {note}" for note in (*one.notes, *gap_note(one, arcs))]
         if arcs:
             return replace(self._arcs(readings), notes=tuple(notes))
-        return replace(fit_spline(readings[0], _metres(self.tolerance)), notes=tuple(notes))
+        return replace(fit_spline(readings[0], self.tolerance), notes=tuple(notes))
 
     def files(self, found: SplineFit | ArcsFit, name: str) -> CamFiles:
         """A fit as a cam of the rig; its follower is as asked, else the roller if there is one."""
@@ -68,7 +71,7 @@ class FitRequest:
             there = [column.kind for column in found.fitted_columns]
             likely = next(one for one in FOLLOWERS if one in there)
             return arcs_cam(name, found, kind or likely)
-        radii = _metres(self.base_radius), _metres(self.roller_radius)
+        radii = self.base_radius, self.roller_radius
         return spline_cam(name, found, kind or "roller", *radii)
 
     def _require_apart(self, files: int) -> None:
@@ -97,10 +100,10 @@ class FitRequest:
     def _arcs(self, readings: list[Readings]) -> ArcsFit:
         columns = tuple(above_zero(one) for one in readings)
         lift = max(float(one.lifts.max()) for one in columns)
-        roller = 0.5 * lift if self.roller_radius is None else 1e-3 * self.roller_radius
+        roller = 0.5 * lift if self.roller_radius is None else self.roller_radius
         if "point" in self.followers:
             roller = 0.0
-        base = 3.0 * lift if self.base_radius is None else 1e-3 * self.base_radius
+        base = 3.0 * lift if self.base_radius is None else self.base_radius
         known = self._known(roller)
         found = fit_arcs(columns, self._kinds(len(columns)), roller, base, known, self.flank)
         if known != "base" or found.only_flat:
@@ -132,5 +135,64 @@ class FitRequest:
         return (None,) * columns
 
 
-def _metres(millimetres: float | None) -> float | None:
-    return None if millimetres is None else 1e-3 * millimetres
+@checked
+def fit_cam(
+    tables: str | Path | Sequence[str | Path],
+    *,
+    shape: Literal["spline", "arcs"] = "spline",
+    follower: FollowerKind | Sequence[FollowerKind] | None = None,
+    column: str | None = None,
+    tolerance: float | None = None,
+    reverse: bool = False,
+    roller_radius: float | None = None,
+    base_radius: float | None = None,
+    flank: Flank = None,
+    out: str | Path | None = None,
+) -> SplineFit | ArcsFit:
+    r"""A cam from gauge readings: a spline with exact dwells, or one contour of tangent arcs.
+
+    Parameters
+    ----------
+    tables : a file of cam angles and readings, of arcs several
+    shape : ``spline`` or ``arcs``
+    follower : ``roller``, ``flat`` or ``point``, or one for each column of arcs; None: a roller,
+        of arcs as it is found
+    column : heading of the column of lifts, the only one that is read
+    tolerance : error of the gauge, m; None: the scatter of the readings
+    reverse : the cam was turned the other way
+    roller_radius, base_radius : m; None: assumed
+    flank : ``straight`` or ``curved``, of arcs that are known
+    out : a new .yaml file for `load_cam`; ``assumed`` says what of it no reading tells
+
+    Raises
+    ------
+    ConfigError : a table that cannot be read, or arguments that do not go together
+    LawError, OutputError : no law goes through the readings; ``out`` is there already
+
+    Examples
+    --------
+    >>> import tempfile, cam_rig
+    >>> table = "angle [deg],lift [mm]\n" + "".join(f"{5 * i},{i % 36}\n" for i in range(72))
+    >>> with tempfile.NamedTemporaryFile("w", suffix=".csv") as file:
+    ...     _ = file.write(table), file.flush()
+    ...     found = cam_rig.fit_cam(file.name, tolerance=1e-3)
+    >>> round(found.smoothed.rms, 6)  # m
+    0.001
+    """
+    target = None if out is None else Path(out)
+    require_new_yaml(target)
+    files = [tables] if isinstance(tables, str | Path) else tables
+    if not files:
+        raise ConfigError("tables: is an empty list; allowed: a file, of arcs several")
+    kinds = (follower,) if isinstance(follower, str) else tuple(follower or ())
+    for name, length in (("roller_radius", roller_radius), ("base_radius", base_radius)):
+        if length is not None and length < 0.0:
+            raise ConfigError(f"{name}: is {length:g} m; allowed: at least 0 m")
+    radii = roller_radius, base_radius
+    request = FitRequest(shape, kinds, column, tolerance, reverse, *radii, flank)
+    found = request.run([Path(file) for file in files])
+    if target is None:
+        return found
+    written = request.files(found, target.stem)
+    write_new(target.parent, written.texts)
+    return replace(found, assumed=written.assumed)

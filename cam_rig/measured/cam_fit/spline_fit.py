@@ -44,7 +44,8 @@ class SplineFit(Result):
     readings about a smooth law, by themselves; ``asked``: the gauge's error as it was given;
     ``tolerance``: r.m.s. distance that the spline was allowed; ``widened``: whether that had to be
     more than was asked for, or than the scatter: nearer, the spline would need nearly a knot a
-    reading; ``notes``: how the readings were read.
+    reading; ``notes``: how the readings were read; ``assumed``: what no reading tells of a
+    file that was written.
     """
 
     schema = "cam_rig.fit_spline.1"
@@ -101,6 +102,7 @@ class SplineFit(Result):
     smoothed: Smoothed
     law: Law
     notes: tuple[str, ...] = ()
+    assumed: tuple[str, ...] = ()
 
     @property
     def scatter_error(self) -> float:

@@ -54,6 +54,8 @@ def compare(
     are compared. In --topics, "-" before a topic turns the sign, and "@bag" behind an item takes
     the bag's time.
 
+    In Python: cam_rig.compare(bag, scene, topics, cam, namespace, offset_deg)
+
     Examples
     --------
     cam-rig compare bags/golden quick --plot out/compare.png
@@ -62,13 +64,11 @@ def compare(
 
     cam-rig compare two_rigs.mcap quick --namespace /rig2 --cam tm21 --save out/compare.rrd
     """
-    from cam_rig.measured.real_run.run import compare_run
-    from cam_rig.schema.load import scene_path
+    from cam_rig.measured.real_run import run
 
     if save is not None:
         check_recording(save)
-    path, rig = scene_path(scene), namespace
-    found = compare_run(bag, path, topics=topics, cam=cam, namespace=rig, offset_deg=offset)
+    found = run.compare(bag, scene, topics=topics, cam=cam, namespace=namespace, offset_deg=offset)
     if save is not None:
         from cam_rig.measured.real_run.chart import save_real_run
 

@@ -143,7 +143,7 @@ class RunComparison(Result):
 
 
 @checked
-def compare_run(
+def compare(
     bag: str | Path,
     scene: str | Path | LoadedScene,
     *,
@@ -172,7 +172,7 @@ def compare_run(
     Examples
     --------
     >>> import cam_rig
-    >>> found = cam_rig.compare_run("bags/golden", "quick", cam="tm21")
+    >>> found = cam_rig.compare("bags/golden", "quick", cam="tm21")
     >>> found.conclusions[1]
     'The force is that of the model, to rounding, at every speed.'
     """

@@ -87,7 +87,7 @@ class JumpFit(Result):
 
     ``speeds`` (rpm) are those of the numbers found, in the readings' order; ``error`` (rpm) one
     standard deviation of a reading, given or by what is left; ``free`` is how many readings there
-    are more than numbers sought.
+    are more than numbers sought; ``assumed`` is what a written file has of another rig.
     """
 
     schema = "cam_rig.fit_jumps.1"
@@ -128,6 +128,7 @@ class JumpFit(Result):
     error: float
     error_given: bool
     free: int
+    assumed: tuple[str, ...] = ()
 
     @property
     def identified(self) -> tuple[FoundNumber, ...]:

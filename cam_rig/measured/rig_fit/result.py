@@ -84,7 +84,8 @@ class RigFit(Result):
 
     ``correlation`` ``(n, n)`` is of the numbers that were identified, in their order; ``model`` is
     one_mass or two_mass; ``alike`` as in `Uncertainty`; ``left_out`` are speeds (rpm) whose
-    motion told nothing but perhaps the restitution.
+    motion told nothing but perhaps the restitution; ``assumed`` is what a written file has of
+    another rig.
     """
 
     schema = "cam_rig.fit_rig.1"
@@ -129,6 +130,7 @@ class RigFit(Result):
     solution: FitSolution
     alike: tuple[float, float]
     left_out: tuple[float, ...]
+    assumed: tuple[str, ...] = ()
 
     @property
     def law(self) -> Law:

@@ -30,24 +30,15 @@ def as_cut(
     beside its guide and stands above s. Its lift, jump speed and noise beside those of s itself.
     The scene gives the follower, sound and speeds of the noise. The plot shows the first cam.
 
+    In Python: cam_rig.as_cut(cams, rig, scene, base, roller)
+
     Examples
     --------
     cam-rig as-cut
 
     cam-rig as-cut bezier15 --base 80 --roller 20 --plot out/as_cut.png
     """
-    from cam_rig.errors import ConfigError
-    from cam_rig.laws.cam import open_cam_set
-    from cam_rig.paper.as_cut.study import CutBench, cut_all
-    from cam_rig.schema import load_tables
-    from cam_rig.schema.load import cam_path, rig_path, scene_path, tables_path
-    from cam_rig.simulation.scene import open_scene
+    from cam_rig.paper.as_cut import study
 
-    for option, value in (("--base", base), ("--roller", roller)):
-        if value is not None and not value > 0.0:
-            raise ConfigError(f"{option}: is {value:g} mm; allowed: greater than 0 mm")
-    names = cams or list(load_tables(tables_path()).table_2_jump)
-    cam_set = open_cam_set(map(cam_path, names), rig_path(rig))
-    bench = CutBench.of(cam_set.rig, open_scene(scene_path(scene)))
     base_m, roller_m = (None if mm is None else 1e-3 * mm for mm in (base, roller))
-    return cut_all(cam_set, bench, base_m, roller_m, progress)
+    return study.as_cut(cams, rig, scene, base=base_m, roller=roller_m, progress=progress)

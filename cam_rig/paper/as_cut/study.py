@@ -6,16 +6,18 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import product
 from operator import attrgetter
+from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 
+from cam_rig.arguments import checked
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.dynamics.jump.jump_speed import FROM_REST
 from cam_rig.dynamics.jump.search import sought_speed
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
-from cam_rig.laws.cam import CamSet
+from cam_rig.laws.cam import CamSet, cam_set
 from cam_rig.laws.law import Extreme, extremes
 from cam_rig.paper.as_cut.cut_for_point import followed_law
 from cam_rig.profile.contact import greatest_between
@@ -23,6 +25,7 @@ from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.cam import Roller
 from cam_rig.show.result import SILENT, Column, Progress, Records, Result
 from cam_rig.show.tables import number
+from cam_rig.simulation.asked import Cams, Scene, asked_rig, asked_scene, listed, named_cams
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.simulate import Acoustics, settled_turns
 from cam_rig.units import RPM, FloatArray
@@ -189,7 +192,7 @@ def radii(cam: CamConfig) -> tuple[float, float]:
     return cam.follower.base_radius.si, cam.follower.roller
 
 
-def as_cut(cam: str, drawn: DrawnCam, bench: CutBench, base_radius: float, roller: float) -> AsCut:
+def cut_at(cam: str, drawn: DrawnCam, bench: CutBench, base_radius: float, roller: float) -> AsCut:
     """Cut a cam as drawn for a point, and drive it with a roller."""
     found = followed_law(drawn.law, base_radius, roller)
     cut = DrawnCam.run(found.law, bench)
@@ -199,19 +202,60 @@ def as_cut(cam: str, drawn: DrawnCam, bench: CutBench, base_radius: float, rolle
 
 
 def cut_all(
-    cam_set: CamSet,
+    chosen: CamSet,
     bench: CutBench,
     base: float | None = None,
     roller: float | None = None,
     progress: Progress = SILENT,
 ) -> AsCutResult:
     """Each cam at its own radii, or at those (m) that are given."""
-    own = {cam: radii(config) for cam, config in cam_set.cams.items()}
+    own = {cam: radii(config) for cam, config in chosen.cams.items()}
     rows = []
     for cam in progress.over(own):
         sizes = [a if b is None else b for a, b in zip(own[cam], (base, roller), strict=True)]
-        rows.append(as_cut(cam, DrawnCam.run(cam_set.laws[cam], bench), bench, *sizes))
-    return AsCutResult(tuple(rows), bench.speeds, cam_set.titles)
+        rows.append(cut_at(cam, DrawnCam.run(chosen.laws[cam], bench), bench, *sizes))
+    return AsCutResult(tuple(rows), bench.speeds, chosen.titles)
+
+
+@checked
+def as_cut(
+    cams: Cams = None,
+    rig: str | Path | RigConfig = "paper_table2",
+    scene: Scene = "tm21_sweep",
+    *,
+    base: float | None = None,
+    roller: float | None = None,
+    progress: Progress = SILENT,
+) -> AsCutResult:
+    """A roller on the contour that was drawn for a point, as fig. 12 of the paper draws it.
+
+    Its lift, jump speed and noise beside those of the law itself.
+
+    Parameters
+    ----------
+    cams : a name, a path or a cam, or several; None: the paper's Table 2
+    rig : of the jump speeds: a name, a path or a rig
+    scene : gives follower, sound and speeds of the noise
+    base, roller : radii in m, instead of the cam's own
+    progress : told how far it is
+
+    Raises
+    ------
+    ConfigError : an unknown cam, rig or scene, or a radius that is none
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> found = cam_rig.as_cut("bezier15", base=0.08, roller=0.02)
+    >>> found.to_pandas().cam.tolist()
+    ['bezier15']
+    """
+    for name, radius in (("base", base), ("roller", roller)):
+        if radius is not None and not radius > 0.0:
+            raise ConfigError(f"{name}: is {radius * 1e3:g} mm; allowed: greater than 0 mm")
+    chosen = cam_set(named_cams(listed(cams)), asked_rig(rig))
+    bench = CutBench.of(chosen.rig, asked_scene(scene))
+    return cut_all(chosen, bench, base, roller, progress)
 
 
 def over_sizes(
@@ -219,7 +263,7 @@ def over_sizes(
 ) -> AsCutResult:
     """A cam over base and roller radii (m), the rollers of one base circle together."""
     sizes = product(bases, rollers)
-    rows = tuple(as_cut(found.cam, found.drawn, bench, *size) for size in sizes)
+    rows = tuple(cut_at(found.cam, found.drawn, bench, *size) for size in sizes)
     caption = f"{title} as cut, over base and roller radius"
     return AsCutResult(rows, bench.speeds, {found.cam: title}, caption)
 

@@ -49,6 +49,8 @@ def contact(
     is listed. From below the base radius is bounded by pressure, curvature and pressure angle, from
     above by sliding. --events draws the nomogram: least radii in lifts over the event angle.
 
+    In Python: cam_rig.contact(cams, rig, rpm, pressure_angle)
+
     Examples
     --------
     cam-rig contact flat oscillating_point --rpm 400
@@ -56,8 +58,7 @@ def contact(
     cam-rig contact --events out/events.png --plot out/contact.png
     """
     from cam_rig.errors import ConfigError
-    from cam_rig.paper.contact.comparison import compare_contacts
-    from cam_rig.simulation.asked import asked_cams
+    from cam_rig.paper.contact import comparison
 
     check_outputs(None, events)
     if events is None and (pressure_angle, sharpest) != (STEEPEST, SHARPEST):
@@ -65,7 +66,8 @@ def contact(
             "--pressure-angle, --sharpest: are of the nomogram; needed: --events PATH"
         )
     most = math.radians(pressure_angle)
-    found = compare_contacts(asked_cams(cams, rig), rpm, None if events is None else most)
+    steepest = None if events is None else most
+    found = comparison.contact(cams, rig, rpm, pressure_angle=steepest)
     if events is not None:
         from cam_rig.paper.contact.figures import events_figure
 

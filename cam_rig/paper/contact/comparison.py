@@ -10,7 +10,9 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
+from cam_rig.arguments import checked
 from cam_rig.dynamics import FollowerParameters
+from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.laws.cam import CamSet, law_of
 from cam_rig.laws.law import Extreme
@@ -24,6 +26,7 @@ from cam_rig.schema.quantity import Quantity
 from cam_rig.schema.segment_base import quantities
 from cam_rig.show.result import Column, Footnote, Records, Result
 from cam_rig.show.tables import Cell
+from cam_rig.simulation.asked import Cams, Rig, asked_cams
 from cam_rig.units import RPM, RPM_PER_RAD_S, TURN, FloatArray
 
 #: Event angles of the nomogram's tables, degrees.
@@ -250,6 +253,53 @@ def compare_contacts(cam_set: CamSet, rpm: float, steepest: float | None = None)
         for name, cam in cam_set.cams.items()
     )
     return ContactResult(cam_set.rig.name, rpm, tuple(rows), steepest)
+
+
+#: Below every jump speed of the paper's laws, rpm.
+SPEED = 300.0
+#: As fast as any cam of a table, rpm.
+FASTEST_RPM = 1e5
+
+
+@checked
+def contact(
+    cams: Cams = None,
+    rig: Rig = None,
+    rpm: float = SPEED,
+    *,
+    pressure_angle: float | None = None,
+) -> ContactResult:
+    """Hertz pressure and sliding speed over the turn, and what base radius they ask for.
+
+    A rigid follower in contact, without friction; width and material are the cam's ``contact``.
+
+    Parameters
+    ----------
+    cams : a name, a path or a cam, or several; or one scene. None: the paper's Table 2
+    rig : a name, a path or a rig; None: the scene's, or the only one beside the cams, else
+        ``paper_table2``
+    rpm : of the cam, rpm, to 1e5
+    pressure_angle : rad, 1° to 89°: with it the least base radii over the event angle at which no
+        pressure angle is larger stand in a table of their own, ``nomogram``
+
+    Raises
+    ------
+    ConfigError : an unknown cam, rig or scene, or a number that is out of range
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> found = cam_rig.contact("poly345", rpm=200)
+    >>> found.to_pandas().cam.tolist()
+    ['poly345']
+    """
+    if not 0.0 <= rpm <= FASTEST_RPM:
+        raise ConfigError(f"rpm: is {rpm:g} rpm; allowed: 0 to {FASTEST_RPM:g} rpm")
+    if pressure_angle is not None and not 1.0 <= math.degrees(pressure_angle) <= 89.0:
+        raise ConfigError(
+            f"pressure_angle: is {math.degrees(pressure_angle):g}°; allowed: 1° to 89°"
+        )
+    return compare_contacts(asked_cams(cams, rig), rpm, pressure_angle)
 
 
 # Followers that a cam moves both ways: their play between the two contacts.

@@ -6,11 +6,14 @@ import math
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from cam_rig.arguments import checked
 from cam_rig.laws import Law
+from cam_rig.laws.cam import open_cam_set
 from cam_rig.laws.segments import up_and_down
 from cam_rig.paper.anova import TwoWay
 from cam_rig.paper.factorial.conclusions import (
@@ -32,8 +35,11 @@ from cam_rig.paper.factorial.design import (
     FactorialConfig,
     Measures,
     as_gentle,
+    open_factorial,
     squeezed,
 )
+from cam_rig.schema import load_rig, load_tables
+from cam_rig.schema.load import cam_path, named_path, rig_path, tables_path
 from cam_rig.show.result import SILENT, Column, Progress, Records, Result
 from cam_rig.units import RPM_PER_RAD_S
 
@@ -310,3 +316,38 @@ def run_factorial(
         cams={cam: measured() for cam in cams},
         squeezed={span: measured() for span in config.squeezed.si_list},
     )
+
+
+@checked
+def factorial(
+    study: str | Path = "continuity",
+    *,
+    executor: Executor | None = None,
+    progress: Progress = SILENT,
+) -> FactorialResult:
+    r"""Laws of every continuity with the same angles, then the same acceleration: what matters.
+
+    Jump speed, peak acceleration, residual vibration and noise of each, and their variance. Some
+    40 s of one core.
+
+    Parameters
+    ----------
+    study : a name in ``config/factorials``, or the path of a YAML file
+    executor : where laws are measured, such as a `ProcessPoolExecutor`; None is this process
+    progress : told how far it is
+
+    Raises
+    ------
+    ConfigError : something wrong in the study
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> found = cam_rig.factorial()  # doctest: +SKIP
+    >>> found.summary()  # doctest: +SKIP
+    """
+    config = open_factorial(named_path("factorials", study))
+    others = [cam for cam in load_tables(tables_path()).table_2_jump if cam != config.proposed]
+    cam_set = open_cam_set(map(cam_path, [config.proposed, *others]), rig_path(config.rig))
+    bench = Bench.of(config, cam_set.rig, load_rig(rig_path(config.noise_rig)))
+    return run_factorial(config, bench, cam_set.laws, executor, progress)

@@ -37,6 +37,8 @@ def jump(
     The follower is two masses where the rig says how they split, else one rigid mass: from rest at
     cam angle 0, in steady state, or along a ramp. Angle and time are of the first lift-off.
 
+    In Python: cam_rig.jump(cams, rig, from_rest, steady, ramp, refit)
+
     Examples
     --------
     cam-rig jump --plot out/jump.png
@@ -45,28 +47,16 @@ def jump(
 
     cam-rig jump quick --rig tm21 --ramp 350
     """
-    from cam_rig.dynamics.jump.jump_speed import FROM_REST
     from cam_rig.errors import ConfigError
-    from cam_rig.paper.jump.comparison import find_jumps, references
-    from cam_rig.paper.jump.refit import refit_rig
-    from cam_rig.schema.load import load_tables, tables_path
-    from cam_rig.simulation.asked import asked_cams
+    from cam_rig.paper.jump import refit as study
 
-    if sum((steady, ramp is not None, from_rest is not None)) > 1:
-        raise ConfigError("--steady, --ramp and --from-rest; allowed: one of them")
-    if ramp is not None and plot is not None:
+    if plot is not None and ramp is not None:
         raise ConfigError(
             "--plot shows the least force of speeds that are held, and --ramp holds none; "
             "allowed: one of them"
         )
-    if refit and (steady or ramp is not None or plot is not None):
-        raise ConfigError(
-            "--refit is of runs from rest, and is not drawn; allowed: without --steady, --ramp and "
-            "--plot"
-        )
-    published, cam_set = load_tables(tables_path()), asked_cams(cams, rig)
-    seconds = FROM_REST if from_rest is None else from_rest
-    if refit:
-        return refit_rig(cam_set, published, seconds, progress)
-    duration = None if steady else seconds
-    return find_jumps(cam_set, references(cam_set, published), duration, ramp, progress)
+    if plot is not None and refit:
+        raise ConfigError("--refit: is not drawn; allowed: without --plot")
+    return study.jump(
+        cams, rig, from_rest=from_rest, steady=steady, ramp=ramp, refit=refit, progress=progress
+    )

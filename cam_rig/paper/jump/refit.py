@@ -15,15 +15,18 @@ from typing import ClassVar
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
+from cam_rig.arguments import checked
 from cam_rig.dynamics import TwoMassParameters
-from cam_rig.dynamics.jump.jump_speed import require_run
+from cam_rig.dynamics.jump.jump_speed import FROM_REST, require_run
 from cam_rig.dynamics.jump.search import sought_speed
 from cam_rig.errors import CamRigError, ConfigError
 from cam_rig.laws import Law, build_law
 from cam_rig.laws.cam import CamSet
-from cam_rig.paper.jump.comparison import JumpResult, Reference, find_jumps
-from cam_rig.schema import CamConfig, PublishedTables
+from cam_rig.paper.jump.comparison import JumpResult, Reference, find_jumps, references
+from cam_rig.schema import CamConfig, PublishedTables, load_tables
+from cam_rig.schema.load import tables_path
 from cam_rig.show.result import SILENT, Column, Progress, Records, Result
+from cam_rig.simulation.asked import Cams, Rig, asked_cams
 from cam_rig.units import RPM, TURN, FloatArray, rms
 
 
@@ -325,3 +328,55 @@ def _relative(
         )
     except CamRigError:
         return -(1.0 - BELOW)
+
+
+# What is asked for: the jump speeds of cams, or the rig fitted anew.
+
+
+@checked
+def jump(
+    cams: Cams = None,
+    rig: Rig = None,
+    *,
+    from_rest: float | None = None,
+    steady: bool = False,
+    ramp: float | None = None,
+    refit: bool = False,
+    progress: Progress = SILENT,
+) -> JumpResult | RefitResult:
+    """The jump speed of cams to 0.01 rpm, beside the paper's Table 2.
+
+    `jump_speed` is that of one law on a rig of one's own, or on many.
+
+    Parameters
+    ----------
+    cams : a name, a path or a cam, or several; or one scene. None: the paper's Table 2
+    rig : a name, a path or a rig; None: the scene's, or the only one beside the cams, else
+        ``paper_table2``
+    from_rest : s, length of runs from rest at one speed; None: 1.7 s, as the paper
+    steady : in steady state instead
+    ramp : rpm/s, along a ramp from rest instead
+    refit : fit the four numbers of the rig that the paper does not print anew; a minute
+    progress : told how far it is
+
+    Raises
+    ------
+    ConfigError : an unknown cam, rig or scene; more than one kind of run
+    DynamicsError : a run that is too long or too short, or a cam that never jumps
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> cam_rig.jump(["poly345"], steady=True).to_pandas().rpm.round(1).tolist()
+    [414.5]
+    """
+    if sum((steady, ramp is not None, from_rest is not None)) > 1:
+        raise ConfigError("steady, ramp and from rest are three kinds of run; allowed: one of them")
+    if refit and (steady or ramp is not None):
+        raise ConfigError("a refit is of runs from rest; allowed: without steady and ramp")
+    published, cam_set = load_tables(tables_path()), asked_cams(cams, rig)
+    seconds = FROM_REST if from_rest is None else from_rest
+    if refit:
+        return refit_rig(cam_set, published, seconds, progress)
+    duration = None if steady else seconds
+    return find_jumps(cam_set, references(cam_set, published), duration, ramp, progress)

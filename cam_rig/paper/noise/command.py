@@ -207,16 +207,14 @@ def noise(
     the speed at which two cams are equally loud; each cam left out in turn; and the one rig that
     the jump speeds gave. Some ten seconds.
 
+    In Python: cam_rig.noise(scene, rig, one_rig)
+
     Examples
     --------
     cam-rig noise --plot out/noise_study.png
 
     cam-rig noise --json - | jq '.methods[] | {calibration, named_crossing}'
     """
-    from cam_rig.paper.noise.study import study_noise
-    from cam_rig.schema import load_rig
-    from cam_rig.schema.load import rig_beside, scene_path
-    from cam_rig.simulation.scene import open_scene
+    from cam_rig.paper.noise import study
 
-    path = scene_path(scene)
-    return study_noise(open_scene(path), load_rig(rig_beside(rig, path)), one_rig, progress)
+    return study.noise(scene, rig, one_rig, progress=progress)

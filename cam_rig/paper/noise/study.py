@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from cam_rig.arguments import checked
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.paper.noise.arc_cam import ArcShape
 from cam_rig.paper.noise.calibration import StructureFit, compare_structures
@@ -22,9 +24,11 @@ from cam_rig.paper.noise.methods import (
 )
 from cam_rig.paper.noise.roles import NoiseSetup, StudyRoles
 from cam_rig.paper.noise.shared_rig import OneRig, with_elastic_stem, with_rigid_stem
-from cam_rig.schema import RigConfig
+from cam_rig.schema import RigConfig, load_rig
+from cam_rig.schema.load import rig_beside
 from cam_rig.schema.published import Crossover
 from cam_rig.show.result import SILENT, Column, Footnote, Progress, Records, Result
+from cam_rig.simulation.asked import Scene, asked_scene
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.units import FloatArray
 
@@ -399,6 +403,38 @@ def study_noise(
     next(parts)
     best = found.best
     return replace(found, high_dwell=study_high_dwell(study, best.acoustics, best.shape.lift))
+
+
+@checked
+def noise(
+    scene: Scene = "tm21_sweep",
+    rig: str | Path | RigConfig = "paper_table2",
+    one_rig: bool = False,
+    *,
+    progress: Progress = SILENT,
+) -> NoiseStudyResult:
+    """Calibrate on one cam, predict another, identify the third, with confidence intervals.
+
+    Some ten seconds.
+
+    Parameters
+    ----------
+    scene : a name in ``config/scenes``, a path, or what `load_scene` gave; with published curves
+    rig : the one identified from jump speeds: a name, a path or a rig
+    one_rig, progress : fit the arc cam on that rig too, in minutes; told how far it is
+
+    Raises
+    ------
+    ConfigError : a scene without the three cams and their published curves, or a rig of one mass
+
+    Examples
+    --------
+    >>> found = cam_rig.noise()  # doctest: +SKIP
+    """
+    loaded = asked_scene(scene)
+    if not isinstance(rig, RigConfig):
+        rig = load_rig(rig_beside(rig, loaded.scene_file))
+    return study_noise(loaded, rig, one_rig, progress)
 
 
 def _structures(study: NoiseSetup, fitted: str) -> list[StructureFit]:

@@ -4,12 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 
-from cam_rig.paper.orders.spectrum import CamOrders, OrderSpectrum
-from cam_rig.show.result import Column, Footnote, Records, Result
+from cam_rig.arguments import checked
+from cam_rig.errors import ConfigError, did_you_mean
+from cam_rig.laws import Law
+from cam_rig.laws.cam import law_of, require_sprung
+from cam_rig.paper.orders import MAX_ORDERS
+from cam_rig.paper.orders.spectrum import CamOrders, OrderSpectrum, waterfall
+from cam_rig.schema import CamConfig, RigConfig, load_cam
+from cam_rig.schema.load import cam_path, config_root, is_there, named_path, read_yaml
+from cam_rig.schema.scene import model_named
+from cam_rig.show.result import SILENT, Column, Footnote, Progress, Records, Result
+from cam_rig.simulation.asked import MAX_SPEEDS, Rig, Speeds, asked_rig, asked_scene, asked_speeds
+from cam_rig.simulation.scene import LoadedScene, speeds_of
+from cam_rig.units import RPM
 
 #: So many of the loudest orders are named.
 LOUDEST = 2
@@ -145,3 +157,96 @@ class OrdersResult(Result):
         )
         run: list[Any] = list(self.studies[:1])
         return [orders, self.speeds, self.table("run", "The model", run, single=True, hidden=True)]
+
+
+# What is asked for: a cam alone or a scene, on a rig, at some speeds.
+
+#: What a cam alone is put on: rig and model; and its speeds, rpm.
+CAM_RIG, CAM_MODEL, CAM_RPM = "tm21", "one_mass", tuple(range(200, 401, 10))
+#: As slow, and as fast, as any cam of a table, rpm.
+SLOWEST_RPM, FASTEST_RPM = 0.01, 1e5
+
+
+@checked
+def orders(
+    source: str | Path | CamConfig | LoadedScene,
+    rpm: Speeds | None = None,
+    *,
+    cam: str | None = None,
+    rig: Rig = None,
+    model: str | None = None,
+    orders: int = 100,
+    progress: Progress = SILENT,
+) -> OrdersResult:
+    """The spectrum of force and sound by orders of the cam: exact, without leakage.
+
+    An order is a frequency as a multiple of the cam's. Fourier coefficients of the steady turn are
+    closed forms, those of landings too.
+
+    Parameters
+    ----------
+    source : a cam or a scene: a name, a path, or what `load_cam` or `load_scene` gave. A cam alone
+        is put on ``tm21``, model ``one_mass``, at 200 to 400 rpm
+    rpm : one or more, rpm; None: the scene's
+    cam : one of a scene; None: all
+    rig : a name, a path or a rig; None: the scene's
+    model : as `simulate` takes it; None: the scene's
+    orders : the highest, to 10 000
+    progress : told how far it is
+
+    Raises
+    ------
+    ConfigError : an unknown cam, scene, rig or model, or a number that is out of range
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> found = cam_rig.orders("poly345", rpm=300, orders=10)
+    >>> int(found.to_pandas().order.max())
+    10
+    """
+    if not 1 <= orders <= MAX_ORDERS:
+        raise ConfigError(f"orders: is {orders}; allowed: 1 to {MAX_ORDERS}")
+    laws, titles, chosen, own_model, own_rpm = _opened(source, cam, rig)
+    speeds = own_rpm if rpm is None else asked_speeds(rpm)
+    wrong = [one for one in speeds if not SLOWEST_RPM <= one <= FASTEST_RPM]
+    if wrong or not 1 <= len(speeds) <= MAX_SPEEDS:
+        what = f"is {wrong[0]:g} rpm" if wrong else f"are {len(speeds)}"
+        limits = f"{SLOWEST_RPM:g} to {FASTEST_RPM:g} rpm"
+        raise ConfigError(f"rpm: {what}; allowed: 1 to {MAX_SPEEDS} speeds, {limits}")
+    asked = [one * RPM for one in speeds]
+    found = waterfall(laws, model_named(model or own_model), chosen, asked, orders, progress)
+    return OrdersResult(found, titles)
+
+
+def _opened(
+    source: str | Path | CamConfig | LoadedScene, cam: str | None, rig: Rig
+) -> tuple[dict[str, Law], dict[str, str], RigConfig, str, list[float]]:
+    """Laws and titles by cam, rig, model, and speeds in rpm, of a scene or of a cam alone."""
+    if isinstance(source, CamConfig) or (not isinstance(source, LoadedScene) and _is_cam(source)):
+        if cam is not None:
+            raise ConfigError(f"--cam {cam}: {source} is a cam; allowed: with a scene")
+        path = source.name if isinstance(source, CamConfig) else cam_path(source)
+        loaded = source if isinstance(source, CamConfig) else load_cam(cam_path(source))
+        require_sprung(path, loaded)
+        law, title = {loaded.name: law_of(path, loaded)}, {loaded.name: loaded.title}
+        return law, title, asked_rig(rig or CAM_RIG), CAM_MODEL, [*map(float, CAM_RPM)]
+    scene = asked_scene(source)
+    laws = dict(scene.laws) if cam is None else {cam: scene.law_of(cam)}
+    chosen = scene.rig if rig is None else asked_rig(rig)
+    return laws, scene.titles, chosen, scene.scene.model, speeds_of(scene.scene)
+
+
+def _is_cam(source: str | Path) -> bool:
+    """Whether a file, or a shipped name, is that of a cam."""
+    path = named_path("scenes", source)
+    if not is_there(path):
+        if is_there(cam_path(source)):
+            return True
+        there = [file.stem for file in config_root().glob("[cs][ac]*/*.yaml")]
+        raise ConfigError(
+            f"{source}: no such cam or scene{did_you_mean(str(source), there)}; allowed: a file, "
+            "or a name in config/cams or config/scenes"
+        )
+    data = read_yaml(path)
+    return isinstance(data, dict) and "segments" in data

@@ -37,28 +37,18 @@ def readings(
     The paper prints neither the event angles nor all of the rig. Each reading takes some numbers
     as given and identifies the rest. It is looked at as the table is printed, every 5 rpm.
 
+    In Python: cam_rig.readings(search, with_times, nearby, generations, seed)
+
     Examples
     --------
     cam-rig readings
 
     cam-rig readings --search shipped --generations 20
     """
-    from cam_rig.errors import ConfigError
-    from cam_rig.paper.readings.study import read_all, search_anew
-    from cam_rig.schema import load_cam, load_readings, load_tables
-    from cam_rig.schema.load import cam_path, readings_path, tables_path
+    from cam_rig.paper.readings import study
 
-    if search is None and (with_times or nearby):
-        raise ConfigError("--with-times, --nearby: are of a search; needed: --search NAME")
-    known, printed = load_readings(readings_path()), load_tables(tables_path()).table_2_jump
-    cams = {cam: load_cam(cam_path(cam)) for cam in printed}
-    if search is None:
-        return read_all(known, cams, printed, progress)
-    return search_anew(
-        known,
-        search,
-        cams,
-        printed,
+    return study.readings(
+        search=search,
         with_times=with_times,
         nearby=nearby,
         generations=generations,

@@ -6,11 +6,20 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
+from cam_rig.arguments import checked
 from cam_rig.errors import ConfigError, did_you_mean
 from cam_rig.paper.jump.refit import ROUNDED_TO
 from cam_rig.paper.readings.readings import Read, ReadRow, read
 from cam_rig.paper.readings.search import Found, ReadingSearch
-from cam_rig.schema import CamConfig, TableReading, TableReadings
+from cam_rig.schema import (
+    CamConfig,
+    TableReading,
+    TableReadings,
+    load_cam,
+    load_readings,
+    load_tables,
+)
+from cam_rig.schema.load import cam_path, readings_path, tables_path
 from cam_rig.schema.published import PublishedJump
 from cam_rig.schema.quantity import Quantity
 from cam_rig.show.result import SILENT, Column, Progress, Records, Result
@@ -175,3 +184,61 @@ def with_numbers(reading: TableReading, numbers: Mapping[str, float]) -> TableRe
         quantity: Quantity = getattr(reading, key)
         changed[key] = quantity.model_copy(update={quantity.origin: value / quantity.factor})
     return reading.model_copy(update=changed)
+
+
+#: Generations of a search, at most.
+MOST_GENERATIONS = 10_000
+
+
+@checked
+def readings(
+    *,
+    search: str | None = None,
+    with_times: bool = False,
+    nearby: bool = False,
+    generations: int = 60,
+    seed: int = 1,
+    progress: Progress = SILENT,
+) -> ReadingsResult:
+    r"""The paper's Table 2 read in several ways: which rig shows its speeds, and its times.
+
+    Parameters
+    ----------
+    search : a reading whose identified numbers are sought anew, minutes; None reads all
+    with_times, nearby : of a search: by the printed times too; contact need hold 5 rpm below each
+        speed, no slower
+    generations, seed : of a search: how long, up to 10 000, and of which random numbers
+    progress : told how far it is
+
+    Raises
+    ------
+    ConfigError : no such reading, or options of a search without one
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> found = cam_rig.readings()  # doctest: +SKIP
+    >>> found.summary()  # doctest: +SKIP
+    """
+    if search is None and (with_times or nearby):
+        raise ConfigError("--with-times, --nearby: are of a search; needed: --search NAME")
+    if not (1 <= generations <= MOST_GENERATIONS and seed >= 0):
+        raise ConfigError(
+            f"generations: {generations}, seed: {seed}; allowed: 1 to {MOST_GENERATIONS}, and a "
+            "seed of at least 0"
+        )
+    known, printed = load_readings(readings_path()), load_tables(tables_path()).table_2_jump
+    cams = {cam: load_cam(cam_path(cam)) for cam in printed}
+    if search is None:
+        return read_all(known, cams, printed, progress)
+    return search_anew(
+        known,
+        search,
+        cams,
+        printed,
+        with_times=with_times,
+        nearby=nearby,
+        generations=generations,
+        seed=seed,
+        progress=progress,
+    )

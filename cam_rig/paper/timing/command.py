@@ -16,6 +16,8 @@ def timing(cams: TableCams = None, *, plot: Path | None) -> Result:
     differentiation. A cam of one Bézier curve is put beside a B-spline of the same lift and events,
     which has local control. The plot shows the first cam.
 
+    In Python: cam_rig.timing(cams)
+
     Examples
     --------
     cam-rig timing
@@ -23,14 +25,9 @@ def timing(cams: TableCams = None, *, plot: Path | None) -> Result:
     cam-rig timing bezier15 --plot out/timing.png --csv out/timing.csv
     """
     from cam_rig.errors import ConfigError
-    from cam_rig.laws.cam import law_of
-    from cam_rig.paper.timing.study import TimingResult
-    from cam_rig.schema import load_cam, load_tables
-    from cam_rig.schema.load import cam_path, tables_path
+    from cam_rig.paper.timing import study
 
-    names = cams or list(load_tables(tables_path()).table_2_jump)
-    loaded = [(path, load_cam(path)) for path in map(cam_path, names)]
-    found = TimingResult.of((cam, law_of(path, cam)) for path, cam in loaded)
+    found = study.timing(cams)
     first = found.timings[0]
     if plot is not None and not first.ordinates:
         raise ConfigError(

@@ -9,7 +9,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from cam_rig.arguments import checked
 from cam_rig.laws import Law, build_law
+from cam_rig.laws.cam import law_of
 from cam_rig.paper.timing.events import (
     LEVELS,
     REACHED,
@@ -23,6 +25,7 @@ from cam_rig.paper.timing.events import (
 )
 from cam_rig.schema import CamConfig
 from cam_rig.show.result import Column, Records, Result
+from cam_rig.simulation.asked import Cams, listed, named_cams
 from cam_rig.units import FloatArray
 
 # Cams by their events, and a Bézier curve beside a B-spline of the same lift and events.
@@ -312,3 +315,27 @@ def _ordinate_rows(timing: CamTiming) -> Iterator[OrdinateRow]:
         for j, shifted in enumerate(rows):
             value, reach = o.values[j].item(), reaches[j].item()
             yield OrdinateRow(timing.cam.name, o.segment, j, value, j in free, reach, shifted)
+
+
+@checked
+def timing(cams: Cams = None) -> TimingResult:
+    """Cam angles of 1, 50 and 99 % of the lift; of one cam, how each ordinate moves them.
+
+    Roots of the law; their change with an ordinate is exact, by implicit differentiation.
+
+    Parameters
+    ----------
+    cams : a name, a path or a cam, or several; None: the paper's Table 2
+
+    Raises
+    ------
+    ConfigError, LawError : an unknown cam, or one whose law does not join
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> found = cam_rig.timing(["poly345", "bezier15"])
+    >>> [one.cam.name for one in found.timings]
+    ['poly345', 'bezier15']
+    """
+    return TimingResult.of((cam, law_of(path, cam)) for path, cam in named_cams(listed(cams)))

@@ -26,6 +26,8 @@ def vibration(
     claims are tested without that speed. The plot shows the last speed. By default up to four
     speeds of a scene; 200, 250, 300 and 350 rpm, below every jump speed of the paper's laws.
 
+    In Python: cam_rig.vibration(cams, rig, rpm)
+
     Examples
     --------
     cam-rig vibration --plot out/vibration.png
@@ -34,10 +36,6 @@ def vibration(
 
     cam-rig vibration quick --rig paper_table2
     """
-    from cam_rig.paper.vibration.study import VIBRATION_RPM, measure
-    from cam_rig.schema.load import one_scene
-    from cam_rig.simulation.asked import asked_cams, scene_speeds
+    from cam_rig.paper.vibration import study
 
-    cam_set, scene = asked_cams(cams, rig), one_scene(cams)
-    own = VIBRATION_RPM if scene is None else scene_speeds(scene, len(VIBRATION_RPM))
-    return measure(cam_set, rpm or own, progress)
+    return study.vibration(cams, rig, rpm or None, progress=progress)

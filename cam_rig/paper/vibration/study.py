@@ -7,12 +7,24 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import ClassVar
 
+from cam_rig.arguments import checked
 from cam_rig.dynamics import FollowerParameters
+from cam_rig.dynamics import vibration as steady
 from cam_rig.dynamics.jump.jump_speed import contact_lost_speed
 from cam_rig.dynamics.torsional.model import from_rig as shaft_of
-from cam_rig.dynamics.vibration import Vibration, require_speeds, vibration
+from cam_rig.dynamics.vibration import Vibration, require_speeds
 from cam_rig.laws.cam import CamSet
+from cam_rig.schema.load import one_scene
 from cam_rig.show.result import SILENT, Column, Footnote, Progress, Records, Result
+from cam_rig.simulation.asked import (
+    Cams,
+    Rig,
+    Speeds,
+    asked_cams,
+    asked_speeds,
+    listed,
+    scene_speeds,
+)
 from cam_rig.units import RPM
 
 #: The cam that the paper proposes, and its two polynomials by degree.
@@ -173,6 +185,45 @@ def claims_table(claims: Iterable[Claim], rpm: tuple[float, ...]) -> Records:
     return Records("claims", "The paper's claims, tested", CLAIMS, tuple(claims), notes)
 
 
+@checked
+def vibration(
+    cams: Cams = None,
+    rig: Rig = None,
+    rpm: Speeds | None = None,
+    *,
+    progress: Progress = SILENT,
+) -> VibrationResult:
+    """Residual vibration in the low dwell, peak acceleration and twist of the shaft, settled.
+
+    Eq. 5 and eq. 10 of the paper; the residual amplitude is of the free vibration that a law's
+    joints excite.
+
+    Parameters
+    ----------
+    cams : a name, a path or a cam, or several; or one scene. None: the paper's Table 2
+    rig : a name, a path or a rig; None: the scene's, or the only one beside the cams, else
+        ``paper_table2``
+    rpm : one or more, rpm; None: four of the scene's, or 200 to 350 rpm
+    progress : told how far it is
+
+    Raises
+    ------
+    ConfigError : an unknown cam, rig or scene, or a rig without a stem
+    DynamicsError : a speed that is none
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> found = cam_rig.vibration(["poly345", "cycloidal"], rig="tm21", rpm=300)
+    >>> found.to_pandas().cam.tolist()
+    ['poly345', 'cycloidal']
+    """
+    cam_set, scene = asked_cams(cams, rig), one_scene(listed(cams))
+    if rpm is None:
+        rpm = VIBRATION_RPM if scene is None else scene_speeds(scene, len(VIBRATION_RPM))
+    return measure(cam_set, asked_speeds(rpm), progress)
+
+
 #: What is said to need a stem that the rig file leaves out.
 BY = "the vibration of a mass on its stem"
 
@@ -186,7 +237,9 @@ def measure(cam_set: CamSet, rpm: Iterable[float], progress: Progress = SILENT) 
     for cam in progress.over(cam_set.laws):
         law = cam_set.laws[cam]
         lost = contact_lost_speed(law, cam_set.rig) / RPM
-        rows += [Row(cam, one, vibration(law, follower, shaft, one * RPM), lost) for one in rpm]
+        rows += [
+            Row(cam, one, steady.vibration(law, follower, shaft, one * RPM), lost) for one in rpm
+        ]
     return VibrationResult(cam_set, tuple(rows))
 
 

@@ -15,7 +15,7 @@ from cam_rig.bag.reader import raw_messages
 from cam_rig.bag.writer import BagWriter
 from cam_rig.cli.main import app
 from cam_rig.measured.real_run.chart import real_run_entity, real_run_tabs, save_real_run
-from cam_rig.measured.real_run.run import RunComparison, compare_run
+from cam_rig.measured.real_run.run import RunComparison, compare
 from cam_rig.messages.topics import recorded_topic
 from cam_rig.show.chart import SPEED
 
@@ -52,7 +52,7 @@ def bench(tmp_path, make_loaded_scene):
 @pytest.fixture(scope="module")
 def golden():
     """The golden run beside its own scene."""
-    return cam_rig.compare_run(GOLDEN, "quick")
+    return cam_rig.compare(GOLDEN, "quick")
 
 
 def test_a_bag_of_the_rig_is_its_scene_s(golden):
@@ -156,7 +156,7 @@ def test_the_recording_has_both_side_by_side(bench, tmp_path):
 def test_a_chart_says_what_is_equal(golden, bench):
     """Where only rounding differs, for that has no scale; a cam has its title."""
     bag, loaded = bench
-    other = compare_run(bag, loaded, topics=LINE)
+    other = compare(bag, loaded, topics=LINE)
     for found, words in ((golden, ": equal to rounding"), (other, ": difference [")):
         tab = real_run_tabs(found)[0]
         assert tab.name == found.loaded.titles["tm21"]

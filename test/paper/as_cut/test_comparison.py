@@ -12,7 +12,7 @@ from cam_rig.dynamics.jump.jump_speed import FROM_REST
 from cam_rig.dynamics.two_mass.trajectory import first_lift_off
 from cam_rig.errors import ConfigError
 from cam_rig.laws import build_law
-from cam_rig.paper.as_cut.study import CutBench, DrawnCam, as_cut, over_sizes, radii
+from cam_rig.paper.as_cut.study import CutBench, DrawnCam, cut_at, over_sizes, radii
 from cam_rig.schema.load import config_root
 from cam_rig.simulation.scene import open_scene
 
@@ -33,7 +33,7 @@ def drawn(bench):
 
 def test_a_point_changes_nothing(drawn, bench):
     """With no roller the cam is the one that was drawn, whatever its base circle."""
-    found = as_cut("bezier15", drawn, bench, 0.04, 0.0)
+    found = cut_at("bezier15", drawn, bench, 0.04, 0.0)
     assert found.cut.jump == pytest.approx(drawn.jump, rel=1e-5)
     assert np.abs(found.change).max() < 1e-9
     assert found.too_high.value < 1e-15
@@ -41,7 +41,7 @@ def test_a_point_changes_nothing(drawn, bench):
 
 def test_bezier_15(drawn, bench, table2):
     """Highest above s, jump speed proven by the exact model, and noise nearly as before."""
-    found = as_cut("bezier15", drawn, bench, *radii(load_cam("bezier15")))
+    found = cut_at("bezier15", drawn, bench, *radii(load_cam("bezier15")))
     dense = np.linspace(0.0, 2.0 * np.pi, 20001)
     highest = (found.cut.law(dense) - drawn.law(dense)).max()
     assert found.too_high.value == pytest.approx(highest, rel=1e-6)
@@ -58,7 +58,7 @@ def test_bezier_15(drawn, bench, table2):
 
 def test_it_grows_with_the_roller_and_falls_with_the_base(drawn, bench):
     """The first order, R_r s'²/(2 ρ (ρ + R_r)), does; so does what comes out."""
-    own = as_cut("bezier15", drawn, bench, 0.05, 0.005)
+    own = cut_at("bezier15", drawn, bench, 0.05, 0.005)
     found = over_sizes(own, bench, (0.05, 0.08), (0.005, 0.015), "Bézier").rows
     sizes = [(row.base_radius, row.roller) for row in found]
     assert sizes == [(0.05, 0.005), (0.05, 0.015), (0.08, 0.005), (0.08, 0.015)]

@@ -9,7 +9,7 @@ from functools import partial
 import pytest
 
 from cam_rig.errors import ConfigError
-from cam_rig.simulation.asked import speeds_asked
+from cam_rig.simulation.asked import speeds_in
 
 from ...cli.calls import call as run
 
@@ -56,9 +56,9 @@ def test_another_rig_and_model():
 
 def test_speeds_as_words():
     """One, some, or from and to by a step."""
-    assert speeds_asked("300") == [300.0]
-    assert speeds_asked("300,200") == [200.0, 300.0]
-    assert speeds_asked("0.1:0.4:0.1") == pytest.approx([0.1, 0.2, 0.3, 0.4])
+    assert speeds_in("300") == [300.0]
+    assert speeds_in("300,200") == [200.0, 300.0]
+    assert speeds_in("0.1:0.4:0.1") == pytest.approx([0.1, 0.2, 0.3, 0.4])
     for wrong in ("", "a", "1:2", "1:2:0", "2:1:1", "1:1e9:1", "nan", "-3", "1e6"):
         with pytest.raises(ConfigError, match=r"--rpm .*allowed: 300"):
-            speeds_asked(wrong)
+            speeds_in(wrong)

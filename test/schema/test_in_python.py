@@ -1,0 +1,148 @@
+"""Cams and rigs made, changed and saved in Python: plain numbers, texts with units, files."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cam_rig
+from cam_rig.errors import ConfigError, OutputError
+from cam_rig.schema.load import config_root
+from cam_rig.schema.quantity import UNITS, Quantity
+
+CAMS = sorted((config_root() / "cams").glob("*.yaml"))
+RIGS = sorted((config_root() / "rigs").glob("*.yaml"))
+SEGMENTS = [
+    {"law": "poly345", "span": "120 deg", "to": 1.0},
+    {"law": "poly345", "span": "120°", "to": 0.0},
+    {"law": "dwell", "span": 2.0 * math.pi / 3.0},
+]
+POINT = {"type": "point", "base_radius": "4 cm"}
+
+
+def spring_of(**numbers):
+    return cam_rig.Rig(mass=1.3, preload=30, **numbers).follower.spring_stiffness
+
+
+@pytest.mark.parametrize(
+    ("written", "si"),
+    [
+        *((3200, 3200.0), ("3.2 N/mm", 3200.0), ("3.2N/mm", 3200.0), (" 32e2  N/m ", 3200.0)),
+        *((np.float64(3200), 3200.0), (np.int64(3200), 3200.0), (np.array(3200.0), 3200.0)),
+        (Quantity(given=3.2, unit="N/mm", source="paper"), 3200.0),
+    ],
+)
+def test_a_number_is_plain_or_a_text_with_its_unit(written, si):
+    """Assumed, unless it says whence it is."""
+    found = spring_of(spring=written)
+    assert found.si == pytest.approx(si, rel=1e-15)
+    assert found.origin == ("given" if isinstance(written, Quantity) else "assumed")
+
+
+def test_every_unit_that_a_file_may_have_is_read_in_a_text():
+    for unit, factor in UNITS["length"].items():
+        cam = cam_rig.Cam(lift=f"0.5 {unit}", segments=SEGMENTS, follower=POINT)
+        assert cam.lift.si == pytest.approx(0.5 * factor)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ("3.2", "allowed: a number in N/m, or a text with one and its unit: N/m, N/mm"),
+        ("3.2 kg", "has unit 'kg', not a stiffness"),
+        ("much", "is 'much'; allowed: a number in N/m"),
+        (math.nan, "allowed: finite numbers"),
+        (-1.0, "is -1 N/m; allowed: greater than 0 N/m"),
+        (True, "is a bool; allowed: a number"),
+        (None, "spring_stiffness: missing; it is required"),
+        ([1.0, 2.0], r"is \[1.0, 2.0\]; allowed: one number"),
+        (np.array([1.0]), r"is \[1.0\]; allowed: one number"),
+        (1j, "is a complex; allowed: a number"),
+        (object(), "is a object; allowed: a number"),
+        ({"given": 3.0}, "unit: missing"),
+    ],
+)
+def test_what_is_no_number_is_refused_in_one_line(wrong, words):
+    with pytest.raises(ConfigError, match=words) as refused:
+        spring_of(spring=wrong)
+    assert "\n" not in str(refused.value)
+    assert isinstance(refused.value, ValueError)
+
+
+def test_a_file_takes_no_plain_number(tmp_path):
+    """There a number has its unit and its origin."""
+    text = (config_root() / "rigs" / "tm21.yaml").read_text(encoding="utf-8")
+    for plain in ("1.3", '"1.3 kg"'):
+        file = tmp_path / "rig.yaml"
+        lines = [
+            f"  mass: {plain}" if line.startswith("  mass:") else line for line in text.split("\n")
+        ]
+        file.write_text("\n".join(lines), encoding="utf-8")
+        with pytest.raises(ConfigError, match=r"follower\.mass"):
+            cam_rig.load_rig(file)
+
+
+def test_a_rig_of_python_is_that_of_a_file():
+    """The same force, to the last bit."""
+    rig, law = cam_rig.load_rig("tm21"), cam_rig.build_law(cam_rig.load_cam("poly345"))
+    own = rig.follower
+    mine = cam_rig.Rig(
+        **{"mass": own.mass.si, "spring": own.spring_stiffness.si, "preload": own.preload.si},
+        **{"damping": own.damping.si, "restitution": own.restitution.si},
+    )
+    one, other = (cam_rig.simulate(law, each, rpm=450, turns=1) for each in (rig, mine))
+    assert np.array_equal(one.force, other.force)
+
+
+@pytest.mark.parametrize("path", [*CAMS, *RIGS], ids=lambda path: path.stem)
+def test_what_is_saved_is_what_is_loaded(path, tmp_path):
+    """Every shipped file; points of a table too, which stand in a file beside it."""
+    load = cam_rig.load_cam if path.parent.name == "cams" else cam_rig.load_rig
+    model = load(path)
+    model.save(tmp_path / path.name)
+    again = load(tmp_path / path.name)
+    assert again.replace(title="") == model.replace(title="") or "table" in repr(model.segments)
+    assert len(repr(model)) < 300 and "\n" not in repr(model)
+    if path.parent.name == "cams":
+        one, other = (cam_rig.build_law(each) for each in (model, again))
+        assert np.array_equal(one.ordinates, other.ordinates)
+
+
+def test_a_file_s_name_is_its_name(tmp_path):
+    rig = cam_rig.Rig("bench", mass=1.3, spring="3.2 N/mm", preload=30)
+    rig.save(str(tmp_path / "other.yaml"))
+    rig.save(tmp_path / "other.yaml")  # in place of the one before
+    assert cam_rig.load_rig(tmp_path / "other.yaml") == rig.replace(name="other")
+    for name, error in (("a.txt", ConfigError), ("Ä b.yaml", ConfigError), ("f", ConfigError)):
+        with pytest.raises(error, match="allowed"):
+            rig.save(tmp_path / name)
+    (tmp_path / "folder.yaml").mkdir()
+    with pytest.raises(OutputError, match="is a folder"):
+        rig.save(tmp_path / "folder.yaml")
+    assert {path.name for path in Path(tmp_path).iterdir()} == {"other.yaml", "folder.yaml"}
+
+
+def test_another_spring_leaves_the_sound_uncalibrated():
+    rig = cam_rig.load_rig("tm21")
+    assert rig.replace(name="same").radiation == rig.radiation
+    changed = rig.replace(spring="6 N/mm")
+    assert changed.radiation.gain.origin == "assumed" and rig.radiation.gain.origin == "identified"
+    for wrong in ({"sprung": 1.0}, {"spring": "1 kg"}, {"name": "Ä"}, {"follower": 3}):
+        with pytest.raises(ConfigError, match="allowed"):
+            rig.replace(**wrong)
+
+
+def test_a_cam_of_other_sizes():
+    cam = cam_rig.Cam("lug", lift="20 mm", segments=SEGMENTS, follower=POINT)
+    assert cam.replace(base_radius="50 mm", lift=0.01).numbers()["lift"].si == 0.01
+    assert cam.title == "lug"
+    for wrong, words in (
+        ({"segments": SEGMENTS[:2]}, "spans sum to 240"),
+        ({"segments": [{"law": "poly354"}]}, "did you mean 'poly345'"),
+        ({"follower": {"type": "rollr"}}, "did you mean 'roller'"),
+        ({"lift": math.nan}, "finite"),
+        ({"lft": 1.0}, "unknown key"),
+    ):
+        with pytest.raises(ConfigError, match=words):
+            cam.replace(**wrong)
