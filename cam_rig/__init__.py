@@ -147,19 +147,21 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> object:
-    """A public name, from the module that defines it; the version from the installed package."""
-    if name == "__version__":
-        from importlib.metadata import version
+if not TYPE_CHECKING:  # a checker of types knows the names, and tells one that is none
 
-        value: object = version("cam_rig")
-    elif name in _HOMES:
-        module, _, other = _HOMES[name].partition(":")
-        value = getattr(import_module(module), other or name)
-    else:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    globals()[name] = value
-    return value
+    def __getattr__(name: str) -> object:
+        """A public name from its module; the version from the installed package."""
+        if name == "__version__":
+            from importlib.metadata import version
+
+            value: object = version("cam_rig")
+        elif name in _HOMES:
+            module, _, other = _HOMES[name].partition(":")
+            value = getattr(import_module(module), other or name)
+        else:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        globals()[name] = value
+        return value
 
 
 def __dir__() -> list[str]:

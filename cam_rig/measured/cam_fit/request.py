@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Literal, overload
 
 from cam_rig.arguments import checked
 from cam_rig.errors import ConfigError
@@ -135,6 +135,34 @@ class FitRequest:
         return (None,) * columns
 
 
+@overload
+def fit_cam(
+    tables: str | Path | Sequence[str | Path],
+    *,
+    shape: Literal["spline"] = ...,
+    follower: FollowerKind | Sequence[FollowerKind] | None = ...,
+    column: str | None = ...,
+    tolerance: float | None = ...,
+    reverse: bool = ...,
+    roller_radius: float | None = ...,
+    base_radius: float | None = ...,
+    flank: Flank = ...,
+    out: str | Path | None = ...,
+) -> SplineFit: ...
+@overload
+def fit_cam(
+    tables: str | Path | Sequence[str | Path],
+    *,
+    shape: Literal["arcs"],
+    follower: FollowerKind | Sequence[FollowerKind] | None = ...,
+    column: str | None = ...,
+    tolerance: float | None = ...,
+    reverse: bool = ...,
+    roller_radius: float | None = ...,
+    base_radius: float | None = ...,
+    flank: Flank = ...,
+    out: str | Path | None = ...,
+) -> ArcsFit: ...
 @checked
 def fit_cam(
     tables: str | Path | Sequence[str | Path],
