@@ -50,6 +50,9 @@ Follow = Annotated[
         "--follow", help="Follow the periodic motions, stable or not, and find where each changes."
     ),
 ]
+BasinsToo = Annotated[
+    bool, typer.Option("--basins", help="At one speed: which start ends in which motion.")
+]
 
 
 @command("json", "csv", "plot")
@@ -62,6 +65,7 @@ def bounce(
     settle: Settle = 300,
     start: From = Start.REST,
     follow: Follow = False,
+    basins: BasinsToo = False,
     jobs: Jobs = None,
     dask: Dask = None,
     *,
@@ -81,6 +85,8 @@ def bounce(
     cam-rig bounce tm21 --restitution 0.7 --rpm 380:500:1 --from above --csv out/bounce.csv
 
     cam-rig bounce tm21 --restitution 0.7 --rpm 385:480:1 --follow --plot out/branches.svg
+
+    cam-rig bounce tm21 --restitution 0.7 --rpm 420 --basins --plot out/basins.png
     """
     from cam_rig.bounce.study import swept
     from cam_rig.laws.cam import law_of, require_sprung
@@ -95,6 +101,8 @@ def bounce(
     require_sprung(path, loaded)
     law = law_of(path, loaded)
     speeds = _around_jump(law, on) if rpm is None else speeds_asked(rpm)
+    if basins:
+        return _basins(law, on, speeds, restitution, jobs, dask, progress)
     how = law, on, speeds, restitution, turns, settle, start.value, follow
     if start != Start.REST or len(speeds) == 1:
         return swept(*how, progress=progress)
@@ -115,3 +123,21 @@ def _around_jump(law: Law, rig: RigConfig) -> list[float]:
         )
     step = jump * (TO - FROM) / (SPEEDS - 1)
     return [FROM * jump + i * step for i in range(SPEEDS)]
+
+
+def _basins(
+    law: Law,
+    rig: RigConfig,
+    speeds: list[float],
+    restitution: float | None,
+    jobs: int | None,
+    dask: str | None,
+    progress: Progress,
+) -> Result:
+    from cam_rig.bounce.basins import GRID, basins_of
+    from cam_rig.workers import workplace
+
+    if len(speeds) > 1:
+        raise ConfigError(f"--basins: of {len(speeds)} speeds; allowed: one, as --rpm 420")
+    with workplace(jobs, dask) as place:
+        return basins_of(law, rig, speeds[0], restitution, GRID, place.executor, progress)
