@@ -11,7 +11,7 @@ from typing import ClassVar
 import numpy as np
 
 from cam_rig.arguments import checked
-from cam_rig.bounce.motion import PERIODIC, motion_of
+from cam_rig.bounce.motion import PERIODIC, bouncing, motion_of
 from cam_rig.dynamics import MODELS, FollowerState, Interval
 from cam_rig.dynamics.events.search import expect_many
 from cam_rig.dynamics.parameters import FollowerParameters
@@ -212,9 +212,7 @@ def basins_of(
     """The same, of arguments of their types."""
     if grid < 2:
         raise ConfigError(f"grid: is {grid}; allowed: 2 or more starts along each side")
-    p = MODELS["one_mass"].parameters(rig)
-    p = p if restitution is None else replace(p, restitution=restitution)
-    speed = rpm * RPM
+    p, speed = bouncing(rig, restitution), rpm * RPM
     expect_many()
     seen = np.abs(StroboscopicMap(law, p, speed).run(SETTLE + KEPT).states[-KEPT:]).max(axis=0)
     least = 0.1 * law.lift * np.array([1.0, speed])  # one that is on the cam at angle 0

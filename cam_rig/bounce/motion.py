@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cam_rig.dynamics import MODELS, FollowerParameters
 from cam_rig.dynamics.turn_map import StroboscopicMap, TurnsRun
+from cam_rig.schema import RigConfig
 from cam_rig.units import FloatArray
 
 IN_CONTACT, PERIODIC, IRREGULAR, NOT_TOLD = "in contact", "periodic", "irregular", "not told"
@@ -33,6 +35,19 @@ class TurnMotion:
     settled: int | None  #: the turn from which on it does
     exponent: float  #: 1/turn
     error: float  #: of the exponent, 95 %, by its convergence over the turns
+
+
+def bouncing(rig: RigConfig, restitution: float | None) -> FollowerParameters:
+    """One rigid mass of a rig, with another restitution than its own, or with its own for None.
+
+    Raises
+    ------
+    ConfigError : neither tells a restitution
+    """
+    if restitution is None:
+        found: FollowerParameters = MODELS["one_mass"].parameters(rig)
+        return found
+    return replace(FollowerParameters.from_rig(rig), restitution=restitution)
 
 
 def motion_of(turn_map: StroboscopicMap, run: TurnsRun, kept: int) -> TurnMotion:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, Future
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -13,7 +13,15 @@ import numpy as np
 from cam_rig.acoustics import MicrophoneState, RadiationParameters, level_db, rms_pressure
 from cam_rig.arguments import checked
 from cam_rig.bounce.branches import LIFT_OFF, WORDS, Bifurcation, Branch, branches
-from cam_rig.bounce.motion import IN_CONTACT, IRREGULAR, NOT_TOLD, PERIODIC, SEEN, motion_of
+from cam_rig.bounce.motion import (
+    IN_CONTACT,
+    IRREGULAR,
+    NOT_TOLD,
+    PERIODIC,
+    SEEN,
+    bouncing,
+    motion_of,
+)
 from cam_rig.dynamics import MODELS, FollowerState, Interval
 from cam_rig.dynamics.events.search import expect_many
 from cam_rig.dynamics.jump.jump_speed import rigid_jump
@@ -77,7 +85,10 @@ class BounceMap(Result):
     drawn_by = "cam_rig.bounce.figures:figure"
     columns: ClassVar = {
         "speeds": (
-            Column("motion", about="in contact, periodic, irregular or not told"),
+            Column(
+                "motion",
+                about="in contact, periodic, irregular in the turns that are kept, or not told",
+            ),
             Column("rpm", "rpm", ".6g", "speed"),
             Column("period", "", "d", about="in turns"),
             Column("landings_per_turn", "1/turn", ".3g", "landings"),
@@ -327,9 +338,7 @@ def swept(
     progress: Progress = SILENT,
 ) -> BounceMap:
     """The same, of arguments in range."""
-    p = MODELS["one_mass"].parameters(rig)
-    if restitution is not None:
-        p = replace(p, restitution=restitution)
+    p = bouncing(rig, restitution)
     told = rig.radiation is not None and p.stem_stiffness is not None
     runs = BounceRuns(law, p, RadiationParameters.from_rig(rig) if told else None, settle, turns)
     speeds = sorted(rpm, reverse=start == ABOVE)
