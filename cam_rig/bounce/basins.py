@@ -107,7 +107,7 @@ class Basins(Result):
     def tables(self) -> list[Records]:
         """``motions``; in data where each start ends."""
         e = self.parameters.restitution
-        caption = f"{self.law.name} on {self.rig.name} at {self.rpm:g} rpm, restitution {e:g}"
+        caption = f"{self.law.name} on rig {self.rig.name} at {self.rpm:g} rpm, restitution {e:g}"
         return [
             self.table("motions", caption, self.motions),
             Arrays.of("starts", self.columns["starts"], self),

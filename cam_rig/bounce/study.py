@@ -146,7 +146,7 @@ class BounceMap(Result):
     def tables(self) -> list[Records]:
         """``speeds``; in data ``turns`` too: of a period each once, else all that are kept."""
         e = self.parameters.restitution
-        caption = f"{self.law.name} on {self.rig.name}, restitution {e:g}, {BEGUN[self.start]}"
+        caption = f"{self.law.name} on rig {self.rig.name}, restitution {e:g}, {BEGUN[self.start]}"
         motions = [one for branch in self.branches for one in branch.motions]
         found = self.bifurcations if self.branches else []
         words = (f"{kind}: {WORDS[kind]}." for kind in dict.fromkeys(one.kind for one in found))
