@@ -10,6 +10,7 @@ the shape of a cam, and its checks                      contour, check_contours;
 a follower's motion, lift-offs, landings at one speed   simulate
 the same over many speeds, with sound                   sweep; of a scene's file: run_scene
 the speed at which contact is lost                      jump_speed; beside the paper's: jump
+how a follower bounces above that speed                 bounce_map
 residual vibration, orders, contact pressure            vibration, orders, contact
 how loud a motion is                                    sound_level; the paper's study: noise
 the linear model, into scipy.signal                     Rig.state_space, Rig.frequency_response

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from cam_rig.dynamics.parameters import FollowerParameters
-from cam_rig.dynamics.turn_map import TurnMap
+from cam_rig.dynamics.turn_map import StroboscopicMap
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.units import FloatArray, to_rpm
@@ -197,7 +197,9 @@ class Family:
     def _run(self, at: FloatArray) -> tuple[FloatArray, PeriodicMotion]:
         """Where a scaled (gap, rate, speed) comes to in a period, scaled, and as a motion."""
         gap, rate, speed = (at * self._scale).tolist()
-        run = TurnMap(self.law, self.parameters, speed).run(self.period, (max(gap, 0.0), rate))
+        run = StroboscopicMap(self.law, self.parameters, speed).run(
+            self.period, (max(gap, 0.0), rate)
+        )
         motion = PeriodicMotion(
             speed=speed,
             states=run.states,

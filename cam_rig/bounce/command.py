@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import math
 from enum import Enum
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from cam_rig.errors import ConfigError
-from cam_rig.show.command import Dask, Jobs, command
+from cam_rig.show.command import Dask, Jobs, Rig, command
 from cam_rig.show.result import Progress, Result
+
+if TYPE_CHECKING:
+    from cam_rig.laws import Law
+    from cam_rig.schema import RigConfig
 
 #: By default so many speeds, from and to these parts of the jump speed.
 SPEEDS, FROM, TO = 121, 0.9, 1.8
@@ -24,35 +28,44 @@ class Start(Enum):
     ABOVE = "above"
 
 
+OneCam = Annotated[str, typer.Argument(help="Cam file, or a name in config/cams.")]
+Speeds = Annotated[
+    str | None,
+    typer.Option(help="Speeds: 420, or 420,450, or 350:600:2; by default around the jump speed."),
+]
+Restitution = Annotated[
+    float | None, typer.Option(help="Of a landing, from 0 to below 1; by default the rig's.")
+]
+Kept = Annotated[int, typer.Option(min=20, help="Turns that are kept.")]
+Settle = Annotated[int, typer.Option(min=0, help="Turns before these.")]
+From = Annotated[
+    Start,
+    typer.Option(
+        "--from", help="Each speed begins on the cam (rest), or where the one below or above ended."
+    ),
+]
+Follow = Annotated[
+    bool,
+    typer.Option(
+        "--follow", help="Follow the periodic motions, stable or not, and find where each changes."
+    ),
+]
+BasinsToo = Annotated[
+    bool, typer.Option("--basins", help="At one speed: which start ends in which motion.")
+]
+
+
 @command("json", "csv", "plot")
 def bounce(
-    cam: Annotated[str, typer.Argument(help="Cam file, or a name in config/cams.")] = "tm21",
-    rig: Annotated[str, typer.Option(help="Rig file, or a name in config/rigs.")] = "tm21",
-    rpm: Annotated[
-        str | None,
-        typer.Option(
-            help="Speeds: 420, or 420,450, or 350:600:2; by default around the jump speed."
-        ),
-    ] = None,
-    restitution: Annotated[
-        float | None, typer.Option(help="Of a landing, from 0 to below 1; by default the rig's.")
-    ] = None,
-    turns: Annotated[int, typer.Option(min=20, help="Turns that are kept.")] = 200,
-    settle: Annotated[int, typer.Option(min=0, help="Turns before these.")] = 300,
-    start: Annotated[
-        Start,
-        typer.Option(
-            "--from",
-            help="Each speed begins on the cam (rest), or where the one below or above ended.",
-        ),
-    ] = Start.REST,
-    follow: Annotated[
-        bool,
-        typer.Option(
-            "--follow",
-            help="Follow the periodic motions, stable or not, and find where each changes.",
-        ),
-    ] = False,
+    cam: OneCam = "tm21",
+    rig: Rig = "tm21",
+    rpm: Speeds = None,
+    restitution: Restitution = None,
+    turns: Kept = 200,
+    settle: Settle = 300,
+    start: From = Start.REST,
+    follow: Follow = False,
+    basins: BasinsToo = False,
     jobs: Jobs = None,
     dask: Dask = None,
     *,
@@ -65,6 +78,8 @@ def bounce(
     meter shows, and how far it wanders from turn to turn. From below and from above differ where
     two motions are possible at one speed.
 
+    In Python: cam_rig.bounce_map(law, rig, rpm, restitution, turns, settle, start, follow)
+
     Examples
     --------
     cam-rig bounce tm21 --restitution 0.7 --plot out/bounce.png
@@ -72,9 +87,10 @@ def bounce(
     cam-rig bounce tm21 --restitution 0.7 --rpm 380:500:1 --from above --csv out/bounce.csv
 
     cam-rig bounce tm21 --restitution 0.7 --rpm 385:480:1 --follow --plot out/branches.svg
+
+    cam-rig bounce tm21 --restitution 0.7 --rpm 420 --basins --plot out/basins.png
     """
-    from cam_rig.bounce.study import first_lift_off, swept
-    from cam_rig.dynamics.parameters import FollowerParameters
+    from cam_rig.bounce.study import swept
     from cam_rig.laws.cam import law_of, require_sprung
     from cam_rig.schema import load_cam, load_rig
     from cam_rig.schema.load import cam_path, rig_path
@@ -86,19 +102,44 @@ def bounce(
     loaded = load_cam(path)
     require_sprung(path, loaded)
     law = law_of(path, loaded)
-    if rpm is None:
-        jump = first_lift_off(law, FollowerParameters.from_rig(on))
-        if not 0.0 < jump < math.inf:
-            raise ConfigError(
-                f"cam {law.name!r}: has a jump speed of {jump:g} rpm, around which there are no "
-                "speeds; allowed: --rpm"
-            )
-        step = jump * (TO - FROM) / (SPEEDS - 1)
-        speeds = [FROM * jump + i * step for i in range(SPEEDS)]
-    else:
-        speeds = speeds_in(rpm)
+    speeds = _around_jump(law, on) if rpm is None else speeds_in(rpm)
+    if basins:
+        return _basins(law, on, speeds, restitution, jobs, dask, progress)
     how = law, on, speeds, restitution, turns, settle, start.value, follow
     if start != Start.REST or len(speeds) == 1:
         return swept(*how, progress=progress)
     with workplace(jobs, dask) as place:
         return swept(*how, place.executor, progress)
+
+
+def _around_jump(law: Law, rig: RigConfig) -> list[float]:
+    """Speeds (rpm) from below the jump speed to where a follower bounces far."""
+    from cam_rig.bounce.study import first_lift_off
+    from cam_rig.dynamics.parameters import FollowerParameters
+
+    jump = first_lift_off(law, FollowerParameters.from_rig(rig))
+    if not 0.0 < jump < math.inf:
+        raise ConfigError(
+            f"cam {law.name!r}: has a jump speed of {jump:g} rpm, around which there are no "
+            "speeds; allowed: --rpm"
+        )
+    step = jump * (TO - FROM) / (SPEEDS - 1)
+    return [FROM * jump + i * step for i in range(SPEEDS)]
+
+
+def _basins(
+    law: Law,
+    rig: RigConfig,
+    speeds: list[float],
+    restitution: float | None,
+    jobs: int | None,
+    dask: str | None,
+    progress: Progress,
+) -> Result:
+    from cam_rig.bounce.basins import GRID, basins_of
+    from cam_rig.workers import workplace
+
+    if len(speeds) > 1:
+        raise ConfigError(f"--basins: of {len(speeds)} speeds; allowed: one, as --rpm 420")
+    with workplace(jobs, dask) as place:
+        return basins_of(law, rig, speeds[0], restitution, GRID, place.executor, progress)

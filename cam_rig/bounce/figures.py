@@ -1,13 +1,16 @@
-"""The bifurcation diagram, the exponent under it, and the level, on one axis of speed."""
+"""The bifurcation diagram over exponent and level; at one speed basins and phase portraits."""
 
 from __future__ import annotations
 
 from itertools import groupby
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
+from cam_rig.bounce.basins import Basins
 from cam_rig.bounce.motion import IN_CONTACT, IRREGULAR, NOT_TOLD, PERIODIC
 from cam_rig.bounce.study import BEGUN, BounceMap
 from cam_rig.show.figure import CAM_SPEED, empty, series_marker, styled, wrapped
@@ -15,6 +18,8 @@ from cam_rig.show.looks import in_words
 
 #: Of the axes' height, where what has the exponent −∞ is marked.
 FOOT = 0.04
+#: Motions that have a colour and a portrait.
+MOST = 6
 
 
 @styled
@@ -80,3 +85,34 @@ def _levels(axes: Axes, found: BounceMap) -> None:
     axes.fill_between(rpm, level - half, level + half, color="0.75", lw=0.0)
     axes.plot(rpm, level, color="0.1", lw=0.9)
     axes.set(ylabel="level, spread of\nturns [dB re 20 µPa]")
+
+
+@styled
+def basin_figure(found: Basins) -> Figure:
+    """Left the starts by what they end in, right the phase portrait with its states at angle 0."""
+    out = empty(3.9)
+    left, right = out.subplots(1, 2)
+    looks = [series_marker(i) for i in range(min(MOST, len(found.motions)))]
+    colours = [look["color"] for look in looks]
+    mapped = ListedColormap([*colours, "0.8"])
+    shown = np.minimum(found.ends, len(colours))
+    extent: Any = [found.gap[0] * 1e3, found.gap[-1] * 1e3, found.opening[0], found.opening[-1]]
+    how: dict[str, Any] = {"origin": "lower", "aspect": "auto", "interpolation": "nearest"}
+    left.imshow(shown, cmap=mapped, vmin=-0.5, vmax=len(colours) + 0.5, extent=extent, **how)
+    left.set(xlabel="gap at cam angle 0 [mm]", ylabel="rate of the gap there [m/s]")
+    left.grid(False)
+    for motion, look in zip(found.motions, looks, strict=False):
+        gap, rate = found.portrait(motion)
+        period = f", period {motion.period}" if motion.period else ""
+        label = f"{motion.name}: {motion.motion}{period}, {100.0 * motion.share:.0f} %"
+        right.plot(gap * 1e3, rate, color=look["color"], lw=0.6, label=label)
+        at = motion.states
+        right.plot(at[:, 0] * 1e3, at[:, 1], ls="", ms=4.0, mec="0.1", mew=0.5, **look)
+    right.set(xlabel="gap [mm]", ylabel="rate of the gap [m/s]")
+    e = found.parameters.restitution
+    words = (
+        f"{in_words(found.law.name)} on {found.rig.title} at {found.rpm:g} rpm, restitution {e:g}"
+    )
+    out.suptitle(wrapped(words))
+    out.legend(loc="outside lower center", ncols=2, frameon=False)
+    return out

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cam_rig.dynamics.turn_map import TurnMap, TurnsRun
+from cam_rig.dynamics import MODELS, FollowerParameters
+from cam_rig.dynamics.turn_map import StroboscopicMap, TurnsRun
+from cam_rig.schema import RigConfig
 from cam_rig.units import FloatArray
 
 IN_CONTACT, PERIODIC, IRREGULAR, NOT_TOLD = "in contact", "periodic", "irregular", "not told"
@@ -21,7 +23,7 @@ BLOCKS, STUDENT = 10, 2.262
 
 
 @dataclass(frozen=True)
-class Motion:
+class TurnMotion:
     """What a follower does, turn after turn.
 
     The exponent is the mean logarithm by which a small change grows in a turn: −∞ where the
@@ -35,14 +37,27 @@ class Motion:
     error: float  #: of the exponent, 95 %, by its convergence over the turns
 
 
-def motion_of(turn_map: TurnMap, run: TurnsRun, kept: int) -> Motion:
+def bouncing(rig: RigConfig, restitution: float | None) -> FollowerParameters:
+    """One rigid mass of a rig, with another restitution than its own, or with its own for None.
+
+    Raises
+    ------
+    ConfigError : neither tells a restitution
+    """
+    if restitution is None:
+        found: FollowerParameters = MODELS["one_mass"].parameters(rig)
+        return found
+    return replace(FollowerParameters.from_rig(rig), restitution=restitution)
+
+
+def motion_of(turn_map: StroboscopicMap, run: TurnsRun, kept: int) -> TurnMotion:
     """The motion in the last ``kept`` turns of a run."""
     landings, on_cam = run.landings[-kept:], run.on_cam[-kept:]
     if not landings.any():
         if not on_cam.all():  # it flies, and did not land in all these turns
-            return Motion(NOT_TOLD, None, None, math.nan, math.nan)
+            return TurnMotion(NOT_TOLD, None, None, math.nan, math.nan)
         first = int(np.flatnonzero(run.landings)[-1]) + 1 if run.landings.any() else 0
-        return Motion(IN_CONTACT, None, first, -math.inf, 0.0)
+        return TurnMotion(IN_CONTACT, None, first, -math.inf, 0.0)
     states = run.states / (turn_map.law.lift * np.array([1.0, turn_map.speed]))
     period = _period(states[-kept:])
     if period is None:
@@ -51,7 +66,7 @@ def motion_of(turn_map: TurnMap, run: TurnsRun, kept: int) -> Motion:
     settled = int(np.flatnonzero(apart > ALIKE)[-1]) + 1 if (apart > ALIKE).any() else 0
     last, before = (_exponent(run.derivatives[i:][:period]) for i in (-period, -2 * period))
     error = abs(last - before) if math.isfinite(last) else 0.0
-    return Motion(PERIODIC, period, settled, last, error)
+    return TurnMotion(PERIODIC, period, settled, last, error)
 
 
 def _period(states: FloatArray) -> int | None:
@@ -72,11 +87,11 @@ def _exponent(derivatives: FloatArray) -> float:
     return math.log(largest) / len(derivatives) if largest > 0.0 else -math.inf
 
 
-def _without_period(growth: FloatArray) -> Motion:
+def _without_period(growth: FloatArray) -> TurnMotion:
     """Irregular if the mean growth ``(n,)`` is above its error; else nothing is told."""
     if not np.isfinite(growth).all():  # at rest on the cam now and then: it will repeat
-        return Motion(NOT_TOLD, None, None, -math.inf, 0.0)
+        return TurnMotion(NOT_TOLD, None, None, -math.inf, 0.0)
     means = np.array([block.mean() for block in np.array_split(growth, BLOCKS)])
     exponent = float(growth.mean())
     error = STUDENT * float(means.std(ddof=1)) / math.sqrt(BLOCKS)
-    return Motion(IRREGULAR if exponent > error else NOT_TOLD, None, None, exponent, error)
+    return TurnMotion(IRREGULAR if exponent > error else NOT_TOLD, None, None, exponent, error)

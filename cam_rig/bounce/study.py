@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, Future
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -13,12 +13,20 @@ import numpy as np
 from cam_rig.acoustics import MicrophoneState, RadiationParameters, level_db, rms_pressure
 from cam_rig.arguments import checked
 from cam_rig.bounce.branches import LIFT_OFF, WORDS, Bifurcation, Branch, branches
-from cam_rig.bounce.motion import IN_CONTACT, IRREGULAR, NOT_TOLD, PERIODIC, SEEN, motion_of
+from cam_rig.bounce.motion import (
+    IN_CONTACT,
+    IRREGULAR,
+    NOT_TOLD,
+    PERIODIC,
+    SEEN,
+    bouncing,
+    motion_of,
+)
 from cam_rig.dynamics import MODELS, FollowerState, Interval
 from cam_rig.dynamics.events.search import expect_many
 from cam_rig.dynamics.jump.jump_speed import rigid_jump
 from cam_rig.dynamics.parameters import FollowerParameters
-from cam_rig.dynamics.turn_map import ON_THE_CAM, TurnMap, TurnsRun
+from cam_rig.dynamics.turn_map import ON_THE_CAM, StroboscopicMap, TurnsRun
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
@@ -38,7 +46,7 @@ LEAST_TURNS = 5 * SEEN
 
 @dataclass(frozen=True, eq=False)
 class BounceRow:
-    """What the follower does at one speed; `Motion` says what each is."""
+    """What the follower does at one speed; `TurnMotion` says what each is."""
 
     rpm: float
     motion: str
@@ -77,7 +85,10 @@ class BounceMap(Result):
     drawn_by = "cam_rig.bounce.figures:figure"
     columns: ClassVar = {
         "speeds": (
-            Column("motion", about="in contact, periodic, irregular or not told"),
+            Column(
+                "motion",
+                about="in contact, periodic, irregular in the turns that are kept, or not told",
+            ),
             Column("rpm", "rpm", ".6g", "speed"),
             Column("period", "", "d", about="in turns"),
             Column("landings_per_turn", "1/turn", ".3g", "landings"),
@@ -135,7 +146,7 @@ class BounceMap(Result):
     def tables(self) -> list[Records]:
         """``speeds``; in data ``turns`` too: of a period each once, else all that are kept."""
         e = self.parameters.restitution
-        caption = f"{self.law.name} on {self.rig.name}, restitution {e:g}, {BEGUN[self.start]}"
+        caption = f"{self.law.name} on rig {self.rig.name}, restitution {e:g}, {BEGUN[self.start]}"
         motions = [one for branch in self.branches for one in branch.motions]
         found = self.bifurcations if self.branches else []
         words = (f"{kind}: {WORDS[kind]}." for kind in dict.fromkeys(one.kind for one in found))
@@ -196,7 +207,7 @@ def _joined(parts: Iterable[FloatArray]) -> FloatArray:
 
 
 @dataclass(frozen=True)
-class Bench:
+class BounceRuns:
     """What is turned, how long, and how it is heard."""
 
     law: Law
@@ -207,7 +218,7 @@ class Bench:
 
     def row(self, rpm: float, begin: tuple[float, float] = ON_THE_CAM) -> BounceRow:
         """What the follower does at a speed, from a gap (m) and its rate (m/s)."""
-        turn_map = TurnMap(self.law, self.parameters, rpm * RPM)
+        turn_map = StroboscopicMap(self.law, self.parameters, rpm * RPM)
         run = turn_map.run(self.settle + self.turns, begin)
         found = motion_of(turn_map, run, self.turns)
         shown = 1 if found.kind == IN_CONTACT else found.period or self.turns
@@ -233,7 +244,7 @@ class Bench:
         return [self.row(one) for one in rpm]
 
     def _level(
-        self, turn_map: TurnMap, run: TurnsRun, turns: int
+        self, turn_map: StroboscopicMap, run: TurnsRun, turns: int
     ) -> tuple[float | None, float | None]:
         """Level (dB) of the last turns, and the loudest of them less the quietest."""
         if self.radiation is None:
@@ -327,16 +338,14 @@ def swept(
     progress: Progress = SILENT,
 ) -> BounceMap:
     """The same, of arguments in range."""
-    p = MODELS["one_mass"].parameters(rig)
-    if restitution is not None:
-        p = replace(p, restitution=restitution)
+    p = bouncing(rig, restitution)
     told = rig.radiation is not None and p.stem_stiffness is not None
-    bench = Bench(law, p, RadiationParameters.from_rig(rig) if told else None, settle, turns)
+    runs = BounceRuns(law, p, RadiationParameters.from_rig(rig) if told else None, settle, turns)
     speeds = sorted(rpm, reverse=start == ABOVE)
     expect_many()
     progress.begin(len(speeds), law.name)
     found = []
-    chain = _from_rest(bench, speeds, executor) if start == REST else _continued(bench, speeds)
+    chain = _from_rest(runs, speeds, executor) if start == REST else _continued(runs, speeds)
     for row in chain:
         found.append(row)
         progress.advance()
@@ -356,20 +365,20 @@ def first_lift_off(law: Law, parameters: FollowerParameters) -> float:
 
 
 def _from_rest(
-    bench: Bench, rpm: Sequence[float], executor: Executor | None
+    runs: BounceRuns, rpm: Sequence[float], executor: Executor | None
 ) -> Iterator[BounceRow]:
     if executor is None:
-        yield from map(bench.row, rpm)
+        yield from map(runs.row, rpm)
         return
     parts = [rpm[i : i + TOGETHER] for i in range(0, len(rpm), TOGETHER)]
-    sent: list[Future[list[BounceRow]]] = [executor.submit(bench.rows, part) for part in parts]
+    sent: list[Future[list[BounceRow]]] = [executor.submit(runs.rows, part) for part in parts]
     for one in sent:
         yield from one.result()
 
 
-def _continued(bench: Bench, rpm: Sequence[float]) -> Iterator[BounceRow]:
+def _continued(runs: BounceRuns, rpm: Sequence[float]) -> Iterator[BounceRow]:
     begin = ON_THE_CAM
     for one in rpm:
-        row = bench.row(one, begin)
+        row = runs.row(one, begin)
         begin = row.end
         yield row

@@ -91,7 +91,7 @@ class TurnsRun:
         return product
 
 
-class TurnMap:
+class StroboscopicMap:
     """One rigid mass on a law at one cam speed, turn after turn from cam angle 0.
 
     Parameters

@@ -6,8 +6,11 @@ import math
 from collections.abc import Callable
 from functools import partial
 
+import numpy as np
 from matplotlib.figure import Figure
 
+from cam_rig.bounce.motion import IRREGULAR, PERIODIC
+from cam_rig.bounce.study import bounce_map
 from cam_rig.dynamics.jump.jump_speed import FROM_REST
 from cam_rig.dynamics.vibration import STAND_IN
 from cam_rig.law_design import figures as design_plot
@@ -55,6 +58,8 @@ SHARPEST = 2.0
 #: Highest order of the Campbell diagrams, whose rays stay apart on paper, and dots per inch of
 #: their thousands of strokes, which are pixels within the SVG.
 SHOWN_ORDERS, ORDERS_DPI = 40, 130
+#: Speeds of the bounce map, from and to (rpm) and how many; a restitution that no source prints.
+BOUNCE_RPM, BOUNCE_SPEEDS, RESTITUTION = (300.0, 600.0), 151, 0.7
 #: Speeds of the figures, rpm: below every jump speed, and above all but Bézier 15's.
 STEADY_RPM, TAKEOFF_RPM = 300.0, 460.0
 #: The follower's numbers in Table 1: key there, attribute, heading.
@@ -166,6 +171,26 @@ def _stem(paper: Paper) -> Content:
     found = study_stems(paper.cam_set, paper.stems, STEM_RPM)
     tables = found.to_show(paper.titles)
     return Content(tables, {"stem": found.plot}, {"studies": found.studies})
+
+
+def _bounce(paper: Paper) -> Content:
+    """Of the cam that the rig's own is taken for, one mass with a restitution that is assumed."""
+    loaded = paper.loaded
+    cam = next((name for name in loaded.cams if loaded.part(name) == "identified"), None)
+    if cam is None or loaded.laws[cam].velocity_jumps:
+        return Content(values={"bounce": None})
+    rpm = np.linspace(*BOUNCE_RPM, BOUNCE_SPEEDS)
+    found = bounce_map(loaded.laws[cam], loaded.rig, rpm=rpm, restitution=RESTITUTION, turns=100)
+    irregular = [row for row in found.rows if row.motion == IRREGULAR]
+    values = {
+        "bounce": found,
+        "cam": loaded.titles[cam],
+        "restitution": RESTITUTION,
+        "rest": [row.rpm for row in found.rows if row.rests and row.motion == PERIODIC],
+        "irregular": irregular,
+        "spread": max((row.level_spread_db or 0.0 for row in irregular), default=0.0),
+    }
+    return Content(found.to_show(paper.titles), {"bounce": found.plot}, values, {"bounce": found})
 
 
 def _as_cut(paper: Paper) -> Content:
@@ -289,6 +314,7 @@ SECTIONS = (
     Section("vibration", "Residual and torsional vibration", _vibration),
     Section("flywheel", "A flywheel that does not hold its speed", _flywheel),
     Section("jump", "Jump speed", _jump),
+    Section("bounce", "Bouncing above the jump speed", _bounce),
     Section("stem", "Where two masses stop being enough", _stem),
     Section("as_cut", "The cam as it was cut", _as_cut),
     Section("timing", "Timing of the events", _timing),

@@ -16,7 +16,7 @@ from cam_rig.bounce.branches import (
     branches,
 )
 from cam_rig.dynamics import FollowerParameters
-from cam_rig.dynamics.turn_map import TurnMap
+from cam_rig.dynamics.turn_map import StroboscopicMap
 from cam_rig.units import RPM
 
 BESIDE = 1e-6
@@ -31,7 +31,7 @@ def follower():
 @pytest.fixture(scope="module")
 def four(laws, follower):
     """The branch of four landings a turn of the paper's cam, from 410 to 520 rpm."""
-    state = TurnMap(laws["tm21"], follower, 450.0 * RPM).run(200).states[-1]
+    state = StroboscopicMap(laws["tm21"], follower, 450.0 * RPM).run(200).states[-1]
     begin = Family(laws["tm21"], follower, 1).at(450.0 * RPM, tuple(state))
     return branch_through(laws["tm21"], follower, begin, 410.0 * RPM, 520.0 * RPM)
 
@@ -48,7 +48,7 @@ def nearest(branch, rpm, stable=None):
 def test_every_motion_repeats(four, laws, follower):
     """A period from its state leads back to it, and has its landings."""
     for motion in four.motions[::10]:
-        run = TurnMap(laws["tm21"], follower, motion.speed).run(1, motion.state)
+        run = StroboscopicMap(laws["tm21"], follower, motion.speed).run(1, motion.state)
         scale = laws["tm21"].lift * np.array([1.0, motion.speed])
         assert np.abs((run.states[0] - motion.state) / scale).max() < 1e-9
         assert run.landings.sum() == motion.landings == 4
@@ -65,7 +65,7 @@ def test_a_doubling_is_told_to_a_millionth(four, laws, follower):
     assert not above.stable
     assert above.multipliers.real.min() == pytest.approx(-1.0, abs=1e-4)
     speed = flip.rpm * RPM * (1.0 + 1e-3)
-    state = TurnMap(laws["tm21"], follower, speed).run(600, near.state).states[-1]
+    state = StroboscopicMap(laws["tm21"], follower, speed).run(600, near.state).states[-1]
     double = Family(laws["tm21"], follower, 2).at(speed, tuple(state))
     assert double.stable
     assert np.abs(double.states[0] - double.states[1]).max() > 1e-4
@@ -86,7 +86,7 @@ def test_a_graze_is_a_landing_that_comes(four, laws, follower):
     """Past the branch's end a start from its last motion lands once more, at hardly any speed."""
     (graze,) = of_kind(four, GRAZE)
     last = nearest(four, graze.rpm)
-    beyond = TurnMap(laws["tm21"], follower, graze.rpm * RPM * (1.0 + BESIDE))
+    beyond = StroboscopicMap(laws["tm21"], follower, graze.rpm * RPM * (1.0 + BESIDE))
     run = beyond.run(1, last.state)
     assert run.landings[0] == last.landings + 1
     assert run.softest[0] < 0.02 * last.softest
@@ -106,7 +106,7 @@ def test_multipliers_of_any_branch(laws, follower, restitution):
     """Their product is e^{−cT/m} r² a landing, whatever else the branch does."""
     p = replace(follower, restitution=restitution)
     speed = 560.0 * RPM
-    run = TurnMap(laws["tm21"], p, speed).run(400)
+    run = StroboscopicMap(laws["tm21"], p, speed).run(400)
     motion = Family(laws["tm21"], p, 1).at(speed, tuple(run.states[-1]))
     branch = branch_through(laws["tm21"], p, motion, 540.0 * RPM, 580.0 * RPM)
     for one in branch.motions:

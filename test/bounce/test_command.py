@@ -49,6 +49,7 @@ def test_many_speeds_are_shown_where_they_change():
     [
         (("nothing",), "nothing"),
         (("tm21", "--rpm", "0"), "--rpm 0: allowed"),
+        (("tm21", "--basins", "--rpm", "420,430"), "--basins: of 2 speeds; allowed: one"),
         (("tm21", "--restitution", "1"), "restitution is 1.0; allowed"),
         (("worked_example_constant_velocity",), "jump speed of 0 rpm"),
         (("conjugate",), "conjugate"),

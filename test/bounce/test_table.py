@@ -8,7 +8,7 @@ import pytest
 
 from cam_rig.bounce.branches import FLIP, FOLD, Family
 from cam_rig.bounce.motion import IRREGULAR, PERIODIC, motion_of
-from cam_rig.dynamics.turn_map import TurnMap
+from cam_rig.dynamics.turn_map import StroboscopicMap
 from cam_rig.units import RPM
 
 from .table import (
@@ -77,7 +77,7 @@ def test_multipliers_are_those_of_the_closed_form(restitution):
 def test_derivatives_and_exponents_in_many_digits(restitution, ratio, damping, spring, landings):
     """Turn by turn in irregular motion: differences in 60 digits, and the exponents of their QR."""
     p, speed = ball(restitution, damping, spring), speed_at(ratio)
-    turn_map, exact = TurnMap(LAW, p, speed), ManyDigits(p, speed)
+    turn_map, exact = StroboscopicMap(LAW, p, speed), ManyDigits(p, speed)
     begin = tuple(turn_map.run(50, (0.01, 0.1)).states[-1])
     run = turn_map.run(10 * landings, begin)
     units, frame, growth, met, turns = mp.diag([mp.mpf(speed), 1]), mp.eye(2), np.zeros(2), 0, 0
@@ -99,7 +99,7 @@ def test_kinds_on_both_sides_of_the_doubling():
     kinds = []
     for ratio in (0.95 * doubling, 1.02 * doubling, 1.6):
         speed, state = one_landing(0.9, ratio)
-        turn_map = TurnMap(LAW, ball(0.9), speed)
+        turn_map = StroboscopicMap(LAW, ball(0.9), speed)
         found = motion_of(turn_map, turn_map.run(1200, (state[0] * 1.0001, state[1])), 400)
         kinds.append((found.kind, found.period))
     assert kinds[:2] == [(PERIODIC, 1), (PERIODIC, 2)]

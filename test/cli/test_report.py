@@ -107,6 +107,7 @@ def fewer(monkeypatch):
     monkeypatch.setattr("cam_rig.paper.as_cut.study.has_central_roller", lambda c: c.name == CUT)
     monkeypatch.setattr("cam_rig.paper.flywheel.INERTIAS", (SHOWN, math.inf))
     monkeypatch.setattr("cam_rig.law_design.design.ASKED", ASKED[1:2])  # not of a jump
+    monkeypatch.setattr("cam_rig.report.paper_sections.BOUNCE_SPEEDS", 11)
     monkeypatch.setattr("cam_rig.paper.readings.readings.SPEEDS", 32)
     monkeypatch.setattr("cam_rig.paper.readings.readings.POINTS", 640)
 

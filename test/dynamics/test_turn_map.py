@@ -10,7 +10,7 @@ from cam_rig.dynamics import FollowerParameters, Interval
 from cam_rig.dynamics.events.course import EndlessEventsError
 from cam_rig.dynamics.events.search import ALWAYS, PLAIN, VARIABLE
 from cam_rig.dynamics.one_mass import OneMassTrajectory
-from cam_rig.dynamics.turn_map import TurnMap
+from cam_rig.dynamics.turn_map import StroboscopicMap
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.units import NS, RPM, TURN
@@ -44,7 +44,7 @@ def random_map(laws, seed, fastest=900.0):
         preload=[0.0, 12.753, 80.0][int(rng.integers(3))],
         restitution=[0.0, 0.3, 0.7, 0.95][int(rng.integers(4))],
     )
-    return TurnMap(law, p, float(rng.uniform(200.0, fastest)) * RPM), rng
+    return StroboscopicMap(law, p, float(rng.uniform(200.0, fastest)) * RPM), rng
 
 
 @pytest.mark.variants(12)
@@ -136,7 +136,7 @@ def test_derivatives_are_differences(laws, seed):
 
 def test_a_period_on_the_cam_has_no_memory(laws):
     """Wherever it starts, once it has come to rest the follower goes the same way, to the bit."""
-    turn_map = TurnMap(laws["tm21"], replace(BASE, restitution=0.7), 370.0 * RPM)
+    turn_map = StroboscopicMap(laws["tm21"], replace(BASE, restitution=0.7), 370.0 * RPM)
     ends = {tuple(turn_map.run(60, (0.01 * i, 0.1 * i)).states[-1]) for i in range(6)}
     assert ends == {tuple(turn_map.run(60).states[-1])}
 
@@ -145,7 +145,7 @@ def test_one_that_never_lands():
     """No spring to speak of and no preload: thrown up it flies on, and nothing is invented."""
     p = replace(BASE, spring_stiffness=1e-15, preload=0.0, damping=0.0, restitution=0.5)
     law = Law("disc", np.array([0.0, TURN]), np.zeros((2, 1)))
-    run = TurnMap(law, p, 400.0 * RPM).run(50, (0.0, 1.0))
+    run = StroboscopicMap(law, p, 400.0 * RPM).run(50, (0.0, 1.0))
     assert not run.landings.any()
     np.testing.assert_allclose(run.states[-1], [50 * 0.15, 1.0], rtol=1e-12)
     np.testing.assert_allclose(run.derivative(), [[1.0, 50 * 0.15], [0.0, 1.0]], atol=1e-12)
@@ -155,11 +155,11 @@ def test_what_is_refused(laws):
     """Restitution 1, a start below the cam, a cam that stands."""
     with pytest.raises(DynamicsError, match=r"restitution is 1\.0; allowed: .*\[0, 1\)"):
         replace(BASE, restitution=1.0)
-    turn_map = TurnMap(laws["poly345"], BASE, 40.0)
+    turn_map = StroboscopicMap(laws["poly345"], BASE, 40.0)
     with pytest.raises(DynamicsError, match=r"gap is -0\.001; allowed"):
         turn_map.run(1, (-1e-3, 0.0))
     with pytest.raises(DynamicsError, match=r"speed is 0\.0 rad/s"):
-        TurnMap(laws["poly345"], BASE, 0.0)
+        StroboscopicMap(laws["poly345"], BASE, 0.0)
 
 
 def test_bounces_without_end_are_said(laws, monkeypatch):
@@ -167,12 +167,12 @@ def test_bounces_without_end_are_said(laws, monkeypatch):
     monkeypatch.setattr(OneMassTrajectory, "most_events", 50)
     p = replace(BASE, restitution=0.9)
     with pytest.raises(EndlessEventsError, match="more than 50 landings in a turn at"):
-        TurnMap(laws["tm21"], p, 350.0 * RPM).run(3)
+        StroboscopicMap(laws["tm21"], p, 350.0 * RPM).run(3)
 
 
 @pytest.mark.long
 @pytest.mark.slow
 def test_a_million_turns(laws):
     """They settle, and stay to the bit what they were."""
-    run = TurnMap(laws["tm21"], replace(BASE, restitution=0.7), 500.0 * RPM).run(1_000_000)
+    run = StroboscopicMap(laws["tm21"], replace(BASE, restitution=0.7), 500.0 * RPM).run(1_000_000)
     assert np.ptp(run.states[-1000:], axis=0).max() < 1e-15

@@ -24,6 +24,7 @@ PARTS = {
 }
 #: Options that say what is drawn or written, which a result is asked for in Python.
 FILES = {
+    "bounce": {"basins"},  # a function of its own, `cam_rig.bounce.basins`
     "contact": {"events", "sharpest"},
     "law": {"out", "save"},
     "compare": {"save"},
@@ -39,6 +40,7 @@ RENAMED = {
     ("fit rig", "cam"): "one_cam",
     ("profile", "all"): "every",
     ("design", "limit"): "limits",  # given often
+    ("bounce", "from"): "start",
 }
 #: Arguments of a command by their name in Python; one that stands first in both may differ.
 IN_PYTHON_ALONE = {"progress", "executor", "workers", "on_tick"}

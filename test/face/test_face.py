@@ -57,7 +57,7 @@ def test_examples_in_docstrings_are_true(module, monkeypatch):
 
 def test_every_public_function_has_an_example():
     functions = [getattr(cam_rig, name) for name in cam_rig.__all__ if name[0].islower()]
-    assert len(functions) == 29
+    assert len(functions) == 30
     assert [f.__name__ for f in functions if ">>> " not in f.__doc__] == []
 
 

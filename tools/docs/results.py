@@ -21,6 +21,7 @@ ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "results.md"
 #: What gives a result whose schema is not called as a command is.
 GIVEN_BY = {
+    "bounce_basins": "bounce --basins",
     "fit_arcs": "fit cam TABLES --shape arcs",
     "fit_jumps": "fit rig SOURCE CAM",
     "fit_rig": "fit rig SOURCE CAM",

@@ -12,7 +12,7 @@ from cam_rig.dynamics.jump.jump_speed import rigid_jump
 from cam_rig.dynamics.jump.search import force_run, sought
 from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.dynamics.parameters import FollowerParameters
-from cam_rig.dynamics.turn_map import TurnMap
+from cam_rig.dynamics.turn_map import StroboscopicMap
 from cam_rig.dynamics.two_mass.masses import TwoMassParameters
 from cam_rig.dynamics.two_mass.trajectory import Separation, first_lift_off
 from cam_rig.laws import Law
@@ -26,7 +26,7 @@ def main() -> None:
     law = Law("smoothstep", np.array([0.0, 0.5 * TURN, TURN]), ordinates)
     one = FollowerParameters(1.0, 1e3, 1.0, 1.0, 1e8)
     OneMassTrajectory(law, one, Interval(0, NS // 10, 0.0, 60.0)).run(None)
-    TurnMap(law, one, 60.0).run(1)
+    StroboscopicMap(law, one, 60.0).run(1)
     two = TwoMassParameters(0.5, 0.5, 1e6, 1e3, 1.0, 1.0, 1.0)
     Separation(law, two, 60.0).run(0.1)
     first_lift_off(law, two, 60.0, np.zeros(2), 0.1)
