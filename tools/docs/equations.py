@@ -20,8 +20,8 @@ ACCENTS = {"dot": "\u0307", "ddot": "\u0308", "dddot": "\u20db", "hat": "\u0302"
 SIGNS = {
     "alpha": "α", "beta": "β", "delta": "δ", "Delta": "Δ", "Gamma": "Γ", "kappa": "κ",
     "lambda": "λ", "mu": "μ", "nu": "ν", "omega": "ω", "Omega": "Ω", "partial": "∂", "phi": "φ",
-    "pi": "π", "rho": "ρ", "sigma": "σ", "theta": "θ", "varphi": "φ", "approx": "≈", "cdot": "·", "ge": "≥",
-    "int": "∫", "jmath": "ȷ", "le": "≤", "sum": "Σ",
+    "pi": "π", "rho": "ρ", "sigma": "σ", "theta": "θ", "varphi": "φ", "approx": "≈", "cdot": "·",
+    "ge": "≥", "int": "∫", "jmath": "ȷ", "le": "≤", "sum": "Σ",
 }  # fmt: skip
 #: Names that stand upright, as they are.
 NAMES = {"arctan", "lg", "min", "tan", "tanh"}
