@@ -25,8 +25,8 @@ SHARED = 3
 HEAD = """# Commands
 
 After this page you can call every command with every option. It is made from `--help` by
-`tools/docs/commands.py`. `cam-rig --version` prints the versions of the package, of Rerun, and of
-rclpy with its ROS distribution.
+`tools/docs/commands.py`. With `--version` instead of a command, `cam-rig` prints the versions of
+the package, of Rerun, and of rclpy with its ROS distribution.
 
 A file is given by path, or by name where it is a shipped one: `quick` is
 `config/scenes/quick.yaml`, `poly345` is `config/cams/poly345.yaml`. Tables and messages for people

@@ -1,4 +1,4 @@
-"""What mkdocs does besides: README as the first page, and an API page for each room."""
+"""What mkdocs does besides: README as the first page, an API page for each room, equations."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
 import cam_rig
+from tools.docs.equations import drawn
 
 ROOT = Path(__file__).parents[2]
 #: Rooms whose public names are documented, in the order of the menu; the face comes first.
@@ -51,3 +52,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for path, text in pages.items():
         files.append(File.generated(config, path, content=text))
     return files
+
+
+def on_page_markdown(markdown: str, **_: object) -> str:
+    """Draw the equations: no page of the site asks another machine for a library."""
+    return drawn(markdown)
