@@ -138,14 +138,14 @@ def check_page(scene, tmp_path):
     assert result.exit_code == 0, result.stderr
     page = out.read_text(encoding="utf-8")
     pictures = re.findall(r'<img src="([^"]{,40})', page)
-    assert page.count("<figure ") == 18 < len(pictures)  # tall ones in strips
+    assert page.count("<figure ") == 19 < len(pictures)  # tall ones in strips
     assert all(p.startswith("data:image/svg+xml;base64,") for p in pictures)
     for words in ("Table 1:", "Table 2:", "Table 3:", "Given, assumed, identified"):
         assert words in page
     plain = page.replace("&#39;", "'")
     for number in ("s 1", "s 2", "s 3.1 to 3.12", "s 4, 5, 6 and 9", "s 11", "s 12", "s 16"):
         assert re.search(rf"<b>Figure \d+, the [a-z ]+'{number}\.</b>", plain)
-    assert numbered(page, "figure") == list(range(1, 19))
+    assert numbered(page, "figure") == list(range(1, 20))
     assert numbered(page, "table") == list(range(1, page.count("<table>") + 1))
     assert set(re.findall(r'href="#([^"]*)"', page)) <= set(re.findall(r' id="([^"]*)"', page))
     for outward in ("<script", "http://", "https://", "<link"):
@@ -161,7 +161,8 @@ def check_page(scene, tmp_path):
     for word in ("ringing", "swing", "cells left", "of its variance"):
         assert word not in page
     assert set(json.loads(data.read_text())) == {
-        *("jump", "as-cut", "timing", "vibration", "contact", "noise", "orders", "factorial")
+        *("jump", "as-cut", "timing", "vibration", "contact", "noise", "orders", "factorial"),
+        "bounce",
     }
     assert sorted(p.name for p in out.parent.iterdir()) == ["report.html", "report.json"]
 
