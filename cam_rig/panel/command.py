@@ -24,26 +24,27 @@ File = TypeVar("File", "CamConfig", "RigConfig")
 
 
 def mark_sheets(
-    sheets: list[Path], cam: str | None, rig: str | None, tolerance: float | None
+    sheets: list[Path], cams: list[str], rig: str | None, tolerance: float | None
 ) -> MarksResult:
-    """Mark lab sheets of a cam and a rig, by default shipped ones of the names on the sheets."""
-    from cam_rig.panel.lab.marking import TOLERANCE_PERCENT, MarksResult, mark_sheet
+    """Mark lab sheets of cams and a rig, by default shipped ones of the names on the sheets."""
+    from cam_rig.panel.lab.marking import MarksResult, mark_sheet
     from cam_rig.schema import load_cam, load_rig
     from cam_rig.schema.load import cam_path, rig_path
 
     if not sheets:
         raise ConfigError("--mark: no sheet is named; allowed: .csv files of cam-rig panel --lab")
+    own = [load_cam(cam_path(cam)) for cam in cams]
 
     def cam_of(name: str) -> CamConfig:
         _require_name("cam", name)
-        return _same("cam", name, load_cam(cam_path(cam or name)))
+        named = next((cam for cam in own if cam.name == name), own[0] if own else None)
+        return _same("cam", name, named or load_cam(cam_path(name)))
 
     def rig_of(name: str) -> RigConfig:
         _require_name("rig", name)
         return _same("rig", name, load_rig(rig_path(rig or name)))
 
-    within = TOLERANCE_PERCENT if tolerance is None else tolerance
-    return MarksResult(tuple(mark_sheet(path, within, cam_of, rig_of) for path in sheets))
+    return MarksResult(tuple(mark_sheet(path, tolerance, cam_of, rig_of) for path in sheets))
 
 
 def _require_name(kind: str, name: str) -> None:
@@ -83,8 +84,8 @@ Names = Annotated[
     list[str] | None,
     typer.Argument(
         metavar="CAM|SHEETS",
-        help=f"Cam file, or a name in config/cams, by default {CAM}; with --mark lab sheets, files "
-        "that end in .csv.",
+        help=f"Cam file, or a name in config/cams, by default {CAM}; two for --lab noise; with "
+        "--mark lab sheets, files that end in .csv.",
     ),
 ]
 RigOfPanel = Annotated[
@@ -100,7 +101,8 @@ Lang = Annotated[
 NoRerun = Annotated[bool, typer.Option("--no-rerun", help="The bench without Record in Rerun.")]
 Open = Annotated[bool, typer.Option("--open", help="Open the browser.")]
 LabName = Annotated[
-    str | None, typer.Option(metavar="NAME", help="A lab sheet for a student: jump.")
+    str | None,
+    typer.Option(metavar="NAME", help="A lab sheet for a student: jump, vibration or noise."),
 ]
 Seed = Annotated[
     str | None, typer.Option(metavar="NAME", help="With --lab: measure a rig of hidden numbers.")
@@ -109,7 +111,10 @@ ToMark = Annotated[bool, typer.Option("--mark", help="Mark lab sheets instead.")
 Tolerance = Annotated[
     float | None,
     typer.Option(
-        metavar="PERCENT", min=0.0, max=100.0, help="With --mark: what a reading may be off, 1."
+        metavar="PERCENT",
+        min=0.0,
+        max=100.0,
+        help="With --mark: what an answer may be off; by default the lab's, 1, of noise 2.",
     ),
 ]
 
@@ -140,8 +145,10 @@ def panel(
     address has a token: without it no page, user or machine gets anything of the pages, Rerun's
     among them. The bench's nodes are open to ROS on this machine, as those of every run.
 
-    A lab sheet asks a student for jump speeds of springs, masses and preloads, and keeps the
-    readings as CSV. A seed hides another rig behind it; the marks say how far a reading is off.
+    A lab sheet asks a student for jump speeds of springs, masses and preloads, for the natural
+    frequency of the stem, of its residual vibration over speed, or for the speed at which two cams
+    are equally loud, and keeps readings and answers as CSV. A seed hides another rig behind it; the
+    marks say how far an answer is off.
 
     Examples
     --------
@@ -151,25 +158,26 @@ def panel(
 
     cam-rig panel --lab jump --rig tm21 --seed group-3 --out sheets
 
+    cam-rig panel poly345 arcs_convex --lab noise --rig tm21
+
     cam-rig panel --mark sheets/lab_jump_group-3.csv --json -
 
     cam-rig panel --mark sheets/one.csv sheets/two.csv --plot class.png
     """
-    cams, sheets = _apart(names or [], mark)
+    cams, sheets = _apart(names or [], mark, lab)
     for_marks = any(given is not None for given in (tolerance, json, csv, plot))
     _require_together(lab, seed, mark, open_browser, for_marks)
     if mark:
-        return mark_sheets(sheets, cams[0] if cams else None, rig, tolerance)
-    _serve(
-        cams[0] if cams else CAM, rig or RIG, port, out, not no_rerun, open_browser, lab, seed, lang
-    )
+        return mark_sheets(sheets, cams, rig, tolerance)
+    _serve(cams or [CAM], rig or RIG, port, out, not no_rerun, open_browser, lab, seed, lang)
     return None
 
 
-def _apart(names: list[str], mark: bool) -> tuple[list[str], list[Path]]:
+def _apart(names: list[str], mark: bool, lab: str | None) -> tuple[list[str], list[Path]]:
     sheets = [name for name in names if mark and name.endswith(".csv")]
     cams = [name for name in names if name not in sheets]
-    if len(cams) > 1:
+    # which of them a lab compares, it says itself
+    if len(cams) > 1 and not (mark or lab):
         raise ConfigError(f"cam: is {' '.join(cams)}; allowed: one cam")
     return cams, [Path(name) for name in sheets]
 
@@ -186,7 +194,7 @@ def _require_together(
 
 
 def _serve(
-    cam: str,
+    cams: list[str],
     rig: str,
     port: int,
     out: Path,
@@ -208,13 +216,14 @@ def _serve(
     from cam_rig.panel.bench.pages import BenchPages
     from cam_rig.panel.bench.runner import BenchRunner
     from cam_rig.panel.board.pages import BoardPages
+    from cam_rig.panel.lab.labs import lab_sheet
     from cam_rig.panel.lab.pages import LabPages
-    from cam_rig.panel.lab.sheet import LabSheet
     from cam_rig.panel.server import PanelPages, serve
     from cam_rig.runner.resources import user_folder
 
     expect_many()
-    first, own = load_cam(cam_path(cam)), load_rig(rig_path(rig))
+    named, own = [load_cam(cam_path(cam)) for cam in cams], load_rig(rig_path(rig))
+    first = named[0]
     with temporary_folder("cam_rig-panel-", user_folder()) as folder:
         runner = BenchRunner(own, folder, out, rerun)
         if (size := len(os.fsencode(runner.socket))) > LONGEST:
@@ -225,7 +234,7 @@ def _serve(
         board = Board(first, own, out, rig)
         pages: list[PanelPages] = [BoardPages(board), BenchPages(runner, first, board)]
         if lab is not None:
-            pages += [LabPages(LabSheet(lab, first, own, seed), out)]
+            pages += [LabPages(lab_sheet(lab, named, own, seed), out)]
         home = "/lab" if lab else "/"
         with serve(*pages, port=port, language=lang, home=home) as served:
             print(served.address, flush=True)
