@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated, NamedTuple, TypeVar
 
 import typer
 
@@ -15,6 +15,7 @@ from cam_rig.show.terminal import say
 
 if TYPE_CHECKING:
     from cam_rig.panel.lab.marking import MarksResult
+    from cam_rig.panel.lab.pages import LabPages
     from cam_rig.schema import CamConfig, RigConfig
 
 
@@ -104,8 +105,19 @@ LabName = Annotated[
     str | None,
     typer.Option(metavar="NAME", help="A lab sheet for a student: jump, vibration or noise."),
 ]
-Seed = Annotated[
-    str | None, typer.Option(metavar="NAME", help="With --lab: measure a rig of hidden numbers.")
+Seeds = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME",
+        help="With --lab: measure a rig of hidden numbers; several are a class, a page each.",
+    ),
+]
+Host = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS",
+        help="With --lab: serve the lab alone, on this address, to the machines that reach it.",
+    ),
 ]
 ToMark = Annotated[bool, typer.Option("--mark", help="Mark lab sheets instead.")]
 Tolerance = Annotated[
@@ -129,7 +141,8 @@ def panel(
     no_rerun: NoRerun = False,
     open_browser: Open = False,
     lab: LabName = None,
-    seed: Seed = None,
+    seed: Seeds = None,
+    host: Host = None,
     mark: ToMark = False,
     tolerance: Tolerance = None,
     *,
@@ -158,6 +171,8 @@ def panel(
 
     cam-rig panel --lab jump --rig tm21 --seed group-3 --out sheets
 
+    cam-rig panel --lab vibration --seed group-1 --seed group-2 --host 192.168.1.20 --out sheets
+
     cam-rig panel poly345 arcs_convex --lab noise --rig tm21
 
     cam-rig panel --mark sheets/lab_jump_group-3.csv --json -
@@ -166,11 +181,35 @@ def panel(
     """
     cams, sheets = _apart(names or [], mark, lab)
     for_marks = any(given is not None for given in (tolerance, json, csv, plot))
-    _require_together(lab, seed, mark, open_browser, for_marks)
+    _require_together(lab, seed or host, mark, open_browser, for_marks)
     if mark:
         return mark_sheets(sheets, cams, rig, tolerance)
-    _serve(cams or [CAM], rig or RIG, port, out, not no_rerun, open_browser, lab, seed, lang)
+    room = ClassRoom(lab, tuple(seed or ()), host) if lab else None
+    _serve(cams or [CAM], rig or RIG, port, out, not no_rerun, open_browser, room, lang)
     return None
+
+
+class ClassRoom(NamedTuple):
+    """A lab, the seeds of its groups, and the address that it is served on."""
+
+    lab: str
+    seeds: tuple[str, ...]
+    host: str | None
+
+    def pages(self, cams: list[CamConfig], rig: RigConfig, out: Path) -> dict[str, LabPages]:
+        """The sheet of each group, by its place; without groups, or of one, the only one."""
+        from cam_rig.panel.lab.labs import lab_sheet
+        from cam_rig.panel.lab.pages import LAB, LabPages
+
+        if len(self.seeds) < 2:
+            sheet = lab_sheet(self.lab, cams, rig, next(iter(self.seeds), None))
+            return {LAB: LabPages(sheet, out)}
+        found: dict[str, LabPages] = {}
+        for seed in self.seeds:
+            if (place := f"{LAB}/{seed}") in found:
+                raise ConfigError(f"--seed: {seed} is named twice; allowed: a name a group")
+            found[place] = LabPages(lab_sheet(self.lab, cams, rig, seed), out, place, goes_on=True)
+        return found
 
 
 def _apart(names: list[str], mark: bool, lab: str | None) -> tuple[list[str], list[Path]]:
@@ -183,10 +222,14 @@ def _apart(names: list[str], mark: bool, lab: str | None) -> tuple[list[str], li
 
 
 def _require_together(
-    lab: str | None, seed: str | None, mark: bool, open_browser: bool, for_marks: bool
+    lab: str | None,
+    of_lab: list[str] | str | None,
+    mark: bool,
+    open_browser: bool,
+    for_marks: bool,
 ) -> None:
-    if seed is not None and lab is None:
-        raise ConfigError("--seed: is of a lab sheet; allowed: with --lab")
+    if of_lab and lab is None:
+        raise ConfigError("--seed, --host: are of a lab sheet; allowed: with --lab")
     if mark and (lab is not None or open_browser):
         raise ConfigError("--mark serves no page; allowed: without --lab, --seed and --open")
     if for_marks and not mark:
@@ -200,8 +243,7 @@ def _serve(
     out: Path,
     rerun: bool,
     open_browser: bool,
-    lab: str | None,
-    seed: str | None,
+    room: ClassRoom | None,
     lang: str | None,
 ) -> None:
     from cam_rig.dynamics.events.search import expect_many
@@ -213,11 +255,10 @@ def _serve(
 
     for library in ("starlette", "uvicorn", "websockets"):
         require(library)
+    from cam_rig.live.sockets import LOOPBACK
     from cam_rig.panel.bench.pages import BenchPages
     from cam_rig.panel.bench.runner import BenchRunner
     from cam_rig.panel.board.pages import BoardPages
-    from cam_rig.panel.lab.labs import lab_sheet
-    from cam_rig.panel.lab.pages import LabPages
     from cam_rig.panel.server import PanelPages, serve
     from cam_rig.runner.resources import user_folder
 
@@ -232,12 +273,19 @@ def _serve(
                 "shorter XDG_RUNTIME_DIR or TMPDIR"
             )
         board = Board(first, own, out, rig)
-        pages: list[PanelPages] = [BoardPages(board), BenchPages(runner, first, board)]
-        if lab is not None:
-            pages += [LabPages(lab_sheet(lab, named, own, seed), out)]
-        home = "/lab" if lab else "/"
-        with serve(*pages, port=port, language=lang, home=home) as served:
-            print(served.address, flush=True)
+        sheets = room.pages(named, own, out) if room else {}
+        host = room.host if room else None
+        pages: list[PanelPages] = [*sheets.values()]
+        if host is None:  # board and bench are for who sits at this machine
+            pages += [BoardPages(board), BenchPages(runner, first, board)]
+        home = next(iter(sheets), "/")
+        with serve(*pages, port=port, language=lang, home=home, host=host or LOOPBACK) as served:
+            if len(sheets) > 1:
+                for place in sheets:
+                    group = place.rpartition("/")[2]
+                    print(f"{group}: {served.access.address(place)}", flush=True)
+            else:
+                print(served.address, flush=True)
             say("Ctrl-C ends the panel")
             if open_browser:
                 _open(served.address, folder)

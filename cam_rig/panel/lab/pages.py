@@ -1,4 +1,4 @@
-"""The lab sheet's pages: one sheet a panel, whichever page shows it."""
+"""The lab sheet's pages: one sheet a place, whichever page shows it."""
 
 from __future__ import annotations
 
@@ -19,30 +19,35 @@ from cam_rig.panel.lab.turns import RATE_HZ
 from cam_rig.panel.server import Answer, PanelPages, csv_file, get, page_file, post
 from cam_rig.show import looks as colours
 
+#: Where a panel's only sheet is, and what the places of a class's begin with.
+LAB = "/lab"
 #: A colour for each added mass, or cam; the markers differ too.
 MARKER_COLOURS = (colours.BLUE, colours.VERMILION, colours.GREEN)
 
 
 class LabPages(PanelPages):
-    """A lab sheet in a browser; the readings are kept in a folder ``out``."""
+    """A lab sheet in a browser at a ``place``; the readings are kept in a folder ``out``.
 
-    def __init__(self, sheet: LabSheet, out: Path) -> None:
-        self.notebook = Notebook(sheet, out)
+    One of a class ``goes_on`` with the sheet that is there: its server may have been killed.
+    """
+
+    def __init__(self, sheet: LabSheet, out: Path, place: str = LAB, goes_on: bool = False) -> None:
+        self.notebook = Notebook(sheet, out, goes_on)
         self._sheet, self._busy = sheet, asyncio.Lock()
         # What cannot be told is refused now, and not in the middle of a lab.
         self._knob = sheet.knob
         for setup in sheet.asked_setups:
             sheet.true(setup)
         self.routes = (
-            page_file("/lab", "lab"),
-            get("/lab/sheet", self._about),
-            get("/lab/theory", self._theory),
-            get("/lab/picture/{cam}", self._picture),
-            get("/lab/readings.csv", self._csv),
-            self._alone("/lab/turn", self._turn),
-            self._alone("/lab/record", self._record),
-            self._alone("/lab/answer", self._answer),
-            self._alone("/lab/student", self._student),
+            page_file(place, "lab"),
+            get(f"{place}/sheet", self._about),
+            get(f"{place}/theory", self._theory),
+            get(f"{place}/picture/{{cam}}", self._picture),
+            get(f"{place}/readings.csv", self._csv),
+            self._alone(f"{place}/turn", self._turn),
+            self._alone(f"{place}/record", self._record),
+            self._alone(f"{place}/answer", self._answer),
+            self._alone(f"{place}/student", self._student),
         )
 
     async def _about(self, _: dict[str, Any]) -> dict[str, Any]:

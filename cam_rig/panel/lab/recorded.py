@@ -162,9 +162,12 @@ DECIMALS = 2
 
 
 class Notebook:
-    """What has been recorded on a sheet; the file in ``out`` is made with the first reading."""
+    """What has been recorded on a sheet; the file in ``out`` is made with the first reading.
 
-    def __init__(self, sheet: LabSheet, out: Path) -> None:
+    One that ``goes_on`` takes the file that is there, if it is of the same lab, cams, rig and seed.
+    """
+
+    def __init__(self, sheet: LabSheet, out: Path, goes_on: bool = False) -> None:
         self.sheet, self._out = sheet, out
         self.path: Path | None = None
         cams, rig = " ".join(sheet.cams), sheet.rig
@@ -172,6 +175,27 @@ class Notebook:
         self.recorded = RecordedSheet(
             sheet.name, cams, rig.name, rig.title, date, "", sheet.seed, ()
         )
+        if goes_on and self._file().exists():
+            self._take(self._file())
+
+    def _file(self, number: int = 1) -> Path:
+        """Where the sheet is kept; with a number where another sheet is there."""
+        stem = f"lab_{self.sheet.name}_{self.sheet.seed or self.sheet.rig.name}"
+        return self._out / f"{stem}{f'_{number}' if number > 1 else ''}.csv"
+
+    def _take(self, path: Path) -> None:
+        """Go on with a sheet; refused for one of something else. An empty one was just claimed."""
+        self.path = path
+        if not path.stat().st_size:
+            return
+        there = read_sheet(path)
+        for key in ("lab", "cam", "rig", "seed"):
+            if getattr(there, key) != getattr(self.recorded, key):
+                raise ConfigError(
+                    f"{path}: is of {key} {getattr(there, key)}; allowed: of "
+                    f"{getattr(self.recorded, key)}, so name another --out, or move it away"
+                )
+        self.recorded = there
 
     def setup(self, given: dict[str, Any], but: tuple[str, ...] = ()) -> LabSetup:
         """The set-up that a page names by the numbers on the sheet; ``but`` is not asked about."""
@@ -240,9 +264,9 @@ class Notebook:
 
     def _claim(self) -> Path:
         """A file of one's own: another's is not overwritten."""
-        stem, number = f"lab_{self.sheet.name}_{self.sheet.seed or self.sheet.rig.name}", 1
+        number = 1
         while True:
-            path = self._out / f"{stem}{f'_{number}' if number > 1 else ''}.csv"
+            path = self._file(number)
             try:
                 self._out.mkdir(parents=True, exist_ok=True)
                 path.open("x").close()

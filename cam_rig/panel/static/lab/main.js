@@ -11,8 +11,10 @@ import { TurnSound } from "./turn_sound.js";
 const UNITS = /** @type {const} */ ({ spring_stiffness: "N/m", added_mass: "kg", preload: "N", cam: "" });
 
 await loadTexts();
+/** Where this sheet is served: each group of a class has its own. */
+const place = location.pathname.replace(/\/$/, "");
 /** @type {LabSheet} */
-const sheet = await (await fetch("/lab/sheet")).json();
+const sheet = await (await fetch(`${place}/sheet`)).json();
 const choices = /** @type {(keyof typeof UNITS)[]} */ (Object.keys(sheet.options));
 /** @type {Record<string, number | string>} */
 const chosen = Object.fromEntries(choices.map((name) => [name, sheet.options[name][0]]));
@@ -22,6 +24,7 @@ const own = (key, values) => text(`lab_${sheet.lab}_${key}`, values);
 
 // -- what is there once -----------------------------------------------------------------------------
 document.title = `${text("nav_lab")} – cam_rig`;
+/** @type {HTMLAnchorElement} */ ($("csv")).href = `${place}/readings.csv`;
 $("title").textContent = text("bench_title", { rig: sheet.cams.join(", "), model: sheet.rig.name });
 $("task_words").textContent = own("task", { mass: shown(sheet.rig.mass), scatter: shown(sheet.scatter_db ?? 0) });
 $("steps").replaceChildren(...own("steps").split("\n").map((step) => Object.assign(document.createElement("li"), { textContent: step })));
@@ -73,7 +76,7 @@ let pictured = "";
 async function picture(cam) {
   if (cam === pictured) return;
   pictured = cam;
-  const found = await (await fetch(`/lab/picture/${encodeURIComponent(cam)}`)).json();
+  const found = await (await fetch(`${place}/picture/${encodeURIComponent(cam)}`)).json();
   if (cam !== pictured) return;
   rig.load(found);
   rig.pose({ angle: 0, lift: 0, force: 0, gap: 0 });
@@ -131,7 +134,7 @@ function status(sentence) {
 /** Shows what is seen of the set-up and speed; whether contact is lost, null where it is not known. */
 async function observe() {
   const asked = { ...chosen, rpm: set };
-  const seen = await post("/lab/turn", { ...asked, sound: sound.on });
+  const seen = await post(`${place}/turn`, { ...asked, sound: sound.on });
   document.body.dataset.shown = seen ? JSON.stringify(asked) : "";
   if (!seen) return null;
   const lost = seen.contact_lost || seen.was_lost;
@@ -156,7 +159,7 @@ $("record").addEventListener("click", async () => {
   const reading = { ...chosen, rpm: set };
   const lost = await observe(); // of this set-up and speed, and not of the one before
   if (lost === null || (!sheet.measured && !lost && !confirm(text("lab_record_anyway", { rpm: shown(reading.rpm, 6) })))) return;
-  const found = await post("/lab/record", reading);
+  const found = await post(`${place}/record`, reading);
   if (!found) return;
   show(found);
   const { number, rpm } = found.readings.at(-1);
@@ -165,7 +168,7 @@ $("record").addEventListener("click", async () => {
 });
 $("answering").addEventListener("submit", async (event) => {
   event.preventDefault();
-  const found = await post("/lab/answer", { ...chosen, answer: field("answer").value });
+  const found = await post(`${place}/answer`, { ...chosen, answer: field("answer").value });
   if (!found) return;
   show(found);
   field("answer").value = "";
@@ -173,7 +176,7 @@ $("answering").addEventListener("submit", async (event) => {
   $("recorded").textContent = text("lab_answered", { number, answer: shown(answer, 6), unit: sheet.unit });
 });
 $("student").addEventListener("change", async () => {
-  const found = await post("/lab/student", { student: field("student").value });
+  const found = await post(`${place}/student`, { student: field("student").value });
   if (found) show(found);
 });
 $("plot_it").addEventListener("click", () => {
@@ -185,7 +188,7 @@ $("plot_it").addEventListener("click", () => {
 });
 $("theory").addEventListener("click", async () => {
   const on = plot.theory === null;
-  plot.theory = on ? await (await fetch("/lab/theory")).json() : null;
+  plot.theory = on ? await (await fetch(`${place}/theory`)).json() : null;
   $("theory").setAttribute("aria-pressed", String(on));
   $("theory").textContent = text(on ? "lab_theory_off" : "lab_theory");
   $("theory_words").hidden = !on;
