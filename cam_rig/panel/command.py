@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated, NamedTuple, TypeVar
 
 import typer
 
@@ -15,6 +15,7 @@ from cam_rig.show.terminal import say
 
 if TYPE_CHECKING:
     from cam_rig.panel.lab.marking import MarksResult
+    from cam_rig.panel.lab.pages import LabPages
     from cam_rig.schema import CamConfig, RigConfig
 
 
@@ -24,26 +25,27 @@ File = TypeVar("File", "CamConfig", "RigConfig")
 
 
 def mark_sheets(
-    sheets: list[Path], cam: str | None, rig: str | None, tolerance: float | None
+    sheets: list[Path], cams: list[str], rig: str | None, tolerance: float | None
 ) -> MarksResult:
-    """Mark lab sheets of a cam and a rig, by default shipped ones of the names on the sheets."""
-    from cam_rig.panel.lab.marking import TOLERANCE_PERCENT, MarksResult, mark_sheet
+    """Mark lab sheets of cams and a rig, by default shipped ones of the names on the sheets."""
+    from cam_rig.panel.lab.marking import MarksResult, mark_sheet
     from cam_rig.schema import load_cam, load_rig
     from cam_rig.schema.load import cam_path, rig_path
 
     if not sheets:
         raise ConfigError("--mark: no sheet is named; allowed: .csv files of cam-rig panel --lab")
+    own = [load_cam(cam_path(cam)) for cam in cams]
 
     def cam_of(name: str) -> CamConfig:
         _require_name("cam", name)
-        return _same("cam", name, load_cam(cam_path(cam or name)))
+        named = next((cam for cam in own if cam.name == name), own[0] if own else None)
+        return _same("cam", name, named or load_cam(cam_path(name)))
 
     def rig_of(name: str) -> RigConfig:
         _require_name("rig", name)
         return _same("rig", name, load_rig(rig_path(rig or name)))
 
-    within = TOLERANCE_PERCENT if tolerance is None else tolerance
-    return MarksResult(tuple(mark_sheet(path, within, cam_of, rig_of) for path in sheets))
+    return MarksResult(tuple(mark_sheet(path, tolerance, cam_of, rig_of) for path in sheets))
 
 
 def _require_name(kind: str, name: str) -> None:
@@ -83,8 +85,8 @@ Names = Annotated[
     list[str] | None,
     typer.Argument(
         metavar="CAM|SHEETS",
-        help=f"Cam file, or a name in config/cams, by default {CAM}; with --mark lab sheets, files "
-        "that end in .csv.",
+        help=f"Cam file, or a name in config/cams, by default {CAM}; two for --lab noise; with "
+        "--mark lab sheets, files that end in .csv.",
     ),
 ]
 RigOfPanel = Annotated[
@@ -100,16 +102,31 @@ Lang = Annotated[
 NoRerun = Annotated[bool, typer.Option("--no-rerun", help="The bench without Record in Rerun.")]
 Open = Annotated[bool, typer.Option("--open", help="Open the browser.")]
 LabName = Annotated[
-    str | None, typer.Option(metavar="NAME", help="A lab sheet for a student: jump.")
+    str | None,
+    typer.Option(metavar="NAME", help="A lab sheet for a student: jump, vibration or noise."),
 ]
-Seed = Annotated[
-    str | None, typer.Option(metavar="NAME", help="With --lab: measure a rig of hidden numbers.")
+Seeds = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME",
+        help="With --lab: measure a rig of hidden numbers; several are a class, a page each.",
+    ),
+]
+Host = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS",
+        help="With --lab: serve the lab alone, on this address, to the machines that reach it.",
+    ),
 ]
 ToMark = Annotated[bool, typer.Option("--mark", help="Mark lab sheets instead.")]
 Tolerance = Annotated[
     float | None,
     typer.Option(
-        metavar="PERCENT", min=0.0, max=100.0, help="With --mark: what a reading may be off, 1."
+        metavar="PERCENT",
+        min=0.0,
+        max=100.0,
+        help="With --mark: what an answer may be off; by default the lab's, 1, of noise 2.",
     ),
 ]
 
@@ -124,7 +141,8 @@ def panel(
     no_rerun: NoRerun = False,
     open_browser: Open = False,
     lab: LabName = None,
-    seed: Seed = None,
+    seed: Seeds = None,
+    host: Host = None,
     mark: ToMark = False,
     tolerance: Tolerance = None,
     *,
@@ -140,8 +158,10 @@ def panel(
     address has a token: without it no page, user or machine gets anything of the pages, Rerun's
     among them. The bench's nodes are open to ROS on this machine, as those of every run.
 
-    A lab sheet asks a student for jump speeds of springs, masses and preloads, and keeps the
-    readings as CSV. A seed hides another rig behind it; the marks say how far a reading is off.
+    A lab sheet asks a student for jump speeds of springs, masses and preloads, for the natural
+    frequency of the stem, of its residual vibration over speed, or for the speed at which two cams
+    are equally loud, and keeps readings and answers as CSV. A seed hides another rig behind it; the
+    marks say how far an answer is off.
 
     Examples
     --------
@@ -151,34 +171,65 @@ def panel(
 
     cam-rig panel --lab jump --rig tm21 --seed group-3 --out sheets
 
+    cam-rig panel --lab vibration --seed group-1 --seed group-2 --host 192.168.1.20 --out sheets
+
+    cam-rig panel poly345 arcs_convex --lab noise --rig tm21
+
     cam-rig panel --mark sheets/lab_jump_group-3.csv --json -
 
     cam-rig panel --mark sheets/one.csv sheets/two.csv --plot class.png
     """
-    cams, sheets = _apart(names or [], mark)
+    cams, sheets = _apart(names or [], mark, lab)
     for_marks = any(given is not None for given in (tolerance, json, csv, plot))
-    _require_together(lab, seed, mark, open_browser, for_marks)
+    _require_together(lab, seed or host, mark, open_browser, for_marks)
     if mark:
-        return mark_sheets(sheets, cams[0] if cams else None, rig, tolerance)
-    _serve(
-        cams[0] if cams else CAM, rig or RIG, port, out, not no_rerun, open_browser, lab, seed, lang
-    )
+        return mark_sheets(sheets, cams, rig, tolerance)
+    room = ClassRoom(lab, tuple(seed or ()), host) if lab else None
+    _serve(cams or [CAM], rig or RIG, port, out, not no_rerun, open_browser, room, lang)
     return None
 
 
-def _apart(names: list[str], mark: bool) -> tuple[list[str], list[Path]]:
+class ClassRoom(NamedTuple):
+    """A lab, the seeds of its groups, and the address that it is served on."""
+
+    lab: str
+    seeds: tuple[str, ...]
+    host: str | None
+
+    def pages(self, cams: list[CamConfig], rig: RigConfig, out: Path) -> dict[str, LabPages]:
+        """The sheet of each group, by its place; without groups, or of one, the only one."""
+        from cam_rig.panel.lab.labs import lab_sheet
+        from cam_rig.panel.lab.pages import LAB, LabPages
+
+        if len(self.seeds) < 2:
+            sheet = lab_sheet(self.lab, cams, rig, next(iter(self.seeds), None))
+            return {LAB: LabPages(sheet, out)}
+        found: dict[str, LabPages] = {}
+        for seed in self.seeds:
+            if (place := f"{LAB}/{seed}") in found:
+                raise ConfigError(f"--seed: {seed} is named twice; allowed: a name a group")
+            found[place] = LabPages(lab_sheet(self.lab, cams, rig, seed), out, place, goes_on=True)
+        return found
+
+
+def _apart(names: list[str], mark: bool, lab: str | None) -> tuple[list[str], list[Path]]:
     sheets = [name for name in names if mark and name.endswith(".csv")]
     cams = [name for name in names if name not in sheets]
-    if len(cams) > 1:
+    # which of them a lab compares, it says itself
+    if len(cams) > 1 and not (mark or lab):
         raise ConfigError(f"cam: is {' '.join(cams)}; allowed: one cam")
     return cams, [Path(name) for name in sheets]
 
 
 def _require_together(
-    lab: str | None, seed: str | None, mark: bool, open_browser: bool, for_marks: bool
+    lab: str | None,
+    of_lab: list[str] | str | None,
+    mark: bool,
+    open_browser: bool,
+    for_marks: bool,
 ) -> None:
-    if seed is not None and lab is None:
-        raise ConfigError("--seed: is of a lab sheet; allowed: with --lab")
+    if of_lab and lab is None:
+        raise ConfigError("--seed, --host: are of a lab sheet; allowed: with --lab")
     if mark and (lab is not None or open_browser):
         raise ConfigError("--mark serves no page; allowed: without --lab, --seed and --open")
     if for_marks and not mark:
@@ -186,14 +237,13 @@ def _require_together(
 
 
 def _serve(
-    cam: str,
+    cams: list[str],
     rig: str,
     port: int,
     out: Path,
     rerun: bool,
     open_browser: bool,
-    lab: str | None,
-    seed: str | None,
+    room: ClassRoom | None,
     lang: str | None,
 ) -> None:
     from cam_rig.dynamics.events.search import expect_many
@@ -205,16 +255,16 @@ def _serve(
 
     for library in ("starlette", "uvicorn", "websockets"):
         require(library)
+    from cam_rig.live.sockets import LOOPBACK
     from cam_rig.panel.bench.pages import BenchPages
     from cam_rig.panel.bench.runner import BenchRunner
     from cam_rig.panel.board.pages import BoardPages
-    from cam_rig.panel.lab.pages import LabPages
-    from cam_rig.panel.lab.sheet import LabSheet
     from cam_rig.panel.server import PanelPages, serve
     from cam_rig.runner.resources import user_folder
 
     expect_many()
-    first, own = load_cam(cam_path(cam)), load_rig(rig_path(rig))
+    named, own = [load_cam(cam_path(cam)) for cam in cams], load_rig(rig_path(rig))
+    first = named[0]
     with temporary_folder("cam_rig-panel-", user_folder()) as folder:
         runner = BenchRunner(own, folder, out, rerun)
         if (size := len(os.fsencode(runner.socket))) > LONGEST:
@@ -223,12 +273,19 @@ def _serve(
                 "shorter XDG_RUNTIME_DIR or TMPDIR"
             )
         board = Board(first, own, out, rig)
-        pages: list[PanelPages] = [BoardPages(board), BenchPages(runner, first, board)]
-        if lab is not None:
-            pages += [LabPages(LabSheet(lab, first, own, seed), out)]
-        home = "/lab" if lab else "/"
-        with serve(*pages, port=port, language=lang, home=home) as served:
-            print(served.address, flush=True)
+        sheets = room.pages(named, own, out) if room else {}
+        host = room.host if room else None
+        pages: list[PanelPages] = [*sheets.values()]
+        if host is None:  # board and bench are for who sits at this machine
+            pages += [BoardPages(board), BenchPages(runner, first, board)]
+        home = next(iter(sheets), "/")
+        with serve(*pages, port=port, language=lang, home=home, host=host or LOOPBACK) as served:
+            if len(sheets) > 1:
+                for place in sheets:
+                    group = place.rpartition("/")[2]
+                    print(f"{group}: {served.access.address(place)}", flush=True)
+            else:
+                print(served.address, flush=True)
             say("Ctrl-C ends the panel")
             if open_browser:
                 _open(served.address, folder)

@@ -19,6 +19,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from cam_rig.errors import CamRigError, ConfigError, RefusedError
+from cam_rig.live.sockets import LOOPBACK
 from cam_rig.show import looks
 from cam_rig.show.looks import web
 from cam_rig.viewer.web_server import MAX_MESSAGE, Served, serve_application
@@ -173,15 +174,20 @@ def application(*pages: PanelPages, language: str | None = None) -> Starlette:
 
 @contextmanager
 def serve(
-    *pages: PanelPages, port: int = 0, language: str | None = None, home: str = "/"
+    *pages: PanelPages,
+    port: int = 0,
+    language: str | None = None,
+    home: str = "/",
+    host: str = LOOPBACK,
 ) -> Iterator[Served]:
-    """Serve pages on this machine alone, as long as the context lasts.
+    """Serve pages as long as the context lasts, by default on this machine alone.
 
     ``port`` 0 takes a free one; the printed address leads to ``home``; see `application`.
     """
     if language is not None and language not in languages():
         raise ConfigError(f"--lang: is {language!r}; allowed: {', '.join(languages())}")
-    with serve_application(application(*pages, language=language), home, POLICY, port) as served:
+    app = application(*pages, language=language)
+    with serve_application(app, home, POLICY, port, host) as served:
         yield served
 
 

@@ -1,4 +1,4 @@
-"""Pages for a browser on this machine alone: who may ask for them, and how they are served.
+"""Pages for a browser, on this machine alone if not asked otherwise: who gets them, and how.
 
 What a request must have is this server's host, no other origin than its own, and the token. The
 address that is printed has the token; it becomes a cookie at once, and leaves the address.
@@ -50,16 +50,17 @@ class Access:
 
     port: int
     token: str = field(default_factory=lambda: secrets.token_urlsafe(24))
+    host: str = LOOPBACK
 
     @property
     def hosts(self) -> tuple[str, ...]:
         """The names under which a browser may ask."""
-        return tuple(f"{name}:{self.port}" for name in (LOOPBACK, "localhost"))
+        names = (LOOPBACK, "localhost") if self.host == LOOPBACK else (self.host,)
+        return tuple(f"{name}:{self.port}" for name in names)
 
-    @property
-    def address(self) -> str:
+    def address(self, path: str = "/") -> str:
         """What a browser is given."""
-        return f"http://{self.hosts[0]}/?token={self.token}"
+        return f"http://{self.hosts[0]}{path}?token={self.token}"
 
     @property
     def cookie_name(self) -> str:
@@ -98,7 +99,7 @@ class Access:
 
 @dataclass
 class Guard:
-    """An application behind host, origin and token; the printed address leads to ``home``."""
+    """An application behind host, origin and token; an address of no path leads to ``home``."""
 
     app: ASGIApp
     access: Access
@@ -118,7 +119,8 @@ class Guard:
         if words := self.access.why_not(asked.headers, token, needs_origin):
             return await _refuse(words, 403, scope, receive, send)
         if token is not None:
-            answer: Response = RedirectResponse(self.home, 303)
+            path = scope["path"]
+            answer: Response = RedirectResponse(self.home if path == "/" else path, 303)
             answer.headers["Set-Cookie"] = self.access.cookie
             return await answer(scope, receive, send)
         await self.app(scope, receive, send)
@@ -141,17 +143,24 @@ async def _refuse(words: str, status: int, scope: Scope, receive: Receive, send:
 
 
 class Served(NamedTuple):
-    """The address that a browser is given, and whether its server runs."""
+    """What a browser must have, and whether its server runs."""
 
-    address: str
+    access: Access
     alive: Callable[[], bool]
+
+    @property
+    def address(self) -> str:
+        """What a browser is given; it leads to ``home``."""
+        return self.access.address()
 
 
 @contextmanager
-def serve_application(app: ASGIApp, home: str, policy: str, port: int = 0) -> Iterator[Served]:
+def serve_application(
+    app: ASGIApp, home: str, policy: str, port: int = 0, host: str = LOOPBACK
+) -> Iterator[Served]:
     """Serve an application behind a `Guard` as long as the context lasts; port 0: a free one."""
-    with _listener(port) as listener:
-        access = Access(int(listener.getsockname()[1]))
+    with _listener(host, port) as listener:
+        access = Access(int(listener.getsockname()[1]), host=host)
         config = uvicorn.Config(
             Guard(app, access, home, policy),
             log_config=None,
@@ -168,7 +177,7 @@ def serve_application(app: ASGIApp, home: str, policy: str, port: int = 0) -> It
         thread = threading.Thread(target=server.run, args=([listener],), daemon=True)
         thread.start()
         try:
-            yield Served(access.address, thread.is_alive)
+            yield Served(access, thread.is_alive)
         finally:
             server.should_exit = True
             thread.join(END_S)  # a request that computes does not keep the command
@@ -182,15 +191,20 @@ def _in_one_line(record: logging.LogRecord) -> bool:
     return record.levelno >= logging.ERROR and not isinstance(error, asyncio.CancelledError)
 
 
-def _listener(port: int) -> socket.socket:
+def _listener(host: str, port: int) -> socket.socket:
     require_loopback()
     listener = socket.socket()
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
-        listener.bind((LOOPBACK, port))
+        listener.bind((host, port))
         listener.listen()
     except OSError as error:
         listener.close()
+        if host != LOOPBACK and error.errno != errno.EADDRINUSE:
+            words = (
+                f"--host: is {host!r:.60} ({error.strerror}); allowed: an address of this machine"
+            )
+            raise ConfigError(words) from None
         why = "is in use" if error.errno == errno.EADDRINUSE else f"{error.strerror}"
         raise ConfigError(f"--port: {port} {why}; allowed: another, or 0 for a free one") from None
     return listener

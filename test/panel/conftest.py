@@ -18,8 +18,8 @@ from cam_rig.panel.bench.pages import BenchPages
 from cam_rig.panel.bench.runner import BenchRunner
 from cam_rig.panel.board.board import Board
 from cam_rig.panel.board.pages import BoardPages
+from cam_rig.panel.lab.labs import lab_sheet
 from cam_rig.panel.lab.pages import LabPages
-from cam_rig.panel.lab.sheet import LabSheet
 from cam_rig.panel.server import serve
 from tools.docs.browser import TIMEOUT_S, new_page, open_browser, why_no_browser
 
@@ -43,8 +43,8 @@ def board(tmp_path):
     return Board(cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2"), tmp_path / "out")
 
 
-def sheet_of(rig="paper_table2", seed=None, cam="poly345"):
-    return LabSheet("jump", cam_rig.load_cam(cam), cam_rig.load_rig(rig), seed)
+def sheet_of(rig="paper_table2", seed=None, cam="poly345", lab="jump"):
+    return lab_sheet(lab, [cam_rig.load_cam(cam)], cam_rig.load_rig(rig), seed)
 
 
 def socket_of(visitor, path):

@@ -194,7 +194,7 @@ def test_the_theory_is_shown_when_it_is_asked_for(chromium, tmp_path):
     with serve(pages, home="/lab") as panel, in_browser(chromium, LabPage) as page:
         page.open(panel.address)
         page.settle()
-        line = page.page.locator("#plot .theory")
+        line = page.page.locator("#plot .theory").first
         assert not line.get_attribute("d")
         assert not page.page.locator("#plotted").is_visible()
         page.page.locator("#plot_it").press("Enter")

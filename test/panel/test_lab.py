@@ -15,18 +15,11 @@ from cam_rig.dynamics.jump.any_follower import follower_of
 from cam_rig.dynamics.jump.jump_speed import rigid_least
 from cam_rig.errors import ConfigError, DynamicsError
 from cam_rig.panel.command import mark_sheets
-from cam_rig.panel.lab.marking import POINTS, observe
+from cam_rig.panel.lab.labs import TOLERANCES, lab_sheet
 from cam_rig.panel.lab.pages import LabPages
-from cam_rig.panel.lab.sheet import (
-    TOLERANCES,
-    LabSetup,
-    LabSheet,
-    Notebook,
-    drawn,
-    read_sheet,
-    to_text,
-    true_rig,
-)
+from cam_rig.panel.lab.recorded import Notebook, read_sheet, to_text
+from cam_rig.panel.lab.sheet import LabSetup, drawn
+from cam_rig.panel.lab.turns import POINTS
 from cam_rig.panel.server import serve
 from cam_rig.units import RPM
 
@@ -44,7 +37,7 @@ def test_a_seed_is_the_same_rig_everywhere():
     """Numbers that were computed once: another version or machine must give them again."""
     assert drawn("jump", "alpha", "mass 0", 0.04) == pytest.approx(ALPHA_MASS, rel=1e-15)
     sheet = sheet_of(seed="alpha")
-    assert sheet.jump_rpm(LabSetup(4030.0, 0.0, 30.6)) == pytest.approx(408.900, abs=0.01)
+    assert sheet.true(LabSetup(4030.0, 0.0, 30.6)) == pytest.approx(408.900, abs=0.01)
 
 
 def test_every_number_is_drawn_evenly_within_its_tolerance():
@@ -60,16 +53,16 @@ def test_every_number_is_drawn_evenly_within_its_tolerance():
 
 def test_a_spring_is_the_same_in_every_set_up_and_two_differ():
     """What is hidden is a rig, and not noise on a reading."""
-    rig = cam_rig.load_rig("paper_table2")
+    sheet = sheet_of()
 
     def factor(setup):
-        found = true_rig(rig, setup, "jump", "alpha").follower.spring_stiffness.si
+        found = sheet.true_rig(setup, "alpha").follower.spring_stiffness.si
         return found / setup.spring_stiffness
 
     first = factor(LabSetup(4030.0, 0.0, 30.6))
     assert factor(LabSetup(4030.0, 1.0, 61.2)) == first
     assert factor(LabSetup(3020.0, 0.0, 30.6)) != first
-    own = true_rig(rig, LabSetup(4030.0, 0.5, 30.6), "jump", None).follower
+    own = sheet.true_rig(LabSetup(4030.0, 0.5, 30.6), None).follower
     assert (own.mass.si, own.preload.si) == (1.8, 30.6)
 
 
@@ -78,12 +71,13 @@ def test_what_has_no_sheet_is_refused(tmp_path):
     for seed in ("", "a b", "../x", "é", "x" * 41):
         with pytest.raises(ConfigError, match=r"--seed: is .*; allowed: a name"):
             sheet_of(seed=seed)
-    with pytest.raises(ConfigError, match=r"is 'jmp'; allowed: jump \(did you mean 'jump'\?\)"):
-        LabSheet("jmp", cam_rig.load_cam("poly345"), cam_rig.load_rig("tm21"))
+    words = r"is 'jmp'; allowed: jump, vibration, noise \(did you mean 'jump'\?\)"
+    with pytest.raises(ConfigError, match=words):
+        sheet_of(lab="jmp")
     with pytest.raises(ConfigError, match="conjugate"):
         sheet_of(cam="conjugate")
     loose = cam_rig.load_rig("tm21").with_follower(preload=0.0)
-    sheet = LabSheet("jump", cam_rig.load_cam("poly345"), loose)
+    sheet = lab_sheet("jump", [cam_rig.load_cam("poly345")], loose)
     with pytest.raises((ConfigError, DynamicsError), match="preload"):
         LabPages(sheet, tmp_path)
 
@@ -91,7 +85,7 @@ def test_what_has_no_sheet_is_refused(tmp_path):
 def test_the_line_is_the_jump_speed_of_a_rigid_follower():
     """n² = (k s + preload) / (m |s''|): for the sheet's own set-up exactly, without damping."""
     rig = cam_rig.load_rig("tm21").with_follower(damping=0.0)
-    sheet = LabSheet("jump", cam_rig.load_cam("poly345"), rig)
+    sheet = lab_sheet("jump", [cam_rig.load_cam("poly345")], rig)
     own = LabSetup(rig.follower.spring_stiffness.si, 0.0, rig.follower.preload.si)
     speed = np.sqrt(sheet.load(own) / abs(sheet.critical[1]))
     assert speed * 30.0 / np.pi == pytest.approx(cam_rig.jump_speed(sheet.law, rig).rpm, rel=1e-4)
@@ -110,16 +104,16 @@ def test_the_model_leaves_the_cam_exactly_above_the_marked_speed(rig, seed):
     """In steady state, two masses and one, with each third set-up of the sheet."""
     sheet = sheet_of(rig, seed)
     for setup in sheet.setups[::3]:
-        jump, true = sheet.jump_rpm(setup), sheet.true_rig(setup)
-        assert not observe(sheet.law, true, jump * (1.0 - NEAR)).contact_lost, setup
-        assert observe(sheet.law, true, jump * (1.0 + NEAR)).contact_lost, setup
+        jump = sheet.true(setup)
+        assert not sheet.turn(setup, jump * (1.0 - NEAR), 1).contact_lost, setup
+        assert sheet.turn(setup, jump * (1.0 + NEAR), 1).contact_lost, setup
 
 
 def test_a_kept_turn_is_the_kinetostatic_force_of_one_mass():
     """m s'' Ω² + c s' Ω + k s + preload, to what the sensor resolves."""
     sheet = sheet_of("tm21")
-    rig, rpm = sheet.true_rig(sheet.setups[0]), 300.0
-    follower, speed = follower_of(rig), rpm * RPM
+    rpm = 300.0
+    follower, speed = follower_of(sheet.true_rig(sheet.setups[0], None)), rpm * RPM
     motion = np.array([sheet.law.at(a) for a in np.arange(POINTS) * (2.0 * np.pi / POINTS)]).T
     force = (
         follower.spring_stiffness * motion[0]
@@ -127,21 +121,22 @@ def test_a_kept_turn_is_the_kinetostatic_force_of_one_mass():
         + follower.mass * motion[2] * speed**2
         + follower.preload
     )
-    turn = observe(sheet.law, rig, rpm)
+    turn = sheet.turn(sheet.setups[0], rpm, 1)
     # 0.05 N of rounding, and a straight line between two samples of 16 kHz
-    assert np.abs(turn.force - force).max() < 0.1
+    assert np.abs(turn.curve - force).max() < 0.1
     least = rigid_least(sheet.law, follower, np.array([speed]))[0]
-    assert turn.force.min() == pytest.approx(least, abs=0.15)
+    assert turn.curve.min() == pytest.approx(least, abs=0.15)
 
 
 def test_above_the_jump_the_force_is_zero_in_flight_and_never_pulls():
     """A cam cannot pull: where the follower is off, a sensor reads nothing."""
     for rig in ("paper_table2", "tm21"):
         sheet = sheet_of(rig)
-        turn = observe(sheet.law, sheet.rig, 1.15 * sheet.jump_rpm(sheet.setups[-1]) + 150.0)
+        setup = sheet.setups[len(sheet.setups) // 3]
+        turn = sheet.turn(setup, 1.15 * sheet.true(setup) + 150.0, 1)
         assert turn.contact_lost
-        assert turn.force.min() == 0.0
-        assert (turn.force == 0.0).sum() > POINTS // 50
+        assert turn.curve.min() == 0.0
+        assert (turn.curve == 0.0).sum() > POINTS // 50
         assert np.isfinite(turn.sound).all()
         assert np.abs(turn.sound).max() > 0.0
 
@@ -203,15 +198,15 @@ def test_nothing_of_the_hidden_rig_is_in_any_answer(hidden):
     sheet = hidden.pages.notebook.sheet
     secret = set()
     for setup in sheet.setups:
-        true = sheet.true_rig(setup).follower
+        true = sheet.true_rig(setup, sheet.seed).follower
         kinds = ("mass", "spring_stiffness", "preload", "damping", "stem_damping")
-        secret |= {getattr(true, kind).si for kind in kinds} | {sheet.jump_rpm(setup)}
+        secret |= {getattr(true, kind).si for kind in kinds} | {sheet.true(setup)}
     said = []
     for i in range(len(sheet.setups)):
         status, turn = hidden.send("/lab/turn", hidden.asked(i, 300.0) | {"sound": True})
         assert status == 200
-        assert set(turn) == {"contact_lost", "was_lost", "force", "sound", "rate"}
-        assert all(abs(force * 10.0 - round(force * 10.0)) < 1e-9 for force in turn["force"])
+        assert set(turn) == {"contact_lost", "was_lost", "curve", "measured", "sound", "rate"}
+        assert all(abs(force * 10.0 - round(force * 10.0)) < 1e-9 for force in turn["curve"])
         said += numbers(turn["rate"])
         said += numbers(hidden.send("/lab/record", hidden.asked(i, 300.0))[1])
     for path in ("/lab/sheet", "/lab/readings.csv", "/lab"):
@@ -229,16 +224,18 @@ def test_the_theory_is_shown_without_a_seed_alone(hidden, plain):
     assert status == 409
     assert "without a seed" in json.loads(body)["words"]
     sheet = plain.pages.notebook.sheet
-    slope = json.loads(plain.get("/lab/theory"))["slope"]
+    theory = json.loads(plain.get("/lab/theory"))
+    (line,) = theory["curves"]
+    slope = 1000.0 * line[-1] / (theory["step"] * (len(line) - 1))
     for setup in sheet.setups:  # the rigid follower's line, which damping and angle lie below
-        assert 0.9 < sheet.jump_rpm(setup) ** 2 / (slope * sheet.load(setup)) < 1.0
+        assert 0.9 < sheet.true(setup) ** 2 / (slope * sheet.load(setup)) < 1.0
 
 
 def test_the_lamp_goes_on_above_the_jump_and_stays_on(hidden):
     """Also between two resonances, where contact holds again: the way up has passed the first."""
     sheet, again = hidden.pages.notebook.sheet, 0
     for i, setup in enumerate(sheet.setups):
-        jump = sheet.jump_rpm(setup)
+        jump = sheet.true(setup)
         for rpm in (round(jump - 0.02, 2), round(jump + 0.02, 2), jump + 8.0, jump + 24.0):
             _, turn = hidden.send("/lab/turn", hidden.asked(i, rpm))
             assert (turn["contact_lost"] or turn["was_lost"]) is (rpm > jump)
@@ -302,7 +299,7 @@ def written(folder, seed, off=0.0, rig="paper_table2"):
     book = Notebook(sheet, folder)
     book.name("Ana")
     for setup in sheet.setups[:3]:
-        book.record(vars(setup) | {"rpm": sheet.jump_rpm(setup) * (1.0 + off)})
+        book.record(vars(setup) | {"rpm": sheet.true(setup) * (1.0 + off)})
     return book.path
 
 
@@ -325,13 +322,15 @@ def test_marks_are_the_difference_to_find_jump(tmp_path):
     assert "0 of 3 within 1 %; mean +2.00 %" in err
     own = cam_rig.load_rig("paper_table2").with_follower(spring_stiffness=3020.0)
     law = cam_rig.build_law(cam_rig.load_cam("poly345"))
-    first = next(row for row in found["readings"] if row["file"] == str(wrong))
+    first = next(row for row in found["answers"] if row["file"] == str(wrong))
     true = cam_rig.jump_speed(law, own, duration=None).rpm
-    assert first["true_rpm"] == pytest.approx(true, abs=0.01)
+    assert first["true"] == pytest.approx(true, abs=0.01)
     assert first["difference"] == pytest.approx(0.02, abs=1e-4)
     assert mark(wrong, "--tolerance", 2.5)[2].count("3 of 3 within 2.5 %") == 1
     lines = target.read_text("utf-8").splitlines()
-    assert lines[0].startswith("file,reading,spring_stiffness,added_mass,preload,rpm,true_rpm,")
+    assert lines[0].startswith(
+        "file,reading,asked,spring_stiffness,added_mass,preload,answer,true,unit,"
+    )
     assert len(lines) == 7
     assert target.with_suffix(".sheets.csv").read_text("utf-8").count("\n") == 3
 
@@ -341,7 +340,7 @@ def test_the_class_is_drawn_with_the_farthest_reading_last(tmp_path):
     sheets = [
         written(tmp_path, seed, off) for seed, off in (("a", -0.03), ("b", 0.0), ("c", 0.005))
     ]
-    found = mark_sheets(sheets, None, None, None)
+    found = mark_sheets(sheets, [], None, None)
     above, below = found.plot().axes
     assert [tick.get_text() for tick in above.get_yticklabels()] == ["Ana"] * 3
     places = [(line.get_ydata()[0], line.get_xdata()[0]) for line in above.lines]
@@ -366,7 +365,7 @@ def test_a_spreadsheet_may_have_saved_it(tmp_path):
 
 DAMAGED = (
     ("# cam_rig lab sheet: jump\n", "", "no lab sheet; allowed: a file that cam-rig panel"),
-    ("sheet: jump", "sheet: fly", "is 'fly'; allowed: jump"),
+    ("sheet: jump", "sheet: fly", "is 'fly'; allowed: jump, vibration"),
     ("cam: poly345", "cam: ../../x", "cam is '../../x'; allowed: a name"),
     ("cam: poly345", "cam: nothing", "no such file"),
     ("seed: alpha", "seed: a b", "--seed: is 'a b'; allowed"),

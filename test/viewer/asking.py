@@ -31,7 +31,7 @@ class Visitor:
 
     def __init__(self, address):
         self.url, self.address = urlsplit(address), address
-        status, answered, _ = ask(address, f"/?{self.url.query}")
+        status, answered, _ = ask(address, f"{self.url.path}?{self.url.query}")
         assert status == 303
         self.home, self.set_cookie = str(answered["Location"]), str(answered["Set-Cookie"])
         self.cookie = self.set_cookie.split(";")[0]

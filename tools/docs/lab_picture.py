@@ -11,15 +11,15 @@ from __future__ import annotations
 from pathlib import Path
 
 from cam_rig.files import temporary_folder
+from cam_rig.panel.lab.labs import JumpSheet
 from cam_rig.panel.lab.pages import LabPages
-from cam_rig.panel.lab.sheet import LabSheet
 from cam_rig.panel.server import serve
 from cam_rig.schema import load_cam, load_rig
 from cam_rig.schema.load import cam_path, rig_path
 from tools.docs.browser import new_page, open_browser, put, until
 
 PICTURE = Path("docs/lab.png")
-LAB, CAM, RIG = "jump", "poly345", "tm21"
+CAM, RIG = "poly345", "tm21"
 #: Down to the table of readings; where they are kept is this machine's.
 SIZE = {"width": 1600, "height": 792}
 #: By how much (rpm) readings are beside the jump speed, one after the other.
@@ -32,18 +32,18 @@ LINE = "() => document.querySelector('#plot .theory').getAttribute('d')"
 
 def photograph_lab(path: Path) -> None:
     """Write a lab sheet with its readings and the theory's line."""
-    sheet = LabSheet(LAB, load_cam(cam_path(CAM)), load_rig(rig_path(RIG)))
+    sheet = JumpSheet(load_cam(cam_path(CAM)), load_rig(rig_path(RIG)))
     with temporary_folder() as folder, open_browser(webgl=False) as browser:
         pages = LabPages(sheet, folder)
         for i, setup in enumerate(sheet.setups[1:]):
-            rpm = round(sheet.jump_rpm(setup)) + BESIDE[i % len(BESIDE)]
+            rpm = round(sheet.true(setup)) + BESIDE[i % len(BESIDE)]
             pages.notebook.record(vars(setup) | {"rpm": rpm})
         with serve(pages, home="/lab") as served:
             page = new_page(browser)
             page.set_viewport_size(SIZE)  # type: ignore[arg-type]
             page.goto(served.address)
             until(page, SHOWN)
-            page.locator("#rpm").fill(f"{round(sheet.jump_rpm(sheet.setups[0])) + 5}")
+            page.locator("#rpm").fill(f"{round(sheet.true(sheet.setups[0])) + 5}")
             page.locator("#rpm").press("Enter")
             page.locator("#plot_it").click()
             page.locator("#theory").click()

@@ -219,30 +219,39 @@ interface Expected {
 
 // -- the lab ----------------------------------------------------------------------------------
 
+/** A row of a sheet: a reading, with where it is in the plot, or an answer. */
 interface LabReading {
   number: number;
-  spring_stiffness: number;
-  added_mass: number;
-  preload: number;
-  rpm: number;
-  load: number;
+  spring_stiffness: number | null;
+  added_mass: number | null;
+  preload: number | null;
+  cam: string | null;
+  rpm: number | null;
+  measured: number | null;
+  answer: number | null;
+  point?: { x: number; y: number; marker: number; full: boolean };
 }
 
 interface LabSheet {
   lab: string;
-  cam: { name: string };
-  rig: { name: string; mass: number };
+  cams: string[];
+  rig: { name: string; spring_stiffness: number; mass: number; preload: number };
   seed: string | null;
   tolerances: Record<string, number> | null;
-  springs: number[];
-  added_masses: number[];
-  preloads: number[];
-  lift: number;
-  loads: Pair;
+  /** What can be set up, by the names of a reading. */
+  options: Record<string, (number | string)[]>;
+  marker: string;
+  lift: number | null;
+  scatter_db: number | null;
+  measured: boolean;
+  answered: boolean;
+  heard: boolean;
+  unit: string;
   knob: Pair;
+  plot: { x: Pair; y: Pair };
   max_name: number;
   colours: string[];
-  force_colour: string;
+  curve_colour: string;
   student: string;
   readings: LabReading[];
   file: string | null;

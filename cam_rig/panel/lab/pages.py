@@ -1,4 +1,4 @@
-"""The lab sheet's pages: one sheet a panel, whichever page shows it."""
+"""The lab sheet's pages: one sheet a place, whichever page shows it."""
 
 from __future__ import annotations
 
@@ -10,65 +10,89 @@ from typing import Any
 from starlette.responses import Response
 from starlette.routing import Route
 
-from cam_rig.errors import RefusedError
+from cam_rig.errors import ConfigError, RefusedError
 from cam_rig.panel.bench.drawing import cam_picture
-from cam_rig.panel.lab.marking import RATE_HZ, observe
-from cam_rig.panel.lab.sheet import MAX_NAME, TOLERANCES, LabSheet, Notebook, to_text
+from cam_rig.panel.lab.labs import SCATTER_DB, JumpSheet, NoiseSheet
+from cam_rig.panel.lab.recorded import MAX_NAME, Notebook, to_text
+from cam_rig.panel.lab.sheet import CURVE, LabSheet
+from cam_rig.panel.lab.turns import RATE_HZ
 from cam_rig.panel.server import Answer, PanelPages, csv_file, get, page_file, post
 from cam_rig.show import looks as colours
-from cam_rig.units import RPM_PER_RAD_S
 
-#: A colour an added mass; the markers differ too.
-MASS_COLOURS = (colours.BLUE, colours.VERMILION, colours.GREEN)
+#: Where a panel's only sheet is, and what the places of a class's begin with.
+LAB = "/lab"
+#: A colour for each added mass, or cam; the markers differ too.
+MARKER_COLOURS = (colours.BLUE, colours.VERMILION, colours.GREEN)
 
 
 class LabPages(PanelPages):
-    """A lab sheet in a browser; the readings are kept in a folder ``out``."""
+    """A lab sheet in a browser at a ``place``; the readings are kept in a folder ``out``.
 
-    def __init__(self, sheet: LabSheet, out: Path) -> None:
-        self.notebook = Notebook(sheet, out)
+    One of a class ``goes_on`` with the sheet that is there: its server may have been killed.
+    """
+
+    def __init__(self, sheet: LabSheet, out: Path, place: str = LAB, goes_on: bool = False) -> None:
+        self.notebook = Notebook(sheet, out, goes_on)
         self._sheet, self._busy = sheet, asyncio.Lock()
-        for setup in sheet.setups:  # refused now, and not in the middle of a lab
-            sheet.jump_rpm(setup)
+        # What cannot be told is refused now, and not in the middle of a lab.
+        self._knob = sheet.knob
+        for setup in sheet.asked_setups:
+            sheet.true(setup)
         self.routes = (
-            page_file("/lab", "lab"),
-            get("/lab/sheet", self._about),
-            get("/lab/theory", self._theory),
-            get("/lab/picture", self._picture),
-            get("/lab/readings.csv", self._csv),
-            self._alone("/lab/turn", self._turn),
-            self._alone("/lab/record", self._record),
-            self._alone("/lab/student", self._student),
+            page_file(place, "lab"),
+            get(f"{place}/sheet", self._about),
+            get(f"{place}/theory", self._theory),
+            get(f"{place}/picture/{{cam}}", self._picture),
+            get(f"{place}/readings.csv", self._csv),
+            self._alone(f"{place}/turn", self._turn),
+            self._alone(f"{place}/record", self._record),
+            self._alone(f"{place}/answer", self._answer),
+            self._alone(f"{place}/student", self._student),
         )
 
     async def _about(self, _: dict[str, Any]) -> dict[str, Any]:
-        sheet = self._sheet
-        loads = [sheet.load(setup) for setup in sheet.setups]
+        sheet, own = self._sheet, self._sheet.rig.follower
+        plot, noise = sheet.plot, isinstance(sheet, NoiseSheet)
         return {
             "lab": sheet.name,
-            "cam": {"name": sheet.cam.name},
-            "rig": {"name": sheet.rig.name, "mass": sheet.rig.follower.mass.si},
+            "cams": list(sheet.cams),
+            "rig": {
+                "name": sheet.rig.name,
+                "spring_stiffness": own.spring_stiffness.si,
+                "mass": own.mass.si,
+                "preload": own.preload.si,
+            },
             "seed": sheet.seed,
-            "tolerances": TOLERANCES if sheet.seed else None,
-            "springs": sheet.springs,
-            "added_masses": sheet.added_masses,
-            "preloads": sheet.preloads,
-            "lift": sheet.critical[0],
-            "loads": (min(loads), max(loads)),
-            "knob": sheet.knob,
+            "tolerances": sheet.tolerances if sheet.seed else None,
+            "options": sheet.options,
+            "marker": sheet.marker,
+            "lift": sheet.critical[0] if isinstance(sheet, JumpSheet) else None,
+            "scatter_db": SCATTER_DB if noise else None,
+            "measured": sheet.measured is not None,
+            "answered": sheet.answer is not None,
+            "heard": sheet.heard,
+            "unit": sheet.unit,
+            "knob": self._knob,
+            "plot": {"x": plot.x, "y": plot.y},
             "max_name": MAX_NAME,
-            "colours": [colours.web(colour) for colour in MASS_COLOURS],
-            "force_colour": colours.web(colours.FORCE),
+            "colours": [colours.web(colour) for colour in MARKER_COLOURS],
+            "curve_colour": colours.web(colours.FORCE),
         } | self.notebook.page()
 
     async def _theory(self, _: dict[str, Any]) -> dict[str, Any]:
-        """The straight line of one rigid mass: n² in rpm² is ``slope`` times the load in m/s²."""
+        """Curves by the sheet's numbers over the plot's x, at equal steps of it."""
         if self._sheet.seed is not None:
             raise RefusedError("theory: allowed: on a sheet without a seed")
-        return {"slope": RPM_PER_RAD_S**2 / abs(self._sheet.critical[1])}
+        found = await asyncio.to_thread(self._sheet.theory)
+        x = self._sheet.plot.x
+        curves = [[round(float(y), 4) for y in curve] for curve in found]
+        return {"step": (x[1] - x[0]) / (CURVE - 1), "curves": curves}
 
-    async def _picture(self, _: dict[str, Any]) -> dict[str, Any]:
-        return cam_picture(self._sheet.cam, self._sheet.law)
+    async def _picture(self, asked: dict[str, Any]) -> dict[str, Any]:
+        name = asked["cam"]
+        if name not in self._sheet.cams:
+            raise ConfigError(f"cam: is {name!r:.40}; allowed: {', '.join(self._sheet.cams)}")
+        return cam_picture(self._sheet.cams[name], self._sheet.laws[name])
 
     async def _csv(self, _: dict[str, Any]) -> Response:
         path = self.notebook.path
@@ -83,27 +107,27 @@ class LabPages(PanelPages):
         return post(path, answered)
 
     async def _turn(self, body: dict[str, Any]) -> dict[str, Any]:
-        """What is seen of a set-up at a speed.
-
-        The lamp stays on above a speed at which contact was lost: between two resonances of the
-        stem the follower may stay on again, but whoever comes from below has seen it leave.
-        """
-        setup, rpm = self.notebook.setup(body), self.notebook.speed(body)
-        sheet, rig = self._sheet, self._sheet.true_rig(setup)
-        turn = await asyncio.to_thread(observe, sheet.law, rig, rpm)
-        was_lost = rpm > await asyncio.to_thread(sheet.jump_rpm, setup)
-        shown = {
+        """What is seen of a set-up at a speed."""
+        book = self.notebook
+        setup, rpm = book.setup(body), book.speed(body)
+        turn = await asyncio.to_thread(self._sheet.turn, setup, rpm, book.next)
+        shown: dict[str, Any] = {
             "contact_lost": turn.contact_lost,
-            "was_lost": was_lost,
-            "force": [round(force, 1) for force in turn.force.tolist()],
+            "was_lost": turn.was_lost,
+            "curve": [round(y, 1) for y in turn.curve.tolist()],
+            "measured": turn.measured,
         }
-        if body.get("sound") is True:
+        if body.get("sound") is True and turn.sound.size:
             data = base64.b64encode(turn.sound.astype("<f4").tobytes()).decode()
             shown |= {"sound": data, "rate": RATE_HZ}
         return shown
 
     async def _record(self, body: dict[str, Any]) -> dict[str, Any]:
-        self.notebook.record(body)
+        await asyncio.to_thread(self.notebook.record, body)
+        return self.notebook.page()
+
+    async def _answer(self, body: dict[str, Any]) -> dict[str, Any]:
+        self.notebook.answer(body)
         return self.notebook.page()
 
     async def _student(self, body: dict[str, Any]) -> dict[str, Any]:

@@ -1,34 +1,34 @@
-// The readings' plot: the square of the jump speed over the load on the mass, a marker a reading.
-import { Chart, entry, look, ticks } from "../common/charts.js";
-import { text } from "../common/texts.js";
+// The readings' plot: a marker a reading, and the curves of theory when they are asked for.
+import { Chart, entry, extent, look, ticks } from "../common/charts.js";
 
-/** rpm² of one unit of the plot: 400 rpm are 160. */
-const UNIT = 1000;
-
-export class JumpPlot {
-  /** @param {HTMLElement} place @param {HTMLElement} key @param {LabSheet} sheet */
-  constructor(place, key, sheet) {
+export class ReadingsPlot {
+  /**
+   * Of the lab's own axes; the key says what each marker is of.
+   * @param {HTMLElement} place @param {HTMLElement} key @param {LabSheet} sheet @param {{x: string, y: string}} titles
+   */
+  constructor(place, key, sheet, { x, y }) {
     this.sheet = sheet;
     /** @type {LabReading[]} */
     this.readings = [];
-    /** Of what is expected, once it is asked for. @type {number | null} */
-    this.slope = null;
-    const most = Math.ceil(sheet.loads[1] / 50) * 50;
-    this.chart = new Chart(place, { title: text("lab_square"), x: [0, most], xTicks: ticks(0, most, 6), xTitle: text("lab_load") });
-    this.chart.fit(0, sheet.knob[1] ** 2 / UNIT, true);
+    /** What is expected, once it is asked for. @type {{step: number, curves: number[][]} | null} */
+    this.theory = null;
+    this.chart = new Chart(place, { title: y, x: sheet.plot.x, xTicks: ticks(...sheet.plot.x, 6), xTitle: x });
+    this.chart.fit(...sheet.plot.y, true);
     this.chart.resized = () => this.draw(this.readings);
-    key.replaceChildren(...sheet.added_masses.map((mass) => entry(`+${mass} kg`, this.#look(mass))));
+    const kinds = sheet.options[sheet.marker] ?? [];
+    key.replaceChildren(...kinds.map((kind, i) => entry(sheet.marker === "added_mass" ? `+${kind} kg` : String(kind), look(i, sheet.colours))));
   }
 
   /** @param {LabReading[]} readings */
   draw(readings) {
     this.readings = readings;
-    this.chart.points("readings", readings.map(({ load, rpm, added_mass: mass, preload }) => (
-      { x: load, y: rpm ** 2 / UNIT, ...this.#look(mass), full: preload !== this.sheet.preloads[0] })));
-    const step = this.chart.x[1];
-    this.chart.curve("theory", this.slope === null ? null : [0, (this.slope * step) / UNIT], { colour: "#333", kind: "theory", step });
+    const points = readings.flatMap(({ point }) => (point ? [point] : []));
+    const curves = this.theory?.curves ?? [];
+    this.chart.fit(...extent([points.map(({ y }) => y), ...curves]));
+    this.chart.points("readings", points.map(({ x, y, marker, full }) => ({ x, y, full, ...look(marker, this.sheet.colours) })));
+    for (let i = 0; i < this.sheet.colours.length; i += 1) {
+      const colour = curves.length > 1 ? this.sheet.colours[i] : "#333";
+      this.chart.curve(`theory${i}`, curves[i], { colour, kind: "theory", step: this.theory?.step ?? 1 });
+    }
   }
-
-  /** @param {number} mass */
-  #look(mass) { return look(this.sheet.added_masses.indexOf(mass), this.sheet.colours); }
 }
