@@ -61,6 +61,7 @@ interface Board {
   distance_m: number;
   start_made: boolean;
   follower: { roller_mm: number; pivot_mm: number | null };
+  picture: CamPicture;
   rig: Mass & { name: string; two_masses: boolean; from_rest_s: number; calibrated_on: string };
   rpm: number;
   rpm_range: Pair;
@@ -109,6 +110,8 @@ interface Exact {
   faults: Fault[];
   warnings: Fault[];
   jump_rigid: Found;
+  /** The greatest, of the disc on which it is nearest to its limit. */
+  pressure: { value_deg: number; allowed_deg: number } | null;
 }
 
 /** Another page's ordinates, with what they come to. */
@@ -151,7 +154,13 @@ interface Refused {
   words: string;
 }
 
-type BoardMessage = Exact | Moved | Rest | Design | Refused;
+/** Another page has opened a file. */
+interface Opened {
+  type: "opened";
+  number?: undefined;
+}
+
+type BoardMessage = Exact | Moved | Rest | Design | Refused | Opened;
 /** Shows a sentence, as a fault where something is wrong. */
 type Status = (words: string, wrong: boolean) => void;
 

@@ -7,8 +7,9 @@ const TICK = [1.03, 1.06], NUMBER = 1.15, AROUND = 1.25;
 const ARROW = 0.55, HIGHEST = 1.35;
 /** Coils of the spring, and its width over the reach. */
 const COILS = 7, WIDE = 0.09;
-const degrees = (/** @type {number} */ radians) => (radians * 180) / Math.PI;
-const path = (/** @type {number[]} */ xs, /** @type {number[]} */ ys) => `M${Array.from(xs, (x, i) => `${x} ${ys[i]}`).join("L")}`;
+export const degrees = (/** @type {number} */ radians) => (radians * 180) / Math.PI;
+/** A line through points. */
+export const path = (/** @type {number[]} */ xs, /** @type {number[]} */ ys) => `M${Array.from(xs, (x, i) => `${x} ${ys[i]}`).join("L")}`;
 
 export class RigPicture {
   /** @param {HTMLElement} place @param {string} label */
@@ -159,7 +160,7 @@ export class Lens {
  * Where the follower's origin is at a lift (mm), and how it is turned.
  * @param {CamPicture} picture @param {number} lift @returns {[Pair, number]}
  */
-function stand({ origin, along, turn, turns }, lift) {
+export function stand({ origin, along, turn, turns }, lift) {
   return [[origin[0] + along[0] * lift, origin[1] + along[1] * lift], turn + turns * lift];
 }
 
