@@ -211,7 +211,7 @@ def test_all_pages_show_the_one_board_and_a_reload_keeps_it(chromium, page, boar
 def test_the_keyboard_alone_moves_undoes_and_resets(page, board):
     """Tab, arrows, Ctrl-Z, Ctrl-Y, Home, focus stays; the knob's keys turn the force alone."""
     index = board.drawn.handles[5].index
-    page.page.locator("#on_bench").focus()
+    page.page.locator("#link").focus()
     page.press("Tab", 6)
     assert page.page.evaluate(FOCUSED) == index
     start = board.drawn.ordinates[index]
@@ -255,7 +255,7 @@ def test_a_law_that_cannot_be_made_is_named_and_the_last_good_force_stays(page, 
     assert "curvature" in page.text("faults")
     assert page.page.locator("#contour .bad").count() > 0
     assert page.page.locator("#not_made").is_visible()
-    assert "not_made" in (page.page.locator("#readouts").get_attribute("class") or "")
+    assert "not_made" in (page.page.locator("#results").get_attribute("class") or "")
     page.page.locator("#dxf").click()
     page.until(lambda: "No DXF: cannot be made" in page.text("status"))
     page.until(lambda: len(page.errors) > 0)
@@ -542,7 +542,7 @@ def test_a_saved_file_is_opened_again_in_every_page(page, board, served, chromiu
             other.settled()
             page.page.locator("#file").set_input_files(board.out / "mine.yaml")
             for one in (page, other):
-                one.until(lambda one=one: one.text("title").startswith("mine, "))
+                one.page.locator("#title", has_text="mine, ").wait_for()
                 one.settled()
                 assert one.text("class") == "The law's own ordinates."
         assert board.ordinates.tolist() == pytest.approx(drawn.tolist(), abs=1e-12)

@@ -42,9 +42,7 @@ export function listenForFiles(ordinates, status) {
     if (!file) return;
     const answer = await fetch("/open", { method: "POST", body: JSON.stringify({ text: await file.text() }) });
     field("file").value = "";
-    if (!answer.ok) return status(text("not_opened", { name: file.name, ...(await answer.json()) }), true);
-    location.hash = "";
-    return location.reload();
+    if (!answer.ok) status(text("not_opened", { name: file.name, ...(await answer.json()) }), true);
   });
 
   $("on_bench").addEventListener("click", async () => {

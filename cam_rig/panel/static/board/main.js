@@ -217,7 +217,10 @@ function heard(message, pending) {
   if (message.type === "refused") readouts.status(text("refused", message), true);
   if (message.type === "rest") readouts.rest(message);
   if (message.type === "design") heardOfDesign(message, showSecond, (words, wrong) => readouts.status(words, wrong));
-  if (message.type === "opened") location.reload();
+  if (message.type === "opened") { // by this page or another: a link was of the cam before
+    window.history.replaceState(null, "", location.pathname);
+    location.reload();
+  }
   if (message.type === "moved") { put(message); sent.set("moved", Float64Array.from(message.ordinates)); }
   if (message.type !== "exact" && message.type !== "moved") return;
   const ordinates = sent.get(message.number ?? "moved");
