@@ -98,6 +98,12 @@ def test_the_rig_is_drawn_before_it_turns_and_says_what_a_speed_will_do(chromium
         bench.page.locator("#preload").fill("200")
         bench.until(lambda: "At 450 rpm contact is kept" in bench.text("forecast"))
         assert bench.page.locator("#forecast.old").count() == 0
+        bench.page.locator("#rpm").fill("0")
+        bench.page.locator("#rpm").press("Enter")
+        bench.until(lambda: bench.text("status") == "Speed: is 0; allowed: 1 to 10000 rpm.")
+        bench.page.locator("#rpm").fill("450")
+        bench.page.locator("#rpm").press("Enter")
+        bench.until(lambda: bench.text("status") == "")
         box = bench.page.locator("#turn_lift").bounding_box()
         bench.page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 30)
         bench.until(lambda: (bench.number("at_lift") or 0.0) > 49.0)

@@ -9,7 +9,7 @@ import { Pictures } from "./pictures.js";
 import { weights } from "./pull.js";
 import { Readouts } from "./readouts.js";
 import { Stroboscope } from "./stroboscope.js";
-import { STEPS } from "../common/knob.js";
+import { STEPS, typed } from "../common/knob.js";
 import { heardOfDesign, listenForFiles } from "./files.js";
 import { loadTexts, text } from "../common/texts.js";
 import { Wire } from "../common/wire.js";
@@ -165,8 +165,8 @@ $("knob").addEventListener("keydown", (event) => {
 });
 $("knob").addEventListener("change", () => { history.end(); settle(); wire.flush(); });
 $("rpm").addEventListener("change", () => {
-  const rpm = field("rpm").valueAsNumber;
-  if (!field("rpm").checkValidity() || !Number.isFinite(rpm)) { field("rpm").reportValidity(); return; }
+  const rpm = typed(field("rpm"), board.rpm_range, (words, wrong) => readouts.status(words, wrong));
+  if (rpm === null) return;
   history.begin();
   setSpeed(rpm);
   changed();

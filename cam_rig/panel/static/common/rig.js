@@ -68,7 +68,7 @@ export class RigPicture {
     const size = 0.075 * this.ring;
     for (let d = 0; d < 360; d += 30) {
       const [x, y] = towards(d);
-      if (!swings && y > 0.5) continue; // the follower stands there
+      if (!swings && y > 0.9) continue; // the follower stands there
       const number = element("text", { class: "degrees", x: x * this.ring * NUMBER, y: 0.35 * size - y * this.ring * NUMBER }, this.svg);
       number.textContent = `${d}°`;
       number.style.fontSize = `${size}px`; // of the drawing's own millimetres
@@ -104,7 +104,7 @@ export class RigPicture {
     const count = touch[0].length;
     const i = ((Math.round((angle / (2 * Math.PI)) * count) % count) + count) % count;
     const [px, py, nx, ny] = [touch[0][i], touch[1][i], normal[0][i], normal[1][i]];
-    this.strongest = Math.max(this.strongest, force);
+    this.strongest = Math.max(this.strongest, force || 0);
     const length = (ARROW * this.ring * force) / this.strongest;
     this.arrow.setAttribute("d", force > 0 ? arrow(px, py, nx, ny, length, 0.035 * this.ring) : "");
     const up = gap / 1000;
