@@ -45,13 +45,17 @@ interface Pose {
 
 // -- the board --------------------------------------------------------------------------------
 
-/** One ordinate that may be moved; `k` is the angle's index, which the page adds. */
-interface Handle {
+/** One ordinate that may be moved. */
+interface SentHandle {
   index: number;
   angle: number;
   segment: number;
   left: number;
   right: number;
+}
+
+/** With the angle's index, which the page adds. */
+interface Handle extends SentHandle {
   k: number;
 }
 
@@ -68,7 +72,7 @@ interface Board {
   version: number;
   ordinates: number[];
   start: number[];
-  handles: Handle[];
+  handles: SentHandle[];
   cams: string[];
   points: number;
   orders: number;
@@ -93,13 +97,10 @@ interface Found {
   words?: string;
 }
 
-interface Fault {
-  key: string;
-  angle_deg: number;
-  value_deg?: number;
-  allowed_deg?: number;
-  words: string;
-}
+/** What a law cannot be made for, or should not: at an angle, or in words alone. */
+type Fault =
+  | { key: "error"; words: string }
+  | { key: "undercut" | "pressure"; angle_deg: number; value_deg?: number; allowed_deg?: number };
 
 /** What ordinates come to, at once. */
 interface Exact {
@@ -127,6 +128,7 @@ interface Rest {
   type: "rest";
   number?: undefined;
   version: number;
+  rpm: number;
   words?: string;
   jump: Found;
   residual_um: Found;
@@ -177,9 +179,14 @@ interface Setup {
 
 interface NotedReading {
   cam: string;
+  model: string;
   rpm: number;
   level_db: number;
+  weighting: string;
   contact: string;
+  added_mass_kg: number;
+  spring_stiffness_n_m: number;
+  preload_n: number;
 }
 
 /** The bench as a page sees it. */
@@ -198,7 +205,7 @@ interface Live {
   /** What the nodes are set to, by their names. */
   values: Record<string, any>;
   /** Empty until the cam has turned. */
-  state: { cam: string; rpm: number };
+  state: { cam: string; rpm: number; time_ns: number; angle: number } | Record<string, never>;
   contact: string;
   late: string;
   kept: string[];
@@ -207,6 +214,12 @@ interface Live {
   screen: string;
   losses: number;
   level: number | null;
+}
+
+/** `answer` is the number of what was asked, null where it had none. */
+interface SentAnswer extends Answer {
+  type: "answer";
+  answer: number | null;
 }
 
 interface Answer {

@@ -82,8 +82,9 @@ export class Readouts {
 }
 
 /** @param {Fault} fault */
-function inWords({ key, angle_deg: angle, value_deg: found, allowed_deg: allowed, words }) {
-  if (key === "error") return words;
+function inWords(fault) {
+  if (fault.key === "error") return fault.words;
+  const { key, angle_deg: angle, value_deg: found, allowed_deg: allowed } = fault;
   return text(key, { angle: shown(angle, 3), value: found && shown(found, 3), allowed: allowed && shown(allowed, 3) });
 }
 
