@@ -24,6 +24,7 @@ from cam_rig.profile.check_table import CheckedCam, ProfileResult, check_cam
 from cam_rig.profile.checks import Check
 from cam_rig.report.document import Answer, Content, Section, bold, span
 from cam_rig.report.sections import laws_table, origins, read_recorded, recorded_table
+from cam_rig.show.looks import LONGEST_TITLE
 from cam_rig.show.tables import DataTable, Head, tabulate
 from cam_rig.simulation import figures as simulation_figures
 from cam_rig.simulation.scene import (
@@ -59,7 +60,12 @@ class SceneStudies:
     """
 
     def __init__(self, loaded: LoadedScene, bag: Path | None) -> None:
-        self.loaded, self.titles = loaded, loaded.titles
+        self.loaded = loaded
+        #: What cams are called in tables and sentences: by name where the file's title is long.
+        self.titles = {
+            cam: title if len(title) <= LONGEST_TITLE else cam
+            for cam, title in loaded.titles.items()
+        }
         self.cam_set = CamSet(loaded.cams, loaded.laws, loaded.rig)
         self.recorded = None if bag is None else read_recorded(bag, loaded)
         self.run = run_scene(loaded)

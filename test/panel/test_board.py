@@ -24,6 +24,7 @@ from cam_rig.panel.board.board import MAX_RPM, Board
 from cam_rig.panel.board.drawable import at_rest, level
 from cam_rig.profile.drawing_files import read_dxf
 from cam_rig.schema import CamConfig
+from cam_rig.schema.load import config_root
 from cam_rig.schema.quantity import Quantity
 
 
@@ -288,3 +289,25 @@ def test_a_name_that_no_cam_may_have_is_refused(board):
         with pytest.raises(ConfigError, match="name"):
             board.save(name, board.ordinates.tolist())
     assert not board.out.exists()
+
+
+def test_a_file_is_opened_as_it_is_loaded(board):
+    """Every shipped cam without a table; what is none is refused, and changes nothing."""
+    paths = sorted((config_root() / "cams").glob("*.yaml"))
+    opened = 0
+    for path in paths[::4]:
+        text = path.read_text(encoding="utf-8")
+        if ".csv" in text:
+            continue
+        board.open(text)
+        fresh = Board(cam_rig.load_cam(path), board.rig, board.out)
+        assert board.file.name == fresh.file.name
+        assert board.ordinates.tolist() == fresh.ordinates.tolist()
+        assert board.page()["picture"] == fresh.page()["picture"]
+        opened += 1
+    assert opened > 4
+    before = board.file, board.version
+    for text in (None, "", "- 1", "name: x", "name: [", "é" * 9):
+        with pytest.raises(cam_rig.CamRigError):
+            board.open(text)
+    assert (board.file, board.version) == before

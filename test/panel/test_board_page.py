@@ -1,6 +1,7 @@
 """The drawing board in a real browser: its numbers are the core's, by pointer and by keyboard."""
 
 import base64
+import re
 
 import numpy as np
 import pytest
@@ -210,7 +211,7 @@ def test_all_pages_show_the_one_board_and_a_reload_keeps_it(chromium, page, boar
 def test_the_keyboard_alone_moves_undoes_and_resets(page, board):
     """Tab, arrows, Ctrl-Z, Ctrl-Y, Home, focus stays; the knob's keys turn the force alone."""
     index = board.drawn.handles[5].index
-    page.page.locator("#on_bench").focus()
+    page.page.locator("#link").focus()
     page.press("Tab", 6)
     assert page.page.evaluate(FOCUSED) == index
     start = board.drawn.ordinates[index]
@@ -254,7 +255,7 @@ def test_a_law_that_cannot_be_made_is_named_and_the_last_good_force_stays(page, 
     assert "curvature" in page.text("faults")
     assert page.page.locator("#contour .bad").count() > 0
     assert page.page.locator("#not_made").is_visible()
-    assert "not_made" in (page.page.locator("#readouts").get_attribute("class") or "")
+    assert "not_made" in (page.page.locator("#results").get_attribute("class") or "")
     page.page.locator("#dxf").click()
     page.until(lambda: "No DXF: cannot be made" in page.text("status"))
     page.until(lambda: len(page.errors) > 0)
@@ -490,3 +491,87 @@ def test_a_connection_that_breaks_in_the_middle_of_a_drag_loses_nothing(chromium
         assert board.ordinates[index] > board.drawn.ordinates[index]
         shown.page.mouse.up()
         shown.settled()
+
+
+# -- the cursor, files that are opened, links -------------------------------------------------
+
+
+def test_the_cam_turns_to_the_cursor_under_its_follower(page, board):
+    """By the pointer on any chart, or the slider: s, v, a and F are the core's at that angle."""
+    for move in ("chart2", "force", "slider"):
+        if move == "slider":
+            page.page.locator("#cursor").fill("201")
+        else:
+            box = page.page.locator(f"#{move}").bounding_box()
+            page.page.mouse.move(box["x"] + 0.3 * box["width"], box["y"] + 50)
+        page.until(lambda: page.text("at_cursor") != "At 0°")
+        angle = int(page.page.locator("#cursor").input_value())
+        assert angle == 201 or 60 < angle < 120
+        s, slope, bend, _, force = core(board, board.ordinates.tolist(), START_RPM)[:, 2 * angle]
+        omega = START_RPM * RPM
+        numbers = [float(x) for x in re.findall(r"= (-?[\d.e-]+)", page.text("at_cursor"))]
+        wanted = [1e3 * s, omega * slope, omega**2 * bend, force]
+        assert numbers == pytest.approx(wanted, rel=6e-3)
+        turned = page.page.locator("#contour > svg > g").nth(1).get_attribute("transform")
+        assert float(re.match(r"rotate\((-?[\d.]+) ", turned)[1]) == pytest.approx(-angle)
+        held = page.page.locator("#contour .held").get_attribute("transform")
+        unit, at = re.search(r"scale\(([\d.]+) .*translate\(0 ([\d.]+)\)", held).groups()
+        follower = cam_rig.load_cam("poly345").follower
+        assert float(at) == pytest.approx(1e3 * (follower.base_radius.si + follower.roller + s))
+        assert float(unit) > 0.5
+
+
+def test_a_saved_file_is_opened_again_in_every_page(page, board, served, chromium):
+    """Its ordinates are what is drawn then; what is no cam is said, and changes nothing."""
+    page.drag(7, -12.0)
+    page.settled()
+    page.save("mine")
+    page.until(lambda: "Saved: " in page.text("status"))
+    drawn = board.ordinates.copy()
+    page.page.locator("#reset").click()
+    page.settled()
+    wrong = board.out / "wrong.yaml"
+    wrong.write_text("name: wrong\n")
+    page.page.locator("#file").set_input_files(wrong)
+    page.until(lambda: "Not opened: wrong.yaml: no cam file" in page.text("status"))
+    forget(page)
+    first = board.drawn, board.file
+    try:
+        with in_browser(chromium, BoardPage) as other:
+            other.open(served.address)
+            other.settled()
+            page.page.locator("#file").set_input_files(board.out / "mine.yaml")
+            for one in (page, other):
+                one.page.locator("#title", has_text="mine, ").wait_for()
+                one.settled()
+                assert one.text("class") == "The law's own ordinates."
+        assert board.ordinates.tolist() == pytest.approx(drawn.tolist(), abs=1e-12)
+    finally:
+        board._draw(first[1], first[0])
+
+
+def test_a_link_opens_the_same_law(page, board, served, chromium):
+    """Speed and ordinates; undone as one step. One of another cam is refused in words."""
+    page.drag(9, 9.0)
+    page.page.locator("#rpm").fill("412")
+    page.page.locator("#rpm").press("Enter")
+    page.settled()
+    page.page.locator("#link").click()
+    page.until(lambda: "link to this law" in page.text("status"))
+    drawn, link = board.ordinates.tolist(), page.page.url
+    board.take(board.drawn.ordinates.tolist(), START_RPM)
+    with in_browser(chromium, BoardPage) as other:
+        other.open(served.address)
+        other.page.goto(link)
+        other.until(lambda: board.ordinates.tolist() == drawn)
+        assert board.rpm == 412.0
+        other.page.locator("#undo").click()
+        other.until(lambda: board.rpm == START_RPM)
+        assert board.ordinates.tolist() == board.drawn.ordinates.tolist()
+        other.page.goto(link.replace("poly345", "tm21"))
+        other.until(lambda: "The link is of cam tm21" in other.text("status"))
+
+
+def forget(page):
+    """What a browser says of a refused request is no fault of the page."""
+    page.errors[:] = [words for words in page.errors if REFUSED not in words]

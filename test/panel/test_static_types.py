@@ -1,12 +1,19 @@
 """The pages' JavaScript keeps the types that its comments and tools/pages/messages.d.ts tell of."""
 
+import json
 import re
 import subprocess
 from pathlib import Path
 
 import pytest
 
-from .conftest import WAIT_S
+from cam_rig.panel.bench.live_state import NotedReading
+from cam_rig.panel.lab.labs import LABS
+from cam_rig.panel.lab.pages import LabPages
+from cam_rig.panel.server import serve
+
+from ..viewer.asking import Visitor
+from .conftest import BENCH, BOARD, WAIT_S, sheet_of
 
 ROOT = Path(__file__).parents[2]
 TOOLS = ROOT / "tools/pages"
@@ -30,3 +37,83 @@ def test_no_script_is_kept_from_the_check():
     """Neither a file nor a line says that it is not to be looked at."""
     excused = re.compile(r"@ts-(nocheck|ignore|expect-error)")
     assert [path.name for path in SCRIPTS if excused.search(path.read_text("utf-8"))] == []
+
+
+# -- what the server sends is what messages.d.ts says ------------------------------------------
+
+
+def wrong_types(folder, messages):
+    """What tsc says of messages, by a name and the type that each should have."""
+    text = "".join(
+        f"const {name}: {kind} = {json.dumps(message)};\n"
+        for name, (kind, message) in messages.items()
+    )
+    (folder / "sent.ts").write_text(text, encoding="utf-8")
+    words = [
+        TSC,
+        "--ignoreConfig",
+        "--noEmit",
+        "--strict",
+        "--target",
+        "es2022",
+        "--lib",
+        "es2023,dom",
+    ]
+    words += ["--types", "", str(folder / "sent.ts"), str(TOOLS / "messages.d.ts")]
+    checked = subprocess.run(
+        words, cwd=TOOLS, capture_output=True, text=True, check=False, timeout=WAIT_S
+    )
+    return checked.stdout
+
+
+def received(socket, *kinds):
+    """The first message of each kind that comes, answers to what was sent among them."""
+    found = {}
+    while set(found) != set(kinds):
+        message = socket.recv(timeout=WAIT_S)
+        if isinstance(message, str) and (read := json.loads(message))["type"] in kinds:
+            found.setdefault(read["type"], read)
+    return found
+
+
+@pytest.mark.skipif(not TSC.exists(), reason="no TypeScript: make check-pages")
+def test_what_is_sent_is_of_its_type(served, tmp_path):
+    """Every message as it comes: no field is missing, of another kind, or not declared."""
+    sent = {
+        "board": ("Board", json.loads(served.get("/board"))),
+        "cam": ("CamPicture", json.loads(served.get("/bench/cam/poly345"))),
+    }
+    with served.page(BOARD) as socket:
+        undercut = served.board.ordinates.tolist()
+        undercut[served.board.drawn.handles[7].index] += 0.5
+        socket.send(json.dumps({"number": 1, "ordinates": undercut, "rpm": 300.0}))
+        socket.send(json.dumps({"number": 2, "ordinates": [], "rpm": 300.0}))
+        for kind, message in received(socket, "moved", "exact", "refused", "rest").items():
+            sent[kind] = (kind.capitalize(), message)
+    live = served.bench.live
+    live.readings.append(NotedReading("a", "one_mass", 300.0, 80.0, "LZF", "in contact", 0, 1, 2))
+    live.heard({"state": {"time_ns": 1, "cam": "poly345", "angle": 0.5, "rpm": 300.0}})
+    with served.page(BENCH) as socket:
+        socket.send(json.dumps({"number": 1, "do": "clear"}))
+        sent |= {
+            kind: ({"live": "Live", "answer": "SentAnswer"}[kind], message)
+            for kind, message in received(socket, "live", "answer").items()
+        }
+    for i, rpm in enumerate((300.0, 600.0)):
+        _, _, body = served.post("/bench/expected", json.dumps({"rpm": rpm}))
+        sent[f"expected_{i}"] = ("Expected", json.loads(body))
+    for lab in LABS:
+        for seed in (None, "alpha"):
+            pages = LabPages(sheet_of(lab=lab, seed=seed), tmp_path)
+            book, setup = pages.notebook, vars(pages.notebook.sheet.setups[0])
+            book.record(setup | {"rpm": book.sheet.knob[0] + 1.0})
+            if book.sheet.answer:
+                book.answer(setup | {"answer": "1,5"})
+            with serve(pages) as panel:
+                found = json.loads(Visitor(panel.address).get("/lab/sheet"))
+            sent[f"{lab}_{seed}".lower()] = ("LabSheet", found)
+    assert wrong_types(tmp_path, sent) == ""
+    control = sent["board"][1] | {"rpm": "300", "unknown": 1}
+    del control["start"]
+    said = wrong_types(tmp_path, {"control": ("Board", control)})
+    assert "'string' is not assignable to type 'number'" in said

@@ -45,13 +45,17 @@ interface Pose {
 
 // -- the board --------------------------------------------------------------------------------
 
-/** One ordinate that may be moved; `k` is the angle's index, which the page adds. */
-interface Handle {
+/** One ordinate that may be moved. */
+interface SentHandle {
   index: number;
   angle: number;
   segment: number;
   left: number;
   right: number;
+}
+
+/** With the angle's index, which the page adds. */
+interface Handle extends SentHandle {
   k: number;
 }
 
@@ -61,13 +65,14 @@ interface Board {
   distance_m: number;
   start_made: boolean;
   follower: { roller_mm: number; pivot_mm: number | null };
+  picture: CamPicture;
   rig: Mass & { name: string; two_masses: boolean; from_rest_s: number; calibrated_on: string };
   rpm: number;
   rpm_range: Pair;
   version: number;
   ordinates: number[];
   start: number[];
-  handles: Handle[];
+  handles: SentHandle[];
   cams: string[];
   points: number;
   orders: number;
@@ -92,13 +97,10 @@ interface Found {
   words?: string;
 }
 
-interface Fault {
-  key: string;
-  angle_deg: number;
-  value_deg?: number;
-  allowed_deg?: number;
-  words: string;
-}
+/** What a law cannot be made for, or should not: at an angle, or in words alone. */
+type Fault =
+  | { key: "error"; words: string }
+  | { key: "undercut" | "pressure"; angle_deg: number; value_deg?: number; allowed_deg?: number };
 
 /** What ordinates come to, at once. */
 interface Exact {
@@ -109,6 +111,8 @@ interface Exact {
   faults: Fault[];
   warnings: Fault[];
   jump_rigid: Found;
+  /** The greatest, of the disc on which it is nearest to its limit. */
+  pressure: { value_deg: number; allowed_deg: number } | null;
 }
 
 /** Another page's ordinates, with what they come to. */
@@ -124,6 +128,7 @@ interface Rest {
   type: "rest";
   number?: undefined;
   version: number;
+  rpm: number;
   words?: string;
   jump: Found;
   residual_um: Found;
@@ -151,7 +156,13 @@ interface Refused {
   words: string;
 }
 
-type BoardMessage = Exact | Moved | Rest | Design | Refused;
+/** Another page has opened a file. */
+interface Opened {
+  type: "opened";
+  number?: undefined;
+}
+
+type BoardMessage = Exact | Moved | Rest | Design | Refused | Opened;
 /** Shows a sentence, as a fault where something is wrong. */
 type Status = (words: string, wrong: boolean) => void;
 
@@ -168,9 +179,14 @@ interface Setup {
 
 interface NotedReading {
   cam: string;
+  model: string;
   rpm: number;
   level_db: number;
+  weighting: string;
   contact: string;
+  added_mass_kg: number;
+  spring_stiffness_n_m: number;
+  preload_n: number;
 }
 
 /** The bench as a page sees it. */
@@ -189,7 +205,7 @@ interface Live {
   /** What the nodes are set to, by their names. */
   values: Record<string, any>;
   /** Empty until the cam has turned. */
-  state: { cam: string; rpm: number };
+  state: { cam: string; rpm: number; time_ns: number; angle: number } | Record<string, never>;
   contact: string;
   late: string;
   kept: string[];
@@ -198,6 +214,12 @@ interface Live {
   screen: string;
   losses: number;
   level: number | null;
+}
+
+/** `answer` is the number of what was asked, null where it had none. */
+interface SentAnswer extends Answer {
+  type: "answer";
+  answer: number | null;
 }
 
 interface Answer {

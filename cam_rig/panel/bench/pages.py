@@ -242,7 +242,7 @@ class BenchPages(PanelPages):
             page.tell("live", partial(self._shown, page))
 
     def _shown(self, page: BenchPage) -> dict[str, Any]:
-        own = {"type": "live", "holds": page is self._pages[0], "pages": len(self._pages)}
+        own = {"type": "live", "holds": page is self._pages[0]}
         own |= {"sound_rate": self._controls.sound.rate, "calibrated_on": self._calibrated_on()}
         return own | self.live.shown()
 

@@ -24,7 +24,7 @@ from cam_rig.runner.node_process import steered
 from cam_rig.runner.node_table import DRIVE, OPTIONAL, PANEL
 from cam_rig.runner.resources import domain_number, own_domain
 from cam_rig.schema import CamConfig, RigConfig
-from cam_rig.schema.load import NAME, config_root
+from cam_rig.schema.load import NAME, config_root, load_cam
 from cam_rig.viewer.page import PageTime
 from cam_rig.viewer.rerun_page import serve
 
@@ -151,10 +151,14 @@ def allowed_models(rig: RigConfig) -> tuple[str, ...]:
 
 
 def cam_names(own: Path) -> list[str]:
-    """The cams that can be mounted: the bench's own, and the shipped ones."""
-    folders = (own, config_root() / "cams")
-    found = {path.stem for folder in folders for path in folder.glob("*.yaml")}
-    return sorted(name for name in found if NAME.fullmatch(name))
+    """The cams that can be mounted: the bench's own, and the shipped ones.
+
+    Not those whose follower is held on them: no model turns these.
+    """
+    folders = (config_root() / "cams", own)  # the bench's own come first, as they are looked up
+    found = {path.stem: path for folder in folders for path in folder.glob("*.yaml")}
+    named = ((name, path) for name, path in found.items() if NAME.fullmatch(name))
+    return sorted(name for name, path in named if load_cam(path).follower.sprung)
 
 
 def add_cam(cam: CamConfig, cams: Path) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import ValidationError
 
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.jump.any_follower import TWO_MASSES, described, follower_of
@@ -18,10 +19,12 @@ from cam_rig.extras import require
 from cam_rig.law_design.cam_file import without_empty
 from cam_rig.laws import Law, build_law
 from cam_rig.panel import is_number
+from cam_rig.panel.bench.drawing import cam_picture
 from cam_rig.panel.board.drawable import DRAWN, at_once
 from cam_rig.panel.board.drawn_law import ORDERS, POINTS, DrawnLaw, in_base64, motion_in_base64
 from cam_rig.profile.check_table import check_cam
 from cam_rig.schema import CamConfig, RigConfig
+from cam_rig.schema.explain import explain
 from cam_rig.schema.load import NAME, Library, config_root, load_cam, quantity, to_yaml, valid_cam
 from cam_rig.schema.segments import BSpline
 from cam_rig.schema.yaml_text import parse_yaml
@@ -40,12 +43,26 @@ class Board:
     def __init__(
         self, cam: CamConfig, rig: RigConfig, out: Path, rig_name: str | None = None
     ) -> None:
-        self.rig, self.out, self.file = rig, out, cam
+        self.rig, self.out = rig, out
         self.rig_name = rig.name if rig_name is None else rig_name
-        self.drawn = DrawnLaw.of(cam)
-        self.ordinates, self.rpm, self.version = self.drawn.ordinates, START_RPM, 0
-        self._free = np.array([handle.index for handle in self.drawn.handles], dtype=np.intp)
+        self.rpm, self.version = START_RPM, 0
+        self._draw(cam, DrawnLaw.of(cam))
         self._two_masses = described(follower_of(rig)) == TWO_MASSES
+
+    def _draw(self, cam: CamConfig, drawn: DrawnLaw) -> None:
+        self.file, self.drawn, self.ordinates = cam, drawn, drawn.ordinates
+        self._free = np.array([handle.index for handle in drawn.handles], dtype=np.intp)
+
+    def open(self, text: Any) -> None:
+        """Draw on from a cam file's text; what is no such file is refused, and changes nothing."""
+        if not isinstance(text, str):
+            raise RefusedError("text: is missing; allowed: a cam file's")
+        try:
+            cam = CamConfig.model_validate(parse_yaml(text))
+        except ValidationError as error:
+            raise ConfigError(f"no cam file: {explain(error, CamConfig)}") from None
+        self._draw(cam, DrawnLaw.of(cam))
+        self.version += 1
 
     @property
     def cam(self) -> CamConfig:
@@ -94,6 +111,7 @@ class Board:
                 "roller_mm": 1e3 * start.cam.follower.roller,
                 "pivot_mm": None if pivot is None else 1e3 * pivot.si,
             },
+            "picture": cam_picture(start.cam, start.law),
             "rig": {
                 "name": self.rig.name,
                 "mass": own.mass,

@@ -189,8 +189,8 @@ def at_once(cam: CamConfig, law: Law, rig: RigConfig) -> dict[str, Any]:
         discs = contours(cam.follower, law, POINTS)
     except CamRigError as error:
         faults: list[dict[str, Any]] = [{"key": "error", "words": str(error)}]
-        return {"discs": [], "faults": faults, "warnings": [], "jump_rigid": jump}
-    shown, faults, warnings = [], [], []
+        return {"discs": [], "faults": faults, "warnings": [], "jump_rigid": jump, "pressure": None}
+    shown, faults, warnings, pressure = [], [], [], list[dict[str, float]]()
     for disc in discs:
         allowed = greatest_allowed(cam.follower, disc.disc.element)
         undercut, steep = disc.rate <= 0.0, np.abs(disc.pressure) > allowed
@@ -198,12 +198,15 @@ def at_once(cam: CamConfig, law: Law, rig: RigConfig) -> dict[str, Any]:
         if undercut.any():
             at = int(np.argmin(disc.rate))
             faults.append({"key": "undercut", "angle_deg": _degrees(disc, at)})
+        at = int(np.argmax(np.abs(disc.pressure)))
+        value = math.degrees(abs(disc.pressure[at]))
+        pressure.append({"value_deg": value, "allowed_deg": math.degrees(allowed)})
         if steep.any():
-            at = int(np.argmax(np.abs(disc.pressure)))
-            value = math.degrees(abs(disc.pressure[at]))
-            words = {"value_deg": value, "allowed_deg": math.degrees(allowed)}
-            warnings.append({"key": "pressure", "angle_deg": _degrees(disc, at)} | words)
-    return {"discs": shown, "faults": faults, "warnings": warnings, "jump_rigid": jump}
+            words = {"key": "pressure", "angle_deg": _degrees(disc, at)}
+            warnings.append(words | pressure[-1])
+    worst = max(pressure, key=lambda one: one["value_deg"] - one["allowed_deg"])
+    found = {"discs": shown, "faults": faults, "warnings": warnings}
+    return found | {"jump_rigid": jump, "pressure": worst}
 
 
 def at_rest(cam: CamConfig, law: Law, rig: RigConfig, rpm: float) -> dict[str, Any]:

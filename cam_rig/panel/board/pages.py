@@ -55,6 +55,7 @@ class BoardPages(PanelPages):
             get("/other/{cam}", self._other),
             post("/save", self._save),
             post("/dxf", self._dxf),
+            post("/open", self._open),
             *self._designs.routes,
             WebSocketRoute("/changes", self._changes),
         )
@@ -80,6 +81,12 @@ class BoardPages(PanelPages):
 
     async def _save(self, body: dict[str, Any]) -> dict[str, Any]:
         return self.board.saved(body.get("name"), body.get("ordinates"))
+
+    async def _open(self, body: dict[str, Any]) -> dict[str, Any]:
+        await asyncio.to_thread(self.board.open, body.get("text"))
+        self._tell({"type": "opened"})
+        self._changed.set()
+        return {"name": self.board.file.name}
 
     async def _dxf(self, body: dict[str, Any]) -> Response:
         text = await asyncio.to_thread(self.board.dxf, body.get("ordinates"))
@@ -114,20 +121,25 @@ class BoardPages(PanelPages):
 
     async def _answer_at_rest(self) -> None:
         """What takes longer, of the last law alone, once it has rested."""
-        board, start = self.board, self.board.drawn.start
-        first: dict[str, Any] = {"cam": board.cam.model_dump(), "rig": board.rig.model_dump()}
-        first["file"] = None if start.own or start.exact else board.file.model_dump()
+        board = self.board
         while True:
+            drawn, start = board.drawn, board.drawn.start
+            first: dict[str, Any] = {"cam": board.cam.model_dump(), "rig": board.rig.model_dump()}
+            first["file"] = None if start.own or start.exact else board.file.model_dump()
             async with beside(first) as process:
                 try:
-                    while True:
+                    while board.drawn is drawn:  # until another file is opened
                         await self._answer_once(process)
                 except WorkerLostError as error:  # the next one answers the next change
                     message = {"type": "rest", "version": self.board.version, "words": str(error)}
                     self._tell(message)
 
     async def _answer_once(self, process: asyncio.subprocess.Process) -> None:
+        drawn = self.board.drawn
         await self._rest()
+        if self.board.drawn is not drawn:
+            self._changed.set()
+            return
         asked = {"type": "rest", "version": self.board.version, "rpm": self.board.rpm}
         found = await ask(process, self.board.law(), self.board.rpm)
         self._tell(asked | found)

@@ -2,7 +2,7 @@
 import { shown } from "../common/charts.js";
 import { loadTexts, text } from "../common/texts.js";
 import { $, field } from "../common/dom.js";
-import { Knob } from "../common/knob.js";
+import { Knob, typed } from "../common/knob.js";
 import { Link, Newest } from "./link.js";
 import { NoiseChart } from "./noise.js";
 import { length } from "../common/rig.js";
@@ -104,9 +104,10 @@ const knob = new Knob($("knob"), about.knob, text("commanded"), (rpm) => {
   choose_speed(rpm);
 });
 $("rpm").addEventListener("change", () => {
-  if (!field("rpm").reportValidity() || !Number.isFinite(field("rpm").valueAsNumber)) return;
-  knob.show(field("rpm").valueAsNumber);
-  choose_speed(field("rpm").valueAsNumber);
+  const rpm = typed(field("rpm"), about.speeds, status);
+  if (rpm === null) return;
+  knob.show(rpm);
+  choose_speed(rpm);
 });
 for (const service of ["start", "stop", "reset"]) $(service).addEventListener("click", () => ask({ do: "call", value: service }));
 $("emergency").addEventListener("click", () => ask({ do: "call", value: "emergency_stop" }));
@@ -276,9 +277,10 @@ const expected = new Newest(async (/** @type {object} */ given) => {
 
 /** Ask for what the set-up on the page does at the knob's speed, where that is another one. */
 function forecast() {
-  if (!now || !Number.isFinite(field("rpm").valueAsNumber)) return;
+  const rpm = field("rpm").valueAsNumber;
+  if (!now || !(rpm >= about.speeds[0] && rpm <= about.speeds[1])) return;
   /** @type {Record<string, string | number>} */
-  const given = { cam: mounted(now), rpm: field("rpm").valueAsNumber, model: field("model").value };
+  const given = { cam: mounted(now), rpm, model: field("model").value };
   for (const id of SETUP.slice(1)) given[id] = field(id).valueAsNumber;
   const key = JSON.stringify(given);
   if (key === asked || Object.values(given).includes(NaN)) return;

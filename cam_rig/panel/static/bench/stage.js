@@ -36,6 +36,7 @@ export class Stage {
     this.known = null;
     this.at = 0; // the cam angle, rad
     this.frame = 0;
+    this.stood = false; // has turned, and stands: no force of a motion is left
     this.halted = false; // has just come to stand, and is to be drawn where
     this.curved = 0; // when (ms) the curves were drawn
     /** When (ms) it was drawn, while it moves. @type {number | undefined} */
@@ -62,7 +63,8 @@ export class Stage {
     const cam = values.law_server?.cam || state.cam || setup.cam;
     if (cam !== this.cam) this.#load(cam);
     if (graph === "starting") this.playback.reset();
-    if (this.turns && !turns) this.halted = true;
+    if (this.turns && !turns) this.halted = this.stood = true;
+    if (turns || graph === "starting") this.stood = false;
     this.turns = turns;
     if (this.halted) this.#soon();
   }
@@ -94,6 +96,7 @@ export class Stage {
   /** While the cam stands, the pointer on a chart turns it. @param {number | null} angle */
   #hover(angle) {
     if (this.turns || angle === null) return;
+    this.stood = false; // what is expected at that angle is asked for
     this.at = angle;
     this.#still();
   }
@@ -103,7 +106,8 @@ export class Stage {
     if (this.turns || !this.rig.picture) return;
     const { known, at } = this;
     const i = known ? Math.min(known.angle.length - 1, Math.round((at / TURN) * known.angle.length)) : 0;
-    const pose = { angle: at, lift: known?.lift[i] ?? 0, force: known?.force[i] ?? 0, gap: known?.gap[i] ?? 0 };
+    const moving = this.stood ? { force: NaN, gap: 0 } : { force: known?.force[i] ?? 0, gap: known?.gap[i] ?? 0 };
+    const pose = { angle: at, lift: known?.lift[i] ?? 0, ...moving };
     this.rig.pose(pose);
     this.#stands(pose);
     this.#soon();
@@ -124,9 +128,10 @@ export class Stage {
     for (const rows of found.passed) this.charts.take(rows);
     if (found.now && (this.turns || this.halted || found.passed.length) && this.rig.picture) {
       this.at = ((found.now.angle % TURN) + TURN) % TURN;
-      this.rig.pose(found.now);
-      if (this.turns) this.#look(found.now.gap);
-      else this.#stands({ ...found.now, angle: this.at });
+      const pose = this.turns ? found.now : { ...found.now, force: NaN, gap: 0 };
+      this.rig.pose(pose);
+      if (this.turns) this.#look(pose.gap);
+      else this.#stands({ ...pose, angle: this.at });
     }
     this.halted = false;
     if (!this.turns || now - this.curved > CURVES_MS) {
@@ -154,7 +159,7 @@ export class Stage {
   /** @param {Pose} pose */
   #stands({ angle, lift, force, gap }) {
     this.#look(gap);
-    this.#gauges("text", `${((angle * 180) / Math.PI).toFixed(0)}°`, `${(lift + 0).toFixed(2).replace(/^-(0\.0+)$/, "$1")} mm`, `${shown(force, 4)} N`, gap > 0 ? length(gap) : "0");
+    this.#gauges("text", `${((angle * 180) / Math.PI).toFixed(0)}°`, `${(lift + 0).toFixed(2).replace(/^-(0\.0+)$/, "$1")} mm`, Number.isNaN(force) ? "–" : `${shown(force, 4)} N`, gap > 0 ? length(gap) : "0");
   }
 
   /** A turn is over. @param {Sample[]} turn @param {Crossing[]} events */

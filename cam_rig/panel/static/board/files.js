@@ -36,6 +36,15 @@ export function listenForFiles(ordinates, status) {
     return status(text("dxf_made", { name: link.download }), false);
   });
 
+  $("open").addEventListener("click", () => field("file").click());
+  $("file").addEventListener("change", async () => {
+    const [file] = field("file").files ?? [];
+    if (!file) return;
+    const answer = await fetch("/open", { method: "POST", body: JSON.stringify({ text: await file.text() }) });
+    field("file").value = "";
+    if (!answer.ok) status(text("not_opened", { name: file.name, ...(await answer.json()) }), true);
+  });
+
   $("on_bench").addEventListener("click", async () => {
     const answer = await ask("/bench/mount");
     if (answer.ok) location.assign("/bench");

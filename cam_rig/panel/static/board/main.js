@@ -1,18 +1,19 @@
 // The drawing board: what is dragged changes the law here at once; the server says what is exact.
-import { Chart, shown } from "../common/charts.js";
+import { extent, shown } from "../common/charts.js";
 import { ContourChart } from "../common/contour.js";
 import { $, field } from "../common/dom.js";
 import { Handles } from "./drag.js";
 import { History } from "./history.js";
-import { decode, motion, pull, readTable } from "./law.js";
+import { contactForce, decode, motion, pull, readTable } from "./law.js";
 import { Pictures } from "./pictures.js";
 import { weights } from "./pull.js";
 import { Readouts } from "./readouts.js";
 import { Stroboscope } from "./stroboscope.js";
-import { STEPS } from "../common/knob.js";
+import { STEPS, typed } from "../common/knob.js";
 import { heardOfDesign, listenForFiles } from "./files.js";
 import { loadTexts, text } from "../common/texts.js";
 import { Wire } from "../common/wire.js";
+import { listenForLinks } from "./links.js";
 
 const degrees = (/** @type {number} */ radians) => (radians * 180) / Math.PI;
 const radians = (/** @type {number} */ degrees) => (degrees * Math.PI) / 180;
@@ -27,7 +28,7 @@ const lift = board.cam.lift_m;
 /** What was sent with a number, and what another page sent. @type {Map<number | "moved", Float64Array>} */
 const sent = new Map();
 
-const pictures = new Pictures(board, table, motion(table, start), new ContourChart($("contour"), board.colours, text("contour")));
+const pictures = new Pictures(board, table, motion(table, start), new ContourChart($("contour"), board.colours, text("contour"), board.picture));
 const readouts = new Readouts(board);
 const stroboscope = new Stroboscope(board);
 
@@ -40,6 +41,32 @@ function draw(anew = false) {
   pictures.draw(state.ordinates, state.rpm, anew);
   handles.place(pictures.motion[0], state.ordinates, lift * 1e3);
   stroboscope.law(pictures.motion[0], state.rpm);
+  const peak = extent([pictures.motion[2]]).map(Math.abs);
+  $("acceleration").textContent = `${shown(Math.max(...peak) * speed() ** 2, 4)} m/s²`;
+  cursor();
+}
+/** Of the cam, rad/s. */
+function speed() { return (state.rpm * 2 * Math.PI) / 60; }
+
+// -- the cursor: one cam angle in all charts, and the cam as it has turned --------------------------
+function cursor() {
+  const at = field("cursor").valueAsNumber;
+  const k = Math.round((at / 360) * board.points) % board.points;
+  const [s, slope, bend] = pictures.motion.map((values) => values[k]);
+  pictures.contour.pose(radians(at), s * 1e3);
+  for (const chart of [...pictures.charts, pictures.force]) chart.cursor(at);
+  $("at_cursor").textContent = text("cursor_words", {
+    angle: at, lift: shown(s * 1e3, 4), velocity: shown(slope * speed(), 3), acceleration: shown(bend * speed() ** 2, 3), force: shown(contactForce([s, slope, bend].map((value) => Float64Array.of(value)), board.rig, state.rpm)[0], 3),
+  });
+}
+$("cursor").addEventListener("input", cursor);
+for (const chart of [...pictures.charts, pictures.force]) {
+  chart.svg.addEventListener("pointermove", (event) => {
+    const part = (event.clientX - chart.svg.getBoundingClientRect().left - chart.right(0)) / (chart.right(360) - chart.right(0));
+    if (part < 0 || part >= 1) return;
+    field("cursor").valueAsNumber = Math.floor(360 * part);
+    cursor();
+  });
 }
 /** Draw with the next frame: however many events there are, a frame is drawn once. */
 function drawSoon() {
@@ -104,6 +131,10 @@ const handles = new Handles(pictures.charts[0], own, act, {
   label: (i) => text("handle", { number: i + 1, count: own.length }),
   value: ({ k, angle }) => text("handle_value", { lift: shown(pictures.motion[0][k] * 1e3, 5), angle: shown(degrees(angle), 4) }),
 });
+handles.circles.forEach((circle, i) => circle.addEventListener("focus", () => {
+  field("cursor").valueAsNumber = degrees(own[i].angle);
+  cursor();
+}));
 pictures.charts[0].resized = drawSoon;
 for (const chart of pictures.all) chart.resized = drawSoon;
 
@@ -134,8 +165,8 @@ $("knob").addEventListener("keydown", (event) => {
 });
 $("knob").addEventListener("change", () => { history.end(); settle(); wire.flush(); });
 $("rpm").addEventListener("change", () => {
-  const rpm = field("rpm").valueAsNumber;
-  if (!field("rpm").checkValidity() || !Number.isFinite(rpm)) { field("rpm").reportValidity(); return; }
+  const rpm = typed(field("rpm"), board.rpm_range, (words, wrong) => readouts.status(words, wrong));
+  if (rpm === null) return;
   history.begin();
   setSpeed(rpm);
   changed();
@@ -186,6 +217,10 @@ function heard(message, pending) {
   if (message.type === "refused") readouts.status(text("refused", message), true);
   if (message.type === "rest") readouts.rest(message);
   if (message.type === "design") heardOfDesign(message, showSecond, (words, wrong) => readouts.status(words, wrong));
+  if (message.type === "opened") { // by this page or another: a link was of the cam before
+    window.history.replaceState(null, "", location.pathname);
+    location.reload();
+  }
   if (message.type === "moved") { put(message); sent.set("moved", Float64Array.from(message.ordinates)); }
   if (message.type !== "exact" && message.type !== "moved") return;
   const ordinates = sent.get(message.number ?? "moved");
@@ -209,3 +244,10 @@ const wire = new Wire(
 setSpeed(state.rpm);
 history.told();
 draw(true);
+listenForLinks(board, () => ({ ordinates: Array.from(state.ordinates), rpm: state.rpm }), (found) => {
+  history.begin();
+  put(found);
+  changed();
+  history.end();
+  settle();
+}, (words, wrong) => readouts.status(words, wrong));

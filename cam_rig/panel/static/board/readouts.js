@@ -37,10 +37,13 @@ export class Readouts {
   stale() { for (const id of ["jump_rigid", ...AT_REST]) $(id).classList.add("stale"); }
 
   /** @param {Exact | Moved} found */
-  exact({ version, faults, warnings, jump_rigid: jump }) {
+  exact({ version, faults, warnings, jump_rigid: jump, pressure }) {
     this.version = version;
     for (const id of AT_REST) $(id).classList.add("stale");
     value("jump_rigid", this.sprung ? jump : { words: text("held") }, 5, "rpm");
+    $("pressure_angle").textContent = pressure === null ? "–"
+      : text("of_allowed", { value: shown(pressure.value_deg, 3), allowed: shown(pressure.allowed_deg, 3) });
+    $("pressure_angle").classList.toggle("fault", pressure !== null && pressure.value_deg > pressure.allowed_deg);
     this.#made(faults.length === 0);
     this.faults = [...faults, ...warnings].map(inWords);
     this.checks = [];
@@ -67,7 +70,7 @@ export class Readouts {
   /** Numbers of a law that cannot be made are those of its motion alone, and are marked. @param {boolean} made */
   #made(made) {
     $("not_made").hidden = made;
-    $("readouts").classList.toggle("not_made", !made);
+    $("results").classList.toggle("not_made", !made);
   }
 
   /** At rest the checks say it all; until then what was seen of the contour. */
@@ -79,8 +82,9 @@ export class Readouts {
 }
 
 /** @param {Fault} fault */
-function inWords({ key, angle_deg: angle, value_deg: found, allowed_deg: allowed, words }) {
-  if (key === "error") return words;
+function inWords(fault) {
+  if (fault.key === "error") return fault.words;
+  const { key, angle_deg: angle, value_deg: found, allowed_deg: allowed } = fault;
   return text(key, { angle: shown(angle, 3), value: found && shown(found, 3), allowed: allowed && shown(allowed, 3) });
 }
 

@@ -160,6 +160,14 @@ export class Chart {
     return path;
   }
 
+  /** A line across the curves at an x. @param {number} x */
+  cursor(x) {
+    if (!this.range) return;
+    const path = this.paths.get("cursor") ?? element("path", { class: "cursor" }, this.curves);
+    this.paths.set("cursor", path);
+    path.setAttribute("d", `M${this.right(x).toFixed(1)} ${this.down(this.range[1])}V${this.down(this.range[0])}`);
+  }
+
   /**
    * Lines up to values at 1, 2, ...; `aside` (px) lets several stand beside each other.
    * @param {string} key @param {Numbers | null | undefined} values @param {{colour?: string, kind?: string, aside?: number}} look

@@ -1,9 +1,19 @@
-// The contour of the cam with the path of its roller; what cannot be is red, and said in words.
+// The contour of the cam with the path of its roller, under its follower as it has turned; what
+// cannot be is red, and said in words.
 import { element, shown } from "./charts.js";
+import { degrees, path, stand } from "./rig.js";
+
+/** What is seen of the stem above the follower's place, over the cam's greatest radius. */
+const STEM = 0.35;
 
 export class ContourChart {
-  /** @param {HTMLElement} place @param {Record<string, string>} colours @param {string} label */
-  constructor(place, colours, label) {
+  /** @param {HTMLElement} place @param {Record<string, string>} colours @param {string} label @param {CamPicture} picture of the follower */
+  constructor(place, colours, label, picture) {
+    this.picture = picture;
+    /** Cam angle (rad) and lift (mm). @type {Pair} */
+    this.at = [0, 0];
+    /** Where the axis is (px), and px/mm. */
+    this.frame = [0, 0, 1];
     this.place = place;
     this.colours = colours;
     /** Of x and of y. @type {[Pair, Pair] | null} */
@@ -14,6 +24,8 @@ export class ContourChart {
     place.append(this.svg);
     this.scale = element("g", {}, this.svg);
     this.curves = element("g", {}, this.svg);
+    this.held = element("g", { class: "held" }, this.svg);
+    for (const strip of [...picture.outline].reverse()) element("path", { class: "follower", d: path(...strip) }, this.held);
     new ResizeObserver(() => this.draw(this.discs)).observe(place);
   }
 
@@ -22,7 +34,7 @@ export class ContourChart {
     this.discs = discs;
     const { clientWidth: width, clientHeight: height } = this.place;
     if (!width || !discs.length) return;
-    const box = bounds(discs);
+    const box = bounds(discs, this.picture);
     this.box = anew || !this.box ? box : union(this.box, box);
     const [[left, right], [bottom, top]] = this.box;
     const unit = Math.min((width - 12) / (right - left), (height - 28) / (top - bottom));
@@ -42,6 +54,17 @@ export class ContourChart {
     }
     this.curves.replaceChildren(parts);
     this.#ruler([x0, y0], height, unit);
+    this.frame = [x0, y0, unit];
+    this.pose(...this.at);
+  }
+
+  /** Turn the cam to an angle (rad), and lift the follower (mm). @param {number} angle @param {number} lift */
+  pose(angle, lift) {
+    this.at = [angle, lift];
+    const [x0, y0, unit] = this.frame;
+    const [[x, y], turn] = stand(this.picture, lift);
+    this.curves.setAttribute("transform", `rotate(${-degrees(angle)} ${x0} ${y0})`);
+    this.held.setAttribute("transform", `translate(${x0} ${y0}) scale(${unit} ${-unit}) translate(${x} ${y}) rotate(${degrees(turn)})`);
   }
 
   /** The axis, and a length to measure by. @param {Pair} axis @param {number} height @param {number} unit */
@@ -57,13 +80,25 @@ export class ContourChart {
   }
 }
 
-/** Least and greatest x and y (mm) of discs and their pitch curves, and of the axis. @param {Disc[]} discs @returns {[Pair, Pair]} */
-function bounds(discs) {
-  const along = (/** @type {0 | 1} */ i) => {
-    const values = [0, ...discs.flatMap(({ points, pitch }) => [...points[i], ...(pitch?.[i] ?? [])])];
-    return /** @type {Pair} */ ([Math.min(...values), Math.max(...values)]);
-  };
-  return [along(0), along(1)];
+/**
+ * Least and greatest x and y (mm) of discs and their pitch curves however they turn, and of the follower.
+ * @param {Disc[]} discs @param {CamPicture} picture @returns {[Pair, Pair]}
+ */
+function bounds(discs, picture) {
+  const radius = Math.max(...discs.flatMap(({ points, pitch }) => [points, pitch ?? points].flatMap(([xs, ys]) => xs.map((x, i) => Math.hypot(x, ys[i])))));
+  /** @type {[Pair, Pair]} */
+  let box = [[-radius, radius], [-radius, radius]];
+  for (const lift of [0, picture.max_lift]) {
+    const [[x0, y0], turn] = stand(picture, lift);
+    for (const [xs, ys] of picture.outline) {
+      xs.forEach((along, i) => {
+        const up = picture.swings ? ys[i] : Math.min(ys[i], STEM * radius);
+        const [x, y] = [x0 + along * Math.cos(turn) - up * Math.sin(turn), y0 + along * Math.sin(turn) + up * Math.cos(turn)];
+        box = union(box, [[x, x], [y, y]]);
+      });
+    }
+  }
+  return box;
 }
 
 /** @param {[Pair, Pair]} one @param {[Pair, Pair]} other @returns {[Pair, Pair]} */

@@ -7,8 +7,9 @@ const TICK = [1.03, 1.06], NUMBER = 1.15, AROUND = 1.25;
 const ARROW = 0.55, HIGHEST = 1.35;
 /** Coils of the spring, and its width over the reach. */
 const COILS = 7, WIDE = 0.09;
-const degrees = (/** @type {number} */ radians) => (radians * 180) / Math.PI;
-const path = (/** @type {number[]} */ xs, /** @type {number[]} */ ys) => `M${Array.from(xs, (x, i) => `${x} ${ys[i]}`).join("L")}`;
+export const degrees = (/** @type {number} */ radians) => (radians * 180) / Math.PI;
+/** A line through points. */
+export const path = (/** @type {number[]} */ xs, /** @type {number[]} */ ys) => `M${Array.from(xs, (x, i) => `${x} ${ys[i]}`).join("L")}`;
 
 export class RigPicture {
   /** @param {HTMLElement} place @param {string} label */
@@ -67,7 +68,7 @@ export class RigPicture {
     const size = 0.075 * this.ring;
     for (let d = 0; d < 360; d += 30) {
       const [x, y] = towards(d);
-      if (!swings && y > 0.5) continue; // the follower stands there
+      if (!swings && y > 0.9) continue; // the follower stands there
       const number = element("text", { class: "degrees", x: x * this.ring * NUMBER, y: 0.35 * size - y * this.ring * NUMBER }, this.svg);
       number.textContent = `${d}°`;
       number.style.fontSize = `${size}px`; // of the drawing's own millimetres
@@ -103,7 +104,7 @@ export class RigPicture {
     const count = touch[0].length;
     const i = ((Math.round((angle / (2 * Math.PI)) * count) % count) + count) % count;
     const [px, py, nx, ny] = [touch[0][i], touch[1][i], normal[0][i], normal[1][i]];
-    this.strongest = Math.max(this.strongest, force);
+    this.strongest = Math.max(this.strongest, force || 0);
     const length = (ARROW * this.ring * force) / this.strongest;
     this.arrow.setAttribute("d", force > 0 ? arrow(px, py, nx, ny, length, 0.035 * this.ring) : "");
     const up = gap / 1000;
@@ -159,7 +160,7 @@ export class Lens {
  * Where the follower's origin is at a lift (mm), and how it is turned.
  * @param {CamPicture} picture @param {number} lift @returns {[Pair, number]}
  */
-function stand({ origin, along, turn, turns }, lift) {
+export function stand({ origin, along, turn, turns }, lift) {
   return [[origin[0] + along[0] * lift, origin[1] + along[1] * lift], turn + turns * lift];
 }
 

@@ -2,7 +2,7 @@
 import { Newest } from "../bench/link.js";
 import { Chart, extent, shown } from "../common/charts.js";
 import { $, field } from "../common/dom.js";
-import { Knob } from "../common/knob.js";
+import { Knob, typed } from "../common/knob.js";
 import { RigPicture } from "../common/rig.js";
 import { loadTexts, text } from "../common/texts.js";
 import { ReadingsPlot } from "./plot.js";
@@ -103,9 +103,10 @@ function speed(rpm) {
   turn.put();
 }
 $("rpm").addEventListener("change", () => {
-  if (!field("rpm").reportValidity() || !Number.isFinite(field("rpm").valueAsNumber)) return;
-  knob.show(field("rpm").valueAsNumber);
-  speed(field("rpm").valueAsNumber);
+  const rpm = typed(field("rpm"), sheet.knob, status);
+  if (rpm === null) return;
+  knob.show(rpm);
+  speed(rpm);
 });
 $("volume").addEventListener("input", () => sound.volume(field("volume").valueAsNumber));
 
