@@ -60,7 +60,11 @@ class BounceRow:
     level_spread_db: float | None  #: loudest less quietest turn
     hardest: FloatArray  #: ``(n,)`` m/s of each turn's fastest landing: of a period, or all kept
     states: FloatArray  #: ``(n, 2)`` gap (m) and its rate (m/s) at those turns' ends
-    end: tuple[float, float]  #: the last of them
+
+    @property
+    def end(self) -> tuple[float, float]:
+        """The last of them."""
+        return float(self.states[-1, 0]), float(self.states[-1, 1])
 
 
 RESTS = Footnote(
@@ -236,7 +240,6 @@ class BounceRuns:
             level_spread_db=spread,
             hardest=run.hardest[-shown:],
             states=run.states[-shown:],
-            end=(float(run.states[-1, 0]), float(run.states[-1, 1])),
         )
 
     def rows(self, rpm: Sequence[float]) -> list[BounceRow]:
