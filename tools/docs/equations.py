@@ -25,7 +25,7 @@ SIGNS = {
 }  # fmt: skip
 #: Names that stand upright, as they are.
 NAMES = {"arctan", "lg", "min", "tan", "tanh"}
-PRIMES = {"'": "′", "''": "″", "'''": "‴"}
+PLAIN = {"-": "−", "'": "′", "''": "″", "'''": "‴"}
 
 
 def drawn(page: str) -> str:
@@ -67,7 +67,7 @@ def _part(tokens: list[str]) -> str:
         word = token[1:]
         accent = ACCENTS.get(word)
         return _part(tokens) + accent if accent else word if word in NAMES else SIGNS[word]
-    return PRIMES.get(token, token)
+    return PLAIN.get(token, token)
 
 
 def _group(tokens: list[str]) -> str:
