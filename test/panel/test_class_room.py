@@ -14,7 +14,7 @@ from cam_rig.panel.lab.recorded import Notebook, read_sheet
 from cam_rig.panel.server import serve
 
 from ..viewer.asking import Visitor
-from .conftest import sheet_of
+from .conftest import WAIT_S, sheet_of
 
 GROUPS = [f"group-{number}" for number in range(30)]
 #: Readings that a page records until its server is killed.
@@ -41,7 +41,7 @@ class ClassServer:
 
     def __exit__(self, *_):
         self.process.kill()
-        self.process.communicate()
+        self.process.communicate(timeout=WAIT_S)
 
     def page(self, group):
         """A browser of a group's, led to its page."""
@@ -80,7 +80,7 @@ def test_thirty_groups_at_once_lose_nothing_when_the_server_is_killed(tmp_path):
                 server.process.kill()
 
         pages = [(pool.submit(record_until_killed, server, group, one), group) for group in GROUPS]
-        told = {group: page.result() for page, group in pages}
+        told = {group: page.result(WAIT_S) for page, group in pages}
     assert any(rpm is not None for _, rpm in told.values())
     with ClassServer(tmp_path) as again:
         for group, (speeds, waiting) in told.items():
