@@ -110,7 +110,7 @@ def test_what_a_rig_cannot_tell():
         rigid.state_space("elastic_stem")
     with pytest.raises(ConfigError, match="model: is 'torsional'; allowed: two_mass"):
         rigid.frequency_response(1.0, "torsional")
-    with pytest.raises(ConfigError, match="w: is not all a number up to 1e[+]100"):
+    with pytest.raises(ConfigError, match=r"w: is not all a number up to 1e[+]100"):
         rigid.frequency_response(np.array([1.0, np.nan]))
     elastic = cam_rig.Rig(mass=1.0, spring=1.0, preload=0.0, stem_stiffness=3.0)
     with pytest.raises(DynamicsError, match="mode without damping"):
