@@ -20,6 +20,7 @@ from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
 from cam_rig.show.result import SILENT, Arrays, Column, Progress, Records, Result
+from cam_rig.simulation.asked import speeds_within
 from cam_rig.units import NS, RPM, FloatArray
 
 #: Turns after which a start is looked at, and turns that tell the motion.
@@ -197,7 +198,8 @@ def basins(
     >>> [(one.period, one.landings_per_turn, one.share) for one in found.motions]
     [(1, 3.0, 1.0)]
     """
-    return basins_of(law, rig, rpm, restitution, grid, executor)
+    speed = speeds_within(rpm)[0]
+    return basins_of(law, rig, speed, restitution, grid, executor)
 
 
 def basins_of(

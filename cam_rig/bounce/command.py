@@ -47,7 +47,9 @@ From = Annotated[
 Follow = Annotated[
     bool,
     typer.Option(
-        "--follow", help="Follow the periodic motions, stable or not, and find where each changes."
+        "--follow",
+        help="Follow the periodic motions met at these speeds, stable or not, and find where each "
+        "changes; more speeds meet more.",
     ),
 ]
 BasinsToo = Annotated[

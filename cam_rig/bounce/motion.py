@@ -89,8 +89,8 @@ def _exponent(derivatives: FloatArray) -> float:
 
 def _without_period(growth: FloatArray) -> TurnMotion:
     """Irregular if the mean growth ``(n,)`` is above its error; else nothing is told."""
-    if not np.isfinite(growth).all():  # at rest on the cam now and then: it will repeat
-        return TurnMotion(NOT_TOLD, None, None, -math.inf, 0.0)
+    if not np.isfinite(growth).all():  # a turn began on the cam, or rests there now and then
+        return TurnMotion(NOT_TOLD, None, None, math.nan, math.nan)
     means = np.array([block.mean() for block in np.array_split(growth, BLOCKS)])
     exponent = float(growth.mean())
     error = STUDENT * float(means.std(ddof=1)) / math.sqrt(BLOCKS)

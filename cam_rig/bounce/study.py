@@ -31,6 +31,7 @@ from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
 from cam_rig.show.result import SILENT, Arrays, Column, Footnote, Progress, Records, Result
+from cam_rig.simulation.asked import Speeds, speeds_within
 from cam_rig.simulation.simulate import TURN_RATE_HZ
 from cam_rig.units import NS, RPM, FloatArray
 
@@ -42,6 +43,8 @@ LEVEL_TURNS = 16
 TOGETHER = 4
 #: Fewest turns that can be told to be periodic or not.
 LEAST_TURNS = 5 * SEEN
+#: Most turns at a speed: half a minute, 240 MB.
+MOST_TURNS = 2_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,8 +77,8 @@ RESTS = Footnote(
     "*",
 )
 UNTOLD = Footnote(
-    "Not told: the turns have not come to repeat, and the exponent is not above its error; or none "
-    "lands.",
+    "Not told: the turns have not come to repeat, and no exponent above its error says that they "
+    "never will; or none lands. More turns to settle may tell.",
     lambda row: row.motion == NOT_TOLD,
     "?",
 )
@@ -275,7 +278,7 @@ def bounce_map(
     law: Law,
     rig: RigConfig,
     *,
-    rpm: Sequence[float] | np.ndarray,
+    rpm: Speeds,
     restitution: float | None = None,
     turns: int = 200,
     settle: int = 300,
@@ -297,8 +300,8 @@ def bounce_map(
     settle : turns before these
     start : ``rest``: each speed from the cam; ``below`` or ``above``: where the speed below or
         above has ended, which shows hysteresis
-    follow : follow each periodic motion that does not rest over the speeds, stable or not, and find
-        where it changes
+    follow : follow each periodic motion that is met at one of the speeds, and does not rest, over
+        all of them, stable or not, and find where it changes; more speeds meet more motions
     executor : where the speeds of ``rest`` are computed: a `ProcessPoolExecutor`, Dask's; None is
         this process
 
@@ -322,10 +325,7 @@ def bounce_map(
         raise ConfigError(f"turns: is {turns}; allowed: {LEAST_TURNS} or more")
     if settle < 0:
         raise ConfigError(f"settle: is {settle}; allowed: 0 or more turns")
-    speeds = [float(one) for one in rpm]
-    if not speeds:
-        raise ConfigError("rpm: is empty; allowed: one speed or more")
-    return swept(law, rig, speeds, restitution, turns, settle, start, follow, executor)
+    return swept(law, rig, speeds_within(rpm), restitution, turns, settle, start, follow, executor)
 
 
 def swept(
@@ -340,7 +340,13 @@ def swept(
     executor: Executor | None = None,
     progress: Progress = SILENT,
 ) -> BounceMap:
-    """The same, of arguments in range."""
+    """The same, of arguments each in its range."""
+    if follow and len(rpm) < 2:
+        raise ConfigError("follow: over one speed; allowed: two speeds or more, as 385:480:5")
+    if settle + turns > MOST_TURNS:
+        raise ConfigError(
+            f"turns: are {turns} after {settle} to settle; allowed: {MOST_TURNS} together"
+        )
     p = bouncing(rig, restitution)
     told = rig.radiation is not None and p.stem_stiffness is not None
     runs = BounceRuns(law, p, RadiationParameters.from_rig(rig) if told else None, settle, turns)

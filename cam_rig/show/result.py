@@ -21,7 +21,9 @@ from itertools import groupby
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
+from cam_rig.errors import ConfigError
 from cam_rig.extras import libraries_named
+from cam_rig.files import shown
 from cam_rig.show import tables
 from cam_rig.show.tables import Cell, DataTable, tabulate
 
@@ -315,7 +317,10 @@ class Result:
 
     def to_pandas(self, key: str = "") -> DataFrame:
         """One of its tables; the first where none is named."""
-        return next(t for t in self.tables() if key in ("", t.key)).to_pandas()
+        found = {table.key: table for table in self.tables()}
+        if key and key not in found:
+            raise ConfigError(f"key: is {shown(key)}; allowed: {', '.join(found)}")
+        return (found[key] if key else next(iter(found.values()))).to_pandas()
 
     def plot(self, **how: Any) -> Figure:
         """Draw it; a notebook shows the figure where it is a cell's last value."""

@@ -45,6 +45,8 @@ MOST_NAMED = 5
 RIG = "paper_table2"
 #: Speeds at most: a table that nobody reads, minutes.
 MAX_SPEEDS = 1000
+#: As slow, and as fast, as any cam of a table, rpm.
+SLOWEST_RPM, FASTEST_RPM = 0.01, 1e5
 
 
 def asked_cams(cams: Cams = None, rig: Rig = None) -> CamSet:
@@ -114,6 +116,17 @@ def asked_scene(scene: Scene, rig: Rig = None) -> LoadedScene:
 def asked_speeds(rpm: Speeds) -> list[float]:
     """Speeds, rpm."""
     return [float(one) for one in np.atleast_1d(np.asarray(rpm, dtype=np.float64)).ravel()]
+
+
+def speeds_within(rpm: Speeds) -> list[float]:
+    """Speeds, rpm; refused where they are none, too many, too slow or too fast."""
+    speeds = asked_speeds(rpm)
+    wrong = [one for one in speeds if not SLOWEST_RPM <= one <= FASTEST_RPM]
+    if wrong or not 1 <= len(speeds) <= MAX_SPEEDS:
+        what = f"is {wrong[0]:g} rpm" if wrong else f"are {len(speeds)}"
+        limits = f"{SLOWEST_RPM:g} to {FASTEST_RPM:g} rpm"
+        raise ConfigError(f"rpm: {what}; allowed: 1 to {MAX_SPEEDS} speeds, {limits}")
+    return speeds
 
 
 def scene_speeds(scene: str | Path, most: int) -> list[float]:

@@ -166,12 +166,12 @@ def test_in_the_middle_of_a_fold(tm21, rig):
 @pytest.mark.parametrize(
     ("how", "error", "words"),
     [
-        ({"rpm": []}, ConfigError, "rpm: is empty"),
+        ({"rpm": []}, ConfigError, "rpm: are 0; allowed: 1 to"),
         ({"turns": 19}, ConfigError, "turns: is 19; allowed: 20 or more"),
         ({"settle": -1}, ConfigError, "settle: is -1; allowed: 0 or more"),
         ({"start": "left"}, ConfigError, "start: is 'left'; allowed: rest, below, above"),
         ({"restitution": 1.0}, DynamicsError, r"restitution is 1\.0; allowed"),
-        ({"rpm": [-3.0]}, DynamicsError, "speed is -0"),
+        ({"rpm": [-3.0]}, ConfigError, "rpm: is -3 rpm; allowed: 1 to"),
         ({"rpm": "fast"}, ConfigError, "rpm: is 'fast'"),
     ],
 )

@@ -175,7 +175,8 @@ def right(tmp_path_factory):
         | dict.fromkeys(("topics", "one_cam", "namespace", "model", "tolerance", "out"))
         | told,
         "jump": one | {"from_rest": 0.5, "steady": False, "ramp": None, "refit": False} | told,
-        "jump_speed": {"law": LAW, "rig": RIG, "duration": 0.5},
+        "jump_speed": {"law": LAW, "rig": RIG, "duration": 0.5}
+        | dict.fromkeys(("mass", "spring_stiffness", "damping", "preload")),
         "largest_waviness": {"study": "tolerance_poly345", "wavelengths": [0.31], **points},
         "law": {"names": "poly345", "rises": False},
         "list_laws": {"family": "start"},

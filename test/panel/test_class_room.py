@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from cam_rig.errors import ConfigError
+from cam_rig.errors import ConfigError, OutputError
 from cam_rig.panel.command import ClassRoom, mark_sheets
 from cam_rig.panel.lab.recorded import Notebook, read_sheet
 from cam_rig.panel.server import serve
@@ -105,7 +105,7 @@ def test_each_group_has_a_rig_and_a_page_of_its_own(tmp_path):
         assert (one.home, two.home) == ("/lab/one", "/lab/two")
         assert json.loads(two.get("/lab/two/sheet"))["seed"] == "two"
     with pytest.raises(ConfigError, match="one is named twice"):
-        ClassRoom("jump", ("one", "one"), None).pages([*cams], rig, tmp_path)
+        ClassRoom("jump", ("one", "one"), None).pages([*cams], rig, tmp_path / "other")
 
 
 def test_a_sheet_of_something_else_is_not_gone_on_with(tmp_path):
@@ -113,7 +113,11 @@ def test_a_sheet_of_something_else_is_not_gone_on_with(tmp_path):
     sheet = sheet_of("tm21", seed="one")
     book = Notebook(sheet, tmp_path)
     book.record(vars(sheet.setups[0]) | {"rpm": 300.0})
-    assert Notebook(sheet, tmp_path, goes_on=True).recorded == read_sheet(book.path)
+    again = Notebook(sheet, tmp_path, goes_on=True)
+    assert again.recorded == read_sheet(book.path)
+    with pytest.raises(OutputError, match="another panel writes it; allowed: to end that one"):
+        Notebook(sheet, tmp_path, goes_on=True)
+    del again
     with pytest.raises(ConfigError, match="is of rig tm21; allowed: of paper_table2"):
         Notebook(sheet_of(seed="one"), tmp_path, goes_on=True)
 

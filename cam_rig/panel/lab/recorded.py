@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import csv
+import fcntl
 import io
 import math
 from dataclasses import asdict, dataclass, replace
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from cam_rig.errors import ConfigError, OutputError, RefusedError
 from cam_rig.files import MIB, read_bytes, shown, writing
@@ -175,6 +176,7 @@ class Notebook:
         self.recorded = RecordedSheet(
             sheet.name, cams, rig.name, rig.title, date, "", sheet.seed, ()
         )
+        self._lock = self._hold() if goes_on else None
         if goes_on and self._file().exists():
             self._take(self._file())
 
@@ -182,6 +184,23 @@ class Notebook:
         """Where the sheet is kept; with a number where another sheet is there."""
         stem = f"lab_{self.sheet.name}_{self.sheet.seed or self.sheet.rig.name}"
         return self._out / f"{stem}{f'_{number}' if number > 1 else ''}.csv"
+
+    def _hold(self) -> IO[str]:
+        """Keep others off the sheet for as long as this one lives, however it ends."""
+        place = self._file()
+        try:
+            self._out.mkdir(parents=True, exist_ok=True)
+            lock = place.with_name(f".{place.stem}.lock").open("w")
+        except OSError as error:
+            raise OutputError(f"{place}: cannot be written ({error.strerror})") from None
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            lock.close()
+            raise OutputError(
+                f"{place}: another panel writes it; allowed: to end that one, or another --out"
+            ) from None
+        return lock
 
     def _take(self, path: Path) -> None:
         """Go on with a sheet; refused for one of something else. An empty one was just claimed."""

@@ -19,7 +19,7 @@ from cam_rig.schema import CamConfig, RigConfig, load_cam
 from cam_rig.schema.load import cam_path, config_root, is_there, named_path, read_yaml
 from cam_rig.schema.scene import model_named
 from cam_rig.show.result import SILENT, Column, Footnote, Progress, Records, Result
-from cam_rig.simulation.asked import MAX_SPEEDS, Rig, Speeds, asked_rig, asked_scene, asked_speeds
+from cam_rig.simulation.asked import Rig, Speeds, asked_rig, asked_scene, speeds_within
 from cam_rig.simulation.scene import LoadedScene, speeds_of
 from cam_rig.units import RPM
 
@@ -163,8 +163,6 @@ class OrdersResult(Result):
 
 #: What a cam alone is put on: rig and model; and its speeds, rpm.
 CAM_RIG, CAM_MODEL, CAM_RPM = "tm21", "one_mass", tuple(range(200, 401, 10))
-#: As slow, and as fast, as any cam of a table, rpm.
-SLOWEST_RPM, FASTEST_RPM = 0.01, 1e5
 
 
 @checked
@@ -208,12 +206,7 @@ def orders(
     if not 1 <= orders <= MAX_ORDERS:
         raise ConfigError(f"orders: is {orders}; allowed: 1 to {MAX_ORDERS}")
     laws, titles, chosen, own_model, own_rpm = _opened(source, cam, rig)
-    speeds = own_rpm if rpm is None else asked_speeds(rpm)
-    wrong = [one for one in speeds if not SLOWEST_RPM <= one <= FASTEST_RPM]
-    if wrong or not 1 <= len(speeds) <= MAX_SPEEDS:
-        what = f"is {wrong[0]:g} rpm" if wrong else f"are {len(speeds)}"
-        limits = f"{SLOWEST_RPM:g} to {FASTEST_RPM:g} rpm"
-        raise ConfigError(f"rpm: {what}; allowed: 1 to {MAX_SPEEDS} speeds, {limits}")
+    speeds = own_rpm if rpm is None else speeds_within(rpm)
     asked = [one * RPM for one in speeds]
     found = waterfall(laws, model_named(model or own_model), chosen, asked, orders, progress)
     return OrdersResult(found, titles)
