@@ -59,11 +59,11 @@ def test_a_forked_node_is_a_child_like_any(start, tmp_path):
 
 def test_each_is_a_process_of_its_own(start):
     """With its own pid and session, under its own command line; its end is waited for in time."""
-    one, other = start("-p", "scene:=yes"), start()
+    one, other = start("-p", "scene:=quick"), start()
     assert len({one.pid, other.pid, os.getpid()}) == 3
     assert [os.getsid(node.pid) for node in (one, other)] == [one.pid, other.pid]
-    wait_until(lambda: command_line(one.pid)[-1] == b"scene:=yes")
-    assert command_line(one.pid) == [os.fsencode(part) for part in (*COMMAND, "-p", "scene:=yes")]
+    wait_until(lambda: command_line(one.pid)[-1] == b"scene:=quick")
+    assert command_line(one.pid) == [os.fsencode(part) for part in (*COMMAND, "-p", "scene:=quick")]
     assert Path(f"/proc/{one.pid}/comm").read_text(encoding="utf-8") == "follower\n"
     with pytest.raises(subprocess.TimeoutExpired):
         one.wait(0.0)
