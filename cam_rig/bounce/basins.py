@@ -173,6 +173,7 @@ def basins(
     restitution: float | None = None,
     grid: int = GRID,
     executor: Executor | None = None,
+    progress: Progress = SILENT,
 ) -> Basins:
     """Which start ends in which motion at one speed, of one rigid mass.
 
@@ -183,6 +184,7 @@ def basins(
     grid : starts along the gap, from 0, and along its rate, to either side; both twice as far as
         the motion from the cam comes
     executor : where they are computed; None is this process
+    progress : told how far it is
 
     Raises
     ------
@@ -198,28 +200,11 @@ def basins(
     >>> [(one.period, one.landings_per_turn, one.share) for one in found.motions]
     [(1, 3.0, 1.0)]
     """
-    speed = speeds_within(rpm)[0]
-    return basins_of(law, rig, speed, restitution, grid, executor)
-
-
-def basins_of(
-    law: Law,
-    rig: RigConfig,
-    rpm: float,
-    restitution: float | None,
-    grid: int,
-    executor: Executor | None = None,
-    progress: Progress = SILENT,
-) -> Basins:
-    """The same, of arguments of their types."""
     if grid < 2:
         raise ConfigError(f"grid: is {grid}; allowed: 2 or more starts along each side")
-    p, speed = bouncing(rig, restitution), rpm * RPM
+    p, speed = bouncing(rig, restitution), speeds_within(rpm)[0] * RPM
     expect_many()
-    seen = np.abs(StroboscopicMap(law, p, speed).run(SETTLE + KEPT).states[-KEPT:]).max(axis=0)
-    least = 0.1 * law.lift * np.array([1.0, speed])  # one that is on the cam at angle 0
-    far = REACH * np.maximum(seen, least)
-    gap, opening = np.linspace(0.0, far[0], grid), np.linspace(-far[1], far[1], grid)
+    gap, opening = _axes(law, p, speed, grid)
     lines = [[(float(one), float(rate)) for one in gap] for rate in opening]
     starts = Starts(law, p, speed)
     progress.begin(grid, law.name)
@@ -239,6 +224,16 @@ def basins_of(
     )
     places = np.argsort(order)[np.array(ends)].reshape(grid, grid)
     return Basins(law, rig, p, rpm, gap, opening, places, named)
+
+
+def _axes(
+    law: Law, parameters: FollowerParameters, speed: float, grid: int
+) -> tuple[FloatArray, FloatArray]:
+    """Gaps (m) and rates (m/s) of the starts, by how far the motion from the cam comes."""
+    run = StroboscopicMap(law, parameters, speed).run(SETTLE + KEPT)
+    least = 0.1 * law.lift * np.array([1.0, speed])  # one that is on the cam at angle 0
+    far = REACH * np.maximum(np.abs(run.states[-KEPT:]).max(axis=0), least)
+    return np.linspace(0.0, far[0], grid), np.linspace(-far[1], far[1], grid)
 
 
 def _letters(place: int) -> str:

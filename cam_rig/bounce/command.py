@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from enum import Enum
+from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -92,7 +93,7 @@ def bounce(
 
     cam-rig bounce tm21 --restitution 0.7 --rpm 420 --basins --plot out/basins.png
     """
-    from cam_rig.bounce.study import swept
+    from cam_rig.bounce.study import bounce_map
     from cam_rig.laws.cam import law_of, require_sprung
     from cam_rig.schema import load_cam, load_rig
     from cam_rig.schema.load import cam_path, rig_path
@@ -107,11 +108,12 @@ def bounce(
     speeds = _around_jump(law, on) if rpm is None else speeds_in(rpm)
     if basins:
         return _basins(law, on, speeds, restitution, jobs, dask, progress)
-    how = law, on, speeds, restitution, turns, settle, start.value, follow
+    find = partial(bounce_map, law, on, rpm=speeds, restitution=restitution, turns=turns)
+    find = partial(find, settle=settle, start=start.value, follow=follow, progress=progress)
     if start != Start.REST or len(speeds) == 1:
-        return swept(*how, progress=progress)
+        return find()
     with workplace(jobs, dask) as place:
-        return swept(*how, place.executor, progress)
+        return find(executor=place.executor)
 
 
 def _around_jump(law: Law, rig: RigConfig) -> list[float]:
@@ -138,10 +140,11 @@ def _basins(
     dask: str | None,
     progress: Progress,
 ) -> Result:
-    from cam_rig.bounce.basins import GRID, basins_of
+    from cam_rig.bounce.basins import basins
     from cam_rig.workers import workplace
 
     if len(speeds) > 1:
         raise ConfigError(f"--basins: of {len(speeds)} speeds; allowed: one, as --rpm 420")
     with workplace(jobs, dask) as place:
-        return basins_of(law, rig, speeds[0], restitution, GRID, place.executor, progress)
+        found = partial(basins, law, rig, rpm=speeds[0], restitution=restitution)
+        return found(executor=place.executor, progress=progress)

@@ -43,7 +43,7 @@ LEVEL_TURNS = 16
 TOGETHER = 4
 #: Fewest turns that can be told to be periodic or not.
 LEAST_TURNS = 5 * SEEN
-#: Most turns at a speed: half a minute, 240 MB.
+#: Most turns at a speed: some 40 s, 240 MB.
 MOST_TURNS = 2_000_000
 
 
@@ -285,12 +285,12 @@ def bounce_map(
     start: str = REST,
     follow: bool = False,
     executor: Executor | None = None,
+    progress: Progress = SILENT,
 ) -> BounceMap:
     """What one rigid mass does above its jump speed, turn after turn: at rest, periodic, irregular.
 
     Impacts are roots and flights closed forms, so each turn's derivative is exact, and the Lyapunov
-    exponent is no estimate from a time series. It carries the error of its convergence, and where
-    it is not told from zero the motion is "not told".
+    exponent is no estimate from a time series. Where its error hides zero, it is "not told".
 
     Parameters
     ----------
@@ -302,8 +302,8 @@ def bounce_map(
         above has ended, which shows hysteresis
     follow : follow each periodic motion that is met at one of the speeds, and does not rest, over
         all of them, stable or not, and find where it changes; more speeds meet more motions
-    executor : where the speeds of ``rest`` are computed: a `ProcessPoolExecutor`, Dask's; None is
-        this process
+    executor : where the speeds of ``rest`` are computed; None is this process
+    progress : told how far it is
 
     Raises
     ------
@@ -319,53 +319,47 @@ def bounce_map(
     >>> [row.motion for row in found.rows]
     ['irregular', 'periodic']
     """
+    speeds = sorted(speeds_within(rpm), reverse=start == ABOVE)
+    _check(len(speeds), turns, settle, start, follow)
+    p = bouncing(rig, restitution)
+    told = rig.radiation is not None and p.stem_stiffness is not None
+    runs = BounceRuns(law, p, RadiationParameters.from_rig(rig) if told else None, settle, turns)
+    expect_many()
+    progress.begin(len(speeds), law.name)
+    chain = _from_rest(runs, speeds, executor) if start == REST else _continued(runs, speeds)
+    found = []
+    for row in chain:
+        found.append(row)
+        progress.advance()
+    found.sort(key=lambda row: row.rpm)
+    lines = _followed(runs, found, progress) if follow else ()
+    return BounceMap(law, rig, p, start, first_lift_off(law, p), tuple(found), lines)
+
+
+def _followed(
+    runs: BounceRuns, rows: Sequence[BounceRow], progress: Progress
+) -> tuple[Branch, ...]:
+    """The branches of the periodic motions of some speeds, over all of them."""
+    progress.tell("periodic motions")
+    free = [row for row in rows if row.period is not None and not row.rests]
+    seen = [(row.rpm * RPM, row.end, row.period or 1) for row in free]
+    return branches(runs.law, runs.parameters, seen, rows[0].rpm * RPM, rows[-1].rpm * RPM)
+
+
+def _check(speeds: int, turns: int, settle: int, start: str, follow: bool) -> None:
+    """Refuse arguments out of range."""
     if start not in BEGUN:
         raise ConfigError(f"start: is {start!r}; allowed: {', '.join(BEGUN)}")
     if turns < LEAST_TURNS:
         raise ConfigError(f"turns: is {turns}; allowed: {LEAST_TURNS} or more")
     if settle < 0:
         raise ConfigError(f"settle: is {settle}; allowed: 0 or more turns")
-    return swept(law, rig, speeds_within(rpm), restitution, turns, settle, start, follow, executor)
-
-
-def swept(
-    law: Law,
-    rig: RigConfig,
-    rpm: Sequence[float],
-    restitution: float | None,
-    turns: int,
-    settle: int,
-    start: str,
-    follow: bool,
-    executor: Executor | None = None,
-    progress: Progress = SILENT,
-) -> BounceMap:
-    """The same, of arguments each in its range."""
-    if follow and len(rpm) < 2:
+    if follow and speeds < 2:
         raise ConfigError("follow: over one speed; allowed: two speeds or more, as 385:480:5")
     if settle + turns > MOST_TURNS:
         raise ConfigError(
             f"turns: are {turns} after {settle} to settle; allowed: {MOST_TURNS} together"
         )
-    p = bouncing(rig, restitution)
-    told = rig.radiation is not None and p.stem_stiffness is not None
-    runs = BounceRuns(law, p, RadiationParameters.from_rig(rig) if told else None, settle, turns)
-    speeds = sorted(rpm, reverse=start == ABOVE)
-    expect_many()
-    progress.begin(len(speeds), law.name)
-    found = []
-    chain = _from_rest(runs, speeds, executor) if start == REST else _continued(runs, speeds)
-    for row in chain:
-        found.append(row)
-        progress.advance()
-    found.sort(key=lambda row: row.rpm)
-    lines: tuple[Branch, ...] = ()
-    if follow:
-        progress.tell("periodic motions")
-        free = [row for row in found if row.period is not None and not row.rests]
-        seen = [(row.rpm * RPM, row.end, row.period or 1) for row in free]
-        lines = branches(law, p, seen, found[0].rpm * RPM, found[-1].rpm * RPM)
-    return BounceMap(law, rig, p, start, first_lift_off(law, p), tuple(found), lines)
 
 
 def first_lift_off(law: Law, parameters: FollowerParameters) -> float:

@@ -145,9 +145,9 @@ def speeds_in(text: str) -> list[float]:
             found = sorted({float(word) for word in text.split(",")})
     except (ValueError, ZeroDivisionError, OverflowError):
         found = []
-    if not (found and 0.0 < min(found) <= max(found) <= 1e5 and len(found) <= MAX_SPEEDS):
+    if not (found and 0.0 < min(found) <= max(found) <= FASTEST_RPM and len(found) <= MAX_SPEEDS):
         raise ConfigError(
             f"--rpm {text}: allowed: 300, or 200,300, or 200:400:10 (from:to:step), each above 0 "
-            f"and at most 1e5, {MAX_SPEEDS} speeds at most"
+            f"and at most {FASTEST_RPM:g}, {MAX_SPEEDS} speeds at most"
         )
     return found

@@ -26,7 +26,7 @@ from cam_rig.schema.quantity import Quantity
 from cam_rig.schema.segment_base import quantities
 from cam_rig.show.result import Column, Footnote, Records, Result
 from cam_rig.show.tables import Cell
-from cam_rig.simulation.asked import Cams, Rig, asked_cams
+from cam_rig.simulation.asked import FASTEST_RPM, Cams, Rig, asked_cams
 from cam_rig.units import RPM, RPM_PER_RAD_S, TURN, FloatArray
 
 #: Event angles of the nomogram's tables, degrees.
@@ -257,8 +257,6 @@ def compare_contacts(cam_set: CamSet, rpm: float, steepest: float | None = None)
 
 #: Below every jump speed of the paper's laws, rpm.
 SPEED = 300.0
-#: As fast as any cam of a table, rpm.
-FASTEST_RPM = 1e5
 
 
 @checked
