@@ -4,7 +4,8 @@
 PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.installed
-WORKERS := --numprocesses auto --dist loadfile --no-loadscope-reorder
+# After a worker's death xdist 3.8 waits for ever (its issue 784) unless none takes its place.
+WORKERS := --numprocesses auto --dist loadfile --no-loadscope-reorder --max-worker-restart 0
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 # A sourced ROS installation must not leak into .venv; hundreds of processes start in the tests, and
