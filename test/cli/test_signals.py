@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 
+from cam_rig.dynamics.events.search import ALWAYS, VARIABLE
 from cam_rig.interrupts import STOPPING
 
 from .calls import GOLDEN
@@ -148,3 +149,27 @@ def test_a_signal_at_any_moment(ros_domain: int, tmp_path: Path, command: str, c
         )
         moment.run()
         assert not moment.faults(), moment
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [1, pytest.param(30, marks=LONG)])
+def test_a_signal_while_the_search_is_compiled(tmp_path: Path, count: int) -> None:
+    """None is raised within numba, where one ended a process by SIGSEGV."""
+    draw = random.Random(count)
+    for number in range(count):
+        empty = tmp_path / str(number)
+        process = subprocess.Popen(
+            [BIN / "cam-rig", "jump", "poly345"],
+            env=os.environ | {"NUMBA_CACHE_DIR": str(empty), VARIABLE: ALWAYS},
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        assert process.stderr is not None
+        assert "compiling" in process.stderr.readline()
+        time.sleep(draw.uniform(0.0, 3.0))
+        wanted = draw.choice(STOPPING)
+        process.send_signal(wanted)
+        _, printed = process.communicate(timeout=PATIENCE_S)
+        assert (process.returncode, "Traceback" in printed) == (128 + wanted, False), printed
+        assert not [path for path in empty.rglob("*") if path.is_file()]

@@ -116,10 +116,14 @@ def _prepared(function: Run) -> Run | None:
         print("events: compiling their search, once for this machine (10 to 20 s)", file=sys.stderr)
 
     def first(*arguments: Any) -> Any:
+        from multiprocessing.pool import ThreadPool
+
         try:
             with nullcontext(folder) if kept else _made(folder) as place:
                 compiled = _compile(function, place)
-                out = compiled(*arguments)
+                # A signal is raised in the main thread, and half a compilation cannot be unwound.
+                with ThreadPool(1) as apart:
+                    out = apart.apply(compiled, arguments)
         except _failures() as error:
             # Before anything was computed: the search itself raises none of them.
             words = f"{type(error).__name__}: {error}".partition("\n")[0]
