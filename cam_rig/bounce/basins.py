@@ -44,6 +44,7 @@ class EndMotion:
     period: int | None
     landings_per_turn: float
     exponent: float
+    exponent_error: float
     hardest: float  #: m/s, fastest landing of the last turns
     share: float  #: of the starts
     states: FloatArray  #: ``(n, 2)`` gap (m) and its rate (m/s) at cam angle 0
@@ -80,8 +81,9 @@ class Basins(Result):
                 "1/turn",
                 ".3f",
                 cell=lambda row: "−∞" if row.exponent == -math.inf else row.exponent,
-                about="Lyapunov's, the largest; nothing where it is −∞",
+                about="Lyapunov's, the largest; where it rests −∞, which is null",
             ),
+            Column("exponent_error", "1/turn", ".1g", "error", about="95 %"),
             Column("hardest", "m/s", ".3f", "hardest landing"),
             Column("share", "%", ".1f", "starts"),
         ),
@@ -158,6 +160,7 @@ class Starts:
             period=found.period,
             landings_per_turn=float(run.landings[-turns:].mean()),
             exponent=found.exponent,
+            exponent_error=found.error,
             hardest=float(run.hardest[-turns:].max()),
             share=0.0,
             states=run.states[-turns:],

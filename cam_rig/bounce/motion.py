@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cam_rig.dynamics import MODELS, FollowerParameters
+from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.turn_map import StroboscopicMap, TurnsRun
 from cam_rig.schema import RigConfig
 from cam_rig.units import FloatArray
@@ -45,8 +45,8 @@ def bouncing(rig: RigConfig, restitution: float | None) -> FollowerParameters:
     ConfigError : neither tells a restitution
     """
     if restitution is None:
-        found: FollowerParameters = MODELS["one_mass"].parameters(rig)
-        return found
+        rig.need("restitution", "bouncing", "give --restitution, in Python restitution")
+        return FollowerParameters.from_rig(rig)
     return replace(FollowerParameters.from_rig(rig), restitution=restitution)
 
 
