@@ -12,7 +12,7 @@ import numpy as np
 
 from cam_rig.arguments import checked
 from cam_rig.bounce.motion import PERIODIC, bouncing, motion_of
-from cam_rig.dynamics import MODELS, FollowerState, Interval
+from cam_rig.dynamics import MODELS, Interval
 from cam_rig.dynamics.events.search import expect_many
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.turn_map import StroboscopicMap
@@ -119,12 +119,7 @@ class Basins(Result):
     def portrait(self, motion: EndMotion) -> tuple[FloatArray, FloatArray]:
         """``(n,)`` gap (m) and its rate (m/s) through the turns of a motion."""
         turn_map = StroboscopicMap(self.law, self.parameters, self.rpm * RPM)
-        gap, rate = motion.states[-1].tolist()
-        state: FollowerState | None = None
-        if (gap, rate) != (0.0, 0.0):
-            s, slope = self.law.motion[:2, -1, -1]
-            place, velocity = float(s) + gap, float(slope) * turn_map.speed + rate
-            state = FollowerState(place, velocity, 0.0, in_contact=False, inner=(gap, rate))
+        state = turn_map.follower(motion.states[-1].tolist())
         turns = len(motion.states)
         stop = round(turns * turn_map.duration * NS)
         sample_rate = round(POINTS / turn_map.duration)
@@ -206,6 +201,7 @@ def basins(
     if grid < 2:
         raise ConfigError(f"grid: is {grid}; allowed: 2 or more starts along each side")
     p, speed = bouncing(rig, restitution), speeds_within(rpm)[0] * RPM
+    assert isinstance(p, FollowerParameters)  # starts over gap and rate are those of one mass
     expect_many()
     gap, opening = _axes(law, p, speed, grid)
     lines = [[(float(one), float(rate)) for one in gap] for rate in opening]

@@ -10,14 +10,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from cam_rig.bounce.sweep import OperatingPoint, Sweep
-from cam_rig.dynamics.turn_map import StroboscopicMap
+from cam_rig.dynamics.turn_map import State, StroboscopicMap
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.units import FloatArray
@@ -44,7 +44,7 @@ LEAP = 1e-2
 PASSES = 1e-5
 
 LIFT_OFF, FLIP, FOLD = "first lift-off", "period doubling", "fold"
-GRAZE, CORNER, LOST = "grazing", "corner", "not told"
+SPIRAL, GRAZE, CORNER, LOST = "Neimark-Sacker", "grazing", "corner", "not told"
 WORDS = {
     LIFT_OFF: "on one side the follower stays on the cam; on the other it flies and bounces, and "
     "at first comes to rest in each turn",
@@ -52,6 +52,8 @@ WORDS = {
     "period begins or ends",
     FOLD: "a multiplier is +1: a stable and an unstable motion meet here, and beyond there is "
     "neither",
+    SPIRAL: "two conjugate multipliers have the size 1: beyond, the motion is unstable, and turns "
+    "go round it on a closed curve, which of two masses alone they can",
     GRAZE: "a landing of zero velocity: beyond, a turn has another number of landings",
     CORNER: "a landing is on a joint where the law's acceleration jumps: the multipliers jump with "
     "it, and a motion may end or change its stability",
@@ -64,8 +66,8 @@ class PeriodicMotion:
     """A periodic motion."""
 
     point: OperatingPoint
-    states: FloatArray  #: ``(n, 2)`` gap (m) and its rate (m/s) at the end of each turn
-    derivative: FloatArray  #: ``(2, 2)`` over the period
+    states: FloatArray  #: at the end of each turn, as `TurnsRun.states` has them
+    derivative: FloatArray  #: ``(n, n)`` over the period, n = 2 for one mass, 4 for two
     landings: int  #: in the period
     hardest: float  #: m/s against the cam
     softest: float  #: m/s
@@ -76,13 +78,13 @@ class PeriodicMotion:
         return len(self.states)
 
     @property
-    def state(self) -> tuple[float, float]:
+    def state(self) -> State:
         """Where a period begins and ends."""
-        return float(self.states[-1, 0]), float(self.states[-1, 1])
+        return tuple(self.states[-1].tolist())
 
     @property
     def multipliers(self) -> NDArray[np.complex128]:
-        """``(2,)`` what a small change is multiplied by in a period."""
+        """``(n,)`` what a small change is multiplied by in a period."""
         return np.linalg.eigvals(self.derivative).astype(np.complex128)
 
     @property
@@ -98,12 +100,18 @@ class PeriodicMotion:
     @property
     def flip(self) -> float:
         """Zero where a multiplier is −1."""
-        return 1.0 + float(np.trace(self.derivative)) + float(np.linalg.det(self.derivative))
+        return float(np.linalg.det(np.eye(len(self.derivative)) + self.derivative))
 
     @property
     def fold(self) -> float:
         """Zero where a multiplier is +1."""
-        return 1.0 - float(np.trace(self.derivative)) + float(np.linalg.det(self.derivative))
+        return float(np.linalg.det(np.eye(len(self.derivative)) - self.derivative))
+
+    @property
+    def spiral(self) -> float:
+        """Zero where two multipliers have a product of 1: a conjugate pair's size is 1 there."""
+        pairs = combinations(self.multipliers.tolist(), 2)
+        return float(np.prod([1.0 - a * b for a, b in pairs]).real)
 
 
 @dataclass(frozen=True)
@@ -138,9 +146,9 @@ class Family:
     law: Law
     sweep: Sweep
     period: int
-    _scale: FloatArray = field(init=False)  #: of gap, rate and the value
+    _scale: FloatArray = field(init=False)  #: of the state's numbers and the value
 
-    def at(self, value: float, state: tuple[float, float]) -> PeriodicMotion:
+    def at(self, value: float, state: State) -> PeriodicMotion:
         """The motion at a value (SI) near a state, by Newton's iteration.
 
         Raises
@@ -149,8 +157,8 @@ class Family:
         """
         self._scale = self._scale_of(value, state)
         start = np.array([*state, value]) / self._scale
-        along = np.array([0.0, 0.0, 1.0])
-        return self._corrected(start, along, np.zeros(2))[0]
+        along = np.eye(start.size)[-1]
+        return self._corrected(start, along, np.zeros(len(state)))[0]
 
     def followed(
         self, begin: PeriodicMotion, low: float, high: float, up: bool
@@ -161,7 +169,7 @@ class Family:
         motions, found = [begin], list[Bifurcation]()
         here, length = np.array([*begin.state, value]) / self._scale, FIRST
         by_value = self._by_value(here)
-        along = self._tangent(begin, by_value, np.array([0.0, 0.0, 1.0 if up else -1.0]))
+        along = self._tangent(begin, by_value, np.eye(here.size)[-1] * (1.0 if up else -1.0))
         for _ in range(MOST_STEPS):
             try:
                 motion, there = self._corrected(here + length * along, along, by_value)
@@ -186,19 +194,18 @@ class Family:
             length = min(1.5 * length, LONGEST)
         return motions, found
 
-    def _scale_of(self, value: float, state: tuple[float, float]) -> FloatArray:
-        """``(3,)`` the sizes of a gap, of its rate and of what is swept."""
-        lift, speed = self.law.lift, self.sweep.at(value).speed
-        own = self.sweep.size(value)
-        return np.array([max(lift, state[0]), max(lift * speed, abs(state[1])), own])
+    def _scale_of(self, value: float, state: State) -> FloatArray:
+        """``(n + 1,)`` the sizes of a state's numbers and of what is swept."""
+        point = self.sweep.at(value)
+        usual = StroboscopicMap(self.law, point.parameters, point.speed).scale
+        return np.append(np.maximum(usual, np.abs(state)), self.sweep.size(value))
 
     def _run(self, at: FloatArray) -> tuple[FloatArray, PeriodicMotion]:
-        """Where a scaled (gap, rate, value) comes to in a period, scaled, and as a motion."""
-        gap, rate, value = (at * self._scale).tolist()
+        """Where a scaled (state, value) comes to in a period, scaled, and as a motion."""
+        gap, *others, value = (at * self._scale).tolist()
         point = self.sweep.at(value)
-        run = StroboscopicMap(self.law, point.parameters, point.speed).run(
-            self.period, (max(gap, 0.0), rate)
-        )
+        turn_map = StroboscopicMap(self.law, point.parameters, point.speed)
+        run = turn_map.run(self.period, (max(gap, 0.0), *others))
         motion = PeriodicMotion(
             point=point,
             states=run.states,
@@ -207,39 +214,38 @@ class Family:
             hardest=float(run.hardest.max()),
             softest=float(run.softest.min()),
         )
-        return run.states[-1] / self._scale[:2], motion
+        return run.states[-1] / self._scale[:-1], motion
 
     def _by_value(self, at: FloatArray) -> FloatArray:
-        """``(2,)`` derivative of `_run` by the scaled value, by differences short of a graze."""
-        ahead = np.array([0.0, 0.0, NUDGE])
-        places = [at - ahead if at[2] > NUDGE else at, at, at + ahead]
+        """``(n,)`` derivative of `_run` by the scaled value, by differences short of a graze."""
+        ahead = np.eye(at.size)[-1] * NUDGE
+        places = [at - ahead if at[-1] > NUDGE else at, at, at + ahead]
         reached, motions = zip(*map(self._run, places), strict=True)
         first, last = (i if motions[i].landings == motions[1].landings else 1 for i in (0, 2))
-        apart = max(places[last][2] - places[first][2], NUDGE)
+        apart = max(places[last][-1] - places[first][-1], NUDGE)
         return np.asarray((reached[last] - reached[first]) / apart)
 
     def _matrix(self, motion: PeriodicMotion, by_value: FloatArray) -> FloatArray:
-        """``(2, 3)`` derivative of Pⁿ(x) − x, scaled."""
-        size = self._scale[:2]
-        own = motion.derivative * size / size[:, None] - np.eye(2)
+        """``(n, n + 1)`` derivative of Pⁿ(x) − x, scaled."""
+        size = self._scale[:-1]
+        own = motion.derivative * size / size[:, None] - np.eye(size.size)
         return np.column_stack([own, by_value])
 
     def _tangent(
         self, motion: PeriodicMotion, by_value: FloatArray, along: FloatArray
     ) -> FloatArray:
-        """``(3,)`` the branch's unit vector on the side of ``along``."""
-        found = np.cross(*self._matrix(motion, by_value))
-        found = found if found @ along >= 0.0 else -found
-        return np.asarray(found / np.linalg.norm(found))
+        """``(n + 1,)`` the branch's unit vector on the side of ``along``."""
+        found = np.linalg.svd(self._matrix(motion, by_value))[2][-1]
+        return np.asarray(found if found @ along >= 0.0 else -found)
 
     def _corrected(
         self, start: FloatArray, along: FloatArray, by_value: FloatArray
     ) -> tuple[PeriodicMotion, FloatArray]:
-        """The motion on the plane through a start, normal to ``along``; and it as ``(3,)``."""
+        """The motion on the plane through a start, normal to ``along``; and it scaled."""
         at, last = start, math.inf
         for _ in range(ITERATIONS):
             reached, motion = self._run(at)
-            residual = np.array([*(reached - at[:2]), along @ (at - start)])
+            residual = np.array([*(reached - at[:-1]), along @ (at - start)])
             matrix = np.vstack([self._matrix(motion, by_value), along])
             try:
                 step = np.linalg.solve(matrix, -residual)
@@ -251,7 +257,7 @@ class Family:
             if not size < 1.0:
                 break
             at, last = at + step, size
-        near = self.sweep.words(float(start[2] * self._scale[2]))
+        near = self.sweep.words(float(start[-1] * self._scale[-1]))
         raise UnfoundMotionError(
             f"no motion of period {self.period} is found near {near}; allowed: a start nearer to "
             "one"
@@ -274,11 +280,14 @@ class Family:
         tests: dict[str, Callable[[PeriodicMotion], float]] = {
             FLIP: lambda motion: motion.flip,
             FOLD: lambda motion: motion.fold,
+            SPIRAL: lambda motion: motion.spiral,
         }
         for kind, test in tests.items():
             if test(before) * test(after) < 0.0:
                 at = brentq(lambda part, f=test: f(motion_at(part)), 0.0, length, xtol=1e-15)
                 motion = motion_at(at)
+                if kind == SPIRAL and not motion.leading.imag:
+                    continue  # a real pair, of which one grows on either side
                 told = kind if abs(test(motion)) < PASSES else CORNER
                 yield Bifurcation(told, motion.point, self.period, motion.landings)
                 if told == CORNER:
@@ -349,7 +358,7 @@ def branch_through(
 def branches(
     law: Law,
     sweep: Sweep,
-    seen: Sequence[tuple[float, tuple[float, float], int]],
+    seen: Sequence[tuple[float, State, int]],
     low: float,
     high: float,
 ) -> tuple[Branch, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -19,6 +20,8 @@ from cam_rig.bounce.sweep import (
     Sweep,
     point_columns,
 )
+from cam_rig.dynamics import TwoMassParameters
+from cam_rig.dynamics.turn_map import State
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
 from cam_rig.show.result import Arrays, Column, Footnote, Records, Result
@@ -37,13 +40,13 @@ class BounceRow:
     period: int | None
     landings_per_turn: float
     rests: bool  #: whether it comes to rest on the cam in the turns that are kept
-    exponent: float
+    exponents: tuple[float, ...]
     exponent_error: float
     settled: int | None
     level_db: float | None
     level_spread_db: float | None  #: loudest less quietest turn
     hardest: FloatArray  #: ``(n,)`` m/s of each turn's fastest landing: of a period, or all kept
-    states: FloatArray  #: ``(n, 2)`` gap (m) and its rate (m/s) at those turns' ends
+    states: FloatArray  #: at those turns' ends, as `TurnsRun.states` has them
 
     @property
     def rpm(self) -> float:
@@ -51,17 +54,30 @@ class BounceRow:
         return self.point.rpm
 
     @property
-    def end(self) -> tuple[float, float]:
-        """The last of them."""
-        return float(self.states[-1, 0]), float(self.states[-1, 1])
+    def exponent(self) -> float:
+        """Lyapunov's, the largest."""
+        return self.exponents[0]
+
+    @property
+    def end(self) -> State:
+        """The last state."""
+        return tuple(self.states[-1].tolist())
 
 
 RESTS = Footnote(
-    "It comes to rest on the cam, where it has no freedom: every change dies out, and the exponent "
-    "is −∞. Its landings are those higher than rounding; in the limit they are without number.",
+    "It comes to rest on the cam, where what meets the cam has no freedom: of one mass every "
+    "change dies out, and the exponent is −∞; of two the end mass vibrates on. Landings are those "
+    "higher than rounding; in the limit they are without number.",
     lambda row: row.rests and row.motion == PERIODIC,
     "*",
 )
+
+
+def _exponent(number: int, row: BounceRow) -> float | None:
+    """One of its exponents, of which one mass has two and two masses four."""
+    return row.exponents[number - 1] if number <= len(row.exponents) else None
+
+
 UNTOLD = Footnote(
     "Not told: the turns have not come to repeat, and no exponent above its error says that they "
     "never will; or none lands. More turns to settle may tell.",
@@ -94,6 +110,16 @@ class BounceMap(Result):
                 about="Lyapunov's, the largest; where it rests −∞, which is null",
             ),
             Column("exponent_error", "1/turn", ".1g", "error", about="95 %"),
+            *(
+                Column(
+                    f"exponent_{i}",
+                    "1/turn",
+                    hidden=True,
+                    of=partial(_exponent, i),
+                    about=f"the {i}th, of {'either model' if i == 2 else 'two masses'}",
+                )
+                for i in (2, 3, 4)
+            ),
             Column("settled", "", "d", "settled after", about="turns from the start"),
             Column("level_db", "dB", ".1f", "level", about="re 20 µPa, unweighted"),
             Column("level_spread_db", "dB", ".1f", "spread", about="loudest less quietest turn"),
@@ -122,6 +148,10 @@ class BounceMap(Result):
             Column("hardest", "m/s", of=lambda found: _joined(r.hardest for r in found.rows)),
             Column("gap", "mm", of=lambda found: _joined(r.states[:, 0] for r in found.rows)),
             Column("opening", "m/s", of=lambda found: _joined(r.states[:, 1] for r in found.rows)),
+            Column(
+                "stretch", "µm", of=lambda found: found.stem(2), about="of the stem of two masses"
+            ),
+            Column("stretch_rate", "m/s", of=lambda found: found.stem(3)),
         ),
     }
 
@@ -141,6 +171,11 @@ class BounceMap(Result):
     def swept(self, points: Iterable[Any]) -> FloatArray:
         """What is swept, as it is shown, of rows, motions or bifurcations."""
         return np.array([getattr(one.point, self.sweep.over) for one in points], dtype=float)
+
+    def stem(self, number: int) -> FloatArray:
+        """One of the stem's numbers at each turn's end; NaN of one mass, which has none."""
+        states = np.concatenate([row.states for row in self.rows])
+        return states[:, number] if number < states.shape[1] else np.full(len(states), math.nan)
 
     def per_turn(self, numbers: Iterable[float]) -> FloatArray:
         """A number of each row, as often as the row has turns."""
@@ -166,7 +201,7 @@ class BounceMap(Result):
 
     @property
     def title(self) -> str:
-        """The cam on the rig, and what is held."""
+        """The cam on the rig, how many masses, and what is held."""
         return f"{self.law.name} on rig {self.rig.name}, {self.held}"
 
     @property
@@ -175,7 +210,8 @@ class BounceMap(Result):
         base, over = self.sweep.base, self.sweep.over
         speed = [] if over == SPEED else [f"{base.rpm:g} rpm"]
         restitution = [] if over == RESTITUTION else [f"restitution {base.restitution:g}"]
-        return ", ".join([*speed, *restitution, BEGUN[self.start]])
+        two = ["two masses"] if isinstance(base.parameters, TwoMassParameters) else []
+        return ", ".join([*two, *speed, *restitution, BEGUN[self.start]])
 
     def _seen(self, columns: tuple[Column, ...]) -> tuple[Column, ...]:
         """Columns of which people see what is swept."""

@@ -12,13 +12,13 @@ import numpy as np
 from cam_rig.acoustics import MicrophoneState, RadiationParameters, level_db, rms_pressure
 from cam_rig.arguments import checked
 from cam_rig.bounce.branches import Branch, branches
-from cam_rig.bounce.motion import IN_CONTACT, SEEN, bouncing, motion_of
+from cam_rig.bounce.motion import IN_CONTACT, ONE_MASS, SEEN, TWO_MASS, bouncing, motion_of
 from cam_rig.bounce.result import ABOVE, BEGUN, REST, BounceMap, BounceRow
 from cam_rig.bounce.sweep import RESTITUTION, SPEED, SWEPT, OperatingPoint, Sweep
-from cam_rig.dynamics import MODELS, FollowerState, Interval
+from cam_rig.dynamics import MODELS, Interval, TwoMassParameters
 from cam_rig.dynamics.events.search import expect_many
 from cam_rig.dynamics.parameters import told
-from cam_rig.dynamics.turn_map import ON_THE_CAM, StroboscopicMap, TurnsRun
+from cam_rig.dynamics.turn_map import ON_THE_CAM, State, StroboscopicMap, TurnsRun
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
@@ -47,8 +47,8 @@ class BounceRuns:
     settle: int  #: turns before those that are kept
     turns: int  #: kept
 
-    def row(self, value: float, begin: tuple[float, float] = ON_THE_CAM) -> BounceRow:
-        """What the follower does at a value (SI), from a gap (m) and its rate (m/s)."""
+    def row(self, value: float, begin: State = ON_THE_CAM) -> BounceRow:
+        """What the follower does at a value (SI), from a state as `TurnsRun` has it."""
         point = self.sweep.at(value)
         turn_map = StroboscopicMap(self.law, point.parameters, point.speed)
         run = turn_map.run(self.settle + self.turns, begin)
@@ -61,7 +61,7 @@ class BounceRuns:
             period=found.period,
             landings_per_turn=float(run.landings[-(found.period or self.turns) :].mean()),
             rests=bool(run.on_cam[-self.turns :].any()),
-            exponent=found.exponent,
+            exponents=found.exponents,
             exponent_error=found.error,
             settled=found.settled,
             level_db=level,
@@ -80,16 +80,14 @@ class BounceRuns:
         """Level (dB) of the last turns, and the loudest of them less the quietest."""
         if self.radiation is None:
             return None, None
-        gap, opening, flies, place, velocity = run.rows[-turns - 2, :5].tolist()
-        after: FollowerState | None = None
-        if flies:
-            after = FollowerState(place, velocity, 0.0, in_contact=False, inner=(gap, opening))
+        after = turn_map.follower(run.states[-turns - 2].tolist())
         # A landing lasts as the mass makes it: half a period on the stem.
         pulse = math.pi * math.sqrt(
             point.mass / told("stem_stiffness", point.parameters.stem_stiffness)
         )
         radiation = replace(self.radiation, contact_time=pulse)
-        speed, advance = turn_map.speed, MODELS["one_mass"].advance
+        two = isinstance(point.parameters, TwoMassParameters)
+        speed, advance = turn_map.speed, MODELS[TWO_MASS if two else ONE_MASS].advance
         sound: MicrophoneState | None = None
         turn, pressures = round(NS * turn_map.duration), []
         for i in range(turns + 1):
@@ -110,6 +108,7 @@ def bounce_map(
     *,
     rpm: Speeds,
     restitution: float | None = None,
+    model: str = ONE_MASS,
     over: str = SPEED,
     values: Speeds | None = None,
     turns: int = 200,
@@ -119,7 +118,7 @@ def bounce_map(
     executor: Executor | None = None,
     progress: Progress = SILENT,
 ) -> BounceMap:
-    """What one rigid mass does above its jump speed, turn after turn: at rest, periodic, irregular.
+    """What a follower does above its jump speed, turn after turn: at rest, periodic or irregular.
 
     Impacts are roots and flights closed forms, so each turn's derivative is exact, and the Lyapunov
     exponent is no estimate from a time series. Where its error hides zero, it is "not told".
@@ -128,6 +127,7 @@ def bounce_map(
     ----------
     rpm : cam speeds; one where something else is swept
     restitution : of a landing, from 0 to below 1; None is the rig's
+    model : ``one_mass``, rigid; or ``two_mass``, a roller and an end mass on an elastic stem
     over : what is swept: ``rpm``, or at one speed ``restitution``, ``preload`` or ``mass``
     values : of what is swept where that is no speed: none, N or kg
     turns : kept in each row
@@ -153,7 +153,7 @@ def bounce_map(
     >>> [row.motion for row in found.rows]
     ['irregular', 'periodic']
     """
-    sweep, swept = _sweep(rig, speeds_within(rpm), restitution, over, values)
+    sweep, swept = _sweep(rig, model, speeds_within(rpm), restitution, over, values)
     _check(len(swept), turns, settle, start, follow)
     heard = rig.radiation is not None and rig.follower.stem_stiffness is not None
     sound = RadiationParameters.from_rig(rig) if heard else None
@@ -172,9 +172,16 @@ def bounce_map(
 
 
 def _sweep(
-    rig: RigConfig, rpm: list[float], restitution: float | None, over: str, values: Speeds | None
+    rig: RigConfig,
+    model: str,
+    rpm: list[float],
+    restitution: float | None,
+    over: str,
+    values: Speeds | None,
 ) -> tuple[Sweep, list[float]]:
     """What is swept, and its values, SI, that rise."""
+    if model not in (ONE_MASS, TWO_MASS):
+        raise ConfigError(f"model: is {model!r}; allowed: {ONE_MASS}, {TWO_MASS}")
     if over not in SWEPT:
         raise ConfigError(f"over: is {over!r}; allowed: {', '.join(SWEPT)}")
     if over == SPEED and values is not None:
@@ -183,7 +190,7 @@ def _sweep(
         )
     if over == SPEED:
         swept = sorted(one * RPM for one in rpm)
-        return Sweep(OperatingPoint(bouncing(rig, restitution), swept[0])), swept
+        return Sweep(OperatingPoint(bouncing(rig, restitution, model), swept[0])), swept
     if len(rpm) > 1:
         raise ConfigError(f"rpm: are {len(rpm)} speeds over {over}; allowed: one speed")
     swept = [] if values is None else sorted(asked_speeds(values))
@@ -193,7 +200,7 @@ def _sweep(
         if restitution is not None:
             raise ConfigError("restitution: is what is swept; allowed: its values alone")
         restitution = swept[0]
-    sweep = Sweep(OperatingPoint(bouncing(rig, restitution), rpm[0] * RPM), over)
+    sweep = Sweep(OperatingPoint(bouncing(rig, restitution, model), rpm[0] * RPM), over)
     for one in swept:  # one that is none is refused before any is turned
         sweep.at(one)
     return sweep, swept
@@ -240,7 +247,7 @@ def _from_rest(
 
 
 def _continued(runs: BounceRuns, values: Sequence[float]) -> Iterator[BounceRow]:
-    begin = ON_THE_CAM
+    begin: State = ON_THE_CAM
     for one in values:
         row = runs.row(one, begin)
         begin = row.end

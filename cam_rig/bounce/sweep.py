@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
 
-from cam_rig.dynamics import FollowerParameters
-from cam_rig.dynamics.jump.jump_speed import rigid_jump
+from cam_rig.bounce.motion import Bouncing
+from cam_rig.dynamics import TwoMassParameters
+from cam_rig.dynamics.jump.jump_speed import jump_speed, rigid_jump
+from cam_rig.dynamics.jump.search import NoJumpSpeedError, force_run
 from cam_rig.dynamics.kinetostatic import force_extremes
 from cam_rig.laws import Law
 from cam_rig.show.result import Column
@@ -30,7 +33,7 @@ SWEPT = {
 class OperatingPoint:
     """A follower, and the cam's speed (rad/s)."""
 
-    parameters: FollowerParameters
+    parameters: Bouncing
     speed: float
 
     @property
@@ -50,8 +53,9 @@ class OperatingPoint:
 
     @property
     def mass(self) -> float:
-        """Of the follower, kg."""
-        return self.parameters.mass
+        """Of the follower, kg; of two masses both."""
+        p = self.parameters
+        return p.roller_mass + p.end_mass if isinstance(p, TwoMassParameters) else p.mass
 
 
 def point_columns(over: str = "", digits: str = ".6g") -> tuple[Column, ...]:
@@ -73,7 +77,12 @@ class Sweep:
         """Where what is swept has a value; a `DynamicsError` where it cannot."""
         if self.over == SPEED:
             return replace(self.base, speed=value)
-        return replace(self.base, parameters=replace(self.base.parameters, **{self.over: value}))
+        p = self.base.parameters
+        numbers: dict[str, Any] = {self.over: value}
+        if self.over == MASS and isinstance(p, TwoMassParameters):  # split as it was
+            share = p.roller_mass / self.base.mass
+            numbers = {"roller_mass": share * value, "end_mass": (1.0 - share) * value}
+        return replace(self.base, parameters=replace(p, **numbers))
 
     def value(self, point: OperatingPoint) -> float:
         """What an operating point has of it."""
@@ -90,15 +99,21 @@ class Sweep:
         return 1.0 if self.over == RESTITUTION else value or 1.0
 
     def lift_off(self, law: Law, values: Sequence[float]) -> float:
-        """The value at which contact is first lost; among some that rise, but for a speed.
+        """The value at which settled contact is first lost; among some that rise, but for a speed.
 
         It is 0 where a velocity jump of the cam throws the follower at any, and NaN where contact
         is lost, or kept, at all of them.
         """
         if law.velocity_jumps:
             return 0.0 if self.over == SPEED else math.nan
+        p = self.base.parameters
         if self.over == SPEED:
-            return rigid_jump(law, self.base.parameters)[0]
+            if not isinstance(p, TwoMassParameters):
+                return rigid_jump(law, p)[0]
+            try:
+                return jump_speed(law, p, None).speed
+            except NoJumpSpeedError as none:
+                return none.speed
         found = [self._least_force(law, value) for value in values]
         for i in np.flatnonzero(np.diff(np.sign(found))).tolist():
             ends = values[i], values[i + 1]
@@ -107,4 +122,6 @@ class Sweep:
 
     def _least_force(self, law: Law, value: float) -> float:
         point = self.at(value)
+        if isinstance(point.parameters, TwoMassParameters):
+            return force_run(law, point.parameters, None).lowest(point.speed)
         return force_extremes(law, point.parameters, point.speed)[0]
