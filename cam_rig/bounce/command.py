@@ -21,6 +21,13 @@ if TYPE_CHECKING:
 SPEEDS, FROM, TO = 121, 0.9, 1.8
 
 
+class Masses(Enum):
+    """What bounces."""
+
+    ONE_MASS = "one_mass"
+    TWO_MASS = "two_mass"
+
+
 class Over(Enum):
     """What is swept."""
 
@@ -45,6 +52,10 @@ Speeds = Annotated[
 ]
 Restitution = Annotated[
     float | None, typer.Option(help="Of a landing, from 0 to below 1; by default the rig's.")
+]
+Follower = Annotated[
+    Masses,
+    typer.Option("--model", help="One rigid mass, or a roller and an end mass on an elastic stem."),
 ]
 Swept = Annotated[
     Over, typer.Option("--over", help="What is swept; other than rpm at one speed, over --range.")
@@ -83,6 +94,7 @@ def bounce(
     rig: Rig = "tm21",
     rpm: Speeds = None,
     restitution: Restitution = None,
+    model: Follower = Masses.ONE_MASS,
     over: Swept = Over.RPM,
     values: Range = None,
     turns: Kept = 200,
@@ -102,8 +114,8 @@ def bounce(
     meter shows, and how far it wanders from turn to turn. From below and from above differ where
     two motions are possible at one speed. At one speed --over sweeps restitution, preload or mass.
 
-    In Python: cam_rig.bounce_map(law, rig, rpm, restitution, over, values, turns, settle, start,
-    follow)
+    In Python: cam_rig.bounce_map(law, rig, rpm, restitution, model, over, values, turns, settle,
+    start, follow)
 
     Examples
     --------
@@ -129,11 +141,15 @@ def bounce(
     loaded = load_cam(path)
     require_sprung(path, loaded)
     law = law_of(path, loaded)
-    speeds = _around_jump(law, on) if rpm is None else speeds_in(rpm)
+    speeds = _around_jump(law, on, model) if rpm is None else speeds_in(rpm)
     if basins:
+        if model != Masses.ONE_MASS:
+            raise ConfigError(
+                "--basins: of two masses, whose starts are four numbers; allowed: one"
+            )
         return _basins(law, on, speeds, restitution, jobs, dask, progress)
-    find = partial(bounce_map, law, on, rpm=speeds, restitution=restitution, over=over.value)
-    find = partial(find, values=_values(values), turns=turns, settle=settle)
+    find = partial(bounce_map, law, on, rpm=speeds, restitution=restitution, model=model.value)
+    find = partial(find, over=over.value, values=_values(values), turns=turns, settle=settle)
     find = partial(find, start=start.value, follow=follow, progress=progress)
     if start != Start.REST or (over == Over.RPM and len(speeds) == 1):
         return find()
@@ -152,13 +168,13 @@ def _values(text: str | None) -> list[float] | None:
     return found
 
 
-def _around_jump(law: Law, rig: RigConfig) -> list[float]:
+def _around_jump(law: Law, rig: RigConfig, model: Masses) -> list[float]:
     """Speeds (rpm) from below the jump speed to where a follower bounces far."""
+    from cam_rig.bounce.motion import bouncing
     from cam_rig.bounce.sweep import OperatingPoint, Sweep
-    from cam_rig.dynamics.parameters import FollowerParameters
     from cam_rig.units import RPM
 
-    any_speed = OperatingPoint(FollowerParameters.from_rig(rig), RPM)
+    any_speed = OperatingPoint(bouncing(rig, 0.0, model.value), RPM)
     jump = Sweep(any_speed).lift_off(law, ()) / RPM
     if not 0.0 < jump < math.inf:
         raise ConfigError(
