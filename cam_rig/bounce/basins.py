@@ -12,7 +12,7 @@ import numpy as np
 
 from cam_rig.arguments import checked
 from cam_rig.bounce.motion import PERIODIC, bouncing, motion_of
-from cam_rig.dynamics import MODELS, FollowerState, Interval
+from cam_rig.dynamics import MODELS, Interval
 from cam_rig.dynamics.events.search import expect_many
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.turn_map import StroboscopicMap
@@ -44,6 +44,7 @@ class EndMotion:
     period: int | None
     landings_per_turn: float
     exponent: float
+    exponent_error: float
     hardest: float  #: m/s, fastest landing of the last turns
     share: float  #: of the starts
     states: FloatArray  #: ``(n, 2)`` gap (m) and its rate (m/s) at cam angle 0
@@ -80,8 +81,9 @@ class Basins(Result):
                 "1/turn",
                 ".3f",
                 cell=lambda row: "−∞" if row.exponent == -math.inf else row.exponent,
-                about="Lyapunov's, the largest; nothing where it is −∞",
+                about="Lyapunov's, the largest; where it rests −∞, which is null",
             ),
+            Column("exponent_error", "1/turn", ".1g", "error", about="95 %"),
             Column("hardest", "m/s", ".3f", "hardest landing"),
             Column("share", "%", ".1f", "starts"),
         ),
@@ -117,12 +119,7 @@ class Basins(Result):
     def portrait(self, motion: EndMotion) -> tuple[FloatArray, FloatArray]:
         """``(n,)`` gap (m) and its rate (m/s) through the turns of a motion."""
         turn_map = StroboscopicMap(self.law, self.parameters, self.rpm * RPM)
-        gap, rate = motion.states[-1].tolist()
-        state: FollowerState | None = None
-        if (gap, rate) != (0.0, 0.0):
-            s, slope = self.law.motion[:2, -1, -1]
-            place, velocity = float(s) + gap, float(slope) * turn_map.speed + rate
-            state = FollowerState(place, velocity, 0.0, in_contact=False, inner=(gap, rate))
+        state = turn_map.follower(motion.states[-1].tolist())
         turns = len(motion.states)
         stop = round(turns * turn_map.duration * NS)
         sample_rate = round(POINTS / turn_map.duration)
@@ -158,6 +155,7 @@ class Starts:
             period=found.period,
             landings_per_turn=float(run.landings[-turns:].mean()),
             exponent=found.exponent,
+            exponent_error=found.error,
             hardest=float(run.hardest[-turns:].max()),
             share=0.0,
             states=run.states[-turns:],
@@ -203,6 +201,7 @@ def basins(
     if grid < 2:
         raise ConfigError(f"grid: is {grid}; allowed: 2 or more starts along each side")
     p, speed = bouncing(rig, restitution), speeds_within(rpm)[0] * RPM
+    assert isinstance(p, FollowerParameters)  # starts over gap and rate are those of one mass
     expect_many()
     gap, opening = _axes(law, p, speed, grid)
     lines = [[(float(one), float(rate)) for one in gap] for rate in opening]

@@ -1,4 +1,4 @@
-"""Periodic bouncing, stable or not, followed over the cam's speed, and where it changes.
+"""Periodic bouncing, stable or not, followed over what is swept, and where it changes.
 
 A motion of period n is a root of Pⁿ(x) − x of the turn's map P, found by Newton's iteration with
 the exact derivative, whose eigenvalues are its multipliers. A branch is followed by its arc length
@@ -10,17 +10,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from cam_rig.dynamics.parameters import FollowerParameters
-from cam_rig.dynamics.turn_map import StroboscopicMap
+from cam_rig.bounce.sweep import OperatingPoint, Sweep
+from cam_rig.dynamics.turn_map import State, StroboscopicMap
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
-from cam_rig.units import FloatArray, to_rpm
+from cam_rig.units import FloatArray
 
 #: A root is one where an iteration moves by no more than this part of lift and speed; what is not
 #: so after so many is none.
@@ -29,14 +29,14 @@ CONVERGED, ITERATIONS = 1e-13, 20
 LEFT = 1e-10
 #: First, shortest and longest step along a branch, in parts of lift and speed; and most of them.
 FIRST, SHORTEST, LONGEST, MOST_STEPS = 1e-3, 1e-9, 5e-3, 2000
-#: Relative step of speed for the derivative by it, which an iteration takes, and no result.
+#: Relative step of what is swept for the derivative by it, which an iteration takes, and no result.
 NUDGE = 1e-7
 #: Halves of a period are alike to this part of the lift times the speed where it is born; and so
 #: far beyond an end of a branch another number of landings is looked for.
 ALIKE, BEYOND = 1e-3, (1e-8, 1e-7, 1e-6, 1e-5)
-#: To this part of itself the speed of a bifurcation is told.
+#: To this part of itself the place of a bifurcation is told.
 TOLD = 1e-6
-#: Motions at one speed whose hardest landings differ by no more than this part are one.
+#: Motions at one place whose hardest landings differ by no more than this part are one.
 SAME = 1e-3
 #: A derivative that changes by more than this part of itself so near to an end leaps there.
 LEAP = 1e-2
@@ -44,14 +44,16 @@ LEAP = 1e-2
 PASSES = 1e-5
 
 LIFT_OFF, FLIP, FOLD = "first lift-off", "period doubling", "fold"
-GRAZE, CORNER, LOST = "grazing", "corner", "not told"
+SPIRAL, GRAZE, CORNER, LOST = "Neimark-Sacker", "grazing", "corner", "not told"
 WORDS = {
-    LIFT_OFF: "below, the follower stays on the cam; above, it flies and bounces, and at first "
-    "comes to rest in each turn",
+    LIFT_OFF: "on one side the follower stays on the cam; on the other it flies and bounces, and "
+    "at first comes to rest in each turn",
     FLIP: "a multiplier is −1: beyond, the motion of this period is unstable, and one of twice the "
     "period begins or ends",
     FOLD: "a multiplier is +1: a stable and an unstable motion meet here, and beyond there is "
     "neither",
+    SPIRAL: "two conjugate multipliers have the size 1: beyond, the motion is unstable, and turns "
+    "go round it on a closed curve, which of two masses alone they can",
     GRAZE: "a landing of zero velocity: beyond, a turn has another number of landings",
     CORNER: "a landing is on a joint where the law's acceleration jumps: the multipliers jump with "
     "it, and a motion may end or change its stability",
@@ -61,19 +63,14 @@ WORDS = {
 
 @dataclass(frozen=True, eq=False)
 class PeriodicMotion:
-    """A periodic motion at one speed."""
+    """A periodic motion."""
 
-    speed: float  #: rad/s
-    states: FloatArray  #: ``(n, 2)`` gap (m) and its rate (m/s) at the end of each turn
-    derivative: FloatArray  #: ``(2, 2)`` over the period
+    point: OperatingPoint
+    states: FloatArray  #: at the end of each turn, as `TurnsRun.states` has them
+    derivative: FloatArray  #: ``(n, n)`` over the period, n = 2 for one mass, 4 for two
     landings: int  #: in the period
     hardest: float  #: m/s against the cam
     softest: float  #: m/s
-
-    @property
-    def rpm(self) -> float:
-        """The cam's speed, rpm."""
-        return float(to_rpm(self.speed))
 
     @property
     def period(self) -> int:
@@ -81,13 +78,13 @@ class PeriodicMotion:
         return len(self.states)
 
     @property
-    def state(self) -> tuple[float, float]:
+    def state(self) -> State:
         """Where a period begins and ends."""
-        return float(self.states[-1, 0]), float(self.states[-1, 1])
+        return tuple(self.states[-1].tolist())
 
     @property
     def multipliers(self) -> NDArray[np.complex128]:
-        """``(2,)`` what a small change is multiplied by in a period."""
+        """``(n,)`` what a small change is multiplied by in a period."""
         return np.linalg.eigvals(self.derivative).astype(np.complex128)
 
     @property
@@ -103,20 +100,26 @@ class PeriodicMotion:
     @property
     def flip(self) -> float:
         """Zero where a multiplier is −1."""
-        return 1.0 + float(np.trace(self.derivative)) + float(np.linalg.det(self.derivative))
+        return float(np.linalg.det(np.eye(len(self.derivative)) + self.derivative))
 
     @property
     def fold(self) -> float:
         """Zero where a multiplier is +1."""
-        return 1.0 - float(np.trace(self.derivative)) + float(np.linalg.det(self.derivative))
+        return float(np.linalg.det(np.eye(len(self.derivative)) - self.derivative))
+
+    @property
+    def spiral(self) -> float:
+        """Zero where two multipliers have a product of 1: a conjugate pair's size is 1 there."""
+        pairs = combinations(self.multipliers.tolist(), 2)
+        return float(np.prod([1.0 - a * b for a, b in pairs]).real)
 
 
 @dataclass(frozen=True)
 class Bifurcation:
-    """A speed at which a periodic motion changes its kind."""
+    """Where a periodic motion changes its kind."""
 
     kind: str
-    rpm: float
+    point: OperatingPoint
     period: int | None
     landings: int  #: in the period, before it
 
@@ -125,10 +128,11 @@ class Bifurcation:
         """What happens."""
         return WORDS[self.kind]
 
-    def same_as(self, other: Bifurcation) -> bool:
+    def same_as(self, other: Bifurcation, sweep: Sweep) -> bool:
         """Whether both are one, come upon twice."""
+        here, there = sweep.value(self.point), sweep.value(other.point)
         alike = self.kind == other.kind and self.period == other.period
-        return alike and abs(self.rpm - other.rpm) < TOLD * self.rpm
+        return alike and abs(here - there) < TOLD * sweep.size(here)
 
 
 class UnfoundMotionError(DynamicsError):
@@ -137,110 +141,112 @@ class UnfoundMotionError(DynamicsError):
 
 @dataclass
 class Family:
-    """The periodic motions of one mass with a period, at any speed."""
+    """The periodic motions of a period, at any value of what is swept."""
 
     law: Law
-    parameters: FollowerParameters
+    sweep: Sweep
     period: int
-    _scale: FloatArray = field(init=False)  #: of gap, rate and speed
+    _scale: FloatArray = field(init=False)  #: of the state's numbers and the value
 
-    def at(self, speed: float, state: tuple[float, float]) -> PeriodicMotion:
-        """The motion at a speed (rad/s) near a state, by Newton's iteration.
+    def at(self, value: float, state: State) -> PeriodicMotion:
+        """The motion at a value (SI) near a state, by Newton's iteration.
 
         Raises
         ------
         UnfoundMotionError : there is none
         """
-        self._scale = self._scale_of(speed, state)
-        start = np.array([*state, speed]) / self._scale
-        along = np.array([0.0, 0.0, 1.0])
-        return self._corrected(start, along, np.zeros(2))[0]
+        self._scale = self._scale_of(value, state)
+        start = np.array([*state, value]) / self._scale
+        along = np.eye(start.size)[-1]
+        return self._corrected(start, along, np.zeros(len(state)))[0]
 
     def followed(
         self, begin: PeriodicMotion, low: float, high: float, up: bool
     ) -> tuple[list[PeriodicMotion], list[Bifurcation]]:
-        """From a motion on, first up or down, to an end of the branch or of the speeds (rad/s)."""
-        self._scale = self._scale_of(begin.speed, begin.state)
+        """From a motion on, first up or down, to an end of the branch or of the values (SI)."""
+        value = self.sweep.value(begin.point)
+        self._scale = self._scale_of(value, begin.state)
         motions, found = [begin], list[Bifurcation]()
-        here, length = np.array([*begin.state, begin.speed]) / self._scale, FIRST
-        by_speed = self._by_speed(here)
-        along = self._tangent(begin, by_speed, np.array([0.0, 0.0, 1.0 if up else -1.0]))
+        here, length = np.array([*begin.state, value]) / self._scale, FIRST
+        by_value = self._by_value(here)
+        along = self._tangent(begin, by_value, np.eye(here.size)[-1] * (1.0 if up else -1.0))
         for _ in range(MOST_STEPS):
             try:
-                motion, there = self._corrected(here + length * along, along, by_speed)
+                motion, there = self._corrected(here + length * along, along, by_value)
                 whole = motion.landings == motions[-1].landings
-                met = list(self._between(motions[-1], motion, here, along, by_speed, length))
+                met = list(self._between(motions[-1], motion, here, along, by_value, length))
             except DynamicsError:
                 whole, met = False, []
             if not whole:
                 length *= 0.5
                 if length < SHORTEST:
-                    found.append(self._end(motions[-1], here, along))
+                    found += self._end(motions[-1], here, along)
                     break
                 continue
             motions.append(motion)
             found += met
-            if not low <= motion.speed <= high:
+            if not low <= self.sweep.value(motion.point) <= high:
                 break
             here = there
             if length > 10.0 * NUDGE:  # else differences would reach over a corner
-                by_speed = self._by_speed(there)
-            along = self._tangent(motion, by_speed, along)
+                by_value = self._by_value(there)
+            along = self._tangent(motion, by_value, along)
             length = min(1.5 * length, LONGEST)
         return motions, found
 
-    def _scale_of(self, speed: float, state: tuple[float, float]) -> FloatArray:
-        """``(3,)`` the sizes of a gap, of its rate and of a speed."""
-        lift = self.law.lift
-        return np.array([max(lift, state[0]), max(lift * speed, abs(state[1])), speed])
+    def _scale_of(self, value: float, state: State) -> FloatArray:
+        """``(n + 1,)`` the sizes of a state's numbers and of what is swept."""
+        point = self.sweep.at(value)
+        usual = StroboscopicMap(self.law, point.parameters, point.speed).scale
+        return np.append(np.maximum(usual, np.abs(state)), self.sweep.size(value))
 
     def _run(self, at: FloatArray) -> tuple[FloatArray, PeriodicMotion]:
-        """Where a scaled (gap, rate, speed) comes to in a period, scaled, and as a motion."""
-        gap, rate, speed = (at * self._scale).tolist()
-        run = StroboscopicMap(self.law, self.parameters, speed).run(
-            self.period, (max(gap, 0.0), rate)
-        )
+        """Where a scaled (state, value) comes to in a period, scaled, and as a motion."""
+        gap, *others, value = (at * self._scale).tolist()
+        point = self.sweep.at(value)
+        turn_map = StroboscopicMap(self.law, point.parameters, point.speed)
+        run = turn_map.run(self.period, (max(gap, 0.0), *others))
         motion = PeriodicMotion(
-            speed=speed,
+            point=point,
             states=run.states,
             derivative=run.derivative(),
             landings=int(run.landings.sum()),
             hardest=float(run.hardest.max()),
             softest=float(run.softest.min()),
         )
-        return run.states[-1] / self._scale[:2], motion
+        return run.states[-1] / self._scale[:-1], motion
 
-    def _by_speed(self, at: FloatArray) -> FloatArray:
-        """``(2,)`` derivative of `_run` by the scaled speed, by differences short of a graze."""
-        ahead = np.array([0.0, 0.0, NUDGE])
-        places = [at - ahead, at, at + ahead]
+    def _by_value(self, at: FloatArray) -> FloatArray:
+        """``(n,)`` derivative of `_run` by the scaled value, by differences short of a graze."""
+        ahead = np.eye(at.size)[-1] * NUDGE
+        places = [at - ahead if at[-1] > NUDGE else at, at, at + ahead]
         reached, motions = zip(*map(self._run, places), strict=True)
         first, last = (i if motions[i].landings == motions[1].landings else 1 for i in (0, 2))
-        return np.asarray((reached[last] - reached[first]) / (max(last - first, 1) * NUDGE))
+        apart = max(places[last][-1] - places[first][-1], NUDGE)
+        return np.asarray((reached[last] - reached[first]) / apart)
 
-    def _matrix(self, motion: PeriodicMotion, by_speed: FloatArray) -> FloatArray:
-        """``(2, 3)`` derivative of Pⁿ(x) − x, scaled."""
-        size = self._scale[:2]
-        own = motion.derivative * size / size[:, None] - np.eye(2)
-        return np.column_stack([own, by_speed])
+    def _matrix(self, motion: PeriodicMotion, by_value: FloatArray) -> FloatArray:
+        """``(n, n + 1)`` derivative of Pⁿ(x) − x, scaled."""
+        size = self._scale[:-1]
+        own = motion.derivative * size / size[:, None] - np.eye(size.size)
+        return np.column_stack([own, by_value])
 
     def _tangent(
-        self, motion: PeriodicMotion, by_speed: FloatArray, along: FloatArray
+        self, motion: PeriodicMotion, by_value: FloatArray, along: FloatArray
     ) -> FloatArray:
-        """``(3,)`` the branch's unit vector on the side of ``along``."""
-        found = np.cross(*self._matrix(motion, by_speed))
-        found = found if found @ along >= 0.0 else -found
-        return np.asarray(found / np.linalg.norm(found))
+        """``(n + 1,)`` the branch's unit vector on the side of ``along``."""
+        found = np.linalg.svd(self._matrix(motion, by_value))[2][-1]
+        return np.asarray(found if found @ along >= 0.0 else -found)
 
     def _corrected(
-        self, start: FloatArray, along: FloatArray, by_speed: FloatArray
+        self, start: FloatArray, along: FloatArray, by_value: FloatArray
     ) -> tuple[PeriodicMotion, FloatArray]:
-        """The motion on the plane through a start, normal to ``along``; and it as ``(3,)``."""
+        """The motion on the plane through a start, normal to ``along``; and it scaled."""
         at, last = start, math.inf
         for _ in range(ITERATIONS):
             reached, motion = self._run(at)
-            residual = np.array([*(reached - at[:2]), along @ (at - start)])
-            matrix = np.vstack([self._matrix(motion, by_speed), along])
+            residual = np.array([*(reached - at[:-1]), along @ (at - start)])
+            matrix = np.vstack([self._matrix(motion, by_value), along])
             try:
                 step = np.linalg.solve(matrix, -residual)
             except np.linalg.LinAlgError:
@@ -251,10 +257,10 @@ class Family:
             if not size < 1.0:
                 break
             at, last = at + step, size
-        rpm = to_rpm(float(start[2] * self._scale[2]))
+        near = self.sweep.words(float(start[-1] * self._scale[-1]))
         raise UnfoundMotionError(
-            f"no motion of period {self.period} is found near {rpm:.6g} rpm; allowed: a start "
-            "nearer to one"
+            f"no motion of period {self.period} is found near {near}; allowed: a start nearer to "
+            "one"
         )
 
     def _between(
@@ -263,37 +269,49 @@ class Family:
         after: PeriodicMotion,
         here: FloatArray,
         along: FloatArray,
-        by_speed: FloatArray,
+        by_value: FloatArray,
         length: float,
     ) -> Iterator[Bifurcation]:
         """What happens between two motions of a branch, a step apart."""
 
         def motion_at(part: float) -> PeriodicMotion:
-            return self._corrected(here + part * along, along, by_speed)[0]
+            return self._corrected(here + part * along, along, by_value)[0]
 
         tests: dict[str, Callable[[PeriodicMotion], float]] = {
             FLIP: lambda motion: motion.flip,
             FOLD: lambda motion: motion.fold,
+            SPIRAL: lambda motion: motion.spiral,
         }
         for kind, test in tests.items():
             if test(before) * test(after) < 0.0:
                 at = brentq(lambda part, f=test: f(motion_at(part)), 0.0, length, xtol=1e-15)
                 motion = motion_at(at)
+                if kind == SPIRAL and not motion.leading.imag:
+                    continue  # a real pair, of which one grows on either side
                 told = kind if abs(test(motion)) < PASSES else CORNER
-                yield Bifurcation(told, motion.rpm, self.period, motion.landings)
+                yield Bifurcation(told, motion.point, self.period, motion.landings)
                 if told == CORNER:
                     return  # both may leap there
 
-    def _end(self, last: PeriodicMotion, here: FloatArray, along: FloatArray) -> Bifurcation:
-        """Why a branch ends: its halves have become alike, or a landing is new or gone beyond."""
+    def _end(
+        self, last: PeriodicMotion, here: FloatArray, along: FloatArray
+    ) -> Iterator[Bifurcation]:
+        """Why a branch ends: its halves have become alike, or a landing is new or gone beyond.
+
+        Nothing where what is swept has its own end, as a restitution of 0 or 1.
+        """
         kind, (one, half) = LOST, divmod(self.period, 2)
         if (
             half == 0
             and np.abs(last.states[:one] - last.states[one:]).max() < ALIKE * self._scale[1]
         ):
-            return Bifurcation(FLIP, last.rpm, one, last.landings // 2)
+            yield Bifurcation(FLIP, last.point, one, last.landings // 2)
+            return
         for beyond in BEYOND:
-            motion = self._run(here + beyond * along)[1]
+            try:
+                motion = self._run(here + beyond * along)[1]
+            except DynamicsError:
+                return
             if motion.landings != last.landings:
                 kind = GRAZE
                 break
@@ -301,23 +319,26 @@ class Family:
             if change > LEAP * np.abs(last.derivative).max():
                 kind = CORNER
                 break
-        return Bifurcation(kind, last.rpm, self.period, last.landings)
+        yield Bifurcation(kind, last.point, self.period, last.landings)
 
 
 @dataclass(frozen=True, eq=False)
 class Branch:
-    """The periodic motions that are one curve over the speed, in order along it."""
+    """The periodic motions that are one curve over what is swept, in order along it."""
 
     motions: tuple[PeriodicMotion, ...]
     bifurcations: tuple[Bifurcation, ...]
+    sweep: Sweep
 
     def holds(self, motion: PeriodicMotion) -> bool:
         """Whether a motion is on it: between two of its own, and as hard."""
         if motion.period != self.motions[0].period:
             return False
+        at = self.sweep.value(motion.point)
         for a, b in pairwise(self.motions):
-            if (a.speed - motion.speed) * (b.speed - motion.speed) <= 0.0 and a.speed != b.speed:
-                part = (motion.speed - a.speed) / (b.speed - a.speed)
+            low, high = self.sweep.value(a.point), self.sweep.value(b.point)
+            if (low - at) * (high - at) <= 0.0 and low != high:
+                part = (at - low) / (high - low)
                 hardest = a.hardest + part * (b.hardest - a.hardest)
                 if abs(hardest - motion.hardest) < SAME * hardest:
                     return True
@@ -325,33 +346,33 @@ class Branch:
 
 
 def branch_through(
-    law: Law, parameters: FollowerParameters, begin: PeriodicMotion, low: float, high: float
+    law: Law, sweep: Sweep, begin: PeriodicMotion, low: float, high: float
 ) -> Branch:
-    """The branch of a motion, both ways, as far as it is between two speeds (rad/s)."""
-    family = Family(law, parameters, begin.period)
+    """The branch of a motion, both ways, as far as it is between two values (SI)."""
+    family = Family(law, sweep, begin.period)
     down, found_below = family.followed(begin, low, high, up=False)
     up, found_above = family.followed(begin, low, high, up=True)
-    return Branch((*down[:0:-1], *up), (*found_below[::-1], *found_above))
+    return Branch((*down[:0:-1], *up), (*found_below[::-1], *found_above), sweep)
 
 
 def branches(
     law: Law,
-    parameters: FollowerParameters,
-    seen: Sequence[tuple[float, tuple[float, float], int]],
+    sweep: Sweep,
+    seen: Sequence[tuple[float, State, int]],
     low: float,
     high: float,
 ) -> tuple[Branch, ...]:
-    """Every branch between two speeds (rad/s) that has one of some motions.
+    """Every branch between two values (SI) that has one of some motions.
 
-    Of each its speed (rad/s), a state and its period; those that an iteration does not find, and
-    that are on a branch already, begin none.
+    Of each its value, a state and its period; those that an iteration does not find, and that are
+    on a branch already, begin none.
     """
     found = list[Branch]()
-    for speed, state, period in seen:
+    for value, state, period in seen:
         try:
-            motion = Family(law, parameters, period).at(speed, state)
+            motion = Family(law, sweep, period).at(value, state)
         except UnfoundMotionError:
             continue
         if not any(branch.holds(motion) for branch in found):
-            found.append(branch_through(law, parameters, motion, low, high))
+            found.append(branch_through(law, sweep, motion, low, high))
     return tuple(found)

@@ -21,8 +21,24 @@ if TYPE_CHECKING:
 SPEEDS, FROM, TO = 121, 0.9, 1.8
 
 
+class Masses(Enum):
+    """What bounces."""
+
+    ONE_MASS = "one_mass"
+    TWO_MASS = "two_mass"
+
+
+class Over(Enum):
+    """What is swept."""
+
+    RPM = "rpm"
+    RESTITUTION = "restitution"
+    PRELOAD = "preload"
+    MASS = "mass"
+
+
 class Start(Enum):
-    """Where each speed begins."""
+    """Where each row begins."""
 
     REST = "rest"
     BELOW = "below"
@@ -37,20 +53,34 @@ Speeds = Annotated[
 Restitution = Annotated[
     float | None, typer.Option(help="Of a landing, from 0 to below 1; by default the rig's.")
 ]
+Follower = Annotated[
+    Masses,
+    typer.Option("--model", help="One rigid mass, or a roller and an end mass on an elastic stem."),
+]
+Swept = Annotated[
+    Over, typer.Option("--over", help="What is swept; other than rpm at one speed, over --range.")
+]
+Range = Annotated[
+    str | None,
+    typer.Option(
+        "--range",
+        help="Values of what is swept at one speed: 0:0.9:0.01, of a preload in N, a mass in kg.",
+    ),
+]
 Kept = Annotated[int, typer.Option(min=20, help="Turns that are kept.")]
 Settle = Annotated[int, typer.Option(min=0, help="Turns before these.")]
 From = Annotated[
     Start,
     typer.Option(
-        "--from", help="Each speed begins on the cam (rest), or where the one below or above ended."
+        "--from", help="Each row begins on the cam (rest), or where the one below or above ended."
     ),
 ]
 Follow = Annotated[
     bool,
     typer.Option(
         "--follow",
-        help="Follow the periodic motions met at these speeds, stable or not, and find where each "
-        "changes; more speeds meet more.",
+        help="Follow the periodic motions met in these rows, stable or not, and find where each "
+        "changes; more rows meet more.",
     ),
 ]
 BasinsToo = Annotated[
@@ -64,6 +94,9 @@ def bounce(
     rig: Rig = "tm21",
     rpm: Speeds = None,
     restitution: Restitution = None,
+    model: Follower = Masses.ONE_MASS,
+    over: Swept = Over.RPM,
+    values: Range = None,
     turns: Kept = 200,
     settle: Settle = 300,
     start: From = Start.REST,
@@ -74,14 +107,15 @@ def bounce(
     *,
     progress: Progress,
 ) -> Result:
-    """Find how a rigid follower bounces at each speed: at rest, periodic or irregular.
+    """Find how a follower bounces at each speed: at rest, periodic or irregular.
 
     Landings are roots and flights closed forms, so the Lyapunov exponent comes from the exact
     derivative of each turn, not from a time series. A level beside it says what a sound-level
     meter shows, and how far it wanders from turn to turn. From below and from above differ where
-    two motions are possible at one speed.
+    two motions are possible at one speed. At one speed --over sweeps restitution, preload or mass.
 
-    In Python: cam_rig.bounce_map(law, rig, rpm, restitution, turns, settle, start, follow)
+    In Python: cam_rig.bounce_map(law, rig, rpm, restitution, model, over, values, turns, settle,
+    start, follow)
 
     Examples
     --------
@@ -90,6 +124,8 @@ def bounce(
     cam-rig bounce tm21 --restitution 0.7 --rpm 380:500:1 --from above --csv out/bounce.csv
 
     cam-rig bounce tm21 --restitution 0.7 --rpm 385:480:1 --follow --plot out/branches.svg
+
+    cam-rig bounce tm21 --rpm 450 --over restitution --range 0.3:0.9:0.005 --csv out/by_e.csv
 
     cam-rig bounce tm21 --restitution 0.7 --rpm 420 --basins --plot out/basins.png
     """
@@ -105,23 +141,41 @@ def bounce(
     loaded = load_cam(path)
     require_sprung(path, loaded)
     law = law_of(path, loaded)
-    speeds = _around_jump(law, on) if rpm is None else speeds_in(rpm)
+    speeds = _around_jump(law, on, model) if rpm is None else speeds_in(rpm)
     if basins:
+        if model != Masses.ONE_MASS:
+            raise ConfigError(
+                "--basins: of two masses, whose starts are four numbers; allowed: one"
+            )
         return _basins(law, on, speeds, restitution, jobs, dask, progress)
-    find = partial(bounce_map, law, on, rpm=speeds, restitution=restitution, turns=turns)
-    find = partial(find, settle=settle, start=start.value, follow=follow, progress=progress)
-    if start != Start.REST or len(speeds) == 1:
+    find = partial(bounce_map, law, on, rpm=speeds, restitution=restitution, model=model.value)
+    find = partial(find, over=over.value, values=_values(values), turns=turns, settle=settle)
+    find = partial(find, start=start.value, follow=follow, progress=progress)
+    if start != Start.REST or (over == Over.RPM and len(speeds) == 1):
         return find()
     with workplace(jobs, dask) as place:
         return find(executor=place.executor)
 
 
-def _around_jump(law: Law, rig: RigConfig) -> list[float]:
-    """Speeds (rpm) from below the jump speed to where a follower bounces far."""
-    from cam_rig.bounce.study import first_lift_off
-    from cam_rig.dynamics.parameters import FollowerParameters
+def _values(text: str | None) -> list[float] | None:
+    """What --range asks for."""
+    from cam_rig.simulation.asked import numbers_in
 
-    jump = first_lift_off(law, FollowerParameters.from_rig(rig))
+    if text is None:
+        return None
+    if not (found := numbers_in(text)):
+        raise ConfigError(f"--range {text}: allowed: 0.5, or 0.3,0.5, or 0:0.9:0.01 (from:to:step)")
+    return found
+
+
+def _around_jump(law: Law, rig: RigConfig, model: Masses) -> list[float]:
+    """Speeds (rpm) from below the jump speed to where a follower bounces far."""
+    from cam_rig.bounce.motion import bouncing
+    from cam_rig.bounce.sweep import OperatingPoint, Sweep
+    from cam_rig.units import RPM
+
+    any_speed = OperatingPoint(bouncing(rig, 0.0, model.value), RPM)
+    jump = Sweep(any_speed).lift_off(law, ()) / RPM
     if not 0.0 < jump < math.inf:
         raise ConfigError(
             f"cam {law.name!r}: has a jump speed of {jump:g} rpm, around which there are no "

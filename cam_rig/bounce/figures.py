@@ -11,8 +11,9 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
 from cam_rig.bounce.basins import Basins
-from cam_rig.bounce.motion import IN_CONTACT, IRREGULAR, NOT_TOLD, PERIODIC
-from cam_rig.bounce.study import BEGUN, BounceMap
+from cam_rig.bounce.motion import IRREGULAR, NOT_TOLD, PERIODIC
+from cam_rig.bounce.result import BounceMap
+from cam_rig.bounce.sweep import SPEED, SWEPT
 from cam_rig.show.figure import CAM_SPEED, empty, series_marker, styled, wrapped
 from cam_rig.show.looks import in_words
 
@@ -26,8 +27,8 @@ MOST = 6
 def figure(found: BounceMap) -> Figure:
     """A dot a turn for its hardest landing; the exponent with its error; the level with its span.
 
-    Branches that were followed are lines, dotted where the motion is unstable. The speed of the
-    first lift-off is marked where it is among the speeds.
+    Branches that were followed are lines, dotted where the motion is unstable. The first lift-off
+    is marked where it is within what is swept.
     """
     heard = found.rows[0].level_db is not None
     out = empty(5.6 if heard else 4.2)
@@ -36,29 +37,29 @@ def figure(found: BounceMap) -> Figure:
     _exponents(panels[1], found)
     if heard:
         _levels(panels[2], found)
-    rpm = [row.rpm for row in found.rows]
+    swept = found.swept(found.rows)
+    name, unit, one = SWEPT[found.sweep.over]
     for axes in panels:
-        if rpm[0] <= found.jump_rpm <= rpm[-1]:
-            axes.axvline(found.jump_rpm, color="0.3", ls=":", lw=0.9)
-    panels[-1].set(xlabel=CAM_SPEED)
-    e = found.parameters.restitution
-    words = (
-        f"{in_words(found.law.name)} on {found.rig.title}, restitution {e:g}, {BEGUN[found.start]}"
-    )
-    out.suptitle(wrapped(words))
+        if swept[0] <= found.lift_off / one <= swept[-1]:
+            axes.axvline(found.lift_off / one, color="0.3", ls=":", lw=0.9)
+    label = f"{name} [{unit}]" if unit else name
+    panels[-1].set(xlabel=CAM_SPEED if found.sweep.over == SPEED else label)
+    out.suptitle(wrapped(f"{in_words(found.law.name)} on {found.rig.title}, {found.held}"))
     out.legend(*panels[1].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     return out
 
 
 def _diagram(axes: Axes, found: BounceMap) -> None:
-    rpm = found.per_turn(lambda row: row.rpm)
+    swept = found.per_turn(found.swept(found.rows))
     hardest = np.concatenate([row.hardest for row in found.rows])
-    axes.plot(rpm, hardest, ls="", marker=".", ms=2.0, mew=0.0, color="0.1", rasterized=True)
+    axes.plot(swept, hardest, ls="", marker=".", ms=2.0, mew=0.0, color="0.1", rasterized=True)
     for branch in found.branches:
         for stable, run in groupby(branch.motions, lambda one: one.stable):
             motions = list(run)
-            x, y = [one.rpm for one in motions], [one.hardest for one in motions]
-            axes.plot(x, y, "-" if stable else ":", color="0.45", lw=0.8, zorder=1.5)
+            y = [one.hardest for one in motions]
+            axes.plot(
+                found.swept(motions), y, "-" if stable else ":", color="0.45", lw=0.8, zorder=1.5
+            )
     axes.set(ylabel="hardest landing\nof each turn [m/s]")
     axes.set_ylim(bottom=0.0)
 
@@ -68,22 +69,25 @@ def _exponents(axes: Axes, found: BounceMap) -> None:
     for i, kind in enumerate((IRREGULAR, NOT_TOLD, PERIODIC)):
         rows = [r for r in found.rows if r.motion == kind and np.isfinite(r.exponent)]
         if rows:
-            x, y = [r.rpm for r in rows], [r.exponent for r in rows]
-            errors = [r.exponent_error for r in rows]
-            axes.errorbar(x, y, errors, ls="", ms=2.4, lw=0.8, label=kind, **series_marker(i))
-    rests = [r.rpm for r in found.rows if r.motion == IN_CONTACT or r.rests]
+            y, errors = [r.exponent for r in rows], [r.exponent_error for r in rows]
+            axes.errorbar(
+                found.swept(rows), y, errors, ls="", ms=2.4, lw=0.8, label=kind, **series_marker(i)
+            )
+    rests = [r for r in found.rows if r.exponent == -np.inf]
     if rests:
         foot, at = axes.get_xaxis_transform(), np.full(len(rests), FOOT)
-        axes.plot(rests, at, "|", ms=4.0, color="0.3", transform=foot, label="−∞, on the cam")
+        axes.plot(
+            found.swept(rests), at, "|", ms=4.0, color="0.3", transform=foot, label="−∞, on the cam"
+        )
     axes.set(ylabel="exponent\n[1/turn]")
 
 
 def _levels(axes: Axes, found: BounceMap) -> None:
     level = np.array([row.level_db for row in found.rows], dtype=float)
     half = 0.5 * np.array([row.level_spread_db for row in found.rows], dtype=float)
-    rpm = np.array([row.rpm for row in found.rows])
-    axes.fill_between(rpm, level - half, level + half, color="0.75", lw=0.0)
-    axes.plot(rpm, level, color="0.1", lw=0.9)
+    swept = found.swept(found.rows)
+    axes.fill_between(swept, level - half, level + half, color="0.75", lw=0.0)
+    axes.plot(swept, level, color="0.1", lw=0.9)
     axes.set(ylabel="level, spread of\nturns [dB re 20 µPa]")
 
 

@@ -7,14 +7,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cam_rig.dynamics import MODELS, FollowerParameters
+from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.dynamics.turn_map import StroboscopicMap, TurnsRun
 from cam_rig.schema import RigConfig
 from cam_rig.units import FloatArray
 
+#: What bounces: one rigid mass, or a roller and an end mass on an elastic stem.
+Bouncing = FollowerParameters | TwoMassParameters
+ONE_MASS, TWO_MASS = "one_mass", "two_mass"
 IN_CONTACT, PERIODIC, IRREGULAR, NOT_TOLD = "in contact", "periodic", "irregular", "not told"
-#: Two turns are alike where gap and rate differ by no more than this part of the lift, and of the
-#: lift times the cam's speed.
+#: Two turns are alike where no number differs by more than this part of its size, as of the lift.
 ALIKE = 1e-9
 #: The longest period is this part of the turns that are kept: it is seen so often.
 SEEN = 4
@@ -26,51 +28,59 @@ BLOCKS, STUDENT = 10, 2.262
 class TurnMotion:
     """What a follower does, turn after turn.
 
-    The exponent is the mean logarithm by which a small change grows in a turn: −∞ where the
-    follower comes to rest on the cam, on which it has no freedom; NaN where nothing is told.
+    An exponent is the mean logarithm by which a small change grows in a turn, the largest first.
+    What meets the cam and comes to rest there has no freedom: of one mass both are −∞, of two
+    masses the last two, and the others are of the end mass on its stem. NaN: nothing is told.
     """
 
     kind: str
     period: int | None  #: turns after which it repeats
     settled: int | None  #: the turn from which on it does
-    exponent: float  #: 1/turn
-    error: float  #: of the exponent, 95 %, by its convergence over the turns
+    exponents: tuple[float, ...]  #: 1/turn
+    error: float  #: of the largest, 95 %, by its convergence over the turns
+
+    @property
+    def exponent(self) -> float:
+        """The largest."""
+        return self.exponents[0]
 
 
-def bouncing(rig: RigConfig, restitution: float | None) -> FollowerParameters:
-    """One rigid mass of a rig, with another restitution than its own, or with its own for None.
+def bouncing(rig: RigConfig, restitution: float | None, model: str = ONE_MASS) -> Bouncing:
+    """A rig's follower, with another restitution than its own, or with its own for None.
 
     Raises
     ------
     ConfigError : neither tells a restitution
     """
     if restitution is None:
-        found: FollowerParameters = MODELS["one_mass"].parameters(rig)
-        return found
-    return replace(FollowerParameters.from_rig(rig), restitution=restitution)
+        rig.need("restitution", "bouncing", "give --restitution, in Python restitution")
+    kind = TwoMassParameters if model == TWO_MASS else FollowerParameters
+    found = kind.from_rig(rig)
+    return found if restitution is None else replace(found, restitution=restitution)
 
 
 def motion_of(turn_map: StroboscopicMap, run: TurnsRun, kept: int) -> TurnMotion:
     """The motion in the last ``kept`` turns of a run."""
-    landings, on_cam = run.landings[-kept:], run.on_cam[-kept:]
-    if not landings.any():
-        if not on_cam.all():  # it flies, and did not land in all these turns
-            return TurnMotion(NOT_TOLD, None, None, math.nan, math.nan)
-        first = int(np.flatnonzero(run.landings)[-1]) + 1 if run.landings.any() else 0
-        return TurnMotion(IN_CONTACT, None, first, -math.inf, 0.0)
-    states = run.states / (turn_map.law.lift * np.array([1.0, turn_map.speed]))
+    landings, untold = run.landings[-kept:], (math.nan,) * run.size
+    if not landings.any() and not run.on_cam[-kept:].all():  # it flies, and did not land
+        return TurnMotion(NOT_TOLD, None, None, untold, math.nan)
+    states = run.states / turn_map.scale
     period = _period(states[-kept:])
     if period is None:
-        return _without_period(run.growth[-kept:, 0])
+        return _without_period(run.growth[-kept:])
     apart = np.abs(states[period:] - states[:-period]).max(axis=1)
     settled = int(np.flatnonzero(apart > ALIKE)[-1]) + 1 if (apart > ALIKE).any() else 0
     last, before = (_exponent(run.derivatives[i:][:period]) for i in (-period, -2 * period))
     error = abs(last - before) if math.isfinite(last) else 0.0
-    return TurnMotion(PERIODIC, period, settled, last, error)
+    exponents = _with_others(last, run.growth[-(kept - kept % period) :].mean(axis=0))
+    if landings.any():
+        return TurnMotion(PERIODIC, period, settled, exponents, error)
+    landed = int(np.flatnonzero(run.landings)[-1]) + 1 if run.landings.any() else 0
+    return TurnMotion(IN_CONTACT, None, max(settled, landed), exponents, error)
 
 
 def _period(states: FloatArray) -> int | None:
-    """The fewest turns after which states ``(n, 2)`` repeat in all the second half of them."""
+    """The fewest turns after which states ``(turns, n)`` repeat in all the second half of them."""
     half = len(states) // 2
     for turns in range(1, len(states) // SEEN + 1):
         if np.abs(states[-half:] - states[-half - turns : -turns]).max() <= ALIKE:
@@ -80,18 +90,32 @@ def _period(states: FloatArray) -> int | None:
 
 def _exponent(derivatives: FloatArray) -> float:
     """Ln |μ| a turn, of the largest multiplier of a period."""
-    product = np.eye(2)
+    product = np.eye(derivatives.shape[1])
     for one in derivatives:
         product = one @ product
     largest = float(np.abs(np.linalg.eigvals(product)).max())
     return math.log(largest) / len(derivatives) if largest > 0.0 else -math.inf
 
 
+def _with_others(largest: float, growth: FloatArray) -> tuple[float, ...]:
+    """The others by what directions grow by: two together as areas do, a pair of multipliers too.
+
+    The smallest multipliers of a long product are below its rounding.
+    """
+    if largest == -math.inf:
+        return (largest,) * growth.size
+    first, second, *rest = growth.tolist()
+    return (largest, first + second - largest, *rest)
+
+
 def _without_period(growth: FloatArray) -> TurnMotion:
-    """Irregular if the mean growth ``(n,)`` is above its error; else nothing is told."""
-    if not np.isfinite(growth).all():  # a turn began on the cam, or rests there now and then
-        return TurnMotion(NOT_TOLD, None, None, math.nan, math.nan)
-    means = np.array([block.mean() for block in np.array_split(growth, BLOCKS)])
-    exponent = float(growth.mean())
+    """Irregular if the mean of the largest growth is above its error; else nothing is told."""
+    largest = growth[:, 0]
+    if not np.isfinite(largest).all():  # a turn began on the cam, or rests there now and then
+        untold = (math.nan,) * growth.shape[1]
+        return TurnMotion(NOT_TOLD, None, None, untold, math.nan)
+    means = np.array([block.mean() for block in np.array_split(largest, BLOCKS)])
+    exponents = tuple(growth.mean(axis=0).tolist())
     error = STUDENT * float(means.std(ddof=1)) / math.sqrt(BLOCKS)
-    return TurnMotion(IRREGULAR if exponent > error else NOT_TOLD, None, None, exponent, error)
+    kind = IRREGULAR if exponents[0] > error else NOT_TOLD
+    return TurnMotion(kind, None, None, exponents, error)

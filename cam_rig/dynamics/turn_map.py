@@ -1,11 +1,14 @@
-"""The map of a turn: from the gap and its rate at cam angle 0 to those a turn later.
+"""The map of a turn: from the follower at cam angle 0 to where it is a turn later.
 
-Between two landings the motion is known in closed form and a landing is a root, so the map and its
-derivative are exact to rounding: nothing is stepped and nothing is read off a time series.
+One mass is two numbers, the gap and its rate; two masses are two more, the stretch of the stem
+between them and its rate. Between two landings the motion is known in closed form and a landing is
+a root, so the map and its derivative are exact to rounding: nothing is stepped and nothing is read
+off a time series.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -17,11 +20,13 @@ from cam_rig.dynamics.events import turns as kernel
 from cam_rig.dynamics.events.course import EndlessEventsError
 from cam_rig.dynamics.events.law_table import RunRecord
 from cam_rig.dynamics.events.rows import zero_rows, zeros
-from cam_rig.dynamics.events.runs import RunTable
+from cam_rig.dynamics.events.runs import RunTable, stem_stretch
 from cam_rig.dynamics.events.search import form_of, plain_time
-from cam_rig.dynamics.interval import Interval
+from cam_rig.dynamics.interval import FollowerState, Interval
 from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.dynamics.parameters import FollowerParameters, require_number, require_turning
+from cam_rig.dynamics.two_mass.masses import TwoMassParameters
+from cam_rig.dynamics.two_mass.trajectory import Separation
 from cam_rig.dynamics.velocity_jumps import short_of_velocity_jump
 from cam_rig.laws import Law
 from cam_rig.units import NS, TURN, FloatArray
@@ -31,68 +36,74 @@ from cam_rig.units import NS, TURN, FloatArray
 ROOM, CHUNK = 64, 100
 #: The follower on the cam: no gap, and none that opens.
 ON_THE_CAM = (0.0, 0.0)
+#: The numbers at cam angle 0, SI, two of one mass and four of two.
+State = tuple[float, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class TurnsRun:
-    """What n turns gave, in order."""
+    """What turns gave, in order, of a follower that is n numbers."""
 
-    rows: FloatArray  #: ``(n, 15)``, as in `cam_rig.dynamics.events.turns`
+    rows: FloatArray  #: ``(turns, 5 + 2 n + n²)``, as in `cam_rig.dynamics.events.turns`
+    size: int  #: n
 
     @property
     def states(self) -> FloatArray:
-        """``(n, 2)`` gap (m) and the speed at which it opens (m/s) at each turn's end."""
-        return self.rows[:, kernel.ENDS : kernel.ENDS + 2]
+        """``(turns, n)`` gap (m) and the speed at which it opens (m/s) at each turn's end.
+
+        Of two masses the stretch of the stem (m) and its rate (m/s) too.
+        """
+        return self.rows[:, kernel.ENDS : kernel.ENDS + self.size]
 
     @property
     def flies(self) -> FloatArray:
-        """``(n,)`` 1 where the follower is in the air at the turn's end, else 0."""
+        """``(turns,)`` 1 where the follower is in the air at the turn's end, else 0."""
         return self.rows[:, kernel.FLIES]
 
     @property
     def landings(self) -> FloatArray:
-        """``(n,)`` landings of each turn."""
+        """``(turns,)`` landings of each turn."""
         return self.rows[:, kernel.LANDINGS]
 
     @property
     def hardest(self) -> FloatArray:
-        """``(n,)`` speed (m/s) against the cam of each turn's fastest landing; 0 without one."""
+        """``(turns,)`` speed (m/s) against the cam of the fastest landing; 0 without one."""
         return self.rows[:, kernel.HARDEST]
 
     @property
     def softest(self) -> FloatArray:
-        """``(n,)`` that of its slowest landing; infinite without one."""
+        """``(turns,)`` that of its slowest landing; infinite without one."""
         return self.rows[:, kernel.SOFTEST]
 
     @property
     def on_cam(self) -> FloatArray:
-        """``(n,)`` seconds of contact in each turn."""
+        """``(turns,)`` seconds of contact in each turn."""
         return self.rows[:, kernel.ON_CAM]
 
     @property
     def growth(self) -> FloatArray:
-        """``(n, 2)`` logarithm by which each of two directions of change grows in a turn.
+        """``(turns, n)`` logarithm by which each of n directions of change grows in a turn.
 
-        Their sum is the logarithm of the contraction of areas, r² a landing and e^{−cT/m}; −∞ for
-        a turn with contact, in which every change dies out.
+        Their sum is the logarithm of the contraction of volumes: r² a landing, and what dampers
+        take. A turn with contact has two of −∞: what meets the cam has no freedom there.
         """
-        return self.rows[:, kernel.GROWTH : kernel.GROWTH + 2]
+        return self.rows[:, kernel.ENDS + self.size : kernel.ENDS + 2 * self.size]
 
     @property
     def derivatives(self) -> FloatArray:
-        """``(n, 2, 2)`` derivative of each turn's end by its beginning, SI."""
-        return self.rows[:, kernel.DERIVATIVE :].reshape(-1, 2, 2)
+        """``(turns, n, n)`` derivative of each turn's end by its beginning, SI."""
+        return self.rows[:, kernel.ENDS + 2 * self.size :].reshape(-1, self.size, self.size)
 
     def derivative(self) -> FloatArray:
-        """``(2, 2)``: that of the last end by the first beginning."""
-        product = np.eye(2)
+        """``(n, n)``: that of the last end by the first beginning."""
+        product = np.eye(self.size)
         for one in self.derivatives:
             product = one @ product
         return product
 
 
 class StroboscopicMap:
-    """One rigid mass on a law at one cam speed, turn after turn from cam angle 0.
+    """One rigid mass, or two on an elastic stem, at one speed, turn after turn from cam angle 0.
 
     Parameters
     ----------
@@ -105,28 +116,50 @@ class StroboscopicMap:
     DynamicsError : a speed that is none
     """
 
-    def __init__(self, law: Law, parameters: FollowerParameters, speed: float) -> None:
+    def __init__(
+        self, law: Law, parameters: FollowerParameters | TwoMassParameters, speed: float
+    ) -> None:
         require_turning(speed)
         self.law, self.parameters, self.speed = law, parameters, speed
         # A velocity jump at angle 0 is the next turn's: this one ends a rounding before it.
         self.duration = short_of_velocity_jump(law, TURN) / speed
-        interval = Interval(0, max(1, round(NS * self.duration)), 0.0, speed)
-        self._course = OneMassTrajectory(law, parameters, interval)
+        self._course: Separation | OneMassTrajectory
+        if isinstance(parameters, TwoMassParameters):
+            self.size, self._course = 4, Separation(law, parameters, speed)
+        else:
+            interval = Interval(0, max(1, round(NS * self.duration)), 0.0, speed)
+            self.size, self._course = 2, OneMassTrajectory(law, parameters, interval)
         self._table = lru_cache(self._made)
 
     def _made(self, arrays: bool) -> RunTable:
         return self._course.run_table(self.duration, arrays)
 
-    def run(self, turns: int, state: tuple[float, float] = ON_THE_CAM) -> TurnsRun:
-        """So many turns from a gap (m) and its rate (m/s); without either, from the cam.
+    @property
+    def scale(self) -> FloatArray:
+        """``(n,)`` sizes of a state's numbers; of the stem's what all forces together make."""
+        p, (lift, slope, bend) = self.parameters, self.law.bounds
+        sizes = [self.law.lift, self.law.lift * self.speed]
+        if isinstance(p, TwoMassParameters):
+            force = (p.roller_mass + p.end_mass) * bend * self.speed**2 + p.preload
+            force += p.damping * slope * self.speed + p.spring_stiffness * lift
+            most = force / p.stem_stiffness
+            sizes += [most, most * math.sqrt(p.stiffness / p.end_mass)]
+        return np.array(sizes)
+
+    def run(self, turns: int, state: State = ON_THE_CAM) -> TurnsRun:
+        """So many turns from a state as `TurnsRun.states` has it; by default on the cam.
+
+        A gap and a rate alone are of two masses whose end mass goes with the turning cam.
 
         Raises
         ------
         EndlessEventsError : a turn with more landings than any series has that dies out
         DynamicsError : a start below the cam
         """
-        now, frame = self._begin(*state), [1.0, 0.0]
-        rows, begun = np.zeros((turns, kernel.TURN_SIZE)), 0
+        now = self._begin(state)
+        # The end mass's directions first: those that are left on the cam.
+        frame = np.roll(np.eye(self.size), 2, axis=0)[: self.size - 1]
+        rows, begun = np.zeros((turns, kernel.ENDS + self.size * (2 + self.size))), 0
         while begun < turns:
             part = rows[begun : begun + CHUNK]
             if self._turn(now, frame, part) < len(part):
@@ -136,33 +169,57 @@ class StroboscopicMap:
                 )
             begun += len(part)
         rows.setflags(write=False)
-        return TurnsRun(rows)
+        return TurnsRun(rows, self.size)
 
-    def _begin(self, gap: float, opening: float) -> list[float]:
+    def follower(self, state: State) -> FollowerState:
+        """The follower at cam angle 0, as its model takes it."""
+        now = self._begin(state)
+        flies = now[at.FLYING] != 0.0
+        place, velocity = (a + b for a, b in zip(self._cam(), state, strict=False))
+        stem = now[at.STATE : at.STATE + (4 if flies else 2)] if self.size == 4 else []
+        known = state[:2] if flies else ()
+        return FollowerState(place, velocity, 0.0, not flies, inner=(*stem, *known))
+
+    def _cam(self) -> tuple[float, float]:
+        """S (m) and ṡ (m/s) where a turn begins, before a velocity jump at angle 0."""
+        s, slope = self.law.motion[:2, -1, -1].tolist()
+        return s, slope * self.speed
+
+    def _begin(self, state: State) -> list[float]:
+        gap, opening, *stem = state
         require_number("gap", gap, "≥ 0")
         require_number("opening", opening, "of either sign")
-        now = [0.0] * (at.STATE + 2)
-        if (gap, opening) != ON_THE_CAM:
-            # A turn begins before a velocity jump at angle 0: left limits.
-            s, slope = self.law.motion[:2, -1, -1]
-            now[at.STATE :] = [float(s) + gap, float(slope) * self.speed + opening]
+        now, (s, velocity) = [0.0] * (at.STATE + self.size), self._cam()
+        flies = (gap, opening) != ON_THE_CAM
+        if flies:
+            now[at.STATE : at.STATE + 2] = s + gap, velocity + opening
             at.fly_from(now, True, gap, opening)
+        if self.size == 2:
+            return now
+        run = self._table(False)
+        rest = stem_stretch(run, (0.0, 0.0), (s, velocity, 0.0))
+        w, rate = stem or rest
+        if flies:
+            y = s + gap + run.end_share * w, velocity + opening + run.end_share * rate
+            now[at.STATE :] = w, rate, *y
+        else:
+            now[at.STATE : at.STATE + 2] = w - rest[0], rate - rest[1]
         return now
 
-    def _turn(self, now: list[float], frame: list[float], rows: FloatArray) -> int:
-        """Fill the rows ``(n, 15)`` from a place that goes on, plain or compiled."""
+    def _turn(self, now: list[float], frame: FloatArray, rows: FloatArray) -> int:
+        """Fill the rows from a place that goes on, plain or compiled."""
         most, compiled = float(self._course.most_events), form_of(kernel.run_turns)
         if compiled is None:
             phases, events = zero_rows(ROOM, at.PHASE_SIZE), zero_rows(2 * ROOM, at.EVENT_SIZE)
-            lists = rows.tolist()
+            lists, turned = rows.tolist(), frame.tolist()
             with plain_time():
                 record = RunRecord(now, phases, events, zeros(2))
-                done = kernel.run_turns(self._table(False), record, frame, lists, most)
-            rows[:] = lists
+                done = kernel.run_turns(self._table(False), record, turned, lists, most)
+            rows[:], frame[:] = lists, turned
             return done
-        place, turned = np.array(now), np.array(frame)
+        place = np.array(now)
         made = np.empty((ROOM, at.PHASE_SIZE)), np.empty((2 * ROOM, at.EVENT_SIZE))
         numbers: Any = (place, *made, np.zeros(2))
-        found: int = compiled(self._table(True), RunRecord(*numbers), turned, rows, most)
-        now[:], frame[:] = place.tolist(), turned.tolist()
+        found: int = compiled(self._table(True), RunRecord(*numbers), frame, rows, most)
+        now[:] = place.tolist()
         return found

@@ -134,17 +134,21 @@ def scene_speeds(scene: str | Path, most: int) -> list[float]:
     return spread(speeds_of(load_scene(named_path("scenes", scene))), most)
 
 
-def speeds_in(text: str) -> list[float]:
-    """Speeds in rpm of "300", "200,300" or "200:400:10", the last one included."""
+def numbers_in(text: str) -> list[float]:
+    """Numbers of "0.5", "0.3,0.5" or "0:0.9:0.1", the last one included; none of another text."""
     try:
         if ":" in text:
             low, high, step = map(float, text.split(":"))
             count = math.floor((high - low) / step + 1e-9) + 1
-            found = [low + i * step for i in range(min(count, MAX_SPEEDS + 1))]
-        else:
-            found = sorted({float(word) for word in text.split(",")})
+            return [low + i * step for i in range(min(count, MAX_SPEEDS + 1))]
+        return sorted({float(word) for word in text.split(",")})
     except (ValueError, ZeroDivisionError, OverflowError):
-        found = []
+        return []
+
+
+def speeds_in(text: str) -> list[float]:
+    """Speeds in rpm of "300", "200,300" or "200:400:10", the last one included."""
+    found = numbers_in(text)
     if not (found and 0.0 < min(found) <= max(found) <= FASTEST_RPM and len(found) <= MAX_SPEEDS):
         raise ConfigError(
             f"--rpm {text}: allowed: 300, or 200,300, or 200:400:10 (from:to:step), each above 0 "

@@ -15,11 +15,16 @@ from cam_rig.bounce.branches import (
     branch_through,
     branches,
 )
+from cam_rig.bounce.sweep import OperatingPoint, Sweep
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.turn_map import StroboscopicMap
 from cam_rig.units import RPM
 
 BESIDE = 1e-6
+
+
+def by_speed(follower):
+    return Sweep(OperatingPoint(follower, 1.0))
 
 
 @pytest.fixture(scope="module")
@@ -32,8 +37,8 @@ def follower():
 def four(laws, follower):
     """The branch of four landings a turn of the paper's cam, from 410 to 520 rpm."""
     state = StroboscopicMap(laws["tm21"], follower, 450.0 * RPM).run(200).states[-1]
-    begin = Family(laws["tm21"], follower, 1).at(450.0 * RPM, tuple(state))
-    return branch_through(laws["tm21"], follower, begin, 410.0 * RPM, 520.0 * RPM)
+    begin = Family(laws["tm21"], by_speed(follower), 1).at(450.0 * RPM, tuple(state))
+    return branch_through(laws["tm21"], by_speed(follower), begin, 410.0 * RPM, 520.0 * RPM)
 
 
 def of_kind(branch, kind):
@@ -42,14 +47,14 @@ def of_kind(branch, kind):
 
 def nearest(branch, rpm, stable=None):
     motions = [one for one in branch.motions if stable in (None, one.stable)]
-    return min(motions, key=lambda one: abs(one.rpm - rpm))
+    return min(motions, key=lambda one: abs(one.point.rpm - rpm))
 
 
 def test_every_motion_repeats(four, laws, follower):
     """A period from its state leads back to it, and has its landings."""
     for motion in four.motions[::10]:
-        run = StroboscopicMap(laws["tm21"], follower, motion.speed).run(1, motion.state)
-        scale = laws["tm21"].lift * np.array([1.0, motion.speed])
+        run = StroboscopicMap(laws["tm21"], follower, motion.point.speed).run(1, motion.state)
+        scale = laws["tm21"].lift * np.array([1.0, motion.point.speed])
         assert np.abs((run.states[0] - motion.state) / scale).max() < 1e-9
         assert run.landings.sum() == motion.landings == 4
 
@@ -57,16 +62,16 @@ def test_every_motion_repeats(four, laws, follower):
 def test_a_doubling_is_told_to_a_millionth(four, laws, follower):
     """A part in 1e6 slower it is stable, faster it is not; a motion of twice the period begins."""
     (flip,) = of_kind(four, FLIP)
-    family, near = Family(laws["tm21"], follower, 1), nearest(four, flip.rpm)
+    family, near = Family(laws["tm21"], by_speed(follower), 1), nearest(four, flip.point.rpm)
     below, above = (
-        family.at(flip.rpm * RPM * (1.0 + side * BESIDE), near.state) for side in (-1.0, 1.0)
+        family.at(flip.point.rpm * RPM * (1.0 + side * BESIDE), near.state) for side in (-1.0, 1.0)
     )
     assert below.stable
     assert not above.stable
     assert above.multipliers.real.min() == pytest.approx(-1.0, abs=1e-4)
-    speed = flip.rpm * RPM * (1.0 + 1e-3)
+    speed = flip.point.rpm * RPM * (1.0 + 1e-3)
     state = StroboscopicMap(laws["tm21"], follower, speed).run(600, near.state).states[-1]
-    double = Family(laws["tm21"], follower, 2).at(speed, tuple(state))
+    double = Family(laws["tm21"], by_speed(follower), 2).at(speed, tuple(state))
     assert double.stable
     assert np.abs(double.states[0] - double.states[1]).max() > 1e-4
 
@@ -74,19 +79,20 @@ def test_a_doubling_is_told_to_a_millionth(four, laws, follower):
 def test_a_fold_is_told_to_a_millionth(four, laws, follower):
     """A part in 1e6 faster there are two motions, one of them stable, and slower there is none."""
     (fold,) = of_kind(four, FOLD)
-    family, speed = Family(laws["tm21"], follower, 1), fold.rpm * RPM * (1.0 + BESIDE)
-    side = [nearest(four, fold.rpm + 0.02, stable).state for stable in (True, False)]
+    family = Family(laws["tm21"], by_speed(follower), 1)
+    speed = fold.point.rpm * RPM * (1.0 + BESIDE)
+    side = [nearest(four, fold.point.rpm + 0.02, stable).state for stable in (True, False)]
     found = [family.at(speed, state) for state in side]
     assert [one.stable for one in found] == [True, False]
     with pytest.raises(UnfoundMotionError, match="no motion of period 1 is found near 418"):
-        family.at(fold.rpm * RPM * (1.0 - BESIDE), found[0].state)
+        family.at(fold.point.rpm * RPM * (1.0 - BESIDE), found[0].state)
 
 
 def test_a_graze_is_a_landing_that_comes(four, laws, follower):
     """Past the branch's end a start from its last motion lands once more, at hardly any speed."""
     (graze,) = of_kind(four, GRAZE)
-    last = nearest(four, graze.rpm)
-    beyond = StroboscopicMap(laws["tm21"], follower, graze.rpm * RPM * (1.0 + BESIDE))
+    last = nearest(four, graze.point.rpm)
+    beyond = StroboscopicMap(laws["tm21"], follower, graze.point.rpm * RPM * (1.0 + BESIDE))
     run = beyond.run(1, last.state)
     assert run.landings[0] == last.landings + 1
     assert run.softest[0] < 0.02 * last.softest
@@ -94,9 +100,9 @@ def test_a_graze_is_a_landing_that_comes(four, laws, follower):
 
 def test_what_is_on_a_branch_begins_no_other(four, laws, follower):
     """Two motions of one curve, and one that is none, give one branch."""
-    seen = [(m.speed, m.state, 1) for m in (four.motions[60], four.motions[120])]
+    seen = [(m.point.speed, m.state, 1) for m in (four.motions[60], four.motions[120])]
     seen.append((380.0 * RPM, (0.5, 3.0), 1))
-    found = branches(laws["tm21"], follower, seen, 440.0 * RPM, 452.0 * RPM)
+    found = branches(laws["tm21"], by_speed(follower), seen, 440.0 * RPM, 452.0 * RPM)
     assert len(found) <= 2
     assert found[0].holds(four.motions[60])
 
@@ -107,11 +113,11 @@ def test_multipliers_of_any_branch(laws, follower, restitution):
     p = replace(follower, restitution=restitution)
     speed = 560.0 * RPM
     run = StroboscopicMap(laws["tm21"], p, speed).run(400)
-    motion = Family(laws["tm21"], p, 1).at(speed, tuple(run.states[-1]))
-    branch = branch_through(laws["tm21"], p, motion, 540.0 * RPM, 580.0 * RPM)
+    motion = Family(laws["tm21"], by_speed(p), 1).at(speed, tuple(run.states[-1]))
+    branch = branch_through(laws["tm21"], by_speed(p), motion, 540.0 * RPM, 580.0 * RPM)
     for one in branch.motions:
         shrinks = restitution ** (2 * one.landings) * np.exp(
-            -p.damping / p.mass * 2 * np.pi / one.speed
+            -p.damping / p.mass * 2 * np.pi / one.point.speed
         )
         assert np.prod(one.multipliers).real == pytest.approx(shrinks, rel=1e-8)
     assert all(one.words == WORDS[one.kind] for one in branch.bifurcations)

@@ -9,7 +9,7 @@ import pytest
 import cam_rig
 from cam_rig.bounce.branches import Family
 from cam_rig.bounce.motion import IN_CONTACT, IRREGULAR, NOT_TOLD, PERIODIC
-from cam_rig.bounce.study import ABOVE
+from cam_rig.bounce.result import ABOVE
 from cam_rig.errors import ConfigError, DynamicsError
 from cam_rig.units import RPM
 
@@ -46,7 +46,7 @@ def test_exponents(tm21):
         elif row.motion == IRREGULAR:
             assert row.exponent > row.exponent_error > 0.0
         else:
-            motion = Family(tm21.law, tm21.parameters, row.period).at(row.rpm * RPM, row.end)
+            motion = Family(tm21.law, tm21.sweep, row.period).at(row.rpm * RPM, row.end)
             wanted = math.log(np.abs(motion.multipliers).max()) / row.period
             assert row.exponent == pytest.approx(wanted, abs=1e-7)
             assert motion.stable

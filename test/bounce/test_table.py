@@ -8,6 +8,7 @@ import pytest
 
 from cam_rig.bounce.branches import FLIP, FOLD, Family
 from cam_rig.bounce.motion import IRREGULAR, PERIODIC, motion_of
+from cam_rig.bounce.sweep import OperatingPoint, Sweep
 from cam_rig.dynamics.turn_map import StroboscopicMap
 from cam_rig.units import RPM
 
@@ -25,17 +26,21 @@ from .table import (
 LAW = table_law()
 
 
+def by_speed(follower):
+    return Sweep(OperatingPoint(follower, 1.0))
+
+
 @pytest.mark.parametrize("restitution", [0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99])
 def test_the_period_doubles_at_its_closed_form(restitution):
     """One landing a turn loses its stability at s̈/g = −2 (1 + r²)/(1 + r)², to 1e-10."""
     _, doubling = window(restitution)
     speed, state = one_landing(restitution, 0.99 * doubling)
-    family = Family(LAW, ball(restitution), 1)
+    family = Family(LAW, by_speed(ball(restitution)), 1)
     begin = family.at(speed, state)
     assert begin.stable
     motions, found = family.followed(begin, speed, speed_at(1.02 * doubling), up=True)
     assert [one.kind for one in found] == [FLIP]
-    assert found[0].rpm == pytest.approx(speed_at(doubling) / RPM, rel=1e-10)
+    assert found[0].point.rpm == pytest.approx(speed_at(doubling) / RPM, rel=1e-10)
     assert not motions[-1].stable
 
 
@@ -44,10 +49,10 @@ def test_the_window_begins_at_its_closed_form(restitution):
     """One landing a turn is there from A ω²/g = π (1 − r)/(1 + r) on: a fold, to 1e-10."""
     least, _ = window(restitution)
     speed, state = one_landing(restitution, 1.05 * least)
-    family = Family(LAW, ball(restitution), 1)
+    family = Family(LAW, by_speed(ball(restitution)), 1)
     motions, found = family.followed(family.at(speed, state), 0.9 * speed_at(least), speed, False)
     assert [one.kind for one in found] == [FOLD]
-    assert found[0].rpm == pytest.approx(speed_at(least) / RPM, rel=1e-10)
+    assert found[0].point.rpm == pytest.approx(speed_at(least) / RPM, rel=1e-10)
     assert motions[0].stable
     assert motions[-1].multipliers.real.max() > 1.0  # it has gone round, and back up
 
@@ -58,7 +63,7 @@ def test_multipliers_are_those_of_the_closed_form(restitution):
     least, doubling = window(restitution)
     ratio = least + 0.6 * (doubling - least)
     speed, state = one_landing(restitution, ratio)
-    motion = Family(LAW, ball(restitution), 1).at(speed, state)
+    motion = Family(LAW, by_speed(ball(restitution)), 1).at(speed, state)
     np.testing.assert_allclose(motion.state, state, rtol=1e-10)
     bend = -math.sqrt(ratio**2 - least**2)
     trace = (1.0 + restitution) ** 2 * (1.0 + bend) - 2.0 * restitution

@@ -41,6 +41,7 @@ RENAMED = {
     ("profile", "all"): "every",
     ("design", "limit"): "limits",  # given often
     ("bounce", "from"): "start",
+    ("bounce", "range"): "values",
 }
 #: Arguments of a command by their name in Python; one that stands first in both may differ.
 IN_PYTHON_ALONE = {"progress", "executor", "workers", "on_tick"}

@@ -29,6 +29,7 @@ def main() -> None:
     StroboscopicMap(law, one, 60.0).run(1)
     two = TwoMassParameters(0.5, 0.5, 1e6, 1e3, 1.0, 1.0, 1.0)
     Separation(law, two, 60.0).run(0.1)
+    StroboscopicMap(law, two, 60.0).run(1)
     first_lift_off(law, two, 60.0, np.zeros(2), 0.1)
     force_run(law, two, 0.1).lowest(60.0)
     sought(law, two, 0.1)

@@ -177,14 +177,35 @@ def seen(launch: Launch, time: float) -> tuple[float, float, float]:
     return way, velocity, math.sqrt(one * one + two * two + three * three + four * four)
 
 
-def _by_exponential(launch: Launch, time: float) -> Moved:
-    """The same by scaling and squaring: pairs too much alike lose their digits.
+def flow_of(free: FreeTable, time: float, size: int) -> Rows:
+    """e^{At}, ``(size, size)``, at a time in s."""
+    if not free.paired:
+        return _exponential(free, time, size)[0]
+    flow, part, rows = zero_rows(size, size), zero_rows(size, size), free.rows
+    for i in range(size // 2):
+        damping, stiffness = rows[DAMPING][i], rows[STIFFNESS][i]
+        impulse, rate, _ = impulse_at(damping, stiffness, time)
+        one, two = rows[INVERSE + 2 * i], rows[INVERSE + 2 * i + 1]
+        for j in range(size):
+            part[2 * i][j] = (rate + damping * impulse) * one[j] + impulse * two[j]
+            part[2 * i + 1][j] = rate * two[j] - stiffness * impulse * one[j]
+    for i in range(size):
+        for j in range(size):
+            for k in range(size):
+                flow[i][j] += rows[SHAPES + i][k] * part[k][j]
+    return flow
 
-    (x − x₀, ẋ) = (P ẋ₀, E ẋ₀) with E = e^{At} and P its integral; twice the time is
-    E², and P + E P.
-    """
-    rows, size = launch.free.rows, len(launch.start)
-    reach, doublings = abs(time) * REACH / launch.free.window, 0
+
+def _by_exponential(launch: Launch, time: float) -> Moved:
+    """The same where pairs are too much alike, and lose their digits: (P ẋ₀, E ẋ₀)."""
+    flow, gone = _exponential(launch.free, time, len(launch.start))
+    return Moved(product(gone, 0, launch.rates), product(flow, 0, launch.rates))
+
+
+def _exponential(free: FreeTable, time: float, size: int) -> tuple[Rows, Rows]:
+    """E = e^{At} and its integral P by scaling and squaring: twice the time is E², and P + E P."""
+    rows = free.rows
+    reach, doublings = abs(time) * REACH / free.window, 0
     while reach > SMALL:
         reach, doublings = 0.5 * reach, doublings + 1
     part = time
@@ -200,7 +221,7 @@ def _by_exponential(launch: Launch, time: float) -> Moved:
     for _ in range(doublings):
         _add(gone, _times(flow, gone, 1.0), 1.0)
         flow = _times(flow, flow, 1.0)
-    return Moved(product(gone, 0, launch.rates), product(flow, 0, launch.rates))
+    return flow, gone
 
 
 def _times(one: Rows, other: Rows, scale: float) -> Rows:

@@ -126,7 +126,7 @@ def _contact_of_two(run: RunTable, record: RunRecord) -> None:
         cam = cam_at(run.cam, end)
         vibration = state_after(run.contact, loss.stretch, loss.time - loss.begin)
         vibration = _continued(run, vibration, cam, (end - time) - loss.time)
-        _lift_off(run, record, end, cam, _stretch(run, vibration, cam), 0.0)
+        _lift_off(run, record, end, cam, stem_stretch(run, vibration, cam), 0.0)
         return
     vibration = state_after(run.contact, loss.stretch, (end - time) - loss.begin)
     now[STATE], now[STATE + 1] = vibration
@@ -177,14 +177,14 @@ def _velocity_step(run: RunTable, record: RunRecord, time: float, gained: float)
         return
     s, rate, bend = cam_at(run.cam, time)
     before = (s, rate - gained, bend)
-    stretch = _stretch(run, (now[STATE], now[STATE + 1]), before)
+    stretch = stem_stretch(run, (now[STATE], now[STATE + 1]), before)
     if gained < 0.0:
         _lift_off(run, record, time, before, stretch, -gained)
     else:
         _land(run, record, time, stretch, -gained)
 
 
-def _stretch(run: RunTable, vibration: Pair, cam: Motion) -> Pair:
+def stem_stretch(run: RunTable, vibration: Pair, cam: Motion) -> Pair:
     """(w, ẇ) of the stem of a roller on the cam: a small difference, without its rounding."""
     return vibration[0] - run.left * cam[0] - run.sag, vibration[1] - run.left * cam[1]
 
@@ -216,7 +216,7 @@ def _land(run: RunTable, record: RunRecord, time: float, stretch: Pair, rate: fl
     now, cam, approach, force = record.now, cam_at(run.cam, time), -rate, 0.0
     on_cam, vibration = (stretch[0], stretch[1] + rate), (0.0, 0.0)
     if run.stem:
-        rest = _stretch(run, (0.0, 0.0), cam)
+        rest = stem_stretch(run, (0.0, 0.0), cam)
         vibration = (on_cam[0] - rest[0], on_cam[1] - rest[1])
         force = run.contact.place * vibration[0] + run.contact.velocity * vibration[1]
     force += run.force[0] * cam[0] + run.force[1] * cam[1] + run.force[2] * cam[2] + run.force[3]

@@ -1,20 +1,31 @@
-"""One mass turn after turn on one cam, and the derivative of the motion with respect to its start.
+"""A follower turn after turn on one cam, and the derivative of the motion by its start.
 
-In flight a small change of (y, ẏ) is carried on by the closed form of free motion, Φ. At a landing
-it is carried over by the saltation matrix: with the approach u = ẏ⁻ − ṡ < 0, the restitution r, and
-the gap's acceleration a⁻ before and a⁺ after it,
+A small change is one of (z, ż) of what meets the cam, and of two masses of (y, ẏ) of the end mass
+too. In flight it is carried on by the closed form of free motion, Φ. At a landing it is carried
+over by the saltation matrix (Müller 1995; Leine and Nijmeijer 2004): with the approach
+u = ż⁻ − ṡ < 0, the restitution r, and the gap's acceleration a⁻ before and a⁺ after it,
 
     δ⁺ = [[−r, 0], [(r a⁻ + a⁺)/u, −r]] δ⁻
 
-(Müller 1995; Leine and Nijmeijer 2004). A lift-off leaves it as it is. On the cam the follower has
-no freedom, and a stretch of contact, however it was reached, makes every change zero.
+The end mass goes on as it did, but for the damping c₁ of the stem, whose other end has another
+velocity from the landing on: δẏ⁺ = δẏ⁻ − (1 + r) c₁/m₂ δz⁻. A lift-off leaves a change as it is.
+On the cam what meets it has no freedom: there one mass has no change, and of two only that of the
+end mass is left, which its free vibration on the stem carries on.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
-from cam_rig.dynamics.events.free_flight import DAMPING, LOAD, STIFFNESS, impulse_at
+from cam_rig.dynamics.events.free_flight import (
+    DAMPING,
+    LOAD,
+    MATRIX,
+    STIFFNESS,
+    flow_of,
+    impulse_at,
+)
 from cam_rig.dynamics.events.law_table import (
     BEGUN,
     END,
@@ -28,49 +39,83 @@ from cam_rig.dynamics.events.law_table import (
     RunRecord,
     cam_at,
 )
-from cam_rig.dynamics.events.rows import Row, Rows, borrowed
-from cam_rig.dynamics.events.runs import RunTable, run_events
+from cam_rig.dynamics.events.rows import Row, Rows, borrowed, zero_rows, zeros
+from cam_rig.dynamics.events.runs import RunTable, run_events, stem_stretch
 
-#: Places in a turn's row: what the turn ends with: the gap (m), the speed at which it opens (m/s),
-#: whether the follower flies, its place (m) and velocity (m/s); its landings, the fastest of them
-#: (m/s), the slowest (m/s); the seconds on the cam; what its two directions of change grow by, in
-#: logarithms; and its derivative, row by row.
-ENDS, FLIES, PLACE_AT_END, LANDINGS, HARDEST, SOFTEST, ON_CAM, GROWTH, DERIVATIVE = (
-    *(0, 2, 3, 5, 6, 7, 8, 9, 11),
-)
-TURN_SIZE = DERIVATIVE + 4
+#: Places in a turn's row: its landings, the fastest of them (m/s), the slowest (m/s); the seconds
+#: on the cam; whether the follower flies at the end; and the n numbers that the turn ends with: the
+#: gap (m), the speed at which it opens (m/s), of two masses the stem's stretch (m) and its rate
+#: (m/s). Behind them what n directions of change grow by, in logarithms; and the derivative of
+#: these numbers by those before the turn, ``(n, n)``, row by row.
+LANDINGS, HARDEST, SOFTEST, ON_CAM, FLIES, ENDS = range(6)
 
 
-def run_turns(run: RunTable, record: RunRecord, frame: Row, turns: Rows, most: float) -> int:
+class Change(NamedTuple):
+    """Small changes on their way, and the numbers that carry them on."""
+
+    #: ``(n − 1, n)`` directions that grow most, unit vectors at right angles to one another
+    frame: Rows
+    step: Rows  #: ``(n, n)``, what comes next
+    weights: Row  #: ``(n,)`` 1/s or 1: lengths are measured in m/s, so that none outweighs another
+    moved: Row  #: ``(n,)``, for a product
+
+
+def run_turns(run: RunTable, record: RunRecord, frame: Rows, turns: Rows, most: float) -> int:
     """Turn after turn from the record's place: rows of ``turns`` filled, and how many are.
 
-    ``frame`` is the direction that grows most, of unit length. Fewer are filled where one has more
-    than ``most`` landings.
+    ``frame`` is as in `Change`. Fewer are filled where one has more than ``most`` landings.
     """
     run, record = borrowed(run), borrowed(record)
-    now = record.now
+    now, size = record.now, len(record.now) - STATE
+    weights = zeros(size)
+    weights[0], weights[1] = run.cam.speed, 1.0
+    if run.stem:
+        weights[2], weights[3] = math.sqrt(run.contact.stiffness), 1.0
+    change = Change(frame, zero_rows(size, size), weights, zeros(size))
     for i in range(len(turns)):
         row = turns[i]
-        for j in range(TURN_SIZE):
-            row[j] = 0.0
-        row[DERIVATIVE] = row[DERIVATIVE + 3] = 1.0
-        row[SOFTEST] = math.inf
+        _begin(row, size, now[FLYING] != 0.0)
         now[TIME], now[JUMPS_DONE], now[STEP], now[BEGUN] = 0.0, 0.0, 0.0, 0.0
         if now[FLYING] == 0.0:  # a velocity jump at angle 0 may throw it at once
-            _carry(frame, row, run.cam.speed, (0.0, 0.0, 0.0, 0.0))
+            _hold(run, 0.0, change, row)
         while now[TIME] < run.jumps.duration:
             record.counts[0] = record.counts[1] = 0.0
             run_events(run, record)
-            _follow(run, record, frame, row)
+            _follow(run, record, change, row)
             if row[LANDINGS] > most:
                 return i
-        if now[FLYING] != 0.0:
-            row[ENDS], row[ENDS + 1], row[FLIES] = now[GAP], now[OPENING], 1.0
-            row[PLACE_AT_END], row[PLACE_AT_END + 1] = now[STATE], now[STATE + 1]
+        _end(run, now, row)
     return len(turns)
 
 
-def _follow(run: RunTable, record: RunRecord, frame: Row, row: Row) -> None:
+def _begin(row: Row, size: int, flies: bool) -> None:
+    """No landing yet, and the derivative of (z, ż, y, ẏ) by the numbers that a turn ends with."""
+    first = ENDS + 2 * size
+    for j in range(len(row)):
+        row[j] = 0.0
+    row[SOFTEST] = math.inf
+    for j in range(0 if flies else 2, size):
+        row[first + j * size + j] = 1.0
+    for j in range(size - 2 if flies else 0):  # y = z + w
+        row[first + (j + 2) * size + j] = 1.0
+
+
+def _end(run: RunTable, now: Row, row: Row) -> None:
+    """What a turn ends with, and the derivative of it."""
+    size = len(now) - STATE
+    first = ENDS + 2 * size
+    if now[FLYING] != 0.0:
+        row[ENDS], row[ENDS + 1], row[FLIES] = now[GAP], now[OPENING], 1.0
+    for j in range(size * (size - 2)):  # w = y − z
+        row[first + 2 * size + j] -= row[first + j]
+    if run.stem:
+        stem = (now[STATE], now[STATE + 1])
+        if now[FLYING] == 0.0:
+            stem = stem_stretch(run, stem, cam_at(run.cam, run.jumps.duration))
+        row[ENDS + 2], row[ENDS + 3] = stem
+
+
+def _follow(run: RunTable, record: RunRecord, change: Change, row: Row) -> None:
     """Carry a change through the phases of a record."""
     count, met, passed = int(record.counts[0]), int(record.counts[1]), 0
     # The blow of a velocity jump at the turn's beginning comes before its first phase.
@@ -87,12 +132,13 @@ def _follow(run: RunTable, record: RunRecord, frame: Row, row: Row) -> None:
         if phase[FLYING] == 0.0:
             if length > 0.0:
                 row[ON_CAM] += length
-                _carry(frame, row, run.cam.speed, (0.0, 0.0, 0.0, 0.0))
+                _hold(run, length, change, row)
             continue
-        _carry(frame, row, run.cam.speed, _flown(run, length))
+        _fly(run, length, change, row)
         if approach > 0.0:  # a graze has none: that of the flights which just miss
             restitution = run.restitution if rebound > 0.5 * run.restitution * approach else 0.0
-            _carry(frame, row, run.cam.speed, _landed(run, phase[END], approach, restitution))
+            after = record.phases[i + 1] if i + 1 < count else record.now
+            _land(run, (phase[END], approach, restitution), after, change, row)
 
 
 def _note(run: RunTable, event: Row, row: Row) -> tuple[float, float]:
@@ -109,35 +155,120 @@ def _note(run: RunTable, event: Row, row: Row) -> tuple[float, float]:
     return approach, 0.5 * (both - less)
 
 
-def _flown(run: RunTable, time: float) -> tuple[float, float, float, float]:
-    """Φ of a flight of some seconds, row by row."""
-    damping, stiffness = run.free.rows[DAMPING][0], run.free.rows[STIFFNESS][0]
-    impulse, rate, _ = impulse_at(damping, stiffness, time)
-    return rate + damping * impulse, impulse, -stiffness * impulse, rate
+def _fly(run: RunTable, time: float, change: Change, row: Row) -> None:
+    """Φ of a flight of some seconds."""
+    step, free, trace = change.step, run.free, 0.0
+    for i in range(len(step)):
+        trace += free.rows[MATRIX + i][i]
+    if not run.stem:
+        damping, stiffness = free.rows[DAMPING][0], free.rows[STIFFNESS][0]
+        impulse, rate, _ = impulse_at(damping, stiffness, time)
+        step[0][0], step[0][1] = rate + damping * impulse, impulse
+        step[1][0], step[1][1] = -stiffness * impulse, rate
+    else:
+        flow, share = flow_of(free, time, len(step)), run.end_share
+        for i in range(4):  # of (z, y) and their rates; of them w = y − z, Y = (1 − e) z + e y
+            for j in range(2):
+                one, two = flow[i][j], flow[i][j + 2]
+                step[i][j], step[i][j + 2] = (1.0 - share) * two - one, share * two + one
+        for j in range(4):
+            for i in range(2):
+                one, two = step[i][j], step[i + 2][j]
+                step[i][j], step[i + 2][j] = two - share * one, two + (1.0 - share) * one
+    _carry(change, row, trace * time, False)
 
 
-def _landed(
-    run: RunTable, time: float, approach: float, restitution: float
-) -> tuple[float, float, float, float]:
-    """The saltation matrix of a landing, row by row."""
-    s, velocity, bend = cam_at(run.cam, time)
-    damping, stiffness = run.free.rows[DAMPING][0], run.free.rows[STIFFNESS][0]
-    still = run.free.rows[LOAD][1] - stiffness * s - bend
-    before = still - damping * (velocity - approach)
-    after = still - damping * (velocity + restitution * approach)
-    return -restitution, 0.0, -(restitution * before + after) / approach, -restitution
+def _land(
+    run: RunTable, landing: tuple[float, float, float], after: Row, change: Change, row: Row
+) -> None:
+    """The saltation matrix of a landing: its time (s), its approach (m/s), its restitution.
+
+    ``after`` is the follower's row of numbers from then on.
+    """
+    (time, approach, restitution), step = landing, change.step
+    cam, size = cam_at(run.cam, time), len(step)
+    for i in range(size):
+        for j in range(size):
+            step[i][j] = 1.0 if i == j else 0.0
+    step[0][0] = step[1][1] = -restitution
+    if not run.stem:
+        damping, stiffness = run.free.rows[DAMPING][0], run.free.rows[STIFFNESS][0]
+        still = run.free.rows[LOAD][1] - stiffness * cam[0] - cam[2]
+        before = still - damping * (cam[1] - approach)
+        then = still - damping * (cam[1] + restitution * approach)
+    else:
+        stem = (after[STATE], after[STATE + 1])
+        if after[FLYING] == 0.0:
+            stem = stem_stretch(run, stem, cam)
+        damping, both = -run.contact.velocity / run.mass, (1.0 + restitution) * approach
+        then = damping * stem[1] - run.contact.place / run.mass * stem[0] - cam[2]
+        before = then + damping * both
+        step[3][0] = -(1.0 + restitution) * damping * (1.0 - run.end_share) / run.end_share
+    step[1][0] = -(restitution * before + then) / approach
+    area = 2.0 * math.log(restitution) if restitution > 0.0 else -math.inf
+    _carry(change, row, area, False)
 
 
-def _carry(frame: Row, row: Row, speed: float, by: tuple[float, float, float, float]) -> None:
-    """Multiply the turn's derivative by a matrix, and turn the frame; Gram and Schmidt in two."""
-    a, b, c, d = by
-    for j in range(DERIVATIVE, DERIVATIVE + 2):
-        one, two = row[j], row[j + 2]
-        row[j], row[j + 2] = a * one + b * two, c * one + d * two
-    # Lengths are measured in m/s, a gap by what it is in a radian: neither outweighs the other.
-    one, two = a * frame[0] + b * speed * frame[1], c / speed * frame[0] + d * frame[1]
-    size, area = math.hypot(one, two), abs(a * d - b * c)
-    if size > 0.0:
-        frame[0], frame[1] = one / size, two / size
-    row[GROWTH] += math.log(size) if size > 0.0 else -math.inf
-    row[GROWTH + 1] += math.log(area) - math.log(size) if area > 0.0 else -math.inf
+def _hold(run: RunTable, time: float, change: Change, row: Row) -> None:
+    """Some seconds on the cam, where the end mass alone is free."""
+    step = change.step
+    for i in range(len(step)):
+        for j in range(len(step)):
+            step[i][j] = 0.0
+    if run.stem:
+        damping, stiffness = run.contact.damping, run.contact.stiffness
+        impulse, rate, _ = impulse_at(damping, stiffness, time)
+        step[2][2], step[2][3] = rate + damping * impulse, impulse
+        step[3][2], step[3][3] = -stiffness * impulse, rate
+    _carry(change, row, -math.inf, True)
+
+
+def _carry(change: Change, row: Row, area: float, held: bool) -> None:
+    """Multiply the turn's derivative by the step, and turn the frame (Gram and Schmidt).
+
+    ``area`` is the logarithm of the step's determinant; what is ``held`` on the cam has two
+    directions fewer, which begin anew when it lets go.
+    """
+    step, moved, size = change.step, change.moved, len(change.step)
+    first, growth = ENDS + 2 * size, ENDS + size
+    for j in range(size):
+        for i in range(size):
+            moved[i] = 0.0
+            for k in range(size):
+                moved[i] += step[i][k] * row[first + k * size + j]
+        for i in range(size):
+            row[first + i * size + j] = moved[i]
+    alive = size - 2 if held else size - 1
+    for k in range(alive):
+        length = _turned(change, k)
+        grown = math.log(length) if length > 0.0 else -math.inf
+        row[growth + k] += grown
+        area -= grown if length > 0.0 else 0.0
+    for k in range(alive, size):
+        row[growth + k] += area
+    if held and size > 2:
+        for i in range(size):
+            change.frame[2][i] = 1.0 if i == 0 else 0.0
+
+
+def _turned(change: Change, k: int) -> float:
+    """Carry a direction on, at right angles to those before it; what it grows by."""
+    step, moved, size = change.step, change.moved, len(change.step)
+    frame, weights, length = change.frame, change.weights, 0.0
+    for i in range(size):
+        moved[i] = 0.0
+        for j in range(size):
+            moved[i] += weights[i] * step[i][j] / weights[j] * frame[k][j]
+    for other in range(k):
+        along = 0.0
+        for i in range(size):
+            along += frame[other][i] * moved[i]
+        for i in range(size):
+            moved[i] -= along * frame[other][i]
+    for i in range(size):
+        length += moved[i] * moved[i]
+    length = math.sqrt(length)
+    if length > 0.0:
+        for i in range(size):
+            frame[k][i] = moved[i] / length
+    return length

@@ -136,9 +136,10 @@ class Separation(Course):
         require_number("duration", duration, "> 0")
         require_angle(self.angle + self.speed * duration, "angle at the end")
         begun = self._begin(start if isinstance(start, Flight) else state_of(start, 2), step)
-        self._find(partial(self._run_table, duration), begun, duration)
+        self._find(partial(self.run_table, duration), begun, duration)
 
-    def _run_table(self, duration: float, arrays: bool) -> RunTable:
+    def run_table(self, duration: float, arrays: bool) -> RunTable:
+        """The table of a run of ``duration`` s."""
         p, both = self.parameters, self.parameters.roller_mass + self.parameters.end_mass
         return self._table(
             arrays,
