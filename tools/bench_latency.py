@@ -3,8 +3,9 @@
     .venv/bin/python -m tools.bench_latency
 
 The first picture is the cam's contour, after the page is asked for. A delay is from the event on
-the page to the readout that shows it. Processor time is of Chromium and of the panel's server, in
-parts of one core, while the cam turns at 450 rpm.
+the page to the readout that shows it. Processor time is of this program's own Chromium and panel's
+server, in parts of one core, while the cam turns at 450 rpm. Where other programs keep the machine
+busy there are fewer frames, and each takes more of it.
 """
 
 from __future__ import annotations
@@ -28,16 +29,11 @@ RPM, WATCHED_S = 450, 10.0
 TURNED = (300, 350, 280, 420, 310, 390, 260)
 
 FRAMES = """(seconds) => new Promise((done) => {
-  let [frames, last] = [0, ""];
-  const begin = performance.now(), cam = document.querySelector("#rig svg > g > g");
-  const look = () => {
-    const now = cam.getAttribute("transform");
-    if (now !== last) frames += 1;
-    last = now;
-    if (performance.now() - begin > 1000 * seconds) done(frames / seconds);
-    else requestAnimationFrame(look);
-  };
-  look();
+  // Asking for frames to count them would make the page draw them.
+  let frames = 0;
+  const seen = new MutationObserver(() => { frames += 1; });
+  seen.observe(document.querySelector("#rig svg > g > g"), { attributeFilter: ["transform"] });
+  setTimeout(() => { seen.disconnect(); done(frames / seconds); }, 1000 * seconds);
 })"""
 DELAY = """(rpm) => new Promise((done) => {
   const begin = performance.now(), speed = document.getElementById("speed");
@@ -60,16 +56,21 @@ def cpu_seconds(pids: set[int]) -> float:
 
 
 def processes(words: str) -> set[int]:
-    """Processes whose command line has these words."""
-    found = set()
-    for path in Path("/proc").glob("[0-9]*/cmdline"):
+    """Processes that this one has started, or one of those, whose command line has these words."""
+    parents, found = {}, set()
+    for path in Path("/proc").glob("[0-9]*"):
         try:
-            line = path.read_bytes().replace(b"\0", b" ").decode(errors="replace")
+            line = (path / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
+            fields = (path / "stat").read_text(encoding="ascii", errors="replace")
         except OSError:
             continue
+        parents[int(path.name)] = int(fields.rpartition(")")[2].split()[1])
         if words in line:
-            found.add(int(path.parent.name))
-    return found
+            found.add(int(path.name))
+    own = {os.getpid()}
+    while more := {pid for pid, parent in parents.items() if parent in own} - own:
+        own |= more
+    return found & own
 
 
 def first_picture(page: Page, address: str) -> float:

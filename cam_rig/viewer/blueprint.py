@@ -11,12 +11,13 @@ from cam_rig.show.chart import tens_range
 from cam_rig.show.looks import shortened
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.units import NS, TURN, to_rpm
-from cam_rig.viewer import Layout, level_chart, quantities, scene2d, turn_chart
+from cam_rig.viewer import Layout, bounce_chart, level_chart, quantities, scene2d, turn_chart
+from cam_rig.viewer.bounce_chart import ROW, bounce_axes, rebounds
 from cam_rig.viewer.level_chart import band_axes
 from cam_rig.viewer.quantities import CLOSE_GAP, GAP, Range, Ranges, drawn_of
 from cam_rig.viewer.run_recorder import ABOUT, RESULTS
 from cam_rig.viewer.run_view import BANDS, EVENTS
-from cam_rig.viewer.timeline import RIG_TIME, TURN_DEGREES
+from cam_rig.viewer.timeline import CAM_DEGREES, RIG_TIME, TURN_DEGREES
 from cam_rig.viewer.turn_chart import MAX_TITLE, TurnAxes
 
 #: Rig time per wall time: a turn at 300 rpm takes 2 s.
@@ -97,13 +98,30 @@ def _run(
     loaded: LoadedScene, duration: float, bucket: int, ranges: Ranges, window: float | None
 ) -> rrb.Container:
     one_turn = TurnAxes(drawn_of(loaded.scene.model), ranges).bounds()
+    bounces = [_bounces(loaded, ranges)] if rebounds(loaded) else []
     tabs = rrb.Tabs(
+        *bounces,
         _chart(turn_chart.VIEW, "One turn", *one_turn),
         _over_time(loaded, bucket, ranges, _near(window)),
         _sound(loaded, duration),
         _words(),
     )
     return rrb.Horizontal(_scene(loaded, scene2d.VIEW), tabs, column_shares=[3, 5])
+
+
+def _bounces(loaded: LoadedScene, ranges: Ranges) -> rrb.Spatial2DView:
+    """All points up to the time cursor."""
+    gap, landing = bounce_axes(loaded, ranges)
+    x, _ = gap.bounds()
+    first, now = rr.TimeRangeBoundary.infinite(), rr.TimeRangeBoundary.cursor_relative()
+    return rrb.Spatial2DView(
+        origin=bounce_chart.VIEW,
+        name="Bounces",
+        visual_bounds=rrb.VisualBounds2D(x_range=x, y_range=(0.0, landing.top + 1.12 * ROW)),
+        time_ranges=[
+            rr.VisibleTimeRange(name, start=first, end=now) for name in (RIG_TIME, CAM_DEGREES)
+        ],
+    )
 
 
 def _words() -> rrb.Container:

@@ -34,12 +34,16 @@ WIDTH = 200.0
 LETTER, AROUND, STEP = 4.4, 12.0, 10.0
 
 
-def level_axes(loaded: LoadedScene) -> Axes:
-    """All speeds of the scene, and the published levels with room around them."""
+def speed_ends(loaded: LoadedScene) -> tuple[float, float]:
+    """From and to (rpm) of an axis of all speeds of the scene."""
     speeds = np.array(loaded.scene.program.speeds.si_list) * RPM_PER_RAD_S
     low, high = float(speeds.min()), float(speeds.max())
-    if high == low:
-        low, high = low - 50.0, high + 50.0
+    return (low, high) if high > low else (low - 50.0, high + 50.0)
+
+
+def level_axes(loaded: LoadedScene) -> Axes:
+    """All speeds of the scene, and the published levels with room around them."""
+    low, high = speed_ends(loaded)
     if loaded.published is None:
         return Axes((low, high), LEVELS, WIDTH)
     fine = np.linspace(low, high, 100)

@@ -195,6 +195,8 @@ TWIST = Drawn("twist", "Twist of the shaft [°]", TWIST_LINE)
 MAX_TURNS = 50
 #: Key of the axis on which the smallest of a scene's gaps can be seen beside its greatest.
 CLOSE_GAP = "close_gap"
+#: Key of the axis (mm) of the gap where the cam passes angle 0.
+ZERO_GAP = "zero_gap"
 #: A gap (µm) that is worth an axis of its own, that axis over it, and over the axis of all gaps.
 MIN_GAP, CLOSE, MAX_SHARE = 1.0, 4.0, 0.2
 
@@ -233,19 +235,23 @@ def scene_ranges(loaded: LoadedScene) -> SceneRanges:
     shaft = ShaftTwist(loaded) if TWIST in rows else None
     ends: dict[str, FloatArray] = {}
     gaps: dict[tuple[str, float], float] = {}
+    at_zero = 0.0
     for tick in turned_ticks(loaded):
         values = [*tick.motion, tick.force]
         if GAP in rows:
             values.append(gap := gap_of(loaded.laws[tick.cam], tick.angle, tick))
             step = tick.cam, tick.interval.speed
             gaps[step] = max(gaps.get(step, 0.0), float(gap.max()))
+            passed = tick.angle % TURN < tick.interval.speed / loaded.scene.sample_rate.si
+            at_zero = max(at_zero, float(gap[passed].max(initial=0.0)))
         if shaft is not None:
             values.append(shaft.tick(tick.cam, tick.interval, tick.time))
         now = np.array([[row.min(), row.max()] for row in values])
         ends[tick.cam] = _wider(ends.get(tick.cam, now), now)
     whole = reduce(_wider, ends.values())
     by_cam = {cam: _ranges(rows, values) for cam, values in ends.items()}
-    return SceneRanges({**_ranges(rows, whole), **close_gap([*gaps.values()])}, by_cam)
+    more = {**close_gap([*gaps.values()]), ZERO_GAP: round_range(0.0, at_zero * 1e3)}
+    return SceneRanges({**_ranges(rows, whole), **more}, by_cam)
 
 
 def _shortened(scene: SceneConfig) -> SceneConfig:

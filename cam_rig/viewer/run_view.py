@@ -19,6 +19,7 @@ from cam_rig.simulation.scene import RELATIVE_NOTE, LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, TURN, FloatArray, to_rpm
 from cam_rig.viewer import quantities
+from cam_rig.viewer.bounce_chart import BounceChart, rebounds
 from cam_rig.viewer.level_chart import BandChart, third_octaves
 from cam_rig.viewer.quantities import Mark, SceneRanges, SeriesLine, SeriesWriter, drawn_of, gap_of
 from cam_rig.viewer.scene2d import Scene2D, frame_mask
@@ -111,6 +112,8 @@ class RunView:
         self._bands = BandChart(canvas, BANDS, self._rate, colours.BANDS)
         self._turn_chart = TurnChart(canvas, loaded, ranges, every=pace is None)
         self._scene = Scene2D(canvas, loaded, pace=pace, cursor=self._turn_chart.move_cursor)
+        bounces = rebounds(loaded)
+        self._bounces = BounceChart(canvas, loaded, ranges.whole) if bounces else None
         self._heard, self._whole = list[tuple[CamState, Turn]](), pace is None
         self._events: list[tuple[float, float, str, str]] = []
 
@@ -127,6 +130,8 @@ class RunView:
         self._change(start, profile)
         time, lift, _, _, force, impulse = rows[:6]
         self._time_series.tick(start, end, angle, rows)
+        if self._bounces is not None:
+            self._bounces.tick(start, end, angle, rows)
         frame = frame_mask(angle, start.until(end).mean_speed / self._rate)
         if frame.any():
             self._scene.frames(time[frame], angle[frame], lift[frame], force[frame])
@@ -163,6 +168,8 @@ class RunView:
         self._heard = []
         self._bands.flush()
         self._turn_chart.flush()
+        if self._bounces is not None:
+            self._bounces.flush()
         if self._events:
             time, angle, words, levels = zip(*self._events, strict=True)
             columns = rr.TextLog.columns(text=words, level=levels)

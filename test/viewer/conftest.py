@@ -80,14 +80,14 @@ def of_profile(cam, points):
     )
 
 
-def make_bag(folder, config, leave_out=()):
+def make_bag(folder, config, leave_out=(), scene=SCENE):
     """Simulate the small scene and write what the picture needs, but for some topics."""
     for part in ("cams", "rigs"):
         shutil.copytree(config / part, folder / "config" / part)
-    scene = folder / "config" / "scenes" / "small.yaml"
-    scene.parent.mkdir()
-    scene.write_text(SCENE, encoding="utf-8")
-    loaded = open_scene(scene)
+    path = folder / "config" / "scenes" / "small.yaml"
+    path.parent.mkdir()
+    path.write_text(scene, encoding="utf-8")
+    loaded = open_scene(path)
     made = SmallBag(folder / "small", loaded)
     with BagWriter(made.path) as writer:
 

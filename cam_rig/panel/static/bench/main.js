@@ -152,16 +152,14 @@ function live(message) {
   if (message.sound_rate) sound.rate = message.sound_rate;
   $("holder").hidden = message.holds;
   say("relative", message.calibrated_on ? text("calibrated", { cam: message.calibrated_on }) : text("level_relative"));
-  enable(message.holds && runs(message), message.holds);
+  const off = { start: drive === "emergency" || drive === "turning", stop: drive !== "turning", keep: !("cam" in state) };
+  enable(message.holds && runs(message), message.holds, off);
   if (wanted !== null && message.holds && runs(message)) {
     speed.put(wanted);
     wanted = null;
   }
-  field("start").disabled ||= drive === "emergency" || drive === "turning";
-  field("stop").disabled ||= drive !== "turning";
-  field("emergency").disabled = !runs(message);
-  field("apply").disabled = !message.holds || graph === "starting";
-  field("keep").disabled ||= !("cam" in state);
+  disable("emergency", !runs(message));
+  disable("apply", !message.holds || graph === "starting");
   screen(message);
   $("csv").hidden = !message.readings.length;
   graphWords(message);
@@ -179,10 +177,10 @@ function live(message) {
   if (!knob.held && !speed.pending && wanted === null && document.activeElement !== $("rpm")) {
     const commanded = values.cam_drive?.rpm || message.setup.rpm;
     knob.show(commanded);
-    field("rpm").value = String(Number(commanded.toPrecision(6)));
+    put("rpm", Number(commanded.toPrecision(6)));
   }
   for (const id of SELECTS) choose(id, message);
-  if (!edited) for (const id of SETUP) field(id).value = String(message.setup[id]);
+  if (!edited) for (const id of SETUP) put(id, message.setup[id]);
   if (message.readings.length !== chart.readings?.length) chart.draw(message.readings);
   list("ended", Object.entries(message.ended), ended);
   list("kept", message.kept, (path) => Object.assign(document.createElement("li"), { textContent: text("kept", { path }) }));
@@ -196,11 +194,23 @@ function live(message) {
 /** @param {Live | null} message */
 function runs(message) { return message?.graph === "running" && Object.keys(message.values).length > 0; }
 
-/** `on`: the nodes are there; `may`: this page holds the controls, and a speed may be chosen. @param {boolean} on @param {boolean} may */
-function enable(on, may) {
+/**
+ * `on`: the nodes are there; `may`: this page holds the controls, and a speed may be chosen; `off`: what cannot be done now.
+ * @param {boolean} on @param {boolean} may @param {Record<string, boolean>} off
+ */
+function enable(on, may, off = {}) {
   knob.enable(may);
-  field("rpm").disabled = !may;
-  for (const id of ["start", "stop", "reset", ...SELECTS, "note", "clear", "keep", "rerun"]) field(id).disabled = !on;
+  disable("rpm", !may);
+  for (const id of ["start", "stop", "reset", ...SELECTS, "note", "clear", "keep", "rerun"]) disable(id, !on || Boolean(off[id]));
+}
+// A message comes many times a second: a control is touched only where it changes, for then the page is laid out anew.
+/** @param {string} id @param {boolean} off */
+function disable(id, off) {
+  if (field(id).disabled !== off) field(id).disabled = off;
+}
+/** @param {string} id @param {string | number} value */
+function put(id, value) {
+  if (field(id).value !== String(value)) field(id).value = String(value);
 }
 
 /** Rerun's page, under the name by which this one was opened: another one has none of its cookies. @param {Live} live */
@@ -231,7 +241,7 @@ function lamp(contact) {
 /** @param {string} id @param {Live} live */
 function choose(id, live) {
   const given = id === "cam" ? mounted(live) : live.values[about.settings[id].node]?.[id];
-  if (given === undefined || document.activeElement === $(id)) return;
+  if (given === undefined || field(id).value === given || document.activeElement === $(id)) return;
   const { options } = /** @type {HTMLSelectElement} */ ($(id));
   if (![...options].some(({ value }) => value === given)) $(id).append(new Option(given, given));
   field(id).value = given;

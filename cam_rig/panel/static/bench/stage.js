@@ -15,7 +15,9 @@ const GAUGES = ["angle", "lift", "force", "gap"];
 const FRAME_MS = accelerated() ? 0 : 28;
 
 /** The cam is watched, curves are read: so often (ms) those are drawn. */
-const CURVES_MS = FRAME_MS && 80;
+const CURVES_MS = FRAME_MS && 100;
+/** Before a frame is due (ms) the browser is asked for it: it is told of none that is left out. */
+const EARLY_MS = 8;
 
 function accelerated() {
   const context = document.createElement("canvas").getContext("webgl");
@@ -49,13 +51,13 @@ export class Stage {
       this.rig.marks(events);
       if (this.turns) this.#turned(turn, events);
     };
-    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { this.charts.dirty = true; this.#soon(); });
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { this.charts.recolour(); this.#soon(); });
   }
 
   /** A block of a tick has come. @param {ArrayBuffer} block */
   take(block) {
     this.playback.push(block);
-    this.#soon();
+    if (this.drawn === undefined) this.#soon(); // else a frame is on its way
   }
 
   /** What the bench says: another cam is drawn anew, a cam that stands is held. @param {Live} live @param {boolean} turns */
@@ -115,6 +117,12 @@ export class Stage {
 
   #soon() { this.frame ||= requestAnimationFrame((now) => this.#draw(now)); }
 
+  /** The frame after the one that was just drawn. */
+  #next() {
+    if (FRAME_MS) setTimeout(() => this.#soon(), FRAME_MS - EARLY_MS);
+    else this.#soon();
+  }
+
   /** @param {number} now */
   #draw(now) {
     this.frame = 0;
@@ -138,7 +146,7 @@ export class Stage {
       this.curved = now;
       this.charts.draw(this.at);
     }
-    if (this.turns && playback.end !== null) this.#soon();
+    if (this.turns && playback.end !== null) this.#next();
     else this.drawn = undefined;
   }
 

@@ -118,6 +118,12 @@ export class TurnCharts {
     this.told(this.last, crossings(this.last));
   }
 
+  /** The page has become light or dark. */
+  recolour() {
+    this.colours = colours();
+    this.dirty = true;
+  }
+
   /** Nothing of the turns before. */
   clear() {
     [this.running, this.last, this.dirty] = [[], [], true];
@@ -129,7 +135,6 @@ export class TurnCharts {
     if (!this.dirty && angle === this.drawn) return;
     this.dirty = false;
     this.drawn = angle;
-    this.colours = colours();
     const at = this.running.at(-1)?.angle ?? -1;
     const rest = this.last.filter((one) => one.angle > at);
     for (const { name, chart, canvas, past } of this.charts) {

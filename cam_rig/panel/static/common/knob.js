@@ -61,11 +61,12 @@ export class Knob {
   enable(on) {
     this.enabled = on;
     this.held &&= on;
-    this.place.setAttribute("aria-disabled", String(!on));
+    if (this.place.getAttribute("aria-disabled") !== String(!on)) this.place.setAttribute("aria-disabled", String(!on));
   }
 
   /** Show a speed (rpm), from wherever it came. @param {number} rpm */
   show(rpm) {
+    if (rpm === this.value && this.turned.hasAttribute("d")) return;
     this.value = rpm;
     const angle = this.#angle(rpm);
     this.turned.setAttribute("d", arc(FIRST, angle));

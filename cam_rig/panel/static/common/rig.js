@@ -99,16 +99,16 @@ export class RigPicture {
     const [[x, y], turn] = stand(picture, drawn);
     this.cam.setAttribute("transform", `rotate(${degrees(angle)})`);
     this.follower.setAttribute("transform", `translate(${x} ${y}) rotate(${degrees(turn)})`);
-    this.spring.setAttribute("d", coils(picture, drawn));
+    redraw(this.spring, coils(picture, drawn));
     const { touch, normal } = picture;
     const count = touch[0].length;
     const i = ((Math.round((angle / (2 * Math.PI)) * count) % count) + count) % count;
     const [px, py, nx, ny] = [touch[0][i], touch[1][i], normal[0][i], normal[1][i]];
     this.strongest = Math.max(this.strongest, force || 0);
     const length = (ARROW * this.ring * force) / this.strongest;
-    this.arrow.setAttribute("d", force > 0 ? arrow(px, py, nx, ny, length, 0.035 * this.ring) : "");
+    redraw(this.arrow, force > 0 ? arrow(px, py, nx, ny, length, 0.035 * this.ring) : "");
     const up = gap / 1000;
-    this.gap.setAttribute("d", gap > 0 ? `M${px} ${py}l${nx * up} ${ny * up}` : "");
+    redraw(this.gap, gap > 0 ? `M${px} ${py}l${nx * up} ${ny * up}` : "");
   }
 
   /** Where on the cam contact was lost and found again. @param {Crossing[]} events */
@@ -152,6 +152,11 @@ export class Lens {
     const said = length(gap);
     if (this.words.textContent !== said) this.words.textContent = said;
   }
+}
+
+/** In a dwell or in contact a path stays as it is, and is not to be painted anew. @param {Element} drawn @param {string} d */
+function redraw(drawn, d) {
+  if (drawn.getAttribute("d") !== d) drawn.setAttribute("d", d);
 }
 
 /** @typedef {{angle: number, landing: boolean}} Crossing */
