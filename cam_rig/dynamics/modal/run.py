@@ -4,22 +4,19 @@ from __future__ import annotations
 
 import cmath
 import math
-from bisect import bisect_right
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from cam_rig.dynamics.events.rows import zeros
+from cam_rig.dynamics.events.rows import index_at, zeros
 from cam_rig.dynamics.events.search import call
 from cam_rig.dynamics.linear.response import RESONANT, LinearResponse
 from cam_rig.dynamics.linear.sampling import Outputs
 from cam_rig.dynamics.modal.first_zero import PAUSED, Climb, climb, least_at
+from cam_rig.dynamics.modal.least import free_at
 from cam_rig.dynamics.modal.motion import (
-    ADDED,
-    BEGIN,
-    FLOW,
     LawSeries,
     Oscillator,
     flow_over,
@@ -77,16 +74,13 @@ def law_series(law: Law, arrays: bool) -> LawSeries:
     sizes = [np.maximum.reduceat(largest, begins, axis=1), jumped[:, begins]]
     sizes += [np.maximum(inner, 0.0), np.add.reduceat(ways, begins, axis=1)]
     order = np.argsort(spans, kind="stable")
-    rising = spans[order]
-    new = np.append(True, np.diff(rising) > SAME * rising[1:])
-    first = np.minimum.reduceat(order, np.flatnonzero(new))
+    new = np.append(True, np.diff(spans[order]) > SAME * spans[order][1:])
     alike = np.empty_like(order)
-    alike[order] = first[np.cumsum(new) - 1]
-    ordinates = rows.transpose(0, 2, 1).reshape(len(rows), -1)
-    tables: list[Any] = [ordinates, jumps, breaks, alike, np.array(groups)]
-    steepest = np.zeros((5, spans.size))
-    steepest[: len(rows)] = largest[:5]
-    tables += [rows[:, 0], largest.max(axis=1), np.stack(sizes).transpose(2, 0, 1), steepest.T]
+    alike[order] = np.cumsum(new) - 1
+    steepest = np.zeros((spans.size, 5))
+    steepest[:, : len(rows)] = largest[:5].T
+    tables: list[Any] = [rows, jumps, breaks, spans[order][new], alike, np.array(groups)]
+    tables += [largest.max(axis=1), np.stack(sizes), steepest]
     tables = [np.ascontiguousarray(table) for table in tables]
     return LawSeries(*(tables if arrays else [table.tolist() for table in tables]))
 
@@ -144,11 +138,10 @@ class ModalRun:
                 "harmonic of the speed; allowed: damping, or another speed"
             )
         motion = motion_at(law, mode, series_of(mode, self.law.degree + 1), speed)
-        piece = min(max(bisect_right(law.breaks, angle), 1), len(law.alike)) - 1
-        numbers, flow, start = motion.pieces[piece], zeros(4), motion.starts[0]
-        place, rate = moved(numbers, FLOW, (start[0], start[1]))
-        flow_over(mode, (angle - numbers[BEGIN]) / speed, flow)
-        return np.array(moved(flow, 0, (place + numbers[ADDED], rate + numbers[ADDED + 1])))
+        piece = min(index_at(law.breaks, angle), len(law.alike) - 1)
+        flow = zeros(4)
+        flow_over(mode, (angle - law.breaks[piece]) / speed, flow)
+        return np.array(moved(flow, free_at(motion, piece, 0)))
 
     def climb(self, low: float, last: float, most: float) -> Climb:
         """Up from a speed (rad/s) to where the output is zero, as `first_zero.climb`."""

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cam_rig.dynamics.events.rows import Row, Rows, dot, zero_rows, zeros
+from cam_rig.dynamics.events.rows import Row, Rows, zero_rows, zeros
 from cam_rig.dynamics.modal.motion import (
     INNER,
     JUMP,
@@ -22,6 +22,7 @@ from cam_rig.dynamics.modal.motion import (
     Norm,
     Oscillator,
     Series,
+    add_scaled,
 )
 from cam_rig.units import TURN
 
@@ -46,34 +47,30 @@ class Times(NamedTuple):
 def sags_between(
     law: LawSeries, mode: Oscillator, size: Norm, series: Series, low: float, high: float, out: Rows
 ) -> None:
-    """The sags of all groups of a run between two speeds (rad/s), ``(g, 3)``."""
-    count, times = len(law.sizes), Times(low, high, mode.duration)
-    begins, along, pushed = zero_rows(count, 3), zero_rows(count, 3), zero_rows(count, 3)
-    other, none, lefts = zero_rows(count, 3), zero_rows(count, 3), zeros(count)
-    weights, bends = _weights(size, series, high), _bends(series, high)
+    """The sags of all groups of a run between two speeds (rad/s), ``(3, g)``."""
+    count, times = len(law.groups) - 1, Times(low, high, mode.duration)
+    other, lefts, none = zero_rows(3, count), zeros(count), zero_rows(3, count)
+    weights, forced = _weights(size, series, high), _forced(law, series, high)
+    direct = 2.0 * abs(mode.motion[2])
     for i in range(count):
-        sizes = law.sizes[i]
-        _excited(begins[i], sizes[JUMP], weights)
-        _excited(along[i], sizes[INNER], weights)
-        _pushed(pushed[i], sizes[WAY], mode, low, high)
-        forced = dot(bends, sizes[LARGEST])
-        direct = 2.0 * abs(mode.motion[2]) * sizes[LARGEST][2]
-        out[i][BENT], out[i][FREE], out[i][FORCED] = forced, 0.0, forced
-        other[i][BENT], other[i][FREE], other[i][FORCED] = direct, 0.0, direct
+        out[BENT][i], out[FREE][i], out[FORCED][i] = forced[i], 0.0, forced[i]
+        other[BENT][i] = other[FORCED][i] = direct * law.sizes[LARGEST][2][i]
         span = law.breaks[law.groups[i + 1]] - law.breaks[law.groups[i]]
         lefts[i] = math.exp(-size.decay * span / high)
+    begins, along = _excited(law.sizes[JUMP], weights), _excited(law.sizes[INNER], weights)
     start = zeros(3)
     if mode.duration < math.inf:
-        still = zeros(len(law.starts))
-        for k in range(len(still)):
-            still[k] = law.starts[k][0]
-        _excited(start, still, weights)
+        for k in range(len(weights[0])):
+            still = abs(law.derivatives[k][0][0])
+            for i in range(3):
+                start[i] += weights[i][k] * still
     _vibrate(law, size, times, lefts, begins, along, start, out)
+    pushed = _pushed(law.sizes[WAY], mode, low, high)
     _vibrate(law, size, times, lefts, none, pushed, zeros(3), other)
     for i in range(count):
-        if other[i][BENT] < out[i][BENT]:
+        if other[BENT][i] < out[BENT][i]:
             for j in range(3):
-                out[i][j] = other[i][j]
+                out[j][i] = other[j][i]
 
 
 def _weights(size: Norm, series: Series, speed: float) -> Rows:
@@ -91,26 +88,34 @@ def _weights(size: Norm, series: Series, speed: float) -> Rows:
     return out
 
 
-def _bends(series: Series, speed: float) -> Row:
-    """What derivatives add to the polynomial's second derivative up to a speed, ``(p + 1,)``."""
-    out, power = zeros(len(series.output)), 1.0
-    for k in range(2, len(out)):
-        out[k] = k * (k - 1) * abs(series.output[k]) * power
+def _forced(law: LawSeries, series: Series, speed: float) -> Row:
+    """What the polynomial's second derivative does not exceed up to a speed, group by group."""
+    out, power = zeros(len(law.groups) - 1), 1.0
+    for k in range(2, len(series.output)):
+        add_scaled(out, k * (k - 1) * abs(series.output[k]) * power, law.sizes[LARGEST][k])
         power *= speed
     return out
 
 
-def _excited(out: Row, sizes: Row, weights: Rows) -> None:
-    """N of jumps of such sizes, N' and N''."""
+def _excited(sizes: Rows, weights: Rows) -> Rows:
+    """N of jumps of such sizes, N' and N'', group by group."""
+    out = zero_rows(3, len(sizes[0]))
     for i in range(3):
-        out[i] += dot(weights[i], sizes)
+        for k in range(len(sizes)):
+            add_scaled(out[i], weights[i][k], sizes[k])
+    return out
 
 
-def _pushed(out: Row, ways: Row, mode: Oscillator, low: float, high: float) -> None:
+def _pushed(ways: Rows, mode: Oscillator, low: float, high: float) -> Rows:
     """The same of what the law's motion pushes over a group."""
-    still, turning = abs(mode.drive[0]) / low * ways[0], abs(mode.drive[2]) * ways[2]
-    out[0] = still + abs(mode.drive[1]) * ways[1] + high * turning
-    out[1], out[2] = still / low + turning, 2.0 * still / (low * low)
+    drive, out = mode.drive, zero_rows(3, len(ways[0]))
+    add_scaled(out[0], abs(drive[0]) / low, ways[0])
+    add_scaled(out[0], abs(drive[1]), ways[1])
+    add_scaled(out[0], high * abs(drive[2]), ways[2])
+    add_scaled(out[1], abs(drive[0]) / (low * low), ways[0])
+    add_scaled(out[1], abs(drive[2]), ways[2])
+    add_scaled(out[2], 2.0 * abs(drive[0]) / (low * low * low), ways[0])
+    return out
 
 
 def _vibrate(
@@ -125,40 +130,41 @@ def _vibrate(
 ) -> None:
     """Add vibrations to the sags: excited where groups begin, along them, and at the start."""
     sums, own, end = zeros(SUMS), zeros(SUMS), times.high * times.duration
-    count = len(begins)
+    count = len(lefts)
     if end > TURN:
         for i in range(count):
             time = (law.breaks[law.groups[i + 1]] - law.breaks[law.groups[i]]) / times.low
             if i > 0:
-                _add(sums, begins[i], 0.0)
+                _add(sums, begins[0][i], begins[1][i], begins[2][i], 0.0)
             _fade(sums, lefts[i], time)
-            _add(sums, along[i], time)
-        _add(sums, begins[0], 0.0)
+            _add(sums, along[0][i], along[1][i], along[2][i], time)
+        _add(sums, begins[0][0], begins[1][0], begins[2][0], 0.0)
         _repeat(sums, size, times)
     longest = min(times.duration, 1.0 / max(size.decay, TINY))
-    _add(sums, start, longest)
+    _add(sums, start[0], start[1], start[2], longest)
     for i in range(count):
         if law.breaks[law.groups[i]] >= end:
             break
         time = (law.breaks[law.groups[i + 1]] - law.breaks[law.groups[i]]) / times.low
         if i > 0:
-            _add(sums, begins[i], 0.0)
-        _add_sag(out[i], sums, size, min(time, longest), times.low)
+            _add(sums, begins[0][i], begins[1][i], begins[2][i], 0.0)
+        _add_sag(out, i, sums, size, min(time, longest), times.low)
         _fade(sums, lefts[i], time)
         for j in range(SUMS):
             own[j] = 0.0
-        _add(own, along[i], time)
-        _add_sag(out[i], own, size, 0.0, times.low)
-        _add(sums, along[i], time)
+        _add(own, along[0][i], along[1][i], along[2][i], time)
+        _add_sag(out, i, own, size, 0.0, times.low)
+        _add(sums, along[0][i], along[1][i], along[2][i], time)
 
 
-def _add(sums: Row, excited: Row, age: float) -> None:
-    """Add what was excited so long ago (s)."""
-    for i, q in ((SIZE, 0), (SLOPE, 1)):
-        sums[i] += excited[q]
-        sums[i + 1] += excited[q] * age
-    sums[AGE_2] += excited[0] * age * age
-    sums[BEND] += excited[2]
+def _add(sums: Row, excited: float, slope: float, bend: float, age: float) -> None:
+    """Add N, N' and N'' of what was excited so long ago (s)."""
+    sums[SIZE] += excited
+    sums[AGE] += excited * age
+    sums[AGE_2] += excited * age * age
+    sums[SLOPE] += slope
+    sums[SLOPE_AGE] += slope * age
+    sums[BEND] += bend
 
 
 def _fade(sums: Row, left: float, time: float) -> None:
@@ -186,12 +192,12 @@ def _repeat(sums: Row, size: Norm, times: Times) -> None:
         sums[i] *= once
 
 
-def _add_sag(out: Row, sums: Row, size: Norm, time: float, low: float) -> None:
+def _add_sag(out: Rows, group: int, sums: Row, size: Norm, time: float, low: float) -> None:
     """Add the vibration of a group, up to so much (s) older than at its beginning, to its sag."""
     rate = size.faster / low
     age = sums[AGE] + time * sums[SIZE]
     square = sums[AGE_2] + time * (2.0 * sums[AGE] + time * sums[SIZE])
     slope = sums[SLOPE_AGE] + time * sums[SLOPE]
     bent = sums[BEND] + rate * (2.0 * slope + rate * square + 2.0 / low * age)
-    out[BENT] += size.reach * bent
-    out[FREE] += size.reach * sums[SIZE]
+    out[BENT][group] += size.reach * bent
+    out[FREE][group] += size.reach * sums[SIZE]
