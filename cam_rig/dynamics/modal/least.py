@@ -145,7 +145,7 @@ def _in_turns(
             part[LOW], part[WIDTH], part[BOUND] = begin, end - begin, -math.inf
             part[ETA], part[RATE] = state
             found = _in_piece(
-                mode, motion, stretch.relative, exact, piece, span, angle, parts, found
+                law, mode, motion, stretch.relative, exact, piece, angle, parts, found
             )
     return Least(found.value, found.angle, found.looks + last - first)
 
