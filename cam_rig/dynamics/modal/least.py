@@ -169,7 +169,7 @@ def _chord(
     m0, m1, m2 = abs(mode.motion[0]), abs(mode.motion[1]) * speed, abs(mode.motion[2]) * square
     push = d0 * steep[0] + d1 * steep[1] + d2 * steep[2]
     faster = speed * (d0 * steep[1] + d1 * steep[2] + d2 * steep[3])
-    carried = state_at(law, motion.series, speed, motion.terms, piece)
+    carried = state_at(law, motion.own, speed, piece)
     place, velocity = carried[0] + state[0], carried[1] + state[1]
     most = math.sqrt(mode.stiffness * place * place + velocity * velocity) + time * push
     acceleration = (rate + mode.damping) * most + push

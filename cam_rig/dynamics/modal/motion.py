@@ -33,7 +33,7 @@ LARGEST, JUMP, INNER, WAY = range(4)
 class LawSeries(NamedTuple):
     """A law of n pieces of degree p with all its derivatives; neighbouring ones make g groups."""
 
-    derivatives: Stack  #: ``(p + 2, p + 1, n)``: ordinates of s⁽ᵏ⁾(θ), a row for the first of all
+    derivatives: Stack  #: ``(p + 1, p + 2, n)``: the first ordinates of all s⁽ᵏ⁾(θ), the second, …
     jumps: Rows  #: ``(p + 2, n)``: of s⁽ᵏ⁾ at the start of each piece
     breaks: Row  #: ``(n + 1,)``, rad
     lengths: Row  #: ``(m,)``, rad: spans that differ
@@ -79,8 +79,7 @@ class OscillatorMotion(NamedTuple):
 
     speed: float  #: rad/s
     norm: Norm
-    series: Series
-    terms: int  #: of the series, up to where it has settled
+    own: Row  #: terms of the series of η at this speed, up to where it has settled
     forced: Rows  #: ``(p + 1, n)``: ordinates of the output's polynomial part
     lowest: Row  #: ``(n,)``: the least of each piece
     group_lowest: Row  #: ``(g,)``: and of each group
@@ -171,32 +170,37 @@ def term_count(law: LawSeries, series: Series, speed: float) -> int:
     return len(series.output)
 
 
-def jump_states(series: Series, jumps: Rows, speed: float, terms: int) -> Rows:
-    """η and η̇ of polynomials, ``(2, n)``, where the s⁽ᵏ⁾ jump by ``(p + 2, n)``."""
-    out, power = zero_rows(2, len(jumps[0])), 1.0
-    for k in range(terms):
-        weight = series.own[k] * power
-        add_scaled(out[0], weight, jumps[k])
-        add_scaled(out[1], weight * speed, jumps[k + 1])
+def state_at(law: LawSeries, own: Row, speed: float, piece: int) -> Pair:
+    """η and η̇ of the polynomial where a piece begins."""
+    place, rate = 0.0, 0.0
+    for k in range(len(own)):
+        place += own[k] * law.derivatives[0][k][piece]
+        rate += own[k] * law.derivatives[0][k + 1][piece]
+    return place, rate * speed
+
+
+def add_all(out: Row, weights: Row, rows: Rows, first: int) -> None:
+    """Add rows from ``first`` on, each so many times: compiled code takes several numbers at once.
+
+    Two rows at a time, for what is added up is then read and written half as often.
+    """
+    for k in range(0, len(weights) - 1, 2):
+        a, b, one, other = weights[k], weights[k + 1], rows[first + k], rows[first + k + 1]
+        for i in range(len(out)):
+            out[i] += a * one[i] + b * other[i]
+    if len(weights) % 2 == 1:
+        a, one = weights[-1], rows[first + len(weights) - 1]
+        for i in range(len(out)):
+            out[i] += a * one[i]
+
+
+def scaled(terms: Row, count: int, speed: float) -> Row:
+    """The first terms of a series times powers of the speed, ``(count,)``."""
+    out, power = zeros(count), 1.0
+    for k in range(count):
+        out[k] = terms[k] * power
         power *= speed
     return out
-
-
-def state_at(law: LawSeries, series: Series, speed: float, terms: int, piece: int) -> Pair:
-    """η and η̇ of the polynomial where a piece begins."""
-    place, rate, power = 0.0, 0.0, 1.0
-    for k in range(terms):
-        weight = series.own[k] * power
-        place += weight * law.derivatives[k][0][piece]
-        rate += weight * speed * law.derivatives[k + 1][0][piece]
-        power *= speed
-    return place, rate
-
-
-def add_scaled(out: Row, scale: float, row: Row) -> None:
-    """Add a multiple of a row: long ones, as compiled code takes several numbers at once."""
-    for i in range(len(out)):
-        out[i] += scale * row[i]
 
 
 def moved(flow: Row, state: Pair) -> Pair:
@@ -213,25 +217,30 @@ def motion_at(law: LawSeries, mode: Oscillator, series: Series, speed: float) ->
     for m in range(len(flows)):
         flow_over(mode, law.lengths[m] / speed, flows[m])
         flows[m][4] = math.exp(-fading.decay * law.lengths[m] / speed)
-    forced = _polynomials(law, series, mode.constant, speed, terms, lowest, highest)
+    weights, own = scaled(series.output, terms, speed), scaled(series.own, terms, speed)
+    forced = _polynomials(law, weights, mode.constant, lowest, highest)
     group_lowest = zeros(len(law.groups) - 1)
     for g in range(len(group_lowest)):
         group_lowest[g] = lowest[law.groups[g]]
         for i in range(law.groups[g], law.groups[g + 1]):
             group_lowest[g] = min(group_lowest[g], lowest[i])
-    jumps = jump_states(series, law.jumps, speed, terms)
+    jumps = zero_rows(2, count)
+    for k in range(2):  # of the polynomial's η, and of its η̇
+        add_all(jumps[k], own, law.jumps, k)
+    for i in range(count):
+        jumps[1][i] *= speed
     whole, lefts, floors = zero_rows(4, count), zeros(count), zeros(count)
     turn, flow = _along(law, flows, jumps, whole, lefts)
-    begin = state_at(law, series, speed, terms, 0)
+    begin = state_at(law, own, speed, 0)
     starts, most = _starts(mode, fading, speed, begin, flow, turn), 0.0
     for start in starts:
         most = max(most, fading.reach * amplitude(fading, (start[0], start[1])))
     places, rates, rate, half = jumps[0], jumps[1], fading.rate, fading.half
     for i in range(count):
         place, velocity = rate * places[i], rates[i] + half * places[i]
-        own = fading.reach * math.sqrt(place * place + velocity * velocity)
-        floors[i] = lowest[i] - own - most * lefts[i]
-    cam = (speed, fading, series, terms, forced, lowest, group_lowest, highest)
+        ringing = fading.reach * math.sqrt(place * place + velocity * velocity)
+        floors[i] = lowest[i] - ringing - most * lefts[i]
+    cam = (speed, fading, own, forced, lowest, group_lowest, highest)
     return OscillatorMotion(*cam, flows, whole, jumps, lefts, starts, floors)
 
 
@@ -257,24 +266,14 @@ def _along(
     return (place - last[0], rate - last[1]), (a, b, c, d)
 
 
-def _polynomials(
-    law: LawSeries,
-    series: Series,
-    constant: float,
-    speed: float,
-    terms: int,
-    lowest: Row,
-    highest: Row,
-) -> Rows:
+def _polynomials(law: LawSeries, weights: Row, constant: float, lowest: Row, highest: Row) -> Rows:
     """Ordinates of the output's polynomials; the least, the largest absolute one of each piece."""
-    out = zero_rows(len(series.own), len(lowest))
+    out = zero_rows(len(law.derivatives), len(lowest))
     for j in range(len(out)):
-        row, power = out[j], 1.0
+        row = out[j]
         for i in range(len(row)):
             row[i] = constant
-        for k in range(terms):
-            add_scaled(row, series.output[k] * power, law.derivatives[k][j])
-            power *= speed
+        add_all(row, weights, law.derivatives[j], 0)
         if j == 0:
             for i in range(len(row)):
                 lowest[i], highest[i] = row[i], abs(row[i])

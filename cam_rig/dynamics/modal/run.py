@@ -41,15 +41,20 @@ GROUPS, SAME = 64, 1e-12
 
 
 def _cut(law: Law, rows: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Ordinates ``(p + 2, p + 1, m)``, jumps ``(p + 2, m)`` and breaks, long pieces cut."""
+    """Ordinates ``(p + 1, p + 2, m)``, jumps ``(p + 2, m)`` and breaks, long pieces cut."""
+    joints = rows[0].copy()
+    joints[:, 1:] -= rows[-1, :, :-1]
+    joints[:, 0] -= rows[-1, :, -1]
     counts = np.ceil(law.spans * (PARTS / TURN) * (1.0 - SAME)).astype(int)
+    if counts.max() == 1:
+        return rows, joints, law.breaks.copy()  # compiled code is for arrays that may change
     firsts, spans = np.cumsum(counts) - counts, np.repeat(law.spans / counts, counts)
-    found, jumps = np.repeat(rows, counts, axis=2), np.zeros((len(rows), spans.size))
+    found, jumps = np.repeat(rows, counts, axis=2), np.zeros((rows.shape[1], spans.size))
     for i in np.flatnonzero(counts > 1).tolist():
         first, count = int(firsts[i]), int(counts[i])
-        parts = np.einsum("cqp,kp->kqc", bernstein.parts(law.degree, count), rows[:, :, i])
+        parts = np.einsum("cqp,pk->qkc", bernstein.parts(law.degree, count), rows[:, :, i])
         found[:, :, first : first + count] = parts
-    jumps[:, firsts] = rows[:, 0] - np.roll(rows[:, -1], 1, axis=1)
+    jumps[:, firsts] = joints
     inside = (np.arange(spans.size) - np.repeat(firsts, counts)) * spans
     return found, jumps, np.append(np.repeat(law.breaks[:-1], counts) + inside, law.breaks[-1])
 
@@ -57,29 +62,29 @@ def _cut(law: Law, rows: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray
 @lru_cache(maxsize=64)
 def law_series(law: Law, arrays: bool) -> LawSeries:
     """A law's derivatives; as lists, or as the arrays that compiled code takes."""
-    orders = [law.ordinates]
-    for _ in range(law.degree + 1):
-        orders.append(bernstein.derivative(orders[-1]) / law.spans)
-    rows = np.stack([bernstein.elevate(ordinates, law.degree) for ordinates in orders])
+    own, rows = law.ordinates, np.empty((law.degree + 1, law.degree + 2, law.spans.size))
+    for order in range(law.degree + 2):
+        rows[:, order] = bernstein.elevate(own, law.degree)
+        own = bernstein.derivative(own) / law.spans
     rows, jumps, breaks = _cut(law, rows)
-    spans = np.diff(breaks)
-    largest, jumped = np.abs(rows).max(axis=1), np.abs(jumps)
-    ways = np.abs(rows).mean(axis=1) * spans
+    spans, absolute, jumped = np.diff(breaks), np.abs(rows), np.abs(jumps)
+    largest, ways = absolute.max(axis=0), absolute.mean(axis=0) * spans
     ways[1:] += jumped[:-1]  # a derivative jumps by the integral of the next
     groups, ends = [0], np.searchsorted(breaks, breaks[:-1] + TURN / GROUPS, "right") - 1
     while groups[-1] < spans.size:
         groups.append(max(groups[-1] + 1, int(ends[groups[-1]])))
     begins = groups[:-1]
-    inner = np.add.reduceat(jumped, begins, axis=1) - jumped[:, begins]
-    sizes = [np.maximum.reduceat(largest, begins, axis=1), jumped[:, begins]]
-    sizes += [np.maximum(inner, 0.0), np.add.reduceat(ways, begins, axis=1)]
-    order = np.argsort(spans, kind="stable")
-    new = np.append(True, np.diff(spans[order]) > SAME * spans[order][1:])
-    alike = np.empty_like(order)
-    alike[order] = np.cumsum(new) - 1
+    first = jumped[:, begins]
+    inner = np.maximum(np.add.reduceat(jumped, begins, axis=1) - first, 0.0)
+    sizes = [np.maximum.reduceat(largest, begins, axis=1), first, inner]
+    sizes.append(np.add.reduceat(ways, begins, axis=1))
+    rising = np.argsort(spans, kind="stable")
+    new = np.append(True, np.diff(spans[rising]) > SAME * spans[rising][1:])
+    alike = np.empty_like(rising)
+    alike[rising] = np.cumsum(new) - 1
     steepest = np.zeros((spans.size, 5))
-    steepest[:, : len(rows)] = largest[:5].T
-    tables: list[Any] = [rows, jumps, breaks, spans[order][new], alike, np.array(groups)]
+    steepest[:, : len(largest)] = largest[:5].T
+    tables: list[Any] = [rows, jumps, breaks, spans[rising][new], alike, np.array(groups)]
     tables += [largest.max(axis=1), np.stack(sizes), steepest]
     tables = [np.ascontiguousarray(table) for table in tables]
     return LawSeries(*(tables if arrays else [table.tolist() for table in tables]))

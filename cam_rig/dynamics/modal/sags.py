@@ -22,7 +22,7 @@ from cam_rig.dynamics.modal.motion import (
     Norm,
     Oscillator,
     Series,
-    add_scaled,
+    add_all,
 )
 from cam_rig.units import TURN
 
@@ -31,9 +31,10 @@ from cam_rig.units import TURN
 BENT, FREE, FORCED = range(3)
 #: A second derivative, or a part that fades in a turn, below this is none.
 TINY = 1e-100
-#: Sums over what was excited: of N tᵠ for q = 0, 1 and 2, of N' for 0 and 1, of N'', where N' and
-#: N'' are dN/dΩ and d²N/dΩ².
-SIZE, AGE, AGE_2, SLOPE, SLOPE_AGE, BEND, SUMS = range(7)
+#: Sums over what was excited: of N tᵠ for q = 0, 1 and 2, of N' tᵠ for 0 and 1, of N'', where N'
+#: and N'' are dN/dΩ and d²N/dΩ².
+Sums = tuple[float, float, float, float, float, float]
+NONE: Sums = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class Times(NamedTuple):
@@ -61,7 +62,7 @@ def sags_between(
     start = zeros(3)
     if mode.duration < math.inf:
         for k in range(len(weights[0])):
-            still = abs(law.derivatives[k][0][0])
+            still = abs(law.derivatives[0][k][0])
             for i in range(3):
                 start[i] += weights[i][k] * still
     _vibrate(law, size, times, lefts, begins, along, start, out)
@@ -90,10 +91,11 @@ def _weights(size: Norm, series: Series, speed: float) -> Rows:
 
 def _forced(law: LawSeries, series: Series, speed: float) -> Row:
     """What the polynomial's second derivative does not exceed up to a speed, group by group."""
-    out, power = zeros(len(law.groups) - 1), 1.0
-    for k in range(2, len(series.output)):
-        add_scaled(out, k * (k - 1) * abs(series.output[k]) * power, law.sizes[LARGEST][k])
+    out, weights, power = zeros(len(law.groups) - 1), zeros(len(series.output)), 1.0
+    for k in range(2, len(weights)):
+        weights[k] = k * (k - 1) * abs(series.output[k]) * power
         power *= speed
+    add_all(out, weights, law.sizes[LARGEST], 0)
     return out
 
 
@@ -101,20 +103,18 @@ def _excited(sizes: Rows, weights: Rows) -> Rows:
     """N of jumps of such sizes, N' and N'', group by group."""
     out = zero_rows(3, len(sizes[0]))
     for i in range(3):
-        for k in range(len(sizes)):
-            add_scaled(out[i], weights[i][k], sizes[k])
+        add_all(out[i], weights[i], sizes, 0)
     return out
 
 
 def _pushed(ways: Rows, mode: Oscillator, low: float, high: float) -> Rows:
     """The same of what the law's motion pushes over a group."""
-    drive, out = mode.drive, zero_rows(3, len(ways[0]))
-    add_scaled(out[0], abs(drive[0]) / low, ways[0])
-    add_scaled(out[0], abs(drive[1]), ways[1])
-    add_scaled(out[0], high * abs(drive[2]), ways[2])
-    add_scaled(out[1], abs(drive[0]) / (low * low), ways[0])
-    add_scaled(out[1], abs(drive[2]), ways[2])
-    add_scaled(out[2], 2.0 * abs(drive[0]) / (low * low * low), ways[0])
+    still, moving, turning = abs(mode.drive[0]) / low, abs(mode.drive[1]), abs(mode.drive[2])
+    out = zero_rows(3, len(ways[0]))
+    for i in range(len(ways[0])):
+        out[0][i] = still * ways[0][i] + moving * ways[1][i] + high * turning * ways[2][i]
+        out[1][i] = still / low * ways[0][i] + turning * ways[2][i]
+        out[2][i] = 2.0 * still / (low * low) * ways[0][i]
     return out
 
 
@@ -129,54 +129,48 @@ def _vibrate(
     out: Rows,
 ) -> None:
     """Add vibrations to the sags: excited where groups begin, along them, and at the start."""
-    sums, own, end = zeros(SUMS), zeros(SUMS), times.high * times.duration
+    sums, end = NONE, times.high * times.duration
     count = len(lefts)
     if end > TURN:
         for i in range(count):
             time = (law.breaks[law.groups[i + 1]] - law.breaks[law.groups[i]]) / times.low
             if i > 0:
-                _add(sums, begins[0][i], begins[1][i], begins[2][i], 0.0)
-            _fade(sums, lefts[i], time)
-            _add(sums, along[0][i], along[1][i], along[2][i], time)
-        _add(sums, begins[0][0], begins[1][0], begins[2][0], 0.0)
-        _repeat(sums, size, times)
+                sums = _added(sums, begins[0][i], begins[1][i], begins[2][i], 0.0)
+            sums = _faded(sums, lefts[i], time)
+            sums = _added(sums, along[0][i], along[1][i], along[2][i], time)
+        sums = _added(sums, begins[0][0], begins[1][0], begins[2][0], 0.0)
+        sums = _repeated(sums, size, times)
     longest = min(times.duration, 1.0 / max(size.decay, TINY))
-    _add(sums, start[0], start[1], start[2], longest)
+    sums = _added(sums, start[0], start[1], start[2], longest)
     for i in range(count):
         if law.breaks[law.groups[i]] >= end:
             break
         time = (law.breaks[law.groups[i + 1]] - law.breaks[law.groups[i]]) / times.low
         if i > 0:
-            _add(sums, begins[0][i], begins[1][i], begins[2][i], 0.0)
-        _add_sag(out, i, sums, size, min(time, longest), times.low)
-        _fade(sums, lefts[i], time)
-        for j in range(SUMS):
-            own[j] = 0.0
-        _add(own, along[0][i], along[1][i], along[2][i], time)
-        _add_sag(out, i, own, size, 0.0, times.low)
-        _add(sums, along[0][i], along[1][i], along[2][i], time)
+            sums = _added(sums, begins[0][i], begins[1][i], begins[2][i], 0.0)
+        own = _added(NONE, along[0][i], along[1][i], along[2][i], time)
+        before = _bent(sums, size, min(time, longest), times.low)
+        out[BENT][i] += size.reach * (before + _bent(own, size, 0.0, times.low))
+        out[FREE][i] += size.reach * (sums[0] + own[0])
+        sums = _faded(sums, lefts[i], time)
+        sums = _added(sums, along[0][i], along[1][i], along[2][i], time)
 
 
-def _add(sums: Row, excited: float, slope: float, bend: float, age: float) -> None:
-    """Add N, N' and N'' of what was excited so long ago (s)."""
-    sums[SIZE] += excited
-    sums[AGE] += excited * age
-    sums[AGE_2] += excited * age * age
-    sums[SLOPE] += slope
-    sums[SLOPE_AGE] += slope * age
-    sums[BEND] += bend
+def _added(sums: Sums, excited: float, slope: float, bend: float, age: float) -> Sums:
+    """With N, N' and N'' of what was excited so long ago (s)."""
+    n, n_t, n_tt, d, d_t, dd = sums
+    n_t, n_tt, d_t = n_t + excited * age, n_tt + excited * age * age, d_t + slope * age
+    return n + excited, n_t, n_tt, d + slope, d_t, dd + bend
 
 
-def _fade(sums: Row, left: float, time: float) -> None:
+def _faded(sums: Sums, left: float, time: float) -> Sums:
     """All is older by a time (s), and this part of it is left."""
-    sums[AGE_2] += time * (2.0 * sums[AGE] + time * sums[SIZE])
-    sums[AGE] += time * sums[SIZE]
-    sums[SLOPE_AGE] += time * sums[SLOPE]
-    for i in range(SUMS):
-        sums[i] *= left
+    n, n_t, n_tt, d, d_t, dd = sums
+    n_tt, n_t, d_t = n_tt + time * (2.0 * n_t + time * n), n_t + time * n, d_t + time * d
+    return left * n, left * n_t, left * n_tt, left * d, left * d_t, left * dd
 
 
-def _repeat(sums: Row, size: Norm, times: Times) -> None:
+def _repeated(sums: Sums, size: Norm, times: Times) -> Sums:
     """What a turn has excited becomes what all turns before have; Σ gᵐ mᵠ over m turns."""
     turn, turns = TURN / times.low, times.high * times.duration / TURN
     left = math.exp(-size.decay * TURN / times.high)
@@ -185,19 +179,14 @@ def _repeat(sums: Row, size: Norm, times: Times) -> None:
     linear = turn * min(0.5 * turns * turns, left * endless * endless)
     square = left * (1.0 + left) * endless * endless * endless
     square = turn * turn * min(turns * turns * turns / 3.0, square)
-    sums[AGE_2] = sums[AGE_2] * once + 2.0 * sums[AGE] * linear + sums[SIZE] * square
-    sums[AGE] = sums[AGE] * once + sums[SIZE] * linear
-    sums[SLOPE_AGE] = sums[SLOPE_AGE] * once + sums[SLOPE] * linear
-    for i in (SIZE, SLOPE, BEND):
-        sums[i] *= once
+    n, n_t, n_tt, d, d_t, dd = sums
+    n_tt = n_tt * once + 2.0 * n_t * linear + n * square
+    return n * once, n_t * once + n * linear, n_tt, d * once, d_t * once + d * linear, dd * once
 
 
-def _add_sag(out: Rows, group: int, sums: Row, size: Norm, time: float, low: float) -> None:
-    """Add the vibration of a group, up to so much (s) older than at its beginning, to its sag."""
-    rate = size.faster / low
-    age = sums[AGE] + time * sums[SIZE]
-    square = sums[AGE_2] + time * (2.0 * sums[AGE] + time * sums[SIZE])
-    slope = sums[SLOPE_AGE] + time * sums[SLOPE]
-    bent = sums[BEND] + rate * (2.0 * slope + rate * square + 2.0 / low * age)
-    out[BENT][group] += size.reach * bent
-    out[FREE][group] += size.reach * sums[SIZE]
+def _bent(sums: Sums, size: Norm, time: float, low: float) -> float:
+    """B of a vibration up to so much (s) older, for a reach of one."""
+    n, n_t, n_tt, d, d_t, dd = sums
+    rate, age = size.faster / low, n_t + time * n
+    square, slope = n_tt + time * (2.0 * n_t + time * n), d_t + time * d
+    return dd + rate * (2.0 * slope + rate * square + 2.0 / low * age)
