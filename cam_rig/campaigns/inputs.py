@@ -6,7 +6,6 @@ Paths are as the files have them: ``rig.follower.mass``, ``cam.segments[1].span`
 
 from __future__ import annotations
 
-import copy
 import math
 import re
 from collections.abc import Mapping
@@ -20,7 +19,7 @@ from cam_rig.campaigns.schema import PERCENT, Variation
 from cam_rig.errors import ConfigError, did_you_mean
 from cam_rig.laws import Law, bernstein
 from cam_rig.schema.explain import explain
-from cam_rig.schema.quantity import ORIGINS, UNITS, Quantity
+from cam_rig.schema.quantity import FACTORS, ORIGINS, UNITS
 from cam_rig.schema.segment_base import quantities
 from cam_rig.units import TURN, FloatArray
 
@@ -136,7 +135,7 @@ def with_numbers(config: Config, numbers: Mapping[str, float]) -> Config:
     """A config with other numbers (SI) by their paths below it."""
     if not numbers:
         return config
-    data = config.model_dump(exclude_none=True)
+    data = _own(config)
     for path, value in numbers.items():
         _put(data, _TOKEN.findall(path), value)
     try:
@@ -145,16 +144,23 @@ def with_numbers(config: Config, numbers: Mapping[str, float]) -> Config:
         raise ConfigError(explain(error, type(config))) from None
 
 
+def _own(node: Any) -> Any:
+    """A list, or the fields of a model, to be changed; what they hold stays as it is."""
+    if isinstance(node, list):
+        return list(node)
+    return {key: one for key, one in dict(node).items() if one is not None}
+
+
 def _put(node: Any, tokens: list[str], value: float) -> None:
-    """Put a number (SI) where a path leads; what is on the way is this config's own copy."""
+    """Put a number (SI) where a path leads; what is on the way becomes this config's own copy."""
     for token in tokens:
         if isinstance(node, dict) and "unit" in node and token.startswith("["):
             break
-        node = node[int(token[1:-1])] if token.startswith("[") else node[token]
-    origin = next(key for key in ORIGINS if key in node)
-    factor = Quantity(**{"assumed": 0.0, "unit": node["unit"]}).factor
+        key = int(token[1:-1]) if token.startswith("[") else token
+        node[key] = node = _own(node[key])
+    origin, factor = next(key for key in ORIGINS if key in node), FACTORS[node["unit"]]
     if isinstance(node[origin], list):
-        node[origin] = copy.copy(node[origin])
+        node[origin] = list(node[origin])
         node[origin][int(tokens[-1][1:-1])] = value / factor
     else:
         node[origin] = value / factor

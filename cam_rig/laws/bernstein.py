@@ -138,7 +138,7 @@ def derivative(ordinates: FloatArray) -> FloatArray:
     degree = ordinates.shape[0] - 1
     if degree == 0:
         return np.zeros_like(ordinates)
-    return np.asarray(degree * np.diff(ordinates, axis=0))
+    return np.asarray(degree * (ordinates[1:] - ordinates[:-1]))
 
 
 def antiderivative(ordinates: FloatArray, start: float = 0.0) -> FloatArray:

@@ -59,6 +59,8 @@ UNITS: dict[str, dict[str, float]] = {
 }
 
 
+#: unit -> factor to SI
+FACTORS = {unit: factor for units in UNITS.values() for unit, factor in units.items()}
 #: Numbers of a list that are shown.
 SHOWN = 6
 #: A number as YAML means it: neither text nor true.
@@ -117,7 +119,9 @@ class Quantity(Strict):
     @property
     def origin(self) -> Origin:
         """given, assumed or identified."""
-        return next(o for o in ORIGINS if getattr(self, o) is not None)
+        if self.given is not None:
+            return "given"
+        return "identified" if self.assumed is None else "assumed"
 
     @property
     def raw(self) -> float | list[float]:
@@ -128,12 +132,13 @@ class Quantity(Strict):
     @property
     def numbers(self) -> list[float]:
         """The numbers as written, always as a list."""
-        return self.raw if isinstance(self.raw, list) else [self.raw]
+        raw = self.raw
+        return raw if isinstance(raw, list) else [raw]
 
     @property
     def factor(self) -> float:
         """Factor from the written unit to SI."""
-        return next(units[self.unit] for units in UNITS.values() if self.unit in units)
+        return FACTORS[self.unit]
 
     @property
     def si(self) -> float:

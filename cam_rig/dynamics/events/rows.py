@@ -42,6 +42,26 @@ def place_of(tables: Stack, inside: float) -> int:
     return low
 
 
+def index_at(rising: Row, value: float) -> int:
+    """Index of the last of some rising numbers that is no larger than a value; at least 0."""
+    low, high = 0, len(rising)
+    while high - low > 1:
+        middle = (low + high) // 2
+        if rising[middle] <= value:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+def column(rows: Rows, index: int) -> Row:
+    """One number of each row."""
+    out = zeros(len(rows))
+    for j in range(len(rows)):
+        out[j] = rows[j][index]
+    return out
+
+
 def binomials(degree: int) -> Row:
     """C(degree, i), i from 0 to ``degree``."""
     if degree < len(PASCAL):

@@ -33,11 +33,12 @@ def rigid_zero(law: LawSeries, follower: RigidMass) -> tuple[float, float]:
     rounding decides.
     """
     law, count, size = borrowed(law), len(law.alike), len(law.largest) - 1
+    ordinates = law.derivatives
     best, where = math.inf, math.nan
     for i in range(count):
-        s, slope, bend = law.derivatives[0], law.derivatives[1], law.derivatives[2]
-        for j, angle in ((i * size, law.breaks[i]), ((i + 1) * size - 1, law.breaks[i + 1])):
-            speed = _zero(follower, s[j], slope[j], bend[j])
+        for j, angle in ((0, law.breaks[i]), (size - 1, law.breaks[i + 1])):
+            s, slope, bend = ordinates[j][0][i], ordinates[j][1][i], ordinates[j][2][i]
+            speed = _zero(follower, s, slope, bend)
             if speed < best:
                 best, where = speed, angle
     parts, looked = zero_rows(3 * (HALVINGS + 2), size), 0
@@ -45,7 +46,7 @@ def rigid_zero(law: LawSeries, follower: RigidMass) -> tuple[float, float]:
     for i in range(count):
         for k in range(3):
             for j in range(size):
-                parts[k][j] = law.derivatives[k][i * size + j]
+                parts[k][j] = ordinates[j][k][i]
         lows[0], widths[0], top = law.breaks[i], law.breaks[i + 1] - law.breaks[i], 0
         least = math.ldexp(widths[0], -HALVINGS)
         while top >= 0 and looked < MAX_PARTS:
@@ -58,8 +59,7 @@ def rigid_zero(law: LawSeries, follower: RigidMass) -> tuple[float, float]:
             widths[top] *= 0.5
             widths[top + 1], lows[top + 1] = widths[top], lows[top]
             lows[top] += widths[top]
-            s, slope, bend = parts[3 * top], parts[3 * top + 1], parts[3 * top + 2]
-            speed = _zero(follower, s[0], slope[0], bend[0])
+            speed = _zero(follower, parts[3 * top][0], parts[3 * top + 1][0], parts[3 * top + 2][0])
             if speed < best:
                 best, where = speed, lows[top]
             top += 1

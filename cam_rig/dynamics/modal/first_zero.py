@@ -38,6 +38,9 @@ FINEST = 1e-11
 #: Sags that a step is made for, as parts of the least output where it begins, and for how much
 #: longer than the last one it is tried.
 SAGS, LONGER = 0.75, 1.5
+#: A step that may be no longer than this part of what was tried is tried anew; and to what a step
+#: is cut over which contact may be lost and found again.
+WIDE, AGAIN = 3.0, 0.57
 #: On the way to a zero the least output is found to this part of itself.
 POLISHED = 1e-4
 #: Turns that differ by less than this part of the speed fall below zero together.
@@ -63,10 +66,10 @@ def climb(
     law: LawSeries, mode: Oscillator, low: float, step: float, last: float, most: float
 ) -> Climb:
     """Go up from a speed (rad/s) to ``last`` at most, with as many looks as ``most``."""
-    law, series, count = borrowed(law), _series(law, mode), len(law.sizes)
+    law, series, count = borrowed(law), _series(law, mode), len(law.groups) - 1
     if not resolved(law, series, low):
         return Climb(UNTOLD, low, step, low, 0.0, 0.0)
-    sags, floors, margins, there = zero_rows(count, 3), zeros(count), zeros(count), zeros(count)
+    sags, floors, margins, there = zero_rows(3, count), zeros(count), zeros(count), zeros(count)
     motion = motion_at(law, mode, series, low)
     found = _floors(law, mode, motion, floors)
     if found.value <= 0.0:
@@ -80,19 +83,22 @@ def climb(
             step *= 0.5
             continue
         sags_between(law, mode, motion.norm, series, low, high, sags)
-        lowest, finest = motion.lowest, FINEST * low
+        lowest, finest = motion.group_lowest, FINEST * low
         width = max(finest, min(high - low, _width(sags, floors, lowest)))
+        if WIDE * width < high - low:  # what is told over so long a step is far too wide
+            step = math.sqrt(width * (high - low)) / low
+            continue
         high = low + width
         looks += _margins(law, mode, motion, high, floors, margins)
         looks += len(law.alike) * len(series.own)
         if not _holds(sags, margins, margins, lowest, lowest, width) and width > finest:
-            step = 0.5 * width / low
+            step = AGAIN * width / low
             continue
         after = motion_at(law, mode, series, high)
         found, step = _floors(law, mode, after, there), width / low
         looks += found.looks
-        if not _holds(sags, margins, there, lowest, after.lowest, width) and width > finest:
-            step *= 0.5
+        if not _holds(sags, margins, there, lowest, after.group_lowest, width) and width > finest:
+            step *= AGAIN
         elif found.value <= 0.0:
             zero = _zero(law, mode, series, low, high)
             beyond = min(high, zero[0] * (1.0 + LAST_DIGIT))
@@ -133,10 +139,10 @@ def _margins(
 def _width(sags: Rows, floors: Row, lowest: Row) -> float:
     """Step of the speed (rad/s) over which the sags are but a part of the least outputs."""
     width = math.inf
-    for i in range(len(sags)):
+    for i in range(len(floors)):
         if floors[i] < math.inf:
-            free, forced = sags[i][FREE], 0.125 * max(sags[i][FORCED], TINY)
-            wide = SAGS * floors[i] / (0.125 * max(sags[i][BENT], TINY))
+            free, forced = sags[FREE][i], 0.125 * max(sags[FORCED][i], TINY)
+            wide = SAGS * floors[i] / (0.125 * max(sags[BENT][i], TINY))
             wide = max(wide, (SAGS * floors[i] - 2.0 * free) / forced)
             wide = max(wide, (SAGS * lowest[i] - free) / forced)
             width = min(width, math.sqrt(max(0.0, wide)))
@@ -151,9 +157,9 @@ def _holds(
     The least outputs at both, and of the polynomial parts alone.
     """
     square = 0.125 * width * width
-    for i in range(len(sags)):
-        bent, free = sags[i][BENT] * square, sags[i][FREE]
-        alone = free + sags[i][FORCED] * square
+    for i in range(len(before)):
+        bent, free = sags[BENT][i] * square, sags[FREE][i]
+        alone = free + sags[FORCED][i] * square
         sag = min(bent, free + alone)
         if (
             before[i] < math.inf
@@ -196,7 +202,7 @@ def _first_below(
     law: LawSeries, mode: Oscillator, series: Series, speed: float, where: float
 ) -> float:
     """Where (rad) the first turn is lowest that is below zero at a speed; ``where`` if none is."""
-    motion, nothing = motion_at(law, mode, series, speed), zeros(len(law.sizes))
+    motion, nothing = motion_at(law, mode, series, speed), zeros(len(law.groups) - 1)
     end = end_of(motion, mode.duration)
     for turn in range(len(motion.starts)):
         within = Stretch(turn * TURN, min(end, (turn + 1) * TURN), POLISHED)
@@ -212,7 +218,7 @@ def _lowest(
     """The least output of the run at one speed."""
     motion = motion_at(law, mode, series, speed)
     whole = Stretch(0.0, end_of(motion, mode.duration), relative)
-    return least(law, mode, motion, whole, zeros(len(law.sizes)))
+    return least(law, mode, motion, whole, zeros(len(law.groups) - 1))
 
 
 def least_at(law: LawSeries, mode: Oscillator, speed: float) -> float:

@@ -10,17 +10,8 @@ import math
 from typing import NamedTuple
 
 from cam_rig.dynamics.events.polynomials import weighted_by_binomials, weighted_value
-from cam_rig.dynamics.events.rows import Row, Rows, zero_rows, zeros
+from cam_rig.dynamics.events.rows import Row, Rows, column, index_at, zero_rows, zeros
 from cam_rig.dynamics.modal.motion import (
-    ADDED,
-    BEGIN,
-    CARRIED,
-    FLOW,
-    HIGHEST,
-    LEFT,
-    LOWEST,
-    OWN,
-    SPAN,
     LawSeries,
     Oscillator,
     OscillatorMotion,
@@ -28,6 +19,7 @@ from cam_rig.dynamics.modal.motion import (
     amplitude,
     flow_over,
     moved,
+    state_at,
 )
 from cam_rig.units import TURN
 
@@ -66,32 +58,28 @@ def least(
 
     ``floors`` ``(g,)`` are lowered to what the output is not below in each group in any turn.
     """
-    found, parts = Least(math.inf, stretch.begin, len(motion.pieces)), zero_rows(MOST_PARTS, PART)
+    parts = zero_rows(MOST_PARTS, PART)
     first, last = int(stretch.begin // TURN), min(len(motion.starts), int(stretch.end // TURN) + 1)
-    within = last - first == 1
-    low, high = stretch.begin - first * TURN, stretch.end - first * TURN
-    deepest, bound, group, apart = -1, math.inf, 0, _apart(motion, first, last)
-    for i in range(len(motion.pieces)):
-        numbers = motion.pieces[i]
-        if within and (numbers[BEGIN] >= high or numbers[BEGIN] + numbers[SPAN] < low):
-            continue
-        floor = numbers[LOWEST] - numbers[OWN] - motion.most * numbers[LEFT]
-        if floor < bound or deepest < 0:
-            bound, deepest = floor, i
-    if deepest >= 0:
+    begin, end = 0, len(motion.floors)
+    if last - first == 1:
+        begin = index_at(law.breaks, stretch.begin - first * TURN)
+        end = min(end, 1 + index_at(law.breaks, stretch.end - first * TURN))
+    found, deepest, group = Least(math.inf, stretch.begin, end - begin), begin, 0
+    apart = _apart(motion, first, last)
+    for i in range(begin, end):
+        deepest = i if motion.floors[i] < motion.floors[deepest] else deepest
+    if begin < end:
         found = _in_turns(law, mode, motion, stretch, deepest, first, last, parts, found)
-    for i in range(len(motion.pieces)):
-        numbers = motion.pieces[i]
+    for i in range(begin, end):
         while i >= law.groups[group + 1]:
             group += 1
-        if within and (numbers[BEGIN] >= high or numbers[BEGIN] + numbers[SPAN] < low):
-            continue
-        floor = numbers[LOWEST] - numbers[OWN] - motion.most * numbers[LEFT]
-        allowed = _allowed(found.value, EXACT * numbers[HIGHEST], stretch.relative)
+        floor = motion.floors[i]
+        allowed = _allowed(found.value, EXACT * motion.highest[i], stretch.relative)
         if floor < allowed:
             if last - first > 1:
-                state = _free(motion, i, last - 1)
-                floor = max(floor, _chord(law, mode, motion, i, state) - apart * numbers[LEFT])
+                state = free_at(motion, i, last - 1)
+                chord = _chord(law, mode, motion, i, state)
+                floor = max(floor, chord - apart * motion.lefts[i])
             if i != deepest and floor < allowed:
                 found = _in_turns(law, mode, motion, stretch, i, first, last, parts, found)
             floor = max(floor, found.value - stretch.relative * abs(found.value))
@@ -117,11 +105,11 @@ def _apart(motion: OscillatorMotion, first: int, last: int) -> float:
     return motion.norm.reach * most
 
 
-def _free(motion: OscillatorMotion, piece: int, turn: int) -> Pair:
+def free_at(motion: OscillatorMotion, piece: int, turn: int) -> Pair:
     """Free (η, η̇) where a piece begins in a turn."""
-    numbers, x = motion.pieces[piece], motion.starts[turn]
-    place, rate = moved(numbers, FLOW, (x[0], x[1]))
-    return place + numbers[ADDED], rate + numbers[ADDED + 1]
+    flow, x = motion.whole, motion.starts[turn]
+    place = flow[0][piece] * x[0] + flow[1][piece] * x[1] + motion.added[0][piece]
+    return place, flow[2][piece] * x[0] + flow[3][piece] * x[1] + motion.added[1][piece]
 
 
 def _in_turns(
@@ -136,32 +124,30 @@ def _in_turns(
     found: Least,
 ) -> Least:
     """What was found, or what is lower in a piece, from a turn on to before another."""
-    numbers = motion.pieces[piece]
+    span = law.breaks[piece + 1] - law.breaks[piece]
     for turn in range(first, last):
-        angle = turn * TURN + numbers[BEGIN]
-        begin, end = max(0.0, stretch.begin - angle), min(numbers[SPAN], stretch.end - angle)
+        angle = turn * TURN + law.breaks[piece]
+        begin, end = max(0.0, stretch.begin - angle), min(span, stretch.end - angle)
         if end < begin or end <= 0.0:
             continue
-        state = _free(motion, piece, turn)
+        state = free_at(motion, piece, turn)
         free = motion.norm.reach * amplitude(motion.norm, state)
-        exact = EXACT * (numbers[HIGHEST] + free)
+        exact = EXACT * (motion.highest[piece] + free)
         allowed = _allowed(found.value, exact, stretch.relative)
-        if numbers[LOWEST] - free < allowed and _chord(law, mode, motion, piece, state) < allowed:
+        if motion.lowest[piece] - free < allowed and (
+            _chord(law, mode, motion, piece, state) < allowed
+        ):
             if begin > 0.0:
                 flow = zeros(4)
                 flow_over(mode, begin / motion.speed, flow)
-                state = moved(flow, 0, state)
+                state = moved(flow, state)
             part = parts[0]
             part[LOW], part[WIDTH], part[BOUND] = begin, end - begin, -math.inf
             part[ETA], part[RATE] = state
-            found = _in_piece(mode, motion, stretch.relative, exact, piece, angle, parts, found)
+            found = _in_piece(
+                law, mode, motion, stretch.relative, exact, piece, angle, parts, found
+            )
     return Least(found.value, found.angle, found.looks + last - first)
-
-
-def _forced(motion: OscillatorMotion, piece: int) -> Row:
-    """Ordinates of the polynomial in a piece."""
-    size = len(motion.forced) // len(motion.pieces)
-    return motion.forced[piece * size : (piece + 1) * size]
 
 
 def _chord(
@@ -173,16 +159,18 @@ def _chord(
     whole motion: in a piece much shorter than the mode's period, where derivatives of s jump, the
     polynomial and the vibration are large and cancel.
     """
-    numbers, forced, steep = motion.pieces[piece], _forced(motion, piece), law.steepest[piece]
+    forced, steep = motion.forced, law.steepest[piece]
     speed, square, rate = motion.speed, motion.speed * motion.speed, math.sqrt(mode.stiffness)
-    time, end = numbers[SPAN] / speed, moved(motion.flows[law.alike[piece]], 0, state)
-    first = forced[0] + mode.place * state[0] + mode.velocity * state[1]
-    last = forced[len(forced) - 1] + mode.place * end[0] + mode.velocity * end[1]
+    time = (law.breaks[piece + 1] - law.breaks[piece]) / speed
+    end = moved(motion.flows[law.alike[piece]], state)
+    first = forced[0][piece] + mode.place * state[0] + mode.velocity * state[1]
+    last = forced[len(forced) - 1][piece] + mode.place * end[0] + mode.velocity * end[1]
     d0, d1, d2 = abs(mode.drive[0]), abs(mode.drive[1]) * speed, abs(mode.drive[2]) * square
     m0, m1, m2 = abs(mode.motion[0]), abs(mode.motion[1]) * speed, abs(mode.motion[2]) * square
     push = d0 * steep[0] + d1 * steep[1] + d2 * steep[2]
     faster = speed * (d0 * steep[1] + d1 * steep[2] + d2 * steep[3])
-    place, velocity = numbers[CARRIED] + state[0], numbers[CARRIED + 1] + state[1]
+    carried = state_at(law, motion.own, speed, piece)
+    place, velocity = carried[0] + state[0], carried[1] + state[1]
     most = math.sqrt(mode.stiffness * place * place + velocity * velocity) + time * push
     acceleration = (rate + mode.damping) * most + push
     jerk = mode.stiffness * most + mode.damping * acceleration + faster
@@ -201,6 +189,7 @@ def _bend(ordinates: Row, span: float) -> float:
 
 
 def _in_piece(
+    law: LawSeries,
     mode: Oscillator,
     motion: OscillatorMotion,
     relative: float,
@@ -211,8 +200,8 @@ def _in_piece(
     found: Least,
 ) -> Least:
     """The same in the first of ``parts``, a part of a piece that begins at ``angle``."""
-    ordinates, flow, size = _forced(motion, piece), zeros(4), motion.norm
-    count, span = len(ordinates), motion.pieces[piece][SPAN]
+    ordinates, flow, size = column(motion.forced, piece), zeros(4), motion.norm
+    count, span = len(ordinates), law.breaks[piece + 1] - law.breaks[piece]
     forced = weighted_by_binomials(ordinates, count)
     bend, slow = _bend(ordinates, span), 1.0 / (motion.speed * motion.speed)
     lowest, where, looks, top = found.value, found.angle, found.looks, 0

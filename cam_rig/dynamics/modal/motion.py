@@ -23,29 +23,24 @@ LEAST = -39.0
 
 Pair = tuple[float, float]
 Triple = tuple[float, float, float]
-#: Rows of a group's sizes, each of a derivative of s: what it does not exceed in the group; by what
-#: it jumps, unsigned, where the group begins and at the joints inside; what ∫|s⁽ᵏ⁾| dθ over the
-#: group does not exceed, with the jumps of the derivative before.
+Quadruple = tuple[float, float, float, float]
+#: Rows of sizes, each of a derivative of s: what it does not exceed in a group; by what it jumps,
+#: unsigned, where the group begins and at the joints inside; what ∫|s⁽ᵏ⁾| dθ over the group does
+#: not exceed, with the jumps of the derivative before.
 LARGEST, JUMP, INNER, WAY = range(4)
-#: Numbers of a piece: where it begins and its span (rad), the polynomial's least ordinate and its
-#: largest absolute one, the flow from the turn's start to here, what the turn's joints have added
-#: to (η, η̇) here, what that contributes to the output at most, what is left of a norm since the
-#: turn's start, the polynomial's (η, η̇) here.
-BEGIN, SPAN, LOWEST, HIGHEST, FLOW = range(5)
-ADDED, OWN, LEFT, CARRIED, NUMBERS = 8, 10, 11, 12, 14
 
 
 class LawSeries(NamedTuple):
     """A law of n pieces of degree p with all its derivatives; neighbouring ones make g groups."""
 
-    derivatives: Rows  #: ``(p + 2, n (p + 1))``: ordinates of s⁽ᵏ⁾(θ), piece after piece
+    derivatives: Stack  #: ``(p + 1, p + 2, n)``: the first ordinates of all s⁽ᵏ⁾(θ), the second, …
     jumps: Rows  #: ``(p + 2, n)``: of s⁽ᵏ⁾ at the start of each piece
     breaks: Row  #: ``(n + 1,)``, rad
-    alike: list[int]  #: ``(n,)``: which is the first piece of the same span
+    lengths: Row  #: ``(m,)``, rad: spans that differ
+    alike: list[int]  #: ``(n,)``: which of them each piece has
     groups: list[int]  #: ``(g + 1,)``: with which piece each group begins
-    starts: Rows  #: ``(p + 2, n)``: s⁽ᵏ⁾ where each piece begins
     largest: Row  #: ``(p + 2,)``: what |s⁽ᵏ⁾| does not exceed
-    sizes: Stack  #: ``(g, 4, p + 2)``, rows as above
+    sizes: Stack  #: ``(4, p + 2, g)``, rows as above
     steepest: Rows  #: ``(n, 5)``: what s to its fourth derivative do not exceed in each piece
 
 
@@ -84,12 +79,17 @@ class OscillatorMotion(NamedTuple):
 
     speed: float  #: rad/s
     norm: Norm
-    pieces: Rows  #: ``(n, 14)``, numbers as above
-    flows: Rows  #: ``(n, 5)``: e^{At} over each piece that is the first of its span, and its norm
-    forced: Row  #: ``(n (p + 1),)``: ordinates of the output's polynomial part
-    lowest: Row  #: ``(g,)``: its least ordinate in each group
+    own: Row  #: terms of the series of η at this speed, up to where it has settled
+    forced: Rows  #: ``(p + 1, n)``: ordinates of the output's polynomial part
+    lowest: Row  #: ``(n,)``: the least of each piece
+    group_lowest: Row  #: ``(g,)``: and of each group
+    highest: Row  #: ``(n,)``: the largest absolute one of each piece
+    flows: Rows  #: ``(m, 5)``: e^{At} over each length, and its norm
+    whole: Rows  #: ``(4, n)``: the flow from the turn's start to each piece
+    added: Rows  #: ``(2, n)``: (η, η̇) that the turn's joints have added there
+    lefts: Row  #: ``(n,)``: what is left there of a norm since the turn's start
     starts: Rows  #: ``(t, 2)``: free (η, η̇) where turns begin, until the motion repeats or ends
-    most: float  #: what these contribute to the output at most
+    floors: Row  #: ``(n,)``: what the output is not below in each piece, in any turn
 
 
 #: The rate of a norm is at least this part of the damping's half, where two rates become one.
@@ -170,80 +170,116 @@ def term_count(law: LawSeries, series: Series, speed: float) -> int:
     return len(series.output)
 
 
-def forced_states(series: Series, rows: Rows, speed: float, terms: int) -> Rows:
-    """η and η̇ of polynomials, ``(2, n)``, where s⁽ᵏ⁾ or its jumps are ``rows`` ``(p + 2, n)``."""
-    out, power = zero_rows(2, len(rows[0])), 1.0
-    for k in range(terms):
-        weight = series.own[k] * power
-        add_scaled(out[0], weight, rows[k])
-        add_scaled(out[1], weight * speed, rows[k + 1])
+def state_at(law: LawSeries, own: Row, speed: float, piece: int) -> Pair:
+    """η and η̇ of the polynomial where a piece begins."""
+    place, rate = 0.0, 0.0
+    for k in range(len(own)):
+        place += own[k] * law.derivatives[0][k][piece]
+        rate += own[k] * law.derivatives[0][k + 1][piece]
+    return place, rate * speed
+
+
+def add_all(out: Row, weights: Row, rows: Rows, first: int) -> None:
+    """Add rows from ``first`` on, each so many times: compiled code takes several numbers at once.
+
+    Two rows at a time, for what is added up is then read and written half as often.
+    """
+    for k in range(0, len(weights) - 1, 2):
+        a, b, one, other = weights[k], weights[k + 1], rows[first + k], rows[first + k + 1]
+        for i in range(len(out)):
+            out[i] += a * one[i] + b * other[i]
+    if len(weights) % 2 == 1:
+        a, one = weights[-1], rows[first + len(weights) - 1]
+        for i in range(len(out)):
+            out[i] += a * one[i]
+
+
+def scaled(terms: Row, count: int, speed: float) -> Row:
+    """The first terms of a series times powers of the speed, ``(count,)``."""
+    out, power = zeros(count), 1.0
+    for k in range(count):
+        out[k] = terms[k] * power
         power *= speed
     return out
 
 
-def add_scaled(out: Row, scale: float, row: Row) -> None:
-    """Add a multiple of a row: long ones, as compiled code takes several numbers at once."""
-    for i in range(len(out)):
-        out[i] += scale * row[i]
-
-
-def moved(flow: Row, first: int, state: Pair) -> Pair:
-    """A flow, from place ``first`` of a row on, times (η, η̇)."""
-    place = flow[first] * state[0] + flow[first + 1] * state[1]
-    return place, flow[first + 2] * state[0] + flow[first + 3] * state[1]
+def moved(flow: Row, state: Pair) -> Pair:
+    """A flow times (η, η̇)."""
+    place = flow[0] * state[0] + flow[1] * state[1]
+    return place, flow[2] * state[0] + flow[3] * state[1]
 
 
 def motion_at(law: LawSeries, mode: Oscillator, series: Series, speed: float) -> OscillatorMotion:
     """The mode at a speed (rad/s)."""
-    count, size, fading = len(law.alike), len(series.own), norm_of(mode)
+    count, fading = len(law.alike), norm_of(mode)
     terms = term_count(law, series, speed)
-    forced = _polynomials(law, series, mode.constant, speed, terms)
-    jumps = forced_states(series, law.jumps, speed, terms)
-    carried = forced_states(series, law.starts, speed, terms)
-    pieces, flows = zero_rows(count, NUMBERS), zero_rows(count, 5)
-    state, left, whole = (0.0, 0.0), 1.0, zeros(4)
-    whole[0], whole[3] = 1.0, 1.0
+    flows, lowest, highest = zero_rows(len(law.lengths), 5), zeros(count), zeros(count)
+    for m in range(len(flows)):
+        flow_over(mode, law.lengths[m] / speed, flows[m])
+        flows[m][4] = math.exp(-fading.decay * law.lengths[m] / speed)
+    weights, own = scaled(series.output, terms, speed), scaled(series.own, terms, speed)
+    forced = _polynomials(law, weights, mode.constant, lowest, highest)
+    group_lowest = zeros(len(law.groups) - 1)
+    for g in range(len(group_lowest)):
+        group_lowest[g] = lowest[law.groups[g]]
+        for i in range(law.groups[g], law.groups[g + 1]):
+            group_lowest[g] = min(group_lowest[g], lowest[i])
+    jumps = zero_rows(2, count)
+    for k in range(2):  # of the polynomial's η, and of its η̇
+        add_all(jumps[k], own, law.jumps, k)
     for i in range(count):
-        numbers, flow = pieces[i], flows[law.alike[i]]
-        numbers[BEGIN], numbers[SPAN] = law.breaks[i], law.breaks[i + 1] - law.breaks[i]
-        if law.alike[i] == i:
-            flow_over(mode, numbers[SPAN] / speed, flow)
-            flow[4] = math.exp(-fading.decay * numbers[SPAN] / speed)
-        if i > 0:
-            state = state[0] - jumps[0][i], state[1] - jumps[1][i]
-        for j in range(4):
-            numbers[FLOW + j] = whole[j]
-        numbers[ADDED], numbers[ADDED + 1] = state
-        numbers[CARRIED], numbers[CARRIED + 1] = carried[0][i], carried[1][i]
-        numbers[OWN], numbers[LEFT] = fading.reach * amplitude(fading, state), left
-        lowest, highest = forced[i * size], forced[i * size]
-        for j in range(i * size + 1, (i + 1) * size):
-            lowest, highest = min(lowest, forced[j]), max(highest, forced[j])
-        numbers[LOWEST], numbers[HIGHEST] = lowest, max(abs(lowest), abs(highest))
-        state, (a, b, c, d) = moved(flow, 0, state), (whole[0], whole[1], whole[2], whole[3])
-        whole[0], whole[1] = flow[0] * a + flow[1] * c, flow[0] * b + flow[1] * d
-        whole[2], whole[3] = flow[2] * a + flow[3] * c, flow[2] * b + flow[3] * d
-        left *= flow[4]
-    turn, begin = (state[0] - jumps[0][0], state[1] - jumps[1][0]), (carried[0][0], carried[1][0])
-    starts = _starts(mode, fading, speed, begin, whole, turn)
-    floors, most = zeros(len(law.sizes)), 0.0
+        jumps[1][i] *= speed
+    whole, lefts, floors = zero_rows(4, count), zeros(count), zeros(count)
+    turn, flow = _along(law, flows, jumps, whole, lefts)
+    begin = state_at(law, own, speed, 0)
+    starts, most = _starts(mode, fading, speed, begin, flow, turn), 0.0
     for start in starts:
         most = max(most, fading.reach * amplitude(fading, (start[0], start[1])))
-    for g in range(len(floors)):
-        floors[g] = math.inf
-        for i in range(law.groups[g], law.groups[g + 1]):
-            floors[g] = min(floors[g], pieces[i][LOWEST])
-    return OscillatorMotion(speed, fading, pieces, flows, forced, floors, starts, most)
+    places, rates, rate, half = jumps[0], jumps[1], fading.rate, fading.half
+    for i in range(count):
+        place, velocity = rate * places[i], rates[i] + half * places[i]
+        ringing = fading.reach * math.sqrt(place * place + velocity * velocity)
+        floors[i] = lowest[i] - ringing - most * lefts[i]
+    cam = (speed, fading, own, forced, lowest, group_lowest, highest)
+    return OscillatorMotion(*cam, flows, whole, jumps, lefts, starts, floors)
 
 
-def _polynomials(law: LawSeries, series: Series, constant: float, speed: float, terms: int) -> Row:
-    """Ordinates of the output's polynomials, piece after piece."""
-    out, power = zeros(len(law.derivatives[0])), 1.0
+def _along(
+    law: LawSeries, flows: Rows, added: Rows, whole: Rows, lefts: Row
+) -> tuple[Pair, Quadruple]:
+    """Go along the turn: from jumps in ``added`` to what they have added, and the flow up to there.
+
+    What is returned is both at the turn's end.
+    """
+    places, rates, last = added[0], added[1], (added[0][0], added[1][0])
+    place, rate, a, b, c, d, left = last[0], last[1], 1.0, 0.0, 0.0, 1.0, 1.0
+    whole_a, whole_b, whole_c, whole_d = whole[0], whole[1], whole[2], whole[3]
+    for i in range(len(lefts)):
+        place, rate = place - places[i], rate - rates[i]
+        places[i], rates[i], lefts[i] = place, rate, left
+        whole_a[i], whole_b[i], whole_c[i], whole_d[i] = a, b, c, d
+        flow = flows[law.alike[i]]
+        p, q, r, s = flow[0], flow[1], flow[2], flow[3]
+        place, rate = p * place + q * rate, r * place + s * rate
+        a, b, c, d = p * a + q * c, p * b + q * d, r * a + s * c, r * b + s * d
+        left *= flow[4]
+    return (place - last[0], rate - last[1]), (a, b, c, d)
+
+
+def _polynomials(law: LawSeries, weights: Row, constant: float, lowest: Row, highest: Row) -> Rows:
+    """Ordinates of the output's polynomials; the least, the largest absolute one of each piece."""
+    out = zero_rows(len(law.derivatives), len(lowest))
     for j in range(len(out)):
-        out[j] = constant
-    for k in range(terms):
-        add_scaled(out, series.output[k] * power, law.derivatives[k])
-        power *= speed
+        row = out[j]
+        for i in range(len(row)):
+            row[i] = constant
+        add_all(row, weights, law.derivatives[j], 0)
+        if j == 0:
+            for i in range(len(row)):
+                lowest[i], highest[i] = row[i], abs(row[i])
+        else:
+            for i in range(len(row)):
+                lowest[i], highest[i] = min(lowest[i], row[i]), max(highest[i], abs(row[i]))
     return out
 
 
@@ -254,7 +290,9 @@ def flow_over(mode: Oscillator, time: float, out: Row) -> None:
     out[2], out[3] = -mode.stiffness * impulse, rate
 
 
-def _starts(mode: Oscillator, size: Norm, speed: float, begin: Pair, flow: Row, turn: Pair) -> Rows:
+def _starts(
+    mode: Oscillator, size: Norm, speed: float, begin: Pair, flow: Quadruple, turn: Pair
+) -> Rows:
     """Free (η, η̇) where each turn begins; ``begin`` is the polynomial's where the run does."""
     if math.isinf(mode.duration):
         a, d = 1.0 - flow[0], 1.0 - flow[3]

@@ -4,22 +4,19 @@ from __future__ import annotations
 
 import cmath
 import math
-from bisect import bisect_right
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from cam_rig.dynamics.events.rows import zeros
+from cam_rig.dynamics.events.rows import index_at, zeros
 from cam_rig.dynamics.events.search import call
 from cam_rig.dynamics.linear.response import RESONANT, LinearResponse
 from cam_rig.dynamics.linear.sampling import Outputs
 from cam_rig.dynamics.modal.first_zero import PAUSED, Climb, climb, least_at
+from cam_rig.dynamics.modal.least import free_at
 from cam_rig.dynamics.modal.motion import (
-    ADDED,
-    BEGIN,
-    FLOW,
     LawSeries,
     Oscillator,
     flow_over,
@@ -44,15 +41,20 @@ GROUPS, SAME = 64, 1e-12
 
 
 def _cut(law: Law, rows: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Ordinates ``(p + 2, p + 1, m)``, jumps ``(p + 2, m)`` and breaks, long pieces cut."""
+    """Ordinates ``(p + 1, p + 2, m)``, jumps ``(p + 2, m)`` and breaks, long pieces cut."""
+    joints = rows[0].copy()
+    joints[:, 1:] -= rows[-1, :, :-1]
+    joints[:, 0] -= rows[-1, :, -1]
     counts = np.ceil(law.spans * (PARTS / TURN) * (1.0 - SAME)).astype(int)
+    if counts.max() == 1:
+        return rows, joints, law.breaks.copy()  # compiled code is for arrays that may change
     firsts, spans = np.cumsum(counts) - counts, np.repeat(law.spans / counts, counts)
-    found, jumps = np.repeat(rows, counts, axis=2), np.zeros((len(rows), spans.size))
+    found, jumps = np.repeat(rows, counts, axis=2), np.zeros((rows.shape[1], spans.size))
     for i in np.flatnonzero(counts > 1).tolist():
         first, count = int(firsts[i]), int(counts[i])
-        parts = np.einsum("cqp,kp->kqc", bernstein.parts(law.degree, count), rows[:, :, i])
+        parts = np.einsum("cqp,pk->qkc", bernstein.parts(law.degree, count), rows[:, :, i])
         found[:, :, first : first + count] = parts
-    jumps[:, firsts] = rows[:, 0] - np.roll(rows[:, -1], 1, axis=1)
+    jumps[:, firsts] = joints
     inside = (np.arange(spans.size) - np.repeat(firsts, counts)) * spans
     return found, jumps, np.append(np.repeat(law.breaks[:-1], counts) + inside, law.breaks[-1])
 
@@ -60,33 +62,30 @@ def _cut(law: Law, rows: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray
 @lru_cache(maxsize=64)
 def law_series(law: Law, arrays: bool) -> LawSeries:
     """A law's derivatives; as lists, or as the arrays that compiled code takes."""
-    orders = [law.ordinates]
-    for _ in range(law.degree + 1):
-        orders.append(bernstein.derivative(orders[-1]) / law.spans)
-    rows = np.stack([bernstein.elevate(ordinates, law.degree) for ordinates in orders])
+    own, rows = law.ordinates, np.empty((law.degree + 1, law.degree + 2, law.spans.size))
+    for order in range(law.degree + 2):
+        rows[:, order] = bernstein.elevate(own, law.degree)
+        own = bernstein.derivative(own) / law.spans
     rows, jumps, breaks = _cut(law, rows)
-    spans = np.diff(breaks)
-    largest, jumped = np.abs(rows).max(axis=1), np.abs(jumps)
-    ways = np.abs(rows).mean(axis=1) * spans
+    spans, absolute, jumped = np.diff(breaks), np.abs(rows), np.abs(jumps)
+    largest, ways = absolute.max(axis=0), absolute.mean(axis=0) * spans
     ways[1:] += jumped[:-1]  # a derivative jumps by the integral of the next
     groups, ends = [0], np.searchsorted(breaks, breaks[:-1] + TURN / GROUPS, "right") - 1
     while groups[-1] < spans.size:
         groups.append(max(groups[-1] + 1, int(ends[groups[-1]])))
     begins = groups[:-1]
-    inner = np.add.reduceat(jumped, begins, axis=1) - jumped[:, begins]
-    sizes = [np.maximum.reduceat(largest, begins, axis=1), jumped[:, begins]]
-    sizes += [np.maximum(inner, 0.0), np.add.reduceat(ways, begins, axis=1)]
-    order = np.argsort(spans, kind="stable")
-    rising = spans[order]
-    new = np.append(True, np.diff(rising) > SAME * rising[1:])
-    first = np.minimum.reduceat(order, np.flatnonzero(new))
-    alike = np.empty_like(order)
-    alike[order] = first[np.cumsum(new) - 1]
-    ordinates = rows.transpose(0, 2, 1).reshape(len(rows), -1)
-    tables: list[Any] = [ordinates, jumps, breaks, alike, np.array(groups)]
-    steepest = np.zeros((5, spans.size))
-    steepest[: len(rows)] = largest[:5]
-    tables += [rows[:, 0], largest.max(axis=1), np.stack(sizes).transpose(2, 0, 1), steepest.T]
+    first = jumped[:, begins]
+    inner = np.maximum(np.add.reduceat(jumped, begins, axis=1) - first, 0.0)
+    sizes = [np.maximum.reduceat(largest, begins, axis=1), first, inner]
+    sizes.append(np.add.reduceat(ways, begins, axis=1))
+    rising = np.argsort(spans, kind="stable")
+    new = np.append(True, np.diff(spans[rising]) > SAME * spans[rising][1:])
+    alike = np.empty_like(rising)
+    alike[rising] = np.cumsum(new) - 1
+    steepest = np.zeros((spans.size, 5))
+    steepest[:, : len(largest)] = largest[:5].T
+    tables: list[Any] = [rows, jumps, breaks, spans[rising][new], alike, np.array(groups)]
+    tables += [largest.max(axis=1), np.stack(sizes), steepest]
     tables = [np.ascontiguousarray(table) for table in tables]
     return LawSeries(*(tables if arrays else [table.tolist() for table in tables]))
 
@@ -144,11 +143,10 @@ class ModalRun:
                 "harmonic of the speed; allowed: damping, or another speed"
             )
         motion = motion_at(law, mode, series_of(mode, self.law.degree + 1), speed)
-        piece = min(max(bisect_right(law.breaks, angle), 1), len(law.alike)) - 1
-        numbers, flow, start = motion.pieces[piece], zeros(4), motion.starts[0]
-        place, rate = moved(numbers, FLOW, (start[0], start[1]))
-        flow_over(mode, (angle - numbers[BEGIN]) / speed, flow)
-        return np.array(moved(flow, 0, (place + numbers[ADDED], rate + numbers[ADDED + 1])))
+        piece = min(index_at(law.breaks, angle), len(law.alike) - 1)
+        flow = zeros(4)
+        flow_over(mode, (angle - law.breaks[piece]) / speed, flow)
+        return np.array(moved(flow, free_at(motion, piece, 0)))
 
     def climb(self, low: float, last: float, most: float) -> Climb:
         """Up from a speed (rad/s) to where the output is zero, as `first_zero.climb`."""

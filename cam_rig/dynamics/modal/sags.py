@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cam_rig.dynamics.events.rows import Row, Rows, dot, zero_rows, zeros
+from cam_rig.dynamics.events.rows import Row, Rows, zero_rows, zeros
 from cam_rig.dynamics.modal.motion import (
     INNER,
     JUMP,
@@ -22,6 +22,7 @@ from cam_rig.dynamics.modal.motion import (
     Norm,
     Oscillator,
     Series,
+    add_all,
 )
 from cam_rig.units import TURN
 
@@ -30,9 +31,10 @@ from cam_rig.units import TURN
 BENT, FREE, FORCED = range(3)
 #: A second derivative, or a part that fades in a turn, below this is none.
 TINY = 1e-100
-#: Sums over what was excited: of N tᵠ for q = 0, 1 and 2, of N' for 0 and 1, of N'', where N' and
-#: N'' are dN/dΩ and d²N/dΩ².
-SIZE, AGE, AGE_2, SLOPE, SLOPE_AGE, BEND, SUMS = range(7)
+#: Sums over what was excited: of N tᵠ for q = 0, 1 and 2, of N' tᵠ for 0 and 1, of N'', where N'
+#: and N'' are dN/dΩ and d²N/dΩ².
+Sums = tuple[float, float, float, float, float, float]
+NONE: Sums = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class Times(NamedTuple):
@@ -46,34 +48,30 @@ class Times(NamedTuple):
 def sags_between(
     law: LawSeries, mode: Oscillator, size: Norm, series: Series, low: float, high: float, out: Rows
 ) -> None:
-    """The sags of all groups of a run between two speeds (rad/s), ``(g, 3)``."""
-    count, times = len(law.sizes), Times(low, high, mode.duration)
-    begins, along, pushed = zero_rows(count, 3), zero_rows(count, 3), zero_rows(count, 3)
-    other, none, lefts = zero_rows(count, 3), zero_rows(count, 3), zeros(count)
-    weights, bends = _weights(size, series, high), _bends(series, high)
+    """The sags of all groups of a run between two speeds (rad/s), ``(3, g)``."""
+    count, times = len(law.groups) - 1, Times(low, high, mode.duration)
+    other, lefts, none = zero_rows(3, count), zeros(count), zero_rows(3, count)
+    weights, forced = _weights(size, series, high), _forced(law, series, high)
+    direct = 2.0 * abs(mode.motion[2])
     for i in range(count):
-        sizes = law.sizes[i]
-        _excited(begins[i], sizes[JUMP], weights)
-        _excited(along[i], sizes[INNER], weights)
-        _pushed(pushed[i], sizes[WAY], mode, low, high)
-        forced = dot(bends, sizes[LARGEST])
-        direct = 2.0 * abs(mode.motion[2]) * sizes[LARGEST][2]
-        out[i][BENT], out[i][FREE], out[i][FORCED] = forced, 0.0, forced
-        other[i][BENT], other[i][FREE], other[i][FORCED] = direct, 0.0, direct
+        out[BENT][i], out[FREE][i], out[FORCED][i] = forced[i], 0.0, forced[i]
+        other[BENT][i] = other[FORCED][i] = direct * law.sizes[LARGEST][2][i]
         span = law.breaks[law.groups[i + 1]] - law.breaks[law.groups[i]]
         lefts[i] = math.exp(-size.decay * span / high)
+    begins, along = _excited(law.sizes[JUMP], weights), _excited(law.sizes[INNER], weights)
     start = zeros(3)
     if mode.duration < math.inf:
-        still = zeros(len(law.starts))
-        for k in range(len(still)):
-            still[k] = law.starts[k][0]
-        _excited(start, still, weights)
+        for k in range(len(weights[0])):
+            still = abs(law.derivatives[0][k][0])
+            for i in range(3):
+                start[i] += weights[i][k] * still
     _vibrate(law, size, times, lefts, begins, along, start, out)
+    pushed = _pushed(law.sizes[WAY], mode, low, high)
     _vibrate(law, size, times, lefts, none, pushed, zeros(3), other)
     for i in range(count):
-        if other[i][BENT] < out[i][BENT]:
+        if other[BENT][i] < out[BENT][i]:
             for j in range(3):
-                out[i][j] = other[i][j]
+                out[j][i] = other[j][i]
 
 
 def _weights(size: Norm, series: Series, speed: float) -> Rows:
@@ -91,26 +89,33 @@ def _weights(size: Norm, series: Series, speed: float) -> Rows:
     return out
 
 
-def _bends(series: Series, speed: float) -> Row:
-    """What derivatives add to the polynomial's second derivative up to a speed, ``(p + 1,)``."""
-    out, power = zeros(len(series.output)), 1.0
-    for k in range(2, len(out)):
-        out[k] = k * (k - 1) * abs(series.output[k]) * power
+def _forced(law: LawSeries, series: Series, speed: float) -> Row:
+    """What the polynomial's second derivative does not exceed up to a speed, group by group."""
+    out, weights, power = zeros(len(law.groups) - 1), zeros(len(series.output)), 1.0
+    for k in range(2, len(weights)):
+        weights[k] = k * (k - 1) * abs(series.output[k]) * power
         power *= speed
+    add_all(out, weights, law.sizes[LARGEST], 0)
     return out
 
 
-def _excited(out: Row, sizes: Row, weights: Rows) -> None:
-    """N of jumps of such sizes, N' and N''."""
+def _excited(sizes: Rows, weights: Rows) -> Rows:
+    """N of jumps of such sizes, N' and N'', group by group."""
+    out = zero_rows(3, len(sizes[0]))
     for i in range(3):
-        out[i] += dot(weights[i], sizes)
+        add_all(out[i], weights[i], sizes, 0)
+    return out
 
 
-def _pushed(out: Row, ways: Row, mode: Oscillator, low: float, high: float) -> None:
+def _pushed(ways: Rows, mode: Oscillator, low: float, high: float) -> Rows:
     """The same of what the law's motion pushes over a group."""
-    still, turning = abs(mode.drive[0]) / low * ways[0], abs(mode.drive[2]) * ways[2]
-    out[0] = still + abs(mode.drive[1]) * ways[1] + high * turning
-    out[1], out[2] = still / low + turning, 2.0 * still / (low * low)
+    still, moving, turning = abs(mode.drive[0]) / low, abs(mode.drive[1]), abs(mode.drive[2])
+    out = zero_rows(3, len(ways[0]))
+    for i in range(len(ways[0])):
+        out[0][i] = still * ways[0][i] + moving * ways[1][i] + high * turning * ways[2][i]
+        out[1][i] = still / low * ways[0][i] + turning * ways[2][i]
+        out[2][i] = 2.0 * still / (low * low) * ways[0][i]
+    return out
 
 
 def _vibrate(
@@ -124,53 +129,48 @@ def _vibrate(
     out: Rows,
 ) -> None:
     """Add vibrations to the sags: excited where groups begin, along them, and at the start."""
-    sums, own, end = zeros(SUMS), zeros(SUMS), times.high * times.duration
-    count = len(begins)
+    sums, end = NONE, times.high * times.duration
+    count = len(lefts)
     if end > TURN:
         for i in range(count):
             time = (law.breaks[law.groups[i + 1]] - law.breaks[law.groups[i]]) / times.low
             if i > 0:
-                _add(sums, begins[i], 0.0)
-            _fade(sums, lefts[i], time)
-            _add(sums, along[i], time)
-        _add(sums, begins[0], 0.0)
-        _repeat(sums, size, times)
+                sums = _added(sums, begins[0][i], begins[1][i], begins[2][i], 0.0)
+            sums = _faded(sums, lefts[i], time)
+            sums = _added(sums, along[0][i], along[1][i], along[2][i], time)
+        sums = _added(sums, begins[0][0], begins[1][0], begins[2][0], 0.0)
+        sums = _repeated(sums, size, times)
     longest = min(times.duration, 1.0 / max(size.decay, TINY))
-    _add(sums, start, longest)
+    sums = _added(sums, start[0], start[1], start[2], longest)
     for i in range(count):
         if law.breaks[law.groups[i]] >= end:
             break
         time = (law.breaks[law.groups[i + 1]] - law.breaks[law.groups[i]]) / times.low
         if i > 0:
-            _add(sums, begins[i], 0.0)
-        _add_sag(out[i], sums, size, min(time, longest), times.low)
-        _fade(sums, lefts[i], time)
-        for j in range(SUMS):
-            own[j] = 0.0
-        _add(own, along[i], time)
-        _add_sag(out[i], own, size, 0.0, times.low)
-        _add(sums, along[i], time)
+            sums = _added(sums, begins[0][i], begins[1][i], begins[2][i], 0.0)
+        own = _added(NONE, along[0][i], along[1][i], along[2][i], time)
+        before = _bent(sums, size, min(time, longest), times.low)
+        out[BENT][i] += size.reach * (before + _bent(own, size, 0.0, times.low))
+        out[FREE][i] += size.reach * (sums[0] + own[0])
+        sums = _faded(sums, lefts[i], time)
+        sums = _added(sums, along[0][i], along[1][i], along[2][i], time)
 
 
-def _add(sums: Row, excited: Row, age: float) -> None:
-    """Add what was excited so long ago (s)."""
-    for i, q in ((SIZE, 0), (SLOPE, 1)):
-        sums[i] += excited[q]
-        sums[i + 1] += excited[q] * age
-    sums[AGE_2] += excited[0] * age * age
-    sums[BEND] += excited[2]
+def _added(sums: Sums, excited: float, slope: float, bend: float, age: float) -> Sums:
+    """With N, N' and N'' of what was excited so long ago (s)."""
+    n, n_t, n_tt, d, d_t, dd = sums
+    n_t, n_tt, d_t = n_t + excited * age, n_tt + excited * age * age, d_t + slope * age
+    return n + excited, n_t, n_tt, d + slope, d_t, dd + bend
 
 
-def _fade(sums: Row, left: float, time: float) -> None:
+def _faded(sums: Sums, left: float, time: float) -> Sums:
     """All is older by a time (s), and this part of it is left."""
-    sums[AGE_2] += time * (2.0 * sums[AGE] + time * sums[SIZE])
-    sums[AGE] += time * sums[SIZE]
-    sums[SLOPE_AGE] += time * sums[SLOPE]
-    for i in range(SUMS):
-        sums[i] *= left
+    n, n_t, n_tt, d, d_t, dd = sums
+    n_tt, n_t, d_t = n_tt + time * (2.0 * n_t + time * n), n_t + time * n, d_t + time * d
+    return left * n, left * n_t, left * n_tt, left * d, left * d_t, left * dd
 
 
-def _repeat(sums: Row, size: Norm, times: Times) -> None:
+def _repeated(sums: Sums, size: Norm, times: Times) -> Sums:
     """What a turn has excited becomes what all turns before have; Σ gᵐ mᵠ over m turns."""
     turn, turns = TURN / times.low, times.high * times.duration / TURN
     left = math.exp(-size.decay * TURN / times.high)
@@ -179,19 +179,14 @@ def _repeat(sums: Row, size: Norm, times: Times) -> None:
     linear = turn * min(0.5 * turns * turns, left * endless * endless)
     square = left * (1.0 + left) * endless * endless * endless
     square = turn * turn * min(turns * turns * turns / 3.0, square)
-    sums[AGE_2] = sums[AGE_2] * once + 2.0 * sums[AGE] * linear + sums[SIZE] * square
-    sums[AGE] = sums[AGE] * once + sums[SIZE] * linear
-    sums[SLOPE_AGE] = sums[SLOPE_AGE] * once + sums[SLOPE] * linear
-    for i in (SIZE, SLOPE, BEND):
-        sums[i] *= once
+    n, n_t, n_tt, d, d_t, dd = sums
+    n_tt = n_tt * once + 2.0 * n_t * linear + n * square
+    return n * once, n_t * once + n * linear, n_tt, d * once, d_t * once + d * linear, dd * once
 
 
-def _add_sag(out: Row, sums: Row, size: Norm, time: float, low: float) -> None:
-    """Add the vibration of a group, up to so much (s) older than at its beginning, to its sag."""
-    rate = size.faster / low
-    age = sums[AGE] + time * sums[SIZE]
-    square = sums[AGE_2] + time * (2.0 * sums[AGE] + time * sums[SIZE])
-    slope = sums[SLOPE_AGE] + time * sums[SLOPE]
-    bent = sums[BEND] + rate * (2.0 * slope + rate * square + 2.0 / low * age)
-    out[BENT] += size.reach * bent
-    out[FREE] += size.reach * sums[SIZE]
+def _bent(sums: Sums, size: Norm, time: float, low: float) -> float:
+    """B of a vibration up to so much (s) older, for a reach of one."""
+    n, n_t, n_tt, d, d_t, dd = sums
+    rate, age = size.faster / low, n_t + time * n
+    square, slope = n_tt + time * (2.0 * n_t + time * n), d_t + time * d
+    return dd + rate * (2.0 * slope + rate * square + 2.0 / low * age)

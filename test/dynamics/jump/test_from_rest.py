@@ -1,7 +1,7 @@
 """From rest means one thing, also on a law that rises where a turn begins."""
 
 import math
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -157,10 +157,6 @@ RANGES = {
 }
 
 
-def with_numbers(follower, **numbers):
-    return TwoMassParameters(**(vars(follower) | numbers))
-
-
 @pytest.mark.variants(3)
 @pytest.mark.parametrize("stiffness", [1e9, 1e12, 1e15])
 @pytest.mark.parametrize("duration", [1.7, None])
@@ -171,7 +167,7 @@ def test_a_stiffer_stem_takes_no_more_looks(laws, two_mass, monkeypatch, stiffne
     range of speeds they are not gone through.
     """
     monkeypatch.setattr(search, "MAX_LOOKS", MOST)
-    stiff = with_numbers(two_mass, stem_stiffness=stiffness)
+    stiff = replace(two_mass, stem_stiffness=stiffness)
     found = sought_speed(laws["poly345"], stiff, duration) / RPM
     assert found == pytest.approx(458.67, abs=5.0)
 
@@ -184,7 +180,7 @@ def drawn(two_mass, seed):
         least = max(low, 1e-6 * high if low == 0.0 else low)
         between = 10.0 ** rng.uniform(math.log10(least), math.log10(high))
         numbers[name] = float(rng.choice([low, high, getattr(two_mass, name), between]))
-    return with_numbers(two_mass, **numbers)
+    return replace(two_mass, **numbers)
 
 
 def require_answer(laws, two_mass, seed):

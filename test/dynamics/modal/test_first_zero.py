@@ -108,14 +108,14 @@ def test_no_force_sags_by_more_than_is_told(seed):
     run, table = force_run(law, rig, duration), law_series(law, False)
     if not run.resolved(high):
         return
-    series, out = series_of(run.mode, law.degree + 1), [[0.0] * 3 for _ in table.sizes]
+    series, out = series_of(run.mode, law.degree + 1), np.zeros((3, len(table.groups) - 1)).tolist()
     sags_between(table, run.mode, norm_of(run.mode), series, low, high, out)
     end = min(TURN if duration is None else high * duration, 40.0 * TURN)
     angles = np.sort(rng.uniform(0.0, end, 3000))
     middle = 0.5 * (low + high)
     begin, between, last = (forces(law, rig, x, duration, angles) for x in (low, middle, high))
     told, square = np.array(out), (high - low) ** 2 / 8.0
-    sag = np.minimum(told[:, BENT] * square, 2.0 * told[:, FREE] + told[:, FORCED] * square)
+    sag = np.minimum(told[BENT] * square, 2.0 * told[FREE] + told[FORCED] * square)
     of = np.searchsorted(np.array(table.breaks)[table.groups], angles % TURN, side="right") - 1
     lost = 0.5 * (begin + last) - between
     small = 1e-12 * np.abs(between).max() + noise(law, rig, high)
