@@ -84,11 +84,7 @@ def _hashed(words: Indices, key: int) -> Indices:
 
 
 def _permuted(index: Indices, total: int, key: int) -> Indices:
-    """A permutation of 0 … total − 1 by its key, at any indices.
-
-    A Feistel network permutes the numbers of an even number of bits; what falls beyond ``total``
-    goes through it again, until it is inside.
-    """
+    """A permutation of 0 … total − 1 at any indices: a Feistel network, walked until inside."""
     half = max(1, -(-(total - 1).bit_length() // 2))
     mask, shift = np.uint64((1 << half) - 1), np.uint64(half)
     found = index.copy()

@@ -89,10 +89,7 @@ def resonances(campaign: Campaign) -> list[float]:
 
 @dataclass(eq=False)
 class WavinessSearch:
-    """A study with limits and a waviness, to be searched at one wavelength after another.
-
-    The ``amplitudes`` that are tried, m, rise from 0, evenly spaced in their logarithm.
-    """
+    """A study with limits and a waviness; ``amplitudes`` rise from 0, evenly in logarithm."""
 
     campaign: Campaign
 

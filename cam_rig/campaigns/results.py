@@ -119,10 +119,7 @@ def _rpm(factor: Callable[[JumpSensitivity], float]) -> Callable[[OfMeasure], fl
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CampaignResult(Result):
-    """The rows of a finished campaign: ``quantiles(measure)``, ``yields()``, ``shares(measure)``.
-
-    Columns are read one at a time.
-    """
+    """The rows of a finished campaign, read a column at a time."""
 
     schema = "cam_rig.campaign.1"
     drawn_by = "cam_rig.campaigns.figures:figure"
@@ -376,10 +373,7 @@ def _not_found(rows: Iterable[OfMeasure]) -> str:
 
 
 def points_needed(shares: Sequence[InputShare], points: int) -> int:
-    """Points of a base sample, a power of 2, with which shares would be within `SHARE_ERROR`.
-
-    From the widest interval that so many points gave: it narrows as their square root.
-    """
+    """Points of a base sample, a power of 2, with which shares would be within `SHARE_ERROR`."""
     errors = [error for one in shares for error in (one.first_error, one.total_error)]
     ratio = (max(errors) / SHARE_ERROR) ** 2
     return points if ratio <= 1.0 else 1 << math.ceil(math.log2(points * ratio))

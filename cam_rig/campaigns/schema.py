@@ -116,10 +116,7 @@ class CorrelatedPair(Strict):
 
 
 class CampaignPlan(Strict):
-    """Which points: all combinations, a Latin hypercube, Sobol's sequence, or Saltelli's design.
-
-    ``points`` of ``shares`` are those of its base sample; it has as many rows for each of d + 2.
-    """
+    """Which points; ``points`` of ``shares`` are of its base sample, each of d + 2 rows."""
 
     kind: PlanKind
     points: int | None = Field(default=None, strict=True, ge=1)

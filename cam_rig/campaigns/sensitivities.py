@@ -165,10 +165,7 @@ class _FreeVibration:
 
 @dataclass(frozen=True)
 class JumpSensitivity:
-    """dΩ/dp (rad/s per SI unit) of an input at its value (SI).
-
-    None where it moves joints, or is not the follower's.
-    """
+    """dΩ/dp (SI) of an input; None where it moves joints, or is not the follower's."""
 
     path: str
     value: float

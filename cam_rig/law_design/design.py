@@ -380,11 +380,7 @@ def _along(
 def _over_spans(
     problem: DesignProblem, request: DesignRequest, other: Term, points: int, progress: Progress
 ) -> Front:
-    """The goal's best for each span of an event, the others in proportion, about their middles.
-
-    From the shortest that has a law (or half of the start's) to the longest that the dwells leave
-    (or twice the start's).
-    """
+    """The best for each span of an event about its middle, from the shortest to the longest."""
     if "events" not in request.keep:
         raise ConfigError(
             f"--pareto: over {other.key} the events and the dwells have their spans from it; "

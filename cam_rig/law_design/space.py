@@ -39,11 +39,7 @@ MEETS = 1e-9
 
 @dataclass(frozen=True)
 class LawEvent:
-    """A stretch of the turn that a design may change.
-
-    ``start`` and ``span`` in rad; ``first`` and ``last`` are s and its derivatives (m/radᵏ) at
-    both ends, as many as stay.
-    """
+    """A stretch of the turn to change; s and its derivatives stay at its ``first`` and ``last``."""
 
     start: float
     span: float

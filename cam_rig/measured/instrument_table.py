@@ -199,10 +199,7 @@ class CellTable:
     def numbers(
         self, line: int, cells: list[str], headings: list[Heading], used: list[int]
     ) -> list[str]:
-        """The cells of a line as texts of numbers with a decimal point, `NOTHING` of an empty one.
-
-        Cells of columns that are not ``used`` may hold anything.
-        """
+        """The cells of a line as texts of numbers, `NOTHING` of an empty one; unused ones as is."""
         if len(cells) != len(headings):
             raise self._uneven(line, len(cells), len(headings))
         found = []

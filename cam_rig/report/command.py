@@ -153,10 +153,7 @@ def page_made(scene: str, options: Mapping[str, object]) -> Made:
 
 
 def _from_here(given: str) -> str:
-    """A path as a page may show it: from the working folder on, or the file's name alone.
-
-    Whose folders are around it is nobody's business who reads the page.
-    """
+    """A path from the working folder on, else the file's name: folders are private."""
     path = Path(given)
     if not path.is_absolute():
         return given

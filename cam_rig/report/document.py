@@ -73,10 +73,7 @@ class Content:
 
 
 class Section(NamedTuple):
-    """Its sentences, its title, and who finds what it shows; ``late`` where that is waited for.
-
-    ``aside`` is one for who checks the page: it stands in the appendix, behind all others.
-    """
+    """Sentences, title and contents; ``late`` ones are waited for, ``aside`` in the appendix."""
 
     template: str
     title: str
@@ -123,11 +120,7 @@ def uris(figure: Figure, dpi: float | None = None) -> list[str]:
 
 
 class Numbering:
-    """Numbers of figures and of tables in the order they are read.
-
-    A reference may stand before what it names: a page is rendered twice, and the second time every
-    number is known.
-    """
+    """Numbers of figures and tables as they are read, in a page rendered twice for references."""
 
     def __init__(self) -> None:
         self._known: dict[tuple[str, Hashable], int] = {}
@@ -160,10 +153,7 @@ class Numbering:
 def render(
     kind: str, title: str, made: Made, contents: Mapping[Section, Content], source: Any = None
 ) -> str:
-    """The page as "html", self-contained, or as "md", its words and tables alone.
-
-    Sentences take what they share from ``source``.
-    """
+    """The page as "html" or "md", whose sentences take what they share from ``source``."""
     templates, numbering, text = environment(kind), Numbering(), ""
     parts = {
         "figures": {} if kind == "md" else _drawn(contents),
@@ -185,11 +175,7 @@ def render(
 def _written(
     templates: Environment, contents: Mapping[Section, Content], parts: Mapping[str, Any]
 ) -> tuple[dict[Section, str], dict[Section, str]]:
-    """The sections of the main part, and what the appendix has of each section.
-
-    That is the macro ``appendix`` of a section's template, and each of its tables that its
-    sentences do not show.
-    """
+    """The sections, and of each the appendix: its macro, and tables not shown in its sentences."""
     main, behind, modules = {}, {}, {}
     for section, content in contents.items():
         if not section.aside:

@@ -54,10 +54,7 @@ def is_papers(loaded: LoadedScene) -> bool:
 
 
 class SceneStudies:
-    """A scene's run, its studies cam by cam, and by section which of them refused a cam, and why.
-
-    A ``bag`` is a recording to compare with.
-    """
+    """A scene's run, its studies cam by cam, and which of them refused a cam, by section."""
 
     def __init__(self, loaded: LoadedScene, bag: Path | None) -> None:
         self.loaded = loaded

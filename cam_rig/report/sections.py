@@ -52,10 +52,7 @@ def recorded_table(
     titles: Mapping[str, str],
     published: Mapping[str, FloatArray] | None = None,
 ) -> DataTable:
-    """What lies between a bag's levels and the simulated ones (dB), and published ones if any.
-
-    ``titles`` are what cams are called.
-    """
+    """What lies between a bag's levels and the simulated ones (dB), and published ones if any."""
     known = published or {}
     return tabulate(
         f"The recorded run {recorded.bag.name}, {recorded.messages} messages",
@@ -111,10 +108,7 @@ DERIVATIVES = (("", ""), ("s′", "rad"), ("s″", "rad²"), ("s‴", "rad³"))
 def laws_table(
     caption: str, cam_set: CamSet, shown: Mapping[int, str], *notes: str, over_lift: bool = False
 ) -> DataTable:
-    """Smoothness and peaks of each law, from exact roots: formats by order of the derivative.
-
-    Peaks are in mm, or over the lift.
-    """
+    """Smoothness and peaks of each law, from exact roots, in mm or over the lift."""
     unit = "1" if over_lift else "mm"
 
     def peak(order: int, end: int) -> Callable[[tuple[str, Law]], Cell]:

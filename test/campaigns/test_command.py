@@ -6,25 +6,24 @@ import subprocess
 import sys
 import time
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import duckdb
 import numpy as np
 import pytest
 from ruamel.yaml import YAML
-from typer.testing import CliRunner
 
 from cam_rig.campaigns import command as module
 from cam_rig.campaigns.campaign import BatchRows, measure_batch, open_campaign
 from cam_rig.campaigns.command import CampaignProgress, in_words, sized
 from cam_rig.campaigns.dataset import CampaignDataset
-from cam_rig.cli.main import app
 from cam_rig.schema.load import config_root
 from cam_rig.show.result import SILENT
 
+from ..cli.calls import call as run
 
-def call(*arguments):
-    return CliRunner().invoke(app, ["campaign", *(str(a) for a in arguments)])
+call = partial(run, "campaign")
 
 
 def shipped(name):

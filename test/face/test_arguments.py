@@ -126,7 +126,7 @@ FUNCTIONS = [name for name in cam_rig.__all__ if name[0].islower()]
 LONG = {
     "factorial": ["cam_rig.paper.factorial.study.run_factorial"],
     "noise": ["cam_rig.paper.noise.study.study_noise"],
-    "readings": [f"cam_rig.paper.readings.study.{one}" for one in ("read_all", "search_anew")],
+    "readings": ["cam_rig.paper.readings.study.read_all"],
     "jump": ["cam_rig.paper.jump.refit.refit_rig"],
 }
 GOLDEN = str(Path(__file__).parents[2] / "bags" / "golden")

@@ -1,12 +1,11 @@
 """cam-rig design: a file that runs, JSON, a picture, a design file, and refusals in a line."""
 
 import json
+from functools import partial
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from cam_rig.cli.main import app
 from cam_rig.law_design import design as study
 from cam_rig.law_design.rows import ROWS
 from cam_rig.laws import build_law
@@ -14,11 +13,12 @@ from cam_rig.laws.law import peak
 from cam_rig.quantities.catalogue import DESIGNED
 from cam_rig.schema import load_cam
 
+from ..cli.calls import call as run
+
 SMALL = ("--minimise", "peak_jerk", "--pieces", "6", "--joints", "C2")
 
 
-def call(*arguments):
-    return CliRunner().invoke(app, ["design", *(str(a) for a in arguments)])
+call = partial(run, "design")
 
 
 def test_the_file_is_a_cam_with_the_values_of_the_table(tmp_path):

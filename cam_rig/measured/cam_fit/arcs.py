@@ -48,10 +48,7 @@ class Arcs:
         return "convex" if self.flank_radius > 0.0 else "concave"
 
     def lifts(self, follower: ArcFollower, angles: FloatArray) -> FloatArray:
-        """The lift (m) of a follower at cam angles in rad.
-
-        A flat face bridges a flank that is not convex: it rests on the base circle or on the nose.
-        """
+        """The lift (m) at cam angles; a flat face bridges a flank that is not convex."""
         flank = Blend(self.flank_radius)
         top = Circle(
             complex(-(self.base_radius + self.lift - self.nose_radius), 0.0), self.nose_radius

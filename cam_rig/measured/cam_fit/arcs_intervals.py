@@ -214,10 +214,7 @@ class Profile:
         return (above, below) if index in (PRIME, FLANK) else (below, above)
 
     def _end(self, index: int, sign: float) -> float:
-        """The coordinate at which the limit is reached; 0 of a curvature, or infinite, if nowhere.
-
-        Bracketed by steps that double, then found by Brent's method.
-        """
+        """Where the limit is reached; 0 of a curvature, or infinite, if it is nowhere."""
         from scipy.optimize import brentq
 
         least = -math.inf

@@ -114,10 +114,7 @@ def _runs(readings: Readings, scatter: float) -> list[_RestingRun]:
 
 
 def _longest(readings: Readings, free: NDArray[np.bool_], limit: float) -> tuple[int, int]:
-    """First reading and count of the widest run of free readings within ``limit`` of each other.
-
-    One pass twice around, with the rising lows and falling highs of the run so far.
-    """
+    """First reading and count of the widest run of free readings within ``limit`` of each other."""
     count = free.size
     lifts = np.tile(readings.lifts, 2)
     angles = np.concatenate([readings.angles, readings.angles + TURN])
@@ -221,10 +218,7 @@ def _as_written(angle: float) -> float:
 
 
 def _end(x: FloatArray, y: FloatArray, run: _RestingRun, scatter: float, least: float) -> float:
-    """Where a run ends: angles (rad) from its first reading, the run's own, then the event's.
-
-    Not before ``least``.
-    """
+    """Where a run ends, not before ``least``: from its first reading, its own, the event's."""
     last = run.count - 1
     event = x[last + 1 :]
     reach = float(x[last]) + BEYOND * (float(event[-1] - x[last]) if event.size else 0.0)

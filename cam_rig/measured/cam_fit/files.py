@@ -244,10 +244,7 @@ def _radii(
 
 
 def _rounded(fit: ArcsFit) -> tuple[Arcs, float]:
-    """The contour and its roller's radius (m), to the digits of their errors.
-
-    More digits are kept until the rounded contour is as near to the readings.
-    """
+    """The contour and its roller's radius, to digits that leave it as near to the readings."""
     search = fit.best.search
     for more in range(MOST_DIGITS):
         arcs, roller = _with_digits(fit, 10.0**-more)

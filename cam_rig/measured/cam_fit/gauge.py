@@ -26,10 +26,7 @@ MOST_RAD = 1.02 * TURN
 
 @dataclass(frozen=True)
 class GaugeColumn:
-    """Readings of one follower: ``lifts`` in m, NaN where a cell is empty, and their written step.
-
-    The step is in m.
-    """
+    """Readings of one follower: ``lifts``, NaN of an empty cell, and their written step (m)."""
 
     name: str
     lifts: tuple[float, ...]
@@ -38,11 +35,7 @@ class GaugeColumn:
 
 @dataclass(frozen=True)
 class GaugeTable:
-    """A file of readings.
-
-    ``angles``: rad, in the order of the file; ``lines``: of the file, of each reading; ``notes``:
-    how it was read, and what was assumed, a sentence each.
-    """
+    """A file of readings: ``lines`` of the file, and ``notes`` on how it was read, in its order."""
 
     file: str
     angles: tuple[float, ...]
@@ -62,11 +55,7 @@ class GaugeTable:
 
 
 def read_gauge_table(path: Path, column: str | None = None) -> GaugeTable:
-    """Read a table of readings as it was written by a gauge, a spreadsheet or by hand.
-
-    ``column``: heading of the one column of lifts that is read, whatever the others hold; all if
-    None.
-    """
+    """Read a table of a gauge, a spreadsheet or by hand; only ``column`` of lifts, all if None."""
     return _GaugeReader(path.name, read_lines(path, "cam angle and lift")).table(column)
 
 
@@ -229,10 +218,7 @@ class Readings:
 
 
 def put_in_order(table: GaugeTable, column: GaugeColumn, reverse: bool = False) -> Readings:
-    """Readings of one column over one turn, those of one angle averaged.
-
-    ``reverse`` is for a cam that was turned the other way than the rig turns it: θ becomes −θ.
-    """
+    """Readings of one column over one turn, those of one angle averaged; ``reverse`` turns θ."""
     read = np.isfinite(column.lifts)
     angles, lifts = np.array(table.angles)[read], np.array(column.lifts)[read]
     notes = []
@@ -397,10 +383,7 @@ def _beside(readings: Readings, left: NDArray[np.int64], index: int) -> float:
 
 
 def gap_note(readings: Readings, arcs: bool) -> tuple[str, ...]:
-    """What is assumed where the readings leave out a stretch: a sentence, or none.
-
-    ``arcs`` are of two equal flanks, so that one is assumed to be the other's mirror image.
-    """
+    """What is assumed where the readings leave out a stretch: a sentence, or none."""
     if not bridges(readings):
         return ()
     start, span = (math.degrees(angle) for angle in readings.gap)

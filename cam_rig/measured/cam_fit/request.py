@@ -31,10 +31,7 @@ FOLLOWERS: tuple[FollowerKind, ...] = ("roller", "point", "flat")
 
 @dataclass(frozen=True)
 class FitRequest:
-    """What is asked of a fit; lengths in m.
-
-    ``ask_nothing`` takes the first column for a spline where there are several, and says so.
-    """
+    """What is asked of a fit; ``ask_nothing`` takes the first of several columns, and says so."""
 
     shape: Literal["spline", "arcs"] = "spline"
     followers: tuple[FollowerKind, ...] = ()

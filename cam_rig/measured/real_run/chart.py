@@ -33,10 +33,7 @@ RIGHT, BELOW = 0.1, 0.16
 
 
 def save_real_run(found: RunComparison, path: Path) -> None:
-    """Write a comparison as a ``.rrd`` file that appears when it is whole.
-
-    The timeline is the cam's speed: each speed shows its last turn.
-    """
+    """Write a comparison as a ``.rrd`` file: over the cam's speed, the last turn of each."""
     rows = found.speeds
     require_free(path, overwrite=True)
     plans = real_run_tabs(found)

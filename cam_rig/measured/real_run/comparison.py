@@ -49,10 +49,7 @@ def peak_frequency(pair: PairedSignal) -> float | None:
 
 
 def common_frequency(speeds: Sequence[float], peaks: Sequence[float | None]) -> float | None:
-    """The frequency (Hz) that stands out at several speeds (rpm) alike; None: it moves with them.
-
-    What the cam excites moves with its speed; what rings by itself does not.
-    """
+    """The frequency (Hz) that stands out at several speeds alike; None: it moves with them."""
     found = [(speed, peak) for speed, peak in zip(speeds, peaks, strict=True) if peak is not None]
     if len(found) < 2:
         return None

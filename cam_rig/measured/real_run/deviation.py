@@ -18,11 +18,7 @@ from cam_rig.units import RPM, TURN, FloatArray, rms
 
 @dataclass(frozen=True, eq=False)
 class PairedSignal:
-    """One quantity, measured and of the model at the same instants, SI, ``(n,)`` each.
-
-    ``time``: s, on the clock of the cam angle; ``angle``: of the cam with all its turns, rad;
-    ``beside_jump``: whether the model jumps close by; None: nowhere.
-    """
+    """One quantity, measured and of the model; ``beside_jump`` where the model jumps near."""
 
     time: FloatArray
     angle: FloatArray
@@ -57,11 +53,7 @@ class PairedSignal:
 
 @dataclass(frozen=True, eq=False)
 class PairedStep:
-    """The settled turns of one cam at one speed; what is None was not measured.
-
-    ``levels``: measured and of the model, dB re 20 µPa; ``exact``: whether the model was driven
-    with the very states of the cam, sample by sample.
-    """
+    """The settled turns of one cam at one speed; ``exact`` where driven sample by sample."""
 
     cam: str
     rpm: float

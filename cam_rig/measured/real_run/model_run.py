@@ -190,10 +190,7 @@ class ModelRun:
         return float(level_db(np.sqrt(mean)))
 
     def lift_coefficients(self, orders: FloatArray, offset: float) -> NDArray[np.complex128]:
-        """Fourier coefficients of the lift over the cam angle, of the last whole turn.
-
-        ``offset``: rad, of the cam's angle before the stretch's.
-        """
+        """Fourier coefficients of the lift over the cam angle, of the last whole turn."""
         angle = self.stretch.at(self.rows[0])
         last = angle > angle[-1] - TURN
         wave = np.exp(-1j * orders[:, None] * (angle[last] + offset))
@@ -201,10 +198,7 @@ class ModelRun:
 
 
 def drive(loaded: LoadedScene, cam: str, stretch: SteadyStretch, offset: float) -> ModelRun:
-    """Turn a cam of a scene as the stretch says.
-
-    ``offset``: rad, the cam's angle less the stretch's.
-    """
+    """Turn a cam of a scene as the stretch says, its angle ahead of it by ``offset`` (rad)."""
     follower, microphone = FollowerSimulator.of(loaded), MicrophoneSimulator.of(loaded)
     blocks, sound = [], []
     for state in stretch.states(cam, offset):

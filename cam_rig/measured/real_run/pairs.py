@@ -61,11 +61,7 @@ class _StepParts:
 
 @dataclass
 class RecordedPairs:
-    """The steps of a recording, one after another; no more than one is held.
-
-    ``loaded``: the scene whose rig, model and laws are compared; ``cam``: only this cam; ``lost``:
-    how many ticks have no samples in the bag; known at the end.
-    """
+    """The steps of a recording, only of ``cam`` if given; ``lost`` ticks are known at the end."""
 
     loaded: LoadedScene
     cam: str | None = None
@@ -186,11 +182,7 @@ LEAST_ROUNDING = 0.1
 
 @dataclass(frozen=True, eq=False)
 class MeasuredPairs:
-    """A measured run on the model of a scene.
-
-    ``stretches``: where the cam turned steadily; ``given``: whether the encoder's zero was given,
-    and not found.
-    """
+    """A measured run on a scene's model; ``given``: whether the encoder's zero was given."""
 
     run: MeasuredRun
     loaded: LoadedScene
@@ -201,10 +193,7 @@ class MeasuredPairs:
 
     @property
     def count(self) -> float:
-        """The encoder's resolution, rad; 0 where its values show none.
-
-        Values that repeat from turn to turn are no counts where the motion goes through them all.
-        """
+        """The encoder's resolution, rad; 0 where the motion goes through all its values."""
         count = encoder_count(self.run.angle.value)
         rounded = any(stretch.scatter > LEAST_ROUNDING * count for stretch in self.stretches)
         return count if rounded else 0.0
@@ -258,10 +247,7 @@ class MeasuredPairs:
 
 
 def _with_jumps(pair: PairedSignal, model: ModelRun) -> PairedSignal:
-    """The force with a mark where the model's jumps, as at a landing.
-
-    There a reading says when it was taken, and not how large the force is: the events' times do.
-    """
+    """The force with a mark where the model's jumps: there the events' times count."""
     near = max(JUMP_ANGLE / model.stretch.mean_speed, 2.0 * float(np.diff(model.rows[0, :2])[0]))
     around = [
         np.interp(pair.time + part * near, model.rows[0], model.rows[4])
@@ -276,11 +262,7 @@ def _with_jumps(pair: PairedSignal, model: ModelRun) -> PairedSignal:
 def pair_measured(
     run: MeasuredRun, loaded: LoadedScene, cam: str, offset: float | None = None
 ) -> MeasuredPairs:
-    """Find the steady turns of a run, and how its readings lie on them.
-
-    ``cam``: of the scene; ``offset``: rad, the cam's angle less the encoder's; None: found from the
-    lift.
-    """
+    """Find a run's steady turns, and how its readings lie on them; ``offset`` None: by the lift."""
     loaded.law_of(cam)
     settle = loaded.scene.program.settle_turns.si
     stretches = tuple(steady_stretches(run.angle, settle + LEAST_TURNS))

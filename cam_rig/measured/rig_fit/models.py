@@ -66,10 +66,7 @@ def _begun(aligned: FitSolution, given: dict[str, float]) -> dict[str, float]:
 
 
 def _still(aligned: FitSolution, given: dict[str, float]) -> FitSolution | None:
-    """One rigid mass at the speeds without landings, where a wrong restitution does no harm.
-
-    None where these are all speeds, or have no force.
-    """
+    """One rigid mass at the speeds without landings; None where these are all, or have no force."""
     quiet = _some_on_the_cam(aligned)
     if not quiet:
         return None

@@ -129,11 +129,7 @@ def found_of(
     scale: tuple[str, ...],
     holds: tuple[MeasuredHold, ...],
 ) -> RigFit:
-    """All that a solution says.
-
-    ``given``: numbers that are known; ``scale``: those that were fixed since only ratios to them
-    are told; ``holds``: all that were measured.
-    """
+    """All that a solution says; ``scale``: numbers fixed since only ratios to them are told."""
     errors, sought = uncertainty(solution), solution.likelihood.sought
     unfit = misfit(solution, errors.alike)
     model = "two_mass" if "roller_share" in solution.values else "one_mass"
@@ -290,11 +286,7 @@ def _instruments(solution: FitSolution, errors: Uncertainty) -> Iterator[Instrum
 def fitted_rig(
     name: str, numbers: Iterable[FoundNumber], base: RigConfig, source: str, residual: str
 ) -> tuple[str, tuple[str, ...]]:
-    """The file's text, and what it assumes, a sentence each.
-
-    ``base``: rig whose numbers stand where nothing else is known; ``source``, ``residual``: of what
-    was identified, for the file.
-    """
+    """The file's text, and what it takes from ``base``, a sentence each."""
     data: dict[str, Any] = {"name": name, "title": f"{name}: identified from {source}"}
     borrowed = f"the rig {base.name}'s, not identified by {source}"
     numbers_of = {number.name: number for number in numbers}

@@ -39,10 +39,7 @@ NOISE_ROUNDS, LEAST_FLOOR = 4, 0.05
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A likelihood and values of what it seeks, ``(n,)``: a search may begin there.
-
-    Nothing says how sure they are: only a `FitSolution` does.
-    """
+    """A likelihood and values of what it seeks, ``(n,)``: a search may begin there."""
 
     likelihood: Likelihood
     x: FloatArray
@@ -132,10 +129,7 @@ def _limits(likelihood: Likelihood, size: int) -> FloatArray:
 
 
 def _size_noise(likelihood: Likelihood, residuals: FloatArray) -> bool:
-    """Take the noise from the residuals; whether it changed by more than a hundredth.
-
-    That of the force is a floor and a part in proportion to the force, as of most sensors.
-    """
+    """Take the noise from the residuals; whether it changed by more than a hundredth."""
     lifts, forces, pressing, at = [np.empty(0)], [np.empty(0)], [np.empty(0)], 0
     for i, (hold, kept) in enumerate(zip(likelihood.holds, likelihood.kept, strict=True)):
         middle = at + hold.lift.value.size
@@ -179,10 +173,7 @@ def continued(
     only: Sequence[int] | None = None,
     **having: Any,
 ) -> Candidate:
-    """A candidate of other numbers, with the instruments as they were.
-
-    ``only`` are some holds; ``having`` is what else they have now: backlash, resonance, tare.
-    """
+    """A candidate of other numbers, of ``only`` some holds, ``having`` other instruments."""
     old = before.likelihood
     steady = [i for i in before.steady if only is None or i in only]
     if not steady:
@@ -230,10 +221,7 @@ def contradict(some: FitSolution, all_of_it: FitSolution) -> bool:
 
 
 def log_ratio(one: FitSolution, other: FitSolution) -> float:
-    """Logarithm of how much likelier what was measured is by one solution than by another.
-
-    Of the holds that both have, and there of the samples that lie beside a landing of neither.
-    """
+    """Logarithm of how much likelier one solution is, of the holds and samples that both have."""
     common = [(i, other.holds.index(h)) for i, h in enumerate(one.holds) if h in other.holds]
     both = [one.likelihood.kept[i] & other.likelihood.kept[k] for i, k in common]
     logs = []

@@ -117,10 +117,7 @@ def leaves_a_pattern(found: Candidate) -> bool:
 
 
 class TriedStem(NamedTuple):
-    """A stem that is tried: squares of what forces are off (N²) beside the numbers as they are.
-
-    And beside those that go with it.
-    """
+    """Squares of the forces' errors (N²) with a stem, the numbers as they are or moved with it."""
 
     missed: float
     moved: float

@@ -28,10 +28,7 @@ MOST_STEPS, STEP = 12, 1e-6
 
 @dataclass(frozen=True, eq=False)
 class OneMassTurn:
-    """The last turn of a `OneMassTrajectory`, which began ``begin`` s after θ = 0.
-
-    ``events`` are its lift-offs and landings, angles in [0, 2π).
-    """
+    """The last turn of a trajectory, begun at ``begin`` (s); events' angles are in [0, 2π)."""
 
     course: OneMassTrajectory
     begin: float
@@ -54,10 +51,7 @@ class OneMassTurn:
 
 @dataclass(frozen=True, eq=False)
 class TwoMassTurn:
-    """One turn of a `Separation` that begins in contact, with the vibration ``start`` (η, η̇).
-
-    ``map`` ``(2, 2)`` is how the vibration after the turn changes with that before it.
-    """
+    """A turn from the vibration ``start`` (η, η̇), and the ``map`` ``(2, 2)`` of its change."""
 
     course: Separation
     start: FloatArray
@@ -199,10 +193,7 @@ BESIDE = 1e-9
 def resonant(
     turn: PeriodicTurn, speed: float, frequency: float, ratio: float
 ) -> Callable[[FloatArray], FloatArray]:
-    """The force (N) that the sensor shows, over the cam angle (rad).
-
-    ``speed``: rad/s; ``frequency``, ``ratio``: of the sensor, Hz, and its damping ratio.
-    """
+    """The force (N) that a sensor of natural ``frequency`` (Hz) shows over the cam angle."""
     width = TURN / POINTS
     angles = width * np.arange(float(POINTS))
     orders = np.arange(POINTS // 2 + 1.0)
@@ -221,10 +212,7 @@ def resonant(
 
 
 def _share(force: FloatArray, turn: PeriodicTurn, angle: float, width: float) -> None:
-    """Let the point beside a landing at an angle (rad) have its part of the force on either side.
-
-    So what is shown changes steadily with where the landing is.
-    """
+    """Share the point beside a landing between both sides, so that it changes steadily."""
     nearest = round(angle / width)
     before = nearest + 0.5 - angle / width
     sides = turn.at(np.array([angle - BESIDE, angle + BESIDE]))[1]

@@ -67,10 +67,7 @@ class Surfaces:
         return np.maximum(held, 0.0)
 
     def curvature(self, touch: Touch) -> FloatArray:
-        """κ = 1/ρ + 1/R of the pair (1/m); infinite where they do not fit or the cam is undercut.
-
-        Concave parts of the cam have a negative ρ and press less.
-        """
+        """κ = 1/ρ + 1/R of the pair; infinite where they do not fit or the cam is undercut."""
         with np.errstate(divide="ignore"):
             found = 1.0 / touch.radius + 1.0 / self.radius
         fits = (found > 0.0) & (touch.rate > 0.0)
@@ -89,10 +86,7 @@ class Surfaces:
         return 2.0 * half_width(load, self.curvature(touch), self.parts.modulus)
 
     def sliding(self, motion: Motion, touch: Touch) -> FloatArray:
-        """Speed (m/s) of the cam's surface along the follower's.
-
-        A roller that turns freely takes it as the speed of its rim, and only slides if it jams.
-        """
+        """Speed of the cam's surface along the follower's, of a free roller's rim (m/s)."""
         carried = motion.slope * self.element.moves(touch.contact)
         relative = 1j * touch.contact - carried
         return np.abs((relative * touch.normal.conj()).imag) * self.speed

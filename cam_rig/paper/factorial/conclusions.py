@@ -260,10 +260,7 @@ def classes_of(design: Design) -> Classes:
 
 
 def governed_by(design: Design, effect: Effect) -> Cause:
-    """The factor that explains most of an effect.
-
-    Continuity only where classes can be told from laws, and differ where their laws do not.
-    """
+    """What explains most; continuity only where classes differ and each has several laws."""
     shares = Shares.of(design, effect)
     if shares.classes is not None and shares.classes >= GOVERNS:
         return Cause.CONTINUITY

@@ -45,11 +45,7 @@ from cam_rig.units import RPM_PER_RAD_S
 
 
 class Variance(NamedTuple):
-    """The analysis of an effect in a design, or in the part of it that keeps contact.
-
-    ``lost`` counts cells without contact; None for an effect that does not suppose it.
-    ``fastest`` is the effect's fastest speed, rpm.
-    """
+    """Of a design, or its part in contact: ``lost`` cells, None where contact is not supposed."""
 
     whole: Design
     part: Design
@@ -283,10 +279,7 @@ def run_factorial(
     pool: Executor | None = None,
     progress: Progress = SILENT,
 ) -> FactorialResult:
-    """Measure every cell, in the processes of a pool if there is one.
-
-    ``cams`` are the proposed cam and others to compare it with, as they are.
-    """
+    """Measure every cell, in a pool if there is one; ``cams``: the proposed one and its rivals."""
     lift, rises = config.lift.si, tuple(config.rises)
     same = [(rise, event) for rise in rises for event in config.events.si_list]
     alike = [

@@ -226,10 +226,7 @@ def refit(
     duration: float,
     progress: Progress = SILENT,
 ) -> Refit:
-    """Search the four numbers, from the rig's own and from places scattered about it.
-
-    ``published`` has the jump speed (rpm) of each cam to fit, in ``duration`` s from rest.
-    """
+    """Search the four numbers, from the rig's own and scattered about it; ``published`` in rpm."""
     start = Numbers(
         event_of(cams[cam] for cam in published),
         parameters.stem_stiffness,

@@ -157,10 +157,7 @@ class ArcShape:
         return ArcShape(lift * self.lift, event * self.event, self.curvature)
 
     def nose(self, base: float) -> float:
-        """Angle of the nose, rad, on a base circle of pitch radius ``base`` (m).
-
-        Flank and nose touch on the line of their centres.
-        """
+        """Angle (rad) of a nose that touches the flank on the line of their centres."""
         flank, top, half = 1.0 / self.curvature, base + self.lift, 0.5 * self.event
         a = base**2 + top**2 - 2.0 * base * top * np.cos(half)
         b = 2.0 * base - 2.0 * top * np.cos(half)
@@ -203,11 +200,7 @@ class ShapeProblem:
         return np.stack([(level - base) / STEP for level in levels], axis=1)
 
     def fit(self, near: ArcShape, acoustics: Acoustics) -> ArcShape:
-        """Lift and event of least difference, from near a shape whose flank is kept.
-
-        Regressions are compared, since a regression is all that is published: the simulated
-        levels' cubic with the published one.
-        """
+        """Lift and event whose cubic is nearest the published one, from near a shape."""
         compared = cubic(self.cam_of(near).rpm)
 
         def cost(shape: ArcShape) -> float:

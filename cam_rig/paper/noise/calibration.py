@@ -80,10 +80,7 @@ def calibrate(
     speeds: FloatArray,
     levels: FloatArray,
 ) -> tuple[RadiationParameters, float]:
-    """Gain and corner fitted to one cam's ``levels`` (dB) at ``speeds`` (rad/s), and r.m.s. left.
-
-    Least squares in dB on the exact steady response; the background stays as it is.
-    """
+    """Gain and corner fitted to levels (dB) on the exact steady response, and r.m.s. left."""
     for speed in speeds:
         if loss_intervals(law, follower, float(speed)):
             raise DynamicsError(
@@ -132,10 +129,7 @@ def by_substitution(reference: PublishedCam, start: Acoustics) -> Acoustics:
 
 
 def sensitivity(cam: PublishedCam, acoustics: Acoustics) -> FloatArray:
-    """``(n, k)``: how the levels (dB) change with each fitted constant.
-
-    Two constants: log gain and log corner. By substitution: log gain and the response's terms.
-    """
+    """``(n, k)``: how levels (dB) change with log gain and log corner, or the response's terms."""
     r = acoustics.radiation
     base = acoustics.levels(cam.turns)
     gain = acoustics.with_constants(r.gain * np.exp(STEP), r.corner, acoustics.response)
@@ -223,10 +217,7 @@ def compare_structures(
     speeds: FloatArray,
     fitted: str,
 ) -> list[StructureFit]:
-    """Fit every candidate to one of two cams, and predict the other.
-
-    Both keep contact at all ``speeds`` (rad/s), where ``published`` has their levels in dB.
-    """
+    """Fit every candidate to one of two cams that keep contact, and predict the other."""
     (other,) = laws.keys() - {fitted}
     harmonics = {cam: harmonic_power(law, follower, speeds) for cam, law in laws.items()}
     background = np.array([radiation.background_power(float(speed)) for speed in speeds])

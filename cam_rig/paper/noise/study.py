@@ -370,11 +370,7 @@ class NoiseStudyResult(Result):
 def study_noise(
     loaded: LoadedScene, rig: RigConfig, arcs: bool = False, progress: Progress = SILENT
 ) -> NoiseStudyResult:
-    """Run every part of the study on a scene.
-
-    ``rig``: the rig identified from the jump speeds, whose noise is compared too; ``arcs``: also
-    fit the arc cam on that rig's two masses, which takes minutes.
-    """
+    """Run every part; ``rig``: of the jump speeds; ``arcs``: fit the arc cam on it (minutes)."""
     parts = progress.over(PARTS)
     next(parts)
     TwoMassParameters.from_rig(rig)  # refused now rather than at the end

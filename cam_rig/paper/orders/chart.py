@@ -39,10 +39,7 @@ SCALE = np.array(
 def save_orders(
     found: Sequence[CamOrders], path: Path, titles: Mapping[str, str] = MappingProxyType({})
 ) -> None:
-    """Write the spectra of cams as a ``.rrd`` file that appears when it is whole.
-
-    ``titles``: what cams are called, where not by their names in words.
-    """
+    """Write the spectra of cams as a ``.rrd`` file that appears when it is whole."""
     require_free(path, overwrite=True)
     tops = {quantity: loudest(found, quantity) for quantity in QUANTITIES}
     rows = orders_tabs(found, titles)

@@ -43,10 +43,7 @@ class FreeForce:
 
 @dataclass(frozen=True, eq=False)
 class ForcePiece:
-    """A stretch of contact from ``begin`` for ``length``, in s since the cam was at θ = 0.
-
-    ``ordinates`` ``(p + 1,)`` in N of the polynomial; the vibration is added to it.
-    """
+    """A stretch of contact, in s since θ = 0: its polynomial (N), and the vibration on it."""
 
     begin: float
     length: float

@@ -338,10 +338,7 @@ def read(
     printed: dict[str, PublishedJump],
     run: float,
 ) -> Read:
-    """Every cam on a reading's rig, with its event angle and high dwell.
-
-    ``run``: s from rest, longer than any printed time.
-    """
+    """Every cam on a reading's rig, with its event angle and high dwell, in runs of ``run`` s."""
     follower = follower_of(reading)
     rows = []
     for cam, row in printed.items():
@@ -359,10 +356,7 @@ def first_on_grid(law: Law, follower: TwoMassParameters, last_rpm: float, run: f
 
 
 def window(law: Law, follower: TwoMassParameters, printed: PublishedJump, run: float) -> float:
-    """Over how many rpm the printed time is that of the first loss, give or take half a turn.
-
-    Of the speeds no farther than `ROUNDED_TO` from the printed one.
-    """
+    """Over how many rpm within `ROUNDED_TO` the printed time comes out within half a turn."""
     shape, near = ShapeTable.of(law, POINTS), []
     speeds = RPM * np.linspace(printed.rpm - ROUNDED_TO, printed.rpm + ROUNDED_TO, SPEEDS)
     for few in np.array_split(speeds, SPEEDS // TOGETHER):

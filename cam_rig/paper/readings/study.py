@@ -152,31 +152,6 @@ def read_all(
     return ReadingsResult(tuple(found))
 
 
-def search_anew(
-    known: TableReadings,
-    name: str,
-    cams: dict[str, CamConfig],
-    printed: dict[str, PublishedJump],
-    *,
-    with_times: bool,
-    nearby: bool,
-    generations: int,
-    seed: int,
-    progress: Progress = SILENT,
-) -> ReadingsResult:
-    """Seek a reading's identified numbers anew, and read the table with them."""
-    if name not in known.readings:
-        raise ConfigError(
-            f"--search: is {name!r}{did_you_mean(name, known.readings)}; allowed: "
-            f"{', '.join(known.readings)}"
-        )
-    reading = known.readings[name]
-    search = ReadingSearch.of(reading, cams, printed, with_times, known.run_s, nearby)
-    found = search.best(generations, seed, progress)
-    changed = with_numbers(reading, found.numbers)
-    return ReadingsResult((read(name, changed, cams, printed, known.run_s),), found)
-
-
 def with_numbers(reading: TableReading, numbers: Mapping[str, float]) -> TableReading:
     """A reading with other numbers (SI), of the same origins."""
     changed = {}
@@ -231,14 +206,13 @@ def readings(
     cams = {cam: load_cam(cam_path(cam)) for cam in printed}
     if search is None:
         return read_all(known, cams, printed, progress)
-    return search_anew(
-        known,
-        search,
-        cams,
-        printed,
-        with_times=with_times,
-        nearby=nearby,
-        generations=generations,
-        seed=seed,
-        progress=progress,
-    )
+    if search not in known.readings:
+        raise ConfigError(
+            f"--search: is {search!r}{did_you_mean(search, known.readings)}; allowed: "
+            f"{', '.join(known.readings)}"
+        )
+    reading = known.readings[search]
+    seek = ReadingSearch.of(reading, cams, printed, with_times, known.run_s, nearby)
+    found = seek.best(generations, seed, progress)
+    changed = with_numbers(reading, found.numbers)
+    return ReadingsResult((read(search, changed, cams, printed, known.run_s),), found)

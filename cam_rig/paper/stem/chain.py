@@ -26,10 +26,7 @@ BAR = math.inf
 
 @dataclass(frozen=True)
 class Stem:
-    """A follower whose stem has a mass of its own, in ``elements`` parts; `BAR` for a bar.
-
-    The most that the mass split allows is the stem's: twice the lighter of the two masses.
-    """
+    """A stem with the most mass that the split allows, in ``elements`` parts; `BAR` for a bar."""
 
     follower: TwoMassParameters
     elements: float

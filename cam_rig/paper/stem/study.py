@@ -253,10 +253,7 @@ def hides_zero(left: float, mid: float, right: float) -> bool:
 
 
 def stem_jump(law: Law, stem: Stem, rig: RigConfig) -> float:
-    """The lowest speed (rad/s) at which the least contact force of the steady turn is zero.
-
-    It is sought upwards from `RESONANCES` below the jump speed of a rigid follower on.
-    """
+    """The lowest speed (rad/s) at which the least contact force of the steady turn is zero."""
 
     def least(speed: float) -> float:
         return float(stem_turn(law, stem, speed).force.min())

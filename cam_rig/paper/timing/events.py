@@ -43,10 +43,7 @@ class TimedEvent:
 
 
 def events(law: Law, lift: float, levels: Iterable[float] = LEVELS) -> tuple[TimedEvent, ...]:
-    """Every passage of a turn through the heights ``levels``, in the order of the cam angle.
-
-    They are above the law's lowest place, in fractions of ``lift`` (m), the one of the cam's file.
-    """
+    """Every passage of a turn, ``levels`` over the law's lowest place in parts of ``lift``."""
     low = extremes(law, 0)[0].value
     found = []
     for level in levels:
@@ -147,10 +144,7 @@ def held(values: Sequence[float]) -> int:
 
 
 def ordinates_of(cam: CamConfig, law: Law) -> list[Ordinates]:
-    """Of each segment that has ordinates: Bézier, B-spline, and rises that are polynomials.
-
-    A rise known by a name is a Bézier curve too; trigonometric rises and dwells are none.
-    """
+    """Of each segment with ordinates: Bézier, B-spline, and rises that are polynomials."""
     starts = zip(cam.segments, segment_angles(cam), strict=True)
     found = (_of(i, segment, start, law, cam.lift.si) for i, (segment, start) in enumerate(starts))
     return [ordinates for ordinates in found if ordinates is not None]

@@ -61,11 +61,7 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim of the paper, where it stands, and in how many of the cases looked at it holds.
-
-    Cases are the speeds at which all followers keep contact. ``measure`` says by what it was
-    tested, where there is a choice.
-    """
+    """A claim of the paper, and in how many of the speeds at which all keep contact it holds."""
 
     rig: str
     claim: str

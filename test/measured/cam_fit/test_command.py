@@ -5,16 +5,12 @@ import math
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from cam_rig.cli.main import app
 from cam_rig.schema.load import config_root
 
+from ...cli.calls import call
+
 GL110 = config_root() / "cams" / "gunt_gl110_convex.csv"
-
-
-def call(*arguments):
-    return CliRunner().invoke(app, [str(a) for a in arguments])
 
 
 @pytest.fixture

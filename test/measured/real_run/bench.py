@@ -74,8 +74,3 @@ def compared(run, loaded, offset=None):
     """A run on the model of the scene with its cam, and the rows of each speed."""
     pairs = pair_measured(run, loaded, loaded.scene.cams[0], offset)
     return pairs, compare_steps(pairs.steps(), loaded.laws)
-
-
-def agrees(row):
-    """Whether lift and force agree within their noise, or exactly where there is none."""
-    return all(one is None or one.within for one in (row.lift, row.force))

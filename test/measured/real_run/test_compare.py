@@ -4,21 +4,21 @@ import csv
 import json
 import re
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import cam_rig
 from cam_rig.bag.reader import raw_messages
 from cam_rig.bag.writer import BagWriter
-from cam_rig.cli.main import app
 from cam_rig.measured.real_run.chart import real_run_entity, real_run_tabs, save_real_run
 from cam_rig.measured.real_run.run import RunComparison, compare
 from cam_rig.messages.topics import recorded_topic
 from cam_rig.show.chart import SPEED
 
+from ...cli.calls import call as run
 from ...foreign_bags import joint, number, wrench, write_bag
 from ...viewer.conftest import Picture
 from .bench import compared, measured
@@ -29,8 +29,7 @@ READ = {"/cam/state", "/follower/samples", "/microphone/pressure"}
 LINE = "angle=/encoder.position[0] lift=/lvdt.position[0]:mm force=/cell.wrench.force.z level=/mic"
 
 
-def call(*arguments):
-    return CliRunner().invoke(app, ["compare", *(str(a) for a in arguments)])
+call = partial(run, "compare")
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from cam_rig.measured.real_run.sentences import done, sentences
 from cam_rig.simulation.instruments import Signal
 from cam_rig.units import RPM
 
-from .bench import COUNTS, OFFSET_DEG, agrees, compared, measured, with_follower
+from .bench import COUNTS, OFFSET_DEG, compared, measured, with_follower
 
 #: ° by which a reading is behind, on average half a count more as an encoder rounds down.
 BEHIND = OFFSET_DEG + 180.0 / COUNTS
@@ -41,7 +41,7 @@ def test_a_bench_of_the_scene_agrees_within_the_noise(scene, cam, speeds):
     assert found.drift == pytest.approx(200e-6, abs=4e-6) and found.delay == 0.0
     assert [row.rpm for row in rows] == pytest.approx(list(speeds), rel=1e-4)
     for row in rows:
-        assert agrees(row)
+        assert row.agrees
         assert row.lift.noise == pytest.approx(10e-6, rel=0.15)
         assert row.lift.rms == pytest.approx(10e-6, rel=0.05)
         assert abs(row.level_difference) < 0.02
@@ -117,7 +117,7 @@ def test_stamps_that_are_late_are_told_from_an_offset_by_several_speeds(scene):
     assert pairs.alignment.delay == pytest.approx(-2e-3, abs=2e-5)
     assert np.degrees(pairs.alignment.offset) == pytest.approx(BEHIND, abs=0.05)
     assert any("stamps are 2 ms late" in line for line in done(pairs))
-    assert all(agrees(row) for row in rows)
+    assert all(row.agrees for row in rows)
 
 
 def test_a_given_offset_is_kept_and_one_without_a_lift_is_said(scene):
@@ -162,7 +162,7 @@ def test_sensors_slower_than_the_cam_still_find_the_zero(scene):
     loaded = scene("tm21", turns=16)
     pairs, rows = compared(thinned(measured(loaded), slice(None, None, 40)), loaded)
     assert np.degrees(pairs.alignment.offset) == pytest.approx(BEHIND, abs=0.15)
-    assert all(agrees(row) for row in rows)
+    assert all(row.agrees for row in rows)
 
 
 def test_readings_without_noise_or_counts_are_the_model_s(scene):
@@ -172,7 +172,7 @@ def test_readings_without_noise_or_counts_are_the_model_s(scene):
     assert pairs.count == 0.0
     assert np.degrees(pairs.alignment.offset) == pytest.approx(OFFSET_DEG, abs=1e-6)
     for row in rows:
-        assert agrees(row) and row.lift.rms < 1e-9 and row.force.rms < 1e-3
+        assert row.agrees and row.lift.rms < 1e-9 and row.force.rms < 1e-3
 
 
 def test_lost_readings_are_not_bridged(scene):
@@ -185,12 +185,12 @@ def test_lost_readings_are_not_bridged(scene):
     assert len(pairs.stretches) == 2
     step = next(pairs.steps())
     assert not ((step.force.time > 2.001) & (step.force.time < 2.499)).any()
-    assert all(agrees(row) for row in rows)
+    assert all(row.agrees for row in rows)
     angle = Signal(time[kept], run.angle.value[kept], run.angle.source)
     pairs, rows = compared(replace(run, angle=angle), loaded)
     edges = [(one.knots[0], one.knots[-1]) for one in pairs.stretches]
     assert len(edges) in (2, 3) and not any(begin < 2.25 < end for begin, end in edges)
-    assert all(agrees(row) for row in rows)
+    assert all(row.agrees for row in rows)
 
 
 def test_a_cam_that_never_turns_steadily_is_refused(scene):

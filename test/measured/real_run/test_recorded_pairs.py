@@ -14,7 +14,7 @@ from cam_rig.simulation.schedule import cam_states
 from cam_rig.simulation.simulate import simulate, turned_ticks
 from cam_rig.units import RPM, TURN
 
-from .bench import agrees, with_follower
+from .bench import with_follower
 
 
 def random_law(seed):
@@ -52,7 +52,7 @@ def test_a_run_is_its_own_scene_s(make_loaded_scene, model):
         assert row.turns == pytest.approx(2.0, abs=1e-3)
         assert row.lift.rms == row.force.rms == row.lift.largest == row.force.largest == 0.0
         assert row.contact.measured == row.contact.model and row.contact.shift in (None, 0.0)
-        assert row.level_difference == 0.0 and agrees(row)
+        assert row.level_difference == 0.0 and row.agrees
     assert pairs.lost == 0
     assert sentences(rows)[:2] == [
         f"The {name} is that of the model, to rounding, at every speed."

@@ -2,15 +2,16 @@
 
 import json
 import re
+from functools import partial
 
 import pytest
 import yaml
-from typer.testing import CliRunner
 
 import cam_rig
-from cam_rig.cli.main import app
 from cam_rig.measured.rig_fit.numbers import FoundNumber, number_tables
 from cam_rig.measured.rig_fit.rig_fit import fitted_rig
+
+from ...cli.calls import call as run
 
 SURE = FoundNumber("preload", 14.947876, 0.0323, "identified")
 UNSURE = FoundNumber("damping", 8.6234, 3.1, "identified")
@@ -66,8 +67,7 @@ TABLE = """mass_kg,spring_N/mm,rpm
 """
 
 
-def call(*arguments):
-    return CliRunner().invoke(app, ["fit", "rig", *map(str, arguments)])
+call = partial(run, "fit", "rig")
 
 
 @pytest.fixture

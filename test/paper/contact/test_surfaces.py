@@ -93,14 +93,6 @@ def test_sliding_is_the_difference_of_both_ways(name):
     np.testing.assert_allclose(case.surfaces.sliding(*middle), expected, rtol=2e-6, atol=1e-6)
 
 
-def test_a_face_slides_with_the_height_of_its_contact():
-    """ω (R_b + s): the thesis's bound, for sliding grows with the base radius (§2.3.1)."""
-    case = case_of("flat")
-    motion, touch = case.at(ANGLES)
-    expected = SPEED * (case.cam.follower.base_radius.si + motion.s)
-    np.testing.assert_allclose(case.surfaces.sliding(motion, touch), expected, rtol=1e-14)
-
-
 def test_a_dwell_is_two_circles():
     """On the base circle: F₀ over the width, κ = 1/R_b + 1/R_r, no pressure angle."""
     case = case_of("tm21", face_width=(7.0, "mm"))

@@ -69,9 +69,3 @@ def test_shares_of_two_levels_are_of_all(values):
         of_two = two_levels(values[0])
         assert of_two[(0,)] == pytest.approx(flat.shares[0], abs=1e-6)
         assert of_two[(0, 1)] == pytest.approx(flat.shares[2], abs=1e-6)
-
-
-def test_an_exclusive_or_is_interaction_alone():
-    """It is neither factor's."""
-    shares = two_levels(np.array([[0.0, 1.0], [1.0, 0.0]]))
-    assert shares == {(0,): 0.0, (1,): 0.0, (0, 1): 1.0}
