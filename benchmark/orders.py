@@ -42,14 +42,16 @@ the integrals of the same pieces in 50 digits:
 {rows}
 
 The FFT's difference falls with the samples, so it is the FFT's own: it folds back what lies beyond
-half its points, and where the force jumps it knows the place of the step to one sample. The
-landings, which no sample shows, are left out of this table; they are closed forms too.
+half its
+points, and knows the place of a step to one sample. Landings, closed forms too, are left out of
+this table.
 
 Summed up to 40 kHz and with the background, the orders of `tm21_sweep` give its levels to
-{kept:.2f} dB where contact is kept. Where the follower jumps they differ from them by {low:+.2f}
-to {high:+.2f} dB: the energy account behind the levels adds the sound of a landing's pulse and
-that of the step of the force at the same instant as if they were independent. Samples of the sound
-have the level of the orders, to 0.02 dB.
+{kept:.2f} dB where contact
+is kept. Where the follower jumps they differ from them by {low:+.2f} to {high:+.2f} dB: the energy
+account behind the
+levels adds a landing's pulse and the step of the force at the same instant as if they were
+independent.
 
 """
 
