@@ -49,8 +49,8 @@ messages for people go to stderr; JSON and CSV go to stdout.
 An error is one line: the file or option, its value, what is allowed. A bag is never overwritten.
 
 In brackets stands what is taken without an option, or that it is required. What a command names
-as *shared* is under [Shared](#shared). A function of Python has the options' names. `--help` of a
-command has more examples.
+as *shared* is under [Shared](#shared). A function of Python has the options' names. `--help` has
+more examples.
 """
 
 
