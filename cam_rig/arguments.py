@@ -99,9 +99,8 @@ def on_one_axis(name: str, value: float | Sequence[float] | FloatArray) -> Float
     """A number or several as ``(n,)``; refused where there are none, or a table of them."""
     given = np.atleast_1d(np.asarray(value, dtype=np.float64))
     if given.ndim > 1 or not given.size:
-        raise ConfigError(
-            f"{name}: is an array of shape {given.shape}; allowed: a number, or several on one axis"
-        )
+        what = f"an array of shape {given.shape}" if given.size else "empty"
+        raise ConfigError(f"{name}: is {what}; allowed: a number, or several on one axis")
     return given
 
 
