@@ -39,8 +39,7 @@ SECTION = """\
 ### Jump search
 
 CPU time of one jump speed over the pieces of the law: a spline of degree 5 through so many readings
-of the Bézier 15 cam, which itself is one piece, and through the same with {noise:g} nm of noise.
-Nothing of a law is cached before its search.
+of the Bézier 15 cam. *Noisy* readings have {noise:g} nm of noise.
 
 {table}
 

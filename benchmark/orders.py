@@ -34,22 +34,23 @@ CASES = (
 )
 TEXT = """{heading}
 `cam-rig orders` integrates the steady force in closed form. Largest difference over orders 0 to
-{n}, as part of the largest order, to an FFT of samples of the same force over the same turn, and to
-the integrals of the same pieces in 50 digits:
+{n}, as part of the largest order, to an FFT of samples of the same force, and to the integrals in
+50 digits:
 
 | cam, model, rpm | force | FFT of 10⁵ | FFT of 10⁶ | 50 digits |
 |---|---|---:|---:|---:|
 {rows}
 
 The FFT's difference falls with the samples, so it is the FFT's own: it folds back what lies beyond
-half its points, and where the force jumps it knows the place of the step to one sample. The
-landings, which no sample shows, are left out of this table; they are closed forms too.
+half its
+points, and knows the place of a step to one sample. Landings, closed forms too, are left out of
+this table.
 
 Summed up to 40 kHz and with the background, the orders of `tm21_sweep` give its levels to
-{kept:.2f} dB where contact is kept. Where the follower jumps they differ from them by {low:+.2f}
-to {high:+.2f} dB: the energy account behind the levels adds the sound of a landing's pulse and
-that of the step of the force at the same instant as if they were independent. Samples of the sound
-have the level of the orders, to 0.02 dB.
+{kept:.2f} dB where contact
+is kept. Where the follower jumps they differ by {low:+.2f} to {high:+.2f} dB: the energy account
+adds a landing's pulse and the step
+of the force at the same instant as if they were independent.
 
 """
 

@@ -28,10 +28,11 @@ After this page you know how far each number of the rig may be off, and what it 
 
 ## Between samples nothing is lost, at the samples little
 
-The follower's motion is exact at any sample rate: laws, flights and landings are closed forms.
-Only the microphone works on samples. It takes the contact force as straight between them, and a
-force that jumps (at the joints of an arc cam, at a lift-off or a landing) is not. So the level
-depends a little on the sample rate, and only for cams that jump.
+The follower's motion is exact at any sample rate: laws, flights and landings are closed forms. Only
+the microphone works on
+samples. It takes the contact force as straight between them, and a force that jumps is not; so the
+level depends a little on
+the sample rate, for cams that jump.
 
 Largest difference of a level to the one at {reference} kHz, over 21 speeds, and what the whole
 sweep ({rig_time:.0f} s of rig time) costs with `cam-rig simulate` on one of {cores} cores, median

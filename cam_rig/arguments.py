@@ -1,7 +1,8 @@
 """What the functions of `import cam_rig` may be given: refused by the argument's name.
 
 What a parameter takes is its annotation; `checked` compares each argument with it before the
-function begins, so that no other library meets what it cannot take.
+function begins, so that no other library meets what it cannot take. Commands call the same
+functions, so what these refuse themselves names options; to Python it names parameters.
 """
 
 from __future__ import annotations
@@ -9,7 +10,8 @@ from __future__ import annotations
 import inspect
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
+import re
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import cache, wraps
 from pathlib import Path
 from types import NoneType, SimpleNamespace, UnionType
@@ -17,7 +19,8 @@ from typing import Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin
 
 import numpy as np
 
-from cam_rig.errors import ArgumentTypeError, ConfigError, did_you_mean
+from cam_rig.errors import ArgumentTypeError, CamRigError, ConfigError, did_you_mean
+from cam_rig.units import FloatArray
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -42,6 +45,10 @@ MAKERS = {
     "Executor": ("an executor", "concurrent.futures"),
     "Progress": ("a Progress", "cam_rig.show.result"),
 }
+OPTION = re.compile(r"(?<![\w-])--([a-z]+(?:-[a-z]+)*)")
+#: Options whose parameter has another name, where the function has it; one with a unit has the
+#: unit behind the option's name.
+RENAMED = {"cam": "one_cam", "all": "every", "limit": "limits", "from": "start", "range": "values"}
 
 
 def checked(function: Callable[P, R]) -> Callable[P, R]:
@@ -67,9 +74,34 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
                     kind = ConfigError if _is_of(value, hint) else ArgumentTypeError
                     raise kind(_refusal(name, value, hint))
                 given.arguments[name] = value
-        return function(*given.args, **given.kwargs)
+        try:
+            return function(*given.args, **given.kwargs)
+        except CamRigError as error:
+            error.args = (in_python(str(error), signature.parameters),)
+            raise
 
     return call
+
+
+def in_python(message: str, parameters: Collection[str]) -> str:
+    """A refusal with the parameters of a function in place of a command's options."""
+
+    def parameter(option: re.Match[str]) -> str:
+        own = option[1].replace("-", "_")
+        with_unit = [name for name in parameters if name.startswith(f"{own}_")]
+        names = [RENAMED.get(own, own), own, *with_unit]
+        return next((name for name in names if name in parameters), option[0])
+
+    return OPTION.sub(parameter, message)
+
+
+def on_one_axis(name: str, value: float | Sequence[float] | FloatArray) -> FloatArray:
+    """A number or several as ``(n,)``; refused where there are none, or a table of them."""
+    given = np.atleast_1d(np.asarray(value, dtype=np.float64))
+    if given.ndim > 1 or not given.size:
+        what = f"an array of shape {given.shape}" if given.size else "empty"
+        raise ConfigError(f"{name}: is {what}; allowed: a number, or several on one axis")
+    return given
 
 
 def _fits(value: Any, hint: Any) -> bool:

@@ -24,6 +24,8 @@ class CamRigError(Exception):
         if len(message) > BEGIN + END:
             message = f"{message[:BEGIN]} […] {message[-END:]}"
         super().__init__(message)
+        #: As a command says it, with options; a function of `import cam_rig` says parameters.
+        self.in_command = message
 
 
 class ConfigError(CamRigError, ValueError):

@@ -30,7 +30,7 @@ try:
 except ValueError as error:  # a cam_rig.CamRigError too
     print(error)  # the key, its value, what is allowed
 
-bench.save(OUT / "bench.yaml")
+bench.save(OUT / "bench.yaml", overwrite=True)
 assert cam_rig.load_rig(OUT / "bench.yaml") == bench
 
 axes.set(xlabel="time [s]", ylabel="contact force [N]", title="Cycloidal cam at 400 rpm")

@@ -163,9 +163,9 @@ def campaign_records(found: CampaignRate) -> Records:
     note = f"{words}: {found.missing}"
     if found.gap is not None:
         note = (
-            f"Half of the jump speeds differ by less than {found.gap:.2g} rpm, the peer's are to "
-            f"{FINE:g}. {found.beyond} of {found.peer_points} differ by more than that: where "
-            "contact holds again a little faster, halving passes over it."
+            f"Half of the jump speeds differ by less than {found.gap:.2g} rpm. {found.beyond} of "
+            f"{found.peer_points} differ by more than the peer's {FINE:g}: where contact holds "
+            "again a little faster, halving passes over it."
         )
     caption = f"A campaign of jump speeds in {counted(found.processes, 'process')}"
     return Records("campaign", caption, CAMPAIGN, rows, (note,))

@@ -48,17 +48,20 @@ def event_costs(
 
 def event_table(costs: list[EventCost]) -> DataTable:
     """One row a solver; the ratio is to the rig's own most often met, the compiled search."""
-    first = {cost.case: cost.time_s for cost in reversed(costs)}
+    first = {cost.case: cost for cost in reversed(costs)}
+
+    def called(cost: EventCost) -> str:
+        return f"{cost.case}: {cost.landings}" if cost is first[cost.case] else ""
+
     return tabulate(
         "Events",
         costs,
         (
-            (Head("case"), lambda cost: cost.case),
-            (Head("landings", "", "d"), lambda cost: cost.landings),
+            (Head("case, landings"), called),
             (Head("solver"), lambda cost: cost.solver),
             (Head("a landing", "µs", ".3g"), lambda cost: 1e6 * cost.time_s),
             (Head("error", "s", ".1e"), lambda cost: cost.error_s),
-            (Head("x first", "", ".3g"), lambda cost: cost.time_s / first[cost.case]),
+            (Head("x first", "", ".3g"), lambda cost: cost.time_s / first[cost.case].time_s),
         ),
     )
 

@@ -86,11 +86,8 @@ def node_table(starts: Iterable[NodeStart]) -> DataTable:
         starts,
         (
             (Head("node"), lambda start: start.node),
-            (Head("modules", "by itself", "d"), lambda start: start.alone_modules),
-            (Head("CPU", "s", ".2f"), lambda start: start.alone_s),
-            (Head("modules", "forked", "d"), lambda start: start.forked_modules),
-            (Head("CPU", "s", ".2f"), lambda start: start.forked_s),
-            (Head("ratio", "", ".1f"), lambda start: start.alone_s / start.forked_s),
+            (Head("by itself", "s", ".2f"), lambda start: start.alone_s),
+            (Head("forked", "s", ".2f"), lambda start: start.forked_s),
         ),
     )
 

@@ -27,8 +27,7 @@ def analyze(
 ) -> Result:
     """Read a recorded sweep back: a row each speed, and its noise beside the published regressions.
 
-    A row has level, peak and least force, lift-offs a turn, longest flight, hardest landing, and
-    torque, of the settled turns.
+    The tables are those of cam-rig simulate.
 
     In Python: cam_rig.read_bag(bag, scene)
 

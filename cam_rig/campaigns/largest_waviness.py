@@ -17,7 +17,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from cam_rig.arguments import checked
+from cam_rig.arguments import checked, on_one_axis
 from cam_rig.campaigns.campaign import WAVE, WAVELENGTH, Campaign, keeps_limits
 from cam_rig.campaigns.draws import drawn
 from cam_rig.campaigns.inputs import LONGEST, SHORTEST, require_wavelength
@@ -291,7 +291,7 @@ def largest_waviness(
             raise ConfigError(f"wavelengths: is {wavelengths}; allowed: {allowed}")
         asked = search.wavelengths(wavelengths)
     else:
-        asked = np.ravel(np.array(wavelengths, dtype=np.float64))
+        asked = on_one_axis("wavelengths", wavelengths)
         for one in asked.tolist():
             require_wavelength(one)
     return find_largest(search, asked, executor or InThisProcess())

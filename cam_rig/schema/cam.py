@@ -308,7 +308,7 @@ class CamConfig(Strict):
             data["follower"] = dict(self.follower) | {key: changes.pop(key) for key in own}
         return made(CamConfig, data | changes, "cam")
 
-    def save(self, path: str | Path) -> None:
+    def save(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Write the cam's file, whole or not at all; it has the name of the file.
 
         The points of a law of points are a .csv file beside it.
@@ -316,7 +316,7 @@ class CamConfig(Strict):
         Raises
         ------
         ConfigError : the file's name is none of a cam
-        OutputError : it cannot be written
+        OutputError : it cannot be written, or is there already without ``overwrite``
 
         Examples
         --------
@@ -328,7 +328,7 @@ class CamConfig(Strict):
         """
         from cam_rig.schema.load import save_model
 
-        save_model(self, path)
+        save_model(self, path, overwrite)
 
     @model_validator(mode="after")
     def _own_frame(self) -> CamConfig:

@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from cam_rig.arguments import checked
-from cam_rig.errors import ConfigError, did_you_mean
+from cam_rig.errors import ConfigError, OutputError, did_you_mean
 from cam_rig.files import MIB, check_place, read_bytes, writing
 from cam_rig.schema.cam import CamConfig
 from cam_rig.schema.explain import explain, kind_of, made
@@ -257,21 +257,28 @@ def _without_empty(value: Any) -> Any:
 
 
 @checked
-def save_model(model: BaseModel, path: str | Path) -> None:
+def save_model(model: BaseModel, path: str | Path, overwrite: bool = False) -> None:
     """Write a cam or a rig under the name of its file, a table's points beside it."""
     target = Path(path)
     if target.suffix != ".yaml":
         raise ConfigError(f"{target}: unknown kind of file; allowed: a name that ends in .yaml")
     named = made(type(model), {**dict(model), "name": target.stem}, str(target))
     data = file_data(named)
+    check_place(target)
+    points = target.with_suffix(".csv")
+    has_points = any("file" in segment for segment in data.get("segments", ()))
+    for file in (target, points) if has_points else (target,):
+        if file.exists() and not overwrite:
+            raise OutputError(
+                f"{file}: exists already, not overwriting; name another, or say overwrite=True"
+            )
     for segment in data.get("segments", ()):
         if "file" in segment:
-            points, segment["file"] = segment["file"], f"{target.stem}.csv"
-            rows = zip(points["angles"], points["lifts"], strict=True)
+            table, segment["file"] = segment["file"], points.name
+            rows = zip(table["angles"], table["lifts"], strict=True)
             text = "angle_rad,lift_m\n" + "".join(f"{a!r},{s!r}\n" for a, s in rows)
-            with writing(target.with_suffix(".csv")) as part:
+            with writing(points) as part:
                 part.write_text(text, encoding="utf-8")
-    check_place(target)
     with writing(target) as part:
         part.write_text(to_yaml(data), encoding="utf-8")
 

@@ -298,13 +298,13 @@ class RigConfig(Strict):
         found: ComplexArray = import_module(LINEAR).frequency_response(self, w, model)
         return found
 
-    def save(self, path: str | Path) -> None:
+    def save(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Write the rig's file, whole or not at all; it has the name of the file.
 
         Raises
         ------
         ConfigError : the file's name is none of a rig
-        OutputError : it cannot be written
+        OutputError : it cannot be written, or is there already without ``overwrite``
 
         Examples
         --------
@@ -316,4 +316,4 @@ class RigConfig(Strict):
         """
         from cam_rig.schema.load import save_model
 
-        save_model(self, path)
+        save_model(self, path, overwrite)

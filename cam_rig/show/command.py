@@ -38,7 +38,7 @@ def user_errors() -> Iterator[None]:
         with libraries_named(), raised():
             yield
     except CamRigError as error:
-        print(f"cam-rig: {error}", file=sys.stderr)
+        print(f"cam-rig: {error.in_command}", file=sys.stderr)
         raise typer.Exit(error.exit_code) from None
     except KeyboardInterrupt as interrupt:
         print(f"cam-rig: {str(interrupt) or 'interrupted'}", file=sys.stderr)

@@ -11,8 +11,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
+from cam_rig.arguments import on_one_axis
 from cam_rig.errors import ConfigError
 from cam_rig.laws.cam import CamSet, cam_set
 from cam_rig.schema import CamConfig, RigConfig, load_cam, load_rig, load_scene, load_tables
@@ -61,7 +60,9 @@ def asked_cams(cams: Cams = None, rig: Rig = None) -> CamSet:
 
 
 def listed(cams: Cams) -> list[str | Path | CamConfig]:
-    """One cam or several as a list."""
+    """One cam or several as a list, which is empty of None alone."""
+    if cams is not None and not isinstance(cams, str | Path | CamConfig) and not cams:
+        raise ConfigError("cams: is an empty list; allowed: a cam, several, or None for Table 2's")
     return [cams] if isinstance(cams, str | Path | CamConfig) else list(cams or ())
 
 
@@ -91,10 +92,10 @@ def _rig_beside(cams: list[Path]) -> Path:
     folders = sorted({cam.parent.parent / "rigs" for cam in own})
     found = [file for folder in folders for file in sorted(folder.glob("*.yaml"))]
     if len(found) == 1:
-        _say(f"rig {found[0]}, the only one beside the cam; --rig takes another")
+        _say(f"rig {found[0]}, the only one beside the cam; another may be named")
         return found[0]
     there = ", ".join(map(str, found[:MOST_NAMED])) or "no rig"
-    _say(f"rig {RIG}, the paper's: beside the cam there is {there}; --rig takes another")
+    _say(f"rig {RIG}, the paper's: beside the cam there is {there}; another may be named")
     return rig_path(RIG)
 
 
@@ -115,7 +116,7 @@ def asked_scene(scene: Scene, rig: Rig = None) -> LoadedScene:
 
 def asked_speeds(rpm: Speeds) -> list[float]:
     """Speeds, rpm."""
-    return [float(one) for one in np.atleast_1d(np.asarray(rpm, dtype=np.float64)).ravel()]
+    return [float(one) for one in on_one_axis("rpm", rpm)]
 
 
 def speeds_within(rpm: Speeds) -> list[float]:

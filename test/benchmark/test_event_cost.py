@@ -25,4 +25,5 @@ def test_a_ratio_is_to_the_first_row_of_the_case():
     costs = [EventCost("a", 3, "one", 1e-5, 1e-15), EventCost("a", 3, "other", 4e-3, 1e-12)]
     rows = event_table(costs).rows
     assert [row[-1] for row in rows] == [1.0, 400.0]
-    assert rows[1][3] == 4e3
+    assert [row[0] for row in rows] == ["a: 3", ""]
+    assert rows[1][2] == 4e3

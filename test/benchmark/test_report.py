@@ -12,6 +12,7 @@ from benchmark.speed.models import Solution
 from benchmark.speed.peers import PEERS
 from benchmark.speed.report import Comparison, notes
 from benchmark.speed.study import CaseResult, Sweep, WorkPrecisionPoint, WorkPrecisionStudy
+from benchmark.work_precision import quickest
 from cam_rig.show.figure import write
 
 
@@ -74,6 +75,15 @@ def test_json_has_every_point(study):
     assert data["points"][6]["note"] == "not written yet"
     assert data["samples"][1] == {"model": "elastic_stem", "samples_per_s": 5e7}
     assert data["campaign"][1]["ratio"] == 100.0
+
+
+def test_the_page_has_the_quickest_peer_of_a_case(study):
+    """Behind the rig; a peer that was never measured stands where there is no other."""
+    shown = quickest(Comparison(study).tables()[0].records)
+    assert [(one.case, one.solver) for one in shown] == [
+        ("resonance", "rig"), ("resonance", "CVODE BDF"),
+        ("torsional", "rig"), ("torsional", "DOP853"),
+    ]  # fmt: skip
 
 
 def test_a_ratio_that_is_only_a_bound_is_marked(study):

@@ -166,7 +166,7 @@ def test_in_the_middle_of_a_fold(tm21, rig):
 @pytest.mark.parametrize(
     ("how", "error", "words"),
     [
-        ({"rpm": []}, ConfigError, "rpm: are 0; allowed: 1 to"),
+        ({"rpm": []}, ConfigError, "rpm: is empty; allowed"),
         ({"turns": 19}, ConfigError, "turns: is 19; allowed: 20 or more"),
         ({"settle": -1}, ConfigError, "settle: is -1; allowed: 0 or more"),
         ({"start": "left"}, ConfigError, "start: is 'left'; allowed: rest, below, above"),

@@ -31,9 +31,9 @@ def test_files_of_the_tree_exist(page):
     assert not missing
 
 
-def test_short_names_in_the_tables_exist():
-    """A file named without its folder stands beside the one named before it in its cell."""
-    for cell in re.findall(r"\| ([^|\n]*)", text(DOCS / "architecture.md")):
+def test_short_names_in_the_lists_exist():
+    """A file named without its folder stands beside the one named before it in its item."""
+    for cell in re.findall(r"^(?:-|\d+\.) (.*)", text(DOCS / "architecture.md"), re.M):
         folder = None
         for name in re.findall(r"`([\w./*]+)`", cell):
             if name.startswith("cam_rig/"):
@@ -55,9 +55,9 @@ def test_the_readme_is_short():
     assert len(text(ROOT / "README.md").splitlines()) <= 80
 
 
-def test_room_table_is_whole():
-    """The table of rooms has every folder of the package, and no other."""
+def test_list_of_rooms_is_whole():
+    """The list of rooms has every folder of the package, and no other."""
     page = text(DOCS / "architecture.md")
-    named = set(re.findall(r"^\| `cam_rig/(\w+)` \|", page, re.M))
+    named = set(re.findall(r"^- `cam_rig/(\w+)`:", page, re.M))
     folders = {p.parent.name for p in (ROOT / "cam_rig").glob("*/__init__.py")}
     assert named == folders

@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from .pages import DOCS, ROOT, blocks
+from tools.docs.course_pictures import COURSE, SHOWN, pictures
+
+from .pages import DOCS, ROOT, blocks, text
 from .tutorials import follow
 
 #: Page, how many commands it has at least, the share by which a search's number may differ: where
@@ -46,6 +48,16 @@ def test_every_command_of_a_lesson_runs(lesson, tmp_path, monkeypatch):
 def test_a_lesson_in_spanish_has_the_same_commands(lesson):
     """And files, and numbers shown: what runs in one runs in the other."""
     assert blocks(lesson) == blocks(DOCS / "course" / "es" / lesson.name)
+
+
+@pytest.mark.parametrize("lesson", LESSONS, ids=lambda page: page.stem)
+def test_a_lesson_shows_a_picture_that_one_of_its_commands_makes(lesson):
+    """The same in both languages, made by ``make pictures``, small."""
+    shown = pictures(lesson)
+    assert shown
+    assert SHOWN.findall(text(DOCS / "course" / "es" / lesson.name)) == list(shown)
+    for name in shown:
+        assert (ROOT / COURSE / f"{name}.png").stat().st_size < 100_000, name
 
 
 @pytest.mark.ros

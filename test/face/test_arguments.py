@@ -2,13 +2,15 @@
 
 import math
 from functools import partial
-from inspect import signature
+from inspect import signature, unwrap
 from pathlib import Path
+from typing import get_type_hints
 
 import numpy as np
 import pytest
 
 import cam_rig
+from cam_rig.arguments import OPTION
 from cam_rig.errors import (
     BagError,
     ConfigError,
@@ -220,6 +222,7 @@ def refuses_in_one_line(function, arguments):
         assert "\n" not in str(error)
         assert 0 < len(str(error)) < 12_000  # a path of 5000 characters is named
         assert isinstance(error, ValueError | OF_FILES)
+        assert not OPTION.search(str(error)), error  # of a command: Python has parameters
 
 
 @pytest.mark.variants(2)
@@ -236,6 +239,26 @@ def test_only_errors_of_the_rig_come_out(right, name, monkeypatch, tmp_path):
     for argument in right[name]:
         for value in (one for one in WRONG if one is not parameters[argument].default):
             refuses_in_one_line(function, right[name] | {argument: value})
+
+
+def takes_an_array(name):
+    """The parameters of a function that may be several numbers of numpy's."""
+    hints = get_type_hints(unwrap(getattr(cam_rig, name)))
+    return [one for one, hint in hints.items() if "ndarray" in str(hint) and one != "return"]
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_nothing_and_a_table_are_no_list_of_numbers(right, name):
+    """An empty list of cams is not the default, and no array of two axes is flattened."""
+    function, given = getattr(cam_rig, name), right[name]
+    for argument in takes_an_array(name):
+        for value in ([], np.array([]), np.array([[300.0, 350.0]]), np.full((2, 1), 0.3)):
+            with pytest.raises(ConfigError, match=rf"{argument}: is"):
+                function(**given | {argument: value})
+    if "cams" in given:
+        for value in ([], ()):
+            with pytest.raises(ConfigError, match="cam"):
+                function(**given | {"cams": value})
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)

@@ -6,6 +6,7 @@ import re
 import pytest
 
 import cam_rig
+from cam_rig.arguments import in_python
 from cam_rig.cli.main import COMMANDS, command
 from cam_rig.show.command import OUTPUTS
 
@@ -35,14 +36,6 @@ FILES = {
 }
 #: Where processes are asked for, a function takes an executor, and how many it has.
 WORKPLACE = {"jobs", "dask"}
-#: Options by the function's name, where its first argument has the option's.
-RENAMED = {
-    ("fit rig", "cam"): "one_cam",
-    ("profile", "all"): "every",
-    ("design", "limit"): "limits",  # given often
-    ("bounce", "from"): "start",
-    ("bounce", "range"): "values",
-}
 #: Arguments of a command by their name in Python; one that stands first in both may differ.
 IN_PYTHON_ALONE = {"progress", "executor", "workers", "on_tick"}
 
@@ -76,7 +69,7 @@ def test_every_command_is_known():
 
 @pytest.mark.parametrize("verb", COMPUTING)
 def test_a_command_names_its_function_whose_parameters_are_its_options(verb):
-    """An option in another unit than SI has the unit behind its name in Python, or is in SI there.
+    """So what refuses an option refuses the parameter in Python, by its name.
 
     What the words of the help show as arguments are parameters of the function.
     """
@@ -84,18 +77,17 @@ def test_a_command_names_its_function_whose_parameters_are_its_options(verb):
     parameters = set(inspect.signature(function).parameters)
     shown = re.search(r"In Python: cam_rig\.\w+\((.*?)\)", VERBS[verb].help, re.S)[1]
     assert {word.strip() for word in shown.split(",")} - {"…"} <= parameters
-    options, arguments = {}, []
+    options, arguments = set(), []
     for one in VERBS[verb].params:
         name = max(one.opts, key=len).removeprefix("--")
         if one.param_type_name == "argument":
             arguments.append(name)
         elif name not in {*OUTPUTS, "help", *WORKPLACE, *FILES.get(verb, ())} and not one.hidden:
-            asked = RENAMED.get((verb, name), name.replace("-", "_"))
-            options[asked] = f"{asked}_{(one.metavar or '').lower()}"
-    missing = {one for one, unit in options.items() if not {one, unit} & parameters}
-    assert missing == set()
+            refused = in_python(f"--{name}: is wrong", parameters)
+            options.add(refused.removesuffix(": is wrong"))
+    assert options <= parameters
     first = list(inspect.signature(function).parameters)[: len(arguments)]
-    known = {*options, *options.values(), *arguments, *first, *IN_PYTHON_ALONE}
+    known = {*options, *arguments, *first, *IN_PYTHON_ALONE}
     assert parameters - known == set()
     if any(one.name in WORKPLACE for one in VERBS[verb].params):
         assert "executor" in parameters

@@ -112,7 +112,6 @@ def test_what_is_saved_is_what_is_loaded(path, tmp_path):
 def test_a_file_s_name_is_its_name(tmp_path):
     rig = cam_rig.Rig("bench", mass=1.3, spring="3.2 N/mm", preload=30)
     rig.save(str(tmp_path / "other.yaml"))
-    rig.save(tmp_path / "other.yaml")  # in place of the one before
     assert cam_rig.load_rig(tmp_path / "other.yaml") == rig.replace(name="other")
     for name, error in (("a.txt", ConfigError), ("Ä b.yaml", ConfigError), ("f", ConfigError)):
         with pytest.raises(error, match="allowed"):
@@ -121,6 +120,20 @@ def test_a_file_s_name_is_its_name(tmp_path):
     with pytest.raises(OutputError, match="is a folder"):
         rig.save(tmp_path / "folder.yaml")
     assert {path.name for path in Path(tmp_path).iterdir()} == {"other.yaml", "folder.yaml"}
+
+
+def test_a_file_that_is_there_is_written_over_only_where_that_is_said(tmp_path):
+    """As commands do, which write no file over another; the points of a table alike."""
+    rig, cam = cam_rig.load_rig("tm21"), cam_rig.load_cam("measured")
+    for model, beside in ((rig, "yaml"), (cam, "yaml"), (cam, "csv")):
+        folder = tmp_path / f"{model.name}_{beside}"
+        folder.mkdir()
+        (folder / f"mine.{beside}").write_text("before", encoding="utf-8")
+        with pytest.raises(OutputError, match=rf"mine.{beside}: exists already.*overwrite=True"):
+            model.save(folder / "mine.yaml")
+        assert [file.read_text() for file in folder.iterdir()] == ["before"]
+        model.save(folder / "mine.yaml", overwrite=True)
+        assert all(file.read_text() != "before" for file in folder.iterdir())
 
 
 def test_another_spring_leaves_the_sound_uncalibrated():

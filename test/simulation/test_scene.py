@@ -129,7 +129,7 @@ OPTIONAL = {
 def needs() -> dict[str, list[str]]:
     """What each model needs beside the four numbers, as docs/files.md says it."""
     text = (Path(__file__).parents[2] / "docs" / "files.md").read_text(encoding="utf-8")
-    rows = re.findall(r"^\| model `(\w+)` \| (.*) \|$", text, re.M)
+    rows = re.findall(r"^- model `(\w+)`: (.*)$", text, re.M)
     return {model: re.findall(r"`(\w+)`", keys) for model, keys in rows}
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import inspect
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Container, Iterable, Iterator
 from enum import Enum
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
@@ -20,20 +20,24 @@ from cam_rig.cli.main import COMMANDS, command
 PAGE = Path(__file__).parents[2] / "docs" / "commands.md"
 #: What stands for the value of an option.
 KINDS = {str: "TEXT", int: "N", float: "NUMBER", Path: "PATH"}
-#: So many commands have an option with the same words, and it is described once.
-SHARED = 3
+#: Examples of a command at most, of those in its help the longest.
+MOST_EXAMPLES = 2
+#: Words of an option from which on it is described once for all commands that have it.
+LONG = 4
+#: What the page's head says of every file, and of every call from Python.
+SAID = re.compile(r"(?<=\w) file(s?), or (?:a )?names? in config/\w+")
+EXIT_CODES = re.compile(r"\s+Exit codes:.*?\)\.", re.S)
+CALLED = re.compile(r"In Python: (cam_rig\.\w+)\([^)]*\)")
 HEAD = """# Commands
 
 After this page you can call every command with every option. It is made from `--help` by
-`tools/docs/commands.py`. With `--version` instead of a command, `cam-rig` prints the versions of
+`tools/docs/commands.py`. With `--version` in place of a command, `cam-rig` prints the versions of
 the package, of Rerun, and of rclpy with its ROS distribution.
 
-A file is given by path, or by name where it is a shipped one: `quick` is
-`config/scenes/quick.yaml`, `poly345` is `config/cams/poly345.yaml`. Tables and messages for people
-go to stderr; JSON and CSV go to stdout.
-
-A scene is an argument. Where cams are arguments, one scene stands for its cams on its rig, and
-`--rig` puts them on another. A name after `--rig` is looked up beside the scene first.
+A scene, a cam, a rig or a study is a file, or the name of a shipped one in `config`: `quick` is
+`config/scenes/quick.yaml`. Where cams are arguments, one scene stands for its cams on its rig, and
+`--rig` puts them on another. A name after `--rig` is looked up beside the scene first. Tables and
+messages for people go to stderr; JSON and CSV go to stdout.
 
 | exit code | meaning |
 |---:|---|
@@ -44,18 +48,17 @@ A scene is an argument. Where cams are arguments, one scene stands for its cams 
 
 An error is one line: the file or option, its value, what is allowed. A bag is never overwritten.
 
-Behind an argument or option stands what is taken without it, or that it is required. Those under
-*Shared* mean the same in every command that names them after its list.
+In brackets stands what is taken without an option, or that it is required. What a command names
+as *shared* is under [Shared](#shared). A function of Python has the options' names. `--help` has
+more examples.
 """
 
 
 def page() -> str:
     """The whole page as Markdown."""
     verbs = dict(_verbs({name: command(name) for name in COMMANDS}))
-    times = Counter(_item(one) for verb in verbs.values() for one in verb.params)
-    shared = {item for item, count in times.items() if count >= SHARED}
-    links = ", ".join(f"[`{name}`](#{name.replace(' ', '-')})" for name in verbs)
-    parts = [HEAD, links, "## Shared", "\n".join(item for item in times if item in shared)]
+    shared = _shared(verbs.values())
+    parts = [HEAD, "## Shared", "\n".join(shared)]
     parts += [section(name, verb, shared) for name, verb in verbs.items()]
     return "\n\n".join(part.strip() for part in parts) + "\n"
 
@@ -69,21 +72,39 @@ def _verbs(commands: dict[str, Any]) -> Iterator[tuple[str, Any]]:
             yield name, verb
 
 
-def section(name: str, verb: Any, shared: set[str]) -> str:
+def _shared(verbs: Iterable[Any]) -> list[str]:
+    """What several commands have with the same words: of each name the most frequent of those."""
+    items = Counter(_item(one) for verb in verbs for one in _shown(verb))
+    long = [
+        one for one, n in items.most_common() if n > 1 and len(one.split(": ")[1].split()) >= LONG
+    ]
+    first: dict[str, str] = {}
+    for item in long:
+        first.setdefault(item.split("`")[1].partition(" ")[0], item)
+    return list(first.values())
+
+
+def section(name: str, verb: Any, shared: Container[str]) -> str:
     """One command: usage, what it does, its arguments and options, examples."""
     usage = " ".join(
         [f"cam-rig {name}", *(_usage(p) for p in verb.params if p.param_type_name == "argument")]
     )
     words, _, examples = inspect.cleandoc(verb.help).partition("Examples\n--------\n")
-    items = {one: _item(one) for one in verb.params}
-    parts = [f"## {name}", f"    {usage} [OPTIONS]", words.strip()]
+    items = {one: _item(one) for one in _shown(verb)}
+    words = EXIT_CODES.sub("", CALLED.sub(r"In Python: `\1`", words.strip()))
+    parts = [f"## {name}", f"    {usage} [OPTIONS]", words]
     parts += ["\n".join(item for item in items.values() if item not in shared)]
     if same := [_names(one)[0].partition(" ")[0] for one, item in items.items() if item in shared]:
-        parts.append(", ".join(f"`{one}`" for one in same) + ": [shared](#shared).")
+        parts.append("Shared: " + ", ".join(f"`{one}`" for one in same))
     lines = [line.strip() for line in examples.splitlines() if line.strip()]
+    lines = [line for line in lines if line in sorted(lines, key=len)[-MOST_EXAMPLES:]]
     if lines:
         parts.append("\n".join(["```sh", *lines, "```"]))
     return "\n\n".join(part for part in parts if part)
+
+
+def _shown(verb: Any) -> list[Any]:
+    return [one for one in verb.params if not getattr(one, "hidden", False)]
 
 
 def _item(parameter: Any) -> str:
@@ -124,7 +145,7 @@ def _default(parameter: Any) -> str:
 
 
 def _words(words: str) -> str:
-    return re.sub(r"\s+", " ", words)
+    return SAID.sub(r"\1", re.sub(r"\s+", " ", words))
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from cam_rig.show.terminal import console
 from cam_rig.simulation import figures as noise
 from cam_rig.simulation.regression import NoiseResult, compare
 from cam_rig.simulation.simulate import step_levels
-from tools.docs import bench_picture, lab_picture, panel_picture
+from tools.docs import bench_picture, course_pictures, lab_picture, panel_picture
 from tools.docs.bench_picture import photograph_bench
 from tools.docs.lab_picture import photograph_lab
 from tools.docs.panel_picture import photograph_panel
@@ -39,7 +39,7 @@ def pictures(
     """Draw a run for the documents: an animation, cams side by side, noise against rpm.
 
     Files of the same names are replaced. Where Chromium is installed, the Rerun viewer and
-    the pages of the panel are photographed in it too.
+    the pages of the panel are photographed in it too. Pictures of the lessons go to docs/course.
 
     Examples
     --------
@@ -49,6 +49,7 @@ def pictures(
     """
     with user_errors():
         _draw(bag or newest_bag(), to)
+        course_pictures.draw_all()
 
 
 def _draw(bag: Path, to: Path) -> None:

@@ -36,21 +36,22 @@ GIVEN_BY = {
     "stem": "report",
     "waviness": "campaign STUDY --largest-waviness 24",
 }
+#: So many columns that end two tables of a result alike are listed once.
+REPEATED = 4
 HEAD = """# Results
 
 After this page you can read every number that a command writes or a Python function returns.
 
-What a command finds and what a Python function returns is one object: tables of records. `--json`
-writes its tables by their keys, `--csv` the first of them and each other into a file beside it, and
-`to_pandas("key")` gives one as a `DataFrame`. All three have the keys of this page, and numbers in
-the SI units of this page, whatever the terminal shows. What is no number is `null` in JSON and
-empty in CSV. A table of one record is an object in JSON, in place of a list.
+A result is tables of records. `--json` writes its tables by their keys, `--csv` the first and each
+other into a file beside it, and `to_pandas("key")` gives one as a `DataFrame`. All three have the
+keys and the SI units of this page, whatever the terminal shows. What is no number is `null` in JSON
+and empty in CSV. A table of one record is an object in JSON.
 
 In JSON `schema` has the name and the version. The version rises when a key changes its meaning or
-goes; a new key does not raise it. This page is made from the code by `tools/docs/results.py`.
+goes; a new key does not raise it. `tools/docs/results.py` makes this page from the code.
 
 Each table is a line: its key, then its columns: `key`, \\[unit\\], and the heading that people see
-where the key does not say it.
+where the key does not say it. A number without a unit is a ratio or a count.
 """
 
 
@@ -100,20 +101,42 @@ def section(result: type[Result]) -> str:
     whose = ", ".join(f"`{one}`" for one in given_by(result))
     first = inspect.cleandoc(result.__doc__ or "").split("\n\n")[0].replace("\n", " ")
     parts = [f"## {result.schema}", f"{whose}: {first}"]
-    tables = [f"- **{key}**: {_columns(columns)}" for key, columns in result.columns.items()]
+    tables, before = [], dict[str, list[str]]()
+    for key, columns in result.columns.items():
+        own = [_item(column) for column in columns]
+        tables.append(f"- **{key}**: {'; '.join(_without_repeated(own, before))}")
+        before[key] = own
     return "\n\n".join(part.replace("``", "`") for part in [*parts, "\n".join(tables)])
 
 
-def _columns(columns: tuple[Column, ...]) -> str:
-    """The columns of a table one behind the other."""
-    items = []
-    for column in columns:
-        unit = f" \\[{column.si}\\]" if column.si not in ("", column.key) else ""
-        heading = re.sub(r"\s+", " ", column.heading.replace("{}", "…")).strip()
-        said = {column.key.replace("_", " "), ""}
-        words = [one for one in (heading, re.sub(r"\s+", " ", column.about)) if one not in said]
-        items.append(f"`{column.key}`{unit}{' ' if words else ''}{': '.join(words)}")
-    return "; ".join(items)
+def _item(column: Column) -> str:
+    """A column: its key, its unit, and its heading as far as the key does not say it."""
+    unit = f" \\[{column.si}\\]" if column.si not in ("", "1", column.key) else ""
+    heading = re.sub(r"\s+", " ", column.heading.replace("{}", "…")).strip()
+    said = _letters(column.key)
+    words = [heading, re.sub(r"\s+", " ", column.about)]
+    words = [one for one in words if one and not _letters(one) <= said]
+    return f"`{column.key}`{unit}{' ' if words else ''}{': '.join(words)}"
+
+
+def _letters(words: str) -> set[str]:
+    """The words of a key or of a heading that has letters; of a heading of signs the signs."""
+    parts = re.split(r"[\s_,-]+", words.lower().replace(".", ""))
+    return {part for part in parts if part}
+
+
+def _without_repeated(items: list[str], before: dict[str, list[str]]) -> list[str]:
+    """Columns, but for those at the end that stand so at the end of a table before."""
+    for table, others in before.items():
+        same = 0
+        for one, other in zip(reversed(items), reversed(others), strict=False):
+            if one != other:
+                break
+            same += 1
+        if same >= REPEATED:
+            first = others[-same].partition("`;")[0].split("`")[1]
+            return [*items[:-same], f"from `{first}` on as in **{table}**"]
+    return items
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, overload
 
 import numpy as np
 
-from cam_rig.arguments import checked
+from cam_rig.arguments import checked, on_one_axis
 from cam_rig.dynamics.jump.any_follower import (
     JumpSpeed,
     described_run,
@@ -155,13 +155,12 @@ def jump_speed(
 def _of_many(
     law: Law, rig: RigConfig, duration: float | None, numbers: Mapping[str, FloatArray | float]
 ) -> JumpSpeeds:
+    given = [on_one_axis(name, x) for name, x in numbers.items()]
     try:
-        arrays = np.broadcast_arrays(*(np.atleast_1d(x).astype(float) for x in numbers.values()))
+        arrays = np.broadcast_arrays(*given)
     except ValueError:
         sizes = ", ".join(f"{name} {np.size(x)}" for name, x in numbers.items())
         raise ConfigError(f"the arrays have {sizes} numbers; allowed: as many each") from None
-    if arrays[0].ndim != 1:
-        raise ConfigError(f"{next(iter(numbers))}: has {arrays[0].ndim} axes; allowed: one")
     rows = []
     for values in zip(*(array.tolist() for array in arrays), strict=True):
         rows.append(_row(law, rig, duration, dict(zip(numbers, values, strict=True))))
