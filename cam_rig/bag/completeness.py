@@ -24,11 +24,7 @@ from cam_rig.simulation.schedule import CamState, cam_states, tick_count
 
 
 def require_complete(bag: Path, scene: SceneConfig) -> dict[str, int]:
-    """Messages a topic, when none is missing.
-
-    The states in the bag determine what it must hold; there are as many as the scene has, or more
-    where the drive was reset to the beginning.
-    """
+    """Messages a topic, when none is missing that the states in the bag make it hold."""
     counts = read_counts(bag)
     states = [state for _, state in decoded(bag, {topics.CAM_STATE: cam_state_of})]
     if len(states) <= tick_count(scene):

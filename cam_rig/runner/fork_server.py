@@ -123,10 +123,7 @@ class ForkServer:
     def start(
         self, command: Sequence[str], environment: dict[str, str], pipe: int | None
     ) -> ForkedProcess | None:
-        """Start the node of a command (`python -m cam_rig.nodes NAME ...`); None where it cannot.
-
-        The node gets the file descriptor ``pipe`` too, under the same number.
-        """
+        """Fork the node of a command, with the descriptor ``pipe`` too; None where it cannot."""
         self.begin()
         if self._requests is None:
             return None

@@ -115,10 +115,7 @@ def round_marks(low: float, high: float, unit: str) -> dict[float, str]:
 
 
 def round_range(low: float, high: float) -> tuple[float, float, float]:
-    """From and to where an axis goes that shows two values, and its step: 1, 2 or 5 by ten to n.
-
-    The values span at most five steps; rounding outwards may add one at either end.
-    """
+    """Ends of an axis that shows two values, and its step: 1, 2 or 5 by ten to n, five at most."""
     if not high > low:
         high = low + 1.0
     raw = (high - low) / 5

@@ -165,10 +165,7 @@ def bearing(centre: float, inner: float, outer: float, low: float, high: float) 
 
 
 def turned(points: FloatArray, angle: float) -> FloatArray:
-    """``(n, 2)`` points of the cam, turned from its own frame into the rig's at cam angle (rad).
-
-    In its own frame the cam sees its follower towards (sin θ, cos θ); in the rig's it is on +y.
-    """
+    """``(n, 2)`` points of the cam's own frame in the rig's, at cam angle (rad); follower on +y."""
     cosine, sine = np.cos(angle), np.sin(angle)
     return np.asarray(points @ np.array([[cosine, sine], [-sine, cosine]]))
 

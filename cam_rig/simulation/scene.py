@@ -139,6 +139,11 @@ def is_calibrated(rig: RigConfig, model: str) -> bool:
     )
 
 
+def calibrated_on(rig: RigConfig, model: str) -> str:
+    """The cam that a rig's sound was fitted to with this model; empty where levels are relative."""
+    return (rig.calibrated_on or "measured levels") if is_calibrated(rig, model) else ""
+
+
 def fitted_with(rig: RigConfig, model: str) -> str:
     """Model and follower in SI units, as ``cam-rig calibrate`` writes them into the source."""
     numbers = ((key, getattr(rig.follower, key)) for key in type(rig.follower).model_fields)

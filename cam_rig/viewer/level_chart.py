@@ -90,10 +90,7 @@ class LevelChart:
             self._draw_names(None)
 
     def add(self, tick: MeasuredTick, end_angle: float) -> float | None:
-        """The level (dB) at this speed with the next tick, which ends at a cam angle (rad).
-
-        None until it has settled.
-        """
+        """The level (dB) with the next tick, which ends at an angle (rad); None until settled."""
         cam, speed = tick.start.cam, tick.start.speed
         if self._step and (cam, speed) != (self._step[0].start.cam, self._step[0].start.speed):
             self._step = []
@@ -266,10 +263,7 @@ class BandChart:
         self._canvas.always(self._entity, strips)
 
     def _skyline(self, levels: FloatArray) -> FloatArray:
-        """``(4n, 2)``: over each of n bands up from the foot of the axes to its level and down.
-
-        One strip, for Rerun takes a strip for each bar thirty times as slowly.
-        """
+        """``(4n, 2)`` of n bands as one strip: Rerun takes a strip a bar thirty times as slowly."""
         numbers, low = band_numbers(self._rate), np.full(levels.size, BAND_LEVELS[0])
         left, right, top = numbers - 0.5 * BAR, numbers + 0.5 * BAR, levels.clip(*BAND_LEVELS)
         corners = [(left, low), (left, top), (right, top), (right, low)]

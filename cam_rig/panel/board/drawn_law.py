@@ -103,10 +103,7 @@ class DrawnLaw:
 
     @cached_property
     def _pieces(self) -> list[tuple[int, FloatArray]]:
-        """Of each piece the index of its first ordinate, and ``(p + 1, k)`` from k of them (m).
-
-        A dwell has no ordinate: k is 0.
-        """
+        """Of each piece its first ordinate's index, and ``(p + 1, k)`` from k of them (m)."""
         degree, lift, found, index = self.start.law.degree, self.start.cam.lift.si, [], 0
         for segment in self.start.cam.segments:
             if not isinstance(segment, DRAWN):
