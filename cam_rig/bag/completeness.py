@@ -152,7 +152,8 @@ def loss_of(holdings: Holdings, scene: SceneConfig | None, whole: bool, ours: bo
     count = sum(len(names) for _, names in lacking)
     if ours:
         for topic in numbered:
-            absent = _absent(holdings.numbers.get(topic.name, set()))
+            there = sorted({0, *(n for n in holdings.numbers.get(topic.name, ()) if n > 0)})
+            absent = [range(a + 1, b) for a, b in pairwise(there) if b > a + 1]
             count += sum(len(run) for run in absent)
             gaps += [f"{_range_words('message', run)} of {topic.name}" for run in absent]
     return Loss(tuple(gaps), count, open_end, ends)
@@ -212,9 +213,3 @@ def _range_words(what: str, numbers: range) -> str:
     if len(numbers) == 1:
         return f"{what} {numbers.start}"
     return f"{what}s {numbers.start} to {numbers.stop - 1}"
-
-
-def _absent(numbers: set[int]) -> list[range]:
-    """The gaps in what is numbered from 1."""
-    there = sorted({0, *(n for n in numbers if n > 0)})
-    return [range(a + 1, b) for a, b in pairwise(there) if b > a + 1]

@@ -193,7 +193,8 @@ def rrd_stream(
         stream.disconnect()
         _require_whole(drawn)
         _save(ordered, part, blueprint)
-        _copy_ordered(drawn, ordered)
+        for static in (True, False):  # a viewer shows a file while it loads, from its beginning
+            ordered.send_chunks(RrdReader(drawn).stream().filter(is_static=static))
         ordered.disconnect()
         _require_whole(part)
         os.replace(part, path)
@@ -204,12 +205,6 @@ def rrd_stream(
             open_stream.disconnect()
             with suppress(OSError):
                 file.unlink()
-
-
-def _copy_ordered(drawn: Path, stream: rr.RecordingStream) -> None:
-    """What holds at every time first: a viewer shows a file while it loads, from its beginning."""
-    for static in (True, False):
-        stream.send_chunks(RrdReader(drawn).stream().filter(is_static=static))
 
 
 def _save(stream: rr.RecordingStream, part: Path, blueprint: rrb.Blueprint) -> None:

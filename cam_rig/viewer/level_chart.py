@@ -197,7 +197,9 @@ def band_power(
     with np.errstate(divide="ignore"):  # the constant does not sound
         ratio = np.minimum(parameters.corner / frequency, 1e150)
     transfer = parameters.gain * parameters.corner_rate / (1.0 - 1j * ratio)
-    pulse = _half_sine(parameters.contact_time * frequency)
+    # a half sine of unit area, cos(πx)/(1 − 4x²) as two sinc's, which has no 0/0 at x = 1/2
+    x = parameters.contact_time * frequency
+    pulse = 0.25 * np.pi * (np.sinc(x - 0.5) + np.sinc(x + 0.5))
     lines = np.fft.rfft(force) + np.fft.rfft(impulse) * sample_rate * pulse
     power = 2.0 * np.abs(transfer * lines / force.size) ** 2
     if force.size % 2 == 0:  # the line at half the sample rate is its own mirror
@@ -205,12 +207,6 @@ def band_power(
     numbers = band_numbers(sample_rate)
     band = np.rint(10.0 * np.log10(frequency[1:])).clip(numbers[0], numbers[-1]) - numbers[0]
     return np.bincount(band.astype(np.int64), power[1:], numbers.size).astype(np.float64)
-
-
-def _half_sine(x: FloatArray) -> FloatArray:
-    """Magnitude of the spectrum of a half sine of unit area, over duration times frequency."""
-    # cos(πx)/(1 − 4x²) as two sinc's, which has no 0/0 at x = 1/2
-    return np.asarray(0.25 * np.pi * (np.sinc(x - 0.5) + np.sinc(x + 0.5)))
 
 
 # Third-octave bars in the plane: one scale for all cams and speeds, so that they compare.

@@ -199,11 +199,6 @@ class LabSheet(ABC):
         """Fields of `LabSetup` that can be chosen."""
         return (*cls.parts, *(["cam"] if cls.beside else []))
 
-    @classmethod
-    def answer_of(cls, reading: LabReading) -> float | None:
-        """What a row answers, None where it is a reading to be evaluated."""
-        return reading.answer if cls.answer else reading.rpm
-
     @property
     @abstractmethod
     def knob(self) -> tuple[float, float]:
