@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from pydantic import ValidationError
@@ -83,8 +82,8 @@ def steady_row(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) -> tu
 
 
 def _row(law: Law, rig: RigConfig, scene: SceneConfig, start: SteadyStart) -> SpeedRow:
-    nowhere, laws = Path(), {scene.cams[0]: law}
-    loaded = LoadedScene(scene, rig, {}, laws, None, nowhere, nowhere, {}, None)
+    laws = {scene.cams[0]: law}
+    loaded = LoadedScene(scene, rig, {}, laws)
     settle = scene.program.settle_turns.si
     rows = SpeedRows(laws, int(scene.sample_rate.si), settle)
     if rig.radiation is None:  # no sound, so no level

@@ -77,11 +77,7 @@ class ForkedProcess:
 
 
 class ForkServer:
-    """The process that nodes are forked from; it ends with this object, and with the runner.
-
-    `begin` starts it, so that it imports while the runner does other things; else the first node
-    does.
-    """
+    """The process that nodes are forked from, begun with the first; it ends with the runner."""
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None

@@ -126,11 +126,7 @@ def round_range(low: float, high: float) -> tuple[float, float, float]:
 
 
 def tens_range(low: float, high: float) -> tuple[float, float]:
-    """From and to of an axis that Rerun numbers: at powers of ten, of which three stand or more.
-
-    It steps by the greatest power of ten in what is shown, where ten steps have room. A number at
-    the upper edge would not be drawn: there is some room above the last.
-    """
+    """From and to of an axis that Rerun numbers: at powers of ten, three or more, and some room."""
     step = 10.0 ** np.floor(np.log10(high - low) + 1e-9)
     first, last = np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9)
     while last - first < 2.0:

@@ -75,11 +75,7 @@ class CamLook:
 
 
 def cam_look(name: str) -> CamLook:
-    """The look of a cam or a named rise.
-
-    A name that is not in `NAMES` has a colour by its CRC-32, and a pair of dash and marker that no
-    name of the table has.
-    """
+    """The look of a cam or a rise; of a name not in `NAMES` by its CRC-32, as no name there has."""
     kinds, name = len(DASHES), SAME.get(name, name)
     if name in NAMES:
         place = NAMES.index(name)

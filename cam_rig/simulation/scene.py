@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -177,17 +177,17 @@ def _shipped() -> RigConfig:
 
 @dataclass(frozen=True, eq=False)
 class LoadedScene:
-    """Everything a run needs, checked before anything starts."""
+    """Everything a run needs, checked before anything starts; without files where it has none."""
 
     scene: SceneConfig
     rig: RigConfig
     cams: dict[str, CamConfig]
     laws: dict[str, Law]
-    published: PublishedNoise | None
-    scene_file: Path
-    rig_file: Path
-    cam_files: dict[str, Path]
-    published_file: Path | None
+    published: PublishedNoise | None = None
+    scene_file: Path = Path()
+    rig_file: Path = Path()
+    cam_files: dict[str, Path] = field(default_factory=dict)
+    published_file: Path | None = None
 
     def __repr__(self) -> str:
         """Cams, rig and model, without their numbers."""

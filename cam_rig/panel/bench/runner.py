@@ -172,10 +172,7 @@ Told = Callable[[dict[str, Any]], object]
 
 
 class BenchRunner:
-    """Runs set-up after set-up; `run` belongs to the main thread, all else to any.
-
-    ``folder`` is the bench's own, for scenes; its ``cams`` can be mounted. Kept bags go to ``out``.
-    """
+    """Runs set-ups in ``folder`` and keeps bags in ``out``; the main thread alone may `run` it."""
 
     def __init__(self, rig: RigConfig, folder: Path, out: Path, screen: bool = True) -> None:
         self.rig, self.folder, self.out = rig, folder, out
