@@ -24,11 +24,7 @@ from cam_rig.simulation.schedule import CamState, cam_states, tick_count
 
 
 def require_complete(bag: Path, scene: SceneConfig) -> dict[str, int]:
-    """Messages a topic, when none is missing.
-
-    The states in the bag determine what it must hold; there are as many as the scene has, or more
-    where the drive was reset to the beginning.
-    """
+    """Messages a topic, when none is missing that the states in the bag make it hold."""
     counts = read_counts(bag)
     states = [state for _, state in decoded(bag, {topics.CAM_STATE: cam_state_of})]
     if len(states) <= tick_count(scene):
@@ -156,7 +152,8 @@ def loss_of(holdings: Holdings, scene: SceneConfig | None, whole: bool, ours: bo
     count = sum(len(names) for _, names in lacking)
     if ours:
         for topic in numbered:
-            absent = _absent(holdings.numbers.get(topic.name, set()))
+            there = sorted({0, *(n for n in holdings.numbers.get(topic.name, ()) if n > 0)})
+            absent = [range(a + 1, b) for a, b in pairwise(there) if b > a + 1]
             count += sum(len(run) for run in absent)
             gaps += [f"{_range_words('message', run)} of {topic.name}" for run in absent]
     return Loss(tuple(gaps), count, open_end, ends)
@@ -216,9 +213,3 @@ def _range_words(what: str, numbers: range) -> str:
     if len(numbers) == 1:
         return f"{what} {numbers.start}"
     return f"{what}s {numbers.start} to {numbers.stop - 1}"
-
-
-def _absent(numbers: set[int]) -> list[range]:
-    """The gaps in what is numbered from 1."""
-    there = sorted({0, *(n for n in numbers if n > 0)})
-    return [range(a + 1, b) for a, b in pairwise(there) if b > a + 1]

@@ -34,11 +34,7 @@ def read_measured(
     cam: str | None = None,
     namespace: str | None = None,
 ) -> MeasuredRun:
-    """Read what was measured of one cam.
-
-    ``mapping`` is by quantity, as of `parse_topics`; a bag of the rig itself needs none. ``cam`` is
-    needed by a bag of the rig with several, ``namespace`` by one of several rigs.
-    """
+    """Read what was measured of one cam; a bag of the rig itself needs no ``mapping``."""
     if mapping is None:
         return _own(bag, cam, own_namespace(bag, namespace))
     signals, begin_ns, notes = read_fields(bag, mapping)

@@ -92,10 +92,7 @@ def _damage(found: PartialReader) -> list[str]:
 
 
 def recover(bag: Path, target: Path) -> Recovered:
-    """Copy everything readable of a bag into a new one, whose one file holds it all.
-
-    It may be killed and repeated: what it left of the new bag is overwritten.
-    """
+    """Copy everything readable of a bag into a new one of one file; may be killed and repeated."""
     copying = Recovery(bag)
     if not _is_unfinished(target):
         require_new_bag(target)
@@ -106,10 +103,7 @@ def recover(bag: Path, target: Path) -> Recovered:
 
 
 def recover_in_place(bag: Path) -> Recovered:
-    """Recover a bag that its recorder could not close: the files of it that were not closed.
-
-    It may be killed and repeated: each old file stays until the new one is complete.
-    """
+    """Recover those files of a bag that were not closed; may be killed and repeated."""
     copying = Recovery(bag)
     wrong = [file for file in copying.files if not is_closed(file)]
     wrong = wrong or copying.files[-1:]  # only metadata.yaml is missing

@@ -182,10 +182,7 @@ class RecordingSession:
         self._newest = -1
 
     def take(self, topic: Topic, cdr: bytes, source: bytes = b"", number: int = 0) -> list[int]:
-        """Take one message; the stamps of the states that were written with it, in order.
-
-        It is ``number`` of all that its process, ``source``, published on the topic.
-        """
+        """Take message ``number`` of a process; stamps of the states written with it."""
         if topic.derived:
             raise RefusedError(f"{topic.name}: a recorder makes these messages itself")
         if topic.owner:

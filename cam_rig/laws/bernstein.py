@@ -27,11 +27,7 @@ MAX_STEPS = 2000
 
 
 def bracketed_root(function: Callable[[float], float], lo: float, hi: float) -> float:
-    """The x between ``lo`` and ``hi`` where a function changes sign, to rounding.
-
-    By the steps, and with the bits, of `scipy.optimize.brentq` (R. P. Brent, Algorithms for
-    Minimization without Derivatives, 1973, ch. 4).
-    """
+    """The root between ``lo`` and ``hi`` by Brent's steps (1973, ch. 4), bits as scipy's brentq."""
     before, now = lo, hi
     f_before, f_now = function(before), function(now)
     if f_before == 0.0:
@@ -114,11 +110,7 @@ def evaluate(ordinates: FloatArray, u: FloatArray) -> FloatArray:
 
 
 def scalar(ordinates: FloatArray) -> Callable[[float], float]:
-    """The polynomial (``(p + 1,)`` ordinates) as a function of one u, in plain floats.
-
-    Horner's rule in u/(1 − u), or its inverse beyond the middle: no power grows, so it is as stable
-    as the basis.
-    """
+    """The polynomial ``(p + 1,)`` as a function of one float, by Horner's rule in u/(1 − u)."""
     weighted = (binomials(ordinates.size - 1) * ordinates).tolist()
     backward, degree = weighted[::-1], len(weighted) - 1
 
@@ -235,11 +227,7 @@ def sign_changes(ordinates: FloatArray) -> int:
 
 
 def crossings(ordinates: FloatArray, lo: float = 0.0, hi: float = 1.0) -> list[float]:
-    """All u in (lo, hi) where a polynomial, of ordinates on [lo, hi], changes sign, in order.
-
-    None is missed: a piece is dropped only when its ordinates do not change sign. Touching zero
-    without crossing it is not counted.
-    """
+    """All u in (lo, hi) where a polynomial on [lo, hi] changes sign, in order, none missed."""
     changes = sign_changes(ordinates)
     if changes == 0:
         return []

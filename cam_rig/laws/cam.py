@@ -101,17 +101,18 @@ def control_polygons(cam: CamConfig) -> list[tuple[FloatArray, FloatArray]]:
     """Cam angles (rad; Greville's of a B-spline) and ordinates (m), a pair a segment with any."""
     found = []
     for segment, start in zip(cam.segments, segment_angles(cam), strict=True):
-        if isinstance(segment, Bezier):
-            fraction = np.linspace(0.0, 1.0, len(segment.ordinates.numbers))
-        elif isinstance(segment, BSpline):
-            knots = np.array(segment.knots.numbers)
-            fraction = greville(knots, segment.degree) - knots[0]
-            fraction /= knots[-1] - knots[0]
-        else:
-            continue
-        ordinates = cam.lift.si * np.array(segment.ordinates.numbers)
-        found.append((start + segment.span.si * fraction, ordinates))
+        if isinstance(segment, Bezier | BSpline):
+            ordinates = cam.lift.si * np.array(segment.ordinates.numbers)
+            found.append((start + segment.span.si * abscissae(segment), ordinates))
     return found
+
+
+def abscissae(segment: Bezier | BSpline) -> FloatArray:
+    """Where the ordinates of a segment stand, from 0 to 1; Greville's of a B-spline."""
+    if isinstance(segment, Bezier):
+        return np.linspace(0.0, 1.0, len(segment.ordinates.numbers))
+    knots = np.array(segment.knots.numbers)
+    return np.asarray((greville(knots, segment.degree) - knots[0]) / (knots[-1] - knots[0]))
 
 
 # A cam file as a rig can use it: its law, and the refusal of a follower no model knows.

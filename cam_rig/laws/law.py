@@ -297,7 +297,7 @@ class Law:
         return np.clip(away / self.spans[pieces] + 0.5, 0.0, 1.0)
 
     @cached_property
-    def bends(self) -> FloatArray:
+    def largest_curvatures(self) -> FloatArray:
         """``(n,)`` what |s''| (m/rad²) does not exceed in each piece."""
         return np.asarray(np.abs(self.motion[2]).max(axis=0))
 
@@ -342,8 +342,8 @@ class Law:
     @cached_property
     def bounds(self) -> tuple[float, float, float]:
         """What |s| (m), |s'| (m/rad) and |s''| (m/rad²) do not exceed: their largest ordinates."""
-        s, slope, bend = np.abs(self.motion).max(axis=(1, 2)).tolist()
-        return s, slope, bend
+        s, slope, curvature = np.abs(self.motion).max(axis=(1, 2)).tolist()
+        return s, slope, curvature
 
     def substitute(
         self, breaks: FloatArray, motion: FloatArray, velocity_jumps: dict[int, float]

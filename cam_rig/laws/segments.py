@@ -26,10 +26,7 @@ from cam_rig.units import TURN, FloatArray
 
 
 def polynomial_through(u: list[float], order: list[int], value: list[float]) -> FloatArray:
-    """Bernstein ordinates on [0, 1] of the polynomial of degree m − 1 through m conditions.
-
-    u, order, value : (m,) each; the derivative of order r at u ∈ [0, 1] is to be the value
-    """
+    """Bernstein ordinates through m conditions: derivative ``order`` at u in [0, 1] is value."""
     # in exact fractions: the system is badly conditioned in any basis, and of at most 21 rows
     at = [Fraction(x) for x in u]
     rows = [_row(len(at) - 1, x, r) for x, r in zip(at, order, strict=True)]
@@ -158,10 +155,7 @@ def smoothed(segment: Table, cam: CamConfig) -> Smoothed:
 
 
 def full_rise(degree: int) -> FloatArray:
-    """Ordinates {0…0, 1…1}, half each, of odd degree, 3-4-5 and so on: C^((degree − 1)/2).
-
-    Eq. 3.1-3.3: degree 5 is 10u³ − 15u⁴ + 6u⁵, degree 7 is 35u⁴ − 84u⁵ + 70u⁶ − 20u⁷.
-    """
+    """Ordinates {0…0, 1…1}, half each, of odd degree: C^((degree − 1)/2), eq. 3.1-3.3."""
     return np.repeat([0.0, 1.0], (degree + 1) // 2)
 
 

@@ -100,11 +100,7 @@ class Checkpoint:
         return self._folder is not None
 
     def save(self, state: Any, stamp_ns: int = 0) -> None:
-        """Keep one more state, of a rig time, and drop the oldest.
-
-        While a successor repeats what its predecessor did, the states are kept already: so it may
-        be killed as well.
-        """
+        """Keep one more state of a rig time, unless it is kept already, and drop the oldest."""
         if self._folder is None:
             return
         if self._newest_ns is not None and stamp_ns < self._newest_ns:

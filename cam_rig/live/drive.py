@@ -101,10 +101,7 @@ class SetpointSchedule:
         self.state = replace(self.state, cam=cams)
 
     def halt(self) -> CamState | None:
-        """Emergency stop: the state of speed 0 where the last tick ends; None when it stands.
-
-        It is a state of the cam that turned, which need not be the next.
-        """
+        """Emergency stop: the cam that turned, at speed 0; None when it stands."""
         last = self.state.last
         if self._at is None or self.state.halted:
             return None
@@ -290,10 +287,7 @@ class DriveProgram:
         return 0.0 if state is None else self.pacing.wait(state.time_ns, now)
 
     def time_ns(self, now: float) -> int | None:
-        """Rig time (ns) of a paced run at wall time ``now`` (s), before the next state's.
-
-        None where no tick turns, or in a free run, whose rig time goes from state to state.
-        """
+        """Rig time (ns) of a paced run at wall time (s) where a tick turns, else None."""
         last, following = self.schedule.state.last, self.schedule.next_state
         reached = self.pacing.reached(now)
         if reached is None or last is None or following is None or self._resending:

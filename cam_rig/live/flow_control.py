@@ -67,11 +67,7 @@ class FlowControl:
         self._sent.append(stamp_ns)
 
     def acknowledge(self, consumer: str, stamp_ns: int) -> bool:
-        """Note that a consumer has processed the tick that ended at a stamp, and all before.
-
-        A stamp that is not in flight, or was acknowledged before, counts nothing: False. So does
-        that of a consumer that is not waited for any longer.
-        """
+        """Note a tick that a consumer has processed, and all before; False if it counts nothing."""
         known = self._acknowledged.get(consumer)
         if known is None or stamp_ns not in self._sent or stamp_ns <= known:
             return False
@@ -152,10 +148,7 @@ class Pacing:
         return max(0.0, self._due(rig_ns) - now)
 
     def reached(self, now: float) -> int | None:
-        """Rig time (ns) that has come by wall time ``now``; None of a free run, or before a state.
-
-        The tick that turns while the run is stopped is finished all the same.
-        """
+        """Rig time (ns) come by wall time ``now``; None of a free run, or before a state."""
         if self.factor is None or self._begin is None:
             return None
         from_ns, wall = self._begin

@@ -28,11 +28,7 @@ class MountingCheckpoint:
 
 
 class CamMounting:
-    """The cams of a scene's library, one of which is mounted, and the ``last`` state received.
-
-    First is ``cam``, empty for the scene's first; ``checkpoints`` are of a predecessor, the oldest
-    first.
-    """
+    """The cams of a scene's library, one of which is mounted: ``cam``, or its first."""
 
     def __init__(
         self, loaded: LoadedScene, cam: str = "", checkpoints: Sequence[MountingCheckpoint] = ()

@@ -69,10 +69,7 @@ class Playback:
         self.version += 1
 
     def add(self, tick: Tick, factor: float, came: float, now: float) -> None:
-        """Take the next finished tick, whose last state came at wall time ``came`` (s).
-
-        ``factor`` is of rig seconds a wall second, ``now`` wall time (s).
-        """
+        """Take the next finished tick, whose last state came at ``came`` (s of wall time)."""
         start, end = tick.start, tick.end
         interval = start.until(end)
         length = interval.duration
@@ -100,10 +97,7 @@ class Playback:
         return min(self._position + self._rate * (now - self._since), self._end_ns)
 
     def ahead(self, walls: FloatArray) -> Shown | None:
-        """What to show at some wall times (s), rising, as far as it is of one tick.
-
-        A time whose sample was shown before, or at one of the others, is left out. None: nothing.
-        """
+        """What to show at rising wall times (s) of one tick, each sample once; None: nothing."""
         if not self._ticks:
             return None
         positions = self._position + self._rate * (walls - self._since)

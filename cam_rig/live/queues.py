@@ -19,11 +19,7 @@ from cam_rig.units import NS, FloatArray
 
 
 class FollowerQueue:
-    """Takes the drive's states and the law server's laws, and turns them into ticks.
-
-    The ``simulator`` has no laws: those that are published count. ``checkpoint`` is of a
-    predecessor, to go on from.
-    """
+    """Turns the drive's states and the law server's laws into ticks, from a ``checkpoint`` on."""
 
     def __init__(
         self,

@@ -20,10 +20,7 @@ MAX_SAMPLES = 1_000_000
 
 
 def speeds(scene: SceneConfig) -> tuple[float, float]:
-    """Least and greatest speed (rad/s) whose ticks have samples, and no more than a message may.
-
-    Two at least, as the scene's own; a tick that starts from rest takes twice the time.
-    """
+    """Least and greatest speed (rad/s) whose ticks have two samples, and no more than a message."""
     turned = TURN / scene.program.ticks_per_turn * scene.sample_rate.si
     return 2.0 * turned / MAX_SAMPLES, min(MAX_SPEED, turned / MIN_SAMPLES)
 

@@ -7,10 +7,11 @@ from typing import Annotated
 
 import typer
 
-from cam_rig.show.command import DEFAULT_SCENE, Scene, user_errors
+from cam_rig.show.command import DEFAULT_SCENE, Scene, command
 from cam_rig.show.terminal import say
 
 
+@command()
 def urdf(
     scene: Scene = DEFAULT_SCENE,
     cam: Annotated[
@@ -33,21 +34,20 @@ def urdf(
 
     cam-rig urdf tm21_sweep --cam poly345 --out out/rig.urdf
     """
-    with user_errors():
-        from cam_rig.files import check_place, writing
-        from cam_rig.messages.frames import Robot
-        from cam_rig.messages.urdf import urdf as text_of
-        from cam_rig.simulation.scene import load_scene
+    from cam_rig.files import check_place, writing
+    from cam_rig.messages.frames import Robot
+    from cam_rig.messages.urdf import urdf as text_of
+    from cam_rig.simulation.scene import load_scene
 
-        if out is not None:
-            check_place(out)
-        loaded = load_scene(scene)
-        if cam is not None:
-            loaded.mount(cam)
-        text = text_of(Robot.of(loaded, cam))
-        if out is None:
-            print(text, end="")
-            return
-        with writing(out) as part:
-            part.write_text(text, encoding="utf-8")
-        say(f"URDF: {out}")
+    if out is not None:
+        check_place(out)
+    loaded = load_scene(scene)
+    if cam is not None:
+        loaded.mount(cam)
+    text = text_of(Robot.of(loaded, cam))
+    if out is None:
+        print(text, end="")
+        return
+    with writing(out) as part:
+        part.write_text(text, encoding="utf-8")
+    say(f"URDF: {out}")

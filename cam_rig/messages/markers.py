@@ -108,8 +108,10 @@ class FollowerMarkers:
         carried = shape.carried(contact, motion.s, lift)
         touching = self._touching.fill(stamps[~off], *contact[~off].T, *tip[~off].T)
         flying = self._flying.fill(stamps[off], *contact[off].T, *carried[off].T)
-        gaps = np.hypot(*(carried - contact)[off].T)
-        here = iter(touching), iter(map(_with_words, flying, gaps.tolist()))
+        gaps = np.minimum(1e6 * np.hypot(*(carried - contact)[off].T), 9_999_999.9).tolist()
+        words = (f"gap {gap:9.1f} µm".encode() for gap in gaps)
+        said = (one.replace(_WORDS.encode(), own) for one, own in zip(flying, words, strict=True))
+        here = iter(touching), said
         return [next(here[is_off]) for is_off in off.tolist()]
 
     def _contact(self, x: float, y: float, tip_x: float, tip_y: float) -> Any:
@@ -129,12 +131,6 @@ class FollowerMarkers:
         gap = marker(at, NAMESPACE, 0, LINE_STRIP, line, red, ends)
         said = marker(at, NAMESPACE, 1, TEXT, words, red, place=beside, text=_WORDS)
         return new("visualization_msgs/MarkerArray", [gap, said])
-
-
-def _with_words(flight: bytes, gap: float) -> bytes:
-    """A message with its gap (m) in words."""
-    words = f"gap {min(gap * 1e6, 9_999_999.9):9.1f} µm"
-    return flight.replace(_WORDS.encode(), words.encode())
 
 
 # The mounted cam as it is, its own contour: /cam/markers.

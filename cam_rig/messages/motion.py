@@ -237,10 +237,7 @@ class DerivedMessage(NamedTuple):
 
 
 class MotionMessages:
-    """Derived messages of a run: of some topics, at some instants a turn; 0: as the scene says.
-
-    A cam mounted by an operator is in the loaded scene by the time it turns.
-    """
+    """Derived messages of a run, of some topics, at some instants a turn; 0: the scene's."""
 
     def __init__(
         self,
@@ -273,11 +270,7 @@ class MotionMessages:
         wanted: Set[Topic] | None = None,
         shown: Indices | None = None,
     ) -> list[DerivedMessage]:
-        """The messages of the tick between two states, with its samples, in the order of time.
-
-        Of all topics or those that are ``wanted``; at so many points a turn as the run has, or at
-        the samples whose indices are ``shown``.
-        """
+        """Messages of a tick in order of time, of all topics or ``wanted``, or at ``shown``."""
         made = [t for t in self.topics if t in EACH_INSTANT and (wanted is None or t in wanted)]
         if not made or start.cam not in self._loaded.laws:
             return []

@@ -26,10 +26,7 @@ MALFORMED = (SerdeError, struct.error, *_CONTENTS)
 
 
 def read_message(topic: Topic, cdr: bytes) -> tuple[Any, bytes]:
-    """A message, and its bytes with every gap of the alignment zero.
-
-    The middleware leaves in the gaps what was in its buffer before; two runs would differ.
-    """
+    """A message, and its bytes with zeros in the gaps, where the middleware leaves anything."""
     try:
         message = TYPES.deserialize_cdr(cdr, topic.type)
         return message, bytes(TYPES.serialize_cdr(message, topic.type))

@@ -169,10 +169,7 @@ def occasions(before: CamState | None, state: CamState) -> set[str]:
 
 
 class Publishers:
-    """The processes that have published as each node, which was launched ``launches`` times.
-
-    ``name_of`` is the node that publishes on a topic from a process.
-    """
+    """The processes that have published as each node, which was launched ``launches`` times."""
 
     def __init__(
         self,

@@ -101,10 +101,7 @@ class Body:
 
 
 def inertial(bodies: Sequence[Body], mass: float | None = None) -> Element:
-    """Mass, its centre and its inertia: of solid bodies, or of ``mass`` (kg) spread as theirs.
-
-    A link without a body has a gram: no program takes one without.
-    """
+    """Mass (a gram at least), centre and inertia of solid bodies; ``mass`` (kg) is spread."""
     alone = bodies or (Body((0.05, 0.05, 0.05), "steel"),)
     masses, places = np.array([b.mass for b in alone]), np.array([b.xyz for b in alone])
     whole = 1e-3 if not bodies else float(masses.sum()) if mass is None else mass

@@ -107,10 +107,7 @@ _ACKNOWLEDGEMENTS = (topics.FOLLOWER_STATE, topics.PRESSURE, topics.RECORDED)
 
 @dataclass(frozen=True)
 class About:
-    """One node: what it does, its parameters, the topics it takes, its services, an example.
-
-    It publishes the topics that it owns, ``gives``, and `COMMON`.
-    """
+    """One node: its parameters, the topics it takes and ``gives`` beside `COMMON`, its services."""
 
     does: str
     parameters: tuple[Spec, ...]

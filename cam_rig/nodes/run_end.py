@@ -90,11 +90,7 @@ class FinishedRun(NamedTuple):
 
 
 class DriveAbsence:
-    """Ends a node whose drive was there, and has left without saying that the run is over.
-
-    It was killed, or this node was suspended while it gave up. With a checkpoint folder it comes
-    back.
-    """
+    """Ends a node whose drive was there, and has left without saying that the run is over."""
 
     def __init__(self, node: RigNode) -> None:
         self._node, self._known, self._polls = node, False, 0

@@ -57,10 +57,7 @@ def get(path: str, answer: Answer) -> Route:
 
 
 def post(path: str, answer: Answer) -> Route:
-    """A route that answers the object in a request's body.
-
-    With 400 where it is none, with 409 where ``answer`` raises a CamRigError: ``words`` are why.
-    """
+    """A route that answers a request's object; 400 where it is none, 409 where it is refused."""
 
     async def answered(request: Request) -> Response:
         try:
@@ -180,10 +177,7 @@ def serve(
     home: str = "/",
     host: str = LOOPBACK,
 ) -> Iterator[Served]:
-    """Serve pages as long as the context lasts, by default on this machine alone.
-
-    ``port`` 0 takes a free one; the printed address leads to ``home``; see `application`.
-    """
+    """Serve pages as long as the context lasts; the printed address leads to ``home``."""
     if language is not None and language not in languages():
         raise ConfigError(f"--lang: is {language!r}; allowed: {', '.join(languages())}")
     app = application(*pages, language=language)
@@ -201,10 +195,7 @@ Message = dict[str, Any]
 
 
 class LivePage:
-    """A page that waits for nobody and is waited for by nobody.
-
-    Of each kind of message only the newest waits for it. One that reads nothing is dropped alone.
-    """
+    """A page that holds nobody up: of each kind of message only the newest waits for it."""
 
     def __init__(self, socket: WebSocket) -> None:
         self.socket = socket
@@ -221,10 +212,7 @@ class LivePage:
         return {"type": "refused", "number": number, "words": words}
 
     async def serve(self, obey: Callable[[Message], Awaitable[Message]]) -> None:
-        """Do what it asks and tell it what is new, until it is closed.
-
-        ``obey`` gives what came of a message, or raises a RefusedError.
-        """
+        """Do what it asks, by ``obey``, and tell it what is new, until it is closed."""
         try:
             async with asyncio.TaskGroup() as group:
                 group.create_task(self._obey(obey))

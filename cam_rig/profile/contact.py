@@ -29,7 +29,7 @@ class Motion:
     angle: FloatArray
     s: FloatArray
     slope: FloatArray
-    bend: FloatArray
+    curvature: FloatArray
 
     @classmethod
     def uniform(cls, law: Law, count: int) -> Motion:
@@ -102,10 +102,7 @@ class Element(ABC):
 
     @abstractmethod
     def place_on(self, points: ComplexArray) -> FloatArray:
-        """Place at which the follower just touches each point of the guide's frame (m).
-
-        −∞ where it passes the point by; without width, that of its path's nearest point.
-        """
+        """Place (m) at which it just touches each point of the guide's frame; −∞: never."""
 
     @abstractmethod
     def lift_at(self, place: FloatArray) -> FloatArray:
@@ -113,10 +110,7 @@ class Element(ABC):
 
     @abstractmethod
     def clearance(self, s: FloatArray) -> FloatArray:
-        """Distance (m) of roller, point or face from the axis at s (m), with which it is monotone.
-
-        Where it is not positive the contour does not go around the axis: no room for a shaft.
-        """
+        """Distance (m) of roller, point or face from the axis at s (m); 0: no room for a shaft."""
 
     @abstractmethod
     def stand(self, s: FloatArray) -> ComplexArray:

@@ -115,12 +115,12 @@ class Contour:
         return cls(
             disc=disc,
             angle=motion.angle,
-            points=_plane(touch.contact * turn),
-            normal=_plane(touch.normal * turn),
+            points=plane(touch.contact * turn),
+            normal=plane(touch.normal * turn),
             radius=touch.radius,
             rate=touch.rate,
             pressure=touch.pressure,
-            pitch=None if touch.centre is None else _plane(touch.centre * turn),
+            pitch=None if touch.centre is None else plane(touch.centre * turn),
         )
 
 
@@ -141,5 +141,6 @@ def contours_at(follower: Follower, law: Law, angle: FloatArray) -> tuple[Contou
     return tuple(Contour.of(disc, motion) for disc in discs(follower, law))
 
 
-def _plane(values: ComplexArray) -> FloatArray:
+def plane(values: ComplexArray) -> FloatArray:
+    """``(2, n)`` x and y of complex numbers."""
     return np.stack([values.real, values.imag])

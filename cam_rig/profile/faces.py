@@ -87,7 +87,7 @@ class GuidedCentre(Guided):
         up = side * motion.slope - self.eccentricity
         centre = side * (self.eccentricity + 1j * height)
         tangent = side * (height + 1j * up)
-        second = side * ((up + side * motion.slope) + 1j * (side * motion.bend - height))
+        second = side * ((up + side * motion.slope) + 1j * (side * motion.curvature - height))
         return offset_contact(centre, tangent, second, self.roller, np.arctan2(up, height))
 
     def place_on(self, points: ComplexArray) -> FloatArray:
@@ -136,11 +136,11 @@ class SwungCentre(Swung):
 
     def touch(self, motion: Motion) -> Touch:
         """The contact that follows the law."""
-        slope, bend = motion.slope / self.arm, motion.bend / self.arm
+        slope, curvature = motion.slope / self.arm, motion.curvature / self.arm
         out = self.arm * np.exp(-1j * self.side * self.arm_angle(motion.s))
         centre = self.pivot - out
         tangent = 1j * ((1.0 + slope) * out - self.pivot)
-        second = (1.0 + slope) ** 2 * out - self.pivot + 1j * bend * out
+        second = (1.0 + slope) ** 2 * out - self.pivot + 1j * curvature * out
         pressure = np.angle(1j * tangent / np.abs(tangent) * (1j * self.side * out).conj())
         return offset_contact(centre, tangent, second, self.roller, pressure)
 
@@ -203,7 +203,7 @@ class GuidedFace(Guided):
         cosine = self.side * np.cos(self.inclination)
         along = self.side * np.exp(1j * self.inclination)
         distance = self.clearance(motion.s)
-        radius = distance + cosine * motion.bend
+        radius = distance + cosine * motion.curvature
         return Touch(
             contact=along * (cosine * motion.slope + 1j * distance),
             normal=np.full(motion.s.shape, 1j * along),
@@ -253,13 +253,13 @@ class SwungFace(Swung):
     def touch(self, motion: Motion) -> Touch:
         """The contact that follows the law."""
         arm_angle, turn = self.arm_angle(motion.s), 1.0 + motion.slope / self.arm  # dψ/dθ
-        slope, bend = turn - 1.0, motion.bend / self.arm
+        slope, curvature = turn - 1.0, motion.curvature / self.arm
         along = np.exp(-1j * arm_angle)
         high, wide = self.pivot * np.sin(arm_angle), self.pivot * np.cos(arm_angle)
         distance = self.clearance(motion.s)
         with np.errstate(divide="ignore", invalid="ignore"):
             contact = along * (wide * slope / turn + 1j * distance)
-            radius = distance + (wide * bend / turn - high * slope**2) / turn**2
+            radius = distance + (wide * curvature / turn - high * slope**2) / turn**2
         return Touch(
             contact=contact,
             normal=1j * along,

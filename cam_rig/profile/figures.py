@@ -17,8 +17,8 @@ from cam_rig.profile.check_table import POSITIONS, ProfileResult
 from cam_rig.profile.checks import Check, sharpest_convex
 from cam_rig.profile.contact import Element, Motion, Scan, turn_angles
 from cam_rig.profile.contour import CamContour
-from cam_rig.profile.disc import Contour, contours
-from cam_rig.profile.faces import GuidedFace, Swung, SwungCentre, SwungFace
+from cam_rig.profile.disc import Contour, contours, plane
+from cam_rig.profile.faces import Guided, GuidedFace, Swung, SwungCentre, SwungFace
 from cam_rig.schema import CamConfig
 from cam_rig.show.figure import CAM_ANGLE, empty, styled, turn_axis, wrapped
 from cam_rig.show.looks import DISCS, LIMIT, MM, PITCH_CURVE, circle, web
@@ -43,10 +43,7 @@ def positions(element: Element, law: Law, angle: FloatArray) -> list[list[FloatA
     strips = _outline(element, law, Motion.at(law, angle))
     turn = np.exp(-1j * angle)[:, None]
     turned = [strip * turn * MM for strip in strips]
-    return [
-        [np.column_stack([strip[i].real, strip[i].imag]) for strip in turned]
-        for i in range(angle.size)
-    ]
+    return [[plane(strip[i]).T for strip in turned] for i in range(angle.size)]
 
 
 def _outline(element: Element, law: Law, motion: Motion) -> list[ComplexArray]:
@@ -63,11 +60,12 @@ def _outline(element: Element, law: Law, motion: Motion) -> list[ComplexArray]:
             return [stand + rim, np.hstack([stand, pivot])]
         elbow = stand + 1j * SHANK * (pivot - stand)  # L-shaped, to clear the cam
         return [np.hstack([stand, elbow, pivot])]
+    assert isinstance(element, Guided)
     return [stand + rim, _stem(element, law, stand)]
 
 
-def _stem(element: Element, law: Law, stand: ComplexArray) -> ComplexArray:
-    out = 1j * getattr(element, "side", 1) * (element.roller + STEM * reach_of(element, law))
+def _stem(element: Guided, law: Law, stand: ComplexArray) -> ComplexArray:
+    out = 1j * element.side * (element.roller + STEM * reach_of(element, law))
     return np.hstack([stand, stand + out])
 
 
@@ -95,8 +93,7 @@ def pivots(element: Element, count: int) -> FloatArray | None:
     """``(count, 2)`` places of the pivot around the cam, mm; None for a guide."""
     if not isinstance(element, Swung):
         return None
-    places = element.pivot * MM * np.exp(-1j * turn_angles(count))
-    return np.column_stack([places.real, places.imag])
+    return plane(element.pivot * MM * np.exp(-1j * turn_angles(count))).T
 
 
 #: First and second disc; the dash tells them apart without colour.

@@ -117,10 +117,7 @@ FEWEST = 36
 
 
 def doubts(points: FloatArray, table: bool) -> list[str]:
-    """What ``(2, n)`` points (m) of a contour should not be.
-
-    The edges of a drawing are meant; in a table they are gaps, and few points guess the shape.
-    """
+    """What ``(2, n)`` points (m) of a contour should not be: gaps, or few and so a guess."""
     found = []
     if not LinearRing(points.T).is_simple:
         found.append("the contour crosses itself; allowed: points in their order around the cam")
@@ -141,13 +138,13 @@ def doubts(points: FloatArray, table: bool) -> list[str]:
     return found
 
 
-# Play of a frame or a rocker that a cam moves both ways: whether both its elements touch.
+# Backlash of a frame or a rocker that a cam moves both ways: whether both its elements touch.
 
 #: Points of a finished contour, and cam angles at which both elements are put on theirs.
 POINTS, READINGS = 3600, 360
 
 
-def play(
+def backlash(
     elements: tuple[Element, Element], curves: tuple[Curve, Curve], angle: FloatArray
 ) -> FloatArray:
     """How far (m of s; negative: not at all) the follower can move between its two contacts."""
@@ -159,13 +156,15 @@ def pair(plates: tuple[Disc, ...]) -> tuple[Element, Element]:
     """The two elements of a follower that its cam moves both ways."""
     second = plates[0].opposite if len(plates) == 1 else plates[1].element
     if second is None:
-        raise ProfileError("play of one element; allowed: a follower that its cam moves both ways")
+        raise ProfileError(
+            "backlash of one element; allowed: a follower that its cam moves both ways"
+        )
     return plates[0].element, second
 
 
 def closure(follower: Follower, law: Law) -> FloatArray:
-    """``(360,)`` play (m) over the turn of a follower on its contours, splines of 3600 points."""
+    """``(360,)`` backlash (m) over the turn, on contours that are splines of 3600 points."""
     found = contours(follower, law, POINTS)
     curves = [closed_curve(contour.points) for contour in found]
     elements = pair(tuple(contour.disc for contour in found))
-    return play(elements, (curves[0], curves[-1]), turn_angles(READINGS))
+    return backlash(elements, (curves[0], curves[-1]), turn_angles(READINGS))

@@ -13,11 +13,11 @@ import numpy as np
 
 from cam_rig.laws import Law
 from cam_rig.profile.contact import Motion, turn_angles
-from cam_rig.profile.disc import discs
+from cam_rig.profile.disc import discs, plane
 from cam_rig.profile.faces import Guided, GuidedFace, Swung, SwungFace
 from cam_rig.schema.cam import CamConfig
 from cam_rig.show.looks import bearing, circle, stem, tip
-from cam_rig.units import ComplexArray, FloatArray
+from cam_rig.units import FloatArray
 
 #: Height of a stem's bearing over the reach, and the room for lift-off, over the greatest lift.
 BEARING, LIFT_OFF = 0.1, 0.12
@@ -42,12 +42,12 @@ class FollowerShape:
 
     def place(self, lift: FloatArray) -> FloatArray:
         """``(n, 2)`` the roller's centre, the point, or the middle of the face."""
-        return _points(self.element.stand(lift))
+        return plane(self.element.stand(lift)).T
 
     def contact(self, motion: Motion) -> tuple[FloatArray, FloatArray]:
         """``(n, 2)`` points of contact and unit normals, from cam to follower, on the law."""
         touch = self.element.touch(motion)
-        return _points(touch.contact), _points(touch.normal)
+        return plane(touch.contact).T, plane(touch.normal).T
 
     def turn(self, lift: FloatArray) -> FloatArray:
         """``(n,)`` how far the outline is turned about its own origin; an arm's is along -x."""
@@ -63,7 +63,7 @@ class FollowerShape:
 
     def upward(self, lift: FloatArray) -> FloatArray:
         """``(n, 2)`` unit vectors in which the lift grows: along the guide, square to the arm."""
-        return _points(1j * np.exp(1j * self.turn(lift)))
+        return plane(1j * np.exp(1j * self.turn(lift))).T
 
     def carried(self, points: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
         """``(n, 2)`` points of the follower, moved with it from lift ``start`` to ``end``."""
@@ -119,8 +119,3 @@ def follower_shape(cam: CamConfig, law: Law) -> FollowerShape:
     element = discs(cam.follower, law)[0].element
     assert isinstance(element, Guided | Swung)
     return FollowerShape(element, float(law(turn_angles(360)).max()))
-
-
-def _points(of_plane: ComplexArray) -> FloatArray:
-    """``(n, 2)`` x and y of complex numbers."""
-    return np.column_stack([of_plane.real, of_plane.imag])

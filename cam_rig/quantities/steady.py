@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from pydantic import ValidationError
@@ -83,8 +82,8 @@ def steady_row(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) -> tu
 
 
 def _row(law: Law, rig: RigConfig, scene: SceneConfig, start: SteadyStart) -> SpeedRow:
-    nowhere, laws = Path(), {scene.cams[0]: law}
-    loaded = LoadedScene(scene, rig, {}, laws, None, nowhere, nowhere, {}, None)
+    laws = {scene.cams[0]: law}
+    loaded = LoadedScene(scene, rig, {}, laws)
     settle = scene.program.settle_turns.si
     rows = SpeedRows(laws, int(scene.sample_rate.si), settle)
     if rig.radiation is None:  # no sound, so no level
@@ -137,14 +136,15 @@ def _start(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) -> Steady
     if model == "elastic_stem":
         response = elastic_stem.response(law, parameters, speed)
         found = _in_contact(response, elastic_stem.outputs(parameters), FORCE, holds=True)
-        return found or SteadyStart(_vibrating(response.periodic()))
+        return found or SteadyStart(vibrating(response.periodic()))
     forces = force_extremes(law, parameters, speed)
     if model == "kinetostatic" or (forces[0] > 0.0 and not law.velocity_jumps):
         return SteadyStart(forces=forces)
     return _turned(law, rig, scene, speed)
 
 
-def _vibrating(inner: FloatArray) -> FollowerState:
+def vibrating(inner: FloatArray) -> FollowerState:
+    """A follower on the cam at θ = 0 with a model's own numbers there, as its vibration."""
     return FollowerState(0.0, 0.0, 0.0, in_contact=True, inner=tuple(inner.tolist()))
 
 
@@ -160,7 +160,7 @@ def _in_contact(
     if least <= 0.0 and not holds:
         return None
     largest = -opposite.lowest(response.speed)
-    return SteadyStart(_vibrating(response.periodic()), forces=(least, largest))
+    return SteadyStart(vibrating(response.periodic()), forces=(least, largest))
 
 
 def _twisted(law: Law, rig: RigConfig, speed: float) -> SteadyStart:
@@ -169,7 +169,7 @@ def _twisted(law: Law, rig: RigConfig, speed: float) -> SteadyStart:
     if shaft.flywheel_inertia is not None:
         return SteadyStart()
     _, start = steady_state(law, shaft, speed)
-    return SteadyStart(_vibrating(np.array([start.twist, start.twist_rate])))
+    return SteadyStart(vibrating(np.array([start.twist, start.twist_rate])))
 
 
 def _turned(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) -> SteadyStart:

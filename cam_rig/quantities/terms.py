@@ -87,10 +87,7 @@ class LawQuantity:
 
 @dataclass(frozen=True)
 class Term:
-    """A quantity and where it is taken: angles in rad or speeds in rad/s, low and high.
-
-    Of an event low and high are its number, from 1.
-    """
+    """A quantity and where it is taken: angles (rad), speeds (rad/s), or an event's number."""
 
     quantity: LawQuantity
     low: float = math.nan

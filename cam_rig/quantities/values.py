@@ -332,23 +332,19 @@ def torque(one: Subject, term: Term, _: Sense) -> float:
 
 
 def torques(p: FollowerParameters, term: Term) -> Branches:
-    """±(k s + c Ω s' + m Ω² s'' + F₀) s' at both ends of a range of speeds, and where it turns.
-
-    Of one rigid mass that stays on the cam (eq. 8 of the paper). In Ω it is a parabola, which may
-    be greatest between the ends.
-    """
+    """±(k s + c Ω s' + m Ω² s'' + F₀) s' (eq. 8) at two speeds, and where it turns."""
     low, high = term.low, term.high
 
     def at(motion: Motion, speed: FloatArray) -> FloatArray:
         force = p.spring_stiffness * motion.s + p.preload
-        force = force + (p.damping * motion.slope + p.mass * speed * motion.bend) * speed
+        force = force + (p.damping * motion.slope + p.mass * speed * motion.curvature) * speed
         return np.asarray(force * motion.slope)
 
     def branches(motion: Motion) -> FloatArray:
         found = [at(motion, np.full(motion.s.shape, speed)) for speed in dict.fromkeys((low, high))]
         if low < high:
             with np.errstate(divide="ignore", invalid="ignore"):
-                turns = -0.5 * p.damping * motion.slope / (p.mass * motion.bend)
+                turns = -0.5 * p.damping * motion.slope / (p.mass * motion.curvature)
             found.append(at(motion, np.clip(np.where(np.isnan(turns), low, turns), low, high)))
         return np.concatenate([found, np.negative(found)])
 

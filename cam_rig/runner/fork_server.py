@@ -77,11 +77,7 @@ class ForkedProcess:
 
 
 class ForkServer:
-    """The process that nodes are forked from; it ends with this object, and with the runner.
-
-    `begin` starts it, so that it imports while the runner does other things; else the first node
-    does.
-    """
+    """The process that nodes are forked from, begun with the first; it ends with the runner."""
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
@@ -123,10 +119,7 @@ class ForkServer:
     def start(
         self, command: Sequence[str], environment: dict[str, str], pipe: int | None
     ) -> ForkedProcess | None:
-        """Start the node of a command (`python -m cam_rig.nodes NAME ...`); None where it cannot.
-
-        The node gets the file descriptor ``pipe`` too, under the same number.
-        """
+        """Fork the node of a command, with the descriptor ``pipe`` too; None where it cannot."""
         self.begin()
         if self._requests is None:
             return None

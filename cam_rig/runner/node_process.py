@@ -79,11 +79,7 @@ class NodeProcess:
 
     @property
     def code(self) -> int | None:
-        """The exit code; None while it runs.
-
-        A node whose middleware did not let it go ends itself by SIGALRM, when all it had to do was
-        done: this is code 0.
-        """
+        """The exit code; None while it runs. One of SIGALRM is 0: all it had to do was done."""
         code = self.process.poll()
         return 0 if code == -signal.SIGALRM else code
 

@@ -208,10 +208,7 @@ def _free(folder: Path) -> int | None:
 
 
 def clean(since: float, folder: Path = FOLDER) -> list[str]:
-    """Remove what ended processes of this user left since a time (s of the epoch); its names.
-
-    What a running process holds is locked, and stays: the same test as `fastdds shm clean` makes.
-    """
+    """Remove what ended processes of this user left since a time (s), if unlocked; its names."""
     removed: list[str] = []
     names = {path.name for path in folder.glob("fastdds_*")}
     for name in sorted({name.removesuffix(LOCKS[0]).removesuffix(LOCKS[1]) for name in names}):

@@ -115,10 +115,7 @@ def round_marks(low: float, high: float, unit: str) -> dict[float, str]:
 
 
 def round_range(low: float, high: float) -> tuple[float, float, float]:
-    """From and to where an axis goes that shows two values, and its step: 1, 2 or 5 by ten to n.
-
-    The values span at most five steps; rounding outwards may add one at either end.
-    """
+    """Ends of an axis that shows two values, and its step: 1, 2 or 5 by ten to n, five at most."""
     if not high > low:
         high = low + 1.0
     raw = (high - low) / 5
@@ -129,11 +126,7 @@ def round_range(low: float, high: float) -> tuple[float, float, float]:
 
 
 def tens_range(low: float, high: float) -> tuple[float, float]:
-    """From and to of an axis that Rerun numbers: at powers of ten, of which three stand or more.
-
-    It steps by the greatest power of ten in what is shown, where ten steps have room. A number at
-    the upper edge would not be drawn: there is some room above the last.
-    """
+    """From and to of an axis that Rerun numbers: at powers of ten, three or more, and some room."""
     step = 10.0 ** np.floor(np.log10(high - low) + 1e-9)
     first, last = np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9)
     while last - first < 2.0:
@@ -196,7 +189,8 @@ def rrd_stream(
         stream.disconnect()
         _require_whole(drawn)
         _save(ordered, part, blueprint)
-        _copy_ordered(drawn, ordered)
+        for static in (True, False):  # a viewer shows a file while it loads, from its beginning
+            ordered.send_chunks(RrdReader(drawn).stream().filter(is_static=static))
         ordered.disconnect()
         _require_whole(part)
         os.replace(part, path)
@@ -207,12 +201,6 @@ def rrd_stream(
             open_stream.disconnect()
             with suppress(OSError):
                 file.unlink()
-
-
-def _copy_ordered(drawn: Path, stream: rr.RecordingStream) -> None:
-    """What holds at every time first: a viewer shows a file while it loads, from its beginning."""
-    for static in (True, False):
-        stream.send_chunks(RrdReader(drawn).stream().filter(is_static=static))
 
 
 def _save(stream: rr.RecordingStream, part: Path, blueprint: rrb.Blueprint) -> None:

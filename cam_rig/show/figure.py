@@ -57,10 +57,7 @@ def empty(height: float) -> Figure:
 def write(
     figure: Figure, to: Path | BytesIO, dpi: float | None = None, part: Bbox | None = None
 ) -> None:
-    """Write a figure, or a ``part`` in inches from its lower left, as matplotlib knows the suffix.
-
-    To memory it is SVG. ``dpi`` is of what is made of pixels, by default the style's.
-    """
+    """Write a figure, or a ``part`` in inches from its lower left; to memory as SVG."""
     dpi = STYLE["savefig.dpi"] if dpi is None else dpi
     kind = None if isinstance(to, Path) else "svg"
     figure.savefig(to, dpi=dpi, bbox_inches=part, format=kind)

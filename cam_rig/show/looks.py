@@ -75,11 +75,7 @@ class CamLook:
 
 
 def cam_look(name: str) -> CamLook:
-    """The look of a cam or a named rise.
-
-    A name that is not in `NAMES` has a colour by its CRC-32, and a pair of dash and marker that no
-    name of the table has.
-    """
+    """The look of a cam or a rise; of a name not in `NAMES` by its CRC-32, as no name there has."""
     kinds, name = len(DASHES), SAME.get(name, name)
     if name in NAMES:
         place = NAMES.index(name)
@@ -165,10 +161,7 @@ def bearing(centre: float, inner: float, outer: float, low: float, high: float) 
 
 
 def turned(points: FloatArray, angle: float) -> FloatArray:
-    """``(n, 2)`` points of the cam, turned from its own frame into the rig's at cam angle (rad).
-
-    In its own frame the cam sees its follower towards (sin θ, cos θ); in the rig's it is on +y.
-    """
+    """``(n, 2)`` points of the cam's own frame in the rig's, at cam angle (rad); follower on +y."""
     cosine, sine = np.cos(angle), np.sin(angle)
     return np.asarray(points @ np.array([[cosine, sine], [-sine, cosine]]))
 

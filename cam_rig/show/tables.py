@@ -53,10 +53,7 @@ class Head:
         return cell if isinstance(cell, str) else number(cell, self.shown)
 
     def printed(self, cell: Cell) -> str:
-        """A cell as a page has it: typeset, of four digits at most where decimals are asked for.
-
-        A format of significant digits, such as ".6g", stands: it is of what was set, not found.
-        """
+        """A cell as a page has it: typeset, decimals cut to four digits at most."""
         text = self.text(cell)
         if isinstance(cell, float) and math.isfinite(cell) and self.shown.endswith("f"):
             whole, _, decimals = text.lstrip("+-").partition(".")
@@ -135,10 +132,7 @@ class DataTable:
 
 
 def called(text: str, titles: Mapping[str, str]) -> str:
-    """A text with titles for names; within other words only for names with a digit or "_".
-
-    A rig may have the name of a cam, and keeps it.
-    """
+    """A text with titles for names; within other words only for names with a digit or "_"."""
     return titles[text] if text in titles else _within(text, titles)
 
 
@@ -156,10 +150,7 @@ def tabulate(
     fields: Iterable[tuple[Head, Callable[[Item], Cell]]],
     *notes: str,
 ) -> DataTable:
-    """Build a table of one row per item, each column beside what it takes from an item.
-
-    A column in which nothing stands is left out, and so is an empty note.
-    """
+    """Build a table of a row per item; a column in which nothing stands is left out."""
     columns, takes = zip(*fields, strict=True)
     rows = [[take(item) for take in takes] for item in items]
     kept = [i for i in range(len(columns)) if any(row[i] not in (None, "") for row in rows)]

@@ -41,10 +41,7 @@ def show(*tables: DataTable) -> None:
 
 
 def _parts(table: DataTable, room: int) -> list[DataTable]:
-    """A table whose words fit side by side; of another several, with some of its columns each.
-
-    Every one has those columns, from the first on, that tell the rows apart.
-    """
+    """A table, or several with some columns each and those, first on, that tell rows apart."""
     least, rows = [_longest(table, i, table.texts) for i in range(len(table.columns))], table.rows
     keys = next((k for k in range(1, 4) if len({row[:k] for row in rows}) == len(rows)), 1)
     parts: list[list[int]] = [[]]
@@ -72,10 +69,7 @@ def _longest(table: DataTable, i: int, rows: Sequence[Sequence[str]]) -> int:
 
 
 def _widths(table: DataTable, room: int) -> tuple[int, list[int | None]]:
-    """Gap and characters of each column, so that no word is broken; None where none does so.
-
-    Where a cell's word is too long for that, a path, cells are broken, but no heading.
-    """
+    """Gap and characters of each column, so that no word is broken; None where none does so."""
     rows, count = table.texts, len(table.columns)
     least = [_longest(table, i, rows) for i in range(count)]
     room -= count + 1  # a space at either end, and between columns

@@ -36,10 +36,7 @@ class FlightCount:
     _counts: bool = field(default=False, init=False)
 
     def take(self, force: FloatArray, gap: FloatArray, impulse: FloatArray, settled: bool) -> None:
-        """Go on with the next samples ``(n,)``: force (N), follower less cam (m), impulse (N·s).
-
-        A flight is of the step's settled part where it ends there, a lift-off where it is there.
-        """
+        """Go on with samples ``(n,)``: force (N), follower less cam (m), impulse (N·s)."""
         flying = force == 0.0
         bounced = flying & (impulse > 0.0)
         changes = np.flatnonzero((flying[1:] != flying[:-1]) | bounced[1:]) + 1

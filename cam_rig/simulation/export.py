@@ -141,17 +141,16 @@ def write_npz(path: Path, chunks: Iterable[Chunk], about: dict[str, str], rate: 
                     (folder / column.name).open("rb") as numbers_file,
                 ):
                     shutil.copyfileobj(numbers_file, out)
-            _write_cams(archive, folder / CAM, np.array(list(cams)), rows)
+            names = np.array(list(cams))
+            with (
+                _member(archive, CAM, names.dtype, rows) as out,
+                (folder / CAM).open("rb") as codes_file,
+            ):
+                while data := codes_file.read(1 << 14):
+                    out.write(names[np.frombuffer(data, dtype=np.int32)].tobytes())
             for name, text in {**about, "sample_rate_Hz": str(rate)}.items():
                 with archive.open(f"{name}.npy", "w") as out:
                     np.lib.format.write_array(out, np.array(text))
-
-
-def _write_cams(archive: zipfile.ZipFile, codes: Path, names: Any, rows: int) -> None:
-    """The cam of each row as text, chunk by chunk."""
-    with _member(archive, CAM, names.dtype, rows) as out, codes.open("rb") as file:
-        while data := file.read(1 << 14):
-            out.write(names[np.frombuffer(data, dtype=np.int32)].tobytes())
 
 
 def _member(archive: zipfile.ZipFile, name: str, dtype: np.dtype[Any], rows: int) -> IO[bytes]:

@@ -184,7 +184,7 @@ def _sensed(rows: FloatArray, rate: int, errors: InstrumentErrors) -> FloatArray
 
 
 def _side(velocity: FloatArray) -> FloatArray:
-    """1 after a rise, -1 after a fall: where a play is taken up."""
+    """1 after a rise, -1 after a fall: where a backlash is taken up."""
     moving = np.abs(velocity) > 1e-9 * np.abs(velocity).max()
     last = np.maximum.accumulate(np.where(moving, np.arange(velocity.size), 0))
     return np.sign(velocity[last])

@@ -39,11 +39,7 @@ def real_roots(coefficients: FloatArray) -> FloatArray:
 def crossings(
     difference: FloatArray, speeds: tuple[float, float], *, scale: float, shift: float = 0.0
 ) -> FloatArray:
-    """Speeds (rpm) at which two regressions cross, in their order.
-
-    ``difference`` is c0 … c3 (dB) of one less the other, over x = rpm/scale − shift; ``speeds`` are
-    the lowest and the highest (rpm) at which both are known.
-    """
+    """Speeds (rpm) between ``speeds`` at which regressions cross that differ by c0 … c3 (dB)."""
     found = (real_roots(difference) + shift) * scale
     return np.sort(found[(found >= speeds[0]) & (found <= speeds[1])])
 

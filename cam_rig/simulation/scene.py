@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -139,6 +139,11 @@ def is_calibrated(rig: RigConfig, model: str) -> bool:
     )
 
 
+def calibrated_on(rig: RigConfig, model: str) -> str:
+    """The cam that a rig's sound was fitted to with this model; empty where levels are relative."""
+    return (rig.calibrated_on or "measured levels") if is_calibrated(rig, model) else ""
+
+
 def fitted_with(rig: RigConfig, model: str) -> str:
     """Model and follower in SI units, as ``cam-rig calibrate`` writes them into the source."""
     numbers = ((key, getattr(rig.follower, key)) for key in type(rig.follower).model_fields)
@@ -172,17 +177,17 @@ def _shipped() -> RigConfig:
 
 @dataclass(frozen=True, eq=False)
 class LoadedScene:
-    """Everything a run needs, checked before anything starts."""
+    """Everything a run needs, checked before anything starts; without files where it has none."""
 
     scene: SceneConfig
     rig: RigConfig
     cams: dict[str, CamConfig]
     laws: dict[str, Law]
-    published: PublishedNoise | None
-    scene_file: Path
-    rig_file: Path
-    cam_files: dict[str, Path]
-    published_file: Path | None
+    published: PublishedNoise | None = None
+    scene_file: Path = Path()
+    rig_file: Path = Path()
+    cam_files: dict[str, Path] = field(default_factory=dict)
+    published_file: Path | None = None
 
     def __repr__(self) -> str:
         """Cams, rig and model, without their numbers."""

@@ -165,10 +165,7 @@ class FollowerSimulator:
         return cls(model, model.parameters(loaded.rig), rate, dict(loaded.laws))
 
     def turn_to(self, state: CamState) -> tuple[FollowerState, Block] | None:
-        """The tick that ends at ``state``; None at the first state, which only begins one.
-
-        A change of cam puts the follower down on the new one; so does a cam that stood.
-        """
+        """The tick that ends at ``state``, None at the first; on a new cam it is put down."""
         start, before = self.checkpoint.last, self.checkpoint
         if start is None or not start.turns_until(state):
             self.checkpoint = FollowerCheckpoint(state)
@@ -218,10 +215,7 @@ def turned_ticks(
     begin: FollowerState | None = None,
     states: Iterable[CamState] | None = None,
 ) -> Iterator[TickSamples]:
-    """The follower's samples of a scene tick by tick; ``begin`` None puts it down on the cam.
-
-    Ticks are those of the drive, or between ``states`` of the cam.
-    """
+    """Samples tick by tick, ``begin`` None: put down; of the drive's or ``states``."""
     follower = FollowerSimulator.of(loaded)
     start: CamState | None = None
     for state in cam_states(loaded.scene) if states is None else states:

@@ -20,7 +20,7 @@ from cam_rig.errors import ConfigError
 from cam_rig.schema import SceneConfig
 from cam_rig.show.result import SILENT, Column, Progress, Records, Result
 from cam_rig.simulation.motion import CAM, FollowerMotion
-from cam_rig.simulation.scene import RELATIVE_NOTE, LoadedScene, is_calibrated
+from cam_rig.simulation.scene import RELATIVE_NOTE, LoadedScene, calibrated_on
 from cam_rig.simulation.schedule import CamState, tick_count
 from cam_rig.simulation.simulate import (
     MeasuredTick,
@@ -142,8 +142,7 @@ def _calibrated_on(motion: FollowerMotion) -> str:
     """The cam that the rig's sound was fitted to; empty where that fit says nothing."""
     if not MODELS[motion.scene.model].lifts_off and bool((motion.force < 0.0).any()):
         return ""  # contact would be lost
-    fitted = is_calibrated(motion.rig, motion.scene.model)
-    return (motion.rig.calibrated_on or "measured levels") if fitted else ""
+    return calibrated_on(motion.rig, motion.scene.model)
 
 
 @dataclass(frozen=True, eq=False)

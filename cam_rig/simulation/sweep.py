@@ -59,17 +59,14 @@ def sweep(
     names, speeds = list(found.cams), asked_speeds(rpm)
     held = turns, settle_turns, sample_rate, ramp
     scene = scene_of("sweep", names, found.rig, model, speeds, *held)
-    nowhere = Path(f"{scene.name}.yaml")
     loaded = LoadedScene(
-        scene=scene,
-        rig=found.rig,
-        cams=found.cams,
-        laws=found.laws,
-        published=None,
-        scene_file=nowhere,
+        scene,
+        found.rig,
+        found.cams,
+        found.laws,
+        scene_file=Path(f"{scene.name}.yaml"),
         rig_file=Path(f"{found.rig.name}.yaml"),
         cam_files={name: Path(f"{name}.yaml") for name in found.cams},
-        published_file=None,
     )
     progress.begin(tick_count(scene), "sweep")
     return run_scene(loaded, on_tick=progress.advance)

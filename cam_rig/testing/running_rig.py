@@ -229,10 +229,7 @@ class RunningRig(RigClient):
         return super().wait_for(met, what)
 
     def wait_for_tick(self, number: int = 1) -> dict[str, Any]:
-        """Wait until the drive has sent the end of a tick; its report: ``tick``, ``cam``, ``rpm``.
-
-        RunError where the run is over and had fewer ticks.
-        """
+        """The drive's report of a tick: ``tick``, ``cam``, ``rpm``."""
 
         def found() -> Any:
             done = self._done

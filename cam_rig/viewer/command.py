@@ -38,10 +38,7 @@ class Screen:
 def delay_report(
     page: PageTime | None, clock: Callable[[], float] = time.monotonic
 ) -> Iterator[Callable[[float, str], str]]:
-    """How far a page is behind the drive: gives the words on what the drive does with the delay.
-
-    What it gives takes the rig time (s) and the words; the longest delay is printed at the end.
-    """
+    """What tells how far a page is behind the drive; the longest delay is printed last."""
     printed = clock()
 
     def driven(rig_time: float, words: str) -> str:

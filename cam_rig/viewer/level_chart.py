@@ -94,10 +94,7 @@ class LevelChart:
             self._draw_names(None)
 
     def add(self, tick: MeasuredTick, end_angle: float) -> float | None:
-        """The level (dB) at this speed with the next tick, which ends at a cam angle (rad).
-
-        None until it has settled.
-        """
+        """The level (dB) with the next tick, which ends at an angle (rad); None until settled."""
         cam, speed = tick.start.cam, tick.start.speed
         if self._step and (cam, speed) != (self._step[0].start.cam, self._step[0].start.speed):
             self._step = []
@@ -204,7 +201,9 @@ def band_power(
     with np.errstate(divide="ignore"):  # the constant does not sound
         ratio = np.minimum(parameters.corner / frequency, 1e150)
     transfer = parameters.gain * parameters.corner_rate / (1.0 - 1j * ratio)
-    pulse = _half_sine(parameters.contact_time * frequency)
+    # a half sine of unit area, cos(πx)/(1 − 4x²) as two sinc's, which has no 0/0 at x = 1/2
+    x = parameters.contact_time * frequency
+    pulse = 0.25 * np.pi * (np.sinc(x - 0.5) + np.sinc(x + 0.5))
     lines = np.fft.rfft(force) + np.fft.rfft(impulse) * sample_rate * pulse
     power = 2.0 * np.abs(transfer * lines / force.size) ** 2
     if force.size % 2 == 0:  # the line at half the sample rate is its own mirror
@@ -212,12 +211,6 @@ def band_power(
     numbers = band_numbers(sample_rate)
     band = np.rint(10.0 * np.log10(frequency[1:])).clip(numbers[0], numbers[-1]) - numbers[0]
     return np.bincount(band.astype(np.int64), power[1:], numbers.size).astype(np.float64)
-
-
-def _half_sine(x: FloatArray) -> FloatArray:
-    """Magnitude of the spectrum of a half sine of unit area, over duration times frequency."""
-    # cos(πx)/(1 − 4x²) as two sinc's, which has no 0/0 at x = 1/2
-    return np.asarray(0.25 * np.pi * (np.sinc(x - 0.5) + np.sinc(x + 0.5)))
 
 
 # Third-octave bars in the plane: one scale for all cams and speeds, so that they compare.
@@ -270,10 +263,7 @@ class BandChart:
         self._canvas.always(self._entity, strips)
 
     def _skyline(self, levels: FloatArray) -> FloatArray:
-        """``(4n, 2)``: over each of n bands up from the foot of the axes to its level and down.
-
-        One strip, for Rerun takes a strip for each bar thirty times as slowly.
-        """
+        """``(4n, 2)`` of n bands as one strip: Rerun takes a strip a bar thirty times as slowly."""
         numbers, low = band_numbers(self._rate), np.full(levels.size, BAND_LEVELS[0])
         left, right, top = numbers - 0.5 * BAR, numbers + 0.5 * BAR, levels.clip(*BAND_LEVELS)
         corners = [(left, low), (left, top), (right, top), (right, low)]

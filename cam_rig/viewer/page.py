@@ -147,10 +147,7 @@ class PageTime:
         self._driven.append(rig_time)
 
     def behind(self) -> float | None:
-        """Wall time (s) since the drive was where the page is; None while neither is known.
-
-        As the page has reported last; a report that is overdue adds to it.
-        """
+        """Wall time (s) since the drive was where the page is; None while it is unknown."""
         if self._reported is None:
             return None
         when, late = self._reported

@@ -137,10 +137,7 @@ CAPTION = -7.0
 
 
 class TurnChart:
-    """Draws the axes into a view, then turns as they come; `flush` sends them.
-
-    A turn is shown from its end on: ``every`` one, or the newest alone, as a live run needs.
-    """
+    """Draws axes, then turns from their end on, ``every`` one or the newest; `flush` sends."""
 
     def __init__(
         self, canvas: Canvas, loaded: LoadedScene, ranges: SceneRanges, every: bool

@@ -11,7 +11,7 @@ from cam_rig.errors import ConfigError
 from cam_rig.schema.load import config_root, one_scene
 from cam_rig.simulation.asked import asked_cams, asked_scene, scene_speeds
 
-from .calls import call
+from .calls import call, data_of, done
 
 
 @pytest.fixture(scope="module")
@@ -68,8 +68,7 @@ def test_speeds_of_a_scene(own):
 @pytest.mark.parametrize("command", ["jump", "vibration", "contact"])
 def test_the_studies_take_a_scene(own, command):
     """Each is of the scene's cam, on its rig or on the one that is named."""
-    result = call(command, own, "--rig", "other", "--json", "-")
-    assert result.exit_code == 0, result.stderr
+    result = done(command, own, "--rig", "other", "--json", "-")
     assert "lug" in json.dumps(json.loads(result.stdout))
     assert "other" in " ".join(result.stderr.split())
     assert "paper_table2" not in result.stderr
@@ -77,12 +76,9 @@ def test_the_studies_take_a_scene(own, command):
 
 def test_profile_and_listen_take_it_too(own, tmp_path):
     """The scene's cam is checked; its sound is that of the named rig, and called relative."""
-    checked = call("profile", own, "--json", "-")
-    assert checked.exit_code == 0, checked.stderr
-    assert [row["cam"] for row in json.loads(checked.stdout)["cams"]] == ["lug"]
+    assert [row["cam"] for row in data_of("profile", own)["cams"]] == ["lug"]
     turns = ("--rpm", 300, "--seconds", 0.2, "--out", tmp_path / "a.wav", "--json", "-")
-    heard = [call("listen", own, *rig, *turns) for rig in ((), ("--rig", "paper_table2"))]
-    assert [result.exit_code for result in heard] == [0, 0]
+    heard = [done("listen", own, *rig, *turns) for rig in ((), ("--rig", "paper_table2"))]
     found = [json.loads(result.stdout) for result in heard]
     assert [row["sound"]["calibrated"] for row in found] == [True, False]
     assert "only differences between levels" in " ".join(heard[1].stderr.split())
@@ -100,12 +96,10 @@ def test_the_only_rig_beside_a_cam_is_taken_and_named(own, tmp_path):
     folder = next(parent for parent in Path(str(own)).parents if (parent / "cams").is_dir())
     copytree(folder, tmp_path / "mine")
     cam = tmp_path / "mine" / "cams" / "lug.yaml"
-    two = call("jump", cam)
-    assert two.exit_code == 0, two.stderr
+    two = done("jump", cam)
     assert two.stderr.startswith("rig paper_table2, the paper's: beside the cam there is ")
     (tmp_path / "mine" / "rigs" / "other.yaml").unlink()
-    one = call("jump", cam)
-    assert one.exit_code == 0, one.stderr
+    one = done("jump", cam)
     assert one.stderr.startswith(f"rig {tmp_path / 'mine' / 'rigs' / 'mine.yaml'}, the only one")
     assert "Jump speed on rig mine" in one.stderr
     assert not call("jump", "poly345").stderr.startswith("rig ")

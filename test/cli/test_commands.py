@@ -1,14 +1,13 @@
 """The command line: codes, one-line errors, JSON that programs can read."""
 
 import inspect
-import json
 
 import pytest
 
 from cam_rig.cli.main import COMMANDS, command, summary
 from cam_rig.schema.load import config_root
 
-from .calls import call
+from .calls import call, data_of, done
 
 
 def test_the_list_says_what_each_command_says_of_itself():
@@ -20,9 +19,7 @@ def test_the_list_says_what_each_command_says_of_itself():
 
 def test_simulate_writes_the_promised_json():
     """The sweep's figures meet the targets of the comparison, and roles are told apart."""
-    result = call("simulate", "tm21_sweep", "--json", "-")
-    assert result.exit_code == 0
-    data = json.loads(result.stdout)
+    data = data_of("simulate", "tm21_sweep")
     assert set(data) == {"schema", "speeds", "noise", "levels", "crossing", "messages"}
     assert [len({row["cam"] for row in data["speeds"]}), len(data["speeds"])] == [3, 63]
     assert {type(row["torque_mean"]) for row in data["speeds"]} == {float}
@@ -42,8 +39,7 @@ def test_simulate_writes_the_promised_json():
 
 def test_urdf_goes_to_stdout_or_into_a_file(tmp_path):
     """The same text; the mounted cam's base circle, 65 mm of poly345, is in it."""
-    printed = call("urdf", "tm21_sweep", "--cam", "poly345")
-    assert printed.exit_code == 0
+    printed = done("urdf", "tm21_sweep", "--cam", "poly345")
     assert '<cylinder radius="0.065"' in printed.stdout
     call("urdf", "tm21_sweep", "--cam", "poly345", "--out", tmp_path / "new" / "rig.urdf")
     assert (tmp_path / "new" / "rig.urdf").read_text(encoding="utf-8") == printed.stdout
@@ -53,8 +49,7 @@ def test_calibrate_repeats_what_is_in_the_rig_file(tmp_path):
     """The shipped constants are what the command finds, and a dry run writes nothing."""
     rig = config_root() / "rigs" / "tm21.yaml"
     before = rig.read_bytes()
-    result = call("calibrate", "--dry-run")
-    assert result.exit_code == 0
+    result = done("calibrate", "--dry-run")
     assert "gain 9.86e-05" in result.stderr
     assert "corner 18.42" in result.stderr
     assert rig.read_bytes() == before

@@ -9,8 +9,10 @@ from shutil import copy
 import pytest
 
 from .calls import call as run
+from .calls import done as run_done
 
 call = partial(run, "factorial")
+done = partial(run_done, "factorial")
 
 
 @pytest.fixture
@@ -22,8 +24,7 @@ def small(sweep, tmp_path):
 def test_json_and_plot(small):
     """Values, shares that add up, and the conclusions; a picture, and the tables as CSV."""
     plot, csv = small.parent / "a.png", small.parent / "a.csv"
-    result = call(small, "--jobs", 1, "--json", "-", "--plot", plot, "--csv", csv)
-    assert result.exit_code == 0
+    result = done(small, "--jobs", 1, "--json", "-", "--plot", plot, "--csv", csv)
     data = json.loads(result.stdout)
     rows = {(one["design"], one["effect"], one["in_contact"]): one for one in data["variance"]}
     designs = {"same angles", "same acceleration"}  # all are C2 and above

@@ -11,14 +11,13 @@ from cam_rig.acoustics import level_db
 from cam_rig.schema.load import config_root
 from cam_rig.simulation.scene import load_scene
 
-from .calls import call
+from .calls import call, done
 
 
 @pytest.mark.usefixtures("one_study")
 def test_noise_json_and_plot(sweep, tmp_path):
     """Every part is in the JSON, no NaN; the plot is a picture; tables are whole at 80 columns."""
-    result = call("noise", sweep, "--json", tmp_path / "a.json", "--plot", tmp_path / "a.png")
-    assert result.exit_code == 0, result.stderr
+    result = done("noise", sweep, "--json", tmp_path / "a.json", "--plot", tmp_path / "a.png")
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
     text = (tmp_path / "a.json").read_text()
     assert "NaN" not in text
@@ -49,8 +48,7 @@ def test_listen_writes_a_sound_file(tmp_path):
     """48 kHz, 16 bit, whole turns; full scale and peak as told; the level is in the samples."""
     out = tmp_path / "new" / "cam.wav"
     arguments = ("--cam", "tm21", "--rpm", "300", "--seconds", "1", "--json", "-")
-    result = call("listen", "quick", *arguments, "--out", out)
-    assert result.exit_code == 0, result.stderr
+    result = done("listen", "quick", *arguments, "--out", out)
     data = json.loads(result.stdout)
     told = data["sound"]
     levels = {row["quantity"]: row["level"] for row in data["levels"]}
@@ -86,7 +84,7 @@ def test_a_calibration_holds_for_its_follower(tmp_path):
     scene, rig = (tmp_path / "own" / f for f in ("scenes/tm21_sweep.yaml", "rigs/tm21.yaml"))
     rig.write_text(rig.read_text(encoding="utf-8").replace("given: 1.3,", "given: 1.2,"))
     assert set(roles(scene).values()) == {"relative"}
-    assert call("calibrate", scene).exit_code == 0
+    done("calibrate", scene)
     assert "one_mass, mass 1.2 kg, spring_stiffness 4030 N/m" in rig.read_text(encoding="utf-8")
     found = roles(scene)
     assert (found["poly345"], found["bezier15"]) == ("calibrated", "predicted")

@@ -18,6 +18,8 @@ from typer.testing import CliRunner
 
 from cam_rig.cli.main import app
 
+from ..processes import children
+
 COMMAND = (Path(sys.executable).parent / "cam-rig", "panel")
 
 
@@ -35,9 +37,8 @@ def test_it_serves_until_it_is_ended_and_leaves_no_process(number: signal.Signal
     connection.request("GET", f"/?{url.query}")
     assert connection.getresponse().status == 303
     connection.close()
-    folder = Path(f"/proc/{process.pid}/task")
-    children = [child for task in folder.glob("*/children") for child in task.read_text().split()]
-    assert children
+    begun = children(process.pid)
+    assert begun
     os.kill(process.pid, number)
     _, printed = process.communicate(timeout=60)
     assert process.returncode == 128 + number
@@ -45,7 +46,7 @@ def test_it_serves_until_it_is_ended_and_leaves_no_process(number: signal.Signal
         "Ctrl-C ends the panel",
         f"cam-rig: interrupted by {number.name}",
     ]
-    assert not [child for child in children if Path(f"/proc/{child}").exists()]
+    assert not [child for child in begun if Path(f"/proc/{child}").exists()]
     with socket.socket() as caller:
         assert caller.connect_ex(("127.0.0.1", url.port or 0)) != 0
 

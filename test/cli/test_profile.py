@@ -16,8 +16,11 @@ from cam_rig.schema.load import cam_path, config_root
 from cam_rig.show.tables import number
 
 from .calls import call as run
+from .calls import data_of
+from .calls import done as run_done
 
 call = partial(run, "profile")
+done = partial(run_done, "profile")
 
 
 @pytest.fixture
@@ -34,9 +37,7 @@ def undercut(tmp_path):
 @pytest.fixture(scope="module")
 def all_shipped():
     """What the command says of every shipped cam."""
-    result = call("--all", "--json", "-")
-    assert result.exit_code == 0
-    return result
+    return done("--all", "--json", "-")
 
 
 def test_all_shipped_cams_pass(all_shipped):
@@ -90,30 +91,20 @@ def test_what_cannot_exist_is_drawn_by_force_alone(undercut, tmp_path):
     assert "or draw it with --force" in result.stderr
     assert not out.exists()
     assert not plot.exists()
-    result = call(undercut, "--out", out, "--plot", plot, "--force")
-    assert result.exit_code == 0
+    result = done(undercut, "--out", out, "--plot", plot, "--force")
     assert "warning: flat: convex radius" in result.stderr
     assert out.exists()
     assert plot.read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.variants(1)
-@pytest.mark.parametrize("size", [1, 10])
-def test_an_svg_keeps_the_tolerance_it_prints(tmp_path, size):
-    """What is read is the contour to 0.01 µm, also of a cam ten times as large."""
-    yaml = YAML()
-    data = yaml.load(config_root() / "cams" / "poly345.yaml")
-    for quantity in (data["lift"], *data["follower"].values()):
-        if not isinstance(quantity, str):
-            key = next(key for key in ("given", "assumed") if key in quantity)
-            quantity[key] = size * quantity[key]
-    yaml.dump(data, tmp_path / "cam.yaml")
-    result = call(tmp_path / "cam.yaml", "--out", tmp_path / "a.svg", "--tolerance", "0.01")
+def test_an_svg_keeps_the_tolerance_it_prints(tmp_path):
+    """What is read is the contour to 0.01 µm."""
+    result = call("poly345", "--out", tmp_path / "a.svg", "--tolerance", "0.01")
     assert "chord error at most 0.01 µm" in result.stderr
     text = (tmp_path / "a.svg").read_text()
     words = re.search(r' d="M ([^"Z]+) Z"', text)[1].split()
     read = np.array([word.split(",") for word in words], dtype=float) * [1e-3, -1e-3]
-    cam = load_cam(tmp_path / "cam.yaml")
+    cam = load_cam(cam_path("poly345"))
     contour = contours(cam.follower, build_law(cam), 20_000)[0].points.T
     corner = [contour[:, 0].min() - 5e-3, contour[:, 1].max() + 5e-3]  # of the page
     ring = LinearRing(read + corner)
@@ -125,9 +116,8 @@ def test_an_svg_keeps_the_tolerance_it_prints(tmp_path, size):
 def test_there_and_back(tmp_path, suffix):
     """The contour written, measured by its own follower, and its law written."""
     out, law = tmp_path / f"a.{suffix}", tmp_path / "law.csv"
-    assert call("conjugate", "--out", out, "--tolerance", "0.5").exit_code == 0
-    result = call("conjugate", "--from", out, "--out", law)
-    assert result.exit_code == 0
+    done("conjugate", "--out", out, "--tolerance", "0.5")
+    result = done("conjugate", "--from", out, "--out", law)
     lines = [line.split() for line in result.stderr.splitlines()]
     found = [line for line in lines if line[:1] == ["conjugate"]]
     assert [(line[1], line[3]) for line in found] == [("first", "18"), ("second", "18")]
@@ -139,9 +129,8 @@ def test_there_and_back(tmp_path, suffix):
 
 def test_a_measurement_as_json(tmp_path):
     """For programs: one entry a contour, the lift of the cam in it."""
-    assert call("conjugate", "--out", tmp_path / "a.csv").exit_code == 0
-    result = call("conjugate", "--from", tmp_path / "a.csv", "--json", "-")
-    assert result.exit_code == 0
+    done("conjugate", "--out", tmp_path / "a.csv")
+    result = done("conjugate", "--from", tmp_path / "a.csv", "--json", "-")
     data = json.loads(result.stdout)["contours"]
     assert [one["disc"] for one in data] == ["first", "second"]
     for one in data:
@@ -154,13 +143,12 @@ def test_a_measurement_as_json(tmp_path):
 
 def test_a_contour_that_is_none_is_measured_with_a_warning(tmp_path):
     """200 of 360 rows, and rows in no order: measured, and said what is wrong with them."""
-    assert call("flat", "--points", "360", "--out", tmp_path / "a.csv").exit_code == 0
+    done("flat", "--points", "360", "--out", tmp_path / "a.csv")
     header, *rows = (tmp_path / "a.csv").read_text().splitlines()
     shuffled = [rows[i] for i in np.random.default_rng(1).permutation(360)]
     for some, words in ((rows, ""), (rows[:200], "points 200 and 1 are"), (shuffled, "crosses")):
         (tmp_path / "b.csv").write_text("\n".join([header, *some]))
-        result = call("flat", "--from", tmp_path / "b.csv")
-        assert result.exit_code == 0
+        result = done("flat", "--from", tmp_path / "b.csv")
         assert ("b.csv: " in result.stderr) == bool(words)
         assert words in result.stderr
 
@@ -168,9 +156,7 @@ def test_a_contour_that_is_none_is_measured_with_a_warning(tmp_path):
 def test_another_cams_contour_is_measured_too(tmp_path):
     """The follower reads what the contour gives, and says how far that is from the law."""
     call("poly4567", "--out", tmp_path / "a.csv")
-    result = call("poly345", "--from", tmp_path / "a.csv", "--json", "-")
-    assert result.exit_code == 0
-    (found,) = json.loads(result.stdout)["contours"]
+    (found,) = data_of("profile", "poly345", "--from", tmp_path / "a.csv")["contours"]
     angle = turn_angles(720)
     laws = [build_law(load_cam(cam_path(name))) for name in ("poly4567", "poly345")]
     difference = laws[0](angle) - laws[1](angle)
@@ -179,10 +165,10 @@ def test_another_cams_contour_is_measured_too(tmp_path):
 
 def test_pitch_curve_is_the_path_of_such_a_cutter(tmp_path):
     """Roller and cutter of one radius: byte for byte (§2.2.3)."""
-    assert call("tm21", "--pitch", "--out", tmp_path / "p.csv").exit_code == 0
-    assert call("tm21", "--cutter", "10", "--out", tmp_path / "c.csv").exit_code == 0
+    done("tm21", "--pitch", "--out", tmp_path / "p.csv")
+    done("tm21", "--cutter", "10", "--out", tmp_path / "c.csv")
     assert (tmp_path / "p.csv").read_bytes() == (tmp_path / "c.csv").read_bytes()
-    assert call("tm21", "--cutter", "8", "--out", tmp_path / "d.svg").exit_code == 0
+    done("tm21", "--cutter", "8", "--out", tmp_path / "d.svg")
 
 
 def test_an_arm_that_does_not_reach_is_a_wrong_file(tmp_path):

@@ -20,9 +20,9 @@ from cam_rig.simulation.scene import build_law, load_cam, load_scene
 from cam_rig.simulation.scene_run import run_scene
 
 from ..figure_faults import EXPONENT, HYPHEN
-from .calls import call as run
+from .calls import done as run_done
 
-call = partial(run, "report")
+done = partial(run_done, "report")
 
 
 def sentences(page):
@@ -134,8 +134,7 @@ def check_page(scene, tmp_path):
     order; no sentence is over 30 words.
     """
     out, data = tmp_path / "out" / "report.html", tmp_path / "out" / "report.json"
-    result = call("--out", out, "--scene", scene, "--json", data)
-    assert result.exit_code == 0, result.stderr
+    done("--out", out, "--scene", scene, "--json", data)
     page = out.read_text(encoding="utf-8")
     pictures = re.findall(r'<img src="([^"]{,40})', page)
     assert page.count("<figure ") == 19 < len(pictures)  # tall ones in strips
@@ -230,8 +229,7 @@ def test_a_scene_of_ones_own(own_scene, tmp_path, monkeypatch):
     """Every section and figure; refusals are said, levels relative; the head says when and how."""
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
     out, data = tmp_path / "own.html", tmp_path / "own.json"
-    result = call(own_scene, "--out", out, "--json", data)
-    assert result.exit_code == 0, result.stderr
+    done(own_scene, "--out", out, "--json", data)
     page = out.read_text(encoding="utf-8")
     assert tuple(re.findall(r'<(?:section|details) id="(?!more-)(.*?)">', page)) == SECTIONS
     assert page.count("<figure ") == 10
@@ -261,8 +259,7 @@ def test_a_scene_of_ones_own(own_scene, tmp_path, monkeypatch):
 def test_the_page_says_what_the_commands_say(own_scene, tmp_path):
     """Jump speeds and rows are those of cam-rig jump and simulate, on another rig of the folder."""
     out, data = tmp_path / "own.md", tmp_path / "own.json"
-    result = call("--scene", own_scene, "--rig", "other", "--out", out, "--json", data)
-    assert result.exit_code == 0
+    done("--scene", own_scene, "--rig", "other", "--out", out, "--json", data)
     found = json.loads(data.read_text())
     loaded = load_scene(own_scene)
     follower = follower_of(loaded.rig)
@@ -283,8 +280,7 @@ def test_the_page_says_what_the_commands_say(own_scene, tmp_path):
 def test_a_level_is_worth_what_its_table_says(tmp_path):
     """The summary has each cam's role, none of which is "calibrated" by the rig alone."""
     out = tmp_path / "a.md"
-    result = call("quick", "--out", out)
-    assert result.exit_code == 0, result.stderr
+    done("quick", "--out", out)
     loaded, text = load_scene("quick"), out.read_text(encoding="utf-8")
     (verdict,) = re.findall(r"\| How loud is it\? \|.*\| (.*) \|", text)
     roles = {title: loaded.part(cam) for cam, title in loaded.titles.items()}
@@ -296,8 +292,7 @@ def test_a_level_is_worth_what_its_table_says(tmp_path):
 def test_two_masses_and_a_shaft(tmp_path):
     """Their jump speeds and twist are there; orders without a closed form are refused in a line."""
     out = tmp_path / "a.md"
-    result = call("torsion", "--out", out)
-    assert result.exit_code == 0, result.stderr
+    done("torsion", "--out", out)
     text = out.read_text(encoding="utf-8")
     assert "(two masses, 1.7 s from rest)" in text
     assert "| twist [°] |" in text

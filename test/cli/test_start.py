@@ -12,6 +12,8 @@ import pytest
 from cam_rig.errors import INTERRUPTED, ConfigError
 from cam_rig.extras import LAST_SECOND, source_date
 
+from ..processes import children
+
 BIN = Path(sys.executable).parent
 
 
@@ -19,17 +21,6 @@ def start(*arguments):
     """A command in a group of its own, as a terminal starts it."""
     words = map(str, arguments)
     return subprocess.Popen([*words], stderr=subprocess.PIPE, text=True, start_new_session=True)
-
-
-def children(process):
-    """The command lines of a process's children."""
-    found = []
-    for number in Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split():
-        try:
-            found.append(Path(f"/proc/{number}/cmdline").read_bytes())
-        except (FileNotFoundError, ProcessLookupError):  # it has ended meanwhile
-            continue
-    return found
 
 
 def interrupted(process):
@@ -45,7 +36,7 @@ def interrupted(process):
 def test_an_interrupt_while_workers_begin(tmp_path):
     """They are in the middle of their imports, and print nothing; nothing is written."""
     process = start(BIN / "cam-rig", "report", "--out", tmp_path / "a.html")
-    while not any(b"spawn_main" in line for line in children(process)):
+    while not any("spawn_main" in " ".join(words) for words in children(process.pid).values()):
         assert process.poll() is None, process.stderr.read()
         time.sleep(0.01)
     assert interrupted(process) == ["cam-rig: interrupted by SIGINT"]

@@ -6,15 +6,16 @@ from functools import partial
 import pytest
 
 from .calls import call as run
+from .calls import done as run_done
 
 call = partial(run, "vibration")
+done = partial(run_done, "vibration")
 
 
 def test_json(tmp_path):
     """A list over the speeds for each measure of each cam, and the paper's words."""
     words = ("--rpm", 250, "--rpm", 300, "--json", "-", "--plot", tmp_path / "a.png")
-    result = call("poly345", "bezier15", *words)
-    assert result.exit_code == 0
+    result = done("poly345", "bezier15", *words)
     data = json.loads(result.stdout)
     by = {(row["cam"], row["rpm"]): row for row in data["vibration"]}
     assert list(by) == [(cam, rpm) for cam in ("poly345", "bezier15") for rpm in (250, 300)]

@@ -8,8 +8,6 @@ import struct
 import subprocess
 import sys
 import time
-from contextlib import suppress
-from pathlib import Path
 
 import pytest
 
@@ -19,6 +17,7 @@ from cam_rig.runner.graph import Graph
 from cam_rig.runner.node_process import NodeProcess
 from cam_rig.schema.load import config_root
 
+from ..processes import sockets
 from .conftest import node_processes, patient, size_of, wait_until
 
 pytestmark = pytest.mark.ros
@@ -35,22 +34,10 @@ def python(code):
 # A run.
 
 
-def sockets(pid):
+def addresses(pid):
     """Local IPv4 and IPv6 addresses of a process's UDP and TCP sockets."""
-    inodes = set()
-    for link in Path(f"/proc/{pid}/fd").iterdir():
-        with suppress(FileNotFoundError):  # closed since it was listed
-            target = str(link.readlink())
-            if target.startswith("socket:["):
-                inodes.add(target[8:-1])
-    found = set()
-    for table in ("udp", "udp6", "tcp", "tcp6"):
-        for line in Path(f"/proc/{pid}/net/{table}").read_text().splitlines()[1:]:
-            fields = line.split()
-            if fields[9] in inodes:
-                host = fields[1].split(":")[0]
-                found.add(".".join(str(b) for b in struct.pack("<I", int(host[:8], 16))))
-    return found
+    rows = sockets(pid, "udp", "udp6", "tcp", "tcp6")
+    return {".".join(map(str, struct.pack("<I", int(row[1][:8], 16)))) for row in rows}
 
 
 @pytest.mark.long
@@ -64,8 +51,8 @@ def test_no_socket_leaves_the_machine(forked, domain, short_scene, tmp_path, mon
     monkeypatch.chdir(tmp_path)
 
     def addresses_of_all():
-        found = [sockets(node.process.pid) for node in graph.processes.values()]
-        return found if all("127.0.0.1" in addresses for addresses in found) else None
+        found = [addresses(node.process.pid) for node in graph.processes.values()]
+        return found if all("127.0.0.1" in own for own in found) else None
 
     with Graph(patient(short_scene, tmp_path / "bag", pacing="1x")) as graph:
         next(graph.progress())  # they all speak with each other

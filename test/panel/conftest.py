@@ -9,25 +9,30 @@ from contextlib import contextmanager
 from pathlib import Path
 from urllib.parse import urlsplit
 
+import numpy as np
 import pytest
 from websockets.sync.client import connect
 
 import cam_rig
-from cam_rig.panel.bench.drawing import SOUND
+from cam_rig.panel.bench.drawing import MOTION, SOUND
 from cam_rig.panel.bench.pages import BenchPages
 from cam_rig.panel.bench.runner import BenchRunner
 from cam_rig.panel.board.board import Board
 from cam_rig.panel.board.pages import BoardPages
 from cam_rig.panel.lab.labs import lab_sheet
 from cam_rig.panel.lab.pages import LabPages
+from cam_rig.panel.lab.recorded import Notebook
 from cam_rig.panel.server import serve
 from tools.docs.browser import TIMEOUT_S, new_page, open_browser, why_no_browser
 
-from ..viewer.asking import Visitor, children
+from ..processes import children
+from ..viewer.asking import Visitor
 
 #: Wall time (s) after which something that has not come true never will, however busy the machine.
 WAIT_S = 60.0
 BOARD, BENCH = "/changes", "/bench/live"
+#: On a sheet that a test fills: of the lab with the most set-ups.
+ANSWERS = 4
 
 
 def until(condition, words="it did not come true"):
@@ -57,6 +62,12 @@ def socket_of(visitor, path):
     )
 
 
+def block_of(data):
+    """Begin and step (s), and the rows of a tick's block, as a page is sent it."""
+    begin, step = np.frombuffer(data, "<f8", 2, len(MOTION)).tolist()
+    return begin, step, np.frombuffer(data, "<f4", offset=len(MOTION) + 16).reshape(6, -1)
+
+
 class ServedPages(Visitor):
     """A panel with board, bench and lab, without nodes, and who has its whole address."""
 
@@ -84,6 +95,43 @@ def served(tmp_path_factory):
     lab = LabPages(sheet, folder / "lab")
     with serve(pages, bench, lab) as panel:
         yield ServedPages(pages, bench, lab, panel.address)
+
+
+class ServedLab(Visitor):
+    """A lab sheet as its page asks it."""
+
+    def __init__(self, pages, address):
+        super().__init__(address)
+        self.pages = pages
+
+    def asked(self, index, rpm):
+        """What the page sends of a set-up at a speed."""
+        return vars(self.pages.notebook.sheet.setups[index]) | {"rpm": rpm}
+
+
+@contextmanager
+def served_lab(sheet, out):
+    pages = LabPages(sheet, out)
+    with serve(pages, home="/lab") as served:
+        yield ServedLab(pages, served.address)
+
+
+def filled(sheet, folder, off=0.0, student="Ana"):
+    """The sheet's file with answers, each of another set-up, so far (relative) off.
+
+    With a reading before, where what is read is not yet the answer.
+    """
+    book = Notebook(sheet, folder)
+    book.name(student)
+    if sheet.answer:
+        book.record(vars(sheet.setups[0]) | {"rpm": sheet.knob[0] + 1.0})
+    for setup in sheet.asked_setups[:ANSWERS]:
+        found = sheet.true(setup) * (1.0 + off)
+        if sheet.answer:
+            book.answer(vars(setup) | {"answer": f"{found:.3f}"})
+        else:
+            book.record(vars(setup) | {"rpm": found})
+    return book.path
 
 
 # -- in a browser -----------------------------------------------------------------------------

@@ -15,12 +15,12 @@ import cam_rig
 from cam_rig.bag.files import is_unclosed
 from cam_rig.bag.reader import read_scene, read_ticks
 from cam_rig.dynamics.jump.any_follower import find_jump, follower_of
-from cam_rig.panel.bench.drawing import MOTION
 from cam_rig.testing.client import RigClient
 from cam_rig.testing.running_rig import isolated_domain
 from cam_rig.units import NS, RPM
 
-from .conftest import WAIT_S, BrowserPage, in_browser, panel_process, until
+from ..processes import is_running
+from .conftest import WAIT_S, BrowserPage, block_of, in_browser, panel_process, until
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
@@ -45,14 +45,6 @@ def contiguous(bag):
     ticks = [tick.interval for tick in read_ticks(bag)]
     assert all(one.stop_ns == other.start_ns for one, other in pairwise(ticks))
     return (ticks[-1].stop_ns - ticks[0].start_ns) / NS
-
-
-def is_alive(pid):
-    """Whether there is a process that has not ended."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except OSError:
-        return False
 
 
 def test_one_page_holds_the_controls(shared):
@@ -124,12 +116,6 @@ def test_a_page_that_watches_is_sent_every_tick_and_another_none(shared):
         assert other.motion == []
 
 
-def block_of(data):
-    """Begin and step (s), and the rows of a tick's block."""
-    begin, step = np.frombuffer(data, "<f8", 2, len(MOTION)).tolist()
-    return begin, step, np.frombuffer(data, "<f4", offset=len(MOTION) + 16).reshape(6, -1)
-
-
 class BenchInBrowser(BrowserPage):
     """The bench's page as a browser shows it."""
 
@@ -199,7 +185,7 @@ def test_nothing_stays_of_a_panel_that_is_killed(shared):
         nodes = panel.nodes()
         assert len(nodes) == 6
         panel.end(signal.SIGKILL)
-    until(lambda: not any(map(is_alive, nodes.values())))
+    until(lambda: not any(map(is_running, nodes.values())))
     (bag,) = set(panel.out.iterdir()) - kept
     assert not is_unclosed(bag)
     assert contiguous(bag) > 1.0
@@ -291,7 +277,7 @@ def test_a_signal_while_the_rig_is_set_up_ends_the_panel(running_panel, wait):
         time.sleep(wait)  # the promise holds for any; these are where it did not
         nodes = running_panel.nodes()
         assert running_panel.end(signal.SIGINT) == 128 + signal.SIGINT
-    until(lambda: not any(map(is_alive, nodes.values())))
+    until(lambda: not any(map(is_running, nodes.values())))
 
 
 @pytest.mark.long
@@ -300,23 +286,21 @@ def test_what_is_drawn_is_put_on_the_bench(running_panel):
     board = json.loads(running_panel.get("/board"))
     ordinates = list(board["ordinates"])
     ordinates[board["handles"][10]["index"]] += 0.01
-    body = json.dumps({"ordinates": ordinates})
     with running_panel.page() as page:
         page.running()
         page.do("call", value="start")
         for name in ("drawn_1", "drawn_2"):
-            status, _, answer = running_panel.post("/bench/mount", body)
-            assert (status, json.loads(answer)) == (200, {"cam": name})
+            answer = running_panel.send("/bench/mount", {"ordinates": ordinates})
+            assert answer == (200, {"cam": name})
             page.until(lambda live, name=name: live["state"].get("cam") == name)
         page.until(lambda live: live["state"]["time_ns"] > 2e9)
         bag = page.keep()
     law = read_ticks(bag)
     lifts = {tick.cam: tick.lift.max() for tick in law}
     assert set(lifts) == {"poly345", "drawn_1", "drawn_2"}
-    wrong = json.dumps({"ordinates": [0.0]})
-    status, _, answer = running_panel.post("/bench/mount", wrong)
+    status, answer = running_panel.send("/bench/mount", {"ordinates": [0.0]})
     assert status == 409
-    assert "ordinates: allowed" in json.loads(answer)["words"]
+    assert "ordinates: allowed" in answer["words"]
 
 
 @pytest.mark.long

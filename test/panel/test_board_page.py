@@ -507,10 +507,10 @@ def test_the_cam_turns_to_the_cursor_under_its_follower(page, board):
         page.until(lambda: page.text("at_cursor") != "At 0°")
         angle = int(page.page.locator("#cursor").input_value())
         assert angle == 201 or 60 < angle < 120
-        s, slope, bend, _, force = core(board, board.ordinates.tolist(), START_RPM)[:, 2 * angle]
+        s, slope, second, _, force = core(board, board.ordinates.tolist(), START_RPM)[:, 2 * angle]
         omega = START_RPM * RPM
         numbers = [float(x) for x in re.findall(r"= (-?[\d.e-]+)", page.text("at_cursor"))]
-        wanted = [1e3 * s, omega * slope, omega**2 * bend, force]
+        wanted = [1e3 * s, omega * slope, omega**2 * second, force]
         assert numbers == pytest.approx(wanted, rel=6e-3)
         turned = page.page.locator("#contour > svg > g").nth(1).get_attribute("transform")
         assert float(re.match(r"rotate\((-?[\d.]+) ", turned)[1]) == pytest.approx(-angle)

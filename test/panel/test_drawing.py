@@ -21,6 +21,8 @@ from cam_rig.panel.bench.runner import Setup
 from cam_rig.profile.outlines import follower_shape
 from cam_rig.units import RPM, TURN
 
+from .conftest import block_of
+
 #: One of each follower: roller, flat, inclined, on an arm.
 CAMS = ("poly345", "flat", "inclined_flat", "oscillating_roller", "oscillating_flat", "point")
 
@@ -96,8 +98,7 @@ def test_a_block_has_the_angle_and_the_gap_of_its_samples(tmp_path, rpm):
     block = live.block(run.rows)
     assert block is not None
     assert block.startswith(MOTION)
-    begin, step = np.frombuffer(block, "<f8", 2, len(MOTION))
-    rows = np.frombuffer(block, "<f4", offset=len(MOTION) + 16).reshape(6, -1)
+    begin, step, rows = block_of(block)
     assert begin == 0.0
     every = round(step * 4000)
     assert rows[0] == pytest.approx(run.angle[::every], abs=1e-5)

@@ -2,7 +2,6 @@
 
 import json
 import re
-from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -14,17 +13,15 @@ from cam_rig.cli.main import app
 from cam_rig.dynamics.jump.any_follower import follower_of
 from cam_rig.dynamics.jump.jump_speed import rigid_least
 from cam_rig.errors import ConfigError, DynamicsError
-from cam_rig.panel.command import mark_sheets
 from cam_rig.panel.lab.labs import TOLERANCES, lab_sheet
 from cam_rig.panel.lab.pages import LabPages
 from cam_rig.panel.lab.recorded import Notebook, read_sheet, to_text
 from cam_rig.panel.lab.sheet import LabSetup, drawn
 from cam_rig.panel.lab.turns import POINTS
-from cam_rig.panel.server import serve
 from cam_rig.units import RPM
 
-from ..viewer.asking import Visitor, ask
-from .conftest import sheet_of
+from ..viewer.asking import ask
+from .conftest import ANSWERS, filled, served_lab, sheet_of
 
 # -- the hidden rig: the same on every machine, within its tolerances -------------------------
 
@@ -142,30 +139,6 @@ def test_above_the_jump_the_force_is_zero_in_flight_and_never_pulls():
 
 
 # -- the page is told what a student may see, and nothing of the hidden rig's numbers ---------
-
-
-class ServedLab(Visitor):
-    """A lab sheet as its page asks it."""
-
-    def __init__(self, pages, address):
-        super().__init__(address)
-        self.pages = pages
-
-    def send(self, path, value):
-        """Status and answer."""
-        status, _, body = self.post(path, json.dumps(value))
-        return status, json.loads(body)
-
-    def asked(self, index, rpm):
-        """What the page sends of a set-up at a speed."""
-        return vars(self.pages.notebook.sheet.setups[index]) | {"rpm": rpm}
-
-
-@contextmanager
-def served_lab(sheet, out):
-    pages = LabPages(sheet, out)
-    with serve(pages, home="/lab") as served:
-        yield ServedLab(pages, served.address)
 
 
 @pytest.fixture(scope="module")
@@ -293,16 +266,6 @@ def test_nonsense_and_what_cannot_be_written_are_refused_and_not_recorded(plain,
 # -- cam-rig panel --mark: how far each reading is from the truth, and what is no sheet -------
 
 
-def written(folder, seed, off=0.0, rig="paper_table2"):
-    """A sheet of three readings, so far (relative) off the truth."""
-    sheet = sheet_of(rig, seed)
-    book = Notebook(sheet, folder)
-    book.name("Ana")
-    for setup in sheet.setups[:3]:
-        book.record(vars(setup) | {"rpm": sheet.true(setup) * (1.0 + off)})
-    return book.path
-
-
 def mark(*arguments):
     """Exit code, stdout and stderr."""
     found = CliRunner().invoke(app, ["panel", "--mark", *map(str, arguments)])
@@ -311,51 +274,35 @@ def mark(*arguments):
 
 def test_marks_are_the_difference_to_find_jump(tmp_path):
     """Of the hidden rig with a seed, else of the rig's own numbers; a row a reading in the CSV."""
-    right, wrong = written(tmp_path, "alpha"), written(tmp_path, None, off=0.02)
-    target = tmp_path / "marks.csv"
-    code, out, err = mark(right, wrong, "--json", "-", "--csv", target)
+    right = filled(sheet_of(seed="alpha"), tmp_path)
+    wrong, target = filled(sheet_of(), tmp_path, off=0.02), tmp_path / "marks.csv"
+    picture = tmp_path / "class.png"
+    code, out, err = mark(right, wrong, "--json", "-", "--csv", target, "--plot", picture)
     assert code == 0
+    assert picture.stat().st_size > 5000
     found = json.loads(out)
     sheets = {row["file"]: row["within"] for row in found["sheets"]}
-    assert [sheets[str(p)] for p in (right, wrong)] == [3, 0]
-    assert "Ana: 3 of 3 within 1 %" in err
-    assert "0 of 3 within 1 %; mean +2.00 %" in err
+    assert [sheets[str(p)] for p in (right, wrong)] == [ANSWERS, 0]
+    assert "Ana: 4 of 4 within 1 %" in err
+    assert "0 of 4 within 1 %; mean +2.00 %" in err
     own = cam_rig.load_rig("paper_table2").with_follower(spring_stiffness=3020.0)
     law = cam_rig.build_law(cam_rig.load_cam("poly345"))
     first = next(row for row in found["answers"] if row["file"] == str(wrong))
     true = cam_rig.jump_speed(law, own, duration=None).rpm
     assert first["true"] == pytest.approx(true, abs=0.01)
     assert first["difference"] == pytest.approx(0.02, abs=1e-4)
-    assert mark(wrong, "--tolerance", 2.5)[2].count("3 of 3 within 2.5 %") == 1
+    assert mark(wrong, "--tolerance", 2.5)[2].count("4 of 4 within 2.5 %") == 1
     lines = target.read_text("utf-8").splitlines()
     assert lines[0].startswith(
         "file,reading,asked,spring_stiffness,added_mass,preload,answer,true,unit,"
     )
-    assert len(lines) == 7
+    assert len(lines) == 1 + 2 * ANSWERS
     assert target.with_suffix(".sheets.csv").read_text("utf-8").count("\n") == 3
-
-
-def test_the_class_is_drawn_with_the_farthest_reading_last(tmp_path):
-    """A row a sheet, a point a reading, what is beyond the tolerance full."""
-    sheets = [
-        written(tmp_path, seed, off) for seed, off in (("a", -0.03), ("b", 0.0), ("c", 0.005))
-    ]
-    found = mark_sheets(sheets, [], None, None)
-    above, below = found.plot().axes
-    assert [tick.get_text() for tick in above.get_yticklabels()] == ["Ana"] * 3
-    places = [(line.get_ydata()[0], line.get_xdata()[0]) for line in above.lines]
-    assert [len([1 for row, _ in places if row == k]) for k in range(3)] == [3, 3, 3]
-    assert all(abs(x + 3.0) < 0.01 for row, x in places if row == 2)
-    full = [line.get_markerfacecolor() != "none" for line in above.lines]
-    assert full == [False] * 6 + [True] * 3
-    assert sum(bar.get_height() for bar in below.containers[0]) == 9
-    assert mark(*sheets, "--plot", tmp_path / "class.png")[0] == 0
-    assert (tmp_path / "class.png").stat().st_size > 5000
 
 
 def test_a_spreadsheet_may_have_saved_it(tmp_path):
     """Commas after the head's lines, a byte order mark, quotation marks, empty lines."""
-    path = written(tmp_path, "alpha")
+    path = filled(sheet_of(seed="alpha"), tmp_path)
     before = read_sheet(path)
     text = path.read_text("utf-8")
     lines = [f'"{line}",,,,' if line.startswith("#") else line for line in text.splitlines()]
@@ -379,7 +326,7 @@ DAMAGED = (
 
 def test_a_damaged_sheet_is_one_line(tmp_path):
     """With the file, what is wrong and what is allowed; one without readings is none to mark."""
-    path = written(tmp_path, "alpha")
+    path = filled(sheet_of(seed="alpha"), tmp_path)
     text = path.read_text("utf-8")
     for old, new, words in DAMAGED:
         assert old in text
@@ -398,7 +345,7 @@ def test_a_damaged_sheet_is_one_line(tmp_path):
 
 def test_another_cam_or_rig_is_one_line(tmp_path):
     """What is named must be what is on the sheet; what is not a file is named too."""
-    path = written(tmp_path, None, rig="tm21")
+    path = filled(sheet_of("tm21"), tmp_path)
     assert mark(path)[0] == 0
     assert mark("poly345", path, "--rig", "tm21")[0] == 0
     for arguments, words in (

@@ -1,7 +1,6 @@
 """Every lab: a student who follows its steps is right, by any seed, and who is far off is not."""
 
 import json
-from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -13,35 +12,11 @@ from cam_rig.panel.lab.labs import LABS, SCATTER_DB, lab_sheet
 from cam_rig.panel.lab.pages import LabPages
 from cam_rig.panel.lab.recorded import Notebook, number_in, read_sheet
 from cam_rig.panel.lab.sheet import CURVE
-from cam_rig.panel.server import serve
 
-from ..viewer.asking import Visitor
-from .conftest import sheet_of
+from .conftest import ANSWERS, filled, served_lab, sheet_of
 
 SEEDS = [None, "group-3", "Z9"]
 pytestmark = pytest.mark.variants(2)
-
-
-#: Of the lab with the most set-ups.
-ANSWERS = 4
-
-
-def filled(sheet, folder, off=0.0):
-    """The sheet's file with answers, each of another set-up, so far (relative) off.
-
-    With a reading before, where what is read is not yet the answer.
-    """
-    book = Notebook(sheet, folder)
-    book.name(f"off {off:g}")
-    if sheet.answer:
-        book.record(vars(sheet.setups[0]) | {"rpm": sheet.knob[0] + 1.0})
-    for setup in sheet.asked_setups[-ANSWERS:]:
-        found = sheet.true(setup) * (1.0 + off)
-        if sheet.answer:
-            book.answer(vars(setup) | {"answer": f"{found:.3f}"})
-        else:
-            book.record(vars(setup) | {"rpm": found})
-    return book.path
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -69,9 +44,11 @@ def test_what_was_written_is_read_again(lab, tmp_path):
 
 
 def test_the_class_of_each_lab_is_drawn(tmp_path):
-    """A row a sheet, the farthest last, one without an answer after it; a point an answer."""
+    """A row a sheet, the farthest last, one without an answer after it; a point an answer, full
+    where it is beyond the tolerance."""
     for lab in LABS:
-        sheets = [filled(sheet_of(lab=lab), tmp_path, off) for off in (0.2, 0.0)]
+        sheet = sheet_of(lab=lab)
+        sheets = [filled(sheet, tmp_path, off, f"off {off:g}") for off in (0.2, 0.0)]
         if LABS[lab].answer:
             book = Notebook(sheet_of(lab=lab), tmp_path)
             book.name("none")
@@ -82,7 +59,9 @@ def test_the_class_of_each_lab_is_drawn(tmp_path):
         names = [tick.get_text() for tick in above.get_yticklabels()]
         assert names == ["off 0", "off 0.2", "none"][: len(sheets)]
         answers = sum(len(sheet.marks) for sheet in found.sheets)
-        assert len(above.lines) == answers
+        points = [(line.get_ydata()[0], line.get_markerfacecolor()) for line in above.lines]
+        assert len(points) == answers
+        assert all((colour != "none") == (row == 1) for row, colour in points)
         assert sum(bar.get_height() for bar in below.containers[0]) == answers
         assert LABS[lab].asked in below.get_xlabel()
         assert ("no answer" in found.summary()[-1]) is bool(LABS[lab].answer)
@@ -190,38 +169,25 @@ def test_a_number_has_a_point_or_a_comma(words, number):
     assert number_in(words) == number
 
 
-@contextmanager
-def asked_of(sheet, folder):
-    """Ask the pages of a sheet: status and answer."""
-    with serve(LabPages(sheet, folder), home="/lab") as served:
-        visitor = Visitor(served.address)
-
-        def ask(path, value=None):
-            if value is None:
-                return 200, json.loads(visitor.get(path))
-            status, _, body = visitor.post(path, json.dumps(value))
-            return status, json.loads(body)
-
-        yield ask
-
-
 @pytest.mark.parametrize("lab", ["vibration", "noise"])
 def test_a_page_answers_with_a_comma_and_is_told_nothing_of_the_true_numbers(lab, tmp_path):
     """Nor what is asked for; theory is of the sheet's own numbers, and without a seed alone."""
     sheet = sheet_of(seed="group-3", lab=lab)
     setup = vars(sheet.setups[0])
-    with asked_of(sheet, tmp_path) as ask:
+    with served_lab(sheet, tmp_path) as lab_page:
+        ask = lab_page.send
         status, page = ask("/lab/answer", setup | {"answer": "250,5"})
         assert (status, page["readings"][-1]["answer"]) == (200, 250.5)
         for answer in ("", "x", "-3", "0", None, True, [1], "1.234,5"):
             assert ask("/lab/answer", setup | {"answer": answer})[0] == 409
-        said = json.dumps([ask("/lab/sheet"), ask("/lab/record", setup | {"rpm": 240.0})])
+        said = lab_page.get("/lab/sheet").decode()
+        said += json.dumps(ask("/lab/record", setup | {"rpm": 240.0}))
         assert not ask("/lab/turn", setup | {"rpm": 240.0})[1]["was_lost"]
         for asked in sheet.asked_setups:
             assert f"{sheet.true(asked):.2f}"[:-1] not in said
     assert read_sheet(tmp_path / f"lab_{lab}_group-3.csv").readings[0].answer == 250.5
-    with asked_of(sheet_of(lab=lab), tmp_path) as ask:
-        theory = ask("/lab/theory")[1]["curves"]
+    with served_lab(sheet_of(lab=lab), tmp_path) as lab_page:
+        theory = json.loads(lab_page.get("/lab/theory"))["curves"]
         assert len(theory) == len(sheet.options[sheet.marker])
         assert 0.5 * CURVE < max(map(len, theory)) <= CURVE
         assert all(np.isfinite(curve).all() for curve in theory)

@@ -30,7 +30,8 @@ from cam_rig.panel.board.pages import DESIGN, WORKER
 from cam_rig.panel.server import STATIC, PanelPages, serve
 from cam_rig.viewer.web_server import MAX_MESSAGE
 
-from ..viewer.asking import Visitor, ask, children
+from ..processes import children
+from ..viewer.asking import Visitor, ask
 from .conftest import BENCH, BOARD, WAIT_S, until
 
 PATHS = ["/", "/board", "/static/board/law.js", "/other/tm21", "/languages", "/nothing"]
@@ -340,7 +341,7 @@ def test_a_request_that_never_ends_holds_no_other_up(panel):
         lines = [f"{name}: {x}" for name, x in own.items()]
         head = ["POST /lab/student HTTP/1.1", *lines, "Content-Length: 100", "", '{"student"']
         page.sendall("\r\n".join(head).encode())
-        assert panel.post("/lab/student", '{"student": "A"}')[0] == 200
+        assert panel.send("/lab/student", {"student": "A"})[0] == 200
     assert panel.lab.notebook.recorded.student == "A"
 
 
@@ -388,8 +389,7 @@ def begun_by_this(*wanted):
 
 def design(panel, name):
     """Status and answer of a wish for a design."""
-    status, _, body = panel.post("/design", json.dumps({"name": name}))
-    return status, json.loads(body)
+    return panel.send("/design", {"name": name})
 
 
 @pytest.mark.slow

@@ -100,8 +100,7 @@ def test_what_is_sent_is_of_its_type(served, tmp_path):
             for kind, message in received(socket, "live", "answer").items()
         }
     for i, rpm in enumerate((300.0, 600.0)):
-        _, _, body = served.post("/bench/expected", json.dumps({"rpm": rpm}))
-        sent[f"expected_{i}"] = ("Expected", json.loads(body))
+        sent[f"expected_{i}"] = ("Expected", served.send("/bench/expected", {"rpm": rpm})[1])
     for lab in LABS:
         for seed in (None, "alpha"):
             pages = LabPages(sheet_of(lab=lab, seed=seed), tmp_path)

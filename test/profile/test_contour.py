@@ -44,8 +44,8 @@ def test_roller_equations(angles):
         contour = made.contours(angles)[0]
         pitch = np.stack([e * cosine + d * sine, -e * sine + d * cosine])
         close(contour.pitch, pitch, 1e-16)
-        bend = (v - e) * (2 * v - e) - d * (a - d)
-        radius = (d**2 + (v - e) ** 2) ** 1.5 / bend - roller
+        turned = (v - e) * (2 * v - e) - d * (a - d)
+        radius = (d**2 + (v - e) ** 2) ** 1.5 / turned - roller
         np.testing.assert_allclose(1.0 / contour.radius, 1.0 / radius, rtol=1e-12)
         close(np.tan(contour.pressure), (v - e) / d, 1e-14)
         np.testing.assert_allclose(np.hypot(*(contour.points - pitch)), roller, rtol=1e-13)

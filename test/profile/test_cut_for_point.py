@@ -77,8 +77,8 @@ def test_lift_is_kept_and_never_below(followed_by):
         assert found.error[2] < 1e-10 * np.abs(law(ANGLES, 2)).max()
         assert np.abs(found.law.jumps(2)).max() < 1e-10
         if not law.name.startswith("random"):
-            rho, bend = BASE + law(at), law(at, 2)
-            exact = bend / (1.0 - ROLLER * bend / (rho * (rho + ROLLER)))
+            rho, second = BASE + law(at), law(at, 2)
+            exact = second / (1.0 - ROLLER * second / (rho * (rho + ROLLER)))
             assert np.abs(law(at, 1)).max() < 1e-12
             assert np.abs(found.law(at, 2) - exact).max() < 1e-11
 

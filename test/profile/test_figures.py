@@ -60,10 +60,10 @@ def test_the_numbers_are_those_of_the_contour(draw: Draw, cams: Cams, laws: Laws
     for name in ("flat", "conjugate", "oscillating_roller"):
         _, curvature, pressure = draw(name).axes
         for i, contour in enumerate(contours(cams[name].follower, laws[name], 36_000)):
-            bend = np.where(contour.radius > 0.0, contour.radius, np.inf) * 1e3
+            convex = np.where(contour.radius > 0.0, contour.radius, np.inf) * 1e3
             steep = np.degrees(np.abs(contour.pressure))
             for axes, values, best in (
-                (curvature, bend, bend.min()),
+                (curvature, convex, convex.min()),
                 (pressure, steep, steep.max()),
             ):
                 text = axes.get_legend().get_texts()[i].get_text()

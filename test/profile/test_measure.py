@@ -1,4 +1,4 @@
-"""A follower put on a finished contour: where it rests, whether it has play, what is no contour."""
+"""A follower on a finished contour: where it rests, its backlash, what is no contour."""
 
 import re
 
@@ -14,7 +14,7 @@ from .conftest import OPPOSITE, Made, make
 ANGLES = np.radians(np.arange(0.0, 360.0, 7.3))
 #: A circular cam about (3, 4) mm, 20 mm in radius.
 CENTRE, RADIUS = 0.003 + 0.004j, 0.020
-#: Largest play allowed, m.
+#: Largest backlash allowed, m.
 NONE = 1e-9
 
 
@@ -123,10 +123,10 @@ def test_points_that_are_no_whole_contour():
     assert "points 10 and 11 are" in gap
 
 
-# A follower moved both ways has no play: both its elements touch, by dropping each on its cam.
+# A follower moved both ways has no backlash: both its elements touch, by dropping each on its cam.
 
 
-def test_shipped_cams_have_no_play(cams, laws):
+def test_shipped_cams_have_no_backlash(cams, laws):
     """Both rollers touch all round; so do the faces of a fall that is its rise turned by 180°."""
     for name in ("constant_breadth", "constant_diameter", "conjugate", "oscillating_conjugate"):
         assert np.abs(measure.closure(cams[name].follower, laws[name])).max() < NONE
@@ -135,13 +135,13 @@ def test_shipped_cams_have_no_play(cams, laws):
 
 
 def test_a_second_cam_cut_for_another_rocker_shows():
-    """For an angle between the arms wrong by δ the play is −arm δ at every angle."""
+    """For an angle between the arms wrong by δ the backlash is −arm δ at every angle."""
     for wrong in (-0.01, 0.02):
         right, cut = (make("oscillating_conjugate", arms_angle=80.0 + d) for d in (0.0, wrong))
         first = contours(right.cam.follower, right.law, measure.POINTS)[0]
         second = contours(cut.cam.follower, cut.law, measure.POINTS)[1]
         curves = measure.closed_curve(first.points), measure.closed_curve(second.points)
-        found = measure.play(measure.pair(right.discs), curves, turn_angles(36))
+        found = measure.backlash(measure.pair(right.discs), curves, turn_angles(36))
         np.testing.assert_allclose(found, -0.075 * np.radians(wrong), rtol=0, atol=NONE)
     made = make("roller")
     with pytest.raises(ProfileError, match="moves both ways"):

@@ -19,6 +19,8 @@ from cam_rig.runner import fork_server as runner_half
 from cam_rig.runner.fork_server import ForkedProcess, ForkServer
 from cam_rig.runner.node_process import NodeProcess, environment
 
+from ..processes import is_running
+
 pytestmark = [pytest.mark.ros, pytest.mark.starts]
 COMMAND = [sys.executable, "-m", "cam_rig.nodes", "follower", "--ros-args"]
 
@@ -32,15 +34,6 @@ def start(ros_domain, fork_server):
 def command_line(pid):
     """What `ps` shows of a process."""
     return Path(f"/proc/{pid}/cmdline").read_bytes().rstrip(b"\0").split(b"\0")
-
-
-def is_running(pid):
-    """Whether there is such a process that has not ended."""
-    try:
-        stat = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8")
-    except OSError:
-        return False
-    return stat.rpartition(")")[2].split()[0] != "Z"
 
 
 def wait_until(condition):

@@ -1,8 +1,7 @@
 """Requests to a server of pages, header by header."""
 
-from contextlib import suppress
+import json
 from http.client import HTTPConnection
-from pathlib import Path
 from urllib.parse import urlsplit
 
 
@@ -47,12 +46,7 @@ class Visitor:
         """What a page's own request is answered with."""
         return ask(self.address, path, "POST", body, **self.headers)
 
-
-def children(pid):
-    """The words of each process's command that one has begun, by their numbers."""
-    found = {}
-    for task in Path(f"/proc/{pid}/task").glob("*/children"):
-        for child in map(int, task.read_text().split()):
-            with suppress(OSError):  # it has ended meanwhile
-                found[child] = Path(f"/proc/{child}/cmdline").read_text().split("\0")
-    return found
+    def send(self, path, value):
+        """Status and answer of what a page sends as JSON."""
+        status, _, body = self.post(path, json.dumps(value))
+        return status, json.loads(body)

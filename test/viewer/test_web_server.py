@@ -20,7 +20,8 @@ from cam_rig.viewer.rerun_page import serve, serve_file
 from cam_rig.viewer.timeline import RIG_TIME
 from cam_rig.viewer.web_server import Access
 
-from .asking import Visitor, ask, children, opened
+from ..processes import children, sockets
+from .asking import Visitor, ask, opened
 
 RECORDED = b"RRF2 of a kind"
 
@@ -143,19 +144,8 @@ def test_what_is_no_path_is_refused(page, capfd, monkeypatch):
 
 def listening_ports(pids):
     """The TCP ports at which processes listen."""
-    inodes = set()
-    for pid in pids:
-        for link in Path(f"/proc/{pid}/fd").iterdir():
-            try:
-                inodes.add(os.readlink(link).removeprefix("socket:[").rstrip("]"))
-            except OSError:  # closed meanwhile
-                continue
-    rows = [
-        row.split()
-        for name in ("tcp", "tcp6")
-        for row in Path(f"/proc/net/{name}").read_text().splitlines()[1:]
-    ]
-    return {int(row[1].split(":")[1], 16) for row in rows if row[3] == "0A" and row[9] in inodes}
+    rows = [row for pid in pids for row in sockets(pid, "tcp", "tcp6")]
+    return {int(row[1].split(":")[1], 16) for row in rows if row[3] == "0A"}
 
 
 @pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="reads Linux's own tables")

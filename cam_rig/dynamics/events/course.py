@@ -205,7 +205,7 @@ def law_table(law: Law, arrays: bool) -> LawTable:
     """The table of a law."""
     size = law.degree + 1
     pieces = np.zeros((law.spans.size, 5, max(size, 3)))
-    pieces[:, at.PLACE, :3] = np.stack([law.breaks[:-1], law.spans, law.bends], axis=1)
+    pieces[:, at.PLACE, :3] = np.stack([law.breaks[:-1], law.spans, law.largest_curvatures], axis=1)
     weighted = law.motion * bernstein.binomials(law.degree)[:, None]
     pieces[:, at.LIFT : at.BEND + 1, :size] = np.transpose(weighted, (2, 0, 1))
     pieces[:, at.ACCELERATION, :size] = law.motion[2].T

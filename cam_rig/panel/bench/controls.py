@@ -25,10 +25,7 @@ ANSWER_S = 5.0
 
 
 class NodeLink:
-    """Takes the one connection of the panel's node; another one takes its place.
-
-    ``heard`` is called with each line that is not an answer.
-    """
+    """Takes the one connection of the panel's node; ``heard`` gets each line that is no answer."""
 
     def __init__(self, path: Path, heard: Callable[[dict[str, Any]], None]) -> None:
         self._path, self._heard = path, heard

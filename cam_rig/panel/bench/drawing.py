@@ -65,10 +65,7 @@ class LiveMotion:
         self._states.append(state)
 
     def block(self, rows: FloatArray) -> bytes | None:
-        """A tick for a page; None where its cam's state is not known.
-
-        A name of 8 bytes, rig time and step (s) as doubles, then `curves` as 32-bit floats.
-        """
+        """A page's tick: rig time and step (s) as doubles, `curves`; None where its state lacks."""
         time = rows[0]
         began = [s for s in self._states if s["time_ns"] <= round(float(time[0]) * NS)]
         if not began:
@@ -88,10 +85,7 @@ class LiveMotion:
 
 
 def cam_picture(cam: CamConfig, law: Law) -> dict[str, Any]:
-    """The cam in its own frame, the follower about its origin and how it moves; mm and rad.
-
-    A follower's origin is at ``origin + along · lift``; it is turned by ``turn + turns · lift``.
-    """
+    """The cam in its own frame and its follower, whose origin is linear in lift; mm and rad."""
     shape, disc = follower_shape(cam, law), contours(cam.follower, law, POINTS)[0]
     two = np.array([0.0, max(law.lift, 1e-3)])
     origin, turn = shape.origin(two) * MM, shape.turn(two)
@@ -127,10 +121,7 @@ def _rounded(value: float) -> float:
 
 
 def expected(setup: Setup, law: Law, rig: RigConfig) -> dict[str, Any]:
-    """A settled turn at the set-up's speed, by the exact model; s, v, a, F and gap, each (n,).
-
-    With its level (dB), the least force (N), and whether its turns repeat.
-    """
+    """A settled turn by the exact model: `curves`, level (dB), least force (N), if it repeats."""
     scene = SceneConfig.model_validate(setup.scene(rig, [setup.rpm], TURNS))
     speed = setup.rpm * RPM
     block, row, settled = settled_turn(law, rig, scene, speed, POINTS)

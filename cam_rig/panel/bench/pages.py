@@ -40,7 +40,7 @@ from cam_rig.panel.board.board import Board
 from cam_rig.panel.server import LivePage, PanelPages, csv_file, get, page_file, post
 from cam_rig.schema import CamConfig
 from cam_rig.show import looks as colours
-from cam_rig.simulation.scene import is_calibrated
+from cam_rig.simulation.scene import calibrated_on
 from cam_rig.units import NS, FloatArray
 
 # One page of the bench: told as every live page is, and what it watches and listens to.
@@ -112,11 +112,7 @@ class BenchPages(PanelPages):
     async def alive(self) -> AsyncIterator[None]:
         """Listen to the nodes and tell the pages, as long as they are served."""
         loop = asyncio.get_running_loop()
-
-        def tell(message: dict[str, Any]) -> None:
-            loop.call_soon_threadsafe(self._happened, message)
-
-        self._runner.tell = tell
+        self._runner.tell = lambda message: loop.call_soon_threadsafe(self._happened, message)
         try:
             async with self._link.listening():
                 yield
@@ -153,12 +149,8 @@ class BenchPages(PanelPages):
         """What a set-up does at its speed once it has settled, and its jump speeds."""
         setup = self._controls.as_it_is(given)
         law, rig = self._cams(setup.cam)[1], setup.rig(self._runner.rig)
-
-        def found() -> dict[str, Any]:
-            jumps = {"jumps": jump_speeds(law, rig, setup.model)}
-            return expected(setup, law, rig) | jumps
-
-        return await asyncio.to_thread(found)
+        jumps = {"jumps": await asyncio.to_thread(jump_speeds, law, rig, setup.model)}
+        return await asyncio.to_thread(expected, setup, law, rig) | jumps
 
     async def _mount(self, body: dict[str, Any]) -> dict[str, Any]:
         """Put the law of some ordinates of the board on the bench; its nodes begin if need be."""
@@ -243,12 +235,7 @@ class BenchPages(PanelPages):
 
     def _shown(self, page: BenchPage) -> dict[str, Any]:
         own = {"type": "live", "holds": page is self._pages[0]}
-        own |= {"sound_rate": self._controls.sound.rate, "calibrated_on": self._calibrated_on()}
-        return own | self.live.shown()
-
-    def _calibrated_on(self) -> str:
-        """The cam that the levels are calibrated on; empty where they are relative."""
         setup = self.live.setup
-        rig = setup.rig(self._runner.rig)
-        fitted = is_calibrated(rig, setup.model)
-        return (rig.calibrated_on or "measured levels") if fitted else ""
+        worth = calibrated_on(setup.rig(self._runner.rig), setup.model)
+        own |= {"sound_rate": self._controls.sound.rate, "calibrated_on": worth}
+        return own | self.live.shown()

@@ -12,8 +12,6 @@ from pathlib import Path
 from queue import Empty, Queue
 from typing import Any
 
-import yaml
-
 from cam_rig import dynamics
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.jump.any_follower import follower_of
@@ -24,7 +22,7 @@ from cam_rig.runner.node_process import steered
 from cam_rig.runner.node_table import DRIVE, OPTIONAL, PANEL
 from cam_rig.runner.resources import domain_number, own_domain
 from cam_rig.schema import CamConfig, RigConfig
-from cam_rig.schema.load import NAME, config_root, load_cam
+from cam_rig.schema.load import NAME, config_root, load_cam, to_yaml
 from cam_rig.viewer.page import PageTime
 from cam_rig.viewer.rerun_page import serve
 
@@ -115,8 +113,7 @@ class Setup:
         scene = self.scene(base, speeds, MAX_TURNS)
         for kind, data in (("scenes", scene), ("rigs", rig)):
             (folder / kind).mkdir(parents=True, exist_ok=True)
-            text = yaml.safe_dump(data, sort_keys=False, allow_unicode=True)
-            (folder / kind / "bench.yaml").write_text(text, encoding="utf-8")
+            (folder / kind / "bench.yaml").write_text(to_yaml(data), encoding="utf-8")
         return folder / "scenes" / "bench.yaml"
 
     def scene(self, base: RigConfig, speeds: list[float], turns: int) -> dict[str, Any]:
@@ -151,10 +148,7 @@ def allowed_models(rig: RigConfig) -> tuple[str, ...]:
 
 
 def cam_names(own: Path) -> list[str]:
-    """The cams that can be mounted: the bench's own, and the shipped ones.
-
-    Not those whose follower is held on them: no model turns these.
-    """
+    """The cams that can be mounted, own and shipped, but those whose follower is held on them."""
     folders = (config_root() / "cams", own)  # the bench's own come first, as they are looked up
     found = {path.stem: path for folder in folders for path in folder.glob("*.yaml")}
     named = ((name, path) for name, path in found.items() if NAME.fullmatch(name))
@@ -163,8 +157,7 @@ def cam_names(own: Path) -> list[str]:
 
 def add_cam(cam: CamConfig, cams: Path) -> None:
     """Put a cam among those that can be mounted."""
-    data = cam.model_dump(exclude_none=True, mode="json")
-    text = yaml.safe_dump(data, sort_keys=False, allow_unicode=True)
+    text = to_yaml(cam.model_dump(exclude_none=True, mode="json"))
     cams.mkdir(parents=True, exist_ok=True)
     (cams / f"{cam.name}.yaml").write_text(text, encoding="utf-8")
 
@@ -175,14 +168,11 @@ PATIENCE_S = 3600.0
 LOOK_S = 0.5
 #: Parameters by node.
 NodeValues = dict[str, dict[str, Any]]
-Told = Callable[[dict[str, Any]], None]
+Told = Callable[[dict[str, Any]], object]
 
 
 class BenchRunner:
-    """Runs set-up after set-up; `run` belongs to the main thread, all else to any.
-
-    ``folder`` is the bench's own, for scenes; its ``cams`` can be mounted. Kept bags go to ``out``.
-    """
+    """Runs set-ups in ``folder`` and keeps bags in ``out``; the main thread alone may `run` it."""
 
     def __init__(self, rig: RigConfig, folder: Path, out: Path, screen: bool = True) -> None:
         self.rig, self.folder, self.out = rig, folder, out

@@ -14,9 +14,9 @@ from pydantic import ValidationError
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.jump.any_follower import TWO_MASSES, described, follower_of
 from cam_rig.dynamics.jump.jump_speed import FROM_REST
-from cam_rig.errors import CamRigError, ConfigError, OutputError, ProfileError, RefusedError
+from cam_rig.errors import CamRigError, ConfigError, ProfileError, RefusedError
 from cam_rig.extras import require
-from cam_rig.law_design.cam_file import without_empty
+from cam_rig.files import write_new
 from cam_rig.laws import Law, build_law
 from cam_rig.panel import is_number
 from cam_rig.panel.bench.drawing import cam_picture
@@ -25,7 +25,16 @@ from cam_rig.panel.board.drawn_law import ORDERS, POINTS, DrawnLaw, in_base64, m
 from cam_rig.profile.check_table import check_cam
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.explain import explain
-from cam_rig.schema.load import NAME, Library, config_root, load_cam, quantity, to_yaml, valid_cam
+from cam_rig.schema.load import (
+    NAME,
+    Library,
+    config_root,
+    file_data,
+    load_cam,
+    quantity,
+    to_yaml,
+    valid_cam,
+)
 from cam_rig.schema.segments import BSpline
 from cam_rig.schema.yaml_text import parse_yaml
 from cam_rig.simulation.scene import is_calibrated
@@ -151,7 +160,7 @@ class Board:
     def save(self, name: Any, ordinates: Any) -> Path:
         """Write ordinates as a cam file; of a law that cannot be made it says so, and why."""
         path = self.out / f"{require_name(name)}.yaml"
-        write_new(path, self._text(path.stem, ordinates))
+        write_new(self.out, {path.name: self._text(path.stem, ordinates)})
         return path
 
     def drawn_cam(self, name: str, ordinates: Any) -> CamConfig:
@@ -218,8 +227,7 @@ def cam_text(
     name: str, cam: CamConfig, file: CamConfig, ordinates: FloatArray, why_not: str | None
 ) -> str:
     """The file of a drawn cam with other ordinates ``(m,)``; it says why it cannot be made."""
-    data = cam.model_dump(exclude_none=True)
-    data |= {"name": name, "title": f"{file.title}, drawn"}
+    data = file_data(cam) | {"name": name, "title": f"{file.title}, drawn"}
     data.pop("cannot_be_made", None)
     data.pop("identified_from", None)
     source, at = f"drawn on the panel, from {file.name}", 0
@@ -231,26 +239,10 @@ def cam_text(
             at += count
     if why_not is not None:
         data["cannot_be_made"] = why_not
-    data["segments"] = [without_empty(part) for part in data.pop("segments")]
-    plain = {key: without_empty(x) if isinstance(x, dict) else x for key, x in data.items()}
-    valid_cam(plain)
-    return f"# Drawn with cam-rig panel; dwells and spans are those of {file.name}.\n" + (
-        to_yaml(plain)
-    )
-
-
-def write_new(path: Path, text: str) -> None:
-    """Write a file that is not there yet."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("x", encoding="utf-8") as file:
-            file.write(text)
-    except FileExistsError:
-        raise OutputError(
-            f"{path}: exists already, not overwriting; name another or move it"
-        ) from None
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written ({error.strerror})") from None
+    data["segments"] = data.pop("segments")  # to the end
+    valid_cam(data)
+    head = f"# Drawn with cam-rig panel; dwells and spans are those of {file.name}.\n"
+    return head + to_yaml(data)
 
 
 def designed_path(start: Path) -> Path:

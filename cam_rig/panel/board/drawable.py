@@ -32,6 +32,7 @@ from cam_rig.profile.check_table import check_cam, greatest_allowed
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.load import quantity, valid_cam
 from cam_rig.schema.segments import MAX_B_SPLINE_DEGREE, MAX_B_SPLINE_ORDINATES, Bezier, BSpline
+from cam_rig.show.looks import MM
 from cam_rig.simulation.motion import simulate
 from cam_rig.simulation.sound import sound_level
 from cam_rig.units import RPM, TURN, FloatArray
@@ -132,10 +133,7 @@ def _nearest(law: Law, event: LawEvent) -> Spline:
 
 
 def _knots(law: Law, event: LawEvent, degree: int) -> tuple[FloatArray, list[int]]:
-    """Knots over [0, 1] with the law's own joints as they are, and how smooth both ends are.
-
-    Long pieces are split: none is longer than `LONGEST`, or than a `PIECES`-th of the event.
-    """
+    """Knots over [0, 1], the law's own joints and more between them; how smooth both ends are."""
     found = {joint.angle: joint.continuity for joint in joints(law)}
     ends = [np.argmin(np.abs(law.breaks - event.start - part * event.span)) for part in (0, 1)]
     edges = law.breaks[ends[0] : ends[1] + 1].tolist()
@@ -155,10 +153,7 @@ def _knots(law: Law, event: LawEvent, degree: int) -> tuple[FloatArray, list[int
 
 
 def _at_end(law: Law, event: LawEvent, end: int, count: int) -> list[float]:
-    """S and its derivatives, in lifts over the event's span, at its start (0) or end (1).
-
-    Those of what lies beyond, so that a dwell is met as it is.
-    """
+    """S and its derivatives, in lifts over the span, beyond its start (0) or end (1): a dwell's."""
     angle = event.start + end * event.span
     begins = int(np.argmin(np.abs(law.breaks - angle)))
     piece, side = (begins % law.spans.size, 0) if end else ((begins - 1) % law.spans.size, -1)
@@ -240,10 +235,7 @@ def _jump(law: Law, rig: RigConfig) -> float:
 
 
 def level(law: Law, rig: RigConfig, rpm: float) -> float:
-    """Sound pressure level, dB re 20 µPa, of one rigid mass in steady state.
-
-    Exact where the follower stays on the cam; simulated where it does not.
-    """
+    """Level (dB re 20 µPa) of one rigid mass: exact in contact, else of a simulation."""
     follower = FollowerParameters.from_rig(rig)
     if law.velocity_jumps or rigid_jump_speed(law, follower) <= rpm * RPM:
         return sound_level(simulate(law, rig, rpm=rpm, turns=TURNS)).level_db
@@ -275,5 +267,5 @@ def _shown(disc: Contour, undercut: NDArray[np.bool_], steep: NDArray[np.bool_])
 
 
 def _millimetres(points: FloatArray) -> list[list[float]]:
-    found: list[list[float]] = np.round(1e3 * points, DECIMALS).tolist()
+    found: list[list[float]] = np.round(MM * points, DECIMALS).tolist()
     return found

@@ -12,12 +12,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.interpolate import BSpline as Spline
 
-from cam_rig.laws import Law, bernstein
-from cam_rig.laws.cam import segment_angles
+from cam_rig.laws import Law, bernstein, spline
+from cam_rig.laws.cam import abscissae, segment_angles
 from cam_rig.laws.law import joints
-from cam_rig.laws.spline import bezier_pieces, greville
 from cam_rig.panel.board.drawable import (
     DRAWN,
     KEPT,
@@ -91,7 +89,7 @@ class DrawnLaw:
             if not isinstance(segment, DRAWN):
                 continue
             count = len(segment.ordinates.numbers)
-            at = begin + segment.span.si * _abscissae(segment)
+            at = begin + segment.span.si * abscissae(segment)
             edges = (begin, (begin + segment.span.si) % TURN)
             fixed = [1 + min(KEPT, max(0, smooth[_nearest(ends, edge)])) for edge in edges]
             first, last = float(at[fixed[0] - 1]), float(at[-fixed[1]])
@@ -103,10 +101,7 @@ class DrawnLaw:
 
     @cached_property
     def _pieces(self) -> list[tuple[int, FloatArray]]:
-        """Of each piece the index of its first ordinate, and ``(p + 1, k)`` from k of them (m).
-
-        A dwell has no ordinate: k is 0.
-        """
+        """Of each piece its first ordinate's index, and ``(p + 1, k)`` from k of them (m)."""
         degree, lift, found, index = self.start.law.degree, self.start.cam.lift.si, [], 0
         for segment in self.start.cam.segments:
             if not isinstance(segment, DRAWN):
@@ -170,22 +165,12 @@ def motion_in_base64(law: Law) -> str:
     return in_base64(np.stack([law(table_angles(), order) for order in range(ORDERS)]))
 
 
-def _abscissae(segment: Drawn) -> FloatArray:
-    """Greville's, of the ordinates of a segment, from 0 to 1."""
-    if not isinstance(segment, BSpline):
-        return np.linspace(0.0, 1.0, len(segment.ordinates.numbers))
-    knots = np.array(segment.knots.numbers)
-    return np.asarray((greville(knots, segment.degree) - knots[0]) / (knots[-1] - knots[0]))
-
-
 def _bezier(segment: Drawn) -> list[FloatArray]:
     """From the ordinates of a segment to those of each of its Bézier pieces."""
-    count = len(segment.ordinates.numbers)
+    alone = np.eye(len(segment.ordinates.numbers))
     if not isinstance(segment, BSpline):
-        return [np.eye(count)]
-    knots = np.array(segment.knots.numbers)
-    outer = np.concatenate([knots[:1], knots, knots[-1:]])
-    return bezier_pieces(Spline(outer, np.eye(count), segment.degree))[1]
+        return [alone]
+    return spline.pieces(np.array(segment.knots.numbers), alone, segment.degree)[1]
 
 
 def _nearest(ends: FloatArray, angle: float) -> float:

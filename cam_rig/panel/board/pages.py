@@ -18,8 +18,9 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket
 
 from cam_rig.errors import CamRigError, OutputError, RefusedError
+from cam_rig.files import require_new, write_new
 from cam_rig.laws import Law
-from cam_rig.panel.board.board import Board, designed_path, require_name, write_new
+from cam_rig.panel.board.board import Board, designed_path, require_name
 from cam_rig.panel.server import LivePage, PanelPages, get, page_file, post
 from cam_rig.schema import CamConfig, load_cam
 from cam_rig.show import looks as colours
@@ -229,8 +230,7 @@ class Designs:
             raise RefusedError("design: one is running; allowed: one at a time, so stop it")
         start = self._board.out / f"{name}.yaml"
         out = designed_path(start)
-        if out.exists():
-            raise OutputError(f"{out}: exists already, not overwriting; move it")
+        require_new(out)
         self._running = asyncio.create_task(self._run(load_cam(start), out))
         return JSONResponse({"path": str(out)}, 202)
 
@@ -258,7 +258,7 @@ def _written(found: dict[str, Any], out: Path) -> dict[str, Any]:
     if "text" not in found:
         return {"words": "the design's process ended before it had a law"}
     try:
-        write_new(out, found.pop("text"))
+        write_new(out.parent, {out.name: found.pop("text")})
     except OutputError as error:
         return {"words": str(error)}
     return found | {"path": str(out)}

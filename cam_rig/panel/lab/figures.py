@@ -17,10 +17,7 @@ LETTERS, ROW, BARS, SHADE = 26, 0.26, 31, "0.92"
 
 @styled
 def marks_figure(found: MarksResult) -> Figure:
-    """Answers a row a sheet, the widest apart below; under them all answers of the class.
-
-    A full marker is an answer beyond the tolerance, which is shaded.
-    """
+    """Answers a row a sheet, full markers beyond the tolerance; under them those of the class."""
     sheets = sorted(found.sheets, key=lambda one: one.farthest)
     out = empty(2.6 + ROW * len(sheets))
     above, below = out.subplots(2, 1, sharex=True, height_ratios=(0.6 + ROW * len(sheets), 1.6))

@@ -81,10 +81,7 @@ class JumpSheet(LabSheet):
 
     @cached_property
     def critical(self) -> tuple[float, float]:
-        """Lift s (m) and s'' (m/rad²) where a rigid follower without damping leaves the cam first.
-
-        There n² = (k s + preload) / (m |s''|), the textbook's line over (k s + preload) / m.
-        """
+        """S (m) and s'' (m/rad²) where a rigid follower without damping leaves the cam first."""
         own = FollowerParameters.from_rig(self.rig)
         _, angle = rigid_jump(self.law, replace(own, damping=0.0))
         lift, _, curvature = self.law.at(angle)
@@ -236,10 +233,7 @@ LOOKED_AT, HALVINGS = 80, 24
 
 
 class NoiseSheet(LabSheet):
-    """The lowest speed at which two cams are equally loud, by readings that scatter.
-
-    One rigid mass, for which the rig's sound was calibrated; it lifts off and lands.
-    """
+    """The lowest speed at which two cams are equally loud, by readings that scatter."""
 
     name = "noise"
     tolerances: ClassVar = TOLERANCES
@@ -337,10 +331,7 @@ def lab_of(name: str) -> type[LabSheet]:
 def lab_sheet(
     name: str, cams: Sequence[CamConfig], rig: RigConfig, seed: str | None = None
 ) -> LabSheet:
-    """The sheet of a lab; where it compares two cams and one is named, the other is a shipped one.
-
-    Refused for an unknown lab, for another number of cams and for what `LabSheet` refuses.
-    """
+    """The sheet of a lab; one that compares two cams takes a shipped one beside a single one."""
     lab = lab_of(name)
     own = list(cams)
     if lab.beside and len(own) == 1:

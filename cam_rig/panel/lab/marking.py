@@ -92,7 +92,7 @@ def mark_sheet(
 
 def _mark(path: Path, sheet: LabSheet, reading: LabReading, tolerance: float) -> AnswerMark | None:
     """None where a reading answers nothing."""
-    answer = sheet.answer_of(reading)
+    answer = reading.answer if sheet.answer else reading.rpm
     setup = reading.setup
     if setup not in (sheet.setups if answer is None else sheet.asked_setups):
         units = {"spring_stiffness": "N/m", "added_mass": "kg", "preload": "N", "cam": ""}

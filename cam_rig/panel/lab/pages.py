@@ -26,10 +26,7 @@ MARKER_COLOURS = (colours.BLUE, colours.VERMILION, colours.GREEN)
 
 
 class LabPages(PanelPages):
-    """A lab sheet in a browser at a ``place``; the readings are kept in a folder ``out``.
-
-    One of a class ``goes_on`` with the sheet that is there: its server may have been killed.
-    """
+    """A sheet at a ``place``; of a class it ``goes_on`` with a file: a server may be killed."""
 
     def __init__(self, sheet: LabSheet, out: Path, place: str = LAB, goes_on: bool = False) -> None:
         self.notebook = Notebook(sheet, out, goes_on)

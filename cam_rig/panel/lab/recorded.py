@@ -66,42 +66,36 @@ def to_text(sheet: RecordedSheet) -> str:
 def read_sheet(path: Path) -> RecordedSheet:
     """Read a sheet, as it was written or as a spreadsheet saved it."""
     try:
-        text = read_bytes(path, MAX_BYTES).decode("utf-8-sig")
+        return _parsed(read_bytes(path, MAX_BYTES).decode("utf-8-sig"))
     except UnicodeDecodeError:
         why = "is no text in UTF-8; allowed: a file that cam-rig panel --lab wrote"
-        raise ConfigError(f"{path}: {why}") from None
     except OSError as error:
-        raise ConfigError(f"{path}: cannot be read ({error.strerror})") from None
+        why = f"cannot be read ({error.strerror})"
     except ConfigError as error:
-        raise ConfigError(f"{path}: {error}") from None
+        why = str(error)
+    raise ConfigError(f"{path}: {why}")
+
+
+def _parsed(text: str) -> RecordedSheet:
     # Line by line: no quotation mark in a name reaches beyond its own.
     lines = [line for line in text.splitlines() if line.strip(" ,")]
     found = dict(_entry(line) for line in lines if _is_head(line))
     body = [next(csv.reader([line])) for line in lines if not _is_head(line)]
-    known = {TITLE, *HEAD}
-    if not {TITLE, *HEAD} - set(OPTIONAL) <= found.keys() & known:
-        raise ConfigError(f"{path}: no lab sheet; allowed: a file that cam-rig panel --lab wrote")
-    try:
-        lab = lab_of(found[TITLE])
-    except ConfigError as error:
-        raise ConfigError(f"{path}: {error}") from None
+    if not {TITLE, *HEAD} - set(OPTIONAL) <= found.keys():
+        raise ConfigError("no lab sheet; allowed: a file that cam-rig panel --lab wrote")
+    lab = lab_of(found[TITLE])
     if not body or tuple(cell.strip() for cell in body[0]) != lab.columns():
-        raise ConfigError(f"{path}: the columns are others; allowed: {', '.join(lab.columns())}")
+        raise ConfigError(f"the columns are others; allowed: {', '.join(lab.columns())}")
     if not 0 < len(body) - 1 <= MAX_READINGS:
         raise ConfigError(
-            f"{path}: has {len(body) - 1} readings; allowed: 1 to {MAX_READINGS}, so record one"
+            f"has {len(body) - 1} readings; allowed: 1 to {MAX_READINGS}, so record one"
         )
-    readings = tuple(_reading(path, lab, row) for row in body[1:])
-    return RecordedSheet(
-        found[TITLE],
-        found["cam"],
-        found["rig"],
-        found["title"],
-        found["date"],
-        found.get("student", ""),
-        found.get("seed") or None,
-        readings,
-    )
+    readings = tuple(_reading(lab, row) for row in body[1:])
+    words: dict[str, Any] = {"student": "", "seed": ""} | {
+        key: found[key] for key in HEAD if key in found
+    }
+    words["seed"] = words["seed"] or None
+    return RecordedSheet(found[TITLE], readings=readings, **words)
 
 
 def _is_head(line: str) -> bool:
@@ -115,10 +109,10 @@ def _entry(line: str) -> tuple[str, str]:
     return key.strip(), value.strip()
 
 
-def _reading(path: Path, lab: type[LabSheet], row: list[str]) -> LabReading:
+def _reading(lab: type[LabSheet], row: list[str]) -> LabReading:
     columns = lab.columns()
     cells = [cell.strip() for cell in row[: len(columns)]]
-    where = f"{path}, reading {shown(row[0], quoted=False)}"
+    where = f"reading {shown(row[0], quoted=False)}"
     if len(cells) < len(columns) or any(cell.strip() for cell in row[len(columns) :]):
         raise ConfigError(f"{where}: has {len(row)} cells; allowed: {len(columns)}")
     given = dict(zip(columns, cells, strict=True))
@@ -163,10 +157,7 @@ DECIMALS = 2
 
 
 class Notebook:
-    """What has been recorded on a sheet; the file in ``out`` is made with the first reading.
-
-    One that ``goes_on`` takes the file that is there, if it is of the same lab, cams, rig and seed.
-    """
+    """What is recorded, in a file from the first reading on; it may go on with its own."""
 
     def __init__(self, sheet: LabSheet, out: Path, goes_on: bool = False) -> None:
         self.sheet, self._out = sheet, out

@@ -29,10 +29,7 @@ KNOB_FROM, KNOB_TO = 0.5, 1.25
 
 @dataclass(frozen=True)
 class LabSetup:
-    """One set-up by the sheet: spring (N/m), weight on the follower (kg), preload (N), cam's name.
-
-    What a lab leaves as it is is None.
-    """
+    """Spring (N/m), added mass (kg), preload (N), cam's name; None: as the lab has it."""
 
     spring_stiffness: float | None = None
     added_mass: float | None = None
@@ -87,10 +84,7 @@ def drawn(lab: str, seed: str, number: str, tolerance: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class LabSheet(ABC):
-    """A lab on one cam, or two, and one rig; ``seed`` names another one that is measured in truth.
-
-    What is here is the frame of every lab; a class of `labs.LABS` says what its own task is.
-    """
+    """The frame of every lab: one or two cams, a rig; ``seed`` names the rig that is measured."""
 
     name: ClassVar[str]
     #: What can be set up: fields of `LabSetup`, and the parts of the rig's own number that there
@@ -205,11 +199,6 @@ class LabSheet(ABC):
         """Fields of `LabSetup` that can be chosen."""
         return (*cls.parts, *(["cam"] if cls.beside else []))
 
-    @classmethod
-    def answer_of(cls, reading: LabReading) -> float | None:
-        """What a row answers, None where it is a reading to be evaluated."""
-        return reading.answer if cls.answer else reading.rpm
-
     @property
     @abstractmethod
     def knob(self) -> tuple[float, float]:
@@ -234,10 +223,7 @@ class LabSheet(ABC):
 
     @abstractmethod
     def theory(self) -> list[FloatArray]:
-        """Curves over the plot's x by the sheet's own numbers, one a marker, or one for all.
-
-        Each has values at equal steps, `CURVE` of them on the whole axis.
-        """
+        """Curves at `CURVE` equal steps of x by the sheet's numbers, one a marker or for all."""
 
 
 #: Fields of a set-up as columns of a file.

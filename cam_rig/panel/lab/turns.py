@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from cam_rig.acoustics import RadiationParameters, SoundSource
-from cam_rig.dynamics import MODELS, Block, FollowerState, Interval, TwoMassParameters
+from cam_rig.dynamics import MODELS, Block, Interval, TwoMassParameters
 from cam_rig.dynamics.jump.any_follower import AnyFollower
-from cam_rig.dynamics.two_mass.masses import contact_response, force_output
+from cam_rig.dynamics.two_mass.masses import contact_response
 from cam_rig.laws import Law
 from cam_rig.panel.bench.live_state import FULL_SCALE_PA, LEAST_RATE
 from cam_rig.panel.lab.sheet import LabTurn
+from cam_rig.quantities.steady import vibrating
 from cam_rig.units import NS, RPM, TURN, FloatArray
 
 #: Samples of the force a second, Hz; the sound has as many.
@@ -49,9 +50,10 @@ def over_turn(angles: FloatArray, values: FloatArray, resolution: float) -> Floa
 
 def _turns(law: Law, follower: AnyFollower, speed: float) -> list[Block]:
     """One turn that keeps contact, or some in which it is lost."""
-    two = isinstance(follower, TwoMassParameters)
-    model = MODELS["two_mass" if two else "one_mass"]
-    state = _steady_start(law, follower, speed) if isinstance(follower, TwoMassParameters) else None
+    model, state = MODELS["one_mass"], None
+    if isinstance(follower, TwoMassParameters):  # from the steady state in which they are held
+        model = MODELS["two_mass"]
+        state = vibrating(contact_response(law, follower, speed).periodic())
     turn, blocks = round(TURN / speed * NS), list[Block]()
     for i in range(SETTLED):
         # Each turn begins at angle 0: what a turn in whole nanoseconds leaves is not added up.
@@ -61,13 +63,3 @@ def _turns(law: Law, follower: AnyFollower, speed: float) -> list[Block]:
         if i == 0 and not any(event.kind == "lift-off" for event in block.events):
             break
     return blocks
-
-
-def _steady_start(law: Law, follower: TwoMassParameters, speed: float) -> FollowerState:
-    """Two masses at cam angle 0, in the steady state in which they are held on the cam."""
-    vibration = contact_response(law, follower, speed).periodic()
-    lift, slope, curvature = law.at(0.0)
-    motion = np.array([lift, slope * speed, curvature * speed**2])
-    output = force_output(follower)
-    force = float((output.state @ vibration + output.law @ motion + output.constant)[0])
-    return FollowerState(lift, slope * speed, force, True, inner=tuple(vibration.tolist()))

@@ -59,7 +59,7 @@ class Surfaces:
 
     def normal_force(self, motion: Motion, touch: Touch) -> FloatArray:
         """N along the common normal (N); 0 where the cam would have to pull."""
-        row = np.stack([motion.s, motion.slope, motion.bend])
+        row = np.stack([motion.s, motion.slope, motion.curvature])
         force = np.tensordot(force_weights(self.rig, self.speed), row, axes=1) + self.rig.preload
         lever = (self.element.moves(touch.contact) * touch.normal.conj()).real
         with np.errstate(divide="ignore"):  # a face that the cam touches at its pivot

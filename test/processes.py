@@ -1,0 +1,38 @@
+"""What Linux's own tables tell of processes."""
+
+from contextlib import suppress
+from pathlib import Path
+
+
+def text_of(place):
+    """What stands at a place in /proc; nothing where it has gone meanwhile."""
+    try:
+        return Path(place).read_text(encoding="utf-8")
+    except OSError:
+        return ""
+
+
+def children(pid):
+    """The words of each process's command that one has begun, by their numbers."""
+    found = " ".join(map(text_of, Path(f"/proc/{pid}/task").glob("*/children"))).split()
+    return {int(child): text_of(f"/proc/{child}/cmdline").split("\0") for child in found}
+
+
+def is_running(pid):
+    """Whether there is such a process that has not ended."""
+    stat = text_of(f"/proc/{pid}/stat")
+    return stat != "" and stat.rpartition(")")[2].split()[0] != "Z"
+
+
+def sockets(pid, *tables):
+    """The rows of tables, such as tcp and udp6, that are of a process's sockets, cell by cell."""
+    inodes = set()
+    for link in Path(f"/proc/{pid}/fd").iterdir():
+        with suppress(OSError):  # closed since it was listed
+            inodes.add(str(link.readlink()).removeprefix("socket:[").rstrip("]"))
+    lines = (
+        line
+        for table in tables
+        for line in Path(f"/proc/{pid}/net/{table}").read_text().splitlines()[1:]
+    )
+    return [row for row in map(str.split, lines) if row[9] in inodes]
