@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from enum import Enum
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -83,6 +84,13 @@ Follow = Annotated[
         "changes; more rows meet more.",
     ),
 ]
+Out = Annotated[
+    Path | None,
+    typer.Option(metavar="FOLDER", help="Keep rows in Parquet files there as they come."),
+]
+Resume = Annotated[
+    bool, typer.Option("--resume", help="Go on with the rows that the folder has not.")
+]
 BasinsToo = Annotated[
     bool, typer.Option("--basins", help="At one speed: which start ends in which motion.")
 ]
@@ -102,6 +110,8 @@ def bounce(
     start: From = Start.REST,
     follow: Follow = False,
     basins: BasinsToo = False,
+    out: Out = None,
+    resume: Resume = False,
     jobs: Jobs = None,
     dask: Dask = None,
     *,
@@ -109,13 +119,12 @@ def bounce(
 ) -> Result:
     """Find how a follower bounces at each speed: at rest, periodic or irregular.
 
-    Landings are roots and flights closed forms, so the Lyapunov exponent comes from the exact
-    derivative of each turn, not from a time series. A level beside it says what a sound-level
-    meter shows, and how far it wanders from turn to turn. From below and from above differ where
-    two motions are possible at one speed. At one speed --over sweeps restitution, preload or mass.
+    The Lyapunov exponent comes from the exact derivative of each turn, not from a time series. A
+    level beside it says what a meter shows, and how far it wanders from turn to turn. From below
+    and from above differ where two motions are possible. --over sweeps a number at one speed.
 
     In Python: cam_rig.bounce_map(law, rig, rpm, restitution, model, over, values, turns, settle,
-    start, follow)
+    start, follow, out, resume)
 
     Examples
     --------
@@ -123,38 +132,42 @@ def bounce(
 
     cam-rig bounce tm21 --restitution 0.7 --rpm 380:500:1 --from above --csv out/bounce.csv
 
-    cam-rig bounce tm21 --restitution 0.7 --rpm 385:480:1 --follow --plot out/branches.svg
+    cam-rig bounce tm21 --rpm 450 --over restitution --range 0.3:0.9:0.005 --follow --csv out/e.csv
 
-    cam-rig bounce tm21 --rpm 450 --over restitution --range 0.3:0.9:0.005 --csv out/by_e.csv
+    cam-rig bounce poly345 --rig paper_table2 --model two_mass --rpm 400:600:1 --out out/two
 
     cam-rig bounce tm21 --restitution 0.7 --rpm 420 --basins --plot out/basins.png
     """
     from cam_rig.bounce.study import bounce_map
-    from cam_rig.laws.cam import law_of, require_sprung
-    from cam_rig.schema import load_cam, load_rig
-    from cam_rig.schema.load import cam_path, rig_path
     from cam_rig.simulation.asked import speeds_in
     from cam_rig.workers import check_workplace, workplace
 
     check_workplace(jobs, dask)
-    path, on = cam_path(cam), load_rig(rig_path(rig))
-    loaded = load_cam(path)
-    require_sprung(path, loaded)
-    law = law_of(path, loaded)
+    law, on = _law_and_rig(cam, rig)
     speeds = _around_jump(law, on, model) if rpm is None else speeds_in(rpm)
     if basins:
-        if model != Masses.ONE_MASS:
-            raise ConfigError(
-                "--basins: of two masses, whose starts are four numbers; allowed: one"
-            )
+        if model != Masses.ONE_MASS or out is not None:
+            raise ConfigError("--basins: are of one mass, and keep no rows; allowed: without both")
         return _basins(law, on, speeds, restitution, jobs, dask, progress)
     find = partial(bounce_map, law, on, rpm=speeds, restitution=restitution, model=model.value)
     find = partial(find, over=over.value, values=_values(values), turns=turns, settle=settle)
-    find = partial(find, start=start.value, follow=follow, progress=progress)
+    find = partial(find, start=start.value, follow=follow, out=out, resume=resume)
+    find = partial(find, progress=progress)
     if start != Start.REST or (over == Over.RPM and len(speeds) == 1):
         return find()
     with workplace(jobs, dask) as place:
-        return find(executor=place.executor)
+        return find(executor=place.executor, workers=place.count)
+
+
+def _law_and_rig(cam: str, rig: Path | str) -> tuple[Law, RigConfig]:
+    from cam_rig.laws.cam import law_of, require_sprung
+    from cam_rig.schema import load_cam, load_rig
+    from cam_rig.schema.load import cam_path, rig_path
+
+    path = cam_path(cam)
+    loaded = load_cam(path)
+    require_sprung(path, loaded)
+    return law_of(path, loaded), load_rig(rig_path(rig))
 
 
 def _values(text: str | None) -> list[float] | None:

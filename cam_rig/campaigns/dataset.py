@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -46,46 +46,46 @@ VERSIONS = ("cam_rig", "numpy", "scipy")
 DIFFERENCES = 3
 
 
-@dataclass(frozen=True, eq=False)
-class CampaignDataset:
-    """The rows of a study in a folder.
+class Study(Protocol):
+    """What rows are of, and how many there are to be."""
 
-    Columns: ``point``, ``seed``, ``version`` of cam_rig, the inputs (SI), the measures (their
-    unit is in the schema; null where a point has none), ``status`` and ``reason``. The schema also
-    holds the study as JSON, its fingerprint, and the versions rows may depend on.
-    """
+    @property
+    def text(self) -> str:
+        """All that a row depends on beside its index, as JSON."""
+
+    @property
+    def total(self) -> int:
+        """Points in all."""
+
+
+class Batch(Protocol):
+    """The rows of points ``first`` to ``last`` (exclusive), made in so many ``seconds``."""
+
+    @property
+    def first(self) -> int:
+        """The first point."""
+
+    @property
+    def last(self) -> int:
+        """The point after the last."""
+
+    @property
+    def seconds(self) -> float:
+        """Processor time that it took."""
+
+
+@dataclass(frozen=True, eq=False)
+class PointFiles:
+    """The rows of any study in a folder; a subclass says what a row has."""
 
     folder: Path
-    campaign: Campaign
+    campaign: Study
 
-    @cached_property
-    def schema(self) -> Any:
-        """Of every file, a `pyarrow.Schema`."""
-        with libraries_named():
-            import pyarrow as pa
+    def _table(self, rows: Any) -> Any:
+        """A batch as a `pyarrow.Table`; its schema has `own` as metadata."""
+        raise NotImplementedError
 
-        def field(name: str, kind: Any, unit: str, meaning: str, nullable: bool = False) -> Any:
-            about = {"unit": unit, "meaning": meaning}
-            return pa.field(name, kind, nullable=nullable, metadata=about)
-
-        word = pa.dictionary(pa.int32(), pa.string())
-        fields = [
-            field("point", pa.int64(), "1", "index in the plan"),
-            field("seed", pa.int64(), "1", "of the plan"),
-            field("version", word, "", "of cam_rig"),
-        ]
-        for one in self.campaign.inputs:
-            fields.append(field(one.column, pa.float64(), one.si_unit, one.path))
-        for measure in self.campaign.measures:
-            words = measure.term.words
-            fields.append(field(measure.column, pa.float64(), measure.unit, words, True))
-        why = "what failed and why, or did not settle"
-        fields.append(field("status", word, "", f"{OK}, {UNSETTLED} or {FAILED}"))
-        fields.append(field("reason", pa.string(), "", why, True))
-        about = {"study": self.campaign.text, "fingerprint": self.campaign.fingerprint}
-        return pa.schema(fields, metadata={**about, **versions()})
-
-    def write(self, rows: BatchRows) -> None:
+    def write(self, rows: Batch) -> None:
         """Put a batch onto the disk, whole or not at all."""
         import pyarrow.parquet as pq
 
@@ -107,21 +107,6 @@ class CampaignDataset:
         finally:
             with suppress(OSError):
                 part.unlink(missing_ok=True)
-
-    def _table(self, rows: BatchRows) -> Any:
-        import pyarrow as pa
-
-        count = len(rows.reasons)
-        columns = [
-            pa.array(np.arange(rows.first, rows.last)),
-            pa.array(np.full(count, self.campaign.seed)),
-            pa.array([versions()["cam_rig"]] * count).dictionary_encode(),
-            *(pa.array(column) for column in rows.inputs.T),
-            *(pa.array(column, mask=np.isnan(column)) for column in rows.measures.T),
-            pa.array(rows.status).dictionary_encode(),
-            pa.array([text or None for text in rows.reasons], pa.string()),
-        ]
-        return pa.Table.from_arrays(columns, schema=self.schema)
 
     def batches(self) -> list[tuple[int, int, Path]]:
         """First point, the point after the last, and the file of each batch, in order."""
@@ -163,25 +148,6 @@ class CampaignDataset:
                 pa.BufferReader(_intact(path)), columns=columns, page_checksum_verification=True
             )
 
-    def column(self, name: str) -> FloatArray:
-        """One column in the order of the points, NaN for null; no other column is kept."""
-        parts = [table.column(name).to_numpy() for table in self.tables([name])]
-        return np.concatenate(parts) if parts else np.zeros(0)
-
-    def reasons(self, status: str = FAILED) -> list[tuple[str, int]]:
-        """Why points have a status and how many, most frequent first; numbers alone part none."""
-        import pyarrow.compute as pc
-
-        counts: Counter[str] = Counter()
-        words: dict[str, str] = {}
-        for table in self.tables(["status", "reason"]):
-            given = table.filter(pc.equal(table.column("status"), status)).column("reason")
-            for one in pc.value_counts(given).to_pylist():
-                kind = _NUMBER.sub("#", one["values"])
-                words.setdefault(kind, one["values"])
-                counts[kind] += one["counts"]
-        return [(words[kind], count) for kind, count in counts.most_common()]
-
     @contextmanager
     def opened(self, resume: bool) -> Iterator[str]:
         """Hold the folder for one writer; what a killed one left half written is removed.
@@ -199,7 +165,7 @@ class CampaignDataset:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 raise OutputError(
-                    f"{self.folder}: another campaign writes into it; allowed: to wait for its "
+                    f"{self.folder}: another run writes into it; allowed: to wait for its "
                     "end, or another folder"
                 ) from None
             damaged = self._require_own(resume)
@@ -230,10 +196,10 @@ class CampaignDataset:
             except OutputError:
                 damaged.append(path)
                 continue
-            if about != self._own:
+            if about != self.own:
                 raise ConfigError(
                     f"{path}: is of another study, or of another version: "
-                    f"{differences(about, self._own)}; allowed with --resume: the same, else "
+                    f"{differences(about, self.own)}; allowed with --resume: the same, else "
                     "another folder"
                 )
             if first < at:
@@ -242,8 +208,82 @@ class CampaignDataset:
         return damaged
 
     @property
-    def _own(self) -> dict[str, str]:
+    def own(self) -> dict[str, str]:
+        """What every file says of its origin."""
         return {"study": self.campaign.text, **versions()}
+
+
+@dataclass(frozen=True, eq=False)
+class CampaignDataset(PointFiles):
+    """The rows of a study in a folder.
+
+    Columns: ``point``, ``seed``, ``version`` of cam_rig, the inputs (SI), the measures (their
+    unit is in the schema; null where a point has none), ``status`` and ``reason``. The schema also
+    holds the study as JSON, its fingerprint, and the versions rows may depend on.
+    """
+
+    campaign: Campaign
+
+    @cached_property
+    def schema(self) -> Any:
+        """Of every file, a `pyarrow.Schema`."""
+        with libraries_named():
+            import pyarrow as pa
+
+        def field(name: str, kind: Any, unit: str, meaning: str, nullable: bool = False) -> Any:
+            about = {"unit": unit, "meaning": meaning}
+            return pa.field(name, kind, nullable=nullable, metadata=about)
+
+        word = pa.dictionary(pa.int32(), pa.string())
+        fields = [
+            field("point", pa.int64(), "1", "index in the plan"),
+            field("seed", pa.int64(), "1", "of the plan"),
+            field("version", word, "", "of cam_rig"),
+        ]
+        for one in self.campaign.inputs:
+            fields.append(field(one.column, pa.float64(), one.si_unit, one.path))
+        for measure in self.campaign.measures:
+            words = measure.term.words
+            fields.append(field(measure.column, pa.float64(), measure.unit, words, True))
+        why = "what failed and why, or did not settle"
+        fields.append(field("status", word, "", f"{OK}, {UNSETTLED} or {FAILED}"))
+        fields.append(field("reason", pa.string(), "", why, True))
+        about = {**self.own, "fingerprint": self.campaign.fingerprint}
+        return pa.schema(fields, metadata=about)
+
+    def _table(self, rows: BatchRows) -> Any:
+        import pyarrow as pa
+
+        count = len(rows.reasons)
+        columns = [
+            pa.array(np.arange(rows.first, rows.last)),
+            pa.array(np.full(count, self.campaign.seed)),
+            pa.array([versions()["cam_rig"]] * count).dictionary_encode(),
+            *(pa.array(column) for column in rows.inputs.T),
+            *(pa.array(column, mask=np.isnan(column)) for column in rows.measures.T),
+            pa.array(rows.status).dictionary_encode(),
+            pa.array([text or None for text in rows.reasons], pa.string()),
+        ]
+        return pa.Table.from_arrays(columns, schema=self.schema)
+
+    def column(self, name: str) -> FloatArray:
+        """One column in the order of the points, NaN for null; no other column is kept."""
+        parts = [table.column(name).to_numpy() for table in self.tables([name])]
+        return np.concatenate(parts) if parts else np.zeros(0)
+
+    def reasons(self, status: str = FAILED) -> list[tuple[str, int]]:
+        """Why points have a status and how many, most frequent first; numbers alone part none."""
+        import pyarrow.compute as pc
+
+        counts: Counter[str] = Counter()
+        words: dict[str, str] = {}
+        for table in self.tables(["status", "reason"]):
+            given = table.filter(pc.equal(table.column("status"), status)).column("reason")
+            for one in pc.value_counts(given).to_pylist():
+                kind = _NUMBER.sub("#", one["values"])
+                words.setdefault(kind, one["values"])
+                counts[kind] += one["counts"]
+        return [(words[kind], count) for kind, count in counts.most_common()]
 
 
 def differences(old: Mapping[str, str], new: Mapping[str, str]) -> str:

@@ -10,13 +10,12 @@ from typing import Any
 
 from cam_rig.arguments import checked
 from cam_rig.campaigns.campaign import (
-    BatchRows,
     Campaign,
     campaign_from,
     measure_batch,
     open_campaign,
 )
-from cam_rig.campaigns.dataset import CampaignDataset
+from cam_rig.campaigns.dataset import Batch, CampaignDataset, PointFiles
 from cam_rig.campaigns.results import CampaignResult
 from cam_rig.extras import require
 from cam_rig.schema.load import Library, config_root, named_path
@@ -93,7 +92,11 @@ IN_FLIGHT = 3
 
 
 def run_campaign(
-    dataset: CampaignDataset, executor: Executor, workers: int, progress: Progress = SILENT
+    dataset: PointFiles,
+    executor: Executor,
+    workers: int,
+    progress: Progress = SILENT,
+    measure: Callable[[Any, int, int], Batch] = measure_batch,
 ) -> None:
     """Make every point that the dataset has not; the dataset must be open.
 
@@ -103,12 +106,12 @@ def run_campaign(
     campaign = dataset.campaign
     sizes = BatchSizes(campaign.total, workers)
     todo = _batches(dataset.missing(), sizes)
-    flying: set[Future[BatchRows]] = set()
+    flying: set[Future[Batch]] = set()
     try:
         with broken_named("; what is finished stays"):
             while True:
                 while len(flying) < sizes.in_flight and (batch := next(todo, None)) is not None:
-                    flying.add(executor.submit(measure_batch, campaign, *batch))
+                    flying.add(executor.submit(measure, campaign, *batch))
                 if not flying:
                     return
                 finished, flying = wait(flying, return_when=FIRST_COMPLETED)
@@ -116,7 +119,7 @@ def run_campaign(
                     rows = future.result()
                     dataset.write(rows)
                     sizes.take(rows)
-                    progress.advance(len(rows.reasons))
+                    progress.advance(rows.last - rows.first)
     finally:
         for future in flying:
             future.cancel()
@@ -145,9 +148,9 @@ class BatchSizes:
         self._seconds, self._workers = max(BATCH_S, EACH_WORKER_S * workers), workers
         self.next, self.in_flight = 1, min(PILOTS, IN_FLIGHT * workers)
 
-    def take(self, rows: BatchRows) -> None:
+    def take(self, rows: Batch) -> None:
         """Learn from a batch's cost."""
-        count = len(rows.reasons)
+        count = rows.last - rows.first
         wanted = int(self._seconds * count / max(rows.seconds, 1e-9))
         self.next = max(1, min(max(wanted, self._least), GROWTH * count, self._most))
         self.in_flight = IN_FLIGHT * self._workers

@@ -23,6 +23,9 @@ def test_two_motions_at_one_speed(two):
     assert {one.motion for one in two.motions} == {IRREGULAR, PERIODIC}
     assert [one.name for one in two.motions] == ["A", "B"]
     assert sum(one.share for one in two.motions) == pytest.approx(1.0)
+    for one in two.motions:
+        assert one.exponent_error > 0.0 or one.motion == PERIODIC
+        assert np.isfinite(one.exponent_error)
     shares = np.bincount(two.ends.ravel()) / two.ends.size
     np.testing.assert_allclose(shares, [one.share for one in two.motions])
     assert shares[0] >= shares[1]

@@ -35,6 +35,21 @@ def test_from_above_and_followed():
     assert any(not one["stable"] for one in found["orbits"])
 
 
+def test_over_another_number_and_kept(tmp_path):
+    """A row a mass, in the folder too; and of two masses."""
+    words = ("--rpm", "450", "--over", "mass", "--range", "1:1.4:0.2", "--out", str(tmp_path))
+    result = call("tm21", *words, "--jobs", "1", *SHORT, "--csv", "-")
+    assert result.exit_code == 0, result.stderr
+    rows = list(csv.DictReader(io.StringIO(result.stdout)))
+    assert [float(row["mass"]) for row in rows] == pytest.approx([1.0, 1.2, 1.4])
+    assert list(tmp_path.glob("*.parquet"))
+    words = ("--rig", "paper_table2", "--model", "two_mass", "--rpm", "400", "--csv", "-")
+    result = call("poly345", *words, *SHORT)
+    assert result.exit_code == 0, result.stderr
+    (row,) = csv.DictReader(io.StringIO(result.stdout))
+    assert float(row["exponent"]) == pytest.approx(float(row["exponent_2"]), rel=1e-6)
+
+
 def test_many_speeds_are_shown_where_they_change():
     """Of fifty on the cam the first and the last; all are in the data."""
     result = call("tm21", "--rpm", "200:249:1", "--from", "below", *SHORT)
@@ -53,6 +68,14 @@ def test_many_speeds_are_shown_where_they_change():
         (("tm21", "--restitution", "1"), "restitution is 1.0; allowed"),
         (("worked_example_constant_velocity",), "jump speed of 0 rpm"),
         (("conjugate",), "conjugate"),
+        (("tm21", "--over", "mass"), "rpm: are 121 speeds over mass; allowed: one speed"),
+        (("tm21", "--rpm", "400", "--over", "mass", "--range", "x"), "--range x: allowed: 0.5, or"),
+        (
+            ("tm21", "--rpm", "400", "--model", "two_mass"),
+            "roller_share: is missing; needed by two",
+        ),
+        (("tm21", "--rpm", "400", "--model", "two_mass", "--basins"), "--basins: are of one mass"),
+        (("tm21", "--rpm", "400", "--resume"), "resume: without a folder; allowed: with out"),
     ],
 )
 def test_refusals(words, told):

@@ -61,5 +61,5 @@ def test_a_restitution_is_the_rigs_or_the_callers(config_dir):
     del data["follower"]["restitution"]
     silent = type(rig).model_validate(data)
     assert bouncing(silent, 0.4).restitution == 0.4
-    with pytest.raises(ConfigError, match="restitution"):
+    with pytest.raises(ConfigError, match=r"by bouncing; .* or give --restitution"):
         bouncing(silent, None)

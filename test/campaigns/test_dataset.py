@@ -74,7 +74,7 @@ def test_resuming_makes_what_is_missing_and_nothing_else(dataset):
 def test_a_second_writer_is_refused(dataset):
     """In a line; the first goes on."""
     with dataset.opened(False):
-        with pytest.raises(OutputError, match="another campaign writes"), dataset.opened(False):
+        with pytest.raises(OutputError, match="another run writes"), dataset.opened(False):
             pass
         run_campaign(dataset, InThisProcess(), 1)
     assert dataset.missing() == []

@@ -32,6 +32,7 @@ CASES = [
     "orders {five} --plot",
     "orders {bezier_14} --rpm 3000 --plot",
     "bounce --restitution 0.7 --rpm 380:460:8 --turns 20 --settle 40 --follow --plot",
+    "bounce --restitution 0.7 --rpm 450 --over mass --range 1:2:.2 --turns 20 --settle 9 --plot",
     "bounce {bezier_14} --rig paper_table2 --rpm 300,400 --turns 20 --settle 0 --jobs 1 --plot",
     "bounce --restitution 0.7 --rpm 420 --basins --jobs 1 --plot",
     "jump {five} --plot",

@@ -158,7 +158,8 @@ def right(tmp_path_factory):
         "as_cut": one | {"scene": "quick", "base": 0.05, "roller": 0.005} | told,
         "bounce_map": {"law": LAW, "rig": RIG, "rpm": [450.0], "restitution": 0.5, "turns": 20}
         | {"settle": 0, "start": "rest", "follow": False, "executor": None}
-        | {"model": "one_mass", "over": "rpm", "values": None}
+        | {"model": "one_mass", "over": "rpm", "values": None, "out": None, "resume": False}
+        | {"workers": 1}
         | told,
         "build_law": {"cam": CAM},
         "campaign": {"study": "tolerance_poly345", "resume": False, "workers": 1, **points},
