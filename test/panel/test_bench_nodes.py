@@ -175,6 +175,33 @@ def test_the_knob_turns_the_cam_and_is_turned(chromium, shared):
         bench.until(lambda: bench.knob() == 333.0 and shown.input_value() == "333")
 
 
+#: Changes of controls, and of where the cam is drawn, in three seconds.
+CHANGES = """() => new Promise((done) => {
+  const found = { controls: [], turned: 0 };
+  const seen = new MutationObserver((all) => all.forEach(({ target, attributeName }) => {
+    if (target.matches("#knob, #knob *, button, input, select")) {
+      found.controls.push(`${target.id} ${attributeName}`);
+    }
+    if (target.matches("#rig svg > g > g") && attributeName === "transform") found.turned += 1;
+  }));
+  seen.observe(document.body, { attributes: true, subtree: true });
+  setTimeout(() => { seen.disconnect(); done(found); }, 3000);
+})"""
+
+
+def test_controls_are_left_alone_while_the_cam_turns(chromium, shared):
+    """Each message says what they are: a page that wrote it again would be laid out anew."""
+    panel, _ = shared
+    with in_browser(chromium, BenchInBrowser) as bench:
+        bench.begin(panel)
+        bench.turn()
+        bench.command(300)
+        bench.page.locator("#rpm").blur()
+        found = bench.page.evaluate(CHANGES)
+        assert found["controls"] == []
+        assert found["turned"] > 3
+
+
 def test_nothing_stays_of_a_panel_that_is_killed(shared):
     """Its nodes end by themselves, the bag is closed, and whole over the node that was killed."""
     panel, _ = shared
