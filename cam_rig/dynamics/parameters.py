@@ -33,7 +33,7 @@ LIMITS = {
 
 def is_number(value: object) -> TypeGuard[float]:
     """Whether a value is a finite real number."""
-    return isinstance(value, Real) and math.isfinite(value)
+    return isinstance(value, (float, Real)) and math.isfinite(value)  # a float is told at once
 
 
 def require_number(name: str, value: object, words: str) -> None:
