@@ -119,7 +119,10 @@ def _rpm(factor: Callable[[JumpSensitivity], float]) -> Callable[[OfMeasure], fl
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CampaignResult(Result):
-    """The rows of a finished campaign, read a column at a time."""
+    """The rows of a finished campaign: ``quantiles(measure)``, ``yields()``, ``shares(measure)``.
+
+    Columns are read one at a time.
+    """
 
     schema = "cam_rig.campaign.1"
     drawn_by = "cam_rig.campaigns.figures:figure"
@@ -141,8 +144,8 @@ class CampaignResult(Result):
         ),
         "extremes": (
             MEASURE,
-            Column("least", "", ".6g", of=lambda one: one.own[0]),
-            Column("largest", "", ".6g", of=lambda one: one.own[1]),
+            Column("least", "", ".6g", of="own.0"),
+            Column("largest", "", ".6g", of="own.1"),
             UNIT,
         ),
         "limits": (
@@ -172,8 +175,8 @@ class CampaignResult(Result):
             ),
         ),
         "reasons": (
-            Column("reason", of=lambda one: one[0]),
-            Column("points", of=lambda one: one[1]),
+            Column("reason", of="0"),
+            Column("points", of="1"),
         ),
         "campaign": (
             Column("study", of="campaign.config.name"),

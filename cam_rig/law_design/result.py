@@ -85,14 +85,10 @@ class LawDesign(Result):
             Column("degree", of="request.law_class.power"),
             Column("interrupted"),
             Column("certified", about="whether the gap is at most 0.2 %"),
-            Column("gap", of=lambda one: one.gap, about="to the bound, in parts of it"),
-            Column("starts", of=lambda one: one.multistart and one.multistart.starts),
-            Column("seed", of=lambda one: one.multistart and one.multistart.seed),
-            Column(
-                "near",
-                of=lambda one: one.multistart and one.multistart.near,
-                about="how many starts came to the same",
-            ),
+            Column("gap", about="to the bound, in parts of it"),
+            Column("starts", of="multistart.starts"),
+            Column("seed", of="multistart.seed"),
+            Column("near", of="multistart.near", about="how many starts came to the same"),
             Column("bound_at_these_events", of="spans_bound"),
             Column("programs", of="rounds", about="solved"),
         ),
@@ -193,20 +189,20 @@ class Front(Result):
     drawn_by = "cam_rig.law_design.figures:front_figure"
     columns: ClassVar = {
         "front": (
-            Column("allowed", "", ".5g", about="of the other quantity, SI", of=lambda row: row[0]),
-            Column("result", "", ".5g", about="of the goal, SI", of=lambda row: row[1].goal.result),
-            Column("bound", "", ".5g", of=lambda row: row[1].goal.bound, missing="–"),
+            Column("allowed", "", ".5g", about="of the other quantity, SI", of="0"),
+            Column("result", "", ".5g", about="of the goal, SI", of="1.goal.result"),
+            Column("bound", "", ".5g", of="1.goal.bound", missing="–"),
             Column(
                 "certified",
-                of=lambda row: row[1].certified,
+                of="1.certified",
                 cell=lambda row: (
                     "local" if row[1].goal.bound is None else "yes" if row[1].certified else "no"
                 ),
             ),
         ),
         "quantities": (
-            Column("goal", of=lambda front: front.designs[0].goal.term.key),
-            Column("goal_unit", of=lambda front: front.designs[0].goal.term.quantity.si),
+            Column("goal", of="designs.0.goal.term.key"),
+            Column("goal_unit", of="designs.0.goal.term.quantity.si"),
             Column("other", of="other.key"),
             Column("other_unit", of="other.quantity.si"),
         ),

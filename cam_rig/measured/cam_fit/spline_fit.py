@@ -69,8 +69,8 @@ class SplineFit(Result):
             Column("dwells", "", "d", of=lambda fit: len(fit.dwells)),
             Column("zero", "mm", ".5g", "gauge at the lowest lift"),
             Column("lift", "mm", ".5g", of="law.lift"),
-            Column("peak_velocity", "mm/rad", ".5g", of=lambda fit: fit.peaks[0]),
-            Column("peak_acceleration", "mm/rad²", ".5g", of=lambda fit: fit.peaks[1]),
+            Column("peak_velocity", "mm/rad", ".5g", of="peaks.0"),
+            Column("peak_acceleration", "mm/rad²", ".5g", of="peaks.1"),
         ),
         "dwells": (
             Column("start", "°", ".2f", "from", "rest.start"),

@@ -91,16 +91,10 @@ class RunComparison(Result):
         "events": (
             Column("cam"),
             Column("rpm", "rpm", ".5g", "speed"),
-            Column(
-                "lift_offs_measured",
-                "1/turn",
-                ".3g",
-                "lift-offs measured",
-                "contact.measured",
-            ),
+            Column("lift_offs_measured", "1/turn", ".3g", "lift-offs measured", "contact.measured"),
             Column("lift_offs_model", "1/turn", ".3g", "model", "contact.model"),
             Column("events_later", "ms", "+.3f", "events later by", "contact.shift"),
-            Column("events_later_angle", "°", "+.2f", "by", lambda row: row.later),
+            Column("events_later_angle", "°", "+.2f", "by", "later"),
             Column("contact_lost", "", "", "contact lost", "contact.rule"),
             Column("level_measured", "dB", ".1f", "level measured", "measured_db"),
             Column("level_model", "dB", ".1f", "model", "model_db", _beside_measured),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -72,8 +72,7 @@ def _largest(name: str, row: SpeedDeparture, one: Departure) -> str:
     )
 
 
-def _agreements(found: Sequence[tuple[str, SpeedDeparture, Departure]]) -> list[str]:
-    said = []
+def _agreements(found: Sequence[tuple[str, SpeedDeparture, Departure]]) -> Iterator[str]:
     for name, (factor, unit) in SHOWN.items():
         here = [one for what, _, one in found if what == name]
         if not here or not all(one.within or one.restless for one in here):
@@ -82,25 +81,23 @@ def _agreements(found: Sequence[tuple[str, SpeedDeparture, Departure]]) -> list[
         here = [one for one in here if not one.restless] or here
         noise = max(max(one.noise, one.rms) for one in here)
         if all(one.exact for one in here):
-            said.append(f"The {name} is that of the model, to rounding, at every speed.")
+            yield f"The {name} is that of the model, to rounding, at every speed."
         else:
-            said.append(
+            yield (
                 f"The {name} agrees with the model within the noise at every {steady}speed: "
                 f"{factor * noise:.2g} {unit} r.m.s."
             )
-    return said
 
 
-def _later(rows: Sequence[SpeedDeparture]) -> list[str]:
+def _later(rows: Sequence[SpeedDeparture]) -> Iterator[str]:
     contacts = ((row.rpm, row.contact) for row in rows if row.contact)
     known = [(one.degrees or 0.0, one.shift or 0.0, rpm) for rpm, one in contacts]
     degrees, shift, rpm = max(known, key=lambda one: abs(one[0]), default=(0.0, 0.0, 0.0))
-    if abs(degrees) < LATER_DEG:
-        return []
-    return [
-        f"Lift-offs and landings come {1e3 * abs(shift):.2g} ms, {abs(degrees):.2g}° of the cam, "
-        f"{'later' if degrees > 0.0 else 'earlier'} than the model's at {rpm:.4g} rpm."
-    ]
+    if abs(degrees) >= LATER_DEG:
+        yield (
+            f"Lift-offs and landings come {1e3 * abs(shift):.2g} ms, {abs(degrees):.2g}° of the "
+            f"cam, {'later' if degrees > 0.0 else 'earlier'} than the model's at {rpm:.4g} rpm."
+        )
 
 
 def _levels(rows: Sequence[SpeedDeparture]) -> list[str]:
@@ -135,18 +132,17 @@ def done(pairs: MeasuredPairs) -> list[str]:
     return said
 
 
-def _range(pairs: MeasuredPairs) -> list[str]:
+def _range(pairs: MeasuredPairs) -> Iterator[str]:
     """A lift that is not the cam's by far: of another unit, perhaps, or another cam."""
     if pairs.run.lift is None:
-        return []
+        return
     span = float(np.ptp(np.percentile(pairs.run.lift.value, [0.5, 99.5])))
     whole = pairs.loaded.laws[pairs.cam].lift
-    if whole / UNLIKE < span < whole * UNLIKE:
-        return []
-    return [
-        f"The lift measured ranges over {1e3 * span:.3g} mm, that of cam {pairs.cam} over "
-        f"{1e3 * whole:.3g} mm: is it the cam, and the unit?"
-    ]
+    if not whole / UNLIKE < span < whole * UNLIKE:
+        yield (
+            f"The lift measured ranges over {1e3 * span:.3g} mm, that of cam {pairs.cam} over "
+            f"{1e3 * whole:.3g} mm: is it the cam, and the unit?"
+        )
 
 
 def _resolution(pairs: MeasuredPairs) -> str:
@@ -159,34 +155,34 @@ def _resolution(pairs: MeasuredPairs) -> str:
     )
 
 
-def _aligned(pairs: MeasuredPairs) -> list[str]:
+def _aligned(pairs: MeasuredPairs) -> Iterator[str]:
     found = pairs.alignment
     degrees = float(np.degrees(found.offset))
     if pairs.given:
-        said = [f"The cam is {degrees:+.3f}° from the angle measured, as given."]
+        yield f"The cam is {degrees:+.3f}° from the angle measured, as given."
     elif found.shows("offset") or found.errors[0] > 0.0:
-        said = [f"The cam is {degrees:+.3f}° from the angle measured, found from the lift."]
+        yield f"The cam is {degrees:+.3f}° from the angle measured, found from the lift."
     else:
         why = "has too few readings" if pairs.run.lift is not None else "was not measured"
-        return [
+        yield (
             f"The cam is taken {degrees:+.3g}° from the angle measured: the lift {why} to find it "
             "by; --offset gives it."
-        ]
+        )
+        return
     if found.drift:
-        said.append(
+        yield (
             f"The sensors' clock is {1e6 * abs(found.drift):.0f} ppm "
             f"{'slow' if found.drift > 0.0 else 'fast'} beside that of the angle: corrected."
         )
     if found.delay:
-        said.append(
+        yield (
             f"The sensors' stamps are {1e3 * abs(found.delay):.3g} ms "
             f"{'early' if found.delay > 0.0 else 'late'} beside those of the angle: corrected."
         )
     if found.shows("zero") and abs(found.zero) > found.scatter:
-        said.append(f"The lift's zero is off by {1e3 * found.zero:+.3g} mm: taken off.")
+        yield f"The lift's zero is off by {1e3 * found.zero:+.3g} mm: taken off."
     if found.shows("lag") and abs(found.lag) > found.scatter:
-        said.append(
+        yield (
             f"On rise and return the lift differs by {2e6 * abs(found.lag):.3g} µm: "
             f"{'backlash, or a gauge that sticks' if found.lag < 0.0 else 'it leads its motion'}."
         )
-    return said

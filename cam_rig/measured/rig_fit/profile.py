@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from cam_rig.measured.rig_fit.hidden import log_ratio_of_all
 from cam_rig.measured.rig_fit.numbers import NUMBERS, WITHIN_95
 from cam_rig.measured.rig_fit.search import (
     FIRST_GUARD,
@@ -18,6 +17,7 @@ from cam_rig.measured.rig_fit.search import (
     FitSolution,
     continued,
     inflation,
+    log_ratio_of_all,
     search,
 )
 from cam_rig.measured.rig_fit.start import (

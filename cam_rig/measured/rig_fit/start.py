@@ -16,10 +16,16 @@ from cam_rig.dynamics.kinetostatic import force_weights
 from cam_rig.dynamics.two_mass.masses import contact_response, force_output
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
-from cam_rig.measured.rig_fit.hidden import MOST_SQUARE, log_ratio_of_all
 from cam_rig.measured.rig_fit.numbers import follower_of
 from cam_rig.measured.rig_fit.residuals import FAR, TARE, ZERO, Predicted
-from cam_rig.measured.rig_fit.search import Candidate, FitSolution, continued, search
+from cam_rig.measured.rig_fit.search import (
+    MOST_SQUARE,
+    Candidate,
+    FitSolution,
+    continued,
+    log_ratio_of_all,
+    search,
+)
 from cam_rig.measured.rig_fit.turns import PRESSED, MeasuredHold
 from cam_rig.units import TURN, FloatArray
 

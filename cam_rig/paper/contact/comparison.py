@@ -133,7 +133,10 @@ RADII = (
 
 @dataclass(frozen=True, repr=False)
 class ContactResult(Result):
-    """The contact of cams at one speed; ``steepest`` (rad) where the nomogram is asked for."""
+    """The contact of cams on a rig of that name at one speed (rpm).
+
+    ``steepest`` is the most pressure angle (rad) of the nomogram, where that is asked for.
+    """
 
     schema = "cam_rig.contact.1"
     drawn_by = "cam_rig.paper.contact.figures:figure"

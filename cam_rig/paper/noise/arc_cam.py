@@ -152,13 +152,18 @@ class ArcShape:
         circles = arc_cam(cam)
         return cls(circles.lift, 2.0 * circles.event_half_angle, 1.0 / circles.radii()[0])
 
+    @property
+    def flank(self) -> float:
+        """Radius of the flank, m."""
+        return 1.0 / self.curvature
+
     def scaled(self, lift: float, event: float) -> ArcShape:
         """Another lift and event, the same flank."""
         return ArcShape(lift * self.lift, event * self.event, self.curvature)
 
     def nose(self, base: float) -> float:
         """Angle (rad) of a nose that touches the flank on the line of their centres."""
-        flank, top, half = 1.0 / self.curvature, base + self.lift, 0.5 * self.event
+        flank, top, half = self.flank, base + self.lift, 0.5 * self.event
         a = base**2 + top**2 - 2.0 * base * top * np.cos(half)
         b = 2.0 * base - 2.0 * top * np.cos(half)
         nose = (a + b * flank) / (

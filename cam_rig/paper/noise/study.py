@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from cam_rig.arguments import checked
 from cam_rig.dynamics import TwoMassParameters
-from cam_rig.paper.noise.arc_cam import ArcShape
 from cam_rig.paper.noise.calibration import StructureFit, compare_structures
 from cam_rig.paper.noise.claims import noise_claims
 from cam_rig.paper.noise.high_dwell import FACTORS, HighDwellStudy, study_high_dwell
@@ -87,16 +86,12 @@ def _constants(of: str = "") -> tuple[Column, ...]:
     )
 
 
-def _shape(shape: Callable[[Any], ArcShape | None], hidden: bool = False) -> tuple[Column, ...]:
+def _shape(of: str = "", hidden: bool = False) -> tuple[Column, ...]:
     """The arc cam's geometry, where it has one."""
-
-    def number(take: Callable[[ArcShape], float]) -> Callable[[Any], float | None]:
-        return lambda row: take(found) if (found := shape(row)) else None
-
     return (
-        Column("lift", "mm", ".2f", "arc cam: lift", number(lambda s: s.lift), hidden=hidden),
-        Column("event", "°", ".1f", of=number(lambda s: s.event), hidden=hidden),
-        Column("flank", "m", ".2f", of=number(lambda s: 1.0 / s.curvature), hidden=hidden),
+        Column("lift", "mm", ".2f", "arc cam: lift", f"{of}shape.lift", hidden=hidden),
+        Column("event", "°", ".1f", of=f"{of}shape.event", hidden=hidden),
+        Column("flank", "m", ".2f", of=f"{of}shape.flank", hidden=hidden),
     )
 
 
@@ -173,7 +168,7 @@ class NoiseStudyResult(Result):
                 Column(f"response_{i + 1}", "dB", "+.2f", f"response x{power}", _response(i))
                 for i, power in enumerate(("", "²", "³"))
             ),
-            *_shape(lambda method: method.shape),
+            *_shape(),
             Column("rms_predicted", "dB", of="predicted_rms_db", hidden=True),
             *_crossing(True, "named_", "crossing"),
         ),
@@ -202,7 +197,7 @@ class NoiseStudyResult(Result):
                 "rms_points", "dB", ".2f", of=lambda row: row.of.rms_db[row.cam], missing="not run"
             ),
             *(replace(column, hidden=True) for column in _constants("of.")),
-            *_shape(lambda row: row.of.shape, hidden=True),
+            *_shape("of.", hidden=True),
         ),
         "high_dwell": (
             Column("lift", "mm", ".2f"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -29,12 +29,12 @@ LOUDEST = 2
 SHOWN = 40
 
 
-@dataclass(frozen=True)
-class OrdersRow:
-    """One of a cam's spectra."""
+class OrdersRow(NamedTuple):
+    """One of a cam's spectra, and the place of an order in it."""
 
     cam: str
     spectrum: OrderSpectrum
+    place: int = 0
 
     def loudest(self, rank: int) -> tuple[float, float] | None:
         """The loudest order, the second, …, with its level (dB)."""
@@ -45,16 +45,7 @@ class OrdersRow:
         return float(orders[place]), float(level[place])
 
 
-@dataclass(frozen=True)
-class OrderRow:
-    """An order of a cam at a speed: its place in the spectrum."""
-
-    cam: str
-    spectrum: OrderSpectrum
-    place: int
-
-
-def _of(name: str) -> Callable[[OrderRow], float]:
+def _of(name: str) -> Callable[[OrdersRow], float]:
     return lambda row: float(getattr(row.spectrum, name)[row.place])
 
 
@@ -144,7 +135,7 @@ class OrdersResult(Result):
     def tables(self) -> list[Records]:
         """``orders``, the mean at order 0 left out, ``speeds`` and ``run``."""
         rows = [
-            OrderRow(row.cam, row.spectrum, place)
+            row._replace(place=place)
             for row in self.speed_rows
             for place in range(1, row.spectrum.orders.size)
         ]

@@ -14,10 +14,15 @@ import pytest
 
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
-from cam_rig.measured.rig_fit.hidden import log_ratio_of_all
 from cam_rig.measured.rig_fit.residuals import Likelihood
 from cam_rig.measured.rig_fit.rig_fit import fit_rig
-from cam_rig.measured.rig_fit.search import Candidate, log_ratio, search, uncertainty
+from cam_rig.measured.rig_fit.search import (
+    Candidate,
+    log_ratio,
+    log_ratio_of_all,
+    search,
+    uncertainty,
+)
 from cam_rig.measured.rig_fit.turns import measured_holds
 from cam_rig.simulation.instruments import InstrumentErrors, measured_run
 from cam_rig.units import to_rpm
