@@ -11,7 +11,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
 from cam_rig.bounce.basins import Basins
-from cam_rig.bounce.motion import IRREGULAR, NOT_TOLD, PERIODIC
+from cam_rig.bounce.motion import IN_CONTACT, IRREGULAR, NOT_TOLD, PERIODIC
 from cam_rig.bounce.result import BounceMap
 from cam_rig.bounce.sweep import SPEED, SWEPT
 from cam_rig.show.figure import CAM_SPEED, empty, series_marker, styled, wrapped
@@ -66,7 +66,7 @@ def _diagram(axes: Axes, found: BounceMap) -> None:
 
 def _exponents(axes: Axes, found: BounceMap) -> None:
     axes.axhline(0.0, color="0.3", lw=0.8)
-    for i, kind in enumerate((IRREGULAR, NOT_TOLD, PERIODIC)):
+    for i, kind in enumerate((IRREGULAR, NOT_TOLD, PERIODIC, IN_CONTACT)):
         rows = [r for r in found.rows if r.motion == kind and np.isfinite(r.exponent)]
         if rows:
             y, errors = [r.exponent for r in rows], [r.exponent_error for r in rows]

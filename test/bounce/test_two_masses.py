@@ -13,6 +13,7 @@ from cam_rig.bounce.motion import IN_CONTACT, IRREGULAR, PERIODIC
 from cam_rig.bounce.result import ABOVE
 from cam_rig.bounce.sweep import MASS, PRELOAD, OperatingPoint, Sweep
 from cam_rig.dynamics import TwoMassParameters
+from cam_rig.dynamics.events.search import ALWAYS, PLAIN, VARIABLE
 from cam_rig.dynamics.jump.jump_speed import jump_speed
 from cam_rig.dynamics.linear.exponential import Flight
 from cam_rig.dynamics.turn_map import StroboscopicMap
@@ -143,6 +144,18 @@ def test_it_goes_on_as_the_model_does(laws, seed):
     end, here = course.end(turn_map.duration), turn_map.follower(tuple(run.states[0]))
     assert end.in_contact == here.in_contact
     np.testing.assert_allclose(here.inner, end.inner, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.variants(6)
+@pytest.mark.parametrize("seed", range(60))
+def test_the_numbers_are_those_of_plain_python(laws, monkeypatch, seed):
+    """Compiled or not, but for the last digits of logarithms and of products."""
+    found = []
+    for form in (PLAIN, ALWAYS):
+        monkeypatch.setenv(VARIABLE, form)
+        found.append(random_two(laws, seed)[0].run(3))
+    np.testing.assert_array_equal(found[0].states, found[1].states)
+    np.testing.assert_allclose(found[0].rows, found[1].rows, rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.variants(8)
