@@ -232,7 +232,10 @@ class ProfileErrors:
         degree = max(DEGREE, law.degree)
         for i, count in enumerate(counts.tolist()):
             breaks.append(np.linspace(law.breaks[i], law.breaks[i + 1], count + 1)[1:])
-            parts = np.einsum("cqp,p->qc", bernstein.parts(law.degree, count), law.ordinates[:, i])
+            parts = np.repeat(law.ordinates[:, i : i + 1], count, axis=1)
+            if np.ptp(parts[:, 0]):  # else a dwell's are its own
+                split = bernstein.parts(law.degree, count)
+                parts = np.einsum("cqp,p->qc", split, law.ordinates[:, i])
             columns.append(bernstein.elevate(parts, degree))
         ends = np.concatenate(breaks)
         return Law(law.name, ends, np.concatenate(columns, axis=1) + self.ordinates(ends, degree))
