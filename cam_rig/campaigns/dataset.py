@@ -144,9 +144,12 @@ class PointFiles:
         import pyarrow.parquet as pq
 
         for _, _, path in self.batches():
-            yield pq.read_table(
-                pa.BufferReader(_intact(path)), columns=columns, page_checksum_verification=True
-            )
+            # In this thread: one of Arrow's that lets go of Python's bytes while the interpreter
+            # ends aborts the process.
+            with pq.ParquetFile(
+                pa.BufferReader(_intact(path)), page_checksum_verification=True
+            ) as file:
+                yield file.read(columns, use_threads=False)
 
     @contextmanager
     def opened(self, resume: bool) -> Iterator[str]:
