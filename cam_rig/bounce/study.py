@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, Future
 from pathlib import Path
 
-from cam_rig.arguments import checked
+from cam_rig.arguments import checked, on_one_axis
 from cam_rig.bounce.branches import Branch, branches
 from cam_rig.bounce.kept import kept_rows
 from cam_rig.bounce.motion import ONE_MASS, SEEN, TWO_MASS, bouncing
@@ -19,7 +19,7 @@ from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
 from cam_rig.show.result import SILENT, Progress
-from cam_rig.simulation.asked import MAX_SPEEDS, Speeds, asked_speeds, speeds_within
+from cam_rig.simulation.asked import MAX_SPEEDS, Speeds, speeds_within
 from cam_rig.units import RPM
 
 #: Rows that are sent to a process together.
@@ -122,14 +122,14 @@ def _sweep(
         raise ConfigError(f"over: is {over!r}; allowed: {', '.join(SWEPT)}")
     if over == SPEED and values is not None:
         raise ConfigError(
-            "values: are of what is swept at one speed; allowed: over another than rpm"
+            "values: is given where the speed is swept; allowed: over restitution, preload or mass"
         )
     if over == SPEED:
         swept = sorted(one * RPM for one in rpm)
         return Sweep(OperatingPoint(bouncing(rig, restitution, model), swept[0])), swept
     if len(rpm) > 1:
         raise ConfigError(f"rpm: are {len(rpm)} speeds over {over}; allowed: one speed")
-    swept = [] if values is None else sorted(asked_speeds(values))
+    swept = [] if values is None else sorted(map(float, on_one_axis("values", values)))
     if not 1 <= len(swept) <= MAX_SPEEDS:
         raise ConfigError(f"values: are {len(swept)} of {over}; allowed: 1 to {MAX_SPEEDS}")
     if over == RESTITUTION:

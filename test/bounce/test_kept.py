@@ -76,7 +76,7 @@ def test_it_goes_on_where_it_was_ended(tm21, tmp_path, monkeypatch):
 def test_what_is_refused(tm21, tmp_path):
     """A folder of other rows by what differs; rows that are a chain; nothing to resume."""
     cam_rig.bounce_map(*tm21, rpm=RPM[:2], out=tmp_path, **HOW)
-    with pytest.raises(ConfigError, match="allowed: --resume to go on"):
+    with pytest.raises(ConfigError, match="allowed: resume to go on"):
         cam_rig.bounce_map(*tm21, rpm=RPM[:2], out=tmp_path, **HOW)
     with pytest.raises(ConfigError, match=r"restitution is 0\.6, was 0\.7"):
         changed = {**HOW, "restitution": 0.6}

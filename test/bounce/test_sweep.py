@@ -116,7 +116,7 @@ def test_a_branch_ends_where_its_number_does():
     ("how", "error", "words"),
     [
         ({"over": "lift"}, ConfigError, "over: is 'lift'; allowed: rpm, restitution, preload"),
-        ({"values": [1.0]}, ConfigError, "values: are of what is swept"),
+        ({"values": [1.0]}, ConfigError, "values: is given where the speed is swept"),
         ({"over": MASS}, ConfigError, "values: are 0 of mass; allowed: 1 to"),
         ({"over": MASS, "values": [0.0]}, DynamicsError, r"mass is 0\.0; allowed"),
         ({"over": PRELOAD, "values": [-1.0]}, DynamicsError, r"preload is -1\.0; allowed"),
