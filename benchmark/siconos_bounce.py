@@ -3,7 +3,8 @@
 Run it from the project's root: .venv/bin/python -m benchmark.siconos_bounce [PYTHON]
 PYTHON is one that has Siconos, by default /usr/bin/python3: apt-get install python3-siconos.
 The speeds are whole rpm at which the rig's own map gives one motion, and the same 1 and 2 rpm on
-either side, with no bifurcation within 2 rpm; what Siconos finds there does not choose them.
+either side, with no bifurcation that this map finds within 2 rpm; what Siconos finds there does not
+choose them.
 """
 
 from __future__ import annotations
