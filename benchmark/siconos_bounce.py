@@ -21,7 +21,7 @@ import numpy as np
 
 import cam_rig
 from cam_rig.bounce.motion import IN_CONTACT, IRREGULAR, NOT_TOLD, PERIODIC
-from cam_rig.bounce.study import BounceMap, BounceRow
+from cam_rig.bounce.result import BounceMap, BounceRow
 from cam_rig.units import TURN, FloatArray
 
 TABLE = Path("test/bounce/siconos.csv")
@@ -70,7 +70,7 @@ def main() -> None:
 def chosen(own: BounceMap) -> list[float]:
     """All speeds away from changes that are irregular or of a longer period; of the rest some."""
     rows, away = own.rows, []
-    changes = np.array([one.rpm for one in own.bifurcations])
+    changes = np.array([one.point.rpm for one in own.bifurcations])
     for i in range(WIDE, len(rows) - WIDE):
         kinds = {(row.motion, row.period) for row in rows[i - WIDE : i + WIDE + 1]}
         settled = (rows[i].settled or 0) <= TURNS // 2

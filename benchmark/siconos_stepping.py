@@ -7,12 +7,13 @@ m ẍ + c ẋ + k x = −(F₀ + k s + c ṡ + m s̈) + λ.
 
 import json
 import sys
+from typing import Any
 
 import numpy as np
 import siconos.kernel as siconos
 
 
-def states(given, rpm):
+def states(given: dict[str, Any], rpm: float) -> list[list[float]]:
     """Gap (m) and its rate (m/s) at the end of each turn, and each turn's greatest gap."""
     lift, slope = np.array(given["lift"]), np.array(given["slope"])
     count, omega = lift.size - 1, rpm * np.pi / 30.0
