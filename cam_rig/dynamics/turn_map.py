@@ -27,7 +27,7 @@ from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.dynamics.parameters import FollowerParameters, require_number, require_turning
 from cam_rig.dynamics.two_mass.masses import TwoMassParameters
 from cam_rig.dynamics.two_mass.trajectory import Separation
-from cam_rig.dynamics.velocity_jumps import short_of_velocity_jump
+from cam_rig.dynamics.velocity_jumps import require_continuous, short_of_velocity_jump
 from cam_rig.laws import Law
 from cam_rig.units import NS, TURN, FloatArray
 
@@ -120,6 +120,7 @@ class StroboscopicMap:
         self, law: Law, parameters: FollowerParameters | TwoMassParameters, speed: float
     ) -> None:
         require_turning(speed)
+        require_continuous(law)
         self.law, self.parameters, self.speed = law, parameters, speed
         # A velocity jump at angle 0 is the next turn's: this one ends a rounding before it.
         self.duration = short_of_velocity_jump(law, TURN) / speed

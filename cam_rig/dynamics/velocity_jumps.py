@@ -11,8 +11,11 @@ import math
 from itertools import count
 from typing import NamedTuple
 
+import numpy as np
+
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
+from cam_rig.laws.law import TOLERANCE
 from cam_rig.units import TURN
 
 #: Rounding (rad) that the angle at a border of two intervals may have: given as one number with
@@ -80,8 +83,20 @@ OTHER_MODELS = (
 )
 
 
+def require_continuous(law: Law) -> None:
+    """Refuse a law whose lift itself jumps: no follower can be at two places at once."""
+    if law.largest_step > TOLERANCE * float(np.abs(law.ordinates).max()):
+        piece = int(np.abs(law.jumps(0)).argmax())
+        raise DynamicsError(
+            f"law {law.name!r}: lift jumps by {law.largest_step:.3g} m at "
+            f"{math.degrees(law.joints[piece]):.3g}°; allowed: pieces that join, the last with "
+            "the first"
+        )
+
+
 def require_smooth(law: Law, otherwise: str = OTHER_MODELS) -> None:
     """Refuse a law whose velocity jumps, an infinite force; ``otherwise`` is what is allowed."""
+    require_continuous(law)
     if law.velocity_jumps:
         piece = max(law.velocity_jumps, key=lambda i: abs(law.velocity_jumps[i]))
         raise DynamicsError(

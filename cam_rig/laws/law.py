@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from numbers import Real
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -276,6 +276,10 @@ class Law:
             self._scalars[piece] = [bernstein.scalar(row[:, piece]) for row in self.motion]
         s, slope, curvature = self._scalars[piece]
         return s(u), slope(u), curvature(u)
+
+    def __getstate__(self) -> dict[str, Any]:
+        # Functions cannot be sent to another process, which makes them anew.
+        return {name: value for name, value in vars(self).items() if name != "_scalars"}
 
     @cached_property
     def _scalars(self) -> dict[int, list[Callable[[float], float]]]:

@@ -324,6 +324,8 @@ class Result:
 
     def plot(self, **how: Any) -> Figure:
         """Draw it; a notebook shows the figure where it is a cell's last value."""
+        if not self.drawn_by:
+            raise ConfigError(f"plot: {type(self).__name__} has no figure; allowed: its tables")
         module, name = self.drawn_by.split(":")
         with libraries_named():
             draw = getattr(import_module(module), name)

@@ -12,6 +12,7 @@ from pydantic import ValidationError
 from cam_rig.arguments import checked
 from cam_rig.dynamics import MODELS, Block, Event
 from cam_rig.dynamics.interval import NamedRows
+from cam_rig.dynamics.velocity_jumps import require_continuous
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig, SceneConfig
@@ -144,6 +145,7 @@ def simulate(
     """
     scene = scene_of("simulate", [CAM], rig, model, [rpm], turns, 0, sample_rate, ramp)
     _require_room(rpm, turns, sample_rate)
+    require_continuous(law)
     chosen = MODELS[scene.model]
     simulator = FollowerSimulator(chosen, chosen.parameters(rig), sample_rate, {CAM: law})
     turned = (simulator.turn_to(state) for state in cam_states(scene))

@@ -5,7 +5,10 @@ from __future__ import annotations
 import re
 from importlib import import_module
 
+import pytest
+
 import cam_rig
+from cam_rig.errors import ConfigError
 from tools.docs.results import PAGE, given_by, page, results
 
 from .pages import ROOT, text
@@ -42,6 +45,8 @@ def test_every_figure_is_there():
     assert len(drawn) > 15
     for module, name in (place.split(":") for place in drawn):
         assert callable(getattr(import_module(module), name)), (module, name)
+    with pytest.raises(ConfigError, match="plot: Readings.* has no figure; allowed: its tables"):
+        cam_rig.readings().plot()
 
 
 def test_a_result_has_the_tables_of_the_page():

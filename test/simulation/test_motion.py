@@ -1,5 +1,6 @@
 """`cam_rig.simulate` and `cam_rig.sound_level` of one cam at one speed."""
 
+import pickle
 import sys
 
 import matplotlib as mpl
@@ -159,3 +160,19 @@ def test_a_missing_library_is_one_line(law, rig, monkeypatch, library, method, r
     motion = cam_rig.simulate(law, rig, rpm=300, turns=1, sample_rate=1000)
     with pytest.raises(MissingLibraryError, match=f"^{remedy}$"):
         getattr(motion, method)()
+
+
+@pytest.mark.parametrize("model", ["one_mass", "kinetostatic"])
+def test_a_law_whose_lift_jumps_is_refused(rig, model):
+    """No follower is at two places at once, though the slopes on both sides are equal."""
+    saw = cam_rig.Law("saw", [0.0, 2.0 * np.pi], [[0.0], [0.1]])
+    with pytest.raises(DynamicsError, match=r"law 'saw': lift jumps by 0\.1 m at 0°"):
+        cam_rig.simulate(saw, rig, model=model, rpm=300)
+
+
+def test_what_was_simulated_can_be_sent_to_another_process(law, rig):
+    """A law keeps functions of its pieces for itself."""
+    motion = cam_rig.simulate(law, rig, rpm=400, turns=1, sample_rate=1000)
+    there = pickle.loads(pickle.dumps(motion))
+    np.testing.assert_array_equal(there.lift, motion.lift)
+    assert there.law.at(1.0) == law.at(1.0)

@@ -269,7 +269,7 @@ class Design:
         return None if smooth is None or smooth.rises == self.rises else smooth
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Factorial:
     """Both designs; the proposed cam and those it is compared with; the proposed cam squeezed."""
 
