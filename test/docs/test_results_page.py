@@ -45,7 +45,7 @@ def test_every_figure_is_there():
     assert len(drawn) > 15
     for module, name in (place.split(":") for place in drawn):
         assert callable(getattr(import_module(module), name)), (module, name)
-    with pytest.raises(ConfigError, match="plot: Readings.* has no figure; allowed: its tables"):
+    with pytest.raises(ConfigError, match=r"plot: Readings.* has no figure; allowed: its tables"):
         cam_rig.readings().plot()
 
 
