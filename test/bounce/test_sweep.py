@@ -59,6 +59,7 @@ def test_the_window_over_restitution():
     assert not motions[-1].stable
 
 
+@pytest.mark.variants(2)
 @pytest.mark.parametrize("over", [PRELOAD, MASS])
 @pytest.mark.parametrize("restitution", [0.2, 0.6, 0.9])
 def test_windows_over_preload_and_mass(over, restitution):
