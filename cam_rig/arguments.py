@@ -154,7 +154,7 @@ MORE: dict[Any, Callable[[Any], bool]] = {
 
 def _refusal(name: str, value: Any, hint: Any) -> str:
     shown = type(value).__name__
-    if isinstance(value, str | Path | float | NoneType) or _fits(value, int | bool):
+    if isinstance(value, str | Path | float | list | tuple | NoneType) or _fits(value, int | bool):
         shown = f"{repr(value)[:60]} ({shown})"
     return f"{name}: is {shown}; allowed: {_words(hint, value)}"
 

@@ -28,7 +28,7 @@ CONVERGED, ITERATIONS = 1e-13, 20
 #: Rounding leaves a residual below this where a motion is strongly stretched.
 LEFT = 1e-10
 #: First, shortest and longest step along a branch, in parts of lift and speed; and most of them.
-FIRST, SHORTEST, LONGEST, MOST_STEPS = 1e-3, 1e-9, 5e-3, 2000
+FIRST, SHORTEST, LONGEST, MOST_STEPS = 1e-3, 1e-9, 5e-3, 20_000
 #: Relative step of what is swept for the derivative by it, which an iteration takes, and no result.
 NUDGE = 1e-7
 #: Halves of a period are alike to this part of the lift times the speed where it is born; and so
@@ -192,6 +192,8 @@ class Family:
                 by_value = self._by_value(there)
             along = self._tangent(motion, by_value, along)
             length = min(1.5 * length, LONGEST)
+        else:  # nothing says how much further it goes
+            found += self._end(motions[-1], here, along)
         return motions, found
 
     def _scale_of(self, value: float, state: State) -> FloatArray:

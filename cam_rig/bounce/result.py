@@ -65,9 +65,9 @@ class BounceRow:
 
 
 RESTS = Footnote(
-    "It comes to rest on the cam, where what meets the cam has no freedom: of one mass every "
-    "change dies out, and the exponent is −∞; of two the end mass vibrates on. Landings are those "
-    "higher than rounding; in the limit they are without number.",
+    "It comes to rest on the cam, where what meets the cam has no freedom. Of one mass every "
+    "change dies out there, and the exponent is −∞; of two the end mass vibrates on. Landings "
+    "are those higher than rounding; in the limit they are without number.",
     lambda row: row.rests and row.motion == PERIODIC,
     "*",
 )

@@ -122,7 +122,7 @@ def _sweep(
         raise ConfigError(f"over: is {over!r}; allowed: {', '.join(SWEPT)}")
     if over == SPEED and values is not None:
         raise ConfigError(
-            "values: is given where the speed is swept; allowed: over restitution, preload or mass"
+            "--range: is given where the speed is swept; allowed: --over another number"
         )
     if over == SPEED:
         swept = sorted(one * RPM for one in rpm)
@@ -131,10 +131,10 @@ def _sweep(
         raise ConfigError(f"rpm: are {len(rpm)} speeds over {over}; allowed: one speed")
     swept = [] if values is None else sorted(map(float, on_one_axis("values", values)))
     if not 1 <= len(swept) <= MAX_SPEEDS:
-        raise ConfigError(f"values: are {len(swept)} of {over}; allowed: 1 to {MAX_SPEEDS}")
+        raise ConfigError(f"--range: are {len(swept)} of {over}; allowed: 1 to {MAX_SPEEDS}")
     if over == RESTITUTION:
         if restitution is not None:
-            raise ConfigError("restitution: is what is swept; allowed: its values alone")
+            raise ConfigError("--restitution: is what is swept; allowed: --range alone")
         restitution = swept[0]
     sweep = Sweep(OperatingPoint(bouncing(rig, restitution, model), rpm[0] * RPM), over)
     for one in swept:  # one that is none is refused before any is turned
@@ -174,7 +174,9 @@ def _check_kept(out: str | Path | None, resume: bool, start: str) -> None:
     if resume and out is None:
         raise ConfigError("resume: without a folder; allowed: with out")
     if out is not None and start != REST:
-        raise ConfigError(f"out: keeps rows that begin on the cam, not {start}; allowed: {REST}")
+        raise ConfigError(
+            f"--out: keeps rows that begin on the cam, not {start}; allowed: --from {REST}"
+        )
 
 
 def _from_rest(

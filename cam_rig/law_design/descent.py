@@ -123,7 +123,7 @@ class PointwiseTerm:
 
     def _slope(self, motion: Motion, order: int) -> FloatArray:
         """By how much the branches grow with s, s' or s''."""
-        name = ("s", "slope", "bend")[order]
+        name = ("s", "slope", "curvature")[order]
         own = getattr(motion, name)
         step = STEP * float(np.abs(own).max())
         high, low = (self.branches(replace(motion, **{name: own + x})) for x in (step, -step))

@@ -46,7 +46,7 @@ def test_the_derivative_is_a_law():
 
 def test_what_is_no_law_for_scipy():
     turn = [0.0, np.pi, 2.0 * np.pi]
-    with pytest.raises(TypeError, match=r"bpoly: is list; allowed: a scipy.interpolate.BPoly"):
+    with pytest.raises(TypeError, match=r"bpoly: is .* allowed: a scipy.interpolate.BPoly"):
         cam_rig.Law.from_bpoly([[0.0]])
     with pytest.raises(LawError, match="complex ordinates"):
         cam_rig.Law.from_bpoly(BPoly(np.ones((2, 2)) * 1j, turn))
