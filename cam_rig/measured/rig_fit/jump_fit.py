@@ -9,19 +9,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
-from scipy.optimize import least_squares
 from scipy.stats import t as student
 
-from cam_rig.dynamics.jump.any_follower import find_jump
 from cam_rig.dynamics.jump.search import FASTEST, SLOWEST
-from cam_rig.errors import CamRigError, ConfigError
+from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
+from cam_rig.measured.rig_fit.jump_search import RIGID, STEM, STEP, JumpModel, searched, sizes_of
 from cam_rig.measured.rig_fit.jump_table import JumpReading, JumpTable
 from cam_rig.measured.rig_fit.numbers import (
     CORRELATION_COLUMNS,
@@ -31,30 +28,25 @@ from cam_rig.measured.rig_fit.numbers import (
     WITHIN_95,
     FoundNumber,
     correlation_of,
-    follower_of,
     from_search,
     interval_words,
     number_tables,
     require_in_model,
     search_limits,
     slope,
-    to_search,
 )
 from cam_rig.measured.rig_fit.search import normal_inverse
 from cam_rig.schema import RigConfig
 from cam_rig.show.result import SILENT, Column, Progress, Records, Result
 from cam_rig.units import RPM, FloatArray, rms, to_rpm
 
-#: Sought of one rigid mass; a stem's beside them.
-RIGID = ("mass", "spring_stiffness", "preload", "damping")
-STEM = ("stem_stiffness", "roller_share")
-#: Step of what is sought, of its size.
-STEP = 1e-4
 #: Readings that scatter by more than this part of their speed fit no follower; an error that was
 #: given is not followed where they scatter by more than so many of it.
 NO_FIT, TOO_FAR = 0.04, 2.0
 #: Least own mass (kg) with which a search begins.
 LIGHT = 0.05
+#: Of a change that one way is less than this part of that the other way, there is none.
+ONE_SIDED = 1e-3
 #: One jump speed with more than this part of all that is left, as squares, is an outlier.
 OUTLYING = 0.55
 
@@ -179,43 +171,6 @@ class JumpFit(Result):
             yield f"Line {reading.line} is {-self.left[worst]:.3g} rpm off the others: an outlier?"
 
 
-@dataclass(frozen=True, eq=False)
-class _JumpModel:
-    """Jump speeds (rpm) of what is sought; told are the set-ups of each step of a search."""
-
-    law: Law
-    table: JumpTable
-    sought: tuple[str, ...]
-    given: dict[str, float]
-    progress: Progress
-
-    @cached_property
-    def _setups(self) -> tuple[list[dict[str, float]], list[int]]:
-        """What was put on, each once, and of each reading which it is."""
-        known = [tuple(sorted(reading.known.items())) for reading in self.table.readings]
-        index = {setup: i for i, setup in enumerate(dict.fromkeys(known))}
-        return [dict(setup) for setup in index], [index[setup] for setup in known]
-
-    def values(self, x: FloatArray, known: dict[str, float]) -> dict[str, float]:
-        """All numbers of a set-up: the own mass and what was put on are one."""
-        values = self.given | from_search(self.sought, x)
-        on = known.get("mass", 0.0)
-        return values | known | {"mass": max(values["mass"] + on, 1e-9)}
-
-    def speeds(self, x: FloatArray) -> FloatArray:
-        """Of all readings, ``(n,)``; those of one set-up are one speed."""
-        setups, which = self._setups
-        found = np.full(len(setups), FASTEST)
-        self.progress.begin(len(setups), "set-ups of a step of the search")
-        for i, known in enumerate(setups):
-            self.progress.advance()
-            values = self.values(x, known)
-            follower = follower_of(values, values.get("stem_stiffness"))
-            with suppress(CamRigError):
-                found[i] = find_jump(self.law, follower, None).rpm
-        return found[which]
-
-
 def fit_jumps(
     law: Law,
     table: JumpTable,
@@ -247,8 +202,8 @@ def fit_jumps(
         )
     _require_in_reach(table)
     values = _start(table, base, given, two)
-    trial = _JumpModel(law, table, sought, values, progress)
-    x = _searched(trial)
+    trial = JumpModel(law, table, sought, values, progress)
+    x = searched(trial)
     speeds, free = trial.speeds(x), count - len(sought)
     deviation, followed = _deviation(trial, speeds, free, error)
     # an error that is estimated of few readings has Student's distribution
@@ -294,7 +249,7 @@ def _require_in_reach(table: JumpTable) -> None:
 
 
 def _deviation(
-    trial: _JumpModel, speeds: FloatArray, free: int, error: float | None
+    trial: JumpModel, speeds: FloatArray, free: int, error: float | None
 ) -> tuple[float, bool]:
     """Standard deviation (rpm) of a reading, and whether it is the one that was given."""
     left = speeds - trial.table.rpm
@@ -326,58 +281,28 @@ def _start(
         values["stem_damping"] = values["damping"] if damping is None else damping.si
     if "mass" in table.columns and (least := min(r.known["mass"] for r in table.readings)) > 0.0:
         values["mass"] = max(0.5 * least, LIGHT)
+    values["preload"] = max(values["preload"], 1.0)  # without one there is no jump speed
     return values | given
 
 
-def _searched(trial: _JumpModel) -> FloatArray:
-    """Least squares of the speeds, from the start and from springs and preloads about it."""
-    wanted, values = trial.table.rpm, trial.given
-    if not trial.sought:
-        return np.empty(0)
-
-    def off(x: FloatArray) -> FloatArray:
-        return (trial.speeds(x) - wanted) / wanted
-
-    low, high = search_limits(trial.sought)
-    best, found = math.inf, np.empty(0)
-    rigid = "roller_share" not in values  # two masses take a hundred times as long
-    for factor in (1.0, 0.2, 5.0) if rigid else (1.0,):
-        begin = values | {"preload": max(values["preload"], 1.0) * factor}
-        x = np.array([to_search(name, begin[name]) for name in trial.sought])
-        result = least_squares(
-            off,
-            np.clip(x, low + 1e-9, high - 1e-9),
-            bounds=(low, high),
-            x_scale=_sizes(trial.sought, begin),
-            diff_step=np.full(x.size, STEP),
-            xtol=1e-12 if rigid else 1e-8,
-            ftol=1e-12 if rigid else 1e-8,
-            gtol=1e-14,
-            max_nfev=200 if rigid else 50,
-        )
-        if result.cost < best:
-            best, found = float(result.cost), result.x
-    return found
-
-
-def _sizes(names: tuple[str, ...], values: dict[str, float]) -> FloatArray:
-    """What steps of what is sought are to be measured by, ``(n,)``."""
-    return np.array([1.0 if NUMBERS[n].logarithm else max(abs(values[n]), 1.0) for n in names])
-
-
-def _slopes(trial: _JumpModel, x: FloatArray) -> FloatArray:
+def _slopes(trial: JumpModel, x: FloatArray) -> FloatArray:
     slopes = np.empty((len(trial.table.readings), x.size))
     low, high = search_limits(trial.sought)
-    sizes = _sizes(trial.sought, from_search(trial.sought, x))
+    sizes = sizes_of(trial.sought, from_search(trial.sought, x))
+    here = trial.speeds(x)
     for k, step in enumerate(np.diag(STEP * sizes)):
         ends = [np.clip(x + sign * step, low, high) for sign in (1.0, -1.0)]
         up, down = (trial.speeds(end) for end in ends)
         slopes[:, k] = (up - down) / (ends[0] - ends[1])[k]
+        # what one way alone moves a speed is not told by it: all the other way fits as well
+        sides = np.abs([up - here, here - down])
+        if low[k] < ends[1][k] and ends[0][k] < high[k]:
+            slopes[sides.min(axis=0) < ONE_SIDED * sides.max(axis=0), k] = 0.0
     return slopes
 
 
 def _identified(
-    trial: _JumpModel,
+    trial: JumpModel,
     x: FloatArray,
     errors: FloatArray,
     null_groups: tuple[tuple[int, ...], ...],
@@ -387,6 +312,8 @@ def _identified(
         error = float(errors[k]) * slope(name, value)
         others = [trial.sought[i] for group in null_groups if k in group for i in group if i != k]
         reason = _reason(name, value, error, within, others, trial.table)
+        if (k,) in null_groups:
+            reason = "no jump speed changes with it: give it if it is known"
         if reason:
             yield FoundNumber.unidentified(name, reason, error)
         else:
