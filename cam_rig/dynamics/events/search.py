@@ -113,7 +113,7 @@ def _prepared(function: Run) -> Run | None:
     folder = cache_folder() / function.__name__
     kept = _is_kept(function)
     if not kept:
-        print("events: compiling their search, once for this machine (up to a minute)", file=sys.stderr)
+        print("events: compiling their search, once for this machine (about 30 s)", file=sys.stderr)
 
     def first(*arguments: Any) -> Any:
         from multiprocessing.pool import ThreadPool
