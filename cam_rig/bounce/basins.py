@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
@@ -12,6 +11,7 @@ import numpy as np
 
 from cam_rig.arguments import checked
 from cam_rig.bounce.motion import PERIODIC, bouncing, motion_of
+from cam_rig.bounce.result import EXPONENT
 from cam_rig.dynamics import MODELS, Interval
 from cam_rig.dynamics.events.search import expect_many
 from cam_rig.dynamics.parameters import FollowerParameters
@@ -76,14 +76,7 @@ class Basins(Result):
             Column("motion", heading="kind"),
             Column("period", "", "d", about="in turns"),
             Column("landings_per_turn", "1/turn", ".3g", "landings"),
-            Column(
-                "exponent",
-                "1/turn",
-                ".3f",
-                cell=lambda row: "−∞" if row.exponent == -math.inf else row.exponent,
-                about="Lyapunov's, the largest; where it rests −∞, which is null",
-            ),
-            Column("exponent_error", "1/turn", ".1g", "error", about="95 %"),
+            *EXPONENT,
             Column("hardest", "m/s", ".3f", "hardest landing"),
             Column("share", "%", ".1f", "starts"),
         ),

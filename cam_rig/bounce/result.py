@@ -78,6 +78,18 @@ def _exponent(number: int, row: BounceRow) -> float | None:
     return row.exponents[number - 1] if number <= len(row.exponents) else None
 
 
+#: Of a row, and of a motion that starts end in.
+EXPONENT = (
+    Column(
+        "exponent",
+        "1/turn",
+        ".3f",
+        cell=lambda row: "−∞" if row.exponent == -math.inf else row.exponent,
+        about="Lyapunov's, the largest; where it rests −∞, which is null",
+    ),
+    Column("exponent_error", "1/turn", ".1g", "error", about="95 %"),
+)
+
 UNTOLD = Footnote(
     "Not told: the turns have not come to repeat, and no exponent above its error says that they "
     "never will; or none lands. More turns to settle may tell.",
@@ -102,14 +114,7 @@ class BounceMap(Result):
             Column("period", "", "d", about="in turns"),
             Column("landings_per_turn", "1/turn", ".3g", "landings"),
             Column("rests", hidden=True, about="whether it comes to rest on the cam"),
-            Column(
-                "exponent",
-                "1/turn",
-                ".3f",
-                cell=lambda row: "−∞" if row.exponent == -math.inf else row.exponent,
-                about="Lyapunov's, the largest; where it rests −∞, which is null",
-            ),
-            Column("exponent_error", "1/turn", ".1g", "error", about="95 %"),
+            *EXPONENT,
             *(
                 Column(
                     f"exponent_{i}",

@@ -48,7 +48,7 @@ class OperatingPoint:
 
     @property
     def preload(self) -> float:
-        """Of the closing spring at zero lift, N."""
+        """Of the return spring at zero lift, N."""
         return self.parameters.preload
 
     @property

@@ -138,10 +138,10 @@ class StroboscopicMap:
     @property
     def scale(self) -> FloatArray:
         """``(n,)`` sizes of a state's numbers; of the stem's what all forces together make."""
-        p, (lift, slope, bend) = self.parameters, self.law.bounds
+        p, (lift, slope, curvature) = self.parameters, self.law.bounds
         sizes = [self.law.lift, self.law.lift * self.speed]
         if isinstance(p, TwoMassParameters):
-            force = (p.roller_mass + p.end_mass) * bend * self.speed**2 + p.preload
+            force = (p.roller_mass + p.end_mass) * curvature * self.speed**2 + p.preload
             force += p.damping * slope * self.speed + p.spring_stiffness * lift
             most = force / p.stem_stiffness
             sizes += [most, most * math.sqrt(p.stiffness / p.end_mass)]

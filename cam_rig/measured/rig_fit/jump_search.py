@@ -125,11 +125,11 @@ def _balanced(trial: JumpModel) -> Iterator[dict[str, float]]:
             yield min(found, key=lambda v: rms(rigid.off(np.array(rigid.point(v)))))
 
 
-def _balance(rigid: JumpModel, s: float, slope: float, bend: float) -> dict[str, float]:
+def _balance(rigid: JumpModel, s: float, slope: float, curvature: float) -> dict[str, float]:
     """All numbers, so that m s'' Ω² + c s' Ω + k s + preload = 0, which is linear in them."""
     speed = rigid.table.rpm * RPM
     weights = {
-        "mass": np.full_like(speed, bend),
+        "mass": np.full_like(speed, curvature),
         "spring_stiffness": s / speed**2,
         "preload": 1.0 / speed**2,
         "damping": slope / speed,
