@@ -21,7 +21,7 @@ from cam_rig.runner.fork_server import ForkedProcess, ForkServer
 from cam_rig.runner.node_process import environment
 from cam_rig.schema import CamConfig, RigConfig, SceneConfig, load_cam, load_rig
 from cam_rig.simulation.scene import LoadedScene, open_scene
-from cam_rig.testing.running_rig import isolated_domain
+from cam_rig.testing.running_rig import hold_domain, isolated_domain
 
 from .references import many_digits
 
@@ -267,6 +267,14 @@ def forked(fork_server: ForkServer, monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr("cam_rig.runner.node_process._started", started)
     monkeypatch.setattr(ForkServer, "begin", lambda own: own)  # no other one
+
+
+@pytest.fixture(scope="session", autouse=True)
+def own_domain_of_the_process() -> Iterator[None]:
+    """Not the one in which a rig may run on this machine: a command that is tested is refused."""
+    with hold_domain() as domain, pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROS_DOMAIN_ID", str(domain))
+        yield
 
 
 @pytest.fixture
