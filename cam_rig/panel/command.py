@@ -158,10 +158,9 @@ def panel(
     address has a token: without it no page, user or machine gets anything of the pages, Rerun's
     among them. The bench's nodes are open to ROS on this machine, as those of every run.
 
-    A lab sheet asks a student for jump speeds of springs, masses and preloads, for the natural
-    frequency of the stem, of its residual vibration over speed, or for the speed at which two cams
-    are equally loud, and keeps readings and answers as CSV. A seed hides another rig behind it; the
-    marks say how far an answer is off.
+    A lab sheet keeps a student's readings and answers as CSV. It asks for jump speeds of springs,
+    masses and preloads, the natural frequency of the stem, or the speed at which two cams are
+    equally loud. A seed hides another rig behind it; the marks say how far an answer is off.
 
     Examples
     --------
