@@ -62,7 +62,7 @@ class DesignError(CamRigError):
     """A design has no result: its limits leave no law, or its solver found none."""
 
 
-class BagError(CamRigError):
+class BagError(CamRigError, ValueError):
     """A recording is missing, incomplete, or not one of ours."""
 
 

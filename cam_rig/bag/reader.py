@@ -221,6 +221,8 @@ def read_scene(bag: Path) -> LoadedScene:
 def read_bag(bag: str | Path, scene: str | Path | None = None) -> SceneRun:
     """Read a recorded run back, with the scene that is attached to it.
 
+    The command is ``cam-rig analyze``.
+
     Parameters
     ----------
     bag : folder of a bag, as ``cam-rig run`` or ``ros2 bag record`` makes it

@@ -55,6 +55,8 @@ def bounce_map(
     Impacts are roots and flights closed forms, so each turn's derivative is exact, and the Lyapunov
     exponent is no estimate from a time series. Where its error hides zero, it is "not told".
 
+    The command is ``cam-rig bounce``.
+
     Parameters
     ----------
     rpm : cam speeds; one where something else is swept

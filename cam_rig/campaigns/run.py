@@ -43,6 +43,8 @@ def campaign(
 ) -> CampaignResult:
     """Measure many rigs that differ in some numbers; rows go into a folder of Parquet files.
 
+    The command is ``cam-rig campaign``.
+
     Parameters
     ----------
     study : a name in ``config/campaigns``, a path, or what such a file holds

@@ -10,7 +10,6 @@ import tempfile
 from contextlib import suppress
 from functools import cache
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, distributions, version
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -153,6 +152,8 @@ def versions() -> dict[str, str]:
 
 
 def _installed(name: str) -> str:
+    from importlib.metadata import PackageNotFoundError, version
+
     try:
         return version(name)
     except PackageNotFoundError:
@@ -161,6 +162,8 @@ def _installed(name: str) -> str:
 
 def _distribution() -> str:
     """The ROS distribution: of the wheels, of the sourced installation, or of the folder."""
+    from importlib.metadata import distributions
+
     wheels = (re.fullmatch(r"ros-([a-z]+)-rclpy", d.name) for d in distributions() if d.name)
     if found := next((match for match in wheels if match), None):
         return found[1]

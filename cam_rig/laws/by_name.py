@@ -24,6 +24,8 @@ def law(
     Peaks come from the roots of the next derivative. Several laws are laid over each other: as cams
     over the turn if each is a cam's, else as bare rises of unit lift over a unit span.
 
+    The command is ``cam-rig law``.
+
     Parameters
     ----------
     names : a cam: a name, a path, or what `load_cam` gave; a rise by its name; or several
@@ -60,6 +62,8 @@ def law(
 @checked
 def list_laws(family: str | None = None) -> LawsResult:
     """Every law by name, with its peaks per unit rise and unit span, and how smoothly it joins.
+
+    The command is ``cam-rig laws``.
 
     Parameters
     ----------

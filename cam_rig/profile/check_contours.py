@@ -20,6 +20,8 @@ def check_contours(
 
     `contour` is one cam's shape, point by point.
 
+    The command is ``cam-rig profile``.
+
     Parameters
     ----------
     cams : a cam: a name, a path, or what `load_cam` gave; or several; or one scene, for its cams

@@ -187,8 +187,10 @@ class RigConfig(Strict):
     def missing(self, key: str, by: str, instead: str = "") -> ConfigError:
         """What is said where a key is used that the file leaves out."""
         other = f", or {instead}" if instead else ""
+        python = f"rig.replace({key.rpartition('.')[2]}=...)"
         return ConfigError(
-            f"rig {self.name}: {key}: is missing; needed by {by}; so add it to the rig file{other}"
+            f"rig {self.name}: {key}: is missing; needed by {by}; so add it to the rig file, in "
+            f"Python by {python}{other}"
         )
 
     def with_follower(self, **numbers: float) -> RigConfig:

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from typer.core import TyperCommand
 
 from cam_rig.errors import INTERRUPTED, CamRigError, ConfigError
@@ -28,6 +27,7 @@ from cam_rig.show.terminal import console, say, show
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from rich.progress import Progress
 
 
 @contextmanager
@@ -47,36 +47,43 @@ def user_errors() -> Iterator[None]:
 
 def progress_bar() -> Progress:
     """A bar with ticks done, ticks in all and the time left."""
-    columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    return Progress(TextColumn("{task.description}"), *columns, console=console, transient=True)
+    from rich import progress  # a tenth of what `--help` costs
+
+    columns = (progress.BarColumn(), progress.MofNCompleteColumn(), progress.TimeRemainingColumn())
+    words = progress.TextColumn("{task.description}")
+    return progress.Progress(words, *columns, console=console, transient=True)
 
 
 class Bar(Steps):
     """Tells how far a computation is by a bar, on a terminal."""
 
     def __init__(self) -> None:
-        self._bar = progress_bar()
+        self._bar: Progress | None = None
         self._task: Any = None
 
     def begin(self, total: int | None, words: str = "") -> None:
         """A bar of its own in place of the one before; none where there is no terminal."""
-        if self._task is None and console.is_terminal:
-            self._bar.start()
-        elif self._task is not None:
+        if self._bar is not None:
             self._bar.remove_task(self._task)
-        self._task = self._bar.add_task(words, total=total)
+        elif console.is_terminal:
+            self._bar = progress_bar()
+            self._bar.start()
+        if self._bar is not None:
+            self._task = self._bar.add_task(words, total=total)
 
     def advance(self, steps: int = 1) -> None:
         """So many more are done."""
-        self._bar.advance(self._task, steps)
+        if self._bar is not None:
+            self._bar.advance(self._task, steps)
 
     def tell(self, words: str) -> None:
         """What is at work now."""
-        self._bar.update(self._task, description=words)
+        if self._bar is not None:
+            self._bar.update(self._task, description=words)
 
     def end(self) -> None:
         """Take it away."""
-        if self._task is not None and console.is_terminal:  # else it leaves an empty line
+        if self._bar is not None:
             self._bar.stop()
 
 

@@ -219,6 +219,8 @@ def run_scene(
 ) -> SceneRun:
     """Run a scene without ROS: the same core as the nodes, and the same numbers.
 
+    The command is ``cam-rig simulate``.
+
     Parameters
     ----------
     scene : a name in ``config/scenes``, a path, or what `load_scene` gave

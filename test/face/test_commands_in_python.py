@@ -71,9 +71,11 @@ def test_every_command_is_known():
 def test_a_command_names_its_function_whose_parameters_are_its_options(verb):
     """So what refuses an option refuses the parameter in Python, by its name.
 
-    What the words of the help show as arguments are parameters of the function.
+    What the words of the help show as arguments are parameters of the function, whose docstring
+    names the command.
     """
     function = getattr(cam_rig, named_in_help(verb))
+    assert f"cam-rig {verb}" in function.__doc__
     parameters = set(inspect.signature(function).parameters)
     shown = re.search(r"In Python: cam_rig\.\w+\((.*?)\)", VERBS[verb].help, re.S)[1]
     assert {word.strip() for word in shown.split(",")} - {"…"} <= parameters

@@ -176,6 +176,8 @@ def fit_cam(
 ) -> SplineFit | ArcsFit:
     r"""A cam from gauge readings: a spline with exact dwells, or one contour of tangent arcs.
 
+    The command is ``cam-rig fit cam``.
+
     Parameters
     ----------
     tables : a file of cam angles and readings, of arcs several

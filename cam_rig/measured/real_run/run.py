@@ -148,6 +148,8 @@ def compare(
 ) -> RunComparison:
     """Drive a scene's model with the cam angle of a recorded run, and find where the two part.
 
+    The command is ``cam-rig compare``.
+
     Parameters
     ----------
     scene : a name in ``config/scenes``, a path, or what `load_scene` gave

@@ -48,6 +48,8 @@ def fit_rig(
 
     Each has its standard error; what is not identifiable gets no number, and a reason.
 
+    The command is ``cam-rig fit rig``.
+
     Parameters
     ----------
     source : a bag with cam angle, and lift or force or both; or a .csv or .txt of jump speeds

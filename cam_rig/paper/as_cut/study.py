@@ -231,6 +231,8 @@ def as_cut(
 
     Its lift, jump speed and noise beside those of the law itself.
 
+    The command is ``cam-rig as-cut``.
+
     Parameters
     ----------
     cams : a name, a path or a cam, or several; None: the paper's Table 2

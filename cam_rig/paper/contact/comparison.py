@@ -271,6 +271,8 @@ def contact(
 
     A rigid follower in contact, without friction; width and material are the cam's ``contact``.
 
+    The command is ``cam-rig contact``.
+
     Parameters
     ----------
     cams : a name, a path or a cam, or several; or one scene. None: the paper's Table 2

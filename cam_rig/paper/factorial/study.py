@@ -323,6 +323,8 @@ def factorial(
     Jump speed, peak acceleration, residual vibration and noise of each, and their variance. Some
     40 s of one core.
 
+    The command is ``cam-rig factorial``.
+
     Parameters
     ----------
     study : a name in ``config/factorials``, or the path of a YAML file

@@ -345,6 +345,8 @@ def jump(
 
     `jump_speed` is that of one law on a rig of one's own, or on many.
 
+    The command is ``cam-rig jump``.
+
     Parameters
     ----------
     cams : a name, a path or a cam, or several; or one scene. None: the paper's Table 2

@@ -408,6 +408,8 @@ def noise(
 
     Some ten seconds.
 
+    The command is ``cam-rig noise``.
+
     Parameters
     ----------
     scene : a name in ``config/scenes``, a path, or what `load_scene` gave; with published curves

@@ -172,6 +172,8 @@ def orders(
     An order is a frequency as a multiple of the cam's. Fourier coefficients of the steady turn are
     closed forms, those of landings too.
 
+    The command is ``cam-rig orders``.
+
     Parameters
     ----------
     source : a cam or a scene: a name, a path, or what `load_cam` or `load_scene` gave. A cam alone

@@ -177,6 +177,8 @@ def readings(
 ) -> ReadingsResult:
     r"""The paper's Table 2 read in several ways: which rig shows its speeds, and its times.
 
+    The command is ``cam-rig readings``.
+
     Parameters
     ----------
     search : a reading whose identified numbers are sought anew, minutes; None reads all

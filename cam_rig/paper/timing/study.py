@@ -323,6 +323,8 @@ def timing(cams: Cams = None) -> TimingResult:
 
     Roots of the law; their change with an ordinate is exact, by implicit differentiation.
 
+    The command is ``cam-rig timing``.
+
     Parameters
     ----------
     cams : a name, a path or a cam, or several; None: the paper's Table 2

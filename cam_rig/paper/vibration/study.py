@@ -194,6 +194,8 @@ def vibration(
     Eq. 5 and eq. 10 of the paper; the residual amplitude is of the free vibration that a law's
     joints excite.
 
+    The command is ``cam-rig vibration``.
+
     Parameters
     ----------
     cams : a name, a path or a cam, or several; or one scene. None: the paper's Table 2
