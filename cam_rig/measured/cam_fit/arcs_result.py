@@ -239,13 +239,13 @@ class ArcsFit(Result):
             )
             if self.prime_if_straight is not None:
                 yield (
-                    "If you know that they are straight, --flank straight: "
+                    "If you know that they are straight, give flank as straight: "
                     f"{self.told[PRIME].name} is then {self.prime_if_straight.interval} with 95 %."
                 )
         elif flank.over_straight:
             yield (
-                "Flanks are straight within the readings too: without --flank curved they are "
-                "taken."
+                "Flanks are straight within the readings too, and taken so unless curved ones are "
+                "asked for."
             )
 
     def _poorly(self) -> Iterator[str]:

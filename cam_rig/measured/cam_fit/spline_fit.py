@@ -168,8 +168,8 @@ class SplineFit(Result):
                 "scatter, and peaks of acceleration are rough."
             )
         yield (
-            "A spline knows no jumps of acceleration between readings: for a cam of arcs take "
-            "--shape arcs."
+            "A spline knows no jumps of acceleration between readings: for a cam of arcs take the "
+            "shape arcs."
         )
         if not self.dwells:
             yield "No dwell is found: nowhere do enough readings rest within their scatter."

@@ -166,7 +166,7 @@ def _aligned(pairs: MeasuredPairs) -> Iterator[str]:
         why = "has too few readings" if pairs.run.lift is not None else "was not measured"
         yield (
             f"The cam is taken {degrees:+.3g}° from the angle measured: the lift {why} to find it "
-            "by; --offset gives it."
+            "by; give the offset."
         )
         return
     if found.drift:
