@@ -17,8 +17,6 @@ const FRAME_MS = accelerated() ? 0 : 28;
 
 /** The cam is watched, curves are read: so often (ms) those are drawn. */
 const CURVES_MS = FRAME_MS && 100;
-/** Before a frame is due (ms) the browser is asked for it: it is told of none that is left out. */
-const EARLY_MS = 8;
 
 function accelerated() {
   const context = document.createElement("canvas").getContext("webgl");
@@ -39,6 +37,7 @@ export class Stage {
     this.known = null;
     this.at = 0; // the cam angle, rad
     this.frame = 0;
+    this.waits = 0; // for the next frame
     this.stood = false; // has turned, and stands: no force of a motion is left
     this.halted = false; // has just come to stand, and is to be drawn where
     this.curved = 0; // when (ms) the curves were drawn
@@ -123,14 +122,14 @@ export class Stage {
 
   /** The frame after the one that was just drawn. */
   #next() {
-    if (FRAME_MS) setTimeout(() => this.#soon(), FRAME_MS - EARLY_MS);
+    clearTimeout(this.waits);
+    if (FRAME_MS) this.waits = setTimeout(() => this.#soon(), FRAME_MS);
     else this.#soon();
   }
 
   /** @param {number} now */
   #draw(now) {
     this.frame = 0;
-    if (this.turns && now - (this.drawn ?? -Infinity) < FRAME_MS) return this.#soon();
     const { playback } = this;
     const seconds = Math.min(0.25, (now - (this.drawn ?? now)) / 1000);
     this.drawn = now;

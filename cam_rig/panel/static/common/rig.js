@@ -37,6 +37,7 @@ export class RigPicture {
     this.frame = [0, 0, 1];
     /** Pixels of the screen to a px. */
     this.scale = 0;
+    this.fonts = { lens: "", number: "" };
     /** @type {CamPicture | null} */
     this.picture = null;
     /** @type {Pose} */
@@ -75,10 +76,10 @@ export class RigPicture {
     this.scale = sharpness();
     for (const one of [this.canvas, this.behind]) size(one, width, height);
     const family = getComputedStyle(this.place).fontFamily;
-    // Chosen once: to choose a font lays the page out.
-    this.context.font = `600 13px ${family}`;
-    this.context.textAlign = "center";
-    this.#stands(this.picture, brush(this.behind), width, height, family);
+    this.fonts = { lens: `600 13px ${family}`, number: `${NUMBER_SIZE * this.ring * unit}px ${family}` };
+    // Chosen once, as far as may be: to choose a font lays the page out.
+    [this.context.font, this.context.textAlign] = [this.fonts.lens, "center"];
+    this.#stands(this.picture, brush(this.behind), width, height);
     this.#draw();
   }
 
@@ -105,30 +106,39 @@ export class RigPicture {
 
   /**
    * A ring of degrees around the cam, at whose angle the mark on the cam points, and the guide.
-   * @param {CamPicture} picture @param {CanvasRenderingContext2D} context @param {number} width @param {number} height @param {string} family
+   * @param {CamPicture} picture @param {CanvasRenderingContext2D} context @param {number} width @param {number} height
    */
-  #stands({ swings, support }, context, width, height, family) {
-    const { ring, colours: of, frame: [x0, y0, unit] } = this;
+  #stands(picture, context, width, height) {
+    const { ring, colours: of } = this;
     context.fillStyle = of.card;
     context.fillRect(0, 0, width, height);
-    context.font = `${NUMBER_SIZE * ring * unit}px ${family}`;
-    context.textAlign = "center";
-    context.textBaseline = "middle";
-    context.fillStyle = of.quiet;
-    const ticks = [];
+    if (!picture.swings) this.#numbers(picture, context);
+    const dial = new Path2D();
     for (let d = 0; d < 360; d += 10) {
       const [x, y] = towards(d);
-      const long = d % 30 ? TICK[0] : TICK[1];
-      ticks.push(`M${x * ring} ${y * ring}L${x * ring * long} ${y * ring * long}`);
-      if (d % 30 || (!swings && y > 0.9)) continue; // the follower stands there
-      context.fillText(`${d}°`, x0 + unit * x * ring * NUMBER, y0 - unit * y * ring * NUMBER);
+      const long = ring * (d % 30 ? TICK[0] : TICK[1]);
+      dial.moveTo(x * ring, y * ring);
+      dial.lineTo(x * long, y * long);
     }
+    dial.addPath(circle(ring));
     this.#metric(context);
-    const dial = new Path2D(ticks.join(""));
-    dial.moveTo(ring, 0);
-    dial.arc(0, 0, ring, 0, 2 * Math.PI);
     this.#paint(context, dial, { line: of.line, width: 1.4 });
-    for (const strip of support) this.#paint(context, new Path2D(path(...strip)), { fill: of.line, line: of.ghost, width: 1.4 });
+    for (const strip of picture.support) this.#paint(context, new Path2D(path(...strip)), { fill: of.line, line: of.ghost, width: 1.4 });
+  }
+
+  /** An arm crosses them, and leaves them to be read. @param {CamPicture} picture @param {CanvasRenderingContext2D} context */
+  #numbers({ swings }, context) {
+    const { ring, colours: of, frame: [x0, y0, unit] } = this;
+    [context.font, context.textAlign, context.textBaseline] = [this.fonts.number, "center", "middle"];
+    [context.fillStyle, context.strokeStyle, context.lineJoin] = [of.quiet, of.card, "round"];
+    context.lineWidth = 0.35 * NUMBER_SIZE * ring * unit;
+    for (let d = 0; d < 360; d += 30) {
+      const [x, y] = towards(d);
+      if (!swings && y > 0.9) continue; // the follower stands there
+      const at = /** @type {const} */ ([`${d}°`, x0 + unit * x * ring * NUMBER, y0 - unit * y * ring * NUMBER]);
+      context.strokeText(...at);
+      context.fillText(...at);
+    }
   }
 
   /** @param {Pose} pose */
@@ -165,6 +175,11 @@ export class RigPicture {
     const length = (ARROW * ring * force) / this.strongest;
     if (force > 0) this.#paint(context, new Path2D(arrow(px, py, nx, ny, length, 0.035 * ring)), { line: of["of-force"], width: 4 });
     context.setTransform(this.scale, 0, 0, this.scale, 0, 0);
+    if (picture.swings) {
+      context.save();
+      this.#numbers(picture, context);
+      context.restore();
+    }
     this.lens?.draw(context, of, this.canvas.width / this.scale);
   }
 
