@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
-from tools.docs.bench_picture import panel_address
-from tools.docs.browser import TIMEOUT_S, new_page, open_browser
+from tools.docs.bench_picture import RIG_DRAWN, panel_address
+from tools.docs.browser import TIMEOUT_S, new_page, open_browser, until
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -31,9 +31,12 @@ TURNED = (300, 350, 280, 420, 310, 390, 260)
 FRAMES = """(seconds) => new Promise((done) => {
   // Asking for frames to count them would make the page draw them.
   let frames = 0;
-  const seen = new MutationObserver(() => { frames += 1; });
-  seen.observe(document.querySelector("#rig svg > g > g"), { attributeFilter: ["transform"] });
-  setTimeout(() => { seen.disconnect(); done(frames / seconds); }, 1000 * seconds);
+  const brush = document.querySelector("#rig canvas").getContext("2d");
+  brush.drawImage = function (...given) {
+    frames += 1; // each begins with what stands still
+    CanvasRenderingContext2D.prototype.drawImage.apply(brush, given);
+  };
+  setTimeout(() => { delete brush.drawImage; done(frames / seconds); }, 1000 * seconds);
 })"""
 DELAY = """(rpm) => new Promise((done) => {
   const begin = performance.now(), speed = document.getElementById("speed");
@@ -77,7 +80,7 @@ def first_picture(page: Page, address: str) -> float:
     """Seconds from asking for the bench to the cam's contour."""
     begin = time.monotonic()
     page.goto(address, wait_until="commit")
-    page.locator("#rig .disc").wait_for()
+    until(page, RIG_DRAWN)
     return time.monotonic() - begin
 
 

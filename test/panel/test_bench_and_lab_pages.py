@@ -9,6 +9,7 @@ import cam_rig
 from cam_rig.panel.lab.marking import mark_sheet
 from cam_rig.panel.lab.pages import LabPages
 from cam_rig.panel.server import serve
+from tools.docs.bench_picture import RIG_DRAWN
 from tools.docs.browser import TIMEOUT_S
 
 from .conftest import BrowserPage, in_browser, sheet_of
@@ -87,7 +88,7 @@ def test_the_rig_is_drawn_before_it_turns_and_says_what_a_speed_will_do(chromium
         bench.begin(served.address, "en")
         cam, rig = cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2")
         jump = cam_rig.jump_speed(cam_rig.build_law(cam), rig).rpm
-        bench.page.locator("#rig .disc").wait_for()
+        bench.until(lambda: bench.page.evaluate(RIG_DRAWN))
         bench.until(lambda: "contact is kept" in bench.text("forecast"))
         assert f"{jump:.5g} rpm" in bench.text("jumps")
         assert bench.page.locator("#knob .jump").count() == 2

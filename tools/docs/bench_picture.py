@@ -25,6 +25,13 @@ if TYPE_CHECKING:
 
 PICTURE = Path("docs/bench.png")
 SIZE = {"width": 1600, "height": 1130}
+#: Whether the rig is drawn: until then its canvas is of one colour.
+RIG_DRAWN = """() => {
+  const canvas = document.querySelector("#rig canvas");
+  if (!canvas) return false;
+  const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+  return new Uint32Array(data.buffer).some((pixel, _, all) => pixel !== all[0]);
+}"""
 #: Wall time (ms) after which the turns of the speed before have faded.
 FADE_MS = 3000
 #: Speeds (rpm) at which each of two cams is noted; from the last ones the follower flies.

@@ -67,10 +67,11 @@ class LiveMotion:
     def block(self, rows: FloatArray) -> bytes | None:
         """A page's tick: rig time and step (s) as doubles, `curves`; None where its state lacks."""
         time = rows[0]
-        began = [s for s in self._states if s["time_ns"] <= round(float(time[0]) * NS)]
-        if not began:
+        begin_ns, newest_first = round(float(time[0]) * NS), reversed(self._states)
+        state = next((s for s in newest_first if s["time_ns"] <= begin_ns), None)
+        if state is None:
             return None
-        state, step = began[-1], float(time[-1] - time[0]) / max(1, time.size - 1)
+        step = float(time[-1] - time[0]) / max(1, time.size - 1)
         try:
             law = self._cams(state["cam"])[1]
         except CamRigError:  # its file went after the law server had read it
@@ -79,7 +80,7 @@ class LiveMotion:
         angle = state["angle"] % TURN + speed * (time - state["time_ns"] / NS)
         turned = speed * step
         every = max(1, int(STEP / turned)) if turned > 0.0 else 1
-        found = curves(law, angle, rows)[:, ::every]
+        found = curves(law, angle[::every], rows[:, ::every])
         head = np.array([time[0], step * every], dtype="<f8")
         return MOTION + head.tobytes() + found.tobytes()
 
@@ -139,7 +140,9 @@ def expected(setup: Setup, law: Law, rig: RigConfig) -> dict[str, Any]:
 def curves(law: Law, angle: FloatArray, rows: FloatArray) -> NDArray[np.float32]:
     """``(6, n)`` of samples: cam angle (rad), lift (mm), m/s, m/s², N, and the gap in µm."""
     samples = Samples(rows)
-    gap = np.where(samples.force == 0.0, samples.lift - law(angle), 0.0)
+    gap, off = np.zeros(angle.size), samples.force == 0.0
+    if off.any():
+        gap[off] = samples.lift[off] - law(angle[off])
     found = [angle, samples.lift * MM, samples.velocity, samples.acceleration, samples.force]
     return np.array([*found, gap * 1e6], dtype="<f4")
 

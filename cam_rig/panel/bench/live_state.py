@@ -74,9 +74,10 @@ class Meter:
 
     def level(self, time_ns: int, level: float) -> None:
         """The level of the tick that ends at a rig time."""
-        before = [rpm for start, rpm in self._speeds if start < time_ns]
-        if before:
-            self._ticks.append(LevelOfTick(time_ns, before[-1], level))
+        newest_first = reversed(self._speeds)
+        rpm = next((rpm for start, rpm in newest_first if start < time_ns), None)
+        if rpm is not None:
+            self._ticks.append(LevelOfTick(time_ns, rpm, level))
 
     def forget(self) -> None:
         """What was read is of something else: another cam, or another weighting."""
@@ -271,7 +272,9 @@ class LiveState:
         """All of it, for a page."""
         tick = self.meter.latest
         level = round(tick.level, 3) if tick and self.drive == "turning" else None
-        return asdict(self) | {"level": level}
+        own = {f.name: getattr(self, f.name) for f in fields(self)}
+        own |= {"setup": vars(self.setup), "readings": [vars(one) for one in self.readings]}
+        return own | {"level": level}
 
 
 # The sound of the rig for a page: from the samples of each tick, while somebody listens.

@@ -1,7 +1,7 @@
 // The live bench: every control is a node's own parameter or service, and shows what the node says.
 import { shown } from "../common/charts.js";
 import { loadTexts, text } from "../common/texts.js";
-import { $, field } from "../common/dom.js";
+import { $, field, say } from "../common/dom.js";
 import { Knob, typed } from "../common/knob.js";
 import { Link, Newest } from "./link.js";
 import { NoiseChart } from "./noise.js";
@@ -15,6 +15,8 @@ const LAMP_MS = 400;
 const WAITS_MS = 60_000;
 /** What is read out has stayed so long (ms). */
 const ANNOUNCE_MS = 1500;
+/** The meter is read so often (ms): all of the page between it and the cam is composed anew where both change. */
+const METER_MS = 120;
 /** A volume and a level (dB) from which on headphones are warned of: assumed, of no standard. */
 const LOUD = 0.5, LOUD_DB = 100;
 const SETUP = /** @type {const} */ (["model", "added_mass", "spring_stiffness", "preload"]);
@@ -34,10 +36,6 @@ let now = null;
 /** @param {string} model */
 function heading(model) {
   say("title", text("bench_title", { rig: about.rig.name, model: text(`short_${model}`) }));
-}
-/** Words are put only where they change, so that a reader of the page hears them once. @param {string} id @param {string} sentence */
-function say(id, sentence) {
-  if ($(id).textContent !== sentence) $(id).textContent = sentence;
 }
 heading(about.model);
 document.title = `${text("nav_bench")} – cam_rig`;
@@ -142,7 +140,9 @@ $("rerun").addEventListener("click", () => ask({ do: "rerun" }));
 
 // -- what is shown ------------------------------------------------------------------------------------
 const chart = new NoiseChart($("noise"), $("noise_key"), about.colours);
-let [lostAt, losses] = [-Infinity, Infinity];
+let [lostAt, losses, metered] = [-Infinity, Infinity, -Infinity];
+/** Until the lamp is looked at again. */
+let lamps = 0;
 
 /** @param {Live} message */
 function live(message) {
@@ -150,7 +150,7 @@ function live(message) {
   heading(message.setup.model);
   const { graph, drive, state, values, contact } = message;
   if (message.sound_rate) sound.rate = message.sound_rate;
-  $("holder").hidden = message.holds;
+  hide("holder", message.holds);
   say("relative", message.calibrated_on ? text("calibrated", { cam: message.calibrated_on }) : text("level_relative"));
   const off = { start: drive === "emergency" || drive === "turning", stop: drive !== "turning", keep: !("cam" in state) };
   enable(message.holds && runs(message), message.holds, off);
@@ -161,13 +161,16 @@ function live(message) {
   disable("emergency", !runs(message));
   disable("apply", !message.holds || graph === "starting");
   screen(message);
-  $("csv").hidden = !message.readings.length;
+  hide("csv", !message.readings.length);
   graphWords(message);
   const whole = Object.keys(message.ended).length === 0; // no node is missing
   const turns = drive === "turning" && "rpm" in state && whole;
   say("speed", "rpm" in state ? shown(turns ? state.rpm : 0, 5) : "–");
-  say("level", message.level === null || !whole ? "–" : message.level.toFixed(1));
-  field("meter").value = String(message.level ?? 0);
+  if (!turns || performance.now() - metered > METER_MS) {
+    metered = performance.now();
+    say("level", message.level === null || !whole ? "–" : message.level.toFixed(1));
+    put("meter", message.level ?? 0);
+  }
   const ear = values.microphone;
   say("quantity", ear ? `dB, L${ear.frequency_weighting}${ear.time_weighting}` : "dB");
   if (contact === "contact lost" || message.losses > losses) lostAt = performance.now();
@@ -185,7 +188,7 @@ function live(message) {
   list("ended", Object.entries(message.ended), ended);
   list("kept", message.kept, (path) => Object.assign(document.createElement("li"), { textContent: text("kept", { path }) }));
   list("log", message.log, (line) => Object.assign(document.createElement("li"), { textContent: line }));
-  $("loud").hidden = !(sound.on && field("volume").valueAsNumber > LOUD && (message.level ?? 0) > LOUD_DB);
+  hide("loud", !(sound.on && field("volume").valueAsNumber > LOUD && (message.level ?? 0) > LOUD_DB));
   stage.show(message, turns);
   forecast();
   announce(message, turns);
@@ -208,6 +211,10 @@ function enable(on, may, off = {}) {
 function disable(id, off) {
   if (field(id).disabled !== off) field(id).disabled = off;
 }
+/** @param {string} id @param {boolean} off */
+function hide(id, off) {
+  if ($(id).hidden !== off) $(id).hidden = off;
+}
 /** @param {string} id @param {string | number} value */
 function put(id, value) {
   if (field(id).value !== String(value)) field(id).value = String(value);
@@ -215,7 +222,7 @@ function put(id, value) {
 
 /** Rerun's page, under the name by which this one was opened: another one has none of its cookies. @param {Live} live */
 function screen({ screen: address }) {
-  $("screen").hidden = !address;
+  hide("screen", !address);
   const open = /** @type {HTMLAnchorElement} */ ($("screen"));
   if (address && !open.href) open.href = Object.assign(new URL(address), { hostname: location.hostname }).href;
   if (address) $("rerun").hidden = $("rerun_note").hidden = true;
@@ -232,7 +239,8 @@ function graphWords({ graph, words: why, domain, drive, waits_for: nodes }) {
 /** @param {string} contact */
 function lamp(contact) {
   const lost = performance.now() - lostAt < LAMP_MS;
-  if (lost) setTimeout(() => lamp(now?.contact ?? ""), LAMP_MS);
+  clearTimeout(lamps); // each message looks at it
+  if (lost) lamps = setTimeout(() => lamp(now?.contact ?? ""), LAMP_MS);
   $("lamp").classList.toggle("lost", lost);
   $("lamp").classList.toggle("none", !contact);
   say("contact", text(lost ? "contact_is_lost" : contact ? "contact_is_kept" : "contact_unknown"));

@@ -1,6 +1,7 @@
 // The picture of the rig, its gauges and the charts of a turn: what runs, or what is expected.
+import { recoloured } from "../common/canvas.js";
 import { shown } from "../common/charts.js";
-import { $ } from "../common/dom.js";
+import { $, say } from "../common/dom.js";
 import { text } from "../common/texts.js";
 /** @import { Rows } from "./playback.js" */
 /** @import { Crossing } from "../common/rig.js" */
@@ -16,8 +17,6 @@ const FRAME_MS = accelerated() ? 0 : 28;
 
 /** The cam is watched, curves are read: so often (ms) those are drawn. */
 const CURVES_MS = FRAME_MS && 100;
-/** Before a frame is due (ms) the browser is asked for it: it is told of none that is left out. */
-const EARLY_MS = 8;
 
 function accelerated() {
   const context = document.createElement("canvas").getContext("webgl");
@@ -38,20 +37,24 @@ export class Stage {
     this.known = null;
     this.at = 0; // the cam angle, rad
     this.frame = 0;
+    this.waits = 0; // for the next frame
     this.stood = false; // has turned, and stands: no force of a motion is left
     this.halted = false; // has just come to stand, and is to be drawn where
     this.curved = 0; // when (ms) the curves were drawn
     /** When (ms) it was drawn, while it moves. @type {number | undefined} */
     this.drawn = undefined;
     this.playback = new Playback();
-    this.rig = new RigPicture($("rig"), text("rig_picture"));
-    this.lens = new Lens($("lens"));
+    this.lens = new Lens();
+    this.rig = new RigPicture($("rig"), text("rig_picture"), this.lens);
     this.charts = new TurnCharts($("curves"), (angle) => this.#hover(angle));
     this.charts.told = (turn, events) => {
       this.rig.marks(events);
       if (this.turns) this.#turned(turn, events);
     };
-    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { this.charts.recolour(); this.#soon(); });
+    recoloured(() => {
+      this.charts.recolour();
+      this.charts.draw(this.at); // paper does not wait for a frame
+    });
   }
 
   /** A block of a tick has come. @param {ArrayBuffer} block */
@@ -110,7 +113,7 @@ export class Stage {
     const i = known ? Math.min(known.angle.length - 1, Math.round((at / TURN) * known.angle.length)) : 0;
     const moving = this.stood ? { force: NaN, gap: 0 } : { force: known?.force[i] ?? 0, gap: known?.gap[i] ?? 0 };
     const pose = { angle: at, lift: known?.lift[i] ?? 0, ...moving };
-    this.rig.pose(pose);
+    this.#pose(pose);
     this.#stands(pose);
     this.#soon();
   }
@@ -119,14 +122,14 @@ export class Stage {
 
   /** The frame after the one that was just drawn. */
   #next() {
-    if (FRAME_MS) setTimeout(() => this.#soon(), FRAME_MS - EARLY_MS);
+    clearTimeout(this.waits);
+    if (FRAME_MS) this.waits = setTimeout(() => this.#soon(), FRAME_MS);
     else this.#soon();
   }
 
   /** @param {number} now */
   #draw(now) {
     this.frame = 0;
-    if (this.turns && now - (this.drawn ?? -Infinity) < FRAME_MS) return this.#soon();
     const { playback } = this;
     const seconds = Math.min(0.25, (now - (this.drawn ?? now)) / 1000);
     this.drawn = now;
@@ -137,9 +140,8 @@ export class Stage {
     if (found.now && (this.turns || this.halted || found.passed.length) && this.rig.picture) {
       this.at = ((found.now.angle % TURN) + TURN) % TURN;
       const pose = this.turns ? found.now : { ...found.now, force: NaN, gap: 0 };
-      this.rig.pose(pose);
-      if (this.turns) this.#look(pose.gap);
-      else this.#stands({ ...pose, angle: this.at });
+      this.#pose(pose);
+      if (!this.turns) this.#stands({ ...pose, angle: this.at });
     }
     this.halted = false;
     if (!this.turns || now - this.curved > CURVES_MS) {
@@ -150,23 +152,22 @@ export class Stage {
     else this.drawn = undefined;
   }
 
-  /** The gap under the lens, where it can be seen. @param {number} gap */
-  #look(gap) {
-    this.lens.show(gap);
-    $("lens").hidden = !(this.lens.widest > 10 || gap > 0);
+  /** The cam, its follower, and the gap under the lens. @param {Pose} pose */
+  #pose(pose) {
+    this.lens.show(pose.gap);
+    this.rig.pose(pose);
   }
 
   /** What the gauges say, and of what: where the cam stands, or the most of a turn. @param {"text" | "turning"} kind @param {string[]} said */
   #gauges(kind, ...said) {
     GAUGES.forEach((name, i) => {
-      $(`name_${name}`).textContent = text($(`name_${name}`).dataset[kind] ?? "");
-      $(`at_${name}`).textContent = said[i];
+      say(`name_${name}`, text($(`name_${name}`).dataset[kind] ?? ""));
+      say(`at_${name}`, said[i]);
     });
   }
 
   /** @param {Pose} pose */
   #stands({ angle, lift, force, gap }) {
-    this.#look(gap);
     this.#gauges("text", `${((angle * 180) / Math.PI).toFixed(0)}°`, `${(lift + 0).toFixed(2).replace(/^-(0\.0+)$/, "$1")} mm`, Number.isNaN(force) ? "–" : `${shown(force, 4)} N`, gap > 0 ? length(gap) : "0");
   }
 

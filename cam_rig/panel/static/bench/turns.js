@@ -1,4 +1,5 @@
 // s, v, a and F over one turn: what is expected, the turn that runs, the last one, those before fading.
+import { brush, colours, size, wipe } from "../common/canvas.js";
 import { Chart, extent } from "../common/charts.js";
 /** @import { Crossing } from "../common/rig.js" */
 /** @import { Rows } from "./playback.js" */
@@ -9,6 +10,7 @@ const KINDS = /** @type {const} */ ([["lift", "mm"], ["velocity", "m/s"], ["acce
 /** @typedef {Record<Kind | "angle" | "gap", number>} Sample */
 /** @typedef {{ name: Kind, chart: Chart, canvas: HTMLCanvasElement, past: HTMLCanvasElement }} One */
 const TURN = 2 * Math.PI, TICKS = [0, 60, 120, 180, 240, 300, 360];
+const COLOURS = /** @type {const} */ (["shade", "ghost", "of-lift", "of-velocity", "of-acceleration", "of-force"]);
 /** What is left of a turn that is over, from one to the next. */
 const FADE = 0.25;
 
@@ -29,7 +31,7 @@ export class TurnCharts {
     this.dirty = true;
     /** The angle (rad) that is drawn. @type {number | null} */
     this.drawn = null;
-    this.colours = colours();
+    this.colours = colours(COLOURS);
     this.charts = KINDS.map(([name, unit], i) => {
       const box = Object.assign(document.createElement("div"), { className: "chart", id: `turn_${name}` });
       place.append(box);
@@ -49,14 +51,7 @@ export class TurnCharts {
   }
 
   #sized() {
-    const scale = Math.min(2, devicePixelRatio);
-    for (const { chart, canvas, past } of this.charts ?? []) {
-      for (const one of [canvas, past]) {
-        one.width = Math.round(chart.width * scale);
-        one.height = Math.round(chart.height * scale);
-        brush(one).scale(scale, scale);
-      }
-    }
+    for (const { chart, canvas, past } of this.charts ?? []) for (const one of [canvas, past]) size(one, chart.width, chart.height);
     this.dirty = true;
   }
 
@@ -110,7 +105,7 @@ export class TurnCharts {
       context.fillRect(0, 0, chart.width, chart.height);
       context.globalCompositeOperation = "source-over";
       context.globalAlpha = 0.5;
-      stroke(context, chart, this.last, name, this.colours[name]);
+      stroke(context, chart, this.last, name, this.colours[`of-${name}`]);
       context.globalAlpha = 1;
     }
     this.last = this.running;
@@ -120,7 +115,7 @@ export class TurnCharts {
 
   /** The page has become light or dark. */
   recolour() {
-    this.colours = colours();
+    this.colours = colours(COLOURS);
     this.dirty = true;
   }
 
@@ -149,7 +144,7 @@ export class TurnCharts {
       context.clip(); // a turn of a faster speed may not fit these axes
       for (const part of [rest, this.running]) this.#shade(context, chart, part);
       context.drawImage(past, 0, 0, chart.width, chart.height);
-      for (const part of [rest, this.running]) stroke(context, chart, part, name, this.colours[name]);
+      for (const part of [rest, this.running]) stroke(context, chart, part, name, this.colours[`of-${name}`]);
       if (angle !== null) {
         context.fillStyle = this.colours.ghost;
         context.fillRect(px(chart, angle % TURN) - 0.5, top, 1, bottom - top);
@@ -172,26 +167,6 @@ export class TurnCharts {
 }
 
 const px = (/** @type {Chart} */ chart, /** @type {number} */ angle) => chart.right((angle * 180) / Math.PI);
-
-/** @param {HTMLCanvasElement} canvas */
-const brush = (canvas) => /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
-
-/** Those of the page, light or dark. */
-function colours() {
-  const style = getComputedStyle(document.documentElement);
-  const of = (/** @type {string} */ name) => style.getPropertyValue(`--${name}`);
-  const kinds = /** @type {Record<Kind, string>} */ (Object.fromEntries(KINDS.map(([name]) => [name, of(`of-${name}`)])));
-  return { shade: of("shade"), ghost: of("ghost"), ...kinds };
-}
-
-/** @param {HTMLCanvasElement} canvas */
-function wipe(canvas) {
-  const context = brush(canvas);
-  context.save();
-  context.resetTransform();
-  context.clearRect(0, 0, canvas.width, canvas.height);
-  context.restore();
-}
 
 /** @param {CanvasRenderingContext2D} context @param {Chart} chart @param {Sample[]} part @param {Kind} name @param {string} colour */
 function stroke(context, chart, part, name, colour) {

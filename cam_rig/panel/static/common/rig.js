@@ -1,127 +1,212 @@
 // The cam under its follower, drawn to scale: it turns, the spring works, the force pushes.
-import { element, shown } from "./charts.js";
+import { brush, colours, recoloured, sharpness, size } from "./canvas.js";
+import { shown } from "./charts.js";
 
 /** Sizes over the ring's radius: its ticks, its numbers, the room around. */
-const TICK = [1.03, 1.06], NUMBER = 1.15, AROUND = 1.25;
+const TICK = [1.03, 1.06], NUMBER = 1.15, NUMBER_SIZE = 0.075, AROUND = 1.25;
 /** The longest arrow over the ring's radius, and a follower in flight at most, in lifts. */
 const ARROW = 0.55, HIGHEST = 1.35;
+/** Least and greatest width of the lens (px), and a gap (µm) that is worth one. */
+const LENS = [84, 116], SEEN_GAP = 10;
 /** Coils of the spring, and its width over the reach. */
 const COILS = 7, WIDE = 0.09;
 export const degrees = (/** @type {number} */ radians) => (radians * 180) / Math.PI;
 /** A line through points. */
 export const path = (/** @type {number[]} */ xs, /** @type {number[]} */ ys) => `M${Array.from(xs, (x, i) => `${x} ${ys[i]}`).join("L")}`;
 
+const COLOURS = /** @type {const} */ (["card", "metal", "accent", "ghost", "line", "quiet", "page", "text", "of-follower", "of-force", "of-gap", "of-landing", "of-lift-off"]);
+/** @typedef {Record<typeof COLOURS[number], string>} Colours */
+
+/** On one canvas: a page of moving SVG costs its style, layout and paint in every frame. */
 export class RigPicture {
-  /** @param {HTMLElement} place @param {string} label */
-  constructor(place, label) {
-    this.svg = element("svg", { role: "img", "aria-label": label });
-    place.append(this.svg);
+  /** @param {HTMLElement} place @param {string} label @param {Lens | null} lens over the corner of the picture */
+  constructor(place, label, lens = null) {
+    this.place = place;
+    this.lens = lens;
+    this.canvas = Object.assign(document.createElement("canvas"), { role: "img", ariaLabel: label });
+    place.append(this.canvas);
+    this.context = /** @type {CanvasRenderingContext2D} */ (this.canvas.getContext("2d", { alpha: false }));
+    /** What stands still behind it. */
+    this.behind = document.createElement("canvas");
+    this.colours = colours(COLOURS);
     this.strongest = 1;
     this.ring = 0;
+    /** Left and right, bottom and top of all that may be seen (mm). @type {[Pair, Pair]} */
+    this.view = [[0, 1], [0, 1]];
+    /** Of the axis (px), and px/mm. */
+    this.frame = [0, 0, 1];
+    /** Pixels of the screen to a px. */
+    this.scale = 0;
+    this.fonts = { lens: "", number: "" };
     /** @type {CamPicture | null} */
     this.picture = null;
-    // Until there is a cam.
-    this.cam = this.landings = this.follower = element("g", {});
-    this.spring = this.gap = this.arrow = element("path", {});
+    /** @type {Pose} */
+    this.posed = { angle: 0, lift: 0, force: 0, gap: 0 };
+    this.disc = new Path2D();
+    /** @type {Path2D[]} */
+    this.follower = [];
+    this.landings = new Path2D();
+    this.lift_offs = new Path2D();
+    new ResizeObserver(() => this.#resize()).observe(place);
+    recoloured(() => {
+      this.colours = colours(COLOURS);
+      this.#resize();
+    });
   }
 
   /** A cam's picture as the server describes it (mm and rad). @param {CamPicture} picture */
   load(picture) {
     this.picture = picture;
-    const { contour, support, outline } = picture;
+    const { contour, outline } = picture;
     this.ring = 1.04 * Math.max(...contour[0].map((x, i) => Math.hypot(x, contour[1][i])));
-    const rig = element("g", { transform: "scale(1 -1)" });
-    this.#ring(rig);
-    this.cam = element("g", {}, rig);
-    const closed = `${path(...contour)}Z`;
-    element("path", { class: "disc", d: closed }, this.cam);
-    element("circle", { class: "base", r: picture.base }, this.cam);
-    element("path", { class: "zero_mark", d: `M0 0L${contour[0][0]} ${contour[1][0]}` }, this.cam);
-    element("circle", { class: "hub", r: 0.09 * this.ring }, this.cam);
-    this.landings = element("g", {}, this.cam);
-    for (const strip of support) element("path", { class: "guide", d: path(...strip) }, rig);
-    this.spring = element("path", { class: "spring" }, rig);
-    this.follower = element("g", {}, rig);
-    for (const strip of [...outline].reverse()) element("path", { class: "follower", d: path(...strip) }, this.follower);
-    this.gap = element("path", { class: "gap" }, rig);
-    this.arrow = element("path", { class: "force" }, rig);
-    this.svg.replaceChildren(rig);
-    this.#numbers(picture);
-    this.#frame(picture);
+    this.disc = new Path2D(`${path(...contour)}Z`);
+    this.follower = outline.map((strip) => new Path2D(path(...strip))).reverse();
+    this.view = view(picture, this.ring);
     this.marks([]);
+    this.#resize();
   }
 
-  /** A ring of degrees around the cam; the mark on the cam points at its angle. @param {SVGGElement} rig */
-  #ring(rig) {
-    const parts = [];
+  /** The view fills what room there is. */
+  #resize() {
+    const { clientWidth: width, clientHeight: height } = this.place;
+    if (!width || !height || !this.picture) return;
+    const [[left, right], [bottom, top]] = this.view;
+    const unit = Math.min(width / (right - left), height / (top - bottom));
+    this.frame = [width / 2 - (unit * (left + right)) / 2, height / 2 + (unit * (bottom + top)) / 2, unit];
+    this.scale = sharpness();
+    for (const one of [this.canvas, this.behind]) size(one, width, height);
+    const family = getComputedStyle(this.place).fontFamily;
+    this.fonts = { lens: `600 13px ${family}`, number: `${NUMBER_SIZE * this.ring * unit}px ${family}` };
+    // Chosen once, as far as may be: to choose a font lays the page out.
+    [this.context.font, this.context.textAlign] = [this.fonts.lens, "center"];
+    this.#stands(this.picture, brush(this.behind), width, height);
+    this.#draw();
+  }
+
+  /** In mm from the axis, upwards. @param {CanvasRenderingContext2D} context */
+  #metric(context) {
+    const [x0, y0, unit] = this.frame;
+    context.setTransform(this.scale * unit, 0, 0, -this.scale * unit, this.scale * x0, this.scale * y0);
+  }
+
+  /**
+   * Fill and outline, or one of them; widths in px.
+   * @param {CanvasRenderingContext2D} context @param {Path2D} shape @param {{fill?: string, line?: string, width?: number}} look
+   */
+  #paint(context, shape, { fill, line, width = 2 }) {
+    if (fill) {
+      context.fillStyle = fill;
+      context.fill(shape);
+    }
+    if (!line) return;
+    context.strokeStyle = line;
+    context.lineWidth = width / this.frame[2];
+    context.stroke(shape);
+  }
+
+  /**
+   * A ring of degrees around the cam, at whose angle the mark on the cam points, and the guide.
+   * @param {CamPicture} picture @param {CanvasRenderingContext2D} context @param {number} width @param {number} height
+   */
+  #stands(picture, context, width, height) {
+    const { ring, colours: of } = this;
+    context.fillStyle = of.card;
+    context.fillRect(0, 0, width, height);
+    if (!picture.swings) this.#numbers(picture, context);
+    const dial = new Path2D();
     for (let d = 0; d < 360; d += 10) {
       const [x, y] = towards(d);
-      const long = d % 30 ? TICK[0] : TICK[1];
-      parts.push(`M${x * this.ring} ${y * this.ring}L${x * this.ring * long} ${y * this.ring * long}`);
+      const long = ring * (d % 30 ? TICK[0] : TICK[1]);
+      dial.moveTo(x * ring, y * ring);
+      dial.lineTo(x * long, y * long);
     }
-    element("circle", { class: "ring", r: this.ring }, rig);
-    element("path", { class: "ring", d: parts.join("") }, rig);
+    dial.addPath(circle(ring));
+    this.#metric(context);
+    this.#paint(context, dial, { line: of.line, width: 1.4 });
+    for (const strip of picture.support) this.#paint(context, new Path2D(path(...strip)), { fill: of.line, line: of.ghost, width: 1.4 });
   }
 
-  /** @param {CamPicture} picture */
-  #numbers({ swings }) {
-    const size = 0.075 * this.ring;
+  /** An arm crosses them, and leaves them to be read. @param {CamPicture} picture @param {CanvasRenderingContext2D} context */
+  #numbers({ swings }, context) {
+    const { ring, colours: of, frame: [x0, y0, unit] } = this;
+    [context.font, context.textAlign, context.textBaseline] = [this.fonts.number, "center", "middle"];
+    [context.fillStyle, context.strokeStyle, context.lineJoin] = [of.quiet, of.card, "round"];
+    context.lineWidth = 0.35 * NUMBER_SIZE * ring * unit;
     for (let d = 0; d < 360; d += 30) {
       const [x, y] = towards(d);
       if (!swings && y > 0.9) continue; // the follower stands there
-      const number = element("text", { class: "degrees", x: x * this.ring * NUMBER, y: 0.35 * size - y * this.ring * NUMBER }, this.svg);
-      number.textContent = `${d}°`;
-      number.style.fontSize = `${size}px`; // of the drawing's own millimetres
+      const at = /** @type {const} */ ([`${d}°`, x0 + unit * x * ring * NUMBER, y0 - unit * y * ring * NUMBER]);
+      context.strokeText(...at);
+      context.fillText(...at);
     }
-  }
-
-  /** The view that holds it all, at any lift. @param {CamPicture} picture */
-  #frame(picture) {
-    const far = AROUND * this.ring;
-    let [left, right, bottom, top] = [-far, far, -far, far];
-    const take = (/** @type {number} */ x, /** @type {number} */ y) => { left = Math.min(left, x); right = Math.max(right, x); bottom = Math.min(bottom, y); top = Math.max(top, y); };
-    for (const [xs, ys] of picture.support) xs.forEach((x, i) => take(x, ys[i]));
-    for (const lift of [0, HIGHEST * picture.max_lift]) {
-      const [[x0, y0], turn] = stand(picture, lift);
-      for (const [xs, ys] of picture.outline) {
-        xs.forEach((x, i) => take(x0 + x * Math.cos(turn) - ys[i] * Math.sin(turn), y0 + x * Math.sin(turn) + ys[i] * Math.cos(turn)));
-      }
-    }
-    const room = 0.03 * (top - bottom);
-    this.svg.setAttribute("viewBox", `${left - room} ${-top - room} ${right - left + 2 * room} ${top - bottom + 2 * room}`);
   }
 
   /** @param {Pose} pose */
-  pose({ angle, lift, force, gap }) {
-    const { picture } = this;
-    if (!picture) return;
+  pose(pose) {
+    this.posed = pose;
+    this.strongest = Math.max(this.strongest, pose.force || 0);
+    if (sharpness() === this.scale) this.#draw();
+    else this.#resize(); // on another screen, or seen larger
+  }
+
+  #draw() {
+    const { picture, context, posed: { angle, lift, force, gap }, colours: of, ring } = this;
+    if (!picture || !this.scale) return;
+    context.resetTransform();
+    context.drawImage(this.behind, 0, 0);
+    [context.lineJoin, context.lineCap] = ["round", "butt"];
+    this.#metric(context);
+    context.save();
+    context.rotate(angle);
+    this.#turning(picture);
+    context.restore();
     const drawn = Math.min(lift, HIGHEST * picture.max_lift);
+    this.#paint(context, new Path2D(coils(picture, drawn)), { line: of.quiet });
     const [[x, y], turn] = stand(picture, drawn);
-    this.cam.setAttribute("transform", `rotate(${degrees(angle)})`);
-    this.follower.setAttribute("transform", `translate(${x} ${y}) rotate(${degrees(turn)})`);
-    redraw(this.spring, coils(picture, drawn));
-    const { touch, normal } = picture;
-    const count = touch[0].length;
-    const i = ((Math.round((angle / (2 * Math.PI)) * count) % count) + count) % count;
-    const [px, py, nx, ny] = [touch[0][i], touch[1][i], normal[0][i], normal[1][i]];
-    this.strongest = Math.max(this.strongest, force || 0);
-    const length = (ARROW * this.ring * force) / this.strongest;
-    redraw(this.arrow, force > 0 ? arrow(px, py, nx, ny, length, 0.035 * this.ring) : "");
+    context.save();
+    context.translate(x, y);
+    context.rotate(turn);
+    for (const strip of this.follower) this.#paint(context, strip, { fill: of.card, line: of["of-follower"], width: 2.4 });
+    context.restore();
+    const [px, py, nx, ny] = touched(picture, angle);
     const up = gap / 1000;
-    redraw(this.gap, gap > 0 ? `M${px} ${py}l${nx * up} ${ny * up}` : "");
+    if (gap > 0) this.#paint(context, new Path2D(`M${px} ${py}l${nx * up} ${ny * up}`), { line: of["of-gap"], width: 4 });
+    context.lineCap = "round";
+    const length = (ARROW * ring * force) / this.strongest;
+    if (force > 0) this.#paint(context, new Path2D(arrow(px, py, nx, ny, length, 0.035 * ring)), { line: of["of-force"], width: 4 });
+    context.setTransform(this.scale, 0, 0, this.scale, 0, 0);
+    if (picture.swings) {
+      context.save();
+      this.#numbers(picture, context);
+      context.restore();
+    }
+    this.lens?.draw(context, of, this.canvas.width / this.scale);
+  }
+
+  /** The cam, with the mark of its angle, and where contact was lost and found. @param {CamPicture} picture */
+  #turning({ contour, base }) {
+    const { context, colours: of } = this;
+    this.#paint(context, this.disc, { fill: of.metal, line: of.accent, width: 2.4 });
+    context.setLineDash([4 / this.frame[2]]);
+    this.#paint(context, circle(base), { line: of.ghost, width: 1 });
+    context.setLineDash([]);
+    this.#paint(context, new Path2D(`M0 0L${contour[0][0]} ${contour[1][0]}`), { line: of.accent });
+    this.#paint(context, circle(0.09 * this.ring), { fill: of.card, line: of.accent });
+    this.#paint(context, this.landings, { fill: of["of-landing"] });
+    this.#paint(context, this.lift_offs, { line: of["of-lift-off"] });
   }
 
   /** Where on the cam contact was lost and found again. @param {Crossing[]} events */
   marks(events) {
+    [this.landings, this.lift_offs] = [new Path2D(), new Path2D()];
     if (!this.picture) return;
-    const { touch, normal } = this.picture;
-    this.landings.replaceChildren(...events.slice(0, 60).map(({ angle, landing }) => {
-      const count = touch[0].length;
-      const i = ((Math.round((angle / (2 * Math.PI)) * count) % count) + count) % count;
-      const size = 0.03 * this.ring;
-      const [x, y] = [touch[0][i] - normal[0][i] * 1.6 * size, touch[1][i] - normal[1][i] * 1.6 * size];
-      return element("circle", { class: landing ? "landing" : "lift_off", cx: x, cy: y, r: size, transform: `rotate(${-degrees(angle)})` });
-    }));
+    const size = 0.03 * this.ring;
+    for (const { angle, landing } of events.slice(0, 60)) {
+      const [px, py, nx, ny] = touched(this.picture, angle);
+      const [x, y] = [px - nx * 1.6 * size, py - ny * 1.6 * size];
+      const at = new DOMMatrix().rotateSelf(-degrees(angle)).translateSelf(x, y);
+      (landing ? this.landings : this.lift_offs).addPath(circle(size), at);
+    }
   }
 }
 
@@ -130,33 +215,76 @@ export function length(gap) { return gap < 1000 ? `${shown(gap, 3)} µm` : `${sh
 
 /** The gap under a lens: cam below, follower above, as far apart as it says. */
 export class Lens {
-  /** @param {HTMLElement} place */
-  constructor(place) {
-    this.svg = element("svg", { viewBox: "-50 -50 100 118", "aria-hidden": "true" });
-    const clip = element("clipPath", { id: "lens_clip" }, element("defs", {}, this.svg));
-    element("circle", { r: 46 }, clip);
-    const inside = element("g", { "clip-path": "url(#lens_clip)" }, this.svg);
-    element("circle", { class: "glass", r: 46 }, inside);
-    element("path", { class: "disc", d: "M-60 60V14Q0 6 60 14V60Z" }, inside);
-    this.follower = element("path", { class: "roller", d: "M-60 -90V0Q0 20 60 0V-90Z" }, inside);
-    element("circle", { class: "rim", r: 46 }, this.svg);
-    this.words = element("text", { y: 64, "text-anchor": "middle" }, this.svg);
-    this.widest = 1;
-    place.append(this.svg);
-  }
+  /** What fills the glass, and what is seen (µm). */
+  widest = 0;
+  gap = 0;
+  cam = new Path2D("M-60 60V14Q0 6 60 14V60Z");
+  roller = new Path2D("M-60 -90V0Q0 20 60 0V-90Z");
+  glass = circle(46);
 
   /** A gap (µm); the widest of late fills the glass. @param {number} gap */
   show(gap) {
-    this.widest = Math.max(this.widest, gap, 10);
-    this.follower.setAttribute("transform", `translate(0 ${(-48 * gap) / this.widest})`);
-    const said = length(gap);
-    if (this.words.textContent !== said) this.words.textContent = said;
+    this.gap = gap;
+    this.widest = Math.max(this.widest, gap);
+  }
+
+  /** In the upper right corner, where there is a gap to be seen. @param {CanvasRenderingContext2D} context @param {Colours} of @param {number} width */
+  draw(context, of, width) {
+    if (this.widest <= SEEN_GAP && !this.gap) return;
+    const unit = Math.min(LENS[1], Math.max(LENS[0], 0.22 * width)) / 100;
+    context.translate(width - 50 * unit, 50 * unit);
+    context.scale(unit, unit);
+    context.save();
+    context.clip(this.glass);
+    context.fillStyle = of.card;
+    context.fill(this.glass);
+    context.lineWidth = 1.5;
+    [context.fillStyle, context.strokeStyle] = [of.metal, of.accent];
+    context.fill(this.cam);
+    context.stroke(this.cam);
+    context.translate(0, (-48 * this.gap) / Math.max(this.widest, SEEN_GAP));
+    [context.fillStyle, context.strokeStyle] = [of.page, of["of-follower"]];
+    context.fill(this.roller);
+    context.stroke(this.roller);
+    context.restore();
+    [context.strokeStyle, context.lineWidth] = [of.ghost, 3];
+    context.stroke(this.glass);
+    context.fillStyle = of.text;
+    context.fillText(length(this.gap), 0, 64);
   }
 }
 
-/** In a dwell or in contact a path stays as it is, and is not to be painted anew. @param {Element} drawn @param {string} d */
-function redraw(drawn, d) {
-  if (drawn.getAttribute("d") !== d) drawn.setAttribute("d", d);
+/** @param {number} radius */
+function circle(radius) {
+  const drawn = new Path2D();
+  drawn.arc(0, 0, radius, 0, 2 * Math.PI);
+  return drawn;
+}
+
+/** Where the follower touches the cam at an angle, and the way out of the cam. @param {CamPicture} picture @param {number} angle */
+function touched({ touch, normal }, angle) {
+  const count = touch[0].length;
+  const i = ((Math.round((angle / (2 * Math.PI)) * count) % count) + count) % count;
+  return [touch[0][i], touch[1][i], normal[0][i], normal[1][i]];
+}
+
+/**
+ * What holds it all, at any lift: left and right, bottom and top (mm).
+ * @param {CamPicture} picture @param {number} ring @returns {[Pair, Pair]}
+ */
+function view(picture, ring) {
+  const far = AROUND * ring;
+  let [left, right, bottom, top] = [-far, far, -far, far];
+  const take = (/** @type {number} */ x, /** @type {number} */ y) => { left = Math.min(left, x); right = Math.max(right, x); bottom = Math.min(bottom, y); top = Math.max(top, y); };
+  for (const [xs, ys] of picture.support) xs.forEach((x, i) => take(x, ys[i]));
+  for (const lift of [0, HIGHEST * picture.max_lift]) {
+    const [[x0, y0], turn] = stand(picture, lift);
+    for (const [xs, ys] of picture.outline) {
+      xs.forEach((x, i) => take(x0 + x * Math.cos(turn) - ys[i] * Math.sin(turn), y0 + x * Math.sin(turn) + ys[i] * Math.cos(turn)));
+    }
+  }
+  const room = 0.03 * (top - bottom);
+  return [[left - room, right + room], [bottom - room, top + room]];
 }
 
 /** @typedef {{angle: number, landing: boolean}} Crossing */

@@ -1,7 +1,7 @@
 // A lab sheet: a set-up, a knob, a lamp, the force over the turn, and what the student reads.
 import { Newest } from "../bench/link.js";
 import { Chart, extent, shown } from "../common/charts.js";
-import { $, field } from "../common/dom.js";
+import { $, field, say } from "../common/dom.js";
 import { Knob, typed } from "../common/knob.js";
 import { RigPicture } from "../common/rig.js";
 import { loadTexts, text } from "../common/texts.js";
@@ -149,10 +149,6 @@ async function observe() {
   else force.curve("force", null, { step: 1 });
   sound.play(seen.sound, seen.rate);
   return lost;
-}
-/** @param {string} id @param {string} sentence */
-function say(id, sentence) {
-  if ($(id).textContent !== sentence) $(id).textContent = sentence;
 }
 
 // -- the readings ----------------------------------------------------------------------------------------
