@@ -27,7 +27,8 @@ from cam_rig.dynamics.events import rows
 MODULES = (
     *("events.rows", "events.polynomials", "events.law_table", "events.free_flight"),
     *("events.approach", "events.contact", "events.runs", "events.turns"),
-    *("modal.motion", "modal.least", "modal.sags", "modal.first_zero", "jump.rigid"),
+    *("modal.motion", "modal.least", "modal.sags", "modal.harmonics", "modal.first_zero"),
+    "jump.rigid",
 )
 #: Seconds in plain Python after which the compiled code is loaded, or made.
 LOAD_AFTER, COMPILE_AFTER = 0.5, 10.0

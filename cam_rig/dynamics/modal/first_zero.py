@@ -12,6 +12,7 @@ import math
 from typing import NamedTuple
 
 from cam_rig.dynamics.events.rows import Row, Rows, borrowed, zero_rows, zeros
+from cam_rig.dynamics.modal.harmonics import Sag, rings, sag_over
 from cam_rig.dynamics.modal.least import Least, Stretch, least
 from cam_rig.dynamics.modal.motion import (
     LawSeries,
@@ -41,6 +42,11 @@ SAGS, LONGER = 0.75, 1.5
 #: A step that may be no longer than this part of what was tried is tried anew; and to what a step
 #: is cut over which contact may be lost and found again.
 WIDE, AGAIN = 3.0, 0.57
+#: Sags by harmonics that a step is made for, before what comes at its end is known; and by how much
+#: the next is shorter than they tell, and how much longer at most.
+TRIED, NEARER, LONGEST = 0.6, 0.93, 2.0
+#: What tells of a step: the law's harmonics, groups of its pieces; or none.
+BY_HARMONICS, BY_GROUPS, ANEW = range(3)
 #: On the way to a zero the least output is found to this part of itself.
 POLISHED = 1e-4
 #: Turns that differ by less than this part of the speed fall below zero together.
@@ -82,34 +88,94 @@ def climb(
                 return Climb(UNTOLD, low, step, low, 0.0, 0.0)
             step *= 0.5
             continue
-        sags_between(law, mode, motion.norm, series, low, high, sags)
-        lowest, finest = motion.group_lowest, FINEST * low
-        width = max(finest, min(high - low, _width(sags, floors, lowest)))
-        if WIDE * width < high - low:  # what is told over so long a step is far too wide
-            step = math.sqrt(width * (high - low)) / low
+        way, width = _step(law, mode, series, motion, floors, high, sags)
+        finest = FINEST * low
+        width = max(width, finest)
+        if way == ANEW and width > finest:
+            step = width / low
             continue
         high = low + width
         looks += _margins(law, mode, motion, high, floors, margins)
         looks += len(law.alike) * len(series.own)
-        if not _holds(sags, margins, margins, lowest, lowest, width) and width > finest:
-            step = AGAIN * width / low
-            continue
         after = motion_at(law, mode, series, high)
-        found, step = _floors(law, mode, after, there), width / low
+        found = _floors(law, mode, after, there)
         looks += found.looks
-        if not _holds(sags, margins, there, lowest, after.group_lowest, width) and width > finest:
-            step *= AGAIN
-        elif found.value <= 0.0:
+        if way == BY_HARMONICS:
+            sag = sag_over(law, mode, motion, after.settled, high)
+            holds, longer = _next(sag, _lowest_of(margins), _lowest_of(there))
+        else:
+            lowest, forced = motion.group_lowest, after.group_lowest
+            holds = _holds(sags, margins, there, lowest, forced, width)
+            longer = LONGER if holds else AGAIN
+        step = longer * width / low
+        if not holds and width > finest:
+            continue
+        if found.value <= 0.0:
             zero = _zero(law, mode, series, low, high)
             beyond = min(high, zero[0] * (1.0 + LAST_DIGIT))
             first = _first_below(law, mode, series, beyond, zero[1])
             return Climb(FOUND, low, step, zero[0], zero[1], first)
-        else:
-            low, motion, step = high, after, LONGER * step
-            floors, there = there, floors
+        low, motion, floors, there = high, after, there, floors
         if looks > most:
             return Climb(PAUSED, low, step, low, 0.0, 0.0)
     return Climb(ABOVE, low, step, low, 0.0, 0.0)
+
+
+def _step(
+    law: LawSeries,
+    mode: Oscillator,
+    series: Series,
+    motion: OscillatorMotion,
+    floors: Row,
+    high: float,
+    sags: Rows,
+) -> tuple[int, float]:
+    """By what the output is told to be above zero up to a speed, and over what step (rad/s).
+
+    By the law's harmonics, or group by group, whichever tells of the longer one; else what to try.
+    """
+    wide, part, size, lowest = high - motion.speed, 0.0, motion.norm, _lowest_of(floors)
+    if rings(mode, size):
+        below, tried = sag_over(law, mode, motion, motion.settled, high).below, TRIED * lowest
+        if below <= tried:
+            return BY_HARMONICS, wide
+        part = NEARER * math.sqrt(tried / max(below, TINY))
+    if part > AGAIN:
+        return ANEW, part * wide
+    sags_between(law, mode, size, series, motion.speed, high, sags)
+    width = min(wide, _width(sags, floors, motion.group_lowest))
+    if part * wide > width:
+        return ANEW, part * wide
+    if WIDE * width < wide:  # what is told over so long a step is far too wide
+        return ANEW, math.sqrt(width * wide)
+    return BY_GROUPS, width
+
+
+def _next(sag: Sag, first: float, last: float) -> tuple[bool, float]:
+    """Whether a step holds, from the least outputs; how much longer the next is to be.
+
+    It holds where no output is below zero but where it becomes so once.
+    """
+    fall = max(0.0, first - last)
+    if sag.below > first or (sag.below > last and 4.0 * sag.bent > first):
+        once = math.sqrt(0.25 * first / sag.bent)
+        return False, min(NEARER, max(_part(sag.below, first, fall), NEARER * once))
+    return True, min(LONGEST, max(AGAIN, _part(sag.below, max(0.0, last), fall)))
+
+
+def _part(below: float, least: float, fall: float) -> float:
+    """How much longer a step may be: sags grow with its square, the output falls on as it did."""
+    linear, rest = TRIED * fall, TRIED * least
+    root = math.sqrt(linear * linear + 4.0 * max(below, TINY) * rest)
+    return 2.0 * rest / max(linear + root, TINY)
+
+
+def _lowest_of(floors: Row) -> float:
+    """The least of the groups."""
+    lowest = math.inf
+    for floor in floors:
+        lowest = min(lowest, floor)
+    return lowest
 
 
 def _series(law: LawSeries, mode: Oscillator) -> Series:

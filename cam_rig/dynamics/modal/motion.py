@@ -25,9 +25,8 @@ Pair = tuple[float, float]
 Triple = tuple[float, float, float]
 Quadruple = tuple[float, float, float, float]
 #: Rows of sizes, each of a derivative of s: what it does not exceed in a group; by what it jumps,
-#: unsigned, where the group begins and at the joints inside; what ∫|s⁽ᵏ⁾| dθ over the group does
-#: not exceed, with the jumps of the derivative before.
-LARGEST, JUMP, INNER, WAY = range(4)
+#: unsigned, where the group begins and at the joints inside.
+LARGEST, JUMP, INNER = range(3)
 
 
 class LawSeries(NamedTuple):
@@ -40,8 +39,11 @@ class LawSeries(NamedTuple):
     alike: list[int]  #: ``(n,)``: which of them each piece has
     groups: list[int]  #: ``(g + 1,)``: with which piece each group begins
     largest: Row  #: ``(p + 2,)``: what |s⁽ᵏ⁾| does not exceed
-    sizes: Stack  #: ``(4, p + 2, g)``, rows as above
+    sizes: Stack  #: ``(3, p + 2, g)``, rows as above
     steepest: Rows  #: ``(n, 5)``: what s to its fourth derivative do not exceed in each piece
+    harmonics: Row  #: ``(h,)``: what |cₖ| of s = Σ cₖ e^{ikθ} does not exceed, from k = 1 on
+    rest: Row  #: ``(h,)``: nor the sum of |cₖ|/k from each of them to infinity
+    beyond: Row  #: what no |cₖ| exceeds from k = h + 1 on, and from each time as far again
 
 
 class Oscillator(NamedTuple):
@@ -89,6 +91,7 @@ class OscillatorMotion(NamedTuple):
     added: Rows  #: ``(2, n)``: (η, η̇) that the turn's joints have added there
     lefts: Row  #: ``(n,)``: what is left there of a norm since the turn's start
     starts: Rows  #: ``(t, 2)``: free (η, η̇) where turns begin, until the motion repeats or ends
+    settled: Pair  #: (η, η̇) where a turn begins once the motion repeats; infinite if never
     floors: Row  #: ``(n,)``: what the output is not below in each piece, in any turn
 
 
@@ -232,7 +235,8 @@ def motion_at(law: LawSeries, mode: Oscillator, series: Series, speed: float) ->
     whole, lefts, floors = zero_rows(4, count), zeros(count), zeros(count)
     turn, flow = _along(law, flows, jumps, whole, lefts)
     begin = state_at(law, own, speed, 0)
-    starts, most = _starts(mode, fading, speed, begin, flow, turn), 0.0
+    repeated = _repeated(flow, turn)
+    starts, most = _starts(mode, fading, speed, begin, flow, turn, repeated), 0.0
     for start in starts:
         most = max(most, fading.reach * amplitude(fading, (start[0], start[1])))
     places, rates, rate, half = jumps[0], jumps[1], fading.rate, fading.half
@@ -241,7 +245,8 @@ def motion_at(law: LawSeries, mode: Oscillator, series: Series, speed: float) ->
         ringing = fading.reach * math.sqrt(place * place + velocity * velocity)
         floors[i] = lowest[i] - ringing - most * lefts[i]
     cam = (speed, fading, own, forced, lowest, group_lowest, highest)
-    return OscillatorMotion(*cam, flows, whole, jumps, lefts, starts, floors)
+    settled = begin[0] + repeated[0], begin[1] + repeated[1]
+    return OscillatorMotion(*cam, flows, whole, jumps, lefts, starts, settled, floors)
 
 
 def _along(
@@ -290,15 +295,29 @@ def flow_over(mode: Oscillator, time: float, out: Row) -> None:
     out[2], out[3] = -mode.stiffness * impulse, rate
 
 
+def _repeated(flow: Quadruple, turn: Pair) -> Pair:
+    """Free (η, η̇) that a turn leaves as it was; infinite where it leaves any so."""
+    a, d = 1.0 - flow[0], 1.0 - flow[3]
+    divisor = a * d - flow[1] * flow[2]
+    if divisor == 0.0:
+        return math.inf, math.inf
+    place, rate = d * turn[0] + flow[1] * turn[1], flow[2] * turn[0] + a * turn[1]
+    return place / divisor, rate / divisor
+
+
 def _starts(
-    mode: Oscillator, size: Norm, speed: float, begin: Pair, flow: Quadruple, turn: Pair
+    mode: Oscillator,
+    size: Norm,
+    speed: float,
+    begin: Pair,
+    flow: Quadruple,
+    turn: Pair,
+    repeated: Pair,
 ) -> Rows:
     """Free (η, η̇) where each turn begins; ``begin`` is the polynomial's where the run does."""
     if math.isinf(mode.duration):
-        a, d = 1.0 - flow[0], 1.0 - flow[3]
-        divisor, steady = a * d - flow[1] * flow[2], zero_rows(1, 2)
-        steady[0][0] = (d * turn[0] + flow[1] * turn[1]) / divisor
-        steady[0][1] = (flow[2] * turn[0] + a * turn[1]) / divisor
+        steady = zero_rows(1, 2)
+        steady[0][0], steady[0][1] = repeated
         return steady
     turns, once = max(1, math.ceil(speed * mode.duration / TURN)), size.decay * TURN / speed
     if once * turns > -LEAST:

@@ -15,6 +15,7 @@ from cam_rig.dynamics.events.search import call
 from cam_rig.dynamics.linear.response import RESONANT, LinearResponse
 from cam_rig.dynamics.linear.sampling import Outputs
 from cam_rig.dynamics.modal.first_zero import PAUSED, Climb, climb, least_at
+from cam_rig.dynamics.modal.harmonics import RATIO
 from cam_rig.dynamics.modal.least import free_at
 from cam_rig.dynamics.modal.motion import (
     LawSeries,
@@ -59,6 +60,43 @@ def _cut(law: Law, rows: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray
     return found, jumps, np.append(np.repeat(law.breaks[:-1], counts) + inside, law.breaks[-1])
 
 
+#: Harmonics of a law that are bounded one by one, of twice as many samples; and, beyond them, how
+#: many times `RATIO` further all together: 2e10.
+HARMONICS, FURTHER = 512, 100
+#: What folds onto a harmonic k of N samples: Σ |c| over N − k, N + k, 2N − k, … over that at N − k.
+FOLDED = math.pi**2 / 3.0
+#: Rounding of a sample, of the lift.
+EPS = 2.0**-50
+
+
+@lru_cache(maxsize=64)
+def _powers(degree: int) -> FloatArray:
+    """1/kʳ⁺¹ for 1 ≤ r ≤ degree: of k, of N − k, and of those further on, ``(degree, m)``."""
+    k = np.arange(1.0, HARMONICS + 1.0)
+    further = (HARMONICS + 1.0) * RATIO ** np.arange(FURTHER)
+    inverse = 1.0 / np.concatenate([k, 2.0 * HARMONICS - k, further])
+    return np.asarray(inverse ** (1.0 + np.arange(1.0, degree + 1.0)[:, None]))
+
+
+def _harmonics(law: Law, jumps: FloatArray, ways: FloatArray) -> list[FloatArray]:
+    """The last three of `LawSeries`, from Σ|jumps| and ∫|s⁽ᵏ⁾| dθ of a turn, ``(p + 2,)`` each.
+
+    By parts, q + 1 times: 2π |cₖ| ≤ Σ J⁽ʳ⁾/kʳ⁺¹ + ∫|s⁽ᵠ⁺¹⁾| dθ/kᵠ⁺¹, J⁽ʳ⁾ the sum of the jumps of
+    s⁽ʳ⁾ for 1 ≤ r ≤ q: the lift has none. Lower ones come from samples, to what folds.
+    """
+    parts = np.tril(np.broadcast_to(jumps[1:-1], (law.degree, law.degree))) + np.diag(ways[2:])
+    most = (parts / TURN @ _powers(law.degree)).min(axis=0, initial=np.inf)
+    count, angles = 2 * HARMONICS, np.arange(2 * HARMONICS) * (TURN / (2 * HARMONICS))
+    at = np.searchsorted(law.breaks[1:-1], angles, side="right")
+    weights = bernstein.basis(law.degree, (angles - law.breaks[at]) / law.spans[at])
+    samples = (weights.T * law.ordinates[:, at]).sum(axis=0)
+    sampled = np.abs(np.fft.rfft(samples)[1:]) / count + FOLDED * most[HARMONICS:count]
+    harmonics = np.minimum(sampled + EPS * np.abs(samples).max(), most[:HARMONICS])
+    over = harmonics / np.arange(1.0, HARMONICS + 1.0)
+    rest = over[::-1].cumsum()[::-1] + most[count]
+    return [harmonics, rest, most[count:]]
+
+
 @lru_cache(maxsize=64)
 def law_series(law: Law, arrays: bool) -> LawSeries:
     """A law's derivatives; as lists, or as the arrays that compiled code takes."""
@@ -68,8 +106,7 @@ def law_series(law: Law, arrays: bool) -> LawSeries:
         own = bernstein.derivative(own) / law.spans
     rows, jumps, breaks = _cut(law, rows)
     spans, absolute, jumped = np.diff(breaks), np.abs(rows), np.abs(jumps)
-    largest, ways = absolute.max(axis=0), absolute.mean(axis=0) * spans
-    ways[1:] += jumped[:-1]  # a derivative jumps by the integral of the next
+    largest, ways = absolute.max(axis=0), absolute.mean(axis=0) @ spans
     groups, ends = [0], np.searchsorted(breaks, breaks[:-1] + TURN / GROUPS, "right") - 1
     while groups[-1] < spans.size:
         groups.append(max(groups[-1] + 1, int(ends[groups[-1]])))
@@ -77,7 +114,6 @@ def law_series(law: Law, arrays: bool) -> LawSeries:
     first = jumped[:, begins]
     inner = np.maximum(np.add.reduceat(jumped, begins, axis=1) - first, 0.0)
     sizes = [np.maximum.reduceat(largest, begins, axis=1), first, inner]
-    sizes.append(np.add.reduceat(ways, begins, axis=1))
     rising = np.argsort(spans, kind="stable")
     new = np.append(True, np.diff(spans[rising]) > SAME * spans[rising][1:])
     alike = np.empty_like(rising)
@@ -86,6 +122,7 @@ def law_series(law: Law, arrays: bool) -> LawSeries:
     steepest[:, : len(largest)] = largest[:5].T
     tables: list[Any] = [rows, jumps, breaks, spans[rising][new], alike, np.array(groups)]
     tables += [largest.max(axis=1), np.stack(sizes), steepest]
+    tables += _harmonics(law, jumped.sum(axis=1), ways)
     tables = [np.ascontiguousarray(table) for table in tables]
     return LawSeries(*(tables if arrays else [table.tolist() for table in tables]))
 

@@ -3,8 +3,7 @@
 At a cam angle of a run the output is a smooth function of the speed. A vibration that was excited
 with amplitude N a time t ago is N e^{At}, with A t = A τ/Ω for the cam angle τ since, so its second
 derivative grows with t² and fades with e^{−decay t}: Σ N tᵠ e^{−decay t} is carried from group to
-group. What excites is counted in two ways, of which the better one holds for each group: the jumps
-at joints, which free vibration makes up for; and all that the law's motion does, ∫ e^{A τ/Ω} u dθ.
+group. What excites are the jumps at joints, which free vibration makes up for.
 """
 
 from __future__ import annotations
@@ -17,7 +16,6 @@ from cam_rig.dynamics.modal.motion import (
     INNER,
     JUMP,
     LARGEST,
-    WAY,
     LawSeries,
     Norm,
     Oscillator,
@@ -50,12 +48,10 @@ def sags_between(
 ) -> None:
     """The sags of all groups of a run between two speeds (rad/s), ``(3, g)``."""
     count, times = len(law.groups) - 1, Times(low, high, mode.duration)
-    other, lefts, none = zero_rows(3, count), zeros(count), zero_rows(3, count)
+    lefts = zeros(count)
     weights, forced = _weights(size, series, high), _forced(law, series, high)
-    direct = 2.0 * abs(mode.motion[2])
     for i in range(count):
         out[BENT][i], out[FREE][i], out[FORCED][i] = forced[i], 0.0, forced[i]
-        other[BENT][i] = other[FORCED][i] = direct * law.sizes[LARGEST][2][i]
         span = law.breaks[law.groups[i + 1]] - law.breaks[law.groups[i]]
         lefts[i] = math.exp(-size.decay * span / high)
     begins, along = _excited(law.sizes[JUMP], weights), _excited(law.sizes[INNER], weights)
@@ -66,12 +62,6 @@ def sags_between(
             for i in range(3):
                 start[i] += weights[i][k] * still
     _vibrate(law, size, times, lefts, begins, along, start, out)
-    pushed = _pushed(law.sizes[WAY], mode, low, high)
-    _vibrate(law, size, times, lefts, none, pushed, zeros(3), other)
-    for i in range(count):
-        if other[BENT][i] < out[BENT][i]:
-            for j in range(3):
-                out[j][i] = other[j][i]
 
 
 def _weights(size: Norm, series: Series, speed: float) -> Rows:
@@ -104,17 +94,6 @@ def _excited(sizes: Rows, weights: Rows) -> Rows:
     out = zero_rows(3, len(sizes[0]))
     for i in range(3):
         add_all(out[i], weights[i], sizes, 0)
-    return out
-
-
-def _pushed(ways: Rows, mode: Oscillator, low: float, high: float) -> Rows:
-    """The same of what the law's motion pushes over a group."""
-    still, moving, turning = abs(mode.drive[0]) / low, abs(mode.drive[1]), abs(mode.drive[2])
-    out = zero_rows(3, len(ways[0]))
-    for i in range(len(ways[0])):
-        out[0][i] = still * ways[0][i] + moving * ways[1][i] + high * turning * ways[2][i]
-        out[1][i] = still / low * ways[0][i] + turning * ways[2][i]
-        out[2][i] = 2.0 * still / (low * low) * ways[0][i]
     return out
 
 
