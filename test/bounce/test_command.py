@@ -7,7 +7,7 @@ from functools import partial
 
 import pytest
 
-from ..cli.calls import call as run
+from ..cli.conftest import call as run
 
 call = partial(run, "bounce")
 SHORT = ("--turns", "20", "--settle", "60", "--restitution", "0.7")

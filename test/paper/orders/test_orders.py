@@ -11,7 +11,7 @@ import pytest
 from cam_rig.errors import ConfigError
 from cam_rig.simulation.asked import speeds_in
 
-from ...cli.calls import call as run
+from ...cli.conftest import call as run
 
 call = partial(run, "orders")
 
