@@ -84,16 +84,15 @@ def test_the_periodic_state_is_what_many_turns_tend_to(laws, follower):
     np.testing.assert_allclose(many, begin, rtol=0, atol=1e-11 * np.abs(begin).max())
 
 
-def resonant(law, harmonic):
-    matrix = np.array([[0.0, 1.0], [-((harmonic * SPEED) ** 2), 0.0]])
-    drive = np.array([[0.0, 0.0, 0.0], [(harmonic * SPEED) ** 2, 0.0, 0.0]])
-    return LinearResponse(law, SPEED, matrix, drive, np.zeros(2))
-
-
 def test_resonance_has_no_steady_state(laws):
     """A steady state is refused where there is none, with the speed."""
+    square = (9.0 * SPEED) ** 2
+    matrix, drive = (
+        np.array([[0.0, 1.0], [-square, 0.0]]),
+        np.array([[0.0] * 3, [square, 0.0, 0.0]]),
+    )
     with pytest.raises(DynamicsError, match="no steady state"):
-        resonant(laws["poly345"], 9).periodic()
+        LinearResponse(laws["poly345"], SPEED, matrix, drive, np.zeros(2)).periodic()
 
 
 # -- the follower that never leaves the cam: where an interval ends, where the cam would pull
