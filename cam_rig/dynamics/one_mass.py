@@ -38,10 +38,10 @@ def lifted_off(
     start: float,
     velocity: float,
     gap: float | None = None,
-    opening: float | None = None,
+    gap_rate: float | None = None,
 ) -> Flight:
     """The flight from a displacement (m) and a velocity (m/s); the rest as in `Flight`."""
-    return Flight(free_mass(parameters), np.array([start, velocity]), gap, opening)
+    return Flight(free_mass(parameters), np.array([start, velocity]), gap, gap_rate)
 
 
 #: What a table says of the stem where there is none: see `RunTable.stem`.

@@ -1,6 +1,6 @@
 """What a node must know to take the place of a killed one: all that ``--respawn`` needs of it.
 
-The runner names one folder for all nodes of a run. In it, each node counts its launches and keeps
+The runner names one folder for all nodes of a run. In it, each node counts its starts and keeps
 its state after each of its last ticks; without a folder nothing is kept, and nothing costs.
 """
 
@@ -135,24 +135,24 @@ class Checkpoint:
         self._kept.extend(json.dumps(kept) for kept in found)
         return states
 
-    def count_launch(self) -> None:
-        """Count one more launch of this node, before it publishes anything."""
+    def count_start(self) -> None:
+        """Count one more start of this node, before it publishes anything."""
         if self._folder is not None:
-            _replace(self._file("launches"), str(self._launches(self._node) + 1))
+            _replace(self._file("starts"), str(self._starts(self._node) + 1))
 
-    def launches(self, node: str) -> int:
-        """Launches of a node of the run so far; one where no node is started again."""
-        return max(1, self._launches(node)) if self._folder is not None else 1
+    def starts(self, node: str) -> int:
+        """Starts of a node of the run so far; one where no node is started again."""
+        return max(1, self._starts(node)) if self._folder is not None else 1
 
-    def _launches(self, node: str) -> int:
-        file = self._file("launches", node)
+    def _starts(self, node: str) -> int:
+        file = self._file("starts", node)
         try:
             with file.open(encoding="ascii") as stream:
                 return int(stream.read(20) or 0)
         except FileNotFoundError:
             return 0
         except (OSError, ValueError) as error:
-            raise RunError(f"{file}: is not a count of launches ({error})") from None
+            raise RunError(f"{file}: is not a count of starts ({error})") from None
 
     def _file(self, kind: str, node: str = "") -> Path:
         assert self._folder is not None

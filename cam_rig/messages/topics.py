@@ -169,14 +169,14 @@ def occasions(before: CamState | None, state: CamState) -> set[str]:
 
 
 class Publishers:
-    """The processes that have published as each node, which was launched ``launches`` times."""
+    """The processes that have published as each node, which was started ``starts`` times."""
 
     def __init__(
         self,
-        launches: Callable[[str], int] = lambda _node: 1,
+        starts: Callable[[str], int] = lambda _node: 1,
         name_of: Callable[[Topic, bytes], str] = lambda _topic, source: source.hex(),
     ) -> None:
-        self._launches, self._name_of = launches, name_of
+        self._starts, self._name_of = starts, name_of
         #: By node and process, the topic of the first message.
         self._sources: dict[str, dict[bytes, Topic]] = {}
 
@@ -185,7 +185,7 @@ class Publishers:
         known = self._sources.setdefault(node, {})
         if not source or source in known:
             return
-        if len(known) >= self._launches(node):
+        if len(known) >= self._starts(node):
             all_of_it = {source: topic, **known}
             names = {one: self._name_of(where, one) for one, where in all_of_it.items()}
             # The one without the node's name, though it may be the first; else the newest.

@@ -47,7 +47,7 @@ class Recorder(RigNode):
         loaded = open_scene(Path(self.given["scene"]))
         default = time.strftime(f"bags/{loaded.scene.name}_%Y-%m-%d_%H-%M-%S")
         bag = _next_bag(Path(self.given["bag"] or default), self.runs_before)
-        self._sources = topics.Publishers(self.checkpoint.launches, self._name_of)
+        self._sources = topics.Publishers(self.checkpoint.starts, self._name_of)
         namespace, points = self.get_namespace().rstrip("/"), self.given["points_per_turn"]
         self._lock = ExitStack()
         self._lock.enter_context(own_recorder(self.context.get_domain_id(), namespace))

@@ -193,7 +193,7 @@ class RigNode(Node):
                 "the two"
             )
         self.checkpoint = Checkpoint(self.given["checkpoint"], name)
-        self.checkpoint.count_launch()
+        self.checkpoint.count_start()
         self._owned: list[Topic] = []
         #: Messages taken, ticks dealt with, signals to stop received so far.
         self.taken = self.ticks = self.interrupts = 0
@@ -367,7 +367,7 @@ class RigNode(Node):
     def _watch(self) -> None:
         """A second publisher on a topic that this node owns ends the run."""
         for topic in self._owned:
-            most = self.checkpoint.launches(topic.owner)
+            most = self.checkpoint.starts(topic.owner)
             if self.count_publishers(topic.relative) <= most:
                 continue
             if len(names := list(self.publishers_of(topic).values())) > most:

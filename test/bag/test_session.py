@@ -6,12 +6,15 @@ from contextlib import suppress
 
 import pytest
 
+from cam_rig.bag.replay import played, quantity_of
 from cam_rig.bag.session import RecordingSession
 from cam_rig.errors import RefusedError, RunError
 from cam_rig.live.state_validation import StateValidator
 from cam_rig.messages import topics
 from cam_rig.messages.serialization import header, new, read_message, serialize, stamp_of
-from cam_rig.messages.topics import Publishers
+from cam_rig.messages.topics import QUANTITY, Publishers
+
+from .bags import GOLDEN
 
 RATE = 1000.0
 LIVE, AGAIN = b"first process", b"second process"
@@ -280,3 +283,31 @@ def test_the_gaps_of_the_alignment_are_zero(golden):
     assert cdr[gap : gap + 3] == b"\0\0\0"
     dirty = cdr[:gap] + b"abc" + cdr[gap + 3 :]
     assert read_message(topics.CAM_STATE, dirty)[1] == cdr
+
+
+# -- what the microphone read in a recording, as a replay sets it again -----------------------
+
+
+def diagnosis(node, words, **values):
+    pairs = [new("diagnostic_msgs/KeyValue", key, value) for key, value in values.items()]
+    status = new("diagnostic_msgs/DiagnosticStatus", 0, node, words, "rig", pairs)
+    return new("diagnostic_msgs/DiagnosticArray", header(0, ""), [status])
+
+
+def test_a_recording_says_what_its_microphone_read():
+    """At each second of rig time, and nothing else in between."""
+    assert {one.quantity for one in played(GOLDEN)} == {"", "LZF"}
+
+
+@pytest.mark.parametrize("words", ["hears LAF", "any other words", ""])
+def test_a_quantity_is_a_value_and_no_part_of_a_sentence(words):
+    """Whatever the words are, and however they change; another node reads none."""
+    assert quantity_of(diagnosis("microphone", words, **{QUANTITY: "LCS"})) == "LCS"
+    assert quantity_of(diagnosis("microphone", words)) == ""
+    assert quantity_of(diagnosis("follower", words, **{QUANTITY: "LCS"})) == ""
+
+
+@pytest.mark.parametrize("value", ["", "L", "LBF", "LAFx", "laf"])
+def test_what_is_no_level_is_not_set(value):
+    """A bag may be of anybody's making: a symbol that no meter has is as none."""
+    assert quantity_of(diagnosis("microphone", "hears LAF", **{QUANTITY: value})) == ""

@@ -21,7 +21,7 @@ from cam_rig.campaigns.dataset import CampaignDataset
 from cam_rig.schema.load import config_root
 from cam_rig.show.result import SILENT
 
-from ..cli.calls import call as run
+from ..cli.conftest import call as run
 
 call = partial(run, "campaign")
 

@@ -1,9 +1,13 @@
 """The noise study on a smaller sweep, computed once for the commands that tell of it."""
 
+import json
+
 import pytest
 from matplotlib.figure import Figure
 from ruamel.yaml import YAML
+from typer.testing import CliRunner
 
+from cam_rig.cli.main import app
 from cam_rig.paper.noise.study import study_noise
 from cam_rig.schema.load import config_root
 from cam_rig.show import terminal as console
@@ -86,3 +90,26 @@ def one_study(found, monkeypatch):
 
     for module in ("cam_rig.paper.noise.study", "cam_rig.report.paper"):
         monkeypatch.setattr(f"{module}.study_noise", study)
+
+
+# -- a command as a person calls it, in this process ------------------------------------------
+
+
+GOLDEN = config_root().parent / "bags" / "golden"
+
+
+def call(*arguments):
+    """What `cam-rig` answers to these arguments."""
+    return CliRunner().invoke(app, [str(one) for one in arguments])
+
+
+def done(*arguments):
+    """The answer of a command that succeeds."""
+    result = call(*arguments)
+    assert result.exit_code == 0, result.stderr
+    return result
+
+
+def data_of(*arguments):
+    """What such a command gives as JSON."""
+    return json.loads(done(*arguments, "--json", "-").stdout)

@@ -5,6 +5,7 @@ import os
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 from mcap.records import Attachment
 from rosbags.highlevel import AnyReader
@@ -17,7 +18,7 @@ from cam_rig.bag.reader import read_counts
 from cam_rig.bag.writer import BagWriter
 from cam_rig.messages.topics import recorded_topic
 
-from .calls import GOLDEN, call, done
+from .conftest import GOLDEN, call, done
 
 MESSAGES = sum(read_counts(GOLDEN).values())
 
@@ -195,3 +196,17 @@ def test_what_never_was_a_bag_is_not_to_be_recovered(tmp_path, verb, make, words
     assert "recover" not in result.stderr
     assert "PosixPath" not in result.stderr
     assert len(result.stderr.strip().splitlines()) == 1
+
+
+# -- all samples of a run leave the rig -------------------------------------------------------
+
+
+@pytest.mark.parametrize("source", ["quick", GOLDEN, GOLDEN / "golden_0.mcap"])
+def test_export_says_what_it_wrote(tmp_path, source):
+    """Of a scene, a bag, or a bag's file."""
+    target = tmp_path / "new" / "a.npz"
+    result = done("export", source, "--cam", "tm21", "--rpm", "350", "--to", target)
+    with np.load(target) as columns:
+        assert set(columns["cam"]) == {"tm21"}
+        assert f"{columns['force_N'].size} samples" in result.stderr
+    assert "gaps" not in result.stderr

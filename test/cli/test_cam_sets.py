@@ -11,7 +11,7 @@ from cam_rig.errors import ConfigError
 from cam_rig.schema.load import config_root, one_scene
 from cam_rig.simulation.asked import asked_cams, asked_scene, scene_speeds
 
-from .calls import call, data_of, done
+from .conftest import call, data_of, done
 
 
 @pytest.fixture(scope="module")

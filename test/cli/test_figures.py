@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from cam_rig.cli.main import COMMANDS, app, command
 from cam_rig.schema.load import config_root
 
-from .calls import GOLDEN
+from .conftest import GOLDEN
 
 TITLE = "A cam whose title is of many more letters than forty: {}"
 #: Cams of one's own: name, the shipped file, what else differs in it.
@@ -99,7 +99,7 @@ CAMPAIGNS = {
 #: Commands whose figures take minutes, or a bench: drawn in the tests of their own.
 ELSEWHERE = {
     "noise": "test_noise.py",
-    "factorial": "test_factorial.py",
+    "factorial": "test_studies.py",
     "fit rig": "../measured/rig_fit/test_command.py",
     "fit cam": "../measured/cam_fit/test_command.py",
     "panel": "../panel/test_lab.py",

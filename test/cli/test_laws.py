@@ -10,7 +10,7 @@ import pytest
 from cam_rig.laws.catalogue import free_laws
 from cam_rig.laws.segments import NAMED_RISES
 
-from .calls import call, data_of, done
+from .conftest import call, data_of, done
 
 
 def test_laws_as_json():

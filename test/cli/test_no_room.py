@@ -15,7 +15,7 @@ import typer
 
 from cam_rig.cli import main
 
-from .calls import GOLDEN
+from .conftest import GOLDEN
 
 COMMAND = Path(sys.executable).with_name("cam-rig")
 #: Commands by what they write to stdout.

@@ -15,9 +15,9 @@ from cam_rig.schema import load_cam
 from cam_rig.schema.load import cam_path, config_root
 from cam_rig.show.tables import number
 
-from .calls import call as run
-from .calls import data_of
-from .calls import done as run_done
+from .conftest import call as run
+from .conftest import data_of
+from .conftest import done as run_done
 
 call = partial(run, "profile")
 done = partial(run_done, "profile")

@@ -2,7 +2,7 @@
 
 import pytest
 
-from .calls import GOLDEN, call
+from .conftest import GOLDEN, call
 
 #: Command line, exit code, words of its line; none where typer shows the usage instead.
 REFUSED = [

@@ -20,7 +20,7 @@ from cam_rig.simulation.scene import build_law, load_cam, load_scene
 from cam_rig.simulation.scene_run import run_scene
 
 from ..figure_faults import EXPONENT, HYPHEN
-from .calls import done as run_done
+from .conftest import done as run_done
 
 done = partial(run_done, "report")
 

@@ -18,7 +18,7 @@ import pytest
 from cam_rig.dynamics.events.search import ALWAYS, VARIABLE
 from cam_rig.interrupts import STOPPING
 
-from .calls import GOLDEN
+from .conftest import GOLDEN
 
 LONG = pytest.mark.long
 BIN = Path(sys.executable).parent

@@ -1,14 +1,19 @@
 """How a command begins and is ended: an interrupt and a wrong environment are one line each."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from unittest.mock import MagicMock
 
 import pytest
+from typer.testing import CliRunner
 
+from cam_rig.cli.main import app, versions
 from cam_rig.errors import INTERRUPTED, ConfigError
 from cam_rig.extras import LAST_SECOND, source_date
 
@@ -96,3 +101,55 @@ def test_the_date_of_the_source(monkeypatch):
         monkeypatch.setenv("SOURCE_DATE_EPOCH", wrong)
         with pytest.raises(ConfigError, match=r"^SOURCE_DATE_EPOCH: .* is no date; allowed: whole"):
             source_date()
+
+
+# -- a command imports what it needs: help is there at once, and a simulation needs no scipy
+
+
+CODE = """
+import sys
+from cam_rig.cli import start
+try:
+    start()
+except SystemExit as ended:
+    assert not ended.code
+print("modules:", *sorted({module.partition(".")[0] for module in sys.modules}))
+"""
+ROS = {"rclpy", "rosbags", "mcap"}
+FIGURES = {"matplotlib", "rerun", "jinja2", "shapely", "ezdxf"}
+
+
+@pytest.mark.variants(3)
+@pytest.mark.parametrize(
+    ("words", "without"),
+    [
+        (["--version"], {"rclpy", "rerun", "matplotlib", "scipy"}),
+        (["--help"], {"numpy", "scipy", "pydantic", "yaml"} | ROS | FIGURES),
+        (["run", "--help"], {"numpy", "scipy", "yaml"} | ROS | FIGURES),
+        (["simulate", "quick"], {"scipy"} | ROS | FIGURES),
+    ],
+)
+def test_a_command_imports_what_it_needs(words, without):
+    """Not the libraries of the others."""
+    code = [sys.executable, "-c", CODE, *words]
+    done = subprocess.run(code, capture_output=True, text=True, check=True, timeout=100)
+    assert set(done.stdout.rpartition("modules:")[2].split()) & without == set()
+
+
+# -- cam-rig --version: what is installed, told without importing it --------------------------
+
+
+def test_a_line_for_each_part():
+    """Package, viewer, and rclpy with the ROS distribution it is of."""
+    result = CliRunner().invoke(app, ["--version"])
+    assert result.exit_code == 0
+    package, rerun, rclpy = result.stdout.splitlines()
+    assert package == f"cam_rig {version('cam_rig')}"
+    assert rerun == f"rerun {version('rerun-sdk')}"
+    assert re.fullmatch(r"rclpy \d\S* \(ROS 2 [a-z]+\)", rclpy)
+
+
+def test_what_is_missing_is_said(monkeypatch):
+    """Without the extra of a library its line says so."""
+    monkeypatch.setattr("cam_rig.cli.main.version", MagicMock(side_effect=PackageNotFoundError))
+    assert set(versions().values()) == {"not installed"}

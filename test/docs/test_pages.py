@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+import os
 import re
+import subprocess
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
 
+import matplotlib as mpl
 import pytest
 
-from .pages import DOCS, PAGES, ROOT, text
+from cam_rig.cli.main import COMMANDS, command
+from tools.docs.commands import PAGE, page
+from tools.docs.drawings import DRAWINGS
+from tools.docs.equations import CODE, EQUATION, drawn, line
+
+from .conftest import DOCS, PAGES, ROOT, blocks, commands, text
 
 #: Folders of the tree whose files the documents name.
 TREE = r"(?:cam_rig|config|test|tools|benchmark|examples|launch|docs|bags)/[\w./*-]*\w/?"
@@ -61,3 +72,162 @@ def test_list_of_rooms_is_whole():
     named = set(re.findall(r"^- `cam_rig/(\w+)`:", page, re.M))
     folders = {p.parent.name for p in (ROOT / "cam_rig").glob("*/__init__.py")}
     assert named == folders
+
+
+# -- every command that the documents name is one: verb, options, make target, node -----------
+
+
+VERBS = {name: command(name) for name in COMMANDS}
+IDS = [p.name for p in PAGES]
+
+
+def test_the_page_of_commands_is_that_of_today():
+    """It is what --help says; else run ``make docs``."""
+    assert text(PAGE) == page()
+
+
+@pytest.mark.parametrize("document", PAGES, ids=IDS)
+def test_cam_rig_commands_parse(document):
+    """Each verb exists and takes the options given, with values of their types."""
+    for verb, *arguments in commands(document, "cam-rig"):
+        if verb.isupper():
+            continue
+        assert verb in VERBS, f"{document.name}: cam-rig {verb}"
+        if arguments and "[OPTIONS]" not in arguments:
+            VERBS[verb].make_context(verb, list(arguments))
+
+
+@pytest.mark.parametrize("document", PAGES, ids=IDS)
+def test_make_targets_exist(document):
+    """Each target stands in the Makefile."""
+    makefile = text(ROOT / "Makefile")
+    for target, *_ in commands(document, "make"):
+        assert re.search(rf"^{target}:", makefile, re.M), f"{document.name}: make {target}"
+
+
+@pytest.mark.parametrize("document", PAGES, ids=IDS)
+def test_ros_commands_name_what_is_installed(document):
+    """ros2 run names a node of setup.py, ros2 launch a file of launch/."""
+    for _, name, *_ in (c[:3] for c in commands(document, "ros2 run")):
+        assert re.search(rf'"{name}( =|")', text(ROOT / "setup.py"))
+    for _, name, *_ in (c[:3] for c in commands(document, "ros2 launch")):
+        assert (ROOT / "launch" / name).is_file()
+
+
+def test_scripts_exist():
+    """Every ``python path`` and every module run with -m."""
+    for document in PAGES:
+        for path in re.findall(r"python ((?:tools|benchmark)/[\w/]+\.py)", text(document)):
+            assert (ROOT / path).is_file(), f"{document.name}: {path}"
+
+
+def test_extras_exist():
+    """Every ``cam_rig[extra]`` is one of setup.py."""
+    setup = text(ROOT / "setup.py")
+    for document in PAGES:
+        for extra in re.findall(r"cam_rig\[([\w-]+)\]", text(document)):
+            assert f'"{extra}": ' in setup, f"{document.name}: cam_rig[{extra}]"
+
+
+# -- the Python of the documents runs as it stands --------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "page", [ROOT / "README.md", DOCS / "python.md", DOCS / "bounce.md"], ids=lambda p: p.name
+)
+def test_blocks_run_one_after_the_other(page, monkeypatch):
+    """From the folder of the source, where ``bags/golden`` is; a page asserts what it shows."""
+    monkeypatch.chdir(ROOT)
+    code = [content for language, _, content in blocks(page) if language == "python"]
+    assert code
+    names = {}
+    for block in code:
+        exec(compile(block, page.name, "exec"), names)
+
+
+# -- the drawings of the theory pages are those that their script draws today -----------------
+
+
+def outline(path):
+    """An SVG with its numbers rounded, so that the last digit of a machine does not count."""
+    svg = path.read_text(encoding="utf-8")
+    return re.sub(r"-?\d+\.\d+", lambda number: f"{float(number[0]):.1f}", svg)
+
+
+@pytest.mark.parametrize("name", DRAWINGS)
+def test_drawing_is_that_of_today(name, tmp_path):
+    """Else run ``make docs``."""
+    with mpl.rc_context({"svg.hashsalt": "cam_rig"}):
+        DRAWINGS[name](tmp_path / name)
+    assert outline(tmp_path / name) == outline(DOCS / name)
+
+
+# -- the documents as a site: whole, and without any other machine ----------------------------
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """The site, built as ``make docs`` does; a warning is an error."""
+    folder = tmp_path_factory.mktemp("site")
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "-d", str(folder)]
+    environment = os.environ | {"NO_MKDOCS_2_WARNING": "1"}
+    done = subprocess.run(
+        command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False, timeout=500
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return folder
+
+
+@pytest.mark.long
+def test_every_page_is_in_the_menu(site):
+    """README is the first page; each document and each room has one."""
+    menu = (site / "index.html").read_text(encoding="utf-8")
+    for one in DOCS.rglob("*.md"):
+        assert f'href="{one.relative_to(DOCS).with_suffix(".html")}"' in menu, one.name
+    assert (site / "api" / "cam_rig.html").is_file()
+    assert (site / "search" / "search_index.js").is_file()
+
+
+@pytest.mark.long
+def test_nothing_comes_from_another_machine(site):
+    """No script, style, font, picture or frame with an address of its own."""
+    sources = r"<(?:script|img|iframe|source)[^>]*\ssrc=[\"']?(?:https?:)?//"
+    sheets = r"<link[^>]*rel=[\"']?(?:stylesheet|preconnect|preload)[^>]*(?:https?:)?//"
+    loaded = re.compile(f"{sources}|{sheets}")
+    for one in site.rglob("*.html"):
+        found = loaded.search(one.read_text(encoding="utf-8"))
+        assert found is None, f"{one.name}: {found[0]}"
+    for style in site.rglob("*.css"):
+        assert not re.search(r"(?:url\(|@import )[\"']?https?:", style.read_text(encoding="utf-8"))
+
+
+# -- the TeX of every page becomes MathML, and nothing of it is left --------------------------
+
+
+def equations(page: Path) -> list[str]:
+    """The TeX of a page, without its dollars."""
+    parts = CODE.split(text(page))[::2]
+    return [one[1] or one[2] for part in parts for one in EQUATION.finditer(part)]
+
+
+WITH_EQUATIONS = [page for page in sorted(DOCS.rglob("*.md")) if equations(page)]
+
+
+@pytest.mark.parametrize("page", WITH_EQUATIONS, ids=lambda page: str(page.relative_to(DOCS)))
+def test_every_equation_of_a_page_is_drawn(page: Path) -> None:
+    """Each word of TeX is known, each element of MathML is closed, code stays as it is."""
+    shown = drawn(text(page))
+    assert shown.count("<math") >= len(equations(page)) > 0
+    assert CODE.findall(shown) == CODE.findall(text(page))
+    for part in shown.split("<math")[1:]:
+        equation = "<math" + part.partition("</math>")[0] + "</math>"
+        ElementTree.fromstring(equation)
+        assert not set(equation) & set("\\{}$"), equation
+
+
+def test_the_line_of_an_equation() -> None:
+    """Fractions, roots, scripts, dots and primes are those of the report's equations."""
+    assert line(r"\frac{a}{b_2} + \frac1b") == "(a)/(b _ 2) + 1/b"
+    assert line(r"\sqrt{2 x}\,\ddot x = k_{stem} s''") == "√(2 x) x\u0308 = k _ (stem) s″"
+    with pytest.raises(KeyError):
+        line(r"\unknown")

@@ -15,7 +15,7 @@ from benchmark.speed.exact import polynomial, powers
 from cam_rig.dynamics import MODELS, Event, FollowerState, Interval, TwoMassParameters
 from cam_rig.dynamics.events.approach import FlightOverCam, Gap, landing
 from cam_rig.dynamics.events.course import EndlessEventsError, free_table, law_table
-from cam_rig.dynamics.events.free_flight import launched
+from cam_rig.dynamics.events.free_flight import lift_off_state
 from cam_rig.dynamics.events.law_table import Cam
 from cam_rig.dynamics.linear.exponential import Flight
 from cam_rig.dynamics.two_mass.trajectory import Separation
@@ -75,11 +75,11 @@ def land(
     flight: Flight, law: Law, angle: float, speed: float, limit: float, noise: float = 0.0
 ) -> Gap:
     """Where a flight from a cam angle (rad) on ends; ``noise`` as in `FlightOverCam`."""
-    launch = launched(free_table(flight.system, arrays=False), flight.start.tolist())
-    gap, opening = flight.known or (0.0, 0.0)
+    lift_off = lift_off_state(free_table(flight.system, arrays=False), flight.start.tolist())
+    gap, gap_rate = flight.known or (0.0, 0.0)
     cam = Cam(law_table(law, arrays=False), float(speed), float(angle))
     return landing(
-        FlightOverCam(launch, cam, bool(flight.known), float(gap), float(opening), noise), limit
+        FlightOverCam(lift_off, cam, bool(flight.known), float(gap), float(gap_rate), noise), limit
     )
 
 

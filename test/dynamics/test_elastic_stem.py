@@ -6,12 +6,13 @@ import pytest
 from benchmark.speed import exact
 from benchmark.speed.models import Case, Oscillator
 from benchmark.speed.study import stem_motion as motion
-from cam_rig.dynamics import FollowerParameters
+from cam_rig.dynamics import FollowerParameters, Interval, kinetostatic
 from cam_rig.dynamics.elastic_stem import outputs, response
+from cam_rig.dynamics.kinetostatic import loss_intervals
 from cam_rig.dynamics.linear.response import LinearResponse
 from cam_rig.dynamics.linear.sampling import sample
 from cam_rig.errors import DynamicsError
-from cam_rig.units import TURN
+from cam_rig.units import NS, TURN
 
 SPEED = 300.0 * np.pi / 30.0
 
@@ -83,13 +84,49 @@ def test_the_periodic_state_is_what_many_turns_tend_to(laws, follower):
     np.testing.assert_allclose(many, begin, rtol=0, atol=1e-11 * np.abs(begin).max())
 
 
-def resonant(law, harmonic):
-    matrix = np.array([[0.0, 1.0], [-((harmonic * SPEED) ** 2), 0.0]])
-    drive = np.array([[0.0, 0.0, 0.0], [(harmonic * SPEED) ** 2, 0.0, 0.0]])
-    return LinearResponse(law, SPEED, matrix, drive, np.zeros(2))
-
-
 def test_resonance_has_no_steady_state(laws):
     """A steady state is refused where there is none, with the speed."""
+    square = (9.0 * SPEED) ** 2
+    matrix, drive = (
+        np.array([[0.0, 1.0], [-square, 0.0]]),
+        np.array([[0.0] * 3, [square, 0.0, 0.0]]),
+    )
     with pytest.raises(DynamicsError, match="no steady state"):
-        resonant(laws["poly345"], 9).periodic()
+        LinearResponse(laws["poly345"], SPEED, matrix, drive, np.zeros(2)).periodic()
+
+
+# -- the follower that never leaves the cam: where an interval ends, where the cam would pull
+
+
+FAST = 400.0 * np.pi / 30.0
+
+
+@pytest.mark.variants(3)
+def test_state_is_the_next_sample(law, follower):
+    """The state at the end is what the next interval's first sample shows."""
+    stop = 37 * NS // 1000
+    first, second = (Interval(a, b, FAST * a / NS, FAST) for a, b in ((0, stop), (stop, 2 * stop)))
+    state, _ = kinetostatic.advance(law, follower, None, first, 1000)
+    _, block = kinetostatic.advance(law, follower, state, second, 1000)
+    shown = (state.displacement, state.velocity, state.contact_force)
+    sizes = np.abs(block.rows[[1, 2, 4]]).max(axis=1)
+    assert np.all(np.abs(block.rows[[1, 2, 4], 0] - shown) <= 1e-12 * sizes)
+    assert state.in_contact
+
+
+@pytest.mark.variants(3)
+def test_loss_intervals_are_where_the_force_pulls(law, follower):
+    """Inside a loss interval F < 0, outside F ≥ 0, at every sampled angle clear of its ends."""
+    angle = np.linspace(0.0, TURN, 5001)[1:-1]
+    for rpm in (100.0, 400.0, 700.0):
+        speed = rpm * np.pi / 30.0
+        s, ds, dds = (law(angle, k) for k in range(3))
+        p = follower
+        force = p.mass * speed**2 * dds + p.damping * speed * ds + p.spring_stiffness * s
+        force += p.preload
+        lost = np.zeros(angle.size, dtype=bool)
+        near = np.zeros(angle.size, dtype=bool)
+        for start, stop in loss_intervals(law, p, speed):
+            lost |= (angle > start) & (angle < stop)
+            near |= np.minimum(np.abs(angle - start), np.abs(angle - stop)) < 1e-9
+        np.testing.assert_array_equal(lost[~near], force[~near] < 0.0)

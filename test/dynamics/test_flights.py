@@ -14,7 +14,7 @@ from cam_rig.dynamics.events.course import free_table
 from cam_rig.dynamics.events.free_flight import (
     impulse_at,
     largest_acceleration,
-    launched,
+    lift_off_state,
     moved,
     seen,
 )
@@ -34,13 +34,13 @@ EPS = float(np.finfo(float).eps)
 HEIGHTS = (1.5e-4, 1e-6, 6e-9, 1e-11, 1e-13)
 
 
-def exact_flight(law, p, speed, angle, opening, guess):
+def exact_flight(law, p, speed, angle, gap_rate, guess):
     """Time and approach speed of the landing near ``guess`` (s), with 50 digits."""
     numbers = (p.mass, p.spring_stiffness, p.damping, p.preload, speed)
     m, k, c, load, speed = (mp.mpf(x) for x in numbers)
     s, slope, _ = exact_law(law, angle)
     matrix = mp.matrix([[0, 1, 0], [-k / m, -c / m, -load / m], [0, 0, 0]])
-    start = mp.matrix([s, slope * speed + opening, 1])
+    start = mp.matrix([s, slope * speed + gap_rate, 1])
 
     def gap(time):
         return (mp.expm(matrix * time) * start)[0] - exact_law(law, angle + speed * time)[0]
@@ -75,12 +75,12 @@ def test_a_flight_is_known_to_its_last_digits(laws, cam, degrees, height):
     law, angle = laws[cam], np.radians(degrees)
     back, parts = pull(law, angle)
     assert back > 1.0
-    opening = np.sqrt(2.0 * back * height)
+    gap_rate = np.sqrt(2.0 * back * height)
     s, slope, _ = law.at(angle)
-    flight = lifted_off(P, s, slope * SPEED + opening, 0.0, opening)
+    flight = lifted_off(P, s, slope * SPEED + gap_rate, 0.0, gap_rate)
     found = land(flight, law, angle, SPEED, 0.1)
     with mp.workdps(50):
-        start = mp.mpf(angle), mp.mpf(opening)
+        start = mp.mpf(angle), mp.mpf(gap_rate)
         time, approach = exact_flight(law, P, SPEED, *start, found.time)
         limit = 8.0 * EPS * (1.0 + parts / back)
         assert found.landed
@@ -98,13 +98,13 @@ def test_a_flight_over_a_joint(laws, height, part):
     back, parts = pull(law, joint - 1e-9)
     after, more = pull(law, joint + 1e-9)
     back = max(back, 1.0)
-    opening = np.sqrt(2.0 * back * height)
-    angle = joint - part * SPEED * opening / back
+    gap_rate = np.sqrt(2.0 * back * height)
+    angle = joint - part * SPEED * gap_rate / back
     s, slope, _ = law.at(angle)
-    flight = lifted_off(P, s, slope * SPEED + opening, 0.0, opening)
+    flight = lifted_off(P, s, slope * SPEED + gap_rate, 0.0, gap_rate)
     found = land(flight, law, angle, SPEED, 0.1)
     with mp.workdps(50):
-        start = mp.mpf(angle), mp.mpf(opening)
+        start = mp.mpf(angle), mp.mpf(gap_rate)
         time, _ = exact_flight(law, P, SPEED, *start, found.time)
     assert angle < joint < angle + SPEED * found.time
     # The joint is at an angle, known to its own last digit, and there s has a step of rounding.
@@ -128,11 +128,11 @@ def test_a_series_of_bounces(laws, milliseconds):
         events += [(a / NS + e.time, e) for e in course.events if e.kind == "landing"]
         state = course.end
     with mp.workdps(50):
-        time, opening = mp.mpf(0), mp.mpf(0.3)
+        time, gap_rate = mp.mpf(0), mp.mpf(0.3)
         for found, event in events[:12]:
             guess = found - float(time)
-            flown, approach = exact_flight(law, p, 2.0, 2 * time, opening, guess)
-            time, opening = time + flown, approach * mp.mpf(p.restitution)
+            flown, approach = exact_flight(law, p, 2.0, 2 * time, gap_rate, guess)
+            time, gap_rate = time + flown, approach * mp.mpf(p.restitution)
             assert abs(float(found - time)) < 4.0 * np.spacing(0.5)
             impulse = p.mass * 1.6 * float(approach)
             assert event.impulse == pytest.approx(impulse, rel=1e-12)
@@ -196,11 +196,11 @@ def test_acceleration_obeys_newton(flight):
 def test_energy_bounds_what_comes_later(flight):
     """|ÿ| never exceeds what is said of it at a time, from then on."""
     flight, later = flight[1], np.linspace(0.0, 0.3, 3001)
-    launch = launched(free_table(flight.system, arrays=False), flight.start.tolist())
+    lift_off = lift_off_state(free_table(flight.system, arrays=False), flight.start.tolist())
     for begin in (0.0, 0.004, 0.1):
         largest = np.abs(flight.motion(later[later >= begin])[2]).max() * (1.0 - 1e-12)
-        assert largest <= seen(launch, begin)[2]
-        assert largest <= largest_acceleration(launch, moved(launch, begin).rates)
+        assert largest <= seen(lift_off, begin)[2]
+        assert largest <= largest_acceleration(lift_off, moved(lift_off, begin).rates)
 
 
 # What is hard for a search: long series, instants next to each other, a touch at a joint.

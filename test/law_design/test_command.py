@@ -13,7 +13,7 @@ from cam_rig.laws.law import peak
 from cam_rig.quantities.catalogue import DESIGNED
 from cam_rig.schema import load_cam
 
-from ..cli.calls import call as run
+from ..cli.conftest import call as run
 
 SMALL = ("--minimise", "peak_jerk", "--pieces", "6", "--joints", "C2")
 

@@ -149,14 +149,14 @@ def test_a_damaged_file_is_refused(data):
             Checkpoint(folder, "microphone").all()
 
 
-def test_launches_are_counted_for_each_node(tmp_path):
+def test_starts_are_counted_for_each_node(tmp_path):
     """As many processes may have published as a node; one where none is started again."""
     recorder = Checkpoint(str(tmp_path), "recorder")
-    assert recorder.launches("follower") == 1
-    for launches in (1, 2, 3):
-        Checkpoint(str(tmp_path), "follower").count_launch()
-        assert recorder.launches("follower") == launches
-    (tmp_path / "follower.launches").write_text("many")
-    with pytest.raises(RunError, match=r"follower\.launches: is not a count of launches"):
-        recorder.launches("follower")
-    assert Checkpoint("", "recorder").launches("follower") == 1
+    assert recorder.starts("follower") == 1
+    for starts in (1, 2, 3):
+        Checkpoint(str(tmp_path), "follower").count_start()
+        assert recorder.starts("follower") == starts
+    (tmp_path / "follower.starts").write_text("many")
+    with pytest.raises(RunError, match=r"follower\.starts: is not a count of starts"):
+        recorder.starts("follower")
+    assert Checkpoint("", "recorder").starts("follower") == 1

@@ -11,8 +11,10 @@ import typer
 from typer.testing import CliRunner
 
 from cam_rig.errors import ConfigError
+from cam_rig.show import tables
 from cam_rig.show.command import command
 from cam_rig.show.result import Column, Footnote, Progress, Result
+from cam_rig.show.tables import DataTable, Head, called, counted, number, tabulate
 
 
 @dataclass(frozen=True)
@@ -79,7 +81,7 @@ def test_a_column_is_of_a_path():
     assert found == [1.0, 2.0, None]
 
 
-def called(tmp_path, *arguments):
+def shown_by(tmp_path, *arguments):
     app = typer.Typer()
 
     @app.command()
@@ -98,18 +100,107 @@ def called(tmp_path, *arguments):
 def test_a_function_that_returns_a_result_is_a_command(tmp_path):
     """Tables on stderr, data in files; a user's error is one line, and targets come first."""
     table = tmp_path / "lifts.csv"
-    done = called(tmp_path, "--least", 0.045, "--json", "-", "--csv", table)
+    done = shown_by(tmp_path, "--least", 0.045, "--json", "-", "--csv", table)
     assert done.exit_code == 0
     assert [row["cam"] for row in json.loads(done.stdout)["lifts"]] == ["a"]
     assert "At 300 rpm" in done.stderr
     assert table.read_text().splitlines()[1] == "a,300.0,0.05,False"
     assert (tmp_path / "lifts.rig.csv").read_text() == "mass\n1.5\n"
-    wrong = called(tmp_path, "--least", -1)
+    wrong = shown_by(tmp_path, "--least", -1)
     assert (wrong.exit_code, wrong.stderr) == (2, "cam-rig: --least: is -1; allowed: 0 or more\n")
-    assert "is a folder" in called(tmp_path, "--least", -1, "--json", tmp_path).stderr
+    assert "is a folder" in shown_by(tmp_path, "--least", -1, "--json", tmp_path).stderr
     assert (
-        called(tmp_path, "--csv", tmp_path / "a.txt").stderr
+        shown_by(tmp_path, "--csv", tmp_path / "a.txt").stderr
         == "cam-rig: --csv a.txt: is no table\n"
     )
     assert not (tmp_path / "a.txt").exists()
-    assert called(tmp_path, "--plot", "a.png").exit_code == 2
+    assert shown_by(tmp_path, "--plot", "a.png").exit_code == 2
+
+
+# -- tables as data: each heading beside its cells, numbers as they are shown, CSV with all digits
+
+
+FIELDS = (
+    (Head("cam"), lambda row: row[0]),
+    (Head("speed", "rpm", ".1f", "none"), lambda row: row[1]),
+    (Head("twist", "°", ".4f"), lambda row: None),
+)
+ROWS = (("a", 413.4426), ("b", None))
+
+
+def test_words_and_numbers():
+    """As few characters as needed; typeset a true minus and raised powers; counts in the plural."""
+    values = (1.26e6, 3.3e8, 0.05, 4030.0, 9.8599e-5)
+    assert [*map(number, values)] == ["1.26e6", "3.3e8", "0.05", "4030", "9.8599e-5"]
+    shown = "−0.25 to 3.3·10⁸, 10⁻⁹ on bezier-15"
+    assert tables.typeset("-0.25 to 3.3e8, 1e-09 on bezier-15") == shown
+    assert [counted(n, "point") for n in (1, 64)] == ["1 point", "64 points"]
+    assert counted(2, "process") == "2 processes"
+
+
+def test_markdown():
+    """A name, the caption, numbers to the right; no blank line at the end."""
+    table = DataTable("Speeds", (Head("cam"), Head("n", "rpm", "d")), (("a", 9),))
+    expected = "**Table 3. Speeds**\n\n| cam | n [rpm] |\n| --- | ---: |\n| a | 9 |"
+    assert tables.to_markdown(table, "Table 3. ") == expected
+
+
+@pytest.mark.parametrize(
+    ("value", "shown", "printed"),
+    [
+        (413.4426, ".2f", "413.4"),
+        (-99.996, ".2f", "−100.0"),
+        (0.00123456, ".5f", "0.00123"),
+        (123456.7, ".1f", "123500"),
+        (12345.0, ".6g", "12345"),
+        (-3.3e8, ".4g", "−3.3·10⁸"),
+        (1e-9, ".3g", "10⁻⁹"),
+        (math.inf, ".2f", "inf"),
+    ],
+)
+def test_a_page_has_four_digits_and_is_typeset(value, shown, printed):
+    """What was found, in decimals, has four digits at most; what was set has all of its own."""
+    assert Head("a", "", shown).printed(value) == printed
+
+
+def test_cells_are_shown_by_their_column():
+    """Digits and the word for nothing are the column's; a column of nothing is left out."""
+    table = tabulate("Speeds", ROWS, FIELDS, "A note.", "")
+    assert [column.title for column in table.columns] == ["cam", "speed [rpm]"]
+    assert table.texts == [["a", "413.4"], ["b", "none"]]
+    assert table.rows == ROWS
+    assert table.notes == ("A note.",)
+
+
+def test_a_table_without_rows():
+    """Nothing to show is an empty table, not an error."""
+    assert tabulate("None", [], FIELDS) == DataTable("None", (), ())
+
+
+#: What cams are called.
+TITLES = {"tm21": "TM21 cam", "cam_2": "Second", "level": "Level cam"}
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("tm21 and cam_2.", "TM21 cam and Second."),
+        ("level", "Level cam"),
+        ("the level of tm21", "the level of TM21 cam"),
+        ("rig tm21", "rig tm21"),
+        ("cams/tm21.yaml, tm21_sweep, my-tm21", "cams/tm21.yaml, tm21_sweep, my-tm21"),
+    ],
+)
+def test_only_names_are_replaced(text, shown):
+    """A word that is also a name stands, but where it is all there is; so do files and rigs."""
+    assert called(text, TITLES) == shown
+    assert called(text, {}) == text
+
+
+def test_a_whole_table_by_titles():
+    """Everything that is read; numbers, units and rigs stay."""
+    heads = Head("level"), Head("rig"), Head("n", "cam_2", "g")
+    found = DataTable("Of tm21", heads, (("cam_2", "tm21", 1.0),)).called(TITLES)
+    assert found.caption == "Of TM21 cam"
+    assert [column.title for column in found.columns] == ["level", "rig", "n [cam_2]"]
+    assert found.rows == (("Second", "tm21", 1.0),)

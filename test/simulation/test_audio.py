@@ -10,8 +10,10 @@ from cam_rig.acoustics import SoundSource, level_db
 from cam_rig.acoustics.weighting import class_1_up_to_hz
 from cam_rig.errors import ConfigError, RunError
 from cam_rig.live.checkpoint import from_plain, to_plain
+from cam_rig.simulation.instruments import Signal, encoder_count
 from cam_rig.simulation.simulate import MicrophoneSimulator, turned_ticks
 from cam_rig.simulation.sound import MeterSimulator
+from cam_rig.units import TURN
 
 
 def listen(loaded, background, frequency="Z", time="F"):
@@ -125,3 +127,50 @@ def test_what_the_node_reads_is_class_1(make_loaded_scene, rate):
     """Whatever rate a scene is sampled at, the meter's own suffices for all of class 1."""
     source = SoundSource(make_loaded_scene().radiation, rate)
     assert class_1_up_to_hz(MeterSimulator(source).meter.rate) == 20_000.0
+
+
+# -- what instruments make of a run: counts of an encoder, gaps between readings --------------
+
+
+@pytest.mark.variants(4)
+@pytest.mark.parametrize("seed", range(40))
+def test_the_count_is_found(seed):
+    """Of any encoder, at any speed, read at even times or not; some counts may be passed over."""
+    random = np.random.default_rng(seed)
+    number = int(random.choice([60, 360, 500, 1000, 1024, 4096, 10_000]))
+    time = np.linspace(0.0, random.uniform(1.0, 12.0), int(random.choice([1000, 5000, 20_000])))
+    if seed % 2:
+        time = np.sort(random.uniform(0.0, time[-1], time.size))
+    angle = random.uniform(3.0, 60.0) * time + 0.02 * np.sin(3.0 * time) * (seed % 3)
+    step = TURN / number
+    stepped = np.floor((angle + random.uniform(0.0, 40.0)) / step) * step
+    assert TURN / encoder_count(stepped) == pytest.approx(number, rel=1e-6)
+
+
+@pytest.mark.variants(3)
+@pytest.mark.parametrize("seed", range(10))
+def test_an_exact_angle_has_no_counts(seed):
+    """Neither at a steady speed, whose steps are equal, nor with ripple, nor at random times."""
+    random = np.random.default_rng(seed)
+    time = np.linspace(0.0, 3.0, 3000)
+    speed = random.uniform(3.0, 60.0)
+    assert encoder_count(speed * time) == 0.0
+    assert encoder_count(speed * time + 0.2 * np.sin(7.0 * time)) == 0.0
+    assert encoder_count(np.cumsum(random.uniform(0.0, 0.05, 6000))) == 0.0
+
+
+def test_an_encoder_that_reports_each_count_has_no_gap_where_it_turns_slower():
+    """Eight times slower, the steps are eight times as long; a lost stretch there is a gap."""
+    steps = np.repeat([1e-4, 8e-4], [3000, 1000])
+    time = np.cumsum(steps * (1.0 + 0.02 * np.sin(np.arange(4000))))
+    assert Signal(time, time).gaps().size == 0
+    kept = np.delete(time, slice(3500, 3504))
+    np.testing.assert_array_equal(Signal(kept, kept).gaps(), [[time[3499], time[3504]]])
+
+
+def test_stamps_that_scatter_are_no_gaps():
+    """A network that delivers in bursts: steps from nothing to three times the usual."""
+    rng = np.random.default_rng(2)
+    time = np.cumsum(rng.uniform(0.0, 2e-3, 5000))
+    assert Signal(time, time).gaps().size == 0
+    assert Signal(time[:3], time[:3]).gaps().size == 0

@@ -15,7 +15,7 @@ from cam_rig.messages.codec import stamp_ns
 from cam_rig.testing import client
 from cam_rig.testing.running_rig import isolated_domain
 
-from ..docs.pages import DOCS, blocks
+from ..docs.conftest import DOCS, blocks
 
 pytestmark = pytest.mark.ros
 pytest_plugins = ["pytester"]

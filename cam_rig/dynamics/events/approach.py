@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cam_rig.dynamics.events.free_flight import Launch, accelerations, moved, place_of, seen
+from cam_rig.dynamics.events.free_flight import LiftOffState, accelerations, moved, place_of, seen
 from cam_rig.dynamics.events.law_table import (
     ACCELERATION,
     EPS,
@@ -55,11 +55,11 @@ class Gap(NamedTuple):
 class FlightOverCam(NamedTuple):
     """A flight over a cam, both from time 0 on."""
 
-    launch: Launch
+    lift_off: LiftOffState
     cam: Cam
     known: bool  #: whether the two below are known better than as differences of two places
     gap: float  #: at the start, m
-    opening: float  #: at the start, m/s
+    gap_rate: float  #: at the start, m/s
     #: By how much the acceleration may be wrong at which the gap opens when the cam's force, which
     #: is known to so much, falls to zero, m/s².
     force_noise: float
@@ -90,9 +90,9 @@ def _rounding(cam: Cam) -> float:
 def _begin(flight: FlightOverCam) -> Gap:
     """The gap at the beginning; as the difference of two places where it is not known better."""
     if flight.known:
-        return Gap(0.0, flight.gap, flight.opening, 0.0, False)
-    launch, cam = flight.launch, flight.cam
-    place, velocity = place_of(launch, launch.start), place_of(launch, launch.rates)
+        return Gap(0.0, flight.gap, flight.gap_rate, 0.0, False)
+    lift_off, cam = flight.lift_off, flight.cam
+    place, velocity = place_of(lift_off, lift_off.start), place_of(lift_off, lift_off.rates)
     piece, _ = _start(cam)
     s, slope = lift_within(cam, piece, 0.0)
     return Gap(0.0, place - s, velocity - slope, gap_rounding(cam.law, place), False)
@@ -106,15 +106,15 @@ def _start(cam: Cam) -> tuple[int, float]:
 
 def _at(flight: FlightOverCam, time: float, piece: int) -> Gap:
     """The gap by how far both have come since; where a piece ends, before what follows it."""
-    begun, cam, launch = _begin(flight), flight.cam, flight.launch
-    gone, start = moved(launch, time), place_of(launch, launch.start)
-    way, rate = place_of(launch, gone.way), place_of(launch, gone.rates)
+    begun, cam, lift_off = _begin(flight), flight.cam, flight.lift_off
+    gone, start = moved(lift_off, time), place_of(lift_off, lift_off.start)
+    way, rate = place_of(lift_off, gone.way), place_of(lift_off, gone.rates)
     noise = gap_rounding(cam.law, start)
     first_piece, first = _start(cam)
     length = cam.law.pieces[first_piece][PLACE][SPAN] * (1.0 - first) / cam.speed
     if piece == first_piece and time <= length:
         further, faster = _bent(cam, piece, first, time / length, length)
-        begin = place_of(launch, launch.rates)
+        begin = place_of(lift_off, lift_off.rates)
         gap = begun.gap + begun.rate * time + ((way - begin * time) - further)
         return Gap(time, gap, begun.rate + ((rate - begin) - faster), noise, False)
     s, slope = lift_within(cam, piece, time)
@@ -137,9 +137,9 @@ def _bent(cam: Cam, piece: int, first: float, u: float, length: float) -> tuple[
 
 def _open_until(flight: FlightOverCam, now: Gap, limit: float) -> Gap:
     """The gap as far from ``now`` on as steps prove that it is open."""
-    cam, launch, begin, value, rate = flight.cam, flight.launch, now.time, now.gap, now.rate
-    start, least = place_of(launch, launch.start), MIN_STEP * launch.free.window
-    (_, _, largest), square = seen(launch, begin), cam.speed * cam.speed
+    cam, lift_off, begin, value, rate = flight.cam, flight.lift_off, now.time, now.gap, now.rate
+    start, least = place_of(lift_off, lift_off.start), MIN_STEP * lift_off.free.window
+    (_, _, largest), square = seen(lift_off, begin), cam.speed * cam.speed
     piece, _, high = piece_from(cam, begin)
     slip, passed = SAME_PLACE / cam.speed, -1
     while begin < limit:
@@ -149,7 +149,7 @@ def _open_until(flight: FlightOverCam, now: Gap, limit: float) -> Gap:
         joint = (high - cam.angle) / cam.speed
         at_joint = joint <= end + slip
         end = min(max(joint, begin), limit) if at_joint else end
-        (way, velocity, less), (lift, slope) = seen(launch, end), lift_within(cam, piece, end)
+        (way, velocity, less), (lift, slope) = seen(lift_off, end), lift_within(cam, piece, end)
         reached, further = (start + way) - lift, velocity - slope
         noise = max(noise, gap_rounding(cam.law, abs(reached) + cam.law.largest))
         if not is_clear(value - noise, rate, reached - noise, further, end - begin, bend):
@@ -197,7 +197,7 @@ def _window(flight: FlightOverCam, now: Gap, limit: float, within: float) -> Gap
     """The gap from ``now`` on, on the piece of the time ``within``, to its zero or its end."""
     cam, begin = flight.cam, now.time
     piece, low, high = piece_from(cam, within)
-    end = min(begin + flight.launch.free.window, limit)
+    end = min(begin + flight.lift_off.free.window, limit)
     if within == begin:
         end = min(end, (high - cam.angle) / cam.speed)
     if not end > begin:
@@ -207,17 +207,17 @@ def _window(flight: FlightOverCam, now: Gap, limit: float, within: float) -> Gap
     last = min(max((cam.angle + cam.speed * end - low) / span, 0.0), 1.0)
     size = cam.law.size
     bend = restricted(cam.law.pieces[piece][ACCELERATION], size, first, max(first, last))
-    rates = flight.launch.rates if begin == 0.0 else moved(flight.launch, begin).rates
-    opening = accelerations(flight.launch, rates, length, size - 1)
+    rates = flight.lift_off.rates if begin == 0.0 else moved(flight.lift_off, begin).rates
+    gap_acceleration = accelerations(flight.lift_off, rates, length, size - 1)
     square = cam.speed * cam.speed
-    doubt = EPS * (OF_ACCELERATIONS * size_of(opening) + square * _bend_size(cam, piece))
-    count = max(len(bend), len(opening))
-    bend, opening = elevated(bend, count), elevated(opening, count)
-    for i in range(len(opening)):
-        opening[i] -= square * bend[i]
-    speeds = integrated(opening, length, now.rate)
+    doubt = EPS * (OF_ACCELERATIONS * size_of(gap_acceleration) + square * _bend_size(cam, piece))
+    count = max(len(bend), len(gap_acceleration))
+    bend, gap_acceleration = elevated(bend, count), elevated(gap_acceleration, count)
+    for i in range(len(gap_acceleration)):
+        gap_acceleration[i] -= square * bend[i]
+    speeds = integrated(gap_acceleration, length, now.rate)
     gaps = integrated(speeds, length, now.gap)
-    doubt_at_start = doubt + flight.force_noise + _slip(cam, opening, length)
+    doubt_at_start = doubt + flight.force_noise + _slip(cam, gap_acceleration, length)
     at = _landing(gaps, now, length, doubt_at_start)
     if at >= 0.0:
         return Gap(begin + at * length, 0.0, value_at(speeds, len(speeds), at), 0.0, True)
@@ -229,11 +229,11 @@ def _after(time: float) -> float:
     return time + max(EPS * time, 1e-300)
 
 
-def _slip(cam: Cam, opening: Row, length: float) -> float:
+def _slip(cam: Cam, gap_acceleration: Row, length: float) -> float:
     """What the acceleration (m/s²) changes within the rounding of the time of a lift-off."""
-    steepest, degree = 0.0, len(opening) - 1
+    steepest, degree = 0.0, len(gap_acceleration) - 1
     for i in range(min(2, degree)):
-        steepest = max(steepest, abs(opening[i + 1] - opening[i]))
+        steepest = max(steepest, abs(gap_acceleration[i + 1] - gap_acceleration[i]))
     return degree / length * steepest * last_digit(cam)
 
 

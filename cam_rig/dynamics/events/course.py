@@ -100,7 +100,7 @@ class Course:
         """What the follower is in a row of a run's numbers."""
         if not row[at.FLYING]:
             return np.array(row[at.STATE : at.STATE + 2])
-        known = (row[at.GAP], row[at.OPENING]) if row[at.KNOWN] else ()
+        known = (row[at.GAP], row[at.GAP_RATE]) if row[at.KNOWN] else ()
         state = np.array(row[at.STATE : at.STATE + self.system.load.size])
         return Flight(self.system, state, *known)
 
@@ -110,8 +110,8 @@ class Course:
         now[at.STEP] = step
         if isinstance(state, Flight):
             now[at.STATE :] = state.start.tolist()
-            gap, opening = state.known or (0.0, 0.0)
-            fly_from(now, bool(state.known), gap, opening)
+            gap, gap_rate = state.known or (0.0, 0.0)
+            fly_from(now, bool(state.known), gap, gap_rate)
         else:
             now[at.STATE : at.STATE + state.size] = state.tolist()
         return now

@@ -85,7 +85,7 @@ class FreeTable(NamedTuple):
     paired: bool  #: whether there are pairs; without them their rows are not used
 
 
-class Launch(NamedTuple):
+class LiftOffState(NamedTuple):
     """The state at lift-off."""
 
     free: FreeTable
@@ -101,7 +101,7 @@ class Moved(NamedTuple):
     rates: Row
 
 
-def launched(free: FreeTable, start: Row) -> Launch:
+def lift_off_state(free: FreeTable, start: Row) -> LiftOffState:
     """The flight from a state ``(n,)``."""
     rows, size = free.rows, len(start)
     rates = product(rows, MATRIX, start)
@@ -117,7 +117,7 @@ def launched(free: FreeTable, start: Row) -> Launch:
             pairs[i][0] = velocity + gain
             pairs[i][1] = stiffness * place - push - damping * gain
             pairs[i][2] = -stiffness * place - damping * velocity + push
-    return Launch(free, start, rates, pairs)
+    return LiftOffState(free, start, rates, pairs)
 
 
 def product(rows: Rows, first: int, column: Row) -> Row:
@@ -128,26 +128,26 @@ def product(rows: Rows, first: int, column: Row) -> Row:
     return out
 
 
-def place_of(launch: Launch, state: Row) -> float:
+def place_of(lift_off: LiftOffState, state: Row) -> float:
     """What a state ``(n,)``, or its rate, says of the mass that meets the cam."""
-    return dot(launch.free.rows[ROW], state)
+    return dot(lift_off.free.rows[ROW], state)
 
 
-def moved(launch: Launch, time: float) -> Moved:
+def moved(lift_off: LiftOffState, time: float) -> Moved:
     """How far the states have come, and their rates, at a time in s."""
-    if not launch.free.paired:
-        return _by_exponential(launch, time)
-    rows, size = launch.free.rows, len(launch.start)
+    if not lift_off.free.paired:
+        return _by_exponential(lift_off, time)
+    rows, size = lift_off.free.rows, len(lift_off.start)
     way, rates = zeros(size), zeros(size)
     for i in range(size // 2):
-        way[2 * i], way[2 * i + 1], rates[2 * i], rates[2 * i + 1] = _pair(launch, i, time)
+        way[2 * i], way[2 * i + 1], rates[2 * i], rates[2 * i + 1] = _pair(lift_off, i, time)
     return Moved(product(rows, SHAPES, way), product(rows, SHAPES, rates))
 
 
-def _pair(launch: Launch, i: int, time: float) -> tuple[float, float, float, float]:
+def _pair(lift_off: LiftOffState, i: int, time: float) -> tuple[float, float, float, float]:
     """How far a pair (q, q̇) has come, and its rates."""
-    stiffness, pair = launch.free.rows[STIFFNESS][i], launch.pairs[i]
-    impulse, slope, step = impulse_at(launch.free.rows[DAMPING][i], stiffness, time)
+    stiffness, pair = lift_off.free.rows[STIFFNESS][i], lift_off.pairs[i]
+    impulse, slope, step = impulse_at(lift_off.free.rows[DAMPING][i], stiffness, time)
     rate, pull, force = pair[0], pair[1], pair[2]
     return (
         rate * impulse - pull * step,
@@ -157,16 +157,16 @@ def _pair(launch: Launch, i: int, time: float) -> tuple[float, float, float, flo
     )
 
 
-def seen(launch: Launch, time: float) -> tuple[float, float, float]:
+def seen(lift_off: LiftOffState, time: float) -> tuple[float, float, float]:
     """Way (m) and velocity (m/s) of the mass on the cam; what |its acceleration| is below later."""
-    if not launch.free.paired:
-        gone = _by_exponential(launch, time)
-        way, velocity = place_of(launch, gone.way), place_of(launch, gone.rates)
-        return way, velocity, largest_acceleration(launch, gone.rates)
-    rows, way, velocity = launch.free.rows, 0.0, 0.0
+    if not lift_off.free.paired:
+        gone = _by_exponential(lift_off, time)
+        way, velocity = place_of(lift_off, gone.way), place_of(lift_off, gone.rates)
+        return way, velocity, largest_acceleration(lift_off, gone.rates)
+    rows, way, velocity = lift_off.free.rows, 0.0, 0.0
     one, two, three, four = 0.0, 0.0, 0.0, 0.0  # parts of the energy
-    for i in range(len(launch.start) // 2):
-        place, further, rate, faster = _pair(launch, i, time)
+    for i in range(len(lift_off.start) // 2):
+        place, further, rate, faster = _pair(lift_off, i, time)
         j = 2 * i
         way += rows[SEEN][j] * place + rows[SEEN][j + 1] * further
         velocity += rows[SEEN][j] * rate + rows[SEEN][j + 1] * faster
@@ -196,10 +196,10 @@ def flow_of(free: FreeTable, time: float, size: int) -> Rows:
     return flow
 
 
-def _by_exponential(launch: Launch, time: float) -> Moved:
+def _by_exponential(lift_off: LiftOffState, time: float) -> Moved:
     """The same where pairs are too much alike, and lose their digits: (P ẋ₀, E ẋ₀)."""
-    flow, gone = _exponential(launch.free, time, len(launch.start))
-    return Moved(product(gone, 0, launch.rates), product(flow, 0, launch.rates))
+    flow, gone = _exponential(lift_off.free, time, len(lift_off.start))
+    return Moved(product(gone, 0, lift_off.rates), product(flow, 0, lift_off.rates))
 
 
 def _exponential(free: FreeTable, time: float, size: int) -> tuple[Rows, Rows]:
@@ -242,18 +242,18 @@ def _add(one: Rows, other: Rows, scale: float) -> None:
             one[i][j] += scale * other[i][j]
 
 
-def largest_acceleration(launch: Launch, rates: Row) -> float:
+def largest_acceleration(lift_off: LiftOffState, rates: Row) -> float:
     """What |acceleration| (m/s²) does not exceed from a time with these rates on: energy falls."""
     total = 0.0
     for i in range(len(rates)):
-        part = dot(launch.free.rows[ENERGY + i], rates)
+        part = dot(lift_off.free.rows[ENERGY + i], rates)
         total += part * part
     return math.sqrt(total)
 
 
-def accelerations(launch: Launch, rates: Row, length: float, least: int) -> Row:
+def accelerations(lift_off: LiftOffState, rates: Row, length: float, least: int) -> Row:
     """Bernstein ordinates of the acceleration (m/s²) in ``length`` s, ``least`` + 1 or more."""
-    rows, part = launch.free.rows, length / launch.free.window
+    rows, part = lift_off.free.rows, length / lift_off.free.window
     degree, left_out, most = 0, 1.0, len(rows) - SERIES - 1
     while degree < most and (left_out > LEFT_OUT or degree < least):
         degree += 1

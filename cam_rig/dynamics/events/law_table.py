@@ -100,7 +100,7 @@ def gap_rounding(law: LawTable, displacement: float) -> float:
 #: whether its gap is known, the gap, the speed at which it opens, velocity jumps that are over,
 #: the step of ṡ that is still to be met, whether the run has begun, and the state (contact or
 #: flight).
-TIME, FLYING, KNOWN, GAP, OPENING, JUMPS_DONE, STEP, BEGUN, STATE = range(9)
+TIME, FLYING, KNOWN, GAP, GAP_RATE, JUMPS_DONE, STEP, BEGUN, STATE = range(9)
 #: Numbers of a phase: the run's row where it begins, up to four of the state, and when it ends.
 PHASE_SIZE, END = STATE + 5, STATE + 4
 #: Numbers of an event: 0 for a lift-off or 1 for a landing, time, impulse, energy lost.
@@ -174,10 +174,10 @@ def take(jumps: Jumps, now: Row, time: float) -> float:
     return gained
 
 
-def fly_from(now: Row, known: bool, gap: float, opening: float) -> None:
+def fly_from(now: Row, known: bool, gap: float, gap_rate: float) -> None:
     """The follower is in the air; its state is there already."""
     now[FLYING], now[KNOWN] = 1.0, 1.0 if known else 0.0
-    now[GAP], now[OPENING] = gap, opening
+    now[GAP], now[GAP_RATE] = gap, gap_rate
 
 
 def rises(rebound: float, pull: float, least: float) -> bool:

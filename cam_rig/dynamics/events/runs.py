@@ -11,13 +11,13 @@ from typing import NamedTuple
 
 from cam_rig.dynamics.events.approach import FlightOverCam, landing
 from cam_rig.dynamics.events.contact import Pair, StemContactTable, loss_of_contact, state_after
-from cam_rig.dynamics.events.free_flight import FreeTable, launched, moved
+from cam_rig.dynamics.events.free_flight import FreeTable, lift_off_state, moved
 from cam_rig.dynamics.events.law_table import (
     BEGUN,
     FLYING,
     GAP,
+    GAP_RATE,
     KNOWN,
-    OPENING,
     STATE,
     STEP,
     TIME,
@@ -147,24 +147,24 @@ def _flight(run: RunTable, record: RunRecord) -> None:
     last, start = bound(run.jumps, now), zeros(len(now) - STATE)
     for i in range(len(start)):
         start[i] = now[STATE + i]
-    launch = launched(run.free, start)
+    lift_off = lift_off_state(run.free, start)
     ahead = Cam(cam.law, cam.speed, cam.angle + cam.speed * begin)
     flight = FlightOverCam(
-        launch, ahead, now[KNOWN] != 0.0, now[GAP], now[OPENING], run.force_noise
+        lift_off, ahead, now[KNOWN] != 0.0, now[GAP], now[GAP_RATE], run.force_noise
     )
     found = landing(flight, last - begin)
     end = no_later(run.jumps, now, cam.speed, begin + found.time) if found.landed else last
     add_phase(record, end)
-    opening, now[TIME] = found.rate - take(run.jumps, now, end), end
-    lands = found.landed and opening <= 0.0
+    gap_rate, now[TIME] = found.rate - take(run.jumps, now, end), end
+    lands = found.landed and gap_rate <= 0.0
     if run.stem or not lands:  # where one mass lands the cam says where it is
-        way = moved(launch, end - begin).way
+        way = moved(lift_off, end - begin).way
         for i in range(len(start)):
             now[STATE + i] += way[i]
     if lands:
-        _land(run, record, end, (now[STATE], now[STATE + 1]), opening)
+        _land(run, record, end, (now[STATE], now[STATE + 1]), gap_rate)
     else:
-        fly_from(now, True, found.gap, opening)
+        fly_from(now, True, found.gap, gap_rate)
 
 
 def _velocity_step(run: RunTable, record: RunRecord, time: float, gained: float) -> None:
@@ -173,7 +173,7 @@ def _velocity_step(run: RunTable, record: RunRecord, time: float, gained: float)
     if abs(gained) <= run.no_impact:
         return
     if now[FLYING] != 0.0:
-        now[OPENING] -= gained
+        now[GAP_RATE] -= gained
         return
     s, rate, bend = cam_at(run.cam, time)
     before = (s, rate - gained, bend)
@@ -190,17 +190,17 @@ def stem_stretch(run: RunTable, vibration: Pair, cam: Motion) -> Pair:
 
 
 def _lift_off(
-    run: RunTable, record: RunRecord, time: float, cam: Motion, stretch: Pair, opening: float
+    run: RunTable, record: RunRecord, time: float, cam: Motion, stretch: Pair, gap_rate: float
 ) -> None:
-    """What goes with the cam's motion lifts off at ``opening`` m/s."""
+    """What goes with the cam's motion lifts off at ``gap_rate`` m/s."""
     add_event(record, False, time, 0.0, 0.0)
-    _fly(run, record, cam, stretch, 0.0, opening)
+    _fly(run, record, cam, stretch, 0.0, gap_rate)
 
 
 def _fly(
-    run: RunTable, record: RunRecord, cam: Motion, stretch: Pair, rising: float, opening: float
+    run: RunTable, record: RunRecord, cam: Motion, stretch: Pair, rising: float, gap_rate: float
 ) -> None:
-    """What is on the cam, faster than it by ``rising`` m/s, flies off it at ``opening`` m/s."""
+    """What is on the cam, faster than it by ``rising`` m/s, flies off it at ``gap_rate`` m/s."""
     now, share, velocity = record.now, run.end_share, cam[1] + rising
     if run.stem:
         now[STATE], now[STATE + 1] = stretch
@@ -208,7 +208,7 @@ def _fly(
         now[STATE + 3] = velocity + share * stretch[1]
     else:
         now[STATE], now[STATE + 1] = cam[0], velocity
-    fly_from(now, True, 0.0, opening)
+    fly_from(now, True, 0.0, gap_rate)
 
 
 def _land(run: RunTable, record: RunRecord, time: float, stretch: Pair, rate: float) -> None:

@@ -31,8 +31,8 @@ from cam_rig.dynamics.events.law_table import (
     END,
     FLYING,
     GAP,
+    GAP_RATE,
     JUMPS_DONE,
-    OPENING,
     STATE,
     STEP,
     TIME,
@@ -105,7 +105,7 @@ def _end(run: RunTable, now: Row, row: Row) -> None:
     size = len(now) - STATE
     first = ENDS + 2 * size
     if now[FLYING] != 0.0:
-        row[ENDS], row[ENDS + 1], row[FLIES] = now[GAP], now[OPENING], 1.0
+        row[ENDS], row[ENDS + 1], row[FLIES] = now[GAP], now[GAP_RATE], 1.0
     for j in range(size * (size - 2)):  # w = y − z
         row[first + 2 * size + j] -= row[first + j]
     if run.stem:

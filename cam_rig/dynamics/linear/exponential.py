@@ -178,19 +178,19 @@ class FreeSystem:
 class Flight:
     """Free motion.
 
-    Gap and opening are given where they are known better than as the difference of two places: at a
-    lift-off the gap is not one.
+    Gap and its rate are given where they are known better than as the difference of two places:
+    at a lift-off the gap is not one.
     """
 
     system: FreeSystem
     start: FloatArray  #: state at t = 0, ``(n,)``
     gap: float | None = None  #: how far the mass is from the cam then, m
-    opening: float | None = None  #: how fast it lifts off, m/s
+    gap_rate: float | None = None  #: how fast it lifts off, m/s
 
     @property
     def known(self) -> tuple[float, ...]:
-        """Gap and opening, or nothing where they are not known."""
-        return () if self.gap is None or self.opening is None else (self.gap, self.opening)
+        """Gap and its rate, or nothing where they are not known."""
+        return () if self.gap is None or self.gap_rate is None else (self.gap, self.gap_rate)
 
     def motion(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Displacement (m), velocity (m/s) and acceleration (m/s²) of the mass at times in s."""

@@ -28,8 +28,8 @@ from cam_rig.measured.rig_fit.start import (
     bounce_beside,
     leaves_a_pattern,
     likely_stem,
-    tared,
     with_bounces,
+    with_zero_offset,
     zero_in_flight,
 )
 from cam_rig.show.result import Progress
@@ -83,7 +83,7 @@ def _everywhere(
         if not any(found.landings):
             return found
         start = found
-    return with_bounces(tared(start), given)
+    return with_bounces(with_zero_offset(start), given)
 
 
 def _of_all(one: Candidate, still: FitSolution) -> Candidate:
@@ -93,7 +93,9 @@ def _of_all(one: Candidate, still: FitSolution) -> Candidate:
     line: then all phases are moved as its own is.
     """
     like = still.likelihood
-    start = continued(one, like.sought, still.values, resonance=like.resonance, tare=like.tare)
+    start = continued(
+        one, like.sought, still.values, resonance=like.resonance, zero_offset=like.zero_offset
+    )
     new, x = start.likelihood, start.x
     phases = np.unwrap(still.x[like.instruments.phases])
     if phases.size > 1:
@@ -185,7 +187,7 @@ def _quiet(
     """
     here = _on_the_cam(still)
     while _forces(still, here):
-        found = search(continued(still, sought, start, here, tare=False))
+        found = search(continued(still, sought, start, here, zero_offset=False))
         if len(here) < len(still.holds):
             found = _anew(still, found, here)
         start, flying = found.values, found.landings
@@ -201,13 +203,13 @@ def _quiet(
 
 def _anew(still: Candidate, found: FitSolution, here: list[int]) -> FitSolution:
     """Two masses at some holds: found, or from a stem that clearly shows beside one mass there."""
-    rigid = search(continued(still, still.smooth, still.values, here, tare=False))
+    rigid = search(continued(still, still.smooth, still.values, here, zero_offset=False))
     stem, gain = likely_stem(rigid)
     if gain < CLEARLY_LIKELIER:
         return found
     sought = found.likelihood.sought
     begin = rigid.values | stem | found.likelihood.given
-    other = search(continued(still, sought, begin, here, tare=False))
+    other = search(continued(still, sought, begin, here, zero_offset=False))
     return other if log_ratio(other, found) > 0.0 else found
 
 
@@ -270,7 +272,7 @@ def _where_it_shows(one: One) -> One | FitSolution:
 def _calm(one: Candidate) -> FitSolution | None:
     """One mass at the speeds on the cam alone; None where these are all, or have no force."""
     here = _some_on_the_cam(one)
-    return search(continued(one, one.smooth, one.values, here, tare=False)) if here else None
+    return search(continued(one, one.smooth, one.values, here, zero_offset=False)) if here else None
 
 
 def _ringing(one: FitSolution) -> FitSolution:

@@ -62,8 +62,8 @@ def _settled(found: FitSolution) -> Candidate:
     """
     start = Candidate(found.likelihood.settled(found.x, FIRST_GUARD), found.x)
     shown = forces_in_flight(start).size >= LEAST_FLYING
-    tare = found.likelihood.tare and shown
-    return continued(start, found.likelihood.sought, found.values, tare=tare)
+    zero_offset = found.likelihood.zero_offset and shown
+    return continued(start, found.likelihood.sought, found.values, zero_offset=zero_offset)
 
 
 def _interval(found: FitSolution) -> tuple[FitSolution, float, float]:

@@ -110,9 +110,9 @@ class Likelihood:
 
     ``sought``, ``given``: the follower's numbers that are sought, by name, and the others;
     ``lift_noise``, ``force_noise``: m and N, one standard deviation, and ``force_part`` in parts of
-    the force beside it; ``backlash``, ``resonance``, ``tare``: whether the gauge has a backlash,
-    the force sensor a resonance, a zero; ``kept``, ``pressing``: of each hold, which samples of
-    force count, all by default, and the forces (N) that their noise is in proportion to.
+    the force beside it; ``backlash``, ``resonance``, ``zero_offset``: whether the gauge has a
+    backlash, the force sensor a resonance, a zero; ``kept``, ``pressing``: of each hold, which
+    samples of force count, all by default, and the forces (N) that their noise is in proportion to.
     """
 
     law: Law
@@ -125,7 +125,7 @@ class Likelihood:
     force_part: float = 0.0
     backlash: bool = False
     resonance: bool = False
-    tare: bool = False
+    zero_offset: bool = False
     kept: list[NDArray[np.bool_]] = field(default_factory=list)
     pressing: list[FloatArray] = field(default_factory=list)
 
@@ -156,7 +156,7 @@ class Likelihood:
     def instruments(self) -> Instruments:
         """Where the instruments' numbers stand."""
         lift = any(hold.lift.since.size for hold in self.holds)
-        there = True, lift, lift and self.backlash, self.tare, self.resonance, self.resonance
+        there = True, lift, lift and self.backlash, self.zero_offset, self.resonance, self.resonance
         single = tuple(name for name, known in zip(SINGLE, there, strict=True) if known)
         return Instruments(len(self.sought), len(self.holds), single)
 

@@ -193,10 +193,10 @@ class RigFit(Result):
                 "Bounces on an elastic stem depend on every number at once: trust the intervals of "
                 "a fit without the speeds that lift off more."
             )
-        tared = any(number.key == "force_zero" for number in self.instruments)
-        tare = "" if tared else ", its zero offset is in the preload"
+        known = any(number.key == "force_zero" for number in self.instruments)
+        taken = "" if known else ", its zero offset is in the preload"
         yield (
-            f"The gain of the force sensor is taken as true{tare}; so is the encoder's clock: 100 "
+            f"The gain of the force sensor is taken as true{taken}; so is the encoder's clock: 100 "
             "ppm of it are 200 ppm of a mass."
         )
         yield from _oddities(self)

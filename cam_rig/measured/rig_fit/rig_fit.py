@@ -270,7 +270,7 @@ def _instruments(solution: FitSolution, errors: Uncertainty) -> Iterator[Instrum
         if likelihood.backlash:
             yield known("lift_backlash", BACKLASH)
         yield InstrumentNumber("lift_noise", likelihood.lift_noise)
-    if likelihood.tare:
+    if likelihood.zero_offset:
         yield known("force_zero", TARE)
     if any(h.force.value.size for h in holds):
         yield InstrumentNumber("force_noise", likelihood.force_noise)

@@ -368,10 +368,10 @@ def _off(start: Candidate, i: int, predicted: Predicted, moved: float, lift: boo
     return (shown - measured[1].value) / like.force_deviation(i)
 
 
-def tared(found: Candidate) -> Candidate:
+def with_zero_offset(found: Candidate) -> Candidate:
     """The same with the zero of the force sensor, which shows in flights: where they are low."""
     like, low = found.likelihood, forces_in_flight(found)
-    start = continued(found, like.sought, found.values, tare=True)
+    start = continued(found, like.sought, found.values, zero_offset=True)
     if low.size < LEAST_FLYING:
         return found
     x, at = start.x, start.likelihood.instruments.at[TARE]

@@ -23,6 +23,7 @@ from cam_rig.laws.spline import bezier_pieces
 from cam_rig.units import RPM, TURN
 
 from ..helpers import lift_off
+from .test_first_zero import forces
 
 
 def run_of(law, parameters, duration=None):
@@ -135,15 +136,6 @@ def random_rig(rng, damping):
     return replace(rig, stem_damping=damping * rig.stem_damping, damping=damping * rig.damping)
 
 
-def forces(law, rig, speed, duration, times):
-    """The exact model's contact force at times (s) of the run, part by part."""
-    response, output = contact_response(law, rig, speed), force_output(rig)
-    start = response.periodic() if duration is None else np.zeros(2)
-    states = response.states(start, 0.0, times)
-    motion = law.motion_at(speed * times) * (speed ** np.arange(3.0))[:, None]
-    return (output.state @ states + output.law @ motion + output.constant[:, None])[0]
-
-
 @pytest.mark.variants(6)
 @pytest.mark.parametrize("rest", [True, False])
 @pytest.mark.parametrize(("count", "damping"), CASES)
@@ -158,7 +150,7 @@ def test_least_is_the_exhaustive_minimum(count, damping, rest):
     duration = rng.uniform(0.2, 0.5) if rest else None
     length = duration or TURN / speed
     times = np.linspace(0.0, length, 40_001)[:-1]
-    force = forces(law, rig, speed, duration, times)
+    force = forces(law, rig, speed, duration, speed * times)
     run = run_of(law, rig, duration)
     table = law_series(law, False)
     floors = [np.inf] * (len(table.groups) - 1)
@@ -173,7 +165,7 @@ def test_least_is_the_exhaustive_minimum(count, damping, rest):
     step = times[1]
     low, high = max(0.0, at - step), min(length, at + step)
     near = minimize_scalar(
-        lambda t: forces(law, rig, speed, duration, np.array([t]))[0],
+        lambda t: forces(law, rig, speed, duration, speed * np.array([t]))[0],
         bounds=(low, high),
         method="bounded",
         options={"xatol": 1e-12},

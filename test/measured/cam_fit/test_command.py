@@ -8,7 +8,7 @@ import pytest
 
 from cam_rig.schema.load import config_root
 
-from ...cli.calls import call
+from ...cli.conftest import call
 
 GL110 = config_root() / "cams" / "gunt_gl110_convex.csv"
 

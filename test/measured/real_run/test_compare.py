@@ -18,7 +18,7 @@ from cam_rig.measured.real_run.run import RunComparison, compare
 from cam_rig.messages.topics import recorded_topic
 from cam_rig.show.chart import SPEED
 
-from ...cli.calls import call as run
+from ...cli.conftest import call as run
 from ...foreign_bags import joint, number, wrench, write_bag
 from ...viewer.conftest import Picture
 from .bench import compared, measured

@@ -11,7 +11,7 @@ import cam_rig
 from cam_rig.measured.rig_fit.numbers import FoundNumber, number_tables
 from cam_rig.measured.rig_fit.rig_fit import fitted_rig
 
-from ...cli.calls import call as run
+from ...cli.conftest import call as run
 
 SURE = FoundNumber("preload", 14.947876, 0.0323, "identified")
 UNSURE = FoundNumber("damping", 8.6234, 3.1, "identified")

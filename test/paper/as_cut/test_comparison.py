@@ -16,7 +16,7 @@ from cam_rig.paper.as_cut.study import CutBench, DrawnCam, cut_at, over_sizes, r
 from cam_rig.schema.load import config_root
 from cam_rig.simulation.scene import open_scene
 
-from ...cli.calls import call as run
+from ...cli.conftest import call as run
 
 CONFIG = config_root()
 

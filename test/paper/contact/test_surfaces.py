@@ -17,7 +17,7 @@ from cam_rig.profile.faces import SwungCentre, SwungFace
 from cam_rig.schema import CamConfig, load_cam
 from cam_rig.schema.load import named_path
 
-from ...cli.calls import call as run
+from ...cli.conftest import call as run
 
 RIG = FollowerParameters(
     mass=0.9, spring_stiffness=3000.0, damping=6.0, preload=80.0, stem_stiffness=1e7

@@ -27,7 +27,7 @@ from cam_rig.schema import load_rig, load_tables
 from cam_rig.schema.load import config_root
 from cam_rig.units import RPM
 
-from ...cli.calls import call as run
+from ...cli.conftest import call as run
 
 FIVE = {"bezier15": 570, "poly345": 415, "poly4567": 390, "cycloidal": 410, "bezier_segments": 400}
 RIG = load_rig(config_root() / "rigs" / "tm21.yaml").model_dump(exclude_none=True)

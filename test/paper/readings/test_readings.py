@@ -19,7 +19,7 @@ from cam_rig.schema.published import PublishedJump
 from cam_rig.show.result import Progress
 from cam_rig.units import RPM, TURN
 
-from ...cli.calls import call
+from ...cli.conftest import call
 
 CONFIG = config_root()
 KNOWN = load_readings(CONFIG / "published" / "readings" / "table2.yaml")

@@ -13,7 +13,7 @@ from cam_rig import load_cam
 from cam_rig.laws import Law, build_law
 from cam_rig.paper.timing.events import LEVELS, events
 
-from ...cli.calls import call as run
+from ...cli.conftest import call as run
 
 
 def test_simple_harmonic(make_cam):

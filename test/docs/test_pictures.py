@@ -20,10 +20,8 @@ from tools.docs.browser import HEIGHT, WIDTH, Pixels, count, why_no_browser
 from tools.docs.pictures import ANIMATION, SIDE_BY_SIDE, draw_pictures
 from tools.docs.turn_archive import TurnArchive, gap, read_turns
 
-from ...viewer.conftest import SmallBag
-
-ROOT = Path(__file__).parents[3]
-DOCS = ROOT / "docs"
+from ..viewer.conftest import SmallBag
+from .conftest import DOCS, PAGES
 
 
 @pytest.fixture(scope="module")
@@ -32,9 +30,7 @@ def archive(bag: SmallBag) -> TurnArchive:
     return read_turns(bag.path)
 
 
-@pytest.mark.parametrize(
-    "page", [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))], ids=lambda path: path.name
-)
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
 def test_every_picture_of_a_document_is_there(page: Path) -> None:
     """Each can be opened: pixels are more than an icon's, and a drawing has paths."""
     for name in re.findall(r"!\[[^\]]*\]\((?!https?:)([^)\s]+)\)", page.read_text("utf-8")):

@@ -1,4 +1,4 @@
-"""The documents as the tests read them: pages, their blocks, and the commands in them."""
+"""The documents as the tests read them: pages, their blocks, the commands in them; a small bag."""
 
 from __future__ import annotations
 
@@ -6,6 +6,9 @@ import re
 import shlex
 from pathlib import Path
 
+from ..viewer.conftest import bag
+
+__all__ = ["bag"]
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 PAGES = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]

@@ -1,0 +1,110 @@
+"""What an event costs, as the table of docs/accuracy.md has it."""
+
+import subprocess
+
+import pytest
+
+from benchmark.speed import cases as rate
+from benchmark.speed import start_up
+from benchmark.speed.event_cost import EventCost, event_costs, event_table
+from benchmark.speed.settled import settled_costs, settled_table
+from cam_rig.show.tables import to_markdown
+
+
+@pytest.mark.long
+@pytest.mark.slow
+def test_events_are_known_to_a_picosecond():
+    """On the soft stem, by both forms of the search, against 50 digits; the errors are the same."""
+    costs = event_costs(("two_mass_soft",), peer="none", repeats=1)
+    assert [cost.solver.rpartition(", ")[2] for cost in costs[:4]] == [
+        "compiled",
+        "compiled",
+        "plain Python",
+        "plain Python",
+    ]
+    assert len({cost.error_s for cost in costs}) == 1
+    assert all(cost.error_s <= 1e-12 and cost.time_s > 0.0 for cost in costs)
+
+
+def test_a_ratio_is_to_the_first_row_of_the_case():
+    """Which is the compiled search, or plain Python's where numba is not there."""
+    costs = [EventCost("a", 3, "one", 1e-5, 1e-15), EventCost("a", 3, "other", 4e-3, 1e-12)]
+    rows = event_table(costs).rows
+    assert [row[-1] for row in rows] == [1.0, 400.0]
+    assert [row[0] for row in rows] == ["a: 3", ""]
+    assert rows[1][2] == 4e3
+
+
+# -- what a point of settled turns costs, as the table of docs/accuracy.md has it -------------
+
+
+def test_the_peer_has_flights_above_the_jump_speed_alone():
+    """TM21 stays on its cam at 300 rpm and lands once a turn at 450."""
+    costs = settled_costs((300.0, 450.0), repeats=1)
+    assert [cost.landings for cost in costs] == [0, 10]
+    assert [cost.samples for cost in costs] == [24_000, 16_000]
+    assert costs[0].peer_s is None
+    rows = settled_table(costs).rows
+    assert rows[0][-1] is None
+    assert costs[1].peer_s is None or rows[1][-1] > 1.0
+
+
+# -- what a start costs, as the tables of docs/accuracy.md have it ----------------------------
+
+
+def test_a_command_counts_with_the_processes_it_waits_for():
+    """Its own CPU time, and that of what it has started; beside a bare interpreter."""
+    child = "import time\nwhile time.process_time() < 0.2: pass"
+    parent = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {child!r}])"
+    (found,) = start_up.command_times([("busy", ("-c", parent))], repeats=1)
+    assert found.cpu_s > 0.2 and found.wall_s > 0.2
+    words, *_, ratio = start_up.command_table([found]).rows[0]
+    assert (words, ratio) == ("busy", found.wall_s / found.bare_s)
+
+
+def test_a_command_that_fails_is_no_measurement():
+    """It ends sooner than it should."""
+    with pytest.raises(subprocess.CalledProcessError):
+        start_up.command_times([("none", ("-c", "raise SystemExit(3)"))], repeats=1)
+
+
+@pytest.mark.ros
+def test_a_forked_node_has_little_left_to_import(monkeypatch):
+    """A third of the modules that it imports by itself, at most."""
+    monkeypatch.setattr(start_up, "NODES", ("follower",))
+    (found,) = start_up.node_starts(repeats=1)
+    assert 0 < 3 * found.forked_modules < found.alone_modules
+    assert start_up.node_table([found]).rows[0][0] == "follower"
+
+
+# -- samples per second beside a copy of the same bytes: what is counted, and what is compared
+
+
+def test_each_rate_has_its_copy(monkeypatch):
+    """Two models at two speeds in one block, with a copy each; the ratio is that of the two."""
+    monkeypatch.setattr(rate, "REPEATS", 2)
+    found = rate.sample_rates(blocks=(2048,))
+    assert [(one.model, one.rpm) for one in found] == [
+        (model, rpm) for rpm in rate.SPEEDS_RPM for model in rate.SAMPLED
+    ]
+    for one in found:
+        assert min(one.copied_per_s, one.samples_per_s, one.ratio) > 0.0
+    text = to_markdown(rate.rate_table(found))
+    assert text.count("\n| ") == 1 + 1 + len(found)
+    assert "time over a copy's" in text
+
+
+def test_a_copy_moves_what_a_block_holds(monkeypatch):
+    """Both are timed on arrays of the same bytes; medians, the ratio's of the pairs."""
+    sizes = []
+
+    def timed(*works):
+        made, copied = (work() for work in works)
+        sizes.append((made[1].rows.nbytes, copied.nbytes))
+        return [(1.0, 2.0), (6.0, 4.0), (2.0, 2.0)]
+
+    monkeypatch.setattr(rate, "_seconds", timed)
+    found = rate.sample_rates(blocks=(1000,))
+    assert set(sizes) == {(6 * 1000 * 8, 6 * 1000 * 8)}
+    assert {one.ratio for one in found} == {1.0}
+    assert {(one.samples_per_s, one.copied_per_s) for one in found} == {(500.0, 500.0)}
