@@ -17,6 +17,7 @@ from cam_rig.schema.quantity import IN_PYTHON
 Config = TypeVar("Config", bound=BaseModel)
 #: Other keys that are wrong, named in the same line.
 NAMED = 3
+POINT = "a number has a decimal point, not a comma"
 
 
 def kind_of(value: object) -> str:
@@ -45,7 +46,7 @@ def explain(error: ValidationError, kind: type[BaseModel]) -> str:
     problems = error.errors()  # an unknown key is often one that is missing, misspelt
     first = next((p for p in problems if p["type"] == "extra_forbidden"), problems[0])
     wrong = [_key(p, kind) or str(p["msg"]) for p in problems if p is not first]
-    others = list(dict.fromkeys(wrong))
+    others = [key for key in dict.fromkeys(wrong) if key != _key(first, kind)]
     more = f" and {len(others) - NAMED} more" if len(others) > NAMED else ""
     also = f" (also wrong: {', '.join(others[:NAMED])}{more})" if others else ""
     return _sentence(first, kind) + also
@@ -81,8 +82,12 @@ def _sentence(problem: ErrorDetails, kind: type[BaseModel]) -> str:
             text = f"{key}: is {shown}; allowed: lower case letters, digits and _"
         case "too_short":
             text = f"{key}: is {shown}; allowed: at least {context['min_length']} of them"
+        case "invalid_key":  # {assumed: 7,4} is the number 7 and a key 4
+            text = f"{key.rpartition('[')[0]}: the key {shown} is no text; {POINT}"
         case _:
             text = f"{key}: is {shown}; allowed: {problem['msg'].removeprefix('Input should be ')}"
+            if re.fullmatch(r"-?\d+,\d+", str(problem["input"])):
+                text += f"; {POINT}"
     return text
 
 

@@ -125,6 +125,14 @@ def test_the_notebook_of_a_lesson_runs(lesson):
         np.testing.assert_allclose(values[cell], value, rtol=1e-3)
 
 
+def test_a_lesson_without_a_library_says_in_one_line_what_to_install(monkeypatch):
+    """A notebook opened by another Python than the project's ends at its first cell."""
+    monkeypatch.setitem(sys.modules, "cam_rig", None)
+    for lesson in LESSONS:
+        with pytest.raises(SystemExit, match=r"^cam_rig is not installed: `make setup`.*venv$"):
+            run_notebook(f"course_{lesson}.ipynb")
+
+
 def run_cell(source, names):
     """The value of a cell's last expression, None where it has none."""
     tree = ast.parse(source)
