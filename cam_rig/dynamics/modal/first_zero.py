@@ -154,20 +154,18 @@ def _step(
 def _next(sag: Sag, first: float, last: float) -> tuple[bool, float]:
     """Whether a step holds, from the least outputs; how much longer the next is to be.
 
-    It holds where no output is below zero but where it becomes so once.
+    It holds where no output is below zero but where it becomes so once: above zero all along for
+    a (1 − x) + c x > 4 x (1 − x) bow, so for 4 bow < (√a + √c)².
     """
-    fall = max(0.0, first - last)
-    if sag.below > first or (sag.below > last and 4.0 * sag.bent > first):
-        once = math.sqrt(0.25 * first / sag.bent)
-        return False, min(NEARER, max(_part(sag.below, first, fall), NEARER * once))
-    return True, min(LONGEST, max(AGAIN, _part(sag.below, max(0.0, last), fall)))
-
-
-def _part(below: float, least: float, fall: float) -> float:
-    """How much longer a step may be: sags grow with its square, the output falls on as it did."""
-    linear, rest = TRIED * fall, TRIED * least
-    root = math.sqrt(linear * linear + 4.0 * max(below, TINY) * rest)
-    return 2.0 * rest / max(linear + root, TINY)
+    begin, end = math.sqrt(max(0.0, first)), math.sqrt(max(0.0, last))
+    both, bow = begin + end, 4.0 * max(sag.bow, TINY)
+    less = min(bow, 4.0 * max(sag.below, TINY))
+    if sag.below <= min(first, last) or (bow <= both * both and first > 0.0 and last > 0.0):
+        further = math.sqrt(max(0.0, min(last, 2.0 * last - first)))
+        return True, min(LONGEST, max(AGAIN, (end + further) * math.sqrt(TRIED / less)))
+    once = 0.5 * begin / math.sqrt(max(sag.bent, TINY))
+    shorter = NEARER * max(once, both / math.sqrt(less))
+    return once >= 1.0 and last <= 0.0, min(NEARER, max(AGAIN * AGAIN, shorter))
 
 
 def _lowest_of(floors: Row) -> float:
