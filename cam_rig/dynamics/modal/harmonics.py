@@ -41,17 +41,23 @@ def rings(mode: Oscillator, size: Norm) -> bool:
     return mode.stiffness > 2.0 * size.half * size.half and size.half * mode.duration > 1.0
 
 
-def sag_over(
-    law: LawSeries, mode: Oscillator, begin: OscillatorMotion, settled: Pair, high: float
-) -> Sag:
-    """From a motion to a speed (rad/s) at which the settled motion begins a turn ``settled``."""
-    size, low, rate = begin.norm, begin.speed, begin.norm.rate
+def settled_sag(law: LawSeries, mode: Oscillator, begin: OscillatorMotion, high: float) -> Sag:
+    """Of q from a motion to a speed (rad/s), but for the chord of what a run from rest lacks."""
+    size, rate = begin.norm, begin.norm.rate
     first, second, third = mode.drive
     real = first - second * size.half + third * (size.half * size.half - rate * rate)
     imaginary = rate * (second - 2.0 * third * size.half)
     excited = math.sqrt(real * real + imaginary * imaginary)
-    below, bow, bent = _of_harmonics(law, size, low, high, mode.duration < math.inf)
-    below, bow, bent = excited * below, excited * bow, excited * bent
+    sag = _of_harmonics(law, size, begin.speed, high, mode.duration < math.inf)
+    return Sag(excited * sag.below, excited * sag.bow, excited * sag.bent)
+
+
+def sag_of(
+    law: LawSeries, mode: Oscillator, begin: OscillatorMotion, sag: Sag, settled: Pair, high: float
+) -> Sag:
+    """Of the output, from that of q; at the speed ``high`` the settled motion begins a turn so."""
+    size, low, rate = begin.norm, begin.speed, begin.norm.rate
+    below, bow, bent = sag
     if mode.duration < math.inf:
         old, change = begin.settled, high / low - 1.0
         by = amplitude(size, (settled[0] - old[0], settled[1] - old[1]))
@@ -64,9 +70,8 @@ def sag_over(
         linear += turned * (change * bent + 4.0 * bent)
         square += turned * turned * bent
         bent += _most_of(bent, 0.25 * linear, 0.125 * square)
-    width = high - low
+    reach, width = size.reach, high - low
     direct = 0.25 * abs(mode.motion[2]) * law.largest[2] * width * width
-    reach = size.reach
     return Sag(reach * below + direct, reach * bow + direct, reach * bent + direct)
 
 
