@@ -12,7 +12,7 @@ import math
 from typing import NamedTuple
 
 from cam_rig.dynamics.events.rows import Row, Rows, borrowed, zero_rows, zeros
-from cam_rig.dynamics.modal.harmonics import Sag, rings, sag_over
+from cam_rig.dynamics.modal.harmonics import Sag, rings, sag_of, settled_sag
 from cam_rig.dynamics.modal.least import Least, Stretch, least
 from cam_rig.dynamics.modal.motion import (
     LawSeries,
@@ -88,20 +88,20 @@ def climb(
                 return Climb(UNTOLD, low, step, low, 0.0, 0.0)
             step *= 0.5
             continue
-        way, width = _step(law, mode, series, motion, floors, high, sags)
+        way, width, sag = _step(law, mode, series, motion, floors, high, sags)
         finest = FINEST * low
         width = max(width, finest)
         if way == ANEW and width > finest:
             step = width / low
             continue
-        high = low + width
+        high = high if way == BY_HARMONICS else low + width
         looks += _margins(law, mode, motion, high, floors, margins)
         looks += len(law.alike) * len(series.own)
         after = motion_at(law, mode, series, high)
         found = _floors(law, mode, after, there)
         looks += found.looks
         if way == BY_HARMONICS:
-            sag = sag_over(law, mode, motion, after.settled, high)
+            sag = sag_of(law, mode, motion, sag, after.settled, high)
             holds, longer = _next(sag, _lowest_of(margins), _lowest_of(there))
         else:
             lowest, forced = motion.group_lowest, after.group_lowest
@@ -129,45 +129,44 @@ def _step(
     floors: Row,
     high: float,
     sags: Rows,
-) -> tuple[int, float]:
+) -> tuple[int, float, Sag]:
     """By what the output is told to be above zero up to a speed, and over what step (rad/s).
 
     By the law's harmonics, or group by group, whichever tells of the longer one; else what to try.
     """
-    wide, part, size, lowest = high - motion.speed, 0.0, motion.norm, _lowest_of(floors)
+    wide, part, size, sag = high - motion.speed, 0.0, motion.norm, Sag(0.0, 0.0, 0.0)
     if rings(mode, size):
-        below, tried = sag_over(law, mode, motion, motion.settled, high).below, TRIED * lowest
+        sag, tried = settled_sag(law, mode, motion, high), TRIED * _lowest_of(floors)
+        below = sag_of(law, mode, motion, sag, motion.settled, high).below
         if below <= tried:
-            return BY_HARMONICS, wide
+            return BY_HARMONICS, wide, sag
         part = NEARER * math.sqrt(tried / max(below, TINY))
     if part > AGAIN:
-        return ANEW, part * wide
+        return ANEW, part * wide, sag
     sags_between(law, mode, size, series, motion.speed, high, sags)
     width = min(wide, _width(sags, floors, motion.group_lowest))
     if part * wide > width:
-        return ANEW, part * wide
+        return ANEW, part * wide, sag
     if WIDE * width < wide:  # what is told over so long a step is far too wide
-        return ANEW, math.sqrt(width * wide)
-    return BY_GROUPS, width
+        return ANEW, math.sqrt(width * wide), sag
+    return BY_GROUPS, width, sag
 
 
 def _next(sag: Sag, first: float, last: float) -> tuple[bool, float]:
     """Whether a step holds, from the least outputs; how much longer the next is to be.
 
-    It holds where no output is below zero but where it becomes so once.
+    It holds where no output is below zero but where it becomes so once: above zero all along for
+    a (1 − x) + c x > 4 x (1 − x) bow, so for 4 bow < (√a + √c)².
     """
-    fall = max(0.0, first - last)
-    if sag.below > first or (sag.below > last and 4.0 * sag.bent > first):
-        once = math.sqrt(0.25 * first / sag.bent)
-        return False, min(NEARER, max(_part(sag.below, first, fall), NEARER * once))
-    return True, min(LONGEST, max(AGAIN, _part(sag.below, max(0.0, last), fall)))
-
-
-def _part(below: float, least: float, fall: float) -> float:
-    """How much longer a step may be: sags grow with its square, the output falls on as it did."""
-    linear, rest = TRIED * fall, TRIED * least
-    root = math.sqrt(linear * linear + 4.0 * max(below, TINY) * rest)
-    return 2.0 * rest / max(linear + root, TINY)
+    begin, end = math.sqrt(max(0.0, first)), math.sqrt(max(0.0, last))
+    both, bow = begin + end, 4.0 * max(sag.bow, TINY)
+    less = min(bow, 4.0 * max(sag.below, TINY))
+    if sag.below <= min(first, last) or (bow <= both * both and first > 0.0 and last > 0.0):
+        further = math.sqrt(max(0.0, min(last, 2.0 * last - first)))
+        return True, min(LONGEST, max(AGAIN, (end + further) * math.sqrt(TRIED / less)))
+    once = 0.5 * begin / math.sqrt(max(sag.bent, TINY))
+    shorter = NEARER * max(once, both / math.sqrt(less))
+    return once >= 1.0 and last <= 0.0, min(NEARER, max(AGAIN * AGAIN, shorter))
 
 
 def _lowest_of(floors: Row) -> float:

@@ -29,18 +29,11 @@ FROM_FAR = 0.25 * (1.0 + (FAR / (FAR - 1.0)) ** 3)
 
 
 class Sag(NamedTuple):
-    """Over a step w, nowhere more than this."""
+    """Over a step w, a part x of it on, nowhere more than this."""
 
     below: float  #: by how much a curve lies below its chord
+    bow: float  #: the same, over 4 x (1 − x)
     bent: float  #: |d²F/dΩ²| w²/8
-
-
-class SettledSag(NamedTuple):
-    """The same of q in steady state, for u(λ) = 1."""
-
-    below: float
-    bent: float
-    rest: float  #: ``below`` from rest, but for the chord of q(0)
 
 
 def rings(mode: Oscillator, size: Norm) -> bool:
@@ -48,17 +41,23 @@ def rings(mode: Oscillator, size: Norm) -> bool:
     return mode.stiffness > 2.0 * size.half * size.half and size.half * mode.duration > 1.0
 
 
-def sag_over(
-    law: LawSeries, mode: Oscillator, begin: OscillatorMotion, settled: Pair, high: float
-) -> Sag:
-    """From a motion to a speed (rad/s) at which the settled motion begins a turn ``settled``."""
-    size, low, rate = begin.norm, begin.speed, begin.norm.rate
+def settled_sag(law: LawSeries, mode: Oscillator, begin: OscillatorMotion, high: float) -> Sag:
+    """Of q from a motion to a speed (rad/s), but for the chord of what a run from rest lacks."""
+    size, rate = begin.norm, begin.norm.rate
     first, second, third = mode.drive
     real = first - second * size.half + third * (size.half * size.half - rate * rate)
     imaginary = rate * (second - 2.0 * third * size.half)
     excited = math.sqrt(real * real + imaginary * imaginary)
-    steady = _settled(law, size, low, high)
-    below, bent = excited * steady.below, excited * steady.bent
+    sag = _of_harmonics(law, size, begin.speed, high, mode.duration < math.inf)
+    return Sag(excited * sag.below, excited * sag.bow, excited * sag.bent)
+
+
+def sag_of(
+    law: LawSeries, mode: Oscillator, begin: OscillatorMotion, sag: Sag, settled: Pair, high: float
+) -> Sag:
+    """Of the output, from that of q; at the speed ``high`` the settled motion begins a turn so."""
+    size, low, rate = begin.norm, begin.speed, begin.norm.rate
+    below, bow, bent = sag
     if mode.duration < math.inf:
         old, change = begin.settled, high / low - 1.0
         by = amplitude(size, (settled[0] - old[0], settled[1] - old[1]))
@@ -66,37 +65,43 @@ def sag_over(
         turned = change * (1.0 + change) * math.sqrt(rate * rate + size.half * size.half)
         turned /= size.half
         linear, square = turned * (change * most + by), turned * turned * most
-        free = min(_most_of(0.0, 0.25 * linear, 0.125 * square), 2.0 * most + 0.5 * by)
-        linear += turned * (change * below + 4.0 * bent)
-        square += turned * turned * below
+        free = _most_of(0.0, 0.25 * linear, 0.125 * square)
+        below, bow = below + min(free, 2.0 * most + 0.5 * by), bow + free
+        linear += turned * (change * bent + 4.0 * bent)
+        square += turned * turned * bent
         bent += _most_of(bent, 0.25 * linear, 0.125 * square)
-        below = excited * steady.rest + free
-    width = high - low
+    reach, width = size.reach, high - low
     direct = 0.25 * abs(mode.motion[2]) * law.largest[2] * width * width
-    return Sag(size.reach * below + direct, size.reach * bent + direct)
+    return Sag(reach * below + direct, reach * bow + direct, reach * bent + direct)
 
 
-def _settled(law: LawSeries, size: Norm, low: float, high: float) -> SettledSag:
-    """By each harmonic up to those that are far."""
+def _of_harmonics(law: LawSeries, size: Norm, low: float, high: float, rest: bool) -> Sag:
+    """Of q in steady state for u(λ) = 1; from rest but for the chord of q(0), ``bent`` as settled.
+
+    By each harmonic, up to those that are far.
+    """
     rate, square, width = size.rate, size.half * size.half, high - low
-    below, bent, rest, far = 0.0, 0.0, 0.0, FROM_FAR * width * width / (low * low * low)
-    quarter, count = 0.25 * width * width, len(law.harmonics)
+    below, bow, bent, far = 0.0, 0.0, 0.0, FROM_FAR * width * width / (low * low * low)
+    quarter, count, most, both = 0.25 * width * width, len(law.harmonics), 1.0, 1.0
+    if rest:
+        most, both = 4.0, 2.0
     for i in range(count):
         k, bound = i + 1.0, law.harmonics[i]
         if k * low > FAR * rate:
-            return _with_far(below, bent, rest, far * law.rest[i])
+            return _with_far(below, bow, bent, far * law.rest[i], both)
         first, last, against = k * low - rate, k * high - rate, k * low + rate
         begin, end, least = first * first, last * last, max(0.0, first, -last)
         near, part = square + least * least, quarter * k * k
         inverse, other = 1.0 / math.sqrt(near), part / (against * against * against)
-        arc = min(part / math.sqrt((square + begin) * (square + end)), 1.0) * inverse
-        below += bound * (arc + other)
+        arc = part / math.sqrt((square + begin) * (square + end))
+        turned = inverse * math.sqrt(min(most, 1.0 + max(begin, end) / square))
+        below += bound * (min(arc, 1.0) * turned + both * other)
+        bow += bound * (arc * turned + both * other)
         bent += bound * (part / near * inverse + other)
-        rest += bound * (arc * math.sqrt(min(4.0, 1.0 + max(begin, end) / square)) + 2.0 * other)
     k = count + 1.0
     for bound in law.beyond:
         if k * low > FAR * rate:
-            return _with_far(below, bent, rest, far * bound)
+            return _with_far(below, bow, bent, far * bound, both)
         number, last = 1.0 + k * (RATIO - 1.0), k * RATIO
         first, against = max(0.0, k * low - rate, rate - last * high), k * low + rate
         near, part = math.sqrt(square + first * first), quarter * last * last
@@ -104,16 +109,16 @@ def _settled(law: LawSeries, size: Norm, low: float, high: float) -> SettledSag:
         once, steep = min(once, number / near), part / (near * near)
         other = number * part / (against * against * against)
         arcs = min(min(2.0, steep) * once, min(1.0, steep) * number / near)
-        below += bound * (arcs + other)
+        below += both * bound * (arcs + other)
+        bow += both * bound * (steep * once + other)
         bent += bound * (steep * once + other)
-        rest += 2.0 * bound * (arcs + other)
         k = last
-    return SettledSag(math.inf, math.inf, math.inf)
+    return Sag(math.inf, math.inf, math.inf)
 
 
-def _with_far(below: float, bent: float, rest: float, far: float) -> SettledSag:
+def _with_far(below: float, bow: float, bent: float, far: float, both: float) -> Sag:
     """With what harmonics that are far add."""
-    return SettledSag(below + far, bent + far, rest + 2.0 * far)
+    return Sag(below + both * far, bow + both * far, bent + far)
 
 
 def _most_of(start: float, linear: float, square: float) -> float:

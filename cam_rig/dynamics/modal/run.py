@@ -60,9 +60,9 @@ def _cut(law: Law, rows: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray
     return found, jumps, np.append(np.repeat(law.breaks[:-1], counts) + inside, law.breaks[-1])
 
 
-#: Harmonics of a law that are bounded one by one, of twice as many samples; and, beyond them, how
-#: many times `RATIO` further all together: 2e10.
-HARMONICS, FURTHER = 512, 100
+#: Harmonics that are bounded one by one, of twice as many samples: of few pieces, and of more;
+#: beyond them, how many times `RATIO` further.
+FEW, HARMONICS, FURTHER = 600, (256, 512), 100
 #: What folds onto a harmonic k of N samples: Σ |c| over N − k, N + k, 2N − k, … over that at N − k.
 FOLDED = math.pi**2 / 3.0
 #: Rounding of a sample, of the lift.
@@ -70,11 +70,10 @@ EPS = 2.0**-50
 
 
 @lru_cache(maxsize=64)
-def _powers(degree: int) -> FloatArray:
+def _powers(degree: int, count: int) -> FloatArray:
     """1/kʳ⁺¹ for 1 ≤ r ≤ degree: of k, of N − k, and of those further on, ``(degree, m)``."""
-    k = np.arange(1.0, HARMONICS + 1.0)
-    further = (HARMONICS + 1.0) * RATIO ** np.arange(FURTHER)
-    inverse = 1.0 / np.concatenate([k, 2.0 * HARMONICS - k, further])
+    k, further = np.arange(1.0, count + 1.0), (count + 1.0) * RATIO ** np.arange(FURTHER)
+    inverse = 1.0 / np.concatenate([k, 2.0 * count - k, further])
     return np.asarray(inverse ** (1.0 + np.arange(1.0, degree + 1.0)[:, None]))
 
 
@@ -84,17 +83,18 @@ def _harmonics(law: Law, jumps: FloatArray, ways: FloatArray) -> list[FloatArray
     By parts, q + 1 times: 2π |cₖ| ≤ Σ J⁽ʳ⁾/kʳ⁺¹ + ∫|s⁽ᵠ⁺¹⁾| dθ/kᵠ⁺¹, J⁽ʳ⁾ the sum of the jumps of
     s⁽ʳ⁾ for 1 ≤ r ≤ q: the lift has none. Lower ones come from samples, to what folds.
     """
+    count = HARMONICS[law.spans.size > FEW]
     parts = np.tril(np.broadcast_to(jumps[1:-1], (law.degree, law.degree))) + np.diag(ways[2:])
-    most = (parts / TURN @ _powers(law.degree)).min(axis=0, initial=np.inf)
-    count, angles = 2 * HARMONICS, np.arange(2 * HARMONICS) * (TURN / (2 * HARMONICS))
+    most = (parts / TURN @ _powers(law.degree, count)).min(axis=0, initial=np.inf)
+    angles = np.arange(2 * count) * (0.5 * TURN / count)
     at = np.searchsorted(law.breaks[1:-1], angles, side="right")
     weights = bernstein.basis(law.degree, (angles - law.breaks[at]) / law.spans[at])
     samples = (weights.T * law.ordinates[:, at]).sum(axis=0)
-    sampled = np.abs(np.fft.rfft(samples)[1:]) / count + FOLDED * most[HARMONICS:count]
-    harmonics = np.minimum(sampled + EPS * np.abs(samples).max(), most[:HARMONICS])
-    over = harmonics / np.arange(1.0, HARMONICS + 1.0)
-    rest = over[::-1].cumsum()[::-1] + most[count]
-    return [harmonics, rest, most[count:]]
+    sampled = np.abs(np.fft.rfft(samples)[1:]) / (2 * count) + FOLDED * most[count : 2 * count]
+    harmonics = np.minimum(sampled + EPS * np.abs(samples).max(), most[:count])
+    over, beyond = harmonics / np.arange(1.0, count + 1.0), most[2 * count :]
+    rest = over[::-1].cumsum()[::-1] + beyond[0]
+    return [harmonics, rest, beyond]
 
 
 @lru_cache(maxsize=64)
