@@ -64,9 +64,13 @@ class LineSocket:
         self._received = bytearray(rest)
         return [read_line(line) for line in lines]
 
+    def put(self, message: dict[str, Any]) -> None:
+        """Have an object sent with the next `flush`: each one wakes the server."""
+        self._unsent += line_of(message)
+
     def send(self, message: dict[str, Any]) -> None:
         """Send an object, now or with the next `flush`."""
-        self._unsent += line_of(message)
+        self.put(message)
         self.flush()
 
     def flush(self) -> None:

@@ -25,14 +25,14 @@ from cam_rig.nodes.parameters import ABOUT, LIVE
 from cam_rig.nodes.rig_node import RigNode
 from cam_rig.units import to_rpm
 
-#: Wall time (s) between two looks for commands.
+#: Wall time (s) between two looks for commands, and between what is told.
 LOOK_EVERY_S = 0.02
 #: Looks until a node whose parameters are not known is asked for them again.
 LOOKS_A_QUESTION = 25
 
 
 class Panel(RigNode):
-    """Sends a line for each message that a page shows; commands come as lines."""
+    """Lines for the messages that a page shows, those of a look at once; commands as lines."""
 
     def __init__(self) -> None:
         super().__init__("panel")
@@ -105,7 +105,7 @@ class Panel(RigNode):
         self.ticks += 1
         state = cam_state_of(message)
         turned = {"time_ns": state.time_ns, "cam": state.cam, "rpm": to_rpm(state.speed)}
-        self._line.send({"state": turned | {"angle": state.angle}})
+        self._line.put({"state": turned | {"angle": state.angle}})
 
     def _on_pressure(self, message: FluidPressure) -> None:
         self._stamps.append(stamp_ns(message.header.stamp))
@@ -119,17 +119,17 @@ class Panel(RigNode):
         """The n-th level belongs to the stamp of the n-th pressure."""
         while self._stamps and self._levels:
             read = {"time_ns": self._stamps.popleft(), "level": self._levels.popleft()}
-            self._line.send(read)
+            self._line.put(read)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
             values = {pair.key: pair.value for pair in status.values}
-            self._line.send({"health": [status.name, status.level[0], values]})
+            self._line.put({"health": [status.name, status.level[0], values]})
 
     def _on_samples(self, message: Float64MultiArray) -> None:
         rows = block_of(message)
         data = base64.b64encode(np.ascontiguousarray(rows, "<f8").tobytes()).decode("ascii")
-        self._line.send({"samples": data, "shape": rows.shape})
+        self._line.put({"samples": data, "shape": rows.shape})
 
     def _listen(self, listen: bool) -> None:
         """Subscribe to the samples while somebody listens."""

@@ -62,10 +62,14 @@ def socket_of(visitor, path):
     )
 
 
-def block_of(data):
-    """Begin and step (s), and the rows of a tick's block, as a page is sent it."""
-    begin, step = np.frombuffer(data, "<f8", 2, len(MOTION)).tolist()
-    return begin, step, np.frombuffer(data, "<f4", offset=len(MOTION) + 16).reshape(6, -1)
+def blocks_of(data):
+    """Begin and step (s), and the rows of each tick's block, as a page is sent them."""
+    found = []
+    while data:
+        begin, step, count = np.frombuffer(data, "<f8", 3).tolist()
+        rows, data = data[24 : 24 + round(24 * count)], data[24 + round(24 * count) :]
+        found.append((begin, step, np.frombuffer(rows, "<f4").reshape(6, -1)))
+    return found
 
 
 class ServedPages(Visitor):
@@ -222,7 +226,7 @@ class BenchPage:
 
     def __init__(self, socket):
         self.socket, self.number, self.sound = socket, 0, b""
-        self.motion: list[bytes] = []
+        self.motion = []
         self.live = {}
 
     def _next(self):
@@ -231,7 +235,7 @@ class BenchPage:
             if message.startswith(SOUND):
                 self.sound += message[len(SOUND) :]
             else:
-                self.motion.append(message)
+                self.motion += blocks_of(message.removeprefix(MOTION))
             return {}
         found = json.loads(message)
         if found["type"] == "live":

@@ -20,7 +20,7 @@ from cam_rig.testing.running_rig import isolated_domain
 from cam_rig.units import NS, RPM
 
 from ..processes import is_running
-from .conftest import WAIT_S, BrowserPage, block_of, in_browser, panel_process, until
+from .conftest import WAIT_S, BrowserPage, in_browser, panel_process, until
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
@@ -102,7 +102,7 @@ def test_a_page_that_watches_is_sent_every_tick_and_another_none(shared):
         page.turning(250.0)
         page.motion.clear()
         page.until(lambda _: len(page.motion) > 40)
-        begins, steps, rows = zip(*map(block_of, page.motion), strict=True)
+        begins, steps, rows = zip(*page.motion, strict=True)
         ends = [b + s * r.shape[1] for b, s, r in zip(begins, steps, rows, strict=True)]
         assert begins[1:] == pytest.approx(ends[:-1], abs=1.01 * max(steps))
         angles = np.unwrap(np.concatenate([row[0] for row in rows[5:]]))

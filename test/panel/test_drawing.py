@@ -8,7 +8,6 @@ import pytest
 
 import cam_rig
 from cam_rig.panel.bench.drawing import (
-    MOTION,
     POINTS,
     Cams,
     LiveMotion,
@@ -21,7 +20,7 @@ from cam_rig.panel.bench.runner import Setup
 from cam_rig.profile.outlines import follower_shape
 from cam_rig.units import RPM, TURN
 
-from .conftest import block_of
+from .conftest import blocks_of
 
 #: One of each follower: roller, flat, inclined, on an arm.
 CAMS = ("poly345", "flat", "inclined_flat", "oscillating_roller", "oscillating_flat", "point")
@@ -97,8 +96,7 @@ def test_a_block_has_the_angle_and_the_gap_of_its_samples(tmp_path, rpm):
     live.state({"time_ns": 0, "angle": 0.0, "rpm": rpm, "cam": "poly345"})
     block = live.block(run.rows)
     assert block is not None
-    assert block.startswith(MOTION)
-    begin, step, rows = block_of(block)
+    ((begin, step, rows),) = blocks_of(block)
     assert begin == 0.0
     every = round(step * 4000)
     assert rows[0] == pytest.approx(run.angle[::every], abs=1e-5)

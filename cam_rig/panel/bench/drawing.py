@@ -30,7 +30,7 @@ from cam_rig.units import NS, RPM, TURN, FloatArray
 STEP = math.radians(1.0)
 #: States of the cam that are kept until the follower's samples between two of them come.
 STATES = 64
-#: What a block for a page begins with.
+#: What blocks for a page begin with.
 MOTION, SOUND = b"motion  ", b"sound   "
 #: Points of a contour and of a turn's curves, and decimals of lengths in mm.
 POINTS, DECIMALS = 360, 4
@@ -65,7 +65,7 @@ class LiveMotion:
         self._states.append(state)
 
     def block(self, rows: FloatArray) -> bytes | None:
-        """A page's tick: rig time and step (s) as doubles, `curves`; None where its state lacks."""
+        """A tick: rig time, step (s) and samples as doubles, `curves`; None without its state."""
         time = rows[0]
         begin_ns, newest_first = round(float(time[0]) * NS), reversed(self._states)
         state = next((s for s in newest_first if s["time_ns"] <= begin_ns), None)
@@ -81,8 +81,8 @@ class LiveMotion:
         turned = speed * step
         every = max(1, int(STEP / turned)) if turned > 0.0 else 1
         found = curves(law, angle[::every], rows[:, ::every])
-        head = np.array([time[0], step * every], dtype="<f8")
-        return MOTION + head.tobytes() + found.tobytes()
+        head = np.array([time[0], step * every, found.shape[1]], dtype="<f8")
+        return head.tobytes() + found.tobytes()
 
 
 def cam_picture(cam: CamConfig, law: Law) -> dict[str, Any]:

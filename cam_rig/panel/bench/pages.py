@@ -18,6 +18,7 @@ from starlette.websockets import WebSocket
 from cam_rig.errors import RefusedError
 from cam_rig.panel.bench.controls import DONE, EMERGENCY_STOP, SETTINGS, BenchControls, NodeLink
 from cam_rig.panel.bench.drawing import (
+    MOTION,
     SOUND,
     Cams,
     LiveMotion,
@@ -45,8 +46,10 @@ from cam_rig.units import NS, FloatArray
 
 # One page of the bench: told as every live page is, and what it watches and listens to.
 
-#: Blocks of motion and sound that wait for a page, at most: the oldest are dropped.
+#: Blocks of motion and of sound that wait for a page, at most: the oldest are dropped.
 MAX_BLOCKS = 64
+#: Wall time (s) between two messages of blocks: one costs more than what it holds.
+STREAM_EVERY_S = 0.025
 
 
 class BenchPage(LivePage):
@@ -55,12 +58,12 @@ class BenchPage(LivePage):
     def __init__(self, socket: WebSocket) -> None:
         super().__init__(socket)
         self.listens = self.watches = False
-        self._blocks: deque[bytes] = deque(maxlen=MAX_BLOCKS)
+        self._blocks = {kind: deque[bytes](maxlen=MAX_BLOCKS) for kind in (MOTION, SOUND)}
         self._heard = asyncio.Event()
 
-    def stream(self, block: bytes) -> None:
-        """Send a block of a tick, in its turn."""
-        self._blocks.append(block)
+    def stream(self, kind: bytes, block: bytes) -> None:
+        """Send a block of a tick, in its turn, with those of its kind that wait."""
+        self._blocks[kind].append(block)
         self._heard.set()
 
     def refused(self, number: Any, words: str) -> dict[str, Any]:
@@ -75,8 +78,11 @@ class BenchPage(LivePage):
         while True:
             await self._heard.wait()
             self._heard.clear()
-            while self._blocks:
-                await self.send(self._blocks.popleft())
+            for kind, waiting in self._blocks.items():
+                if blocks := b"".join(waiting):
+                    waiting.clear()
+                    await self.send(kind + blocks)
+            await asyncio.sleep(STREAM_EVERY_S)
 
 
 #: Speeds (rpm) of the knob.
@@ -219,11 +225,11 @@ class BenchPages(PanelPages):
         listening = [page for page in self._pages if page.listens]
         if watching and (seen := self._motion.block(rows)):
             for page in watching:
-                page.stream(seen)
+                page.stream(MOTION, seen)
         if listening:
             heard = self._controls.sound.render(rows, self.live.state.get("rpm", 0.0))
             for page in listening:
-                page.stream(SOUND + heard)
+                page.stream(SOUND, heard)
 
     def _happened(self, message: dict[str, Any]) -> None:
         self.live.happened(message)

@@ -11,9 +11,11 @@ const BEHIND_S = 0.05, BEHIND_TICKS = 1.5;
 /** What the picture is off its place is made up within about so long (s); more (s) is jumped. */
 const PULL_S = 0.3, FARTHEST_S = 0.4;
 
+/** Doubles before a block's rows: rig time and step (s), and samples. */
+const HEAD = 3;
+
 /** Rows of 32-bit floats `(6, n)` from a byte on. @param {ArrayBuffer} buffer @param {number} from */
-export function rowsOf(buffer, from) {
-  const count = (buffer.byteLength - from) / 4 / ROWS.length;
+export function rowsOf(buffer, from, count = (buffer.byteLength - from) / 4 / ROWS.length) {
   return each((_, i) => new Float32Array(buffer, from + 4 * i * count, count));
 }
 
@@ -37,12 +39,18 @@ export class Playback {
     [this.tick, this.at, this.before] = [0, 0, null];
   }
 
-  /** @param {ArrayBuffer} buffer */
+  /** One block after the other. @param {ArrayBuffer} buffer */
   push(buffer) {
-    const [time, step] = new Float64Array(buffer, NAME, 2);
-    const rows = rowsOf(buffer, NAME + 16);
-    const count = rows.angle.length;
-    if (!count) return;
+    for (let from = NAME; from < buffer.byteLength;) {
+      const [time, step, count] = new Float64Array(buffer, from, HEAD);
+      from += 8 * HEAD;
+      if (count) this.#push(time, step, count, rowsOf(buffer, from, count));
+      from += 4 * ROWS.length * count;
+    }
+  }
+
+  /** @param {number} time @param {number} step @param {number} count @param {Rows} rows */
+  #push(time, step, count, rows) {
     if (this.end !== null && time < this.end - 10 * step) this.reset(); // another run
     this.tick = time - (this.start ?? time) || this.tick;
     this.start = time;
