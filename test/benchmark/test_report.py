@@ -103,26 +103,12 @@ def test_the_plot_is_a_picture(study, tmp_path):
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
 
 
-#: Largest error, and of event times in s: of what is measured, with some room.
-LIMITS = {
-    "elastic_stem": (1e-12, None),
-    "resonance": (1e-11, None),
-    "torsional": (1e-12, None),
-    "two_mass_soft": (1e-10, 1e-11),
-    "two_mass_stem": (1e-6, 1e-8),
-    "one_mass_arc": (1e-9, 1e-11),
-}
-
-
-@pytest.mark.parametrize("name", LIMITS)
-def test_the_rig_is_near_the_reference(cases, name):
-    """No case of the study may be wrong: a fast wrong answer is no answer."""
-    case, (error, event_error) = cases[name], LIMITS[name]
-    found, reference = rig.solve(case), stored.read(case)
-    assert found.error(reference) < error
-    assert [kind for kind, _ in found.events] == [kind for kind, _ in reference.events]
-    if event_error is not None:
-        assert found.event_error(reference) < event_error
+@pytest.mark.parametrize(
+    ("name", "error"), [("elastic_stem", 1e-12), ("resonance", 1e-11), ("torsional", 1e-12)]
+)
+def test_the_rig_is_near_the_reference(cases, name, error):
+    """No case may be wrong: a fast wrong answer is no answer. Those with events: test_bounces."""
+    assert rig.solve(cases[name]).error(stored.read(cases[name])) < error
 
 
 def test_a_short_case_is_the_beginning_of_the_long_one(cases):

@@ -13,6 +13,7 @@ from typing import Any
 import mpmath as mp
 import numpy as np
 
+from cam_rig.bounce.sweep import OperatingPoint, Sweep
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.laws import Law
 from cam_rig.laws.segments import fit, trigonometric
@@ -84,9 +85,9 @@ class ManyDigits:
             return mp.matrix(columns).T
 
 
-def acceleration(speed: float) -> float:
-    """A ω²/g."""
-    return AMPLITUDE * speed**2 / GRAVITY
+def by_speed(follower: FollowerParameters) -> Sweep:
+    """Over the speed, of a follower."""
+    return Sweep(OperatingPoint(follower, 1.0))
 
 
 def speed_at(ratio: float) -> float:

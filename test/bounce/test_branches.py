@@ -15,16 +15,13 @@ from cam_rig.bounce.branches import (
     branch_through,
     branches,
 )
-from cam_rig.bounce.sweep import OperatingPoint, Sweep
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.turn_map import StroboscopicMap
 from cam_rig.units import RPM
 
+from .table import by_speed
+
 BESIDE = 1e-6
-
-
-def by_speed(follower):
-    return Sweep(OperatingPoint(follower, 1.0))
 
 
 @pytest.fixture(scope="module")

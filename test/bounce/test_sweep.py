@@ -59,9 +59,10 @@ def test_the_window_over_restitution():
     assert not motions[-1].stable
 
 
-@pytest.mark.variants(2)
 @pytest.mark.parametrize("over", [PRELOAD, MASS])
-@pytest.mark.parametrize("restitution", [0.2, 0.6, 0.9])
+@pytest.mark.parametrize(
+    "restitution", [0.2, *(pytest.param(e, marks=pytest.mark.long) for e in (0.6, 0.9))]
+)
 def test_windows_over_preload_and_mass(over, restitution):
     """A ω² m/P is what a ball knows of both: its fold and its doubling are at the closed forms."""
     least, doubling = window(restitution)

@@ -8,7 +8,6 @@ import pytest
 
 from cam_rig.bounce.branches import FLIP, FOLD, Family
 from cam_rig.bounce.motion import IRREGULAR, PERIODIC, motion_of
-from cam_rig.bounce.sweep import OperatingPoint, Sweep
 from cam_rig.dynamics.turn_map import StroboscopicMap
 from cam_rig.units import RPM
 
@@ -16,6 +15,7 @@ from .table import (
     ManyDigits,
     as_array,
     ball,
+    by_speed,
     landing_times,
     one_landing,
     speed_at,
@@ -24,10 +24,6 @@ from .table import (
 )
 
 LAW = table_law()
-
-
-def by_speed(follower):
-    return Sweep(OperatingPoint(follower, 1.0))
 
 
 @pytest.mark.parametrize("restitution", [0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99])

@@ -171,6 +171,7 @@ def test_bad_studies_are_refused_in_one_line(study, tmp_path):
         (["--largest-waviness", "0"], "--largest-waviness: is '0'; allowed: greater"),
         (["--largest-waviness", "3"], "keeps no rows"),
         (["--dask", "nowhere"], "allowed: an address"),
+        (["--dask", "tcp://127.0.0.1:1", "--jobs", "2"], "allowed: one of them"),
     ],
 )
 def test_a_wrong_option_is_refused_in_one_line(tmp_path, option, words):
@@ -179,13 +180,6 @@ def test_a_wrong_option_is_refused_in_one_line(tmp_path, option, words):
     assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
     assert words in result.stderr
     assert not (tmp_path / "rows").exists()
-
-
-def test_a_cluster_has_its_own_processes(tmp_path):
-    """Both places at once are refused, before there is a folder of rows."""
-    both = call("jump_map", "--out", tmp_path / "r", "--dask", "tcp://127.0.0.1:1", "--jobs", 2)
-    assert (both.exit_code, "allowed: one of them" in both.stderr) == (2, True)
-    assert not (tmp_path / "r").exists()
 
 
 @pytest.mark.long

@@ -98,7 +98,7 @@ CAMPAIGNS = {
 }
 #: Commands whose figures take minutes, or a bench: drawn in the tests of their own.
 ELSEWHERE = {
-    "noise": "test_noise.py",
+    "noise": "test_studies.py",
     "factorial": "test_studies.py",
     "fit rig": "../measured/rig_fit/test_command.py",
     "fit cam": "../measured/cam_fit/test_command.py",

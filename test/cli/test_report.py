@@ -97,10 +97,10 @@ def undrawn(monkeypatch):
 
 @pytest.fixture
 def fewer(monkeypatch):
-    """Of each long study a few cases, and no figure, which the commands' tests make."""
+    """Of each long study a few cases, and of the figures only those beside an answer are made."""
     pictures = property(lambda content: {key: [PICTURE] * 2 for key in content.figures})
     monkeypatch.setattr("cam_rig.report.document.Content.drawn", pictures)
-    monkeypatch.setattr("cam_rig.paper.stem.study.ELEMENTS", (1.0, 2.0, math.inf))
+    monkeypatch.setattr("cam_rig.paper.stem.study.ELEMENTS", (1.0, math.inf))
     monkeypatch.setattr("cam_rig.paper.stem.study.STEP", 50.0)
     monkeypatch.setattr("cam_rig.paper.as_cut.study.BASES", (0.065,))
     monkeypatch.setattr("cam_rig.paper.as_cut.study.ROLLERS", (0.02,))
@@ -113,9 +113,9 @@ def fewer(monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("in_this_process", "one_study", "fewer")
+@pytest.mark.usefixtures("in_this_process", "one_study", "undrawn", "fewer")
 def test_the_page(sweep, tmp_path):
-    """Of a smaller scene, with no figure."""
+    """Of a smaller scene, with no figure drawn."""
     check_page(sweep, tmp_path)
 
 

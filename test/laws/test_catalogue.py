@@ -1,16 +1,25 @@
 """The list of laws, and their curves: their own derivatives, with both limits where they jump."""
 
+import math
 from typing import get_args
 
 import numpy as np
 import pytest
+from scipy.interpolate import BPoly
 
-from cam_rig.laws import catalogue
+import cam_rig
+from cam_rig.dynamics import MODELS, Interval
+from cam_rig.errors import DynamicsError, LawError
+from cam_rig.laws import bernstein, build_law, catalogue
 from cam_rig.laws.figures import cams_figure, rises_figure
 from cam_rig.laws.segments import NAMED_RISES
+from cam_rig.schema.load import config_root
 from cam_rig.schema.segments import Rise, Segment
 from cam_rig.show.figure import line as look
 from cam_rig.show.looks import in_words
+from cam_rig.units import TURN
+
+from ..conftest import dwell, rise
 
 
 def test_every_law_of_a_file_is_listed():
@@ -37,16 +46,16 @@ def test_every_rise_is_in_one_family():
 def test_curves_of_each_rise():
     """From 0 to 1 with its slopes and peaks; each curve is by Simpson that of the one above."""
     u = np.linspace(0.0, 1.0, 4001)
-    for name, rise in NAMED_RISES.items():
+    for name, known_rise in NAMED_RISES.items():
         curves, known = catalogue.rise_curves(name), catalogue.figures(name)
         assert curves.x[[0, -1]] == pytest.approx([0.0, 1.0], abs=1e-15)
         assert curves.motion[0, [0, -1]] == pytest.approx((0.0, 1.0), abs=1e-14)
         if known.continuity >= 1:
             assert curves.infinite == ()
-            assert curves.motion[1, [0, -1]] == pytest.approx(rise.slopes, abs=1e-11)
+            assert curves.motion[1, [0, -1]] == pytest.approx(known_rise.slopes, abs=1e-11)
         else:
             gained = [jump for _, jump in curves.infinite]
-            assert gained == pytest.approx([1.0 - rise.slopes[0], rise.slopes[1] - 1.0])
+            assert gained == pytest.approx([1.0 - known_rise.slopes[0], known_rise.slopes[1] - 1.0])
         peaks = (known.peak_velocity, known.peak_acceleration, known.peak_jerk)
         assert np.abs(curves.motion[1:]).max(axis=1) == pytest.approx(peaks, rel=1e-3, abs=1e-9)
         motion = catalogue.rise_values(name, u)
@@ -121,3 +130,135 @@ def test_cams_are_drawn_in_mm(cams, laws):
     highest = np.asarray(figure.axes[0].lines[0].get_ydata()).max()
     np.testing.assert_allclose(highest, 25.4, rtol=1e-12)  # an inch
     assert [len(axes.texts) for axes in figure.axes] == [0, 0, 4, 0]
+
+
+# -- segments joined into a law: levels carried on, steps refused, known values of shipped cams
+
+
+def bezier(span, *ordinates):
+    return {"law": "bezier", "span": span, "ordinates": list(ordinates)}
+
+
+def test_levels_are_carried_on(make_cam):
+    """A dwell rests where the rise before it ended; fractions are of the lift; the turn closes."""
+    law = build_law(make_cam(rise(90, 0.25), dwell(90), rise(90, 1), rise(90, 0), lift=0.2))
+    assert law(np.radians([135.0, 270.0])) == pytest.approx([0.05, 0.2], rel=1e-15)
+    assert float(law(0.0)) == 0.0
+    law = build_law(make_cam(dwell(90), rise(135, 0, "cycloidal"), rise(135, 1, "cycloidal")))
+    assert float(law(0.5)) == pytest.approx(0.05, rel=1e-15)
+    law = build_law(make_cam(bezier(360, 0, 0, 0.5, 1, 0.5, 0, 0), lift=0.1))
+    np.testing.assert_allclose(law.ordinates[:, 0], [0, 0, 0.05, 0.1, 0.05, 0, 0], rtol=1e-15)
+
+
+def test_spans_and_degrees(make_cam):
+    """Joints stand where the spans sum up to, the last at 2π exactly; one degree holds them all."""
+    law = build_law(make_cam(dwell(30), rise(100, 1, "poly4567"), dwell(130), rise(100, 0)))
+    np.testing.assert_allclose(law.breaks, np.radians([0, 30, 130, 260, 360]), rtol=1e-15)
+    assert law.breaks[-1] == TURN
+    alone = build_law(make_cam(rise(180, 1), rise(180, 0)))
+    beside = build_law(make_cam(rise(180, 1), rise(180, 0, "poly4567")))
+    angles = np.linspace(0.0, np.pi, 101)
+    assert (alone.degree, beside.degree) == (5, 7)
+    np.testing.assert_allclose(beside(angles), alone(angles), rtol=0, atol=1e-16)
+
+
+def test_a_step_is_refused(make_cam):
+    """The error names cam, place and height."""
+    arcs = {"law": "tangent_arcs", "span": 180, "nose_span": 130}
+    for segments, where in (
+        ([dwell(180), bezier(180, 0.5, 0, 0)], r"segments\[1\]"),
+        ([bezier(360, 0, 0, 1)], r"steps by -1 of the lift"),
+        ([rise(180, 1), arcs], r"segments\[1\] steps by -1 of"),
+    ):
+        with pytest.raises(LawError, match=rf"'steppy'.*{where}.*allowed: no step"):
+            build_law(make_cam(*segments, name="steppy"))
+
+
+def test_velocity_steps_and_discs_under_the_models(make_cam, follower):
+    """An infinite force is refused by name; on a disc the contact force is the preload."""
+    law = build_law(make_cam(bezier(180, 0, 1), bezier(180, 1, 0)))
+    assert list(law.velocity_jumps.values()) == pytest.approx([0.1 / math.pi, -0.1 / math.pi])
+    with pytest.raises(DynamicsError, match="velocity jumps by"):
+        MODELS["kinetostatic"].advance(law, follower, None, Interval(0, 10**9, 0.0, 6.0), 1000)
+    disc = build_law(make_cam(dwell(360)))
+    assert disc.lift == 0.0
+    for model in ("kinetostatic", "one_mass", "elastic_stem"):
+        advance = MODELS[model].advance
+        rows = advance(disc, follower, None, Interval(0, 10**9, 0.0, 40.0), 20_000)[1].rows
+        np.testing.assert_allclose(rows[4], follower.preload, rtol=1e-12)
+
+
+def test_the_ripple_of_bezier15(cams, laws):
+    """Its high dwell is a ripple: 1.0059766 of the lift, Σ C(15,i) bᵢ / 2¹⁵, between two maxima."""
+    numbers, law = cams["bezier15"].segments[0].ordinates.numbers, laws["bezier15"]
+    exact = sum(math.comb(15, i) * b for i, b in enumerate(numbers)) / 2**15
+    assert exact == pytest.approx(1.0059766, abs=5e-8)
+    assert float(law(math.pi)) / cams["bezier15"].lift.si == pytest.approx(exact, rel=1e-14)
+    places = bernstein.crossings(bernstein.derivative(law.ordinates[:, 0]))
+    first = 0.43092834426506570  # root of the derivative in 40 digits
+    assert places == pytest.approx([first, 0.5, 1.0 - first], abs=1e-12)
+
+
+def test_lift_is_the_largest_displacement(cams, laws):
+    """The config's lift, for Bézier 15 with its overshoot of 0.896 %; of a table its points'."""
+    for name, law in laws.items():
+        overshoot = 1.0089649 if name == "bezier15" else 1.0
+        tolerance = 2e-3 if cams[name].files else 5e-8
+        assert law.lift == pytest.approx(overshoot * cams[name].lift.si, rel=tolerance)
+
+
+# -- a law as scipy's Bernstein polynomials and back; its derivative as a law -----------------
+
+
+CAMS = sorted(path.stem for path in (config_root() / "cams").glob("*.yaml"))
+
+
+def laws():
+    """All shipped laws."""
+    for name in CAMS:
+        yield cam_rig.build_law(cam_rig.load_cam(name))
+
+
+def test_the_way_there_and_back_is_exact():
+    """Ordinates and breakpoints bit for bit; scipy's values to rounding, beyond the turn too."""
+    angle = np.random.default_rng(1).uniform(-10.0, 20.0, 500)
+    for law in laws():
+        bpoly = law.to_bpoly()
+        again = cam_rig.Law.from_bpoly(bpoly, law.name)
+        assert again.name == law.name
+        assert np.array_equal(again.breaks, law.breaks)
+        assert np.array_equal(again.ordinates, law.ordinates)
+        scale = np.abs(law.ordinates).max()
+        steepest = law.bounds[1] + scale
+        np.testing.assert_allclose(bpoly(angle), law(angle), rtol=0, atol=1e-13 * steepest)
+
+
+def test_the_derivative_is_a_law():
+    """Of any order; also of the derivative that scipy makes."""
+    angle = np.linspace(0.0, 6.28, 400)
+    for law in laws():
+        for order in (1, 2, 3):
+            derived = law.derivative(order)
+            scale = max(np.abs(derived.ordinates).max(), 1e-300)
+            np.testing.assert_allclose(derived(angle), law(angle, order), rtol=0, atol=1e-9 * scale)
+            theirs = law.to_bpoly().derivative(order)(angle)
+            np.testing.assert_allclose(theirs, law(angle, order), rtol=0, atol=1e-8 * scale)
+        assert law.derivative(0).name == law.name
+
+
+def test_what_is_no_law_for_scipy():
+    turn = [0.0, np.pi, 2.0 * np.pi]
+    with pytest.raises(TypeError, match=r"bpoly: is .* allowed: a scipy.interpolate.BPoly"):
+        cam_rig.Law.from_bpoly([[0.0]])
+    with pytest.raises(LawError, match="complex ordinates"):
+        cam_rig.Law.from_bpoly(BPoly(np.ones((2, 2)) * 1j, turn))
+    with pytest.raises(LawError, match="must rise from 0 to 2π"):
+        cam_rig.Law.from_bpoly(BPoly(np.ones((2, 1)), [0.0, 1.0]))
+    with pytest.raises(LawError, match="do not fit"):
+        cam_rig.Law.from_bpoly(BPoly(np.ones((2, 2, 3)), turn))
+
+
+def test_its_repr_is_one_short_line_and_its_plot_has_four_panels():
+    for law in laws():
+        assert len(repr(law)) < 120 and "\n" not in repr(law)
+    assert len(law.plot().axes) >= 4

@@ -22,8 +22,6 @@ THINGS = (
     "#rig, #forecast, #jumps, #relative, .quiet"
 )
 
-Box = tuple[float, float, float, float]
-
 
 class Bench(BrowserPage):
     """The bench as a browser shows it, whose nodes never come."""

@@ -49,16 +49,8 @@ def wrong_types(folder, messages):
         for name, (kind, message) in messages.items()
     )
     (folder / "sent.ts").write_text(text, encoding="utf-8")
-    words = [
-        TSC,
-        "--ignoreConfig",
-        "--noEmit",
-        "--strict",
-        "--target",
-        "es2022",
-        "--lib",
-        "es2023,dom",
-    ]
+    options = "--ignoreConfig --noEmit --strict --target es2022 --lib es2023,dom"
+    words = [TSC, *options.split()]
     words += ["--types", "", str(folder / "sent.ts"), str(TOOLS / "messages.d.ts")]
     checked = subprocess.run(
         words, cwd=TOOLS, capture_output=True, text=True, check=False, timeout=WAIT_S

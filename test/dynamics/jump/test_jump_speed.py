@@ -6,16 +6,24 @@ import numpy as np
 import pytest
 
 import cam_rig
-from cam_rig.dynamics import TwoMassParameters
-from cam_rig.dynamics.jump.jump_speed import jump_speed
+from cam_rig.dynamics import MODELS, FollowerParameters, Interval, TwoMassParameters
+from cam_rig.dynamics.jump.any_follower import described, find_jump, follower_of
+from cam_rig.dynamics.jump.jump_speed import (
+    jump_speed,
+    rigid_jump,
+    rigid_jump_speed,
+    rigid_least,
+)
 from cam_rig.dynamics.jump.search import sought_speed
 from cam_rig.dynamics.two_mass.masses import contact_response
 from cam_rig.errors import ConfigError, DynamicsError
-from cam_rig.laws import build_law
+from cam_rig.laws import Law, build_law
+from cam_rig.laws.bernstein import joined
+from cam_rig.laws.spline import smooth
 from cam_rig.paper.jump.refit import Numbers, refitted
-from cam_rig.units import RPM
+from cam_rig.units import RPM, TURN
 
-from ..helpers import lift_off
+from ..helpers import lift_off, with_joints
 
 
 def leaves(law, parameters, speed, duration):
@@ -119,12 +127,12 @@ COUNT = 12
 
 
 @pytest.fixture(params=["paper_table2", "tm21"])
-def rig(request):
+def shipped(request):
     """Two masses, and one."""
     return cam_rig.load_rig(request.param)
 
 
-def test_a_row_is_the_rig_alone(laws, rig):
+def test_a_row_is_the_rig_alone(laws, shipped):
     """Speed, angle and time of a random spring, preload, mass and damping: the same bits."""
     rng, law = np.random.default_rng(5), laws["poly345"]
     numbers = {
@@ -133,34 +141,204 @@ def test_a_row_is_the_rig_alone(laws, rig):
         "damping": rng.uniform(1.0, 20.0, COUNT),
         "preload": rng.uniform(10.0, 60.0, COUNT),
     }
-    found = cam_rig.jump_speed(law, rig, duration=0.5, **numbers)
+    found = cam_rig.jump_speed(law, shipped, duration=0.5, **numbers)
     for i, row in enumerate(found.rows):
         one = {name: float(values[i]) for name, values in numbers.items()}
-        alone = cam_rig.jump_speed(law, rig.with_follower(**one), duration=0.5)
+        alone = cam_rig.jump_speed(law, shipped.with_follower(**one), duration=0.5)
         assert {name: getattr(row, name) for name in one} == one
         assert (row.rpm, row.angle, row.time) == (alone.rpm, alone.angle, alone.time)
     half = {name: values[: COUNT // 2] for name, values in numbers.items()}
-    assert cam_rig.jump_speed(law, rig, duration=0.5, **half).rows == found.rows[: COUNT // 2]
+    assert cam_rig.jump_speed(law, shipped, duration=0.5, **half).rows == found.rows[: COUNT // 2]
 
 
-def test_a_rig_without_an_answer_says_why(laws, rig):
+def test_a_rig_without_an_answer_says_why(laws, shipped):
     """No preload, a negative one and NaN among others: rows with a reason."""
     preload = np.array([30.0, 0.0, -1.0, np.nan, 30.0])
-    found = cam_rig.jump_speed(laws["poly345"], rig, preload=preload)
+    found = cam_rig.jump_speed(laws["poly345"], shipped, preload=preload)
     first, *others, last = found.rows
     assert (first.rpm, first.reason) == (last.rpm, "")
     assert all(np.isnan(row.rpm) and "preload" in row.reason for row in others)
-    assert found.rpm[0] == cam_rig.jump_speed(laws["poly345"], rig, preload=30.0).rpm[0]
+    assert found.rpm[0] == cam_rig.jump_speed(laws["poly345"], shipped, preload=30.0).rpm[0]
 
 
-def test_arrays_go_together(laws, rig):
+def test_arrays_go_together(laws, shipped):
     """Of one length each, or one number for all."""
     law = laws["poly345"]
-    assert len(cam_rig.jump_speed(law, rig, mass=1.0, preload=np.full(3, 30.0)).rows) == 3
+    assert len(cam_rig.jump_speed(law, shipped, mass=1.0, preload=np.full(3, 30.0)).rows) == 3
     with pytest.raises(ConfigError, match="mass 2, preload 3 numbers; allowed: as many each"):
-        cam_rig.jump_speed(law, rig, mass=np.ones(2), preload=np.full(3, 30.0))
+        cam_rig.jump_speed(law, shipped, mass=np.ones(2), preload=np.full(3, 30.0))
     with pytest.raises(
         ConfigError,
         match=r"preload: is an array of shape .*; allowed: a number, or several on one axis",
     ):
-        cam_rig.jump_speed(law, rig, preload=np.ones((2, 2)))
+        cam_rig.jump_speed(law, shipped, preload=np.ones((2, 2)))
+
+
+# -- the rigid jump speed against a closed form and against the rigid model's own loss of contact
+
+
+def test_eccentric(make_cam, follower):
+    """s = h/2 (1 − cos θ) without damping: the top lets go at Ω² = (k h + preload)/(m h/2)."""
+    cam = make_cam(
+        {"law": "simple_harmonic", "to": 1, "span": 180},
+        {"law": "simple_harmonic", "to": 0, "span": 180},
+    )
+    free = replace(follower, damping=0.0)
+    expected = np.sqrt((free.spring_stiffness * 0.05 + free.preload) / (free.mass * 0.025))
+    assert rigid_jump_speed(build_law(cam), free) == pytest.approx(expected, rel=1e-9)
+
+
+def test_any_law_on_any_rig(rng_rigs):
+    """The one-mass jump: the exact model with landings lifts off just above, and nowhere below."""
+    # Where the zero of the force is, its angle is the first lift-off's.
+    for law, mass in rng_rigs:
+        found = find_jump(law, mass, None)
+        assert not events(law, mass, found.speed * (1.0 - 1e-6))
+        first, *_ = events(law, mass, found.speed * (1.0 + 1e-6))
+        away = (first.angle - found.angle + np.pi) % (2.0 * np.pi) - np.pi
+        assert first.kind == "lift-off"
+        assert abs(away) < 0.02
+        assert found.time * found.speed == pytest.approx(found.angle)
+        least = rigid_least(law, mass, found.speed * np.array([0.99, 1.0, 1.01]))
+        assert least[0] > 0.0 > least[2]
+        assert abs(least[1]) < 1e-4 * (mass.preload + mass.spring_stiffness * law.lift)
+
+
+def events(law, mass, speed):
+    """Events of the one-mass model in two turns at a speed (rad/s)."""
+    turn = round(2.0 * np.pi / speed * 1e9)
+    state, found = None, []
+    for i in range(2):
+        tick = Interval(i * turn, (i + 1) * turn, speed * i * turn * 1e-9, speed)
+        state, block = MODELS["one_mass"].advance(law, mass, state, tick, 1000)
+        found += block.events
+    return found
+
+
+@pytest.fixture
+def rng_rigs(laws):
+    """Random followers, each under one of the shipped laws."""
+    rng = np.random.default_rng(16)
+    names = ("poly345", "cycloidal", "bezier15", "tm21", "poly4567")
+    return [
+        (
+            laws[name],
+            FollowerParameters(
+                mass=rng.uniform(0.1, 5.0),
+                spring_stiffness=10.0 ** rng.uniform(2.5, 4.5),
+                damping=rng.uniform(0.0, 20.0),
+                preload=rng.uniform(1.0, 200.0),
+                stem_stiffness=1e8,
+            ),
+        )
+        for name in names
+        for _ in range(2)
+    ]
+
+
+def test_the_follower_is_the_rigs():
+    """Two masses where a rig splits its mass, one where it does not; half a split is refused."""
+    split, whole = cam_rig.load_rig("paper_table2"), cam_rig.load_rig("tm21")
+    assert described(follower_of(split)) == "two masses"
+    assert described(follower_of(whole)) == "one rigid mass"
+    half = whole.with_follower(roller_share=0.4)
+    with pytest.raises(ConfigError, match=r"follower\.stem_damping: is missing"):
+        follower_of(half)
+
+
+def test_a_stiff_stem_is_one_mass(laws):
+    """Two masses on a stiffer and stiffer stem come to the one-mass jump speed."""
+    # The excitation of the stem's vibration falls with its period, so with 1/sqrt(stiffness).
+    law, whole = laws["poly345"], cam_rig.load_rig("tm21")
+    one = find_jump(law, follower_of(whole), None).rpm
+    away = []
+    for stiffness in (1e6, 1e8):
+        rig = whole.with_follower(
+            roller_share=0.4, stem_damping=2e2 * stiffness**0.25, stem_stiffness=stiffness
+        )
+        away.append(abs(find_jump(law, follower_of(rig), None).rpm / one - 1.0))
+    assert away[1] < 0.2 * away[0]
+    assert away[1] < 0.005
+
+
+def test_a_follower_without_preload(laws, follower):
+    """It rests on the dwell with no force: there is no lowest speed."""
+    with pytest.raises(DynamicsError, match="give it a preload"):
+        find_jump(laws["poly345"], replace(follower, preload=0.0), None)
+
+
+# Laws of many pieces: as the same law in few, and as exhaustive searches.
+
+
+def through(law, count):
+    """The spline of degree 5 through so many readings of a law."""
+    angles = np.linspace(0.0, TURN, count, endpoint=False)
+    breaks, columns = smooth(angles, law(angles), 0.0).pieces
+    return Law(law.name, breaks, joined(columns))
+
+
+@pytest.mark.variants(2)
+@pytest.mark.parametrize("duration", [0.5, None])
+@pytest.mark.parametrize("cam", ["poly345", "measured"])
+def test_a_law_in_more_pieces_is_the_same_law(laws, two_mass, cam, duration):
+    """Cut anywhere into 40 to 160 pieces, of mixed spans: the jump speed stays, to 1e-6."""
+    rng = np.random.default_rng(3)
+    expected = jump_speed(laws[cam], two_mass, duration).speed
+    for more in (20, 60):
+        law = with_joints(laws[cam], *rng.uniform(0.0, TURN, more))
+        assert jump_speed(law, two_mass, duration).speed == pytest.approx(expected, rel=1e-6)
+
+
+def test_readings_jump_as_their_law(laws, two_mass):
+    """A spline through every other degree jumps where its law does, to 3e-4."""
+    expected = jump_speed(laws["poly345"], two_mass).rpm
+    assert jump_speed(through(laws["poly345"], 180), two_mass).rpm == pytest.approx(
+        expected, rel=3e-4
+    )
+
+
+@pytest.mark.variants(2)
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_no_slower_speed_leaves_a_long_law(laws, two_mass, seed):
+    """The exact model, part after part, stays on at 25 slower speeds and leaves just above."""
+    rng = np.random.default_rng(seed)
+    law = through(laws[("poly4567", "cycloidal", "bezier15")[seed]], int(rng.integers(60, 160)))
+    rig = replace(
+        two_mass,
+        stem_stiffness=two_mass.stem_stiffness * rng.uniform(0.3, 2.0),
+        preload=two_mass.preload * rng.uniform(0.5, 2.0),
+    )
+    found = jump_speed(law, rig, 0.4).speed
+    for part in [*rng.uniform(0.5, 1.0, 24), 1.0 - 1e-6]:
+        assert lift_off(law, rig, found * part, np.zeros(2), 0.4) is None
+    assert lift_off(law, rig, found * (1.0 + 1e-6), np.zeros(2), 0.4)
+
+
+@pytest.mark.variants(3)
+@pytest.mark.parametrize("seed", range(6))
+def test_rigid_jump_is_the_exhaustive_one(laws, follower, seed):
+    """A million points of a turn, and a parabola through the lowest three: 1e-10 of the speed."""
+    rng = np.random.default_rng(seed)
+    law = laws[("poly345", "tm21", "bezier15", "cycloidal", "trigonometric", "measured")[seed]]
+    if seed % 2:
+        law = with_joints(law, *rng.uniform(0.0, TURN, int(rng.integers(1, 400))))
+    mass = replace(follower, damping=rng.uniform(0.0, 60.0), preload=rng.uniform(1.0, 200.0))
+    angles = np.linspace(0.0, TURN, 1_000_001)
+    speeds = first_zeros(law, mass, angles)
+    at = int(np.argmin(speeds))
+    low, least, high = (speeds[(at + i) % (angles.size - 1)] for i in (-1, 0, 1))
+    bend, slope = low - 2.0 * least + high, 0.5 * (high - low)
+    if abs(slope) < bend:  # else the lowest is at a joint where s'' falls
+        least -= 0.5 * slope**2 / bend
+    speed, angle = rigid_jump(law, mass)
+    assert speed == pytest.approx(least, rel=1e-10 if abs(slope) < bend else 1e-5)
+    assert first_zeros(law, mass, np.array([angle]))[0] >= speed * (1.0 - 1e-12)
+
+
+def first_zeros(law, mass, angles):
+    """The least Ω > 0 with m s'' Ω² + c s' Ω + k s + F₀ = 0, infinite where there is none."""
+    s, slope, bend = law.motion_at(angles)
+    a, b, c = mass.mass * bend, mass.damping * slope, mass.spring_stiffness * s + mass.preload
+    with np.errstate(all="ignore"):
+        roots = 2.0 * c / (-b + np.array([[1.0], [-1.0]]) * np.sqrt(b**2 - 4.0 * a * c))
+    return np.where(np.isfinite(roots) & (roots > 0.0), roots, np.inf).min(axis=0)
