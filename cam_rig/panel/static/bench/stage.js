@@ -12,8 +12,8 @@ import { TurnCharts } from "./turns.js";
 
 const TURN = 2 * Math.PI;
 const GAUGES = ["angle", "lift", "force", "gap"];
-/** Without a graphics card every frame is the processor's work, and one in so long (ms) is enough. */
-const FRAME_MS = accelerated() ? 0 : 28;
+/** Without a graphics card every frame is the processor's work, and one in so long (ms) is enough: 30 a second. */
+const FRAME_MS = accelerated() ? 0 : 25;
 
 /** The cam is watched, curves are read: so often (ms) those are drawn. */
 const CURVES_MS = FRAME_MS && 100;
