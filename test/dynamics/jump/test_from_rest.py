@@ -183,6 +183,6 @@ def test_any_rig_is_answered(laws, two_mass, monkeypatch, seed):
 
 def test_what_takes_too_many_looks_is_refused_in_a_line(laws, two_mass, monkeypatch):
     """With the speed that was come to, the stem's frequency, the limit and what to do."""
-    monkeypatch.setattr(search, "MAX_LOOKS", 1e4)
-    with pytest.raises(DynamicsError, match=r"contact holds up to .* more than 10000 looks .*stem"):
+    monkeypatch.setattr(search, "MAX_LOOKS", 2e3)
+    with pytest.raises(DynamicsError, match=r"contact holds up to .* more than 2000 looks .*stem"):
         sought_speed(laws["cycloidal"], two_mass, 1.7)
