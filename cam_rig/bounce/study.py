@@ -50,12 +50,10 @@ def bounce_map(
     workers: int = 1,
     progress: Progress = SILENT,
 ) -> BounceMap:
-    """What a follower does above its jump speed, turn after turn: at rest, periodic or irregular.
+    """``cam-rig bounce``: what a follower does turn after turn: at rest, periodic or irregular.
 
     Impacts are roots and flights closed forms, so each turn's derivative is exact, and the Lyapunov
     exponent is no estimate from a time series. Where its error hides zero, it is "not told".
-
-    The command is ``cam-rig bounce``.
 
     Parameters
     ----------

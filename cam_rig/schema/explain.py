@@ -86,7 +86,7 @@ def _sentence(problem: ErrorDetails, kind: type[BaseModel]) -> str:
             text = f"{key.rpartition('[')[0]}: the key {shown} is no text; {POINT}"
         case _:
             text = f"{key}: is {shown}; allowed: {problem['msg'].removeprefix('Input should be ')}"
-            if re.fullmatch(r"-?\d+,\d+", str(problem["input"])):
+            if re.fullmatch(r"'-?\d+,\d+'", shown):
                 text += f"; {POINT}"
     return text
 

@@ -174,9 +174,7 @@ def fit_cam(
     flank: Flank = None,
     out: str | Path | None = None,
 ) -> SplineFit | ArcsFit:
-    r"""A cam from gauge readings: a spline with exact dwells, or one contour of tangent arcs.
-
-    The command is ``cam-rig fit cam``.
+    r"""``cam-rig fit cam``: a spline with exact dwells, or tangent arcs, through gauge readings.
 
     Parameters
     ----------

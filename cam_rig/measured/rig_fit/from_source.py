@@ -47,7 +47,6 @@ def fit_rig(
     r"""A follower's numbers from a run measured on it, or from its jump speeds.
 
     Each has its standard error; what is not identifiable gets no number, and a reason.
-
     The command is ``cam-rig fit rig``.
 
     Parameters
