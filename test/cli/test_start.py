@@ -151,5 +151,5 @@ def test_a_line_for_each_part():
 
 def test_what_is_missing_is_said(monkeypatch):
     """Without the extra of a library its line says so."""
-    monkeypatch.setattr("cam_rig.cli.main.version", MagicMock(side_effect=PackageNotFoundError))
+    monkeypatch.setattr("importlib.metadata.version", MagicMock(side_effect=PackageNotFoundError))
     assert set(versions().values()) == {"not installed"}
