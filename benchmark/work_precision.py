@@ -34,9 +34,7 @@ Error against a 50-digit reference, and wall time, of the rig and of other solve
 
 {table}
 
-The table has the quickest of the other solvers, the figure all. Each is at its cheapest setting
-with an error no larger than the rig's; else at its most
-accurate one, and the ratio, marked >, is a bound. Error: the largest of displacement or velocity,
+The table has the quickest of the other solvers, the figure all. Error: the largest of displacement or velocity,
 relative to the largest value. Events: the largest time to the nearest event of its kind, so a
 missed one counts. Time: median on one of {cores} cores ({machine}); nothing of a law is cached.
 
