@@ -34,9 +34,10 @@ Error against a 50-digit reference, and wall time, of the rig and of other solve
 
 {table}
 
-The table has the quickest of the other solvers, the figure all. Error: the largest of displacement or velocity,
-relative to the largest value. Events: the largest time to the nearest event of its kind, so a
-missed one counts. Time: median on one of {cores} cores ({machine}); nothing of a law is cached.
+The table has the quickest of the other solvers, the figure all. Error: the largest of displacement
+or velocity, relative to the largest value. Events: the largest time to the nearest event of its
+kind, so a missed one counts. Time: median on one of {cores} cores
+({machine}); nothing of a law is cached.
 
 Peers (DOP853, LSODA and Radau of scipy, CVODE of scikit-sundae) get relative tolerances from
 {loosest:.0e} to {tightest:.0e} as far as the time allows, and atol = 0.001 rtol x usual size. They
