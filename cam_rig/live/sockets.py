@@ -65,7 +65,7 @@ class LineSocket:
         return [read_line(line) for line in lines]
 
     def put(self, message: dict[str, Any]) -> None:
-        """Have an object sent with the next `flush`: each one wakes the server."""
+        """Send an object with the next `flush`, which wakes the receiver once for all that wait."""
         self._unsent += line_of(message)
 
     def send(self, message: dict[str, Any]) -> None:

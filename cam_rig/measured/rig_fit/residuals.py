@@ -43,7 +43,7 @@ FAR = 1e3
 #: Errors of the instruments: of the sensors' clock (ppm), the lift's zero and backlash (m), the
 #: force's zero (N), a resonance of the force sensor (logarithm of its frequency in Hz, and damping
 #: ratio).
-CLOCK, ZERO, BACKLASH, TARE, RESONANCE, RATIO = SINGLE = (
+CLOCK, ZERO, BACKLASH, FORCE_ZERO, RESONANCE, RATIO = SINGLE = (
     *("clock", "zero", "backlash", "force_zero"),
     *("sensor_frequency", "sensor_damping"),
 )
@@ -210,7 +210,7 @@ class Likelihood:
         self, x: FloatArray, turn: PeriodicTurn, i: int
     ) -> Callable[[FloatArray], FloatArray]:
         """The force (N) over the cam angle (rad) as the sensor shows it."""
-        zero = self.single(x, TARE)
+        zero = self.single(x, FORCE_ZERO)
         if not self.resonance:
             return lambda angle: turn.at(angle)[1] + zero
         frequency = float(np.exp(self.single(x, RESONANCE)))
@@ -263,7 +263,7 @@ class Likelihood:
                 out[:lifts, at] = 1.0
             elif name == BACKLASH:
                 out[:lifts, at] = -0.5 * side_of(self.law, base.lift.angle)
-            elif name == TARE:
+            elif name == FORCE_ZERO:
                 out[lifts:, at] = 1.0
             else:
                 beside_it = x + STEP * (np.arange(x.size) == at)

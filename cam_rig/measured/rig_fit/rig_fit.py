@@ -27,7 +27,14 @@ from cam_rig.measured.rig_fit.numbers import (
     slope,
 )
 from cam_rig.measured.rig_fit.profile import profiled
-from cam_rig.measured.rig_fit.residuals import BACKLASH, RATIO, RESONANCE, TARE, ZERO, Likelihood
+from cam_rig.measured.rig_fit.residuals import (
+    BACKLASH,
+    FORCE_ZERO,
+    RATIO,
+    RESONANCE,
+    ZERO,
+    Likelihood,
+)
 from cam_rig.measured.rig_fit.result import HoldFit, InstrumentNumber, RigFit
 from cam_rig.measured.rig_fit.search import (
     Candidate,
@@ -271,7 +278,7 @@ def _instruments(solution: FitSolution, errors: Uncertainty) -> Iterator[Instrum
             yield known("lift_backlash", BACKLASH)
         yield InstrumentNumber("lift_noise", likelihood.lift_noise)
     if likelihood.zero_offset:
-        yield known("force_zero", TARE)
+        yield known("force_zero", FORCE_ZERO)
     if any(h.force.value.size for h in holds):
         yield InstrumentNumber("force_noise", likelihood.force_noise)
         yield InstrumentNumber("force_noise_part", likelihood.force_part)

@@ -17,7 +17,7 @@ from cam_rig.dynamics.two_mass.masses import contact_response, force_output
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.measured.rig_fit.numbers import follower_of
-from cam_rig.measured.rig_fit.residuals import FAR, TARE, ZERO, Predicted
+from cam_rig.measured.rig_fit.residuals import FAR, FORCE_ZERO, ZERO, Predicted
 from cam_rig.measured.rig_fit.search import (
     MOST_SQUARE,
     Candidate,
@@ -364,7 +364,7 @@ def _off(start: Candidate, i: int, predicted: Predicted, moved: float, lift: boo
     if lift:
         shown = predicted.turn.at(predicted.lift.angle + moved)[0] + like.single(x, ZERO)
         return (shown - measured[0].value) / like.lift_noise
-    shown = predicted.turn.at(predicted.force.angle + moved)[1] + like.single(x, TARE)
+    shown = predicted.turn.at(predicted.force.angle + moved)[1] + like.single(x, FORCE_ZERO)
     return (shown - measured[1].value) / like.force_deviation(i)
 
 
@@ -374,7 +374,7 @@ def with_zero_offset(found: Candidate) -> Candidate:
     start = continued(found, like.sought, found.values, zero_offset=True)
     if low.size < LEAST_FLYING:
         return found
-    x, at = start.x, start.likelihood.instruments.at[TARE]
+    x, at = start.x, start.likelihood.instruments.at[FORCE_ZERO]
     x[at] = float(np.median(low))
     if "preload" in like.sought:
         k = like.sought.index("preload")
