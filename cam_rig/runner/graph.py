@@ -16,7 +16,14 @@ from cam_rig.live.sockets import require_loopback
 from cam_rig.runner.fork_server import ForkServer
 from cam_rig.runner.node_process import Arguments, NodeProcess, stop_all
 from cam_rig.runner.node_table import ENTRIES, PATIENCE_S, RECORDER
-from cam_rig.runner.resources import LOCK_GRACE_S, CheckpointFolder, clean, log_folder, require_room
+from cam_rig.runner.resources import (
+    LOCK_GRACE_S,
+    CheckpointFolder,
+    DeadPorts,
+    clean,
+    log_folder,
+    require_room,
+)
 
 #: Wall time (s) that a look waits for the drive's first report.
 LOOK_S = 0.05
@@ -52,6 +59,7 @@ class Graph:
         self._progress: Queue[str] = Queue()
         self._checkpoints: CheckpointFolder | None = None
         self._begun = time.time()
+        self._dead_ports = DeadPorts()
         self._bag = Path(str(nodes[RECORDER]["bag"]))
         self._unclosed, self._kept = False, ""
         self._done = False
@@ -94,6 +102,7 @@ class Graph:
         self._kept = state_words(self._bag)
         if self._checkpoints is not None:
             self._checkpoints.remove()
+        self._dead_ports.release()
         # a killed node leaves segments behind, and so does one that could not write them whole
         if any(node.process.poll() for node in started) or any(self._respawned.values()):
             time.sleep(LOCK_GRACE_S)  # by then, a port without a lock is not one of a new run
@@ -207,6 +216,7 @@ class Graph:
         return "" if process.was_killed else f": {process.last_stderr_line()}"
 
     def _start_again(self, name: str) -> None:
+        self._dead_ports.hold()
         clean(self._begun)
         self._start(name)
 

@@ -24,6 +24,7 @@ from cam_rig.runner.resources import (
     MIN_FREE,
     PREFIX,
     CheckpointFolder,
+    DeadPorts,
     clean,
     domain_number,
     namespace_named,
@@ -219,6 +220,25 @@ def test_only_unlocked_files_of_this_user_and_run_are_removed(tmp_path):
     )
     left = {path.name for path in tmp_path.iterdir()}
     assert left == {"other", OLD, OLD + "_el", "fastdds_port7500", LIVE, LIVE + "_el"}
+
+
+def test_a_dead_port_is_not_used_again_before_the_run_ends(tmp_path):
+    """Its lock is held, so a node takes another; one of a living node is let be."""
+    for name in (DEAD, "fastdds_port7499"):
+        make(tmp_path, name)
+        make(tmp_path, name + "_el")
+    ports, live = DeadPorts(tmp_path), make(tmp_path, LIVE + "_el")
+    with live.open("rb") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        for _ in range(2):
+            ports.hold()
+        other = DeadPorts(tmp_path)  # of another run beside it
+        other.hold()
+        ports.release()
+        assert clean(time.time() - 60.0, tmp_path) == [DEAD, DEAD + "_el"]
+        other.release()
+        assert "fastdds_port7499_el" in clean(time.time() - 60.0, tmp_path)
+        assert live.exists()
 
 
 def leave(monkeypatch, free):
