@@ -62,6 +62,7 @@ class Graph:
         self._dead_ports = DeadPorts()
         self._bag = Path(str(nodes[RECORDER]["bag"]))
         self._unclosed, self._kept = False, ""
+        self._recorder_is_new = False
         self._done = False
         #: Whether the run is over, and its bag closed.
         self.finished = False
@@ -121,7 +122,8 @@ class Graph:
             self.processes[self._drive].settle()
         reports = self._reports()
         self._require_moving()
-        if self._drive in ended and self.processes[self._drive].code == 0:
+        resend = self._drive in ended and self.processes[self._drive].code == 0
+        if resend:
             if not self._done:
                 raise RunError(f"node {self._drive} was stopped {self._when}, before it was done")
             ended.remove(self._drive)
@@ -130,9 +132,10 @@ class Graph:
                     self.finished = True
                     return reports
                 ended = [RECORDER]
-            self._start_again(self._drive)  # to resend them to the recorder's successor
         for name in ended:
             self._handle_exit(name)
+        if resend:
+            self._start_again(self._drive)
         return reports
 
     def require_closed(self) -> None:
@@ -143,13 +146,14 @@ class Graph:
     def _last_ticks_are_lost(self, ended: list[str]) -> bool:
         """Whether the drive, which has ended in order, must send its last ticks once more.
 
-        A recorder may be killed with what it has not flushed, though it has acknowledged it. Any
-        other node that ends now has published all that it had to.
+        A recorder may be killed with what it has not flushed, though it has acknowledged it: now,
+        or while the drive was ending, which then has not heard of the successor. Any other node
+        that ends now has published all that it had to.
         """
         for name in ended:
             if ENTRIES[name].essential and not self._returns(name):
                 self._handle_exit(name)
-        if RECORDER in ended:
+        if RECORDER in ended or self._recorder_is_new:
             return True
         for name in ended:
             self._log(f"{self._exit_words(name)}, when all was published")
@@ -217,8 +221,10 @@ class Graph:
 
     def _start_again(self, name: str) -> None:
         self._dead_ports.hold()
-        clean(self._begun)
+        clean(self._begun, ports=False)
         self._start(name)
+        if name in (RECORDER, self._drive):
+            self._recorder_is_new = name == RECORDER
 
     @interruptible
     def _start_all(self) -> None:

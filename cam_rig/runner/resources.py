@@ -207,18 +207,33 @@ def _free(folder: Path) -> int | None:
     return about.f_bavail * about.f_frsize
 
 
-def clean(since: float, folder: Path = FOLDER) -> list[str]:
-    """Remove what ended processes of this user left since a time (s), if unlocked; its names."""
+def clean(since: float, folder: Path = FOLDER, ports: bool = True) -> list[str]:
+    """Remove what ended processes of this user left since a time (s), if unlocked; its names.
+
+    A port that a process has open is never removed: the last that closes it removes what then is
+    there by its name, a new one too, whose reader would hear nothing.
+    """
     removed: list[str] = []
     names = {path.name for path in folder.glob("fastdds_*")}
-    for name in sorted({name.removesuffix(LOCKS[0]).removesuffix(LOCKS[1]) for name in names}):
+    left = {name.removesuffix(LOCKS[0]).removesuffix(LOCKS[1]) for name in names}
+    left = {name for name in left if SEGMENT.fullmatch(name) and (ports or "port" not in name)}
+    for name in sorted(left - _open_ports(folder)):
         files = [folder / (name + end) for end in ("", *LOCKS)]
-        if SEGMENT.fullmatch(name) and _are_left([path for path in files if path.exists()], since):
+        if _are_left([path for path in files if path.exists()], since):
             for path in (*files, folder / f"sem.{name}_mutex"):
                 with suppress(OSError):
                     path.unlink()
                     removed.append(path.name)
     return removed
+
+
+def _open_ports(folder: Path) -> set[str]:
+    """Names of the ports that processes have mapped, of those that this user may look into."""
+    port, found = re.compile(rf"{re.escape(str(folder))}/(fastdds_port\d+)$", re.MULTILINE), set()
+    for maps in Path("/proc").glob("[0-9]*/maps"):
+        with suppress(OSError):
+            found.update(port.findall(maps.read_text(errors="replace")))
+    return found
 
 
 def _are_left(files: list[Path], since: float) -> bool:

@@ -63,7 +63,7 @@ def made(monkeypatch, tmp_path):
         return Graph(nodes, respawn, log=did.logged.append)
 
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    monkeypatch.setattr("cam_rig.runner.graph.clean", did.cleaned.append)
+    monkeypatch.setattr("cam_rig.runner.graph.clean", lambda since, **_: did.cleaned.append(since))
     monkeypatch.setattr("cam_rig.runner.graph.LOCK_GRACE_S", 0.0)
     make.did = did
     return make
@@ -100,6 +100,20 @@ def test_a_recorder_killed_after_the_drive_has_a_successor(progress):
     started, logged = progress(True, **codes)
     assert sorted(started) == ["cam_drive", "follower", "recorder"]
     assert [line.split()[1] for line in logged] == ["recorder", "follower"]
+
+
+def test_a_recorder_killed_while_the_drive_ends_has_its_last_ticks_sent_again(made):
+    """The drive may have ended before it heard of the successor, which closes later."""
+    graph = made(True, recorder=[KILLED], cam_drive=[None, None])
+    graph._start_all()
+    graph.look()
+    for drives in (1, 2):
+        assert made.did.started.count("cam_drive") == drives
+        graph._progress.put('{"done": true}')
+        graph.processes["cam_drive"].process.code = 0
+        graph.look()
+    assert graph.finished and made.did.stopped == ["recorder"]
+    assert (made.did.started.count("recorder"), made.did.started.count("cam_drive")) == (2, 2)
 
 
 @pytest.mark.parametrize("respawn", [True, False])

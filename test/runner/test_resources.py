@@ -2,6 +2,7 @@
 
 import ctypes
 import fcntl
+import mmap
 import os
 import shlex
 import shutil
@@ -220,6 +221,16 @@ def test_only_unlocked_files_of_this_user_and_run_are_removed(tmp_path):
     )
     left = {path.name for path in tmp_path.iterdir()}
     assert left == {"other", OLD, OLD + "_el", "fastdds_port7500", LIVE, LIVE + "_el"}
+
+
+def test_a_port_that_a_process_has_open_stays(tmp_path):
+    """Fast DDS removes a port's name when it is closed last: even of one made anew."""
+    port = make(tmp_path, "fastdds_port7500")
+    with port.open("rb") as file, mmap.mmap(file.fileno(), 0, prot=mmap.PROT_READ):
+        assert clean(0.0, tmp_path) == []
+    make(tmp_path, DEAD)
+    assert clean(0.0, tmp_path, ports=False) == [DEAD]
+    assert clean(0.0, tmp_path) == [port.name]
 
 
 def test_a_dead_port_is_not_used_again_before_the_run_ends(tmp_path):
