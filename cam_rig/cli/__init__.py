@@ -6,6 +6,8 @@ import sys
 # Before numpy is imported. The rig's products are small: threads of BLAS wait for each other, on
 # a busy machine for many times what they compute. Whoever sets the variable keeps it.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# Else pydantic looks for plugins in every package that is installed.
+os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 
 
 def start() -> None:

@@ -178,7 +178,7 @@ app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
-    rich_markup_mode="markdown",
+    rich_markup_mode="rich",
 )
 
 
@@ -214,10 +214,9 @@ def command(name: str) -> Any:
 def summary(name: str) -> str:
     """The first sentence of a command's docstring, read without importing its module."""
     path = Path(__file__).parents[2].joinpath(*COMMANDS[name].split(".")).with_suffix(".py")
-    docstring = rf'^(?:def {_function(name)}\(|{_function(name)} = ).*?"""(.+?)(?:\n\n|""")'
-    found = re.search(docstring, path.read_text(encoding="utf-8"), re.M | re.S)
-    assert found is not None
-    return " ".join(found[1].split())
+    text, function = path.read_text(encoding="utf-8"), _function(name)
+    begin = max(text.find(f"\ndef {function}("), text.find(f"\n{function} = "))
+    return " ".join(text[begin:].split('"""')[1].split("\n\n")[0].split())
 
 
 def _function(name: str) -> str:

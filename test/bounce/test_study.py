@@ -10,6 +10,7 @@ import cam_rig
 from cam_rig.bounce.branches import Family
 from cam_rig.bounce.motion import IN_CONTACT, IRREGULAR, NOT_TOLD, PERIODIC
 from cam_rig.bounce.result import ABOVE
+from cam_rig.bounce.sweep import MASS, PRELOAD, RESTITUTION
 from cam_rig.errors import ConfigError, DynamicsError
 from cam_rig.units import RPM
 
@@ -65,10 +66,7 @@ def test_no_two_turns_are_alike_where_it_is_irregular(tm21):
 def test_the_level_is_that_of_a_simulation(tm21, rig):
     """Where it rests every turn begins alike, and a scene's microphone hears the same."""
     row = tm21.rows[1]
-    p = rig.model_copy(deep=True)
-    data = p.model_dump(exclude_none=True)
-    data["follower"]["restitution"] = {"assumed": 0.7, "unit": "1"}
-    bouncing = type(rig).model_validate(data)
+    bouncing = rig.with_follower(restitution=0.7)
     motion = cam_rig.simulate(tm21.law, bouncing, rpm=row.rpm, turns=20, sample_rate=12_000)
     heard = cam_rig.sound_level(motion, settle_turns=4)
     assert row.level_db == pytest.approx(heard.level_db, abs=0.02)
@@ -141,15 +139,9 @@ def test_at_the_ends_of_restitution(tm21, rig, restitution):
 
 def test_one_that_never_lands_is_not_told(tm21, rig):
     """A spring that is none and no preload: at a speed that throws it, it does not come back."""
-    data = rig.model_dump(exclude_none=True)
-    for name, value in (("spring_stiffness", 1e-9), ("preload", 0.0), ("damping", 0.0)):
-        data["follower"][name]["assumed" if "assumed" in data["follower"][name] else "given"] = (
-            value
-        )
-    found = cam_rig.bounce_map(
-        tm21.law, type(rig).model_validate(data), rpm=[400], restitution=0.5, turns=20, settle=20
-    )
-    (row,) = found.rows
+    loose = rig.with_follower(spring_stiffness=1e-9, preload=0.0, damping=0.0)
+    how = {"restitution": 0.5, "turns": 20, "settle": 20}
+    (row,) = cam_rig.bounce_map(tm21.law, loose, rpm=[400], **how).rows
     assert (row.motion, row.period, row.landings_per_turn) == (NOT_TOLD, None, 0.0)
     assert math.isnan(row.exponent)
 
@@ -173,9 +165,24 @@ def test_in_the_middle_of_a_fold(tm21, rig):
         ({"restitution": 1.0}, DynamicsError, r"restitution is 1\.0; allowed"),
         ({"rpm": [-3.0]}, ConfigError, "rpm: is -3 rpm; allowed: 1 to"),
         ({"rpm": "fast"}, ConfigError, "rpm: is 'fast'"),
+        ({"over": "lift"}, ConfigError, "over: is 'lift'; allowed: rpm, restitution, preload"),
+        ({"values": [1.0]}, ConfigError, "values: is given where the speed is swept"),
+        ({"over": MASS}, ConfigError, "values: are 0 of mass; allowed: 1 to"),
+        ({"over": MASS, "values": [0.0]}, DynamicsError, r"mass is 0\.0; allowed"),
+        ({"over": PRELOAD, "values": [-1.0]}, DynamicsError, r"preload is -1\.0; allowed"),
+        (
+            {"over": RESTITUTION, "values": [1.0], "restitution": None},
+            DynamicsError,
+            r"is 1\.0; al",
+        ),
+        ({"over": RESTITUTION, "values": [0.5]}, ConfigError, "restitution: is what is swept"),
+        ({"over": MASS, "values": [1.0], "rpm": [1, 2]}, ConfigError, "are 2 speeds over mass"),
+        ({"model": "two_mass"}, ConfigError, "roller_share: is missing; needed by two masses"),
+        ({"model": "torsional"}, ConfigError, "is 'torsional'; allowed: one_mass, two_mass"),
     ],
 )
 def test_refusals(tm21, rig, how, error, words):
-    """By the argument's name, its value and what is allowed."""
+    """By the argument's name, its value and what is allowed, before a turn is run."""
+    given = {"rpm": 400.0, "turns": 20, "restitution": 0.7} | how
     with pytest.raises(error, match=words):
-        cam_rig.bounce_map(tm21.law, rig, **({"rpm": [400.0], "turns": 20} | how))
+        cam_rig.bounce_map(tm21.law, rig, **given)

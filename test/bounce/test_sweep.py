@@ -9,7 +9,6 @@ import pytest
 import cam_rig
 from cam_rig.bounce.branches import FLIP, FOLD, Family
 from cam_rig.bounce.sweep import MASS, PRELOAD, RESTITUTION, SPEED, OperatingPoint, Sweep
-from cam_rig.errors import ConfigError, DynamicsError
 
 from .table import AMPLITUDE, GRAVITY, ball, one_landing, table_law, window
 
@@ -72,7 +71,7 @@ def test_windows_over_preload_and_mass(over, restitution):
     begin = Family(LAW, sweep, 1).at(getattr(base, over), state)
     places = {}
     for up in (False, True):
-        ends = 0.1 * getattr(base, over), 10.0 * getattr(base, over)
+        ends = 0.25 * getattr(base, over), 4.0 * getattr(base, over)
         for one in Family(LAW, sweep, 1).followed(begin, *ends, up)[1]:
             places.setdefault(one.kind, AMPLITUDE * speed**2 * one.point.mass / one.point.preload)
     assert places[FOLD] == pytest.approx(least, rel=1e-10)
@@ -112,30 +111,3 @@ def test_a_branch_ends_where_its_number_does():
     motions, found = family.followed(family.at(restitution, state), 0.0, 0.1, up=False)
     assert found == []
     assert 0.0 <= motions[-1].point.restitution < 1e-6
-
-
-@pytest.mark.parametrize(
-    ("how", "error", "words"),
-    [
-        ({"over": "lift"}, ConfigError, "over: is 'lift'; allowed: rpm, restitution, preload"),
-        ({"values": [1.0]}, ConfigError, "values: is given where the speed is swept"),
-        ({"over": MASS}, ConfigError, "values: are 0 of mass; allowed: 1 to"),
-        ({"over": MASS, "values": [0.0]}, DynamicsError, r"mass is 0\.0; allowed"),
-        ({"over": PRELOAD, "values": [-1.0]}, DynamicsError, r"preload is -1\.0; allowed"),
-        (
-            {"over": RESTITUTION, "values": [1.0], "restitution": None},
-            DynamicsError,
-            r"restitution is 1\.0; allowed",
-        ),
-        ({"over": RESTITUTION, "values": [0.5]}, ConfigError, "restitution: is what is swept"),
-        (
-            {"over": MASS, "values": [1.0], "rpm": [1, 2]},
-            ConfigError,
-            "rpm: are 2 speeds over mass",
-        ),
-    ],
-)
-def test_refusals(tm21, how, error, words):
-    """By the argument's name, before a turn is run."""
-    with pytest.raises(error, match=words):
-        cam_rig.bounce_map(*tm21, **({"rpm": 400, "restitution": 0.7} | how))

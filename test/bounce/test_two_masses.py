@@ -20,7 +20,6 @@ from cam_rig.dynamics.jump.jump_speed import jump_speed
 from cam_rig.dynamics.linear.exponential import Flight
 from cam_rig.dynamics.turn_map import StroboscopicMap
 from cam_rig.dynamics.two_mass.trajectory import Separation
-from cam_rig.errors import ConfigError
 from cam_rig.units import RPM
 
 from .table import BOUNCES, LEAVES, LIFTS_OFF, STAYS, TwoInManyDigits, as_array, table_law
@@ -261,15 +260,6 @@ def test_from_above(table2):
     np.testing.assert_allclose(
         alone.run(40, found.rows[1].end).states[-1], found.rows[0].end, rtol=1e-6, atol=1e-12
     )
-
-
-def test_what_is_refused(table2):
-    """A rig that does not split its mass, and a model that does not bounce."""
-    law, _ = table2
-    with pytest.raises(ConfigError, match="roller_share: is missing; needed by two masses"):
-        cam_rig.bounce_map(law, cam_rig.load_rig("tm21"), rpm=400, model="two_mass")
-    with pytest.raises(ConfigError, match="model: is 'torsional'; allowed: one_mass, two_mass"):
-        cam_rig.bounce_map(law, cam_rig.load_rig("tm21"), rpm=400, model="torsional")
 
 
 # -- the same cam, stepped by Siconos: Moreau and Jean's scheme knows no events and no closed form

@@ -105,7 +105,7 @@ def test_an_svg_keeps_the_tolerance_it_prints(tmp_path):
     words = re.search(r' d="M ([^"Z]+) Z"', text)[1].split()
     read = np.array([word.split(",") for word in words], dtype=float) * [1e-3, -1e-3]
     cam = load_cam(cam_path("poly345"))
-    contour = contours(cam.follower, build_law(cam), 20_000)[0].points.T
+    contour = contours(cam.follower, build_law(cam), 2_000)[0].points.T
     corner = [contour[:, 0].min() - 5e-3, contour[:, 1].max() + 5e-3]  # of the page
     ring = LinearRing(read + corner)
     prepare(ring)

@@ -13,7 +13,6 @@ from cam_rig.errors import DynamicsError, LawError
 from cam_rig.laws import bernstein, build_law, catalogue
 from cam_rig.laws.figures import cams_figure, rises_figure
 from cam_rig.laws.segments import NAMED_RISES
-from cam_rig.schema.load import config_root
 from cam_rig.schema.segments import Rise, Segment
 from cam_rig.show.figure import line as look
 from cam_rig.show.looks import in_words
@@ -210,19 +209,10 @@ def test_lift_is_the_largest_displacement(cams, laws):
 # -- a law as scipy's Bernstein polynomials and back; its derivative as a law -----------------
 
 
-CAMS = sorted(path.stem for path in (config_root() / "cams").glob("*.yaml"))
-
-
-def laws():
-    """All shipped laws."""
-    for name in CAMS:
-        yield cam_rig.build_law(cam_rig.load_cam(name))
-
-
-def test_the_way_there_and_back_is_exact():
+def test_the_way_there_and_back_is_exact(laws):
     """Ordinates and breakpoints bit for bit; scipy's values to rounding, beyond the turn too."""
     angle = np.random.default_rng(1).uniform(-10.0, 20.0, 500)
-    for law in laws():
+    for law in laws.values():
         bpoly = law.to_bpoly()
         again = cam_rig.Law.from_bpoly(bpoly, law.name)
         assert again.name == law.name
@@ -233,10 +223,10 @@ def test_the_way_there_and_back_is_exact():
         np.testing.assert_allclose(bpoly(angle), law(angle), rtol=0, atol=1e-13 * steepest)
 
 
-def test_the_derivative_is_a_law():
+def test_the_derivative_is_a_law(laws):
     """Of any order; also of the derivative that scipy makes."""
     angle = np.linspace(0.0, 6.28, 400)
-    for law in laws():
+    for law in laws.values():
         for order in (1, 2, 3):
             derived = law.derivative(order)
             scale = max(np.abs(derived.ordinates).max(), 1e-300)
@@ -258,7 +248,7 @@ def test_what_is_no_law_for_scipy():
         cam_rig.Law.from_bpoly(BPoly(np.ones((2, 2, 3)), turn))
 
 
-def test_its_repr_is_one_short_line_and_its_plot_has_four_panels():
-    for law in laws():
+def test_its_repr_is_one_short_line_and_its_plot_has_four_panels(laws):
+    for law in laws.values():
         assert len(repr(law)) < 120 and "\n" not in repr(law)
     assert len(law.plot().axes) >= 4

@@ -47,13 +47,9 @@ def test_bag_of_another_scene(golden, config_dir):
 
 def test_bag_of_an_older_rig(quick, golden):
     """The same scene on a rig whose preload was changed since; words may change."""
-    follower = quick.rig.follower
-    preload = follower.preload.model_copy(update={"assumed": 99.0})
-    rig = quick.rig.model_copy(
-        update={"follower": follower.model_copy(update={"preload": preload})}
-    )
+    other = replace(quick, rig=quick.rig.with_follower(preload=99.0))
     with pytest.raises(BagError, match="recorded with another follower than the files have now"):
-        read_recorded(golden, replace(quick, rig=rig))
+        read_recorded(golden, other)
     renamed = replace(quick, rig=quick.rig.model_copy(update={"title": "another"}))
     assert read_recorded(golden, renamed).messages > 0
 

@@ -82,13 +82,6 @@ def test_level_step_names_the_file(make_loaded_scene, tmp_path, config_dir):
     assert str(path) in message
 
 
-def test_roles(make_loaded_scene):
-    """A cam's comparison is worth what its numbers were fitted to."""
-    loaded = make_loaded_scene(cams=["poly345", "bezier15", "tm21"])
-    roles = {cam: loaded.role(cam) for cam in loaded.scene.cams}
-    assert roles == {"poly345": "calibrated", "bezier15": "predicted", "tm21": "identified"}
-
-
 def test_a_follower_that_the_models_do_not_know(make_loaded_scene):
     """No second contact in the dynamics: refused by the cam file and the key."""
     for cam in ("constant_breadth", "constant_diameter", "conjugate", "oscillating_conjugate"):

@@ -150,7 +150,7 @@ def test_no_bouncing_hides_what_contradicts_it(law, rig):
     What it leaves out beside its landings counts against it, and the same against none of both.
     """
     jump = to_rpm(rigid_jump_speed(law, FollowerParameters.from_rig(rig)))
-    errors = InstrumentErrors(rate=800, encoder_rate=800)
+    errors = InstrumentErrors(rate=400, encoder_rate=400)
     other = rig.with_follower(restitution=0.3)
     run = measured_run(law, other, "one_mass", (0.6 * jump, 1.01 * jump), errors, 1)
     values = {name: getattr(rig.follower, name).si for name in ("mass", "spring_stiffness")}

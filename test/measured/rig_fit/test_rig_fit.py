@@ -143,7 +143,7 @@ def test_a_force_sensor_s_resonance_is_no_stem(law, rig):
 def test_a_stem_shows_in_the_force(law, rig):
     """Two masses are found by themselves, with stem, share and stem damping."""
     two = cam_rig.load_rig("paper_table2")
-    run = measured_run(law, two, "two_mass", (200.0, 280.0, 340.0, 380.0), seed=2)
+    run = measured_run(law, two, "two_mass", (200.0, 280.0, 340.0, 380.0), QUICK, 2)
     fit = fit_rig(law, run, rig)
     assert fit.model == "two_mass"
     require_true(fit, two, "mass", "stem_stiffness", "roller_share", "stem_damping")

@@ -254,11 +254,8 @@ def test_conclusions_turn_with_the_numbers(found):
 
 def test_one_follower(config, table2):
     """Two rigs with different masses are no one follower."""
-    mass = table2.follower.mass.model_copy(update={"given": 2.0})
-    follower = table2.follower.model_copy(update={"mass": mass})
-    other = table2.model_copy(update={"follower": follower})
     with pytest.raises(ConfigError, match=r"1\.3 kg on paper_table2 and 2 kg on .*; allowed"):
-        Bench.of(config, table2, other)
+        Bench.of(config, table2, table2.with_follower(mass=2.0))
 
 
 def test_up_and_down_with_another_high_dwell():

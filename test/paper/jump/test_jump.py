@@ -85,9 +85,7 @@ def test_fitted_is_told_by_content(cam_set, published):
     """Another rig or other angles: published, not fitted; another motion: not even published."""
     roles = {cam: known.role for cam, known in references(cam_set, published).items()}
     assert roles == dict.fromkeys(FIVE, "fitted") | {"bezier_segments": "test"}
-    stem = cam_set.rig.follower.stem_stiffness.model_copy(update={"identified": 2e6})
-    follower = cam_set.rig.follower.model_copy(update={"stem_stiffness": stem})
-    other = replace(cam_set, rig=cam_set.rig.model_copy(update={"follower": follower}))
+    other = replace(cam_set, rig=cam_set.rig.with_follower(stem_stiffness=2e6))
     assert {known.role for known in references(other, published).values()} == {""}
     wider = with_event(cam_set.cams["poly345"], 2.0)
     poly4567 = cam_set.cams["poly4567"].model_copy(update={"name": "cycloidal"})
