@@ -80,9 +80,11 @@ class Body:
             radius, length = self.size
             across = radius**2 / 4.0 + length**2 / 12.0
             own = np.array([across, across, radius**2 / 2.0])
-        from scipy.spatial.transform import Rotation  # no node needs it
-
-        turn = Rotation.from_euler("xyz", self.rpy).as_matrix()
+        (cr, cp, cy), (sr, sp, sy) = np.cos(self.rpy), np.sin(self.rpy)
+        about_x = np.array([[1.0, 0.0, 0.0], [0.0, cr, -sr], [0.0, sr, cr]])
+        about_y = np.array([[cp, 0.0, sp], [0.0, 1.0, 0.0], [-sp, 0.0, cp]])
+        about_z = np.array([[cy, -sy, 0.0], [sy, cy, 0.0], [0.0, 0.0, 1.0]])
+        turn = about_z @ about_y @ about_x  # scipy's Rotation: a second of a bag's first tick
         return np.asarray(self.mass * turn @ np.diag(own) @ turn.T)
 
     def elements(self) -> tuple[Element, Element]:

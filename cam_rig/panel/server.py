@@ -203,7 +203,7 @@ class LivePage:
         self._new = asyncio.Event()
 
     def tell(self, kind: str, message: Callable[[], Message]) -> None:
-        """Have it told, in place of what still waits of a kind; made when it is sent."""
+        """Have it told, in place of what still waits of a kind; made when sent, empty is none."""
         self._newest[kind] = message
         self._new.set()
 
@@ -250,6 +250,6 @@ class LivePage:
             await self._new.wait()
             self._new.clear()
             while self._newest:
-                message = self._newest.pop(next(iter(self._newest)))
-                await self.send(message())
+                if message := self._newest.pop(next(iter(self._newest)))():
+                    await self.send(message)
             await asyncio.sleep(TELL_EVERY_S)

@@ -239,7 +239,7 @@ class BenchPage:
             return {}
         found = json.loads(message)
         if found["type"] == "live":
-            self.live = found
+            self.live = self.live | found  # what has changed
         return found
 
     def until(self, condition):
@@ -279,7 +279,12 @@ class BenchPage:
     def turned(self, seconds):
         """Start, and wait until the cam has turned for some rig time (s)."""
         self.do("call", value="start")
-        return self.until(lambda live: live["state"].get("time_ns", 0) > 1e9 * seconds)
+        return self.comes_to(seconds)
+
+    def comes_to(self, seconds):
+        """Watch until the follower has come to a rig time (s)."""
+        self.do("watch", value=True)
+        return self.until(lambda _: self.motion and self.motion[-1][0] > seconds)
 
     def keep(self):
         """Keep the bag that is recorded; its path."""

@@ -79,15 +79,15 @@ def test_a_killed_node_is_named_and_one_command_starts_it_again(shared):
     with panel.page() as page:
         page.running()
         page.until(lambda live: live["holds"])
-        page.do("call", value="start")
+        page.turned(0.1)
         page.until(lambda live: live["level"])
         os.kill(panel.nodes()["follower"], signal.SIGKILL)
         ended = page.until(lambda live: live["ended"])["ended"]
         assert "follower was ended by signal 9" in ended["follower"]
         assert not page.ask("start_again", value="microphone")["success"]
-        before = page.live["state"]["time_ns"]
+        before = page.motion[-1][0]
         page.do("start_again", value="follower")
-        page.until(lambda live: not live["ended"] and live["state"]["time_ns"] > before + 5e8)
+        page.until(lambda live: not live["ended"] and page.motion[-1][0] > before + 0.5)
 
 
 def test_a_page_that_watches_is_sent_every_tick_and_another_none(shared):
@@ -326,7 +326,7 @@ def test_what_is_drawn_is_put_on_the_bench(running_panel):
             answer = running_panel.send("/bench/mount", {"ordinates": ordinates})
             assert answer == (200, {"cam": name})
             page.until(lambda live, name=name: live["state"].get("cam") == name)
-        page.until(lambda live: live["state"]["time_ns"] > 2e9)
+        page.comes_to(2.0)
         bag = page.keep()
     law = read_ticks(bag)
     lifts = {tick.cam: tick.lift.max() for tick in law}

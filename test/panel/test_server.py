@@ -313,8 +313,6 @@ def test_a_page_that_reads_nothing_is_dropped_alone(panel, path, monkeypatch):
     """While it sleeps others are answered and follow; then it is no page any more."""
     monkeypatch.setattr(server, "TELL_EVERY_S", 0.0)
     monkeypatch.setattr(server, "READS_WITHIN_S", 0.3)
-    # a state that soon fills what may wait in the network
-    monkeypatch.setattr(panel.bench.live, "log", ["x" * 200_000])
     pages = panel.pages._pages if path == BOARD else panel.bench._pages
     with panel.page(path) as one, panel.page(path) as two:
         until(lambda: len(pages) == 2)
@@ -324,6 +322,8 @@ def test_a_page_that_reads_nothing_is_dropped_alone(panel, path, monkeypatch):
         while len(pages) == 3:
             assert time.monotonic() < end, "the page that sleeps was not dropped"
             number += 1
+            # a state that soon fills what may wait in the network
+            monkeypatch.setattr(panel.bench.live, "log", ["x" * 200_000 + str(number)])
             one.send(json.dumps(panel.right(path) | {"number": number}))
             answer_to(one, number)
             two.recv(timeout=WAIT_S)

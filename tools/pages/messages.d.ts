@@ -189,7 +189,7 @@ interface NotedReading {
   preload_n: number;
 }
 
-/** The bench as a page sees it. */
+/** The bench as a page sees it: all of it at first, then what has changed. */
 interface Live {
   type: "live";
   holds: boolean;
@@ -205,7 +205,7 @@ interface Live {
   /** What the nodes are set to, by their names. */
   values: Record<string, any>;
   /** Empty until the cam has turned. */
-  state: { cam: string; rpm: number; time_ns: number; angle: number } | Record<string, never>;
+  state: { cam: string; rpm: number } | Record<string, never>;
   contact: string;
   late: string;
   kept: string[];

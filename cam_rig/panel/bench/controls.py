@@ -17,6 +17,7 @@ from cam_rig.panel import is_number
 from cam_rig.panel.bench.live_state import LiveState, PageSound
 from cam_rig.panel.bench.runner import SAMPLE_RATE, BenchRunner, Setup, add_cam
 from cam_rig.schema import CamConfig
+from cam_rig.simulation.scene import calibrated_on
 
 # The server's end of the socket to the panel's node: commands out, what the nodes say in.
 
@@ -110,7 +111,7 @@ class BenchControls:
 
     def __init__(self, runner: BenchRunner, live: LiveState, link: NodeLink) -> None:
         self._runner, self._live, self._link = runner, live, link
-        self.sound = self._sound(live.setup)
+        self._take_rig(live.setup)
 
     async def obey(self, command: dict[str, Any]) -> Reply:
         """Do what a command says; what came of it."""
@@ -152,7 +153,7 @@ class BenchControls:
         chosen = self._live.chosen()
         self._live.setup = setup
         self._live.happened({"graph": "starting"})
-        self.sound = self._sound(setup)
+        self._take_rig(setup)
         self._runner.set_up(setup, chosen, keep)
 
     def drawn_name(self) -> str:
@@ -169,8 +170,11 @@ class BenchControls:
             raise RefusedError(answer["words"])
         return None
 
-    def _sound(self, setup: Setup) -> PageSound:
-        return PageSound(RadiationParameters.from_rig(setup.rig(self._runner.rig)), SAMPLE_RATE)
+    def _take_rig(self, setup: Setup) -> None:
+        """What a set-up's rig sounds like, and the cam that its levels are calibrated on."""
+        rig = setup.rig(self._runner.rig)
+        self.sound = PageSound(RadiationParameters.from_rig(rig), SAMPLE_RATE)
+        self.calibrated_on = calibrated_on(rig, setup.model)
 
     def as_it_is(self, given: dict[str, Any]) -> Setup:
         """The set-up with the cam that is mounted, the speed that is commanded, and more."""

@@ -6,6 +6,7 @@ import csv
 import io
 import math
 from collections import deque
+from copy import copy
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
@@ -181,8 +182,9 @@ class LiveState:
         if "log" in message:
             self.log = [*self.log, message["log"]][-MAX_LINES:]
 
-    def heard(self, message: dict[str, Any]) -> None:
-        """A line of what the nodes say."""
+    def heard(self, message: dict[str, Any]) -> bool:
+        """A line of what the nodes say; whether it tells more than a tick's level."""
+        before = self._known()
         if "state" in message:
             self._turned(message["state"])
         elif "level" in message:
@@ -191,6 +193,12 @@ class LiveState:
             self._health(*message["health"])
         elif "values" in message:
             self._set(message["node"], message["values"])
+        return "values" in message or self._known() != before
+
+    def _known(self) -> tuple[Any, ...]:
+        """What a page is told at once."""
+        turning = self.state.get("cam"), self.state.get("rpm")
+        return self.graph, self.drive, self.waits_for, self.contact, self.late, turning
 
     def _turned(self, state: dict[str, Any]) -> None:
         if state["cam"] != self.state.get("cam"):
@@ -269,12 +277,13 @@ class LiveState:
         return reading
 
     def shown(self) -> dict[str, Any]:
-        """All of it, for a page."""
+        """All of it, for a page, that later changes leave as it is; readings are records."""
         tick = self.meter.latest
-        level = round(tick.level, 3) if tick and self.drive == "turning" else None
-        own = {f.name: getattr(self, f.name) for f in fields(self)}
-        own |= {"setup": vars(self.setup), "readings": [vars(one) for one in self.readings]}
-        return own | {"level": level}
+        level = round(tick.level, 1) if tick and self.drive == "turning" else None
+        own = {f.name: copy(getattr(self, f.name)) for f in fields(self)}
+        own |= {"setup": vars(self.setup), "values": {n: dict(v) for n, v in self.values.items()}}
+        state = {key: value for key, value in self.state.items() if key in ("cam", "rpm")}
+        return own | {"state": state, "level": level}
 
 
 # The sound of the rig for a page: from the samples of each tick, while somebody listens.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import base64
 from collections import deque
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from functools import partial
 from typing import Any
@@ -38,10 +38,9 @@ from cam_rig.panel.bench.runner import (
     cam_names,
 )
 from cam_rig.panel.board.board import Board
-from cam_rig.panel.server import LivePage, PanelPages, csv_file, get, page_file, post
+from cam_rig.panel.server import LivePage, Message, PanelPages, csv_file, get, page_file, post
 from cam_rig.schema import CamConfig
 from cam_rig.show import looks as colours
-from cam_rig.simulation.scene import calibrated_on
 from cam_rig.units import NS, FloatArray
 
 # One page of the bench: told as every live page is, and what it watches and listens to.
@@ -49,17 +48,44 @@ from cam_rig.units import NS, FloatArray
 #: Blocks of motion and of sound that wait for a page, at most: the oldest are dropped.
 MAX_BLOCKS = 64
 #: Wall time (s) between two messages of blocks: one costs more than what it holds.
-STREAM_EVERY_S = 0.025
+STREAM_EVERY_S = 0.04
+#: Wall time (s) between two messages of nothing but a level: nobody reads numbers faster.
+LEVEL_EVERY_S = 0.1
 
 
 class BenchPage(LivePage):
-    """A page that may watch, and listen."""
+    """A page that may watch, and listen; ``shown`` is all that it may be told."""
 
-    def __init__(self, socket: WebSocket) -> None:
+    def __init__(self, socket: WebSocket, shown: Callable[[BenchPage], Message]) -> None:
         super().__init__(socket)
         self.listens = self.watches = False
+        self._shown, self._told = shown, Message()
+        self._level = asyncio.Event()
         self._blocks = {kind: deque[bytes](maxlen=MAX_BLOCKS) for kind in (MOTION, SOUND)}
         self._heard = asyncio.Event()
+
+    def changed(self, soon: bool = True) -> None:
+        """Tell it what is new, ``soon`` or as often as a level is."""
+        if soon:
+            self.tell("live", self._news)
+        else:
+            self._level.set()
+
+    def _news(self) -> Message:
+        """What is not as it was told; of readings, records until now, what they hold."""
+        shown = self._shown(self)
+        new = {k: v for k, v in shown.items() if k not in self._told or self._told[k] != v}
+        self._told = shown
+        if "readings" in new:
+            new["readings"] = [vars(reading) for reading in new["readings"]]
+        return new and {"type": "live"} | new
+
+    async def _levels(self) -> None:
+        while True:
+            await self._level.wait()
+            self._level.clear()
+            self.tell("live", self._news)
+            await asyncio.sleep(LEVEL_EVERY_S)
 
     def stream(self, kind: bytes, block: bytes) -> None:
         """Send a block of a tick, in its turn, with those of its kind that wait."""
@@ -71,8 +97,8 @@ class BenchPage(LivePage):
         return {"type": "answer", "success": False, "words": words, "answer": number}
 
     def telling(self) -> list[Any]:
-        """Its blocks beside the rest."""
-        return [*super().telling(), self._stream()]
+        """Levels and blocks beside the rest."""
+        return [*super().telling(), self._levels(), self._stream()]
 
     async def _stream(self) -> None:
         while True:
@@ -169,7 +195,7 @@ class BenchPages(PanelPages):
 
     async def _live(self, socket: WebSocket) -> None:
         await socket.accept()
-        shown = BenchPage(socket)
+        shown = BenchPage(socket, self._shown)
         self._pages.append(shown)
         self._changed()
         try:
@@ -216,8 +242,7 @@ class BenchPages(PanelPages):
         if "state" in message:
             self._runner.driven(message["state"]["time_ns"] / NS)
             self._motion.state(message["state"])
-        self.live.heard(message)
-        self._changed()
+        self._changed(self.live.heard(message))
 
     def _sampled(self, rows: FloatArray) -> None:
         """A tick of the follower: seen where a page watches, heard where it listens."""
@@ -235,13 +260,10 @@ class BenchPages(PanelPages):
         self.live.happened(message)
         self._changed()
 
-    def _changed(self) -> None:
+    def _changed(self, soon: bool = True) -> None:
         for page in self._pages:
-            page.tell("live", partial(self._shown, page))
+            page.changed(soon)
 
-    def _shown(self, page: BenchPage) -> dict[str, Any]:
-        own = {"type": "live", "holds": page is self._pages[0]}
-        setup = self.live.setup
-        worth = calibrated_on(setup.rig(self._runner.rig), setup.model)
-        own |= {"sound_rate": self._controls.sound.rate, "calibrated_on": worth}
-        return own | self.live.shown()
+    def _shown(self, page: BenchPage) -> Message:
+        own = {"holds": page is self._pages[0], "calibrated_on": self._controls.calibrated_on}
+        return own | {"sound_rate": self._controls.sound.rate} | self.live.shown()

@@ -9,10 +9,13 @@ import { length } from "../common/rig.js";
 import { Stage } from "./stage.js";
 import { Sound } from "./sound.js";
 
+const LOST = "contact lost";
+/** What may change with every tick. */
+const NUMBERS = ["type", "level", "losses", "contact", "late"];
 /** How long (ms) the lamp shows a contact that was lost: it may have been for a millisecond. */
 const LAMP_MS = 400;
 /** What a speed does is waited for so long (ms): the server may be compiling its search. */
-const WAITS_MS = 60_000;
+const WAITS_MS = 60_000, AGAIN_MS = 1000;
 /** What is read out has stayed so long (ms). */
 const ANNOUNCE_MS = 1500;
 /** The meter is read so often (ms): all of the page between it and the cam is composed anew where both change. */
@@ -74,7 +77,7 @@ function gone() {
   for (const id of ["speed", "level"]) $(id).textContent = "–";
   field("meter").value = "0";
   for (const id of ["graph", "ros", "late"]) $(id).textContent = "";
-  lostAt = -Infinity;
+  [now, lostAt] = [null, -Infinity];
   lamp("");
 }
 /** @param {string} sentence @param {boolean} wrong */
@@ -90,7 +93,10 @@ async function ask(command) {
 }
 /** A speed that is chosen before the nodes are there. @type {number | null} */
 let wanted = null;
-const speed = new Newest((/** @type {number} */ rpm) => ask({ do: "set", name: "rpm", value: rpm }));
+const speed = new Newest(async (/** @type {number} */ rpm) => {
+  const { success } = await ask({ do: "set", name: "rpm", value: rpm });
+  if (!success) again();
+});
 /** @param {number} rpm */
 function choose_speed(rpm) {
   if (runs(now)) speed.put(rpm);
@@ -140,16 +146,38 @@ $("rerun").addEventListener("click", () => ask({ do: "rerun" }));
 
 // -- what is shown ------------------------------------------------------------------------------------
 const chart = new NoiseChart($("noise"), $("noise_key"), about.colours);
-let [lostAt, losses, metered] = [-Infinity, Infinity, -Infinity];
+let [lostAt, metered] = [-Infinity, -Infinity];
 /** Until the lamp is looked at again. */
 let lamps = 0;
 
-/** @param {Live} message */
-function live(message) {
-  now = message;
+/** What has changed, or all of it. @param {Partial<Live>} news */
+function live(news) {
+  const { contact: before, losses: known } = now ?? {};
+  const message = now = /** @type {Live} */ ({ ...now, ...news });
+  const { drive, state, contact, losses } = message;
+  const whole = Object.keys(message.ended).length === 0; // no node is missing
+  const turns = drive === "turning" && "rpm" in state && whole;
+  if ([before, contact].includes(LOST) || losses > (known ?? losses)) lostAt = performance.now();
+  lamp(whole ? contact : "");
+  if (!turns || performance.now() - metered > METER_MS) {
+    metered = performance.now();
+    say("level", message.level === null || !whole ? "–" : message.level.toFixed(1));
+    put("meter", message.level ?? 0);
+  }
+  say("late", message.late ? text("late") : "");
+  hide("loud", !(sound.on && field("volume").valueAsNumber > LOUD && (message.level ?? 0) > LOUD_DB));
+  announce(message, turns);
+  if (Object.keys(news).some((name) => !NUMBERS.includes(name))) settings(message, turns);
+}
+/** What was held back, as long as something was typed, is shown. */
+const again = () => setTimeout(() => now && live(now));
+addEventListener("focusout", again);
+
+/** All but the numbers of a tick. @param {Live} message @param {boolean} turns */
+function settings(message, turns) {
   heading(message.setup.model);
-  const { graph, drive, state, values, contact } = message;
-  if (message.sound_rate) sound.rate = message.sound_rate;
+  const { graph, drive, state, values } = message;
+  sound.rate = message.sound_rate;
   hide("holder", message.holds);
   say("relative", message.calibrated_on ? text("calibrated", { cam: message.calibrated_on }) : text("level_relative"));
   const off = { start: drive === "emergency" || drive === "turning", stop: drive !== "turning", keep: !("cam" in state) };
@@ -163,20 +191,9 @@ function live(message) {
   screen(message);
   hide("csv", !message.readings.length);
   graphWords(message);
-  const whole = Object.keys(message.ended).length === 0; // no node is missing
-  const turns = drive === "turning" && "rpm" in state && whole;
   say("speed", "rpm" in state ? shown(turns ? state.rpm : 0, 5) : "–");
-  if (!turns || performance.now() - metered > METER_MS) {
-    metered = performance.now();
-    say("level", message.level === null || !whole ? "–" : message.level.toFixed(1));
-    put("meter", message.level ?? 0);
-  }
   const ear = values.microphone;
   say("quantity", ear ? `dB, L${ear.frequency_weighting}${ear.time_weighting}` : "dB");
-  if (contact === "contact lost" || message.losses > losses) lostAt = performance.now();
-  losses = message.losses;
-  lamp(whole ? contact : "");
-  say("late", message.late ? text("late") : "");
   if (!knob.held && !speed.pending && wanted === null && document.activeElement !== $("rpm")) {
     const commanded = values.cam_drive?.rpm || message.setup.rpm;
     knob.show(commanded);
@@ -188,10 +205,8 @@ function live(message) {
   list("ended", Object.entries(message.ended), ended);
   list("kept", message.kept, (path) => Object.assign(document.createElement("li"), { textContent: text("kept", { path }) }));
   list("log", message.log, (line) => Object.assign(document.createElement("li"), { textContent: line }));
-  hide("loud", !(sound.on && field("volume").valueAsNumber > LOUD && (message.level ?? 0) > LOUD_DB));
   stage.show(message, turns);
   forecast();
-  announce(message, turns);
 }
 
 /** @param {Live | null} message */
@@ -238,9 +253,9 @@ function graphWords({ graph, words: why, domain, drive, waits_for: nodes }) {
 
 /** @param {string} contact */
 function lamp(contact) {
-  const lost = performance.now() - lostAt < LAMP_MS;
+  const lost = contact === LOST || performance.now() - lostAt < LAMP_MS;
   clearTimeout(lamps); // each message looks at it
-  if (lost) lamps = setTimeout(() => lamp(now?.contact ?? ""), LAMP_MS);
+  if (lost && contact !== LOST) lamps = setTimeout(() => lamp(contact), LAMP_MS);
   $("lamp").classList.toggle("lost", lost);
   $("lamp").classList.toggle("none", !contact);
   say("contact", text(lost ? "contact_is_lost" : contact ? "contact_is_kept" : "contact_unknown"));
@@ -279,7 +294,8 @@ const expected = new Newest(async (/** @type {object} */ given) => {
   const answer = await fetch("/bench/expected", { method: "POST", body: JSON.stringify(given), signal: AbortSignal.timeout(WAITS_MS) }).catch(() => null);
   const found = await answer?.json().catch(() => null);
   if (!found) {
-    asked = ""; // to be asked again
+    asked = "";
+    setTimeout(forecast, AGAIN_MS);
     return;
   }
   if (JSON.stringify(given) === asked) for (const id of ["forecast", "jumps"]) $(id).classList.remove("old");
@@ -313,7 +329,7 @@ function mounted({ values, state, setup }) { return values.law_server?.cam || st
 let [heard, waits] = ["", 0];
 /** @param {Live} live @param {boolean} turns */
 function announce({ state, level, contact }, turns) {
-  const said = turns ? text("announced", { rpm: shown(state.rpm, 4), contact: text(contact === "contact lost" ? "contact_is_lost" : "contact_is_kept"), level: level === null ? "–" : Math.round(level) }) : "";
+  const said = turns ? text("announced", { rpm: shown(state.rpm, 4), contact: text(contact === LOST ? "contact_is_lost" : "contact_is_kept"), level: level === null ? "–" : Math.round(level) }) : "";
   if (said === heard) return;
   heard = said;
   clearTimeout(waits);

@@ -7,7 +7,7 @@ export const ROWS = /** @type {const} */ (["angle", "lift", "velocity", "acceler
 /** @typedef {Record<Row, Float32Array>} Rows */
 /** @typedef {Record<Row, number>} Sample */
 /** How far (s of wall time, and ticks) the picture is behind the newest block. */
-const BEHIND_S = 0.05, BEHIND_TICKS = 1.5;
+const BEHIND_S = 0.065, BEHIND_TICKS = 1.5;
 /** What the picture is off its place is made up within about so long (s); more (s) is jumped. */
 const PULL_S = 0.3, FARTHEST_S = 0.4;
 

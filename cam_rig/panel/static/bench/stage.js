@@ -12,11 +12,12 @@ import { TurnCharts } from "./turns.js";
 
 const TURN = 2 * Math.PI;
 const GAUGES = ["angle", "lift", "force", "gap"];
-/** Without a graphics card every frame is the processor's work, and one in so long (ms) is enough: 30 a second. */
-const FRAME_MS = accelerated() ? 0 : 25;
-
-/** The cam is watched, curves are read: so often (ms) those are drawn. */
-const CURVES_MS = FRAME_MS && 100;
+/** Without a graphics card every frame is the processor's work, and one in so long (ms) is enough. */
+const FRAME_MS = accelerated() ? 0 : 32;
+/** It may be asked for so much (ms) before its time: then it is one of those of the screen. */
+const EARLY_MS = 10;
+/** The cam is watched, curves are read: so often (ms) those are drawn, less often where nobody sees them grow. */
+const CURVES_MS = FRAME_MS && 100, WHOLE_MS = 200;
 
 function accelerated() {
   const context = document.createElement("canvas").getContext("webgl");
@@ -31,6 +32,7 @@ export class Stage {
   constructor(pacing) {
     this.pacing = pacing;
     this.turns = false;
+    this.rpm = 0;
     /** @type {string | null} */
     this.cam = null;
     /** A settled turn that is expected. @type {Rows | null} */
@@ -38,6 +40,7 @@ export class Stage {
     this.at = 0; // the cam angle, rad
     this.frame = 0;
     this.waits = 0; // for the next frame
+    this.due = 0; // when (ms)
     this.stood = false; // has turned, and stands: no force of a motion is left
     this.halted = false; // has just come to stand, and is to be drawn where
     this.curved = 0; // when (ms) the curves were drawn
@@ -47,10 +50,9 @@ export class Stage {
     this.lens = new Lens();
     this.rig = new RigPicture($("rig"), text("rig_picture"), this.lens);
     this.charts = new TurnCharts($("curves"), (angle) => this.#hover(angle));
-    this.charts.told = (turn, events) => {
-      this.rig.marks(events);
-      if (this.turns) this.#turned(turn, events);
-    };
+    /** The last turn that is over, until it is shown. @type {[Sample[], Crossing[]] | null} */
+    this.over = null;
+    this.charts.told = (...turn) => { this.over = turn; };
     recoloured(() => {
       this.charts.recolour();
       this.charts.draw(this.at); // paper does not wait for a frame
@@ -70,7 +72,7 @@ export class Stage {
     if (graph === "starting") this.playback.reset();
     if (this.turns && !turns) this.halted = this.stood = true;
     if (turns || graph === "starting") this.stood = false;
-    this.turns = turns;
+    [this.turns, this.rpm] = [turns, state.rpm ?? 0];
     if (this.halted) this.#soon();
   }
 
@@ -120,10 +122,11 @@ export class Stage {
 
   #soon() { this.frame ||= requestAnimationFrame((now) => this.#draw(now)); }
 
-  /** The frame after the one that was just drawn. */
-  #next() {
+  /** The frame after the one of a time (ms). @param {number} now */
+  #next(now) {
     clearTimeout(this.waits);
-    if (FRAME_MS) this.waits = setTimeout(() => this.#soon(), FRAME_MS);
+    this.due = Math.max(now + FRAME_MS / 2, this.due + FRAME_MS); // one that came late is made up, no more
+    if (FRAME_MS) this.waits = setTimeout(() => this.#soon(), this.due - EARLY_MS - performance.now());
     else this.#soon();
   }
 
@@ -144,11 +147,13 @@ export class Stage {
       if (!this.turns) this.#stands({ ...pose, angle: this.at });
     }
     this.halted = false;
-    if (!this.turns || now - this.curved > CURVES_MS) {
+    const every = 60_000 / (this.rpm * factor) < WHOLE_MS ? WHOLE_MS : CURVES_MS;
+    if (!this.turns || !CURVES_MS || now - this.curved > every) {
       this.curved = now;
       this.charts.draw(this.at);
+      this.#turned();
     }
-    if (this.turns && playback.end !== null) this.#next();
+    if (this.turns && playback.end !== null) this.#next(now);
     else this.drawn = undefined;
   }
 
@@ -171,8 +176,13 @@ export class Stage {
     this.#gauges("text", `${((angle * 180) / Math.PI).toFixed(0)}°`, `${(lift + 0).toFixed(2).replace(/^-(0\.0+)$/, "$1")} mm`, Number.isNaN(force) ? "–" : `${shown(force, 4)} N`, gap > 0 ? length(gap) : "0");
   }
 
-  /** A turn is over. @param {Sample[]} turn @param {Crossing[]} events */
-  #turned(turn, events) {
+  /** Where contact was lost and found in the last turn, and the most of it, where it is another one. */
+  #turned() {
+    if (!this.over) return;
+    const [turn, events] = this.over;
+    this.over = null;
+    this.rig.marks(events);
+    if (!this.turns) return;
     /** @param {"lift" | "force" | "gap"} name */
     const most = (name) => turn.reduce((found, one) => Math.max(found, one[name]), 0);
     const landings = events.filter(({ landing }) => landing).length;

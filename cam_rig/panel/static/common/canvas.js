@@ -11,6 +11,7 @@ export function size(canvas, width, height) {
   const scale = sharpness();
   canvas.width = Math.round(width * scale);
   canvas.height = Math.round(height * scale);
+  [canvas.style.width, canvas.style.height] = [`${width}px`, `${height}px`];
   brush(canvas).scale(scale, scale);
 }
 
