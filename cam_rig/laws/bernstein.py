@@ -210,6 +210,27 @@ def parts(degree: int, count: int) -> FloatArray:
     return found
 
 
+def cut(
+    ordinates: FloatArray, breaks: FloatArray, counts: NDArray[np.intp]
+) -> tuple[FloatArray, FloatArray]:
+    """Pieces ``(p + 1, …, n)``, each cut into so many equal parts, and the breaks of all.
+
+    Parts of what is constant, as in a dwell, keep its digits.
+    """
+    spans, firsts = np.repeat(np.diff(breaks) / counts, counts), np.cumsum(counts) - counts
+    found = np.repeat(ordinates, counts, axis=-1)
+    for i in np.flatnonzero(
+        (counts > 1) & (ordinates != ordinates[0]).reshape(-1, counts.size).any(axis=0)
+    ).tolist():
+        first, count = int(firsts[i]), int(counts[i])
+        matrices = parts(ordinates.shape[0] - 1, count)
+        found[..., first : first + count] = np.einsum(
+            "cqp,p...->q...c", matrices, ordinates[..., i]
+        )
+    inside = (np.arange(spans.size) - np.repeat(firsts, counts)) * spans
+    return found, np.append(np.repeat(breaks[:-1], counts) + inside, breaks[-1])
+
+
 def _splits(degree: int, u: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Matrices ``(n, p + 1, p + 1)`` of `split` at each u, but for the right one's first row."""
     pascal, rest = _pascal(degree)
