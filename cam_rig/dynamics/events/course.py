@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, lru_cache
 from typing import Any, ClassVar, TypeVar
 
@@ -158,7 +158,7 @@ class Course:
         pending = 0.0 if before is None else before.pending_impulse
         pending = show_impulses(rows, grid, self.events, pending)
         begun = interval.start_ns / NS
-        events = tuple(replace(event, time=begun + event.time) for event in self.events)
+        events = tuple(event._replace(time=begun + event.time) for event in self.events)
         return pending, Block(interval, rows, events)
 
 
@@ -197,7 +197,7 @@ def table_of(kind: Callable[..., Table], arrays: bool, *values: Any) -> Table:
 def _in_form(value: Any, arrays: bool) -> Any:
     if isinstance(value, np.ndarray):
         return np.array(value, dtype=np.float64, order="C") if arrays else value.tolist()
-    return value if isinstance(value, bool | int | tuple | list) else float(value)
+    return value if isinstance(value, (int, tuple, list)) else float(value)
 
 
 @lru_cache(maxsize=64)
