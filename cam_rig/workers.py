@@ -25,8 +25,8 @@ from cam_rig.interrupts import STOPPING, interruptible
 UNTOLD = "ignore:resource_tracker:UserWarning"
 
 
-#: What a worker begins with: one core for matrices, and memory (glibc's, bytes) that is kept for the
-#: next point, not given back and asked for anew.
+#: What a worker begins with: one core for matrices, and memory (glibc's, in bytes) that is kept for
+#: the next point, not given back and asked for anew.
 WORKER = {
     **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"),
     "MALLOC_MMAP_THRESHOLD_": str(1 << 25),

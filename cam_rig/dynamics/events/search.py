@@ -13,12 +13,12 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
-from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from importlib.metadata import version
 from importlib.util import find_spec
 from inspect import isfunction
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, TypeVar
 
 from cam_rig.dynamics.events import rows
@@ -40,18 +40,18 @@ DIGESTS = "digests"
 Run = Callable[..., Any]
 
 
-@dataclass
-class PlainTime:
-    """Seconds that plain Python has searched in this process."""
-
-    seconds: float = 0.0
+#: Seconds that plain Python has searched in this process.
+SPENT = SimpleNamespace(seconds=0.0)
 
 
-SPENT = PlainTime()
+def form_of(function: Run) -> tuple[Run, bool]:
+    """A function of the search, plain or compiled, and whether it takes arrays for lists."""
+    compiled = _compiled(function)
+    return (partial(_timed, function), False) if compiled is None else (compiled, True)
 
 
-def form_of(function: Run) -> Run | None:
-    """The compiled form of a run of the search; None where plain Python is to be used."""
+def _compiled(function: Run) -> Run | None:
+    """The compiled form; None where plain Python is to be used."""
     asked = os.environ.get(VARIABLE, "")
     if asked == PLAIN or (asked != ALWAYS and SPENT.seconds < LOAD_AFTER) or not _installed():
         return None
@@ -70,12 +70,11 @@ def expect_many() -> None:
     SPENT.seconds = max(SPENT.seconds, LOAD_AFTER)
 
 
-@contextmanager
-def plain_time() -> Iterator[None]:
-    """Counts the time in which plain Python searches."""
+def _timed(function: Run, *arguments: Any) -> Any:
+    """What plain Python finds; its time counts."""
     begun = time.perf_counter()
     try:
-        yield
+        return function(*arguments)
     finally:
         SPENT.seconds += time.perf_counter() - begun
 
@@ -239,10 +238,6 @@ T = TypeVar("T")
 
 def call(function: Callable[..., T], table: Callable[[bool], Any], *arguments: Any) -> T:
     """A function of the search, of a table and plain numbers, in plain Python or compiled."""
-    compiled = form_of(function)
-    if compiled is not None:
-        out: T = compiled(table(True), *arguments)
-        return out
-    lists = table(False)
-    with plain_time():
-        return function(lists, *arguments)
+    run, arrays = form_of(function)
+    out: T = run(table(arrays), *arguments)
+    return out
