@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics import MODELS, FollowerParameters, Interval, TwoMassParameters
-from cam_rig.dynamics.events import arrays, rows
+from cam_rig.dynamics.events import arrays
 from cam_rig.dynamics.events import search as compiled
 from cam_rig.dynamics.events.runs import run_events
 from cam_rig.dynamics.events.search import ALWAYS, PLAIN, VARIABLE, cache_folder, form_of
 from cam_rig.dynamics.two_mass import trajectory
 from cam_rig.dynamics.two_mass.masses import free_masses
 from cam_rig.dynamics.two_mass.trajectory import Separation, first_lift_off
-from cam_rig.laws import Law
+from cam_rig.laws import Law, rows
 from cam_rig.units import NS, RPM, TURN
 
 ONE = FollowerParameters(1.3, 4030.0, 8.642, 12.753, 3.3e8)

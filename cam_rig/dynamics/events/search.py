@@ -21,14 +21,15 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, TypeVar
 
-from cam_rig.dynamics.events import rows
+from cam_rig.laws import rows
 
-#: Modules of this package that are compiled as they are, beside `arrays`.
+#: Modules that are compiled as they are, beside `arrays`.
 MODULES = (
-    *("events.rows", "events.polynomials", "events.law_table", "events.free_flight"),
-    *("events.approach", "events.contact", "events.runs", "events.turns"),
-    *("modal.motion", "modal.least", "modal.sags", "modal.harmonics", "modal.first_zero"),
-    "jump.rigid",
+    *("laws.rows", "laws.polynomials"),
+    *("dynamics.events.law_table", "dynamics.events.free_flight", "dynamics.events.approach"),
+    *("dynamics.events.contact", "dynamics.events.runs", "dynamics.events.turns"),
+    *("dynamics.modal.motion", "dynamics.modal.least", "dynamics.modal.sags"),
+    *("dynamics.modal.harmonics", "dynamics.modal.first_zero", "dynamics.jump.rigid"),
 )
 #: Seconds in plain Python after which the compiled code is loaded, or made.
 LOAD_AFTER, COMPILE_AFTER = 0.5, 10.0
@@ -190,7 +191,7 @@ def _register() -> None:
     for function, other in special.items():
         overload(function, strict=False)(other)
     for name in MODULES:
-        module = importlib.import_module(f"cam_rig.dynamics.{name}")
+        module = importlib.import_module(f"cam_rig.{name}")
         for function in vars(module).values():
             own = isfunction(function) and function.__module__ == module.__name__
             if own and function not in special:
@@ -201,8 +202,8 @@ def _register() -> None:
 def cache_folder() -> Path:
     """Where code is kept: of these sources and their place, libraries, CPU, and this user alone."""
     stamp = hashlib.sha256(__file__.encode())
-    for name in (*MODULES, "events.arrays"):
-        path = Path(__file__).parents[1].joinpath(*name.split(".")).with_suffix(".py")
+    for name in (*MODULES, "dynamics.events.arrays"):
+        path = Path(__file__).parents[2].joinpath(*name.split(".")).with_suffix(".py")
         stamp.update(path.read_bytes())
     for library in ("numba", "llvmlite", "numpy"):
         stamp.update(f"{library} {version(library)} ".encode())

@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cam_rig.dynamics.events.rows import Row, Rows, borrowed, zero_rows, zeros
 from cam_rig.dynamics.modal.harmonics import Sag, rings, sag_of, settled_sag
 from cam_rig.dynamics.modal.least import Least, Stretch, least
 from cam_rig.dynamics.modal.motion import (
@@ -26,6 +25,7 @@ from cam_rig.dynamics.modal.motion import (
     series_of,
 )
 from cam_rig.dynamics.modal.sags import BENT, FORCED, FREE, TINY, sags_between
+from cam_rig.laws.rows import Row, Rows, borrowed, zero_rows, zeros
 from cam_rig.units import TURN
 
 #: What a search may find: the output reaches zero; it is there at the start; it is above zero as

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from cam_rig.dynamics.events.rows import index_at, zeros
 from cam_rig.dynamics.events.search import call
 from cam_rig.dynamics.linear.response import RESONANT, LinearResponse
 from cam_rig.dynamics.linear.sampling import Outputs
@@ -28,6 +27,7 @@ from cam_rig.dynamics.modal.motion import (
 )
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein
+from cam_rig.laws.rows import index_at, zeros
 from cam_rig.units import TURN, FloatArray, to_rpm
 
 #: Looks after which a search can be interrupted: some 20 ms of compiled code, a second of plain.
