@@ -25,6 +25,15 @@ from cam_rig.interrupts import STOPPING, interruptible
 UNTOLD = "ignore:resource_tracker:UserWarning"
 
 
+#: What a worker begins with: one core for matrices, and memory (glibc's, in bytes) that is kept for
+#: the next point, not given back and asked for anew.
+WORKER = {
+    **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"),
+    "MALLOC_MMAP_THRESHOLD_": str(1 << 25),
+    "MALLOC_TRIM_THRESHOLD_": str(1 << 26),
+}
+
+
 class _Worker(SpawnProcess):
     """A process that no signal to a command reaches: it would print where it was.
 
@@ -85,8 +94,8 @@ def workers(count: int | None = None) -> Iterator[ProcessPoolExecutor]:
 
     Each computes on one core: the matrices are too small to share. An interrupt ends them at once.
     """
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
+    for name, value in WORKER.items():
+        os.environ.setdefault(name, value)
     if UNTOLD not in sys.warnoptions:
         sys.warnoptions.append(UNTOLD)
     try:

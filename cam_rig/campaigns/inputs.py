@@ -228,17 +228,10 @@ class ProfileErrors:
             ordinates = law.ordinates + self.size if self.size else law.ordinates
             return Law(law.name, law.breaks, ordinates)
         counts = np.ceil(law.spans / self._step * (1.0 - 1e-12)).astype(int)
-        breaks, columns = [np.zeros(1)], []
+        own, breaks = bernstein.cut(law.ordinates, law.breaks, counts)
         degree = max(DEGREE, law.degree)
-        for i, count in enumerate(counts.tolist()):
-            breaks.append(np.linspace(law.breaks[i], law.breaks[i + 1], count + 1)[1:])
-            parts = np.repeat(law.ordinates[:, i : i + 1], count, axis=1)
-            if np.ptp(parts[:, 0]):  # else a dwell's are its own
-                split = bernstein.parts(law.degree, count)
-                parts = np.einsum("cqp,p->qc", split, law.ordinates[:, i])
-            columns.append(bernstein.elevate(parts, degree))
-        ends = np.concatenate(breaks)
-        return Law(law.name, ends, np.concatenate(columns, axis=1) + self.ordinates(ends, degree))
+        ordinates = bernstein.elevate(own, degree) + self.ordinates(breaks, degree)
+        return Law(law.name, breaks, ordinates)
 
     def at(self, angle: FloatArray) -> FloatArray:
         """Value (m), slope (m/rad) and curvature (m/rad²) of the errors at cam angles, (3, n).

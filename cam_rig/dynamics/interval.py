@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Literal, TypeVar
+from typing import Literal, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -234,8 +234,7 @@ class SampleGrid:
         return slice(first, last), self.offset + np.arange(first, last) / self.sample_rate
 
 
-@dataclass(frozen=True)
-class Event:
+class Event(NamedTuple):
     """A lift-off or a landing."""
 
     kind: EventKind

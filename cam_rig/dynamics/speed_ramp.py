@@ -7,7 +7,6 @@ own, on a substitute cam that turns steadily, every model takes it as it takes a
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import lru_cache, wraps
 from typing import TypeVar
 
@@ -66,7 +65,7 @@ def with_ramps(
             state, block = advance(ramped, parameters, state, steady, sample_rate, step)
             blocks.append(block)
             events += [  # with the angle of the cam in place of the substitute's, which is a time
-                replace(event, angle=part.unwrapped_at(event.angle / steady.speed))
+                event._replace(angle=part.unwrapped_at(event.angle / steady.speed))
                 for event in block.events
             ]
             step = 0.0

@@ -11,17 +11,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
 from cam_rig.dynamics.events import law_table as at
 from cam_rig.dynamics.events import turns as kernel
-from cam_rig.dynamics.events.course import EndlessEventsError
-from cam_rig.dynamics.events.law_table import RunRecord
-from cam_rig.dynamics.events.rows import zero_rows, zeros
+from cam_rig.dynamics.events.course import EndlessEventsError, record_of
 from cam_rig.dynamics.events.runs import RunTable, stem_stretch
-from cam_rig.dynamics.events.search import form_of, plain_time
+from cam_rig.dynamics.events.search import form_of
 from cam_rig.dynamics.interval import FollowerState, Interval
 from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.dynamics.parameters import FollowerParameters, require_number, require_turning
@@ -209,18 +206,10 @@ class StroboscopicMap:
 
     def _turn(self, now: list[float], frame: FloatArray, rows: FloatArray) -> int:
         """Fill the rows from a place that goes on, plain or compiled."""
-        most, compiled = float(self._course.most_events), form_of(kernel.run_turns)
-        if compiled is None:
-            phases, events = zero_rows(ROOM, at.PHASE_SIZE), zero_rows(2 * ROOM, at.EVENT_SIZE)
-            lists, turned = rows.tolist(), frame.tolist()
-            with plain_time():
-                record = RunRecord(now, phases, events, zeros(2))
-                done = kernel.run_turns(self._table(False), record, turned, lists, most)
-            rows[:], frame[:] = lists, turned
-            return done
-        place = np.array(now)
-        made = np.empty((ROOM, at.PHASE_SIZE)), np.empty((2 * ROOM, at.EVENT_SIZE))
-        numbers: Any = (place, *made, np.zeros(2))
-        found: int = compiled(self._table(True), RunRecord(*numbers), frame, rows, most)
-        now[:] = place.tolist()
-        return found
+        run, arrays = form_of(kernel.run_turns)
+        record = record_of(now, ROOM, arrays)
+        turned, filled = (frame, rows) if arrays else (frame.tolist(), rows.tolist())
+        most = float(self._course.most_events)
+        done: int = run(self._table(arrays), record, turned, filled, most)
+        frame[:], rows[:], now[:] = turned, filled, np.array(record.now).tolist()
+        return done

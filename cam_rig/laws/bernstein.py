@@ -9,76 +9,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cam_rig.laws.polynomials import (
+    RESOLUTION,
+    halve_at_root,
+    only_root,
+    opposite,
+    sign_changes,
+    weighted_by_binomials,
+    weighted_value,
+)
+from cam_rig.laws.rows import Row
 from cam_rig.units import FloatArray
-
-# The root between two signs, by Brent's method, without the imports of `scipy.optimize`.
-
-#: Relative width at which two neighbouring floats are told apart no further.
-RELATIVE = 4.0 * 2.0**-52
-#: Least absolute width: any root but 0 is found to its own relative width.
-ABSOLUTE = 1e-300
-#: A root beside 0 may take as many halvings as a float has; an ordinary one takes some ten steps.
-MAX_STEPS = 2000
-
-
-def bracketed_root(function: Callable[[float], float], lo: float, hi: float) -> float:
-    """The root between ``lo`` and ``hi`` by Brent's steps (1973, ch. 4), bits as scipy's brentq."""
-    before, now = lo, hi
-    f_before, f_now = function(before), function(now)
-    if f_before == 0.0:
-        return before
-    if f_now == 0.0:
-        return now
-    if (f_before < 0.0) == (f_now < 0.0):
-        raise ValueError(f"no change of sign between {lo:g} ({f_before:g}) and {hi:g} ({f_now:g})")
-    other, f_other, step, last_step = before, f_before, 0.0, 0.0
-    for _ in range(MAX_STEPS):
-        if f_before != 0.0 and f_now != 0.0 and (f_before < 0.0) != (f_now < 0.0):
-            other, f_other = before, f_before
-            last_step = step = now - before
-        if abs(f_other) < abs(f_now):  # go on from the better end
-            before, now, other = now, other, now
-            f_before, f_now, f_other = f_now, f_other, f_now
-        width, half = 0.5 * (ABSOLUTE + RELATIVE * abs(now)), 0.5 * (other - now)
-        if f_now == 0.0 or abs(half) < width:
-            return now
-        tried = math.inf
-        if abs(last_step) > width and abs(f_now) < abs(f_before):
-            tried = _interpolated((before, now, other), (f_before, f_now, f_other))
-        if 2.0 * abs(tried) < min(abs(last_step), 3.0 * abs(half) - width):
-            last_step, step = step, tried
-        else:
-            last_step = step = half
-        before, f_before = now, f_now
-        now += step if abs(step) > width else (width if half > 0.0 else -width)
-        f_now = function(now)
-    raise RuntimeError(f"no root between {lo:g} and {hi:g} after {MAX_STEPS} steps")
-
-
-def _interpolated(x: tuple[float, float, float], f: tuple[float, float, float]) -> float:
-    """Step to the zero of what goes through the last points; infinite where nothing does."""
-    (before, now, other), (f_before, f_now, f_other) = x, f
-    try:
-        if before == other:
-            return -f_now * (now - before) / (f_now - f_before)
-        slope = (f_before - f_now) / (before - now)
-        far_slope = (f_other - f_now) / (other - now)
-        rise = f_other * far_slope - f_before * slope
-        return -f_now * rise / (far_slope * slope * (f_other - f_before))
-    except ZeroDivisionError:
-        return math.inf
-
 
 EPS = float(np.finfo(np.float64).eps)
 #: Up to so many points one call that runs along them is quicker than a loop over the degree.
 FEW = 32
-#: Subdivision stops here: roots nearer than this cannot be told apart in double precision.
-_ROOT_RESOLUTION = 2.0**-46
 
 
 @lru_cache(maxsize=128)
@@ -110,19 +60,9 @@ def evaluate(ordinates: FloatArray, u: FloatArray) -> FloatArray:
 
 
 def scalar(ordinates: FloatArray) -> Callable[[float], float]:
-    """The polynomial ``(p + 1,)`` as a function of one float, by Horner's rule in u/(1 − u)."""
-    weighted = (binomials(ordinates.size - 1) * ordinates).tolist()
-    backward, degree = weighted[::-1], len(weighted) - 1
-
-    def value(u: float) -> float:
-        v = 1.0 - u
-        terms, ratio, scale = (backward, u / v, v) if u < 0.5 else (weighted, v / u, u)
-        total = 0.0
-        for term in terms:
-            total = total * ratio + term
-        return float(total * scale**degree)
-
-    return value
+    """The polynomial ``(p + 1,)`` as a function of one float."""
+    size = ordinates.size
+    return partial(weighted_value, weighted_by_binomials(ordinates.tolist(), size), size)
 
 
 def derivative(ordinates: FloatArray) -> FloatArray:
@@ -210,6 +150,27 @@ def parts(degree: int, count: int) -> FloatArray:
     return found
 
 
+def cut(
+    ordinates: FloatArray, breaks: FloatArray, counts: NDArray[np.intp]
+) -> tuple[FloatArray, FloatArray]:
+    """Pieces ``(p + 1, …, n)``, each cut into so many equal parts, and the breaks of all.
+
+    Parts of what is constant, as in a dwell, keep its digits.
+    """
+    spans, firsts = np.repeat(np.diff(breaks) / counts, counts), np.cumsum(counts) - counts
+    found = np.repeat(ordinates, counts, axis=-1)
+    for i in np.flatnonzero(
+        (counts > 1) & (ordinates != ordinates[0]).reshape(-1, counts.size).any(axis=0)
+    ).tolist():
+        first, count = int(firsts[i]), int(counts[i])
+        matrices = parts(ordinates.shape[0] - 1, count)
+        found[..., first : first + count] = np.einsum(
+            "cqp,p...->q...c", matrices, ordinates[..., i]
+        )
+    inside = (np.arange(spans.size) - np.repeat(firsts, counts)) * spans
+    return found, np.append(np.repeat(breaks[:-1], counts) + inside, breaks[-1])
+
+
 def _splits(degree: int, u: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Matrices ``(n, p + 1, p + 1)`` of `split` at each u, but for the right one's first row."""
     pascal, rest = _pascal(degree)
@@ -219,33 +180,21 @@ def _splits(degree: int, u: FloatArray) -> tuple[FloatArray, FloatArray]:
     return left, (pascal * far[:, None] * near[:, rest])[:, ::-1, ::-1]
 
 
-def sign_changes(ordinates: FloatArray) -> int:
-    """Number of sign changes: no fewer than the roots in (0, 1) (Descartes' rule)."""
-    signs = np.sign(ordinates)
-    signs = signs[signs != 0.0]
-    return int(np.count_nonzero(signs[1:] != signs[:-1]))
-
-
-def crossings(ordinates: FloatArray, lo: float = 0.0, hi: float = 1.0) -> list[float]:
+def crossings(ordinates: FloatArray | Row, lo: float = 0.0, hi: float = 1.0) -> list[float]:
     """All u in (lo, hi) where a polynomial on [lo, hi] changes sign, in order, none missed."""
-    changes = sign_changes(ordinates)
+    row = [float(value) for value in ordinates]
+    changes, ends = sign_changes(row), opposite(row[0], row[-1])
     if changes == 0:
         return []
-    if changes == 1 and _opposite(ordinates[0], ordinates[-1]):
-        return [lo + (hi - lo) * bracketed_root(scalar(ordinates), 0.0, 1.0)]
-    if hi - lo <= _ROOT_RESOLUTION:
-        return [0.5 * (lo + hi)] if _opposite(ordinates[0], ordinates[-1]) else []
-    left, right = split(ordinates, 0.5)
-    mid, at_split = 0.5 * (lo + hi), []
-    before, after = np.trim_zeros(left), np.trim_zeros(right)
-    if left[-1] == 0.0 and before.size and after.size and _opposite(before[-1], after[0]):
-        at_split = [mid]
+    if changes == 1 and ends:
+        return [lo + (hi - lo) * only_root(row)]
+    mid = 0.5 * (lo + hi)
+    if hi - lo <= RESOLUTION:
+        return [mid] if ends else []
+    halves = [row, row[:]]
+    at_split = [mid] if halve_at_root(halves, 0) else []
+    right, left = halves
     return crossings(left, lo, mid) + at_split + crossings(right, mid, hi)
-
-
-def _opposite(one: float, other: float) -> bool:
-    """Opposite signs; a product of the two would underflow for tiny values."""
-    return bool(np.sign(one) * np.sign(other) < 0.0)
 
 
 def negative_intervals(ordinates: FloatArray) -> list[tuple[float, float]]:

@@ -363,22 +363,21 @@ class Law:
 
     def jumps(self, order: int) -> FloatArray:
         """``(n,)`` right minus left limit of the derivative at the start of each piece."""
-        ordinates = self._of_order(order)
-        before = np.roll(ordinates[-1], 1)
-        if not self.repeats:
-            before[0] = ordinates[0, 0]
-        return np.asarray(ordinates[0] - before)
+        first, last = self._of_order(order)[[0, -1]]
+        before = last[-1:] if self.repeats else first[:1]
+        return np.asarray(first - np.append(before, last[:-1]))
 
     @cached_property
     def velocity_jumps(self) -> dict[int, float]:
         """What s' gains (m/rad) where it jumps, in order, by the piece that begins there."""
         if self.known is not None:
             return self.known.velocity_jumps
-        jumps, slopes = self.jumps(1), np.abs(self.motion[1]).max(axis=0)
-        beside = np.maximum(slopes, np.roll(slopes, 1))
-        over = np.abs(jumps) - SLOPE_ROUNDING * beside
+        jumps = self.jumps(1)
+        over = np.abs(jumps)
         if over.max() <= VELOCITY_JUMP * float(np.ptp(self.ordinates[0])):  # the lift is no less
             return {}
+        slopes = np.abs(self.motion[1]).max(axis=0)
+        over -= SLOPE_ROUNDING * np.maximum(slopes, np.roll(slopes, 1))
         return {int(i): float(jumps[i]) for i in np.flatnonzero(over > VELOCITY_JUMP * self.lift)}
 
     @cached_property

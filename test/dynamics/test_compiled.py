@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics import MODELS, FollowerParameters, Interval, TwoMassParameters
-from cam_rig.dynamics.events import arrays, rows
+from cam_rig.dynamics.events import arrays
 from cam_rig.dynamics.events import search as compiled
 from cam_rig.dynamics.events.runs import run_events
 from cam_rig.dynamics.events.search import ALWAYS, PLAIN, VARIABLE, cache_folder, form_of
 from cam_rig.dynamics.two_mass import trajectory
 from cam_rig.dynamics.two_mass.masses import free_masses
 from cam_rig.dynamics.two_mass.trajectory import Separation, first_lift_off
-from cam_rig.laws import Law
+from cam_rig.laws import Law, rows
 from cam_rig.units import NS, RPM, TURN
 
 ONE = FollowerParameters(1.3, 4030.0, 8.642, 12.753, 3.3e8)
@@ -136,9 +136,9 @@ def test_plain_python_until_it_pays(monkeypatch):
         monkeypatch.setattr(compiled.SPENT, "seconds", seconds)
         monkeypatch.setattr(compiled, "_is_kept", lambda _, kept=kept: kept)
         compiled._ready.clear()
-        assert (form_of(run_events) is not None) == expected
+        assert form_of(run_events)[1] == expected
     monkeypatch.setattr(compiled, "_installed", lambda: False)
-    assert form_of(run_events) is None
+    assert not form_of(run_events)[1]
 
 
 def run(**environment):
@@ -174,7 +174,7 @@ def loaded(value):
     """What the compiled `triple` gives, as a new process would come by it."""
     compiled._ready.clear()
     compiled._is_kept.cache_clear()
-    return form_of(triple)(value)
+    return form_of(triple)[0](value)
 
 
 def damage(path, rng):
@@ -229,7 +229,7 @@ def test_where_numba_does_not_work(monkeypatch, tmp_path, capsys):
         assert loaded(2.0) == 6.0
         words = capsys.readouterr().err
         assert re.search(rf"plain Python is used, for numba does not work \(.*{told}", words)
-        assert form_of(triple) is None
+        assert not form_of(triple)[1]
     compiled._is_kept.cache_clear()
 
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics import FollowerParameters, FollowerState, Interval
-from cam_rig.dynamics.events import polynomials
 from cam_rig.dynamics.events.course import free_table
 from cam_rig.dynamics.events.free_flight import (
     impulse_at,
@@ -18,11 +17,11 @@ from cam_rig.dynamics.events.free_flight import (
     moved,
     seen,
 )
-from cam_rig.dynamics.events.polynomials import NONE, fall
 from cam_rig.dynamics.kinetostatic import force_weights
 from cam_rig.dynamics.linear.exponential import response
 from cam_rig.dynamics.one_mass import OneMassTrajectory, lifted_off
-from cam_rig.laws import Law, bernstein
+from cam_rig.laws import Law, bernstein, polynomials
+from cam_rig.laws.polynomials import NONE, fall
 from cam_rig.units import NS, TURN
 
 from .helpers import exact_law, land

@@ -28,9 +28,9 @@ from cam_rig.dynamics.events.law_table import (
     lift_within,
     piece_from,
 )
-from cam_rig.dynamics.events.polynomials import elevated, fall, integrated, restricted, value_at
-from cam_rig.dynamics.events.rows import Row, size_of, zeros
 from cam_rig.dynamics.velocity_jumps import SAME_PLACE
+from cam_rig.laws.polynomials import elevated, fall, integrated, restricted, value_at
+from cam_rig.laws.rows import Row, size_of, zeros
 
 #: What is reckoned from accelerations is this many rounding errors of them wrong at most.
 OF_ACCELERATIONS = 64.0

@@ -9,7 +9,7 @@ from numba import types as untyped_types
 from numba.core import cgutils as untyped_cgutils
 from numba.extending import intrinsic
 
-from cam_rig.dynamics.events import rows
+from cam_rig.laws import rows
 from cam_rig.units import FloatArray
 
 types: Any = untyped_types

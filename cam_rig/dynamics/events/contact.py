@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from cam_rig.dynamics.events.approach import BEFORE_1, MIN_STEP, is_clear, step
 from cam_rig.dynamics.events.free_flight import LEFT_OUT, REACH, impulse_at
-from cam_rig.dynamics.events.polynomials import (
+from cam_rig.laws.polynomials import (
     NONE,
     elevated,
     fall,
@@ -20,7 +20,7 @@ from cam_rig.dynamics.events.polynomials import (
     restricted,
     value_at,
 )
-from cam_rig.dynamics.events.rows import Row, Stack, binomials, borrowed, place_of, zeros
+from cam_rig.laws.rows import Row, Stack, binomials, borrowed, place_of, zeros
 from cam_rig.units import TURN
 
 #: (η, η̇).

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, lru_cache
 from typing import Any, ClassVar, TypeVar
 
@@ -17,9 +17,8 @@ from cam_rig.dynamics.events import contact as stem
 from cam_rig.dynamics.events import free_flight as air
 from cam_rig.dynamics.events import law_table as at
 from cam_rig.dynamics.events.law_table import Cam, Jumps, LawTable, RunRecord, fly_from
-from cam_rig.dynamics.events.rows import zero_rows, zeros
 from cam_rig.dynamics.events.runs import RunTable, run_events
-from cam_rig.dynamics.events.search import form_of, plain_time
+from cam_rig.dynamics.events.search import form_of
 from cam_rig.dynamics.interval import (
     Block,
     Event,
@@ -158,30 +157,28 @@ class Course:
         pending = 0.0 if before is None else before.pending_impulse
         pending = show_impulses(rows, grid, self.events, pending)
         begun = interval.start_ns / NS
-        events = tuple(replace(event, time=begun + event.time) for event in self.events)
+        events = tuple(event._replace(time=begun + event.time) for event in self.events)
         return pending, Block(interval, rows, events)
+
+
+def record_of(now: list[float], room: int, arrays: bool) -> RunRecord:
+    """What a run from a place writes, with room for so many phases: arrays, or lists."""
+    rows = np.empty((room, at.PHASE_SIZE)), np.empty((2 * room, at.EVENT_SIZE))
+    numbers: list[Any] = [np.array(now), *rows, np.zeros(2)]
+    return RunRecord(*(numbers if arrays else [one.tolist() for one in numbers]))
 
 
 def _found(
     table: Callable[[bool], RunTable], now: list[float], room: int
 ) -> tuple[list[list[float]], list[list[float]]]:
-    """Rows of phases and of events that one call finds, in plain Python or compiled."""
-    compiled = form_of(run_events)
-    if compiled is None:
-        counts, phases = zeros(2), zero_rows(room, at.PHASE_SIZE)
-        events, lists = zero_rows(2 * room, at.EVENT_SIZE), table(False)
-        with plain_time():
-            run_events(lists, RunRecord(now, phases, events, counts))
-        return phases[: int(counts[0])], events[: int(counts[1])]
-    room *= COMPILED_ROOM
-    place = np.array(now)
-    made = np.empty((room, at.PHASE_SIZE)), np.empty((2 * room, at.EVENT_SIZE))
-    count: Any = np.zeros(2)
-    record: Any = (place, *made, count)
-    compiled(table(True), RunRecord(*record))
-    now[:] = place.tolist()
-    found, met = (rows[: int(n)].tolist() for rows, n in zip(made, count, strict=True))
-    return found, met
+    """Rows of phases and of events that one call finds, from a place that goes on."""
+    run, arrays = form_of(run_events)
+    record: Any = record_of(now, room * COMPILED_ROOM if arrays else room, arrays)
+    run(table(arrays), record)
+    count, met = map(int, record.counts)
+    found = record.now, record.phases[:count], record.events[:met]
+    now[:], phases, events = [one.tolist() for one in found] if arrays else found
+    return phases, events
 
 
 Table = TypeVar("Table")
@@ -197,7 +194,7 @@ def table_of(kind: Callable[..., Table], arrays: bool, *values: Any) -> Table:
 def _in_form(value: Any, arrays: bool) -> Any:
     if isinstance(value, np.ndarray):
         return np.array(value, dtype=np.float64, order="C") if arrays else value.tolist()
-    return value if isinstance(value, bool | int | tuple | list) else float(value)
+    return value if isinstance(value, (int, tuple, list)) else float(value)
 
 
 @lru_cache(maxsize=64)

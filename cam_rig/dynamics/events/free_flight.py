@@ -8,8 +8,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cam_rig.dynamics.events.polynomials import from_powers
-from cam_rig.dynamics.events.rows import Row, Rows, binomials, dot, zero_rows, zeros
+from cam_rig.laws.polynomials import from_powers
+from cam_rig.laws.rows import Row, Rows, binomials, dot, zero_rows, zeros
 
 #: Below this time, in units of the fastest rate, the power series is used, of so many terms.
 SHORT, SERIES_TERMS = 0.5, 18

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cam_rig.dynamics.events.polynomials import weighted_value
-from cam_rig.dynamics.events.rows import Row, Rows, Stack, place_of
 from cam_rig.dynamics.velocity_jumps import SAME_PLACE
+from cam_rig.laws.polynomials import weighted_value
+from cam_rig.laws.rows import Row, Rows, Stack, place_of
 from cam_rig.units import TURN
 
 EPS = 2.0**-52

@@ -35,7 +35,7 @@ from cam_rig.dynamics.events.law_table import (
     rises,
     take,
 )
-from cam_rig.dynamics.events.rows import Rows, borrowed, zeros
+from cam_rig.laws.rows import Rows, borrowed, zeros
 from cam_rig.units import TURN
 
 #: (s, ṡ, s̈).

@@ -13,22 +13,23 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
-from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from importlib.metadata import version
 from importlib.util import find_spec
 from inspect import isfunction
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, TypeVar
 
-from cam_rig.dynamics.events import rows
+from cam_rig.laws import rows
 
-#: Modules of this package that are compiled as they are, beside `arrays`.
+#: Modules that are compiled as they are, beside `arrays`.
 MODULES = (
-    *("events.rows", "events.polynomials", "events.law_table", "events.free_flight"),
-    *("events.approach", "events.contact", "events.runs", "events.turns"),
-    *("modal.motion", "modal.least", "modal.sags", "modal.harmonics", "modal.first_zero"),
-    "jump.rigid",
+    *("laws.rows", "laws.polynomials"),
+    *("dynamics.events.law_table", "dynamics.events.free_flight", "dynamics.events.approach"),
+    *("dynamics.events.contact", "dynamics.events.runs", "dynamics.events.turns"),
+    *("dynamics.modal.motion", "dynamics.modal.least", "dynamics.modal.sags"),
+    *("dynamics.modal.harmonics", "dynamics.modal.first_zero", "dynamics.jump.rigid"),
 )
 #: Seconds in plain Python after which the compiled code is loaded, or made.
 LOAD_AFTER, COMPILE_AFTER = 0.5, 10.0
@@ -40,18 +41,18 @@ DIGESTS = "digests"
 Run = Callable[..., Any]
 
 
-@dataclass
-class PlainTime:
-    """Seconds that plain Python has searched in this process."""
-
-    seconds: float = 0.0
+#: Seconds that plain Python has searched in this process.
+SPENT = SimpleNamespace(seconds=0.0)
 
 
-SPENT = PlainTime()
+def form_of(function: Run) -> tuple[Run, bool]:
+    """A function of the search, plain or compiled, and whether it takes arrays for lists."""
+    compiled = _compiled(function)
+    return (partial(_timed, function), False) if compiled is None else (compiled, True)
 
 
-def form_of(function: Run) -> Run | None:
-    """The compiled form of a run of the search; None where plain Python is to be used."""
+def _compiled(function: Run) -> Run | None:
+    """The compiled form; None where plain Python is to be used."""
     asked = os.environ.get(VARIABLE, "")
     if asked == PLAIN or (asked != ALWAYS and SPENT.seconds < LOAD_AFTER) or not _installed():
         return None
@@ -70,12 +71,11 @@ def expect_many() -> None:
     SPENT.seconds = max(SPENT.seconds, LOAD_AFTER)
 
 
-@contextmanager
-def plain_time() -> Iterator[None]:
-    """Counts the time in which plain Python searches."""
+def _timed(function: Run, *arguments: Any) -> Any:
+    """What plain Python finds; its time counts."""
     begun = time.perf_counter()
     try:
-        yield
+        return function(*arguments)
     finally:
         SPENT.seconds += time.perf_counter() - begun
 
@@ -191,7 +191,7 @@ def _register() -> None:
     for function, other in special.items():
         overload(function, strict=False)(other)
     for name in MODULES:
-        module = importlib.import_module(f"cam_rig.dynamics.{name}")
+        module = importlib.import_module(f"cam_rig.{name}")
         for function in vars(module).values():
             own = isfunction(function) and function.__module__ == module.__name__
             if own and function not in special:
@@ -202,8 +202,8 @@ def _register() -> None:
 def cache_folder() -> Path:
     """Where code is kept: of these sources and their place, libraries, CPU, and this user alone."""
     stamp = hashlib.sha256(__file__.encode())
-    for name in (*MODULES, "events.arrays"):
-        path = Path(__file__).parents[1].joinpath(*name.split(".")).with_suffix(".py")
+    for name in (*MODULES, "dynamics.events.arrays"):
+        path = Path(__file__).parents[2].joinpath(*name.split(".")).with_suffix(".py")
         stamp.update(path.read_bytes())
     for library in ("numba", "llvmlite", "numpy"):
         stamp.update(f"{library} {version(library)} ".encode())
@@ -239,10 +239,6 @@ T = TypeVar("T")
 
 def call(function: Callable[..., T], table: Callable[[bool], Any], *arguments: Any) -> T:
     """A function of the search, of a table and plain numbers, in plain Python or compiled."""
-    compiled = form_of(function)
-    if compiled is not None:
-        out: T = compiled(table(True), *arguments)
-        return out
-    lists = table(False)
-    with plain_time():
-        return function(lists, *arguments)
+    run, arrays = form_of(function)
+    out: T = run(table(arrays), *arguments)
+    return out

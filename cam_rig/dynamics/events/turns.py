@@ -39,8 +39,8 @@ from cam_rig.dynamics.events.law_table import (
     RunRecord,
     cam_at,
 )
-from cam_rig.dynamics.events.rows import Row, Rows, borrowed, zero_rows, zeros
 from cam_rig.dynamics.events.runs import RunTable, run_events, stem_stretch
+from cam_rig.laws.rows import Row, Rows, borrowed, zero_rows, zeros
 
 #: Places in a turn's row: its landings, the fastest of them (m/s), the slowest (m/s); the seconds
 #: on the cam; whether the follower flies at the end; and the n numbers that the turn ends with: the

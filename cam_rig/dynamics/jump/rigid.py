@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cam_rig.dynamics.events.polynomials import halve
-from cam_rig.dynamics.events.rows import Rows, borrowed, zero_rows, zeros
 from cam_rig.dynamics.modal.motion import LawSeries
+from cam_rig.laws.polynomials import halve
+from cam_rig.laws.rows import Rows, borrowed, zero_rows, zeros
 
 #: A part is halved no more often: 2^-40 of a piece is rounding.
 HALVINGS = 40

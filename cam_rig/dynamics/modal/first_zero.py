@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cam_rig.dynamics.events.rows import Row, Rows, borrowed, zero_rows, zeros
 from cam_rig.dynamics.modal.harmonics import Sag, rings, sag_of, settled_sag
 from cam_rig.dynamics.modal.least import Least, Stretch, least
 from cam_rig.dynamics.modal.motion import (
@@ -19,12 +18,14 @@ from cam_rig.dynamics.modal.motion import (
     Oscillator,
     OscillatorMotion,
     Series,
+    Triple,
     end_of,
     motion_at,
     resolved,
     series_of,
 )
 from cam_rig.dynamics.modal.sags import BENT, FORCED, FREE, TINY, sags_between
+from cam_rig.laws.rows import Row, Rows, borrowed, zero_rows, zeros
 from cam_rig.units import TURN
 
 #: What a search may find: the output reaches zero; it is there at the start; it is above zero as
@@ -53,6 +54,8 @@ POLISHED = 1e-4
 LAST_DIGIT = 5e-6
 #: A zero is found to this part of the speed.
 ROOT = 1e-14
+#: How far (rad) from where the output is below zero it is sought first.
+NEARBY = TURN / 64.0
 #: Steps of the root between two speeds.
 MOST_STEPS = 200
 
@@ -111,7 +114,7 @@ def climb(
         if not holds and width > finest:
             continue
         if found.value <= 0.0:
-            zero = _zero(law, mode, series, low, high)
+            zero = _zero(law, mode, series, low, high, found.angle)
             beyond = min(high, zero[0] * (1.0 + LAST_DIGIT))
             first = _first_below(law, mode, series, beyond, zero[1])
             return Climb(FOUND, low, step, zero[0], zero[1], first)
@@ -236,14 +239,32 @@ def _holds(
 
 
 def _zero(
-    law: LawSeries, mode: Oscillator, series: Series, low: float, high: float
+    law: LawSeries, mode: Oscillator, series: Series, low: float, high: float, where: float
 ) -> tuple[float, float]:
-    """Where the least output is zero between a speed at which it is above and one where it is not.
+    """Where the least output is zero: above at one speed, not above at another and an angle.
+
+    Sought near that angle alone. Where the output is below zero elsewhere a last digit slower, it
+    is sought there anew.
+    """
+    for _ in range(MOST_STEPS):
+        last, high, where = _zero_near(law, mode, series, low, high, where)
+        found = _lowest(law, mode, series, last, Stretch(0.0, math.inf, POLISHED))
+        if last == low or found.value > 0.0:
+            break
+        high, where = last, found.angle
+    return high, where
+
+
+def _zero_near(
+    law: LawSeries, mode: Oscillator, series: Series, low: float, high: float, where: float
+) -> Triple:
+    """The last speed (rad/s) above it, the zero near an angle (rad), and the angle there.
 
     By the secant, whose value at the end that stays is halved (the Illinois method).
     """
-    above = _lowest(law, mode, series, low, POLISHED)
-    below = _lowest(law, mode, series, high, POLISHED)
+    near = Stretch(max(0.0, where - NEARBY), where + NEARBY, POLISHED)
+    above = _lowest(law, mode, series, low, near)
+    below = _lowest(law, mode, series, high, near)
     first, last, where, side = above.value, below.value, below.angle, 0
     for _ in range(MOST_STEPS):
         if high - low <= ROOT * high or last == 0.0:
@@ -251,7 +272,7 @@ def _zero(
         speed = high - last * (high - low) / (last - first)
         if not low < speed < high:
             speed = 0.5 * (low + high)
-        now = _lowest(law, mode, series, speed, POLISHED)
+        now = _lowest(law, mode, series, speed, near)
         if now.value > 0.0:
             low, first = speed, now.value
             last = 0.5 * last if side > 0 else last
@@ -260,7 +281,7 @@ def _zero(
             high, last, where = speed, now.value, now.angle
             first = 0.5 * first if side < 0 else first
             side = -1
-    return high, where
+    return low, high, where
 
 
 def _first_below(
@@ -278,15 +299,16 @@ def _first_below(
 
 
 def _lowest(
-    law: LawSeries, mode: Oscillator, series: Series, speed: float, relative: float
+    law: LawSeries, mode: Oscillator, series: Series, speed: float, within: Stretch
 ) -> Least:
-    """The least output of the run at one speed."""
+    """The least output at one speed, in a stretch that ends no later than the run."""
     motion = motion_at(law, mode, series, speed)
-    whole = Stretch(0.0, end_of(motion, mode.duration), relative)
-    return least(law, mode, motion, whole, zeros(len(law.groups) - 1))
+    end = min(within.end, end_of(motion, mode.duration))
+    stretch = Stretch(within.begin, end, within.relative)
+    return least(law, mode, motion, stretch, zeros(len(law.groups) - 1))
 
 
 def least_at(law: LawSeries, mode: Oscillator, speed: float) -> float:
     """The least output of the run at a speed (rad/s)."""
     law = borrowed(law)
-    return _lowest(law, mode, _series(law, mode), speed, 0.0).value
+    return _lowest(law, mode, _series(law, mode), speed, Stretch(0.0, math.inf, 0.0)).value

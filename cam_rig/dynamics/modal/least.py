@@ -9,8 +9,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cam_rig.dynamics.events.polynomials import weighted_by_binomials, weighted_value
-from cam_rig.dynamics.events.rows import Row, Rows, column, index_at, zero_rows, zeros
 from cam_rig.dynamics.modal.motion import (
     LawSeries,
     Oscillator,
@@ -21,6 +19,8 @@ from cam_rig.dynamics.modal.motion import (
     moved,
     state_at,
 )
+from cam_rig.laws.polynomials import weighted_by_binomials, weighted_value
+from cam_rig.laws.rows import Row, Rows, column, index_at, zero_rows, zeros
 from cam_rig.units import TURN
 
 #: A part that may hold the least value is cut into so many.

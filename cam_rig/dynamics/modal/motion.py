@@ -11,7 +11,7 @@ import math
 from typing import NamedTuple
 
 from cam_rig.dynamics.events.free_flight import impulse_at
-from cam_rig.dynamics.events.rows import Row, Rows, Stack, zero_rows, zeros
+from cam_rig.laws.rows import Row, Rows, Stack, zero_rows, zeros
 from cam_rig.units import TURN
 
 #: Two terms of the series after the second that are below this part of the largest are rounding.

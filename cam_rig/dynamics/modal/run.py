@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from cam_rig.dynamics.events.rows import index_at, zeros
 from cam_rig.dynamics.events.search import call
 from cam_rig.dynamics.linear.response import RESONANT, LinearResponse
 from cam_rig.dynamics.linear.sampling import Outputs
@@ -28,6 +27,7 @@ from cam_rig.dynamics.modal.motion import (
 )
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein
+from cam_rig.laws.rows import index_at, zeros
 from cam_rig.units import TURN, FloatArray, to_rpm
 
 #: Looks after which a search can be interrupted: some 20 ms of compiled code, a second of plain.
@@ -49,15 +49,10 @@ def _cut(law: Law, rows: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray
     counts = np.ceil(law.spans * (PARTS / TURN) * (1.0 - SAME)).astype(int)
     if counts.max() == 1:
         return rows, joints, law.breaks.copy()  # compiled code is for arrays that may change
-    firsts, spans = np.cumsum(counts) - counts, np.repeat(law.spans / counts, counts)
-    found, jumps = np.repeat(rows, counts, axis=2), np.zeros((rows.shape[1], spans.size))
-    for i in np.flatnonzero(counts > 1).tolist():
-        first, count = int(firsts[i]), int(counts[i])
-        parts = np.einsum("cqp,pk->qkc", bernstein.parts(law.degree, count), rows[:, :, i])
-        found[:, :, first : first + count] = parts
-    jumps[:, firsts] = joints
-    inside = (np.arange(spans.size) - np.repeat(firsts, counts)) * spans
-    return found, jumps, np.append(np.repeat(law.breaks[:-1], counts) + inside, law.breaks[-1])
+    found, breaks = bernstein.cut(rows, law.breaks, counts)
+    jumps = np.zeros((rows.shape[1], counts.sum()))
+    jumps[:, np.cumsum(counts) - counts] = joints
+    return found, jumps, breaks
 
 
 #: Harmonics that are bounded one by one, of twice as many samples: of few pieces, and of more;
@@ -107,9 +102,9 @@ def law_series(law: Law, arrays: bool) -> LawSeries:
     rows, jumps, breaks = _cut(law, rows)
     spans, absolute, jumped = np.diff(breaks), np.abs(rows), np.abs(jumps)
     largest, ways = absolute.max(axis=0), absolute.mean(axis=0) @ spans
-    groups, ends = [0], np.searchsorted(breaks, breaks[:-1] + TURN / GROUPS, "right") - 1
+    groups, ends = [0], np.searchsorted(breaks, breaks[:-1] + TURN / GROUPS, "right").tolist()
     while groups[-1] < spans.size:
-        groups.append(max(groups[-1] + 1, int(ends[groups[-1]])))
+        groups.append(max(groups[-1] + 1, ends[groups[-1]] - 1))
     begins = groups[:-1]
     first = jumped[:, begins]
     inner = np.maximum(np.add.reduceat(jumped, begins, axis=1) - first, 0.0)

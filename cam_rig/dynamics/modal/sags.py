@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cam_rig.dynamics.events.rows import Row, Rows, zero_rows, zeros
 from cam_rig.dynamics.modal.motion import (
     INNER,
     JUMP,
@@ -22,6 +21,7 @@ from cam_rig.dynamics.modal.motion import (
     Series,
     add_all,
 )
+from cam_rig.laws.rows import Row, Rows, zero_rows, zeros
 from cam_rig.units import TURN
 
 #: Numbers of a group's sag over a step w: B of all for B w²/8, what vibrations do not exceed, B of

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cam_rig.dynamics.events.rows import Row, Rows, binomials, zero_rows, zeros
+from cam_rig.laws.rows import Row, Rows, binomials, zero_rows, zeros
 
 #: Subdivision stops here: roots nearer than this cannot be told apart in double precision.
 RESOLUTION, MAX_DEPTH = 2.0**-46, 48
@@ -191,7 +191,7 @@ def crossing(row: Row, limit: float, last: bool) -> float:
         elif changes == 0:
             top -= 1
         else:  # the left half comes first, then the right one
-            if _halve(parts, top):
+            if halve_at_root(parts, top):
                 root = low + 0.5 * width
             widths[top], widths[top + 1] = 0.5 * width, 0.5 * width
             lows[top], lows[top + 1] = low + 0.5 * width, low
@@ -211,7 +211,7 @@ def halve(right: Row, left: Row) -> None:
             right[i] = 0.5 * (right[i] + right[i + 1])
 
 
-def _halve(parts: Rows, top: int) -> bool:
+def halve_at_root(parts: Rows, top: int) -> bool:
     """The right half in place of a part, the left one behind it; whether the middle is a root."""
     right, left = parts[top], parts[top + 1]
     size = len(right)

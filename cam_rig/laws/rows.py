@@ -1,6 +1,6 @@
 """Rows of numbers as the event search takes them: lists in plain Python, arrays where compiled.
 
-The modules of this folder are written for both: floats, whole numbers, rows and tuples of these,
+The modules that are compiled are written for both: floats, whole numbers, rows and tuples of these,
 loops over them, functions of `math`. Plain Python reads an element of a list five times as quickly
 as one of an array; the compiled code has only arrays. Either does the same operations in the same
 order, so that the bits are the same.
