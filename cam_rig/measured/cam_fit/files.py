@@ -14,8 +14,8 @@ from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
 from cam_rig.errors import ConfigError, LawError
 from cam_rig.laws import Law, build_law
 from cam_rig.measured.cam_fit.arcs import FLANK, LIFT, NOSE, PRIME, Arcs, FollowerKind, Form
+from cam_rig.measured.cam_fit.arcs_fit import ArcsFit
 from cam_rig.measured.cam_fit.arcs_intervals import Told
-from cam_rig.measured.cam_fit.arcs_result import ArcsFit
 from cam_rig.measured.cam_fit.dwells import DEGREES
 from cam_rig.measured.cam_fit.spline_fit import SplineFit
 from cam_rig.profile.check_table import check_cam

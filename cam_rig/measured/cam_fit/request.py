@@ -11,8 +11,7 @@ from cam_rig.arguments import checked
 from cam_rig.errors import ConfigError
 from cam_rig.files import require_new_yaml, write_new
 from cam_rig.measured.cam_fit.arcs import FollowerKind
-from cam_rig.measured.cam_fit.arcs_fit import fit_arcs
-from cam_rig.measured.cam_fit.arcs_result import ArcsFit, Flank, Known
+from cam_rig.measured.cam_fit.arcs_fit import ArcsFit, Flank, Known, fit_arcs
 from cam_rig.measured.cam_fit.dwells import above_zero
 from cam_rig.measured.cam_fit.files import CamFiles, arcs_cam, require_told, spline_cam
 from cam_rig.measured.cam_fit.gauge import (

@@ -71,13 +71,9 @@ def find_alignment(
 ) -> Alignment:
     """The offset of the angle, the zero of the gauge, and the error of the clock where it shows.
 
-    The first estimate compares each turn with the model's by its Fourier coefficients; then steps
-    of Gauss and Newton take the readings themselves. Speeds at which the model never leaves the
-    cam are taken, if there are any: a flight has the follower's errors in it. A lag between rise
-    and return is estimated too, since it would pass for an offset; it is not taken off.
-
-    ``offset``: rad, where it is known; the clock's error and the gauge's zero are found all the
-    same.
+    Speeds at which the model never leaves the cam are taken, if there are any: a flight has the
+    follower's errors in it. A lag between rise and return is estimated too, since it would pass
+    for an offset; it is not taken off. ``offset``: rad, where it is known.
     """
     runs = [drive(stretch, offset or 0.0) for stretch in stretches]
     calm = [run for run in runs if not run.flies] or runs

@@ -80,65 +80,34 @@ def fit_rig(
     """
     target, bag = None if out is None else Path(out), Path(source)
     require_new_yaml(target)
-    known, cams = _known(given or {}), asked_cams([cam], rig)
-    asked = cams, one_cam, _model(model), known, progress
+    known = dict(given or {})
+    _require_numbers(known)
+    cams, of_model = asked_cams([cam], rig), model_named(model)
+    if of_model is not None and of_model not in MODELS:
+        raise ConfigError(f"--model: is {model!r}; allowed: {' or '.join(MODELS)}")
     found: JumpFit | RigFit
     if bag.suffix.lower() in TABLES:
         _require_none(topics=topics, namespace=namespace)
-        found = _of_table(bag, tolerance, *asked)
+        if tolerance is not None and not tolerance > 0.0:
+            raise ConfigError(f"--tolerance: is {tolerance:g} rpm; allowed: > 0")
+        law, table = _law_of(cams, one_cam), read_jump_table(bag)
+        found = fit_jumps(law, table, cams.rig, of_model, known, tolerance, progress)
     else:
         _require_none(tolerance=tolerance)
-        found = _of_bag(bag, topics, namespace, *asked)
+        run = _read(bag, cams, one_cam, topics, namespace)
+        law = _law_of(cams, run.cam)
+        progress.begin(None, "reading")
+        found = rig_fit.fit_rig(law, run, cams.rig, of_model, known, progress)
     return found if target is None else _written(target, found, cams.rig, bag)
 
 
-def _of_table(
-    file: Path,
-    tolerance: float | None,
-    cams: CamSet,
-    one_cam: str | None,
-    model: str | None,
-    known: dict[str, float],
-    progress: Progress,
-) -> JumpFit:
-    if tolerance is not None and not tolerance > 0.0:
-        raise ConfigError(f"--tolerance: is {tolerance:g} rpm; allowed: > 0")
-    law, table = _law_of(cams, one_cam), read_jump_table(file)
-    return fit_jumps(law, table, cams.rig, model, known, tolerance, progress)
-
-
-def _of_bag(
-    bag: Path,
-    topics: str | None,
-    namespace: str | None,
-    cams: CamSet,
-    one_cam: str | None,
-    model: str | None,
-    known: dict[str, float],
-    progress: Progress,
-) -> RigFit:
-    run = _read(bag, cams, one_cam, topics, namespace)
-    law = _law_of(cams, run.cam)
-    progress.begin(None, "reading")
-    return rig_fit.fit_rig(law, run, cams.rig, model, known, progress)
-
-
-def _model(name: str | None) -> str | None:
-    """A model by its name; that of older releases is read too."""
-    known: str | None = model_named(name)
-    if known is not None and known not in MODELS:
-        raise ConfigError(f"--model: is {name!r}; allowed: {' or '.join(MODELS)}")
-    return known
-
-
-def _known(given: Mapping[str, float]) -> dict[str, float]:
+def _require_numbers(given: Mapping[str, float]) -> None:
     for name, value in given.items():
         if name not in NUMBERS:
             raise ConfigError(
                 f"--given {name}={value:g}: {name!r} is no number of a follower; allowed: "
                 f"{', '.join(NUMBERS)}{did_you_mean(name, list(NUMBERS))}"
             )
-    return dict(given)
 
 
 def _read(

@@ -10,7 +10,8 @@ import numpy as np
 
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.errors import ConfigError
-from cam_rig.show.result import Column, Records
+from cam_rig.laws import Law
+from cam_rig.show.result import Column, Records, Result
 from cam_rig.units import FloatArray, rounded_to_error
 
 Follower = FollowerParameters | TwoMassParameters
@@ -201,20 +202,35 @@ class ErrorCorrelation:
     correlation: float
 
 
-def number_tables(
-    caption: str, numbers: Iterable[FoundNumber], names: tuple[str, ...], correlation: FloatArray
-) -> list[Records]:
-    """A row a number; the correlation of the errors of those of some names, if they are several."""
-    pairs = [
-        ErrorCorrelation(names[i], names[k], float(correlation[i, k]))
-        for i, k in product(range(len(names)), repeat=2)
-        if len(names) > 1
-    ]
-    title, columns = "Correlation of their errors", CORRELATION_COLUMNS
-    return [
-        Records("numbers", caption, NUMBER_COLUMNS, tuple(numbers)),
-        Records("correlation", title, columns, pairs, across="other"),
-    ]
+@dataclass(frozen=True, eq=False, repr=False)
+class FoundNumbers(Result):
+    """What readings say of a follower, and a ``model``, one_mass or two_mass.
+
+    ``correlation`` ``(n, n)`` is of the numbers that were sought and found, in their order.
+    """
+
+    law: Law
+    model: str
+    numbers: tuple[FoundNumber, ...]
+    correlation: FloatArray
+
+    @property
+    def identified(self) -> tuple[FoundNumber, ...]:
+        """The numbers that the readings tell."""
+        return tuple(n for n in self.numbers if n.origin == "identified")
+
+    def number_tables(self, caption: str, names: tuple[str, ...]) -> list[Records]:
+        """A row a number; the correlation of the errors of those of ``names``, if several."""
+        pairs = [
+            ErrorCorrelation(names[i], names[k], float(self.correlation[i, k]))
+            for i, k in product(range(len(names)), repeat=2)
+            if len(names) > 1
+        ]
+        title = "Correlation of their errors"
+        return [
+            self.table("numbers", caption, self.numbers),
+            self.table("correlation", title, pairs, across="other"),
+        ]
 
 
 def correlation_of(covariance: FloatArray) -> FloatArray:

@@ -16,8 +16,15 @@ from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.laws.cam import CamSet, law_of
 from cam_rig.laws.law import Extreme
-from cam_rig.paper.contact.nomogram import RISES, by_face, by_pressure_angle
-from cam_rig.paper.contact.surfaces import BaseBounds, ContactCase, base_bounds, contact_case
+from cam_rig.paper.contact.surfaces import (
+    RISES,
+    BaseBounds,
+    ContactCase,
+    base_bounds,
+    by_face,
+    by_pressure_angle,
+    contact_case,
+)
 from cam_rig.profile.contact import Motion
 from cam_rig.profile.measure import closure
 from cam_rig.schema import CamConfig, load_cam

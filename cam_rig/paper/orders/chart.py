@@ -12,15 +12,7 @@ import rerun.blueprint as rrb
 
 from cam_rig.paper.orders.spectrum import QUANTITIES, RANGE, CamOrders, loudest
 from cam_rig.show import looks as colours
-from cam_rig.show.chart import (
-    APPLICATION,
-    SPEED,
-    Axes,
-    name_recording,
-    require_free,
-    round_marks,
-    rrd_stream,
-)
+from cam_rig.show.chart import SPEED, Axes, chart_stream, round_marks
 from cam_rig.show.looks import title_of
 from cam_rig.units import FloatArray
 
@@ -40,15 +32,10 @@ def save_orders(
     found: Sequence[CamOrders], path: Path, titles: Mapping[str, str] = MappingProxyType({})
 ) -> None:
     """Write the spectra of cams as a ``.rrd`` file that appears when it is whole."""
-    require_free(path, overwrite=True)
     tops = {quantity: loudest(found, quantity) for quantity in QUANTITIES}
     rows = orders_tabs(found, titles)
-    panels = rrb.BlueprintPanel(state="collapsed"), rrb.SelectionPanel(state="collapsed")
-    timeline = rrb.TimePanel(state="collapsed", timeline=SPEED)
-    views = rrb.Tabs(*rows) if len(rows) > 1 else rows[0]
-    plan = rrb.Blueprint(views, *panels, timeline, auto_views=False, auto_layout=False)
-    with rrd_stream(path, APPLICATION, plan) as stream:
-        name_recording(stream, f"Orders of {', '.join(str(tab.name) for tab in rows)}")
+    name = f"Orders of {', '.join(str(tab.name) for tab in rows)}"
+    with chart_stream(path, name, rows, SPEED) as stream:
         for study in found:
             for quantity, most in tops.items():
                 _draw_rays(stream, study, quantity, most)
@@ -72,12 +59,8 @@ def entity(study: CamOrders, quantity: str, chart: str) -> str:
 
 
 def _chart(study: CamOrders, quantity: str, chart: str, axes: Axes) -> rrb.Spatial2DView:
-    x, y = axes.bounds(RIGHT, BELOW * axes.width / axes.height)
-    return rrb.Spatial2DView(
-        origin=entity(study, quantity, chart),
-        name=f"{QUANTITIES[quantity]}: {CHARTS[chart]}",
-        visual_bounds=rrb.VisualBounds2D(x_range=x, y_range=y),
-    )
+    name, below = f"{QUANTITIES[quantity]}: {CHARTS[chart]}", BELOW * axes.width / axes.height
+    return axes.view(entity(study, quantity, chart), name, RIGHT, below)
 
 
 def _ray_axes(study: CamOrders) -> Axes:

@@ -247,11 +247,6 @@ def level(turn: StemTurn, radiation: RadiationParameters) -> float:
     return float(level_db(math.sqrt(radiation.background_power(turn.speed) + contact)))
 
 
-def hides_zero(left: float, mid: float, right: float) -> bool:
-    """Whether the middle of three values is a minimum that could hide a sign change beside it."""
-    return 0.0 < mid <= min(left, right) and mid < left - 2.0 * mid + right
-
-
 def stem_jump(law: Law, stem: Stem, rig: RigConfig) -> float:
     """The lowest speed (rad/s) at which the least contact force of the steady turn is zero."""
 
@@ -263,7 +258,9 @@ def stem_jump(law: Law, stem: Stem, rig: RigConfig) -> float:
     speeds, values = [rigid * max(0.3, 1.0 - RESONANCES * apart)], list[float]()
     while speeds[-1] < HIGHEST * rigid:
         values.append(least(speeds[-1]))
-        if len(values) > 2 and hides_zero(*values[-3:]):
+        left, mid, right = values[-3:] if len(values) > 2 else (0.0,) * 3
+        # a minimum that could hide a sign change beside it
+        if 0.0 < mid <= min(left, right) and mid < left - 2.0 * mid + right:
             near = minimize_scalar(least, bounds=(speeds[-3], speeds[-1]), method="bounded")
             if near.fun <= 0.0:
                 return float(brentq(least, speeds[-3], near.x, rtol=FOUND))

@@ -193,11 +193,6 @@ COMPARED = 720
 TIE = 1e-9
 
 
-def is_one_curve(cam: CamConfig) -> bool:
-    """Whether a cam is one Bézier curve over the whole turn."""
-    return len(cam.segments) == 1 and isinstance(cam.segments[0], Bezier)
-
-
 def equal(values: Sequence[float]) -> int:
     """How many ordinates at the start are equal: so many derivatives vanish there, less one."""
     return next((i for i, value in enumerate(values) if value != values[0]), len(values))
