@@ -65,9 +65,9 @@ LATER = Footnote(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RunComparison(Result):
-    """Where a bag, ``source``, and a scene's model, driven with its cam angle, part.
+    """Where a recorded run and a model part.
 
-    ``speeds``: a row each cam and speed; ``notes``: what was found in the bag and done to its
+    ``source``: the bag; ``loaded``: the scene whose model was driven with its cam angle; ``speeds``: a row each cam and speed; ``notes``: what was found in the bag and done to its
     readings, each a sentence.
     """
 

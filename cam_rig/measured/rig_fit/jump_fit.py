@@ -21,8 +21,6 @@ from cam_rig.laws import Law
 from cam_rig.measured.rig_fit.jump_search import RIGID, STEM, STEP, JumpModel, searched, sizes_of
 from cam_rig.measured.rig_fit.jump_table import JumpReading, JumpTable
 from cam_rig.measured.rig_fit.numbers import (
-    CORRELATION_COLUMNS,
-    NUMBER_COLUMNS,
     NUMBERS,
     TOLD,
     WITHIN_95,
@@ -84,9 +82,7 @@ class JumpFit(FoundNumbers):
 
     schema = "cam_rig.fit_jumps.1"
     drawn_by = "cam_rig.measured.rig_fit.figures:jump_figure"
-    columns: ClassVar = {
-        "numbers": NUMBER_COLUMNS,
-        "correlation": CORRELATION_COLUMNS,
+    columns: ClassVar = FoundNumbers.columns | {
         "jump_speeds": (
             Column("line", "", "d", of="reading.line"),
             Column("mass", "kg", ".6g", "mass put on", lambda row: row.known("mass")),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import product
+from typing import ClassVar
 
 import numpy as np
 
@@ -171,28 +172,6 @@ def interval_words(value: float, half: float, unit: str) -> str:
     return f"with 95 % it is below {end}" if low <= 0.0 else f"with 95 % it is {low:.3g} to {end}"
 
 
-NUMBER_COLUMNS = (
-    Column("number", of="name"),
-    Column("value", "", ".6g", cell=lambda number: number.shown, about="SI, see unit"),
-    Column(
-        "standard_error",
-        "",
-        ".2g",
-        of=lambda number: None if number.value is None else number.error,
-        cell=lambda number: number.shown_error,
-    ),
-    Column("unit"),
-    Column("origin", cell=lambda number: "; ".join(filter(None, (number.origin, number.caution)))),
-    Column("caution", hidden=True),
-    Column("reason", hidden=True, about="why it has no value"),
-)
-CORRELATION_COLUMNS = (
-    Column("number"),
-    Column("other", cell=lambda pair: pair.other.replace("_", " ")),
-    Column("correlation", "", ".2f"),
-)
-
-
 @dataclass(frozen=True)
 class ErrorCorrelation:
     """How the errors of two numbers go together, -1 to 1."""
@@ -208,6 +187,27 @@ class FoundNumbers(Result):
 
     ``correlation`` ``(n, n)`` is of the numbers that were sought and found, in their order.
     """
+
+    columns: ClassVar = {
+        "numbers": (
+            Column("number", of="name"),
+            Column("value", "", ".6g", cell=lambda number: number.shown, about="SI, see unit"),
+            Column(
+                *("standard_error", "", ".2g"),
+                of=lambda number: None if number.value is None else number.error,
+                cell=lambda number: number.shown_error,
+            ),
+            Column("unit"),
+            Column("origin", cell=lambda n: "; ".join(filter(None, (n.origin, n.caution)))),
+            Column("caution", hidden=True),
+            Column("reason", hidden=True, about="why it has no value"),
+        ),
+        "correlation": (
+            Column("number"),
+            Column("other", cell=lambda pair: pair.other.replace("_", " ")),
+            Column("correlation", "", ".2f"),
+        ),
+    }
 
     law: Law
     model: str

@@ -10,11 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from cam_rig.measured.rig_fit.models import LEAST_BACKLASH
-from cam_rig.measured.rig_fit.numbers import (
-    CORRELATION_COLUMNS,
-    NUMBER_COLUMNS,
-    FoundNumbers,
-)
+from cam_rig.measured.rig_fit.numbers import FoundNumbers
 from cam_rig.measured.rig_fit.search import FitSolution
 from cam_rig.show.result import SI, Column, Records
 from cam_rig.show.tables import number
@@ -86,9 +82,7 @@ class RigFit(FoundNumbers):
 
     schema = "cam_rig.fit_rig.1"
     drawn_by = "cam_rig.measured.rig_fit.figures:rig_figure"
-    columns: ClassVar = {
-        "numbers": NUMBER_COLUMNS,
-        "correlation": CORRELATION_COLUMNS,
+    columns: ClassVar = FoundNumbers.columns | {
         "speeds": (
             Column("rpm", "rpm", ".2f", "speed"),
             Column("turns", "", ".1f"),

@@ -14,7 +14,6 @@ from cam_rig.paper.orders.spectrum import QUANTITIES, RANGE, CamOrders, loudest
 from cam_rig.show import looks as colours
 from cam_rig.show.chart import SPEED, Axes, chart_stream, round_marks
 from cam_rig.show.looks import title_of
-from cam_rig.units import FloatArray
 
 #: Radii on the screen, and width of the plane, whose height is 100.
 STROKE, CURSOR, WIDTH = -1.2, -0.8, 160.0
@@ -83,7 +82,8 @@ def _draw_rays(stream: rr.RecordingStream, study: CamOrders, quantity: str, most
     shown = values > most - RANGE
     strokes = study.strokes()[shown].reshape(-1, 2)
     places = axes.place(strokes[:, 0], strokes[:, 1]).reshape(-1, 2, 2)
-    shades = _shades((values[shown] - most) / RANGE + 1.0)
+    parts, at = (values[shown] - most) / RANGE + 1.0, np.linspace(0.0, 1.0, len(SCALE))
+    shades = np.column_stack([np.interp(parts, at, scale) for scale in SCALE.T]).astype(np.uint8)
     strips = rr.LineStrips2D(list(places), colors=shades, radii=STROKE)
     stream.log(f"{view}/orders", strips, static=True)
     natural = study.spectra[0].steady.natural_frequency
@@ -109,10 +109,3 @@ def _draw_lines(stream: rr.RecordingStream, study: CamOrders, quantity: str, mos
         here = rays.place(np.full(2, spectrum.rpm), np.array(rays.y))
         cursor = rr.LineStrips2D([here], colors=colours.GREY, radii=CURSOR)
         stream.log(f"{entity(study, quantity, 'rays')}/speed", cursor)
-
-
-def _shades(parts: FloatArray) -> np.ndarray[tuple[int, int], np.dtype[np.uint8]]:
-    """``(n, 3)`` colours of parts from 0 to 1."""
-    at = np.linspace(0.0, 1.0, len(SCALE))
-    channels = [np.interp(parts, at, SCALE[:, i]) for i in range(3)]
-    return np.column_stack(channels).astype(np.uint8)
