@@ -67,7 +67,8 @@ LATER = Footnote(
 class RunComparison(Result):
     """Where a recorded run and a model part.
 
-    ``source``: the bag; ``loaded``: the scene whose model was driven with its cam angle; ``speeds``: a row each cam and speed; ``notes``: what was found in the bag and done to its
+    ``source``: the bag; ``loaded``: the scene whose model was driven with its cam angle;
+    ``speeds``: a row each cam and speed; ``notes``: what was found in the bag and done to its
     readings, each a sentence.
     """
 
