@@ -85,17 +85,8 @@ class StemStudy:
         found = {cam: rpm for cam, rpm in self.off_from.items() if rpm is not None}
         return min(found.items(), key=lambda pair: pair[1]) if found else None
 
-    @property
-    def jump_error(self) -> tuple[str, float]:
-        """The cam whose jump speed two masses miss by most, and by how much of the bar's."""
-        return self._furthest(self.bar)
-
-    @property
-    def matched_error(self) -> tuple[str, float]:
-        """The same against the bar with their own first natural frequency."""
-        return self._furthest(self.matched)
-
-    def _furthest(self, bar: StemRow) -> tuple[str, float]:
+    def jump_error(self, bar: StemRow) -> tuple[str, float]:
+        """The cam whose jump speed two masses miss by most, and by how much of a bar's."""
         errors = {cam: self.two_masses.jump[cam] / rpm - 1.0 for cam, rpm in bar.jump.items()}
         return max(errors.items(), key=lambda pair: abs(pair[1]))
 
