@@ -79,6 +79,7 @@ def fit_rig(
     holds = measured_holds(run)
     rigid = {name: value for name, value in given.items() if name not in OF_TWO}
     values = {n: base.need(n, FROM, OTHER).si for n in ONE_MASS if n not in rigid} | rigid
+    progress.begin(None, "reading")
     progress.tell("the encoder's zero")
     rough, phase, zero = rough_start(law, holds, values)
     values = rough | rigid
