@@ -185,12 +185,6 @@ class ArcsFit(Result):
             f"{'given' if self.known else 'assumed'}, and flank and nose radius go with it.",
         )
 
-    @property
-    def base_is_told(self) -> bool:
-        """Whether the readings bound base and roller radius, or flanks are taken as straight."""
-        prime = self.told[PRIME]
-        return bool(prime.held) or self.arcs.flank_radius is None or math.isfinite(prime.high)
-
     def tables(self) -> list[Records]:
         """The numbers of the contour with their intervals, the columns, and other readings."""
         numbers, away = "what the readings tell", "Residuals of the readings from the arcs"

@@ -287,8 +287,8 @@ def require_told(fit: ArcsFit, named: bool) -> None:
             f"{unclear.name} {unclear.rms * 1e3:.3g} mm; allowed: --follower roller, flat or point"
             f"{', once for each column' if several else ''}"
         )
-    if not fit.base_is_told:
-        prime = fit.told[PRIME]
+    prime = fit.told[PRIME]
+    if not (prime.held or fit.arcs.flank_radius is None or math.isfinite(prime.high)):
         rolling = " and --roller-radius" if fit.roller_radius else ""
         raise ConfigError(
             f"lifts alone do not tell the base radius: {prime.name} is {prime.interval} "

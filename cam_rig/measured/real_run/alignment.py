@@ -123,7 +123,10 @@ def _first(runs: Sequence[ModelRun], given: float, lift: Signal) -> Alignment | 
     rows = []
     for run in runs:
         stretch = run.stretch
-        wanted = np.conj(run.lift_coefficients(orders, given))
+        modelled = stretch.at(run.rows[0])
+        last = modelled > modelled[-1] - TURN  # Fourier coefficients of the last whole turn
+        wave = np.exp(1j * orders[:, None] * (modelled[last] + given))
+        wanted = wave @ run.rows[1, last] / np.count_nonzero(last)
         near = (lift.time >= run.begin) & (lift.time <= stretch.knots[-1])
         time, value = lift.time[near], lift.value[near]
         angle = stretch.at(time)
