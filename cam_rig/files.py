@@ -110,12 +110,14 @@ def write_new(folder: Path, texts: dict[str, str]) -> None:
             part.write_text(text, encoding="utf-8")
 
 
-def require_new_yaml(out: Path | None) -> None:
-    """Refuse, before anything is computed, an ``--out`` that is no new YAML file."""
-    if out is not None:
-        if out.suffix != ".yaml":
-            raise ConfigError(f"--out: is {out}; allowed: a name that ends in .yaml")
-        require_new(out)
+def new_yaml(out: str | Path | None) -> Path | None:
+    """An ``--out``; refused, before anything is computed, if it is no new YAML file."""
+    if out is None:
+        return None
+    if Path(out).suffix != ".yaml":
+        raise ConfigError(f"--out: is {out}; allowed: a name that ends in .yaml")
+    require_new(Path(out))
+    return Path(out)
 
 
 def require_new(target: Path) -> None:

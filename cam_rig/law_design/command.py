@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cam_rig.errors import ConfigError
-from cam_rig.files import require_new_yaml, writing
+from cam_rig.files import new_yaml, writing
 from cam_rig.show.command import command
 from cam_rig.show.result import Progress, Result
 from cam_rig.show.terminal import say
@@ -83,7 +83,7 @@ def design(
     """
     if out is not None and pareto is not None:
         raise ConfigError("--pareto: is of many cams; allowed beside it: no --out")
-    require_new_yaml(out)
+    new_yaml(out)
     asked = {"minimise": minimise, "maximise": maximise, "limits": limit or []}
     others = {"starts": starts, "seed": seed, "keep": keep.split(",")}
     class_ = {"pieces": pieces, "joints": joints, "degree": degree}

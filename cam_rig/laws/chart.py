@@ -12,14 +12,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from cam_rig.laws.catalogue import ORDERS, LawCurves
-from cam_rig.show.chart import (
-    APPLICATION,
-    Axes,
-    name_recording,
-    require_free,
-    round_marks,
-    rrd_stream,
-)
+from cam_rig.show.chart import Axes, chart_stream, round_marks
 from cam_rig.show.looks import of_cam, title_of
 
 #: Charts from the top: names, and what a value is beside its unit of lift.
@@ -47,19 +40,14 @@ def save_laws(
     units : of s to s''' as the curves have them, four
     titles : what cams are called, where not by their names in words
     """
-    require_free(path, overwrite=True)
     names = [title_of(titles, curve.name) for curve in curves]
     charts = [_axes(curves, order) for order in ORDERS]
-    views = [_view(order, axes, units[order]) for order, axes in enumerate(charts)]
-    panels = (
-        rrb.BlueprintPanel(state="collapsed"),
-        rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(state="hidden"),
-    )
+    views = [
+        axes.view(entity(order), f"{CHARTS[order].capitalize()} [{units[order]}]", RIGHT, BELOW)
+        for order, axes in enumerate(charts)
+    ]
     grid = rrb.Grid(*views, grid_columns=2)
-    plan = rrb.Blueprint(grid, *panels, auto_views=False, auto_layout=False)
-    with rrd_stream(path, APPLICATION, plan) as stream:
-        name_recording(stream, f"Laws: {', '.join(names)}")
+    with chart_stream(path, f"Laws: {', '.join(names)}", [grid]) as stream:
         for order, axes in enumerate(charts):
             x = DEGREES if along == "°" else round_marks(*axes.x, along)
             axes.draw(stream, f"{entity(order)}/axes", x, round_marks(*axes.y, ""))
@@ -88,10 +76,3 @@ def _axes(curves: Sequence[LawCurves], order: int) -> Axes:
     ends = [(float(curve.x[0]), float(curve.x[-1])) for curve in curves]
     x = min(end[0] for end in ends), max(end[1] for end in ends)
     return Axes(x, (low - room, high + room), height=HEIGHT, raised=RAISED)
-
-
-def _view(order: int, axes: Axes, unit: str) -> rrb.Spatial2DView:
-    x, y = axes.bounds(RIGHT, BELOW)
-    bounds = rrb.VisualBounds2D(x_range=x, y_range=y)
-    name = f"{CHARTS[order].capitalize()} [{unit}]"
-    return rrb.Spatial2DView(origin=entity(order), name=name, visual_bounds=bounds)

@@ -159,19 +159,23 @@ class CellTable:
             first -= 1
         return first
 
-    def decimal_mark(self, body: list[tuple[int, list[str]]], used: list[int]) -> str:
-        """Comma or point; a file has one of them."""
+    def refused(self, words: str) -> ConfigError:
+        """What is wrong in the file, and which separator it was read with."""
+        return ConfigError(f"{self.file}: {words} (separator seen: {self.seen})")
+
+    def how_read(self, body: list[tuple[int, list[str]]], used: list[int]) -> str:
+        """A note of lines, separator, and decimal comma or point: a file has one of them."""
         marked = [(line, cells[i]) for line, cells in body for i in used]
         commas = [(line, cell) for line, cell in marked if "," in cell]
         points = [(line, cell) for line, cell in marked if "." in cell]
         if commas and points:
             line, cell = points[0]
-            raise ConfigError(
-                f"{self.file}: line {line}: {shown(cell)} has a decimal point, {commas[0][1]!r} in "
-                f"line {commas[0][0]} a decimal comma; allowed: one of them (separator seen: "
-                f"{self.seen})"
+            raise self.refused(
+                f"line {line}: {shown(cell)} has a decimal point, {commas[0][1]!r} in line "
+                f"{commas[0][0]} a decimal comma; allowed: one of them"
             )
-        return "comma" if commas else "point"
+        mark = "comma" if commas else "point"
+        return f"{len(body)} lines read, separator {self.seen}, decimal {mark}"
 
     def _cells(self, line: int, text: str) -> list[str]:
         if self.separator == " ":
@@ -206,9 +210,9 @@ class CellTable:
         for i, (cell, one) in enumerate(zip(cells, headings, strict=True)):
             text = plain_number(cell)
             if text is None and cell and i in used:
-                raise ConfigError(
-                    f"{self.file}: line {line}: {one.text} is {shown(cell)}; allowed: a number, so "
-                    f"correct the line or put # before it (separator seen: {self.seen})"
+                raise self.refused(
+                    f"line {line}: {one.text} is {shown(cell)}; allowed: a number, so correct the "
+                    "line or put # before it"
                 )
             found.append(text or NOTHING)
         return found

@@ -150,6 +150,10 @@ class Quantity(Strict):
         """The numbers in SI units."""
         return [value * self.factor for value in self.numbers]
 
+    def with_si(self, value: float) -> Quantity:
+        """Another number (SI) of the same origin and unit."""
+        return self.model_copy(update={self.origin: value / self.factor})
+
 
 def must_be(
     dimension: str,

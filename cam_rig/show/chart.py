@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -59,6 +60,12 @@ class Axes:
         left, _, above, _ = MARGINS
         x = -left * self.width, (1.0 + right) * self.width
         return x, (-above * self.height, (1.0 + below) * self.height)
+
+    def view(self, origin: str, name: str, right: float, below: float) -> rrb.Spatial2DView:
+        """A view of what is drawn at ``origin``, with shares of width and height left free."""
+        x, y = self.bounds(right, below)
+        bounds = rrb.VisualBounds2D(x_range=x, y_range=y)
+        return rrb.Spatial2DView(origin=origin, name=name, visual_bounds=bounds)
 
     def draw(
         self,
@@ -173,6 +180,23 @@ def require_free(path: Path, overwrite: bool) -> None:
         raise CamRigError(f"{path}: ends in {path.suffix!r}; allowed: .rrd, or no viewer opens it")
     if path.exists() and not overwrite:
         raise CamRigError(f"{path}: exists already, not overwriting; name another, or use --force")
+
+
+@contextmanager
+def chart_stream(
+    path: Path, name: str, views: Sequence[rrb.Vertical | rrb.Grid], timeline: str = ""
+) -> Iterator[rr.RecordingStream]:
+    """A recording that has these tabs alone, over a timeline if any; an older one is replaced."""
+    require_free(path, overwrite=True)
+    over: dict[str, Any] = {"state": "hidden"}
+    if timeline:
+        over = {"state": "collapsed", "timeline": timeline}
+    panels = rrb.BlueprintPanel(state="collapsed"), rrb.SelectionPanel(state="collapsed")
+    shown = rrb.Tabs(*views) if len(views) > 1 else views[0]
+    plan = rrb.Blueprint(shown, *panels, rrb.TimePanel(**over), auto_views=False, auto_layout=False)
+    with rrd_stream(path, APPLICATION, plan) as stream:
+        name_recording(stream, name)
+        yield stream
 
 
 @contextmanager

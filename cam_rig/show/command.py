@@ -209,6 +209,9 @@ Csv = Annotated[
 Json = Annotated[
     str | None, typer.Option("--json", metavar="FILE", help="Write JSON; - for stdout.")
 ]
+RigOfBag = Annotated[
+    str | None, typer.Option("--namespace", help="One rig of a bag that holds several: /rig2.")
+]
 Namespace = Annotated[
     str, typer.Option(help="Namespace of its nodes and topics, for two rigs side by side.")
 ]

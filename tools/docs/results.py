@@ -58,9 +58,10 @@ where the key does not say it. A number without a unit is a ratio or a count.
 def results() -> list[type[Result]]:
     """Every class of the package that is a result, by its schema."""
     for file in sorted((ROOT / "cam_rig").rglob("*.py")):
-        if "Result" in file.read_text(encoding="utf-8"):
+        if 'schema = "cam_rig.' in file.read_text(encoding="utf-8"):
             import_module(".".join(file.relative_to(ROOT).with_suffix("").parts))
-    found = {one for one in _below(Result) if one.__module__.startswith("cam_rig.")}
+    own = (one for one in _below(Result) if one.__module__.startswith("cam_rig."))
+    found = {one for one in own if one.schema}
     return sorted(found, key=lambda one: one.schema)
 
 

@@ -1,8 +1,7 @@
 """One contour of tangent arcs through the readings of one or several followers at once.
 
-The least squares of `ArcSearch` for every way in which the columns may have been read, and of
-the likeliest once more with straight flanks: these are taken where the readings do not rule them
-out.
+The least squares of `ArcSearch` for every way in which the columns may have been read, and of the
+likeliest once more with straight flanks: these are taken where the readings do not rule them out.
 """
 
 from __future__ import annotations
@@ -10,17 +9,266 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
-from dataclasses import replace
-from functools import partial
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from itertools import product
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from cam_rig.errors import LawError
-from cam_rig.measured.cam_fit.arcs import FLANK, PRIME, ArcSearch, Form
-from cam_rig.measured.cam_fit.arcs_intervals import Profile
-from cam_rig.measured.cam_fit.arcs_result import ArcsFit, Flank, Known
+from cam_rig.measured.cam_fit.arcs import (
+    ANGLE,
+    COORDINATES,
+    FLANK,
+    PRIME,
+    ArcColumn,
+    Arcs,
+    ArcSearch,
+    Form,
+    number_of,
+)
+from cam_rig.measured.cam_fit.arcs_intervals import Profile, Told
+from cam_rig.measured.cam_fit.dwells import beside_others, farthest, left_out
 from cam_rig.measured.cam_fit.gauge import OUTLIER, Readings, judged_by, with_outliers
+from cam_rig.show.result import Column, Records, Result
+from cam_rig.units import rms
+
+#: Which radius is known beside the readings.
+Known = Literal["base", "roller", "both"] | None
+#: What is known of the flanks.
+Flank = Literal["straight", "curved"] | None
+#: Of two readings of the columns this much nearer (in parts) one is told from the other.
+CLEARLY_NEARER = 1.1
+#: How a column was read, by whether it is reversed.
+SENSES = ("as turned", "reversed")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ArcsFit(Result):
+    """A contour of tangent arcs, its columns, and what else was tried.
+
+    ``best``: the contour that is taken; ``curved``: the best of any flank, which may be ``best``;
+    ``others``: every other reading of the columns, likeliest first; ``without_radii``: the best
+    contour of other radii than those that were both given; ``notes``: how the readings were read;
+    ``assumed``: what no reading tells of a file that was written.
+    """
+
+    schema = "cam_rig.fit_arcs.1"
+    drawn_by = "cam_rig.measured.cam_fit.figures:arcs_figure"
+    columns: ClassVar = {
+        "numbers": (
+            Column("number", of="name"),
+            Column("value", cell=lambda told: told.shown, about="m, of an angle rad"),
+            Column("low_95", of=lambda told: None if told.held else told.low, hidden=True),
+            Column("high_95", of=lambda told: None if told.held else told.high, hidden=True),
+            Column("interval", heading="with 95 %", cell=lambda told: told.interval or "-"),
+            Column("standard_error", of="error", hidden=True),
+            Column(
+                "told", of=lambda told: told.how_well or "well", cell=lambda told: told.how_well
+            ),
+        ),
+        "residuals": (
+            Column("readings", of="readings.name"),
+            Column("count", "", "d", of="away.size"),
+            Column("follower", of="kind"),
+            Column("reversed", "", "", "read", "reverse", lambda c: SENSES[c.reverse]),
+            Column("rms", "mm", ".4f", "r.m.s."),
+            Column("largest", "mm", ".4f", of=lambda c: float(abs(c.away).max())),
+            Column("largest_at", "°", ".6g", "at", lambda c: float(c.readings.angles[c.worst])),
+            Column("largest_line", "", "d", "in line", lambda c: int(c.readings.lines[c.worst])),
+            Column("outliers", "", "d", of=lambda c: len(c.readings.outliers)),
+        ),
+        "others": (Column("columns", of="name"), Column("rms", "mm", ".3g")),
+        "arcs": (
+            Column("base_radius", "m", of="arcs.base_radius"),
+            Column("lift", "m", of="arcs.lift"),
+            Column("flank", of="arcs.flank"),
+            Column("flank_radius", "m", of="arcs.flank_radius"),
+            Column("nose_radius", "m", of="arcs.nose_radius"),
+            Column("nose_angle", "rad", of="arcs.nose_angle"),
+            Column("roller_radius", "m"),
+            Column("known", about="which radius was given"),
+            Column("rms", "m"),
+            Column("cannot_tell"),
+            Column("notes", about="how the readings were read"),
+            Column("conclusions", of=lambda fit: [*fit.conclusions()]),
+        ),
+    }
+
+    best: Profile
+    curved: Profile
+    known: Known
+    flank: Flank
+    others: tuple[Profile, ...]
+    without_radii: Profile | None = None
+    notes: tuple[str, ...] = ()
+    assumed: tuple[str, ...] = ()
+
+    @property
+    def arcs(self) -> Arcs:
+        """The contour."""
+        return self.best.search.arcs(self.best.x)
+
+    @cached_property
+    def fitted_columns(self) -> tuple[ArcColumn, ...]:
+        """The readings beside the contour."""
+        search = self.best.search
+        return tuple(search.column(self.best.x, i) for i in range(len(search.columns)))
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """The contour's numbers as they are told, m and rad; a straight flank's is infinite."""
+        found = self.best.search.form.coordinates(self.arcs)
+        return tuple(number_of(i, float(found[i])) for i in COORDINATES)
+
+    @property
+    def roller_radius(self) -> float:
+        """Assumed or given (m), 0 for a point."""
+        return self.best.search.form.roller
+
+    @property
+    def rms(self) -> float:
+        """r.m.s. residual of all readings, m."""
+        return rms(np.concatenate([column.away for column in self.fitted_columns]))
+
+    @property
+    def only_flat(self) -> bool:
+        """Whether every follower is a flat one, so that no base radius is told."""
+        return all(column.kind == "flat" for column in self.fitted_columns)
+
+    @cached_property
+    def told(self) -> tuple[Told, ...]:
+        """What the readings tell of each number, of any flank unless it is known as straight."""
+        profile = self.best if self.flank == "straight" else self.curved
+        return tuple(self._told(i, profile) for i in COORDINATES)
+
+    @cached_property
+    def prime_if_straight(self) -> Told | None:
+        """Base and roller radius if the flank that is straight within the readings is so."""
+        straight = self.best is not self.curved and PRIME not in self.best.search.held
+        return self._told(PRIME, self.best) if straight else None
+
+    def _told(self, index: int, profile: Profile) -> Told:
+        value, name = self.numbers[index], self.best.search.form.names[index]
+        unit = "deg" if index == ANGLE else "mm"
+        if index in profile.search.held:
+            base_given = self.known == "both" or (self.only_flat and self.known == "base")
+            given = index == FLANK or base_given
+            return Told(name, value, value, value, "given" if given else "assumed", unit)
+        return Told(name, value, *profile.interval(index), unit=unit)
+
+    @property
+    def unclear_kinds(self) -> Profile | None:
+        """Other kinds of follower with which the readings are as near."""
+        flats = self.best.search.flats
+        others = (one for one in self.others if one.search.flats != flats)
+        return next(filter(self.as_near, others), None)
+
+    def as_near(self, other: Profile) -> bool:
+        """Whether another reading of the columns is not told from this one."""
+        return other.rms < CLEARLY_NEARER * self.rms
+
+    @property
+    def cannot_tell(self) -> tuple[str, ...]:
+        """What no readings of these followers can tell, a sentence each."""
+        if self.only_flat:
+            return (
+                "A flat follower tells flank and nose radius only less the base radius: that is "
+                f"{'given' if self.known in ('base', 'both') else 'assumed'}.",
+            )
+        if not self.roller_radius or self.known == "both":
+            return ()
+        whose = "base" if self.known == "base" else "roller"
+        return (
+            f"Base and roller radius are told only as a sum: the {whose} radius is "
+            f"{'given' if self.known else 'assumed'}, and flank and nose radius go with it.",
+        )
+
+    def tables(self) -> list[Records]:
+        """The numbers of the contour with their intervals, the columns, and other readings."""
+        numbers, away = "what the readings tell", "Residuals of the readings from the arcs"
+        return [
+            self.table("numbers", f"Tangent arcs: {numbers}", self.told),
+            self.table("residuals", away, self.fitted_columns),
+            self.table("others", "Other readings of the columns", self.others, hidden=True),
+            self.table("arcs", "The contour", [self], single=True, hidden=True),
+        ]
+
+    def summary(self) -> list[str]:
+        """How the readings were read, then the conclusions."""
+        return [*self.notes, *self.conclusions()]
+
+    def conclusions(self) -> Iterator[str]:
+        """Which column is which, in which sense it was read, and what cannot be told."""
+        free = self.best.x.size
+        readings = sum(column.away.size for column in self.fitted_columns)
+        left = f"{self.rms * 1e3:.3g} mm r.m.s."
+        yield f"{free} numbers of tangent arcs: {left} from {readings} readings."
+        yield from self._flanks()
+        yield from self._poorly()
+        flat = [column.readings.name for column in self.fitted_columns if column.kind == "flat"]
+        if flat and len(flat) < len(self.fitted_columns):
+            yield f"The flat follower's readings are {' and '.join(flat)}."
+        reverse = [column.readings.name for column in self.fitted_columns if column.reverse]
+        if reverse:
+            apart = abs(math.degrees(2.0 * self.arcs.nose_angle) + 180.0) % 360.0 - 180.0
+            yield (
+                f"{' and '.join(reverse)} fits as read in the other turning sense, or from a zero "
+                f"{abs(apart):.2g} deg apart."
+            )
+        for column in self.fitted_columns:
+            sizes = beside_others(column.readings, column.away)
+            yield from farthest(column.readings, -column.away, sizes)
+            if column.readings.outliers:
+                yield f"{column.readings.name}: {left_out(column.readings)}"
+        for other in self.others[:1]:
+            left = f"{other.rms * 1e3:.3g} mm r.m.s."
+            if self.as_near(other):
+                yield f"As near, and not told apart: {other.name}, {left}"
+            else:
+                yield f"The next best reading of the columns is {other.name}: {left}"
+        yield from self.cannot_tell
+
+    def _flanks(self) -> Iterator[str]:
+        """That flanks were taken as straight, and what is told if they are."""
+        flank, straight = self.told[FLANK], self.arcs.flank_radius is None
+        if self.flank == "straight":
+            yield "Flanks are straight as asked: a tangent cam."
+        elif straight:
+            yield (
+                "Flanks are straight within the readings, `flank: straight`, a tangent cam: taken, "
+                f"for {self.rms * 1e3:.3g} mm r.m.s. are left and {self.curved.rms * 1e3:.3g} mm "
+                f"of the best curved ones. With 95 % {flank.name} is {flank.interval}."
+            )
+            if self.prime_if_straight is not None:
+                yield (
+                    "If you know that they are straight, give flank as straight: "
+                    f"{self.told[PRIME].name} is then {self.prime_if_straight.interval} with 95 %."
+                )
+        elif flank.over_straight:
+            yield (
+                "Flanks are straight within the readings too, and taken so unless curved ones are "
+                "asked for."
+            )
+
+    def _poorly(self) -> Iterator[str]:
+        free = self.without_radii
+        if free is not None and free.away(self.best.squares) > free.line(PRIME).limit:
+            low, high = free.interval(PRIME)
+            yield (
+                f"Warning: the readings contradict the radii given: {free.rms * 1e3:.3g} mm r.m.s. "
+                "are left without them, and base and roller radius together are then "
+                f"{low * 1e3:.3g} to {high * 1e3:.3g} mm with 95 %."
+            )
+        poor = [
+            f"{told.name} {told.interval}"
+            for i, told in enumerate(self.told)
+            if i != FLANK and told.hardly
+        ]
+        if poor:
+            yield f"Warning: the readings hardly tell {', '.join(poor)} (95 %)."
+
 
 #: Outliers are judged by the arcs, and the arcs are fitted again, at most so many times.
 ROUNDS = 4
@@ -56,7 +304,11 @@ def fit_arcs(
     if any(column.readings.outliers for column in found.fitted_columns):
         with suppress(LawError):  # a slip so large that nothing comes near with it
             whole = _settled(fit, tuple(with_outliers(one) for one in columns))
-            return whole if _explains(whole, found) else found
+            # taken if it has readings as good that the other leaves out, none off as an outlier
+            more = whole.best.search.count - found.best.search.count
+            worse = whole.best.squares - found.best.squares
+            if more > 0 and worse < more * (OUTLIER * found.rms) ** 2:
+                return whole
     return found
 
 
@@ -76,12 +328,6 @@ def _settled(
     return found
 
 
-def _explains(whole: ArcsFit, found: ArcsFit) -> bool:
-    """Whether a contour takes readings as good that another leaves out, none off as an outlier."""
-    more = whole.best.search.count - found.best.search.count
-    return more > 0 and whole.best.squares - found.best.squares < more * (OUTLIER * found.rms) ** 2
-
-
 def _fitted(
     columns: tuple[Readings, ...], searches: Iterable[ArcSearch], known: Known, flank: Flank
 ) -> ArcsFit:
@@ -95,8 +341,12 @@ def _fitted(
             "readings; allowed: a symmetric cam, else --shape spline"
         )
     best, *rest = tried
-    taken = best if flank else _straight_if_as_near(best)
-    without = None
+    taken, without = best, None
+    if not flank:
+        search = best.search.holding(FLANK, 0.0)
+        straight = Profile(search, search.best())
+        if best.away(straight.squares) <= best.line(FLANK).limit:
+            taken = straight  # the readings do not rule it out
     if known == "both" and not all(best.search.flats):
         held = {index: value for index, value in taken.search.held.items() if index != PRIME}
         search = replace(taken.search, held=held)
@@ -122,13 +372,6 @@ def _searches(
         form = Form(roller, sums=not all(flat) and known != "base")
         held = {PRIME: 1.0 / (base + roller)} if all(flat) or known == "both" else {}
         yield ArcSearch(columns, tuple(zip(flat, sense, strict=True)), form, held)
-
-
-def _straight_if_as_near(best: Profile) -> Profile:
-    """The best contour of straight flanks if the readings do not rule it out, else the best."""
-    search = best.search.holding(FLANK, 0.0)
-    straight = Profile(search, search.best())
-    return straight if best.away(straight.squares) <= best.line(FLANK).limit else best
 
 
 def _profiles(searches: list[ArcSearch]) -> Iterator[Profile]:

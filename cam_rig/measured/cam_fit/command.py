@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -12,9 +12,6 @@ from cam_rig.files import write_new
 from cam_rig.show.command import Rig, command, say_assumed
 from cam_rig.show.result import Result
 from cam_rig.show.terminal import say, show
-
-if TYPE_CHECKING:
-    from cam_rig.measured.cam_fit.request import FitRequest
 
 Tables = Annotated[list[Path], typer.Argument(help="Table of cam angles and gauge readings.")]
 Out = Annotated[
@@ -153,20 +150,15 @@ def new(
 
     cam-rig new gl110 --from-csv gl110.csv --shape arcs --folder mine
     """
-    from cam_rig.measured.cam_fit.request import FitRequest
-
-    radii, kinds = (_metres(roller_radius), _metres(base_radius)), _kinds(follower)
-    error = _metres(tolerance)
-    request = FitRequest(shape, kinds, column, error, reverse, *radii, flank, True)
-    _write_scene(name, request, from_csv, folder or Path(name), rig)
-
-
-def _write_scene(name: str, request: FitRequest, tables: list[Path], place: Path, rig: str) -> None:
     from cam_rig.measured.cam_fit.files import own_rig, own_scene
+    from cam_rig.measured.cam_fit.request import FitRequest
     from cam_rig.schema.load import load_rig, rig_path
 
+    radii, kinds = (_metres(roller_radius), _metres(base_radius)), _kinds(follower)
+    error, place = _metres(tolerance), folder or Path(name)
+    request = FitRequest(shape, kinds, column, error, reverse, *radii, flank, True)
     like = load_rig(rig_path(rig))
-    found = request.run(tables)
+    found = request.run(from_csv)
     files = request.files(found, name)
     scene, speeds = own_scene(name, files.law, like)
     texts = {f"cams/{file}": text for file, text in files.texts.items()}

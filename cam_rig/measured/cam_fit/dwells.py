@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -170,8 +171,10 @@ def _pooled(dwells: list[FoundDwell], scatter: float) -> list[FoundDwell]:
     """The dwells from the lowest up; those that differ by chance alone at their mean level."""
     groups: list[list[FoundDwell]] = []
     for dwell in sorted(dwells, key=lambda one: one.rest.level):
-        if groups and _same_level(groups[-1][-1], dwell, scatter):
-            groups[-1].append(dwell)
+        last = groups[-1] if groups else [dwell]
+        error = scatter * math.sqrt(1.0 / last[-1].count + 1.0 / dwell.count)
+        if groups and dwell.rest.level - last[-1].rest.level <= SAME_LEVEL * error:
+            last.append(dwell)
         else:
             groups.append([dwell])
     pooled = []
@@ -179,11 +182,6 @@ def _pooled(dwells: list[FoundDwell], scatter: float) -> list[FoundDwell]:
         levels, weights = [one.rest.level for one in group], [one.count for one in group]
         pooled += [one.at_level(float(np.average(levels, weights=weights))) for one in group]
     return pooled
-
-
-def _same_level(one: FoundDwell, other: FoundDwell, scatter: float) -> bool:
-    error = scatter * math.sqrt(1.0 / one.count + 1.0 / other.count)
-    return other.rest.level - one.rest.level <= SAME_LEVEL * error
 
 
 def _dwell(readings: Readings, runs: list[_RestingRun], i: int, scatter: float) -> FoundDwell:
@@ -263,3 +261,37 @@ def above_zero(readings: Readings) -> Readings:
     squares = sum(dwell.count * dwell.scatter**2 for dwell in at_rest) / (count - 1)
     error = max(math.sqrt(squares), kept.rounding) / math.sqrt(count)
     return replace(kept, lifts=kept.lifts - level, zero=level, zero_error=error)
+
+
+# Readings to look at again: outliers that were left out, and those farthest from the law.
+
+#: Residuals of more than so many scatters, or r.m.s. of the others, are named, the farthest so many
+#: of them.
+FARTHEST, MOST_NAMED = 3.0, 3
+
+
+def left_out(readings: Readings) -> str:
+    """The outliers, or that there are none."""
+    named = ", ".join(f"line {one.line} by {one.beside * 1e3:.3g} mm" for one in readings.outliers)
+    if not named:
+        return "No reading looks like an outlier."
+    return f"Left out, for they look like outliers: {named}."
+
+
+def beside_others(readings: Readings, residuals: FloatArray) -> FloatArray:
+    """``(n,)`` sizes of residuals, in r.m.s. of all others."""
+    others = (np.sum(residuals**2) - residuals**2) / (residuals.size - 1)
+    return np.abs(residuals) / np.maximum(np.sqrt(others), readings.rounding)
+
+
+def farthest(readings: Readings, residuals: FloatArray, sizes: FloatArray) -> Iterator[str]:
+    """The readings that are far from the law, by their lines; ``sizes`` in scatters."""
+    likely = max(FARTHEST, 0.5 * likely_range(sizes.size))  # of many, one is so far by chance
+    far = [i for i in np.argsort(-sizes)[:MOST_NAMED] if sizes[i] > likely]
+    named = ", ".join(
+        f"line {readings.lines[i]} ({math.degrees(readings.angles[i]):.6g} deg) by "
+        f"{residuals[i] * 1e3:+.3g} mm, {sizes[i]:.2g} times the others' scatter"
+        for i in far
+    )
+    if named:
+        yield f"{readings.name}: farthest from the law {named}: look at them again."

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from cam_rig.measured.cam_fit.arcs_result import ArcsFit
+from cam_rig.measured.cam_fit.arcs_fit import ArcsFit
 from cam_rig.measured.cam_fit.spline_fit import SplineFit
 from cam_rig.show.figure import CAM_ANGLE, empty, series, styled, turn_axis, wrapped
 from cam_rig.units import TURN

@@ -14,8 +14,8 @@ from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
 from cam_rig.errors import ConfigError, LawError
 from cam_rig.laws import Law, build_law
 from cam_rig.measured.cam_fit.arcs import FLANK, LIFT, NOSE, PRIME, Arcs, FollowerKind, Form
+from cam_rig.measured.cam_fit.arcs_fit import ArcsFit
 from cam_rig.measured.cam_fit.arcs_intervals import Told
-from cam_rig.measured.cam_fit.arcs_result import ArcsFit
 from cam_rig.measured.cam_fit.dwells import DEGREES
 from cam_rig.measured.cam_fit.spline_fit import SplineFit
 from cam_rig.profile.check_table import check_cam
@@ -287,8 +287,8 @@ def require_told(fit: ArcsFit, named: bool) -> None:
             f"{unclear.name} {unclear.rms * 1e3:.3g} mm; allowed: --follower roller, flat or point"
             f"{', once for each column' if several else ''}"
         )
-    if not fit.base_is_told:
-        prime = fit.told[PRIME]
+    prime = fit.told[PRIME]
+    if not (prime.held or fit.arcs.flank_radius is None or math.isfinite(prime.high)):
         rolling = " and --roller-radius" if fit.roller_radius else ""
         raise ConfigError(
             f"lifts alone do not tell the base radius: {prime.name} is {prime.interval} "

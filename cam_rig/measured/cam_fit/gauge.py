@@ -66,9 +66,9 @@ class _GaugeReader(CellTable):
         """Headings to columns, cells to numbers."""
         if self.first is None:
             line, cells = self.rows[-1]
-            raise ConfigError(
-                f"{self.file}: line {line}: {shown(' | '.join(cells))} has no two numbers; "
-                f"allowed: lines of cam angle and lift (separator seen: {self.seen})"
+            raise self.refused(
+                f"line {line}: {shown(' | '.join(cells))} has no two numbers; allowed: lines of "
+                "cam angle and lift"
             )
         width = len(self.rows[self.first][1])
         headings = self.headings(width)
@@ -82,9 +82,9 @@ class _GaugeReader(CellTable):
         texts = [self.numbers(line, cells, headings, used) for line, cells in body]
         for (line, _), row in zip(body, texts, strict=True):
             if row[angle] == NOTHING:
-                raise ConfigError(
-                    f"{self.file}: line {line}: {headings[angle].text} is empty beside a lift; "
-                    f"allowed: an angle, or # before the line (separator seen: {self.seen})"
+                raise self.refused(
+                    f"line {line}: {headings[angle].text} is empty beside a lift; allowed: an "
+                    "angle, or # before the line"
                 )
         angles = [float(row[angle]) for row in texts]
         factor, words = _angle_factor(headings[angle], angles)
@@ -96,8 +96,7 @@ class _GaugeReader(CellTable):
             empty = sum(row[i] == NOTHING for row in texts)
             if empty:
                 words.append(f"{counted(empty, 'empty cell')} in {headings[i].text!r}: no reading")
-        mark = self.decimal_mark(body, used)
-        read = f"{len(body)} lines read, separator {self.seen}, decimal {mark}"
+        read = self.how_read(body, used)
         return GaugeTable(
             self.file,
             tuple(factor * value for value in angles),
@@ -134,10 +133,7 @@ class _GaugeReader(CellTable):
 
     def _unclear(self, headings: list[Heading], words: str) -> ConfigError:
         found = shown(", ".join(one.text for one in headings))
-        return ConfigError(
-            f"{self.file}: columns are {found}, {words}, such as angle_deg and lift_mm "
-            f"(separator seen: {self.seen})"
-        )
+        return self.refused(f"columns are {found}, {words}, such as angle_deg and lift_mm")
 
     def _column(self, one: Heading, texts: list[str]) -> GaugeColumn:
         factor = 1e-3 if one.factor is None else one.factor

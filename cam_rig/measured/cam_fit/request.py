@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal, overload
+from typing import Literal, TypedDict, Unpack, overload
 
 from cam_rig.arguments import checked
 from cam_rig.errors import ConfigError
-from cam_rig.files import require_new_yaml, write_new
+from cam_rig.files import new_yaml, write_new
 from cam_rig.measured.cam_fit.arcs import FollowerKind
-from cam_rig.measured.cam_fit.arcs_fit import fit_arcs
-from cam_rig.measured.cam_fit.arcs_result import ArcsFit, Flank, Known
+from cam_rig.measured.cam_fit.arcs_fit import ArcsFit, Flank, Known, fit_arcs
 from cam_rig.measured.cam_fit.dwells import above_zero
 from cam_rig.measured.cam_fit.files import CamFiles, arcs_cam, require_told, spline_cam
 from cam_rig.measured.cam_fit.gauge import (
@@ -132,34 +131,28 @@ class FitRequest:
         return (None,) * columns
 
 
+class FitOptions(TypedDict, total=False):
+    """Options of `fit_cam` but the shape, which says what it gives."""
+
+    follower: FollowerKind | Sequence[FollowerKind] | None
+    column: str | None
+    tolerance: float | None
+    reverse: bool
+    roller_radius: float | None
+    base_radius: float | None
+    flank: Flank
+    out: str | Path | None
+
+
+Files = str | Path | Sequence[str | Path]
+
+
 @overload
 def fit_cam(
-    tables: str | Path | Sequence[str | Path],
-    *,
-    shape: Literal["spline"] = ...,
-    follower: FollowerKind | Sequence[FollowerKind] | None = ...,
-    column: str | None = ...,
-    tolerance: float | None = ...,
-    reverse: bool = ...,
-    roller_radius: float | None = ...,
-    base_radius: float | None = ...,
-    flank: Flank = ...,
-    out: str | Path | None = ...,
+    tables: Files, *, shape: Literal["spline"] = ..., **how: Unpack[FitOptions]
 ) -> SplineFit: ...
 @overload
-def fit_cam(
-    tables: str | Path | Sequence[str | Path],
-    *,
-    shape: Literal["arcs"],
-    follower: FollowerKind | Sequence[FollowerKind] | None = ...,
-    column: str | None = ...,
-    tolerance: float | None = ...,
-    reverse: bool = ...,
-    roller_radius: float | None = ...,
-    base_radius: float | None = ...,
-    flank: Flank = ...,
-    out: str | Path | None = ...,
-) -> ArcsFit: ...
+def fit_cam(tables: Files, *, shape: Literal["arcs"], **how: Unpack[FitOptions]) -> ArcsFit: ...
 @checked
 def fit_cam(
     tables: str | Path | Sequence[str | Path],
@@ -204,8 +197,7 @@ def fit_cam(
     >>> round(found.smoothed.rms, 6)  # m
     0.001
     """
-    target = None if out is None else Path(out)
-    require_new_yaml(target)
+    target = new_yaml(out)
     files = [tables] if isinstance(tables, str | Path) else tables
     if not files:
         raise ConfigError("tables: is an empty list; allowed: a file, of arcs several")

@@ -16,9 +16,15 @@ from cam_rig.laws.bernstein import joined
 from cam_rig.laws.law import extremes, peak
 from cam_rig.laws.segments import SAME_LIFT, SAME_LIFT_TOLERANCES
 from cam_rig.laws.spline import Rest, Smoothed, differences, least_tolerance, smooth
-from cam_rig.measured.cam_fit.dwells import FoundDwell, find_dwells, likely_range
+from cam_rig.measured.cam_fit.dwells import (
+    FoundDwell,
+    beside_others,
+    farthest,
+    find_dwells,
+    left_out,
+    likely_range,
+)
 from cam_rig.measured.cam_fit.gauge import Readings, bridges, without_outliers
-from cam_rig.measured.cam_fit.suspects import beside_others, farthest, left_out
 from cam_rig.schema.segment_base import MAX_TOLERANCE, WIDEST_GAP_DEG
 from cam_rig.show.result import Column, Records, Result
 from cam_rig.units import FloatArray

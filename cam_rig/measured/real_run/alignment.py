@@ -71,13 +71,9 @@ def find_alignment(
 ) -> Alignment:
     """The offset of the angle, the zero of the gauge, and the error of the clock where it shows.
 
-    The first estimate compares each turn with the model's by its Fourier coefficients; then steps
-    of Gauss and Newton take the readings themselves. Speeds at which the model never leaves the
-    cam are taken, if there are any: a flight has the follower's errors in it. A lag between rise
-    and return is estimated too, since it would pass for an offset; it is not taken off.
-
-    ``offset``: rad, where it is known; the clock's error and the gauge's zero are found all the
-    same.
+    Speeds at which the model never leaves the cam are taken, if there are any: a flight has the
+    follower's errors in it. A lag between rise and return is estimated too, since it would pass
+    for an offset; it is not taken off. ``offset``: rad, where it is known.
     """
     runs = [drive(stretch, offset or 0.0) for stretch in stretches]
     calm = [run for run in runs if not run.flies] or runs
@@ -127,7 +123,10 @@ def _first(runs: Sequence[ModelRun], given: float, lift: Signal) -> Alignment | 
     rows = []
     for run in runs:
         stretch = run.stretch
-        wanted = np.conj(run.lift_coefficients(orders, given))
+        modelled = stretch.at(run.rows[0])
+        last = modelled > modelled[-1] - TURN  # Fourier coefficients of the last whole turn
+        wave = np.exp(1j * orders[:, None] * (modelled[last] + given))
+        wanted = wave @ run.rows[1, last] / np.count_nonzero(last)
         near = (lift.time >= run.begin) & (lift.time <= stretch.knots[-1])
         time, value = lift.time[near], lift.value[near]
         angle = stretch.at(time)

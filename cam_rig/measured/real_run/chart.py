@@ -12,15 +12,7 @@ import rerun.blueprint as rrb
 from cam_rig.measured.real_run.comparison import QUANTITIES, SpeedDeparture
 from cam_rig.measured.real_run.run import RunComparison
 from cam_rig.show import looks as colours
-from cam_rig.show.chart import (
-    APPLICATION,
-    SPEED,
-    Axes,
-    name_recording,
-    require_free,
-    round_marks,
-    rrd_stream,
-)
+from cam_rig.show.chart import SPEED, Axes, chart_stream, round_marks
 from cam_rig.show.looks import EQUAL, is_rounding, reach, title_of
 
 #: Each is drawn as measured, of the model, and their difference.
@@ -34,16 +26,10 @@ RIGHT, BELOW = 0.1, 0.16
 
 def save_real_run(found: RunComparison, path: Path) -> None:
     """Write a comparison as a ``.rrd`` file: over the cam's speed, the last turn of each."""
-    rows = found.speeds
-    require_free(path, overwrite=True)
     plans = real_run_tabs(found)
-    panels = rrb.BlueprintPanel(state="collapsed"), rrb.SelectionPanel(state="collapsed")
-    timeline = rrb.TimePanel(state="collapsed", timeline=SPEED)
-    views = rrb.Tabs(*plans) if len(plans) > 1 else plans[0]
-    plan = rrb.Blueprint(views, *panels, timeline, auto_views=False, auto_layout=False)
-    with rrd_stream(path, APPLICATION, plan) as stream:
-        name_recording(stream, f"Measured and model: {', '.join(str(tab.name) for tab in plans)}")
-        for here in _by_cam(rows):
+    title = f"Measured and model: {', '.join(str(tab.name) for tab in plans)}"
+    with chart_stream(path, title, plans, SPEED) as stream:
+        for here in _by_cam(found.speeds):
             for name in QUANTITIES:
                 _draw(stream, here, name, _axes(here, name))
 
@@ -74,18 +60,13 @@ def real_run_entity(cam: str, quantity: str, chart: str) -> str:
 def _view(
     rows: Sequence[SpeedDeparture], quantity: str, chart: str, axes: Axes
 ) -> rrb.Spatial2DView:
-    x, y = axes.bounds(RIGHT, BELOW)
     words, unit, _, small, *_ = QUANTITIES[quantity]
     title = f"{words} [{unit}]: {chart}"
     if chart == "difference":
         title = f"{words}: difference [{small}]"
         if is_rounding(_largest(rows, quantity)):
             title = f"{words}: {EQUAL}"
-    return rrb.Spatial2DView(
-        origin=real_run_entity(rows[0].cam, quantity, chart),
-        name=title,
-        visual_bounds=rrb.VisualBounds2D(x_range=x, y_range=y),
-    )
+    return axes.view(real_run_entity(rows[0].cam, quantity, chart), title, RIGHT, BELOW)
 
 
 def _axes(rows: Sequence[SpeedDeparture], quantity: str) -> dict[str, Axes]:

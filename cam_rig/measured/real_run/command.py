@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from cam_rig.show.command import Scene, check_recording, command
+from cam_rig.show.command import RigOfBag, Scene, check_recording, command
 from cam_rig.show.result import Result
 from cam_rig.show.terminal import say
 
@@ -25,9 +25,6 @@ Offset = Annotated[
         metavar="DEG", help="Cam angle less the encoder's; by default found from the lift."
     ),
 ]
-Rig = Annotated[
-    str | None, typer.Option("--namespace", help="One rig of a bag that holds several: /rig2.")
-]
 
 
 @command("json", "csv", "plot")
@@ -38,7 +35,7 @@ def compare(
     cam: Annotated[
         str | None, typer.Option(help="One cam; of another program's bag, the scene's that ran.")
     ] = None,
-    namespace: Rig = None,
+    namespace: RigOfBag = None,
     offset: Offset = None,
     save: Annotated[
         Path | None, typer.Option(help="Write a Rerun recording (.rrd): both side by side.")

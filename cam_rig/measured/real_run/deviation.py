@@ -130,14 +130,12 @@ def departure(pair: PairedSignal, exact: bool) -> Departure:
     pair = pair.some(pair.calm)
     difference = pair.difference
     size, scale = rms(difference), float(np.ptp(pair.model))
-    if exact:
-        at = int(np.argmax(np.abs(difference)))
-        largest, degrees = float(difference[at]), float(pair.degrees[at])
-        return Departure(size, 0.0, largest, degrees, scale, 0.0, exact, difference.size)
-    noise = scatter(pair.angle, difference)
-    places, means = mean_over_turns(pair.angle, difference)
+    places, means, noise, unrest = pair.degrees, difference, 0.0, 0.0
+    if not exact:
+        noise = scatter(pair.angle, difference)
+        places, means = mean_over_turns(pair.angle, difference)
+        unrest = float(np.percentile(np.abs(_off_neighbours(pair.angle, pair.model)), 95.0))
     at = int(np.argmax(np.abs(means)))
-    unrest = float(np.percentile(np.abs(_off_neighbours(pair.angle, pair.model)), 95.0))
     largest, degrees = float(means[at]), float(places[at])
     return Departure(size, noise, largest, degrees, scale, unrest, exact, difference.size)
 
@@ -168,7 +166,7 @@ def scatter(angle: FloatArray, value: FloatArray) -> float:
 
 
 def _off_neighbours(angle: FloatArray, value: FloatArray) -> FloatArray:
-    """Each value less that of its neighbours by the angle in the turn, with a value's scatter."""
+    """Each value less that of its neighbours by the angle in the turn, with its scatter."""
     inside = np.remainder(angle, TURN)
     order = np.argsort(inside, kind="stable")
     places, values = inside[order], value[order]
@@ -271,8 +269,10 @@ def _events(
         lost = padded[:-2] + padded[1:-1] + padded[2:] >= 2
     edges = np.r_[0, np.flatnonzero(np.diff(lost)) + 1, lost.size]
     for begin, end in pairwise(edges.tolist()):
-        if lost[begin] and _lowest_mean(above[begin:end]) > -clear:
-            lost[begin:end] = False
+        if lost[begin]:
+            count = min(NEIGHBOURS, end - begin)
+            means = np.convolve(above[begin:end], np.full(count, 1.0 / count), mode="valid")
+            lost[begin:end] = means.min() <= -clear
     changes = np.flatnonzero(np.diff(lost))
     if not changes.size:
         return np.empty(0), np.empty(0)
@@ -282,11 +282,6 @@ def _events(
     at = time[changes] + part * (time[changes + 1] - time[changes])
     rises = lost[changes + 1]
     return at[rises], at[~rises]
-
-
-def _lowest_mean(values: FloatArray) -> float:
-    count = min(NEIGHBOURS, values.size)
-    return float(np.convolve(values, np.full(count, 1.0 / count), mode="valid").min())
 
 
 def _median_shift(

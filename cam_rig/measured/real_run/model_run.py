@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cam_rig.acoustics import level_db
 from cam_rig.simulation.instruments import Signal, encoder_count
@@ -188,13 +187,6 @@ class ModelRun:
         settled = self.sound[:, self.sound[0] > self.begin + 1.0 / NS]
         mean = float(np.sum(settled[1] * settled[2]) / np.sum(settled[2]))
         return float(level_db(np.sqrt(mean)))
-
-    def lift_coefficients(self, orders: FloatArray, offset: float) -> NDArray[np.complex128]:
-        """Fourier coefficients of the lift over the cam angle, of the last whole turn."""
-        angle = self.stretch.at(self.rows[0])
-        last = angle > angle[-1] - TURN
-        wave = np.exp(-1j * orders[:, None] * (angle[last] + offset))
-        return np.asarray(wave @ self.rows[1, last] / np.count_nonzero(last))
 
 
 def drive(loaded: LoadedScene, cam: str, stretch: SteadyStretch, offset: float) -> ModelRun:

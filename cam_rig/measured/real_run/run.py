@@ -10,9 +10,8 @@ from typing import ClassVar
 from cam_rig.arguments import checked
 from cam_rig.errors import BagError, ConfigError
 from cam_rig.extras import libraries_named
-from cam_rig.measured.real_run.comparison import SpeedDeparture, compare_steps
+from cam_rig.measured.real_run.comparison import SpeedDeparture, compare_steps, done, sentences
 from cam_rig.measured.real_run.pairs import RecordedPairs, pair_measured
-from cam_rig.measured.real_run.sentences import done, sentences
 from cam_rig.show.result import SI, Column, Footnote, Records, Result
 from cam_rig.show.tables import Cell
 from cam_rig.simulation.scene import RELATIVE_NOTE, LoadedScene, load_scene
@@ -42,10 +41,6 @@ def _departure(name: str, unit: str) -> tuple[Column, ...]:
     )
 
 
-def _beside_measured(row: SpeedDeparture) -> Cell:
-    return None if row.measured_db is None else row.model_db
-
-
 NOTES = (
     Footnote(
         "R.m.s. of all readings. Noise: scatter of the readings from turn to turn. Largest: of the "
@@ -72,9 +67,9 @@ LATER = Footnote(
 class RunComparison(Result):
     """Where a recorded run and a model part.
 
-    ``source``: the bag; ``loaded``: the scene whose model was driven with the cam angle of the bag;
-    ``speeds``: a row each cam and speed: lift, force, lift-offs, level, measured and of the model;
-    ``notes``: what was found in the bag and done to its readings, each a sentence.
+    ``source``: the bag; ``loaded``: the scene whose model was driven with its cam angle;
+    ``speeds``: a row each cam and speed; ``notes``: what was found in the bag and done to its
+    readings, each a sentence.
     """
 
     schema = "cam_rig.compare.1"
@@ -97,7 +92,10 @@ class RunComparison(Result):
             Column("events_later_angle", "°", "+.2f", "by", "later"),
             Column("contact_lost", "", "", "contact lost", "contact.rule"),
             Column("level_measured", "dB", ".1f", "level measured", "measured_db"),
-            Column("level_model", "dB", ".1f", "model", "model_db", _beside_measured),
+            Column(
+                *("level_model", "dB", ".1f", "model", "model_db"),
+                cell=lambda row: None if row.measured_db is None else row.model_db,
+            ),
             Column("level_difference", "dB", "+.2f", "difference"),
         ),
         "run": (

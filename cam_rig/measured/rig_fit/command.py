@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from cam_rig.errors import ConfigError
-from cam_rig.show.command import RigOfScene, command
+from cam_rig.show.command import RigOfBag, RigOfScene, command
 from cam_rig.show.result import Progress, Result
 from cam_rig.show.terminal import say
 
@@ -27,9 +27,6 @@ Topics = Annotated[
     ),
 ]
 OneCam = Annotated[str | None, typer.Option("--cam", help="Cam of a scene or a bag with several.")]
-Namespace = Annotated[
-    str | None, typer.Option("--namespace", help="One rig of a bag that holds several: /rig2.")
-]
 Model = Annotated[
     str | None,
     typer.Option(
@@ -56,7 +53,7 @@ def fit_rig(
     cam: CamOrScene,
     topics: Topics = None,
     one_cam: OneCam = None,
-    namespace: Namespace = None,
+    namespace: RigOfBag = None,
     rig: RigOfScene = None,
     model: Model = None,
     given: Given = None,

@@ -9,7 +9,7 @@ from pathlib import Path
 from cam_rig.arguments import checked
 from cam_rig.errors import ConfigError, did_you_mean
 from cam_rig.extras import libraries_named
-from cam_rig.files import require_new_yaml, write_new
+from cam_rig.files import new_yaml, write_new
 from cam_rig.laws import Law
 from cam_rig.laws.cam import CamSet
 from cam_rig.measured.rig_fit import rig_fit
@@ -78,72 +78,39 @@ def fit_rig(
     >>> [number.name for number in found.identified]
     ['mass']
     """
-    target, bag = None if out is None else Path(out), Path(source)
-    require_new_yaml(target)
-    known, cams = _known(given or {}), asked_cams([cam], rig)
-    asked = cams, one_cam, _model(model), known, progress
-    found: JumpFit | RigFit
+    target, bag = new_yaml(out), Path(source)
+    known, cams = dict(given or {}), asked_cams([cam], rig)
+    sought = _checked(model, known, tolerance)
     if bag.suffix.lower() in TABLES:
         _require_none(topics=topics, namespace=namespace)
-        found = _of_table(bag, tolerance, *asked)
+        asked = _law_of(cams, one_cam), read_jump_table(bag), cams.rig, sought, known
+        found: JumpFit | RigFit = fit_jumps(*asked, tolerance, progress)
     else:
         _require_none(tolerance=tolerance)
-        found = _of_bag(bag, topics, namespace, *asked)
+        law, run = _read(bag, cams, one_cam, topics, namespace)
+        found = rig_fit.fit_rig(law, run, cams.rig, sought, known, progress)
     return found if target is None else _written(target, found, cams.rig, bag)
 
 
-def _of_table(
-    file: Path,
-    tolerance: float | None,
-    cams: CamSet,
-    one_cam: str | None,
-    model: str | None,
-    known: dict[str, float],
-    progress: Progress,
-) -> JumpFit:
+def _checked(model: str | None, given: Mapping[str, float], tolerance: float | None) -> str | None:
+    """The model, by its name of older releases too, if what is given beside it can be."""
+    known: str | None = model_named(model)
+    if known is not None and known not in MODELS:
+        raise ConfigError(f"--model: is {model!r}; allowed: {' or '.join(MODELS)}")
     if tolerance is not None and not tolerance > 0.0:
         raise ConfigError(f"--tolerance: is {tolerance:g} rpm; allowed: > 0")
-    law, table = _law_of(cams, one_cam), read_jump_table(file)
-    return fit_jumps(law, table, cams.rig, model, known, tolerance, progress)
-
-
-def _of_bag(
-    bag: Path,
-    topics: str | None,
-    namespace: str | None,
-    cams: CamSet,
-    one_cam: str | None,
-    model: str | None,
-    known: dict[str, float],
-    progress: Progress,
-) -> RigFit:
-    run = _read(bag, cams, one_cam, topics, namespace)
-    law = _law_of(cams, run.cam)
-    progress.begin(None, "reading")
-    return rig_fit.fit_rig(law, run, cams.rig, model, known, progress)
-
-
-def _model(name: str | None) -> str | None:
-    """A model by its name; that of older releases is read too."""
-    known: str | None = model_named(name)
-    if known is not None and known not in MODELS:
-        raise ConfigError(f"--model: is {name!r}; allowed: {' or '.join(MODELS)}")
-    return known
-
-
-def _known(given: Mapping[str, float]) -> dict[str, float]:
     for name, value in given.items():
         if name not in NUMBERS:
             raise ConfigError(
                 f"--given {name}={value:g}: {name!r} is no number of a follower; allowed: "
                 f"{', '.join(NUMBERS)}{did_you_mean(name, list(NUMBERS))}"
             )
-    return dict(given)
+    return known
 
 
 def _read(
     bag: Path, cams: CamSet, one_cam: str | None, topics: str | None, namespace: str | None
-) -> MeasuredRun:
+) -> tuple[Law, MeasuredRun]:
     """The run of a bag: of another program by its topics, of the rig in its namespace."""
     with libraries_named():
         from cam_rig.bag.foreign_topics import parse_topics
@@ -154,7 +121,8 @@ def _read(
     if mapping is not None:
         _require_none(namespace=namespace)
         asked = _law_of(cams, one_cam).name
-    return read_measured(bag, mapping, asked, namespace)
+    run = read_measured(bag, mapping, asked, namespace)
+    return _law_of(cams, run.cam), run
 
 
 def _law_of(cams: CamSet, name: str | None) -> Law:

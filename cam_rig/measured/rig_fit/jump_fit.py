@@ -21,23 +21,21 @@ from cam_rig.laws import Law
 from cam_rig.measured.rig_fit.jump_search import RIGID, STEM, STEP, JumpModel, searched, sizes_of
 from cam_rig.measured.rig_fit.jump_table import JumpReading, JumpTable
 from cam_rig.measured.rig_fit.numbers import (
-    CORRELATION_COLUMNS,
-    NUMBER_COLUMNS,
     NUMBERS,
     TOLD,
     WITHIN_95,
     FoundNumber,
+    FoundNumbers,
     correlation_of,
     from_search,
     interval_words,
-    number_tables,
     require_in_model,
     search_limits,
     slope,
 )
 from cam_rig.measured.rig_fit.search import normal_inverse
 from cam_rig.schema import RigConfig
-from cam_rig.show.result import SILENT, Column, Progress, Records, Result
+from cam_rig.show.result import SILENT, Column, Progress, Records
 from cam_rig.units import RPM, FloatArray, rms, to_rpm
 
 #: Readings that scatter by more than this part of their speed fit no follower; an error that was
@@ -74,19 +72,17 @@ class FittedJump:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class JumpFit(Result):
+class JumpFit(FoundNumbers):
     """What jump speeds say of a rig.
 
     ``speeds`` (rpm) are those of the numbers found, in the readings' order; ``error`` (rpm) one
     standard deviation of a reading, given or by what is left; ``free`` is how many readings there
-    are more than numbers sought; ``assumed`` is what a written file has of another rig.
+    are more than numbers sought.
     """
 
     schema = "cam_rig.fit_jumps.1"
     drawn_by = "cam_rig.measured.rig_fit.figures:jump_figure"
-    columns: ClassVar = {
-        "numbers": NUMBER_COLUMNS,
-        "correlation": CORRELATION_COLUMNS,
+    columns: ClassVar = FoundNumbers.columns | {
         "jump_speeds": (
             Column("line", "", "d", of="reading.line"),
             Column("mass", "kg", ".6g", "mass put on", lambda row: row.known("mass")),
@@ -111,21 +107,12 @@ class JumpFit(Result):
         ),
     }
 
-    law: Law
     read: JumpTable
-    model: str
-    numbers: tuple[FoundNumber, ...]
-    correlation: FloatArray
     speeds: tuple[float, ...]
     error: float
     error_given: bool
     free: int
     assumed: tuple[str, ...] = ()
-
-    @property
-    def identified(self) -> tuple[FoundNumber, ...]:
-        """The numbers that the readings tell."""
-        return tuple(n for n in self.numbers if n.origin == "identified")
 
     @property
     def left(self) -> FloatArray:
@@ -143,7 +130,7 @@ class JumpFit(Result):
         rows = map(FittedJump, self.read.readings, self.speeds)
         caption = f"{self.read.file}: the follower"
         return [
-            *number_tables(caption, self.numbers, names, self.correlation),
+            *self.number_tables(caption, names),
             self.table("jump_speeds", "Jump speeds", rows),
             self.table("fit", "The fit", [self], single=True, hidden=True),
         ]
@@ -220,10 +207,10 @@ def fit_jumps(
     kept = [sought.index(n.name) for n in found if n.name in sought and n.value is not None]
     return JumpFit(
         law,
-        table,
         "two_mass" if two else "one_mass",
         tuple(found),
         correlation_of(covariance[np.ix_(kept, kept)]),
+        table,
         tuple(speeds.tolist()),
         deviation,
         followed,

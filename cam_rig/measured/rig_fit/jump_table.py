@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from cam_rig.errors import ConfigError
 from cam_rig.files import shown
 from cam_rig.measured.instrument_table import CellTable, plain_words, read_lines
 from cam_rig.units import RPM, TURN, FloatArray, to_rpm
@@ -69,15 +68,15 @@ class _JumpReader(CellTable):
     def table(self) -> JumpTable:
         """Headings to columns, cells to numbers."""
         if self.first is None or self.first == 0:
-            raise ConfigError(
-                f"{self.file}: has no heading over its numbers; allowed: a heading, such as "
-                f"mass_kg, spring_N/m, rpm (separator seen: {self.seen})"
+            raise self.refused(
+                "has no heading over its numbers; allowed: a heading, such as mass_kg, "
+                "spring_N/m, rpm"
             )
         headings = self.headings(len(self.rows[self.first][1]))
         found, notes = self._assigned([one.text for one in headings])
         body = self.rows[self.first :]
         used = [index for index, _ in found.values()]
-        mark = self.decimal_mark(body, used)
+        read = self.how_read(body, used)
         readings = []
         for line, cells in body:
             texts = self.numbers(line, cells, headings, used)
@@ -86,7 +85,6 @@ class _JumpReader(CellTable):
                 for name, (index, factor) in found.items()
             }
             readings.append(JumpReading(line, values.pop("speed"), values))
-        read = f"{len(body)} lines read, separator {self.seen}, decimal {mark}"
         columns = tuple(name for name in found if name != "speed")
         return JumpTable(self.file, tuple(readings), columns, (read, *notes))
 
@@ -99,9 +97,9 @@ class _JumpReader(CellTable):
             if name is None:
                 continue
             if name in found:
-                raise ConfigError(
-                    f"{self.file}: {shown(text)} and {shown(headings[found[name][0]])} both hold a "
-                    f"{name}; allowed: one of them (separator seen: {self.seen})"
+                other = shown(headings[found[name][0]])
+                raise self.refused(
+                    f"{shown(text)} and {other} both hold a {name}; allowed: one of them"
                 )
             unit = self._unit(text, name)
             if unit is None:
@@ -109,10 +107,9 @@ class _JumpReader(CellTable):
                 notes.append(f"no unit in {text!r}: {unit} assumed")
             found[name] = index, UNITS[name][unit]
         if "speed" not in found:
-            raise ConfigError(
-                f"{self.file}: columns are {shown(', '.join(headings))}; allowed: one of the jump "
-                "speed, such as rpm, and those of what was put on: mass_kg, spring_N/m, preload_N "
-                f"(separator seen: {self.seen})"
+            raise self.refused(
+                f"columns are {shown(', '.join(headings))}; allowed: one of the jump speed, such "
+                "as rpm, and those of what was put on: mass_kg, spring_N/m, preload_N"
             )
         return found, notes
 
@@ -123,18 +120,14 @@ class _JumpReader(CellTable):
         if last in UNITS[name]:
             return last
         if bracket or "/" in last or (last != plain and len(last) <= SHORT):
-            raise ConfigError(
-                f"{self.file}: {shown(text)} has no unit of a {name}; allowed: "
-                f"{', '.join(UNITS[name])} (separator seen: {self.seen})"
-            )
+            allowed = ", ".join(UNITS[name])
+            raise self.refused(f"{shown(text)} has no unit of a {name}; allowed: {allowed}")
         return None
 
     def _value(self, line: int, name: str, cell: str, text: str, factor: float) -> float:
         value = float(text) * factor
         least = 0.0 if name in ("mass", "preload") else math.ulp(0.0)
         if not (math.isfinite(value) and value >= least):
-            raise ConfigError(
-                f"{self.file}: line {line}: {name} is {shown(cell)}; allowed: a number "
-                f"{'≥' if least == 0.0 else '>'} 0 (separator seen: {self.seen})"
-            )
+            above = "≥" if least == 0.0 else ">"
+            raise self.refused(f"line {line}: {name} is {shown(cell)}; allowed: a number {above} 0")
         return value

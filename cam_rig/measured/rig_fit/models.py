@@ -67,10 +67,9 @@ def _begun(aligned: FitSolution, given: dict[str, float]) -> dict[str, float]:
 
 def _still(aligned: FitSolution, given: dict[str, float]) -> FitSolution | None:
     """One rigid mass at the speeds without landings; None where these are all, or have no force."""
-    quiet = _some_on_the_cam(aligned)
-    if not quiet:
-        return None
-    return search(continued(aligned, _smooth(given), _begun(aligned, given), quiet))
+    here = _some_on_the_cam(aligned)
+    start = _smooth(given), _begun(aligned, given)
+    return search(continued(aligned, *start, here)) if here else None
 
 
 def _everywhere(

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import product
+from typing import ClassVar
 
 import numpy as np
 
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.errors import ConfigError
-from cam_rig.show.result import Column, Records
+from cam_rig.laws import Law
+from cam_rig.show.result import Column, Records, Result
 from cam_rig.units import FloatArray, rounded_to_error
 
 Follower = FollowerParameters | TwoMassParameters
@@ -170,28 +172,6 @@ def interval_words(value: float, half: float, unit: str) -> str:
     return f"with 95 % it is below {end}" if low <= 0.0 else f"with 95 % it is {low:.3g} to {end}"
 
 
-NUMBER_COLUMNS = (
-    Column("number", of="name"),
-    Column("value", "", ".6g", cell=lambda number: number.shown, about="SI, see unit"),
-    Column(
-        "standard_error",
-        "",
-        ".2g",
-        of=lambda number: None if number.value is None else number.error,
-        cell=lambda number: number.shown_error,
-    ),
-    Column("unit"),
-    Column("origin", cell=lambda number: "; ".join(filter(None, (number.origin, number.caution)))),
-    Column("caution", hidden=True),
-    Column("reason", hidden=True, about="why it has no value"),
-)
-CORRELATION_COLUMNS = (
-    Column("number"),
-    Column("other", cell=lambda pair: pair.other.replace("_", " ")),
-    Column("correlation", "", ".2f"),
-)
-
-
 @dataclass(frozen=True)
 class ErrorCorrelation:
     """How the errors of two numbers go together, -1 to 1."""
@@ -201,20 +181,56 @@ class ErrorCorrelation:
     correlation: float
 
 
-def number_tables(
-    caption: str, numbers: Iterable[FoundNumber], names: tuple[str, ...], correlation: FloatArray
-) -> list[Records]:
-    """A row a number; the correlation of the errors of those of some names, if they are several."""
-    pairs = [
-        ErrorCorrelation(names[i], names[k], float(correlation[i, k]))
-        for i, k in product(range(len(names)), repeat=2)
-        if len(names) > 1
-    ]
-    title, columns = "Correlation of their errors", CORRELATION_COLUMNS
-    return [
-        Records("numbers", caption, NUMBER_COLUMNS, tuple(numbers)),
-        Records("correlation", title, columns, pairs, across="other"),
-    ]
+@dataclass(frozen=True, eq=False, repr=False)
+class FoundNumbers(Result):
+    """What readings say of a follower, and a ``model``, one_mass or two_mass.
+
+    ``correlation`` ``(n, n)`` is of the numbers that were sought and found, in their order.
+    """
+
+    columns: ClassVar = {
+        "numbers": (
+            Column("number", of="name"),
+            Column("value", "", ".6g", cell=lambda number: number.shown, about="SI, see unit"),
+            Column(
+                *("standard_error", "", ".2g"),
+                of=lambda number: None if number.value is None else number.error,
+                cell=lambda number: number.shown_error,
+            ),
+            Column("unit"),
+            Column("origin", cell=lambda n: "; ".join(filter(None, (n.origin, n.caution)))),
+            Column("caution", hidden=True),
+            Column("reason", hidden=True, about="why it has no value"),
+        ),
+        "correlation": (
+            Column("number"),
+            Column("other", cell=lambda pair: pair.other.replace("_", " ")),
+            Column("correlation", "", ".2f"),
+        ),
+    }
+
+    law: Law
+    model: str
+    numbers: tuple[FoundNumber, ...]
+    correlation: FloatArray
+
+    @property
+    def identified(self) -> tuple[FoundNumber, ...]:
+        """The numbers that the readings tell."""
+        return tuple(n for n in self.numbers if n.origin == "identified")
+
+    def number_tables(self, caption: str, names: tuple[str, ...]) -> list[Records]:
+        """A row a number; the correlation of the errors of those of ``names``, if several."""
+        pairs = [
+            ErrorCorrelation(names[i], names[k], float(self.correlation[i, k]))
+            for i, k in product(range(len(names)), repeat=2)
+            if len(names) > 1
+        ]
+        title = "Correlation of their errors"
+        return [
+            self.table("numbers", caption, self.numbers),
+            self.table("correlation", title, pairs, across="other"),
+        ]
 
 
 def correlation_of(covariance: FloatArray) -> FloatArray:

@@ -9,19 +9,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from cam_rig.laws import Law
 from cam_rig.measured.rig_fit.models import LEAST_BACKLASH
-from cam_rig.measured.rig_fit.numbers import (
-    CORRELATION_COLUMNS,
-    NUMBER_COLUMNS,
-    FoundNumber,
-    number_tables,
-)
+from cam_rig.measured.rig_fit.numbers import FoundNumbers
 from cam_rig.measured.rig_fit.search import FitSolution
-from cam_rig.show.result import SI, Column, Records, Result
+from cam_rig.show.result import SI, Column, Records
 from cam_rig.show.tables import number
 from cam_rig.simulation.instruments import MeasuredRun
-from cam_rig.units import FloatArray, rounded_to_error
+from cam_rig.units import rounded_to_error
 
 #: What the samples say of the instruments: words, unit as shown, and of the data.
 INSTRUMENTS = {
@@ -79,20 +73,16 @@ class InstrumentNumber:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RigFit(Result):
+class RigFit(FoundNumbers):
     """What a run says of its rig.
 
-    ``correlation`` ``(n, n)`` is of the numbers that were identified, in their order; ``model`` is
-    one_mass or two_mass; ``alike`` as in `Uncertainty`; ``left_out`` are speeds (rpm) whose
-    motion told nothing but perhaps the restitution; ``assumed`` is what a written file has of
-    another rig.
+    ``alike`` as in `Uncertainty`; ``left_out`` are speeds (rpm) whose motion told nothing but
+    perhaps the restitution.
     """
 
     schema = "cam_rig.fit_rig.1"
     drawn_by = "cam_rig.measured.rig_fit.figures:rig_figure"
-    columns: ClassVar = {
-        "numbers": NUMBER_COLUMNS,
-        "correlation": CORRELATION_COLUMNS,
+    columns: ClassVar = FoundNumbers.columns | {
         "speeds": (
             Column("rpm", "rpm", ".2f", "speed"),
             Column("turns", "", ".1f"),
@@ -122,25 +112,12 @@ class RigFit(Result):
     }
 
     run: MeasuredRun
-    model: str
-    numbers: tuple[FoundNumber, ...]
-    correlation: FloatArray
     holds: tuple[HoldFit, ...]
     instruments: tuple[InstrumentNumber, ...]
     solution: FitSolution
     alike: tuple[float, float]
     left_out: tuple[float, ...]
     assumed: tuple[str, ...] = ()
-
-    @property
-    def law(self) -> Law:
-        """Of the cam."""
-        return self.solution.likelihood.law
-
-    @property
-    def identified(self) -> tuple[FoundNumber, ...]:
-        """The numbers that the run tells."""
-        return tuple(n for n in self.numbers if n.origin == "identified")
 
     @property
     def residual(self) -> str:
@@ -156,7 +133,7 @@ class RigFit(Result):
         sought = self.solution.likelihood.sought
         names = tuple(n.name for n in self.identified if n.name in sought)
         return [
-            *number_tables(caption, self.numbers, names, self.correlation),
+            *self.number_tables(caption, names),
             self.table("speeds", "Residuals, r.m.s.", self.holds),
             self.table("instruments", "The instruments, by the same samples", gauges),
             self.table("fit", "The fit", [self], single=True, hidden=True),

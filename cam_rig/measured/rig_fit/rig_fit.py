@@ -79,6 +79,7 @@ def fit_rig(
     holds = measured_holds(run)
     rigid = {name: value for name, value in given.items() if name not in OF_TWO}
     values = {n: base.need(n, FROM, OTHER).si for n in ONE_MASS if n not in rigid} | rigid
+    progress.begin(None, "reading")
     progress.tell("the encoder's zero")
     rough, phase, zero = rough_start(law, holds, values)
     values = rough | rigid
@@ -144,18 +145,24 @@ def found_of(
     steady = [hold.hold for hold in solution.holds]
     left_out = tuple(hold.hold.rpm for hold in holds if hold.hold not in steady)
     numbers = [_number(name, solution, errors, given, scale) for name in names]
-    if left_out:
-        numbers = [_without_flights(number) for number in numbers]
+    if left_out:  # what these speeds might have told
+        numbers = [
+            replace(n, reason=LEFT_OUT.get(n.name, n.reason))
+            if n.value is None and n.error is None
+            else n
+            for n in numbers
+        ]
     if unfit:
         numbers = [
             n if n.origin == "given" else FoundNumber.unidentified(n.name, unfit) for n in numbers
         ]
     told = [sought.index(n.name) for n in numbers if n.name in sought and n.value is not None]
     return RigFit(
-        run,
+        solution.likelihood.law,
         model,
         tuple(numbers),
         correlation_of(errors.covariance[np.ix_(told, told)]),
+        run,
         tuple(_hold_fit(solution, i) for i in range(len(steady))),
         tuple(_instruments(solution, errors)),
         solution,
@@ -208,13 +215,6 @@ def _bounce(value: float, error: float, stem: bool) -> FoundNumber:
         words = interval_words(value, WITHIN_95 * error, NUMBERS["restitution"].unit)
         reason = f"{words}: the landings that were measured are too soft"
     return FoundNumber.unidentified("restitution", reason, error)
-
-
-def _without_flights(number: FoundNumber) -> FoundNumber:
-    """The same with the reason of what the speeds that were left out might have told."""
-    if number.value is not None or number.error is not None:
-        return number
-    return replace(number, reason=LEFT_OUT.get(number.name, number.reason))
 
 
 def _not_sought(name: str, scale: tuple[str, ...], solution: FitSolution) -> str:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import product
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -71,11 +72,8 @@ def rough_start(
             zero = float(np.median(off))
             missed += float(((off - zero) ** 2).sum()) / float(lift.var())
         if force.size:
-            s, slope, curvature = law.motion_at(angles + phase)
-            parts = np.stack([curvature * speed**2, slope * speed, s, np.ones_like(s)], axis=1)
-            sizes = np.linalg.norm(parts, axis=0)
-            sizes[sizes == 0.0] = 1.0  # all that presses is on a dwell, at this phase
-            _, triangle = np.linalg.qr(np.column_stack([parts / sizes, force]))
+            parts, sizes = _force_parts(law, speed, angles + phase)
+            _, triangle = np.linalg.qr(np.column_stack([parts, force]))
             fitted, off = nnls(triangle[:, :-1], triangle[:, -1])  # none of them is below zero
             fitted /= sizes
             missed += float(off) ** 2 / float(force.var())
@@ -83,6 +81,15 @@ def rough_start(
         if missed < best:
             best, found = missed, (numbers, float(phase), zero)
     return found
+
+
+def _force_parts(law: Law, speed: FloatArray, angle: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """``(n, 4)``: unit columns of the force by mass, damping, spring and preload; their sizes."""
+    s, slope, curvature = law.motion_at(angle)
+    parts = np.stack([curvature * speed**2, slope * speed, s, np.ones_like(s)], axis=1)
+    sizes = np.linalg.norm(parts, axis=0)
+    sizes[sizes == 0.0] = 1.0  # all that presses is on a dwell
+    return parts / sizes, sizes
 
 
 def _pressed(hold: MeasuredHold) -> FloatArray:
@@ -131,42 +138,38 @@ class TriedStem(NamedTuple):
     numbers: dict[str, float]
 
 
+#: By which of two errors the best stem is taken.
+AS_IT_IS, MOVED = attrgetter("missed"), attrgetter("moved")
+
+
 def likely_stem(one: Candidate) -> tuple[dict[str, float], float]:
     """The stem that with the numbers of one mass comes nearest to the forces.
 
-    With it the logarithm of how much likelier it makes them than a rigid one. Only as far as the
-    follower stays on the cam, where each stem needs one linear solve.
-
-    The numbers of one mass have taken up part of what a stem does. So one that is far likelier
-    beside others that go with it is that stem; one that is by chance, of so many, is none.
+    With it the logarithm of how much likelier it makes them than a rigid one. The numbers of one
+    mass have taken up part of what a stem does. So one that is far likelier beside others that go
+    with it is that stem; one that is by chance, of so many, is none.
     """
     values, law = one.values, one.likelihood.law
     follower = follower_of(values, one.likelihood.stem_stiffness)
     assert isinstance(follower, FollowerParameters)
     forces = [_pressing(one, i) for i in range(len(one.holds))]
-    columns = _moved_by_rigid_numbers(law, forces)
+    speeds = np.concatenate([np.full(at.size, v) for v, at, _ in forces])
+    parts, _ = _force_parts(law, speeds, np.concatenate([at for _, at, _ in forces]))
+    columns = np.asarray(np.linalg.qr(parts)[0])
     shown = [
         force_weights(follower, v) @ law.motion_at(at) + follower.preload for v, at, _ in forces
     ]
     low, high, factor = FREQUENCIES
     steps = range(round(math.log(high / low) / math.log(factor)))
     tried = list(_stems(law, values, forces, columns, [TURN * low * factor**k for k in steps]))
-    for near in {min(tried, key=key).rate for key in (_as_it_is, _moved)}:
+    for near in {min(tried, key=key).rate for key in (AS_IT_IS, MOVED)}:
         rates = [near * FINER_RATE**k for k in FINER_RATES]
         tried += _stems(law, values, forces, columns, rates)
-    least, best = min(tried, key=_as_it_is), min(tried, key=_moved)
+    least, best = min(tried, key=AS_IT_IS), min(tried, key=MOVED)
     half = 0.5 * columns.shape[0]
     if half * math.log(least.moved / best.moved) < BY_CHANCE + math.log(len(tried)):
         best = least
     return best.numbers, half * math.log(_missed(shown, forces, columns)[1] / best.moved)
-
-
-def _as_it_is(stem: TriedStem) -> float:
-    return stem.missed
-
-
-def _moved(stem: TriedStem) -> float:
-    return stem.moved
 
 
 def _stems(
@@ -191,17 +194,6 @@ def _stems(
         except DynamicsError:
             continue
         yield TriedStem(*_missed(shown, forces, columns), rate, numbers)
-
-
-def _moved_by_rigid_numbers(law: Law, forces: list[Pressing]) -> FloatArray:
-    """Orthonormal ``(n, 4)``: what forces change with mass, damping, spring and preload."""
-    parts = []
-    for speed, angle, _ in forces:
-        s, slope, curvature = law.motion_at(angle)
-        parts.append(np.stack([curvature * speed**2, slope * speed, s, np.ones_like(s)], axis=1))
-    columns = np.concatenate(parts)
-    sizes = np.linalg.norm(columns, axis=0)
-    return np.asarray(np.linalg.qr(columns / np.where(sizes > 0.0, sizes, 1.0))[0])
 
 
 def _missed(
@@ -303,7 +295,7 @@ def bounce_beside(found: Candidate) -> tuple[float, float] | None:
 
 
 def _likely(found: Candidate) -> tuple[list[float], list[float], float]:
-    """Restitutions tried that are likely, that are possible, and the step between two of them."""
+    """Restitutions that are likely, that are possible, and the step between two of them."""
     coarse = [_tried(found, bounce) for bounce in BOUNCES]
     least = min(trial.missed for trial in coarse)
     near = [k for k, trial in enumerate(coarse) if trial.missed <= least + MOST_SQUARE]

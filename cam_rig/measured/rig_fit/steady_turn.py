@@ -109,7 +109,9 @@ def two_mass_turn(
     if begun is None:
         return None
     angle, start = begun
-    scale = _vibration_scale(law, p, speed)
+    # what (η, η̇) is measured by: the stem under the largest inertia, m and m/s
+    place = p.end_mass * law.bounds[2] * speed**2 / p.stiffness
+    scale = np.array([place, place * float(np.sqrt(p.stiffness / p.end_mass))])
     for _ in range(MOST_STEPS):
         course = _turned(law, p, speed, angle, start)
         if not isinstance(course.last, np.ndarray):
@@ -159,12 +161,6 @@ def _slopes(course: Separation, start: FloatArray, scale: FloatArray) -> FloatAr
         if isinstance(other, np.ndarray) and isinstance(course.last, np.ndarray):
             found[:, i] = (other - course.last) / step
     return found
-
-
-def _vibration_scale(law: Law, p: TwoMassParameters, speed: float) -> FloatArray:
-    """What (η, η̇) is to be measured by: the stem under the largest inertia, m and m/s."""
-    place = p.end_mass * law.bounds[2] * speed**2 / p.stiffness
-    return np.array([place, place * float(np.sqrt(p.stiffness / p.end_mass))])
 
 
 def bounces_of(turn: PeriodicTurn | None) -> list[tuple[float, float]]:

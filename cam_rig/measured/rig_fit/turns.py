@@ -200,6 +200,12 @@ class MeasuredHold:
         force = self.force.value
         return force.size > 0 and bool(np.quantile(force, RARELY) < -PULLED * force.max())
 
+    @property
+    def is_restless(self) -> bool:
+        """Whether the follower moves differently in each turn, by more than a gauge's noise."""
+        since, lift = self.lift.since, self.lift.value
+        return lift.size > 0 and scatter(self.speed * since, lift) > RESTLESS * float(np.ptp(lift))
+
 
 def measured_holds(run: MeasuredRun) -> tuple[MeasuredHold, ...]:
     """The holds of a run in which something was measured."""
@@ -222,7 +228,7 @@ def measured_holds(run: MeasuredRun) -> tuple[MeasuredHold, ...]:
             f"{'' if most else ' (are their stamps of one clock?)'}"
         )
     enough = (one for one in found if one.lift.since.size + one.force.since.size >= LEAST_SAMPLES)
-    steady = tuple(hold for hold in enough if not _is_restless(hold))
+    steady = tuple(hold for hold in enough if not hold.is_restless)
     if not steady:
         raise ConfigError(
             f"{run.source}: at no speed does the lift come back from turn to turn within "
@@ -230,14 +236,6 @@ def measured_holds(run: MeasuredRun) -> tuple[MeasuredHold, ...]:
             "it does, so one below the jump speed"
         )
     return steady
-
-
-def _is_restless(hold: MeasuredHold) -> bool:
-    """Whether the follower moves differently in each turn, by more than a gauge's noise."""
-    lift = hold.lift
-    if not lift.value.size:
-        return False
-    return scatter(hold.speed * lift.since, lift.value) > RESTLESS * float(np.ptp(lift.value))
 
 
 def _require_alive(run: MeasuredRun, name: str, signal: Signal) -> None:

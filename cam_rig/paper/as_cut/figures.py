@@ -29,8 +29,11 @@ def figure(result: AsCutResult, cam: str = "") -> Figure:
     assert isinstance(polar, PolarAxes)
     _polar(polar, found)
     out.legend(*polar.get_legend_handles_labels(), loc="outside lower left", ncols=3)
-    lift = out.add_subplot(grid[0, 1])
-    _lift(lift, found)
+    lift, angle = out.add_subplot(grid[0, 1]), turn_angles(POINTS)
+    above = (found.cut.law(angle) - found.drawn.law(angle)) * MM
+    lift.plot(np.degrees(angle), above, **series(0))
+    lift.set(ylabel="roller above s [mm]", title="roller on s + $R_b$, less s")
+    turn_axis(lift)
     _acceleration(out.add_subplot(grid[1, 1], sharex=lift), found)
     radii = f"base radius {found.base_radius * MM:g} mm, roller radius {found.roller * MM:g} mm"
     out.suptitle(wrapped(f"{result.titles[found.cam]}, {radii}"))
@@ -52,14 +55,6 @@ def _polar(axes: PolarAxes, found: AsCut) -> None:
     axes.set(rmin=0.0)
     axes.set_rlabel_position(68.0)
     axes.set_title("contour, radius in mm")
-
-
-def _lift(axes: Axes, found: AsCut) -> None:
-    angle = turn_angles(POINTS)
-    above = (found.cut.law(angle) - found.drawn.law(angle)) * MM
-    axes.plot(np.degrees(angle), above, **series(0))
-    axes.set(ylabel="roller above s [mm]", title="roller on s + $R_b$, less s")
-    turn_axis(axes)
 
 
 def _acceleration(axes: Axes, found: AsCut) -> None:

@@ -16,17 +16,24 @@ from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.laws.cam import CamSet, law_of
 from cam_rig.laws.law import Extreme
-from cam_rig.paper.contact.nomogram import RISES, by_face, by_pressure_angle
-from cam_rig.paper.contact.surfaces import BaseBounds, ContactCase, base_bounds, contact_case
+from cam_rig.paper.contact.surfaces import (
+    RISES,
+    BaseBounds,
+    ContactCase,
+    base_bounds,
+    by_face,
+    by_pressure_angle,
+    contact_case,
+)
 from cam_rig.profile.contact import Motion
 from cam_rig.profile.measure import closure
-from cam_rig.schema import CamConfig, load_cam
+from cam_rig.schema import CamConfig
 from cam_rig.schema.cam import ContactParts
 from cam_rig.schema.quantity import Quantity
 from cam_rig.schema.segment_base import quantities
 from cam_rig.show.result import Column, Footnote, Records, Result
 from cam_rig.show.tables import Cell
-from cam_rig.simulation.asked import FASTEST_RPM, Cams, Rig, asked_cams
+from cam_rig.simulation.asked import FASTEST_RPM, Cams, Rig, asked_cams, named_cams
 from cam_rig.units import RPM, RPM_PER_RAD_S, TURN, FloatArray
 
 #: Event angles of the nomogram's tables, degrees.
@@ -35,11 +42,10 @@ EVENTS = (60.0, 90.0, 120.0, 150.0, 180.0)
 
 @dataclass(frozen=True, eq=False)
 class ContactRow:
-    """What a cam's contact comes to over the turn.
+    """Largest Hertz ``pressure`` (Pa) and sliding speed (m/s) over the turn, and where.
 
-    There are the largest Hertz ``pressure`` (Pa) and sliding speed (m/s), and where; at the former
-    the normal force (N), the contact's width (m), and 1/κ of the pair (m), of the follower alone
-    where the cam is straight. It is ``lost`` where the cam would have to pull somewhere.
+    At the former the normal force (N), the contact's width (m), and 1/κ of the pair (m), of the
+    follower alone where the cam is straight; ``lost`` where the cam would have to pull somewhere.
     """
 
     case: ContactCase
@@ -331,5 +337,4 @@ def play_table(cams: Iterable[tuple[CamConfig, Law]]) -> Records:
 
 def open_form_closed(paths: Iterable[Path]) -> list[tuple[CamConfig, Law]]:
     """Read cam files with their laws."""
-    cams = [(path, load_cam(path)) for path in paths]
-    return [(cam, law_of(path, cam)) for path, cam in cams]
+    return [(cam, law_of(path, cam)) for path, cam in named_cams([*paths])]

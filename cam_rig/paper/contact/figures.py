@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from cam_rig.laws.figures import Style
-from cam_rig.paper.contact import nomogram
+from cam_rig.paper.contact import surfaces
 from cam_rig.paper.contact.comparison import ContactResult, ContactRow
 from cam_rig.paper.contact.surfaces import Measure, measured, peak_pressure, peak_sliding
 from cam_rig.profile.contact import turn_angles
@@ -94,11 +94,11 @@ def events_figure(most: float, radius: float) -> Figure:
     event = np.radians(EVENTS)
     out = empty(3.6)
     panels = out.subplots(1, 3)
-    for name in nomogram.RISES:
+    for name in surfaces.RISES:
         curves = (
-            nomogram.by_pressure_angle(name, event, most),
-            nomogram.by_curvature(name, event, radius),
-            nomogram.by_face(name, event),
+            surfaces.by_pressure_angle(name, event, most),
+            surfaces.by_curvature(name, event, radius),
+            surfaces.by_face(name, event),
         )
         for axes, curve in zip(panels, curves, strict=True):
             axes.plot(EVENTS, curve, label=in_words(name), **line(name))

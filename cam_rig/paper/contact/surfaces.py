@@ -9,20 +9,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.kinetostatic import force_weights
 from cam_rig.errors import ProfileError
-from cam_rig.laws import Law
+from cam_rig.laws import Law, bernstein
+from cam_rig.laws.bernstein import joined
+from cam_rig.laws.segments import NAMED_RISES, unit_rise
 from cam_rig.profile import discs
 from cam_rig.profile.check_table import greatest_allowed, require_profile
 from cam_rig.profile.checks import least_base, least_base_radius, plates_on
 from cam_rig.profile.contact import Element, Motion, Scan, Touch
 from cam_rig.schema import CamConfig
-from cam_rig.schema.cam import ContactParts, Follower, OscillatingPoint, Point
+from cam_rig.schema.cam import ContactParts, OscillatingPoint, Point
 from cam_rig.units import FloatArray
 
 # Hertz's line contact: two cylinders with parallel axes, pressed together without friction.
@@ -111,23 +113,16 @@ class ContactCase:
         return motion, self.surfaces.element.touch(motion)
 
 
-def surfaces_of(
-    follower: Follower, element: Element, parts: ContactParts, rig: FollowerParameters, speed: float
-) -> Surfaces:
-    """The surfaces of a follower that a spring alone holds on its cam; ``speed`` in rad/s."""
-    radius = np.inf
-    if follower.roller > 0.0:
-        radius = follower.roller
-    elif isinstance(follower, Point | OscillatingPoint):
-        radius = parts.tip_radius.si
-    return Surfaces(element, radius, follower.roller > 0.0, parts, rig, speed)
-
-
 def contact_case(cam: CamConfig, law: Law, rig: FollowerParameters, speed: float) -> ContactCase:
     """A cam whose contact can be asked for; ``speed`` in rad/s."""
     require_profile(cam, law)
-    element = discs(cam.follower, law)[0].element
-    found = ContactCase(cam, law, surfaces_of(cam.follower, element, cam.parts, rig, speed))
+    radius, follower = np.inf, cam.follower
+    if follower.roller > 0.0:
+        radius = follower.roller
+    elif isinstance(follower, Point | OscillatingPoint):
+        radius = cam.parts.tip_radius.si
+    element, rolls = discs(follower, law)[0].element, follower.roller > 0.0
+    found = ContactCase(cam, law, Surfaces(element, radius, rolls, cam.parts, rig, speed))
     hollow = found.scan.greatest(lambda touch: -1.0 / touch.radius)
     if hollow.value * found.surfaces.radius >= 1.0:
         raise ProfileError(
@@ -237,3 +232,82 @@ def _greatest(case: ContactCase, own: float, limit: float) -> float | None:
         return None
     reaches = found is not None and measured(case, peak_sliding, found * 1.001) is not None
     return found if reaches else np.inf  # the follower ends before the bound does
+
+
+# Least base radius over the event angle, law by law: the nomogram of the cam handbooks.
+
+#: Laws of the diagram: every full rise without an infinite acceleration, each once.
+RISES = (
+    "simple_harmonic",
+    "modified_trapezoid",
+    "modified_sine",
+    "cycloidal",
+    "poly345",
+    "poly4567",
+    "bezier9",
+)
+
+assert set(RISES) <= set(NAMED_RISES)
+
+#: Halvings of the search for a radius: to 1e-12 of the lift.
+HALVINGS = 48
+#: Samples of each piece of a rise: a radius comes out to 1e-5 of itself.
+SAMPLES = 1001
+
+
+def _spread(name: str, event: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """S, s', s'' of a rise over its lift at event angles ``(m,)`` in rad, ``(m, n)`` each."""
+    s, slope, bend = _unit(name)
+    beta = event[:, None]
+    return np.broadcast_to(s, (event.size, s.size)), slope / beta, bend / beta**2
+
+
+@lru_cache(maxsize=len(NAMED_RISES))
+def _unit(name: str) -> FloatArray:
+    """``(3, n)``: s, s', s'' of the unit rise, joints with both limits, and of the dwells."""
+    breaks, columns = unit_rise(name)
+    ordinates, spans = joined(columns), np.diff(breaks)
+    u = np.linspace(0.0, 1.0, SAMPLES)
+    rows = []
+    for _ in range(3):
+        rows.append(bernstein.evaluate(ordinates, u).ravel())
+        ordinates = bernstein.derivative(ordinates) / spans
+    rest = np.array([[0.0, 1.0], [0.0, 0.0], [0.0, 0.0]])
+    return np.concatenate([rest, np.stack(rows)], axis=1)
+
+
+def by_pressure_angle(name: str, event: FloatArray, most: float) -> FloatArray:
+    """Least prime radius over h of a roller or point: tan α = s' / (R_p + s), α in rad."""
+    s, slope, _ = _spread(name, event)
+    return np.asarray((np.abs(slope) / np.tan(most) - s).max(axis=1))
+
+
+def by_face(name: str, event: FloatArray) -> FloatArray:
+    """Least (R_b − ρ_min) / h of a flat follower: ρ = R_b + s + s'' (eq. 2.42)."""
+    s, _, bend = _spread(name, event)
+    least = np.maximum(-(s + bend).min(axis=1), 0.0)
+    return np.asarray(least + 0.0)  # no negative zero
+
+
+def by_curvature(name: str, event: FloatArray, radius: float) -> FloatArray:
+    """Least prime radius over h at which the pitch curve is nowhere sharper than ``radius`` (/ h).
+
+    Eq. 2.46 with ε = 0. The radius is the roller's and the least one of the contour together.
+    """
+    s, slope, bend = _spread(name, event)
+
+    def sharp(prime: FloatArray) -> FloatArray:
+        high = prime[:, None] + s
+        square = high**2 + slope**2
+        bent = square + slope**2 - high * bend
+        return np.asarray((radius * bent > square**1.5).any(axis=1))
+
+    low = np.full(event.shape, radius)  # the dwell's circle is as sharp
+    high = low + 1.0
+    while (still := sharp(high)).any():
+        high = np.where(still, 2.0 * high, high)
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        bad = sharp(middle)
+        low, high = np.where(bad, middle, low), np.where(bad, high, middle)
+    return high

@@ -212,11 +212,6 @@ class Effect:
         """The table in the unit, ``(a, b)``."""
         return self.factor * np.array([[getattr(m, self.key) for m in row] for row in cells])
 
-    def analysed(self, cells: list[list[Measures]]) -> FloatArray:
-        """What is analysed: dB, for amplitudes 20 lg."""
-        values = self.values(cells)
-        return 20.0 * np.log10(values) if self.decibels else values
-
 
 EFFECTS = (
     Effect("jump", "jump speed", "rpm", 30.0 / math.pi),
@@ -242,8 +237,9 @@ class Design:
         return [figures(rise).continuity for rise in self.rises]
 
     def analysis(self, effect: Effect) -> TwoWay:
-        """The analysis of variance of one effect."""
-        return two_way(effect.analysed(self.cells), self.classes)
+        """The analysis of variance of one effect, in dB: of amplitudes 20 lg."""
+        values = effect.values(self.cells)
+        return two_way(20.0 * np.log10(values) if effect.decibels else values, self.classes)
 
     def part(self, name: str, rows: Sequence[int], columns: Sequence[int]) -> Design | None:
         """Some of its laws and angles; None where too few are left to analyse."""

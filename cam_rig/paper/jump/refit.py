@@ -236,13 +236,19 @@ def refit(
     best = math.inf
     progress.begin(None, "searching")
 
+    def difference(cam: str, numbers: Numbers) -> float:
+        """Found less published speed, relative; a trial without a jump speed is far off."""
+        rpm = published[cam]
+        laws, trial = refitted({cam: cams[cam]}, parameters, numbers)
+        try:
+            return sought_speed(laws[cam], trial, duration, BELOW * rpm) / RPM / rpm - 1.0
+        except CamRigError:
+            return -(1.0 - BELOW)
+
     def differences(x: FloatArray) -> FloatArray:
         nonlocal best
         numbers = start.times(x)
-        found = [
-            _relative(cams[cam], rpm, parameters, numbers, duration)
-            for cam, rpm in published.items()
-        ]
+        found = [difference(cam, numbers) for cam in published]
         best = min(best, rms(found))
         progress.tell(f"best {100 * best:.3f} % r.m.s.")
         return np.array(found)
@@ -308,23 +314,6 @@ def _slopes(differences: Callable[[FloatArray], FloatArray], x: FloatArray) -> F
     """
     sides = [(differences(x + step), differences(x - step)) for step in ABOUT * np.eye(4)]
     return np.stack([(up - down) / (2.0 * ABOUT) for up, down in sides], axis=1)
-
-
-def _relative(
-    cam: CamConfig,
-    published: float,
-    parameters: TwoMassParameters,
-    numbers: Numbers,
-    duration: float,
-) -> float:
-    """Found less published speed, relative; a trial without a jump speed is far off."""
-    laws, trial = refitted({cam.name: cam}, parameters, numbers)
-    try:
-        return (
-            sought_speed(laws[cam.name], trial, duration, BELOW * published) / RPM / published - 1.0
-        )
-    except CamRigError:
-        return -(1.0 - BELOW)
 
 
 # What is asked for: the jump speeds of cams, or the rig fitted anew.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -16,6 +16,7 @@ from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.kinetostatic import force_weights, loss_intervals
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
+from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.simulate import Acoustics, Sounding
 from cam_rig.units import TURN, FloatArray, rms, to_rpm
 
@@ -210,24 +211,20 @@ STRUCTURES = (
 
 
 def compare_structures(
-    laws: dict[str, Law],
-    follower: FollowerParameters,
-    radiation: RadiationParameters,
-    published: dict[str, FloatArray],
-    speeds: FloatArray,
-    fitted: str,
+    loaded: LoadedScene, cams: Mapping[str, PublishedCam], fitted: str
 ) -> list[StructureFit]:
     """Fit every candidate to one of two cams that keep contact, and predict the other."""
-    (other,) = laws.keys() - {fitted}
-    harmonics = {cam: harmonic_power(law, follower, speeds) for cam, law in laws.items()}
-    background = np.array([radiation.background_power(float(speed)) for speed in speeds])
+    (other,) = cams.keys() - {fitted}
+    speeds = np.asarray(cams[fitted].turns.speeds)
+    harmonics = {cam: harmonic_power(loaded.laws[cam], loaded.follower, speeds) for cam in cams}
+    background = np.array([loaded.radiation.background_power(float(speed)) for speed in speeds])
     frequency = np.arange(1, HARMONICS + 1) * speeds[:, None] / TURN
     weights = {w: weighting_power(w, frequency) for w in "ZCA"}
 
     def difference(structure: Structure, cam: str, x: FloatArray) -> FloatArray:
         passed = structure.transfer(x, frequency) * weights[structure.weighting]
         power = background + np.sum(passed * harmonics[cam], axis=1)
-        return level_db(np.sqrt(power)) - published[cam]
+        return level_db(np.sqrt(power)) - cams[cam].published
 
     found = []
     for structure in STRUCTURES:

@@ -12,12 +12,12 @@ import numpy as np
 from cam_rig.arguments import checked
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.paper.noise.calibration import StructureFit, compare_structures
-from cam_rig.paper.noise.claims import noise_claims
 from cam_rig.paper.noise.high_dwell import FACTORS, HighDwellStudy, study_high_dwell
 from cam_rig.paper.noise.methods import (
     LeftOut,
     Method,
     leave_one_out,
+    noise_claims,
     with_substitution,
     with_two_constants,
 )
@@ -370,9 +370,9 @@ def study_noise(
     next(parts)
     TwoMassParameters.from_rig(rig)  # refused now rather than at the end
     study = NoiseSetup.of(loaded)
-    smooth = (study.roles.reference, study.roles.predicted)
+    smooth = {cam: study.cams[cam] for cam in (study.roles.reference, study.roles.predicted)}
     next(parts)
-    structures = tuple(one for cam in smooth for one in _structures(study, cam))
+    structures = tuple(one for cam in smooth for one in compare_structures(loaded, smooth, cam))
     next(parts)
     methods = [with_two_constants(study, refit) for refit in (False, True)]
     next(parts)
@@ -428,16 +428,3 @@ def noise(
     if not isinstance(rig, RigConfig):
         rig = load_rig(rig_beside(rig, loaded.scene_file))
     return study_noise(loaded, rig, one_rig, progress)
-
-
-def _structures(study: NoiseSetup, fitted: str) -> list[StructureFit]:
-    loaded, roles = study.loaded, study.roles
-    cams = (roles.reference, roles.predicted)
-    return compare_structures(
-        {cam: loaded.laws[cam] for cam in cams},
-        loaded.follower,
-        loaded.radiation,
-        {cam: study.cams[cam].published for cam in cams},
-        np.asarray(study.cams[fitted].turns.speeds),
-        fitted,
-    )

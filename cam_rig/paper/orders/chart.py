@@ -12,17 +12,8 @@ import rerun.blueprint as rrb
 
 from cam_rig.paper.orders.spectrum import QUANTITIES, RANGE, CamOrders, loudest
 from cam_rig.show import looks as colours
-from cam_rig.show.chart import (
-    APPLICATION,
-    SPEED,
-    Axes,
-    name_recording,
-    require_free,
-    round_marks,
-    rrd_stream,
-)
+from cam_rig.show.chart import SPEED, Axes, chart_stream, round_marks
 from cam_rig.show.looks import title_of
-from cam_rig.units import FloatArray
 
 #: Radii on the screen, and width of the plane, whose height is 100.
 STROKE, CURSOR, WIDTH = -1.2, -0.8, 160.0
@@ -40,15 +31,10 @@ def save_orders(
     found: Sequence[CamOrders], path: Path, titles: Mapping[str, str] = MappingProxyType({})
 ) -> None:
     """Write the spectra of cams as a ``.rrd`` file that appears when it is whole."""
-    require_free(path, overwrite=True)
     tops = {quantity: loudest(found, quantity) for quantity in QUANTITIES}
     rows = orders_tabs(found, titles)
-    panels = rrb.BlueprintPanel(state="collapsed"), rrb.SelectionPanel(state="collapsed")
-    timeline = rrb.TimePanel(state="collapsed", timeline=SPEED)
-    views = rrb.Tabs(*rows) if len(rows) > 1 else rows[0]
-    plan = rrb.Blueprint(views, *panels, timeline, auto_views=False, auto_layout=False)
-    with rrd_stream(path, APPLICATION, plan) as stream:
-        name_recording(stream, f"Orders of {', '.join(str(tab.name) for tab in rows)}")
+    name = f"Orders of {', '.join(str(tab.name) for tab in rows)}"
+    with chart_stream(path, name, rows, SPEED) as stream:
         for study in found:
             for quantity, most in tops.items():
                 _draw_rays(stream, study, quantity, most)
@@ -72,12 +58,8 @@ def entity(study: CamOrders, quantity: str, chart: str) -> str:
 
 
 def _chart(study: CamOrders, quantity: str, chart: str, axes: Axes) -> rrb.Spatial2DView:
-    x, y = axes.bounds(RIGHT, BELOW * axes.width / axes.height)
-    return rrb.Spatial2DView(
-        origin=entity(study, quantity, chart),
-        name=f"{QUANTITIES[quantity]}: {CHARTS[chart]}",
-        visual_bounds=rrb.VisualBounds2D(x_range=x, y_range=y),
-    )
+    name, below = f"{QUANTITIES[quantity]}: {CHARTS[chart]}", BELOW * axes.width / axes.height
+    return axes.view(entity(study, quantity, chart), name, RIGHT, below)
 
 
 def _ray_axes(study: CamOrders) -> Axes:
@@ -100,7 +82,8 @@ def _draw_rays(stream: rr.RecordingStream, study: CamOrders, quantity: str, most
     shown = values > most - RANGE
     strokes = study.strokes()[shown].reshape(-1, 2)
     places = axes.place(strokes[:, 0], strokes[:, 1]).reshape(-1, 2, 2)
-    shades = _shades((values[shown] - most) / RANGE + 1.0)
+    parts, at = (values[shown] - most) / RANGE + 1.0, np.linspace(0.0, 1.0, len(SCALE))
+    shades = np.column_stack([np.interp(parts, at, scale) for scale in SCALE.T]).astype(np.uint8)
     strips = rr.LineStrips2D(list(places), colors=shades, radii=STROKE)
     stream.log(f"{view}/orders", strips, static=True)
     natural = study.spectra[0].steady.natural_frequency
@@ -126,10 +109,3 @@ def _draw_lines(stream: rr.RecordingStream, study: CamOrders, quantity: str, mos
         here = rays.place(np.full(2, spectrum.rpm), np.array(rays.y))
         cursor = rr.LineStrips2D([here], colors=colours.GREY, radii=CURSOR)
         stream.log(f"{entity(study, quantity, 'rays')}/speed", cursor)
-
-
-def _shades(parts: FloatArray) -> np.ndarray[tuple[int, int], np.dtype[np.uint8]]:
-    """``(n, 3)`` colours of parts from 0 to 1."""
-    at = np.linspace(0.0, 1.0, len(SCALE))
-    channels = [np.interp(parts, at, SCALE[:, i]) for i in range(3)]
-    return np.column_stack(channels).astype(np.uint8)

@@ -62,14 +62,10 @@ def _rays(axes: Axes, study: CamOrders, values: FloatArray, most: float) -> Line
     natural = study.spectra[0].steady.natural_frequency
     if natural is not None and natural < axes.get_ylim()[1]:
         axes.axhline(natural, color="w", ls="--", lw=0.8)
-    named = _named(highest)
+    step = next(s for s in (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000) if highest / s <= NAMED + 2)
+    named = np.arange(step, highest + 0.5, step)
     for order in named:
         words = f"order {order:g}" if order == named[0] else f"{order:g}"  # far from the title
         place = (high, order * high / 60.0)
         axes.annotate(words, place, (2, 0), textcoords="offset points", va="center")
     return rays
-
-
-def _named(highest: float) -> FloatArray:
-    step = next(s for s in (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000) if highest / s <= NAMED + 2)
-    return np.arange(step, highest + 0.5, step)

@@ -15,11 +15,18 @@ from cam_rig.laws import Law
 from cam_rig.laws.cam import law_of, require_sprung
 from cam_rig.paper.orders import MAX_ORDERS
 from cam_rig.paper.orders.spectrum import CamOrders, OrderSpectrum, waterfall
-from cam_rig.schema import CamConfig, RigConfig, load_cam
+from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.load import cam_path, config_root, is_there, named_path, read_yaml
 from cam_rig.schema.scene import model_named
 from cam_rig.show.result import SILENT, Column, Footnote, Progress, Records, Result
-from cam_rig.simulation.asked import Rig, Speeds, asked_rig, asked_scene, speeds_within
+from cam_rig.simulation.asked import (
+    Rig,
+    Speeds,
+    asked_rig,
+    asked_scene,
+    named_cams,
+    speeds_within,
+)
 from cam_rig.simulation.scene import LoadedScene, speeds_of
 from cam_rig.units import RPM
 
@@ -212,8 +219,7 @@ def _opened(
     if isinstance(source, CamConfig) or (not isinstance(source, LoadedScene) and _is_cam(source)):
         if cam is not None:
             raise ConfigError(f"--cam {cam}: {source} is a cam; allowed: with a scene")
-        path = source.name if isinstance(source, CamConfig) else cam_path(source)
-        loaded = source if isinstance(source, CamConfig) else load_cam(cam_path(source))
+        ((path, loaded),) = named_cams([source])
         require_sprung(path, loaded)
         law, title = {loaded.name: law_of(path, loaded)}, {loaded.name: loaded.title}
         return law, title, asked_rig(rig or CAM_RIG), CAM_MODEL, [*map(float, CAM_RPM)]

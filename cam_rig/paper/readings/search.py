@@ -108,14 +108,11 @@ class Trials:
             found = turn_minima(self.outline, spans, rigs, slower * RPM, turns)
             lost = found.force.min(axis=1) < 0.0
             miss = np.maximum(miss, np.where(lost, rpm - slower, 0.0))
-        turn = self._turn_of_time(force, angle)
-        return miss, _time_miss(force, turn, slope)
-
-    def _turn_of_time(self, force: FloatArray, angle: FloatArray) -> NDArray[np.intp]:
-        """The turn in which the deepest place is nearest to the printed time, ``(b,)``."""
+        # the turn in which the deepest place is nearest to the printed time
         deepest = angle[np.arange(force.shape[0]), force.argmin(axis=1)]
-        turns = (self.printed.time_s * self.printed.rpm * RPM - deepest) / TURN
-        return np.asarray(np.clip(np.rint(turns).astype(np.intp), 1, force.shape[1] - 1))
+        nearest = np.rint((self.printed.time_s * rpm * RPM - deepest) / TURN).astype(np.intp)
+        turn = np.clip(nearest, 1, force.shape[1] - 1)
+        return miss, _time_miss(force, turn, slope)
 
 
 def _time_miss(force: FloatArray, first: NDArray[np.intp], slope: FloatArray) -> FloatArray:

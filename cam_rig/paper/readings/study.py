@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
@@ -13,7 +12,6 @@ from cam_rig.paper.readings.readings import Read, ReadRow, read
 from cam_rig.paper.readings.search import Found, ReadingSearch
 from cam_rig.schema import (
     CamConfig,
-    TableReading,
     TableReadings,
     load_cam,
     load_readings,
@@ -21,7 +19,6 @@ from cam_rig.schema import (
 )
 from cam_rig.schema.load import cam_path, readings_path, tables_path
 from cam_rig.schema.published import PublishedJump
-from cam_rig.schema.quantity import Quantity
 from cam_rig.show.result import SILENT, Column, Progress, Records, Result
 
 
@@ -152,15 +149,6 @@ def read_all(
     return ReadingsResult(tuple(found))
 
 
-def with_numbers(reading: TableReading, numbers: Mapping[str, float]) -> TableReading:
-    """A reading with other numbers (SI), of the same origins."""
-    changed = {}
-    for key, value in numbers.items():
-        quantity: Quantity = getattr(reading, key)
-        changed[key] = quantity.model_copy(update={quantity.origin: value / quantity.factor})
-    return reading.model_copy(update=changed)
-
-
 #: Generations of a search, at most.
 MOST_GENERATIONS = 10_000
 
@@ -216,5 +204,6 @@ def readings(
     reading = known.readings[search]
     seek = ReadingSearch.of(reading, cams, printed, with_times, known.run_s, nearby)
     found = seek.best(generations, seed, progress)
-    changed = with_numbers(reading, found.numbers)
+    other = {key: getattr(reading, key).with_si(value) for key, value in found.numbers.items()}
+    changed = reading.model_copy(update=other)
     return ReadingsResult((read(search, changed, cams, printed, known.run_s),), found)

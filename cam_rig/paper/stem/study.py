@@ -85,17 +85,8 @@ class StemStudy:
         found = {cam: rpm for cam, rpm in self.off_from.items() if rpm is not None}
         return min(found.items(), key=lambda pair: pair[1]) if found else None
 
-    @property
-    def jump_error(self) -> tuple[str, float]:
-        """The cam whose jump speed two masses miss by most, and by how much of the bar's."""
-        return self._furthest(self.bar)
-
-    @property
-    def matched_error(self) -> tuple[str, float]:
-        """The same against the bar with their own first natural frequency."""
-        return self._furthest(self.matched)
-
-    def _furthest(self, bar: StemRow) -> tuple[str, float]:
+    def jump_error(self, bar: StemRow) -> tuple[str, float]:
+        """The cam whose jump speed two masses miss by most, and by how much of a bar's."""
         errors = {cam: self.two_masses.jump[cam] / rpm - 1.0 for cam, rpm in bar.jump.items()}
         return max(errors.items(), key=lambda pair: abs(pair[1]))
 
@@ -247,11 +238,6 @@ def level(turn: StemTurn, radiation: RadiationParameters) -> float:
     return float(level_db(math.sqrt(radiation.background_power(turn.speed) + contact)))
 
 
-def hides_zero(left: float, mid: float, right: float) -> bool:
-    """Whether the middle of three values is a minimum that could hide a sign change beside it."""
-    return 0.0 < mid <= min(left, right) and mid < left - 2.0 * mid + right
-
-
 def stem_jump(law: Law, stem: Stem, rig: RigConfig) -> float:
     """The lowest speed (rad/s) at which the least contact force of the steady turn is zero."""
 
@@ -263,7 +249,9 @@ def stem_jump(law: Law, stem: Stem, rig: RigConfig) -> float:
     speeds, values = [rigid * max(0.3, 1.0 - RESONANCES * apart)], list[float]()
     while speeds[-1] < HIGHEST * rigid:
         values.append(least(speeds[-1]))
-        if len(values) > 2 and hides_zero(*values[-3:]):
+        left, mid, right = values[-3:] if len(values) > 2 else (0.0,) * 3
+        # a minimum that could hide a sign change beside it
+        if 0.0 < mid <= min(left, right) and mid < left - 2.0 * mid + right:
             near = minimize_scalar(least, bounds=(speeds[-3], speeds[-1]), method="bounded")
             if near.fun <= 0.0:
                 return float(brentq(least, speeds[-3], near.x, rtol=FOUND))

@@ -48,20 +48,15 @@ def events(law: Law, lift: float, levels: Iterable[float] = LEVELS) -> tuple[Tim
     found = []
     for level in levels:
         height = low + level * lift
-        for angle in _passages(law, height, ON * lift):
+        above = law.ordinates - height  # roots are inside of pieces, or joints
+        joints = law.breaks[:-1][np.abs(above[0]) <= ON * lift]
+        angles = np.sort(np.mod([*joints, *_roots(law, above)], TURN))
+        for angle in angles[np.diff(angles, prepend=-np.inf) > SAME].tolist():
             before, after = law(np.array([angle - BESIDE, angle + BESIDE])) - height
             if before * after < 0.0:
                 slope = float(law(angle, 1))
                 found.append(TimedEvent(level, angle, bool(after > before), slope))
     return tuple(sorted(found, key=lambda event: event.angle))
-
-
-def _passages(law: Law, height: float, on: float) -> list[float]:
-    """Cam angles in [0, 2π) where s may pass a height (m): roots inside of pieces, and joints."""
-    above = law.ordinates - height
-    joints = law.breaks[:-1][np.abs(above[0]) <= on]
-    angles = np.sort(np.mod([*joints, *_roots(law, above)], TURN))
-    return list(map(float, angles[np.diff(angles, prepend=-np.inf) > SAME]))
 
 
 def _roots(law: Law, ordinates: FloatArray) -> list[float]:
@@ -191,11 +186,6 @@ DEGREE, PIECES = 5, 24
 COMPARED = 720
 #: Greatest lifts that differ by less than this fraction of the lift are one.
 TIE = 1e-9
-
-
-def is_one_curve(cam: CamConfig) -> bool:
-    """Whether a cam is one Bézier curve over the whole turn."""
-    return len(cam.segments) == 1 and isinstance(cam.segments[0], Bezier)
 
 
 def equal(values: Sequence[float]) -> int:

@@ -18,12 +18,12 @@ from cam_rig.paper.timing.events import (
     Ordinates,
     TimedEvent,
     events,
-    is_one_curve,
     ordinates_of,
     shift_matrix,
     with_same_events,
 )
 from cam_rig.schema import CamConfig
+from cam_rig.schema.segments import Bezier
 from cam_rig.show.result import Column, Records, Result
 from cam_rig.simulation.asked import Cams, listed, named_cams
 from cam_rig.units import FloatArray
@@ -107,7 +107,8 @@ class EventControl:
 
 def beside_b_spline(timing: CamTiming) -> list[EventControl]:
     """A cam of one Bézier curve, and the B-spline of its lift and events; empty for others."""
-    if not is_one_curve(timing.cam):
+    segments = timing.cam.segments
+    if len(segments) > 1 or not isinstance(segments[0], Bezier):
         return []
     cam = with_same_events(timing.cam, timing.law, timing.events)
     return [EventControl.of(timing), EventControl.of(CamTiming.of(cam, build_law(cam)))]

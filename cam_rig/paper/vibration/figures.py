@@ -17,7 +17,7 @@ from matplotlib.patches import Patch
 
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.torsional.model import from_rig as shaft_of
-from cam_rig.dynamics.vibration import LowDwell, SteadyTurn, low_dwell, steady_turn, steady_twist
+from cam_rig.dynamics.vibration import LowDwell, low_dwell, steady_turn, steady_twist
 from cam_rig.laws import Law
 from cam_rig.paper.vibration.study import VibrationResult
 from cam_rig.schema import RigConfig
@@ -79,26 +79,21 @@ def _legend(cams: list[str]) -> list[Artist]:
 
 
 def _rows(law: Law, rig: RigConfig, speed: float) -> Rows:
-    """The curves of one cam."""
+    """The curves of one cam; what is left of the vibration over degrees from its low dwell."""
     turn = steady_turn(law, FollowerParameters.from_rig(rig), speed)
     degrees = np.degrees(turn.angle)
+    about = (np.degrees(turn.angle - low_dwell(law).middle) + 180.0) % 360.0 - 180.0
+    order = np.argsort(about)
+    inside = order[np.abs(about[order]) <= AROUND]
     rows = [
         (degrees, 1e3 * turn.displacement),
-        _about_dwell(turn, low_dwell(law)),
+        (about[inside], 1e6 * turn.vibration[inside]),
         (degrees, turn.acceleration),
     ]
     if rig.shaft is not None:
         angle, twist = steady_twist(law, shaft_of(rig), speed)
         rows.append((np.degrees(angle), np.degrees(twist)))
     return rows
-
-
-def _about_dwell(turn: SteadyTurn, window: LowDwell) -> tuple[FloatArray, FloatArray]:
-    """What is left of the vibration about the low dwell, µm over degrees from its middle."""
-    degrees = (np.degrees(turn.angle - window.middle) + 180.0) % 360.0 - 180.0
-    order = np.argsort(degrees)
-    inside = order[np.abs(degrees[order]) <= AROUND]
-    return degrees[inside], 1e6 * turn.vibration[inside]
 
 
 def _column(

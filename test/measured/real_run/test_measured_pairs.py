@@ -9,10 +9,9 @@ import pytest
 from scipy.signal import TransferFunction, lsim
 
 from cam_rig.errors import BagError, ConfigError
-from cam_rig.measured.real_run.comparison import compare_steps
+from cam_rig.measured.real_run.comparison import compare_steps, done, sentences
 from cam_rig.measured.real_run.pairs import RecordedPairs
 from cam_rig.measured.real_run.run import RunComparison
-from cam_rig.measured.real_run.sentences import done, sentences
 from cam_rig.simulation.instruments import Signal
 from cam_rig.simulation.schedule import cam_states
 from cam_rig.simulation.simulate import simulate, turned_ticks

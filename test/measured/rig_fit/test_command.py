@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 import cam_rig
-from cam_rig.measured.rig_fit.numbers import FoundNumber, number_tables
+from cam_rig.measured.rig_fit.numbers import FoundNumber, FoundNumbers
 from cam_rig.measured.rig_fit.rig_fit import fitted_rig
 
 from ...cli.conftest import call as run
@@ -20,7 +20,7 @@ NONE = FoundNumber.unidentified("stem_stiffness", "a rigid stem explains it", 1e
 
 
 def table(*numbers):
-    return number_tables("rig", numbers, (), None)[0]
+    return FoundNumbers(None, "one_mass", numbers, None).number_tables("rig", ())[0]
 
 
 def test_a_number_has_the_digits_of_its_error():

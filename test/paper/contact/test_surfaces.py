@@ -13,9 +13,12 @@ from cam_rig.dynamics.kinetostatic import shaft_torque
 from cam_rig.errors import ProfileError
 from cam_rig.laws import build_law
 from cam_rig.paper.contact.comparison import contact_row
-from cam_rig.paper.contact.nomogram import RISES, by_curvature, by_face, by_pressure_angle
 from cam_rig.paper.contact.surfaces import (
+    RISES,
     base_bounds,
+    by_curvature,
+    by_face,
+    by_pressure_angle,
     contact_case,
     half_width,
     hertz_pressure,

@@ -11,8 +11,15 @@ from cam_rig.laws import build_law
 from cam_rig.laws.cam import arc_cam
 from cam_rig.paper.noise import methods as bootstrap
 from cam_rig.paper.noise.arc_cam import ArcShape, ShapeProblem, with_geometry
-from cam_rig.paper.noise.claims import TESTED_ON, noise_claims
-from cam_rig.paper.noise.methods import Band, crossing, crossing_interval, points_crossing, resample
+from cam_rig.paper.noise.methods import (
+    TESTED_ON,
+    Band,
+    crossing,
+    crossing_interval,
+    noise_claims,
+    points_crossing,
+    resample,
+)
 from cam_rig.paper.noise.roles import StudyRoles
 from cam_rig.simulation.regression import cubic
 from cam_rig.simulation.simulate import Acoustics, settled_turns
