@@ -176,7 +176,9 @@ def _turned(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) -> Stead
     """A follower turned from rest until no turn to come changes it, or `MOST_TURNS`."""
     model = MODELS[scene.model]
     parameters, scale = model.parameters(rig), _scale(law, rig, speed)
-    interval = _one_turn(speed)
+    turn = _one_turn(speed)
+    # from 1 ns on: what is turned to settle is sampled nowhere
+    interval = replace(turn, start_ns=1, stop_ns=turn.stop_ns + 1)
     state: FollowerState | None = None
     before, change = None, math.inf
     for _ in range(MOST_TURNS):
