@@ -111,6 +111,9 @@ def workers(count: int | None = None) -> Iterator[ProcessPoolExecutor]:
         for child in active_children():
             if isinstance(child, _Worker):
                 child.kill()
+        # Of a result that a worker was sending, the rest would be waited for as long as a process
+        # could write it, this one too.
+        pool._result_queue._writer.close()  # type: ignore[attr-defined]
         raise
     finally:
         pool.shutdown(cancel_futures=True)

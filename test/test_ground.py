@@ -149,6 +149,24 @@ def test_no_signal_to_a_command_ends_what_removes_its_leavings(tmp_path):
     assert [number for number in STOPPING if not deaf >> (number - 1) & 1] == []
 
 
+SENDING = """
+from cam_rig.workers import workers
+if __name__ == "__main__":
+    with workers(2) as pool:
+        found = [pool.submit(bytes, 200_000_000) for _ in range(6)]
+        found[0].result(timeout=100)
+        raise KeyboardInterrupt
+"""
+
+
+def test_an_interrupt_while_a_result_is_sent(tmp_path):
+    """The rest of what a killed worker was sending is not waited for."""
+    script = tmp_path / "sending.py"
+    script.write_text(SENDING, encoding="utf-8")
+    done = subprocess.run([sys.executable, script], capture_output=True, check=False, timeout=100)
+    assert b"KeyboardInterrupt" in done.stderr and done.returncode == -signal.SIGINT
+
+
 def test_a_killed_worker_ends_a_command_in_a_line():
     """Whatever it computes, with what to do: no exception of the executor's own."""
     words = r"a worker .* is gone .*; remedy: "
