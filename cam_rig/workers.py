@@ -27,7 +27,7 @@ UNTOLD = "ignore:resource_tracker:UserWarning"
 
 #: What a worker begins with: one core for matrices, and memory (glibc's, in bytes) that is kept for
 #: the next point, not given back and asked for anew.
-WORKER = {
+WORKER_ENVIRONMENT = {
     **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"),
     "MALLOC_MMAP_THRESHOLD_": str(1 << 25),
     "MALLOC_TRIM_THRESHOLD_": str(1 << 26),
@@ -94,7 +94,7 @@ def workers(count: int | None = None) -> Iterator[ProcessPoolExecutor]:
 
     Each computes on one core: the matrices are too small to share. An interrupt ends them at once.
     """
-    for name, value in WORKER.items():
+    for name, value in WORKER_ENVIRONMENT.items():
         os.environ.setdefault(name, value)
     if UNTOLD not in sys.warnoptions:
         sys.warnoptions.append(UNTOLD)

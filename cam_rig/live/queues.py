@@ -44,8 +44,6 @@ class FollowerQueue:
             self._simulator.model.require(law)
         except DynamicsError as error:
             raise RefusedError(str(error)) from None
-        if not self._simulator.laws:
-            self._simulator.prepare(law)
         self._simulator.laws.setdefault(law.name, law)
 
     def add_state(self, state: CamState) -> Admission:

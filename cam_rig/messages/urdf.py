@@ -84,7 +84,7 @@ class Body:
         about_x = np.array([[1.0, 0.0, 0.0], [0.0, cr, -sr], [0.0, sr, cr]])
         about_y = np.array([[cp, 0.0, sp], [0.0, 1.0, 0.0], [-sp, 0.0, cp]])
         about_z = np.array([[cy, -sy, 0.0], [sy, cy, 0.0], [0.0, 0.0, 1.0]])
-        turn = about_z @ about_y @ about_x  # scipy's Rotation: a second of a bag's first tick
+        turn = about_z @ about_y @ about_x  # scipy's import would hold a bag's first tick
         return np.asarray(self.mass * turn @ np.diag(own) @ turn.T)
 
     def elements(self) -> tuple[Element, Element]:

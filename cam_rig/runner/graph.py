@@ -59,7 +59,7 @@ class Graph:
         self._progress: Queue[str] = Queue()
         self._checkpoints: CheckpointFolder | None = None
         self._begun = time.time()
-        self._dead_ports = DeadPorts()
+        self._dead_ports = DeadPorts(self._begun)
         self._bag = Path(str(nodes[RECORDER]["bag"]))
         self._unclosed, self._kept = False, ""
         self._recorder_is_new = False
@@ -147,8 +147,8 @@ class Graph:
         """Whether the drive, which has ended in order, must send its last ticks once more.
 
         A recorder may be killed with what it has not flushed, though it has acknowledged it: now,
-        or while the drive was ending, which then has not heard of the successor. Any other node
-        that ends now has published all that it had to.
+        or while the drive was ending, which then has not heard of the successor. Nothing tells
+        that from a kill long before. Any other node that ends now has published all it had to.
         """
         for name in ended:
             if ENTRIES[name].essential and not self._returns(name):

@@ -217,7 +217,7 @@ def clean(since: float, folder: Path = FOLDER, ports: bool = True) -> list[str]:
     names = {path.name for path in folder.glob("fastdds_*")}
     left = {name.removesuffix(LOCKS[0]).removesuffix(LOCKS[1]) for name in names}
     left = {name for name in left if SEGMENT.fullmatch(name) and (ports or "port" not in name)}
-    for name in sorted(left - _open_ports(folder)):
+    for name in sorted(left - (_open_ports(folder) if ports else set())):
         files = [folder / (name + end) for end in ("", *LOCKS)]
         if _are_left([path for path in files if path.exists()], since):
             for path in (*files, folder / f"sem.{name}_mutex"):
@@ -257,15 +257,17 @@ class DeadPorts:
     and never to that of a successor at the same port. So the runner takes the port's lock.
     """
 
-    def __init__(self, folder: Path = FOLDER) -> None:
-        self._folder = folder
+    def __init__(self, since: float, folder: Path = FOLDER) -> None:
+        self._since, self._folder = since, folder
         self._locks: dict[str, int] = {}
 
     def hold(self) -> None:
-        """Take the lock of each port of this user whose owner has ended."""
+        """Take the lock of each port, made since a time (s) by this user, whose owner has ended."""
         for path in self._folder.glob("fastdds_port*_el"):
             with suppress(OSError):  # its owner lives, or has just removed it
-                if path.name in self._locks or path.stat().st_uid != os.getuid():
+                about = path.stat()
+                ours = about.st_uid == os.getuid() and about.st_mtime > self._since - 1.0
+                if path.name in self._locks or not ours:
                     continue
                 lock = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
                 try:  # shared, as another run may hold it too

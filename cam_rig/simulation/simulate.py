@@ -148,10 +148,6 @@ class FollowerCheckpoint:
     owed: float = 0.0  #: N·s, of a landing that no sample has shown
 
 
-#: Rig time (ns) of a tick that only prepares.
-FIRST_NS = 1_000_000
-
-
 @dataclass
 class FollowerSimulator:
     """The follower under the mounted cam: takes cam states, gives blocks. Used by the node too."""
@@ -167,11 +163,6 @@ class FollowerSimulator:
         """The follower of a scene."""
         model, rate = MODELS[loaded.scene.model], int(loaded.scene.sample_rate.si)
         return cls(model, model.parameters(loaded.rig), rate, dict(loaded.laws))
-
-    def prepare(self, law: Law) -> None:
-        """Turn a tick that counts for nothing: the first one that does waits for no library."""
-        tick = Interval(0, FIRST_NS, 0.0, 1.0)
-        self.model.advance(law, self.parameters, None, tick, self.sample_rate)
 
     def turn_to(self, state: CamState) -> tuple[FollowerState, Block] | None:
         """The tick that ends at ``state``, None at the first; on a new cam it is put down."""

@@ -234,16 +234,20 @@ def test_a_port_that_a_process_has_open_stays(tmp_path):
 
 
 def test_a_dead_port_is_not_used_again_before_the_run_ends(tmp_path):
-    """Its lock is held, so a node takes another; one of a living node is let be."""
+    """Its lock is held, so a node takes another; one of a living node, or of before, is let be."""
+    old = make(tmp_path, "fastdds_port7500_el", age=3600.0)
     for name in (DEAD, "fastdds_port7499"):
         make(tmp_path, name)
         make(tmp_path, name + "_el")
-    ports, live = DeadPorts(tmp_path), make(tmp_path, LIVE + "_el")
+    since = time.time() - 60.0
+    ports, live = DeadPorts(since, tmp_path), make(tmp_path, LIVE + "_el")
     with live.open("rb") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         for _ in range(2):
             ports.hold()
-        other = DeadPorts(tmp_path)  # of another run beside it
+        with old.open("rb") as free:
+            fcntl.flock(free, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        other = DeadPorts(since, tmp_path)  # of another run beside it
         other.hold()
         ports.release()
         assert clean(time.time() - 60.0, tmp_path) == [DEAD, DEAD + "_el"]

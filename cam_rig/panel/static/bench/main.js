@@ -18,8 +18,6 @@ const LAMP_MS = 400;
 const WAITS_MS = 60_000, AGAIN_MS = 1000;
 /** What is read out has stayed so long (ms). */
 const ANNOUNCE_MS = 1500;
-/** The meter is read so often (ms): all of the page between it and the cam is composed anew where both change. */
-const METER_MS = 120;
 /** A volume and a level (dB) from which on headphones are warned of: assumed, of no standard. */
 const LOUD = 0.5, LOUD_DB = 100;
 const SETUP = /** @type {const} */ (["model", "added_mass", "spring_stiffness", "preload"]);
@@ -119,7 +117,10 @@ for (const id of SELECTS) $(id).addEventListener("change", async () => {
   const answer = await ask({ do: "set", name: id, value: field(id).value });
   if (!answer.success && now) choose(id, now);
 });
-$("volume").addEventListener("input", () => sound.volume(field("volume").valueAsNumber));
+$("volume").addEventListener("input", () => {
+  sound.volume(field("volume").valueAsNumber);
+  again();
+});
 // A browser lets nothing be heard before something on the page is pressed.
 if (sound.remembered) addEventListener("pointerdown", () => {
   field("volume").value = String(sound.remembered);
@@ -146,7 +147,7 @@ $("rerun").addEventListener("click", () => ask({ do: "rerun" }));
 
 // -- what is shown ------------------------------------------------------------------------------------
 const chart = new NoiseChart($("noise"), $("noise_key"), about.colours);
-let [lostAt, metered] = [-Infinity, -Infinity];
+let lostAt = -Infinity;
 /** Until the lamp is looked at again. */
 let lamps = 0;
 
@@ -159,14 +160,12 @@ function live(news) {
   const turns = drive === "turning" && "rpm" in state && whole;
   if ([before, contact].includes(LOST) || losses > (known ?? losses)) lostAt = performance.now();
   lamp(whole ? contact : "");
-  if (!turns || performance.now() - metered > METER_MS) {
-    metered = performance.now();
-    say("level", message.level === null || !whole ? "–" : message.level.toFixed(1));
-    put("meter", message.level ?? 0);
-  }
+  say("level", message.level === null || !whole ? "–" : message.level.toFixed(1));
+  put("meter", message.level ?? 0);
   say("late", message.late ? text("late") : "");
   hide("loud", !(sound.on && field("volume").valueAsNumber > LOUD && (message.level ?? 0) > LOUD_DB));
   announce(message, turns);
+  if (news.readings) chart.draw(news.readings);
   if (Object.keys(news).some((name) => !NUMBERS.includes(name))) settings(message, turns);
 }
 /** What was held back, as long as something was typed, is shown. */
@@ -201,7 +200,6 @@ function settings(message, turns) {
   }
   for (const id of SELECTS) choose(id, message);
   if (!edited) for (const id of SETUP) put(id, message.setup[id]);
-  if (message.readings.length !== chart.readings?.length) chart.draw(message.readings);
   list("ended", Object.entries(message.ended), ended);
   list("kept", message.kept, (path) => Object.assign(document.createElement("li"), { textContent: text("kept", { path }) }));
   list("log", message.log, (line) => Object.assign(document.createElement("li"), { textContent: line }));

@@ -16,6 +16,8 @@ const GAUGES = ["angle", "lift", "force", "gap"];
 const FRAME_MS = accelerated() ? 0 : 32;
 /** It may be asked for so much (ms) before its time: then it is one of those of the screen. */
 const EARLY_MS = 10;
+/** A cam that did not come is asked for again after so long (ms). */
+const AGAIN_MS = 1000;
 /** The cam is watched, curves are read: so often (ms) those are drawn, less often where nobody sees them grow. */
 const CURVES_MS = FRAME_MS && 100, WHOLE_MS = 200;
 
@@ -69,7 +71,10 @@ export class Stage {
   show({ graph, values, state, setup }, turns) {
     const cam = values.law_server?.cam || state.cam || setup.cam;
     if (cam !== this.cam) this.#load(cam);
-    if (graph === "starting") this.playback.reset();
+    if (graph === "starting") {
+      this.playback.reset();
+      this.over = null;
+    }
     if (this.turns && !turns) this.halted = this.stood = true;
     if (turns || graph === "starting") this.stood = false;
     [this.turns, this.rpm] = [turns, state.rpm ?? 0];
@@ -81,9 +86,13 @@ export class Stage {
     this.cam = cam;
     const answer = await fetch(`/bench/cam/${encodeURIComponent(cam)}`).catch(() => null);
     if (cam !== this.cam) return;
-    if (!answer?.ok) { this.cam = null; return; }
+    if (!answer?.ok) {
+      setTimeout(() => { if (cam === this.cam) this.#load(cam); }, AGAIN_MS);
+      return;
+    }
     this.rig.load(await answer.json());
     this.charts.clear();
+    this.over = null;
     this.#still();
   }
 
