@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
@@ -27,6 +28,8 @@ from cam_rig.runner.resources import (
 
 #: Wall time (s) that a look waits for the drive's first report.
 LOOK_S = 0.05
+#: Wall time (s) between two looks for suspended processes, each of which reads a file a node.
+MOVING_EVERY_S = 0.5
 
 
 class Graph:
@@ -67,6 +70,7 @@ class Graph:
         #: Whether the run is over, and its bag closed.
         self.finished = False
         self._suspended: dict[str, float] = {}
+        self._looked = -math.inf
         self._patience = float(str(nodes[self._drive].get("patience", PATIENCE_S)))
 
     def __enter__(self) -> Graph:
@@ -170,6 +174,9 @@ class Graph:
     def _require_moving(self) -> None:
         """Suspended processes are waited for as the drive waits for an answer, no longer."""
         now = time.monotonic()
+        if now - self._looked < MOVING_EVERY_S:
+            return
+        self._looked = now
         for name, process in self.processes.items():
             since = self._suspended.setdefault(name, now) if process.is_suspended else None
             if since is None:

@@ -18,6 +18,9 @@ const LAMP_MS = 400;
 const WAITS_MS = 60_000, AGAIN_MS = 1000;
 /** What is read out has stayed so long (ms). */
 const ANNOUNCE_MS = 1500;
+/** A level is shown at once, or so often (ms) where it has changed by less (dB): what lies between it and the turning
+ * cam is composed anew each time. */
+const METER_MS = 200, STEP_DB = 1;
 /** A volume and a level (dB) from which on headphones are warned of: assumed, of no standard. */
 const LOUD = 0.5, LOUD_DB = 100;
 const SETUP = /** @type {const} */ (["model", "added_mass", "spring_stiffness", "preload"]);
@@ -147,7 +150,11 @@ $("rerun").addEventListener("click", () => ask({ do: "rerun" }));
 
 // -- what is shown ------------------------------------------------------------------------------------
 const chart = new NoiseChart($("noise"), $("noise_key"), about.colours);
-let lostAt = -Infinity;
+let [lostAt, metered] = [-Infinity, -Infinity];
+/** The level that is shown, dB. @type {number | null} */
+let read = null;
+/** Until one that differs little is. */
+let reads = 0;
 /** Until the lamp is looked at again. */
 let lamps = 0;
 
@@ -160,13 +167,24 @@ function live(news) {
   const turns = drive === "turning" && "rpm" in state && whole;
   if ([before, contact].includes(LOST) || losses > (known ?? losses)) lostAt = performance.now();
   lamp(whole ? contact : "");
-  say("level", message.level === null || !whole ? "–" : message.level.toFixed(1));
-  put("meter", message.level ?? 0);
+  meter(whole ? message.level : null);
   say("late", message.late ? text("late") : "");
   hide("loud", !(sound.on && field("volume").valueAsNumber > LOUD && (message.level ?? 0) > LOUD_DB));
   announce(message, turns);
   if (news.readings) chart.draw(news.readings);
   if (Object.keys(news).some((name) => !NUMBERS.includes(name))) settings(message, turns);
+}
+/** @param {number | null} level dB, null where none is known */
+function meter(level) {
+  clearTimeout(reads);
+  const since = performance.now() - metered;
+  if (since < METER_MS && level !== null && read !== null && Math.abs(level - read) < STEP_DB) {
+    reads = setTimeout(() => meter(level), METER_MS - since);
+    return;
+  }
+  [metered, read] = [performance.now(), level];
+  say("level", level === null ? "–" : level.toFixed(1));
+  put("meter", level ?? 0);
 }
 /** What was held back, as long as something was typed, is shown. */
 const again = () => setTimeout(() => now && live(now));
