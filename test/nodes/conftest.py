@@ -18,7 +18,9 @@ from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Float64
 
 from cam_rig.bag.files import mcap_files
+from cam_rig.bag.recorder import recorded
 from cam_rig.errors import RunError
+from cam_rig.messages.topics import FOLLOWER_SAMPLES
 from cam_rig.nodes import process
 from cam_rig.nodes.__main__ import NODES
 from cam_rig.runner.graph import Graph
@@ -170,9 +172,10 @@ def wait_until(condition):
     return found
 
 
-def size_of(bag):
-    """Bytes that a bag has on disk, 0 where there is none yet."""
-    return sum(file.stat().st_size for file in bag.glob("*.mcap")) if bag.is_dir() else 0
+def has_ticks(bag):
+    """Whether a tick is in a bag that may still be written, or begun."""
+    topics = (topic for file in bag.glob("*.mcap") for topic, _ in recorded(file))
+    return any(topic is FOLLOWER_SAMPLES for topic in topics)
 
 
 def patient(scene, bag, screen=None, **drive):

@@ -18,7 +18,7 @@ from cam_rig.runner.node_process import NodeProcess
 from cam_rig.schema.load import config_root
 
 from ..processes import sockets
-from .conftest import node_processes, patient, size_of, wait_until
+from .conftest import has_ticks, node_processes, patient, wait_until
 
 pytestmark = pytest.mark.ros
 LONG = pytest.mark.long
@@ -71,7 +71,7 @@ def test_a_signal_ends_all_and_closes_the_bag(domain, short_scene, tmp_path, nam
     command = [sys.executable, "-m", "cam_rig.cli.main", "run", str(short_scene), "--bag", str(bag)]
     command += ["--pacing", "0.3x"]  # no end before the test's
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
-    wait_until(lambda: size_of(bag) > 100_000)
+    wait_until(lambda: has_ticks(bag))
     assert len(node_processes(short_scene)) > 5  # the runner and its five nodes
     process.send_signal(number)
     _, words = process.communicate(timeout=100)
