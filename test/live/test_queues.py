@@ -2,6 +2,7 @@
 
 from collections import deque
 from dataclasses import replace
+from itertools import islice
 from random import Random
 
 import numpy as np
@@ -131,6 +132,21 @@ def test_states_wait_for_their_law(straight):
         late.add_law(law)
     assert complete(late) == straight
     assert [time_ns for time_ns, _ in straight] == [state.time_ns for state in STATES[1:]]
+
+
+@pytest.mark.parametrize(
+    "scene", sorted((config_root() / "scenes").glob("*.yaml")), ids=lambda path: path.stem
+)
+def test_the_first_ticks_of_every_shipped_scene(scene):
+    """Whatever its model, a law is taken, and a tick comes for each state after the first."""
+    loaded = open_scene(scene)
+    simulator, states = FollowerSimulator.of(loaded), list(islice(cam_states(loaded.scene), 4))
+    laws = list(simulator.laws.values())
+    simulator.laws.clear()
+    follower = FollowerQueue(simulator, loaded.scene, None)
+    for law in laws:
+        follower.add_law(law)
+    assert len(turn(follower, states)) == 3
 
 
 def test_a_successor_gives_the_same_ticks(straight):
