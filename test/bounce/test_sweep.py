@@ -71,7 +71,7 @@ def test_windows_over_preload_and_mass(over, restitution):
     begin = Family(LAW, sweep, 1).at(getattr(base, over), state)
     places = {}
     for up in (False, True):
-        ends = 0.25 * getattr(base, over), 4.0 * getattr(base, over)
+        ends = 0.1 * getattr(base, over), 10.0 * getattr(base, over)
         for one in Family(LAW, sweep, 1).followed(begin, *ends, up)[1]:
             places.setdefault(one.kind, AMPLITUDE * speed**2 * one.point.mass / one.point.preload)
     assert places[FOLD] == pytest.approx(least, rel=1e-10)
