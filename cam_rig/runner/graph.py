@@ -22,6 +22,7 @@ from cam_rig.runner.resources import (
     CheckpointFolder,
     DeadPorts,
     clean,
+    domain_number,
     log_folder,
     require_room,
 )
@@ -111,7 +112,7 @@ class Graph:
         # a killed node leaves segments behind, and so does one that could not write them whole
         if any(node.process.poll() for node in started) or any(self._respawned.values()):
             time.sleep(LOCK_GRACE_S)  # by then, a port without a lock is not one of a new run
-            clean(self._begun)
+            clean(self._begun, domain=domain_number())
 
     def progress(self) -> Iterator[dict[str, float | str]]:
         """What the drive reports, until it has finished."""
@@ -228,7 +229,7 @@ class Graph:
 
     def _start_again(self, name: str) -> None:
         self._dead_ports.hold()
-        clean(self._begun, ports=False)
+        clean(self._begun)
         self._start(name)
         if name in (RECORDER, self._drive):
             self._recorder_is_new = name == RECORDER

@@ -95,7 +95,7 @@ FOREIGN = (errno.ELOOP, errno.EISDIR, errno.EACCES, errno.EPERM)
 def own_domain(namespace: str = "") -> Iterator[None]:
     """Hold a namespace of this ROS domain; the kernel releases it with the process."""
     require("rclpy")
-    with _only("domain", domain_number(os.environ.get("ROS_DOMAIN_ID", "")), namespace) as where:
+    with _only("domain", domain_number(), namespace) as where:
         if where:
             raise RunError(
                 f"another run is active in {where}; allowed: one, so give this one a namespace "
@@ -141,8 +141,9 @@ def namespace_named(text: str) -> str:
     return namespace
 
 
-def domain_number(text: str) -> int:
+def domain_number(text: str | None = None) -> int:
     """The ROS domain that a value of ROS_DOMAIN_ID stands for: 030 is 24, 0x10 is 16, none is 0."""
+    text = os.environ.get("ROS_DOMAIN_ID", "") if text is None else text
     found = NUMBER.fullmatch(text or "0") if len(text) <= MAX_CHARACTERS else None
     if found is not None:
         digits = found[1].lower()
@@ -150,6 +151,11 @@ def domain_number(text: str) -> int:
         if number <= MAX_DOMAIN:
             return number
     raise ConfigError(f"ROS_DOMAIN_ID: is {text[:40]!r}; allowed: 0 to {MAX_DOMAIN}")
+
+
+def domain_ports(domain: int) -> range:
+    """The ports that are a ROS domain's own."""
+    return range(7400 + 250 * domain, 7650 + 250 * domain)
 
 
 def _lock(path: Path) -> int:
@@ -174,7 +180,7 @@ MIN_FREE = MIB
 REMEDY = "remove what fills it, or give a container more (docker run --shm-size=256m)"
 FOLDER = Path("/dev/shm")
 #: A segment or a port has a lock file beside it, which its owner holds until it ends.
-SEGMENT = re.compile(r"fastdds_(?:[0-9a-f]{16}|port\d{1,5})")
+SEGMENT = re.compile(r"fastdds_(?:[0-9a-f]{16}|port(\d{1,5}))")
 LOCKS = ("_el", "_sl")
 #: Age (s) up to which a file may yet get its lock.
 LOCK_GRACE_S = 1.0
@@ -207,16 +213,20 @@ def _free(folder: Path) -> int | None:
     return about.f_bavail * about.f_frsize
 
 
-def clean(since: float, folder: Path = FOLDER, ports: bool = True) -> list[str]:
+def clean(since: float, folder: Path = FOLDER, domain: int | None = None) -> list[str]:
     """Remove what ended processes of this user left since a time (s), if unlocked; its names.
 
-    A port that a process has open is never removed: the last that closes it removes what then is
-    there by its name, a new one too, whose reader would hear nothing.
+    Of ports only a domain's own: all domains share the others, so a node of another run may be
+    about to take one, and would hear nothing; who takes it next sets it up anew. One that a process
+    has open is never removed: the last that closes it removes what then is there by its name, a new
+    one too.
     """
     removed: list[str] = []
     names = {path.name for path in folder.glob("fastdds_*")}
-    left = {name.removesuffix(LOCKS[0]).removesuffix(LOCKS[1]) for name in names}
-    left = {name for name in left if SEGMENT.fullmatch(name) and (ports or "port" not in name)}
+    names = {name.removesuffix(LOCKS[0]).removesuffix(LOCKS[1]) for name in names}
+    ports = () if domain is None else domain_ports(domain)
+    found = [match for name in names if (match := SEGMENT.fullmatch(name))]
+    left = {match[0] for match in found if match[1] is None or int(match[1]) in ports}
     for name in sorted(left - (_open_ports(folder) if ports else set())):
         files = [folder / (name + end) for end in ("", *LOCKS)]
         if _are_left([path for path in files if path.exists()], since):
@@ -259,7 +269,7 @@ class DeadPorts:
 
     def __init__(self, since: float, folder: Path = FOLDER) -> None:
         self._since, self._folder = since, folder
-        self._locks: dict[str, int] = {}
+        self._locks: dict[tuple[str, int], int] = {}
 
     def hold(self) -> None:
         """Take the lock of each port, made since a time (s) by this user, whose owner has ended."""
@@ -267,7 +277,8 @@ class DeadPorts:
             with suppress(OSError):  # its owner lives, or has just removed it
                 about = path.stat()
                 ours = about.st_uid == os.getuid() and about.st_mtime > self._since - 1.0
-                if path.name in self._locks or not ours:
+                port = path.name, about.st_ino  # one of the same name may come later
+                if port in self._locks or not ours:
                     continue
                 lock = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
                 try:  # shared, as another run may hold it too
@@ -275,7 +286,7 @@ class DeadPorts:
                 except OSError:
                     os.close(lock)
                     raise
-                self._locks[path.name] = lock
+                self._locks[port] = lock
 
     def release(self) -> None:
         """Let them go, to be removed as what else is left."""

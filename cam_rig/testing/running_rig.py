@@ -19,6 +19,7 @@ from cam_rig.bag.reader import read_bag
 from cam_rig.errors import RunError
 from cam_rig.runner.graph import Graph
 from cam_rig.runner.node_process import PROFILES, SHUTDOWN_GRACE_S, environment, live
+from cam_rig.runner.resources import domain_ports
 from cam_rig.schema.load import named_path
 from cam_rig.simulation.scene_run import SceneRun
 from cam_rig.testing.client import PATIENCE_S, RigClient
@@ -99,7 +100,7 @@ def hold_domain() -> Iterator[int]:
         while True:
             domain = DOMAINS[next(_TURNS) % len(DOMAINS)]
             with suppress(OSError):
-                lock.bind(("127.0.0.1", 7400 + 250 * domain + 9))
+                lock.bind(("127.0.0.1", domain_ports(domain)[9]))
                 break
             time.sleep(0.02)
         yield domain

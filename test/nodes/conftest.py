@@ -150,7 +150,7 @@ def mapped(*pids):
 
 def unused():
     """The files of Fast DDS in /dev/shm that no process uses. Ports below 7400 are of no domain:
-    other runs on this machine share them."""
+    all runs on this machine share them."""
     names = {path.name for path in Path("/dev/shm").glob("*fastdds*")} - mapped()
     return {name for name in names if "port7" not in name}
 

@@ -195,6 +195,8 @@ def test_a_namespace_is_written_with_or_without_its_slash():
 # /dev/shm: what a killed node leaves there is taken away, and nothing else.
 
 DEAD, LIVE, OLD = "fastdds_0123456789abcdef", "fastdds_port7411", "fastdds_fedcba9876543210"
+#: Ports that are not domain 0's own: one that all share, the next domain's first.
+OTHERS = "fastdds_port7001", "fastdds_port7650"
 
 
 def make(folder, name, age=5.0):
@@ -205,9 +207,10 @@ def make(folder, name, age=5.0):
 
 
 def test_only_unlocked_files_of_this_user_and_run_are_removed(tmp_path):
-    """A held lock, another time, another name: each stays."""
+    """A held lock, another time, another name, a port that others may take: each stays."""
     since = time.time() - 60.0
-    for name in (DEAD, DEAD + "_el", "fastdds_port7499", "sem.fastdds_port7499_mutex", "other"):
+    removable = [DEAD, DEAD + "_el", "fastdds_port7499", "sem.fastdds_port7499_mutex"]
+    for name in (*OTHERS, *removable, "other"):
         make(tmp_path, name)
     for name in (OLD, OLD + "_el"):
         make(tmp_path, name, age=3600.0)
@@ -215,22 +218,20 @@ def test_only_unlocked_files_of_this_user_and_run_are_removed(tmp_path):
     make(tmp_path, LIVE)
     with make(tmp_path, LIVE + "_el").open("rb") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        removed = clean(since, tmp_path)
-    assert sorted(removed) == sorted(
-        [DEAD, DEAD + "_el", "fastdds_port7499", "sem.fastdds_port7499_mutex"]
-    )
+        removed = clean(since, tmp_path, domain=0)
+    assert sorted(removed) == sorted(removable)
     left = {path.name for path in tmp_path.iterdir()}
-    assert left == {"other", OLD, OLD + "_el", "fastdds_port7500", LIVE, LIVE + "_el"}
+    assert left == {"other", *OTHERS, OLD, OLD + "_el", "fastdds_port7500", LIVE, LIVE + "_el"}
 
 
 def test_a_port_that_a_process_has_open_stays(tmp_path):
     """Fast DDS removes a port's name when it is closed last: even of one made anew."""
     port = make(tmp_path, "fastdds_port7500")
     with port.open("rb") as file, mmap.mmap(file.fileno(), 0, prot=mmap.PROT_READ):
-        assert clean(0.0, tmp_path) == []
+        assert clean(0.0, tmp_path, domain=0) == []
     make(tmp_path, DEAD)
-    assert clean(0.0, tmp_path, ports=False) == [DEAD]
-    assert clean(0.0, tmp_path) == [port.name]
+    assert clean(0.0, tmp_path) == [DEAD]
+    assert clean(0.0, tmp_path, domain=0) == [port.name]
 
 
 def test_a_dead_port_is_not_used_again_before_the_run_ends(tmp_path):
@@ -250,9 +251,9 @@ def test_a_dead_port_is_not_used_again_before_the_run_ends(tmp_path):
         other = DeadPorts(since, tmp_path)  # of another run beside it
         other.hold()
         ports.release()
-        assert clean(time.time() - 60.0, tmp_path) == [DEAD, DEAD + "_el"]
+        assert clean(time.time() - 60.0, tmp_path, domain=0) == [DEAD, DEAD + "_el"]
         other.release()
-        assert "fastdds_port7499_el" in clean(time.time() - 60.0, tmp_path)
+        assert "fastdds_port7499_el" in clean(time.time() - 60.0, tmp_path, domain=0)
         assert live.exists()
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import time
 from collections.abc import Callable, Iterator
@@ -258,7 +257,7 @@ class BenchRunner:
                 nodes[DRIVE] |= {"autostart": False, "patience": PATIENCE_S, "pacing": "real_time"}
                 for node, chosen in values.items():
                     nodes[node] |= chosen
-                domain = domain_number(os.environ.get("ROS_DOMAIN_ID", ""))
+                domain = domain_number()
                 self.tell({"graph": "starting", "domain": domain})
                 with Graph(nodes, respawn=True, log=self._log, permit=self._permit) as graph:
                     while not graph.finished and following is None:
