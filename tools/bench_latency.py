@@ -3,9 +3,10 @@
     .venv/bin/python -m tools.bench_latency
 
 The first picture is the cam's contour, after the page is asked for. A delay is from the event on
-the page to the readout that shows it. Processor time is of this program's own Chromium and panel's
-server, in parts of one core, while the cam turns at 450 rpm. Where other programs keep the machine
-busy there are fewer frames, and each takes more of it.
+the page to the readout that shows it, and to the moment that the loudspeaker plays the first block
+of the new speed, which is known by its length and marked. Processor time is of this program's own
+Chromium and panel's server, in parts of one core, while the cam turns at 450 rpm. Where other
+programs keep the machine busy there are fewer frames, and each takes more of it.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
+from cam_rig.panel.bench.runner import TICKS_PER_TURN
 from tools.docs.bench_picture import RIG_DRAWN, panel_address
 from tools.docs.browser import TIMEOUT_S, new_page, open_browser, until
 
@@ -25,6 +27,8 @@ if TYPE_CHECKING:
 
 #: Speed (rpm), and seconds over which frames and processor time are counted.
 RPM, WATCHED_S = 450, 10.0
+#: Seconds until the sound has begun.
+HEARD_S = 3.0
 #: Speeds that the knob is turned to for its delay.
 TURNED = (300, 350, 280, 420, 310, 390, 260)
 
@@ -44,6 +48,36 @@ DELAY = """(rpm) => new Promise((done) => {
     if (speed.textContent === String(rpm)) done(performance.now() - begin);
   }).observe(speed, { childList: true });
   const typed = document.getElementById("rpm");
+  typed.value = rpm;
+  typed.dispatchEvent(new Event("change"));
+})"""
+#: Marks the first block of sound that has a whole number of the new speed's ticks, and hears it.
+TAP = """
+  const connect = AudioNode.prototype.connect;
+  AudioNode.prototype.connect = function (to) {
+    if (!(this instanceof AudioWorkletNode)) return connect.call(this, to);
+    const { port, context } = this, post = port.postMessage;
+    const ear = context.createScriptProcessor(256, 1, 1);
+    ear.onaudioprocess = ({ inputBuffer }) => {
+      if (inputBuffer.getChannelData(0).some((value) => value > 1e6)) window.heard();
+    };
+    connect.call(ear, context.destination);
+    connect.call(this, ear);
+    port.postMessage = (samples) => {
+      const tick = context.sampleRate / window.ticks, count = Math.round(samples.length / tick);
+      if (Math.abs(samples.length - count * tick) < count) {
+        samples[0] = 1e9;
+        window.ticks = NaN;
+      }
+      post.call(port, samples);
+    };
+    return connect.call(this, to);
+  };
+"""
+HEARD = """([rpm, ticks]) => new Promise((done) => {
+  const begin = performance.now(), typed = document.getElementById("rpm");
+  window.heard = () => done(performance.now() - begin);
+  window.ticks = ticks;
   typed.value = rpm;
   typed.dispatchEvent(new Event("change"));
 })"""
@@ -84,18 +118,23 @@ def first_picture(page: Page, address: str) -> float:
     return time.monotonic() - begin
 
 
+def tell(what: str, delays: list[float]) -> None:
+    """Print the middle and the longest of delays (ms)."""
+    print(f"{what}: {statistics.median(delays):.0f} ms, {max(delays):.0f} at most")
+
+
 def main() -> None:
     """Measure, and print a line each."""
     with panel_address() as address, open_browser(webgl=False) as browser:
         page = new_page(browser)
+        page.add_init_script(TAP)
         page.goto(address)
         bench = f"http://{urlsplit(address).netloc}/bench"
         cold = first_picture(page, bench)
         print(f"first picture: {cold:.2f} s, again {first_picture(page, bench):.2f} s")
         page.locator("#start:enabled").click(timeout=TIMEOUT_S * 1e3)
         delays = [page.evaluate(DELAY, rpm) for rpm in TURNED]
-        middle = statistics.median(delays)
-        print(f"typed speed to readout: {middle:.0f} ms, {max(delays):.0f} at most")
+        tell("typed speed to readout", delays)
         page.evaluate(DELAY, RPM)
         both = processes("chrom"), processes("cam-rig panel")
         begin = [cpu_seconds(pids) for pids in both]
@@ -103,6 +142,11 @@ def main() -> None:
         used = [100 * (cpu_seconds(p) - b) / WATCHED_S for p, b in zip(both, begin, strict=True)]
         print(f"{RPM} rpm: {frames:.0f} frames/s; of a core: page {used[0]:.0f} %, server", end=" ")
         print(f"{used[1]:.0f} %")
+        page.locator("#volume").focus()
+        page.keyboard.press("ArrowUp")
+        page.wait_for_timeout(1e3 * HEARD_S)
+        given = [[rpm, rpm / 60 * TICKS_PER_TURN] for rpm in 2 * TURNED]
+        tell("typed speed to sound", [page.evaluate(HEARD, one) for one in given])
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Every quantity, once: designs, campaigns, the drawing board and Python read this table.
+"""Every quantity, once: designs, campaigns and Python read this table.
 
 A name has one meaning: with ``_rigid`` it is of one rigid mass that stays on the cam, so a limit
 that a design keeps is kept in a campaign of the same cam.

@@ -20,12 +20,12 @@ def least_preload(
 ) -> Result:
     """Find the least preload that keeps one rigid mass on its cam, speed by speed.
 
+    In Python: cam_rig.least_preload(cams, rig, rpm)
+
     Examples
     --------
     cam-rig least-preload poly345 bezier15 --rpm 450 --rpm 500
     """
-    from cam_rig.simulation.asked import asked_cams
+    from . import study
 
-    from .study import least_preloads
-
-    return least_preloads(asked_cams(cams, rig), rpm or [300.0, 400.0, 500.0], progress)
+    return study.least_preload(cams, rig, rpm or study.DEFAULT_RPM, progress=progress)

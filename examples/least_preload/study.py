@@ -6,15 +6,18 @@ the rig's less the least force, found on every piece of the law.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
+from cam_rig.arguments import checked
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.kinetostatic import force_extremes
 from cam_rig.laws.cam import CamSet
 from cam_rig.show.result import SILENT, Column, Footnote, Progress, Records, Result
+from cam_rig.simulation.asked import Cams, Rig, Speeds, asked_cams, asked_speeds
 from cam_rig.units import RPM
+
+DEFAULT_RPM = (300.0, 400.0, 500.0)
 
 
 @dataclass(frozen=True)
@@ -58,14 +61,28 @@ class PreloadResult(Result):
         return [self.table("preloads", caption, self.rows, lost, by="rpm")]
 
 
-def least_preloads(
-    cam_set: CamSet, rpm: Iterable[float], progress: Progress = SILENT
-) -> PreloadResult:
-    """The least preload of each cam at each speed."""
+def least_preloads(cam_set: CamSet, speeds: list[float], progress: Progress) -> PreloadResult:
+    """The least preload of each cam at each speed (rpm)."""
     p = FollowerParameters.from_rig(cam_set.rig)
-    cases = [(cam, one) for one in rpm for cam in cam_set.laws]
+    cases = [(cam, one) for one in speeds for cam in cam_set.laws]
     rows = []
     for cam, one in progress.over(cases):
         force, _ = force_extremes(cam_set.laws[cam], p, one * RPM)
         rows.append(PreloadRow(cam, one, p.preload - force, p.preload))
     return PreloadResult(cam_set, tuple(rows))
+
+
+@checked
+def least_preload(
+    cams: Cams = None,
+    rig: Rig = None,
+    rpm: Speeds = DEFAULT_RPM,
+    *,
+    progress: Progress = SILENT,
+) -> PreloadResult:
+    """The least preload of each cam at each speed; the command is ``cam-rig least-preload``.
+
+    >>> import cam_rig
+    >>> found = cam_rig.least_preload("poly345", rpm=300)
+    """
+    return least_preloads(asked_cams(cams, rig), asked_speeds(rpm), progress)

@@ -92,6 +92,24 @@ print(json.dumps([least(build_law(load_cam(name))) for name in ("poly345", "bezi
 
 
 @pytest.mark.long
+def test_an_experiment_is_a_function_of_the_package(copy):
+    """With the command's options, as every command has one; three lines."""
+    for file in SLICE.glob("*.py"):
+        copy.add(file, f"cam_rig/paper/least_preload/{file.name}")
+    line = '    "least-preload": "cam_rig.paper.least_preload.command",\n'
+    copy.insert("cam_rig/cli/main.py", '    "vibration": "', line)
+    face = "cam_rig/__init__.py"
+    module = "cam_rig.paper.least_preload.study"
+    copy.insert(face, "    from cam_rig.paper.noise", f"    from {module} import least_preload\n")
+    copy.insert(face, '    "list_laws": "', f'    "least_preload": "{module}",\n')
+    copy.insert(face, '    "list_laws",', '    "least_preload",\n')
+    shutil.copytree(ROOT / "test" / "face", copy.folder / "face")
+    found = copy.python("-m", "pytest", "-v", "-p", "no:cacheprovider", "face", "-k", "command")
+    assert "[least-preload] PASSED" in found
+    assert copy.touched <= recipe("An experiment")
+
+
+@pytest.mark.long
 def test_the_report_shows_an_experiment(copy):
     """A function, a line and the example's sentences: a section with its figure and table."""
     for file in SLICE.glob("*.py"):
@@ -112,9 +130,9 @@ def test_the_report_shows_an_experiment(copy):
 
 
 SECTION = """def _least_preload(paper: Paper) -> Content:
-    from cam_rig.paper.least_preload.study import least_preloads
+    from cam_rig.paper.least_preload.study import SILENT, least_preloads
 
-    found = least_preloads(paper.cam_set, (300.0, 480.0))
+    found = least_preloads(paper.cam_set, [300.0, 480.0], SILENT)
     return Content(found.to_show(), {"preload": found.plot}, {"preloads": found})
 
 

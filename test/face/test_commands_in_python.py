@@ -61,7 +61,9 @@ COMPUTING = sorted(set(VERBS) - NO_COMPUTATION)
 
 def named_in_help(verb):
     """The function that a command's help names."""
-    return re.search(r"In Python: cam_rig\.(\w+)\(", VERBS[verb].help)[1]
+    found = re.search(r"In Python: cam_rig\.(\w+)\(", VERBS[verb].help)
+    assert found, f"the help of {verb} names no function: In Python: cam_rig.NAME(…)"
+    return found[1]
 
 
 def test_every_command_is_known():

@@ -1,4 +1,4 @@
-"""Runs the event search over an interval, in plain Python or compiled, piece by piece."""
+"""How the event search runs: plain, or compiled once and kept; piece by piece of a law."""
 
 from __future__ import annotations
 
