@@ -6,7 +6,11 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.client import Client
 from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_srvs.srv import Trigger
+
+#: Also what was said before the follower discovered this node.
+LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class StopAtLiftOff(Node):
@@ -17,7 +21,7 @@ class StopAtLiftOff(Node):
         self.answer: Any = None
         self.stop: Client = self.create_client(Trigger, "cam_drive/stop")
         self.stop.wait_for_service()
-        self.create_subscription(DiagnosticArray, "diagnostics", self.on_diagnostics, 10)
+        self.create_subscription(DiagnosticArray, "diagnostics", self.on_diagnostics, LATCHED)
 
     def on_diagnostics(self, message: DiagnosticArray) -> None:
         """The follower says whether it kept contact, and at which speed."""
