@@ -148,7 +148,7 @@ DESIGNED = {name: one for name, one in QUANTITIES.items() if one.senses}
 #: What moves in each model of a scene, as titles say it.
 MOVES = {
     "kinetostatic": "one rigid mass held on the cam",
-    "one_mass": "one rigid mass",
+    "one_mass": "one rigid mass free to leave the cam",
     "elastic_stem": "a mass on its stem held on the cam",
     "two_mass": "two masses",
     "torsional": "a rigid mass on a twisting shaft",

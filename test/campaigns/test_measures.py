@@ -10,7 +10,7 @@ from cam_rig.campaigns.campaign import (
     make_point,
     measure_batch,
 )
-from cam_rig.dynamics import FollowerParameters, TwoMassParameters
+from cam_rig.dynamics import MODELS, FollowerParameters, TwoMassParameters
 from cam_rig.dynamics.vibration import residual_vibration
 from cam_rig.quantities.catalogue import DESIGNED, measured_in
 from cam_rig.quantities.steady import MOST_TURNS, SETTLED, scene_at, steady_row
@@ -63,7 +63,8 @@ def test_every_measure_has_a_number(measured):
 
 def test_no_jump_speed_is_a_number_too(measured):
     """0 where contact is lost at every speed, ∞ where at none: rows, not errors."""
-    loose = {PRELOAD: {"values": [0], "unit": "N"}}
+    damping = {"values": [3000], "unit": "N*s/m"}  # too much for the spring to close the dwell
+    loose = {PRELOAD: {"values": [0], "unit": "N"}, "rig.follower.damping": damping}
     _, rows = measured("jump_speed", "jump_speed_rigid", vary=loose)
     assert rows.measures.tolist() == [[0.0, 0.0]]
     firm = {"cam.lift": {"values": [1e-9], "unit": "mm"}}
@@ -210,3 +211,10 @@ def test_twenty_draws_agree_with_an_independent_integrator(study):
             for part in (-3e-4, 3e-4)
         )
         assert below > 0.0 > above
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_every_measure_has_a_title_of_its_own(model):
+    """Two that differ in their numbers are told apart in words."""
+    titles = [one.title for one in measured_in(model).values()]
+    assert len(set(titles)) == len(titles)

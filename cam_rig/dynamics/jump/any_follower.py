@@ -98,7 +98,7 @@ def find_jump(law: Law, parameters: AnyFollower, duration: float | None) -> Jump
         require_run(duration)
     require_smooth(law, "; where it falls contact is lost at any speed")
     speed, angle = rigid_jump(law, parameters)
-    if parameters.preload == 0.0 or speed < SLOWEST * RPM:
+    if speed < SLOWEST * RPM:
         raise loses_contact(law)
     if speed > FASTEST * RPM:
         raise keeps_contact(law)

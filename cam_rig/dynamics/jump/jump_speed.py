@@ -19,6 +19,7 @@ from cam_rig.dynamics.two_mass.masses import TwoMassParameters
 from cam_rig.dynamics.velocity_jumps import require_smooth
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein
+from cam_rig.laws.law import TIE, extremes
 from cam_rig.schema import RigConfig
 from cam_rig.units import RPM, TURN, FloatArray
 
@@ -53,9 +54,20 @@ def rigid_jump_speed(law: Law, follower: FollowerParameters) -> float:
 
 
 def rigid_jump(law: Law, follower: FollowerParameters) -> tuple[float, float]:
-    """The same with the cam angle (rad) at which contact is lost; NaN where it nowhere is."""
+    """The same with the cam angle (rad) at which contact is lost; NaN where it nowhere is.
+
+    Without a preload the force of a dwell on the base circle is zero, and contact is kept there: a
+    force is lost that falls below what the lift's rounding is worth.
+    """
     require_smooth(law, "")
-    mass = RigidMass(follower.mass, follower.damping, follower.spring_stiffness, follower.preload)
+    lift, stiffness = law.motion[0], follower.spring_stiffness
+    rounding = TIE * stiffness * float(abs(lift).max())
+    if follower.preload + stiffness * lift.min() < -rounding:  # an ordinate; the law too?
+        low, _ = extremes(law, 0)
+        if follower.preload + stiffness * low.value < -rounding:
+            return 0.0, low.angle
+    preload = max(follower.preload, rounding)
+    mass = RigidMass(follower.mass, follower.damping, stiffness, preload)
     speed, where = call(rigid_zero, partial(law_series, law), mass)
     return float(speed), float(where) % TURN
 
@@ -84,7 +96,7 @@ def contact_lost_speed(law: Law, rig: RigConfig) -> float:
     follower = rig.follower
     if None in (follower.roller_share, follower.stem_stiffness, follower.stem_damping):
         rigid = FollowerParameters.from_rig(rig)
-        return 0.0 if rigid.preload == 0.0 else rigid_jump_speed(law, rigid)
+        return rigid_jump_speed(law, rigid)
     parameters = TwoMassParameters.from_rig(rig)
     try:
         return sought_speed(law, parameters, FROM_REST)

@@ -19,6 +19,7 @@ from cam_rig.dynamics.two_mass.masses import contact_response
 from cam_rig.errors import ConfigError, DynamicsError
 from cam_rig.laws import Law, build_law
 from cam_rig.laws.bernstein import joined
+from cam_rig.laws.law import extremes, peak
 from cam_rig.laws.spline import smooth
 from cam_rig.paper.jump.refit import Numbers, refitted
 from cam_rig.units import RPM, TURN
@@ -152,8 +153,8 @@ def test_a_row_is_the_rig_alone(laws, shipped):
 
 
 def test_a_rig_without_an_answer_says_why(laws, shipped):
-    """No preload, a negative one and NaN among others: rows with a reason."""
-    preload = np.array([30.0, 0.0, -1.0, np.nan, 30.0])
+    """A negative preload and NaN among others: rows with a reason."""
+    preload = np.array([30.0, -1.0, np.nan, 30.0])
     found = cam_rig.jump_speed(laws["poly345"], shipped, preload=preload)
     first, *others, last = found.rows
     assert (first.rpm, first.reason) == (last.rpm, "")
@@ -261,10 +262,26 @@ def test_a_stiff_stem_is_one_mass(laws):
     assert away[1] < 0.005
 
 
-def test_a_follower_without_preload(laws, follower):
-    """It rests on the dwell with no force: there is no lowest speed."""
-    with pytest.raises(DynamicsError, match="give it a preload"):
-        find_jump(laws["poly345"], replace(follower, preload=0.0), None)
+@pytest.mark.parametrize("cam", ["poly345", "trigonometric", "tm21"])
+def test_a_follower_without_preload(laws, follower, cam):
+    """What the least preload leads to: on a dwell it rests with no force, and is not thrown off."""
+    law, free = laws[cam], replace(follower, preload=0.0)
+    found = find_jump(law, free, None)
+    assert found.speed == pytest.approx(rigid_jump(law, replace(free, preload=1e-9))[0], rel=1e-9)
+    rig = cam_rig.load_rig("tm21").with_follower(**asdict(free))
+    parts = [cam_rig.simulate(law, rig, rpm=found.rpm * part).events for part in (0.99, 1.01)]
+    assert [len(events) > 0 for events in parts] == [False, True]
+    with pytest.raises(DynamicsError, match="loses contact at 1 rpm already"):
+        find_jump(law, replace(free, damping=100.0 * follower.damping + 1e3), None)
+
+
+def test_a_law_below_zero_falls_away_from_its_follower(laws, follower):
+    """Where spring and preload do not reach, contact is lost at any speed."""
+    law = laws["poly345"]
+    below = Law("below", law.breaks, law.ordinates - 0.5 * peak(law, 0).value)
+    assert rigid_jump(below, replace(follower, preload=0.0)) == (0.0, extremes(below, 0)[0].angle)
+    reached = follower.spring_stiffness * peak(law, 0).value
+    assert rigid_jump(below, replace(follower, preload=reached))[0] > 0.0
 
 
 # Laws of many pieces: as the same law in few, and as exhaustive searches.
