@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cam_rig.errors import ConfigError
-from cam_rig.show.command import Dask, Jobs, Rig, command
+from cam_rig.show.command import Dask, Jobs, command
 from cam_rig.show.result import Progress, Result
 
 if TYPE_CHECKING:
@@ -46,6 +46,14 @@ class Start(Enum):
     ABOVE = "above"
 
 
+OwnRig = Annotated[
+    str | None,
+    typer.Option(
+        "--rig",
+        help="Rig file, or a name in config/rigs; by default the only one in rigs beside "
+        "the cam, else tm21.",
+    ),
+]
 OneCam = Annotated[str, typer.Argument(help="Cam file, or a name in config/cams.")]
 Speeds = Annotated[
     str | None,
@@ -99,7 +107,7 @@ BasinsToo = Annotated[
 @command("json", "csv", "plot")
 def bounce(
     cam: OneCam = "tm21",
-    rig: Rig = "tm21",
+    rig: OwnRig = None,
     rpm: Speeds = None,
     restitution: Restitution = None,
     model: Follower = Masses.ONE_MASS,
@@ -159,15 +167,16 @@ def bounce(
         return find(executor=place.executor, workers=place.count)
 
 
-def _law_and_rig(cam: str, rig: Path | str) -> tuple[Law, RigConfig]:
+def _law_and_rig(cam: str, rig: str | None) -> tuple[Law, RigConfig]:
     from cam_rig.laws.cam import law_of, require_sprung
     from cam_rig.schema import load_cam, load_rig
     from cam_rig.schema.load import cam_path, rig_path
+    from cam_rig.simulation.asked import own_rig
 
     path = cam_path(cam)
     loaded = load_cam(path)
     require_sprung(path, loaded)
-    return law_of(path, loaded), load_rig(rig_path(rig))
+    return law_of(path, loaded), load_rig(own_rig([path], "tm21") if rig is None else rig_path(rig))
 
 
 def _values(text: str | None) -> list[float] | None:

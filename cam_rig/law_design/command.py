@@ -9,7 +9,7 @@ import typer
 
 from cam_rig.errors import ConfigError
 from cam_rig.files import new_yaml, writing
-from cam_rig.show.command import command
+from cam_rig.show.command import RigOfCam, command
 from cam_rig.show.result import Progress, Result
 from cam_rig.show.terminal import say
 
@@ -54,7 +54,7 @@ def design(
     seed: Annotated[int, typer.Option(help="Of the random ones among them.")] = 1,
     pareto: Second = None,
     points: Annotated[int, typer.Option(help="Points of the front, 3 to 200.")] = 25,
-    rig: Annotated[str, typer.Option(help="Rig file, or a name in config/rigs.")] = "paper_table2",
+    rig: RigOfCam = None,
     out: Annotated[
         Path | None, typer.Option(metavar="CAM.yaml", help="Write the cam's file.")
     ] = None,
@@ -96,9 +96,11 @@ def _config(start: str, asked: dict[str, Any], **others: Any) -> DesignConfig:
     """What the command line asks for, or a design file, whose files are beside it or shipped."""
     from cam_rig.law_design.request import ClassConfig, DesignConfig, is_design
     from cam_rig.schema.load import cam_path, load
+    from cam_rig.simulation.asked import own_rig
 
     path = cam_path(start)
     if not is_design(path):
+        others["rig"] = str(own_rig([path])) if others["rig"] is None else others["rig"]
         others["class_"] = ClassConfig(**others["class_"])
         return DesignConfig.model_construct(start=start, **asked, **others)
     if any(asked.values()):

@@ -187,11 +187,18 @@ CamsOrScene = Annotated[
     ),
 ]
 Rig = Annotated[str, typer.Option(help="Rig file, or a name in config/rigs.")]
+RigOfCam = Annotated[
+    str | None,
+    typer.Option(
+        help="Rig file, or a name in config/rigs; by default the only one in rigs beside "
+        "the cam, else paper_table2."
+    ),
+]
 RigOfScene = Annotated[
     str | None,
     typer.Option(
         help="Rig file, or a name in config/rigs; by default the scene's, for cams the only one in "
-        "the folder rigs beside theirs, else paper_table2."
+        "rigs beside them, else paper_table2."
     ),
 ]
 OtherRig = Annotated[

@@ -56,7 +56,7 @@ def asked_cams(cams: Cams = None, rig: Rig = None) -> CamSet:
         return CamSet(loaded.cams, loaded.laws, loaded.rig)
     named = named_cams(asked)
     files = [where for where, _ in named if isinstance(where, Path)]
-    return cam_set(named, asked_rig(_rig_beside(files) if rig is None else rig))
+    return cam_set(named, asked_rig(own_rig(files) if rig is None else rig))
 
 
 def listed(cams: Cams) -> list[str | Path | CamConfig]:
@@ -84,19 +84,19 @@ def asked_rig(rig: str | Path | RigConfig) -> RigConfig:
     return rig if isinstance(rig, RigConfig) else load_rig(rig_path(rig))
 
 
-def _rig_beside(cams: list[Path]) -> Path:
-    """The only rig beside cams of one's own, else `RIG`; which one it is, and why, is said."""
+def own_rig(cams: Sequence[Path], otherwise: str = RIG) -> Path:
+    """The only rig beside cams of one's own, else a shipped one; which it is, and why, is said."""
     own = [cam for cam in cams if not cam.resolve().is_relative_to(config_root().resolve())]
     if not own:
-        return rig_path(RIG)
+        return rig_path(otherwise)
     folders = sorted({cam.parent.parent / "rigs" for cam in own})
     found = [file for folder in folders for file in sorted(folder.glob("*.yaml"))]
     if len(found) == 1:
         _say(f"rig {found[0]}, the only one beside the cam; another may be named")
         return found[0]
     there = ", ".join(map(str, found[:MOST_NAMED])) or "no rig"
-    _say(f"rig {RIG}, the paper's: beside the cam there is {there}; another may be named")
-    return rig_path(RIG)
+    _say(f"rig {otherwise}, a shipped one: beside the cam there is {there}; another may be named")
+    return rig_path(otherwise)
 
 
 def _say(words: str) -> None:

@@ -213,9 +213,16 @@ def test_the_only_rig_beside_a_cam_is_taken_and_named(own, tmp_path):
     copytree(folder, tmp_path / "mine")
     cam = tmp_path / "mine" / "cams" / "lug.yaml"
     two = done("jump", cam)
-    assert two.stderr.startswith("rig paper_table2, the paper's: beside the cam there is ")
+    assert two.stderr.startswith("rig paper_table2, a shipped one: beside the cam there is ")
     (tmp_path / "mine" / "rigs" / "other.yaml").unlink()
     one = done("jump", cam)
     assert one.stderr.startswith(f"rig {tmp_path / 'mine' / 'rigs' / 'mine.yaml'}, the only one")
     assert "Jump speed on rig mine" in one.stderr
     assert not call("jump", "poly345").stderr.startswith("rig ")
+    for command in (
+        ("orders", cam, "--rpm", 300),
+        ("bounce", cam, "--rpm", 300, "--restitution", 0.3, "--turns", 20, "--settle", 2),
+        ("design", cam, "--minimise", "peak_acceleration", "--pieces", 4),
+        ("as-cut", cam),
+    ):
+        assert call(*command).stderr.startswith(f"rig {tmp_path / 'mine' / 'rigs' / 'mine.yaml'}")

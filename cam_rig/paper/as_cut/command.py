@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from cam_rig.show.command import DEFAULT_SCENE, Rig, SceneOption, TableCams, command
+from cam_rig.show.command import DEFAULT_SCENE, RigOfCam, SceneOption, TableCams, command
 from cam_rig.show.result import Progress, Result
 
 Millimetres = Annotated[
@@ -17,7 +17,7 @@ Millimetres = Annotated[
 @command("json", "csv", "plot")
 def as_cut(
     cams: TableCams = None,
-    rig: Rig = "paper_table2",
+    rig: RigOfCam = None,
     scene: SceneOption = DEFAULT_SCENE,
     base: Millimetres = None,
     roller: Millimetres = None,

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import product
 from operator import attrgetter
-from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
@@ -17,7 +16,7 @@ from cam_rig.dynamics.jump.jump_speed import FROM_REST
 from cam_rig.dynamics.jump.search import sought_speed
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
-from cam_rig.laws.cam import CamSet, cam_set
+from cam_rig.laws.cam import CamSet
 from cam_rig.laws.law import Extreme, extremes
 from cam_rig.paper.as_cut.cut_for_point import followed_law
 from cam_rig.profile.contact import greatest_between
@@ -25,7 +24,7 @@ from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.cam import Roller
 from cam_rig.show.result import SILENT, Column, Progress, Records, Result
 from cam_rig.show.tables import number
-from cam_rig.simulation.asked import Cams, Scene, asked_rig, asked_scene, listed, named_cams
+from cam_rig.simulation.asked import Cams, Rig, Scene, asked_cams, asked_scene
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.simulate import Acoustics, settled_turns
 from cam_rig.units import RPM, FloatArray
@@ -220,7 +219,7 @@ def cut_all(
 @checked
 def as_cut(
     cams: Cams = None,
-    rig: str | Path | RigConfig = "paper_table2",
+    rig: Rig = None,
     scene: Scene = "tm21_sweep",
     *,
     base: float | None = None,
@@ -236,7 +235,8 @@ def as_cut(
     Parameters
     ----------
     cams : a name, a path or a cam, or several; None: the paper's Table 2
-    rig : of the jump speeds: a name, a path or a rig
+    rig : of the jump speeds: a name, a path or a rig; None: the only one beside the cams, else
+        ``paper_table2``
     scene : gives follower, sound and speeds of the noise
     base, roller : radii in m, instead of the cam's own
     progress : told how far it is
@@ -255,7 +255,7 @@ def as_cut(
     for name, radius in (("base", base), ("roller", roller)):
         if radius is not None and not radius > 0.0:
             raise ConfigError(f"{name}: is {radius * 1e3:g} mm; allowed: greater than 0 mm")
-    chosen = cam_set(named_cams(listed(cams)), asked_rig(rig))
+    chosen = asked_cams(cams, rig)
     bench = CutBench.of(chosen.rig, asked_scene(scene))
     return cut_all(chosen, bench, base, roller, progress)
 

@@ -20,7 +20,11 @@ Speeds = Annotated[
 ]
 OneCam = Annotated[str | None, typer.Option(help="One cam of a scene; by default all.")]
 OwnRig = Annotated[
-    str | None, typer.Option(help="Rig file, or a name in config/rigs; by default the scene's.")
+    str | None,
+    typer.Option(
+        help="Rig file, or a name in config/rigs; by default the scene's, for a cam the only one "
+        "in rigs beside it, else tm21."
+    ),
 ]
 OwnModel = Annotated[
     str | None, typer.Option(help="Model, as in a scene (two_mass); by default the scene's.")
@@ -46,9 +50,9 @@ def orders(
     """Find the spectrum of force and sound by orders of the cam: exact, without leakage.
 
     An order is a frequency as a multiple of the cam's. The Fourier coefficients of the steady
-    turn are closed forms, those of landings too. A cam alone is put on the rig tm21, model
-    one_mass, at 200 to 400 rpm. The plot has the orders as rays over speed (Campbell diagram), of
-    one speed as lines; the CSV has every order.
+    turn are closed forms, those of landings too. A cam alone is put on one mass, at 200 to 400
+    rpm. The plot has the orders as rays over speed (Campbell diagram), of one speed as lines; the
+    CSV has every order.
 
     In Python: cam_rig.orders(source, rpm, cam, rig, model, orders)
 

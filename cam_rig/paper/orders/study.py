@@ -25,6 +25,7 @@ from cam_rig.simulation.asked import (
     asked_rig,
     asked_scene,
     named_cams,
+    own_rig,
     speeds_within,
 )
 from cam_rig.simulation.scene import LoadedScene, speeds_of
@@ -222,7 +223,9 @@ def _opened(
         ((path, loaded),) = named_cams([source])
         require_sprung(path, loaded)
         law, title = {loaded.name: law_of(path, loaded)}, {loaded.name: loaded.title}
-        return law, title, asked_rig(rig or CAM_RIG), CAM_MODEL, [*map(float, CAM_RPM)]
+        if rig is None:
+            rig = own_rig([path] if isinstance(path, Path) else [], CAM_RIG)
+        return law, title, asked_rig(rig), CAM_MODEL, [*map(float, CAM_RPM)]
     scene = asked_scene(source)
     laws = dict(scene.laws) if cam is None else {cam: scene.law_of(cam)}
     chosen = scene.rig if rig is None else asked_rig(rig)
