@@ -206,6 +206,8 @@ def reason(error: Exception) -> str:
 
 def damaged(bag: Path, error: Exception) -> BagError:
     """The error of a bag that cannot be read: why it is not a bag, or how to recover it."""
+    if isinstance(error, BagError):  # of a reader that knows
+        return error
     if what := why_not_a_bag(bag):
         return BagError(f"{bag}: {what}; {ALLOWED}")
     return BagError(

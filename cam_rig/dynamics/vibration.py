@@ -17,7 +17,7 @@ from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.torsional.motion import steady_motion
 from cam_rig.dynamics.torsional.parameters import TorsionalParameters
 from cam_rig.dynamics.velocity_jumps import require_smooth
-from cam_rig.errors import DynamicsError
+from cam_rig.errors import ConfigError, DynamicsError
 from cam_rig.laws import Law
 from cam_rig.units import RPM, TURN, FloatArray
 
@@ -139,7 +139,7 @@ def require_speeds(follower: FollowerParameters, rpm: Iterable[float]) -> None:
     most = fastest(follower)
     for speed in rpm:
         if not SLOWEST <= speed * (1.0 + 1e-12) <= most * (1.0 + 2e-12):
-            raise DynamicsError(
+            raise ConfigError(
                 f"speed is {speed:g} rpm; allowed: {SLOWEST:g} to {most:.4g} rpm on this stem, "
                 f"of which {PERIODS:g} periods must fit in a turn"
             )

@@ -17,7 +17,7 @@ from cam_rig.dynamics.modal.run import law_series
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.two_mass.masses import TwoMassParameters
 from cam_rig.dynamics.velocity_jumps import require_smooth
-from cam_rig.errors import DynamicsError
+from cam_rig.errors import ConfigError, DynamicsError
 from cam_rig.laws import Law, bernstein
 from cam_rig.laws.law import TIE, extremes
 from cam_rig.schema import RigConfig
@@ -30,7 +30,7 @@ LONGEST = 60.0
 def require_run(duration: float) -> None:
     """Refuse a run from rest that does not last, or for ever."""
     if not 0.0 < duration <= LONGEST:
-        raise DynamicsError(
+        raise ConfigError(
             f"the run from rest lasts {duration:g} s; allowed: above 0, to {LONGEST:g} s, or the "
             "steady state"
         )

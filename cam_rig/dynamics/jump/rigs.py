@@ -124,9 +124,9 @@ def jump_speed(
 
     Raises
     ------
-    ConfigError : an argument of another type, the rig has one of the two numbers alone, or arrays
-        of different lengths
-    DynamicsError : a duration beyond 60 s; contact lost at every speed or at none; or no steady
+    ConfigError : an argument of another type, the rig has one of the two numbers alone, arrays of
+        different lengths, or a duration beyond 60 s
+    DynamicsError : contact lost at every speed or at none; or no steady
         state. Of many rigs such a one has a reason in its row
 
     Examples

@@ -24,7 +24,7 @@ from cam_rig.dynamics.jump.jump_speed import (
     rigid_jump_speed,
 )
 from cam_rig.dynamics.jump.search import FASTEST, Jump, keeps_contact, sought_speed
-from cam_rig.errors import DynamicsError
+from cam_rig.errors import ConfigError
 from cam_rig.laws import Law, build_law
 from cam_rig.laws.cam import CamSet
 from cam_rig.schema import CamConfig, PublishedTables, load_rig
@@ -267,7 +267,7 @@ SAMPLE_RATE_HZ = 1000
 def jump_along_ramp(law: Law, parameters: AnyFollower, rate: float) -> Jump:
     """First loss of contact on a cam that speeds up from rest at θ = 0 by ``rate`` rad/s²."""
     if not SLOWEST <= rate / RPM * (1.0 + 1e-12) <= STEEPEST * (1.0 + 2e-12):
-        raise DynamicsError(
+        raise ConfigError(
             f"the ramp is {rate / RPM:g} rpm/s; allowed: {SLOWEST:g} to {STEEPEST:g} rpm/s"
         )
     two = isinstance(parameters, TwoMassParameters)

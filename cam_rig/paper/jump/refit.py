@@ -349,8 +349,8 @@ def jump(
 
     Raises
     ------
-    ConfigError : an unknown cam, rig or scene; more than one kind of run
-    DynamicsError : a run that is too long or too short, or a cam that never jumps
+    ConfigError : an unknown cam, rig or scene; more than one kind of run, or a wrong one
+    DynamicsError : a cam that never jumps
 
     Examples
     --------

@@ -206,8 +206,7 @@ def vibration(
 
     Raises
     ------
-    ConfigError : an unknown cam, rig or scene, or a rig without a stem
-    DynamicsError : a speed that is none
+    ConfigError : an unknown cam, rig or scene, a rig without a stem, or a speed that is none
 
     Examples
     --------

@@ -11,7 +11,7 @@ import pytest
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.jump.jump_speed import Jump, jump_speed
 from cam_rig.dynamics.jump.search import sought_speed
-from cam_rig.errors import DynamicsError
+from cam_rig.errors import ConfigError
 from cam_rig.laws import build_law
 from cam_rig.paper.jump import refit as jump_refit
 from cam_rig.paper.jump.comparison import (
@@ -110,10 +110,10 @@ def test_comparison_on_another_rig(found):
 def test_runs_and_ramps_have_limits(only345):
     """No time, no run; a ramp of nothing never gets anywhere, one without end is a blow."""
     for duration in (0.0, -1.0, 60.1, 1e9, math.nan, math.inf):
-        with pytest.raises(DynamicsError, match="allowed: above 0, to 60 s, or the steady state"):
+        with pytest.raises(ConfigError, match="allowed: above 0, to 60 s, or the steady state"):
             find_jumps(only345, {}, duration)
     for ramp in (0.0, -3.0, 0.5, 1e9, math.nan):
-        with pytest.raises(DynamicsError, match=r"ramp is .* rpm/s; allowed: 1 to 100000 rpm/s"):
+        with pytest.raises(ConfigError, match=r"ramp is .* rpm/s; allowed: 1 to 100000 rpm/s"):
             find_jumps(only345, {}, ramp=ramp)
 
 

@@ -16,7 +16,7 @@ from cam_rig.dynamics.vibration import (
     steady_twist,
     vibration,
 )
-from cam_rig.errors import DynamicsError
+from cam_rig.errors import ConfigError, DynamicsError
 from cam_rig.laws import build_law
 from cam_rig.paper.factorial.design import squeezed
 from cam_rig.paper.vibration.study import Claim, Verdict, claims_table, measure
@@ -179,7 +179,7 @@ def test_a_rig_without_a_shaft(config_dir, cam_set):
 @pytest.mark.parametrize("rpm", [0.0, -3.0, 1e-3, 3200.0, 8000.0, float("nan"), float("inf")])
 def test_speeds_that_mean_nothing(cam_set, rpm):
     """Too slow to sample, or so fast that the stem swings 1.2 times a turn."""
-    with pytest.raises(DynamicsError, match=r"speed is .* rpm; allowed: 1 to 31\d\d rpm"):
+    with pytest.raises(ConfigError, match=r"speed is .* rpm; allowed: 1 to 31\d\d rpm"):
         measure(cam_set, (300.0, rpm))
 
 
