@@ -18,6 +18,7 @@ Config = TypeVar("Config", bound=BaseModel)
 #: Other keys that are wrong, named in the same line.
 NAMED = 3
 POINT = "a number has a decimal point, not a comma"
+QUANTITY = "a number by its origin, with its unit, as {given: 15, unit: mm, source: drawing}"
 
 
 def kind_of(value: object) -> str:
@@ -82,6 +83,8 @@ def _sentence(problem: ErrorDetails, kind: type[BaseModel]) -> str:
             text = f"{key}: is {shown}; allowed: lower case letters, digits and _"
         case "too_short":
             text = f"{key}: is {shown}; allowed: at least {context['min_length']} of them"
+        case "model_type" if context.get("class_name") == "Quantity":
+            text = f"{key}: is {shown}; allowed: {QUANTITY}"
         case "invalid_key":  # {assumed: 7,4} is the number 7 and a key 4
             text = f"{key.rpartition('[')[0]}: the key {shown} is no text; {POINT}"
         case _:

@@ -107,6 +107,7 @@ mass | {givn: 1.3, unit: kg} | follower.mass.givn: unknown key, value 1.3 (did y
 mass | {given: 1e-30, unit: kg} | follower.mass: is 1e-30 kg; allowed: at least 1e-09 kg
 stem_stiffness | {given: -3.3e8, unit: N/m} | follower.stem_stiffness: is -3.3e+08 N/m; allowed: gr
 damping | {given: -1, unit: N*s/m} | follower.damping: is -1 N*s/m; allowed: at least 0
+preload | 15 N | follower.preload: is '15 N'; allowed: a number by its origin, with its unit, as {
 preload | {given: -1, unit: N} | follower.preload: is -1 N; allowed: at least 0
 restitution | {given: 1, unit: "1"} | follower.restitution: is 1; allowed: at most 0.999
 restitution | {given: -0.1, unit: "1"} | follower.restitution: is -0.1; allowed: at least 0
