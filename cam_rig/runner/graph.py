@@ -111,7 +111,7 @@ class Graph:
         self._dead_ports.release()
         # a killed node leaves segments behind, and so does one that could not write them whole
         if any(node.process.poll() for node in started) or any(self._respawned.values()):
-            time.sleep(LOCK_GRACE_S)  # by then, a port without a lock is not one of a new run
+            time.sleep(LOCK_GRACE_S)  # by then, what has no lock is not a new run's
             clean(self._begun, domain=domain_number())
 
     def progress(self) -> Iterator[dict[str, float | str]]:

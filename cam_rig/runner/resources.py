@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import fcntl
+import math
 import os
 import re
 import shutil
@@ -182,7 +183,7 @@ FOLDER = Path("/dev/shm")
 #: A segment or a port has a lock file beside it, which its owner holds until it ends.
 SEGMENT = re.compile(r"fastdds_(?:[0-9a-f]{16}|port(\d{1,5}))")
 LOCKS = ("_el", "_sl")
-#: Age (s) up to which a file may yet get its lock.
+#: Age (s) up to which a segment may yet get its lock; who makes a port has it open.
 LOCK_GRACE_S = 1.0
 
 
@@ -222,6 +223,7 @@ def clean(since: float, folder: Path = FOLDER, domain: int | None = None) -> lis
     one too.
     """
     removed: list[str] = []
+    lockable = time.time() - LOCK_GRACE_S
     names = {path.name for path in folder.glob("fastdds_*")}
     names = {name.removesuffix(LOCKS[0]).removesuffix(LOCKS[1]) for name in names}
     ports = () if domain is None else domain_ports(domain)
@@ -229,7 +231,8 @@ def clean(since: float, folder: Path = FOLDER, domain: int | None = None) -> lis
     left = {match[0] for match in found if match[1] is None or int(match[1]) in ports}
     for name in sorted(left - (_open_ports(folder) if ports else set())):
         files = [folder / (name + end) for end in ("", *LOCKS)]
-        if _are_left([path for path in files if path.exists()], since):
+        until = math.inf if "port" in name else lockable
+        if _are_left([path for path in files if path.exists()], since, until):
             for path in (*files, folder / f"sem.{name}_mutex"):
                 with suppress(OSError):
                     path.unlink()
@@ -246,13 +249,13 @@ def _open_ports(folder: Path) -> set[str]:
     return found
 
 
-def _are_left(files: list[Path], since: float) -> bool:
-    """Whether files of this user, the newest made since a time, are not locked."""
+def _are_left(files: list[Path], since: float, until: float) -> bool:
+    """Whether files of this user, the newest made between two times, are not locked."""
     try:
         about = [path.stat() for path in files]
         newest = max(one.st_mtime for one in about)
         mine = all(one.st_uid == os.getuid() for one in about)
-        if not mine or not since - 1.0 < newest < time.time() - LOCK_GRACE_S:
+        if not mine or not since - 1.0 < newest < until:
             return False
         return not any(_is_locked(path) for path in files if path.name.endswith(LOCKS))
     except (OSError, ValueError):

@@ -195,6 +195,7 @@ def test_a_namespace_is_written_with_or_without_its_slash():
 # /dev/shm: what a killed node leaves there is taken away, and nothing else.
 
 DEAD, LIVE, OLD = "fastdds_0123456789abcdef", "fastdds_port7411", "fastdds_fedcba9876543210"
+NEW = "fastdds_00112233445566aa"
 #: Ports that are not domain 0's own: one that all share, the next domain's first.
 OTHERS = "fastdds_port7001", "fastdds_port7650"
 
@@ -214,14 +215,14 @@ def test_only_unlocked_files_of_this_user_and_run_are_removed(tmp_path):
         make(tmp_path, name)
     for name in (OLD, OLD + "_el"):
         make(tmp_path, name, age=3600.0)
-    make(tmp_path, "fastdds_port7500", age=0.0)  # may just be in the making
+    make(tmp_path, NEW, age=-60.0)  # may just be in the making, however long this takes
     make(tmp_path, LIVE)
     with make(tmp_path, LIVE + "_el").open("rb") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         removed = clean(since, tmp_path, domain=0)
     assert sorted(removed) == sorted(removable)
     left = {path.name for path in tmp_path.iterdir()}
-    assert left == {"other", *OTHERS, OLD, OLD + "_el", "fastdds_port7500", LIVE, LIVE + "_el"}
+    assert left == {"other", *OTHERS, OLD, OLD + "_el", NEW, LIVE, LIVE + "_el"}
 
 
 def test_a_port_that_a_process_has_open_stays(tmp_path):
