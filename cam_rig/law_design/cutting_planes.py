@@ -266,7 +266,10 @@ class Solver:
             while level(low := low / ratio) <= 0.0:
                 high, ratio = low, ratio**1.7
                 if low < RPM:
-                    raise DesignError("no law of the class keeps contact at 1 rpm")
+                    raise DesignError(
+                        "no law of the class keeps contact at 1 rpm; on a dwell the force is the "
+                        "preload: a rig without one needs a small one here"
+                    )
         return float(brentq(level, low, high, xtol=1e-12, rtol=SPEED))
 
 

@@ -14,6 +14,7 @@ from cam_rig.dynamics.jump.any_follower import follower_of, least_force
 from cam_rig.dynamics.jump.figures import POINTS, force_axes
 from cam_rig.dynamics.two_mass.trajectory import Separation, states
 from cam_rig.laws.cam import CamSet
+from cam_rig.laws.law import peak
 from cam_rig.paper.jump.comparison import JumpResult, JumpRow
 from cam_rig.show.figure import CAM_ANGLE, colour, empty, line, styled, turn_axis, wrapped
 from cam_rig.show.looks import title_of
@@ -44,10 +45,12 @@ def figure(found: JumpResult) -> Figure:
     out = empty(4.8 if len(insets) > 1 else 3.4)
     axes = out.subplots()
     places = [axes]
-    low, high = -0.55 * parameters.preload, 1.15 * parameters.preload
+    lift = max(peak(cam_set.laws[row.cam], 0).value for row in rows)
+    shown = parameters.preload or 0.01 * parameters.spring_stiffness * lift
+    low, high = -0.55 * shown, 1.15 * shown
     if len(insets) > 1:
-        high = 2.1 * parameters.preload  # room for it above the curves
-        places.append(_inset(axes, 0.12 * parameters.preload))
+        high = 2.1 * shown  # room for it above the curves
+        places.append(_inset(axes, 0.12 * shown))
     force_axes(axes, rpm)
     for row in rows:
         near = rpm[rpm < BEYOND * row.found.rpm]
