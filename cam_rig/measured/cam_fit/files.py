@@ -321,8 +321,9 @@ def own_rig(name: str, like: RigConfig) -> str:
 def own_scene(name: str, law: Law, rig: RigConfig) -> tuple[str, tuple[float, ...]]:
     """A scene file for a cam and a rig of one name, and its speeds in rpm, of two digits."""
     jump = to_rpm(rigid_jump_speed(law, FollowerParameters.from_rig(rig)))
-    speeds, above = SPEEDS, "a rigid follower never leaves the cam"
-    if math.isfinite(jump):
+    leaves = "never leaves the cam" if jump else "leaves the cam at any speed"
+    speeds, above = SPEEDS, f"a rigid follower {leaves}"
+    if 0.0 < jump < math.inf:
         speeds = tuple(sorted({float(f"{min(part * jump, MOST_RPM):.2g}") for part in PARTS}))
         above = f"40 to 110 % of the speed at which a rigid follower leaves the cam, {jump:.4g} rpm"
     rate = max(LEAST_RATE, 1000 * math.ceil(SAMPLES * max(speeds) / 60.0 / 1000.0))
