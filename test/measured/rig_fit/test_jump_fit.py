@@ -148,6 +148,34 @@ def test_without_masses_only_ratios_are_told(law, rig):
     assert any("not identifiable apart" in words for words in fit.conclusions())
 
 
+def test_a_mass_that_is_not_told_has_its_own_value_and_student_s_interval(law, rig):
+    """One spring: five speeds to 4 rpm do not tell the mass apart; it is no total mass either.
+
+    The interval is that of an error from two readings more than numbers, whichever are given.
+    """
+    readings = []
+    for line, on in enumerate((0.0, 0.2, 0.4, 0.8, 1.2), 2):
+        follower = FollowerParameters(0.8, 4e3, DAMPING, PRELOAD, 1e8)
+        jump = find_jump(law, replace(follower, mass=0.8 + on), None)
+        readings.append(JumpReading(line, (jump.rpm + 4.0 * (-1) ** line) * RPM, {"mass": on}))
+    read = JumpTable("jumps.csv", tuple(readings), ("mass",), ())
+    fit = fit_jumps(law, read, rig, given={"damping": DAMPING})
+    mass, words = fit.numbers[0], " ".join(fit.conclusions())
+    assert mass.value is None
+    assert mass.reason.startswith("with 95 % it is below")
+    assert "reach 4.3 standard errors" in words
+    fit = fit_jumps(law, read, rig, given={"damping": DAMPING, "mass": 0.8})
+    assert "reach 3.18 standard errors" in " ".join(fit.conclusions())
+
+
+def test_a_total_mass_in_place_of_what_was_put_on_is_asked_about(law, rig):
+    """Nothing is left for the follower's own."""
+    read = table(law)
+    total = [replace(r, known=r.known | {"mass": OWN + r.known["mass"]}) for r in read.readings]
+    fit = fit_jumps(law, replace(read, readings=tuple(total)), rig, error=0.5)
+    assert fit.numbers[0].reason.endswith("beside what was put on: is that the total mass?")
+
+
 def test_too_few_readings_are_refused(law, rig):
     read = table(law)
     few = replace(read, readings=read.readings[:2])
