@@ -153,6 +153,14 @@ MORE: dict[Any, Callable[[Any], bool]] = {
 
 
 def _refusal(name: str, value: Any, hint: Any) -> str:
+    for one in (hint, *get_args(hint)):
+        if get_origin(one) is Mapping and isinstance(value, Mapping):
+            of_key, of_value = get_args(one)
+            for key, inner in value.items():
+                if not _fits(key, of_key):
+                    return _refusal(f"a name in {name}", key, of_key)
+                if of_value is not Any and not _fits(inner, of_value):
+                    return _refusal(f"{name}[{key!r}]", inner, of_value)
     shown = type(value).__name__
     if isinstance(value, str | Path | float | list | tuple | NoneType) or _fits(value, int | bool):
         shown = f"{repr(value)[:60]} ({shown})"

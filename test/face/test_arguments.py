@@ -64,6 +64,18 @@ def test_another_type():
         ),
         (lambda: jump(RIG, LAW), "law: is RigConfig; allowed: a Law, of build_law"),
         (
+            lambda: cam_rig.fit_rig("jumps.csv", "poly345", given={"mass": 1.3, "damping": "8"}),
+            "given['damping']: is '8' (str); allowed: a finite number",
+        ),
+        (
+            lambda: cam_rig.fit_rig("jumps.csv", "poly345", given={"damping": math.nan}),
+            "given['damping']: is nan (float); allowed: a finite number",
+        ),
+        (
+            lambda: cam_rig.fit_rig("jumps.csv", "poly345", given={1: 8.6}),
+            "a name in given: is 1 (int); allowed: a text without NUL",
+        ),
+        (
             lambda: jump(LAW, RIG, duration=True),
             "duration: is True (bool); allowed: a finite number or None",
         ),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -101,13 +102,17 @@ def fit_rig(
 
 def _known(given: list[str] | None) -> dict[str, float]:
     """Numbers by name, of words as ``mass=1.3``; which names there are, the fit knows."""
-    found = {}
+    found = dict[str, float]()
     for words in given or []:
-        name, _, text = words.partition("=")
+        name, _, text = (part.strip() for part in words.partition("="))
+        if name in found:
+            raise ConfigError(f"--given {words}: {name} is given twice; allowed: once")
         try:
-            found[name.strip()] = float(text)
+            found[name] = float(text)
         except ValueError:
+            found[name] = math.nan
+        if not math.isfinite(found[name]):
             raise ConfigError(
-                f"--given {words}: {text!r} is no number; allowed: NAME=NUMBER, in SI"
-            ) from None
+                f"--given {words}: {text!r} is no finite number; allowed: NAME=NUMBER, in SI"
+            )
     return found

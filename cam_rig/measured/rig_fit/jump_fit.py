@@ -36,7 +36,7 @@ from cam_rig.measured.rig_fit.numbers import (
 from cam_rig.measured.rig_fit.search import normal_inverse
 from cam_rig.schema import RigConfig
 from cam_rig.show.result import SILENT, Column, Progress, Records
-from cam_rig.units import RPM, FloatArray, rms, to_rpm
+from cam_rig.units import RPM, FloatArray, rms, rounded_to_error, to_rpm
 
 #: Readings that scatter by more than this part of their speed fit no follower; an error that was
 #: given is not followed where they scatter by more than so many of it.
@@ -120,6 +120,11 @@ class JumpFit(FoundNumbers):
         return np.array(self.speeds) - self.read.rpm
 
     @property
+    def within(self) -> float:
+        """How many standard errors an interval of 95 % reaches to either side."""
+        return _reach(self.error_given, self.free)
+
+    @property
     def residual(self) -> str:
         """In words, for a rig file."""
         return f"{self.error:.3g} rpm a reading, {len(self.speeds)} readings"
@@ -150,7 +155,7 @@ class JumpFit(FoundNumbers):
             yield (
                 f"The error of a reading is taken from the residuals: {self.error:.3g} rpm, of "
                 f"{self.free} readings more than free parameters; "
-                f"intervals of 95 % reach {self.numbers[0].within:.3g} standard errors."
+                f"intervals of 95 % reach {self.within:.3g} standard errors."
             )
         worst = int(np.abs(self.left).argmax())
         if self.free > 1 and self.left[worst] ** 2 > OUTLYING * float(self.left @ self.left):
@@ -193,8 +198,7 @@ def fit_jumps(
     x = searched(trial)
     speeds, free = trial.speeds(x), count - len(sought)
     deviation, followed = _deviation(trial, speeds, free, error)
-    # an error that is estimated of few readings has Student's distribution
-    within = WITHIN_95 if followed else float(student.ppf(0.975, max(free, 1)))
+    within = _reach(followed, free)
     covariance, null_groups = normal_inverse(_slopes(trial, x) / deviation)
     found = [
         *_identified(trial, x, np.sqrt(np.diag(covariance)), null_groups, within),
@@ -216,6 +220,11 @@ def fit_jumps(
         followed,
         free,
     )
+
+
+def _reach(error_given: bool, free: int) -> float:
+    """Standard errors to either side of 95 %: of an error from few readings, Student's."""
+    return WITHIN_95 if error_given else float(student.ppf(0.975, max(free, 1)))
 
 
 def _require_in_reach(table: JumpTable) -> None:
@@ -317,6 +326,7 @@ def _reason(
     half = within * error
     if half < TOLD * WITHIN_95 * value:
         return ""
-    if name == "mass" and value < half and "mass" in table.columns:
-        return f"it is 0 ± {error:.2g} kg beside what was put on: is that the total mass?"
+    if name == "mass" and value < error and "mass" in table.columns:
+        shown = f"{rounded_to_error(value, error)} ± {rounded_to_error(error, error)} kg"
+        return f"it is {shown} beside what was put on: is that the total mass?"
     return f"{interval_words(value, half, NUMBERS[name].unit)}: too wide"

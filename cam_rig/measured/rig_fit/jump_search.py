@@ -87,7 +87,7 @@ def searched(trial: JumpModel) -> FloatArray:
     """Least squares of the speeds: of one mass from every start, of two from the best alone."""
     if not trial.sought:
         return np.empty(0)
-    starts = dict.fromkeys(trial.point(v) for v in (trial.given, *_balanced(trial)))
+    starts = dict.fromkeys(trial.point(trial.given | v) for v in ({}, *_balanced(trial)))
     rigid = "roller_share" not in trial.given  # two masses take a hundred times as long
     if not rigid:
         starts = {min(starts, key=lambda x: rms(trial.off(np.array(x)))): None}

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from cam_rig.files import shown
-from cam_rig.measured.instrument_table import CellTable, plain_words, read_lines
+from cam_rig.measured.instrument_table import NOTHING, CellTable, plain_words, read_lines
+from cam_rig.show.tables import counted
 from cam_rig.units import RPM, TURN, FloatArray, to_rpm
 
 #: What a heading's words begin with, in English, Spanish, German, French, Italian, Portuguese.
@@ -27,6 +28,8 @@ UNITS = {
     "spring_stiffness": {"n/m": 1.0, "n/mm": 1e3, "n/cm": 1e2, "kn/m": 1e3, "lbf/in": 175.126835},
     "preload": {"n": 1.0, "kn": 1e3, "lbf": 4.4482216},
 }
+#: Lines without a reading that are named.
+MOST_LINES = 5
 #: A last word of a heading that is no longer than this is meant as a unit.
 SHORT = 3
 #: A unit as headings have it: in brackets, or behind the last blank or underscore.
@@ -76,15 +79,23 @@ class _JumpReader(CellTable):
         found, notes = self._assigned([one.text for one in headings])
         body = self.rows[self.first :]
         used = [index for index, _ in found.values()]
-        read = self.how_read(body, used)
-        readings = []
+        speed, readings, empty = found["speed"][0], list[JumpReading](), list[int]()
         for line, cells in body:
             texts = self.numbers(line, cells, headings, used)
+            if texts[speed] == NOTHING and not cells[speed]:
+                empty.append(line)
+                continue
             values = {
                 name: self._value(line, name, cells[index], texts[index], factor)
                 for name, (index, factor) in found.items()
             }
             readings.append(JumpReading(line, values.pop("speed"), values))
+        read = self.how_read(body, used)
+        if not readings:
+            raise self.refused("has no jump speed; allowed: one or more")
+        if empty:
+            where = ", ".join(map(str, empty[:MOST_LINES])) + ", …" * (len(empty) > MOST_LINES)
+            notes.append(f"{counted(len(empty), 'empty cell')} of the speed: no reading in {where}")
         columns = tuple(name for name in found if name != "speed")
         return JumpTable(self.file, tuple(readings), columns, (read, *notes))
 
@@ -125,6 +136,11 @@ class _JumpReader(CellTable):
         return None
 
     def _value(self, line: int, name: str, cell: str, text: str, factor: float) -> float:
+        if not cell:
+            raise self.refused(
+                f"line {line}: the {name} is empty beside a speed; allowed: a number, or # before "
+                "the line"
+            )
         value = float(text) * factor
         least = 0.0 if name in ("mass", "preload") else math.ulp(0.0)
         if not (math.isfinite(value) and value >= least):

@@ -76,7 +76,7 @@ def fit_rig(
     """
     given = dict(given or {})
     require_in_model(given, model)
-    holds = measured_holds(run)
+    run, holds = measured_holds(run)
     rigid = {name: value for name, value in given.items() if name not in OF_TWO}
     values = {n: base.need(n, FROM, OTHER).si for n in ONE_MASS if n not in rigid} | rigid
     progress.begin(None, "reading")

@@ -70,21 +70,38 @@ def steady_holds(run: MeasuredRun) -> tuple[Hold, ...]:
     time, angle = run.angle.time, run.angle.value
     seeds = np.searchsorted(angle, np.arange(angle[0], angle[-1], 0.5 * TURN)).tolist()
     stretches = {_grown(time, angle, *seed, count) for seed in pairwise([*seeds, time.size])}
-    found = list[Hold]()
-    for first, last in sorted(stretches, key=lambda x: x[0] - x[1]):
-        if last - first < LEAST_READINGS:
-            continue
-        hold = _line(time[first:last], angle[first:last], count)
-        apart = all(hold.begin >= x.end or hold.end <= x.begin for x in found)
-        if apart and hold.turns >= LEAST_TURNS:
-            found.append(hold)
+    parts = _apart(time, angle, [one for one in stretches if one[1] > one[0]])
+    lines = [_line(time[i:k], angle[i:k], count) for i, k in parts if k - i >= LEAST_READINGS]
+    found = [hold for hold in lines if hold.turns >= LEAST_TURNS]
     if not found:
         raise ConfigError(
             f"{run.source}: the cam nowhere turns steadily: over no turn of {run.angle.source} "
             f"does the angle stay within {math.degrees(STEADY + count):.2g} deg of a line; needed: "
             "some speeds that are held"
         )
-    return tuple(sorted(found, key=lambda hold: hold.begin))
+    return tuple(found)
+
+
+def _apart(
+    time: FloatArray, angle: FloatArray, stretches: list[tuple[int, int]]
+) -> list[tuple[int, int]]:
+    """The stretches of different holds, in their order, cut where two overlap.
+
+    Around a corner of the angle the readings lie on both lines, to an encoder's count. Of a stretch
+    that longer ones leave less than a turn, the hold is theirs.
+    """
+    kept = list[tuple[int, int]]()
+    for first, last in sorted(stretches, key=lambda x: x[0] - x[1]):
+        begin = max([first, *(k for i, k in kept if i <= first)])
+        end = min([last, *(i for i, _ in kept if i > first)])
+        if end > begin and angle[end - 1] - angle[begin] >= LEAST_TURNS * TURN:
+            kept.append((first, last))
+    kept.sort()
+    for i, (one, other) in enumerate(pairwise(kept)):
+        if other[0] < one[1]:
+            corner = (other[0] + one[1]) // 2
+            kept[i], kept[i + 1] = (kept[i][0], corner), (corner, other[1])
+    return kept
 
 
 def _grown(
@@ -207,8 +224,8 @@ class MeasuredHold:
         return lift.size > 0 and scatter(self.speed * since, lift) > RESTLESS * float(np.ptp(lift))
 
 
-def measured_holds(run: MeasuredRun) -> tuple[MeasuredHold, ...]:
-    """The holds of a run in which something was measured."""
+def measured_holds(run: MeasuredRun) -> tuple[MeasuredRun, tuple[MeasuredHold, ...]]:
+    """The run, with a note of each speed that is left out, and its holds that tell something."""
     if run.lift is None and run.force is None:
         raise ConfigError(
             f"{run.source}: has neither lift nor contact force; needed: one of them, so map its "
@@ -227,7 +244,7 @@ def measured_holds(run: MeasuredRun) -> tuple[MeasuredHold, ...]:
             f"at one speed; needed: {LEAST_SAMPLES}, so sample faster, or hold a speed longer"
             f"{'' if most else ' (are their stamps of one clock?)'}"
         )
-    enough = (one for one in found if one.lift.since.size + one.force.since.size >= LEAST_SAMPLES)
+    enough = [one for one in found if one.lift.since.size + one.force.since.size >= LEAST_SAMPLES]
     steady = tuple(hold for hold in enough if not hold.is_restless)
     if not steady:
         raise ConfigError(
@@ -235,7 +252,15 @@ def measured_holds(run: MeasuredRun) -> tuple[MeasuredHold, ...]:
             f"{100.0 * RESTLESS:g} % of itself, as the follower bounces; needed: a speed at which "
             "it does, so one below the jump speed"
         )
-    return steady
+    few = _left_out(f"fewer than {LEAST_SAMPLES} samples", [h for h in found if h not in enough])
+    restless = [hold for hold in enough if hold not in steady]
+    notes = *few, *_left_out("the lift differs from turn to turn", restless)
+    return replace(run, notes=(*run.notes, *notes)), steady
+
+
+def _left_out(why: str, holds: list[MeasuredHold]) -> list[str]:
+    speeds = ", ".join(f"{one.hold.rpm:.4g}" for one in holds)
+    return [f"left out: {speeds} rpm ({why})"] if holds else []
 
 
 def _require_alive(run: MeasuredRun, name: str, signal: Signal) -> None:

@@ -100,10 +100,29 @@ def test_a_table_becomes_a_rig_that_loads(tmp_path, jumps):
     assert (tmp_path / "j.png").stat().st_size > 10_000
 
 
+def test_an_empty_speed_is_no_reading(tmp_path, jumps):
+    """As an empty lift of a gauge; a mass that is empty beside a speed is refused."""
+    jumps.write_text(TABLE.replace(",469.7", ","), encoding="utf-8")
+    result = call(jumps, "poly345", "--given", "damping=8.6")
+    assert result.exit_code == 0, result.output
+    assert "1 empty cell of the speed: no reading in 10" in " ".join(result.output.split())
+    for row, words in (
+        (",8,469.7", "line 10: the mass is empty"),
+        ("1,8", "line 10: has 2 cells"),
+    ):
+        jumps.write_text(TABLE.replace("1,8,469.7", row), encoding="utf-8")
+        result = call(jumps, "poly345")
+        assert result.exit_code == 2, result.output
+        assert words in result.output
+
+
 @pytest.mark.parametrize(
     ("more", "words"),
     [
         (["--given", "mas=1"], "did you mean"),
+        (["--given", "mass=nan"], "--given mass=nan: 'nan' is no finite number; allowed"),
+        (["--given", "mass=-inf"], "'-inf' is no finite number; allowed"),
+        (["--given", "mass=1", "--given", "mass = 2"], "mass is given twice; allowed: once"),
         (["--given", "mass=-1"], "allowed"),
         (["--topics", "angle=/a.b"], "no meaning"),
         (["--tolerance", "0"], "tolerance"),

@@ -100,7 +100,7 @@ def test_what_no_bounce_reaches_knows_no_restitution(law, rig, bounce):
     other = rig.with_follower(restitution=bounce)
     run = measured_run(law, other, "one_mass", (440.0, 460.0, 480.0), errors, 1)
     likelihoods = [
-        Likelihood(law, measured_holds(run), (), values | {"restitution": e}, None)
+        Likelihood(law, measured_holds(run)[1], (), values | {"restitution": e}, None)
         for e in (bounce, 1.05 * bounce)
     ]
     x = likelihoods[0].start({}, 0.0, 0.0)
@@ -155,7 +155,7 @@ def test_no_bouncing_hides_what_contradicts_it(law, rig):
     run = measured_run(law, other, "one_mass", (0.6 * jump, 1.01 * jump), errors, 1)
     values = {name: getattr(rig.follower, name).si for name in ("mass", "spring_stiffness")}
     values |= {name: getattr(rig.follower, name).si for name in ("preload", "damping")}
-    holds, found = measured_holds(run), []
+    holds, found = measured_holds(run)[1], []
     for bounce in (0.3, 0.95):
         like = Likelihood(law, holds, ("preload",), values | {"restitution": bounce}, None)
         found.append(search(Candidate(like, like.start(values, 0.0, 0.0))))

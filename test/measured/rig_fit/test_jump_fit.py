@@ -8,6 +8,7 @@ from itertools import product
 import numpy as np
 import pytest
 
+import cam_rig
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.jump.any_follower import find_jump
 from cam_rig.errors import ConfigError
@@ -15,6 +16,7 @@ from cam_rig.laws import build_law
 from cam_rig.measured.rig_fit import jump_search
 from cam_rig.measured.rig_fit.jump_fit import fit_jumps
 from cam_rig.measured.rig_fit.jump_table import JumpReading, JumpTable
+from cam_rig.measured.rig_fit.numbers import follower_of
 from cam_rig.units import RPM
 
 OWN, DAMPING, PRELOAD = 1.1, 8.0, 25.0
@@ -106,6 +108,24 @@ def test_the_start_does_not_decide(make_cam, rig, columns, seed):
         assert found["damping"] == pytest.approx(truth["damping"], rel=1e-2)
 
 
+def test_a_roller_s_share_comes_back_without_being_given(law):
+    """Exact speeds of two masses: what is sought of the stem is sought from every start."""
+    rig = cam_rig.load_rig("paper_table2")
+    names = ("mass", "spring_stiffness", "preload", "damping", "stem_stiffness", "roller_share")
+    truth = {name: getattr(rig.follower, name).si for name in names}
+    truth |= {"stem_damping": truth["damping"], "restitution": 0.0}
+    readings = []
+    for line, (on, spring) in enumerate(product((0.0, 0.3, 0.9), (2e3, 4e3)), 2):
+        of = truth | {"mass": truth["mass"] + on, "spring_stiffness": spring}
+        speed = find_jump(law, follower_of(of, None), None).speed
+        readings.append(JumpReading(line, speed, {"mass": on, "spring_stiffness": spring}))
+    read = JumpTable("jumps.csv", tuple(readings), ("mass", "spring_stiffness"), ())
+    given = {name: truth[name] for name in ("preload", "damping", "stem_stiffness")}
+    found = values(fit_jumps(law, read, rig.with_follower(mass=1.0), "two_mass", given))
+    assert found["mass"] == pytest.approx(truth["mass"], rel=1e-6)
+    assert found["roller_share"] == pytest.approx(truth["roller_share"], rel=1e-6)
+
+
 @pytest.mark.long
 def test_intervals_hold_the_truth(law, rig):
     """Readings off by 0.5 rpm, said to be: 20 tables with damping given."""
@@ -126,6 +146,34 @@ def test_without_masses_only_ratios_are_told(law, rig):
     fit = fit_jumps(law, one, rig, error=1.0)
     assert all(n.value is None for n in fit.numbers)
     assert any("not identifiable apart" in words for words in fit.conclusions())
+
+
+def test_a_mass_that_is_not_told_has_its_own_value_and_student_s_interval(law, rig):
+    """One spring: five speeds to 4 rpm do not tell the mass apart; it is no total mass either.
+
+    The interval is that of an error from two readings more than numbers, whichever are given.
+    """
+    readings = []
+    for line, on in enumerate((0.0, 0.2, 0.4, 0.8, 1.2), 2):
+        follower = FollowerParameters(0.8, 4e3, DAMPING, PRELOAD, 1e8)
+        jump = find_jump(law, replace(follower, mass=0.8 + on), None)
+        readings.append(JumpReading(line, (jump.rpm + 4.0 * (-1) ** line) * RPM, {"mass": on}))
+    read = JumpTable("jumps.csv", tuple(readings), ("mass",), ())
+    fit = fit_jumps(law, read, rig, given={"damping": DAMPING})
+    mass, words = fit.numbers[0], " ".join(fit.conclusions())
+    assert mass.value is None
+    assert mass.reason.startswith("with 95 % it is below")
+    assert "reach 4.3 standard errors" in words
+    fit = fit_jumps(law, read, rig, given={"damping": DAMPING, "mass": 0.8})
+    assert "reach 3.18 standard errors" in " ".join(fit.conclusions())
+
+
+def test_a_total_mass_in_place_of_what_was_put_on_is_asked_about(law, rig):
+    """Nothing is left for the follower's own."""
+    read = table(law)
+    total = [replace(r, known=r.known | {"mass": OWN + r.known["mass"]}) for r in read.readings]
+    fit = fit_jumps(law, replace(read, readings=tuple(total)), rig, error=0.5)
+    assert fit.numbers[0].reason.endswith("beside what was put on: is that the total mass?")
 
 
 def test_too_few_readings_are_refused(law, rig):

@@ -1,5 +1,7 @@
 """Steady speeds from an encoder's counts; a turn that comes back to itself beside models' runs."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -31,6 +33,66 @@ def test_every_hold_is_found_with_its_speed(law, rig, seed):
         assert hold.turns > 3.5
     off = [abs(h.speed - rpm * RPM) / h.speed_error for h, rpm in zip(holds, rpms, strict=True)]
     assert np.median(off) < 2.0
+
+
+def course(random, rate, counts, ramp):
+    """A cam at four random speeds, 3 to 12 turns each, ``ramp`` s between: its angle, its speeds.
+
+    Also the times of the corners, where a speed begins and ends.
+    """
+    speeds = np.repeat(random.uniform(100.0, 600.0, 4) * RPM, 2)
+    lengths = random.uniform(3.0, 12.0, 4) * TURN / speeds[::2]
+    steps = np.append(np.stack([lengths, np.full(4, ramp)], axis=1).ravel()[:-1], 0.0)
+    corners = np.append(0.0, np.cumsum(steps[:-1]))
+    at = np.cumsum(steps[:-1] * (speeds[:-1] + speeds[1:]) / 2.0)
+    time = np.arange(0.0, corners[-1], 1.0 / rate)
+    part = np.searchsorted(corners, time, side="right") - 1
+    since, bend = time - corners[part], np.diff(speeds) / np.maximum(steps[:-1], 1e-9)
+    angle = np.append(random.uniform(0.0, TURN) + np.append(0.0, at[:-1]), 0.0)[part]
+    angle = angle + speeds[part] * since + 0.5 * np.append(bend, 0.0)[part] * since**2
+    if counts:
+        angle = np.floor(angle * counts / TURN) * TURN / counts
+    return MeasuredRun("own", "cam", Signal(time, angle, "encoder")), speeds[::2], corners
+
+
+@pytest.mark.parametrize("rate", [1000, 2000, 4000])
+@pytest.mark.parametrize("counts", [1024, 2048, 4096, 0])
+@pytest.mark.parametrize("ramp", [0.0, 0.05, 0.3])
+@pytest.mark.variants(3)
+def test_no_speed_is_lost_at_a_corner(ramp, counts, rate):
+    """Two holds meet at a corner, whose readings lie on both lines to a count: both are found.
+
+    Every speed once, in its order, with its error, and over nearly all of its time.
+    """
+    random = np.random.default_rng(7)
+    for _ in range(3):
+        run, speeds, corners = course(random, rate, counts, ramp)
+        holds = steady_holds(run)
+        assert [hold.rpm for hold in holds] == pytest.approx(speeds / RPM, rel=3e-3)
+        ends = [hold.end for hold in holds]
+        assert all(hold.begin >= end for hold, end in zip(holds[1:], ends, strict=False))
+        length = corners[1::2] - corners[::2]
+        assert np.array(ends) == pytest.approx(corners[1::2], abs=0.1 * length.min())
+        if counts:
+            off = [(h.speed - w) / h.speed_error for h, w in zip(holds, speeds, strict=True)]
+            assert np.abs(off).max() < 4.0
+
+
+def test_a_speed_that_is_left_out_is_said(law, rig):
+    """With too few samples, or with a lift that differs from turn to turn: which, and why."""
+    run = measured_run(law, rig, "kinetostatic", (200.0, 250.0, 300.0), InstrumentErrors(rate=400))
+    first, second, _ = (hold for hold in steady_holds(run))
+    time, lift = run.lift.time, run.lift.value.copy()
+    inside = (time > second.begin) & (time < second.end)
+    lift[inside] += 0.1 * law.lift * np.random.default_rng(0).standard_normal(inside.sum())
+    kept = time > first.end - 0.02
+    run = replace(run, lift=Signal(time[kept], lift[kept], "lift"), force=None)
+    read, holds = measured_holds(run)
+    assert [round(hold.hold.rpm) for hold in holds] == [300]
+    assert read.notes == (
+        "left out: 200 rpm (fewer than 20 samples)",
+        "left out: 250 rpm (the lift differs from turn to turn)",
+    )
 
 
 def test_a_cam_that_nowhere_turns_steadily_is_refused():
@@ -130,7 +192,7 @@ def test_a_follower_that_chatters_without_end_has_no_steady_turn(law, rig, monke
     names = ("mass", "spring_stiffness", "preload", "damping")
     values = {name: getattr(rig.follower, name).si for name in names} | {"restitution": 0.0}
     loose = values | {"spring_stiffness": 1000.0}  # leaves the cam from 236 rpm on
-    like = Likelihood(law, measured_holds(run), ("spring_stiffness",), values, None)
+    like = Likelihood(law, measured_holds(run)[1], ("spring_stiffness",), values, None)
     start = Candidate(like, like.start(loose, 0.0, 0.0))
     with pytest.raises(EndlessEventsError, match="allowed: 0 a turn"):
         one_mass_turn(law, follower_of(start.values, None), 300.0 * RPM)
