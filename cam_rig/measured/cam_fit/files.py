@@ -13,7 +13,7 @@ from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
 from cam_rig.errors import ConfigError, LawError
 from cam_rig.laws import Law, build_law
-from cam_rig.measured.cam_fit.arcs import FLANK, LIFT, NOSE, PRIME, Arcs, FollowerKind, Form
+from cam_rig.measured.cam_fit.arcs import FLANK, LIFT, NOSE, PRIME, Arcs, FollowerKind
 from cam_rig.measured.cam_fit.arcs_fit import ArcsFit
 from cam_rig.measured.cam_fit.arcs_intervals import Told
 from cam_rig.measured.cam_fit.dwells import DEGREES
@@ -248,9 +248,9 @@ def _rounded(fit: ArcsFit) -> tuple[Arcs, float]:
     search = fit.best.search
     for more in range(MOST_DIGITS):
         arcs, roller = _with_digits(fit, 10.0**-more)
-        form = Form(roller, search.form.sums)
+        numbers = search.form.coordinates(arcs.grown(roller))
         with suppress(LawError):
-            held = replace(search, form=form, held=dict(enumerate(form.coordinates(arcs))))
+            held = replace(search, held=dict(enumerate(numbers)), least=0.0)
             squares = float(np.sum(held.away(np.array([])) ** 2))
             if fit.best.away(squares) < MOVED:
                 return arcs, roller
@@ -287,8 +287,8 @@ def require_told(fit: ArcsFit, named: bool) -> None:
             f"{unclear.name} {unclear.rms * 1e3:.3g} mm; allowed: --follower roller, flat or point"
             f"{', once for each column' if several else ''}"
         )
-    prime = fit.told[PRIME]
-    if not (prime.held or fit.arcs.flank_radius is None or math.isfinite(prime.high)):
+    prime = fit.prime_if_straight or fit.told[PRIME]
+    if not (prime.held or math.isfinite(prime.high)):
         rolling = " and --roller-radius" if fit.roller_radius else ""
         raise ConfigError(
             f"lifts alone do not tell the base radius: {prime.name} is {prime.interval} "
