@@ -195,6 +195,11 @@ STARTS = tuple(product((3.0,), (0.3,), (0.3, 0.7, -0.3)))
 ROUGH, EXACT, FEW = 1e-8, 1e-12, 30
 #: Two ends of the search whose residuals differ by less than this factor are one.
 SAME = 1.0 + 1e-6
+#: Of readings to which no contour comes near, or of numbers that are none.
+NONE_NEAR = (
+    "no base circle, two equal flanks and a nose come near the readings; allowed: a symmetric cam, "
+    "else --shape spline"
+)
 #: Lifts (m) for numbers of which no contour can be made: far from any reading.
 NO_CONTOUR = 1.0
 #: A flank flatter than this (in parts of the prime radius's curvature) is a straight line.
@@ -259,7 +264,7 @@ class ArcSearch:
         if FLANK in held:
             below = 1.0 - held[FLANK] * shift
             if not below > 0.0:
-                raise LawError("flank radius: is beyond zero; allowed: a radius")
+                raise LawError(f"{self.columns[0].name}: {NONE_NEAR}")
             curvature = held[FLANK] / below
         else:
             curvature = -math.expm1(free[FLANK]) / most
@@ -269,7 +274,7 @@ class ArcSearch:
         else:
             nose = self.least + (most - self.least) / (1.0 + math.exp(-free[NOSE]))
         if not self.least < nose < most or not prime > self.least:
-            raise LawError("nose radius: is none; allowed: above 0, below that of base and top")
+            raise LawError(f"{self.columns[0].name}: {NONE_NEAR}")
         angle = held[ANGLE] if ANGLE in held else float(free[ANGLE])
         return Arcs(prime, lift, None if straight else 1.0 / curvature, nose, angle)
 

@@ -22,6 +22,7 @@ from cam_rig.measured.cam_fit.arcs import (
     ANGLE,
     COORDINATES,
     FLANK,
+    NONE_NEAR,
     PRIME,
     ArcColumn,
     Arcs,
@@ -381,10 +382,7 @@ def _fitted(
     tried = sorted(_profiles(list(searches)), key=_unlikely)
     highest = max(float(column.lifts.max()) for column in columns)
     if tried[0].rms >= FAR * highest:
-        raise LawError(
-            f"{columns[0].name}: no base circle, two equal flanks and a nose come near the "
-            "readings; allowed: a symmetric cam, else --shape spline"
-        )
+        raise LawError(f"{columns[0].name}: {NONE_NEAR}")
     best, *rest = tried
     taken = best
     if not flank:

@@ -48,6 +48,17 @@ def test_the_file_of_a_spline_is_the_spline(measured, tmp_path, kind, name):
     assert any(f"follower {kind}" in words for words in files.assumed)
 
 
+def test_a_base_radius_that_fails_the_checks_is_named_beside_one_that_passes(measured):
+    """1 mm under 10 mm of lift, as asked: it is written, and not called assumed."""
+    fit = fit_spline(measured("poly345"))
+    files = spline_cam("mine", fit, "roller", 1e-3)
+    (words,) = (one for one in files.assumed if "checks" in one)
+    assert words.startswith("the base radius of 1 mm, as asked, does not pass all checks, ")
+    passing = float(words.split("all checks, ")[1].split(" mm does")[0])
+    other = spline_cam("mine", fit, "roller", 1e-3 * passing)
+    assert all(c.passed for c in check_cam(other.cam, other.law))
+
+
 def test_origins_are_told_apart(measured, tmp_path):
     """The gauge's error is given, what was fitted identified, what nobody read assumed."""
     readings = measured("poly345")
