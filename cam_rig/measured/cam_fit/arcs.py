@@ -16,13 +16,15 @@ from typing import Literal
 
 import numpy as np
 
-from cam_rig.errors import LawError
+from cam_rig.errors import ConfigError, LawError
 from cam_rig.laws.arc_law import ArcFollower, arc_lift
 from cam_rig.laws.arcs import Blend, Circle, close
 from cam_rig.measured.cam_fit.gauge import Readings
 from cam_rig.units import FloatArray, rms
 
 FollowerKind = Literal["roller", "flat", "point"]
+#: Which radius is known beside the readings.
+Known = Literal["base", "roller", "both"] | None
 #: The numbers of a contour, in the order of everything here that has one of each.
 PRIME, LIFT, FLANK, NOSE, ANGLE = COORDINATES = range(5)
 
@@ -46,6 +48,12 @@ class Arcs:
         if self.flank_radius is None:
             return "straight"
         return "convex" if self.flank_radius > 0.0 else "concave"
+
+    def grown(self, by: float) -> Arcs:
+        """The parallel contour (m) outside of it, or inside."""
+        flank = None if self.flank_radius is None else self.flank_radius + by
+        radii = self.base_radius + by, self.lift, flank, self.nose_radius + by
+        return Arcs(*radii, self.nose_angle)
 
     def lifts(self, follower: ArcFollower, angles: FloatArray) -> FloatArray:
         """The lift (m) at cam angles; a flat face bridges a flank that is not convex."""
@@ -94,34 +102,36 @@ class ArcColumn:
 
 @dataclass(frozen=True)
 class Form:
-    """In which form lifts tell the radii: plus the roller's, or less the base's.
+    """In which form lifts tell the radii: plus the roller's, if one rolls, or less the base's.
 
     The coordinates of a contour are those in which every interval is a stretch: the curvatures
     1/(R_b + R_r) and 1/(R_f + R_r), or 1/(R_f − R_b), which are 0 where the radius is infinite,
     the lift, the nose's radius in the same form, and the nose's angle; m and rad.
     """
 
-    roller: float
+    rolling: bool
     sums: bool
 
     @property
     def names(self) -> tuple[str, ...]:
         """What the numbers are called."""
-        rolling = " + roller radius" if self.roller else ""
+        rolling = " + roller radius" if self.rolling else ""
         shift = rolling if self.sums else " - base radius"
         radii = f"flank radius{shift}", f"nose radius{shift}"
         return (f"base radius{rolling}", "lift", *radii, "nose angle")
 
-    def shift(self, base: float) -> float:
-        """What is added to the radius of flank and nose, m."""
-        return self.roller if self.sums else -base
+    def shift(self, prime: float) -> float:
+        """What is added to the pitch curve's radius of flank and nose, m."""
+        return 0.0 if self.sums else -prime
 
-    def coordinates(self, arcs: Arcs) -> FloatArray:
-        """``(5,)`` of a contour."""
-        shift = self.shift(arcs.base_radius)
-        flank = 0.0 if arcs.flank_radius is None else 1.0 / (arcs.flank_radius + shift)
-        prime = 1.0 / (arcs.base_radius + self.roller)
-        return np.array([prime, arcs.lift, flank, arcs.nose_radius + shift, arcs.nose_angle])
+    def coordinates(self, pitch: Arcs) -> FloatArray:
+        """``(5,)`` of a pitch curve."""
+        prime = pitch.base_radius
+        shift = self.shift(prime)
+        flank = 0.0 if pitch.flank_radius is None else 1.0 / (pitch.flank_radius + shift)
+        return np.array(
+            [1.0 / prime, pitch.lift, flank, pitch.nose_radius + shift, pitch.nose_angle]
+        )
 
 
 def number_of(index: int, coordinate: float) -> float:
@@ -129,6 +139,51 @@ def number_of(index: int, coordinate: float) -> float:
     if index not in (PRIME, FLANK):
         return coordinate
     return 1.0 / coordinate if coordinate else math.inf
+
+
+# Radii that no lift tells.
+
+#: An assumed radius leaves the nose this part of the pitch curve's, or of the base; else another
+#: is assumed, that leaves so much.
+LEAST_NOSE, GOOD_NOSE = 0.1, 0.5
+
+
+def with_radii(
+    pitch: Arcs, flat: bool, known: Known, roller: float, base: float
+) -> tuple[Arcs, float, float | None]:
+    """The contour of a pitch curve, its roller's radius, and what was not assumed of them.
+
+    ``flat``: whether lifts tell no base; ``roller``, ``base``: m, given as ``known`` has it, else
+    to be assumed if that leaves a nose and a base.
+    """
+    usual, least = None, min(pitch.nose_radius, pitch.base_radius)
+    if flat:
+        less = pitch.base_radius - pitch.nose_radius
+        if known not in ("base", "both") and base - less < LEAST_NOSE * base:
+            usual, base = base, float(f"{less / (1.0 - GOOD_NOSE):.2g}")
+        return pitch.grown(base - pitch.base_radius), roller, usual
+    if known == "base":
+        roller = _roller_beside(base, pitch)
+    elif known is None and least - roller < LEAST_NOSE * least:
+        usual, roller = roller, float(f"{GOOD_NOSE * least:.2g}")
+    return pitch.grown(-roller), roller, usual
+
+
+def _roller_beside(base: float, pitch: Arcs) -> float:
+    """The roller's radius (m) that a base radius leaves of what lifts tell."""
+    prime, nose = pitch.base_radius, pitch.nose_radius
+    if base >= prime:
+        raise ConfigError(
+            f"--base-radius: is {base * 1e3:g} mm; allowed: below base and roller radius "
+            f"together, {prime * 1e3:.4g} mm, or with --roller-radius"
+        )
+    if prime - base >= nose:
+        raise ConfigError(
+            f"--base-radius: is {base * 1e3:g} mm, which leaves a roller of "
+            f"{(prime - base) * 1e3:.4g} mm; allowed: above {(prime - nose) * 1e3:.4g} mm, for "
+            f"nose and roller radius are {nose * 1e3:.4g} mm together, or with --roller-radius"
+        )
+    return prime - base
 
 
 # Least squares of a contour, any of whose numbers may be held.
@@ -140,6 +195,11 @@ STARTS = tuple(product((3.0,), (0.3,), (0.3, 0.7, -0.3)))
 ROUGH, EXACT, FEW = 1e-8, 1e-12, 30
 #: Two ends of the search whose residuals differ by less than this factor are one.
 SAME = 1.0 + 1e-6
+#: Of readings to which no contour comes near, or of numbers that are none.
+NONE_NEAR = (
+    "no base circle, two equal flanks and a nose come near the readings; allowed: a symmetric cam, "
+    "else --shape spline"
+)
 #: Lifts (m) for numbers of which no contour can be made: far from any reading.
 NO_CONTOUR = 1.0
 #: A flank flatter than this (in parts of the prime radius's curvature) is a straight line.
@@ -148,18 +208,28 @@ STRAIGHT = 1e-6
 Role = tuple[bool, bool]
 
 
+def _most(prime: float, lift: float) -> float:
+    """The mean of the base's and the top's radius (m): the least of a convex flank."""
+    return prime + 0.5 * lift
+
+
 @dataclass(frozen=True, eq=False)
 class ArcSearch:
     """The least squares of one reading of the columns.
 
-    ``roles``: of each column, whether its follower is flat, and whether it was read backwards;
-    ``held``: coordinates of ``form`` that are not searched, by their index.
+    It is of the pitch curve, the contour grown by the roller's radius, which is all that lifts
+    tell: those of a roller's centre are its polar radii, and a flat face's are alike on every
+    parallel contour. ``roles``: of each column, whether its follower is flat, and whether it was
+    read backwards; ``held``: coordinates of ``form`` that are not searched, by their index;
+    ``least``: radius (m) above which base and nose of the pitch curve are, that of a roller which
+    is known.
     """
 
     columns: tuple[Readings, ...]
     roles: tuple[Role, ...]
     form: Form
     held: Mapping[int, float] = field(default_factory=dict)
+    least: float = 0.0
 
     @property
     def free(self) -> tuple[int, ...]:
@@ -180,8 +250,8 @@ class ArcSearch:
         """The search that holds one number more."""
         return replace(self, held={**self.held, index: coordinate})
 
-    def arcs(self, x: FloatArray) -> Arcs:
-        """The contour of unbounded numbers, one for each that is free.
+    def pitch(self, x: FloatArray) -> Arcs:
+        """The pitch curve of unbounded numbers, one for each that is free.
 
         Logarithms of prime radius and lift, the flank's curvature over the greatest that still
         joins, as 1 − e^x, so that 0 is a straight flank, and the logit of the nose's radius within
@@ -190,24 +260,23 @@ class ArcSearch:
         free, held = dict(zip(self.free, x, strict=True)), self.held
         prime = 1.0 / held[PRIME] if PRIME in held else math.exp(free[PRIME])
         lift = held[LIFT] if LIFT in held else math.exp(free[LIFT])
-        base = prime - self.form.roller
-        most = base + 0.5 * lift  # the mean of the base's and the top's radius
+        shift, most = self.form.shift(prime), _most(prime, lift)
         if FLANK in held:
-            below = 1.0 - held[FLANK] * self.form.shift(base)
+            below = 1.0 - held[FLANK] * shift
             if not below > 0.0:
-                raise LawError("flank radius: is beyond zero; allowed: a radius")
+                raise LawError(f"{self.columns[0].name}: {NONE_NEAR}")
             curvature = held[FLANK] / below
         else:
             curvature = -math.expm1(free[FLANK]) / most
         straight = abs(curvature) < STRAIGHT / prime
         if NOSE in held:
-            nose = held[NOSE] - self.form.shift(base)
+            nose = held[NOSE] - shift
         else:
-            nose = most / (1.0 + math.exp(-free[NOSE]))
-        if not 0.0 < nose < most or not base > 0.0:
-            raise LawError("nose radius: is none; allowed: above 0, below that of base and top")
+            nose = self.least + (most - self.least) / (1.0 + math.exp(-free[NOSE]))
+        if not self.least < nose < most or not prime > self.least:
+            raise LawError(f"{self.columns[0].name}: {NONE_NEAR}")
         angle = held[ANGLE] if ANGLE in held else float(free[ANGLE])
-        return Arcs(base, lift, None if straight else 1.0 / curvature, nose, angle)
+        return Arcs(prime, lift, None if straight else 1.0 / curvature, nose, angle)
 
     def away(self, x: FloatArray) -> FloatArray:
         """Residuals (m) of all readings."""
@@ -218,12 +287,12 @@ class ArcSearch:
         return np.concatenate(found)
 
     def column(self, x: FloatArray, i: int) -> ArcColumn:
-        """A column beside the contour."""
+        """A column beside the pitch curve, on which the follower is a point or flat."""
         readings, (flat, reverse) = self.columns[i], self.roles[i]
         angles = -readings.angles if reverse else readings.angles
-        follower = ArcFollower(flat, 0.0 if flat else self.form.roller)
+        follower = ArcFollower(flat, 0.0)
         with np.errstate(all="ignore"):
-            away = self.arcs(x).lifts(follower, angles) - readings.lifts
+            away = self.pitch(x).lifts(follower, angles) - readings.lifts
         if not np.isfinite(away).all():
             raise LawError("the follower does not reach the contour")
         return ArcColumn(readings, follower, reverse, away)
@@ -231,7 +300,7 @@ class ArcSearch:
     @property
     def name(self) -> str:
         """The roles in words."""
-        words = ("roller" if self.form.roller else "point", "flat")
+        words = ("roller" if self.form.rolling else "point", "flat")
         return ", ".join(
             f"{column.name.rpartition(', ')[2]} {words[flat]}{' reversed' if reverse else ''}"
             for column, (flat, reverse) in zip(self.columns, self.roles, strict=True)
@@ -248,10 +317,17 @@ class ArcSearch:
         weights = np.maximum(first.lifts, 0.0) ** 2  # the nose is where the lift is greatest
         angle = float(np.angle(np.sum(weights * np.exp(1j * first.angles))))
         starts = []
-        for prime, nose, flank in STARTS:
-            radius = math.log(self.form.roller + prime * height)
-            all_free = [radius, math.log(height), math.log1p(-flank), math.log(nose / (1.0 - nose))]
-            starts.append(np.array([*all_free, angle])[list(self.free)])
+        for lifts, part, bend in STARTS:
+            prime = self.least + lifts * height
+            most = _most(prime, height)
+            nose, flank, room = part * (most - self.least), most / bend, most - self.least
+            if all(self.flats):  # the same lifts on the base circle that is held
+                by = max(0.0, 1.0 / self.held[PRIME] - prime)
+                nose, flank, room = nose + by, flank + (by if bend > 0.0 else 0.0), room + by
+                most += by
+            ends = [math.log1p(-most / flank), math.log(nose / (room - nose))]
+            all_free = [math.log(prime), math.log(height), *ends, angle]
+            starts.append(np.array(all_free)[list(self.free)])
         different = np.unique(starts, axis=0)  # those of a flank that is held are one
         return sorted((self.nearest(start, ROUGH, FEW) for start in different), key=self.rms)
 

@@ -17,16 +17,20 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from cam_rig.errors import LawError
+from cam_rig.laws.arc_law import ArcFollower
 from cam_rig.measured.cam_fit.arcs import (
     ANGLE,
     COORDINATES,
     FLANK,
+    NONE_NEAR,
     PRIME,
     ArcColumn,
     Arcs,
     ArcSearch,
     Form,
+    Known,
     number_of,
+    with_radii,
 )
 from cam_rig.measured.cam_fit.arcs_intervals import Profile, Told
 from cam_rig.measured.cam_fit.dwells import beside_others, farthest, left_out
@@ -34,12 +38,13 @@ from cam_rig.measured.cam_fit.gauge import OUTLIER, Readings, judged_by, with_ou
 from cam_rig.show.result import Column, Records, Result
 from cam_rig.units import rms
 
-#: Which radius is known beside the readings.
-Known = Literal["base", "roller", "both"] | None
 #: What is known of the flanks.
 Flank = Literal["straight", "curved"] | None
 #: Of two readings of the columns this much nearer (in parts) one is told from the other.
 CLEARLY_NEARER = 1.1
+#: What is left (r.m.s.) of readings of arcs, in their own scatters, at most: a made cam's contour
+#: is some scatters of a good gauge off.
+DESCRIBED = 5.0
 #: How a column was read, by whether it is reversed.
 SENSES = ("as turned", "reversed")
 
@@ -49,9 +54,11 @@ class ArcsFit(Result):
     """A contour of tangent arcs, its columns, and what else was tried.
 
     ``best``: the contour that is taken; ``curved``: the best of any flank, which may be ``best``;
-    ``others``: every other reading of the columns, likeliest first; ``without_radii``: the best
-    contour of other radii than those that were both given; ``notes``: how the readings were read;
-    ``assumed``: what no reading tells of a file that was written.
+    ``others``: every other reading of the columns, likeliest first; ``arcs``, ``roller_radius``:
+    its radii and the roller's, 0 for a point, with what is given or assumed; ``other_radius``: the
+    usual assumption (m), where that leaves no nose or base; ``without_radii``: the best contour of
+    other radii than those given, where these bound the search; ``notes``: how the readings were
+    read; ``assumed``: what no reading tells of a file that was written.
     """
 
     schema = "cam_rig.fit_arcs.1"
@@ -101,36 +108,45 @@ class ArcsFit(Result):
     known: Known
     flank: Flank
     others: tuple[Profile, ...]
+    arcs: Arcs
+    roller_radius: float
+    other_radius: float | None = None
     without_radii: Profile | None = None
     notes: tuple[str, ...] = ()
     assumed: tuple[str, ...] = ()
 
-    @property
-    def arcs(self) -> Arcs:
-        """The contour."""
-        return self.best.search.arcs(self.best.x)
-
     @cached_property
     def fitted_columns(self) -> tuple[ArcColumn, ...]:
         """The readings beside the contour."""
-        search = self.best.search
-        return tuple(search.column(self.best.x, i) for i in range(len(search.columns)))
+        search, rolling = self.best.search, ArcFollower(False, self.roller_radius)
+        found = [search.column(self.best.x, i) for i in range(len(search.columns))]
+        return tuple(
+            column if column.follower.flat else replace(column, follower=rolling)
+            for column in found
+        )
 
     @property
     def numbers(self) -> tuple[float, ...]:
         """The contour's numbers as they are told, m and rad; a straight flank's is infinite."""
-        found = self.best.search.form.coordinates(self.arcs)
+        found = self.best.search.form.coordinates(self.arcs.grown(self.roller_radius))
         return tuple(number_of(i, float(found[i])) for i in COORDINATES)
-
-    @property
-    def roller_radius(self) -> float:
-        """Assumed or given (m), 0 for a point."""
-        return self.best.search.form.roller
 
     @property
     def rms(self) -> float:
         """r.m.s. residual of all readings, m."""
         return rms(np.concatenate([column.away for column in self.fitted_columns]))
+
+    @property
+    def scatter(self) -> float:
+        """Standard deviation (m) of all readings about smooth laws, by themselves."""
+        return rms(
+            np.concatenate([np.full(c.away.size, c.readings.scatter) for c in self.fitted_columns])
+        )
+
+    @property
+    def described(self) -> bool:
+        """Whether the readings are of arcs, to some times their own scatter."""
+        return self.rms <= DESCRIBED * self.scatter
 
     @property
     def only_flat(self) -> bool:
@@ -175,14 +191,26 @@ class ArcsFit(Result):
         if self.only_flat:
             return (
                 "A flat follower tells flank and nose radius only less the base radius: that is "
-                f"{'given' if self.known in ('base', 'both') else 'assumed'}.",
+                f"{'given' if self.known in ('base', 'both') else self._assumed}.",
             )
         if not self.roller_radius or self.known == "both":
             return ()
         whose = "base" if self.known == "base" else "roller"
         return (
             f"Base and roller radius are told only as a sum: the {whose} radius is "
-            f"{'given' if self.known else 'assumed'}, and flank and nose radius go with it.",
+            f"{'given' if self.known else self._assumed}, and flank and nose radius go with it.",
+        )
+
+    @property
+    def _assumed(self) -> str:
+        """That a radius is assumed, and which one if it is not the usual one."""
+        if self.other_radius is None:
+            return "assumed"
+        radius = self.arcs.base_radius if self.only_flat else self.roller_radius
+        usual = "three lifts" if self.only_flat else "half the lift"
+        return (
+            f"assumed as {radius * 1e3:.3g} mm, for with {usual}, {self.other_radius * 1e3:.3g} mm,"
+            " nose or base would have no radius"
         )
 
     def tables(self) -> list[Records]:
@@ -219,7 +247,8 @@ class ArcsFit(Result):
             )
         for column in self.fitted_columns:
             sizes = beside_others(column.readings, column.away)
-            yield from farthest(column.readings, -column.away, sizes)
+            if self.described:
+                yield from farthest(column.readings, -column.away, sizes)
             if column.readings.outliers:
                 yield f"{column.readings.name}: {left_out(column.readings)}"
         for other in self.others[:1]:
@@ -253,6 +282,13 @@ class ArcsFit(Result):
             )
 
     def _poorly(self) -> Iterator[str]:
+        if not self.described:
+            yield (
+                f"Warning: tangent arcs do not describe the readings: {self.rms * 1e3:.3g} mm "
+                f"r.m.s. are left, the readings scatter by {self.scatter * 1e3:.2g} mm about a "
+                "smooth law. The cam's radii are not told: try another follower, or take the shape "
+                "spline."
+            )
         free = self.without_radii
         if free is not None and free.away(self.best.squares) > free.line(PRIME).limit:
             low, high = free.interval(PRIME)
@@ -274,6 +310,10 @@ class ArcsFit(Result):
 ROUNDS = 4
 #: A contour whose lifts are off the readings by this part of the lift, r.m.s., is another one.
 FAR = 0.05
+#: A base radius in lifts that bounds no contour under a flat face.
+FREE_BASE = 100.0
+#: A pitch curve's nose nearer to a given roller's radius is at the end of the search.
+AT_LEAST = 1.01
 #: A reading of the columns that leaves so many times the least residual is not refined.
 FAR_OFF = 2.0
 
@@ -290,7 +330,8 @@ def fit_arcs(
 
     ``kinds``: for each column whether its follower is flat, None tries both; ``roller_radius``: m,
     0 for a point; ``base_radius``: m, taken where all followers are flat, for nothing is told of it
-    then, and where both radii are known; ``known``: which of them is given; ``flank``: None takes a
+    then, and where both radii are known. Neither bounds the search unless it is known, and another
+    is taken where it leaves no nose; ``known``: which of them is given; ``flank``: None takes a
     straight one unless the readings rule it out. Which readings are outliers, the arcs say: a good
     one beside a kink, where a flat face passes from base circle to nose, is contradicted by its
     neighbours alone, and hides one that is none.
@@ -298,7 +339,7 @@ def fit_arcs(
 
     def fit(columns: tuple[Readings, ...]) -> ArcsFit:
         searches = _searches(columns, kinds, roller_radius, base_radius, known)
-        return _fitted(columns, searches, known, flank)
+        return _fitted(columns, searches, known, flank, (roller_radius, base_radius))
 
     found = _settled(fit, columns)
     if any(column.readings.outliers for column in found.fitted_columns):
@@ -329,29 +370,40 @@ def _settled(
 
 
 def _fitted(
-    columns: tuple[Readings, ...], searches: Iterable[ArcSearch], known: Known, flank: Flank
+    columns: tuple[Readings, ...],
+    searches: Iterable[ArcSearch],
+    known: Known,
+    flank: Flank,
+    radii: tuple[float, float],
 ) -> ArcsFit:
+    """The likeliest search, its flanks straight if they may be; ``radii``: roller's and base's."""
     if flank == "straight":
         searches = (search.holding(FLANK, 0.0) for search in searches)
     tried = sorted(_profiles(list(searches)), key=_unlikely)
     highest = max(float(column.lifts.max()) for column in columns)
     if tried[0].rms >= FAR * highest:
-        raise LawError(
-            f"{columns[0].name}: no base circle, two equal flanks and a nose come near the "
-            "readings; allowed: a symmetric cam, else --shape spline"
-        )
+        raise LawError(f"{columns[0].name}: {NONE_NEAR}")
     best, *rest = tried
-    taken, without = best, None
+    taken = best
     if not flank:
         search = best.search.holding(FLANK, 0.0)
         straight = Profile(search, search.best())
         if best.away(straight.squares) <= best.line(FLANK).limit:
             taken = straight  # the readings do not rule it out
-    if known == "both" and not all(best.search.flats):
-        held = {index: value for index, value in taken.search.held.items() if index != PRIME}
-        search = replace(taken.search, held=held)
-        without = Profile(search, search.best())
-    return ArcsFit(taken, best, known, flank, tuple(rest), without)
+    flat = all(best.search.flats)
+    contour = with_radii(taken.search.pitch(taken.x), flat, known, *radii)
+    return ArcsFit(taken, best, known, flank, tuple(rest), *contour, _unbound(taken, known))
+
+
+def _unbound(fit: Profile, known: Known) -> Profile | None:
+    """The best contour without the radii given, where these bound the search."""
+    search = fit.search
+    at_end = search.pitch(fit.x).nose_radius < AT_LEAST * search.least
+    if all(search.flats) or not (known == "both" or at_end):
+        return None
+    held = {index: value for index, value in search.held.items() if index != PRIME}
+    free = replace(search, held=held, least=0.0)
+    return Profile(free, free.best())
 
 
 def _searches(
@@ -366,12 +418,18 @@ def _searches(
     A contour and its mirror image differ in the nose's angle alone, so the first column is read
     as it is and the others also backwards.
     """
+    far = FREE_BASE * max(float(column.lifts.max()) for column in columns)
     flats = product(*((True, False) if kind is None else (kind,) for kind in kinds))
     senses = list(product(*([(False,)] + [(False, True)] * (len(columns) - 1))))
     for flat, sense in product(flats, senses):
-        form = Form(roller, sums=not all(flat) and known != "base")
-        held = {PRIME: 1.0 / (base + roller)} if all(flat) or known == "both" else {}
-        yield ArcSearch(columns, tuple(zip(flat, sense, strict=True)), form, held)
+        form = Form(roller > 0.0, sums=not all(flat) and known != "base")
+        roles, held, least = tuple(zip(flat, sense, strict=True)), {}, 0.0
+        if all(flat):
+            held = {PRIME: 1.0 / (base if known in ("base", "both") else far)}
+        elif known in ("roller", "both"):
+            least = roller
+            held = {PRIME: 1.0 / (base + roller)} if known == "both" else {}
+        yield ArcSearch(columns, roles, form, held, least)
 
 
 def _profiles(searches: list[ArcSearch]) -> Iterator[Profile]:

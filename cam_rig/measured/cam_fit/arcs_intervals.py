@@ -192,7 +192,7 @@ class Profile:
             rises = [function(x + h) - function(x - h) for h in steps]
             return np.array(rises) / (2.0 * SLOPE_STEP)
 
-        turn = slopes(lambda y: search.form.coordinates(search.arcs(y))[index])
+        turn = slopes(lambda y: search.form.coordinates(search.pitch(y))[index])
         bent = slopes(search.away)
         spread = np.linalg.pinv(bent @ bent.T) @ turn
         variance = float(turn @ spread)
@@ -219,7 +219,7 @@ class Profile:
 
         least = -math.inf
         if index == PRIME:
-            least = 1.0 / (MOST_LIFTS * self.search.arcs(self.x).lift)
+            least = 1.0 / (MOST_LIFTS * self.search.pitch(self.x).lift)
         elif index == FLANK and all(self.search.flats):
             least = 0.0  # a flat face does not reach a concave flank
         path = _Path(self, index, least)
@@ -241,8 +241,8 @@ class _Path:
     def __init__(self, profile: Profile, index: int, least: float) -> None:
         self._profile, self._index = profile, index
         self._place = profile.search.free.index(index)
-        form, arcs = profile.search.form, profile.search.arcs(profile.x)
-        self.start = max(float(form.coordinates(arcs)[index]), least)
+        form, pitch = profile.search.form, profile.search.pitch(profile.x)
+        self.start = max(float(form.coordinates(pitch)[index]), least)
         self.error, self.limit, ahead = profile.line(index)
         self._ahead = np.delete(ahead, self._place)
         self._found = {self.start: (np.delete(profile.x, self._place), -self.limit)}

@@ -13,7 +13,7 @@ from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
 from cam_rig.errors import ConfigError, LawError
 from cam_rig.laws import Law, build_law
-from cam_rig.measured.cam_fit.arcs import FLANK, LIFT, NOSE, PRIME, Arcs, FollowerKind, Form
+from cam_rig.measured.cam_fit.arcs import FLANK, LIFT, NOSE, PRIME, Arcs, FollowerKind
 from cam_rig.measured.cam_fit.arcs_fit import ArcsFit
 from cam_rig.measured.cam_fit.arcs_intervals import Told
 from cam_rig.measured.cam_fit.dwells import DEGREES
@@ -56,34 +56,39 @@ def spline_cam(
     """
     table = _table_segment(f"{name}.csv", fit)
     points = {"file": f"{name}.csv", **_points(fit)}
-    radii = [base_radius] if base_radius else [n * fit.law.lift for n in BASE_RADII_IN_LIFTS]
-    for radius in radii:
+
+    def tried(radius: float) -> tuple[dict[str, Any], CamConfig, Law, bool]:
+        rolling = chosen(roller_radius or ROLLER_PART * radius, roller_radius is not None)
         data = {
             "name": name,
             "title": f"{name}, from readings",
             "lift": quantity(
                 "identified", _mm(fit.law.lift), "mm", "spline through the readings", _distance(fit)
             ),
-            "follower": follower_data(
-                kind,
-                chosen(radius, base_radius is not None),
-                chosen(roller_radius or ROLLER_PART * radius, roller_radius is not None),
-            ),
+            "follower": follower_data(kind, chosen(radius, base_radius is not None), rolling),
             "segments": [table],
         }
         cam = valid_cam({**data, "segments": [{**table, "file": points}]})
         law = build_law(cam)
-        passes = all(check.passed for check in check_cam(cam, law))
-        if passes:
-            break
+        return data, cam, law, all(check.passed for check in check_cam(cam, law))
+
+    radii = [n * fit.law.lift for n in BASE_RADII_IN_LIFTS]
+    passing = (one for one in radii if tried(one)[-1])
+    radius = base_radius or next(passing, radii[-1])
+    data, cam, law, passes = tried(radius)
     assumed = [f"follower {kind}, and a gauge whose foot is of its shape"]
     if base_radius is None:
         first = ", the first to pass the checks" if passes else ""
         assumed.append(f"base radius {_mm(radius):.4g} mm{first}")
     if kind == "roller" and roller_radius is None:
         assumed.append(f"roller radius {_mm(ROLLER_PART * radius):.4g} mm")
-    if not passes:
+    if not passes and base_radius is None:
         assumed.append("no base radius passes all checks: see cam-rig profile")
+    elif not passes:
+        better = next(passing, None)
+        other = "" if better is None else f", {_mm(better):.4g} mm does"
+        words = f"the base radius of {_mm(radius):.4g} mm, as asked, does not pass all checks"
+        assumed.append(f"{words}{other}: see cam-rig profile")
     header = comments(f"{fit.readings.name}: the law is the spline of {name}.csv.", *fit.notes)
     header += comments(*(f"assumed: {words}" for words in assumed))
     texts = {f"{name}.yaml": header + to_yaml(data), f"{name}.csv": _csv(fit)}
@@ -248,9 +253,9 @@ def _rounded(fit: ArcsFit) -> tuple[Arcs, float]:
     search = fit.best.search
     for more in range(MOST_DIGITS):
         arcs, roller = _with_digits(fit, 10.0**-more)
-        form = Form(roller, search.form.sums)
+        numbers = search.form.coordinates(arcs.grown(roller))
         with suppress(LawError):
-            held = replace(search, form=form, held=dict(enumerate(form.coordinates(arcs))))
+            held = replace(search, held=dict(enumerate(numbers)), least=0.0)
             squares = float(np.sum(held.away(np.array([])) ** 2))
             if fit.best.away(squares) < MOVED:
                 return arcs, roller
@@ -287,8 +292,8 @@ def require_told(fit: ArcsFit, named: bool) -> None:
             f"{unclear.name} {unclear.rms * 1e3:.3g} mm; allowed: --follower roller, flat or point"
             f"{', once for each column' if several else ''}"
         )
-    prime = fit.told[PRIME]
-    if not (prime.held or fit.arcs.flank_radius is None or math.isfinite(prime.high)):
+    prime = fit.prime_if_straight or fit.told[PRIME]
+    if not (prime.held or math.isfinite(prime.high)):
         rolling = " and --roller-radius" if fit.roller_radius else ""
         raise ConfigError(
             f"lifts alone do not tell the base radius: {prime.name} is {prime.interval} "

@@ -301,9 +301,25 @@ def without_outliers(readings: Readings) -> Readings:
         clear = sizes[k] > OUTLIER * normal and sizes[k] > OUTLIER_ALONE * sizes[k + 1]
         if clear and _scattered(taken[: k + 1], readings.angles.size):
             outliers = k + 1
-    named = sorted(taken[:outliers])
+    named = sorted(i for i in taken[:outliers] if not is_summit(readings, i))
     left = np.setdiff1d(np.arange(readings.angles.size), named)
     return _leaving(readings, left, named, [_beside(readings, left, i) for i in named])
+
+
+def is_summit(readings: Readings, index: int) -> bool:
+    """Whether a reading beyond all others is where three on either side of it lead at least.
+
+    So is the tip of a nose that is sharper than the readings stand apart, and no slip on a round
+    one: a parabola through those on one side ends below it.
+    """
+    lifts, count = readings.lifts, readings.lifts.size
+    others = np.delete(lifts, index)
+    if others.min() <= lifts[index] <= others.max():
+        return False
+    up = math.copysign(1.0, lifts[index] - others.max())
+    sides = (np.arange(side, 4 * side, side) for side in (-1, 1))
+    led = [_through(readings, (index + side) % count, index) for side in sides]
+    return bool(min(up * lift for lift in led) >= up * lifts[index])
 
 
 def with_outliers(readings: Readings) -> Readings:
@@ -373,9 +389,14 @@ def _beside(readings: Readings, left: NDArray[np.int64], index: int) -> float:
     order = np.argsort(ahead)
     place = int(np.searchsorted(ahead[order], 0.0))
     near = order[np.arange(place - half, place + half) % left.size]
-    x, y = ahead[near], readings.lifts[left][near]
+    return float(readings.lifts[index]) - _through(readings, left[near], index)
+
+
+def _through(readings: Readings, near: NDArray[np.int64], index: int) -> float:
+    """The lift (m) at a reading's angle of the polynomial through others."""
+    x = (readings.angles[near] - readings.angles[index] + 0.5 * TURN) % TURN - 0.5 * TURN
     lagrange = [np.prod(np.delete(x, i) / (np.delete(x, i) - x[i])) for i in range(x.size)]
-    return float(readings.lifts[index]) - float(np.dot(lagrange, y))
+    return float(np.dot(lagrange, readings.lifts[near]))
 
 
 def gap_note(readings: Readings, arcs: bool) -> tuple[str, ...]:

@@ -10,8 +10,8 @@ from typing import Literal, TypedDict, Unpack, overload
 from cam_rig.arguments import checked
 from cam_rig.errors import ConfigError
 from cam_rig.files import new_yaml, write_new
-from cam_rig.measured.cam_fit.arcs import FollowerKind
-from cam_rig.measured.cam_fit.arcs_fit import ArcsFit, Flank, Known, fit_arcs
+from cam_rig.measured.cam_fit.arcs import FollowerKind, Known
+from cam_rig.measured.cam_fit.arcs_fit import ArcsFit, Flank, fit_arcs
 from cam_rig.measured.cam_fit.dwells import above_zero
 from cam_rig.measured.cam_fit.files import CamFiles, arcs_cam, require_told, spline_cam
 from cam_rig.measured.cam_fit.gauge import (
@@ -101,17 +101,7 @@ class FitRequest:
             roller = 0.0
         base = 3.0 * lift if self.base_radius is None else self.base_radius
         known = self._known(roller)
-        found = fit_arcs(columns, self._kinds(len(columns)), roller, base, known, self.flank)
-        if known != "base" or found.only_flat:
-            return found
-        prime = found.numbers[0]
-        if base >= prime:
-            raise ConfigError(
-                f"--base-radius: is {base * 1e3:g} mm; allowed: below base and roller radius "
-                f"together, {prime * 1e3:.4g} mm, or with --roller-radius"
-            )
-        kinds = tuple(column.kind == "flat" for column in found.fitted_columns)
-        return fit_arcs(columns, kinds, prime - base, base, known, self.flank)
+        return fit_arcs(columns, self._kinds(len(columns)), roller, base, known, self.flank)
 
     def _known(self, roller: float) -> Known:
         """Which radii are given; without a roller the base's is all."""

@@ -17,6 +17,7 @@ from cam_rig.laws.law import extremes, peak
 from cam_rig.laws.segments import SAME_LIFT, SAME_LIFT_TOLERANCES
 from cam_rig.laws.spline import Rest, Smoothed, differences, least_tolerance, smooth
 from cam_rig.measured.cam_fit.dwells import (
+    FARTHEST,
     FoundDwell,
     beside_others,
     farthest,
@@ -24,7 +25,7 @@ from cam_rig.measured.cam_fit.dwells import (
     left_out,
     likely_range,
 )
-from cam_rig.measured.cam_fit.gauge import Readings, bridges, without_outliers
+from cam_rig.measured.cam_fit.gauge import Readings, bridges, is_summit, without_outliers
 from cam_rig.schema.segment_base import MAX_TOLERANCE, WIDEST_GAP_DEG
 from cam_rig.show.result import Column, Records, Result
 from cam_rig.units import FloatArray
@@ -179,7 +180,17 @@ class SplineFit(Result):
         )
         if not self.dwells:
             yield "No dwell is found: nowhere do enough readings rest within their scatter."
-        yield from farthest(readings, self._residuals, self._suspects())
+        sizes, top = self._suspects(), int(np.argmax(readings.lifts))
+        if sizes[top] > FARTHEST and is_summit(readings, top):
+            height = float(np.ptp(readings.lifts))
+            yield (
+                f"The nose, line {readings.lines[top]} ({math.degrees(readings.angles[top]):.6g} "
+                "deg), is sharper than the readings stand apart: the spline rises by "
+                f"{self.law.lift * 1e3:.4g} mm, the readings by {height * 1e3:.4g} mm. Read it "
+                "finer there, or take the shape arcs."
+            )
+        else:  # the spline rings about a sharp nose, and good readings are far from it
+            yield from farthest(readings, self._residuals, sizes)
         yield left_out(readings)
 
     def _suspects(self) -> FloatArray:

@@ -48,6 +48,17 @@ def test_the_file_of_a_spline_is_the_spline(measured, tmp_path, kind, name):
     assert any(f"follower {kind}" in words for words in files.assumed)
 
 
+def test_a_base_radius_that_fails_the_checks_is_named_beside_one_that_passes(measured):
+    """1 mm under 10 mm of lift, as asked: it is written, and not called assumed."""
+    fit = fit_spline(measured("poly345"))
+    files = spline_cam("mine", fit, "roller", 1e-3)
+    (words,) = (one for one in files.assumed if "checks" in one)
+    assert words.startswith("the base radius of 1 mm, as asked, does not pass all checks, ")
+    passing = float(words.split("all checks, ")[1].split(" mm does")[0])
+    other = spline_cam("mine", fit, "roller", 1e-3 * passing)
+    assert all(c.passed for c in check_cam(other.cam, other.law))
+
+
 def test_origins_are_told_apart(measured, tmp_path):
     """The gauge's error is given, what was fitted identified, what nobody read assumed."""
     readings = measured("poly345")
@@ -137,13 +148,17 @@ def test_a_coarse_gauge_is_read_back(measured, tmp_path):
 # -- intervals of 95 % of what readings tell of a contour hold the truth as often as they say
 
 
-FOLLOWERS = {"roller": (ROLLER,), "flat": (FLAT,), "both": (ROLLER, FLAT)}
+SMALL = ArcFollower(False, 0.002)
+FOLLOWERS = {"roller": (ROLLER,), "flat": (FLAT,), "both": (ROLLER, FLAT), "small": (SMALL,)}
 SHAPES = {
     "straight": Arcs(0.03, 0.01, None, 0.012, 0.5),
     "convex": Arcs(0.03, 0.01, 0.09, 0.012, 0.5),
     "concave": Arcs(0.03, 0.01, -0.15, 0.012, 0.5),
 }
-CASES = [(shape, followers) for shape in SHAPES for followers in FOLLOWERS]
+CASES = [(shape, followers) for shape in SHAPES for followers in ("roller", "flat", "both")]
+#: Of these the usual assumption, 10 mm of roller and 30 mm of base, leaves no nose.
+SHAPES |= {"sharp": Arcs(0.02, 0.012, None, 0.002, 0.5), "big": Arcs(0.06, 0.012, 0.15, 0.008, 0.5)}
+NO_NOSE = [("sharp", "small"), ("big", "flat")]
 
 
 def curvature(radius):
@@ -152,9 +167,9 @@ def curvature(radius):
         return float(1.0 / np.float64(radius))
 
 
-def holds(fit, arcs, index):
+def holds(fit, pitch, index):
     """Whether the interval of a number holds the truth; None where it has none."""
-    told, truth = fit.told[index], fit.best.search.form.coordinates(arcs)[index]
+    told, truth = fit.told[index], fit.best.search.form.coordinates(pitch)[index]
     if told.held:
         return None
     if index not in (PRIME, FLANK):
@@ -171,18 +186,54 @@ def coverage(shape, followers, copies):
     for seed in range(copies):  # every 5° with 20 µm, as the commands take them
         read = map(above_zero, readings_of(arcs, *kinds, noise=2e-5, seed=seed))
         fits.append(fit_arcs(tuple(read), flats, 0.01, 0.03))
-    held = [[holds(fit, arcs, index) for index in COORDINATES] for fit in fits]
+    pitch = arcs.grown(kinds[0].roller_radius)
+    held = [[holds(fit, pitch, index) for index in COORDINATES] for fit in fits]
     return np.array(held, dtype=float).mean(axis=0)
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("shape", "followers"), CASES)
+@pytest.mark.parametrize(("shape", "followers"), CASES + NO_NOSE)
 def test_200_copies(shape, followers):
     """Between 90 and 99 % of the intervals of each number: docs/accuracy.md."""
     parts = coverage(shape, followers, 200)
     cells = ("" if np.isnan(part) else f"{100.0 * part:.1f}" for part in parts)
     print(f"| {shape} | {followers} | {' | '.join(cells)} |")
     assert (np.isnan(parts) | (parts >= 0.90) & (parts <= 0.99)).all(), parts
+
+
+@pytest.mark.parametrize(("shape", "followers"), NO_NOSE)
+def test_an_assumed_radius_bounds_nothing(shape, followers):
+    """Where it leaves no nose another is assumed, and said; the intervals hold what lifts tell."""
+    arcs, (kind,) = SHAPES[shape], FOLLOWERS[followers]
+    fit = fit_arcs(readings_of(arcs, kind, noise=1e-5, seed=1), (kind.flat,), 0.01, 0.03)
+    assert fit.rms < 1.5e-5
+    pitch = arcs.grown(kind.roller_radius)
+    assert all(holds(fit, pitch, index) is not False for index in COORDINATES)
+    assert fit.arcs.nose_radius > 0.2 * fit.arcs.base_radius * kind.flat
+    assert "assumed as" in fit.cannot_tell[0]
+    law = arcs_cam("mine", fit, "flat" if kind.flat else "roller").law
+    assert law(FINE) == pytest.approx(arcs.lifts(kind, FINE + 0.5 - np.pi), abs=5e-5)
+
+
+def test_a_base_radius_that_leaves_no_roller_or_no_nose_is_refused():
+    """The roller is what the base leaves of the sum, 22 mm, and smaller than the nose's, 4 mm."""
+    columns = readings_of(SHAPES["sharp"], SMALL)
+    for base, words in (
+        (0.025, "below base and roller"),
+        (0.015, r"above 18(\.0\d*)? mm, for nose"),
+    ):
+        with pytest.raises(ConfigError, match=words):
+            fit_arcs(columns, (False,), 0.006, base, "base")
+
+
+def test_readings_of_another_shape_are_not_blamed():
+    """A roller's taken for a flat follower's: the shape is wrong, no reading is named."""
+    columns = readings_of(Arcs(0.02, 0.012, None, 0.008, 0.5), ROLLER, noise=2e-6)
+    wrong, right = (fit_arcs(columns, (flat,), 0.01, 0.03) for flat in (True, False))
+    words = " ".join(wrong.conclusions())
+    assert "arcs do not describe the readings" in words
+    assert "look at them again" not in words
+    assert "do not describe" not in " ".join(right.conclusions())
 
 
 # -- tangent arcs through readings: the GL 110's table, and contours made at random -----------
@@ -314,6 +365,11 @@ def test_lifts_under_a_roller_alone_do_not_tell_the_base_radius():
     assert fit.told[0].high == math.inf
     with pytest.raises(ConfigError, match=r"do not tell the base radius: .* is above"):
         require_told(fit, named=True)
+    bridged = readings_of(Arcs(0.03, 0.01, None, 0.012, 0.5), FLAT, noise=1e-4)
+    straight = fit_arcs(bridged, (False,), 0.01, 0.03)
+    assert straight.arcs.flank == "straight"
+    with pytest.raises(ConfigError, match=r"do not tell the base radius: .* is above"):
+        require_told(straight, named=True)
     given = fit_arcs(columns, (False,), 0.01, 0.03, "both", "curved")
     require_told(given, named=True)
     assert given.told[0].held == "given"

@@ -5,6 +5,8 @@ import pytest
 
 from cam_rig.dynamics.vibration import low_dwell
 from cam_rig.errors import ConfigError
+from cam_rig.laws.arc_law import ArcFollower
+from cam_rig.measured.cam_fit.arcs import Arcs
 from cam_rig.measured.cam_fit.dwells import find_dwells
 from cam_rig.measured.cam_fit.gauge import bridges, without_outliers
 from cam_rig.measured.cam_fit.spline_fit import fit_spline
@@ -316,3 +318,17 @@ def test_a_reading_six_scatters_off_is_named(measured, count, most, cases):
         named += "farthest from the law" in good
     assert missed <= most * cases
     assert named <= 0.4 * cases
+
+
+@pytest.mark.parametrize("asked", [None, 2e-4])
+def test_a_nose_sharper_than_the_readings_is_no_outlier(asked):
+    """A tangent cam every 10°, 12 mm of lift, whose neighbours of the nose read 7.7 mm."""
+    arcs, around = Arcs(0.02, 0.012, None, 0.001, np.pi), all_around(36)
+    lifts = arcs.lifts(ArcFollower(False, 0.002), around)
+    fit = fit_spline(in_order(around, lifts + np.random.default_rng(0).normal(0, 5e-6, 36)), asked)
+    assert fit.readings.outliers == ()
+    assert fit.law.lift > 0.85 * arcs.lift
+    words = " ".join(fit.conclusions())
+    assert "line 20 (180 deg), is sharper than the readings" in words
+    assert "the readings by 12" in words
+    assert "look at them again" not in words
