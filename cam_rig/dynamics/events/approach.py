@@ -178,8 +178,9 @@ def is_clear(
     """Whether a function known at both ends of a cell of ``width`` s is above zero in it."""
     if value <= 0.0 or last <= 0.0:
         return False
-    proven = ahead(value, rate, bend) + ahead(last, -last_rate, bend)
-    return width < proven or min(value, last) > bend * width * width / 8.0
+    if min(value, last) > bend * width * width / 8.0:
+        return True
+    return width < ahead(value, rate, bend) + ahead(last, -last_rate, bend)
 
 
 def step(value: float, rate: float, bend: float, least: float) -> float:
@@ -188,9 +189,7 @@ def step(value: float, rate: float, bend: float, least: float) -> float:
     As far as they prove it above zero, or as half of a cell's greatest width at that value, since
     it may fall on the way; ``least`` where it is near zero.
     """
-    if bend <= 0.0:
-        return math.inf
-    return max(least, math.sqrt(2.0 * max(value, 0.0) / bend), ahead(value, rate, bend))
+    return max(least, ahead(value, max(rate, 0.0), bend))
 
 
 def _window(flight: FlightOverCam, now: Gap, limit: float, within: float) -> Gap:

@@ -20,7 +20,7 @@ from cam_rig.laws.polynomials import (
     restricted,
     value_at,
 )
-from cam_rig.laws.rows import Row, Stack, binomials, borrowed, place_of, zeros
+from cam_rig.laws.rows import Row, Rows, Stack, binomials, borrowed, place_of, zeros
 from cam_rig.units import TURN
 
 #: (η, η̇).
@@ -28,18 +28,20 @@ Pair = tuple[float, float]
 #: Highest degree of a vibration's series in a window.
 MOST_TERMS = 24
 #: Places in a part's rows: its numbers; X, of η and of η̇; the force's polynomial part, the same
-#: times binomials, and the ordinates of its rate (N/s) times theirs.
-PART, PLACES, VELOCITIES, FORCE, WEIGHTED, RATES = range(6)
+#: times binomials, the ordinates of its rate (N/s) times theirs, and its least ordinate (N) in each
+#: of so many equal cells.
+PART, PLACES, VELOCITIES, FORCE, WEIGHTED, RATES, LEAST = range(7)
+CELLS = 8
 #: Places in a part's numbers: where it begins and its span (rad), its length (s), the number of its
-#: ordinates, the force's least ordinate (N), its rounding, what its second derivative does not
-#: exceed (N/s²), and e^{Ah} over the part, row by row.
-LOW, SPAN, LENGTH, SIZE, LOWEST, ROUNDING, BEND, FLOW, NUMBERS = 0, 1, 2, 3, 4, 5, 6, 7, 11
+#: ordinates, the force's rounding (N), what its second derivative does not exceed (N/s²), and
+#: e^{Ah} over the part, row by row.
+LOW, SPAN, LENGTH, SIZE, ROUNDING, BEND, FLOW, NUMBERS = 0, 1, 2, 3, 4, 5, 6, 10
 
 
 class StemContactTable(NamedTuple):
     """A `LinearResponse` of two states and one output, the contact force; n parts a turn."""
 
-    parts: Stack  #: ``(n, 6, q)``, rows as above; what a shorter one leaves is not used
+    parts: Stack  #: ``(n, 7, q)``, rows as above; what a shorter one leaves is not used
     stiffness: float  #: of η̈ = −stiffness η − damping η̇, 1/s²
     damping: float  #: 1/s
     place: float  #: what η contributes to the force, N/m
@@ -138,8 +140,6 @@ def state_after(contact: StemContactTable, now: ContactStretch, time: float) -> 
 def _fall_of_force(contact: StemContactTable, now: ContactStretch, limit: float) -> float:
     """Time (s) of the zero after which the force is below rounding; `NONE` up to ``limit``."""
     numbers, rate = contact.parts[now.part][PART], math.sqrt(contact.stiffness)
-    if numbers[LOWEST] > _largest(contact, rate * now.place, now.velocity):
-        return NONE  # the vibration cannot lift it: no need to look
     window, noise = REACH / (rate + contact.damping), numbers[ROUNDING]
     begin = _above_until(contact, now, 0.0, limit, window)
     while begin < limit:
@@ -149,6 +149,15 @@ def _fall_of_force(contact: StemContactTable, now: ContactStretch, limit: float)
             return begin + at * (end - begin)
         begin = _above_until(contact, now, end, limit, window)
     return NONE
+
+
+def _calm_until(rows: Rows, local: float, vibration: float) -> float:
+    """Time (s) into a part up to which no vibration so large (N) can lift it: no need to look."""
+    length = rows[PART][LENGTH] / CELLS
+    cell = int(local / length)
+    while cell < CELLS and rows[LEAST][cell] > vibration:
+        cell += 1
+    return cell * length if cell < CELLS else math.inf
 
 
 def _largest(contact: StemContactTable, place: float, velocity: float) -> float:
@@ -188,20 +197,26 @@ def _above_until(
     contact: StemContactTable, now: ContactStretch, begin: float, limit: float, window: float
 ) -> float:
     """Time from ``begin`` on up to which steps prove that the force is above rounding."""
-    numbers, least = contact.parts[now.part][PART], MIN_STEP * window
-    noise, omega = numbers[ROUNDING], math.sqrt(contact.stiffness)
-    free = free_at(contact, now, begin)
+    rows, omega = contact.parts[now.part], math.sqrt(contact.stiffness)
+    noise, least, free = rows[PART][ROUNDING], MIN_STEP * window, free_at(contact, now, begin)
+    vibration = noise + _largest(contact, omega * free[0], free[1])
+    calm = _calm_until(rows, now.local + begin, vibration) - now.local
+    if calm >= limit:
+        return limit
     value, rate = _force(contact, now, begin, free)
     while begin < limit:
         bend = -contact.stiffness * free[0] - contact.damping * free[1]
         jerk = -contact.stiffness * free[1] - contact.damping * bend
-        most = numbers[BEND] + _largest(contact, omega * bend, jerk)
-        end = min(begin + step(value - noise, rate, most, least), limit)
+        most = rows[PART][BEND] + _largest(contact, omega * bend, jerk)
+        end = min(max(begin + step(value - noise, rate, most, least), calm), limit)
         free = free_at(contact, now, end)
         reached, further = _force(contact, now, end, free)
-        if not is_clear(value - noise, rate, reached - noise, further, end - begin, most):
+        if end > calm and not is_clear(
+            value - noise, rate, reached - noise, further, end - begin, most
+        ):
             break
         begin, value, rate = end, reached, further
+        calm = _calm_until(rows, now.local + begin, vibration) - now.local
     return begin
 
 

@@ -236,18 +236,20 @@ def contact_table(
     """The table of a response of two states whose output is the contact force; or of one part."""
     known = response.parts if only is None else (only,)
     sizes = [part.particular.shape[1] for part in known]
-    parts = np.zeros((len(sizes), 6, max(*sizes, stem.NUMBERS)))
+    parts = np.zeros((len(sizes), 7, max(*sizes, stem.NUMBERS)))
     for rows, part, size in zip(parts, known, sizes, strict=True):
         force = polynomial_part(response, part, output)[0]
         rates = bernstein.derivative(force) / part.length
         bend = np.abs(bernstein.derivative(rates)).max() / part.length
         rounding = ROUNDING_ERRORS * bernstein.EPS * np.abs(force).max()
-        numbers = part.low, part.span, part.length, size, force.min(), rounding, bend
+        numbers = part.low, part.span, part.length, size, rounding, bend
         rows[stem.PART, : stem.NUMBERS] = *numbers, *part.flow.ravel()
         rows[stem.PLACES : stem.VELOCITIES + 1, :size] = part.particular
         rows[stem.FORCE, :size] = force
         rows[stem.WEIGHTED, :size] = bernstein.binomials(size - 1) * force
         rows[stem.RATES, : rates.size] = bernstein.binomials(rates.size - 1) * rates
+        cells = bernstein.parts(size - 1, stem.CELLS) @ force
+        rows[stem.LEAST, : stem.CELLS] = cells.min(axis=1)
     _, (spring, damper) = response.matrix
     return table_of(stem.StemContactTable, arrays, parts, -spring, -damper, *output.state[0])
 
@@ -255,7 +257,7 @@ def contact_table(
 @lru_cache(maxsize=2)
 def no_contact(arrays: bool) -> stem.StemContactTable:
     """The same of a follower without a stem."""
-    parts = np.zeros((0, 6, stem.NUMBERS))
+    parts = np.zeros((0, 7, stem.NUMBERS))
     return table_of(stem.StemContactTable, arrays, parts, 0.0, 0.0, 0.0, 0.0)
 
 
