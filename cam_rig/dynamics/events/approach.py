@@ -196,18 +196,19 @@ def _window(flight: FlightOverCam, now: Gap, limit: float, within: float) -> Gap
     """The gap from ``now`` on, on the piece of the time ``within``, to its zero or its end."""
     cam, begin = flight.cam, now.time
     piece, low, high = piece_from(cam, within)
-    end = min(begin + flight.lift_off.free.window, limit)
+    window = flight.lift_off.free.window
+    end = min(begin + window, limit)
     if within == begin:
         end = min(end, (high - cam.angle) / cam.speed)
     if not end > begin:
         return Gap(_after(begin), now.gap, now.rate, now.noise, False)
-    length, span = end - begin, high - low
+    length, span = window if end == begin + window else end - begin, high - low
     first = min(max((cam.angle + cam.speed * begin - low) / span, 0.0), BEFORE_1)
     last = min(max((cam.angle + cam.speed * end - low) / span, 0.0), 1.0)
     size = cam.law.size
     bend = restricted(cam.law.pieces[piece][ACCELERATION], size, first, max(first, last))
     rates = flight.lift_off.rates if begin == 0.0 else moved(flight.lift_off, begin).rates
-    gap_acceleration = accelerations(flight.lift_off, rates, length, size - 1)
+    gap_acceleration = accelerations(flight.lift_off, rates, length)
     square = cam.speed * cam.speed
     doubt = EPS * (OF_ACCELERATIONS * size_of(gap_acceleration) + square * _bend_size(cam, piece))
     count = max(len(bend), len(gap_acceleration))

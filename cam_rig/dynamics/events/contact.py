@@ -10,23 +10,20 @@ import math
 from typing import NamedTuple
 
 from cam_rig.dynamics.events.approach import BEFORE_1, MIN_STEP, is_clear, step
-from cam_rig.dynamics.events.free_flight import LEFT_OUT, REACH, impulse_at
+from cam_rig.dynamics.events.free_flight import impulse_at
 from cam_rig.laws.polynomials import (
     NONE,
     elevated,
     fall,
-    from_powers,
     horner,
     restricted,
     value_at,
 )
-from cam_rig.laws.rows import Row, Rows, Stack, binomials, borrowed, place_of, zeros
+from cam_rig.laws.rows import Row, Rows, Stack, borrowed, place_of, zeros
 from cam_rig.units import TURN
 
 #: (η, η̇).
 Pair = tuple[float, float]
-#: Highest degree of a vibration's series in a window.
-MOST_TERMS = 24
 #: Places in a part's rows: its numbers; X, of η and of η̇; the force's polynomial part, the same
 #: times binomials, the ordinates of its rate (N/s) times theirs, and its least ordinate (N) in each
 #: of so many equal cells.
@@ -46,6 +43,8 @@ class StemContactTable(NamedTuple):
     damping: float  #: 1/s
     place: float  #: what η contributes to the force, N/m
     velocity: float  #: what η̇ contributes, N·s/m
+    series: Rows  #: takes (η, η̇) to the ordinates of what they contribute in a window
+    window: float  #: s
 
 
 class ContactStretch(NamedTuple):
@@ -139,15 +138,13 @@ def state_after(contact: StemContactTable, now: ContactStretch, time: float) -> 
 
 def _fall_of_force(contact: StemContactTable, now: ContactStretch, limit: float) -> float:
     """Time (s) of the zero after which the force is below rounding; `NONE` up to ``limit``."""
-    numbers, rate = contact.parts[now.part][PART], math.sqrt(contact.stiffness)
-    window, noise = REACH / (rate + contact.damping), numbers[ROUNDING]
-    begin = _above_until(contact, now, 0.0, limit, window)
+    begin = _above_until(contact, now, 0.0, limit)
     while begin < limit:
-        end = min(begin + window, limit)
-        at = fall(_series(contact, now, begin, end, window), noise)
+        length = min(contact.window, limit - begin)
+        at = fall(_series(contact, now, begin, length), contact.parts[now.part][PART][ROUNDING])
         if at >= 0.0:
-            return begin + at * (end - begin)
-        begin = _above_until(contact, now, end, limit, window)
+            return begin + at * length
+        begin = _above_until(contact, now, min(begin + length, limit), limit)
     return NONE
 
 
@@ -166,39 +163,34 @@ def _largest(contact: StemContactTable, place: float, velocity: float) -> float:
     return energy * (abs(contact.place) / math.sqrt(contact.stiffness) + abs(contact.velocity))
 
 
-def _series(
-    contact: StemContactTable, now: ContactStretch, begin: float, end: float, window: float
-) -> Row:
-    """Bernstein ordinates of the force on [begin, end], no longer than a window."""
-    rows, length = contact.parts[now.part], end - begin
+def _series(contact: StemContactTable, now: ContactStretch, begin: float, length: float) -> Row:
+    """Bernstein ordinates of the force in ``length`` s from ``begin`` on, up to a window."""
+    rows, count = contact.parts[now.part], len(contact.series)
     whole, size = rows[PART][LENGTH], int(rows[PART][SIZE])
     first = min((now.local + begin) / whole, BEFORE_1)
-    last = min(max(first, (now.local + end) / whole), 1.0)
-    force = restricted(rows[FORCE], size, first, last)
-    degree, left_out = 0, 1.0
-    while degree < MOST_TERMS and (left_out > LEFT_OUT or degree < size - 1):
-        degree += 1
-        left_out *= REACH * (length / window) / degree
-    terms, weights = zeros(degree + 1), binomials(degree)
-    place, velocity = free_at(contact, now, begin)
-    for j in range(degree + 1):
-        terms[j] = (contact.place * place + contact.velocity * velocity) / weights[j]
-        bend, scale = -contact.stiffness * place - contact.damping * velocity, length / (j + 1)
-        place, velocity = velocity * scale, bend * scale
-    from_powers(terms)
-    count = max(size, len(terms))
-    terms, force = elevated(terms, count), elevated(force, count)
-    for i in range(count):
-        terms[i] += force[i]
-    return terms
+    last = min(max(first, (now.local + begin + length) / whole), 1.0)
+    force, free = restricted(rows[FORCE], size, first, last), free_at(contact, now, begin)
+    ordinates = zeros(count)
+    for j in range(count):
+        ordinates[j] = contact.series[j][0] * free[0] + contact.series[j][1] * free[1]
+    if length < contact.window:
+        ordinates = restricted(ordinates, count, 0.0, length / contact.window)
+    force, ordinates = elevated(force, max(size, count)), elevated(ordinates, max(size, count))
+    for i in range(len(force)):
+        ordinates[i] += force[i]
+    return ordinates
 
 
 def _above_until(
-    contact: StemContactTable, now: ContactStretch, begin: float, limit: float, window: float
+    contact: StemContactTable, now: ContactStretch, begin: float, limit: float
 ) -> float:
     """Time from ``begin`` on up to which steps prove that the force is above rounding."""
     rows, omega = contact.parts[now.part], math.sqrt(contact.stiffness)
-    noise, least, free = rows[PART][ROUNDING], MIN_STEP * window, free_at(contact, now, begin)
+    noise, least, free = (
+        rows[PART][ROUNDING],
+        MIN_STEP * contact.window,
+        free_at(contact, now, begin),
+    )
     vibration = noise + _largest(contact, omega * free[0], free[1])
     calm = _calm_until(rows, now.local + begin, vibration) - now.local
     if calm >= limit:

@@ -28,7 +28,7 @@ from cam_rig.dynamics.interval import (
     SampleGrid,
     show_impulses,
 )
-from cam_rig.dynamics.linear.exponential import Flight, FreeSystem
+from cam_rig.dynamics.linear.exponential import REACH, Flight, FreeSystem, window_series
 from cam_rig.dynamics.linear.response import LinearResponse, Part
 from cam_rig.dynamics.linear.sampling import Outputs, polynomial_part
 from cam_rig.dynamics.velocity_jumps import short_of_velocity_jump, velocity_jumps_ahead
@@ -250,15 +250,26 @@ def contact_table(
         rows[stem.RATES, : rates.size] = bernstein.binomials(rates.size - 1) * rates
         cells = bernstein.parts(size - 1, stem.CELLS) @ force
         rows[stem.LEAST, : stem.CELLS] = cells.min(axis=1)
-    _, (spring, damper) = response.matrix
-    return table_of(stem.StemContactTable, arrays, parts, -spring, -damper, *output.state[0])
+    _, (spring, damper) = response.matrix.tolist()
+    vibration = (-spring, -damper, *output.state[0].tolist())
+    return table_of(stem.StemContactTable, arrays, parts, *vibration, *_window(*vibration))
+
+
+@lru_cache(maxsize=64)
+def _window(
+    spring: float, damper: float, place: float, velocity: float
+) -> tuple[FloatArray, float]:
+    """Ordinates of a vibration's share of the force in a window, and its length (s)."""
+    window = REACH / (math.sqrt(spring) + damper)
+    matrix, row = np.array([[0.0, 1.0], [-spring, -damper]]), np.array([place, velocity])
+    return window_series(matrix, row, window), window
 
 
 @lru_cache(maxsize=2)
 def no_contact(arrays: bool) -> stem.StemContactTable:
     """The same of a follower without a stem."""
     parts = np.zeros((0, 7, stem.NUMBERS))
-    return table_of(stem.StemContactTable, arrays, parts, 0.0, 0.0, 0.0, 0.0)
+    return table_of(stem.StemContactTable, arrays, parts, 0.0, 0.0, 0.0, 0.0, np.zeros((0, 2)), 0.0)
 
 
 def jumps_table(law: Law, angle: float, speed: float, duration: float, arrays: bool) -> Jumps:
