@@ -36,8 +36,8 @@ from cam_rig.laws.rows import Row, size_of, zeros
 OF_ACCELERATIONS = 64.0
 #: Longest time (s) before a velocity jump that may be none.
 VELOCITY_JUMP_S = 1e-7
-#: A look at the gap takes steps of this part of a window at least; below that it is a polynomial.
-MIN_STEP = 1.0 / 16.0
+#: A look takes steps of this part of a window at least; below that a polynomial is cheaper.
+MIN_STEP = 0.25
 #: The end of a piece is not reached: there the one after it begins.
 BEFORE_1 = 1.0 - 1e-16
 
@@ -145,7 +145,10 @@ def _open_until(flight: FlightOverCam, now: Gap, limit: float) -> Gap:
     while begin < limit:
         bend = largest + square * cam.law.pieces[piece][PLACE][LARGEST]
         noise = gap_rounding(cam.law, abs(value) + cam.law.largest)
-        end = min(begin + step(value - noise, rate, bend, least), limit)
+        width = ahead(value - noise, max(rate, 0.0), bend)
+        if width < least:
+            break
+        end = min(begin + width, limit)
         joint = (high - cam.angle) / cam.speed
         at_joint = joint <= end + slip
         end = min(max(joint, begin), limit) if at_joint else end
@@ -163,7 +166,10 @@ def _open_until(flight: FlightOverCam, now: Gap, limit: float) -> Gap:
 
 
 def ahead(value: float, rate: float, bend: float) -> float:
-    """Time (s) up to which a function is above zero, by its value, rate and second derivative."""
+    """Time (s) up to which a function is above zero, by its value, rate and second derivative.
+
+    With a rate of 0 it is half of a cell's greatest width at that value: a step where it falls.
+    """
     if value <= 0.0:
         return 0.0
     if bend <= 0.0:
@@ -181,15 +187,6 @@ def is_clear(
     if min(value, last) > bend * width * width / 8.0:
         return True
     return width < ahead(value, rate, bend) + ahead(last, -last_rate, bend)
-
-
-def step(value: float, rate: float, bend: float, least: float) -> float:
-    """Step for the next look at a function that has a value and a rate now.
-
-    As far as they prove it above zero, or as half of a cell's greatest width at that value, since
-    it may fall on the way; ``least`` where it is near zero.
-    """
-    return max(least, ahead(value, max(rate, 0.0), bend))
 
 
 def _window(flight: FlightOverCam, now: Gap, limit: float, within: float) -> Gap:

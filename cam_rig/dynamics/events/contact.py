@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cam_rig.dynamics.events.approach import BEFORE_1, MIN_STEP, is_clear, step
+from cam_rig.dynamics.events.approach import BEFORE_1, MIN_STEP, ahead, is_clear
 from cam_rig.dynamics.events.free_flight import impulse_at
 from cam_rig.laws.polynomials import (
     NONE,
@@ -200,7 +200,10 @@ def _above_until(
         bend = -contact.stiffness * free[0] - contact.damping * free[1]
         jerk = -contact.stiffness * free[1] - contact.damping * bend
         most = rows[PART][BEND] + _largest(contact, omega * bend, jerk)
-        end = min(max(begin + step(value - noise, rate, most, least), calm), limit)
+        end = max(begin + ahead(value - noise, max(rate, 0.0), most), calm)
+        if end < begin + least:
+            break
+        end = min(end, limit)
         free = free_at(contact, now, end)
         reached, further = _force(contact, now, end, free)
         if end > calm and not is_clear(

@@ -21,7 +21,7 @@ Response = tuple[float, float, float]
 
 def impulse_at(damping: float, stiffness: float, time: float) -> Response:
     """S (s), Ṡ (1) and ∫S (s²) of ẍ + 2δ ẋ + κ x = 0 at a time in s; 2δ in 1/s, κ in 1/s²."""
-    if max(math.sqrt(stiffness), damping) * time <= SHORT:
+    if damping * time <= SHORT and stiffness * time * time <= SHORT * SHORT:
         return _series(damping * time, stiffness * time * time, time)
     decay = 0.5 * damping
     square = stiffness - decay * decay
@@ -32,17 +32,16 @@ def impulse_at(damping: float, stiffness: float, time: float) -> Response:
 
 def _series(damping: float, stiffness: float, time: float) -> Response:
     """Taylor's series in the time as the unit; its terms follow from the equation of motion."""
-    before, term = 0.0, 1.0
-    impulse, rate, step = 0.0, 0.0, 0.0
-    for i in range(1, SERIES_TERMS):
+    term, before, impulse, step = 1.0, 0.0, 0.0, 0.0
+    for i in range(2, SERIES_TERMS + 1):
+        inverse = 1.0 / i
+        further = term * inverse
         impulse += term
-        rate += i * term
-        step += term / (i + 1)
-        following = -(damping * i * term + stiffness * before) / (i * (i + 1))
-        before, term = term, following
+        step += further
+        before, term = further, -(damping * further + stiffness * before * inverse)
         if abs(before) + abs(term) < LEAST:
             break
-    return impulse * time, rate, step * time * time
+    return impulse * time, 1.0 - damping * impulse - stiffness * step, step * time * time
 
 
 def _oscillating(decay: float, rate: float, stiffness: float, time: float) -> Response:
