@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import lru_cache
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
@@ -117,10 +117,17 @@ class Course:
 
     def _find(self, table: Callable[[bool], RunTable], now: list[float], duration: float) -> None:
         """Phases and events up to ``duration`` s from ``now`` on, by ``table``, plain or not."""
-        room, tables = FIRST_ROOM, cache(table)
+        room, tables = FIRST_ROOM, dict[bool, RunTable]()
         most = self.most_events * max(1, math.ceil(self.speed * duration / TURN - WHOLE_TURN))
         while room == FIRST_ROOM or now[at.TIME] < duration:
-            phases, events = _found(tables, now, room)
+            run, arrays = form_of(run_events)
+            if arrays not in tables:
+                tables[arrays] = table(arrays)
+            record: Any = record_of(now, room * COMPILED_ROOM if arrays else room, arrays)
+            run(tables[arrays], record)
+            count, met = map(int, record.counts)
+            found = record.now, record.phases[:count], record.events[:met]
+            now[:], phases, events = [one.tolist() for one in found] if arrays else found
             self._rows += phases
             self.events += [self._event(*row) for row in events]
             if len(self.events) > most:  # an endless series would be the model's fault
@@ -168,19 +175,6 @@ def record_of(now: list[float], room: int, arrays: bool) -> RunRecord:
     return RunRecord(*(numbers if arrays else [one.tolist() for one in numbers]))
 
 
-def _found(
-    table: Callable[[bool], RunTable], now: list[float], room: int
-) -> tuple[list[list[float]], list[list[float]]]:
-    """Rows of phases and of events that one call finds, from a place that goes on."""
-    run, arrays = form_of(run_events)
-    record: Any = record_of(now, room * COMPILED_ROOM if arrays else room, arrays)
-    run(table(arrays), record)
-    count, met = map(int, record.counts)
-    found = record.now, record.phases[:count], record.events[:met]
-    now[:], phases, events = [one.tolist() for one in found] if arrays else found
-    return phases, events
-
-
 Table = TypeVar("Table")
 #: A rounded force is known to so many rounding errors.
 ROUNDING_ERRORS = 64.0
@@ -188,7 +182,7 @@ ROUNDING_ERRORS = 64.0
 
 def table_of(kind: Callable[..., Table], arrays: bool, *values: Any) -> Table:
     """A table of floats, and arrays or lists of them: compiled code is for one type each."""
-    return kind(*(_in_form(value, arrays) for value in values))
+    return kind(*[x if type(x) is float else _in_form(x, arrays) for x in values])
 
 
 def _in_form(value: Any, arrays: bool) -> Any:
