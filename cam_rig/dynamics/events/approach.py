@@ -166,10 +166,7 @@ def _open_until(flight: FlightOverCam, now: Gap, limit: float) -> Gap:
 
 
 def ahead(value: float, rate: float, bend: float) -> float:
-    """Time (s) up to which a function is above zero, by its value, rate and second derivative.
-
-    With a rate of 0 it is half of a cell's greatest width at that value: a step where it falls.
-    """
+    """Time (s) up to which a function is above zero; of no rate, half a cell's greatest width."""
     if value <= 0.0:
         return 0.0
     if bend <= 0.0:

@@ -25,8 +25,8 @@ from cam_rig.units import TURN
 #: (η, η̇).
 Pair = tuple[float, float]
 #: Places in a part's rows: its numbers; X, of η and of η̇; the force's polynomial part, the same
-#: times binomials, the ordinates of its rate (N/s) times theirs, and its least ordinate (N) in each
-#: of so many equal cells.
+#: times binomials, the ordinates of its rate (N/s) times theirs, and by how much (N) it is above
+#: rounding in each of so many equal cells.
 PART, PLACES, VELOCITIES, FORCE, WEIGHTED, RATES, LEAST = range(7)
 CELLS = 8
 #: Places in a part's numbers: where it begins and its span (rad), its length (s), the number of its
@@ -200,15 +200,13 @@ def _above_until(
         bend = -contact.stiffness * free[0] - contact.damping * free[1]
         jerk = -contact.stiffness * free[1] - contact.damping * bend
         most = rows[PART][BEND] + _largest(contact, omega * bend, jerk)
-        end = max(begin + ahead(value - noise, max(rate, 0.0), most), calm)
+        end = max(begin + ahead(value, max(rate, 0.0), most), calm)
         if end < begin + least:
             break
         end = min(end, limit)
         free = free_at(contact, now, end)
         reached, further = _force(contact, now, end, free)
-        if end > calm and not is_clear(
-            value - noise, rate, reached - noise, further, end - begin, most
-        ):
+        if end > calm and not is_clear(value, rate, reached, further, end - begin, most):
             break
         begin, value, rate = end, reached, further
         calm = _calm_until(rows, now.local + begin, vibration) - now.local
@@ -216,7 +214,7 @@ def _above_until(
 
 
 def _force(contact: StemContactTable, now: ContactStretch, time: float, free: Pair) -> Pair:
-    """The force (N) and its rate (N/s) at a time (s), when the vibration is (η, η̇)."""
+    """The force above its rounding (N), its rate (N/s) at a time (s) with the vibration (η, η̇)."""
     rows = contact.parts[now.part]
     degree, u = int(rows[PART][SIZE]) - 1, (now.local + time) / rows[PART][LENGTH]
     value, rate, scale = horner(rows[WEIGHTED], rows[RATES], degree, min(u, 1.0))
@@ -226,4 +224,4 @@ def _force(contact: StemContactTable, now: ContactStretch, time: float, free: Pa
     bend = -contact.stiffness * free[0] - contact.damping * free[1]
     vibration = contact.place * free[0] + contact.velocity * free[1]
     faster = contact.place * free[1] + contact.velocity * bend
-    return value * power * scale + vibration, rate * power + faster
+    return value * power * scale + vibration - rows[PART][ROUNDING], rate * power + faster

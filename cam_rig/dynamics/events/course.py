@@ -243,9 +243,8 @@ def contact_table(
         rows[stem.WEIGHTED, :size] = bernstein.binomials(size - 1) * force
         rows[stem.RATES, : rates.size] = bernstein.binomials(rates.size - 1) * rates
         cells = bernstein.parts(size - 1, stem.CELLS) @ force
-        rows[stem.LEAST, : stem.CELLS] = cells.min(axis=1)
-    _, (spring, damper) = response.matrix.tolist()
-    vibration = (-spring, -damper, *output.state[0].tolist())
+        rows[stem.LEAST, : stem.CELLS] = cells.min(axis=1) - rounding
+    vibration = (*(-response.matrix[1]).tolist(), *output.state[0].tolist())
     return table_of(stem.StemContactTable, arrays, parts, *vibration, *_window(*vibration))
 
 
