@@ -24,14 +24,18 @@ def restricted(row: Row, size: int, first: float, last: float) -> Row:
         out[i] = row[i]
     if first > 0.0:
         rest, inner = 1.0 - first, (last - first) / (1.0 - first)
-        for order in range(1, size):
-            for i in range(size - order):
-                out[i] = rest * out[i] + first * out[i + 1]
+        for count in range(size - 1, 0, -1):
+            now = out[0]
+            for i in range(count):
+                after = out[i + 1]
+                out[i], now = rest * now + first * after, after
     if inner < 1.0:
         rest = 1.0 - inner
         for order in range(1, size):
-            for i in range(size - 1, order - 1, -1):
-                out[i] = rest * out[i - 1] + inner * out[i]
+            before = out[order - 1]
+            for i in range(order, size):
+                now = out[i]
+                out[i], before = rest * before + inner * now, now
     return out
 
 
@@ -39,15 +43,14 @@ def elevated(row: Row, size: int) -> Row:
     """The same polynomial with ``size`` ordinates: convex combinations, so stable."""
     if len(row) == size:
         return row
-    out = zeros(size)
+    out, own, more = zeros(size), binomials(len(row) - 1), binomials(size - len(row))
     for i in range(len(row)):
-        out[i] = row[i]
-    for n in range(len(row), size):
-        out[n] = out[n - 1]
-        inverse = 1.0 / n
-        for i in range(n - 1, 0, -1):
-            share = i * inverse
-            out[i] = share * out[i - 1] + (1.0 - share) * out[i]
+        weighted = own[i] * row[i]
+        for j in range(len(more)):
+            out[i + j] += weighted * more[j]
+    own = binomials(size - 1)
+    for i in range(size):
+        out[i] /= own[i]
     return out
 
 
@@ -60,13 +63,6 @@ def integrated(row: Row, length: float, start: float) -> Row:
         total += row[i]
         out[i + 1] = step * total + start
     return out
-
-
-def from_powers(terms: Row) -> None:
-    """Turn Σ aᵢ uⁱ, each term divided by C(n, i), into ordinates in place (Pascal's sums)."""
-    for low in range(1, len(terms)):
-        for i in range(len(terms) - 1, low - 1, -1):
-            terms[i] += terms[i - 1]
 
 
 def horner(weighted: Row, slopes: Row, degree: int, u: float) -> tuple[float, float, float]:
@@ -206,9 +202,10 @@ def halve(right: Row, left: Row) -> None:
     """The right half of a polynomial in its place, the left one in another (de Casteljau)."""
     size = len(right)
     for order in range(size):
-        left[order] = right[0]
+        left[order] = now = right[0]
         for i in range(size - 1 - order):
-            right[i] = 0.5 * (right[i] + right[i + 1])
+            after = right[i + 1]
+            right[i], now = 0.5 * (now + after), after
 
 
 def halve_at_root(parts: Rows, top: int) -> bool:

@@ -36,8 +36,8 @@ from cam_rig.laws.rows import Row, size_of, zeros
 OF_ACCELERATIONS = 64.0
 #: Longest time (s) before a velocity jump that may be none.
 VELOCITY_JUMP_S = 1e-7
-#: A look at the gap takes steps of this part of a window at least; below that it is a polynomial.
-MIN_STEP = 1.0 / 16.0
+#: A look takes steps of this part of a window at least; below that a polynomial is cheaper.
+MIN_STEP = 0.25
 #: The end of a piece is not reached: there the one after it begins.
 BEFORE_1 = 1.0 - 1e-16
 
@@ -145,7 +145,10 @@ def _open_until(flight: FlightOverCam, now: Gap, limit: float) -> Gap:
     while begin < limit:
         bend = largest + square * cam.law.pieces[piece][PLACE][LARGEST]
         noise = gap_rounding(cam.law, abs(value) + cam.law.largest)
-        end = min(begin + step(value - noise, rate, bend, least), limit)
+        width = ahead(value - noise, max(rate, 0.0), bend)
+        if width < least:
+            break
+        end = min(begin + width, limit)
         joint = (high - cam.angle) / cam.speed
         at_joint = joint <= end + slip
         end = min(max(joint, begin), limit) if at_joint else end
@@ -163,7 +166,7 @@ def _open_until(flight: FlightOverCam, now: Gap, limit: float) -> Gap:
 
 
 def ahead(value: float, rate: float, bend: float) -> float:
-    """Time (s) up to which a function is above zero, by its value, rate and second derivative."""
+    """Time (s) up to which a function is above zero; of no rate, half a cell's greatest width."""
     if value <= 0.0:
         return 0.0
     if bend <= 0.0:
@@ -178,37 +181,28 @@ def is_clear(
     """Whether a function known at both ends of a cell of ``width`` s is above zero in it."""
     if value <= 0.0 or last <= 0.0:
         return False
-    proven = ahead(value, rate, bend) + ahead(last, -last_rate, bend)
-    return width < proven or min(value, last) > bend * width * width / 8.0
-
-
-def step(value: float, rate: float, bend: float, least: float) -> float:
-    """Step for the next look at a function that has a value and a rate now.
-
-    As far as they prove it above zero, or as half of a cell's greatest width at that value, since
-    it may fall on the way; ``least`` where it is near zero.
-    """
-    if bend <= 0.0:
-        return math.inf
-    return max(least, math.sqrt(2.0 * max(value, 0.0) / bend), ahead(value, rate, bend))
+    if min(value, last) > bend * width * width / 8.0:
+        return True
+    return width < ahead(value, rate, bend) + ahead(last, -last_rate, bend)
 
 
 def _window(flight: FlightOverCam, now: Gap, limit: float, within: float) -> Gap:
     """The gap from ``now`` on, on the piece of the time ``within``, to its zero or its end."""
     cam, begin = flight.cam, now.time
     piece, low, high = piece_from(cam, within)
-    end = min(begin + flight.lift_off.free.window, limit)
+    window = flight.lift_off.free.window
+    end = min(begin + window, limit)
     if within == begin:
         end = min(end, (high - cam.angle) / cam.speed)
     if not end > begin:
         return Gap(_after(begin), now.gap, now.rate, now.noise, False)
-    length, span = end - begin, high - low
+    length, span = window if end == begin + window else end - begin, high - low
     first = min(max((cam.angle + cam.speed * begin - low) / span, 0.0), BEFORE_1)
     last = min(max((cam.angle + cam.speed * end - low) / span, 0.0), 1.0)
     size = cam.law.size
     bend = restricted(cam.law.pieces[piece][ACCELERATION], size, first, max(first, last))
     rates = flight.lift_off.rates if begin == 0.0 else moved(flight.lift_off, begin).rates
-    gap_acceleration = accelerations(flight.lift_off, rates, length, size - 1)
+    gap_acceleration = accelerations(flight.lift_off, rates, length)
     square = cam.speed * cam.speed
     doubt = EPS * (OF_ACCELERATIONS * size_of(gap_acceleration) + square * _bend_size(cam, piece))
     count = max(len(bend), len(gap_acceleration))

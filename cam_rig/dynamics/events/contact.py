@@ -9,41 +9,42 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cam_rig.dynamics.events.approach import BEFORE_1, MIN_STEP, is_clear, step
-from cam_rig.dynamics.events.free_flight import LEFT_OUT, REACH, impulse_at
+from cam_rig.dynamics.events.approach import BEFORE_1, MIN_STEP, ahead, is_clear
+from cam_rig.dynamics.events.free_flight import impulse_at
 from cam_rig.laws.polynomials import (
     NONE,
     elevated,
     fall,
-    from_powers,
     horner,
     restricted,
     value_at,
 )
-from cam_rig.laws.rows import Row, Stack, binomials, borrowed, place_of, zeros
+from cam_rig.laws.rows import Row, Rows, Stack, borrowed, place_of, zeros
 from cam_rig.units import TURN
 
 #: (η, η̇).
 Pair = tuple[float, float]
-#: Highest degree of a vibration's series in a window.
-MOST_TERMS = 24
 #: Places in a part's rows: its numbers; X, of η and of η̇; the force's polynomial part, the same
-#: times binomials, and the ordinates of its rate (N/s) times theirs.
-PART, PLACES, VELOCITIES, FORCE, WEIGHTED, RATES = range(6)
+#: times binomials, the ordinates of its rate (N/s) times theirs, and by how much (N) it is above
+#: rounding in each of so many equal cells.
+PART, PLACES, VELOCITIES, FORCE, WEIGHTED, RATES, LEAST = range(7)
+CELLS = 8
 #: Places in a part's numbers: where it begins and its span (rad), its length (s), the number of its
-#: ordinates, the force's least ordinate (N), its rounding, what its second derivative does not
-#: exceed (N/s²), and e^{Ah} over the part, row by row.
-LOW, SPAN, LENGTH, SIZE, LOWEST, ROUNDING, BEND, FLOW, NUMBERS = 0, 1, 2, 3, 4, 5, 6, 7, 11
+#: ordinates, the force's rounding (N), what its second derivative does not exceed (N/s²), and
+#: e^{Ah} over the part, row by row.
+LOW, SPAN, LENGTH, SIZE, ROUNDING, BEND, FLOW, NUMBERS = 0, 1, 2, 3, 4, 5, 6, 10
 
 
 class StemContactTable(NamedTuple):
     """A `LinearResponse` of two states and one output, the contact force; n parts a turn."""
 
-    parts: Stack  #: ``(n, 6, q)``, rows as above; what a shorter one leaves is not used
+    parts: Stack  #: ``(n, 7, q)``, rows as above; what a shorter one leaves is not used
     stiffness: float  #: of η̈ = −stiffness η − damping η̇, 1/s²
     damping: float  #: 1/s
     place: float  #: what η contributes to the force, N/m
     velocity: float  #: what η̇ contributes, N·s/m
+    series: Rows  #: takes (η, η̇) to the ordinates of what they contribute in a window
+    window: float  #: s
 
 
 class ContactStretch(NamedTuple):
@@ -137,18 +138,23 @@ def state_after(contact: StemContactTable, now: ContactStretch, time: float) -> 
 
 def _fall_of_force(contact: StemContactTable, now: ContactStretch, limit: float) -> float:
     """Time (s) of the zero after which the force is below rounding; `NONE` up to ``limit``."""
-    numbers, rate = contact.parts[now.part][PART], math.sqrt(contact.stiffness)
-    if numbers[LOWEST] > _largest(contact, rate * now.place, now.velocity):
-        return NONE  # the vibration cannot lift it: no need to look
-    window, noise = REACH / (rate + contact.damping), numbers[ROUNDING]
-    begin = _above_until(contact, now, 0.0, limit, window)
+    begin = _above_until(contact, now, 0.0, limit)
     while begin < limit:
-        end = min(begin + window, limit)
-        at = fall(_series(contact, now, begin, end, window), noise)
+        length = min(contact.window, limit - begin)
+        at = fall(_series(contact, now, begin, length), contact.parts[now.part][PART][ROUNDING])
         if at >= 0.0:
-            return begin + at * (end - begin)
-        begin = _above_until(contact, now, end, limit, window)
+            return begin + at * length
+        begin = _above_until(contact, now, min(begin + length, limit), limit)
     return NONE
+
+
+def _calm_until(rows: Rows, local: float, vibration: float) -> float:
+    """Time (s) into a part up to which no vibration so large (N) can lift it: no need to look."""
+    length = rows[PART][LENGTH] / CELLS
+    cell = int(local / length)
+    while cell < CELLS and rows[LEAST][cell] > vibration:
+        cell += 1
+    return cell * length if cell < CELLS else math.inf
 
 
 def _largest(contact: StemContactTable, place: float, velocity: float) -> float:
@@ -157,56 +163,58 @@ def _largest(contact: StemContactTable, place: float, velocity: float) -> float:
     return energy * (abs(contact.place) / math.sqrt(contact.stiffness) + abs(contact.velocity))
 
 
-def _series(
-    contact: StemContactTable, now: ContactStretch, begin: float, end: float, window: float
-) -> Row:
-    """Bernstein ordinates of the force on [begin, end], no longer than a window."""
-    rows, length = contact.parts[now.part], end - begin
+def _series(contact: StemContactTable, now: ContactStretch, begin: float, length: float) -> Row:
+    """Bernstein ordinates of the force in ``length`` s from ``begin`` on, up to a window."""
+    rows, count = contact.parts[now.part], len(contact.series)
     whole, size = rows[PART][LENGTH], int(rows[PART][SIZE])
     first = min((now.local + begin) / whole, BEFORE_1)
-    last = min(max(first, (now.local + end) / whole), 1.0)
-    force = restricted(rows[FORCE], size, first, last)
-    degree, left_out = 0, 1.0
-    while degree < MOST_TERMS and (left_out > LEFT_OUT or degree < size - 1):
-        degree += 1
-        left_out *= REACH * (length / window) / degree
-    terms, weights = zeros(degree + 1), binomials(degree)
-    place, velocity = free_at(contact, now, begin)
-    for j in range(degree + 1):
-        terms[j] = (contact.place * place + contact.velocity * velocity) / weights[j]
-        bend, scale = -contact.stiffness * place - contact.damping * velocity, length / (j + 1)
-        place, velocity = velocity * scale, bend * scale
-    from_powers(terms)
-    count = max(size, len(terms))
-    terms, force = elevated(terms, count), elevated(force, count)
-    for i in range(count):
-        terms[i] += force[i]
-    return terms
+    last = min(max(first, (now.local + begin + length) / whole), 1.0)
+    force, free = restricted(rows[FORCE], size, first, last), free_at(contact, now, begin)
+    ordinates = zeros(count)
+    for j in range(count):
+        ordinates[j] = contact.series[j][0] * free[0] + contact.series[j][1] * free[1]
+    if length < contact.window:
+        ordinates = restricted(ordinates, count, 0.0, length / contact.window)
+    force, ordinates = elevated(force, max(size, count)), elevated(ordinates, max(size, count))
+    for i in range(len(force)):
+        ordinates[i] += force[i]
+    return ordinates
 
 
 def _above_until(
-    contact: StemContactTable, now: ContactStretch, begin: float, limit: float, window: float
+    contact: StemContactTable, now: ContactStretch, begin: float, limit: float
 ) -> float:
     """Time from ``begin`` on up to which steps prove that the force is above rounding."""
-    numbers, least = contact.parts[now.part][PART], MIN_STEP * window
-    noise, omega = numbers[ROUNDING], math.sqrt(contact.stiffness)
-    free = free_at(contact, now, begin)
+    rows, omega = contact.parts[now.part], math.sqrt(contact.stiffness)
+    noise, least, free = (
+        rows[PART][ROUNDING],
+        MIN_STEP * contact.window,
+        free_at(contact, now, begin),
+    )
+    vibration = noise + _largest(contact, omega * free[0], free[1])
+    calm = _calm_until(rows, now.local + begin, vibration) - now.local
+    if calm >= limit:
+        return limit
     value, rate = _force(contact, now, begin, free)
     while begin < limit:
         bend = -contact.stiffness * free[0] - contact.damping * free[1]
         jerk = -contact.stiffness * free[1] - contact.damping * bend
-        most = numbers[BEND] + _largest(contact, omega * bend, jerk)
-        end = min(begin + step(value - noise, rate, most, least), limit)
+        most = rows[PART][BEND] + _largest(contact, omega * bend, jerk)
+        end = max(begin + ahead(value, max(rate, 0.0), most), calm)
+        if end < begin + least:
+            break
+        end = min(end, limit)
         free = free_at(contact, now, end)
         reached, further = _force(contact, now, end, free)
-        if not is_clear(value - noise, rate, reached - noise, further, end - begin, most):
+        if end > calm and not is_clear(value, rate, reached, further, end - begin, most):
             break
         begin, value, rate = end, reached, further
+        calm = _calm_until(rows, now.local + begin, vibration) - now.local
     return begin
 
 
 def _force(contact: StemContactTable, now: ContactStretch, time: float, free: Pair) -> Pair:
-    """The force (N) and its rate (N/s) at a time (s), when the vibration is (η, η̇)."""
+    """The force above its rounding (N), its rate (N/s) at a time (s) with the vibration (η, η̇)."""
     rows = contact.parts[now.part]
     degree, u = int(rows[PART][SIZE]) - 1, (now.local + time) / rows[PART][LENGTH]
     value, rate, scale = horner(rows[WEIGHTED], rows[RATES], degree, min(u, 1.0))
@@ -216,4 +224,4 @@ def _force(contact: StemContactTable, now: ContactStretch, time: float, free: Pa
     bend = -contact.stiffness * free[0] - contact.damping * free[1]
     vibration = contact.place * free[0] + contact.velocity * free[1]
     faster = contact.place * free[1] + contact.velocity * bend
-    return value * power * scale + vibration, rate * power + faster
+    return value * power * scale + vibration - rows[PART][ROUNDING], rate * power + faster

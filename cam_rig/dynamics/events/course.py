@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import lru_cache
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
@@ -28,7 +28,7 @@ from cam_rig.dynamics.interval import (
     SampleGrid,
     show_impulses,
 )
-from cam_rig.dynamics.linear.exponential import Flight, FreeSystem
+from cam_rig.dynamics.linear.exponential import REACH, Flight, FreeSystem, window_series
 from cam_rig.dynamics.linear.response import LinearResponse, Part
 from cam_rig.dynamics.linear.sampling import Outputs, polynomial_part
 from cam_rig.dynamics.velocity_jumps import short_of_velocity_jump, velocity_jumps_ahead
@@ -117,10 +117,17 @@ class Course:
 
     def _find(self, table: Callable[[bool], RunTable], now: list[float], duration: float) -> None:
         """Phases and events up to ``duration`` s from ``now`` on, by ``table``, plain or not."""
-        room, tables = FIRST_ROOM, cache(table)
+        room, tables = FIRST_ROOM, dict[bool, RunTable]()
         most = self.most_events * max(1, math.ceil(self.speed * duration / TURN - WHOLE_TURN))
         while room == FIRST_ROOM or now[at.TIME] < duration:
-            phases, events = _found(tables, now, room)
+            run, arrays = form_of(run_events)
+            if arrays not in tables:
+                tables[arrays] = table(arrays)
+            record: Any = record_of(now, room * COMPILED_ROOM if arrays else room, arrays)
+            run(tables[arrays], record)
+            count, met = map(int, record.counts)
+            found = record.now, record.phases[:count], record.events[:met]
+            now[:], phases, events = [one.tolist() for one in found] if arrays else found
             self._rows += phases
             self.events += [self._event(*row) for row in events]
             if len(self.events) > most:  # an endless series would be the model's fault
@@ -168,19 +175,6 @@ def record_of(now: list[float], room: int, arrays: bool) -> RunRecord:
     return RunRecord(*(numbers if arrays else [one.tolist() for one in numbers]))
 
 
-def _found(
-    table: Callable[[bool], RunTable], now: list[float], room: int
-) -> tuple[list[list[float]], list[list[float]]]:
-    """Rows of phases and of events that one call finds, from a place that goes on."""
-    run, arrays = form_of(run_events)
-    record: Any = record_of(now, room * COMPILED_ROOM if arrays else room, arrays)
-    run(table(arrays), record)
-    count, met = map(int, record.counts)
-    found = record.now, record.phases[:count], record.events[:met]
-    now[:], phases, events = [one.tolist() for one in found] if arrays else found
-    return phases, events
-
-
 Table = TypeVar("Table")
 #: A rounded force is known to so many rounding errors.
 ROUNDING_ERRORS = 64.0
@@ -188,7 +182,7 @@ ROUNDING_ERRORS = 64.0
 
 def table_of(kind: Callable[..., Table], arrays: bool, *values: Any) -> Table:
     """A table of floats, and arrays or lists of them: compiled code is for one type each."""
-    return kind(*(_in_form(value, arrays) for value in values))
+    return kind(*[x if type(x) is float else _in_form(x, arrays) for x in values])
 
 
 def _in_form(value: Any, arrays: bool) -> Any:
@@ -236,27 +230,39 @@ def contact_table(
     """The table of a response of two states whose output is the contact force; or of one part."""
     known = response.parts if only is None else (only,)
     sizes = [part.particular.shape[1] for part in known]
-    parts = np.zeros((len(sizes), 6, max(*sizes, stem.NUMBERS)))
+    parts = np.zeros((len(sizes), 7, max(*sizes, stem.NUMBERS)))
     for rows, part, size in zip(parts, known, sizes, strict=True):
         force = polynomial_part(response, part, output)[0]
         rates = bernstein.derivative(force) / part.length
         bend = np.abs(bernstein.derivative(rates)).max() / part.length
         rounding = ROUNDING_ERRORS * bernstein.EPS * np.abs(force).max()
-        numbers = part.low, part.span, part.length, size, force.min(), rounding, bend
+        numbers = part.low, part.span, part.length, size, rounding, bend
         rows[stem.PART, : stem.NUMBERS] = *numbers, *part.flow.ravel()
         rows[stem.PLACES : stem.VELOCITIES + 1, :size] = part.particular
         rows[stem.FORCE, :size] = force
         rows[stem.WEIGHTED, :size] = bernstein.binomials(size - 1) * force
         rows[stem.RATES, : rates.size] = bernstein.binomials(rates.size - 1) * rates
-    _, (spring, damper) = response.matrix
-    return table_of(stem.StemContactTable, arrays, parts, -spring, -damper, *output.state[0])
+        cells = bernstein.parts(size - 1, stem.CELLS) @ force
+        rows[stem.LEAST, : stem.CELLS] = cells.min(axis=1) - rounding
+    vibration = (*(-response.matrix[1]).tolist(), *output.state[0].tolist())
+    return table_of(stem.StemContactTable, arrays, parts, *vibration, *_window(*vibration))
+
+
+@lru_cache(maxsize=64)
+def _window(
+    spring: float, damper: float, place: float, velocity: float
+) -> tuple[FloatArray, float]:
+    """Ordinates of a vibration's share of the force in a window, and its length (s)."""
+    window = REACH / (math.sqrt(spring) + damper)
+    matrix, row = np.array([[0.0, 1.0], [-spring, -damper]]), np.array([place, velocity])
+    return window_series(matrix, row, window), window
 
 
 @lru_cache(maxsize=2)
 def no_contact(arrays: bool) -> stem.StemContactTable:
     """The same of a follower without a stem."""
-    parts = np.zeros((0, 6, stem.NUMBERS))
-    return table_of(stem.StemContactTable, arrays, parts, 0.0, 0.0, 0.0, 0.0)
+    parts = np.zeros((0, 7, stem.NUMBERS))
+    return table_of(stem.StemContactTable, arrays, parts, 0.0, 0.0, 0.0, 0.0, np.zeros((0, 2)), 0.0)
 
 
 def jumps_table(law: Law, angle: float, speed: float, duration: float, arrays: bool) -> Jumps:

@@ -8,8 +8,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cam_rig.laws.polynomials import from_powers
-from cam_rig.laws.rows import Row, Rows, binomials, dot, zero_rows, zeros
+from cam_rig.laws.polynomials import restricted
+from cam_rig.laws.rows import Row, Rows, dot, zero_rows, zeros
 
 #: Below this time, in units of the fastest rate, the power series is used, of so many terms.
 SHORT, SERIES_TERMS = 0.5, 18
@@ -21,7 +21,7 @@ Response = tuple[float, float, float]
 
 def impulse_at(damping: float, stiffness: float, time: float) -> Response:
     """S (s), Ṡ (1) and ∫S (s²) of ẍ + 2δ ẋ + κ x = 0 at a time in s; 2δ in 1/s, κ in 1/s²."""
-    if max(math.sqrt(stiffness), damping) * time <= SHORT:
+    if damping * time <= SHORT and stiffness * time * time <= SHORT * SHORT:
         return _series(damping * time, stiffness * time * time, time)
     decay = 0.5 * damping
     square = stiffness - decay * decay
@@ -32,17 +32,16 @@ def impulse_at(damping: float, stiffness: float, time: float) -> Response:
 
 def _series(damping: float, stiffness: float, time: float) -> Response:
     """Taylor's series in the time as the unit; its terms follow from the equation of motion."""
-    before, term = 0.0, 1.0
-    impulse, rate, step = 0.0, 0.0, 0.0
-    for i in range(1, SERIES_TERMS):
+    term, before, impulse, step = 1.0, 0.0, 0.0, 0.0
+    for i in range(2, SERIES_TERMS + 1):
+        inverse = 1.0 / i
+        further = term * inverse
         impulse += term
-        rate += i * term
-        step += term / (i + 1)
-        following = -(damping * i * term + stiffness * before) / (i * (i + 1))
-        before, term = term, following
+        step += further
+        before, term = further, -(damping * further + stiffness * before * inverse)
         if abs(before) + abs(term) < LEAST:
             break
-    return impulse * time, rate, step * time * time
+    return impulse * time, 1.0 - damping * impulse - stiffness * step, step * time * time
 
 
 def _oscillating(decay: float, rate: float, stiffness: float, time: float) -> Response:
@@ -65,10 +64,8 @@ def _creeping(decay: float, root: float, stiffness: float, time: float) -> Respo
     return impulse, slope, (settled + math.expm1(-fast * time) / fast) / apart
 
 
-#: |A| t of a window, and what the series of the acceleration may leave out of it.
-REACH, LEFT_OUT = 2.0, 2.0**-58
-#: The exponential of a matrix with |A| t up to this is a series of so many terms.
-SMALL, TERMS = 0.5, 18
+#: |A| t of a window; up to `SMALL` the exponential of a matrix is a series of so many terms.
+REACH, SMALL, TERMS = 2.0, 0.5, 18
 #: Places in a free system's rows, of up to four states: the matrix A, the load b, the row, the
 #: energy, V and its inverse, the pairs' damping and stiffness, the inverse times the load, row and
 #: energy times V, the series; as in `FreeSystem`.
@@ -251,16 +248,11 @@ def largest_acceleration(lift_off: LiftOffState, rates: Row) -> float:
     return math.sqrt(total)
 
 
-def accelerations(lift_off: LiftOffState, rates: Row, length: float, least: int) -> Row:
-    """Bernstein ordinates of the acceleration (m/s²) in ``length`` s, ``least`` + 1 or more."""
-    rows, part = lift_off.free.rows, length / lift_off.free.window
-    degree, left_out, most = 0, 1.0, len(rows) - SERIES - 1
-    while degree < most and (left_out > LEFT_OUT or degree < least):
-        degree += 1
-        left_out *= REACH * part / degree
-    terms, power, weights = zeros(degree + 1), 1.0, binomials(degree)
-    for j in range(degree + 1):
-        terms[j] = dot(rows[SERIES + j], rates) * power / weights[j]
-        power *= part
-    from_powers(terms)
-    return terms
+def accelerations(lift_off: LiftOffState, rates: Row, length: float) -> Row:
+    """Bernstein ordinates of the acceleration (m/s²) in ``length`` s, up to a window."""
+    rows, size = lift_off.free.rows, len(lift_off.free.rows) - SERIES
+    ordinates = zeros(size)
+    for j in range(size):
+        ordinates[j] = dot(rows[SERIES + j], rates)
+    part = length / lift_off.free.window
+    return ordinates if part >= 1.0 else restricted(ordinates, size, 0.0, part)

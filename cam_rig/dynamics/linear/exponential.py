@@ -100,6 +100,21 @@ def _creeping(decay: float, root: float, stiffness: float, time: FloatArray) -> 
 #: Degree of the acceleration's power series within a window, and |A| t of the window: what is left
 #: out is 2^25/25!, below a rounding.
 SERIES_DEGREE, REACH = 24, 2.0
+#: Takes a power series to ordinates: C(i, j)/C(n, j).
+OF_POWERS = np.array(
+    [
+        [math.comb(i, j) / math.comb(SERIES_DEGREE, j) for j in range(SERIES_DEGREE + 1)]
+        for i in range(SERIES_DEGREE + 1)
+    ]
+)
+
+
+def window_series(matrix: FloatArray, row: FloatArray, window: float) -> FloatArray:
+    """``(SERIES_DEGREE + 1, n)``: takes x to the ordinates of row · e^{At} x in a window (s)."""
+    terms = [row]
+    for j in range(SERIES_DEGREE):
+        terms.append(terms[-1] @ matrix * (window / (j + 1)))
+    return np.asarray(OF_POWERS @ np.array(terms))
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,12 +149,8 @@ class FreeSystem:
 
     @cached_property
     def series(self) -> FloatArray:
-        """``(SERIES_DEGREE + 1, n)``: takes ẋ to the acceleration's power series in windows."""
-        rows, power = [], self.row @ self.matrix
-        for j in range(SERIES_DEGREE + 1):
-            rows.append(power)
-            power = power @ self.matrix * (self.window / (j + 1))
-        return np.array(rows)
+        """``(SERIES_DEGREE + 1, n)``: takes ẋ to the acceleration's ordinates in a window."""
+        return window_series(self.matrix, self.row @ self.matrix, self.window)
 
     def rates(self, start: FloatArray) -> FloatArray:
         """ẋ of a state, ``(n,)``."""
