@@ -23,6 +23,7 @@ from cam_rig.measured.cam_fit.arcs import (
     COORDINATES,
     FLANK,
     NONE_NEAR,
+    NOSE,
     PRIME,
     ArcColumn,
     Arcs,
@@ -44,7 +45,7 @@ Flank = Literal["straight", "curved"] | None
 CLEARLY_NEARER = 1.1
 #: What is left (r.m.s.) of readings of arcs, in their own scatters, at most: a made cam's contour
 #: is some scatters of a good gauge off.
-DESCRIBED = 5.0
+DESCRIBED = 4.0
 #: How a column was read, by whether it is reversed.
 SENSES = ("as turned", "reversed")
 
@@ -139,9 +140,8 @@ class ArcsFit(Result):
     @property
     def scatter(self) -> float:
         """Standard deviation (m) of all readings about smooth laws, by themselves."""
-        return rms(
-            np.concatenate([np.full(c.away.size, c.readings.scatter) for c in self.fitted_columns])
-        )
+        sizes = [np.full(c.away.size, c.readings.scatter) for c in self.fitted_columns]
+        return rms(np.concatenate(sizes))
 
     @property
     def described(self) -> bool:
@@ -291,11 +291,14 @@ class ArcsFit(Result):
             )
         free = self.without_radii
         if free is not None and free.away(self.best.squares) > free.line(PRIME).limit:
-            low, high = free.interval(PRIME)
+            prime, nose = (
+                " to ".join(f"{end * 1e3:.3g}" for end in free.interval(index))
+                for index in (PRIME, NOSE)
+            )
             yield (
                 f"Warning: the readings contradict the radii given: {free.rms * 1e3:.3g} mm r.m.s. "
-                "are left without them, and base and roller radius together are then "
-                f"{low * 1e3:.3g} to {high * 1e3:.3g} mm with 95 %."
+                f"are left without them, and base and roller radius together are then {prime} mm, "
+                f"nose and roller radius {nose} mm, with 95 %."
             )
         poor = [
             f"{told.name} {told.interval}"
