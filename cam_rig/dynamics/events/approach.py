@@ -36,8 +36,8 @@ from cam_rig.laws.rows import Row, size_of, zeros
 OF_ACCELERATIONS = 64.0
 #: Longest time (s) before a velocity jump that may be none.
 VELOCITY_JUMP_S = 1e-7
-#: A look takes steps of this part of a window at least; below that a polynomial is cheaper.
-MIN_STEP = 0.25
+#: A look at the gap takes steps of this part of a window at least; below that it is a polynomial.
+MIN_STEP = 1.0 / 16.0
 #: The end of a piece is not reached: there the one after it begins.
 BEFORE_1 = 1.0 - 1e-16
 
@@ -145,10 +145,7 @@ def _open_until(flight: FlightOverCam, now: Gap, limit: float) -> Gap:
     while begin < limit:
         bend = largest + square * cam.law.pieces[piece][PLACE][LARGEST]
         noise = gap_rounding(cam.law, abs(value) + cam.law.largest)
-        width = ahead(value - noise, max(rate, 0.0), bend)
-        if width < least:
-            break
-        end = min(begin + width, limit)
+        end = min(begin + max(least, ahead(value - noise, max(rate, 0.0), bend)), limit)
         joint = (high - cam.angle) / cam.speed
         at_joint = joint <= end + slip
         end = min(max(joint, begin), limit) if at_joint else end

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cam_rig.dynamics.events.approach import BEFORE_1, MIN_STEP, ahead, is_clear
+from cam_rig.dynamics.events.approach import BEFORE_1, ahead, is_clear
 from cam_rig.dynamics.events.free_flight import impulse_at
 from cam_rig.laws.polynomials import (
     NONE,
@@ -24,6 +24,8 @@ from cam_rig.units import TURN
 
 #: (η, η̇).
 Pair = tuple[float, float]
+#: A look takes steps of this part of a window at least; below that a polynomial is cheaper.
+MIN_STEP = 0.25
 #: Places in a part's rows: its numbers; X, of η and of η̇; the force's polynomial part, the same
 #: times binomials, the ordinates of its rate (N/s) times theirs, and by how much (N) it is above
 #: rounding in each of so many equal cells.
