@@ -57,7 +57,7 @@ def coverage(shape, followers, copies):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("shape", "followers"), CASES + NO_NOSE)
+@pytest.mark.parametrize(("shape", "followers"), CASES)
 def test_200_copies(shape, followers):
     """Between 90 and 99 % of the intervals of each number: docs/accuracy.md."""
     parts = coverage(shape, followers, 200)
