@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import groupby
+from itertools import groupby, product
 
 import numpy as np
 from scipy.optimize import least_squares, nnls
@@ -32,6 +32,8 @@ RIGID = ("mass", "spring_stiffness", "preload", "damping")
 STEM = ("stem_stiffness", "roller_share")
 #: Step of what is sought, of its size.
 STEP = 1e-4
+#: Times that a stem may be stiffer than where a search begins, and how many such it begins at.
+STIFFER, NEAREST = (10.0, 100.0), 2
 #: Cam angles of a turn at which readings may jump where a search begins.
 ANGLES = 120
 
@@ -84,13 +86,10 @@ class JumpModel:
 
 
 def searched(trial: JumpModel) -> FloatArray:
-    """Least squares of the speeds: of one mass from every start, of two from the best alone."""
+    """Least squares of the speeds, from every start."""
     if not trial.sought:
         return np.empty(0)
-    starts = dict.fromkeys(trial.point(trial.given | v) for v in ({}, *_balanced(trial)))
     rigid = "roller_share" not in trial.given  # two masses take a hundred times as long
-    if not rigid:
-        starts = {min(starts, key=lambda x: rms(trial.off(np.array(x)))): None}
     results = [
         least_squares(
             trial.off,
@@ -103,9 +102,23 @@ def searched(trial: JumpModel) -> FloatArray:
             gtol=1e-14,
             max_nfev=200 if rigid else 50,
         )
-        for x in starts
+        for x in _starts(trial)
     ]
     return np.asarray(min(results, key=lambda result: result.cost).x)
+
+
+def _starts(trial: JumpModel) -> list[tuple[float, ...]]:
+    """What a search begins at: the nearest of the stiffer stems, as a stem may be nearly rigid."""
+    found = [trial.given | values for values in ({}, *_balanced(trial))]
+    starts = dict.fromkeys(map(trial.point, found))
+    if "stem_stiffness" in trial.sought:
+        stiff = [
+            trial.point(v | {"stem_stiffness": v["stem_stiffness"] * times})
+            for v, times in product(found, STIFFER)
+        ]
+        stiff.sort(key=lambda x: rms(trial.off(np.array(x))))
+        starts |= dict.fromkeys(stiff[:NEAREST])
+    return list(starts)
 
 
 def _balanced(trial: JumpModel) -> Iterator[dict[str, float]]:
