@@ -16,7 +16,7 @@ from typing import Literal
 
 import numpy as np
 
-from cam_rig.errors import ConfigError, LawError
+from cam_rig.errors import LawError
 from cam_rig.laws.arc_law import ArcFollower, arc_lift
 from cam_rig.laws.arcs import Blend, Circle, close
 from cam_rig.measured.cam_fit.gauge import Readings
@@ -146,6 +146,8 @@ def number_of(index: int, coordinate: float) -> float:
 #: An assumed radius leaves the nose this part of the pitch curve's, or of the base; else another
 #: is assumed, that leaves so much.
 LEAST_NOSE, GOOD_NOSE = 0.1, 0.5
+#: A nose that is no sharper has a radius at all, in parts of the pitch curve's.
+SHARPEST = 1e-6
 
 
 def with_radii(
@@ -163,27 +165,11 @@ def with_radii(
             usual, base = base, float(f"{less / (1.0 - GOOD_NOSE):.2g}")
         return pitch.grown(base - pitch.base_radius), roller, usual
     if known == "base":
-        roller = _roller_beside(base, pitch)
+        # one that leaves none is refused when the fit is done: `ArcsFit.require_roller`
+        roller = min(max(pitch.base_radius - base, 0.0), (1.0 - SHARPEST) * least)
     elif known is None and least - roller < LEAST_NOSE * least:
         usual, roller = roller, float(f"{GOOD_NOSE * least:.2g}")
     return pitch.grown(-roller), roller, usual
-
-
-def _roller_beside(base: float, pitch: Arcs) -> float:
-    """The roller's radius (m) that a base radius leaves of what lifts tell."""
-    prime, nose = pitch.base_radius, pitch.nose_radius
-    if base >= prime:
-        raise ConfigError(
-            f"--base-radius: is {base * 1e3:g} mm; allowed: below base and roller radius "
-            f"together, {prime * 1e3:.4g} mm, or with --roller-radius"
-        )
-    if prime - base >= nose:
-        raise ConfigError(
-            f"--base-radius: is {base * 1e3:g} mm, which leaves a roller of "
-            f"{(prime - base) * 1e3:.4g} mm; allowed: above {(prime - nose) * 1e3:.4g} mm, for "
-            f"nose and roller radius are {nose * 1e3:.4g} mm together, or with --roller-radius"
-        )
-    return prime - base
 
 
 # Least squares of a contour, any of whose numbers may be held.

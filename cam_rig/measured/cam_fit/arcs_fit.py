@@ -16,7 +16,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from cam_rig.errors import LawError
+from cam_rig.errors import ConfigError, LawError
 from cam_rig.laws.arc_law import ArcFollower
 from cam_rig.measured.cam_fit.arcs import (
     ANGLE,
@@ -259,6 +259,24 @@ class ArcsFit(Result):
                 yield f"The next best reading of the columns is {other.name}: {left}"
         yield from self.cannot_tell
 
+    def require_roller(self, base: float) -> None:
+        """Refuse a base radius (m) beside which the pitch curve found has no roller, or no nose."""
+        pitch = self.best.search.pitch(self.best.x)
+        prime, nose = pitch.base_radius, pitch.nose_radius
+        told = f"{prime * 1e3:.4g} mm ({self.told[PRIME].interval} with 95 %)"
+        if base >= prime:
+            raise ConfigError(
+                f"--base-radius: is {base * 1e3:g} mm; allowed: below base and roller radius "
+                f"together, {told}, or with --roller-radius"
+            )
+        if prime - base >= nose:
+            raise ConfigError(
+                f"--base-radius: is {base * 1e3:g} mm, which leaves a roller of "
+                f"{(prime - base) * 1e3:.4g} mm of {told}; allowed: above "
+                f"{(prime - nose) * 1e3:.4g} mm, for nose and roller radius are together "
+                f"{nose * 1e3:.4g} mm, or with --roller-radius"
+            )
+
     def _flanks(self) -> Iterator[str]:
         """That flanks were taken as straight, and what is told if they are."""
         flank, straight = self.told[FLANK], self.arcs.flank_radius is None
@@ -352,7 +370,9 @@ def fit_arcs(
             more = whole.best.search.count - found.best.search.count
             worse = whole.best.squares - found.best.squares
             if more > 0 and worse < more * (OUTLIER * found.rms) ** 2:
-                return whole
+                found = whole
+    if known == "base":
+        found.require_roller(base_radius)
     return found
 
 

@@ -9,6 +9,7 @@ from cam_rig.measured.cam_fit.arcs import COORDINATES, FLANK, PRIME, Arcs
 from cam_rig.measured.cam_fit.arcs_fit import fit_arcs
 from cam_rig.measured.cam_fit.dwells import above_zero
 from cam_rig.measured.cam_fit.files import arcs_cam
+from cam_rig.measured.cam_fit.gauge import Readings, without_outliers
 
 from .conftest import FLAT, ROLLER, all_around, readings_of
 
@@ -78,6 +79,18 @@ def test_an_assumed_radius_bounds_nothing(shape, followers):
     assert "assumed as" in fit.cannot_tell[0]
     law = arcs_cam("mine", fit, "flat" if kind.flat else "roller").law
     assert law(FINE) == pytest.approx(arcs.lifts(kind, FINE + 0.5 - np.pi), abs=5e-5)
+
+
+def test_a_given_base_radius_is_judged_when_the_fit_is_done():
+    """Not while a trial has a slip put back, whose contour has another prime radius."""
+    angles = all_around(120)
+    lifts = Arcs(0.03, 0.008, 0.12, 0.010, 0.3).lifts(ROLLER, angles)
+    lifts += 2e-5 * np.random.default_rng(0).standard_normal(angles.size)
+    lifts[6] -= 0.6e-3
+    read = Readings("a", angles, lifts, np.arange(angles.size), 1e-7, (0.0, 2 * np.pi / 120), ())
+    fit = fit_arcs((without_outliers(read),), (False,), 0.004, 0.03, "base")
+    assert fit.told[PRIME].low < 0.04 < fit.told[PRIME].high
+    assert fit.roller_radius == pytest.approx(fit.told[PRIME].value - 0.03, abs=1e-12)
 
 
 def test_a_base_radius_that_leaves_no_roller_or_no_nose_is_refused():
