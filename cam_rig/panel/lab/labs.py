@@ -76,6 +76,11 @@ class JumpSheet(LabSheet):
     @cached_property
     def knob(self) -> tuple[float, float]:
         """By what one rigid mass with the sheet's numbers does."""
+        if not self.rig.follower.preload.si:
+            raise ConfigError(
+                f"lab {self.name!r}: rig {self.rig.name!r} has a preload of 0 N; allowed: above 0, "
+                "for the sheet doubles it, and asks for it"
+            )
         rigs = [self.true_rig(setup, None) for setup in self.setups]
         return _knob(self, [_rigid_rpm(self.law, rig) for rig in rigs], KNOB_TO)
 

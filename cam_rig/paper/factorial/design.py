@@ -22,7 +22,7 @@ from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
 from cam_rig.dynamics.jump.search import sought_speed
 from cam_rig.dynamics.vibration import require_speeds, residual_vibration, steady_turn
-from cam_rig.errors import ConfigError, DynamicsError
+from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.laws.catalogue import figures
 from cam_rig.laws.segments import MIN_DWELL, NAMED_RISES
@@ -155,7 +155,7 @@ class Bench:
         for key in ("accelerated", "residual"):
             try:
                 require_speeds(follower, [v / RPM for v in getattr(config, key).si_list])
-            except DynamicsError as error:
+            except ConfigError as error:
                 raise ConfigError(f"factorial {config.name!r}: {key}: {error}") from None
         return cls(
             TwoMassParameters.from_rig(rig),
