@@ -16,7 +16,7 @@ from typing import Literal
 
 import numpy as np
 
-from cam_rig.errors import LawError
+from cam_rig.errors import ConfigError, LawError
 from cam_rig.laws.arc_law import ArcFollower, arc_lift
 from cam_rig.laws.arcs import Blend, Circle, close
 from cam_rig.measured.cam_fit.gauge import Readings
@@ -165,11 +165,32 @@ def with_radii(
             usual, base = base, float(f"{less / (1.0 - GOOD_NOSE):.2g}")
         return pitch.grown(base - pitch.base_radius), roller, usual
     if known == "base":
-        # one that leaves none is refused when the fit is done: `ArcsFit.require_roller`
+        # one that leaves none is refused when the fit is done: `require_roller`
         roller = min(max(pitch.base_radius - base, 0.0), (1.0 - SHARPEST) * least)
     elif known is None and least - roller < LEAST_NOSE * least:
         usual, roller = roller, float(f"{GOOD_NOSE * least:.2g}")
     return pitch.grown(-roller), roller, usual
+
+
+def require_roller(base: float, pitch: Arcs, told: str) -> None:
+    """Refuse a base radius (m) beside which a pitch curve has no roller, or no nose.
+
+    ``told``: the interval of its prime radius.
+    """
+    prime, nose = pitch.base_radius, pitch.nose_radius
+    together = f"{prime * 1e3:.4g} mm ({told} with 95 %)"
+    if base >= prime:
+        raise ConfigError(
+            f"--base-radius: is {base * 1e3:g} mm; allowed: below base and roller radius "
+            f"together, {together}, or with --roller-radius"
+        )
+    if prime - base >= nose:
+        raise ConfigError(
+            f"--base-radius: is {base * 1e3:g} mm, which leaves a roller of "
+            f"{(prime - base) * 1e3:.4g} mm of {together}; allowed: above "
+            f"{(prime - nose) * 1e3:.4g} mm, for nose and roller radius are together "
+            f"{nose * 1e3:.4g} mm, or with --roller-radius"
+        )
 
 
 # Least squares of a contour, any of whose numbers may be held.

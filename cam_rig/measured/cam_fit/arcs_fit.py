@@ -16,7 +16,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from cam_rig.errors import ConfigError, LawError
+from cam_rig.errors import LawError
 from cam_rig.laws.arc_law import ArcFollower
 from cam_rig.measured.cam_fit.arcs import (
     ANGLE,
@@ -31,6 +31,7 @@ from cam_rig.measured.cam_fit.arcs import (
     Form,
     Known,
     number_of,
+    require_roller,
     with_radii,
 )
 from cam_rig.measured.cam_fit.arcs_intervals import Profile, Told
@@ -259,24 +260,6 @@ class ArcsFit(Result):
                 yield f"The next best reading of the columns is {other.name}: {left}"
         yield from self.cannot_tell
 
-    def require_roller(self, base: float) -> None:
-        """Refuse a base radius (m) beside which the pitch curve found has no roller, or no nose."""
-        pitch = self.best.search.pitch(self.best.x)
-        prime, nose = pitch.base_radius, pitch.nose_radius
-        told = f"{prime * 1e3:.4g} mm ({self.told[PRIME].interval} with 95 %)"
-        if base >= prime:
-            raise ConfigError(
-                f"--base-radius: is {base * 1e3:g} mm; allowed: below base and roller radius "
-                f"together, {told}, or with --roller-radius"
-            )
-        if prime - base >= nose:
-            raise ConfigError(
-                f"--base-radius: is {base * 1e3:g} mm, which leaves a roller of "
-                f"{(prime - base) * 1e3:.4g} mm of {told}; allowed: above "
-                f"{(prime - nose) * 1e3:.4g} mm, for nose and roller radius are together "
-                f"{nose * 1e3:.4g} mm, or with --roller-radius"
-            )
-
     def _flanks(self) -> Iterator[str]:
         """That flanks were taken as straight, and what is told if they are."""
         flank, straight = self.told[FLANK], self.arcs.flank_radius is None
@@ -318,13 +301,10 @@ class ArcsFit(Result):
                 f"are left without them, and base and roller radius together are then {prime} mm, "
                 f"nose and roller radius {nose} mm, with 95 %."
             )
-        poor = [
-            f"{told.name} {told.interval}"
-            for i, told in enumerate(self.told)
-            if i != FLANK and told.hardly
-        ]
-        if poor:
-            yield f"Warning: the readings hardly tell {', '.join(poor)} (95 %)."
+        hardly = [one for i, one in enumerate(self.told) if i != FLANK and one.hardly]
+        if hardly:
+            poor = ", ".join(f"{one.name} {one.interval}" for one in hardly)
+            yield f"Warning: the readings hardly tell {poor} (95 %)."
 
 
 #: Outliers are judged by the arcs, and the arcs are fitted again, at most so many times.
@@ -350,12 +330,11 @@ def fit_arcs(
     """Fit one contour to all columns, above their zero; of unnamed ones the kind is found too.
 
     ``kinds``: for each column whether its follower is flat, None tries both; ``roller_radius``: m,
-    0 for a point; ``base_radius``: m, taken where all followers are flat, for nothing is told of it
-    then, and where both radii are known. Neither bounds the search unless it is known, and another
-    is taken where it leaves no nose; ``known``: which of them is given; ``flank``: None takes a
-    straight one unless the readings rule it out. Which readings are outliers, the arcs say: a good
-    one beside a kink, where a flat face passes from base circle to nose, is contradicted by its
-    neighbours alone, and hides one that is none.
+    0 for a point; ``base_radius``: m, taken where all followers are flat, which tell nothing of it,
+    and where both are known. Neither bounds the search unless it is known, and another is taken
+    where it leaves no nose; ``known``: which is given; ``flank``: None takes a straight one unless
+    the readings rule it out. Which readings are outliers, the arcs say: a good one beside a kink,
+    where a flat face passes from base circle to nose, is contradicted by its neighbours alone.
     """
 
     def fit(columns: tuple[Readings, ...]) -> ArcsFit:
@@ -372,7 +351,8 @@ def fit_arcs(
             if more > 0 and worse < more * (OUTLIER * found.rms) ** 2:
                 found = whole
     if known == "base":
-        found.require_roller(base_radius)
+        pitch = found.best.search.pitch(found.best.x)
+        require_roller(base_radius, pitch, found.told[PRIME].interval)
     return found
 
 
