@@ -150,7 +150,7 @@ def _fall_of_force(contact: StemContactTable, now: ContactStretch, limit: float)
     return NONE
 
 
-def _calm_until(rows: Rows, local: float, vibration: float) -> float:
+def _held_until(rows: Rows, local: float, vibration: float) -> float:
     """Time (s) into a part up to which no vibration so large (N) can lift it: no need to look."""
     length = rows[PART][LENGTH] / CELLS
     cell = int(local / length)
@@ -188,30 +188,27 @@ def _above_until(
 ) -> float:
     """Time from ``begin`` on up to which steps prove that the force is above rounding."""
     rows, omega = contact.parts[now.part], math.sqrt(contact.stiffness)
-    noise, least, free = (
-        rows[PART][ROUNDING],
-        MIN_STEP * contact.window,
-        free_at(contact, now, begin),
-    )
+    noise, least = rows[PART][ROUNDING], MIN_STEP * contact.window
+    free = free_at(contact, now, begin)
     vibration = noise + _largest(contact, omega * free[0], free[1])
-    calm = _calm_until(rows, now.local + begin, vibration) - now.local
-    if calm >= limit:
+    held = _held_until(rows, now.local + begin, vibration) - now.local
+    if held >= limit:
         return limit
     value, rate = _force(contact, now, begin, free)
     while begin < limit:
         bend = -contact.stiffness * free[0] - contact.damping * free[1]
         jerk = -contact.stiffness * free[1] - contact.damping * bend
         most = rows[PART][BEND] + _largest(contact, omega * bend, jerk)
-        end = max(begin + ahead(value, max(rate, 0.0), most), calm)
+        end = max(begin + ahead(value, max(rate, 0.0), most), held)
         if end < begin + least:
             break
         end = min(end, limit)
         free = free_at(contact, now, end)
         reached, further = _force(contact, now, end, free)
-        if end > calm and not is_clear(value, rate, reached, further, end - begin, most):
+        if end > held and not is_clear(value, rate, reached, further, end - begin, most):
             break
         begin, value, rate = end, reached, further
-        calm = _calm_until(rows, now.local + begin, vibration) - now.local
+        held = _held_until(rows, now.local + begin, vibration) - now.local
     return begin
 
 

@@ -225,7 +225,7 @@ class ArcSearch:
     """The least squares of one reading of the columns.
 
     It is of the pitch curve, the contour grown by the roller's radius, which is all that lifts
-    tell: those of a roller's centre are its polar radii, and a flat face's are alike on every
+    tell: those of a roller's centre are its polar radii, and a flat face's are the same on every
     parallel contour. ``roles``: of each column, whether its follower is flat, and whether it was
     read backwards; ``held``: coordinates of ``form`` that are not searched, by their index;
     ``least``: radius (m) above which base and nose of the pitch curve are, that of a roller which
