@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 #: Of values that differ by less than this fraction of the largest ordinate the first is taken.
 TIE = 1e-12
+#: Angles (rad) that are asked for, either way: a float holds this one to 1e-7 rad.
+MAX_ANGLE = 1e9
 
 
 @dataclass(frozen=True)
@@ -242,11 +244,13 @@ class Law:
                 f"law {self.name!r}: the angle is no number a float holds, nor an array of them "
                 f"({type(angle).__name__}); allowed: finite angles in rad"
             ) from None
-        if not np.isfinite(at).all():
-            place = tuple(np.argwhere(~np.isfinite(at))[0].tolist())
+        within = np.abs(at) <= MAX_ANGLE
+        if not within.all():
+            place = tuple(np.argwhere(~within)[0].tolist())
             where = f"[{', '.join(map(str, place))}]" if place else ""
             raise LawError(
-                f"law {self.name!r}: angle{where} is {at[place]}; allowed: finite angles in rad"
+                f"law {self.name!r}: angle{where} is {at[place]}; allowed: finite angles in rad, "
+                f"at most {MAX_ANGLE:g} either way"
             )
         return at
 
