@@ -23,8 +23,6 @@ from cam_rig.interrupts import STOPPING, interruptible
 
 #: Of a command that was killed outright, Python's own process removes what it left, and says so.
 UNTOLD = "ignore:resource_tracker:UserWarning"
-
-
 #: What a worker begins with: one core for matrices, and memory (glibc's, in bytes) that is kept for
 #: the next point, not given back and asked for anew.
 WORKER_ENVIRONMENT = {
@@ -117,9 +115,6 @@ def workers(count: int | None = None) -> Iterator[ProcessPoolExecutor]:
         raise
     finally:
         pool.shutdown(cancel_futures=True)
-
-
-# A campaign run: batches of points to an executor, their rows to the dataset as they come.
 
 
 @contextmanager

@@ -89,10 +89,6 @@ class BaseFollower(Strict):
         """Roller radius in m, 0 for a follower without one."""
         return 0.0
 
-    def numbers(self) -> dict[str, Quantity]:
-        """Every number of the follower by its key."""
-        return dict(quantities(self, ""))
-
 
 class _Rolling(BaseFollower):
     roller_radius: Length
@@ -331,16 +327,12 @@ class CamConfig(Strict):
         save_model(self, path, overwrite)
 
     @model_validator(mode="after")
-    def _own_frame(self) -> CamConfig:
+    def _named_and_whole(self) -> CamConfig:
         if self.name in FRAMES:
             raise ValueError(
                 f"name: is {self.name!r}, another frame of the rig; allowed: any name but "
                 f"{', '.join(FRAMES)}"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _turn(self) -> CamConfig:
         total = sum(math.degrees(segment.span.si) for segment in self.segments)
         if abs(total - 360.0) > 1e-9:
             raise ValueError(
@@ -350,13 +342,8 @@ class CamConfig(Strict):
         return self
 
     def numbers(self) -> dict[str, Quantity]:
-        """Every number of the file by its key, for tables of given / assumed / identified."""
-        found: dict[str, Quantity] = {"lift": self.lift, **self.follower.numbers()}
-        if self.contact is not None:
-            found |= quantities(self.contact, "contact.")
-        for i, segment in enumerate(self.segments):
-            found |= {f"segments[{i}].{key}": n for key, n in segment.numbers().items()}
-        return found
+        """Every number of the file by its key, the follower's by theirs alone."""
+        return {key.removeprefix("follower."): number for key, number in quantities(self, "")}
 
     @property
     def parts(self) -> ContactParts:

@@ -127,40 +127,14 @@ class Library:
         return [root / folder / f"{name}.yaml" for root in self.roots]
 
 
-def load_cam(path: Path) -> CamConfig:
-    """Read one file of ``config/cams/``."""
-    return load(path, CamConfig)
-
-
-def load_rig(path: Path) -> RigConfig:
-    """Read one file of ``config/rigs/``."""
-    return load(path, RigConfig)
-
-
-def load_scene(path: Path) -> SceneConfig:
-    """Read one file of ``config/scenes/``."""
-    return load(path, SceneConfig)
-
-
-def load_published(path: Path) -> PublishedNoise:
-    """Read one file of ``config/published/``."""
-    return load(path, PublishedNoise)
-
-
-def load_tables(path: Path) -> PublishedTables:
-    """Read one file of ``config/published/tables/``."""
-    return load(path, PublishedTables)
-
-
-def load_readings(path: Path) -> TableReadings:
-    """Read one file of ``config/published/readings/``."""
-    return load(path, TableReadings)
-
-
-# Files that a command names: by path, or by the word that a shipped one goes by.
-
-
-# A file by its path, or by its name in its folder of ``config``.
+# One file of a folder of ``config``, read and checked.
+load_cam = partial(load, kind=CamConfig)
+load_rig = partial(load, kind=RigConfig)
+load_scene = partial(load, kind=SceneConfig)
+load_published = partial(load, kind=PublishedNoise)
+load_tables = partial(load, kind=PublishedTables)
+load_readings = partial(load, kind=TableReadings)
+# Its path: of a path that a command is given, or of the name of a shipped one.
 scene_path = partial(named_path, "scenes")
 cam_path = partial(named_path, "cams")
 rig_path = partial(named_path, "rigs")
@@ -180,9 +154,6 @@ def tables_path() -> Path:
 def readings_path() -> Path:
     """The readings of the paper's Table 2."""
     return config_root() / "published" / "readings" / "table2.yaml"
-
-
-# The cams that a study is asked for, and the rig they turn on: named, or those of a scene.
 
 
 def one_scene(names: Sequence[Any] | None) -> Path | None:

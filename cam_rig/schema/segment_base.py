@@ -30,10 +30,6 @@ class SegmentBase(Strict):
 
     span: Span
 
-    def numbers(self) -> dict[str, Quantity]:
-        """Every number of the segment by its key."""
-        return dict(quantities(self, ""))
-
 
 class WholeTurn(SegmentBase):
     """A law that goes once around: no other segment has a place beside it."""
