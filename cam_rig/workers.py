@@ -1,4 +1,4 @@
-"""Several processes for work that is many alike."""
+"""Several processes for work that is many alike: this machine's, or a Dask cluster."""
 
 from __future__ import annotations
 
@@ -129,8 +129,6 @@ def broken_named(then: str = "") -> Iterator[None]:
             "ran out, else the same again"
         ) from None
 
-
-# Where work that is many alike is done: this machine's processes, or a Dask cluster.
 
 #: Longest wait for a scheduler, and for its first worker, s.
 WAIT_S = 15.0

@@ -1,4 +1,4 @@
-"""cam-rig run: the scene through the live node graph, into a bag.
+"""cam-rig run: the scene through the live node graph, into a bag; cam-rig replay: a bag through it.
 
 Started in this order (`cam_rig.runner.node_table`): recorder, viewer where asked for, microphone,
 follower, law_server, cam_drive; ended in the opposite one, the recorder last.
@@ -169,9 +169,6 @@ def _run(
         f"{counts[FOLLOWER_SAMPLES.name]} ticks, {sum(counts.values())} messages, none missing, "
         f"in {took:.1f} s: {escape(str(target))}"
     )
-
-
-# cam-rig replay: a recorded run through the live follower and microphone, and compared.
 
 
 @command("json", "csv")

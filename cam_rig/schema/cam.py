@@ -14,8 +14,6 @@ from cam_rig.schema.quantity import Quantity, Strict, must_be
 from cam_rig.schema.segment_base import SegmentBase, Table, quantities
 from cam_rig.schema.segments import Segment
 
-# What cam and follower are where they touch: width, material, and what they bear.
-
 Width = Annotated[Quantity, must_be("length", above=0.0, least=1e-6, most=10.0)]
 Modulus = Annotated[Quantity, must_be("pressure", above=0.0, least=1e6, most=1e13)]
 #: An incompressible solid has 0.5.
@@ -57,8 +55,6 @@ class ContactParts(Strict):
         young = self.follower_youngs_modulus or self.youngs_modulus
         return 1.0 / (cam + (1.0 - poisson.si**2) / young.si)
 
-
-# The follower of a cam file: its kind, its size, and the size of the cam under it.
 
 Length = Annotated[Quantity, must_be("length", above=0.0, most=100.0)]
 Offset = Annotated[Quantity, must_be("length", least=-100.0, most=100.0)]

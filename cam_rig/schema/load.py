@@ -165,8 +165,6 @@ def one_scene(names: Sequence[Any] | None) -> Path | None:
     return path if isinstance(data, dict) and "program" in data else None
 
 
-# Whether a file is a shipped one, told by its numbers and laws and not by its name.
-
 #: Keys of a config file that say where a number comes from.
 WORDS = frozenset({"source", "residual"})
 
@@ -187,9 +185,6 @@ def bare(value: Any, without: frozenset[str]) -> Any:
     if isinstance(value, dict):
         return {k: bare(v, without) for k, v in value.items() if k not in without}
     return [bare(v, without) for v in value] if isinstance(value, list | tuple) else value
-
-
-# A fit as a cam file of the rig, with its points where it has some.
 
 
 def quantity(

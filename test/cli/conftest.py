@@ -1,6 +1,9 @@
 """The noise study on a smaller sweep, computed once for the commands that tell of it."""
 
 import json
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 from matplotlib.figure import Figure
@@ -92,10 +95,14 @@ def one_study(found, monkeypatch):
         monkeypatch.setattr(f"{module}.study_noise", study)
 
 
-# -- a command as a person calls it, in this process ------------------------------------------
+GOLDEN, BIN = config_root().parent / "bags" / "golden", Path(sys.executable).parent
 
 
-GOLDEN = config_root().parent / "bags" / "golden"
+def ended(*command, **how):
+    """A process that has ended, with what it printed."""
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    words = [str(one) for one in command]
+    return subprocess.run(words, text=True, check=False, timeout=100, **pipes | how)
 
 
 def call(*arguments):
@@ -106,7 +113,7 @@ def call(*arguments):
 def done(*arguments):
     """The answer of a command that succeeds."""
     result = call(*arguments)
-    assert result.exit_code == 0, result.stderr
+    assert result.exit_code == 0, f"{result.exception} {result.stderr}"
     return result
 
 

@@ -8,12 +8,11 @@ import shutil
 from textwrap import dedent
 
 import pytest
-from typer.testing import CliRunner
 
-from cam_rig.cli.main import COMMANDS, app, command
+from cam_rig.cli.main import COMMANDS, command
 from cam_rig.schema.load import config_root
 
-from .conftest import GOLDEN
+from .conftest import GOLDEN, done
 
 TITLE = "A cam whose title is of many more letters than forty: {}"
 #: Cams of one's own: name, the shipped file, what else differs in it.
@@ -162,9 +161,7 @@ def drawing_commands(commands, before=""):
 def test_no_figure_is_faulty(case, own, tmp_path):
     """Nothing cut, nothing on another, 7 points at 170 mm, a true minus; TrueType in PDF."""
     picture = tmp_path / "a.pdf"
-    words = (word.format_map(own) for word in case.split())
-    result = CliRunner().invoke(app, [*words, str(picture)])
-    assert result.exit_code == 0, f"{result.exception} {result.stderr}"
+    done(*case.format_map(own).split(), picture)
     data = picture.read_bytes()
     assert b"/Type3" not in data and b"/FontFile2" in data
 
@@ -173,10 +170,7 @@ def test_no_figure_is_faulty(case, own, tmp_path):
 @pytest.mark.slow
 def test_no_figure_of_a_page_is_faulty(own, tmp_path):
     """Those of a scene's report, of the same cams."""
-    result = CliRunner().invoke(
-        app, ["report", str(own["slow"]), "--out", str(tmp_path / "a.html")]
-    )
-    assert result.exit_code == 0, f"{result.exception} {result.stderr}"
+    done("report", own["slow"], "--out", tmp_path / "a.html")
 
 
 def test_every_command_that_draws_is_here():

@@ -127,9 +127,6 @@ def test_a_cam_that_cannot_be_names_its_file(tmp_path, config_dir):
     assert not (tmp_path / "a.png").exists()
 
 
-# -- one convention: a scene is an argument and brings its rig; --rig is a name or a file
-
-
 @pytest.fixture(scope="module")
 def own(tmp_path_factory):
     """A scene with a rig and a cam of its own, in a folder far from the shipped ones."""

@@ -6,7 +6,6 @@ import os
 import random
 import shutil
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -18,10 +17,9 @@ import pytest
 from cam_rig.dynamics.events.search import ALWAYS, VARIABLE
 from cam_rig.interrupts import STOPPING
 
-from .conftest import GOLDEN
+from .conftest import BIN, GOLDEN
 
 LONG = pytest.mark.long
-BIN = Path(sys.executable).parent
 #: Wall time (s) that a command may take to end; on a busy machine many times what it takes.
 PATIENCE_S = 60.0
 #: Wall time (s) that its children may take to go, who see that it has gone.

@@ -20,9 +20,6 @@ def rows(table):
     return [line.split(" | ") for line in table.strip().splitlines()]
 
 
-# Files that are no config at all: missing, empty, broken, of another shape.
-
-
 def test_what_is_no_mapping(error_of):
     keys = "a mapping with the keys name, title, follower, shaft, "
     for text, words in (

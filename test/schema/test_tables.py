@@ -121,8 +121,6 @@ def test_dwells(load):
         assert words in str(caught.value)
 
 
-# A gauge's table: whatever separates, marks decimals or heads the columns is read.
-
 ANGLES, LIFTS = [0.0, 10.0, 20.0], [0.0, 0.25, 1.5]  # deg, mm
 
 
@@ -293,9 +291,6 @@ def test_any_bytes_are_read_or_refused_in_one_line(tmp_path_factory, data):
         assert len(str(error).splitlines()) == 1
     else:
         assert len(found.angles) == len(found.lines) == len(found.columns[0].lifts)
-
-
-# Jump speeds as they come.
 
 
 @pytest.fixture

@@ -118,8 +118,6 @@ def test_whatever_both_understand_both_read_alike(text):
         assert mine == theirs
 
 
-# The shipped files.
-
 LOADERS = {"cams": load_cam, "rigs": load_rig, "scenes": load_scene, "published": load_published}
 #: Counts, degrees and fractions of the lift: choices of form, which have no unit and no origin.
 BARE = {"to", "degree", "order", "points_per_turn", "ticks_per_turn", "seed"}

@@ -129,9 +129,6 @@ def test_what_the_node_reads_is_class_1(make_loaded_scene, rate):
     assert class_1_up_to_hz(MeterSimulator(source).meter.rate) == 20_000.0
 
 
-# -- what instruments make of a run: counts of an encoder, gaps between readings --------------
-
-
 @pytest.mark.variants(4)
 @pytest.mark.parametrize("seed", range(40))
 def test_the_count_is_found(seed):

@@ -93,9 +93,6 @@ def test_levels_along_ramps_are_left_out(make_loaded_scene, model):
             assert level == pytest.approx(float(level_db(np.sqrt(power))), abs=close)
 
 
-# Settled turns hold the same energy as the exact steady response and as a whole run.
-
-
 STEADY_RPM = np.array([200.0, 300.0, 400.0])
 SPEEDS = STEADY_RPM * np.pi / 30.0
 
@@ -150,9 +147,6 @@ def test_elastic_turns_settle(make_loaded_scene):
     early = settled_turns(law, "two_mass", follower, SPEEDS[:1])
     levels = [Acoustics(loaded.radiation).levels(turns) for turns in (early, late)]
     np.testing.assert_allclose(levels[0], levels[1], atol=0.05)
-
-
-# Levels are a property of the motion: the same however the turn is divided into ticks.
 
 
 DIVISIONS = (2, 3, 5, 7, 36, 72, 100)
@@ -255,9 +249,6 @@ def test_the_nodes_give_the_same_levels(divided, seed):
     levels = levels_of(divided(scene, 1))
     for ticks in (1, 5):
         assert_equal(step_levels(run_of_the_nodes(divided(scene, ticks)), settle), levels)
-
-
-# -- a row each speed says what the follower did: held against exact events, energy and the bag
 
 
 GOLDEN = config_root().parent / "bags" / "golden"

@@ -111,9 +111,6 @@ def test_a_table_brings_its_points(make_loaded_scene, tmp_path):
     assert again.cams["measured"] == loaded.cams["measured"]
 
 
-# A rig file needs what the model and the measure in use need, and nothing else.
-
-
 FOUR = {"mass": "kg", "spring_stiffness": "N/m", "damping": "N*s/m", "preload": "N"}
 VALUES = {"mass": 2.0, "spring_stiffness": 5000.0, "damping": 10.0, "preload": 60.0}
 OPTIONAL = {
@@ -188,9 +185,6 @@ def test_a_level_asks_for_the_sound(model):
             cam_rig.sound_level(motion)
 
 
-# A level is calibrated only where the rig's constants were fitted with its own follower.
-
-
 def changed(rig, part, **numbers):
     """A rig file with other numbers, of whatever origin and unit, as a person copies and edits."""
     data = rig.model_dump(exclude_none=True)
@@ -245,9 +239,6 @@ def test_another_cam_of_the_calibrated_name_is_a_prediction():
     own = replace(scene, cams=scene.cams | {"poly345": lower})
     assert own.role("poly345") == "predicted"
     assert own.role("tm21") == "identified"
-
-
-# -- the drive's program: whole turns, ticks that meet, an angle that never jumps -------------
 
 
 @pytest.fixture(params=[1, 7, 64])
@@ -324,9 +315,6 @@ def test_order_of_cams_and_speeds(scene):
     played = dict.fromkeys((state.cam, state.speed) for state in states if state.speed)
     rates = [float(speed) for speed in scene.program.speeds.si_list]
     assert list(played) == [(cam, speed) for cam in ("poly345", "bezier15") for speed in rates]
-
-
-# Ramps
 
 
 @pytest.fixture(params=[1, 5])
