@@ -232,19 +232,18 @@ def save_model(model: BaseModel, path: str | Path, overwrite: bool = False) -> N
     data = file_data(named)
     check_place(target)
     points = target.with_suffix(".csv")
-    has_points = any("file" in segment for segment in data.get("segments", ()))
-    for file in (target, points) if has_points else (target,):
+    tables = [segment for segment in data.get("segments", ()) if "file" in segment]
+    for file in (target, points) if tables else (target,):
         if file.exists() and not overwrite:
             raise OutputError(
                 f"{file}: exists already, not overwriting; name another, or say overwrite=True"
             )
-    for segment in data.get("segments", ()):
-        if "file" in segment:
-            table, segment["file"] = segment["file"], points.name
-            rows = zip(table["angles"], table["lifts"], strict=True)
-            text = "angle_rad,lift_m\n" + "".join(f"{a!r},{s!r}\n" for a, s in rows)
-            with writing(points) as part:
-                part.write_text(text, encoding="utf-8")
+    for segment in tables:
+        table, segment["file"] = segment["file"], points.name
+        rows = zip(table["angles"], table["lifts"], strict=True)
+        text = "angle_rad,lift_m\n" + "".join(f"{a!r},{s!r}\n" for a, s in rows)
+        with writing(points) as part:
+            part.write_text(text, encoding="utf-8")
     with writing(target) as part:
         part.write_text(to_yaml(data), encoding="utf-8")
 

@@ -53,28 +53,27 @@ def test_law_as_csv(laws):
     assert "plot" not in result.stderr
 
 
-def rows_of(result):
-    """The CSV on stdout, row by row."""
-    assert result.exit_code == 0, result.stderr
-    return list(csv.DictReader(io.StringIO(result.stdout)))
+def rows_of(*names):
+    """The CSV of laws, row by row."""
+    return list(csv.DictReader(io.StringIO(done("law", *names, "--csv", "-").stdout)))
 
 
 def test_names_that_are_all_cams_are_cams():
     """poly345 and cycloidal are both: the cam is meant, unless a rise stands beside it."""
-    cams = rows_of(call("law", "poly345", "cycloidal", "--csv", "-"))
+    cams = rows_of("poly345", "cycloidal")
     assert {row["cam"] for row in cams} == {"poly345", "cycloidal"}
     assert max(float(row["lift"]) for row in cams) == pytest.approx(0.05)
     for told in (["bezier9"], ["--rises"]):
-        rises = rows_of(call("law", "poly345", "cycloidal", *told, "--csv", "-"))
+        rises = rows_of("poly345", "cycloidal", *told)
         assert max(float(row["lift"]) for row in rises) == pytest.approx(1.0)
 
 
 def test_a_csv_of_several_cams_holds_that_of_each(config_dir):
     """The same rows below each other, a cam's name before each; paths and names may be mixed."""
     path = config_dir / "cams" / "bezier15.yaml"
-    both = rows_of(call("law", "poly345", path, "--csv", "-"))
+    both = rows_of("poly345", path)
     for name in ("poly345", "bezier15"):
-        alone = rows_of(call("law", name, "--csv", "-"))
+        alone = rows_of(name)
         assert [row for row in both if row["cam"] == name] == alone
 
 

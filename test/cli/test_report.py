@@ -59,15 +59,11 @@ def numbered(page, kind):
     return [int(n) for n in re.findall(rf' id="{kind}-(\d+)"', page)]
 
 
-def test_a_long_sentence_is_found():
-    """One of 31 words, in any part of a page."""
+def test_what_is_wrong_with_a_page_is_found():
+    """A sentence of 31 words in any part; what is not typeset in sentences and cells alone."""
     words = "Word" + 30 * " word"
     page = f"<p>Short. {words}. Short.</p><td class='x'>{words}</td><li>{words[5:]}</li>"
     assert too_long(page) == [f"{words}.", words]
-
-
-def test_what_is_not_typeset_is_found():
-    """In sentences and cells, not in a command."""
     page = "<p>From -3 to 4.</p><td>1e-9</td><td>−3·10⁸</td><p><code>--at -3</code>, fig. 4-6</p>"
     assert untypeset(page) == ["From -3 to 4.", "1e-9"]
 

@@ -20,29 +20,19 @@ from ..processes import children
 from .conftest import BIN, call, ended
 
 
-def start(*arguments):
-    """A command in a group of its own, as a terminal starts it."""
-    words = map(str, arguments)
-    return subprocess.Popen([*words], stderr=subprocess.PIPE, text=True, start_new_session=True)
-
-
-def interrupted(process):
-    """What a command prints at Ctrl-C, which all of its group get; blank lines clear a bar."""
-    os.killpg(process.pid, signal.SIGINT)
-    _, printed = process.communicate(timeout=60)
-    assert process.returncode == INTERRUPTED
-    return [line for line in printed.splitlines() if line.strip()]
-
-
 @pytest.mark.long
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="children are found in /proc")
 def test_an_interrupt_while_workers_begin(tmp_path):
     """They are in the middle of their imports, and print nothing; nothing is written."""
-    process = start(BIN / "cam-rig", "report", "--out", tmp_path / "a.html")
+    words = [BIN / "cam-rig", "report", "--out", tmp_path / "a.html"]
+    process = subprocess.Popen(words, stderr=subprocess.PIPE, text=True, start_new_session=True)
     while not any("spawn_main" in " ".join(words) for words in children(process.pid).values()):
         assert process.poll() is None, process.stderr.read()
         time.sleep(0.01)
-    assert interrupted(process) == ["cam-rig: interrupted by SIGINT"]
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal's Ctrl-C, which all of a group get
+    _, printed = process.communicate(timeout=60)
+    assert process.returncode == INTERRUPTED
+    assert printed.strip() == "cam-rig: interrupted by SIGINT"  # blank lines clear a bar
     assert list(tmp_path.iterdir()) == []
 
 

@@ -320,14 +320,8 @@ def test_order_of_cams_and_speeds(scene):
 @pytest.fixture(params=[1, 5])
 def ramped(request, make_scene):
     """Up, on, down and no change: from rest for each of two cams."""
-    program = {
-        "speeds": {"assumed": [200, 333, 100, 100], "unit": "rpm"},
-        "turns": {"assumed": 2, "unit": "turns"},
-        "settle_turns": {"assumed": 1, "unit": "turns"},
-        "ticks_per_turn": request.param,
-        "ramp": {"assumed": 0.7, "unit": "s"},
-    }
-    return make_scene(program=program)
+    speeds = [200, 333, 100, 100]
+    return make_scene(speeds=speeds, turns=2, ticks_per_turn=request.param, ramp=0.7)
 
 
 def intervals(scene):
