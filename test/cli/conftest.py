@@ -45,10 +45,22 @@ def no_broken_heading(monkeypatch):
     monkeypatch.setattr(console, "_widths", checked)
 
 
+def shipped(folder, name):
+    """The text of a shipped file."""
+    return (config_root() / folder / f"{name}.yaml").read_text(encoding="utf-8")
+
+
 def load(folder, name):
     """A shipped file as plain data."""
-    text = (config_root() / folder / f"{name}.yaml").read_text(encoding="utf-8")
-    return YAML(typ="safe").load(text)
+    return YAML(typ="safe").load(shipped(folder, name))
+
+
+def written(root, files):
+    """A folder with files of these texts, by their names in it."""
+    for name, text in files.items():
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        (root / name).write_text(text, encoding="utf-8")
+    return root
 
 
 @pytest.fixture(scope="session")

@@ -12,7 +12,7 @@ import pytest
 from cam_rig.cli.main import COMMANDS, command
 from cam_rig.schema.load import config_root
 
-from .conftest import GOLDEN, done
+from .conftest import GOLDEN, done, shipped
 
 TITLE = "A cam whose title is of many more letters than forty: {}"
 #: Cams of one's own: name, the shipped file, what else differs in it.
@@ -109,10 +109,6 @@ def retitled(text, name, title):
     """A file's text with another name and title."""
     text = re.sub(r"^name: .*$", f"name: {name}", text, count=1, flags=re.M)
     return re.sub(r"^title: .*$", f"title: '{title}'", text, count=1, flags=re.M)
-
-
-def shipped(folder, name):
-    return (config_root() / folder / f"{name}.yaml").read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="module")

@@ -3,20 +3,18 @@
 import csv
 import io
 import json
-from pathlib import Path
 from shutil import copy, copytree
 
 import numpy as np
 import pytest
-from ruamel.yaml import YAML
 
 from cam_rig.errors import ConfigError
 from cam_rig.laws.catalogue import free_laws
 from cam_rig.laws.segments import NAMED_RISES
-from cam_rig.schema.load import config_root, one_scene
+from cam_rig.schema.load import one_scene
 from cam_rig.simulation.asked import asked_cams, asked_scene, scene_speeds
 
-from .conftest import call, data_of, done
+from .conftest import call, data_of, done, shipped, written
 
 
 def test_laws_as_json():
@@ -115,11 +113,10 @@ def test_a_family_by_itself():
     assert "cycloidal" not in result.stderr
 
 
-def test_a_cam_that_cannot_be_names_its_file(tmp_path, config_dir):
+def test_a_cam_that_cannot_be_names_its_file(tmp_path):
     """The line says which file, which cam, and what to change."""
-    text = (config_dir / "cams" / "arcs_convex.yaml").read_text(encoding="utf-8")
-    path = tmp_path / "arcs_convex.yaml"
-    path.write_text(text.replace("assumed: 80", "assumed: 20"), encoding="utf-8")
+    text = shipped("cams", "arcs_convex").replace("assumed: 80", "assumed: 20")
+    path = written(tmp_path, {"arcs_convex.yaml": text}) / "arcs_convex.yaml"
     result = call("law", path, "--out", tmp_path / "a.png")
     assert result.exit_code == 2
     assert result.stderr.startswith(f"cam-rig: {path}: cam 'arcs_convex': arcs[1]: radius 20 mm")
@@ -129,23 +126,20 @@ def test_a_cam_that_cannot_be_names_its_file(tmp_path, config_dir):
 @pytest.fixture(scope="module")
 def own(tmp_path_factory):
     """A scene with a rig and a cam of its own, in a folder far from the shipped ones."""
-    config = tmp_path_factory.mktemp("elsewhere")
-    for folder in ("cams", "rigs", "scenes"):
-        (config / folder).mkdir()
-    root = config_root()
-    rig = (root / "rigs" / "tm21.yaml").read_text(encoding="utf-8")
-    for name in ("mine", "other"):
-        text = rig.replace("name: tm21", f"name: {name}")
-        (config / "rigs" / f"{name}.yaml").write_text(text, encoding="utf-8")
-    cam = (root / "cams" / "poly345.yaml").read_text(encoding="utf-8")
-    (config / "cams" / "lug.yaml").write_text(cam.replace("name: poly345", "name: lug"))
-    yaml = YAML(typ="safe")
-    scene = yaml.load((root / "scenes" / "quick.yaml").read_text(encoding="utf-8"))
-    scene |= {"name": "scene", "cams": ["lug"], "rig": "mine"}
-    del scene["published"]
-    with (config / "scenes" / "scene.yaml").open("w", encoding="utf-8") as file:
-        yaml.dump(scene, file)
-    return config / "scenes" / "scene.yaml"
+    rig, scene = shipped("rigs", "tm21"), shipped("scenes", "quick")
+    for old, new in (
+        ("name: quick", "name: scene"),
+        ("[tm21, bezier15]", "[lug]"),
+        ("rig: tm21", "rig: mine"),
+    ):
+        scene = scene.replace(old, new)
+    files = {
+        "rigs/mine.yaml": rig.replace("name: tm21", "name: mine"),
+        "rigs/other.yaml": rig.replace("name: tm21", "name: other"),
+        "cams/lug.yaml": shipped("cams", "poly345").replace("name: poly345", "name: lug"),
+        "scenes/scene.yaml": scene.replace("published: tm21_noise\n", ""),
+    }
+    return written(tmp_path_factory.mktemp("elsewhere"), files) / "scenes" / "scene.yaml"
 
 
 def test_cams_or_a_scene(own):
@@ -205,8 +199,7 @@ def test_a_noise_study_of_another_scene_says_what_to_take(own):
 
 def test_the_only_rig_beside_a_cam_is_taken_and_named(own, tmp_path):
     """Two rigs beside it: the paper's, and that is said; one: that one. Without a word, neither."""
-    folder = next(parent for parent in Path(str(own)).parents if (parent / "cams").is_dir())
-    copytree(folder, tmp_path / "mine")
+    copytree(own.parents[1], tmp_path / "mine")
     cam = tmp_path / "mine" / "cams" / "lug.yaml"
     two = done("jump", cam)
     assert two.stderr.startswith("rig paper_table2, a shipped one: beside the cam there is ")

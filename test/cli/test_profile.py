@@ -15,7 +15,7 @@ from cam_rig.schema.load import cam_path, config_root
 from cam_rig.show.tables import number
 
 from .conftest import call as run
-from .conftest import data_of
+from .conftest import data_of, shipped, written
 from .conftest import done as run_done
 
 call = partial(run, "profile")
@@ -153,12 +153,10 @@ def test_pitch_curve_is_the_path_of_such_a_cutter(tmp_path):
 
 def test_an_arm_that_does_not_reach_is_a_wrong_file(tmp_path):
     """Base circle out of the arm's reach: no cam with these numbers, code 2 as for a wrong key."""
-    text = (config_root() / "cams" / "oscillating_roller.yaml").read_text(encoding="utf-8")
-    short, count = re.subn(r"( arm: {\w+: )[\d.]+", r"\g<1>5", text)
+    name = "oscillating_roller"
+    text, count = re.subn(r"( arm: {\w+: )[\d.]+", r"\g<1>5", shipped("cams", name))
     assert count == 1
-    path = tmp_path / "oscillating_roller.yaml"
-    path.write_text(short, encoding="utf-8")
-    result = call(path)
+    result = call(written(tmp_path, {f"{name}.yaml": text}) / f"{name}.yaml")
     assert result.exit_code == 2
     assert "out of reach at the base circle" in result.stderr
     assert len(result.stderr.splitlines()) == 1
