@@ -20,10 +20,8 @@ def listen(loaded, background, frequency="Z", time="F"):
     """Each tick's reading, and its level by the energy account, with a background in dB."""
     radiation = dataclasses.replace(loaded.radiation, background=background)
     rate = int(loaded.scene.sample_rate.si)
-    account, meter = (
-        MicrophoneSimulator(radiation, rate),
-        MeterSimulator(SoundSource(radiation, rate)),
-    )
+    account = MicrophoneSimulator(radiation, rate)
+    meter = MeterSimulator(SoundSource(radiation, rate))
     meter.weigh(frequency, time)
     for tick in turned_ticks(loaded):
         reading = meter.read(tick.rows, tick.start.speed)
