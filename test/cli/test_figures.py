@@ -9,8 +9,8 @@ from textwrap import dedent
 
 import pytest
 
-from cam_rig.cli.main import COMMANDS, command
 from cam_rig.schema.load import config_root
+from tools.docs.commands import verbs
 
 from .conftest import GOLDEN, done, shipped
 
@@ -143,15 +143,6 @@ def own(tmp_path_factory):
     return files
 
 
-def drawing_commands(commands, before=""):
-    """The commands that have an option for a picture, "fit cam" for one of a group."""
-    for name, one in commands.items():
-        if hasattr(one, "commands"):
-            yield from drawing_commands(one.commands, f"{before}{name} ")
-        elif any("--plot" in option.opts for option in one.params):
-            yield before + name
-
-
 @pytest.mark.variants(2)
 @pytest.mark.parametrize("case", CASES)
 def test_no_figure_is_faulty(case, own, tmp_path):
@@ -172,7 +163,10 @@ def test_no_figure_of_a_page_is_faulty(own, tmp_path):
 def test_every_command_that_draws_is_here():
     """A new one is drawn in a case above, or in tests of its own that draw."""
     drawn = {case.split()[0] for case in CASES}
-    commands = set(drawing_commands({name: command(name) for name in COMMANDS}))
+    options = {
+        name: [opt for one in verb.params for opt in one.opts] for name, verb in verbs().items()
+    }
+    commands = {name for name, own in options.items() if "--plot" in own}
     assert commands <= drawn | set(ELSEWHERE)
     for name, file in ELSEWHERE.items():
         assert name in commands
