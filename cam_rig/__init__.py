@@ -66,9 +66,8 @@ if TYPE_CHECKING:
     from cam_rig.schema import RigConfig as Rig
     from cam_rig.simulation.motion import simulate
     from cam_rig.simulation.scene import build_law, load_cam, load_rig, load_scene
-    from cam_rig.simulation.scene_run import run_scene
+    from cam_rig.simulation.scene_run import run_scene, sweep
     from cam_rig.simulation.sound import sound_level
-    from cam_rig.simulation.sweep import sweep
 
     __version__: str
 
@@ -105,47 +104,17 @@ _HOMES = {
     "run_scene": "cam_rig.simulation.scene_run",
     "simulate": "cam_rig.simulation.motion",
     "sound_level": "cam_rig.simulation.sound",
-    "sweep": "cam_rig.simulation.sweep",
+    "sweep": "cam_rig.simulation.scene_run",
     "timing": "cam_rig.paper.timing.study",
     "vibration": "cam_rig.paper.vibration.study",
 }
 __all__ = [
-    "Cam",
-    "CamRigError",
-    "Law",
-    "Rig",
-    "__version__",
-    "as_cut",
-    "bounce_map",
-    "build_law",
-    "campaign",
-    "check_contours",
-    "compare",
-    "contact",
-    "contour",
-    "design",
-    "factorial",
-    "fit_cam",
-    "fit_rig",
-    "jump",
-    "jump_speed",
-    "largest_waviness",
-    "law",
-    "list_laws",
-    "load_cam",
-    "load_rig",
-    "load_scene",
-    "noise",
-    "orders",
-    "read_bag",
-    "readings",
-    "run_scene",
-    "simulate",
-    "sound_level",
-    "sweep",
-    "timing",
-    "vibration",
-]
+    "Cam", "CamRigError", "Law", "Rig", "__version__", "as_cut", "bounce_map", "build_law",
+    "campaign", "check_contours", "compare", "contact", "contour", "design", "factorial",
+    "fit_cam", "fit_rig", "jump", "jump_speed", "largest_waviness", "law", "list_laws",
+    "load_cam", "load_rig", "load_scene", "noise", "orders", "read_bag", "readings",
+    "run_scene", "simulate", "sound_level", "sweep", "timing", "vibration",
+]  # fmt: skip
 
 
 if not TYPE_CHECKING:  # a checker of types knows the names, and tells one that is none

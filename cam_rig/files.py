@@ -82,9 +82,6 @@ def no_room(place: Path, error: OSError) -> OutputError:
     )
 
 
-# New files: refused, before anything is computed, where they could not be written.
-
-
 def check_place(target: Path) -> None:
     """Refuse a place where no file can be written."""
     if target.is_dir():

@@ -35,8 +35,7 @@ def rounded_to_error(value: float, error: float) -> str:
     return f"{value:.{max(0, leading - place)}e}"
 
 
-# The rig's arrays: double precision throughout, and what is taken of one everywhere.
-
+#: The rig's arrays: double precision throughout.
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complexfloating[Any, Any]]
 

@@ -1,4 +1,4 @@
-"""Several processes for work that is many alike."""
+"""Several processes for work that is many alike: this machine's, or a Dask cluster."""
 
 from __future__ import annotations
 
@@ -23,8 +23,6 @@ from cam_rig.interrupts import STOPPING, interruptible
 
 #: Of a command that was killed outright, Python's own process removes what it left, and says so.
 UNTOLD = "ignore:resource_tracker:UserWarning"
-
-
 #: What a worker begins with: one core for matrices, and memory (glibc's, in bytes) that is kept for
 #: the next point, not given back and asked for anew.
 WORKER_ENVIRONMENT = {
@@ -119,9 +117,6 @@ def workers(count: int | None = None) -> Iterator[ProcessPoolExecutor]:
         pool.shutdown(cancel_futures=True)
 
 
-# A campaign run: batches of points to an executor, their rows to the dataset as they come.
-
-
 @contextmanager
 def broken_named(then: str = "") -> Iterator[None]:
     """Whatever an executor says when it breaks down, in one line."""
@@ -134,8 +129,6 @@ def broken_named(then: str = "") -> Iterator[None]:
             "ran out, else the same again"
         ) from None
 
-
-# Where work that is many alike is done: this machine's processes, or a Dask cluster.
 
 #: Longest wait for a scheduler, and for its first worker, s.
 WAIT_S = 15.0

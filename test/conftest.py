@@ -217,6 +217,8 @@ def scene_data(**changes: Any) -> dict[str, Any]:
         "settle_turns": assumed(changes.pop("settle_turns", 1), "turns"),
         "ticks_per_turn": changes.pop("ticks_per_turn", 1),
     }
+    if "ramp" in changes:
+        program["ramp"] = assumed(changes.pop("ramp"), "s")
     return {
         "name": "small",
         "title": "a small scene",

@@ -1,4 +1,4 @@
-"""Several laws at once for cam-rig law: what the names mean, the plot, peaks, CSV."""
+"""cam-rig law, one cam's law or several over each other; cam-rig laws, all side by side."""
 
 from __future__ import annotations
 
@@ -15,8 +15,6 @@ from cam_rig.show.terminal import say
 if TYPE_CHECKING:
     from cam_rig.laws.results import CamLawsResult, RisesResult
 
-
-# cam-rig law: one cam's law, or several over each other, as a plot, a table and CSV.
 
 Save = Annotated[
     Path | None,
@@ -83,9 +81,6 @@ def law(
     give_out(found, out, csv, json)
     if save is not None:
         record(found, save)
-
-
-# cam-rig laws: every displacement law, side by side.
 
 
 @command("json", "csv", "plot")

@@ -129,8 +129,6 @@ def one_line(error: typer.BadParameter) -> str:
     return f"{name}: is {first['input']!r}; allowed: {words}"
 
 
-# What `cam-rig --version` prints: what is installed, read without importing it.
-
 MISSING = "not installed"
 
 

@@ -1,4 +1,4 @@
-"""cam-rig run: the scene through the live node graph, into a bag.
+"""cam-rig run: the scene through the live node graph, into a bag; cam-rig replay: a bag through it.
 
 Started in this order (`cam_rig.runner.node_table`): recorder, viewer where asked for, microphone,
 follower, law_server, cam_drive; ended in the opposite one, the recorder last.
@@ -120,10 +120,6 @@ def run(
             screen.stay()
 
 
-def _log(line: str) -> None:
-    console.print(escape(line))
-
-
 def _run(
     path: Path,
     target: Path,
@@ -151,12 +147,12 @@ def _run(
         console.print(
             f"the profile of {PROFILES} is used with --network alone; no socket leaves this machine"
         )
-    begun = time.perf_counter()
+    begun, log = time.perf_counter(), lambda line: console.print(escape(line))
     with (
         own_domain(namespace),
         progress_bar() as bar,
         delay_report(page) as delayed,
-        Graph(nodes, respawn, network, _log, namespace, server) as graph,
+        Graph(nodes, respawn, network, log, namespace, server) as graph,
     ):
         task = bar.add_task("starting the nodes", total=tick_count(loaded.scene))
         for report in graph.progress():
@@ -173,9 +169,6 @@ def _run(
         f"{counts[FOLLOWER_SAMPLES.name]} ticks, {sum(counts.values())} messages, none missing, "
         f"in {took:.1f} s: {escape(str(target))}"
     )
-
-
-# cam-rig replay: a recorded run through the live follower and microphone, and compared.
 
 
 @command("json", "csv")

@@ -15,18 +15,7 @@ from cam_rig.schema.rig import RigConfig
 from cam_rig.schema.scene import SceneConfig
 
 __all__ = [
-    "CamConfig",
-    "Library",
-    "PublishedNoise",
-    "PublishedTables",
-    "RigConfig",
-    "SceneConfig",
-    "TableReading",
-    "TableReadings",
-    "load_cam",
-    "load_published",
-    "load_readings",
-    "load_rig",
-    "load_scene",
-    "load_tables",
-]
+    "CamConfig", "Library", "PublishedNoise", "PublishedTables", "RigConfig", "SceneConfig",
+    "TableReading", "TableReadings", "load_cam", "load_published", "load_readings", "load_rig",
+    "load_scene", "load_tables",
+]  # fmt: skip

@@ -14,8 +14,6 @@ from cam_rig.schema.quantity import Quantity, Strict, must_be
 from cam_rig.schema.segment_base import SegmentBase, Table, quantities
 from cam_rig.schema.segments import Segment
 
-# What cam and follower are where they touch: width, material, and what they bear.
-
 Width = Annotated[Quantity, must_be("length", above=0.0, least=1e-6, most=10.0)]
 Modulus = Annotated[Quantity, must_be("pressure", above=0.0, least=1e6, most=1e13)]
 #: An incompressible solid has 0.5.
@@ -58,8 +56,6 @@ class ContactParts(Strict):
         return 1.0 / (cam + (1.0 - poisson.si**2) / young.si)
 
 
-# The follower of a cam file: its kind, its size, and the size of the cam under it.
-
 Length = Annotated[Quantity, must_be("length", above=0.0, most=100.0)]
 Offset = Annotated[Quantity, must_be("length", least=-100.0, most=100.0)]
 #: A face is inclined by less than a right angle.
@@ -88,10 +84,6 @@ class BaseFollower(Strict):
     def roller(self) -> float:
         """Roller radius in m, 0 for a follower without one."""
         return 0.0
-
-    def numbers(self) -> dict[str, Quantity]:
-        """Every number of the follower by its key."""
-        return dict(quantities(self, ""))
 
 
 class _Rolling(BaseFollower):
@@ -331,16 +323,12 @@ class CamConfig(Strict):
         save_model(self, path, overwrite)
 
     @model_validator(mode="after")
-    def _own_frame(self) -> CamConfig:
+    def _named_and_whole(self) -> CamConfig:
         if self.name in FRAMES:
             raise ValueError(
                 f"name: is {self.name!r}, another frame of the rig; allowed: any name but "
                 f"{', '.join(FRAMES)}"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _turn(self) -> CamConfig:
         total = sum(math.degrees(segment.span.si) for segment in self.segments)
         if abs(total - 360.0) > 1e-9:
             raise ValueError(
@@ -350,13 +338,8 @@ class CamConfig(Strict):
         return self
 
     def numbers(self) -> dict[str, Quantity]:
-        """Every number of the file by its key, for tables of given / assumed / identified."""
-        found: dict[str, Quantity] = {"lift": self.lift, **self.follower.numbers()}
-        if self.contact is not None:
-            found |= quantities(self.contact, "contact.")
-        for i, segment in enumerate(self.segments):
-            found |= {f"segments[{i}].{key}": n for key, n in segment.numbers().items()}
-        return found
+        """Every number of the file by its key, the follower's by theirs alone."""
+        return {key.removeprefix("follower."): number for key, number in quantities(self, "")}
 
     @property
     def parts(self) -> ContactParts:

@@ -127,40 +127,14 @@ class Library:
         return [root / folder / f"{name}.yaml" for root in self.roots]
 
 
-def load_cam(path: Path) -> CamConfig:
-    """Read one file of ``config/cams/``."""
-    return load(path, CamConfig)
-
-
-def load_rig(path: Path) -> RigConfig:
-    """Read one file of ``config/rigs/``."""
-    return load(path, RigConfig)
-
-
-def load_scene(path: Path) -> SceneConfig:
-    """Read one file of ``config/scenes/``."""
-    return load(path, SceneConfig)
-
-
-def load_published(path: Path) -> PublishedNoise:
-    """Read one file of ``config/published/``."""
-    return load(path, PublishedNoise)
-
-
-def load_tables(path: Path) -> PublishedTables:
-    """Read one file of ``config/published/tables/``."""
-    return load(path, PublishedTables)
-
-
-def load_readings(path: Path) -> TableReadings:
-    """Read one file of ``config/published/readings/``."""
-    return load(path, TableReadings)
-
-
-# Files that a command names: by path, or by the word that a shipped one goes by.
-
-
-# A file by its path, or by its name in its folder of ``config``.
+# One file of a folder of ``config``, read and checked.
+load_cam = partial(load, kind=CamConfig)
+load_rig = partial(load, kind=RigConfig)
+load_scene = partial(load, kind=SceneConfig)
+load_published = partial(load, kind=PublishedNoise)
+load_tables = partial(load, kind=PublishedTables)
+load_readings = partial(load, kind=TableReadings)
+# Its path: of a path that a command is given, or of the name of a shipped one.
 scene_path = partial(named_path, "scenes")
 cam_path = partial(named_path, "cams")
 rig_path = partial(named_path, "rigs")
@@ -182,9 +156,6 @@ def readings_path() -> Path:
     return config_root() / "published" / "readings" / "table2.yaml"
 
 
-# The cams that a study is asked for, and the rig they turn on: named, or those of a scene.
-
-
 def one_scene(names: Sequence[Any] | None) -> Path | None:
     """The scene's file that is named in place of cams; None where cams are, by name or as such."""
     if not names or len(names) > 1 or not isinstance(names[0], str | Path):
@@ -193,8 +164,6 @@ def one_scene(names: Sequence[Any] | None) -> Path | None:
     data = read_yaml(path) if is_there(path) else None
     return path if isinstance(data, dict) and "program" in data else None
 
-
-# Whether a file is a shipped one, told by its numbers and laws and not by its name.
 
 #: Keys of a config file that say where a number comes from.
 WORDS = frozenset({"source", "residual"})
@@ -216,9 +185,6 @@ def bare(value: Any, without: frozenset[str]) -> Any:
     if isinstance(value, dict):
         return {k: bare(v, without) for k, v in value.items() if k not in without}
     return [bare(v, without) for v in value] if isinstance(value, list | tuple) else value
-
-
-# A fit as a cam file of the rig, with its points where it has some.
 
 
 def quantity(
@@ -266,19 +232,18 @@ def save_model(model: BaseModel, path: str | Path, overwrite: bool = False) -> N
     data = file_data(named)
     check_place(target)
     points = target.with_suffix(".csv")
-    has_points = any("file" in segment for segment in data.get("segments", ()))
-    for file in (target, points) if has_points else (target,):
+    tables = [segment for segment in data.get("segments", ()) if "file" in segment]
+    for file in (target, points) if tables else (target,):
         if file.exists() and not overwrite:
             raise OutputError(
                 f"{file}: exists already, not overwriting; name another, or say overwrite=True"
             )
-    for segment in data.get("segments", ()):
-        if "file" in segment:
-            table, segment["file"] = segment["file"], points.name
-            rows = zip(table["angles"], table["lifts"], strict=True)
-            text = "angle_rad,lift_m\n" + "".join(f"{a!r},{s!r}\n" for a, s in rows)
-            with writing(points) as part:
-                part.write_text(text, encoding="utf-8")
+    for segment in tables:
+        table, segment["file"] = segment["file"], points.name
+        rows = zip(table["angles"], table["lifts"], strict=True)
+        text = "angle_rad,lift_m\n" + "".join(f"{a!r},{s!r}\n" for a, s in rows)
+        with writing(points) as part:
+            part.write_text(text, encoding="utf-8")
     with writing(target) as part:
         part.write_text(to_yaml(data), encoding="utf-8")
 

@@ -75,8 +75,6 @@ class PublishedTables(Strict):
         return self
 
 
-# A reading of the paper's Table 2: the numbers that it does not print, each with its origin.
-
 #: Above, a run has more periods than can be looked at at each speed of the grid.
 Stem = Annotated[Quantity, must_be("stiffness", least=1e4, most=1e9)]
 Span = Annotated[Quantity, must_be("angle", above=0.0, most=3.0)]

@@ -167,12 +167,7 @@ class RigConfig(Strict):
         return "" if self.radiation is None else self.radiation.calibrated_on
 
     def need(self, key: str, by: str, instead: str = "") -> Quantity:
-        """A number of the follower that the file may leave out; ``by`` says what needs it.
-
-        Raises
-        ------
-        ConfigError : it is left out; ``instead`` is another remedy than to add it
-        """
+        """A number that the file may leave out: what needs it, another remedy than to add it."""
         number: Quantity | None = getattr(self.follower, key)
         if number is None:
             raise self.missing(f"follower.{key}", by, instead)

@@ -1,4 +1,4 @@
-"""A law measured point by point."""
+"""What all segments have: a span, and numbers by key; a law measured point by point."""
 
 from __future__ import annotations
 
@@ -16,8 +16,6 @@ from cam_rig.files import MIB, read_bytes, shown
 from cam_rig.schema.quantity import UNITS, Quantity, Strict, must_be
 from cam_rig.units import TURN
 
-# What all segments have: a span, and their numbers by key.
-
 Span = Annotated[Quantity, must_be("angle", above=0.0, most=TURN * (1.0 + 1e-12))]
 #: Ordinates, levels and coefficients in fractions of the lift.
 Ratios = Annotated[Quantity, must_be("ratio", many=True, least=-100.0, most=100.0)]
@@ -29,10 +27,6 @@ class SegmentBase(Strict):
     """A part of the turn."""
 
     span: Span
-
-    def numbers(self) -> dict[str, Quantity]:
-        """Every number of the segment by its key."""
-        return dict(quantities(self, ""))
 
 
 class WholeTurn(SegmentBase):
@@ -60,8 +54,6 @@ def quantities(node: BaseModel, prefix: str) -> Iterator[tuple[str, Quantity]]:
             elif isinstance(item, BaseModel):
                 yield from quantities(item, f"{prefix}{key}{at}.")
 
-
-# Measured points from a CSV file: a column of angles and one of lifts, units in the header.
 
 #: Bytes of a file: of as many points as a law may have, each has room for 290.
 MAX_BYTES = 2 * MIB

@@ -1,4 +1,4 @@
-"""Segments given by numbers of their own: ordinates, knots, coefficients, conditions."""
+"""Segments given by numbers of their own, by circular arcs, or by the name of a rise."""
 
 from __future__ import annotations
 
@@ -134,8 +134,6 @@ class Polynomial(SegmentBase):
         return self
 
 
-# Cams made of circular arcs and straight lines, each tangent to the next.
-
 MAX_ARCS = 100
 SignedLength = Annotated[Quantity, must_be("length", least=-100.0, most=100.0)]
 
@@ -199,8 +197,6 @@ class ArcsByCentres(WholeTurn):
     law: Literal["arcs_by_centres"]
     arcs: list[ArcSpec] = Field(min_length=2, max_length=MAX_ARCS)
 
-
-# Dwells, and the rises and falls that are known by a name.
 
 _Classical = Literal[
     "constant_velocity", "simple_harmonic", "cycloidal", "modified_sine", "modified_trapezoid"

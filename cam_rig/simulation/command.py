@@ -1,4 +1,4 @@
-"""cam-rig listen: the sound of a scene as a sound file, and what a meter shows for it."""
+"""cam-rig listen: a scene as a sound file; cam-rig simulate: a scene without ROS."""
 
 from __future__ import annotations
 
@@ -70,9 +70,6 @@ def listen(
         file.setframerate(RATE)
         file.writeframes(pcm(found.pressure, found.full_scale))
     return found
-
-
-# cam-rig simulate: the scene without ROS.
 
 
 @command("json", "csv", "plot")

@@ -135,18 +135,14 @@ def write_npz(path: Path, chunks: Iterable[Chunk], about: dict[str, str], rate: 
                 codes.write(np.repeat(np.array(numbers, dtype=np.int32), chunk.counts).tobytes())
         with zipfile.ZipFile(path, "w") as archive:
             for column in COLUMNS:
-                kind = np.dtype(np.float64)
                 with (
-                    _member(archive, column.name, kind, rows) as out,
-                    (folder / column.name).open("rb") as numbers_file,
+                    _member(archive, column.name, np.dtype(np.float64), rows) as out,
+                    (folder / column.name).open("rb") as kept,
                 ):
-                    shutil.copyfileobj(numbers_file, out)
+                    shutil.copyfileobj(kept, out)
             names = np.array(list(cams))
-            with (
-                _member(archive, CAM, names.dtype, rows) as out,
-                (folder / CAM).open("rb") as codes_file,
-            ):
-                while data := codes_file.read(1 << 14):
+            with _member(archive, CAM, names.dtype, rows) as out, (folder / CAM).open("rb") as kept:
+                while data := kept.read(1 << 14):
                     out.write(names[np.frombuffer(data, dtype=np.int32)].tobytes())
             for name, text in {**about, "sample_rate_Hz": str(rate)}.items():
                 with archive.open(f"{name}.npy", "w") as out:

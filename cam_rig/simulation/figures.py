@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -26,6 +26,7 @@ from cam_rig.simulation.motion import FollowerMotion
 from cam_rig.simulation.regression import NoiseResult
 from cam_rig.simulation.scene import FORCE_SPEEDS, LoadedScene, speeds_of, spread
 from cam_rig.simulation.scene_run import SceneRun
+from cam_rig.simulation.simulate import TickSamples
 from cam_rig.simulation.sound import SoundLevel
 from cam_rig.units import FloatArray
 
@@ -139,14 +140,12 @@ def force_curves(run: SceneRun) -> dict[str, list[ForceCurve]]:
     """The contact force over the last turn at some of the speeds, by the cam's title."""
     scene = run.loaded.scene
     shown = spread(speeds_of(scene), FORCE_SPEEDS)
-    last: dict[str, dict[float, deque[tuple[np.ndarray, np.ndarray]]]] = {}
+    last: dict[str, dict[float, deque[TickSamples]]] = {}
     for tick in run.blocks():
         rpm = next((speed for speed in shown if tick.is_of(None, speed)), None)
         if rpm is not None:
-            ticks = last.setdefault(tick.cam, {})
-            ticks.setdefault(rpm, deque(maxlen=scene.program.ticks_per_turn)).append(
-                (tick.angle_in_turn, tick.force)
-            )
+            newest = deque[TickSamples](maxlen=scene.program.ticks_per_turn)
+            last.setdefault(tick.cam, {}).setdefault(rpm, newest).append(tick)
     return {
         run.loaded.cams[cam].title: [
             _over_turn(rpm, ticks) for rpm, ticks in sorted(by_speed.items())
@@ -155,7 +154,7 @@ def force_curves(run: SceneRun) -> dict[str, list[ForceCurve]]:
     }
 
 
-def _over_turn(rpm: float, ticks: deque[tuple[np.ndarray, np.ndarray]]) -> ForceCurve:
-    angle = np.concatenate([angles for angles, _ in ticks])
+def _over_turn(rpm: float, ticks: Iterable[TickSamples]) -> ForceCurve:
+    angle = np.concatenate([tick.angle_in_turn for tick in ticks])
     order = np.argsort(angle, kind="stable")
-    return rpm, np.degrees(angle[order]), np.concatenate([forces for _, forces in ticks])[order]
+    return rpm, np.degrees(angle[order]), np.concatenate([tick.force for tick in ticks])[order]

@@ -128,21 +128,13 @@ def measured_run(
     noise = np.abs(force) if errors.in_proportion else float(force.max())
     force = force + errors.force_noise * noise * random.standard_normal(force.size)
     lift = lift + errors.lift_noise * random.standard_normal(lift.size)
-    return MeasuredRun(
-        Path("simulated"),
-        law.name,
-        _counted(np.hstack(encoder), errors),
-        Signal(times, lift, "lift"),
-        Signal(times, force, "force"),
-    )
-
-
-def _counted(encoder: FloatArray, errors: InstrumentErrors) -> Signal:
-    time, angle = encoder[0], encoder[1] + errors.offset
+    read, turned = np.hstack(encoder)
+    turned = turned + errors.offset
     if errors.counts:
         count = TURN / errors.counts
-        angle = np.floor(angle / count) * count
-    return Signal(time, angle, "encoder")
+        turned = np.floor(turned / count) * count
+    signals = Signal(read, turned, "encoder"), Signal(times, lift, "lift")
+    return MeasuredRun(Path("simulated"), law.name, *signals, Signal(times, force, "force"))
 
 
 def _settled(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from pydantic import ValidationError
@@ -144,7 +144,12 @@ def simulate(
     ['lift-off', 'landing']
     """
     scene = scene_of("simulate", [CAM], rig, model, [rpm], turns, 0, sample_rate, ramp)
-    _require_room(rpm, turns, sample_rate)
+    count = turns * 60.0 / rpm * sample_rate
+    if count > MAX_TOTAL_SAMPLES:
+        raise ConfigError(
+            f"turns: {turns} at {rpm:g} rpm and {sample_rate} Hz make {count:.3g} samples; "
+            f"allowed: {MAX_TOTAL_SAMPLES:g}, so take fewer turns or a lower sample_rate"
+        )
     require_continuous(law)
     chosen = MODELS[scene.model]
     simulator = FollowerSimulator(chosen, chosen.parameters(rig), sample_rate, {CAM: law})
@@ -156,16 +161,6 @@ def simulate(
     views = np.split(rows, ends[:-1], axis=1)
     kept = (replace(block, rows=view) for block, view in zip(blocks, views, strict=True))
     return FollowerMotion(law, rig, scene, rows, tuple(kept))
-
-
-def _require_room(rpm: float, turns: int, sample_rate: int) -> None:
-    """Refuse more samples than fit into memory."""
-    count = turns * 60.0 / rpm * sample_rate
-    if count > MAX_TOTAL_SAMPLES:
-        raise ConfigError(
-            f"turns: {turns} at {rpm:g} rpm and {sample_rate} Hz make {count:.3g} samples; "
-            f"allowed: {MAX_TOTAL_SAMPLES:g}, so take fewer turns or a lower sample_rate"
-        )
 
 
 def scene_of(
@@ -184,13 +179,12 @@ def scene_of(
     def number(value: object, unit: str) -> dict[str, object]:
         return {"assumed": value, "unit": unit, "source": f"argument of {function}"}
 
-    program: dict[str, Any] = {
+    program = {
         "speeds": number(rpm, "rpm"),
         "turns": number(turns, "turns"),
         "settle_turns": number(settle_turns, "turns"),
+        "ramp": None if ramp is None else number(ramp, "s"),
     }
-    if ramp is not None:
-        program["ramp"] = number(ramp, "s")
     data = {
         "name": function,
         "title": ", ".join(cams),

@@ -296,27 +296,19 @@ def open_scene(scene_path: Path) -> LoadedScene:
     """Read a scene and every file it names."""
     scene = read_scene(scene_path)
     library = Library.beside(scene_path)
-    cam_paths = [library.path("cams", name) for name in scene.cams]
-    rig_path = library.path("rigs", scene.rig)
-    cams = [read_cam(path) for path in cam_paths]
-    for path, name, cam in zip(cam_paths, scene.cams, cams, strict=True):
+    files = {name: library.path("cams", name) for name in scene.cams}
+    rig_file = library.path("rigs", scene.rig)
+    cams = {name: read_cam(path) for name, path in files.items()}
+    for name, cam in cams.items():
         if cam.name != name:
-            raise ConfigError(f"{path}: name is {cam.name!r}; allowed: the file's name, {name!r}")
-        require_sprung(path, cam)
-    published_path = None
-    if scene.published is not None:
-        published_path = library.path("published", scene.published)
-    return LoadedScene(
-        scene=scene,
-        rig=read_rig(rig_path),
-        cams={cam.name: cam for cam in cams},
-        laws={cam.name: law_of(path, cam) for path, cam in zip(cam_paths, cams, strict=True)},
-        published=None if published_path is None else load_published(published_path),
-        scene_file=scene_path,
-        rig_file=rig_path,
-        cam_files=dict(zip(scene.cams, cam_paths, strict=True)),
-        published_file=published_path,
-    )
+            raise ConfigError(
+                f"{files[name]}: name is {cam.name!r}; allowed: the file's name, {name!r}"
+            )
+        require_sprung(files[name], cam)
+    rig, laws = read_rig(rig_file), {name: law_of(files[name], cam) for name, cam in cams.items()}
+    printed = None if scene.published is None else library.path("published", scene.published)
+    published = None if printed is None else load_published(printed)
+    return LoadedScene(scene, rig, cams, laws, published, scene_path, rig_file, files, printed)
 
 
 #: The arrow of the greatest contact force, as a share of the follower's reach.

@@ -333,9 +333,9 @@ class Acoustics:
         """
         r = self.radiation
         background = np.array([r.background_power(float(speed)) for speed in turns.speeds])
-        contact = (
-            r.gain**2 * turns.contact_power(r.corner_rate) * self._passed(to_rpm(turns.speeds))
-        )
+        x = (to_rpm(turns.speeds) - RESPONSE_AT) / RESPONSE_PER
+        response = np.polynomial.polynomial.polyval(x, (0.0, *self.response))
+        contact = r.gain**2 * turns.contact_power(r.corner_rate) * 10.0 ** (response / 10)
         return level_db(np.sqrt(background + contact + turns.landing_power(r)))
 
     def with_constants(
@@ -343,7 +343,3 @@ class Acoustics:
     ) -> Acoustics:
         """The same background, other constants."""
         return Acoustics(replace(self.radiation, gain=gain, corner=corner), response)
-
-    def _passed(self, rpm: FloatArray) -> FloatArray:
-        x = (rpm - RESPONSE_AT) / RESPONSE_PER
-        return np.asarray(10.0 ** (np.polynomial.polynomial.polyval(x, (0.0, *self.response)) / 10))

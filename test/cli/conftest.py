@@ -1,6 +1,9 @@
 """The noise study on a smaller sweep, computed once for the commands that tell of it."""
 
 import json
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 from matplotlib.figure import Figure
@@ -42,10 +45,22 @@ def no_broken_heading(monkeypatch):
     monkeypatch.setattr(console, "_widths", checked)
 
 
+def shipped(folder, name):
+    """The text of a shipped file."""
+    return (config_root() / folder / f"{name}.yaml").read_text(encoding="utf-8")
+
+
 def load(folder, name):
     """A shipped file as plain data."""
-    text = (config_root() / folder / f"{name}.yaml").read_text(encoding="utf-8")
-    return YAML(typ="safe").load(text)
+    return YAML(typ="safe").load(shipped(folder, name))
+
+
+def written(root, files):
+    """A folder with files of these texts, by their names in it."""
+    for name, text in files.items():
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        (root / name).write_text(text, encoding="utf-8")
+    return root
 
 
 @pytest.fixture(scope="session")
@@ -92,10 +107,14 @@ def one_study(found, monkeypatch):
         monkeypatch.setattr(f"{module}.study_noise", study)
 
 
-# -- a command as a person calls it, in this process ------------------------------------------
+GOLDEN, BIN = config_root().parent / "bags" / "golden", Path(sys.executable).parent
 
 
-GOLDEN = config_root().parent / "bags" / "golden"
+def ended(*command, **how):
+    """A process that has ended, with what it printed."""
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    words = [str(one) for one in command]
+    return subprocess.run(words, text=True, check=False, timeout=100, **pipes | how)
 
 
 def call(*arguments):
@@ -106,7 +125,7 @@ def call(*arguments):
 def done(*arguments):
     """The answer of a command that succeeds."""
     result = call(*arguments)
-    assert result.exit_code == 0, result.stderr
+    assert result.exit_code == 0, f"{result.exception} {result.stderr}"
     return result
 
 

@@ -198,9 +198,6 @@ def test_what_never_was_a_bag_is_not_to_be_recovered(tmp_path, verb, make, words
     assert len(result.stderr.strip().splitlines()) == 1
 
 
-# -- all samples of a run leave the rig -------------------------------------------------------
-
-
 @pytest.mark.parametrize("source", ["quick", GOLDEN, GOLDEN / "golden_0.mcap"])
 def test_export_says_what_it_wrote(tmp_path, source):
     """Of a scene, a bag, or a bag's file."""

@@ -97,9 +97,6 @@ def test_lines_are_said_as_they_are(capsys, monkeypatch):
     assert capsys.readouterr().err == ("force [N], a line of more than twenty characters\nsecond\n")
 
 
-# -- what a run is shown on, and how long -----------------------------------------------------
-
-
 def test_a_log_says_how_far_the_page_is_behind(capsys):
     """A line now and then where there is no terminal; the longest at the end, whatever it is."""
     wall = [0.0]

@@ -8,12 +8,11 @@ import shutil
 from textwrap import dedent
 
 import pytest
-from typer.testing import CliRunner
 
-from cam_rig.cli.main import COMMANDS, app, command
 from cam_rig.schema.load import config_root
+from tools.docs.commands import verbs
 
-from .conftest import GOLDEN
+from .conftest import GOLDEN, done, shipped
 
 TITLE = "A cam whose title is of many more letters than forty: {}"
 #: Cams of one's own: name, the shipped file, what else differs in it.
@@ -112,10 +111,6 @@ def retitled(text, name, title):
     return re.sub(r"^title: .*$", f"title: '{title}'", text, count=1, flags=re.M)
 
 
-def shipped(folder, name):
-    return (config_root() / folder / f"{name}.yaml").read_text(encoding="utf-8")
-
-
 @pytest.fixture(scope="module")
 def own(tmp_path_factory):
     """Files by name: cams, scenes of five of them, the golden run's with other titles."""
@@ -148,23 +143,12 @@ def own(tmp_path_factory):
     return files
 
 
-def drawing_commands(commands, before=""):
-    """The commands that have an option for a picture, "fit cam" for one of a group."""
-    for name, one in commands.items():
-        if hasattr(one, "commands"):
-            yield from drawing_commands(one.commands, f"{before}{name} ")
-        elif any("--plot" in option.opts for option in one.params):
-            yield before + name
-
-
 @pytest.mark.variants(2)
 @pytest.mark.parametrize("case", CASES)
 def test_no_figure_is_faulty(case, own, tmp_path):
     """Nothing cut, nothing on another, 7 points at 170 mm, a true minus; TrueType in PDF."""
     picture = tmp_path / "a.pdf"
-    words = (word.format_map(own) for word in case.split())
-    result = CliRunner().invoke(app, [*words, str(picture)])
-    assert result.exit_code == 0, f"{result.exception} {result.stderr}"
+    done(*case.format_map(own).split(), picture)
     data = picture.read_bytes()
     assert b"/Type3" not in data and b"/FontFile2" in data
 
@@ -173,16 +157,16 @@ def test_no_figure_is_faulty(case, own, tmp_path):
 @pytest.mark.slow
 def test_no_figure_of_a_page_is_faulty(own, tmp_path):
     """Those of a scene's report, of the same cams."""
-    result = CliRunner().invoke(
-        app, ["report", str(own["slow"]), "--out", str(tmp_path / "a.html")]
-    )
-    assert result.exit_code == 0, f"{result.exception} {result.stderr}"
+    done("report", own["slow"], "--out", tmp_path / "a.html")
 
 
 def test_every_command_that_draws_is_here():
     """A new one is drawn in a case above, or in tests of its own that draw."""
     drawn = {case.split()[0] for case in CASES}
-    commands = set(drawing_commands({name: command(name) for name in COMMANDS}))
+    options = {
+        name: [opt for one in verb.params for opt in one.opts] for name, verb in verbs().items()
+    }
+    commands = {name for name, own in options.items() if "--plot" in own}
     assert commands <= drawn | set(ELSEWHERE)
     for name, file in ELSEWHERE.items():
         assert name in commands

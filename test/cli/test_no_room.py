@@ -15,9 +15,8 @@ import typer
 
 from cam_rig.cli import main
 
-from .conftest import GOLDEN
+from .conftest import BIN, GOLDEN, ended
 
-COMMAND = Path(sys.executable).with_name("cam-rig")
 #: Commands by what they write to stdout.
 PRINTED = {
     "version": "--version",
@@ -53,15 +52,8 @@ QUICK_ONES = ("json", "markdown", "numpy")
 
 def lines(command: str, folder: Path, **how: Any) -> tuple[int, list[str]]:
     """The exit code, and what it says of itself."""
-    done = subprocess.run(
-        [COMMAND, *command.format(golden=GOLDEN).split()],
-        stderr=subprocess.PIPE,
-        text=True,
-        cwd=folder,
-        check=False,
-        timeout=100,
-        **how,
-    )
+    words = command.format(golden=GOLDEN).split()
+    done = ended(BIN / "cam-rig", *words, stderr=subprocess.PIPE, cwd=folder, **how)
     assert "Traceback" not in done.stderr and "Exception ignored" not in done.stderr, done.stderr
     return done.returncode, [x for x in done.stderr.splitlines() if x.startswith("cam-rig: ")]
 

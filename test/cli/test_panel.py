@@ -14,13 +14,11 @@ from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 import pytest
-from typer.testing import CliRunner
-
-from cam_rig.cli.main import app
 
 from ..processes import children
+from .conftest import BIN, call, ended
 
-COMMAND = (Path(sys.executable).parent / "cam-rig", "panel")
+COMMAND = (BIN / "cam-rig", "panel")
 
 
 @pytest.mark.variants(2)
@@ -112,7 +110,7 @@ def test_a_port_in_use_is_one_line() -> None:
         other.bind(("127.0.0.1", 0))
         other.listen()
         port = other.getsockname()[1]
-        result = CliRunner().invoke(app, ["panel", "--port", str(port)])
+        result = call("panel", "--port", port)
     assert result.exit_code == 2
     assert result.stderr == (
         f"cam-rig: --port: {port} is in use; allowed: another, or 0 for a free one\n"
@@ -129,7 +127,7 @@ def test_a_law_that_cannot_be_drawn_is_one_line(tmp_path: Path) -> None:
         encoding="utf-8",
     )
     for given, words in ((cam, "rests all around"), ("nobody", "no such file")):
-        result = CliRunner().invoke(app, ["panel", str(given)])
+        result = call("panel", given)
         assert result.exit_code == 2
         assert words in result.stderr
         assert result.stderr.count("\n") == 1
@@ -140,10 +138,7 @@ def test_a_folder_too_deep_for_a_socket_is_named(tmp_path):
     deep = tmp_path / ("x" * 100)
     deep.mkdir(mode=0o700)
     places = os.environ | {"XDG_RUNTIME_DIR": str(deep), "TMPDIR": str(deep)}
-    command = [sys.executable, "-m", "cam_rig.cli.main", "panel", "--no-rerun", "--out", str(deep)]
-    done = subprocess.run(
-        command, env=places, capture_output=True, text=True, check=False, timeout=60
-    )
+    done = ended(*COMMAND, "--no-rerun", "--out", deep, env=places)
     assert done.returncode == 2
     assert "allowed: 107; remedy: a shorter XDG_RUNTIME_DIR or TMPDIR" in done.stderr
     assert len(done.stderr.splitlines()) == 1

@@ -15,12 +15,12 @@ from cam_rig.law_design.design import ASKED
 from cam_rig.paper.as_cut.study import CUT
 from cam_rig.paper.flywheel import SHOWN
 from cam_rig.report.command import page_made
-from cam_rig.schema.load import config_root
 from cam_rig.simulation.scene import build_law, load_cam, load_scene
 from cam_rig.simulation.scene_run import run_scene
 
 from ..figure_faults import EXPONENT, HYPHEN
 from .conftest import done as run_done
+from .conftest import shipped, written
 
 done = partial(run_done, "report")
 
@@ -59,15 +59,11 @@ def numbered(page, kind):
     return [int(n) for n in re.findall(rf' id="{kind}-(\d+)"', page)]
 
 
-def test_a_long_sentence_is_found():
-    """One of 31 words, in any part of a page."""
+def test_what_is_wrong_with_a_page_is_found():
+    """A sentence of 31 words in any part; what is not typeset in sentences and cells alone."""
     words = "Word" + 30 * " word"
     page = f"<p>Short. {words}. Short.</p><td class='x'>{words}</td><li>{words[5:]}</li>"
     assert too_long(page) == [f"{words}.", words]
-
-
-def test_what_is_not_typeset_is_found():
-    """In sentences and cells, not in a command."""
     page = "<p>From -3 to 4.</p><td>1e-9</td><td>−3·10⁸</td><p><code>--at -3</code>, fig. 4-6</p>"
     assert untypeset(page) == ["From -3 to 4.", "1e-9"]
 
@@ -205,11 +201,10 @@ program:
 @pytest.fixture(scope="module")
 def own_scene(tmp_path_factory):
     """A person's own files: 360 lifts of a cam, one of two lines, a lighter follower."""
-    config = tmp_path_factory.mktemp("person")
     lift = build_law(load_cam("poly345"))
     rows = (f"{i},{1e3 * 0.24 * lift(math.radians(i)):.4f}" for i in range(360))
-    rig = (config_root() / "rigs" / "tm21.yaml").read_text(encoding="utf-8")
-    rig = rig.replace("name: tm21", "name: mine").replace("given: 1.3,", "given: 0.45,")
+    rig = shipped("rigs", "tm21").replace("name: tm21", "name: mine")
+    rig = rig.replace("given: 1.3,", "given: 0.45,")
     files = {
         "cams/own.yaml": OWN_CAM,
         "cams/harsh.yaml": HARSH_CAM,
@@ -218,10 +213,7 @@ def own_scene(tmp_path_factory):
         "rigs/other.yaml": rig.replace("name: mine", "name: other"),
         "scenes/own.yaml": OWN_SCENE,
     }
-    for name, text in files.items():
-        (config / name).parent.mkdir(exist_ok=True)
-        (config / name).write_text(text, encoding="utf-8")
-    return config / "scenes" / "own.yaml"
+    return written(tmp_path_factory.mktemp("person"), files) / "scenes" / "own.yaml"
 
 
 @pytest.mark.usefixtures("undrawn")

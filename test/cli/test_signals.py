@@ -6,11 +6,9 @@ import os
 import random
 import shutil
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
@@ -18,10 +16,9 @@ import pytest
 from cam_rig.dynamics.events.search import ALWAYS, VARIABLE
 from cam_rig.interrupts import STOPPING
 
-from .conftest import GOLDEN
+from .conftest import BIN, GOLDEN
 
 LONG = pytest.mark.long
-BIN = Path(sys.executable).parent
 #: Wall time (s) that a command may take to end; on a busy machine many times what it takes.
 PATIENCE_S = 60.0
 #: Wall time (s) that its children may take to go, who see that it has gone.
@@ -42,75 +39,50 @@ COMMANDS = {
 BEFORE = {-number for number in STOPPING}
 
 
-@dataclass
-class Moment:
-    """A command, when it is signalled, how, and what came of it."""
+def faults(command: str, folder: Path, number: int, group: bool, moments: list[float]) -> list[str]:
+    """What should not be of a command that is signalled after so many seconds, and these again.
 
-    command: str
-    after: float
-    number: int
-    group: bool
-    again: float | None
-    folder: Path
-    took: float = 0.0
-    code: int = 0
-    printed: str = ""
-    left: list[str] = field(default_factory=list)
-
-    def run(self) -> None:
-        """Run it in a terminal's place: a session, folders and a ROS domain of its own."""
-        places = {name: self.folder / name for name in ("tmp", "out", "home")}
-        for place in places.values():
-            place.mkdir(mode=0o700, parents=True)
-        places["run"] = Path(tempfile.mkdtemp())  # a socket's path may have 107 bytes
-        mark = str(self.folder)
-        words = self.command.format(out=places["out"], golden=GOLDEN).split()
-        environment = os.environ | {MARK: mark, "TMPDIR": str(places["tmp"])}
-        environment |= {"XDG_RUNTIME_DIR": str(places["run"]), "ROS_LOG_DIR": str(places["home"])}
-        with open(self.folder / "printed", "w+b") as printed:
-            process = subprocess.Popen(
-                [BIN / "cam-rig", *words],
-                cwd=self.folder,
-                env=environment,
-                stdin=subprocess.DEVNULL,
-                stdout=printed,
-                stderr=subprocess.STDOUT,
-                start_new_session=True,
-            )
-            try:
-                self._signal(process)
-                begun = time.monotonic()
-                self.code = process.wait(PATIENCE_S)
-                self.took = time.monotonic() - begun
-            finally:
-                process.kill()
-                process.wait(PATIENCE_S)
-            self.left = _left(mark)
-            printed.seek(0)
-            self.printed = printed.read().decode()
-        self.left += [str(p) for name in ("tmp", "run") for p in places[name].rglob("*")]
-        self.left = [one for one in self.left if not one.endswith(".lock")]
-        shutil.rmtree(places["run"])
-
-    def _signal(self, process: subprocess.Popen[bytes]) -> None:
-        send = os.killpg if self.group else os.kill
-        for after in (self.after, self.again):
-            if after is not None:
-                time.sleep(after)
+    It runs in a terminal's place: a session, folders and a ROS domain of its own.
+    """
+    places = {name: folder / name for name in ("tmp", "out", "home")}
+    for place in places.values():
+        place.mkdir(mode=0o700, parents=True)
+    places["run"] = Path(tempfile.mkdtemp())  # a socket's path may have 107 bytes
+    words = command.format(out=places["out"], golden=GOLDEN).split()
+    environment = os.environ | {MARK: str(folder), "TMPDIR": str(places["tmp"])}
+    environment |= {"XDG_RUNTIME_DIR": str(places["run"]), "ROS_LOG_DIR": str(places["home"])}
+    with open(folder / "printed", "w+b") as printed:
+        process = subprocess.Popen(
+            [BIN / "cam-rig", *words],
+            cwd=folder,
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=printed,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
+        try:
+            for wait in moments:
+                time.sleep(wait)
                 if process.poll() is None:
-                    send(process.pid, self.number)
-
-    def faults(self) -> list[str]:
-        """What should not be."""
-        found = [f"left: {one}" for one in self.left]
-        if self.code not in (128 + self.number, 0) and self.code not in BEFORE:
-            found.append(f"code {self.code}")
-        if self.code == 0 and "interrupted" in self.printed:
-            found.append("code 0")
-        for word in ("Traceback", "Exception ignored", "leaked", "Aborted"):
-            if word in self.printed and self.code not in BEFORE:
-                found.append(word)
-        return found
+                    (os.killpg if group else os.kill)(process.pid, number)
+            code = process.wait(PATIENCE_S)
+        finally:
+            process.kill()
+            process.wait(PATIENCE_S)
+        left = _left(str(folder))
+        printed.seek(0)
+        said = printed.read().decode()
+    left += [str(path) for name in ("tmp", "run") for path in places[name].rglob("*")]
+    shutil.rmtree(places["run"])
+    found = [f"left: {one}" for one in left if not one.endswith(".lock")]
+    if code not in (128 + number, 0) and code not in BEFORE:
+        found.append(f"code {code}")
+    if code == 0 and "interrupted" in said:
+        found.append("code 0")
+    wrong = ("Traceback", "Exception ignored", "leaked", "Aborted")
+    found += [word for word in wrong if word in said and code not in BEFORE]
+    return found and [*found, said]
 
 
 def _left(mark: str) -> list[str]:
@@ -138,17 +110,12 @@ def _marked(mark: str) -> Iterator[str]:
 def test_a_signal_at_any_moment(ros_domain: int, tmp_path: Path, command: str, count: int) -> None:
     """To the command or to its group as a terminal's, also twice; from its first line on."""
     draw = random.Random(f"{command} {count}")
-    for number in range(count):
-        moment = Moment(
-            command,
-            after=draw.uniform(0.0, COMMANDS[command] if count > 1 else 3.0),
-            number=draw.choice(STOPPING),
-            group=draw.random() < 0.5,
-            again=draw.choice([None, draw.uniform(0.0, 0.5)]),
-            folder=tmp_path / str(number),
-        )
-        moment.run()
-        assert not moment.faults(), moment
+    for i in range(count):
+        after = draw.uniform(0.0, COMMANDS[command] if count > 1 else 3.0)
+        number, group = draw.choice(STOPPING), draw.random() < 0.5
+        moments = draw.choice([[after], [after, draw.uniform(0.0, 0.5)]])
+        wrong = faults(command, tmp_path / str(i), number, group, moments)
+        assert not wrong, (number, group, moments)
 
 
 @pytest.mark.slow

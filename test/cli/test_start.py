@@ -11,40 +11,28 @@ from pathlib import Path
 from unittest.mock import MagicMock
 
 import pytest
-from typer.testing import CliRunner
 
-from cam_rig.cli.main import app, versions
+from cam_rig.cli.main import versions
 from cam_rig.errors import INTERRUPTED, ConfigError
 from cam_rig.extras import LAST_SECOND, source_date
 
 from ..processes import children
-
-BIN = Path(sys.executable).parent
-
-
-def start(*arguments):
-    """A command in a group of its own, as a terminal starts it."""
-    words = map(str, arguments)
-    return subprocess.Popen([*words], stderr=subprocess.PIPE, text=True, start_new_session=True)
-
-
-def interrupted(process):
-    """What a command prints at Ctrl-C, which all of its group get; blank lines clear a bar."""
-    os.killpg(process.pid, signal.SIGINT)
-    _, printed = process.communicate(timeout=60)
-    assert process.returncode == INTERRUPTED
-    return [line for line in printed.splitlines() if line.strip()]
+from .conftest import BIN, call, ended
 
 
 @pytest.mark.long
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="children are found in /proc")
 def test_an_interrupt_while_workers_begin(tmp_path):
     """They are in the middle of their imports, and print nothing; nothing is written."""
-    process = start(BIN / "cam-rig", "report", "--out", tmp_path / "a.html")
+    words = [BIN / "cam-rig", "report", "--out", tmp_path / "a.html"]
+    process = subprocess.Popen(words, stderr=subprocess.PIPE, text=True, start_new_session=True)
     while not any("spawn_main" in " ".join(words) for words in children(process.pid).values()):
         assert process.poll() is None, process.stderr.read()
         time.sleep(0.01)
-    assert interrupted(process) == ["cam-rig: interrupted by SIGINT"]
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal's Ctrl-C, which all of a group get
+    _, printed = process.communicate(timeout=60)
+    assert process.returncode == INTERRUPTED
+    assert printed.strip() == "cam-rig: interrupted by SIGINT"  # blank lines clear a bar
     assert list(tmp_path.iterdir()) == []
 
 
@@ -60,8 +48,7 @@ def test_an_interrupt_while_modules_are_imported():
         "from cam_rig.cli import start\n"
         "start()"
     )
-    command = [sys.executable, "-c", code, "simulate"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=100)
+    done = ended(sys.executable, "-c", code, "simulate")
     assert (done.returncode, done.stderr) == (INTERRUPTED, "cam-rig: interrupted by SIGINT\n")
 
 
@@ -70,17 +57,8 @@ def test_an_interrupt_while_modules_are_imported():
 def test_a_date_that_is_none_is_one_line(program, tmp_path):
     """The libraries that read the variable too would end in their own traceback."""
     name, *words = program.split()
-    command = [BIN / name, *words]
     environment = os.environ | {"SOURCE_DATE_EPOCH": "abc"}
-    done = subprocess.run(
-        command,
-        env=environment,
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=100,
-    )
+    done = ended(BIN / name, *words, env=environment, cwd=tmp_path)
     assert done.returncode == ConfigError.exit_code
     (line,) = done.stderr.splitlines()
     assert line.partition(": ")[2] == (
@@ -101,9 +79,6 @@ def test_the_date_of_the_source(monkeypatch):
         monkeypatch.setenv("SOURCE_DATE_EPOCH", wrong)
         with pytest.raises(ConfigError, match=r"^SOURCE_DATE_EPOCH: .* is no date; allowed: whole"):
             source_date()
-
-
-# -- a command imports what it needs: help is there at once, and a simulation needs no scipy
 
 
 CODE = """
@@ -130,20 +105,14 @@ FIGURES = {"matplotlib", "rerun", "jinja2", "shapely", "ezdxf"}
     ],
 )
 def test_a_command_imports_what_it_needs(words, without):
-    """Not the libraries of the others."""
-    code = [sys.executable, "-c", CODE, *words]
-    done = subprocess.run(code, capture_output=True, text=True, check=True, timeout=100)
+    done = ended(sys.executable, "-c", CODE, *words)
+    assert done.returncode == 0, done.stderr
     assert set(done.stdout.rpartition("modules:")[2].split()) & without == set()
-
-
-# -- cam-rig --version: what is installed, told without importing it --------------------------
 
 
 def test_a_line_for_each_part():
     """Package, viewer, and rclpy with the ROS distribution it is of."""
-    result = CliRunner().invoke(app, ["--version"])
-    assert result.exit_code == 0
-    package, rerun, rclpy = result.stdout.splitlines()
+    package, rerun, rclpy = call("--version").stdout.splitlines()
     assert package == f"cam_rig {version('cam_rig')}"
     assert rerun == f"rerun {version('rerun-sdk')}"
     assert re.fullmatch(r"rclpy \d\S* \(ROS 2 [a-z]+\)", rclpy)

@@ -65,14 +65,8 @@ def test_listen_writes_a_sound_file(tmp_path):
     level = float(level_db(np.sqrt(np.mean(pressure**2))))
     assert level == pytest.approx(levels["LZeq"], abs=0.01)
     assert not told["overload"]
-
-
-def test_listen_repeats(tmp_path):
-    """The background is seeded: the same file twice."""
-    files = [tmp_path / name for name in ("a.wav", "b.wav")]
-    for out in files:
-        call("listen", "quick", "--rpm", "200", "--cam", "tm21", "--seconds", "0.5", "--out", out)
-    assert files[0].read_bytes() == files[1].read_bytes()
+    done("listen", "quick", *arguments, "--out", tmp_path / "again.wav")
+    assert (tmp_path / "again.wav").read_bytes() == out.read_bytes()  # the background is seeded
 
 
 def roles(scene):
@@ -96,9 +90,6 @@ def test_a_calibration_holds_for_its_follower(tmp_path):
     assert set(roles(scene).values()) == {"relative"}
 
 
-# -- `set_identified`: numbers go into a file of a person's, and nothing else of it changes
-
-
 TEXT = """\
 # A comment that stays.
 radiation:
@@ -116,10 +107,16 @@ segments:
 """
 
 
-def test_numbers_with_what_they_are_from(tmp_path):
-    """The origin's key is changed; source and residual are replaced, or added where they lack."""
+@pytest.fixture
+def path(tmp_path):
+    """A person's file."""
     path = tmp_path / "rig.yaml"
     path.write_text(TEXT, encoding="utf-8")
+    return path
+
+
+def test_numbers_with_what_they_are_from(path):
+    """The origin's key is changed; source and residual are replaced, or added where they lack."""
     numbers = {("radiation", "gain"): 9.8e-5, ("radiation", "corner"): 18.4}
     set_identified(path, {**numbers, ("segments", 0, "span"): 117.5}, 'a "fit"', "0.6 dB, 2 of 3")
     origin = {"source": 'a "fit"', "residual": "0.6 dB, 2 of 3"}
@@ -130,10 +127,8 @@ def test_numbers_with_what_they_are_from(tmp_path):
     assert read["segments"][1]["law"] == "Größe"
 
 
-def test_all_else_stays_as_it_was_written(tmp_path):
+def test_all_else_stays_as_it_was_written(path):
     """Comments, blanks and the other lines, character by character."""
-    path = tmp_path / "rig.yaml"
-    path.write_text(TEXT, encoding="utf-8")
     set_identified(path, {("radiation", "gain"): 2.0}, "s", "r")
     changed = TEXT.replace("assumed: 1.5e-4", 'identified: 2.0, source: "s", residual: "r"')
     assert path.read_text(encoding="utf-8") == changed
@@ -150,10 +145,8 @@ def test_a_shipped_rig_is_as_it_was_after_its_own_numbers(tmp_path, config_dir):
     assert read_yaml(path)["radiation"]["corner"]["identified"] == 18.42
 
 
-def test_a_file_that_cannot_be_written_is_one_line(tmp_path, monkeypatch):
+def test_a_file_that_cannot_be_written_is_one_line(path, monkeypatch):
     """It is left as it was."""
-    path = tmp_path / "rig.yaml"
-    path.write_text(TEXT, encoding="utf-8")
 
     def full(*_):
         raise OSError(28, "No space left on device")
@@ -162,10 +155,7 @@ def test_a_file_that_cannot_be_written_is_one_line(tmp_path, monkeypatch):
     with pytest.raises(ConfigError, match=r"rig.yaml: cannot be written \(No space left"):
         set_identified(path, {("radiation", "gain"): 2.0}, "s", "r")
     assert path.read_text(encoding="utf-8") == TEXT
-    assert [p.name for p in tmp_path.iterdir()] == ["rig.yaml"]
-
-
-# -- cam-rig factorial and vibration: JSON for programs, a plot, the paper's claims, refusals
+    assert [p.name for p in path.parent.iterdir()] == ["rig.yaml"]
 
 
 @pytest.fixture
@@ -233,9 +223,6 @@ def test_an_unknown_rig(small):
     assert [p.name for p in small.parent.iterdir()] == ["continuity.yaml"]
 
 
-# -- cam-rig vibration: JSON by cam and speed, the paper's claims tested ----------------------
-
-
 def test_json_of_vibration(tmp_path):
     """A list over the speeds for each measure of each cam, and the paper's words."""
     words = ("--rpm", 250, "--rpm", 300, "--json", "-", "--plot", tmp_path / "a.png")
@@ -251,9 +238,8 @@ def test_json_of_vibration(tmp_path):
 
 def test_cams_that_are_left_are_marked():
     """Of two cams one is left below 450 rpm: marked in the table, told in JSON, not asked of."""
-    result = call(
-        "vibration", "poly345", "bezier15", "--rpm", 300, "--rpm", 450, "--rpm", 450, "--json", "-"
-    )
+    speeds = ("--rpm", 300, "--rpm", 450, "--rpm", 450)
+    result = done("vibration", "poly345", "bezier15", *speeds, "--json", "-")
     data = json.loads(result.stdout)
     by = {(row["cam"], row["rpm"]): row for row in data["vibration"]}
     lost = {key: row["contact_lost"] for key, row in by.items()}

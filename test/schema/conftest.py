@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from cam_rig.errors import CamRigError, ConfigError
+from cam_rig.errors import ConfigError
 from cam_rig.paper.factorial.design import open_factorial
 from cam_rig.schema import load_cam, load_published, load_rig, load_scene
 
@@ -22,6 +22,14 @@ KINDS = {
 }
 
 
+def refusal(function: Callable[..., object], *given: object) -> str:
+    """The one line with which something is refused."""
+    with pytest.raises(ConfigError) as caught:
+        function(*given)
+    assert "\n" not in str(caught.value) and caught.value.exit_code == 2
+    return str(caught.value)
+
+
 @pytest.fixture
 def error_of(tmp_path: Path) -> Callable[[str, str | bytes], str]:
     """Load a text as a file of a kind; the one line that it is refused with."""
@@ -29,13 +37,8 @@ def error_of(tmp_path: Path) -> Callable[[str, str | bytes], str]:
     def load(kind: str, text: str | bytes) -> str:
         path = tmp_path / "continuity.yaml"
         path.write_bytes(text if isinstance(text, bytes) else text.encode())
-        with pytest.raises(CamRigError) as caught:
-            KINDS[kind][1](path)
-        message = str(caught.value)
-        assert isinstance(caught.value, ConfigError)
-        assert caught.value.exit_code == 2
+        message = refusal(KINDS[kind][1], path)
         assert message.startswith(f"{path}: ")
-        assert "\n" not in message
         return message.removeprefix(f"{path}: ")
 
     return load

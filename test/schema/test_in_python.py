@@ -11,6 +11,8 @@ from cam_rig.errors import ConfigError, OutputError
 from cam_rig.schema.load import config_root
 from cam_rig.schema.quantity import UNITS, Quantity
 
+from .conftest import refusal
+
 CAMS = sorted((config_root() / "cams").glob("*.yaml"))
 RIGS = sorted((config_root() / "rigs").glob("*.yaml"))
 SEGMENTS = [
@@ -56,18 +58,15 @@ def test_every_unit_that_a_file_may_have_is_read_in_a_text():
         (-1.0, "is -1 N/m; allowed: greater than 0 N/m"),
         (True, "is a bool; allowed: a number"),
         (None, "spring_stiffness: missing; it is required"),
-        ([1.0, 2.0], r"is \[1.0, 2.0\]; allowed: one number"),
-        (np.array([1.0]), r"is \[1.0\]; allowed: one number"),
+        ([1.0, 2.0], "is [1.0, 2.0]; allowed: one number"),
+        (np.array([1.0]), "is [1.0]; allowed: one number"),
         (1j, "is a complex; allowed: a number"),
         (object(), "is a object; allowed: a number"),
         ({"given": 3.0}, "unit: missing"),
     ],
 )
 def test_what_is_no_number_is_refused_in_one_line(wrong, words):
-    with pytest.raises(ConfigError, match=words) as refused:
-        spring_of(spring=wrong)
-    assert "\n" not in str(refused.value)
-    assert isinstance(refused.value, ValueError)
+    assert words in refusal(lambda: spring_of(spring=wrong))
 
 
 def test_a_file_takes_no_plain_number(tmp_path):

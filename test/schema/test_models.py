@@ -23,8 +23,6 @@ from cam_rig.schema.load import Library, config_root
 from cam_rig.schema.quantity import ORIGINS, UNITS, Quantity, must_be
 from cam_rig.schema.scene import OLD_MODELS, Model
 
-# Quantities: one origin, a unit of the right dimension, SI afterwards.
-
 
 def test_origin_and_si():
     """Given, assumed and identified stay apart; a checked number does not change."""

@@ -15,6 +15,8 @@ from cam_rig.schema.load import MAX_BYTES, config_root, read_yaml
 from cam_rig.schema.quantity import ORIGINS
 from cam_rig.schema.yaml_text import MAX_DEPTH, MAX_DIGITS, MAX_VALUES, parse_yaml
 
+from .conftest import refusal
+
 CONFIG = config_root()
 
 
@@ -42,8 +44,8 @@ def test_what_is_refused():
         ("a: !!int x", "not YAML: line 1: the tag 'tag:yaml.org,2002:int' does not fit"),
         ("--- 1\n--- 2\n", "not YAML: line 2: a second document begins; allowed: one"),
         ("\na: [1\n", "not YAML: while parsing a flow sequence at line 2, column 4"),
-        ("a: *b", r"not YAML: line 1: \*b is not there, or not at its end"),
-        ("a: &a\n  - *a", r"not YAML: line 2: \*a is not there, or not at its end"),
+        ("a: *b", "not YAML: line 1: *b is not there, or not at its end"),
+        ("a: &a\n  - *a", "not YAML: line 2: *a is not there, or not at its end"),
         ("[a, b]: 3", "not YAML: line 1: a list or a mapping is a key; allowed: a text"),
         ("a: 1\n<<: 3", "not YAML: line 2: << merges mappings alone"),
         ("\n\na: 0b" + "1" * 50_000, "a number in line 3 has 50002 characters; allowed: 300"),
@@ -51,9 +53,8 @@ def test_what_is_refused():
         ("[" * 1000, "is nested too deeply, in line 1; allowed: 32 levels"),
         (deep, "is nested too deeply, in line 33"),
     ):
-        with pytest.raises(ConfigError, match=f"^{words}") as caught:
-            parse_yaml(text)
-        assert "\n" not in str(caught.value) and len(str(caught.value)) < 200
+        message = refusal(parse_yaml, text)
+        assert message.startswith(words) and len(message) < 200
     parse_yaml("[" * MAX_DEPTH + "]" * MAX_DEPTH)
 
 
@@ -117,8 +118,6 @@ def test_whatever_both_understand_both_read_alike(text):
     if theirs is not None and "[...]" not in theirs and "{...}" not in theirs:
         assert mine == theirs
 
-
-# The shipped files.
 
 LOADERS = {"cams": load_cam, "rigs": load_rig, "scenes": load_scene, "published": load_published}
 #: Counts, degrees and fractions of the lift: choices of form, which have no unit and no origin.

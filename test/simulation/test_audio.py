@@ -20,10 +20,8 @@ def listen(loaded, background, frequency="Z", time="F"):
     """Each tick's reading, and its level by the energy account, with a background in dB."""
     radiation = dataclasses.replace(loaded.radiation, background=background)
     rate = int(loaded.scene.sample_rate.si)
-    account, meter = (
-        MicrophoneSimulator(radiation, rate),
-        MeterSimulator(SoundSource(radiation, rate)),
-    )
+    account = MicrophoneSimulator(radiation, rate)
+    meter = MeterSimulator(SoundSource(radiation, rate))
     meter.weigh(frequency, time)
     for tick in turned_ticks(loaded):
         reading = meter.read(tick.rows, tick.start.speed)
@@ -127,9 +125,6 @@ def test_what_the_node_reads_is_class_1(make_loaded_scene, rate):
     """Whatever rate a scene is sampled at, the meter's own suffices for all of class 1."""
     source = SoundSource(make_loaded_scene().radiation, rate)
     assert class_1_up_to_hz(MeterSimulator(source).meter.rate) == 20_000.0
-
-
-# -- what instruments make of a run: counts of an encoder, gaps between readings --------------
 
 
 @pytest.mark.variants(4)

@@ -117,9 +117,6 @@ def test_nothing_measured_is_an_error():
         require_ticks(step_levels(ticks([1.0, 1.0]), settle_turns=5), "here")
 
 
-# Cubic regressions over speed, and their roots.
-
-
 def test_regression_recovers_a_cubic():
     """Levels on a cubic give its coefficients back (1e-9 of each term's size at 400 rpm)."""
     # A flat curve is one too, its higher coefficients zero, not missing; three points make none.

@@ -70,12 +70,7 @@ def test_arrays_are_views_that_nobody_writes(law, rig):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ({"rpm": -5}, r"simulate: rpm: is -5 rpm; allowed: at least 0.01 rpm"),
         ({"rpm": 300, "turns": 0}, r"simulate: turns: is 0 turns; allowed: at least 1"),
-        (
-            {"rpm": 300, "model": "two_masses"},
-            r"simulate: model: is 'two_masses' .*mean 'two_mass'.*; allowed: ",
-        ),
         ({"rpm": 300, "sample_rate": 100, "ramp": -1}, r"simulate: ramp: is -1 s"),
         ({"rpm": 300, "model": "two_mass"}, r"rig tm21: follower.roller_share: is missing"),
     ],

@@ -70,30 +70,20 @@ def test_no_impulse_is_lost(make_loaded_scene):
 @pytest.mark.parametrize("model", ["kinetostatic", "one_mass", "elastic_stem"])
 def test_levels_along_ramps_are_left_out(make_loaded_scene, model):
     """A scene with ramps has levels of the held speeds alone, and they are the steady ones."""
-    program = {
-        "speeds": {"assumed": [200, 300], "unit": "rpm"},
-        "turns": {"assumed": 3, "unit": "turns"},
-        "settle_turns": {"assumed": 1, "unit": "turns"},
-        "ramp": {"assumed": 0.4, "unit": "s"},
-    }
-    loaded = make_loaded_scene(program=program, model=model, sample_rate=24_000)
+    loaded = make_loaded_scene(speeds=[200, 300], ramp=0.4, model=model, sample_rate=24_000)
     heard = list(simulate(loaded))
     assert len(heard) == tick_count(loaded.scene)
     assert sum(not tick.steady for tick in heard) == tick_count(loaded.scene) - 2 * 2 * 3
     levels = step_levels(heard, 1.0)
     held = [float(speed) for speed in loaded.scene.program.speeds.si_list]
-    assert {cam: list(steps) for cam, steps in levels.items()} == {
-        "poly345": held,
-        "bezier15": held,
-    }
+    assert {cam: list(steps) for cam, steps in levels.items()} == dict.fromkeys(
+        ("poly345", "bezier15"), held
+    )
     for cam, steps in levels.items():
         for speed, level in steps.items():
             power = steady_power(loaded.laws[cam], loaded.follower, loaded.radiation, speed)
             close = 2e-2 if model != "elastic_stem" else 0.1  # there the stem rings
             assert level == pytest.approx(float(level_db(np.sqrt(power))), abs=close)
-
-
-# Settled turns hold the same energy as the exact steady response and as a whole run.
 
 
 STEADY_RPM = np.array([200.0, 300.0, 400.0])
@@ -152,9 +142,6 @@ def test_elastic_turns_settle(make_loaded_scene):
     np.testing.assert_allclose(levels[0], levels[1], atol=0.05)
 
 
-# Levels are a property of the motion: the same however the turn is divided into ticks.
-
-
 DIVISIONS = (2, 3, 5, 7, 36, 72, 100)
 #: Laws with steps of the force at joints, with steps of the velocity, and smooth ones.
 CAMS = ("tm21", "arcs_convex", "worked_example_harmonic", "poly345", "bezier15", "trigonometric")
@@ -176,31 +163,17 @@ def drawn(seed):
         rpm = np.minimum(rpm, TWO_MASS_RPM)
     cam = str(rng.choice(CAMS if model in ("one_mass", "elastic_stem") else CAMS[3:5]))
     rate = int(rng.choice(EVEN_HZ)) if even else int(rng.integers(1000, 48_001))
-    program = {
-        "speeds": {"assumed": rpm.tolist(), "unit": "rpm"},
-        "turns": {"assumed": 3, "unit": "turns"},
-        "settle_turns": {"assumed": int(rng.integers(3)), "unit": "turns"},
-    }
+    scene = {"speeds": rpm.tolist(), "settle_turns": int(rng.integers(3))}
     if rng.integers(2):
-        program["ramp"] = {"assumed": round(float(rng.uniform(0.05, 0.4)), 2), "unit": "s"}
-    return {
-        "cams": [cam],
-        "rig": "paper_table2" if model in ("two_mass", "torsional") else "tm21",
-        "model": model,
-        "sample_rate": rate,
-        "program": program,
-    }
+        scene["ramp"] = round(float(rng.uniform(0.05, 0.4)), 2)
+    rig = "paper_table2" if model in ("two_mass", "torsional") else "tm21"
+    return scene | {"cams": [cam], "rig": rig, "model": model, "sample_rate": rate}
 
 
 @pytest.fixture
 def divided(make_loaded_scene):
     """Open a scene with so many ticks a turn."""
-
-    def make(scene, ticks):
-        program = scene["program"] | {"ticks_per_turn": ticks}
-        return make_loaded_scene(**scene | {"program": program})
-
-    return make
+    return lambda scene, ticks: make_loaded_scene(**scene, ticks_per_turn=ticks)
 
 
 def assert_equal(found, levels):
@@ -251,13 +224,10 @@ def run_of_the_nodes(loaded):
 def test_the_nodes_give_the_same_levels(divided, seed):
     """What the nodes compute, and a bag holds, is what the scene gives without them."""
     scene = drawn(seed)
-    settle = scene["program"]["settle_turns"]["assumed"]
+    settle = scene["settle_turns"]
     levels = levels_of(divided(scene, 1))
     for ticks in (1, 5):
         assert_equal(step_levels(run_of_the_nodes(divided(scene, ticks)), settle), levels)
-
-
-# -- a row each speed says what the follower did: held against exact events, energy and the bag
 
 
 GOLDEN = config_root().parent / "bags" / "golden"

@@ -10,7 +10,7 @@ from __future__ import annotations
 import inspect
 import re
 from collections import Counter
-from collections.abc import Container, Iterable, Iterator
+from collections.abc import Container, Iterable
 from enum import Enum
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
@@ -56,20 +56,20 @@ more examples.
 
 def page() -> str:
     """The whole page as Markdown."""
-    verbs = dict(_verbs({name: command(name) for name in COMMANDS}))
-    shared = _shared(verbs.values())
+    every = verbs()
+    shared = _shared(every.values())
     parts = [HEAD, "## Shared", "\n".join(shared)]
-    parts += [section(name, verb, shared) for name, verb in verbs.items()]
+    parts += [section(name, verb, shared) for name, verb in every.items()]
     return "\n\n".join(part.strip() for part in parts) + "\n"
 
 
-def _verbs(commands: dict[str, Any]) -> Iterator[tuple[str, Any]]:
+def verbs() -> dict[str, Any]:
     """Each command by its words; those of a group, such as ``fit cam``, one by one."""
-    for name, verb in commands.items():
-        if hasattr(verb, "commands"):
-            yield from ((f"{name} {word}", one) for word, one in _verbs(verb.commands))
-        else:
-            yield name, verb
+    found: dict[str, Any] = {}
+    for name in COMMANDS:
+        below = getattr(command(name), "commands", {"": command(name)})
+        found |= {f"{name} {word}".rstrip(): verb for word, verb in below.items()}
+    return found
 
 
 def _shared(verbs: Iterable[Any]) -> list[str]:

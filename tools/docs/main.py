@@ -18,16 +18,15 @@ from cam_rig.show.terminal import console
 from cam_rig.simulation import figures as noise
 from cam_rig.simulation.regression import NoiseResult, compare
 from cam_rig.simulation.simulate import step_levels
-from tools.docs import bench_picture, course_pictures, lab_picture, panel_picture
+from tools.docs import bench_picture, course_pictures, panel_picture
 from tools.docs.bench_picture import photograph_bench
-from tools.docs.lab_picture import photograph_lab
-from tools.docs.panel_picture import photograph_panel
+from tools.docs.panel_picture import photograph_lab, photograph_panel
 from tools.docs.pictures import draw_pictures
 from tools.docs.screenshot import photograph_viewer
 from tools.docs.turn_archive import TurnArchive, read_turns
 
 #: The photographs of the viewer, the drawing board and the bench.
-VIEWER, PANEL, BENCH = "viewer.png", panel_picture.PICTURE.name, bench_picture.PICTURE.name
+VIEWER, BENCH = "viewer.png", bench_picture.PICTURE.name
 
 
 def pictures(
@@ -60,9 +59,9 @@ def _draw(bag: Path, to: Path) -> None:
         )
         for name, photographed in (
             (VIEWER, lambda path: photograph_viewer(bag, path)),
-            (PANEL, photograph_panel),
+            (panel_picture.BOARD.name, photograph_panel),
             (BENCH, photograph_bench),
-            (lab_picture.PICTURE.name, photograph_lab),
+            (panel_picture.LAB.name, photograph_lab),
         ):
             try:
                 photographed(folder / name)

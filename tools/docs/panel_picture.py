@@ -1,22 +1,25 @@
-"""The picture of the panel in the documents, as a browser shows it.
+"""The pictures of drawing board and lab sheet in the documents, as a browser shows them.
 
     .venv/bin/python -m tools.docs.panel_picture
 
-``make pictures`` makes it too. An ordinate of the start is moved first, by the keyboard.
+``make pictures`` makes them too.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
 
+from cam_rig.files import temporary_folder
 from cam_rig.panel.board.board import Board
 from cam_rig.panel.board.pages import BoardPages
+from cam_rig.panel.lab.labs import JumpSheet
+from cam_rig.panel.lab.pages import LabPages
 from cam_rig.panel.server import serve
 from cam_rig.schema import load_cam, load_rig
 from cam_rig.schema.load import cam_path, rig_path
 from tools.docs.browser import new_page, open_browser, put, until
 
-PICTURE = Path("docs/panel.png")
+BOARD, LAB = Path("docs/panel.png"), Path("docs/lab.png")
 CAM, RIG, SECOND = "bezier15", "paper_table2", "poly345"
 #: The handle that is moved, how, and how often.
 HANDLE, KEY, TIMES = 2, "PageDown", 4
@@ -28,8 +31,18 @@ READY = """() => ["jump_rigid", "jump", "residual", "level"].every((id) => {
 })"""
 
 
+#: Down to the table of readings; where they are kept is this machine's.
+SIZE = {"width": 1600, "height": 792}
+#: By how much (rpm) readings are beside the jump speed, one after the other.
+BESIDE = (1.0, 0.0, 2.0)
+#: Whether the force is that of the speed which is set.
+SHOWN = """() => JSON.parse(document.body.dataset.shown || "{}").rpm
+  === document.getElementById("rpm").valueAsNumber"""
+LINE = "() => document.querySelector('#plot .theory').getAttribute('d')"
+
+
 def photograph_panel(path: Path) -> None:
-    """Write the drawing board with a moved ordinate and a second law."""
+    """Write the drawing board with an ordinate that the keyboard has moved, and a second law."""
     board = Board(load_cam(cam_path(CAM)), load_rig(rig_path(RIG)), Path("out"))
     with serve(BoardPages(board)) as served, open_browser(webgl=False) as browser:
         page = new_page(browser)
@@ -44,5 +57,31 @@ def photograph_panel(path: Path) -> None:
         page.screenshot(path=path)
 
 
+def photograph_lab(path: Path) -> None:
+    """Write a lab sheet with its readings and the theory's line.
+
+    Readings are taken at the knob's whole speeds, a little beside the jump speed as a person's are.
+    """
+    sheet = JumpSheet(load_cam(cam_path(SECOND)), load_rig(rig_path("tm21")))
+    with temporary_folder() as folder, open_browser(webgl=False) as browser:
+        pages = LabPages(sheet, folder)
+        for i, setup in enumerate(sheet.setups[1:]):
+            rpm = round(sheet.true(setup)) + BESIDE[i % len(BESIDE)]
+            pages.notebook.record(vars(setup) | {"rpm": rpm})
+        with serve(pages, home="/lab") as served:
+            page = new_page(browser)
+            page.set_viewport_size(SIZE)  # type: ignore[arg-type]
+            page.goto(served.address)
+            until(page, SHOWN)
+            page.locator("#rpm").fill(f"{round(sheet.true(sheet.setups[0])) + 5}")
+            page.locator("#rpm").press("Enter")
+            page.locator("#plot_it").click()
+            page.locator("#theory").click()
+            until(page, LINE)
+            until(page, SHOWN)
+            page.screenshot(path=path)
+
+
 if __name__ == "__main__":
-    put(PICTURE, photograph_panel)
+    put(BOARD, photograph_panel)
+    put(LAB, photograph_lab)

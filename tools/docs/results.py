@@ -14,8 +14,8 @@ from importlib import import_module
 from pathlib import Path
 
 import cam_rig
-from cam_rig.cli.main import COMMANDS, command
 from cam_rig.show.result import Column, Result
+from tools.docs.commands import verbs
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "results.md"
@@ -81,15 +81,9 @@ def given_by(result: type[Result]) -> list[str]:
         if inspect.isfunction(one)
         and result.__name__ in str(one.__annotations__.get("return")).split(" | ")
     ]
-    verbs = {verb.replace("-", "_").replace(" ", "_"): verb for verb in _verbs()}
-    words = GIVEN_BY.get(name, verbs.get(name, ""))
+    named = {verb.replace("-", "_").replace(" ", "_"): verb for verb in verbs()}
+    words = GIVEN_BY.get(name, named.get(name, ""))
     return [f"cam-rig {one}" for one in words.split(", ") if one] + calls
-
-
-def _verbs() -> Iterator[str]:
-    for name in COMMANDS:
-        group = getattr(command(name), "commands", None)
-        yield from [name] if group is None else (f"{name} {word}" for word in group)
 
 
 def page() -> str:
