@@ -267,11 +267,7 @@ SPEED = 300.0
 
 @checked
 def contact(
-    cams: Cams = None,
-    rig: Rig = None,
-    rpm: float = SPEED,
-    *,
-    pressure_angle: float | None = None,
+    cams: Cams = None, rig: Rig = None, rpm: float = SPEED, *, pressure_angle: float | None = None
 ) -> ContactResult:
     """Hertz pressure and sliding speed over the turn, and what base radius they ask for.
 

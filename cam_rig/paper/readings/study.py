@@ -10,13 +10,7 @@ from cam_rig.errors import ConfigError, did_you_mean
 from cam_rig.paper.jump.refit import ROUNDED_TO
 from cam_rig.paper.readings.readings import Read, ReadRow, read
 from cam_rig.paper.readings.search import Found, ReadingSearch
-from cam_rig.schema import (
-    CamConfig,
-    TableReadings,
-    load_cam,
-    load_readings,
-    load_tables,
-)
+from cam_rig.schema import CamConfig, TableReadings, load_cam, load_readings, load_tables
 from cam_rig.schema.load import cam_path, readings_path, tables_path
 from cam_rig.schema.published import PublishedJump
 from cam_rig.show.result import SILENT, Column, Progress, Records, Result
