@@ -155,8 +155,9 @@ def render(
 ) -> str:
     """The page as "html" or "md", whose sentences take what they share from ``source``."""
     templates, numbering, text = environment(kind), Numbering(), ""
+    drawn = [] if kind == "md" else contents.values()
     parts = {
-        "figures": {} if kind == "md" else _drawn(contents),
+        "figures": {key: uri for one in drawn for key, uri in one.drawn.items()},
         "pictures": {} if kind == "md" else _pictures(contents),
         "numbering": numbering,
         "numbers": {section.key: i for i, section in enumerate(contents, start=1)},
@@ -199,11 +200,6 @@ def _module(
     """A section's template with all that its sentences take."""
     given = {**parts, **content.values, "tables": content.tables}
     return templates.get_template(f"{section.template}.jinja").make_module(given)
-
-
-def _drawn(contents: Mapping[Section, Content]) -> dict[str, list[str]]:
-    """Every figure's strips, by its key."""
-    return {key: uri for content in contents.values() for key, uri in content.drawn.items()}
 
 
 def _pictures(contents: Mapping[Section, Content]) -> dict[Answer, str]:

@@ -37,12 +37,9 @@ from cam_rig.paper.vibration.study import PROPOSED, claims_table, jump_claims
 from cam_rig.profile import figures as profile_plot
 from cam_rig.profile.check_table import GUIDED, check_cam
 from cam_rig.report.document import Content, Section
-from cam_rig.report.paper import Paper
-from cam_rig.report.paper_reading import misprints_table
+from cam_rig.report.paper import Paper, answers, misprints_table
 from cam_rig.report.sections import laws_table, origins, recorded_table
-from cam_rig.report.summary import answers
 from cam_rig.show.tables import DataTable, Head, tabulate
-from cam_rig.units import to_rpm
 
 TITLE = "Cam rig: the paper's experiments, redone and taken further"
 #: What is drawn at random.
@@ -206,7 +203,7 @@ def _as_cut(paper: Paper) -> Content:
     return Content(
         tables,
         {"fig12": partial(cuts.plot, cam=CUT)} if cut else {},
-        {"cut": cut, "rpm": to_rpm},
+        {"cut": cut},
         {"as-cut": cuts},
     )
 

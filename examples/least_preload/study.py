@@ -74,11 +74,7 @@ def least_preloads(cam_set: CamSet, speeds: list[float], progress: Progress) -> 
 
 @checked
 def least_preload(
-    cams: Cams = None,
-    rig: Rig = None,
-    rpm: Speeds = DEFAULT_RPM,
-    *,
-    progress: Progress = SILENT,
+    cams: Cams = None, rig: Rig = None, rpm: Speeds = DEFAULT_RPM, *, progress: Progress = SILENT
 ) -> PreloadResult:
     """The least preload of each cam at each speed; the command is ``cam-rig least-preload``.
 

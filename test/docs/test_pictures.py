@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import re
+import time
 import urllib.request
 from pathlib import Path
 from xml.etree import ElementTree
@@ -13,10 +15,10 @@ from matplotlib import pyplot as plt
 from PIL import Image
 from typer.testing import CliRunner
 
-from cam_rig.errors import BagError
+from cam_rig.errors import BagError, CamRigError
 from cam_rig.show.looks import FORCE, GAP, LAW, LIFT, web
-from tools.docs import main, pictures, screenshot, stills
-from tools.docs.browser import HEIGHT, WIDTH, Pixels, count, why_no_browser
+from tools.docs import browser, main, pictures, screenshot, stills
+from tools.docs.browser import HEIGHT, WIDTH, Pixels, count, photographs, why_no_browser
 from tools.docs.pictures import ANIMATION, SIDE_BY_SIDE, draw_pictures
 from tools.docs.turn_archive import TurnArchive, gap, read_turns
 
@@ -59,8 +61,8 @@ def test_a_photograph_is_of_the_bags_own_layout(
     pixels = np.arange(12, dtype=np.uint8).reshape(2, 2, 3)
 
     def photograph(address: str, colours: tuple[int, ...], settled: int) -> Pixels:
-        browser = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
-        assert browser.open(address, timeout=60).status == 200
+        client = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
+        assert client.open(address, timeout=60).status == 200
         assert settled in colours and colours == screenshot.SHOWN
         return pixels
 
@@ -144,3 +146,50 @@ def test_the_gap_is_drawn_in_flight_and_a_force_in_contact(archive: TurnArchive)
         assert len(axes.texts) == int(not in_flight)  # the arrow
         assert lengths == pytest.approx([1e3 * gaps[sample]] if in_flight else [], rel=1e-9)
     plt.close(figure)
+
+
+# -- pictures of a page are taken again where the browser could not, and not for ever ---------
+
+
+class FailingPage:
+    """Stands for a page that fails a few times before each picture, as on a loaded machine."""
+
+    url = "http://127.0.0.1/"
+
+    def __init__(self, failures: int) -> None:
+        self._error = pytest.importorskip("playwright.sync_api").Error
+        self._failures, self._left = failures, failures
+
+    def screenshot(self, timeout: float) -> bytes:
+        assert timeout > 0.0
+        if self._left:
+            self._left -= 1
+            words = "Protocol error (Page.captureScreenshot): Unable to capture screenshot"
+            raise self._error(words)
+        self._left = self._failures
+        data = io.BytesIO()
+        Image.new("RGB", (40, 30), (0x56, 0xB4, 0xE9)).save(data, format="png")
+        return data.getvalue()
+
+
+@pytest.mark.parametrize("failures", [0, 1, 7])
+def test_a_failure_is_tried_again(failures: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Picture after picture comes, each whole."""
+    monkeypatch.setattr(browser, "PAUSE_S", 0.001)
+    taken = photographs(FailingPage(failures), time.monotonic() + 30.0)  # type: ignore[arg-type]
+    for _ in range(3):
+        assert count(next(taken), 0x56B4E9FF) == 40 * 30
+
+
+def test_trying_ends() -> None:
+    """A browser that never gives a picture is an error in the time given, with its own words."""
+    begun = time.monotonic()
+    with pytest.raises(CamRigError, match=r"gives no picture .*Unable to capture screenshot"):
+        next(photographs(FailingPage(10**9), begun + 0.2))  # type: ignore[arg-type]
+    assert time.monotonic() - begun < 5.0
+
+
+def test_only_near_colours_are_counted() -> None:
+    """One of four pixels is within the limit in every channel."""
+    pixels = np.array([[[86, 180, 233], [86, 180, 200], [60, 180, 233], [0, 0, 0]]], np.uint8)
+    assert count(pixels, 0x56B4E9FF) == 1

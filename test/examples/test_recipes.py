@@ -35,6 +35,13 @@ class Copy:
         path.write_text(found[:at] + text + found[at:], encoding="utf-8")
         self.touched.add(file)
 
+    def add_slice(self):
+        """The example's folder, and its line in the list of commands."""
+        for file in SLICE.glob("*.py"):
+            self.add(file, f"cam_rig/paper/least_preload/{file.name}")
+        line = '    "least-preload": "cam_rig.paper.least_preload.command",\n'
+        self.insert("cam_rig/cli/main.py", '    "vibration": "', line)
+
     def add(self, source, target):
         """A new file."""
         path = self.folder / target
@@ -66,10 +73,7 @@ def recipe(heading):
 
 def test_an_experiment_is_a_folder_and_a_line(copy):
     """The example's folder and a line: a command with help, table, JSON and plot, in the help."""
-    for file in SLICE.glob("*.py"):
-        copy.add(file, f"cam_rig/paper/least_preload/{file.name}")
-    line = '    "least-preload": "cam_rig.paper.least_preload.command",\n'
-    copy.insert("cam_rig/cli/main.py", '    "vibration": "', line)
+    copy.add_slice()
     run = ("-m", "cam_rig.cli.main", "least-preload", "poly345", "bezier15", "--rpm", "480")
     found = json.loads(copy.python(*run, "--json", "-", "--plot", "a.png"))
     least = [row["least"] for row in found["preloads"]]
@@ -94,10 +98,7 @@ print(json.dumps([least(build_law(load_cam(name))) for name in ("poly345", "bezi
 @pytest.mark.long
 def test_an_experiment_is_a_function_of_the_package(copy):
     """With the command's options, as every command has one; three lines."""
-    for file in SLICE.glob("*.py"):
-        copy.add(file, f"cam_rig/paper/least_preload/{file.name}")
-    line = '    "least-preload": "cam_rig.paper.least_preload.command",\n'
-    copy.insert("cam_rig/cli/main.py", '    "vibration": "', line)
+    copy.add_slice()
     face = "cam_rig/__init__.py"
     module = "cam_rig.paper.least_preload.study"
     copy.insert(face, "    from cam_rig.paper.noise", f"    from {module} import least_preload\n")
@@ -112,8 +113,7 @@ def test_an_experiment_is_a_function_of_the_package(copy):
 @pytest.mark.long
 def test_the_report_shows_an_experiment(copy):
     """A function, a line and the example's sentences: a section with its figure and table."""
-    for file in SLICE.glob("*.py"):
-        copy.add(file, f"cam_rig/paper/least_preload/{file.name}")
+    copy.add_slice()
     copy.add(SLICE / "section.jinja", "cam_rig/report/templates/least_preload.jinja")
     sections = "cam_rig/report/paper_sections.py"
     copy.insert(sections, "def _jump(paper", SECTION)

@@ -8,7 +8,7 @@ import pytest
 
 from cam_rig.errors import ProfileError
 from cam_rig.laws import Law
-from cam_rig.paper.as_cut.cut_for_point import followed_law
+from cam_rig.paper.as_cut.study import followed_law
 from cam_rig.profile import contours, turn_angles
 from cam_rig.profile.contact import Motion
 from cam_rig.profile.disc import Contour, Disc
@@ -132,21 +132,21 @@ def random_law(seed, lift=0.02):
 def followed_by(laws):
     """The roller's law on each cam cut for a point, computed once."""
     made = [*(laws[name] for name in ("bezier15", "poly345", "cycloidal")), random_law(3)]
-    return [(law, followed_law(law, BASE, ROLLER)) for law in made]
+    return [(law, *followed_law(law, BASE, ROLLER)) for law in made]
 
 
 def test_a_roller_put_on_the_contour_stands_there(followed_by):
     """The finished contour as points, the roller lowered onto it: nothing of the law is used."""
     point, at = GuidedCentre.on_base(BASE, 0.0, 0.0), ANGLES[::4]
-    for law, found in followed_by:
+    for law, found, _ in followed_by:
         outline = Contour.of(Disc("", point), Motion.uniform(law, 7200)).points
         measured = rest(GuidedCentre.on_base(BASE, ROLLER, 0.0), closed_curve(outline), at)
-        assert np.abs(found.law(at) - measured).max() < 1e-11
+        assert np.abs(found(at) - measured).max() < 1e-11
 
 
 def test_fifty_digits():
     """Lift and three derivatives against mpmath, which finds the contact and differentiates."""
-    law, found = random_law(5), followed_law(random_law(5), BASE, ROLLER).law
+    law, found = random_law(5), followed_law(random_law(5), BASE, ROLLER)[0]
     ordinates = [mp.mpf(float(y)) for y in law.ordinates[:, 0]]
     with mp.workdps(50):
 
@@ -173,25 +173,25 @@ def test_fifty_digits():
 def test_lift_is_kept_and_never_below(followed_by):
     """It stands above s, at its extremes on it, with s''/(1 − R_r s''/(ρ (ρ + R_r))) there."""
     at = np.array([np.pi])
-    for law, found in followed_by:
-        assert (found.law(ANGLES) - law(ANGLES)).min() > -1e-14
-        assert found.law.lift == pytest.approx(law.lift, rel=1e-12)
-        assert found.error[0] < 1e-14
-        assert found.error[2] < 1e-10 * np.abs(law(ANGLES, 2)).max()
-        assert np.abs(found.law.jumps(2)).max() < 1e-10
+    for law, found, error in followed_by:
+        assert (found(ANGLES) - law(ANGLES)).min() > -1e-14
+        assert found.lift == pytest.approx(law.lift, rel=1e-12)
+        assert error[0] < 1e-14
+        assert error[2] < 1e-10 * np.abs(law(ANGLES, 2)).max()
+        assert np.abs(found.jumps(2)).max() < 1e-10
         if not law.name.startswith("random"):
             rho, second = BASE + law(at), law(at, 2)
             exact = second / (1.0 - ROLLER * second / (rho * (rho + ROLLER)))
             assert np.abs(law(at, 1)).max() < 1e-12
-            assert np.abs(found.law(at, 2) - exact).max() < 1e-11
+            assert np.abs(found(at, 2) - exact).max() < 1e-11
 
 
 def test_limits_and_refusals(laws):
     """No roller: s itself. A large cam: R_r s'²/(2 ρ (ρ + R_r)) above s, the first order."""
     law = laws["bezier15"]
-    assert np.abs(followed_law(law, BASE, 0.0).law(ANGLES) - law(ANGLES)).max() < 1e-15
+    assert np.abs(followed_law(law, BASE, 0.0)[0](ANGLES) - law(ANGLES)).max() < 1e-15
     base = 50.0
-    above = followed_law(law, base, ROLLER).law(ANGLES) - law(ANGLES)
+    above = followed_law(law, base, ROLLER)[0](ANGLES) - law(ANGLES)
     rho = base + law(ANGLES)
     first = ROLLER * law(ANGLES, 1) ** 2 / (2.0 * rho * (rho + ROLLER))
     assert np.abs(above - first).max() < 0.01 * first.max()

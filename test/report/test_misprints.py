@@ -8,7 +8,7 @@ from scipy.interpolate import BPoly, BSpline
 
 import cam_rig
 from cam_rig.laws.segments import unit_rise
-from cam_rig.report.paper_reading import MISPRINTS
+from cam_rig.report.paper import MISPRINTS
 from cam_rig.schema.load import config_root, load_published
 
 U = np.linspace(0.0, 1.0, 201)

@@ -14,7 +14,6 @@ from cam_rig.profile.disc import Contour, Disc
 from cam_rig.profile.faces import GuidedCentre
 from cam_rig.show.figure import CAM_ANGLE, empty, series, styled, turn_axis, wrapped
 from cam_rig.show.looks import MM
-from cam_rig.units import RPM
 
 POINTS = 1440
 
@@ -60,7 +59,7 @@ def _polar(axes: PolarAxes, found: AsCut) -> None:
 def _acceleration(axes: Axes, found: AsCut) -> None:
     angle = turn_angles(POINTS)
     for i, (cam, name) in enumerate(((found.drawn, "s"), (found.cut, "roller on s + $R_b$"))):
-        label = f"{name}: jump speed {cam.jump / RPM:.1f} rpm"
+        label = f"{name}: jump speed {cam.jump:.1f} rpm"
         axes.plot(np.degrees(angle), cam.law(angle, 2) * MM, label=label, **series(i))
     axes.set(ylabel="s″ [mm/rad²]", xlabel=CAM_ANGLE)
     turn_axis(axes)

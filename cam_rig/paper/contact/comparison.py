@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 
@@ -14,9 +13,10 @@ from cam_rig.arguments import checked
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
-from cam_rig.laws.cam import CamSet, law_of
+from cam_rig.laws.cam import CamSet
 from cam_rig.laws.law import Extreme
 from cam_rig.paper.contact.surfaces import (
+    LOWER,
     RISES,
     BaseBounds,
     ContactCase,
@@ -33,8 +33,8 @@ from cam_rig.schema.quantity import Quantity
 from cam_rig.schema.segment_base import quantities
 from cam_rig.show.result import Column, Footnote, Records, Result
 from cam_rig.show.tables import Cell
-from cam_rig.simulation.asked import FASTEST_RPM, Cams, Rig, asked_cams, named_cams
-from cam_rig.units import RPM, RPM_PER_RAD_S, TURN, FloatArray
+from cam_rig.simulation.asked import FASTEST_RPM, Cams, Rig, asked_cams
+from cam_rig.units import RPM, RPM_PER_RAD_S, TURN
 
 #: Event angles of the nomogram's tables, degrees.
 EVENTS = (60.0, 90.0, 120.0, 150.0, 180.0)
@@ -122,12 +122,7 @@ def _bound(key: str, heading: str) -> Column:
     return Column(key, "mm", ".1f", heading, f"bounds.{key}", cell)
 
 
-def _title(row: ContactRow | Play) -> str:
-    return row.cam.title
-
-
-#: The lower bounds, as a sentence names them.
-LOWER = {"curvature": "curvature", "pressure_angle": "pressure angle", "pressure": "Hertz pressure"}
+CAM = Column("cam", of="cam.name", cell=lambda row: str(row.cam.title))
 RADII = (
     Column("rise", of="0"),
     *(
@@ -148,7 +143,7 @@ class ContactResult(Result):
     drawn_by = "cam_rig.paper.contact.figures:figure"
     columns: ClassVar = {
         "contact": (
-            Column("cam", of="cam.name", cell=_title),
+            CAM,
             Column("follower", of="cam.follower.type", cell=_follower),
             Column("pressure", "MPa", ".1f", "largest pressure", "pressure.value"),
             Column("angle", "°", ".1f", "at", "pressure.angle"),
@@ -166,7 +161,7 @@ class ContactResult(Result):
             Column("contact_lost", of="lost", hidden=True),
         ),
         "bounds": (
-            Column("cam", of="cam.name", cell=_title),
+            CAM,
             Column("base_radius", "mm", ".4g", of="cam.follower.base_radius.si"),
             _bound("curvature", "least by curvature"),
             _bound("pressure_angle", "least by pressure angle"),
@@ -267,11 +262,7 @@ SPEED = 300.0
 
 @checked
 def contact(
-    cams: Cams = None,
-    rig: Rig = None,
-    rpm: float = SPEED,
-    *,
-    pressure_angle: float | None = None,
+    cams: Cams = None, rig: Rig = None, rpm: float = SPEED, *, pressure_angle: float | None = None
 ) -> ContactResult:
     """Hertz pressure and sliding speed over the turn, and what base radius they ask for.
 
@@ -311,30 +302,18 @@ def contact(
 # Followers that a cam moves both ways: their play between the two contacts.
 
 PLAY = (
-    Column("cam", of="cam.name", cell=_title),
-    Column("follower", of="cam.follower.type", cell=lambda case: _kind(case.cam)),
-    Column("least", "nm", ".1e", of=lambda case: case.play.min().item()),
-    Column("greatest", "nm", ".1e", of=lambda case: case.play.max().item()),
+    Column("cam", of="0.name", cell=lambda row: str(row[0].title)),
+    Column("follower", of="0.follower.type", cell=lambda row: _kind(row[0])),
+    Column("least", "nm", ".1e", of=lambda row: row[1].min().item()),
+    Column("greatest", "nm", ".1e", of=lambda row: row[1].max().item()),
 )
 
 
-class Play(NamedTuple):
-    """The play (m) of one cam's follower over the turn; where it is negative, it jams."""
-
-    cam: CamConfig
-    play: FloatArray
-
-
 def play_table(cams: Iterable[tuple[CamConfig, Law]]) -> Records:
-    """Play of followers that a cam moves both ways."""
+    """Play (m) of followers that a cam moves both ways; where it is negative, they jam."""
     caption = (
         "Play between the two contacts over the turn, each element put on its finished contour"
     )
     note = "Negative: the follower would jam. The contours are splines through 3600 points."
-    rows = tuple(Play(cam, closure(cam.follower, law)) for cam, law in cams)
+    rows = tuple((cam, closure(cam.follower, law)) for cam, law in cams)
     return Records("play", caption, PLAY, rows, (note,))
-
-
-def open_form_closed(paths: Iterable[Path]) -> list[tuple[CamConfig, Law]]:
-    """Read cam files with their laws."""
-    return [(cam, law_of(path, cam)) for path, cam in named_cams([*paths])]

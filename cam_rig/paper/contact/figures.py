@@ -111,6 +111,5 @@ def events_figure(most: float, radius: float) -> Figure:
     for axes, title, name in zip(panels, titles, names, strict=True):
         axes.set(title=title, ylabel=name, xlabel="event angle β [°]", xlim=(30.0, 180.0))
         axes.set(xticks=range(30, 181, 30), ylim=(-0.5, 8.0))
-    handles, labels = panels[0].get_legend_handles_labels()
-    out.legend(handles, labels, loc="outside lower center", ncols=4)
+    out.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     return out

@@ -138,8 +138,8 @@ def contact_case(cam: CamConfig, law: Law, rig: FollowerParameters, speed: float
 #: A number of the whole turn, larger than its limit when it is bad.
 Measure = Callable[[Surfaces, Scan], float]
 
-#: Lower bounds, those of the thesis first.
-LOWER = ("curvature", "pressure", "pressure_angle")
+#: Lower bounds, those of the thesis first, and what a sentence calls them.
+LOWER = {"curvature": "curvature", "pressure": "Hertz pressure", "pressure_angle": "pressure angle"}
 
 
 @dataclass(frozen=True)

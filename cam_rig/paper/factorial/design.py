@@ -26,7 +26,6 @@ from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.laws.catalogue import figures
 from cam_rig.laws.segments import MIN_DWELL, NAMED_RISES
-from cam_rig.paper.anova import TwoWay, two_way
 from cam_rig.schema import RigConfig
 from cam_rig.schema.load import load
 from cam_rig.schema.quantity import Quantity, Strict, must_be
@@ -185,6 +184,63 @@ class Bench:
             noise=float(self.rigid_sound.levels(noise).mean()),
             noise_in_contact=float(self.sound.levels(contact)[0]),
         )
+
+
+# Analysis of variance of a full table with one value a cell. A model has no scatter, so there is
+# nothing to test against: what counts are the shares of the sum of squares. What rows and columns
+# do not explain together is interaction.
+
+
+@dataclass(frozen=True, eq=False)
+class TwoWay:
+    """Effects of rows ``(a,)`` and columns ``(b,)`` about the mean, and sums of squares.
+
+    ``classes`` is the part of ``rows`` that lies between groups of rows; the rest is within them.
+    """
+
+    mean: float
+    row_effects: FloatArray
+    column_effects: FloatArray
+    rows: float
+    classes: float
+    columns: float
+    interaction: float
+
+    @property
+    def total(self) -> float:
+        """Sum of squares about the mean."""
+        return self.rows + self.columns + self.interaction
+
+    @property
+    def shares(self) -> tuple[float, float, float]:
+        """Shares of rows, columns and interaction; all zero where nothing varies."""
+        whole = self.total or 1.0
+        return self.rows / whole, self.columns / whole, self.interaction / whole
+
+    @property
+    def class_share(self) -> float:
+        """Share of what lies between groups of rows."""
+        return self.classes / (self.total or 1.0)
+
+
+def two_way(values: FloatArray, groups: Sequence[object] | None = None) -> TwoWay:
+    """Analyse a table ``(a, b)``; rows of one label of ``groups`` are a class, or each its own."""
+    a, b = values.shape
+    mean = float(values.mean())
+    row, column = values.mean(axis=1) - mean, values.mean(axis=0) - mean
+    left = values - mean - row[:, None] - column
+    labels = list(groups) if groups is not None else list(range(a))
+    members = [[i for i in range(a) if labels[i] == label] for label in dict.fromkeys(labels)]
+    between = sum(len(rows) * float(row[rows].mean()) ** 2 for rows in members)
+    return TwoWay(
+        mean=mean,
+        row_effects=row,
+        column_effects=column,
+        rows=b * float(row @ row),
+        classes=b * between,
+        columns=a * float(column @ column),
+        interaction=float((left**2).sum()),
+    )
 
 
 #: A table of fewer laws or angles has no variance to analyse.

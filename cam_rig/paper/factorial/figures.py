@@ -86,8 +86,8 @@ def _shares(out: FigureBase, found: Factorial) -> None:
             xlabel="share of the sum of squares [%]",
         )
     panels[0].invert_yaxis()
-    handles, labels = panels[0].get_legend_handles_labels()
-    out.legend(handles, labels, loc="outside lower center", ncols=2, frameon=False)
+    words = panels[0].get_legend_handles_labels()
+    out.legend(*words, loc="outside lower center", ncols=2, frameon=False)
 
 
 def _bars(axes: Axes, design: Design) -> None:

@@ -15,7 +15,6 @@ from cam_rig.arguments import checked
 from cam_rig.laws import Law
 from cam_rig.laws.cam import open_cam_set
 from cam_rig.laws.segments import up_and_down
-from cam_rig.paper.anova import TwoWay
 from cam_rig.paper.factorial.conclusions import (
     Conclusions,
     advantages,
@@ -34,6 +33,7 @@ from cam_rig.paper.factorial.design import (
     Factorial,
     FactorialConfig,
     Measures,
+    TwoWay,
     as_gentle,
     open_factorial,
     squeezed,

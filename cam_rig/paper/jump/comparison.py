@@ -17,12 +17,7 @@ from cam_rig.dynamics.jump.any_follower import (
     find_jump,
     follower_of,
 )
-from cam_rig.dynamics.jump.jump_speed import (
-    FROM_REST,
-    jump_speed,
-    require_run,
-    rigid_jump_speed,
-)
+from cam_rig.dynamics.jump.jump_speed import FROM_REST, jump_speed, require_run, rigid_jump_speed
 from cam_rig.dynamics.jump.search import FASTEST, Jump, keeps_contact, sought_speed
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law, build_law

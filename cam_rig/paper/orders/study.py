@@ -58,15 +58,13 @@ def _of(name: str) -> Callable[[OrdersRow], float]:
 
 
 def _loudest(rank: int) -> Column:
-    def order(row: OrdersRow) -> float | None:
-        found = row.loudest(rank)
-        return found and found[0]
-
     def words(row: OrdersRow) -> str | None:
         found = row.loudest(rank)
         return found and f"{found[0]:g}: {found[1]:.1f}"
 
-    return Column(f"loudest_{rank + 1}", of=order, cell=words)
+    return Column(
+        f"loudest_{rank + 1}", of=lambda row: (row.loudest(rank) or [None])[0], cell=words
+    )
 
 
 @dataclass(frozen=True, repr=False)

@@ -249,16 +249,10 @@ def _conditions(
     """Rows for the ordinates and right-hand sides: ends, events, greatest lifts."""
     unit = np.eye(spline.c.shape[0])
     first, last = equal(ordinates), equal(ordinates[::-1])
-    at = np.array([event.angle for event in timed])
-    tops = np.array(_tops(law, lift))
+    at, top = np.array([event.angle for event in timed]), extremes(law, 0)[1].value
+    still = _roots(law, law.derivative_ordinates(1))
+    tops = np.array([angle for angle in still if float(law(angle)) > top - TIE * lift])
     rows = [unit[:first], unit[unit.shape[0] - last :], spline(at), spline(tops), spline(tops, 1)]
     ends = np.repeat([ordinates[0], ordinates[-1]], [first, last])
     right = [ends, law(at) / lift, law(tops) / lift, np.zeros(tops.size)]
     return np.concatenate(rows), np.concatenate(right)
-
-
-def _tops(law: Law, lift: float) -> list[float]:
-    """Cam angles (rad) of the greatest lift, each of them where several are equal."""
-    top = extremes(law, 0)[1].value
-    at = _roots(law, law.derivative_ordinates(1))
-    return [angle for angle in at if float(law(angle)) > top - TIE * lift]

@@ -183,11 +183,7 @@ def claims_table(claims: Iterable[Claim], rpm: tuple[float, ...]) -> Records:
 
 @checked
 def vibration(
-    cams: Cams = None,
-    rig: Rig = None,
-    rpm: Speeds | None = None,
-    *,
-    progress: Progress = SILENT,
+    cams: Cams = None, rig: Rig = None, rpm: Speeds | None = None, *, progress: Progress = SILENT
 ) -> VibrationResult:
     """Residual vibration in the low dwell, peak acceleration and twist of the shaft, settled.
 

@@ -15,6 +15,7 @@ from cam_rig.laws import build_law
 from cam_rig.paper.as_cut.study import CutBench, DrawnCam, cut_at, over_sizes, radii
 from cam_rig.schema.load import config_root
 from cam_rig.simulation.scene import open_scene
+from cam_rig.units import RPM
 
 from ...cli.conftest import call as run
 
@@ -50,8 +51,8 @@ def test_bezier_15(drawn, bench, table2):
     def leaves(speed):
         return first_lift_off(found.cut.law, follower, speed, np.zeros(2), FROM_REST) is not None
 
-    assert leaves(found.cut.jump * (1.0 + 1e-5))
-    assert not leaves(found.cut.jump * (1.0 - 1e-5))
+    assert leaves(found.cut.jump * RPM * (1.0 + 1e-5))
+    assert not leaves(found.cut.jump * RPM * (1.0 - 1e-5))
     assert found.cut.jump > drawn.jump
     assert np.abs(found.change).max() < 0.05
 

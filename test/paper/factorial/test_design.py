@@ -12,7 +12,6 @@ from hypothesis.extra.numpy import arrays
 from cam_rig.errors import ConfigError
 from cam_rig.laws.law import joints, peak
 from cam_rig.laws.segments import up_and_down
-from cam_rig.paper.anova import two_levels, two_way
 from cam_rig.paper.factorial.conclusions import (
     BY_KEY,
     Cause,
@@ -24,9 +23,9 @@ from cam_rig.paper.factorial.conclusions import (
     governed_by,
     staying,
 )
-from cam_rig.paper.factorial.design import Bench, as_gentle, open_factorial, squeezed
+from cam_rig.paper.factorial.design import Bench, as_gentle, open_factorial, squeezed, two_way
 from cam_rig.paper.factorial.study import run_factorial
-from cam_rig.schema import load_rig
+from cam_rig.paper.noise.variants import two_levels
 from cam_rig.units import TURN
 
 RISES = ("simple_harmonic", "poly345", "cycloidal", "poly4567", "bezier9", "modified_sine")
@@ -52,9 +51,9 @@ def config(config_dir):
 
 
 @pytest.fixture(scope="module")
-def bench(config, table2, config_dir):
+def bench(config, table2, rig):
     """Its rigs."""
-    return Bench.of(config, table2, load_rig(config_dir / "rigs" / "tm21.yaml"))
+    return Bench.of(config, table2, rig)
 
 
 @pytest.fixture(scope="module")
@@ -122,10 +121,8 @@ def test_advantage_adds_up(found):
     """Slopes and ringing make up all of the advantage, by the definition of the rigid follower."""
     for row in advantages(found):
         best, other = found.cams["bezier15"], found.cams[row.cam]
-        residual_vibration = math.log(best.jump / best.rigid_jump) - math.log(
-            other.jump / other.rigid_jump
-        )
-        assert row.jump == pytest.approx(row.jump_slopes + residual_vibration)
+        gained, others = (math.log(cam.jump / cam.rigid_jump) for cam in (best, other))
+        assert row.jump == pytest.approx(row.jump_slopes + gained - others)
         assert 0.5 < row.jump_share < 1.1
 
 
@@ -176,13 +173,10 @@ def test_cells_that_leave(found):
     assert not contact_lost(stay, effect, config).any()
     assert len(stay.cells) == len(stay.rises) >= 2
     assert "simple_harmonic" not in stay.rises
-    assert not contact_lost(
-        design, BY_KEY["noise"], config
-    ).any()  # a rigid follower may fly and land
-    quick = config.model_copy(
-        update={"residual": config.residual.model_copy(update={"assumed": [9e9]})}
-    )
-    assert staying(design, effect, quick) is None
+    noise = contact_lost(design, BY_KEY["noise"], config)  # a rigid follower may fly and land
+    assert not noise.any()
+    fast = config.residual.model_copy(update={"assumed": [9e9]})
+    assert staying(design, effect, config.model_copy(update={"residual": fast})) is None
 
 
 def test_conclusions_count_the_cells_without_contact(found):

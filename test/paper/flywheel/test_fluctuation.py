@@ -10,7 +10,6 @@ from cam_rig.dynamics.torsional.model import from_rig as shaft_of
 from cam_rig.dynamics.vibration import energy_fluctuation, flywheel_turn, steady_twist
 from cam_rig.laws.cam import CamSet
 from cam_rig.paper.flywheel import INERTIAS, SHOWN, study_flywheel
-from cam_rig.schema import load_rig
 from cam_rig.units import RPM
 
 from ...figure_faults import faults
@@ -81,7 +80,6 @@ def test_tables(study):
     assert faults(study.plot()) == []
 
 
-def test_a_rig_without_a_shaft(laws, config_dir):
+def test_a_rig_without_a_shaft(laws, rig):
     """Has no flywheel."""
-    bare = load_rig(config_dir / "rigs" / "tm21.yaml")
-    assert study_flywheel(CamSet({}, {"poly345": laws["poly345"]}, bare), 300.0) is None
+    assert study_flywheel(CamSet({}, {"poly345": laws["poly345"]}, rig), 300.0) is None

@@ -23,14 +23,13 @@ from cam_rig.paper.jump.comparison import (
     rms_difference,
 )
 from cam_rig.paper.jump.refit import refit, refitted, with_event
-from cam_rig.schema import load_rig, load_tables
+from cam_rig.schema import load_tables
 from cam_rig.schema.load import config_root
 from cam_rig.units import RPM
 
 from ...cli.conftest import call as run
 
 FIVE = {"bezier15": 570, "poly345": 415, "poly4567": 390, "cycloidal": 410, "bezier_segments": 400}
-RIG = load_rig(config_root() / "rigs" / "tm21.yaml").model_dump(exclude_none=True)
 
 
 @pytest.fixture(scope="module")
@@ -240,9 +239,10 @@ def test_a_scene_brings_its_rig():
     assert told("quick", "--rig", "paper_table2")[1]["follower"] == "two masses"
 
 
-def test_a_rig_of_four_numbers_is_enough(tmp_path):
+def test_a_rig_of_four_numbers_is_enough(tmp_path, rig):
     """Mass, spring, damping and preload have a jump speed, that of the same rig with all else."""
-    four = {key: RIG["follower"][key] for key in ("mass", "spring_stiffness", "damping", "preload")}
+    keys = {"mass", "spring_stiffness", "damping", "preload"}
+    four = rig.follower.model_dump(exclude_none=True, include=keys)
     path = tmp_path / "mine.yaml"
     path.write_text(json.dumps({"name": "mine", "title": "mine", "follower": four}))
     mine, whole = (told("poly345", "--rig", rig)[0]["poly345"]["rpm"] for rig in (path, "tm21"))
@@ -265,10 +265,8 @@ def test_a_refit_is_a_result_too(monkeypatch):
     as_it_is, best = data["solutions"]
     assert as_it_is["event"] == pytest.approx(math.radians(117.5))
     assert best["rms"] <= as_it_is["rms"] * (1.0 + 1e-12)
-    assert data["run"] == {"rig": "paper_table2_refitted", "follower": "two masses"} | {
-        "duration": 0.2,
-        "ramp": None,
-    }
+    run = {"rig": "paper_table2_refitted", "follower": "two masses", "duration": 0.2, "ramp": None}
+    assert data["run"] == run
     assert data["standard_errors"]["rounding"] == pytest.approx(0.0033, abs=5e-5)
     assert "Jump speed on rig paper_table2_refitted" in " ".join(result.stderr.split())
     assert [row["cam"] for row in data["jump"]] == list(FIVE)

@@ -19,11 +19,16 @@ from cam_rig.paper.noise.calibration import (
     sensitivity,
     two_constants,
 )
-from cam_rig.paper.noise.high_dwell import WITH_JUMPS, study_high_dwell, timing_of
 from cam_rig.paper.noise.methods import leave_one_out, with_substitution, with_two_constants
 from cam_rig.paper.noise.roles import NoiseSetup, StudyRoles
-from cam_rig.paper.noise.shared_rig import with_elastic_stem, with_rigid_stem
 from cam_rig.paper.noise.study import NoiseStudyResult
+from cam_rig.paper.noise.variants import (
+    WITH_JUMPS,
+    study_high_dwell,
+    timing_of,
+    with_elastic_stem,
+    with_rigid_stem,
+)
 from cam_rig.schema import load_published
 from cam_rig.schema.load import config_root
 from cam_rig.simulation.regression import cubic
@@ -317,18 +322,10 @@ def test_harmonics_through_the_low_pass_are_the_steady_response(laws, follower, 
 
 
 @pytest.mark.long
-def test_the_low_pass_predicts_best():
+def test_the_low_pass_predicts_best(study):
     """More constants fit the cam they see better, the other worse; an A-weighted level neither."""
-    loaded = open_scene(config_root() / "scenes" / "tm21_sweep.yaml")
-    cams, speeds = ("poly345", "bezier15"), np.array(loaded.scene.program.speeds.si_list)
-    fits = compare_structures(
-        {cam: loaded.laws[cam] for cam in cams},
-        loaded.follower,
-        loaded.radiation,
-        {cam: loaded.published_levels(cam, speeds * 30.0 / np.pi) for cam in cams},
-        speeds,
-        "poly345",
-    )
+    smooth = {cam: study.cams[cam] for cam in ("poly345", "bezier15")}
+    fits = compare_structures(study.loaded, smooth, "poly345")
     by_name = {(fit.name, fit.weighting): fit for fit in fits}
     plain, modes = by_name["low-pass", "Z"], by_name["two modes", "Z"]
     assert modes.fitted_db < plain.fitted_db

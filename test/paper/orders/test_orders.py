@@ -17,7 +17,6 @@ from cam_rig.acoustics.pressure import mean_square_rate
 from cam_rig.dynamics import MODELS, FollowerParameters, TwoMassParameters
 from cam_rig.errors import ConfigError, DynamicsError
 from cam_rig.laws import Law
-from cam_rig.paper.orders import steady_force as steady_force_module
 from cam_rig.paper.orders.spectrum import (
     force_orders,
     order_spectrum,
@@ -25,7 +24,7 @@ from cam_rig.paper.orders.spectrum import (
     pulse_integral,
     vibration_integral,
 )
-from cam_rig.paper.orders.steady_force import steady_force
+from cam_rig.paper.orders.steady_force import BUILDERS, steady_force
 from cam_rig.simulation.asked import speeds_in
 from cam_rig.simulation.simulate import turned_ticks
 from cam_rig.units import RPM, TURN
@@ -115,12 +114,8 @@ def test_a_polynomial_at_any_phase(degree):
         powers = [mpmath.mpf(0)] * (degree + 1)
         for j, b in enumerate(ordinates):
             for k in range(degree - j + 1):
-                powers[j + k] += (
-                    mpmath.mpf(float(b))
-                    * mpmath.binomial(degree, j)
-                    * mpmath.binomial(degree - j, k)
-                    * (-1) ** k
-                )
+                ways = mpmath.binomial(degree, j) * mpmath.binomial(degree - j, k)
+                powers[j + k] += mpmath.mpf(float(b)) * ways * (-1) ** k
     exact = [complex(by_digits(powers, float(phase))) for phase in PHASES]
     assert np.abs(polynomial_integral(ordinates, PHASES) - exact).max() < 3e-15
 
@@ -149,17 +144,13 @@ def test_half_a_sine_of_unit_area():
     """1 at φ = 0; π/4 in size at φ = π, where its formula is 0/0; else by quadrature."""
     phase = np.array([0.0, 1e-7, 1.0, np.pi - 1e-9, np.pi, np.pi + 1e-5, 20.0])
     with mpmath.workdps(30):
-        exact = [
-            complex(
-                mpmath.quad(
-                    lambda u, p=p: (
-                        mpmath.pi / 2 * mpmath.sin(mpmath.pi * u) * mpmath.expj(-float(p) * u)
-                    ),
-                    mpmath.linspace(0, 1, 5),
-                )
-            )
-            for p in phase
-        ]
+        half = mpmath.pi / 2
+
+        def pulse(u, p):
+            return half * mpmath.sin(mpmath.pi * u) * mpmath.expj(-float(p) * u)
+
+        parts = mpmath.linspace(0, 1, 5)
+        exact = [complex(mpmath.quad(partial(pulse, p=p), parts)) for p in phase]
     np.testing.assert_allclose(pulse_integral(phase), exact, rtol=0, atol=1e-15)
     assert abs(pulse_integral(np.array([np.pi]))[0]) == pytest.approx(np.pi / 4, abs=1e-15)
 
@@ -231,12 +222,10 @@ def test_in_contact_an_order_is_the_lifts_times_the_stiffness(model, seed):
 
 
 @pytest.mark.parametrize("cam", ["poly345", "bezier15", "b_spline"])
-def test_all_orders_together_have_the_energy_of_the_turn(cam):
+def test_all_orders_together_have_the_energy_of_the_turn(cam, laws, rig, follower):
     """Parseval: their mean squares sum to that of the sound, which another way finds."""
-    law, rig, speed = cam_rig.build_law(cam_rig.load_cam(cam)), cam_rig.load_rig("tm21"), 300 * RPM
-    radiation = RadiationParameters.from_rig(rig)
+    law, speed, radiation = laws[cam], 300 * RPM, RadiationParameters.from_rig(rig)
     found = order_spectrum(law, "kinetostatic", rig, speed, 2000)
-    follower = FollowerParameters.from_rig(rig)
     exact = radiation.gain**2 * mean_square_rate(law, follower, radiation.corner_rate, speed)
     assert found.total_db == pytest.approx(float(level_db(exact**0.5)), abs=2e-6)
 
@@ -258,11 +247,10 @@ def sampled(steady, count):
         ("poly345", "two_mass", 480, 2e-4),
     ],
 )
-def test_an_fft_comes_to_the_same(cam, model, rpm, away):
+def test_an_fft_comes_to_the_same(cam, model, rpm, away, laws, rig):
     """To rounding, or to one sample over a jump; twice the samples, half as far: the FFT is off."""
-    law = cam_rig.build_law(cam_rig.load_cam(cam))
-    rig = PAPER if model in ("elastic_stem", "two_mass") else cam_rig.load_rig("tm21")
-    steady = steady_force(law, model, rig, rpm * RPM)
+    own = PAPER if model in ("elastic_stem", "two_mass") else rig
+    steady = steady_force(laws[cam], model, own, rpm * RPM)
     assert steady.settled
     bare = dataclasses.replace(steady, landings=())
     orders = np.arange(40 * steady.turns)
@@ -276,16 +264,14 @@ def test_an_fft_comes_to_the_same(cam, model, rpm, away):
 
 
 @pytest.mark.parametrize(("cam", "rpm"), [("poly345", 520), ("tm21", 400), ("bezier15", 600)])
-def test_landings_keep_the_balance_of_momentum(cam, rpm):
+def test_landings_keep_the_balance_of_momentum(cam, rpm, laws, rig, follower):
     """Over a turn with flights the mean of force and landings is preload + k ȳ."""
-    law, rig = cam_rig.build_law(cam_rig.load_cam(cam)), cam_rig.load_rig("tm21")
-    found = order_spectrum(law, "one_mass", rig, rpm * RPM, 3)
+    found = order_spectrum(laws[cam], "one_mass", rig, rpm * RPM, 3)
     assert found.steady.landings
-    motion = cam_rig.simulate(law, rig, rpm=rpm, turns=6, sample_rate=200_000)
+    motion = cam_rig.simulate(laws[cam], rig, rpm=rpm, turns=6, sample_rate=200_000)
     turn = round(200_000 * 60 / rpm)
-    p = FollowerParameters.from_rig(rig)
-    place = motion.lift[-turn * found.steady.turns :].mean()
-    assert found.amplitude[0] == pytest.approx(p.preload + p.spring_stiffness * place, rel=1e-5)
+    spring = follower.spring_stiffness * motion.lift[-turn * found.steady.turns :].mean()
+    assert found.amplitude[0] == pytest.approx(follower.preload + spring, rel=1e-5)
 
 
 def test_the_orders_are_what_the_microphone_hears(make_loaded_scene):
@@ -303,10 +289,9 @@ def test_the_orders_are_what_the_microphone_hears(make_loaded_scene):
         assert found.total_db == pytest.approx(level, abs=0.02)
 
 
-def test_a_force_that_comes_back_after_two_turns_has_halves_of_orders():
+def test_a_force_that_comes_back_after_two_turns_has_halves_of_orders(laws):
     """And its even places are the orders of the cam."""
-    law = cam_rig.build_law(cam_rig.load_cam("bezier15"))
-    found = order_spectrum(law, "two_mass", PAPER, 600 * RPM, 20)
+    found = order_spectrum(laws["bezier15"], "two_mass", PAPER, 600 * RPM, 20)
     assert found.steady.turns == 2
     assert found.orders[:4].tolist() == [0.0, 0.5, 1.0, 1.5]
     assert found.frequency[2] == pytest.approx(10.0)
@@ -314,12 +299,11 @@ def test_a_force_that_comes_back_after_two_turns_has_halves_of_orders():
     np.testing.assert_allclose(found.steady.at(times), found.steady.at(times + 0.2), atol=1e-6)
 
 
-def test_a_smoother_cam_sounds_at_fewer_orders():
+def test_a_smoother_cam_sounds_at_fewer_orders(laws, rig):
     """99 % of the sound's power: a step of force reaches farthest, one of jerk less, none least."""
-    rig, highest = cam_rig.load_rig("tm21"), {}
+    highest = {}
     for cam in ("tm21", "poly345", "bezier15"):
-        law = cam_rig.build_law(cam_rig.load_cam(cam))
-        found = order_spectrum(law, "one_mass", rig, 300 * RPM, 100)
+        found = order_spectrum(laws[cam], "one_mass", rig, 300 * RPM, 100)
         highest[cam] = found.order_within(0.99)
         few = found.up_to(20)
         assert few.orders[-1] == 20
@@ -330,14 +314,10 @@ def test_a_smoother_cam_sounds_at_fewer_orders():
     assert highest["tm21"] > highest["poly345"] > highest["bezier15"]
 
 
-def test_what_has_no_closed_form_is_refused():
+def test_what_has_no_closed_form_is_refused(laws):
     """The torsional model; and a law whose velocity jumps, in a model that cannot."""
-    law = cam_rig.build_law(cam_rig.load_cam("poly345"))
     with pytest.raises(ConfigError, match="model torsional: its force is no closed form"):
-        steady_force(law, "torsional", PAPER, 10.0)
-    jumping = cam_rig.build_law(cam_rig.load_cam("worked_example_constant_velocity"))
+        steady_force(laws["poly345"], "torsional", PAPER, 10.0)
     with pytest.raises(DynamicsError, match="velocity jumps"):
-        steady_force(jumping, "kinetostatic", PAPER, 10.0)
-    assert MODELS.keys() - steady_force_module.steady_force.__globals__["BUILDERS"].keys() == {
-        "torsional"
-    }
+        steady_force(laws["worked_example_constant_velocity"], "kinetostatic", PAPER, 10.0)
+    assert MODELS.keys() - BUILDERS.keys() == {"torsional"}

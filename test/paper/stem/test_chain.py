@@ -50,10 +50,8 @@ def chain_response(law, stem, speed):
     state[1, -2] = 1.0
     motion[0] = f.stem_stiffness * left, f.stem_damping * left, stem.on_cam
     motion[1, 0] = f.share
-    preload = np.array([f.share * f.preload, -f.preload / f.stiffness])
-    return LinearResponse(law, speed, matrix, drive, np.zeros(2 * n)), Outputs(
-        state, motion, preload
-    )
+    outputs = Outputs(state, motion, np.array([f.share * f.preload, -f.preload / f.stiffness]))
+    return LinearResponse(law, speed, matrix, drive, np.zeros(2 * n)), outputs
 
 
 def exact(law, stem, speed, count):
@@ -192,10 +190,8 @@ def test_the_exact_solver_loses_contact_there(laws, table2, elements):
     """A chain's least force through the rig's solver changes its sign at the jump speed."""
     law, stem = laws["cycloidal"], Stem(TwoMassParameters.from_rig(table2), elements)
     jump = stem_jump(law, stem, table2)
-    least = []
-    for speed in (jump * (1.0 - 1e-4), jump * (1.0 + 1e-4)):
-        least.append(exact(law, stem, speed, 8000)[0].min())
-    assert least[0] > 0.0 > least[1]
+    below, above = (exact(law, stem, jump * (1.0 + s), 8000)[0].min() for s in (-1e-4, 1e-4))
+    assert below > 0.0 > above
 
 
 def test_the_sound_of_a_stiff_stem_is_that_of_a_rigid_follower(laws, table2):
@@ -219,10 +215,8 @@ def test_the_rows_tend_to_the_bar(study):
         away = [abs(value(row) - value(bar)) for row in study.rows[1:-1]]
         assert np.all(np.diff(away) < 0.0)
     five, nine = study.rows[-3:-1]
-    ratio = (five.jump["poly345"] - bar.jump["poly345"]) / (
-        nine.jump["poly345"] - bar.jump["poly345"]
-    )
-    assert ratio == pytest.approx((9.0 / 5.0) ** 2, rel=0.1)
+    away = [row.jump["poly345"] - bar.jump["poly345"] for row in (five, nine)]
+    assert away[0] / away[1] == pytest.approx((9.0 / 5.0) ** 2, rel=0.1)
 
 
 def test_where_two_masses_are_not_enough(study, laws, table2):

@@ -36,11 +36,11 @@ def test_cycloidal():
     span, start = np.radians(117.5), np.radians(31.25)
     found = events(build_law(load_cam("cycloidal")), 0.05)
     for event in found[:3]:
-        u = brentq(
-            lambda u, p=event.level: u - np.sin(2.0 * np.pi * u) / (2.0 * np.pi) - p,
-            *(0.0, 1.0),
-            xtol=1e-15,
-        )
+
+        def away(u, level=event.level):
+            return u - np.sin(2.0 * np.pi * u) / (2.0 * np.pi) - level
+
+        u = brentq(away, 0.0, 1.0, xtol=1e-15)
         assert event.angle == pytest.approx(start + span * u, abs=1e-12)
 
 
@@ -185,12 +185,9 @@ def test_ordinates_that_joints_hold():
     assert held([0.0, 0.0, 0.0, 1.0]) == 3
     assert held([0.0, 0.25, 0.5, 0.75, 0.75]) == 4
     assert held([0.0, 1.0, 3.0]) == 1
-    free = {name: _free(load_cam(name)) for name in ("bezier15", "poly345", "half_rises")}
-    assert free == {"bezier15": 8, "poly345": 0, "half_rises": 0}
-
-
-def _free(cam):
-    return sum(o.values[o.free].size for o in timing_of(cam).ordinates)
+    for name, free in {"bezier15": 8, "poly345": 0, "half_rises": 0}.items():
+        ordinates = timing_of(load_cam(name)).ordinates
+        assert sum(one.values[one.free].size for one in ordinates) == free
 
 
 def test_the_b_spline_has_lift_and_events_of_the_curve(beside):

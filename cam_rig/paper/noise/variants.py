@@ -1,15 +1,17 @@
-"""One rig for all: the follower identified from the jump speeds, its noise on all three cams.
+"""The noise study on another rig, and on other cams.
 
-Event angles, preload, mass split and stem come from the jump speeds (Table 2); nothing of them is
-fitted to noise. Gain and corner are fitted to the reference anew. The arc cam, which the jump
-speeds know nothing of, is fitted to its own curve twice: on that rig with a rigid stem, which
-shows what its preload does, and, when asked, on the whole two-mass follower.
+One rig for all: event angles, preload, mass split and stem come from the jump speeds (Table 2);
+nothing of them is fitted to noise. Gain and corner are fitted to the reference anew. The arc cam,
+which the jump speeds know nothing of, is fitted to its own curve twice: on that rig with a rigid
+stem, which shows what its preload does, and, when asked, on the whole two-mass follower.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from itertools import combinations, product
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import Bounds, differential_evolution
@@ -17,11 +19,13 @@ from scipy.optimize import Bounds, differential_evolution
 from cam_rig.acoustics import RadiationParameters
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.errors import CamRigError
+from cam_rig.laws.segments import NAMED_RISES, up_and_down
 from cam_rig.paper.noise.arc_cam import IMPOSSIBLE, MAX_FLANK, ArcShape, ShapeProblem
 from cam_rig.paper.noise.calibration import PublishedCam, two_constants
 from cam_rig.paper.noise.methods import crossing
 from cam_rig.paper.noise.roles import EVERY, NoiseSetup
-from cam_rig.schema import RigConfig
+from cam_rig.schema import CamConfig, RigConfig
+from cam_rig.schema.segments import Dwell, Rise
 from cam_rig.show.result import SILENT, Progress
 from cam_rig.simulation.regression import cubic
 from cam_rig.simulation.simulate import Acoustics, settled_turns
@@ -138,3 +142,103 @@ def _result(
     crossed = crossing(arcs.rpm, one, two, named.rpm)
     left = {name: cam.rms(acoustics) for name, cam in (smooth | {arcs.cam: arcs}).items()}
     return OneRig(name, acoustics, left, shape, crossed)
+
+
+# Why the arc cam is quiet: its lift, its missing high dwell or its joints, as a factorial. The
+# reference cam's rise and fall with two lifts, with and without the high dwell, and with two rises:
+# its own, and one whose acceleration jumps where it joins a dwell, as a cam of arcs has it. Rise
+# and fall keep their angles; without the high dwell the low one is longer.
+
+#: The rise whose acceleration jumps at a dwell, as at the joints of arcs.
+WITH_JUMPS = "simple_harmonic"
+#: The factors in their order, in words.
+FACTORS = ("lift", "high dwell", "joints")
+
+
+class Timing(NamedTuple):
+    """A cam that rises, dwells, falls by one named rise: its angles in rad, its lift in m."""
+
+    rise: str
+    event: float
+    high_dwell: float
+    lift: float
+
+
+@dataclass(frozen=True, eq=False)
+class HighDwellStudy:
+    """Levels (dB) of the eight cams at the study's speeds, the first the reference itself.
+
+    A cam is told by lift (m), high dwell (rad) and rise. ``shares`` are those of the sum of squares
+    of the mean levels, by the factors that act together (indices into `FACTORS`).
+    """
+
+    levels_db: dict[tuple[float, float, str], FloatArray]
+    shares: Mapping[tuple[int, ...], float]
+
+    def change_db(self, factor: str) -> FloatArray:
+        """What changing one of `FACTORS` alone does to the reference's levels, dB."""
+        alone = 4 >> FACTORS.index(factor)  # the last factor turns first
+        return list(self.levels_db.values())[alone] - self.reference
+
+    @property
+    def reference(self) -> FloatArray:
+        """Levels (dB) of the reference cam."""
+        return next(iter(self.levels_db.values()))
+
+
+def timing_of(cam: CamConfig) -> Timing | None:
+    """The timing of a cam that rises and falls by one named rise with a high dwell; else None."""
+    rises = [segment for segment in cam.segments if isinstance(segment, Rise)]
+    dwells = [segment for segment in cam.segments if isinstance(segment, Dwell)]
+    shape = [isinstance(segment, Rise) for segment in cam.segments]
+    if shape not in ([False, True, False, True, False], [False, True, False, True]):
+        return None
+    if len(rises) + len(dwells) < len(shape) or rises[0].law != rises[1].law:
+        return None
+    up, down = (rise.span.si for rise in rises)
+    if abs(up - down) > 1e-9 or any(NAMED_RISES[rises[0].law].slopes):
+        return None
+    return Timing(rises[0].law, up, dwells[1].span.si, cam.lift.si)
+
+
+def study_high_dwell(
+    setup: NoiseSetup, acoustics: Acoustics, other_lift: float
+) -> HighDwellStudy | None:
+    """Run the eight cams; None where the reference cam cannot be changed in all three.
+
+    It must have a high dwell between two equal rises, another lift than the arc cam's
+    ``other_lift`` (m), and no jumps at its joints.
+    """
+    timing = timing_of(setup.loaded.cams[setup.roles.reference])
+    if timing is None:
+        return None
+    choices = ((timing.lift, other_lift), (timing.high_dwell, 0.0), (timing.rise, WITH_JUMPS))
+    if any(own == other for own, other in choices):
+        return None
+    speeds = np.asarray(setup.cams[setup.roles.reference].turns.speeds)
+    levels = {}
+    for lift, dwell, rise in product(*choices):
+        law = up_and_down(rise, timing.event, lift, dwell)
+        turns = settled_turns(law, "one_mass", setup.loaded.follower, speeds)
+        levels[lift, dwell, rise] = acoustics.levels(turns)
+    means = np.array([level.mean() for level in levels.values()]).reshape(2, 2, 2)
+    return HighDwellStudy(levels, two_levels(means))
+
+
+def two_levels(values: FloatArray) -> dict[tuple[int, ...], float]:
+    """Shares of the sum of squares of k factors with two levels each, and of their interactions.
+
+    Of ``values`` ``(2, …, 2)``, an axis a factor; by the axes that act together, ``(0,)`` or
+    ``(0, 2)``. They add up to one, or are all zero where nothing varies.
+    """
+    signs = np.array([-1.0, 1.0])
+    squares = {}
+    for count in range(1, values.ndim + 1):
+        for axes in combinations(range(values.ndim), count):
+            contrast = values
+            for axis in axes:
+                shape = [2 if i == axis else 1 for i in range(values.ndim)]
+                contrast = contrast * signs.reshape(shape)
+            squares[axes] = float(contrast.mean()) ** 2
+    whole = sum(squares.values()) or 1.0
+    return {axes: square / whole for axes, square in squares.items()}
