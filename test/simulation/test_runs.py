@@ -172,12 +172,10 @@ def drawn(seed):
 
 @pytest.fixture
 def divided(make_loaded_scene):
-    """Open a scene with so many ticks a turn."""
     return lambda scene, ticks: make_loaded_scene(**scene, ticks_per_turn=ticks)
 
 
 def assert_equal(found, levels):
-    """The same steps of the same cams, each to 1e-9 dB."""
     assert {cam: list(steps) for cam, steps in found.items()} == {
         cam: list(steps) for cam, steps in levels.items()
     }

@@ -19,7 +19,6 @@ from cam_rig.units import NS, TURN
 
 
 def test_shipped_scenes_open(config_dir):
-    """Each shipped scene finds every file it names."""
     paths = sorted((config_dir / "scenes").glob("*.yaml"))
     assert paths
     for path in paths:
@@ -62,7 +61,6 @@ def test_what_a_scene_cannot_name(make_loaded_scene, tmp_path, config_dir, chang
 
 
 def test_level_step_names_the_file(make_loaded_scene, tmp_path, config_dir):
-    """A cam whose segments do not join is refused in one line that names its file."""
     path = own_cam(
         tmp_path,
         config_dir,
@@ -125,7 +123,6 @@ def rig_of(keys) -> RigConfig:
 
 
 def test_the_table_names_every_model():
-    """The documentation says for each model what it needs."""
     assert set(NEEDS) == set(MODELS)
 
 
