@@ -195,11 +195,8 @@ def main() -> int:
         Case("", "", "", False).run(scene, undisturbed)
         expected = payloads(undisturbed)
         for i, (node, moment, number) in enumerate(cases):
-            case, bag, before = (
-                Case(node, moment, number, asked.respawn),
-                Path(folder) / f"{i}",
-                segments(),
-            )
+            case = Case(node, moment, number, asked.respawn)
+            bag, before = Path(folder) / f"{i}", segments()
             case.run(scene, bag)
             faults = case.faults(bag, expected, before)
             wrong += bool(faults)

@@ -20,6 +20,7 @@ from cam_rig.files import MIB, check_place, read_bytes, writing
 from cam_rig.schema.cam import CamConfig
 from cam_rig.schema.explain import explain, kind_of, made
 from cam_rig.schema.published import PublishedNoise, PublishedTables, TableReadings
+from cam_rig.schema.quantity import Quantity
 from cam_rig.schema.rig import RigConfig
 from cam_rig.schema.scene import SceneConfig
 from cam_rig.schema.yaml_text import parse_yaml
@@ -198,9 +199,9 @@ def quantity(
 def assumed_numbers(section: BaseModel, source: str) -> dict[str, Any]:
     """The numbers of a rig's follower or radiation as another's file has them: all assumed."""
     return {
-        key: quantity("assumed", getattr(section, key).raw, value["unit"], source)
-        for key, value in section.model_dump(exclude_none=True).items()
-        if isinstance(value, dict)
+        key: quantity("assumed", number.raw, number.unit, source)
+        for key, number in section
+        if isinstance(number, Quantity)
     }
 
 

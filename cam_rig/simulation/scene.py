@@ -133,10 +133,8 @@ def is_calibrated(rig: RigConfig, model: str) -> bool:
     if not has_shipped_constants(rig):  # fitted anew
         said = own.gain.source.partition(FITTED_WITH)[2]
         return said in ("", fitted_with(rig, model))
-    return model == MODEL and all(
-        _same(getattr(rig.follower, key), getattr(shipped.follower, key))
-        for key in type(rig.follower).model_fields
-    )
+    follower = shipped.follower
+    return model == MODEL and all(_same(one, getattr(follower, key)) for key, one in rig.follower)
 
 
 def calibrated_on(rig: RigConfig, model: str) -> str:
@@ -146,12 +144,8 @@ def calibrated_on(rig: RigConfig, model: str) -> str:
 
 def fitted_with(rig: RigConfig, model: str) -> str:
     """Model and follower in SI units, as ``cam-rig calibrate`` writes them into the source."""
-    numbers = ((key, getattr(rig.follower, key)) for key in type(rig.follower).model_fields)
-    said = (
-        f"{key} {number.si:.9g} {SI_UNITS.get(key, '')}".strip()
-        for key, number in numbers
-        if number
-    )
+    given = ((key, number) for key, number in rig.follower if number)
+    said = (f"{key} {number.si:.9g} {SI_UNITS.get(key, '')}".strip() for key, number in given)
     return ", ".join((model, *said))
 
 

@@ -170,24 +170,22 @@ def test_replay_finds_a_changed_number(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("make", "words"),
+    ("name", "text", "words"),
     [
-        (lambda path: None, "no such bag"),
-        (lambda path: path.mkdir(), "is not a bag: no .mcap file in it"),
-        (lambda path: path.write_text("# Read me"), "is not a bag: not an .mcap file"),
-        (
-            lambda path: path.with_suffix(".mcap").write_bytes(b"garbage" * 99),
-            "does not begin as an MCAP file does",
-        ),
+        ("missing", None, "no such bag"),
+        ("folder", "", "is not a bag: no .mcap file in it"),
+        ("read_me", "# Read me", "is not a bag: not an .mcap file"),
+        ("garbage.mcap", "garbage" * 99, "does not begin as an MCAP file does"),
     ],
-    ids=["missing", "empty folder", "text", "garbage"],
 )
 @pytest.mark.parametrize("verb", ["view", "analyze"])
-def test_what_never_was_a_bag_is_not_to_be_recovered(tmp_path, verb, make, words):
+def test_what_never_was_a_bag_is_not_to_be_recovered(tmp_path, verb, name, text, words):
     """Each is told apart, in one line, and none is sent to ``recover``."""
-    path = tmp_path / "thing"
-    make(path)
-    path = path.with_suffix(".mcap") if path.with_suffix(".mcap").exists() else path
+    path = tmp_path / name
+    if text:
+        path.write_text(text)
+    elif text is not None:
+        path.mkdir()
     save = ("--save", tmp_path / "a.rrd") if verb == "view" else ()
     result = call(verb, path, *save)
     assert result.exit_code == 1

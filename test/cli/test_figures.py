@@ -106,7 +106,6 @@ ELSEWHERE = {
 
 
 def retitled(text, name, title):
-    """A file's text with another name and title."""
     text = re.sub(r"^name: .*$", f"name: {name}", text, count=1, flags=re.M)
     return re.sub(r"^title: .*$", f"title: '{title}'", text, count=1, flags=re.M)
 

@@ -97,7 +97,6 @@ def test_extremes_of_cams_as_json(laws):
 
 
 def test_a_family_by_itself():
-    """Table and JSON have its rises alone."""
     result = call("laws", "--family", "end", "--json", "-")
     names = [row["law"] for row in json.loads(result.stdout)["laws"]]
     assert names == ["bezier4_end", "bezier6_end", "bezier8_end"]

@@ -95,7 +95,6 @@ def test_the_token_is_in_no_process_that_another_user_sees(tmp_path: Path) -> No
 
 
 def browsers(script: Path) -> list[int]:
-    """The processes that run a script."""
     found = []
     for arguments in Path("/proc").glob("[0-9]*/cmdline"):
         with suppress(OSError):

@@ -184,5 +184,4 @@ def test_an_option_that_stands_twice_is_refused(verb, option, capsys):
 
 
 def test_help_comes_first():
-    """Who asks for help gets it."""
     done("jump", "--rig", "a", "--rig", "b", "--help")

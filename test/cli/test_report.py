@@ -34,7 +34,6 @@ def sentences(page):
 
 
 def too_long(page):
-    """The sentences of more than 30 words."""
     return [sentence for sentence in sentences(page) if len(sentence.split()) > 30]
 
 

@@ -86,7 +86,6 @@ def faults(command: str, folder: Path, number: int, group: bool, moments: list[f
 
 
 def _left(mark: str) -> list[str]:
-    """The command lines of processes that still run after a while."""
     deadline = time.monotonic() + GRACE_S
     while (found := list(_marked(mark))) and time.monotonic() < deadline:
         time.sleep(0.05)

@@ -37,7 +37,6 @@ def test_an_interrupt_while_workers_begin(tmp_path):
 
 
 def test_an_interrupt_while_modules_are_imported():
-    """Before any command has begun."""
     code = (
         "import signal, sys\n"
         "class Interrupt:\n"
@@ -119,6 +118,5 @@ def test_a_line_for_each_part():
 
 
 def test_what_is_missing_is_said(monkeypatch):
-    """Without the extra of a library its line says so."""
     monkeypatch.setattr("importlib.metadata.version", MagicMock(side_effect=PackageNotFoundError))
     assert set(versions().values()) == {"not installed"}

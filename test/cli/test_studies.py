@@ -109,7 +109,6 @@ segments:
 
 @pytest.fixture
 def path(tmp_path):
-    """A person's file."""
     path = tmp_path / "rig.yaml"
     path.write_text(TEXT, encoding="utf-8")
     return path
@@ -146,8 +145,6 @@ def test_a_shipped_rig_is_as_it_was_after_its_own_numbers(tmp_path, config_dir):
 
 
 def test_a_file_that_cannot_be_written_is_one_line(path, monkeypatch):
-    """It is left as it was."""
-
     def full(*_):
         raise OSError(28, "No space left on device")
 
@@ -215,7 +212,6 @@ def test_a_study_that_cannot_be_run(small, key, old, new, words):
 
 
 def test_an_unknown_rig(small):
-    """Of the study is named."""
     small.write_text(small.read_text(encoding="utf-8").replace("tm21", "no_such_rig"))
     result = call("factorial", small, "--json", small.parent / "a.json")
     assert result.exit_code == 2

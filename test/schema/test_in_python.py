@@ -69,19 +69,6 @@ def test_what_is_no_number_is_refused_in_one_line(wrong, words):
     assert words in refusal(lambda: spring_of(spring=wrong))
 
 
-def test_a_file_takes_no_plain_number(tmp_path):
-    """There a number has its unit and its origin."""
-    text = (config_root() / "rigs" / "tm21.yaml").read_text(encoding="utf-8")
-    for plain in ("1.3", '"1.3 kg"'):
-        file = tmp_path / "rig.yaml"
-        lines = [
-            f"  mass: {plain}" if line.startswith("  mass:") else line for line in text.split("\n")
-        ]
-        file.write_text("\n".join(lines), encoding="utf-8")
-        with pytest.raises(ConfigError, match=r"follower\.mass"):
-            cam_rig.load_rig(file)
-
-
 def test_a_rig_of_python_is_that_of_a_file():
     """The same force, to the last bit."""
     rig, law = cam_rig.load_rig("tm21"), cam_rig.build_law(cam_rig.load_cam("poly345"))

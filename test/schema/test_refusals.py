@@ -3,11 +3,8 @@
 import re
 
 import pytest
-import yaml
 
-from cam_rig.paper.factorial.design import open_factorial
-from cam_rig.schema import load_cam, load_rig
-from cam_rig.schema.load import config_root
+from cam_rig.schema import load_cam
 
 from .conftest import refusal
 
@@ -39,15 +36,6 @@ def test_what_is_no_mapping(error_of):
         message = error_of("rig", text)
         assert_says(message, "not YAML: ")
         assert "line" in message or "position" in message
-
-
-def test_a_date_is_a_text(tmp_path):
-    """YAML 1.2 knows no dates, not even those that there are."""
-    text = (config_root() / "rigs" / "tm21.yaml").read_text(encoding="utf-8")
-    for title in ("2024-99-99", "2001-01-01"):
-        path = tmp_path / "rig.yaml"
-        path.write_text(text.replace("title:", f"title: {title} #"), encoding="utf-8")
-        assert load_rig(path).title == title
 
 
 def test_missing_files(tmp_path):
@@ -273,13 +261,3 @@ def test_wrong_segments(error_of):
     half = "trigonometric, span: {assumed: 180, unit: deg}, mean: {assumed: 0, unit: '1'}"
     message = error_of("cam", HEAD.replace("LAW", half))
     assert_says(message, "segments[0]…span: is 180°; allowed: 360°, this law is a whole turn")
-
-
-def test_the_shipped_study():
-    """Its name is its file's, and every number has an origin."""
-    path = config_root() / "factorials" / "continuity.yaml"
-    assert open_factorial(path).name == path.stem
-    data = yaml.safe_load(path.read_text(encoding="utf-8"))
-    numbers = [value for value in data.values() if isinstance(value, dict)]
-    assert len(numbers) == 9
-    assert all({"given", "assumed"} & set(number) for number in numbers)

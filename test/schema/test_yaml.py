@@ -10,6 +10,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from cam_rig.errors import ConfigError
+from cam_rig.paper.factorial.design import open_factorial
 from cam_rig.schema import CamConfig, Library, load_cam, load_published, load_rig, load_scene
 from cam_rig.schema.load import MAX_BYTES, config_root, read_yaml
 from cam_rig.schema.quantity import ORIGINS
@@ -27,7 +28,7 @@ def test_scalars_are_those_of_yaml_1_2():
         **{"0o17": 15, "0x1F": 31, "0b101": 5, "-0b11": -3, "+.inf": math.inf, "TRUE": True},
         **{"~": None, "": None, "'3'": "3", "!!str 3": "3", "|\n  3": "3"},
     }
-    texts = "yes no on off y tRUE 1:30 0o8 1e = 2001-01-01"
+    texts = "yes no on off y tRUE 1:30 0o8 1e = 2001-01-01 2024-99-99"
     for text, value in (scalars | {word: word for word in texts.split()}).items():
         found = parse_yaml(f"a: {text}")["a"]
         assert found == value and type(found) is type(value), text
@@ -120,6 +121,7 @@ def test_whatever_both_understand_both_read_alike(text):
 
 
 LOADERS = {"cams": load_cam, "rigs": load_rig, "scenes": load_scene, "published": load_published}
+LOADERS["factorials"] = open_factorial
 #: Counts, degrees and fractions of the lift: choices of form, which have no unit and no origin.
 BARE = {"to", "degree", "order", "points_per_turn", "ticks_per_turn", "seed"}
 

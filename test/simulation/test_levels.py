@@ -57,7 +57,6 @@ def test_settle_turns_are_left_out():
 
 
 def test_each_step_settles_anew():
-    """A new speed or a new cam begins a new step."""
     run = [
         *ticks([9.0, 1.0]),
         *ticks([9.0, 2.0], speed=20.0, angle=99.0, time_ns=10 * NS),
@@ -112,7 +111,6 @@ def test_rms_difference_to_the_published_curve(published):
 
 
 def test_nothing_measured_is_an_error():
-    """A run with no settled tick names where it was looked for."""
     with pytest.raises(CamRigError, match="here: no settled tick"):
         require_ticks(step_levels(ticks([1.0, 1.0]), settle_turns=5), "here")
 

@@ -18,7 +18,6 @@ def law():
 
 @pytest.fixture
 def figures(monkeypatch):
-    """Figures without a screen, all closed at the end."""
     monkeypatch.setitem(mpl.rcParams, "backend", "agg")
     yield
     mpl.pyplot.close("all")
@@ -76,7 +75,6 @@ def test_arrays_are_views_that_nobody_writes(law, rig):
     ],
 )
 def test_a_wrong_argument_is_one_line(law, rig, arguments, words):
-    """Name, value, what is allowed."""
     with pytest.raises(ConfigError, match=words):
         cam_rig.simulate(law, rig, **arguments)
 
@@ -129,7 +127,6 @@ def test_results_as_tables(law, rig):
 
 
 def test_results_as_pictures(law, rig, figures):
-    """What is drawn is what was computed."""
     motion = cam_rig.simulate(law, rig, rpm=800, turns=2, sample_rate=4000)
     assert motion.events
     lift, force = motion.plot().axes
@@ -147,7 +144,6 @@ def test_results_as_pictures(law, rig, figures):
     ],
 )
 def test_a_missing_library_is_one_line(law, rig, monkeypatch, library, method, remedy):
-    """It names the extra."""
     for name in [*sys.modules]:
         if name.split(".")[0] == library or name.endswith((".figure", ".figures")):
             monkeypatch.delitem(sys.modules, name)

@@ -172,12 +172,10 @@ def drawn(seed):
 
 @pytest.fixture
 def divided(make_loaded_scene):
-    """Open a scene with so many ticks a turn."""
     return lambda scene, ticks: make_loaded_scene(**scene, ticks_per_turn=ticks)
 
 
 def assert_equal(found, levels):
-    """The same steps of the same cams, each to 1e-9 dB."""
     assert {cam: list(steps) for cam, steps in found.items()} == {
         cam: list(steps) for cam, steps in levels.items()
     }
@@ -238,6 +236,13 @@ def rows_of(loaded):
     for tick in turned_ticks(loaded):
         found.take(tick)
     return found.rows({})
+
+
+def assert_rows(rows, others, rel):
+    for one, other in zip(rows, others, strict=True):
+        for name, value in vars(one).items():
+            wanted = value if isinstance(value, str | None) else pytest.approx(value, rel=rel)
+            assert getattr(other, name) == wanted, name
 
 
 def on_rig(loaded, **numbers):
@@ -312,22 +317,15 @@ def test_a_follower_without_preload_rests_on_the_dwell(make_loaded_scene):
 
 def test_a_row_does_not_depend_on_the_ticks(make_loaded_scene):
     """However the turn is divided, samples and flights are the same."""
-    one = rows_of(make_loaded_scene(speeds=[420], ticks_per_turn=1))
-    many = rows_of(make_loaded_scene(speeds=[420], ticks_per_turn=16))
-    for a, b in zip(one, many, strict=True):
-        for name, value in vars(a).items():
-            wanted = value if isinstance(value, str | None) else pytest.approx(value, rel=1e-6)
-            assert getattr(b, name) == wanted, name
+    one, many = (rows_of(make_loaded_scene(speeds=[420], ticks_per_turn=n)) for n in (1, 16))
+    assert_rows(one, many, 1e-6)
 
 
 def test_a_bag_gives_the_rows_of_its_scene():
     """What was recorded is what is computed, number by number; the table has a row each."""
     recorded = cam_rig.read_bag(GOLDEN)
     computed = cam_rig.run_scene(recorded.loaded)
-    for one, other in zip(recorded.by_speed, computed.by_speed, strict=True):
-        assert one.cam == other.cam
-        for name in set(vars(one)) - {"cam"}:
-            assert getattr(one, name) == pytest.approx(getattr(other, name), rel=1e-9), name
+    assert_rows(recorded.by_speed, computed.by_speed, 1e-9)
     table, _ = recorded.to_show()
     assert len(table.rows) == 8
     assert {"level [dB]", "hardest landing [N·s]"} <= {column.title for column in table.columns}

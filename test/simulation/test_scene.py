@@ -19,7 +19,6 @@ from cam_rig.units import NS, TURN
 
 
 def test_shipped_scenes_open(config_dir):
-    """Each shipped scene finds every file it names."""
     paths = sorted((config_dir / "scenes").glob("*.yaml"))
     assert paths
     for path in paths:
@@ -62,7 +61,6 @@ def test_what_a_scene_cannot_name(make_loaded_scene, tmp_path, config_dir, chang
 
 
 def test_level_step_names_the_file(make_loaded_scene, tmp_path, config_dir):
-    """A cam whose segments do not join is refused in one line that names its file."""
     path = own_cam(
         tmp_path,
         config_dir,
@@ -101,14 +99,9 @@ def test_a_table_brings_its_points(make_loaded_scene, tmp_path):
     assert again.cams["measured"] == loaded.cams["measured"]
 
 
-FOUR = {"mass": "kg", "spring_stiffness": "N/m", "damping": "N*s/m", "preload": "N"}
-VALUES = {"mass": 2.0, "spring_stiffness": 5000.0, "damping": 10.0, "preload": 60.0}
-OPTIONAL = {
-    "stem_stiffness": (1e6, "N/m"),
-    "restitution": (0.3, "1"),
-    "roller_share": (0.4, "1"),
-    "stem_damping": (20.0, "N*s/m"),
-}
+#: Numbers of a follower, SI: four that every model needs, and others.
+FOUR = {"mass": 2.0, "spring_stiffness": 5000.0, "damping": 10.0, "preload": 60.0}
+OPTIONAL = {"stem_stiffness": 1e6, "restitution": 0.3, "roller_share": 0.4, "stem_damping": 20.0}
 
 
 def needs() -> dict[str, list[str]]:
@@ -121,22 +114,15 @@ def needs() -> dict[str, list[str]]:
 NEEDS = needs()
 
 
-def rig_of(keys, shipped="tm21") -> RigConfig:
+def rig_of(keys) -> RigConfig:
     """A rig with the four numbers and these keys alone; sections as a shipped rig has them."""
-    data = {"name": "mine", "title": "mine"}
-    data["follower"] = {key: {"given": VALUES[key], "unit": unit} for key, unit in FOUR.items()}
-    for key in keys:
-        if key in OPTIONAL:
-            value, unit = OPTIONAL[key]
-            data["follower"][key] = {"given": value, "unit": unit}
-        else:
-            rig = cam_rig.load_rig("paper_flywheel" if key == "shaft" else shipped)
-            data[key] = rig.model_dump(exclude_none=True)[key]
-    return RigConfig.model_validate(data)
+    shipped = {"shaft": cam_rig.load_rig("paper_flywheel"), "radiation": cam_rig.load_rig("tm21")}
+    follower = FOUR | {key: OPTIONAL[key] for key in keys if key in OPTIONAL}
+    sections = {key: getattr(shipped[key], key) for key in keys if key not in OPTIONAL}
+    return cam_rig.Rig("mine", follower=follower, **sections)
 
 
 def test_the_table_names_every_model():
-    """The documentation says for each model what it needs."""
     assert set(NEEDS) == set(MODELS)
 
 
