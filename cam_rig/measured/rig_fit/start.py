@@ -49,6 +49,8 @@ MOST_PARTS, LEAST_IN_PART = 256, 6
 MOST_LOOKED_AT = 600
 #: Shares of the mass on the roller's side, and damping ratios, that are tried.
 SHARES, DAMPING_RATIOS = (0.25, 0.5), (0.005, 0.05)
+#: The numbers whose parts of the force are fitted, in the columns' order.
+FORCE_PARTS = ("mass", "damping", "spring_stiffness", "preload")
 #: Speed (rad/s) of a hold, cam angles (rad) and forces (N), ``(n,)``, of samples that press.
 Pressing = tuple[float, FloatArray, FloatArray]
 
@@ -75,16 +77,16 @@ def rough_start(
             parts, sizes = _force_parts(law, speed, angles + phase)
             _, triangle = np.linalg.qr(np.column_stack([parts, force]))
             fitted, off = nnls(triangle[:, :-1], triangle[:, -1])  # none of them is below zero
-            fitted /= sizes
             missed += float(off) ** 2 / float(force.var())
-            numbers |= _allowed(fitted, base)
+            known = dict(zip(FORCE_PARTS, (fitted / sizes).tolist(), strict=True))
+            numbers |= {n: v for n, v in known.items() if v > 0.0 or n in ("preload", "damping")}
         if missed < best:
             best, found = missed, (numbers, float(phase), zero)
     return found
 
 
 def _force_parts(law: Law, speed: FloatArray, angle: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """``(n, 4)``: unit columns of the force by mass, damping, spring and preload; their sizes."""
+    """``(n, 4)``: unit columns of the force by `FORCE_PARTS`; their sizes."""
     s, slope, curvature = law.motion_at(angle)
     parts = np.stack([curvature * speed**2, slope * speed, s, np.ones_like(s)], axis=1)
     sizes = np.linalg.norm(parts, axis=0)
@@ -97,16 +99,6 @@ def _pressed(hold: MeasuredHold) -> FloatArray:
     since, force = hold.force.since, hold.force.value
     on = np.flatnonzero(force > PRESSED * force.max(initial=0.0))[::EVERY]
     return np.stack([hold.angle + hold.speed * since[on], np.full(on.size, hold.speed), force[on]])
-
-
-def _allowed(fitted: FloatArray, base: dict[str, float]) -> dict[str, float]:
-    mass, damping, spring, preload = fitted.tolist()
-    return {
-        "mass": mass if mass > 0.0 else base["mass"],
-        "spring_stiffness": spring if spring > 0.0 else base["spring_stiffness"],
-        "preload": max(preload, 0.0),
-        "damping": max(damping, 0.0),
-    }
 
 
 def leaves_a_pattern(found: Candidate) -> bool:
