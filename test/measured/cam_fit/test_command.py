@@ -1,4 +1,7 @@
-"""cam-rig fit cam and cam-rig new: from a table to numbers, files, and a run."""
+"""cam-rig fit cam and cam-rig new: from a table to numbers, files, and a run.
+
+Files load, give the fitted law, and say where each number comes from.
+"""
 
 import json
 import math
@@ -6,11 +9,20 @@ import math
 import numpy as np
 import pytest
 
+from cam_rig.laws import build_law
+from cam_rig.measured.cam_fit.arcs import Arcs
+from cam_rig.measured.cam_fit.arcs_fit import fit_arcs
+from cam_rig.measured.cam_fit.files import arcs_cam, own_rig, own_scene, spline_cam
+from cam_rig.measured.cam_fit.spline_fit import fit_spline
+from cam_rig.profile.check_table import check_cam
+from cam_rig.schema import load_cam, load_rig, load_scene
 from cam_rig.schema.load import config_root
 
 from ...cli.conftest import call
+from .conftest import ANGLES, FLAT, ROLLER, all_around, readings_of
 
 GL110 = config_root() / "cams" / "gunt_gl110_convex.csv"
+FINE = all_around(1000)
 
 
 @pytest.fixture
@@ -152,3 +164,127 @@ def test_what_is_wrong_is_one_line(table, tmp_path, monkeypatch, arguments, code
     assert words in result.stderr
     assert len(result.stderr.strip().splitlines()) == 1
     assert set(tmp_path.rglob("*")) == before
+
+
+# A fit as files.
+
+
+def written(files, folder):
+    """The cam as it is read back."""
+    for name, text in files.texts.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    return load_cam(folder / next(iter(files.texts)))
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"), [("poly345", "roller"), ("bezier15", "flat"), ("arcs_convex", "point")]
+)
+def test_the_file_of_a_spline_is_the_spline(measured, tmp_path, kind, name):
+    """Read back: the law to a nanometre, dwells exact, and a contour that passes its checks."""
+    fit = fit_spline(measured(name, 180, zero=0.002, outliers={50: 4e-4}))
+    files = spline_cam("mine", fit, kind)
+    cam = written(files, tmp_path)
+    law = build_law(cam)
+    assert law(FINE) == pytest.approx(fit.law(FINE), abs=2e-8)
+    assert law(FINE) == pytest.approx(files.law(FINE), abs=1e-12)
+    assert len(cam.segments[0].dwells) == len(fit.dwells)
+    assert all(check.passed for check in check_cam(cam, law))
+    assert "left out, an outlier: line 52" in files.texts["mine.csv"]
+    assert any(f"follower {kind}" in words for words in files.assumed)
+
+
+def test_a_base_radius_that_fails_the_checks_is_named_beside_one_that_passes(measured):
+    """1 mm under 10 mm of lift, as asked: it is written, and not called assumed."""
+    fit = fit_spline(measured("poly345"))
+    files = spline_cam("mine", fit, "roller", 1e-3)
+    (words,) = (one for one in files.assumed if "checks" in one)
+    assert words.startswith("the base radius of 1 mm, as asked, does not pass all checks, ")
+    passing = float(words.split("all checks, ")[1].split(" mm does")[0])
+    other = spline_cam("mine", fit, "roller", 1e-3 * passing)
+    assert all(c.passed for c in check_cam(other.cam, other.law))
+
+
+def test_origins_are_told_apart(measured, tmp_path):
+    """The gauge's error is given, what was fitted identified, what nobody read assumed."""
+    readings = measured("poly345")
+    given = written(spline_cam("mine", fit_spline(readings, 3e-6), "roller", 0.055), tmp_path)
+    assert given.segments[0].tolerance.origin == "given"
+    assert given.follower.base_radius.origin == "given"
+    assert given.follower.base_radius.si == pytest.approx(0.055)
+    found = written(spline_cam("mine", fit_spline(readings), "roller", None, 0.009), tmp_path)
+    assert found.follower.roller_radius.si == pytest.approx(0.009)
+    assert found.follower.roller_radius.origin == "given"
+    assert found.segments[0].tolerance.origin == "identified"
+    assert found.lift.origin == "identified"
+    assert "r.m.s." in found.lift.residual
+    assert found.follower.base_radius.origin == "assumed"
+    assert {dwell.start.origin for dwell in found.segments[0].dwells} == {"identified"}
+
+
+@pytest.mark.parametrize("flank", [0.09, None, -0.15])
+def test_the_file_of_arcs_is_the_contour(tmp_path, flank):
+    """The law of the file is the arcs' lift, turned so that the nose is at 180°."""
+    arcs = Arcs(0.03, 0.01, flank, 0.012, 0.7)
+    fit = fit_arcs(readings_of(arcs, ROLLER), (False,), 0.01, 0.03)
+    files = arcs_cam("mine", fit, "roller")
+    law = build_law(written(files, tmp_path))
+    assert law(FINE) == pytest.approx(arcs.lifts(ROLLER, FINE + 0.7 - np.pi), abs=1e-7)
+    assert "40.11 deg of the readings" in files.texts["mine.yaml"]
+    assert any("roller radius 10 mm" in words for words in files.assumed)
+
+
+def test_the_radius_that_was_given_is_given():
+    """Of base and roller radius one may be known beside the readings; the other is then found."""
+    readings = readings_of(Arcs(0.03, 0.01, 0.09, 0.012, 0.7), ROLLER)
+    for known, base, rolling in (
+        (None, "identified", "assumed"),
+        ("roller", "identified", "given"),
+        ("base", "given", "identified"),
+        ("both", "given", "given"),
+    ):
+        fit = fit_arcs(readings, (False,), 0.01, 0.03, known)
+        follower = arcs_cam("mine", fit, "roller").cam.follower
+        assert follower.base_radius.origin == base
+        assert follower.roller_radius.origin == rolling
+
+
+@pytest.mark.parametrize("noise", [1e-5, 1e-4])
+def test_digits_are_those_that_readings_tell(noise):
+    """Radii of a file have few digits, the interval beside them, and are as near to readings."""
+    arcs = Arcs(0.03, 0.01, 0.09, 0.012, 0.7)
+    readings = readings_of(arcs, ROLLER, FLAT, noise=noise, seed=1)
+    fit = fit_arcs(readings, (False, True), 0.01, 0.03)
+    files = arcs_cam("mine", fit, "roller")
+    radius = files.cam.follower.base_radius
+    assert len(f"{radius.raw:g}".replace(".", "")) <= 5
+    assert "95 %: base radius + roller radius" in radius.residual
+    away = files.law(ANGLES - fit.arcs.nose_angle + np.pi) - readings[0].lifts
+    assert np.sqrt(np.mean(away**2)) < 1.01 * fit.fitted_columns[0].rms + 1e-9
+
+
+def test_rig_and_scene_are_read_back(measured, tmp_path, config_dir):
+    """Every number of the rig is assumed; the speeds go beyond the jump speed, and are few."""
+    like = load_rig(config_dir / "rigs" / "tm21.yaml")
+    (tmp_path / "rig.yaml").write_text(own_rig("mine", like), encoding="utf-8")
+    rig = load_rig(tmp_path / "rig.yaml")
+    assert rig.follower.mass.si == like.follower.mass.si
+    assert {getattr(rig.follower, key).origin for key in ("mass", "preload")} == {"assumed"}
+    assert rig.radiation.gain.origin == "assumed"
+    assert rig.radiation.calibrated_on == ""
+    law = fit_spline(measured("poly345")).law
+    text, speeds = own_scene("mine", law, rig)
+    (tmp_path / "scene.yaml").write_text(text, encoding="utf-8")
+    scene = load_scene(tmp_path / "scene.yaml")
+    assert scene.program.speeds.numbers == list(speeds)
+    assert list(speeds) == sorted(speeds)
+    assert len(speeds) == 5
+    heavy = own_scene("mine", law, rig.with_follower(preload=1e9))[1]
+    assert max(heavy) <= 20_000.0  # no speed lifts it off, and none is huge
+
+
+def test_a_coarse_gauge_is_read_back(measured, tmp_path):
+    """0.1 mm of noise on 10 mm: the points rise by more than their law, and the cam loads."""
+    fit = fit_spline(measured("flat", noise=1e-4))
+    law = build_law(written(spline_cam("mine", fit, "roller"), tmp_path))
+    assert law(FINE) == pytest.approx(fit.law(FINE), abs=2e-8)
+    assert np.ptp(fit.readings.lifts) > law.lift + 2e-4
