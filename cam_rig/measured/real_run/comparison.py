@@ -132,6 +132,14 @@ def _row(step: PairedStep, law: Law) -> SpeedDeparture:
     return SpeedDeparture(*parted, lost, *step.levels, peak, drawn)
 
 
+def by_cam(rows: Iterable[SpeedDeparture]) -> list[list[SpeedDeparture]]:
+    """The rows of each cam."""
+    found = dict[str, list[SpeedDeparture]]()
+    for row in rows:
+        found.setdefault(row.cam, []).append(row)
+    return list(found.values())
+
+
 def _last_turn(pair: PairedSignal) -> PairedSignal:
     """The last turn, or as many of the last as have enough readings, in the order of the angle."""
     count = int(np.count_nonzero(pair.angle > pair.angle[-1] - TURN))
