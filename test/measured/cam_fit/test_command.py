@@ -18,7 +18,7 @@ from cam_rig.profile.check_table import check_cam
 from cam_rig.schema import load_cam, load_rig, load_scene
 from cam_rig.schema.load import config_root
 
-from ...cli.conftest import call
+from ...cli.conftest import call, data_of, done
 from .conftest import ANGLES, FLAT, ROLLER, all_around, readings_of
 
 GL110 = config_root() / "cams" / "gunt_gl110_convex.csv"
@@ -42,16 +42,13 @@ def table(tmp_path):
 def test_a_table_becomes_a_scene_that_runs(table, tmp_path, monkeypatch):
     """cam-rig new, then simulate, vibration and profile on its files, as they are."""
     monkeypatch.chdir(tmp_path)
-    made = call("new", "mine", "--from-csv", table)
-    assert made.exit_code == 0, made.output
+    made = done("new", "mine", "--from-csv", table)
     for words in ("separator semicolon, decimal comma", "assumed: follower roller", "mine.csv"):
         assert words in made.output
     assert "outliers: line 102 by " in made.output
-    run = call("simulate", "mine/scenes/mine.yaml", "--json", "-")
-    assert run.exit_code == 0
-    rows = json.loads(run.stdout)["levels"]
+    rows = data_of("simulate", "mine/scenes/mine.yaml")["levels"]
     assert rows and all(math.isfinite(row["level"]) for row in rows)
-    assert call("profile", "mine/cams/mine.yaml").exit_code == 0
+    done("profile", "mine/cams/mine.yaml")
     again = call("new", "mine", "--from-csv", table)
     assert again.exit_code == 1
     assert "mine/cams/mine.yaml: exists already, not overwriting" in again.output
@@ -60,8 +57,7 @@ def test_a_table_becomes_a_scene_that_runs(table, tmp_path, monkeypatch):
 def test_new_asks_nothing(tmp_path, monkeypatch):
     """Of two columns the first is taken, and that is said; the gap in the readings too."""
     monkeypatch.chdir(tmp_path)
-    made = call("new", "gl110", "--from-csv", GL110)
-    assert made.exit_code == 0, made.output
+    made = done("new", "gl110", "--from-csv", GL110)
     assert "first column of lifts taken, not 'lift_b_mm': --column" in made.output
     assert "no readings for 200 deg after 80 deg: the cam is assumed to rest there" in made.output
     text = (tmp_path / "gl110" / "cams" / "gl110.yaml").read_text()
@@ -71,9 +67,8 @@ def test_new_asks_nothing(tmp_path, monkeypatch):
 def test_fit_prints_the_answer_and_writes_it(table, tmp_path):
     """Distance, knots, outlier and what was not followed; JSON, CSV, picture and cam."""
     out, plot, csv = tmp_path / "own.yaml", tmp_path / "fit.png", tmp_path / "fit.csv"
-    result = call("fit", "cam", table, "--tolerance", 0.0005, "--out", out, "--plot", plot,
-                  "--csv", csv, "--json", tmp_path / "fit.json")  # fmt: skip
-    assert result.exit_code == 0, result.output
+    files = "--out", out, "--plot", plot, "--csv", csv, "--json", tmp_path / "fit.json"
+    result = done("fit", "cam", table, "--tolerance", 0.0005, *files)
     assert "Not followed: 0.0005 mm were asked, the readings scatter by 0.00" in result.output
     data = json.loads((tmp_path / "fit.json").read_text())
     spline = data["spline"]
@@ -93,9 +88,8 @@ def test_fit_prints_the_answer_and_writes_it(table, tmp_path):
 
 def test_one_column_under_a_named_follower():
     """A column and a kind by name; the flat one alone tells no base radius."""
-    result = call("fit", "cam", GL110, "--shape", "arcs", "--column", "lift_b_mm", "--follower",
-                  "flat", "--json", "-")  # fmt: skip
-    data = json.loads(result.stdout)
+    one = "--column", "lift_b_mm", "--follower", "flat"
+    data = data_of("fit", "cam", GL110, "--shape", "arcs", *one)
     assert data["numbers"][0]["number"] == "base radius + roller radius"
     assert data["numbers"][0]["told"] == "assumed"
     assert data["arcs"]["rms"] < 0.05e-3
@@ -104,8 +98,7 @@ def test_one_column_under_a_named_follower():
 
 def test_a_known_base_radius_gives_the_rollers(tmp_path):
     """Only their sum is told, 44.52 mm: with 32 mm of base radius the roller has 12.52 mm."""
-    result = call("fit", "cam", GL110, "--shape", "arcs", "--base-radius", "32", "--json", "-")
-    data = json.loads(result.stdout)["arcs"]
+    data = data_of("fit", "cam", GL110, "--shape", "arcs", "--base-radius", "32")["arcs"]
     assert data["base_radius"] == pytest.approx(0.032, abs=1e-6)
     assert data["roller_radius"] == pytest.approx(0.012523, abs=2e-6)
     assert data["rms"] == pytest.approx(5.322e-5, rel=1e-3)
@@ -118,8 +111,7 @@ def test_new_reads_every_file(tmp_path, monkeypatch):
     rows = [line.split(",") for line in GL110.read_text().splitlines() if line[0] != "#"]
     for name, column in (("a", 1), ("b", 2)):
         (tmp_path / f"{name}.csv").write_text("\n".join(f"{r[0]},{r[column]}" for r in rows))
-    made = call("new", "both", "--from-csv", "a.csv", "--from-csv", "b.csv", "--shape", "arcs")
-    assert made.exit_code == 0, made.output
+    made = done("new", "both", "--from-csv", "a.csv", "--from-csv", "b.csv", "--shape", "arcs")
     assert "5 numbers of tangent arcs: 0.0532 mm r.m.s. from 66 readings." in made.output
     title = (tmp_path / "both" / "scenes" / "both.yaml").read_text().splitlines()[1]
     assert title == 'title: "both, from readings"'
@@ -130,8 +122,7 @@ def test_an_open_table_says_what_is_assumed(tmp_path):
     lines = [line for line in GL110.read_text().splitlines() if line[0] != "#"]
     open_end = tmp_path / "open.csv"
     open_end.write_text("\n".join(lines[: lines.index("25,7.65,11.65") + 1]))
-    result = call("fit", "cam", open_end, "--shape", "arcs")
-    assert result.exit_code == 0, result.output
+    result = done("fit", "cam", open_end, "--shape", "arcs")
     assert "the fall is not in the table; assumed is the mirror image of the rise" in result.output
     refused = call("fit", "cam", open_end, "--column", "lift_a_mm")
     assert refused.exit_code == 2
