@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 from operator import attrgetter
 from typing import NamedTuple
@@ -250,7 +250,7 @@ def with_bounces(found: Candidate, given: dict[str, float]) -> FitSolution:
     if "restitution" in given:
         return search(continued(found, found.likelihood.sought, found.values))
     likely, _, _ = _likely(found)
-    middle = _tried(found, 0.5 * (likely[0] + likely[-1]))
+    middle = _tried(found, 0.5 * (likely[0].bounce + likely[-1].bounce))
     bounce = {"restitution": max(middle.bounce, BOUNCES[0])}
     start = continued(found, found.smooth, found.values | bounce)
     start.x[start.likelihood.instruments.phases] = middle.phases
@@ -280,13 +280,14 @@ def bounce_beside(found: Candidate) -> tuple[float, float] | None:
     of them the flights are as they were measured, to their noise.
     """
     _, possible, step = _likely(found)
-    best = min((_tried(found, bounce) for bounce in possible), key=lambda one: one.missed)
+    best = min(possible, key=lambda one: one.missed)
     if best.missed >= EXPLAINED * best.samples:
         return None
-    return 0.5 * (possible[0] + possible[-1]), 0.5 * (possible[-1] - possible[0] + step)
+    low, high = possible[0].bounce, possible[-1].bounce
+    return 0.5 * (low + high), 0.5 * (high - low + step)
 
 
-def _likely(found: Candidate) -> tuple[list[float], list[float], float]:
+def _likely(found: Candidate) -> tuple[list[Tried], list[Tried], float]:
     """Restitutions that are likely, that are possible, and the step between two of them."""
     coarse = [_tried(found, bounce) for bounce in BOUNCES]
     least = min(trial.missed for trial in coarse)
@@ -295,14 +296,13 @@ def _likely(found: Candidate) -> tuple[list[float], list[float], float]:
     fine = [_tried(found, bounce) for bounce in np.linspace(*ends, FINER + 1).tolist()]
     least = min(trial.missed for trial in fine)
     likely, possible = (
-        [trial.bounce for trial in fine if trial.missed <= least + more]
+        [trial for trial in fine if trial.missed <= least + more]
         for more in (SQUARE_95, MOST_SQUARE)
     )
     return likely, possible, (ends[1] - ends[0]) / FINER
 
 
-@dataclass(frozen=True, eq=False)
-class Tried:
+class Tried(NamedTuple):
     """A restitution, what it misses of so many samples, and the phases (rad) of the holds."""
 
     bounce: float
