@@ -51,6 +51,11 @@ class Score(NamedTuple):
     off: float
 
 
+def jump_rpm(law, rig):
+    """The jump speed of a rig's rigid follower."""
+    return to_rpm(rigid_jump_speed(law, FollowerParameters.from_rig(rig)))
+
+
 def kind_of(seed: int) -> tuple[str, str, str]:
     """Model, speeds and noise of a machine."""
     return (*TURNS[seed % len(TURNS)], NOISES[seed % len(NOISES)])
@@ -105,9 +110,8 @@ def scores_of(seed: int, rate: int = 500) -> list[Score]:
     random, kind = np.random.default_rng(seed), kind_of(seed)
     law = cam_rig.build_law(cam_rig.load_cam(CAMS[seed % len(CAMS)]))
     rig = rig_of(kind[0], random)
-    jump = to_rpm(rigid_jump_speed(law, FollowerParameters.from_rig(rig)))
     parts = np.array(SPEEDS[kind[:2]])
-    rpms = (parts + random.uniform(-SCATTER, SCATTER, parts.size)) * jump
+    rpms = (parts + random.uniform(-SCATTER, SCATTER, parts.size)) * jump_rpm(law, rig)
     run = measured(law, rig, kind, rpms.tolist(), random, rate)
     fit = fit_run(law, run, cam_rig.load_rig("tm21"), kind[0])
     return [

@@ -12,8 +12,6 @@ from multiprocessing import get_context
 import numpy as np
 import pytest
 
-from cam_rig.dynamics import FollowerParameters
-from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
 from cam_rig.measured.rig_fit.residuals import Likelihood
 from cam_rig.measured.rig_fit.rig_fit import fit_run
 from cam_rig.measured.rig_fit.search import (
@@ -25,9 +23,8 @@ from cam_rig.measured.rig_fit.search import (
 )
 from cam_rig.measured.rig_fit.turns import measured_holds
 from cam_rig.simulation.instruments import InstrumentErrors, measured_run
-from cam_rig.units import to_rpm
 
-from .machines import NOISES, coverage, numbers_of, scores_of
+from .machines import NOISES, coverage, jump_rpm, numbers_of, scores_of
 
 MACHINES = 200
 
@@ -148,7 +145,7 @@ def test_no_bouncing_hides_what_contradicts_it(law, rig):
 
     What it leaves out beside its landings counts against it, and the same against none of both.
     """
-    jump = to_rpm(rigid_jump_speed(law, FollowerParameters.from_rig(rig)))
+    jump = jump_rpm(law, rig)
     errors = InstrumentErrors(rate=400, encoder_rate=400)
     other = rig.with_follower(restitution=0.3)
     run = measured_run(law, other, "one_mass", (0.6 * jump, 1.01 * jump), errors, 1)

@@ -8,13 +8,12 @@ import pytest
 from scipy.optimize import curve_fit
 
 import cam_rig
-from cam_rig.dynamics import FollowerParameters
-from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
 from cam_rig.errors import ConfigError
 from cam_rig.measured.rig_fit.rig_fit import fit_run
 from cam_rig.measured.rig_fit.search import noise_of
 from cam_rig.simulation.instruments import InstrumentErrors, measured_run
-from cam_rig.units import to_rpm
+
+from .machines import jump_rpm
 
 IN_CONTACT, WITH_FLIGHTS = (150.0, 220.0, 290.0, 350.0, 410.0), (200.0, 350.0, 460.0)
 #: Half the samples of the default, to be quick.
@@ -40,7 +39,7 @@ def machine(cam, rig, **changes):
     """A law, a rig with other numbers, and the jump speed (rpm) of a rigid follower."""
     law = cam_rig.build_law(cam_rig.load_cam(cam))
     rig = cam_rig.load_rig(rig).with_follower(**changes)
-    return law, rig, to_rpm(rigid_jump_speed(law, FollowerParameters.from_rig(rig)))
+    return law, rig, jump_rpm(law, rig)
 
 
 def test_the_same_as_scipy_on_the_same_likelihood(law, rig):
