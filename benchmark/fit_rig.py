@@ -19,7 +19,7 @@ from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
 from cam_rig.measured.rig_fit.numbers import WITHIN_95
 from cam_rig.measured.rig_fit.result import RigFit
-from cam_rig.measured.rig_fit.rig_fit import fit_rig
+from cam_rig.measured.rig_fit.rig_fit import fit_run
 from cam_rig.schema import RigConfig
 from cam_rig.simulation.instruments import InstrumentErrors, measured_run
 from cam_rig.units import to_rpm
@@ -61,7 +61,7 @@ def trial(
     run = measured_run(law, rig, model, (parts * jump).tolist(), errors, seed)
     begin = time.perf_counter()
     known = None if unasked or model == "one_mass" else model
-    found = fit_rig(law, run, cam_rig.load_rig("tm21"), known)
+    found = fit_run(law, run, cam_rig.load_rig("tm21"), known)
     return rig, found, time.perf_counter() - begin
 
 

@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from cam_rig.laws.by_name import law, list_laws
     from cam_rig.measured.cam_fit.request import fit_cam
     from cam_rig.measured.real_run.run import compare
-    from cam_rig.measured.rig_fit.from_source import fit_rig
+    from cam_rig.measured.rig_fit.rig_fit import fit_rig
     from cam_rig.paper.as_cut.study import as_cut
     from cam_rig.paper.contact.comparison import contact
     from cam_rig.paper.factorial.study import factorial
@@ -88,7 +88,7 @@ _HOMES = {
     "design": "cam_rig.law_design.design",
     "factorial": "cam_rig.paper.factorial.study",
     "fit_cam": "cam_rig.measured.cam_fit.request",
-    "fit_rig": "cam_rig.measured.rig_fit.from_source",
+    "fit_rig": "cam_rig.measured.rig_fit.rig_fit",
     "jump": "cam_rig.paper.jump.refit",
     "jump_speed": "cam_rig.dynamics.jump.rigs",
     "largest_waviness": "cam_rig.campaigns.largest_waviness",

@@ -1,9 +1,14 @@
 """Bags of a bench that knows nothing of this package: standard messages, written by rosbags."""
 
+from dataclasses import replace
+
 import numpy as np
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from cam_rig.bag.reader import raw_messages
+from cam_rig.bag.writer import BagWriter
+from cam_rig.messages.topics import recorded_topic
 from cam_rig.units import NS
 
 TYPES = get_typestore(Stores.ROS2_KILTED)
@@ -52,4 +57,15 @@ def write_bag(path, topics, plugin=StoragePlugin.MCAP):
                 made[name] = writer.add_connection(name, kind, typestore=TYPES)
             newest[name] = max(stamp + 500_000, newest.get(name, 0) + 1)
             writer.write(made[name], newest[name], TYPES.serialize_cdr(message, kind))
+    return path
+
+
+def write_two_rigs(path, bag):
+    """The messages of a bag of the rig that are compared, twice: under / and under /rig2."""
+    read = {"/cam/state", "/follower/samples", "/microphone/pressure"}
+    with BagWriter(path) as writer:
+        for connection, time_ns, data in raw_messages(bag, read):
+            for namespace in ("", "/rig2"):
+                topic = recorded_topic(connection.topic)
+                writer.write(replace(topic, name=namespace + topic.name), time_ns, bytes(data))
     return path

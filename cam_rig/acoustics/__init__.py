@@ -1,9 +1,15 @@
 """How the follower sounds: radiation, pressure samples, sound-level meter."""
 
-from cam_rig.acoustics.pressure import MicrophoneState, SoundSource, rms_pressure, steady_power
-from cam_rig.acoustics.radiation import RadiationParameters, level_db, pressure_pa
-from cam_rig.acoustics.sound_level_meter import Reading, SoundLevelMeter
-from cam_rig.acoustics.weighting import Spectrum, third_octaves
+from cam_rig.acoustics.pressure import (
+    MicrophoneState,
+    RadiationParameters,
+    SoundSource,
+    level_db,
+    pressure_pa,
+    rms_pressure,
+    steady_power,
+)
+from cam_rig.acoustics.sound_level_meter import Reading, SoundLevelMeter, Spectrum, third_octaves
 
 __all__ = [
     "MicrophoneState",

@@ -8,11 +8,7 @@ from cam_rig.measured.cam_fit.command import fit_cam
 from cam_rig.measured.rig_fit.command import fit_rig
 from cam_rig.show.command import Command
 
-fit = typer.Typer(
-    help="Find the numbers of a cam, or of a rig, from what was measured.",
-    no_args_is_help=True,
-    rich_markup_mode="markdown",
-)
+fit = typer.Typer(no_args_is_help=True, rich_markup_mode="markdown")
 
 
 @fit.callback()

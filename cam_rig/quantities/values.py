@@ -11,8 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from cam_rig.acoustics import RadiationParameters
-from cam_rig.acoustics.pressure import mean_square_rate
-from cam_rig.acoustics.radiation import level_db, pressure_pa
+from cam_rig.acoustics.pressure import level_db, mean_square_rate, pressure_pa
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.dynamics.jump.any_follower import AnyFollower, find_jump, follower_of
 from cam_rig.dynamics.jump.search import NoJumpSpeedError

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from cam_rig.acoustics import MicrophoneState, RadiationParameters, level_db, rms_pressure
-from cam_rig.acoustics.radiation import structure_response
+from cam_rig.acoustics.pressure import structure_response
 from cam_rig.dynamics import MODELS, Block, FollowerState, Interval, Model, Samples
 from cam_rig.dynamics.interval import NamedRows
 from cam_rig.errors import CamRigError

@@ -17,8 +17,7 @@ from cam_rig.acoustics import (
     rms_pressure,
     third_octaves,
 )
-from cam_rig.acoustics.pressure import Background, mean_square_rate
-from cam_rig.acoustics.radiation import BLOCK, first_order
+from cam_rig.acoustics.pressure import BLOCK, Background, first_order, mean_square_rate
 from cam_rig.dynamics.linear.propagator import piece
 from cam_rig.laws import bernstein
 from cam_rig.units import RPM, TURN, rms

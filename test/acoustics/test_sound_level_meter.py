@@ -4,12 +4,21 @@ import numpy as np
 import pytest
 from scipy.signal import bilinear_zpk, sosfreqz, zpk2sos
 
-from cam_rig.acoustics import SoundLevelMeter, level_db, pressure_pa, third_octaves, weighting
-from cam_rig.acoustics.sound_level_meter import SILENCE, full_scale, measure, pcm
-from cam_rig.acoustics.weighting import (
+from cam_rig.acoustics import (
+    SoundLevelMeter,
+    level_db,
+    pressure_pa,
+    sound_level_meter,
+    third_octaves,
+)
+from cam_rig.acoustics.sound_level_meter import (
     CLASS_1,
+    SILENCE,
     class_1_up_to_hz,
     exact,
+    full_scale,
+    measure,
+    pcm,
     weighting_filter,
     weighting_power,
 )
@@ -58,13 +67,13 @@ def test_how_far_class_1_reaches(monkeypatch):
     assert {rate: class_1_up_to_hz(rate) for rate in REACH} == REACH
 
     def bilinear(curve, rate):
-        poles = -2.0 * np.pi * np.array(weighting.POLES[curve])
-        zeros = np.zeros(weighting.ZEROS[curve])
+        poles = -2.0 * np.pi * np.array(sound_level_meter.POLES[curve])
+        zeros = np.zeros(sound_level_meter.ZEROS[curve])
         s = 2j * np.pi * 1000.0
         gain = np.abs(np.prod(s - poles) / s**zeros.size)
         return zpk2sos(*bilinear_zpk(zeros, poles, gain, rate))
 
-    monkeypatch.setattr(weighting, "weighting_filter", bilinear)
+    monkeypatch.setattr(sound_level_meter, "weighting_filter", bilinear)
     assert class_1_up_to_hz(12_000) == 3150.0
 
 

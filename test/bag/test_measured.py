@@ -1,24 +1,18 @@
 """What instruments recorded is read as it was, from any bag; what was odd in it is said."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from rosbags.rosbag2 import StoragePlugin
 
 from cam_rig.bag.foreign_topics import parse_topics
 from cam_rig.bag.measured_run import read_measured
-from cam_rig.bag.reader import raw_messages, read_ticks
-from cam_rig.bag.writer import BagWriter
+from cam_rig.bag.reader import read_ticks
 from cam_rig.errors import BagError, ConfigError
-from cam_rig.messages.topics import recorded_topic
 from cam_rig.units import TURN
 
-from ..foreign_bags import BEGIN, joint, number, wrench, write_bag
+from ..foreign_bags import BEGIN, joint, number, wrench, write_bag, write_two_rigs
 from .bags import GOLDEN
 
-#: What is read of a bag of the rig.
-READ = {"/cam/state", "/follower/samples", "/microphone/pressure"}
 TIME = np.arange(400) / 200.0
 ANGLE = TURN * 3.0 * TIME  # 180 rpm
 LIFT = 5.0 * (1.0 - np.cos(ANGLE))  # mm
@@ -136,12 +130,7 @@ def test_the_rig_s_own_bag_needs_no_mapping():
 
 def test_of_two_rigs_one_is_chosen_by_its_namespace(tmp_path):
     """Which one is meant is not guessed; named, it is read as if it were alone."""
-    bag = tmp_path / "two"
-    with BagWriter(bag) as writer:
-        for connection, time_ns, data in raw_messages(GOLDEN, READ):
-            for namespace in ("", "/rig2"):
-                topic = recorded_topic(connection.topic)
-                writer.write(replace(topic, name=namespace + topic.name), time_ns, bytes(data))
+    bag = write_two_rigs(tmp_path / "two", GOLDEN)
     expected = read_measured(GOLDEN, cam="tm21")
     for namespace in ("/", "rig2"):
         run = read_measured(bag, cam="tm21", namespace=namespace)

@@ -16,7 +16,7 @@ from benchmark.speed.cases import SAMPLED
 from cam_rig.campaigns.campaign import campaign_from
 from cam_rig.cli.main import app
 from cam_rig.dynamics import MODELS
-from cam_rig.measured.rig_fit.from_source import MODELS as FITTED
+from cam_rig.measured.rig_fit.rig_fit import MODELS as FITTED
 from cam_rig.panel.bench import runner as setup
 from cam_rig.paper.orders.steady_force import BUILDERS
 from cam_rig.schema.load import Library, config_root

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cam_rig.acoustics import SoundSource, level_db
-from cam_rig.acoustics.weighting import class_1_up_to_hz
+from cam_rig.acoustics.sound_level_meter import class_1_up_to_hz
 from cam_rig.errors import ConfigError, RunError
 from cam_rig.live.checkpoint import from_plain, to_plain
 from cam_rig.simulation.instruments import Signal, encoder_count

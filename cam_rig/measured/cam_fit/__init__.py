@@ -1,3 +1,1 @@
 """From gauge readings to a cam: a spline with exact dwells, or a contour of tangent arcs."""
-
-from __future__ import annotations

@@ -211,8 +211,6 @@ NONE_NEAR = (
 NO_CONTOUR = 1.0
 #: A flank flatter than this (in parts of the prime radius's curvature) is a straight line.
 STRAIGHT = 1e-6
-#: A column's own kind and sense.
-Role = tuple[bool, bool]
 
 
 def _most(prime: float, lift: float) -> float:
@@ -233,7 +231,7 @@ class ArcSearch:
     """
 
     columns: tuple[Readings, ...]
-    roles: tuple[Role, ...]
+    roles: tuple[tuple[bool, bool], ...]
     form: Form
     held: Mapping[int, float] = field(default_factory=dict)
     least: float = 0.0

@@ -88,7 +88,7 @@ class ArcsFit(Result):
             Column("largest_line", "", "d", "in line", lambda c: int(c.readings.lines[c.worst])),
             Column("outliers", "", "d", of=lambda c: len(c.readings.outliers)),
         ),
-        "others": (Column("columns", of="name"), Column("rms", "mm", ".3g")),
+        "others": (Column("columns", of="search.name"), Column("rms", "mm", ".3g")),
         "arcs": (
             Column("base_radius", "m", of="arcs.base_radius"),
             Column("lift", "m", of="arcs.lift"),
@@ -254,10 +254,11 @@ class ArcsFit(Result):
                 yield f"{column.readings.name}: {left_out(column.readings)}"
         for other in self.others[:1]:
             left = f"{other.rms * 1e3:.3g} mm r.m.s."
+            name = other.search.name
             if self.as_near(other):
-                yield f"As near, and not told apart: {other.name}, {left}"
+                yield f"As near, and not told apart: {name}, {left}"
             else:
-                yield f"The next best reading of the columns is {other.name}: {left}"
+                yield f"The next best reading of the columns is {name}: {left}"
         yield from self.cannot_tell
 
     def _flanks(self) -> Iterator[str]:

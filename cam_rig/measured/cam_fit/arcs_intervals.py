@@ -151,11 +151,6 @@ class Profile:
         """The least sum of squares, m²."""
         return float(np.sum(self.search.away(self.x) ** 2))
 
-    @property
-    def name(self) -> str:
-        """How the columns were read, in words."""
-        return self.search.name
-
     @cached_property
     def rms(self) -> float:
         """r.m.s. residual of all readings, m."""

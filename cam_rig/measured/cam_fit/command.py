@@ -13,6 +13,14 @@ from cam_rig.show.command import Rig, command, say_assumed
 from cam_rig.show.result import Result
 from cam_rig.show.terminal import say, show
 
+
+def _in_mm(help_text: str, least: float | None = None) -> Any:
+    """An option in mm; the command is given m."""
+    return typer.Option(
+        metavar="MM", min=least, help=help_text, callback=lambda x: None if x is None else 1e-3 * x
+    )
+
+
 Tables = Annotated[list[Path], typer.Argument(help="Table of cam angles and gauge readings.")]
 Out = Annotated[
     Path | None, typer.Option(metavar="CAM.yaml", help="Write the cam's file, and its points.")
@@ -50,26 +58,17 @@ GaugeColumn = Annotated[
     str | None, typer.Option(help="Heading of the column of lifts, the only one that is read.")
 ]
 Tolerance = Annotated[
-    float | None,
-    typer.Option(metavar="MM", help="Error of the gauge; by default the scatter of the readings."),
+    float | None, _in_mm("Error of the gauge; by default the scatter of the readings.")
 ]
 Reverse = Annotated[
     bool, typer.Option("--reverse", help="The cam was turned the other way: take -angle.")
 ]
-RollerRadius = Annotated[
-    float | None, typer.Option(metavar="MM", min=0.0, help="Roller radius; by default assumed.")
-]
-BaseRadius = Annotated[
-    float | None, typer.Option(metavar="MM", min=0.0, help="Base radius; by default assumed.")
-]
+RollerRadius = Annotated[float | None, _in_mm("Roller radius; by default assumed.", 0.0)]
+BaseRadius = Annotated[float | None, _in_mm("Base radius; by default assumed.", 0.0)]
 
 
 def _kinds(follower: list[OwnFollower] | None) -> tuple[Any, ...]:
     return tuple(one.value for one in follower or ())
-
-
-def _metres(millimetres: float | None) -> float | None:
-    return None if millimetres is None else 1e-3 * millimetres
 
 
 @command("json", "csv", "plot")
@@ -107,10 +106,10 @@ def fit_cam(
         shape=shape,
         follower=_kinds(follower),
         column=column,
-        tolerance=_metres(tolerance),
+        tolerance=tolerance,
         reverse=reverse,
-        roller_radius=_metres(roller_radius),
-        base_radius=_metres(base_radius),
+        roller_radius=roller_radius,
+        base_radius=base_radius,
         flank=flank,
         out=out,
     )
@@ -154,10 +153,9 @@ def new(
     from cam_rig.measured.cam_fit.request import FitRequest
     from cam_rig.schema.load import load_rig, rig_path
 
-    radii, kinds = (_metres(roller_radius), _metres(base_radius)), _kinds(follower)
-    error, place = _metres(tolerance), folder or Path(name)
-    request = FitRequest(shape, kinds, column, error, reverse, *radii, flank, True)
-    like = load_rig(rig_path(rig))
+    place, like = folder or Path(name), load_rig(rig_path(rig))
+    wanted = shape, _kinds(follower), column, tolerance, reverse, roller_radius, base_radius, flank
+    request = FitRequest(*wanted, ask_nothing=True)
     found = request.run(from_csv)
     files = request.files(found, name)
     scene, speeds = own_scene(name, files.law, like)

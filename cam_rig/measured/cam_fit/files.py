@@ -16,7 +16,7 @@ from cam_rig.laws import Law, build_law
 from cam_rig.measured.cam_fit.arcs import FLANK, LIFT, NOSE, PRIME, Arcs, FollowerKind
 from cam_rig.measured.cam_fit.arcs_fit import ArcsFit
 from cam_rig.measured.cam_fit.arcs_intervals import Told
-from cam_rig.measured.cam_fit.dwells import DEGREES
+from cam_rig.measured.cam_fit.dwells import DEGREES, FoundDwell
 from cam_rig.measured.cam_fit.spline_fit import SplineFit
 from cam_rig.profile.check_table import check_cam
 from cam_rig.schema import CamConfig, RigConfig
@@ -132,24 +132,17 @@ def _table_segment(file: str, fit: SplineFit) -> dict[str, Any]:
         "tolerance": tolerance,
     }
     if fit.dwells:
-        segment["dwells"] = [
-            {
-                "start": quantity(
-                    "identified", _degrees(dwell.rest.start) % 360.0, "deg", "found in the readings"
-                ),
-                "span": quantity(
-                    "identified", _degrees(dwell.rest.span), "deg", f"{dwell.count} readings rest"
-                ),
-                "level": quantity("identified", _mm(dwell.rest.level), "mm", "their mean"),
-            }
-            for dwell in fit.dwells
-        ]
+        segment["dwells"] = [_dwell(dwell) for dwell in fit.dwells]
     return segment
 
 
-def _degrees(angle: float) -> float:
-    """An angle (rad) of a dwell, deg, as the file has it."""
-    return round(math.degrees(angle), DEGREES)
+def _dwell(dwell: FoundDwell) -> dict[str, Any]:
+    start, span = (round(math.degrees(x), DEGREES) for x in (dwell.rest.start, dwell.rest.span))
+    return {
+        "start": quantity("identified", start % 360.0, "deg", "found in the readings"),
+        "span": quantity("identified", span, "deg", f"{dwell.count} readings rest"),
+        "level": quantity("identified", _mm(dwell.rest.level), "mm", "their mean"),
+    }
 
 
 def _points(fit: SplineFit) -> dict[str, tuple[float, ...]]:
@@ -286,11 +279,12 @@ def require_told(fit: ArcsFit, named: bool) -> None:
     """Refuse to write what no reading tells and nobody has given; ``named``: the followers are."""
     unclear = fit.unclear_kinds
     if unclear is not None and not named:
-        found, several = fit.best.name, len(fit.fitted_columns) > 1
+        found, other = fit.best.search.name, unclear.search.name
+        several = ", once for each column" if len(fit.fitted_columns) > 1 else ""
         raise ConfigError(
             f"the readings do not tell the follower: {found} leaves {fit.rms * 1e3:.3g} mm r.m.s., "
-            f"{unclear.name} {unclear.rms * 1e3:.3g} mm; allowed: --follower roller, flat or point"
-            f"{', once for each column' if several else ''}"
+            f"{other} {unclear.rms * 1e3:.3g} mm; allowed: --follower roller, flat or point"
+            f"{several}"
         )
     prime = fit.prime_if_straight or fit.told[PRIME]
     if not (prime.held or math.isfinite(prime.high)):

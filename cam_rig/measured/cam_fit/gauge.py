@@ -96,14 +96,9 @@ class _GaugeReader(CellTable):
             empty = sum(row[i] == NOTHING for row in texts)
             if empty:
                 words.append(f"{counted(empty, 'empty cell')} in {headings[i].text!r}: no reading")
-        read = self.how_read(body, used)
-        return GaugeTable(
-            self.file,
-            tuple(factor * value for value in angles),
-            tuple(columns),
-            tuple(line for line, _ in body),
-            (read, *notes, *words),
-        )
+        notes = [self.how_read(body, used), *notes, *words]
+        lines, turned = tuple(line for line, _ in body), tuple(factor * value for value in angles)
+        return GaugeTable(self.file, turned, tuple(columns), lines, tuple(notes))
 
     def _assigned(
         self, headings: list[Heading], column: str | None
@@ -356,13 +351,9 @@ def _leaving(
     beside: Sequence[float] | FloatArray = (),
 ) -> Readings:
     """The readings that are left, the others named with how far they are off (m)."""
+    lifts = readings.lifts + readings.zero
     outliers = (
-        Outlier(
-            int(readings.lines[i]),
-            float(readings.angles[i]),
-            float(readings.lifts[i]) + readings.zero,
-            float(off),
-        )
+        Outlier(int(readings.lines[i]), float(readings.angles[i]), float(lifts[i]), float(off))
         for i, off in zip(named, beside, strict=True)
     )
     return replace(

@@ -221,17 +221,10 @@ def fit_spline(readings: Readings, asked: float | None = None) -> SplineFit:
     zero = _zero(law, rests, likely_range(kept.angles.size) * scatter)
     columns = [column - zero for column in smoothed.pieces[1]]
     smoothed = replace(smoothed, pieces=(smoothed.pieces[0], columns))
-    return SplineFit(
-        replace(kept, lifts=kept.lifts - zero),
-        zero,
-        scatter,
-        asked,
-        allowed,
-        allowed > tolerance,
-        tuple(dwell.at_level(dwell.rest.level - zero) for dwell in dwells),
-        smoothed,
-        _law(smoothed),
-    )
+    kept = replace(kept, lifts=kept.lifts - zero)
+    dwells = tuple(dwell.at_level(dwell.rest.level - zero) for dwell in dwells)
+    how_near = scatter, asked, allowed, allowed > tolerance
+    return SplineFit(kept, zero, *how_near, dwells, smoothed, _law(smoothed))
 
 
 def _smoothed(readings: Readings, tolerance: float, rests: list[Rest]) -> tuple[float, Smoothed]:

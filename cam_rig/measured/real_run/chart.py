@@ -9,7 +9,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from cam_rig.measured.real_run.comparison import QUANTITIES, SpeedDeparture
+from cam_rig.measured.real_run.comparison import QUANTITIES, SpeedDeparture, by_cam
 from cam_rig.measured.real_run.run import RunComparison
 from cam_rig.show import looks as colours
 from cam_rig.show.chart import SPEED, Axes, chart_stream, round_marks
@@ -29,7 +29,7 @@ def save_real_run(found: RunComparison, path: Path) -> None:
     plans = real_run_tabs(found)
     title = f"Measured and model: {', '.join(str(tab.name) for tab in plans)}"
     with chart_stream(path, title, plans, SPEED) as stream:
-        for here in _by_cam(found.speeds):
+        for here in by_cam(found.speeds):
             for name in QUANTITIES:
                 _draw(stream, here, name, _axes(here, name))
 
@@ -37,7 +37,7 @@ def save_real_run(found: RunComparison, path: Path) -> None:
 def real_run_tabs(found: RunComparison) -> list[rrb.Vertical]:
     """A tab for each cam: a row for each quantity that was measured."""
     tabs = []
-    for here in _by_cam(found.speeds):
+    for here in by_cam(found.speeds):
         charts = [
             rrb.Horizontal(*(_view(here, name, chart, axes) for chart, axes in places.items()))
             for name in QUANTITIES
@@ -45,11 +45,6 @@ def real_run_tabs(found: RunComparison) -> list[rrb.Vertical]:
         ]
         tabs.append(rrb.Vertical(*charts, name=title_of(found.loaded.titles, here[0].cam)))
     return tabs
-
-
-def _by_cam(rows: Sequence[SpeedDeparture]) -> list[list[SpeedDeparture]]:
-    cams = dict.fromkeys(row.cam for row in rows)
-    return [[row for row in rows if row.cam == cam] for cam in cams]
 
 
 def real_run_entity(cam: str, quantity: str, chart: str) -> str:

@@ -126,18 +126,18 @@ def _row(step: PairedStep, law: Law) -> SpeedDeparture:
     pairs = {"lift": step.lift, "force": step.force}
     lift, force = (None if pair is None else departure(pair, step.exact) for pair in pairs.values())
     seen = step.force is not None and force is not None and not step.exact and not force.within
-    return SpeedDeparture(
-        cam=step.cam,
-        rpm=step.rpm,
-        turns=step.turns,
-        lift=lift,
-        force=force,
-        contact=lost_contact(step, law),
-        measured_db=step.levels[0],
-        model_db=step.levels[1],
-        peak_hz=peak_frequency(step.force) if seen and step.force is not None else None,
-        drawn={name: _last_turn(pair) for name, pair in pairs.items() if pair is not None},
-    )
+    peak = peak_frequency(step.force) if seen and step.force is not None else None
+    drawn = {name: _last_turn(pair) for name, pair in pairs.items() if pair is not None}
+    parted, lost = (step.cam, step.rpm, step.turns, lift, force), lost_contact(step, law)
+    return SpeedDeparture(*parted, lost, *step.levels, peak, drawn)
+
+
+def by_cam(rows: Iterable[SpeedDeparture]) -> list[list[SpeedDeparture]]:
+    """The rows of each cam."""
+    found = dict[str, list[SpeedDeparture]]()
+    for row in rows:
+        found.setdefault(row.cam, []).append(row)
+    return list(found.values())
 
 
 def _last_turn(pair: PairedSignal) -> PairedSignal:
@@ -152,8 +152,6 @@ def _last_turn(pair: PairedSignal) -> PairedSignal:
 
 # What a comparison says, in sentences: where run and model part, and what was done to readings.
 
-#: Both by their name: factor to the unit that is shown, and the unit.
-SHOWN = {"lift": (1e6, "µm"), "force": (1.0, "N")}
 #: A lift that is so many times the cam's is that of another.
 UNLIKE = 2.0
 #: °, by which events that both have are not of one time.
@@ -167,7 +165,7 @@ def sentences(rows: Sequence[SpeedDeparture]) -> list[str]:
     found = [
         (name, row, one)
         for row in rows
-        for name in SHOWN
+        for name in QUANTITIES
         if (one := getattr(row, name)) is not None
     ]
     if not found:
@@ -202,7 +200,7 @@ def sentences(rows: Sequence[SpeedDeparture]) -> list[str]:
 
 
 def _largest(name: str, row: SpeedDeparture, one: Departure) -> str:
-    factor, unit = SHOWN[name]
+    unit, factor = QUANTITIES[name][3:5]
     part = 100.0 * one.relative
     percent = f"{part:.2g}" if part < 10.0 else f"{part:.0f}"
     return (
@@ -213,7 +211,8 @@ def _largest(name: str, row: SpeedDeparture, one: Departure) -> str:
 
 
 def _agreements(found: Sequence[tuple[str, SpeedDeparture, Departure]]) -> Iterator[str]:
-    for name, (factor, unit) in SHOWN.items():
+    for name in QUANTITIES:
+        unit, factor = QUANTITIES[name][3:5]
         here = [one for what, _, one in found if what == name]
         if not here or not all(one.within or one.restless for one in here):
             continue

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cam_rig.measured.real_run.comparison import QUANTITIES, SpeedDeparture
+from cam_rig.measured.real_run.comparison import QUANTITIES, SpeedDeparture, by_cam
 from cam_rig.measured.real_run.deviation import PairedSignal
 from cam_rig.measured.real_run.run import RunComparison
 from cam_rig.show import looks as colours
@@ -22,28 +22,21 @@ MANY = 600
 BESIDE = "beside a jump of the force: not counted"
 
 
-def chosen(rows: Sequence[SpeedDeparture]) -> list[SpeedDeparture]:
-    """Of each cam the lowest speed, the first with lift-offs, and the highest; with curves."""
-    found: list[SpeedDeparture] = []
-    for cam in dict.fromkeys(row.cam for row in rows):
-        here = [row for row in rows if row.cam == cam and row.drawn]
-        here.sort(key=lambda row: row.rpm)
-        leaving = [row for row in here if row.contact and row.contact.measured >= 0.5]
-        some = {id(row): row for row in (*here[:1], *leaving[:1], *here[-1:])}
-        found += sorted(some.values(), key=lambda row: row.rpm)
-    return found
+def _chosen(here: Sequence[SpeedDeparture]) -> list[SpeedDeparture]:
+    """Of one cam the lowest speed, the first with lift-offs, and the highest."""
+    here = sorted(here, key=lambda row: row.rpm)
+    leaving = [row for row in here if row.contact and row.contact.measured >= 0.5]
+    some = {id(row): row for row in (*here[:1], *leaving[:1], *here[-1:])}
+    return sorted(some.values(), key=lambda row: row.rpm)
 
 
 @styled
 def figure(found: RunComparison) -> Figure:
     """For each cam a column for each chosen speed: the curves, and below them their difference."""
     rows, titles = found.speeds, found.loaded.titles
-    by_cam: dict[str, list[SpeedDeparture]] = {}
-    for row in chosen(rows):
-        by_cam.setdefault(row.cam, []).append(row)
+    cams = [_chosen(here) for here in by_cam(row for row in rows if row.drawn)]
     shown = [name for name in QUANTITIES if any(name in row.drawn for row in rows)]
-    across = max((len(columns) for columns in by_cam.values()), default=1)
-    down = len(shown) * len(by_cam)
+    across, down = max(map(len, cams), default=1), len(shown) * len(cams)
     if not down:
         return empty(1.0)
     out = empty(0.6 + 2.8 * down)
@@ -51,7 +44,7 @@ def figure(found: RunComparison) -> Figure:
     panels = out.subplots(
         2 * down, across, sharex=True, sharey="row", squeeze=False, height_ratios=ratios
     )
-    for i, columns in enumerate(by_cam.values()):
+    for i, columns in enumerate(cams):
         block = panels[2 * i * len(shown) : 2 * (i + 1) * len(shown)]
         _block(block, title_of(titles, columns[0].cam), columns, shown)
         for unused in block[:, len(columns) :].flat:

@@ -1,3 +1,1 @@
 """A rig's numbers from what was measured on it."""
-
-from __future__ import annotations

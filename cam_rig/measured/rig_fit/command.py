@@ -80,9 +80,9 @@ def fit_rig(
 
     cam-rig fit rig jumps.csv poly345 --given damping=8.6 --out mine/rigs/bench.yaml
     """
-    from cam_rig.measured.rig_fit import from_source
+    from cam_rig.measured.rig_fit import rig_fit
 
-    found = from_source.fit_rig(
+    found = rig_fit.fit_rig(
         source,
         cam,
         topics=topics,

@@ -44,6 +44,11 @@ class JumpReading:
     speed: float
     known: dict[str, float]
 
+    @property
+    def rpm(self) -> float:
+        """The jump speed in rpm."""
+        return to_rpm(self.speed)
+
 
 @dataclass(frozen=True)
 class JumpTable:
@@ -57,7 +62,7 @@ class JumpTable:
     @property
     def rpm(self) -> FloatArray:
         """The jump speeds, ``(n,)``."""
-        return to_rpm(np.array([reading.speed for reading in self.readings]))
+        return np.array([reading.rpm for reading in self.readings])
 
 
 def read_jump_table(path: Path) -> JumpTable:

@@ -1,6 +1,6 @@
 """Which follower is sought: one rigid mass, a force sensor that vibrates, two masses and a stem.
 
-Each begins where the one before it ended, and the likelier stays.
+Each begins where the one before it ended, and the likelier stays; then its restitution is profiled.
 """
 
 from __future__ import annotations
@@ -12,20 +12,28 @@ from typing import TypeVar
 import numpy as np
 
 from cam_rig.errors import ConfigError
-from cam_rig.measured.rig_fit.numbers import OF_TWO, ONE_MASS, TWO_MASSES
+from cam_rig.measured.rig_fit.numbers import NUMBERS, OF_TWO, ONE_MASS, TWO_MASSES, WITHIN_95
 from cam_rig.measured.rig_fit.residuals import BACKLASH, RATIO, RESONANCE, ZERO
 from cam_rig.measured.rig_fit.search import (
+    FIRST_GUARD,
     Candidate,
     FitSolution,
     continued,
     contradict,
+    inflation,
     lever,
     log_ratio,
+    log_ratio_of_all,
     search,
     uncertainty,
 )
 from cam_rig.measured.rig_fit.start import (
+    LEAST_FLYING,
+    SMALL_BOUNCE,
+    SQUARE_95,
     bounce_beside,
+    forces_in_flight,
+    freed,
     leaves_a_pattern,
     likely_stem,
     with_bounces,
@@ -49,7 +57,7 @@ def one_mass(aligned: FitSolution, given: dict[str, float]) -> FitSolution:
     """One rigid mass; the restitution once there are landings to tell it."""
     if not _forces(aligned):
         return _of_lifts(aligned, given)
-    still = _still(aligned, given)
+    still = _calm(aligned, _smooth(given), _begun(aligned, given))
     found = _everywhere(aligned, still, given)
     if _has_backlash(found):
         start = continued(found, found.likelihood.sought, found.values, backlash=True)
@@ -65,11 +73,12 @@ def _begun(aligned: FitSolution, given: dict[str, float]) -> dict[str, float]:
     return aligned.values | {"restitution": 0.0} | given
 
 
-def _still(aligned: FitSolution, given: dict[str, float]) -> FitSolution | None:
-    """One rigid mass at the speeds without landings; None where these are all, or have no force."""
-    here = _some_on_the_cam(aligned)
-    start = _smooth(given), _begun(aligned, given)
-    return search(continued(aligned, *start, here)) if here else None
+def _calm(one: Candidate, sought: tuple[str, ...], values: dict[str, float]) -> FitSolution | None:
+    """One mass at the speeds on the cam alone; None where these are all, or have no force."""
+    here = _on_the_cam(one)
+    if len(here) == len(one.holds) or not _forces(one, here):
+        return None
+    return search(continued(one, sought, values, here, zero_offset=False))
 
 
 def _everywhere(
@@ -116,12 +125,6 @@ def _on_the_cam(found: Candidate) -> list[int]:
     """
     still = [i for i, landings in enumerate(found.landings) if not landings]
     return [i for i in still if found.holds[i].presses] or still
-
-
-def _some_on_the_cam(found: Candidate) -> list[int]:
-    """The same; none where these are all, or have no force."""
-    here = _on_the_cam(found)
-    return here if len(here) < len(found.holds) and _forces(found, here) else []
 
 
 def _forces(found: Candidate, holds: list[int] | None = None) -> bool:
@@ -226,7 +229,7 @@ def _with_resonance(one: FitSolution, stem: dict[str, float]) -> FitSolution:
 def two_masses(aligned: FitSolution, given: dict[str, float], progress: Progress) -> FitSolution:
     """Two masses and a stem, asked for: of one mass only as much is searched as they begin from."""
     rigid = {name: value for name, value in given.items() if name not in OF_TWO}
-    still = _still(aligned, rigid)
+    still = _calm(aligned, _smooth(rigid), _begun(aligned, rigid))
     one = one_mass(aligned, rigid) if still is None else _of_all(aligned, still)
     begin = _where_it_shows(one)
     progress.tell("two masses and a stem")
@@ -264,14 +267,8 @@ def elastic(one: FitSolution, given: dict[str, float], progress: Progress) -> Fi
 
 def _where_it_shows(one: One) -> One | FitSolution:
     """One mass at the speeds on the cam alone, if what is left of the force has a pattern there."""
-    calm = _calm(one)
+    calm = _calm(one, one.smooth, one.values)
     return one if calm is None or not leaves_a_pattern(calm) else calm
-
-
-def _calm(one: Candidate) -> FitSolution | None:
-    """One mass at the speeds on the cam alone; None where these are all, or have no force."""
-    here = _some_on_the_cam(one)
-    return search(continued(one, one.smooth, one.values, here, zero_offset=False)) if here else None
 
 
 def _ringing(one: FitSolution) -> FitSolution:
@@ -279,7 +276,7 @@ def _ringing(one: FitSolution) -> FitSolution:
 
     From the speeds on the cam, for a landing rings all that comes after it.
     """
-    likelier = calm = _calm(one) or one
+    likelier = calm = _calm(one, one.smooth, one.values) or one
     if leaves_a_pattern(calm):
         sensor = _with_resonance(calm, likely_stem(calm)[0])
         likelier = sensor if log_ratio(sensor, calm) > CLEARLY_LIKELIER else calm
@@ -297,3 +294,117 @@ def _has_backlash(found: FitSolution) -> bool:
     step, *_ = np.linalg.lstsq(slopes, -residuals, rcond=1e-12)
     error = uncertainty(FitSolution(new, x, slopes, residuals + slopes @ step)).errors[at]
     return bool(abs(step[at]) > max(CLEAR_BACKLASH * error, LEAST_BACKLASH * new.law.lift))
+
+
+# How sure a restitution is, by the profile of its likelihood; the others where no bounce is. A
+# force that comes to lie in a bounce changes the residuals at once, so along the restitution the
+# likelihood is level here and steep there: its curvature at one place does not say how wide it is.
+# The ratio of likelihoods does, the other numbers sought anew at each restitution.
+
+#: First step from the likeliest restitution, each next one twice it; halvings of the last.
+FIRST_STEP, HALVINGS = 0.01, 3
+#: Looks about, each from the likeliest of the one before where that is by this log ratio.
+LOOKS, LIKELIER = 4, 1.0
+#: Restitutions at which a narrow interval is held against all that lies beside it.
+ELSEWHERE = (0.1, 0.3, 0.5, 0.7, 0.9)
+
+
+def profiled(found: FitSolution) -> FitSolution:
+    """The restitution in the middle of its interval of 95 %, the others of what no bounce reaches.
+
+    Of two masses there is none: their bounces depend on every number at once.
+    """
+    if "roller_share" in found.values or not any(found.landings):
+        return found
+    bounce = None
+    if "restitution" in found.likelihood.sought:
+        found, low, high = _interval(found)
+        value = found.values["restitution"]
+        # Near none, none is said: what is known is the end.
+        middle = 0.5 * (low + high) if value >= SMALL_BOUNCE else 0.0
+        bounce = middle, (high - middle) / WITHIN_95
+        found = _at(found, middle)
+    return replace(search(_settled(found)), bounce=bounce)
+
+
+def _settled(found: FitSolution) -> Candidate:
+    """A search of the samples that no bounce reaches; of the force's zero too, where these show it.
+
+    Late in a series of bounces a landing passes samples within a standard error of a number: the
+    sum of squares has a cliff there, and its curvature is that of a narrow valley.
+    """
+    start = Candidate(found.likelihood.settled(found.x, FIRST_GUARD), found.x)
+    shown = forces_in_flight(start).size >= LEAST_FLYING
+    zero_offset = found.likelihood.zero_offset and shown
+    return continued(start, found.likelihood.sought, found.values, zero_offset=zero_offset)
+
+
+def _interval(found: FitSolution) -> tuple[FitSolution, float, float]:
+    """The likeliest of all that is tried on the way to the interval's ends; and these.
+
+    A search ends in the valley it began in. One that is likelier beside another restitution is
+    where the next look begins.
+    """
+    sought = found.likelihood.sought
+    at, number = sought.index("restitution"), NUMBERS["restitution"]
+    for _ in range(LOOKS):
+        level = 0.5 * SQUARE_95 * max(1.0, inflation(found, at))
+        (low, down), (high, up) = (_end(found, at, to, level) for to in (number.low, number.high))
+        best = min((*down, *up), key=lambda trial: log_ratio_of_all(found, trial), default=found)
+        if log_ratio_of_all(found, best) > -LIKELIER:
+            break
+        found = freed(best, sought)
+    return found, *_widened(found, at, low, high, level)
+
+
+def _widened(
+    found: FitSolution, at: int, low: float, high: float, level: float
+) -> tuple[float, float]:
+    """The interval with what is as likely beside it, taken together.
+
+    Where hardly a sample is in a bounce, the likelihood is nearly level, and the best of its many
+    narrow valleys is likelier by chance. A valley outweighs a level as wide as the restitution's
+    range only if it is likelier by more than the logarithm of the ratio of their widths.
+    """
+    number = NUMBERS["restitution"]
+    least = FIRST_STEP / 2.0**HALVINGS
+    outweighs = level + math.log((number.high - number.low) / max(high - low, least))
+    beside = [
+        there
+        for there in ELSEWHERE
+        if not low <= there <= high and _likely(found, _at(found, there), outweighs)
+    ]
+    return min([low, *beside]), max([high, *beside])
+
+
+def _at(found: Candidate, bounce: float) -> FitSolution:
+    return search(continued(found, found.smooth, found.values | {"restitution": bounce}))
+
+
+def _end(
+    found: FitSolution, at: int, limit: float, level: float
+) -> tuple[float, list[FitSolution]]:
+    """The last restitution towards ``limit`` that is likely: by a log ratio below ``level``.
+
+    With it what was likely on the way there.
+    """
+    inside = float(found.x[at])
+    likely = list[FitSolution]()
+    step, outside, halvings = FIRST_STEP, None, HALVINGS
+    while inside != limit and (outside is None or halvings > 0):
+        if outside is None:
+            there = inside + math.copysign(min(step, abs(limit - inside)), limit - inside)
+        else:
+            there, halvings = 0.5 * (inside + outside), halvings - 1
+        trial = _at(likely[-1] if likely else found, there)
+        if _likely(found, trial, level):
+            inside, step = there, 2.0 * step
+            likely.append(trial)
+        else:
+            outside = there
+    return inside if outside is None else outside, likely
+
+
+def _likely(found: FitSolution, trial: FitSolution, level: float) -> bool:
+    """Whether every hold stays steady and the ratio of likelihoods is near one."""
+    return len(trial.holds) == len(found.holds) and log_ratio_of_all(found, trial) < level

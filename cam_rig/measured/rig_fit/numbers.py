@@ -172,15 +172,6 @@ def interval_words(value: float, half: float, unit: str) -> str:
     return f"with 95 % it is below {end}" if low <= 0.0 else f"with 95 % it is {low:.3g} to {end}"
 
 
-@dataclass(frozen=True)
-class ErrorCorrelation:
-    """How the errors of two numbers go together, -1 to 1."""
-
-    number: str
-    other: str
-    correlation: float
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class FoundNumbers(Result):
     """What readings say of a follower, and a ``model``, one_mass or two_mass.
@@ -203,9 +194,9 @@ class FoundNumbers(Result):
             Column("reason", hidden=True, about="why it has no value"),
         ),
         "correlation": (
-            Column("number"),
-            Column("other", cell=lambda pair: pair.other.replace("_", " ")),
-            Column("correlation", "", ".2f"),
+            Column("number", of="0"),
+            Column("other", of="1", cell=lambda pair: pair[1].replace("_", " ")),
+            Column("correlation", "", ".2f", of="2"),
         ),
     }
 
@@ -222,7 +213,7 @@ class FoundNumbers(Result):
     def number_tables(self, caption: str, names: tuple[str, ...]) -> list[Records]:
         """A row a number; the correlation of the errors of those of ``names``, if several."""
         pairs = [
-            ErrorCorrelation(names[i], names[k], float(self.correlation[i, k]))
+            (names[i], names[k], float(self.correlation[i, k]))
             for i, k in product(range(len(names)), repeat=2)
             if len(names) > 1
         ]

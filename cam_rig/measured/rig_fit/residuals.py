@@ -225,14 +225,15 @@ class Likelihood:
 
     def residuals(self, x: FloatArray) -> FloatArray:
         """All of them; far off where there is no steady turn."""
-        found = [self._residual(i, self.predicted(x, i)) for i in range(len(self.holds))]
+        found = list[FloatArray]()
+        for i in range(len(self.holds)):
+            there = self.predicted(x, i)
+            if there is None:
+                found.append(np.full(sum(self.sizes(i)), FAR))
+            else:
+                found.append(there.lift.left / self.lift_noise)
+                found.append(there.force.left / self.force_deviation(i))
         return np.concatenate([*found, x[self.instruments.speeds]])
-
-    def _residual(self, i: int, predicted: Predicted | None) -> FloatArray:
-        if predicted is None:
-            return np.full(sum(self.sizes(i)), FAR)
-        lift, force = predicted.lift.left, predicted.force.left
-        return np.concatenate([lift / self.lift_noise, force / self.force_deviation(i)])
 
     def slopes(self, x: FloatArray) -> FloatArray:
         """The residuals' slopes, ``(m, n)``."""

@@ -1,18 +1,25 @@
-"""The numbers of a rig from a run that was measured on it."""
+"""A follower's numbers from what was measured: a bag of a run, or a table of jump speeds."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from cam_rig.arguments import checked
 from cam_rig.dynamics.parameters import si_or_none
-from cam_rig.errors import ConfigError
+from cam_rig.errors import ConfigError, did_you_mean
+from cam_rig.extras import libraries_named
+from cam_rig.files import new_yaml, write_new
 from cam_rig.laws import Law
-from cam_rig.measured.rig_fit.models import elastic, one_mass, two_masses
+from cam_rig.laws.cam import CamSet
+from cam_rig.measured.rig_fit.jump_fit import JumpFit, fit_jumps
+from cam_rig.measured.rig_fit.jump_table import read_jump_table
+from cam_rig.measured.rig_fit.models import elastic, one_mass, profiled, two_masses
 from cam_rig.measured.rig_fit.numbers import (
     NUMBERS,
     OF_TWO,
@@ -26,7 +33,6 @@ from cam_rig.measured.rig_fit.numbers import (
     require_in_model,
     slope,
 )
-from cam_rig.measured.rig_fit.profile import profiled
 from cam_rig.measured.rig_fit.residuals import (
     BACKLASH,
     FORCE_ZERO,
@@ -47,20 +53,146 @@ from cam_rig.measured.rig_fit.search import (
 )
 from cam_rig.measured.rig_fit.start import rough_start
 from cam_rig.measured.rig_fit.turns import MeasuredHold, measured_holds
-from cam_rig.schema import RigConfig
+from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.load import assumed_numbers, quantity, to_yaml
+from cam_rig.schema.scene import model_named
 from cam_rig.show.result import SILENT, Progress
+from cam_rig.simulation.asked import Rig, asked_cams
 from cam_rig.simulation.instruments import MeasuredRun
 from cam_rig.units import TURN, rms
+
+#: Kinds of file that hold a table; all others are bags.
+TABLES = (".csv", ".txt", ".tsv")
+#: What is fitted.
+MODELS = ("one_mass", "two_mass")
+
+
+@checked
+def fit_rig(
+    source: str | Path,
+    cam: str | Path | CamConfig,
+    *,
+    topics: str | None = None,
+    one_cam: str | None = None,
+    namespace: str | None = None,
+    rig: Rig = None,
+    model: str | None = None,
+    given: Mapping[str, float] | None = None,
+    tolerance: float | None = None,
+    out: str | Path | None = None,
+    progress: Progress = SILENT,
+) -> RigFit | JumpFit:
+    r"""A follower's numbers from a run measured on it, or from its jump speeds.
+
+    Each has its standard error; what is not identifiable gets no number, and a reason.
+    The command is ``cam-rig fit rig``.
+
+    Parameters
+    ----------
+    source : a bag with cam angle, and lift or force or both; or a .csv or .txt of jump speeds
+    cam : that was on: a name, a path or a cam, or a scene's name or path
+    topics, namespace : of a bag, as `compare` takes them
+    one_cam : of a scene or a bag with several
+    rig : a name, a path or a rig, whose numbers stand where nothing tells any; None: as `jump`
+    model : ``one_mass`` or ``two_mass``; None: the likelier
+    given : numbers that are known, by their keys in a rig file, SI: ``{"mass": 1.3}``
+    tolerance : standard error of a jump speed, rpm; None: from the residuals
+    out : a new .yaml file for a rig of what was found; ``assumed`` says what it has of another
+    progress : told how far it is
+
+    Raises
+    ------
+    BagError, ConfigError : a source that cannot be read, or arguments that do not go together
+    OutputError : ``out`` is there already, or cannot be written
+
+    Examples
+    --------
+    >>> import tempfile, cam_rig
+    >>> table = "preload [N],jump speed [rpm]\n20,446.7\n40,469\n60,490.3\n"
+    >>> with tempfile.NamedTemporaryFile("w", suffix=".csv") as file:
+    ...     _ = file.write(table), file.flush()
+    ...     known = {"spring_stiffness": 4030.0, "damping": 8.6}
+    ...     found = cam_rig.fit_rig(file.name, "poly345", rig="tm21", given=known)
+    >>> [number.name for number in found.identified]
+    ['mass']
+    """
+    target, bag = new_yaml(out), Path(source)
+    known, cams = dict(given or {}), asked_cams([cam], rig)
+    sought = _checked(model, known, tolerance)
+    if bag.suffix.lower() in TABLES:
+        _require_none(topics=topics, namespace=namespace)
+        asked = _law_of(cams, one_cam), read_jump_table(bag), cams.rig, sought, known
+        found: JumpFit | RigFit = fit_jumps(*asked, tolerance, progress)
+    else:
+        _require_none(tolerance=tolerance)
+        law, run = _read(bag, cams, one_cam, topics, namespace)
+        found = fit_run(law, run, cams.rig, sought, known, progress)
+    return found if target is None else _written(target, found, cams.rig, bag)
+
+
+def _checked(model: str | None, given: Mapping[str, float], tolerance: float | None) -> str | None:
+    """The model, by its name of older releases too, if what is given beside it can be."""
+    known: str | None = model_named(model)
+    if known is not None and known not in MODELS:
+        raise ConfigError(f"--model: is {model!r}; allowed: {' or '.join(MODELS)}")
+    if tolerance is not None and not tolerance > 0.0:
+        raise ConfigError(f"--tolerance: is {tolerance:g} rpm; allowed: > 0")
+    for name, value in given.items():
+        if name not in NUMBERS:
+            raise ConfigError(
+                f"--given {name}={value:g}: {name!r} is no number of a follower; allowed: "
+                f"{', '.join(NUMBERS)}{did_you_mean(name, list(NUMBERS))}"
+            )
+    return known
+
+
+def _read(
+    bag: Path, cams: CamSet, one_cam: str | None, topics: str | None, namespace: str | None
+) -> tuple[Law, MeasuredRun]:
+    """The run of a bag: of another program by its topics, of the rig in its namespace."""
+    with libraries_named():
+        from cam_rig.bag.foreign_topics import parse_topics
+        from cam_rig.bag.measured_run import read_measured
+
+    mapping = None if topics is None else parse_topics(topics)
+    asked = one_cam or (next(iter(cams.laws)) if len(cams.laws) == 1 else None)
+    if mapping is not None:
+        _require_none(namespace=namespace)
+        asked = _law_of(cams, one_cam).name
+    run = read_measured(bag, mapping, asked, namespace)
+    return _law_of(cams, run.cam), run
+
+
+def _law_of(cams: CamSet, name: str | None) -> Law:
+    there = list(cams.laws)
+    if name is None and len(there) > 1:
+        raise ConfigError(f"cams are {', '.join(there)}; say with --cam which one was on")
+    chosen = name or there[0]
+    if chosen not in cams.laws:
+        raise ConfigError(
+            f"--cam {chosen}: the bag's or the scene's has no such cam; allowed: "
+            f"{', '.join(there)}{did_you_mean(chosen, there)}"
+        )
+    return cams.laws[chosen]
+
+
+def _require_none(**options: object) -> None:
+    """Refuse an option that the source has no use for, rather than pass it over."""
+    for name, value in options.items():
+        if value is not None:
+            raise ConfigError(
+                f"--{name} {value}: has no meaning for this source; allowed: leave it out"
+            )
+
+
+# From a run.
 
 #: A lift that is further from the law's than this part of it, r.m.s., at the slowest speed is of
 #: another cam.
 FAR_OFF = 0.05
-#: What is said where the search has no number to begin at.
-FROM, OTHER = "the fit, which begins at it", "begin at another rig"
 
 
-def fit_rig(
+def fit_run(
     law: Law,
     run: MeasuredRun,
     base: RigConfig,
@@ -78,7 +210,8 @@ def fit_rig(
     require_in_model(given, model)
     run, holds = measured_holds(run)
     rigid = {name: value for name, value in given.items() if name not in OF_TWO}
-    values = {n: base.need(n, FROM, OTHER).si for n in ONE_MASS if n not in rigid} | rigid
+    why = "the fit, which begins at it", "begin at another rig"
+    values = {n: base.need(n, *why).si for n in ONE_MASS if n not in rigid} | rigid
     progress.begin(None, "reading")
     progress.tell("the encoder's zero")
     rough, phase, zero = rough_start(law, holds, values)
@@ -144,31 +277,18 @@ def found_of(
     names = TWO_MASSES if model == "two_mass" else (*ONE_MASS, "stem_stiffness")
     steady = [hold.hold for hold in solution.holds]
     left_out = tuple(hold.hold.rpm for hold in holds if hold.hold not in steady)
-    numbers = [_number(name, solution, errors, given, scale) for name in names]
-    if left_out:  # what these speeds might have told
-        numbers = [
-            replace(n, reason=LEFT_OUT.get(n.name, n.reason))
-            if n.value is None and n.error is None
-            else n
-            for n in numbers
-        ]
+    untold = LEFT_OUT if left_out else {}
+    numbers = [_number(name, solution, errors, given, scale, untold) for name in names]
     if unfit:
         numbers = [
             n if n.origin == "given" else FoundNumber.unidentified(n.name, unfit) for n in numbers
         ]
     told = [sought.index(n.name) for n in numbers if n.name in sought and n.value is not None]
-    return RigFit(
-        solution.likelihood.law,
-        model,
-        tuple(numbers),
-        correlation_of(errors.covariance[np.ix_(told, told)]),
-        run,
-        tuple(_hold_fit(solution, i) for i in range(len(steady))),
-        tuple(_instruments(solution, errors)),
-        solution,
-        errors.alike,
-        left_out,
-    )
+    correlation = correlation_of(errors.covariance[np.ix_(told, told)])
+    follower = solution.likelihood.law, model, tuple(numbers), correlation
+    speeds = tuple(_hold_fit(solution, i) for i in range(len(steady)))
+    instruments = tuple(_instruments(solution, errors))
+    return RigFit(*follower, run, speeds, instruments, solution, errors.alike, left_out)
 
 
 def _number(
@@ -177,6 +297,7 @@ def _number(
     errors: Uncertainty,
     given: dict[str, float],
     scale: tuple[str, ...],
+    left_out: dict[str, str],
 ) -> FoundNumber:
     sought = solution.likelihood.sought
     if name in given:
@@ -187,7 +308,8 @@ def _number(
     if name == "restitution" and solution.bounce is not None:
         return _bounce(*solution.bounce, "roller_share" in solution.values)
     if name not in sought:
-        return FoundNumber.unidentified(name, _not_sought(name, scale, solution))
+        words = left_out.get(name) or _not_sought(name, scale, solution)
+        return FoundNumber.unidentified(name, words)
     k, value = sought.index(name), solution.values[name]
     error = float(errors.errors[k]) * slope(name, value)
     group = next((g for g in errors.null_groups if k in g), None)
@@ -243,14 +365,11 @@ def _hold_fit(solution: FitSolution, i: int) -> HoldFit:
     predicted = solution.predicted[i]
     assert predicted is not None  # a search ends at steady turns
     lift, force = predicted.lift.left, predicted.force.left
-    return HoldFit(
-        solution.likelihood.speed_of(solution.x, i) * 60.0 / TURN,
-        solution.holds[i].hold.turns,
-        lift.size + force.size,
-        rms(lift) if lift.size else None,
-        rms(force) if force.size else None,
-        sum(event.kind == "lift-off" for event in predicted.turn.events),
-    )
+    rpm = solution.likelihood.speed_of(solution.x, i) * 60.0 / TURN
+    samples = solution.holds[i].hold.turns, lift.size + force.size
+    left = [rms(off) if off.size else None for off in (lift, force)]
+    lift_offs = sum(event.kind == "lift-off" for event in predicted.turn.events)
+    return HoldFit(rpm, *samples, left[0], left[1], lift_offs)
 
 
 def _instruments(solution: FitSolution, errors: Uncertainty) -> Iterator[InstrumentNumber]:
@@ -319,3 +438,12 @@ def _quantity(number: FoundNumber, source: str, residual: str) -> dict[str, Any]
         return quantity("given", number.value, number.unit, "given to the fit")
     value = float(number.shown)
     return quantity("identified", value, number.unit, source, f"{number.gist}; {residual}")
+
+
+def _written(out: Path, found: JumpFit | RigFit, base: RigConfig, source: Path) -> RigFit | JumpFit:
+    if not any(number.value is not None for number in found.numbers):
+        raise ConfigError(f"--out {out}: nothing was found to write; allowed: a fit with numbers")
+    words = f"cam-rig fit rig {source.name}"
+    text, assumed = fitted_rig(out.stem, found.numbers, base, words, found.residual)
+    write_new(out.parent, {out.name: text})
+    return replace(found, assumed=assumed)

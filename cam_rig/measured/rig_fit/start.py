@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 from operator import attrgetter
 from typing import NamedTuple
@@ -49,6 +49,8 @@ MOST_PARTS, LEAST_IN_PART = 256, 6
 MOST_LOOKED_AT = 600
 #: Shares of the mass on the roller's side, and damping ratios, that are tried.
 SHARES, DAMPING_RATIOS = (0.25, 0.5), (0.005, 0.05)
+#: The numbers whose parts of the force are fitted, in the columns' order.
+FORCE_PARTS = ("mass", "damping", "spring_stiffness", "preload")
 #: Speed (rad/s) of a hold, cam angles (rad) and forces (N), ``(n,)``, of samples that press.
 Pressing = tuple[float, FloatArray, FloatArray]
 
@@ -75,16 +77,16 @@ def rough_start(
             parts, sizes = _force_parts(law, speed, angles + phase)
             _, triangle = np.linalg.qr(np.column_stack([parts, force]))
             fitted, off = nnls(triangle[:, :-1], triangle[:, -1])  # none of them is below zero
-            fitted /= sizes
             missed += float(off) ** 2 / float(force.var())
-            numbers |= _allowed(fitted, base)
+            known = dict(zip(FORCE_PARTS, (fitted / sizes).tolist(), strict=True))
+            numbers |= {n: v for n, v in known.items() if v > 0.0 or n in ("preload", "damping")}
         if missed < best:
             best, found = missed, (numbers, float(phase), zero)
     return found
 
 
 def _force_parts(law: Law, speed: FloatArray, angle: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """``(n, 4)``: unit columns of the force by mass, damping, spring and preload; their sizes."""
+    """``(n, 4)``: unit columns of the force by `FORCE_PARTS`; their sizes."""
     s, slope, curvature = law.motion_at(angle)
     parts = np.stack([curvature * speed**2, slope * speed, s, np.ones_like(s)], axis=1)
     sizes = np.linalg.norm(parts, axis=0)
@@ -97,16 +99,6 @@ def _pressed(hold: MeasuredHold) -> FloatArray:
     since, force = hold.force.since, hold.force.value
     on = np.flatnonzero(force > PRESSED * force.max(initial=0.0))[::EVERY]
     return np.stack([hold.angle + hold.speed * since[on], np.full(on.size, hold.speed), force[on]])
-
-
-def _allowed(fitted: FloatArray, base: dict[str, float]) -> dict[str, float]:
-    mass, damping, spring, preload = fitted.tolist()
-    return {
-        "mass": mass if mass > 0.0 else base["mass"],
-        "spring_stiffness": spring if spring > 0.0 else base["spring_stiffness"],
-        "preload": max(preload, 0.0),
-        "damping": max(damping, 0.0),
-    }
 
 
 def leaves_a_pattern(found: Candidate) -> bool:
@@ -258,7 +250,7 @@ def with_bounces(found: Candidate, given: dict[str, float]) -> FitSolution:
     if "restitution" in given:
         return search(continued(found, found.likelihood.sought, found.values))
     likely, _, _ = _likely(found)
-    middle = _tried(found, 0.5 * (likely[0] + likely[-1]))
+    middle = _tried(found, 0.5 * (likely[0].bounce + likely[-1].bounce))
     bounce = {"restitution": max(middle.bounce, BOUNCES[0])}
     start = continued(found, found.smooth, found.values | bounce)
     start.x[start.likelihood.instruments.phases] = middle.phases
@@ -288,13 +280,14 @@ def bounce_beside(found: Candidate) -> tuple[float, float] | None:
     of them the flights are as they were measured, to their noise.
     """
     _, possible, step = _likely(found)
-    best = min((_tried(found, bounce) for bounce in possible), key=lambda one: one.missed)
+    best = min(possible, key=lambda one: one.missed)
     if best.missed >= EXPLAINED * best.samples:
         return None
-    return 0.5 * (possible[0] + possible[-1]), 0.5 * (possible[-1] - possible[0] + step)
+    low, high = possible[0].bounce, possible[-1].bounce
+    return 0.5 * (low + high), 0.5 * (high - low + step)
 
 
-def _likely(found: Candidate) -> tuple[list[float], list[float], float]:
+def _likely(found: Candidate) -> tuple[list[Tried], list[Tried], float]:
     """Restitutions that are likely, that are possible, and the step between two of them."""
     coarse = [_tried(found, bounce) for bounce in BOUNCES]
     least = min(trial.missed for trial in coarse)
@@ -303,14 +296,13 @@ def _likely(found: Candidate) -> tuple[list[float], list[float], float]:
     fine = [_tried(found, bounce) for bounce in np.linspace(*ends, FINER + 1).tolist()]
     least = min(trial.missed for trial in fine)
     likely, possible = (
-        [trial.bounce for trial in fine if trial.missed <= least + more]
+        [trial for trial in fine if trial.missed <= least + more]
         for more in (SQUARE_95, MOST_SQUARE)
     )
     return likely, possible, (ends[1] - ends[0]) / FINER
 
 
-@dataclass(frozen=True, eq=False)
-class Tried:
+class Tried(NamedTuple):
     """A restitution, what it misses of so many samples, and the phases (rad) of the holds."""
 
     bounce: float

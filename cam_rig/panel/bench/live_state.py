@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from cam_rig.acoustics import RadiationParameters, SoundSource, level_db
-from cam_rig.acoustics.radiation import pressure_pa
+from cam_rig.acoustics.pressure import pressure_pa
 from cam_rig.acoustics.sound_level_meter import TIME_WEIGHTINGS
 from cam_rig.dynamics import Samples
 from cam_rig.errors import RefusedError

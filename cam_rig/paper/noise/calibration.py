@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 
 from cam_rig.acoustics import RadiationParameters, level_db
 from cam_rig.acoustics.pressure import mean_square_rate
-from cam_rig.acoustics.weighting import weighting_power
+from cam_rig.acoustics.sound_level_meter import weighting_power
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.kinetostatic import force_weights, loss_intervals
 from cam_rig.errors import DynamicsError

@@ -1,31 +1,23 @@
 """cam-rig compare: of a bag of the rig, and of a bench's; tables, files, refusals in a line."""
 
 import csv
-import json
 import re
-from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import cam_rig
-from cam_rig.bag.reader import raw_messages
-from cam_rig.bag.writer import BagWriter
 from cam_rig.measured.real_run.chart import real_run_entity, real_run_tabs, save_real_run
 from cam_rig.measured.real_run.run import RunComparison, compare
-from cam_rig.messages.topics import recorded_topic
 from cam_rig.show.chart import SPEED
 
+from ...cli.conftest import GOLDEN, data_of, done
 from ...cli.conftest import call as run
-from ...foreign_bags import joint, number, wrench, write_bag
+from ...foreign_bags import joint, number, wrench, write_bag, write_two_rigs
 from ...viewer.conftest import Picture
 from .bench import compared, measured
 
-GOLDEN = Path(__file__).parents[3] / "bags" / "golden"
-#: What is read of a bag of the rig.
-READ = {"/cam/state", "/follower/samples", "/microphone/pressure"}
 LINE = "angle=/encoder.position[0] lift=/lvdt.position[0]:mm force=/cell.wrench.force.z level=/mic"
 
 
@@ -82,27 +74,13 @@ def test_a_picture_has_a_column_for_three_speeds_of_each_cam_at_most(golden):
     assert {axes.get_title(loc="left") for axes in differences} <= {"equal to rounding", ""}
 
 
-def test_another_rig_s_scene_departs(tmp_path):
-    """A scene with the same cams on another rig: where, and by how much."""
-    scene = tmp_path / "scenes" / "mine.yaml"
-    scene.parent.mkdir()
-    text = (GOLDEN.parents[1] / "config" / "scenes" / "quick.yaml").read_text(encoding="utf-8")
-    text = text.replace("rig: tm21", "rig: paper_table2").replace("name: quick", "name: mine")
-    scene.write_text(text, encoding="utf-8")
-    result = call(GOLDEN, scene, "--cam", "tm21")
-    assert result.exit_code == 0, result.stderr
-    assert "The largest departure is of the" in result.stderr and "(tm21)" in result.stderr
-
-
 def test_of_several_cams_the_scene_needs_only_the_one_that_is_named(make_loaded_scene):
     """The golden bag turned two cams; a scene with the first alone does for that one."""
     settings = {"model": "one_mass", "settle_turns": 1, "sample_rate": 1000}
     scene = make_loaded_scene(cams=["bezier15"], **settings).scene_file
     refused = call(GOLDEN, scene)
     assert refused.exit_code == 2 and "has no cam 'tm21', which the bag holds" in refused.stderr
-    result = call(GOLDEN, scene, "--cam", "bezier15", "--json", "-")
-    assert result.exit_code == 0, result.stderr
-    rows = json.loads(result.stdout)["departures"]
+    rows = data_of("compare", GOLDEN, scene, "--cam", "bezier15")["departures"]
     assert [row["cam"] for row in rows] == ["bezier15"] * 4
     assert all(row["force_within_noise"] for row in rows)
 
@@ -113,8 +91,7 @@ def test_a_bench_s_bag_is_compared_by_its_topics(bench, tmp_path):
     bag, loaded = bench
     plot, recording = tmp_path / "a.svg", tmp_path / "a.rrd"
     files = "--plot", plot, "--save", recording, "--csv", tmp_path / "a.csv"
-    result = call(bag, loaded.scene_file, "--topics", LINE, *files)
-    assert result.exit_code == 0, result.stderr
+    result = done("compare", bag, loaded.scene_file, "--topics", LINE, *files)
     said = " ".join(result.stderr.split())
     assert re.search(r"The cam is \+3\.1\d+° from the angle measured, found from the lift", said)
     assert re.search(r"The sensors' clock is (19|20)\d ppm slow", said)
@@ -166,18 +143,12 @@ def test_a_chart_says_what_is_equal(golden, bench):
 
 def test_of_two_rigs_one_is_compared(tmp_path):
     """Refused with their names and the remedy; then the one that is named."""
-    bag = tmp_path / "two"
-    with BagWriter(bag) as writer:
-        for connection, time_ns, data in raw_messages(GOLDEN, READ):
-            for namespace in ("", "/rig2"):
-                topic = recorded_topic(connection.topic)
-                writer.write(replace(topic, name=namespace + topic.name), time_ns, bytes(data))
+    bag = write_two_rigs(tmp_path / "two", GOLDEN)
     result = call(bag, "quick")
     assert result.exit_code == 1
     assert "several rigs, /, /rig2; choose one with --namespace /rig2" in result.stderr
-    result = call(bag, "quick", "--namespace", "/rig2", "--cam", "tm21", "--json", "-")
-    assert result.exit_code == 0, result.stderr
-    assert len(json.loads(result.stdout)["departures"]) == 4
+    data = data_of("compare", bag, "quick", "--namespace", "/rig2", "--cam", "tm21")
+    assert len(data["departures"]) == 4
 
 
 @pytest.mark.parametrize(

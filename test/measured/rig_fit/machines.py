@@ -12,8 +12,9 @@ from scipy.signal import lfilter
 import cam_rig
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
+from cam_rig.measured.rig_fit.jump_fit import RIGID
 from cam_rig.measured.rig_fit.numbers import WITHIN_95
-from cam_rig.measured.rig_fit.rig_fit import fit_rig
+from cam_rig.measured.rig_fit.rig_fit import fit_run
 from cam_rig.simulation.instruments import InstrumentErrors, Signal, measured_run
 from cam_rig.units import to_rpm
 
@@ -50,6 +51,11 @@ class Score(NamedTuple):
     off: float
 
 
+def jump_rpm(law, rig):
+    """The jump speed of a rig's rigid follower."""
+    return to_rpm(rigid_jump_speed(law, FollowerParameters.from_rig(rig)))
+
+
 def kind_of(seed: int) -> tuple[str, str, str]:
     """Model, speeds and noise of a machine."""
     return (*TURNS[seed % len(TURNS)], NOISES[seed % len(NOISES)])
@@ -66,11 +72,15 @@ def noise_of(kind, random, size):
     return np.sqrt(1.0 - alike**2) * lfilter([1.0], [1.0, -alike], own)[500:]
 
 
+def numbers_of(rig, *more):
+    """The numbers of a rig's rigid follower, and some more, SI."""
+    return {name: getattr(rig.follower, name).si for name in (*RIGID, *more)}
+
+
 def rig_of(model, random):
     """The follower's numbers, each its own."""
     rig = cam_rig.load_rig("tm21" if model == "one_mass" else "paper_table2")
-    names = ("mass", "spring_stiffness", "preload", "damping")
-    numbers = {n: getattr(rig.follower, n).si * float(random.uniform(0.6, 1.6)) for n in names}
+    numbers = {n: v * float(random.uniform(0.6, 1.6)) for n, v in numbers_of(rig).items()}
     if model == "one_mass":
         numbers["restitution"] = float(random.uniform(0.1, 0.6))
     else:
@@ -100,11 +110,10 @@ def scores_of(seed: int, rate: int = 500) -> list[Score]:
     random, kind = np.random.default_rng(seed), kind_of(seed)
     law = cam_rig.build_law(cam_rig.load_cam(CAMS[seed % len(CAMS)]))
     rig = rig_of(kind[0], random)
-    jump = to_rpm(rigid_jump_speed(law, FollowerParameters.from_rig(rig)))
     parts = np.array(SPEEDS[kind[:2]])
-    rpms = (parts + random.uniform(-SCATTER, SCATTER, parts.size)) * jump
+    rpms = (parts + random.uniform(-SCATTER, SCATTER, parts.size)) * jump_rpm(law, rig)
     run = measured(law, rig, kind, rpms.tolist(), random, rate)
-    fit = fit_rig(law, run, cam_rig.load_rig("tm21"), kind[0])
+    fit = fit_run(law, run, cam_rig.load_rig("tm21"), kind[0])
     return [
         Score(seed, kind, n.name, (n.value - getattr(rig.follower, n.name).si) / n.error)
         for n in fit.identified

@@ -12,6 +12,7 @@ from cam_rig.measured.rig_fit.numbers import FoundNumber, FoundNumbers
 from cam_rig.measured.rig_fit.rig_fit import fitted_rig
 
 from ...cli.conftest import call as run
+from ...cli.conftest import done
 
 SURE = FoundNumber("preload", 14.947876, 0.0323, "identified")
 UNSURE = FoundNumber("damping", 8.6234, 3.1, "identified")
@@ -80,11 +81,8 @@ def jumps(tmp_path):
 def test_a_table_becomes_a_rig_that_loads(tmp_path, jumps):
     """Table to rig file, picture and JSON; what was found is identified, the rest assumed."""
     out = tmp_path / "bench.yaml"
-    result = call(
-        *(jumps, "poly345", "--given", "damping=8.6", "--out", out),
-        *("--plot", tmp_path / "j.png", "--json", tmp_path / "j.json"),
-    )
-    assert result.exit_code == 0, result.output
+    files = "--out", out, "--plot", tmp_path / "j.png", "--json", tmp_path / "j.json"
+    done("fit", "rig", jumps, "poly345", "--given", "damping=8.6", *files)
     rig = cam_rig.load_rig(out)
     assert rig.follower.mass.origin == "identified"
     assert rig.follower.mass.si == pytest.approx(1.3, abs=0.05)
@@ -103,8 +101,7 @@ def test_a_table_becomes_a_rig_that_loads(tmp_path, jumps):
 def test_an_empty_speed_is_no_reading(tmp_path, jumps):
     """As an empty lift of a gauge; a mass that is empty beside a speed is refused."""
     jumps.write_text(TABLE.replace(",469.7", ","), encoding="utf-8")
-    result = call(jumps, "poly345", "--given", "damping=8.6")
-    assert result.exit_code == 0, result.output
+    result = done("fit", "rig", jumps, "poly345", "--given", "damping=8.6")
     assert "1 empty cell of the speed: no reading in 10" in " ".join(result.output.split())
     for row, words in (
         (",8,469.7", "line 10: the mass is empty"),

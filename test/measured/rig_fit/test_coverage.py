@@ -12,10 +12,8 @@ from multiprocessing import get_context
 import numpy as np
 import pytest
 
-from cam_rig.dynamics import FollowerParameters
-from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
 from cam_rig.measured.rig_fit.residuals import Likelihood
-from cam_rig.measured.rig_fit.rig_fit import fit_rig
+from cam_rig.measured.rig_fit.rig_fit import fit_run
 from cam_rig.measured.rig_fit.search import (
     Candidate,
     log_ratio,
@@ -25,9 +23,8 @@ from cam_rig.measured.rig_fit.search import (
 )
 from cam_rig.measured.rig_fit.turns import measured_holds
 from cam_rig.simulation.instruments import InstrumentErrors, measured_run
-from cam_rig.units import to_rpm
 
-from .machines import NOISES, coverage, scores_of
+from .machines import NOISES, coverage, jump_rpm, numbers_of, scores_of
 
 MACHINES = 200
 
@@ -64,7 +61,7 @@ def solution(law, rig):
     """A fit in contact, of one rigid mass."""
     errors = InstrumentErrors(rate=400, encoder_rate=400)
     run = measured_run(law, rig, "one_mass", (200.0, 300.0, 350.0), errors, 1)
-    return fit_rig(law, run, rig, "one_mass").solution
+    return fit_run(law, run, rig, "one_mass").solution
 
 
 def test_errors_of_correlated_noise_are_those_of_many_draws(solution):
@@ -94,8 +91,7 @@ def test_errors_of_correlated_noise_are_those_of_many_draws(solution):
 @pytest.mark.parametrize("bounce", [0.2, 0.35, 0.5])
 def test_what_no_bounce_reaches_knows_no_restitution(law, rig, bounce):
     """From lift-off to the first landing, and settled on the cam, a motion depends on none."""
-    names = ("mass", "spring_stiffness", "preload", "damping")
-    values = {name: getattr(rig.follower, name).si for name in names}
+    values = numbers_of(rig)
     errors = InstrumentErrors(rate=800, encoder_rate=800)
     other = rig.with_follower(restitution=bounce)
     run = measured_run(law, other, "one_mass", (440.0, 460.0, 480.0), errors, 1)
@@ -149,12 +145,11 @@ def test_no_bouncing_hides_what_contradicts_it(law, rig):
 
     What it leaves out beside its landings counts against it, and the same against none of both.
     """
-    jump = to_rpm(rigid_jump_speed(law, FollowerParameters.from_rig(rig)))
+    jump = jump_rpm(law, rig)
     errors = InstrumentErrors(rate=400, encoder_rate=400)
     other = rig.with_follower(restitution=0.3)
     run = measured_run(law, other, "one_mass", (0.6 * jump, 1.01 * jump), errors, 1)
-    values = {name: getattr(rig.follower, name).si for name in ("mass", "spring_stiffness")}
-    values |= {name: getattr(rig.follower, name).si for name in ("preload", "damping")}
+    values = numbers_of(rig)
     holds, found = measured_holds(run)[1], []
     for bounce in (0.3, 0.95):
         like = Likelihood(law, holds, ("preload",), values | {"restitution": bounce}, None)

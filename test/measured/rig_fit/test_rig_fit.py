@@ -8,13 +8,12 @@ import pytest
 from scipy.optimize import curve_fit
 
 import cam_rig
-from cam_rig.dynamics import FollowerParameters
-from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
 from cam_rig.errors import ConfigError
-from cam_rig.measured.rig_fit.rig_fit import fit_rig
+from cam_rig.measured.rig_fit.rig_fit import fit_run
 from cam_rig.measured.rig_fit.search import noise_of
 from cam_rig.simulation.instruments import InstrumentErrors, measured_run
-from cam_rig.units import to_rpm
+
+from .machines import jump_rpm
 
 IN_CONTACT, WITH_FLIGHTS = (150.0, 220.0, 290.0, 350.0, 410.0), (200.0, 350.0, 460.0)
 #: Half the samples of the default, to be quick.
@@ -40,14 +39,14 @@ def machine(cam, rig, **changes):
     """A law, a rig with other numbers, and the jump speed (rpm) of a rigid follower."""
     law = cam_rig.build_law(cam_rig.load_cam(cam))
     rig = cam_rig.load_rig(rig).with_follower(**changes)
-    return law, rig, to_rpm(rigid_jump_speed(law, FollowerParameters.from_rig(rig)))
+    return law, rig, jump_rpm(law, rig)
 
 
 def test_the_same_as_scipy_on_the_same_likelihood(law, rig):
     """scipy's curve_fit of force and lift in closed form, all instruments free."""
     errors = replace(QUICK, counts=0)
     run = measured_run(law, rig, "one_mass", IN_CONTACT, errors, 3)
-    fit = fit_rig(law, run, rig, "one_mass")
+    fit = fit_run(law, run, rig, "one_mass")
     like, x = fit.solution.likelihood, fit.solution.x
     count = len(like.holds)
     speeds = [like.speed_of(x, i) for i in range(count)]
@@ -87,7 +86,7 @@ def test_flights_tell_the_restitution(law, rig):
     """Above the jump speed all five numbers, and the instruments' errors beside them."""
     other = rig.with_follower(restitution=0.3)
     run = measured_run(law, other, "one_mass", WITH_FLIGHTS, seed=4)
-    fit = fit_rig(law, run, rig, "one_mass")
+    fit = fit_run(law, run, rig, "one_mass")
     require_true(fit, other, "restitution")
     assert gauge(fit, "clock_fast_by") == pytest.approx(200e-6, abs=5e-6)
     assert np.degrees(gauge(fit, "encoder_offset")) == pytest.approx(3.0 - 180.0 / 1024, abs=0.03)
@@ -98,11 +97,11 @@ def test_flights_tell_the_restitution(law, rig):
 def test_a_follower_that_never_leaves_tells_no_restitution(law, rig):
     """Nor does its lift tell anything: it is the law's, whatever the follower."""
     run = measured_run(law, rig, "one_mass", IN_CONTACT[:3], QUICK, 1)
-    fit = fit_rig(law, run, rig)
+    fit = fit_run(law, run, rig)
     assert numbers(fit)["restitution"].value is None
     assert "never leaves the cam" in numbers(fit)["restitution"].reason
     assert "rigid stem" in numbers(fit)["stem_stiffness"].reason
-    fit = fit_rig(law, replace(run, force=None), rig)
+    fit = fit_run(law, replace(run, force=None), rig)
     assert fit.identified == ()
     assert any("nothing" in words.lower() for words in fit.conclusions())
 
@@ -113,17 +112,17 @@ def test_lifts_alone_tell_ratios_to_the_mass(law, rig):
     other = rig.with_follower(restitution=0.3)
     rpms = (*WITH_FLIGHTS, 500.0)
     run = replace(measured_run(law, other, "one_mass", rpms, seed=4), force=None)
-    free = fit_rig(law, run, rig)
+    free = fit_run(law, run, rig)
     assert [n.name for n in free.identified] == ["restitution"]
     assert "ratio to the mass" in numbers(free)["spring_stiffness"].reason
-    known = fit_rig(law, run, rig, given={"mass": 1.3})
+    known = fit_run(law, run, rig, given={"mass": 1.3})
     require_true(known, other, "spring_stiffness", "damping")
 
 
 def test_a_backlash_is_fitted_with(law, rig):
     """0.2 mm between rise and fall shift the phase as damping does; found, they do not."""
     errors = replace(QUICK, backlash=2e-4)
-    fit = fit_rig(law, measured_run(law, rig, "one_mass", IN_CONTACT, errors, 5), rig)
+    fit = fit_run(law, measured_run(law, rig, "one_mass", IN_CONTACT, errors, 5), rig)
     assert gauge(fit, "lift_backlash") == pytest.approx(2e-4, rel=0.02)
     require_true(fit, rig)
     assert any("backlash" in words for words in fit.conclusions())
@@ -134,7 +133,7 @@ def test_a_force_sensor_s_resonance_is_no_stem(law, rig):
     """300 Hz, 2 % damped: named as the sensor's, and the numbers are those of one mass."""
     errors = InstrumentErrors(sensor_frequency=300.0)
     run = measured_run(law, rig, "one_mass", (150.0, 250.0, 330.0, 400.0), errors, 5)
-    fit = fit_rig(law, run, rig)
+    fit = fit_run(law, run, rig)
     assert fit.model == "one_mass"
     assert gauge(fit, "force_sensor_resonance") == pytest.approx(300.0, rel=0.01)
     require_true(fit, rig)
@@ -144,7 +143,7 @@ def test_a_stem_shows_in_the_force(law, rig):
     """Two masses are found by themselves, with stem, share and stem damping."""
     two = cam_rig.load_rig("paper_table2")
     run = measured_run(law, two, "two_mass", (200.0, 280.0, 340.0, 380.0), QUICK, 2)
-    fit = fit_rig(law, run, rig)
+    fit = fit_run(law, run, rig)
     assert fit.model == "two_mass"
     require_true(fit, two, "mass", "stem_stiffness", "roller_share", "stem_damping")
 
@@ -158,7 +157,7 @@ def test_a_stem_that_leaves_a_cam_of_arcs():
     law, rig, jump = machine("arcs_straight", "paper_table2", mass=1.0)
     rpms = 0.4 * jump, 0.7 * jump, 1.1 * jump
     run = measured_run(law, rig, "two_mass", rpms, QUICK, 1)
-    fit = fit_rig(law, run, cam_rig.load_rig("tm21"), None, {"restitution": 0.0})
+    fit = fit_run(law, run, cam_rig.load_rig("tm21"), None, {"restitution": 0.0})
     require_true(fit, rig, "mass", "spring_stiffness", "preload", "damping")
 
 
@@ -168,7 +167,7 @@ def test_a_load_cell_off_zero_gives_no_preload_with_a_stem():
     law, rig, jump = machine("arcs_straight", "paper_table2", mass=1.0)
     run = measured_run(law, rig, "two_mass", (0.4 * jump, 0.6 * jump, 0.9 * jump), QUICK, 1)
     off = replace(run, force=replace(run.force, value=run.force.value + 8.0))
-    fit = fit_rig(law, off, cam_rig.load_rig("tm21"), "two_mass")
+    fit = fit_run(law, off, cam_rig.load_rig("tm21"), "two_mass")
     assert re.search(r"in flight the force reads [78]\.\d+ N", numbers(fit)["preload"].reason)
     require_true(fit, rig, "mass", "spring_stiffness")
 
@@ -190,7 +189,7 @@ def test_a_force_alone_finds_the_encoder_s_zero(law, rig):
     """All around: no zero at which a mass or a spring would be below none."""
     errors = replace(QUICK, offset=np.radians(140.0))
     run = measured_run(law, rig, "one_mass", IN_CONTACT[:3], errors, 7)
-    fit = fit_rig(law, replace(run, lift=None), rig, "one_mass")
+    fit = fit_run(law, replace(run, lift=None), rig, "one_mass")
     require_true(fit, rig)
 
 
@@ -198,7 +197,7 @@ def test_a_force_alone_finds_the_encoder_s_zero(law, rig):
 def test_flights_tell_the_zero_of_the_load_cell(law, rig):
     """In flight there is no force: what the sensor shows is its zero, and not preload."""
     run = measured_run(law, rig.with_follower(restitution=0.3), "one_mass", WITH_FLIGHTS, seed=4)
-    fit = fit_rig(law, with_force(run, run.force.value - 12.0), rig, "one_mass")
+    fit = fit_run(law, with_force(run, run.force.value - 12.0), rig, "one_mass")
     assert gauge(fit, "force_zero") == pytest.approx(-12.0, abs=0.5)
     assert numbers(fit)["mass"].value == pytest.approx(1.3, abs=0.005)
 
@@ -214,13 +213,13 @@ def test_what_cannot_be_fitted_is_refused(law, rig):
         (run, {"mass": -1.0}, r"mass: -1 kg is given; allowed: from 1e-06 to"),
     ):
         with pytest.raises(ConfigError, match=words):
-            fit_rig(law, measured, rig, given=given)
+            fit_run(law, measured, rig, given=given)
 
 
 def test_what_does_not_fit_gets_no_numbers(law, laws, rig):
     """The law of another cam: every number is refused with the size of what is left."""
     run = measured_run(law, rig, "one_mass", IN_CONTACT[:2], QUICK, 1)
-    fit = fit_rig(laws["bezier15"], run, rig)
+    fit = fit_run(laws["bezier15"], run, rig)
     assert fit.identified == ()
     assert all("is it that cam" in number.reason for number in fit.numbers)
     assert any("another cam" in words for words in fit.conclusions())
@@ -231,10 +230,10 @@ def test_a_stem_s_numbers_need_a_stem(law, rig):
     two = cam_rig.load_rig("paper_table2")
     run = measured_run(law, two, "two_mass", (200.0, 300.0), QUICK, 1)
     with pytest.raises(ConfigError, match=r"roller_share.*two_mass"):
-        fit_rig(law, run, rig, None, {"roller_share": 0.4})
+        fit_run(law, run, rig, None, {"roller_share": 0.4})
     with pytest.raises(ConfigError, match=r"no contact force.*one_mass"):
-        fit_rig(law, replace(run, force=None), rig, "two_mass")
-    fit = fit_rig(law, run, rig, "two_mass", {"roller_share": 0.4, "stem_damping": 9.0})
+        fit_run(law, replace(run, force=None), rig, "two_mass")
+    fit = fit_run(law, run, rig, "two_mass", {"roller_share": 0.4, "stem_damping": 9.0})
     assert numbers(fit)["roller_share"].origin == "given"
     assert numbers(fit)["stem_stiffness"].value is not None
 
@@ -251,7 +250,7 @@ def test_lifts_of_two_flying_speeds_tell_a_rig_far_from_the_first_guess(seed):
     law, other, jump = machine(("cycloidal", "bezier15")[seed % 2], "tm21", **own)
     rpms = 0.5 * jump, 1.08 * jump, 1.2 * jump
     run = replace(measured_run(law, other, "one_mass", rpms, seed=seed), force=None)
-    fit = fit_rig(law, run, base, given={"mass": other.follower.mass.si})
+    fit = fit_run(law, run, base, given={"mass": other.follower.mass.si})
     require_true(fit, other, "spring_stiffness", "restitution")
 
 
@@ -259,7 +258,7 @@ def test_one_speed_on_the_cam_is_enough_beside_those_that_fly(rig):
     """The search of all begins at its numbers and its phase: none of the others is left out."""
     law, other, _ = machine("tm21", "tm21", mass=1.8)
     run = measured_run(law, other, "one_mass", (200.0, 300.0, 350.0), QUICK)
-    fit = fit_rig(law, run, rig, given={"restitution": 0.0})
+    fit = fit_run(law, run, rig, given={"restitution": 0.0})
     assert fit.left_out == ()
     require_true(fit, other)
 
@@ -268,7 +267,7 @@ def test_one_speed_on_the_cam_is_enough_beside_those_that_fly(rig):
 def test_lifts_of_one_flying_speed_tell_nothing(law, rig):
     """Several followers fly alike: none is told, and what to measure is."""
     run = replace(measured_run(law, rig, "one_mass", WITH_FLIGHTS, seed=4), force=None)
-    fit = fit_rig(law, run, rig)
+    fit = fit_run(law, run, rig)
     assert fit.identified == ()
     assert "a single speed that lifts off" in numbers(fit)["spring_stiffness"].reason
 
@@ -278,7 +277,7 @@ def test_a_follower_that_bounces_at_random_is_refused(law, rig):
     two = cam_rig.load_rig("paper_table2")
     run = measured_run(law, two, "two_mass", (600.0, 650.0), seed=2)
     with pytest.raises(ConfigError, match="below the jump speed"):
-        fit_rig(law, run, rig)
+        fit_run(law, run, rig)
 
 
 def test_outliers_of_the_force_are_named(law, rig):
@@ -286,15 +285,15 @@ def test_outliers_of_the_force_are_named(law, rig):
     run = measured_run(law, rig, "one_mass", IN_CONTACT[:3], QUICK, 1)
     force = run.force.value.copy()
     force[::200] += 0.2 * force.max()
-    fit = fit_rig(law, with_force(run, force), rig, "one_mass")
+    fit = fit_run(law, with_force(run, force), rig, "one_mass")
     count = sum(hold.force.value.size for hold in fit.solution.likelihood.holds)
     (words,) = [words for words in fit.conclusions() if "outliers" in words]
     assert f"of {count} samples of the force" in words
-    assert not any("outliers" in words for words in fit_rig(law, run, rig).conclusions())
+    assert not any("outliers" in words for words in fit_run(law, run, rig).conclusions())
 
 
 def test_a_force_that_presses_on_a_dwell_alone_is_fitted(rig):
     """Hardly any preload on a cam with a dwell: at some phase nothing but the dwell presses."""
     law, other, jump = machine("tm21", "tm21", preload=0.2)
     run = measured_run(law, other, "one_mass", (0.5 * jump, 0.9 * jump), QUICK, 103)
-    require_true(fit_rig(law, run, rig, "one_mass"), other)
+    require_true(fit_run(law, run, rig, "one_mass"), other)

@@ -18,6 +18,8 @@ from cam_rig.measured.rig_fit.turns import measured_holds, steady_holds
 from cam_rig.simulation.instruments import InstrumentErrors, MeasuredRun, Signal, measured_run
 from cam_rig.units import NS, RPM, TURN
 
+from .machines import numbers_of
+
 
 @pytest.mark.parametrize("seed", range(4))
 def test_every_hold_is_found_with_its_speed(law, rig, seed):
@@ -189,8 +191,7 @@ def test_a_follower_that_chatters_without_end_has_no_steady_turn(law, rig, monke
     """A candidate of a search without a motion is far off; the search goes on at what has one."""
     monkeypatch.setattr(OneMassTrajectory, "most_events", 0)  # one that lifts off chatters
     run = measured_run(law, rig, "kinetostatic", (200.0, 300.0), InstrumentErrors(rate=200), 1)
-    names = ("mass", "spring_stiffness", "preload", "damping")
-    values = {name: getattr(rig.follower, name).si for name in names} | {"restitution": 0.0}
+    values = numbers_of(rig) | {"restitution": 0.0}
     loose = values | {"spring_stiffness": 1000.0}  # leaves the cam from 236 rpm on
     like = Likelihood(law, measured_holds(run)[1], ("spring_stiffness",), values, None)
     start = Candidate(like, like.start(loose, 0.0, 0.0))
