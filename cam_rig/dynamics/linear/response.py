@@ -107,23 +107,20 @@ class LinearResponse:
         """The parts of one turn in order."""
         weights = self.drive * self.speed ** np.arange(3)
         forcing = np.tensordot(weights, self.law.motion, axes=1) + self.constant[:, None, None]
+        steps = self.law.velocity_jumps if self.jumps_act else {}
         found: list[Part] = []
         spans = self.law.spans.tolist()
         for i, solved in enumerate(pieces(self.matrix, forcing, self.law.spans / self.speed)):
             count = solved.particular.shape[0]
             for k in range(count):
                 low, span = self.law.joints[i] + spans[i] * (k / count), spans[i] / count
-                state_jump = self._state_jump(i) if k == 0 else None
-                x, flow = solved.particular[k], solved.part_flow
+                x, flow, state_jump = solved.particular[k], solved.part_flow, None
+                if k == 0 and i in steps:  # what an impulse of s̈ adds to the state
+                    state_jump = self.drive[:, 2] * (self.speed * steps[i])
                 found.append(
                     Part(len(found), low, span, solved.part, i, (k, count), x, flow, state_jump)
                 )
         return tuple(found)
-
-    def _state_jump(self, piece: int) -> FloatArray | None:
-        """What a jump of ṡ where a piece begins adds to the state."""
-        step = self.law.velocity_jumps.get(piece) if self.jumps_act else None
-        return None if step is None else self.drive[:, 2] * (self.speed * step)
 
     def walk(self, start: FloatArray, angle: float, duration: float) -> Iterator[LinearRun]:
         """Run after run for ``duration`` s, with a state jump at the start, none at the end."""
