@@ -22,8 +22,7 @@ from benchmark.speed.models import Case, OneMass, Oscillator, Solution, Twist, T
 from benchmark.speed.peers import PEERS, Peer
 from benchmark.speed.problem import PeerError
 from cam_rig.dynamics import FollowerParameters, Interval, elastic_stem
-from cam_rig.dynamics.linear.response import LinearResponse
-from cam_rig.dynamics.linear.sampling import Outputs, polynomial_part
+from cam_rig.dynamics.linear.response import LinearResponse, Outputs, polynomial_part
 from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.dynamics.torsional import model as parameters_module
 from cam_rig.dynamics.torsional import motion as torsion

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cam_rig.dynamics.elastic_stem import outputs, response
-from cam_rig.dynamics.linear.sampling import sample
+from cam_rig.dynamics.linear.response import sample
 from cam_rig.dynamics.modal.run import ModalRun
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.torsional.model import TorsionalParameters

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, ClassVar, TypeVar
 
@@ -24,13 +24,11 @@ from cam_rig.dynamics.interval import (
     Event,
     EventKind,
     FollowerState,
-    Interval,
     SampleGrid,
     show_impulses,
 )
 from cam_rig.dynamics.linear.exponential import REACH, Flight, FreeSystem, window_series
-from cam_rig.dynamics.linear.response import LinearResponse, Part
-from cam_rig.dynamics.linear.sampling import Outputs, polynomial_part
+from cam_rig.dynamics.linear.response import LinearResponse, Outputs, Part, polynomial_part
 from cam_rig.dynamics.velocity_jumps import short_of_velocity_jump, velocity_jumps_ahead
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein
@@ -157,15 +155,23 @@ class Course:
             NO_IMPACT * speed * law.lift,
         )
 
-    def block(
-        self, interval: Interval, grid: SampleGrid, rows: FloatArray, before: FollowerState | None
-    ) -> tuple[float, Block]:
-        """Impulse (N·s) after the last sample, and the block with events in rig time."""
+    def shown(
+        self, block: Block, grid: SampleGrid, before: FollowerState | None, end: FollowerState
+    ) -> tuple[FollowerState, Block]:
+        """The end of an interval and its block, flights and impulses written, events in rig time.
+
+        The samples of ``block`` are those of contact; the follower was ``before``.
+        """
+        for phase in self.phases:
+            if phase.flight is not None and (within := grid.within(phase.begin, phase.end)):
+                here, times = within
+                block.motion[:, here] = phase.flight.motion(times - phase.begin)
+                block.force[here] = 0.0
         pending = 0.0 if before is None else before.pending_impulse
-        pending = show_impulses(rows, grid, self.events, pending)
-        begun = interval.start_ns / NS
+        pending = show_impulses(block.rows, grid, self.events, pending)
+        begun = block.interval.start_ns / NS
         events = tuple(event._replace(time=begun + event.time) for event in self.events)
-        return pending, Block(interval, rows, events)
+        return replace(end, pending_impulse=pending), replace(block, events=events)
 
 
 def record_of(now: list[float], room: int, arrays: bool) -> RunRecord:

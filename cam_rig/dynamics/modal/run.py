@@ -11,8 +11,12 @@ from typing import Any
 import numpy as np
 
 from cam_rig.dynamics.events.search import call
-from cam_rig.dynamics.linear.response import RESONANT, LinearResponse
-from cam_rig.dynamics.linear.sampling import Outputs
+from cam_rig.dynamics.linear.response import (
+    RESONANT,
+    LinearResponse,
+    Outputs,
+    no_steady_state,
+)
 from cam_rig.dynamics.modal.first_zero import PAUSED, Climb, climb, least_at
 from cam_rig.dynamics.modal.least import free_at
 from cam_rig.dynamics.modal.motion import (
@@ -25,10 +29,9 @@ from cam_rig.dynamics.modal.motion import (
     resolved,
 )
 from cam_rig.dynamics.modal.sags import RATIO
-from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein
 from cam_rig.laws.rows import index_at, zeros
-from cam_rig.units import TURN, FloatArray, to_rpm
+from cam_rig.units import TURN, FloatArray
 
 #: Looks after which a search can be interrupted: some 20 ms of compiled code, a second of plain.
 AT_ONCE = 5e5
@@ -169,10 +172,7 @@ class ModalRun:
         half, period = 0.5 * mode.damping, TURN / speed
         root = cmath.sqrt(half**2 - mode.stiffness)
         if min(abs(1.0 - cmath.exp((x - half) * period)) for x in (root, -root)) < RESONANT:
-            raise DynamicsError(
-                f"no steady state at {to_rpm(speed):.6g} rpm: a mode without damping is at a "
-                "harmonic of the speed; allowed: damping, or another speed"
-            )
+            raise no_steady_state(speed)
         motion = motion_at(on_law(law, mode), speed)
         piece = min(index_at(law.breaks, angle), len(law.alike) - 1)
         flow = zeros(4)

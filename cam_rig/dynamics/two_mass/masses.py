@@ -8,8 +8,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from cam_rig.dynamics.linear.exponential import FreeSystem, Pairs
-from cam_rig.dynamics.linear.response import LinearResponse
-from cam_rig.dynamics.linear.sampling import Outputs
+from cam_rig.dynamics.linear.response import LinearResponse, Outputs
 from cam_rig.dynamics.parameters import require_numbers, si_or_none
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig

@@ -9,7 +9,7 @@ from scipy.optimize import minimize_scalar
 
 from cam_rig.dynamics.jump.jump_speed import jump_speed
 from cam_rig.dynamics.linear.propagator import piece, pieces
-from cam_rig.dynamics.linear.sampling import sample
+from cam_rig.dynamics.linear.response import sample
 from cam_rig.dynamics.modal.least import Stretch, least
 from cam_rig.dynamics.modal.motion import amplitude, motion_at, on_law
 from cam_rig.dynamics.modal.run import ModalRun, law_series
