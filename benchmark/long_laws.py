@@ -124,11 +124,7 @@ def section(costs: list[JumpCost]) -> str:
     sizes = np.log([cost.pieces for cost in many])
     slopes = [
         f"{np.polyfit(sizes, np.log([getattr(cost, name) for cost in many]), 1)[0]:.2f} ({words})"
-        for name, words in (
-            ("rest_s", "from rest"),
-            ("steady_s", "steady"),
-            ("rigid_s", "rigid"),
-        )
+        for name, words in (("rest_s", "from rest"), ("steady_s", "steady"), ("rigid_s", "rigid"))
     ]
     listed = ", ".join(slopes)
     table = to_markdown(cost_table(costs))

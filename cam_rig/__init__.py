@@ -43,11 +43,11 @@ if TYPE_CHECKING:
     from cam_rig.bounce.study import bounce_map
     from cam_rig.campaigns.largest_waviness import largest_waviness
     from cam_rig.campaigns.run import campaign
-    from cam_rig.dynamics.jump.rigs import jump_speed
+    from cam_rig.dynamics.jump.any_follower import jump_speed
     from cam_rig.errors import CamRigError
     from cam_rig.law_design.design import design
     from cam_rig.laws import Law
-    from cam_rig.laws.by_name import law, list_laws
+    from cam_rig.laws.results import law, list_laws
     from cam_rig.measured.cam_fit.request import fit_cam
     from cam_rig.measured.real_run.run import compare
     from cam_rig.measured.rig_fit.rig_fit import fit_rig
@@ -60,7 +60,7 @@ if TYPE_CHECKING:
     from cam_rig.paper.readings.study import readings
     from cam_rig.paper.timing.study import timing
     from cam_rig.paper.vibration.study import vibration
-    from cam_rig.profile.check_contours import check_contours
+    from cam_rig.profile.check_table import check_contours
     from cam_rig.profile.contour import contour
     from cam_rig.schema import CamConfig as Cam
     from cam_rig.schema import RigConfig as Rig
@@ -81,7 +81,7 @@ _HOMES = {
     "bounce_map": "cam_rig.bounce.study",
     "build_law": "cam_rig.simulation.scene",
     "campaign": "cam_rig.campaigns.run",
-    "check_contours": "cam_rig.profile.check_contours",
+    "check_contours": "cam_rig.profile.check_table",
     "compare": "cam_rig.measured.real_run.run",
     "contact": "cam_rig.paper.contact.comparison",
     "contour": "cam_rig.profile.contour",
@@ -90,10 +90,10 @@ _HOMES = {
     "fit_cam": "cam_rig.measured.cam_fit.request",
     "fit_rig": "cam_rig.measured.rig_fit.rig_fit",
     "jump": "cam_rig.paper.jump.refit",
-    "jump_speed": "cam_rig.dynamics.jump.rigs",
+    "jump_speed": "cam_rig.dynamics.jump.any_follower",
     "largest_waviness": "cam_rig.campaigns.largest_waviness",
-    "law": "cam_rig.laws.by_name",
-    "list_laws": "cam_rig.laws.by_name",
+    "law": "cam_rig.laws.results",
+    "list_laws": "cam_rig.laws.results",
     "load_cam": "cam_rig.simulation.scene",
     "load_rig": "cam_rig.simulation.scene",
     "load_scene": "cam_rig.simulation.scene",

@@ -94,14 +94,7 @@ def one_mass_arc() -> Case:
 
 CASES: dict[str, Callable[[], Case]] = {
     make.__name__: make
-    for make in (
-        elastic_stem,
-        resonance,
-        torsional,
-        two_mass_soft,
-        two_mass_stem,
-        one_mass_arc,
-    )
+    for make in (elastic_stem, resonance, torsional, two_mass_soft, two_mass_stem, one_mass_arc)
 }
 
 #: Turns of the cases that a quick study cuts short.

@@ -154,10 +154,7 @@ class TwoMasses(BenchModel):
             on_cam=True,
         )
         flight = BenchPhase(
-            rows=(
-                (-k1 / m1, k1 / m1, -c1 / m1, c1 / m1),
-                (k1 / m2, -k / m2, c1 / m2, -c / m2),
-            ),
+            rows=((-k1 / m1, k1 / m1, -c1 / m1, c1 / m1), (k1 / m2, -k / m2, c1 / m2, -c / m2)),
             drive=((-k1 / m1, -c1 / m1, -1, 0), pull),
             show=((1, 0), (0, 1)),
             show_lift=(1, 0),
@@ -307,10 +304,7 @@ class Solution:
 
     def error(self, reference: Solution) -> float:
         """Largest difference relative to the largest value, the worse of the two kinds."""
-        pairs = (
-            (self.displacement, reference.displacement),
-            (self.velocity, reference.velocity),
-        )
+        pairs = ((self.displacement, reference.displacement), (self.velocity, reference.velocity))
         return max(float(np.abs(x - y).max() / np.abs(y).max()) for x, y in pairs)
 
     def event_error(self, reference: Solution) -> float | None:

@@ -63,10 +63,7 @@ POINTS = (
     Column("note", hidden=True),
 )
 
-SAMPLES = (
-    Column("model", of="0"),
-    Column("samples_per_s", "1/s", of="1"),
-)
+SAMPLES = (Column("model", of="0"), Column("samples_per_s", "1/s", of="1"))
 
 CONDITIONS = (Column("quick"), Column("cores"), Column("took", "s", of="took_s"))
 

@@ -22,11 +22,10 @@ from benchmark.speed.models import Case, OneMass, Oscillator, Solution, Twist, T
 from benchmark.speed.peers import PEERS, Peer
 from benchmark.speed.problem import PeerError
 from cam_rig.dynamics import FollowerParameters, Interval, elastic_stem
-from cam_rig.dynamics.linear.response import LinearResponse
-from cam_rig.dynamics.linear.sampling import Outputs, polynomial_part
+from cam_rig.dynamics.linear.response import LinearResponse, Outputs, polynomial_part
 from cam_rig.dynamics.one_mass import OneMassTrajectory
+from cam_rig.dynamics.torsional import model as parameters_module
 from cam_rig.dynamics.torsional import motion as torsion
-from cam_rig.dynamics.torsional import parameters as parameters_module
 from cam_rig.dynamics.two_mass.masses import TwoMassParameters
 from cam_rig.dynamics.two_mass.trajectory import Separation, states
 from cam_rig.errors import CamRigError
@@ -278,14 +277,7 @@ ADAPTERS: dict[type, Callable[[Case], Solution]] = {
 }
 
 #: Cases in the order they run: cheap ones leave time to the dear ones.
-ORDER = (
-    "resonance",
-    "torsional",
-    "two_mass_soft",
-    "one_mass_arc",
-    "two_mass_stem",
-    "elastic_stem",
-)
+ORDER = ("resonance", "torsional", "two_mass_soft", "one_mass_arc", "two_mass_stem", "elastic_stem")
 
 #: A setting takes this many times as long as the one before it, at least and at most.
 MIN_GROWTH, MAX_GROWTH = 1.3, 4.0

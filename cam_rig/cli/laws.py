@@ -73,9 +73,9 @@ def law(
     check_outputs(None, out)
     if save is not None:
         check_recording(save)
-    from cam_rig.laws import by_name
+    from cam_rig.laws import results
 
-    found = by_name.law(names, rises=rises)
+    found = results.law(names, rises=rises)
     if out is None and csv is None and json is None:
         out = Path("out") / f"law_{'_'.join(found.called)[:MAX_LETTERS]}.png"
     give_out(found, out, csv, json)
@@ -109,7 +109,7 @@ def laws(
 
     cam-rig laws --json -
     """
-    from cam_rig.laws.by_name import list_laws
+    from cam_rig.laws.results import list_laws
 
     return list_laws(family)
 

@@ -16,8 +16,7 @@ from functools import lru_cache
 import numpy as np
 
 from cam_rig.dynamics.interval import Block, FollowerState, Interval
-from cam_rig.dynamics.linear.response import LinearResponse
-from cam_rig.dynamics.linear.sampling import Outputs, end_of, sample
+from cam_rig.dynamics.linear.response import LinearResponse, Outputs, end_of, sample
 from cam_rig.dynamics.parameters import FollowerParameters, state_of
 from cam_rig.dynamics.speed_ramp import with_ramps
 from cam_rig.laws import Law

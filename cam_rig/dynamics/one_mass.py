@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import lru_cache, partial
 
 import numpy as np
 
 from cam_rig.dynamics.events.course import Course, no_contact
 from cam_rig.dynamics.events.runs import RunTable
-from cam_rig.dynamics.interval import Block, FollowerState, Interval, Samples
+from cam_rig.dynamics.interval import Block, FollowerState, Interval
 from cam_rig.dynamics.kinetostatic import contact_samples, force_rounding, loss_intervals, state_at
 from cam_rig.dynamics.linear.exponential import Flight, FreeSystem, Pairs
 from cam_rig.dynamics.parameters import FollowerParameters, told
@@ -110,12 +109,5 @@ def advance(
     """Take the follower through the interval, exactly; ṡ has gained ``step`` m/s before it."""
     course = OneMassTrajectory(law, parameters, interval)
     course.run(state, step)
-    rows = contact_samples(law, parameters, interval, sample_rate)
-    grid, shown = interval.grid(sample_rate), Samples(rows)
-    for phase in course.phases:
-        if phase.flight is not None and (within := grid.within(phase.begin, phase.end)):
-            here, times = within  # free motion in place of the law
-            shown.motion[:, here] = phase.flight.motion(times - phase.begin)
-            shown.force[here] = 0.0
-    pending, block = course.block(interval, grid, rows, state)
-    return replace(course.end, pending_impulse=pending), block
+    block = Block(interval, contact_samples(law, parameters, interval, sample_rate))
+    return course.shown(block, interval.grid(sample_rate), state, course.end)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from numbers import Real
 from typing import TypeGuard
@@ -42,6 +43,18 @@ def require_number(name: str, value: object, words: str) -> None:
     if not (is_number(value) and low <= value <= high):
         limits = "" if words == "in [0, 1)" else f", {low:g} to {high:g}"
         raise DynamicsError(f"{name} is {value!r}; allowed: finite and {words}{limits}")
+
+
+#: What a number of a follower or a shaft may be that need not be above zero.
+NOT_ABOVE_ZERO = dict.fromkeys(("damping", "stem_damping", "shaft_damping", "preload"), "≥ 0")
+NOT_ABOVE_ZERO |= {"restitution": "in [0, 1)", "motor_torque": "of either sign"}
+
+
+def require_numbers(numbers: Mapping[str, object], *optional: str) -> None:
+    """Refuse the first number that is out of its limits; those ``optional`` may be None."""
+    for name, value in numbers.items():
+        if value is not None or name not in optional:
+            require_number(name, value, NOT_ABOVE_ZERO.get(name, "> 0"))
 
 
 def require_angle(angle: object, name: str = "angle") -> None:
@@ -138,10 +151,7 @@ class FollowerParameters:
     restitution: float | None = 0.0  #: Newton's coefficient of a landing, 0 plastic; None as before
 
     def __post_init__(self) -> None:
-        words = {"damping": "≥ 0", "preload": "≥ 0", "restitution": "in [0, 1)"}
-        for name, value in vars(self).items():
-            if value is not None or name not in ("stem_stiffness", "restitution"):
-                require_number(name, value, words.get(name, "> 0"))
+        require_numbers(vars(self), "stem_stiffness", "restitution")
 
     @classmethod
     def from_rig(cls, rig: RigConfig) -> FollowerParameters:

@@ -82,11 +82,9 @@ def substitute(law: Law, interval: Interval) -> tuple[Law, Interval]:
     duration = interval.duration
     speed = min(interval.angle_at(duration) - interval.angle, USED) / duration
     stretches = _stretches(law, interval)
-    pieces = [_piece(law, interval, *stretch) for stretch in stretches]
-    breaks = [0.0, *(speed * end for _, end, _ in pieces)]
-    motion = np.stack([rows for _, _, rows in pieces], axis=2)
+    motion = np.stack([_piece(law, interval, *stretch) for stretch in stretches], axis=2)
     motion /= (speed ** np.arange(3.0))[:, None, None]
-    breaks[-1] = speed * duration
+    breaks = [0.0, *(speed * end for _, end, *_ in stretches[:-1]), speed * duration]
     # What follows the ramp is read at its start alone, as the ramp's end.
     after = np.repeat(motion[:, -1:, -1:], motion.shape[1], axis=1)
     motion = np.concatenate([motion, after], axis=2)
@@ -132,7 +130,7 @@ def _stretches(law: Law, interval: Interval) -> list[Stretch]:
 
 def _piece(
     law: Law, interval: Interval, begin: float, end: float, index: int, low: float
-) -> tuple[float, float, FloatArray]:
+) -> FloatArray:
     """S, ṡ and s̈ as polynomials of time in one stretch, ``(3, 2p + 3)``."""
     span, length = float(law.spans[index]), end - begin
     speeds = np.array([interval.speed_at(begin), interval.speed_at(end)])
@@ -146,4 +144,4 @@ def _piece(
         bernstein.elevate(product(speeds, slope), top),
         product(squares, bend) + interval.acceleration * bernstein.elevate(slope, top),
     )
-    return begin, end, np.stack([row[:, 0] for row in rows])
+    return np.stack([row[:, 0] for row in rows])

@@ -14,12 +14,12 @@ from functools import lru_cache
 
 import numpy as np
 
-from cam_rig.dynamics.events import law_table as at
+from cam_rig.dynamics.events import runs as at
 from cam_rig.dynamics.events import turns as kernel
 from cam_rig.dynamics.events.course import EndlessEventsError, record_of
 from cam_rig.dynamics.events.runs import RunTable, stem_stretch
 from cam_rig.dynamics.events.search import form_of
-from cam_rig.dynamics.interval import FollowerState, Interval
+from cam_rig.dynamics.interval import FollowerState, Interval, Named
 from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.dynamics.parameters import FollowerParameters, require_number, require_turning
 from cam_rig.dynamics.two_mass.masses import TwoMassParameters
@@ -44,6 +44,21 @@ class TurnsRun:
     rows: FloatArray  #: ``(turns, 5 + 2 n + n²)``, as in `cam_rig.dynamics.events.turns`
     size: int  #: n
 
+    flies = Named(
+        (slice(None), kernel.FLIES),
+        "``(turns,)`` 1 where the follower is in the air at the turn's end, else 0.",
+    )
+    landings = Named((slice(None), kernel.LANDINGS), "``(turns,)`` landings of each turn.")
+    hardest = Named(
+        (slice(None), kernel.HARDEST),
+        "``(turns,)`` speed (m/s) against the cam of its fastest landing; 0 without.",
+    )
+    softest = Named(
+        (slice(None), kernel.SOFTEST),
+        "``(turns,)`` that of its slowest landing; infinite without one.",
+    )
+    on_cam = Named((slice(None), kernel.ON_CAM), "``(turns,)`` seconds of contact in each turn.")
+
     @property
     def states(self) -> FloatArray:
         """``(turns, n)`` gap (m) and the speed at which it opens (m/s) at each turn's end.
@@ -51,31 +66,6 @@ class TurnsRun:
         Of two masses the stretch of the stem (m) and its rate (m/s) too.
         """
         return self.rows[:, kernel.ENDS : kernel.ENDS + self.size]
-
-    @property
-    def flies(self) -> FloatArray:
-        """``(turns,)`` 1 where the follower is in the air at the turn's end, else 0."""
-        return self.rows[:, kernel.FLIES]
-
-    @property
-    def landings(self) -> FloatArray:
-        """``(turns,)`` landings of each turn."""
-        return self.rows[:, kernel.LANDINGS]
-
-    @property
-    def hardest(self) -> FloatArray:
-        """``(turns,)`` speed (m/s) against the cam of the fastest landing; 0 without one."""
-        return self.rows[:, kernel.HARDEST]
-
-    @property
-    def softest(self) -> FloatArray:
-        """``(turns,)`` that of its slowest landing; infinite without one."""
-        return self.rows[:, kernel.SOFTEST]
-
-    @property
-    def on_cam(self) -> FloatArray:
-        """``(turns,)`` seconds of contact in each turn."""
-        return self.rows[:, kernel.ON_CAM]
 
     @property
     def growth(self) -> FloatArray:
@@ -100,17 +90,9 @@ class TurnsRun:
 
 
 class StroboscopicMap:
-    """One rigid mass, or two on an elastic stem, at one speed, turn after turn from cam angle 0.
+    """One rigid mass, or two on an elastic stem, turn after turn from cam angle 0.
 
-    Parameters
-    ----------
-    law : the cam's
-    parameters : with a restitution
-    speed : of the cam, rad/s
-
-    Raises
-    ------
-    DynamicsError : a speed that is none
+    The parameters have a restitution; the speed (rad/s) is one for all turns.
     """
 
     def __init__(
@@ -147,12 +129,8 @@ class StroboscopicMap:
     def run(self, turns: int, state: State = ON_THE_CAM) -> TurnsRun:
         """So many turns from a state as `TurnsRun.states` has it; by default on the cam.
 
-        A gap and a rate alone are of two masses whose end mass goes with the turning cam.
-
-        Raises
-        ------
-        EndlessEventsError : a turn with more landings than any series has that dies out
-        DynamicsError : a start below the cam
+        A gap and a rate alone are of two masses whose end mass goes with the turning cam. A turn
+        with more landings than any series has that dies out is an `EndlessEventsError`.
         """
         now = self._begin(state)
         # The end mass's directions first: those that are left on the cam.

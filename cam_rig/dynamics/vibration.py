@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cam_rig.dynamics.elastic_stem import outputs, response
-from cam_rig.dynamics.linear.sampling import sample
+from cam_rig.dynamics.linear.response import sample
 from cam_rig.dynamics.modal.run import ModalRun
 from cam_rig.dynamics.parameters import FollowerParameters
+from cam_rig.dynamics.torsional.model import TorsionalParameters
 from cam_rig.dynamics.torsional.motion import steady_motion
-from cam_rig.dynamics.torsional.parameters import TorsionalParameters
 from cam_rig.dynamics.velocity_jumps import require_smooth
 from cam_rig.errors import ConfigError, DynamicsError
 from cam_rig.laws import Law

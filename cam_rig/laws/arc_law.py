@@ -10,6 +10,7 @@ from __future__ import annotations
 import cmath
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -66,24 +67,20 @@ def arc_pieces(chain: Chain, base_radius: float, follower: ArcFollower) -> Piece
 
 def _curve(part: Part, base_radius: float, follower: ArcFollower) -> Curve:
     """The lift above the base circle while the follower is on a part."""
+    reached: Curve
     if follower.flat:
         assert isinstance(part, Circle)
-        distance, direction = abs(part.centre), cmath.phase(part.centre)
-        zero = base_radius - part.radius
+        zero, reached = base_radius - part.radius, partial(_reach, part.centre)
     else:
-        radius, zero = (
-            _polar_radius(part, follower.roller_radius),
-            base_radius + follower.roller_radius,
-        )
+        roller = follower.roller_radius
+        zero, reached = base_radius + roller, _polar_radius(part, roller)
+    return lambda angle, order: reached(angle, order) - (zero if order == 0 else 0.0)
 
-    def curve(angle: FloatArray, order: int) -> FloatArray:
-        if follower.flat:
-            value = distance * np.cos(angle - direction + 0.5 * math.pi * order)
-        else:
-            value = radius(angle, order)
-        return np.asarray(value - zero if order == 0 else value)
 
-    return curve
+def _reach(centre: complex, angle: FloatArray, order: int) -> FloatArray:
+    """How far a point is along the follower's direction, Re(c·e^(−iθ)), and its derivatives."""
+    turned = angle - cmath.phase(centre) + 0.5 * math.pi * order
+    return np.asarray(abs(centre) * np.cos(turned))
 
 
 def _flat_angles(chain: Chain) -> list[float]:

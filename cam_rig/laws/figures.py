@@ -27,6 +27,10 @@ SAME_DEG = 1e-6
 #: Segments narrower than this have no name in the plot, or an upright one, deg.
 NAMELESS_DEG, UPRIGHT_DEG = 12.0, 60.0
 GREY = "0.45"
+Style = dict[str, Any]
+#: Words beside a point, in points from it, on a ground of their own.
+BOX = {"boxstyle": "square,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.8}
+WORDS: Style = {"textcoords": "offset points", "bbox": BOX}
 
 
 @styled
@@ -94,15 +98,10 @@ def _peaks(axes: Axes, law: Law, order: int) -> None:
     for extreme, above in ((low, False), (high, True)) if high.value > low.value else ():
         value, at = extreme.value * MM, float(np.degrees(extreme.angle))
         axes.plot(at, value, "o", color=COLOURS[order], ms=4)
-        axes.annotate(
-            f"{printed(value, '.4g')} at {at:.4g}°",
-            (at, value),
-            xytext=(-6 if at > 180.0 else 6, 6 if above else -6),
-            textcoords="offset points",
-            ha="right" if at > 180.0 else "left",
-            va="bottom" if above else "top",
-            bbox={"boxstyle": "square,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.8},
-        )
+        x, side = (-6, "right") if at > 180.0 else (6, "left")
+        y, end = (6, "bottom") if above else (-6, "top")
+        words = f"{printed(value, '.4g')} at {at:.4g}°"
+        axes.annotate(words, (at, value), (x, y), ha=side, va=end, **WORDS)
 
 
 def _control_points(axes: Axes, cam: CamConfig) -> None:
@@ -120,31 +119,17 @@ def _names(axes: Axes, cam: CamConfig) -> None:
     for segment, start in zip(cam.segments, np.degrees(segment_angles(cam)), strict=True):
         span = np.degrees(segment.span.si)
         if span >= NAMELESS_DEG:
-            axes.text(
-                start + 0.5 * span,
-                0.25,
-                in_words(segment.law),
-                transform=axes.get_xaxis_transform(),
-                ha="center",
-                va="center",
-                rotation=90 if span < UPRIGHT_DEG else 0,
-                color=GREY,
-                zorder=0,
-            )
+            style: Style = {"ha": "center", "va": "center", "color": GREY, "zorder": 0}
+            style |= {"transform": axes.get_xaxis_transform()}
+            turned = 90 if span < UPRIGHT_DEG else 0
+            axes.text(start + 0.5 * span, 0.25, in_words(segment.law), rotation=turned, **style)
 
 
 def _arrow(axes: Axes, x: float, jump: float, side: str, colour: str | None = None) -> None:
     """Where the velocity jumps the acceleration is infinite: an arrow at the panel's edge."""
-    up = jump > 0.0
-    axes.text(
-        x,
-        0.97 if up else 0.03,
-        "↑∞" if up else "↓∞",
-        transform=axes.get_xaxis_transform(),
-        ha=side,
-        va="top" if up else "bottom",
-        color=colour,
-    )
+    y, words, end = (0.97, "↑∞", "top") if jump > 0.0 else (0.03, "↓∞", "bottom")
+    foot = axes.get_xaxis_transform()
+    axes.text(x, y, words, ha=side, va=end, color=colour, transform=foot)
 
 
 def _classes(axes: Axes, marked: list[Joint]) -> None:
@@ -164,7 +149,6 @@ HEIGHT = 8.2
 LEGEND_COLUMNS = 3
 #: A rise's values are in parts of its rise h and span β.
 RISE_UNITS = ("h", "h/β", "h/β²", "h/β³")
-Style = dict[str, Any]
 
 
 @styled
@@ -223,9 +207,9 @@ def _distinct(
     found: dict[bytes, tuple[catalogue.LawCurves, Style]] = {}
     for one, drawn in curves:
         key = one.motion.tobytes()
-        name = (
-            f"{found[key][0].name}\n= {in_words(one.name)}" if key in found else in_words(one.name)
-        )
+        name = in_words(one.name)
+        if key in found:
+            name = f"{found[key][0].name}\n= {name}"
         found[key] = (catalogue.LawCurves(name, one.x, one.motion, one.infinite), drawn)
     return list(found.values())
 

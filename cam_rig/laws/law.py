@@ -11,7 +11,6 @@ from numbers import Real
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cam_rig.errors import ArgumentTypeError, LawError
 from cam_rig.extras import libraries_named
@@ -297,12 +296,6 @@ class Law:
     def joints(self) -> list[float]:
         """`breaks` as plain floats."""
         return [float(angle) for angle in self.breaks]
-
-    def within(self, pieces: NDArray[np.intp], angle: float, ahead: FloatArray) -> FloatArray:
-        """U ∈ [0, 1] of angles ``ahead`` of one (rad), rounded alike, in pieces ``(n,)``."""
-        away = angle - (self.breaks[pieces] + 0.5 * self.spans[pieces])
-        away = away - np.round((away + ahead) / TURN) * TURN + ahead
-        return np.clip(away / self.spans[pieces] + 0.5, 0.0, 1.0)
 
     @cached_property
     def largest_curvatures(self) -> FloatArray:

@@ -30,18 +30,6 @@ def zero_rows(count: int, size: int) -> Rows:
     return [[0.0] * size for _ in range(count)]
 
 
-def place_of(tables: Stack, inside: float) -> int:
-    """Index of the table that holds an angle, rad, by their first numbers, which rise."""
-    low, high = 0, len(tables)
-    while high - low > 1:
-        middle = (low + high) // 2
-        if tables[middle][0][0] <= inside:
-            low = middle
-        else:
-            high = middle
-    return low
-
-
 def index_at(rising: Row, value: float) -> int:
     """Index of the last of some rising numbers that is no larger than a value; at least 0."""
     low, high = 0, len(rising)

@@ -18,7 +18,7 @@ from cam_rig.profile.contact import Element, Motion, Scan, Touch, greatest_betwe
 from cam_rig.profile.disc import Contour, Disc, discs
 from cam_rig.profile.faces import Swung, SwungCentre, SwungFace
 from cam_rig.schema.cam import ConstantBreadth, Flat, Follower, InclinedFlat
-from cam_rig.units import FloatArray
+from cam_rig.units import TURN, FloatArray
 
 # One check of a cam: a value, its limit, and the angle where it is.
 
@@ -68,6 +68,11 @@ class Check:
     def title(self) -> str:
         """The name, with the disc's where there are two."""
         return f"{self.disc} cam, {self.name}" if self.disc else self.name
+
+    @property
+    def place(self) -> float | None:
+        """The cam angle in its turn, rad."""
+        return None if self.angle is None else self.angle % TURN
 
     @property
     def degrees(self) -> float | None:

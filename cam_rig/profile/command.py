@@ -84,8 +84,7 @@ def profile(
     """
     from cam_rig.errors import ConfigError, ProfileError
     from cam_rig.profile import command_files
-    from cam_rig.profile.check_contours import checked_cams
-    from cam_rig.profile.check_table import POSITIONS, ProfileResult
+    from cam_rig.profile.check_table import POSITIONS, ProfileResult, checked_cams
 
     if positions is not None and plot is None:
         raise ConfigError("--positions: are of the picture; needed: --plot PATH")

@@ -27,9 +27,7 @@ class Disc:
 def discs(follower: Follower, law: Law, base_radius: float | None = None) -> tuple[Disc, ...]:
     """The discs of a cam with this follower and law; ``base_radius`` (m) replaces its own.
 
-    Raises
-    ------
-    ReachError : the follower does not reach the base circle
+    A `ReachError` where the follower does not reach the base circle.
     """
     base = follower.base_radius.si if base_radius is None else base_radius
     roller, eccentricity = follower.roller, _si(getattr(follower, "eccentricity", None))
@@ -125,19 +123,16 @@ class Contour:
 
 
 def contours(follower: Follower, law: Law, count: int) -> tuple[Contour, ...]:
-    """The contours of a cam, one a disc, at ``count`` equal steps; checked by `checks` alone.
-
-    Raises
-    ------
-    ReachError : the follower does not reach the base circle
-    """
-    motion = Motion.uniform(law, count)
-    return tuple(Contour.of(disc, motion) for disc in discs(follower, law))
+    """The contours of a cam, one a disc, at ``count`` equal steps; checked by `checks` alone."""
+    return _contours(follower, law, Motion.uniform(law, count))
 
 
 def contours_at(follower: Follower, law: Law, angle: FloatArray) -> tuple[Contour, ...]:
     """The same at any cam angles, rad."""
-    motion = Motion.at(law, angle)
+    return _contours(follower, law, Motion.at(law, angle))
+
+
+def _contours(follower: Follower, law: Law, motion: Motion) -> tuple[Contour, ...]:
     return tuple(Contour.of(disc, motion) for disc in discs(follower, law))
 
 

@@ -25,8 +25,7 @@ from cam_rig.dynamics import (
     elastic_stem,
 )
 from cam_rig.dynamics.kinetostatic import force_extremes, force_weights
-from cam_rig.dynamics.linear.response import LinearResponse
-from cam_rig.dynamics.linear.sampling import Outputs
+from cam_rig.dynamics.linear.response import LinearResponse, Outputs
 from cam_rig.dynamics.modal.run import ModalRun
 from cam_rig.dynamics.torsional.model import from_rig as shaft_of
 from cam_rig.dynamics.torsional.motion import steady_state

@@ -12,7 +12,14 @@ import numpy as np
 import pytest
 
 from benchmark.speed.exact import polynomial, powers
-from cam_rig.dynamics import MODELS, Event, FollowerState, Interval, TwoMassParameters
+from cam_rig.dynamics import (
+    MODELS,
+    Event,
+    FollowerParameters,
+    FollowerState,
+    Interval,
+    TwoMassParameters,
+)
 from cam_rig.dynamics.events.approach import FlightOverCam, Gap, landing
 from cam_rig.dynamics.events.course import EndlessEventsError, free_table, law_table
 from cam_rig.dynamics.events.free_flight import lift_off_state
@@ -24,6 +31,9 @@ from cam_rig.units import NS, TURN
 
 #: ns in a millisecond.
 MS = NS // 1000
+#: A rigid follower, and the two masses of the paper.
+ONE = FollowerParameters(1.3, 4030.0, 8.642, 12.753, 3.3e8)
+TWO = TwoMassParameters(0.52, 0.78, 1.26e6, 4030.0, 8.642, 8.642, 30.6)
 
 
 class Run(NamedTuple):

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cam_rig.dynamics import MODELS, FollowerParameters, Interval, TwoMassParameters
+from cam_rig.dynamics import MODELS, Interval
 from cam_rig.dynamics.events import arrays
 from cam_rig.dynamics.events import search as compiled
 from cam_rig.dynamics.events.runs import run_events
@@ -23,8 +23,8 @@ from cam_rig.dynamics.two_mass.trajectory import Separation, first_lift_off
 from cam_rig.laws import Law, rows
 from cam_rig.units import NS, RPM, TURN
 
-ONE = FollowerParameters(1.3, 4030.0, 8.642, 12.753, 3.3e8)
-TWO = TwoMassParameters(0.52, 0.78, 1.26e6, 4030.0, 8.642, 8.642, 30.6)
+from .helpers import ONE, TWO
+
 #: One turn in compiled code of its own process, and what it found.
 RUN = """
 from cam_rig.dynamics import FollowerParameters, Interval, MODELS

@@ -9,8 +9,7 @@ from benchmark.speed.study import stem_motion as motion
 from cam_rig.dynamics import FollowerParameters, Interval, kinetostatic
 from cam_rig.dynamics.elastic_stem import outputs, response
 from cam_rig.dynamics.kinetostatic import loss_intervals
-from cam_rig.dynamics.linear.response import LinearResponse
-from cam_rig.dynamics.linear.sampling import sample
+from cam_rig.dynamics.linear.response import LinearResponse, sample
 from cam_rig.errors import DynamicsError
 from cam_rig.units import NS, TURN
 

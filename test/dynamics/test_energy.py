@@ -10,23 +10,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cam_rig.dynamics import FollowerParameters, Interval, TwoMassParameters
+from cam_rig.dynamics import Interval, TwoMassParameters
 from cam_rig.dynamics.one_mass import OneMassTrajectory
+from cam_rig.dynamics.torsional.model import TorsionalParameters, TorsionalState
 from cam_rig.dynamics.torsional.motion import solve
-from cam_rig.dynamics.torsional.parameters import TorsionalParameters, TorsionalState
 from cam_rig.dynamics.two_mass.trajectory import Separation, phase_states
 from cam_rig.laws import Law
 from cam_rig.units import RPM, TURN
 
+from . import helpers
 from .helpers import MS, cut_at_joints, gauss
 
 SPEED = 350.0 * RPM
-SOFT = TwoMassParameters(0.52, 0.78, 1.26e6, 4030.0, 8.642, 8.642, 30.6)
+SOFT = helpers.TWO
 STEM = TwoMassParameters(0.52, 0.78, 3.3e8, 4030.0, 8.642, 8.642, 12.753)
 FREE = replace(STEM, stem_damping=0.0, damping=0.0)
 #: Damped so well that it does not chatter.
 CALM = TwoMassParameters(0.4, 0.9, 1.26e6, 4030.0, 300.0, 8.642, 30.6)
-EDGE = FollowerParameters(1.3, 4030.0, 8.642, 12.753, 3.3e8)
 
 
 def missing_of_one(law, p, speed, milliseconds):
@@ -75,7 +75,9 @@ def test_one_mass(laws, follower, name, restitution, milliseconds):
 @pytest.mark.parametrize("restitution", [0.0, 0.5])
 def test_one_mass_struck_by_an_edge(edge, restitution):
     """The cam's blows work at its new velocity."""
-    gap, course = missing_of_one(edge, replace(EDGE, restitution=restitution), 100.0 * RPM, 550)
+    gap, course = missing_of_one(
+        edge, replace(helpers.ONE, restitution=restitution), 100.0 * RPM, 550
+    )
     assert sum(event.energy_lost for event in course.events) > 0.1
     assert gap < 1e-10
 

@@ -9,17 +9,16 @@ from benchmark.speed import exact
 from benchmark.speed import study as rig
 from benchmark.speed.models import Case, Oscillator, TwoMasses
 from benchmark.speed.study import stem_motion as motion
-from cam_rig.dynamics import MODELS, FollowerParameters, Interval, TwoMassParameters
+from cam_rig.dynamics import MODELS, FollowerParameters, Interval
 from cam_rig.laws import Law, build_law
 from cam_rig.laws.sampling import AT_SAMPLE
 from cam_rig.units import NS, TURN
 
-from .helpers import with_joints
+from .helpers import TWO, with_joints
 
 SPEED = 120.0 * np.pi / 30.0
 #: Samples 1 ns apart, the finest instants that rig time has.
 FINEST = 1_000_000_000
-TWO = TwoMassParameters(0.52, 0.78, 1.26e6, 4030.0, 8.642, 8.642, 30.6)
 
 
 @pytest.fixture(scope="module", params=["harmonic", "tm21"])

@@ -11,15 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import cam_rig
-from cam_rig.dynamics import (
-    COLUMNS,
-    MODELS,
-    Block,
-    FollowerParameters,
-    Interval,
-    Samples,
-    TwoMassParameters,
-)
+from cam_rig.dynamics import COLUMNS, MODELS, Block, Interval, Samples
 from cam_rig.dynamics.kinetostatic import state_at
 from cam_rig.dynamics.linear.exponential import Flight
 from cam_rig.dynamics.one_mass import OneMassTrajectory
@@ -28,10 +20,7 @@ from cam_rig.dynamics.two_mass.trajectory import Separation, phase_states
 from cam_rig.laws import Law, bernstein
 from cam_rig.units import NS, RPM, TURN
 
-from .helpers import MS, every, land, ticked, with_joints
-
-TWO = TwoMassParameters(0.52, 0.78, 1.26e6, 4030.0, 8.642, 8.642, 30.6)
-ONE = FollowerParameters(1.3, 4030.0, 8.642, 12.753, 3.3e8)
+from .helpers import MS, ONE, TWO, every, land, ticked, with_joints
 
 
 def noisy(law, pieces, amplitude, seed):
@@ -130,8 +119,7 @@ def test_a_narrow_bump_is_not_passed_through(laws, run, p, apart):
 
 # A roller is never below the cam, however it came there and however time is cut.
 
-PAPER = TwoMassParameters(0.52, 0.78, 1.26e6, 4030.0, 8.642, 8.642, 30.6, 0.5)
-MASS = FollowerParameters(1.3, 4030.0, 8.642, 12.753, 3.3e8, 0.0)
+PAPER = replace(TWO, restitution=0.5)
 
 
 def lowest_gap(law, p, speed, acceleration, milliseconds, total=400, model="two_mass"):
@@ -173,7 +161,7 @@ def ramp_of_one_slope():
 def test_one_mass_lands_on_the_slope_where_a_tick_ends(milliseconds):
     """A ramp's law ends with the tick, on a slope: a quick look at the gap must see the cam go on,
     and not a plateau under which the follower sinks (20 µm) until the tick is over."""
-    law, p = ramp_of_one_slope(), replace(MASS, restitution=0.7)
+    law, p = ramp_of_one_slope(), replace(ONE, restitution=0.7)
     lowest, events = lowest_gap(law, p, 0.0, 150.0 * np.pi / 30.0, milliseconds, model="one_mass")
     assert lowest > -1e-12
     assert events == 33  # as in one tick of 400 ms

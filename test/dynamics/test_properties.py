@@ -24,8 +24,8 @@ from benchmark.speed.models import (
     TwoMasses,
 )
 from cam_rig.dynamics import MODELS, FollowerParameters, Interval
+from cam_rig.dynamics.torsional.model import TorsionalParameters, TorsionalState
 from cam_rig.dynamics.torsional.motion import solve
-from cam_rig.dynamics.torsional.parameters import TorsionalParameters, TorsionalState
 from cam_rig.laws import Law
 from cam_rig.units import TURN
 

@@ -7,15 +7,13 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from cam_rig.dynamics import MODELS, FollowerParameters, Interval, TwoMassParameters
-from cam_rig.dynamics.one_mass import advance as one_mass
+from cam_rig.dynamics import Interval, TwoMassParameters
 from cam_rig.dynamics.speed_ramp import substitute
 from cam_rig.laws.bernstein import evaluate
 from cam_rig.units import TURN
 
-from .helpers import MS, assert_same, edge_law, exact_law, off_joints, ticked
+from .helpers import MS, ONE, assert_same, edge_law, exact_law, off_joints, ticked
 
-ONE = FollowerParameters(1.3, 4030.0, 8.642, 12.753, 3.3e8)
 #: A stem damped so well that it does not chatter: no rounding grows from landing to landing.
 TWO = TwoMassParameters(0.4, 0.9, 1.26e6, 4030.0, 300.0, 8.642, 30.6)
 
@@ -139,16 +137,6 @@ def test_a_ramp_that_hardly_ramps_is_a_held_speed(laws, model):
     slow = ticked(law, model, p, Interval(0, 250 * MS, 0.4, speed, 1e-10), [0, 250 * MS])[0]
     size = np.abs(held[1:5]).max(axis=1, keepdims=True)
     assert (np.abs(slow - held)[1:5] < 1e-10 * size).all()
-
-
-def test_no_model_runs_a_ramp_at_its_first_speed(laws):
-    """Also where a model is taken from its module, a ramp is a ramp."""
-    whole = RAMPS["up"]
-    assert MODELS["one_mass"].advance is one_mass
-    end, _ = one_mass(laws["poly345"], ONE, None, whole, 1000)
-    assert end.displacement == pytest.approx(
-        laws["poly345"].at(whole.angle_at(whole.duration))[0], abs=1e-13
-    )
 
 
 # A law whose velocity jumps, along a ramp

@@ -11,8 +11,8 @@ import pytest
 from benchmark.speed.study import stem_motion as motion
 from cam_rig.dynamics import MODELS, FollowerParameters, FollowerState, Interval, TwoMassParameters
 from cam_rig.dynamics.elastic_stem import response
+from cam_rig.dynamics.torsional.model import TorsionalParameters, TorsionalState
 from cam_rig.dynamics.torsional.motion import solve
-from cam_rig.dynamics.torsional.parameters import TorsionalParameters, TorsionalState
 from cam_rig.dynamics.two_mass.trajectory import Separation, states
 from cam_rig.errors import CamRigError, ConfigError, DynamicsError
 from cam_rig.laws import Law

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cam_rig.dynamics import FollowerParameters, Interval
+from cam_rig.dynamics import Interval
 from cam_rig.dynamics.events.course import EndlessEventsError
 from cam_rig.dynamics.events.search import ALWAYS, PLAIN, VARIABLE
 from cam_rig.dynamics.one_mass import OneMassTrajectory
@@ -15,9 +15,8 @@ from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.units import NS, RPM, TURN
 
+from .helpers import ONE
 from .test_compiled import bumpy
-
-BASE = FollowerParameters(1.3, 4030.0, 8.642, 12.753, 3.3e8)
 
 
 def noisy(rng):
@@ -39,7 +38,7 @@ def random_map(laws, seed, fastest=900.0):
     elif seed % 8 == 3:
         law = noisy(rng)
     p = replace(
-        BASE,
+        ONE,
         damping=[0.0, 8.642, 200.0][int(rng.integers(3))],
         preload=[0.0, 12.753, 80.0][int(rng.integers(3))],
         restitution=[0.0, 0.3, 0.7, 0.95][int(rng.integers(4))],
@@ -136,14 +135,14 @@ def test_derivatives_are_differences(laws, seed):
 
 def test_a_period_on_the_cam_has_no_memory(laws):
     """Wherever it starts, once it has come to rest the follower goes the same way, to the bit."""
-    turn_map = StroboscopicMap(laws["tm21"], replace(BASE, restitution=0.7), 370.0 * RPM)
+    turn_map = StroboscopicMap(laws["tm21"], replace(ONE, restitution=0.7), 370.0 * RPM)
     ends = {tuple(turn_map.run(60, (0.01 * i, 0.1 * i)).states[-1]) for i in range(6)}
     assert ends == {tuple(turn_map.run(60).states[-1])}
 
 
 def test_one_that_never_lands():
     """No spring to speak of and no preload: thrown up it flies on, and nothing is invented."""
-    p = replace(BASE, spring_stiffness=1e-15, preload=0.0, damping=0.0, restitution=0.5)
+    p = replace(ONE, spring_stiffness=1e-15, preload=0.0, damping=0.0, restitution=0.5)
     law = Law("disc", np.array([0.0, TURN]), np.zeros((2, 1)))
     run = StroboscopicMap(law, p, 400.0 * RPM).run(50, (0.0, 1.0))
     assert not run.landings.any()
@@ -153,17 +152,17 @@ def test_one_that_never_lands():
 
 def test_what_is_refused(laws):
     """A start below the cam, a cam that stands."""
-    turn_map = StroboscopicMap(laws["poly345"], BASE, 40.0)
+    turn_map = StroboscopicMap(laws["poly345"], ONE, 40.0)
     with pytest.raises(DynamicsError, match=r"gap is -0\.001; allowed"):
         turn_map.run(1, (-1e-3, 0.0))
     with pytest.raises(DynamicsError, match=r"speed is 0\.0 rad/s"):
-        StroboscopicMap(laws["poly345"], BASE, 0.0)
+        StroboscopicMap(laws["poly345"], ONE, 0.0)
 
 
 def test_bounces_without_end_are_said(laws, monkeypatch):
     """More than a turn takes is an error that says where."""
     monkeypatch.setattr(OneMassTrajectory, "most_events", 50)
-    p = replace(BASE, restitution=0.9)
+    p = replace(ONE, restitution=0.9)
     with pytest.raises(EndlessEventsError, match="more than 50 landings in a turn at"):
         StroboscopicMap(laws["tm21"], p, 350.0 * RPM).run(3)
 
@@ -172,5 +171,5 @@ def test_bounces_without_end_are_said(laws, monkeypatch):
 @pytest.mark.slow
 def test_a_million_turns(laws):
     """They settle, and stay to the bit what they were."""
-    run = StroboscopicMap(laws["tm21"], replace(BASE, restitution=0.7), 500.0 * RPM).run(1_000_000)
+    run = StroboscopicMap(laws["tm21"], replace(ONE, restitution=0.7), 500.0 * RPM).run(1_000_000)
     assert np.ptp(run.states[-1000:], axis=0).max() < 1e-15

@@ -11,28 +11,23 @@ import pytest
 from benchmark.speed import exact
 from benchmark.speed.models import Case, Oscillator
 from benchmark.speed.study import stem_motion as motion
-from cam_rig.dynamics import FollowerParameters, Interval, TwoMassParameters
+from cam_rig.dynamics import Interval, TwoMassParameters
 from cam_rig.dynamics.elastic_stem import response
 from cam_rig.dynamics.events.course import jumps_table
 from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.dynamics.two_mass.trajectory import Separation, states
-from cam_rig.dynamics.velocity_jumps import (
-    SLACK,
-    short_of_velocity_jump,
-    velocity_jumps_ahead,
-)
+from cam_rig.dynamics.velocity_jumps import SLACK, short_of_velocity_jump, velocity_jumps_ahead
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.units import NS, TURN
 
-from .helpers import MS, assert_same, off_joints, ticked
+from .helpers import MS, ONE, assert_same, off_joints, ticked
 
 LIFT, RISE = 0.05, np.radians(90.0)
 STEP = LIFT / RISE
 #: 60° in 0.1 s: joints at 0.1, 0.25, 0.35 and 0.5 s of each turn of 0.6 s.
 SPEED = 100.0 * np.pi / 30.0
 ON_JOINTS = [0, 100 * MS, 250 * MS, 350 * MS, 500 * MS, 550 * MS]
-ONE = FollowerParameters(1.3, 4030.0, 8.642, 12.753, 3.3e8)
 TWO = TwoMassParameters(0.4, 0.9, 1.26e6, 4030.0, 300.0, 8.642, 30.6)
 
 

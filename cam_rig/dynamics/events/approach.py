@@ -20,7 +20,7 @@ from cam_rig.dynamics.events.law_table import (
     ACCELERATION,
     EPS,
     LARGEST,
-    PLACE,
+    SIZES,
     SPAN,
     Cam,
     gap_rounding,
@@ -111,7 +111,7 @@ def _at(flight: FlightOverCam, time: float, piece: int) -> Gap:
     way, rate = place_of(lift_off, gone.way), place_of(lift_off, gone.rates)
     noise = gap_rounding(cam.law, start)
     first_piece, first = _start(cam)
-    length = cam.law.pieces[first_piece][PLACE][SPAN] * (1.0 - first) / cam.speed
+    length = cam.law.pieces[first_piece][SIZES][SPAN] * (1.0 - first) / cam.speed
     if piece == first_piece and time <= length:
         further, faster = _bent(cam, piece, first, time / length, length)
         begin = place_of(lift_off, lift_off.rates)
@@ -143,7 +143,7 @@ def _open_until(flight: FlightOverCam, now: Gap, limit: float) -> Gap:
     piece, _, high = piece_from(cam, begin)
     slip, passed = SAME_PLACE / cam.speed, -1
     while begin < limit:
-        bend = largest + square * cam.law.pieces[piece][PLACE][LARGEST]
+        bend = largest + square * cam.law.pieces[piece][SIZES][LARGEST]
         noise = gap_rounding(cam.law, abs(value) + cam.law.largest)
         end = min(begin + max(least, ahead(value - noise, max(rate, 0.0), bend)), limit)
         joint = (high - cam.angle) / cam.speed
@@ -157,7 +157,7 @@ def _open_until(flight: FlightOverCam, now: Gap, limit: float) -> Gap:
         begin, value, rate, largest, passed = end, reached, further, less, piece
         if at_joint:
             piece = (piece + 1) % len(cam.law.pieces)
-            high = high + cam.law.pieces[piece][PLACE][SPAN]
+            high = high + cam.law.pieces[piece][SIZES][SPAN]
             rate = velocity - lift_within(cam, piece, begin)[1]
     return now if passed < 0 else _at(flight, begin, passed)
 
@@ -191,8 +191,8 @@ def _window(flight: FlightOverCam, now: Gap, limit: float, within: float) -> Gap
     end = min(begin + window, limit)
     if within == begin:
         end = min(end, (high - cam.angle) / cam.speed)
-    if not end > begin:
-        return Gap(_after(begin), now.gap, now.rate, now.noise, False)
+    if not end > begin:  # to the next time that is another number, or nearly
+        return Gap(begin + max(EPS * begin, 1e-300), now.gap, now.rate, now.noise, False)
     length, span = window if end == begin + window else end - begin, high - low
     first = min(max((cam.angle + cam.speed * begin - low) / span, 0.0), BEFORE_1)
     last = min(max((cam.angle + cam.speed * end - low) / span, 0.0), 1.0)
@@ -215,11 +215,6 @@ def _window(flight: FlightOverCam, now: Gap, limit: float, within: float) -> Gap
     return Gap(end, gaps[-1], speeds[-1], now.noise + length * length * doubt, False)
 
 
-def _after(time: float) -> float:
-    """The next time that is another number, or nearly."""
-    return time + max(EPS * time, 1e-300)
-
-
 def _slip(cam: Cam, gap_acceleration: Row, length: float) -> float:
     """What the acceleration (m/s²) changes within the rounding of the time of a lift-off."""
     steepest, degree = 0.0, len(gap_acceleration) - 1
@@ -230,7 +225,7 @@ def _slip(cam: Cam, gap_acceleration: Row, length: float) -> float:
 
 def _bend_size(cam: Cam, piece: int) -> float:
     """What rounding of s'' (m/rad²) is to be measured by: its own size, and that of s."""
-    law, place = cam.law, cam.law.pieces[piece][PLACE]
+    law, place = cam.law, cam.law.pieces[piece][SIZES]
     differences = (law.size - 1) / place[SPAN]
     return OF_ACCELERATIONS * place[LARGEST] + differences * differences * law.largest
 

@@ -11,15 +11,8 @@ from typing import NamedTuple
 
 from cam_rig.dynamics.events.approach import BEFORE_1, ahead, is_clear
 from cam_rig.dynamics.events.free_flight import impulse_at
-from cam_rig.laws.polynomials import (
-    NONE,
-    elevated,
-    fall,
-    horner,
-    restricted,
-    value_at,
-)
-from cam_rig.laws.rows import Row, Rows, Stack, borrowed, place_of, zeros
+from cam_rig.laws.polynomials import NONE, elevated, fall, horner, restricted, value_at
+from cam_rig.laws.rows import Row, Rows, Stack, borrowed, index_at, zeros
 from cam_rig.units import TURN
 
 #: (η, η̇).
@@ -31,15 +24,16 @@ MIN_STEP = 0.25
 #: rounding in each of so many equal cells.
 PART, PLACES, VELOCITIES, FORCE, WEIGHTED, RATES, LEAST = range(7)
 CELLS = 8
-#: Places in a part's numbers: where it begins and its span (rad), its length (s), the number of its
-#: ordinates, the force's rounding (N), what its second derivative does not exceed (N/s²), and
-#: e^{Ah} over the part, row by row.
-LOW, SPAN, LENGTH, SIZE, ROUNDING, BEND, FLOW, NUMBERS = 0, 1, 2, 3, 4, 5, 6, 10
+#: Places in a part's numbers: its span (rad), its length (s), the number of its ordinates, the
+#: force's rounding (N), what its second derivative does not exceed (N/s²), and e^{Ah} over the
+#: part, row by row.
+SPAN, LENGTH, SIZE, ROUNDING, BEND, FLOW, NUMBERS = 0, 1, 2, 3, 4, 5, 9
 
 
 class StemContactTable(NamedTuple):
     """A `LinearResponse` of two states and one output, the contact force; n parts a turn."""
 
+    begins: Row  #: ``(n,)``, where each part begins, rad
     parts: Stack  #: ``(n, 7, q)``, rows as above; what a shorter one leaves is not used
     stiffness: float  #: of η̈ = −stiffness η − damping η̇, 1/s²
     damping: float  #: 1/s
@@ -67,22 +61,15 @@ class ContactLoss(NamedTuple):
 
 
 def loss_of_contact(
-    contact: StemContactTable,
-    speed: float,
-    angle: float,
-    state: tuple[float, float],
-    duration: float,
+    contact: StemContactTable, speed: float, angle: float, state: Pair, duration: float
 ) -> ContactLoss:
     """Time after which the force is negative, from (η, η̇) at cam angle ``angle`` (rad) on."""
     inside = angle - math.floor(angle / TURN) * TURN
-    first, now = place_of(contact.parts, inside), 0.0
-    index, turn, local = first, 0.0, (inside - contact.parts[first][PART][LOW]) / speed
+    index, turn, now = index_at(contact.begins, inside), 0.0, 0.0
+    local = (inside - contact.begins[index]) / speed
     while True:
-        end = max(
-            now,
-            (contact.parts[index][PART][LOW] + turn + contact.parts[index][PART][SPAN] - inside)
-            / speed,
-        )
+        last = contact.begins[index] + turn + contact.parts[index][PART][SPAN]
+        end = max(now, (last - inside) / speed)
         x = forced(contact, index, local)
         stretch = ContactStretch(index, local, state[0] - x[0], state[1] - x[1])
         found = _fall_of_force(contact, stretch, min(end, duration) - now)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, ClassVar, TypeVar
 
@@ -15,22 +15,20 @@ import numpy as np
 
 from cam_rig.dynamics.events import contact as stem
 from cam_rig.dynamics.events import free_flight as air
-from cam_rig.dynamics.events import law_table as at
-from cam_rig.dynamics.events.law_table import Cam, Jumps, LawTable, RunRecord, fly_from
-from cam_rig.dynamics.events.runs import RunTable, run_events
+from cam_rig.dynamics.events import law_table as cam
+from cam_rig.dynamics.events import runs as at
+from cam_rig.dynamics.events.runs import Jumps, RunRecord, RunTable, fly_from, run_events
 from cam_rig.dynamics.events.search import form_of
 from cam_rig.dynamics.interval import (
     Block,
     Event,
     EventKind,
     FollowerState,
-    Interval,
     SampleGrid,
     show_impulses,
 )
 from cam_rig.dynamics.linear.exponential import REACH, Flight, FreeSystem, window_series
-from cam_rig.dynamics.linear.response import LinearResponse, Part
-from cam_rig.dynamics.linear.sampling import Outputs, polynomial_part
+from cam_rig.dynamics.linear.response import LinearResponse, Outputs, Part, polynomial_part
 from cam_rig.dynamics.velocity_jumps import short_of_velocity_jump, velocity_jumps_ahead
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein
@@ -149,7 +147,7 @@ class Course:
         return table_of(
             RunTable,
             arrays,
-            Cam(law_table(law, arrays), speed, self.angle),
+            cam.Cam(law_table(law, arrays), speed, self.angle),
             free_table(self.system, arrays),
             jumps_table(law, self.angle, speed, duration, arrays),
             *follower,
@@ -157,15 +155,23 @@ class Course:
             NO_IMPACT * speed * law.lift,
         )
 
-    def block(
-        self, interval: Interval, grid: SampleGrid, rows: FloatArray, before: FollowerState | None
-    ) -> tuple[float, Block]:
-        """Impulse (N·s) after the last sample, and the block with events in rig time."""
+    def shown(
+        self, block: Block, grid: SampleGrid, before: FollowerState | None, end: FollowerState
+    ) -> tuple[FollowerState, Block]:
+        """The end of an interval and its block, flights and impulses written, events in rig time.
+
+        The samples of ``block`` are those of contact; the follower was ``before``.
+        """
+        for phase in self.phases:
+            if phase.flight is not None and (within := grid.within(phase.begin, phase.end)):
+                here, times = within
+                block.motion[:, here] = phase.flight.motion(times - phase.begin)
+                block.force[here] = 0.0
         pending = 0.0 if before is None else before.pending_impulse
-        pending = show_impulses(rows, grid, self.events, pending)
-        begun = interval.start_ns / NS
+        pending = show_impulses(block.rows, grid, self.events, pending)
+        begun = block.interval.start_ns / NS
         events = tuple(event._replace(time=begun + event.time) for event in self.events)
-        return pending, Block(interval, rows, events)
+        return replace(end, pending_impulse=pending), replace(block, events=events)
 
 
 def record_of(now: list[float], room: int, arrays: bool) -> RunRecord:
@@ -192,17 +198,16 @@ def _in_form(value: Any, arrays: bool) -> Any:
 
 
 @lru_cache(maxsize=64)
-def law_table(law: Law, arrays: bool) -> LawTable:
+def law_table(law: Law, arrays: bool) -> cam.LawTable:
     """The table of a law."""
     size = law.degree + 1
-    pieces = np.zeros((law.spans.size, 5, max(size, 3)))
-    pieces[:, at.PLACE, :3] = np.stack([law.breaks[:-1], law.spans, law.largest_curvatures], axis=1)
+    pieces = np.zeros((law.spans.size, 5, max(size, 2)))
+    pieces[:, cam.SIZES, :2] = np.stack([law.spans, law.largest_curvatures], axis=1)
     weighted = law.motion * bernstein.binomials(law.degree)[:, None]
-    pieces[:, at.LIFT : at.BEND + 1, :size] = np.transpose(weighted, (2, 0, 1))
-    pieces[:, at.ACCELERATION, :size] = law.motion[2].T
-    largest, steepest, _ = law.bounds
-    jumps = bool(law.velocity_jumps)
-    return table_of(LawTable, arrays, pieces, size, largest, steepest, law.largest_step, jumps)
+    pieces[:, cam.LIFT : cam.BEND + 1, :size] = np.transpose(weighted, (2, 0, 1))
+    pieces[:, cam.ACCELERATION, :size] = law.motion[2].T
+    numbers = (size, *law.bounds[:2], law.largest_step, bool(law.velocity_jumps))
+    return table_of(cam.LawTable, arrays, law.breaks[:-1], pieces, *numbers)
 
 
 @lru_cache(maxsize=128)
@@ -231,12 +236,13 @@ def contact_table(
     known = response.parts if only is None else (only,)
     sizes = [part.particular.shape[1] for part in known]
     parts = np.zeros((len(sizes), 7, max(*sizes, stem.NUMBERS)))
+    begins = np.array([part.low for part in known])
     for rows, part, size in zip(parts, known, sizes, strict=True):
         force = polynomial_part(response, part, output)[0]
         rates = bernstein.derivative(force) / part.length
         bend = np.abs(bernstein.derivative(rates)).max() / part.length
         rounding = ROUNDING_ERRORS * bernstein.EPS * np.abs(force).max()
-        numbers = part.low, part.span, part.length, size, rounding, bend
+        numbers = part.span, part.length, size, rounding, bend
         rows[stem.PART, : stem.NUMBERS] = *numbers, *part.flow.ravel()
         rows[stem.PLACES : stem.VELOCITIES + 1, :size] = part.particular
         rows[stem.FORCE, :size] = force
@@ -245,7 +251,7 @@ def contact_table(
         cells = bernstein.parts(size - 1, stem.CELLS) @ force
         rows[stem.LEAST, : stem.CELLS] = cells.min(axis=1) - rounding
     vibration = (*(-response.matrix[1]).tolist(), *output.state[0].tolist())
-    return table_of(stem.StemContactTable, arrays, parts, *vibration, *_window(*vibration))
+    return table_of(stem.StemContactTable, arrays, begins, parts, *vibration, *_window(*vibration))
 
 
 @lru_cache(maxsize=64)
@@ -261,8 +267,9 @@ def _window(
 @lru_cache(maxsize=2)
 def no_contact(arrays: bool) -> stem.StemContactTable:
     """The same of a follower without a stem."""
-    parts = np.zeros((0, 7, stem.NUMBERS))
-    return table_of(stem.StemContactTable, arrays, parts, 0.0, 0.0, 0.0, 0.0, np.zeros((0, 2)), 0.0)
+    parts, numbers = np.zeros((0, 7, stem.NUMBERS)), 4 * (0.0,)
+    none = (np.zeros(0), parts, *numbers, np.zeros((0, 2)), 0.0)
+    return table_of(stem.StemContactTable, arrays, *none)
 
 
 def jumps_table(law: Law, angle: float, speed: float, duration: float, arrays: bool) -> Jumps:

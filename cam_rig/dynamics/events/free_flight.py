@@ -178,7 +178,7 @@ def flow_of(free: FreeTable, time: float, size: int) -> Rows:
     """e^{At}, ``(size, size)``, at a time in s."""
     if not free.paired:
         return _exponential(free, time, size)[0]
-    flow, part, rows = zero_rows(size, size), zero_rows(size, size), free.rows
+    part, rows = zero_rows(size, size), free.rows
     for i in range(size // 2):
         damping, stiffness = rows[DAMPING][i], rows[STIFFNESS][i]
         impulse, rate, _ = impulse_at(damping, stiffness, time)
@@ -186,11 +186,7 @@ def flow_of(free: FreeTable, time: float, size: int) -> Rows:
         for j in range(size):
             part[2 * i][j] = (rate + damping * impulse) * one[j] + impulse * two[j]
             part[2 * i + 1][j] = rate * two[j] - stiffness * impulse * one[j]
-    for i in range(size):
-        for j in range(size):
-            for k in range(size):
-                flow[i][j] += rows[SHAPES + i][k] * part[k][j]
-    return flow
+    return _times(rows[SHAPES : SHAPES + size], part, 1.0)
 
 
 def _by_exponential(lift_off: LiftOffState, time: float) -> Moved:

@@ -28,8 +28,8 @@ MODULES = (
     *("laws.rows", "laws.polynomials"),
     *("dynamics.events.law_table", "dynamics.events.free_flight", "dynamics.events.approach"),
     *("dynamics.events.contact", "dynamics.events.runs", "dynamics.events.turns"),
-    *("dynamics.modal.motion", "dynamics.modal.least", "dynamics.modal.sags"),
-    *("dynamics.modal.harmonics", "dynamics.modal.first_zero", "dynamics.jump.rigid"),
+    *("dynamics.modal.motion", "dynamics.modal.least"),
+    *("dynamics.modal.sags", "dynamics.modal.first_zero", "dynamics.jump.rigid"),
 )
 #: Seconds in plain Python after which the compiled code is loaded, or made.
 LOAD_AFTER, COMPILE_AFTER = 0.5, 10.0

@@ -18,28 +18,11 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cam_rig.dynamics.events.free_flight import (
-    DAMPING,
-    LOAD,
-    MATRIX,
-    STIFFNESS,
-    flow_of,
-    impulse_at,
-)
-from cam_rig.dynamics.events.law_table import (
-    BEGUN,
-    END,
-    FLYING,
-    GAP,
-    GAP_RATE,
-    JUMPS_DONE,
-    STATE,
-    STEP,
-    TIME,
-    RunRecord,
-    cam_at,
-)
-from cam_rig.dynamics.events.runs import RunTable, run_events, stem_stretch
+from cam_rig.dynamics.events import free_flight as air
+from cam_rig.dynamics.events import runs as at
+from cam_rig.dynamics.events.free_flight import flow_of, impulse_at
+from cam_rig.dynamics.events.law_table import cam_at
+from cam_rig.dynamics.events.runs import RunRecord, RunTable, run_events, stem_stretch
 from cam_rig.laws.rows import Row, Rows, borrowed, zero_rows, zeros
 
 #: Places in a turn's row: its landings, the fastest of them (m/s), the slowest (m/s); the seconds
@@ -66,7 +49,7 @@ def run_turns(run: RunTable, record: RunRecord, frame: Rows, turns: Rows, most: 
     ``frame`` is as in `Change`. Fewer are filled where one has more than ``most`` landings.
     """
     run, record = borrowed(run), borrowed(record)
-    now, size = record.now, len(record.now) - STATE
+    now, size = record.now, len(record.now) - at.STATE
     weights = zeros(size)
     weights[0], weights[1] = run.cam.speed, 1.0
     if run.stem:
@@ -74,11 +57,11 @@ def run_turns(run: RunTable, record: RunRecord, frame: Rows, turns: Rows, most: 
     change = Change(frame, zero_rows(size, size), weights, zeros(size))
     for i in range(len(turns)):
         row = turns[i]
-        _begin(row, size, now[FLYING] != 0.0)
-        now[TIME], now[JUMPS_DONE], now[STEP], now[BEGUN] = 0.0, 0.0, 0.0, 0.0
-        if now[FLYING] == 0.0:  # a velocity jump at angle 0 may throw it at once
+        _begin(row, size, now[at.FLYING] != 0.0)
+        now[at.TIME], now[at.JUMPS_DONE], now[at.STEP], now[at.BEGUN] = 0.0, 0.0, 0.0, 0.0
+        if now[at.FLYING] == 0.0:  # a velocity jump at angle 0 may throw it at once
             _hold(run, 0.0, change, row)
-        while now[TIME] < run.jumps.duration:
+        while now[at.TIME] < run.jumps.duration:
             record.counts[0] = record.counts[1] = 0.0
             run_events(run, record)
             _follow(run, record, change, row)
@@ -102,15 +85,15 @@ def _begin(row: Row, size: int, flies: bool) -> None:
 
 def _end(run: RunTable, now: Row, row: Row) -> None:
     """What a turn ends with, and the derivative of it."""
-    size = len(now) - STATE
+    size = len(now) - at.STATE
     first = ENDS + 2 * size
-    if now[FLYING] != 0.0:
-        row[ENDS], row[ENDS + 1], row[FLIES] = now[GAP], now[GAP_RATE], 1.0
+    if now[at.FLYING] != 0.0:
+        row[ENDS], row[ENDS + 1], row[FLIES] = now[at.GAP], now[at.GAP_RATE], 1.0
     for j in range(size * (size - 2)):  # w = y − z
         row[first + 2 * size + j] -= row[first + j]
     if run.stem:
-        stem = (now[STATE], now[STATE + 1])
-        if now[FLYING] == 0.0:
+        stem = (now[at.STATE], now[at.STATE + 1])
+        if now[at.FLYING] == 0.0:
             stem = stem_stretch(run, stem, cam_at(run.cam, run.jumps.duration))
         row[ENDS + 2], row[ENDS + 3] = stem
 
@@ -124,12 +107,12 @@ def _follow(run: RunTable, record: RunRecord, change: Change, row: Row) -> None:
         passed += 1
     for i in range(count):
         phase = record.phases[i]
-        length, approach, rebound = phase[END] - phase[TIME], 0.0, 0.0
-        while passed < met and record.events[passed][1] <= phase[END]:
+        length, approach, rebound = phase[at.END] - phase[at.TIME], 0.0, 0.0
+        while passed < met and record.events[passed][1] <= phase[at.END]:
             if record.events[passed][0] != 0.0:
                 approach, rebound = _note(run, record.events[passed], row)
             passed += 1
-        if phase[FLYING] == 0.0:
+        if phase[at.FLYING] == 0.0:
             if length > 0.0:
                 row[ON_CAM] += length
                 _hold(run, length, change, row)
@@ -138,7 +121,7 @@ def _follow(run: RunTable, record: RunRecord, change: Change, row: Row) -> None:
         if approach > 0.0:  # a graze has none: that of the flights which just miss
             restitution = run.restitution if rebound > 0.5 * run.restitution * approach else 0.0
             after = record.phases[i + 1] if i + 1 < count else record.now
-            _land(run, (phase[END], approach, restitution), after, change, row)
+            _land(run, (phase[at.END], approach, restitution), after, change, row)
 
 
 def _note(run: RunTable, event: Row, row: Row) -> tuple[float, float]:
@@ -159,9 +142,9 @@ def _fly(run: RunTable, time: float, change: Change, row: Row) -> None:
     """Φ of a flight of some seconds."""
     step, free, trace = change.step, run.free, 0.0
     for i in range(len(step)):
-        trace += free.rows[MATRIX + i][i]
+        trace += free.rows[air.MATRIX + i][i]
     if not run.stem:
-        damping, stiffness = free.rows[DAMPING][0], free.rows[STIFFNESS][0]
+        damping, stiffness = free.rows[air.DAMPING][0], free.rows[air.STIFFNESS][0]
         impulse, rate, _ = impulse_at(damping, stiffness, time)
         step[0][0], step[0][1] = rate + damping * impulse, impulse
         step[1][0], step[1][1] = -stiffness * impulse, rate
@@ -192,13 +175,13 @@ def _land(
             step[i][j] = 1.0 if i == j else 0.0
     step[0][0] = step[1][1] = -restitution
     if not run.stem:
-        damping, stiffness = run.free.rows[DAMPING][0], run.free.rows[STIFFNESS][0]
-        still = run.free.rows[LOAD][1] - stiffness * cam[0] - cam[2]
+        damping, stiffness = run.free.rows[air.DAMPING][0], run.free.rows[air.STIFFNESS][0]
+        still = run.free.rows[air.LOAD][1] - stiffness * cam[0] - cam[2]
         before = still - damping * (cam[1] - approach)
         then = still - damping * (cam[1] + restitution * approach)
     else:
-        stem = (after[STATE], after[STATE + 1])
-        if after[FLYING] == 0.0:
+        stem = (after[at.STATE], after[at.STATE + 1])
+        if after[at.FLYING] == 0.0:
             stem = stem_stretch(run, stem, cam)
         damping, both = -run.contact.velocity / run.mass, (1.0 + restitution) * approach
         then = damping * stem[1] - run.contact.place / run.mass * stem[0] - cam[2]

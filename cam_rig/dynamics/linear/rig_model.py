@@ -15,7 +15,7 @@ from scipy.signal import StateSpace
 from cam_rig.arguments import checked
 from cam_rig.dynamics import elastic_stem
 from cam_rig.dynamics.kinetostatic import force_weights
-from cam_rig.dynamics.linear.sampling import Outputs
+from cam_rig.dynamics.linear.response import Outputs
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.two_mass.masses import (
     NEEDED,

@@ -11,20 +11,29 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cam_rig.dynamics.modal.harmonics import Sag, rings, sag_of, settled_sag
 from cam_rig.dynamics.modal.least import Least, Stretch, least
 from cam_rig.dynamics.modal.motion import (
     LawSeries,
+    ModeOnLaw,
     Oscillator,
     OscillatorMotion,
-    Series,
     Triple,
     end_of,
     motion_at,
+    on_law,
     resolved,
-    series_of,
 )
-from cam_rig.dynamics.modal.sags import BENT, FORCED, FREE, TINY, sags_between
+from cam_rig.dynamics.modal.sags import (
+    BENT,
+    FORCED,
+    FREE,
+    TINY,
+    Sag,
+    rings,
+    sag_of,
+    sags_between,
+    settled_sag,
+)
 from cam_rig.laws.rows import Row, Rows, borrowed, zero_rows, zeros
 from cam_rig.units import TURN
 
@@ -75,36 +84,36 @@ def climb(
     law: LawSeries, mode: Oscillator, low: float, step: float, last: float, most: float
 ) -> Climb:
     """Go up from a speed (rad/s) to ``last`` at most, with as many looks as ``most``."""
-    law, series, count = borrowed(law), _series(law, mode), len(law.groups) - 1
-    if not resolved(law, series, low):
+    run, count = on_law(borrowed(law), mode), len(law.groups) - 1
+    if not resolved(run, low):
         return Climb(UNTOLD, low, step, low, 0.0, 0.0)
     sags, floors, margins, there = zero_rows(3, count), zeros(count), zeros(count), zeros(count)
-    motion = motion_at(law, mode, series, low)
-    found = _floors(law, mode, motion, floors)
+    motion = motion_at(run, low)
+    found = _floors(run, motion, floors)
     if found.value <= 0.0:
         return Climb(BELOW, low, step, low, found.angle, found.angle)
     looks = float(found.looks)
     while low < last:
         high = min(low * (1.0 + step), last)
-        if not resolved(law, series, high):
+        if not resolved(run, high):
             if step < NEAR:
                 return Climb(UNTOLD, low, step, low, 0.0, 0.0)
             step *= 0.5
             continue
-        way, width, sag = _step(law, mode, series, motion, floors, high, sags)
+        way, width, sag = _step(run, motion, floors, high, sags)
         finest = FINEST * low
         width = max(width, finest)
         if way == ANEW and width > finest:
             step = width / low
             continue
         high = high if way == BY_HARMONICS else low + width
-        looks += _margins(law, mode, motion, high, floors, margins)
-        looks += len(law.alike) * len(series.own)
-        after = motion_at(law, mode, series, high)
-        found = _floors(law, mode, after, there)
+        looks += _margins(run, motion, high, floors, margins)
+        looks += len(law.alike) * len(run.series.own)
+        after = motion_at(run, high)
+        found = _floors(run, after, there)
         looks += found.looks
         if way == BY_HARMONICS:
-            sag = sag_of(law, mode, motion, sag, after.settled, high)
+            sag = sag_of(run, motion, sag, after.settled, high)
             holds, longer = _next(sag, _lowest_of(margins), _lowest_of(there))
         else:
             lowest, forced = motion.group_lowest, after.group_lowest
@@ -114,9 +123,9 @@ def climb(
         if not holds and width > finest:
             continue
         if found.value <= 0.0:
-            zero = _zero(law, mode, series, low, high, found.angle)
+            zero = _zero(run, low, high, found.angle)
             beyond = min(high, zero[0] * (1.0 + LAST_DIGIT))
-            first = _first_below(law, mode, series, beyond, zero[1])
+            first = _first_below(run, beyond, zero[1])
             return Climb(FOUND, low, step, zero[0], zero[1], first)
         low, motion, floors, there = high, after, there, floors
         if looks > most:
@@ -125,28 +134,22 @@ def climb(
 
 
 def _step(
-    law: LawSeries,
-    mode: Oscillator,
-    series: Series,
-    motion: OscillatorMotion,
-    floors: Row,
-    high: float,
-    sags: Rows,
+    run: ModeOnLaw, motion: OscillatorMotion, floors: Row, high: float, sags: Rows
 ) -> tuple[int, float, Sag]:
     """By what the output is told to be above zero up to a speed, and over what step (rad/s).
 
     By the law's harmonics, or group by group, whichever tells of the longer one; else what to try.
     """
     wide, part, size, sag = high - motion.speed, 0.0, motion.norm, Sag(0.0, 0.0, 0.0)
-    if rings(mode, size):
-        sag, tried = settled_sag(law, mode, motion, high), TRIED * _lowest_of(floors)
-        below = sag_of(law, mode, motion, sag, motion.settled, high).below
+    if rings(run.mode, size):
+        sag, tried = settled_sag(run, motion, high), TRIED * _lowest_of(floors)
+        below = sag_of(run, motion, sag, motion.settled, high).below
         if below <= tried:
             return BY_HARMONICS, wide, sag
         part = NEARER * math.sqrt(tried / max(below, TINY))
     if part > AGAIN:
         return ANEW, part * wide, sag
-    sags_between(law, mode, size, series, motion.speed, high, sags)
+    sags_between(run, size, motion.speed, high, sags)
     width = min(wide, _width(sags, floors, motion.group_lowest))
     if part * wide > width:
         return ANEW, part * wide, sag
@@ -180,28 +183,22 @@ def _lowest_of(floors: Row) -> float:
     return lowest
 
 
-def _series(law: LawSeries, mode: Oscillator) -> Series:
-    return series_of(mode, len(law.jumps) - 1)
-
-
-def _floors(law: LawSeries, mode: Oscillator, motion: OscillatorMotion, floors: Row) -> Least:
+def _floors(run: ModeOnLaw, motion: OscillatorMotion, floors: Row) -> Least:
     """The least output of the run, nearly, and what it is not below in each group."""
     for i in range(len(floors)):
         floors[i] = math.inf
-    whole = Stretch(0.0, end_of(motion, mode.duration), NEARLY)
-    return least(law, mode, motion, whole, floors)
+    whole = Stretch(0.0, end_of(motion, run.mode.duration), NEARLY)
+    return least(run.law, run.mode, motion, whole, floors)
 
 
-def _margins(
-    law: LawSeries, mode: Oscillator, motion: OscillatorMotion, high: float, floors: Row, out: Row
-) -> int:
+def _margins(run: ModeOnLaw, motion: OscillatorMotion, high: float, floors: Row, out: Row) -> int:
     """What the output is not below in each group up to where the run at a speed ``high`` ends."""
     for i in range(len(floors)):
         out[i] = floors[i]
-    end, further = motion.speed * mode.duration, high * mode.duration
+    end, further = motion.speed * run.mode.duration, high * run.mode.duration
     if end >= len(motion.starts) * TURN or math.isinf(end):
         return 0
-    return least(law, mode, motion, Stretch(end, further, NEARLY), out).looks
+    return least(run.law, run.mode, motion, Stretch(end, further, NEARLY), out).looks
 
 
 def _width(sags: Rows, floors: Row, lowest: Row) -> float:
@@ -238,33 +235,28 @@ def _holds(
     return True
 
 
-def _zero(
-    law: LawSeries, mode: Oscillator, series: Series, low: float, high: float, where: float
-) -> tuple[float, float]:
+def _zero(run: ModeOnLaw, low: float, high: float, where: float) -> tuple[float, float]:
     """Where the least output is zero: above at one speed, not above at another and an angle.
 
     Sought near that angle alone. Where the output is below zero elsewhere a last digit slower, it
     is sought there anew.
     """
     for _ in range(MOST_STEPS):
-        last, high, where = _zero_near(law, mode, series, low, high, where)
-        found = _lowest(law, mode, series, last, Stretch(0.0, math.inf, POLISHED))
+        last, high, where = _zero_near(run, low, high, where)
+        found = _lowest(run, last, Stretch(0.0, math.inf, POLISHED))
         if last == low or found.value > 0.0:
             break
         high, where = last, found.angle
     return high, where
 
 
-def _zero_near(
-    law: LawSeries, mode: Oscillator, series: Series, low: float, high: float, where: float
-) -> Triple:
+def _zero_near(run: ModeOnLaw, low: float, high: float, where: float) -> Triple:
     """The last speed (rad/s) above it, the zero near an angle (rad), and the angle there.
 
     By the secant, whose value at the end that stays is halved (the Illinois method).
     """
     near = Stretch(max(0.0, where - NEARBY), where + NEARBY, POLISHED)
-    above = _lowest(law, mode, series, low, near)
-    below = _lowest(law, mode, series, high, near)
+    above, below = _lowest(run, low, near), _lowest(run, high, near)
     first, last, where, side = above.value, below.value, below.angle, 0
     for _ in range(MOST_STEPS):
         if high - low <= ROOT * high or last == 0.0:
@@ -272,7 +264,7 @@ def _zero_near(
         speed = high - last * (high - low) / (last - first)
         if not low < speed < high:
             speed = 0.5 * (low + high)
-        now = _lowest(law, mode, series, speed, near)
+        now = _lowest(run, speed, near)
         if now.value > 0.0:
             low, first = speed, now.value
             last = 0.5 * last if side > 0 else last
@@ -284,31 +276,26 @@ def _zero_near(
     return low, high, where
 
 
-def _first_below(
-    law: LawSeries, mode: Oscillator, series: Series, speed: float, where: float
-) -> float:
+def _first_below(run: ModeOnLaw, speed: float, where: float) -> float:
     """Where (rad) the first turn is lowest that is below zero at a speed; ``where`` if none is."""
-    motion, nothing = motion_at(law, mode, series, speed), zeros(len(law.groups) - 1)
-    end = end_of(motion, mode.duration)
+    motion, nothing = motion_at(run, speed), zeros(len(run.law.groups) - 1)
+    end = end_of(motion, run.mode.duration)
     for turn in range(len(motion.starts)):
         within = Stretch(turn * TURN, min(end, (turn + 1) * TURN), POLISHED)
-        found = least(law, mode, motion, within, nothing)
+        found = least(run.law, run.mode, motion, within, nothing)
         if found.value <= 0.0:
             return found.angle
     return where
 
 
-def _lowest(
-    law: LawSeries, mode: Oscillator, series: Series, speed: float, within: Stretch
-) -> Least:
+def _lowest(run: ModeOnLaw, speed: float, within: Stretch) -> Least:
     """The least output at one speed, in a stretch that ends no later than the run."""
-    motion = motion_at(law, mode, series, speed)
-    end = min(within.end, end_of(motion, mode.duration))
+    motion = motion_at(run, speed)
+    end = min(within.end, end_of(motion, run.mode.duration))
     stretch = Stretch(within.begin, end, within.relative)
-    return least(law, mode, motion, stretch, zeros(len(law.groups) - 1))
+    return least(run.law, run.mode, motion, stretch, zeros(len(run.law.groups) - 1))
 
 
 def least_at(law: LawSeries, mode: Oscillator, speed: float) -> float:
     """The least output of the run at a speed (rad/s)."""
-    law = borrowed(law)
-    return _lowest(law, mode, _series(law, mode), speed, Stretch(0.0, math.inf, 0.0)).value
+    return _lowest(on_law(borrowed(law), mode), speed, Stretch(0.0, math.inf, 0.0)).value

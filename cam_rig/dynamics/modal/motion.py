@@ -66,6 +66,14 @@ class Series(NamedTuple):
     output: Row
 
 
+class ModeOnLaw(NamedTuple):
+    """A mode that a law excites."""
+
+    law: LawSeries
+    mode: Oscillator
+    series: Series
+
+
 class Norm(NamedTuple):
     """A size of free (η, η̇) that fades as e^{−decay t}: √((rate η)² + (η̇ + half η)²)."""
 
@@ -127,8 +135,9 @@ def norm(a: float, b: float, c: float, d: float) -> float:
     return math.sqrt(0.5 * (squares + math.sqrt(apart)))
 
 
-def series_of(mode: Oscillator, count: int) -> Series:
-    """The first ``count`` coefficients, by long division."""
+def on_law(law: LawSeries, mode: Oscillator) -> ModeOnLaw:
+    """The mode on a law, with as many coefficients as a piece has derivatives: long division."""
+    count = len(law.jumps) - 1
     own, output = zeros(count), zeros(count)
     for k in range(count):
         rest = mode.drive[k] if k < 3 else 0.0
@@ -140,19 +149,18 @@ def series_of(mode: Oscillator, count: int) -> Series:
         output[k] = mode.place * own[k] + (mode.motion[k] if k < 3 else 0.0)
         if k > 0:
             output[k] += mode.velocity * own[k - 1]
-    return Series(own, output)
+    return ModeOnLaw(law, mode, Series(own, output))
 
 
-def resolved(law: LawSeries, series: Series, speed: float) -> bool:
+def resolved(run: ModeOnLaw, speed: float) -> bool:
     """Whether rounding leaves the output its digits.
 
     Where the mode has few periods in a short piece of high degree, the terms grow and cancel
     against the free vibration.
     """
-    power, most, first = 1.0, 0.0, 0.0
-    for k in range(len(series.output)):
-        size = abs(series.output[k]) * power * law.largest[k]
-        most = max(most, size)
+    output, largest, power, most, first = run.series.output, run.law.largest, 1.0, 0.0, 0.0
+    for k in range(len(output)):
+        most = max(most, abs(output[k]) * power * largest[k])
         if k < 3:
             first = most
         power *= speed
@@ -212,8 +220,9 @@ def moved(flow: Row, state: Pair) -> Pair:
     return place, flow[2] * state[0] + flow[3] * state[1]
 
 
-def motion_at(law: LawSeries, mode: Oscillator, series: Series, speed: float) -> OscillatorMotion:
+def motion_at(run: ModeOnLaw, speed: float) -> OscillatorMotion:
     """The mode at a speed (rad/s)."""
+    law, mode, series = run
     count, fading = len(law.alike), norm_of(mode)
     terms = term_count(law, series, speed)
     flows, lowest, highest = zero_rows(len(law.lengths), 5), zeros(count), zeros(count)

@@ -5,16 +5,19 @@ from __future__ import annotations
 import cmath
 import math
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
 
 from cam_rig.dynamics.events.search import call
-from cam_rig.dynamics.linear.response import RESONANT, LinearResponse
-from cam_rig.dynamics.linear.sampling import Outputs
+from cam_rig.dynamics.linear.response import (
+    RESONANT,
+    LinearResponse,
+    Outputs,
+    no_steady_state,
+)
 from cam_rig.dynamics.modal.first_zero import PAUSED, Climb, climb, least_at
-from cam_rig.dynamics.modal.harmonics import RATIO
 from cam_rig.dynamics.modal.least import free_at
 from cam_rig.dynamics.modal.motion import (
     LawSeries,
@@ -22,13 +25,13 @@ from cam_rig.dynamics.modal.motion import (
     flow_over,
     motion_at,
     moved,
+    on_law,
     resolved,
-    series_of,
 )
-from cam_rig.errors import DynamicsError
+from cam_rig.dynamics.modal.sags import RATIO
 from cam_rig.laws import Law, bernstein
 from cam_rig.laws.rows import index_at, zeros
-from cam_rig.units import TURN, FloatArray, to_rpm
+from cam_rig.units import TURN, FloatArray
 
 #: Looks after which a search can be interrupted: some 20 ms of compiled code, a second of plain.
 AT_ONCE = 5e5
@@ -157,12 +160,11 @@ class ModalRun:
 
     def lowest(self, speed: float) -> float:
         """Least output at one speed (rad/s)."""
-        return float(call(least_at, self._table, self.mode, speed))
+        return float(call(least_at, partial(law_series, self.law), self.mode, speed))
 
     def resolved(self, speed: float) -> bool:
         """Whether rounding leaves the output its digits at a speed (rad/s)."""
-        series = series_of(self.mode, self.law.degree + 1)
-        return resolved(law_series(self.law, False), series, speed)
+        return resolved(on_law(law_series(self.law, False), self.mode), speed)
 
     def steady(self, speed: float, angle: float) -> FloatArray:
         """Free (η, η̇) in steady state at a speed (rad/s) and a cam angle (rad), ``(2,)``."""
@@ -170,11 +172,8 @@ class ModalRun:
         half, period = 0.5 * mode.damping, TURN / speed
         root = cmath.sqrt(half**2 - mode.stiffness)
         if min(abs(1.0 - cmath.exp((x - half) * period)) for x in (root, -root)) < RESONANT:
-            raise DynamicsError(
-                f"no steady state at {to_rpm(speed):.6g} rpm: a mode without damping is at a "
-                "harmonic of the speed; allowed: damping, or another speed"
-            )
-        motion = motion_at(law, mode, series_of(mode, self.law.degree + 1), speed)
+            raise no_steady_state(speed)
+        motion = motion_at(on_law(law, mode), speed)
         piece = min(index_at(law.breaks, angle), len(law.alike) - 1)
         flow = zeros(4)
         flow_over(mode, (angle - law.breaks[piece]) / speed, flow)
@@ -182,14 +181,11 @@ class ModalRun:
 
     def climb(self, low: float, last: float, most: float) -> Climb:
         """Up from a speed (rad/s) to where the output is zero, as `first_zero.climb`."""
-        step, looks = 1.0, 0.0
+        step, looks, table = 1.0, 0.0, partial(law_series, self.law)
         while looks < most:
             at_once = min(AT_ONCE, most - looks)
-            found = Climb(*call(climb, self._table, self.mode, low, step, last, at_once))
+            found = Climb(*call(climb, table, self.mode, low, step, last, at_once))
             if found.outcome != PAUSED:
                 return found
             low, step, looks = found.low, found.step, looks + at_once
         return Climb(PAUSED, low, step, low, 0.0, 0.0)
-
-    def _table(self, arrays: bool) -> LawSeries:
-        return law_series(self.law, arrays)

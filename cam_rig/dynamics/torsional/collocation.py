@@ -17,7 +17,7 @@ from scipy.linalg.blas import idamax
 from scipy.linalg.lapack import dgetrf, dgetrs
 
 from cam_rig.dynamics.linear.exponential import response
-from cam_rig.dynamics.torsional.parameters import TorsionalParameters, TorsionalState
+from cam_rig.dynamics.torsional.model import TorsionalParameters, TorsionalState
 from cam_rig.units import FloatArray
 
 #: Samples evaluated together: their basis values stay in the processor's cache.

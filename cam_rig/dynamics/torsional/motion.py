@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from cam_rig.dynamics.parameters import require_number
 from cam_rig.dynamics.torsional.collocation import ChebyshevPath
-from cam_rig.dynamics.torsional.parameters import TorsionalParameters, TorsionalState
+from cam_rig.dynamics.torsional.model import TorsionalParameters, TorsionalState
 from cam_rig.dynamics.torsional.stepper import March
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein

@@ -22,7 +22,7 @@ from cam_rig.dynamics.torsional.collocation import (
     largest,
     table,
 )
-from cam_rig.dynamics.torsional.parameters import TorsionalParameters, TorsionalState
+from cam_rig.dynamics.torsional.model import TorsionalParameters, TorsionalState
 from cam_rig.dynamics.velocity_jumps import require_smooth
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein

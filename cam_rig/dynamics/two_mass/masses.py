@@ -8,9 +8,8 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from cam_rig.dynamics.linear.exponential import FreeSystem, Pairs
-from cam_rig.dynamics.linear.response import LinearResponse
-from cam_rig.dynamics.linear.sampling import Outputs
-from cam_rig.dynamics.parameters import require_number, si_or_none
+from cam_rig.dynamics.linear.response import LinearResponse, Outputs
+from cam_rig.dynamics.parameters import require_numbers, si_or_none
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
 from cam_rig.units import FloatArray
@@ -36,11 +35,7 @@ class TwoMassParameters:
     restitution: float | None = 0.0
 
     def __post_init__(self) -> None:
-        positive = ("roller_mass", "end_mass", "stem_stiffness", "spring_stiffness")
-        words = dict.fromkeys(positive, "> 0") | {"restitution": "in [0, 1)"}
-        for name, value in vars(self).items():
-            if value is not None or name != "restitution":
-                require_number(name, value, words.get(name, "≥ 0"))
+        require_numbers(vars(self), "restitution")
 
     @classmethod
     def from_rig(cls, rig: RigConfig) -> TwoMassParameters:

@@ -9,7 +9,6 @@ velocity it had.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -19,10 +18,9 @@ from cam_rig.dynamics.events.contact import loss_in_part
 from cam_rig.dynamics.events.course import ROUNDING_ERRORS, Course, Phase, contact_table
 from cam_rig.dynamics.events.runs import RunTable
 from cam_rig.dynamics.events.search import call
-from cam_rig.dynamics.interval import Block, FollowerState, Interval, Samples
+from cam_rig.dynamics.interval import Block, FollowerState, Interval
 from cam_rig.dynamics.linear.exponential import Flight
-from cam_rig.dynamics.linear.response import LinearResponse
-from cam_rig.dynamics.linear.sampling import polynomial_parts, sample
+from cam_rig.dynamics.linear.response import LinearResponse, polynomial_parts, sample
 from cam_rig.dynamics.parameters import require_angle, require_number, state_of, times_of, told
 from cam_rig.dynamics.speed_ramp import with_ramps
 from cam_rig.dynamics.two_mass.masses import (
@@ -228,30 +226,19 @@ def advance(
         start = inner if state.in_contact else Flight(course.system, inner[:4], *state.inner[4:])
     course.go(interval.duration, start, step)
     grid = interval.grid(sample_rate)
-    rows = grid.open_rows()
-    rows[1:5] = 0.0
-    shown = Samples(rows)
+    block = Block(interval, grid.open_rows())
+    block.rows[1:5] = 0.0
     for phase in course.phases:
-        if within := grid.within(phase.begin, phase.end):
-            here, times = within
-            if phase.flight is not None:
-                shown.motion[:, here] = phase.flight.motion(times - phase.begin)
-            else:
-                _show_contact(shown, here, times, sample_rate, course, phase)
-    pending, block = course.block(interval, grid, rows, state)
-    return replace(course.end(interval.duration), pending_impulse=pending), block
+        if phase.flight is None and (within := grid.within(phase.begin, phase.end)):
+            _show_contact(block, *within, sample_rate, course, phase)
+    return course.shown(block, grid, state, course.end(interval.duration))
 
 
 def _show_contact(
-    shown: Samples,
-    here: slice,
-    times: FloatArray,
-    sample_rate: int,
-    course: Separation,
-    phase: Phase,
+    block: Block, here: slice, times: FloatArray, sample_rate: int, course: Separation, phase: Phase
 ) -> None:
     first, count, apart = float(times[0]), times.size, 1.0 / sample_rate
-    shown.motion[:, here] = sample_law(
+    block.motion[:, here] = sample_law(
         course.law,
         course.angle + course.speed * first,
         course.speed / sample_rate,
@@ -261,4 +248,4 @@ def _show_contact(
     )
     angle, since = course.angle + course.speed * phase.begin, first - phase.begin
     out = force_output(course.parameters)
-    shown.force[here] = sample(course.response, phase.vibration, angle, since, apart, count, out)[0]
+    block.force[here] = sample(course.response, phase.vibration, angle, since, apart, count, out)[0]

@@ -13,8 +13,7 @@ from cam_rig.dynamics import MODELS, FollowerParameters, Interval, elastic_stem
 from cam_rig.dynamics.interval import Event
 from cam_rig.dynamics.kinetostatic import force_ordinates
 from cam_rig.dynamics.linear.exponential import free_motion
-from cam_rig.dynamics.linear.response import LinearResponse
-from cam_rig.dynamics.linear.sampling import Outputs, polynomial_part
+from cam_rig.dynamics.linear.response import LinearResponse, Outputs, polynomial_part
 from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.dynamics.two_mass.masses import TwoMassParameters, contact_response, force_output
 from cam_rig.dynamics.two_mass.trajectory import Separation, first_lift_off, states

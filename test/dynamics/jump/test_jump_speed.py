@@ -8,12 +8,7 @@ import pytest
 import cam_rig
 from cam_rig.dynamics import MODELS, FollowerParameters, Interval, TwoMassParameters
 from cam_rig.dynamics.jump.any_follower import described, find_jump, follower_of
-from cam_rig.dynamics.jump.jump_speed import (
-    jump_speed,
-    rigid_jump,
-    rigid_jump_speed,
-    rigid_least,
-)
+from cam_rig.dynamics.jump.jump_speed import jump_speed, rigid_jump, rigid_jump_speed, rigid_least
 from cam_rig.dynamics.jump.search import sought_speed
 from cam_rig.dynamics.two_mass.masses import contact_response
 from cam_rig.errors import ConfigError, DynamicsError
@@ -219,22 +214,12 @@ def events(law, mass, speed):
 @pytest.fixture
 def rng_rigs(laws):
     """Random followers, each under one of the shipped laws."""
-    rng = np.random.default_rng(16)
-    names = ("poly345", "cycloidal", "bezier15", "tm21", "poly4567")
-    return [
-        (
-            laws[name],
-            FollowerParameters(
-                mass=rng.uniform(0.1, 5.0),
-                spring_stiffness=10.0 ** rng.uniform(2.5, 4.5),
-                damping=rng.uniform(0.0, 20.0),
-                preload=rng.uniform(1.0, 200.0),
-                stem_stiffness=1e8,
-            ),
-        )
-        for name in names
-        for _ in range(2)
-    ]
+    rng, found = np.random.default_rng(16), []
+    for name in np.repeat(["poly345", "cycloidal", "bezier15", "tm21", "poly4567"], 2):
+        mass, spring = rng.uniform(0.1, 5.0), 10.0 ** rng.uniform(2.5, 4.5)
+        damping, preload = rng.uniform(0.0, 20.0), rng.uniform(1.0, 200.0)
+        found.append((laws[name], FollowerParameters(mass, spring, damping, preload, 1e8)))
+    return found
 
 
 def test_the_follower_is_the_rigs():

@@ -10,11 +10,17 @@ from scipy.optimize import minimize_scalar
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.events.search import VARIABLE
 from cam_rig.dynamics.jump.search import SLOWEST, force_run, sought
-from cam_rig.dynamics.modal.first_zero import series_of
-from cam_rig.dynamics.modal.harmonics import rings, sag_of, settled_sag
-from cam_rig.dynamics.modal.motion import motion_at, norm_of
+from cam_rig.dynamics.modal.motion import motion_at, norm_of, on_law
 from cam_rig.dynamics.modal.run import law_series
-from cam_rig.dynamics.modal.sags import BENT, FORCED, FREE, sags_between
+from cam_rig.dynamics.modal.sags import (
+    BENT,
+    FORCED,
+    FREE,
+    rings,
+    sag_of,
+    sags_between,
+    settled_sag,
+)
 from cam_rig.dynamics.two_mass.masses import contact_response, force_output
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
@@ -90,8 +96,8 @@ def found_in(seed):
 
 def noise(law, rig, speed):
     """What rounding may take from a force, N."""
-    sizes = np.array(law_series(law, False).largest)
-    series = series_of(force_run(law, rig, None).mode, law.degree + 1).output
+    one = on_law(law_series(law, False), force_run(law, rig, None).mode)
+    sizes, series = np.array(one.law.largest), one.series.output
     return ROUNDING * max(np.abs(series) * sizes[:-1] * speed ** np.arange(law.degree + 1.0))
 
 
@@ -156,9 +162,9 @@ def test_no_force_sags_by_more_than_is_told(seed):
     run, table = force_run(law, rig, duration), law_series(law, False)
     if not run.resolved(high):
         return
-    series, out = series_of(run.mode, law.degree + 1), np.zeros((3, len(table.groups) - 1)).tolist()
+    one, out = on_law(table, run.mode), np.zeros((3, len(table.groups) - 1)).tolist()
     size = norm_of(run.mode)
-    sags_between(table, run.mode, size, series, low, high, out)
+    sags_between(one, size, low, high, out)
     end = min(TURN if duration is None else high * duration, 40.0 * TURN)
     angles = np.sort(rng.uniform(0.0, end, 3000))
     middle = 0.5 * (low + high)
@@ -170,9 +176,8 @@ def test_no_force_sags_by_more_than_is_told(seed):
     small = 1e-12 * np.abs(between).max() + noise(law, rig, high)
     assert (lost <= sag[of] * (1.0 + 1e-9) + small).all()
     if rings(run.mode, size):
-        first, after = (motion_at(table, run.mode, series, x) for x in (low, high))
-        sag = settled_sag(table, run.mode, first, high)
-        told = min(sag_of(table, run.mode, first, sag, after.settled, high))
+        first, after = (motion_at(one, x) for x in (low, high))
+        told = min(sag_of(one, first, settled_sag(one, first, high), after.settled, high))
         assert np.abs(lost).max() <= told * (1.0 + 1e-9) + small
 
 

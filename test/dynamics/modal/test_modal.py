@@ -9,10 +9,9 @@ from scipy.optimize import minimize_scalar
 
 from cam_rig.dynamics.jump.jump_speed import jump_speed
 from cam_rig.dynamics.linear.propagator import piece, pieces
-from cam_rig.dynamics.linear.sampling import sample
-from cam_rig.dynamics.modal.first_zero import series_of
+from cam_rig.dynamics.linear.response import sample
 from cam_rig.dynamics.modal.least import Stretch, least
-from cam_rig.dynamics.modal.motion import amplitude, motion_at
+from cam_rig.dynamics.modal.motion import amplitude, motion_at, on_law
 from cam_rig.dynamics.modal.run import ModalRun, law_series
 from cam_rig.dynamics.two_mass.masses import TwoMassParameters, contact_response, force_output
 from cam_rig.dynamics.two_mass.trajectory import first_lift_off
@@ -22,7 +21,7 @@ from cam_rig.laws import Law
 from cam_rig.laws.spline import bezier_pieces
 from cam_rig.units import RPM, TURN
 
-from ..helpers import lift_off
+from ..helpers import TWO, lift_off
 from .test_first_zero import forces
 
 
@@ -34,8 +33,7 @@ def run_of(law, parameters, duration=None):
 
 def motion_of(run, speed):
     """Its motion at a speed (rad/s), in plain Python."""
-    law = law_series(run.law, False)
-    return motion_at(law, run.mode, series_of(run.mode, run.law.degree + 1), speed)
+    return motion_at(on_law(law_series(run.law, False), run.mode), speed)
 
 
 def test_exactly_critical_damping(laws, two_mass):
@@ -98,16 +96,6 @@ def test_kick_of_a_joint(laws, two_mass):
 
 # The least force of long laws: no bound cuts a touch; the least is the exhaustive search's.
 
-PAPER = TwoMassParameters(
-    roller_mass=0.52,
-    end_mass=0.78,
-    stem_stiffness=1.26e6,
-    spring_stiffness=4030.0,
-    stem_damping=8.642,
-    damping=8.642,
-    preload=30.6,
-    restitution=0.0,
-)
 #: Pieces of a law, and the damping of its rig over the paper's: none, light, near critical, heavy.
 CASES = [(1, 1.0), (2, 0.3), (7, 0.0), (7, 400.0), (30, 1.0), (90, 228.8), (360, 1.0), (1440, 3.0)]
 
@@ -131,7 +119,7 @@ def random_law(rng, count):
 
 def random_rig(rng, damping):
     """The paper's follower, each number up to half as large again; damped so many times as much."""
-    numbers = {name: x * rng.uniform(1.0, 1.5) for name, x in asdict(PAPER).items()}
+    numbers = {name: x * rng.uniform(1.0, 1.5) for name, x in asdict(TWO).items()}
     rig = TwoMassParameters(**numbers)
     return replace(rig, stem_damping=damping * rig.stem_damping, damping=damping * rig.damping)
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics import MODELS, FollowerParameters, Interval
+from cam_rig.dynamics.torsional.model import TorsionalParameters, TorsionalState
 from cam_rig.dynamics.torsional.motion import solve, steady_motion
-from cam_rig.dynamics.torsional.parameters import TorsionalParameters, TorsionalState
 from cam_rig.laws import Law
 from cam_rig.schema import load_rig
 from cam_rig.units import TURN

@@ -10,8 +10,8 @@ from scipy.integrate import solve_ivp
 from benchmark.speed import exact as exact_twist
 from benchmark.speed.models import Case, Twist
 from cam_rig.dynamics import MODELS, FollowerParameters, Interval
+from cam_rig.dynamics.torsional.model import TorsionalParameters, TorsionalState
 from cam_rig.dynamics.torsional.motion import solve, steady_state
-from cam_rig.dynamics.torsional.parameters import TorsionalParameters, TorsionalState
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein, build_law
 from cam_rig.units import TURN

@@ -9,8 +9,7 @@ import pytest
 from cam_rig.acoustics.pressure import mean_square_rate
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.dynamics.jump.jump_speed import jump_speed
-from cam_rig.dynamics.linear.response import LinearResponse
-from cam_rig.dynamics.linear.sampling import Outputs, sample
+from cam_rig.dynamics.linear.response import LinearResponse, Outputs, sample
 from cam_rig.dynamics.two_mass.masses import contact_response, force_output
 from cam_rig.laws.cam import CamSet
 from cam_rig.paper.stem.chain import BAR, Stem, stem_turn
