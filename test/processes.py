@@ -1,7 +1,19 @@
-"""What Linux's own tables tell of processes."""
+"""What Linux's own tables tell of processes, and a wait for what they do."""
 
+import time
 from contextlib import suppress
 from pathlib import Path
+
+#: Wall time (s) after which something that has not come true never will, however busy the machine.
+WAIT_S = 60.0
+
+
+def until(condition, said=lambda: "", step=lambda: time.sleep(0.01), wait=WAIT_S):
+    """Wait for something that another thread or process does, step by step."""
+    end = time.monotonic() + wait
+    while not condition():
+        assert time.monotonic() < end, f"it never came true {said()}"
+        step()
 
 
 def text_of(place):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple, TypeVar
 
@@ -37,33 +38,27 @@ def mark_sheets(
     own = [load_cam(cam_path(cam)) for cam in cams]
 
     def cam_of(name: str) -> CamConfig:
-        _require_name("cam", name)
         named = next((cam for cam in own if cam.name == name), own[0] if own else None)
-        return _same("cam", name, named or load_cam(cam_path(name)))
+        return _of_name("cam", name, lambda: named or load_cam(cam_path(name)))
 
     def rig_of(name: str) -> RigConfig:
-        _require_name("rig", name)
-        return _same("rig", name, load_rig(rig_path(rig or name)))
+        return _of_name("rig", name, lambda: load_rig(rig_path(rig or name)))
 
     return MarksResult(tuple(mark_sheet(path, tolerance, cam_of, rig_of) for path in sheets))
 
 
-def _require_name(kind: str, name: str) -> None:
-    """Refuse what would be a path to somewhere."""
+def _of_name(kind: str, name: str, load: Callable[[], File]) -> File:
+    """What is loaded, if it has the name that a sheet says, which is no path to somewhere."""
     from cam_rig.files import shown
     from cam_rig.schema.load import NAME
 
     if not NAME.fullmatch(name):
         raise ConfigError(f"{kind} is {shown(name)}; allowed: a name as {kind} files have it")
-
-
-def _same(kind: str, name: str, found: File) -> File:
-    if name == found.name:
-        return found
-    option = "--rig FILE" if kind == "rig" else "the cam's file"
-    raise ConfigError(
-        f"is of {kind} {name!r}, marked with {found.name!r}; allowed: the same, so name {option}"
-    )
+    if (found := load()).name != name:
+        option = "--rig FILE" if kind == "rig" else "the cam's file"
+        words = f"is of {kind} {name!r}, marked with {found.name!r}"
+        raise ConfigError(f"{words}; allowed: the same, so name {option}")
+    return found
 
 
 #: What is drawn and turned if nothing else is named.
@@ -178,11 +173,12 @@ def panel(
 
     cam-rig panel --mark sheets/one.csv sheets/two.csv --plot class.png
     """
-    cams, sheets = _apart(names or [], mark, lab)
+    sheets = [name for name in names or [] if mark and name.endswith(".csv")]
+    cams = [name for name in names or [] if name not in sheets]
     for_marks = any(given is not None for given in (tolerance, json, csv, plot))
-    _require_together(lab, seed or host, mark, open_browser, for_marks)
+    _require_together(cams, lab, seed or host, mark, open_browser, for_marks)
     if mark:
-        return mark_sheets(sheets, cams, rig, tolerance)
+        return mark_sheets([*map(Path, sheets)], cams, rig, tolerance)
     room = ClassRoom(lab, tuple(seed or ()), host) if lab else None
     _serve(cams or [CAM], rig or RIG, port, out, not no_rerun, open_browser, room, lang)
     return None
@@ -211,22 +207,16 @@ class ClassRoom(NamedTuple):
         return found
 
 
-def _apart(names: list[str], mark: bool, lab: str | None) -> tuple[list[str], list[Path]]:
-    sheets = [name for name in names if mark and name.endswith(".csv")]
-    cams = [name for name in names if name not in sheets]
-    # which of them a lab compares, it says itself
-    if len(cams) > 1 and not (mark or lab):
-        raise ConfigError(f"cam: is {' '.join(cams)}; allowed: one cam")
-    return cams, [Path(name) for name in sheets]
-
-
 def _require_together(
+    cams: list[str],
     lab: str | None,
     of_lab: list[str] | str | None,
     mark: bool,
     open_browser: bool,
     for_marks: bool,
 ) -> None:
+    if len(cams) > 1 and not (mark or lab):  # which of them a lab compares, it says itself
+        raise ConfigError(f"cam: is {' '.join(cams)}; allowed: one cam")
     if of_lab and lab is None:
         raise ConfigError("--seed, --host: are of a lab sheet; allowed: with --lab")
     if mark and (lab is not None or open_browser):

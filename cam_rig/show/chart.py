@@ -63,9 +63,7 @@ class Axes:
 
     def view(self, origin: str, name: str, right: float, below: float) -> rrb.Spatial2DView:
         """A view of what is drawn at ``origin``, with shares of width and height left free."""
-        x, y = self.bounds(right, below)
-        bounds = rrb.VisualBounds2D(x_range=x, y_range=y)
-        return rrb.Spatial2DView(origin=origin, name=name, visual_bounds=bounds)
+        return plane_view(origin, name, *self.bounds(right, below))
 
     def draw(
         self,
@@ -107,6 +105,14 @@ class Axes:
             at, labels=[*marks.values()], show_labels=True, colors=colours.GREY, radii=UNSEEN
         )
         stream.log(entity, words, static=True)
+
+
+def plane_view(
+    origin: str, name: str, x: Sequence[float], y: Sequence[float], **more: Any
+) -> rrb.Spatial2DView:
+    """A view of what is drawn at ``origin`` in a range of x and of y, as the plane has them."""
+    bounds = rrb.VisualBounds2D(x_range=x, y_range=y)
+    return rrb.Spatial2DView(origin=origin, name=name, visual_bounds=bounds, **more)
 
 
 def round_marks(low: float, high: float, unit: str) -> dict[float, str]:
@@ -157,8 +163,6 @@ def step_marks(low: float, high: float, step: float, most: int = 4) -> dict[floa
 
 #: The timeline: cam speed in whole rpm.
 SPEED = "cam_rpm"
-
-
 APPLICATION = "cam_rig"
 
 
@@ -194,21 +198,19 @@ def chart_stream(
     panels = rrb.BlueprintPanel(state="collapsed"), rrb.SelectionPanel(state="collapsed")
     shown = rrb.Tabs(*views) if len(views) > 1 else views[0]
     plan = rrb.Blueprint(shown, *panels, rrb.TimePanel(**over), auto_views=False, auto_layout=False)
-    with rrd_stream(path, APPLICATION, plan) as stream:
-        name_recording(stream, name)
+    with rrd_stream(path, name, plan) as stream:
         yield stream
 
 
 @contextmanager
-def rrd_stream(
-    path: Path, application: str, blueprint: rrb.Blueprint
-) -> Iterator[rr.RecordingStream]:
+def rrd_stream(path: Path, name: str, blueprint: rrb.Blueprint) -> Iterator[rr.RecordingStream]:
     """A stream into a file beside ``path``, which takes its place at the end, in reading order."""
     drawn, part = (path.with_name(f"{path.name}{end}") for end in (".drawn.part", ".part"))
-    stream, ordered = (rr.RecordingStream(application) for _ in range(2))
+    stream, ordered = (rr.RecordingStream(APPLICATION) for _ in range(2))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         _save(stream, drawn, blueprint)
+        name_recording(stream, name)
         yield stream
         stream.disconnect()
         _require_whole(drawn)

@@ -128,8 +128,14 @@ def tint(colour: int) -> int:
 
 # Outlines in the plane, in mm, as lists of strips: circles, stems, faces, arms, bearings.
 
-#: mm in a metre.
-MM = 1e3
+#: mm in a metre, and how many decimals of them a page is sent.
+MM, DECIMALS = 1e3, 4
+
+
+def millimetres(points: FloatArray) -> list[list[float]]:
+    """Points (m) as a page draws them."""
+    found: list[list[float]] = np.round(MM * points, DECIMALS).tolist()
+    return found
 
 
 def circle(radius: float, points: int = 96) -> FloatArray:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint.components import AbsoluteTimeRange
 
 from cam_rig.errors import ConfigError
-from cam_rig.show.chart import tens_range
+from cam_rig.show.chart import plane_view, tens_range
 from cam_rig.show.looks import shortened
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.units import NS, TURN, to_rpm
@@ -22,12 +24,12 @@ from cam_rig.viewer.turn_chart import MAX_TITLE, TurnAxes
 
 #: Rig time per wall time: a turn at 300 rpm takes 2 s.
 PLAYBACK_SPEED = 0.1
+#: A recording that is played over and over.
+PLAYING: dict[str, Any] = {"state": "collapsed", "play_state": "playing"}
 #: Degrees of the cam per second, where turns lie over each other.
 DEGREES_PER_SECOND = 90.0
-SPEED_NAME = "Cam speed [rpm]"
 #: Rig time (s) of a finished run shown on either side of the time cursor.
 AROUND_CURSOR_S = 0.5
-BANDS_NAME = "Third-octave bands"
 
 
 def blueprint(
@@ -49,13 +51,12 @@ def blueprint(
         timeline = _played(loaded, duration, window)
     else:
         view = (_compare if layout is Layout.COMPARE else _report)(loaded, compared, ranges)
-        timeline = rrb.TimePanel(
-            state="collapsed",
-            timeline=TURN_DEGREES,
-            fps=DEGREES_PER_SECOND,
-            play_state="playing",
-            loop_mode="all",
-        )
+        turns: dict[str, Any] = {
+            "timeline": TURN_DEGREES,
+            "fps": DEGREES_PER_SECOND,
+            "loop_mode": "all",
+        }
+        timeline = rrb.TimePanel(**turns, **PLAYING)
     panels = rrb.BlueprintPanel(state="collapsed"), rrb.SelectionPanel(state="collapsed")
     return rrb.Blueprint(view, *panels, timeline, auto_views=False, auto_layout=False)
 
@@ -84,14 +85,8 @@ def _played(loaded: LoadedScene, duration: float, window: float | None) -> rrb.T
     if window is not None:
         return rrb.TimePanel(state="collapsed", timeline=RIG_TIME, play_state="following")
     ends = [round(at * NS) for at in (playback_begin(loaded, duration), duration)]
-    return rrb.TimePanel(
-        state="collapsed",
-        timeline=RIG_TIME,
-        playback_speed=PLAYBACK_SPEED,
-        play_state="playing",
-        loop_mode="selection",
-        time_selection=AbsoluteTimeRange(ends[0], ends[1]),
-    )
+    over: dict[str, Any] = {"loop_mode": "selection", "time_selection": AbsoluteTimeRange(*ends)}
+    return rrb.TimePanel(timeline=RIG_TIME, playback_speed=PLAYBACK_SPEED, **over, **PLAYING)
 
 
 def _run(
@@ -101,7 +96,7 @@ def _run(
     bounces = [_bounces(loaded, ranges)] if rebounds(loaded) else []
     tabs = rrb.Tabs(
         *bounces,
-        _chart(turn_chart.VIEW, "One turn", *one_turn),
+        plane_view(turn_chart.VIEW, "One turn", *one_turn),
         _over_time(loaded, bucket, ranges, _near(window)),
         _sound(loaded, duration),
         _words(),
@@ -114,14 +109,9 @@ def _bounces(loaded: LoadedScene, ranges: Ranges) -> rrb.Spatial2DView:
     gap, landing = bounce_axes(loaded, ranges)
     x, _ = gap.bounds()
     first, now = rr.TimeRangeBoundary.infinite(), rr.TimeRangeBoundary.cursor_relative()
-    return rrb.Spatial2DView(
-        origin=bounce_chart.VIEW,
-        name="Bounces",
-        visual_bounds=rrb.VisualBounds2D(x_range=x, y_range=(0.0, landing.top + 1.12 * ROW)),
-        time_ranges=[
-            rr.VisibleTimeRange(name, start=first, end=now) for name in (RIG_TIME, CAM_DEGREES)
-        ],
-    )
+    seen = [rr.VisibleTimeRange(name, start=first, end=now) for name in (RIG_TIME, CAM_DEGREES)]
+    y = 0.0, landing.top + 1.12 * ROW
+    return plane_view(bounce_chart.VIEW, "Bounces", x, y, time_ranges=seen)
 
 
 def _words() -> rrb.Container:
@@ -157,7 +147,7 @@ def _sound(loaded: LoadedScene, duration: float) -> rrb.Container:
     whole = _whole(duration)
     over_run = rrb.Vertical(
         _plot(quantities.LEVEL.entity, "Sound pressure level [dB]", whole),
-        _plot(quantities.SPEED.entity, SPEED_NAME, whole),
+        _plot(quantities.SPEED.entity, "Cam speed [rpm]", whole),
     )
     lower = rrb.Horizontal(_bands(loaded, BANDS), over_run, column_shares=[3, 2])
     return rrb.Vertical(_noise(loaded), lower, name="Sound")
@@ -184,13 +174,13 @@ def _report(loaded: LoadedScene, rpm: float, ranges: Ranges) -> rrb.Container:
 
 def _cams(loaded: LoadedScene) -> list[rrb.Container]:
     titles = {name: shortened(cam.title, MAX_TITLE) for name, cam in loaded.cams.items()}
-    views = {name: f"{level_chart.COMPARE}/{name}/scene" for name in titles}
-    return [_scene(loaded, views[name], title, 4.0) for name, title in titles.items()]
+    compare = level_chart.COMPARE
+    return [_scene(loaded, f"{compare}/{name}/scene", titles[name], 4.0) for name in titles]
 
 
 def _turns(loaded: LoadedScene, rpm: float, ranges: Ranges) -> list[rrb.Spatial2DView]:
     return [
-        _chart(
+        plane_view(
             level_chart.at_speed(rpm, row.key),
             f"{row.title} at {rpm:g} rpm",
             *level_chart.turn_axes(row, ranges).bounds(14.0, level_chart.names_height(loaded)),
@@ -203,10 +193,8 @@ def _scene(
     loaded: LoadedScene, view: str, name: str = "Cam and follower", share: float = 7.0
 ) -> rrb.Container:
     """A cam under its follower, so many times as high as its readings below."""
-    x, y = scene2d.bounds(scene2d.framings(loaded))
-    shown = rrb.VisualBounds2D(x_range=x, y_range=y)
     return rrb.Vertical(
-        rrb.Spatial2DView(origin=view, name=name, visual_bounds=shown),
+        plane_view(view, name, *scene2d.bounds(scene2d.framings(loaded))),
         rrb.TextDocumentView(origin=f"{view}_readings", name="Readings", titlebar=False),
         row_shares=[share, 1.0],
     )
@@ -215,18 +203,11 @@ def _scene(
 def _noise(loaded: LoadedScene) -> rrb.Spatial2DView:
     bounds = level_chart.level_axes(loaded).bounds(right=level_chart.beside(loaded))
     dashed = ": published dashed" if loaded.published is not None else ""
-    return _chart(level_chart.VIEW, f"Level over speed{dashed}", *bounds)
+    return plane_view(level_chart.VIEW, f"Level over speed{dashed}", *bounds)
 
 
 def _bands(loaded: LoadedScene, view: str) -> rrb.Spatial2DView:
-    return _chart(view, BANDS_NAME, *band_axes(loaded.scene.sample_rate.si).bounds())
-
-
-def _chart(
-    view: str, name: str, x: tuple[float, float], y: tuple[float, float]
-) -> rrb.Spatial2DView:
-    bounds = rrb.VisualBounds2D(x_range=x, y_range=y)
-    return rrb.Spatial2DView(origin=view, name=name, visual_bounds=bounds)
+    return plane_view(view, "Third-octave bands", *band_axes(loaded.scene.sample_rate.si).bounds())
 
 
 def _plot(

@@ -5,8 +5,6 @@ Its points are rows of their own times, all of which up to the viewer's cursor a
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
 import rerun as rr
 
@@ -20,14 +18,13 @@ from cam_rig.units import NS, RPM_PER_RAD_S, TURN, FloatArray
 from cam_rig.viewer.level_chart import speed_ends
 from cam_rig.viewer.quantities import ZERO_GAP, Ranges
 from cam_rig.viewer.timeline import Canvas
-from cam_rig.viewer.turn_chart import label
+from cam_rig.viewer.turn_chart import DEGREES, WIDTH, label
 
 VIEW = "bounce"
 GAPS, LANDINGS = f"{VIEW}/gap", f"{VIEW}/landing"
-#: Of the plane: width, height of each of the two axes, and of the words between them.
-WIDTH, ROW, HEAD = 160.0, 48.0, 12.0
+#: Of the plane: height of each of the two axes, and of the words between them.
+ROW, HEAD = 48.0, 12.0
 POINT = -1.6
-DEGREES = {0.0: "0°", 90.0: "90°", 180.0: "180°", 270.0: "270°", 360.0: "360°"}
 
 
 def rebounds(loaded: LoadedScene) -> bool:
@@ -63,14 +60,6 @@ def gaps_at_zero(law: Law, samples: FloatArray) -> tuple[FloatArray, FloatArray]
     return speed, np.maximum(lift - float(law(0.0)), 0.0)
 
 
-@dataclass
-class _Rows:
-    """Points of an entity, some at each of many times."""
-
-    times: list[tuple[float, float]] = field(default_factory=list)
-    points: list[FloatArray] = field(default_factory=list)
-
-
 class BounceChart:
     """Draws the axes, then a point a turn and one a landing; `flush` sends them."""
 
@@ -78,7 +67,8 @@ class BounceChart:
         self._canvas, self._loaded = canvas, loaded
         self._gap, self._landing = bounce_axes(loaded, ranges)
         self._last: tuple[str, FloatArray] | None = None
-        self._rows: dict[str, _Rows] = {}
+        #: Of each entity the times and angles of its rows, with the points at each.
+        self._rows: dict[str, list[tuple[tuple[float, float], FloatArray]]] = {}
         rpm = round_marks(*self._gap.x, "rpm")
         self._gap.draw(canvas.stream, f"{GAPS}/axes", {}, round_marks(*self._gap.y, ""))
         self._landing.draw(canvas.stream, f"{LANDINGS}/axes", rpm, DEGREES)
@@ -88,9 +78,8 @@ class BounceChart:
         ):
             label(canvas, f"{entity}/title", (0.5 * WIDTH, axes.top - 0.7 * HEAD), words)
         for cam in loaded.cams:
-            style = rr.Points2D.from_fields(colors=of_cam(cam), radii=POINT)
             for entity in (GAPS, LANDINGS):
-                canvas.always(f"{entity}/{cam}", style)
+                canvas.look(f"{entity}/{cam}", rr.Points2D, colors=of_cam(cam), radii=POINT)
 
     def tick(self, start: CamState, end: CamState, angle: FloatArray, rows: FloatArray) -> None:
         """Take one tick, as `RunView.tick`."""
@@ -112,14 +101,12 @@ class BounceChart:
     def flush(self) -> None:
         """Send what came since."""
         for entity, rows in self._rows.items():
-            columns = rr.Points2D.columns(positions=np.concatenate(rows.points))
-            times = self._canvas.times(*np.array(rows.times).T)
-            lengths = [len(points) for points in rows.points]
-            self._canvas.rows(entity, times, columns.partition(lengths))
+            ends, points = zip(*rows, strict=True)
+            columns = rr.Points2D.columns(positions=np.concatenate(points))
+            times = self._canvas.times(*np.array(ends).T)
+            self._canvas.rows(entity, times, columns.partition([*map(len, points)]))
         self._rows = {}
 
     def _add(self, entity: str, at: tuple[float, float], points: FloatArray) -> None:
         if len(points):
-            rows = self._rows.setdefault(entity, _Rows())
-            rows.times.append(at)
-            rows.points.append(points)
+            self._rows.setdefault(entity, []).append((at, points))

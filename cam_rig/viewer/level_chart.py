@@ -6,6 +6,7 @@ A finished run has its points from the start, small, and the larger ones grow ov
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -84,13 +85,16 @@ class LevelChart:
         self._new: dict[str, tuple[int, float]] = {}
         self._drawn: set[str] = set()
         self._named: dict[str, float] = {}
-        rpm, level = round_marks(*self._axes.x, "rpm"), round_marks(*self._axes.y, "dB")
-        self._axes.draw(canvas.stream, f"{VIEW}/axes", rpm, level)
-        style = rr.Points2D.from_fields(radii=UNSEEN, show_labels=True)
-        canvas.always(f"{VIEW}/names", style)
+        marks = round_marks(*self._axes.x, "rpm"), round_marks(*self._axes.y, "dB")
+        self._axes.draw(canvas.stream, f"{VIEW}/axes", *marks)
+        canvas.look(f"{VIEW}/names", rr.Points2D, radii=UNSEEN, show_labels=True)
         if loaded.published is not None:
+            rpm = np.linspace(*self._axes.x, 2 * DASHES)
             for cam in loaded.published.regression_db:
-                self._draw_published(cam)
+                points = self._axes.place(rpm, loaded.published.level(cam, rpm))
+                strips = list(points.reshape(DASHES, 2, 2))
+                dashes = rr.LineStrips2D(strips, colors=of_cam(cam), radii=LINE)
+                canvas.always(f"{VIEW}/published/{cam}", dashes)
             self._draw_names(None)
 
     def add(self, tick: MeasuredTick, end_angle: float) -> float | None:
@@ -111,8 +115,7 @@ class LevelChart:
             entity = f"{VIEW}/measured/{cam}"
             if cam not in self._drawn:
                 self._drawn.add(cam)
-                style = rr.Points2D.from_fields(colors=of_cam(cam), radii=POINT)
-                self._canvas.always(entity, style)
+                self._canvas.look(entity, rr.Points2D, colors=of_cam(cam), radii=POINT)
             self._canvas.points(entity, self._canvas.at(time_ns / NS, angle), self._points(cam))
         if self._new and len(self._ends()) > len(self._named):
             self._draw_names(max(self._new.values()))
@@ -121,8 +124,7 @@ class LevelChart:
     def finish(self) -> None:
         """Draw all points so that they are there at every time, and on every timeline."""
         for cam in self._levels:
-            colour = of_cam(cam)
-            points = rr.Points2D(self._points(cam), colors=colour, radii=FINAL)
+            points = rr.Points2D(self._points(cam), colors=of_cam(cam), radii=FINAL)
             self._canvas.always(f"{VIEW}/final/{cam}", points)
         self._draw_names(None)
 
@@ -146,29 +148,19 @@ class LevelChart:
         places = self._axes.place(right, np.array([*ends.values()]))
         places[:, 0] += 0.5 * beside(self._loaded) * self._axes.width
         places[:, 1] = spread(places[:, 1] - 0.04 * self._axes.height, STEP)
-        names, shades = [titles[cam] for cam in ends], np.array([*map(of_cam, ends)], np.uint32)
-        entity = f"{VIEW}/names"
+        shades = np.array([*map(of_cam, ends)], np.uint32)
+        words: dict[str, Any] = {"labels": [titles[cam] for cam in ends], "colors": shades}
         if at is None:
-            words = rr.Points2D.from_fields(positions=places, labels=names, colors=shades)
-            self._canvas.always(entity, words)
+            self._canvas.look(f"{VIEW}/names", rr.Points2D, positions=places, **words)
         else:
-            times = self._canvas.at(at[0] / NS, at[1])
-            self._canvas.points(entity, times, places, labels=names, colors=shades)
+            self._canvas.points(
+                f"{VIEW}/names", self._canvas.at(at[0] / NS, at[1]), places, **words
+            )
 
     def _points(self, cam: str) -> FloatArray:
         """``(n, 2)`` places of a cam's points so far."""
         steps = self._levels[cam]
         return self._axes.place(np.array(list(steps)) * RPM_PER_RAD_S, np.array([*steps.values()]))
-
-    def _draw_published(self, cam: str) -> None:
-        published = self._loaded.published
-        if published is None:
-            return
-        colour = of_cam(cam)
-        rpm = np.linspace(*self._axes.x, 2 * DASHES)
-        points = self._axes.place(rpm, published.level(cam, rpm))
-        dashes = rr.LineStrips2D(list(points.reshape(DASHES, 2, 2)), colors=colour, radii=LINE)
-        self._canvas.always(f"{VIEW}/published/{cam}", dashes)
 
 
 # The sound of the last turn in third-octave bands.
@@ -240,8 +232,7 @@ class BandChart:
         self._axes, self._waiting = band_axes(rate), list[tuple[float, float, FloatArray]]()
         named = {number: words for number, words in NAMED.items() if number <= self._axes.x[1]}
         self._axes.draw(canvas.stream, f"{view}/axes", named, round_marks(*BAND_LEVELS, "dB"))
-        style = rr.LineStrips2D.from_fields(colors=colour, radii=BAND_LINE)
-        canvas.always(self._entity, style)
+        canvas.look(self._entity, rr.LineStrips2D, colors=colour, radii=BAND_LINE)
 
     def add(self, time: float, angle: float, levels: FloatArray) -> None:
         """Take the bands' levels (dB) from rig time (s) and unwrapped cam angle (rad) on."""
@@ -259,8 +250,7 @@ class BandChart:
 
     def draw_once(self, levels: FloatArray) -> None:
         """Draw bars that stay."""
-        strips = rr.LineStrips2D.from_fields(strips=[self._skyline(levels)])
-        self._canvas.always(self._entity, strips)
+        self._canvas.look(self._entity, rr.LineStrips2D, strips=[self._skyline(levels)])
 
     def _skyline(self, levels: FloatArray) -> FloatArray:
         """``(4n, 2)`` of n bands as one strip: Rerun takes a strip a bar thirty times as slowly."""

@@ -97,8 +97,9 @@ SPEED = SeriesLine(
 #: Lift-off and landing.
 LIFT_OFF = Mark("plots/lift/lift_off", "lift-off", colours.LIFT_OFF)
 LANDING = Mark("plots/lift/landing", "landing", colours.LANDING)
+MARKS = LIFT_OFF, LANDING
 #: Few enough to be sent as they are.
-UNTHINNED = (ZERO, SPEED, LEVEL, LIFT_OFF, LANDING)
+UNTHINNED = (ZERO, SPEED, LEVEL, *MARKS)
 
 
 def extremes(values: FloatArray, bucket: int) -> NDArray[np.intp]:

@@ -177,8 +177,7 @@ def save_recording(
     bucket = 1 if view_options.all_samples else bucket_for(samples, WHOLE_BELOW)
     whole, ranges = view_options.layout is Layout.RUN, scene_ranges(loaded)
     plan = blueprint(view_options.layout, loaded, duration, bucket, rpm, ranges.whole)
-    with rrd_stream(path, APPLICATION, plan) as stream:
-        name_recording(stream, f"{loaded.scene.title} ({bag.name})")
+    with rrd_stream(path, f"{loaded.scene.title} ({bag.name})", plan) as stream:
         recorder = RunRecorder(stream, loaded, bucket, rpm, ranges, whole)
         feed_bag(bag, loaded, RunFeed(recorder), on_tick)
     return playback_begin(loaded, duration) if whole else 0.0

@@ -51,7 +51,7 @@ class RunRecorder:
     ) -> None:
         self._canvas = Canvas(stream, time_columns if pace is None else rig_time_alone)
         self._loaded, self._compared, self._ranges = loaded, compared, ranges
-        self._grows, self._finished, self._send_every = whole, pace is None, send_every
+        self._finished, self._send_every = pace is None, send_every
         self._run_view = RunView(self._canvas, loaded, bucket, ranges, pace) if whole else None
         self._levels = LevelChart(self._canvas, loaded)
         self._results = ResultTable(loaded)
@@ -68,8 +68,7 @@ class RunRecorder:
         words = rr.TextDocument(about(loaded, bucket), media_type="text/markdown")
         self._canvas.always(ABOUT, words)
         if not self._finished:
-            markdown = rr.TextDocument.from_fields(media_type="text/markdown")
-            self._canvas.always(RESULTS, markdown)
+            self._canvas.look(RESULTS, rr.TextDocument, media_type="text/markdown")
 
     def tick(self, start: CamState, end: CamState, rows: FloatArray) -> None:
         """Draw one tick; ``rows`` are the ``(6, n)`` samples of its block."""
@@ -112,10 +111,9 @@ class RunRecorder:
         """Send all, the run first, for nothing may lead it; pictures up to a rig time (s)."""
         if self._run_view is not None:
             self._run_view.flush(until)
+            self._levels.flush()
         if self._last is not None:
             self._sent = self._last[1].time_ns
-        if self._grows:
-            self._levels.flush()
         if self._newest_sound is not None and not self._finished:
             self._say("running", self._newest_sound)
             self._newest_sound = None

@@ -37,53 +37,38 @@ class TimeSeries:
 
     def __init__(self, canvas: Canvas, loaded: LoadedScene, bucket: int) -> None:
         self._loaded, self._flew = loaded, False
-        thinned = [quantities.LAW, *(row.line for row in drawn_of(loaded.scene.model))]
+        self._lines = [quantities.LAW, *(row.line for row in drawn_of(loaded.scene.model))]
         self._writers: dict[SeriesLine | Mark, SeriesWriter] = {
-            **{line: SeriesWriter(canvas, line, bucket) for line in thinned},
+            **{line: SeriesWriter(canvas, line, bucket) for line in self._lines},
             **{one: SeriesWriter(canvas, one) for one in quantities.UNTHINNED},
         }
 
     def tick(self, start: CamState, end: CamState, angle: FloatArray, rows: FloatArray) -> None:
         """Take one tick: cam ``angle`` (rad) and the block's rows, with a shaft's twist below."""
-        time, lift, velocity, acceleration, force, impulse = rows[:6]
+        time, lift, _, _, force, impulse = rows[:6]
         law = self._law(start, end, angle)
-        drawn = {
-            quantities.LIFT_LINE: lift,
-            quantities.LAW: law,
-            quantities.VELOCITY_LINE: velocity,
-            quantities.ACCELERATION_LINE: acceleration,
-            quantities.FORCE_LINE: force,
-        }
+        values = [law, *rows[1:5], *rows[6:]]
         if quantities.GAP_LINE in self._writers:
-            drawn[quantities.GAP_LINE] = np.where(force == 0.0, lift - law, 0.0)
-        if quantities.TWIST_LINE in self._writers:
-            drawn[quantities.TWIST_LINE] = rows[6]
-        for line, values in drawn.items():
-            self._writers[line].add(time, angle, values)
-        self._add(quantities.ZERO, start, 0.0)
-        self._add(quantities.ZERO, end, 0.0)
-        self._add(quantities.SPEED, start, start.speed)
+            values.append(np.where(force == 0.0, lift - law, 0.0))
+        for line, drawn in zip(self._lines, values, strict=True):
+            self._writers[line].add(time, angle, drawn)
+        self.add(quantities.ZERO, start, 0.0)
+        self.add(quantities.ZERO, end, 0.0)
+        self.add(quantities.SPEED, start, start.speed)
         left, landed = lift_offs(force, self._flew), impulse > 0.0
         self._flew = bool(force[-1] == 0.0)
-        for mark, there in ((quantities.LIFT_OFF, left), (quantities.LANDING, landed)):
+        for mark, there in zip(quantities.MARKS, (left, landed), strict=True):
             self._writers[mark].add(time[there], angle[there], lift[there])
 
-    def level(self, end: CamState, level: float) -> None:
-        """Take the level (dB) of the tick that ended with a state."""
-        self._add(quantities.LEVEL, end, level)
-
-    def stop(self, end: CamState, speed: float) -> None:
-        """Draw the speed (rad/s) up to the end of the run."""
-        self._add(quantities.SPEED, end, speed)
+    def add(self, line: SeriesLine, at: CamState, value: float) -> None:
+        """Take a curve's value (SI) at a state."""
+        at_end = np.array([at.time_ns / NS]), np.array([at.unwrapped])
+        self._writers[line].add(*at_end, np.array([value]))
 
     def flush(self) -> None:
         """Send what was collected."""
         for writer in self._writers.values():
             writer.flush()
-
-    def _add(self, line: SeriesLine, at: CamState, value: float) -> None:
-        at_end = np.array([at.time_ns / NS]), np.array([at.unwrapped])
-        self._writers[line].add(*at_end, np.array([value]))
 
     def _law(self, start: CamState, end: CamState, angle: FloatArray) -> FloatArray:
         law, step = self._loaded.laws[start.cam], start.speed / self._loaded.scene.sample_rate.si
@@ -146,12 +131,12 @@ class RunView:
 
     def level(self, end: CamState, level: float) -> None:
         """Draw the level (dB) of the tick that ended with a state."""
-        self._time_series.level(end, level)
+        self._time_series.add(quantities.LEVEL, end, level)
 
     def close(self, end: CamState) -> None:
         """Draw the last speed up to the end of the run."""
         if self._last is not None:
-            self._time_series.stop(end, self._last.speed)
+            self._time_series.add(quantities.SPEED, end, self._last.speed)
 
     def show(self, until: float) -> None:
         """Send pictures of cam and follower up to a rig time (s), of which the curves are sent."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -126,13 +127,8 @@ def readings(
 
     ``max_lift`` (m) is that of the picture: a follower above it is drawn there.
     """
-    columns = (
-        np.degrees(np.mod(angle, TURN)),
-        lift * 1e3,
-        force,
-        gap * 1e6,
-        np.degrees(pressure_angle),
-    )
+    turned = np.degrees(np.mod(angle, TURN))
+    columns = turned, lift * 1e3, force, gap * 1e6, np.degrees(pressure_angle)
     return [_words(rpm, 1e3 * max_lift, *row) for row in np.stack(columns, axis=1).tolist()]
 
 
@@ -194,12 +190,9 @@ class Scene2D:
         self._waiting = list[FloatArray]()
         shaft = rr.Points2D([[0.0, 0.0]], colors=looks.GREY, radii=SHAFT)
         canvas.always(f"{self._root}/shaft", shaft)
-        body_style = rr.LineStrips2D.from_fields(draw_order=19.0)  # behind all other lines
-        canvas.always(f"{self._root}/cam/body", body_style)
-        gap = rr.LineStrips2D.from_fields(colors=looks.GAP, radii=THICK)
-        canvas.always(f"{self._root}/gap", gap)
-        force = rr.Arrows2D.from_fields(colors=looks.FORCE, radii=THICK)
-        canvas.always(f"{self._root}/force", force)
+        canvas.look(f"{self._root}/cam/body", rr.LineStrips2D, draw_order=19.0)  # behind all others
+        canvas.look(f"{self._root}/gap", rr.LineStrips2D, colors=looks.GAP, radii=THICK)
+        canvas.look(f"{self._root}/force", rr.Arrows2D, colors=looks.FORCE, radii=THICK)
 
     def mount(self, state: CamState, profile: FloatArray) -> None:
         """Put a cam in place of the one before; ``profile`` ``(n, 2)`` in its own frame, m."""
@@ -316,15 +309,10 @@ class Scene2D:
         self, state: CamState, entity: str, at: FloatArray, words: list[str], colour: int
     ) -> None:
         """Words whose middles hang from places ``(n, 2)``."""
-        self._canvas.points(
-            f"{self._root}/{entity}",
-            self._canvas.state(state),
-            at,
-            labels=words,
-            colors=[colour] * len(words),
-            radii=[UNSEEN] * len(words),
-            show_labels=[True] * len(words),
-        )
+        each: dict[str, Any] = {"colors": colour, "radii": UNSEEN, "show_labels": True}
+        columns: dict[str, Any] = {name: [value] * len(words) for name, value in each.items()}
+        times = self._canvas.state(state)
+        self._canvas.points(f"{self._root}/{entity}", times, at, labels=words, **columns)
 
 
 def _pose(turn: FloatArray, place: FloatArray | None) -> rr.ComponentColumnList:

@@ -77,6 +77,10 @@ class Canvas:
         """Draw what holds at every time: a shape, or how later ones look."""
         self.stream.log(entity, shape, static=True)
 
+    def look(self, entity: str, kind: Any, **look: Any) -> None:
+        """How shapes of a kind that come later look, and what else holds of them all."""
+        self.always(entity, kind.from_fields(**look))
+
     def rows(self, entity: str, at: list[rr.TimeColumn], columns: Any) -> None:
         """Draw a row of columns at each time."""
         self.stream.send_columns(entity, at, columns)

@@ -6,6 +6,7 @@ Where they differ, the follower has not settled, or bounces without end.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -17,7 +18,7 @@ from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import TURN, FloatArray, to_rpm
 from cam_rig.viewer import quantities
-from cam_rig.viewer.quantities import LAW, LIFT, Drawn, Ranges, SceneRanges, SeriesLine
+from cam_rig.viewer.quantities import LAW, LIFT, MARKS, Drawn, Ranges, SceneRanges, SeriesLine
 from cam_rig.viewer.timeline import Canvas, Turn, lift_offs
 
 # Axes over one turn of the cam, 0 to 360°, one under the other, as books on cams have them.
@@ -77,8 +78,7 @@ class TurnAxes:
         lines = [np.array([[x, HEAD], [x, self.height]]) for x in across]
         grid = rr.LineStrips2D(lines, colors=colours.LIGHT_GREY, radii=THIN)
         canvas.always(f"{view}/quarters", grid)
-        line = rr.LineStrips2D.from_fields(colors=CURSOR, radii=-0.75)
-        canvas.always(f"{view}/cursor", line)
+        canvas.look(f"{view}/cursor", rr.LineStrips2D, colors=CURSOR, radii=-0.75)
 
     def move_cursor(
         self, canvas: Canvas, view: str, at: list[rr.TimeColumn], angle: FloatArray
@@ -193,7 +193,7 @@ class TurnChart:
         """Another cam or speed turns from a state on; its first whole turn comes later."""
         at = self._canvas.state(state)
         self._begin(at, state.cam, state.speed)
-        for mark in (quantities.LIFT_OFF, quantities.LANDING):
+        for mark in MARKS:
             self._canvas.points(f"{VIEW}/lift/{mark.name}", at, [])
         self._strips(at, "flights", [])
 
@@ -232,7 +232,7 @@ class TurnChart:
         off = turn.force == 0.0
         lift = turn.lift * LIFT.line.factor
         left, landed = lift_offs(turn.force, bool(off[-1])), turn.impulse > 0.0
-        for mark, there in ((quantities.LIFT_OFF, left), (quantities.LANDING, landed)):
+        for mark, there in zip(MARKS, (left, landed), strict=True):
             points = self._axes.place("lift", degrees[there], lift[there])
             self._canvas.points(f"{VIEW}/lift/{mark.name}", at, points)
         if self._flies:
@@ -246,35 +246,27 @@ class TurnChart:
 
     def _draw_styles(self) -> None:
         """What each curve and mark looks like, once for all: the law lies over the follower."""
+        look = self._canvas.look
+        words: dict[str, Any] = {"radii": UNSEEN, "show_labels": True}
         for row in self._rows:
-            lines = [row.line, LAW] if row is LIFT else [row.line]
-            style = rr.LineStrips2D.from_fields(
-                colors=[line.colour for line in lines], radii=[-0.5 * line.width for line in lines]
-            )
+            view, lines = f"{VIEW}/{row.key}", [row.line, LAW] if row is LIFT else [row.line]
+            shades, radii = [it.colour for it in lines], [-0.5 * it.width for it in lines]
             for slot in range(LAID):
-                self._canvas.always(f"{VIEW}/{row.key}/follower/{slot}", style)
-        for mark in (quantities.LIFT_OFF, quantities.LANDING):
-            point = rr.Points2D.from_fields(colors=mark.colour, radii=MARK)
-            self._canvas.always(f"{VIEW}/lift/{mark.name}", point)
-        width = rr.LineStrips2D.from_fields(
-            colors=colours.FLIGHT, radii=0.56 * WIDTH / 360.0, draw_order=19.0
-        )
-        self._canvas.always(f"{VIEW}/flights", width)
-        for row in self._rows:
-            frame = rr.LineStrips2D.from_fields(colors=colours.GREY, radii=THIN)
-            self._canvas.always(f"{VIEW}/{row.key}/axes", frame)
-            words = rr.Points2D.from_fields(colors=colours.GREY, radii=UNSEEN, show_labels=True)
-            self._canvas.always(f"{VIEW}/{row.key}/axes/y", words)
+                look(f"{view}/follower/{slot}", rr.LineStrips2D, colors=shades, radii=radii)
+            look(f"{view}/axes", rr.LineStrips2D, colors=colours.GREY, radii=THIN)
+            look(f"{view}/axes/y", rr.Points2D, colors=colours.GREY, **words)
+        for mark in MARKS:
+            look(f"{VIEW}/lift/{mark.name}", rr.Points2D, colors=mark.colour, radii=MARK)
+        width = 0.56 * WIDTH / 360.0
+        flights: dict[str, Any] = {"colors": colours.FLIGHT, "radii": width, "draw_order": 19.0}
+        look(f"{VIEW}/flights", rr.LineStrips2D, **flights)
         middle = [[0.5 * WIDTH, CAPTION]]
-        caption = rr.Points2D.from_fields(
-            positions=middle, colors=colours.BLACK, radii=UNSEEN, show_labels=True
-        )
-        self._canvas.always(f"{VIEW}/caption", caption)
+        look(f"{VIEW}/caption", rr.Points2D, positions=middle, colors=colours.BLACK, **words)
 
     def _draw_legend(self) -> None:
         """Strokes and points of the lift with their names beside them, over its axes."""
-        marks = (quantities.LIFT_OFF, quantities.LANDING) if self._flies else ()
-        for (x, middle), it in zip(LEGEND, (LIFT.line, LAW, *marks), strict=False):
+        named = (LIFT.line, LAW, *(MARKS if self._flies else ()))
+        for (x, middle), it in zip(LEGEND, named, strict=False):
             where = f"{VIEW}/lift/legend/{it.name}"
             top = HEAD + TITLE_AT[1]
             label(self._canvas, f"{where}/name", (middle, top), it.name, it.colour)

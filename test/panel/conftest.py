@@ -4,7 +4,6 @@ import json
 import signal
 import subprocess
 import sys
-import time
 from contextlib import contextmanager
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -25,22 +24,12 @@ from cam_rig.panel.lab.recorded import Notebook
 from cam_rig.panel.server import serve
 from tools.docs.browser import TIMEOUT_S, new_page, open_browser, why_no_browser
 
-from ..processes import children
+from ..processes import WAIT_S, children, until
 from ..viewer.asking import Visitor
 
-#: Wall time (s) after which something that has not come true never will, however busy the machine.
-WAIT_S = 60.0
 BOARD, BENCH = "/changes", "/bench/live"
 #: On a sheet that a test fills: of the lab with the most set-ups.
 ANSWERS = 4
-
-
-def until(condition, words="it did not come true"):
-    """Wait for something that another thread or process does."""
-    end = time.monotonic() + WAIT_S
-    while not condition():
-        assert time.monotonic() < end, words
-        time.sleep(0.01)
 
 
 @pytest.fixture
@@ -171,6 +160,11 @@ class BrowserPage:
         if path:
             self.page.goto(f"http://{urlsplit(address).netloc}{path}")
 
+    def enter(self, name, value):
+        """Fill a field, and press Enter."""
+        self.page.locator(f"#{name}").fill(str(value))
+        self.page.locator(f"#{name}").press("Enter")
+
     def text(self, name):
         return str(self.page.evaluate("id => document.getElementById(id)?.textContent", name))
 
@@ -191,10 +185,7 @@ class BrowserPage:
 
     def until(self, condition):
         """Wait for what is to be seen on the page."""
-        deadline = time.monotonic() + TIMEOUT_S
-        while not condition():
-            assert time.monotonic() < deadline, f"never came; the page says {self._said()}"
-            self.page.wait_for_timeout(40)
+        until(condition, self._said, lambda: self.page.wait_for_timeout(40), TIMEOUT_S)
 
     def _said(self):
         return [self.text(name) for name in ("status", "graph", "speed", "level", "ended")]
@@ -244,10 +235,7 @@ class BenchPage:
 
     def until(self, condition):
         """Wait until the bench is so; what it then shows."""
-        end = time.monotonic() + WAIT_S
-        while not (self.live and condition(self.live)):
-            assert time.monotonic() < end, f"it never came true: {self.live}"
-            self._next()
+        until(lambda: self.live and condition(self.live), lambda: self.live, self._next)
         return self.live
 
     def ask(self, do, **more):
@@ -318,13 +306,17 @@ class RunningPanel(Visitor):
         return self.process.wait(WAIT_S)
 
 
+def begin_panel(out, *options, stderr=subprocess.PIPE):
+    """A process of `cam-rig panel` without Rerun."""
+    command = [Path(sys.executable).parent / "cam-rig", "panel", "--no-rerun", "--out", out]
+    words = [*map(str, command), *options]
+    return subprocess.Popen(words, stdout=subprocess.PIPE, stderr=stderr, text=True)
+
+
 @contextmanager
 def panel_process(out, *options):
     """A panel without Rerun, as long as the context lasts."""
-    command = [Path(sys.executable).parent / "cam-rig", "panel", "--no-rerun", "--out", out]
-    with subprocess.Popen(
-        [*map(str, command), *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as process:
+    with begin_panel(out, *options) as process:
         try:
             yield RunningPanel(process, out)
         finally:

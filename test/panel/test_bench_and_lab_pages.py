@@ -1,7 +1,6 @@
 """Bench and lab sheet in a real browser, without nodes: what is where, and a sheet by its keys."""
 
 import itertools
-import time
 
 import pytest
 
@@ -12,6 +11,7 @@ from cam_rig.panel.server import serve
 from tools.docs.bench_picture import RIG_DRAWN
 from tools.docs.browser import TIMEOUT_S
 
+from ..processes import until
 from .conftest import BrowserPage, in_browser, sheet_of
 
 pytestmark = pytest.mark.slow
@@ -91,17 +91,14 @@ def test_the_rig_is_drawn_before_it_turns_and_says_what_a_speed_will_do(chromium
         assert f"{jump:.5g} rpm" in bench.text("jumps")
         assert bench.page.locator("#knob .jump").count() == 2
         assert bench.page.locator("#turn_force .expected").get_attribute("d")
-        bench.page.locator("#rpm").fill("450")
-        bench.page.locator("#rpm").press("Enter")
+        bench.enter("rpm", 450)
         bench.until(lambda: "At 450 rpm the follower leaves the cam" in bench.text("forecast"))
         bench.page.locator("#preload").fill("200")
         bench.until(lambda: "At 450 rpm contact is kept" in bench.text("forecast"))
         assert bench.page.locator("#forecast.old").count() == 0
-        bench.page.locator("#rpm").fill("0")
-        bench.page.locator("#rpm").press("Enter")
+        bench.enter("rpm", 0)
         bench.until(lambda: bench.text("status") == "Speed: is 0; allowed: 1 to 10000 rpm.")
-        bench.page.locator("#rpm").fill("450")
-        bench.page.locator("#rpm").press("Enter")
+        bench.enter("rpm", 450)
         bench.until(lambda: bench.text("status") == "")
         box = bench.page.locator("#turn_lift").bounding_box()
         bench.page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 30)
@@ -131,10 +128,7 @@ class LabPage(BrowserPage):
         return self.text("contact") == "contact lost"
 
     def press_until(self, key, condition):
-        end = time.monotonic() + TIMEOUT_S
-        while not condition():
-            assert time.monotonic() < end
-            self.press(key)
+        until(condition, step=lambda: self.press(key), wait=TIMEOUT_S)
 
 
 def test_a_reading_taken_by_keys_is_within_1_rpm_of_the_truth(chromium, tmp_path):
@@ -150,8 +144,7 @@ def test_a_reading_taken_by_keys_is_within_1_rpm_of_the_truth(chromium, tmp_path
     with serve(pages, home="/lab") as panel, in_browser(chromium, LabPage) as page:
         page.open(panel.address)
         page.settle()
-        page.page.locator("#student").fill("Ana")
-        page.page.locator("#student").press("Enter")
+        page.enter("student", "Ana")
         page.page.locator("#spring_stiffness input").first.press("ArrowDown")  # the second spring
         page.settle()
         assert not page.lost()
@@ -183,8 +176,7 @@ def test_a_reading_taken_by_keys_is_within_1_rpm_of_the_truth(chromium, tmp_path
         page.until(lambda: len(pages.notebook.recorded.readings) == 2)
         assert all(f" {low:g} rpm" in words for words in asked)
         # At once: what is asked about is the speed that is recorded, not the one the lamp was of.
-        page.page.locator("#rpm").fill(str(high))
-        page.page.locator("#rpm").press("Enter")
+        page.enter("rpm", high)
         record.click()
         page.until(lambda: len(pages.notebook.recorded.readings) == 3)
         assert len(asked) == 2
@@ -225,8 +217,7 @@ def test_readings_and_an_answer_are_recorded_by_keys(chromium, tmp_path, lab):
         shown = page.number("measured")
         page.page.locator("#record").press("Enter")
         page.until(lambda: page.page.locator("#rows tr").count() == 1)
-        page.page.locator("#answer").fill("251,5")
-        page.page.locator("#answer").press("Enter")
+        page.enter("answer", "251,5")
         page.until(lambda: page.page.locator("#rows tr").count() == 2)
         reading, answer = pages.notebook.recorded.readings
         assert (reading.measured, answer.answer) == (shown, 251.5)

@@ -19,8 +19,8 @@ from cam_rig.testing.client import RigClient
 from cam_rig.testing.running_rig import isolated_domain
 from cam_rig.units import NS, RPM
 
-from ..processes import is_running
-from .conftest import WAIT_S, BrowserPage, in_browser, panel_process, until
+from ..processes import WAIT_S, is_running, until
+from .conftest import BrowserPage, in_browser, panel_process
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
@@ -132,8 +132,7 @@ class BenchInBrowser(BrowserPage):
 
     def command(self, rpm):
         """Type a speed, and wait until the cam turns so."""
-        self.page.locator("#rpm").fill(str(rpm))
-        self.page.locator("#rpm").press("Enter")
+        self.enter("rpm", rpm)
         self.until(lambda: self.text("speed") == str(rpm))
 
     def noted(self, rpm):

@@ -170,16 +170,16 @@ def test_a_dragged_handle_moves_the_law_and_all_that_follows(page, board):
 
     for down in (3.0, -5.0, 2.0):
         page.drag(9, down)
-    index, handle = board.drawn.handles[9].index, page.page.locator(".handle").nth(9)
-    unit = 1e3 * board.cam.lift.si
-
-    def same():
-        shown = float(handle.get_attribute("aria-valuenow") or "nan")
-        return abs(board.ordinates[index] * unit - shown) <= 1e-3
-
-    page.until(same)
+    page.until(lambda: off_board(page, board, 9) <= 1e-3)
     page.settled()
+    index = board.drawn.handles[9].index
     assert board.ordinates[index] != board.drawn.ordinates[index]
+
+
+def off_board(page, board, i):
+    """How far (mm) a handle's ordinate on the page is from the board's."""
+    shown = float(page.page.locator(".handle").nth(i).get_attribute("aria-valuenow") or "nan")
+    return abs(board.ordinates[board.drawn.handles[i].index] * 1e3 * board.cam.lift.si - shown)
 
 
 @pytest.mark.long
@@ -236,8 +236,7 @@ def test_the_keyboard_alone_moves_undoes_and_resets(page, board):
     page.page.locator("#knob").press("PageUp")
     page.until(lambda: board.rpm == 310.0)
     page.until(lambda: page.path("force") != before)
-    page.page.locator("#rpm").fill("100000")
-    page.page.locator("#rpm").press("Enter")
+    page.enter("rpm", 100000)
     page.until(lambda: board.rpm == 1e5)
     page.settled()
     assert "Below zero" in page.text("contact")
@@ -471,7 +470,6 @@ def test_a_connection_that_breaks_in_the_middle_of_a_drag_loses_nothing(chromium
         )
         shown.open(served.address)
         shown.settled()
-        handle = shown.page.locator(".handle").nth(7)
         x, y = shown.grab(7)
         shown.page.mouse.move(x, y + 5.0, steps=5)
         for side in sockets.pop():
@@ -479,14 +477,9 @@ def test_a_connection_that_breaks_in_the_middle_of_a_drag_loses_nothing(chromium
         shown.until(lambda: "No connection" in shown.text("status"))
         before = board.version
         shown.page.mouse.move(x, y - 15.0, steps=5)
-        index, unit = board.drawn.handles[7].index, 1e3 * board.cam.lift.si
-
-        def arrived():
-            value = float(handle.get_attribute("aria-valuenow") or "nan")
-            return abs(board.ordinates[index] * unit - value) <= 1e-4
-
         shown.until(lambda: sockets)
-        shown.until(arrived)
+        shown.until(lambda: off_board(shown, board, 7) <= 1e-4)
+        index = board.drawn.handles[7].index
         assert board.version > before
         assert board.ordinates[index] > board.drawn.ordinates[index]
         shown.page.mouse.up()
@@ -553,8 +546,7 @@ def test_a_saved_file_is_opened_again_in_every_page(page, board, served, chromiu
 def test_a_link_opens_the_same_law(page, board, served, chromium):
     """Speed and ordinates; undone as one step. One of another cam is refused in words."""
     page.drag(9, 9.0)
-    page.page.locator("#rpm").fill("412")
-    page.page.locator("#rpm").press("Enter")
+    page.enter("rpm", 412)
     page.settled()
     page.page.locator("#link").click()
     page.until(lambda: "link to this law" in page.text("status"))

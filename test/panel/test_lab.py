@@ -13,11 +13,10 @@ from cam_rig.cli.main import app
 from cam_rig.dynamics.jump.any_follower import follower_of
 from cam_rig.dynamics.jump.jump_speed import rigid_least
 from cam_rig.errors import ConfigError
-from cam_rig.panel.lab.labs import TOLERANCES, lab_sheet
+from cam_rig.panel.lab.labs import POINTS, TOLERANCES, lab_sheet
 from cam_rig.panel.lab.pages import LabPages
 from cam_rig.panel.lab.recorded import Notebook, read_sheet, to_text
 from cam_rig.panel.lab.sheet import LabSetup, drawn
-from cam_rig.panel.lab.turns import POINTS
 from cam_rig.units import RPM
 
 from ..viewer.asking import ask
@@ -64,15 +63,13 @@ def test_a_spring_is_the_same_in_every_set_up_and_two_differ():
 
 
 def test_what_has_no_sheet_is_refused(tmp_path):
-    """By a seed that is no name, an unknown lab, a frame of two rollers, no preload."""
+    """By a seed that is no name, an unknown lab, no preload."""
     for seed in ("", "a b", "../x", "é", "x" * 41):
         with pytest.raises(ConfigError, match=r"--seed: is .*; allowed: a name"):
             sheet_of(seed=seed)
     words = r"is 'jmp'; allowed: jump, vibration, noise \(did you mean 'jump'\?\)"
     with pytest.raises(ConfigError, match=words):
         sheet_of(lab="jmp")
-    with pytest.raises(ConfigError, match="conjugate"):
-        sheet_of(cam="conjugate")
     loose = cam_rig.load_rig("tm21").with_follower(preload=0.0)
     sheet = lab_sheet("jump", [cam_rig.load_cam("poly345")], loose)
     with pytest.raises(ConfigError, match="preload of 0 N"):

@@ -30,9 +30,9 @@ from cam_rig.panel.board.pages import DESIGN, WORKER
 from cam_rig.panel.server import STATIC, PanelPages, serve
 from cam_rig.viewer.web_server import MAX_MESSAGE
 
-from ..processes import children
+from ..processes import WAIT_S, children, until
 from ..viewer.asking import Visitor, ask
-from .conftest import BENCH, BOARD, WAIT_S, until
+from .conftest import BENCH, BOARD
 
 PATHS = ["/", "/board", "/static/board/law.js", "/other/tm21", "/languages", "/nothing"]
 PATHS += ["/save", "/dxf"]

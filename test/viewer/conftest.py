@@ -122,6 +122,24 @@ def make_bag(folder, config, leave_out=(), scene=SCENE):
     return made
 
 
+def told(view, bag):
+    """Tell a live view a run as its nodes would, tick by tick: gives the state that comes next."""
+    feed, states = view.feed, cam_states(bag.loaded.scene)
+    for cam, points in bag.profiles.items():
+        feed.profile(cam, points)
+    feed.state(next(states))
+    for state, rows, (end, level), pressure in zip(
+        states, bag.rows, bag.levels, bag.pressures, strict=True
+    ):
+        yield state
+        feed.state(state)
+        feed.block(rows)
+        feed.level(level)
+        feed.pressure(end, pressure)
+        for _ in view.draw():
+            pass
+
+
 @pytest.fixture(scope="session")
 def bag(tmp_path_factory, config_dir):
     """A whole small bag."""

@@ -24,6 +24,8 @@ from cam_rig.viewer.quantities import VELOCITY_LINE as VELOCITY
 from cam_rig.viewer.recording import LiveView, live_window, screen_bucket
 from cam_rig.viewer.timeline import FramePace
 
+from .conftest import told
+
 pytestmark = pytest.mark.filterwarnings("ignore:RRD file has no footer")
 CURVES = [f"/{line.entity}" for line in (LIFT, LAW, VELOCITY, ACCELERATION, FORCE, ZERO)]
 #: So short that the small run is several of them.
@@ -33,18 +35,7 @@ MIN_WINDOW_S = 0.2
 def show(bag, address, flush=False):
     """The small run as its nodes would tell it, as fast as it can be drawn."""
     picture = LiveView(bag.loaded, address)
-    feed, states = picture.feed, list(cam_states(bag.loaded.scene))
-    for cam, points in bag.profiles.items():
-        feed.profile(cam, points)
-    feed.state(states[0])
-    told = zip(states[1:], bag.rows, bag.levels, bag.pressures, strict=True)
-    for state, rows, (end, level), pressure in told:
-        feed.state(state)
-        feed.block(rows)
-        feed.level(level)
-        feed.pressure(end, pressure)
-        for _ in feed.draw():
-            pass
+    for _ in told(picture, bag):
         if flush:
             picture.flush()
     picture.close()
@@ -195,19 +186,12 @@ def test_pictures_of_a_paced_run_come_evenly_between_its_ticks(bag, monkeypatch)
     monkeypatch.setattr(live, "FramePace", partial(FramePace, clock=clock))
     monkeypatch.setattr(live, "TIMEOUT_S", 0.1)
     monkeypatch.setattr(rr.RecordingStream, "send_columns", note)
-    view, states = LiveView(bag.loaded, stream_address(free_port())), cam_states(bag.loaded.scene)
+    view = LiveView(bag.loaded, stream_address(free_port()))
     view.set_pace(factor)
-    for cam, points in bag.profiles.items():
-        view.feed.profile(cam, points)
-    view.feed.state(next(states))
-    for state, rows in zip(states, bag.rows, strict=True):
+    for state in told(view, bag):
         while now[0] < 100.0 + state.time_ns / NS / factor:
             now[0] += 1.0 / 60.0
             view.flush()
-        view.feed.state(state)
-        view.feed.block(rows)
-        for _ in view.draw():
-            pass
     wall, picture = np.array(sent["scene/rig/cam"]).T
     assert len(wall) > 20
     assert np.quantile(np.diff(wall), 0.9) <= 1.0 / 20.0 + 1e-6

@@ -18,7 +18,7 @@ from cam_rig.viewer.quantities import LANDING, LIFT_OFF, drawn_of, gap_of, scene
 from cam_rig.viewer.recording import LiveView, save_recording
 from cam_rig.viewer.turn_chart import HEAD, LAID, ROW, WIDTH, TurnAxes, curve
 
-from .conftest import Picture, make_bag
+from .conftest import Picture, make_bag, told
 
 STRIPS, POSITIONS = "LineStrips2D:strips", "Points2D:positions"
 
@@ -244,18 +244,9 @@ def test_landings_are_those_of_the_samples(bouncing_bag, replayed):
 
 def test_a_live_view_gets_the_same_points(bouncing_bag, replayed, tmp_path):
     """As they come, tick by tick, in one row for each turn."""
-    view, states = (
-        LiveView(bouncing_bag.loaded, str(tmp_path)),
-        cam_states(bouncing_bag.loaded.scene),
-    )
-    for cam, points in bouncing_bag.profiles.items():
-        view.feed.profile(cam, points)
-    view.feed.state(next(states))
-    for state, rows in zip(states, bouncing_bag.rows, strict=True):
-        view.feed.state(state)
-        view.feed.block(rows)
-        for _ in view.draw():
-            view.flush()
+    view = LiveView(bouncing_bag.loaded, str(tmp_path))
+    for _ in told(view, bouncing_bag):
+        view.flush()
     view.close()
     (part,) = tmp_path.glob("*.rrd")
     live = Picture(part)

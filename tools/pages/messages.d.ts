@@ -163,8 +163,6 @@ interface Opened {
 }
 
 type BoardMessage = Exact | Moved | Rest | Design | Refused | Opened;
-/** Shows a sentence, as a fault where something is wrong. */
-type Status = (words: string, wrong: boolean) => void;
 
 // -- the bench --------------------------------------------------------------------------------
 

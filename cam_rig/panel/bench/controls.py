@@ -83,11 +83,9 @@ class NodeLink:
 
     def _take(self, message: dict[str, Any]) -> None:
         if "answer" not in message:
-            return self._heard(message)
-        answer = self._asked.get(message["answer"])
-        if answer is not None and not answer.done():
+            self._heard(message)
+        elif (answer := self._asked.get(message["answer"])) and not answer.done():
             answer.set_result(message)
-        return None
 
     def _lost(self) -> None:
         self._writer = None

@@ -23,7 +23,7 @@ from cam_rig.profile.outlines import follower_shape
 from cam_rig.quantities.steady import settled_turn
 from cam_rig.schema import CamConfig, RigConfig, SceneConfig
 from cam_rig.schema.load import Library, config_root, load_cam
-from cam_rig.show.looks import MM
+from cam_rig.show.looks import DECIMALS, MM, millimetres
 from cam_rig.units import NS, RPM, TURN, FloatArray
 
 #: Samples of a tick that a page gets: about one a degree, as it draws no finer.
@@ -32,8 +32,8 @@ STEP = math.radians(1.0)
 STATES = 64
 #: What blocks for a page begin with.
 MOTION, SOUND = b"motion  ", b"sound   "
-#: Points of a contour and of a turn's curves, and decimals of lengths in mm.
-POINTS, DECIMALS = 360, 4
+#: Points of a contour and of a turn's curves.
+POINTS = 360
 #: Turns over which the level of a speed is measured before the cam turns at it.
 TURNS = 4
 
@@ -94,27 +94,22 @@ def cam_picture(cam: CamConfig, law: Law) -> dict[str, Any]:
     motion = Motion.at(law, turn_angles(POINTS))
     point, normal = shape.contact(motion)
     return {
-        "contour": np.round(MM * disc.points, DECIMALS).tolist(),
+        "contour": millimetres(disc.points),
         "base": _rounded(cam.follower.base_radius.si * MM),
         "roller": _rounded(shape.element.roller * MM),
-        "outline": [_columns(strip) for strip in shape.in_guide()],
-        "support": [_columns(strip) for strip in shape.support()],
+        "outline": [millimetres(strip.T) for strip in shape.in_guide()],
+        "support": [millimetres(strip.T) for strip in shape.support()],
         "origin": origin[0].tolist(),
         "along": ((origin[1] - origin[0]) / lift).tolist(),
         "turn": float(turn[0]),
         "turns": float(turn[1] - turn[0]) / lift,
-        "place": _columns(shape.place(two)),
+        "place": millimetres(shape.place(two).T),
         "swings": bool(np.ptp(turn)),
         "reach": _rounded(shape.reach * MM),
         "max_lift": _rounded(shape.max_lift * MM),
-        "touch": _columns(point),
+        "touch": millimetres(point.T),
         "normal": np.round(normal.T, DECIMALS).tolist(),
     }
-
-
-def _columns(points: FloatArray) -> list[list[float]]:
-    found: list[list[float]] = np.round(MM * points.T, DECIMALS).tolist()
-    return found
 
 
 def _rounded(value: float) -> float:

@@ -14,15 +14,14 @@ from pydantic import ValidationError
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.jump.any_follower import TWO_MASSES, described, follower_of
 from cam_rig.dynamics.jump.jump_speed import FROM_REST
-from cam_rig.errors import CamRigError, ConfigError, ProfileError, RefusedError
+from cam_rig.errors import ConfigError, ProfileError, RefusedError
 from cam_rig.extras import require
 from cam_rig.files import write_new
 from cam_rig.laws import Law, build_law
 from cam_rig.panel import is_number
 from cam_rig.panel.bench.drawing import cam_picture
-from cam_rig.panel.board.drawable import DRAWN, at_once
+from cam_rig.panel.board.drawable import DRAWN, at_once, failing
 from cam_rig.panel.board.drawn_law import ORDERS, POINTS, DrawnLaw, in_base64, motion_in_base64
-from cam_rig.profile.check_table import check_cam
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.explain import explain
 from cam_rig.schema.load import (
@@ -56,7 +55,6 @@ class Board:
         self.rig_name = rig.name if rig_name is None else rig_name
         self.rpm, self.version = START_RPM, 0
         self._draw(cam, DrawnLaw.of(cam))
-        self._two_masses = described(follower_of(rig)) == TWO_MASSES
 
     def _draw(self, cam: CamConfig, drawn: DrawnLaw) -> None:
         self.file, self.drawn, self.ordinates = cam, drawn, drawn.ordinates
@@ -127,7 +125,7 @@ class Board:
                 "damping": own.damping,
                 "spring_stiffness": own.spring_stiffness,
                 "preload": own.preload,
-                "two_masses": self._two_masses,
+                "two_masses": described(follower_of(self.rig)) == TWO_MASSES,
                 "from_rest_s": FROM_REST,
                 # where the level of one mass is not relative
                 "calibrated_on": self.rig.calibrated_on if calibrated else "",
@@ -169,7 +167,8 @@ class Board:
 
     def _text(self, name: str, ordinates: Any) -> str:
         own = self._allowed(ordinates)
-        return cam_text(name, self.cam, self.file, own, why_not_made(self.cam, self.law(own)))
+        why_not = "; ".join(failing(self.cam, self.law(own))[0]) or None
+        return cam_text(name, self.cam, self.file, own, why_not)
 
     def saved(self, name: Any, ordinates: Any) -> dict[str, Any]:
         """What a page is told of a file that it saved."""
@@ -183,8 +182,8 @@ class Board:
         cam, law = self.cam, self.law(self._allowed(ordinates))
         for library in ("ezdxf", "shapely"):
             require(library)
-        if why := why_not_made(cam, law):
-            raise ProfileError(f"cannot be made: {why}")
+        if why := failing(cam, law)[0]:
+            raise ProfileError(f"cannot be made: {'; '.join(why)}")
         from cam_rig.profile.drawing_files import to_document
         from cam_rig.profile.polyline import contour_paths, polyline
 
@@ -212,15 +211,6 @@ def require_name(name: Any) -> str:
     if not (isinstance(name, str) and NAME.fullmatch(name)):
         raise ConfigError("name: allowed: up to 100 small letters, digits and _, a letter first")
     return name
-
-
-def why_not_made(cam: CamConfig, law: Law) -> str | None:
-    """What of a law on its cam cannot exist, in words; None where it can be made."""
-    try:
-        failed = [str(check) for check in check_cam(cam, law) if check.vital and not check.passed]
-    except CamRigError as error:
-        failed = [str(error)]
-    return "; ".join(failed) or None
 
 
 def cam_text(

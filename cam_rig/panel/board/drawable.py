@@ -32,7 +32,7 @@ from cam_rig.profile.check_table import check_cam, greatest_allowed
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.load import quantity, valid_cam
 from cam_rig.schema.segments import MAX_B_SPLINE_DEGREE, MAX_B_SPLINE_ORDINATES, Bezier, BSpline
-from cam_rig.show.looks import MM
+from cam_rig.show.looks import millimetres
 from cam_rig.simulation.motion import simulate
 from cam_rig.simulation.sound import sound_level
 from cam_rig.units import RPM, TURN, FloatArray
@@ -163,14 +163,12 @@ def _at_end(law: Law, event: LawEvent, end: int, count: int) -> list[float]:
 
 # What a law comes to, exactly: at once for every change, and what takes longer once it rests.
 
-#: Points of a contour on the page, and decimals of its lengths in mm.
-POINTS, DECIMALS = 360, 4
+#: Points of a contour on the page.
+POINTS = 360
 #: Turns that are simulated for the level where contact is lost; the first settles.
 TURNS = 6
 #: A value for the page: a number, or the words on why there is none; empty for infinity.
 Found = dict[str, float | str]
-#: A contour as the page draws it.
-Shape = dict[str, Any]
 
 
 def at_once(cam: CamConfig, law: Law, rig: RigConfig) -> dict[str, Any]:
@@ -211,18 +209,23 @@ def at_rest(cam: CamConfig, law: Law, rig: RigConfig, rpm: float) -> dict[str, A
         follower, speed = FollowerParameters.on_stem(rig, "the residual vibration"), rpm * RPM
         return 1e6 * float(residual_vibration(law, follower, np.array([speed]))[0])
 
-    try:
-        checks = [check for check in check_cam(cam, law) if not check.passed]
-        made, failed = not any(check.vital for check in checks), [str(check) for check in checks]
-    except CamRigError as error:
-        made, failed = False, [str(error)]
+    vital, failed = failing(cam, law)
     return {
         "jump": _found(lambda: _jump(law, rig)),
         "residual_um": _found(residual),
         "level_db": _found(lambda: level(law, rig, rpm)),
         "checks": failed,
-        "made": made,
+        "made": not vital,
     }
+
+
+def failing(cam: CamConfig, law: Law) -> tuple[list[str], list[str]]:
+    """What of a law on its cam cannot exist, and all checks that fail, in words."""
+    try:
+        failed = [check for check in check_cam(cam, law) if not check.passed]
+    except CamRigError as error:
+        return [str(error)], [str(error)]
+    return [str(check) for check in failed if check.vital], [str(check) for check in failed]
 
 
 def file_jump(cam: CamConfig, rig: RigConfig) -> Found:
@@ -256,16 +259,11 @@ def _degrees(disc: Contour, at: int) -> float:
     return math.degrees(disc.angle[at]) % 360.0
 
 
-def _shown(disc: Contour, undercut: NDArray[np.bool_], steep: NDArray[np.bool_]) -> Shape:
+def _shown(disc: Contour, undercut: NDArray[np.bool_], steep: NDArray[np.bool_]) -> dict[str, Any]:
     """A contour for the page, lengths in mm; ``undercut`` and ``steep`` are indices of points."""
     return {
-        "points": _millimetres(disc.points),
-        "pitch": None if disc.pitch is None else _millimetres(disc.pitch),
+        "points": millimetres(disc.points),
+        "pitch": None if disc.pitch is None else millimetres(disc.pitch),
         "undercut": np.flatnonzero(undercut).tolist(),
         "steep": np.flatnonzero(steep).tolist(),
     }
-
-
-def _millimetres(points: FloatArray) -> list[list[float]]:
-    found: list[list[float]] = np.round(MM * points, DECIMALS).tolist()
-    return found

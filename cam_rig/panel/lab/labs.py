@@ -11,14 +11,16 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cam_rig.acoustics import RadiationParameters
-from cam_rig.dynamics import FollowerParameters
+from cam_rig.acoustics import RadiationParameters, SoundSource
+from cam_rig.dynamics import MODELS, Block, FollowerParameters, Interval, TwoMassParameters
 from cam_rig.dynamics.jump.any_follower import AnyFollower, find_jump, follower_of
 from cam_rig.dynamics.jump.jump_speed import contact_lost_speed, rigid_jump
+from cam_rig.dynamics.two_mass.masses import contact_response
 from cam_rig.dynamics.vibration import fastest, residual_vibration, steady_turn
 from cam_rig.errors import ConfigError, did_you_mean
 from cam_rig.files import shown
 from cam_rig.laws import Law
+from cam_rig.panel.bench.live_state import FULL_SCALE_PA, LEAST_RATE
 from cam_rig.panel.lab.sheet import (
     CURVE,
     KNOB_FROM,
@@ -27,14 +29,71 @@ from cam_rig.panel.lab.sheet import (
     LabSetup,
     LabSheet,
     LabTurn,
-    Plotted,
+    Span,
     drawn,
 )
-from cam_rig.panel.lab.turns import observe, over_turn
+from cam_rig.quantities.steady import vibrating
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.load import cam_path, load_cam
 from cam_rig.simulation.simulate import Acoustics, settled_turns
-from cam_rig.units import RPM, RPM_PER_RAD_S, TURN, FloatArray
+from cam_rig.units import NS, RPM, RPM_PER_RAD_S, TURN, FloatArray
+
+# What one sees and hears of the rig at a speed: a turn of its steady state, and its contact.
+
+#: Samples of the force a second, Hz; the sound has as many.
+RATE_HZ = LEAST_RATE
+#: Points of a turn that are shown.
+POINTS = 720
+#: What the force sensor resolves, N.
+RESOLUTION_N = 0.1
+#: Turns after which what is seen of a follower that lifts off is settled.
+SETTLED = 6
+
+
+def observe(law: Law, follower: AnyFollower, radiation: RadiationParameters, rpm: float) -> LabTurn:
+    """A turn of a follower at a speed (rpm): its force (N), and the sound."""
+    speed = rpm * RPM
+    blocks = _turns(law, follower, speed)
+    block = blocks[-1]
+    grid = block.interval.grid(RATE_HZ)
+    angles = block.interval.angle + speed * grid.since_start()
+    source = SoundSource(radiation, RATE_HZ, LEAST_RATE)
+    # Heard twice: the second time the structure is already in motion, and the ends meet.
+    for _ in range(2):
+        pressure = source.pressure(block.force, block.impulse, speed)
+    seen = over_turn(angles, block.force, RESOLUTION_N)
+    lost = len(blocks) > 1
+    return LabTurn(lost, lost, seen, np.asarray(pressure / FULL_SCALE_PA))
+
+
+def over_turn(angles: FloatArray, values: FloatArray, resolution: float) -> FloatArray:
+    """``(POINTS,)`` of values at cam angles (rad) of a turn, as a sensor resolves them."""
+    at = np.arange(POINTS) * (TURN / POINTS)
+    read = np.interp(at, angles, values, period=TURN)
+    return np.asarray(np.round(read / resolution)) * resolution
+
+
+def _read(value: float, resolution: float) -> float:
+    """A number as an instrument shows it."""
+    return round(round(value / resolution) * resolution, 6)
+
+
+def _turns(law: Law, follower: AnyFollower, speed: float) -> list[Block]:
+    """One turn that keeps contact, or some in which it is lost."""
+    model, state = MODELS["one_mass"], None
+    if isinstance(follower, TwoMassParameters):  # from the steady state in which they are held
+        model = MODELS["two_mass"]
+        state = vibrating(contact_response(law, follower, speed).periodic())
+    turn, blocks = round(TURN / speed * NS), list[Block]()
+    for i in range(SETTLED):
+        # Each turn begins at angle 0: what a turn in whole nanoseconds leaves is not added up.
+        interval = Interval(i * turn, (i + 1) * turn, 0.0, speed, turns=i)
+        state, block = model.advance(law, follower, state, interval, RATE_HZ)
+        blocks.append(block)
+        if i == 0 and not any(event.kind == "lift-off" for event in block.events):
+            break
+    return blocks
+
 
 #: By which part the numbers of a hidden rig may differ, where its stem is not what is asked for.
 TOLERANCES = {"spring_stiffness": 0.08, "mass": 0.04, "preload": 0.15, "damping": 0.25}
@@ -74,7 +133,7 @@ class JumpSheet(LabSheet):
         return replace(seen, was_lost=seen.contact_lost or rpm > self.true(setup))
 
     @cached_property
-    def knob(self) -> tuple[float, float]:
+    def knob(self) -> Span:
         """By what one rigid mass with the sheet's numbers does."""
         if not self.rig.follower.preload.si:
             raise ConfigError(
@@ -98,10 +157,10 @@ class JumpSheet(LabSheet):
         return (f.spring_stiffness * self.critical[0] + f.preload) / f.mass
 
     @property
-    def plot(self) -> Plotted:
+    def plot(self) -> tuple[Span, Span]:
         """n² over the load."""
         most = 50.0 * math.ceil(max(map(self.load, self.setups)) / 50.0)
-        return Plotted((0.0, most), (0.0, self.knob[1] ** 2 / SQUARE_RPM))
+        return (0.0, most), (0.0, self.knob[1] ** 2 / SQUARE_RPM)
 
     def point(self, reading: LabReading) -> tuple[float, float]:
         """The load (m/s²), and n² in 1000 rpm²."""
@@ -110,14 +169,14 @@ class JumpSheet(LabSheet):
     def theory(self) -> list[FloatArray]:
         """The straight line of one rigid mass."""
         slope = RPM_PER_RAD_S**2 / abs(self.critical[1]) / SQUARE_RPM
-        return [slope * np.linspace(*self.plot.x, CURVE)]
+        return [slope * np.linspace(*self.plot[0], CURVE)]
 
 
 def _rigid_rpm(law: Law, rig: RigConfig) -> float:
     return rigid_jump(law, FollowerParameters.from_rig(rig))[0] / RPM
 
 
-def _knob(sheet: LabSheet, speeds: list[float], to: float) -> tuple[float, float]:
+def _knob(sheet: LabSheet, speeds: list[float], to: float) -> Span:
     """Ends (rpm) of a knob over these jump speeds."""
     if not (min(speeds) > 1.0 and math.isfinite(max(speeds))):
         cams = " and ".join(map(repr, sheet.cams))
@@ -179,7 +238,7 @@ class VibrationSheet(LabSheet):
         }
 
     @cached_property
-    def knob(self) -> tuple[float, float]:
+    def knob(self) -> Span:
         """Where the follower is held on the cam, by the sheet's numbers."""
         followers = [self._follower(setup, None) for setup in self.setups]
         # of the hidden rig's stem, which may be softer, periods must fit in a turn too
@@ -202,13 +261,12 @@ class VibrationSheet(LabSheet):
         turn = steady_turn(self.law, follower, rpm * RPM)
         curve = over_turn(turn.angle, 1e6 * turn.vibration, RESOLUTION_UM)
         residual = 1e6 * float(residual_vibration(self.law, follower, np.array([rpm * RPM]))[0])
-        residual = round(round(residual / RESOLUTION_UM) * RESOLUTION_UM, 6)
-        return LabTurn(False, False, curve, measured=residual)
+        return LabTurn(False, False, curve, measured=_read(residual, RESOLUTION_UM))
 
     @property
-    def plot(self) -> Plotted:
+    def plot(self) -> tuple[Span, Span]:
         """Residual vibration over speed."""
-        return Plotted(self.knob, (0.0, 50.0))
+        return self.knob, (0.0, 50.0)
 
     def point(self, reading: LabReading) -> tuple[float, float]:
         """Speed (rpm) and residual vibration (µm)."""
@@ -297,17 +355,17 @@ class NoiseSheet(LabSheet):
         part = 0.5 * drawn(self.name, self.seed or "", words, 1.0)
         level = float(self.level(cam, np.array([rpm]), self.seed)[0])
         level += SCATTER_DB * NormalDist().inv_cdf(part)
-        return replace(seen, measured=round(round(level / RESOLUTION_DB) * RESOLUTION_DB, 6))
+        return replace(seen, measured=_read(level, RESOLUTION_DB))
 
     @cached_property
-    def knob(self) -> tuple[float, float]:
+    def knob(self) -> Span:
         """From half the lower to the higher of the jump speeds by the sheet's numbers."""
         return _knob(self, [_rigid_rpm(law, self.rig) for law in self.laws.values()], 1.0)
 
     @property
-    def plot(self) -> Plotted:
+    def plot(self) -> tuple[Span, Span]:
         """Level over speed."""
-        return Plotted(self.knob, (70.0, 90.0))
+        return self.knob, (70.0, 90.0)
 
     def point(self, reading: LabReading) -> tuple[float, float]:
         """Speed (rpm) and level (dB)."""

@@ -12,10 +12,9 @@ from starlette.routing import Route
 
 from cam_rig.errors import ConfigError, RefusedError
 from cam_rig.panel.bench.drawing import cam_picture
-from cam_rig.panel.lab.labs import SCATTER_DB, JumpSheet, NoiseSheet
+from cam_rig.panel.lab.labs import RATE_HZ, SCATTER_DB, JumpSheet, NoiseSheet
 from cam_rig.panel.lab.recorded import MAX_NAME, Notebook, to_text
 from cam_rig.panel.lab.sheet import CURVE, LabSheet
-from cam_rig.panel.lab.turns import RATE_HZ
 from cam_rig.panel.server import Answer, PanelPages, csv_file, get, page_file, post
 from cam_rig.show import looks as colours
 
@@ -49,7 +48,6 @@ class LabPages(PanelPages):
 
     async def _about(self, _: dict[str, Any]) -> dict[str, Any]:
         sheet, own = self._sheet, self._sheet.rig.follower
-        plot, noise = sheet.plot, isinstance(sheet, NoiseSheet)
         return {
             "lab": sheet.name,
             "cams": list(sheet.cams),
@@ -64,13 +62,13 @@ class LabPages(PanelPages):
             "options": sheet.options,
             "marker": sheet.marker,
             "lift": sheet.critical[0] if isinstance(sheet, JumpSheet) else None,
-            "scatter_db": SCATTER_DB if noise else None,
+            "scatter_db": SCATTER_DB if isinstance(sheet, NoiseSheet) else None,
             "measured": sheet.measured is not None,
             "answered": sheet.answer is not None,
             "heard": sheet.heard,
             "unit": sheet.unit,
             "knob": self._knob,
-            "plot": {"x": plot.x, "y": plot.y},
+            "plot": dict(zip("xy", sheet.plot, strict=True)),
             "max_name": MAX_NAME,
             "colours": [colours.web(colour) for colour in MARKER_COLOURS],
             "curve_colour": colours.web(colours.FORCE),
@@ -81,9 +79,9 @@ class LabPages(PanelPages):
         if self._sheet.seed is not None:
             raise RefusedError("theory: allowed: on a sheet without a seed")
         found = await asyncio.to_thread(self._sheet.theory)
-        x = self._sheet.plot.x
+        low, high = self._sheet.plot[0]
         curves = [[round(float(y), 4) for y in curve] for curve in found]
-        return {"step": (x[1] - x[0]) / (CURVE - 1), "curves": curves}
+        return {"step": (high - low) / (CURVE - 1), "curves": curves}
 
     async def _picture(self, asked: dict[str, Any]) -> dict[str, Any]:
         name = asked["cam"]
@@ -92,9 +90,8 @@ class LabPages(PanelPages):
         return cam_picture(self._sheet.cams[name], self._sheet.laws[name])
 
     async def _csv(self, _: dict[str, Any]) -> Response:
-        path = self.notebook.path
-        name = "lab_readings.csv" if path is None else path.name
-        return csv_file(name, to_text(self.notebook.recorded))
+        book = self.notebook
+        return csv_file(book.path.name if book.path else "lab_readings.csv", to_text(book.recorded))
 
     def _alone(self, path: str, answer: Answer) -> Route:
         async def answered(body: dict[str, Any]) -> dict[str, Any] | Response:

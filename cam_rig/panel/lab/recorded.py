@@ -91,9 +91,7 @@ def _parsed(text: str) -> RecordedSheet:
             f"has {len(body) - 1} readings; allowed: 1 to {MAX_READINGS}, so record one"
         )
     readings = tuple(_reading(lab, row) for row in body[1:])
-    words: dict[str, Any] = {"student": "", "seed": ""} | {
-        key: found[key] for key in HEAD if key in found
-    }
+    words: dict[str, Any] = {key: found.get(key, "") for key in HEAD}
     words["seed"] = words["seed"] or None
     return RecordedSheet(found[TITLE], readings=readings, **words)
 
@@ -129,9 +127,8 @@ def _reading(lab: type[LabSheet], row: list[str]) -> LabReading:
     }
     if "cam" in given:
         chosen["cam"] = None if answered else given["cam"]
-    read = [numbers.get(name) for name in ("speed_rpm", lab.measured, lab.answer) if name]
-    rpm, measured, answer = (*read, None, None)[:3]
-    return LabReading(int(numbers["reading"]), LabSetup(**chosen), rpm, measured, answer)
+    read = (numbers.get(name or "") for name in ("speed_rpm", lab.measured, lab.answer))
+    return LabReading(int(numbers["reading"]), LabSetup(**chosen), *read)
 
 
 def _in_file(where: str, name: str, cell: str) -> float:

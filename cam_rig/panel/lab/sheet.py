@@ -68,12 +68,8 @@ class LabTurn:
     measured: float | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class Plotted:
-    """Where a plot's x (of ``x``) and y begin and end; the y grows with what is drawn."""
-
-    x: tuple[float, float]
-    y: tuple[float, float]
+#: From and to, of a knob or an axis.
+Span = tuple[float, float]
 
 
 def drawn(lab: str, seed: str, number: str, tolerance: float) -> float:
@@ -152,9 +148,8 @@ class LabSheet(ABC):
     @cached_property
     def setups(self) -> list[LabSetup]:
         """Every set-up that there is."""
-        names = self.options.keys()
         every = product(*self.options.values())
-        return [LabSetup(**dict(zip(names, values, strict=True))) for values in every]
+        return [LabSetup(**dict(zip(self.options, values, strict=True))) for values in every]
 
     @property
     def asked_setups(self) -> list[LabSetup]:
@@ -201,7 +196,7 @@ class LabSheet(ABC):
 
     @property
     @abstractmethod
-    def knob(self) -> tuple[float, float]:
+    def knob(self) -> Span:
         """Speeds (rpm) of the knob, by the sheet's numbers."""
 
     @abstractmethod
@@ -214,8 +209,8 @@ class LabSheet(ABC):
 
     @property
     @abstractmethod
-    def plot(self) -> Plotted:
-        """The axes of the readings' plot."""
+    def plot(self) -> tuple[Span, Span]:
+        """Where x and y of the readings' plot begin and end; y grows with what is drawn."""
 
     @abstractmethod
     def point(self, reading: LabReading) -> tuple[float, float]:

@@ -1,7 +1,7 @@
 // The live bench: every control is a node's own parameter or service, and shows what the node says.
 import { shown } from "../common/charts.js";
 import { loadTexts, text } from "../common/texts.js";
-import { $, field, say } from "../common/dom.js";
+import { $, field, post, say, status } from "../common/dom.js";
 import { Knob, typed } from "../common/knob.js";
 import { Link, Newest } from "./link.js";
 import { NoiseChart } from "./noise.js";
@@ -63,7 +63,7 @@ const sound = new Sound((listens) => link.ask({ do: "listen", value: listens }))
 const stage = new Stage(() => now?.values.cam_drive?.pacing);
 /** @type {Link} */
 const link = new Link(live, (block) => stage.take(block), (samples) => sound.play(samples), (on) => {
-  status(on ? "" : text("disconnected_bench"), !on);
+  status(on ? "" : text("disconnected_bench"));
   if (on && sound.on) link.ask({ do: "listen", value: true });
   if (on) watch();
   else gone();
@@ -81,15 +81,10 @@ function gone() {
   [now, lostAt] = [null, -Infinity];
   lamp("");
 }
-/** @param {string} sentence @param {boolean} wrong */
-function status(sentence, wrong) {
-  $("status").textContent = sentence;
-  $("status").classList.toggle("fault", Boolean(wrong));
-}
 /** @param {object} command */
 async function ask(command) {
   const answer = await link.ask(command);
-  status(answer.success ? "" : answer.words || text("disconnected_bench"), !answer.success);
+  status(answer.success ? "" : answer.words || text("disconnected_bench"));
   return answer;
 }
 /** A speed that is chosen before the nodes are there. @type {number | null} */
@@ -109,7 +104,7 @@ const knob = new Knob($("knob"), about.knob, text("commanded"), (rpm) => {
   choose_speed(rpm);
 });
 $("rpm").addEventListener("change", () => {
-  const rpm = typed(field("rpm"), about.speeds, status);
+  const rpm = typed(field("rpm"), about.speeds);
   if (rpm === null) return;
   knob.show(rpm);
   choose_speed(rpm);
@@ -307,7 +302,7 @@ function ended([node, why]) {
 // -- what a speed will do, before it is turned at and beside what it does ------------------------------
 let asked = "";
 const expected = new Newest(async (/** @type {object} */ given) => {
-  const answer = await fetch("/bench/expected", { method: "POST", body: JSON.stringify(given), signal: AbortSignal.timeout(WAITS_MS) }).catch(() => null);
+  const answer = await post("/bench/expected", given, { signal: AbortSignal.timeout(WAITS_MS) }).catch(() => null);
   const found = await answer?.json().catch(() => null);
   if (!found) {
     asked = "";

@@ -1,4 +1,5 @@
-// The rig's sound: blocks as they come; nothing is sent while the volume is 0.
+// The rig's sound, on the bench as it comes, in the lab turn by turn; nothing is sent while the volume is 0.
+import { decode } from "../common/dom.js";
 
 const VOLUME = "volume";
 
@@ -61,5 +62,42 @@ export class Sound extends Loudspeaker {
   /** @param {Float32Array} samples */
   play(samples) {
     if (this.on && samples.length) this.speaker?.port.postMessage(samples);
+  }
+}
+
+/** The sound of one turn, over and over. */
+export class TurnSound extends Loudspeaker {
+  /** changed() is told when it begins to be heard. @param {() => void} changed */
+  constructor(changed) {
+    super();
+    this.changed = changed;
+    /** @type {AudioBufferSourceNode | null} */
+    this.source = null;
+  }
+
+  /** @param {number} value */
+  volume(value) {
+    const changed = super.volume(value);
+    if (changed && this.on) this.changed();
+    else if (changed) this.#end();
+    return changed;
+  }
+
+  /** Turn to another turn: base64 of 32-bit floats, and their rate in Hz. @param {string | undefined} data @param {number} rate */
+  play(data, rate) {
+    if (!this.on || !data || !this.context || !this.gain) return;
+    const samples = new Float32Array(decode(data));
+    const buffer = this.context.createBuffer(1, samples.length, rate);
+    buffer.copyToChannel(samples, 0);
+    this.#end();
+    this.source = this.context.createBufferSource();
+    Object.assign(this.source, { buffer, loop: true });
+    this.source.connect(this.gain);
+    this.source.start();
+  }
+
+  #end() {
+    this.source?.stop();
+    this.source = null;
   }
 }

@@ -1,7 +1,7 @@
 // The picture of the rig, its gauges and the charts of a turn: what runs, or what is expected.
 import { recoloured } from "../common/canvas.js";
 import { shown } from "../common/charts.js";
-import { $, say } from "../common/dom.js";
+import { $, decode, say } from "../common/dom.js";
 import { text } from "../common/texts.js";
 /** @import { Rows } from "./playback.js" */
 /** @import { Crossing } from "../common/rig.js" */
@@ -98,7 +98,7 @@ export class Stage {
 
   /** A settled turn as the server found it; null where there is none. @param {Expected | null} found */
   expect(found) {
-    this.known = found && rowsOf(Uint8Array.from(atob(found.curves), (character) => character.charCodeAt(0)).buffer, 0);
+    this.known = found && rowsOf(decode(found.curves), 0);
     this.charts.expected(this.known);
     this.rig.strongest = this.known ? Math.max(1, ...this.known.force) : 1;
     this.lens.widest = this.known ? Math.max(...this.known.gap) : 0;

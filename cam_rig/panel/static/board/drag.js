@@ -85,12 +85,28 @@ export class Handles {
       const seen = `${x} ${y} ${value} ${lift[handle.k]}`;
       if (this.seen[i] === seen) return;
       this.seen[i] = seen;
-      set(this.circles[i], { cx: x, cy: y, "aria-valuenow": value, "aria-valuetext": this.words.value(handle) });
+      const attributes = { cx: x, cy: y, "aria-valuenow": value, "aria-valuetext": this.words.value(handle) };
+      for (const [key, shown] of Object.entries(attributes)) this.circles[i].setAttribute(key, shown);
     });
   }
 }
 
-/** @param {Element} circle @param {Record<string, string>} attributes */
-function set(circle, attributes) {
-  for (const [key, value] of Object.entries(attributes)) circle.setAttribute(key, value);
+/**
+ * What a handle pulls: [handle, weight], itself by 1, those beside it by a raised cosine of the cam angle.
+ *
+ * The cosine reaches `width` (rad) to either side, and no farther than the ordinates that keep the
+ * end of the segment as it is, so that the law stays smooth there.
+ * @param {Handle[]} handles @param {Handle} own @param {number} width @returns {[Handle, number][]}
+ */
+export function weights(handles, own, width) {
+  /** @type {[Handle, number][]} */
+  const found = [[own, 1]];
+  const [left, right] = [Math.min(width, own.left), Math.min(width, own.right)];
+  for (const other of handles) {
+    if (other.segment !== own.segment || other.index === own.index) continue;
+    const away = other.left - own.left;
+    const part = away < 0 ? -away / left : away / right;
+    if (part < 1) found.push([other, (1 + Math.cos(Math.PI * part)) / 2]);
+  }
+  return found;
 }

@@ -1,18 +1,16 @@
 // The law in the page: s to s''' are fixed matrices times the ordinates, and the kinetostatic
 // contact force is their sum. All in SI.
+import { decode } from "../common/dom.js";
 
 /** Little-endian float64 from base64. @param {string} text */
-export function decode(text) {
-  const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
-  return new Float64Array(bytes.buffer);
-}
+export const doubles = (text) => new Float64Array(decode(text));
 
 /** The table of a board as it was sent, its arrays decoded. @param {Board} board */
 export function readTable(board) {
-  const table = decode(board.table);
-  const first = Uint32Array.from(decode(board.first));
+  const table = doubles(board.table);
+  const first = Uint32Array.from(doubles(board.first));
   const { points, orders } = board;
-  return { table, first, constant: decode(board.constant), points, orders, width: table.length / points / orders };
+  return { table, first, constant: doubles(board.constant), points, orders, width: table.length / points / orders };
 }
 
 /** @typedef {ReturnType<typeof readTable>} MotionTable */

@@ -1,14 +1,14 @@
 // A link that opens the same law: cam, speed and ordinates in the address, behind #.
-import { $ } from "../common/dom.js";
+import { $, copy, status } from "../common/dom.js";
 import { text } from "../common/texts.js";
 
 /** @typedef {{ordinates: number[], rpm: number}} Drawn */
 
 /**
  * now() is what is drawn, put(found) draws what a link has.
- * @param {Board} board @param {() => Drawn} now @param {(found: Drawn) => void} put @param {Status} status
+ * @param {Board} board @param {() => Drawn} now @param {(found: Drawn) => void} put
  */
-export function listenForLinks(board, now, put, status) {
+export function listenForLinks(board, now, put) {
   const open = () => {
     const asked = new URLSearchParams(location.hash.slice(1));
     if (!asked.has("ordinates")) return;
@@ -16,7 +16,7 @@ export function listenForLinks(board, now, put, status) {
     const [least, most] = board.rpm_range;
     const whole = found.ordinates.length === board.start.length && found.ordinates.every(Number.isFinite) && found.rpm >= least && found.rpm <= most;
     if (whole && asked.get("cam") === board.cam.name) put(found);
-    else status(text("link_of_other", { cam: asked.get("cam") ?? "–", own: board.cam.name }), true);
+    else status(text("link_of_other", { cam: asked.get("cam") ?? "–", own: board.cam.name }));
   };
   addEventListener("hashchange", open);
   open();
@@ -25,12 +25,6 @@ export function listenForLinks(board, now, put, status) {
     const { ordinates, rpm } = now();
     const words = new URLSearchParams({ cam: board.cam.name, rpm: String(rpm), ordinates: ordinates.join("_") });
     history.replaceState(null, "", `#${words}`);
-    try {
-      await navigator.clipboard.writeText(location.href);
-      status(text("link_copied"), false);
-    } catch (refused) { // the browser does not let a page: it stands in the address
-      if (!(refused instanceof DOMException)) throw refused;
-      status(text("link_in_address"), false);
-    }
+    await copy(location.href, "link_copied", "link_in_address");
   });
 }

@@ -1,12 +1,12 @@
 // The drawing board: what is dragged changes the law here at once; the server says what is exact.
 import { extent, shown } from "../common/charts.js";
 import { ContourChart } from "../common/contour.js";
-import { $, field } from "../common/dom.js";
-import { Handles } from "./drag.js";
+import { degrees } from "../common/rig.js";
+import { $, field, status } from "../common/dom.js";
+import { Handles, weights } from "./drag.js";
 import { History } from "./history.js";
-import { contactForce, decode, motion, pull, readTable } from "./law.js";
+import { contactForce, doubles, motion, pull, readTable } from "./law.js";
 import { Pictures } from "./pictures.js";
-import { weights } from "./pull.js";
 import { Readouts } from "./readouts.js";
 import { Stroboscope } from "./stroboscope.js";
 import { STEPS, typed } from "../common/knob.js";
@@ -15,7 +15,6 @@ import { loadTexts, text } from "../common/texts.js";
 import { Wire } from "../common/wire.js";
 import { listenForLinks } from "./links.js";
 
-const degrees = (/** @type {number} */ radians) => (radians * 180) / Math.PI;
 const radians = (/** @type {number} */ degrees) => (degrees * Math.PI) / 180;
 
 await loadTexts();
@@ -81,8 +80,9 @@ function changed() {
 }
 
 // -- what is dragged ------------------------------------------------------------------------------
+const drawn = () => ({ ordinates: Array.from(state.ordinates), rpm: state.rpm });
 const history = new History(
-  () => ({ ordinates: Array.from(state.ordinates), rpm: state.rpm }),
+  drawn,
   (before) => { put(before); changed(); settle(); },
   () => {
     field("undo").disabled = !history.past.length;
@@ -96,6 +96,14 @@ function put({ ordinates, rpm }) {
 }
 /** After a gesture the axes may shrink again. */
 function settle() { requestAnimationFrame(() => draw(true)); }
+/** Something that is done at once, and undone as one step. @param {() => void} does */
+function gesture(does) {
+  history.begin();
+  does();
+  changed();
+  history.end();
+  settle();
+}
 /**
  * Move what a handle pulls: by(index) gives the way of its own ordinate's whole weight, in lifts.
  * @param {Handle} handle @param {(index: number) => number} by
@@ -165,25 +173,14 @@ $("knob").addEventListener("keydown", (event) => {
 });
 $("knob").addEventListener("change", () => { history.end(); settle(); wire.flush(); });
 $("rpm").addEventListener("change", () => {
-  const rpm = typed(field("rpm"), board.rpm_range, (words, wrong) => readouts.status(words, wrong));
-  if (rpm === null) return;
-  history.begin();
-  setSpeed(rpm);
-  changed();
-  history.end();
-  settle();
+  const rpm = typed(field("rpm"), board.rpm_range);
+  if (rpm !== null) gesture(() => setSpeed(rpm));
 });
 
 // -- buttons and keys -----------------------------------------------------------------------------
 $("undo").addEventListener("click", () => history.undo());
 $("redo").addEventListener("click", () => history.redo());
-$("reset").addEventListener("click", () => {
-  history.begin();
-  state.ordinates = start.slice();
-  changed();
-  history.end();
-  settle();
-});
+$("reset").addEventListener("click", () => gesture(() => { state.ordinates = start.slice(); }));
 addEventListener("keydown", (event) => {
   if (!(event.ctrlKey || event.metaKey) || /** @type {Element} */ (event.target).matches("input:not([type=range])")) return;
   const key = event.key.toLowerCase();
@@ -192,7 +189,7 @@ addEventListener("keydown", (event) => {
   else return;
   event.preventDefault();
 });
-listenForFiles(() => Array.from(state.ordinates), (words, wrong) => readouts.status(words, wrong));
+listenForFiles(() => Array.from(state.ordinates));
 for (const width of WIDTHS_DEG) $("width").append(new Option(width ? text("width_deg", { width }) : text("width_one"), String(width)));
 for (const name of board.cams) $("second").append(new Option(name, name));
 $("second").addEventListener("change", async () => {
@@ -200,12 +197,12 @@ $("second").addEventListener("change", async () => {
   const answer = name ? await fetch(`/other/${name}`) : null;
   const found = answer && (await answer.json());
   if (field("second").value !== name) return; // another was chosen meanwhile
-  if (answer && !answer.ok) readouts.status(found.words, true);
+  if (answer && !answer.ok) status(found.words);
   showSecond(answer?.ok ? found.motion : null);
 });
 /** A law beside the board's own, in base64; null shows none. @param {string | null} motion */
 function showSecond(motion) {
-  const flat = motion ? decode(motion) : null;
+  const flat = motion ? doubles(motion) : null;
   pictures.second = flat ? Array.from({ length: board.orders }, (_, i) => flat.subarray(i * board.points, (i + 1) * board.points)) : null;
   draw(true);
 }
@@ -214,9 +211,9 @@ $("spectrum_of").addEventListener("change", () => draw(true));
 // -- the server -----------------------------------------------------------------------------------
 /** @param {BoardMessage} message @param {boolean} pending */
 function heard(message, pending) {
-  if (message.type === "refused") readouts.status(text("refused", message), true);
+  if (message.type === "refused") status(text("refused", message));
   if (message.type === "rest") readouts.rest(message);
-  if (message.type === "design") heardOfDesign(message, showSecond, (words, wrong) => readouts.status(words, wrong));
+  if (message.type === "design") heardOfDesign(message, showSecond);
   if (message.type === "opened") { // by this page or another: a link was of the cam before
     window.history.replaceState(null, "", location.pathname);
     location.reload();
@@ -236,18 +233,12 @@ function heard(message, pending) {
 const wire = new Wire(
   (number) => {
     sent.set(number, state.ordinates.slice());
-    return { ordinates: Array.from(state.ordinates), rpm: state.rpm };
+    return drawn();
   },
   heard,
-  (on) => readouts.status(on ? text("connected") : text("disconnected"), !on),
+  (on) => status(text(on ? "connected" : "disconnected"), !on),
 );
 setSpeed(state.rpm);
 history.told();
 draw(true);
-listenForLinks(board, () => ({ ordinates: Array.from(state.ordinates), rpm: state.rpm }), (found) => {
-  history.begin();
-  put(found);
-  changed();
-  history.end();
-  settle();
-}, (words, wrong) => readouts.status(words, wrong));
+listenForLinks(board, drawn, (found) => gesture(() => put(found)));

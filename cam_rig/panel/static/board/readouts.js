@@ -1,6 +1,6 @@
 // Numbers and words from the server; those of an earlier law are marked until the new ones come.
 import { shown } from "../common/charts.js";
-import { $, field } from "../common/dom.js";
+import { $, field, status } from "../common/dom.js";
 import { text } from "../common/texts.js";
 
 const AT_REST = ["jump", "residual", "level"];
@@ -27,12 +27,6 @@ export class Readouts {
     this.stale();
   }
 
-  /** @param {string} words @param {boolean} wrong */
-  status(words, wrong) {
-    $("status").textContent = words;
-    $("status").classList.toggle("fault", Boolean(wrong));
-  }
-
   /** The law has changed: what was found of it belongs to the one before. */
   stale() { for (const id of ["jump_rigid", ...AT_REST]) $(id).classList.add("stale"); }
 
@@ -56,7 +50,7 @@ export class Readouts {
   /** @param {Rest} message */
   rest(message) {
     if (message.version !== this.version) return;
-    if (message.words) return this.status(message.words, true);
+    if (message.words) return status(message.words);
     value("jump", this.sprung ? message.jump : { words: text("held") }, 5, "rpm");
     value("residual", message.residual_um, 4, "µm");
     value("level", message.level_db, 4, "dB");

@@ -1,5 +1,6 @@
 // A knob on a scale of equal ratios: by pointer around its middle, or by keys.
 import { element, shown } from "./charts.js";
+import { status } from "./dom.js";
 import { text } from "./texts.js";
 
 const SWEEP = 270, FIRST = -135; // degrees, from above
@@ -117,14 +118,11 @@ export class Knob {
   }
 }
 
-/**
- * The speed (rpm) that is typed, null where it is none of the range; told(words, wrong) is given why.
- * @param {HTMLInputElement} input @param {Pair} range @param {Status} told
- */
-export function typed(input, [low, high], told) {
+/** The speed (rpm) that is typed; null where it is none of the range, and the page says why. @param {HTMLInputElement} input @param {Pair} range */
+export function typed(input, [low, high]) {
   const rpm = input.valueAsNumber;
   const good = rpm >= low && rpm <= high;
-  told(good ? "" : text("speed_range", { value: input.value || "–", low: shown(low, 6), high: shown(high, 6) }), !good);
+  status(good ? "" : text("speed_range", { value: input.value || "–", low: shown(low, 6), high: shown(high, 6) }));
   return good ? rpm : null;
 }
 

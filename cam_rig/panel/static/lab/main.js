@@ -1,12 +1,12 @@
 // A lab sheet: a set-up, a knob, a lamp, the force over the turn, and what the student reads.
 import { Newest } from "../bench/link.js";
+import { TurnSound } from "../bench/sound.js";
 import { Chart, extent, shown } from "../common/charts.js";
-import { $, field, say } from "../common/dom.js";
+import { $, field, post, say, status } from "../common/dom.js";
 import { Knob, typed } from "../common/knob.js";
 import { RigPicture } from "../common/rig.js";
 import { loadTexts, text } from "../common/texts.js";
 import { ReadingsPlot } from "./plot.js";
-import { TurnSound } from "./turn_sound.js";
 
 const UNITS = /** @type {const} */ ({ spring_stiffness: "N/m", added_mass: "kg", preload: "N", cam: "" });
 
@@ -103,7 +103,7 @@ function speed(rpm) {
   turn.put();
 }
 $("rpm").addEventListener("change", () => {
-  const rpm = typed(field("rpm"), sheet.knob, status);
+  const rpm = typed(field("rpm"), sheet.knob);
   if (rpm === null) return;
   knob.show(rpm);
   speed(rpm);
@@ -114,9 +114,9 @@ $("volume").addEventListener("input", () => sound.volume(field("volume").valueAs
  * What the server answers; null where it refused, and the page says why.
  * @param {string} path @param {object} value @returns {Promise<any>}
  */
-async function post(path, value) {
+async function ask(path, value) {
   try {
-    const answer = await fetch(path, { method: "POST", body: JSON.stringify(value) });
+    const answer = await post(place + path, value);
     const found = await answer.json();
     status(answer.ok ? "" : text("refused", { words: found.words }));
     return answer.ok ? found : null;
@@ -126,16 +126,11 @@ async function post(path, value) {
     return null;
   }
 }
-/** @param {string} sentence */
-function status(sentence) {
-  $("status").textContent = sentence;
-  $("status").classList.toggle("fault", Boolean(sentence));
-}
 
 /** Shows what is seen of the set-up and speed; whether contact is lost, null where it is not known. */
 async function observe() {
   const asked = { ...chosen, rpm: set };
-  const seen = await post(`${place}/turn`, { ...asked, sound: sound.on });
+  const seen = await ask("/turn", { ...asked, sound: sound.on });
   document.body.dataset.shown = seen ? JSON.stringify(asked) : "";
   if (!seen) return null;
   const lost = seen.contact_lost || seen.was_lost;
@@ -156,7 +151,7 @@ $("record").addEventListener("click", async () => {
   const reading = { ...chosen, rpm: set };
   const lost = await observe(); // of this set-up and speed, and not of the one before
   if (lost === null || (!sheet.measured && !lost && !confirm(text("lab_record_anyway", { rpm: shown(reading.rpm, 6) })))) return;
-  const found = await post(`${place}/record`, reading);
+  const found = await ask("/record", reading);
   if (!found) return;
   show(found);
   const { number, rpm } = found.readings.at(-1);
@@ -165,7 +160,7 @@ $("record").addEventListener("click", async () => {
 });
 $("answering").addEventListener("submit", async (event) => {
   event.preventDefault();
-  const found = await post(`${place}/answer`, { ...chosen, answer: field("answer").value });
+  const found = await ask("/answer", { ...chosen, answer: field("answer").value });
   if (!found) return;
   show(found);
   field("answer").value = "";
@@ -173,7 +168,7 @@ $("answering").addEventListener("submit", async (event) => {
   $("recorded").textContent = text("lab_answered", { number, answer: shown(answer, 6), unit: sheet.unit });
 });
 $("student").addEventListener("change", async () => {
-  const found = await post(`${place}/student`, { student: field("student").value });
+  const found = await ask("/student", { student: field("student").value });
   if (found) show(found);
 });
 $("plot_it").addEventListener("click", () => {

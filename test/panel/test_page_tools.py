@@ -1,5 +1,9 @@
-"""The pages' JavaScript keeps the types that its comments and tools/pages/messages.d.ts tell of."""
+"""The pages by the tools of tools/pages: JavaScript keeps its types, and nobody is left out.
 
+The types are those that comments and messages.d.ts tell of.
+"""
+
+import itertools
 import json
 import re
 import subprocess
@@ -12,8 +16,9 @@ from cam_rig.panel.lab.labs import LABS
 from cam_rig.panel.lab.pages import LabPages
 from cam_rig.panel.server import serve
 
+from ..processes import WAIT_S
 from ..viewer.asking import Visitor
-from .conftest import BENCH, BOARD, WAIT_S, sheet_of
+from .conftest import BENCH, BOARD, BrowserPage, in_browser, sheet_of
 
 ROOT = Path(__file__).parents[2]
 TOOLS = ROOT / "tools/pages"
@@ -21,13 +26,18 @@ SCRIPTS = sorted((ROOT / "cam_rig/panel/static").rglob("*.js"))
 TSC = TOOLS / "node_modules/.bin/tsc"
 
 
+def tsc(*words):
+    """What TypeScript's compiler says."""
+    command = [TSC, *map(str, words)]
+    return subprocess.run(
+        command, cwd=TOOLS, capture_output=True, text=True, check=False, timeout=WAIT_S
+    )
+
+
 @pytest.mark.skipif(not TSC.exists(), reason="no TypeScript: make check-pages")
 def test_the_pages_are_of_their_types():
     """By tsc, every check of it; a script that it does not see would pass unseen."""
-    words = [TSC, "--listFiles"]
-    checked = subprocess.run(
-        words, cwd=TOOLS, capture_output=True, text=True, check=False, timeout=WAIT_S
-    )
+    checked = tsc("--listFiles")
     assert checked.returncode == 0, checked.stdout
     seen = {Path(line).resolve() for line in checked.stdout.splitlines()}
     assert [path.name for path in SCRIPTS if path.resolve() not in seen] == []
@@ -50,12 +60,7 @@ def wrong_types(folder, messages):
     )
     (folder / "sent.ts").write_text(text, encoding="utf-8")
     options = "--ignoreConfig --noEmit --strict --target es2022 --lib es2023,dom"
-    words = [TSC, *options.split()]
-    words += ["--types", "", str(folder / "sent.ts"), str(TOOLS / "messages.d.ts")]
-    checked = subprocess.run(
-        words, cwd=TOOLS, capture_output=True, text=True, check=False, timeout=WAIT_S
-    )
-    return checked.stdout
+    return tsc(*options.split(), "--types", "", folder / "sent.ts", TOOLS / "messages.d.ts").stdout
 
 
 def received(socket, *kinds):
@@ -108,3 +113,38 @@ def test_what_is_sent_is_of_its_type(served, tmp_path):
     del control["start"]
     said = wrong_types(tmp_path, {"control": ("Board", control)})
     assert "'string' is not assignable to type 'number'" in said
+
+
+# -- whoever sees, hears or points otherwise can use the pages: axe-core finds nothing against it --
+
+AXE = TOOLS / "node_modules/axe-core/axe.min.js"
+#: The pages, and what is filled last on each.
+FILLED = {"/": "level", "/bench": "graph", "/lab": "contact"}
+#: What waits for its turn to be seen is looked at with the rest.
+ALL = "document.querySelectorAll('[hidden]').forEach((one) => { one.hidden = false; })"
+VIOLATIONS = """() => axe.run().then(({ violations }) => violations.flatMap(({ id, nodes }) =>
+  nodes.map(({ html, failureSummary }) => `${id}: ${html.slice(0, 120)} ${failureSummary}`)))"""
+CASES = [
+    pytest.param(*case, marks=() if case == ("/bench", "es", "dark") else pytest.mark.long)
+    for case in itertools.product(FILLED, ("en", "es"), ("light", "dark"))
+]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not AXE.exists(), reason="no axe-core: make check-pages")
+@pytest.mark.parametrize(("path", "language", "scheme"), CASES)
+def test_axe_finds_no_violation(chromium, served, path, language, scheme):
+    """Names, roles, contrast and order, as the page is once its numbers have come."""
+    looks = {"color_scheme": scheme, "viewport": {"width": 1280, "height": 800}}
+    with in_browser(chromium, BrowserPage, bypass_csp=True, **looks) as shown:
+        chosen = f"sessionStorage.setItem('language', '{language}')"
+        shown.page.context.add_init_script(chosen)
+        shown.open(served.address, path)
+        shown.until(lambda: shown.text(FILLED[path]) not in ("", "–", "None"))
+        shown.page.evaluate(ALL)
+        shown.page.evaluate(AXE.read_text(encoding="utf-8"))
+        assert shown.page.evaluate(VIOLATIONS) == []
+        assert shown.page.evaluate("document.documentElement.lang") == language
+        shown.page.evaluate("document.querySelector('main').append(new Image())")
+        (control,) = shown.page.evaluate(VIOLATIONS)
+        assert control.startswith("image-alt: ")
