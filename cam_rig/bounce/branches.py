@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations, pairwise
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,11 +124,6 @@ class Bifurcation:
     period: int | None
     landings: int  #: in the period, before it
 
-    @property
-    def words(self) -> str:
-        """What happens."""
-        return WORDS[self.kind]
-
     def same_as(self, other: Bifurcation, sweep: Sweep) -> bool:
         """Whether both are one, come upon twice."""
         here, there = sweep.value(self.point), sweep.value(other.point)
@@ -149,12 +145,7 @@ class Family:
     _scale: FloatArray = field(init=False)  #: of the state's numbers and the value
 
     def at(self, value: float, state: State) -> PeriodicMotion:
-        """The motion at a value (SI) near a state, by Newton's iteration.
-
-        Raises
-        ------
-        UnfoundMotionError : there is none
-        """
+        """The motion at a value (SI) near a state by Newton; an `UnfoundMotionError` for none."""
         self._scale = self._scale_of(value, state)
         start = np.array([*state, value]) / self._scale
         along = np.eye(start.size)[-1]
@@ -279,12 +270,8 @@ class Family:
         def motion_at(part: float) -> PeriodicMotion:
             return self._corrected(here + part * along, along, by_value)[0]
 
-        tests: dict[str, Callable[[PeriodicMotion], float]] = {
-            FLIP: lambda motion: motion.flip,
-            FOLD: lambda motion: motion.fold,
-            SPIRAL: lambda motion: motion.spiral,
-        }
-        for kind, test in tests.items():
+        for kind, name in ((FLIP, "flip"), (FOLD, "fold"), (SPIRAL, "spiral")):
+            test: Callable[[PeriodicMotion], float] = attrgetter(name)
             if test(before) * test(after) < 0.0:
                 at = brentq(lambda part, f=test: f(motion_at(part)), 0.0, length, xtol=1e-15)
                 motion = motion_at(at)
@@ -358,11 +345,7 @@ def branch_through(
 
 
 def branches(
-    law: Law,
-    sweep: Sweep,
-    seen: Sequence[tuple[float, State, int]],
-    low: float,
-    high: float,
+    law: Law, sweep: Sweep, seen: Sequence[tuple[float, State, int]], low: float, high: float
 ) -> tuple[Branch, ...]:
     """Every branch between two values (SI) that has one of some motions.
 
