@@ -11,7 +11,7 @@ from cam_rig.law_design.request import DesignRequest, Multistart
 from cam_rig.law_design.space import Asked, DesignProblem, LawEvent
 from cam_rig.laws import Law
 from cam_rig.schema import CamConfig
-from cam_rig.schema.load import quantity, to_yaml, valid_cam
+from cam_rig.schema.load import file_data, quantity, to_yaml, valid_cam
 from cam_rig.units import TURN, FloatArray
 
 #: A law's lift is its file's where they differ by no more than this part.
@@ -69,8 +69,8 @@ def spline_cam_data(
     ``cam`` and its law ``start`` give follower and lift; ``splines`` of each event degree, knots
     and ordinates in lifts, as a file has them; ``free`` is what of dwells and events is elsewhere.
     """
-    data = cam.model_dump(exclude_none=True)
-    parts = {key: without_empty(data[key]) for key in ("follower", "contact") if key in data}
+    data = file_data(cam)
+    parts = {key: data[key] for key in ("follower", "contact") if key in data}
     own = cam.lift
     lift = quantity(
         own.origin, own.numbers[0], own.unit, f"as {cam.name}: {own.source}", own.residual
@@ -79,14 +79,6 @@ def spline_cam_data(
         lift = quantity("assumed", start.lift * 1e3, "mm", f"that of the law of {cam.name}")
     head = {"name": name, "title": title, "lift": lift}
     return head | parts | {"segments": _segments(cam, events, splines, free)}
-
-
-def without_empty(data: dict[str, Any]) -> dict[str, Any]:
-    """A part of a file without empty words."""
-    return {
-        key: {k: v for k, v in value.items() if v != ""} if isinstance(value, dict) else value
-        for key, value in data.items()
-    }
 
 
 def _segments(

@@ -181,6 +181,12 @@ class LawDesign(Result):
         return f"no law of the class is {passed}; {proof}: {100.0 * self.gap:.2g} % from it"
 
 
+def _certified(found: LawDesign) -> str:
+    if found.goal.bound is None:
+        return "local"
+    return "yes" if found.certified else "no"
+
+
 @dataclass(frozen=True, repr=False)
 class Front(Result):
     """Designs by rising values of the other quantity: ``allowed`` ``(n,)``, SI (dB for levels)."""
@@ -192,13 +198,7 @@ class Front(Result):
             Column("allowed", "", ".5g", about="of the other quantity, SI", of="0"),
             Column("result", "", ".5g", about="of the goal, SI", of="1.goal.result"),
             Column("bound", "", ".5g", of="1.goal.bound", missing="–"),
-            Column(
-                "certified",
-                of="1.certified",
-                cell=lambda row: (
-                    "local" if row[1].goal.bound is None else "yes" if row[1].certified else "no"
-                ),
-            ),
+            Column("certified", of="1.certified", cell=lambda row: _certified(row[1])),
         ),
         "quantities": (
             Column("goal", of="designs.0.goal.term.key"),
@@ -226,12 +226,8 @@ class Front(Result):
             return replace(column, heading=words, unit=term.quantity.typeset, cell=cell)
 
         allowed, result, bound, certified = self.columns["front"]
-        columns = (
-            named(allowed, self.other.words, self.other),
-            named(result, "", goal),
-            named(bound, "", goal),
-            certified,
-        )
+        shown = (named(allowed, self.other.words, self.other), named(result, "", goal))
+        columns = (*shown, named(bound, "", goal), certified)
         rows = tuple(zip(self.allowed, self.designs, strict=True))
         caption = f"{goal.words} against {self.other.words}"
         front = Records("front", caption, columns, rows)
