@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -172,7 +172,7 @@ def jump_sensitivities(
     profile errors; the others say why not.
     """
     law, follower = point.law, TwoMassParameters.from_rig(point.rig)
-    touch, numbers = touch_of(law, follower, duration), _numbers(follower)
+    touch, numbers = touch_of(law, follower, duration), _numbers(point.rig)
 
     def slope(changed: Mapping[str, complex], rows: NDArray[Any], speed: complex) -> float:
         return contact_force(law, rows, changed, speed, touch.angle, duration).imag / STEP
@@ -183,7 +183,7 @@ def jump_sensitivities(
         root, _, name = path.rpartition(".")
         derivative = None
         if root == "rig.follower" and name in FOLLOWER:
-            moved = _numbers_of(point.rig, name)
+            moved = _numbers(point.rig, name)
             derivative = -slope(moved, law.ordinates, touch.speed) / by_speed
         elif (ordinates := _error_slope(path, errors, law)) is not None:
             rows = law.ordinates + 1j * STEP * ordinates
@@ -207,16 +207,13 @@ def _error_slope(path: str, errors: ProfileErrors, law: Law) -> FloatArray | Non
     return moved[path].ordinates(law.breaks, law.degree) if path in moved else None
 
 
-def _numbers(follower: TwoMassParameters) -> dict[str, complex]:
-    return {one.name: complex(getattr(follower, one.name)) for one in fields(follower)}
-
-
-def _numbers_of(rig: RigConfig, moved: str) -> dict[str, complex]:
-    """The two masses' numbers with one of the rig's moved along the imaginary axis."""
+def _numbers(rig: RigConfig, moved: str = "") -> dict[str, complex]:
+    """The two masses' numbers, with one of the rig's moved along the imaginary axis."""
     own = {name: complex(getattr(rig.follower, name).si) for name in FOLLOWER}
-    own[moved] += 1j * STEP
+    if moved:
+        own[moved] += 1j * STEP
     mass, share = own.pop("mass"), own.pop("roller_share")
-    return {**own, "roller_mass": mass * share, "end_mass": mass * (1.0 - share)}
+    return {**own, "roller_mass": mass * share, "end_mass": mass - mass * share}
 
 
 #: Measures that have derivatives, and how the follower runs.

@@ -1,6 +1,7 @@
 """Quantiles and yields with their errors, shares of a known function, exact derivatives."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -231,6 +232,19 @@ def test_they_are_the_central_differences(study, duration, every):
         h = STEPS.get(path, 2e-4 * inputs[i])
         expected = (4.0 * difference(h) - difference(2.0 * h)) / 3.0
         assert found[path].derivative == pytest.approx(expected, rel=1e-6), path
+
+
+def test_a_rig_that_tells_no_restitution_has_the_same_derivatives(study):
+    """Contact that is kept knows none."""
+    campaign = study(measures=["jump_speed"])
+    whole = make_point(campaign, campaign.draws.middle())
+    data = whole.rig.model_dump(exclude_none=True)
+    del data["follower"]["restitution"]
+    silent = replace(whole, rig=type(whole.rig).model_validate(data))
+    paths = dict.fromkeys((f"rig.follower.{name}" for name in FOLLOWER), 0.0)
+    found = jump_sensitivities(whole, ProfileErrors(), paths, 1.7)
+    assert found == jump_sensitivities(silent, ProfileErrors(), paths, 1.7)
+    assert None not in [one.derivative for one in found]
 
 
 def test_the_touch_is_where_contact_is_lost():
