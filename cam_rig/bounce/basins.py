@@ -174,7 +174,7 @@ def basins(
     p, speed = bouncing(rig, restitution), speeds_within(rpm)[0] * RPM
     assert isinstance(p, FollowerParameters)  # starts over gap and rate are those of one mass
     expect_many()
-    gap, opening = _axes(law, p, speed, grid)
+    gap, opening = _axes(StroboscopicMap(law, p, speed), grid)
     lines = [[(float(one), float(rate)) for one in gap] for rate in opening]
     progress.begin(grid, law.name)
     ends, motions = list[int](), list[EndMotion]()
@@ -195,12 +195,10 @@ def basins(
     return Basins(law, rig, p, rpm, gap, opening, places, named)
 
 
-def _axes(
-    law: Law, parameters: FollowerParameters, speed: float, grid: int
-) -> tuple[FloatArray, FloatArray]:
+def _axes(turn_map: StroboscopicMap, grid: int) -> tuple[FloatArray, FloatArray]:
     """Gaps (m) and rates (m/s) of the starts, by how far the motion from the cam comes."""
-    run = StroboscopicMap(law, parameters, speed).run(SETTLE + KEPT)
-    least = 0.1 * law.lift * np.array([1.0, speed])  # one that is on the cam at angle 0
+    run = turn_map.run(SETTLE + KEPT)
+    least = 0.1 * turn_map.law.lift * np.array([1.0, turn_map.speed])  # on the cam at angle 0
     far = REACH * np.maximum(np.abs(run.states[-KEPT:]).max(axis=0), least)
     return np.linspace(0.0, far[0], grid), np.linspace(-far[1], far[1], grid)
 

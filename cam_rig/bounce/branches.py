@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import combinations, pairwise
 from operator import attrgetter
 
@@ -135,6 +136,10 @@ class UnfoundMotionError(DynamicsError):
     """No periodic motion is near: the iteration does not come to rest."""
 
 
+#: The motion so far along a branch, and it scaled.
+Ahead = Callable[[float], tuple[PeriodicMotion, FloatArray]]
+
+
 @dataclass
 class Family:
     """The periodic motions of a period, at any value of what is swept."""
@@ -162,10 +167,11 @@ class Family:
         by_value = self._by_value(here)
         along = self._tangent(begin, by_value, np.eye(here.size)[-1] * (1.0 if up else -1.0))
         for _ in range(MOST_STEPS):
+            ahead = partial(self._ahead, here, along, by_value)
             try:
-                motion, there = self._corrected(here + length * along, along, by_value)
+                motion, there = ahead(length)
                 whole = motion.landings == motions[-1].landings
-                met = list(self._between(motions[-1], motion, here, along, by_value, length))
+                met = list(self._between(motions[-1], motion, ahead, length))
             except DynamicsError:
                 whole, met = False, []
             if not whole:
@@ -256,25 +262,21 @@ class Family:
             "one"
         )
 
+    def _ahead(
+        self, here: FloatArray, along: FloatArray, by_value: FloatArray, length: float
+    ) -> tuple[PeriodicMotion, FloatArray]:
+        """The same so far along the branch."""
+        return self._corrected(here + length * along, along, by_value)
+
     def _between(
-        self,
-        before: PeriodicMotion,
-        after: PeriodicMotion,
-        here: FloatArray,
-        along: FloatArray,
-        by_value: FloatArray,
-        length: float,
+        self, before: PeriodicMotion, after: PeriodicMotion, ahead: Ahead, length: float
     ) -> Iterator[Bifurcation]:
         """What happens between two motions of a branch, a step apart."""
-
-        def motion_at(part: float) -> PeriodicMotion:
-            return self._corrected(here + part * along, along, by_value)[0]
-
         for kind, name in ((FLIP, "flip"), (FOLD, "fold"), (SPIRAL, "spiral")):
             test: Callable[[PeriodicMotion], float] = attrgetter(name)
             if test(before) * test(after) < 0.0:
-                at = brentq(lambda part, f=test: f(motion_at(part)), 0.0, length, xtol=1e-15)
-                motion = motion_at(at)
+                at = brentq(lambda part, f=test: f(ahead(part)[0]), 0.0, length, xtol=1e-15)
+                motion, _ = ahead(at)
                 if kind == SPIRAL and not motion.leading.imag:
                     continue  # a real pair, of which one grows on either side
                 told = kind if abs(test(motion)) < PASSES else CORNER

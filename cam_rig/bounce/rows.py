@@ -13,7 +13,6 @@ import warnings
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -193,21 +192,15 @@ class BounceFiles(PointFiles):
 
 
 def kept_rows(
-    folder: Path,
-    runs: BounceRuns,
-    resume: bool,
-    executor: Executor | None,
-    workers: int,
-    progress: Progress,
+    files: BounceFiles, resume: bool, executor: Executor | None, workers: int, progress: Progress
 ) -> list[BounceRow]:
     """The rows of all values; those that the folder has not are made, and kept there."""
     require("pyarrow")
-    files = BounceFiles(folder, runs)
     with files.opened(resume) as damaged:
         if damaged:
             warnings.warn(damaged, stacklevel=3)
         missing = sum(last - first for first, last in files.missing())
-        progress.begin(runs.total, counted(missing, "row"))
-        progress.advance(runs.total - missing)
+        progress.begin(files.campaign.total, counted(missing, "row"))
+        progress.advance(files.campaign.total - missing)
         run_campaign(files, executor or InThisProcess(), max(1, workers), progress, turned)
     return list(files.rows())

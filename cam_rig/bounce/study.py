@@ -10,7 +10,7 @@ from cam_rig.arguments import checked, on_one_axis
 from cam_rig.bounce.branches import Branch, branches
 from cam_rig.bounce.motion import ONE_MASS, SEEN, TWO_MASS, bouncing
 from cam_rig.bounce.result import ABOVE, BEGUN, REST, BounceMap, BounceRow
-from cam_rig.bounce.rows import BounceRuns, kept_rows
+from cam_rig.bounce.rows import BounceFiles, BounceRuns, kept_rows
 from cam_rig.bounce.sweep import RESTITUTION, SPEED, SWEPT, OperatingPoint, Sweep
 from cam_rig.dynamics.events.search import expect_many
 from cam_rig.dynamics.turn_map import ON_THE_CAM, State
@@ -85,7 +85,7 @@ def bounce_map(
     runs = BounceRuns.of(law, rig, sweep, swept, settle, turns)
     expect_many()
     if out is not None:
-        found = kept_rows(Path(out), runs, resume, executor, workers, progress)
+        found = kept_rows(BounceFiles(Path(out), runs), resume, executor, workers, progress)
     else:
         found = _found(runs, start, executor, progress)
     lines = _followed(runs, found, progress) if follow else ()
