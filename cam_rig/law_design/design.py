@@ -17,7 +17,6 @@ import numpy as np
 
 from cam_rig.arguments import checked
 from cam_rig.errors import ConfigError, DesignError
-from cam_rig.law_design.cam_file import designed_cam
 from cam_rig.law_design.cutting_planes import Best, Solver, Told
 from cam_rig.law_design.local_search import LONGEST, SHORTEST, EventSpans, local_best
 from cam_rig.law_design.request import (
@@ -28,7 +27,7 @@ from cam_rig.law_design.request import (
     Multistart,
     parse_second,
 )
-from cam_rig.law_design.result import Front, LawDesign, Measure
+from cam_rig.law_design.result import Front, LawDesign, Measure, designed_cam
 from cam_rig.law_design.rows import asked_of, rows_of
 from cam_rig.law_design.space import Asked, DesignProblem, Space, measured
 from cam_rig.laws import Law, build_law
