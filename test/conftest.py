@@ -159,6 +159,11 @@ def radiation(rig: RigConfig) -> RadiationParameters:
     return dataclasses.replace(RadiationParameters.from_rig(rig), gain=1e-4, corner=20.0)
 
 
+def assumed(value: Any, unit: str) -> dict[str, Any]:
+    """A number as a file has it."""
+    return {"assumed": value, "unit": unit}
+
+
 def dwell(span: float) -> dict[str, Any]:
     """A segment for `make_cam`, span in degrees."""
     return {"law": "dwell", "span": span}
@@ -179,24 +184,21 @@ def make_cam() -> Callable[..., CamConfig]:
         name: str = "made",
         roller_radius: float | None = None,
     ) -> CamConfig:
-        def quantity(value: Any, unit: str) -> dict[str, Any]:
-            return {"assumed": value, "unit": unit}
-
         ratios = ("ordinates", "knots", "value", "mean", "cosine", "sine")
         lengths = ("flank_radius", "nose_radius", "tolerance")
         units = dict.fromkeys(("span", "nose_span", "at"), "deg")
         units |= dict.fromkeys(ratios, "1") | dict.fromkeys(lengths, "m")
-        follower: dict[str, Any] = {"type": "point", "base_radius": quantity(0.04, "m")}
+        follower: dict[str, Any] = {"type": "point", "base_radius": assumed(0.04, "m")}
         if roller_radius is not None:
-            follower |= {"type": "roller", "roller_radius": quantity(roller_radius, "m")}
+            follower |= {"type": "roller", "roller_radius": assumed(roller_radius, "m")}
         return CamConfig.model_validate(
             {
                 "name": name,
                 "title": "made for a test",
-                "lift": quantity(lift, "m"),
+                "lift": assumed(lift, "m"),
                 "follower": follower,
                 "segments": [
-                    {k: quantity(v, units[k]) if k in units else v for k, v in segment.items()}
+                    {k: assumed(v, units[k]) if k in units else v for k, v in segment.items()}
                     for segment in segments
                 ],
             }
@@ -207,10 +209,6 @@ def make_cam() -> Callable[..., CamConfig]:
 
 def scene_data(**changes: Any) -> dict[str, Any]:
     """A scene as its file says it: two cams, three speeds, three turns each."""
-
-    def assumed(value: Any, unit: str) -> dict[str, Any]:
-        return {"assumed": value, "unit": unit}
-
     program = {
         "speeds": assumed(changes.pop("speeds", [200, 300, 400]), "rpm"),
         "turns": assumed(changes.pop("turns", 3), "turns"),

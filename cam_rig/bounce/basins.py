@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
 
 from cam_rig.arguments import checked
-from cam_rig.bounce.motion import PERIODIC, bouncing, motion_of
+from cam_rig.bounce.motion import PERIODIC, TurnMotion, bouncing, motion_of
 from cam_rig.bounce.result import EXPONENT
 from cam_rig.dynamics import MODELS, Interval
 from cam_rig.dynamics.events.search import expect_many
@@ -36,18 +37,14 @@ POINTS, SHOWN = 1500, 8
 
 
 @dataclass(frozen=True, eq=False)
-class EndMotion:
+class EndMotion(TurnMotion):
     """A motion that some starts end in."""
 
-    name: str  #: a letter, by which `Basins.ends` names it
-    motion: str
-    period: int | None
     landings_per_turn: float
-    exponent: float
-    exponent_error: float
     hardest: float  #: m/s, fastest landing of the last turns
-    share: float  #: of the starts
     states: FloatArray  #: ``(n, 2)`` gap (m) and its rate (m/s) at cam angle 0
+    name: str = ""  #: a letter, by which `Basins.ends` names it
+    share: float = 0.0  #: of the starts
 
     def same_as(self, other: EndMotion) -> bool:
         """Whether both are one: irregular ones are, periodic ones by period and landings."""
@@ -83,13 +80,10 @@ class Basins(Result):
         "starts": (
             Column("gap", "mm", of=lambda found: np.tile(found.gap, found.opening.size)),
             Column("opening", "m/s", of=lambda found: np.repeat(found.opening, found.gap.size)),
-            Column(
-                "name",
-                heading="motion",
-                of=lambda found: [found.motions[i].name for i in found.ends.ravel()],
-            ),
+            Column("name", heading="motion",
+                   of=lambda found: [found.motions[i].name for i in found.ends.ravel()]),
         ),
-    }
+    }  # fmt: skip
 
     law: Law
     rig: RigConfig
@@ -113,46 +107,30 @@ class Basins(Result):
         """``(n,)`` gap (m) and its rate (m/s) through the turns of a motion."""
         turn_map = StroboscopicMap(self.law, self.parameters, self.rpm * RPM)
         state = turn_map.follower(motion.states[-1].tolist())
-        turns = len(motion.states)
-        stop = round(turns * turn_map.duration * NS)
-        sample_rate = round(POINTS / turn_map.duration)
-        interval = Interval(0, stop, 0.0, turn_map.speed)
-        _, block = MODELS["one_mass"].advance(
-            self.law, self.parameters, state, interval, sample_rate
-        )
+        stop = round(len(motion.states) * turn_map.duration * NS)
+        interval, rate = Interval(0, stop, 0.0, turn_map.speed), round(POINTS / turn_map.duration)
+        _, block = MODELS["one_mass"].advance(self.law, self.parameters, state, interval, rate)
         cam = self.law.motion_at(turn_map.speed * block.time)
         return block.lift - cam[0], block.velocity - turn_map.speed * cam[1]
 
 
-@dataclass(frozen=True)
-class Starts:
-    """One rigid mass at one speed, and what becomes of a start."""
-
-    law: Law
-    parameters: FollowerParameters
-    speed: float  #: rad/s
-
-    def ends(self, starts: Sequence[tuple[float, float]]) -> list[EndMotion]:
-        """The motion in which each gap (m) and rate (m/s) ends."""
-        return [self.end(start) for start in starts]
-
-    def end(self, start: tuple[float, float]) -> EndMotion:
-        """The same of one."""
-        turn_map = StroboscopicMap(self.law, self.parameters, self.speed)
+def _ends(
+    law: Law, parameters: FollowerParameters, speed: float, starts: Sequence[tuple[float, float]]
+) -> list[EndMotion]:
+    """The motion in which each gap (m) and rate (m/s) ends, at a speed (rad/s)."""
+    turn_map, ends = StroboscopicMap(law, parameters, speed), []
+    for start in starts:
         run = turn_map.run(SETTLE + KEPT, start)
         found = motion_of(turn_map, run, KEPT)
         turns = found.period or SHOWN
-        return EndMotion(
-            name="",
-            motion=found.kind,
-            period=found.period,
+        end = EndMotion(
+            **vars(found),
             landings_per_turn=float(run.landings[-turns:].mean()),
-            exponent=found.exponent,
-            exponent_error=found.error,
             hardest=float(run.hardest[-turns:].max()),
-            share=0.0,
             states=run.states[-turns:],
         )
+        ends.append(end)
+    return ends
 
 
 @checked
@@ -196,12 +174,11 @@ def basins(
     p, speed = bouncing(rig, restitution), speeds_within(rpm)[0] * RPM
     assert isinstance(p, FollowerParameters)  # starts over gap and rate are those of one mass
     expect_many()
-    gap, opening = _axes(law, p, speed, grid)
+    gap, opening = _axes(StroboscopicMap(law, p, speed), grid)
     lines = [[(float(one), float(rate)) for one in gap] for rate in opening]
-    starts = Starts(law, p, speed)
     progress.begin(grid, law.name)
     ends, motions = list[int](), list[EndMotion]()
-    for line in (map if executor is None else executor.map)(starts.ends, lines):
+    for line in (map if executor is None else executor.map)(partial(_ends, law, p, speed), lines):
         for end in line:
             at = next((i for i, one in enumerate(motions) if one.same_as(end)), len(motions))
             if at == len(motions):
@@ -218,12 +195,10 @@ def basins(
     return Basins(law, rig, p, rpm, gap, opening, places, named)
 
 
-def _axes(
-    law: Law, parameters: FollowerParameters, speed: float, grid: int
-) -> tuple[FloatArray, FloatArray]:
+def _axes(turn_map: StroboscopicMap, grid: int) -> tuple[FloatArray, FloatArray]:
     """Gaps (m) and rates (m/s) of the starts, by how far the motion from the cam comes."""
-    run = StroboscopicMap(law, parameters, speed).run(SETTLE + KEPT)
-    least = 0.1 * law.lift * np.array([1.0, speed])  # one that is on the cam at angle 0
+    run = turn_map.run(SETTLE + KEPT)
+    least = 0.1 * turn_map.law.lift * np.array([1.0, turn_map.speed])  # on the cam at angle 0
     far = REACH * np.maximum(np.abs(run.states[-KEPT:]).max(axis=0), least)
     return np.linspace(0.0, far[0], grid), np.linspace(-far[1], far[1], grid)
 

@@ -10,7 +10,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import combinations, pairwise
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,11 +125,6 @@ class Bifurcation:
     period: int | None
     landings: int  #: in the period, before it
 
-    @property
-    def words(self) -> str:
-        """What happens."""
-        return WORDS[self.kind]
-
     def same_as(self, other: Bifurcation, sweep: Sweep) -> bool:
         """Whether both are one, come upon twice."""
         here, there = sweep.value(self.point), sweep.value(other.point)
@@ -137,6 +134,10 @@ class Bifurcation:
 
 class UnfoundMotionError(DynamicsError):
     """No periodic motion is near: the iteration does not come to rest."""
+
+
+#: The motion so far along a branch, and it scaled.
+Ahead = Callable[[float], tuple[PeriodicMotion, FloatArray]]
 
 
 @dataclass
@@ -149,12 +150,7 @@ class Family:
     _scale: FloatArray = field(init=False)  #: of the state's numbers and the value
 
     def at(self, value: float, state: State) -> PeriodicMotion:
-        """The motion at a value (SI) near a state, by Newton's iteration.
-
-        Raises
-        ------
-        UnfoundMotionError : there is none
-        """
+        """The motion at a value (SI) near a state by Newton; an `UnfoundMotionError` for none."""
         self._scale = self._scale_of(value, state)
         start = np.array([*state, value]) / self._scale
         along = np.eye(start.size)[-1]
@@ -171,10 +167,11 @@ class Family:
         by_value = self._by_value(here)
         along = self._tangent(begin, by_value, np.eye(here.size)[-1] * (1.0 if up else -1.0))
         for _ in range(MOST_STEPS):
+            ahead = partial(self._ahead, here, along, by_value)
             try:
-                motion, there = self._corrected(here + length * along, along, by_value)
+                motion, there = ahead(length)
                 whole = motion.landings == motions[-1].landings
-                met = list(self._between(motions[-1], motion, here, along, by_value, length))
+                met = list(self._between(motions[-1], motion, ahead, length))
             except DynamicsError:
                 whole, met = False, []
             if not whole:
@@ -265,29 +262,21 @@ class Family:
             "one"
         )
 
+    def _ahead(
+        self, here: FloatArray, along: FloatArray, by_value: FloatArray, length: float
+    ) -> tuple[PeriodicMotion, FloatArray]:
+        """The same so far along the branch."""
+        return self._corrected(here + length * along, along, by_value)
+
     def _between(
-        self,
-        before: PeriodicMotion,
-        after: PeriodicMotion,
-        here: FloatArray,
-        along: FloatArray,
-        by_value: FloatArray,
-        length: float,
+        self, before: PeriodicMotion, after: PeriodicMotion, ahead: Ahead, length: float
     ) -> Iterator[Bifurcation]:
         """What happens between two motions of a branch, a step apart."""
-
-        def motion_at(part: float) -> PeriodicMotion:
-            return self._corrected(here + part * along, along, by_value)[0]
-
-        tests: dict[str, Callable[[PeriodicMotion], float]] = {
-            FLIP: lambda motion: motion.flip,
-            FOLD: lambda motion: motion.fold,
-            SPIRAL: lambda motion: motion.spiral,
-        }
-        for kind, test in tests.items():
+        for kind, name in ((FLIP, "flip"), (FOLD, "fold"), (SPIRAL, "spiral")):
+            test: Callable[[PeriodicMotion], float] = attrgetter(name)
             if test(before) * test(after) < 0.0:
-                at = brentq(lambda part, f=test: f(motion_at(part)), 0.0, length, xtol=1e-15)
-                motion = motion_at(at)
+                at = brentq(lambda part, f=test: f(ahead(part)[0]), 0.0, length, xtol=1e-15)
+                motion, _ = ahead(at)
                 if kind == SPIRAL and not motion.leading.imag:
                     continue  # a real pair, of which one grows on either side
                 told = kind if abs(test(motion)) < PASSES else CORNER
@@ -358,11 +347,7 @@ def branch_through(
 
 
 def branches(
-    law: Law,
-    sweep: Sweep,
-    seen: Sequence[tuple[float, State, int]],
-    low: float,
-    high: float,
+    law: Law, sweep: Sweep, seen: Sequence[tuple[float, State, int]], low: float, high: float
 ) -> tuple[Branch, ...]:
     """Every branch between two values (SI) that has one of some motions.
 

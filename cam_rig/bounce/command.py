@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from contextlib import AbstractContextManager
 from enum import Enum
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -17,34 +18,20 @@ from cam_rig.show.result import Progress, Result
 if TYPE_CHECKING:
     from cam_rig.laws import Law
     from cam_rig.schema import RigConfig
+    from cam_rig.workers import Workplace
+
+    Place = AbstractContextManager[Workplace]
 
 #: By default so many speeds, from and to these parts of the jump speed.
 SPEEDS, FROM, TO = 121, 0.9, 1.8
 
 
-class Masses(Enum):
-    """What bounces."""
-
-    ONE_MASS = "one_mass"
-    TWO_MASS = "two_mass"
-
-
-class Over(Enum):
-    """What is swept."""
-
-    RPM = "rpm"
-    RESTITUTION = "restitution"
-    PRELOAD = "preload"
-    MASS = "mass"
-
-
-class Start(Enum):
-    """Where each row begins."""
-
-    REST = "rest"
-    BELOW = "below"
-    ABOVE = "above"
-
+#: What bounces, what is swept, and where each row begins.
+Masses = Enum("Masses", {"ONE_MASS": "one_mass", "TWO_MASS": "two_mass"})
+Over = Enum(
+    "Over", {"RPM": "rpm", "RESTITUTION": "restitution", "PRELOAD": "preload", "MASS": "mass"}
+)
+Start = Enum("Start", {"REST": "rest", "BELOW": "below", "ABOVE": "above"})
 
 OwnRig = Annotated[
     str | None,
@@ -156,11 +143,11 @@ def bounce(
     if basins:
         if model != Masses.ONE_MASS or out is not None:
             raise ConfigError("--basins: are of one mass, and keep no rows; allowed: without both")
-        return _basins(law, on, speeds, restitution, jobs, dask, progress)
-    find = partial(bounce_map, law, on, rpm=speeds, restitution=restitution, model=model.value)
-    find = partial(find, over=over.value, values=_values(values), turns=turns, settle=settle)
-    find = partial(find, start=start.value, follow=follow, out=out, resume=resume)
-    find = partial(find, progress=progress)
+        there = workplace(jobs, dask)
+        return _basins(law, on, speeds, there, restitution=restitution, progress=progress)
+    find = partial(bounce_map, law, on, rpm=speeds, restitution=restitution, progress=progress)
+    find = partial(find, model=model.value, over=over.value, values=_values(values), turns=turns)
+    find = partial(find, settle=settle, start=start.value, follow=follow, out=out, resume=resume)
     if start != Start.REST or (over == Over.RPM and len(speeds) == 1):
         return find()
     with workplace(jobs, dask) as place:
@@ -207,20 +194,10 @@ def _around_jump(law: Law, rig: RigConfig, model: Masses) -> list[float]:
     return [FROM * jump + i * step for i in range(SPEEDS)]
 
 
-def _basins(
-    law: Law,
-    rig: RigConfig,
-    speeds: list[float],
-    restitution: float | None,
-    jobs: int | None,
-    dask: str | None,
-    progress: Progress,
-) -> Result:
+def _basins(law: Law, rig: RigConfig, speeds: list[float], there: Place, **how: Any) -> Result:
     from cam_rig.bounce.basins import basins
-    from cam_rig.workers import workplace
 
     if len(speeds) > 1:
         raise ConfigError(f"--basins: of {len(speeds)} speeds; allowed: one, as --rpm 420")
-    with workplace(jobs, dask) as place:
-        found = partial(basins, law, rig, rpm=speeds[0], restitution=restitution)
-        return found(executor=place.executor, progress=progress)
+    with there as place:
+        return basins(law, rig, rpm=speeds[0], executor=place.executor, **how)

@@ -24,7 +24,7 @@ SEEN = 4
 BLOCKS, STUDENT = 10, 2.262
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TurnMotion:
     """What a follower does, turn after turn.
 
@@ -33,11 +33,11 @@ class TurnMotion:
     masses the last two, and the others are of the end mass on its stem. NaN: nothing is told.
     """
 
-    kind: str
+    motion: str
     period: int | None  #: turns after which it repeats
     settled: int | None  #: the turn from which on it does
     exponents: tuple[float, ...]  #: 1/turn
-    error: float  #: of the largest, 95 %, by its convergence over the turns
+    exponent_error: float  #: of the largest, 95 %, by its convergence over the turns
 
     @property
     def exponent(self) -> float:
@@ -46,12 +46,7 @@ class TurnMotion:
 
 
 def bouncing(rig: RigConfig, restitution: float | None, model: str = ONE_MASS) -> Bouncing:
-    """A rig's follower, with another restitution than its own, or with its own for None.
-
-    Raises
-    ------
-    ConfigError : neither tells a restitution
-    """
+    """A rig's follower, with another restitution than its own; None is its own, refused if none."""
     if restitution is None:
         rig.need("restitution", "bouncing", "give --restitution, in Python restitution")
     kind = TwoMassParameters if model == TWO_MASS else FollowerParameters

@@ -11,15 +11,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cam_rig.bounce.branches import LIFT_OFF, WORDS, Bifurcation, Branch
-from cam_rig.bounce.motion import IN_CONTACT, IRREGULAR, NOT_TOLD, PERIODIC
-from cam_rig.bounce.sweep import (
-    RESTITUTION,
-    SPEED,
-    SWEPT,
-    OperatingPoint,
-    Sweep,
-    point_columns,
-)
+from cam_rig.bounce.motion import IN_CONTACT, IRREGULAR, NOT_TOLD, PERIODIC, TurnMotion
+from cam_rig.bounce.sweep import RESTITUTION, SPEED, SWEPT, OperatingPoint, Sweep, point_columns
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.turn_map import State
 from cam_rig.laws import Law
@@ -32,17 +25,12 @@ REST, BELOW, ABOVE = "rest", "below", "above"
 
 
 @dataclass(frozen=True, eq=False)
-class BounceRow:
-    """What the follower does at one operating point; `TurnMotion` says what each is."""
+class BounceRow(TurnMotion):
+    """What the follower does at one operating point."""
 
     point: OperatingPoint
-    motion: str
-    period: int | None
     landings_per_turn: float
     rests: bool  #: whether it comes to rest on the cam in the turns that are kept
-    exponents: tuple[float, ...]
-    exponent_error: float
-    settled: int | None
     level_db: float | None
     level_spread_db: float | None  #: loudest less quietest turn
     hardest: FloatArray  #: ``(n,)`` m/s of each turn's fastest landing: of a period, or all kept
@@ -52,11 +40,6 @@ class BounceRow:
     def rpm(self) -> float:
         """The cam's speed, rpm."""
         return self.point.rpm
-
-    @property
-    def exponent(self) -> float:
-        """Lyapunov's, the largest."""
-        return self.exponents[0]
 
     @property
     def end(self) -> State:
@@ -80,15 +63,11 @@ def _exponent(number: int, row: BounceRow) -> float | None:
 
 #: Of a row, and of a motion that starts end in.
 EXPONENT = (
-    Column(
-        "exponent",
-        "1/turn",
-        ".3f",
-        cell=lambda row: "−∞" if row.exponent == -math.inf else row.exponent,
-        about="Lyapunov's, the largest; where it rests −∞, which is null",
-    ),
+    Column("exponent", "1/turn", ".3f",
+           cell=lambda row: "−∞" if row.exponent == -math.inf else row.exponent,
+           about="Lyapunov's, the largest; where it rests −∞, which is null"),
     Column("exponent_error", "1/turn", ".1g", "error", about="95 %"),
-)
+)  # fmt: skip
 
 UNTOLD = Footnote(
     "Not told: the turns have not come to repeat, and no exponent above its error says that they "
@@ -106,23 +85,16 @@ class BounceMap(Result):
     drawn_by = "cam_rig.bounce.figures:figure"
     columns: ClassVar = {
         "speeds": (
-            Column(
-                "motion",
-                about="in contact, periodic, irregular in the turns that are kept, or not told",
-            ),
-            *point_columns(SPEED),
+            Column("motion",
+                   about="in contact, periodic, irregular in the turns that are kept, or not told"),
+            *point_columns(),
             Column("period", "", "d", about="in turns"),
             Column("landings_per_turn", "1/turn", ".3g", "landings"),
             Column("rests", hidden=True, about="whether it comes to rest on the cam"),
             *EXPONENT,
             *(
-                Column(
-                    f"exponent_{i}",
-                    "1/turn",
-                    hidden=True,
-                    of=partial(_exponent, i),
-                    about=f"the {i}th, of {'either model' if i == 2 else 'two masses'}",
-                )
+                Column(f"exponent_{i}", "1/turn", hidden=True, of=partial(_exponent, i),
+                       about=f"the {i}th, of {'either model' if i == 2 else 'two masses'}")
                 for i in (2, 3, 4)
             ),
             Column("settled", "", "d", "settled after", about="turns from the start"),
@@ -131,12 +103,12 @@ class BounceMap(Result):
         ),
         "bifurcations": (
             Column("kind", heading="what happens"),
-            *point_columns(SPEED, ".8g"),
+            *point_columns(".8g"),
             Column("period", "", "d", about="in turns"),
             Column("landings", "", "d", about="in the period, before it"),
         ),
         "orbits": (
-            *point_columns(SPEED),
+            *point_columns(),
             Column("period"),
             Column("landings", about="in the period"),
             Column("stable"),
@@ -153,12 +125,11 @@ class BounceMap(Result):
             Column("hardest", "m/s", of=lambda found: _joined(r.hardest for r in found.rows)),
             Column("gap", "mm", of=lambda found: _joined(r.states[:, 0] for r in found.rows)),
             Column("opening", "m/s", of=lambda found: _joined(r.states[:, 1] for r in found.rows)),
-            Column(
-                "stretch", "µm", of=lambda found: found.stem(2), about="of the stem of two masses"
-            ),
+            Column("stretch", "µm", of=lambda found: found.stem(2),
+                   about="of the stem of two masses"),
             Column("stretch_rate", "m/s", of=lambda found: found.stem(3)),
         ),
-    }
+    }  # fmt: skip
 
     law: Law
     rig: RigConfig
@@ -265,11 +236,7 @@ def _changes(rows: Sequence[BounceRow]) -> list[BounceRow]:
 #: Speeds that a terminal shows all of.
 MOST_SHOWN = 40
 KINDS = (IN_CONTACT, PERIODIC, IRREGULAR, NOT_TOLD)
-BEGUN = {
-    REST: "each from the cam",
-    BELOW: "each from the one below",
-    ABOVE: "each from the one above",
-}
+BEGUN = {REST: "each from the cam"} | {way: f"each from the one {way}" for way in (BELOW, ABOVE)}
 
 
 def _joined(parts: Iterable[FloatArray]) -> FloatArray:

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Executor, Future
+from concurrent.futures import Executor
 from pathlib import Path
 
 from cam_rig.arguments import checked, on_one_axis
 from cam_rig.bounce.branches import Branch, branches
-from cam_rig.bounce.kept import kept_rows
 from cam_rig.bounce.motion import ONE_MASS, SEEN, TWO_MASS, bouncing
 from cam_rig.bounce.result import ABOVE, BEGUN, REST, BounceMap, BounceRow
-from cam_rig.bounce.runs import BounceRuns
+from cam_rig.bounce.rows import BounceFiles, BounceRuns, kept_rows
 from cam_rig.bounce.sweep import RESTITUTION, SPEED, SWEPT, OperatingPoint, Sweep
 from cam_rig.dynamics.events.search import expect_many
 from cam_rig.dynamics.turn_map import ON_THE_CAM, State
@@ -83,28 +82,26 @@ def bounce_map(
     sweep, swept = _sweep(rig, model, speeds_within(rpm), restitution, over, values)
     _check(len(swept), turns, settle, start, follow)
     _check_kept(out, resume, start)
-    runs = BounceRuns.of(law, rig, sweep, settle, turns)
+    runs = BounceRuns.of(law, rig, sweep, swept, settle, turns)
     expect_many()
     if out is not None:
-        found = kept_rows(Path(out), runs, swept, resume, executor, workers, progress)
+        found = kept_rows(BounceFiles(Path(out), runs), resume, executor, workers, progress)
     else:
-        found = _found(runs, swept, start, executor, progress)
+        found = _found(runs, start, executor, progress)
     lines = _followed(runs, found, progress) if follow else ()
     return BounceMap(law, rig, sweep, start, sweep.lift_off(law, swept), tuple(found), lines)
 
 
 def _found(
-    runs: BounceRuns, swept: list[float], start: str, executor: Executor | None, progress: Progress
+    runs: BounceRuns, start: str, executor: Executor | None, progress: Progress
 ) -> list[BounceRow]:
     """A row a value, from the cam or one from another."""
-    progress.begin(len(swept), runs.law.name)
-    chained = swept[::-1] if start == ABOVE else swept
-    chain = _from_rest(runs, swept, executor) if start == REST else _continued(runs, chained)
-    found = []
-    for row in chain:
+    progress.begin(runs.total, runs.law.name)
+    way, found = -1 if start == ABOVE else 1, []
+    for row in _from_rest(runs, executor) if start == REST else _continued(runs, way):
         found.append(row)
         progress.advance()
-    return found[::-1] if start == ABOVE else found
+    return found[::way]
 
 
 def _sweep(
@@ -179,21 +176,16 @@ def _check_kept(out: str | Path | None, resume: bool, start: str) -> None:
         )
 
 
-def _from_rest(
-    runs: BounceRuns, values: Sequence[float], executor: Executor | None
-) -> Iterator[BounceRow]:
-    if executor is None:
-        yield from map(runs.row, values)
-        return
-    parts = [values[i : i + TOGETHER] for i in range(0, len(values), TOGETHER)]
-    sent: list[Future[list[BounceRow]]] = [executor.submit(runs.rows, part) for part in parts]
-    for one in sent:
-        yield from one.result()
+def _from_rest(runs: BounceRuns, executor: Executor | None) -> Iterator[BounceRow]:
+    together = 1 if executor is None else TOGETHER
+    parts = [runs.values[i : i + together] for i in range(0, runs.total, together)]
+    for rows in (map if executor is None else executor.map)(runs.rows, parts):
+        yield from rows
 
 
-def _continued(runs: BounceRuns, values: Sequence[float]) -> Iterator[BounceRow]:
+def _continued(runs: BounceRuns, way: int) -> Iterator[BounceRow]:
     begin: State = ON_THE_CAM
-    for one in values:
+    for one in runs.values[::way]:
         row = runs.row(one, begin)
         begin = row.end
         yield row

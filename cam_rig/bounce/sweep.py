@@ -58,10 +58,10 @@ class OperatingPoint:
         return p.roller_mass + p.end_mass if isinstance(p, TwoMassParameters) else p.mass
 
 
-def point_columns(over: str = "", digits: str = ".6g") -> tuple[Column, ...]:
-    """A column for each that may be swept; people see the one that is."""
+def point_columns(digits: str = ".6g") -> tuple[Column, ...]:
+    """A column for each that may be swept; people see the one that is, by default the speed."""
     return tuple(
-        Column(key, unit, digits, heading, of=f"point.{key}", hidden=key != over)
+        Column(key, unit, digits, heading, of=f"point.{key}", hidden=key != SPEED)
         for key, (heading, unit, _) in SWEPT.items()
     )
 

@@ -9,13 +9,12 @@ import re
 import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ValidationError
 
 from cam_rig.campaigns.draws import InputDraws, ends_of
 from cam_rig.campaigns.inputs import (
@@ -34,8 +33,8 @@ from cam_rig.quantities.steady import scene_at
 from cam_rig.quantities.terms import Limit, Term, parse_limit, parse_term
 from cam_rig.quantities.values import Subject
 from cam_rig.schema import CamConfig, Library, RigConfig, SceneConfig, load_cam, load_rig
-from cam_rig.schema.explain import explain
-from cam_rig.schema.load import is_path, load, load_scene
+from cam_rig.schema.explain import validated
+from cam_rig.schema.load import is_path, load, load_scene, quantity
 from cam_rig.schema.scene import MAX_SPEED, MIN_SPEED
 from cam_rig.show.tables import number
 from cam_rig.units import RPM, FloatArray
@@ -168,19 +167,12 @@ class Campaign:
         given = {"points": points, "seed": seed}
         data = self.config.model_dump(exclude_none=True)
         data["plan"] |= {key: value for key, value in given.items() if value is not None}
-        return _checked(replace(self, config=_validated(data)))
-
-
-def _validated(data: Mapping[str, Any]) -> CampaignConfig:
-    try:
-        return CampaignConfig.model_validate(data)
-    except ValidationError as error:
-        raise ConfigError(explain(error, CampaignConfig)) from None
+        return _checked(replace(self, config=validated(CampaignConfig, data)))
 
 
 def campaign_from(data: Mapping[str, Any], library: Library) -> Campaign:
     """A study from plain data, as a file holds it."""
-    return _campaign(_validated(data), library)
+    return _campaign(validated(CampaignConfig, data), library)
 
 
 def open_campaign(path: Path) -> Campaign:
@@ -238,27 +230,18 @@ def _checked(campaign: Campaign) -> Campaign:
 
 def _scene(cam: CamConfig, rig: RigConfig, model: str | None) -> SceneConfig:
     """How points are run where the base is no scene."""
-    f = rig.follower
-    split = None not in (f.roller_share, f.stem_stiffness, f.stem_damping)
-
-    def number(value: object, unit: str) -> dict[str, object]:
-        return {"assumed": value, "unit": unit, "source": "campaign"}
-
-    return SceneConfig.model_validate(
-        {
-            "name": "campaign",
-            "title": cam.title,
-            "cams": [cam.name],
-            "rig": rig.name,
-            "model": model or ("two_mass" if split else "one_mass"),
-            "sample_rate": number(SAMPLE_RATE, "Hz"),
-            "program": {
-                "speeds": number([SPEED_RPM], "rpm"),
-                "turns": number(TURNS, "turns"),
-                "settle_turns": number(SETTLE_TURNS, "turns"),
-            },
-        }
-    )
+    number = partial(quantity, "assumed", source="campaign")
+    follower = rig.follower
+    split = None not in (follower.roller_share, follower.stem_stiffness, follower.stem_damping)
+    program = {
+        "speeds": number([SPEED_RPM], "rpm"),
+        "turns": number(TURNS, "turns"),
+        "settle_turns": number(SETTLE_TURNS, "turns"),
+    }
+    head = {"name": "campaign", "title": cam.title, "cams": [cam.name], "rig": rig.name}
+    how = {"model": model or ("two_mass" if split else "one_mass"), "program": program}
+    rate = {"sample_rate": number(SAMPLE_RATE, "Hz")}
+    return SceneConfig.model_validate(head | how | rate)
 
 
 #: Status of a point: all measures are there, or a reason says why not, or of which turns they are.
@@ -266,18 +249,24 @@ OK, FAILED, UNSETTLED = "ok", "failed", "unsettled"
 
 
 @dataclass(frozen=True, eq=False)
-class BatchRows:
-    """The rows of points ``first`` to ``first + n`` (exclusive), made in so many ``seconds``.
-
-    ``inputs`` ``(n, d)`` SI, ``measures`` ``(n, k)`` in their columns' units; NaN for a measure
-    that the point has not. A reason is empty where nothing failed and all has settled.
-    """
+class Batch:
+    """Rows of the points ``first`` to ``last`` (exclusive), made in so many s of a processor."""
 
     first: int
+    last: int
+    seconds: float
+
+
+@dataclass(frozen=True, eq=False)
+class BatchRows(Batch):
+    """``inputs`` ``(n, d)`` SI and ``measures`` ``(n, k)`` in their columns' units, NaN for none.
+
+    A reason is empty where nothing failed and all has settled.
+    """
+
     inputs: FloatArray
     measures: FloatArray
     reasons: tuple[str, ...]
-    seconds: float
 
     @property
     def status(self) -> list[str]:
@@ -288,11 +277,6 @@ class BatchRows:
             for bad, reason in zip(failed, self.reasons, strict=True)
         ]
 
-    @property
-    def last(self) -> int:
-        """The first point after the batch."""
-        return self.first + len(self.reasons)
-
 
 def measure_batch(campaign: Campaign, first: int, last: int) -> BatchRows:
     """The rows of points ``first`` to ``last`` (exclusive), each from its index and the study."""
@@ -301,7 +285,7 @@ def measure_batch(campaign: Campaign, first: int, last: int) -> BatchRows:
     rows = [measure_point(campaign, row) for row in inputs]
     measures = np.array([values for values, _ in rows]).reshape(len(rows), -1)
     reasons = tuple(reason for _, reason in rows)
-    return BatchRows(first, inputs, measures, reasons, time.process_time() - start)
+    return BatchRows(first, last, time.process_time() - start, inputs, measures, reasons)
 
 
 def measure_point(campaign: Campaign, inputs: FloatArray) -> tuple[list[float], str]:
@@ -345,8 +329,5 @@ def make_point(campaign: Campaign, inputs: FloatArray) -> Subject:
         law = build_law(cam)
     if numbers["profile"]:
         law = ProfileErrors.of(numbers["profile"]).added_to(law)
-    rig, scene = (
-        with_numbers(campaign.rig, numbers["rig"]),
-        with_numbers(campaign.scene, numbers["scene"]),
-    )
-    return Subject(law, rig, cam, scene=scene)
+    rig = with_numbers(campaign.rig, numbers["rig"])
+    return Subject(law, rig, cam, scene=with_numbers(campaign.scene, numbers["scene"]))

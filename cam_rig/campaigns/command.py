@@ -129,20 +129,16 @@ def campaign(
     there = partial(workplace, jobs, dask)
     if largest_waviness is None:
         given = {"--points": points, "--seed": seed, "--jobs": jobs, "--dask": dask}
+        options = [(key, str(value)) for key, value in given.items() if value is not None]
         folder = out or Path("out") / asked.config.name
-        again = _command([study, "--out", str(folder), "--resume"], given)
+        words = ["cam-rig", "campaign", study, "--out", str(folder), "--resume"]
+        again = shlex.join([*words, *chain.from_iterable(options)])
         return _measured(folder, asked, resume, there, again, progress)
     if out is not None or resume:
         raise ConfigError("--largest-waviness: keeps no rows; allowed: without --out and --resume")
     search = WavinessSearch(asked)
     with there() as place:
         return find_largest(search, search.wavelengths(largest_waviness), place.executor, progress)
-
-
-def _command(words: list[str], given: dict[str, int | str | None]) -> str:
-    """The command that goes on where this one ends."""
-    options = [(key, str(value)) for key, value in given.items() if value is not None]
-    return shlex.join(["cam-rig", "campaign", *words, *chain.from_iterable(options)])
 
 
 def _measured(

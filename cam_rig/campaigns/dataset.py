@@ -26,7 +26,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from cam_rig.campaigns.campaign import FAILED, OK, UNSETTLED, BatchRows, Campaign
+from cam_rig.campaigns.campaign import FAILED, OK, UNSETTLED, Batch, BatchRows, Campaign
 from cam_rig.errors import ConfigError, OutputError
 from cam_rig.extras import libraries_named
 from cam_rig.show.tables import counted
@@ -56,22 +56,6 @@ class Study(Protocol):
     @property
     def total(self) -> int:
         """Points in all."""
-
-
-class Batch(Protocol):
-    """The rows of points ``first`` to ``last`` (exclusive), made in so many ``seconds``."""
-
-    @property
-    def first(self) -> int:
-        """The first point."""
-
-    @property
-    def last(self) -> int:
-        """The point after the last."""
-
-    @property
-    def seconds(self) -> float:
-        """Processor time that it took."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,12 +13,12 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel
 
 from cam_rig.campaigns.schema import PERCENT, Variation
 from cam_rig.errors import ConfigError, did_you_mean
 from cam_rig.laws import Law, bernstein
-from cam_rig.schema.explain import explain
+from cam_rig.schema.explain import validated
 from cam_rig.schema.quantity import FACTORS, ORIGINS, UNITS
 from cam_rig.schema.segment_base import quantities
 from cam_rig.units import TURN, FloatArray
@@ -138,10 +138,7 @@ def with_numbers(config: Config, numbers: Mapping[str, float]) -> Config:
     data = _own(config)
     for path, value in numbers.items():
         _put(data, _TOKEN.findall(path), value)
-    try:
-        return type(config).model_validate(data)
-    except ValidationError as error:
-        raise ConfigError(explain(error, type(config))) from None
+    return validated(type(config), data)
 
 
 def _own(node: Any) -> Any:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor, as_completed
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Literal
@@ -188,15 +188,12 @@ def find_largest(
 ) -> WavinessResult:
     """The largest waviness of each wavelength (rad), in their order; the same on any executor."""
     progress.begin(wavelengths.size, search.campaign.config.name)
-    flying = [executor.submit(search.at, wavelength) for wavelength in wavelengths.tolist()]
-    try:
-        with broken_named():
-            for _ in as_completed(flying):
-                progress.advance()
-            return WavinessResult(search, tuple(future.result() for future in flying))
-    finally:
-        for future in flying:
-            future.cancel()
+    found = []
+    with broken_named():
+        for one in executor.map(search.at, wavelengths.tolist()):
+            found.append(one)
+            progress.advance()
+    return WavinessResult(search, tuple(found))
 
 
 #: Wavelengths of one search, at most; each takes seconds.

@@ -9,13 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from cam_rig.arguments import checked
-from cam_rig.campaigns.campaign import (
-    Campaign,
-    campaign_from,
-    measure_batch,
-    open_campaign,
-)
-from cam_rig.campaigns.dataset import Batch, CampaignDataset, PointFiles
+from cam_rig.campaigns.campaign import Batch, Campaign, campaign_from, measure_batch, open_campaign
+from cam_rig.campaigns.dataset import CampaignDataset, PointFiles
 from cam_rig.campaigns.results import CampaignResult
 from cam_rig.extras import require
 from cam_rig.schema.load import Library, config_root, named_path

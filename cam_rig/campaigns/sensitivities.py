@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,6 +22,7 @@ from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.jump.any_follower import follower_of
 from cam_rig.dynamics.jump.jump_speed import FROM_REST
 from cam_rig.dynamics.jump.search import touch
+from cam_rig.dynamics.modal.first_zero import Climb
 from cam_rig.errors import CamRigError, DynamicsError
 from cam_rig.laws import Law, bernstein
 from cam_rig.quantities.values import Subject
@@ -42,24 +43,14 @@ FOLLOWER = (
 )
 
 
-@dataclass(frozen=True, eq=False)
-class ContactTouch:
-    """Where contact is just lost: speed (rad/s), turn from 0, cam angle in it (rad)."""
-
-    speed: float
-    turn: int
-    angle: float
-
-
-def touch_of(law: Law, follower: TwoMassParameters, duration: float | None) -> ContactTouch:
+def touch_of(law: Law, follower: TwoMassParameters, duration: float | None) -> Climb:
     """The touch at the jump speed of a run from rest of so many s, or in steady state (None)."""
     found = touch(law, follower, duration)
     if duration is not None and duration * found.speed - found.angle < NEAR:
         raise DynamicsError(
             "no derivative: contact is lost at the end of the run, not where the force is least"
         )
-    turn, angle = divmod(found.angle, TURN)
-    return ContactTouch(found.speed, int(turn), angle)
+    return found
 
 
 def contact_force(
@@ -67,16 +58,16 @@ def contact_force(
     ordinates: NDArray[Any],
     numbers: Mapping[str, complex],
     speed: complex,
-    touch: ContactTouch,
+    angle: float,
     duration: float | None,
 ) -> complex:
-    """The contact force (N) of two masses at an angle of a turn, from rest or in steady state.
+    """The contact force (N) of two masses at an angle from the begin, from rest or steady.
 
     Any of the numbers, of the law's ordinates ``(p + 1, n)`` (m), and the speed (rad/s) may be
     complex. As in `cam_rig.dynamics.modal.motion`: a polynomial in each piece, and free vibration
     that makes up for its jumps at joints.
     """
-    p, touched = numbers, touch.angle
+    p, touched = numbers, angle % TURN
     stiffness = p["stem_stiffness"] + p["spring_stiffness"]
     damping = p["stem_damping"] + p["damping"]
     share, end = p["stem_stiffness"] / stiffness, p["end_mass"]
@@ -86,7 +77,7 @@ def contact_force(
     series = taylor_series(top, np.array([free.stiffness, free.damping, 1.0]), law.degree + 1)
     forced = np.stack([np.tensordot(series, s[k : k + law.degree + 1], 1) for k in (0, 1)])
     piece = law.piece(touched)
-    here = _free_state(law, free, forced, speed, touch, duration)
+    here = _free_state(law, free, forced, speed, angle, duration)
     u = np.array([(touched - law.breaks[piece]) / law.spans[piece]])
     basis = bernstein.basis(law.degree, u)[0]
     place = forced[:, :, piece] @ basis + here
@@ -121,21 +112,21 @@ def _free_state(
     free: _FreeVibration,
     forced: NDArray[Any],
     speed: complex,
-    touch: ContactTouch,
+    angle: float,
     duration: float | None,
 ) -> NDArray[Any]:
     """(η, η̇) of the free vibration at the touch: what the joints before it have added, faded."""
     jumps = np.roll(forced[:, -1], 1, axis=1) - forced[:, 0]
-    starts, piece = law.breaks[:-1], law.piece(touch.angle)
-    passed = slice(1, piece + 1)
-    here = free.after((touch.angle - starts[passed]) / speed, jumps[:, passed])
+    turns, touched = divmod(angle, TURN)
+    starts, passed = law.breaks[:-1], slice(1, law.piece(touched) + 1)
+    here = free.after((touched - starts[passed]) / speed, jumps[:, passed])
     if duration is None:
         turn = free.after((TURN - starts[1:]) / speed, jumps[:, 1:]) + jumps[:, 0]
         begin = np.linalg.solve(np.eye(2) - free.flow(TURN / speed), turn)
-        return np.asarray(here + free.flow(touch.angle / speed) @ begin)
-    since = TURN * touch.turn + touch.angle
+        return np.asarray(here + free.flow(touched / speed) @ begin)
+    since = TURN * turns + touched
     here = here - free.flow(since / speed) @ forced[:, 0, 0]  # at rest at θ = 0
-    for ahead in (since - TURN * turn for turn in range(touch.turn)):
+    for ahead in (since - TURN * turn for turn in range(int(turns))):
         here = here + free.after((ahead - starts[1:]) / speed, jumps[:, 1:])
         here = here + free.flow((ahead - TURN) / speed) @ jumps[:, 0]
     return np.asarray(here)
@@ -181,10 +172,10 @@ def jump_sensitivities(
     profile errors; the others say why not.
     """
     law, follower = point.law, TwoMassParameters.from_rig(point.rig)
-    touch, numbers = touch_of(law, follower, duration), _numbers(follower)
+    touch, numbers = touch_of(law, follower, duration), _numbers(point.rig)
 
     def slope(changed: Mapping[str, complex], rows: NDArray[Any], speed: complex) -> float:
-        return contact_force(law, rows, changed, speed, touch, duration).imag / STEP
+        return contact_force(law, rows, changed, speed, touch.angle, duration).imag / STEP
 
     by_speed = slope(numbers, law.ordinates, complex(touch.speed, STEP))
     found = []
@@ -192,7 +183,7 @@ def jump_sensitivities(
         root, _, name = path.rpartition(".")
         derivative = None
         if root == "rig.follower" and name in FOLLOWER:
-            moved = _numbers_of(point.rig, name)
+            moved = _numbers(point.rig, name)
             derivative = -slope(moved, law.ordinates, touch.speed) / by_speed
         elif (ordinates := _error_slope(path, errors, law)) is not None:
             rows = law.ordinates + 1j * STEP * ordinates
@@ -216,16 +207,13 @@ def _error_slope(path: str, errors: ProfileErrors, law: Law) -> FloatArray | Non
     return moved[path].ordinates(law.breaks, law.degree) if path in moved else None
 
 
-def _numbers(follower: TwoMassParameters) -> dict[str, complex]:
-    return {one.name: complex(getattr(follower, one.name)) for one in fields(follower)}
-
-
-def _numbers_of(rig: RigConfig, moved: str) -> dict[str, complex]:
-    """The two masses' numbers with one of the rig's moved along the imaginary axis."""
+def _numbers(rig: RigConfig, moved: str = "") -> dict[str, complex]:
+    """The two masses' numbers, with one of the rig's moved along the imaginary axis."""
     own = {name: complex(getattr(rig.follower, name).si) for name in FOLLOWER}
-    own[moved] += 1j * STEP
+    if moved:
+        own[moved] += 1j * STEP
     mass, share = own.pop("mass"), own.pop("roller_share")
-    return {**own, "roller_mass": mass * share, "end_mass": mass * (1.0 - share)}
+    return {**own, "roller_mass": mass * share, "end_mass": mass - mass * share}
 
 
 #: Measures that have derivatives, and how the follower runs.

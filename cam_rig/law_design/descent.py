@@ -6,6 +6,7 @@ the exact quantities of the new law keep the other limits too, and the goal is b
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
@@ -52,12 +53,12 @@ INSIDE = 0.02
 
 @dataclass(frozen=True, eq=False)
 class PointwiseTerm:
-    """A goal (``allowed`` None) or a limit on the greatest of branches, of s, s' and s''."""
+    """A goal (``allowed`` NaN) or a limit on the greatest of branches, of s, s' and s''."""
 
     problem: DesignProblem
     name: str
     branches: Branches
-    allowed: float | None
+    allowed: float
 
     @cached_property
     def scale(self) -> float:
@@ -140,7 +141,7 @@ class ValueTerm:
     def __post_init__(self) -> None:
         asked = self.asked
         self.name, self._sign = asked.name, sign_of(asked.sense)
-        self.allowed = None if asked.value is None else self._sign * asked.value
+        self.allowed = math.nan if asked.value is None else self._sign * asked.value
         # the start's own level is no measure of what it changes by
         self.scale = LEVEL_SCALE if asked.term.quantity.unit == "dB" else asked.scale
 
@@ -210,17 +211,14 @@ class Descent:
     def place(self, unknowns: FloatArray) -> Place:
         """A law's exact values."""
         law = self.problem.space.law(unknowns, "design")
-        over = max((self._over(limit, law) for limit in self.limits), default=-np.inf)
+        each = ((limit.worst(law) - limit.allowed) / limit.scale for limit in self.limits)
+        over = max(each, default=-np.inf)
         if isinstance(self.goal, Asked):
             sign = sign_of(self.goal.sense)
             value = sign * measured(self.problem, law, self.goal.term, self.goal.sense)
         else:
             value = self.goal.worst(law)
         return Place(unknowns, over, value / self.goal.scale)
-
-    def _over(self, limit: LocalTerm, law: Law) -> float:
-        assert limit.allowed is not None
-        return (limit.worst(law) - limit.allowed) / limit.scale
 
     def run(self, unknowns: FloatArray) -> Place:
         """Downhill from a law that keeps the convex limits, to where no step is better."""
@@ -293,7 +291,6 @@ class Descent:
         program = self.solver.static(True)
         cuts: list[Cuts] = [FewRows([self._within(here)], every=1), *self.cuts]
         for limit in self.limits:
-            assert limit.allowed is not None
             room = limit.rows(here.unknowns, tried) * (-1.0 / limit.scale)
             room = room.plus(limit.allowed / limit.scale)
             # beside a dwell that is at the limit there is next to no room, and always

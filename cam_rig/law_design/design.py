@@ -8,16 +8,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib.util import find_spec
-from typing import overload
+from typing import TypedDict, Unpack, overload
 
 import numpy as np
 
 from cam_rig.arguments import checked
 from cam_rig.errors import ConfigError, DesignError
-from cam_rig.law_design.cam_file import designed_cam
 from cam_rig.law_design.cutting_planes import Best, Solver, Told
 from cam_rig.law_design.local_search import LONGEST, SHORTEST, EventSpans, local_best
 from cam_rig.law_design.request import (
@@ -28,7 +27,7 @@ from cam_rig.law_design.request import (
     Multistart,
     parse_second,
 )
-from cam_rig.law_design.result import Front, LawDesign, Measure
+from cam_rig.law_design.result import Front, LawDesign, Measure, designed_cam
 from cam_rig.law_design.rows import asked_of, rows_of
 from cam_rig.law_design.space import Asked, DesignProblem, Space, measured
 from cam_rig.laws import Law, build_law
@@ -63,9 +62,10 @@ def search_design(
             f"cam {cam.name!r}: its follower is {cam.follower.type}, whose fall must be its rise "
             "turned by 180°, which a design does not keep; allowed: other followers"
         )
-    problem, name = _problem(cam, rig, request), name or f"{cam.name}_designed"
-    how = _best_of_events if "events" in request.keep else _with_other_spans
-    return how(problem, request, name, on_best)
+    search = DesignSearch(
+        _problem(cam, rig, request), request, name or f"{cam.name}_designed", on_best
+    )
+    return search.best() if "events" in request.keep else search.best_of_spans()
 
 
 def _problem(cam: CamConfig, rig: RigConfig, request: DesignRequest) -> DesignProblem:
@@ -73,140 +73,126 @@ def _problem(cam: CamConfig, rig: RigConfig, request: DesignRequest) -> DesignPr
     return DesignProblem(cam, start, rig, Space(start, request.law_class))
 
 
-def _with_other_spans(
-    problem: DesignProblem, request: DesignRequest, name: str, on_best: OnBest
-) -> LawDesign:
-    """The best law whose events have the best spans, by a search of these."""
-    asked = _with_values(problem, request).limits
-    spans = [limit for limit in asked if limit.term.quantity.where == "event"]
-    others = replace(request, limits=tuple(limit for limit in asked if limit not in spans))
-    quick = replace(others, multistart=replace(request.multistart, starts=1))
-    sign, best = sign_of(request.sense), math.inf
+@dataclass(frozen=True, eq=False)
+class DesignSearch:
+    """A search for the best law; ``on_best`` is told better ones, ``spans`` found the events."""
 
-    def told(moved: DesignProblem, made: Callable[[], LawDesign], value: float) -> None:
-        nonlocal best
-        if sign * value < best:
-            best = sign * value
-            on_best(lambda: _of_start(problem, request, asked, moved, made()), value)
+    problem: DesignProblem
+    request: DesignRequest
+    name: str
+    on_best: OnBest = lambda _design, _value: None
+    spans: Multistart | None = None
 
-    def value(moved: DesignProblem) -> float:
-        return sign * _best_of_events(moved, quick, name, partial(told, moved)).goal.result
+    def best_of_spans(self) -> LawDesign:
+        """The best law whose events have the best spans, by a search of these."""
+        asked = self.with_values().limits
+        spans = [limit for limit in asked if limit.term.quantity.where == "event"]
+        others = replace(self.request, limits=tuple(x for x in asked if x not in spans))
+        quick = replace(others, multistart=replace(others.multistart, starts=1))
+        sign, least = sign_of(self.request.sense), math.inf
 
-    search = EventSpans(problem, "dwells" in request.keep, spans, value)
-    moved, multistart = search.best(request.multistart)
-    found = _best_of_events(moved, others, name, partial(told, moved), multistart)
-    return _of_start(problem, request, asked, moved, found)
+        def told(moved: DesignProblem, made: Callable[[], LawDesign], value: float) -> None:
+            nonlocal least
+            if sign * value < least:
+                least = sign * value
+                self.on_best(lambda: self._beside_start(asked, moved, made()), value)
 
+        def at(moved: DesignProblem, request: DesignRequest) -> DesignSearch:
+            return replace(self, problem=moved, request=request, on_best=partial(told, moved))
 
-def _of_start(
-    problem: DesignProblem,
-    request: DesignRequest,
-    asked: Sequence[Limit],
-    moved: DesignProblem,
-    found: LawDesign,
-) -> LawDesign:
-    """A design of moved events beside the start that was asked for."""
-    goal, *rest = found.measures
-    limited = iter(rest)
-    measures = [replace(goal, bound=None)]
-    for limit in asked:
-        if limit.term.quantity.where != "event":
-            measures.append(next(limited))
-            continue
-        assert limit.value is not None
-        span = measured(moved, moved.start, limit.term, limit.sense)
-        met = math.isclose(span, limit.value, rel_tol=SPAN_MET)
-        measures.append(Measure(limit.term, limit.sense, span, span, None, limit.value, met))
-    beside = tuple(
-        replace(x, start=measured(problem, problem.start, x.term, x.sense)) for x in measures
-    )
-    return replace(
-        found, request=request, start=problem.start, measures=beside, spans_bound=goal.bound
-    )
+        def value(moved: DesignProblem) -> float:
+            return sign * at(moved, quick).best().goal.result
 
+        search = EventSpans(self.problem, "dwells" in self.request.keep, spans, value)
+        moved, multistart = search.best(self.request.multistart)
+        return self._beside_start(asked, moved, replace(at(moved, others), spans=multistart).best())
 
-def _with_values(problem: DesignProblem, request: DesignRequest) -> DesignRequest:
-    """A request whose limits have the start's values, which stay where its events move."""
-    limits = (replace(limit, value=_allowed(problem, limit)) for limit in request.limits)
-    return replace(request, limits=tuple(limits))
-
-
-def _allowed(problem: DesignProblem, limit: Limit) -> float:
-    """What a limit allows, SI; the level in dB."""
-    if limit.value is not None:
-        return limit.value
-    return measured(problem, problem.start, limit.term, limit.sense)
-
-
-def _best_of_events(
-    problem: DesignProblem,
-    request: DesignRequest,
-    name: str,
-    on_best: OnBest = lambda _design, _value: None,
-    search: Multistart | None = None,
-) -> LawDesign:
-    """The best law with the events that a problem has; ``search`` is what they were found by."""
-    limits = [asked_of(problem, x.term, x.sense, _allowed(problem, x)) for x in request.limits]
-    goal = asked_of(problem, request.goal, request.sense, None)
-
-    def told(unknowns: FloatArray, value: float) -> None:
-        on_best(lambda: _law_design(problem, request, name, limits, Best(unknowns), search), value)
-
-    if rows_of(goal.term).is_local(problem, True) or any(
-        rows_of(x.term).is_local(problem) for x in limits
-    ):
-        best = local_best(problem, goal, limits, request.multistart, told)
-    else:
-        best = _solve(problem, goal, limits, told)
-    return _law_design(problem, request, name, limits, best, search)
-
-
-def _law_design(
-    problem: DesignProblem,
-    request: DesignRequest,
-    name: str,
-    limits: list[Asked],
-    best: Best,
-    search: Multistart | None,
-) -> LawDesign:
-    start, space, term, sense = problem.start, problem.space, request.goal, request.sense
-    search = search or best.multistart
-    cam, text = designed_cam(problem, best.unknowns, name, request, limits, search)
-    law = build_law(cam)
-    first, result = (measured(problem, x, term, sense) for x in (start, law))
-    bound = None if best.bound is None else rows_of(term).from_rows(problem, term, best.bound)
-    measures = [Measure(term, sense, first, result, bound)]
-    measures += [
-        _limit(problem, law, asked, limit, best)
-        for asked, limit in zip(limits, request.limits, strict=True)
-    ]
-    return LawDesign(
-        request,
-        start,
-        law,
-        cam,
-        text,
-        problem.rig,
-        tuple(space.events),
-        tuple(angle for _, angle in space.turning_points),
-        tuple(measures),
-        best.rounds,
-        search,
-        interrupted=not best.rounds,
-    )
-
-
-def _limit(problem: DesignProblem, law: Law, asked: Asked, limit: Limit, best: Best) -> Measure:
-    quantity, allowed = limit.term.quantity, _allowed(problem, limit)
-    start, result = (measured(problem, x, limit.term, limit.sense) for x in (problem.start, law))
-    over = (result - allowed) * sign_of(limit.sense)
-    if over > BROKEN * max(abs(allowed), abs(start)) and best.rounds:
-        raise DesignError(
-            f"the law found breaks {limit.words}: it has {result / quantity.factor:.6g} "
-            f"{quantity.unit}; allowed: a narrower range, or more pieces"
+    def _beside_start(
+        self, asked: Sequence[Limit], moved: DesignProblem, found: LawDesign
+    ) -> LawDesign:
+        """A design of moved events beside the start that was asked for."""
+        goal, *rest = found.measures
+        limited, measures = iter(rest), [replace(goal, bound=None)]
+        for limit in asked:
+            if limit.term.quantity.where != "event":
+                measures.append(next(limited))
+                continue
+            assert limit.value is not None
+            span = measured(moved, moved.start, limit.term, limit.sense)
+            met = math.isclose(span, limit.value, rel_tol=SPAN_MET)
+            measures.append(Measure(limit.term, limit.sense, span, span, None, limit.value, met))
+        start = self.problem.start
+        beside = tuple(
+            replace(x, start=measured(self.problem, start, x.term, x.sense)) for x in measures
         )
-    active = asked.name in best.active
-    return Measure(limit.term, limit.sense, start, result, limit=allowed, active=active)
+        return replace(
+            found, request=self.request, start=start, measures=beside, spans_bound=goal.bound
+        )
+
+    def with_values(self) -> DesignRequest:
+        """The request whose limits have the start's values, which stay where its events move."""
+        limits = (replace(limit, value=self._allowed(limit)) for limit in self.request.limits)
+        return replace(self.request, limits=tuple(limits))
+
+    def _allowed(self, limit: Limit) -> float:
+        """What a limit allows, SI; the level in dB."""
+        if limit.value is not None:
+            return limit.value
+        return measured(self.problem, self.problem.start, limit.term, limit.sense)
+
+    def best(self) -> LawDesign:
+        """The best law with the events that the problem has."""
+        problem, request = self.problem, self.request
+        limits = [asked_of(problem, x.term, x.sense, self._allowed(x)) for x in request.limits]
+        goal = asked_of(problem, request.goal, request.sense, None)
+
+        def told(unknowns: FloatArray, value: float) -> None:
+            self.on_best(lambda: self._law_design(limits, Best(unknowns)), value)
+
+        local = any(rows_of(x.term).is_local(problem) for x in limits)
+        if local or rows_of(goal.term).is_local(problem, True):
+            best = local_best(problem, goal, limits, request.multistart, told)
+        else:
+            best = _solve(problem, goal, limits, told)
+        return self._law_design(limits, best)
+
+    def _law_design(self, limits: list[Asked], best: Best) -> LawDesign:
+        problem, request = self.problem, self.request
+        start, space, term, sense = problem.start, problem.space, request.goal, request.sense
+        search = self.spans or best.multistart
+        cam, text = designed_cam(problem, best.unknowns, self.name, request, limits, search)
+        law = build_law(cam)
+        first, result = (measured(problem, x, term, sense) for x in (start, law))
+        bound = None if best.bound is None else rows_of(term).from_rows(problem, term, best.bound)
+        pairs = zip(limits, request.limits, strict=True)
+        others = (self._limit(law, asked, limit, best) for asked, limit in pairs)
+        return LawDesign(
+            request=request,
+            start=start,
+            law=law,
+            cam=cam,
+            text=text,
+            rig=problem.rig,
+            events=tuple(space.events),
+            tops=tuple(angle for _, angle in space.turning_points),
+            measures=(Measure(term, sense, first, result, bound), *others),
+            rounds=best.rounds,
+            multistart=search,
+            interrupted=not best.rounds,
+        )
+
+    def _limit(self, law: Law, asked: Asked, limit: Limit, best: Best) -> Measure:
+        quantity, allowed = limit.term.quantity, self._allowed(limit)
+        laws = self.problem.start, law
+        start, result = (measured(self.problem, x, limit.term, limit.sense) for x in laws)
+        over = (result - allowed) * sign_of(limit.sense)
+        if over > BROKEN * max(abs(allowed), abs(start)) and best.rounds:
+            raise DesignError(
+                f"the law found breaks {limit.words}: it has {result / quantity.factor:.6g} "
+                f"{quantity.unit}; allowed: a narrower range, or more pieces"
+            )
+        active = asked.name in best.active
+        return Measure(limit.term, limit.sense, start, result, limit=allowed, active=active)
 
 
 def _solve(problem: DesignProblem, goal: Asked, limits: list[Asked], told: Told) -> Best:
@@ -225,39 +211,28 @@ def _solve(problem: DesignProblem, goal: Asked, limits: list[Asked], told: Told)
     return best
 
 
+class DesignOptions(TypedDict, total=False):
+    """Options of `design` but the front's, which says what it gives."""
+
+    minimise: str | None
+    maximise: str | None
+    limits: Sequence[str]
+    pieces: int
+    joints: int
+    degree: int | None
+    starts: int
+    seed: int
+    keep: Sequence[str]
+    points: int
+
+
 @overload
 def design(
-    cam: CamConfig,
-    rig: RigConfig,
-    *,
-    minimise: str | None = ...,
-    maximise: str | None = ...,
-    limits: Sequence[str] = ...,
-    pieces: int = ...,
-    joints: int = ...,
-    degree: int | None = ...,
-    starts: int = ...,
-    seed: int = ...,
-    keep: Sequence[str] = ...,
-    pareto: None = ...,
-    points: int = ...,
+    cam: CamConfig, rig: RigConfig, *, pareto: None = ..., **asked: Unpack[DesignOptions]
 ) -> LawDesign: ...
 @overload
 def design(
-    cam: CamConfig,
-    rig: RigConfig,
-    *,
-    minimise: str | None = ...,
-    maximise: str | None = ...,
-    limits: Sequence[str] = ...,
-    pieces: int = ...,
-    joints: int = ...,
-    degree: int | None = ...,
-    starts: int = ...,
-    seed: int = ...,
-    keep: Sequence[str] = ...,
-    pareto: str,
-    points: int = ...,
+    cam: CamConfig, rig: RigConfig, *, pareto: str, **asked: Unpack[DesignOptions]
 ) -> Front: ...
 @checked
 def design(
@@ -386,14 +361,12 @@ def _over_spans(
             f"--pareto: over {other.key} the events and the dwells have their spans from it; "
             "allowed: without --keep"
         )
-    own = _with_values(problem, request)
-    spans = EventSpans(problem, False, [], lambda _: 0.0)
+    search = DesignSearch(problem, request, f"{problem.cam.name}_designed")
+    own, spans = search.with_values(), EventSpans(problem, False, [], lambda _: 0.0)
     span = measured(problem, problem.start, other, "<=")
 
     def found(factor: float) -> LawDesign:
-        return _best_of_events(
-            spans.moved(factor * spans.start), own, f"{problem.cam.name}_designed"
-        )
+        return replace(search, problem=spans.moved(factor * spans.start), request=own).best()
 
     def has_law(factor: float) -> bool:
         with suppress(DesignError):

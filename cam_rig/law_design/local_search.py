@@ -8,6 +8,7 @@ they leave.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -242,11 +243,11 @@ def _local_term(problem: DesignProblem, asked: Asked) -> LocalTerm:
     rows = rows_of(asked.term)
     if rows.branches is None:
         return ValueTerm(problem, asked)
-    branches, allowed = rows.branches(problem, asked.term), None
+    branches, allowed = rows.branches(problem, asked.term), math.nan
     if asked.value is not None:
         allowed = rows.on_branches(problem, asked.term, asked.value)
     found = PointwiseTerm(problem, asked.name, branches, allowed)
-    if allowed is not None and found.at_rest > allowed + KEPT * found.scale:
+    if found.at_rest > allowed + KEPT * found.scale:
         raise DesignError(
             f"limit {asked.name}: a dwell of {problem.start.name!r} breaks it, whatever "
             "the law; allowed: a looser limit"

@@ -224,14 +224,10 @@ class DesignRequest:
         own = config.class_
         if not (own.joints[:1] in ("C", "c") and own.joints[1:].isdecimal()):
             raise ConfigError(f"joints: are {own.joints!r}; allowed: C1 to C{MAX_JOINTS}")
-        return cls.of(
-            minimise=config.minimise,
-            maximise=config.maximise,
-            limits=config.limits,
-            law_class=LawClass(own.pieces, int(own.joints[1:]), own.degree),
-            multistart=Multistart(config.starts, config.seed),
-            keep=config.keep,
-        )
+        law_class = LawClass(own.pieces, int(own.joints[1:]), own.degree)
+        search = Multistart(config.starts, config.seed)
+        asked = config.model_dump(include={"minimise", "maximise", "limits", "keep"})
+        return cls.of(law_class=law_class, multistart=search, **asked)
 
     @property
     def verb(self) -> str:

@@ -1,4 +1,4 @@
-"""What a design gives: the law beside its start, what was asked of it, and the bound; a front."""
+"""What a design gives: the law beside its start, its bound and its cam file; a front of designs."""
 
 from __future__ import annotations
 
@@ -7,13 +7,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
+import numpy as np
+
 from cam_rig.law_design.convex_program import BOX
 from cam_rig.law_design.request import DesignRequest, Multistart
-from cam_rig.law_design.space import LawEvent
+from cam_rig.law_design.space import Asked, DesignProblem, LawEvent
 from cam_rig.laws import Law
 from cam_rig.quantities.terms import Sense, Term, sign_of
 from cam_rig.schema import CamConfig, RigConfig
+from cam_rig.schema.load import file_data, quantity, to_yaml, valid_cam
 from cam_rig.show.result import Column, Records, Result
+from cam_rig.units import TURN, FloatArray
 
 #: A result within this part of its bound is called certified.
 CERTIFIED = 2e-3
@@ -181,6 +185,12 @@ class LawDesign(Result):
         return f"no law of the class is {passed}; {proof}: {100.0 * self.gap:.2g} % from it"
 
 
+def _certified(found: LawDesign) -> str:
+    if found.goal.bound is None:
+        return "local"
+    return "yes" if found.certified else "no"
+
+
 @dataclass(frozen=True, repr=False)
 class Front(Result):
     """Designs by rising values of the other quantity: ``allowed`` ``(n,)``, SI (dB for levels)."""
@@ -192,13 +202,7 @@ class Front(Result):
             Column("allowed", "", ".5g", about="of the other quantity, SI", of="0"),
             Column("result", "", ".5g", about="of the goal, SI", of="1.goal.result"),
             Column("bound", "", ".5g", of="1.goal.bound", missing="–"),
-            Column(
-                "certified",
-                of="1.certified",
-                cell=lambda row: (
-                    "local" if row[1].goal.bound is None else "yes" if row[1].certified else "no"
-                ),
-            ),
+            Column("certified", of="1.certified", cell=lambda row: _certified(row[1])),
         ),
         "quantities": (
             Column("goal", of="designs.0.goal.term.key"),
@@ -226,12 +230,8 @@ class Front(Result):
             return replace(column, heading=words, unit=term.quantity.typeset, cell=cell)
 
         allowed, result, bound, certified = self.columns["front"]
-        columns = (
-            named(allowed, self.other.words, self.other),
-            named(result, "", goal),
-            named(bound, "", goal),
-            certified,
-        )
+        shown = (named(allowed, self.other.words, self.other), named(result, "", goal))
+        columns = (*shown, named(bound, "", goal), certified)
         rows = tuple(zip(self.allowed, self.designs, strict=True))
         caption = f"{goal.words} against {self.other.words}"
         front = Records("front", caption, columns, rows)
@@ -266,3 +266,91 @@ def designs_table(designs: Sequence[LawDesign]) -> Records:
     caption = "The best laws of their classes, at no higher peak acceleration than the start's"
     note = "Events, dwells and lift are the start's. Bound: no law of the class is better."
     return Records("designs", caption, DESIGNS, tuple(designs), (note,))
+
+
+# The designed law as a cam file: B-splines between the dwells of its start.
+
+#: A law's lift is its file's where they differ by no more than this part.
+SAME = 1e-12
+
+
+def designed_cam(
+    problem: DesignProblem,
+    unknowns: FloatArray,
+    name: str,
+    request: DesignRequest,
+    limits: list[Asked],
+    search: Multistart | None = None,
+) -> tuple[CamConfig, str]:
+    """The cam of some unknowns, and its file; ``search`` is of what is local."""
+    cam, space = problem.cam, problem.space
+    own, goal = space.law_class, f"{request.verb} {request.goal.key}"
+    knots = np.rint(own.knots[1:-1] * own.pieces).astype(int).tolist()
+    source = f"designed to {goal} on rig {problem.rig.name}"
+    splines = []
+    for index in range(len(space.events)):
+        ordinates = (space.coefficients(index)(unknowns) / space.start.lift).tolist()
+        spline = {
+            "degree": own.power,
+            "knots": quantity("assumed", knots, "1", f"{own.pieces} equal pieces"),
+            "ordinates": quantity("identified", ordinates, "1", source),
+        }
+        splines.append(spline)
+    found = "The law of its class that is best"
+    if search is not None:
+        found = f"The best law found, seed {search.seed}, {search.words}, without a bound,"
+    kept = " and ".join(what for what in ("dwells", "events") if what not in problem.free)
+    header = [
+        f"# {found} by this goal: {goal}.",
+        f"# Start: {cam.name}; rig: {problem.rig.name}; {own.words}.",
+        *(f"# Limit: {limit.name}." for limit in limits),
+        f"# Made by cam-rig design; {kept + ' are' if kept else 'the lift is'} the start's.",
+    ]
+    title = f"{cam.title}, designed"
+    data = spline_cam_data(cam, space.start, space.events, splines, name, title, problem.free)
+    return valid_cam(data), "\n".join(header) + "\n" + to_yaml(data)
+
+
+def spline_cam_data(
+    cam: CamConfig,
+    start: Law,
+    events: list[LawEvent],
+    splines: list[dict[str, Any]],
+    name: str,
+    title: str,
+    free: tuple[str, ...] = (),
+) -> dict[str, Any]:
+    """The content of the file of a B-spline in each event, with dwells between them.
+
+    ``cam`` and its law ``start`` give follower and lift; ``splines`` of each event degree, knots
+    and ordinates in lifts, as a file has them; ``free`` is what of dwells and events is elsewhere.
+    """
+    data = file_data(cam)
+    parts = {key: data[key] for key in ("follower", "contact") if key in data}
+    own = cam.lift
+    lift = quantity(
+        own.origin, own.numbers[0], own.unit, f"as {cam.name}: {own.source}", own.residual
+    )
+    if abs(own.si - start.lift) > SAME * start.lift:  # a law may have another than its file's
+        lift = quantity("assumed", start.lift * 1e3, "mm", f"that of the law of {cam.name}")
+    head = {"name": name, "title": title, "lift": lift}
+    return head | parts | {"segments": _segments(cam, events, splines, free)}
+
+
+def _segments(
+    cam: CamConfig, events: list[LawEvent], splines: list[dict[str, Any]], free: tuple[str, ...]
+) -> list[dict[str, Any]]:
+    def span(angle: float, what: str) -> dict[str, Any]:
+        found = ("identified", "found with the law"), ("assumed", f"that of {cam.name}")
+        kind, source = found[what not in free]
+        return quantity(kind, round(math.degrees(angle), 10), "deg", source)
+
+    def dwell(start: float, end: float) -> list[dict[str, Any]]:
+        return [{"law": "dwell", "span": span(end - start, "dwells")}] if end > start else []
+
+    found, at = [], 0.0
+    for event, spline in zip(events, splines, strict=True):
+        found += dwell(at, event.start)
+        at = event.start + event.span
+        found.append({"law": "b_spline", "span": span(event.span, "events"), **spline})
+    return found + dwell(at, TURN)

@@ -272,26 +272,18 @@ ROWS = {
     "shaft_torque": Rows(branches=lambda problem, term: torques(problem.rigid, term)),
     "sound_level_rigid": Rows(
         squares=_sound,
-        to_rows=lambda problem, term, level: rate_of(problem.rig, term, level),
-        from_rows=lambda problem, term, rate: level_of(problem.rig, term, rate),
-    ),
+        to_rows=lambda p, term, level: rate_of(p.rig, term, level),
+        from_rows=lambda p, term, rate: level_of(p.rig, term, rate)),
     "pressure_angle": Rows(
-        _pressure,
-        branches=_angle,
-        convex=lambda p, goal: not goal and isinstance(p.element, GuidedCentre),
-        scale=_lift,
-    ),
+        _pressure, branches=_angle, scale=_lift,
+        convex=lambda p, goal: not goal and isinstance(p.element, GuidedCentre)),
     "radius_of_curvature": Rows(
-        _radius,
-        branches=_curvature,
-        on_branches=_as_curvature,
-        convex=lambda p, _: isinstance(p.element, GuidedFace),
-        scale=_lift,
-    ),
+        _radius, branches=_curvature, on_branches=_as_curvature, scale=_lift,
+        convex=lambda p, _: isinstance(p.element, GuidedFace)),
     "lift": Rows(_at_angles, scale=_lift),
     "velocity": Rows(_at_angles, scale=_largest),
     "acceleration": Rows(_at_angles, scale=_largest),
-}
+}  # fmt: skip
 
 
 def rows_of(term: Term) -> Rows:

@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
 from cam_rig.dynamics.jump.search import Jump
@@ -20,7 +19,7 @@ from cam_rig.errors import DynamicsError
 from cam_rig.law_design.convex_program import Affine, ProgramSolution, RowBlock
 from cam_rig.law_design.modal_amplitude import Cells, ForceAtSpeed
 from cam_rig.law_design.space import SPARE, Asked, DesignProblem
-from cam_rig.quantities.values import MISSED, peaks, speeds_of
+from cam_rig.quantities.values import MISSED, minima, peaks, speeds_of
 from cam_rig.units import RPM, TURN, FloatArray, to_rpm
 
 #: The grid goes down to this part of the speed, in steps that turn the phase by this much (rad)
@@ -150,12 +149,12 @@ class ContactKept:
 
     def _rows_below(self, speeds: list[float], unknowns: FloatArray, level: float) -> int:
         found = [self._below(speed, unknowns, level) for speed in speeds]
-        dip = _minima(np.array([values.min() for _, values in found]))
+        dip = minima(np.array([values.min() for _, values in found]))
         dip[::-EVERY] = True
         made = 0
         for place in np.flatnonzero(dip):
             speed, (turn, values) = speeds[place], found[place]
-            lowest = np.flatnonzero(_minima(values) & (values < -0.5 * BELOW))
+            lowest = np.flatnonzero(minima(values) & (values < -0.5 * BELOW))
             chosen = lowest[np.argsort(values[lowest])[:LOWEST]]
             if chosen.size:
                 force = self._at(speed)
@@ -208,12 +207,6 @@ class ContactKept:
             if near.any():
                 kept.append((speed, rows.rows(near), weight[near]))
         self._rows = kept
-
-
-def _minima(values: FloatArray) -> NDArray[np.bool_]:
-    """Which values are no higher than their neighbours."""
-    padded = np.pad(values, 1, constant_values=np.inf)
-    return (values <= padded[:-2]) & (values <= padded[2:])
 
 
 # Residual vibration: the amplitude that an event alone leaves, at every speed of a range.

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from types import MappingProxyType
 
 from cam_rig.dynamics.jump.any_follower import follower_of
@@ -33,74 +33,47 @@ _DERIVATIVES = tuple(
     )
 )
 
+_jump = partial(LawQuantity, unit="rpm", units=SPEED_UNITS, senses=_LEAST, campaign=True)
+_at_speed = partial(LawQuantity, where="rpm")
+_of_run = partial(_at_speed, campaign=True, of_run=True)
+
 #: Goals and limits of designs, some of which a campaign measures too.
 _DESIGNED = (
-    LawQuantity(
-        "jump_speed", "jump speed from rest", "rpm", SPEED_UNITS,
-        lambda one, *_: values.jump(one, follower_of(one.rig), FROM_REST),
-        senses=_LEAST, campaign=True,
-    ),
-    LawQuantity(
-        "jump_speed_steady", "jump speed in steady state", "rpm", SPEED_UNITS,
-        lambda one, *_: values.jump(one, follower_of(one.rig), None),
-        senses=_LEAST, campaign=True,
-    ),
-    LawQuantity(
-        "jump_speed_rigid", "jump speed of one rigid mass", "rpm", SPEED_UNITS,
-        lambda one, *_: values.jump(one, one.rigid, None),
-        senses=_LEAST, campaign=True, rigid=True,
-    ),
-    LawQuantity(
-        "residual_vibration", "residual vibration of one event", "um", _LENGTH,
-        values.residual, "rpm", _MOST,
-    ),
+    _jump("jump_speed", "jump speed from rest",
+          value=lambda one, *_: values.jump(one, follower_of(one.rig), FROM_REST)),
+    _jump("jump_speed_steady", "jump speed in steady state",
+          value=lambda one, *_: values.jump(one, follower_of(one.rig), None)),
+    _jump("jump_speed_rigid", "jump speed of one rigid mass", rigid=True,
+          value=lambda one, *_: values.jump(one, one.rigid, None)),
+    _at_speed("residual_vibration", "residual vibration of one event", "um", _LENGTH,
+              values.residual, senses=_MOST),
     *(
-        LawQuantity(
-            f"peak_{name}", f"peak |{title}|", f"mm{over}", units, values.peak_of(order),
-            senses=_MOST, order=order,
-        )
+        LawQuantity(f"peak_{name}", f"peak |{title}|", f"mm{over}", units, values.peak_of(order),
+                    senses=_MOST, order=order)
         for order, (name, title, over, units) in enumerate(_DERIVATIVES, 1)
     ),
-    LawQuantity(
-        "rms_acceleration", "r.m.s. of s″", "mm/rad^2", _DERIVATIVES[1][3],
-        values.rms_acceleration, senses=_MOST,
-    ),
-    LawQuantity(
-        "peak_contact_force_rigid", "peak contact force of one rigid mass", "N", _FORCE,
-        lambda one, term, _: max(most for _, most in values.forces(one, term)),
-        "rpm", _MOST, campaign=True,
-    ),
-    LawQuantity(
-        "least_contact_force_rigid", "least contact force of one rigid mass", "N", _FORCE,
-        lambda one, term, _: min(least for least, _ in values.forces(one, term)),
-        "rpm", _LEAST, signed=True, campaign=True,
-    ),
-    LawQuantity("shaft_torque", "peak |shaft torque|", "N*m", _TORQUE, values.torque, "rpm", _MOST),
-    LawQuantity(
-        "sound_level_rigid", "sound level of one rigid mass", "dB", _LEVEL,
-        values.rigid_level, "rpm", _MOST, signed=True,
-    ),
-    LawQuantity(
-        "sound_level_with_jumps", "sound level with landings, mean power over speeds", "dB", _LEVEL,
-        values.level_with_jumps, "rpm", _MOST, signed=True,
-    ),
-    LawQuantity(
-        "pressure_angle", "pressure angle", "deg", ANGLE_UNITS, values.pressure_angle,
-        senses=_MOST, below=0.25 * TURN,
-    ),
-    LawQuantity(
-        "radius_of_curvature", "least radius of curvature", "mm", _LENGTH, values.least_radius,
-        senses=_LEAST,
-    ),
-    LawQuantity(
-        "event_angle", "span of event", "deg", ANGLE_UNITS, values.span, "event", _BOTH,
-        goal=False, below=TURN,
-    ),
+    LawQuantity("rms_acceleration", "r.m.s. of s″", "mm/rad^2", _DERIVATIVES[1][3],
+                values.rms_acceleration, senses=_MOST),
+    _at_speed("peak_contact_force_rigid", "peak contact force of one rigid mass", "N", _FORCE,
+              lambda one, term, _: max(most for _, most in values.forces(one, term)),
+              senses=_MOST, campaign=True),
+    _at_speed("least_contact_force_rigid", "least contact force of one rigid mass", "N", _FORCE,
+              lambda one, term, _: min(least for least, _ in values.forces(one, term)),
+              senses=_LEAST, signed=True, campaign=True),
+    _at_speed("shaft_torque", "peak |shaft torque|", "N*m", _TORQUE, values.torque, senses=_MOST),
+    _at_speed("sound_level_rigid", "sound level of one rigid mass", "dB", _LEVEL,
+              values.rigid_level, senses=_MOST, signed=True),
+    _at_speed("sound_level_with_jumps", "sound level with landings, mean power over speeds", "dB",
+              _LEVEL, values.level_with_jumps, senses=_MOST, signed=True),
+    LawQuantity("pressure_angle", "pressure angle", "deg", ANGLE_UNITS, values.pressure_angle,
+                senses=_MOST, below=0.25 * TURN),
+    LawQuantity("radius_of_curvature", "least radius of curvature", "mm", _LENGTH,
+                values.least_radius, senses=_LEAST),
+    LawQuantity("event_angle", "span of event", "deg", ANGLE_UNITS, values.span, "event", _BOTH,
+                goal=False, below=TURN),
     *(
-        LawQuantity(
-            name, title, f"mm{over}", units, values.at_angles(order), "deg", _BOTH,
-            goal=False, signed=True, order=order,
-        )
+        LawQuantity(name, title, f"mm{over}", units, values.at_angles(order), "deg", _BOTH,
+                    goal=False, signed=True, order=order)
         for order, (name, title, over, units) in enumerate(
             (("lift", "lift", "", _LENGTH), *_DERIVATIVES[:2])
         )
@@ -109,36 +82,17 @@ _DESIGNED = (
 
 #: What campaigns alone measure: of settled runs of the scene's model, and of whole turns.
 _MEASURED = (
-    LawQuantity(
-        "residual_vibration_steady", "residual vibration of a mass on its stem in steady state",
-        "um", _LENGTH, values.steady_residual, "rpm", ranges=True, campaign=True,
-    ),
-    LawQuantity(
-        "least_contact_force", "least contact force", "N", _FORCE,
-        lambda one, term, _: one.run(term.low).force_least,
-        "rpm", signed=True, campaign=True, of_run=True,
-    ),
-    LawQuantity(
-        "peak_contact_force", "peak contact force", "N", _FORCE,
-        lambda one, term, _: one.run(term.low).force_peak,
-        "rpm", campaign=True, of_run=True,
-    ),
-    LawQuantity(
-        "sound_level", "sound level", "dB", _LEVEL, values.run_level,
-        "rpm", signed=True, campaign=True, of_run=True,
-    ),
-    LawQuantity(
-        "peak_torque", "peak torque", "N*m", _TORQUE,
-        lambda one, term, _: one.run(term.low).torque_peak, "rpm", campaign=True, of_run=True,
-    ),
-    LawQuantity(
-        "lift_offs", "lift-offs a turn", "", {"": 1.0},
-        lambda one, term, _: float(one.run(term.low).lift_offs),
-        "rpm", signed=True, campaign=True, of_run=True,
-    ),
-    LawQuantity(
-        "twist", "twist, peak to peak", "rad", ANGLE_UNITS, values.twist, "rpm", campaign=True,
-    ),
+    _at_speed("residual_vibration_steady",
+              "residual vibration of a mass on its stem in steady state", "um", _LENGTH,
+              values.steady_residual, ranges=True, campaign=True),
+    _of_run("least_contact_force", "least contact force", "N", _FORCE,
+            values.in_row("force_least"), signed=True),
+    _of_run("peak_contact_force", "peak contact force", "N", _FORCE, values.in_row("force_peak")),
+    _of_run("sound_level", "sound level", "dB", _LEVEL, values.run_level, signed=True),
+    _of_run("peak_torque", "peak torque", "N*m", _TORQUE, values.in_row("torque_peak")),
+    _of_run("lift_offs", "lift-offs a turn", "", {"": 1.0}, values.in_row("lift_offs"),
+            signed=True),
+    _at_speed("twist", "twist, peak to peak", "rad", ANGLE_UNITS, values.twist, campaign=True),
 )  # fmt: skip
 
 #: Every quantity by its name.

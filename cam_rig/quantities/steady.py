@@ -13,7 +13,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from pydantic import ValidationError
 
 from cam_rig.dynamics import (
     MODELS,
@@ -30,10 +29,9 @@ from cam_rig.dynamics.modal.run import ModalRun
 from cam_rig.dynamics.torsional.model import from_rig as shaft_of
 from cam_rig.dynamics.torsional.motion import steady_state
 from cam_rig.dynamics.two_mass.masses import contact_response, force_output
-from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig, SceneConfig
-from cam_rig.schema.explain import explain
+from cam_rig.schema.explain import validated
 from cam_rig.schema.quantity import Quantity
 from cam_rig.simulation.by_speed import SpeedRow, SpeedRows
 from cam_rig.simulation.scene import LoadedScene
@@ -68,10 +66,7 @@ def scene_at(scene: SceneConfig, speed: float) -> SceneConfig:
     speeds = Quantity(assumed=[speed / RPM], unit="rpm")
     program = scene.program.model_copy(update={"speeds": speeds})
     data = scene.model_copy(update={"program": program}).model_dump(exclude_none=True)
-    try:
-        return SceneConfig.model_validate(data)
-    except ValidationError as error:
-        raise ConfigError(explain(error, SceneConfig)) from None
+    return validated(SceneConfig, data)
 
 
 def steady_row(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) -> tuple[SpeedRow, bool]:

@@ -9,6 +9,7 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cam_rig.acoustics import RadiationParameters
 from cam_rig.acoustics.pressure import level_db, mean_square_rate, pressure_pa
@@ -193,12 +194,15 @@ def speeds_of(mode: Mode, longest: float, low: float, high: float) -> FloatArray
     return np.asarray(1.0 / np.linspace(1.0 / high, 1.0 / low, count + 1))
 
 
+def minima(values: FloatArray) -> NDArray[np.bool_]:
+    """Which values are no higher than their neighbours."""
+    padded = np.pad(values, 1, constant_values=np.inf)
+    return (values <= padded[:-2]) & (values <= padded[2:])
+
+
 def peaks(speeds: FloatArray, amplitudes: FloatArray, above: float) -> FloatArray:
     """Speeds (rad/s) of a curve's peaks, even in 1/Ω: of parabolas of its squares, or ends."""
-    padded = np.pad(amplitudes, 1, constant_values=-np.inf)
-    at = np.flatnonzero(
-        (amplitudes >= padded[:-2]) & (amplitudes >= padded[2:]) & (amplitudes > above)
-    )
+    at = np.flatnonzero(minima(-amplitudes) & (amplitudes > above))
     inner = (at > 0) & (at < amplitudes.size - 1)
     below, here, beyond = (amplitudes[(at[inner] + k)] ** 2 for k in (-1, 0, 1))
     curved = 2.0 * here - below - beyond
@@ -252,6 +256,11 @@ def steady_residual(one: Subject, term: Term, _: Sense) -> float:
     speeds = np.linspace(term.low, term.high, count)
     follower = FollowerParameters.on_stem(one.rig, f"the measure {term.name}")
     return float(residual_vibration(one.law, follower, speeds).max())
+
+
+def in_row(name: str) -> Callable[[Subject, Term, Sense], float]:
+    """A number of the settled turns at a speed."""
+    return lambda one, term, _: float(getattr(one.run(term.low), name))
 
 
 def run_level(one: Subject, term: Term, _: Sense) -> float:

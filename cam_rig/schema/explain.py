@@ -37,6 +37,14 @@ def made(kind: type[Config], data: Mapping[str, Any], what: str) -> Config:
         raise refused(what, data.get("name"), error, kind) from None
 
 
+def validated(kind: type[Config], data: object) -> Config:
+    """A model of what a file would hold; what is wrong with it is said in one line."""
+    try:
+        return kind.model_validate(data)
+    except ValidationError as error:
+        raise ConfigError(explain(error, kind)) from None
+
+
 def refused(what: str, name: object, error: ValidationError, kind: type[BaseModel]) -> ConfigError:
     """What is said of a cam or a rig that Python has made wrongly."""
     return ConfigError(f"{what} {_shown(name)}: {explain(error, kind)}")

@@ -2,27 +2,29 @@
 
 import csv
 import io
-import json
 from functools import partial
 
 import numpy as np
 import pytest
 
 import cam_rig
-from cam_rig.bounce import kept
+from cam_rig.bounce import rows as module
 from cam_rig.errors import ConfigError
 
-from ..cli.conftest import call as run
+from ..cli import conftest as cli
 
-call = partial(run, "bounce")
+call, done, data_of = (partial(one, "bounce") for one in (cli.call, cli.done, cli.data_of))
 SHORT = ("--turns", "20", "--settle", "60", "--restitution", "0.7")
 
 
+def rows_of(*words):
+    """The rows of the table as CSV."""
+    return list(csv.DictReader(io.StringIO(done(*words, *SHORT, "--csv", "-").stdout)))
+
+
 def test_rows_by_speed():
-    """CSV and JSON have what the table shows."""
-    result = call("tm21", "--rpm", "310,390,450", "--jobs", "1", *SHORT, "--csv", "-")
-    assert result.exit_code == 0, result.stderr
-    rows = list(csv.DictReader(io.StringIO(result.stdout)))
+    """CSV has what the table shows."""
+    rows = rows_of("tm21", "--rpm", "310,390,450", "--jobs", "1")
     assert [row["motion"] for row in rows] == ["in contact", "periodic", "periodic"]
     assert [row["exponent"] == "" for row in rows] == [True, True, False]
     assert float(rows[2]["exponent"]) == pytest.approx(-0.32, abs=0.01)
@@ -30,10 +32,7 @@ def test_rows_by_speed():
 
 def test_from_above_and_followed():
     """Speeds from the fastest down, the branches they are on, and where these change."""
-    words = ("--rpm", "414:450:4", "--from", "above", "--follow", *SHORT, "--json", "-")
-    result = call("tm21", *words)
-    assert result.exit_code == 0, result.stderr
-    found = json.loads(result.stdout)
+    found = data_of("tm21", "--rpm", "414:450:4", "--from", "above", "--follow", *SHORT)
     assert [row["rpm"] for row in found["speeds"]] == list(range(414, 451, 4))
     folds = [one["rpm"] for one in found["bifurcations"] if one["kind"] == "fold"]
     assert min(abs(rpm - 418.8029) for rpm in folds) < 1e-3
@@ -43,22 +42,17 @@ def test_from_above_and_followed():
 def test_over_another_number_and_kept(tmp_path):
     """A row a mass, in the folder too; and of two masses."""
     words = ("--rpm", "450", "--over", "mass", "--range", "1:1.4:0.2", "--out", str(tmp_path))
-    result = call("tm21", *words, "--jobs", "1", *SHORT, "--csv", "-")
-    assert result.exit_code == 0, result.stderr
-    rows = list(csv.DictReader(io.StringIO(result.stdout)))
+    rows = rows_of("tm21", *words, "--jobs", "1")
     assert [float(row["mass"]) for row in rows] == pytest.approx([1.0, 1.2, 1.4])
     assert list(tmp_path.glob("*.parquet"))
-    words = ("--rig", "paper_table2", "--model", "two_mass", "--rpm", "400", "--csv", "-")
-    result = call("poly345", *words, *SHORT)
-    assert result.exit_code == 0, result.stderr
-    (row,) = csv.DictReader(io.StringIO(result.stdout))
+    words = ("--rig", "paper_table2", "--model", "two_mass", "--rpm", "400")
+    (row,) = rows_of("poly345", *words)
     assert float(row["exponent"]) == pytest.approx(float(row["exponent_2"]), rel=1e-6)
 
 
 def test_many_speeds_are_shown_where_they_change():
     """Of fifty on the cam the first and the last; all are in the data."""
-    result = call("tm21", "--rpm", "200:249:1", "--from", "below", *SHORT)
-    assert result.exit_code == 0, result.stderr
+    result = done("tm21", "--rpm", "200:249:1", "--from", "below", *SHORT)
     shown = result.stdout + result.stderr
     assert shown.count("in contact ") == 2
     assert "50 speeds; here those at which the motion changes." in " ".join(shown.split())
@@ -93,9 +87,9 @@ HOW = {"restitution": 0.7, "turns": 20, "settle": 60}
 RPM = [310.0, 390.0, 420.0, 450.0]
 
 
-@pytest.fixture(scope="module")
-def tm21():
-    return cam_rig.build_law(cam_rig.load_cam("tm21")), cam_rig.load_rig("tm21")
+@pytest.fixture
+def tm21(laws, rig):
+    return laws["tm21"], rig
 
 
 def test_rows_are_those_that_are_not_kept(tm21, tmp_path):
@@ -128,26 +122,22 @@ def test_two_masses_are_kept(tmp_path):
 
 def test_it_goes_on_where_it_was_ended(tm21, tmp_path, monkeypatch):
     """Rows that are there are not turned again, and all others are."""
-    turned, made, speeds = kept.turned, list[int](), np.linspace(310.0, 460.0, 9)
+    turned, made, speeds = module.turned, list[int](), np.linspace(310.0, 460.0, 9)
 
-    def ended(study, first, last):
-        if len(made) >= 6:
+    def counted(study, first, last):
+        if len(made) >= most:
             raise KeyboardInterrupt
         made.extend(range(first, last))
         return turned(study, first, last)
 
-    monkeypatch.setattr(kept, "turned", ended)
+    most = 6
+    monkeypatch.setattr(module, "turned", counted)
     with pytest.raises(KeyboardInterrupt):
         cam_rig.bounce_map(*tm21, rpm=speeds, out=tmp_path, **HOW)
     there = pq.read_table(tmp_path).column("point").to_pylist()
     assert 1 <= len(there) < 9
     made.clear()
-
-    def counted(study, first, last):
-        made.extend(range(first, last))
-        return turned(study, first, last)
-
-    monkeypatch.setattr(kept, "turned", counted)
+    most = 9
     found = cam_rig.bounce_map(*tm21, rpm=speeds, out=tmp_path, resume=True, **HOW)
     assert sorted(there + made) == list(range(9))
     assert found.data() == cam_rig.bounce_map(*tm21, rpm=speeds, **HOW).data()

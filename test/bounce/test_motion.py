@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-import cam_rig
 from cam_rig.bounce.basins import basins
 from cam_rig.bounce.motion import IN_CONTACT, IRREGULAR, NOT_TOLD, PERIODIC, bouncing, motion_of
 from cam_rig.dynamics.turn_map import StroboscopicMap
@@ -23,21 +22,21 @@ def test_a_name_is_kept(laws, seed):
     run = turn_map.run(160)
     found = motion_of(turn_map, run, 60)
     last, scale = run.states[-1], turn_map.law.lift * np.array([1.0, turn_map.speed])
-    if found.kind == IN_CONTACT:
+    if found.motion == IN_CONTACT:
         assert not run.landings[-60:].any()
         assert (last == 0.0).all()
-    elif found.kind == PERIODIC:
+    elif found.motion == PERIODIC:
         assert found.settled <= 160 - 2 * found.period
         again = turn_map.run(found.period, tuple(last)).states[-1]
         if turn_map.law.spans.size < 1000:  # hundreds of bounces on a noisy one enlarge a rounding
             grows = max(1.0, np.abs(run.derivatives[-found.period :]).max())
             assert np.abs((again - last) / scale).max() < 1e-8 * grows
         assert found.exponent < 1e-6
-    elif found.kind == IRREGULAR:
-        assert found.exponent > found.error > 0.0
+    elif found.motion == IRREGULAR:
+        assert found.exponent > found.exponent_error > 0.0
         assert (run.on_cam[-60:] == 0.0).all()
     else:
-        assert found.kind == NOT_TOLD
+        assert found.motion == NOT_TOLD
         assert found.period is None
 
 
@@ -48,16 +47,15 @@ def test_the_exponent_is_no_less_than_half_of_the_contraction(laws):
         turn_map, _ = random_map(laws, seed)
         run = turn_map.run(160)
         found = motion_of(turn_map, run, 60)
-        if found.kind in (PERIODIC, IRREGULAR) and math.isfinite(found.exponent):
+        if found.motion in (PERIODIC, IRREGULAR) and math.isfinite(found.exponent):
             kept = run.growth[-(found.period or 60) :].sum(axis=1).mean()
             assert found.exponent >= 0.5 * kept - 1e-6
             told += 1
     assert told > 3
 
 
-def test_a_restitution_is_the_rigs_or_the_callers(config_dir):
+def test_a_restitution_is_the_rigs_or_the_callers(rig):
     """A rig without one takes the caller's, and else says that it lacks one."""
-    rig = cam_rig.load_rig("tm21")
     assert bouncing(rig, None).restitution == 0.0
     assert bouncing(rig, 0.4).restitution == 0.4
     data = rig.model_dump(exclude_none=True)
@@ -72,10 +70,9 @@ def test_a_restitution_is_the_rigs_or_the_callers(config_dir):
 
 
 @pytest.fixture(scope="module")
-def two():
+def two(laws, rig):
     """At 420 rpm there are two motions."""
-    law = cam_rig.build_law(cam_rig.load_cam("tm21"))
-    return basins(law, cam_rig.load_rig("tm21"), rpm=420, restitution=0.7, grid=8)
+    return basins(laws["tm21"], rig, rpm=420, restitution=0.7, grid=8)
 
 
 def test_two_motions_at_one_speed(two):

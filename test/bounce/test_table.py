@@ -1,17 +1,22 @@
 """A ball on a table that moves up and down, whose windows have closed forms (Holmes 1982)."""
 
 import math
+from dataclasses import replace
 
 import mpmath as mp
 import numpy as np
 import pytest
 
+import cam_rig
 from cam_rig.bounce.branches import FLIP, FOLD, Family
 from cam_rig.bounce.motion import IRREGULAR, PERIODIC, motion_of
+from cam_rig.bounce.sweep import MASS, PRELOAD, RESTITUTION, SPEED, OperatingPoint, Sweep
 from cam_rig.dynamics.turn_map import StroboscopicMap
 from cam_rig.units import RPM
 
 from .table import (
+    AMPLITUDE,
+    GRAVITY,
     ManyDigits,
     as_array,
     ball,
@@ -102,6 +107,99 @@ def test_kinds_on_both_sides_of_the_doubling():
         speed, state = one_landing(0.9, ratio)
         turn_map = StroboscopicMap(LAW, ball(0.9), speed)
         found = motion_of(turn_map, turn_map.run(1200, (state[0] * 1.0001, state[1])), 400)
-        kinds.append((found.kind, found.period))
+        kinds.append((found.motion, found.period))
     assert kinds[:2] == [(PERIODIC, 1), (PERIODIC, 2)]
     assert kinds[2][0] == IRREGULAR
+
+
+# -- over restitution, preload or mass at one speed: the rows of such rigs, and known places
+
+
+@pytest.mark.parametrize(
+    ("over", "values"),
+    [(RESTITUTION, [0.3, 0.62, 0.9]), (PRELOAD, [6.0, 20.0, 50.0]), (MASS, [0.8, 1.0, 1.7])],
+)
+def test_a_row_is_that_of_such_a_rig(laws, rig, over, values):
+    """What is swept is the follower's number, and nothing else changes; its column says which."""
+    given = {} if over == RESTITUTION else {"restitution": 0.7}
+    how = {"turns": 20, "settle": 80}
+    found = cam_rig.bounce_map(laws["tm21"], rig, rpm=450, over=over, values=values, **given, **how)
+    rows = found.data()["speeds"]
+    assert [row[over] for row in rows] == values
+    assert [row["rpm"] for row in rows] == [450.0] * 3
+    shown = [c.key for c in found.tables()[0].columns if c.key in (SPEED, over) and not c.hidden]
+    assert shown == [over]
+    for row, value in zip(rows, values, strict=True):
+        alone = rig.with_follower(**({"restitution": 0.7} | {over: value}))
+        assert row == cam_rig.bounce_map(laws["tm21"], alone, rpm=450, **how).data()["speeds"][0]
+
+
+def test_the_window_over_restitution():
+    """One landing a turn: a fold at r = (π − a)/(π + a) of a = A ω²/g, to 1e-10."""
+    restitution = 0.5
+    least, _ = window(restitution)
+    speed, state = one_landing(restitution, 1.02 * least)
+    sweep = Sweep(OperatingPoint(ball(restitution), speed), RESTITUTION)
+    family = Family(LAW, sweep, 1)
+    begin = family.at(restitution, state)
+    motions, found = family.followed(begin, 0.3, 0.55, up=False)
+    ratio = AMPLITUDE * speed**2 / GRAVITY
+    wanted = (math.pi - ratio) / (math.pi + ratio)
+    assert [one.kind for one in found] == [FOLD]
+    assert found[0].point.restitution == pytest.approx(wanted, rel=1e-10)
+    assert motions[0].stable
+    assert not motions[-1].stable
+
+
+@pytest.mark.parametrize("over", [PRELOAD, MASS])
+@pytest.mark.parametrize(
+    "restitution", [0.2, *(pytest.param(e, marks=pytest.mark.long) for e in (0.6, 0.9))]
+)
+def test_windows_over_preload_and_mass(over, restitution):
+    """A ω² m/P is what a ball knows of both: its fold and its doubling are at the closed forms."""
+    least, doubling = window(restitution)
+    speed, state = one_landing(restitution, 0.5 * (least + doubling))
+    base = OperatingPoint(ball(restitution), speed)
+    sweep = Sweep(base, over)
+    begin = Family(LAW, sweep, 1).at(getattr(base, over), state)
+    places = {}
+    for up in (False, True):
+        ends = 0.1 * getattr(base, over), 10.0 * getattr(base, over)
+        for one in Family(LAW, sweep, 1).followed(begin, *ends, up)[1]:
+            places.setdefault(one.kind, AMPLITUDE * speed**2 * one.point.mass / one.point.preload)
+    assert places[FOLD] == pytest.approx(least, rel=1e-10)
+    assert places[FLIP] == pytest.approx(doubling, rel=1e-10)
+
+
+def test_where_contact_is_lost():
+    """At P = m A ω², whichever of both is swept; a restitution loses none."""
+    base = OperatingPoint(ball(0.5), 30.0)
+    values = np.linspace(0.5, 20.0, 40).tolist()
+    assert Sweep(base, PRELOAD).lift_off(LAW, values) == pytest.approx(9.0, rel=1e-10)
+    assert Sweep(base, MASS).lift_off(LAW, values) == pytest.approx(GRAVITY / 9.0, rel=1e-10)
+    assert math.isnan(Sweep(base, RESTITUTION).lift_off(LAW, [0.1, 0.9]))
+    heavy = replace(base, parameters=replace(base.parameters, preload=100.0))
+    assert math.isnan(Sweep(heavy, MASS).lift_off(LAW, [0.1, 1.0]))
+
+
+def test_bifurcations_of_a_map_over_preload(laws, rig):
+    """In order, the first lift-off among them; the figure's axis is the preload's."""
+    how = {"restitution": 0.7, "turns": 20, "settle": 100, "follow": True}
+    values = np.arange(14.0, 34.0, 2.0)
+    found = cam_rig.bounce_map(laws["tm21"], rig, rpm=450, over=PRELOAD, values=values, **how)
+    places = [one["preload"] for one in found.data()["bifurcations"]]
+    assert places == sorted(places)
+    assert found.lift_off in places
+    assert "contact is first lost at preload 31.66" in found.summary()[0]
+    assert found.plot().axes[-1].get_xlabel() == "preload [N]"
+
+
+def test_a_branch_ends_where_its_number_does():
+    """Down to no restitution at all, at which multipliers are zero: an end, and no bifurcation."""
+    restitution = 0.05
+    least, _ = window(0.0)
+    speed, state = one_landing(restitution, 1.05 * least)
+    family = Family(LAW, Sweep(OperatingPoint(ball(restitution), speed), RESTITUTION), 1)
+    motions, found = family.followed(family.at(restitution, state), 0.0, 0.1, up=False)
+    assert found == []
+    assert 0.0 <= motions[-1].point.restitution < 1e-6

@@ -280,12 +280,10 @@ def stepped():
 
 
 @pytest.fixture(scope="module")
-def exact(stepped):
+def exact(stepped, laws, rig):
     """The same speeds by roots and closed forms."""
-    law, rig = cam_rig.build_law(cam_rig.load_cam("tm21")), cam_rig.load_rig("tm21")
-    rpm = [float(row["rpm"]) for row in stepped]
-    settle = TURNS - KEPT
-    return cam_rig.bounce_map(law, rig, rpm=rpm, restitution=0.7, turns=KEPT, settle=settle).rows
+    rpm, how = [float(row["rpm"]) for row in stepped], {"turns": KEPT, "settle": TURNS - KEPT}
+    return cam_rig.bounce_map(laws["tm21"], rig, rpm=rpm, restitution=0.7, **how).rows
 
 
 def test_motions_are_those_of_time_stepping(stepped, exact):

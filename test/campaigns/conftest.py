@@ -8,23 +8,21 @@ from cam_rig.campaigns.results import CampaignResult
 from cam_rig.campaigns.run import InThisProcess, run_campaign
 from cam_rig.schema.load import Library, config_root
 
+SMALL = {
+    "name": "small",
+    "title": "a small campaign",
+    "base": {"cam": "poly345", "rig": "paper_table2"},
+    "vary": {"rig.follower.preload": {"uniform": 10, "unit": "%"}},
+    "plan": {"kind": "sobol", "points": 8, "seed": 3},
+    "measures": ["jump_speed_rigid"],
+}
+
 
 @pytest.fixture(scope="session")
 def study():
     """A campaign of 3-4-5 on the paper's rig, with other parts where they are given."""
 
-    def made(**parts):
-        data = {
-            "name": "small",
-            "title": "a small campaign",
-            "base": {"cam": "poly345", "rig": "paper_table2"},
-            "vary": {"rig.follower.preload": {"uniform": 10, "unit": "%"}},
-            "plan": {"kind": "sobol", "points": 8, "seed": 3},
-            "measures": ["jump_speed_rigid"],
-        }
-        return campaign_from(data | parts, Library((config_root(),)))
-
-    return made
+    return lambda **parts: campaign_from(SMALL | parts, Library((config_root(),)))
 
 
 @pytest.fixture(scope="session")
@@ -39,14 +37,20 @@ def measured(study):
     return made
 
 
+def run(dataset, resume=False):
+    """Make what is missing in this process; what is said of damaged files."""
+    with dataset.opened(resume) as damaged:
+        run_campaign(dataset, InThisProcess(), 1)
+    return damaged
+
+
 @pytest.fixture(scope="session")
 def results(study):
     """The result of a campaign, made in this process."""
 
     def made(folder, **parts):
         dataset = CampaignDataset(folder, study(**parts))
-        with dataset.opened(False):
-            run_campaign(dataset, InThisProcess(), 1)
+        run(dataset)
         return CampaignResult(dataset)
 
     return made

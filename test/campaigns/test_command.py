@@ -21,14 +21,10 @@ from cam_rig.campaigns.dataset import CampaignDataset
 from cam_rig.schema.load import config_root
 from cam_rig.show.result import SILENT
 
-from ..cli.conftest import call as run
+from ..cli import conftest as cli
 
-call = partial(run, "campaign")
-
-
-def shipped(name):
-    text = (config_root() / "campaigns" / f"{name}.yaml").read_text(encoding="utf-8")
-    return YAML(typ="safe").load(text)
+call, done = (partial(one, "campaign") for one in (cli.call, cli.done))
+shipped = partial(cli.load, "campaigns")
 
 
 @pytest.fixture
@@ -55,11 +51,8 @@ def test_shipped_studies_run_and_draw(study, tmp_path, name):
             one["count"] = 2
     more = ["--points", 8] if data["plan"]["kind"] == "sobol" else []
     plot, csv = tmp_path / "a.png", tmp_path / "a.csv"
-    result = call(
-        study(name, vary=data["vary"]), "--out", out, "--jobs", 1, *more,
-        "--plot", plot, "--csv", csv, "--json", "-",
-    )  # fmt: skip
-    assert result.exit_code == 0, result.stderr
+    written = ["--out", out, "--plot", plot, "--csv", csv, "--json", "-"]
+    result = done(study(name, vary=data["vary"]), "--jobs", 1, *more, *written)
     found = json.loads(result.stdout)
     counted = duckdb.sql(f"select count(*), min(status) from '{out}/*.parquet'").fetchall()
     assert counted == [(found["campaign"]["points"], "ok")]
@@ -80,8 +73,7 @@ def test_the_largest_waviness_is_told_and_keeps_no_rows(study, tmp_path, monkeyp
     found = []
     for jobs in (1, 2):
         more = ["--plot", "a.png", "--csv", "a.csv", "--json", "-", "--jobs", jobs]
-        result = call(path, "--points", 8, "--largest-waviness", 3, *more)
-        assert result.exit_code == 0, result.stderr
+        result = done(path, "--points", 8, "--largest-waviness", 3, *more)
         found.append(json.loads(result.stdout))
     assert found[0] == found[1]
     assert [one["outcome"] for one in found[0]["wavelengths"]] == ["found"] * 3
@@ -91,13 +83,31 @@ def test_the_largest_waviness_is_told_and_keeps_no_rows(study, tmp_path, monkeyp
     assert not (tmp_path / "out").exists()
 
 
+CAMPAIGN = [sys.executable, "-m", "cam_rig.cli.main", "campaign"]
+
+
+@contextmanager
+def started(command, **options):
+    """A process that is ended when it is no longer needed."""
+    with subprocess.Popen(command, **options) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def until(condition, process):
+    """Wait for something that a process does, as long as it lives."""
+    while not condition():
+        assert process.poll() is None
+        time.sleep(0.01)
+
+
 @pytest.mark.long
 def test_ctrl_c_ends_the_search_with_130(study):
     """In a line, while workers are at it."""
-    command = [sys.executable, "-m", "cam_rig.cli.main", "campaign", str(study())]
-    with subprocess.Popen(
-        [*command, "--jobs", "1", "--largest-waviness", "30"], stderr=subprocess.PIPE, text=True
-    ) as run:
+    given = [str(study()), "--jobs", "1", "--largest-waviness", "30"]
+    with started([*CAMPAIGN, *given], stderr=subprocess.PIPE, text=True) as run:
         children = Path(f"/proc/{run.pid}/task/{run.pid}/children")
         until(lambda: len(children.read_text(encoding="utf-8").split()) > 1, run)
         run.send_signal(signal.SIGINT)
@@ -194,8 +204,7 @@ def test_where_all_points_fail_the_reason_is_the_error(study, tmp_path):
     assert "allowed: greater than 0 kg (8)" in failed.stderr
     assert failed.stderr.count("\n") == 1
     path = study(vary={"rig.follower.mass": mass | {"range": [-1, 3]}}, **parts)
-    some = call(path, "--out", tmp_path / "some", "--jobs", 1, "--json", "-")
-    assert some.exit_code == 0
+    some = done(path, "--out", tmp_path / "some", "--jobs", 1, "--json", "-")
     assert "2 of 8 points could not be made: follower.mass: is" in some.stderr
     (reason,) = json.loads(some.stdout)["reasons"]
     assert (reason["points"], "greater than 0 kg" in reason["reason"]) == (2, True)
@@ -214,8 +223,7 @@ def test_a_cam_and_a_rig_by_their_paths(study, tmp_path):
     found = []
     for name, base in (("own", own), ("shipped", shipped("tolerance_poly345")["base"])):
         path = study(base=base, **parts)
-        result = call(path, "--out", tmp_path / name, "--jobs", 1)
-        assert result.exit_code == 0, result.stderr
+        done(path, "--out", tmp_path / name, "--jobs", 1)
         dataset = CampaignDataset(tmp_path / name, open_campaign(path))
         found.append(dataset.column("jump_speed_rigid_rpm").tolist())
     assert found[0] == found[1]
@@ -229,10 +237,9 @@ def test_a_cam_and_a_rig_by_their_paths(study, tmp_path):
 def test_what_is_finished_stays_and_the_rest_is_made(study, tmp_path, number):
     """Ctrl-C in the middle, SIGTERM or a kill: the same rows as of a run that nothing ended."""
     path, out = study(plan={"kind": "sobol", "points": 32, "seed": 2}), tmp_path / "rows"
-    command = [sys.executable, "-m", "cam_rig.cli.main", "campaign", str(path), "--jobs", "1"]
-    with subprocess.Popen([*command, "--out", str(out)], stderr=subprocess.PIPE, text=True) as run:
-        while not list(out.glob("*.parquet")) and run.poll() is None:
-            time.sleep(0.01)
+    given = [str(path), "--jobs", "1", "--out", str(out)]
+    with started([*CAMPAIGN, *given], stderr=subprocess.PIPE, text=True) as run:
+        until(lambda: list(out.glob("*.parquet")), run)
         run.send_signal(number)
         _, words = run.communicate(timeout=100)
     dataset = CampaignDataset(out, open_campaign(path))
@@ -242,10 +249,9 @@ def test_what_is_finished_stays_and_the_rest_is_made(study, tmp_path, number):
         assert "leaked" not in words and "Traceback" not in words
         assert "go on with: cam-rig campaign" in words.strip().splitlines()[-1]
         assert "--resume" in words
-    again = call(path, "--out", out, "--resume", "--jobs", 1)
-    assert again.exit_code == 0, again.stderr
+    done(path, "--out", out, "--resume", "--jobs", 1)
     whole = tmp_path / "whole"
-    assert call(path, "--out", whole, "--jobs", 2).exit_code == 0
+    done(path, "--out", whole, "--jobs", 2)
     other = CampaignDataset(whole, dataset.campaign)
     for name in ("point", "rig_follower_preload", "jump_speed_rpm"):
         assert dataset.column(name).tolist() == other.column(name).tolist()
@@ -266,8 +272,8 @@ def test_a_scheduler_that_is_gone_ends_it_in_one_line(study, tmp_path):
     ) as scheduler:
         until(file.exists, scheduler)
         with started([*python, "distributed.cli.dask_worker", *given, "--nthreads", "1"], **quiet):
-            command = [*python, "cam_rig.cli.main", "campaign", str(path), "--out", str(out)]
-            with started([*command, "--dask", str(file)], stderr=subprocess.PIPE, text=True) as run:
+            asked = [str(path), "--out", str(out), "--dask", str(file)]
+            with started([*CAMPAIGN, *asked], stderr=subprocess.PIPE, text=True) as run:
                 until(lambda: list(out.glob("*.parquet")), run)
                 scheduler.kill()
                 _, words = run.communicate(timeout=100)
@@ -276,23 +282,6 @@ def test_a_scheduler_that_is_gone_ends_it_in_one_line(study, tmp_path):
     assert "go on with: cam-rig campaign" in words
     assert words.count("cam-rig: ") == 1 and "Traceback" not in words
     assert len(CampaignDataset(out, open_campaign(path)).column("point")) > 0
-
-
-@contextmanager
-def started(command, **options):
-    """A process that is ended when it is no longer needed."""
-    with subprocess.Popen(command, **options) as process:
-        try:
-            yield process
-        finally:
-            process.kill()
-
-
-def until(condition, process):
-    """Wait for something that a process does, as long as it lives."""
-    while not condition():
-        assert process.poll() is None
-        time.sleep(0.01)
 
 
 def test_a_folder_that_has_rows_is_not_written_over(study, tmp_path):
@@ -320,7 +309,7 @@ def batches(study, tmp_path):
     def write(first, last):
         inputs = dataset.campaign.draws.rows(first, last)
         speeds = random.uniform(400.0, 500.0, (last - first, 1))
-        dataset.write(BatchRows(first, inputs, speeds, ("",) * (last - first), 1.0))
+        dataset.write(BatchRows(first, last, 1.0, inputs, speeds, ("",) * (last - first)))
 
     return dataset, write
 
@@ -358,7 +347,6 @@ def test_the_size_is_that_of_the_whole(batches):
 
 def test_times_and_sizes_in_words():
     """In the largest unit of which there are two."""
-    assert [in_words(s) for s in (0.4, 90.0, 600.0, 7200.0, 5e6)] == [
-        "0 s", "90 s", "10 min", "2 h", "58 d",
-    ]  # fmt: skip
+    words = ["0 s", "90 s", "10 min", "2 h", "58 d"]
+    assert [in_words(s) for s in (0.4, 90.0, 600.0, 7200.0, 5e6)] == words
     assert sized(2.1e6, 4.1e9) == "0.0021 of about 4.1 GB"

@@ -1,20 +1,28 @@
 """The dataset on the disk: whole at every moment, one writer, and no number of a damaged file."""
 
+import os
 import random
 import resource
 import shutil
+import signal
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 
 import duckdb
 import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
+from distributed import Client, LocalCluster
 
 import cam_rig
-from cam_rig.campaigns.campaign import measure_batch
+from cam_rig.campaigns.campaign import Batch, measure_batch
 from cam_rig.campaigns.dataset import CampaignDataset
-from cam_rig.campaigns.run import InThisProcess, run_campaign
-from cam_rig.errors import ConfigError, OutputError
+from cam_rig.campaigns.run import BATCH_S, BatchSizes, InThisProcess, run_campaign
+from cam_rig.errors import ConfigError, OutputError, RunError
+from cam_rig.show.result import Progress
+
+from .conftest import run
 
 MASS = {"rig.follower.mass": {"values": [-1, 1, 1.3, 2, 3], "unit": "kg"}}
 
@@ -24,22 +32,14 @@ def dataset(study, tmp_path):
     return CampaignDataset(tmp_path / "rows", study(vary=MASS, plan={"kind": "grid"}))
 
 
-def run(dataset, resume=False):
-    """Make what is missing; what is said of damaged files."""
-    with dataset.opened(resume) as damaged:
-        run_campaign(dataset, InThisProcess(), 1)
-    return damaged
-
-
 def test_duckdb_and_pandas_read_it(dataset):
     """One row a point with inputs, measures, status, reason, seed and version; units beside."""
     run(dataset)
     pattern = f"{dataset.folder}/*.parquet"
     rows = duckdb.sql(f"select * from '{pattern}' order by point").fetchall()
     names = duckdb.sql(f"select * from '{pattern}'").columns
-    assert names == [
-        "point", "seed", "version", "rig_follower_mass", "jump_speed_rigid_rpm", "status", "reason",
-    ]  # fmt: skip
+    inputs, measures = ["rig_follower_mass"], ["jump_speed_rigid_rpm"]
+    assert names == ["point", "seed", "version", *inputs, *measures, "status", "reason"]
     assert [row[0] for row in rows] == [0, 1, 2, 3, 4]
     assert [row[3] for row in rows] == [-1.0, 1.0, 1.3, 2.0, 3.0]
     assert [row[5] for row in rows] == ["failed", "ok", "ok", "ok", "ok"]
@@ -118,6 +118,12 @@ def whole(study, tmp_path_factory):
     return dataset
 
 
+def copied(whole, folder):
+    """The same dataset in another folder."""
+    shutil.copytree(whole.folder, folder)
+    return CampaignDataset(folder, whole.campaign)
+
+
 def numbers(dataset):
     """All that a dataset says, but for its files."""
     columns = {name: dataset.column(name).tolist() for name in dataset.schema.names}
@@ -170,14 +176,11 @@ DAMAGES = (flip, cut, swap, zero, as_another)
 def require_told_and_mended(whole, folder, seed):
     """Reading a damaged dataset is refused in a line; resuming it gives the same numbers."""
     draw, damage = random.Random(seed), DAMAGES[seed % len(DAMAGES)]
-    shutil.copytree(whole.folder, folder)
-    dataset = CampaignDataset(folder, whole.campaign)
+    dataset = copied(whole, folder)
     damage([path for _, _, path in dataset.batches()], draw)
     with pytest.raises(OutputError, match=r"is not as it was written.*--resume"):
         numbers(dataset)
-    with dataset.opened(True) as damaged:
-        assert "their points are made again" in damaged, damage
-        run_campaign(dataset, InThisProcess(), 1)
+    assert "their points are made again" in run(dataset, resume=True), damage
     assert dataset.missing() == []
     assert numbers(dataset) == numbers(whole)
     shutil.rmtree(folder)
@@ -196,19 +199,15 @@ def test_no_damage_is_a_wrong_number(whole, tmp_path, seeds):
 
 def test_points_that_two_files_have_count_once(whole, tmp_path):
     """As where parts of two runs of one study are put into one folder."""
-    shutil.copytree(whole.folder, tmp_path / "both")
-    dataset = CampaignDataset(tmp_path / "both", whole.campaign)
+    dataset = copied(whole, tmp_path / "both")
     dataset.write(measure_batch(whole.campaign, 3, 6))
-    with dataset.opened(True) as damaged:
-        run_campaign(dataset, InThisProcess(), 1)
-    assert "with another file's points" in damaged
+    assert "with another file's points" in run(dataset, resume=True)
     assert np.array_equal(dataset.column("point"), np.arange(BATCHES[-1]))
 
 
 def test_a_file_without_a_digest_is_refused(whole, tmp_path):
     """As an earlier version wrote it: whether its rows are whole cannot be told."""
-    shutil.copytree(whole.folder, tmp_path / "old")
-    dataset = CampaignDataset(tmp_path / "old", whole.campaign)
+    dataset = copied(whole, tmp_path / "old")
     first = dataset.batches()[0][2]
     first.rename(first.with_name("points-0000000000-0000000001.parquet"))
     with pytest.raises(ConfigError, match="has no digest in its name"), dataset.opened(True):
@@ -217,24 +216,128 @@ def test_a_file_without_a_digest_is_refused(whole, tmp_path):
 
 def test_a_damaged_file_of_another_study_is_left_alone(whole, study, tmp_path):
     """What is refused is not touched."""
-    shutil.copytree(whole.folder, tmp_path / "theirs")
-    theirs = tmp_path / "theirs"
-    flip([path for _, _, path in CampaignDataset(theirs, whole.campaign).batches()][:1],
-         random.Random(1))  # fmt: skip
-    before = sorted(path.name for path in theirs.iterdir())
-    other = CampaignDataset(theirs, study(plan={"kind": "sobol", "points": 8, "seed": 9}))
+    theirs = copied(whole, tmp_path / "theirs")
+    flip([theirs.batches()[0][2]], random.Random(1))
+    before = sorted(path.name for path in theirs.folder.iterdir())
+    other = CampaignDataset(theirs.folder, study(plan={"kind": "sobol", "points": 8, "seed": 9}))
     with pytest.raises(ConfigError, match="is of another study"), other.opened(True):
         pass
-    assert sorted(path.name for path in theirs.iterdir()) == before
+    assert sorted(path.name for path in theirs.folder.iterdir()) == before
 
 
 def test_python_warns_of_what_is_made_again(whole, tmp_path):
     """In the line of the command; the rows are then as they were."""
-    shutil.copytree(whole.folder, tmp_path / "rows")
-    dataset = CampaignDataset(tmp_path / "rows", whole.campaign)
+    dataset = copied(whole, tmp_path / "rows")
     cut([dataset.batches()[1][2]], random.Random(2))
     study = whole.campaign.config.model_dump(exclude_none=True)
     with pytest.warns(UserWarning, match="1 file not as written.*points are made again"):
         found = cam_rig.campaign(study, tmp_path / "rows", resume=True)
     assert numbers(found.dataset) == numbers(whole)
     assert found.to_pandas().point.tolist() == list(range(BATCHES[-1]))
+
+
+# -- the same rows whatever runs them: this process, two, a Dask cluster that loses a worker
+
+PARTS = {
+    "vary": {
+        "rig.follower.preload": {"uniform": 10, "unit": "%"},
+        "rig.follower.mass": {"normal": 60, "unit": "%"},
+    },
+    "correlated": [{"inputs": ["rig.follower.preload", "rig.follower.mass"], "coefficient": 0.5}],
+    "plan": {"kind": "sobol", "points": 16, "seed": 2},
+    "measures": ["jump_speed", "jump_speed_rigid"],
+}
+
+
+class Killing(Progress):
+    """Kills a process as soon as the first points are written."""
+
+    def __init__(self, process):
+        self.process, self.killed = process, None
+
+    def advance(self, steps=1):
+        if self.killed is None:
+            self.killed = self.process()
+            os.kill(self.killed, signal.SIGKILL)
+
+
+def columns(dataset):
+    return {name: dataset.column(name) for name in dataset.schema.names if name != "version"}
+
+
+def same(one, other):
+    for name, column in one.items():
+        assert repr(column.tolist()) == repr(other[name].tolist()), name
+
+
+@pytest.fixture(scope="module")
+def alone(study, tmp_path_factory):
+    """The rows that this process makes, one batch after another."""
+    dataset = CampaignDataset(tmp_path_factory.mktemp("alone"), study(**PARTS))
+    run(dataset)
+    return dataset
+
+
+def test_some_points_fail_and_all_are_there(alone):
+    """A mass that is normal with 60 % is sometimes below zero: a row with a reason."""
+    found = columns(alone)
+    assert found["point"].tolist() == list(range(16))
+    failed = found["status"] == "failed"
+    assert 0 < failed.sum() < 10
+    assert np.array_equal(failed, np.isnan(found["jump_speed_rpm"]))
+
+
+def test_a_point_is_the_same_after_any_other(alone):
+    """Backwards, in batches of one."""
+    campaign = alone.campaign
+    expected = alone.column("jump_speed_rpm")
+    for point in (15, 11, 5):
+        rows = measure_batch(campaign, point, point + 1)
+        assert repr(rows.measures[0, 0]) == repr(np.float64(expected[point]))
+
+
+@pytest.mark.long
+def test_a_cluster_that_loses_a_worker_makes_the_same_rows(alone, tmp_path):
+    """Its nanny starts another, and the scheduler gives the work again: no row twice."""
+    dataset = CampaignDataset(tmp_path, alone.campaign)
+    with (
+        LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0"
+        ) as cluster,
+        Client(cluster) as client,
+        dataset.opened(False),
+    ):
+        killing = Killing(lambda: next(iter(client.run(os.getpid).values())))
+        run_campaign(dataset, client.get_executor(pure=False), 2, killing)
+    assert killing.killed
+    assert sum(last - first for first, last, _ in dataset.batches()) == 16
+    same(columns(alone), columns(dataset))
+
+
+def test_a_killed_process_ends_the_run_in_a_line_and_resuming_makes_the_rest(alone, tmp_path):
+    """What was finished stays; the dataset is then the same."""
+    dataset = CampaignDataset(tmp_path, alone.campaign)
+    with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+        killing = Killing(lambda: next(iter(pool._processes)))
+        with dataset.opened(False), pytest.raises(RunError, match="what is finished stays"):
+            run_campaign(dataset, pool, 1, killing)
+    assert dataset.missing() != []
+    run(dataset, resume=True)
+    assert dataset.missing() == []
+    same(columns(alone), columns(dataset))
+
+
+def test_a_batch_lasts_as_long_as_it_should():
+    """From one point on, four times as many at most; a slow point is alone in its batch."""
+
+    def after(seconds, count, total=10**4, workers=2):
+        sizes = BatchSizes(total, workers)
+        sizes.take(Batch(0, count, seconds))
+        return sizes.next
+
+    assert (BatchSizes(10**6, 2).next, BatchSizes(10**6, 1000).in_flight) == (1, 64)
+    assert after(BATCH_S * 100 / 50, 100) == 50
+    assert after(1e-6, 100) == 400
+    assert after(10.0 * BATCH_S, 1) == 1
+    assert after(10.0 * BATCH_S, 1, total=10**8) == 4
+    assert after(BATCH_S * 100 / 50, 100, total=10**7, workers=1000) == 400

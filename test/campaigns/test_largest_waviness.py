@@ -3,16 +3,15 @@
 import numpy as np
 import pytest
 
+import cam_rig
 from cam_rig.campaigns.campaign import WAVE, WAVELENGTH
 from cam_rig.campaigns.inputs import ProfileErrors
-from cam_rig.campaigns.largest_waviness import (
-    WavinessSearch,
-    least_steps,
-    resonances,
-)
+from cam_rig.campaigns.largest_waviness import WavinessSearch, least_steps, resonances
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.errors import ConfigError
 from cam_rig.units import RPM, TURN
+
+from .conftest import SMALL
 
 WAVY = {
     WAVE: {"values": [2], "unit": "um"},
@@ -20,6 +19,7 @@ WAVY = {
     "profile.waviness.phase": {"range": [0, 360], "unit": "deg"},
     "rig.follower.preload": {"uniform": 10, "unit": "%"},
 }
+PAIR = {"inputs": [WAVE, "rig.follower.preload"], "coefficient": 0.5}
 RIGID = {"vary": WAVY, "limits": ["jump_speed_rigid>=350rpm"]}
 
 
@@ -107,10 +107,7 @@ def test_a_list_of_one_and_an_endless_distribution_have_wavelengths(search):
         ({"limits": []}, "limits: has none"),
         ({"vary": {"rig.follower.mass": {"uniform": 1, "unit": "%"}}}, "vary: has no profile"),
         ({"plan": {"kind": "shares", "points": 4}}, "is shares; allowed"),
-        (
-            {"correlated": [{"inputs": [WAVE, "rig.follower.preload"], "coefficient": 0.5}]},
-            "correlated: ",
-        ),
+        ({"correlated": [PAIR]}, "correlated: "),
     ],
 )
 def test_studies_without_an_answer_are_refused(search, parts, words):
@@ -131,3 +128,27 @@ def test_the_smallest_steps_are_found_with_few_questions():
     assert least_steps(keeps, 300, 7, 100) == np.sort(own)[:7].tolist()
     assert len(asked) < 300 + 40 * 7
     assert least_steps(keeps, 3, 3, 100) == np.sort(own[:3]).tolist()
+
+
+def test_the_largest_waviness_of_a_count_or_of_a_list():
+    """The same rows for the wavelengths that a count has come to; what is refused."""
+    wavy = {
+        WAVE: {"values": [2], "unit": "um"},
+        WAVELENGTH: {"range": [12, 60], "unit": "deg"},
+        "profile.waviness.phase": {"range": [0, 360], "unit": "deg"},
+    }
+    study = SMALL | RIGID | {"vary": wavy, "plan": {"kind": "sobol", "points": 8}}
+    found = cam_rig.largest_waviness(study, 3)
+    assert [one.outcome for one in found.wavelengths] == ["found"] * 3
+    table = found.to_pandas()
+    assert table.amplitude.is_monotonic_increasing and table.low.isna().all()
+    again = cam_rig.largest_waviness(study, table.wavelength.to_numpy())
+    assert again.to_pandas().equals(table)
+    (axes,) = found.plot().axes
+    assert axes.lines[0].get_ydata() == pytest.approx(table.amplitude * 1e6)
+    with pytest.raises(ConfigError, match=r"is 500 deg; allowed: 0\.1 to 360 deg"):
+        cam_rig.largest_waviness(study, [np.radians(500.0)])
+    with pytest.raises(ConfigError, match="wavelengths: is 0; allowed"):
+        cam_rig.largest_waviness(study, 0)
+    with pytest.raises(ConfigError, match="needed for the largest waviness"):
+        cam_rig.largest_waviness(study | {"limits": []}, 3)

@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 
 import cam_rig
-from cam_rig.campaigns.campaign import (
-    make_point,
-    measure_batch,
-)
+from cam_rig.campaigns.campaign import make_point, measure_batch
 from cam_rig.dynamics import MODELS, FollowerParameters, TwoMassParameters
 from cam_rig.dynamics.vibration import residual_vibration
 from cam_rig.quantities.catalogue import DESIGNED, measured_in
@@ -21,6 +18,8 @@ from ..law_design.shared import integrated
 
 PRELOAD = "rig.follower.preload"
 BASE = {"cam": "poly345", "rig": "paper_table2"}
+CAM, RIG = cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2")
+LAW = cam_rig.build_law(CAM)
 WAVE = {
     "profile.waviness.amplitude": {"values": [2], "unit": "um"},
     "profile.waviness.wavelength": {"values": [10], "unit": "deg"},
@@ -39,14 +38,13 @@ def test_a_wave_at_the_stems_resonance_takes_a_fifth_of_the_jump_speed(measured)
 
 def test_measures_are_those_of_the_commands(measured):
     """At the base, each is what the library gives on its own."""
-    law, rig = cam_rig.build_law(cam_rig.load_cam("poly345")), cam_rig.load_rig("paper_table2")
     names = ["jump_speed", "jump_speed_steady", "sound_level@300rpm"]
     names.append("peak_contact_force_rigid@300rpm")
     found = measured(*names)[1].measures[0]
-    motion = cam_rig.simulate(law, rig, model="two_mass", rpm=300, turns=33)
+    motion = cam_rig.simulate(LAW, RIG, model="two_mass", rpm=300, turns=33)
     expected = [
-        cam_rig.jump_speed(law, rig).rpm,
-        cam_rig.jump_speed(law, rig, duration=None).rpm,
+        cam_rig.jump_speed(LAW, RIG).rpm,
+        cam_rig.jump_speed(LAW, RIG, duration=None).rpm,
         cam_rig.sound_level(motion, settle_turns=30).level_db,
         4030.0 * 0.05 + 30.6,  # at the top, where spring and preload alone press
     ]
@@ -99,8 +97,8 @@ def test_forces_in_contact_are_of_the_steady_state(measured, model, cam):
     """To 1e-6 of those of a long run, and between its samples too."""
     names = [f"{name}_contact_force@290rpm" for name in ("least", "peak")]
     found = measured(*names, base=BASE | {"model": model, "cam": cam})[1].measures[0]
-    law, rig = cam_rig.build_law(cam_rig.load_cam(cam)), cam_rig.load_rig("paper_table2")
-    motion = cam_rig.simulate(law, rig, model=model, rpm=290, turns=30, sample_rate=200_000)
+    law = cam_rig.build_law(cam_rig.load_cam(cam))
+    motion = cam_rig.simulate(law, RIG, model=model, rpm=290, turns=30, sample_rate=200_000)
     force = motion.force[motion.time > 28 * 60 / 290]
     assert found == pytest.approx([force.min(), force.max()], abs=1e-5 * force.max())
     assert found[0] <= force.min() * (1.0 + 1e-6)
@@ -162,8 +160,7 @@ def test_one_rigid_mass_is_the_same_by_either_name(measured):
 )
 def test_a_limit_kept_in_a_design_is_kept_in_a_campaign(measured, tmp_path, goal, limit):
     """The same name is the same number of the same cam, to 1e-9."""
-    start, rig = cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2")
-    found = cam_rig.design(start, rig, minimise=goal, limits=[limit], pieces=4)
+    found = cam_rig.design(CAM, RIG, minimise=goal, limits=[limit], pieces=4)
     path = tmp_path / "designed_here.yaml"
     path.write_text(found.text, encoding="utf-8")
     told = {one.term.key: one.result for one in found.measures}
@@ -179,10 +176,8 @@ def test_a_limit_kept_in_a_design_is_kept_in_a_campaign(measured, tmp_path, goal
 def test_steady_vibration_is_that_of_the_whole_turn(measured):
     """What the events leave meets what is left of the turns before: not what one event leaves."""
     _, rows = measured("residual_vibration_steady@300rpm")
-    cam, rig = cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2")
-    law = cam_rig.build_law(cam)
-    one = cam_rig.design(cam, rig, minimise="residual_vibration@300rpm", pieces=4)
-    steady = residual_vibration(law, FollowerParameters.from_rig(rig), np.array([300.0 * RPM]))
+    one = cam_rig.design(CAM, RIG, minimise="residual_vibration@300rpm", pieces=4)
+    steady = residual_vibration(LAW, FollowerParameters.from_rig(RIG), np.array([300.0 * RPM]))
     assert rows.measures[0, 0] == pytest.approx(steady[0], rel=1e-12)
     assert rows.measures[0, 0] > 2.0 * one.goal.start
 

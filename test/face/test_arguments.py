@@ -50,48 +50,29 @@ def test_a_motion_that_cannot_be():
             cam_rig.simulate(LAW, RIG, **arguments)
 
 
+#: Two numbers of a rig, one of which is a text.
+MIXED = {"mass": 1.3, "damping": "8"}
+
+
 def test_another_type():
     """The message names argument, value, type and what is allowed, and where that is had."""
-    jump = cam_rig.jump_speed
+    jump, simulate = cam_rig.jump_speed, cam_rig.simulate
+    fit = partial(cam_rig.fit_rig, "jumps.csv", "poly345")
+    cam, law = "allowed: a cam, of load_cam('poly345')", "allowed: a Law, of build_law"
+    number, text = "allowed: a finite number", "allowed: a text without NUL"
+    motion = "allowed: a motion, of simulate"
     for call, words in (
-        (
-            lambda: cam_rig.build_law("poly345"),
-            "cam: is 'poly345' (str); allowed: a cam, of load_cam('poly345')",
-        ),
-        (
-            lambda: cam_rig.simulate("poly345", RIG, rpm=450),
-            "law: is 'poly345' (str); allowed: a Law, of build_law",
-        ),
-        (lambda: jump(RIG, LAW), "law: is RigConfig; allowed: a Law, of build_law"),
-        (
-            lambda: cam_rig.fit_rig("jumps.csv", "poly345", given={"mass": 1.3, "damping": "8"}),
-            "given['damping']: is '8' (str); allowed: a finite number",
-        ),
-        (
-            lambda: cam_rig.fit_rig("jumps.csv", "poly345", given={"damping": math.nan}),
-            "given['damping']: is nan (float); allowed: a finite number",
-        ),
-        (
-            lambda: cam_rig.fit_rig("jumps.csv", "poly345", given={1: 8.6}),
-            "a name in given: is 1 (int); allowed: a text without NUL",
-        ),
-        (
-            lambda: jump(LAW, RIG, duration=True),
-            "duration: is True (bool); allowed: a finite number or None",
-        ),
-        (
-            lambda: jump(LAW, RIG, duration=math.nan),
-            "duration: is nan (float); allowed: a finite number or None",
-        ),
-        (
-            lambda: cam_rig.sound_level(None),
-            "motion: is None (NoneType); allowed: a motion, of simulate",
-        ),
-        (
-            lambda: cam_rig.load_cam(None),
-            "cam: is None (NoneType); allowed: a text without NUL or a path",
-        ),
-        (lambda: cam_rig.simulate(LAW, RIG, rpm=10**5000), "rpm: is int; allowed: a finite number"),
+        (partial(cam_rig.build_law, "poly345"), f"cam: is 'poly345' (str); {cam}"),
+        (partial(simulate, "poly345", RIG, rpm=450), f"law: is 'poly345' (str); {law}"),
+        (partial(jump, RIG, LAW), f"law: is RigConfig; {law}"),
+        (partial(fit, given=MIXED), f"given['damping']: is '8' (str); {number}"),
+        (partial(fit, given={"damping": math.nan}), f"given['damping']: is nan (float); {number}"),
+        (partial(fit, given={1: 8.6}), f"a name in given: is 1 (int); {text}"),
+        (partial(jump, LAW, RIG, duration=True), f"duration: is True (bool); {number} or None"),
+        (partial(jump, LAW, RIG, duration=math.nan), f"duration: is nan (float); {number} or None"),
+        (partial(cam_rig.sound_level, None), f"motion: is None (NoneType); {motion}"),
+        (partial(cam_rig.load_cam, None), f"cam: is None (NoneType); {text} or a path"),
+        (partial(simulate, LAW, RIG, rpm=10**5000), f"rpm: is int; {number}"),
     ):
         with pytest.raises(ConfigError) as refused:
             call()
@@ -159,13 +140,8 @@ def right(tmp_path_factory):
     (folder / "jumps.csv").write_text("\n".join(jumps), encoding="utf-8")
     one = {"cams": "poly345", "rig": "tm21"}
     made = {
-        "Law": {
-            "name": "own",
-            "breaks": LAW.breaks,
-            "ordinates": LAW.ordinates,
-            "repeats": True,
-            "known": None,
-        },
+        "Law": {"name": "own", "breaks": LAW.breaks, "ordinates": LAW.ordinates}
+        | {"repeats": True, "known": None},
         "as_cut": one | {"scene": "quick", "base": 0.05, "roller": 0.005} | told,
         "bounce_map": {"law": LAW, "rig": RIG, "rpm": [450.0], "restitution": 0.5, "turns": 20}
         | {"settle": 0, "start": "rest", "follow": False, "executor": None}

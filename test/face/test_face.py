@@ -1,6 +1,8 @@
 """``import cam_rig``: what it offers, that it is light, and that it gives what commands give."""
 
 import doctest
+import inspect
+import re
 import subprocess
 import sys
 from importlib import import_module
@@ -13,7 +15,10 @@ import pytest
 from matplotlib.figure import Figure
 
 import cam_rig
+from cam_rig.arguments import in_python
+from cam_rig.cli.main import COMMANDS, command
 from cam_rig.errors import BagError, ConfigError
+from cam_rig.show.command import OUTPUTS
 from cam_rig.show.result import notebook
 
 #: Where the public names are: their docstrings have examples.
@@ -47,33 +52,22 @@ def test_a_name_that_is_not_there_is_an_attribute_error():
     assert set(cam_rig.__all__) <= set(dir(cam_rig))
 
 
-class Shell:
-    """IPython as far as pictures are concerned: a printer for each type, by what it makes."""
-
-    def __init__(self, known=()):
-        self.printers = {"image/png": Printers(), "image/svg+xml": Printers(known)}
-        self.display_formatter = SimpleNamespace(formatters=self.printers)
-
-
-class Printers:
-    """One of its formatters."""
-
-    def __init__(self, known=()):
-        self.type_printers = dict.fromkeys(known)
-
-    def for_type(self, kind, function):
-        self.type_printers[kind] = function
+def formatter(*known):
+    """One of IPython's: a printer for each type."""
+    printers = dict.fromkeys(known)
+    return SimpleNamespace(type_printers=printers, for_type=printers.__setitem__)
 
 
 @pytest.mark.parametrize("known", [(), (Figure,)])
 def test_a_notebook_shows_pictures(monkeypatch, known):
     law = cam_rig.build_law(cam_rig.load_cam("poly345"))
     motion = cam_rig.simulate(law, cam_rig.load_rig("tm21"), rpm=60, turns=1, sample_rate=1000)
-    figure, shell = motion.plot(), Shell(known)
+    figure, made = motion.plot(), {"image/png": formatter(), "image/svg+xml": formatter(*known)}
+    shell = SimpleNamespace(display_formatter=SimpleNamespace(formatters=made))
     with monkeypatch.context() as patched:
         patched.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: shell))
         assert notebook(figure) is figure
-    printers = shell.printers["image/png"].type_printers
+    printers = made["image/png"].type_printers
     assert set(printers) == (set() if known else {Figure})
     assert all(printer(figure).startswith(b"\x89PNG") for printer in printers.values())
 
@@ -172,31 +166,171 @@ def test_a_name_that_is_not_there_lists_those_that_are(tmp_path):
     assert cam_rig.load_cam(path) == cam_rig.load_cam(str(path)) == cam_rig.load_cam("poly345")
 
 
-def test_the_largest_waviness_is_that_of_the_command(figures):
-    study = {
-        "name": "wavy",
-        "title": "waviness of a rigid follower",
-        "base": {"cam": "poly345", "rig": "paper_table2"},
-        "vary": {
-            "profile.waviness.amplitude": {"values": [2], "unit": "um"},
-            "profile.waviness.wavelength": {"range": [12, 60], "unit": "deg"},
-            "profile.waviness.phase": {"range": [0, 360], "unit": "deg"},
-        },
-        "plan": {"kind": "sobol", "points": 8},
-        "measures": ["jump_speed_rigid"],
-        "limits": ["jump_speed_rigid>=350rpm"],
-    }
-    found = cam_rig.largest_waviness(study, 3)
-    assert [one.outcome for one in found.wavelengths] == ["found"] * 3
-    table = found.to_pandas()
-    assert table.amplitude.is_monotonic_increasing and table.low.isna().all()
-    again = cam_rig.largest_waviness(study, table.wavelength.to_numpy())
-    assert again.to_pandas().equals(table)
-    (axes,) = found.plot().axes
-    assert axes.lines[0].get_ydata() == pytest.approx(table.amplitude * 1e6)
-    with pytest.raises(ConfigError, match=r"is 500 deg; allowed: 0\.1 to 360 deg"):
-        cam_rig.largest_waviness(study, [np.radians(500.0)])
-    with pytest.raises(ConfigError, match="wavelengths: is 0; allowed"):
-        cam_rig.largest_waviness(study, 0)
-    with pytest.raises(ConfigError, match="needed for the largest waviness"):
-        cam_rig.largest_waviness(study | {"limits": []}, 3)
+# -- what a command computes, one function of it computes, asked by the same names
+
+#: Commands that compute no result: they start nodes, serve pages, or turn one file into another.
+NO_COMPUTATION = {
+    *("run", "replay", "panel", "view"),
+    *("new", "export", "listen", "recover", "report", "urdf"),
+    *("calibrate", "identify"),  # they write what they find into a rig's or a cam's file
+}
+#: Names of `import cam_rig` that no command has: what results are made of.
+PARTS = {
+    *("Cam", "CamRigError", "Law", "Rig", "__version__"),
+    *("build_law", "load_cam", "load_rig", "load_scene"),
+    *("contour", "jump_speed", "simulate", "sound_level", "sweep"),
+    "largest_waviness",  # an option of campaign
+}
+#: Options that say what is drawn or written, which a result is asked for in Python.
+FILES = {
+    "bounce": {"basins"},  # a function of its own, `cam_rig.bounce.basins`
+    "contact": {"events", "sharpest"},
+    "law": {"out", "save"},
+    "compare": {"save"},
+    "orders": {"save"},
+    "design": {"out"},  # `text` of a design is the file
+    "campaign": {"largest-waviness"},
+    "profile": {"out", "positions", "pitch", "cutter", "tolerance", "points", "from", "force"},
+}
+#: Where processes are asked for, a function takes an executor, and how many it has.
+WORKPLACE = {"jobs", "dask"}
+#: Arguments of a command by their name in Python; one that stands first in both may differ.
+IN_PYTHON_ALONE = {"progress", "executor", "workers", "on_tick"}
+
+
+def verbs():
+    """Every command and subcommand, as click knows it."""
+    for name in COMMANDS:
+        found = command(name)
+        parts = getattr(found, "commands", None)
+        yield from (
+            [(name, found)]
+            if parts is None
+            else ((f"{name} {word}", one) for word, one in parts.items())
+        )
+
+
+VERBS = dict(verbs())
+COMPUTING = sorted(set(VERBS) - NO_COMPUTATION)
+
+
+def named_in_help(verb):
+    """The function that a command's help names."""
+    found = re.search(r"In Python: cam_rig\.(\w+)\(", VERBS[verb].help)
+    assert found, f"the help of {verb} names no function: In Python: cam_rig.NAME(…)"
+    return found[1]
+
+
+def test_every_command_is_known():
+    assert set(VERBS) >= NO_COMPUTATION
+    for verb in NO_COMPUTATION:
+        assert "In Python" not in VERBS[verb].help
+
+
+@pytest.mark.parametrize("verb", COMPUTING)
+def test_a_command_names_its_function_whose_parameters_are_its_options(verb):
+    """So what refuses an option refuses the parameter in Python, by its name.
+
+    What the words of the help show as arguments are parameters of the function, whose docstring
+    names the command.
+    """
+    function = getattr(cam_rig, named_in_help(verb))
+    assert f"cam-rig {verb}" in function.__doc__
+    parameters = set(inspect.signature(function).parameters)
+    shown = re.search(r"In Python: cam_rig\.\w+\((.*?)\)", VERBS[verb].help, re.S)[1]
+    assert {word.strip() for word in shown.split(",")} - {"…"} <= parameters
+    options, arguments = set(), []
+    for one in VERBS[verb].params:
+        name = max(one.opts, key=len).removeprefix("--")
+        if one.param_type_name == "argument":
+            arguments.append(name)
+        elif name not in {*OUTPUTS, "help", *WORKPLACE, *FILES.get(verb, ())} and not one.hidden:
+            refused = in_python(f"--{name}: is wrong", parameters)
+            options.add(refused.removesuffix(": is wrong"))
+    assert options <= parameters
+    first = list(inspect.signature(function).parameters)[: len(arguments)]
+    known = {*options, *arguments, *first, *IN_PYTHON_ALONE}
+    assert parameters - known == set()
+    if any(one.name in WORKPLACE for one in VERBS[verb].params):
+        assert "executor" in parameters
+
+
+def test_every_function_is_of_a_command_or_a_part():
+    """And the other way round."""
+    assert {named_in_help(verb) for verb in COMPUTING} == set(cam_rig.__all__) - PARTS
+
+
+# -- a type checker of somebody who uses the package sees what its functions take and return
+
+
+#: What a user writes, and what a checker of types must make of it.
+SCRIPT = """
+import numpy as np
+
+import cam_rig
+
+law = cam_rig.build_law(cam_rig.load_cam("poly345"))
+rig = cam_rig.Rig("bench", mass=1.3, spring="3.2 N/mm", preload=30.0).replace(preload="4 N")
+cam = cam_rig.Cam(lift="12 mm", segments=[{"law": "dwell"}], follower={"type": "flat"})
+reveal_type(law)  # Law
+reveal_type(law(np.zeros(3)))  # ndarray
+reveal_type(law.derivative())  # Law
+reveal_type(law.plot())  # Figure
+reveal_type(rig)  # RigConfig
+reveal_type(rig.frequency_response(1.0))  # ndarray
+reveal_type(cam)  # CamConfig
+reveal_type(cam_rig.load_rig("tm21"))  # RigConfig
+reveal_type(cam_rig.simulate(law, rig, rpm=450).force)  # ndarray
+reveal_type(cam_rig.jump_speed(law, rig).rpm)  # float
+reveal_type(cam_rig.jump_speed(law, rig, preload=np.ones(3)))  # JumpSpeeds
+reveal_type(cam_rig.sweep([cam, "poly345"], rig, rpm=[300, 400]).by_speed[0].force_peak)  # float
+reveal_type(cam_rig.vibration("poly345", rig, 300))  # VibrationResult
+reveal_type(cam_rig.orders(cam, rpm=np.arange(3.0)).summary())  # list[str]
+reveal_type(cam_rig.design(cam, rig, minimise="a").law)  # Law
+reveal_type(cam_rig.design(cam, rig, minimise="a", pareto="b"))  # Front
+reveal_type(cam_rig.fit_rig("a.csv", "poly345").identified)  # tuple
+reveal_type(cam_rig.compare("bag", "quick").conclusions)  # tuple
+"""
+WRONG = """
+cam_rig.simulate(law, rig, rpm="450")
+cam_rig.sweep(cam, rig, rpm=None)
+cam_rig.Rig(mass=None, spring=[1.0])
+cam_rig.simulat
+"""
+
+
+@pytest.mark.long
+@pytest.mark.slow
+def test_mypy_sees_every_type_and_every_mistake(tmp_path):
+    """Strict, in a folder of his own, as `make setup` installs it; nothing it is shown is Any."""
+    file = tmp_path / "own.py"
+    file.write_text(SCRIPT + WRONG, encoding="utf-8")
+    cache = ("--cache-dir", str(tmp_path / "cache"), "--config-file", "/dev/null")
+    done = subprocess.run(
+        [sys.executable, "-m", "mypy", "--strict", "--follow-imports=silent", *cache, str(file)],
+        capture_output=True,
+        text=True,
+        timeout=600,
+        cwd=tmp_path,
+        check=False,
+    )
+    kinds = re.findall(r'own\.py:(\d+): note: Revealed type is "(.*)"', done.stdout)
+    lines = (SCRIPT + WRONG).split("\n")
+    assert len(kinds) == SCRIPT.count("reveal_type"), done.stdout
+    for number, kind in kinds:
+        wanted = lines[int(number) - 1].rpartition("# ")[2]
+        assert wanted in kind
+        assert not kind.startswith("Any")
+    wrong = [int(number) for number in re.findall(r"own\.py:(\d+): error", done.stdout)]
+    first = SCRIPT.count("\n") + 2
+    assert sorted(set(wrong)) == [*range(first, first + 4)], done.stdout
+
+
+def test_the_package_says_that_it_is_typed():
+    """No name of the face is without its type: each stands among the checker's imports."""
+    root = Path(cam_rig.__file__).parent
+    assert (root / "py.typed").is_file()
+    text = (root / "__init__.py").read_text(encoding="utf-8")
+    told = set(re.findall(r"(?:import|as|,) (\w+)", text[: text.index("_HOMES")]))
+    assert set(cam_rig.__all__) - {"__version__"} <= told
+    assert "Any" not in text

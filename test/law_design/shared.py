@@ -21,6 +21,8 @@ from cam_rig.schema.load import config_root
 from cam_rig.units import TURN, FloatArray
 
 RIG = load_rig(config_root() / "rigs" / "paper_table2.yaml")
+#: Limits: no higher peak acceleration than the start's.
+NO_HARDER = ("peak_acceleration<=start",)
 
 
 def cam(name: str = "poly345") -> CamConfig:

@@ -13,22 +13,16 @@ from cam_rig.laws.law import peak
 from cam_rig.quantities.catalogue import DESIGNED
 from cam_rig.schema import load_cam
 
-from ..cli.conftest import call as run
+from ..cli import conftest as cli
 
 SMALL = ("--minimise", "peak_jerk", "--pieces", "6", "--joints", "C2")
-
-
-call = partial(run, "design")
+call, done, data_of = (partial(one, "design") for one in (cli.call, cli.done, cli.data_of))
 
 
 def test_the_file_is_a_cam_with_the_values_of_the_table(tmp_path):
     """--out runs as a cam; JSON has start, result and bound in SI; the picture is one."""
     out, plot = tmp_path / "smooth.yaml", tmp_path / "smooth.png"
-    result = call(
-        "poly345", *SMALL, "--out", out, "--plot", plot, "--json", "-", "--csv", tmp_path / "a.csv"
-    )
-    assert result.exit_code == 0, result.stderr
-    data = json.loads(result.stdout)
+    data = data_of("poly345", *SMALL, "--out", out, "--plot", plot, "--csv", tmp_path / "a.csv")
     goal = data["measures"][0]
     law = build_law(load_cam(out))
     assert law.name == "smooth"
@@ -48,9 +42,7 @@ def test_a_design_file_is_the_same_request(tmp_path):
     file.write_text(
         "start: poly345\nminimise: peak_jerk\nclass: {pieces: 6, joints: C2}\n", encoding="utf-8"
     )
-    one, other = call(file, "--json", "-"), call("poly345", *SMALL, "--json", "-")
-    assert one.exit_code == 0, one.stderr
-    assert json.loads(one.stdout)["measures"] == json.loads(other.stdout)["measures"]
+    assert data_of(file)["measures"] == data_of("poly345", *SMALL)["measures"]
     both = call(file, "--minimise", "peak_jerk")
     assert both.exit_code == 2
     assert "has a goal and limits of its own" in both.stderr
@@ -92,8 +84,7 @@ def test_what_is_not_convex_says_local_and_has_no_bound(tmp_path):
     out, plot = tmp_path / "easy.yaml", tmp_path / "easy.png"
     goal = ["--minimise", "shaft_torque@250rpm", "--pieces", "1", "--degree", "8"]
     asked = [*goal, "--starts", "2", "--seed", "7", "--out", out, "--json", "-"]
-    result = call("poly345", *asked, "--plot", plot)
-    assert result.exit_code == 0, result.stderr
+    result = done("poly345", *asked, "--plot", plot)
     data = json.loads(result.stdout)
     found = data["design"]
     assert (found["starts"], found["seed"], found["certified"], found["gap"]) == (2, 7, False, None)
@@ -111,13 +102,11 @@ def test_what_is_not_convex_says_local_and_has_no_bound(tmp_path):
 
 def test_events_share_what_dwells_leave(tmp_path):
     """--keep dwells,lift, and a limit on one event: the file's spans are the table's."""
-    result = call(
+    data = data_of(
         *("poly345", "--minimise", "peak_acceleration", "--pieces", "4", "--joints", "C1"),
         *("--keep", "dwells,lift", "--limit", "event_angle@1<=110deg", "--starts", "2"),
-        *("--out", tmp_path / "moved.yaml", "--json", "-"),
+        *("--out", tmp_path / "moved.yaml"),
     )
-    assert result.exit_code == 0, result.stderr
-    data = json.loads(result.stdout)
     spans = [np.degrees(event["span"]) for event in data["events"]]
     assert spans == pytest.approx([110.0, 125.0], abs=1e-3)
     assert data["design"]["bound_at_these_events"] <= data["measures"][0]["result"]
@@ -129,6 +118,7 @@ def test_events_share_what_dwells_leave(tmp_path):
 POLY, SHARED = ("poly345", *SMALL), ("--keep", "dwells,lift")
 TWO = ("--limit", "event_angle@1<=90deg", "--limit", "event_angle@2<=90deg")
 SLOW = ("--limit", "peak_acceleration<=20mm/rad^2", "--starts", "1")
+TORQUE = ("--limit", "shaft_torque@300rpm<=6Nm")
 REFUSED = (
     (["poly345"], 2, "needed: one, to minimise or to maximise"),
     (["poly345", "--minimise", "jump_speed"], 2, "allowed: maximise"),
@@ -147,11 +137,7 @@ REFUSED = (
     (["flat", "--minimise", "pressure_angle"], 2, "pressure angle no law changes"),
     ([*POLY, "--limit", "radius_of_curvature>=80mm"], 1, "a dwell of 'poly345' breaks it"),
     ([*POLY, "--limit", "shaft_torque@300rpm<=1Nm", "--starts", "1"], 1, "was found that keeps"),
-    (
-        ["poly345", "--maximise", "jump_speed", "--limit", "shaft_torque@300rpm<=6Nm"],
-        2,
-        "as a limit",
-    ),
+    (["poly345", "--maximise", "jump_speed", *TORQUE], 2, "as a limit"),
     ([*POLY, "--out", "a.yml"], 2, "ends in .yaml"),
     ([*POLY, "--limit", "lift@90deg<=1kg"], 2, "one of mm, m"),
     ([*POLY, "--limit", "lift@150deg<=1mm"], 1, "no law of the class keeps"),

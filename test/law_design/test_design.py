@@ -18,6 +18,7 @@ from cam_rig.errors import DesignError
 from cam_rig.law_design.convex_program import BOX, Affine, ConvexProgram
 from cam_rig.law_design.design import front
 from cam_rig.law_design.request import DesignRequest, LawClass, Multistart, parse_second
+from cam_rig.law_design.result import Front
 from cam_rig.law_design.rows import add, keep_lift
 from cam_rig.law_design.space import PARTS, Asked
 from cam_rig.laws import Law, build_law
@@ -25,7 +26,7 @@ from cam_rig.laws.law import extremes, peak
 from cam_rig.profile import contours
 from cam_rig.units import TURN, FloatArray, to_rpm
 
-from .shared import RIG, cam, designed, integrated, problem, term, written
+from .shared import NO_HARDER, RIG, cam, designed, integrated, problem, term, written
 
 SPAN, LIFT = np.radians(117.5), 0.05
 
@@ -51,9 +52,7 @@ def test_the_written_file_keeps_its_limits_in_rational_arithmetic(tmp_path: Path
 
     The file's numbers are taken as they are written; de Casteljau cuts pieces in fractions.
     """
-    found = designed(
-        LawClass(8, 3), maximise="jump_speed_rigid", limits=["peak_acceleration<=start"]
-    )
+    found = designed(LawClass(8, 3), maximise="jump_speed_rigid", limits=NO_HARDER)
     law = build_law(written(found, tmp_path))
     limit = Fraction(abs(peak(build_law(cam()), 2).value))
     follower = FollowerParameters.from_rig(RIG)
@@ -120,9 +119,7 @@ def test_the_bound_holds_in_rational_arithmetic() -> None:
 
 def test_jump_speed_of_a_rigid_follower_with_sixteen_pieces() -> None:
     """3-4-5's events, lift and peak acceleration: from 458.7 to 558.9 rpm, the bound 0.1 % on."""
-    found = designed(
-        LawClass(16, 3), maximise="jump_speed_rigid", limits=["peak_acceleration<=start"]
-    )
+    found = designed(LawClass(16, 3), maximise="jump_speed_rigid", limits=NO_HARDER)
     assert to_rpm(found.goal.start) == pytest.approx(458.668, abs=1e-3)
     assert to_rpm(found.goal.result) > 558.0
     assert found.certified
@@ -137,11 +134,8 @@ def test_residual_vibration_over_a_range_of_speeds() -> None:
     The amplitude is read from an integration of the end mass by an independent method, at speeds
     that no program knew.
     """
-    found = designed(
-        LawClass(24, 3),
-        minimise="residual_vibration@200-400rpm",
-        limits=["peak_acceleration<=start"],
-    )
+    goal = "residual_vibration@200-400rpm"
+    found = designed(LawClass(24, 3), minimise=goal, limits=NO_HARDER)
     assert found.goal.start > 16e-6
     assert found.goal.result < 0.6e-6
     for speed in np.random.default_rng(3).uniform(21.0, 41.8, 3):
@@ -171,7 +165,7 @@ def test_two_masses_from_rest_stay_on_by_an_independent_integration() -> None:
 
     Certified within 0.2 % of the bound; 3-4-5 itself jumps at 413.4 rpm.
     """
-    found = designed(LawClass(8, 3), maximise="jump_speed", limits=["peak_acceleration<=start"])
+    found = designed(LawClass(8, 3), maximise="jump_speed", limits=NO_HARDER)
     assert found.certified
     assert to_rpm(found.goal.result) > 470.0
     speed = 0.999 * found.goal.result
@@ -200,7 +194,7 @@ def test_limits_that_contradict_each_other_are_named() -> None:
 
 def test_a_limit_on_the_jump_speed_holds_by_the_exact_search() -> None:
     """Least jerk with contact kept to 440 rpm: resonances between the program's speeds too."""
-    limits = ["jump_speed>=440rpm", "peak_acceleration<=start"]
+    limits = ["jump_speed>=440rpm", *NO_HARDER]
     found = designed(LawClass(8, 3), minimise="peak_jerk", limits=limits)
     assert to_rpm(found.measures[1].result) >= 440.0 * (1.0 - 1e-5)
     assert found.goal.bound <= found.goal.result  # type: ignore[operator]
@@ -224,8 +218,7 @@ def test_hard_cases_of_two_masses_have_a_law_and_a_bound(
 ) -> None:
     """5 µm of lift jump at thousands of rpm; an undamped stem has resonances of no width."""
     own = with_numbers(cam(), {"lift": lift}), with_numbers(RIG, damping)
-    limits = ["peak_acceleration<=start"]
-    found = designed(LawClass(8, 3), *own, maximise="jump_speed", limits=limits)
+    found = designed(LawClass(8, 3), *own, maximise="jump_speed", limits=NO_HARDER)
     assert found.goal.start < found.goal.result <= found.goal.bound  # type: ignore[operator]
     assert found.gap < 5e-3
 
@@ -257,12 +250,14 @@ def test_a_roller_dropped_on_the_contour_of_the_written_cam_rises_by_its_law(
     np.testing.assert_allclose(lift, build_law(file)(turned, 0), atol=1e-8)
 
 
-REQUEST = DesignRequest.of(minimise="peak_jerk", law_class=LawClass(6, 2))
+def front_of(other: str, points: int, **words: Any) -> Front:
+    """The front of a goal over another quantity."""
+    return front(cam(), RIG, DesignRequest.of(**words), parse_second(other), points)
 
 
 def test_a_front_is_monotone_and_certified() -> None:
     """Less peak acceleration costs jerk; what a point allows, its law keeps."""
-    found = front(cam(), RIG, REQUEST, term("peak_acceleration"), 4)
+    found = front_of("peak_acceleration", 4, minimise="peak_jerk", law_class=LawClass(6, 2))
     jerks = [design.goal.result for design in found.designs]
     assert all(a >= b * (1.0 - 1e-7) for a, b in pairwise(jerks))
     assert jerks[0] > 1.05 * jerks[-1]
@@ -279,8 +274,7 @@ def test_a_front_is_monotone_and_certified() -> None:
 
 def test_a_front_over_the_span_of_an_event_is_certified_point_by_point() -> None:
     """Least peak acceleration of C1 laws for each span β is 4h/β²; dwells have what it leaves."""
-    request = DesignRequest.of(minimise="peak_acceleration", law_class=LawClass(4, 1))
-    found = front(cam(), RIG, request, parse_second("event_angle@1"), 4)
+    found = front_of("event_angle@1", 4, minimise="peak_acceleration", law_class=LawClass(4, 1))
     assert found.allowed[0] == pytest.approx(0.5 * SPAN)
     assert found.allowed[-1] == pytest.approx(np.radians(180.0), rel=2e-3)  # no dwell is left
     for span, design in zip(found.allowed, found.designs, strict=True):
@@ -291,9 +285,8 @@ def test_a_front_over_the_span_of_an_event_is_certified_point_by_point() -> None
 
 def test_a_front_over_spans_begins_where_the_first_law_is() -> None:
     """68.64 mm/rad² allow no rise shorter than √(4h/68.64 mm): the front is not below that."""
-    limits = ["peak_acceleration<=start"]
-    request = DesignRequest.of(minimise="peak_jerk", limits=limits, law_class=LawClass(6, 2))
-    found = front(cam(), RIG, request, parse_second("event_angle@2"), 3)
+    asked = {"minimise": "peak_jerk", "limits": NO_HARDER, "law_class": LawClass(6, 2)}
+    found = front_of("event_angle@2", 3, **asked)
     shortest = np.sqrt(4.0 * 0.05 / found.designs[0].measures[1].limit)  # type: ignore[operator]
     assert shortest < found.allowed[0] < np.radians(117.5)
     for design in found.designs:
@@ -304,10 +297,8 @@ def test_a_front_over_spans_begins_where_the_first_law_is() -> None:
 @pytest.mark.long
 def test_a_front_of_what_is_not_convex_has_no_bounds() -> None:
     """Torque against peak acceleration: falling, and called local."""
-    request = DesignRequest.of(
-        minimise="shaft_torque@300rpm", law_class=LawClass(6, 2), multistart=Multistart(2)
-    )
-    found = front(cam(), RIG, request, parse_second("peak_acceleration"), 3)
+    asked = {"minimise": "shaft_torque@300rpm", "law_class": LawClass(6, 2)}
+    found = front_of("peak_acceleration", 3, multistart=Multistart(2), **asked)
     (table,) = found.to_show()
     assert [row[2:] for row in table.rows] == [("local",)] * 3  # no column of bounds
     torques = [design.goal.result for design in found.designs]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -195,7 +196,7 @@ def term_of(cam_name: str, text: str) -> PointwiseTerm:
     own, asked = problem(LawClass(5, 2), cam_name), term(text)
     branches = rows_of(asked).branches
     assert branches is not None
-    return PointwiseTerm(own, text, branches(own, asked), None)
+    return PointwiseTerm(own, text, branches(own, asked), math.nan)
 
 
 def some_law(own: PointwiseTerm, seed: int) -> FloatArray:

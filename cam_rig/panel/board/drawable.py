@@ -23,7 +23,7 @@ from cam_rig.dynamics.jump.any_follower import find_jump, follower_of
 from cam_rig.dynamics.jump.jump_speed import FROM_REST, rigid_jump_speed
 from cam_rig.dynamics.vibration import residual_vibration
 from cam_rig.errors import CamRigError, ConfigError
-from cam_rig.law_design.cam_file import spline_cam_data
+from cam_rig.law_design.result import spline_cam_data
 from cam_rig.law_design.space import LawEvent, events
 from cam_rig.laws import Law, build_law
 from cam_rig.laws.law import SMOOTHEST, joints
