@@ -133,9 +133,6 @@ class FollowerMarkers:
         return new("visualization_msgs/MarkerArray", [gap, said])
 
 
-# The mounted cam as it is, its own contour: /cam/markers.
-
-
 def cam_markers(robot: Robot) -> bytes:
     """The serialized MarkerArray of the mounted cam; its contour is /cam/profile's to the digit."""
     cam, size = robot.mounted, robot.size

@@ -29,8 +29,6 @@ from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import NS, TURN, FloatArray
 
-# The instants of a tick at which its motion is published for people: few, but every peak.
-
 Indices = NDArray[np.int64]
 
 
@@ -108,11 +106,8 @@ def choose(lift: FloatArray, force: FloatArray, count: int) -> Indices:
     return np.union1d(np.delete(bins, taken), peaks)
 
 
-# /tf and /tf_static as robot_state_publisher makes them of /joint_states and the URDF.
-
-
 class Transforms:
-    """The serialized transforms of a robot."""
+    """The serialized /tf and /tf_static of a robot, as robot_state_publisher makes them."""
 
     def __init__(self, robot: Robot) -> None:
         self._joints, self._fixed = robot.moving, robot.fixed

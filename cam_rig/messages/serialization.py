@@ -49,9 +49,6 @@ def header(stamp_ns: int, frame: str) -> Any:
     return new("std_msgs/Header", new("builtin_interfaces/Time", *divmod(stamp_ns, NS)), frame)
 
 
-# What the recorder must know of a message.
-
-
 def cam_of(message: Any) -> str:
     """The name of the cam of a law or a profile."""
     if hasattr(message, "header"):

@@ -32,8 +32,6 @@ from cam_rig.messages.frames import (
 from cam_rig.show import looks as colours
 from cam_rig.units import FloatArray
 
-# Boxes and cylinders: to look at, to collide with, and with a mass.
-
 #: Sides of the prism that a cam is drawn as.
 SIDES = 72
 
@@ -155,8 +153,6 @@ def text(numbers: Sequence[float], digits: int = 6) -> str:
     """Numbers to so many digits; zero has no sign."""
     return " ".join(f"{float(number) + 0.0:.{digits}g}" for number in numbers)
 
-
-# The links and joints.
 
 #: Thicknesses along the shaft as shares of the robot's size; only looks.
 DISC, BODY, LINE = 0.24, 0.12, 0.04

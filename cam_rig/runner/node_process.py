@@ -230,9 +230,6 @@ def _drain(stream: Iterable[str], take: Callable[[str], None]) -> None:
         take(line)
 
 
-# The nodes of a run and of a replay, in the order of the table, with their parameters.
-
-
 def live(
     scene: Path,
     bag: Path,
