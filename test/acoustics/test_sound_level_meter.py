@@ -4,16 +4,12 @@ import numpy as np
 import pytest
 from scipy.signal import bilinear_zpk, sosfreqz, zpk2sos
 
-from cam_rig.acoustics import (
-    SoundLevelMeter,
-    level_db,
-    pressure_pa,
-    sound_level_meter,
-    third_octaves,
-)
+from cam_rig.acoustics import SoundLevelMeter, level_db, pressure_pa, third_octaves
 from cam_rig.acoustics.sound_level_meter import (
     CLASS_1,
+    POLES,
     SILENCE,
+    ZEROS,
     class_1_up_to_hz,
     exact,
     full_scale,
@@ -67,13 +63,13 @@ def test_how_far_class_1_reaches(monkeypatch):
     assert {rate: class_1_up_to_hz(rate) for rate in REACH} == REACH
 
     def bilinear(curve, rate):
-        poles = -2.0 * np.pi * np.array(sound_level_meter.POLES[curve])
-        zeros = np.zeros(sound_level_meter.ZEROS[curve])
+        poles = -2.0 * np.pi * np.array(POLES[curve])
+        zeros = np.zeros(ZEROS[curve])
         s = 2j * np.pi * 1000.0
         gain = np.abs(np.prod(s - poles) / s**zeros.size)
         return zpk2sos(*bilinear_zpk(zeros, poles, gain, rate))
 
-    monkeypatch.setattr(sound_level_meter, "weighting_filter", bilinear)
+    monkeypatch.setattr("cam_rig.acoustics.sound_level_meter.weighting_filter", bilinear)
     assert class_1_up_to_hz(12_000) == 3150.0
 
 
