@@ -6,7 +6,6 @@ from functools import partial
 
 import numpy as np
 import pytest
-from ruamel.yaml import YAML
 
 from cam_rig.laws import build_law
 from cam_rig.profile import turn_angles
@@ -25,12 +24,9 @@ done = partial(run_done, "profile")
 @pytest.fixture
 def undercut(tmp_path):
     """The flat cam on too small a base circle."""
-    yaml = YAML()
-    data = yaml.load(config_root() / "cams" / "flat.yaml")
-    data["follower"]["base_radius"]["assumed"] = 5
-    del data["follower"]["least_curvature_radius"]
-    yaml.dump(data, tmp_path / "flat.yaml")
-    return tmp_path / "flat.yaml"
+    text = re.sub(r"(base_radius: {assumed: )\d+", r"\g<1>5", shipped("cams", "flat"))
+    text = re.sub(r".*least_curvature_radius: .*\n", "", text)
+    return written(tmp_path, {"flat.yaml": text}) / "flat.yaml"
 
 
 @pytest.fixture(scope="module")
