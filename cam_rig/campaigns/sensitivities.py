@@ -164,7 +164,7 @@ class JumpSensitivity:
 
 
 def jump_sensitivities(
-    point: Subject, errors: ProfileErrors, inputs: Mapping[str, float], duration: float | None
+    point: Subject, inputs: Mapping[str, float], duration: float | None
 ) -> tuple[JumpSensitivity, ...]:
     """The derivative of the jump speed of two masses in each input, at one point.
 
@@ -177,6 +177,10 @@ def jump_sensitivities(
     def slope(changed: Mapping[str, complex], rows: NDArray[Any], speed: complex) -> float:
         return contact_force(law, rows, changed, speed, touch.angle, duration).imag / STEP
 
+    profile = "profile."
+    errors = ProfileErrors.of(
+        {path.removeprefix(profile): x for path, x in inputs.items() if path.startswith(profile)}
+    )
     by_speed = slope(numbers, law.ordinates, complex(touch.speed, STEP))
     found = []
     for path, value in inputs.items():
@@ -252,19 +256,15 @@ def first_orders(results: CampaignResult) -> list[FirstOrder]:
         if not isinstance(follower_of(point.rig), TwoMassParameters):
             return []
         numbers = dict(zip((one.path for one in campaign.inputs), middle.tolist(), strict=True))
-        errors = ProfileErrors.of(
-            {path[8:]: value for path, value in numbers.items() if path.startswith("profile.")}
-        )
         found = []
         for measure in campaign.measures:
             if measure.term.name in RUNS:
                 duration = RUNS[measure.term.name]
-                inputs = jump_sensitivities(point, errors, numbers, duration)
+                inputs = jump_sensitivities(point, numbers, duration)
                 values = results.values(measure)
                 values = values[np.isfinite(values)]
                 spread, correlated = float(np.std(values)) * RPM, bool(campaign.config.correlated)
-                predicted = _predicted(results, inputs, correlated)
-                count = values.size
+                predicted, count = _predicted(results, inputs, correlated), values.size
                 found.append(FirstOrder(measure, inputs, predicted, spread, correlated, count))
     except CamRigError:  # no such cam or rig, or no jump speed: no derivative either
         return []

@@ -10,7 +10,6 @@ from scipy.stats import norm
 import cam_rig
 from cam_rig.campaigns.campaign import make_point
 from cam_rig.campaigns.draws import rows_of, unit_points
-from cam_rig.campaigns.inputs import ProfileErrors
 from cam_rig.campaigns.results import (
     InputShare,
     points_needed,
@@ -217,8 +216,7 @@ def test_they_are_the_central_differences(study, duration, every):
     inputs = campaign.draws.middle()
     point = make_point(campaign, inputs)
     numbers = dict(zip(VARY, inputs.tolist(), strict=True))
-    errors = ProfileErrors.of({k[8:]: v for k, v in numbers.items() if k.startswith("profile.")})
-    found = {one.path: one for one in jump_sensitivities(point, errors, numbers, duration)}
+    found = {one.path: one for one in jump_sensitivities(point, numbers, duration)}
     assert found[NO_DERIVATIVE].derivative is None
     for i, path in list(enumerate(VARY))[::every]:
         if path == NO_DERIVATIVE:
@@ -242,8 +240,8 @@ def test_a_rig_that_tells_no_restitution_has_the_same_derivatives(study):
     del data["follower"]["restitution"]
     silent = replace(whole, rig=type(whole.rig).model_validate(data))
     paths = dict.fromkeys((f"rig.follower.{name}" for name in FOLLOWER), 0.0)
-    found = jump_sensitivities(whole, ProfileErrors(), paths, 1.7)
-    assert found == jump_sensitivities(silent, ProfileErrors(), paths, 1.7)
+    found = jump_sensitivities(whole, paths, 1.7)
+    assert found == jump_sensitivities(silent, paths, 1.7)
     assert None not in [one.derivative for one in found]
 
 
