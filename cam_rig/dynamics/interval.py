@@ -10,13 +10,7 @@ from typing import Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
 
-from cam_rig.dynamics.parameters import (
-    is_number,
-    require_angle,
-    require_number,
-    require_rate,
-    require_stamp,
-)
+from cam_rig.dynamics.parameters import is_number, require_angle, require_number
 from cam_rig.errors import DynamicsError
 from cam_rig.laws.sampling import samples_before
 from cam_rig.units import NS, TURN, FloatArray
@@ -110,7 +104,8 @@ class Interval:
 
     def __post_init__(self) -> None:
         for name in ("start_ns", "stop_ns"):
-            require_stamp(name, getattr(self, name))
+            if not isinstance(stamp := getattr(self, name), int | np.integer):
+                raise DynamicsError(f"{name} is {stamp!r}; allowed: a whole number of ns")
         if self.stop_ns <= self.start_ns:
             raise DynamicsError(
                 f"an interval from {self.start_ns} to {self.stop_ns} ns; allowed: stamps that "
@@ -173,7 +168,11 @@ class Interval:
 
     def grid(self, sample_rate: int) -> SampleGrid:
         """The instants k / ``sample_rate`` (Hz) in [start, stop), k whole: one grid for all."""
-        require_rate(sample_rate)
+        rate: object = sample_rate  # whatever a caller gives
+        if not (isinstance(rate, int | np.integer) and 1 <= rate <= NS):
+            raise DynamicsError(
+                f"sample_rate is {sample_rate!r}; allowed: a whole number of Hz, 1 to {NS}"
+            )
         first = -(-self.start_ns * sample_rate // NS)
         end = -(-self.stop_ns * sample_rate // NS)
         offset = (first * NS - self.start_ns * sample_rate) / (sample_rate * NS)

@@ -21,8 +21,6 @@ LEAST, MOST = 1e-15, 1e15
 MAX_ANGLE = 1e12
 #: Slowest and fastest cam, rad/s.
 MIN_SPEED, MAX_SPEED = 1e-30, 1e9
-#: Finest grid of samples, Hz: rig time is counted in ns.
-MAX_RATE = 1_000_000_000
 #: What a number may be, by the words that say so.
 LIMITS = {
     "> 0": (LEAST, MOST),
@@ -72,20 +70,6 @@ def require_turning(speed: object) -> None:
         raise DynamicsError(
             f"speed is {speed!r} rad/s; allowed: finite and above 0, "
             f"{MIN_SPEED:g} to {MAX_SPEED:g} rad/s"
-        )
-
-
-def require_stamp(name: str, value: object) -> None:
-    """Refuse a stamp of rig time that is not a whole number of ns."""
-    if not isinstance(value, int | np.integer):
-        raise DynamicsError(f"{name} is {value!r}; allowed: a whole number of ns")
-
-
-def require_rate(sample_rate: object) -> None:
-    """Refuse a sample rate (Hz) without a grid."""
-    if not (isinstance(sample_rate, int | np.integer) and 1 <= sample_rate <= MAX_RATE):
-        raise DynamicsError(
-            f"sample_rate is {sample_rate!r}; allowed: a whole number of Hz, 1 to {MAX_RATE}"
         )
 
 

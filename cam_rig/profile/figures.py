@@ -89,13 +89,6 @@ def _swung_face(element: SwungFace, law: Law, motion: Motion) -> list[ComplexArr
     return [np.hstack([foot, foot - longest * along]), np.hstack([pivot, foot])]
 
 
-def pivots(element: Element, count: int) -> FloatArray | None:
-    """``(count, 2)`` places of the pivot around the cam, mm; None for a guide."""
-    if not isinstance(element, Swung):
-        return None
-    return plane(element.pivot * MM * np.exp(-1j * turn_angles(count))).T
-
-
 #: First and second disc; the dash tells them apart without colour.
 INK = tuple(map(web, DISCS))
 DASH, HATCH = ("-", (0, (5, 2))), ("", "///")
@@ -188,8 +181,8 @@ def _follower(axes: Axes, contour: Contour, law: Law, count: int) -> None:
     if opposite is not None:
         first += positions(opposite, law, np.zeros(1))[0]
     axes.add_collection(LineCollection(first, colors=BOLD, linewidths=1.6, zorder=3))
-    places = pivots(element, count)
-    if places is not None:
+    if isinstance(element, Swung):  # the pivot goes around the cam
+        places = plane(element.pivot * MM * np.exp(-1j * turn_angles(count))).T
         axes.plot(*places[1:].T, "o", color=FOLLOWER, ms=2.5)
         axes.plot(*places[0], "o", color=BOLD, ms=5)
         ring = circle(float(np.hypot(*places[0])))

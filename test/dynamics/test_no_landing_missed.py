@@ -51,38 +51,37 @@ def bumped(law, middle, width, height):
     return Law("bumped", law.breaks, ordinates)
 
 
-def two_masses(law, p, rpm, turns, samples):
+def scanned(course, samples, force_at):
     """Number of events, lowest gap (m), and lowest force in contact (N), by a fine scan."""
-    speed = rpm * RPM
-    course = Separation(law, p, speed)
-    course.run(turns * TURN / speed)
-    gap, force = 0.0, np.inf
-    for phase in course.phases:
-        count = 50 + int((phase.end - phase.begin) * speed / TURN * samples)
-        times = np.linspace(phase.begin, phase.end, count)
-        states = phase_states(course, phase, times)
-        gap = min(gap, float((states[0] - law(speed * times)).min()))
-        if phase.flight is None and phase.end > phase.begin:
-            force = min(force, float(states[4][1:-1].min()))
-    return len(course.events), gap, force
-
-
-def one_mass(law, p, rpm, turns, samples):
-    """The same of one mass."""
-    speed = rpm * RPM
-    course = OneMassTrajectory(law, p, Interval(0, round(turns * TURN / speed * 1e9), 0.0, speed))
-    course.run(None)
-    gap, force = 0.0, np.inf
+    gap, force, speed = 0.0, np.inf, course.speed
     for phase in course.phases:
         count = 50 + int((phase.end - phase.begin) * speed / TURN * samples)
         times = np.linspace(phase.begin, phase.end, count)
         if phase.flight is not None:
             place = phase.flight.motion(times - phase.begin)[0]
-            gap = min(gap, float((place - law(speed * times)).min()))
+            gap = min(gap, float((place - course.law(speed * times)).min()))
         elif phase.end > phase.begin:
-            states = (state_at(law, p, speed * t, speed) for t in times[1:-1:10])
-            force = min([force, *(state.contact_force for state in states)])
+            force = min(force, *force_at(phase, times[1:-1]))
     return len(course.events), gap, force
+
+
+def two_masses(law, p, rpm, turns, samples):
+    """Of a roller on the cam."""
+    course = Separation(law, p, rpm * RPM)
+    course.run(turns * TURN / course.speed)
+    return scanned(course, samples, lambda phase, times: phase_states(course, phase, times)[4])
+
+
+def one_mass(law, p, rpm, turns, samples):
+    """Of one mass, the force at each tenth time."""
+    speed = rpm * RPM
+    course = OneMassTrajectory(law, p, Interval(0, round(turns * TURN / speed * 1e9), 0.0, speed))
+    course.run(None)
+
+    def force_at(_, times):
+        return [state_at(law, p, speed * t, speed).contact_force for t in times[::10]]
+
+    return scanned(course, samples, force_at)
 
 
 MORE_NOISE = [
