@@ -241,23 +241,17 @@ class FileWriter:
     def flush_if_due(self) -> None:
         """Flush what was written a while ago; to be called a few times a second."""
         now = time.monotonic()
-        if self._dirty and now - self._flushed > FLUSH_PERIOD_S:
+        is_due = self._dirty and now - self._flushed > FLUSH_PERIOD_S
+        if is_due or (self._unsynced and now - self._synced > SYNC_PERIOD_S):
             self.flush()
-        elif self._unsynced and now - self._synced > SYNC_PERIOD_S:
-            self.sync()
 
-    def flush(self) -> None:
+    def flush(self, to_disk: bool = False) -> None:
         """Write everything to the file, safe from a kill; every half second fsync as well."""
         self._writer.flush()
         self._stream.flush()
         self._flushed, self._dirty, self._unsynced = time.monotonic(), False, True
-        if self._flushed - self._synced > SYNC_PERIOD_S:
+        if to_disk or self._flushed - self._synced > SYNC_PERIOD_S:
             self._sync()
-
-    def sync(self) -> None:
-        """Write everything to the disk (fsync)."""
-        self._writer.flush()
-        self._sync()
 
     def replace_old(self) -> None:
         """Let the new file, which is on the disk, replace the old one of its name."""

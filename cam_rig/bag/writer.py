@@ -144,7 +144,7 @@ class BagWriter:
         if self._file.part is None:
             return
         with self._writing():
-            self._file.sync()
+            self._file.flush(to_disk=True)
             self._file.replace_old()
             if not (self.directory / METADATA).exists():
                 self._write_metadata(RECORDING)
@@ -191,7 +191,7 @@ class BagWriter:
         """Begin the next file, then close this one: a kill between leaves one not closed."""
         with self._writing():
             old = self._file
-            old.sync()
+            old.flush(to_disk=True)
             self._number += 1
             self._others.append(old.content)
             try:
@@ -203,7 +203,7 @@ class BagWriter:
                     self._file.attach(name, data)
                 for topic, definition in self._topics.values():
                     self._file.register(topic, definition)
-                self._file.sync()
+                self._file.flush(to_disk=True)
                 files.sync_folder(self.directory)
                 old.finish(self._others)
             finally:

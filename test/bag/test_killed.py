@@ -296,14 +296,6 @@ def test_nothing_is_overwritten_and_nothing_made_of_nothing(tmp_path):
     assert not (tmp_path / "new").exists()
 
 
-@pytest.fixture(scope="module")
-def unkilled(tmp_path_factory, golden):
-    """What a recorder makes that lives to its end."""
-    bag = tmp_path_factory.mktemp("unkilled") / "bag"
-    record(bag, golden).close()
-    return payloads(bag)
-
-
 def assert_same_numbers(made, expected):
     """Serialized messages are equal but for the rounding of another processor's sine, 1e-12."""
     assert len(made) == len(expected)
@@ -315,8 +307,10 @@ def assert_same_numbers(made, expected):
     assert made[4 + 8 * count :] == expected[4 + 8 * count :]
 
 
-def test_the_motion_in_a_bag_is_made_from_its_samples(tmp_path, golden, unkilled):
+def test_the_motion_in_a_bag_is_made_from_its_samples(tmp_path, golden):
     """As often as is asked for, by the scene where nothing is; the rest is the same."""
+    record(tmp_path / "unkilled", golden).close()
+    unkilled = payloads(tmp_path / "unkilled")
     derived = {topic.name for topic in RECORDING if topic.derived}
     stored = payloads(GOLDEN)
     assert stored.keys() == unkilled.keys() > derived
@@ -333,7 +327,7 @@ def test_the_motion_in_a_bag_is_made_from_its_samples(tmp_path, golden, unkilled
 
 @pytest.mark.parametrize("made", ["", "bag", "bag/bag_0.mcap"])
 def test_a_recorder_that_was_killed_at_once_has_a_successor(
-    tmp_path, golden, unkilled, monkeypatch, made
+    tmp_path, golden, straight, monkeypatch, made
 ):
     """Before its folder was there, before the file, before the first byte."""
     bag, other = tmp_path / "bag", tmp_path / "other"
@@ -352,7 +346,8 @@ def test_a_recorder_that_was_killed_at_once_has_a_successor(
     for topic, number, cdr in golden[:30]:
         successor.take(topic, cdr, b"live", number)
     successor.close()
-    assert payloads(bag)["/cam/state"] == unkilled["/cam/state"][: len(payloads(bag)["/cam/state"])]
+    states = payloads(bag)["/cam/state"]
+    assert states == once(straight)["/cam/state"][: len(states)]
     assert not other.exists()
 
 

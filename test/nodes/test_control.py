@@ -62,8 +62,6 @@ def test_a_whole_session_by_hand(user, short_scene, tmp_path):
         assert "rpm" in user.refused("cam_drive", "rpm", 1e-3)  # too many samples a tick
         assert "allowed: free, real_time" in user.refused("cam_drive", "pacing", "fast")
         assert "no such file" in user.refused("law_server", "cam", "no_such_cam")
-        assert "allowed: a name" in user.refused("law_server", "cam", "../rigs/" + 300 * "a")
-        assert "holds on the cam" in user.refused("law_server", "cam", "conjugate")
         assert "read-only" in user.refused("follower", "scene", "other.yaml").replace("_", "-")
         assert round(user.get("cam_drive", "rpm"), 3) in SCENE_RPM
         assert user.get("law_server", "cam") in ("", "tm21")
