@@ -174,7 +174,7 @@ def save_recording(
     *_, last = islice(cam_states(loaded.scene), ticks + 1)  # of an interrupted run, too
     duration = last.time_ns / NS
     samples = round(duration * loaded.scene.sample_rate.si)
-    bucket = 1 if view_options.all_samples else bucket_for(samples, WHOLE_BELOW)
+    bucket = 1 if view_options.all_samples else bucket_for(samples)
     whole, ranges = view_options.layout is Layout.RUN, scene_ranges(loaded)
     plan = blueprint(view_options.layout, loaded, duration, bucket, rpm, ranges.whole)
     with rrd_stream(path, f"{loaded.scene.title} ({bag.name})", plan) as stream:
@@ -195,9 +195,9 @@ def feed_bag(bag: Path, loaded: LoadedScene, feed: RunFeed, on_tick: Callable[[]
     feed.close()
 
 
-def bucket_for(samples: int, whole_below: int) -> int:
+def bucket_for(samples: int) -> int:
     """Samples per bucket, so that a long run stays small enough for a viewer."""
-    return 1 if samples < whole_below else math.ceil(samples / BUCKETS)
+    return 1 if samples < WHOLE_BELOW else math.ceil(samples / BUCKETS)
 
 
 def polygon(message: Any) -> FloatArray:

@@ -246,7 +246,7 @@ def test_the_keyboard_alone_moves_undoes_and_resets(page, board):
 def test_a_law_that_cannot_be_made_is_named_and_the_last_good_force_stays(page, board):
     """Undercut: red, with its angle, and no DXF; undone, all is well again."""
     force = page.path("force")
-    assert page.page.locator("#file_jump").is_hidden()
+    assert page.page.locator("#file_jump_row[hidden]").count() == 1
     page.page.locator(".handle").nth(7).focus()
     page.press("PageUp", 10)
     page.until(lambda: "that of the last one that can" in page.text("contact"))
@@ -364,7 +364,7 @@ def test_any_cam_and_rig_can_be_drawn(chromium, tmp_path, cams):
             assert shown.page.locator(".handle").count() == len(board.drawn.handles)
             if stands_in:
                 shown.until(lambda shown=shown: shown.text("level") not in ("–", "None"))
-                assert shown.page.locator("#file_jump").is_visible()
+                assert shown.page.locator("#file_jump_row[hidden]").count() == 0
                 own = cam_rig.jump_speed(cam_rig.build_law(board.file), board.rig).rpm
                 shown.until(lambda shown=shown: shown.number("file_jump") is not None)
                 assert shown.number("file_jump") == pytest.approx(own, rel=1e-4)

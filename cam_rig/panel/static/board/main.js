@@ -236,7 +236,7 @@ const wire = new Wire(
     return drawn();
   },
   heard,
-  (on) => status(text(on ? "connected" : "disconnected"), !on),
+  (on) => status(on ? "" : text("disconnected")),
 );
 setSpeed(state.rpm);
 history.told();
