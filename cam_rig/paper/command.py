@@ -90,8 +90,8 @@ def timing(cams: TableCams = None, *, plot: Path | None) -> Result:
     return found
 
 
-#: Below every jump speed of the paper's laws.
-SPEED = 300.0
+#: Speed of contact: below every jump speed of the paper's laws.
+CONTACT_RPM = 300.0
 
 Events = Annotated[
     Path | None,
@@ -116,7 +116,7 @@ STEEPEST, SHARPEST = 30.0, 2.0
 def contact(
     cams: CamsOrScene = None,
     rig: RigOfScene = None,
-    rpm: Rpm = SPEED,
+    rpm: Rpm = CONTACT_RPM,
     events: Events = None,
     pressure_angle: Steepest = STEEPEST,
     sharpest: Sharpest = SHARPEST,

@@ -53,20 +53,15 @@ def recorded_table(
     published: Mapping[str, FloatArray] | None = None,
 ) -> DataTable:
     """What lies between a bag's levels and the simulated ones (dB), and published ones if any."""
-    known = published or {}
+    known, away = published or {}, Head("largest difference to this run", "dB", ".4f")
+    left = Head("r.m.s. difference to published", "dB", ".2f")
     return tabulate(
         f"The recorded run {recorded.bag.name}, {recorded.messages} messages",
         recorded.level_db.items(),
         (
             (Head("cam"), lambda row: titles[row[0]]),
-            (
-                Head("largest difference to this run", "dB", ".4f"),
-                lambda row: float(np.abs(row[1] - simulated[row[0]]).max()),
-            ),
-            (
-                Head("r.m.s. difference to published", "dB", ".2f"),
-                lambda row: rms(row[1] - known[row[0]]) if row[0] in known else None,
-            ),
+            (away, lambda row: float(np.abs(row[1] - simulated[row[0]]).max())),
+            (left, lambda row: rms(row[1] - known[row[0]]) if row[0] in known else None),
         ),
     )
 

@@ -208,12 +208,8 @@ class CutBench:
     @classmethod
     def of(cls, rig: RigConfig, loaded: LoadedScene) -> CutBench:
         """The jump speed's rig, and a scene's follower, sound and speeds."""
-        return cls(
-            TwoMassParameters.from_rig(rig),
-            loaded.follower,
-            Acoustics(loaded.radiation),
-            np.array(loaded.scene.program.speeds.si_list),
-        )
+        two_mass, speeds = TwoMassParameters.from_rig(rig), loaded.scene.program.speeds.si_list
+        return cls(two_mass, loaded.follower, Acoustics(loaded.radiation), np.array(speeds))
 
 
 @dataclass(frozen=True, eq=False)

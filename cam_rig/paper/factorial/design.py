@@ -156,14 +156,9 @@ class Bench:
                 require_speeds(follower, [v / RPM for v in getattr(config, key).si_list])
             except ConfigError as error:
                 raise ConfigError(f"factorial {config.name!r}: {key}: {error}") from None
-        return cls(
-            TwoMassParameters.from_rig(rig),
-            follower,
-            FollowerParameters.from_rig(noise_rig),
-            Acoustics(RadiationParameters.from_rig(rig)),
-            Acoustics(RadiationParameters.from_rig(noise_rig)),
-            config,
-        )
+        two_mass, rigid = TwoMassParameters.from_rig(rig), FollowerParameters.from_rig(noise_rig)
+        own, other = (Acoustics(RadiationParameters.from_rig(one)) for one in (rig, noise_rig))
+        return cls(two_mass, follower, rigid, own, other, config)
 
     def measure(self, law: Law) -> Measures:
         """Every effect of one law."""
@@ -231,16 +226,9 @@ def two_way(values: FloatArray, groups: Sequence[object] | None = None) -> TwoWa
     left = values - mean - row[:, None] - column
     labels = list(groups) if groups is not None else list(range(a))
     members = [[i for i in range(a) if labels[i] == label] for label in dict.fromkeys(labels)]
-    between = sum(len(rows) * float(row[rows].mean()) ** 2 for rows in members)
-    return TwoWay(
-        mean=mean,
-        row_effects=row,
-        column_effects=column,
-        rows=b * float(row @ row),
-        classes=b * between,
-        columns=a * float(column @ column),
-        interaction=float((left**2).sum()),
-    )
+    between = sum(len(some) * float(row[some].mean()) ** 2 for some in members)
+    rows, columns = b * float(row @ row), a * float(column @ column)
+    return TwoWay(mean, row, column, rows, b * between, columns, float((left**2).sum()))
 
 
 #: A table of fewer laws or angles has no variance to analyse.
@@ -301,12 +289,9 @@ class Design:
         """Some of its laws and angles; None where too few are left to analyse."""
         if min(len(rows), len(columns)) < LEAST:
             return None
-        return Design(
-            f"{self.name}, {name}",
-            tuple(self.rises[i] for i in rows),
-            self.angles[list(columns)],
-            [[self.cells[i][j] for j in columns] for i in rows],
-        )
+        rises, angles = tuple(self.rises[i] for i in rows), self.angles[list(columns)]
+        cells = [[self.cells[i][j] for j in columns] for i in rows]
+        return Design(f"{self.name}, {name}", rises, angles, cells)
 
     @property
     def smooth(self) -> Design | None:

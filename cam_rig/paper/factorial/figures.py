@@ -37,17 +37,14 @@ def figure(found: Factorial) -> Figure:
 
 
 def _effects(out: FigureBase, found: Factorial) -> None:
-    designs = (found.same_angles, found.same_acceleration)
+    designs, proposed = (found.same_angles, found.same_acceleration), found.config.proposed
     panels = out.subplots(len(SHOWN), len(designs), sharey="row")
     for row, effect in zip(panels, SHOWN, strict=True):
         for axes, design in zip(row, designs, strict=True):
             _curves(axes, design, effect, contact_lost(design, effect, found.config))
-            axes.axhline(
-                effect.factor * getattr(found.cams[found.config.proposed], effect.key),
-                color="0.35",
-                ls=(0, (1, 2)),
-                label=f"{in_words(found.config.proposed)} as published",
-            )
+            level = effect.factor * getattr(found.cams[proposed], effect.key)
+            label = f"{in_words(proposed)} as published"
+            axes.axhline(level, color="0.35", ls=(0, (1, 2)), label=label)
         row[0].set_ylabel(f"{effect.name}\n[{effect.unit}]")
     for axes, title in zip(panels[0], TITLES, strict=True):
         axes.set_title(title)
@@ -79,12 +76,8 @@ def _shares(out: FigureBase, found: Factorial) -> None:
     panels = out.subplots(1, len(designs), sharey=True)
     for axes, design in zip(panels, designs, strict=True):
         _bars(axes, design)
-        axes.set(
-            title=design.name.replace(", ", ",\n"),
-            xlim=(0.0, 100.0),
-            xticks=range(20, 81, 20),
-            xlabel="share of the sum of squares [%]",
-        )
+        axes.set(title=design.name.replace(", ", ",\n"), xlabel="share of the sum of squares [%]")
+        axes.set(xlim=(0.0, 100.0), xticks=range(20, 81, 20))
     panels[0].invert_yaxis()
     words = panels[0].get_legend_handles_labels()
     out.legend(*words, loc="outside lower center", ncols=2, frameon=False)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import astuple, dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
@@ -227,12 +227,9 @@ def refit(
     progress: Progress = SILENT,
 ) -> Refit:
     """Search the four numbers, from the rig's own and scattered about it; ``published`` in rpm."""
-    start = Numbers(
-        event_of(cams[cam] for cam in published),
-        parameters.stem_stiffness,
-        parameters.roller_mass / (parameters.roller_mass + parameters.end_mass),
-        parameters.preload,
-    )
+    event = event_of(cams[cam] for cam in published)
+    share = parameters.roller_mass / (parameters.roller_mass + parameters.end_mass)
+    start = Numbers(event, parameters.stem_stiffness, share, parameters.preload)
     best = math.inf
     progress.begin(None, "searching")
 
@@ -291,19 +288,11 @@ def _solutions(
     """Where several starts end, the rig's own among them; the best first."""
     generator = np.random.default_rng(SEED)
     most = np.log([1.15, REACH, min(REACH, 0.95 / start.roller_share), REACH])
+    options = dict[str, Any](diff_step=np.full(4, STEP), x_scale=SCATTER, max_nfev=MAX_STEPS)
     solutions = []
     for i in range(STARTS):
-        x = generator.normal(size=4) * SCATTER * (i > 0)
-        solutions.append(
-            least_squares(
-                differences,
-                np.clip(x, -0.9 * most, 0.9 * most),
-                bounds=(-most, most),
-                diff_step=np.full(4, STEP),
-                x_scale=SCATTER,
-                max_nfev=MAX_STEPS,
-            )
-        )
+        x = np.clip(generator.normal(size=4) * SCATTER * (i > 0), -0.9 * most, 0.9 * most)
+        solutions.append(least_squares(differences, x, bounds=(-most, most), **options))
     return sorted(solutions, key=lambda s: float(s.cost))
 
 

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
-from scipy.optimize import Bounds, differential_evolution, minimize
+from scipy.optimize import Bounds, OptimizeResult, differential_evolution, minimize
 
 from cam_rig.errors import LawError
 from cam_rig.laws import Law, build_law
@@ -88,18 +89,12 @@ def identify(loaded: LoadedScene, cam: str, seed: int, progress: Progress = SILE
         level = _levels(trial, cam, x)
         return IMPOSSIBLE if level is None else rms(level - target)
 
-    best = differential_evolution(
-        rmse,
-        Bounds(BOUNDS[:, 0], BOUNDS[:, 1]),
-        seed=seed,
-        popsize=10,
-        maxiter=30,
-        tol=1e-3,
-        polish=False,
-        callback=lambda intermediate_result: progress.tell(
-            f"best {intermediate_result.fun:.2f} dB RMS"
-        ),
-    )
+    def tell(intermediate_result: OptimizeResult) -> None:
+        progress.tell(f"best {intermediate_result.fun:.2f} dB RMS")
+
+    options: dict[str, Any] = {"popsize": 10, "maxiter": 30, "tol": 1e-3, "polish": False}
+    limits = Bounds(BOUNDS[:, 0], BOUNDS[:, 1])
+    best = differential_evolution(rmse, limits, seed=seed, callback=tell, **options)
     polished = minimize(
         rmse, best.x, method="Nelder-Mead", options={"xatol": 1e-5, "fatol": 1e-5, "maxfev": 200}
     )
@@ -220,15 +215,11 @@ class ShapeProblem:
         def cost_at(x: FloatArray) -> float:
             return cost(start.scaled(*x.tolist()))
 
+        simplex = np.ones((3, 2)) + SIMPLEX * np.eye(3, 2, -1)
         found = minimize(
             cost_at,
             np.ones(2),
             method="Nelder-Mead",
-            options={
-                "initial_simplex": np.ones((3, 2)) + SIMPLEX * np.eye(3, 2, -1),
-                "maxfev": TRIALS,
-                "xatol": 1e-3,
-                "fatol": 5e-3,
-            },
+            options={"initial_simplex": simplex, "maxfev": TRIALS, "xatol": 1e-3, "fatol": 5e-3},
         )
         return start.scaled(*found.x.tolist())

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -50,14 +52,9 @@ def _panel(panel: Axes, method: Method, titles: dict[str, str]) -> None:
     if found.rpm is not None and np.isfinite(found.low):
         panel.axvspan(found.low, found.high, color="0.5", alpha=0.12, lw=0)
         panel.axvline(found.rpm, color="0.35", lw=0.9)
-        panel.annotate(
-            f"equal levels at {found.rpm:.1f} rpm\n95 %: {found.low:.0f} to {found.high:.0f} rpm",
-            (found.rpm, 0.02),
-            xycoords=("data", "axes fraction"),
-            xytext=(-5, 0),
-            textcoords="offset points",
-            ha="right",
-            color="0.25",
-        )
+        interval = f"95 %: {found.low:.0f} to {found.high:.0f} rpm"
+        place = dict[str, Any](xycoords=("data", "axes fraction"), textcoords="offset points")
+        words = f"equal levels at {found.rpm:.1f} rpm\n{interval}"
+        panel.annotate(words, (found.rpm, 0.02), (-5, 0), ha="right", color="0.25", **place)
     panel.set_title(method.name)
     panel.legend(loc="upper left")

@@ -377,16 +377,11 @@ def noise_claims(
     below, above = rpm < crossover_rpm, rpm > crossover_rpm
     at = f"{crossover_rpm:g} rpm"
     arcs, conventional, proposed = roles.arcs, roles.reference, roles.predicted
+    quieter = f"{proposed} is quieter than"
     named = (
         (f"{arcs} is the quietest below {at}", "fig. 16", arcs, (conventional, proposed), below),
-        (f"{proposed} is quieter than {arcs} above {at}", "fig. 16", proposed, (arcs,), above),
-        (
-            f"{proposed} is quieter than {conventional} above {at}",
-            "conclusions",
-            proposed,
-            (conventional,),
-            above,
-        ),
+        (f"{quieter} {arcs} above {at}", "fig. 16", proposed, (arcs,), above),
+        (f"{quieter} {conventional} above {at}", "conclusions", proposed, (conventional,), above),
     )
     found = []
     for words, source, cam, others, where in named:

@@ -380,19 +380,11 @@ def study_noise(
     left_out = tuple(leave_one_out(study))
     next(parts)
     rigs = (with_rigid_stem(study, rig), with_elastic_stem(study, rig, arcs, progress))
-    found = NoiseStudyResult(
-        study.crossover,
-        loaded.titles,
-        study.roles,
-        np.round(study.rpm, 9),
-        structures,
-        tuple(methods),
-        left_out,
-        rigs,
-    )
+    rpm, found = np.round(study.rpm, 9), (structures, tuple(methods), left_out, rigs)
+    whole = NoiseStudyResult(study.crossover, loaded.titles, study.roles, rpm, *found)
     next(parts)
-    best = found.best
-    return replace(found, high_dwell=study_high_dwell(study, best.acoustics, best.shape.lift))
+    best = whole.best
+    return replace(whole, high_dwell=study_high_dwell(study, best.acoustics, best.shape.lift))
 
 
 @checked

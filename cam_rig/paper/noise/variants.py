@@ -14,7 +14,7 @@ from itertools import combinations, product
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import Bounds, differential_evolution
+from scipy.optimize import Bounds, OptimizeResult, differential_evolution
 
 from cam_rig.acoustics import RadiationParameters
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
@@ -111,17 +111,11 @@ def _search(problem: ShapeProblem, acoustics: Acoustics, progress: Progress) -> 
         except CamRigError:
             return IMPOSSIBLE
 
-    found = differential_evolution(
-        cost,
-        SEARCHED,
-        seed=SEED,
-        popsize=POPULATION,
-        maxiter=GENERATIONS,
-        polish=False,
-        callback=lambda intermediate_result: progress.tell(
-            f"one rig, best {intermediate_result.fun:.1f} dB"
-        ),
-    )
+    def tell(intermediate_result: OptimizeResult) -> None:
+        progress.tell(f"one rig, best {intermediate_result.fun:.1f} dB")
+
+    options: dict[str, Any] = {"popsize": POPULATION, "maxiter": GENERATIONS, "polish": False}
+    found = differential_evolution(cost, SEARCHED, seed=SEED, callback=tell, **options)
     return ArcShape(*found.x.tolist())
 
 

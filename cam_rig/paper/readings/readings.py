@@ -317,18 +317,15 @@ class Read:
         return sum(row.time_holds for row in self.rows)
 
 
+#: The numbers of a follower behind its two masses.
+OF_FOLLOWER = ("stem_stiffness", "spring_stiffness", "stem_damping", "damping", "preload")
+
+
 def follower_of(reading: TableReading) -> TwoMassParameters:
     """The two-mass follower of a reading, with plastic landings."""
     roller = reading.mass.si * reading.roller_share.si
-    return TwoMassParameters(
-        roller_mass=roller,
-        end_mass=reading.mass.si - roller,
-        stem_stiffness=reading.stem_stiffness.si,
-        spring_stiffness=reading.spring_stiffness.si,
-        stem_damping=reading.stem_damping.si,
-        damping=reading.damping.si,
-        preload=reading.preload.si,
-    )
+    numbers = (getattr(reading, name).si for name in OF_FOLLOWER)
+    return TwoMassParameters(roller, reading.mass.si - roller, *numbers)
 
 
 def read(
@@ -377,17 +374,9 @@ def _row(
     jump = sought_speed(law, follower, run, FIRST_RPM)
     speeds = rpm * RPM, jump * (1.0 + SOLVER), jump * (1.0 + BEYOND)
     there, at_limit, beyond = (_first_loss(law, follower, speed, run) for speed in speeds)
-    return ReadRow(
-        cam,
-        printed,
-        to_rpm(jump),
-        rpm,
-        there,
-        at_limit=at_limit,
-        beyond=beyond,
-        window=window(law, follower, printed, run),
-        force=force_run(law, follower, run).lowest(printed.rpm * RPM),
-    )
+    near = window(law, follower, printed, run)
+    force = force_run(law, follower, run).lowest(printed.rpm * RPM)
+    return ReadRow(cam, printed, to_rpm(jump), rpm, there, at_limit, beyond, near, force)
 
 
 def _first_loss(law: Law, follower: TwoMassParameters, speed: float, run: float) -> float:

@@ -20,7 +20,13 @@ from scipy.optimize import Bounds, differential_evolution
 from cam_rig.errors import ConfigError
 from cam_rig.laws import build_law
 from cam_rig.paper.jump.refit import ROUNDED_TO, with_event
-from cam_rig.paper.readings.readings import FIRST_RPM, Rigs, ShapeTable, turn_minima
+from cam_rig.paper.readings.readings import (
+    FIRST_RPM,
+    OF_FOLLOWER,
+    Rigs,
+    ShapeTable,
+    turn_minima,
+)
 from cam_rig.schema import CamConfig, TableReading
 from cam_rig.schema.published import PublishedJump
 from cam_rig.schema.quantity import Quantity
@@ -49,6 +55,9 @@ NO_WINDOW = 2.0
 MIN_SLOPE = 0.2
 #: Trials side by side, for each number sought.
 POPULATION = 40
+#: A generation is tried at once; no tolerance ends the search before its last one.
+EVOLUTION = dict[str, Any](vectorized=True, updating="deferred", init="sobol", polish=False)
+EVOLUTION |= {"tol": 0.0, "atol": 0.0, "mutation": (0.4, 0.9), "recombination": 0.8}
 #: The last low dwell is at least this long, rad.
 MIN_LOW_DWELL = math.radians(5.0)
 
@@ -128,8 +137,7 @@ def _time_miss(force: FloatArray, first: NDArray[np.intp], slope: FloatArray) ->
 def rigs_of(numbers: Mapping[str, FloatArray]) -> Rigs:
     """Two-mass followers from trial numbers, ``(b,)`` each, SI."""
     roller = numbers["roller_share"] * numbers["mass"]
-    names = ("stem_stiffness", "spring_stiffness", "stem_damping", "damping", "preload")
-    return Rigs(roller, numbers["mass"] - roller, *(numbers[name] for name in names))
+    return Rigs(roller, numbers["mass"] - roller, *(numbers[name] for name in OF_FOLLOWER))
 
 
 @dataclass(frozen=True)
@@ -209,22 +217,9 @@ class ReadingSearch:
             progress.tell(f"best misses {intermediate_result.fun:.2f} rpm in all")
             return intermediate_result.fun <= 0.0
 
-        found = differential_evolution(
-            missed,
-            Bounds(*zip(*map(_bounds, self.sought), strict=True)),
-            vectorized=True,
-            updating="deferred",
-            popsize=POPULATION,
-            maxiter=generations,
-            rng=seed,
-            tol=0.0,
-            atol=0.0,
-            init="sobol",
-            polish=False,
-            mutation=(0.4, 0.9),
-            recombination=0.8,
-            callback=tell,
-        )
+        limits = Bounds(*zip(*map(_bounds, self.sought), strict=True))
+        options = dict[str, Any](popsize=POPULATION, maxiter=generations, rng=seed, callback=tell)
+        found = differential_evolution(missed, limits, **EVOLUTION, **options)
         numbers = self.numbers(found.x[:, None])
         return Found(
             {key: float(numbers[key][0]) for key in self.sought},

@@ -142,13 +142,8 @@ def stem_turn(law: Law, stem: Stem, speed: float) -> StemTurn:
     angle = np.arange(size) * (TURN / size)
     # The series of the acceleration itself would end too early at its corners.
     inertia = stem.on_cam * speed**2 * law(angle, 2)
-    return StemTurn(
-        speed,
-        angle,
-        inertia + np.fft.irfft(rest, size) * size,
-        np.fft.irfft(heads, size) * size,
-        forces[1:],
-    )
+    whole, moved = (np.fft.irfft(series, size) * size for series in (rest, heads))
+    return StemTurn(speed, angle, inertia + whole, moved, forces[1:])
 
 
 @lru_cache(maxsize=64)

@@ -92,15 +92,9 @@ class EventControl:
         changes[free] = np.radians(1.0) * np.linalg.pinv(shifts)
         angles = np.linspace(ordinates.breaks[0], ordinates.breaks[-1], POINTS)
         moved = np.abs(np.stack([ordinates.at(angle) for angle in angles]) @ changes).max(axis=0)
-        alone = (
-            Alone(
-                event,
-                float(np.abs(change).max()),
-                float(most),
-                ordinates.reach(change, REACHED * most),
-            )
-            for event, change, most in zip(timing.events, changes.T, moved, strict=True)
-        )
+        largest, most = np.abs(changes).max(axis=0).tolist(), moved.tolist()
+        reach = [ordinates.reach(*one) for one in zip(changes.T, REACHED * moved, strict=True)]
+        alone = map(Alone, timing.events, largest, most, reach)
         within = (at_events > REACHED).sum(axis=0)
         return cls(timing, ordinates.reaches()[free], within, tuple(alone))
 
