@@ -327,7 +327,9 @@ def make_point(campaign: Campaign, inputs: FloatArray) -> Subject:
     law, cam = campaign.law, with_numbers(campaign.cam, numbers["cam"])
     if numbers["cam"]:
         law = build_law(cam)
+    nominal = law
     if numbers["profile"]:
         law = ProfileErrors.of(numbers["profile"]).added_to(law)
     rig = with_numbers(campaign.rig, numbers["rig"])
-    return Subject(law, rig, cam, scene=with_numbers(campaign.scene, numbers["scene"]))
+    scene = with_numbers(campaign.scene, numbers["scene"])
+    return Subject(law, rig, cam, scene=scene, nominal=nominal)

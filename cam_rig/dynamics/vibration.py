@@ -218,14 +218,16 @@ def vibration(
     )
 
 
-def residual_vibration(law: Law, follower: FollowerParameters, speeds: FloatArray) -> FloatArray:
-    """Largest free vibration (m) in the low dwell at speeds (rad/s), ``(m,)``.
+def residual_vibration(
+    law: Law, follower: FollowerParameters, speeds: FloatArray, window: LowDwell | None = None
+) -> FloatArray:
+    """Largest free vibration (m) in the low dwell, or another window, at speeds (rad/s), ``(m,)``.
 
     Free vibration decays between joints, so it is largest where the window begins or at a joint
     inside it.
     """
     require_speeds(follower, speeds / RPM)
-    window = low_dwell(law)
+    window = window or low_dwell(law)
     at = [window.start, *law.breaks[:-1][window.holds(law.breaks[:-1])].tolist()]
     run = ModalRun.of(response(law, follower, float(speeds[0])), outputs(follower), None)
     found = np.array([max(free_amplitude(run, x, angle) for angle in at) for x in speeds.tolist()])

@@ -18,7 +18,7 @@ from cam_rig.dynamics.jump.any_follower import AnyFollower, find_jump, follower_
 from cam_rig.dynamics.jump.search import NoJumpSpeedError
 from cam_rig.dynamics.kinetostatic import force_extremes
 from cam_rig.dynamics.torsional.model import from_rig as shaft_of
-from cam_rig.dynamics.vibration import residual_vibration, steady_twist
+from cam_rig.dynamics.vibration import low_dwell, residual_vibration, steady_twist
 from cam_rig.errors import ConfigError, DynamicsError
 from cam_rig.laws import Law, bernstein
 from cam_rig.laws.law import peak
@@ -48,6 +48,7 @@ class Subject:
     """A law on a rig; its cam says what the follower is, ``events`` what lies between the dwells.
 
     These have start and span (rad); ``scene`` is how it is run where a quantity is of a run.
+    ``nominal`` is the law without errors of its profile, which leave no dwell at rest.
     """
 
     law: Law
@@ -55,6 +56,7 @@ class Subject:
     cam: CamConfig
     events: Sequence[tuple[float, float]] = ()
     scene: SceneConfig | None = None
+    nominal: Law | None = None
     _runs: dict[float, tuple[SpeedRow, bool]] = field(default_factory=dict)
 
     @cached_property
@@ -255,7 +257,8 @@ def steady_residual(one: Subject, term: Term, _: Sense) -> float:
     count = 1 if term.low == term.high else SPEEDS
     speeds = np.linspace(term.low, term.high, count)
     follower = FollowerParameters.on_stem(one.rig, f"the measure {term.name}")
-    return float(residual_vibration(one.law, follower, speeds).max())
+    window = low_dwell(one.nominal or one.law)
+    return float(residual_vibration(one.law, follower, speeds, window).max())
 
 
 def in_row(name: str) -> Callable[[Subject, Term, Sense], float]:

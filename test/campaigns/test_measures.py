@@ -182,6 +182,16 @@ def test_steady_vibration_is_that_of_the_whole_turn(measured):
     assert rows.measures[0, 0] > 2.0 * one.goal.start
 
 
+def test_steady_vibration_is_read_in_the_low_dwell_of_the_cam_without_errors(measured):
+    """An eccentricity leaves no dwell at rest: 1e-12 m of it changes the vibration by no more."""
+    vary = {
+        "profile.eccentricity.amplitude": {"values": [0.0, 1e-12], "unit": "m"},
+        "profile.eccentricity.phase": {"values": [0, 120, 240], "unit": "deg"},
+    }
+    found = measured("residual_vibration_steady@300rpm", vary=vary)[1].measures[:, 0]
+    assert found == pytest.approx(found[0], abs=1e-12)
+
+
 @pytest.mark.long
 @pytest.mark.slow
 def test_twenty_draws_agree_with_an_independent_integrator(study):
