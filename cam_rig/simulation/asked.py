@@ -94,7 +94,8 @@ def own_rig(cams: Sequence[Path], otherwise: str = RIG) -> Path:
     if len(found) == 1:
         _say(f"rig {found[0]}, the only one beside the cam; another may be named")
         return found[0]
-    there = ", ".join(map(str, found[:MOST_NAMED])) or "no rig"
+    more = f" and {len(found) - MOST_NAMED} more" if len(found) > MOST_NAMED else ""
+    there = (", ".join(map(str, found[:MOST_NAMED])) or "no rig") + more
     _say(f"rig {otherwise}, a shipped one: beside the cam there is {there}; another may be named")
     return rig_path(otherwise)
 

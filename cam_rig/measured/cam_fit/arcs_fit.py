@@ -253,12 +253,11 @@ class ArcsFit(Result):
             if column.readings.outliers:
                 yield f"{column.readings.name}: {left_out(column.readings)}"
         for other in self.others[:1]:
-            left = f"{other.rms * 1e3:.3g} mm r.m.s."
-            name = other.search.name
+            words = f"{other.search.name}: {other.rms * 1e3:.3g} mm r.m.s."
             if self.as_near(other):
-                yield f"As near, and not told apart: {name}, {left}"
+                yield f"As near, and not told apart: {words}"
             else:
-                yield f"The next best reading of the columns is {name}: {left}"
+                yield f"The next best reading of the columns is {words}"
         yield from self.cannot_tell
 
     def _flanks(self) -> Iterator[str]:
