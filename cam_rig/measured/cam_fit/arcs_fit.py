@@ -253,7 +253,7 @@ class ArcsFit(Result):
             if column.readings.outliers:
                 yield f"{column.readings.name}: {left_out(column.readings)}"
         for other in self.others[:1]:
-            words = f"{other.search.name}: {other.rms * 1e3:.3g} mm r.m.s."
+            words = f"{other.search.name} ({other.rms * 1e3:.3g} mm r.m.s.)"
             if self.as_near(other):
                 yield f"As near, and not told apart: {words}"
             else:
