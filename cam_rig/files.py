@@ -23,9 +23,10 @@ def shown(text: str, quoted: bool = True) -> str:
     return whole if len(whole) <= MAX_SHOWN else f"{whole[: MAX_SHOWN - 3]}..."
 
 
-def read_bytes(path: Path, most: int) -> bytes:
+def read_bytes(path: Path, most: int, follow: bool = True) -> bytes:
     """The bytes of a plain file of at most ``most`` bytes; no pipe or device is waited for."""
-    with open(os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK), "rb") as stream:
+    flags = os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK | (0 if follow else os.O_NOFOLLOW)
+    with open(os.open(path, flags), "rb") as stream:
         about = os.fstat(stream.fileno())
         if stat.S_ISDIR(about.st_mode):
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))

@@ -69,6 +69,8 @@ def newest_bag() -> Path:
     raise BagError("no bag in bags/; make one with: cam-rig run")
 
 
+# cam-rig export: the samples of a run as named columns in a file.
+
 #: Endings of a bag's file; a folder is a bag too.
 BAG_FILES = (".mcap", ".db3")
 
@@ -129,6 +131,9 @@ def _counted(ticks: Iterable[TickSamples], progress: Progress) -> Iterator[TickS
     for tick in ticks:
         yield tick
         progress.advance()
+
+
+# cam-rig recover: a valid bag from one that is truncated or damaged.
 
 
 @command()

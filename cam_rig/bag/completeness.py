@@ -20,6 +20,8 @@ from cam_rig.messages.topics import RECEIVED, RECORDING, Topic, occasions, recor
 from cam_rig.schema import SceneConfig
 from cam_rig.simulation.schedule import CamState, cam_states, tick_count
 
+# Whether a bag holds every message of every tick of its scene.
+
 
 def require_complete(bag: Path, scene: SceneConfig) -> dict[str, int]:
     """Messages a topic, when none is missing that the states in the bag make it hold."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import zlib
 from collections.abc import Iterator
 from contextlib import suppress
@@ -28,6 +27,8 @@ from cam_rig.messages.topics import recorded_topic
 RECOVERED = "recovered.txt"
 #: Files attached to a bag, and their bytes; a scene with a hundred cams and their tables has less.
 MAX_ATTACHED, MAX_ATTACHED_BYTES = 1000, 64 * MIB
+#: Bytes of a path of an attached file, and of one name in it.
+MAX_PATH, MAX_NAME = 1000, 255
 
 
 def unpack(bag: Path, folder: Path) -> Path:
@@ -79,8 +80,15 @@ def attachments(file: Path) -> Iterator[Attachment]:
 
 
 def _safe(bag: Path, name: str) -> Path:
-    if name.startswith("/") or ".." in name.split("/") or "\0" in name:
+    parts = name.split("/")
+    if name.startswith("/") or ".." in parts or "\0" in name:
         raise BagError(f"{bag}: attachment {name[:80]!r} points elsewhere")
+    longest = max(len(part.encode()) for part in parts)
+    if longest > MAX_NAME or len(name.encode()) > MAX_PATH or not Path(name).name:
+        raise BagError(
+            f"{bag}: attachment {name[:80]!r} has a name of {longest} bytes; allowed: 1 to "
+            f"{MAX_NAME}, and {MAX_PATH} with its folders"
+        )
     return Path(name)
 
 
@@ -88,11 +96,12 @@ def _write(bag: Path, path: Path, data: bytes) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(data)
+    except (FileExistsError, IsADirectoryError, NotADirectoryError):
+        raise BagError(
+            f"{bag}: attachment {path.name[:80]!r} is a file here and a folder there"
+        ) from None
     except OSError as error:
-        if error.errno == errno.ENOSPC:
-            raise no_room(path.parent, error) from None
-        words = f"attachment {path.name[:80]!r} cannot be written ({error.strerror})"
-        raise BagError(f"{bag}: {words}") from None
+        raise no_room(path.parent, error) from None
 
 
 def attachment_of(data: bytes) -> Attachment:
@@ -116,6 +125,8 @@ INDEXES = {
 }
 #: When topics are published whose log time is their stamp.
 OF_ITS_STAMP = ("state", "tick", "instant", "speed")
+#: More topics than any rig has.
+MAX_CHANNELS = 1000
 Found = tuple[Schema, Channel, Message] | Attachment
 
 
@@ -207,6 +218,8 @@ class PartialReader:
         if isinstance(record, Schema):
             self._schemas[record.id] = record
         elif isinstance(record, Channel):
+            if record.id not in self._channels and len(self._channels) >= MAX_CHANNELS:
+                raise ValueError(f"more than {MAX_CHANNELS} channels")
             self._channels[record.id] = record
         elif (channel := self._channels.get(record.channel_id)) is not None:
             schema = self._schemas.get(channel.schema_id)

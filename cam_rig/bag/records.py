@@ -11,6 +11,7 @@ import struct
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from io import BytesIO
+from itertools import accumulate
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -150,7 +151,14 @@ def unpack(stream: BinaryIO, record: Record, head: ChunkHead) -> bytes:
     packed = os.pread(stream.fileno(), max(available, 0), head.packed_at)
     if not head.compression:
         return packed
-    out, _ = _filled(head, packed)  # truncated or damaged: what came before counts
+    out = bytearray()
+    try:
+        for part in _unpacked(head.compression, packed):
+            out += part
+            if len(out) > head.unpacked:
+                break
+    except (zstandard.ZstdError, RuntimeError, EOFError):
+        pass  # truncated or damaged; what came before counts
     return bytes(out[: head.unpacked])
 
 
@@ -181,19 +189,6 @@ def inside(data: bytes) -> Iterator[Schema | Channel | Message]:
         raise ValueError(f"{len(data) - place} bytes that are not a record")
 
 
-def _filled(head: ChunkHead, packed: bytes) -> tuple[bytearray, Exception | None]:
-    """What a chunk unpacks to, up to some bytes more than it claims; the error that ended it."""
-    out = bytearray()
-    try:
-        for part in _unpacked(head.compression, packed):
-            out += part
-            if len(out) > head.unpacked:
-                break
-    except (zstandard.ZstdError, RuntimeError, EOFError) as error:
-        return out, error
-    return out, None
-
-
 def _unpacked(compression: str, packed: bytes) -> Iterator[bytes]:
     if compression == "zstd":
         with zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True) as reader:
@@ -210,13 +205,16 @@ def _unpacked(compression: str, packed: bytes) -> Iterator[bytes]:
 
 #: What a file's compressed chunks may unpack to: this, and so many times the file's size.
 FREE_UNPACKED, MAX_RATIO = 16 * MIB, 100
+#: What readers hold at once, for they bring chunks of overlapping times into order, bytes.
+MAX_AT_ONCE = 128 * MIB
 #: A bag whose messages or files are compressed one by one.
 COMPRESSED = re.compile(rb"compression_mode[\"']?\s*:\s*[\"']?(file|message)", re.IGNORECASE)
 
 
 def require_bounded(file: Path) -> None:
     """Refuse an MCAP file that would take more memory than its size warrants."""
-    total, chunks = 0, dict[int, tuple[Record, ChunkHead]]()
+    packed: list[ChunkHead] = []
+    chunks: dict[int, tuple[Record, ChunkHead]] = {}
     with file.open("rb") as stream:
         try:
             for record in records_of(stream):
@@ -229,16 +227,21 @@ def require_bounded(file: Path) -> None:
                     chunks[record.start] = record, head
                     if head.compression:
                         _require_honest(stream, head)
-                        total += head.unpacked
+                        packed.append(head)
                 elif record.opcode == Opcode.CHUNK_INDEX:
                     _require_true(ChunkIndex.read(fields(content(stream, record))), chunks)
         except (ValueError, EOFError, struct.error, McapError) as error:
             raise BagError(f"{file}: {reason(error)}") from None
-    size = file.stat().st_size
-    if total > (most := FREE_UNPACKED + MAX_RATIO * size):
+    size, total = file.stat().st_size, sum(head.unpacked for head in packed)
+    most = FREE_UNPACKED + MAX_RATIO * size
+    if total > most:
         raise BagError(
             f"{file}: {size} bytes that unpack to {total}; allowed: {most}, {MAX_RATIO} times as "
             f"much and {FREE_UNPACKED // MIB} MiB"
+        )
+    if (held := _at_once(packed)) > MAX_AT_ONCE:
+        raise BagError(
+            f"{file}: compressed chunks of {held} bytes are of one time; allowed: {MAX_AT_ONCE}"
         )
 
 
@@ -257,10 +260,15 @@ def require_plain(bag: Path) -> None:
 def _require_honest(stream: BinaryIO, head: ChunkHead) -> None:
     """Refuse a compressed chunk that unpacks to another size than it claims."""
     require_modest(head)
-    out, error = _filled(head, os.pread(stream.fileno(), head.packed, head.packed_at))
-    if error is not None:
-        raise ValueError(f"a chunk that cannot be unpacked ({error})")
-    if (size := len(out)) != head.unpacked:
+    packed, size = os.pread(stream.fileno(), head.packed, head.packed_at), 0
+    try:
+        for part in _unpacked(head.compression, packed):
+            size += len(part)
+            if size > head.unpacked:
+                break
+    except (zstandard.ZstdError, RuntimeError) as error:
+        raise ValueError(f"a chunk that cannot be unpacked ({error})") from None
+    if size != head.unpacked:
         more = "more" if size > head.unpacked else f"{size}"
         raise ValueError(f"a chunk claims {head.unpacked} bytes unpacked and has {more}")
 
@@ -278,3 +286,10 @@ def _require_true(index: ChunkIndex, chunks: dict[int, tuple[Record, ChunkHead]]
     times = index.message_start_time, index.message_end_time
     if claimed != true or times != (head.begin, head.end):
         raise ValueError(f"an index that claims {claimed} of a chunk that is {true}")
+
+
+def _at_once(heads: list[ChunkHead]) -> int:
+    """The most bytes of chunks that overlap in time."""
+    edges = [(head.begin, 0, head.unpacked) for head in heads]
+    edges += [(max(head.begin, head.end), 1, -head.unpacked) for head in heads]
+    return max(accumulate(size for *_, size in sorted(edges)), default=0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import zip_longest
@@ -136,6 +137,8 @@ def _numbers(topic: Topic, message: Any) -> Iterator[tuple[str, Any]]:
 PLAYED = (topics.LAW_COEFFICIENTS, topics.PROFILE, topics.LAW, topics.CLOCK, topics.CAM_STATE)
 #: Decoded, not only passed on.
 READ = (topics.CAM_STATE, topics.DIAGNOSTICS)
+#: A level's letter symbol; a bag's maker may have written anything there.
+SYMBOL = re.compile("L[ACZ][FS]")
 
 
 @dataclass(frozen=True)
@@ -174,6 +177,7 @@ def played(bag: Path) -> Iterator[Played]:
 def quantity_of(diagnostic: Any) -> str:
     """What the microphone reads, by its diagnostics; empty by another node's."""
     for status in diagnostic.status:
-        if status.name == "microphone":
-            return next((str(p.value) for p in status.values if p.key == topics.QUANTITY), "")
+        values = {pair.key: pair.value for pair in status.values}
+        if status.name == "microphone" and SYMBOL.fullmatch(values.get(topics.QUANTITY, "")):
+            return str(values[topics.QUANTITY])
     return ""

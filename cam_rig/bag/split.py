@@ -10,6 +10,8 @@ from cam_rig.units import NS
 
 #: Least size (bytes) and duration (s) of a file: every file repeats the scene and its cams.
 MIN_FILE_BYTES, MIN_FILE_S = 1_000_000, 1.0
+#: Files of a bag whose names are sure to have room.
+MAX_NUMBER = 99_999
 #: Greatest duration of a file, s: ten years.
 MAX_FILE_S = 3.2e8
 #: Factors of the units in which a file's size or duration may be given.
@@ -29,6 +31,11 @@ class Split:
 
     size: int = 0
     duration: float = 0.0
+
+    @property
+    def last_number(self) -> int:
+        """The greatest number that a file's name must have room for."""
+        return MAX_NUMBER if self.size or self.duration else 0
 
     @property
     def parameters(self) -> dict[str, float]:

@@ -109,7 +109,7 @@ def run(
         limits = Split.parsed(split) if split is not None else Split()
         place = namespace_named(namespace)
         target = bag or Path(time.strftime(f"bags/{path.stem}_%Y-%m-%d_%H-%M-%S"))
-        require_new_bag(target)
+        require_new_bag(target, limits.last_number)
         with open_screen(view, web, wait) as screen:
             nodes = live(path, target, screen.address, limits, pacing=pacing)
             _run(path, target, nodes, respawn, network, place, server, screen.page)

@@ -13,16 +13,21 @@ from collections import deque
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 
 from cam_rig.errors import CamRigError, RunError
+from cam_rig.files import MIB, read_bytes
 from cam_rig.live.flow_control import TICKS_KEPT
 
 # Immutable records as JSON and back: floats come back bit for bit, a foreign file makes nothing.
 
+#: Kinds of numbers that an array may hold: bool, int, unsigned, float, complex.
+NUMBERS = "biufc"
 #: What `from_plain` raises on data that `to_plain` did not make.
 _CONTENTS = (ValueError, LookupError, TypeError, AttributeError, OverflowError, RecursionError)
+UNREADABLE = (OSError, CamRigError, *_CONTENTS)
 
 
 def to_plain(value: Any) -> Any:
@@ -53,8 +58,10 @@ def from_plain(data: Any) -> Any:
         inside = {name: from_plain(value) for name, value in data["fields"].items()}
         return _record(data["record"])(**inside)
     if "array" in data:
-        numbers = np.frombuffer(bytes.fromhex(data["array"]), dtype=np.dtype(data["type"]))
-        return numbers.reshape(data["shape"])
+        dtype = np.dtype(data["type"])
+        if dtype.kind not in NUMBERS or dtype.fields is not None:
+            raise RunError(f"an array holds {data['type']!r}; allowed: numbers")
+        return np.frombuffer(bytes.fromhex(data["array"]), dtype=dtype).reshape(data["shape"])
     if "dict" in data:
         return {from_plain(key): from_plain(value) for key, value in data["dict"]}
     (name, items), *_ = data.items()
@@ -70,6 +77,12 @@ def _record(path: str) -> Any:
     if not (frozen and frozen.frozen):
         raise RunError(f"{path}: is not a frozen record of the rig")
     return kind
+
+
+#: Bytes of a file, at most; those of the shipped scenes have less than a thousandth of it.
+MAX_BYTES = 64 * MIB
+#: Bytes of the CRC-32 before them, and its end of line.
+HEAD = 9
 
 
 class Checkpoint:
@@ -88,12 +101,17 @@ class Checkpoint:
 
     def save(self, state: Any, stamp_ns: int = 0) -> None:
         """Keep one more state of a rig time, unless it is kept already, and drop the oldest."""
-        is_kept = self._newest_ns is not None and stamp_ns < self._newest_ns
-        if self._folder is None or is_kept:
+        if self._folder is None:
+            return
+        if self._newest_ns is not None and stamp_ns < self._newest_ns:
             return
         self._newest_ns = None
         self._kept.append(json.dumps([stamp_ns, to_plain(state)]))
-        _replace(self._file("json"), f"[{','.join(self._kept)}]")
+        text, file = f"[{','.join(self._kept)}]", self._file("json")
+        if len(text) > MAX_BYTES:  # JSON here is ASCII
+            size = len(text) / MIB
+            raise RunError(f"{file}: has {size:.3g} MiB; allowed: {MAX_BYTES / MIB:g} MiB")
+        _replace(file, f"{crc32(text.encode()):08x}\n{text}")
 
     def newest(self) -> Any:
         """The newest state that the predecessor kept; None without a predecessor."""
@@ -105,10 +123,13 @@ class Checkpoint:
             return []
         file = self._file("json")
         try:
-            found = json.loads(file.read_bytes())
+            data = read_bytes(file, HEAD + MAX_BYTES, follow=False)
+            if data[:HEAD] != b"%08x\n" % crc32(data[HEAD:]):
+                raise ValueError("its checksum is another's")
+            found = json.loads(data[HEAD:])
             states = [from_plain(state) for _, state in found]
             self._newest_ns = int(found[-1][0])
-        except (OSError, CamRigError, *_CONTENTS) as error:
+        except UNREADABLE as error:
             raise RunError(f"{file}: is not a checkpoint of a node ({error})") from None
         self._kept.clear()
         self._kept.extend(json.dumps(kept) for kept in found)
@@ -125,7 +146,13 @@ class Checkpoint:
 
     def _starts(self, node: str) -> int:
         file = self._file("starts", node)
-        return int(file.read_text(encoding="ascii")) if file.exists() else 0
+        try:
+            with file.open(encoding="ascii") as stream:
+                return int(stream.read(20) or 0)
+        except FileNotFoundError:
+            return 0
+        except (OSError, ValueError) as error:
+            raise RunError(f"{file}: is not a count of starts ({error})") from None
 
     def _file(self, kind: str, node: str = "") -> Path:
         assert self._folder is not None

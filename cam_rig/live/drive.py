@@ -17,6 +17,8 @@ from cam_rig.schema import SceneConfig
 from cam_rig.simulation.schedule import CamState, cam_states, tick_count
 from cam_rig.units import NS, RPM
 
+# Which cam state comes next: the scene's, unless an operator commands another speed or cam.
+
 #: Rig time (ns) that a halted cam stands before it turns again.
 STANDSTILL_NS = NS
 
@@ -162,6 +164,8 @@ class SetpointSchedule:
         time_ns, angle = planned.time_ns + state.time_shift, planned.angle + state.angle_shift
         return CamState(time_ns, angle, planned.speed, cam, planned.turns + state.turn_shift)
 
+
+# When it goes out.
 
 #: Wall time (s) after which an unanswered request for a cam is repeated.
 REQUEST_RETRY_S = 1.0

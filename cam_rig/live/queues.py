@@ -66,6 +66,9 @@ class FollowerQueue:
                 yield start, end, *turned
 
 
+# How often messages may be sent again: what a successor needs stays in the topic's history.
+
+
 class RepeatBudget:
     """Counts what one latched topic has published, of ticks for the first time and repeated.
 
@@ -90,6 +93,9 @@ class RepeatBudget:
         allowed = self._published - oldest + to_come < HISTORY_DEPTH
         self._published += allowed
         return allowed
+
+
+# Matching blocks of samples with cam states: they come on two topics, in any order.
 
 
 class TickMatcher:

@@ -53,6 +53,8 @@ class LineSocket:
         try:
             while chunk := self._socket.recv(_CHUNK):
                 self._received += chunk
+                if len(self._received) > MAX_LINE:
+                    raise RunError(f"the page's server: a line of more than {MAX_LINE} bytes")
             raise RunError("the page's server has ended")
         except BlockingIOError:
             pass
@@ -60,7 +62,7 @@ class LineSocket:
             raise RunError("the page's server has ended") from None
         *lines, rest = bytes(self._received).split(b"\n")
         self._received = bytearray(rest)
-        return [json.loads(line) for line in lines]
+        return [read_line(line) for line in lines]
 
     def put(self, message: dict[str, Any]) -> None:
         """Send an object with the next `flush`, which wakes the receiver once for all that wait."""
@@ -91,3 +93,14 @@ class LineSocket:
 def line_of(message: dict[str, Any]) -> bytes:
     """An object as a line."""
     return json.dumps(message).encode() + b"\n"
+
+
+def read_line(line: bytes) -> dict[str, Any]:
+    """The object of a line."""
+    try:
+        found = json.loads(line)
+    except (ValueError, RecursionError):
+        found = None
+    if not isinstance(found, dict):
+        raise RunError(f"the page's server: {line[:40]!r} is not a JSON object")
+    return found

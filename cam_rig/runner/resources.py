@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import math
 import os
@@ -18,6 +19,8 @@ from pathlib import Path
 from cam_rig.errors import ConfigError, OutputError, RunError
 from cam_rig.extras import require
 from cam_rig.files import MIB, no_room, temporary_place
+
+# Folders that are this user's alone, for locks and checkpoints of runs on one machine.
 
 
 def user_folder() -> Path:
@@ -58,6 +61,9 @@ def _is_private(folder: Path) -> bool:
     return mine and stat.S_ISDIR(about.st_mode)
 
 
+# Where ROS writes its log files: a node ends where it cannot.
+
+
 def log_folder() -> tuple[Path, str]:
     """Where ROS writes log files, and what to say where that is not where it would."""
     own = user_folder() / "cam_rig-ros-log"
@@ -77,9 +83,13 @@ def log_folder() -> tuple[Path, str]:
 MAX_DOMAIN = 232
 #: A number as ROS reads it: as in C, where a leading 0 makes it octal.
 NUMBER = re.compile(r"\s*\+?(0[xX][0-9a-fA-F]+|0[0-7]*|[1-9][0-9]*)", re.ASCII)
+#: Characters of such a number, at most.
+MAX_CHARACTERS = 64
 #: A namespace of ROS; a topic's name ends it, and may have 255 characters with it.
 NAMESPACE = re.compile(r"(/(?:_?[A-Za-z]|_[0-9])(?:_?[A-Za-z0-9])*_?)+", re.ASCII)
 MAX_NAMESPACE = 200
+#: What opening a file raises that is not this user's own: a link, a folder, another user's.
+FOREIGN = (errno.ELOOP, errno.EISDIR, errno.EACCES, errno.EPERM)
 
 
 @contextmanager
@@ -111,12 +121,8 @@ def own_recorder(domain: int, namespace: str) -> Iterator[None]:
 @contextmanager
 def _only(what: str, domain: int, namespace: str) -> Iterator[str]:
     """Hold a lock of a rig; where another process has it, yields the rig's place in words."""
-    path = user_folder() / f"cam_rig-{what}-{domain}{namespace.replace('/', '-')}.lock"
-    try:
-        number = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
-    except OSError as error:
-        raise no_room(path.parent, error) from None
-    with open(number, "rb") as lock:
+    name = f"cam_rig-{what}-{domain}{namespace.replace('/', '-')}.lock"
+    with open(_lock(user_folder() / name), "rb") as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             where = ""
@@ -139,7 +145,8 @@ def namespace_named(text: str) -> str:
 def domain_number(text: str | None = None) -> int:
     """The ROS domain that a value of ROS_DOMAIN_ID stands for: 030 is 24, 0x10 is 16, none is 0."""
     text = os.environ.get("ROS_DOMAIN_ID", "") if text is None else text
-    if found := NUMBER.fullmatch(text or "0"):
+    found = NUMBER.fullmatch(text or "0") if len(text) <= MAX_CHARACTERS else None
+    if found is not None:
         digits = found[1].lower()
         number = int(digits, 16 if "x" in digits else 8 if digits[0] == "0" else 10)
         if number <= MAX_DOMAIN:
@@ -150,6 +157,21 @@ def domain_number(text: str | None = None) -> int:
 def domain_ports(domain: int) -> range:
     """The ports that are a ROS domain's own."""
     return range(7400 + 250 * domain, 7650 + 250 * domain)
+
+
+def _lock(path: Path) -> int:
+    """The file, open: neither through a link nor waiting for the other end of a pipe."""
+    foreign = OutputError(f"{path}: is not a file of yours; remove it")
+    flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
+    try:
+        lock = os.open(path, flags, 0o600)
+        about = os.fstat(lock)
+    except OSError as error:
+        raise (foreign if error.errno in FOREIGN else no_room(path.parent, error)) from None
+    if stat.S_ISREG(about.st_mode) and about.st_uid == os.getuid():
+        return lock
+    os.close(lock)
+    raise foreign
 
 
 # /dev/shm, where Fast DDS keeps its segments: room in it, and what killed nodes leave there.

@@ -2,23 +2,27 @@
 
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
+from scipy.spatial.transform import Rotation
 
 from cam_rig.bag.completeness import require_complete
 from cam_rig.bag.files import bag_file
-from cam_rig.bag.reader import read_bag
-from cam_rig.units import NS
+from cam_rig.bag.reader import read_recording, read_ticks
+from cam_rig.messages.markers import SPHERE
+from cam_rig.profile import contours_at
+from cam_rig.units import NS, TURN
 
-from .bags import GOLDEN
+from .bags import GOLDEN, LOADED
 
 
 def test_the_golden_bag_is_small_and_complete():
     """Under 2 MB, with every tick of its scene by count."""
     assert sum(f.stat().st_size for f in GOLDEN.iterdir()) < 2_000_000
-    recording = read_bag(GOLDEN)
+    recording = read_recording(GOLDEN)
     counts = require_complete(GOLDEN, recording.loaded.scene)
     assert counts["/follower/samples"] == len(recording.ticks)
 
@@ -65,11 +69,54 @@ def test_every_frame_is_a_link_of_the_robot(everything):
     assert {"/cam/markers", "/follower/markers", "/microphone/pressure", "/cam/profile"} <= seen
 
 
+def test_transforms_form_one_tree_at_every_instant(everything):
+    """Each link has one parent, /tf_static and /tf together; base_link has none."""
+    parents = {}
+    for topic, _, message in everything:
+        if topic in ("/tf", "/tf_static"):
+            for one in message.transforms:
+                parent = parents.setdefault(one.child_frame_id, one.header.frame_id)
+                assert parent == one.header.frame_id
+    assert set(parents.values()) - set(parents) == {"base_link"}
+
+
+def test_tf_is_made_of_the_joints_beside_it(everything):
+    """The cam turned by θ, the follower raised by its lift; the contact is on the cam's contour."""
+    of = {
+        name: {time: m for topic, time, m in everything if topic == name}
+        for name in ("/joint_states", "/tf", "/follower/markers")
+    }
+    assert of["/joint_states"].keys() == of["/tf"].keys() == of["/follower/markers"].keys()
+    cams = {time: m.header.frame_id for topic, time, m in everything if topic == "/cam/state"}
+    mounted, touching = list(cams.items()), 0
+    for time, joints in of["/joint_states"].items():
+        theta, lift = joints.position
+        transforms = {one.child_frame_id: one.transform for one in of["/tf"][time].transforms}
+        r = transforms["cam"].rotation
+        turn = Rotation.from_quat([r.x, r.y, r.z, r.w])
+        np.testing.assert_allclose(
+            turn.as_matrix(), Rotation.from_rotvec([0.0, 0.0, theta]).as_matrix(), atol=1e-11
+        )
+        assert transforms["follower"].translation.y == pytest.approx(lift, abs=1e-12)
+        marker = of["/follower/markers"][time].markers[0]
+        if marker.type != SPHERE:
+            assert joints.effort[1] == 0.0
+            continue
+        touching += 1
+        cam = [name for begin, name in mounted if begin <= time][-1]
+        point = np.array([marker.pose.position.x, marker.pose.position.y, 0.0])
+        of_cam = turn.inv().apply(point)[:2]
+        law, follower = LOADED.laws[cam], LOADED.cams[cam].follower
+        contour = contours_at(follower, law, np.array([theta]))[0].points[:, 0]
+        np.testing.assert_allclose(of_cam, contour, rtol=0, atol=1e-9)
+    assert touching > 1000
+
+
 WANTED = ("/joint_states", "/follower/contact", "/cam/state")
 
 
-def test_two_readers_find_the_same(everything):
-    """By rosbags' own types, and by those in the file; log times are the stamps."""
+def test_two_readers_find_the_motion_of_the_samples(everything):
+    """By rosbags' own types, by those in the file: the samples' peaks, the shaft's power."""
     found = {topic: [] for topic in WANTED}
     for topic, log_time, message in everything:
         if topic in WANTED:
@@ -89,5 +136,17 @@ def test_two_readers_find_the_same(everything):
     joints, contacts = found["/joint_states"], others["/follower/contact"]
     assert {tuple(message.name) for message in joints} == {("cam", "follower")}
     assert {message.header.frame_id for message in contacts} == {"follower"}
-    forces = [message.effort[1] for message in joints]
-    assert [message.wrench.force.y for message in contacts] == forces
+    time = np.array([m.header.stamp.sec + m.header.stamp.nanosec / NS for m in joints])
+    angle, lift = np.array([message.position for message in joints]).T
+    speed, velocity = np.array([message.velocity for message in joints]).T
+    torque, force = np.array([message.effort for message in joints]).T
+    np.testing.assert_array_equal([message.wrench.force.y for message in contacts], force)
+    assert (np.diff(angle) > 0.0).all() and angle[-1] == pytest.approx(16 * TURN, rel=0.002)
+    touching = force != 0.0
+    power = force * velocity
+    np.testing.assert_allclose((torque * speed)[touching], power[touching], atol=1e-9 * power.max())
+    assert (torque[~touching] == 0.0).all() and 0.05 < touching.mean() < 1.0
+    for rows in (tick.rows for tick in read_ticks(GOLDEN)):
+        here = (time > rows[0, 0] - 1e-6) & (time < rows[0, -1] + 1e-6)
+        assert (force[here].max(), force[here].min()) == (rows[4].max(), rows[4].min())
+        assert lift[here].max() == rows[1].max()

@@ -1,6 +1,10 @@
 """A successor knows what its predecessor knew, bit for bit; a foreign file makes nothing."""
 
 import json
+import os
+import tempfile
+from pathlib import Path
+from zlib import crc32
 
 import numpy as np
 import pytest
@@ -10,7 +14,7 @@ from hypothesis import strategies as st
 from cam_rig.acoustics import MicrophoneState
 from cam_rig.dynamics import FollowerState
 from cam_rig.errors import RunError
-from cam_rig.live.checkpoint import Checkpoint, from_plain, to_plain
+from cam_rig.live.checkpoint import HEAD, MAX_BYTES, Checkpoint, from_plain, to_plain
 from cam_rig.live.flow_control import TICKS_KEPT
 from cam_rig.schema.load import config_root
 from cam_rig.simulation.scene import open_scene
@@ -94,7 +98,7 @@ FOREIGN = [
     record('"cam_rig.nothing:There"', "{}"),
     record('"cam_rig.acoustics.pressure:SoundSource"', "{}"),
     record("3", "{}"),
-    array("|O"),
+    *(array(kind) for kind in ("|O", "|V8", "f4,f4")),
     array("<f8", "00"),
     array("|u1", "00", "[1000000000000]"),
     "[" * 100_000,
@@ -106,9 +110,43 @@ FOREIGN = [
 def test_a_foreign_file_is_refused(tmp_path):
     """It makes nothing but the rig's own records."""
     for text in FOREIGN:
-        (tmp_path / "follower.json").write_text(text)
+        (tmp_path / "follower.json").write_text(f"{crc32(text.encode()):08x}\n{text}")
         with pytest.raises(RunError, match=r"follower\.json: is not a checkpoint of a node"):
             Checkpoint(str(tmp_path), "follower").all()
+
+
+def test_only_a_plain_file_of_its_size_is_read(tmp_path):
+    """A link is not followed, and what is too long is neither read nor written."""
+    file, other = tmp_path / "follower.json", tmp_path / "other.json"
+    other.write_text("[[0, 1]]")
+    os.symlink(other, file)
+    with pytest.raises(RunError, match="is not a checkpoint of a node"):
+        Checkpoint(str(tmp_path), "follower").all()
+    file.unlink()
+    with file.open("wb") as stream:
+        stream.truncate(HEAD + MAX_BYTES + 1)
+    with pytest.raises(RunError, match="allowed: 64 MiB"):
+        Checkpoint(str(tmp_path), "follower").all()
+    with pytest.raises(RunError, match=r"microphone\.json: has .* MiB; allowed: 64 MiB"):
+        Checkpoint(str(tmp_path), "microphone").save("x" * MAX_BYTES)
+
+
+@given(st.data())
+def test_a_damaged_file_is_refused(data):
+    """Whatever byte of it is another: no state of it is a wrong one, and no error another's."""
+    state = (STATES[1], MicrophoneState(1.0, 2.0), np.arange(3.0), {"a": (1, None)})
+    with tempfile.TemporaryDirectory() as folder:
+        Checkpoint(folder, "microphone").save(state)
+        file = Path(folder) / "microphone.json"
+        text = bytearray(file.read_bytes())
+        for _ in range(data.draw(st.integers(1, 3))):
+            place = data.draw(st.integers(0, len(text) - 1))
+            text[place] = data.draw(st.integers(0, 255) | st.sampled_from(b'[]{}",:0123456789'))
+        if bytes(text) == file.read_bytes():
+            return
+        file.write_bytes(bytes(text))
+        with pytest.raises(RunError, match="is not a checkpoint of a node"):
+            Checkpoint(folder, "microphone").all()
 
 
 def test_starts_are_counted_for_each_node(tmp_path):
@@ -118,4 +156,7 @@ def test_starts_are_counted_for_each_node(tmp_path):
     for starts in (1, 2, 3):
         Checkpoint(str(tmp_path), "follower").count_start()
         assert recorder.starts("follower") == starts
+    (tmp_path / "follower.starts").write_text("many")
+    with pytest.raises(RunError, match=r"follower\.starts: is not a count of starts"):
+        recorder.starts("follower")
     assert Checkpoint("", "recorder").starts("follower") == 1

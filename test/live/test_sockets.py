@@ -10,7 +10,7 @@ import pytest
 
 from cam_rig.errors import ConfigError, RunError
 from cam_rig.live import sockets
-from cam_rig.live.sockets import LineSocket, line_of, require_loopback
+from cam_rig.live.sockets import LineSocket, line_of, read_line, require_loopback
 
 
 @pytest.fixture
@@ -61,6 +61,12 @@ def test_an_end_is_named(ends):
     server.close()
     with pytest.raises(RunError, match="has ended"):
         node.receive()
+
+
+def test_what_is_no_object_is_refused():
+    for line in (b"[1]", b"{", b"", b"\xff", b"[" * 100_000):
+        with pytest.raises(RunError, match="is not a JSON object"):
+            read_line(line)
 
 
 def test_nobody_listens(tmp_path):

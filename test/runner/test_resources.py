@@ -75,7 +75,17 @@ def test_a_domain_is_held_once(monkeypatch, place):
     assert place.stat().st_mode & 0o777 == 0o700
 
 
-NO_DOMAINS = ("-1", "233", "08", "1e2", "٣", "7abc", "0x", "2_0")
+def test_the_same_number_is_the_same_domain(monkeypatch, place):
+    """ROS reads 030 as 24: whatever it is written like, there is one run in it."""
+    for one, other in (("030", "24"), ("0x10", "16"), ("", "0"), ("+7", "07")):
+        monkeypatch.setenv("ROS_DOMAIN_ID", one)
+        with own_domain():
+            monkeypatch.setenv("ROS_DOMAIN_ID", other)
+            with pytest.raises(RunError, match=f"ROS domain {int(other)}; "), own_domain():
+                pass
+
+
+NO_DOMAINS = ("-1", "233", "08", "1e2", "٣", "7abc", "0x", "1" * 5000, "2_0")
 
 
 @given(
@@ -117,6 +127,21 @@ def link(path):
 def open_to_all(folder):
     folder.mkdir()
     folder.chmod(0o777)
+
+
+@pytest.mark.parametrize("lay", [link, os.mkfifo, os.mkdir])
+def test_a_lock_that_somebody_else_has_laid_there(monkeypatch, place, lay):
+    """Neither followed nor waited for, and left as it is."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", "9")
+    with own_domain():
+        pass
+    lock = place / "cam_rig-domain-9.lock"
+    lock.unlink()
+    lay(lock)
+    words = r"domain-9\.lock: is not a file of yours; remove"
+    with pytest.raises(OutputError, match=words), own_domain():
+        pass
+    assert not lock.with_name("other").exists()
 
 
 @pytest.mark.parametrize("lay", [link, open_to_all, Path.touch])

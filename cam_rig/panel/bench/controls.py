@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, suppress
 from dataclasses import asdict
@@ -11,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from cam_rig.acoustics import RadiationParameters
-from cam_rig.errors import RefusedError
-from cam_rig.live.sockets import MAX_LINE, line_of
+from cam_rig.errors import RefusedError, RunError
+from cam_rig.live.sockets import MAX_LINE, line_of, read_line
 from cam_rig.nodes.parameters import ABOUT, KINDS, LIVE
 from cam_rig.panel import is_number
 from cam_rig.panel.bench.live_state import LiveState, PageSound
@@ -74,9 +73,9 @@ class NodeLink:
         self._writer = writer
         self.listen(self._listens)
         try:
-            with suppress(ConnectionError, ValueError):
+            with suppress(ConnectionError, RunError):
                 while line := await reader.readline():
-                    self._take(json.loads(line))
+                    self._take(read_line(line))
         finally:
             writer.close()
             if self._writer is writer:
