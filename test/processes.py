@@ -1,6 +1,5 @@
 """What Linux's own tables tell of processes, and a wait for what they do."""
 
-import subprocess
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -29,13 +28,6 @@ def children(pid):
     """The words of each process's command that one has begun, by their numbers."""
     found = " ".join(map(text_of, Path(f"/proc/{pid}/task").glob("*/children"))).split()
     return {int(child): text_of(f"/proc/{child}/cmdline").split("\0") for child in found}
-
-
-def started_with(path):
-    """The numbers of the processes in whose command a path stands."""
-    command = ["pgrep", "-f", str(path)]
-    found = subprocess.run(command, capture_output=True, text=True, check=False, timeout=100)
-    return found.stdout.split()
 
 
 def is_running(pid):

@@ -133,6 +133,31 @@ def rigs_of(bag: Path) -> list[str]:
     return sorted(set[str]().union(*(_rigs(reader) for reader in readers(bag))))
 
 
+def read_recording(bag: Path, scene: Path | None = None) -> SceneRun:
+    """A recorded run; ``scene`` is the one that was run, for a bag that has none attached."""
+    loaded = read_scene(bag) if scene is None else open_scene(scene)
+    states: list[CamState] = []
+    pressures: dict[int, float] = {}
+    both = {topics.CAM_STATE: cam_state_of, topics.PRESSURE: pressure_of}
+    for topic, found in decoded(bag, both):
+        if topic is topics.CAM_STATE:
+            states.append(found)
+        else:
+            pressures.update([found])
+    if other := {state.cam for state in states} - set(loaded.laws):
+        raise BagError(
+            f"{bag}: holds {', '.join(sorted(other))}; allowed: the cams of scene "
+            f"{loaded.scene.name}, {', '.join(loaded.laws)}, so name the scene that was run"
+        )
+    rate = int(loaded.scene.sample_rate.si)
+    ticks = tuple(
+        MeasuredTick.between(start, end, pressures[end.time_ns], rate)
+        for start, end in pairwise(states)
+        if end.time_ns in pressures and start.turns_until(end)
+    )
+    return SceneRun(loaded, ticks, bag, partial(read_ticks, bag), read_counts(bag))
+
+
 def read_ticks(bag: Path, namespace: str | None = None) -> Iterator[TickSamples]:
     """The follower's samples tick by tick, with the states of the cam between which they lie.
 
@@ -215,25 +240,4 @@ def read_bag(bag: str | Path, scene: str | Path | None = None) -> SceneRun:
     >>> recording.complete, list(recording.loaded.laws)
     (True, ['tm21', 'bezier15'])
     """
-    bag = Path(bag)
-    loaded = read_scene(bag) if scene is None else open_scene(named_path("scenes", scene))
-    states: list[CamState] = []
-    pressures: dict[int, float] = {}
-    both = {topics.CAM_STATE: cam_state_of, topics.PRESSURE: pressure_of}
-    for topic, found in decoded(bag, both):
-        if topic is topics.CAM_STATE:
-            states.append(found)
-        else:
-            pressures.update([found])
-    if other := {state.cam for state in states} - set(loaded.laws):
-        raise BagError(
-            f"{bag}: holds {', '.join(sorted(other))}; allowed: the cams of scene "
-            f"{loaded.scene.name}, {', '.join(loaded.laws)}, so name the scene that was run"
-        )
-    rate = int(loaded.scene.sample_rate.si)
-    ticks = tuple(
-        MeasuredTick.between(start, end, pressures[end.time_ns], rate)
-        for start, end in pairwise(states)
-        if end.time_ns in pressures and start.turns_until(end)
-    )
-    return SceneRun(loaded, ticks, bag, partial(read_ticks, bag), read_counts(bag))
+    return read_recording(Path(bag), None if scene is None else named_path("scenes", scene))

@@ -26,10 +26,17 @@ from cam_rig.live.checkpoint import Checkpoint
 from cam_rig.live.flow_control import MAX_STATES_UNFLUSHED
 from cam_rig.live.law_server import require_own_contour, require_own_law
 from cam_rig.live.state_validation import StateValidator
-from cam_rig.messages.codec import law_of
+from cam_rig.messages.codec import array_of, decode_law
 from cam_rig.messages.motion import MotionMessages
 from cam_rig.messages.serialization import cam_of, stamp_of
-from cam_rig.messages.topics import DIAGNOSTICS, LAW_COEFFICIENTS, PROFILE, Topic, recorded_topic
+from cam_rig.messages.topics import (
+    DIAGNOSTICS,
+    LAW_COEFFICIENTS,
+    PROFILE,
+    Publishers,
+    Topic,
+    recorded_topic,
+)
 from cam_rig.simulation.scene import LoadedScene
 
 PACKAGES = ("cam_rig", "numpy", "scipy", "pydantic", "mcap", "rosbags")
@@ -51,6 +58,7 @@ class BagRecorder:
         self,
         bag: Path,
         loaded: LoadedScene,
+        publishers: Publishers | None = None,
         resume: bool = False,
         namespace: str = "",
         points_per_turn: int = 0,
@@ -63,7 +71,7 @@ class BagRecorder:
         self._writer.attach("versions.json", versions())
         validator = StateValidator.of(loaded.scene)
         motion = MotionMessages(loaded, points_per_turn)
-        self._session = RecordingSession(self._writer, validator, self._check, motion)
+        self._session = RecordingSession(self._writer, validator, publishers, self._check, motion)
         self._unflushed = 0
         #: Stamps (ns) of the states that a predecessor had written.
         self.resumed: list[int] = []
@@ -109,7 +117,7 @@ class BagRecorder:
 
     def _check(self, topic: Topic, message: Any) -> None:
         if topic is LAW_COEFFICIENTS:
-            require_own_law(self._loaded, law_of(message))
+            require_own_law(self._loaded, decode_law(*array_of(message)))
         else:
             points = [(point.x, point.y) for point in message.polygon.points]
             require_own_contour(self._loaded, cam_of(message), np.array(points).T)
@@ -168,7 +176,15 @@ class BagRecorder:
         self._old = []
 
 
-def open_bag(checkpoint: Checkpoint, wanted: Path, loaded: LoadedScene, **how: Any) -> BagRecorder:
+def open_bag(
+    checkpoint: Checkpoint,
+    wanted: Path,
+    loaded: LoadedScene,
+    publishers: Publishers,
+    namespace: str = "",
+    points_per_turn: int = 0,
+    split: Split | None = None,
+) -> BagRecorder:
     """Begin a bag, or go on with the one that a killed predecessor was recording.
 
     The checkpoint names the bag before it is made, so that a kill at any moment leaves none that
@@ -176,10 +192,10 @@ def open_bag(checkpoint: Checkpoint, wanted: Path, loaded: LoadedScene, **how: A
     for this run's.
     """
     if own := checkpoint.newest():
-        return BagRecorder(Path(own), loaded, resume=True, **how)
-    require_new_bag(wanted)
+        return BagRecorder(Path(own), loaded, publishers, True, namespace, points_per_turn, split)
+    require_new_bag(wanted, split.last_number if split else 0)
     checkpoint.save(str(wanted))
-    return BagRecorder(wanted, loaded, **how)
+    return BagRecorder(wanted, loaded, publishers, False, namespace, points_per_turn, split)
 
 
 def files_to_resume(bag: Path) -> tuple[list[Path], list[Path]]:

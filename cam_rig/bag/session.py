@@ -19,7 +19,7 @@ from cam_rig.messages import topics
 from cam_rig.messages.codec import block_of, cam_state_of
 from cam_rig.messages.motion import DerivedMessage, MotionMessages
 from cam_rig.messages.serialization import cam_of, diagnosed_node, read_message, stamp_of
-from cam_rig.messages.topics import Topic, occasions
+from cam_rig.messages.topics import Publishers, Topic, occasions
 from cam_rig.simulation.schedule import CamState
 
 # Messages that wait for their state or for each other: a bounded number, in a flood too.
@@ -99,6 +99,8 @@ class Waiting:
             raise RefusedError(f"{topic.name}: more than {MAX_WAITING} messages of no known state")
 
 
+# The /diagnostics of the rig's nodes, each message once, in the order of rig time.
+
 #: What is said on wall time.
 OF_WALL_TIME = (topics.PACE, topics.SHOWN_MOTION)
 
@@ -163,6 +165,7 @@ class RecordingSession:
         self,
         writer: BagWriter,
         validator: StateValidator,
+        publishers: Publishers | None = None,
         check: Callable[[Topic, Any], None] = lambda _topic, _message: None,
         motion: MotionMessages | None = None,
     ) -> None:
@@ -170,6 +173,7 @@ class RecordingSession:
         self._motion = motion
         self._writer = writer
         self._validator, self._check = validator, check
+        self._publishers = publishers or Publishers()
         self._states: deque[tuple[CamState, bytes]] = deque()
         self._known: set[int] = set()
         self._before: CamState | None = None
@@ -179,6 +183,10 @@ class RecordingSession:
 
     def take(self, topic: Topic, cdr: bytes, source: bytes = b"", number: int = 0) -> list[int]:
         """Take message ``number`` of a process; stamps of the states written with it."""
+        if topic.derived:
+            raise RefusedError(f"{topic.name}: a recorder makes these messages itself")
+        if topic.owner:
+            self._publishers.require(topic.owner, topic, source)
         message, cdr = read_message(topic, cdr)
         if topic is topics.CAM_STATE:
             self._take_state(cam_state_of(message), cdr)
@@ -190,7 +198,10 @@ class RecordingSession:
                     f"{topic.name}: another one of {name!r}; allowed: one a recording"
                 )
         elif topic is topics.DIAGNOSTICS:
-            self._diagnostics.take(stamp_of(cdr), diagnosed_node(message), cdr)
+            node = diagnosed_node(message)
+            if node in topics.DIAGNOSED_NODES:
+                self._publishers.require(node, topic, source)
+            self._diagnostics.take(stamp_of(cdr), node, cdr)
         elif topic.twin:
             self._waiting.pair(topic, source, number, cdr)
         else:

@@ -29,7 +29,7 @@ SAMPLE_LABEL = "sample"
 #: A cam's name; its file has the same.
 CAM_NAME = re.compile(r"[a-z][a-z0-9_]{0,99}")
 #: The joints of a cam's state: the angle with all turns, and the angle within the turn, which has
-#: all its digits.
+#: all its digits. Bags of earlier versions have the first alone.
 CAM_JOINTS = ("cam", "cam_in_turn")
 #: Limits beyond any cam's pieces and degree: a receiver would compute for minutes.
 MAX_PIECES, MAX_DEGREE = 1000, 64
@@ -72,11 +72,6 @@ def decode_law(dimensions: Dimensions, data: FloatArray) -> Law:
     except CamRigError as error:
         raise RefusedError(f"law coefficients: {error}") from None
     return law
-
-
-def law_of(message: Any) -> Law:
-    """The law of a message of /cam/law_coefficients."""
-    return decode_law(*array_of(message))
 
 
 def encode_block(rows: FloatArray) -> tuple[Dimensions, FloatArray]:
@@ -125,14 +120,20 @@ def real_time_factor(value: float) -> float:
 def cam_state_of(message: Any) -> CamState:
     """The cam's state of a JointState; the frame names the mounted cam."""
     cam, count = str(message.header.frame_id), len(message.position)
-    if count != len(CAM_JOINTS) or len(message.velocity) != count or not CAM_NAME.fullmatch(cam):
+    if count not in (1, 2) or len(message.velocity) != count or not CAM_NAME.fullmatch(cam):
         raise RefusedError(
             f"cam state: {count} positions, {len(message.velocity)} velocities, frame "
-            f"{cam[:80]!r}; allowed: {' and '.join(CAM_JOINTS)}, and a cam's name"
+            f"{cam[:80]!r}; allowed: {' and '.join(CAM_JOINTS)}, or the first alone, and a cam's "
+            "name"
         )
-    unwrapped, angle = map(float, message.position)
-    read = CamState(stamp_ns(message.header.stamp), unwrapped, float(message.velocity[0]), cam)
-    require_possible(read)
+    time_ns, speed = stamp_ns(message.header.stamp), float(message.velocity[0])
+    state = CamState(time_ns, float(message.position[0]), speed, cam)
+    require_possible(state)
+    return state if count == 1 else _within_turn(state, float(message.position[1]))
+
+
+def _within_turn(read: CamState, angle: float) -> CamState:
+    """A state with its angle (rad) within the turn; ``read`` has the angle with all turns."""
     if not 0.0 <= angle < TURN:
         raise RefusedError(f"cam state: {angle!r} rad within the turn; allowed: 0 to 2π, without")
     turns = round((read.unwrapped - angle) / TURN)

@@ -5,11 +5,13 @@ The names are those of the root namespace; a rig in another one has its namespac
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Literal
 
 from cam_rig.dynamics import COLUMNS
+from cam_rig.errors import RunError
 from cam_rig.live.flow_control import HISTORY_DEPTH
 from cam_rig.live.state_validation import MAX_SAMPLES
 from cam_rig.simulation.schedule import CamState
@@ -161,3 +163,40 @@ def occasions(before: CamState | None, state: CamState) -> set[str]:
     if before is not None and before.turns_until(state):
         found.add("tick")
     return found
+
+
+# One publisher a topic: the node that owns it, whose messages alone a recording holds.
+
+
+class Publishers:
+    """The processes that have published as each node, which was started ``starts`` times."""
+
+    def __init__(
+        self,
+        starts: Callable[[str], int] = lambda _node: 1,
+        name_of: Callable[[Topic, bytes], str] = lambda _topic, source: source.hex(),
+    ) -> None:
+        self._starts, self._name_of = starts, name_of
+        #: By node and process, the topic of the first message.
+        self._sources: dict[str, dict[bytes, Topic]] = {}
+
+    def require(self, node: str, topic: Topic, source: bytes) -> None:
+        """Refuse another process than a node's own on its topics; an empty one is the recorder."""
+        known = self._sources.setdefault(node, {})
+        if not source or source in known:
+            return
+        if len(known) >= self._starts(node):
+            all_of_it = {source: topic, **known}
+            names = {one: self._name_of(where, one) for one, where in all_of_it.items()}
+            # The one without the node's name, though it may be the first; else the newest.
+            other = next((s for s, name in names.items() if name.split("/")[-1] != node), source)
+            raise second_publisher(all_of_it[other], node, names[other])
+        known[source] = topic
+
+
+def second_publisher(topic: Topic, node: str, other: str) -> RunError:
+    """The error that ends a run in which two processes publish as one node."""
+    return RunError(
+        f"{topic.name}: has a second publisher, {other}; allowed: one, this rig's {node}; end the "
+        "other, or set ROS_DOMAIN_ID to another number"
+    )

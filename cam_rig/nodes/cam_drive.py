@@ -19,7 +19,7 @@ from cam_rig.live.drive import DriveProgram, OperatorCommands
 from cam_rig.live.law_server import require_own_law
 from cam_rig.live.queues import RepeatBudget
 from cam_rig.messages import topics
-from cam_rig.messages.codec import law_of
+from cam_rig.messages.codec import array_of, decode_law
 from cam_rig.nodes.clock_source import ClockSource
 from cam_rig.nodes.convert import ERROR, OK, WARN, Activity, Diagnostics
 from cam_rig.nodes.rig_node import RigNode
@@ -27,6 +27,8 @@ from cam_rig.runner.node_table import held_by
 from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import RPM
+
+# The operator's controls of the drive: its services, its parameters, /cam/rpm.
 
 
 class DriveControls:
@@ -92,6 +94,8 @@ class DriveControls:
         if not result.successful:
             raise RefusedError(f"{topics.CAM_RPM.name}: is {message.data:g}: {result.reason}")
 
+
+# The law server as the drive sees it: requests for cams, and reports of mounted ones.
 
 #: Of the drive's own namespace.
 LAW_SERVER = "law_server"
@@ -212,7 +216,7 @@ class CamDrive(ClockSource):
         self.refuse(RefusedError(f"cam {cam!r}: the law server refuses it ({reason})"))
 
     def _on_law(self, message: Any) -> None:
-        law = law_of(message)
+        law = decode_law(*array_of(message))
         require_own_law(self._loaded, law)
         self.program.laws[law.name] = law
         self.turn()
@@ -241,8 +245,7 @@ class CamDrive(ClockSource):
             self._pace.report(state.time_ns, OK, "on time")
         self._repeats.publish()
         self._publish(state)
-        commanded = self.program.schedule.state.speed is not None
-        self.note_sent(state, self.program.sent - 1, commanded)
+        self.note_sent(state, self.program.sent - 1)
 
     def _publish(self, state: CamState) -> None:
         law = self.program.laws[state.cam]
@@ -270,6 +273,11 @@ class CamDrive(ClockSource):
         """The value that was set; of ``rpm``, the speed of the last state."""
         found: Parameter = super().get_parameter(name)
         return Parameter(name, value=round(self.speed.rpm, 9)) if name == "rpm" else found
+
+    @property
+    def is_commanded(self) -> bool:
+        """Whether the cam turns at a commanded speed."""
+        return self.program.schedule.state.speed is not None
 
     def activity(self) -> Activity:
         """What the node does now."""

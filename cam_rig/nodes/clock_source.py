@@ -104,6 +104,11 @@ class ClockSource(RigNode):
         """Send the next state, if it may go out; False when it may not."""
         raise NotImplementedError
 
+    @property
+    def is_commanded(self) -> bool:
+        """Whether the cam turns at another speed than the scene's."""
+        return False
+
     def resend(self) -> None:
         """Send once more what no node has answered; it may be lost to queue overflow."""
 
@@ -199,11 +204,11 @@ class ClockSource(RigNode):
             self.clock_ns = time_ns
             self._clock_out.publish(Clock(clock=to_time(time_ns)))
 
-    def note_sent(self, state: CamState, tick: int, commanded: bool = False) -> None:
-        """Note that a state went out, as an operator commanded or not; report it to the runner."""
+    def note_sent(self, state: CamState, tick: int) -> None:
+        """Note that a state went out, and report it to the runner."""
         self._moved, self.ticks = time.monotonic(), tick
         self._report_progress(tick=tick, cam=state.cam, rpm=to_rpm(state.speed))
-        if words := self.speed.note(state, commanded):
+        if words := self.speed.note(state, self.is_commanded):
             self.get_logger().info(words)
 
     def _report_progress(self, **values: Any) -> None:

@@ -223,6 +223,8 @@ def take_rest(spin_once: Callable[..., None], taken: Callable[[], int]) -> None:
         quiet = quiet + 1 if taken() == before else 0
 
 
+# What a node published for its last ticks, to be sent again to a node that did not get it.
+
 #: A publisher and its message.
 Published = tuple[Publisher, Any]
 

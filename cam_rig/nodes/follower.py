@@ -23,7 +23,13 @@ from cam_rig.live.playback import Playback, Shown, Tick
 from cam_rig.live.queues import FollowerQueue
 from cam_rig.live.state_validation import Admission
 from cam_rig.messages import topics
-from cam_rig.messages.codec import cam_state_of, encode_block, law_of, real_time_factor
+from cam_rig.messages.codec import (
+    array_of,
+    cam_state_of,
+    decode_law,
+    encode_block,
+    real_time_factor,
+)
 from cam_rig.messages.motion import OF_FOLLOWER, DerivedMessage, MotionMessages
 from cam_rig.messages.topics import Topic, motion_depth
 from cam_rig.nodes.convert import (
@@ -35,7 +41,7 @@ from cam_rig.nodes.convert import (
     to_header,
     to_joint_state,
 )
-from cam_rig.nodes.rig_node import RigNode, full_name
+from cam_rig.nodes.rig_node import RigNode
 from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.simulation.simulate import FollowerSimulator
@@ -165,9 +171,10 @@ class MotionPublisher:
 
     def _say_who_holds(self, topic: Topic, how_long: str) -> None:
         infos = self._node.get_subscriptions_info_by_topic(topic.relative)
-        nodes = ", ".join(sorted({full_name(info) for info in infos}))
-        words = f"left out for {how_long}, as one of its subscribers does not keep up: {nodes}"
-        self._node.get_logger().warning(f"{topic.name}: {words}", throttle_duration_sec=10.0)
+        nodes = {f"{info.node_namespace.rstrip('/')}/{info.node_name}" for info in infos}
+        words = f"{topic.name}: left out for {how_long}, as one of its subscribers does not keep up"
+        words += f": {', '.join(sorted(nodes))}"
+        self._node.get_logger().warning(words, throttle_duration_sec=10.0)
 
 
 class Follower(RigNode):
@@ -193,7 +200,7 @@ class Follower(RigNode):
         self.get_logger().info(self.activity().words)
 
     def _on_law(self, message: Float64MultiArray) -> None:
-        law = law_of(message)
+        law = decode_law(*array_of(message))
         require_own_law(self._loaded, law)
         self._ticks.add_law(law)
         self._turn()
@@ -221,7 +228,10 @@ class Follower(RigNode):
         self.health.report(end.time_ns, WARN if lost else OK, words, values)
         header = to_header(end.time_ns, "follower")
         motion = (state.displacement, state.velocity, state.contact_force)
-        messages = (to_array(*encode_block(block.rows)), to_joint_state(header, follower=motion))
+        messages = (
+            to_array(*encode_block(block.rows)),
+            to_joint_state(header, follower=motion),
+        )
         self._sent.publish(end.time_ns, list(zip(self._out, messages, strict=True)))
 
     def close(self) -> None:

@@ -14,8 +14,8 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
+from sensor_msgs.msg import FluidPressure, JointState
+from std_msgs.msg import Float64, Float64MultiArray
 from std_srvs.srv import Trigger
 
 from cam_rig.live.sockets import LineSocket
@@ -45,10 +45,8 @@ class Panel(RigNode):
         self._sound: Any = None
         self.subscribe(topics.CAM_STATE, self._on_state)
         self._stamps, self._levels = deque[int](), deque[float]()
-        self.subscribe(
-            topics.PRESSURE, lambda heard: self._read(self._stamps, stamp_ns(heard.header.stamp))
-        )
-        self.subscribe(topics.LEVEL, lambda heard: self._read(self._levels, heard.data))
+        self.subscribe(topics.PRESSURE, self._on_pressure)
+        self.subscribe(topics.LEVEL, self._on_level)
         self.subscribe(topics.DIAGNOSTICS, self._on_diagnostics)
         self.subscribe(topics.PARAMETER_EVENTS, self._on_parameters)
         self.every(LOOK_EVERY_S, self._exchange)
@@ -109,9 +107,16 @@ class Panel(RigNode):
         turned = {"time_ns": state.time_ns, "cam": state.cam, "rpm": to_rpm(state.speed)}
         self._line.put({"state": turned | {"angle": state.angle}})
 
-    def _read(self, queue: deque[Any], value: Any) -> None:
+    def _on_pressure(self, message: FluidPressure) -> None:
+        self._stamps.append(stamp_ns(message.header.stamp))
+        self._read()
+
+    def _on_level(self, message: Float64) -> None:
+        self._levels.append(message.data)
+        self._read()
+
+    def _read(self) -> None:
         """The n-th level belongs to the stamp of the n-th pressure."""
-        queue.append(value)
         while self._stamps and self._levels:
             read = {"time_ns": self._stamps.popleft(), "level": self._levels.popleft()}
             self._line.put(read)

@@ -6,7 +6,6 @@ import faulthandler
 import os
 import signal
 import sys
-import time
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -21,7 +20,7 @@ from rclpy.utilities import remove_ros_args
 
 from cam_rig.errors import CamRigError, ConfigError
 from cam_rig.nodes.rig_node import RigNode
-from cam_rig.nodes.run_end import POLL_S, have_left, staying_node
+from cam_rig.nodes.run_end import staying_node, wait_until_gone
 from cam_rig.runner.node_table import STAY
 from cam_rig.runner.resources import MAX_NAMESPACE
 
@@ -111,8 +110,7 @@ def _run(make: Callable[[], RigNode], request: StopRequest) -> int:
         code = _spin(node, request)
         if code or request.received or staying is None or not node.stays:
             return code
-        while not (have_left(staying, node.rig_publishers) or request.received):
-            time.sleep(POLL_S)
+        wait_until_gone(staying, node.rig_publishers, lambda: request.received)
         RigNode.runs_before += 1
 
 

@@ -18,7 +18,16 @@ from cam_rig.errors import CamRigError
 from cam_rig.messages import topics
 from cam_rig.nodes.convert import OK, message_class, qos, require_length, to_header
 from cam_rig.nodes.rig_node import RigNode
-from cam_rig.nodes.run_end import DELIVERY_S, FinishedRun, have_left
+from cam_rig.nodes.run_end import (
+    DELIVERY_S,
+    POLL_S,
+    DriveAbsence,
+    FinishedRun,
+    Identities,
+    have_left,
+    publishers,
+)
+from cam_rig.runner.node_table import WAIT
 from cam_rig.runner.resources import own_recorder
 from cam_rig.simulation.scene import open_scene
 
@@ -38,18 +47,16 @@ class Recorder(RigNode):
         loaded = open_scene(Path(self.given["scene"]))
         default = time.strftime(f"bags/{loaded.scene.name}_%Y-%m-%d_%H-%M-%S")
         bag = _next_bag(Path(self.given["bag"] or default), self.runs_before)
-        namespace = self.get_namespace().rstrip("/")
+        self._sources = topics.Publishers(self.checkpoint.starts, self._name_of)
+        namespace, points = self.get_namespace().rstrip("/"), self.given["points_per_turn"]
         self._lock = ExitStack()
         self._lock.enter_context(own_recorder(self.context.get_domain_id(), namespace))
         split = Split(self.given["max_bagfile_size"], self.given["max_bagfile_duration"])
-        points = self.given["points_per_turn"]
-        self._bag = open_bag(
-            self.checkpoint, bag, loaded, namespace=namespace, points_per_turn=points, split=split
-        )
+        self._bag = open_bag(self.checkpoint, bag, loaded, self._sources, namespace, points, split)
         self._written, self._quiet = self.publisher(topics.RECORDED), True
         self._path, self._newest = bag, -1
         self._end_ns: int | None = None
-        self._deadline = 0.0
+        self._deadline, self._drives = 0.0, Identities()
         self._closed = self.publisher(topics.CLOSED)
         self._acknowledge(self._bag.resumed)
         # diagnoses first: DDS discovers in this order, and the last state ends the drive
@@ -60,13 +67,23 @@ class Recorder(RigNode):
         self.every(0.25, self._idle)
         self.get_logger().info(f"recording into {bag}, waiting for the other nodes")
 
-    def run_is_over(self, run: FinishedRun) -> None:
-        """Close the bag when it is complete."""
+    def listen_for_end(self) -> None:
+        """Close the bag when the run is over."""
+        if self.given["at_end"] != WAIT:
+            topic = topics.FINISHED
+            take = self._on_finished
+            self.create_subscription(message_class(topic), topic.relative, take, qos(topic))
+            self.every(POLL_S, DriveAbsence(self).poll)
+
+    def _on_finished(self, message: Any, about: dict[str, Any]) -> None:
+        run = FinishedRun.of(message)
+        self._sources.require(topics.FINISHED.owner, topics.FINISHED, process_of(about))
+        if self._end_ns is not None:
+            return
+        self.remember_publishers()
+        self._drives = publishers(self, self.resolve_topic_name(topics.FINISHED.relative))
         self._end_ns, self._deadline = run.stamp_ns, time.monotonic() + QUIET_S
         self._end_if_complete()
-
-    def drive_has_left(self) -> None:
-        """The rest is on its way all the same."""
 
     def _end_if_complete(self) -> None:
         """Close when the last state is written, or when nothing has come for a while."""
@@ -83,6 +100,11 @@ class Recorder(RigNode):
             self.taken += 1
 
         return take
+
+    def _name_of(self, topic: topics.Topic, process: bytes) -> str:
+        """The node that publishes on a topic from a process, by discovery."""
+        known = self.publishers_of(topic).items()
+        return next((name for gid, name in known if gid.startswith(process)), process.hex())
 
     def _acknowledge(self, stamps: list[int]) -> None:
         for stamp in stamps:
@@ -124,7 +146,7 @@ class Recorder(RigNode):
         self._bag.close()
         self._closed.publish(String(data=str(self._path)))
         deadline = time.monotonic() + DELIVERY_S
-        while not have_left(self, self.run_end.drives) and time.monotonic() < deadline:
+        while not have_left(self, self._drives) and time.monotonic() < deadline:
             time.sleep(0.02)
 
 

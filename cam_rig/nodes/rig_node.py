@@ -23,13 +23,12 @@ from rclpy.publisher import Publisher
 from rclpy.serialization import deserialize_message
 from rclpy.task import Future
 from rclpy.timer import Timer
-from rclpy.topic_endpoint_info import TopicEndpointInfo
 from std_srvs.srv import Trigger
 
 from cam_rig.errors import CamRigError, ConfigError, RunError, did_you_mean
 from cam_rig.files import read_bytes
 from cam_rig.live.checkpoint import Checkpoint
-from cam_rig.messages.topics import DIAGNOSTICS, HEARTBEAT, READY, TOPICS, Topic
+from cam_rig.messages.topics import DIAGNOSTICS, HEARTBEAT, READY, TOPICS, Topic, second_publisher
 from cam_rig.nodes.convert import (
     OK,
     SILENT_S,
@@ -43,10 +42,12 @@ from cam_rig.nodes.convert import (
     to_diagnosis,
 )
 from cam_rig.nodes.parameters import PARAMETERS, Spec
-from cam_rig.nodes.run_end import FinishedRun, RunEnd, publishers
+from cam_rig.nodes.run_end import EndWithTheDrive, publishers
 from cam_rig.runner.node_table import STAY
 from cam_rig.runner.resources import namespace_named
 from cam_rig.schema.load import MAX_BYTES
+
+# Publishing beside subscribers that hold a writer up: nothing the rig needs is left out.
 
 #: Wall time (s) that a message may wait for its writer. DDS gives up after 0.1 s each time: the
 #: writer is busy while it sends again what a reliable subscriber, full and never read, refuses.
@@ -73,6 +74,9 @@ class RigPublisher(Publisher):
         except rclpy_implementation.RCLError:
             return False
         return True
+
+
+# Parameters as rclpy has them: declared from the table, converted, checked.
 
 
 def descriptor(spec: Spec) -> ParameterDescriptor:
@@ -125,6 +129,9 @@ def convert(table: tuple[Spec, ...], parameters: list[Parameter]) -> list[Parame
     ]
 
 
+# One scene for all nodes: each says which it has, and the drive refuses another.
+
+
 def scene_mark(scene: str) -> str:
     """A scene's file name and a checksum of what it holds; empty where there is no such file."""
     try:
@@ -153,11 +160,6 @@ WATCH_PERIOD_S = 0.25
 NAME_TIMEOUT_S = 5.0
 #: Wall time (s) between two heartbeats.
 HEARTBEAT_S = 1.0
-
-
-def full_name(info: TopicEndpointInfo) -> str:
-    """A discovered node's name with its namespace."""
-    return f"{info.node_namespace.rstrip('/')}/{info.node_name}"
 
 
 class RigNode(Node):
@@ -231,14 +233,7 @@ class RigNode(Node):
 
     def listen_for_end(self) -> None:
         """End with the run, as the parameter at_end asks."""
-        self.run_end = RunEnd(self)
-
-    def run_is_over(self, run: FinishedRun) -> None:
-        """The drive has said that the run is over."""
-
-    def drive_has_left(self) -> None:
-        """After the run is over."""
-        self.finish()
+        EndWithTheDrive(self)
 
     def activity(self) -> Activity:
         """What the node does now."""
@@ -351,19 +346,22 @@ class RigNode(Node):
         words = f"{self.get_name()} {scene_mark(self.given.get('scene', ''))}".rstrip()
         self._ready.publish(message_class(READY)(data=words))
 
-    def _publishers_of(self, topic: Topic) -> list[str]:
-        """The nodes that publish on a topic, by discovery.
+    def publishers_of(self, topic: Topic) -> dict[bytes, str]:
+        """The publishers of a topic, by discovery: their node's name by DDS identity.
 
         One of another type is none: DDS connects it to nobody. A new node's name may be discovered
         after its publisher: it is waited for, as only a program that is no ROS node never has one.
         """
         deadline = time.monotonic() + NAME_TIMEOUT_S
         while True:
-            infos = self.get_publishers_info_by_topic(topic.relative)
-            names = [full_name(info) for info in infos if info.topic_type == topic.type]
-            known = [name for name in names if "UNKNOWN" not in name]
-            if len(known) == len(names) or time.monotonic() > deadline:
-                return [*known, *["a program that is not a ROS node"] * (len(names) - len(known))]
+            found = {
+                bytes(info.endpoint_gid): f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+                for info in self.get_publishers_info_by_topic(topic.relative)
+                if info.topic_type == topic.type
+            }
+            unnamed = {gid for gid, name in found.items() if "UNKNOWN" in name}
+            if not unnamed or time.monotonic() > deadline:
+                return found | dict.fromkeys(unnamed, "a program that is not a ROS node")
             time.sleep(0.02)
 
     def _watch(self) -> None:
@@ -372,12 +370,10 @@ class RigNode(Node):
             most = self.checkpoint.starts(topic.owner)
             if self.count_publishers(topic.relative) <= most:
                 continue
-            if len(names := self._publishers_of(topic)) > most:
+            if len(names := list(self.publishers_of(topic).values())) > most:
                 own = self.get_fully_qualified_name()
                 others = [name for name in names if name != own] or names[1:]
-                words = f"has a second publisher, {', '.join(others)}; allowed: one, this rig's "
-                words += f"{topic.owner}; end the other, or set ROS_DOMAIN_ID to another number"
-                self.fail(RunError(f"{topic.name}: {words}"))
+                self.fail(second_publisher(topic, topic.owner, ", ".join(others)))
 
     def finish(self) -> None:
         """End the process with code 0."""

@@ -7,6 +7,8 @@ stays is made anew, in the same process, once every publisher of the old run has
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
 import rclpy
@@ -53,6 +55,12 @@ def staying_node(name: str) -> Node:
     )
 
 
+def wait_until_gone(node: Node, known: Identities, stopped: Callable[[], bool]) -> None:
+    """Return when all publishers have left, or a signal to stop has come."""
+    while not (have_left(node, known) or stopped()):
+        time.sleep(POLL_S)
+
+
 def have_left(node: Node, known: Identities) -> bool:
     """Whether none of some publishers is there any longer."""
     there = publishers(node, *known)
@@ -81,42 +89,45 @@ class FinishedRun(NamedTuple):
         return cls(message.level, message.message, int(values["ticks"]), int(values["stamp_ns"]))
 
 
-class RunEnd:
-    """Ends a node with its run: when the drive has said that it is over, and has left.
-
-    A drive that was there may leave without a word too; but not one that comes back, as with a
-    checkpoint folder.
-    """
+class DriveAbsence:
+    """Ends a node whose drive was there, and has left without saying that the run is over."""
 
     def __init__(self, node: RigNode) -> None:
         self._node, self._known, self._polls = node, False, 0
-        #: Who published on `FINISHED` when the drive said so; empty before.
-        self.drives = Identities()
-        if node.given["at_end"] != WAIT:
-            node.subscribe(topics.FINISHED, self._on_finished)
-            node.every(POLL_S, self.poll)
-
-    def _on_finished(self, message: DiagnosticStatus) -> None:
-        run = FinishedRun.of(message)
-        if self.drives:
-            return
-        self._node.remember_publishers()
-        name = self._node.resolve_topic_name(topics.FINISHED.relative)
-        self.drives = publishers(self._node, name)
-        self._node.run_is_over(run)
+        self._returns = bool(node.given["checkpoint"])
 
     def poll(self) -> None:
         """Look whether the drive is there; to be called every `POLL_S`."""
-        if self.drives:
-            if have_left(self._node, self.drives):
-                self._node.drive_has_left()
-            return
         is_there = self._node.count_publishers(topics.FINISHED.relative) > 0
         self._known |= is_there
         self._polls = 0 if is_there or not self._known else self._polls + 1
-        returns = bool(self._node.given["checkpoint"])
-        if self._polls * POLL_S < ABSENT_S or returns or self._node.done.done():
+        if self._polls * POLL_S < ABSENT_S or self._returns or self._node.done.done():
             return
         self._node.get_logger().warning("the drive has left without saying that the run is over")
         self._node.remember_publishers()
         self._node.finish()
+
+
+class EndWithTheDrive:
+    """Ends a node when the drive has said that the run is over, and has left."""
+
+    def __init__(self, node: RigNode) -> None:
+        self._node, self._drives = node, Identities()
+        self._absence = DriveAbsence(node)
+        if node.given["at_end"] != WAIT:
+            node.subscribe(topics.FINISHED, self._on_finished)
+            node.every(POLL_S, self._watch)
+
+    def _on_finished(self, message: DiagnosticStatus) -> None:
+        FinishedRun.of(message)
+        if self._drives:
+            return
+        self._node.remember_publishers()
+        name = self._node.resolve_topic_name(topics.FINISHED.relative)
+        self._drives = publishers(self._node, name)
+
+    def _watch(self) -> None:
+        if not self._drives:
+            self._absence.poll()
+        elif have_left(self._node, self._drives):
+            self._node.finish()

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from cam_rig.bag.completeness import require_complete
-from cam_rig.bag.reader import read_bag
+from cam_rig.bag.reader import read_recording
 from cam_rig.errors import BagError
 from cam_rig.laws import Law
 from cam_rig.laws.cam import CamSet
@@ -38,7 +38,7 @@ class Recorded:
 
 def read_recorded(bag: Path, loaded: LoadedScene) -> Recorded:
     """Read a bag of that scene."""
-    recording = read_bag(bag)
+    recording = read_recording(bag)
     _require_same(bag, recording.loaded, loaded)
     require_complete(bag, loaded.scene)
     levels = step_levels(recording.ticks, loaded.scene.program.settle_turns.si)

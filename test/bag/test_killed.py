@@ -8,7 +8,7 @@ import pytest
 from mcap.opcode import Opcode
 
 from cam_rig.bag.files import bag_file, is_closed, is_unclosed, mcap_files, why_not_a_bag
-from cam_rig.bag.reader import messages, read_bag, read_counts
+from cam_rig.bag.reader import messages, read_counts, read_recording
 from cam_rig.bag.recorder import BagRecorder, files_to_resume, open_bag
 from cam_rig.bag.records import records_of
 from cam_rig.bag.recover import NOTHING_RECORDED, examine, recover, recover_in_place, state_words
@@ -16,7 +16,7 @@ from cam_rig.bag.split import Split
 from cam_rig.bag.writer import BagWriter
 from cam_rig.errors import BagError
 from cam_rig.live.checkpoint import Checkpoint
-from cam_rig.messages.topics import LEVEL, RECORDING
+from cam_rig.messages.topics import LEVEL, RECORDING, Publishers
 
 from .bags import GOLDEN, LOADED, cut_off, killed_bags, payloads, record
 
@@ -112,7 +112,7 @@ def test_a_recorder_may_be_killed_while_it_closes(tmp_path, golden, straight, so
         if is_unclosed(bag):
             state_words(bag)
         assert payloads(bag) == once(straight)
-        assert len(read_bag(bag).ticks) == 16
+        assert len(read_recording(bag).ticks) == 16
 
 
 @SOME
@@ -147,7 +147,7 @@ def test_killed_while_it_splits_it_has_what_was_flushed(tmp_path, golden, straig
             assert words
         few(bag, golden, resume=True, split=SPLIT).close()
         assert payloads(bag) == once(straight_split)
-        assert len(read_bag(bag).ticks) == 16
+        assert len(read_recording(bag).ticks) == 16
         assert set(names(bag)) == {".mcap", ".yaml"}
 
 
@@ -214,7 +214,7 @@ def test_a_successor_of_a_recorder_that_had_closed_goes_on(tmp_path, golden):
     bag = tmp_path / "bag"
     few(bag, golden[: len(golden) // 2]).close()
     few(bag, golden, resume=True).close()
-    assert len(read_bag(bag).ticks) == 16
+    assert len(read_recording(bag).ticks) == 16
 
 
 def test_a_recorder_that_was_killed_at_once_has_recorded_nothing(tmp_path):
@@ -341,8 +341,8 @@ def test_a_recorder_that_was_killed_at_once_has_a_successor(
 
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
         patch.setattr("cam_rig.bag.recorder.BagWriter", die)
-        open_bag(Checkpoint(str(tmp_path), "recorder"), bag, LOADED)
-    successor = open_bag(Checkpoint(str(tmp_path), "recorder"), other, LOADED)
+        open_bag(Checkpoint(str(tmp_path), "recorder"), bag, LOADED, Publishers())
+    successor = open_bag(Checkpoint(str(tmp_path), "recorder"), other, LOADED, Publishers())
     for topic, number, cdr in golden[:30]:
         successor.take(topic, cdr, b"live", number)
     successor.close()
@@ -357,5 +357,5 @@ def test_a_folder_that_was_there_is_nobodys_to_take_over(tmp_path):
     theirs.mkdir()
     for _ in range(2):
         with pytest.raises(BagError, match="exists already, not overwriting"):
-            open_bag(Checkpoint(str(tmp_path), "recorder"), theirs, LOADED)
+            open_bag(Checkpoint(str(tmp_path), "recorder"), theirs, LOADED, Publishers())
     assert list(theirs.iterdir()) == []

@@ -2,16 +2,17 @@
 
 import random
 import struct
+from contextlib import suppress
 
 import pytest
 
 from cam_rig.bag.replay import played, quantity_of
 from cam_rig.bag.session import RecordingSession
-from cam_rig.errors import RefusedError
+from cam_rig.errors import RefusedError, RunError
 from cam_rig.live.state_validation import StateValidator
 from cam_rig.messages import topics
 from cam_rig.messages.serialization import header, new, read_message, serialize, stamp_of
-from cam_rig.messages.topics import QUANTITY
+from cam_rig.messages.topics import QUANTITY, Publishers
 
 from .bags import GOLDEN
 
@@ -32,8 +33,8 @@ def shuffled(messages, seed):
     return order
 
 
-def record(messages, kept):
-    session = RecordingSession(kept, StateValidator(RATE))
+def record(messages, kept, starts=1):
+    session = RecordingSession(kept, StateValidator(RATE), Publishers(lambda _node: starts))
     written = []
     for topic, number, cdr, *source in messages:
         written += session.take(topic, cdr, *(source or [LIVE]), number)
@@ -128,13 +129,13 @@ def test_a_node_that_was_started_again_changes_nothing(golden, kept, back):
             own.append((topic, number - (9 - back) + 1, cdr, AGAIN))
     before = [(*m, LIVE) for m in golden[:killed]]
     after = [(*m, LIVE) for m in golden[killed:] if m[0] not in published]
-    record([*before, *shuffled([*own, *after], 1)], kept)
+    record([*before, *shuffled([*own, *after], 1)], kept, starts=2)
     assert by_topic(kept) == straight
 
 
 def test_what_is_known_is_not_contradicted(golden, kept):
     """A node that was started again differs about a tick: what was here first stays."""
-    session = RecordingSession(kept, StateValidator(RATE))
+    session = RecordingSession(kept, StateValidator(RATE), Publishers(lambda _node: 2))
     state, pressure = (
         next(m for m in golden if m[0] is topic) for topic in (topics.CAM_STATE, topics.PRESSURE)
     )
@@ -144,6 +145,40 @@ def test_what_is_known_is_not_contradicted(golden, kept):
     other[-10] ^= 1
     with pytest.raises(RefusedError, match="two messages that differ"):
         session.take(topics.PRESSURE, bytes(other), AGAIN, 1)
+
+
+OWNED = [topic for topic in topics.RECEIVED if topic.owner]
+
+
+@pytest.mark.variants(6)
+@pytest.mark.parametrize("topic", OWNED, ids=lambda t: t.name)
+@pytest.mark.parametrize("forged_first", [False, True])
+def test_a_second_publisher_ends_a_recording(golden, kept, topic, forged_first):
+    """Whoever comes first, and equal bytes or not: two publish for one node; the other is named."""
+    name = {b"forger": "/rogue", LIVE: f"/rig/{topic.owner}"}
+    publishers = Publishers(name_of=lambda _topic, source: name[source])
+    session = RecordingSession(kept, StateValidator(RATE), publishers)
+    forger = {True: b"forger", False: LIVE}[forged_first]
+    known = [m for m in golden if m[0].owner == topic.owner]
+    example = next(cdr for other, _, cdr in golden if other is topic)
+    session.take(topic, example, forger, 1)
+    if not forged_first:
+        for other, number, cdr in known[1:]:
+            session.take(other, cdr, LIVE, number)
+    with pytest.raises(RunError) as refused:
+        session.take(topic, example, b"forger" if forger is LIVE else LIVE, 1)
+    words = f"{topic.name}: has a second publisher, /rogue; allowed: one, this rig's {topic.owner}"
+    assert str(refused.value).startswith(words)
+
+
+def test_a_forged_diagnosis_ends_a_recording(golden, kept):
+    """The microphone's diagnostics from another process than its levels are refused."""
+    session = RecordingSession(kept, StateValidator(RATE))
+    level = next(m[2] for m in golden if m[0] is topics.LEVEL)
+    session.take(topics.LEVEL, level, LIVE, 1)
+    session.take(topics.DIAGNOSTICS, of_speaker("microphone", 0), LIVE, 1)
+    with pytest.raises(RunError, match="/diagnostics: has a second publisher"):
+        session.take(topics.DIAGNOSTICS, of_speaker("microphone", 1), b"forger", 1)
 
 
 def test_a_law_that_is_not_the_files_is_refused(golden, kept):
@@ -219,12 +254,26 @@ def test_only_the_rig_is_diagnosed_in_its_own_time(golden, kept):
     assert by_topic(kept) == straight
 
 
+def test_what_a_recorder_makes_itself_is_not_taken(kept):
+    """Whoever publishes it: the derived messages of a bag follow from its samples."""
+    session = RecordingSession(kept, StateValidator(RATE))
+    for topic in set(topics.RECORDING) - set(topics.RECEIVED):
+        with pytest.raises(RefusedError, match=f"{topic.name}: a recorder makes these"):
+            session.take(topic, b"", LIVE, 1)
+
+
 def test_bytes_of_no_message_are_refused(golden, kept):
-    """Raw subscriptions check nothing, so this does."""
+    """Raw subscriptions check nothing, so this does; a flipped byte is taken or refused."""
     for topic in topics.RECEIVED:
         for cdr in (b"", b"\0\1\0\0", b"\xff" * 40):
             with pytest.raises(RefusedError):
                 RecordingSession(kept, StateValidator(RATE)).take(topic, cdr)
+    state = next(cdr for topic, _, cdr in golden if topic is topics.CAM_STATE)
+    for place in range(4, len(state), 3):
+        cdr = bytearray(state)
+        cdr[place] ^= 0xFF
+        with suppress(RefusedError):
+            RecordingSession(kept, StateValidator(RATE)).take(topics.CAM_STATE, bytes(cdr))
 
 
 def test_the_gaps_of_the_alignment_are_zero(golden):
@@ -256,3 +305,9 @@ def test_a_quantity_is_a_value_and_no_part_of_a_sentence(words):
     assert quantity_of(diagnosis("microphone", words, **{QUANTITY: "LCS"})) == "LCS"
     assert quantity_of(diagnosis("microphone", words)) == ""
     assert quantity_of(diagnosis("follower", words, **{QUANTITY: "LCS"})) == ""
+
+
+@pytest.mark.parametrize("value", ["", "L", "LBF", "LAFx", "laf"])
+def test_what_is_no_level_is_not_set(value):
+    """A bag may be of anybody's making: a symbol that no meter has is as none."""
+    assert quantity_of(diagnosis("microphone", "hears LAF", **{QUANTITY: value})) == ""

@@ -13,7 +13,7 @@ from rosbags.rosbag2.metadata import parse_qos
 from cam_rig.bag.file_writer import NEVER
 from cam_rig.bag.files import is_unclosed, mcap_files
 from cam_rig.bag.partial_reader import attachments
-from cam_rig.bag.reader import read_bag, read_counts
+from cam_rig.bag.reader import read_counts, read_recording
 from cam_rig.bag.recover import recover
 from cam_rig.bag.replay import compare, played
 from cam_rig.bag.split import Split
@@ -37,7 +37,7 @@ def test_the_files_read_as_one(whole, split):
     assert not is_unclosed(split)
     assert payloads(split) == payloads(whole)
     assert read_counts(split) == read_counts(whole)
-    one, other = read_bag(whole), read_bag(split)
+    one, other = read_recording(whole), read_recording(split)
     assert other.ticks == one.ticks and len(one.ticks) == 16
     assert all(entry.difference == 0.0 for entry in compare(whole, split))
     assert list(played(split)) == list(played(whole))
@@ -133,7 +133,7 @@ def test_a_file_stands_alone(split):
         assert topics <= {channel.topic for channel in about.channels.values()}
         assert all(about.schemas[c.schema_id].data for c in about.channels.values())
         assert "versions.json" in {attached.name for attached in attachments(file)}
-        alone = read_bag(file)
+        alone = read_recording(file)
         assert alone.loaded.scene.name == "quick"
         ticks += len(alone.ticks)
     borders = len(mcap_files(split)) - 1  # a tick that ends in the next file begins in this one
@@ -176,7 +176,7 @@ def test_a_split_bag_is_recovered_into_one_file(whole, split, tmp_path):
     assert saved.whole and "nothing lost" in saved.words
     assert len(mcap_files(tmp_path / "copy")) == 1
     assert payloads(tmp_path / "copy") == payloads(whole)
-    assert len(read_bag(tmp_path / "copy").ticks) == 16
+    assert len(read_recording(tmp_path / "copy").ticks) == 16
 
 
 def test_a_file_that_is_missing_is_named(split, tmp_path):

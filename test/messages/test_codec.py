@@ -83,6 +83,13 @@ def test_a_cam_state_comes_back_bit_for_bit():
             assert cam_state_of(message([state.unwrapped, state.angle])) == state
 
 
+def test_a_cam_state_of_before_is_taken():
+    """A bag that has the angle as one number is read, to what that holds."""
+    state = cam_state_of(message([2000.0 * TURN + 1.25]))
+    assert state.turns == 2000
+    assert state.angle == pytest.approx(1.25, abs=4e-12)
+
+
 @pytest.mark.parametrize(
     ("positions", "words"),
     [
@@ -90,9 +97,9 @@ def test_a_cam_state_comes_back_bit_for_bit():
         ([7.0, 7.0], r"7.0 rad within the turn; allowed: 0 to 2π"),
         ([7.0, float("nan")], r"nan rad within the turn; allowed"),
         ([0.5, -1e-9], r"allowed: 0 to 2π"),
-        ([1.0], r"1 positions, 1 velocities.*allowed: cam and cam_in_turn, and a cam's name"),
+        ([1.0, 1.0, 1.0], r"3 positions, 3 velocities.*cam and cam_in_turn, or the first alone"),
         ([], r"0 positions, 0 velocities"),
-        ([1e300, 1.0], r"θ 1e\+300 rad.*allowed"),
+        ([1e300], r"θ 1e\+300 rad.*allowed"),
     ],
 )
 def test_what_is_not_a_cam_state_is_refused(positions, words):

@@ -1,6 +1,7 @@
 """Runs of the nodes: all in this process, a thread each, or as processes; and what they leave."""
 
 import json
+import subprocess
 import time
 from contextlib import ExitStack, nullcontext, suppress
 from importlib import import_module
@@ -95,10 +96,8 @@ class OneProcess:
         return self._threads[name].is_alive()
 
     def progress(self):
-        """What the drive reports, until it is done; raises what has ended a node."""
-        is_over = False
-        while not is_over:
-            is_over = not self.is_running(self._source) and self._reports.empty()
+        """What the drive reports, until it is done; raises what has ended another node."""
+        while self.is_running(self._source) or not self._reports.empty():
             for node in self.nodes.values():
                 if node.failure is not None:
                     raise node.failure
@@ -154,6 +153,14 @@ def unused():
     all runs on this machine share them."""
     names = {path.name for path in Path("/dev/shm").glob("*fastdds*")} - mapped()
     return {name for name in names if "port7" not in name}
+
+
+def node_processes(path):
+    """Processes of a run, found by a path that they were started with."""
+    found = subprocess.run(
+        ["pgrep", "-f", str(path)], capture_output=True, text=True, check=False, timeout=100
+    )
+    return found.stdout.split()
 
 
 def wait_until(condition):

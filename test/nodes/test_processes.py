@@ -11,14 +11,14 @@ import time
 
 import pytest
 
-from cam_rig.bag.reader import read_bag
+from cam_rig.bag.reader import read_recording
 from cam_rig.nodes.__main__ import start
 from cam_rig.runner.graph import Graph
 from cam_rig.runner.node_process import NodeProcess
 from cam_rig.schema.load import config_root
 
-from ..processes import sockets, started_with
-from .conftest import has_ticks, patient, wait_until
+from ..processes import sockets
+from .conftest import has_ticks, node_processes, patient, wait_until
 
 pytestmark = pytest.mark.ros
 LONG = pytest.mark.long
@@ -59,7 +59,7 @@ def test_no_socket_leaves_the_machine(forked, domain, short_scene, tmp_path, mon
         found = wait_until(addresses_of_all)
         assert set(graph.processes) == set(NODES)
     assert set.union(*found) <= {"127.0.0.1", "239.255.0.1"}
-    assert started_with(tmp_path / "bag") == []
+    assert node_processes(tmp_path / "bag") == []
 
 
 @pytest.mark.parametrize(
@@ -72,13 +72,25 @@ def test_a_signal_ends_all_and_closes_the_bag(domain, short_scene, tmp_path, nam
     command += ["--pacing", "0.3x"]  # no end before the test's
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     wait_until(lambda: has_ticks(bag))
-    assert len(started_with(short_scene)) > 5  # the runner and its five nodes
+    assert len(node_processes(short_scene)) > 5  # the runner and its five nodes
     process.send_signal(number)
     _, words = process.communicate(timeout=100)
     assert process.returncode == 128 + number
     assert f"interrupted by {name}" in words
-    assert read_bag(bag).ticks
-    assert started_with(short_scene) == []
+    assert read_recording(bag).ticks
+    assert node_processes(short_scene) == []
+
+
+def test_a_run_that_is_interrupted_before_it_began_has_recorded_nothing(
+    forked, domain, short_scene, tmp_path
+):
+    """And reports so, not that a bag was closed."""
+    logged = []
+    graph = Graph(patient(short_scene, tmp_path / "bag"), log=logged.append)
+    with pytest.raises(KeyboardInterrupt), graph:
+        raise KeyboardInterrupt
+    assert logged == ["nothing was recorded"]
+    assert all(process.code == 0 for process in graph.processes.values())
 
 
 # A node that cannot go on: its error reaches the user, with a code.
@@ -101,8 +113,12 @@ def run_here(monkeypatch, capfd):
 
 
 FAILURES = (
+    ("cam_drive", "-p consumers:=['bogus']", 2, "consumers: has bogus; allowed: recorder, "),
+    ("law_server", "-p scene:=5", 2, "scene: is 5; allowed: a text"),
     ("follower", "-p scene:=none.yaml", 2, "none.yaml: no such file"),
     ("follower", "-p scene:=quik", 2, "did you mean 'quick'?"),
+    ("microphone", "-p frequency_weighting:=B", 2,
+     "frequency_weighting: has B; allowed: A, C, Z"),
     ("cam_drive", "-p patience:=1.0", 1,
      "not ready after 1 s: follower, law_server, microphone, recorder; is it"),
     # whether ROS would take it or not

@@ -6,13 +6,14 @@ from types import SimpleNamespace
 
 import pytest
 from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 
 from cam_rig.bag.completeness import require_complete
-from cam_rig.bag.reader import read_bag, read_counts
+from cam_rig.bag.reader import read_counts, read_recording
 from cam_rig.errors import RunError
 from cam_rig.messages import topics
 from cam_rig.messages.serialization import read_message
@@ -31,7 +32,7 @@ QUICK = config_root() / "scenes" / "quick.yaml"
 
 def require_as_simulated(bag):
     """No tick is missing, and each is the core's to the last bit."""
-    recording = read_bag(bag)
+    recording = read_recording(bag)
     require_complete(bag, recording.loaded.scene)
     alone = list(simulate(recording.loaded))
     assert [tick.start for tick in recording.ticks] == [tick.start for tick in alone]
@@ -240,3 +241,17 @@ def test_a_writer_that_is_never_free_ends_the_run(make, hold_up, monkeypatch):
     drive = make("cam_drive")
     with pytest.raises(RunError, match=r"/cam/state: cannot be published for 0\.05 s"):
         drive._state_out.publish(message_class(topics.CAM_STATE)())
+
+
+def test_weightings_change_live(make):
+    """A and S from the next tick on; one the standard does not have is refused and changes none."""
+    microphone = make("microphone")
+    names = ("frequency_weighting", "time_weighting")
+    assert [microphone.get_parameter(name).value for name in names] == ["Z", "F"]
+    wanted = [Parameter(name, value=v) for name, v in zip(names, "AS", strict=True)]
+    assert microphone.set_parameters_atomically(wanted).successful
+    assert microphone._meter.quantity == "LAS"
+    assert not microphone.set_parameters([Parameter("frequency_weighting", value="B")])[
+        0
+    ].successful
+    assert microphone._meter.quantity == "LAS"

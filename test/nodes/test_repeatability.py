@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cam_rig.bag.files import is_unclosed, mcap_files
-from cam_rig.bag.reader import read_bag
+from cam_rig.bag.reader import read_recording
 from cam_rig.bag.split import Split
 from cam_rig.cli.main import app
 from cam_rig.errors import RunError
@@ -19,11 +19,11 @@ from cam_rig.live.flow_control import MAX_TICKS_IN_FLIGHT
 from cam_rig.runner.graph import Graph
 from cam_rig.runner.node_process import stop_all
 
-from ..processes import started_with
 from .conftest import (
     TICKS,
     OneProcess,
     mapped,
+    node_processes,
     patient,
     payloads_of,
     run_graph,
@@ -150,7 +150,8 @@ def test_a_consumer_that_is_held_holds_all_and_loses_nothing(short_scene, undist
         wait_until(lambda: drive.program.flow.in_flight == MAX_TICKS_IN_FLIGHT)
         assert here.nodes["follower"].ticks <= 10 + MAX_TICKS_IN_FLIGHT
         go_on.set()
-        list(here.progress())
+        for _ in here.progress():
+            pass
     assert payloads_of(tmp_path / "bag") == undisturbed
 
 
@@ -201,7 +202,7 @@ def test_a_killed_node_ends_the_run_and_is_named(short_scene, tmp_path, victim):
                 graph.processes[victim].process.kill()
     assert all(node.has_ended for node in started)
     assert any("what was recorded so far is in" in line for line in logged)
-    assert not is_unclosed(bag) and 0 < len(read_bag(bag).ticks) < TICKS
+    assert not is_unclosed(bag) and 0 < len(read_recording(bag).ticks) < TICKS
     assert (unused() - before) & names == set()
 
 
@@ -222,7 +223,7 @@ def test_a_recorder_killed_while_all_are_ended_is_named(short_scene, tmp_path, m
     assert result.exit_code == 1
     assert f"node recorder was ended by signal 9 after tick {TICKS}" in result.stderr
     assert "what was recorded so far is in" in result.stderr and "saved" in result.stderr
-    assert 0 < len(read_bag(bag).ticks) <= TICKS
+    assert 0 < len(read_recording(bag).ticks) <= TICKS
 
 
 @pytest.mark.long
@@ -241,4 +242,4 @@ def test_a_full_disk_ends_the_run_with_its_name(short_scene, tmp_path):
     assert run.returncode == 1
     assert "cannot be written (File too large) after" in run.stderr
     assert "Traceback" not in run.stderr
-    assert started_with(tmp_path) == []
+    assert node_processes(tmp_path) == []

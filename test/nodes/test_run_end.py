@@ -10,11 +10,11 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import FluidPressure
 
 from cam_rig.bag.files import bag_files, is_unclosed
-from cam_rig.bag.reader import read_bag
+from cam_rig.bag.reader import read_recording
 from cam_rig.errors import ConfigError, RunError
 from cam_rig.nodes import convert
 from cam_rig.nodes.convert import MAX_DRAIN_S, take_rest
-from cam_rig.nodes.run_end import ABSENT_S, POLL_S, FinishedRun, RunEnd
+from cam_rig.nodes.run_end import ABSENT_S, POLL_S, DriveAbsence, FinishedRun
 from cam_rig.runner.node_process import NodeProcess, stop_all
 from cam_rig.runner.node_table import DRIVE, RECORDER
 
@@ -158,7 +158,7 @@ def test_a_drive_that_ends_early_says_why_and_the_bag_is_closed(user, given, tmp
     assert (held in run.words) == (how == "no answer")
     codes = dict.fromkeys(NODES, 0) | {DRIVE: 0 if how == "stopped" else 1}
     assert here.codes == codes
-    assert read_bag(tmp_path / "bag").ticks
+    assert read_recording(tmp_path / "bag").ticks
 
 
 @pytest.mark.long
@@ -221,7 +221,8 @@ def test_a_second_recorder_is_refused_and_disturbs_nothing(
         next(report for report in reports if report["tick"] == 4)
         with pytest.raises(RunError, match=words):
             node_of(RECORDER)
-        list(reports)
+        for _ in reports:
+            pass
     assert payloads_of(tmp_path / "bag") == undisturbed
 
 
@@ -237,11 +238,11 @@ def poll(make, monkeypatch):
     def poll(name, *looks, **given):
         node = make(name)
         node.given |= given
-        end = RunEnd(node)
+        absence = DriveAbsence(node)
         for drives, times in looks:
             monkeypatch.setattr(node, "count_publishers", lambda _topic, drives=drives: drives)
             for _ in range(times):
-                end.poll()
+                absence.poll()
         return node
 
     return poll

@@ -28,7 +28,7 @@ LATCHED = QoSProfile(depth=32, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def state(stamp, angle, speed, frame="tm21"):
-    message = JointState(position=angle, velocity=speed, effort=[0.0] * len(angle))
+    message = JointState(name=["cam"], position=angle, velocity=speed, effort=[0.0])
     message.header.stamp.sec, message.header.frame_id = stamp, frame
     return message
 
@@ -43,10 +43,10 @@ def array_message(dims, data):
 def hostile():
     """(topic, message) of each kind of what a hostile program could publish."""
     nan, law = math.nan, [("tm21", 2), (PIECE_LABEL, 4)]
-    yield "/cam/state", state(3, [nan, nan], [1.0, 1.0])
+    yield "/cam/state", state(3, [nan], [1.0])
     yield "/cam/state", state(3, [], [])
-    yield "/cam/state", state(-5, [0.0, 0.0], [20.0, 20.0])
-    yield "/cam/state", state(1, [3.0, 3.0], [20.0, 20.0], "../../../etc/passwd")
+    yield "/cam/state", state(-5, [0.0], [20.0])
+    yield "/cam/state", state(1, [3.0], [20.0], "../../../etc/passwd")
     yield "/cam/law_coefficients", array_message(law, [0.0, 0.0, 1.0, 0.0, 3.0, 0.0, 1.0, 0.0])
     yield "/cam/law_coefficients", array_message(law, [nan] * 8)
     yield "/cam/law_coefficients", array_message([("x" * 100_000, 1), (PIECE_LABEL, 2)], [0.0, 0.0])
@@ -132,7 +132,8 @@ def test_messages_on_open_topics_change_nothing(user, short_scene, undisturbed, 
             for _ in range(100):
                 with suppress(RCLError):  # a busy machine: the flood is as high as it can be
                     publishers[topic].publish(message)
-        list(reports)
+        for _ in reports:
+            pass
     logged = capfd.readouterr().err
     for name in ("cam_drive", "recorder"):
         assert f"[{name}]: refused: " in logged, name
@@ -151,7 +152,20 @@ def test_a_second_publisher_ends_the_run(user, short_scene, tmp_path, topic, mes
         reports = here.progress()
         next(report for report in reports if report["tick"] == 4)
         forge(user, topic, message)
-        list(reports)
+        for _ in reports:
+            pass
+
+
+def test_a_law_that_was_forged_first_ends_the_run(user, short_scene, tmp_path):
+    """Latched before the law server starts: the run ends, and names the other node."""
+    law = [("tm21", 2), (PIECE_LABEL, 4)]
+    forged = array_message(law, [0.0, 0.0, 1e-3, 0.0, 3.0, 0.0, 1e-3, 0.0])
+    publisher = user.node.create_publisher(type(forged), "/cam/law_coefficients", LATCHED)
+    publisher.publish(forged)
+    here = OneProcess(patient(short_scene, tmp_path / "bag"))
+    with pytest.raises(RunError, match="/cam/law_coefficients: has a second publisher"), here:
+        for _ in here.progress():
+            pass
 
 
 def test_a_message_beyond_its_topics_length_is_not_read():

@@ -22,8 +22,6 @@ from cam_rig.runner.node_process import NodeProcess, environment, live
 from cam_rig.runner.node_table import NODES, VIEWER, held_by
 from cam_rig.runner.resources import log_folder
 
-from ..processes import started_with
-
 KILLED = -signal.SIGKILL
 
 
@@ -172,12 +170,11 @@ def test_shared_memory_is_cleaned_after_a_run_that_failed(made, code, cleans):
 
 
 def test_an_interrupt_ends_all_and_the_recorder_last(made):
-    """Whatever ends a run ends its nodes; before it began it has recorded nothing, and says so."""
+    """Whatever ends a run ends its nodes."""
     with pytest.raises(KeyboardInterrupt), made():
         raise KeyboardInterrupt
     assert made.did.stopped[-1] == "recorder"
     assert len(made.did.stopped) == 5
-    assert made.did.logged == ["nothing was recorded"]
 
 
 def test_of_nodes_that_do_not_answer_the_first_of_the_chain_is_named():
@@ -256,7 +253,7 @@ def test_a_run_with_little_memory(tmp_path, mebibytes):
     if done.returncode:
         assert "Traceback" not in done.stderr
         assert "cam-rig: " in done.stderr.strip().splitlines()[-1]
-    assert started_with(bag) == []
+    assert subprocess.run(["pgrep", "-f", str(bag)], check=False, timeout=100).returncode == 1
 
 
 def test_a_node_has_a_place_for_its_log_files(monkeypatch, tmp_path):

@@ -14,7 +14,7 @@ import rerun as rr
 from cam_rig.acoustics import level_db
 from cam_rig.bag.writer import BagWriter
 from cam_rig.messages import topics
-from cam_rig.messages.codec import CAM_JOINTS, encode_block
+from cam_rig.messages.codec import encode_block
 from cam_rig.messages.serialization import header, new, serialize
 from cam_rig.profile import contours
 from cam_rig.simulation.scene import LoadedScene, open_scene
@@ -62,9 +62,8 @@ class SmallBag:
 
 
 def of_state(state):
-    pairs = (state.unwrapped, state.angle), (state.speed, state.speed), (0.0, 0.0)
-    at, numbers = header(state.time_ns, state.cam), map(np.array, pairs)
-    return new("sensor_msgs/JointState", at, list(CAM_JOINTS), *numbers)
+    numbers = (np.array([x]) for x in (state.unwrapped, state.speed, 0.0))
+    return new("sensor_msgs/JointState", header(state.time_ns, state.cam), ["cam"], *numbers)
 
 
 def of_rows(rows):

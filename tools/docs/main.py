@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from cam_rig.bag.command import newest_bag
-from cam_rig.bag.reader import read_bag, read_counts
+from cam_rig.bag.reader import read_counts, read_recording
 from cam_rig.errors import CamRigError
 from cam_rig.files import temporary_folder, writing
 from cam_rig.messages.topics import FOLLOWER_SAMPLES
@@ -80,7 +80,7 @@ def _read(bag: Path) -> tuple[TurnArchive, NoiseResult]:
         task = bar.add_task(bag.name, total=read_counts(bag).get(FOLLOWER_SAMPLES.name, 0))
         archive = read_turns(bag, lambda: bar.advance(task))
     loaded = archive.loaded
-    levels = step_levels(read_bag(bag).ticks, loaded.scene.program.settle_turns.si)
+    levels = step_levels(read_recording(bag).ticks, loaded.scene.program.settle_turns.si)
     roles = {cam: loaded.role(cam) for cam in levels}
     return archive, compare(levels, roles, loaded.published)
 
