@@ -96,8 +96,10 @@ class OneProcess:
         return self._threads[name].is_alive()
 
     def progress(self):
-        """What the drive reports, until it is done; raises what has ended another node."""
-        while self.is_running(self._source) or not self._reports.empty():
+        """What the drive reports, until it is done; raises what has ended a node."""
+        is_over = False
+        while not is_over:
+            is_over = not self.is_running(self._source) and self._reports.empty()
             for node in self.nodes.values():
                 if node.failure is not None:
                     raise node.failure
