@@ -147,7 +147,11 @@ def _run(
         console.print(
             f"the profile of {PROFILES} is used with --network alone; no socket leaves this machine"
         )
-    begun, log = time.perf_counter(), lambda line: console.print(escape(line))
+    begun = time.perf_counter()
+
+    def log(line: str) -> None:
+        console.print(escape(line))
+
     with (
         own_domain(namespace),
         progress_bar() as bar,

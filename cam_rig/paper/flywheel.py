@@ -32,6 +32,15 @@ class FlywheelRow(NamedTuple):
     turn: FlywheelTurn
 
 
+class Behind(NamedTuple):
+    """A cam behind the flywheel that is shown, at the held speed of eq. 10, and without preload."""
+
+    cam: str
+    shown: FlywheelTurn
+    held: FlywheelTurn
+    without_preload: float
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class FlywheelResult(Result):
     """Turns of every cam over `INERTIAS` at one speed (rpm), and eq. 10's twist without preload."""
@@ -55,11 +64,11 @@ class FlywheelResult(Result):
             Column("motor_torque", "N·m", ".4f", of="turn.torque"),
         ),
         "cams": (
-            Column("law", of="0"),
-            Column("fluctuation", "%", ".2f", "flywheel", "1.fluctuation"),
-            Column("twist", "°", ".4f", of="1.twist"),
-            Column("twist_held", "°", ".4f", "twist at held speed", "2.twist"),
-            Column("without_preload", "°", ".4f", "the same without preload", "3"),
+            Column("law", of="cam"),
+            Column("fluctuation", "%", ".2f", "flywheel", "shown.fluctuation"),
+            Column("twist", "°", ".4f", of="shown.twist"),
+            Column("twist_held", "°", ".4f", "twist at held speed", "held.twist"),
+            Column("without_preload", "°", ".4f", "the same without preload"),
         ),
     }
 
@@ -75,7 +84,7 @@ class FlywheelResult(Result):
     def tables(self) -> list[Records]:
         """``flywheel``, of which people read one cam, and ``cams`` behind one flywheel."""
         behind = (
-            (cam, self.at(cam, SHOWN), self.at(cam, math.inf), bare)
+            Behind(cam, self.at(cam, SHOWN), self.at(cam, math.inf), bare)
             for cam, bare in self.without_preload.items()
         )
         return [

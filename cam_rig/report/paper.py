@@ -1,4 +1,4 @@
-"""What the paper's report is made of: its files, studies that several sections share, answers."""
+"""What the paper's report is made of: its files, shared studies, answers, misprints."""
 
 from __future__ import annotations
 

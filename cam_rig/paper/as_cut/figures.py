@@ -59,7 +59,7 @@ def _polar(axes: PolarAxes, found: AsCut) -> None:
 def _acceleration(axes: Axes, found: AsCut) -> None:
     angle = turn_angles(POINTS)
     for i, (cam, name) in enumerate(((found.drawn, "s"), (found.cut, "roller on s + $R_b$"))):
-        label = f"{name}: jump speed {cam.jump:.1f} rpm"
+        label = f"{name}: jump speed {cam.jump_rpm:.1f} rpm"
         axes.plot(np.degrees(angle), cam.law(angle, 2) * MM, label=label, **series(i))
     axes.set(ylabel="s″ [mm/rad²]", xlabel=CAM_ANGLE)
     turn_axis(axes)

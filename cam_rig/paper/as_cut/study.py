@@ -214,15 +214,15 @@ class CutBench:
 
 @dataclass(frozen=True, eq=False)
 class DrawnCam:
-    """A law with its jump speed (rpm) and levels (dB).
+    """A law with its jump speed and levels (dB).
 
-    ``lands_from``: slowest speed (rpm) with a landing in each turn; None in contact throughout.
+    ``lands_from_rpm``: slowest speed with a landing in each turn; None in contact throughout.
     """
 
     law: Law
-    jump: float
+    jump_rpm: float
     levels: FloatArray
-    lands_from: float | None
+    lands_from_rpm: float | None
 
     @property
     def least_s2(self) -> float:
@@ -275,12 +275,12 @@ class AsCutResult(Result):
             Column("above_law_at", "°", of="too_high.angle", hidden=True),
             Column("least_s2", "mm/rad²", ".2f", "smallest s″", "drawn.least_s2"),
             Column("least_s2_cut", "mm/rad²", ".2f", "of the roller", "cut.least_s2"),
-            Column("jump", "rpm", ".2f", "jump speed of s", "drawn.jump"),
-            Column("jump_cut", "rpm", ".2f", "as cut", "cut.jump"),
+            Column("jump", "rpm", ".2f", "jump speed of s", "drawn.jump_rpm"),
+            Column("jump_cut", "rpm", ".2f", "as cut", "cut.jump_rpm"),
             Column("change_from", "dB", "+.3f", "level changes from", lambda r: r.change.min()),
             Column("change_to", "dB", "+.3f", "to", lambda row: row.change.max()),
-            Column("lands_from", "rpm", ".0f", "s lands from", "drawn.lands_from", missing="–"),
-            Column("lands_from_cut", "rpm", ".0f", "as cut", "cut.lands_from", missing="–"),
+            Column("lands_from", "rpm", ".0f", "s lands from", "drawn.lands_from_rpm", missing="–"),
+            Column("lands_from_cut", "rpm", ".0f", "as cut", "cut.lands_from_rpm", missing="–"),
             *(Column(f"error_s{i}", of=f"error.{i}", hidden=True) for i in range(3)),
         ),
         "levels": (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -34,7 +34,7 @@ from cam_rig.schema.segment_base import quantities
 from cam_rig.show.result import Column, Footnote, Records, Result
 from cam_rig.show.tables import Cell
 from cam_rig.simulation.asked import FASTEST_RPM, Cams, Rig, asked_cams
-from cam_rig.units import RPM, RPM_PER_RAD_S, TURN
+from cam_rig.units import RPM, RPM_PER_RAD_S, TURN, FloatArray
 
 #: Event angles of the nomogram's tables, degrees.
 EVENTS = (60.0, 90.0, 120.0, 150.0, 180.0)
@@ -302,18 +302,25 @@ def contact(
 # Followers that a cam moves both ways: their play between the two contacts.
 
 PLAY = (
-    Column("cam", of="0.name", cell=lambda row: str(row[0].title)),
-    Column("follower", of="0.follower.type", cell=lambda row: _kind(row[0])),
-    Column("least", "nm", ".1e", of=lambda row: row[1].min().item()),
-    Column("greatest", "nm", ".1e", of=lambda row: row[1].max().item()),
+    CAM,
+    Column("follower", of="cam.follower.type", cell=lambda row: _kind(row.cam)),
+    Column("least", "nm", ".1e", of=lambda row: row.play.min().item()),
+    Column("greatest", "nm", ".1e", of=lambda row: row.play.max().item()),
 )
 
 
+class Play(NamedTuple):
+    """The play (m) of one cam's follower over the turn; where it is negative, it jams."""
+
+    cam: CamConfig
+    play: FloatArray
+
+
 def play_table(cams: Iterable[tuple[CamConfig, Law]]) -> Records:
-    """Play (m) of followers that a cam moves both ways; where it is negative, they jam."""
+    """Play of followers that a cam moves both ways."""
     caption = (
         "Play between the two contacts over the turn, each element put on its finished contour"
     )
     note = "Negative: the follower would jam. The contours are splines through 3600 points."
-    rows = tuple((cam, closure(cam.follower, law)) for cam, law in cams)
+    rows = tuple(Play(cam, closure(cam.follower, law)) for cam, law in cams)
     return Records("play", caption, PLAY, rows, (note,))

@@ -64,6 +64,13 @@ class LevelAt(NamedTuple):
     expected: tuple[float, float]
 
 
+class OnCam(NamedTuple):
+    """One cam with the constants of a rig, or with those of two other cams."""
+
+    of: OneRig | LeftOut
+    cam: str
+
+
 class Changed(NamedTuple):
     """A cam of the factorial of lift, high dwell and joints at a speed (rpm).
 
@@ -181,22 +188,22 @@ class NoiseStudyResult(Result):
             Column("predicted", hidden=True),
         ),
         "left_out": (
-            Column("left_out", of="0.cam"),
-            Column("numbers_fitted", "", "d", "numbers fitted to the others", "0.numbers"),
-            *_constants("0."),
-            Column("rms_regression", "dB", ".2f", "regression", "0.rms_regression_db"),
-            Column("cam", of="1"),
-            Column("rms_points", "dB", ".2f", of=lambda row: row[0].rms_db[row[1]]),
+            Column("left_out", of="of.cam"),
+            Column("numbers_fitted", "", "d", "numbers fitted to the others", "of.numbers"),
+            *_constants("of."),
+            Column("rms_regression", "dB", ".2f", "regression", "of.rms_regression_db"),
+            Column("cam"),
+            Column("rms_points", "dB", ".2f", of=lambda row: row.of.rms_db[row.cam]),
         ),
         "one_rig": (
-            Column("rig", of="0.name"),
-            Column("crossing", "rpm", ".1f", of="0.crossing_rpm"),
-            Column("cam", of="1"),
+            Column("rig", of="of.name"),
+            Column("crossing", "rpm", ".1f", of="of.crossing_rpm"),
+            Column("cam"),
             Column(
-                "rms_points", "dB", ".2f", of=lambda row: row[0].rms_db[row[1]], missing="not run"
+                "rms_points", "dB", ".2f", of=lambda row: row.of.rms_db[row.cam], missing="not run"
             ),
-            *(replace(column, hidden=True) for column in _constants("0.")),
-            *_shape("0.", hidden=True),
+            *(replace(column, hidden=True) for column in _constants("of.")),
+            *_shape("of.", hidden=True),
         ),
         "high_dwell": (
             Column("lift", "mm", ".2f"),
@@ -303,17 +310,17 @@ class NoiseStudyResult(Result):
             self.table(
                 "left_out",
                 "Each cam left out: gain and cut-off from the other two, r.m.s. difference",
-                ((row, cam) for row in self.left_out for cam in row.rms_db),
+                (OnCam(row, cam) for row in self.left_out for cam in row.rms_db),
                 "Regression: of the cam that is left out. Under the cams: of their points.",
                 across="cam",
             ),
             self.table(
                 "one_rig",
                 "One rig for jump and noise: r.m.s. difference of the points to published",
-                ((rig, cam) for rig in (own, *self.one_rig) for cam in rig.rms_db),
+                (OnCam(rig, cam) for rig in (own, *self.one_rig) for cam in rig.rms_db),
                 Footnote(
                     "Not run: a search of minutes, cam-rig noise --one-rig.",
-                    lambda row: row[0].shape is None,
+                    lambda row: row.of.shape is None,
                 ),
                 across="cam",
             ),

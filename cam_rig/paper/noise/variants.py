@@ -1,9 +1,14 @@
-"""The noise study on another rig, and on other cams.
+"""The noise study on another rig, and on other cams: one rig for all; why the arc cam is quiet.
 
 One rig for all: event angles, preload, mass split and stem come from the jump speeds (Table 2);
 nothing of them is fitted to noise. Gain and corner are fitted to the reference anew. The arc cam,
 which the jump speeds know nothing of, is fitted to its own curve twice: on that rig with a rigid
 stem, which shows what its preload does, and, when asked, on the whole two-mass follower.
+
+Why the arc cam is quiet is a factorial: the reference cam's rise and fall with two lifts, with and
+without the high dwell, and with two rises: the reference's own, and one whose acceleration jumps
+where it joins a dwell, as a cam of arcs has it. Rise and fall keep their angles; without the high
+dwell the low one is longer.
 """
 
 from __future__ import annotations

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 from cam_rig.arguments import checked
 from cam_rig.errors import ConfigError, did_you_mean
 from cam_rig.paper.jump.refit import ROUNDED_TO
-from cam_rig.paper.readings.readings import Read, read
+from cam_rig.paper.readings.readings import Read, ReadRow, read
 from cam_rig.paper.readings.search import Found, ReadingSearch
 from cam_rig.schema import CamConfig, TableReadings, load_cam, load_readings, load_tables
 from cam_rig.schema.load import cam_path, readings_path, tables_path
@@ -25,6 +25,13 @@ def _number(key: str, unit: str, shown: str, heading: str = "") -> Column:
         return f"{value:{shown}}{mark}"
 
     return Column(key, unit, "", heading, column.of, cell)
+
+
+class ReadCam(NamedTuple):
+    """A cam on the rig of a reading."""
+
+    read: Read
+    row: ReadRow
 
 
 @dataclass(frozen=True, repr=False)
@@ -48,17 +55,17 @@ class ReadingsResult(Result):
             Column("rms", "%", ".2f", "jump speeds, r.m.s."),
         ),
         "cams": (
-            Column("reading", of="0"),
-            Column("cam", of="1.cam"),
-            Column("published_rpm", "rpm", "g", "paper", "1.printed.rpm"),
-            Column("rpm", "rpm", "g", "first of the grid", "1.rpm"),
-            Column("jump_rpm", "rpm", ".1f", "jump speed", "1.jump"),
-            Column("published_time", "s", ".2f", "paper", "1.printed.time_s"),
-            Column("time", "s", ".3f", of="1.time"),
-            Column("time_at_jump", "s", ".3f", "at the jump + 1e-6", "1.at_limit"),
-            Column("time_beyond", "s", ".3f", "+ 1e-3", "1.beyond"),
-            Column("window", "rpm", ".2f", of="1.window"),
-            Column("least_force", "N", "+.1f", of="1.force"),
+            Column("reading", of="read.name"),
+            Column("cam", of="row.cam"),
+            Column("published_rpm", "rpm", "g", "paper", "row.printed.rpm"),
+            Column("rpm", "rpm", "g", "first of the grid", "row.rpm"),
+            Column("jump_rpm", "rpm", ".1f", "jump speed", "row.jump"),
+            Column("published_time", "s", ".2f", "paper", "row.printed.time_s"),
+            Column("time", "s", ".3f", of="row.time"),
+            Column("time_at_jump", "s", ".3f", "at the jump + 1e-6", "row.at_limit"),
+            Column("time_beyond", "s", ".3f", "+ 1e-3", "row.beyond"),
+            Column("window", "rpm", ".2f", of="row.window"),
+            Column("least_force", "N", "+.1f", of="row.force"),
         ),
         "search": (Column("trials"), Column("miss", "rpm", about="of all cams together")),
     }
@@ -94,7 +101,7 @@ class ReadingsResult(Result):
                 "cams",
                 "Readings of the paper's Table 2: first loss of contact, looked at every "
                 f"{ROUNDED_TO:g} rpm",
-                ((one.name, row) for one in self.found for row in one.rows),
+                (ReadCam(one, row) for one in self.found for row in one.rows),
                 "Time: at the first speed of the grid, and above the jump speed by so much of it.",
                 f"Window: over how many rpm, of {ROUNDED_TO:g} on either side of the printed "
                 "speed, the printed time comes out within half a turn.",

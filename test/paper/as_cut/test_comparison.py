@@ -35,7 +35,7 @@ def drawn(bench):
 def test_a_point_changes_nothing(drawn, bench):
     """With no roller the cam is the one that was drawn, whatever its base circle."""
     found = cut_at("bezier15", drawn, bench, 0.04, 0.0)
-    assert found.cut.jump == pytest.approx(drawn.jump, rel=1e-5)
+    assert found.cut.jump_rpm == pytest.approx(drawn.jump_rpm, rel=1e-5)
     assert np.abs(found.change).max() < 1e-9
     assert found.too_high.value < 1e-15
 
@@ -51,9 +51,9 @@ def test_bezier_15(drawn, bench, table2):
     def leaves(speed):
         return first_lift_off(found.cut.law, follower, speed, np.zeros(2), FROM_REST) is not None
 
-    assert leaves(found.cut.jump * RPM * (1.0 + 1e-5))
-    assert not leaves(found.cut.jump * RPM * (1.0 - 1e-5))
-    assert found.cut.jump > drawn.jump
+    assert leaves(found.cut.jump_rpm * RPM * (1.0 + 1e-5))
+    assert not leaves(found.cut.jump_rpm * RPM * (1.0 - 1e-5))
+    assert found.cut.jump_rpm > drawn.jump_rpm
     assert np.abs(found.change).max() < 0.05
 
 
