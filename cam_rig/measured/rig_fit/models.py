@@ -36,6 +36,7 @@ from cam_rig.measured.rig_fit.start import (
     freed,
     leaves_a_pattern,
     likely_stem,
+    pattern,
     with_bounces,
     with_zero_offset,
     zero_in_flight,
@@ -49,6 +50,8 @@ CLEARLY_LIKELIER = 30.0
 #: A gauge's backlash is sought where it is beyond so many standard errors, and beyond this part of
 #: the lift: less is rounding.
 CLEAR_BACKLASH, LEAST_BACKLASH = 6.0, 1e-7
+#: A pattern up to so many times another's is of the same noise.
+NO_MORE = 2.0
 #: Restitutions from which lifts alone are searched.
 BOUNCES_TRIED = (0.05, 0.25, 0.45, 0.65)
 
@@ -185,22 +188,31 @@ def _quiet(
     Bounces on a stem depend on every number at once, and their likelihood has a valley for each: a
     curvature there tells nothing of the others. On the cam the motion is linear. The fastest speed
     is left out as long as what is left of the forces has a pattern. What is left out may have
-    led to a wrong stem, so one is looked for without it too.
+    led to a wrong stem, so one is looked for without it too. A pattern that one speed alone still
+    has, as correlated noise does, is no flight's: then the most speeds count that have no other.
     """
-    here = _on_the_cam(still)
+    here, tried = _on_the_cam(still), list[FitSolution]()
     while _forces(still, here):
         found = search(continued(still, sought, start, here, zero_offset=False))
         if len(here) < len(still.holds):
             found = _anew(still, found, here)
         start, flying = found.values, found.landings
         if any(flying):
-            here = [i for i, landings in zip(here, flying, strict=True) if not landings]
-        elif len(here) > 1 and leaves_a_pattern(found):
-            fastest = max(here, key=lambda i: still.holds[i].speed)
-            here = [i for i in here if i != fastest]
-        else:
+            here, tried = [i for i, landings in zip(here, flying, strict=True) if not landings], []
+            continue
+        tried.append(found)
+        if not leaves_a_pattern(found):
             return found
+        if len(here) == 1:
+            return next(one for one in tried if _strength(one) <= NO_MORE * _strength(found))
+        fastest = max(here, key=lambda i: still.holds[i].speed)
+        here = [i for i in here if i != fastest]
     return None
+
+
+def _strength(found: Candidate) -> float:
+    squares, parts = pattern(found)
+    return squares / max(parts, 1.0)
 
 
 def _anew(still: Candidate, found: FitSolution, here: list[int]) -> FitSolution:

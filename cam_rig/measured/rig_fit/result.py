@@ -159,12 +159,12 @@ class RigFit(FoundNumbers):
             yield from (n.in_a_sentence() for n in self.numbers if n.value is None)
         if self.left_out:
             speeds = ", ".join(f"{rpm:.4g}" for rpm in self.left_out)
-            yield f"At {speeds} rpm the follower lifts off: " + (
-                "these speeds identify the restitution alone."
-                if self.solution.bounce is not None
-                and not any(hold.lift_offs for hold in self.holds)
-                else "no such follower does so as it was measured, so these speeds are left out."
-            )
+            alone = self.solution.bounce is not None
+            if alone and not any(hold.lift_offs for hold in self.holds):
+                what = "the follower lifts off: these speeds identify the restitution alone."
+            else:
+                what = "no such follower moves as was measured: these speeds are left out."
+            yield f"At {speeds} rpm {what}"
         if self.model == "two_mass" and any(hold.lift_offs for hold in self.holds):
             yield (
                 "Bounces on an elastic stem depend on every number at once: trust the intervals of "

@@ -258,7 +258,7 @@ def _is_of_another_cam(aligned: FitSolution) -> bool:
 TOLD_RESTITUTION = 0.1
 #: What the speeds that were left out might have told.
 LEFT_OUT = {
-    "restitution": "the speeds that lift off fit no such follower",
+    "restitution": "the speeds left out fit no such follower",
     "stem_stiffness": "a rigid stem explains the speeds on the cam: try --model two_mass",
 }
 

@@ -102,10 +102,16 @@ def _pressed(hold: MeasuredHold) -> FloatArray:
 
 
 def leaves_a_pattern(found: Candidate) -> bool:
-    """Whether what is left of the force repeats from turn to turn, beyond what noise does.
+    """Whether what is left of the force repeats from turn to turn, beyond what noise does."""
+    squares, parts = pattern(found)
+    return squares > parts + math.sqrt(2.0 * parts)
 
-    Means over parts of a turn, in standard deviations: the sum of their squares is that of as many
-    parts, but for √2 of their number's root.
+
+def pattern(found: Candidate) -> tuple[float, float]:
+    """Of what is left of the force: squares of its means over parts of a turn, and the parts.
+
+    In standard deviations: of noise as many as there are parts, but for √2 of their number's root.
+    Of noise that is correlated over some samples so many times as many.
     """
     squares = parts = 0.0
     for i, there in enumerate(found.predicted):
@@ -118,7 +124,7 @@ def leaves_a_pattern(found: Candidate) -> bool:
         sums = np.bincount(part, left, minlength=count)
         squares += float((sums[sizes > 0] ** 2 / sizes[sizes > 0]).sum())
         parts += float(np.count_nonzero(sizes))
-    return squares > parts + math.sqrt(2.0 * parts)
+    return squares, parts
 
 
 class TriedStem(NamedTuple):
