@@ -80,10 +80,13 @@ class Basins(Result):
         "starts": (
             Column("gap", "mm", of=lambda found: np.tile(found.gap, found.opening.size)),
             Column("opening", "m/s", of=lambda found: np.repeat(found.opening, found.gap.size)),
-            Column("name", heading="motion",
-                   of=lambda found: [found.motions[i].name for i in found.ends.ravel()]),
+            Column(
+                "name",
+                heading="motion",
+                of=lambda found: [found.motions[i].name for i in found.ends.ravel()],
+            ),
         ),
-    }  # fmt: skip
+    }
 
     law: Law
     rig: RigConfig

@@ -265,7 +265,7 @@ class Family:
     def _ahead(
         self, here: FloatArray, along: FloatArray, by_value: FloatArray, length: float
     ) -> tuple[PeriodicMotion, FloatArray]:
-        """The same so far along the branch."""
+        """The motion so far along the branch; and it scaled."""
         return self._corrected(here + length * along, along, by_value)
 
     def _between(

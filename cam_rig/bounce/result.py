@@ -63,11 +63,15 @@ def _exponent(number: int, row: BounceRow) -> float | None:
 
 #: Of a row, and of a motion that starts end in.
 EXPONENT = (
-    Column("exponent", "1/turn", ".3f",
-           cell=lambda row: "−∞" if row.exponent == -math.inf else row.exponent,
-           about="Lyapunov's, the largest; where it rests −∞, which is null"),
+    Column(
+        "exponent",
+        "1/turn",
+        ".3f",
+        cell=lambda row: "−∞" if row.exponent == -math.inf else row.exponent,
+        about="Lyapunov's, the largest; where it rests −∞, which is null",
+    ),
     Column("exponent_error", "1/turn", ".1g", "error", about="95 %"),
-)  # fmt: skip
+)
 
 UNTOLD = Footnote(
     "Not told: the turns have not come to repeat, and no exponent above its error says that they "
@@ -85,16 +89,23 @@ class BounceMap(Result):
     drawn_by = "cam_rig.bounce.figures:figure"
     columns: ClassVar = {
         "speeds": (
-            Column("motion",
-                   about="in contact, periodic, irregular in the turns that are kept, or not told"),
+            Column(
+                "motion",
+                about="in contact, periodic, irregular in the turns that are kept, or not told",
+            ),
             *point_columns(),
             Column("period", "", "d", about="in turns"),
             Column("landings_per_turn", "1/turn", ".3g", "landings"),
             Column("rests", hidden=True, about="whether it comes to rest on the cam"),
             *EXPONENT,
             *(
-                Column(f"exponent_{i}", "1/turn", hidden=True, of=partial(_exponent, i),
-                       about=f"the {i}th, of {'either model' if i == 2 else 'two masses'}")
+                Column(
+                    f"exponent_{i}",
+                    "1/turn",
+                    hidden=True,
+                    of=partial(_exponent, i),
+                    about=f"the {i}th, of {'either model' if i == 2 else 'two masses'}",
+                )
                 for i in (2, 3, 4)
             ),
             Column("settled", "", "d", "settled after", about="turns from the start"),
@@ -125,11 +136,12 @@ class BounceMap(Result):
             Column("hardest", "m/s", of=lambda found: _joined(r.hardest for r in found.rows)),
             Column("gap", "mm", of=lambda found: _joined(r.states[:, 0] for r in found.rows)),
             Column("opening", "m/s", of=lambda found: _joined(r.states[:, 1] for r in found.rows)),
-            Column("stretch", "µm", of=lambda found: found.stem(2),
-                   about="of the stem of two masses"),
+            Column(
+                "stretch", "µm", of=lambda found: found.stem(2), about="of the stem of two masses"
+            ),
             Column("stretch_rate", "m/s", of=lambda found: found.stem(3)),
         ),
-    }  # fmt: skip
+    }
 
     law: Law
     rig: RigConfig

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, Literal, NamedTuple, TypeVar
+from typing import Literal, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -29,29 +29,45 @@ COLUMNS = (
 )
 
 
-class Named:
-    """What of the array ``rows`` of a record has a name, and words for it."""
-
-    def __init__(self, place: Any, words: str) -> None:
-        self.place, self.__doc__ = place, words
-
-    def __get__(self, one: Any, _: type) -> FloatArray:
-        found: FloatArray = one.rows[self.place]
-        return found
-
-
 class NamedRows:
     """The rows of a ``(6, n)`` array ``rows``, each ``(n,)`` by its name."""
 
     rows: FloatArray
 
-    time = Named(0, "Rig time, s.")
-    lift = Named(1, "Follower displacement, m.")
-    velocity = Named(2, "Follower velocity, m/s.")
-    acceleration = Named(3, "Follower acceleration, m/s².")
-    force = Named(4, "Contact force, N; 0 in flight.")
-    impulse = Named(5, "Impulse of the landings since the sample before, N·s.")
-    motion = Named(slice(1, 4), "Lift, velocity and acceleration together, ``(3, n)``.")
+    @property
+    def time(self) -> FloatArray:
+        """Rig time, s."""
+        return self.rows[0, :]
+
+    @property
+    def lift(self) -> FloatArray:
+        """Follower displacement, m."""
+        return self.rows[1, :]
+
+    @property
+    def velocity(self) -> FloatArray:
+        """Follower velocity, m/s."""
+        return self.rows[2, :]
+
+    @property
+    def acceleration(self) -> FloatArray:
+        """Follower acceleration, m/s²."""
+        return self.rows[3, :]
+
+    @property
+    def force(self) -> FloatArray:
+        """Contact force, N; 0 in flight."""
+        return self.rows[4, :]
+
+    @property
+    def impulse(self) -> FloatArray:
+        """Impulse of the landings since the sample before, N·s."""
+        return self.rows[5, :]
+
+    @property
+    def motion(self) -> FloatArray:
+        """Lift, velocity and acceleration together, ``(3, n)``."""
+        return self.rows[1:4]
 
 
 @dataclass(frozen=True, eq=False)

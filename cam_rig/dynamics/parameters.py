@@ -11,14 +11,13 @@ from typing import TypeGuard
 import numpy as np
 
 from cam_rig.errors import ConfigError, DynamicsError
+from cam_rig.laws.law import MAX_ANGLE
 from cam_rig.schema import RigConfig
 from cam_rig.schema.quantity import Quantity
 from cam_rig.units import FloatArray
 
 #: A number above zero is between these, one of either sign no farther from zero, all in SI.
 LEAST, MOST = 1e-15, 1e15
-#: Largest cam angle, rad: beyond it less than four digits of the phase are left.
-MAX_ANGLE = 1e12
 #: Slowest and fastest cam, rad/s.
 MIN_SPEED, MAX_SPEED = 1e-30, 1e9
 #: What a number may be, by the words that say so.

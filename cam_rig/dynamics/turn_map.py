@@ -19,7 +19,7 @@ from cam_rig.dynamics.events import turns as kernel
 from cam_rig.dynamics.events.course import EndlessEventsError, record_of
 from cam_rig.dynamics.events.runs import RunTable, stem_stretch
 from cam_rig.dynamics.events.search import form_of
-from cam_rig.dynamics.interval import FollowerState, Interval, Named
+from cam_rig.dynamics.interval import FollowerState, Interval
 from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.dynamics.parameters import FollowerParameters, require_number, require_turning
 from cam_rig.dynamics.two_mass.masses import TwoMassParameters
@@ -44,21 +44,6 @@ class TurnsRun:
     rows: FloatArray  #: ``(turns, 5 + 2 n + n²)``, as in `cam_rig.dynamics.events.turns`
     size: int  #: n
 
-    flies = Named(
-        (slice(None), kernel.FLIES),
-        "``(turns,)`` 1 where the follower is in the air at the turn's end, else 0.",
-    )
-    landings = Named((slice(None), kernel.LANDINGS), "``(turns,)`` landings of each turn.")
-    hardest = Named(
-        (slice(None), kernel.HARDEST),
-        "``(turns,)`` speed (m/s) against the cam of its fastest landing; 0 without.",
-    )
-    softest = Named(
-        (slice(None), kernel.SOFTEST),
-        "``(turns,)`` that of its slowest landing; infinite without one.",
-    )
-    on_cam = Named((slice(None), kernel.ON_CAM), "``(turns,)`` seconds of contact in each turn.")
-
     @property
     def states(self) -> FloatArray:
         """``(turns, n)`` gap (m) and the speed at which it opens (m/s) at each turn's end.
@@ -66,6 +51,31 @@ class TurnsRun:
         Of two masses the stretch of the stem (m) and its rate (m/s) too.
         """
         return self.rows[:, kernel.ENDS : kernel.ENDS + self.size]
+
+    @property
+    def flies(self) -> FloatArray:
+        """``(turns,)`` 1 where the follower is in the air at the turn's end, else 0."""
+        return self.rows[:, kernel.FLIES]
+
+    @property
+    def landings(self) -> FloatArray:
+        """``(turns,)`` landings of each turn."""
+        return self.rows[:, kernel.LANDINGS]
+
+    @property
+    def hardest(self) -> FloatArray:
+        """``(turns,)`` speed (m/s) against the cam of the fastest landing; 0 without one."""
+        return self.rows[:, kernel.HARDEST]
+
+    @property
+    def softest(self) -> FloatArray:
+        """``(turns,)`` that of its slowest landing; infinite without one."""
+        return self.rows[:, kernel.SOFTEST]
+
+    @property
+    def on_cam(self) -> FloatArray:
+        """``(turns,)`` seconds of contact in each turn."""
+        return self.rows[:, kernel.ON_CAM]
 
     @property
     def growth(self) -> FloatArray:

@@ -204,6 +204,7 @@ class Descent:
 
     def __post_init__(self) -> None:
         self.problem, self._free = self.solver.problem, self.solver.problem.space.free
+        assert not any(math.isnan(limit.allowed) for limit in self.limits)
         own = self.goal
         #: Whether the goal is the rigid jump speed.
         self._speed = isinstance(own, Asked) and rows_of(own.term).run is not None

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
 #: Of values that differ by less than this fraction of the largest ordinate the first is taken.
 TIE = 1e-12
-#: Angles (rad) that are asked for, either way: a float holds this one to 1e-7 rad.
-MAX_ANGLE = 1e9
+#: Largest cam angle, rad, either way: beyond it less than four digits of the phase are left.
+MAX_ANGLE = 1e12
 
 
 @dataclass(frozen=True)

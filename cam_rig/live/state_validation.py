@@ -7,8 +7,8 @@ from collections import deque
 from enum import Enum
 
 from cam_rig.dynamics import ANGLE_TOLERANCE
-from cam_rig.dynamics.parameters import MAX_ANGLE
 from cam_rig.errors import RefusedError
+from cam_rig.laws.law import MAX_ANGLE
 from cam_rig.live.flow_control import REMEMBERED_STATES
 from cam_rig.schema import SceneConfig
 from cam_rig.schema.scene import MAX_SPEED, MIN_SAMPLES

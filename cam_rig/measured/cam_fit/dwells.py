@@ -10,6 +10,7 @@ is a dwell if a parabola fits it no better than the level does.
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
@@ -118,13 +119,26 @@ def _longest(readings: Readings, free: NDArray[np.bool_], limit: float) -> tuple
     count = free.size
     lifts = np.tile(readings.lifts, 2)
     angles = np.concatenate([readings.angles, readings.angles + TURN])
+    lows: deque[int] = deque()
+    highs: deque[int] = deque()
     best, widest, first = (0, 0), -1.0, 0
     for last in range(2 * count):
         if not free[last % count]:
+            lows.clear()
+            highs.clear()
             first = last + 1
             continue
-        while np.ptp(lifts[first : last + 1]) > limit or last - first >= count:
+        while lows and lifts[lows[-1]] >= lifts[last]:
+            lows.pop()
+        while highs and lifts[highs[-1]] <= lifts[last]:
+            highs.pop()
+        lows.append(last)
+        highs.append(last)
+        while lifts[highs[0]] - lifts[lows[0]] > limit or last - first >= count:
             first += 1
+            for ends in (lows, highs):
+                if ends[0] < first:
+                    ends.popleft()
         if angles[last] - angles[first] > widest:
             best, widest = (first % count, last - first + 1), float(angles[last] - angles[first])
     return best

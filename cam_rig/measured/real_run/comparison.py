@@ -126,10 +126,18 @@ def _row(step: PairedStep, law: Law) -> SpeedDeparture:
     pairs = {"lift": step.lift, "force": step.force}
     lift, force = (None if pair is None else departure(pair, step.exact) for pair in pairs.values())
     seen = step.force is not None and force is not None and not step.exact and not force.within
-    peak = peak_frequency(step.force) if seen and step.force is not None else None
-    drawn = {name: _last_turn(pair) for name, pair in pairs.items() if pair is not None}
-    parted, lost = (step.cam, step.rpm, step.turns, lift, force), lost_contact(step, law)
-    return SpeedDeparture(*parted, lost, *step.levels, peak, drawn)
+    return SpeedDeparture(
+        cam=step.cam,
+        rpm=step.rpm,
+        turns=step.turns,
+        lift=lift,
+        force=force,
+        contact=lost_contact(step, law),
+        measured_db=step.levels[0],
+        model_db=step.levels[1],
+        peak_hz=peak_frequency(step.force) if seen and step.force is not None else None,
+        drawn={name: _last_turn(pair) for name, pair in pairs.items() if pair is not None},
+    )
 
 
 def by_cam(rows: Iterable[SpeedDeparture]) -> list[list[SpeedDeparture]]:
@@ -152,6 +160,8 @@ def _last_turn(pair: PairedSignal) -> PairedSignal:
 
 # What a comparison says, in sentences: where run and model part, and what was done to readings.
 
+#: Both by their name: factor to the unit that is shown, and the unit.
+SHOWN = {"lift": (1e6, "µm"), "force": (1.0, "N")}
 #: A lift that is so many times the cam's is that of another.
 UNLIKE = 2.0
 #: °, by which events that both have are not of one time.
@@ -165,7 +175,7 @@ def sentences(rows: Sequence[SpeedDeparture]) -> list[str]:
     found = [
         (name, row, one)
         for row in rows
-        for name in QUANTITIES
+        for name in SHOWN
         if (one := getattr(row, name)) is not None
     ]
     if not found:
@@ -200,7 +210,7 @@ def sentences(rows: Sequence[SpeedDeparture]) -> list[str]:
 
 
 def _largest(name: str, row: SpeedDeparture, one: Departure) -> str:
-    unit, factor = QUANTITIES[name][3:5]
+    factor, unit = SHOWN[name]
     part = 100.0 * one.relative
     percent = f"{part:.2g}" if part < 10.0 else f"{part:.0f}"
     return (
@@ -211,8 +221,7 @@ def _largest(name: str, row: SpeedDeparture, one: Departure) -> str:
 
 
 def _agreements(found: Sequence[tuple[str, SpeedDeparture, Departure]]) -> Iterator[str]:
-    for name in QUANTITIES:
-        unit, factor = QUANTITIES[name][3:5]
+    for name, (factor, unit) in SHOWN.items():
         here = [one for what, _, one in found if what == name]
         if not here or not all(one.within or one.restless for one in here):
             continue

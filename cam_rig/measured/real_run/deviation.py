@@ -40,8 +40,10 @@ class PairedSignal:
 
     def some(self, which: slice | NDArray[np.bool_ | np.intp]) -> PairedSignal:
         """Some of the readings."""
-        time, angle = self.time[which], self.angle[which]
-        return PairedSignal(time, angle, self.measured[which], self.model[which], ~self.calm[which])
+        time, angle, measured, model = (
+            array[which] for array in (self.time, self.angle, self.measured, self.model)
+        )
+        return PairedSignal(time, angle, measured, model, ~self.calm[which])
 
     @property
     def difference(self) -> FloatArray:

@@ -12,15 +12,9 @@ import numpy as np
 from cam_rig.acoustics import level_db
 from cam_rig.dynamics import ANGLE_TOLERANCE
 from cam_rig.errors import BagError, ConfigError, did_you_mean
-from cam_rig.measured.real_run.alignment import (
-    Alignment,
-    ModelRun,
-    SteadyStretch,
-    find_alignment,
-    model_run,
-    steady_stretches,
-)
+from cam_rig.measured.real_run.alignment import Alignment, find_alignment
 from cam_rig.measured.real_run.deviation import PairedSignal, PairedStep
+from cam_rig.measured.real_run.model_run import ModelRun, SteadyStretch, drive, steady_stretches
 from cam_rig.simulation.instruments import MeasuredRun, Signal, encoder_count
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
@@ -54,10 +48,15 @@ class _StepParts:
         if self.energy[2]:
             both = level_db(np.sqrt(self.energy[:2] / self.energy[2]))
             levels = float(both[0]), float(both[1])
-        lifts = PairedSignal(time, angle, lift, model_lift)
-        forces = PairedSignal(time, angle, force, model_force)
-        rpm, turns = round(to_rpm(self.speed), 9), self.turned / TURN
-        return PairedStep(self.cam, rpm, turns, lifts, forces, levels, exact=True)
+        return PairedStep(
+            self.cam,
+            round(to_rpm(self.speed), 9),
+            self.turned / TURN,
+            PairedSignal(time, angle, lift, model_lift),
+            PairedSignal(time, angle, force, model_force),
+            levels,
+            exact=True,
+        )
 
 
 @dataclass
@@ -209,12 +208,16 @@ class MeasuredPairs:
         """The settled turns of each stretch, slowest first."""
         settle = self.loaded.scene.program.settle_turns.si
         for stretch in sorted(self.stretches, key=lambda one: one.mean_speed):
-            model = model_run(self.loaded, self.cam, stretch, self.alignment.offset)
-            lift = self._pair(self.run.lift, model, 1, self.alignment.zero)
+            model = drive(self.loaded, self.cam, stretch, self.alignment.offset)
             force = self._pair(self.run.force, model, 4)
-            force = force and _with_jumps(force, model)
-            turns, levels = stretch.turns - settle, (self._measured_level(model), model.level())
-            yield PairedStep(self.cam, stretch.rpm, turns, lift, force, levels)
+            yield PairedStep(
+                self.cam,
+                stretch.rpm,
+                stretch.turns - settle,
+                self._pair(self.run.lift, model, 1, self.alignment.zero),
+                force and _with_jumps(force, model),
+                (self._measured_level(model), model.level()),
+            )
 
     def _pair(
         self, signal: Signal | None, model: ModelRun, row: int, zero: float = 0.0
@@ -271,5 +274,5 @@ def pair_measured(
         )
     alignment = Alignment(offset or 0.0)
     if run.lift is not None:
-        alignment = find_alignment(stretches, run.lift, partial(model_run, loaded, cam), offset)
+        alignment = find_alignment(stretches, run.lift, partial(drive, loaded, cam), offset)
     return MeasuredPairs(run, loaded, cam, stretches, alignment, offset is not None)

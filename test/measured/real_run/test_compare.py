@@ -74,6 +74,18 @@ def test_a_picture_has_a_column_for_three_speeds_of_each_cam_at_most(golden):
     assert {axes.get_title(loc="left") for axes in differences} <= {"equal to rounding", ""}
 
 
+def test_another_rig_s_scene_departs(tmp_path):
+    """A scene with the same cams on another rig: where, and by how much."""
+    scene = tmp_path / "scenes" / "mine.yaml"
+    scene.parent.mkdir()
+    text = (GOLDEN.parents[1] / "config" / "scenes" / "quick.yaml").read_text(encoding="utf-8")
+    text = text.replace("rig: tm21", "rig: paper_table2").replace("name: quick", "name: mine")
+    scene.write_text(text, encoding="utf-8")
+    result = call(GOLDEN, scene, "--cam", "tm21")
+    assert result.exit_code == 0, result.stderr
+    assert "The largest departure is of the" in result.stderr and "(tm21)" in result.stderr
+
+
 def test_of_several_cams_the_scene_needs_only_the_one_that_is_named(make_loaded_scene):
     """The golden bag turned two cams; a scene with the first alone does for that one."""
     settings = {"model": "one_mass", "settle_turns": 1, "sample_rate": 1000}

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from cam_rig.laws import Law
-from cam_rig.measured.real_run.alignment import steady_stretches
 from cam_rig.measured.real_run.deviation import PairedSignal, PairedStep, departure, lost_contact
+from cam_rig.measured.real_run.model_run import steady_stretches
 from cam_rig.simulation.instruments import Signal
 from cam_rig.units import RPM, TURN
 
@@ -67,11 +67,8 @@ def test_exactly_driven_there_is_no_noise():
     assert departure(pair(difference * 1e-6), True).within
 
 
-def events_of(measured, model):
-    """The events of a force alone, on a cam that rests."""
-    law = Law("dwell", np.array([0.0, TURN]), np.array([[1e-3]]))
-    both = PairedSignal(TIME, ANGLE, measured, model)
-    return lost_contact(PairedStep("dwell", HELD, TURNS, None, both), law)
+def law_of_dwell():
+    return Law("dwell", np.array([0.0, TURN]), np.zeros((1, 1)) + np.array([[1e-3]]))
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.5])
@@ -84,7 +81,9 @@ def test_events_are_found_where_the_force_is_lost(noise):
         off = (inside > 100.0 + late) & (inside < 150.0 + late)
         return np.where(off, 0.0, 30.0 + 10.0 * np.cos(ANGLE))
 
-    found = events_of(force(2.0) + noise * rng.normal(size=TIME.size), force(0.0))
+    model = force(0.0)
+    both = PairedSignal(TIME, ANGLE, force(2.0) + noise * rng.normal(size=TIME.size), model)
+    found = lost_contact(PairedStep("dwell", HELD, TURNS, None, both), law_of_dwell())
     assert found.measured == found.model == 1.0
     assert found.degrees == pytest.approx(2.0, abs=0.6)  # readings are 0.9° apart
     assert found.shift * 360.0 * HELD / 60.0 == pytest.approx(found.degrees)
@@ -94,7 +93,8 @@ def test_a_small_force_on_a_dwell_is_no_flight_for_its_noise():
     """12 N of preload under noise of 3 N falls below 4 standard deviations every other reading."""
     rng = np.random.default_rng(3)
     model = 12.0 + 90.0 * np.clip(np.sin(ANGLE), 0.0, None)
-    found = events_of(model + 3.0 * rng.normal(size=TIME.size), model)
+    both = PairedSignal(TIME, ANGLE, model + 3.0 * rng.normal(size=TIME.size), model)
+    found = lost_contact(PairedStep("dwell", HELD, TURNS, None, both), law_of_dwell())
     assert found.model == 0.0 and found.measured < 0.5
 
 

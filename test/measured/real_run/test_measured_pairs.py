@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import TransferFunction, lsim
 
-from cam_rig.errors import BagError
+from cam_rig.errors import BagError, ConfigError
 from cam_rig.measured.real_run.comparison import compare_steps, done, sentences
 from cam_rig.measured.real_run.pairs import RecordedPairs
 from cam_rig.measured.real_run.run import RunComparison
@@ -333,3 +333,12 @@ def test_lost_messages_are_left_out_and_what_is_left_is_the_same(make_loaded_sce
     assert rows[0].force.largest == 0.0
     # Put down anew after the loss, it settles within the scene's turn.
     assert rows[1].turns < 7.0 and abs(rows[1].force.largest) < 1e-6 * rows[1].force.scale
+
+
+def test_a_cam_that_the_scene_has_not_is_named(make_loaded_scene):
+    """With what the scene has."""
+    other = make_loaded_scene(cams=["cycloidal"])
+    run = recorded(other)
+    scene = make_loaded_scene(cams=["poly345"])
+    with pytest.raises(ConfigError, match=r"no cam 'cycloidal', which the bag holds.*poly345"):
+        list(RecordedPairs(scene).steps(*run))
