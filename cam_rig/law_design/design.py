@@ -39,6 +39,9 @@ from cam_rig.units import FloatArray
 
 #: A goal below this part of the start's is solved again, measured by itself.
 SMALL = 0.05
+#: Of a goal far below the start's, whose integrals cancel, so much of the start's is rounding: a bound
+#: is no better than the law that is found.
+ROUNDING = 1e-6
 #: A limit is broken where the written law exceeds it by this part of its scale.
 BROKEN = 1e-6
 #: Followers between two faces or rollers of one disc, which bind the fall to the rise.
@@ -164,6 +167,9 @@ class DesignSearch:
         law = build_law(cam)
         first, result = (measured(problem, x, term, sense) for x in (start, law))
         bound = None if best.bound is None else rows_of(term).from_rows(problem, term, best.bound)
+        if bound is not None and abs(bound - result) <= ROUNDING * abs(first):
+            side = sign_of(sense)
+            bound = side * min(side * bound, side * result)
         pairs = zip(limits, request.limits, strict=True)
         others = (self._limit(law, asked, limit, best) for asked, limit in pairs)
         return LawDesign(
