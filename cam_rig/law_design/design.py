@@ -39,8 +39,8 @@ from cam_rig.units import FloatArray
 
 #: A goal below this part of the start's is solved again, measured by itself.
 SMALL = 0.05
-#: Of a goal far below the start's, whose integrals cancel, so much of the start's is rounding: a bound
-#: is no better than the law that is found.
+#: Of a goal far below the start's, whose integrals cancel, so much of the start's is rounding: a
+#: bound is no better than the law that is found.
 ROUNDING = 1e-6
 #: A limit is broken where the written law exceeds it by this part of its scale.
 BROKEN = 1e-6

@@ -99,6 +99,7 @@ class Law:
     Rise and fall of 20 mm, each a cubic piece:
 
     >>> import numpy as np
+    >>> from cam_rig import Law
     >>> h = 0.02
     >>> law = Law("smoothstep", [0.0, np.pi, 2.0 * np.pi], [[0.0, h], [0.0, h], [h, 0.0], [h, 0.0]])
     >>> float(law(np.pi / 2)), round(float(law(np.pi / 2, 1)), 6)  # m, m/rad

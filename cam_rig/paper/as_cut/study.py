@@ -341,10 +341,10 @@ def has_central_roller(cam: CamConfig) -> bool:
 def radii(cam: CamConfig) -> tuple[float, float]:
     """Base and roller radius (m) of a cam with a central roller."""
     if not has_central_roller(cam):
+        beside = " beside the cam's axis" if isinstance(cam.follower, Roller) else ""
         raise ConfigError(
-            f"cam {cam.name!r}: its follower is {cam.follower.type!r}, or beside the cam's axis; "
-            "allowed: a roller in a guide without eccentricity, as R_b + s is then what a point "
-            "in its place would need"
+            f"cam {cam.name!r}: its follower is {cam.follower.type!r}{beside}; allowed: a roller in "
+            "a guide without eccentricity, as R_b + s is then what a point in its place would need"
         )
     return cam.follower.base_radius.si, cam.follower.roller
 
