@@ -343,8 +343,8 @@ def radii(cam: CamConfig) -> tuple[float, float]:
     if not has_central_roller(cam):
         beside = " beside the cam's axis" if isinstance(cam.follower, Roller) else ""
         raise ConfigError(
-            f"cam {cam.name!r}: its follower is {cam.follower.type!r}{beside}; allowed: a roller in "
-            "a guide without eccentricity, as R_b + s is then what a point in its place would need"
+            f"cam {cam.name!r}: its follower is {cam.follower.type!r}{beside}; allowed: a roller "
+            "in a guide without eccentricity, as R_b + s is then what a point would need"
         )
     return cam.follower.base_radius.si, cam.follower.roller
 
