@@ -72,15 +72,14 @@ of the contact force.
 EVENTS = """\
 ### Events
 
-What a lift-off and its landing cost: wall time over the landings of the run.
+What a lift-off and its landing cost: wall time over the run's landings.
 
 {table}
 
 In plain Python and compiled by numba (`cam_rig[fast]`) the search gives the same bits. A whole
 solution makes the tables of cam and follower anew. After half a second of plain Python the compiled
-search is loaded; if there is none yet, it is compiled after ten, once for this user and machine (10
-to 20 s; `python -m cam_rig.dynamics.events` does it ahead). `CAM_RIG_EVENTS=plain` or `=compiled`
-chooses.\
+search is loaded; if there is none yet, it is compiled after ten, once a user (10 to 20 s; `python
+-m cam_rig.dynamics.events` does it ahead). `CAM_RIG_EVENTS=plain` or `=compiled` chooses.\
 """
 
 

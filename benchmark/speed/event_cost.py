@@ -78,7 +78,8 @@ def _of_case(name: str, peer: str, repeats: int) -> Iterator[EventCost]:
             alone = median_of(lambda: _search(case), repeats)
             whole = median_of(lambda: study.solve(case.fresh()), repeats)
         yield EventCost(name, landings, f"rig, the search, {words}", alone / landings, error)
-        yield EventCost(name, landings, f"rig, {WHOLE}, {words}", whole / landings, error)
+        if form != PLAIN or not forms:
+            yield EventCost(name, landings, f"rig, {WHOLE}, {words}", whole / landings, error)
     found = list(_of_peer(case, case, reference, peer))
     if found:
         words, taken, error, _ = min(found, key=lambda run: run[2])

@@ -43,7 +43,7 @@ styled = mpl.rc_context(STYLE)
 #: Letters of a line over a whole figure, at most.
 ACROSS = 72
 #: A logarithmic axis over more decades than this has no ticks at 3.
-DECADES = 4.0
+DECADES = 3.5
 #: Of the side of a panel, between two markers of a curve.
 MARKER_GAP = 0.14
 
