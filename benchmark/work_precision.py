@@ -91,7 +91,7 @@ def events() -> str:
 START_UP = """\
 ### Start-up
 
-What is waited for before anything is computed; medians.
+Waited for before anything is computed; medians.
 
 {nodes}
 
@@ -100,7 +100,7 @@ from a process that has imported what the nodes share.
 
 {commands}
 
-CPU: of all processes of the command.\
+CPU: of all its processes.\
 """
 SAMPLES = """\
 ### Samples
@@ -123,8 +123,8 @@ integrates the flights of ten turns alone; all its samples are of the law.
 LIVE = """\
 ### Live runs
 
-Rig time over wall time of the shipped sweep through the nodes. With a viewer, a Rerun server gets
-what a screen can show; no page is open.
+Rig time over wall time of the shipped sweep through the nodes. With a viewer, Rerun's server gets
+what a screen can show.
 
 {table}
 """

@@ -70,7 +70,7 @@ CONDITIONS = (Column("quick"), Column("cores"), Column("took", "s", of="took_s")
 #: What a reader of the table must know.
 KEY = (
     "Each peer at its cheapest setting with an error no larger than the rig's; where it has none, "
-    "at its most accurate one: the ratio, marked >, is then a bound, for the same error costs more."
+    "at its most accurate one: the ratio, marked >, is then a bound."
 )
 
 RIG_NAME = "rig"
