@@ -167,7 +167,7 @@ class DesignSearch:
         law = build_law(cam)
         first, result = (measured(problem, x, term, sense) for x in (start, law))
         bound = None if best.bound is None else rows_of(term).from_rows(problem, term, best.bound)
-        if bound is not None and abs(bound - result) <= ROUNDING * abs(first):
+        if bound is not None and abs(bound - result) <= ROUNDING * abs(first) < math.inf:
             side = sign_of(sense)
             bound = side * min(side * bound, side * result)
         pairs = zip(limits, request.limits, strict=True)

@@ -19,7 +19,7 @@ from cam_rig.runner import fork_server as runner_half
 from cam_rig.runner.fork_server import ForkedProcess, ForkServer
 from cam_rig.runner.node_process import NodeProcess, environment
 
-from ..processes import is_running
+from ..processes import is_running, until
 
 pytestmark = [pytest.mark.ros, pytest.mark.starts]
 COMMAND = [sys.executable, "-m", "cam_rig.nodes", "follower", "--ros-args"]
@@ -36,12 +36,6 @@ def command_line(pid):
     return Path(f"/proc/{pid}/cmdline").read_bytes().rstrip(b"\0").split(b"\0")
 
 
-def wait_until(condition):
-    """Poll until something is true; for ever, as pytest's own limit ends what hangs."""
-    while not condition():
-        time.sleep(0.01)
-
-
 def test_a_forked_node_is_a_child_like_any(start, tmp_path):
     """Its code is told, and so is what it writes; the file that is missing is its own finding."""
     node = start("-p", f"scene:={tmp_path}/none.yaml")
@@ -55,7 +49,7 @@ def test_each_is_a_process_of_its_own(start):
     one, other = start("-p", "scene:=quick"), start()
     assert len({one.pid, other.pid, os.getpid()}) == 3
     assert [os.getsid(node.pid) for node in (one, other)] == [one.pid, other.pid]
-    wait_until(lambda: command_line(one.pid)[-1] == b"scene:=quick")
+    until(lambda: command_line(one.pid)[-1] == b"scene:=quick")
     assert command_line(one.pid) == [os.fsencode(part) for part in (*COMMAND, "-p", "scene:=quick")]
     assert Path(f"/proc/{one.pid}/comm").read_text(encoding="utf-8") == "follower\n"
     with pytest.raises(subprocess.TimeoutExpired):
@@ -113,7 +107,7 @@ def test_a_killed_server_is_done_without(ros_domain):
     with ForkServer() as server:
         node = server.start(COMMAND, environment(), None)
         os.kill(server._process.pid, signal.SIGKILL)
-        wait_until(lambda: not is_running(server._process.pid))
+        until(lambda: not is_running(server._process.pid))
         assert node.poll() is None
         other = NodeProcess("follower", {}, False, print, server=server)
         assert isinstance(other.process, subprocess.Popen)
@@ -150,7 +144,7 @@ def test_a_killed_runner_leaves_nothing(ros_domain):
         server, node, kind = runner.stdout.readline().split()
         runner.kill()
     assert kind == ForkedProcess.__name__
-    wait_until(lambda: not is_running(server) and not is_running(node))
+    until(lambda: not is_running(server) and not is_running(node))
 
 
 PRELOAD = """

@@ -188,8 +188,8 @@ def _quiet(
     Bounces on a stem depend on every number at once, and their likelihood has a valley for each: a
     curvature there tells nothing of the others. On the cam the motion is linear. The fastest speed
     is left out as long as what is left of the forces has a pattern. What is left out may have
-    led to a wrong stem, so one is looked for without it too. A pattern that one speed alone still
-    has, as correlated noise does, is no flight's: then the most speeds count that have no other.
+    led to a wrong stem, so one is looked for without it too. A pattern that is as strong with fewer
+    speeds is no flight's, but noise that is correlated: so the most speeds are kept that have it.
     """
     here, tried = _on_the_cam(still), list[FitSolution]()
     while _forces(still, here):
@@ -201,9 +201,7 @@ def _quiet(
             here, tried = [i for i, landings in zip(here, flying, strict=True) if not landings], []
             continue
         tried.append(found)
-        if not leaves_a_pattern(found):
-            return found
-        if len(here) == 1:
+        if len(here) == 1 or not leaves_a_pattern(found):
             return next(one for one in tried if _strength(one) <= NO_MORE * _strength(found))
         fastest = max(here, key=lambda i: still.holds[i].speed)
         here = [i for i in here if i != fastest]

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.optimize import curve_fit
+from scipy.signal import lfilter
 
 import cam_rig
 from cam_rig.errors import ConfigError
@@ -236,6 +237,17 @@ def test_a_stem_s_numbers_need_a_stem(law, rig):
     fit = fit_run(law, run, rig, "two_mass", {"roller_share": 0.4, "stem_damping": 9.0})
     assert numbers(fit)["roller_share"].origin == "given"
     assert numbers(fit)["stem_stiffness"].value is not None
+
+
+def test_correlated_noise_of_the_force_drops_no_speed_on_the_cam(law):
+    """Two masses in contact, noise of 2 N and correlation 0.9ᵏ, a pattern at each speed."""
+    two = cam_rig.load_rig("paper_table2")
+    run = measured_run(law, two, "two_mass", (150.0, 220.0, 290.0), QUICK, 1)
+    steps = np.random.default_rng(1).normal(0.0, 2.0 * np.sqrt(1.0 - 0.81), run.force.value.size)
+    run = with_force(run, run.force.value + lfilter([1.0], [1.0, -0.9], steps))
+    fit = fit_run(law, run, two, "two_mass")
+    assert fit.left_out == ()
+    require_true(fit, two, "mass", "stem_stiffness")
 
 
 @pytest.mark.long
