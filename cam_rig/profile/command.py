@@ -31,9 +31,13 @@ Cutter = Annotated[
     float | None,
     typer.Option(metavar="MM", help="Write the path of a cutter of this radius instead."),
 ]
-Tolerance = Annotated[float, typer.Option(metavar="UM", help="Chord error of DXF and SVG, in µm.")]
+Tolerance = Annotated[
+    float | None,
+    typer.Option(metavar="UM", help="Chord error of DXF and SVG, in µm; default 1."),
+]
 Points = Annotated[
-    int, typer.Option(min=36, max=1_000_000, help="Rows of a CSV file, over one turn.")
+    int | None,
+    typer.Option(min=36, max=1_000_000, help="Rows of a CSV file, over one turn; default 3600."),
 ]
 Source = Annotated[
     Path | None,
@@ -50,8 +54,8 @@ def profile(
     positions: Positions = None,
     pitch: Pitch = False,
     cutter: Cutter = None,
-    tolerance: Tolerance = 1.0,
-    points: Points = 3600,
+    tolerance: Tolerance = None,
+    points: Points = None,
     source: Source = None,
     force: Force = False,
     *,

@@ -28,8 +28,10 @@ DRAWINGS, TABLES = (".dxf", ".svg"), (".csv",)
 READABLE = (".dxf", ".csv")
 #: Share of the tolerance that the digits of an SVG may take; a DXF has them all.
 SVG_ROUNDING = 0.1
-#: A finer tolerance would ask for millions of points, µm.
-FINEST_UM = 1e-4
+#: Chord error where none is asked for, and the finest: more would be millions of points, µm.
+TOLERANCE_UM, FINEST_UM = 1.0, 1e-4
+#: Rows of a table where no number is asked for.
+ROWS = 3600
 
 
 @dataclass(frozen=True)
@@ -39,8 +41,8 @@ class Request:
     out: Path | None
     pitch: bool
     cutter: float | None
-    tolerance: float
-    points: int
+    tolerance: float | None
+    points: int | None
     source: Path | None
 
     def require(self, cams: int, drawing: bool) -> None:
@@ -54,7 +56,15 @@ class Request:
             raise ConfigError("--pitch and --cutter are two paths; allowed: one of them")
         if self.cutter is not None and not 0.0 < self.cutter < 1e5:
             raise ConfigError(f"--cutter is {self.cutter:g} mm; allowed: more than 0 mm")
-        if not self.tolerance >= FINEST_UM:
+        kind = "" if self.out is None or self.source else self.out.suffix.lower()
+        for name, value, of in (
+            ("tolerance", self.tolerance, DRAWINGS),
+            ("points", self.points, TABLES),
+        ):
+            if value is not None and kind not in of:
+                needed = " or ".join(f"--out FILE{suffix}" for suffix in of)
+                raise ConfigError(f"--{name}: is of what is written; needed: {needed}")
+        if self.tolerance is not None and not self.tolerance >= FINEST_UM:
             raise ConfigError(
                 f"--tolerance is {self.tolerance:g} µm; allowed: at least {FINEST_UM:g} µm"
             )
@@ -80,13 +90,14 @@ def write(request: Request, cam: CamConfig, law: Law, force: bool) -> None:
     from cam_rig.profile.polyline import polyline
 
     assert request.out is not None
-    curves, tolerance = _curves(request, cam, law, force), request.tolerance * 1e-6
-    kind = request.out.suffix.lower()
+    curves, kind = _curves(request, cam, law, force), request.out.suffix.lower()
+    rows, tolerance_um = request.points or ROWS, request.tolerance or TOLERANCE_UM
     with writing(request.out) as part:
         if kind in TABLES:
-            drawing_files.write_contour(part, curves, request.points)
-            words = f"{request.points} points"
+            drawing_files.write_contour(part, curves, rows)
+            words = f"{rows} points"
         else:
+            tolerance = tolerance_um * 1e-6
             rounding = SVG_ROUNDING * tolerance if kind == ".svg" else 0.0
             lines = {curve.name: polyline(curve, tolerance - rounding) for curve in curves}
             if kind == ".svg":
@@ -94,7 +105,7 @@ def write(request: Request, cam: CamConfig, law: Law, force: bool) -> None:
             else:
                 drawing_files.to_document(lines).saveas(part)
             counts = " and ".join(str(line.shape[1]) for line in lines.values())
-            words = f"{counts} points, chord error at most {request.tolerance:g} µm"
+            words = f"{counts} points, chord error at most {tolerance_um:g} µm"
     names = " and ".join(curve.name for curve in curves)
     say(f"{names}: {words}: {request.out}")
 

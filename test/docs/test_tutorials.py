@@ -8,6 +8,7 @@ import shlex
 import subprocess
 import sys
 from collections.abc import Iterator
+from decimal import Decimal
 from pathlib import Path
 
 import pytest
@@ -24,8 +25,8 @@ NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e-?\d+)?")
 def follow(page: Path, within: float = 0.0) -> int:
     """Do what a page says, in this folder; every number shown is printed. How many commands ran.
 
-    ``within`` is the share of a number that its like may differ by, where a search ends within a
-    bound and the last steps to it depend on the processor's arithmetic.
+    ``within`` is the share by which a number may differ, and a decimal's last digit by one more,
+    where a search ends within a bound and its last steps depend on the processor's arithmetic.
     """
     ran = 0
     for kind, name, content in steps(page):
@@ -38,13 +39,19 @@ def follow(page: Path, within: float = 0.0) -> int:
         missing = {
             number
             for number in NUMBER.findall(content)
-            if not any(abs(float(number) - like) <= within * abs(like) for like in there)
+            if not any(abs(float(number) - like) <= _apart(number, within) for like in there)
         }
         assert not missing, f"{name}: shown and not printed: {missing}\n{printed}"
         for file in re.findall(r"--(?:out|plot|save|json|bag) (\S+)", name):
             assert Path(file).exists(), name
         ran += 1
     return ran
+
+
+def _apart(number: str, within: float) -> float:
+    if not within or "." not in number:
+        return within * abs(float(number))
+    return max(within * abs(float(number)), 1.01 * 10.0 ** Decimal(number).as_tuple().exponent)
 
 
 def steps(page: Path) -> Iterator[tuple[str, str, str]]:

@@ -367,11 +367,12 @@ def _deviation(
     left = speeds - trial.table.rpm
     scatter = rms(left) * math.sqrt(left.size / free) if free else 0.0
     if (speeds >= FASTEST).any() or scatter > NO_FIT * float(speeds.mean()):
+        worst = int(np.abs(left).argmax())
         raise ConfigError(
             f"{trial.table.file}: the readings are {rms(left):.3g} rpm r.m.s. from any follower "
-            f"found on cam {trial.law.name}; allowed: {100.0 * NO_FIT:g} % of the speed; was that "
-            "cam on, are the units right, is there a preload? A --rig nearer to it may help the "
-            "search"
+            f"found on cam {trial.law.name}, line {trial.table.readings[worst].line} the farthest "
+            f"by {-left[worst]:.3g} rpm; allowed: {100.0 * NO_FIT:g} % of the speed; was that cam "
+            "on, are the units right, is there a preload? A --rig nearer to it may help the search"
         )
     if error and scatter <= TOO_FAR * error:
         return error, True
