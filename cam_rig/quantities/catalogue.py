@@ -45,7 +45,7 @@ _DESIGNED = (
           value=lambda one, *_: values.jump(one, follower_of(one.rig), None)),
     _jump("jump_speed_rigid", "jump speed of one rigid mass", rigid=True,
           value=lambda one, *_: values.jump(one, one.rigid, None)),
-    _at_speed("residual_vibration", "residual vibration of one event", "um", _LENGTH,
+    _at_speed("residual_vibration", "residual vibration of the end mass, one event", "um", _LENGTH,
               values.residual, senses=_MOST),
     *(
         LawQuantity(f"peak_{name}", f"peak |{title}|", f"mm{over}", units, values.peak_of(order),
@@ -83,7 +83,7 @@ _DESIGNED = (
 #: What campaigns alone measure: of settled runs of the scene's model, and of whole turns.
 _MEASURED = (
     _at_speed("residual_vibration_steady",
-              "residual vibration of a mass on its stem in steady state", "um", _LENGTH,
+              "residual vibration of one mass on its stem in steady state", "um", _LENGTH,
               values.steady_residual, ranges=True, campaign=True),
     _of_run("least_contact_force", "least contact force", "N", _FORCE,
             values.in_row("force_least"), signed=True),
