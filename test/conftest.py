@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -109,6 +110,14 @@ settings.register_profile(
     "long", settings.get_profile("ordinary"), max_examples=400, derandomize=False, print_blob=True
 )
 settings.load_profile("ordinary")
+
+
+@pytest.fixture
+def heard_hangup() -> Iterator[None]:
+    """Commands end at a hang-up, as they do unless all of this was started by nohup."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)
 
 
 @pytest.fixture(scope="session")

@@ -11,6 +11,7 @@ import pytest
 
 from cam_rig.interrupts import STOPPING
 
+pytestmark = pytest.mark.usefixtures("heard_hangup")
 #: What every script begins with; `now` sends itself a signal.
 BEGIN = """
 import signal, sys, threading, time

@@ -22,12 +22,12 @@ from benchmark.speed.models import Case, OneMass, Oscillator, Solution, Twist, T
 from benchmark.speed.peers import PEERS, Peer
 from benchmark.speed.problem import PeerError
 from cam_rig.dynamics import FollowerParameters, Interval, elastic_stem
+from cam_rig.dynamics.free_masses import TwoMassParameters
 from cam_rig.dynamics.linear.response import LinearResponse, Outputs, polynomial_part
 from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.dynamics.torsional import model as parameters_module
 from cam_rig.dynamics.torsional import motion as torsion
-from cam_rig.dynamics.two_mass.masses import TwoMassParameters
-from cam_rig.dynamics.two_mass.trajectory import Separation, states
+from cam_rig.dynamics.two_mass import Separation, states
 from cam_rig.errors import CamRigError
 from cam_rig.laws import Law, bernstein
 from cam_rig.units import NS, FloatArray

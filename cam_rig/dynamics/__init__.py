@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from cam_rig.dynamics import elastic_stem, kinetostatic, one_mass
+from cam_rig.dynamics import two_mass as two_mass
+from cam_rig.dynamics.free_masses import TwoMassParameters
 from cam_rig.dynamics.interval import (
     ANGLE_TOLERANCE,
     COLUMNS,
@@ -20,8 +22,6 @@ from cam_rig.dynamics.interval import (
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.speed_ramp import Advance
 from cam_rig.dynamics.torsional import model as torsional
-from cam_rig.dynamics.two_mass import trajectory as two_mass
-from cam_rig.dynamics.two_mass.masses import TwoMassParameters
 from cam_rig.dynamics.velocity_jumps import require_smooth
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig

@@ -19,11 +19,11 @@ from cam_rig.dynamics.events import turns as kernel
 from cam_rig.dynamics.events.course import EndlessEventsError, record_of
 from cam_rig.dynamics.events.runs import RunTable, stem_stretch
 from cam_rig.dynamics.events.search import form_of
+from cam_rig.dynamics.free_masses import TwoMassParameters
 from cam_rig.dynamics.interval import FollowerState, Interval
 from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.dynamics.parameters import FollowerParameters, require_number, require_turning
-from cam_rig.dynamics.two_mass.masses import TwoMassParameters
-from cam_rig.dynamics.two_mass.trajectory import Separation
+from cam_rig.dynamics.two_mass import Separation
 from cam_rig.dynamics.velocity_jumps import require_continuous, short_of_velocity_jump
 from cam_rig.laws import Law
 from cam_rig.units import NS, TURN, FloatArray

@@ -23,12 +23,12 @@ from cam_rig.dynamics import (
     TwoMassParameters,
     elastic_stem,
 )
+from cam_rig.dynamics.free_masses import contact_response, force_output
 from cam_rig.dynamics.kinetostatic import force_extremes, force_weights
 from cam_rig.dynamics.linear.response import LinearResponse, Outputs
 from cam_rig.dynamics.modal.run import ModalRun
 from cam_rig.dynamics.torsional.model import from_rig as shaft_of
 from cam_rig.dynamics.torsional.motion import steady_state
-from cam_rig.dynamics.two_mass.masses import contact_response, force_output
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig, SceneConfig
 from cam_rig.schema.explain import validated

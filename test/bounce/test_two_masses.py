@@ -19,7 +19,7 @@ from cam_rig.dynamics.events.search import ALWAYS, PLAIN, VARIABLE
 from cam_rig.dynamics.jump.jump_speed import jump_speed
 from cam_rig.dynamics.linear.exponential import Flight
 from cam_rig.dynamics.turn_map import StroboscopicMap
-from cam_rig.dynamics.two_mass.trajectory import Separation
+from cam_rig.dynamics.two_mass import Separation
 from cam_rig.units import RPM
 
 from .table import BOUNCES, LEAVES, LIFTS_OFF, STAYS, TwoInManyDigits, as_array, table_law

@@ -18,6 +18,7 @@ from cam_rig.interrupts import STOPPING
 
 from .conftest import BIN, GOLDEN
 
+pytestmark = pytest.mark.usefixtures("heard_hangup")
 LONG = pytest.mark.long
 #: Wall time (s) that a command may take to end; on a busy machine many times what it takes.
 PATIENCE_S = 60.0

@@ -25,7 +25,7 @@ from cam_rig.dynamics.events.course import EndlessEventsError, free_table, law_t
 from cam_rig.dynamics.events.free_flight import lift_off_state
 from cam_rig.dynamics.events.law_table import Cam
 from cam_rig.dynamics.linear.exponential import Flight
-from cam_rig.dynamics.two_mass.trajectory import Separation
+from cam_rig.dynamics.two_mass import Separation
 from cam_rig.laws import Law, bernstein
 from cam_rig.units import NS, TURN
 

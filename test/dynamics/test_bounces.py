@@ -11,7 +11,7 @@ from benchmark.speed import study as stored
 from benchmark.speed.cases import CASES
 from cam_rig.dynamics import MODELS, FollowerParameters, FollowerState, Interval, TwoMassParameters
 from cam_rig.dynamics.one_mass import OneMassTrajectory
-from cam_rig.dynamics.two_mass.trajectory import Separation, phase_states, states
+from cam_rig.dynamics.two_mass import Separation, phase_states, states
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.units import NS, TURN

@@ -12,14 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cam_rig.dynamics import MODELS, Interval
+from cam_rig.dynamics import MODELS, Interval, two_mass
 from cam_rig.dynamics.events import arrays
 from cam_rig.dynamics.events import search as compiled
 from cam_rig.dynamics.events.runs import run_events
 from cam_rig.dynamics.events.search import ALWAYS, PLAIN, VARIABLE, cache_folder, form_of
-from cam_rig.dynamics.two_mass import trajectory
-from cam_rig.dynamics.two_mass.masses import free_masses
-from cam_rig.dynamics.two_mass.trajectory import Separation, first_lift_off
+from cam_rig.dynamics.free_masses import free_masses
+from cam_rig.dynamics.two_mass import Separation, first_lift_off
 from cam_rig.laws import Law, rows
 from cam_rig.units import NS, RPM, TURN
 
@@ -93,7 +92,7 @@ def test_masses_too_much_alike(laws, monkeypatch):
     unpaired = replace(free_masses(p), pairs=None)
     for system, form in ((free_masses(p), PLAIN), (unpaired, PLAIN), (unpaired, ALWAYS)):
         monkeypatch.setenv(VARIABLE, form)
-        monkeypatch.setattr(trajectory, "free_masses", lambda _, system=system: system)
+        monkeypatch.setattr(two_mass, "free_masses", lambda _, system=system: system)
         course = Separation(laws["poly345"], p, 450.0 * RPM)
         course.run(0.2)
         found.append(course.events)

@@ -14,7 +14,7 @@ from cam_rig.dynamics import Interval, TwoMassParameters
 from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.dynamics.torsional.model import TorsionalParameters, TorsionalState
 from cam_rig.dynamics.torsional.motion import solve
-from cam_rig.dynamics.two_mass.trajectory import Separation, phase_states
+from cam_rig.dynamics.two_mass import Separation, phase_states
 from cam_rig.laws import Law
 from cam_rig.units import RPM, TURN
 

@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 
 import cam_rig
 from cam_rig.dynamics import COLUMNS, MODELS, Block, Interval, Samples
+from cam_rig.dynamics.free_masses import free_masses, to_inner
 from cam_rig.dynamics.kinetostatic import state_at
 from cam_rig.dynamics.linear.exponential import Flight
 from cam_rig.dynamics.one_mass import OneMassTrajectory
-from cam_rig.dynamics.two_mass.masses import free_masses, to_inner
-from cam_rig.dynamics.two_mass.trajectory import Separation, phase_states
+from cam_rig.dynamics.two_mass import Separation, phase_states
 from cam_rig.laws import Law, bernstein
 from cam_rig.units import NS, RPM, TURN
 

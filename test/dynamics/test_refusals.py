@@ -13,7 +13,7 @@ from cam_rig.dynamics import MODELS, FollowerParameters, FollowerState, Interval
 from cam_rig.dynamics.elastic_stem import response
 from cam_rig.dynamics.torsional.model import TorsionalParameters, TorsionalState
 from cam_rig.dynamics.torsional.motion import solve
-from cam_rig.dynamics.two_mass.trajectory import Separation, states
+from cam_rig.dynamics.two_mass import Separation, states
 from cam_rig.errors import CamRigError, ConfigError, DynamicsError
 from cam_rig.laws import Law
 from cam_rig.units import NS, TURN

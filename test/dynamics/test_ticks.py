@@ -18,7 +18,7 @@ from cam_rig.dynamics import (
     TwoMassParameters,
     wrap,
 )
-from cam_rig.dynamics.two_mass.trajectory import Separation
+from cam_rig.dynamics.two_mass import Separation
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.units import NS, RPM, TURN

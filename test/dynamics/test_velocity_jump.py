@@ -15,7 +15,7 @@ from cam_rig.dynamics import Interval, TwoMassParameters
 from cam_rig.dynamics.elastic_stem import response
 from cam_rig.dynamics.events.course import jumps_table
 from cam_rig.dynamics.one_mass import OneMassTrajectory
-from cam_rig.dynamics.two_mass.trajectory import Separation, states
+from cam_rig.dynamics.two_mass import Separation, states
 from cam_rig.dynamics.velocity_jumps import SLACK, short_of_velocity_jump, velocity_jumps_ahead
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law

@@ -11,7 +11,7 @@ from scipy import sparse
 
 from benchmark.speed.study import outputs_at
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
-from cam_rig.dynamics.two_mass.masses import contact_response, force_output
+from cam_rig.dynamics.free_masses import contact_response, force_output
 from cam_rig.errors import ConfigError
 from cam_rig.law_design.convex_program import Affine, ConvexProgram, GrowingProgram, InfeasibleError
 from cam_rig.law_design.descent import PointwiseTerm

@@ -62,6 +62,7 @@ def test_no_socket_leaves_the_machine(forked, domain, short_scene, tmp_path, mon
     assert node_processes(tmp_path / "bag") == []
 
 
+@pytest.mark.usefixtures("heard_hangup")
 @pytest.mark.parametrize(
     "name", ["SIGINT", *(pytest.param(name, marks=LONG) for name in ("SIGTERM", "SIGHUP"))]
 )

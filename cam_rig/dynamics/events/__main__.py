@@ -7,14 +7,14 @@ import os
 import numpy as np
 
 from cam_rig.dynamics.events.search import ALWAYS, VARIABLE
+from cam_rig.dynamics.free_masses import TwoMassParameters
 from cam_rig.dynamics.interval import Interval
 from cam_rig.dynamics.jump.jump_speed import rigid_jump
 from cam_rig.dynamics.jump.search import force_run, sought
 from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.turn_map import StroboscopicMap
-from cam_rig.dynamics.two_mass.masses import TwoMassParameters
-from cam_rig.dynamics.two_mass.trajectory import Separation, first_lift_off
+from cam_rig.dynamics.two_mass import Separation, first_lift_off
 from cam_rig.laws import Law
 from cam_rig.units import NS, TURN
 

@@ -14,6 +14,7 @@ from typing import Any, ClassVar, overload
 import numpy as np
 
 from cam_rig.arguments import checked, on_one_axis
+from cam_rig.dynamics.free_masses import BY, ONE_MASS, TwoMassParameters
 from cam_rig.dynamics.jump.jump_speed import FROM_REST, require_run, rigid_jump, rigid_least
 from cam_rig.dynamics.jump.jump_speed import jump_speed as jump_of_parameters
 from cam_rig.dynamics.jump.search import (
@@ -25,7 +26,6 @@ from cam_rig.dynamics.jump.search import (
     loses_contact,
 )
 from cam_rig.dynamics.parameters import FollowerParameters
-from cam_rig.dynamics.two_mass.masses import BY, ONE_MASS, TwoMassParameters
 from cam_rig.dynamics.velocity_jumps import require_smooth
 from cam_rig.errors import CamRigError, ConfigError
 from cam_rig.laws import Law

@@ -11,11 +11,11 @@ from functools import partial
 import numpy as np
 
 from cam_rig.dynamics.events.search import call
+from cam_rig.dynamics.free_masses import TwoMassParameters
 from cam_rig.dynamics.jump.rigid import RigidMass, rigid_zero
 from cam_rig.dynamics.jump.search import SLOWEST, Jump, force_run, sought, sought_speed
 from cam_rig.dynamics.modal.run import law_series
 from cam_rig.dynamics.parameters import FollowerParameters
-from cam_rig.dynamics.two_mass.masses import TwoMassParameters
 from cam_rig.dynamics.velocity_jumps import require_smooth
 from cam_rig.errors import ConfigError, DynamicsError
 from cam_rig.laws import Law, bernstein

@@ -10,9 +10,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from cam_rig.dynamics.free_masses import TwoMassParameters, contact_response, force_output
 from cam_rig.dynamics.modal.first_zero import ABOVE, BELOW, PAUSED, UNTOLD, Climb
 from cam_rig.dynamics.modal.run import ModalRun
-from cam_rig.dynamics.two_mass.masses import TwoMassParameters, contact_response, force_output
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.units import RPM, TURN, to_rpm

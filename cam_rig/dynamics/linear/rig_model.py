@@ -14,15 +14,15 @@ from scipy.signal import StateSpace
 
 from cam_rig.arguments import checked
 from cam_rig.dynamics import elastic_stem
-from cam_rig.dynamics.kinetostatic import force_weights
-from cam_rig.dynamics.linear.response import Outputs
-from cam_rig.dynamics.parameters import FollowerParameters
-from cam_rig.dynamics.two_mass.masses import (
+from cam_rig.dynamics.free_masses import (
     NEEDED,
     TwoMassParameters,
     contact_response,
     force_output,
 )
+from cam_rig.dynamics.kinetostatic import force_weights
+from cam_rig.dynamics.linear.response import Outputs
+from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.errors import ConfigError, DynamicsError
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig

@@ -13,8 +13,8 @@ import numpy as np
 from scipy.optimize import nnls
 
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
+from cam_rig.dynamics.free_masses import contact_response, force_output
 from cam_rig.dynamics.kinetostatic import force_weights
-from cam_rig.dynamics.two_mass.masses import contact_response, force_output
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.measured.rig_fit.numbers import follower_of

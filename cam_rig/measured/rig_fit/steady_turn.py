@@ -10,11 +10,11 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from cam_rig.dynamics import FollowerParameters, Interval, TwoMassParameters
+from cam_rig.dynamics.free_masses import contact_response
 from cam_rig.dynamics.interval import Event
 from cam_rig.dynamics.kinetostatic import force_weights, loss_intervals
 from cam_rig.dynamics.one_mass import OneMassTrajectory
-from cam_rig.dynamics.two_mass.masses import contact_response
-from cam_rig.dynamics.two_mass.trajectory import Separation, states
+from cam_rig.dynamics.two_mass import Separation, states
 from cam_rig.laws import Law
 from cam_rig.units import NS, TURN, FloatArray
 

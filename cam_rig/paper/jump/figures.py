@@ -12,7 +12,7 @@ from matplotlib.markers import CARETUP
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.jump.any_follower import follower_of, least_force
 from cam_rig.dynamics.jump.figures import POINTS, force_axes
-from cam_rig.dynamics.two_mass.trajectory import Separation, states
+from cam_rig.dynamics.two_mass import Separation, states
 from cam_rig.laws.cam import CamSet
 from cam_rig.laws.law import peak
 from cam_rig.paper.jump.comparison import JumpResult, JumpRow

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from cam_rig.dynamics import MODELS, FollowerParameters, Interval, elastic_stem
+from cam_rig.dynamics.free_masses import TwoMassParameters, contact_response, force_output
 from cam_rig.dynamics.interval import Event
 from cam_rig.dynamics.kinetostatic import force_ordinates
 from cam_rig.dynamics.linear.exponential import free_motion
 from cam_rig.dynamics.linear.response import LinearResponse, Outputs, polynomial_part
 from cam_rig.dynamics.one_mass import OneMassTrajectory
-from cam_rig.dynamics.two_mass.masses import TwoMassParameters, contact_response, force_output
-from cam_rig.dynamics.two_mass.trajectory import Separation, first_lift_off, states
+from cam_rig.dynamics.two_mass import Separation, first_lift_off, states
 from cam_rig.dynamics.velocity_jumps import require_smooth
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law, bernstein

@@ -18,7 +18,7 @@ import numpy as np
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.jump.search import force_run, sought_speed
 from cam_rig.dynamics.modal.motion import SETTLED
-from cam_rig.dynamics.two_mass.trajectory import first_lift_off
+from cam_rig.dynamics.two_mass import first_lift_off
 from cam_rig.laws import Law, bernstein, build_law
 from cam_rig.paper.jump.refit import ROUNDED_TO, with_event
 from cam_rig.schema import CamConfig, TableReading

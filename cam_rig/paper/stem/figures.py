@@ -6,8 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from cam_rig.dynamics import TwoMassParameters
-from cam_rig.paper.stem.chain import BAR, Stem, stem_turn
-from cam_rig.paper.stem.study import SHOWN_CAM, StemResult
+from cam_rig.paper.stem.study import BAR, SHOWN_CAM, Stem, StemResult, stem_turn
 from cam_rig.show.figure import (
     ACROSS,
     CAM_SPEED,

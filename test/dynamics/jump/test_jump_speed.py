@@ -7,10 +7,10 @@ import pytest
 
 import cam_rig
 from cam_rig.dynamics import MODELS, FollowerParameters, Interval, TwoMassParameters
+from cam_rig.dynamics.free_masses import contact_response
 from cam_rig.dynamics.jump.any_follower import described, find_jump, follower_of
 from cam_rig.dynamics.jump.jump_speed import jump_speed, rigid_jump, rigid_jump_speed, rigid_least
 from cam_rig.dynamics.jump.search import sought_speed
-from cam_rig.dynamics.two_mass.masses import contact_response
 from cam_rig.errors import ConfigError, DynamicsError
 from cam_rig.laws import Law, build_law
 from cam_rig.laws.bernstein import joined

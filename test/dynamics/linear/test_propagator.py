@@ -11,9 +11,9 @@ from benchmark.speed import exact as many_digits_of
 from benchmark.speed.models import CONTACT, Case, Oscillator, output_times
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.dynamics.elastic_stem import response
+from cam_rig.dynamics.free_masses import free_masses, from_inner, to_inner
 from cam_rig.dynamics.linear.propagator import piece
 from cam_rig.dynamics.linear.response import LinearResponse
-from cam_rig.dynamics.two_mass.masses import free_masses, from_inner, to_inner
 from cam_rig.laws import bernstein
 from cam_rig.units import TURN
 

@@ -6,8 +6,8 @@ from scipy.signal import lsim
 
 import cam_rig
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters, elastic_stem
+from cam_rig.dynamics.free_masses import contact_response, force_output
 from cam_rig.dynamics.linear import rig_model
-from cam_rig.dynamics.two_mass.masses import contact_response, force_output
 from cam_rig.errors import ConfigError, DynamicsError
 from cam_rig.schema import rig as schema
 

@@ -9,6 +9,7 @@ from scipy.optimize import minimize_scalar
 
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.events.search import VARIABLE
+from cam_rig.dynamics.free_masses import contact_response, force_output
 from cam_rig.dynamics.jump.search import SLOWEST, force_run, sought
 from cam_rig.dynamics.modal.motion import motion_at, norm_of, on_law
 from cam_rig.dynamics.modal.run import law_series
@@ -21,7 +22,6 @@ from cam_rig.dynamics.modal.sags import (
     sags_between,
     settled_sag,
 )
-from cam_rig.dynamics.two_mass.masses import contact_response, force_output
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.units import RPM, TURN

@@ -7,14 +7,14 @@ import pytest
 from scipy.interpolate import make_interp_spline
 from scipy.optimize import minimize_scalar
 
+from cam_rig.dynamics.free_masses import TwoMassParameters, contact_response, force_output
 from cam_rig.dynamics.jump.jump_speed import jump_speed
 from cam_rig.dynamics.linear.propagator import piece, pieces
 from cam_rig.dynamics.linear.response import sample
 from cam_rig.dynamics.modal.least import Stretch, least
 from cam_rig.dynamics.modal.motion import amplitude, motion_at, on_law
 from cam_rig.dynamics.modal.run import ModalRun, law_series
-from cam_rig.dynamics.two_mass.masses import TwoMassParameters, contact_response, force_output
-from cam_rig.dynamics.two_mass.trajectory import first_lift_off
+from cam_rig.dynamics.two_mass import first_lift_off
 from cam_rig.dynamics.vibration import free_amplitude
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law

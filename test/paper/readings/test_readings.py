@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics import TwoMassParameters
-from cam_rig.dynamics.two_mass.trajectory import first_lift_off
+from cam_rig.dynamics.two_mass import first_lift_off
 from cam_rig.errors import ConfigError
 from cam_rig.laws import build_law
 from cam_rig.paper.jump.refit import with_event

@@ -8,12 +8,20 @@ import pytest
 
 from cam_rig.acoustics.pressure import mean_square_rate
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
+from cam_rig.dynamics.free_masses import contact_response, force_output
 from cam_rig.dynamics.jump.jump_speed import jump_speed
 from cam_rig.dynamics.linear.response import LinearResponse, Outputs, sample
-from cam_rig.dynamics.two_mass.masses import contact_response, force_output
 from cam_rig.laws.cam import CamSet
-from cam_rig.paper.stem.chain import BAR, Stem, stem_turn
-from cam_rig.paper.stem.study import ELEMENTS, matched_stiffness, stem_jump, study_stems, vibration
+from cam_rig.paper.stem.study import (
+    BAR,
+    ELEMENTS,
+    Stem,
+    matched_stiffness,
+    stem_jump,
+    stem_turn,
+    study_stems,
+    vibration,
+)
 from cam_rig.units import RPM, TURN
 
 from ...figure_faults import faults

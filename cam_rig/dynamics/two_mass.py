@@ -18,12 +18,7 @@ from cam_rig.dynamics.events.contact import loss_in_part
 from cam_rig.dynamics.events.course import ROUNDING_ERRORS, Course, Phase, contact_table
 from cam_rig.dynamics.events.runs import RunTable
 from cam_rig.dynamics.events.search import call
-from cam_rig.dynamics.interval import Block, FollowerState, Interval
-from cam_rig.dynamics.linear.exponential import Flight
-from cam_rig.dynamics.linear.response import LinearResponse, polynomial_parts, sample
-from cam_rig.dynamics.parameters import require_angle, require_number, state_of, times_of, told
-from cam_rig.dynamics.speed_ramp import with_ramps
-from cam_rig.dynamics.two_mass.masses import (
+from cam_rig.dynamics.free_masses import (
     TwoMassParameters,
     contact_response,
     force_output,
@@ -31,6 +26,11 @@ from cam_rig.dynamics.two_mass.masses import (
     from_inner,
     to_inner,
 )
+from cam_rig.dynamics.interval import Block, FollowerState, Interval
+from cam_rig.dynamics.linear.exponential import Flight
+from cam_rig.dynamics.linear.response import LinearResponse, polynomial_parts, sample
+from cam_rig.dynamics.parameters import require_angle, require_number, state_of, times_of, told
+from cam_rig.dynamics.speed_ramp import with_ramps
 from cam_rig.dynamics.velocity_jumps import short_of_velocity_jump
 from cam_rig.laws import Law, bernstein
 from cam_rig.laws.bernstein import EPS
