@@ -30,6 +30,12 @@ def children(pid):
     return {int(child): text_of(f"/proc/{child}/cmdline").split("\0") for child in found}
 
 
+def takes(pid, number):
+    """Whether a process handles a signal; `handle_signals` sets that of a hang-up last."""
+    caught = text_of(f"/proc/{pid}/status").partition("SigCgt:")[2].split()
+    return bool(caught) and bool(int(caught[0], 16) >> (number - 1) & 1)
+
+
 def is_running(pid):
     """Whether there is such a process that has not ended."""
     stat = text_of(f"/proc/{pid}/stat")

@@ -376,8 +376,9 @@ def _instruments(solution: FitSolution, errors: Uncertainty) -> Iterator[Instrum
     """Offset and clock are a line through the phases: ψ = −offset − clock ω t."""
     likelihood, x, holds = solution.likelihood, solution.x, solution.holds
     where = likelihood.instruments
-    design = lever(solution)[:, : 2 if len(holds) > 2 else 1]
+    design = lever(solution)[:, : min(2, len(holds))]
     covariance = errors.covariance[where.phases, where.phases]
+    covariance = covariance + np.diag([hold.hold.angle_error**2 for hold in holds])
     weights = np.linalg.pinv(covariance, hermitian=True)
     normal = np.linalg.inv(design.T @ weights @ design)
     line = -normal @ design.T @ weights @ np.unwrap(x[where.phases])

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cam_rig.errors import ConfigError
 from cam_rig.measured.real_run.deviation import scatter
 from cam_rig.simulation.instruments import MeasuredRun, Signal, encoder_count, pulls
-from cam_rig.units import TURN, FloatArray, correlation_length, rms, to_rpm
+from cam_rig.units import TURN, FloatArray, correlation_length, to_rpm
 
 # Where a measured cam turns at a steady speed: straight lines through an encoder's counts.
 
@@ -30,8 +30,9 @@ MOST_GROWTHS = 12
 class Hold:
     """The cam from ``begin`` to ``end`` (s) at ``speed`` (rad/s); ``angle`` (rad) at ``begin``.
 
-    ``speed_error`` is the standard error of the speed, rad/s; ``ripple`` (rad) the largest distance
-    of the angle from the line, less what an encoder's steps make.
+    ``speed_error`` (rad/s) and ``angle_error`` (rad) are the standard errors of the speed and of
+    the angle in the middle; ``ripple`` (rad) is the largest distance of the angle from the line,
+    less what an encoder's steps make.
     """
 
     begin: float
@@ -39,6 +40,7 @@ class Hold:
     angle: float
     speed: float
     speed_error: float
+    angle_error: float
     ripple: float
 
     @property
@@ -60,8 +62,9 @@ class Hold:
         """The same without its first turns, if it has twice as many."""
         if self.turns <= 2.0 * SETTLE_TURNS:
             return self
-        begin = self.begin + SETTLE_TURNS * TURN / self.speed
-        return replace(self, begin=begin, angle=self.angle + SETTLE_TURNS * TURN)
+        later, angle = SETTLE_TURNS * TURN / self.speed, self.angle + SETTLE_TURNS * TURN
+        error = math.hypot(self.angle_error, 0.5 * later * self.speed_error)
+        return replace(self, begin=self.begin + later, angle=angle, angle_error=error)
 
 
 def steady_holds(run: MeasuredRun) -> tuple[Hold, ...]:
@@ -137,26 +140,31 @@ def _line(time: FloatArray, angle: FloatArray, count: float) -> Hold:
     since = time - time[0]
     slope, begin = np.polyfit(since, angle, 1)
     away = angle - begin - slope * since
-    scatter = max(float(away.std()), count / math.sqrt(12.0))
-    alike = correlation_length(away)
-    error = scatter * math.sqrt(alike) / (float(since.std()) * math.sqrt(time.size))
-    error = max(error, _of_steps(since, slope, count))
+    rounding, alike = count / math.sqrt(12.0), correlation_length(away) / time.size
+    scatter = max(float(away.std()), rounding)
+    of_mean, of_slope = _of_steps(since, slope, count)
+    error = max(scatter * math.sqrt(alike) / float(since.std()), of_slope)
+    errors = error, math.hypot(math.sqrt((scatter**2 - rounding**2) * alike), of_mean)
     ripple = max(0.0, float(np.abs(away).max()) - 0.6 * count)
-    return Hold(float(time[0]), float(time[-1]), float(begin), float(slope), error, ripple)
+    return Hold(float(time[0]), float(time[-1]), float(begin), float(slope), *errors, ripple)
 
 
-def _of_steps(since: FloatArray, speed: float, count: float) -> float:
-    """By how much (rad/s, r.m.s.) an encoder's steps put a line's slope wrong.
+def _of_steps(since: FloatArray, speed: float, count: float) -> tuple[float, float]:
+    """By how much (rad and rad/s, r.m.s.) an encoder's steps put a line's mean and slope wrong.
 
     A cam that turns nearly k/n counts from reading to reading has steps that drift in n strands,
-    and then their error is no noise: so of phases, and of speeds a quarter count beside.
+    and then their error is no noise: so of phases, and of speeds a quarter count beside. Steps are
+    half a count low in the mean, which is no error.
     """
     if count == 0.0:
-        return 0.0
-    lever = (since - since.mean()) / float(((since - since.mean()) ** 2).sum())
+        return 0.0, 0.0
+    from_mean = since - since.mean()
+    lever = np.stack([np.full(since.size, 1.0 / since.size), from_mean / (from_mean @ from_mean)])
     speeds = speed + QUARTERS * count / since[-1]
     turned = speeds[:, None, None] * since + STEP_PHASES[:, None] * count
-    return rms((np.floor(turned / count) * count - turned) @ lever)
+    low = (np.floor(turned / count) + 0.5) * count - turned
+    of_mean, of_slope = np.sqrt(np.mean((low @ lever.T) ** 2, axis=(0, 1))).tolist()
+    return of_mean, of_slope
 
 
 #: Turns of a hold that are left out, for the follower to settle, where it has twice as many.
