@@ -78,8 +78,8 @@ class Subject:
             return ""
         program = self.scene.program
         return (
-            f"at {term.low / RPM:.6g} rpm not settled to {SETTLED:g} in {MOST_TURNS} turns, so of "
-            f"the {program.turns.si - program.settle_turns.si:g} after them"
+            f"at {term.low / RPM:.6g} rpm not settled to {SETTLED:g} in {MOST_TURNS} turns, so it "
+            f"is of the {program.turns.si - program.settle_turns.si:g} turns after them"
         )
 
 

@@ -103,7 +103,7 @@ def test_an_experiment_is_a_function_of_the_package(copy):
     module = "cam_rig.paper.least_preload.study"
     copy.insert(face, "    from cam_rig.paper.noise", f"    from {module} import least_preload\n")
     copy.insert(face, '    "list_laws": "', f'    "least_preload": "{module}",\n')
-    copy.insert(face, '    "list_laws",', '    "least_preload",\n')
+    copy.insert(face, '    "load_cam", ', '    "least_preload",\n')
     shutil.copytree(ROOT / "test" / "face", copy.folder / "face")
     found = copy.python("-m", "pytest", "-v", "-p", "no:cacheprovider", "face", "-k", "command")
     assert "[least-preload] PASSED" in found
@@ -152,7 +152,7 @@ print(render("md", "A page", Made("a command"), {section: content}))
 @pytest.mark.long
 def test_a_goal_of_a_design_is_a_record_and_a_line(copy):
     """The mean of s″²: searched for without a line in ``ROWS``, with a bound by one."""
-    copy.insert("cam_rig/quantities/catalogue.py", '    LawQuantity("shaft_torque"', GOAL)
+    copy.insert("cam_rig/quantities/catalogue.py", '    _at_speed("shaft_torque"', GOAL)
     copy.insert(
         "cam_rig/law_design/rows.py",
         '    "shaft_torque": Rows(',
