@@ -136,13 +136,11 @@ def _run(
     from cam_rig.runner.node_process import PROFILES
     from cam_rig.runner.resources import own_domain
     from cam_rig.simulation.scene import open_scene
-    from cam_rig.simulation.schedule import cam_states, tick_count
-    from cam_rig.units import NS
+    from cam_rig.simulation.schedule import tick_count
     from cam_rig.viewer.command import delay_report
 
     loaded = open_scene(path)
     loaded.require_numbers()
-    stamps = [state.time_ns / NS for state in cam_states(loaded.scene)]
     if PROFILES in os.environ and not network:
         console.print(
             f"the profile of {PROFILES} is used with --network alone; no socket leaves this machine"
@@ -160,8 +158,9 @@ def _run(
     ):
         task = bar.add_task("starting the nodes", total=tick_count(loaded.scene))
         for report in graph.progress():
-            words, tick = f"{report['cam']} {report['rpm']:.0f} rpm", int(report["tick"])
-            bar.update(task, completed=tick, description=delayed(stamps[tick], words))
+            words = f"{report['cam']} {report['rpm']:.0f} rpm"
+            words = delayed(float(report["time"]), words)
+            bar.update(task, completed=int(report["tick"]), description=words)
     for name, node in graph.processes.items():
         if node.warnings:
             words = f"{name} warned {len(node.warnings)} times, last: {node.warnings[-1]}"

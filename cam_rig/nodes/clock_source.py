@@ -21,7 +21,7 @@ from cam_rig.nodes.rig_node import RigNode, require_one_scene
 from cam_rig.nodes.run_end import POLL_S, FinishedRun, have_left, publishers
 from cam_rig.runner.node_table import OPTIONAL, WAIT, held_by, in_chain
 from cam_rig.simulation.schedule import CamState
-from cam_rig.units import to_rpm
+from cam_rig.units import NS, to_rpm
 
 #: Wall time (s) without an answer after which the states in flight are sent again. Each time it is
 #: twice as long, up to the second: their number is bounded (`RepeatBudget`).
@@ -207,7 +207,8 @@ class ClockSource(RigNode):
     def note_sent(self, state: CamState, tick: int) -> None:
         """Note that a state went out, and report it to the runner."""
         self._moved, self.ticks = time.monotonic(), tick
-        self._report_progress(tick=tick, cam=state.cam, rpm=to_rpm(state.speed))
+        values = {"cam": state.cam, "rpm": to_rpm(state.speed), "time": state.time_ns / NS}
+        self._report_progress(tick=tick, **values)
         if words := self.speed.note(state, self.is_commanded):
             self.get_logger().info(words)
 

@@ -18,7 +18,7 @@ from cam_rig.runner.node_process import NodeProcess
 from cam_rig.schema.load import config_root
 
 from ..processes import sockets
-from .conftest import has_ticks, node_processes, patient, wait_until
+from .conftest import TICKS, has_ticks, node_processes, patient, wait_until
 
 pytestmark = pytest.mark.ros
 LONG = pytest.mark.long
@@ -60,6 +60,22 @@ def test_no_socket_leaves_the_machine(forked, domain, short_scene, tmp_path, mon
         assert set(graph.processes) == set(NODES)
     assert set.union(*found) <= {"127.0.0.1", "239.255.0.1"}
     assert node_processes(tmp_path / "bag") == []
+
+
+def test_a_run_that_is_reset_ends_in_order(user, short_scene, tmp_path):
+    """It turns more ticks than its scene has, and says how many at its end: code 0."""
+    bag = tmp_path / "bag"
+    command = [sys.executable, "-m", "cam_rig.cli.main", "run", str(short_scene), "--bag", str(bag)]
+    command += ["--pacing", "1x"]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    wait_until(lambda: has_ticks(bag))
+    for service in ("stop", "reset", "start"):
+        user.call(f"/cam_drive/{service}")
+    user.set("cam_drive", "pacing", "free")
+    _, words = process.communicate(timeout=100)
+    assert process.returncode == 0, words
+    assert len(read_recording(bag).ticks) > TICKS
+    assert "none missing" in words
 
 
 @pytest.mark.usefixtures("heard_hangup")
