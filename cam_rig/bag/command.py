@@ -44,15 +44,11 @@ def analyze(
 
 def read_run(bag: Path, scene: str | None = None) -> SceneRun:
     """A bag's run, with the scene attached to it unless another is named; say what it lacks."""
-    from cam_rig.bag.partial_reader import recovered_words
     from cam_rig.bag.reader import read_bag
-    from cam_rig.simulation.schedule import tick_count
 
     run = read_bag(bag, scene)
     say(f"{bag}: {sum(run.counts.values())} messages, {len(run.ticks)} ticks")
-    say(*(f"recovered: {words}" for words in recovered_words(bag)))
-    if not run.complete:
-        say(f"not complete: {len(run.ticks)} of {tick_count(run.loaded.scene)} ticks")
+    say(*run.notes)
     return run
 
 
@@ -113,11 +109,12 @@ def export(
     require_format(to)
     check_place(to)
     if Path(source).is_dir() or source.endswith(BAG_FILES):
-        from cam_rig.bag.reader import read_scene, read_ticks
+        from cam_rig.bag.reader import read_scene, read_ticks, shortcomings
 
         bag = Path(source)
         loaded = read_scene(bag) if scene is None else open_scene(scene_path(scene))
         ticks = read_ticks(bag)
+        say(*shortcomings(bag, loaded))
     else:
         loaded = open_scene(scene_path(source))
         ticks = turned_ticks(loaded)

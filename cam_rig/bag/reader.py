@@ -15,7 +15,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from cam_rig.arguments import checked
 from cam_rig.bag.files import UNREADABLE, damaged, in_order, is_closed, require_a_bag
-from cam_rig.bag.partial_reader import unpack
+from cam_rig.bag.partial_reader import recovered_words, unpack
 from cam_rig.bag.records import require_bounded, require_plain
 from cam_rig.dynamics import ANGLE_TOLERANCE
 from cam_rig.errors import BagError, CamRigError, RefusedError
@@ -27,7 +27,7 @@ from cam_rig.messages.topics import Topic, recorded_topic
 from cam_rig.schema.load import named_path
 from cam_rig.simulation.scene import LoadedScene, open_scene
 from cam_rig.simulation.scene_run import SceneRun
-from cam_rig.simulation.schedule import CamState
+from cam_rig.simulation.schedule import CamState, tick_count
 from cam_rig.simulation.simulate import MeasuredTick, TickSamples
 from cam_rig.units import NS, FloatArray
 
@@ -155,7 +155,15 @@ def read_recording(bag: Path, scene: Path | None = None) -> SceneRun:
         for start, end in pairwise(states)
         if end.time_ns in pressures and start.turns_until(end)
     )
-    return SceneRun(loaded, ticks, bag, partial(read_ticks, bag), read_counts(bag))
+    notes = shortcomings(bag, loaded)
+    return SceneRun(loaded, ticks, bag, partial(read_ticks, bag), read_counts(bag), notes=notes)
+
+
+def shortcomings(bag: Path, loaded: LoadedScene) -> tuple[str, ...]:
+    """What a bag lacks of its scene's run, and what a recovery says may be wrong in it."""
+    there, planned = read_counts(bag).get(topics.PRESSURE.name, 0), tick_count(loaded.scene)
+    lacks = [f"not complete: {there} of {planned} ticks"] if there < planned else []
+    return *(f"recovered: {words}" for words in recovered_words(bag)), *lacks
 
 
 def read_ticks(bag: Path, namespace: str | None = None) -> Iterator[TickSamples]:

@@ -67,6 +67,7 @@ class SceneRun(Result):
     blocks : gives the follower's samples tick by tick, with the cam under them; see `samples`
     counts : messages by topic, of a bag
     speeds : what `by_speed` is made of, where the samples have gone through it already
+    notes : what a bag lacks, and what a recovery says may be wrong in it
     """
 
     schema = "cam_rig.simulate.1"
@@ -94,6 +95,10 @@ class SceneRun(Result):
             Column("topic", of=itemgetter(0)),
             Column("count", of=itemgetter(1), about="messages of it in the bag"),
         ),
+        "run": (
+            Column("complete", about="whether the whole scene was run"),
+            Column("notes", about="what a bag lacks, and what may be wrong in it"),
+        ),
     }
 
     loaded: LoadedScene
@@ -102,6 +107,7 @@ class SceneRun(Result):
     blocks: Callable[[], Iterator[TickSamples]]
     counts: dict[str, int] = field(default_factory=dict)
     speeds: SpeedRows | None = None
+    notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         return f"SceneRun({self.source}: {', '.join(self.loaded.laws)}, {len(self.ticks)} ticks)"
@@ -203,6 +209,7 @@ class SceneRun(Result):
             self.table("levels", "", levels, hidden=True),
             self.table("crossing", "", [crossing], single=True, hidden=True),
             self.table("messages", "", self.counts.items(), hidden=True),
+            self.table("run", "", [self], single=True, hidden=True),
         ]
 
     def summary(self) -> list[str]:

@@ -86,8 +86,16 @@ def test_analyze_says_what_a_recovered_bag_lacks(tmp_path):
     words = call("recover", torn).stderr.replace("\n", " ")
     missing = f"ticks {read_counts(tmp_path / 'torn_recovered')['/cam/state']} to 16 of 16"
     assert missing in words
-    said = call("analyze", tmp_path / "torn_recovered").stderr.replace("\n", " ")
-    assert "recovered: " in said and missing in said
+    bag = tmp_path / "torn_recovered"
+    for command in (
+        ("analyze", bag, "--json", tmp_path / "a.json"),
+        ("export", bag, "--to", tmp_path / "a.npz"),
+        ("compare", bag, "quick"),
+    ):
+        said = call(*command).stderr.replace("\n", " ")
+        assert "recovered: " in said and missing in said, command
+    notes = json.loads((tmp_path / "a.json").read_text())["run"]["notes"]
+    assert missing in notes[0] and "not complete" in notes[1]
     assert "recovered: " not in call("analyze", GOLDEN).stderr
 
 

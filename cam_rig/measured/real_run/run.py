@@ -189,6 +189,7 @@ def _recorded(
 ) -> tuple[list[SpeedDeparture], list[str]]:
     with libraries_named():
         from cam_rig.bag.measured_run import own_namespace, read_pressures, read_states
+        from cam_rig.bag.partial_reader import recovered_words
         from cam_rig.bag.reader import read_ticks
 
     if cam is not None:
@@ -200,8 +201,10 @@ def _recorded(
     if not rows:
         what = "settled turn" if cam is None else f"settled turn of cam {cam}"
         raise BagError(f"{bag}: holds no {what} at a steady speed to compare; run one whole step")
-    lost = f"{pairs.lost} ticks have no samples in the bag: they are left out."
-    return rows, [lost] if pairs.lost else []
+    notes = [f"recovered: {words}" for words in recovered_words(bag)]
+    if pairs.lost:
+        notes.append(f"{pairs.lost} ticks have no samples in the bag: they are left out.")
+    return rows, notes
 
 
 def _measured(
