@@ -123,7 +123,7 @@ def test_the_list_says_what_each_command_says_of_itself():
 def test_simulate_writes_the_promised_json():
     """The sweep's figures meet the targets of the comparison, and roles are told apart."""
     data = data_of("simulate", "tm21_sweep")
-    assert set(data) == {"schema", "speeds", "noise", "levels", "crossing", "messages"}
+    assert set(data) == {"schema", "speeds", "noise", "levels", "crossing", "run", "messages"}
     assert [len({row["cam"] for row in data["speeds"]}), len(data["speeds"])] == [3, 63]
     assert {type(row["torque_mean"]) for row in data["speeds"]} == {float}
     cams = {row["cam"]: row for row in data["noise"]}

@@ -72,7 +72,7 @@ def test_another_type():
         (partial(jump, LAW, RIG, duration=math.nan), f"duration: is nan (float); {number} or None"),
         (partial(cam_rig.sound_level, None), f"motion: is None (NoneType); {motion}"),
         (partial(cam_rig.load_cam, None), f"cam: is None (NoneType); {text} or a path"),
-        (partial(simulate, LAW, RIG, rpm=10**5000), f"rpm: is int; {number}"),
+        (partial(simulate, LAW, RIG, rpm=10**5000), f"rpm: is int of more than 63 bits; {number}"),
     ):
         with pytest.raises(ConfigError) as refused:
             call()
