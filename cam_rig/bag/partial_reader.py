@@ -54,7 +54,7 @@ def recovered_words(bag: Path) -> list[str]:
     found = bag.glob("*.mcap") if bag.is_dir() else [bag] if bag.suffix == ".mcap" else []
     try:
         return [
-            " ".join(one.data.decode(errors="replace").split())
+            f"recovered: {' '.join(one.data.decode(errors='replace').split())}"
             for file in sorted(found)
             for one in attachments(file)
             if one.name == RECOVERED

@@ -155,15 +155,15 @@ def read_recording(bag: Path, scene: Path | None = None) -> SceneRun:
         for start, end in pairwise(states)
         if end.time_ns in pressures and start.turns_until(end)
     )
-    notes = shortcomings(bag, loaded)
+    notes = shortcomings(bag, loaded, len(ticks))
     return SceneRun(loaded, ticks, bag, partial(read_ticks, bag), read_counts(bag), notes=notes)
 
 
-def shortcomings(bag: Path, loaded: LoadedScene) -> tuple[str, ...]:
-    """What a bag lacks of its scene's run, and what a recovery says may be wrong in it."""
-    there, planned = read_counts(bag).get(topics.PRESSURE.name, 0), tick_count(loaded.scene)
-    lacks = [f"not complete: {there} of {planned} ticks"] if there < planned else []
-    return *(f"recovered: {words}" for words in recovered_words(bag)), *lacks
+def shortcomings(bag: Path, loaded: LoadedScene, ticks: int) -> tuple[str, ...]:
+    """What a recovery says may be wrong in a bag, and whether it has fewer ticks than its scene."""
+    planned = tick_count(loaded.scene)
+    lacks = [f"not complete: {ticks} of {planned} ticks"] if ticks < planned else []
+    return *recovered_words(bag), *lacks
 
 
 def read_ticks(bag: Path, namespace: str | None = None) -> Iterator[TickSamples]:

@@ -6,8 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from cam_rig.dynamics import elastic_stem, kinetostatic, one_mass
-from cam_rig.dynamics import two_mass as two_mass
+from cam_rig.dynamics import elastic_stem, kinetostatic, one_mass, two_mass
 from cam_rig.dynamics.free_masses import TwoMassParameters
 from cam_rig.dynamics.interval import (
     ANGLE_TOLERANCE,

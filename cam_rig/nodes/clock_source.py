@@ -207,8 +207,8 @@ class ClockSource(RigNode):
     def note_sent(self, state: CamState, tick: int) -> None:
         """Note that a state went out, and report it to the runner."""
         self._moved, self.ticks = time.monotonic(), tick
-        values = {"cam": state.cam, "rpm": to_rpm(state.speed), "time": state.time_ns / NS}
-        self._report_progress(tick=tick, **values)
+        seconds = state.time_ns / NS
+        self._report_progress(tick=tick, cam=state.cam, rpm=to_rpm(state.speed), time=seconds)
         if words := self.speed.note(state, self.is_commanded):
             self.get_logger().info(words)
 

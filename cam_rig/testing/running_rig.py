@@ -158,7 +158,7 @@ class RunningRig(RigClient):
         self, scene: str | Path, bag: str | Path, patience: float = PATIENCE_S, **drive: Any
     ) -> None:
         self.scene, self.bag = named_path("scenes", scene), Path(bag)
-        #: What the drive reported, tick by tick: ``tick``, ``cam``, ``rpm``.
+        #: What the drive reported, tick by tick: ``tick``, ``cam``, ``rpm``, ``time`` (s).
         self.ticks: list[dict[str, Any]] = []
         #: What happened, a line each.
         self.log: list[str] = []
@@ -230,7 +230,7 @@ class RunningRig(RigClient):
         return super().wait_for(met, what)
 
     def wait_for_tick(self, number: int = 1) -> dict[str, Any]:
-        """The drive's report of a tick: ``tick``, ``cam``, ``rpm``."""
+        """The drive's report of a tick: ``tick``, ``cam``, ``rpm``, ``time`` (s)."""
 
         def found() -> Any:
             done = self._done

@@ -201,7 +201,7 @@ def _recorded(
     if not rows:
         what = "settled turn" if cam is None else f"settled turn of cam {cam}"
         raise BagError(f"{bag}: holds no {what} at a steady speed to compare; run one whole step")
-    notes = [f"recovered: {words}" for words in recovered_words(bag)]
+    notes = recovered_words(bag)
     if pairs.lost:
         notes.append(f"{pairs.lost} ticks have no samples in the bag: they are left out.")
     return rows, notes

@@ -190,7 +190,7 @@ def test_an_outlier_is_named(law, rig):
 
 
 def test_a_speed_that_spoils_the_fit_is_named(law, rig):
-    """One reading a third too high: no follower has them all, and its line is in the refusal."""
+    """One reading 30 % too high: no follower has them all, and its line is in the refusal."""
     read = table(law)
     wrong = moved(read, 0.3 * read.rpm * (np.arange(9) == 4))
     with pytest.raises(ConfigError, match=r"from any follower .* line 6 the farthest by"):

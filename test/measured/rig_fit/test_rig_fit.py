@@ -95,6 +95,16 @@ def test_flights_tell_the_restitution(law, rig):
     assert [hold.lift_offs > 0 for hold in fit.holds] == [False, False, True]
 
 
+def test_a_coarse_encoder_s_zero_has_the_error_of_its_steps(law, rig):
+    """100 counts a turn: of the lift's noise alone it was some 20 errors off; the clock as well."""
+    errors = replace(QUICK, counts=100)
+    fit = fit_run(law, measured_run(law, rig, "one_mass", IN_CONTACT[:2], errors, 1), rig)
+    true = {"encoder_offset": errors.offset - np.pi / errors.counts, "clock_fast_by": errors.clock}
+    found = {one.key: one for one in fit.instruments}
+    off = {k: (found[k].value - value) / found[k].error for k, value in true.items()}
+    assert max(map(abs, off.values())) < 4.0, off
+
+
 def test_a_follower_that_never_leaves_tells_no_restitution(law, rig):
     """Nor does its lift tell anything: it is the law's, whatever the follower."""
     run = measured_run(law, rig, "one_mass", IN_CONTACT[:3], QUICK, 1)
