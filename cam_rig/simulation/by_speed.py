@@ -15,7 +15,7 @@ from cam_rig.laws import Law
 from cam_rig.laws.sampling import sample
 from cam_rig.show.result import Column, Footnote
 from cam_rig.simulation.scene import LoadedScene
-from cam_rig.simulation.simulate import Settling, TickSamples
+from cam_rig.simulation.simulate import Settling, TickSamples, WholeTurns
 from cam_rig.units import TURN, FloatArray, to_rpm
 
 #: A force of zero is a flight where the follower is off the cam by more than this part of the
@@ -28,41 +28,34 @@ class FlightCount:
     """Counts flights, block after block: times are known to one sample."""
 
     least_gap: float  #: m; a follower that comes no farther from the cam has not left it
-    lift_offs: int = field(default=0, init=False)
-    #: Samples of the longest flight, from lift-off or bounce to the next landing.
-    longest: int = field(default=0, init=False)
-    _length: int = field(default=0, init=False)
-    _gap: float = field(default=0.0, init=False)
-    _counts: bool = field(default=False, init=False)
+    _length: int = field(default=0, init=False)  #: samples of the flight so far
+    _left: bool = field(default=False, init=False)  #: whether it has come so far
+    _bounced: bool = field(default=False, init=False)  #: whether it began with a bounce
 
-    def take(self, force: FloatArray, gap: FloatArray, impulse: FloatArray, settled: bool) -> None:
-        """Go on with samples ``(n,)``: force (N), follower less cam (m), impulse (N·s)."""
+    def take(self, force: FloatArray, gap: FloatArray, impulse: FloatArray) -> tuple[int, int]:
+        """How many lift-offs there are, and how many samples the longest flight has so far.
+
+        A flight begins with a lift-off or a bounce. Samples ``(n,)`` that go on from those before:
+        force (N), follower less cam (m), impulse (N·s).
+        """
         flying = force == 0.0
         bounced = flying & (impulse > 0.0)
         changes = np.flatnonzero((flying[1:] != flying[:-1]) | bounced[1:]) + 1
-        edges = [0, *changes.tolist(), force.size]
-        for begin, end in pairwise(edges):
-            if not flying[begin]:
-                self.end(settled)
-                continue
-            if bounced[begin]:
-                self.end(settled)
-            elif not self._length:
-                self._counts = settled
-            self._length += end - begin
-            self._gap = max(self._gap, float(gap[begin:end].max()))
-
-    def end(self, settled: bool) -> None:
-        """The follower is on the cam, or the step is over."""
-        if self._length and self._gap > self.least_gap:
-            self.lift_offs += self._counts
-            self.longest = max(self.longest, self._length * settled)
-        self._length, self._gap, self._counts = 0, 0.0, False
+        lift_offs, longest = 0, 0
+        for begin, end in pairwise([0, *changes.tolist(), force.size]):
+            if bounced[begin] or not flying[begin]:
+                self._length, self._left, self._bounced = 0, False, bool(bounced[begin])
+            if flying[begin]:
+                self._length += end - begin
+                if not self._left and float(gap[begin:end].max()) > self.least_gap:
+                    self._left, lift_offs = True, lift_offs + (not self._bounced)
+                longest = max(longest, self._length * self._left)
+        return lift_offs, longest
 
 
 @dataclass(frozen=True)
 class SpeedRow:
-    """The settled turns of one cam at one speed."""
+    """The whole settled turns of one cam at one speed."""
 
     cam: str
     rpm: float  #: cam speed
@@ -106,39 +99,30 @@ BOUNCING = Footnote(
 SLOPE = np.array([[0.0, 1.0, 0.0]])
 
 
-@dataclass
-class _Step:
-    """One cam at one speed, as its samples come."""
+@dataclass(frozen=True)
+class _Part:
+    """What the samples of a tick say, or those of a step's ticks so far."""
 
-    law: Law
-    flights: FlightCount = field(init=False)
     samples: int = 0
     turned: float = 0.0
     force: tuple[float, float] = (-math.inf, math.inf)
     torque: tuple[float, float] = (-math.inf, math.inf)
     torque_sum: float = 0.0
     landing: float = 0.0
+    lift_offs: int = 0
+    longest: int = 0  #: samples
 
-    def __post_init__(self) -> None:
-        self.flights = FlightCount(OFF_THE_CAM * self.law.lift)
-
-    def take(self, tick: TickSamples, rate: int, settled: bool) -> None:
-        """Go on with the samples of the next tick, at ``rate`` Hz."""
-        angle, flying = tick.angle_in_turn, tick.force == 0.0
-        gap = np.zeros(flying.size)  # on the cam
-        if flying.any():
-            gap[flying] = tick.lift[flying] - self.law(angle[flying])
-        self.flights.take(tick.force, gap, tick.impulse, settled)
-        if not settled:
-            return
-        step = tick.start.speed / rate
-        torque = tick.force * sample(self.law, angle[0], step, angle.size, SLOPE, np.zeros(1))[0]
-        self.samples += torque.size
-        self.turned += tick.turned(rate)
-        self.force = _widened(self.force, tick.force.max(), tick.force.min())
-        self.torque = _widened(self.torque, torque.max(), torque.min())
-        self.torque_sum += float(torque.sum())
-        self.landing = max(self.landing, float(tick.impulse.max()))
+    def __add__(self, more: _Part) -> _Part:
+        return _Part(
+            self.samples + more.samples,
+            self.turned + more.turned,
+            (max(self.force[0], more.force[0]), min(self.force[1], more.force[1])),
+            (max(self.torque[0], more.torque[0]), min(self.torque[1], more.torque[1])),
+            self.torque_sum + more.torque_sum,
+            max(self.landing, more.landing),
+            self.lift_offs + more.lift_offs,
+            max(self.longest, more.longest),
+        )
 
     def row(self, cam: str, speed: float, rate: int, level: float | None) -> SpeedRow:
         """The row of a cam at a speed (rad/s) with samples at ``rate`` Hz."""
@@ -150,8 +134,8 @@ class _Step:
             level_db=level,
             force_peak=self.force[0],
             force_least=self.force[1],
-            lift_offs=self.flights.lift_offs / turns,
-            flight=self.flights.longest / rate,
+            lift_offs=self.lift_offs / turns,
+            flight=self.longest / rate,
             landing=self.landing,
             torque_peak=self.torque[0],
             torque_least=self.torque[1],
@@ -159,17 +143,14 @@ class _Step:
         )
 
 
-def _widened(span: tuple[float, float], most: float, least: float) -> tuple[float, float]:
-    return max(span[0], float(most)), min(span[1], float(least))
-
-
 class SpeedRows:
     """A run's samples (at ``rate`` Hz), tick by tick as they come: a row each cam and speed."""
 
     def __init__(self, laws: dict[str, Law], rate: int, settle_turns: float) -> None:
         self._laws, self._rate = laws, rate
-        self._steps: dict[tuple[str, float], _Step] = {}
-        self._settling = Settling(settle_turns)
+        self._turns = WholeTurns[_Part](Settling(settle_turns))
+        self._flights = FlightCount(0.0)
+        self._steps: dict[tuple[str, float], _Part] = {}
         self._before: tuple[str, float] | None = None
 
     @classmethod
@@ -180,24 +161,43 @@ class SpeedRows:
 
     def take(self, tick: TickSamples) -> None:
         """Go on with the samples of the next tick."""
-        key, before = (tick.cam, tick.start.speed), self._before
-        if before is not None and (before != key or not tick.steady):
-            self._steps[before].flights.end(settled=True)
-        self._before = key if tick.steady else None
-        if tick.steady:
-            settled = self._settling.is_over(tick.start, tick.steady)
-            step = self._steps.setdefault(key, _Step(self._laws[tick.cam]))
-            step.take(tick, self._rate, settled)
+        key = (tick.cam, tick.start.speed) if tick.steady else None
+        if key != self._before:
+            self._flights = FlightCount(OFF_THE_CAM * self._laws[tick.cam].lift)
+        self._before = key
+        first = round(float(tick.time[0]) * self._rate)
+        span, turned = (first, first + tick.time.size), tick.turned(self._rate)
+        part = self._part(tick, turned) if tick.steady else _Part()
+        for whole in self._turns.take(tick.start, tick.steady, turned, span, part):
+            key = tick.cam, tick.start.speed
+            self._steps[key] = self._steps.get(key, _Part()) + whole
+
+    def _part(self, tick: TickSamples, turned: float) -> _Part:
+        law = self._laws[tick.cam]
+        angle, force, flying = tick.angle_in_turn, tick.force, tick.force == 0.0
+        gap = np.zeros(flying.size)  # on the cam
+        if flying.any():
+            gap[flying] = tick.lift[flying] - law(angle[flying])
+        lift_offs, longest = self._flights.take(force, gap, tick.impulse)
+        step = tick.start.speed / self._rate
+        torque = force * sample(law, angle[0], step, angle.size, SLOPE, np.zeros(1))[0]
+        return _Part(
+            torque.size,
+            turned,
+            (float(force.max()), float(force.min())),
+            (float(torque.max()), float(torque.min())),
+            float(torque.sum()),
+            float(tick.impulse.max()),
+            lift_offs,
+            longest,
+        )
 
     def rows(self, levels: dict[str, dict[float, float]]) -> tuple[SpeedRow, ...]:
         """The rows by cam and speed, at the end; ``levels`` in dB as of `step_levels`."""
         order = {cam: i for i, cam in enumerate(dict.fromkeys(cam for cam, _ in self._steps))}
-        found = []
-        for (cam, speed), step in sorted(
-            self._steps.items(), key=lambda x: (order[x[0][0]], x[0][1])
-        ):
-            step.flights.end(settled=True)
-            if step.samples:
-                level = levels.get(cam, {}).get(speed)
-                found.append(step.row(cam, speed, self._rate, level))
-        return tuple(found)
+        return tuple(
+            step.row(cam, speed, self._rate, levels.get(cam, {}).get(speed))
+            for (cam, speed), step in sorted(
+                self._steps.items(), key=lambda x: (order[x[0][0]], x[0][1])
+            )
+        )

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 
@@ -40,47 +41,120 @@ class MeasuredTick:
         return cls(start, end.time_ns, pressure, count, interval.acceleration == 0.0)
 
 
+#: Of a tick's angle: a cam that turned less since the tick before stood meanwhile.
+STOOD = 0.01
+
+
 @dataclass
 class Settling:
     """Which ticks of a run are settled; a step is a run of one cam at one speed, ramps left out."""
 
     turns: float  #: of each step, left out
-    _first: CamState | None = field(default=None, init=False)
+    first: CamState | None = field(default=None, init=False)  #: of the present step
+    _last: CamState | None = field(default=None, init=False)
 
     def is_over(self, start: CamState, steady: bool) -> bool:
         """Whether the tick that begins at ``start`` is settled; to be asked of each in order."""
         if not steady:
+            self.first = None
             return False
-        if self._first is None or (start.cam, start.speed) != (self._first.cam, self._first.speed):
-            self._first = start
-        return start.since(self._first) / TURN > self.turns - 1e-6
+        if self.first is None or self._last is None or not _goes_on(self._last, start):
+            self.first = start
+        self._last = start
+        return start.since(self.first) / TURN > self.turns - 1e-6
+
+
+def _goes_on(last: CamState, start: CamState) -> bool:
+    """Whether a cam at its speed went on from one state to another, seen or not."""
+    turned = last.speed * (start.time_ns - last.time_ns) / NS
+    same = (start.cam, start.speed) == (last.cam, last.speed)
+    return same and abs(start.since(last) - turned) <= STOOD * turned
+
+
+Part = TypeVar("Part")
+
+
+@dataclass
+class WholeTurns(Generic[Part]):
+    """Puts a run's settled ticks together to whole turns: less than one has no mean."""
+
+    settling: Settling
+    _parts: list[Part] = field(default_factory=list, init=False)
+    _turned: float = field(default=0.0, init=False)
+    _of: tuple[CamState | None, int] = field(default=(None, 0), init=False)
+
+    def take(
+        self, start: CamState, steady: bool, turned: float, span: tuple[int, int], part: Part
+    ) -> list[Part]:
+        """The parts of the turns that this tick completes, else none; of each tick in order.
+
+        The tick turned by an angle (rad) from the first to the second of ``span``: whatever counts
+        so that the next tick begins where this one ends.
+        """
+        settled, first = self.settling.is_over(start, steady), self.settling.first
+        if not settled or self._of != (first, span[0]):
+            self._parts, self._turned = [], 0.0
+        self._of = first, span[1]
+        if not settled:
+            return []
+        before, self._turned = self._turned, self._turned + turned / TURN
+        self._parts.append(part)
+        if math.floor(self._turned + 1e-6) == math.floor(before + 1e-6):
+            return []
+        whole, self._parts = self._parts, []
+        return whole
+
+
+@dataclass
+class StepLevels:
+    """Level in dB by cam and speed (rad/s): the energy mean over the step's whole settled turns.
+
+    Each tick counts by its samples, not by its time: short ticks of one length may have two or
+    three, and every sample weighs the same however the turn is divided.
+    """
+
+    settle_turns: float
+    _energy: dict[tuple[str, float], tuple[float, int]] = field(default_factory=dict, init=False)
+
+    def __post_init__(self) -> None:
+        self._turns = WholeTurns[MeasuredTick](Settling(self.settle_turns))
+
+    def add(self, tick: MeasuredTick) -> float | None:
+        """The level with the next tick, where it completes a turn."""
+        start, span = tick.start, (tick.start.time_ns, tick.stop_ns)
+        turned = start.speed * (tick.stop_ns - start.time_ns) / NS
+        whole = self._turns.take(start, tick.steady, turned, span, tick)
+        if not whole:
+            return None
+        key = start.cam, start.speed
+        square, samples = self._energy.get(key, (0.0, 0))
+        for part in whole:
+            square, samples = square + part.pressure**2 * part.samples, samples + part.samples
+        self._energy[key] = square, samples
+        return float(level_db(np.sqrt(square / samples)))
+
+    def levels(self) -> dict[str, dict[float, float]]:
+        """All of them."""
+        levels: dict[str, dict[float, float]] = {}
+        for (cam, speed), (square, samples) in self._energy.items():
+            levels.setdefault(cam, {})[speed] = float(level_db(np.sqrt(square / samples)))
+        return levels
 
 
 def step_levels(
     ticks: Iterable[MeasuredTick], settle_turns: float
 ) -> dict[str, dict[float, float]]:
-    """Level in dB by cam and speed (rad/s): the energy mean over the step's settled samples.
-
-    Each tick counts by its samples, not by its time: short ticks of one length may have two or
-    three, and every sample weighs the same however the turn is divided.
-    """
-    energy: dict[tuple[str, float], list[float]] = {}
-    settling = Settling(settle_turns)
+    """The `StepLevels` of a run's ticks."""
+    levels = StepLevels(settle_turns)
     for tick in ticks:
-        if settling.is_over(tick.start, tick.steady):
-            total = energy.setdefault((tick.start.cam, tick.start.speed), [0.0, 0.0])
-            total[0] += tick.pressure**2 * tick.samples
-            total[1] += tick.samples
-    levels: dict[str, dict[float, float]] = {}
-    for (cam, speed), (square, samples) in energy.items():
-        levels.setdefault(cam, {})[speed] = float(level_db(np.sqrt(square / samples)))
-    return levels
+        levels.add(tick)
+    return levels.levels()
 
 
 def require_ticks(levels: dict[str, dict[float, float]], where: str) -> None:
     """Raise when nothing was measured, naming where it was looked for."""
     if not levels:
-        raise CamRigError(f"{where}: no settled tick to measure; run at least one whole step")
+        raise CamRigError(f"{where}: no whole settled turn to measure; run at least one whole step")
 
 
 #: Speeds nearer than this part of each other are one.

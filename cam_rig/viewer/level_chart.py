@@ -16,7 +16,7 @@ from cam_rig.show.chart import UNSEEN, Axes, round_marks
 from cam_rig.show.looks import in_words, of_cam, shortened
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
-from cam_rig.simulation.simulate import MeasuredTick, step_levels
+from cam_rig.simulation.simulate import MeasuredTick, StepLevels
 from cam_rig.units import NS, RPM_PER_RAD_S, FloatArray
 from cam_rig.viewer.quantities import GAP, LIFT, TWIST, VELOCITY, Drawn, Ranges, drawn_of
 from cam_rig.viewer.scene2d import Scene2D, force_scale, frame_mask
@@ -79,8 +79,7 @@ class LevelChart:
 
     def __init__(self, canvas: Canvas, loaded: LoadedScene) -> None:
         self._canvas, self._loaded, self._axes = canvas, loaded, level_axes(loaded)
-        self._settle = loaded.scene.program.settle_turns.si
-        self._step: list[MeasuredTick] = []
+        self._measured = StepLevels(loaded.scene.program.settle_turns.si)
         self._levels: dict[str, dict[float, float]] = {}
         self._new: dict[str, tuple[int, float]] = {}
         self._drawn: set[str] = set()
@@ -100,10 +99,7 @@ class LevelChart:
     def add(self, tick: MeasuredTick, end_angle: float) -> float | None:
         """The level (dB) with the next tick, which ends at an angle (rad); None until settled."""
         cam, speed = tick.start.cam, tick.start.speed
-        if self._step and (cam, speed) != (self._step[0].start.cam, self._step[0].start.speed):
-            self._step = []
-        self._step.append(tick)
-        level = step_levels(self._step, self._settle).get(cam, {}).get(speed)
+        level = self._measured.add(tick)
         if level is not None:
             self._levels.setdefault(cam, {})[speed] = level
             self._new[cam] = tick.stop_ns, end_angle

@@ -79,6 +79,36 @@ def test_mean_is_of_energy_over_all_samples():
     assert level == pytest.approx(float(level_db(np.sqrt((9.0 + 3.0) / 4.0))), abs=1e-12)
 
 
+@pytest.mark.parametrize("left_out", range(1, 8))
+def test_a_turn_that_is_not_over_does_not_count(left_out):
+    """A speed left in mid-turn, by an operator or at the end: its level is of whole turns."""
+    eighth = round(0.25 * np.pi / 10.0 * NS)
+    run = [
+        MeasuredTick(
+            CamState(k * eighth, 0.25 * np.pi * k, 10.0, "a"), (k + 1) * eighth, 1.0 + k % 8, 10
+        )
+        for k in range(32 - left_out)
+    ]
+    levels = step_levels(run, settle_turns=1)
+    assert levels == step_levels(run[:24], settle_turns=1)
+    assert levels["a"][10.0] == pytest.approx(float(level_db(np.sqrt(25.5))))
+    assert not step_levels(run[:15], settle_turns=1)
+    gap = step_levels(run[:12] + run[13:], settle_turns=1)  # a lost tick: a turn begins after it
+    assert gap["a"][10.0] == pytest.approx(levels["a"][10.0])
+
+
+@pytest.mark.parametrize("stands", [0, NS])
+def test_a_cam_that_stood_settles_anew(stands):
+    """The follower is put down and the structure at rest: the same speed is a step of its own."""
+    run = list(ticks([9.0, 1.0, 1.0]))
+    end = run[-1]
+    angle = end.start.unwrapped + 2.0 * np.pi
+    again = ticks([9.0, 1.0], angle=angle, time_ns=end.stop_ns + stands)
+    level = step_levels([*run, *again], settle_turns=1)["a"][10.0]
+    quiet = float(level_db(1.0))
+    assert (level == pytest.approx(quiet)) == bool(stands)
+
+
 def test_crossover_of_two_cubics(published):
     """The crossover is the root of the difference of the two regressions nearest to 335 rpm."""
     result = compare(
@@ -111,7 +141,7 @@ def test_rms_difference_to_the_published_curve(published):
 
 
 def test_nothing_measured_is_an_error():
-    with pytest.raises(CamRigError, match="here: no settled tick"):
+    with pytest.raises(CamRigError, match="here: no whole settled turn"):
         require_ticks(step_levels(ticks([1.0, 1.0]), settle_turns=5), "here")
 
 

@@ -321,6 +321,27 @@ def test_a_row_does_not_depend_on_the_ticks(make_loaded_scene):
     assert_rows(one, many, 1e-6)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_row_is_of_whole_turns(make_loaded_scene, seed):
+    """A speed left in mid-turn: force, torque and lift-offs are those of the turns before."""
+    loaded = make_loaded_scene(speeds=[430], turns=4, cams=["tm21"], ticks_per_turn=16)
+    states = list(cam_states(loaded.scene))
+
+    def left_after(ticks):
+        last = dataclasses.replace(states[ticks], speed=0.0)
+        found = SpeedRows.of(loaded)
+        for tick in turned_ticks(loaded, states=[*states[:ticks], last]):
+            found.take(tick)
+        return found.rows({})
+
+    turns = 2 + seed % 2
+    (row,), whole = left_after(16 * turns + 1 + 4 * seed), left_after(16 * turns)
+    assert_rows([row], whole, 1e-12)
+    assert row.turns == pytest.approx(turns - 1, abs=1e-6)
+    assert row.lift_offs == pytest.approx(1.0, rel=1e-6)
+    assert left_after(31) == ()
+
+
 def test_a_bag_gives_the_rows_of_its_scene():
     """What was recorded is what is computed, number by number; the table has a row each."""
     recorded = cam_rig.read_bag(GOLDEN)
