@@ -51,7 +51,8 @@ class Spec:
             return list(value)
         if type(value) is not kind:
             quote = f"; in quotes: '\"{value}\"'" if kind is str and self.check is None else ""
-            allowed = ", ".join(self.choices) or KINDS[kind] + quote
+            some = "a list, [], of " if kind is list and self.choices else ""
+            allowed = some + ", ".join(self.choices) or KINDS[kind] + quote
             raise ConfigError(f"{self.name}: is {value!r}; allowed: {allowed}")
         return value
 

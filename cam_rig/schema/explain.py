@@ -96,7 +96,8 @@ def _sentence(problem: ErrorDetails, kind: type[BaseModel]) -> str:
         case "invalid_key":  # {assumed: 7,4} is the number 7 and a key 4
             text = f"{key.rpartition('[')[0]}: the key {shown} is no text; {POINT}"
         case _:
-            text = f"{key}: is {shown}; allowed: {problem['msg'].removeprefix('Input should be ')}"
+            rule = problem["msg"].removeprefix("Input should be ")
+            text = f"{key}: is {shown}; allowed: {rule.replace('valid integer', 'whole number')}"
             if re.fullmatch(r"'-?\d+,\d+'", shown):
                 text += f"; {POINT}"
     return text

@@ -73,10 +73,18 @@ def read_yaml(path: Path, most: int = MAX_BYTES) -> Any:
 
 
 def _not_there(*paths: Path) -> str:
-    """That there is no such file in any of these places, and what there is beside the last."""
-    there = sorted(p.stem for p in paths[-1].parent.glob("*.yaml"))
+    """That there is no such file in any of these places, and what there is in their folders."""
+    there = sorted({p.stem for path in paths for p in path.parent.glob("*.yaml")})
     known = f"{did_you_mean(paths[-1].stem, there)}; there are: {', '.join(there)}" if there else ""
     return f"{', '.join(map(str, paths))}: no such file{known}"
+
+
+def _first(places: list[Path]) -> Path:
+    """The first of some places in which there is a file."""
+    found = next((path for path in places if path.is_file()), None)
+    if found is None:
+        raise ConfigError(_not_there(*places))
+    return found
 
 
 def load(path: Path, kind: type[Config]) -> Config:
@@ -108,16 +116,11 @@ class Library:
 
     def path(self, folder: str, name: str) -> Path:
         """The file ``folder/name.yaml`` of the first root that has it; it must be a plain name."""
-        places = self._places(folder, name)
-        return next((path for path in places if path.is_file()), places[-1])
+        return _first(self._places(folder, name))
 
     def file(self, folder: str, name: str) -> Path:
         """The file that a path means, or as `path` the one that a name does; it must be there."""
-        places = [self.here / name] if is_path(name) else self._places(folder, name)
-        for path in places:
-            if path.is_file():
-                return path
-        raise ConfigError(_not_there(*places))
+        return _first([self.here / name] if is_path(name) else self._places(folder, name))
 
     def _places(self, folder: str, name: str) -> list[Path]:
         if not NAME.fullmatch(name):

@@ -18,7 +18,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.chunk import RrdReader
 
-from cam_rig.errors import CamRigError
+from cam_rig.errors import CamRigError, ConfigError
 from cam_rig.show import looks as colours
 from cam_rig.show.tables import printed
 from cam_rig.units import FloatArray
@@ -181,7 +181,7 @@ def require_free(path: Path, overwrite: bool) -> None:
     if path.is_dir():
         raise CamRigError(f"{path}: is a folder; name a file in it, such as {path / 'run.rrd'}")
     if path.suffix != ".rrd":
-        raise CamRigError(f"{path}: ends in {path.suffix!r}; allowed: .rrd, or no viewer opens it")
+        raise ConfigError(f"{path}: ends in {path.suffix!r}; allowed: .rrd, or no viewer opens it")
     if path.exists() and not overwrite:
         raise CamRigError(f"{path}: exists already, not overwriting; name another, or use --force")
 

@@ -111,7 +111,7 @@ turns | {given: 2.5, unit: turns} | …turns: is 2.5 turns; allowed: a whole num
 turns | {given: 0, unit: turns} | program.turns: is 0 turns; allowed: at least 1
 settle_turns | {given: 1000, unit: turns} | …settle_turns: is 1000 turns; allowed: less
 ticks_per_turn | 0 | program.ticks_per_turn: is 0; allowed: greater than or equal to 1
-ticks_per_turn | many | program.ticks_per_turn: is 'many'; allowed: a valid integer
+ticks_per_turn | many | program.ticks_per_turn: is 'many'; allowed: a whole number
 points_per_turn | 0 | points_per_turn: is 0; allowed: greater than or equal to 1
 points_per_turn | 3601 | points_per_turn: is 3601; allowed: less than or equal
 given | [-200, 210] | program.speeds: is -200 rpm; allowed: at least 0.01 rpm
