@@ -15,7 +15,7 @@ from rich.markup import escape
 
 from cam_rig.errors import ConfigError
 from cam_rig.show.command import LINE_EVERY_S, SceneOfBag, command, progress_bar
-from cam_rig.show.terminal import console
+from cam_rig.show.terminal import console, say
 from cam_rig.viewer import Layout, ViewOptions
 
 if TYPE_CHECKING:
@@ -169,14 +169,16 @@ def convert(
     bag: Path, scene: Path | None, path: Path, view_options: ViewOptions, force: bool
 ) -> float:
     """Write a bag as a Rerun recording; gives the rig time (s) from which it is played."""
-    from cam_rig.bag.reader import read_counts
+    from cam_rig.bag.reader import read_counts, read_scene, shortcomings
     from cam_rig.messages.topics import FOLLOWER_SAMPLES
     from cam_rig.simulation.scene import open_scene
     from cam_rig.viewer.recording import save_recording
 
-    loaded = open_scene(scene) if scene else None
+    loaded = open_scene(scene) if scene else read_scene(bag)
+    ticks = read_counts(bag).get(FOLLOWER_SAMPLES.name, 0)
+    say(*shortcomings(bag, loaded, ticks))
     with progress_bar() as bar:
-        task = bar.add_task(bag.name, total=read_counts(bag).get(FOLLOWER_SAMPLES.name, 0))
+        task = bar.add_task(bag.name, total=ticks)
         begin = save_recording(
             bag,
             path,

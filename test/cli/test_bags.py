@@ -90,6 +90,7 @@ def test_analyze_says_what_a_recovered_bag_lacks(tmp_path):
     for command in (
         ("analyze", bag, "--json", tmp_path / "a.json"),
         ("export", bag, "--to", tmp_path / "a.npz"),
+        ("view", bag, "--save", tmp_path / "a.rrd"),
         ("compare", bag, "quick"),
     ):
         said = call(*command).stderr.replace("\n", " ")
