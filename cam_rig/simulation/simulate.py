@@ -41,8 +41,9 @@ class MeasuredTick:
         return cls(start, end.time_ns, pressure, count, interval.acceleration == 0.0)
 
 
-#: Of a tick's angle: a cam that turned less since the tick before stood meanwhile.
-STOOD = 0.01
+#: Part of the angle from tick to tick by which a cam at its speed is off where it stood meanwhile:
+#: it stands a second, and the ends of the shortest tick are a nanosecond off.
+STOOD = 1e-3
 
 
 @dataclass
