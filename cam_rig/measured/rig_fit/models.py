@@ -315,6 +315,8 @@ def _has_backlash(found: FitSolution) -> bool:
 FIRST_STEP, HALVINGS = 0.01, 3
 #: Looks about, each from the likeliest of the one before where that is by this log ratio.
 LOOKS, LIKELIER = 4, 1.0
+#: By what a sample that is three standard deviations off makes a log ratio larger.
+ONE_SAMPLE = 0.5 * 3.0**2
 #: Restitutions at which a narrow interval is held against all that lies beside it.
 ELSEWHERE = (0.1, 0.3, 0.5, 0.7, 0.9)
 
@@ -416,5 +418,10 @@ def _end(
 
 
 def _likely(found: FitSolution, trial: FitSolution, level: float) -> bool:
-    """Whether every hold stays steady and the ratio of likelihoods is near one."""
-    return len(trial.holds) == len(found.holds) and log_ratio_of_all(found, trial) < level
+    """Whether every hold stays steady and the ratio of likelihoods is near one.
+
+    Beside a landing a single sample comes near or far at once, by chance: that alone is no end.
+    """
+    if len(trial.holds) < len(found.holds) or log_ratio(found, trial) >= level:
+        return False
+    return log_ratio_of_all(found, trial) < level + ONE_SAMPLE
