@@ -161,15 +161,15 @@ class SpeedRows:
 
     def take(self, tick: TickSamples) -> None:
         """Go on with the samples of the next tick."""
-        key = (tick.cam, tick.start.speed) if tick.steady else None
-        if key != self._before:
+        key = tick.cam, tick.start.speed
+        here = key if tick.steady else None
+        if here != self._before:
             self._flights = FlightCount(OFF_THE_CAM * self._laws[tick.cam].lift)
-        self._before = key
+        self._before = here
         first = round(float(tick.time[0]) * self._rate)
         span, turned = (first, first + tick.time.size), tick.turned(self._rate)
         part = self._part(tick, turned) if tick.steady else _Part()
         for whole in self._turns.take(tick.start, tick.steady, turned, span, part):
-            key = tick.cam, tick.start.speed
             self._steps[key] = self._steps.get(key, _Part()) + whole
 
     def _part(self, tick: TickSamples, turned: float) -> _Part:

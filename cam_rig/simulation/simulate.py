@@ -41,9 +41,9 @@ class MeasuredTick:
         return cls(start, end.time_ns, pressure, count, interval.acceleration == 0.0)
 
 
-#: Part of the angle from tick to tick by which a cam at its speed is off where it stood meanwhile:
-#: it stands a second, and the ends of the shortest tick are a nanosecond off.
-STOOD = 1e-3
+#: Rig time (s) beyond what a cam takes from tick to tick at its speed, after which it stood
+#: meanwhile: a halted one stands a second, and else it is off by rounding.
+STOOD_S = 0.1
 
 
 @dataclass
@@ -67,9 +67,9 @@ class Settling:
 
 def _goes_on(last: CamState, start: CamState) -> bool:
     """Whether a cam at its speed went on from one state to another, seen or not."""
-    turned = last.speed * (start.time_ns - last.time_ns) / NS
-    same = (start.cam, start.speed) == (last.cam, last.speed)
-    return same and abs(start.since(last) - turned) <= STOOD * turned
+    if (start.cam, start.speed) != (last.cam, last.speed):
+        return False
+    return abs((start.time_ns - last.time_ns) / NS - start.since(last) / last.speed) < STOOD_S
 
 
 Part = TypeVar("Part")
@@ -81,7 +81,7 @@ class WholeTurns(Generic[Part]):
 
     settling: Settling
     _parts: list[Part] = field(default_factory=list, init=False)
-    _turned: float = field(default=0.0, init=False)
+    _turned: float = field(default=0.0, init=False)  #: of the present step, turns
     _of: tuple[CamState | None, int] = field(default=(None, 0), init=False)
 
     def take(
@@ -106,7 +106,6 @@ class WholeTurns(Generic[Part]):
         return whole
 
 
-@dataclass
 class StepLevels:
     """Level in dB by cam and speed (rad/s): the energy mean over the step's whole settled turns.
 
@@ -114,11 +113,10 @@ class StepLevels:
     three, and every sample weighs the same however the turn is divided.
     """
 
-    settle_turns: float
-    _energy: dict[tuple[str, float], tuple[float, int]] = field(default_factory=dict, init=False)
-
-    def __post_init__(self) -> None:
-        self._turns = WholeTurns[MeasuredTick](Settling(self.settle_turns))
+    def __init__(self, settle_turns: float) -> None:
+        self.levels: dict[str, dict[float, float]] = {}
+        self._energy: dict[tuple[str, float], tuple[float, int]] = {}
+        self._turns = WholeTurns[MeasuredTick](Settling(settle_turns))
 
     def add(self, tick: MeasuredTick) -> float | None:
         """The level with the next tick, where it completes a turn."""
@@ -127,29 +125,23 @@ class StepLevels:
         whole = self._turns.take(start, tick.steady, turned, span, tick)
         if not whole:
             return None
-        key = start.cam, start.speed
-        square, samples = self._energy.get(key, (0.0, 0))
+        square, samples = self._energy.get((start.cam, start.speed), (0.0, 0))
         for part in whole:
             square, samples = square + part.pressure**2 * part.samples, samples + part.samples
-        self._energy[key] = square, samples
-        return float(level_db(np.sqrt(square / samples)))
-
-    def levels(self) -> dict[str, dict[float, float]]:
-        """All of them."""
-        levels: dict[str, dict[float, float]] = {}
-        for (cam, speed), (square, samples) in self._energy.items():
-            levels.setdefault(cam, {})[speed] = float(level_db(np.sqrt(square / samples)))
-        return levels
+        self._energy[start.cam, start.speed] = square, samples
+        level = float(level_db(np.sqrt(square / samples)))
+        self.levels.setdefault(start.cam, {})[start.speed] = level
+        return level
 
 
 def step_levels(
     ticks: Iterable[MeasuredTick], settle_turns: float
 ) -> dict[str, dict[float, float]]:
     """The `StepLevels` of a run's ticks."""
-    levels = StepLevels(settle_turns)
+    found = StepLevels(settle_turns)
     for tick in ticks:
-        levels.add(tick)
-    return levels.levels()
+        found.add(tick)
+    return found.levels
 
 
 def require_ticks(levels: dict[str, dict[float, float]], where: str) -> None:

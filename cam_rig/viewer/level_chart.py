@@ -80,7 +80,6 @@ class LevelChart:
     def __init__(self, canvas: Canvas, loaded: LoadedScene) -> None:
         self._canvas, self._loaded, self._axes = canvas, loaded, level_axes(loaded)
         self._measured = StepLevels(loaded.scene.program.settle_turns.si)
-        self._levels: dict[str, dict[float, float]] = {}
         self._new: dict[str, tuple[int, float]] = {}
         self._drawn: set[str] = set()
         self._named: dict[str, float] = {}
@@ -98,11 +97,9 @@ class LevelChart:
 
     def add(self, tick: MeasuredTick, end_angle: float) -> float | None:
         """The level (dB) with the next tick, which ends at an angle (rad); None until settled."""
-        cam, speed = tick.start.cam, tick.start.speed
         level = self._measured.add(tick)
         if level is not None:
-            self._levels.setdefault(cam, {})[speed] = level
-            self._new[cam] = tick.stop_ns, end_angle
+            self._new[tick.start.cam] = tick.stop_ns, end_angle
         return level
 
     def flush(self) -> None:
@@ -119,7 +116,7 @@ class LevelChart:
 
     def finish(self) -> None:
         """Draw all points so that they are there at every time, and on every timeline."""
-        for cam in self._levels:
+        for cam in self._measured.levels:
             points = rr.Points2D(self._points(cam), colors=of_cam(cam), radii=FINAL)
             self._canvas.always(f"{VIEW}/final/{cam}", points)
         self._draw_names(None)
@@ -130,8 +127,8 @@ class LevelChart:
         for cam in shown_cams(self._loaded):
             if published is not None and cam in published.regression_db:
                 ends[cam] = float(published.level(cam, np.array([self._axes.x[1]]))[0])
-            elif cam in self._levels:
-                ends[cam] = self._levels[cam][max(self._levels[cam])]
+            elif cam in self._measured.levels:
+                ends[cam] = self._measured.levels[cam][max(self._measured.levels[cam])]
         return ends
 
     def _draw_names(self, at: tuple[int, float] | None) -> None:
@@ -155,7 +152,7 @@ class LevelChart:
 
     def _points(self, cam: str) -> FloatArray:
         """``(n, 2)`` places of a cam's points so far."""
-        steps = self._levels[cam]
+        steps = self._measured.levels[cam]
         return self._axes.place(np.array(list(steps)) * RPM_PER_RAD_S, np.array([*steps.values()]))
 
 

@@ -98,13 +98,14 @@ def test_a_turn_that_is_not_over_does_not_count(left_out):
 
 
 @pytest.mark.parametrize("stands", [0, NS])
-def test_a_cam_that_stood_settles_anew(stands):
+@pytest.mark.parametrize("speed", [1.05e-3, 10.0, 209.0])
+def test_a_cam_that_stood_settles_anew(speed, stands):
     """The follower is put down and the structure at rest: the same speed is a step of its own."""
-    run = list(ticks([9.0, 1.0, 1.0]))
+    run = list(ticks([9.0, 1.0, 1.0], speed))
     end = run[-1]
     angle = end.start.unwrapped + 2.0 * np.pi
-    again = ticks([9.0, 1.0], angle=angle, time_ns=end.stop_ns + stands)
-    level = step_levels([*run, *again], settle_turns=1)["a"][10.0]
+    again = ticks([9.0, 1.0], speed, angle=angle, time_ns=end.stop_ns + stands)
+    level = step_levels([*run, *again], settle_turns=1)["a"][speed]
     quiet = float(level_db(1.0))
     assert (level == pytest.approx(quiet)) == bool(stands)
 

@@ -33,6 +33,7 @@ MACHINES = 200
 @pytest.mark.timeout(14_400)
 def test_intervals_of_200_machines_hold_the_truth():
     """One mass and two, in contact and with landings, three kinds of noise: 90 to 99 % do."""
+    # forked, as a worker of pytest's that is spawned finds the standard library's package test
     with ProcessPoolExecutor(2, get_context("fork")) as pool:
         found = list(itertools.chain.from_iterable(pool.map(scores_of, range(MACHINES))))
     print()
