@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 
 from cam_rig.laws import Law
-from cam_rig.profile import turn_angles
+from cam_rig.laws.law import extremes, peak
 from cam_rig.profile.faces import Swung
 from cam_rig.profile.outlines import FollowerShape, follower_shape
 from cam_rig.schema import CamConfig
@@ -103,8 +103,8 @@ class Robot:
     def most(self) -> tuple[float, float]:
         """Greatest contact force (N) and lift's speed (m/s) of the scene's cams at that speed."""
         forces = [max_contact_force(self.loaded, cam, self.top_speed) for cam in self.cams]
-        slope = max(self.loaded.laws[cam].bounds[1] for cam in self.cams)
-        return max(forces), slope * self.top_speed
+        slopes = [abs(peak(self.loaded.laws[cam], 1).value) for cam in self.cams]
+        return max(forces), max(slopes) * self.top_speed
 
     @property
     def law(self) -> Law:
@@ -125,7 +125,7 @@ class Robot:
     def moving(self) -> list[RobotJoint]:
         """The joints of /tf, in the order of their names."""
         # of all the scene's cams, as its follower is one joint for them
-        lift = max(float(self.loaded.laws[cam](turn_angles(360)).max()) for cam in self.cams)
+        lift = max(extremes(self.loaded.laws[cam], 0)[1].value for cam in self.cams)
         limits = 0.0, (1.0 + LIFT_OFF) * lift
         cam = RobotJoint(CAM, "continuous", GUIDE, CAM)
         slide = RobotJoint(FOLLOWER, "prismatic", GUIDE, FOLLOWER, limits=limits)

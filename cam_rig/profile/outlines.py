@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cam_rig.laws import Law
-from cam_rig.profile.contact import Motion, turn_angles
+from cam_rig.laws.law import extremes
+from cam_rig.profile.contact import Motion
 from cam_rig.profile.disc import discs, plane
 from cam_rig.profile.faces import Guided, GuidedFace, Swung, SwungFace
 from cam_rig.schema.cam import CamConfig
@@ -118,4 +119,4 @@ def follower_shape(cam: CamConfig, law: Law) -> FollowerShape:
     """The shape of a cam's follower."""
     element = discs(cam.follower, law)[0].element
     assert isinstance(element, Guided | Swung)
-    return FollowerShape(element, float(law(turn_angles(360)).max()))
+    return FollowerShape(element, extremes(law, 0)[1].value)

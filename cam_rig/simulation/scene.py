@@ -14,11 +14,10 @@ from cam_rig import laws
 from cam_rig.acoustics import RadiationParameters
 from cam_rig.arguments import checked
 from cam_rig.dynamics import MODELS, FollowerParameters
-from cam_rig.dynamics.kinetostatic import force_weights
+from cam_rig.dynamics.kinetostatic import force_extremes
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.laws.cam import law_of, require_sprung
-from cam_rig.profile import turn_angles
 from cam_rig.schema import (
     CamConfig,
     Library,
@@ -311,9 +310,7 @@ ARROW = 0.5
 
 def max_contact_force(loaded: LoadedScene, cam: str, speed: float) -> float:
     """Maximum contact force (N) of a follower that stays in contact at a speed (rad/s)."""
-    follower, angle = loaded.follower, turn_angles(720)
-    motion = np.stack([loaded.laws[cam](angle, order) for order in range(3)])
-    return follower.preload + float((force_weights(follower, speed) @ motion).max())
+    return force_extremes(loaded.laws[cam], loaded.follower, speed)[1]
 
 
 #: Speeds at most of the vibration tables, of the force over the turn, and of the orders.

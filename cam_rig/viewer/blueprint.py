@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import rerun as rr
@@ -61,15 +62,15 @@ def blueprint(
     return rrb.Blueprint(view, *panels, timeline, auto_views=False, auto_layout=False)
 
 
-def compared_rpm(loaded: LoadedScene, rpm: float | None) -> float:
-    """The speed at which cams are compared: one of the scene's, by default the highest."""
-    speeds = [round(to_rpm(speed), 9) for speed in loaded.scene.program.speeds.si_list]
+def compared_rpm(speeds: Iterable[float], rpm: float | None) -> float:
+    """At which of a run's speeds (rad/s) its cams are compared, by default the highest."""
+    known = sorted({round(to_rpm(speed), 9) for speed in speeds})
     if rpm is None:
-        return max(speeds)
-    nearest = min(speeds, key=lambda speed: abs(speed - rpm))
+        return known[-1]
+    nearest = min(known, key=lambda speed: abs(speed - rpm))
     if not abs(nearest - rpm) <= 1e-6 * nearest:  # nor is nan
-        known = ", ".join(f"{speed:g}" for speed in speeds)
-        raise ConfigError(f"{rpm:g} rpm: the scene has no such speed; allowed: {known}")
+        named = ", ".join(f"{speed:g}" for speed in known)
+        raise ConfigError(f"{rpm:g} rpm: the run has no such speed; allowed: {named}")
     return nearest
 
 

@@ -8,13 +8,13 @@ import warnings
 from collections import deque
 from collections.abc import Callable, Iterator
 from functools import partial
-from itertools import islice
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 import rerun as rr
 
+from cam_rig.bag.measured_run import read_states
 from cam_rig.bag.reader import messages, pressure_of, read_counts, read_scene
 from cam_rig.errors import BagError, CamRigError
 from cam_rig.live.flow_control import REMEMBERED_STATES
@@ -25,7 +25,7 @@ from cam_rig.messages.codec import block_of, cam_state_of
 from cam_rig.messages.topics import Topic
 from cam_rig.show.chart import APPLICATION, name_recording, require_free, rrd_stream
 from cam_rig.simulation.scene import LoadedScene
-from cam_rig.simulation.schedule import CamState, cam_states, run_length
+from cam_rig.simulation.schedule import CamState, run_length
 from cam_rig.units import NS, FloatArray
 from cam_rig.viewer import Layout, ViewOptions
 from cam_rig.viewer.blueprint import blueprint, compared_rpm, playback_begin
@@ -167,12 +167,10 @@ def save_recording(
     """
     require_free(path, overwrite)
     loaded, view_options = loaded or read_scene(bag), view_options or ViewOptions()
-    rpm = compared_rpm(loaded, view_options.rpm)
-    ticks = read_counts(bag).get(topics.FOLLOWER_SAMPLES.name, 0)
-    if ticks == 0:
+    if read_counts(bag).get(topics.FOLLOWER_SAMPLES.name, 0) == 0:
         raise BagError(f"{bag}: has no {topics.FOLLOWER_SAMPLES.name}, so nothing to show")
-    *_, last = islice(cam_states(loaded.scene), ticks + 1)  # of an interrupted run, too
-    duration = last.time_ns / NS
+    duration, speeds = _course(bag)
+    rpm = compared_rpm(speeds or loaded.scene.program.speeds.si_list, view_options.rpm)
     samples = round(duration * loaded.scene.sample_rate.si)
     bucket = 1 if view_options.all_samples else bucket_for(samples)
     whole, ranges = view_options.layout is Layout.RUN, scene_ranges(loaded)
@@ -181,6 +179,19 @@ def save_recording(
         recorder = RunRecorder(stream, loaded, bucket, rpm, ranges, whole)
         feed_bag(bag, loaded, RunFeed(recorder), on_tick)
     return playback_begin(loaded, duration) if whole else 0.0
+
+
+def _course(bag: Path) -> tuple[float, set[float]]:
+    """Rig time (s) at the end of a run, and the speeds (rad/s) that were held.
+
+    They are the bag's, as an operator may have set others than the scene's, or ended it.
+    """
+    held, before, end = set[float](), None, 0.0
+    for state in read_states(bag):
+        if before and before.turns_until(state) and before.holds_until(state):
+            held.add(before.speed)
+        before, end = state, state.time_ns / NS
+    return end, held
 
 
 def feed_bag(bag: Path, loaded: LoadedScene, feed: RunFeed, on_tick: Callable[[], None]) -> None:
@@ -225,7 +236,7 @@ class LiveView:
         duration, tick = (length / NS for length in run_length(loaded.scene))
         window = live_window(tick)
         bucket = screen_bucket(window, loaded.scene.sample_rate.si)
-        rpm = compared_rpm(loaded, None)
+        rpm = compared_rpm(loaded.scene.program.speeds.si_list, None)
         ranges = scene_ranges(loaded)
         plan = blueprint(Layout.RUN, loaded, duration, bucket, rpm, ranges.whole, window)
         self._address, self._stream = address, rr.RecordingStream(APPLICATION)

@@ -131,6 +131,7 @@ def test_one_follower_s_joint_for_all_cams_of_the_scene(scene_of_kinds):
     """Its limits leave room for the largest lift of the scene's cams, and for lift-off. So do the
     bodies of the bench: which cam is mounted changes neither."""
     limits, bench = [], []
+    fastest = max(scene_of_kinds.scene.program.speeds.si_list)
     for cam in scene_of_kinds.scene.cams:
         text = urdf(Robot.of(scene_of_kinds, cam))
         links = links_of(text)
@@ -142,12 +143,14 @@ def test_one_follower_s_joint_for_all_cams_of_the_scene(scene_of_kinds):
         bench.append((sizes, place.round(8).tolist()))
     assert limits == [limits[0]] * len(limits)
     assert bench == [bench[0]] * len(bench)
-    laws = (scene_of_kinds.laws[cam] for cam in scene_of_kinds.scene.cams)
-    lift = max(float(law(np.linspace(0.0, 6.28, 720)).max()) for law in laws)
+    around = np.linspace(0.0, 2.0 * np.pi, 3601)
+    laws = [scene_of_kinds.laws[cam] for cam in scene_of_kinds.scene.cams]
+    lift = max(float(law(around).max()) for law in laws)
+    speed = max(float(np.abs(law(around, 1)).max()) for law in laws) * fastest
     assert float(limits[0]["lower"]) <= 0.0
     assert float(limits[0]["upper"]) > 1.1 * lift
     assert float(limits[0]["effort"]) > 0.0
-    assert float(limits[0]["velocity"]) > 0.0
+    assert float(limits[0]["velocity"]) == pytest.approx(speed, rel=1e-3)
 
 
 def test_the_cam_looks_like_its_contour(kind):

@@ -26,14 +26,17 @@ from cam_rig.paper.orders.spectrum import RANGE, loudest, waterfall
 from cam_rig.schema.load import config_root
 from cam_rig.show.chart import SPEED
 from cam_rig.show.looks import short
+from cam_rig.simulation.scene import open_scene
 from cam_rig.units import RPM
+from cam_rig.viewer import Layout, ViewOptions
 from cam_rig.viewer import process as viewer
 from cam_rig.viewer.command import view
+from cam_rig.viewer.level_chart import at_speed
 from cam_rig.viewer.process import COMMAND, SILENT
 from cam_rig.viewer.recording import save_recording
 from cam_rig.viewer.run_recorder import RunRecorder
 
-from .conftest import Picture
+from .conftest import SCENE, Picture
 
 app = typer.Typer()
 app.command()(view)
@@ -99,7 +102,7 @@ def test_what_cannot_be_is_refused(bag, tmp_path):
             (
                 [*save, "--layout", "compare", "--rpm", rpm],
                 2,
-                f"{rpm} rpm: the scene has no such speed; allowed: 300, 700",
+                f"{rpm} rpm: the run has no such speed; allowed: 300, 700",
             )
             for rpm in ("500", "nan", "inf", "-300")
         ),
@@ -109,6 +112,23 @@ def test_what_cannot_be_is_refused(bag, tmp_path):
         assert result.exit_code == code
         assert words in result.stderr
         assert list(tmp_path.iterdir()) == []
+
+
+def test_cams_are_compared_at_speeds_an_operator_set(bag, tmp_path):
+    """The speeds and the length of a run are the bag's, its scene may have had others."""
+    path = tmp_path / "scenes" / "other.yaml"
+    path.parent.mkdir()
+    for part in ("cams", "rigs"):
+        (tmp_path / part).symlink_to(bag.loaded.files[0].parent.parent / part)
+    path.write_text(SCENE.replace("[300, 700]", "[500]"), encoding="utf-8")
+    other = open_scene(path)
+    for rpm in (300.0, 700.0):
+        saved = tmp_path / f"{rpm:g}.rrd"
+        save_recording(bag.path, saved, ViewOptions(Layout.COMPARE, rpm), loaded=other)
+        assert f"/{at_speed(rpm, 'lift')}/lift/poly345" in Picture(saved).entities
+    path = tmp_path / "none.rrd"
+    with pytest.raises(CamRigError, match="500 rpm: the run has no such speed; allowed: 300, 700"):
+        save_recording(bag.path, path, ViewOptions(Layout.COMPARE, 500.0), loaded=other)
 
 
 def test_nothing_is_left_of_a_file_that_was_interrupted(bag, tmp_path, monkeypatch):
