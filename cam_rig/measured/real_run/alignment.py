@@ -17,8 +17,10 @@ from cam_rig.units import TURN, FloatArray, correlation_length, rms
 ORDERS, LEAST_READINGS = 24, 12
 #: Angles a turn at which the first offset is looked for.
 ANGLES = 2048
-#: A clock's error shows where it is so many standard errors, and moves the lift by so much (rad).
-SHOWS, LEAST_SHIFT = 5.0, 1e-3
+#: A clock's error shows where it is so many standard errors, and moves the lift by so much (rad),
+#: and by so many counts of the encoder: where the cam speeds up in a stretch, its motion is known
+#: to no more.
+SHOWS, LEAST_SHIFT, LEAST_COUNTS = 5.0, 1e-3, 0.5
 #: Standard deviations within which nine of ten readings are; a spread that is none, of the lift.
 NINETY, FINEST = 1.645, 1e-6
 #: Readings farther off than so many standard deviations (landings) do not count.
@@ -67,13 +69,18 @@ Drive = Callable[[SteadyStretch, float], ModelRun]
 
 
 def find_alignment(
-    stretches: Sequence[SteadyStretch], lift: Signal, drive: Drive, offset: float | None
+    stretches: Sequence[SteadyStretch],
+    lift: Signal,
+    drive: Drive,
+    offset: float | None,
+    count: float,
 ) -> Alignment:
     """The offset of the angle, the zero of the gauge, and the error of the clock where it shows.
 
     Speeds at which the model never leaves the cam are taken, if there are any: a flight has the
     follower's errors in it. A lag between rise and return is estimated too, since it would pass
-    for an offset; it is not taken off. ``offset``: rad, where it is known.
+    for an offset; it is not taken off. ``offset``: rad, where it is known; ``count``: rad, of the
+    encoder, 0 for one without steps.
     """
     runs = [drive(stretch, offset or 0.0) for stretch in stretches]
     calm = [run for run in runs if not run.flies] or runs
@@ -82,10 +89,11 @@ def find_alignment(
         return Alignment(offset or 0.0)
     fixed = offset is not None
     found = found if offset is None else replace(found, offset=offset)
-    found = _fitted(found, [run.stretch for run in calm], lift, drive, fixed)
+    least = max(LEAST_SHIFT, LEAST_COUNTS * count)
+    found = _fitted(found, [run.stretch for run in calm], lift, drive, fixed, least)
     if len(calm) == len(runs):
         return found
-    every = _fitted(found, stretches, lift, drive, fixed)
+    every = _fitted(found, stretches, lift, drive, fixed, least)
     return every if every.scatter <= AS_GOOD * found.scatter else found
 
 
@@ -96,9 +104,14 @@ def _speeds(stretches: Sequence[SteadyStretch]) -> tuple[float, bool]:
 
 
 def _fitted(
-    found: Alignment, stretches: Sequence[SteadyStretch], lift: Signal, drive: Drive, fixed: bool
+    found: Alignment,
+    stretches: Sequence[SteadyStretch],
+    lift: Signal,
+    drive: Drive,
+    fixed: bool,
+    least: float,
 ) -> Alignment:
-    """All numbers; then again without a delay or drift that does not show."""
+    """All numbers; then again without a delay or drift that does not show, ``least`` (rad)."""
     fastest, several = _speeds(stretches)
     names = {"zero", "lag", "drift"} | (set() if fixed else {"offset"})
     names |= {"delay"} if several or fixed else set()
@@ -108,7 +121,7 @@ def _fitted(
     hidden = {
         name
         for name, seconds in moved.items()
-        if not (found.shows(name) and seconds * fastest > LEAST_SHIFT)
+        if not (found.shows(name) and seconds * fastest > least)
     }
     if not hidden & names:
         return found

@@ -272,7 +272,10 @@ def pair_measured(
             f"that is held within 2 %; allowed: {settle:g} turns to settle, as scene "
             f"{loaded.scene.name} says, and {LEAST_TURNS:g} to compare"
         )
-    alignment = Alignment(offset or 0.0)
-    if run.lift is not None:
-        alignment = find_alignment(stretches, run.lift, partial(drive, loaded, cam), offset)
-    return MeasuredPairs(run, loaded, cam, stretches, alignment, offset is not None)
+    pairs = MeasuredPairs(run, loaded, cam, stretches, Alignment(offset or 0.0), offset is not None)
+    if run.lift is None:
+        return pairs
+    driven = partial(drive, loaded, cam)
+    return replace(
+        pairs, alignment=find_alignment(stretches, run.lift, driven, offset, pairs.count)
+    )

@@ -124,6 +124,14 @@ def test_stamps_that_are_late_are_told_from_an_offset_by_several_speeds(scene):
     assert all(row.agrees for row in rows)
 
 
+def test_no_clock_is_corrected_by_what_ramps_hide_in_a_coarse_encoder(scene):
+    """256 counts a turn: beside a ramp the angle is known to half a count, and the clocks agree."""
+    loaded = scene("cycloidal", (235.5, 223.7, 135.9), turns=6, settle_turns=0, ramp=0.81)
+    for seed in range(3):
+        pairs, _ = compared(measured(loaded, seed=seed, counts=256), loaded)
+        assert pairs.alignment.drift == pairs.alignment.delay == 0.0
+
+
 def test_a_given_offset_is_kept_and_one_without_a_lift_is_said(scene):
     """Nothing else is known of it where only the force was measured."""
     loaded = scene()
