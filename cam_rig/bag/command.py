@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cam_rig.errors import ConfigError
 from cam_rig.files import check_place
 from cam_rig.show.command import SceneOfBag, command
 from cam_rig.show.result import Progress, Result
@@ -99,7 +100,7 @@ def export(
 
     cam-rig export tm21_sweep --cam tm21 --rpm 380 --to out/tm21_380.csv
     """
-    from cam_rig.schema.load import scene_path
+    from cam_rig.schema.load import is_there, scene_path
     from cam_rig.simulation.export import export as write_samples
     from cam_rig.simulation.export import require_format
     from cam_rig.simulation.scene import open_scene
@@ -117,7 +118,13 @@ def export(
         ticks = read_ticks(bag)
         say(*shortcomings(bag, loaded, read_counts(bag).get(FOLLOWER_SAMPLES.name, 0)))
     else:
-        loaded = open_scene(scene_path(source))
+        path = scene_path(source)
+        try:
+            loaded = open_scene(path)
+        except ConfigError as error:
+            if is_there(path):
+                raise
+            raise ConfigError(f"{source}: no such bag, nor scene: {error}") from None
         ticks = turned_ticks(loaded)
     progress.begin(tick_count(loaded.scene), loaded.scene.name)
     written = write_samples(to, _counted(ticks, progress), loaded, cam, rpm)

@@ -29,6 +29,7 @@ REFUSED = [
     ("export quick --to {tmp}", 2, "unknown kind of file"),
     ("export quick --rpm 222 --to {tmp}/a.csv", 2, "no samples of a cam at 222 rpm"),
     ("export quik --to {tmp}/a.csv", 2, "did you mean 'quick'"),
+    ("export quik --to {tmp}/a.csv", 2, "quik: no such bag, nor scene: "),
     ("law zzz", 2, "'zzz': no such cam or rise; cams: arcs_"),
     ("law poly354", 2, "no such cam or rise (did you mean 'poly345'?); cams: arcs_"),
     ("law poly345 bezier8start", 2, "did you mean 'bezier8_start'?"),
