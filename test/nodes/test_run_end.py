@@ -141,7 +141,7 @@ def test_a_drive_that_ends_early_says_why_and_the_bag_is_closed(user, given, tmp
     pressures = listen(user, FluidPressure, "/microphone/pressure")
     finished = listen(user, DiagnosticStatus, "/rig/finished")
     nodes = given(*NODES)
-    nodes[DRIVE] |= {"pacing": "real_time", "patience": 300.0 if how == "stopped" else 2.0}
+    nodes[DRIVE] |= {"pacing": "real_time", "patience": 300.0 if how == "stopped" else 5.0}
     go_on = threading.Event()
     with OneProcess(nodes) as here:
         wait_until(lambda: user.spin(0.1) or len(pressures) > 2)

@@ -312,7 +312,7 @@ def asleep(panel, path):
 def test_a_page_that_reads_nothing_is_dropped_alone(panel, path, monkeypatch):
     """While it sleeps others are answered and follow; then it is no page any more."""
     monkeypatch.setattr(server, "TELL_EVERY_S", 0.0)
-    monkeypatch.setattr(server, "READS_WITHIN_S", 0.3)
+    monkeypatch.setattr(server, "READS_WITHIN_S", 1.0)
     pages = panel.pages._pages if path == BOARD else panel.bench._pages
     with panel.page(path) as one, panel.page(path) as two:
         until(lambda: len(pages) == 2)
