@@ -10,7 +10,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from cam_rig.dynamics import FollowerParameters, Interval, TwoMassParameters
-from cam_rig.dynamics.free_masses import contact_response
+from cam_rig.dynamics.free_masses import contact_response, free_masses
 from cam_rig.dynamics.interval import Event
 from cam_rig.dynamics.kinetostatic import force_weights, loss_intervals
 from cam_rig.dynamics.one_mass import OneMassTrajectory
@@ -24,6 +24,9 @@ SETTLING = (2, 4, 8, 16, 32)
 SAME = 1e-11
 #: Steps to a turn that comes back to itself, at most; and of a slope, of the vibration's scale.
 MOST_STEPS, STEP = 12, 1e-6
+#: Windows in which the free masses' motion is a polynomial, a turn at most: of a stem damped so
+#: strongly that there are more, a flight that barely opens takes an hour.
+MOST_WINDOWS = 1e8
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,11 +103,13 @@ def _came_back(course: OneMassTrajectory, one: float, other: float) -> bool:
 def two_mass_turn(
     law: Law, p: TwoMassParameters, speed: float, near: TwoMassTurn | None = None
 ) -> TwoMassTurn | None:
-    """Two masses at ``speed`` (rad/s); None where no turn is as the one before.
+    """Two masses at ``speed`` (rad/s); None where no turn is as the one before, or is found.
 
     A turn maps the vibration before it to that after it; its fixed point is found by Newton's
     method, from the turn of nearly the same follower ``near`` with that one's slopes.
     """
+    if MOST_WINDOWS * speed * free_masses(p).window < TURN:
+        return None
     begun = (near.course.angle, near.start) if near else _contact_after(law, p, speed)
     if begun is None:
         return None

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import cam_rig
-from cam_rig.dynamics import MODELS, Interval
+from cam_rig.dynamics import MODELS, Interval, TwoMassParameters
 from cam_rig.dynamics.events.course import EndlessEventsError
 from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.errors import ConfigError
@@ -165,6 +165,12 @@ def test_two_masses(law, rpm):
     lift, force = found.at(angle)
     assert np.abs(lift - block.lift).max() < 1e-9
     assert np.median(np.abs(force - block.force)) < 1e-6 * block.force.max()
+
+
+def test_a_stem_damped_beyond_all_measure_has_no_turn(laws):
+    """A search came there: a flight that barely opens was followed in steps of 1e-12 s, an hour."""
+    parameters = TwoMassParameters(0.0156, 0.839, 1.06, 4511.0, 9.69e8, 7.1, 30.0, 0.0)
+    assert two_mass_turn(laws["bezier15"], parameters, 18.2) is None
 
 
 def test_a_turn_is_found_from_its_neighbour(law):
