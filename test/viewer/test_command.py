@@ -115,7 +115,7 @@ def test_what_cannot_be_is_refused(bag, tmp_path):
 
 
 def test_cams_are_compared_at_speeds_an_operator_set(bag, tmp_path):
-    """The speeds and the length of a run are the bag's, its scene may have had others."""
+    """A run's speeds are the bag's; its scene may have had others."""
     path = tmp_path / "scenes" / "other.yaml"
     path.parent.mkdir()
     for part in ("cams", "rigs"):
