@@ -9,7 +9,8 @@ import numpy as np
 
 from cam_rig.dynamics.linear.exponential import FreeSystem, Pairs
 from cam_rig.dynamics.linear.response import LinearResponse, Outputs
-from cam_rig.dynamics.parameters import require_numbers, si_or_none
+from cam_rig.dynamics.parameters import MOST_DAMPED, require_numbers, si_or_none
+from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
 from cam_rig.units import FloatArray
@@ -39,11 +40,17 @@ class TwoMassParameters:
 
     @classmethod
     def from_rig(cls, rig: RigConfig) -> TwoMassParameters:
-        """Take the numbers of a rig file that has a stem and says how the mass is split."""
+        """Take the numbers of a rig file that has a stem and says how the mass is split.
+
+        Raises
+        ------
+        ConfigError : it has not, or does not
+        DynamicsError : it is damped more than `MOST_DAMPED` allows
+        """
         follower = rig.follower
         share, stem, stem_damping = (rig.need(key, BY, ONE_MASS).si for key in NEEDED)
         roller = follower.mass.si * share
-        return cls(
+        found = cls(
             roller_mass=roller,
             end_mass=follower.mass.si - roller,
             stem_stiffness=stem,
@@ -53,6 +60,21 @@ class TwoMassParameters:
             preload=follower.preload.si,
             restitution=si_or_none(follower.restitution),
         )
+        if found.damping_ratio > MOST_DAMPED:
+            most = (found.stem_damping + found.damping) * MOST_DAMPED / found.damping_ratio
+            raise DynamicsError(
+                f"rig {rig.name}: stem_damping {stem_damping:.4g} N*s/m and damping "
+                f"{found.damping:.4g} N*s/m are {found.damping_ratio:.3g} times what is critical "
+                f"for the end mass on its stem; allowed: {MOST_DAMPED:g} times, together "
+                f"{most:.3g} N*s/m; a stem that is damped more is rigid, so {ONE_MASS}"
+            )
+        return found
+
+    @cached_property
+    def damping_ratio(self) -> float:
+        """Both dampers as a part of what is critical for the end mass while the roller is held."""
+        both = self.stem_damping + self.damping
+        return 0.5 * both / float(np.sqrt(self.stiffness * self.end_mass))
 
     @cached_property
     def stiffness(self) -> float:

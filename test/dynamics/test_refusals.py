@@ -58,6 +58,29 @@ def test_a_rig_gives_the_numbers_or_is_refused(rig, follower, paper_rig):
         replace(MODELS["torsional"].parameters(paper_rig), motor_torque=1.0)
 
 
+def test_what_is_damped_too_much_is_rigid(paper_rig):
+    """Ten times critically is taken; more is another model's, where a flight took an hour."""
+    two, shaft = MODELS["two_mass"], paper_rig.shaft
+    p = two.parameters(paper_rig.with_follower(damping=0.0))
+    most = 20.0 * math.sqrt((p.stem_stiffness + p.spring_stiffness) * p.end_mass)
+    rigs = [
+        paper_rig.with_follower(damping=0.4 * most, stem_damping=x * most) for x in (0.59999, 0.61)
+    ]
+    assert two.parameters(rigs[0]).damping_ratio == pytest.approx(10.0, rel=1e-4)
+    with pytest.raises(DynamicsError, match=r"10\.1 times .* critical .* 10 times, .* one_mass"):
+        two.parameters(rigs[1])
+    most = 20.0 * math.sqrt(shaft.stiffness.si * shaft.cam_inertia.si)
+    rigs = [
+        paper_rig.replace(shaft=shaft.model_dump() | {"damping": f"{x * most} N*m*s/rad"})
+        for x in (0.99999, 1.01)
+    ]
+    assert MODELS["torsional"].parameters(rigs[0]).shaft_damping == pytest.approx(most, rel=1e-4)
+    with pytest.raises(
+        DynamicsError, match=r"10\.1 times .* critical .* 10 times, .* another model"
+    ):
+        MODELS["torsional"].parameters(rigs[1])
+
+
 def test_contact_time_is_half_a_period(follower):
     """A mass on its stem pushes for half a period: sin(√(k/m) T) = 0 for the first time."""
     rate = math.sqrt(follower.stem_stiffness / follower.mass)

@@ -105,28 +105,36 @@ def touch(
     if found.outcome == ABOVE:
         raise keeps_contact(law)
     if found.outcome == UNTOLD:
-        raise _untold(law, found.low)
+        raise _untold(law, run, found.low)
     if found.outcome == PAUSED:
         raise _too_many(law, run, found.low)
     return found
 
 
-def _untold(law: Law, speed: float) -> DynamicsError:
+def _untold(law: Law, run: ModalRun, speed: float) -> DynamicsError:
     """What is raised where contact holds as far (rad/s) as the force can be told."""
+    times = _times_critical(run)
+    how = f"is damped {times:.3g} times critical, with" if times > 1.0 else "has"
     return DynamicsError(
-        f"cam {law.name!r}: contact holds up to {to_rpm(speed):.4g} rpm, but above it the stem has "
-        f"too few periods in the law's shortest piece ({math.degrees(law.spans.min()):.3g} deg, of "
-        f"degree {law.degree}) for double precision; allowed for a jump speed: a stiffer stem, "
-        "less preload, or a law of longer pieces"
+        f"cam {law.name!r}: contact holds up to {to_rpm(speed):.4g} rpm, but above it the stem "
+        f"{how} too few periods in the law's shortest piece ({math.degrees(law.spans.min()):.3g} "
+        f"deg, of degree {law.degree}) for double precision; allowed for a jump speed: a stiffer "
+        f"stem, less {'damping' if times > 1.0 else 'preload'}, or a law of longer pieces"
     )
 
 
 def _too_many(law: Law, run: ModalRun, speed: float) -> DynamicsError:
     """What is raised where a search up from a speed (rad/s) takes too many looks."""
-    hertz = math.sqrt(run.mode.stiffness) / TURN
+    times = _times_critical(run)
+    how, other = f"vibrates at {math.sqrt(run.mode.stiffness) / TURN:.3g} Hz", "more damping"
+    if times > 1.0:
+        how, other = f"is damped {times:.3g} times critical", "less damping"
     return DynamicsError(
-        f"cam {law.name!r}: contact holds up to {to_rpm(speed):.4g} rpm, but the follower vibrates "
-        f"at {hertz:.3g} Hz and a search above takes more than {MAX_LOOKS:g} looks at its force; "
-        "allowed for a jump speed: a softer stem or spring, more damping, a shorter run from rest, "
-        "or the steady state"
+        f"cam {law.name!r}: contact holds up to {to_rpm(speed):.4g} rpm, but the follower {how} "
+        f"and a search above takes more than {MAX_LOOKS:g} looks at its force; allowed for a jump "
+        f"speed: a softer stem or spring, {other}, a shorter run from rest, or the steady state"
     )
+
+
+def _times_critical(run: ModalRun) -> float:
+    return 0.5 * run.mode.damping / math.sqrt(run.mode.stiffness)

@@ -15,7 +15,13 @@ from cam_rig.dynamics.interval import (
     require_joined,
     same_speed,
 )
-from cam_rig.dynamics.parameters import LEAST, FollowerParameters, require_numbers, require_turning
+from cam_rig.dynamics.parameters import (
+    LEAST,
+    MOST_DAMPED,
+    FollowerParameters,
+    require_numbers,
+    require_turning,
+)
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
@@ -90,13 +96,22 @@ def from_rig(rig: RigConfig) -> TorsionalParameters:
     if rig.shaft is None:
         raise rig.missing("shaft", "the model torsional", "take another model")
     flywheel = rig.shaft.flywheel_inertia
-    return TorsionalParameters(
+    found = TorsionalParameters(
         follower=FollowerParameters.from_rig(rig),
         cam_inertia=rig.shaft.cam_inertia.si,
         shaft_stiffness=rig.shaft.stiffness.si,
         shaft_damping=rig.shaft.damping.si,
         flywheel_inertia=None if flywheel is None else flywheel.si,
     )
+    critical = 2.0 * float(np.sqrt(found.shaft_stiffness / found.mobility))
+    if found.shaft_damping > MOST_DAMPED * critical:
+        raise DynamicsError(
+            f"rig {rig.name}: shaft.damping: is {found.shaft_damping:.4g} N*m*s/rad, "
+            f"{found.shaft_damping / critical:.3g} times what is critical for the cam on its "
+            f"shaft; allowed: {MOST_DAMPED:g} times, {MOST_DAMPED * critical:.3g} N*m*s/rad; a "
+            "shaft that is damped more is rigid, so take another model"
+        )
+    return found
 
 
 def advance(

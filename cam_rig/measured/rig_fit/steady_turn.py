@@ -10,10 +10,11 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from cam_rig.dynamics import FollowerParameters, Interval, TwoMassParameters
-from cam_rig.dynamics.free_masses import contact_response, free_masses
+from cam_rig.dynamics.free_masses import contact_response
 from cam_rig.dynamics.interval import Event
 from cam_rig.dynamics.kinetostatic import force_weights, loss_intervals
 from cam_rig.dynamics.one_mass import OneMassTrajectory
+from cam_rig.dynamics.parameters import MOST_DAMPED
 from cam_rig.dynamics.two_mass import Separation, states
 from cam_rig.laws import Law
 from cam_rig.units import NS, TURN, FloatArray
@@ -24,9 +25,6 @@ SETTLING = (2, 4, 8, 16, 32)
 SAME = 1e-11
 #: Steps to a turn that comes back to itself, at most; and of a slope, of the vibration's scale.
 MOST_STEPS, STEP = 12, 1e-6
-#: A turn has so many windows at most in which the free masses' motion is a polynomial: with more, a
-#: flight that barely opens takes an hour. A stem of 1e15 N/m, the stiffest sought, has 4e7.
-MOST_WINDOWS = 1e8
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,12 +103,12 @@ def two_mass_turn(
 ) -> TwoMassTurn | None:
     """Two masses at ``speed`` (rad/s); None where no turn is as the one before.
 
-    Nor is one sought on a stem damped so strongly that it cannot be followed (`MOST_WINDOWS`).
+    Nor is one sought of masses damped so strongly that a rig may not be (`MOST_DAMPED`).
 
     A turn maps the vibration before it to that after it; its fixed point is found by Newton's
     method, from the turn of nearly the same follower ``near`` with that one's slopes.
     """
-    if MOST_WINDOWS * speed * free_masses(p).window < TURN:
+    if p.damping_ratio > MOST_DAMPED:
         return None
     begun = (near.course.angle, near.start) if near else _contact_after(law, p, speed)
     if begun is None:

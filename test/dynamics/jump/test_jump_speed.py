@@ -247,6 +247,41 @@ def test_a_stiff_stem_is_one_mass(laws):
     assert away[1] < 0.005
 
 
+def damped(stem_stiffness, share, times):
+    """The rig of Table 2 on another stem, damped so many times critically."""
+    rig = cam_rig.load_rig("paper_table2").with_follower(
+        roller_share=share, stem_stiffness=stem_stiffness, stem_damping=0.0, damping=0.0
+    )
+    whole = TwoMassParameters.from_rig(rig)
+    return replace(whole, stem_damping=2.0 * times * (whole.stiffness * whole.end_mass) ** 0.5)
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "share", "times"), [(1e5, 0.4, 3.0), (1e6, 0.05, 2.0), (1e12, 0.4, 10.0)]
+)
+def test_a_stem_that_creeps(laws, stiffness, share, times):
+    """Damped beyond all vibration: the least force of the settled turn, by its harmonics, is 0."""
+    law, p, count = laws["poly345"], damped(stiffness, share, times), 1 << 16
+    lift = np.fft.rfft(law.motion_at(np.arange(count) * (TURN / count))[0])
+    found = jump_speed(law, p, None).speed
+    least = []
+    for speed in (found * 0.9999, found * 1.0001):
+        z = 1j * speed * np.arange(lift.size)
+        end = p.spring_stiffness + p.damping * z + p.end_mass * z**2
+        stem = p.stem_stiffness + p.stem_damping * z
+        force = np.fft.irfft((p.roller_mass * z**2 + stem * end / (stem + end)) * lift, count)
+        least.append(force.min() + p.share * p.preload)
+    assert least[0] > 0.0 > least[1]
+
+
+def test_a_search_names_the_damping_that_is_in_its_way(laws):
+    """Five times critical, on a law of high degree."""
+    with pytest.raises(
+        DynamicsError, match=r"is damped 5 times critical, .*allowed.* less damping"
+    ):
+        sought_speed(laws["modified_sine"], damped(1.26e6, 0.4, 5.0), None, 300.0)
+
+
 @pytest.mark.parametrize("cam", ["poly345", "trigonometric", "tm21"])
 def test_a_follower_without_preload(laws, follower, cam):
     """What the least preload leads to: on a dwell it rests with no force, and is not thrown off."""
