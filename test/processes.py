@@ -5,7 +5,7 @@ from contextlib import suppress
 from pathlib import Path
 
 #: Wall time (s) after which something that has not come true never will, however busy the machine.
-WAIT_S = 60.0
+WAIT_S = 100.0
 
 
 def until(condition, said=lambda: "", step=lambda: time.sleep(0.01), wait=WAIT_S):

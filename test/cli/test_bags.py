@@ -35,6 +35,7 @@ def as_ros2_records(target, plugin):
             writer.write(made[connection.topic], wall + 1_000_003 * number, data)
 
 
+@pytest.mark.slow
 @pytest.mark.variants(1)
 @pytest.mark.parametrize("plugin", list(StoragePlugin), ids=lambda p: p.name)
 def test_a_bag_of_ros2_bag_record(tmp_path, plugin):
@@ -125,6 +126,7 @@ def test_recover_from_inside_the_bag(tmp_path, monkeypatch):
     assert call("recover", "/").exit_code == 1
 
 
+@pytest.mark.slow
 @pytest.mark.ros
 def test_replay_gives_the_recorded_numbers(ros_domain, tmp_path):
     """Recorded cam states and laws through the live follower and microphone."""

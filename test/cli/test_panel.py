@@ -15,7 +15,7 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 
-from ..processes import children
+from ..processes import WAIT_S, children
 from .conftest import BIN, call, ended
 
 COMMAND = (BIN / "cam-rig", "panel")
@@ -31,14 +31,14 @@ def test_it_serves_until_it_is_ended_and_leaves_no_process(number: signal.Signal
     assert process.stdout is not None
     url = urlsplit(process.stdout.readline().strip())
     assert url.hostname == "127.0.0.1"
-    connection = HTTPConnection("127.0.0.1", url.port or 0, timeout=60)
+    connection = HTTPConnection("127.0.0.1", url.port or 0, timeout=WAIT_S)
     connection.request("GET", f"/?{url.query}")
     assert connection.getresponse().status == 303
     connection.close()
     begun = children(process.pid)
     assert begun
     os.kill(process.pid, number)
-    _, printed = process.communicate(timeout=60)
+    _, printed = process.communicate(timeout=WAIT_S)
     assert process.returncode == 128 + number
     assert printed.splitlines() == [
         "Ctrl-C ends the panel",
@@ -88,7 +88,7 @@ def test_the_token_is_in_no_process_that_another_user_sees(tmp_path: Path) -> No
             assert page.parent.stat().st_mode & 0o777 == 0o700
         finally:
             process.send_signal(signal.SIGINT)
-            process.wait(60)
+            process.wait(WAIT_S)
             for child in browsers(browser):
                 os.kill(child, signal.SIGKILL)
     assert not page.exists()

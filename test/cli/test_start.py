@@ -30,7 +30,7 @@ def test_an_interrupt_while_workers_begin(tmp_path):
         assert process.poll() is None, process.stderr.read()
         time.sleep(0.01)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal's Ctrl-C, which all of a group get
-    _, printed = process.communicate(timeout=60)
+    _, printed = process.communicate(timeout=100)
     assert process.returncode == INTERRUPTED
     assert printed.strip() == "cam-rig: interrupted by SIGINT"  # blank lines clear a bar
     assert list(tmp_path.iterdir()) == []

@@ -118,6 +118,7 @@ def test_every_key_is_in_snake_case_and_stands_once():
             assert not {column.si for column in columns} & {"mm", "µm", "°", "%", "ms", "MPa"}
 
 
+@pytest.mark.slow
 def test_every_figure_is_there():
     """``drawn_by`` names a function, which takes the result first."""
     drawn = [one.drawn_by for one in results() if one.drawn_by]

@@ -4,11 +4,13 @@ import json
 from http.client import HTTPConnection
 from urllib.parse import urlsplit
 
+from ..processes import WAIT_S
+
 
 def opened(address, path, method="GET", body="", **headers):
     """A connection on which a path has been asked for; ``Host`` is the address's by default."""
     url = urlsplit(address)
-    connection = HTTPConnection(url.hostname or "", url.port, timeout=20)
+    connection = HTTPConnection(url.hostname or "", url.port, timeout=WAIT_S)
     connection.putrequest(method, path, skip_host=True)
     for name, value in ({"Host": url.netloc, "Content-Length": str(len(body))} | headers).items():
         connection.putheader(name, value)

@@ -20,7 +20,7 @@ from cam_rig.viewer.rerun_page import serve, serve_file
 from cam_rig.viewer.timeline import RIG_TIME
 from cam_rig.viewer.web_server import Access
 
-from ..processes import children, sockets, until
+from ..processes import WAIT_S, children, sockets, until
 from .asking import Visitor, ask, opened
 
 RECORDED = b"RRF2 of a kind"
@@ -132,7 +132,7 @@ def test_what_is_no_path_is_refused(page, capfd, monkeypatch):
         return original(host, *rest, **more)
 
     for asked in NO_PATHS:
-        with socket.create_connection((LOOPBACK, page.url.port), timeout=20) as asker:
+        with socket.create_connection((LOOPBACK, page.url.port), timeout=WAIT_S) as asker:
             monkeypatch.setattr(socket, "getaddrinfo", spied)
             lines = (b"GET " + asked + b" HTTP/1.1", b"Host: " + page.url.netloc.encode())
             asker.sendall(b"\r\n".join((*lines, b"Connection: close", b"", b"")))
@@ -275,7 +275,7 @@ def test_the_page_says_what_it_shows(live):
     waiting.start()
     pages.page.driven(0.5)
     reader.get("/shown?ns=500000000")
-    waiting.join(timeout=20.0)
+    waiting.join(timeout=WAIT_S)
     assert not waiting.is_alive()
     assert pages.page.behind() is not None
     assert page_delay(pages.folder) is not None

@@ -124,6 +124,7 @@ def test_stamps_that_are_late_are_told_from_an_offset_by_several_speeds(scene):
     assert all(row.agrees for row in rows)
 
 
+@pytest.mark.slow
 def test_no_clock_is_corrected_by_what_ramps_hide_in_a_coarse_encoder(scene):
     """256 counts a turn: beside a ramp the angle is known to half a count, and the clocks agree."""
     loaded = scene("cycloidal", (235.5, 223.7, 135.9), turns=6, settle_turns=0, ramp=0.81)

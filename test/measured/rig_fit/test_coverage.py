@@ -141,6 +141,7 @@ def test_no_number_of_two_masses_is_far_off(seed):
     assert max(map(abs, off.values())) < 4.0
 
 
+@pytest.mark.slow
 def test_no_bouncing_hides_what_contradicts_it(law, rig):
     """A follower that bounces all around explains no forces of one that presses.
 

@@ -150,6 +150,7 @@ def test_a_force_sensor_s_resonance_is_no_stem(law, rig):
     require_true(fit, rig)
 
 
+@pytest.mark.slow
 def test_a_stem_shows_in_the_force(law, rig):
     """Two masses are found by themselves, with stem, share and stem damping."""
     two = cam_rig.load_rig("paper_table2")
@@ -236,6 +237,7 @@ def test_what_does_not_fit_gets_no_numbers(law, laws, rig):
     assert any("another cam" in words for words in fit.conclusions())
 
 
+@pytest.mark.slow
 def test_a_stem_s_numbers_need_a_stem(law, rig):
     """Of one mass they are refused; of two they are kept; and a lift alone shows no stem."""
     two = cam_rig.load_rig("paper_table2")
@@ -249,6 +251,7 @@ def test_a_stem_s_numbers_need_a_stem(law, rig):
     assert numbers(fit)["stem_stiffness"].value is not None
 
 
+@pytest.mark.slow
 def test_correlated_noise_of_the_force_drops_no_speed_on_the_cam(law):
     """Two masses in contact, noise of 2 N and correlation 0.9ᵏ, a pattern at each speed."""
     two = cam_rig.load_rig("paper_table2")
