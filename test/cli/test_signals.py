@@ -108,7 +108,7 @@ def _marked(mark: str) -> Iterator[str]:
 @pytest.mark.variants(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("command", COMMANDS)
-@pytest.mark.parametrize("count", [1, pytest.param(200, marks=LONG)])
+@pytest.mark.parametrize("count", [1, pytest.param(40, marks=LONG)])
 def test_a_signal_at_any_moment(ros_domain: int, tmp_path: Path, command: str, count: int) -> None:
     """To the command or to its group as a terminal's, also twice; from its first line on."""
     draw = random.Random(f"{command} {count}")

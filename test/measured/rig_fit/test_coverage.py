@@ -30,6 +30,7 @@ MACHINES = 200
 
 
 @pytest.mark.long
+@pytest.mark.slow
 @pytest.mark.timeout(14_400)
 def test_intervals_of_200_machines_hold_the_truth():
     """One mass and two, in contact and with landings, three kinds of noise: 90 to 99 % do."""
