@@ -105,15 +105,15 @@ def touch(
     if found.outcome == ABOVE:
         raise keeps_contact(law)
     if found.outcome == UNTOLD:
-        raise _untold(law, run, found.low)
+        raise _untold(law, parameters, found.low)
     if found.outcome == PAUSED:
-        raise _too_many(law, run, found.low)
+        raise _too_many(law, parameters, found.low)
     return found
 
 
-def _untold(law: Law, run: ModalRun, speed: float) -> DynamicsError:
+def _untold(law: Law, parameters: TwoMassParameters, speed: float) -> DynamicsError:
     """What is raised where contact holds as far (rad/s) as the force can be told."""
-    times = _times_critical(run)
+    times = parameters.damping_ratio
     how = f"is damped {times:.3g} times critical, with" if times > 1.0 else "has"
     return DynamicsError(
         f"cam {law.name!r}: contact holds up to {to_rpm(speed):.4g} rpm, but above it the stem "
@@ -123,10 +123,10 @@ def _untold(law: Law, run: ModalRun, speed: float) -> DynamicsError:
     )
 
 
-def _too_many(law: Law, run: ModalRun, speed: float) -> DynamicsError:
+def _too_many(law: Law, parameters: TwoMassParameters, speed: float) -> DynamicsError:
     """What is raised where a search up from a speed (rad/s) takes too many looks."""
-    times = _times_critical(run)
-    how, other = f"vibrates at {math.sqrt(run.mode.stiffness) / TURN:.3g} Hz", "more damping"
+    times, rate = parameters.damping_ratio, math.sqrt(parameters.stiffness / parameters.end_mass)
+    how, other = f"vibrates at {rate / TURN:.3g} Hz", "more damping"
     if times > 1.0:
         how, other = f"is damped {times:.3g} times critical", "less damping"
     return DynamicsError(
@@ -134,7 +134,3 @@ def _too_many(law: Law, run: ModalRun, speed: float) -> DynamicsError:
         f"and a search above takes more than {MAX_LOOKS:g} looks at its force; allowed for a jump "
         f"speed: a softer stem or spring, {other}, a shorter run from rest, or the steady state"
     )
-
-
-def _times_critical(run: ModalRun) -> float:
-    return 0.5 * run.mode.damping / math.sqrt(run.mode.stiffness)
