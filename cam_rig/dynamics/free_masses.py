@@ -9,7 +9,7 @@ import numpy as np
 
 from cam_rig.dynamics.linear.exponential import FreeSystem, Pairs
 from cam_rig.dynamics.linear.response import LinearResponse, Outputs
-from cam_rig.dynamics.parameters import MOST_DAMPED, require_numbers, si_or_none
+from cam_rig.dynamics.parameters import MAX_DAMPING_RATIO, require_numbers, si_or_none
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
@@ -44,8 +44,8 @@ class TwoMassParameters:
 
         Raises
         ------
-        ConfigError : it has not, or does not
-        DynamicsError : it is damped more than `MOST_DAMPED` allows
+        ConfigError : no stem, or no split of the mass
+        DynamicsError : a damping ratio above `MAX_DAMPING_RATIO`
         """
         follower = rig.follower
         share, stem, stem_damping = (rig.need(key, BY, ONE_MASS).si for key in NEEDED)
@@ -60,19 +60,19 @@ class TwoMassParameters:
             preload=follower.preload.si,
             restitution=si_or_none(follower.restitution),
         )
-        if found.damping_ratio > MOST_DAMPED:
-            most = (found.stem_damping + found.damping) * MOST_DAMPED / found.damping_ratio
+        if found.damping_ratio > MAX_DAMPING_RATIO:
+            most = (found.stem_damping + found.damping) * MAX_DAMPING_RATIO / found.damping_ratio
             raise DynamicsError(
                 f"rig {rig.name}: stem_damping {stem_damping:.4g} N*s/m and damping "
                 f"{found.damping:.4g} N*s/m are {found.damping_ratio:.3g} times what is critical "
-                f"for the end mass on its stem; allowed: {MOST_DAMPED:g} times, together "
+                f"for the end mass on its stem; allowed: {MAX_DAMPING_RATIO:g} times, together "
                 f"{most:.3g} N*s/m; a stem that is damped more is rigid, so {ONE_MASS}"
             )
         return found
 
     @cached_property
     def damping_ratio(self) -> float:
-        """Both dampers as a part of what is critical for the end mass while the roller is held."""
+        """Of the end mass, by both dampers, while the roller is held."""
         both = self.stem_damping + self.damping
         return 0.5 * both / float(np.sqrt(self.stiffness * self.end_mass))
 

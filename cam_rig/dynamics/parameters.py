@@ -20,9 +20,9 @@ from cam_rig.units import FloatArray
 LEAST, MOST = 1e-15, 1e15
 #: Slowest and fastest cam, rad/s.
 MIN_SPEED, MAX_SPEED = 1e-30, 1e9
-#: A rig's stem or shaft is damped so many times critically at most: one that is damped more is
-#: rigid, and its motion is a polynomial in ever shorter windows.
-MOST_DAMPED = 10.0
+#: Largest damping ratio of a rig's stem or shaft (assumed): one of a larger is rigid, and its
+#: motion a polynomial in ever shorter windows.
+MAX_DAMPING_RATIO = 10.0
 #: What a number may be, by the words that say so.
 LIMITS = {
     "> 0": (LEAST, MOST),

@@ -16,7 +16,7 @@ from cam_rig.cli.main import versions
 from cam_rig.errors import INTERRUPTED, ConfigError
 from cam_rig.extras import LAST_SECOND, source_date
 
-from ..processes import children
+from ..processes import WAIT_S, children
 from .conftest import BIN, call, ended
 
 
@@ -30,7 +30,7 @@ def test_an_interrupt_while_workers_begin(tmp_path):
         assert process.poll() is None, process.stderr.read()
         time.sleep(0.01)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal's Ctrl-C, which all of a group get
-    _, printed = process.communicate(timeout=100)
+    _, printed = process.communicate(timeout=WAIT_S)
     assert process.returncode == INTERRUPTED
     assert printed.strip() == "cam-rig: interrupted by SIGINT"  # blank lines clear a bar
     assert list(tmp_path.iterdir()) == []

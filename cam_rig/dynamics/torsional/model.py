@@ -17,7 +17,7 @@ from cam_rig.dynamics.interval import (
 )
 from cam_rig.dynamics.parameters import (
     LEAST,
-    MOST_DAMPED,
+    MAX_DAMPING_RATIO,
     FollowerParameters,
     require_numbers,
     require_turning,
@@ -104,12 +104,12 @@ def from_rig(rig: RigConfig) -> TorsionalParameters:
         flywheel_inertia=None if flywheel is None else flywheel.si,
     )
     critical = 2.0 * float(np.sqrt(found.shaft_stiffness / found.mobility))
-    if found.shaft_damping > MOST_DAMPED * critical:
+    if found.shaft_damping > MAX_DAMPING_RATIO * critical:
         raise DynamicsError(
             f"rig {rig.name}: shaft.damping: is {found.shaft_damping:.4g} N*m*s/rad, "
             f"{found.shaft_damping / critical:.3g} times what is critical for the cam on its "
-            f"shaft; allowed: {MOST_DAMPED:g} times, {MOST_DAMPED * critical:.3g} N*m*s/rad; a "
-            "shaft that is damped more is rigid, so take another model"
+            f"shaft; allowed: {MAX_DAMPING_RATIO:g} times, {MAX_DAMPING_RATIO * critical:.3g} "
+            "N*m*s/rad; a shaft that is damped more is rigid, so take another model"
         )
     return found
 

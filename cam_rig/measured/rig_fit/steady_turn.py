@@ -14,7 +14,7 @@ from cam_rig.dynamics.free_masses import contact_response
 from cam_rig.dynamics.interval import Event
 from cam_rig.dynamics.kinetostatic import force_weights, loss_intervals
 from cam_rig.dynamics.one_mass import OneMassTrajectory
-from cam_rig.dynamics.parameters import MOST_DAMPED
+from cam_rig.dynamics.parameters import MAX_DAMPING_RATIO
 from cam_rig.dynamics.two_mass import Separation, states
 from cam_rig.laws import Law
 from cam_rig.units import NS, TURN, FloatArray
@@ -103,12 +103,12 @@ def two_mass_turn(
 ) -> TwoMassTurn | None:
     """Two masses at ``speed`` (rad/s); None where no turn is as the one before.
 
-    Nor is one sought of masses damped so strongly that a rig may not be (`MOST_DAMPED`).
+    Nor is one sought beyond `MAX_DAMPING_RATIO`, which no rig may have.
 
     A turn maps the vibration before it to that after it; its fixed point is found by Newton's
     method, from the turn of nearly the same follower ``near`` with that one's slopes.
     """
-    if p.damping_ratio > MOST_DAMPED:
+    if p.damping_ratio > MAX_DAMPING_RATIO:
         return None
     begun = (near.course.angle, near.start) if near else _contact_after(law, p, speed)
     if begun is None:
