@@ -19,6 +19,7 @@ from cam_rig.dynamics.torsional.motion import steady_motion
 from cam_rig.dynamics.velocity_jumps import require_smooth
 from cam_rig.errors import ConfigError, DynamicsError
 from cam_rig.laws import Law
+from cam_rig.laws.law import extremes, peak
 from cam_rig.units import RPM, TURN, FloatArray
 
 #: A piece whose ordinates differ by no more than this fraction of the lift is flat, ...
@@ -28,8 +29,6 @@ FLAT = 1e-12
 LOW = 1e-3
 #: In place of the low dwell of a law without one: this much (rad) about its lowest lift, as wide
 #: as the low dwell of the paper's other laws here.
-GRID = 3600
-
 STAND_IN = float(np.radians(62.5))
 
 
@@ -67,8 +66,7 @@ def low_dwell(law: Law) -> LowDwell:
             best = LowDwell(float(law.breaks[i]), span, True)
     if best.span > 0.0:
         return best
-    angles = np.concatenate([law.breaks[:-1], np.linspace(0.0, TURN, GRID, endpoint=False)])
-    middle = float(angles[np.argmin(law(angles))])
+    middle = extremes(law, 0)[0].angle
     return LowDwell((middle - 0.5 * STAND_IN) % TURN, STAND_IN, False)
 
 
@@ -212,7 +210,7 @@ def vibration(
         residual_amplitude=float(residual_vibration(law, follower, np.array([speed]))[0]),
         peak_to_peak=float(np.ptp(inside)),
         acceleration=float(np.abs(turn.acceleration).max()),
-        rigid_acceleration=float(np.abs(law(turn.angle, 2)).max()) * speed**2,
+        rigid_acceleration=abs(peak(law, 2).value) * speed**2,
         twist=twist,
         fluctuation=fluctuation,
     )

@@ -152,7 +152,7 @@ def test_the_window_over_restitution():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("over", [PRELOAD, MASS])
+@pytest.mark.parametrize("over", [PRELOAD, pytest.param(MASS, marks=pytest.mark.long)])
 @pytest.mark.parametrize(
     "restitution", [0.2, *(pytest.param(e, marks=pytest.mark.long) for e in (0.6, 0.9))]
 )

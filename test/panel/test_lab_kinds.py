@@ -76,6 +76,7 @@ def test_the_class_of_each_lab_is_drawn(tmp_path):
 # -- vibration: peaks where a whole number of vibrations fills a turn -------------------------
 
 
+@pytest.mark.variants(1)
 @pytest.mark.parametrize("seed", [*SEEDS, "x1", "x2"])
 @pytest.mark.parametrize("cam", ["poly345", "bezier15"])
 def test_the_peaks_of_residual_vibration_tell_the_frequency(cam, seed):

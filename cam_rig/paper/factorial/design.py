@@ -25,6 +25,7 @@ from cam_rig.dynamics.vibration import require_speeds, residual_vibration, stead
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.laws.catalogue import figures
+from cam_rig.laws.law import peak
 from cam_rig.laws.segments import MIN_DWELL, NAMED_RISES
 from cam_rig.schema import RigConfig
 from cam_rig.schema.load import load
@@ -163,10 +164,11 @@ class Bench:
     def measure(self, law: Law) -> Measures:
         """Every effect of one law."""
         config = self.config
-        turns = [(s, steady_turn(law, self.follower, s)) for s in config.accelerated.si_list]
-        peaks = [math.log(float(np.abs(turn.acceleration).max())) for _, turn in turns]
-        bend = float(np.abs(law(turns[0][1].angle, 2)).max())
-        own = [math.log(bend * speed**2) for speed, _ in turns]
+        speeds = config.accelerated.si_list
+        turns = [steady_turn(law, self.follower, speed) for speed in speeds]
+        peaks = [math.log(float(np.abs(turn.acceleration).max())) for turn in turns]
+        bend = abs(peak(law, 2).value)
+        own = [math.log(bend * speed**2) for speed in speeds]
         amplitude = residual_vibration(law, self.follower, np.array(config.residual.si_list))
         noise = settled_turns(law, "one_mass", self.rigid, config.noise.si_list)
         contact = settled_turns(law, "two_mass", self.two_mass, [config.noise_in_contact.si])

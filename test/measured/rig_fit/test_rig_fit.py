@@ -251,7 +251,7 @@ def test_a_stem_s_numbers_need_a_stem(law, rig):
     assert numbers(fit)["stem_stiffness"].value is not None
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_correlated_noise_of_the_force_drops_no_speed_on_the_cam(law):
     """Two masses in contact, noise of 2 N and correlation 0.9ᵏ, a pattern at each speed."""
     two = cam_rig.load_rig("paper_table2")
