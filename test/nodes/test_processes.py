@@ -25,9 +25,9 @@ LONG = pytest.mark.long
 NODES = ("recorder", "microphone", "follower", "law_server", "cam_drive")
 
 
-def python(code):
+def python(code, *words):
     """What a Python of its own does, with its output as text."""
-    command = [sys.executable, "-c", code]
+    command = [sys.executable, "-c", code, *words]
     return subprocess.run(command, capture_output=True, text=True, timeout=100, check=False)
 
 
@@ -60,6 +60,29 @@ def test_no_socket_leaves_the_machine(forked, domain, short_scene, tmp_path, mon
         assert set(graph.processes) == set(NODES)
     assert set.union(*found) <= {"127.0.0.1", "239.255.0.1"}
     assert node_processes(tmp_path / "bag") == []
+
+
+#: The names of a node's threads, once Fast DDS's have named themselves.
+THREADS = """
+import os, sys
+os.environ["FASTDDS_DEFAULT_PROFILES_FILE"] = sys.argv[1]
+import rclpy
+with rclpy.init():
+    node = rclpy.create_node("alone")
+    names = set()
+    while not {"dds.ev", "dds.udp", "dds.shm"} <= {name.rpartition(".")[0] for name in names}:
+        tasks = os.listdir("/proc/self/task")
+        names = {open(f"/proc/self/task/{task}/comm").read().strip() for task in tasks}
+    print(*names)
+"""
+
+
+@pytest.mark.parametrize("profiles", ["fastdds_loopback.xml", "fastdds_subnet.xml"])
+def test_no_node_asks_another_for_a_type(profiles):
+    """Fast DDS connects nobody before the answer, may lose it for good, and may crash by it."""
+    done = python(THREADS, str(config_root() / profiles))
+    assert "dds.ev" in done.stdout, done.stderr
+    assert "dds.tls" not in done.stdout
 
 
 def test_a_run_that_is_reset_ends_in_order(user, short_scene, tmp_path):
