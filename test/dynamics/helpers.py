@@ -130,6 +130,20 @@ def with_joints(law: Law, *angles: float) -> Law:
     return Law(law.name, breaks, np.stack(columns, axis=1))
 
 
+def bumped(law, middle, width, height):
+    """The law with a bump h (1 − x²)³ of two pieces, rad and m."""
+    low, high, degree = middle - 0.5 * width, middle + 0.5 * width, max(6, law.degree)
+    law, u = with_joints(law, low, middle, high), np.linspace(0.0, 1.0, degree + 1)
+    ordinates = np.array(bernstein.elevate(law.ordinates, degree))
+    for i, (a, b) in enumerate(itertools.pairwise(law.breaks)):
+        if low <= a < b <= high:
+            x = (a + (b - a) * u - middle) / (0.5 * width)
+            bump = height * (1.0 - x**2) ** 3
+            ordinates[:, i] += np.linalg.solve(bernstein.basis(degree, u), bump)
+    ordinates[-1] = np.roll(ordinates[0], -1)
+    return Law("bumped", law.breaks, ordinates)
+
+
 class _Walk(Separation):
     most_events = 0
 

@@ -17,10 +17,10 @@ from cam_rig.dynamics.kinetostatic import state_at
 from cam_rig.dynamics.linear.exponential import Flight
 from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.dynamics.two_mass import Separation, phase_states
-from cam_rig.laws import Law, bernstein
+from cam_rig.laws import Law
 from cam_rig.units import NS, RPM, TURN
 
-from .helpers import MS, ONE, TWO, every, land, ticked, with_joints
+from .helpers import MS, ONE, TWO, bumped, every, land, ticked
 
 
 def noisy(law, pieces, amplitude, seed):
@@ -35,20 +35,6 @@ def noisy(law, pieces, amplitude, seed):
         breaks,
         np.stack([points, points + third, following - np.roll(third, -1), following]),
     )
-
-
-def bumped(law, middle, width, height):
-    """The law with a bump h (1 − x²)³ of two pieces, rad and m."""
-    low, high, degree = middle - 0.5 * width, middle + 0.5 * width, max(6, law.degree)
-    law, u = with_joints(law, low, middle, high), np.linspace(0.0, 1.0, degree + 1)
-    ordinates = np.array(bernstein.elevate(law.ordinates, degree))
-    for i, (a, b) in enumerate(itertools.pairwise(law.breaks)):
-        if low <= a < b <= high:
-            x = (a + (b - a) * u - middle) / (0.5 * width)
-            bump = height * (1.0 - x**2) ** 3
-            ordinates[:, i] += np.linalg.solve(bernstein.basis(degree, u), bump)
-    ordinates[-1] = np.roll(ordinates[0], -1)
-    return Law("bumped", law.breaks, ordinates)
 
 
 def scanned(course, samples, force_at):

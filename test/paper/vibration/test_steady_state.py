@@ -22,6 +22,7 @@ from cam_rig.paper.factorial.design import squeezed
 from cam_rig.paper.vibration.study import Claim, Verdict, claims_table, measure
 from cam_rig.units import RPM
 
+from ...dynamics.helpers import bumped
 from ..conftest import FIVE
 
 
@@ -75,6 +76,14 @@ def test_acceleration_on_a_stiff_stem_is_the_laws(laws, follower):
     turn = steady_turn(laws["poly4567"], follower, 300.0 * RPM)
     expected = laws["poly4567"](turn.angle, 2) * (300.0 * RPM) ** 2
     assert turn.acceleration == pytest.approx(expected, abs=1e-3 * np.abs(expected).max())
+
+
+def test_the_acceleration_of_a_short_bump_is_seen(laws, soft):
+    """0.3° wide on the high dwell: 6 h over the square of half its width, to rounding."""
+    height, width = 3e-6, np.radians(0.3)
+    law = bumped(laws["poly345"], np.radians(180.07), width, height)
+    found = vibration(law, soft, None, 60.0 * RPM).rigid_acceleration
+    assert found == pytest.approx(6.0 * height * (60.0 * RPM / (0.5 * width)) ** 2, rel=1e-9)
 
 
 def test_vibration_is_what_the_share_leaves(laws, soft):
