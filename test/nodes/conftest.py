@@ -47,6 +47,8 @@ program:
 published: tm21_noise
 """
 TICKS = 64
+#: A pacing at which it lasts a quarter of a minute: no busy machine holds a test up for so long.
+SLOW = "0.4x"
 
 
 class OneProcess:

@@ -22,7 +22,7 @@ from cam_rig.runner.graph import Graph
 from cam_rig.runner.node_process import replayed
 from cam_rig.units import RPM
 
-from .conftest import TICKS, OneProcess, patient, payloads_of
+from .conftest import SLOW, TICKS, OneProcess, patient, payloads_of
 
 pytestmark = pytest.mark.ros
 #: Of the short scene.
@@ -42,8 +42,8 @@ def set_speeds(user, reports):
 
     user.set("cam_drive", "rpm", 222)
     turns_at(222.0)
-    user.set("cam_drive", "pacing", 2)
-    assert user.get("cam_drive", "pacing") == "2x"
+    user.set("cam_drive", "pacing", 1)
+    assert user.get("cam_drive", "pacing") == "1x"
     user.set("cam_drive", "rpm", 0)
     turns_at(*SCENE_RPM)  # it goes on
     user.say_rpm(333.0)
@@ -54,10 +54,10 @@ def test_a_whole_session_by_hand(user, short_scene, tmp_path):
     """Start, another speed, another cam, stop, emergency stop, reset: θ never jumps, and nothing
     that was refused has changed anything."""
     bag = tmp_path / "bag"
-    with OneProcess(patient(short_scene, bag, autostart=False, pacing="1x")) as here:
+    with OneProcess(patient(short_scene, bag, autostart=False, pacing=SLOW)) as here:
         reports = here.progress()
         assert "the cam turns" in user.call("/cam_drive/start")
-        next(report for report in reports if report["tick"] == 4)
+        next(report for report in reports if report["tick"] == 2)
 
         assert "rpm" in user.refused("cam_drive", "rpm", 1e-3)  # too many samples a tick
         assert "allowed: free, real_time" in user.refused("cam_drive", "pacing", "fast")

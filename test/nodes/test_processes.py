@@ -18,7 +18,7 @@ from cam_rig.runner.node_process import NodeProcess
 from cam_rig.schema.load import config_root
 
 from ..processes import sockets
-from .conftest import TICKS, has_ticks, node_processes, patient, wait_until
+from .conftest import SLOW, TICKS, has_ticks, node_processes, patient, wait_until
 
 pytestmark = pytest.mark.ros
 LONG = pytest.mark.long
@@ -54,7 +54,7 @@ def test_no_socket_leaves_the_machine(forked, domain, short_scene, tmp_path, mon
         found = [addresses(node.process.pid) for node in graph.processes.values()]
         return found if all("127.0.0.1" in own for own in found) else None
 
-    with Graph(patient(short_scene, tmp_path / "bag", pacing="1x")) as graph:
+    with Graph(patient(short_scene, tmp_path / "bag", pacing=SLOW)) as graph:
         next(graph.progress())  # they all speak with each other
         found = wait_until(addresses_of_all)
         assert set(graph.processes) == set(NODES)
@@ -109,7 +109,7 @@ def test_a_signal_ends_all_and_closes_the_bag(domain, short_scene, tmp_path, nam
     """Ctrl-C, kill, a closed terminal: code 128 + signal, a closed bag, no process left."""
     bag, number = tmp_path / "bag", getattr(signal, name)
     command = [sys.executable, "-m", "cam_rig.cli.main", "run", str(short_scene), "--bag", str(bag)]
-    command += ["--pacing", "0.3x"]  # no end before the test's
+    command += ["--pacing", SLOW]  # no end before the test's
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     wait_until(lambda: has_ticks(bag))
     assert len(node_processes(short_scene)) > 5  # the runner and its five nodes

@@ -18,7 +18,7 @@ from cam_rig.nodes.run_end import ABSENT_S, POLL_S, DriveAbsence, FinishedRun
 from cam_rig.runner.node_process import NodeProcess, stop_all
 from cam_rig.runner.node_table import DRIVE, RECORDER
 
-from .conftest import TICKS, OneProcess, node_of, patient, payloads_of, wait_until
+from .conftest import SLOW, TICKS, OneProcess, node_of, patient, payloads_of, wait_until
 
 pytestmark = pytest.mark.ros
 NODES = (RECORDER, "microphone", "follower", "law_server", DRIVE)
@@ -170,8 +170,8 @@ def test_a_recorder_that_comes_back_takes_up_the_run_and_its_end(
     (tmp_path / "checkpoints").mkdir()
     kept = {"checkpoint": str(tmp_path / "checkpoints")}
     first = start(*NODES[:-1], **kept)[0]
-    start(DRIVE, pacing="2x", **kept)
-    wait_until(lambda: user.spin(0.1) or len(pressures) > 20)
+    start(DRIVE, pacing=SLOW, **kept)
+    wait_until(lambda: user.spin(0.1) or len(pressures) > 4)
     first.process.kill()
     nodes = start(RECORDER, **kept)[1:]
     wait_until(lambda: all(node.has_ended for node in nodes))
@@ -216,11 +216,12 @@ def test_a_second_recorder_is_refused_and_disturbs_nothing(
 ):
     """It names the other one; the bag of that is that of an undisturbed run."""
     words = "this rig has a recorder already, in ROS domain"
-    with OneProcess(patient(short_scene, tmp_path / "bag", pacing="5x")) as here:
+    with OneProcess(patient(short_scene, tmp_path / "bag", pacing=SLOW)) as here:
         reports = here.progress()
-        next(report for report in reports if report["tick"] == 4)
+        next(report for report in reports if report["tick"] == 2)
         with pytest.raises(RunError, match=words):
             node_of(RECORDER)
+        here.nodes[DRIVE].set_pacing("free")
         for _ in reports:
             pass
     assert payloads_of(tmp_path / "bag") == undisturbed

@@ -21,7 +21,7 @@ from cam_rig.messages.codec import BLOCK_LABEL, PIECE_LABEL
 from cam_rig.nodes.convert import require_length
 from cam_rig.nodes.parameters import ABOUT
 
-from .conftest import OneProcess, patient, payloads_of
+from .conftest import SLOW, OneProcess, patient, payloads_of
 
 pytestmark = pytest.mark.ros
 LATCHED = QoSProfile(depth=32, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -124,14 +124,15 @@ def test_messages_on_open_topics_change_nothing(user, short_scene, undisturbed, 
     """Impossible speeds, parameter events that the law server denies, other robots' diagnostics, a
     flood of each: the bag is the undisturbed one, byte by byte."""
     bag, publishers = tmp_path / "bag", {}
-    with OneProcess(patient(short_scene, bag, pacing="2x")) as here:
+    with OneProcess(patient(short_scene, bag, pacing=SLOW)) as here:
         reports = here.progress()
-        next(report for report in reports if report["tick"] == 10)
+        next(report for report in reports if report["tick"] == 2)
         for topic, message in open_to_all():
             publishers[topic] = publishers.get(topic) or forge(user, topic, message)
             for _ in range(100):
                 with suppress(RCLError):  # a busy machine: the flood is as high as it can be
                     publishers[topic].publish(message)
+        user.set("cam_drive", "pacing", "free")
         for _ in reports:
             pass
     logged = capfd.readouterr().err
@@ -147,10 +148,10 @@ def test_messages_on_open_topics_change_nothing(user, short_scene, undisturbed, 
 def test_a_second_publisher_ends_the_run(user, short_scene, tmp_path, topic, message):
     """The error names the topic and the other node."""
     words = rf"{topic}: has a second publisher, /user; allowed: one, this rig's "
-    here = OneProcess(patient(short_scene, tmp_path / "bag", pacing="2x"))
+    here = OneProcess(patient(short_scene, tmp_path / "bag", pacing=SLOW))
     with pytest.raises(RunError, match=words), here:
         reports = here.progress()
-        next(report for report in reports if report["tick"] == 4)
+        next(report for report in reports if report["tick"] == 2)
         forge(user, topic, message)
         for _ in reports:
             pass
