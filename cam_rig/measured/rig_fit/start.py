@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import product
 from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from cam_rig.dynamics import FollowerParameters, TwoMassParameters
-from cam_rig.dynamics.free_masses import contact_response, force_output
-from cam_rig.dynamics.kinetostatic import force_weights
-from cam_rig.errors import DynamicsError
+from cam_rig.dynamics import TwoMassParameters
 from cam_rig.laws import Law
 from cam_rig.measured.rig_fit.numbers import follower_of
 from cam_rig.measured.rig_fit.residuals import FAR, FORCE_ZERO, ZERO, Predicted
@@ -27,6 +25,7 @@ from cam_rig.measured.rig_fit.search import (
     log_ratio_of_all,
     search,
 )
+from cam_rig.measured.rig_fit.steady_turn import POINTS
 from cam_rig.measured.rig_fit.turns import PRESSED, MeasuredHold
 from cam_rig.units import TURN, FloatArray
 
@@ -47,12 +46,13 @@ BY_CHANCE = 3.91
 MOST_PARTS, LEAST_IN_PART = 256, 6
 #: Samples of a hold beside which a stem is tried, at most.
 MOST_LOOKED_AT = 600
+#: Points of a turn: in a period of the stiffest stem at the slowest speed, and at most. Between two
+#: of them that stem's vibration is 2 % off, that of one ten times as slow 0.02 %.
+IN_A_PERIOD, MOST_POINTS = 16, 2**16
 #: Shares of the mass on the roller's side, and damping ratios, that are tried.
 SHARES, DAMPING_RATIOS = (0.25, 0.5), (0.005, 0.05)
 #: The numbers whose parts of the force are fitted, in the columns' order.
 FORCE_PARTS = ("mass", "damping", "spring_stiffness", "preload")
-#: Speed (rad/s) of a hold, cam angles (rad) and forces (N), ``(n,)``, of samples that press.
-Pressing = tuple[float, FloatArray, FloatArray]
 
 
 def rough_start(
@@ -147,37 +147,87 @@ def likely_stem(one: Candidate) -> tuple[dict[str, float], float]:
     mass have taken up part of what a stem does. So one that is far likelier beside others that go
     with it is that stem; one that is by chance, of so many, is none.
     """
-    values, law = one.values, one.likelihood.law
-    follower = follower_of(values, one.likelihood.stem_stiffness)
-    assert isinstance(follower, FollowerParameters)
-    forces = [_pressing(one, i) for i in range(len(one.holds))]
-    speeds = np.concatenate([np.full(at.size, v) for v, at, _ in forces])
-    parts, _ = _force_parts(law, speeds, np.concatenate([at for _, at, _ in forces]))
-    columns = np.asarray(np.linalg.qr(parts)[0])
-    shown = [
-        force_weights(follower, v) @ law.motion_at(at) + follower.preload for v, at, _ in forces
-    ]
+    values, forces = one.values, _pressing(one)
     low, high, factor = FREQUENCIES
     steps = range(round(math.log(high / low) / math.log(factor)))
-    tried = list(_stems(law, values, forces, columns, [TURN * low * factor**k for k in steps]))
+    tried = list(_stems(values, forces, [TURN * low * factor**k for k in steps]))
     for near in {min(tried, key=key).rate for key in (AS_IT_IS, MOVED)}:
-        rates = [near * FINER_RATE**k for k in FINER_RATES]
-        tried += _stems(law, values, forces, columns, rates)
+        tried += _stems(values, forces, [near * FINER_RATE**k for k in FINER_RATES])
     least, best = min(tried, key=AS_IT_IS), min(tried, key=MOVED)
-    half = 0.5 * columns.shape[0]
+    half = 0.5 * forces.measured.size
     if half * math.log(least.moved / best.moved) < BY_CHANCE + math.log(len(tried)):
         best = least
-    return best.numbers, half * math.log(_missed(shown, forces, columns)[1] / best.moved)
+    rigid = forces.parts @ [values[name] for name in FORCE_PARTS]
+    return best.numbers, half * math.log(forces.missed(rigid)[1] / best.moved)
+
+
+@dataclass(frozen=True, eq=False)
+class PressingSamples:
+    """Samples of all holds that press, and what a steady force is made of there."""
+
+    holds: list[tuple[float, FloatArray]]  #: speed (rad/s) and cam angles (rad) of each
+    measured: FloatArray  #: N, ``(n,)`` of all holds
+    parts: FloatArray  #: ``(n, 4)``: the force by `FORCE_PARTS`
+    columns: FloatArray  #: the same orthonormal
+    lift: NDArray[np.complex128]  #: Fourier coefficients of the law, m
+
+    @classmethod
+    def of(
+        cls, law: Law, holds: list[tuple[float, FloatArray]], measured: FloatArray
+    ) -> PressingSamples:
+        """Those of a law."""
+        speeds = np.concatenate([np.full(angle.size, speed) for speed, angle in holds])
+        parts, sizes = _force_parts(law, speeds, np.concatenate([angle for _, angle in holds]))
+        wanted = IN_A_PERIOD * FREQUENCIES[1] * TURN / min(speed for speed, _ in holds)
+        points = 2 ** math.ceil(math.log2(min(max(wanted, POINTS), MOST_POINTS)))
+        lift = np.fft.rfft(law.motion_at(np.arange(points) * (TURN / points))[0])
+        return cls(holds, measured, parts * sizes, np.asarray(np.linalg.qr(parts)[0]), lift)
+
+    def on_a_stem(self, p: TwoMassParameters) -> FloatArray:
+        """The steady contact force (N) of two masses, as if the cam could pull.
+
+        The roller's is its inertia; to the end mass's, Z₂ s of Z₂ = k₂ + c₂ iΩ − m₂ Ω², the stem is
+        in series, Z₁ = k₁ + c₁ iΩ: Z₁ Z₂ / (Z₁ + Z₂) s, by the law's harmonics.
+        """
+        orders, vibrating = np.arange(self.lift.size), []
+        for speed, angle in self.holds:
+            rate = 1j * speed * orders
+            stem = p.stem_stiffness + p.stem_damping * rate
+            end = p.spring_stiffness + p.damping * rate + p.end_mass * rate**2
+            force = np.fft.irfft(self.lift * (stem * end / (stem + end)))
+            force, place = np.append(force, force[0]), np.mod(angle, TURN) * (force.size / TURN)
+            vibrating.append(np.interp(place, np.arange(force.size), force))
+        inertia = p.roller_mass * self.parts[:, 0]
+        return np.asarray(inertia + np.concatenate(vibrating) + p.share * p.preload)
+
+    def missed(self, shown: FloatArray) -> tuple[float, float]:
+        """Squares of what forces are off (N²), and but for what numbers of one mass can move.
+
+        By a little: a very soft stem moves a mass so far that nothing is linear, and counts in
+        full.
+        """
+        off = shown - self.measured
+        move = self.columns.T @ off
+        missed, part, whole = (float(x @ x) for x in (off, move, self.measured))
+        return missed, missed - (part if part < LITTLE**2 * whole else 0.0)
+
+
+def _pressing(one: Candidate) -> PressingSamples:
+    """At most `MOST_LOOKED_AT` of each hold."""
+    like, holds, forces = one.likelihood, [], []
+    for i in range(len(one.holds)):
+        _, counted = like.samples(i)
+        on = np.flatnonzero(counted.value > PRESSED * counted.value.max(initial=0.0))
+        some = counted.where(on[:: -(-on.size // MOST_LOOKED_AT) or 1])
+        holds.append((like.speed_of(one.x, i), like.angles(one.x, i, some.since)))
+        forces.append(some.value)
+    return PressingSamples.of(like.law, holds, np.concatenate(forces))
 
 
 def _stems(
-    law: Law,
-    values: dict[str, float],
-    forces: list[Pressing],
-    columns: FloatArray,
-    rates: list[float],
+    values: dict[str, float], forces: PressingSamples, rates: list[float]
 ) -> Iterator[TriedStem]:
-    """Stems of natural frequencies (rad/s), but for those in resonance without damping."""
+    """Stems of natural frequencies (rad/s)."""
     for rate, share, ratio in product(rates, SHARES, DAMPING_RATIOS):
         end = values["mass"] * (1.0 - share)
         numbers = {
@@ -187,47 +237,7 @@ def _stems(
         }
         two = follower_of(values | numbers, None)
         assert isinstance(two, TwoMassParameters)
-        try:
-            shown = [_on_the_cam(law, two, speed, angle) for speed, angle, _ in forces]
-        except DynamicsError:
-            continue
-        yield TriedStem(*_missed(shown, forces, columns), rate, numbers)
-
-
-def _missed(
-    shown: list[FloatArray], forces: list[Pressing], columns: FloatArray
-) -> tuple[float, float]:
-    """Squares of what forces are off (N²), and but for what the numbers of one mass can move.
-
-    By a little: a very soft stem moves a mass so far that nothing is linear, and counts in full.
-    """
-    measured = np.concatenate([force for _, _, force in forces])
-    off = np.concatenate(shown) - measured
-    move = columns.T @ off
-    missed, part, whole = float(off @ off), float(move @ move), float(measured @ measured)
-    return missed, missed - (part if part < LITTLE**2 * whole else 0.0)
-
-
-def _pressing(one: Candidate, i: int) -> Pressing:
-    """Speed (rad/s) of a hold, cam angles and forces of some samples that press."""
-    like, (_, counted) = one.likelihood, one.likelihood.samples(i)
-    on = np.flatnonzero(counted.value > PRESSED * counted.value.max(initial=0.0))
-    some = counted.where(on[:: -(-on.size // MOST_LOOKED_AT) or 1])
-    return like.speed_of(one.x, i), like.angles(one.x, i, some.since), some.value
-
-
-def _on_the_cam(
-    law: Law, follower: TwoMassParameters, speed: float, angle: FloatArray
-) -> FloatArray:
-    """The steady contact force (N) at cam angles (rad), as if the cam could pull."""
-    response, outputs = contact_response(law, follower, speed), force_output(follower)
-    inside = np.mod(angle, TURN)
-    order = np.argsort(inside)
-    vibration = response.states(response.periodic(), 0.0, inside[order] / speed)
-    motion = law.motion_at(inside[order]) * (speed ** np.arange(3.0))[:, None]
-    force = np.empty(angle.size)
-    force[order] = (outputs.state @ vibration + outputs.law @ motion)[0] + outputs.constant[0]
-    return force
+        yield TriedStem(*forces.missed(forces.on_a_stem(two)), rate, numbers)
 
 
 # The restitution: bounces make valleys of the likelihood, so it is looked for all over first.
