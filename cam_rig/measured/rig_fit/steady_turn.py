@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.ndimage import map_coordinates, spline_filter1d
 
 from cam_rig.dynamics import FollowerParameters, Interval, TwoMassParameters
 from cam_rig.dynamics.free_masses import contact_response
@@ -208,8 +208,13 @@ def resonant(
         spectrum += height * np.exp(-1j * orders * math.fmod(event.angle, TURN))
     r = orders * speed / (TURN * frequency)
     shown = np.fft.irfft(spectrum / (1.0 - r**2 + 2j * ratio * r), POINTS)
-    curve = CubicSpline(np.append(angles, TURN), np.append(shown, shown[0]), bc_type="periodic")
-    return lambda angle: np.asarray(curve(np.mod(angle, TURN)))
+    spline = spline_filter1d(shown, mode="grid-wrap")  # cubic and periodic
+
+    def sensed(angle: FloatArray) -> FloatArray:
+        place = [np.mod(angle, TURN) / width]
+        return map_coordinates(spline, place, np.float64, mode="grid-wrap", prefilter=False)
+
+    return sensed
 
 
 def _share(force: FloatArray, turn: PeriodicTurn, angle: float, width: float) -> None:
