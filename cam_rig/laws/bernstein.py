@@ -221,17 +221,17 @@ def product(one: FloatArray, other: FloatArray) -> FloatArray:
 def compose(outer: FloatArray, inner: FloatArray) -> FloatArray:
     """Ordinates of f(u(τ)), ``(2p + 1, k)`` from f ``(p + 1, k)`` and a quadratic u ``(3,)``.
 
-    De Casteljau's scheme with u(τ) in [0, 1] as the number: convex combinations, nothing cancels.
+    Sums of fᵢ · binomial · uⁱ (1 − u)ᵖ⁻ⁱ, whose factors are of u(τ) in [0, 1]: nothing cancels in
+    a power or in a product of two, each a convolution of ordinates times binomials.
     """
-    rows = outer[:, None, :]
-    near, far = binomials(2) * inner, binomials(2) * (1.0 - inner)
-    for degree in range(0, 2 * outer.shape[0] - 2, 2):
-        scaled = rows * binomials(degree)[:, None]
-        grown = np.zeros((rows.shape[0] - 1, degree + 3, rows.shape[2]))
-        for i in range(3):
-            grown[:, i : i + degree + 1] += far[i] * scaled[:-1] + near[i] * scaled[1:]
-        rows = grown / binomials(degree + 2)[:, None]
-    return np.asarray(rows[0])
+    degree = outer.shape[0] - 1
+    near, far = [np.ones(1)], [np.ones(1)]
+    for _ in range(degree):
+        near.append(np.convolve(near[-1], binomials(2) * inner))
+        far.append(np.convolve(far[-1], binomials(2) * (1.0 - inner)))
+    shares = np.stack([np.convolve(*pair) for pair in zip(near, far[::-1], strict=True)], axis=1)
+    weighted = binomials(degree)[:, None] * outer
+    return np.asarray(shares / binomials(2 * degree)[:, None] @ weighted)
 
 
 # Bernstein pieces that follow one another, before they are a cam's law.
