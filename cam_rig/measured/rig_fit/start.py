@@ -46,9 +46,9 @@ BY_CHANCE = 3.91
 MOST_PARTS, LEAST_IN_PART = 256, 6
 #: Samples of a hold beside which a stem is tried, at most.
 MOST_LOOKED_AT = 600
-#: Points of a turn: in a period of the stiffest stem at the slowest speed, and at most. Between two
-#: of them that stem's vibration is 2 % off, that of one ten times as slow 0.02 %.
-IN_A_PERIOD, MOST_POINTS = 16, 2**16
+#: Points of a turn: in a period of the stem, and at most. Between two its vibration is 0.5 % off,
+#: more beyond 2048 periods a turn.
+IN_A_PERIOD, MOST_POINTS = 32, 2**16
 #: Shares of the mass on the roller's side, and damping ratios, that are tried.
 SHARES, DAMPING_RATIOS = (0.25, 0.5), (0.005, 0.05)
 #: The numbers whose parts of the force are fitted, in the columns' order.
@@ -178,9 +178,8 @@ class PressingSamples:
         """Those of a law."""
         speeds = np.concatenate([np.full(angle.size, speed) for speed, angle in holds])
         parts, sizes = _force_parts(law, speeds, np.concatenate([angle for _, angle in holds]))
-        wanted = IN_A_PERIOD * FREQUENCIES[1] * TURN / min(speed for speed, _ in holds)
-        points = 2 ** math.ceil(math.log2(min(max(wanted, POINTS), MOST_POINTS)))
-        lift = np.fft.rfft(law.motion_at(np.arange(points) * (TURN / points))[0])
+        angles = np.arange(float(MOST_POINTS)) * (TURN / MOST_POINTS)
+        lift = np.fft.rfft(law.motion_at(angles)[0], norm="forward")
         return cls(holds, measured, parts * sizes, np.asarray(np.linalg.qr(parts)[0]), lift)
 
     def on_a_stem(self, p: TwoMassParameters) -> FloatArray:
@@ -189,12 +188,14 @@ class PressingSamples:
         The roller's is its inertia; to the end mass's, Z₂ s of Z₂ = k₂ + c₂ iΩ − m₂ Ω², the stem is
         in series, Z₁ = k₁ + c₁ iΩ: Z₁ Z₂ / (Z₁ + Z₂) s, by the law's harmonics.
         """
-        orders, vibrating = np.arange(self.lift.size), []
+        own, vibrating = math.sqrt(p.stiffness / p.end_mass), []
         for speed, angle in self.holds:
-            rate = 1j * speed * orders
+            wanted = min(max(POINTS, IN_A_PERIOD * own / speed), MOST_POINTS)
+            lift = self.lift[: 2 ** math.ceil(math.log2(wanted) - 1.0) + 1]
+            rate = 1j * speed * np.arange(lift.size)
             stem = p.stem_stiffness + p.stem_damping * rate
             end = p.spring_stiffness + p.damping * rate + p.end_mass * rate**2
-            force = np.fft.irfft(self.lift * (stem * end / (stem + end)))
+            force = np.fft.irfft(lift * (stem * end / (stem + end)), norm="forward")
             force, place = np.append(force, force[0]), np.mod(angle, TURN) * (force.size / TURN)
             vibrating.append(np.interp(place, np.arange(force.size), force))
         inertia = p.roller_mass * self.parts[:, 0]
