@@ -221,14 +221,15 @@ def product(one: FloatArray, other: FloatArray) -> FloatArray:
 def compose(outer: FloatArray, inner: FloatArray) -> FloatArray:
     """Ordinates of f(u(τ)), ``(2p + 1, k)`` from f ``(p + 1, k)`` and a quadratic u ``(3,)``.
 
-    Sums of fᵢ · binomial · uⁱ (1 − u)ᵖ⁻ⁱ, whose factors are of u(τ) in [0, 1]: nothing cancels in
-    a power or in a product of two, each a convolution of ordinates times binomials.
+    By powers of u and of 1 − u and their products: convolutions of ordinates times binomials, none
+    of them below 0 where the ordinates of u are in [0, 1], so nothing cancels in them.
     """
     degree = outer.shape[0] - 1
+    u, rest = binomials(2) * inner, binomials(2) * (1.0 - inner)
     near, far = [np.ones(1)], [np.ones(1)]
     for _ in range(degree):
-        near.append(np.convolve(near[-1], binomials(2) * inner))
-        far.append(np.convolve(far[-1], binomials(2) * (1.0 - inner)))
+        near.append(np.convolve(near[-1], u))
+        far.append(np.convolve(far[-1], rest))
     shares = np.stack([np.convolve(*pair) for pair in zip(near, far[::-1], strict=True)], axis=1)
     weighted = binomials(degree)[:, None] * outer
     return np.asarray(shares / binomials(2 * degree)[:, None] @ weighted)

@@ -13,7 +13,7 @@ from cam_rig.errors import ConfigError
 from cam_rig.measured.rig_fit.numbers import follower_of
 from cam_rig.measured.rig_fit.residuals import FAR, Likelihood
 from cam_rig.measured.rig_fit.search import Candidate, search
-from cam_rig.measured.rig_fit.start import PressingSamples
+from cam_rig.measured.rig_fit.start import IN_A_PERIOD, MOST_POINTS, PressingSamples
 from cam_rig.measured.rig_fit.steady_turn import one_mass_turn, resonant, two_mass_turn
 from cam_rig.measured.rig_fit.turns import measured_holds, steady_holds
 from cam_rig.simulation.instruments import InstrumentErrors, MeasuredRun, Signal, measured_run
@@ -219,7 +219,8 @@ def test_a_stem_is_in_series_with_the_end_mass(laws, cam):
         mass = p.end_mass + p.roller_mass
         rigid = pressing.parts @ [mass, p.damping, p.spring_stiffness, p.share * p.preload]
         off = np.abs(shown - exact).max() / np.abs(exact - rigid).max()
-        assert off < 0.01 * max(1.0, TURN * frequency / speed / 2048.0) ** 2
+        periods, most = TURN * frequency / speed, MOST_POINTS / IN_A_PERIOD
+        assert off < 0.01 * max(1.0, periods / most) ** 2
 
 
 def test_a_follower_that_chatters_without_end_has_no_steady_turn(law, rig, monkeypatch):
