@@ -111,10 +111,11 @@ def _digests(folder: Path) -> bytes:
 
 def _prepared(function: Run) -> Run | None:
     """A run that compiles, or loads what is kept, at its first call; else plain, said once."""
-    folder = cache_folder() / function.__name__
+    name = function.__name__
+    folder = cache_folder() / name
     kept = _is_kept(function)
     if not kept:
-        print("events: compiling their search, once for this machine (about 30 s)", file=sys.stderr)
+        print(f"events: compiling {name}, once for this machine (about 30 s)", file=sys.stderr)
 
     def first(*arguments: Any) -> Any:
         from multiprocessing.pool import ThreadPool
@@ -131,9 +132,9 @@ def _prepared(function: Run) -> Run | None:
             print(
                 f"events: plain Python is used, for numba does not work ({words})", file=sys.stderr
             )
-            _ready[function.__name__] = None
+            _ready[name] = None
             return function(*arguments)
-        _ready[function.__name__] = compiled
+        _ready[name] = compiled
         return out
 
     return first
