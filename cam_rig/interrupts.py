@@ -101,7 +101,12 @@ class _Interrupt:
         os._exit(128 + number)
 
     def end(self) -> None:
-        """The exit code of a command that a signal came to, whatever its own end was."""
+        """The exit code of a command that a signal came to, whatever its own end was.
+
+        One that comes from here on would kill it by default, for which handlers are taken down.
+        """
+        for number in STOPPING:
+            signal.signal(number, signal.SIG_IGN)
         if self.number is not None:
             for stream in (sys.stdout, sys.stderr):
                 with suppress(OSError, ValueError):  # nobody reads it; it is closed

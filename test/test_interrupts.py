@@ -216,6 +216,19 @@ with raised():
 
 
 @pytest.mark.parametrize("number", STOPPING)
+def test_a_signal_after_the_end_changes_nothing(number: signal.Signals, tmp_path: Path) -> None:
+    """The interpreter takes its modules down: the command's work and code are settled."""
+    script = f"""
+class Last:
+    def __del__(self, number={int(number)}, send=signal.raise_signal):
+        print("down")
+        send(number)
+last = Last()
+"""
+    assert run(script, tmp_path) == (0, ["down"], "")
+
+
+@pytest.mark.parametrize("number", STOPPING)
 def test_the_code_is_that_of_the_first_signal(number: signal.Signals, tmp_path: Path) -> None:
     """As a shell has it; the others change nothing."""
     others = "".join(f"now({int(one)})\n" for one in STOPPING)
