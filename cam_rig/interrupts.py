@@ -142,6 +142,10 @@ def raised() -> Iterator[None]:
         if _interrupt.number is not None and not _interrupt.raised:
             _interrupt.throw()
         yield
+    except (SystemError, TypeError, ValueError):
+        if _interrupt.raised:  # compiled code has made its own of it, as matplotlib's of paths does
+            _interrupt.throw()
+        raise
     finally:
         _interrupt.wanted = False
 

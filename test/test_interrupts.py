@@ -162,6 +162,20 @@ except Interrupted:
 """,
         ["raised"],
     ),
+    "what compiled code makes of it is an interrupt again": (
+        """
+from matplotlib import _path
+class Lost:
+    def __array__(self, *_, **__):
+        now()
+try:
+    with raised():
+        _path.affine_transform([[0.0, 0.0]], Lost())
+except Interrupted as error:
+    print(error)
+""",
+        ["interrupted by SIGTERM"],
+    ),
     "one that came before is raised at the begin": (
         """
 now()
