@@ -94,7 +94,7 @@ def _further_variants(items: list[pytest.Item]) -> Iterator[pytest.Item]:
 
 
 def _is_quick(item: pytest.Item) -> bool:
-    return item.get_closest_marker("slow") is None
+    return not any(map(item.get_closest_marker, ("slow", "long")))
 
 
 # What Hypothesis tries: the same examples in every ordinary run, more and others in a long one.
