@@ -106,12 +106,18 @@ def workers(count: int | None = None) -> Iterator[ProcessPoolExecutor]:
     try:
         yield pool
     except KeyboardInterrupt:
+        follower: Any = pool._executor_manager_thread
+        sent = pool._result_queue._writer  # type: ignore[attr-defined]
+        # First: Python 3.11 prints a traceback of one that is broken and has work that was dropped.
+        pool.shutdown(wait=False, cancel_futures=True)
         for child in active_children():
             if isinstance(child, _Worker):
                 child.kill()
         # Of a result that a worker was sending, the rest would be waited for as long as a process
         # could write it, this one too.
-        pool._result_queue._writer.close()  # type: ignore[attr-defined]
+        sent.close()
+        if follower is not None:  # no work was given before
+            follower.join()
         raise
     finally:
         pool.shutdown(cancel_futures=True)

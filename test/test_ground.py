@@ -7,11 +7,13 @@ import copy
 import errno
 import json
 import math
+import multiprocessing
 import os
 import signal
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -170,6 +172,22 @@ def test_an_interrupt_while_a_result_is_sent(tmp_path):
     script.write_text(SENDING, encoding="utf-8")
     done = subprocess.run([sys.executable, script], capture_output=True, check=False, timeout=100)
     assert b"KeyboardInterrupt" in done.stderr and done.returncode == -signal.SIGINT
+
+
+@pytest.mark.filterwarnings("error::pytest.PytestUnhandledThreadExceptionWarning")
+def test_an_interrupt_finds_no_pool_broken(monkeypatch) -> None:
+    """Workers are killed with work to do that was dropped: nothing is printed, nobody waits."""
+    kill = executors._Worker.kill
+
+    def and_wait(worker) -> None:
+        kill(worker)
+        time.sleep(0.2)  # for the pool to see that it has gone
+
+    monkeypatch.setattr(executors._Worker, "kill", and_wait)
+    with pytest.raises(KeyboardInterrupt), executors.workers(2) as pool:
+        for _ in pool.map(time.sleep, [0.0] + 40 * [60.0]):
+            raise KeyboardInterrupt
+    assert not multiprocessing.active_children()
 
 
 def test_a_killed_worker_ends_a_command_in_a_line():
