@@ -103,7 +103,8 @@ class _Interrupt:
     def end(self) -> None:
         """The exit code of a command that a signal came to, whatever its own end was.
 
-        One that comes from here on would kill it by default, for which handlers are taken down.
+        A later one is ignored: the interpreter resets handlers before it takes modules down, and
+        the default would kill a command that has ended.
         """
         for number in STOPPING:
             signal.signal(number, signal.SIG_IGN)
