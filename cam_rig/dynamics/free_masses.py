@@ -9,7 +9,7 @@ import numpy as np
 
 from cam_rig.dynamics.linear.exponential import FreeSystem, Pairs
 from cam_rig.dynamics.linear.response import LinearResponse, Outputs
-from cam_rig.dynamics.parameters import MAX_DAMPING_RATIO, require_numbers, si_or_none
+from cam_rig.dynamics.parameters import MAX_DAMPING_RATIO, floats_of, si_or_none
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
@@ -36,7 +36,7 @@ class TwoMassParameters:
     restitution: float | None = 0.0
 
     def __post_init__(self) -> None:
-        require_numbers(vars(self), "restitution")
+        vars(self).update(floats_of(vars(self), "restitution"))
 
     @classmethod
     def from_rig(cls, rig: RigConfig) -> TwoMassParameters:

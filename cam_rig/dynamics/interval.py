@@ -128,11 +128,12 @@ class Interval:
                 "rise (is a second drive at work?)"
             )
         require_angle(self.angle, "an interval whose angle")
-        turns, angle = wrap(self.angle, self.turns)
+        turns, angle = wrap(float(self.angle), self.turns)
         object.__setattr__(self, "turns", turns)
         object.__setattr__(self, "angle", angle)
         for name in ("speed", "acceleration"):
             require_number(f"an interval whose {name}", getattr(self, name), "of either sign")
+            object.__setattr__(self, name, float(getattr(self, name)))
         require_angle(self.unwrapped_at(self.duration), "an interval whose last angle")
         end = self.speed_at(self.duration)
         if self.acceleration != 0.0 and min(self.speed, end) < -REST * max(self.speed, end):

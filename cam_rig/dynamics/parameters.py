@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from numbers import Real
-from typing import TypeGuard
+from typing import Any, TypeGuard
 
 import numpy as np
 
@@ -50,11 +50,15 @@ NOT_ABOVE_ZERO = dict.fromkeys(("damping", "stem_damping", "shaft_damping", "pre
 NOT_ABOVE_ZERO |= {"restitution": "in [0, 1)", "motor_torque": "of either sign"}
 
 
-def require_numbers(numbers: Mapping[str, object], *optional: str) -> None:
-    """Refuse the first number that is out of its limits; those ``optional`` may be None."""
+def floats_of(numbers: Mapping[str, Any], *optional: str) -> dict[str, float | None]:
+    """Numbers as floats, the first out of its limits refused; those ``optional`` may be None.
+
+    Whole numbers would make integer matrices, and have the event search compiled once more.
+    """
     for name, value in numbers.items():
         if value is not None or name not in optional:
             require_number(name, value, NOT_ABOVE_ZERO.get(name, "> 0"))
+    return {name: None if value is None else float(value) for name, value in numbers.items()}
 
 
 def require_angle(angle: object, name: str = "angle") -> None:
@@ -137,7 +141,7 @@ class FollowerParameters:
     restitution: float | None = 0.0  #: Newton's coefficient of a landing, 0 plastic; None as before
 
     def __post_init__(self) -> None:
-        require_numbers(vars(self), "stem_stiffness", "restitution")
+        vars(self).update(floats_of(vars(self), "stem_stiffness", "restitution"))
 
     @classmethod
     def from_rig(cls, rig: RigConfig) -> FollowerParameters:

@@ -110,9 +110,9 @@ class StroboscopicMap:
     ) -> None:
         require_turning(speed)
         require_continuous(law)
-        self.law, self.parameters, self.speed = law, parameters, speed
+        self.law, self.parameters, self.speed = law, parameters, float(speed)
         # A velocity jump at angle 0 is the next turn's: this one ends a rounding before it.
-        self.duration = short_of_velocity_jump(law, TURN) / speed
+        self.duration = short_of_velocity_jump(law, TURN) / self.speed
         self._course: Separation | OneMassTrajectory
         if isinstance(parameters, TwoMassParameters):
             self.size, self._course = 4, Separation(law, parameters, speed)

@@ -47,11 +47,11 @@ def first_lift_off(
     the bound leaves.
     """
     response, output = contact_response(law, parameters, speed), force_output(parameters)
-    turns = max(1, math.ceil(limit * speed / TURN))
+    turns = max(1, math.ceil(limit * response.speed / TURN))
     free = response.free_starts(state, turns)
     for turn, i in np.argwhere(may_fall(response, parameters, free)).tolist():
         part = response.parts[i]
-        begin = (turn * TURN + part.low) / speed
+        begin = (turn * TURN + part.low) / response.speed
         left = min(part.length, limit - begin)
         if left <= 0.0:
             break
@@ -112,9 +112,10 @@ class Separation(Course):
         turns: int = 0,
     ) -> None:
         require_angle(angle)
-        super().__init__(law, free_masses(parameters), speed, angle, turns)
-        self.parameters = parameters
         self.response: LinearResponse = contact_response(law, parameters, speed)
+        system = free_masses(parameters)
+        super().__init__(law, system, self.response.speed, float(angle), turns)
+        self.parameters = parameters
         self._force = force_output(parameters)
 
     def run(self, duration: float, state: FloatArray | None = None, contact: bool = True) -> None:
@@ -134,7 +135,7 @@ class Separation(Course):
         require_number("duration", duration, "> 0")
         require_angle(self.angle + self.speed * duration, "angle at the end")
         begun = self._begin(start if isinstance(start, Flight) else state_of(start, 2), step)
-        self._find(partial(self.run_table, duration), begun, duration)
+        self._find(partial(self.run_table, float(duration)), begun, float(duration))
 
     def run_table(self, duration: float, arrays: bool) -> RunTable:
         """The table of a run of ``duration`` s."""

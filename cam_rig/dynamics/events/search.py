@@ -91,12 +91,13 @@ def _installed() -> bool:
 def _is_kept(function: Run) -> bool:
     """Whether a function's code is kept, and is what was written; what is not is removed."""
     folder = cache_folder() / function.__name__
+    if not folder.exists():  # asked first: another process may put it there, whole, at any moment
+        return False
     with suppress(OSError):
         if (folder / DIGESTS).read_bytes() == _digests(folder):
             return True
-    if folder.exists():
-        print(f"events: {folder} is damaged: removed, to be compiled anew", file=sys.stderr)
-        shutil.rmtree(folder, ignore_errors=True)
+    print(f"events: {folder} is damaged: removed, to be compiled anew", file=sys.stderr)
+    shutil.rmtree(folder, ignore_errors=True)
     return False
 
 

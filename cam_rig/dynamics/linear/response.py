@@ -109,6 +109,7 @@ class LinearResponse:
 
     def __post_init__(self) -> None:
         require_turning(self.speed)
+        object.__setattr__(self, "speed", float(self.speed))
 
     @cached_property
     def parts(self) -> tuple[Part, ...]:

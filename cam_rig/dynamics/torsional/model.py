@@ -19,7 +19,7 @@ from cam_rig.dynamics.parameters import (
     LEAST,
     MAX_DAMPING_RATIO,
     FollowerParameters,
-    require_numbers,
+    floats_of,
     require_turning,
 )
 from cam_rig.errors import DynamicsError
@@ -47,7 +47,7 @@ class TorsionalParameters:
 
     def __post_init__(self) -> None:
         numbers = {name: value for name, value in vars(self).items() if name != "follower"}
-        require_numbers(numbers, "flywheel_inertia")
+        vars(self).update(floats_of(numbers, "flywheel_inertia"))
         if self.flywheel_inertia is None and self.motor_torque != 0.0:
             raise DynamicsError(
                 f"motor_torque is {self.motor_torque!r}; allowed: 0 where the flywheel holds its "
