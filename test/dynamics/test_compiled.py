@@ -20,6 +20,7 @@ from cam_rig.dynamics.events.runs import run_events
 from cam_rig.dynamics.events.search import ALWAYS, PLAIN, VARIABLE, cache_folder, form_of
 from cam_rig.dynamics.free_masses import TwoMassParameters, free_masses
 from cam_rig.dynamics.jump.jump_speed import rigid_jump
+from cam_rig.dynamics.jump.search import force_run
 from cam_rig.dynamics.turn_map import StroboscopicMap
 from cam_rig.dynamics.two_mass import Separation, first_lift_off
 from cam_rig.laws import Law, rows
@@ -110,22 +111,22 @@ def test_masses_too_much_alike(laws, monkeypatch):
 def test_a_number_of_any_kind(laws, monkeypatch, kind):
     """Whole numbers and fractions: the same bits as floats, and nothing is compiled once more."""
     monkeypatch.setenv(VARIABLE, ALWAYS)
-    found = []
+    law, found = laws["poly345"], []
     for number in (float, kind):
         one = FollowerParameters(*map(number, (2, 4096, 8, 16, 2**28, 0)))
         two = TwoMassParameters(*map(number, (1, 1, 2**20, 4096, 2, 8, 16, 0)))
         assert all(type(value) is float for p in (one, two) for value in vars(p).values())
-        speed, angle, law = number(64), number(1), laws["poly345"]
+        speed, angle, limit = map(number, (64, 1, 1))
         interval = Interval(0, NS // 4, angle, speed)
-        block = MODELS["one_mass"].advance(law, one, None, interval, 1000)[1]
+        _, block = MODELS["one_mass"].advance(law, one, None, interval, 1000)
         course = Separation(law, two, speed, angle)
-        course.run(number(1))
-        turns = [StroboscopicMap(law, p, speed).run(3).states for p in (one, two)]
-        loss = first_lift_off(law, two, speed, np.zeros(2), number(1))
-        found.append((block.events, course.events, [x.tolist() for x in turns], loss))
-        found[-1] += (rigid_jump(law, one),)
+        course.run(limit)
+        turns = [StroboscopicMap(law, p, speed).run(3).states.tolist() for p in (one, two)]
+        loss = first_lift_off(law, two, speed, np.zeros(2), limit)
+        least = force_run(law, two, 0.1).lowest(speed)
+        found.append((block.events, course.events, turns, loss, least, rigid_jump(law, one)))
     assert found[0] == found[1]
-    assert len(found[0][1]) > 4
+    assert len(course.events) > 4
     compiled_ones = [run for run in compiled._ready.values() if hasattr(run, "signatures")]
     assert {len(run.signatures) for run in compiled_ones} == {1}
 

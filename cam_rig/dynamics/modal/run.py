@@ -160,7 +160,7 @@ class ModalRun:
 
     def lowest(self, speed: float) -> float:
         """Least output at one speed (rad/s)."""
-        return float(call(least_at, partial(law_series, self.law), self.mode, speed))
+        return float(call(least_at, partial(law_series, self.law), self.mode, float(speed)))
 
     def resolved(self, speed: float) -> bool:
         """Whether rounding leaves the output its digits at a speed (rad/s)."""
