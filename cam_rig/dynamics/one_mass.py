@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from functools import lru_cache, partial
+from functools import lru_cache
 
 import numpy as np
 
-from cam_rig.dynamics.events.course import Course, no_contact
+from cam_rig.dynamics.events.course import NO_CONTACT, Course
 from cam_rig.dynamics.events.runs import RunTable
 from cam_rig.dynamics.interval import Block, FollowerState, Interval
 from cam_rig.dynamics.kinetostatic import contact_samples, force_rounding, loss_intervals, state_at
@@ -66,25 +66,24 @@ class OneMassTrajectory(Course):
         losses = loss_intervals(self.law, self.parameters, self.speed)
         rides = step == 0.0 and not isinstance(start, Flight)
         if rides and not losses and not self.law.velocity_jumps:  # nothing takes it off the cam
-            self._rows.append([*now, 0.0, 0.0, self.interval.duration])
+            self._rows.append([*now.tolist(), 0.0, 0.0, self.interval.duration])
         else:
             duration = self.interval.duration
-            self._find(partial(self.run_table, duration), now, duration)
+            self._find(self.run_table(duration), now, duration)
 
-    def run_table(self, duration: float, arrays: bool) -> RunTable:
+    def run_table(self, duration: float) -> RunTable:
         """The table of a run of ``duration`` s from the interval's beginning."""
         law, p, speed = self.law, self.parameters, self.speed
         return self._table(
-            arrays,
             duration,
-            p.mass,
+            float(p.mass),
             tuple(map(float, (p.spring_stiffness, p.damping, p.mass, p.preload))),
             np.array(loss_intervals(law, p, speed)).reshape(-1, 2),
             False,
-            no_contact(arrays),
+            NO_CONTACT,
             *NO_STEM,
-            told("restitution", p.restitution),
-            force_rounding(law, p, speed) / p.mass,
+            float(told("restitution", p.restitution)),
+            float(force_rounding(law, p, speed) / p.mass),
         )
 
     @property

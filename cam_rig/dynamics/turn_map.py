@@ -10,15 +10,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
 from cam_rig.dynamics.events import runs as at
 from cam_rig.dynamics.events import turns as kernel
 from cam_rig.dynamics.events.course import EndlessEventsError, record_of
-from cam_rig.dynamics.events.runs import RunTable, stem_stretch
-from cam_rig.dynamics.events.search import form_of
+from cam_rig.dynamics.events.runs import stem_stretch
+from cam_rig.dynamics.events.search import call
 from cam_rig.dynamics.free_masses import TwoMassParameters
 from cam_rig.dynamics.interval import FollowerState, Interval
 from cam_rig.dynamics.one_mass import OneMassTrajectory
@@ -119,10 +118,7 @@ class StroboscopicMap:
         else:
             interval = Interval(0, max(1, round(NS * self.duration)), 0.0, speed)
             self.size, self._course = 2, OneMassTrajectory(law, parameters, interval)
-        self._table = lru_cache(self._made)
-
-    def _made(self, arrays: bool) -> RunTable:
-        return self._course.run_table(self.duration, arrays)
+        self._table = self._course.run_table(self.duration)
 
     @property
     def scale(self) -> FloatArray:
@@ -171,18 +167,18 @@ class StroboscopicMap:
         s, slope = self.law.motion[:2, -1, -1].tolist()
         return s, slope * self.speed
 
-    def _begin(self, state: State) -> list[float]:
+    def _begin(self, state: State) -> FloatArray:
         gap, opening, *stem = state
         require_number("gap", gap, "≥ 0")
         require_number("opening", opening, "of either sign")
-        now, (s, velocity) = [0.0] * (at.STATE + self.size), self._cam()
+        now, (s, velocity) = np.zeros(at.STATE + self.size), self._cam()
         flies = (gap, opening) != ON_THE_CAM
         if flies:
             now[at.STATE : at.STATE + 2] = s + gap, velocity + opening
             at.fly_from(now, True, gap, opening)
         if self.size == 2:
             return now
-        run = self._table(False)
+        run = self._table
         rest = stem_stretch(run, (0.0, 0.0), (s, velocity, 0.0))
         w, rate = stem or rest
         if flies:
@@ -192,12 +188,7 @@ class StroboscopicMap:
             now[at.STATE : at.STATE + 2] = w - rest[0], rate - rest[1]
         return now
 
-    def _turn(self, now: list[float], frame: FloatArray, rows: FloatArray) -> int:
-        """Fill the rows from a place that goes on, plain or compiled."""
-        run, arrays = form_of(kernel.run_turns)
-        record = record_of(now, ROOM, arrays)
-        turned, filled = (frame, rows) if arrays else (frame.tolist(), rows.tolist())
+    def _turn(self, now: FloatArray, frame: FloatArray, rows: FloatArray) -> int:
+        """Fill the rows from a place that goes on."""
         most = float(self._course.most_events)
-        done: int = run(self._table(arrays), record, turned, filled, most)
-        frame[:], rows[:], now[:] = turned, filled, np.array(record.now).tolist()
-        return done
+        return int(call(kernel.run_turns, self._table, record_of(now, ROOM), frame, rows, most))

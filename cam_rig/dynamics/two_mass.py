@@ -9,7 +9,6 @@ velocity it had.
 from __future__ import annotations
 
 import math
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,8 +54,8 @@ def first_lift_off(
         left = min(part.length, limit - begin)
         if left <= 0.0:
             break
-        table = partial(contact_table, response, output, only=part)
-        found = float(call(loss_in_part, table, *free[turn, i].tolist(), left))
+        table = contact_table(response, output, part)
+        found = float(call(loss_in_part, table, *free[turn, i].tolist(), float(left)))
         if found >= 0.0:
             return begin + found
     return None
@@ -135,25 +134,24 @@ class Separation(Course):
         require_number("duration", duration, "> 0")
         require_angle(self.angle + self.speed * duration, "angle at the end")
         begun = self._begin(start if isinstance(start, Flight) else state_of(start, 2), step)
-        self._find(partial(self.run_table, float(duration)), begun, float(duration))
+        self._find(self.run_table(float(duration)), begun, float(duration))
 
-    def run_table(self, duration: float, arrays: bool) -> RunTable:
+    def run_table(self, duration: float) -> RunTable:
         """The table of a run of ``duration`` s."""
         p, both = self.parameters, self.parameters.roller_mass + self.parameters.end_mass
         return self._table(
-            arrays,
             duration,
-            p.roller_mass,
+            float(p.roller_mass),
             (*self._force.law[0].tolist(), float(self._force.constant[0])),
             np.zeros((0, 2)),
             True,
-            contact_table(self.response, self._force, arrays),
+            contact_table(self.response, self._force),
             tuple(self.response.drive[1].tolist()),
-            p.end_mass / both,
-            p.spring_stiffness / p.stiffness,
-            p.preload / p.stiffness,
-            told("restitution", p.restitution),
-            force_noise(self.law, p, self.speed),
+            float(p.end_mass / both),
+            float(p.spring_stiffness / p.stiffness),
+            float(p.preload / p.stiffness),
+            float(told("restitution", p.restitution)),
+            float(force_noise(self.law, p, self.speed)),
         )
 
     def fly(self, flight: Flight, times: FloatArray) -> FloatArray:

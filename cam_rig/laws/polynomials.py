@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cam_rig.laws.rows import Row, Rows, binomials, zero_rows, zeros
+from cam_rig.laws.rows import Row, Rows, binomials, zeros
 
 #: Subdivision stops here: roots nearer than this cannot be told apart in double precision.
 RESOLUTION, MAX_DEPTH = 2.0**-46, 48
@@ -171,7 +171,7 @@ def crossing(row: Row, limit: float, last: bool) -> float:
     None is missed: a part is dropped only when its ordinates do not change sign, which proves
     that the polynomial does not. Touching zero without crossing it is not counted.
     """
-    parts, lows, widths = zero_rows(MAX_DEPTH, len(row)), zeros(MAX_DEPTH), zeros(MAX_DEPTH)
+    parts, lows, widths = zeros((MAX_DEPTH, len(row))), zeros(MAX_DEPTH), zeros(MAX_DEPTH)
     for i in range(len(row)):
         parts[0][i] = row[i]
     widths[0], top, found = 1.0, 0, NONE

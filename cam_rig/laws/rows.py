@@ -1,33 +1,22 @@
-"""Rows of numbers as the event search takes them: lists in plain Python, arrays where compiled.
-
-The modules that are compiled are written for both: floats, whole numbers, rows and tuples of these,
-loops over them, functions of `math`. Plain Python reads an element of a list five times as quickly
-as one of an array; the compiled code has only arrays. Either does the same operations in the same
-order, so that the bits are the same.
-"""
+"""Rows of numbers as the event search takes them, in plain Python and in what numba compiles."""
 
 from __future__ import annotations
 
 import math
 from typing import TypeAlias, TypeVar
 
+import numpy as np
+
+from cam_rig.units import FloatArray
+
 T = TypeVar("T")
-#: ``(n,)`` and ``(m, n)`` numbers.
-Row: TypeAlias = list[float]
-Rows: TypeAlias = list[list[float]]
-Stack: TypeAlias = list[list[list[float]]]
+#: ``(n,)`` and ``(m, n)`` numbers, and ``(l, m, n)``.
+Row: TypeAlias = FloatArray
+Rows: TypeAlias = FloatArray
+Stack: TypeAlias = FloatArray
 #: Rows of Pascal's triangle, up to a degree that few laws reach.
-PASCAL: Rows = [[float(math.comb(n, i)) for i in range(n + 1)] for n in range(96)]
-
-
-def zeros(count: int) -> Row:
-    """A row of zeros; compiled an array of them."""
-    return [0.0] * count
-
-
-def zero_rows(count: int, size: int) -> Rows:
-    """``(count, size)`` zeros; compiled an array of them."""
-    return [[0.0] * size for _ in range(count)]
+PASCAL = np.array([[float(math.comb(n, i)) for i in range(96)] for n in range(96)])
+zeros = np.zeros
 
 
 def index_at(rising: Row, value: float) -> int:
@@ -42,18 +31,10 @@ def index_at(rising: Row, value: float) -> int:
     return low
 
 
-def column(rows: Rows, index: int) -> Row:
-    """One number of each row."""
-    out = zeros(len(rows))
-    for j in range(len(rows)):
-        out[j] = rows[j][index]
-    return out
-
-
 def binomials(degree: int) -> Row:
     """C(degree, i), i from 0 to ``degree``."""
     if degree < len(PASCAL):
-        return PASCAL[degree]
+        return borrowed(PASCAL[degree, : degree + 1])
     out, term = zeros(degree + 1), 1.0
     for i in range(degree + 1):
         out[i] = term

@@ -85,9 +85,9 @@ def land(
     flight: Flight, law: Law, angle: float, speed: float, limit: float, noise: float = 0.0
 ) -> Gap:
     """Where a flight from a cam angle (rad) on ends; ``noise`` as in `FlightOverCam`."""
-    lift_off = lift_off_state(free_table(flight.system, arrays=False), flight.start.tolist())
+    lift_off = lift_off_state(free_table(flight.system), flight.start)
     gap, gap_rate = flight.known or (0.0, 0.0)
-    cam = Cam(law_table(law, arrays=False), float(speed), float(angle))
+    cam = Cam(law_table(law), float(speed), float(angle))
     return landing(
         FlightOverCam(lift_off, cam, bool(flight.known), float(gap), float(gap_rate), noise), limit
     )

@@ -195,7 +195,7 @@ def test_acceleration_obeys_newton(flight):
 def test_energy_bounds_what_comes_later(flight):
     """|ÿ| never exceeds what is said of it at a time, from then on."""
     flight, later = flight[1], np.linspace(0.0, 0.3, 3001)
-    lift_off = lift_off_state(free_table(flight.system, arrays=False), flight.start.tolist())
+    lift_off = lift_off_state(free_table(flight.system), flight.start)
     for begin in (0.0, 0.004, 0.1):
         largest = np.abs(flight.motion(later[later >= begin])[2]).max() * (1.0 - 1e-12)
         assert largest <= seen(lift_off, begin)[2]

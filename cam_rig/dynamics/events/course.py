@@ -1,15 +1,14 @@
 """A follower's course through an interval, as the models read it: its phases and its events.
 
-And the tables of laws, free systems and contact that the search takes, of lists or of arrays.
+And the tables of laws, free systems and contact that the search takes.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from cam_rig.dynamics.events import free_flight as air
 from cam_rig.dynamics.events import law_table as cam
 from cam_rig.dynamics.events import runs as at
 from cam_rig.dynamics.events.runs import Jumps, RunRecord, RunTable, fly_from, run_events
-from cam_rig.dynamics.events.search import form_of
+from cam_rig.dynamics.events.search import call
 from cam_rig.dynamics.interval import (
     Block,
     Event,
@@ -35,8 +34,8 @@ from cam_rig.laws import Law, bernstein
 from cam_rig.units import NS, TURN, FloatArray
 
 #: Phases that are found in one call: in the first, and in the longest, each having twice the room
-#: of the one before; compiled so many times more.
-FIRST_ROOM, MOST_ROOM, COMPILED_ROOM = 4, 128, 32
+#: of the one before.
+FIRST_ROOM, MOST_ROOM = 32, 4096
 #: So little of a turn more is rounding.
 WHOLE_TURN = 1e-6
 #: A change of the cam's velocity below this fraction of (cam speed x lift) is rounding: no step.
@@ -101,58 +100,51 @@ class Course:
         state = np.array(row[at.STATE : at.STATE + self.system.load.size])
         return Flight(self.system, state, *known)
 
-    def _begin(self, state: FloatArray | Flight, step: float) -> list[float]:
+    def _begin(self, state: FloatArray | Flight, step: float) -> FloatArray:
         """Where a run begins: in contact with a state, or in flight; ṡ has gained ``step`` m/s."""
-        now = [0.0] * (at.STATE + self.system.load.size)
+        now = np.zeros(at.STATE + self.system.load.size)
         now[at.STEP] = step
         if isinstance(state, Flight):
-            now[at.STATE :] = state.start.tolist()
+            now[at.STATE :] = state.start
             gap, gap_rate = state.known or (0.0, 0.0)
             fly_from(now, bool(state.known), gap, gap_rate)
         else:
-            now[at.STATE : at.STATE + state.size] = state.tolist()
+            now[at.STATE : at.STATE + state.size] = state
         return now
 
-    def _find(self, table: Callable[[bool], RunTable], now: list[float], duration: float) -> None:
-        """Phases and events up to ``duration`` s from ``now`` on, by ``table``, plain or not."""
-        room, tables = FIRST_ROOM, dict[bool, RunTable]()
+    def _find(self, table: RunTable, now: FloatArray, duration: float) -> None:
+        """Phases and events up to ``duration`` s from ``now`` on."""
+        room = FIRST_ROOM
         most = self.most_events * max(1, math.ceil(self.speed * duration / TURN - WHOLE_TURN))
         while room == FIRST_ROOM or now[at.TIME] < duration:
-            run, arrays = form_of(run_events)
-            if arrays not in tables:
-                tables[arrays] = table(arrays)
-            record: Any = record_of(now, room * COMPILED_ROOM if arrays else room, arrays)
-            run(tables[arrays], record)
+            record = record_of(now, room)
+            call(run_events, table, record)
             count, met = map(int, record.counts)
-            found = record.now, record.phases[:count], record.events[:met]
-            now[:], phases, events = [one.tolist() for one in found] if arrays else found
-            self._rows += phases
-            self.events += [self._event(*row) for row in events]
+            self._rows += record.phases[:count].tolist()
+            self.events += [self._event(*row) for row in record.events[:met].tolist()]
             if len(self.events) > most:  # an endless series would be the model's fault
                 raise EndlessEventsError(
                     f"more than {most} events in {duration:g} s at {self.speed:g} rad/s; "
                     f"allowed: {self.most_events} a turn"
                 )
             room = min(2 * room, MOST_ROOM)
-        self.last = self._state(now)
+        self.last = self._state(now.tolist())
 
     def _event(self, landing: float, time: float, impulse: float, lost: float) -> Event:
         kind: EventKind = "landing" if landing else "lift-off"
         angle = self._turns * TURN + (self.angle + self.speed * time)
         return Event(kind, time, angle, impulse, lost)
 
-    def _table(self, arrays: bool, duration: float, *follower: Any) -> RunTable:
+    def _table(self, duration: float, *follower: Any) -> RunTable:
         """The run's table; ``follower`` from `RunTable.mass` on, up to ``force_noise``."""
         law, speed = self.law, self.speed
-        return table_of(
-            RunTable,
-            arrays,
-            cam.Cam(law_table(law, arrays), speed, self.angle),
-            free_table(self.system, arrays),
-            jumps_table(law, self.angle, speed, duration, arrays),
+        return RunTable(
+            cam.Cam(law_table(law), speed, self.angle),
+            free_table(self.system),
+            jumps_table(law, self.angle, speed, duration),
             *follower,
-            max(MIN_OF_LIFT * law.lift, MIN_HEIGHT),
-            NO_IMPACT * speed * law.lift,
+            float(max(MIN_OF_LIFT * law.lift, MIN_HEIGHT)),
+            float(NO_IMPACT * speed * law.lift),
         )
 
     def shown(
@@ -174,31 +166,18 @@ class Course:
         return replace(end, pending_impulse=pending), replace(block, events=events)
 
 
-def record_of(now: list[float], room: int, arrays: bool) -> RunRecord:
-    """What a run from a place writes, with room for so many phases: arrays, or lists."""
+def record_of(now: FloatArray, room: int) -> RunRecord:
+    """What a run from a place writes, with room for so many phases."""
     rows = np.empty((room, at.PHASE_SIZE)), np.empty((2 * room, at.EVENT_SIZE))
-    numbers: list[Any] = [np.array(now), *rows, np.zeros(2)]
-    return RunRecord(*(numbers if arrays else [one.tolist() for one in numbers]))
+    return RunRecord(now, *rows, np.zeros(2))
 
 
-Table = TypeVar("Table")
 #: A rounded force is known to so many rounding errors.
 ROUNDING_ERRORS = 64.0
 
 
-def table_of(kind: Callable[..., Table], arrays: bool, *values: Any) -> Table:
-    """A table of floats, and arrays or lists of them: compiled code is for one type each."""
-    return kind(*[x if type(x) is float else _in_form(x, arrays) for x in values])
-
-
-def _in_form(value: Any, arrays: bool) -> Any:
-    if isinstance(value, np.ndarray):
-        return np.array(value, dtype=np.float64, order="C") if arrays else value.tolist()
-    return value if isinstance(value, (int, tuple, list)) else float(value)
-
-
 @lru_cache(maxsize=64)
-def law_table(law: Law, arrays: bool) -> cam.LawTable:
+def law_table(law: Law) -> cam.LawTable:
     """The table of a law."""
     size = law.degree + 1
     pieces = np.zeros((law.spans.size, 5, max(size, 2)))
@@ -206,12 +185,12 @@ def law_table(law: Law, arrays: bool) -> cam.LawTable:
     weighted = law.motion * bernstein.binomials(law.degree)[:, None]
     pieces[:, cam.LIFT : cam.BEND + 1, :size] = np.transpose(weighted, (2, 0, 1))
     pieces[:, cam.ACCELERATION, :size] = law.motion[2].T
-    numbers = (size, *law.bounds[:2], law.largest_step, bool(law.velocity_jumps))
-    return table_of(cam.LawTable, arrays, law.breaks[:-1], pieces, *numbers)
+    numbers = (*map(float, (*law.bounds[:2], law.largest_step)), bool(law.velocity_jumps))
+    return cam.LawTable(law.breaks[:-1].copy(), pieces, size, *numbers)
 
 
 @lru_cache(maxsize=128)
-def free_table(system: FreeSystem, arrays: bool) -> air.FreeTable:
+def free_table(system: FreeSystem) -> air.FreeTable:
     """The table of masses in the air."""
     pairs, size = system.pairs, system.load.size
     rows = np.zeros((air.SERIES + len(system.series), size))
@@ -225,12 +204,12 @@ def free_table(system: FreeSystem, arrays: bool) -> air.FreeTable:
         rows[air.STIFFNESS, : size // 2] = pairs.stiffness
     for first, block in blocks:
         rows[first : first + len(np.atleast_2d(block))] = block
-    return table_of(air.FreeTable, arrays, rows, system.window, pairs is not None)
+    return air.FreeTable(rows, float(system.window), pairs is not None)
 
 
 @lru_cache(maxsize=64)
 def contact_table(
-    response: LinearResponse, output: Outputs, arrays: bool, only: Part | None = None
+    response: LinearResponse, output: Outputs, only: Part | None = None
 ) -> stem.StemContactTable:
     """The table of a response of two states whose output is the contact force; or of one part."""
     known = response.parts if only is None else (only,)
@@ -251,7 +230,7 @@ def contact_table(
         cells = bernstein.parts(size - 1, stem.CELLS) @ force
         rows[stem.LEAST, : stem.CELLS] = cells.min(axis=1) - rounding
     vibration = (*(-response.matrix[1]).tolist(), *output.state[0].tolist())
-    return table_of(stem.StemContactTable, arrays, begins, parts, *vibration, *_window(*vibration))
+    return stem.StemContactTable(begins, parts, *vibration, *_window(*vibration))
 
 
 @lru_cache(maxsize=64)
@@ -264,15 +243,13 @@ def _window(
     return window_series(matrix, row, window), window
 
 
-@lru_cache(maxsize=2)
-def no_contact(arrays: bool) -> stem.StemContactTable:
-    """The same of a follower without a stem."""
-    parts, numbers = np.zeros((0, 7, stem.NUMBERS)), 4 * (0.0,)
-    none = (np.zeros(0), parts, *numbers, np.zeros((0, 2)), 0.0)
-    return table_of(stem.StemContactTable, arrays, *none)
+#: The same of a follower without a stem.
+NO_CONTACT = stem.StemContactTable(
+    np.zeros(0), np.zeros((0, 7, stem.NUMBERS)), 0.0, 0.0, 0.0, 0.0, np.zeros((0, 2)), 0.0
+)
 
 
-def jumps_table(law: Law, angle: float, speed: float, duration: float, arrays: bool) -> Jumps:
+def jumps_table(law: Law, angle: float, speed: float, duration: float) -> Jumps:
     """The velocity jumps that an interval owns; see `cam_rig.dynamics.velocity_jumps`."""
     ahead = velocity_jumps_ahead(law, angle, speed, duration)
     end = angle + speed * duration
@@ -280,4 +257,4 @@ def jumps_table(law: Law, angle: float, speed: float, duration: float, arrays: b
     # By rounding an interval may end behind a joint of the next one; a lift-off there is not its.
     clear = duration if before == end else min(duration, (before - angle) / speed)
     rows = np.array([(jump.time, speed * jump.step) for jump in ahead]).reshape(-1, 2)
-    return table_of(Jumps, arrays, rows, duration, clear)
+    return Jumps(rows, float(duration), float(clear))

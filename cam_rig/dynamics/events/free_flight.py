@@ -9,7 +9,7 @@ import math
 from typing import NamedTuple
 
 from cam_rig.laws.polynomials import restricted
-from cam_rig.laws.rows import Row, Rows, dot, zero_rows, zeros
+from cam_rig.laws.rows import Row, Rows, dot, zeros
 
 #: Below this time, in units of the fastest rate, the power series is used, of so many terms.
 SHORT, SERIES_TERMS = 0.5, 18
@@ -104,7 +104,7 @@ def lift_off_state(free: FreeTable, start: Row) -> LiftOffState:
     rates = product(rows, MATRIX, start)
     for i in range(size):
         rates[i] += rows[LOAD][i]
-    pairs = zero_rows(size // 2, 3)
+    pairs = zeros((size // 2, 3))
     if free.paired:
         own = product(rows, INVERSE, start)
         for i in range(size // 2):
@@ -178,7 +178,7 @@ def flow_of(free: FreeTable, time: float, size: int) -> Rows:
     """e^{At}, ``(size, size)``, at a time in s."""
     if not free.paired:
         return _exponential(free, time, size)[0]
-    part, rows = zero_rows(size, size), free.rows
+    part, rows = zeros((size, size)), free.rows
     for i in range(size // 2):
         damping, stiffness = rows[DAMPING][i], rows[STIFFNESS][i]
         impulse, rate, _ = impulse_at(damping, stiffness, time)
@@ -204,7 +204,7 @@ def _exponential(free: FreeTable, time: float, size: int) -> tuple[Rows, Rows]:
     part = time
     for _ in range(doublings):
         part *= 0.5
-    flow, gone, term = zero_rows(size, size), zero_rows(size, size), zero_rows(size, size)
+    flow, gone, term = zeros((size, size)), zeros((size, size)), zeros((size, size))
     for i in range(size):
         flow[i][i], gone[i][i], term[i][i] = 1.0, part, 1.0
     for order in range(1, TERMS):
@@ -219,7 +219,7 @@ def _exponential(free: FreeTable, time: float, size: int) -> tuple[Rows, Rows]:
 
 def _times(one: Rows, other: Rows, scale: float) -> Rows:
     size = len(other)
-    out = zero_rows(size, size)
+    out = zeros((size, size))
     for i in range(size):
         for j in range(size):
             total = 0.0

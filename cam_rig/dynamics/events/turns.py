@@ -23,7 +23,7 @@ from cam_rig.dynamics.events import runs as at
 from cam_rig.dynamics.events.free_flight import flow_of, impulse_at
 from cam_rig.dynamics.events.law_table import cam_at
 from cam_rig.dynamics.events.runs import RunRecord, RunTable, run_events, stem_stretch
-from cam_rig.laws.rows import Row, Rows, borrowed, zero_rows, zeros
+from cam_rig.laws.rows import Row, Rows, borrowed, zeros
 
 #: Places in a turn's row: its landings, the fastest of them (m/s), the slowest (m/s); the seconds
 #: on the cam; whether the follower flies at the end; and the n numbers that the turn ends with: the
@@ -54,7 +54,7 @@ def run_turns(run: RunTable, record: RunRecord, frame: Rows, turns: Rows, most: 
     weights[0], weights[1] = run.cam.speed, 1.0
     if run.stem:
         weights[2], weights[3] = math.sqrt(run.contact.stiffness), 1.0
-    change = Change(frame, zero_rows(size, size), weights, zeros(size))
+    change = Change(frame, zeros((size, size)), weights, zeros(size))
     for i in range(len(turns)):
         row = turns[i]
         _begin(row, size, now[at.FLYING] != 0.0)

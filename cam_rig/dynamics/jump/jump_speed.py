@@ -6,7 +6,6 @@ Contact holds at a speed as long as the least contact force of the run is positi
 from __future__ import annotations
 
 import math
-from functools import partial
 
 import numpy as np
 
@@ -67,8 +66,8 @@ def rigid_jump(law: Law, follower: FollowerParameters) -> tuple[float, float]:
         if follower.preload + stiffness * low.value < -rounding:
             return 0.0, low.angle
     preload = max(follower.preload, rounding)
-    mass = RigidMass(follower.mass, follower.damping, stiffness, preload)
-    speed, where = call(rigid_zero, partial(law_series, law), mass)
+    mass = RigidMass(*map(float, (follower.mass, follower.damping, stiffness, preload)))
+    speed, where = call(rigid_zero, law_series(law), mass)
     return float(speed), float(where) % TURN
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from cam_rig.dynamics.modal.motion import LawSeries
 from cam_rig.laws.polynomials import halve
-from cam_rig.laws.rows import Rows, borrowed, zero_rows, zeros
+from cam_rig.laws.rows import Rows, borrowed, zeros
 
 #: A part is halved no more often: 2^-40 of a piece is rounding.
 HALVINGS = 40
@@ -41,7 +41,7 @@ def rigid_zero(law: LawSeries, follower: RigidMass) -> tuple[float, float]:
             speed = _zero(follower, s, slope, bend)
             if speed < best:
                 best, where = speed, angle
-    parts, looked = zero_rows(3 * (HALVINGS + 2), size), 0
+    parts, looked = zeros((3 * (HALVINGS + 2), size)), 0
     widths, lows = zeros(HALVINGS + 2), zeros(HALVINGS + 2)
     for i in range(count):
         for k in range(3):

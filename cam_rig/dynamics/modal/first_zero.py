@@ -34,7 +34,7 @@ from cam_rig.dynamics.modal.sags import (
     sags_between,
     settled_sag,
 )
-from cam_rig.laws.rows import Row, Rows, borrowed, zero_rows, zeros
+from cam_rig.laws.rows import Row, Rows, borrowed, zeros
 from cam_rig.units import TURN
 
 #: What a search may find: the output reaches zero; it is there at the start; it is above zero as
@@ -87,7 +87,7 @@ def climb(
     run, count = on_law(borrowed(law), mode), len(law.groups) - 1
     if not resolved(run, low):
         return Climb(UNTOLD, low, step, low, 0.0, 0.0)
-    sags, floors, margins, there = zero_rows(3, count), zeros(count), zeros(count), zeros(count)
+    sags, floors, margins, there = zeros((3, count)), zeros(count), zeros(count), zeros(count)
     motion = motion_at(run, low)
     found = _floors(run, motion, floors)
     if found.value <= 0.0:

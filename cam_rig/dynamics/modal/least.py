@@ -20,7 +20,7 @@ from cam_rig.dynamics.modal.motion import (
     state_at,
 )
 from cam_rig.laws.polynomials import weighted_by_binomials, weighted_value
-from cam_rig.laws.rows import Row, Rows, column, index_at, zero_rows, zeros
+from cam_rig.laws.rows import Row, Rows, index_at, zeros
 from cam_rig.units import TURN
 
 #: A part that may hold the least value is cut into so many.
@@ -58,7 +58,7 @@ def least(
 
     ``floors`` ``(g,)`` are lowered to what the output is not below in each group in any turn.
     """
-    parts = zero_rows(MOST_PARTS, PART)
+    parts = zeros((MOST_PARTS, PART))
     first, last = int(stretch.begin // TURN), min(len(motion.starts), int(stretch.end // TURN) + 1)
     begin, end = 0, len(motion.floors)
     if last - first == 1:
@@ -200,7 +200,7 @@ def _in_piece(
     found: Least,
 ) -> Least:
     """The same in the first of ``parts``, a part of a piece that begins at ``angle``."""
-    ordinates, flow, size = column(motion.forced, piece), zeros(4), motion.norm
+    ordinates, flow, size = motion.forced[:, piece].copy(), zeros(4), motion.norm
     count, span = len(ordinates), law.breaks[piece + 1] - law.breaks[piece]
     forced = weighted_by_binomials(ordinates, count)
     bend, slow = _bend(ordinates, span), 1.0 / (motion.speed * motion.speed)

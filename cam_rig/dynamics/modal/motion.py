@@ -11,7 +11,7 @@ import math
 from typing import NamedTuple
 
 from cam_rig.dynamics.events.free_flight import impulse_at
-from cam_rig.laws.rows import Row, Rows, Stack, zero_rows, zeros
+from cam_rig.laws.rows import Row, Rows, Stack, zeros
 from cam_rig.units import TURN
 
 #: Two terms of the series after the second that are below this part of the largest are rounding.
@@ -225,7 +225,7 @@ def motion_at(run: ModeOnLaw, speed: float) -> OscillatorMotion:
     law, mode, series = run
     count, fading = len(law.alike), norm_of(mode)
     terms = term_count(law, series, speed)
-    flows, lowest, highest = zero_rows(len(law.lengths), 5), zeros(count), zeros(count)
+    flows, lowest, highest = zeros((len(law.lengths), 5)), zeros(count), zeros(count)
     for m in range(len(flows)):
         flow_over(mode, law.lengths[m] / speed, flows[m])
         flows[m][4] = math.exp(-fading.decay * law.lengths[m] / speed)
@@ -236,12 +236,12 @@ def motion_at(run: ModeOnLaw, speed: float) -> OscillatorMotion:
         group_lowest[g] = lowest[law.groups[g]]
         for i in range(law.groups[g], law.groups[g + 1]):
             group_lowest[g] = min(group_lowest[g], lowest[i])
-    jumps = zero_rows(2, count)
+    jumps = zeros((2, count))
     for k in range(2):  # of the polynomial's η, and of its η̇
         add_all(jumps[k], own, law.jumps, k)
     for i in range(count):
         jumps[1][i] *= speed
-    whole, lefts, floors = zero_rows(4, count), zeros(count), zeros(count)
+    whole, lefts, floors = zeros((4, count)), zeros(count), zeros(count)
     turn, flow = _along(law, flows, jumps, whole, lefts)
     begin = state_at(law, own, speed, 0)
     repeated = _repeated(flow, turn)
@@ -282,7 +282,7 @@ def _along(
 
 def _polynomials(law: LawSeries, weights: Row, constant: float, lowest: Row, highest: Row) -> Rows:
     """Ordinates of the output's polynomials; the least, the largest absolute one of each piece."""
-    out = zero_rows(len(law.derivatives), len(lowest))
+    out = zeros((len(law.derivatives), len(lowest)))
     for j in range(len(out)):
         row = out[j]
         for i in range(len(row)):
@@ -325,13 +325,13 @@ def _starts(
 ) -> Rows:
     """Free (η, η̇) where each turn begins; ``begin`` is the polynomial's where the run does."""
     if math.isinf(mode.duration):
-        steady = zero_rows(1, 2)
+        steady = zeros((1, 2))
         steady[0][0], steady[0][1] = repeated
         return steady
     turns, once = max(1, math.ceil(speed * mode.duration / TURN)), size.decay * TURN / speed
     if once * turns > -LEAST:
         turns = 1 + math.ceil(-LEAST / once)
-    starts = zero_rows(turns, 2)
+    starts = zeros((turns, 2))
     starts[0][0], starts[0][1] = -begin[0], -begin[1]
     for i in range(1, turns):
         place, rate = starts[i - 1][0], starts[i - 1][1]

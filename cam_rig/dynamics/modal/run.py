@@ -5,7 +5,7 @@ from __future__ import annotations
 import cmath
 import math
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -96,8 +96,8 @@ def _harmonics(law: Law, jumps: FloatArray, ways: FloatArray) -> list[FloatArray
 
 
 @lru_cache(maxsize=64)
-def law_series(law: Law, arrays: bool) -> LawSeries:
-    """A law's derivatives; as lists, or as the arrays that compiled code takes."""
+def law_series(law: Law) -> LawSeries:
+    """A law's derivatives."""
     own, rows = law.ordinates, np.empty((law.degree + 1, law.degree + 2, law.spans.size))
     for order in range(law.degree + 2):
         rows[:, order] = bernstein.elevate(own, law.degree)
@@ -121,8 +121,7 @@ def law_series(law: Law, arrays: bool) -> LawSeries:
     tables: list[Any] = [rows, jumps, breaks, spans[rising][new], alike, np.array(groups)]
     tables += [largest.max(axis=1), np.stack(sizes), steepest]
     tables += _harmonics(law, jumped.sum(axis=1), ways)
-    tables = [np.ascontiguousarray(table) for table in tables]
-    return LawSeries(*(tables if arrays else [table.tolist() for table in tables]))
+    return LawSeries(*[np.ascontiguousarray(table) for table in tables])
 
 
 @dataclass(frozen=True)
@@ -160,15 +159,15 @@ class ModalRun:
 
     def lowest(self, speed: float) -> float:
         """Least output at one speed (rad/s)."""
-        return float(call(least_at, partial(law_series, self.law), self.mode, float(speed)))
+        return float(call(least_at, law_series(self.law), self.mode, float(speed)))
 
     def resolved(self, speed: float) -> bool:
         """Whether rounding leaves the output its digits at a speed (rad/s)."""
-        return resolved(on_law(law_series(self.law, False), self.mode), speed)
+        return resolved(on_law(law_series(self.law), self.mode), speed)
 
     def steady(self, speed: float, angle: float) -> FloatArray:
         """Free (η, η̇) in steady state at a speed (rad/s) and a cam angle (rad), ``(2,)``."""
-        mode, law = self.mode, law_series(self.law, False)
+        mode, law = self.mode, law_series(self.law)
         half, period = 0.5 * mode.damping, TURN / speed
         root = cmath.sqrt(half**2 - mode.stiffness)
         if min(abs(1.0 - cmath.exp((x - half) * period)) for x in (root, -root)) < RESONANT:
@@ -181,7 +180,7 @@ class ModalRun:
 
     def climb(self, low: float, last: float, most: float) -> Climb:
         """Up from a speed (rad/s) to where the output is zero, as `first_zero.climb`."""
-        step, looks, table = 1.0, 0.0, partial(law_series, self.law)
+        step, looks, table = 1.0, 0.0, law_series(self.law)
         while looks < most:
             at_once = min(AT_ONCE, most - looks)
             found = Climb(*call(climb, table, self.mode, low, step, last, at_once))

@@ -34,7 +34,7 @@ from cam_rig.dynamics.modal.motion import (
     add_all,
     amplitude,
 )
-from cam_rig.laws.rows import Row, Rows, zero_rows, zeros
+from cam_rig.laws.rows import Row, Rows, zeros
 from cam_rig.units import TURN
 
 #: Numbers of a group's sag over a step w: B of all for B w²/8, what vibrations do not exceed, B of
@@ -79,7 +79,7 @@ def sags_between(run: ModeOnLaw, size: Norm, low: float, high: float, out: Rows)
 def _weights(size: Norm, series: Series, speed: float) -> Rows:
     """What jumps of derivatives add to N, N' and N'' up to a speed, ``(3, p + 2)``."""
     rate, power, count = size.rate + size.half, 1.0, len(series.own)
-    out = zero_rows(3, count + 1)
+    out = zeros((3, count + 1))
     for k in range(count + 1):
         weight = rate * abs(series.own[k]) if k < count else 0.0
         if k > 0:
@@ -103,7 +103,7 @@ def _forced(law: LawSeries, series: Series, speed: float) -> Row:
 
 def _excited(sizes: Rows, weights: Rows) -> Rows:
     """N of jumps of such sizes, N' and N'', group by group."""
-    out = zero_rows(3, len(sizes[0]))
+    out = zeros((3, len(sizes[0])))
     for i in range(3):
         add_all(out[i], weights[i], sizes, 0)
     return out

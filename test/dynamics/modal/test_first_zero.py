@@ -96,7 +96,7 @@ def found_in(seed):
 
 def noise(law, rig, speed):
     """What rounding may take from a force, N."""
-    one = on_law(law_series(law, False), force_run(law, rig, None).mode)
+    one = on_law(law_series(law), force_run(law, rig, None).mode)
     sizes, series = np.array(one.law.largest), one.series.output
     return ROUNDING * max(np.abs(series) * sizes[:-1] * speed ** np.arange(law.degree + 1.0))
 
@@ -159,7 +159,7 @@ def test_no_force_sags_by_more_than_is_told(seed):
     rng = np.random.default_rng(seed)
     low = 10.0 ** rng.uniform(0.0, 2.0)
     high = low * (1.0 + 10.0 ** rng.uniform(-4.0, -0.5))
-    run, table = force_run(law, rig, duration), law_series(law, False)
+    run, table = force_run(law, rig, duration), law_series(law)
     if not run.resolved(high):
         return
     one, out = on_law(table, run.mode), np.zeros((3, len(table.groups) - 1)).tolist()

@@ -33,7 +33,7 @@ def run_of(law, parameters, duration=None):
 
 def motion_of(run, speed):
     """Its motion at a speed (rad/s), in plain Python."""
-    return motion_at(on_law(law_series(run.law, False), run.mode), speed)
+    return motion_at(on_law(law_series(run.law), run.mode), speed)
 
 
 def test_exactly_critical_damping(laws, two_mass):
@@ -140,7 +140,7 @@ def test_least_is_the_exhaustive_minimum(count, damping, rest):
     times = np.linspace(0.0, length, 40_001)[:-1]
     force = forces(law, rig, speed, duration, speed * times)
     run = run_of(law, rig, duration)
-    table = law_series(law, False)
+    table = law_series(law)
     floors = [np.inf] * (len(table.groups) - 1)
     stretch = Stretch(0.0, speed * length, 0.25)
     nearly = least(table, run.mode, motion_of(run, speed), stretch, floors)
