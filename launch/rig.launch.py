@@ -1,9 +1,5 @@
 """The rig: five nodes, one scene, one bag; with view:=true a sixth shows it in Rerun."""
 
-import atexit
-import shutil
-import tempfile
-
 from launch import LaunchContext, LaunchDescription
 from launch.actions import (
     DeclareLaunchArgument,
@@ -48,7 +44,6 @@ ARGUMENTS = {
                  f"{PATIENCE_S:g} without a parameter file"),
     "at_end": ("", f"what the nodes do when the run is over: {END}, or {STAY} for another run, "
                "which the service cam_drive/start begins"),
-    "respawn": ("false", "true: start a node again that was killed"),
     "network": ("false", "true: the subnet may subscribe"),
 }  # fmt: skip
 
@@ -63,20 +58,13 @@ def config(*path: str) -> PathJoinSubstitution:
     return share("config", *path)
 
 
-def is_true(text: str) -> bool:
-    """Whether a launch argument is true."""
-    return text.lower() in ("true", "1")
-
-
 def value(name: str, context: LaunchContext) -> str:
     """The text of a launch argument; empty where it was not given."""
     return LaunchConfiguration(name).perform(context)
 
 
-def ended(event: ProcessExited, context: LaunchContext) -> Shutdown | None:
-    """End all when a node has ended in order, as at the run's end, or is not started again."""
-    if is_true(value("respawn", context)) and event.returncode != 0:
-        return None
+def ended(event: ProcessExited, _context: LaunchContext) -> Shutdown:
+    """Shut down the launch when an essential node has ended."""
     how = f"with code {event.returncode}" if event.returncode else "in order"
     return Shutdown(reason=f"{event.process_name} has ended {how}")
 
@@ -87,16 +75,7 @@ def left_out(event: ProcessExited, _context: LaunchContext) -> LogInfo:
     return LogInfo(msg=f"node {name} ended with code {code}: the run goes on without it")
 
 
-def checkpoint(context: LaunchContext) -> str:
-    """Make the folder of the nodes' checkpoints, which is removed with the launch."""
-    if not is_true(value("respawn", context)):
-        return ""
-    folder = tempfile.mkdtemp(prefix="cam_rig-")
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    return folder
-
-
-def node(entry: NodeEntry, folder: str, context: LaunchContext) -> Node:
+def node(entry: NodeEntry, context: LaunchContext) -> Node:
     """Start a node of the table with those of its parameters that were given."""
     kinds = {spec.name: type(spec.default) for spec in PARAMETERS[entry.name]}
     wanted = {name: kinds[name] for name in ARGUMENTS if name in kinds} | {"use_sim_time": bool}
@@ -110,15 +89,13 @@ def node(entry: NodeEntry, folder: str, context: LaunchContext) -> Node:
     file = value("params_file", context)
     if entry.name == DRIVE and not file:
         given.setdefault("patience", PATIENCE_S)
-    if folder:
-        given["checkpoint"] = folder
     optional = {
         "respawn": True,
-        "respawn_max_retries": entry.max_respawns,
+        "respawn_delay": 0.5,
+        "respawn_max_retries": entry.max_restarts,
         "condition": IfCondition(LaunchConfiguration("view")),
         "on_exit": left_out,
     }
-    essential = {"respawn": LaunchConfiguration("respawn"), "on_exit": ended}
     return Node(
         package="cam_rig",
         executable=entry.name,
@@ -126,15 +103,13 @@ def node(entry: NodeEntry, folder: str, context: LaunchContext) -> Node:
         namespace=LaunchConfiguration("namespace"),
         parameters=[*([file] if file else []), given],
         output="screen",
-        respawn_delay=0.5,
-        **(essential if entry.essential else optional),
+        **({"on_exit": ended} if entry.essential else optional),
     )
 
 
 def nodes(context: LaunchContext) -> list[Node]:
     """Start the nodes of the runner's table, in its order."""
-    folder = checkpoint(context)
-    return [node(entry, folder, context) for entry in NODES]
+    return [node(entry, context) for entry in NODES]
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, TypeVar
 from cam_rig.bag.writer import BagWriter
 from cam_rig.errors import RefusedError
 from cam_rig.live.flow_control import HISTORY_DEPTH
-from cam_rig.live.state_validation import Admission, StateValidator
+from cam_rig.live.state_validation import StateValidator
 from cam_rig.messages import topics
 from cam_rig.messages.codec import block_of, cam_state_of
 from cam_rig.messages.motion import DerivedMessage, MotionMessages
@@ -212,10 +212,6 @@ class RecordingSession:
         self._write_diagnostics(self.written)
         return stamps
 
-    def note_known(self, stamp: int) -> None:
-        """Note that a predecessor had received a state of a rig time (ns)."""
-        self._newest = max(self._newest, stamp)
-
     def close(self) -> None:
         """Write what was received of the states that are not complete."""
         while self._states:
@@ -223,8 +219,7 @@ class RecordingSession:
         self._write_diagnostics(self._newest)
 
     def _take_state(self, state: CamState, cdr: bytes) -> None:
-        if self._validator.admit(state) is Admission.SEEN:
-            return
+        self._validator.validate(state)
         newest = self._states[-1][0].time_ns if self._states else self.written
         if state.time_ns <= newest:
             raise RefusedError(

@@ -39,7 +39,6 @@ class BagWriter:
         self._number, self._others = number, list(others)
         self._topics: dict[str, tuple[Topic, bytes | None]] = {}
         self._attached: dict[str, bytes] = {}
-        self._counts_only = False
         #: Stamp (ns) of the first state of the file that is written now.
         self._begin: int | None = None
         self._failed: BagError | None = None
@@ -103,31 +102,18 @@ class BagWriter:
             if name not in self._topics:
                 self._file.register(topic, definition)
                 self._topics[name] = topic, definition
-            if not self._counts_only:
-                self._file.write(topic, log_time, cdr, number or count)
+            self._file.write(topic, log_time, cdr, number or count)
             self.counts[name] = count
         except OSError as error:
             raise self._lost(error) from None
 
     def begin_state(self, stamp: int) -> None:
         """Go on in a new file before a state (ns), where this one has come to a limit."""
-        if self._counts_only:
-            return
         begin = stamp if self._begin is None else self._begin
         if self._file.part is None and self.split.is_due(self._file.size, begin, stamp):
             self._begin_file()
             begin = stamp
         self._begin = begin
-
-    @contextmanager
-    def keeping(self, content: FileContent) -> Iterator[None]:
-        """Inside, messages are counted, not written: the bag has them in a file that it keeps."""
-        self._others.append(content)
-        self._counts_only = True
-        try:
-            yield
-        finally:
-            self._counts_only = False
 
     def flush_if_due(self) -> None:
         """Flush what was written a while ago; to be called a few times a second."""
@@ -138,16 +124,6 @@ class BagWriter:
         """Write everything to the file, where a killed process cannot lose it."""
         with self._writing():
             self._file.flush()
-
-    def replace_old(self) -> None:
-        """Let the new file replace the bag's file, whose content it holds."""
-        if self._file.part is None:
-            return
-        with self._writing():
-            self._file.flush(to_disk=True)
-            self._file.replace_old()
-            if not (self.directory / METADATA).exists():
-                self._write_metadata(RECORDING)
 
     def close(self) -> None:
         """Finish the bag: metadata.yaml, then the file's end, by which it counts as closed."""

@@ -42,9 +42,6 @@ Web = Annotated[bool, typer.Option("--web", help="Show it so to a browser on thi
 Wait = Annotated[
     bool, typer.Option("--wait", help="With --web or --view: start when somebody sees it.")
 ]
-Respawn = Annotated[
-    bool, typer.Option("--respawn", help="Start a node again that was killed, and go on.")
-]
 Network = Annotated[
     bool, typer.Option("--network", help="Let the subnet see the nodes; else this machine alone.")
 ]
@@ -70,7 +67,6 @@ def run(
     web: Web = False,
     wait: Wait = False,
     pacing: Pacing = "free",
-    respawn: Respawn = False,
     network: Network = False,
     namespace: Namespace = "",
     split: SplitLimit = None,
@@ -112,7 +108,7 @@ def run(
         require_new_bag(target, limits.last_number)
         with open_screen(view, web, wait) as screen:
             nodes = live(path, target, screen.address, limits, pacing=pacing)
-            _run(path, target, nodes, respawn, network, place, server, screen.page)
+            _run(path, target, nodes, network, place, server, screen.page)
             if analyze:
                 from cam_rig.bag.command import read_run
 
@@ -124,7 +120,6 @@ def _run(
     path: Path,
     target: Path,
     nodes: dict[str, Arguments],
-    respawn: bool,
     network: bool,
     namespace: str,
     server: ForkServer,
@@ -154,7 +149,7 @@ def _run(
         own_domain(namespace),
         progress_bar() as bar,
         delay_report(page) as delayed,
-        Graph(nodes, respawn, network, log, namespace, server) as graph,
+        Graph(nodes, network, log, namespace, server) as graph,
     ):
         task = bar.add_task("starting the nodes", total=tick_count(loaded.scene))
         for report in graph.progress():

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections import Counter, deque
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import islice
 
 from cam_rig.dynamics import wrap
 from cam_rig.errors import RefusedError
 from cam_rig.laws import Law
-from cam_rig.live.flow_control import TICKS_KEPT, FlowControl, Pacing
+from cam_rig.live.flow_control import FlowControl, Pacing
 from cam_rig.live.state_validation import speeds
 from cam_rig.schema import SceneConfig
 from cam_rig.simulation.schedule import CamState, cam_states, tick_count
@@ -27,12 +26,11 @@ STANDSTILL_NS = NS
 class ScheduleState:
     """How far a schedule has come, and how far commands have moved it from the scene's plan.
 
-    ``index`` counts the states done; rig time is shifted in ns, the angle by whole turns and a
+    Rig time is shifted in ns, the angle by whole turns and a
     remainder (rad). ``speed`` is the commanded one (rad/s), ``cam`` the scene's cam and the one
     that overrides it, ``last`` the state that was sent last.
     """
 
-    index: int = 0
     time_shift: int = 0
     angle_shift: float = 0.0
     turn_shift: int = 0
@@ -50,15 +48,15 @@ class SetpointSchedule:
     continued. Without a command the states are the scene's own, bit for bit.
     """
 
-    def __init__(self, scene: SceneConfig, state: ScheduleState | None = None) -> None:
+    def __init__(self, scene: SceneConfig) -> None:
         self._scene = scene
         #: A tick (ns) holds a sample at least: a short one of a ramp, sped up, would hold none.
         self._min_tick = math.ceil(NS / scene.sample_rate.si)
-        self.state = state or ScheduleState()
-        self._begin(self.state.index)
+        self.state = ScheduleState()
+        self._begin()
 
-    def _begin(self, index: int) -> None:
-        self._plan = islice(cam_states(self._scene), index, None)
+    def _begin(self) -> None:
+        self._plan = iter(cam_states(self._scene))
         self._at: CamState | None = next(self._plan, None)
         self._next: CamState | None = next(self._plan, None)
 
@@ -82,7 +80,7 @@ class SetpointSchedule:
         at, sent, commanded = self._at, self.next_state, self._commanded
         assert at is not None and sent is not None
         planned = self._moved(at)
-        self.state = replace(self.state, index=self.state.index + 1, last=sent)
+        self.state = replace(self.state, last=sent)
         self._shift(sent.time_ns - planned.time_ns, sent.since(planned))
         self._at, self._next = self._next, next(self._plan, None)
         if self._at is not None and commanded is not None:
@@ -122,8 +120,8 @@ class SetpointSchedule:
             end = replace(state.last, time_ns=state.last.time_ns + STANDSTILL_NS)
         else:
             end = self._as(self._moved(at), begin.speed)
-        self._begin(0)
-        self.state = ScheduleState(0, end.time_ns - begin.time_ns, last=state.last)
+        self._begin()
+        self.state = ScheduleState(end.time_ns - begin.time_ns, last=state.last)
         self._shift(0, end.angle - begin.angle, end.turns - begin.turns)
 
     @property
@@ -171,33 +169,13 @@ class SetpointSchedule:
 REQUEST_RETRY_S = 1.0
 
 
-@dataclass(frozen=True)
-class DriveCheckpoint:
-    """What a drive's successor must know: its schedule, and the state that may be in flight."""
-
-    schedule: ScheduleState
-    state: CamState
-    sent: int
-    running: bool
-
-
-@dataclass(frozen=True)
-class OperatorCommands:
-    """What operators have commanded, and the schedule then: a successor must know it at once."""
-
-    schedule: ScheduleState
-    running: bool
-    pacing: str
-
-
 class DriveProgram:
     """The scene's states in order, each held back until every consumer is ready for it.
 
     A state goes out when few ticks are in flight, the law of its cam is known, and its time has
     come. A new cam is requested when every tick of the one before is acknowledged. So nothing is
-    dropped, and a run repeats message by message. ``mount`` requests a cam from the law server, and
-    is False when that cannot be done yet; a predecessor's ``checkpoints``, the oldest first, give
-    states that are sent again, and its ``commands`` hold where no state came after them.
+    dropped, and every run of a scene publishes the same messages. ``mount`` requests a cam from the
+    law server and returns False if that is not possible yet.
     """
 
     def __init__(
@@ -205,52 +183,31 @@ class DriveProgram:
         scene: SceneConfig,
         consumers: list[str],
         mount: Callable[[str], bool],
-        checkpoints: Sequence[DriveCheckpoint] = (),
-        commands: OperatorCommands | None = None,
     ) -> None:
         self.laws: dict[str, Law] = {}  # that the law server has published
         self.flow = FlowControl(consumers)
         self.pacing = Pacing()
         self.ticks = tick_count(scene)
         self.sent, self._speeds = 0, speeds(scene)
-        latest = _newest(checkpoints, commands)
-        self.running = latest.running if latest else True
-        self.schedule = SetpointSchedule(scene, latest.schedule if latest else None)
-        self._halting = False
-        self._recent: deque[CamState] = deque(maxlen=TICKS_KEPT["cam_drive"])
-        self._resending: deque[CamState] = deque()
+        self.running = True
+        self.schedule = SetpointSchedule(scene)
         self._mount = mount
         self._asked, self._asked_at = "", -REQUEST_RETRY_S
         self._requests: Counter[str] = Counter()
-        if checkpoints:
-            self.sent = checkpoints[0].sent - 1
-        for checkpoint in checkpoints:
-            self._resending.append(checkpoint.state)
-            self.flow.sent(checkpoint.state.time_ns)
 
     @property
     def done(self) -> bool:
         """Whether every state is sent and every tick acknowledged; a halted drive is not done."""
         at_end = self.schedule.next_state is None and not self.halted
-        return at_end and not self._resending and self.flow.in_flight == 0
+        return at_end and self.flow.in_flight == 0
 
     @property
     def halted(self) -> bool:
         """Whether an emergency stop holds, until a reset."""
-        return self._halting or self.schedule.state.halted
-
-    @property
-    def checkpoint(self) -> DriveCheckpoint:
-        """To be saved before the state that was taken last goes out."""
-        return DriveCheckpoint(self.schedule.state, self._recent[-1], self.sent, self.running)
+        return self.schedule.state.halted
 
     def take(self, now: float) -> CamState | None:
         """The next state, when it may go out at wall time ``now`` (s)."""
-        if self._resending:
-            ready = self._resending[0].cam in self.laws
-            return self._note(self._resending.popleft()) if ready else None
-        if self._halting:
-            return self.halt()
         state = self.schedule.next_state
         if state is None or not self.running or not self.flow.may_send():
             return None
@@ -290,7 +247,7 @@ class DriveProgram:
         """Rig time (ns) of a paced run at wall time (s) where a tick turns, else None."""
         last, following = self.schedule.state.last, self.schedule.next_state
         reached = self.pacing.reached(now)
-        if reached is None or last is None or following is None or self._resending:
+        if reached is None or last is None or following is None:
             return None
         return min(reached, following.time_ns - 1) if last.turns_until(following) else None
 
@@ -314,31 +271,21 @@ class DriveProgram:
             self.pacing.stand()
         self.running = running
 
-    def unanswered(self) -> list[CamState]:
-        """The states in flight, to be sent again without an answer: one may have been lost."""
-        return [state for state in self._recent if self.flow.is_in_flight(state.time_ns)]
-
     def halt(self) -> CamState | None:
         """Emergency stop: the state that makes the cam stand, to be sent at once."""
         self.run(False)
-        self._halting = bool(self._resending)  # a successor first sends its predecessor's
-        state = None if self._halting else self.schedule.halt()
+        state = self.schedule.halt()
         return None if state is None else self._out(state)
 
     def reset(self) -> None:
         """Back to the scene's beginning, stopped; rig time and θ continue."""
         self.run(False)
-        self._halting = False
         if self.schedule.overrides_cam:
             self._asked = ""  # the law server still holds the operator's
         self.schedule.rewind()
 
     def _out(self, state: CamState) -> CamState:
         self.flow.sent(state.time_ns)
-        return self._note(state)
-
-    def _note(self, state: CamState) -> CamState:
-        self._recent.append(state)
         self.sent += 1
         return state
 
@@ -356,14 +303,3 @@ class DriveProgram:
             self._asked, self._asked_at = state.cam, now
             self._requests[state.cam] += 1
         return state.cam in self.laws
-
-
-def _newest(
-    checkpoints: Sequence[DriveCheckpoint], commands: OperatorCommands | None
-) -> DriveCheckpoint | OperatorCommands | None:
-    """The last state's checkpoint, or the commands where no state was sent after them."""
-    if not checkpoints or commands is None:
-        return commands or (checkpoints[-1] if checkpoints else None)
-    last = commands.schedule.last
-    obeyed = last is None or last.time_ns < checkpoints[-1].state.time_ns
-    return checkpoints[-1] if obeyed else commands

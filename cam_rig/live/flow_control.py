@@ -1,8 +1,7 @@
-"""How far the drive may run ahead: a bounded number of ticks in flight, none ever dropped.
+"""Flow control of the drive: a bounded number of ticks in flight, and pacing in wall-clock time.
 
-Every buffer of the protocol follows from that bound; the chain of them stands here, in order:
-
-    ticks in flight < what a killed recorder loses < what each successor repeats < topic history
+The bound makes every queue of the protocol bounded: a topic has one message per tick, so that a
+history of `HISTORY_DEPTH` messages never overflows.
 """
 
 from __future__ import annotations
@@ -16,29 +15,14 @@ from decimal import Decimal
 from cam_rig.errors import ConfigError
 from cam_rig.units import NS
 
-#: Ticks in flight, at most: published by the drive, not yet acknowledged by every consumer.
+#: Maximum number of ticks published by the drive and not yet acknowledged by every consumer.
 MAX_TICKS_IN_FLIGHT = 4
-#: States that the recorder writes between two flushes, at most: what a kill can take from it.
+#: Maximum number of states that the recorder writes between two flushes; a kill can lose them.
 MAX_STATES_UNFLUSHED = 8
-_LOST = MAX_STATES_UNFLUSHED + MAX_TICKS_IN_FLIGHT + 1
-_AHEAD = MAX_TICKS_IN_FLIGHT + 1
-#: Ticks that a successor goes back, by node. It publishes again what a recorder that was killed as
-#: well may have lost, and what the successor of whoever subscribes needs to go back as far.
-TICKS_KEPT = {
-    "microphone": _LOST,
-    "law_server": _LOST,
-    "follower": _LOST + _AHEAD,
-    "cam_drive": _LOST + 2 * _AHEAD,
-}
-#: Ticks whose messages stay in the history of a topic: as far as the last node of that chain goes
-#: back, and is ahead.
-TICKS_IN_HISTORY = TICKS_KEPT["cam_drive"] + _AHEAD
-#: Messages in the history of a topic: the rest of it is for those that are sent again. A node
-#: discovered late still gets the first ticks.
+#: Messages in the history of a topic. A node that is discovered late still receives the first
+#: ticks, which are at most `MAX_TICKS_IN_FLIGHT`; the rest is margin for cam and speed changes.
 HISTORY_DEPTH = 64
-#: States that a node remembers, to know one that is sent again: two histories.
-REMEMBERED_STATES = 2 * HISTORY_DEPTH
-#: Blocks and states that wait for their counterpart: two histories as well.
+#: Maximum number of blocks and states that wait for their counterpart: two histories.
 MAX_WAITING = 2 * HISTORY_DEPTH
 
 
@@ -53,10 +37,6 @@ class FlowControl:
     def in_flight(self) -> int:
         """Ticks that a consumer has not acknowledged yet."""
         return max(0, len(self._sent) - 1)
-
-    def is_in_flight(self, stamp_ns: int) -> bool:
-        """Whether a state begins or ends a tick that a consumer has not acknowledged."""
-        return self.in_flight > 0 and stamp_ns in self._sent
 
     def may_send(self) -> bool:
         """Whether the next state may go out."""

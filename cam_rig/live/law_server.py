@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -19,38 +17,20 @@ from cam_rig.simulation.schedule import CamState
 from cam_rig.units import FloatArray
 
 
-@dataclass(frozen=True)
-class MountingCheckpoint:
-    """What a law server's successor must know: the mounted cam, and the last state received."""
-
-    cam: str
-    last: CamState | None
-
-
 class CamMounting:
-    """The cams of a scene's library, one of which is mounted: ``cam``, or its first."""
+    """Cams of a scene's library, one of which is mounted (default: the first of the scene)."""
 
-    def __init__(
-        self, loaded: LoadedScene, cam: str = "", checkpoints: Sequence[MountingCheckpoint] = ()
-    ) -> None:
+    def __init__(self, loaded: LoadedScene, cam: str = "") -> None:
         self._loaded = loaded
-        oldest = checkpoints[0].last if checkpoints else None  # None before the first state
-        since = -1 if oldest is None else oldest.time_ns
-        # The history may begin later than that: whatever state comes first is admitted.
-        self.validator = StateValidator.of(loaded.scene, since=since)
-        self.last: CamState | None = None
-        self.cam, first = "", checkpoints[-1].cam if checkpoints else cam
-        self.request(first or loaded.scene.cams[0])
+        self.validator = StateValidator.of(loaded.scene)
+        self._last: CamState | None = None
+        self.cam = ""
+        self.request(cam or loaded.scene.cams[0])
 
     @property
     def law(self) -> Law:
         """The mounted cam's law."""
         return self._loaded.laws[self.cam]
-
-    @property
-    def checkpoint(self) -> MountingCheckpoint:
-        """To be saved after each request and each state."""
-        return MountingCheckpoint(self.cam, self.last)
 
     def request(self, cam: str) -> bool:
         """Mount a cam of the library whose law the model can turn; False where it was mounted."""
@@ -63,14 +43,14 @@ class CamMounting:
 
     def follow(self, state: CamState) -> Law | None:
         """Take a state; the law to publish with it, None unless cam or speed are new."""
-        last, self.last = self.last, state
+        last, self._last = self._last, state
         known = last is not None and (last.cam, last.speed) == (state.cam, state.speed)
         if known or state.speed == 0.0:
             return None
         try:
             self._loaded.mount(state.cam)
         except CamRigError as error:
-            self.last = last
+            self._last = last
             raise RefusedError(f"cam state: {error}") from None
         return self._loaded.laws[state.cam]
 

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections import deque
-from enum import Enum
 
 from cam_rig.dynamics import ANGLE_TOLERANCE
 from cam_rig.errors import RefusedError
 from cam_rig.laws.law import MAX_ANGLE
-from cam_rig.live.flow_control import REMEMBERED_STATES
 from cam_rig.schema import SceneConfig
 from cam_rig.schema.scene import MAX_SPEED, MIN_SAMPLES
 from cam_rig.simulation.schedule import CamState
@@ -25,59 +22,33 @@ def speeds(scene: SceneConfig) -> tuple[float, float]:
     return 2.0 * turned / MAX_SAMPLES, min(MAX_SPEED, turned / MIN_SAMPLES)
 
 
-class Admission(Enum):
-    """How a state relates to those received before."""
-
-    NEXT = "follows the state before"
-    NEW_SEQUENCE = "begins a new sequence: the first, or the first after the cam stood"
-    SEEN = "was received already"
-
-
 class StateValidator:
-    """Admits the states of one drive, in order, each once.
+    """Checks that each state follows from the one before it.
 
-    A drive that was started again repeats its last states; these are known and passed over. After
-    the cam has stood, it may start anywhere, at any rig time. Any other state that is not where
-    the state before leads comes from another publisher, and is refused. At ``sample_rate`` (Hz) the
-    cam turns ``tick_angle`` (rad) in a tick at most; more, and a state was lost. States up to
-    ``last``, or to rig time ``since`` (ns), were received; after ``since`` there may be a gap.
+    After the cam has stopped, the next state may have any angle and any rig time. Any other state
+    that does not follow from the previous one was sent by another publisher, or a state was lost;
+    it is rejected, and the validator keeps its previous state. At `sample_rate` (Hz) the cam turns
+    at most `tick_angle` (rad) per tick.
     """
 
-    def __init__(
-        self,
-        sample_rate: float,
-        last: CamState | None = None,
-        tick_angle: float = math.inf,
-        since: int = -1,
-    ) -> None:
+    def __init__(self, sample_rate: float, tick_angle: float = math.inf) -> None:
         self._longest, self._rate = MAX_SAMPLES / sample_rate, int(sample_rate)
         self._tick_angle = tick_angle
-        self._floor = since if last is None else last.time_ns
-        self._recent: deque[CamState] = deque(maxlen=REMEMBERED_STATES)
-        self.last = last
+        self._last: CamState | None = None
 
     @classmethod
-    def of(
-        cls, scene: SceneConfig, last: CamState | None = None, since: int = -1
-    ) -> StateValidator:
-        """The validator of the states of a scene."""
-        angle = TURN / scene.program.ticks_per_turn
-        return cls(scene.sample_rate.si, last, angle, since)
+    def of(cls, scene: SceneConfig) -> StateValidator:
+        """Return the validator for the states of a scene."""
+        return cls(scene.sample_rate.si, TURN / scene.program.ticks_per_turn)
 
-    def admit(self, state: CamState) -> Admission:
-        """How a state relates to those before it."""
+    def validate(self, state: CamState) -> None:
+        """Accept a state, or raise RefusedError."""
         require_possible(state)
-        if state == self.last or state in self._recent or state.time_ns <= self._floor:
-            return Admission.SEEN
-        stands = self.last is not None and self.last.speed == 0.0
-        starts = self.last is None or (stands and not self.last.turns_until(state))
-        if self.last is not None and not starts:
-            self._require_next(self.last, state)
-        self.last = state
-        self._recent.append(state)
-        if state.speed == 0.0:
-            self._floor = -1
-        return Admission.NEW_SEQUENCE if starts else Admission.NEXT
+        last = self._last
+        is_stopped = last is not None and last.speed == 0.0 and not last.turns_until(state)
+        if last is not None and not is_stopped:
+            self._require_next(last, state)
+        self._last = state
 
     def _require_next(self, last: CamState, state: CamState) -> None:
         duration = (state.time_ns - last.time_ns) / NS

@@ -169,29 +169,30 @@ def occasions(before: CamState | None, state: CamState) -> set[str]:
 
 
 class Publishers:
-    """The processes that have published as each node, which was started ``starts`` times."""
+    """Processes from which the messages of each node came, identified by their DDS participant."""
 
     def __init__(
-        self,
-        starts: Callable[[str], int] = lambda _node: 1,
-        name_of: Callable[[Topic, bytes], str] = lambda _topic, source: source.hex(),
+        self, name_of: Callable[[Topic, bytes], str] = lambda _topic, source: source.hex()
     ) -> None:
-        self._starts, self._name_of = starts, name_of
-        #: By node and process, the topic of the first message.
-        self._sources: dict[str, dict[bytes, Topic]] = {}
+        self._name_of = name_of
+        #: Process of the first message and its topic, by node.
+        self._sources: dict[str, tuple[bytes, Topic]] = {}
 
     def require(self, node: str, topic: Topic, source: bytes) -> None:
-        """Refuse another process than a node's own on its topics; an empty one is the recorder."""
-        known = self._sources.setdefault(node, {})
-        if not source or source in known:
+        """Raise RunError if a second process publishes on a node's topics.
+
+        An empty `source` is the recorder itself.
+        """
+        if not source:
             return
-        if len(known) >= self._starts(node):
-            all_of_it = {source: topic, **known}
-            names = {one: self._name_of(where, one) for one, where in all_of_it.items()}
-            # The one without the node's name, though it may be the first; else the newest.
-            other = next((s for s, name in names.items() if name.split("/")[-1] != node), source)
-            raise second_publisher(all_of_it[other], node, names[other])
-        known[source] = topic
+        first, first_topic = self._sources.setdefault(node, (source, topic))
+        if source == first:
+            return
+        name, first_name = self._name_of(topic, source), self._name_of(first_topic, first)
+        # A process without the node's name is the foreign one, even if it was first.
+        if name.split("/")[-1] == node and first_name.split("/")[-1] != node:
+            raise second_publisher(first_topic, node, first_name)
+        raise second_publisher(topic, node, name)
 
 
 def second_publisher(topic: Topic, node: str, other: str) -> RunError:

@@ -1,86 +1,101 @@
-"""The law server: holds the mounted cam and publishes its law and its looks, latched."""
+"""Law server node: mounts the cams and publishes their laws, contours and markers."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from geometry_msgs.msg import Point32, PolygonStamped
+from rclpy.duration import Duration
 from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from cam_rig.live.law_server import CamMounting
-from cam_rig.live.state_validation import Admission
+from cam_rig.laws import Law
+from cam_rig.live.law_server import CamMounting, contour_of
 from cam_rig.messages import topics
 from cam_rig.messages.codec import cam_state_of, encode_law
 from cam_rig.messages.motion import OF_LAW_SERVER, MotionMessages
-from cam_rig.nodes.convert import OK, ResendBuffer, to_array, to_header, to_polygon, to_trajectory
-from cam_rig.nodes.rig_node import RigNode
+from cam_rig.nodes.base.diagnostics import OK
+from cam_rig.nodes.base.rig_node import RigNode
+from cam_rig.nodes.convert import to_array, to_header
+from cam_rig.schema import CamConfig
 from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import CamState
+from cam_rig.units import TURN
+
+#: Number of intervals of the sampled law on /cam/law, per turn.
+LAW_INTERVALS = 180
 
 
 class LawServer(RigNode):
-    """Publishes law, contour and looks of each cam, and /cam/law for each speed."""
+    """Publishes law, contour and markers of each mounted cam, and /cam/law for each speed.
+
+    All topics are latched, so a node that subscribes later receives the mounted cam.
+    """
 
     def __init__(self) -> None:
         super().__init__("law_server")
-        self._sampled, self._coefficients, self._profile = map(
-            self.publisher, (topics.LAW, topics.LAW_COEFFICIENTS, topics.PROFILE)
-        )
-        self._followed = self.publisher(topics.FOLLOWED)
-        self._loaded = open_scene(Path(self.given["scene"]))
-        self._robot = MotionMessages(self._loaded, topics=OF_LAW_SERVER)
-        self._robot_out = {topic: self.publisher(topic) for topic in self._robot.topics}
-        self._predecessor = self.checkpoint.all()
-        left = [checkpoint for checkpoint, _ in self._predecessor]
-        self._cams = CamMounting(self._loaded, self.given["cam"], left)
-        self._samples, self._laws, self._mounted = ResendBuffer(), ResendBuffer(), 0
+        self._law_publisher = self.advertise(topics.LAW)
+        self._coefficients_publisher = self.advertise(topics.LAW_COEFFICIENTS)
+        self._profile_publisher = self.advertise(topics.PROFILE)
+        self._followed_publisher = self.advertise(topics.FOLLOWED)
+        self._loaded = open_scene(Path(self.settings["scene"]))
+        self._markers = MotionMessages(self._loaded, topics=OF_LAW_SERVER)
+        self._marker_publishers = {t: self.advertise(t) for t in self._markers.topics}
+        self._mounting = CamMounting(self._loaded, self.settings["cam"])
         self._publish_law()
-        self.check(cam=self._mount)
+        self.parameter_table.add_check("cam", self._mount)
         self.subscribe(topics.CAM_STATE, self._on_state)
-        self.get_logger().info(self.activity().words)
-
-    def _mount(self, cam: Any) -> None:
-        if self._cams.request(str(cam)):
-            self._publish_law()
-        else:  # its law did not reach the drive
-            self._laws.resend(self._mounted)
+        self.get_logger().info(self.activity().text)
 
     def summary(self) -> str:
-        """What the node has done, in words, when it ends."""
+        """Return the text that is logged when the node ends without an error."""
         return f"done with {self.ticks} states"
 
+    def _mount(self, cam: Any) -> None:
+        if self._mounting.request(str(cam)):
+            self._publish_law()
+
     def _publish_law(self) -> None:
-        self.get_logger().info(f"{self._cams.cam} is mounted")
-        self._save()
-        law = self._cams.law
-        self._mounted += 1
-        contour = (self._profile, to_polygon(self._loaded.cams[law.name], law))
-        looks = [(self._robot_out[topic], cdr) for topic, _, cdr in self._robot.mounted(law.name)]
-        coefficients = (self._coefficients, to_array(*encode_law(law)))
-        self._laws.publish(self._mounted, [coefficients, contour, *looks])
+        self.get_logger().info(f"{self._mounting.cam} is mounted")
+        law = self._mounting.law
+        self._coefficients_publisher.publish(to_array(*encode_law(law)))
+        self._profile_publisher.publish(to_polygon(self._loaded.cams[law.name], law))
+        for topic, _, cdr in self._markers.mounted(law.name):
+            self._marker_publishers[topic].publish(cdr)
 
     def _on_state(self, message: JointState) -> None:
         state = cam_state_of(message)
-        if self._cams.validator.admit(state) is Admission.SEEN:
-            if state == self._cams.last:  # once for all the states that are sent again
-                self._laws.resend(self._mounted)
-            self._samples.resend(state.time_ns)
-        else:
-            self._follow(state)
-        self._followed.publish(to_header(state.time_ns))
-
-    def _follow(self, state: CamState) -> None:
-        while self._predecessor:  # as far as it was before the first state that comes
-            checkpoint, reported = self._predecessor.pop(0)
-            if checkpoint.last is not None and checkpoint.last.time_ns < state.time_ns:
-                self._cams.last = checkpoint.last
-                self.health.reported = reported
-        if (law := self._cams.follow(state)) is not None:
-            self._samples.publish(state.time_ns, [(self._sampled, to_trajectory(law, state))])
+        self._mounting.validator.validate(state)
+        if (law := self._mounting.follow(state)) is not None:
+            self._law_publisher.publish(to_trajectory(law, state))
         self.ticks += 1
-        self.health.report(state.time_ns, OK, f"{state.cam} is mounted")
-        self._save()
+        self.diagnostics.report(state.time_ns, OK, f"{state.cam} is mounted")
+        self._followed_publisher.publish(to_header(state.time_ns))
 
-    def _save(self) -> None:
-        checkpoint = self._cams.checkpoint
-        self.save(checkpoint, checkpoint.last.time_ns if checkpoint.last else -1)
+
+def to_polygon(cam: CamConfig, law: Law) -> PolygonStamped:
+    """Return the contour of a cam (m, in its own frame), or of the first of conjugate cams."""
+    message = PolygonStamped(header=to_header(0, law.name))
+    message.polygon.points = [
+        Point32(x=float(x), y=float(y), z=0.0) for x, y in contour_of(cam, law).T
+    ]
+    return message
+
+
+def to_trajectory(law: Law, state: CamState) -> JointTrajectory:
+    """Return a law over one turn at the cam's speed: s (m), ds/dt (m/s) and d²s/dt² (m/s²)."""
+    message = JointTrajectory(header=to_header(state.time_ns, law.name), joint_names=["follower"])
+    angle = np.linspace(0.0, TURN, LAW_INTERVALS + 1)
+    motion = np.stack([law(angle, order) * state.speed**order for order in range(3)])
+    message.points = [
+        JointTrajectoryPoint(
+            positions=[float(s)],
+            velocities=[float(v)],
+            accelerations=[float(a)],
+            time_from_start=Duration(seconds=float(theta / state.speed)).to_msg(),
+        )
+        for theta, s, v, a in zip(angle, *motion, strict=True)
+    ]
+    return message

@@ -21,8 +21,8 @@ from std_srvs.srv import Trigger
 from cam_rig.live.sockets import LineSocket
 from cam_rig.messages import topics
 from cam_rig.messages.codec import block_of, cam_state_of, stamp_ns
+from cam_rig.nodes.base.rig_node import RigNode
 from cam_rig.nodes.parameters import ABOUT, LIVE
-from cam_rig.nodes.rig_node import RigNode
 from cam_rig.units import to_rpm
 
 #: Wall time (s) between two looks for commands, and between what is told.
@@ -36,7 +36,7 @@ class Panel(RigNode):
 
     def __init__(self) -> None:
         super().__init__("panel")
-        self._line = LineSocket(Path(self.given["socket"]))
+        self._line = LineSocket(Path(self.settings["socket"]))
         self._nodes = {name: AsyncParameterClient(self, name) for name in LIVE}
         self._drive: dict[str, Any] = {
             s: self.create_client(Trigger, f"cam_drive/{s}") for s in ABOUT["cam_drive"].services
@@ -49,7 +49,7 @@ class Panel(RigNode):
         self.subscribe(topics.LEVEL, self._on_level)
         self.subscribe(topics.DIAGNOSTICS, self._on_diagnostics)
         self.subscribe(topics.PARAMETER_EVENTS, self._on_parameters)
-        self.every(LOOK_EVERY_S, self._exchange)
+        self.create_wall_timer(LOOK_EVERY_S, self._exchange)
 
     def _exchange(self) -> None:
         self._looks += 1

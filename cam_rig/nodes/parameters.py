@@ -78,9 +78,6 @@ SCENE = Spec(
     "scene file (YAML), or a name in config/scenes, that every node takes its numbers from",
     read=lambda scene: str(named_path("scenes", scene)) if isinstance(scene, str) else scene,
 )
-CHECKPOINT = Spec(
-    "checkpoint", "", "folder of this run where a node saves its state for a successor; empty: none"
-)
 #: What a node does when the drive or the player says that the run is over.
 AT_END = Spec(
     "at_end",
@@ -103,6 +100,8 @@ _POINTS = Spec(
 COMMON = (topics.DIAGNOSTICS, topics.READY)
 #: The consumers that are waited for by default: a run need not be seen.
 ESSENTIAL = tuple(name for name in CONSUMERS if name not in OPTIONAL)
+#: Parameters of the microphone, in the order of their letters in a quantity such as LAF.
+WEIGHTING_PARAMETERS = ("frequency_weighting", "time_weighting")
 _ACKNOWLEDGEMENTS = (topics.FOLLOWER_STATE, topics.PRESSURE, topics.RECORDED)
 
 
@@ -122,7 +121,7 @@ ABOUT = {
     "law_server": About(
         "holds the motion law of the mounted cam and publishes it, latched",
         (
-            SCENE, CHECKPOINT, AT_END,
+            SCENE, AT_END,
             Spec("cam", "", "a file of config/cams, mounted until the drive asks for another; "
                  "empty: the scene's first", live=True),
         ),
@@ -133,7 +132,7 @@ ABOUT = {
     "cam_drive": About(
         "turns the cam through the scene's speeds, no faster than its slowest consumer",
         (
-            SCENE, CHECKPOINT, AT_END,
+            SCENE, AT_END,
             Spec("rpm", 0.0, "set: the speed from the next tick on, rpm, 0 as the scene says; "
                  "read: the speed now", 0.0, 1e5, live=True),
             Spec("pacing", "free", "rig time beside wall time: free, real_time, or a factor: 20, "
@@ -152,7 +151,7 @@ ABOUT = {
     "follower": About(
         "computes the follower's motion and contact force between the states of the cam",
         (
-            SCENE, CHECKPOINT, AT_END, _POINTS,
+            SCENE, AT_END, _POINTS,
             Spec("motion_rate", 100.0, "how often /joint_states and the like show the motion of a "
                  "run at real time or a factor, Hz of wall time", 1.0, 1000.0),
         ),
@@ -163,7 +162,7 @@ ABOUT = {
     "microphone": About(
         "computes sound pressure and level from the contact force of each tick",
         (
-            SCENE, CHECKPOINT, AT_END,
+            SCENE, AT_END,
             Spec("frequency_weighting", "Z",
                  "frequency weighting of the level, class 1 up to 20 kHz: A, C or Z",
                  choices=FREQUENCY_WEIGHTINGS, live=True),
@@ -176,7 +175,7 @@ ABOUT = {
     "recorder": About(
         "records every message of the rig into a rosbag2 bag (MCAP)",
         (
-            SCENE, CHECKPOINT, AT_END,
+            SCENE, AT_END,
             Spec("bag", "", "folder to record into, must not exist; empty: bags/<scene>_<date>"),
             _POINTS,
             Spec("max_bagfile_size", 0, "bytes after which the bag goes on in another file; 0: no "
@@ -190,7 +189,7 @@ ABOUT = {
     "viewer": About(
         "draws the run in Rerun while it runs",
         (
-            SCENE, CHECKPOINT, replace(AT_END, default=WAIT),
+            SCENE, replace(AT_END, default=WAIT),
             Spec("address", "", "Rerun's address that the picture goes to, or the folder that a "
                  "page of cam-rig reads it from; empty opens a window"),
         ),
@@ -204,7 +203,7 @@ ABOUT = {
     "panel": About(
         "passes commands of a page in a browser on to the other nodes, and shows it what they say",
         (
-            SCENE, CHECKPOINT, replace(AT_END, default=WAIT),
+            SCENE, replace(AT_END, default=WAIT),
             Spec("socket", "", "socket of cam-rig panel, which starts this node"),
         ),
         (
@@ -216,7 +215,7 @@ ABOUT = {
     "player": About(
         "publishes the cam states and laws of a bag, in place of cam_drive and law_server",
         (
-            CHECKPOINT, replace(AT_END, choices=(END, WAIT)),
+            replace(AT_END, choices=(END, WAIT)),
             Spec("bag", "", "bag whose cam states and laws are played"),
             _PATIENCE, _PROGRESS,
         ),

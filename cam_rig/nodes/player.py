@@ -1,69 +1,81 @@
-"""The player: publishes a recorded drive's and law server's messages to live nodes."""
+"""Player node: publishes the drive's and the law server's messages of a bag to live nodes."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 
 from cam_rig.bag.replay import PLAYED, Played, played
 from cam_rig.live.flow_control import FlowControl
 from cam_rig.messages import topics
 from cam_rig.nodes.clock_source import ClockSource
-from cam_rig.nodes.convert import weightings
-from cam_rig.nodes.parameters import ESSENTIAL
+from cam_rig.nodes.parameters import ESSENTIAL, WEIGHTING_PARAMETERS
 from cam_rig.runner.node_table import held_by
 
 
 class Player(ClockSource):
-    """Publishes the recorded cam states and laws, byte by byte, as fast as they are answered."""
+    """Publishes the recorded cam states and laws, byte by byte, as fast as they are acknowledged.
+
+    Before a tick that was recorded with other weightings, the microphone's parameters are set.
+    """
 
     def __init__(self) -> None:
         super().__init__("player")
-        self._messages = played(Path(self.given["bag"]))
+        self._messages = played(Path(self.settings["bag"]))
         self._next: Played | None = next(self._messages, None)
-        self._sent, self._quantity, self._asked = 0, "", ""
+        self._sent = 0
+        #: Quantity (such as LAF) that the microphone measures, and the requested one.
+        self._quantity = self._requested_quantity = ""
         self._microphone = AsyncParameterClient(self, "microphone")
-        known = {topics.CLOCK: self._clock_out, topics.CAM_STATE: self._state_out}
-        self._out = {t: known.get(t) or self.publisher(t) for t in PLAYED}
+        existing = {
+            topics.CLOCK: self._clock_publisher,
+            topics.CAM_STATE: self._state_publisher,
+        }
+        self._publishers_by_topic = {t: existing.get(t) or self.advertise(t) for t in PLAYED}
         self.publish_factor(None)
         consumers = list(ESSENTIAL)
-        self._flow = FlowControl(consumers)
-        self.begin(consumers, self._flow)
+        self.start_flow(consumers, FlowControl(consumers))
 
     def send_next(self) -> bool:
-        """Send the next state and the messages that belong to it, if it may go out."""
-        if (now := self._next) is None or not self._flow.may_send() or not self._weighed(now):
+        """Publish the next state with its messages, and return True; return False if it waits."""
+        played_state = self._next
+        if played_state is None or not self._flow.may_send() or not self._is_weighted(played_state):
             return False
-        self._flow.sent(now.state.time_ns)
-        for topic, cdr in now.messages:
-            self._out[topic].publish(cdr)
-        self.note_sent(now.state, self._sent)
+        self._flow.sent(played_state.state.time_ns)
+        for topic, cdr in played_state.messages:
+            self._publishers_by_topic[topic].publish(cdr)
+        self.report_sent(played_state.state, self._sent)
         self._sent += 1
         self._next = next(self._messages, None)
         return True
 
-    def _weighed(self, now: Played) -> bool:
-        """Whether the microphone is set as it was for this tick; sets it between two ticks."""
-        wanted = now.quantity or self._quantity
-        if wanted == self._quantity:
+    def _is_weighted(self, played_state: Played) -> bool:
+        """Return True if the microphone measures the recorded quantity, or request it."""
+        quantity = played_state.quantity or self._quantity
+        if quantity == self._quantity:
             return True
+        # between two ticks only, because weightings apply to whole ticks
         if self._flow.in_flight or not self._microphone.services_are_ready():
             return False
-        if wanted != self._asked:
-            self._asked = wanted
-            answer = self._microphone.set_parameters(weightings(wanted))
-            answer.add_done_callback(lambda _: self._set_to(wanted))
+        if quantity != self._requested_quantity:
+            self._requested_quantity = quantity
+
+            def on_reply(_future: object) -> None:
+                self._quantity = quantity
+                self.send_due()
+
+            # a quantity such as LAF contains both weightings
+            weightings = zip(WEIGHTING_PARAMETERS, quantity[1:3], strict=True)
+            parameters = [Parameter(name, value=value) for name, value in weightings]
+            self._microphone.set_parameters(parameters).add_done_callback(on_reply)
         return False
 
-    def _set_to(self, quantity: str) -> None:
-        self._quantity = quantity
-        self.turn()
-
     def is_done(self) -> bool:
-        """Whether every state is sent and every tick acknowledged."""
+        """Return True if every state is published and every tick acknowledged."""
         return self._next is None and self._flow.in_flight == 0
 
-    def stuck(self) -> str:
-        """What is missing, in words."""
+    def pending_text(self) -> str:
+        """Return the progress and the nodes waited for, as text for an error message."""
         return f"{self._sent} states from: {held_by(self._flow.behind())}"

@@ -1,4 +1,4 @@
-"""A node's process: from rclpy's start to its exit code, and to another run where it stays."""
+"""Process of a node: initialises rclpy, spins the node, returns its exit code."""
 
 from __future__ import annotations
 
@@ -15,50 +15,56 @@ import rclpy
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from cam_rig.errors import CamRigError, ConfigError
-from cam_rig.nodes.rig_node import RigNode
-from cam_rig.nodes.run_end import staying_node, wait_until_gone
+from cam_rig.nodes.base.rig_node import RigNode
+from cam_rig.nodes.base.run_end import create_staying_node, wait_until_gone
 from cam_rig.runner.node_table import STAY
 from cam_rig.runner.resources import MAX_NAMESPACE
 
-try:  # less CPU time a message; not in every distribution
+try:  # uses less CPU time per message; not part of every distribution
     from rclpy.experimental import EventsExecutor as Executor
 except ImportError:
     Executor = SingleThreadedExecutor
 
-#: A signal is noticed when the executor comes back to Python, which it does this often (s).
+#: Period (s) at which the executor returns to Python, which then handles signals.
 SIGNAL_POLL_S = 0.1
-#: Wall time (s) that DDS may take to be taken down, of less than one in general; before the runner
-#: kills what has not ended.
+#: Time (s, wall clock) for DDS to shut down, which usually takes less than one second. It is
+#: shorter than the time after which the runner kills a node.
 MAX_TEARDOWN_S = 3
 
 
 class StopRequest:
-    """A signal to stop, which may come before there is a node to end."""
+    """Signals to stop (SIGINT, SIGTERM), which may arrive before there is a node.
+
+    Python runs signal handlers on the main thread between two bytecodes. This is also the thread of
+    the executor, so `act` needs no lock.
+    """
 
     def __init__(self) -> None:
         self.received, self.act = False, lambda: None
         for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._stop)
+            signal.signal(number, self._on_signal)
 
-    def _stop(self, _signal: int, _frame: FrameType | None) -> None:
+    def _on_signal(self, _signal: int, _frame: FrameType | None) -> None:
         self.received = True
         self.act()
 
 
 @contextmanager
 def bounded(failed: bool = False) -> Iterator[None]:
-    """End the process where DDS does not come back: by SIGALRM, with code 1 where it has failed.
+    """End the process if DDS does not shut down within `MAX_TEARDOWN_S`.
 
-    When another node leaves while this one announces itself, Fast DDS may wait for itself for ever
-    (eProsima/Fast-DDS issue 6502). All that the node had to do is done by then.
+    The process ends by SIGALRM, which the runner counts as code 0, or with code 1 if the node has
+    `failed`. If another node leaves while this one announces itself, Fast DDS can deadlock
+    (eProsima/Fast-DDS issue 6502). All work of the node is done by then.
     """
-    with open(os.devnull, "w", encoding="utf-8") as nowhere:
+    with open(os.devnull, "w", encoding="utf-8") as devnull:
         if failed:
-            faulthandler.dump_traceback_later(MAX_TEARDOWN_S, exit=True, file=nowhere)
+            faulthandler.dump_traceback_later(MAX_TEARDOWN_S, exit=True, file=devnull)
         else:
             signal.alarm(MAX_TEARDOWN_S)
         try:
@@ -69,18 +75,16 @@ def bounded(failed: bool = False) -> Iterator[None]:
 
 
 def run(make: Callable[[], RigNode]) -> None:
-    """Run a node until it finishes, fails, or gets a signal to stop (SIGINT, SIGTERM)."""
+    """Run a node until it finishes, fails, or receives SIGINT or SIGTERM; exit with its code."""
     request = StopRequest()
-    # of a node that cannot be made, beside its error
+    # rclpy warns if a node could not be created, in addition to the error
     warnings.filterwarnings("ignore", "Failed to fini rosout publisher", RuntimeWarning)
     try:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    except RuntimeError as error:  # a parameter file that is missing or not one
+    except RuntimeError as error:  # a parameter file is missing or invalid
         raise ConfigError(str(error)) from None
     if stray := remove_ros_args(sys.argv)[1:]:
-        raise ConfigError(
-            f"{stray[0]!r}: no such argument; allowed: --help, and what is given after --ros-args"
-        )
+        raise ConfigError(f"unknown argument {stray[0]!r}; use --help, or --ros-args first")
     code = 1
     try:
         code = _run(make, request)
@@ -91,37 +95,35 @@ def run(make: Callable[[], RigNode]) -> None:
 
 
 def _run(make: Callable[[], RigNode], request: StopRequest) -> int:
-    """One run after the other, as long as the node stays; the exit code."""
-    staying = None
+    """Run a node once, or once per run if it stays, and return the exit code."""
+    logger = get_logger("cam_rig")
+    staying_node = None
     while True:
         try:
             node = make()
         except CamRigError as error:
-            print(f"cam_rig: {error}", file=sys.stderr)
+            logger.fatal(str(error))
             return error.exit_code
         except ParameterException as error:
-            print(f"cam_rig: parameter: {error}", file=sys.stderr)
+            logger.fatal(f"parameter: {error}")
             return ConfigError.exit_code
         except (NameValidationException, rclpy_implementation.RCLError) as error:
-            print(f"cam_rig: the node cannot be made: {_reason(error)}", file=sys.stderr)
+            text = str(error).splitlines()[0].split(", at ")[0]
+            if "should not exceed" in text:  # ROS does not report the limit of a namespace
+                text = f"the namespace must have at most {MAX_NAMESPACE} characters"
+            logger.fatal(f"the node cannot be created: {text}")
             return ConfigError.exit_code
-        if staying is None and node.given.get("at_end") == STAY:
-            staying = staying_node(node.get_name())
+        if staying_node is None and node.settings.get("at_end") == STAY:
+            staying_node = create_staying_node(node.get_name())
         code = _spin(node, request)
-        if code or request.received or staying is None or not node.stays:
+        if code or request.received or staying_node is None or not node.stays:
             return code
-        wait_until_gone(staying, node.rig_publishers, lambda: request.received)
+        wait_until_gone(staying_node, node.rig_endpoints, lambda: request.received)
         RigNode.runs_before += 1
 
 
-def _reason(error: Exception) -> str:
-    """Why ROS makes no node; of a namespace that is too long it names no limit."""
-    words = str(error).splitlines()[0].split(", at ")[0]
-    too_long = "should not exceed" in words  # itself, or with the name of a topic or service
-    return f"the namespace is too long; allowed: {MAX_NAMESPACE} characters" if too_long else words
-
-
 def _spin(node: RigNode, request: StopRequest) -> int:
+    """Spin a node to its end, destroy it, and return the exit code."""
     request.act = node.interrupt
     if request.received:
         node.interrupt()
@@ -137,13 +139,10 @@ def _spin(node: RigNode, request: StopRequest) -> int:
     try:
         node.close()
     except CamRigError as error:
-        node.failure = node.failure or error
-    name, failure = node.get_name(), node.failure
-    if failure is None:
+        node.fail(error)
+    if node.failure is None:
         node.get_logger().info(node.summary())
     request.act = lambda: None
-    if failure is not None:
-        print(f"{name}: {failure}", file=sys.stderr)
-    with bounded(failed=failure is not None):
+    with bounded(failed=node.failure is not None):
         node.destroy_node()
-    return 0 if failure is None else failure.exit_code
+    return 0 if node.failure is None else node.failure.exit_code

@@ -15,8 +15,8 @@ from std_msgs.msg import Float64
 from cam_rig.errors import CamRigError, RefusedError
 from cam_rig.messages import topics
 from cam_rig.messages.codec import real_time_factor
+from cam_rig.nodes.base.rig_node import RigNode
 from cam_rig.nodes.convert import to_header
-from cam_rig.nodes.rig_node import RigNode
 from cam_rig.simulation.scene import open_scene
 from cam_rig.viewer.process import require_display, window
 from cam_rig.viewer.recording import SEND_EVERY_S, LiveView, polygon
@@ -37,21 +37,21 @@ class Viewer(RigNode):
 
     def __init__(self) -> None:
         super().__init__("viewer")
-        self._loaded, self._windows = open_scene(Path(self.given["scene"])), ExitStack()
-        address = self.given["address"]
+        self._loaded, self._windows = open_scene(Path(self.settings["scene"])), ExitStack()
+        address = self.settings["address"]
         if not address:
             require_display()
             _, address = self._windows.enter_context(window())
         self._view, self._received = LiveView(self._loaded, address), 0
-        self._shown, feed = self.publisher(topics.SHOWN), self._view.feed
+        self._shown, feed = self.advertise(topics.SHOWN), self._view.feed
         handlers = feed.handlers | {topics.PROFILE: self._on_profile}
         for topic, handle in handlers.items():
             self.subscribe(replace(topic, depth=QUEUE_DEPTH), self._on(handle))
-        self.every(LOOK_EVERY_S, self._view.flush)
-        self._frames = self.every(FRAME_S, self._view.flush)
+        self.create_wall_timer(LOOK_EVERY_S, self._view.flush)
+        self._frames = self.create_wall_timer(FRAME_S, self._view.flush)
         self._frames.cancel()
         self.subscribe(topics.REAL_TIME_FACTOR, self._on_factor)
-        self.get_logger().info(self.activity().words)
+        self.get_logger().info(self.activity().text)
 
     def _on_profile(self, message: PolygonStamped) -> None:
         cam = message.header.frame_id

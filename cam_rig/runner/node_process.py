@@ -116,10 +116,11 @@ class NodeProcess:
         return [line.split("]: ", 1)[-1].strip() for line in self.stderr_lines if "[WARN]" in line]
 
     def last_stderr_line(self) -> str:
-        """The last line it wrote to stderr."""
+        """Return the fatal error that the node logged, or else its last line on stderr."""
         self.settle()
         lines = [line.strip() for line in self.stderr_lines if line.strip()]
-        return lines[-1] if lines else "nothing on stderr"
+        fatal = [line.split("]: ", 1)[-1] for line in lines if line.startswith("[FATAL]")]
+        return (fatal[:1] or lines[-1:] or ["nothing on stderr"])[0]
 
     def settle(self) -> None:
         """Once it has ended: wait until all its output has been read."""

@@ -1,6 +1,6 @@
-"""The one table of the node graph, which the runner and the launch file start.
+"""Table of the node graph, used by the runner and by the launch file.
 
-Subscribers stand before publishers: they start in this order, and end in the opposite one.
+Subscribers come before publishers: nodes start in this order and end in the opposite one.
 """
 
 from __future__ import annotations
@@ -8,11 +8,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-#: Starts of a node that was killed, at most, before it is given up.
-MAX_RESPAWNS = 20
-#: Wall time (s) without an answer after which the drive of a run gives up.
+#: Patience (s, wall clock) of the drive of a run: time without an answer before it gives up.
 PATIENCE_S = 120.0
-#: What a node does when the run is over: end, stay for another one, or wait for a signal to stop.
+#: Values of the parameter at_end: what a node does when the run is over.
 END, STAY, WAIT = "end", "stay", "wait"
 
 
@@ -20,43 +18,45 @@ END, STAY, WAIT = "end", "stay", "wait"
 class NodeEntry:
     """One node of a run, by its executable.
 
-    A run ends with an ``essential`` node that has ended. Without another one it goes on: that node
-    is started again up to ``max_respawns`` times, whatever ended it, and then left out.
+    The run ends if an ``essential`` node ends. An optional node is restarted up to `max_restarts`
+    times, whatever its exit code, and the run then continues without it. It needs no state of the
+    instance before it: latched topics give it the mounted cam and the last ticks.
     """
 
     name: str
     essential: bool = True
-    max_respawns: int = MAX_RESPAWNS
+    max_restarts: int = 0
 
 
 RECORDER, VIEWER, DRIVE = "recorder", "viewer", "cam_drive"
 NODES = (
     NodeEntry(RECORDER),
-    NodeEntry(VIEWER, essential=False, max_respawns=3),
+    NodeEntry(VIEWER, essential=False, max_restarts=3),
     NodeEntry("microphone"),
     NodeEntry("follower"),
     NodeEntry("law_server"),
     NodeEntry(DRIVE),
 )
-#: The node in place of drive and law server where a bag is replayed.
+#: The node that replaces drive and law server in the replay of a bag.
 PLAYER = NodeEntry("player")
-#: The node that passes the commands of a page in a browser on to the others.
-PANEL = NodeEntry("panel", essential=False)
+#: The node that connects the panel in a browser with the other nodes.
+PANEL = NodeEntry("panel", essential=False, max_restarts=20)
 ENTRIES = {entry.name: entry for entry in (*NODES, PLAYER, PANEL)}
-#: The nodes that make what others consume, in a run and in a replay.
+#: Nodes whose messages other nodes consume, in a run and in a replay.
 SOURCES = ("law_server", DRIVE, PLAYER.name)
-#: The nodes that the drive may wait for, beside the law server, and those it can go on without.
+#: Nodes for which the drive may wait in addition to the law server. The run can continue without
+#: the optional nodes.
 CONSUMERS = tuple(entry.name for entry in NODES if entry.name not in SOURCES)
 OPTIONAL = frozenset(entry.name for entry in NODES if not entry.essential)
 
 
 def in_chain(names: Sequence[str]) -> list[str]:
-    """Some nodes in the order in which each waits for those before it."""
+    """Return nodes in the order in which each waits for the nodes before it."""
     order = [entry.name for entry in NODES]
     return sorted(names, key=order.index, reverse=True)
 
 
 def held_by(names: Sequence[str]) -> str:
-    """Which of some nodes that do not answer holds the others, in words."""
+    """Return which of several nodes without an answer blocks the others, as text."""
     first, *rest = in_chain(names)
     return f"{first}, and behind it {', '.join(rest)}" if rest else first

@@ -7,7 +7,6 @@ import fcntl
 import math
 import os
 import re
-import shutil
 import signal
 import stat
 import tempfile
@@ -20,7 +19,7 @@ from cam_rig.errors import ConfigError, OutputError, RunError
 from cam_rig.extras import require
 from cam_rig.files import MIB, no_room, temporary_place
 
-# Folders that are this user's alone, for locks and checkpoints of runs on one machine.
+# Folders that are this user's alone, for locks of runs on one machine.
 
 
 def user_folder() -> Path:
@@ -307,42 +306,3 @@ def _is_locked(path: Path) -> bool:
     finally:
         os.close(lock)
     return False
-
-
-# The folder of a run's checkpoints: in memory, of this user alone, removed with the run.
-
-PREFIX = "cam_rig-checkpoint-"
-
-
-class CheckpointFolder:
-    """A folder that nodes write to every tick, in memory where there is such a place.
-
-    The runner holds its lock until it ends, whatever ends it; so the next run recognises a folder
-    that a killed runner left, and removes it.
-    """
-
-    def __init__(self, place: Path | None = None) -> None:
-        shared = FOLDER if os.access(FOLDER, os.W_OK) else None
-        place = place or runtime_folder() or shared or user_folder()
-        _clear(place)
-        try:
-            self.path = Path(tempfile.mkdtemp(prefix=PREFIX, dir=place))
-        except OSError as error:
-            raise no_room(place, error) from None
-        self._lock = os.open(self.path, os.O_RDONLY | os.O_DIRECTORY)
-        fcntl.flock(self._lock, fcntl.LOCK_EX)
-
-    def remove(self) -> None:
-        """Remove it."""
-        shutil.rmtree(self.path, ignore_errors=True)
-        os.close(self._lock)
-
-
-def _clear(place: Path) -> None:
-    """Remove the folders of this user whose runner has ended."""
-    for folder in place.glob(f"{PREFIX}*"):
-        with suppress(OSError):  # another user's, or another run removes it now
-            about = folder.lstat()  # one that was just made may yet get its lock
-            is_old = about.st_mtime <= time.time() - LOCK_GRACE_S
-            if about.st_uid == os.getuid() and is_old and not _is_locked(folder):
-                shutil.rmtree(folder, ignore_errors=True)

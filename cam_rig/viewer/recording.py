@@ -17,7 +17,7 @@ import rerun as rr
 from cam_rig.bag.measured_run import read_states
 from cam_rig.bag.reader import messages, pressure_of, read_counts, read_scene
 from cam_rig.errors import BagError, CamRigError
-from cam_rig.live.flow_control import REMEMBERED_STATES
+from cam_rig.live.flow_control import MAX_WAITING
 from cam_rig.live.playback import MARGIN_S, Playback, Tick
 from cam_rig.live.queues import TickMatcher
 from cam_rig.messages import topics
@@ -134,7 +134,7 @@ class RunFeed:
         if message in self._received:
             return False
         self._received[message] = None
-        if len(self._received) > 2 * REMEMBERED_STATES:
+        if len(self._received) > 2 * MAX_WAITING:
             del self._received[next(iter(self._received))]
         return True
 

@@ -7,16 +7,15 @@ import numpy as np
 import pytest
 from mcap.opcode import Opcode
 
-from cam_rig.bag.files import bag_file, is_closed, is_unclosed, mcap_files, why_not_a_bag
+from cam_rig.bag.files import bag_file, is_unclosed, mcap_files, why_not_a_bag
 from cam_rig.bag.reader import messages, read_counts, read_recording
-from cam_rig.bag.recorder import BagRecorder, files_to_resume, open_bag
+from cam_rig.bag.recorder import BagRecorder
 from cam_rig.bag.records import records_of
-from cam_rig.bag.recover import NOTHING_RECORDED, examine, recover, recover_in_place, state_words
+from cam_rig.bag.recover import NOTHING_RECORDED, recover, recover_in_place, state_words
 from cam_rig.bag.split import Split
 from cam_rig.bag.writer import BagWriter
 from cam_rig.errors import BagError
-from cam_rig.live.checkpoint import Checkpoint
-from cam_rig.messages.topics import LEVEL, RECORDING, Publishers
+from cam_rig.messages.topics import LEVEL, RECORDING
 
 from .bags import GOLDEN, LOADED, cut_off, killed_bags, payloads, record
 
@@ -81,24 +80,6 @@ def test_a_recovery_may_be_killed_at_any_step(tmp_path, some, in_place):
 
 
 @SOME
-@pytest.mark.parametrize("part", [0.3, pytest.param(0.6, marks=pytest.mark.long)])
-def test_a_successor_may_be_killed_at_any_step(tmp_path, golden, straight, some, part):
-    """While it takes over: what the first recorder had written, the next successor still has."""
-    before = examine(cut_off(tmp_path / "bag", part, straight)).counts
-
-    def prepare(name):
-        bag = cut_off(tmp_path / f"bag{name}", part, straight)
-        return bag, lambda: few(bag, golden[:60], resume=True).close()
-
-    for bag in killed_bags(prepare, some):
-        after = examine(bag).counts
-        assert all(after.get(topic, 0) >= number for topic, number in before.items())
-        few(bag, golden, resume=True).close()
-        assert payloads(bag) == once(straight)
-        assert names(bag) == [".mcap", ".yaml"]
-
-
-@SOME
 def test_a_recorder_may_be_killed_while_it_closes(tmp_path, golden, straight, some):
     """All was flushed: recovered, it is the bag that would have been closed."""
 
@@ -116,8 +97,8 @@ def test_a_recorder_may_be_killed_while_it_closes(tmp_path, golden, straight, so
 
 
 @SOME
-def test_killed_while_it_splits_it_has_what_was_flushed(tmp_path, golden, straight_split, some):
-    """Recovered, it holds every flushed message; a successor makes the bag as without the kill."""
+def test_killed_while_it_splits_it_has_what_was_flushed(tmp_path, golden, some):
+    """Recovered, it holds every flushed message."""
 
     def noting(bag):
         """A recorder that notes in a file how many messages it has flushed."""
@@ -145,35 +126,6 @@ def test_killed_while_it_splits_it_has_what_was_flushed(tmp_path, golden, straig
             assert not is_unclosed(copy) and sum(read_counts(copy).values()) >= least
         else:
             assert words
-        few(bag, golden, resume=True, split=SPLIT).close()
-        assert payloads(bag) == once(straight_split)
-        assert len(read_recording(bag).ticks) == 16
-        assert set(names(bag)) == {".mcap", ".yaml"}
-
-
-@SOME
-def test_a_successor_of_a_split_bag_may_be_killed_at_any_step(
-    tmp_path, golden, straight_split, some
-):
-    """While it takes over: the closed files stay as they are, and the next one still has all."""
-    was = [file.read_bytes() for file in mcap_files(straight_split)]
-    before = {}
-
-    def prepare(name):
-        bag = tmp_path / name / "bag"
-        shutil.copytree(straight_split, bag)
-        last = mcap_files(bag)[-1]
-        last.write_bytes(was[-1][:-2000])
-        (bag / "metadata.yaml").unlink()
-        before.update(examine(bag).counts)
-        return bag, lambda: few(bag, golden[:-20], resume=True, split=SPLIT).close()
-
-    for bag in killed_bags(prepare, some):
-        assert [file.read_bytes() for file in mcap_files(bag)[: len(was) - 1]] == was[:-1]
-        after = examine(bag).counts
-        assert all(after.get(topic, 0) >= number for topic, number in before.items())
-        few(bag, golden, resume=True, split=SPLIT).close()
-        assert payloads(bag) == once(straight_split)
 
 
 @SOME
@@ -192,29 +144,6 @@ def test_a_recovery_of_two_files_may_be_killed_at_any_step(tmp_path, straight_sp
             recover_in_place(bag)
         assert payloads(bag) == once(straight_split)
         assert set(names(bag)) == {".mcap", ".yaml"}
-
-
-def test_killed_between_two_files_both_are_written_anew(tmp_path, golden, straight_split):
-    """The old one was not closed yet, the new one has no message: they become one file."""
-    bag = tmp_path / "bag"
-    shutil.copytree(straight_split, bag)
-    files = mcap_files(bag)
-    for file in files[2:]:
-        file.unlink()
-    files[0].write_bytes(files[0].read_bytes()[:-400])
-    files[1].write_bytes(files[1].read_bytes()[:100])
-    assert files_to_resume(bag) == ([], files[:2])
-    few(bag, golden, resume=True, split=SPLIT).close()
-    assert payloads(bag) == once(straight_split)
-    assert all(is_closed(file) for file in mcap_files(bag))
-
-
-def test_a_successor_of_a_recorder_that_had_closed_goes_on(tmp_path, golden):
-    """Killed between its last byte and its end: the closed bag is not overwritten."""
-    bag = tmp_path / "bag"
-    few(bag, golden[: len(golden) // 2]).close()
-    few(bag, golden, resume=True).close()
-    assert len(read_recording(bag).ticks) == 16
 
 
 def test_a_recorder_that_was_killed_at_once_has_recorded_nothing(tmp_path):
@@ -323,39 +252,3 @@ def test_the_motion_in_a_bag_is_made_from_its_samples(tmp_path, golden):
     assert 16 * 12 <= len(few["/joint_states"]) <= 16 * 14
     for topic in stored.keys() - derived:
         assert few[topic] == unkilled[topic]
-
-
-@pytest.mark.parametrize("made", ["", "bag", "bag/bag_0.mcap"])
-def test_a_recorder_that_was_killed_at_once_has_a_successor(
-    tmp_path, golden, straight, monkeypatch, made
-):
-    """Before its folder was there, before the file, before the first byte."""
-    bag, other = tmp_path / "bag", tmp_path / "other"
-
-    def die(*_, **__):
-        if made:
-            bag.mkdir()
-        if made.endswith("mcap"):
-            (tmp_path / made).touch()
-        raise KeyboardInterrupt
-
-    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-        patch.setattr("cam_rig.bag.recorder.BagWriter", die)
-        open_bag(Checkpoint(str(tmp_path), "recorder"), bag, LOADED, Publishers())
-    successor = open_bag(Checkpoint(str(tmp_path), "recorder"), other, LOADED, Publishers())
-    for topic, number, cdr in golden[:30]:
-        successor.take(topic, cdr, b"live", number)
-    successor.close()
-    states = payloads(bag)["/cam/state"]
-    assert states == once(straight)["/cam/state"][: len(states)]
-    assert not other.exists()
-
-
-def test_a_folder_that_was_there_is_nobodys_to_take_over(tmp_path):
-    """It is refused, and by a successor as well."""
-    theirs = tmp_path / "theirs"
-    theirs.mkdir()
-    for _ in range(2):
-        with pytest.raises(BagError, match="exists already, not overwriting"):
-            open_bag(Checkpoint(str(tmp_path), "recorder"), theirs, LOADED, Publishers())
-    assert list(theirs.iterdir()) == []

@@ -52,10 +52,10 @@ def test_table_of_parameters():
             described[node, name] = "**live**" in words
     for node, specs in PARAMETERS.items():
         for spec in specs:
-            if spec.name in ("scene", "checkpoint", "at_end"):
+            if spec.name in ("scene", "at_end"):
                 continue
             assert described.pop((node, spec.name)) == spec.live, f"{node} {spec.name}"
-    common = {("all but player", "scene"), ("all", "checkpoint"), ("all", "at_end")}
+    common = {("all but player", "scene"), ("all", "at_end")}
     assert set(described) == common
 
 

@@ -106,17 +106,15 @@ def test_every_argument_is_described(load):
 
 
 def test_a_node_that_ends_in_order_ends_the_launch(load):
-    """So does one that fails, unless it is started again; the reason names it."""
+    """So does a node that fails; the reason names it."""
     on_exit = nodes_of(load("rig.launch.py"))["recorder"]["on_exit"]
 
-    def reason(code, respawn):
+    def reason(code):
         event = SimpleNamespace(process_name="recorder-1", returncode=code)
-        shutdown = on_exit(event, {"respawn": respawn})
-        return shutdown and shutdown.named["reason"]
+        return on_exit(event, {}).named["reason"]
 
-    assert reason(0, "false") == reason(0, "true") == "recorder-1 has ended in order"
-    assert reason(-9, "false") == "recorder-1 has ended with code -9"
-    assert reason(-9, "true") is None
+    assert reason(0) == "recorder-1 has ended in order"
+    assert reason(-9) == "recorder-1 has ended with code -9"
 
 
 def test_no_socket_leaves_the_machine_unless_asked(load):
@@ -126,15 +124,6 @@ def test_no_socket_leaves_the_machine_unless_asked(load):
     assert profiles == {"fastdds_loopback.xml", "fastdds_subnet.xml"}
     assert all((LAUNCH.parent / "config" / name).is_file() for name in profiles)
     assert all("condition" in v.named for v in variables)
-
-
-def test_checkpoints_are_kept_where_nodes_are_started_again(load):
-    """One folder for all, that exists; without respawn none."""
-    actions = load("rig.launch.py")
-    nodes = nodes_of(actions, respawn="true").values()
-    (folder,) = {node["parameters"][0]["checkpoint"] for node in nodes}
-    assert Path(folder).is_dir()
-    assert not any("checkpoint" in n["parameters"][0] for n in nodes_of(actions).values())
 
 
 def test_a_run_goes_on_without_its_viewer(load):

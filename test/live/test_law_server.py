@@ -7,12 +7,10 @@ from cam_rig.errors import CamRigError, RefusedError
 from cam_rig.laws import Law
 from cam_rig.live.law_server import (
     CamMounting,
-    MountingCheckpoint,
     contour_of,
     require_own_contour,
     require_own_law,
 )
-from cam_rig.live.state_validation import Admission
 from cam_rig.schema.load import config_root
 from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import CamState, cam_states
@@ -78,12 +76,11 @@ def test_a_law_is_published_for_each_new_cam_or_speed(cams):
     """Once; not for the state in which a cam stands."""
     found = []
     for state in STATES:
-        assert cams.validator.admit(state) is not Admission.SEEN
+        cams.validator.validate(state)
         if (law := cams.follow(state)) is not None:
             found.append((law.name, state.speed))
     turned = [(state.cam, state.speed) for state in STATES if state.speed > 0.0]
     assert found == list(dict.fromkeys(turned))
-    assert cams.validator.admit(STATES[-1]) is Admission.SEEN
 
 
 def test_a_state_of_an_unknown_cam_is_refused(cams):
@@ -91,32 +88,6 @@ def test_a_state_of_an_unknown_cam_is_refused(cams):
     with pytest.raises(RefusedError, match=r"cam state: .*unknown"):
         cams.follow(CamState(0, 0.0, 20.0, "unknown"))
     assert cams.follow(STATES[0]) is not None
-
-
-def test_a_successor_publishes_what_its_predecessor_would_have(cams):
-    """From the checkpoint before any state on, however far the drive has gone on meanwhile; a law
-    that was published just before the kill may be lost."""
-    checkpoints, published = [cams.checkpoint], []
-    for state in STATES:
-        published.append(cams.follow(state) is not None)
-        checkpoints.append(cams.checkpoint)
-    for number in (0, 2, 5, len(STATES) - 1):
-        successor = CamMounting(LOADED, "", checkpoints[number : number + 4])
-        assert successor.cam == cams.cam
-        assert successor.validator.admit(STATES[number]) is Admission.NEW_SEQUENCE
-        successor.last = checkpoints[number].last
-        again = [successor.follow(state) is not None for state in STATES[number:]]
-        assert again == published[number:]
-
-
-def test_a_successor_knows_states_that_were_followed():
-    """They are older than the oldest checkpoint's state; after it some may be missing, once."""
-    successor = CamMounting(LOADED, "", [MountingCheckpoint("cycloidal", STATES[3])])
-    assert successor.cam == "cycloidal"
-    assert successor.validator.admit(STATES[3]) is Admission.SEEN
-    assert successor.validator.admit(STATES[6]) is Admission.NEW_SEQUENCE
-    with pytest.raises(RefusedError, match="was one lost"):
-        successor.validator.admit(STATES[9])
 
 
 def test_a_law_and_a_contour_are_those_of_the_cams_file():

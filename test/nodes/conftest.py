@@ -195,10 +195,10 @@ def run_to_end(scene, bag, on_tick=lambda _tick: None, **how):
     assert set(here.codes.values()) == {0}
 
 
-def run_graph(scene, bag, on_tick=None, respawn=False, logged=None, **drive):
+def run_graph(scene, bag, on_tick=None, **drive):
     """Run processes to the end, calling ``on_tick(graph, tick)`` for each; the lines logged."""
-    logged = [] if logged is None else logged
-    with Graph(patient(scene, bag, **drive), respawn=respawn, log=logged.append) as graph:
+    logged = []
+    with Graph(patient(scene, bag, **drive), log=logged.append) as graph:
         for report in graph.progress():
             if on_tick is not None:
                 on_tick(graph, report["tick"])

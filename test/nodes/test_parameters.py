@@ -11,9 +11,12 @@ from rclpy.parameter import Parameter
 
 from cam_rig.errors import ConfigError
 from cam_rig.nodes.__main__ import NODES
+from cam_rig.nodes.base.parameter_table import ParameterTable
+from cam_rig.nodes.base.rig_node import scene_identity
+from cam_rig.nodes.clock_source import require_same_scene
 from cam_rig.nodes.parameters import ABOUT, PARAMETERS, published, usage
-from cam_rig.nodes.rig_node import convert, declare, require_one_scene, scene_mark, unknown_names
 from cam_rig.schema.load import config_root
+from cam_rig.units import RPM
 from tools.docs.parameters import FOLDER, text
 
 pytestmark = pytest.mark.ros
@@ -27,12 +30,14 @@ OF_RCLPY = {"/rosout", "/parameter_events"}
 def given(domain):
     """What a function of a node and its parameters gives, declared with such arguments."""
 
-    def given(name, *arguments, ask=declare, **node):
+    def given(name, *arguments, table=False, **node):
         context = rclpy.Context()
         rclpy.init(args=["--ros-args", *arguments], context=context)
-        made = rclpy.create_node(name, context=context, **node)
+        how = {"automatically_declare_parameters_from_overrides": True}
+        made = rclpy.create_node(name, context=context, **how, **node)
         try:
-            return ask(made, PARAMETERS[name])
+            found = ParameterTable(made, PARAMETERS[name])
+            return found if table else found.values
         finally:
             made.destroy_node()
             context.shutdown()
@@ -94,14 +99,17 @@ def test_a_wrong_value_is_refused_with_what_is_allowed(given):
 def test_what_is_set_is_converted_or_refused_in_words(make):
     """A whole number is a number too; what no node of the rig declares stays as it is. Refused by
     the node itself, and nothing is changed."""
-    wanted = [Parameter("rpm", value=250), Parameter("other", value=1)]
-    assert [one.value for one in convert(PARAMETERS["cam_drive"], wanted)] == [250.0, 1]
     drive = make("cam_drive")
+    assert drive.set_parameters_atomically([Parameter("rpm", value=250)]).successful
+    assert drive.program.schedule.state.speed == 250.0 * RPM
+    assert drive.set_parameters_atomically([Parameter("pacing", value=20)]).successful
+    assert drive.get_parameter("pacing").value == "20x"
     for name, value, words in (
         ("rpm", "fast", "rpm: is 'fast'; allowed: a number"),
         ("rpm", None, "rpm: is None; allowed: a number"),
         ("rpm", -1, "rpm"),
-        ("scene", [1, 2], "scene: is [1, 2]; allowed: a text"),
+        ("pacing", "fast", "allowed: free, real_time, or a factor"),
+        ("scene", [1, 2], "read-only"),
     ):
         before = drive.get_parameter(name).value
         result = drive.set_parameters_atomically([Parameter(name, value=value)])
@@ -125,14 +133,9 @@ def test_a_parameter_file_holds_every_default(given):
 
 def test_a_parameter_of_another_name_is_told(given):
     """A slip of the pen is no reason to end, as a file may be meant for several nodes."""
-
-    def unknown(node, table):
-        declare(node, table)
-        return unknown_names(node, table)
-
     slip = ("-p", "scen:=quick", "-p", "use_sim_time:=false")
-    assert given("follower", *slip, ask=unknown) == [
-        "parameter 'scen' is none of this node's (did you mean 'scene'?); it is left aside"
+    assert given("follower", *slip, table=True).unknown == [
+        "ignoring unknown parameter 'scen' (did you mean 'scene'?)"
     ]
 
 
@@ -189,10 +192,10 @@ def scene(tmp_path):
 def test_the_file_of_a_scene_counts_not_its_folder(scene):
     """Copies are one; another is refused by name, or by what the file holds. A node without a scene
     is taken: the player's consumers have the bag's own; a file may be gone since it was read."""
-    require_one_scene("follower", scene_mark(scene("one", "a")), scene("one", "a", "copy"))
-    for theirs, words in (("two", "has two"), ("one", "has another file of")):
+    require_same_scene("follower", scene_identity(scene("one", "a")), scene("one", "a", "copy"))
+    for theirs, words in (("two", "and two for"), ("one", "and another file of")):
         with pytest.raises(ConfigError, match=words):
-            require_one_scene("follower", scene_mark(scene(theirs, "b")), scene("one", "a"))
-    require_one_scene("viewer", "", scene("one", "a"))
-    require_one_scene("follower", "one#00000000", "")
-    assert scene_mark("/nowhere/one.yaml") == ""
+            require_same_scene("follower", scene_identity(scene(theirs, "b")), scene("one", "a"))
+    require_same_scene("viewer", "", scene("one", "a"))
+    require_same_scene("follower", "one#00000000", "")
+    assert scene_identity("/nowhere/one.yaml") == ""

@@ -11,10 +11,10 @@ from sensor_msgs.msg import FluidPressure
 
 from cam_rig.bag.files import bag_files, is_unclosed
 from cam_rig.bag.reader import read_recording
-from cam_rig.errors import ConfigError, RunError
-from cam_rig.nodes import convert
-from cam_rig.nodes.convert import MAX_DRAIN_S, take_rest
-from cam_rig.nodes.run_end import ABSENT_S, POLL_S, DriveAbsence, FinishedRun
+from cam_rig.errors import RunError
+from cam_rig.nodes.base import rig_node
+from cam_rig.nodes.base.rig_node import MAX_DRAIN_S, RigNode
+from cam_rig.nodes.base.run_end import DRIVE_LOST_S, POLL_S, FinishedRun, LostDriveMonitor
 from cam_rig.runner.node_process import NodeProcess, stop_all
 from cam_rig.runner.node_table import DRIVE, RECORDER
 
@@ -71,8 +71,8 @@ def test_nodes_alone_end_with_the_run_and_leave_a_closed_bag(
     with OneProcess(given(*NODES)) as here:
         wait_until(lambda: user.spin(0.1) or not any(map(here.is_running, NODES)))
     assert here.codes == dict.fromkeys(NODES, 0)
-    run = FinishedRun.of(finished[0])
-    assert (run.level, run.words, run.ticks) == (DiagnosticStatus.OK, "done", TICKS)
+    run = FinishedRun.from_message(finished[0])
+    assert (run.level, run.text, run.ticks) == (DiagnosticStatus.OK, "done", TICKS)
     assert not is_unclosed(tmp_path / "bag")
     assert payloads_of(tmp_path / "bag") == undisturbed
     logged = capfd.readouterr().err
@@ -94,7 +94,7 @@ def test_nodes_that_stay_do_another_run_into_another_bag(user, start, undisturbe
     nodes = list(start(*NODES[:-1], at_end="stay"))
     first = start(DRIVE, at_end="stay" if drive == "that stays" else "end")[-1]
     if drive == "that stays":
-        wait_until(lambda: any("stays for" in line for line in first.stderr_lines))
+        wait_until(lambda: any("ready for another" in line for line in first.stderr_lines))
         user.call("/cam_drive/start")
         nodes.append(first)
     else:
@@ -152,39 +152,13 @@ def test_a_drive_that_ends_early_says_why_and_the_bag_is_closed(user, given, tmp
         wait_until(lambda: user.spin(0.1) or finished)
         go_on.set()
         wait_until(lambda: not any(map(here.is_running, NODES)))
-    run = FinishedRun.of(finished[0])
-    assert how in run.words
+    run = FinishedRun.from_message(finished[0])
+    assert how in run.text
     held = "from: microphone, and behind it recorder; is it running?"  # which waits for its level
-    assert (held in run.words) == (how == "no answer")
+    assert (held in run.text) == (how == "no answer")
     codes = dict.fromkeys(NODES, 0) | {DRIVE: 0 if how == "stopped" else 1}
     assert here.codes == codes
     assert read_recording(tmp_path / "bag").ticks
-
-
-@pytest.mark.long
-def test_a_recorder_that_comes_back_takes_up_the_run_and_its_end(
-    user, start, undisturbed, tmp_path
-):
-    """As a launch file starts it again; the drive stays until the successor has closed the bag."""
-    pressures = listen(user, FluidPressure, "/microphone/pressure")
-    (tmp_path / "checkpoints").mkdir()
-    kept = {"checkpoint": str(tmp_path / "checkpoints")}
-    first = start(*NODES[:-1], **kept)[0]
-    start(DRIVE, pacing=SLOW, **kept)
-    wait_until(lambda: user.spin(0.1) or len(pressures) > 4)
-    first.process.kill()
-    nodes = start(RECORDER, **kept)[1:]
-    wait_until(lambda: all(node.has_ended for node in nodes))
-    assert {node.code for node in nodes} == {0}
-    assert payloads_of(tmp_path / "bag") == undisturbed
-
-
-def test_a_node_of_one_run_does_not_stay(domain, given, tmp_path):
-    """A checkpoint folder is of one run: the node says so."""
-    nodes = given("follower", at_end="stay", checkpoint=str(tmp_path))
-    words = "at_end: is stay with a checkpoint folder"
-    with pytest.raises(ConfigError, match=words), OneProcess(nodes):
-        pass
 
 
 # The recorder's end: it takes what is in transit, and does not wait for an endless publisher.
@@ -200,15 +174,15 @@ def test_a_node_of_one_run_does_not_stay(domain, given, tmp_path):
 def test_the_rest_is_taken_until_nothing_comes(monkeypatch, writes, written, seconds):
     """An endless publisher is not waited for: the recorder ends before it is killed."""
     time, writes = SimpleNamespace(s=0.0, monotonic=lambda: time.s), iter(writes)
-    taken = [0]
-    monkeypatch.setattr(convert, "time", time)
+    node = SimpleNamespace(received=0)
+    monkeypatch.setattr(rig_node, "time", time)
 
     def spin_once(timeout_sec):
         time.s += timeout_sec
-        taken[0] += next(writes, 0)
+        node.received += next(writes, 0)
 
-    take_rest(spin_once, lambda: taken[0])
-    assert (taken[0], time.s) == (written, pytest.approx(seconds))
+    RigNode.drain(node, spin_once)
+    assert (node.received, time.s) == (written, pytest.approx(seconds))
 
 
 def test_a_second_recorder_is_refused_and_disturbs_nothing(
@@ -229,17 +203,16 @@ def test_a_second_recorder_is_refused_and_disturbs_nothing(
 
 # Nodes whose drive leaves without saying that the run is over.
 
-LONG = int(ABSENT_S / POLL_S) + 1
+LONG = int(DRIVE_LOST_S / POLL_S) + 1
 
 
 @pytest.fixture
 def poll(make, monkeypatch):
     """Let a node look so many times whether the drive is there; the node."""
 
-    def poll(name, *looks, **given):
+    def poll(name, *looks):
         node = make(name)
-        node.given |= given
-        absence = DriveAbsence(node)
+        absence = LostDriveMonitor(node)
         for drives, times in looks:
             monkeypatch.setattr(node, "count_publishers", lambda _topic, drives=drives: drives)
             for _ in range(times):
@@ -251,10 +224,9 @@ def poll(make, monkeypatch):
 
 def test_a_node_ends_when_the_drive_has_left_without_a_word(poll, capfd):
     """It was killed, or the node was suspended while it gave up; not one that was never there, nor
-    one that is discovered again, or comes back, as with a checkpoint folder."""
+    one that is discovered again."""
     here = [(0, 2 * LONG), *[(1, 1), (0, LONG - 2)] * 3]
     assert not poll("microphone", *here).done.done()
-    assert not poll("follower", (1, 1), (0, 3 * LONG), checkpoint="there").done.done()
     node = poll(RECORDER, *here, (0, 2))
     assert node.done.done() and node.failure is None
-    assert "the drive has left without saying that the run is over" in capfd.readouterr().err
+    assert "the drive has left without publishing /rig/finished" in capfd.readouterr().err

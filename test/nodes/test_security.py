@@ -98,14 +98,14 @@ def test_what_cannot_be_right_ends_no_node(user, short_scene, tmp_path, capfd):
             request = SetParameters.Request(parameters=impossible)
             answer = user.ask(SetParameters, f"/{name}/set_parameters", request)
             assert not any(result.successful for result in answer.results)
-            while "refused: " not in logged:
+            while "rejected: " not in logged:
                 logged += capfd.readouterr().err
             assert here.is_running(name), logged
         for publisher in publishers.values():
             user.node.destroy_publisher(publisher)
         logged += capfd.readouterr().err
         assert here.codes == {name: 0} and "Traceback" not in logged, logged
-        assert logged.count("refused: ") < 60, "the warnings are throttled"
+        assert logged.count("rejected: ") < 60, "the warnings are throttled"
 
 
 def open_to_all():
@@ -137,7 +137,7 @@ def test_messages_on_open_topics_change_nothing(user, short_scene, undisturbed, 
             pass
     logged = capfd.readouterr().err
     for name in ("cam_drive", "recorder"):
-        assert f"[{name}]: refused: " in logged, name
+        assert f"[{name}]: rejected: " in logged, name
     assert "Traceback" not in logged
     assert payloads_of(bag) == undisturbed
 

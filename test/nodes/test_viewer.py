@@ -80,7 +80,7 @@ def test_a_killed_viewer_is_started_again(forked, domain, tmp_path):
                 graph.processes["viewer"].process.kill()
     recorded = as_recorded(bag, tmp_path)
     seen = wait_until(lambda: curves(newest_recording(folder)))
-    assert ["viewer" in line and "started again" in line for line in logged] == [True]
+    assert ["viewer" in line and "restarted" in line for line in logged] == [True]
     for name in CURVES:
         np.testing.assert_array_equal(seen[name][-1], recorded[name][-1], err_msg=name)
 

@@ -1,7 +1,6 @@
 """The bench with its nodes: pages steer them, others too, and what is recorded is what was done."""
 
 import json
-import os
 import signal
 import time
 from itertools import pairwise
@@ -19,7 +18,7 @@ from cam_rig.testing.client import RigClient
 from cam_rig.testing.running_rig import isolated_domain
 from cam_rig.units import NS, RPM
 
-from ..processes import WAIT_S, is_running, until
+from ..processes import is_running, until
 from .conftest import BrowserPage, in_browser, panel_process
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
@@ -71,23 +70,6 @@ def test_one_page_holds_the_controls(shared):
         bag = first.keep()
         first.running()
     assert not is_unclosed(bag)
-
-
-def test_a_killed_node_is_named_and_one_command_starts_it_again(shared):
-    """The others wait for it; the run goes on."""
-    panel, _ = shared
-    with panel.page() as page:
-        page.running()
-        page.until(lambda live: live["holds"])
-        page.turned(0.1)
-        page.until(lambda live: live["level"])
-        os.kill(panel.nodes()["follower"], signal.SIGKILL)
-        ended = page.until(lambda live: live["ended"])["ended"]
-        assert "follower was ended by signal 9" in ended["follower"]
-        assert not page.ask("start_again", value="microphone")["success"]
-        before = page.motion[-1][0]
-        page.do("start_again", value="follower")
-        page.until(lambda live: not live["ended"] and page.motion[-1][0] > before + 0.5)
 
 
 def test_a_page_that_watches_is_sent_every_tick_and_another_none(shared):
@@ -381,19 +363,3 @@ def test_levels_are_noted_and_drawn(chromium, running_panel):
               .map((one) => one.id)"""
         )
         assert nameless == []
-
-
-@pytest.mark.long
-def test_a_killed_node_is_started_by_a_button(chromium, running_panel):
-    """Its line goes when it is back, and the cam turns on."""
-    with in_browser(chromium, BenchInBrowser) as bench:
-        bench.begin(running_panel)
-        bench.page.locator("#start").click()
-        bench.until(lambda: bench.text("level") != "–")
-        os.kill(running_panel.nodes()["microphone"], signal.SIGKILL)
-        button = bench.page.locator("#ended button")
-        button.wait_for(timeout=WAIT_S * 1e3)
-        assert "microphone has ended" in bench.text("ended")
-        button.click()
-        bench.until(lambda: bench.text("ended") == "")
-        bench.command(260)

@@ -1,4 +1,4 @@
-"""The runner: which exit ends the run, which node is started again, which one is named."""
+"""The runner: which exit ends the run, which node is named, which may be restarted."""
 
 import errno
 import os
@@ -14,7 +14,6 @@ from unittest.mock import Mock
 
 import pytest
 
-from cam_rig.bag.writer import BagWriter
 from cam_rig.errors import RunError
 from cam_rig.runner import node_process as process
 from cam_rig.runner.graph import Graph
@@ -47,7 +46,7 @@ def made(monkeypatch, tmp_path):
         def wait(self, _timeout):
             return self.code
 
-    def make(respawn=False, closing=(), screen=None, **codes):
+    def make(closing=(), screen=None, **codes):
         closing = list(closing)
 
         class Made(NodeProcess):
@@ -60,7 +59,7 @@ def made(monkeypatch, tmp_path):
 
         monkeypatch.setattr("cam_rig.runner.graph.NodeProcess", Made)
         nodes = live(tmp_path, tmp_path / "bag", screen=screen)
-        return Graph(nodes, respawn, log=did.logged.append)
+        return Graph(nodes, log=did.logged.append)
 
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     monkeypatch.setattr("cam_rig.runner.graph.clean", lambda since, **_: did.cleaned.append(since))
@@ -73,10 +72,10 @@ def made(monkeypatch, tmp_path):
 def progress(made):
     """Lets the drive be done, in a graph whose nodes have been started; what follows."""
 
-    def progress(respawn, **codes):
+    def progress(**codes):
         for of in vars(made.did).values():
             of.clear()
-        graph = made(respawn, **codes)
+        graph = made(**codes)
         graph._start_all()
         made.did.started.clear()
         graph._progress.put('{"done": true}')
@@ -86,58 +85,31 @@ def progress(made):
     return progress
 
 
-def test_a_node_that_ends_after_the_drive_costs_nothing(progress):
-    """With --respawn: the drive's end is the run's, and no node is started in vain."""
-    for other in ("follower", "microphone", "law_server"):
-        started, logged = progress(True, cam_drive=[0], **{other: [KILLED]})
-        how = "was ended by signal 9 before the first tick, when all was published"
-        assert (started, logged) == ([], [f"node {other} {how}"])
-
-
-def test_a_recorder_killed_after_the_drive_has_a_successor(progress):
-    """It had answered for ticks that it had not flushed: the drive sends its last ones again."""
-    codes = {"cam_drive": [0, 0], "recorder": [KILLED], "follower": [KILLED]}
-    started, logged = progress(True, **codes)
-    assert sorted(started) == ["cam_drive", "follower", "recorder"]
-    assert [line.split()[1] for line in logged] == ["recorder", "follower"]
-
-
-def test_a_recorder_killed_while_the_drive_ends_has_its_last_ticks_sent_again(made):
-    """The drive may have ended before it heard of the successor, which closes later."""
-    graph = made(True, recorder=[KILLED], cam_drive=[None, None])
-    graph._start_all()
-    graph.look()
-    for drives in (1, 2):
-        assert made.did.started.count("cam_drive") == drives
-        graph._progress.put('{"done": true}')
-        graph.processes["cam_drive"].process.code = 0
-        graph.look()
-    assert graph.finished and made.did.stopped == ["recorder"]
-    assert (made.did.started.count("recorder"), made.did.started.count("cam_drive")) == (2, 2)
-
-
-@pytest.mark.parametrize("respawn", [True, False])
-def test_a_recorder_that_is_killed_while_it_closes(progress, tmp_path, respawn):
-    """With --respawn the drive sends its last states to the successor, which closes the bag; else
-    that is recovered when all have ended."""
-    BagWriter(tmp_path / "bag").flush()  # what a recorder leaves that was killed
-    started, logged = progress(respawn, closing=[KILLED], cam_drive=[0, 0])
-    assert sorted(started) == ["cam_drive", "recorder"] * respawn
-    words = "node recorder was ended by signal 9 before the first tick: started again"
-    assert logged == [words] * respawn
-
-
-def test_without_respawn_a_node_killed_beside_the_drive_is_named(progress):
+def test_a_node_killed_beside_the_drive_is_named(progress):
     """Not the drive, which has ended as it should."""
     for other in ("recorder", "follower", "microphone", "law_server"):
         with pytest.raises(RunError, match=f"node {other} was ended by signal 9"):
-            progress(False, cam_drive=[0], **{other: [KILLED]})
+            progress(cam_drive=[0], **{other: [KILLED]})
 
 
 def test_a_node_that_fails_beside_the_drive_is_named_with_its_error(progress):
-    """A full disk is none that goes away by starting again."""
+    """The last line of its stderr is the reason."""
     with pytest.raises(RunError, match=r"node recorder ended with code 1 before .*: no space"):
-        progress(True, cam_drive=[0], recorder=[1])
+        progress(cam_drive=[0], recorder=[1])
+
+
+def test_the_fatal_error_of_a_node_is_its_reason(made):
+    """Whatever it writes to stderr afterwards."""
+    graph = made(follower=[1])
+    graph._start_all()
+    lines = [
+        "[INFO] [1.0] [follower]: waits",
+        "[FATAL] [2.0] [follower]: scene: wrong",
+        "[WARN] late",
+    ]
+    graph.processes["follower"].stderr_lines = lines
+    with pytest.raises(RunError, match=r"node follower ended with code 1 .*: scene: wrong$"):
+        graph.poll()
 
 
 @pytest.mark.parametrize("code", [KILLED, 1, 0])
@@ -146,11 +118,11 @@ def test_a_run_goes_on_without_its_viewer(made, code):
     graph, logged = made(screen="address", **{VIEWER: [code] * 4}), made.did.logged
     graph._start_all()
     for _ in range(4):
-        graph.look()
+        graph.poll()
     assert graph.processes[VIEWER].has_ended
-    assert all(line.endswith("before the first tick: started again") for line in logged[:3])
-    assert logged[3].endswith("; the run goes on without it")
-    graph.look()
+    assert all(line.endswith("before the first tick: restarted") for line in logged[:3])
+    assert logged[3].endswith("; the run continues without it")
+    graph.poll()
     assert len(logged) == 4
 
 

@@ -23,8 +23,6 @@ from cam_rig.runner.resources import (
     MAX_DOMAIN,
     MAX_NAMESPACE,
     MIN_FREE,
-    PREFIX,
-    CheckpointFolder,
     DeadPorts,
     clean,
     domain_number,
@@ -327,35 +325,3 @@ def test_a_node_in_a_full_shared_memory():
     done = in_a_full_one(sys.executable, "-c", NODE)
     words = "follower was ended by signal 7 (SIGBUS: /dev/shm was full, 0 KiB are free now; remove "
     assert done.stdout.startswith(words), done.stderr
-
-
-# The folder of checkpoints is removed with its run, or with the next.
-
-MAKE = """
-import sys; from pathlib import Path; from cam_rig.runner.resources import CheckpointFolder
-folder = CheckpointFolder(Path(sys.argv[1])); (folder.path / "follower.json").touch()
-print(folder.path, flush=True); input()
-"""
-
-
-def test_what_a_killed_run_left_goes_with_the_next(tmp_path):
-    """While it runs its folder stays, whatever its age, and one that was just made, between its
-    making and its lock; other folders always do."""
-    (tmp_path / "cam_rig-replay-x").mkdir()
-    (tmp_path / "elsewhere").mkdir()
-    (tmp_path / f"{PREFIX}link").symlink_to(tmp_path / "elsewhere")
-    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
-    with subprocess.Popen([sys.executable, "-c", MAKE, tmp_path], text=True, **pipes) as other:
-        name = other.stdout.readline().strip()
-        os.utime(name, 2 * (time.time() - 60.0,))  # as if it had been made a while ago
-        mine = CheckpointFolder(tmp_path)
-        assert os.path.isdir(name)
-        other.kill()
-        other.wait(timeout=100)
-    (tmp_path / f"{PREFIX}new").mkdir()
-    CheckpointFolder(tmp_path).remove()
-    assert not os.path.exists(name)
-    assert mine.path.is_dir()
-    mine.remove()
-    left = {path.name for path in tmp_path.iterdir()}
-    assert left == {"cam_rig-replay-x", "elsewhere", f"{PREFIX}link", f"{PREFIX}new"}

@@ -1,7 +1,6 @@
 """The meter before a running scene reads what the energy account says."""
 
 import dataclasses
-import json
 
 import numpy as np
 import pytest
@@ -9,7 +8,6 @@ import pytest
 from cam_rig.acoustics import SoundSource, level_db
 from cam_rig.acoustics.sound_level_meter import class_1_up_to_hz
 from cam_rig.errors import ConfigError, RunError
-from cam_rig.live.checkpoint import from_plain, to_plain
 from cam_rig.simulation.instruments import Signal, encoder_count
 from cam_rig.simulation.simulate import MicrophoneSimulator, turned_ticks
 from cam_rig.simulation.sound import MeterSimulator
@@ -87,29 +85,6 @@ def test_most_of_the_sound_is_below_hearing(make_loaded_scene):
         *_, (reading, _) = listen(loaded, -400.0, weighting)
         last[weighting] = reading.equivalent
     assert last["A"] < last["C"] - 5.0 < last["Z"] - 10.0
-
-
-@pytest.mark.parametrize("frequency", "ACZ")
-@pytest.mark.parametrize("changed", [False, True])
-def test_a_successor_reads_on_bit_for_bit(make_loaded_scene, frequency, changed):
-    """A simulator's state passes through a checkpoint's file, landings, noise and filters with
-    it; a weighting that was asked for and not yet begun as well.
-    """
-    loaded = make_loaded_scene(cams=["tm21"], speeds=[380], turns=8)
-    blocks = [tick.rows for tick in turned_ticks(loaded)]
-    bench = MeterSimulator.of(loaded)
-    bench.weigh(frequency, "S")
-    for rows in blocks[:4]:
-        bench.read(rows, 39.8)
-    if changed:
-        bench.weigh("C", "F")
-    successor = MeterSimulator.of(loaded)
-    successor.state = from_plain(json.loads(json.dumps(to_plain(bench.state))))
-    assert successor.quantity == bench.quantity
-    for rows in blocks[4:]:
-        assert successor.read(rows, 39.8) == bench.read(rows, 39.8)
-    assert successor.meter.equivalent == bench.meter.equivalent
-    assert successor.meter.highest == bench.meter.highest
 
 
 def test_the_sound_of_another_rate_is_not_gone_on_with(make_loaded_scene):

@@ -101,7 +101,7 @@ SERVICES = ABOUT["cam_drive"].services
 START, STOP, _, EMERGENCY_STOP = SERVICES
 Reply = dict[str, Any]
 DONE: Reply = {"success": True, "words": ""}
-COMMANDS = ("call", "set", "set_up", "keep", "rerun", "start_again", "note", "clear")
+COMMANDS = ("call", "set", "set_up", "keep", "rerun", "note", "clear")
 
 
 class BenchControls:
@@ -132,12 +132,6 @@ class BenchControls:
             case "rerun":
                 self._runner.show()
                 self.set_up(self.as_it_is({}))
-            case "start_again" if str(value) in self._live.ended:
-                self._runner.start_again(str(value))
-            case "start_again":
-                raise RefusedError(
-                    f"start again: is {str(value)[:40]!r}; allowed: a node that has ended"
-                )
             case "note":
                 return DONE | {"noted": asdict(self._live.note())}
             case "clear":

@@ -18,7 +18,7 @@ from cam_rig.errors import CamRigError, ConfigError, RefusedError
 from cam_rig.extras import require
 from cam_rig.runner.graph import Graph
 from cam_rig.runner.node_process import steered
-from cam_rig.runner.node_table import DRIVE, OPTIONAL, PANEL
+from cam_rig.runner.node_table import DRIVE
 from cam_rig.runner.resources import domain_number, own_domain
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.load import NAME, config_root, load_cam, to_yaml
@@ -185,8 +185,6 @@ class BenchRunner:
         self._stream: str | None = None
         self._page: PageTime | None = None
         self._setups: Queue[tuple[Setup, NodeValues]] = Queue()
-        self._permitted: set[str] = set()
-        self._waiting: dict[str, str] = {}
         self._keep = False
 
     @property
@@ -204,10 +202,6 @@ class BenchRunner:
         if not self.has_screen:
             raise RefusedError("rerun: this panel has none; allowed: without --no-rerun")
         self._wants_screen = not self.screen
-
-    def start_again(self, node: str) -> None:
-        """Start a node that was killed."""
-        self._permitted.add(node)
 
     def run(self, served: Callable[[], bool]) -> None:
         """Run what is set up, as long as the pages are ``served``; a signal ends it before."""
@@ -247,8 +241,6 @@ class BenchRunner:
         return found
 
     def _run(self, setup: Setup, values: NodeValues) -> tuple[Setup, NodeValues] | None:
-        self._waiting.clear()
-        self._permitted.clear()
         following: tuple[Setup, NodeValues] | None = None
         try:
             scene = setup.write(self.folder, self.rig)
@@ -259,26 +251,14 @@ class BenchRunner:
                     nodes[node] |= chosen
                 domain = domain_number()
                 self.tell({"graph": "starting", "domain": domain})
-                with Graph(nodes, respawn=True, log=self._log, permit=self._permit) as graph:
+                with Graph(nodes, log=self._log) as graph:
                     while not graph.finished and following is None:
-                        graph.look()
+                        graph.poll()
                         following = self._next()
                 self.tell({"graph": "ended"})
         except CamRigError as error:
             self.tell({"graph": "failed", "words": str(error)})
         return following
-
-    def _permit(self, node: str, words: str) -> bool:
-        """Whether a node is to be started again: those that are not essential, at once."""
-        if node in OPTIONAL or node == PANEL.name or node in self._permitted:
-            self._permitted.discard(node)
-            if self._waiting.pop(node, None) is not None:
-                self.tell({"ended": dict(self._waiting)})
-            return True
-        if node not in self._waiting:
-            self._waiting[node] = words
-            self.tell({"ended": dict(self._waiting)})
-        return False
 
     def _log(self, line: str) -> None:
         self.tell({"log": line})

@@ -1,0 +1,1 @@
+"""Base class of the nodes, and the components of which it is composed."""

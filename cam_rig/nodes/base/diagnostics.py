@@ -1,0 +1,101 @@
+"""Diagnostics of a node: status changes on rig time, heartbeats on wall-clock time."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.publisher import Publisher
+
+from cam_rig.messages.topics import DIAGNOSTICS, HEARTBEAT
+from cam_rig.nodes.convert import to_header
+from cam_rig.units import NS
+
+if TYPE_CHECKING:
+    from cam_rig.nodes.base.rig_node import RigNode
+
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+#: Period (s, wall clock) of the heartbeats.
+HEARTBEAT_PERIOD_S = 1.0
+#: Time (s, wall clock) after a status message during which no heartbeat is needed. Slightly less
+#: than the period, so that timer jitter does not suppress every second heartbeat.
+STATUS_VALID_S = 0.9
+
+
+class Activity(NamedTuple):
+    """Current activity of a node."""
+
+    state: str  #: waiting, turning, stopped or emergency
+    waits_for: Sequence[str]  #: names of the nodes that this node waits for
+    text: str  #: description for the operator
+
+
+def make_diagnostics(
+    time_ns: int, name: str, level: bytes, text: str, values: dict[str, str]
+) -> DiagnosticArray:
+    """Return a message with the status of one node or of one of its components."""
+    pairs = [KeyValue(key=key, value=value) for key, value in values.items()]
+    status = DiagnosticStatus(level=level, name=name, message=text, hardware_id="rig", values=pairs)
+    return DiagnosticArray(header=to_header(time_ns), status=[status])
+
+
+class Diagnostics:
+    """Status of one node on /diagnostics.
+
+    A message is published when level or text changes, and otherwise once per second of rig time.
+    The messages depend on rig time only, so they are the same in every run of a scene.
+    """
+
+    def __init__(self, publisher: Publisher, node: str) -> None:
+        self._publisher, self.node = publisher, node
+        self._last_status: tuple[int, str, int] | None = None  # level, text, second of rig time
+        self._last_ns = -1
+        #: Time (s, monotonic) of the last message.
+        self.published_at = -STATUS_VALID_S
+
+    def report(
+        self, time_ns: int, level: bytes, text: str, values: dict[str, str] | None = None
+    ) -> DiagnosticArray | None:
+        """Report the status at a rig time and return the published message, or None.
+
+        A report that is not later than the previous one is ignored.
+        """
+        if time_ns <= self._last_ns:
+            return None
+        self._last_ns = time_ns
+        status = (level[0], text, time_ns // NS)
+        if status == self._last_status:
+            return None
+        self._last_status = status
+        message = make_diagnostics(time_ns, self.node, level, text, values or {})
+        self._publisher.publish(message)
+        self.published_at = time.monotonic()
+        return message
+
+
+class Heartbeat:
+    """Publishes the activity of a node once per second while its status does not change.
+
+    Heartbeats are stamped with the wall clock, unlike the status messages of `Diagnostics`: rig
+    time stops with the cam, and an operator needs to see that the node is alive and what it waits
+    for. The suffix `HEARTBEAT` of the name distinguishes them, and the recorder ignores them. They
+    have a publisher with a history of one message, so that they do not displace status messages
+    from the history that late subscribers receive.
+    """
+
+    def __init__(self, node: RigNode, diagnostics: Diagnostics) -> None:
+        self._node, self._diagnostics = node, diagnostics
+        self._publisher = node.advertise(replace(DIAGNOSTICS, depth=1))
+        node.create_wall_timer(HEARTBEAT_PERIOD_S, self._publish)
+
+    def _publish(self) -> None:
+        if time.monotonic() - self._diagnostics.published_at < STATUS_VALID_S:
+            return
+        activity = self._node.activity()
+        values = {"state": activity.state, "waits_for": ", ".join(activity.waits_for)}
+        name = self._diagnostics.node + HEARTBEAT
+        message = make_diagnostics(time.time_ns(), name, OK, activity.text, values)
+        self._publisher.publish(message)

@@ -1,0 +1,65 @@
+"""Detection of a second publisher on a topic that belongs to one node."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+from cam_rig.messages.topics import Topic, second_publisher
+
+if TYPE_CHECKING:
+    from cam_rig.nodes.base.rig_node import RigNode
+
+#: Period (s, wall clock) of the check.
+CHECK_PERIOD_S = 0.25
+#: Time (s, wall clock) to wait for the name of a newly discovered publisher's node. DDS may
+#: announce an endpoint before the name of its node; a program without ROS never has a name.
+MAX_NAME_WAIT_S = 5.0
+#: Period (s, wall clock) at which the name is polled.
+NAME_POLL_S = 0.02
+
+
+class PublisherMonitor:
+    """Ends the run if another node publishes on one of the topics of this node.
+
+    The number of publishers is polled, because the matched event of rclpy reports only endpoints
+    that match this node's own subscriptions, and an owner does not subscribe to its own topics.
+    """
+
+    def __init__(self, node: RigNode) -> None:
+        self._node = node
+        self._topics: list[Topic] = []
+        node.create_wall_timer(CHECK_PERIOD_S, self._check)
+
+    def add(self, topic: Topic) -> None:
+        """Monitor a topic that this node alone may publish."""
+        self._topics.append(topic)
+
+    def find_publishers(self, topic: Topic) -> dict[bytes, str]:
+        """Return the full node name of each publisher of a topic by DDS endpoint identifier.
+
+        Publishers of another message type are left out, because DDS never connects them. The call
+        blocks up to `MAX_NAME_WAIT_S` while the name of a node is not discovered yet.
+        """
+        deadline = time.monotonic() + MAX_NAME_WAIT_S
+        while True:
+            names = {
+                bytes(info.endpoint_gid): f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+                for info in self._node.get_publishers_info_by_topic(topic.relative)
+                if info.topic_type == topic.type
+            }
+            unnamed = [gid for gid, name in names.items() if "UNKNOWN" in name]
+            if not unnamed or time.monotonic() > deadline:
+                return names | dict.fromkeys(unnamed, "a program that is not a ROS node")
+            time.sleep(NAME_POLL_S)
+
+    def _check(self) -> None:
+        for topic in self._topics:
+            # the count is cheap, but includes publishers of another message type
+            if self._node.count_publishers(topic.relative) <= 1:
+                continue
+            names = list(self.find_publishers(topic).values())
+            if len(names) > 1:
+                this_node = self._node.get_fully_qualified_name()
+                others = [name for name in names if name != this_node] or names[1:]
+                self._node.fail(second_publisher(topic, topic.owner, ", ".join(others)))

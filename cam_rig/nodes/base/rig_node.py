@@ -1,0 +1,326 @@
+"""Base class of the nodes: parameters, topics, diagnostics, end of the run."""
+
+from __future__ import annotations
+
+import time
+import zlib
+from collections.abc import Callable
+from functools import wraps
+from pathlib import Path
+from typing import Any, ClassVar, cast
+
+from rclpy.clock import Clock, ClockType
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.serialization import deserialize_message
+from rclpy.subscription import Subscription
+from rclpy.task import Future
+from rclpy.timer import Timer
+from std_srvs.srv import Trigger
+
+from cam_rig.errors import CamRigError, ConfigError, RefusedError, RunError
+from cam_rig.files import read_bytes
+from cam_rig.messages.topics import DIAGNOSTICS, READY, TOPICS, Topic
+from cam_rig.nodes.base.diagnostics import Activity, Diagnostics, Heartbeat
+from cam_rig.nodes.base.parameter_table import ParameterTable
+from cam_rig.nodes.base.publisher_monitor import PublisherMonitor
+from cam_rig.nodes.base.run_end import RunEndMonitor, find_endpoints
+from cam_rig.nodes.convert import message_class, qos, require_length
+from cam_rig.nodes.parameters import PARAMETERS
+from cam_rig.runner.node_table import STAY
+from cam_rig.runner.resources import namespace_named
+from cam_rig.schema.load import MAX_BYTES
+
+#: Time (s, wall clock) that a message may wait for a blocked writer. DDS itself gives up after
+#: 0.1 s, while a reliable subscriber with a full queue makes the writer send again.
+MAX_BLOCKED_S = 60.0
+#: Time (s, wall clock) for messages in transit at the end of a run. The runner kills a node that
+#: has not ended after 10 s.
+MAX_DRAIN_S = 3.0
+#: Duration (s, wall clock) of one spin while draining, and number of spins without a message
+#: after which the queues are considered empty.
+DRAIN_SPIN_S = 0.02
+QUIET_SPINS = 5
+#: Exceptions that reading a message of the right type but with invalid content can raise.
+INVALID_CONTENT = (
+    ValueError, TypeError, LookupError, ArithmeticError, AttributeError, RuntimeError,
+)  # fmt: skip
+
+
+class RigPublisher(Publisher):
+    """Publisher that waits for a blocked writer instead of losing the message."""
+
+    def publish(self, msg: Any) -> None:
+        """Publish a message.
+
+        The call blocks the thread of the executor while the writer is blocked, which is intended:
+        the rig must not continue without the message.
+
+        Raises
+        ------
+        RunError
+            If the writer stays blocked for `MAX_BLOCKED_S`.
+        """
+        deadline = time.monotonic() + MAX_BLOCKED_S
+        while not self.try_publish(msg):
+            if time.monotonic() > deadline:
+                raise RunError(
+                    f"{self.topic_name}: the writer has been blocked for {MAX_BLOCKED_S:g} s; "
+                    "check for a subscriber that does not take messages"
+                )
+
+    def try_publish(self, msg: Any) -> bool:
+        """Publish a message and return True, or return False if the writer is blocked."""
+        try:
+            super().publish(msg)
+        except rclpy_implementation.RCLError:  # rclpy exports this type under no public name
+            return False
+        return True
+
+
+class RigNode(Node):
+    """Node of the rig.
+
+    Subclasses create their publishers with `advertise`, their subscriptions with `subscribe` and
+    their timers with `create_wall_timer`. These catch errors: a message that cannot be used is
+    logged as a warning, and any other error of the rig ends the process through `fail`.
+
+    All callbacks run on the one thread of the executor, so the state of a node needs no lock. The
+    signal handler that calls `interrupt` runs on the same thread.
+
+    Attributes
+    ----------
+    settings : dict
+        Parameter values at start-up by name.
+    parameter_table, diagnostics, publisher_monitor
+        The components of the node.
+    done : rclpy.task.Future
+        Completed when the node is to end.
+    failure : CamRigError or None
+        The error that ends the node.
+    received, ticks, interrupts : int
+        Numbers of messages received, ticks processed and signals received.
+    """
+
+    #: True if callbacks need the publisher and sequence number of each message. The events
+    #: executor of rclpy does not pass them; the other one uses 0.1 ms more CPU time per message.
+    needs_message_info = False
+    #: Nodes whose messages this node needs before its first tick.
+    waits_for: tuple[str, ...] = ("cam_drive",)
+    #: Number of runs that this process has completed (parameter at_end: stay).
+    runs_before: ClassVar[int] = 0
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name, automatically_declare_parameters_from_overrides=True)
+        self.done: Future = Future()
+        self.failure: CamRigError | None = None
+        self.received = self.ticks = self.interrupts = 0
+        #: Endpoints that published on the rig's topics when the run ended; empty before.
+        self.rig_endpoints: dict[str, set[bytes]] = {}
+        self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
+        self.parameter_table = ParameterTable(self, PARAMETERS[name])
+        self.settings = self.parameter_table.values
+        for warning in self.parameter_table.unknown:
+            self.get_logger().warning(warning)
+        namespace_named(self.get_namespace())  # raises ConfigError if it is too long
+        self._guard_parameter_services()
+        self.publisher_monitor = PublisherMonitor(self)
+        self.diagnostics = Diagnostics(self.advertise(DIAGNOSTICS), name)
+        self._heartbeat = Heartbeat(self, self.diagnostics)
+        self._ready_publisher = self.advertise(READY)
+        self.monitor_run_end()
+        if self.runs_before:
+            self.get_logger().info("ready for another run")
+
+    # Topics, services and timers.
+
+    def advertise(self, topic: Topic) -> RigPublisher:
+        """Create a publisher with the type and the quality of service of a topic."""
+        if topic.owner:
+            self.publisher_monitor.add(topic)
+        publisher = self.create_publisher(
+            message_class(topic), topic.relative, qos(topic), publisher_class=RigPublisher
+        )
+        return cast("RigPublisher", publisher)
+
+    def subscribe(self, topic: Topic, callback: Callable[[Any], None]) -> Subscription:
+        """Subscribe to a topic; `callback` takes the message."""
+        kind = message_class(topic)
+        return self.subscribe_raw(topic, lambda cdr: callback(deserialize_message(cdr, kind)))
+
+    def subscribe_raw(
+        self, topic: Topic, callback: Callable[..., None], histories: int = 1
+    ) -> Subscription:
+        """Subscribe to a topic; `callback` takes the serialized message.
+
+        The message is deserialized inside the guarded callback, because rclpy would propagate a
+        deserialization error to the executor and end the process. If `needs_message_info` is set,
+        `callback` takes the message info of rclpy as well. The queue has room for the histories of
+        `histories` publishers.
+        """
+
+        def on_message(cdr: bytes) -> None:
+            require_length(topic, cdr)
+            callback(cdr)
+            self.received += 1
+
+        def on_message_with_info(cdr: bytes, info: dict[str, Any]) -> None:
+            require_length(topic, cdr)
+            callback(cdr, info)
+            self.received += 1
+
+        chosen = on_message_with_info if self.needs_message_info else on_message
+        return self.create_subscription(
+            message_class(topic),
+            topic.relative,
+            self._guard(topic.relative, chosen),
+            qos(topic, histories),
+            raw=True,
+        )
+
+    def create_trigger(self, service: str, action: Callable[[], str]) -> None:
+        """Create the service `~/service` (std_srvs/Trigger); `action` returns the reply text."""
+
+        def on_request(_request: Any, response: Any) -> Any:
+            try:
+                response.success, response.message = True, action()
+            except CamRigError as error:
+                response.success, response.message = False, str(error)
+            return response
+
+        self.create_service(Trigger, f"~/{service}", on_request)
+
+    def create_wall_timer(self, period: float, callback: Callable[[], None]) -> Timer:
+        """Create a timer with a period in s of wall-clock time.
+
+        The default clock of a node may follow rig time, which stops with the cam.
+        """
+
+        def on_timer() -> None:
+            try:
+                callback()
+            except CamRigError as error:
+                self.fail(error)
+
+        return self.create_timer(period, on_timer, clock=self._steady_clock)
+
+    def reject(self, error: CamRigError) -> None:
+        """Log a rejected message as a warning, at most once per second."""
+        self.get_logger().warning(f"rejected: {error}", throttle_duration_sec=1.0)
+
+    def _guard(self, name: str, callback: Callable[..., Any]) -> Callable[..., Any]:
+        """Return a callback that handles errors; `name` is the topic or service in messages.
+
+        `wraps` keeps the signature, by which rclpy decides whether to pass the message info.
+        """
+
+        @wraps(callback)
+        def guarded(*arguments: Any) -> Any:
+            try:
+                return callback(*arguments)
+            except RefusedError as error:
+                self.reject(error)
+            except CamRigError as error:
+                self.fail(error)
+            except INVALID_CONTENT as error:
+                self.reject(RefusedError(f"{name}: invalid content ({error})"))
+            return None
+
+        return guarded
+
+    def _guard_parameter_services(self) -> None:
+        """Let rclpy's parameter services answer an invalid request with an empty response.
+
+        rclpy (Kilted) converts requests without catching errors: one request with an unknown
+        parameter type raises in `Parameter.from_parameter_msg` and ends the process. The public
+        attribute `Service.callback` is replaced, which both executors read at each request. If a
+        future rclpy reads it once, test_security.py fails.
+        """
+
+        def respond(callback: Callable[..., Any], response_class: Any) -> Callable[..., Any]:
+            return lambda request, response: callback(request, response) or response_class()
+
+        for service in self.services:
+            callback = self._guard(service.service_name, service.callback)
+            service.callback = respond(callback, service.srv_type.Response)
+
+    # State of the node.
+
+    def activity(self) -> Activity:
+        """Return the current activity for the heartbeat."""
+        subject = "the next tick" if self.ticks else " and ".join(self.waits_for)
+        return Activity("waiting", self.waits_for, f"waiting for {subject}")
+
+    def summary(self) -> str:
+        """Return the text that is logged when the node ends without an error."""
+        return f"done with {self.ticks} ticks"
+
+    def report_ready(self) -> None:
+        """Publish (latched) that this node receives messages, and the identity of its scene."""
+        identity = scene_identity(self.settings.get("scene", ""))
+        text = f"{self.get_name()} {identity}".rstrip()
+        self._ready_publisher.publish(message_class(READY)(data=text))
+
+    # End of the run.
+
+    @property
+    def stays(self) -> bool:
+        """True if the run has ended and this process waits for another one."""
+        return bool(self.rig_endpoints) and self.settings.get("at_end") == STAY
+
+    def monitor_run_end(self) -> None:
+        """End the node with the run, as the parameter at_end requires."""
+        RunEndMonitor(self)
+
+    def remember_endpoints(self) -> None:
+        """Store which endpoints publish on the rig's topics in the run that ends now."""
+        names = (self.resolve_topic_name(topic.relative) for topic in TOPICS if topic.owner)
+        self.rig_endpoints = find_endpoints(self, *names)
+
+    def finish(self) -> None:
+        """Request the end of the process with exit code 0."""
+        if not self.done.done():
+            self.done.set_result(None)
+
+    def fail(self, error: CamRigError) -> None:
+        """Request the end of the process with the exit code of an error.
+
+        The first error counts. It is logged at once, so that it reaches /rosout, the log file of
+        the node and the runner, which reads the [FATAL] line from stderr.
+        """
+        if self.failure is None:
+            self.failure = error
+            self.get_logger().fatal(str(error))
+        self.finish()
+
+    def interrupt(self) -> None:
+        """Handle SIGINT or SIGTERM."""
+        self.interrupts += 1
+        self.finish()
+
+    def drain(self, spin_once: Callable[..., None]) -> None:
+        """Process messages in transit, for at most `MAX_DRAIN_S`."""
+        quiet, deadline = 0, time.monotonic() + MAX_DRAIN_S
+        while quiet < QUIET_SPINS and time.monotonic() < deadline:
+            before = self.received
+            spin_once(timeout_sec=DRAIN_SPIN_S)
+            quiet = quiet + 1 if self.received == before else 0
+
+    def conclude(self, spin_once: Callable[..., None]) -> None:
+        """Notify the other nodes of the end; called once, while messages are still received."""
+
+    def close(self) -> None:
+        """Release the resources of the node; called once, after the executor has stopped."""
+
+
+def scene_identity(scene: str) -> str:
+    """Return a scene's name and CRC-32 such as quick#1c291ca3, or an empty string without a file.
+
+    All nodes of a run must have the same scene. The drive compares the identities.
+    """
+    try:
+        data = read_bytes(Path(scene), MAX_BYTES)
+    except (OSError, ConfigError):  # no scene, or its file was removed after it was read
+        return ""
+    return f"{Path(scene).stem}#{zlib.crc32(data):08x}"

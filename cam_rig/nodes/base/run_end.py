@@ -1,0 +1,135 @@
+"""End of a run: the drive publishes /rig/finished, the recorder closes its bag, the nodes end.
+
+The drive, or the player, publishes `FINISHED` and stays until the recorder has closed its bag. The
+other nodes end when the drive has left, because late subscribers may request their latched messages
+until then. A node with ``at_end: stay`` is created again in the same process when all publishers
+of the previous run have left.
+
+Lost nodes are detected by polling the endpoints that DDS discovery reports. The liveliness event of
+rclpy would report a lost drive without polling, but not which of two drives has left.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from rclpy.node import Node
+
+from cam_rig.messages import topics
+from cam_rig.runner.node_table import WAIT
+
+if TYPE_CHECKING:
+    from cam_rig.nodes.base.rig_node import RigNode
+
+#: Time (s, wall clock) for the recorder's last message to reach the drive, which then leaves.
+DELIVERY_S = 2.0
+#: Period (s, wall clock) at which endpoints are polled.
+POLL_S = 0.1
+#: Time (s, wall clock) without the drive after which it counts as lost. A node that was suspended
+#: sees the drive as lost until it receives the drive's next announcement.
+DRIVE_LOST_S = 10.0
+#: DDS identifiers of publishers by resolved topic name.
+Endpoints = dict[str, set[bytes]]
+
+
+def find_endpoints(node: Node, *names: str) -> Endpoints:
+    """Return the publishers on topics that discovery reports now."""
+    return {
+        name: {bytes(info.endpoint_gid) for info in node.get_publishers_info_by_topic(name)}
+        for name in names
+    }
+
+
+def have_left(node: Node, known: Endpoints) -> bool:
+    """Return True if discovery reports none of the known publishers."""
+    present = find_endpoints(node, *known)
+    return not any(known[name] & present[name] for name in known)
+
+
+def wait_until_gone(node: Node, known: Endpoints, is_stopped: Callable[[], bool]) -> None:
+    """Block until all known publishers have left or `is_stopped` returns True."""
+    while not (have_left(node, known) or is_stopped()):
+        time.sleep(POLL_S)
+
+
+def create_staying_node(name: str) -> Node:
+    """Create a hidden node that keeps the DDS participant of the process between two runs.
+
+    A participant that is created again in a process has the same identifier. A remote node that has
+    not noticed the end of the previous one would ignore the announcements of the new one.
+    """
+    return rclpy.create_node(
+        f"_{name}_between_runs",
+        use_global_arguments=False,
+        start_parameter_services=False,
+        enable_rosout=False,
+    )
+
+
+class FinishedRun(NamedTuple):
+    """Content of /rig/finished."""
+
+    level: bytes  #: level of diagnostic_msgs/DiagnosticStatus: OK, WARN (stopped), ERROR
+    text: str
+    ticks: int  #: number of ticks
+    stamp_ns: int  #: rig time of the last state, ns
+
+    def to_message(self, node: str) -> DiagnosticStatus:
+        """Return the message."""
+        status = DiagnosticStatus(level=self.level, name=node, message=self.text)
+        values = {"ticks": self.ticks, "stamp_ns": self.stamp_ns}
+        status.values = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
+        return status
+
+    @classmethod
+    def from_message(cls, message: DiagnosticStatus) -> FinishedRun:
+        """Return the content of a message; invalid content raises ValueError or KeyError."""
+        values = {pair.key: pair.value for pair in message.values}
+        return cls(message.level, message.message, int(values["ticks"]), int(values["stamp_ns"]))
+
+
+class LostDriveMonitor:
+    """Ends a node whose drive was present and has left without publishing /rig/finished."""
+
+    def __init__(self, node: RigNode) -> None:
+        self._node, self._was_present, self._polls_without = node, False, 0
+
+    def poll(self) -> None:
+        """Check whether the drive is present; to be called every `POLL_S`."""
+        if self._node.count_publishers(topics.FINISHED.relative) > 0:
+            self._was_present, self._polls_without = True, 0
+        elif self._was_present:
+            self._polls_without += 1
+        if self._polls_without * POLL_S < DRIVE_LOST_S or self._node.done.done():
+            return
+        self._node.get_logger().warning("the drive has left without publishing /rig/finished")
+        self._node.remember_endpoints()
+        self._node.finish()
+
+
+class RunEndMonitor:
+    """Ends a node when the drive has published /rig/finished and has left."""
+
+    def __init__(self, node: RigNode) -> None:
+        self._node, self._drives = node, Endpoints()
+        self._lost_drive = LostDriveMonitor(node)
+        if node.settings["at_end"] != WAIT:
+            node.subscribe(topics.FINISHED, self._on_finished)
+            node.create_wall_timer(POLL_S, self._poll)
+
+    def _on_finished(self, message: DiagnosticStatus) -> None:
+        FinishedRun.from_message(message)  # rejects invalid content
+        if not self._drives:
+            self._node.remember_endpoints()
+            name = self._node.resolve_topic_name(topics.FINISHED.relative)
+            self._drives = find_endpoints(self._node, name)
+
+    def _poll(self) -> None:
+        if not self._drives:
+            self._lost_drive.poll()
+        elif have_left(self._node, self._drives):
+            self._node.finish()
