@@ -12,8 +12,13 @@ from typing import NamedTuple
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.laws.cam import law_of, open_cam_set
 from cam_rig.laws.segments import NAMED_RISES
-from cam_rig.paper.factorial.design import Bench, open_factorial
-from cam_rig.paper.factorial.study import FactorialResult, run_factorial
+from cam_rig.paper.factorial.study import (
+    BY_KEY,
+    FactorialResult,
+    bench_of,
+    open_factorial,
+    run_factorial,
+)
 from cam_rig.paper.jump.comparison import JumpResult, find_jumps, references, rms_difference
 from cam_rig.paper.noise.study import NoiseStudyResult, study_noise
 from cam_rig.paper.readings.study import ReadingsResult, read_all
@@ -67,7 +72,7 @@ class Paper:
     def begin(self, pool: Executor) -> None:
         """Begin the two long studies in the processes of a pool."""
         self._noise = pool.submit(study_noise, self.loaded, self.cam_set.rig)
-        bench = Bench.of(self.asked, self.cam_set.rig, self.stiff)
+        bench = bench_of(self.asked, self.cam_set.rig, self.stiff)
         self._factorial = pool.submit(run_factorial, self.asked, bench, self.cam_set.laws)
 
     @cached_property
@@ -235,25 +240,24 @@ def _crossing(paper: Paper, rivals: str) -> Answer:
 
 
 def _question(paper: Paper) -> Iterator[Answer]:
-    question = paper.factorial.conclusions()
-    proposed = paper.proposed
-    share, residual = question.jump_share, question.same_acceleration["residual"]
+    found, alike = paper.factorial, paper.factorial.same_acceleration
+    shares = [row.jump_share for row in found.advantages() if row.jump > 1.0]
     yield Answer(
-        f"Is the higher jump speed of {proposed} due to continuity or to lower slopes?",
-        "no other cam has a lower one"
-        if share is None
-        else f"slopes make {span((100.0 * share[0], 100.0 * share[1]), '.0f', '%')} of it",
-        str(question.advantage),
+        f"Is the higher jump speed of {paper.proposed} due to continuity or to lower slopes?",
+        f"slopes make {span((100.0 * min(shares), 100.0 * max(shares)), '.0f', '%')} of it"
+        if shares
+        else "no other cam has a lower one",
+        "slopes" if shares and min(shares) > 0.5 else "not by slopes alone",
         "left open",
         *("question", "factorial", 0),
     )
-    part = residual.shares.law if residual.shares.classes is None else residual.shares.classes
-    of = "the law" if residual.shares.classes is None else "continuity"
+    residual = alike.shares(BY_KEY["residual"])
     yield Answer(
         "What governs residual vibration at the same peak acceleration?",
-        f"{of} makes {bold(100.0 * part, '.0f', '%')} of the sum of squares, the angle "
-        f"{bold(100.0 * residual.shares.slopes, '.0f', '%')}",
-        str(residual.governed_by),
+        f"the law makes {bold(100.0 * residual.law, '.0f', '%')} of the sum of squares, its class "
+        f"of continuity {bold(100.0 * residual.classes, '.0f', '%')}, the angle "
+        f"{bold(100.0 * residual.angle, '.0f', '%')}",
+        residual.governed_by,
         "left open",
         *("question", "factorial", 5),
     )

@@ -270,7 +270,6 @@ def _question(paper: Paper) -> Content:
     stiffer = (elastic[cam].residual_amplitude / stiff[cam].residual_amplitude for cam in elastic)
     (advantage,) = (table for table in found.tables() if table.key == "advantage")
     values = {
-        "question": found.conclusions(),
         "classes": found.same_angles.classes,
         "stiffer": min(stiffer),
         "advantage": advantage.to_show(paper.titles),

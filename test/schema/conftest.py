@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from cam_rig.errors import ConfigError
-from cam_rig.paper.factorial.design import open_factorial
+from cam_rig.paper.factorial.study import open_factorial
 from cam_rig.schema import load_cam, load_published, load_rig, load_scene
 
 KINDS = {

@@ -19,7 +19,7 @@ from pathlib import Path
 
 from cam_rig.errors import CamRigError
 from cam_rig.laws import build_law
-from cam_rig.paper.factorial.design import open_factorial
+from cam_rig.paper.factorial.study import open_factorial
 from cam_rig.profile.drawing_files import read_contour
 from cam_rig.schema import load_cam, load_published, load_rig, load_scene
 from cam_rig.schema.load import config_root, load_readings, load_tables

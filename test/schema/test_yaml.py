@@ -10,7 +10,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from cam_rig.errors import ConfigError
-from cam_rig.paper.factorial.design import open_factorial
+from cam_rig.paper.factorial.study import open_factorial
 from cam_rig.schema import CamConfig, Library, load_cam, load_published, load_rig, load_scene
 from cam_rig.schema.load import MAX_BYTES, config_root, read_yaml
 from cam_rig.schema.quantity import ORIGINS

@@ -8,8 +8,7 @@ from matplotlib.figure import Figure, FigureBase
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from cam_rig.paper.factorial.conclusions import contact_lost
-from cam_rig.paper.factorial.design import EFFECTS, Design, Effect, Factorial
+from cam_rig.paper.factorial.study import EFFECTS, Design, Effect, FactorialResult
 from cam_rig.show.figure import empty, line, logarithmic, marker, styled
 from cam_rig.show.looks import BLUE, LIGHT_GREY, ORANGE, SKY_BLUE, in_words, web
 
@@ -27,7 +26,7 @@ PARTS = (
 
 
 @styled
-def figure(found: Factorial) -> Figure:
+def figure(found: FactorialResult) -> Figure:
     """Above each effect against the event angle by law, below the shares of its variance."""
     out = empty(9.6)
     parts = out.subfigures(2, 1, height_ratios=[2.6, 1.0], squeeze=False)
@@ -36,12 +35,12 @@ def figure(found: Factorial) -> Figure:
     return out
 
 
-def _effects(out: FigureBase, found: Factorial) -> None:
+def _effects(out: FigureBase, found: FactorialResult) -> None:
     designs, proposed = (found.same_angles, found.same_acceleration), found.config.proposed
     panels = out.subplots(len(SHOWN), len(designs), sharey="row")
     for row, effect in zip(panels, SHOWN, strict=True):
         for axes, design in zip(row, designs, strict=True):
-            _curves(axes, design, effect, contact_lost(design, effect, found.config))
+            _curves(axes, design, effect, design.lost(effect, found.config))
             level = effect.factor * getattr(found.cams[proposed], effect.key)
             label = f"{in_words(proposed)} as published"
             axes.axhline(level, color="0.35", ls=(0, (1, 2)), label=label)
@@ -57,7 +56,7 @@ def _effects(out: FigureBase, found: Factorial) -> None:
 
 def _curves(axes: Axes, design: Design, effect: Effect, lost: NDArray[np.bool_]) -> None:
     """One curve a law; where contact is lost the marker is hollow."""
-    degrees, values = np.degrees(design.angles), effect.values(design.cells)
+    degrees, values = np.degrees(design.angles), effect.factor * design.values(effect.key)
     for i, (rise, order) in enumerate(zip(design.rises, design.classes, strict=True)):
         style = line(rise) | marker(rise) | {"ms": 4, "markevery": 1}
         label = f"{in_words(rise)}, C{order}"
@@ -69,7 +68,7 @@ def _curves(axes: Axes, design: Design, effect: Effect, lost: NDArray[np.bool_])
         logarithmic(axes.yaxis)
 
 
-def _shares(out: FigureBase, found: Factorial) -> None:
+def _shares(out: FigureBase, found: FactorialResult) -> None:
     smooth = found.designs[-1]
     designs = [found.same_angles, found.same_acceleration]
     designs += [] if smooth is found.same_acceleration else [smooth]
@@ -87,9 +86,8 @@ def _bars(axes: Axes, design: Design) -> None:
     names = [effect.name for effect in EFFECTS]
     shares = []
     for effect in EFFECTS:
-        found = design.analysis(effect)
-        parts = (found.classes, found.rows - found.classes, found.columns, found.interaction)
-        shares.append([100.0 * part / (found.total or 1.0) for part in parts])
+        of = design.shares(effect)
+        shares.append(100.0 * np.array([of.classes, of.law - of.classes, of.angle, of.interaction]))
     left = np.zeros(len(names))
     for (name, colour, hatch), widths in zip(PARTS, np.transpose(shares), strict=True):
         axes.barh(
