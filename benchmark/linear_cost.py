@@ -23,7 +23,7 @@ from cam_rig.dynamics import MODELS, FollowerParameters, Interval
 from cam_rig.laws import Law
 from cam_rig.show.figure import empty, logarithmic, series_marker, styled, write
 from cam_rig.show.looks import in_words
-from cam_rig.show.tables import printed
+from cam_rig.show.tables import typeset_number
 from cam_rig.units import NS
 
 MODELS_SHOWN = ("kinetostatic", "residual")
@@ -109,12 +109,12 @@ def draw(by_samples: dict[str, list[float]], by_stem: dict[str, list[float]], pa
     left.set(
         xlabel="samples",
         ylabel="wall time [s]",
-        title=f"{RPM:g} rpm, stem {printed(USUAL_STEM, '.2g')} N/m",
+        title=f"{RPM:g} rpm, stem {typeset_number(USUAL_STEM, '.2g')} N/m",
     )
     right.set(
         xlabel="stem stiffness [N/m]",
         ylabel="wall time [s]",
-        title=f"{RPM:g} rpm, {printed(USUAL_SAMPLES, '.0e')} samples",
+        title=f"{RPM:g} rpm, {typeset_number(USUAL_SAMPLES, '.0e')} samples",
     )
     low = min(min(times) for times in by_stem.values())
     high = max(max(times) for times in by_stem.values())

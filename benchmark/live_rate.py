@@ -17,7 +17,7 @@ from tempfile import TemporaryDirectory
 from cam_rig.runner.graph import Graph
 from cam_rig.runner.node_process import live
 from cam_rig.runner.resources import own_domain
-from cam_rig.show.tables import DataTable, Head, tabulate, to_markdown
+from cam_rig.show.tables import DataTable, Header, tabulate, to_markdown
 from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import cam_states
 from cam_rig.units import NS
@@ -64,10 +64,10 @@ def live_table() -> DataTable:
         "Live runs",
         runs,
         (
-            (Head("scene"), lambda run: run.scene),
-            (Head("samples", "kHz", ".0f"), lambda run: run.rate / 1e3),
-            (Head("viewer"), lambda run: "yes" if run.shown else "no"),
-            (Head("x real time", "", ".0f"), lambda run: run.speed_up),
+            (Header("scene"), lambda run: run.scene),
+            (Header("samples", "kHz", ".0f"), lambda run: run.rate / 1e3),
+            (Header("viewer"), lambda run: "yes" if run.shown else "no"),
+            (Header("x real time", "", ".0f"), lambda run: run.speed_up),
         ),
     )
 

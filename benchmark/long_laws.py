@@ -25,7 +25,7 @@ from cam_rig.laws.bernstein import joined
 from cam_rig.laws.spline import smooth
 from cam_rig.schema import load_rig
 from cam_rig.schema.load import config_root
-from cam_rig.show.tables import DataTable, Head, tabulate, to_markdown
+from cam_rig.show.tables import DataTable, Header, tabulate, to_markdown
 from cam_rig.units import RPM, TURN
 
 Found = TypeVar("Found")
@@ -111,12 +111,12 @@ def cost_table(costs: list[JumpCost]) -> DataTable:
         "CPU time of a jump speed",
         costs,
         (
-            (Head("pieces", "", "d"), lambda cost: cost.pieces),
-            (Head("two masses, from rest", "ms", ".2f"), lambda cost: 1e3 * cost.rest_s),
-            (Head("the same, noisy", "ms", ".2f"), lambda cost: 1e3 * cost.noisy_s),
-            (Head("two masses, steady", "ms", ".2f"), lambda cost: 1e3 * cost.steady_s),
-            (Head("one rigid mass", "ms", ".3f"), lambda cost: 1e3 * cost.rigid_s),
-            (Head("jump, from rest", "rpm", ".3f"), lambda cost: cost.rpm),
+            (Header("pieces", "", "d"), lambda cost: cost.pieces),
+            (Header("two masses, from rest", "ms", ".2f"), lambda cost: 1e3 * cost.rest_s),
+            (Header("the same, noisy", "ms", ".2f"), lambda cost: 1e3 * cost.noisy_s),
+            (Header("two masses, steady", "ms", ".2f"), lambda cost: 1e3 * cost.steady_s),
+            (Header("one rigid mass", "ms", ".3f"), lambda cost: 1e3 * cost.rigid_s),
+            (Header("jump, from rest", "rpm", ".3f"), lambda cost: cost.rpm),
         ),
     )
 

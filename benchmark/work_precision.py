@@ -181,8 +181,8 @@ def main() -> None:
     found = measure(quick=False)
     write(figure(found), PLOT)
     study, (points, campaign, *_) = found.study, found.tables()
-    (of_points,) = replace(points, records=quickest(points.records)).to_show()
-    (of_campaign,) = campaign.to_show()
+    (of_points,) = replace(points, records=quickest(points.records)).to_display()
+    (of_campaign,) = campaign.to_display()
     print(*notes(study), sep="\n")
     text = TEXT.format(
         table=to_markdown(of_points),

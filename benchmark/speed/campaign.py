@@ -25,7 +25,7 @@ from cam_rig.extras import libraries_named
 from cam_rig.laws import Law
 from cam_rig.schema.load import Library, config_root
 from cam_rig.show.result import Column, Records
-from cam_rig.show.tables import counted
+from cam_rig.show.tables import pluralize
 from cam_rig.units import FloatArray
 
 SPREAD = {"uniform": 10, "unit": "%"}
@@ -167,5 +167,5 @@ def campaign_records(found: CampaignRate) -> Records:
             f"{found.peer_points} differ by more than the peer's {FINE:g}: where contact holds "
             "again a little faster, halving passes over it."
         )
-    caption = f"A campaign of jump speeds in {counted(found.processes, 'process')}"
+    caption = f"A campaign of jump speeds in {pluralize(found.processes, 'process')}"
     return Records("campaign", caption, CAMPAIGN, rows, (note,))

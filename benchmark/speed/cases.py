@@ -24,7 +24,7 @@ from cam_rig.dynamics import MODELS, FollowerParameters, Interval
 from cam_rig.dynamics.interval import COLUMNS
 from cam_rig.laws import Law, build_law
 from cam_rig.schema.load import config_root, load_cam
-from cam_rig.show.tables import DataTable, Head, tabulate
+from cam_rig.show.tables import DataTable, Header, tabulate
 from cam_rig.units import NS, TURN
 
 #: Table 1 of the paper, and what is assumed with it.
@@ -186,12 +186,12 @@ def rate_table(rates: Iterable[SampleRate]) -> DataTable:
         "Samples",
         rates,
         (
-            (Head("model"), lambda rate: rate.model),
-            (Head("speed", "rpm", "g"), lambda rate: rate.rpm),
-            (Head("block", "MB", ".0f"), lambda rate: 8e-6 * len(COLUMNS) * rate.block),
-            (Head("samples", "10⁶/s", ".0f"), lambda rate: 1e-6 * rate.samples_per_s),
-            (Head("a copy", "10⁶/s", ".0f"), lambda rate: 1e-6 * rate.copied_per_s),
-            (Head("time over a copy's", "", ".1f"), lambda rate: rate.ratio),
+            (Header("model"), lambda rate: rate.model),
+            (Header("speed", "rpm", "g"), lambda rate: rate.rpm),
+            (Header("block", "MB", ".0f"), lambda rate: 8e-6 * len(COLUMNS) * rate.block),
+            (Header("samples", "10⁶/s", ".0f"), lambda rate: 1e-6 * rate.samples_per_s),
+            (Header("a copy", "10⁶/s", ".0f"), lambda rate: 1e-6 * rate.copied_per_s),
+            (Header("time over a copy's", "", ".1f"), lambda rate: rate.ratio),
         ),
     )
 

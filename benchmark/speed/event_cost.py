@@ -16,7 +16,7 @@ from benchmark.speed.models import Case, OneMass, Solution
 from benchmark.speed.peers import PEERS
 from benchmark.speed.problem import PeerError
 from cam_rig.dynamics.events.search import ALWAYS, PLAIN, VARIABLE
-from cam_rig.show.tables import DataTable, Head, tabulate
+from cam_rig.show.tables import DataTable, Header, tabulate
 
 #: Cases with events, and the tolerances of the peer, of which the most accurate run counts.
 NAMES, RTOLS = ("one_mass_arc", "two_mass_soft", "two_mass_stem"), (1e-12, 3e-14)
@@ -58,11 +58,11 @@ def event_table(costs: list[EventCost]) -> DataTable:
         "Events",
         costs,
         (
-            (Head("case, landings"), called),
-            (Head("solver"), lambda cost: cost.solver),
-            (Head("a landing", "µs", ".3g"), lambda cost: 1e6 * cost.time_s),
-            (Head("error", "s", ".1e"), lambda cost: cost.error_s),
-            (Head("x first", "", ".3g"), lambda cost: cost.time_s / first[cost.case].time_s),
+            (Header("case, landings"), called),
+            (Header("solver"), lambda cost: cost.solver),
+            (Header("a landing", "µs", ".3g"), lambda cost: 1e6 * cost.time_s),
+            (Header("error", "s", ".1e"), lambda cost: cost.error_s),
+            (Header("x first", "", ".3g"), lambda cost: cost.time_s / first[cost.case].time_s),
         ),
     )
 

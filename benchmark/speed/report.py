@@ -16,7 +16,7 @@ from benchmark.speed.study import CaseResult, WorkPrecisionPoint, WorkPrecisionS
 from cam_rig.show.command import command
 from cam_rig.show.figure import empty, logarithmic, styled
 from cam_rig.show.looks import BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILION, web
-from cam_rig.show.result import SILENT, Column, Progress, Records, Result
+from cam_rig.show.result import NULL_PROGRESS, Column, Progress, Records, Result
 
 
 @dataclass(frozen=True)
@@ -58,8 +58,8 @@ POINTS = (
     Column("event_error", "s", ".1e", of="point.event_error_s", heading="events"),
     Column("ratio", "1", heading="x rig", cell=lambda one: one.bound),
     Column("repeats", of="point.repeats", hidden=True),
-    Column("only_a_bound", about="it never was as good as the rig", hidden=True),
-    Column("compared", about="the setting that people read", hidden=True),
+    Column("only_a_bound", doc="it never was as good as the rig", hidden=True),
+    Column("compared", doc="the setting that people read", hidden=True),
     Column("note", hidden=True),
 )
 
@@ -80,7 +80,7 @@ class Comparison(Result):
     """The study: every point measured, a campaign beside its peer, the samples a second."""
 
     schema = "cam_rig.speed.1"
-    drawn_by = "benchmark.speed.report:figure"
+    plot_function = "benchmark.speed.report:figure"
     columns: ClassVar = {
         "points": POINTS,
         "campaign": CAMPAIGN,
@@ -100,7 +100,9 @@ class Comparison(Result):
             f"{rate:.0f} million samples of six numbers per second"
         )
         return [
-            self.table("points", caption, measured(study), KEY, seen=lambda one: one.compared),
+            self.table(
+                "points", caption, measured(study), KEY, row_filter=lambda one: one.compared
+            ),
             campaign_records(study.campaign),
             self.table("samples", "", study.rates.items(), hidden=True),
             self.table("run", "", [study], single=True, hidden=True),
@@ -221,17 +223,17 @@ def bench(
     return measure(quick, progress)
 
 
-def measure(quick: bool, progress: Progress = SILENT) -> Comparison:
+def measure(quick: bool, progress: Progress = NULL_PROGRESS) -> Comparison:
     """Run the study on all cores."""
     import os
 
     from benchmark.speed.peers import PEERS
     from benchmark.speed.study import ORDER, run
 
-    progress.begin(len(ORDER) * len(PEERS) + 1, "bench")
+    progress.start(len(ORDER) * len(PEERS) + 1, "bench")
 
     def advance(what: str) -> None:
-        progress.tell(what)
+        progress.describe(what)
         progress.advance()
 
     return Comparison(run(quick, advance, cores=os.cpu_count() or 1))

@@ -20,7 +20,7 @@ from cam_rig.dynamics.events.course import MIN_OF_LIFT
 from cam_rig.dynamics.events.search import ALWAYS, PLAIN
 from cam_rig.dynamics.kinetostatic import contact_samples
 from cam_rig.quantities.steady import scene_at, steady_row
-from cam_rig.show.tables import DataTable, Head, tabulate
+from cam_rig.show.tables import DataTable, Header, tabulate
 from cam_rig.simulation.scene import LoadedScene, load_scene
 from cam_rig.units import NS, TURN
 
@@ -90,12 +90,12 @@ def settled_table(costs: list[SettledCost]) -> DataTable:
         "Settled turns",
         costs,
         (
-            (Head("speed", "rpm", "g"), lambda cost: cost.rpm),
-            (Head("samples", "", "d"), lambda cost: cost.samples),
-            (Head("landings", "", "d"), lambda cost: cost.landings),
-            (Head("a point", "ms", ".2f"), lambda cost: 1e3 * cost.time_s),
-            (Head("CVODE Adams", "ms", ".0f"), lambda cost: _ms(cost.peer_s)),
-            (Head("x rig", "", ".0f"), lambda cost: cost.peer_s and cost.peer_s / cost.time_s),
+            (Header("speed", "rpm", "g"), lambda cost: cost.rpm),
+            (Header("samples", "", "d"), lambda cost: cost.samples),
+            (Header("landings", "", "d"), lambda cost: cost.landings),
+            (Header("a point", "ms", ".2f"), lambda cost: 1e3 * cost.time_s),
+            (Header("CVODE Adams", "ms", ".0f"), lambda cost: _ms(cost.peer_s)),
+            (Header("x rig", "", ".0f"), lambda cost: cost.peer_s and cost.peer_s / cost.time_s),
         ),
     )
 

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from statistics import median
 
-from cam_rig.show.tables import DataTable, Head, tabulate
+from cam_rig.show.tables import DataTable, Header, tabulate
 
 #: The nodes of a run.
 NODES = ("recorder", "microphone", "follower", "law_server", "cam_drive")
@@ -85,9 +85,9 @@ def node_table(starts: Iterable[NodeStart]) -> DataTable:
         "Imports of a node",
         starts,
         (
-            (Head("node"), lambda start: start.node),
-            (Head("by itself", "s", ".2f"), lambda start: start.alone_s),
-            (Head("forked", "s", ".2f"), lambda start: start.forked_s),
+            (Header("node"), lambda start: start.node),
+            (Header("by itself", "s", ".2f"), lambda start: start.alone_s),
+            (Header("forked", "s", ".2f"), lambda start: start.forked_s),
         ),
     )
 
@@ -98,10 +98,10 @@ def command_table(times: Iterable[CommandTime]) -> DataTable:
         "Whole commands",
         times,
         (
-            (Head("command"), lambda time: time.words),
-            (Head("wall", "s", ".2f"), lambda time: time.wall_s),
-            (Head("CPU", "s", ".2f"), lambda time: time.cpu_s),
-            (Head("x bare Python", "", ".0f"), lambda time: time.wall_s / time.bare_s),
+            (Header("command"), lambda time: time.words),
+            (Header("wall", "s", ".2f"), lambda time: time.wall_s),
+            (Header("CPU", "s", ".2f"), lambda time: time.cpu_s),
+            (Header("x bare Python", "", ".0f"), lambda time: time.wall_s / time.bare_s),
         ),
     )
 

@@ -126,7 +126,7 @@ def export(
                 raise
             raise ConfigError(f"{source}: no such bag, nor scene: {error}") from None
         ticks = turned_ticks(loaded)
-    progress.begin(tick_count(loaded.scene), loaded.scene.name)
+    progress.start(tick_count(loaded.scene), loaded.scene.name)
     written = write_samples(to, _counted(ticks, progress), loaded, cam, rpm)
     gaps = f", {written.gaps} gaps between them" if written.gaps else ""
     say(f"{to}: {written.rows} samples, {written.begin:.6g} to {written.end:.6g} s{gaps}")

@@ -54,8 +54,8 @@ class ReplayResult(Result):
             Column("topic"),
             Column("quantity"),
             Column("count", "", "d", "numbers"),
-            Column("difference", "", ".3g", about="the largest, in the quantity's unit"),
-            Column("relative", "", ".2g", about="the largest difference over the largest value"),
+            Column("difference", "", ".3g", doc="the largest, in the quantity's unit"),
+            Column("relative", "", ".2g", doc="the largest difference over the largest value"),
         )
     }
 

@@ -20,7 +20,7 @@ from cam_rig.dynamics.turn_map import StroboscopicMap
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
-from cam_rig.show.result import SILENT, Arrays, Column, Progress, Records, Result
+from cam_rig.show.result import NULL_PROGRESS, Column, Progress, Records, Result
 from cam_rig.simulation.asked import speeds_within
 from cam_rig.units import NS, RPM, FloatArray
 
@@ -66,12 +66,12 @@ class Basins(Result):
     """
 
     schema = "cam_rig.bounce_basins.1"
-    drawn_by = "cam_rig.bounce.figures:basin_figure"
+    plot_function = "cam_rig.bounce.figures:basin_figure"
     columns: ClassVar = {
         "motions": (
             Column("name", heading="motion"),
             Column("motion", heading="kind"),
-            Column("period", "", "d", about="in turns"),
+            Column("period", "", "d", doc="in turns"),
             Column("landings_per_turn", "1/turn", ".3g", "landings"),
             *EXPONENT,
             Column("hardest", "m/s", ".3f", "hardest landing"),
@@ -103,7 +103,7 @@ class Basins(Result):
         caption = f"{self.law.name} on rig {self.rig.name} at {self.rpm:g} rpm, restitution {e:g}"
         return [
             self.table("motions", caption, self.motions),
-            Arrays.of("starts", self.columns["starts"], self),
+            self.array_table("starts"),
         ]
 
     def portrait(self, motion: EndMotion) -> tuple[FloatArray, FloatArray]:
@@ -145,7 +145,7 @@ def basins(
     restitution: float | None = None,
     grid: int = GRID,
     executor: Executor | None = None,
-    progress: Progress = SILENT,
+    progress: Progress = NULL_PROGRESS,
 ) -> Basins:
     """Which start ends in which motion at one speed, of one rigid mass.
 
@@ -179,7 +179,7 @@ def basins(
     expect_many()
     gap, opening = _axes(StroboscopicMap(law, p, speed), grid)
     lines = [[(float(one), float(rate)) for one in gap] for rate in opening]
-    progress.begin(grid, law.name)
+    progress.start(grid, law.name)
     ends, motions = list[int](), list[EndMotion]()
     for line in (map if executor is None else executor.map)(partial(_ends, law, p, speed), lines):
         for end in line:

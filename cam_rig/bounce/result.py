@@ -17,7 +17,7 @@ from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.turn_map import State
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
-from cam_rig.show.result import Arrays, Column, Footnote, Records, Result
+from cam_rig.show.result import Column, Footnote, Records, Result
 from cam_rig.units import RPM, FloatArray
 
 #: Where each row begins: on the cam, or where the row below, or above, has ended.
@@ -68,9 +68,9 @@ EXPONENT = (
         "1/turn",
         ".3f",
         cell=lambda row: "−∞" if row.exponent == -math.inf else row.exponent,
-        about="Lyapunov's, the largest; where it rests −∞, which is null",
+        doc="Lyapunov's, the largest; where it rests −∞, which is null",
     ),
-    Column("exponent_error", "1/turn", ".1g", "error", about="95 %"),
+    Column("exponent_error", "1/turn", ".1g", "error", doc="95 %"),
 )
 
 UNTOLD = Footnote(
@@ -86,17 +86,17 @@ class BounceMap(Result):
     """What a follower does turn after turn, over speed, restitution, preload or mass: ``rows``."""
 
     schema = "cam_rig.bounce.1"
-    drawn_by = "cam_rig.bounce.figures:figure"
+    plot_function = "cam_rig.bounce.figures:figure"
     columns: ClassVar = {
         "speeds": (
             Column(
                 "motion",
-                about="in contact, periodic, irregular in the turns that are kept, or not told",
+                doc="in contact, periodic, irregular in the turns that are kept, or not told",
             ),
             *point_columns(),
-            Column("period", "", "d", about="in turns"),
+            Column("period", "", "d", doc="in turns"),
             Column("landings_per_turn", "1/turn", ".3g", "landings"),
-            Column("rests", hidden=True, about="whether it comes to rest on the cam"),
+            Column("rests", hidden=True, doc="whether it comes to rest on the cam"),
             *EXPONENT,
             *(
                 Column(
@@ -104,40 +104,40 @@ class BounceMap(Result):
                     "1/turn",
                     hidden=True,
                     of=partial(_exponent, i),
-                    about=f"the {i}th, of {'either model' if i == 2 else 'two masses'}",
+                    doc=f"the {i}th, of {'either model' if i == 2 else 'two masses'}",
                 )
                 for i in (2, 3, 4)
             ),
-            Column("settled", "", "d", "settled after", about="turns from the start"),
-            Column("level_db", "dB", ".1f", "level", about="re 20 µPa, unweighted"),
-            Column("level_spread_db", "dB", ".1f", "spread", about="loudest less quietest turn"),
+            Column("settled", "", "d", "settled after", doc="turns from the start"),
+            Column("level_db", "dB", ".1f", "level", doc="re 20 µPa, unweighted"),
+            Column("level_spread_db", "dB", ".1f", "spread", doc="loudest less quietest turn"),
         ),
         "bifurcations": (
             Column("kind", heading="what happens"),
             *point_columns(".8g"),
-            Column("period", "", "d", about="in turns"),
-            Column("landings", "", "d", about="in the period, before it"),
+            Column("period", "", "d", doc="in turns"),
+            Column("landings", "", "d", doc="in the period, before it"),
         ),
         "orbits": (
             *point_columns(),
             Column("period"),
-            Column("landings", about="in the period"),
+            Column("landings", doc="in the period"),
             Column("stable"),
-            Column("hardest", "m/s", about="fastest landing against the cam"),
-            Column("softest", "m/s", about="slowest"),
-            Column("gap", "mm", of="state.0", about="at cam angle 0"),
-            Column("opening", "m/s", of="state.1", about="its rate there"),
-            Column("multiplier", of="leading.real", about="of the largest the real part"),
+            Column("hardest", "m/s", doc="fastest landing against the cam"),
+            Column("softest", "m/s", doc="slowest"),
+            Column("gap", "mm", of="state.0", doc="at cam angle 0"),
+            Column("opening", "m/s", of="state.1", doc="its rate there"),
+            Column("multiplier", of="leading.real", doc="of the largest the real part"),
             Column("multiplier_imaginary", of="leading.imag"),
         ),
         "turns": (
             Column("rpm", "rpm", of=lambda found: found.per_turn([r.rpm for r in found.rows])),
-            Column("row", about="of speeds", of=lambda f: f.per_turn(range(len(f.rows)))),
+            Column("row", doc="of speeds", of=lambda f: f.per_turn(range(len(f.rows)))),
             Column("hardest", "m/s", of=lambda found: _joined(r.hardest for r in found.rows)),
             Column("gap", "mm", of=lambda found: _joined(r.states[:, 0] for r in found.rows)),
             Column("opening", "m/s", of=lambda found: _joined(r.states[:, 1] for r in found.rows)),
             Column(
-                "stretch", "µm", of=lambda found: found.stem(2), about="of the stem of two masses"
+                "stretch", "µm", of=lambda found: found.stem(2), doc="of the stem of two masses"
             ),
             Column("stretch_rate", "m/s", of=lambda found: found.stem(3)),
         ),
@@ -180,11 +180,13 @@ class BounceMap(Result):
             many = f"{len(self.rows)} {'speeds' if self.sweep.over == SPEED else 'rows'}"
             notes.append(f"{many}; here those at which the motion changes.")
         tables = [
-            self.table("speeds", self.title, self.rows, *notes, seen=lambda row: row in shown),
+            self.table(
+                "speeds", self.title, self.rows, *notes, row_filter=lambda row: row in shown
+            ),
             self.table("bifurcations", "Where a motion changes", found, *words),
             self.table("orbits", "", motions, hidden=True),
         ]
-        turns = Arrays.of("turns", self.columns["turns"], self)
+        turns = self.array_table("turns")
         return [*(replace(one, columns=self._seen(one.columns)) for one in tables), turns]
 
     @property

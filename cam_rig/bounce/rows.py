@@ -31,7 +31,7 @@ from cam_rig.extras import require
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
 from cam_rig.show.result import Progress
-from cam_rig.show.tables import counted
+from cam_rig.show.tables import pluralize
 from cam_rig.simulation.simulate import TURN_RATE_HZ
 from cam_rig.units import NS
 
@@ -165,7 +165,7 @@ class BounceFiles(PointFiles):
         fields, columns = [pa.field("point", pa.int64())], [pa.array(range(rows.first, rows.last))]
         for one in BounceMap.columns["speeds"]:
             kind = getattr(pa, KINDS.get(one.key, "float64"))()
-            about = {"unit": one.si, "meaning": one.about}
+            about = {"unit": one.si_unit, "meaning": one.doc}
             fields.append(pa.field(one.key, kind, metadata=about))
             columns.append(pa.array([one.value(row) for row in rows.rows], kind))
         for key, unit in LISTS.items():
@@ -200,7 +200,7 @@ def kept_rows(
         if damaged:
             warnings.warn(damaged, stacklevel=3)
         missing = sum(last - first for first, last in files.missing())
-        progress.begin(files.campaign.total, counted(missing, "row"))
+        progress.start(files.campaign.total, pluralize(missing, "row"))
         progress.advance(files.campaign.total - missing)
         run_campaign(files, executor or InThisProcess(), max(1, workers), progress, turned)
     return list(files.rows())

@@ -17,7 +17,7 @@ from cam_rig.dynamics.turn_map import ON_THE_CAM, State
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
-from cam_rig.show.result import SILENT, Progress
+from cam_rig.show.result import NULL_PROGRESS, Progress
 from cam_rig.simulation.asked import MAX_SPEEDS, Speeds, speeds_within
 from cam_rig.units import RPM
 
@@ -47,7 +47,7 @@ def bounce_map(
     resume: bool = False,
     executor: Executor | None = None,
     workers: int = 1,
-    progress: Progress = SILENT,
+    progress: Progress = NULL_PROGRESS,
 ) -> BounceMap:
     """``cam-rig bounce``: what a follower does turn after turn: at rest, periodic or irregular.
 
@@ -96,7 +96,7 @@ def _found(
     runs: BounceRuns, start: str, executor: Executor | None, progress: Progress
 ) -> list[BounceRow]:
     """A row a value, from the cam or one from another."""
-    progress.begin(runs.total, runs.law.name)
+    progress.start(runs.total, runs.law.name)
     way, found = -1 if start == ABOVE else 1, []
     for row in _from_rest(runs, executor) if start == REST else _continued(runs, way):
         found.append(row)
@@ -143,7 +143,7 @@ def _followed(
     runs: BounceRuns, rows: Sequence[BounceRow], progress: Progress
 ) -> tuple[Branch, ...]:
     """The branches of the periodic motions of some rows, over all of them."""
-    progress.tell("periodic motions")
+    progress.describe("periodic motions")
     sweep = runs.sweep
     free = [row for row in rows if row.period is not None and not row.rests]
     seen = [(sweep.value(row.point), row.end, row.period or 1) for row in free]

@@ -36,7 +36,7 @@ from cam_rig.schema import CamConfig, Library, RigConfig, SceneConfig, load_cam,
 from cam_rig.schema.explain import validated
 from cam_rig.schema.load import is_path, load, load_scene, quantity
 from cam_rig.schema.scene import MAX_SPEED, MIN_SPEED
-from cam_rig.show.tables import number
+from cam_rig.show.tables import format_number
 from cam_rig.units import RPM, FloatArray
 
 #: Runs of a base without a scene: samples a second, turns and those left out.
@@ -90,7 +90,7 @@ def parse_measures(texts: Iterable[str], model: str) -> tuple[CampaignMeasure, .
         if quantity.where == "rpm" and not MIN_SPEED <= term.low <= term.high <= MAX_SPEED:
             raise ConfigError(
                 f"{term.key}: no model takes this speed; allowed: {MIN_SPEED / RPM:g} to "
-                f"{number(MAX_SPEED / RPM)} rpm"
+                f"{format_number(MAX_SPEED / RPM)} rpm"
             )
         if CampaignMeasure(term) in found:
             raise ConfigError(f"measures: {term.key} stands twice; allowed: each once")
@@ -222,8 +222,9 @@ def _checked(campaign: Campaign) -> Campaign:
                 raise ConfigError(f"{term.key}: {error}") from None
     if campaign.total > MAX_POINTS:
         raise ConfigError(
-            f"plan: has {number(campaign.total)} points; allowed: up to {number(MAX_POINTS)}; "
-            "remedy: several campaigns, each with a seed and a folder of its own"
+            f"plan: has {format_number(campaign.total)} points; allowed: up to "
+            f"{format_number(MAX_POINTS)}; remedy: several campaigns, each with a seed and a "
+            "folder of its own"
         )
     return campaign
 

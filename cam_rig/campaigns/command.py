@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cam_rig.errors import ConfigError, DynamicsError, OutputError, RunError
-from cam_rig.show.command import LINE_EVERY_S, Dask, Jobs, command
+from cam_rig.show.command import LOG_PERIOD_S, Dask, Jobs, command
 from cam_rig.show.result import Progress, Result
 from cam_rig.show.terminal import console, say
 
@@ -39,7 +39,7 @@ class CampaignProgress(Progress):
         self._done = self._total - sum(last - first for first, last in dataset.missing())
         self._begin: tuple[float, int] | None = None
         self._told, self._size = time.monotonic(), ""
-        bar.begin(self._total, self._name)
+        bar.start(self._total, self._name)
         bar.advance(self._done)
 
     def advance(self, steps: int = 1) -> None:
@@ -49,14 +49,14 @@ class CampaignProgress(Progress):
         now = time.monotonic()
         if self._begin is None:  # before it the workers started: no measure of what follows
             self._begin = now, self._done
-        left, due = self._total - self._done, now - self._told >= LINE_EVERY_S
+        left, due = self._total - self._done, now - self._told >= LOG_PERIOD_S
         if due:
             self._told, self._size = now, sized(*self._dataset.size())
         seconds, points, rate = now - self._begin[0], self._done - self._begin[1], ""
         if points and seconds > 0.0:
             rate = f"{points / seconds:.3g} points/s, {in_words(left * seconds / points)} left"
         ahead = ", ".join(filter(None, (rate, self._size)))
-        self._bar.tell(f"{self._name} {ahead}")
+        self._bar.describe(f"{self._name} {ahead}")
         if due and left and not console.is_terminal:
             say(f"{self._name}: {self._done} of {self._total} points, {ahead}")
 

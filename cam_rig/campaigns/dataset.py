@@ -29,7 +29,7 @@ import numpy as np
 from cam_rig.campaigns.campaign import FAILED, OK, UNSETTLED, Batch, BatchRows, Campaign
 from cam_rig.errors import ConfigError, OutputError
 from cam_rig.extras import libraries_named
-from cam_rig.show.tables import counted
+from cam_rig.show.tables import pluralize
 from cam_rig.units import FloatArray
 
 LOCK = ".lock"
@@ -167,7 +167,7 @@ class PointFiles:
         found = sorted(self.folder.glob(FILES))
         if found and not resume:
             raise ConfigError(
-                f"{self.folder}: holds {counted(len(found), 'file')} of points already; "
+                f"{self.folder}: holds {pluralize(len(found), 'file')} of points already; "
                 "allowed: --resume to go on with them, or another folder"
             )
         for path in found:
@@ -310,7 +310,7 @@ def _made_again(damaged: list[Path]) -> str:
     named = ", ".join(path.name for path in damaged[:NAMED])
     more = f" and {len(damaged) - NAMED} more" if len(damaged) > NAMED else ""
     return (
-        f"{damaged[0].parent}: {counted(len(damaged), 'file')} not as written, or with another "
+        f"{damaged[0].parent}: {pluralize(len(damaged), 'file')} not as written, or with another "
         f"file's points: {named}{more}; their points are made again, the files kept as *{DAMAGED}"
     )
 

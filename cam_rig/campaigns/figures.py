@@ -21,7 +21,7 @@ from cam_rig.campaigns.schema import PERCENT
 from cam_rig.schema.quantity import UNITS
 from cam_rig.show.figure import empty, logarithmic, styled, wrapped
 from cam_rig.show.looks import BLUE, GREEN, SKY_BLUE, VERMILION, web
-from cam_rig.show.tables import printed, typeset
+from cam_rig.show.tables import typeset, typeset_number
 from cam_rig.units import FloatArray
 
 #: Parts of a path that say where a number stands and not what it is.
@@ -103,7 +103,7 @@ def _histogram(axes: Axes, results: CampaignResult, measure: CampaignMeasure) ->
             bound = found.limit.value / found.limit.term.quantity.factor
             axes.axvline(bound, color=web(VERMILION), ls="--")
             sign = "≤" if found.limit.sense == "<=" else "≥"
-            limit = f"{sign} {printed(bound)} {measure.term.quantity.typeset}"
+            limit = f"{sign} {typeset_number(bound)} {measure.term.quantity.typeset}"
             words.append(f"{100.0 * found.share:.3g} % keep {limit}")
     axes.set_title("\n".join(words))
 
@@ -230,7 +230,9 @@ def _cell_title(grid: list[tuple[CampaignInput, FloatArray]], cell: tuple[int | 
     for (one, steps), i in zip(grid, cell, strict=True):
         if i is not None and steps.size > 1:
             unit, factor = _input_unit(one)
-            words.append(f"{_input_name(one)} {printed(float(steps[i]) / factor, '.4g')} {unit}")
+            words.append(
+                f"{_input_name(one)} {typeset_number(float(steps[i]) / factor, '.4g')} {unit}"
+            )
     return wrapped("\n".join(words), MAP_LETTERS)
 
 

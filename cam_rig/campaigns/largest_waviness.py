@@ -25,8 +25,8 @@ from cam_rig.campaigns.results import order_interval
 from cam_rig.campaigns.run import InThisProcess, opened
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.errors import ConfigError
-from cam_rig.show.result import SILENT, Column, Progress, Records, Result
-from cam_rig.show.tables import number
+from cam_rig.show.result import NULL_PROGRESS, Column, Progress, Records, Result
+from cam_rig.show.tables import format_number
 from cam_rig.units import TURN, FloatArray
 from cam_rig.workers import broken_named
 
@@ -184,10 +184,13 @@ def least_steps(
 
 
 def find_largest(
-    search: WavinessSearch, wavelengths: FloatArray, executor: Executor, progress: Progress = SILENT
+    search: WavinessSearch,
+    wavelengths: FloatArray,
+    executor: Executor,
+    progress: Progress = NULL_PROGRESS,
 ) -> WavinessResult:
     """The largest waviness of each wavelength (rad), in their order; the same on any executor."""
-    progress.begin(wavelengths.size, search.campaign.config.name)
+    progress.start(wavelengths.size, search.campaign.config.name)
     found = []
     with broken_named():
         for one in executor.map(search.at, wavelengths.tolist()):
@@ -205,7 +208,7 @@ class WavinessResult(Result):
     """The largest waviness of each wavelength, SI: a `LargestWaviness` each in ``wavelengths``."""
 
     schema = "cam_rig.waviness.1"
-    drawn_by = "cam_rig.campaigns.figures:waviness_figure"
+    plot_function = "cam_rig.campaigns.figures:waviness_figure"
     columns: ClassVar = {
         "wavelengths": (
             Column("wavelength", "°", ".4g"),
@@ -214,7 +217,7 @@ class WavinessResult(Result):
             Column("low", "µm", ".3g", "from", missing="not told"),
             Column("high", "µm", ".3g", "to", missing="not told"),
             Column("outcome"),
-            Column("evaluations", about="points that were measured", hidden=True),
+            Column("evaluations", doc="points that were measured", hidden=True),
         ),
         "waviness": (
             Column("study", of="config.name"),
@@ -233,7 +236,9 @@ class WavinessResult(Result):
         """``wavelengths``, a row each, and ``waviness``: the study."""
         campaign = self.search.campaign
         limits = " and ".join(limit.words for limit in campaign.limits)
-        near = " and ".join(f"{number(math.degrees(x), '.4g')}°" for x in resonances(campaign))
+        near = " and ".join(
+            f"{format_number(math.degrees(x), '.4g')}°" for x in resonances(campaign)
+        )
         notes = (
             f"The same {campaign.total} draws for all; from and to are the interval of 95 % that "
             "so many draws give.",

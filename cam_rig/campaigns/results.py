@@ -22,7 +22,7 @@ from cam_rig.errors import ConfigError
 from cam_rig.extras import libraries_named
 from cam_rig.quantities.terms import Limit
 from cam_rig.show.result import Column, Footnote, Records, Result
-from cam_rig.show.tables import counted, number
+from cam_rig.show.tables import format_number, pluralize
 from cam_rig.units import RPM, FloatArray
 
 if TYPE_CHECKING:
@@ -125,7 +125,7 @@ class CampaignResult(Result):
     """
 
     schema = "cam_rig.campaign.1"
-    drawn_by = "cam_rig.campaigns.figures:figure"
+    plot_function = "cam_rig.campaigns.figures:figure"
     columns: ClassVar = {
         "quantiles": (
             MEASURE,
@@ -166,12 +166,12 @@ class CampaignResult(Result):
             _of("value", "SI", heading="there"),
             Column(
                 "derivative", "", ".6g", "rpm each SI unit", "own.derivative",
-                _rpm(lambda _: 1.0), "none", about="in data rad/s each SI unit",
+                _rpm(lambda _: 1.0), "none", doc="in data rad/s each SI unit",
             ),
             Column(
                 "each_percent", "", ".4g", "rpm each percent",
                 lambda one: one.own.derivative and 0.01 * one.own.value * one.own.derivative,
-                _rpm(lambda own: 0.01 * own.value), "none", about="in data rad/s",
+                _rpm(lambda own: 0.01 * own.value), "none", doc="in data rad/s",
             ),
         ),
         "reasons": (
@@ -182,7 +182,7 @@ class CampaignResult(Result):
             Column("study", of="campaign.config.name"),
             Column("points"),
             Column("seed", of="campaign.seed"),
-            Column("failed", about="points without a measure"),
+            Column("failed", doc="points without a measure"),
             Column("unsettled", of=lambda one: sum(n for _, n in one.dataset.reasons(UNSETTLED))),
             Column("fingerprint", of="campaign.fingerprint"),
         ),
@@ -217,9 +217,9 @@ class CampaignResult(Result):
         named = [f"{reason} ({count})" for reason, count in reasons[:REASONS]]
         if len(reasons) > REASONS:
             rest = sum(count for _, count in reasons[REASONS:])
-            named.append(f"{counted(len(reasons) - REASONS, 'other reason')} ({rest})")
+            named.append(f"{pluralize(len(reasons) - REASONS, 'other reason')} ({rest})")
         return (
-            f"{self.failed} of {counted(self.points, 'point')} could not be made: "
+            f"{self.failed} of {pluralize(self.points, 'point')} could not be made: "
             f"{', '.join(named)}"
         )
 
@@ -228,7 +228,7 @@ class CampaignResult(Result):
         """How many points never settled, and of which turns their measures are; empty for none."""
         reasons = self.dataset.reasons(UNSETTLED)
         count = sum(points for _, points in reasons)
-        points = counted(self.points, "point")
+        points = pluralize(self.points, "point")
         return f"{count} of {points}, such as {reasons[0][0]}" if reasons else ""
 
     def values(self, measure: CampaignMeasure) -> FloatArray:
@@ -265,7 +265,7 @@ class CampaignResult(Result):
         bad = int((~np.isfinite(values)).sum())
         if bad:
             raise ConfigError(
-                f"shares of {measure.term.key}: {counted(bad, 'point')} without a finite value"
+                f"shares of {measure.term.key}: {pluralize(bad, 'point')} without a finite value"
                 f"{f' ({self.failures})' if self.failures else ''}; allowed: inputs that vary less"
             )
         paths = [one.path for one in self.campaign.inputs]
@@ -278,7 +278,7 @@ class CampaignResult(Result):
     @cached_property
     def _tables(self) -> list[Records]:
         kind, title = self.campaign.config.plan.kind, self.campaign.config.title
-        caption = f"{title}: {counted(self.points, 'point')}"
+        caption = f"{title}: {pluralize(self.points, 'point')}"
         found = [
             self._extremes(caption) if kind == "grid" else self._quantiles(caption),
             self.table("limits", "Limits", self.yields()),
@@ -322,13 +322,13 @@ class CampaignResult(Result):
                 notes.append(_note_of(measure, words))
         first = "Alone: of the first order. In all: with interactions. ± of 95 %, bootstrapped."
         caption = "Shares of the variance of {title}"
-        return self.table("shares", caption, rows, first, *notes, by="title")
+        return self.table("shares", caption, rows, first, *notes, group_by="title")
 
     def _derivatives(self, orders: list[FirstOrder]) -> Records:
         rows = [OfMeasure(order.measure, one) for order in orders for one in order.inputs]
         notes = [_note_of(order.measure, _first_order(order)) for order in orders]
         caption = "Local derivatives of {title}, in the middle of the inputs"
-        return self.table("local_derivatives", caption, rows, *notes, by="title")
+        return self.table("local_derivatives", caption, rows, *notes, group_by="title")
 
     def summary(self) -> list[str]:
         """Where the rows are."""
@@ -353,14 +353,14 @@ def _first_order(found: FirstOrder) -> str:
     without = [one.path for one in found.inputs if one.derivative is None]
     left = f", without {', '.join(without)}" if without else ""
     words = (
-        f"First order predicts a standard deviation of {number(predicted, '.3g')} rpm{left}; the "
-        f"points have {number(real, '.3g')} rpm"
+        f"First order predicts a standard deviation of {format_number(predicted, '.3g')} "
+        f"rpm{left}; the points have {format_number(real, '.3g')} rpm"
     )
     words += ": do not rely on it here." if found.lies else "."
     if found.correlated:
         words += " Inputs are correlated: the prediction counts their covariances."
     if found.points < FOR_SPREAD:
-        words += f" Of {counted(found.points, 'point')} a spread is not told: needs {FOR_SPREAD}."
+        words += f" Of {pluralize(found.points, 'point')} a spread is not told: needs {FOR_SPREAD}."
     return words
 
 

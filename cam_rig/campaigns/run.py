@@ -14,7 +14,7 @@ from cam_rig.campaigns.dataset import CampaignDataset, PointFiles
 from cam_rig.campaigns.results import CampaignResult
 from cam_rig.extras import require
 from cam_rig.schema.load import Library, config_root, named_path
-from cam_rig.show.result import SILENT, Progress
+from cam_rig.show.result import NULL_PROGRESS, Progress
 from cam_rig.workers import broken_named
 
 
@@ -92,7 +92,7 @@ def run_campaign(
     dataset: PointFiles,
     executor: Executor,
     workers: int,
-    progress: Progress = SILENT,
+    progress: Progress = NULL_PROGRESS,
     measure: Callable[[Any, int, int], Batch] = measure_batch,
 ) -> None:
     """Make every point that the dataset has not; the dataset must be open.

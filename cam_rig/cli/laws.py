@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cam_rig.show.command import check_outputs, check_recording, command, give_out
+from cam_rig.show.command import check_outputs, check_recording, command, write_outputs
 from cam_rig.show.result import Result
 from cam_rig.show.terminal import say
 
@@ -78,7 +78,7 @@ def law(
     found = results.law(names, rises=rises)
     if out is None and csv is None and json is None:
         out = Path("out") / f"law_{'_'.join(found.called)[:MAX_LETTERS]}.png"
-    give_out(found, out, csv, json)
+    write_outputs(found, out, csv, json)
     if save is not None:
         record(found, save)
 

@@ -19,7 +19,7 @@ from typer.core import TyperCommand, TyperGroup
 from cam_rig.errors import ConfigError, OutputError
 from cam_rig.extras import libraries_named
 from cam_rig.interrupts import handle_signals
-from cam_rig.show.command import Command
+from cam_rig.show.command import StrictCommand
 
 #: Each command's module; the function, or the group of functions, has the command's name.
 COMMANDS = {
@@ -205,7 +205,7 @@ def command(name: str) -> Any:
     alone = typer.Typer(
         add_completion=False, pretty_exceptions_enable=False, rich_markup_mode="markdown"
     )
-    alone.command(name, cls=Command)(found)
+    alone.command(name, cls=StrictCommand)(found)
     return typer.main.get_command(alone)
 
 

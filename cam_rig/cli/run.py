@@ -22,9 +22,9 @@ from cam_rig.show.command import (
     Scene,
     SceneOfBag,
     command,
-    give_out,
-    progress_bar,
+    make_progress_bar,
     user_errors,
+    write_outputs,
 )
 from cam_rig.show.result import Progress, Result
 from cam_rig.show.terminal import console
@@ -112,7 +112,7 @@ def run(
             if analyze:
                 from cam_rig.bag.command import read_run
 
-                give_out(read_run(target), target / "noise.png", None, None)
+                write_outputs(read_run(target), target / "noise.png", None, None)
             screen.stay()
 
 
@@ -147,7 +147,7 @@ def _run(
 
     with (
         own_domain(namespace),
-        progress_bar() as bar,
+        make_progress_bar() as bar,
         delay_report(page) as delayed,
         Graph(nodes, network, log, namespace, server) as graph,
     ):
@@ -223,7 +223,7 @@ def _replay(
     path = scene_path(scene) if scene else unpack(bag, folder)
     again = folder / "again" / (output.name if output else "bag")  # not among the bag's own files
     with own_domain(), Graph(replayed(path, again, bag)) as graph:
-        progress.begin(total - 1, "replaying")
+        progress.start(total - 1, "replaying")
         done = 0
         for report in graph.progress():
             progress.advance(int(report["tick"]) - done)

@@ -147,9 +147,9 @@ def _best(
     def told(better: Callable[[], LawDesign], value: float) -> None:
         best[:] = [better]
         value /= quantity.factor
-        progress.tell(f"{request.words}: {value:.5g} {quantity.unit} so far")
+        progress.describe(f"{request.words}: {value:.5g} {quantity.unit} so far")
 
-    progress.begin(None, request.words)
+    progress.start(None, request.words)
     try:
         return study.search_design(cam, rig, request, name, told)
     except KeyboardInterrupt:

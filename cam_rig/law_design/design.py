@@ -34,7 +34,7 @@ from cam_rig.laws import Law, build_law
 from cam_rig.laws.cam import CamSet
 from cam_rig.quantities.terms import Limit, Term, sign_of
 from cam_rig.schema import CamConfig, RigConfig
-from cam_rig.show.result import SILENT, Progress
+from cam_rig.show.result import NULL_PROGRESS, Progress
 from cam_rig.units import FloatArray
 
 #: A goal below this part of the start's is solved again, measured by itself.
@@ -311,12 +311,12 @@ def front(
     request: DesignRequest,
     other: Term,
     points: int,
-    progress: Progress = SILENT,
+    progress: Progress = NULL_PROGRESS,
 ) -> Front:
     """The goal's best between the other's best and where it no longer binds, or over all spans."""
     if not FEWEST <= points <= MOST:
         raise ConfigError(f"--points: is {points}; allowed: {FEWEST} to {MOST}")
-    progress.begin(points + 2, request.words)
+    progress.start(points + 2, request.words)
     problem = _problem(cam, rig, request)
     if other.quantity.where == "event":
         return _over_spans(problem, request, other, points, progress)

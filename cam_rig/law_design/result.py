@@ -66,7 +66,7 @@ class LawDesign(Result):
     """
 
     schema = "cam_rig.design.1"
-    drawn_by = "cam_rig.law_design.figures:figure"
+    plot_function = "cam_rig.law_design.figures:figure"
     columns: ClassVar = {
         "measures": (
             Column("quantity", of="term.key", cell=lambda one: one.term.words),
@@ -82,19 +82,19 @@ class LawDesign(Result):
             Column("cam", of="cam.name"),
             Column("start", of="start.name"),
             Column("rig", of="rig.name"),
-            Column("verb", of="request.verb", about="minimise or maximise"),
+            Column("verb", of="request.verb", doc="minimise or maximise"),
             Column("goal", of="goal.term.key"),
-            Column("pieces", of="request.law_class.pieces", about="of each event"),
-            Column("joints", of="request.law_class.joints", about="continuous derivatives"),
+            Column("pieces", of="request.law_class.pieces", doc="of each event"),
+            Column("joints", of="request.law_class.joints", doc="continuous derivatives"),
             Column("degree", of="request.law_class.power"),
             Column("interrupted"),
-            Column("certified", about="whether the gap is at most 0.2 %"),
-            Column("gap", about="to the bound, in parts of it"),
+            Column("certified", doc="whether the gap is at most 0.2 %"),
+            Column("gap", doc="to the bound, in parts of it"),
             Column("starts", of="multistart.starts"),
             Column("seed", of="multistart.seed"),
-            Column("near", of="multistart.near", about="how many starts came to the same"),
+            Column("near", of="multistart.near", doc="how many starts came to the same"),
             Column("bound_at_these_events", of="spans_bound"),
-            Column("programs", of="rounds", about="solved"),
+            Column("programs", of="rounds", doc="solved"),
         ),
     }
 
@@ -196,11 +196,11 @@ class Front(Result):
     """Designs by rising values of the other quantity: ``allowed`` ``(n,)``, SI (dB for levels)."""
 
     schema = "cam_rig.front.1"
-    drawn_by = "cam_rig.law_design.figures:front_figure"
+    plot_function = "cam_rig.law_design.figures:front_figure"
     columns: ClassVar = {
         "front": (
-            Column("allowed", "", ".5g", about="of the other quantity, SI", of="0"),
-            Column("result", "", ".5g", about="of the goal, SI", of="1.goal.result"),
+            Column("allowed", "", ".5g", doc="of the other quantity, SI", of="0"),
+            Column("result", "", ".5g", doc="of the goal, SI", of="1.goal.result"),
             Column("bound", "", ".5g", of="1.goal.bound", missing="–"),
             Column("certified", of="1.certified", cell=lambda row: _certified(row[1])),
         ),

@@ -17,7 +17,7 @@ from cam_rig.schema import CamConfig
 from cam_rig.schema.segment_base import Table
 from cam_rig.show.figure import CAM_ANGLE, empty, line, styled, turn_axis, wrapped
 from cam_rig.show.looks import DERIVATIVES, MM, in_words, short, web
-from cam_rig.show.tables import printed
+from cam_rig.show.tables import typeset_number
 
 #: One a panel.
 COLOURS = tuple(map(web, DERIVATIVES))
@@ -100,7 +100,7 @@ def _peaks(axes: Axes, law: Law, order: int) -> None:
         axes.plot(at, value, "o", color=COLOURS[order], ms=4)
         x, side = (-6, "right") if at > 180.0 else (6, "left")
         y, end = (6, "bottom") if above else (-6, "top")
-        words = f"{printed(value, '.4g')} at {at:.4g}°"
+        words = f"{typeset_number(value, '.4g')} at {at:.4g}°"
         axes.annotate(words, (at, value), (x, y), ha=side, va=end, **WORDS)
 
 

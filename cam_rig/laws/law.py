@@ -15,7 +15,7 @@ import numpy as np
 from cam_rig.errors import ArgumentTypeError, LawError
 from cam_rig.extras import libraries_named
 from cam_rig.laws import bernstein
-from cam_rig.show.result import notebook
+from cam_rig.show.result import enable_notebook_display
 from cam_rig.units import TURN, FloatArray
 
 if TYPE_CHECKING:
@@ -212,7 +212,7 @@ class Law:
         """
         with libraries_named():
             from cam_rig.laws.figures import law_figure
-        return notebook(law_figure(self))
+        return enable_notebook_display(law_figure(self))
 
     @property
     def degree(self) -> int:

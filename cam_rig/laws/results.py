@@ -20,7 +20,7 @@ from cam_rig.laws.law import SMOOTHEST, Extreme, Joint, continuity, extremes, jo
 from cam_rig.laws.segments import NAMED_RISES
 from cam_rig.schema import CamConfig, load_cam
 from cam_rig.schema.load import cam_path, config_root
-from cam_rig.show.result import Arrays, Column, Records, Result
+from cam_rig.show.result import Column, Records, Result
 from cam_rig.units import FloatArray
 
 
@@ -35,7 +35,7 @@ class RiseRow:
 
 RISES = (
     Column("law"),
-    Column("source", heading="from, or by", about="equation, or keys of the cam's file"),
+    Column("source", heading="from, or by", doc="equation, or keys of the cam's file"),
     *(
         Column(f"peak_{order}", "", ".4f", order, f"figures.peak_{order}", missing="any")
         for order in ("velocity", "acceleration", "jerk")
@@ -45,7 +45,7 @@ RISES = (
         heading="joins",
         of="figures.continuity",
         cell=lambda row: "any" if row.figures is None else f"C{row.figures.continuity}",
-        about="order of the highest derivative without a jump",
+        doc="order of the highest derivative without a jump",
     ),
 )
 PEAKS = "Peaks for unit rise and unit span"
@@ -60,7 +60,7 @@ class LawsResult(Result):
     """The named rises of some families; with all of them the laws without fixed figures too."""
 
     schema = "cam_rig.laws.1"
-    drawn_by = "cam_rig.laws.figures:laws_figure"
+    plot_function = "cam_rig.laws.figures:laws_figure"
     columns: ClassVar = {"laws": RISES}
 
     families: tuple[catalogue.RiseFamily, ...]
@@ -93,12 +93,12 @@ class RisesResult(Result):
     """Named rises of unit lift over a unit span."""
 
     schema = "cam_rig.law_rises.1"
-    drawn_by = "cam_rig.laws.figures:rises_result_figure"
+    plot_function = "cam_rig.laws.figures:rises_result_figure"
     columns: ClassVar = {
         "curves": (
             Column("rise", of=_curve("rise")),
-            Column("u", of=_curve("u"), about="part of the span"),
-            *(Column(key, of=_curve(key), about="of unit rise and unit span") for key in WORDS),
+            Column("u", of=_curve("u"), doc="part of the span"),
+            *(Column(key, of=_curve(key), doc="of unit rise and unit span") for key in WORDS),
         ),
         "laws": RISES,
     }
@@ -120,8 +120,7 @@ class RisesResult(Result):
 
     def tables(self) -> list[Records]:
         """``curves``, and the row of each in ``laws``."""
-        curves = Arrays.of("curves", self.columns["curves"], self)
-        return [curves, self.table("laws", PEAKS, _named(self.names))]
+        return [self.array_table("curves"), self.table("laws", PEAKS, _named(self.names))]
 
 
 def _by_order(motion: FloatArray) -> dict[str, FloatArray]:
@@ -160,8 +159,8 @@ def _end(which: str) -> tuple[Column, Column]:
         return value / row.factor
 
     return (
-        Column(which, "", ".6g", of=f"{which}.value", cell=shown, about="in `unit`"),
-        Column(f"{which}_at", "°", ".4g", "at", f"{which}.angle", about="cam angle"),
+        Column(which, "", ".6g", of=f"{which}.value", cell=shown, doc="in `unit`"),
+        Column(f"{which}_at", "°", ".4g", "at", f"{which}.angle", doc="cam angle"),
     )
 
 
@@ -174,11 +173,11 @@ class CamLawsResult(Result):
     """The laws of cams over the turn."""
 
     schema = "cam_rig.law.1"
-    drawn_by = "cam_rig.laws.figures:cam_laws_figure"
+    plot_function = "cam_rig.laws.figures:cam_laws_figure"
     columns: ClassVar = {
         "curves": (
             Column("cam", of=_curve("cam")),
-            Column("angle", "°", of=_curve("angle"), about="cam angle"),
+            Column("angle", "°", of=_curve("angle"), doc="cam angle"),
             *(Column(key, f"mm{per}", of=_curve(key)) for key, per in zip(WORDS, PER, strict=True)),
         ),
         "extremes": (
@@ -187,7 +186,7 @@ class CamLawsResult(Result):
                 "continuity",
                 heading="joins",
                 cell=lambda row: f"C{row.continuity}",
-                about="order of the highest derivative without a jump",
+                doc="order of the highest derivative without a jump",
                 hidden=True,
             ),
             Column(
@@ -205,8 +204,8 @@ class CamLawsResult(Result):
         ),
         "joints": (
             Column("cam"),
-            Column("angle", "°", of="joint.angle", about="cam angle"),
-            Column("continuity", of="joint.continuity", about="below that of the smoothest joints"),
+            Column("angle", "°", of="joint.angle", doc="cam angle"),
+            Column("continuity", of="joint.continuity", doc="below that of the smoothest joints"),
         ),
     }
 
@@ -244,7 +243,7 @@ class CamLawsResult(Result):
             for order in catalogue.ORDERS
         ]
         return [
-            Arrays.of("curves", self.columns["curves"], self),
+            self.array_table("curves"),
             self._extremes(rows),
             self.table("joints", "", self.rough, hidden=True),
         ]
@@ -254,14 +253,15 @@ class CamLawsResult(Result):
             return self.table("extremes", f"Extremes of {self.cams[0][1].name}", rows)
         changed: dict[str, dict[str, Any]] = {
             "quantity": {"cell": lambda row: f"{SYMBOLS[row.order]} [{row.unit}{PER[row.order]}]"},
-            "largest": {"heading": "largest {}", "shown": ".5g"},
-            "smallest": {"heading": "smallest {}", "shown": ".5g"},
+            "largest": {"heading": "largest {}", "number_format": ".5g"},
+            "smallest": {"heading": "smallest {}", "number_format": ".5g"},
         }
         changed |= {key: {"hidden": False} for key in ("cam", "continuity")}
         changed |= {key: {"hidden": True} for key in ("unit", "largest_at", "smallest_at")}
         columns = tuple(replace(c, **changed[c.key]) for c in self.columns["extremes"])
-        table = self.table("extremes", "Extremes over the turn", rows, across="quantity")
-        return replace(table, columns=columns, seen=lambda row: row.order > 0)
+        caption, is_derivative = "Extremes over the turn", lambda row: row.order > 0
+        table = self.table("extremes", caption, rows, pivot="quantity", row_filter=is_derivative)
+        return replace(table, columns=columns)
 
     def summary(self) -> list[str]:
         """Of one cam where it is not smooth."""

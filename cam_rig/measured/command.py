@@ -6,7 +6,7 @@ import typer
 
 from cam_rig.measured.cam_fit.command import fit_cam
 from cam_rig.measured.rig_fit.command import fit_rig
-from cam_rig.show.command import Command
+from cam_rig.show.command import StrictCommand
 
 fit = typer.Typer(no_args_is_help=True, rich_markup_mode="markdown")
 
@@ -16,5 +16,5 @@ def _group() -> None:
     """Find the numbers of a cam, or of a rig, from what was measured."""
 
 
-fit.command("rig", cls=Command)(fit_rig)
-fit.command("cam", cls=Command)(fit_cam)
+fit.command("rig", cls=StrictCommand)(fit_rig)
+fit.command("cam", cls=StrictCommand)(fit_cam)

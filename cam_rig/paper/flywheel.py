@@ -46,7 +46,7 @@ class FlywheelResult(Result):
     """Turns of every cam over `INERTIAS` at one speed (rpm), and eq. 10's twist without preload."""
 
     schema = "cam_rig.flywheel.1"
-    drawn_by = "cam_rig.paper.flywheel:figure"
+    plot_function = "cam_rig.paper.flywheel:figure"
     columns: ClassVar = {
         "flywheel": (
             Column("cam"),
@@ -94,8 +94,8 @@ class FlywheelResult(Result):
                 self.rows,
                 "Fluctuation: (fastest − slowest)/mean speed. The last row is eq. 10 of the paper.",
                 "ΔE/(Iω²): the handbook's formula, shaft rigid, I of flywheel and cam.",
-                by="cam",
-                seen=lambda row: row.cam == SHOWN_CAM,
+                group_by="cam",
+                row_filter=lambda row: row.cam == SHOWN_CAM,
             ),
             self.table(
                 "cams",

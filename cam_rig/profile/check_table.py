@@ -27,7 +27,7 @@ from cam_rig.profile.disc import Disc, discs
 from cam_rig.profile.faces import Swung
 from cam_rig.schema import CamConfig, load, load_cam
 from cam_rig.schema.cam import Follower
-from cam_rig.show.result import SI, Column, Records, Result
+from cam_rig.show.result import SI_UNITS, Column, Records, Result
 from cam_rig.units import TURN, FloatArray
 
 # The condition of constant breadth and constant diameter: s(θ) + s(θ + π) = s_max.
@@ -160,7 +160,7 @@ NONE = "–"
 
 def _worst(key: str, unit: str, name: str, heading: str) -> Column:
     return Column(
-        key, unit, ".4g", heading, lambda one: one.worst(name), missing=NONE, about=f"worst {name}"
+        key, unit, ".4g", heading, lambda one: one.worst(name), missing=NONE, doc=f"worst {name}"
     )
 
 
@@ -172,21 +172,21 @@ class ProfileResult(Result):
     """
 
     schema = "cam_rig.profile.1"
-    drawn_by = "cam_rig.profile.figures:profile_figure"
+    plot_function = "cam_rig.profile.figures:profile_figure"
     columns: ClassVar = {
         "checks": (
             Column("cam", hidden=True),
             Column("check", of="check.title"),
             Column("value", of="check.value", cell=lambda row: row.check.shown(row.check.value)),
             Column("angle", "°", ".1f", "at", "check.place"),
-            Column("relation", of="check.relation", about="of value to limit", hidden=True),
+            Column("relation", of="check.relation", doc="of value to limit", hidden=True),
             Column(
                 "limit", heading="allowed", of="check.limit", cell=lambda row: row.check.allowed
             ),
             Column(
                 "unit",
-                of=lambda row: SI.get(row.check.unit, (row.check.unit,))[0],
-                about="of value and limit",
+                of=lambda row: SI_UNITS.get(row.check.unit, (row.check.unit,))[0],
+                doc="of value and limit",
                 hidden=True,
             ),
             Column(
@@ -195,7 +195,7 @@ class ProfileResult(Result):
                 of="check.passed",
                 cell=lambda row: "ok" if row.check.passed else "fails",
             ),
-            Column("vital", of="check.vital", about="else it is bad, but can be made", hidden=True),
+            Column("vital", of="check.vital", doc="else it is bad, but can be made", hidden=True),
         ),
         "cams": (
             Column("cam", of="cam.name"),
@@ -212,11 +212,9 @@ class ProfileResult(Result):
                 cell=lambda one: (
                     f"{len(one.failed)} fail" if one.failed else f"{len(one.checks)} ok"
                 ),
-                about="checks that it fails",
+                doc="checks that it fails",
             ),
-            Column(
-                "cannot_be_made", of="cam.cannot_be_made", about="why, by its file", hidden=True
-            ),
+            Column("cannot_be_made", of="cam.cannot_be_made", doc="why, by its file", hidden=True),
         ),
     }
 

@@ -162,11 +162,11 @@ class MeasuredResult(Result):
                 "µm",
                 "+.3g",
                 of=lambda one: float(one.error[one.largest_at]),
-                about="of the lift, from the law of the cam",
+                doc="of the lift, from the law of the cam",
             ),
             Column("at", "°", "g", of=lambda one: float(one.angle[one.largest_at])),
             Column("rms_error", "µm", ".3g", "r.m.s. error", lambda one: rms(one.error)),
-            Column("source", hidden=True, about="the file"),
+            Column("source", hidden=True, doc="the file"),
         )
     }
 

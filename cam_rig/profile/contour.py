@@ -16,7 +16,7 @@ from cam_rig.profile.check_table import CheckedCam, ProfileResult, check_cam
 from cam_rig.profile.checks import Check
 from cam_rig.profile.disc import Contour, contours
 from cam_rig.schema import CamConfig
-from cam_rig.show.result import Arrays, Column, Records, Result
+from cam_rig.show.result import Column, Records, Result
 from cam_rig.units import FloatArray
 
 if TYPE_CHECKING:
@@ -46,14 +46,14 @@ class CamContour(Result):
     """
 
     schema = "cam_rig.contour.1"
-    drawn_by = "cam_rig.profile.figures:contour_figure"
+    plot_function = "cam_rig.profile.figures:contour_figure"
     columns: ClassVar = {
         "points": (
             Column("disc", of=_of_discs(lambda disc: np.full(disc.angle.size, disc.disc.name))),
-            Column("angle", "°", of=_of_discs(lambda disc: disc.angle), about="cam angle"),
+            Column("angle", "°", of=_of_discs(lambda disc: disc.angle), doc="cam angle"),
             Column("x", "mm", of=_of_discs(lambda disc: disc.points[0])),
             Column("y", "mm", of=_of_discs(lambda disc: disc.points[1])),
-            Column("radius", "mm", of=_radius, about="of curvature, below 0 where concave"),
+            Column("radius", "mm", of=_radius, doc="of curvature, below 0 where concave"),
             Column("pressure_angle", "°", of=_of_discs(lambda disc: disc.pressure)),
         ),
         "checks": ProfileResult.columns["checks"],
@@ -99,7 +99,7 @@ class CamContour(Result):
     def tables(self) -> list[Records]:
         """``points`` of every disc, and its ``checks``."""
         checked = ProfileResult((CheckedCam(self.cam, self.law, self.checks),))
-        return [Arrays.of("points", self.columns["points"], self), checked.tables()[0]]
+        return [self.array_table("points"), checked.tables()[0]]
 
     @checked
     def plot(self, positions: int = 24) -> Figure:  # type: ignore[override]

@@ -22,7 +22,7 @@ from cam_rig.profile.faces import Guided, GuidedFace, Swung, SwungCentre, SwungF
 from cam_rig.schema import CamConfig
 from cam_rig.show.figure import CAM_ANGLE, empty, styled, turn_axis, wrapped
 from cam_rig.show.looks import DISCS, LIMIT, MM, PITCH_CURVE, circle, web
-from cam_rig.show.tables import printed
+from cam_rig.show.tables import typeset_number
 from cam_rig.units import ComplexArray, FloatArray
 
 # The follower around a standing cam, as the graphical method draws it (profile thesis §2.2.1).
@@ -213,7 +213,7 @@ def _curvature(axes: Axes, cam: CamConfig, law: Law, discs: tuple[Contour, ...])
         name = f"{contour.disc.name}: " if contour.disc.name else ""
         degrees = np.degrees(contour.angle)
         sharpest = sharpest_convex(Scan(law, contour.disc.element))
-        smallest = printed(sharpest.value * MM, ".4g")
+        smallest = typeset_number(sharpest.value * MM, ".4g")
         number = f"$ρ_{{min}}$ = {smallest} mm at {_degrees(sharpest):.4g}°"
         axes.plot(degrees, shown, color=colour, ls=dash, label=f"{name}{number}")
         axes.plot(_degrees(sharpest), sharpest.value * MM, "o", color=colour, clip_on=False)

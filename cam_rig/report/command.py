@@ -128,7 +128,7 @@ def _own(
     from cam_rig.report.scene import SECTIONS, SceneStudies
     from cam_rig.simulation.asked import asked_scene
 
-    progress.begin(None, "the run")
+    progress.start(None, "the run")
     found = SceneStudies(asked_scene(scene, rig), bag)
     contents = fill(SECTIONS, found, kind == "html", progress)
     return found.loaded.scene.title, "", found, contents

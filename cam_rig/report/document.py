@@ -21,8 +21,8 @@ from matplotlib.figure import Figure
 from cam_rig.report.equations import mathml, subscripts
 from cam_rig.show.figure import alone, strips, write_strip
 from cam_rig.show.looks import tokens
-from cam_rig.show.result import SILENT, Column, Progress, Records, Result
-from cam_rig.show.tables import DataTable, number, printed, to_markdown, typeset
+from cam_rig.show.result import NULL_PROGRESS, Column, Progress, Records, Result
+from cam_rig.show.tables import DataTable, format_number, to_markdown, typeset, typeset_number
 
 #: What makes the numbers of a page, beside the package itself.
 LIBRARIES = ("numpy", "scipy")
@@ -88,13 +88,13 @@ class Section(NamedTuple):
 
 
 def fill(
-    sections: Sequence[Section], source: Any, with_figures: bool, progress: Progress = SILENT
+    sections: Sequence[Section], source: Any, with_figures: bool, progress: Progress = NULL_PROGRESS
 ) -> dict[Section, Content]:
     """What each section shows of what ``source`` gives."""
     found = {}
-    progress.begin(len(sections))
+    progress.start(len(sections))
     for section in sorted(sections, key=lambda one: one.late):
-        progress.tell(section.title)
+        progress.describe(section.title)
         found[section] = section.find(source)
         if with_figures:
             _ = found[section].drawn
@@ -218,7 +218,12 @@ def environment(kind: str) -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    found.filters |= {"percent": percent, "number": printed, "to": to, "markdown": to_markdown}
+    found.filters |= {
+        "percent": percent,
+        "number": typeset_number,
+        "to": to,
+        "markdown": to_markdown,
+    }
     found.filters |= {"degrees": math.degrees, "anchor": anchor, "typeset": typeset}
     found.filters |= {"mathml": mathml, "subscripts": subscripts, "summary": summary_table}
     found.globals["tokens"] = tokens
@@ -227,12 +232,12 @@ def environment(kind: str) -> Environment:
 
 def percent(share: float, shown: str = ".0f") -> str:
     """A share as a percentage."""
-    return f"{printed(100.0 * share, shown)} %"
+    return f"{typeset_number(100.0 * share, shown)} %"
 
 
 def to(pair: tuple[float, float], shown: str = ".0f") -> str:
     """A range from its ends."""
-    return " to ".join(printed(end, shown) for end in pair)
+    return " to ".join(typeset_number(end, shown) for end in pair)
 
 
 def anchor(heading: str) -> str:
@@ -262,13 +267,13 @@ class Answer(NamedTuple):
 def summary_table(rows: Iterable[Answer]) -> DataTable:
     """The answers as a table."""
     columns = tuple(map(Column, ("question", "paper", "here", "verdict")))
-    (table,) = Records("summary", "Questions and answers", columns, tuple(rows)).to_show()
+    (table,) = Records("summary", "Questions and answers", columns, tuple(rows)).to_display()
     return table
 
 
 def bold(value: float, shown: str = ".6g", unit: str = "") -> str:
     """A number in bold, with its unit."""
-    return f"**{number(value, shown)}{' ' + unit if unit else ''}**"
+    return f"**{format_number(value, shown)}{' ' + unit if unit else ''}**"
 
 
 def span(ends: tuple[float, float], shown: str = ".6g", unit: str = "") -> str:

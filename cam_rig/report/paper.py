@@ -35,7 +35,7 @@ from cam_rig.report.sections import read_recorded
 from cam_rig.schema import Library, load_readings, load_rig, load_tables
 from cam_rig.show.looks import in_words
 from cam_rig.show.result import Column, Records
-from cam_rig.show.tables import number
+from cam_rig.show.tables import format_number
 from cam_rig.simulation.asked import named_cams
 from cam_rig.simulation.scene import open_scene
 
@@ -228,7 +228,7 @@ def _crossing(paper: Paper, rivals: str) -> Answer:
     if best.rpm is None:
         return Answer(asked, "nowhere", "disagrees", said, "noise", "fig16")
     every = [m.crossing.rpm for m in paper.noise.methods if m.crossing.rpm is not None]
-    here = f"at **{number(best.rpm, '.1f')} ± {number(best.deviation, '.1f')} rpm**; "
+    here = f"at **{format_number(best.rpm, '.1f')} ± {format_number(best.deviation, '.1f')} rpm**; "
     inside = best.low <= named <= best.high
     return Answer(
         asked,

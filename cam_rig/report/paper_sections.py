@@ -39,7 +39,7 @@ from cam_rig.profile.check_table import GUIDED, check_cam
 from cam_rig.report.document import Content, Section
 from cam_rig.report.paper import Paper, answers, misprints_table
 from cam_rig.report.sections import laws_table, origins, recorded_table
-from cam_rig.show.tables import DataTable, Head
+from cam_rig.show.tables import DataTable, Header
 
 TITLE = "Cam rig: the paper's experiments, redone and taken further"
 #: What is drawn at random.
@@ -109,7 +109,7 @@ def _table_1(paper: Paper) -> DataTable:
         "identified from them.",
     )
     names = ("paper", f"rig {stiff.name}", f"rig {elastic.name}")
-    heads = (Head("parameter"), *(Head(name, "", ".6g") for name in names))
+    heads = (Header("parameter"), *(Header(name, "", ".6g") for name in names))
     every = (*rows, ("lift [m]", printed["lift_m"], lift, lift))
     return DataTable("The paper's Table 1: parameters", heads, every, notes)
 
@@ -118,11 +118,11 @@ def _vibration(paper: Paper) -> Content:
     """The measures on either rig, and all claims."""
     own, stiff, cam_set = paper.vibration, paper.stiff_vibration, paper.cam_set
     claims = [*own.claims, *jump_claims(paper.jumps.rpm, cam_set.rig.name), *stiff.claims]
-    speed = [one.tables()[0].only(STEADY_RPM) for one in (own, stiff)]
+    speed = [one.tables()[0].select(STEADY_RPM) for one in (own, stiff)]
     moved = float(cam_set.laws[PROPOSED](0.5 * STAND_IN)) / cam_set.cams[PROPOSED].lift.si
     tables = [*speed, claims_table(claims, own.rpm)]
     return Content(
-        [part for table in tables for part in table.to_show(paper.titles)],
+        [part for table in tables for part in table.to_display(paper.titles)],
         {"fig4": partial(own.plot, rpm=STEADY_RPM)},
         {"moves": moved, "steady_rpm": STEADY_RPM},
         {"vibration": own},
@@ -132,7 +132,7 @@ def _vibration(paper: Paper) -> Content:
 def _flywheel(paper: Paper) -> Content:
     found = study_flywheel(paper.cam_set, FLYWHEEL_RPM)
     return Content(
-        found.to_show(paper.titles) if found else [],
+        found.to_display(paper.titles) if found else [],
         {"flywheel": found.plot} if found else {},
         {"flywheel": found, "shown": FLYWHEEL_SHOWN, "infinity": math.inf},
     )
@@ -153,16 +153,16 @@ def _jump(paper: Paper) -> Content:
     }
     flights = partial(jump_plot.lift_off_figure, cam_set, TAKEOFF_RPM)
     figures: dict[str, Callable[[], Figure]] = {"jump": found.plot, "fig11": flights}
-    return Content(found.to_show(paper.titles), figures, values, {"jump": found})
+    return Content(found.to_display(paper.titles), figures, values, {"jump": found})
 
 
 def _readings(paper: Paper) -> Content:
-    return Content(paper.readings.to_show(paper.titles), values={"rounded_to": ROUNDED_TO})
+    return Content(paper.readings.to_display(paper.titles), values={"rounded_to": ROUNDED_TO})
 
 
 def _stem(paper: Paper) -> Content:
     found = study_stems(paper.cam_set, paper.stems, STEM_RPM)
-    tables = found.to_show(paper.titles)
+    tables = found.to_display(paper.titles)
     return Content(tables, {"stem": found.plot}, {"studies": found.studies})
 
 
@@ -183,7 +183,9 @@ def _bounce(paper: Paper) -> Content:
         "irregular": irregular,
         "spread": max((row.level_spread_db or 0.0 for row in irregular), default=0.0),
     }
-    return Content(found.to_show(paper.titles), {"bounce": found.plot}, values, {"bounce": found})
+    return Content(
+        found.to_display(paper.titles), {"bounce": found.plot}, values, {"bounce": found}
+    )
 
 
 def _as_cut(paper: Paper) -> Content:
@@ -191,11 +193,11 @@ def _as_cut(paper: Paper) -> Content:
     cam_set, bench = paper.cam_set, as_cut.CutBench.of(paper.cam_set.rig, paper.loaded)
     rollers = [cam for cam, config in cam_set.cams.items() if as_cut.has_central_roller(config)]
     cuts = as_cut.cut_all(cam_set.only(rollers), bench)
-    tables, cut = cuts.to_show(paper.titles), cuts.of(CUT)
+    tables, cut = cuts.to_display(paper.titles), cuts.of(CUT)
     if cut is not None:
         title = cam_set.titles[CUT]
         sizes = as_cut.BASES, as_cut.ROLLERS
-        tables += as_cut.over_sizes(cut, bench, *sizes, title).to_show(paper.titles)
+        tables += as_cut.over_sizes(cut, bench, *sizes, title).to_display(paper.titles)
     return Content(
         tables,
         {"fig12": partial(cuts.plot, cam=CUT)} if cut else {},
@@ -208,12 +210,12 @@ def _timing(paper: Paper) -> Content:
     """Of all cams the events; of `CUT`, where it is a single curve, the control of them."""
     cam_set = paper.cam_set
     found = TimingResult.of(cam_set.pairs)
-    tables = found.tables()[0].to_show(paper.titles)
+    tables = found.tables()[0].to_display(paper.titles)
     one = TimingResult.of(cam_set.only([CUT]).pairs) if CUT in cam_set.cams else None
     if one is None or not one.control:
         return Content(tables, values={"control": []}, results={"timing": found})
     _, ordinates, control, *_ = one.tables()
-    tables += control.to_show() + ordinates.to_show()
+    tables += control.to_display() + ordinates.to_display()
     return Content(tables, {"timing": one.plot}, {"control": one.control}, {"timing": found})
 
 
@@ -221,7 +223,7 @@ def _contact(paper: Paper) -> Content:
     found = compare_contacts(paper.touching, CONTACT_RPM, GUIDED)
     play = play_table(paper.form_closed)
     return Content(
-        found.to_show(paper.titles) + play.to_show(paper.titles),
+        found.to_display(paper.titles) + play.to_display(paper.titles),
         {"contact": found.plot, "events": partial(contact_plot.events_figure, GUIDED, SHARPEST)},
         {"contact": found},
         {"contact": found},
@@ -230,7 +232,7 @@ def _contact(paper: Paper) -> Content:
 
 def _noise(paper: Paper) -> Content:
     found, bag, titles = paper.noise, paper.recorded, paper.loaded.titles
-    tables, recorded = found.to_show(paper.titles), []
+    tables, recorded = found.to_display(paper.titles), []
     if bag is not None:
         curves = found.methods[0].curves
         simulated = {cam: curve.level_db for cam, curve in curves.items()}
@@ -256,7 +258,7 @@ def _orders(paper: Paper) -> Content:
     shown = OrdersResult(tuple(one.only(rpm[0], STEADY_RPM, rpm[-1]) for one in found))
     drawn = OrdersResult(tuple(one.up_to(SHOWN_ORDERS) for one in found), loaded.titles)
     return Content(
-        shown.speeds.to_show(paper.titles),
+        shown.speeds.to_display(paper.titles),
         {"orders": drawn.plot},
         {"studies": found, "steady_rpm": STEADY_RPM},
         {"orders": OrdersResult(found)},
@@ -272,15 +274,15 @@ def _question(paper: Paper) -> Content:
     values = {
         "classes": found.same_angles.classes,
         "stiffer": min(stiffer),
-        "advantage": advantage.to_show(paper.titles),
+        "advantage": advantage.to_display(paper.titles),
     }
-    tables, figures = found.to_show(paper.titles), {"factorial": found.plot}
+    tables, figures = found.to_display(paper.titles), {"factorial": found.plot}
     return Content(tables, figures, values, {"factorial": found})
 
 
 def _design(paper: Paper) -> Content:
     found = paper_designs(paper.cam_set)
-    tables = designs_table(found).to_show(paper.titles)
+    tables = designs_table(found).to_display(paper.titles)
     figures = {"best": partial(design_plot.figure, found[0])} if found else {}
     return Content(tables, figures, {"designs": found, "cut": CUT})
 
@@ -297,7 +299,7 @@ def _numbers(paper: Paper) -> Content:
 
 
 def _reading(paper: Paper) -> Content:
-    return Content(misprints_table().to_show())
+    return Content(misprints_table().to_display())
 
 
 SECTIONS = (

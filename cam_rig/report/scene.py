@@ -25,7 +25,7 @@ from cam_rig.profile.checks import Check
 from cam_rig.report.document import Answer, Content, Section, bold, span
 from cam_rig.report.sections import laws_table, origins, read_recorded, recorded_table
 from cam_rig.show.looks import LONGEST_TITLE
-from cam_rig.show.tables import DataTable, Head, tabulate
+from cam_rig.show.tables import DataTable, Header, tabulate
 from cam_rig.simulation import figures as simulation_figures
 from cam_rig.simulation.scene import (
     ORDER_SPEEDS,
@@ -210,7 +210,7 @@ def _contour(scene: SceneStudies) -> Content:
     pairs = dict(zip(scene.cam_set.laws, scene.cam_set.pairs, strict=True))
     tables, figures, failed = [], {}, []
     for cam, checks in scene.checks.items():
-        tables += ProfileResult((CheckedCam(*pairs[cam], checks),)).to_show()
+        tables += ProfileResult((CheckedCam(*pairs[cam], checks),)).to_display()
         failed += [(scene.titles[cam], check) for check in checks if not check.passed]
         if cam in list(pairs)[:MOST_CAMS]:
             figures[f"profile_{cam}"] = partial(profile_plot.figure, *pairs[cam], checks)
@@ -220,7 +220,7 @@ def _contour(scene: SceneStudies) -> Content:
 def _turn(scene: SceneStudies) -> Content:
     run = scene.run
     return Content(
-        run.tables()[0].to_show(scene.titles),
+        run.tables()[0].to_display(scene.titles),
         {"force": lambda: simulation_figures.over_turn(simulation_figures.force_curves(run))},
         {"seconds": run.ticks[-1].stop_ns / NS},
         {"simulate": run},
@@ -230,7 +230,7 @@ def _turn(scene: SceneStudies) -> Content:
 def _jump(scene: SceneStudies) -> Content:
     found = scene.jumps
     return Content(
-        found.to_show(scene.titles),
+        found.to_display(scene.titles),
         {"jump": found.plot} if found.rows else {},
         results={"jump": found},
     )
@@ -243,7 +243,7 @@ def _vibration(scene: SceneStudies) -> Content:
         return Content(results={"vibration": None})
     rows = tuple(row for one in each.values() for row in one.rows)
     found = VibrationResult(scene.cam_set.only(each), rows)
-    tables = found.tables()[0].to_show(scene.titles)
+    tables = found.tables()[0].to_display(scene.titles)
     return Content(tables, {"vibration": found.plot}, results={"vibration": found})
 
 
@@ -257,7 +257,7 @@ def _sound(scene: SceneStudies) -> Content:
         simulated = {cam: curve.level_db for cam, curve in scene.run.noise.curves.items()}
         tables.append(recorded_table(scene.recorded, simulated, scene.titles))
     return Content(
-        tables + found.speeds.to_show(scene.titles),
+        tables + found.speeds.to_display(scene.titles),
         {"noise": scene.run.plot} | ({"orders": found.plot} if each else {}),
         {"highest": HIGHEST},
         {"orders": found if each else None},
@@ -270,13 +270,13 @@ def _levels(scene: SceneStudies) -> DataTable:
         "Sound pressure level over the scene's speeds",
         scene.run.noise.curves.values(),
         (
-            (Head("cam"), lambda curve: scene.titles[curve.cam]),
-            (Head("level is"), lambda curve: curve.role),
-            (Head("lowest", "dB", ".1f"), lambda curve: float(curve.level_db.min())),
-            (Head("at", "rpm", ".6g"), lambda curve: float(curve.rpm[curve.level_db.argmin()])),
-            (Head("highest", "dB", ".1f"), lambda curve: float(curve.level_db.max())),
-            (Head("at", "rpm", ".6g"), lambda curve: float(curve.rpm[curve.level_db.argmax()])),
-            (Head("difference to published", "dB r.m.s.", ".2f"), lambda curve: curve.rmse_db),
+            (Header("cam"), lambda curve: scene.titles[curve.cam]),
+            (Header("level is"), lambda curve: curve.role),
+            (Header("lowest", "dB", ".1f"), lambda curve: float(curve.level_db.min())),
+            (Header("at", "rpm", ".6g"), lambda curve: float(curve.rpm[curve.level_db.argmin()])),
+            (Header("highest", "dB", ".1f"), lambda curve: float(curve.level_db.max())),
+            (Header("at", "rpm", ".6g"), lambda curve: float(curve.rpm[curve.level_db.argmax()])),
+            (Header("difference to published", "dB r.m.s.", ".2f"), lambda curve: curve.rmse_db),
         ),
         "" if scene.loaded.calibrated else RELATIVE_NOTE,
     )

@@ -21,7 +21,7 @@ from cam_rig.report.document import Content
 from cam_rig.schema.quantity import ORIGINS, Quantity
 from cam_rig.schema.segment_base import quantities
 from cam_rig.show.result import Column, Records
-from cam_rig.show.tables import Cell, DataTable, Head, number, tabulate
+from cam_rig.show.tables import Cell, DataTable, Header, format_number, tabulate
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.simulate import step_levels
 from cam_rig.units import FloatArray, rms
@@ -53,13 +53,13 @@ def recorded_table(
     published: Mapping[str, FloatArray] | None = None,
 ) -> DataTable:
     """What lies between a bag's levels and the simulated ones (dB), and published ones if any."""
-    known, away = published or {}, Head("largest difference to this run", "dB", ".4f")
-    left = Head("r.m.s. difference to published", "dB", ".2f")
+    known, away = published or {}, Header("largest difference to this run", "dB", ".4f")
+    left = Header("r.m.s. difference to published", "dB", ".2f")
     return tabulate(
         f"The recorded run {recorded.bag.name}, {recorded.messages} messages",
         recorded.level_db.items(),
         (
-            (Head("cam"), lambda row: titles[row[0]]),
+            (Header("cam"), lambda row: titles[row[0]]),
             (away, lambda row: float(np.abs(row[1] - simulated[row[0]]).max())),
             (left, lambda row: rms(row[1] - known[row[0]]) if row[0] in known else None),
         ),
@@ -111,15 +111,15 @@ def laws_table(
             extremes(row[1], order)[end].value * (1.0 / row[1].lift if over_lift else 1e3)
         )
 
-    fields: list[tuple[Head, Callable[[tuple[str, Law]], Cell]]]
-    fields = [(Head("law" if over_lift else "cam"), lambda row: cam_set.titles[row[0]])]
+    fields: list[tuple[Header, Callable[[tuple[str, Law]], Cell]]]
+    fields = [(Header("law" if over_lift else "cam"), lambda row: cam_set.titles[row[0]])]
     if not over_lift:
-        fields.append((Head("lift", "mm", ".4g"), lambda row: 1e3 * row[1].lift))
-    fields.append((Head("continuity"), lambda row: continuity_in_words(row[1])))
+        fields.append((Header("lift", "mm", ".4g"), lambda row: 1e3 * row[1].lift))
+    fields.append((Header("continuity"), lambda row: continuity_in_words(row[1])))
     for order, form in shown.items():
         name, per = DERIVATIVES[order]
         fields += [
-            (Head(f"{words} {name}", f"{unit}/{per}", form), peak(order, end))
+            (Header(f"{words} {name}", f"{unit}/{per}", form), peak(order, end))
             for words, end in (("largest", 1), ("smallest", 0))
         ]
     return tabulate(caption, cam_set.laws.items(), fields, *notes)
@@ -137,7 +137,7 @@ def origins(files: Mapping[str, BaseModel], own: bool = False) -> Content:
     )
     tables = [Records("", name, columns, some) for name, some in rows.items()]
     return Content(
-        [part for table in tables for part in table.to_show()],
+        [part for table in tables for part in table.to_display()],
         values={"origins": ", ".join(f"{counts[o]} {o}" for o in ORIGINS), "own": own},
     )
 
@@ -148,7 +148,7 @@ def _source(quantity: Quantity) -> str:
 
 def _value(quantity: Quantity) -> str:
     unit = "" if quantity.unit == "1" else f" {quantity.unit}".replace(" deg", "°")
-    numbers = [number(value) for value in quantity.numbers]
+    numbers = [format_number(value) for value in quantity.numbers]
     if len(numbers) > MOST_SHOWN:
         numbers = [*numbers[:3], "…", *numbers[-2:]]
     return ", ".join(numbers) + unit.replace("*", "·").replace("^2", "²")

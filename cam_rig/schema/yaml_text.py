@@ -70,7 +70,7 @@ def parse_yaml(text: str) -> Any:
                 raise _wrong(event, f"is nested too deeply; allowed: {MAX_DEPTH} levels")
             if values > MAX_VALUES:
                 raise _wrong(event, f"has more than {MAX_VALUES} values")
-        return yaml.load(text, Loader=Loader)  # noqa: S506  a safe one
+        return yaml.load(text, Loader=Loader)
     except yaml.YAMLError as error:
         words = " ".join(str(error).split()).replace('in "<unicode string>", ', "at ")
         raise ConfigError(f"not YAML: {words}") from None

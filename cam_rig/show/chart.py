@@ -20,7 +20,7 @@ from rerun.chunk import RrdReader
 
 from cam_rig.errors import CamRigError, ConfigError
 from cam_rig.show import looks as colours
-from cam_rig.show.tables import printed
+from cam_rig.show.tables import typeset_number
 from cam_rig.units import FloatArray
 
 #: Radii on the screen: Rerun takes a negative one as points, not as the plane's unit.
@@ -122,7 +122,7 @@ def round_marks(low: float, high: float, unit: str) -> dict[float, str]:
     step = float(max(f * power for f in (1.0, 2.0, 2.5, 5.0) if f * power <= raw))
     values = np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1.0) * step
     values += 0.0  # no -0
-    words = [printed(value) for value in values]
+    words = [typeset_number(value) for value in values]
     words[-1] += f" {unit}" if unit else ""
     return dict(zip(values.tolist(), words, strict=True))
 

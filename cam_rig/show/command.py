@@ -1,4 +1,7 @@
-"""What a command writes: plots, JSON and CSV, written whole or not at all."""
+"""Commands that print a result and write it as a plot, JSON or CSV.
+
+A file is written completely or not at all.
+"""
 
 from __future__ import annotations
 
@@ -6,10 +9,11 @@ import inspect
 import json
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
@@ -19,22 +23,29 @@ from cam_rig.errors import INTERRUPTED, CamRigError, ConfigError
 from cam_rig.extras import libraries_named, require, source_date
 from cam_rig.files import check_place, writing
 from cam_rig.interrupts import raised
-from cam_rig.show.result import Progress as Steps
-from cam_rig.show.result import Result
+from cam_rig.show.result import Progress, Result
 from cam_rig.show.terminal import console, say, show
-
-# What all verbs share: where words and tables go, and how errors end a command.
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from rich.progress import Progress
+    from rich.progress import Progress as RichProgress
+
+#: Suffixes of the files that a plot can be written to.
+PICTURE_SUFFIXES = (".png", ".svg", ".pdf", ".jpg")
+#: Target that stands for standard output.
+STDOUT = Path("-")
+#: Wall-clock time between progress lines, in s, if there is no terminal for a bar.
+LOG_PERIOD_S = 10.0
 
 
 @contextmanager
 def user_errors() -> Iterator[None]:
-    """End the command with one line and the error's code, or an interrupt's; no more is caught."""
+    """Exit the command with one line on stderr after a `CamRigError` or an interrupt.
+
+    The exit code is that of the error. Any other exception propagates.
+    """
     try:
-        source_date()  # libraries that a command imports end at what is none
+        source_date()  # checked here, as an invalid date ends libraries that a command imports
         with libraries_named(), raised():
             yield
     except CamRigError as error:
@@ -45,56 +56,50 @@ def user_errors() -> Iterator[None]:
         raise typer.Exit(INTERRUPTED) from None
 
 
-def progress_bar() -> Progress:
-    """A bar with ticks done, ticks in all and the time left."""
-    from rich import progress  # a tenth of what `--help` costs
+def make_progress_bar() -> RichProgress:
+    """Return a progress bar with completed steps, total steps and remaining time."""
+    from rich import progress  # a tenth of the time of `--help`
 
     columns = (progress.BarColumn(), progress.MofNCompleteColumn(), progress.TimeRemainingColumn())
-    words = progress.TextColumn("{task.description}")
-    return progress.Progress(words, *columns, console=console, transient=True)
+    description = progress.TextColumn("{task.description}")
+    return progress.Progress(description, *columns, console=console, transient=True)
 
 
-class Bar(Steps):
-    """Tells how far a computation is by a bar, on a terminal."""
+class ProgressBar(Progress):
+    """Progress bar of a command. It is not displayed unless stderr is a terminal."""
 
     def __init__(self) -> None:
-        self._bar: Progress | None = None
+        self._bar: RichProgress | None = None
         self._task: Any = None
 
-    def begin(self, total: int | None, words: str = "") -> None:
-        """A bar of its own in place of the one before; none where there is no terminal."""
+    def start(self, total: int | None, description: str = "") -> None:
+        """Start a task of `total` steps (None: unknown), replacing the previous task."""
         if self._bar is not None:
             self._bar.remove_task(self._task)
         elif console.is_terminal:
-            self._bar = progress_bar()
+            self._bar = make_progress_bar()
             self._bar.start()
         if self._bar is not None:
-            self._task = self._bar.add_task(words, total=total)
+            self._task = self._bar.add_task(description, total=total)
 
     def advance(self, steps: int = 1) -> None:
-        """So many more are done."""
+        """Report completed steps."""
         if self._bar is not None:
             self._bar.advance(self._task, steps)
 
-    def tell(self, words: str) -> None:
-        """What is at work now."""
+    def describe(self, description: str) -> None:
+        """Display the current item, or the best result so far."""
         if self._bar is not None:
-            self._bar.update(self._task, description=words)
+            self._bar.update(self._task, description=description)
 
-    def end(self) -> None:
-        """Take it away."""
+    def stop(self) -> None:
+        """Remove the bar."""
         if self._bar is not None:
             self._bar.stop()
 
 
-#: Kinds of picture a plot can be written as.
-PICTURES = (".png", ".svg", ".pdf", ".jpg")
-#: In place of a file.
-STDOUT = Path("-")
-
-
 def write_plot(target: Path, figure: Callable[[], Figure]) -> None:
-    """Draw a figure into a file, of any kind that matplotlib knows; say where it is."""
+    """Draw a figure, write it to a file, and print its path."""
     from cam_rig.show.figure import write
 
     with writing(target) as part:
@@ -103,7 +108,7 @@ def write_plot(target: Path, figure: Callable[[], Figure]) -> None:
 
 
 def write_json(data: dict[str, Any], target: str | None) -> None:
-    """Write JSON to a file, to stdout for ``-``, nowhere for None."""
+    """Write JSON to a file, or to stdout for ``-``. None writes nothing."""
     text = json.dumps(data, indent=2)
     if target == "-":
         print(text)
@@ -113,11 +118,19 @@ def write_json(data: dict[str, Any], target: str | None) -> None:
 
 
 def check_outputs(json_target: str | None, plot: Path | None, csv: Path | None = None) -> None:
-    """Refuse, before anything runs, what could not be written afterwards."""
+    """Check, before the computation, that all outputs can be written.
+
+    Raises
+    ------
+    ConfigError
+        If a target cannot be written, matplotlib is not installed, or two targets are stdout.
+    """
     if json_target == "-" and csv == STDOUT:
         raise ConfigError("--json - and --csv -: both go to stdout; allowed: one of them there")
-    if plot is not None and plot.suffix.lower() not in PICTURES:
-        raise ConfigError(f"{plot}: unknown kind of picture; allowed: {', '.join(PICTURES)}")
+    if plot is not None and plot.suffix.lower() not in PICTURE_SUFFIXES:
+        raise ConfigError(
+            f"{plot}: unknown kind of picture; allowed: {', '.join(PICTURE_SUFFIXES)}"
+        )
     if plot is not None:
         require("matplotlib")
     for target in (plot, csv, None if json_target is None else Path(json_target)):
@@ -126,7 +139,7 @@ def check_outputs(json_target: str | None, plot: Path | None, csv: Path | None =
 
 
 def check_recording(target: Path) -> None:
-    """Refuse, before anything is computed, a Rerun recording that could not be written."""
+    """Check, before the computation, that a Rerun recording can be written."""
     require("rerun")
     check_place(target)
     if target.suffix != ".rrd":
@@ -134,44 +147,46 @@ def check_recording(target: Path) -> None:
 
 
 def write_tables(result: Result, target: Path) -> None:
-    """Write the first table as CSV, to stdout for ``-``; each other into a file beside it."""
+    """Write the tables of a result as CSV.
+
+    The first table is written to `target`, the others to ``TARGET.KEY.csv`` if they have records.
+    With ``-`` only the first is written, to stdout.
+    """
     first, *others = result.tables()
     if target == STDOUT:
         print(first.to_csv(), end="")
         return
-    beside = {target.with_suffix(f".{t.key}{target.suffix}"): t for t in others if t.records}
-    for path, table in ({target: first} | beside).items():
+    further = {target.with_suffix(f".{t.key}{target.suffix}"): t for t in others if t.records}
+    for path, table in ({target: first} | further).items():
         with writing(path) as part:
             part.write_text(table.to_csv(), encoding="utf-8")
-    if beside:
-        say(f"csv: {target}; further tables: {', '.join(map(str, beside))}")
+    if further:
+        say(f"csv: {target}; further tables: {', '.join(map(str, further))}")
 
 
-def say_assumed(assumed: Iterable[str]) -> None:
-    """Print what no reading tells."""
-    say(*(f"assumed: {words}" for words in assumed))
+def echo_assumptions(assumptions: Iterable[str]) -> None:
+    """Print the assumptions that no reading supports."""
+    say(*(f"assumed: {text}" for text in assumptions))
 
 
-class Command(TyperCommand):
-    """As typer's, but that it refuses an option that stands twice where the last would be taken."""
+class StrictCommand(TyperCommand):
+    """Typer command that rejects a repeated option instead of using its last value."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Values of the options and arguments; ``--help`` comes first."""
-        stand = Counter(self.make_parser(ctx).parse_args(list(args))[2])
-        twice = [one for one, count in stand.items() if count > 1 and not one.multiple]
-        if twice and not any(one.is_eager for one in stand):
-            name = max(twice[0].opts, key=len)
-            print(
-                f"cam-rig: {name}: stands {stand[twice[0]]} times; allowed: once", file=sys.stderr
-            )
+        """Parse the arguments, unless an option is repeated and ``--help`` is not requested."""
+        counts = Counter(self.make_parser(ctx).parse_args(list(args))[2])
+        repeated = [p for p, count in counts.items() if count > 1 and not p.multiple]
+        if repeated and not any(p.is_eager for p in counts):
+            name, count = max(repeated[0].opts, key=len), counts[repeated[0]]
+            print(f"cam-rig: {name}: stands {count} times; allowed: once", file=sys.stderr)
             raise typer.Exit(ConfigError.exit_code)
         return super().parse_args(ctx, args)
 
 
+#: Scene of a command without a scene argument.
 DEFAULT_SCENE = "tm21_sweep"
 
-
-# Arguments and options that several commands have, each with one meaning and one help text.
+# Arguments and options shared by several commands, each with one meaning and one help text.
 
 Scene = Annotated[str, typer.Argument(help="Scene file, or a name in config/scenes.")]
 SceneOption = Annotated[str, typer.Option(help="Scene file, or a name in config/scenes.")]
@@ -233,78 +248,95 @@ Dask = Annotated[
     ),
 ]
 
-
-#: Wall time (s) from line to line on a page's delay, where there is no terminal for a bar.
-LINE_EVERY_S = 10.0
-#: The options that a command has by what its result can be written as.
-OUTPUTS = {"plot": Plot, "csv": Csv, "json": Json}
+#: Output option -> its declaration. A command has those that its result can be written as.
+OUTPUT_OPTIONS = {"plot": Plot, "csv": Csv, "json": Json}
 
 
 def command(*outputs: str) -> Callable[[Callable[..., Any]], Callable[..., None]]:
-    """Make a function that returns a `Result` a command, with options for those of `OUTPUTS`.
+    """Turn a function that returns a `Result` into the callback of a Typer command.
 
-    Targets are looked at before the function runs, and an error that a user can mend ends it in one
-    line. The tables are shown, then written as asked. A parameter ``progress`` is no option: it is
-    a `Bar`. One named as an output is its target, for a function that may have to refuse it. None
-    of a function is a result that it has shown itself.
+    The command checks its output targets, calls the function, prints the tables and writes the
+    outputs. A `CamRigError` ends it with one line on stderr.
+
+    Parameters
+    ----------
+    *outputs : str
+        Keys of `OUTPUT_OPTIONS` to add as options.
+
+    Notes
+    -----
+    A parameter `progress` of the function receives a `ProgressBar`. A parameter named as an output
+    receives its target, which the function may reject. The function returns None if it has printed
+    its result itself.
+
+    Examples
+    --------
+    >>> @command("json", "csv")
+    ... def laws(names: list[str]) -> LawsResult:
+    ...     return list_laws(names)
     """
 
     def decorate(function: Callable[..., Any]) -> Callable[..., None]:
-        known = dict(inspect.signature(function).parameters)
-        told = known.pop("progress", None) is not None
-        looked_at = [name for name in OUTPUTS if known.pop(name, None) is not None]
+        parameters = dict(inspect.signature(function).parameters)
+        takes_progress = parameters.pop("progress", None) is not None
+        forwarded_outputs = [n for n in OUTPUT_OPTIONS if parameters.pop(n, None) is not None]
 
         @wraps(function)
-        def run(**asked: Any) -> None:
-            targets = {name: asked.pop(name, None) for name in OUTPUTS}
-            plot, csv, target = targets.values()
-            asked |= {name: targets[name] for name in looked_at}
+        def run(**kwargs: Any) -> None:
+            targets = {name: kwargs.pop(name, None) for name in OUTPUT_OPTIONS}
+            plot, csv, json_target = targets.values()
+            kwargs |= {name: targets[name] for name in forwarded_outputs}
             with user_errors():
-                check_outputs(target, plot, csv)
-                bar = Bar()
+                check_outputs(json_target, plot, csv)
+                bar = ProgressBar()
                 try:
-                    result = function(**asked, **({"progress": bar} if told else {}))
+                    result = function(**kwargs, **({"progress": bar} if takes_progress else {}))
                 finally:
-                    bar.end()
-                give_out(result, plot, csv, target)
+                    bar.stop()
+                write_outputs(result, plot, csv, json_target)
 
-        options = {name: OUTPUTS[name] for name in outputs}
-        hints = get_type_hints(_without(function), vars(inspect.getmodule(function)), None, True)
-        run.__annotations__ = hints | options
-        run.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
-            [one.replace(annotation=hints[name]) for name, one in known.items()]
-            + [
-                inspect.Parameter(
-                    name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=one
-                )
-                for name, one in options.items()
-            ]
-        )
-        del run.__wrapped__  # type: ignore[attr-defined]  # else typer reads its signature
+        _set_signature(run, function, parameters, outputs)
         return run
 
     return decorate
 
 
-def _without(function: Callable[..., Any]) -> Any:
-    """What a function is annotated with, but for the types that only its body imports."""
-    names = {
-        name: hint
-        for name, hint in function.__annotations__.items()
-        if name not in ("return", "progress", *OUTPUTS)
-    }
-    return type("Annotated", (), {"__annotations__": names})
+def _set_signature(
+    run: Any,
+    function: Callable[..., Any],
+    parameters: Mapping[str, inspect.Parameter],
+    outputs: Iterable[str],
+) -> None:
+    """Set the signature that Typer reads: parameters of the function, then output options.
+
+    Typer derives arguments and options from the signature and the evaluated annotations of a
+    callback. The wrapper `run` takes ``**kwargs``, so both are rebuilt here, without `progress` and
+    the forwarded outputs. Only the annotations of `parameters` are evaluated: others, such as the
+    return type, may name classes that are imported for type checkers only. The function in
+    ``__wrapped__`` does not matter, because `inspect.signature` prefers ``__signature__``.
+    """
+    annotated = SimpleNamespace(
+        __annotations__={name: function.__annotations__[name] for name in parameters}
+    )
+    hints = get_type_hints(annotated, vars(inspect.getmodule(function)), include_extras=True)
+    options = {name: OUTPUT_OPTIONS[name] for name in outputs}
+    run.__annotations__ = hints | options
+    kind = inspect.Parameter.KEYWORD_ONLY
+    run.__signature__ = inspect.Signature(
+        [p.replace(annotation=hints[name]) for name, p in parameters.items()]
+        + [inspect.Parameter(n, kind, default=None, annotation=o) for n, o in options.items()]
+    )
 
 
-def give_out(
+def write_outputs(
     result: Result | None, plot: Path | None, csv: Path | None, json_target: str | None
 ) -> None:
-    """Show a result, write it as asked, and end with its exit code."""
+    """Print a result, write its outputs, and exit with its exit code unless it is 0."""
     if result is None:
         return
-    show(*result.to_show())
+    show(*result.to_display())
     say(*result.summary())
-    say_assumed(result.assumed)
+    echo_assumptions(result.assumed)
     if csv is not None:
         write_tables(result, csv)
     if plot is not None:

@@ -19,7 +19,7 @@ from zlib import crc32
 
 import numpy as np
 
-from cam_rig.show.tables import printed
+from cam_rig.show.tables import typeset_number
 from cam_rig.units import FloatArray
 
 COLOURS = (
@@ -304,7 +304,7 @@ def log_tick(value: float) -> str:
     power = math.floor(math.log10(value) + 1e-9)
     if PLAIN[0] <= power <= PLAIN[1]:
         return f"{value:g}"
-    return printed(float(f"{value:.0e}"), ".0e")
+    return typeset_number(float(f"{value:.0e}"), ".0e")
 
 
 def _word(word: str) -> str:

@@ -1,6 +1,7 @@
-"""A table as people read it: headings, units, cells and footnotes; who shows it renders it.
+"""Display tables: headings, units, cells and footnotes, independent of the output medium.
 
-Results make theirs of their columns (`cam_rig.show.result`); what is no result uses `tabulate`.
+Results build their tables from column definitions (`cam_rig.show.result`). Other code uses
+`tabulate`.
 """
 
 from __future__ import annotations
@@ -14,158 +15,192 @@ from typing import TypeVar
 
 Item = TypeVar("Item")
 
-#: Characters of a line of Markdown outside a table.
+#: Line width of Markdown text outside a table, in characters.
 MARKDOWN_WIDTH = 100
-#: Significant digits of a number that was found, on a page.
-DIGITS = 4
+#: Largest number of significant digits of a decimal number on a page.
+MAX_PAGE_DIGITS = 4
 
-#: Text, a number in the unit of its column, or nothing.
+#: A text, a number in the unit of its column, or None for an empty cell.
 Cell = str | float | None
 
-#: A minus before a number, which is no hyphen of a word; a number with an exponent.
-_MINUS = re.compile(r"(?<![\w)\]-])-(?=\.?\d)")
-_POWER = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]?\d+)(?!\w)")
-_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+#: Minus sign of a number, as opposed to the hyphen of a word.
+_MINUS_SIGN = re.compile(r"(?<![\w)\]-])-(?=\.?\d)")
+#: Number with a decimal exponent, such as 1.2e-6: mantissa and exponent.
+_SCIENTIFIC = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]?\d+)(?!\w)")
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 @dataclass(frozen=True)
-class Head:
-    """A heading, the unit of the numbers under it, and how they are shown.
+class Header:
+    """Heading, unit and number format of a display column.
 
-    ``shown`` is the format of a number, such as ".2f", empty for a column of text; ``missing`` is
-    what stands where there is nothing.
+    Parameters
+    ----------
+    heading : str
+    unit : str
+        Unit of the numbers in the column.
+    number_format : str
+        Format of the numbers, such as ".2f" (default: a text column).
+    missing : str
+        Text of an empty cell.
     """
 
     heading: str
     unit: str = ""
-    shown: str = ""
+    number_format: str = ""
     missing: str = ""
 
     @property
     def title(self) -> str:
-        """The heading with its unit: ``time [s]``."""
+        """Heading with its unit: ``time [s]``."""
         return f"{self.heading} [{self.unit}]" if self.unit else self.heading
 
-    def text(self, cell: Cell) -> str:
-        """A cell as it is shown."""
+    def format(self, cell: Cell) -> str:
+        """Return the text of a cell."""
         if cell is None:
             return self.missing
-        return cell if isinstance(cell, str) else number(cell, self.shown)
+        return cell if isinstance(cell, str) else format_number(cell, self.number_format)
 
-    def printed(self, cell: Cell) -> str:
-        """A cell as a page has it: typeset, decimals cut to four digits at most."""
-        text = self.text(cell)
-        if isinstance(cell, float) and math.isfinite(cell) and self.shown.endswith("f"):
-            whole, _, decimals = text.lstrip("+-").partition(".")
-            kept = max(0, DIGITS - len(whole))
-            if whole != "0" and len(decimals) > kept:
-                rounded = float(f"{cell:.{DIGITS}g}")
-                text = f"{rounded:{self.shown[: self.shown.index('.')]}.{kept}f}"
+    def typeset(self, cell: Cell) -> str:
+        """Return the typeset text of a cell, decimals limited to `MAX_PAGE_DIGITS` digits."""
+        text = self.format(cell)
+        if isinstance(cell, float) and math.isfinite(cell) and self.number_format.endswith("f"):
+            integer, _, decimals = text.lstrip("+-").partition(".")
+            allowed = max(0, MAX_PAGE_DIGITS - len(integer))
+            if integer != "0" and len(decimals) > allowed:
+                rounded = float(f"{cell:.{MAX_PAGE_DIGITS}g}")
+                flags = self.number_format.partition(".")[0]
+                text = f"{rounded:{flags}.{allowed}f}"
         return typeset(text)
 
 
 def typeset(text: str) -> str:
-    """A text as it is printed: a true minus, powers of ten raised."""
-    return _MINUS.sub("−", _POWER.sub(_power, text))
+    """Replace hyphens before numbers by minus signs and exponents by powers of ten."""
+
+    def power_of_ten(match: re.Match[str]) -> str:
+        factor = "" if match[1] == "1" else f"{match[1]}·"
+        return f"{factor}10{str(int(match[2])).translate(_SUPERSCRIPTS)}"
+
+    return _MINUS_SIGN.sub("−", _SCIENTIFIC.sub(power_of_ten, text))
 
 
-def _power(found: re.Match[str]) -> str:
-    factor = "" if found[1] == "1" else f"{found[1]}·"
-    return f"{factor}10{str(int(found[2])).translate(_RAISED)}"
+def typeset_number(value: float, number_format: str = ".6g") -> str:
+    """Return a typeset number for a sentence or a figure."""
+    return typeset(format_number(value, number_format))
 
 
-def printed(value: float, shown: str = ".6g") -> str:
-    """A number in a sentence or a picture."""
-    return typeset(number(value, shown))
-
-
-def number(value: float, shown: str = ".6g") -> str:
-    """A number by a format, with no idle characters in its exponent: 1.26e6, 9.9e-5."""
-    mantissa, mark, exponent = format(value, shown).partition("e")
+def format_number(value: float, number_format: str = ".6g") -> str:
+    """Format a number with the shortest exponent: 1.26e6, 9.9e-5."""
+    mantissa, mark, exponent = format(value, number_format).partition("e")
     return f"{mantissa}e{int(exponent)}" if mark else mantissa
 
 
-def counted(count: int, what: str) -> str:
-    """A count and what is counted, in the singular or the plural."""
-    plural = "es" if what.endswith("s") else "s"
-    return f"{count} {what}{'' if count == 1 else plural}"
+def pluralize(count: int, noun: str) -> str:
+    """Return a count and a noun, in the plural unless the count is 1."""
+    plural = "es" if noun.endswith("s") else "s"
+    return f"{count} {noun}{'' if count == 1 else plural}"
 
 
 @dataclass(frozen=True)
 class DataTable:
-    """Caption, columns, rows of cells, and footnotes."""
+    """Display table: caption, column headers, rows of cells, and footnotes."""
 
     caption: str
-    columns: tuple[Head, ...]
+    columns: tuple[Header, ...]
     rows: tuple[tuple[Cell, ...], ...]
     notes: tuple[str, ...] = ()
 
     @property
-    def texts(self) -> list[list[str]]:
-        """The rows as they are shown."""
-        return [
-            [c.text(cell) for c, cell in zip(self.columns, row, strict=True)] for row in self.rows
-        ]
+    def text_rows(self) -> list[list[str]]:
+        """Texts of the cells, row by row."""
+        return [[c.format(v) for c, v in zip(self.columns, r, strict=True)] for r in self.rows]
 
     @property
-    def printed(self) -> list[list[str]]:
-        """The rows as a page has them."""
-        return [
-            [c.printed(cell) for c, cell in zip(self.columns, row, strict=True)]
-            for row in self.rows
-        ]
+    def typeset_rows(self) -> list[list[str]]:
+        """Typeset texts of the cells, row by row."""
+        return [[c.typeset(v) for c, v in zip(self.columns, r, strict=True)] for r in self.rows]
 
-    def called(self, titles: Mapping[str, str]) -> DataTable:
-        """With titles for names in its caption, headings, cells and notes; rigs keep theirs."""
+    def relabel(self, labels: Mapping[str, str]) -> DataTable:
+        """Replace names by their labels in caption, headings, cells and notes.
 
-        def cell(head: Head, value: Cell) -> Cell:
-            if not isinstance(value, str) or head.heading == "rig":
+        Cells of the column "rig" are kept, as a rig may have the name of a cam.
+        """
+
+        def cell(header: Header, value: Cell) -> Cell:
+            if not isinstance(value, str) or header.heading == "rig":
                 return value
-            return called(value, titles)
+            return relabel(value, labels)
 
         return DataTable(
-            called(self.caption, titles),
-            tuple(replace(c, heading=_within(c.heading, titles)) for c in self.columns),
+            relabel(self.caption, labels),
+            tuple(replace(c, heading=_relabel_codes(c.heading, labels)) for c in self.columns),
             tuple(tuple(map(cell, self.columns, row)) for row in self.rows),
-            tuple(called(note, titles) for note in self.notes),
+            tuple(relabel(note, labels) for note in self.notes),
+        )
+
+    def without_empty_columns(self) -> DataTable:
+        """Return the table without the columns in which every cell is empty."""
+        filled = [
+            i for i in range(len(self.columns)) if any(r[i] not in (None, "") for r in self.rows)
+        ]
+        columns = tuple(self.columns[i] for i in filled)
+        return replace(
+            self, columns=columns, rows=tuple(tuple(r[i] for i in filled) for r in self.rows)
         )
 
 
-def called(text: str, titles: Mapping[str, str]) -> str:
-    """A text with titles for names; within other words only for names with a digit or "_"."""
-    return titles[text] if text in titles else _within(text, titles)
+def relabel(text: str, labels: Mapping[str, str]) -> str:
+    """Replace names in a text by their labels.
+
+    Within a longer text only names with a digit or "_" are replaced, as others may be words.
+    """
+    return labels[text] if text in labels else _relabel_codes(text, labels)
 
 
-def _within(text: str, titles: Mapping[str, str]) -> str:
-    codes = [re.escape(name) for name in titles if re.search(r"[\d_]", name)]
+def _relabel_codes(text: str, labels: Mapping[str, str]) -> str:
+    codes = [re.escape(name) for name in labels if re.search(r"[\d_]", name)]
     if not codes:
         return text
     pattern = rf"(?<![\w./-])(?<!rig )(?:{'|'.join(codes)})(?![\w/-]|\.\w)"
-    return re.sub(pattern, lambda found: titles[found[0]], text)
+    return re.sub(pattern, lambda match: labels[match[0]], text)
 
 
 def tabulate(
     caption: str,
     items: Iterable[Item],
-    fields: Iterable[tuple[Head, Callable[[Item], Cell]]],
+    fields: Iterable[tuple[Header, Callable[[Item], Cell]]],
     *notes: str,
 ) -> DataTable:
-    """Build a table of a row per item; a column in which nothing stands is left out."""
-    columns, takes = zip(*fields, strict=True)
-    rows = [[take(item) for take in takes] for item in items]
-    kept = [i for i in range(len(columns)) if any(row[i] not in (None, "") for row in rows)]
-    return DataTable(
-        caption,
-        tuple(columns[i] for i in kept),
-        tuple(tuple(row[i] for i in kept) for row in rows),
-        tuple(note for note in notes if note),
-    )
+    """Build a table with one row per item, without empty columns and empty notes.
+
+    Parameters
+    ----------
+    caption : str
+    items : iterable
+    fields : iterable of (Header, callable)
+        Header of each column, and the function that computes its cell from an item.
+    *notes : str
+        Footnotes.
+
+    Returns
+    -------
+    DataTable
+
+    Examples
+    --------
+    >>> fields = [(Header("cam"), str), (Header("length", "", "d"), len)]
+    >>> tabulate("Names", ["tm21"], fields).text_rows
+    [['tm21', '4']]
+    """
+    headers, cell_functions = zip(*fields, strict=True)
+    rows = tuple(tuple(cell_of(item) for cell_of in cell_functions) for item in items)
+    return DataTable(caption, headers, rows, tuple(filter(None, notes))).without_empty_columns()
 
 
 def to_markdown(table: DataTable, name: str = "") -> str:
-    """Caption behind a name, as "Table 3. ", table and notes, a blank line between them."""
-    ruler = ["---:" if column.shown else "---" for column in table.columns]
-    lines = [[typeset(column.title) for column in table.columns], ruler, *table.printed]
+    """Return a table as Markdown, its caption after a name such as "Table 3. "."""
+    ruler = ["---:" if column.number_format else "---" for column in table.columns]
+    lines = [[typeset(column.title) for column in table.columns], ruler, *table.typeset_rows]
     rows = "\n".join(f"| {' | '.join(line)} |" for line in lines)
     notes = (
         textwrap.fill(typeset(note), MARKDOWN_WIDTH, break_on_hyphens=False) for note in table.notes

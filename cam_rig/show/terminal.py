@@ -33,16 +33,17 @@ def show(*tables: DataTable) -> None:
         out.caption, out.caption_justify = Text("\n".join(table.notes), "dim"), "left"
         for column, width in zip(table.columns, widths, strict=True):
             heading = Text("\n".join(filter(None, (column.heading, column.unit))))
-            justify: Literal["left", "right"] = "right" if column.shown else "left"
+            justify: Literal["left", "right"] = "right" if column.number_format else "left"
             out.add_column(heading, justify=justify, width=width, overflow="fold")
-        for row in table.texts:
+        for row in table.text_rows:
             out.add_row(*map(Text, row))
         console.print(out)
 
 
 def _parts(table: DataTable, room: int) -> list[DataTable]:
     """A table, or several with some columns each and those, first on, that tell rows apart."""
-    least, rows = [_longest(table, i, table.texts) for i in range(len(table.columns))], table.rows
+    rows, texts = table.rows, table.text_rows
+    least = [_longest(table, i, texts) for i in range(len(table.columns))]
     keys = next((k for k in range(1, 4) if len({row[:k] for row in rows}) == len(rows)), 1)
     parts: list[list[int]] = [[]]
     for i in range(keys, len(least)):
@@ -70,7 +71,7 @@ def _longest(table: DataTable, i: int, rows: Sequence[Sequence[str]]) -> int:
 
 def _widths(table: DataTable, room: int) -> tuple[int, list[int | None]]:
     """Gap and characters of each column, so that no word is broken; None where none does so."""
-    rows, count = table.texts, len(table.columns)
+    rows, count = table.text_rows, len(table.columns)
     least = [_longest(table, i, rows) for i in range(count)]
     room -= count + 1  # a space at either end, and between columns
     if sum(least) > room:

@@ -75,8 +75,8 @@ class SpeedRow:
 SPEEDS = (
     Column("cam"),
     Column("rpm", "rpm", ".6g", "speed"),
-    Column("turns", about="settled turns with samples", hidden=True),
-    Column("level", "dB", ".1f", of="level_db", about="re 20 µPa, unweighted"),
+    Column("turns", doc="settled turns with samples", hidden=True),
+    Column("level", "dB", ".1f", of="level_db", doc="re 20 µPa, unweighted"),
     Column("force_peak", "N", ".1f", "peak force"),
     Column("force_least", "N", ".1f", "least force"),
     Column("lift_offs", "1/turn", ".3g", "lift-off rate"),

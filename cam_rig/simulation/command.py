@@ -94,7 +94,7 @@ def simulate(scene: Scene = DEFAULT_SCENE, *, progress: Progress) -> Result:
 
     loaded = load_scene(scene)
     begun = time.perf_counter()
-    progress.begin(tick_count(loaded.scene), loaded.scene.name)
+    progress.start(tick_count(loaded.scene), loaded.scene.name)
     run = run_scene(loaded, on_tick=progress.advance)
     took = time.perf_counter() - begun
     rig_time = run.ticks[-1].stop_ns / NS

@@ -17,7 +17,7 @@ from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig, SceneConfig
 from cam_rig.schema.explain import explain
-from cam_rig.show.result import Arrays, Column, Records, Result
+from cam_rig.show.result import Column, Records, Result
 from cam_rig.simulation.schedule import cam_states
 from cam_rig.simulation.simulate import FollowerSimulator
 from cam_rig.units import FloatArray
@@ -44,16 +44,16 @@ class FollowerMotion(NamedRows, Result):
     """
 
     schema = "cam_rig.motion.1"
-    drawn_by = "cam_rig.simulation.figures:motion_figure"
+    plot_function = "cam_rig.simulation.figures:motion_figure"
     columns: ClassVar = {
         "samples": (
             Column("time", "s"),
-            Column("angle", "°", about="cam angle with all its turns"),
-            Column("lift", "mm", about="of the follower"),
+            Column("angle", "°", doc="cam angle with all its turns"),
+            Column("lift", "mm", doc="of the follower"),
             Column("velocity", "m/s"),
             Column("acceleration", "m/s²"),
-            Column("force", "N", about="contact force"),
-            Column("impulse", "N·s", about="of the landings since the sample before"),
+            Column("force", "N", doc="contact force"),
+            Column("impulse", "N·s", doc="of the landings since the sample before"),
         ),
         "events": (
             Column("kind"),
@@ -96,7 +96,7 @@ class FollowerMotion(NamedRows, Result):
     def tables(self) -> list[Records]:
         """``samples``, and ``events``."""
         return [
-            Arrays.of("samples", self.columns["samples"], self),
+            self.array_table("samples"),
             self.table("events", "Lift-offs and landings", self.events),
         ]
 

@@ -15,7 +15,7 @@ import numpy as np
 from cam_rig.arguments import checked
 from cam_rig.dynamics import Samples
 from cam_rig.errors import ConfigError
-from cam_rig.show.result import SILENT, Column, Progress, Records, Result
+from cam_rig.show.result import NULL_PROGRESS, Column, Progress, Records, Result
 from cam_rig.simulation.asked import Cams, Rig, Speeds, asked_cams, asked_speeds
 from cam_rig.simulation.by_speed import BOUNCING, SPEEDS, SpeedRow, SpeedRows
 from cam_rig.simulation.export import export
@@ -51,8 +51,8 @@ def _coefficient(power: int) -> Column:
     of: Any = lambda curve: curve.coefficients[power]  # noqa: E731
     about = f"of level over speed, times rpm^{power}"
     if power:
-        return Column(f"c{power}", unit, of=of, about=about, hidden=True)
-    return Column("c0", unit, heading="regression", of=of, cell=_regression, about=about)
+        return Column(f"c{power}", unit, of=of, doc=about, hidden=True)
+    return Column("c0", unit, heading="regression", of=of, cell=_regression, doc=about)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -71,33 +71,33 @@ class SceneRun(Result):
     """
 
     schema = "cam_rig.simulate.1"
-    drawn_by = "cam_rig.simulation.figures:figure"
+    plot_function = "cam_rig.simulation.figures:figure"
     columns: ClassVar = {
         "speeds": SPEEDS,
         "noise": (
             Column("cam"),
             *map(_coefficient, range(4)),
             Column("rms_difference", "dB r.m.s.", ".2f", "difference to published", "rmse_db"),
-            Column("role", cell=_role, about="what the level is worth"),
+            Column("role", cell=_role, doc="what the level is worth"),
             Column("level_first", "dB", ".1f", "first level", lambda curve: curve.level_db[0]),
             Column("level_last", "dB", ".1f", "last level", lambda curve: curve.level_db[-1]),
         ),
         "levels": (
             Column("cam", of=itemgetter(0)),
             Column("rpm", "rpm", of=itemgetter(1)),
-            Column("level", "dB", of=itemgetter(2), about="of the microphone, re 20 µPa"),
+            Column("level", "dB", of=itemgetter(2), doc="of the microphone, re 20 µPa"),
         ),
         "crossing": (
-            Column("rpm", "rpm", of=itemgetter(0), about="where two published cams are as loud"),
+            Column("rpm", "rpm", of=itemgetter(0), doc="where two published cams are as loud"),
             Column("published_rpm", "rpm", of=itemgetter(1)),
         ),
         "messages": (
             Column("topic", of=itemgetter(0)),
-            Column("count", of=itemgetter(1), about="messages of it in the bag"),
+            Column("count", of=itemgetter(1), doc="messages of it in the bag"),
         ),
         "run": (
-            Column("complete", about="whether the whole scene was run"),
-            Column("notes", about="what a bag lacks, and what may be wrong in it"),
+            Column("complete", doc="whether the whole scene was run"),
+            Column("notes", doc="what a bag lacks, and what may be wrong in it"),
         ),
     }
 
@@ -267,7 +267,7 @@ def sweep(
     settle_turns: float = 2.0,
     sample_rate: int = 48_000,
     ramp: float | None = None,
-    progress: Progress = SILENT,
+    progress: Progress = NULL_PROGRESS,
 ) -> SceneRun:
     """Run cams through some speeds, one after another: forces, lift-offs, landings and levels.
 
@@ -311,5 +311,5 @@ def sweep(
         rig_file=Path(f"{found.rig.name}.yaml"),
         cam_files={name: Path(f"{name}.yaml") for name in found.cams},
     )
-    progress.begin(tick_count(scene), "sweep")
+    progress.start(tick_count(scene), "sweep")
     return run_scene(loaded, on_tick=progress.advance)

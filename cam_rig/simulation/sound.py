@@ -18,7 +18,7 @@ from cam_rig.arguments import checked
 from cam_rig.dynamics import MODELS, Samples
 from cam_rig.errors import ConfigError
 from cam_rig.schema import SceneConfig
-from cam_rig.show.result import SILENT, Column, Progress, Records, Result
+from cam_rig.show.result import NULL_PROGRESS, Column, Progress, Records, Result
 from cam_rig.simulation.motion import CAM, FollowerMotion
 from cam_rig.simulation.scene import RELATIVE_NOTE, LoadedScene, calibrated_on
 from cam_rig.simulation.schedule import CamState, tick_count
@@ -48,17 +48,17 @@ class SoundLevel(Result):
     """
 
     schema = "cam_rig.sound_level.1"
-    drawn_by = "cam_rig.simulation.figures:turn_by_turn"
+    plot_function = "cam_rig.simulation.figures:turn_by_turn"
     columns: ClassVar = {
         "turns": (
             Column("turn", "", "d", of=itemgetter(0)),
-            Column("level", "dB", ".1f", of=itemgetter(1), about="re 20 µPa, unweighted"),
-            Column("settled", of=itemgetter(2), about="whether it is in the level"),
+            Column("level", "dB", ".1f", of=itemgetter(1), doc="re 20 µPa, unweighted"),
+            Column("settled", of=itemgetter(2), doc="whether it is in the level"),
         ),
         "level": (
-            Column("rpm", "rpm", about="cam speed"),
-            Column("level", "dB", of="level_db", about="of the settled turns"),
-            Column("calibrated_on", about="the cam that the rig's sound was fitted to; or empty"),
+            Column("rpm", "rpm", doc="cam speed"),
+            Column("level", "dB", of="level_db", doc="of the settled turns"),
+            Column("calibrated_on", doc="the cam that the rig's sound was fitted to; or empty"),
         ),
     }
 
@@ -228,21 +228,21 @@ class ListenResult(Result):
     schema = "cam_rig.listen.1"
     columns: ClassVar = {
         "levels": (
-            Column("quantity", of=itemgetter(0), about="as IEC 61672-1 writes it: LAeq, LAFmax"),
-            Column("level", "dB", ".1f", of=itemgetter(1), about="re 20 µPa"),
+            Column("quantity", of=itemgetter(0), doc="as IEC 61672-1 writes it: LAeq, LAFmax"),
+            Column("level", "dB", ".1f", of=itemgetter(1), doc="re 20 µPa"),
         ),
         "third_octaves": (
-            Column("band", of=itemgetter(0), about="by its nominal frequency"),
-            Column("level", "dB", of=itemgetter(1), about="unweighted"),
+            Column("band", of=itemgetter(0), doc="by its nominal frequency"),
+            Column("level", "dB", of=itemgetter(1), doc="unweighted"),
         ),
         "sound": (
             Column("duration", "s"),
-            Column("full_scale", "Pa", about="what the sound file's largest number stands for"),
+            Column("full_scale", "Pa", doc="what the sound file's largest number stands for"),
             Column("peak", "Pa", of="measured.peak_pa"),
-            Column("calibrated", of="loaded.calibrated", about="else levels are relative"),
+            Column("calibrated", of="loaded.calibrated", doc="else levels are relative"),
             Column("class_1_up_to", "Hz", of="measured.class_1_up_to_hz"),
-            Column("overload", of="measured.overload", about="beyond the meter's 130 dB"),
-            Column("under_range", of="measured.under_range", about="below the meter's 30 dB"),
+            Column("overload", of="measured.overload", doc="beyond the meter's 130 dB"),
+            Column("under_range", of="measured.under_range", doc="below the meter's 30 dB"),
         ),
     }
 
@@ -295,10 +295,12 @@ class ListenResult(Result):
         return lines if self.loaded.calibrated else [*lines, RELATIVE_NOTE]
 
 
-def listen(loaded: LoadedScene, rate: int, out: Path, progress: Progress = SILENT) -> ListenResult:
+def listen(
+    loaded: LoadedScene, rate: int, out: Path, progress: Progress = NULL_PROGRESS
+) -> ListenResult:
     """The sound of a scene at its microphone, at ``rate`` Hz, for a file ``out``."""
     source, pressure = SoundSource(loaded.radiation, rate, least_rate=rate), []
-    progress.begin(tick_count(loaded.scene), loaded.scene.name)
+    progress.start(tick_count(loaded.scene), loaded.scene.name)
     for tick in turned_ticks(loaded):
         pressure.append(source.pressure(tick.force, tick.impulse, tick.interval.mean_speed))
         progress.advance()

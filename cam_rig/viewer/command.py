@@ -14,7 +14,7 @@ import typer
 from rich.markup import escape
 
 from cam_rig.errors import ConfigError
-from cam_rig.show.command import LINE_EVERY_S, SceneOfBag, command, progress_bar
+from cam_rig.show.command import LOG_PERIOD_S, SceneOfBag, command, make_progress_bar
 from cam_rig.show.terminal import console, say
 from cam_rig.viewer import Layout, ViewOptions
 
@@ -48,7 +48,7 @@ def delay_report(
         page.driven(rig_time)
         late, now = page.behind(), clock()
         words += "" if late is None else f", viewer {late:.1f} s behind"
-        if not console.is_terminal and late is not None and now - printed >= LINE_EVERY_S:
+        if not console.is_terminal and late is not None and now - printed >= LOG_PERIOD_S:
             printed = now
             console.print(escape(words))
         return words
@@ -177,7 +177,7 @@ def convert(
     loaded = open_scene(scene) if scene else read_scene(bag)
     ticks = read_counts(bag).get(FOLLOWER_SAMPLES.name, 0)
     say(*shortcomings(bag, loaded, ticks))
-    with progress_bar() as bar:
+    with make_progress_bar() as bar:
         task = bar.add_task(bag.name, total=ticks)
         begin = save_recording(
             bag,

@@ -13,7 +13,7 @@ from cam_rig.arguments import checked
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.kinetostatic import force_extremes
 from cam_rig.laws.cam import CamSet
-from cam_rig.show.result import SILENT, Column, Footnote, Progress, Records, Result
+from cam_rig.show.result import NULL_PROGRESS, Column, Footnote, Progress, Records, Result
 from cam_rig.simulation.asked import Cams, Rig, Speeds, asked_cams, asked_speeds
 from cam_rig.units import RPM
 
@@ -40,14 +40,14 @@ class PreloadResult(Result):
     """The least preload of every cam at every speed."""
 
     schema = "cam_rig.least_preload.1"
-    drawn_by = f"{__package__}.figures:figure"
+    plot_function = f"{__package__}.figures:figure"
     columns: ClassVar = {
         "preloads": (
             Column("cam"),
             Column("rpm", "rpm", "g"),
             Column("least", "N", ".2f", heading="least preload"),
             Column("rig", "N", ".2f", heading="the rig's"),
-            Column("lost", hidden=True, about="whether contact is lost with the rig's"),
+            Column("lost", hidden=True, doc="whether contact is lost with the rig's"),
         )
     }
 
@@ -58,7 +58,7 @@ class PreloadResult(Result):
         """A row a cam and speed."""
         lost = Footnote("The rig's own preload loses contact.", lambda row: row.lost, "*")
         caption = "Least preload that keeps one rigid mass in contact at {rpm:g} rpm"
-        return [self.table("preloads", caption, self.rows, lost, by="rpm")]
+        return [self.table("preloads", caption, self.rows, lost, group_by="rpm")]
 
 
 def least_preloads(cam_set: CamSet, speeds: list[float], progress: Progress) -> PreloadResult:
@@ -66,7 +66,7 @@ def least_preloads(cam_set: CamSet, speeds: list[float], progress: Progress) -> 
     p = FollowerParameters.from_rig(cam_set.rig)
     cases = [(cam, one) for one in speeds for cam in cam_set.laws]
     rows = []
-    for cam, one in progress.over(cases):
+    for cam, one in progress.track(cases):
         force, _ = force_extremes(cam_set.laws[cam], p, one * RPM)
         rows.append(PreloadRow(cam, one, p.preload - force, p.preload))
     return PreloadResult(cam_set, tuple(rows))
@@ -74,7 +74,11 @@ def least_preloads(cam_set: CamSet, speeds: list[float], progress: Progress) -> 
 
 @checked
 def least_preload(
-    cams: Cams = None, rig: Rig = None, rpm: Speeds = DEFAULT_RPM, *, progress: Progress = SILENT
+    cams: Cams = None,
+    rig: Rig = None,
+    rpm: Speeds = DEFAULT_RPM,
+    *,
+    progress: Progress = NULL_PROGRESS,
 ) -> PreloadResult:
     """The least preload of each cam at each speed; the command is ``cam-rig least-preload``.
 

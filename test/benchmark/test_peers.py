@@ -60,8 +60,8 @@ def test_without_joblib_the_campaign_stands_alone(monkeypatch):
 
 def test_the_table_has_the_ratio():
     """Of 25 points a second to 0.25: a hundred times as long."""
-    (table,) = campaign_records(CampaignRate(2, 100, 25.0, 2, 0.25, 0.016)).to_show()
-    assert [row[-1] for row in table.texts] == ["1", "100"]
+    (table,) = campaign_records(CampaignRate(2, 100, 25.0, 2, 0.25, 0.016)).to_display()
+    assert [row[-1] for row in table.text_rows] == ["1", "100"]
     assert "0.016 rpm" in table.notes[0]
 
 

@@ -91,9 +91,9 @@ def test_the_page_has_the_quickest_peer_of_a_case(study):
 
 def test_a_ratio_that_is_only_a_bound_is_marked(study):
     """A peer that never was as good is compared at a larger error: its ratio is a bound."""
-    points, _ = Comparison(study).to_show()
-    assert [row[-1] for row in points.texts] == ["", "> 50", "10", "", ""]
-    assert [row[0] for row in points.texts] == ["resonance", "", "", "torsional", ""]
+    points, _ = Comparison(study).to_display()
+    assert [row[-1] for row in points.text_rows] == ["", "> 50", "10", "", ""]
+    assert [row[0] for row in points.text_rows] == ["resonance", "", "", "torsional", ""]
     assert notes(study) == ["resonance: DOP853: rest left out"]
 
 

@@ -104,7 +104,7 @@ def test_columns_are_those_of_the_table(tm21, tmp_path):
     """By name and unit, −∞ as it is; a reader needs nothing of the package."""
     found = cam_rig.bounce_map(*tm21, rpm=RPM, out=tmp_path, **HOW)
     table = pq.read_table(sorted(tmp_path.glob("*.parquet"))[0])
-    columns = {c.key: c.si for c in found.columns["speeds"]}
+    columns = {c.key: c.si_unit for c in found.columns["speeds"]}
     assert set(columns) <= set(table.column_names)
     assert {key: table.schema.field(key).metadata[b"unit"].decode() for key in columns} == columns
     whole = cam_rig.bounce_map(*tm21, rpm=RPM, out=tmp_path, resume=True, **HOW)

@@ -19,7 +19,7 @@ from cam_rig.campaigns.campaign import BatchRows, measure_batch, open_campaign
 from cam_rig.campaigns.command import CampaignProgress, in_words, sized
 from cam_rig.campaigns.dataset import CampaignDataset
 from cam_rig.schema.load import config_root
-from cam_rig.show.result import SILENT
+from cam_rig.show.result import NULL_PROGRESS
 
 from ..cli import conftest as cli
 
@@ -320,7 +320,7 @@ def test_a_line_tells_rate_time_left_and_size(batches, monkeypatch):
     monkeypatch.setattr(module.time, "monotonic", lambda: now[0])
     monkeypatch.setattr(module, "say", said.append)
     with dataset.opened(False):
-        progress = CampaignProgress(dataset, SILENT)
+        progress = CampaignProgress(dataset, NULL_PROGRESS)
         for time_, first, last in ((1.0, 0, 10), (9.0, 10, 30), (21.0, 30, 60), (30.0, 60, 80)):
             write(first, last)
             now[0] = time_

@@ -134,7 +134,7 @@ def test_a_follower_that_lifts_off_is_settled_or_said_not_to_be(measured, result
     assert frame.status.tolist()[1] == "unsettled"
     assert f"not settled to 1e-06 in {MOST_TURNS} turns" in frame.reason[1]
     assert np.isfinite(frame.peak_contact_force_at_900rpm).all()
-    (table,) = found.to_show()
+    (table,) = found.to_display()
     assert "of 2 points" in table.notes[-1]
     assert f"in {MOST_TURNS} turns" in table.notes[-1]
 

@@ -87,7 +87,7 @@ def test_first_order_counts_covariances(results, tmp_path):
         run = results(tmp_path / name, vary=vary, plan=plan, measures=["jump_speed"], **more)
         (one,) = first_orders(run)
         assert one.predicted == pytest.approx(one.found, rel=0.05)
-        (table,) = (one for one in run.to_show() if "derivatives" in one.caption)
+        (table,) = (one for one in run.to_display() if "derivatives" in one.caption)
         assert table.notes[0].count("covariances") == len(more)
         found.append(one)
     alone, together = found
@@ -144,14 +144,14 @@ def test_tables_say_what_few_points_do_not_tell(results, tmp_path):
     result = results(tmp_path)
     with pytest.raises(ConfigError, match="whose plan is shares"):
         result.shares(result.campaign.measures[0])
-    found, *_ = result.to_show()
-    texts = [row[-1] for row in found.texts]
+    found, *_ = result.to_display()
+    texts = [row[-1] for row in found.text_rows]
     assert texts[2] == ""
     assert texts[0] == texts[4] == "not found"
     assert found.notes[0] == (
         "Not found: needs at least 368 draws for 1 % and 99 %, 72 draws for 5 % and 95 %."
     )
-    assert [row[2] != "" for row in found.texts] == [False, False, True, False, False]
+    assert [row[2] != "" for row in found.text_rows] == [False, False, True, False, False]
     data = result.data()
     assert [row["found"] for row in data["quantiles"]] == [False, False, True, False, False]
     assert data["campaign"]["points"] == len(result.to_pandas()) == 8

@@ -9,14 +9,14 @@ from rich.console import Console
 
 from cam_rig.errors import CamRigError
 from cam_rig.show import terminal as console
-from cam_rig.show.command import LINE_EVERY_S
-from cam_rig.show.tables import DataTable, Head
+from cam_rig.show.command import LOG_PERIOD_S
+from cam_rig.show.tables import DataTable, Header
 from cam_rig.viewer.command import delay_report
 from cam_rig.viewer.page import PageTime
 
 TABLE = DataTable(
     "A caption [of] a table",
-    (Head("structure, weighting"), Head("difference to published", "dB", ".2f")),
+    (Header("structure, weighting"), Header("difference to published", "dB", ".2f")),
     (("double low-pass, C", 0.7312), ("[bold]name", None)),
     ("A note.",),
 )
@@ -66,9 +66,9 @@ def test_heads_stay_whole_in_a_table_that_is_too_wide(printed, seed):
     def words(most):
         return " ".join(rng.choice(WORDS, int(rng.integers(1, most))))
 
-    columns = [Head(f"{words(4)} c{i}", "mm" * (i % 2)) for i in range(1, count)]
+    columns = [Header(f"{words(4)} c{i}", "mm" * (i % 2)) for i in range(1, count)]
     rows = [(f"r{k}", *(f"{words(3)} {k}:{i}" for i in range(1, count))) for k in range(height)]
-    lines = printed(80, DataTable("A", (Head("key"), *columns), tuple(rows), ("N.",)))
+    lines = printed(80, DataTable("A", (Header("key"), *columns), tuple(rows), ("N.",)))
     assert max(map(len, lines)) <= 80
     found = Counter(word for line in lines for word in line.split())
     parts = found["key"]
@@ -84,7 +84,7 @@ def test_heads_stay_whole_in_a_table_that_is_too_wide(printed, seed):
 
 def test_a_cell_too_long_for_the_terminal_breaks_no_heading(printed):
     """A path is folded; the heads beside it are whole."""
-    columns = (Head("file"), Head("displacement", "mm", ".1f"))
+    columns = (Header("file"), Header("displacement", "mm", ".1f"))
     lines = printed(40, DataTable("", columns, (("/a" * 60, 1.0),)))
     assert max(map(len, lines)) <= 40
     assert {"file", "displacement", "mm"} <= {word for line in lines for word in line.split()}
@@ -106,7 +106,7 @@ def test_a_log_says_how_far_the_page_is_behind(capsys):
         wall[0] = 1.5
         page.take("ns=900000000")
         assert delayed(2.0, "tm21") == "tm21, viewer 1.5 s behind"
-        wall[0] = LINE_EVERY_S
+        wall[0] = LOG_PERIOD_S
         page.take("ns=2000000000")
         assert "viewer" in delayed(3.0, "tm21 [at] 200 rpm")
         raise CamRigError("it was interrupted")

@@ -11,7 +11,7 @@ from cam_rig.laws import build_law
 from cam_rig.profile import turn_angles
 from cam_rig.schema import load_cam
 from cam_rig.schema.load import cam_path, config_root
-from cam_rig.show.tables import number
+from cam_rig.show.tables import format_number
 
 from .conftest import call as run
 from .conftest import data_of, shipped, written
@@ -114,7 +114,7 @@ def test_there_and_back(tmp_path, suffix):
         assert one["lift"] == pytest.approx(18e-3, abs=1e-9)
         assert 0.0 < one["rms_error"] <= abs(one["largest_error"])
         assert suffix == "dxf" or abs(one["largest_error"]) < 1e-9
-        assert f"{number(1e6 * one['largest_error'], '+.3g')} " in result.stderr
+        assert f"{format_number(1e6 * one['largest_error'], '+.3g')} " in result.stderr
 
 
 def test_a_contour_that_is_none_is_measured_with_a_warning(tmp_path):

@@ -115,13 +115,13 @@ def test_every_key_is_in_snake_case_and_stands_once():
             keys = [column.key for column in columns]
             assert len(set(keys)) == len(keys), (one, table)
             assert all(re.fullmatch(r"[a-z][a-z0-9_]*", key) for key in [table, *keys]), keys
-            assert not {column.si for column in columns} & {"mm", "µm", "°", "%", "ms", "MPa"}
+            assert not {column.si_unit for column in columns} & {"mm", "µm", "°", "%", "ms", "MPa"}
 
 
 @pytest.mark.slow
 def test_every_figure_is_there():
-    """``drawn_by`` names a function, which takes the result first."""
-    drawn = [one.drawn_by for one in results() if one.drawn_by]
+    """``plot_function`` names a function, which takes the result first."""
+    drawn = [one.plot_function for one in results() if one.plot_function]
     assert len(drawn) > 15
     for module, name in (place.split(":") for place in drawn):
         assert callable(getattr(import_module(module), name)), (module, name)

@@ -21,6 +21,7 @@ from cam_rig.units import NS, RPM, TURN
 
 from .helpers import ONE, TWO
 
+
 def bumpy(rng):
     """A cubic law of random pieces, C¹, whose velocity may jump at one joint."""
     count = int(rng.integers(2, 30))

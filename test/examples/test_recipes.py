@@ -130,10 +130,10 @@ def test_the_report_shows_an_experiment(copy):
 
 
 SECTION = """def _least_preload(paper: Paper) -> Content:
-    from cam_rig.paper.least_preload.study import SILENT, least_preloads
+    from cam_rig.paper.least_preload.study import NULL_PROGRESS, least_preloads
 
-    found = least_preloads(paper.cam_set, [300.0, 480.0], SILENT)
-    return Content(found.to_show(), {"preload": found.plot}, {"preloads": found})
+    found = least_preloads(paper.cam_set, [300.0, 480.0], NULL_PROGRESS)
+    return Content(found.to_display(), {"preload": found.plot}, {"preloads": found})
 
 
 """

@@ -19,7 +19,7 @@ from cam_rig.errors import (
     MissingLibraryError,
     OutputError,
 )
-from cam_rig.show.result import SILENT
+from cam_rig.show.result import NULL_PROGRESS
 
 CAM, RIG = cam_rig.load_cam("poly345"), cam_rig.load_rig("paper_table2")
 LAW = cam_rig.build_law(CAM)
@@ -130,7 +130,7 @@ GOLDEN = str(Path(__file__).parents[2] / "bags" / "golden")
 def right(tmp_path_factory):
     """Arguments of every function that are right, and cheap."""
     motion = cam_rig.simulate(LAW, RIG, rpm=450, turns=2)
-    points, told = {"points": 1, "seed": 1, "executor": None}, {"progress": SILENT}
+    points, told = {"points": 1, "seed": 1, "executor": None}, {"progress": NULL_PROGRESS}
     folder = tmp_path_factory.mktemp("measured")
     angle = np.arange(0.0, 360.0, 5.0)
     lifts = np.column_stack([angle, 1e3 * LAW(np.radians(angle))])

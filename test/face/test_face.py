@@ -18,8 +18,8 @@ import cam_rig
 from cam_rig.arguments import in_python
 from cam_rig.cli.main import COMMANDS, command
 from cam_rig.errors import BagError, ConfigError
-from cam_rig.show.command import OUTPUTS
-from cam_rig.show.result import notebook
+from cam_rig.show.command import OUTPUT_OPTIONS
+from cam_rig.show.result import enable_notebook_display
 
 #: Where the public names are: their docstrings have examples.
 WITH_EXAMPLES = sorted({"cam_rig"} | {getattr(cam_rig, name).__module__ for name in cam_rig._HOMES})
@@ -66,7 +66,7 @@ def test_a_notebook_shows_pictures(monkeypatch, known):
     shell = SimpleNamespace(display_formatter=SimpleNamespace(formatters=made))
     with monkeypatch.context() as patched:
         patched.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: shell))
-        assert notebook(figure) is figure
+        assert enable_notebook_display(figure) is figure
     printers = made["image/png"].type_printers
     assert set(printers) == (set() if known else {Figure})
     assert all(printer(figure).startswith(b"\x89PNG") for printer in printers.values())
@@ -244,7 +244,10 @@ def test_a_command_names_its_function_whose_parameters_are_its_options(verb):
         name = max(one.opts, key=len).removeprefix("--")
         if one.param_type_name == "argument":
             arguments.append(name)
-        elif name not in {*OUTPUTS, "help", *WORKPLACE, *FILES.get(verb, ())} and not one.hidden:
+        elif (
+            name not in {*OUTPUT_OPTIONS, "help", *WORKPLACE, *FILES.get(verb, ())}
+            and not one.hidden
+        ):
             refused = in_python(f"--{name}: is wrong", parameters)
             options.add(refused.removesuffix(": is wrong"))
     assert options <= parameters

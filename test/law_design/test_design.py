@@ -274,7 +274,7 @@ def test_a_front_is_monotone_and_certified() -> None:
     data = found.data()
     assert data["quantities"]["other_unit"] == "m/rad^2"
     assert [row["result"] for row in data["front"]] == jerks
-    (table,) = found.to_show()
+    (table,) = found.to_display()
     assert [column.unit for column in table.columns[:2]] == ["mm/rad²", "mm/rad³"]
     assert table.rows[0][0] == pytest.approx(found.allowed[0] * 1e3)
 
@@ -306,7 +306,7 @@ def test_a_front_of_what_is_not_convex_has_no_bounds() -> None:
     """Torque against peak acceleration: falling, and called local."""
     asked = {"minimise": "shaft_torque@300rpm", "law_class": LawClass(6, 2)}
     found = front_of("peak_acceleration", 3, multistart=Multistart(2), **asked)
-    (table,) = found.to_show()
+    (table,) = found.to_display()
     assert [row[2:] for row in table.rows] == [("local",)] * 3  # no column of bounds
     torques = [design.goal.result for design in found.designs]
     assert all(a >= b * (1.0 - 1e-3) for a, b in pairwise(torques))

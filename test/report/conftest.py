@@ -3,17 +3,17 @@
 import pytest
 
 from cam_rig.report.document import Answer, Content, Made, Section, render
-from cam_rig.show.tables import DataTable, Head
+from cam_rig.show.tables import DataTable, Header
 
 #: More columns than a narrow screen has room for, under a caption of more than one line there.
 WIDE = DataTable(
     "A table of many columns, with a caption that a narrow screen cannot show in one line",
-    tuple(Head(f"a long heading {i}", "mm/rad²", ".3f") for i in range(9)),
+    tuple(Header(f"a long heading {i}", "mm/rad²", ".3f") for i in range(9)),
     tuple(tuple(float(i * j) for i in range(9)) for j in range(30)),
     ("A note that is about as long as the caption, and is not to be cut at the side either.",),
 )
 #: What no sentence shows.
-SPARE = DataTable("A table to check", (Head("name"),), (("spare",),))
+SPARE = DataTable("A table to check", (Header("name"),), (("spare",),))
 
 
 @pytest.fixture

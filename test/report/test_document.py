@@ -6,15 +6,15 @@ import pytest
 
 from cam_rig.report import document
 from cam_rig.report.document import Answer, Numbering, environment, percent, summary_table, to
-from cam_rig.show.tables import DataTable, Head
+from cam_rig.show.tables import DataTable, Header
 
 TABLE = DataTable(
     "A < table",
-    (Head("name"), Head("value", "rpm", ".1f")),
+    (Header("name"), Header("value", "rpm", ".1f")),
     (("a & b", 1.0), ("c", None)),
     ("A note.",),
 )
-OTHER = DataTable("Another", (Head("name"), Head("here")), (("x", "2 < of 3"),))
+OTHER = DataTable("Another", (Header("name"), Header("here")), (("x", "2 < of 3"),))
 PARTS = """
 {% call page.words() %}
 More

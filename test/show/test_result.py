@@ -1,4 +1,4 @@
-"""Results: what is shown, written and given to pandas comes from one list of columns."""
+"""Results: display tables, JSON, CSV and data frames come from one list of columns."""
 
 import json
 import math
@@ -14,7 +14,7 @@ from cam_rig.errors import ConfigError
 from cam_rig.show import tables
 from cam_rig.show.command import command
 from cam_rig.show.result import Column, Footnote, Progress, Result
-from cam_rig.show.tables import DataTable, Head, called, counted, number, tabulate
+from cam_rig.show.tables import DataTable, Header, format_number, pluralize, relabel, tabulate
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Lifts(Result):
 
     def tables(self):
         note = Footnote("Has left.", lambda row: row.left, "†")
-        lifts = self.table("lifts", "At {rpm:g} rpm", self.rows, note, by="rpm")
+        lifts = self.table("lifts", "At {rpm:g} rpm", self.rows, note, group_by="rpm")
         return [lifts, self.table("rig", "The rig", [1.5], single=True, hidden=True)]
 
 
@@ -49,10 +49,10 @@ FOUND = Lifts((Row("a", 300.0, 0.05), Row("b", 200.0, math.nan), Row("b", 300.0,
 
 
 def test_people_read_units_and_marks_data_is_si():
-    """A table a speed in mm with its footnote; all rows in m, and no number is null."""
-    slow, fast = FOUND.to_show({"a": "Cam A"})
+    """One table per speed, in mm and with its footnote. Data are in m, NaN is null."""
+    slow, fast = FOUND.to_display({"a": "Cam A"})
     assert (slow.caption, fast.caption) == ("At 200 rpm", "At 300 rpm")
-    assert fast.texts == [["Cam A", "50.0"], ["b †", "40.0"]]
+    assert fast.text_rows == [["Cam A", "50.0"], ["b †", "40.0"]]
     assert [column.title for column in fast.columns] == ["cam", "lift [mm]"]
     assert (slow.notes, fast.notes) == ((), ("† Has left.",))
     data = FOUND.data()
@@ -63,7 +63,7 @@ def test_people_read_units_and_marks_data_is_si():
 
 
 def test_csv_and_pandas_have_the_keys():
-    """As pandas reads it: a line of keys, then rows, all digits."""
+    """CSV has a line of keys, then the rows with all digits. Data frames equal the JSON."""
     assert FOUND.tables()[0].to_csv().splitlines()[:2] == [
         "cam,rpm,lift,left",
         "a,300.0,0.05,False",
@@ -76,7 +76,7 @@ def test_csv_and_pandas_have_the_keys():
 
 
 def test_a_column_is_of_a_path():
-    """Attributes and indices, and nothing where there is none on the way."""
+    """Column paths accept attributes and indices, and return None behind a None."""
     found = [Column("a", of=path).value([1j, (None, 2.0)]) for path in ("0.imag", "1.1", "1.0.x")]
     assert found == [1.0, 2.0, None]
 
@@ -87,18 +87,18 @@ def shown_by(tmp_path, *arguments):
     @app.command()
     @command("json", "csv")
     def lifts(least: float = 0.0, *, csv: Path | None, progress: Progress) -> Lifts:
-        """Lifts above the least."""
+        """List lifts above the least."""
         if csv is not None and csv.suffix == ".txt":
             raise ConfigError(f"--csv {csv.name}: is no table")
         if least < 0.0:
             raise ConfigError(f"--least: is {least:g}; allowed: 0 or more")
-        return Lifts(tuple(row for row in progress.over(FOUND.rows) if row.lift > least))
+        return Lifts(tuple(row for row in progress.track(FOUND.rows) if row.lift > least))
 
     return CliRunner().invoke(app, [str(one) for one in arguments])
 
 
 def test_a_function_that_returns_a_result_is_a_command(tmp_path):
-    """Tables on stderr, data in files; a user's error is one line, and targets come first."""
+    """Tables go to stderr, data to files. Targets are checked first, errors are one line."""
     table = tmp_path / "lifts.csv"
     done = shown_by(tmp_path, "--least", 0.045, "--json", "-", "--csv", table)
     assert done.exit_code == 0
@@ -117,30 +117,30 @@ def test_a_function_that_returns_a_result_is_a_command(tmp_path):
     assert shown_by(tmp_path, "--plot", "a.png").exit_code == 2
 
 
-# -- tables as data: each heading beside its cells, numbers as they are shown, CSV with all digits
+# -- display tables: headings, cells, number formats
 
 
 FIELDS = (
-    (Head("cam"), lambda row: row[0]),
-    (Head("speed", "rpm", ".1f", "none"), lambda row: row[1]),
-    (Head("twist", "°", ".4f"), lambda row: None),
+    (Header("cam"), lambda row: row[0]),
+    (Header("speed", "rpm", ".1f", "none"), lambda row: row[1]),
+    (Header("twist", "°", ".4f"), lambda row: None),
 )
 ROWS = (("a", 413.4426), ("b", None))
 
 
 def test_words_and_numbers():
-    """As few characters as needed; typeset a true minus and raised powers; counts in the plural."""
+    """Numbers have the shortest form. Typesetting replaces minus signs and exponents."""
     values = (1.26e6, 3.3e8, 0.05, 4030.0, 9.8599e-5)
-    assert [*map(number, values)] == ["1.26e6", "3.3e8", "0.05", "4030", "9.8599e-5"]
+    assert [*map(format_number, values)] == ["1.26e6", "3.3e8", "0.05", "4030", "9.8599e-5"]
     shown = "−0.25 to 3.3·10⁸, 10⁻⁹ on bezier-15"
     assert tables.typeset("-0.25 to 3.3e8, 1e-09 on bezier-15") == shown
-    assert [counted(n, "point") for n in (1, 64)] == ["1 point", "64 points"]
-    assert counted(2, "process") == "2 processes"
+    assert [pluralize(n, "point") for n in (1, 64)] == ["1 point", "64 points"]
+    assert pluralize(2, "process") == "2 processes"
 
 
 def test_markdown():
-    """A name, the caption, numbers to the right; no blank line at the end."""
-    table = DataTable("Speeds", (Head("cam"), Head("n", "rpm", "d")), (("a", 9),))
+    """The name precedes the caption, numbers are aligned right, no blank line follows."""
+    table = DataTable("Speeds", (Header("cam"), Header("n", "rpm", "d")), (("a", 9),))
     expected = "**Table 3. Speeds**\n\n| cam | n [rpm] |\n| --- | ---: |\n| a | 9 |"
     assert tables.to_markdown(table, "Table 3. ") == expected
 
@@ -159,25 +159,25 @@ def test_markdown():
     ],
 )
 def test_a_page_has_four_digits_and_is_typeset(value, shown, printed):
-    """What was found, in decimals, has four digits at most; what was set has all of its own."""
-    assert Head("a", "", shown).printed(value) == printed
+    """Decimal formats are limited to four digits, other formats keep all of theirs."""
+    assert Header("a", "", shown).typeset(value) == printed
 
 
 def test_cells_are_shown_by_their_column():
-    """Digits and the word for nothing are the column's; a column of nothing is left out."""
+    """The header gives number format and text of missing cells. Empty columns are dropped."""
     table = tabulate("Speeds", ROWS, FIELDS, "A note.", "")
     assert [column.title for column in table.columns] == ["cam", "speed [rpm]"]
-    assert table.texts == [["a", "413.4"], ["b", "none"]]
+    assert table.text_rows == [["a", "413.4"], ["b", "none"]]
     assert table.rows == ROWS
     assert table.notes == ("A note.",)
 
 
 def test_a_table_without_rows():
-    """Nothing to show is an empty table, not an error."""
+    """A table without rows is empty, not an error."""
     assert tabulate("None", [], FIELDS) == DataTable("None", (), ())
 
 
-#: What cams are called.
+#: Labels of cams by name.
 TITLES = {"tm21": "TM21 cam", "cam_2": "Second", "level": "Level cam"}
 
 
@@ -192,15 +192,15 @@ TITLES = {"tm21": "TM21 cam", "cam_2": "Second", "level": "Level cam"}
     ],
 )
 def test_only_names_are_replaced(text, shown):
-    """A word that is also a name stands, but where it is all there is; so do files and rigs."""
-    assert called(text, TITLES) == shown
-    assert called(text, {}) == text
+    """A name that may be a word is replaced only if it is the whole text. Files and rigs stay."""
+    assert relabel(text, TITLES) == shown
+    assert relabel(text, {}) == text
 
 
 def test_a_whole_table_by_titles():
-    """Everything that is read; numbers, units and rigs stay."""
-    heads = Head("level"), Head("rig"), Head("n", "cam_2", "g")
-    found = DataTable("Of tm21", heads, (("cam_2", "tm21", 1.0),)).called(TITLES)
+    """Caption, headings, cells and notes are relabelled. Numbers, units and rigs stay."""
+    heads = Header("level"), Header("rig"), Header("n", "cam_2", "g")
+    found = DataTable("Of tm21", heads, (("cam_2", "tm21", 1.0),)).relabel(TITLES)
     assert found.caption == "Of TM21 cam"
     assert [column.title for column in found.columns] == ["level", "rig", "n [cam_2]"]
     assert found.rows == (("Second", "tm21", 1.0),)

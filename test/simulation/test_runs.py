@@ -347,7 +347,7 @@ def test_a_bag_gives_the_rows_of_its_scene():
     recorded = cam_rig.read_bag(GOLDEN)
     computed = cam_rig.run_scene(recorded.loaded)
     assert_rows(recorded.by_speed, computed.by_speed, 1e-9)
-    table, _ = recorded.to_show()
+    table, _ = recorded.to_display()
     assert len(table.rows) == 8
     assert {"level [dB]", "hardest landing [N·s]"} <= {column.title for column in table.columns}
     assert recorded.data()["levels"] == [

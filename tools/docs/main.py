@@ -12,7 +12,7 @@ from cam_rig.bag.reader import read_counts, read_recording
 from cam_rig.errors import CamRigError
 from cam_rig.files import temporary_folder, writing
 from cam_rig.messages.topics import FOLLOWER_SAMPLES
-from cam_rig.show.command import progress_bar, user_errors
+from cam_rig.show.command import make_progress_bar, user_errors
 from cam_rig.show.figure import write
 from cam_rig.show.terminal import console
 from cam_rig.simulation import figures as noise
@@ -76,7 +76,7 @@ def _draw(bag: Path, to: Path) -> None:
 
 def _read(bag: Path) -> tuple[TurnArchive, NoiseResult]:
     """The last turns of a bag, and its levels against speed."""
-    with progress_bar() as bar:
+    with make_progress_bar() as bar:
         task = bar.add_task(bag.name, total=read_counts(bag).get(FOLLOWER_SAMPLES.name, 0))
         archive = read_turns(bag, lambda: bar.advance(task))
     loaded = archive.loaded

@@ -106,10 +106,10 @@ def section(result: type[Result]) -> str:
 
 def _item(column: Column) -> str:
     """A column: its key, its unit, and its heading as far as the key does not say it."""
-    unit = f" \\[{column.si}\\]" if column.si not in ("", "1", column.key) else ""
+    unit = f" \\[{column.si_unit}\\]" if column.si_unit not in ("", "1", column.key) else ""
     heading = re.sub(r"\s+", " ", column.heading.replace("{}", "…")).strip()
     said = _letters(column.key)
-    words = [heading, re.sub(r"\s+", " ", column.about)]
+    words = [heading, re.sub(r"\s+", " ", column.doc)]
     words = [one for one in words if one and not _letters(one) <= said]
     return f"`{column.key}`{unit}{' ' if words else ''}{': '.join(words)}"
 

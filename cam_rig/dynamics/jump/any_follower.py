@@ -43,7 +43,7 @@ class JumpSpeed(Jump, Result):
     """
 
     schema = "cam_rig.jump_speed.1"
-    drawn_by = "cam_rig.dynamics.jump.figures:figure"
+    plot_function = "cam_rig.dynamics.jump.figures:figure"
     columns: ClassVar = {
         "jump_speed": (
             Column("cam", of="law.name"),
@@ -150,7 +150,7 @@ class JumpSpeeds(Result):
             Column("rpm", "rpm", ".2f", "jump speed"),
             Column("angle", "°", ".1f", "cam angle"),
             Column("time", "s", ".3f"),
-            Column("reason", about="why there is no jump speed; else empty"),
+            Column("reason", doc="why there is no jump speed; else empty"),
         )
     }
 

@@ -64,11 +64,11 @@ class ArcsFit(Result):
     """
 
     schema = "cam_rig.fit_arcs.1"
-    drawn_by = "cam_rig.measured.cam_fit.figures:arcs_figure"
+    plot_function = "cam_rig.measured.cam_fit.figures:arcs_figure"
     columns: ClassVar = {
         "numbers": (
             Column("number", of="name"),
-            Column("value", cell=lambda told: told.shown, about="m, of an angle rad"),
+            Column("value", cell=lambda told: told.shown, doc="m, of an angle rad"),
             Column("low_95", of=lambda told: None if told.held else told.low, hidden=True),
             Column("high_95", of=lambda told: None if told.held else told.high, hidden=True),
             Column("interval", heading="with 95 %", cell=lambda told: told.interval or "-"),
@@ -97,10 +97,10 @@ class ArcsFit(Result):
             Column("nose_radius", "m", of="arcs.nose_radius"),
             Column("nose_angle", "rad", of="arcs.nose_angle"),
             Column("roller_radius", "m"),
-            Column("known", about="which radius was given"),
+            Column("known", doc="which radius was given"),
             Column("rms", "m"),
             Column("cannot_tell"),
-            Column("notes", about="how the readings were read"),
+            Column("notes", doc="how the readings were read"),
             Column("conclusions", of=lambda fit: [*fit.conclusions()]),
         ),
     }

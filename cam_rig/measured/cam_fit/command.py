@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 import typer
 
 from cam_rig.files import write_new
-from cam_rig.show.command import Rig, command, say_assumed
+from cam_rig.show.command import Rig, command, echo_assumptions
 from cam_rig.show.result import Result
 from cam_rig.show.terminal import say, show
 
@@ -162,11 +162,11 @@ def new(
     texts = {f"cams/{file}": text for file, text in files.texts.items()}
     texts |= {f"rigs/{name}.yaml": own_rig(name, like), f"scenes/{name}.yaml": scene}
     write_new(place, texts)
-    show(*found.to_show())
+    show(*found.to_display())
     say(*found.summary())
-    say_assumed(files.assumed)
+    echo_assumptions(files.assumed)
     listed = ", ".join(f"{speed:g}" for speed in speeds)
-    say_assumed(
+    echo_assumptions(
         (
             f"rig: mass, spring, damping and sound of {like.name}, none of them measured here",
             f"speeds {listed} rpm, one turn to settle and two to measure",

@@ -15,7 +15,7 @@ from cam_rig.files import shown
 from cam_rig.laws.spline import WINDOW, differences, scatter, scatter_error
 from cam_rig.measured.instrument_table import NOTHING, CellTable, Heading, count_numbers, read_lines
 from cam_rig.schema.segment_base import FEWEST_POINTS, MAX_POINTS, WIDEST_GAP_DEG
-from cam_rig.show.tables import counted
+from cam_rig.show.tables import pluralize
 from cam_rig.units import TURN, FloatArray, rms
 
 # Tables of gauge readings as they come: any separator, decimal comma, unit, language.
@@ -95,7 +95,9 @@ class _GaugeReader(CellTable):
         for i in lifts:
             empty = sum(row[i] == NOTHING for row in texts)
             if empty:
-                words.append(f"{counted(empty, 'empty cell')} in {headings[i].text!r}: no reading")
+                words.append(
+                    f"{pluralize(empty, 'empty cell')} in {headings[i].text!r}: no reading"
+                )
         notes = [self.how_read(body, used), *notes, *words]
         lines, turned = tuple(line for line, _ in body), tuple(factor * value for value in angles)
         return GaugeTable(self.file, turned, tuple(columns), lines, tuple(notes))

@@ -56,7 +56,7 @@ class SplineFit(Result):
     """
 
     schema = "cam_rig.fit_spline.1"
-    drawn_by = "cam_rig.measured.cam_fit.figures:spline_figure"
+    plot_function = "cam_rig.measured.cam_fit.figures:spline_figure"
     columns: ClassVar = {
         "spline": (
             Column("count", "", "d", "readings used", of="readings.angles.size"),
@@ -65,9 +65,9 @@ class SplineFit(Result):
             ),
             Column("scatter", "mm", ".5g", "scatter of the readings"),
             Column("scatter_error", "mm", ".5g", "its standard error"),
-            Column("asked", "mm", hidden=True, about="the gauge's error as it was given"),
+            Column("asked", "mm", hidden=True, doc="the gauge's error as it was given"),
             Column("tolerance", "mm", ".5g", "residual allowed, r.m.s."),
-            Column("followed", hidden=True, about="whether that is the one asked for"),
+            Column("followed", hidden=True, doc="whether that is the one asked for"),
             Column("rms", "mm", ".5g", "residual, r.m.s.", of="smoothed.rms"),
             Column("largest", "mm", ".5g", "residual, largest", of="smoothed.largest"),
             Column("largest_at", "°", ".5g", "at", lambda f: f.readings.angles[f.worst]),
@@ -94,7 +94,7 @@ class SplineFit(Result):
         ),
         "fit": (
             Column("readings", of="readings.name"),
-            Column("notes", about="how they were read"),
+            Column("notes", doc="how they were read"),
             Column("conclusions", of=lambda fit: [*fit.conclusions()]),
         ),
     }
@@ -139,7 +139,7 @@ class SplineFit(Result):
         """How near the spline is to the readings, its dwells, and the readings left out."""
         name, outliers = self.readings.name, "Readings that look like outliers"
         return [
-            self.table("spline", f"{name}: spline", [self], single=True, upright=True),
+            self.table("spline", f"{name}: spline", [self], single=True, transposed=True),
             self.table("dwells", "Dwells, exact in the law", self.dwells),
             self.table("outliers", outliers, self.readings.outliers),
             self.table("fit", "The fit", [self], single=True, hidden=True),

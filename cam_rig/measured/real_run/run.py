@@ -12,7 +12,7 @@ from cam_rig.errors import BagError, ConfigError
 from cam_rig.extras import libraries_named
 from cam_rig.measured.real_run.comparison import SpeedDeparture, compare_steps, done, sentences
 from cam_rig.measured.real_run.pairs import RecordedPairs, pair_measured
-from cam_rig.show.result import SI, Column, Footnote, Records, Result
+from cam_rig.show.result import SI_UNITS, Column, Footnote, Records, Result
 from cam_rig.show.tables import Cell
 from cam_rig.simulation.scene import RELATIVE_NOTE, LoadedScene, load_scene
 
@@ -22,7 +22,9 @@ def _departure(name: str, unit: str) -> tuple[Column, ...]:
 
     def noise(row: SpeedDeparture) -> Cell:
         found = getattr(row, name)
-        return None if row.exact or found is None else found.noise / SI.get(unit, ("", 1.0))[1]
+        return (
+            None if row.exact or found is None else found.noise / SI_UNITS.get(unit, ("", 1.0))[1]
+        )
 
     def mark(row: SpeedDeparture) -> Cell:
         found = getattr(row, name)
@@ -73,7 +75,7 @@ class RunComparison(Result):
     """
 
     schema = "cam_rig.compare.1"
-    drawn_by = "cam_rig.measured.real_run.figures:figure"
+    plot_function = "cam_rig.measured.real_run.figures:figure"
     columns: ClassVar = {
         "departures": (
             Column("cam"),
@@ -81,7 +83,7 @@ class RunComparison(Result):
             Column("turns", "", ".3g"),
             *_departure("lift", "µm"),
             *_departure("force", "N"),
-            Column("force_ringing", "Hz", hidden=True, of="peak_hz", about="None: nothing rings"),
+            Column("force_ringing", "Hz", hidden=True, of="peak_hz", doc="None: nothing rings"),
         ),
         "events": (
             Column("cam"),
@@ -101,7 +103,7 @@ class RunComparison(Result):
         "run": (
             Column("bag", of=lambda found: str(found.source)),
             Column("scene", of="loaded.scene.name"),
-            Column("notes", about="what was found in the bag and done to its readings"),
+            Column("notes", doc="what was found in the bag and done to its readings"),
             Column("conclusions"),
         ),
     }

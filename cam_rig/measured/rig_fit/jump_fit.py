@@ -42,7 +42,7 @@ from cam_rig.measured.rig_fit.numbers import (
 )
 from cam_rig.measured.rig_fit.search import normal_inverse
 from cam_rig.schema import RigConfig
-from cam_rig.show.result import SILENT, Column, Progress, Records
+from cam_rig.show.result import NULL_PROGRESS, Column, Progress, Records
 from cam_rig.units import RPM, TURN, FloatArray, rms, rounded_to_error
 
 # The numbers of a follower whose jump speeds are nearest to those of a table.
@@ -85,7 +85,7 @@ class JumpModel:
         """Of all readings, ``(n,)``; those of one set-up are one speed."""
         setups, which = self._setups
         found = np.full(len(setups), FASTEST)
-        self.progress.begin(len(setups), "set-ups of a step of the search")
+        self.progress.start(len(setups), "set-ups of a step of the search")
         for i, known in enumerate(setups):
             self.progress.advance()
             values = self.values(x, known)
@@ -150,7 +150,7 @@ def _balanced(trial: JumpModel) -> Iterator[dict[str, float]]:
     """
     given = {name: v for name, v in trial.given.items() if name not in OF_TWO}
     sought = tuple(name for name in trial.sought if name in RIGID)
-    rigid = replace(trial, sought=sought, given=given, progress=SILENT)
+    rigid = replace(trial, sought=sought, given=given, progress=NULL_PROGRESS)
     angles = np.linspace(0.0, TURN, ANGLES, endpoint=False)
     motion = np.stack([trial.law(angles, order) for order in range(3)], axis=1)
     for (pulls, _), part in groupby(motion, key=lambda m: (m[2] < 0.0, m[1] < 0.0)):
@@ -213,7 +213,7 @@ class JumpFit(FoundNumbers):
     """
 
     schema = "cam_rig.fit_jumps.1"
-    drawn_by = "cam_rig.measured.rig_fit.figures:jump_figure"
+    plot_function = "cam_rig.measured.rig_fit.figures:jump_figure"
     columns: ClassVar = FoundNumbers.columns | {
         "jump_speeds": (
             Column("line", "", "d", of="0.line"),
@@ -228,10 +228,10 @@ class JumpFit(FoundNumbers):
             Column("source", of="read.file"),
             Column("cam", of="law.name"),
             Column("model"),
-            Column("error_rpm", "rpm", of="error", about="standard deviation of a reading"),
+            Column("error_rpm", "rpm", of="error", doc="standard deviation of a reading"),
             Column("error_given"),
             Column("degrees_of_freedom", of="free"),
-            Column("notes", of="read.notes", about="how the table was read"),
+            Column("notes", of="read.notes", doc="how the table was read"),
             Column("conclusions", of=lambda fit: [*fit.conclusions()]),
         ),
     }
@@ -294,7 +294,7 @@ def fit_jumps(
     model: str | None = None,
     given: dict[str, float] | None = None,
     error: float | None = None,
-    progress: Progress = SILENT,
+    progress: Progress = NULL_PROGRESS,
 ) -> JumpFit:
     """Find a follower's numbers from the speeds at which it jumps.
 

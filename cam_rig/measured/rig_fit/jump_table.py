@@ -11,7 +11,7 @@ import numpy as np
 
 from cam_rig.files import shown
 from cam_rig.measured.instrument_table import NOTHING, CellTable, plain_words, read_lines
-from cam_rig.show.tables import counted
+from cam_rig.show.tables import pluralize
 from cam_rig.units import RPM, TURN, FloatArray, to_rpm
 
 #: What a heading's words begin with, in English, Spanish, German, French, Italian, Portuguese.
@@ -100,7 +100,9 @@ class _JumpReader(CellTable):
             raise self.refused("has no jump speed; allowed: one or more")
         if empty:
             where = ", ".join(map(str, empty[:MOST_LINES])) + ", …" * (len(empty) > MOST_LINES)
-            notes.append(f"{counted(len(empty), 'empty cell')} of the speed: no reading in {where}")
+            notes.append(
+                f"{pluralize(len(empty), 'empty cell')} of the speed: no reading in {where}"
+            )
         columns = tuple(name for name in found if name != "speed")
         return JumpTable(self.file, tuple(readings), columns, (read, *notes))
 

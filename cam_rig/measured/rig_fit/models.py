@@ -242,7 +242,7 @@ def two_masses(aligned: FitSolution, given: dict[str, float], progress: Progress
     still = _calm(aligned, _smooth(rigid), _begun(aligned, rigid))
     one = one_mass(aligned, rigid) if still is None else _of_all(aligned, still)
     begin = _where_it_shows(one)
-    progress.tell("two masses and a stem")
+    progress.describe("two masses and a stem")
     return _two_masses(one, begin, likely_stem(begin)[0], given)
 
 
@@ -253,7 +253,7 @@ def elastic(one: FitSolution, given: dict[str, float], progress: Progress) -> Fi
     has a stem tell nothing.
     """
     if any(hold.rings for hold in one.holds):
-        progress.tell("a resonance of the force sensor")
+        progress.describe("a resonance of the force sensor")
         return _ringing(one)
     if not leaves_a_pattern(one):
         return one
@@ -262,7 +262,7 @@ def elastic(one: FitSolution, given: dict[str, float], progress: Progress) -> Fi
     if gain < CLEARLY_LIKELIER:
         return one
     best = one
-    progress.tell("a resonance of the force sensor")
+    progress.describe("a resonance of the force sensor")
     sensor = _with_resonance(still, stem)
     if not leaves_a_pattern(sensor):
         sensor = sensor if still is one else _with_resonance(one, stem)
@@ -270,7 +270,7 @@ def elastic(one: FitSolution, given: dict[str, float], progress: Progress) -> Fi
             best = sensor
             if not leaves_a_pattern(sensor):
                 return sensor
-    progress.tell("two masses and a stem")
+    progress.describe("two masses and a stem")
     two = _two_masses(one, still, stem, given)
     return two if log_ratio(two, best) > CLEARLY_LIKELIER else best
 

@@ -182,7 +182,7 @@ class FoundNumbers(Result):
     columns: ClassVar = {
         "numbers": (
             Column("number", of="name"),
-            Column("value", "", ".6g", cell=lambda number: number.shown, about="SI, see unit"),
+            Column("value", "", ".6g", cell=lambda number: number.shown, doc="SI, see unit"),
             Column(
                 *("standard_error", "", ".2g"),
                 of=lambda number: None if number.value is None else number.error,
@@ -191,7 +191,7 @@ class FoundNumbers(Result):
             Column("unit"),
             Column("origin", cell=lambda n: "; ".join(filter(None, (n.origin, n.caution)))),
             Column("caution", hidden=True),
-            Column("reason", hidden=True, about="why it has no value"),
+            Column("reason", hidden=True, doc="why it has no value"),
         ),
         "correlation": (
             Column("number", of="0"),
@@ -220,7 +220,7 @@ class FoundNumbers(Result):
         title = "Correlation of their errors"
         return [
             self.table("numbers", caption, self.numbers),
-            self.table("correlation", title, pairs, across="other"),
+            self.table("correlation", title, pairs, pivot="other"),
         ]
 
 

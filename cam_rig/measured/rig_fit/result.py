@@ -12,8 +12,8 @@ import numpy as np
 from cam_rig.measured.rig_fit.models import LEAST_BACKLASH
 from cam_rig.measured.rig_fit.numbers import FoundNumbers
 from cam_rig.measured.rig_fit.search import FitSolution
-from cam_rig.show.result import SI, Column, Records
-from cam_rig.show.tables import number
+from cam_rig.show.result import SI_UNITS, Column, Records
+from cam_rig.show.tables import format_number
 from cam_rig.simulation.instruments import MeasuredRun
 from cam_rig.units import rounded_to_error
 
@@ -56,14 +56,14 @@ class InstrumentNumber:
     def scale(self) -> float:
         """One of the unit that is shown, in SI."""
         shown = INSTRUMENTS[self.key][1]
-        return 1e-6 if shown == "ppm" else SI.get(shown, ("", 1.0))[1]
+        return 1e-6 if shown == "ppm" else SI_UNITS.get(shown, ("", 1.0))[1]
 
     @property
     def shown(self) -> str:
         """To the digits of its error, if it has one; in the unit that is shown."""
         value = self.value / self.scale
         if self.error is None:
-            return number(value, ".4g")
+            return format_number(value, ".4g")
         return rounded_to_error(value, self.error / self.scale)
 
     @property
@@ -81,7 +81,7 @@ class RigFit(FoundNumbers):
     """
 
     schema = "cam_rig.fit_rig.1"
-    drawn_by = "cam_rig.measured.rig_fit.figures:rig_figure"
+    plot_function = "cam_rig.measured.rig_fit.figures:rig_figure"
     columns: ClassVar = FoundNumbers.columns | {
         "speeds": (
             Column("rpm", "rpm", ".2f", "speed"),
@@ -105,8 +105,8 @@ class RigFit(FoundNumbers):
             Column("source", of=lambda fit: str(fit.run.source)),
             Column("cam", of="law.name"),
             Column("model"),
-            Column("left_out", "rpm", about="speeds that told nothing but perhaps the restitution"),
-            Column("notes", of="run.notes", about="how the run was read"),
+            Column("left_out", "rpm", doc="speeds that told nothing but perhaps the restitution"),
+            Column("notes", of="run.notes", doc="how the run was read"),
             Column("conclusions", of=lambda fit: [*fit.conclusions()]),
         ),
     }

@@ -56,7 +56,7 @@ from cam_rig.measured.rig_fit.turns import MeasuredHold, measured_holds
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.load import assumed_numbers, quantity, to_yaml
 from cam_rig.schema.scene import model_named
-from cam_rig.show.result import SILENT, Progress
+from cam_rig.show.result import NULL_PROGRESS, Progress
 from cam_rig.simulation.asked import Rig, asked_cams
 from cam_rig.simulation.instruments import MeasuredRun
 from cam_rig.units import TURN, rms
@@ -80,7 +80,7 @@ def fit_rig(
     given: Mapping[str, float] | None = None,
     tolerance: float | None = None,
     out: str | Path | None = None,
-    progress: Progress = SILENT,
+    progress: Progress = NULL_PROGRESS,
 ) -> RigFit | JumpFit:
     r"""A follower's numbers from a run measured on it, or from its jump speeds.
 
@@ -198,7 +198,7 @@ def fit_run(
     base: RigConfig,
     model: str | None = None,
     given: dict[str, float] | None = None,
-    progress: Progress = SILENT,
+    progress: Progress = NULL_PROGRESS,
 ) -> RigFit:
     """Find a follower's numbers from its measured lift and contact force at steady speeds.
 
@@ -212,8 +212,8 @@ def fit_run(
     rigid = {name: value for name, value in given.items() if name not in OF_TWO}
     why = "the fit, which begins at it", "begin at another rig"
     values = {n: base.need(n, *why).si for n in ONE_MASS if n not in rigid} | rigid
-    progress.begin(None, "reading")
-    progress.tell("the encoder's zero")
+    progress.start(None, "reading")
+    progress.describe("the encoder's zero")
     rough, phase, zero = rough_start(law, holds, values)
     values = rough | rigid
     forces = any(hold.force.value.size for hold in holds)
@@ -226,7 +226,7 @@ def fit_run(
     stem = given.get("stem_stiffness", si_or_none(base.follower.stem_stiffness))
     start = Likelihood(law, holds, (), values, stem)
     start.force_noise = 0.01 * max(h.force.value.max(initial=0.0) for h in holds) or 1.0
-    progress.tell("one rigid mass")
+    progress.describe("one rigid mass")
     aligned = search(Candidate(start, start.start(values, phase, zero)))
     if _is_of_another_cam(aligned):
         return found_of(run, aligned, given, tuple(scale), holds)
@@ -236,7 +236,7 @@ def fit_run(
         found = one_mass(aligned, rigid | scale)
         if model is None and forces:
             found = elastic(found, given, progress)
-    progress.tell("standard errors")
+    progress.describe("standard errors")
     return found_of(run, profiled(found), given, tuple(scale), holds)
 
 

@@ -120,7 +120,7 @@ class MarksResult(Result):
     """The marks of sheets: each answer beside the true value."""
 
     schema = "cam_rig.panel_marks.2"
-    drawn_by = "cam_rig.panel.lab.figures:marks_figure"
+    plot_function = "cam_rig.panel.lab.figures:marks_figure"
     columns: ClassVar = {
         "answers": (
             Column("file"),
@@ -129,7 +129,7 @@ class MarksResult(Result):
             Column("spring_stiffness", "N/m", "g", "spring", "reading.setup.spring_stiffness"),
             Column("added_mass", "kg", "g", of="reading.setup.added_mass"),
             Column("preload", "N", "g", of="reading.setup.preload"),
-            Column("answer", "", ".2f", about="in the unit beside it"),
+            Column("answer", "", ".2f", doc="in the unit beside it"),
             Column("true", "", ".2f"),
             Column("unit", of="lab.unit"),
             Column("difference", "%", "+.2f", of=lambda mark: 0.01 * mark.difference_percent),
@@ -145,7 +145,7 @@ class MarksResult(Result):
             Column("date", of="recorded.date", hidden=True),
             Column("tolerance", "%", "g", of=lambda sheet: 0.01 * sheet.tolerance),
             Column("answers", "", "d", of=lambda sheet: len(sheet.marks)),
-            Column("within", "", "d", of="right", about="answers that are"),
+            Column("within", "", "d", of="right", doc="answers that are"),
         ),
     }
 
@@ -157,7 +157,7 @@ class MarksResult(Result):
         labs = [LABS[name] for name in dict.fromkeys(s.recorded.lab for s in self.sheets)]
         note = "; ".join(f"{lab.asked}: {lab.truth}" for lab in labs)
         return [
-            self.table("answers", "{file}", rows, f"True {note}.", by="file"),
+            self.table("answers", "{file}", rows, f"True {note}.", group_by="file"),
             self.table("sheets", "Sheets", self.sheets),
         ]
 

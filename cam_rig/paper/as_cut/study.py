@@ -29,8 +29,8 @@ from cam_rig.profile.contact import Scan, greatest_between
 from cam_rig.profile.faces import GuidedCentre
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.cam import Roller
-from cam_rig.show.result import SILENT, Column, Progress, Records, Result
-from cam_rig.show.tables import number
+from cam_rig.show.result import NULL_PROGRESS, Column, Progress, Records, Result
+from cam_rig.show.tables import format_number
 from cam_rig.simulation.asked import Cams, Rig, Scene, asked_cams, asked_scene
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.simulate import Acoustics, settled_turns
@@ -265,7 +265,7 @@ class AsCutResult(Result):
     """Cams on their contours as they were cut, or one over its radii; ``speeds`` in rad/s."""
 
     schema = "cam_rig.as_cut.1"
-    drawn_by = "cam_rig.paper.as_cut.figures:figure"
+    plot_function = "cam_rig.paper.as_cut.figures:figure"
     columns: ClassVar = {
         "as_cut": (
             Column("cam"),
@@ -313,7 +313,8 @@ class AsCutResult(Result):
                 self.rows,
                 "Jump speeds are those of two masses, from rest; levels and landings those of the "
                 "scene's own rig.",
-                f"The roller's law is fitted to its closed form within {number(errors, '.0e')} m.",
+                "The roller's law is fitted to its closed form within "
+                f"{format_number(errors, '.0e')} m.",
             ),
             self.table("levels", "Change of the level", levels, hidden=True),
         ]
@@ -362,12 +363,12 @@ def cut_all(
     bench: CutBench,
     base: float | None = None,
     roller: float | None = None,
-    progress: Progress = SILENT,
+    progress: Progress = NULL_PROGRESS,
 ) -> AsCutResult:
     """Each cam at its own radii, or at those (m) that are given."""
     own = {cam: radii(config) for cam, config in chosen.cams.items()}
     rows = []
-    for cam in progress.over(own):
+    for cam in progress.track(own):
         sizes = [a if b is None else b for a, b in zip(own[cam], (base, roller), strict=True)]
         rows.append(cut_at(cam, DrawnCam.run(chosen.laws[cam], bench), bench, *sizes))
     return AsCutResult(tuple(rows), bench.speeds, chosen.titles)
@@ -381,7 +382,7 @@ def as_cut(
     *,
     base: float | None = None,
     roller: float | None = None,
-    progress: Progress = SILENT,
+    progress: Progress = NULL_PROGRESS,
 ) -> AsCutResult:
     """A roller on the contour that was drawn for a point, as fig. 12 of the paper draws it.
 

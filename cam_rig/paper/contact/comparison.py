@@ -140,7 +140,7 @@ class ContactResult(Result):
     """
 
     schema = "cam_rig.contact.1"
-    drawn_by = "cam_rig.paper.contact.figures:figure"
+    plot_function = "cam_rig.paper.contact.figures:figure"
     columns: ClassVar = {
         "contact": (
             CAM,

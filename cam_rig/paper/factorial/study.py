@@ -37,7 +37,7 @@ from cam_rig.schema.load import cam_path, load, named_path, rig_path, tables_pat
 from cam_rig.schema.quantity import Quantity, Strict, must_be
 from cam_rig.schema.scene import MAX_SPEED, Name
 from cam_rig.schema.segments import RiseName
-from cam_rig.show.result import SILENT, Column, Progress, Records, Result
+from cam_rig.show.result import NULL_PROGRESS, Column, Progress, Records, Result
 from cam_rig.simulation.simulate import Acoustics, settled_turns
 from cam_rig.units import RPM, RPM_PER_RAD_S, TURN, FloatArray, rms
 
@@ -357,7 +357,7 @@ class FactorialResult(Result):
     """Both designs; the proposed cam and those it is compared with; the proposed cam squeezed."""
 
     schema = "cam_rig.factorial.2"
-    drawn_by = "cam_rig.paper.factorial.figures:figure"
+    plot_function = "cam_rig.paper.factorial.figures:figure"
     columns: ClassVar = {
         "variance": (
             Column("design", of="whole.name"),
@@ -376,8 +376,8 @@ class FactorialResult(Result):
             Column("sum_of_squares", "dB²", ".1f", of="shares.total"),
             Column("cells_without_contact", "", "d", of="lost"),
             Column("governed_by", of="shares.governed_by"),
-            Column("fastest", "rpm", hidden=True, about="contact is lost by a jump below it"),
-            Column("effects", "dB", of="shares.effects", hidden=True, about="of the laws"),
+            Column("fastest", "rpm", hidden=True, doc="contact is lost by a jump below it"),
+            Column("effects", "dB", of="shares.effects", hidden=True, doc="of the laws"),
         ),
         "laws": (
             Column("law", of="0"),
@@ -456,7 +456,7 @@ class FactorialResult(Result):
                 "Cells without contact: contact is lost below the effect's fastest speed, where "
                 "the model holds the follower on. The row below has the laws and angles that all "
                 "keep contact.",
-                by="design",
+                group_by="design",
             ),
             self.table(
                 "laws",
@@ -510,7 +510,7 @@ def run_factorial(
     bench: Any,
     cams: Mapping[str, Law],
     pool: Executor | None = None,
-    progress: Progress = SILENT,
+    progress: Progress = NULL_PROGRESS,
 ) -> FactorialResult:
     """Measure every cell, in a pool if there is one; ``cams``: the proposed one and its rivals."""
     lift, rises, spans = config.lift.si, tuple(config.rises), config.squeezed.si_list
@@ -523,7 +523,7 @@ def run_factorial(
     )
     laws = [up_and_down(rise, at, lift) for one in angles for rise in rises for at in one[rise]]
     todo = [*laws, *cams.values(), *(squeezed(cams[config.proposed], span) for span in spans)]
-    progress.begin(len(todo), config.name)
+    progress.start(len(todo), config.name)
     found = []
     for one in (map if pool is None else pool.map)(bench, todo):
         found.append(one)
@@ -547,7 +547,7 @@ def factorial(
     study: str | Path = "continuity",
     *,
     executor: Executor | None = None,
-    progress: Progress = SILENT,
+    progress: Progress = NULL_PROGRESS,
 ) -> FactorialResult:
     r"""Laws of every continuity with the same angles, then the same acceleration: what matters.
 

@@ -24,8 +24,8 @@ from cam_rig.laws import Law, build_law
 from cam_rig.laws.cam import CamSet
 from cam_rig.schema import CamConfig, PublishedTables, load_rig
 from cam_rig.schema.load import WORDS, bare, config_root, same_as_shipped
-from cam_rig.show.result import SILENT, Column, Footnote, Progress, Records, Result
-from cam_rig.show.tables import counted
+from cam_rig.show.result import NULL_PROGRESS, Column, Footnote, Progress, Records, Result
+from cam_rig.show.tables import pluralize
 from cam_rig.units import NS, RPM, TURN, rms
 
 # What is published of the cams at hand, and what it was used for: told by content, not by name.
@@ -115,7 +115,7 @@ class JumpResult(Result):
     """The jump of every cam, in a run of ``duration`` s from rest, or in steady state for None."""
 
     schema = "cam_rig.jump.1"
-    drawn_by = "cam_rig.paper.jump.figures:figure"
+    plot_function = "cam_rig.paper.jump.figures:figure"
     columns: ClassVar = {
         "jump": (
             Column("cam"),
@@ -132,7 +132,7 @@ class JumpResult(Result):
         "run": (
             Column("rig", of="cam_set.rig.name"),
             Column("follower"),
-            Column("duration", "s", about="from rest; none in steady state and along a ramp"),
+            Column("duration", "s", doc="from rest; none in steady state and along a ramp"),
             Column("ramp", "rpm/s"),
         ),
     }
@@ -209,7 +209,7 @@ class JumpResult(Result):
             for low, high in (found.turns, found.published_turns)
         )
         return [
-            f"{100.0 * found.rms:.2f} % r.m.s. from Table 2 on {counted(found.cams, 'cam')} {of}"
+            f"{100.0 * found.rms:.2f} % r.m.s. from Table 2 on {pluralize(found.cams, 'cam')} {of}"
             f"{ranking if len(self.rows) > 1 else ''}; contact first lost after {ours} turns, "
             f"published {theirs}"
         ]
@@ -226,7 +226,7 @@ def find_jumps(
     published: dict[str, Reference],
     duration: float | None = FROM_REST,
     ramp: float | None = None,
-    progress: Progress = SILENT,
+    progress: Progress = NULL_PROGRESS,
 ) -> JumpResult:
     """The jump of every cam in ``duration`` s from rest at one speed, and in steady state.
 
@@ -235,7 +235,7 @@ def find_jumps(
     if duration is not None:
         require_run(duration)
     follower, rows = follower_of(cam_set.rig), []
-    for cam in progress.over(cam_set.laws):
+    for cam in progress.track(cam_set.laws):
         law, beside = cam_set.laws[cam], dict[str, Any](ramp=ramp)
         if (known := published.get(cam)) is not None:
             beside |= {"published_rpm": known.rpm, "published_time": known.time, "role": known.role}

@@ -25,7 +25,7 @@ from cam_rig.laws.cam import CamSet
 from cam_rig.paper.jump.comparison import JumpResult, Reference, find_jumps, references
 from cam_rig.schema import CamConfig, PublishedTables, load_tables
 from cam_rig.schema.load import tables_path
-from cam_rig.show.result import SILENT, Column, Progress, Records, Result
+from cam_rig.show.result import NULL_PROGRESS, Column, Progress, Records, Result
 from cam_rig.simulation.asked import Cams, Rig, asked_cams
 from cam_rig.units import RPM, TURN, FloatArray, rms
 
@@ -194,7 +194,7 @@ class RefitResult(Result):
 
 
 def refit_rig(
-    cam_set: CamSet, published: PublishedTables, duration: float, progress: Progress = SILENT
+    cam_set: CamSet, published: PublishedTables, duration: float, progress: Progress = NULL_PROGRESS
 ) -> RefitResult:
     """Fit the rig's four unprinted numbers anew, and try them on all cams."""
     require_run(duration)
@@ -224,14 +224,14 @@ def refit(
     published: dict[str, float],
     parameters: TwoMassParameters,
     duration: float,
-    progress: Progress = SILENT,
+    progress: Progress = NULL_PROGRESS,
 ) -> Refit:
     """Search the four numbers, from the rig's own and scattered about it; ``published`` in rpm."""
     event = event_of(cams[cam] for cam in published)
     share = parameters.roller_mass / (parameters.roller_mass + parameters.end_mass)
     start = Numbers(event, parameters.stem_stiffness, share, parameters.preload)
     best = math.inf
-    progress.begin(None, "searching")
+    progress.start(None, "searching")
 
     def difference(cam: str, numbers: Numbers) -> float:
         """Found less published speed, relative; a trial without a jump speed is far off."""
@@ -247,7 +247,7 @@ def refit(
         numbers = start.times(x)
         found = [difference(cam, numbers) for cam in published]
         best = min(best, rms(found))
-        progress.tell(f"best {100 * best:.3f} % r.m.s.")
+        progress.describe(f"best {100 * best:.3f} % r.m.s.")
         return np.array(found)
 
     ended = _solutions(differences, start)
@@ -317,7 +317,7 @@ def jump(
     steady: bool = False,
     ramp: float | None = None,
     refit: bool = False,
-    progress: Progress = SILENT,
+    progress: Progress = NULL_PROGRESS,
 ) -> JumpResult | RefitResult:
     """The jump speed of cams to 0.01 rpm, beside the paper's Table 2.
 

@@ -19,7 +19,7 @@ from cam_rig.laws import Law, build_law
 from cam_rig.laws.cam import arc_cam
 from cam_rig.paper.noise.calibration import PublishedCam
 from cam_rig.schema import CamConfig, SceneConfig
-from cam_rig.show.result import SILENT, Progress
+from cam_rig.show.result import NULL_PROGRESS, Progress
 from cam_rig.simulation.regression import cubic
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.simulate import Acoustics, Turns, simulate, step_levels
@@ -74,9 +74,11 @@ def trial_stage(loaded: LoadedScene) -> LoadedScene:
     return replace(loaded, scene=SceneConfig.model_validate(data))
 
 
-def identify(loaded: LoadedScene, cam: str, seed: int, progress: Progress = SILENT) -> Geometry:
+def identify(
+    loaded: LoadedScene, cam: str, seed: int, progress: Progress = NULL_PROGRESS
+) -> Geometry:
     """Search lift and angles of an arc cam: differential evolution, seeded, then a local search."""
-    progress.begin(None, "searching")
+    progress.start(None, "searching")
     arc_cam(loaded.cams[cam])  # it must have arcs to move
     trial = trial_stage(loaded)
     rpm = to_rpm(np.array(loaded.scene.program.speeds.si_list))
@@ -90,7 +92,7 @@ def identify(loaded: LoadedScene, cam: str, seed: int, progress: Progress = SILE
         return IMPOSSIBLE if level is None else rms(level - target)
 
     def tell(intermediate_result: OptimizeResult) -> None:
-        progress.tell(f"best {intermediate_result.fun:.2f} dB RMS")
+        progress.describe(f"best {intermediate_result.fun:.2f} dB RMS")
 
     options: dict[str, Any] = {"popsize": 10, "maxiter": 30, "tol": 1e-3, "polish": False}
     limits = Bounds(BOUNDS[:, 0], BOUNDS[:, 1])

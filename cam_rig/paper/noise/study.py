@@ -32,7 +32,7 @@ from cam_rig.paper.noise.variants import (
 from cam_rig.schema import RigConfig, load_rig
 from cam_rig.schema.load import rig_beside
 from cam_rig.schema.published import Crossover
-from cam_rig.show.result import SILENT, Column, Footnote, Progress, Records, Result
+from cam_rig.show.result import NULL_PROGRESS, Column, Footnote, Progress, Records, Result
 from cam_rig.simulation.asked import Scene, asked_scene
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.units import FloatArray
@@ -127,7 +127,7 @@ class NoiseStudyResult(Result):
     """All that a noise study finds; ``named`` is the crossing that the paper states."""
 
     schema = "cam_rig.noise.1"
-    drawn_by = "cam_rig.paper.noise.figures:figure"
+    plot_function = "cam_rig.paper.noise.figures:figure"
     columns: ClassVar = {
         "curves": (
             Column("calibration", of="method"),
@@ -147,7 +147,7 @@ class NoiseStudyResult(Result):
             ),
             Column("published_inside", "%", ".0f", of=lambda c: c.expected.holds(c.published_db)),
             *(
-                Column(f"c{i}", of=f"coefficients.{i}", hidden=True, about=f"dB/rpm^{i}")
+                Column(f"c{i}", of=f"coefficients.{i}", hidden=True, doc=f"dB/rpm^{i}")
                 for i in range(4)
             ),
         ),
@@ -162,8 +162,8 @@ class NoiseStudyResult(Result):
             Column("source", heading="in the paper"),
             Column("tested_on"),
             Column("verdict"),
-            Column("holds", about="speeds at which it holds", hidden=True),
-            Column("cases", about="speeds looked at", hidden=True),
+            Column("holds", doc="speeds at which it holds", hidden=True),
+            Column("cases", doc="speeds looked at", hidden=True),
             Column("fails_from", "rpm", of="fails_rpm.0", hidden=True),
             Column("fails_to", "rpm", of="fails_rpm.1", hidden=True),
         ),
@@ -281,7 +281,7 @@ class NoiseStudyResult(Result):
                 noise_claims(self.roles, best.curves, named.rpm),
                 f"Regressions and points: simulated, calibrated {way}, which predicts best what it "
                 "was not fitted to.",
-                across="tested_on",
+                pivot="tested_on",
             ),
             self.table(
                 "methods",
@@ -305,14 +305,14 @@ class NoiseStudyResult(Result):
                 "structures",
                 "Transfer functions between contact force and sound: r.m.s. difference",
                 self.structures,
-                across="fitted_to",
+                pivot="fitted_to",
             ),
             self.table(
                 "left_out",
                 "Each cam left out: gain and cut-off from the other two, r.m.s. difference",
                 (OnCam(row, cam) for row in self.left_out for cam in row.rms_db),
                 "Regression: of the cam that is left out. Under the cams: of their points.",
-                across="cam",
+                pivot="cam",
             ),
             self.table(
                 "one_rig",
@@ -322,14 +322,14 @@ class NoiseStudyResult(Result):
                     "Not run: a search of minutes, cam-rig noise --one-rig.",
                     lambda row: row.of.shape is None,
                 ),
-                across="cam",
+                pivot="cam",
             ),
             self.table(
                 "high_dwell",
                 "Lift, high dwell and joints: level of the reference cam changed in each",
                 self._changed(),
-                across="rpm",
-                seen=lambda row: row.rpm in ends,
+                pivot="rpm",
+                row_filter=lambda row: row.rpm in ends,
             ),
             self.table(
                 "high_dwell_shares",
@@ -342,9 +342,9 @@ class NoiseStudyResult(Result):
                 "levels",
                 "The paper's Table 3: levels, published and simulated {calibration}",
                 self._levels(),
-                by="calibration",
-                across="cam",
-                seen=lambda row: row.method == best.name and row.rpm in thinned,
+                group_by="calibration",
+                pivot="cam",
+                row_filter=lambda row: row.method == best.name and row.rpm in thinned,
             ),
         ]
 
@@ -369,10 +369,10 @@ class NoiseStudyResult(Result):
 
 
 def study_noise(
-    loaded: LoadedScene, rig: RigConfig, arcs: bool = False, progress: Progress = SILENT
+    loaded: LoadedScene, rig: RigConfig, arcs: bool = False, progress: Progress = NULL_PROGRESS
 ) -> NoiseStudyResult:
     """Run every part; ``rig``: of the jump speeds; ``arcs``: fit the arc cam on it (minutes)."""
-    parts = progress.over(PARTS)
+    parts = progress.track(PARTS)
     next(parts)
     TwoMassParameters.from_rig(rig)  # refused now rather than at the end
     study = NoiseSetup.of(loaded)
@@ -400,7 +400,7 @@ def noise(
     rig: str | Path | RigConfig = "paper_table2",
     one_rig: bool = False,
     *,
-    progress: Progress = SILENT,
+    progress: Progress = NULL_PROGRESS,
 ) -> NoiseStudyResult:
     """Calibrate on one cam, predict another, identify the third, with confidence intervals.
 

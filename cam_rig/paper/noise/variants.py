@@ -31,7 +31,7 @@ from cam_rig.paper.noise.methods import crossing
 from cam_rig.paper.noise.roles import EVERY, NoiseSetup
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.segments import Dwell, Rise
-from cam_rig.show.result import SILENT, Progress
+from cam_rig.show.result import NULL_PROGRESS, Progress
 from cam_rig.simulation.regression import cubic
 from cam_rig.simulation.simulate import Acoustics, settled_turns
 from cam_rig.units import FloatArray
@@ -71,7 +71,7 @@ def with_rigid_stem(study: NoiseSetup, rig: RigConfig) -> OneRig:
 
 
 def with_elastic_stem(
-    study: NoiseSetup, rig: RigConfig, arcs: bool = False, progress: Progress = SILENT
+    study: NoiseSetup, rig: RigConfig, arcs: bool = False, progress: Progress = NULL_PROGRESS
 ) -> OneRig:
     """The whole two-mass follower of the rig; ``arcs``: the arc cam's shape too, in minutes."""
     follower = TwoMassParameters.from_rig(rig)
@@ -117,7 +117,7 @@ def _search(problem: ShapeProblem, acoustics: Acoustics, progress: Progress) -> 
             return IMPOSSIBLE
 
     def tell(intermediate_result: OptimizeResult) -> None:
-        progress.tell(f"one rig, best {intermediate_result.fun:.1f} dB")
+        progress.describe(f"one rig, best {intermediate_result.fun:.1f} dB")
 
     options: dict[str, Any] = {"popsize": POPULATION, "maxiter": GENERATIONS, "polish": False}
     found = differential_evolution(cost, SEARCHED, seed=SEED, callback=tell, **options)

@@ -21,7 +21,7 @@ from cam_rig.dynamics.linear.propagator import exponential
 from cam_rig.laws import Law, bernstein
 from cam_rig.paper.orders.steady_force import SteadyForce, steady_force
 from cam_rig.schema import RigConfig
-from cam_rig.show.result import SILENT, Progress
+from cam_rig.show.result import NULL_PROGRESS, Progress
 from cam_rig.units import TURN, ComplexArray, FloatArray, to_rpm
 
 # Fourier integrals of what a contact force is made of: polynomials, vibrations, landings.
@@ -269,13 +269,13 @@ def waterfall(
     rig: RigConfig,
     speeds: Iterable[float],
     highest: int = HIGHEST,
-    progress: Progress = SILENT,
+    progress: Progress = NULL_PROGRESS,
 ) -> tuple[CamOrders, ...]:
     """Force and sound of each cam at each of ``speeds`` (rad/s), up to an order."""
     found, all_speeds = [], tuple(speeds)
-    progress.begin(len(laws) * len(all_speeds))
+    progress.start(len(laws) * len(all_speeds))
     for cam, law in laws.items():
-        progress.tell(cam)
+        progress.describe(cam)
         spectra = []
         for speed in all_speeds:
             spectra.append(order_spectrum(law, model, rig, speed, highest))

@@ -18,7 +18,7 @@ from cam_rig.paper.orders.spectrum import CamOrders, OrderSpectrum, waterfall
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.load import cam_path, config_root, is_there, named_path, read_yaml
 from cam_rig.schema.scene import model_named
-from cam_rig.show.result import SILENT, Column, Footnote, Progress, Records, Result
+from cam_rig.show.result import NULL_PROGRESS, Column, Footnote, Progress, Records, Result
 from cam_rig.simulation.asked import (
     Rig,
     Speeds,
@@ -72,7 +72,7 @@ class OrdersResult(Result):
     """The orders of each cam at each speed; what cams are called, where not by name."""
 
     schema = "cam_rig.orders.1"
-    drawn_by = "cam_rig.paper.orders.figures:figure"
+    plot_function = "cam_rig.paper.orders.figures:figure"
     columns: ClassVar = {
         "orders": (
             Column("cam"),
@@ -171,7 +171,7 @@ def orders(
     rig: Rig = None,
     model: str | None = None,
     orders: int = 100,
-    progress: Progress = SILENT,
+    progress: Progress = NULL_PROGRESS,
 ) -> OrdersResult:
     """The spectrum of force and sound by orders of the cam: exact, without leakage.
 

@@ -30,7 +30,7 @@ from cam_rig.paper.readings.readings import (
 from cam_rig.schema import CamConfig, TableReading
 from cam_rig.schema.published import PublishedJump
 from cam_rig.schema.quantity import Quantity
-from cam_rig.show.result import SILENT, Progress
+from cam_rig.show.result import NULL_PROGRESS, Progress
 from cam_rig.units import RPM, TURN, FloatArray
 
 #: What may be sought, where (SI; the logarithm of three of them), in the order of a trial.
@@ -201,9 +201,9 @@ class ReadingSearch:
         speeds, times = (np.array(rows) for rows in zip(*found, strict=True))
         return speeds, times if self.with_times else np.zeros_like(times)
 
-    def best(self, generations: int, seed: int, progress: Progress = SILENT) -> Found:
+    def best(self, generations: int, seed: int, progress: Progress = NULL_PROGRESS) -> Found:
         """Search by differential evolution, the trials of a generation side by side."""
-        progress.begin(generations)
+        progress.start(generations)
 
         def missed(x: FloatArray) -> Any:  # an array of trials at a time
             both = [np.minimum(part, MAX_MISS).sum(axis=0) for part in self.misses(x)]
@@ -214,7 +214,7 @@ class ReadingSearch:
         def tell(intermediate_result: Any) -> Any:
             done[0] += 1
             progress.advance()
-            progress.tell(f"best misses {intermediate_result.fun:.2f} rpm in all")
+            progress.describe(f"best misses {intermediate_result.fun:.2f} rpm in all")
             return intermediate_result.fun <= 0.0
 
         limits = Bounds(*zip(*map(_bounds, self.sought), strict=True))

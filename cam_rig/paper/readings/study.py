@@ -13,7 +13,7 @@ from cam_rig.paper.readings.search import Found, ReadingSearch
 from cam_rig.schema import CamConfig, TableReadings, load_cam, load_readings, load_tables
 from cam_rig.schema.load import cam_path, readings_path, tables_path
 from cam_rig.schema.published import PublishedJump
-from cam_rig.show.result import SILENT, Column, Progress, Records, Result
+from cam_rig.show.result import NULL_PROGRESS, Column, Progress, Records, Result
 
 
 def _number(key: str, unit: str, shown: str, heading: str = "") -> Column:
@@ -21,7 +21,7 @@ def _number(key: str, unit: str, shown: str, heading: str = "") -> Column:
     column = Column(key, unit, shown, heading, f"reading.{key}.si")
 
     def cell(one: Read) -> str:
-        value, mark = column.text(one), "*" if key in one.reading.fitted else ""
+        value, mark = column.display_cell(one), "*" if key in one.reading.fitted else ""
         return f"{value:{shown}}{mark}"
 
     return Column(key, unit, "", heading, column.of, cell)
@@ -67,7 +67,7 @@ class ReadingsResult(Result):
             Column("window", "rpm", ".2f", of="row.window"),
             Column("least_force", "N", "+.1f", of="row.force"),
         ),
-        "search": (Column("trials"), Column("miss", "rpm", about="of all cams together")),
+        "search": (Column("trials"), Column("miss", "rpm", doc="of all cams together")),
     }
 
     found: tuple[Read, ...]
@@ -133,12 +133,12 @@ def read_all(
     known: TableReadings,
     cams: dict[str, CamConfig],
     printed: dict[str, PublishedJump],
-    progress: Progress = SILENT,
+    progress: Progress = NULL_PROGRESS,
 ) -> ReadingsResult:
     """Every reading on every cam of the table."""
     found = [
         read(name, known.readings[name], cams, printed, known.run_s)
-        for name in progress.over(known.readings)
+        for name in progress.track(known.readings)
     ]
     return ReadingsResult(tuple(found))
 
@@ -155,7 +155,7 @@ def readings(
     nearby: bool = False,
     generations: int = 60,
     seed: int = 1,
-    progress: Progress = SILENT,
+    progress: Progress = NULL_PROGRESS,
 ) -> ReadingsResult:
     r"""The paper's Table 2 read in several ways: which rig shows its speeds, and its times.
 

@@ -18,7 +18,7 @@ from cam_rig.show.figure import (
     wrapped,
 )
 from cam_rig.show.looks import title_of
-from cam_rig.show.tables import printed
+from cam_rig.show.tables import typeset_number
 from cam_rig.units import RPM
 
 #: Elements of the stem whose frequencies, and whose least force is shown, and what they are called.
@@ -59,5 +59,5 @@ def figure(found: StemResult) -> Figure:
     right.set_ylim(-15.0, None)
     for axes in (left, right):
         axes.legend(frameon=False)
-    out.suptitle(f"Stem of {printed(follower.stem_stiffness, '.3g')} N/m, steady state")
+    out.suptitle(f"Stem of {typeset_number(follower.stem_stiffness, '.3g')} N/m, steady state")
     return out

@@ -255,7 +255,7 @@ class StemResult(Result):
     """Cams on stems of several stiffnesses, each in more and more masses."""
 
     schema = "cam_rig.stem.1"
-    drawn_by = "cam_rig.paper.stem.figures:figure"
+    plot_function = "cam_rig.paper.stem.figures:figure"
     columns: ClassVar = {
         "masses": (
             Column("stiffness", "N/m", ".3g", of="of.stiffness"),
@@ -311,8 +311,8 @@ class StemResult(Result):
                 f"Steady state, vibration and level at {first.rpm:g} rpm. {first.stem_mass:.3g} kg "
                 "of the follower are the stem's (assumed: the most that the mass split allows); "
                 "total mass, stiffness and preload stay.",
-                by="stiffness",
-                seen=lambda one: one.cam == SHOWN_CAM,
+                group_by="stiffness",
+                row_filter=lambda one: one.cam == SHOWN_CAM,
             ),
             self.table(
                 "cams",
@@ -321,7 +321,7 @@ class StemResult(Result):
                 "Force off from: the least contact force misses the bar's by a tenth of the "
                 "preload. Level off: at most, from 100 rpm to the jump.",
                 "The softer bar has the first natural frequency of the two masses.",
-                by="stiffness",
+                group_by="stiffness",
             ),
         ]
 

@@ -159,7 +159,7 @@ def _shift(level: float, rising: bool) -> Column:
 
     about = "shift for a change by one lift"
     at = level, rising
-    return Column(key, "°", ".4f", heading, lambda row: row.shifts.get(at), cell, about=about)
+    return Column(key, "°", ".4f", heading, lambda row: row.shifts.get(at), cell, doc=about)
 
 
 def _alone(i: int) -> tuple[Column, Column]:
@@ -174,7 +174,7 @@ def _alone(i: int) -> tuple[Column, Column]:
             ordinate,
             f"alone.{i}.ordinate",
             lambda row: 100.0 * row.alone[i].ordinate,
-            about="largest change of an ordinate, in lifts",
+            doc="largest change of an ordinate, in lifts",
         ),
         Column(f"{key}_reach", "°", ".0f", "s changes over", f"alone.{i}.reach"),
     )
@@ -185,7 +185,7 @@ class TimingResult(Result):
     """The events of cams; of one alone what its ordinates move, and a B-spline beside it."""
 
     schema = "cam_rig.timing.1"
-    drawn_by = "cam_rig.paper.timing.figures:figure"
+    plot_function = "cam_rig.paper.timing.figures:figure"
     columns: ClassVar = {
         "cams": (
             Column("cam", of="cam.name"),
@@ -222,7 +222,7 @@ class TimingResult(Result):
         ),
         "events": (
             Column("cam", of="0"),
-            Column("level", of="1.level", about="in lifts"),
+            Column("level", of="1.level", doc="in lifts"),
             Column("angle", "°", ".3f", of="1.angle"),
             Column("rising", of="1.rising"),
         ),
@@ -233,7 +233,7 @@ class TimingResult(Result):
             Column("level", of="event.level"),
             Column("angle", "°", of="event.angle"),
             Column("rising", of="event.rising"),
-            Column("shift", "°", about="for a change of the ordinate by one lift"),
+            Column("shift", "°", doc="for a change of the ordinate by one lift"),
         ),
     }
 
@@ -267,7 +267,7 @@ class TimingResult(Result):
                 "derivative).",
                 f"Reach: where s changes by more than {REACHED:g} of the ordinate's change. Empty: "
                 "beyond.",
-                by="segment",
+                group_by="segment",
                 hidden=several,
             ),
             self.table(

@@ -15,7 +15,7 @@ from cam_rig.dynamics.torsional.model import from_rig as shaft_of
 from cam_rig.dynamics.vibration import Vibration, require_speeds
 from cam_rig.laws.cam import CamSet
 from cam_rig.schema.load import one_scene
-from cam_rig.show.result import SILENT, Column, Footnote, Progress, Records, Result
+from cam_rig.show.result import NULL_PROGRESS, Column, Footnote, Progress, Records, Result
 from cam_rig.simulation.asked import (
     Cams,
     Rig,
@@ -91,8 +91,8 @@ CLAIMS = (
     Column("measure", heading="measured by"),
     Column("rig"),
     Column("verdict", cell=lambda claim: claim.words),
-    Column("holds", about="cases in which it holds", hidden=True),
-    Column("cases", about="speeds at which every follower keeps contact", hidden=True),
+    Column("holds", doc="cases in which it holds", hidden=True),
+    Column("cases", doc="speeds at which every follower keeps contact", hidden=True),
 )
 
 
@@ -101,7 +101,7 @@ class VibrationResult(Result):
     """Every cam at every speed, each speed (rpm) once, and the paper's claims of them."""
 
     schema = "cam_rig.vibration.1"
-    drawn_by = "cam_rig.paper.vibration.figures:figure"
+    plot_function = "cam_rig.paper.vibration.figures:figure"
     columns: ClassVar = {
         "vibration": (
             Column("cam"),
@@ -114,7 +114,7 @@ class VibrationResult(Result):
             Column("fluctuation", "%", ".2f", "flywheel", "measured.fluctuation"),
             Column("low_dwell", of="measured.window.dwell", hidden=True),
             Column("contact_lost", hidden=True),
-            Column("contact_lost_rpm", "rpm", about="the jump speed", hidden=True),
+            Column("contact_lost_rpm", "rpm", doc="the jump speed", hidden=True),
         ),
         "claims": CLAIMS,
     }
@@ -161,7 +161,7 @@ class VibrationResult(Result):
     def tables(self) -> list[Records]:
         """``vibration``, a row a cam and speed, and ``claims``."""
         caption = f"Steady-state vibration at {{rpm:g}} rpm, rig {self.cam_set.rig.name}"
-        found = self.table("vibration", caption, self.rows, *self.notes, by="rpm")
+        found = self.table("vibration", caption, self.rows, *self.notes, group_by="rpm")
         return [found, claims_table(self.claims, self.rpm)]
 
     def summary(self) -> list[str]:
@@ -183,7 +183,11 @@ def claims_table(claims: Iterable[Claim], rpm: tuple[float, ...]) -> Records:
 
 @checked
 def vibration(
-    cams: Cams = None, rig: Rig = None, rpm: Speeds | None = None, *, progress: Progress = SILENT
+    cams: Cams = None,
+    rig: Rig = None,
+    rpm: Speeds | None = None,
+    *,
+    progress: Progress = NULL_PROGRESS,
 ) -> VibrationResult:
     """Residual vibration in the low dwell, peak acceleration and twist of the shaft, settled.
 
@@ -221,13 +225,15 @@ def vibration(
 BY = "the vibration of a mass on its stem"
 
 
-def measure(cam_set: CamSet, rpm: Iterable[float], progress: Progress = SILENT) -> VibrationResult:
+def measure(
+    cam_set: CamSet, rpm: Iterable[float], progress: Progress = NULL_PROGRESS
+) -> VibrationResult:
     """Measure every cam at every speed (rpm), each speed once; twist where the rig has a shaft."""
     follower, rpm = FollowerParameters.on_stem(cam_set.rig, BY), list(dict.fromkeys(rpm))
     require_speeds(follower, rpm)
     shaft = None if cam_set.rig.shaft is None else shaft_of(cam_set.rig)
     rows: list[Row] = []
-    for cam in progress.over(cam_set.laws):
+    for cam in progress.track(cam_set.laws):
         law = cam_set.laws[cam]
         lost = contact_lost_speed(law, cam_set.rig) / RPM
         rows += [

@@ -238,7 +238,7 @@ def test_whatever_the_sensors_show_is_compared_in_finite_numbers(scene, seed):
     pairs, rows = compared(run, loaded)
     found = RunComparison(run.source, loaded, tuple(rows), tuple(done(pairs)))
     text = json.dumps(found.data(), allow_nan=False)
-    assert len(json.loads(text)["events"]) == len(found.to_show()[0].texts) == 2
+    assert len(json.loads(text)["events"]) == len(found.to_display()[0].text_rows) == 2
 
 
 def test_only_the_bounce_differs(scene):

@@ -27,17 +27,17 @@ def table(*numbers):
 def test_a_number_has_the_digits_of_its_error():
     """In the table; one that is not identified has no value there, nor in JSON."""
     numbers = table(SURE, UNSURE, OPEN, NONE)
-    rows = {row[0]: row for row in numbers.to_show()[0].rows}
+    rows = {row[0]: row for row in numbers.to_display()[0].rows}
     assert rows["preload"][1:3] == ("14.948", "0.032")
     assert rows["damping"][1:3] == ("8.6", "3.1")
-    assert table(NONE).to_show()[0].rows == (("stem_stiffness", "N/m", "not identified"),)
+    assert table(NONE).to_display()[0].rows == (("stem_stiffness", "N/m", "not identified"),)
     assert numbers.rows()[-1]["value"] is None
 
 
 @pytest.mark.parametrize(("found", "words"), [(UNSURE, "uncertain"), (OPEN, "may be 0")])
 def test_a_wide_error_is_warned_of_beside_the_value(found, words):
     """A third of the value or more, or its sign open: in the row, in the file, in JSON."""
-    (row,) = table(found).to_show()[0].rows
+    (row,) = table(found).to_display()[0].rows
     assert re.match(rf"identified; {words}: with 95 % it is", row[-1])
     assert words in found.gist
     assert words in table(found).rows()[0]["caution"]

@@ -73,8 +73,8 @@ def test_the_preload_twists_the_shaft(study):
 
 def test_tables(study):
     """One row for each inertia and each cam."""
-    over_inertia, over_cams = study.to_show({"poly345": "3-4-5"})
-    assert [row[0] for row in over_inertia.texts][-2:] == ["20", "∞"]
+    over_inertia, over_cams = study.to_display({"poly345": "3-4-5"})
+    assert [row[0] for row in over_inertia.text_rows][-2:] == ["20", "∞"]
     assert len(over_inertia.rows) == len(INERTIAS) and SHOWN in INERTIAS
     assert over_cams.rows[0][0] == "3-4-5"
     assert faults(study.plot()) == []

@@ -163,7 +163,7 @@ FITTED = JumpRow("a", AT, Jump(41.0, 0.0, 0.0), 400.0, 1.5, "fitted", rigid_rpm=
 
 
 def shown(cam_set, *rows):
-    (table,) = JumpResult(cam_set, rows).to_show({"a": "The cam"})
+    (table,) = JumpResult(cam_set, rows).to_display({"a": "The cam"})
     return table
 
 

@@ -111,13 +111,13 @@ class Told(Progress):
 
     done, total, words = 0, 0, ""
 
-    def begin(self, total, words=""):
+    def start(self, total, words=""):
         self.total = total
 
     def advance(self, steps=1):
         self.done += steps
 
-    def tell(self, words):
+    def describe(self, words):
         self.words = words
 
 
@@ -156,9 +156,9 @@ def test_tables_of_the_readings(monkeypatch):
     monkeypatch.setattr("cam_rig.paper.readings.readings.SPEEDS", 32)
     reading = KNOWN.readings["shipped"]
     found = ReadingsResult((read("shipped", reading, CAMS, PRINTED, KNOWN.run_s),))
-    readings, cams = found.to_show()
+    readings, cams = found.to_display()
     assert len(readings.rows) == 1
-    assert "".join(readings.texts[0]).count("*") == len(reading.fitted) == 4
+    assert "".join(readings.text_rows[0]).count("*") == len(reading.fitted) == 4
     assert len(cams.rows) == len(CAMS)
     data = found.data()
     assert data["readings"][0]["event"] == reading.event.si

@@ -259,8 +259,8 @@ def test_vibration_is_read_in_the_low_dwell(laws, table2):
 
 def test_tables(stems):
     """One row for each number of masses, the bar last; jump speeds of each cam."""
-    over, jumps = stems.to_show({"poly345": "3-4-5"})
-    assert [row[1] for row in over.texts] == ["2", "3", "4", "6", "10", "bar"]
+    over, jumps = stems.to_display({"poly345": "3-4-5"})
+    assert [row[1] for row in over.text_rows] == ["2", "3", "4", "6", "10", "bar"]
     assert len(over.rows) == len(ELEMENTS) and math.isinf(ELEMENTS[-1])
     assert jumps.rows[0][0] == "3-4-5"
     assert faults(stems.plot()) == []
