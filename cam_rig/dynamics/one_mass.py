@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from cam_rig.dynamics.events.course import NO_CONTACT, Course
-from cam_rig.dynamics.events.runs import RunTable
+from cam_rig.dynamics.events.run_table import LOSS, CamWeights, RunTable
 from cam_rig.dynamics.interval import Block, FollowerState, Interval
 from cam_rig.dynamics.kinetostatic import contact_samples, force_rounding, loss_intervals, state_at
 from cam_rig.dynamics.linear.exponential import Flight, FreeSystem, Pairs
@@ -43,8 +43,8 @@ def lifted_off(
     return Flight(free_mass(parameters), np.array([start, velocity]), gap, gap_rate)
 
 
-#: What a table says of the stem where there is none: see `RunTable.stem`.
-NO_STEM = ((0.0, 0.0, 0.0), 0.0, 0.0, 0.0)
+#: Weights of a follower without a stem, which are not used.
+NO_WEIGHTS = CamWeights(lift=0.0, velocity=0.0, acceleration=0.0, constant=0.0)
 
 
 class OneMassTrajectory(Course):
@@ -62,28 +62,37 @@ class OneMassTrajectory(Course):
         start: FloatArray | Flight = np.zeros(2)
         if state is not None and not state.in_contact:
             start = lifted_off(self.parameters, state.displacement, state.velocity, *state.inner)
-        now = self._begin(start, step)
+        first = self._begin(start, step)
         losses = loss_intervals(self.law, self.parameters, self.speed)
+        duration = self.interval.duration
         rides = step == 0.0 and not isinstance(start, Flight)
-        if rides and not losses and not self.law.velocity_jumps:  # nothing takes it off the cam
-            self._rows.append([*now.tolist(), 0.0, 0.0, self.interval.duration])
+        if rides and not losses and not self.law.velocity_jumps:  # contact is never lost
+            first["phase_end"] = duration
+            self._recorded.append(first)
         else:
-            duration = self.interval.duration
-            self._find(self.run_table(duration), now, duration)
+            self._find(self.run_table(duration), first, duration)
 
     def run_table(self, duration: float) -> RunTable:
-        """The table of a run of ``duration`` s from the interval's beginning."""
+        """Return the table of a run of ``duration`` s from the start of the interval."""
         law, p, speed = self.law, self.parameters, self.speed
         return self._table(
             duration,
-            float(p.mass),
-            tuple(map(float, (p.spring_stiffness, p.damping, p.mass, p.preload))),
-            np.array(loss_intervals(law, p, speed)).reshape(-1, 2),
-            False,
-            NO_CONTACT,
-            *NO_STEM,
-            float(told("restitution", p.restitution)),
-            float(force_rounding(law, p, speed) / p.mass),
+            mass=float(p.mass),
+            force=CamWeights(
+                lift=float(p.spring_stiffness),
+                velocity=float(p.damping),
+                acceleration=float(p.mass),
+                constant=float(p.preload),
+            ),
+            losses=np.array(list(loss_intervals(law, p, speed)), dtype=LOSS),
+            has_stem=False,
+            contact=NO_CONTACT,
+            drive=NO_WEIGHTS,
+            end_share=0.0,
+            spring_share=0.0,
+            preload_compression=0.0,
+            restitution=float(told("restitution", p.restitution)),
+            acceleration_rounding=float(force_rounding(law, p, speed) / p.mass),
         )
 
     @property

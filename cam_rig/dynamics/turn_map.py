@@ -12,11 +12,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from cam_rig.dynamics.events import runs as at
 from cam_rig.dynamics.events import turns as kernel
+from cam_rig.dynamics.events.contact import Vibration
 from cam_rig.dynamics.events.course import EndlessEventsError, record_of
-from cam_rig.dynamics.events.runs import stem_stretch
+from cam_rig.dynamics.events.law_table import CamMotion
+from cam_rig.dynamics.events.run_table import RUN_STATE, Mode
+from cam_rig.dynamics.events.runs import compute_stem_stretch, start_flight
 from cam_rig.dynamics.events.search import call
 from cam_rig.dynamics.free_masses import TwoMassParameters
 from cam_rig.dynamics.interval import FollowerState, Interval
@@ -155,10 +158,10 @@ class StroboscopicMap:
 
     def follower(self, state: State) -> FollowerState:
         """The follower at cam angle 0, as its model takes it."""
-        now = self._begin(state)
-        flies = now[at.FLYING] != 0.0
+        first = self._begin(state)[0]
+        flies = first["mode"] == Mode.FLIGHT
         place, velocity = (a + b for a, b in zip(self._cam(), state, strict=False))
-        stem = now[at.STATE : at.STATE + (4 if flies else 2)] if self.size == 4 else []
+        stem = first["vector"][: 4 if flies else 2] if self.size == 4 else []
         known = state[:2] if flies else ()
         return FollowerState(place, velocity, 0.0, not flies, inner=(*stem, *known))
 
@@ -167,28 +170,28 @@ class StroboscopicMap:
         s, slope = self.law.motion[:2, -1, -1].tolist()
         return s, slope * self.speed
 
-    def _begin(self, state: State) -> FloatArray:
+    def _begin(self, state: State) -> NDArray[np.void]:
         gap, opening, *stem = state
         require_number("gap", gap, "≥ 0")
         require_number("opening", opening, "of either sign")
-        now, (s, velocity) = np.zeros(at.STATE + self.size), self._cam()
-        flies = (gap, opening) != ON_THE_CAM
+        records, (s, velocity) = np.zeros(1, RUN_STATE), self._cam()
+        vector, flies = records[0]["vector"], (gap, opening) != ON_THE_CAM
         if flies:
-            now[at.STATE : at.STATE + 2] = s + gap, velocity + opening
-            at.fly_from(now, True, gap, opening)
+            vector[:2] = s + gap, velocity + opening
+            start_flight(records[0], True, gap, opening)
         if self.size == 2:
-            return now
+            return records
         run = self._table
-        rest = stem_stretch(run, (0.0, 0.0), (s, velocity, 0.0))
+        rest = compute_stem_stretch(run, Vibration(0.0, 0.0), CamMotion(s, velocity, 0.0))
         w, rate = stem or rest
         if flies:
             y = s + gap + run.end_share * w, velocity + opening + run.end_share * rate
-            now[at.STATE :] = w, rate, *y
+            vector[:] = w, rate, *y
         else:
-            now[at.STATE : at.STATE + 2] = w - rest[0], rate - rest[1]
-        return now
+            vector[:2] = w - rest.length, rate - rest.rate
+        return records
 
-    def _turn(self, now: FloatArray, frame: FloatArray, rows: FloatArray) -> int:
+    def _turn(self, now: NDArray[np.void], frame: FloatArray, rows: FloatArray) -> int:
         """Fill the rows from a place that goes on."""
         most = float(self._course.most_events)
         return int(call(kernel.run_turns, self._table, record_of(now, ROOM), frame, rows, most))

@@ -13,9 +13,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from cam_rig.dynamics.events.contact import loss_in_part
+from cam_rig.dynamics.events.contact import find_loss_in_part
 from cam_rig.dynamics.events.course import ROUNDING_ERRORS, Course, Phase, contact_table
-from cam_rig.dynamics.events.runs import RunTable
+from cam_rig.dynamics.events.run_table import LOSS, CamWeights, RunTable
 from cam_rig.dynamics.events.search import call
 from cam_rig.dynamics.free_masses import (
     TwoMassParameters,
@@ -55,9 +55,9 @@ def first_lift_off(
         if left <= 0.0:
             break
         table = contact_table(response, output, part)
-        found = float(call(loss_in_part, table, *free[turn, i].tolist(), float(left)))
-        if found >= 0.0:
-            return begin + found
+        loss = float(call(find_loss_in_part, table, *free[turn, i].tolist(), float(left)))
+        if loss < math.inf:
+            return begin + loss
     return None
 
 
@@ -137,21 +137,22 @@ class Separation(Course):
         self._find(self.run_table(float(duration)), begun, float(duration))
 
     def run_table(self, duration: float) -> RunTable:
-        """The table of a run of ``duration`` s."""
-        p, both = self.parameters, self.parameters.roller_mass + self.parameters.end_mass
+        """Return the table of a run of ``duration`` s."""
+        p, output = self.parameters, self._force
+        drive, weights = self.response.drive[1].tolist(), output.law[0].tolist()
         return self._table(
             duration,
-            float(p.roller_mass),
-            (*self._force.law[0].tolist(), float(self._force.constant[0])),
-            np.zeros((0, 2)),
-            True,
-            contact_table(self.response, self._force),
-            tuple(self.response.drive[1].tolist()),
-            float(p.end_mass / both),
-            float(p.spring_stiffness / p.stiffness),
-            float(p.preload / p.stiffness),
-            float(told("restitution", p.restitution)),
-            float(force_noise(self.law, p, self.speed)),
+            mass=float(p.roller_mass),
+            force=CamWeights(*weights, float(output.constant[0])),
+            losses=np.zeros(0, LOSS),
+            has_stem=True,
+            contact=contact_table(self.response, output),
+            drive=CamWeights(*drive, 0.0),
+            end_share=float(p.end_mass / (p.roller_mass + p.end_mass)),
+            spring_share=float(p.spring_stiffness / p.stiffness),
+            preload_compression=float(p.preload / p.stiffness),
+            restitution=float(told("restitution", p.restitution)),
+            acceleration_rounding=float(force_noise(self.law, p, self.speed)),
         )
 
     def fly(self, flight: Flight, times: FloatArray) -> FloatArray:

@@ -6,6 +6,7 @@ import math
 from typing import TypeAlias, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cam_rig.units import FloatArray
 
@@ -14,6 +15,8 @@ T = TypeVar("T")
 Row: TypeAlias = FloatArray
 Rows: TypeAlias = FloatArray
 Stack: TypeAlias = FloatArray
+#: Records of a structured array, ``(n,)``.
+Records: TypeAlias = NDArray[np.void]
 #: Rows of Pascal's triangle, up to a degree that few laws reach.
 PASCAL = np.array([[float(math.comb(n, i)) for i in range(96)] for n in range(96)])
 zeros = np.zeros

@@ -20,9 +20,9 @@ from cam_rig.dynamics import (
     Interval,
     TwoMassParameters,
 )
-from cam_rig.dynamics.events.approach import FlightOverCam, Gap, landing
+from cam_rig.dynamics.events.approach import FlightOverCam, Gap, find_landing
 from cam_rig.dynamics.events.course import EndlessEventsError, free_table, law_table
-from cam_rig.dynamics.events.free_flight import lift_off_state
+from cam_rig.dynamics.events.free_flight import start_free_motion
 from cam_rig.dynamics.events.law_table import Cam
 from cam_rig.dynamics.linear.exponential import Flight
 from cam_rig.dynamics.two_mass import Separation
@@ -85,12 +85,18 @@ def land(
     flight: Flight, law: Law, angle: float, speed: float, limit: float, noise: float = 0.0
 ) -> Gap:
     """Where a flight from a cam angle (rad) on ends; ``noise`` as in `FlightOverCam`."""
-    lift_off = lift_off_state(free_table(flight.system), flight.start)
+    lift_off = start_free_motion(free_table(flight.system), flight.start)
     gap, gap_rate = flight.known or (0.0, 0.0)
     cam = Cam(law_table(law), float(speed), float(angle))
-    return landing(
-        FlightOverCam(lift_off, cam, bool(flight.known), float(gap), float(gap_rate), noise), limit
+    over_cam = FlightOverCam(
+        lift_off=lift_off,
+        cam=cam,
+        gap_known=bool(flight.known),
+        gap=float(gap),
+        gap_rate=float(gap_rate),
+        acceleration_rounding=noise,
     )
+    return find_landing(over_cam, limit)
 
 
 def assert_same(found, wanted, tolerance: float, apart=slice(None)) -> None:

@@ -167,7 +167,7 @@ def test_a_roller_below_the_cam_meets_it_at_once(laws):
     law, state = laws["poly345"], np.array([-0.01, -1.0, -0.01, -1.0])
     flight = Flight(free_masses(PAPER), to_inner(PAPER, state))
     found = land(flight, law, 0.0, 50.0, 0.1)
-    assert (found.landed, found.time) == (True, 0.0)
+    assert (found.has_landed, found.time) == (True, 0.0)
     course = Separation(law, PAPER, 50.0)
     course.run(0.1, state, contact=False)
     assert course.events[0].kind == "landing"

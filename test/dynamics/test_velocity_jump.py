@@ -254,9 +254,9 @@ def test_short_of_a_kink(edge):
             assert edge.at(angle)[1] == 0.0
             assert abs(angle - math.radians(joint)) < 1e-14
     assert short_of_velocity_jump(edge, 1.0) == 1.0
-    ahead = jumps_table(edge, 0.5, 1.0, edge.joints[1] - 0.5 + 0.5 * SLACK)
-    assert len(ahead.ahead) == 0
-    assert ahead.clear == pytest.approx(edge.joints[1] - 0.5, abs=1e-14)
+    jumps = jumps_table(edge, 0.5, 1.0, edge.joints[1] - 0.5 + 0.5 * SLACK)
+    assert len(jumps.ahead) == 0
+    assert jumps.contact_limit == pytest.approx(edge.joints[1] - 0.5, abs=1e-14)
 
 
 def test_a_steady_level_is_refused_too(edge, follower, rig):

@@ -1,13 +1,12 @@
-"""Where a flying follower meets the cam again.
+"""Landing of a flying follower: the first zero of the gap to the cam.
 
-Within a window the gap's acceleration is a polynomial: the follower's power series less the law's
-s'' ω². Integrated twice from the gap and the speed at which it opens it gives the gap, and where
-both are known exactly, as they are at a lift-off, so is a gap of any smallness: its first zero is
-divided out, and the next one is the landing.
+The gap is g = z − s(θ), the displacement of the contact mass less that of the cam. Within a window
+its acceleration is a polynomial, the follower's power series less ω² s''. Two integrations from
+the gap and its rate at the start give g. At a lift-off both are known exactly, so a flight of any
+height is resolved: the zero at the start is divided out, and the next zero is the landing.
 
-Far from the cam the gap is looked at in steps. A function whose second derivative is nowhere above
-M is no lower than v + r t − M t²/2 at t from where its value is v and its rate r; and between two
-times a step h apart no lower than the lower of the two less M h²/8.
+Far from the cam, steps prove that the gap is open without a polynomial. Numbers in brackets are
+the inequalities of docs/proofs.md, part 1.
 """
 
 from __future__ import annotations
@@ -15,16 +14,19 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cam_rig.dynamics.events.free_flight import LiftOffState, accelerations, moved, place_of, seen
+from cam_rig.dynamics.events.free_flight import (
+    LiftOffState,
+    acceleration_ordinates,
+    advance,
+    advance_contact_mass,
+    contact_component,
+)
 from cam_rig.dynamics.events.law_table import (
-    ACCELERATION,
     EPS,
-    LARGEST,
-    SIZES,
-    SPAN,
     Cam,
+    LawRow,
+    angle_rounding_time,
     gap_rounding,
-    last_digit,
     lift_within,
     piece_from,
 )
@@ -32,24 +34,26 @@ from cam_rig.dynamics.velocity_jumps import SAME_PLACE
 from cam_rig.laws.polynomials import elevated, fall, integrated, restricted, value_at
 from cam_rig.laws.rows import Row, size_of, zeros
 
-#: What is reckoned from accelerations is this many rounding errors of them wrong at most.
-OF_ACCELERATIONS = 64.0
-#: Longest time (s) before a velocity jump that may be none.
-VELOCITY_JUMP_S = 1e-7
-#: A look at the gap takes steps of this part of a window at least; below that it is a polynomial.
-MIN_STEP = 1.0 / 16.0
-#: The end of a piece is not reached: there the one after it begins.
-BEFORE_1 = 1.0 - 1e-16
+#: Rounding errors of the accelerations that a gap computed from them may contain.
+ACCELERATION_ROUNDING_ERRORS = 64.0
+#: Longest time (s) before a velocity jump in which a flight is treated as if it ended there.
+MAX_JUMP_ROUNDING_S = 1e-7
+#: Shortest proving step, as a fraction of a window. A polynomial is cheaper below it (measured).
+MIN_STEP_FRACTION = 1.0 / 16.0
+#: Largest relative position in a piece: the end itself belongs to the next piece.
+MAX_PIECE_POSITION = 1.0 - 1e-16
+#: Shortest window (s), for a flight that starts at time 0.
+MIN_WINDOW_S = 1e-300
 
 
 class Gap(NamedTuple):
-    """Follower less cam."""
+    """Displacement of the follower less that of the cam."""
 
-    time: float  #: since the flight began, s
+    time: float  #: since the start of the flight, s
     gap: float  #: m
-    rate: float  #: m/s
-    noise: float  #: what rounding may have added, m
-    landed: bool  #: whether the flight ends here
+    rate: float  #: m/s; at a velocity jump the left limit
+    rounding: float  #: upper bound of the rounding error of ``gap``, m
+    has_landed: bool  #: True if the flight ends here
 
 
 class FlightOverCam(NamedTuple):
@@ -57,192 +61,213 @@ class FlightOverCam(NamedTuple):
 
     lift_off: LiftOffState
     cam: Cam
-    known: bool  #: whether the two below are known better than as differences of two places
+    gap_known: bool  #: True if the next two are better than a difference of two displacements
     gap: float  #: at the start, m
     gap_rate: float  #: at the start, m/s
-    #: By how much the acceleration may be wrong at which the gap opens when the cam's force, which
-    #: is known to so much, falls to zero, m/s².
-    force_noise: float
+    #: Uncertainty (m/s²) of the acceleration with which the gap opens at a lift-off, from the
+    #: rounding of the contact force that falls to zero there.
+    acceleration_rounding: float
 
 
-def landing(flight: FlightOverCam, limit: float) -> Gap:
-    """The flight's end: where it lands, or at ``limit`` (s) in the air."""
-    rounding = _rounding(flight.cam)
-    now, last = _begin(flight), limit - rounding
+def find_landing(flight: FlightOverCam, limit: float) -> Gap:
+    """Find the landing of a flight; without one, return the gap at ``limit`` (s).
+
+    Invariant: the gap is proven open, or zero to rounding, from the start up to ``now``.
+    """
+    cam, rounding = flight.cam, 0.0
+    if cam.law.has_velocity_jumps:  # r of (13): one may lie this far before the limit
+        rounding = max(SAME_PLACE / cam.speed, 4.0 * angle_rounding_time(cam))
+        rounding = min(rounding, MAX_JUMP_ROUNDING_S)
+    now, last = _initial_gap(flight), limit - rounding
     while now.time < limit:
-        # A velocity jump ends the flight: rounding must not put its last bit behind that jump.
-        within = now.time - (rounding if now.time > last else 0.0)
-        now = _window(flight, now, limit, within)
-        if now.landed:
+        # Within the rounding of a velocity jump the piece before it counts (13).
+        piece_time = now.time - (rounding if now.time > last else 0.0)
+        now = _search_window(flight, now, limit, piece_time)
+        if now.has_landed:
             return now
         if now.time < last:
-            now = _open_until(flight, now, limit)
+            now = _step_while_open(flight, now, last, limit)
     return now
 
 
-def _rounding(cam: Cam) -> float:
-    """Time (s) before the end of a flight that may be none, if a velocity jump ends it."""
-    if not cam.law.jumps:
-        return 0.0
-    return min(max(SAME_PLACE / cam.speed, 4.0 * last_digit(cam)), VELOCITY_JUMP_S)
-
-
-def _begin(flight: FlightOverCam) -> Gap:
-    """The gap at the beginning; as the difference of two places where it is not known better."""
-    if flight.known:
+def _initial_gap(flight: FlightOverCam) -> Gap:
+    """Return the gap at the start, as a difference of displacements if it is not known better."""
+    if flight.gap_known:
         return Gap(0.0, flight.gap, flight.gap_rate, 0.0, False)
     lift_off, cam = flight.lift_off, flight.cam
-    place, velocity = place_of(lift_off, lift_off.start), place_of(lift_off, lift_off.rates)
-    piece, _ = _start(cam)
-    s, slope = lift_within(cam, piece, 0.0)
-    return Gap(0.0, place - s, velocity - slope, gap_rounding(cam.law, place), False)
+    displacement = contact_component(lift_off, lift_off.start)
+    velocity = contact_component(lift_off, lift_off.rates)
+    piece, _ = _initial_position(cam)
+    lift, cam_velocity = lift_within(cam, piece, 0.0)
+    rounding = gap_rounding(cam.law, displacement)
+    return Gap(0.0, displacement - lift, velocity - cam_velocity, rounding, False)
 
 
-def _start(cam: Cam) -> tuple[int, float]:
-    """Piece of the law where the flight begins, and u there."""
+def _initial_position(cam: Cam) -> tuple[int, float]:
+    """Return the piece in which the flight starts, and the relative position in it."""
     piece, low, high = piece_from(cam, 0.0)
-    return piece, min(max((cam.angle - low) / (high - low), 0.0), BEFORE_1)
+    return piece, min(max((cam.angle - low) / (high - low), 0.0), MAX_PIECE_POSITION)
 
 
-def _at(flight: FlightOverCam, time: float, piece: int) -> Gap:
-    """The gap by how far both have come since; where a piece ends, before what follows it."""
-    begun, cam, lift_off = _begin(flight), flight.cam, flight.lift_off
-    gone, start = moved(lift_off, time), place_of(lift_off, lift_off.start)
-    way, rate = place_of(lift_off, gone.way), place_of(lift_off, gone.rates)
-    noise = gap_rounding(cam.law, start)
-    first_piece, first = _start(cam)
-    length = cam.law.pieces[first_piece][SIZES][SPAN] * (1.0 - first) / cam.speed
-    if piece == first_piece and time <= length:
-        further, faster = _bent(cam, piece, first, time / length, length)
-        begin = place_of(lift_off, lift_off.rates)
-        gap = begun.gap + begun.rate * time + ((way - begin * time) - further)
-        return Gap(time, gap, begun.rate + ((rate - begin) - faster), noise, False)
-    s, slope = lift_within(cam, piece, time)
-    return Gap(time, start + way - s, rate - slope, noise, False)
+def _gap_at(flight: FlightOverCam, time: float, piece: int) -> Gap:
+    """Return the gap at a time (s), evaluated in the given piece, with the left limit at its end.
 
-
-def _bent(cam: Cam, piece: int, first: float, u: float, length: float) -> tuple[float, float]:
-    """What the cam has come to more than at its first velocity, m, and that velocity's gain.
-
-    In the piece where the flight begins. From s'' alone: the rounding of s and of s', which
-    differs from that of the follower's place and velocity, does not enter.
+    In the first piece the cam's displacement relative to its initial velocity is integrated from
+    s'' alone. The rounding of s and s', which differs from that of the follower, does not enter.
     """
-    bend = restricted(cam.law.pieces[piece][ACCELERATION], cam.law.size, first, 1.0)
-    for i in range(len(bend)):
-        bend[i] *= cam.speed * cam.speed
-    rates = integrated(bend, length, 0.0)
-    gaps, u = integrated(rates, length, 0.0), min(u, 1.0)
-    return value_at(gaps, len(gaps), u), value_at(rates, len(rates), u)
+    start, cam, lift_off = _initial_gap(flight), flight.cam, flight.lift_off
+    state, initial = advance(lift_off, time), contact_component(lift_off, lift_off.start)
+    change = contact_component(lift_off, state.change)
+    velocity = contact_component(lift_off, state.rates)
+    rounding = gap_rounding(cam.law, initial)
+    first_piece, first = _initial_position(cam)
+    duration = cam.law.pieces[first_piece]["span"] * (1.0 - first) / cam.speed
+    if piece != first_piece or time > duration:
+        lift, cam_velocity = lift_within(cam, piece, time)
+        return Gap(time, initial + change - lift, velocity - cam_velocity, rounding, False)
+    curvature = cam.law.polynomials[piece][LawRow.CURVATURE_ORDINATES]
+    acceleration = restricted(curvature, cam.law.size, first, 1.0)
+    for i in range(len(acceleration)):
+        acceleration[i] *= cam.speed * cam.speed
+    cam_velocities = integrated(acceleration, duration, 0.0)
+    cam_changes = integrated(cam_velocities, duration, 0.0)
+    u = min(time / duration, 1.0)
+    cam_change = value_at(cam_changes, len(cam_changes), u)
+    cam_gain = value_at(cam_velocities, len(cam_velocities), u)
+    initial_velocity = contact_component(lift_off, lift_off.rates)
+    gap = start.gap + start.rate * time + ((change - initial_velocity * time) - cam_change)
+    rate = start.rate + ((velocity - initial_velocity) - cam_gain)
+    return Gap(time, gap, rate, rounding, False)
 
 
-def _open_until(flight: FlightOverCam, now: Gap, limit: float) -> Gap:
-    """The gap as far from ``now`` on as steps prove that it is open."""
-    cam, lift_off, begin, value, rate = flight.cam, flight.lift_off, now.time, now.gap, now.rate
-    start, least = place_of(lift_off, lift_off.start), MIN_STEP * lift_off.free.window
-    (_, _, largest), square = seen(lift_off, begin), cam.speed * cam.speed
-    piece, _, high = piece_from(cam, begin)
-    slip, passed = SAME_PLACE / cam.speed, -1
-    while begin < limit:
-        bend = largest + square * cam.law.pieces[piece][SIZES][LARGEST]
-        noise = gap_rounding(cam.law, abs(value) + cam.law.largest)
-        end = min(begin + max(least, ahead(value - noise, max(rate, 0.0), bend)), limit)
+def _step_while_open(flight: FlightOverCam, now: Gap, last: float, limit: float) -> Gap:
+    """Return the gap as far from ``now`` on as steps prove that it is open.
+
+    Each step lies in one piece, where |g̈| ≤ ‖E ẋ‖ + ω² max|s''| by (5), and is proven by (2)
+    or (3). No step starts after ``last``: a step from a joint within rounding of ``limit`` would
+    return the rate behind the velocity jump there (13).
+    """
+    cam, lift_off, time, gap, rate = flight.cam, flight.lift_off, now.time, now.gap, now.rate
+    initial = contact_component(lift_off, lift_off.start)
+    min_step = MIN_STEP_FRACTION * lift_off.free[0]["window"]
+    max_acceleration = advance_contact_mass(lift_off, time).max_acceleration
+    speed_squared, joint_rounding = cam.speed * cam.speed, SAME_PLACE / cam.speed
+    piece, _, high = piece_from(cam, time)
+    proven_piece = -1
+    while time < last:
+        curvature = max_acceleration + speed_squared * cam.law.pieces[piece]["max_curvature"]
+        rounding = gap_rounding(cam.law, abs(gap) + cam.law.max_lift)
+        step = positive_duration(gap - rounding, max(rate, 0.0), curvature)
+        end = min(time + max(min_step, step), limit)
         joint = (high - cam.angle) / cam.speed
-        at_joint = joint <= end + slip
-        end = min(max(joint, begin), limit) if at_joint else end
-        (way, velocity, less), (lift, slope) = seen(lift_off, end), lift_within(cam, piece, end)
-        reached, further = (start + way) - lift, velocity - slope
-        noise = max(noise, gap_rounding(cam.law, abs(reached) + cam.law.largest))
-        if not is_clear(value - noise, rate, reached - noise, further, end - begin, bend):
+        at_joint = joint <= end + joint_rounding
+        end = min(max(joint, time), limit) if at_joint else end
+        mass = advance_contact_mass(lift_off, end)
+        lift, cam_velocity = lift_within(cam, piece, end)
+        end_gap, end_rate = (initial + mass.change) - lift, mass.velocity - cam_velocity
+        rounding = max(rounding, gap_rounding(cam.law, abs(end_gap) + cam.law.max_lift))
+        if not is_positive_between(
+            gap - rounding, rate, end_gap - rounding, end_rate, end - time, curvature
+        ):
             break
-        begin, value, rate, largest, passed = end, reached, further, less, piece
+        time, gap, rate, proven_piece = end, end_gap, end_rate, piece
+        max_acceleration = mass.max_acceleration
         if at_joint:
             piece = (piece + 1) % len(cam.law.pieces)
-            high = high + cam.law.pieces[piece][SIZES][SPAN]
-            rate = velocity - lift_within(cam, piece, begin)[1]
-    return now if passed < 0 else _at(flight, begin, passed)
+            high = high + cam.law.pieces[piece]["span"]
+            rate = mass.velocity - lift_within(cam, piece, time)[1]
+    return now if proven_piece < 0 else _gap_at(flight, time, proven_piece)
 
 
-def ahead(value: float, rate: float, bend: float) -> float:
-    """Time (s) up to which a function is above zero; of no rate, half a cell's greatest width."""
+def positive_duration(value: float, rate: float, curvature: float) -> float:
+    """Return T(value, rate, curvature) in s: a function is positive before it, inequality (1).
+
+    ``curvature`` is an upper bound of the absolute second derivative.
+    """
     if value <= 0.0:
         return 0.0
-    if bend <= 0.0:
+    if curvature <= 0.0:
         return math.inf if rate >= 0.0 else value / -rate
-    root = math.sqrt(rate * rate + 2.0 * bend * value)
-    return (rate + root) / bend if rate > 0.0 else 2.0 * value / (root - rate)
+    root = math.sqrt(rate * rate + 2.0 * curvature * value)
+    return (rate + root) / curvature if rate > 0.0 else 2.0 * value / (root - rate)
 
 
-def is_clear(
-    value: float, rate: float, last: float, last_rate: float, width: float, bend: float
+def is_positive_between(
+    value: float, rate: float, end_value: float, end_rate: float, width: float, curvature: float
 ) -> bool:
-    """Whether a function known at both ends of a cell of ``width`` s is above zero in it."""
-    if value <= 0.0 or last <= 0.0:
+    """Return True if (2) or (3) proves a function positive on an interval of ``width`` s."""
+    if value <= 0.0 or end_value <= 0.0:
         return False
-    if min(value, last) > bend * width * width / 8.0:
+    if min(value, end_value) > curvature * width * width / 8.0:  # (2)
         return True
-    return width < ahead(value, rate, bend) + ahead(last, -last_rate, bend)
+    forward = positive_duration(value, rate, curvature)
+    return width < forward + positive_duration(end_value, -end_rate, curvature)  # (3)
 
 
-def _window(flight: FlightOverCam, now: Gap, limit: float, within: float) -> Gap:
-    """The gap from ``now`` on, on the piece of the time ``within``, to its zero or its end."""
-    cam, begin = flight.cam, now.time
-    piece, low, high = piece_from(cam, within)
-    window = flight.lift_off.free.window
-    end = min(begin + window, limit)
-    if within == begin:
+def _search_window(flight: FlightOverCam, now: Gap, limit: float, piece_time: float) -> Gap:
+    """Return the landing in the window after ``now``, or the gap at the end of that window.
+
+    The window lies in the piece that follows ``piece_time`` (s).
+    """
+    cam, time = flight.cam, now.time
+    piece, low, high = piece_from(cam, piece_time)
+    window = flight.lift_off.free[0]["window"]
+    end = min(time + window, limit)
+    if piece_time == time:
         end = min(end, (high - cam.angle) / cam.speed)
-    if not end > begin:  # to the next time that is another number, or nearly
-        return Gap(begin + max(EPS * begin, 1e-300), now.gap, now.rate, now.noise, False)
-    length, span = window if end == begin + window else end - begin, high - low
-    first = min(max((cam.angle + cam.speed * begin - low) / span, 0.0), BEFORE_1)
+    if not end > time:  # advance by about one float
+        return Gap(time + max(EPS * time, MIN_WINDOW_S), now.gap, now.rate, now.rounding, False)
+    duration, span = window if end == time + window else end - time, high - low
+    first = min(max((cam.angle + cam.speed * time - low) / span, 0.0), MAX_PIECE_POSITION)
     last = min(max((cam.angle + cam.speed * end - low) / span, 0.0), 1.0)
-    size = cam.law.size
-    bend = restricted(cam.law.pieces[piece][ACCELERATION], size, first, max(first, last))
-    rates = flight.lift_off.rates if begin == 0.0 else moved(flight.lift_off, begin).rates
-    gap_acceleration = accelerations(flight.lift_off, rates, length)
-    square = cam.speed * cam.speed
-    doubt = EPS * (OF_ACCELERATIONS * size_of(gap_acceleration) + square * _bend_size(cam, piece))
-    count = max(len(bend), len(gap_acceleration))
-    bend, gap_acceleration = elevated(bend, count), elevated(gap_acceleration, count)
-    for i in range(len(gap_acceleration)):
-        gap_acceleration[i] -= square * bend[i]
-    speeds = integrated(gap_acceleration, length, now.rate)
-    gaps = integrated(speeds, length, now.gap)
-    doubt_at_start = doubt + flight.force_noise + _slip(cam, gap_acceleration, length)
-    at = _landing(gaps, now, length, doubt_at_start)
-    if at >= 0.0:
-        return Gap(begin + at * length, 0.0, value_at(speeds, len(speeds), at), 0.0, True)
-    return Gap(end, gaps[-1], speeds[-1], now.noise + length * length * doubt, False)
-
-
-def _slip(cam: Cam, gap_acceleration: Row, length: float) -> float:
-    """What the acceleration (m/s²) changes within the rounding of the time of a lift-off."""
-    steepest, degree = 0.0, len(gap_acceleration) - 1
+    law, speed_squared = cam.law, cam.speed * cam.speed
+    curvature = law.polynomials[piece][LawRow.CURVATURE_ORDINATES]
+    curvature = restricted(curvature, law.size, first, max(first, last))
+    rates = flight.lift_off.rates if time == 0.0 else advance(flight.lift_off, time).rates
+    acceleration = acceleration_ordinates(flight.lift_off, rates, duration)  # (10)
+    # Rounding of s'' in m/rad²: relative to s'' itself, and to s from which it is differentiated.
+    differences = (law.size - 1) / law.pieces[piece]["span"]
+    curvature_size = ACCELERATION_ROUNDING_ERRORS * law.pieces[piece]["max_curvature"]
+    curvature_size += differences * differences * law.max_lift
+    acceleration_rounding = EPS * (
+        ACCELERATION_ROUNDING_ERRORS * size_of(acceleration) + speed_squared * curvature_size
+    )
+    count = max(len(curvature), len(acceleration))
+    curvature, acceleration = elevated(curvature, count), elevated(acceleration, count)
+    for i in range(len(acceleration)):
+        acceleration[i] -= speed_squared * curvature[i]
+    rates = integrated(acceleration, duration, now.rate)
+    gaps = integrated(rates, duration, now.gap)
+    # Change of the acceleration within the rounding of the lift-off's time, m/s².
+    steepest, degree = 0.0, len(acceleration) - 1
     for i in range(min(2, degree)):
-        steepest = max(steepest, abs(gap_acceleration[i + 1] - gap_acceleration[i]))
-    return degree / length * steepest * last_digit(cam)
+        steepest = max(steepest, abs(acceleration[i + 1] - acceleration[i]))
+    time_rounding = degree / duration * steepest * angle_rounding_time(cam)
+    initial_rounding = acceleration_rounding + flight.acceleration_rounding + time_rounding
+    u = _first_fall(gaps, now, duration, initial_rounding)
+    if u >= 0.0:
+        return Gap(time + u * duration, 0.0, value_at(rates, len(rates), u), 0.0, True)
+    rounding = now.rounding + duration * duration * acceleration_rounding
+    return Gap(end, gaps[-1], rates[-1], rounding, False)
 
 
-def _bend_size(cam: Cam, piece: int) -> float:
-    """What rounding of s'' (m/rad²) is to be measured by: its own size, and that of s."""
-    law, place = cam.law, cam.law.pieces[piece][SIZES]
-    differences = (law.size - 1) / place[SPAN]
-    return OF_ACCELERATIONS * place[LARGEST] + differences * differences * law.largest
+def _first_fall(gaps: Row, now: Gap, duration: float, acceleration_rounding: float) -> float:
+    """Return u ∈ [0, 1] where the gap falls below its rounding, negative if it does not.
 
-
-def _landing(gaps: Row, now: Gap, length: float, doubt: float) -> float:
-    """U ∈ [0, 1] where the gap falls to zero; a zero at the start is divided out first."""
-    noise = now.noise + OF_ACCELERATIONS * EPS * size_of(gaps)
-    if now.gap != 0.0 or now.noise != 0.0 or now.rate < 0.0:
-        return fall(gaps, noise)
-    gaps, noise = _divided(gaps), length * length * doubt
+    ``gaps`` are ordinates in m. An exact zero at the start is divided out first, and a second one
+    if the rate is zero too (9).
+    """
+    rounding = now.rounding + ACCELERATION_ROUNDING_ERRORS * EPS * size_of(gaps)
+    if now.gap != 0.0 or now.rounding != 0.0 or now.rate < 0.0:
+        return fall(gaps, rounding)
+    gaps, rounding = _divide_by_u(gaps), duration * duration * acceleration_rounding
     if now.rate == 0.0:
-        return fall(_divided(gaps), noise)
-    return fall(gaps, min(noise, 0.5 * length * now.rate))
+        return fall(_divide_by_u(gaps), rounding)
+    return fall(gaps, min(rounding, 0.5 * duration * now.rate))
 
 
-def _divided(row: Row) -> Row:
-    """The ordinates of a polynomial divided by u, which is zero at 0: bᵢ n/i."""
+def _divide_by_u(row: Row) -> Row:
+    """Return the ordinates of a polynomial with a zero at u = 0, divided by u: bᵢ n/i (9)."""
     degree = len(row) - 1
     out = zeros(degree)
     for i in range(degree):

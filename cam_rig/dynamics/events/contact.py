@@ -1,213 +1,308 @@
-"""When the contact force of a follower on a springy stem falls to zero.
+"""Loss of contact of a follower on an elastic stem: the first zero of the contact force.
 
-In contact the state is the vibration (η, η̇) of the end mass. On each part of a turn it is a
-polynomial of time and a free vibration, and so is the force.
+In contact the state is the vibration (η, η̇) of the end mass about its static position. A turn is
+divided into parts, and in each part
+
+    η = X(t) + η_free(t),    F(t) = P(t) + p η_free(t) + q η̇_free(t)
+
+with polynomials X and P and a free vibration η̈ = −κ η − 2δ η̇. `find_loss_of_contact` walks from
+part to part. In each part it first takes steps that prove F > 0, then, where the force comes close
+to zero, it finds the zero of a polynomial in a window. Numbers in brackets are the inequalities
+of docs/proofs.md, part 1.
 """
 
 from __future__ import annotations
 
 import math
+from enum import IntEnum
 from typing import NamedTuple
 
-from cam_rig.dynamics.events.approach import BEFORE_1, ahead, is_clear
-from cam_rig.dynamics.events.free_flight import impulse_at
-from cam_rig.laws.polynomials import NONE, elevated, fall, horner, restricted, value_at
-from cam_rig.laws.rows import Row, Rows, Stack, borrowed, index_at, zeros
+import numpy as np
+
+from cam_rig.dynamics.events.approach import (
+    MAX_PIECE_POSITION,
+    is_positive_between,
+    positive_duration,
+)
+from cam_rig.dynamics.events.free_flight import compute_impulse_response
+from cam_rig.laws.polynomials import elevated, fall, horner, restricted, value_at
+from cam_rig.laws.rows import Records, Row, Rows, Stack, borrowed, index_at, zeros
 from cam_rig.units import TURN
 
-#: (η, η̇).
-Pair = tuple[float, float]
-#: A look takes steps of this part of a window at least; below that a polynomial is cheaper.
-MIN_STEP = 0.25
-#: Places in a part's rows: its numbers; X, of η and of η̇; the force's polynomial part, the same
-#: times binomials, the ordinates of its rate (N/s) times theirs, and by how much (N) it is above
-#: rounding in each of so many equal cells.
-PART, PLACES, VELOCITIES, FORCE, WEIGHTED, RATES, LEAST = range(7)
+#: Shortest proving step, as a fraction of a window. A polynomial is cheaper below it (measured).
+MIN_STEP_FRACTION = 0.25
+#: Equal cells of a part for which the lowest polynomial force is stored.
 CELLS = 8
-#: Places in a part's numbers: its span (rad), its length (s), the number of its ordinates, the
-#: force's rounding (N), what its second derivative does not exceed (N/s²), and e^{Ah} over the
-#: part, row by row.
-SPAN, LENGTH, SIZE, ROUNDING, BEND, FLOW, NUMBERS = 0, 1, 2, 3, 4, 5, 9
+
+#: Scalars of one part of a turn.
+CONTACT_PART = np.dtype(
+    [
+        ("start", "f8"),  # cam angle, rad
+        ("span", "f8"),  # cam angle that the part covers, rad
+        ("duration", "f8"),  # s
+        ("size", "i8"),  # ordinates of its polynomials
+        ("force_rounding", "f8"),  # ε_F, rounding error of the force, N
+        ("max_force_curvature", "f8"),  # upper bound of |P̈|, N/s²
+        ("flow", "f8", (2, 2)),  # e^{Ah} of (η, η̇) over the part
+        ("cell_minima", "f8", (CELLS,)),  # lower bound of P − ε_F in each cell, N
+    ],
+    align=True,
+)
+
+
+class ContactRow(IntEnum):
+    """Rows of `StemContactTable.polynomials`.
+
+    Weighted rows are Bernstein ordinates multiplied by their binomial coefficients.
+    """
+
+    DISPLACEMENT = 0  #: X in m
+    VELOCITY = 1  #: Ẋ in m/s
+    FORCE = 2  #: P in N
+    WEIGHTED_FORCE = 3  #: P in N, weighted
+    WEIGHTED_FORCE_RATE = 4  #: Ṗ in N/s, weighted
+
+
+class Vibration(NamedTuple):
+    """Vibration of the end mass while the roller is in contact."""
+
+    displacement: float  #: η, m
+    velocity: float  #: η̇, m/s
 
 
 class StemContactTable(NamedTuple):
-    """A `LinearResponse` of two states and one output, the contact force; n parts a turn."""
+    """A `LinearResponse` of (η, η̇) whose output is the contact force, with n parts per turn.
 
-    begins: Row  #: ``(n,)``, where each part begins, rad
-    parts: Stack  #: ``(n, 7, q)``, rows as above; what a shorter one leaves is not used
-    stiffness: float  #: of η̈ = −stiffness η − damping η̇, 1/s²
-    damping: float  #: 1/s
-    place: float  #: what η contributes to the force, N/m
-    velocity: float  #: what η̇ contributes, N·s/m
-    series: Rows  #: takes (η, η̇) to the ordinates of what they contribute in a window
-    window: float  #: s
+    Rows of polynomials are as long as the longest one; part i uses ``parts[i]["size"]`` numbers.
+    """
+
+    parts: Records  #: records of `CONTACT_PART`, ``(n,)``
+    polynomials: Stack  #: rows of `ContactRow`, ``(n, 5, size)``
+    stiffness: float  #: κ of η̈ = −κ η − 2δ η̇, 1/s²
+    damping: float  #: 2δ, 1/s
+    force_per_displacement: float  #: p, N/m
+    force_per_velocity: float  #: q, N·s/m
+    series: Rows  #: takes (η, η̇) to the ordinates of p η + q η̇ in a window, ``(d + 1, 2)``
+    window: float  #: duration of a window, s
 
 
 class ContactStretch(NamedTuple):
-    """A stretch of contact within a part."""
+    """Contact within one part, from a time on."""
 
-    part: int
-    local: float  #: s into the part
-    place: float  #: η less X there, m
-    velocity: float  #: η̇ less X there, m/s
+    part: int  #: index of the part
+    offset: float  #: time since the start of the part, s
+    free: Vibration  #: free vibration, (η, η̇) less X, at that time
 
 
 class ContactLoss(NamedTuple):
-    """A loss of contact, or none."""
+    """Result of a search for a loss of contact."""
 
-    time: float  #: s, negative where contact is not lost
-    begin: float  #: of the last stretch, s
-    stretch: ContactStretch  #: the last one
+    is_lost: bool  #: True if contact is lost within the duration of the search
+    time: float  #: time of the loss, s; infinite if there is none
+    stretch_start: float  #: start time of the last stretch, s
+    stretch: ContactStretch  #: the last stretch that was searched
 
 
-def loss_of_contact(
-    contact: StemContactTable, speed: float, angle: float, state: Pair, duration: float
+def find_loss_of_contact(
+    contact: StemContactTable, speed: float, angle: float, vibration: Vibration, duration: float
 ) -> ContactLoss:
-    """Time after which the force is negative, from (η, η̇) at cam angle ``angle`` (rad) on."""
-    inside = angle - math.floor(angle / TURN) * TURN
-    index, turn, now = index_at(contact.begins, inside), 0.0, 0.0
-    local = (inside - contact.begins[index]) / speed
+    """Find the time after which the contact force is negative.
+
+    The search starts at cam angle ``angle`` (rad) and covers ``duration`` s at ``speed`` rad/s.
+    """
+    angle_in_turn = angle - math.floor(angle / TURN) * TURN
+    index, turn, time = index_at(contact.parts["start"], angle_in_turn), 0.0, 0.0
+    offset = (angle_in_turn - contact.parts[index]["start"]) / speed
     while True:
-        last = contact.begins[index] + turn + contact.parts[index][PART][SPAN]
-        end = max(now, (last - inside) / speed)
-        x = forced(contact, index, local)
-        stretch = ContactStretch(index, local, state[0] - x[0], state[1] - x[1])
-        found = _fall_of_force(contact, stretch, min(end, duration) - now)
-        if found >= 0.0:
-            return ContactLoss(now + found, now, stretch)
+        part = contact.parts[index]
+        last_angle = part["start"] + turn + part["span"]
+        end = max(time, (last_angle - angle_in_turn) / speed)
+        x = forced_vibration(contact, index, offset)
+        free = Vibration(vibration.displacement - x.displacement, vibration.velocity - x.velocity)
+        stretch = ContactStretch(index, offset, free)
+        loss = _find_loss_in_stretch(contact, stretch, min(end, duration) - time)
+        if loss < math.inf:
+            return ContactLoss(True, time + loss, time, stretch)
         if end >= duration:
-            return ContactLoss(NONE, now, stretch)
-        # A part's own length, not end - now: the rounding of a late time would turn the phase.
-        state = _end_of_part(contact, stretch)
-        now, index, local = end, index + 1, 0.0
+            return ContactLoss(False, math.inf, time, stretch)
+        # The stored duration of the part, not end - time: the rounding of a late time would
+        # change the phase of a fast vibration.
+        last = part["size"] - 1
+        if offset != 0.0:
+            free = free_vibration(contact, stretch, part["duration"] - offset)
+        else:
+            flow = part["flow"]
+            free = Vibration(
+                flow[0][0] * free.displacement + flow[0][1] * free.velocity,
+                flow[1][0] * free.displacement + flow[1][1] * free.velocity,
+            )
+        rows = contact.polynomials[index]
+        vibration = Vibration(
+            rows[ContactRow.DISPLACEMENT][last] + free.displacement,
+            rows[ContactRow.VELOCITY][last] + free.velocity,
+        )
+        time, index, offset = end, index + 1, 0.0
         if index == len(contact.parts):
             index, turn = 0, turn + TURN
 
 
-def loss_in_part(contact: StemContactTable, place: float, velocity: float, limit: float) -> float:
-    """`ContactLoss.time` in a table's only part, from its beginning, with (η, η̇) less X there."""
+def find_loss_in_part(
+    contact: StemContactTable, displacement: float, velocity: float, limit: float
+) -> float:
+    """Find the loss of contact (s) in a table's only part, infinite if none before ``limit``.
+
+    The search starts at the start of the part, with the free vibration (η, η̇) given there.
+    """
     contact = borrowed(contact)
-    return _fall_of_force(contact, ContactStretch(0, 0.0, place, velocity), limit)
+    stretch = ContactStretch(0, 0.0, Vibration(displacement, velocity))
+    return _find_loss_in_stretch(contact, stretch, limit)
 
 
-def _end_of_part(contact: StemContactTable, now: ContactStretch) -> Pair:
-    """(η, η̇) where the part ends."""
-    rows = contact.parts[now.part]
-    numbers, last = rows[PART], int(rows[PART][SIZE]) - 1
-    if now.local != 0.0:
-        place, velocity = free_at(contact, now, numbers[LENGTH] - now.local)
-    else:
-        place = numbers[FLOW] * now.place + numbers[FLOW + 1] * now.velocity
-        velocity = numbers[FLOW + 2] * now.place + numbers[FLOW + 3] * now.velocity
-    return rows[PLACES][last] + place, rows[VELOCITIES][last] + velocity
+def forced_vibration(contact: StemContactTable, part: int, offset: float) -> Vibration:
+    """Return X at a time (s) since the start of a part."""
+    rows = contact.polynomials[part]
+    displacement, velocity = rows[ContactRow.DISPLACEMENT], rows[ContactRow.VELOCITY]
+    if offset == 0.0:
+        return Vibration(displacement[0], velocity[0])
+    u, size = offset / contact.parts[part]["duration"], contact.parts[part]["size"]
+    return Vibration(value_at(displacement, size, u), value_at(velocity, size, u))
 
 
-def forced(contact: StemContactTable, part: int, local: float) -> Pair:
-    """X at a time (s) since a part's start."""
-    rows = contact.parts[part]
-    if local == 0.0:
-        return rows[PLACES][0], rows[VELOCITIES][0]
-    u, size = local / rows[PART][LENGTH], int(rows[PART][SIZE])
-    return value_at(rows[PLACES], size, u), value_at(rows[VELOCITIES], size, u)
+def free_vibration(contact: StemContactTable, stretch: ContactStretch, time: float) -> Vibration:
+    """Return e^{At} times the free vibration at a time (s) after the start of a stretch."""
+    response = compute_impulse_response(contact.damping, contact.stiffness, time)
+    own = response.rate + contact.damping * response.value
+    displacement, velocity = stretch.free.displacement, stretch.free.velocity
+    acceleration = -contact.stiffness * displacement - contact.damping * velocity
+    return Vibration(
+        displacement * own + velocity * response.value,
+        velocity * own + acceleration * response.value,
+    )
 
 
-def free_at(contact: StemContactTable, now: ContactStretch, time: float) -> Pair:
-    """e^{At} (η, η̇) less X at a time (s) later."""
-    impulse, rate, _ = impulse_at(contact.damping, contact.stiffness, time)
-    own, place, velocity = rate + contact.damping * impulse, now.place, now.velocity
-    bend = -contact.stiffness * place - contact.damping * velocity
-    return place * own + velocity * impulse, velocity * own + bend * impulse
+def vibration_after(contact: StemContactTable, stretch: ContactStretch, time: float) -> Vibration:
+    """Return (η, η̇) at a time (s) after the start of a stretch, in the same part."""
+    x = forced_vibration(contact, stretch.part, stretch.offset + time)
+    free = free_vibration(contact, stretch, time)
+    return Vibration(x.displacement + free.displacement, x.velocity + free.velocity)
 
 
-def state_after(contact: StemContactTable, now: ContactStretch, time: float) -> Pair:
-    """(η, η̇) at a time (s) later in the same part."""
-    x, free = forced(contact, now.part, now.local + time), free_at(contact, now, time)
-    return x[0] + free[0], x[1] + free[1]
+def _find_loss_in_stretch(
+    contact: StemContactTable, stretch: ContactStretch, limit: float
+) -> float:
+    """Return the time (s) after which the force is below −ε_F, infinite if none before ``limit``.
+
+    Steps and windows follow each other without a gap, so that no zero is skipped (theorem A).
+    """
+    force_rounding = contact.parts[stretch.part]["force_rounding"]
+    time = _step_while_pressed(contact, stretch, 0.0, limit)
+    while time < limit:
+        duration = min(contact.window, limit - time)
+        u = fall(_force_ordinates(contact, stretch, time, duration), force_rounding)  # (6), (7)
+        if u >= 0.0:
+            return time + u * duration
+        time = _step_while_pressed(contact, stretch, min(time + duration, limit), limit)
+    return math.inf
 
 
-def _fall_of_force(contact: StemContactTable, now: ContactStretch, limit: float) -> float:
-    """Time (s) of the zero after which the force is below rounding; `NONE` up to ``limit``."""
-    begin = _above_until(contact, now, 0.0, limit)
-    while begin < limit:
-        length = min(contact.window, limit - begin)
-        at = fall(_series(contact, now, begin, length), contact.parts[now.part][PART][ROUNDING])
-        if at >= 0.0:
-            return begin + at * length
-        begin = _above_until(contact, now, min(begin + length, limit), limit)
-    return NONE
+def _force_ordinates(
+    contact: StemContactTable, stretch: ContactStretch, time: float, duration: float
+) -> Row:
+    """Return the Bernstein ordinates (N) of F for ``duration`` s from ``time`` on.
 
-
-def _held_until(rows: Rows, local: float, vibration: float) -> float:
-    """Time (s) into a part up to which no vibration so large (N) can lift it: no need to look."""
-    length = rows[PART][LENGTH] / CELLS
-    cell = int(local / length)
-    while cell < CELLS and rows[LEAST][cell] > vibration:
-        cell += 1
-    return cell * length if cell < CELLS else math.inf
-
-
-def _largest(contact: StemContactTable, place: float, velocity: float) -> float:
-    """What |the vibration's share| does not exceed after (ω η, η̇): energy does not grow."""
-    energy = math.sqrt(place * place + velocity * velocity)
-    return energy * (abs(contact.place) / math.sqrt(contact.stiffness) + abs(contact.velocity))
-
-
-def _series(contact: StemContactTable, now: ContactStretch, begin: float, length: float) -> Row:
-    """Bernstein ordinates of the force in ``length`` s from ``begin`` on, up to a window."""
-    rows, count = contact.parts[now.part], len(contact.series)
-    whole, size = rows[PART][LENGTH], int(rows[PART][SIZE])
-    first = min((now.local + begin) / whole, BEFORE_1)
-    last = min(max(first, (now.local + begin + length) / whole), 1.0)
-    force, free = restricted(rows[FORCE], size, first, last), free_at(contact, now, begin)
+    The free vibration's share is a power series of at most one window (10).
+    """
+    part, rows = contact.parts[stretch.part], contact.polynomials[stretch.part]
+    size, count = part["size"], len(contact.series)
+    first = min((stretch.offset + time) / part["duration"], MAX_PIECE_POSITION)
+    last = min(max(first, (stretch.offset + time + duration) / part["duration"]), 1.0)
+    force = restricted(rows[ContactRow.FORCE], size, first, last)
+    free = free_vibration(contact, stretch, time)
     ordinates = zeros(count)
     for j in range(count):
-        ordinates[j] = contact.series[j][0] * free[0] + contact.series[j][1] * free[1]
-    if length < contact.window:
-        ordinates = restricted(ordinates, count, 0.0, length / contact.window)
+        weights = contact.series[j]
+        ordinates[j] = weights[0] * free.displacement + weights[1] * free.velocity
+    if duration < contact.window:
+        ordinates = restricted(ordinates, count, 0.0, duration / contact.window)
     force, ordinates = elevated(force, max(size, count)), elevated(ordinates, max(size, count))
     for i in range(len(force)):
         ordinates[i] += force[i]
     return ordinates
 
 
-def _above_until(
-    contact: StemContactTable, now: ContactStretch, begin: float, limit: float
+def _step_while_pressed(
+    contact: StemContactTable, stretch: ContactStretch, time: float, limit: float
 ) -> float:
-    """Time from ``begin`` on up to which steps prove that the force is above rounding."""
-    rows, omega = contact.parts[now.part], math.sqrt(contact.stiffness)
-    noise, least = rows[PART][ROUNDING], MIN_STEP * contact.window
-    free = free_at(contact, now, begin)
-    vibration = noise + _largest(contact, omega * free[0], free[1])
-    held = _held_until(rows, now.local + begin, vibration) - now.local
-    if held >= limit:
+    """Return the time (s) up to which steps from ``time`` on prove F > ε_F.
+
+    Each step is proven by the stored minima of the polynomial (8) or by both of its ends (3).
+    """
+    part, frequency = contact.parts[stretch.part], math.sqrt(contact.stiffness)
+    min_step = MIN_STEP_FRACTION * contact.window
+    free = free_vibration(contact, stretch, time)
+    # One bound serves all later times, because the energy of a free vibration never grows (4).
+    share = part["force_rounding"] + bound_share(
+        contact, frequency * free.displacement, free.velocity
+    )
+    pressed_until = _pressed_until(part, stretch.offset + time, share) - stretch.offset
+    if pressed_until >= limit:
         return limit
-    value, rate = _force(contact, now, begin, free)
-    while begin < limit:
-        bend = -contact.stiffness * free[0] - contact.damping * free[1]
-        jerk = -contact.stiffness * free[1] - contact.damping * bend
-        most = rows[PART][BEND] + _largest(contact, omega * bend, jerk)
-        end = max(begin + ahead(value, max(rate, 0.0), most), held)
-        if end < begin + least:
+    force, rate = _force_above_rounding(contact, stretch, time, free)
+    while time < limit:
+        acceleration = -contact.stiffness * free.displacement - contact.damping * free.velocity
+        jerk = -contact.stiffness * free.velocity - contact.damping * acceleration
+        curvature = part["max_force_curvature"] + bound_share(
+            contact, frequency * acceleration, jerk
+        )
+        end = max(time + positive_duration(force, max(rate, 0.0), curvature), pressed_until)
+        if end < time + min_step:
             break
         end = min(end, limit)
-        free = free_at(contact, now, end)
-        reached, further = _force(contact, now, end, free)
-        if end > held and not is_clear(value, rate, reached, further, end - begin, most):
+        free = free_vibration(contact, stretch, end)
+        end_force, end_rate = _force_above_rounding(contact, stretch, end, free)
+        if end > pressed_until and not is_positive_between(
+            force, rate, end_force, end_rate, end - time, curvature
+        ):
             break
-        begin, value, rate = end, reached, further
-        held = _held_until(rows, now.local + begin, vibration) - now.local
-    return begin
+        time, force, rate = end, end_force, end_rate
+        pressed_until = _pressed_until(part, stretch.offset + time, share) - stretch.offset
+    return time
 
 
-def _force(contact: StemContactTable, now: ContactStretch, time: float, free: Pair) -> Pair:
-    """The force above its rounding (N), its rate (N/s) at a time (s) with the vibration (η, η̇)."""
-    rows = contact.parts[now.part]
-    degree, u = int(rows[PART][SIZE]) - 1, (now.local + time) / rows[PART][LENGTH]
-    value, rate, scale = horner(rows[WEIGHTED], rows[RATES], degree, min(u, 1.0))
+def _pressed_until(part: np.void, offset: float, share: float) -> float:
+    """Return the time (s) within a part before which no share up to ``share`` (N) lifts it (8).
+
+    It is infinite if the rest of the part is proven.
+    """
+    cell_duration, minima = part["duration"] / CELLS, part["cell_minima"]
+    cell = int(offset / cell_duration)
+    while cell < CELLS and minima[cell] > share:
+        cell += 1
+    return cell * cell_duration if cell < CELLS else math.inf
+
+
+def bound_share(contact: StemContactTable, scaled_displacement: float, velocity: float) -> float:
+    """Return the upper bound (N) of |p η + q η̇| from (√κ η, η̇) on, inequality (4)."""
+    energy = math.sqrt(scaled_displacement * scaled_displacement + velocity * velocity)
+    return energy * (
+        abs(contact.force_per_displacement) / math.sqrt(contact.stiffness)
+        + abs(contact.force_per_velocity)
+    )
+
+
+def _force_above_rounding(
+    contact: StemContactTable, stretch: ContactStretch, time: float, free: Vibration
+) -> tuple[float, float]:
+    """Return F − ε_F (N) and Ḟ (N/s) at a time (s), where the free vibration is ``free``."""
+    part, rows = contact.parts[stretch.part], contact.polynomials[stretch.part]
+    degree, u = part["size"] - 1, (stretch.offset + time) / part["duration"]
+    weighted, weighted_rate = rows[ContactRow.WEIGHTED_FORCE], rows[ContactRow.WEIGHTED_FORCE_RATE]
+    value, rate, scale = horner(weighted, weighted_rate, degree, min(u, 1.0))
     power = 1.0
     for _ in range(degree - 1):
         power *= scale
-    bend = -contact.stiffness * free[0] - contact.damping * free[1]
-    vibration = contact.place * free[0] + contact.velocity * free[1]
-    faster = contact.place * free[1] + contact.velocity * bend
-    return value * power * scale + vibration - rows[PART][ROUNDING], rate * power + faster
+    acceleration = -contact.stiffness * free.displacement - contact.damping * free.velocity
+    p, q = contact.force_per_displacement, contact.force_per_velocity
+    share = p * free.displacement + q * free.velocity
+    share_rate = p * free.velocity + q * acceleration
+    return value * power * scale + share - part["force_rounding"], rate * power + share_rate

@@ -1,7 +1,4 @@
-"""A follower's course through an interval, as the models read it: its phases and its events.
-
-And the tables of laws, free systems and contact that the search takes.
-"""
+"""Trajectory of a follower through an interval: its phases and events, and the search's tables."""
 
 from __future__ import annotations
 
@@ -11,17 +8,27 @@ from functools import lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
-from cam_rig.dynamics.events import contact as stem
-from cam_rig.dynamics.events import free_flight as air
-from cam_rig.dynamics.events import law_table as cam
-from cam_rig.dynamics.events import runs as at
-from cam_rig.dynamics.events.runs import Jumps, RunRecord, RunTable, fly_from, run_events
+from cam_rig.dynamics.events.contact import CELLS, CONTACT_PART, ContactRow, StemContactTable
+from cam_rig.dynamics.events.free_flight import FREE_SYSTEM
+from cam_rig.dynamics.events.law_table import LAW_PIECE, Cam, LawRow, LawTable
+from cam_rig.dynamics.events.run_table import (
+    COUNTS,
+    EVENT,
+    JUMP,
+    RUN_STATE,
+    EventCode,
+    Jumps,
+    Mode,
+    RunRecord,
+    RunTable,
+)
+from cam_rig.dynamics.events.runs import run_events, start_flight
 from cam_rig.dynamics.events.search import call
 from cam_rig.dynamics.interval import (
     Block,
     Event,
-    EventKind,
     FollowerState,
     SampleGrid,
     show_impulses,
@@ -33,42 +40,45 @@ from cam_rig.errors import DynamicsError
 from cam_rig.laws import Law, bernstein
 from cam_rig.units import NS, TURN, FloatArray
 
-#: Phases that are found in one call: in the first, and in the longest, each having twice the room
-#: of the one before.
-FIRST_ROOM, MOST_ROOM = 32, 4096
-#: So little of a turn more is rounding.
-WHOLE_TURN = 1e-6
-#: A change of the cam's velocity below this fraction of (cam speed x lift) is rounding: no step.
-NO_IMPACT = 1e-12
-#: A bounce is contact when it is lower than this fraction of the lift, or than so many metres,
-#: a hundred thousandth of an atom.
-MIN_OF_LIFT, MIN_HEIGHT = 1e-12, 1e-15
+#: Phases that the first call of the search has room for. Each further call has twice the room.
+FIRST_ROOM = 32
+#: Largest room of a call, in phases.
+MAX_ROOM = 4096
+#: Fraction of a turn below which a further turn is rounding.
+TURN_ROUNDING = 1e-6
+#: Steps of the cam's velocity below this fraction of (cam speed × lift) are rounding.
+MIN_VELOCITY_STEP = 1e-12
+#: Lowest bounce as a fraction of the lift. Lower bounces are contact.
+MIN_OF_LIFT = 1e-12
+#: Lowest bounce in m, a hundred thousandth of an atom.
+MIN_HEIGHT = 1e-15
+#: Rounding errors that a contact force may contain.
+ROUNDING_ERRORS = 64.0
 
 
 @dataclass(frozen=True, eq=False)
 class Phase:
     """Contact or a flight."""
 
-    begin: float  #: s
+    begin: float  #: start time, s
     end: float  #: s
     vibration: FloatArray  #: (η, η̇) of two masses in contact
     flight: Flight | None = None
 
 
 class EndlessEventsError(DynamicsError):
-    """A follower leaves its cam and lands again without end: it has no motion in this model."""
+    """A follower that lifts off and lands without end: it has no motion in this model."""
 
 
 class Course:
-    """Finds phase after phase on one law at one speed (rad/s); times since the start, in s.
+    """Trajectory on one law at one speed (rad/s); times are in s since the start.
 
-    Nothing is stepped: contact ends where the force falls to zero, flight where the gap closes, and
+    Nothing is stepped: contact ends at a zero of the force, a flight at a zero of the gap, and
     between these the motion is known in closed form. Both also end at a joint where the law's
-    velocity jumps: up is an impact on what is in contact, down lifts it off with the velocity it
-    had. The search itself is `cam_rig.dynamics.events.runs`.
+    velocity jumps. `cam_rig.dynamics.events.runs` describes the state machine.
     """
 
-    #: More events than any physical series has in a turn.
+    #: More events than any physical series has per turn.
     most_events: ClassVar[int]
 
     def __init__(
@@ -77,82 +87,98 @@ class Course:
         self.law, self.speed, self.angle = law, speed, angle
         self.events: list[Event] = []
         self.system, self._turns = system, turns
-        self._rows: list[list[float]] = []
+        self._recorded: list[NDArray[np.void]] = []  # records of `RUN_STATE`, not yet in _phases
         self._phases: list[Phase] = []
-        #: What the follower is after the last phase: a vibration (η, η̇) on the cam, or a flight.
+        #: State after the last phase: a vibration (η, η̇) in contact, or a flight.
         self.last: FloatArray | Flight = np.zeros(2)
 
     @property
     def phases(self) -> list[Phase]:
-        """All phases so far, in order; each is made when it is asked for first."""
-        for row in self._rows[len(self._phases) :]:
-            state = self._state(row)
-            flight = state if isinstance(state, Flight) else None
-            vibration = np.zeros(2) if isinstance(state, Flight) else state
-            self._phases.append(Phase(row[at.TIME], row[at.END], vibration, flight))
+        """All phases so far in order, created at the first access."""
+        for records in self._recorded:
+            starts, ends = records["time"].tolist(), records["phase_end"].tolist()
+            for start, end, state in zip(starts, ends, self._states(records), strict=True):
+                flight = state if isinstance(state, Flight) else None
+                vibration = np.zeros(2) if isinstance(state, Flight) else state
+                self._phases.append(Phase(start, end, vibration, flight))
+        self._recorded.clear()
         return self._phases
 
-    def _state(self, row: list[float]) -> FloatArray | Flight:
-        """What the follower is in a row of a run's numbers."""
-        if not row[at.FLYING]:
-            return np.array(row[at.STATE : at.STATE + 2])
-        known = (row[at.GAP], row[at.GAP_RATE]) if row[at.KNOWN] else ()
-        state = np.array(row[at.STATE : at.STATE + self.system.load.size])
-        return Flight(self.system, state, *known)
+    def _states(self, records: NDArray[np.void]) -> list[FloatArray | Flight]:
+        """Return the vibration or the flight of each record of `RUN_STATE`."""
+        names = ("mode", "gap_known", "gap", "gap_rate")
+        columns = (records[name].tolist() for name in names)
+        states: list[FloatArray | Flight] = []
+        for vector, mode, gap_known, gap, gap_rate in zip(records["vector"], *columns, strict=True):
+            if mode == Mode.CONTACT:
+                states.append(vector[:2].copy())
+            else:
+                known = (gap, gap_rate) if gap_known else ()
+                states.append(Flight(self.system, vector[: self.system.load.size].copy(), *known))
+        return states
 
-    def _begin(self, state: FloatArray | Flight, step: float) -> FloatArray:
-        """Where a run begins: in contact with a state, or in flight; ṡ has gained ``step`` m/s."""
-        now = np.zeros(at.STATE + self.system.load.size)
-        now[at.STEP] = step
+    def _begin(self, state: FloatArray | Flight, step: float) -> NDArray[np.void]:
+        """Return the first state of a run, where ṡ has gained ``step`` m/s, as one record."""
+        records = np.zeros(1, RUN_STATE)
+        record, vector = records[0], records[0]["vector"]
+        record["initial_step"] = step
         if isinstance(state, Flight):
-            now[at.STATE :] = state.start
+            vector[: state.start.size] = state.start
             gap, gap_rate = state.known or (0.0, 0.0)
-            fly_from(now, bool(state.known), gap, gap_rate)
+            start_flight(record, bool(state.known), gap, gap_rate)
         else:
-            now[at.STATE : at.STATE + state.size] = state
-        return now
+            vector[: state.size] = state
+        return records
 
-    def _find(self, table: RunTable, now: FloatArray, duration: float) -> None:
-        """Phases and events up to ``duration`` s from ``now`` on."""
+    def _find(self, table: RunTable, state: NDArray[np.void], duration: float) -> None:
+        """Append the phases and events from ``state`` up to ``duration`` s."""
         room = FIRST_ROOM
-        most = self.most_events * max(1, math.ceil(self.speed * duration / TURN - WHOLE_TURN))
-        while room == FIRST_ROOM or now[at.TIME] < duration:
-            record = record_of(now, room)
+        turns = max(1, math.ceil(self.speed * duration / TURN - TURN_ROUNDING))
+        max_events = self.most_events * turns
+        while room == FIRST_ROOM or state[0]["time"] < duration:
+            record = record_of(state, room)
             call(run_events, table, record)
-            count, met = map(int, record.counts)
-            self._rows += record.phases[:count].tolist()
-            self.events += [self._event(*row) for row in record.events[:met].tolist()]
-            if len(self.events) > most:  # an endless series would be the model's fault
+            phase_count, event_count = record.counts[0].tolist()
+            self._recorded.append(record.phases[:phase_count])
+            self.events += [self._event(*row) for row in record.events[:event_count].tolist()]
+            if len(self.events) > max_events:  # an endless series would be the model's fault
                 raise EndlessEventsError(
-                    f"more than {most} events in {duration:g} s at {self.speed:g} rad/s; "
+                    f"more than {max_events} events in {duration:g} s at {self.speed:g} rad/s; "
                     f"allowed: {self.most_events} a turn"
                 )
-            room = min(2 * room, MOST_ROOM)
-        self.last = self._state(now.tolist())
+            room = min(2 * room, MAX_ROOM)
+        self.last = self._states(state)[0]
 
-    def _event(self, landing: float, time: float, impulse: float, lost: float) -> Event:
-        kind: EventKind = "landing" if landing else "lift-off"
+    def _event(self, code: int, time: float, impulse: float, lost: float) -> Event:
+        """Return an event from the fields of its record."""
         angle = self._turns * TURN + (self.angle + self.speed * time)
-        return Event(kind, time, angle, impulse, lost)
+        return Event(
+            kind="landing" if code == EventCode.LANDING else "lift-off",
+            time=time,
+            angle=angle,
+            impulse=impulse,
+            energy_lost=lost,
+        )
 
-    def _table(self, duration: float, *follower: Any) -> RunTable:
-        """The run's table; ``follower`` from `RunTable.mass` on, up to ``force_noise``."""
+    def _table(self, duration: float, **follower: Any) -> RunTable:
+        """Return the table of a run; ``follower`` are the fields that depend on the model."""
         law, speed = self.law, self.speed
         return RunTable(
-            cam.Cam(law_table(law), speed, self.angle),
-            free_table(self.system),
-            jumps_table(law, self.angle, speed, duration),
-            *follower,
-            float(max(MIN_OF_LIFT * law.lift, MIN_HEIGHT)),
-            float(NO_IMPACT * speed * law.lift),
+            cam=Cam(law=law_table(law), speed=speed, angle=self.angle),
+            free=free_table(self.system),
+            jumps=jumps_table(law, self.angle, speed, duration),
+            min_bounce_height=float(max(MIN_OF_LIFT * law.lift, MIN_HEIGHT)),
+            min_velocity_step=float(MIN_VELOCITY_STEP * speed * law.lift),
+            **follower,
         )
 
     def shown(
         self, block: Block, grid: SampleGrid, before: FollowerState | None, end: FollowerState
     ) -> tuple[FollowerState, Block]:
-        """The end of an interval and its block, flights and impulses written, events in rig time.
+        """Return the end of an interval and its block with flights, impulses and events added.
 
-        The samples of ``block`` are those of contact; the follower was ``before``.
+        ``block`` contains the samples of contact, ``before`` is the state at its start. Events
+        are in rig time.
         """
         for phase in self.phases:
             if phase.flight is not None and (within := grid.within(phase.begin, phase.end)):
@@ -166,95 +192,125 @@ class Course:
         return replace(end, pending_impulse=pending), replace(block, events=events)
 
 
-def record_of(now: FloatArray, room: int) -> RunRecord:
-    """What a run from a place writes, with room for so many phases."""
-    rows = np.empty((room, at.PHASE_SIZE)), np.empty((2 * room, at.EVENT_SIZE))
-    return RunRecord(now, *rows, np.zeros(2))
-
-
-#: A rounded force is known to so many rounding errors.
-ROUNDING_ERRORS = 64.0
+def record_of(state: NDArray[np.void], room: int) -> RunRecord:
+    """Return an empty record of a run from a state, with room for ``room`` phases."""
+    return RunRecord(
+        state=state,
+        phases=np.empty(room, RUN_STATE),
+        events=np.empty(2 * room, EVENT),
+        counts=np.zeros(1, COUNTS),
+    )
 
 
 @lru_cache(maxsize=64)
-def law_table(law: Law) -> cam.LawTable:
-    """The table of a law."""
-    size = law.degree + 1
-    pieces = np.zeros((law.spans.size, 5, max(size, 2)))
-    pieces[:, cam.SIZES, :2] = np.stack([law.spans, law.largest_curvatures], axis=1)
+def law_table(law: Law) -> LawTable:
+    """Return the table of a law."""
+    pieces = np.zeros(law.spans.size, LAW_PIECE)
+    pieces["start"], pieces["span"] = law.breaks[:-1], law.spans
+    pieces["max_curvature"] = law.largest_curvatures
+    polynomials = np.zeros((law.spans.size, len(LawRow), law.degree + 1))
     weighted = law.motion * bernstein.binomials(law.degree)[:, None]
-    pieces[:, cam.LIFT : cam.BEND + 1, :size] = np.transpose(weighted, (2, 0, 1))
-    pieces[:, cam.ACCELERATION, :size] = law.motion[2].T
-    numbers = (*map(float, (*law.bounds[:2], law.largest_step)), bool(law.velocity_jumps))
-    return cam.LawTable(law.breaks[:-1].copy(), pieces, size, *numbers)
+    polynomials[:, LawRow.LIFT : LawRow.CURVATURE + 1] = np.transpose(weighted, (2, 0, 1))
+    polynomials[:, LawRow.CURVATURE_ORDINATES] = law.motion[2].T
+    max_lift, max_slope, _ = map(float, law.bounds)
+    return LawTable(
+        pieces=pieces,
+        polynomials=polynomials,
+        size=law.degree + 1,
+        max_lift=max_lift,
+        max_slope=max_slope,
+        max_lift_step=float(law.largest_step),
+        has_velocity_jumps=bool(law.velocity_jumps),
+    )
 
 
 @lru_cache(maxsize=128)
-def free_table(system: FreeSystem) -> air.FreeTable:
-    """The table of masses in the air."""
-    pairs, size = system.pairs, system.load.size
-    rows = np.zeros((air.SERIES + len(system.series), size))
-    blocks = [(air.MATRIX, system.matrix), (air.LOAD, system.load), (air.ROW, system.row)]
-    blocks += [(air.ENERGY, system.energy), (air.SERIES, system.series)]
+def free_table(system: FreeSystem) -> NDArray[np.void]:
+    """Return the table of masses in flight, one record of `FREE_SYSTEM`."""
+    table, pairs, n = np.zeros(1, FREE_SYSTEM), system.pairs, system.load.size
+    record = table[0]
+    record["size"], record["window"], record["has_pairs"] = n, system.window, pairs is not None
+    record["matrix"][:n, :n], record["load"][:n] = system.matrix, system.load
+    record["contact_row"][:n], record["energy"][:n, :n] = system.row, system.energy
+    record["series"][:, :n] = system.series
     if pairs is not None:
-        shown = np.vstack([system.row, system.energy]) @ pairs.shapes
-        blocks += [(air.SHAPES, pairs.shapes), (air.INVERSE, pairs.inverse), (air.SEEN, shown)]
-        rows[air.DRIFT] = pairs.inverse @ system.load
-        rows[air.DAMPING, : size // 2] = pairs.damping
-        rows[air.STIFFNESS, : size // 2] = pairs.stiffness
-    for first, block in blocks:
-        rows[first : first + len(np.atleast_2d(block))] = block
-    return air.FreeTable(rows, float(system.window), pairs is not None)
+        record["modes"][:n, :n], record["inverse"][:n, :n] = pairs.shapes, pairs.inverse
+        record["modal_load"][:n] = pairs.inverse @ system.load
+        record["pair_damping"][: n // 2] = pairs.damping
+        record["pair_stiffness"][: n // 2] = pairs.stiffness
+        modal = np.vstack([system.row, system.energy]) @ pairs.shapes
+        record["modal_contact_row"][:n], record["modal_energy"][:n, :n] = modal[0], modal[1:]
+    return table
 
 
 @lru_cache(maxsize=64)
 def contact_table(
     response: LinearResponse, output: Outputs, only: Part | None = None
-) -> stem.StemContactTable:
-    """The table of a response of two states whose output is the contact force; or of one part."""
-    known = response.parts if only is None else (only,)
-    sizes = [part.particular.shape[1] for part in known]
-    parts = np.zeros((len(sizes), 7, max(*sizes, stem.NUMBERS)))
-    begins = np.array([part.low for part in known])
-    for rows, part, size in zip(parts, known, sizes, strict=True):
+) -> StemContactTable:
+    """Return the table of a response of two states whose output is the contact force.
+
+    ``only`` restricts it to one part.
+    """
+    used = response.parts if only is None else (only,)
+    sizes = [part.particular.shape[1] for part in used]
+    records = np.zeros(len(used), CONTACT_PART)
+    polynomials = np.zeros((len(used), len(ContactRow), max(sizes)))
+    for record, rows, part, size in zip(records, polynomials, used, sizes, strict=True):
         force = polynomial_part(response, part, output)[0]
         rates = bernstein.derivative(force) / part.length
-        bend = np.abs(bernstein.derivative(rates)).max() / part.length
         rounding = ROUNDING_ERRORS * bernstein.EPS * np.abs(force).max()
-        numbers = part.span, part.length, size, rounding, bend
-        rows[stem.PART, : stem.NUMBERS] = *numbers, *part.flow.ravel()
-        rows[stem.PLACES : stem.VELOCITIES + 1, :size] = part.particular
-        rows[stem.FORCE, :size] = force
-        rows[stem.WEIGHTED, :size] = bernstein.binomials(size - 1) * force
-        rows[stem.RATES, : rates.size] = bernstein.binomials(rates.size - 1) * rates
-        cells = bernstein.parts(size - 1, stem.CELLS) @ force
-        rows[stem.LEAST, : stem.CELLS] = cells.min(axis=1) - rounding
-    vibration = (*(-response.matrix[1]).tolist(), *output.state[0].tolist())
-    return stem.StemContactTable(begins, parts, *vibration, *_window(*vibration))
+        record["start"], record["span"], record["duration"] = part.low, part.span, part.length
+        record["size"], record["force_rounding"], record["flow"] = size, rounding, part.flow
+        curvature = np.abs(bernstein.derivative(rates)).max() / part.length
+        record["max_force_curvature"] = curvature
+        cells = bernstein.parts(size - 1, CELLS) @ force
+        record["cell_minima"] = cells.min(axis=1) - rounding
+        rows[: ContactRow.VELOCITY + 1, :size] = part.particular
+        rows[ContactRow.FORCE, :size] = force
+        rows[ContactRow.WEIGHTED_FORCE, :size] = bernstein.binomials(size - 1) * force
+        weighted_rates = bernstein.binomials(rates.size - 1) * rates
+        rows[ContactRow.WEIGHTED_FORCE_RATE, : rates.size] = weighted_rates
+    stiffness, damping = (-response.matrix[1]).tolist()
+    p, q = output.state[0].tolist()
+    series, window = _window(stiffness, damping, p, q)
+    return StemContactTable(
+        parts=records,
+        polynomials=polynomials,
+        stiffness=stiffness,
+        damping=damping,
+        force_per_displacement=p,
+        force_per_velocity=q,
+        series=series,
+        window=window,
+    )
 
 
 @lru_cache(maxsize=64)
-def _window(
-    spring: float, damper: float, place: float, velocity: float
-) -> tuple[FloatArray, float]:
-    """Ordinates of a vibration's share of the force in a window, and its length (s)."""
-    window = REACH / (math.sqrt(spring) + damper)
-    matrix, row = np.array([[0.0, 1.0], [-spring, -damper]]), np.array([place, velocity])
+def _window(stiffness: float, damping: float, p: float, q: float) -> tuple[FloatArray, float]:
+    """Return the series of p η + q η̇ in a window, and the window's duration (s)."""
+    window = REACH / (math.sqrt(stiffness) + damping)
+    matrix, row = np.array([[0.0, 1.0], [-stiffness, -damping]]), np.array([p, q])
     return window_series(matrix, row, window), window
 
 
-#: The same of a follower without a stem.
-NO_CONTACT = stem.StemContactTable(
-    np.zeros(0), np.zeros((0, 7, stem.NUMBERS)), 0.0, 0.0, 0.0, 0.0, np.zeros((0, 2)), 0.0
+#: Contact table of a follower without a stem, which is not used.
+NO_CONTACT = StemContactTable(
+    parts=np.zeros(0, CONTACT_PART),
+    polynomials=np.zeros((0, len(ContactRow), 0)),
+    stiffness=0.0,
+    damping=0.0,
+    force_per_displacement=0.0,
+    force_per_velocity=0.0,
+    series=np.zeros((0, 2)),
+    window=0.0,
 )
 
 
 def jumps_table(law: Law, angle: float, speed: float, duration: float) -> Jumps:
-    """The velocity jumps that an interval owns; see `cam_rig.dynamics.velocity_jumps`."""
-    ahead = velocity_jumps_ahead(law, angle, speed, duration)
+    """Return the velocity jumps that an interval owns; see `cam_rig.dynamics.velocity_jumps`."""
+    jumps = velocity_jumps_ahead(law, angle, speed, duration)
+    ahead = np.array([(jump.time, speed * jump.step) for jump in jumps], dtype=JUMP)
     end = angle + speed * duration
     before = short_of_velocity_jump(law, end)
-    # By rounding an interval may end behind a joint of the next one; a lift-off there is not its.
-    clear = duration if before == end else min(duration, (before - angle) / speed)
-    rows = np.array([(jump.time, speed * jump.step) for jump in ahead]).reshape(-1, 2)
-    return Jumps(rows, float(duration), float(clear))
+    limit = duration if before == end else min(duration, (before - angle) / speed)
+    return Jumps(ahead=ahead, duration=float(duration), contact_limit=float(limit))

@@ -1,6 +1,12 @@
-"""Masses in the air, one flight at a time: where they are, and the acceleration in a window.
+"""Free motion of the follower in flight: exact states, and the acceleration as a polynomial.
 
-The physics is that of `cam_rig.dynamics.linear.exponential`, which gives the samples of a flight.
+In flight the masses obey ẋ = A x + b. The states x are displacements and velocities in turn. If
+A is well conditioned, x = V ξ separates it into pairs ξ = (q, q̇) with q̈ = −κ q − 2δ q̇ + const,
+and each pair is solved in closed form. Otherwise the matrix exponential is used.
+
+All results are changes since the lift-off, not displacements from the position of rest, because a
+weak spring puts that position far away. `cam_rig.dynamics.linear.exponential` has the same
+physics for whole arrays of samples.
 """
 
 from __future__ import annotations
@@ -8,247 +14,318 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from cam_rig.laws.polynomials import restricted
-from cam_rig.laws.rows import Row, Rows, dot, zeros
+from cam_rig.laws.rows import Records, Row, Rows, dot, zeros
 
-#: Below this time, in units of the fastest rate, the power series is used, of so many terms.
-SHORT, SERIES_TERMS = 0.5, 18
-#: Two terms of the series below this are the last: the first is 1.
-LEAST = 2.0**-62
-
-Response = tuple[float, float, float]
-
-
-def impulse_at(damping: float, stiffness: float, time: float) -> Response:
-    """S (s), Ṡ (1) and ∫S (s²) of ẍ + 2δ ẋ + κ x = 0 at a time in s; 2δ in 1/s, κ in 1/s²."""
-    if damping * time <= SHORT and stiffness * time * time <= SHORT * SHORT:
-        return _series(damping * time, stiffness * time * time, time)
-    decay = 0.5 * damping
-    square = stiffness - decay * decay
-    if square > 0.0:
-        return _oscillating(decay, math.sqrt(square), stiffness, time)
-    return _creeping(decay, math.sqrt(-square), stiffness, time)
-
-
-def _series(damping: float, stiffness: float, time: float) -> Response:
-    """Taylor's series in the time as the unit; its terms follow from the equation of motion."""
-    term, before, impulse, step = 1.0, 0.0, 0.0, 0.0
-    for i in range(2, SERIES_TERMS + 1):
-        inverse = 1.0 / i
-        further = term * inverse
-        impulse += term
-        step += further
-        before, term = further, -(damping * further + stiffness * before * inverse)
-        if abs(before) + abs(term) < LEAST:
-            break
-    return impulse * time, 1.0 - damping * impulse - stiffness * step, step * time * time
+#: The power series of the impulse response is used below this time, in units of the fastest rate.
+MAX_SERIES_TIME = 0.5
+#: Terms of that series: 0.5^18/18! is far below rounding.
+SERIES_TERMS = 18
+#: The series stops after two terms below this value. The first term is 1.
+MIN_SERIES_TERM = 2.0**-62
+#: Length of a window: ‖A‖ times the window's duration, as in `linear.exponential.REACH`.
+WINDOW_REACH = 2.0
+#: Largest ‖A‖ t for which the power series of e^{At} is used without squaring.
+MAX_EXPONENTIAL_REACH = 0.5
+#: Terms of that power series: 0.5^18/18! is far below rounding.
+EXPONENTIAL_TERMS = 18
+#: Largest number of states of a system in flight, two masses with displacement and velocity each.
+MAX_STATES = 4
+#: Ordinates of the acceleration in a window, as in `linear.exponential.SERIES_DEGREE`.
+SERIES_SIZE = 25
+#: A pair with a slow rate above this fraction of the fast rate loses no digits by subtraction.
+MIN_RATE_RATIO = 0.1
 
 
-def _oscillating(decay: float, rate: float, stiffness: float, time: float) -> Response:
-    envelope = math.exp(-decay * time)
-    impulse = envelope * math.sin(rate * time) / rate
-    slope = envelope * math.cos(rate * time) - decay * impulse
-    return impulse, slope, (1.0 - slope - 2.0 * decay * impulse) / stiffness
+#: Numbers of a `FreeSystem`, ẋ = A x + b, with n states; the rows and columns from n on are unused.
+#: The fields from ``modes`` on are used only if ``has_pairs`` is True.
+FREE_SYSTEM = np.dtype(
+    [
+        ("size", "i8"),  # n
+        ("window", "f8"),  # duration for which ``series`` is exact to rounding, s
+        ("matrix", "f8", (MAX_STATES, MAX_STATES)),  # A
+        ("load", "f8", (MAX_STATES,)),  # b
+        ("contact_row", "f8", (MAX_STATES,)),  # weights of x in the contact mass's displacement
+        ("energy", "f8", (MAX_STATES, MAX_STATES)),  # E of inequality (5) in docs/proofs.md
+        ("series", "f8", (SERIES_SIZE, MAX_STATES)),  # ẋ → ordinates of the contact acceleration
+        ("modes", "f8", (MAX_STATES, MAX_STATES)),  # V of x = V ξ
+        ("inverse", "f8", (MAX_STATES, MAX_STATES)),  # V⁻¹
+        ("modal_load", "f8", (MAX_STATES,)),  # V⁻¹ b
+        ("pair_damping", "f8", (MAX_STATES // 2,)),  # 2δ of each pair, 1/s
+        ("pair_stiffness", "f8", (MAX_STATES // 2,)),  # κ of each pair, 1/s²
+        ("modal_contact_row", "f8", (MAX_STATES,)),  # ``contact_row`` V
+        ("modal_energy", "f8", (MAX_STATES, MAX_STATES)),  # E V, zero below row n
+        ("has_pairs", "?"),  # True if V is well conditioned
+    ],
+    align=True,
+)
+#: Constants of a pair (q, q̇) in one flight.
+PAIR_START = np.dtype(
+    [
+        ("rate", "f8"),  # q̇ at the start, the load included
+        ("pull", "f8"),  # κ q + 2δ q̇ − const, for the displacement
+        ("force", "f8"),  # q̈ at the start
+    ],
+    align=True,
+)
 
 
-def _creeping(decay: float, root: float, stiffness: float, time: float) -> Response:
-    """Overdamped or critical: never a growing exponential."""
-    fast = decay + root
-    slow, apart = stiffness / fast, 2.0 * root
-    growth = -math.expm1(-apart * time) / apart if apart > 0.0 else time
-    impulse = math.exp(-slow * time) * growth
-    slope = math.exp(-fast * time) - slow * impulse
-    if slow > 0.1 * fast:
-        return impulse, slope, (1.0 - slope - 2.0 * decay * impulse) / stiffness
-    settled = -math.expm1(-slow * time) / slow if slow > 0.0 else time
-    return impulse, slope, (settled + math.expm1(-fast * time) / fast) / apart
+class ImpulseResponse(NamedTuple):
+    """Response S of ẍ + 2δ ẋ + κ x = 0 to a unit impulse."""
 
-
-#: |A| t of a window; up to `SMALL` the exponential of a matrix is a series of so many terms.
-REACH, SMALL, TERMS = 2.0, 0.5, 18
-#: Places in a free system's rows, of up to four states: the matrix A, the load b, the row, the
-#: energy, V and its inverse, the pairs' damping and stiffness, the inverse times the load, row and
-#: energy times V, the series; as in `FreeSystem`.
-MATRIX, LOAD, ROW, ENERGY, SHAPES, INVERSE = 0, 4, 5, 6, 10, 14
-
-DAMPING, STIFFNESS, DRIFT, SEEN, SERIES = 18, 19, 20, 21, 26
-
-
-class FreeTable(NamedTuple):
-    """Numbers of a `FreeSystem` of n states."""
-
-    rows: Rows  #: ``(51, n)``
-    window: float  #: s
-    paired: bool  #: whether there are pairs; without them their rows are not used
+    value: float  #: S, s
+    rate: float  #: Ṡ, 1
+    integral: float  #: ∫S dt from 0, s²
 
 
 class LiftOffState(NamedTuple):
-    """The state at lift-off."""
+    """The start of a flight."""
 
-    free: FreeTable
-    start: Row  #: ``(n,)``
-    rates: Row  #: ẋ there
-    pairs: Rows  #: its numbers by pairs, ``(m, 3)``
-
-
-class Moved(NamedTuple):
-    """X − x₀ and ẋ, ``(n,)`` each."""
-
-    way: Row
-    rates: Row
+    free: Records  #: one record of `FREE_SYSTEM`
+    start: Row  #: x at the start, ``(n,)``
+    rates: Row  #: ẋ at the start, ``(n,)``
+    pairs: Records  #: records of `PAIR_START`, ``(n / 2,)``
 
 
-def lift_off_state(free: FreeTable, start: Row) -> LiftOffState:
-    """The flight from a state ``(n,)``."""
-    rows, size = free.rows, len(start)
-    rates = product(rows, MATRIX, start)
+class Advance(NamedTuple):
+    """Change of a flight since its start."""
+
+    change: Row  #: x(t) − x(0), ``(n,)``
+    rates: Row  #: ẋ(t), ``(n,)``
+
+
+class PairAdvance(NamedTuple):
+    """Change of one pair (q, q̇) since the start of the flight."""
+
+    displacement: float  #: q(t) − q(0)
+    velocity: float  #: q̇(t) − q̇(0)
+    displacement_rate: float  #: time derivative of ``displacement``
+    velocity_rate: float  #: time derivative of ``velocity``
+
+
+class ContactMassMotion(NamedTuple):
+    """Motion of the contact mass, the mass that meets the cam."""
+
+    change: float  #: displacement since the start of the flight, m
+    velocity: float  #: m/s
+    max_acceleration: float  #: upper bound of |acceleration| from now on, m/s²
+
+
+def compute_impulse_response(damping: float, stiffness: float, time: float) -> ImpulseResponse:
+    """Return S, Ṡ and ∫S at a time in s, for 2δ in 1/s and κ in 1/s²."""
+    reach = stiffness * time * time
+    if damping * time <= MAX_SERIES_TIME and reach <= MAX_SERIES_TIME * MAX_SERIES_TIME:
+        return _expand_impulse_response(damping * time, reach, time)
+    decay = 0.5 * damping
+    square = stiffness - decay * decay
+    if square > 0.0:
+        frequency, envelope = math.sqrt(square), math.exp(-decay * time)
+        value = envelope * math.sin(frequency * time) / frequency
+        rate = envelope * math.cos(frequency * time) - decay * value
+        return ImpulseResponse(value, rate, (1.0 - rate - 2.0 * decay * value) / stiffness)
+    return _overdamped_impulse_response(decay, math.sqrt(-square), stiffness, time)
+
+
+def _expand_impulse_response(damping: float, stiffness: float, time: float) -> ImpulseResponse:
+    """Return the Taylor series, with the time as unit; the equation of motion gives its terms."""
+    term, previous, value, integral = 1.0, 0.0, 0.0, 0.0
+    for i in range(2, SERIES_TERMS + 1):
+        inverse = 1.0 / i
+        integral_term = term * inverse
+        value += term
+        integral += integral_term
+        previous, term = integral_term, -(damping * integral_term + stiffness * previous * inverse)
+        if abs(previous) + abs(term) < MIN_SERIES_TERM:
+            break
+    rate = 1.0 - damping * value - stiffness * integral
+    return ImpulseResponse(value * time, rate, integral * time * time)
+
+
+def _overdamped_impulse_response(
+    decay: float, root: float, stiffness: float, time: float
+) -> ImpulseResponse:
+    """Return the response of an overdamped or critical pair, without a growing exponential."""
+    fast, difference = decay + root, 2.0 * root
+    slow = stiffness / fast
+    growth = -math.expm1(-difference * time) / difference if difference > 0.0 else time
+    value = math.exp(-slow * time) * growth
+    rate = math.exp(-fast * time) - slow * value
+    if slow > MIN_RATE_RATIO * fast:
+        return ImpulseResponse(value, rate, (1.0 - rate - 2.0 * decay * value) / stiffness)
+    slow_integral = -math.expm1(-slow * time) / slow if slow > 0.0 else time
+    integral = (slow_integral + math.expm1(-fast * time) / fast) / difference
+    return ImpulseResponse(value, rate, integral)
+
+
+def start_free_motion(system: Records, start: Row) -> LiftOffState:
+    """Return the flight of one record of `FREE_SYSTEM` that starts at a state ``(n,)``."""
+    free, size = system[0], len(start)
+    load = free["load"]
+    rates = multiply(free["matrix"], start)
     for i in range(size):
-        rates[i] += rows[LOAD][i]
-    pairs = zeros((size // 2, 3))
-    if free.paired:
-        own = product(rows, INVERSE, start)
+        rates[i] += load[i]
+    pairs = np.zeros(size // 2, PAIR_START)
+    if free["has_pairs"]:
+        modal, modal_load = multiply(free["inverse"], start), free["modal_load"]
         for i in range(size // 2):
-            place, velocity = own[2 * i], own[2 * i + 1]
-            damping, stiffness = rows[DAMPING][i], rows[STIFFNESS][i]
-            gain, push = rows[DRIFT][2 * i], rows[DRIFT][2 * i + 1]
-            pairs[i][0] = velocity + gain
-            pairs[i][1] = stiffness * place - push - damping * gain
-            pairs[i][2] = -stiffness * place - damping * velocity + push
-    return LiftOffState(free, start, rates, pairs)
+            displacement, velocity = modal[2 * i], modal[2 * i + 1]
+            damping, stiffness = free["pair_damping"][i], free["pair_stiffness"][i]
+            gain, push = modal_load[2 * i], modal_load[2 * i + 1]
+            pair = pairs[i]
+            pair["rate"] = velocity + gain
+            pair["pull"] = stiffness * displacement - push - damping * gain
+            pair["force"] = -stiffness * displacement - damping * velocity + push
+    return LiftOffState(free=system, start=start, rates=rates, pairs=pairs)
 
 
-def product(rows: Rows, first: int, column: Row) -> Row:
-    """The square matrix from a row on, times a column."""
+def multiply(matrix: Rows, column: Row) -> Row:
+    """Return a matrix times a column ``(n,)``; the matrix may be larger."""
     out = zeros(len(column))
     for i in range(len(column)):
-        out[i] = dot(rows[first + i], column)
+        out[i] = dot(column, matrix[i])
     return out
 
 
-def place_of(lift_off: LiftOffState, state: Row) -> float:
-    """What a state ``(n,)``, or its rate, says of the mass that meets the cam."""
-    return dot(lift_off.free.rows[ROW], state)
+def contact_component(lift_off: LiftOffState, state: Row) -> float:
+    """Return the contribution of a state ``(n,)``, or of its rate, to the contact mass."""
+    return dot(state, lift_off.free[0]["contact_row"])
 
 
-def moved(lift_off: LiftOffState, time: float) -> Moved:
-    """How far the states have come, and their rates, at a time in s."""
-    if not lift_off.free.paired:
-        return _by_exponential(lift_off, time)
-    rows, size = lift_off.free.rows, len(lift_off.start)
-    way, rates = zeros(size), zeros(size)
+def advance(lift_off: LiftOffState, time: float) -> Advance:
+    """Return the change of all states and their rates at a time (s) after the start."""
+    free, size = lift_off.free[0], len(lift_off.start)
+    if not free["has_pairs"]:
+        flow, integral = _exponential(free, time, size)
+        return Advance(multiply(integral, lift_off.rates), multiply(flow, lift_off.rates))
+    modes = free["modes"]
+    change, rates = zeros(size), zeros(size)
     for i in range(size // 2):
-        way[2 * i], way[2 * i + 1], rates[2 * i], rates[2 * i + 1] = _pair(lift_off, i, time)
-    return Moved(product(rows, SHAPES, way), product(rows, SHAPES, rates))
+        pair = _advance_pair(lift_off, i, time)
+        change[2 * i], change[2 * i + 1] = pair.displacement, pair.velocity
+        rates[2 * i], rates[2 * i + 1] = pair.displacement_rate, pair.velocity_rate
+    return Advance(multiply(modes, change), multiply(modes, rates))
 
 
-def _pair(lift_off: LiftOffState, i: int, time: float) -> tuple[float, float, float, float]:
-    """How far a pair (q, q̇) has come, and its rates."""
-    stiffness, pair = lift_off.free.rows[STIFFNESS][i], lift_off.pairs[i]
-    impulse, slope, step = impulse_at(lift_off.free.rows[DAMPING][i], stiffness, time)
-    rate, pull, force = pair[0], pair[1], pair[2]
-    return (
-        rate * impulse - pull * step,
-        force * impulse - stiffness * rate * step,
-        rate * slope - pull * impulse,
-        force * slope - stiffness * rate * impulse,
+def _advance_pair(lift_off: LiftOffState, i: int, time: float) -> PairAdvance:
+    """Return the change of pair i at a time (s) after the start."""
+    free, pair = lift_off.free[0], lift_off.pairs[i]
+    stiffness = free["pair_stiffness"][i]
+    response = compute_impulse_response(free["pair_damping"][i], stiffness, time)
+    rate, pull, force = pair["rate"], pair["pull"], pair["force"]
+    return PairAdvance(
+        displacement=rate * response.value - pull * response.integral,
+        velocity=force * response.value - stiffness * rate * response.integral,
+        displacement_rate=rate * response.rate - pull * response.value,
+        velocity_rate=force * response.rate - stiffness * rate * response.value,
     )
 
 
-def seen(lift_off: LiftOffState, time: float) -> tuple[float, float, float]:
-    """Way (m) and velocity (m/s) of the mass on the cam; what |its acceleration| is below later."""
-    if not lift_off.free.paired:
-        gone = _by_exponential(lift_off, time)
-        way, velocity = place_of(lift_off, gone.way), place_of(lift_off, gone.rates)
-        return way, velocity, largest_acceleration(lift_off, gone.rates)
-    rows, way, velocity = lift_off.free.rows, 0.0, 0.0
-    one, two, three, four = 0.0, 0.0, 0.0, 0.0  # parts of the energy
+def advance_contact_mass(lift_off: LiftOffState, time: float) -> ContactMassMotion:
+    """Return the contact mass's motion at a time (s), and the bound (5) of docs/proofs.md."""
+    free = lift_off.free[0]
+    if not free["has_pairs"]:
+        now = advance(lift_off, time)
+        return ContactMassMotion(
+            change=contact_component(lift_off, now.change),
+            velocity=contact_component(lift_off, now.rates),
+            max_acceleration=bound_acceleration(lift_off, now.rates),
+        )
+    change, velocity, row, energy = 0.0, 0.0, free["modal_contact_row"], free["modal_energy"]
+    e0, e1, e2, e3 = 0.0, 0.0, 0.0, 0.0  # E ẋ, component by component: an array costs more time
     for i in range(len(lift_off.start) // 2):
-        place, further, rate, faster = _pair(lift_off, i, time)
-        j = 2 * i
-        way += rows[SEEN][j] * place + rows[SEEN][j + 1] * further
-        velocity += rows[SEEN][j] * rate + rows[SEEN][j + 1] * faster
-        one += rows[SEEN + 1][j] * rate + rows[SEEN + 1][j + 1] * faster
-        two += rows[SEEN + 2][j] * rate + rows[SEEN + 2][j + 1] * faster
-        three += rows[SEEN + 3][j] * rate + rows[SEEN + 3][j + 1] * faster
-        four += rows[SEEN + 4][j] * rate + rows[SEEN + 4][j + 1] * faster
-    return way, velocity, math.sqrt(one * one + two * two + three * three + four * four)
+        pair, j = _advance_pair(lift_off, i, time), 2 * i
+        change += row[j] * pair.displacement + row[j + 1] * pair.velocity
+        velocity += row[j] * pair.displacement_rate + row[j + 1] * pair.velocity_rate
+        e0 += energy[0][j] * pair.displacement_rate + energy[0][j + 1] * pair.velocity_rate
+        e1 += energy[1][j] * pair.displacement_rate + energy[1][j + 1] * pair.velocity_rate
+        e2 += energy[2][j] * pair.displacement_rate + energy[2][j + 1] * pair.velocity_rate
+        e3 += energy[3][j] * pair.displacement_rate + energy[3][j + 1] * pair.velocity_rate
+    return ContactMassMotion(change, velocity, math.sqrt(e0 * e0 + e1 * e1 + e2 * e2 + e3 * e3))
 
 
-def flow_of(free: FreeTable, time: float, size: int) -> Rows:
-    """e^{At}, ``(size, size)``, at a time in s."""
-    if not free.paired:
+def bound_acceleration(lift_off: LiftOffState, rates: Row) -> float:
+    """Return the upper bound (m/s²) of the contact mass's |acceleration| from rates ẋ on.
+
+    The bound is ‖E ẋ‖, inequality (5) of docs/proofs.md.
+    """
+    total, energy = 0.0, lift_off.free[0]["energy"]
+    for i in range(len(rates)):
+        component = dot(rates, energy[i])
+        total += component * component
+    return math.sqrt(total)
+
+
+def acceleration_ordinates(lift_off: LiftOffState, rates: Row, duration: float) -> Row:
+    """Return Bernstein ordinates (m/s²) of the contact mass's acceleration.
+
+    They cover ``duration`` s from the rates ẋ on, at most one window. Lemma (10) of
+    docs/proofs.md bounds the truncation error.
+    """
+    series, ordinates = lift_off.free[0]["series"], zeros(SERIES_SIZE)
+    for j in range(SERIES_SIZE):
+        ordinates[j] = dot(rates, series[j])
+    fraction = duration / lift_off.free[0]["window"]
+    return ordinates if fraction >= 1.0 else restricted(ordinates, SERIES_SIZE, 0.0, fraction)
+
+
+def compute_flow(free: np.void, time: float) -> Rows:
+    """Return e^{At}, ``(n, n)``, at a time in s."""
+    size, inverse = free["size"], free["inverse"]
+    if not free["has_pairs"]:
         return _exponential(free, time, size)[0]
-    part, rows = zeros((size, size)), free.rows
+    modal = zeros((size, size))
     for i in range(size // 2):
-        damping, stiffness = rows[DAMPING][i], rows[STIFFNESS][i]
-        impulse, rate, _ = impulse_at(damping, stiffness, time)
-        one, two = rows[INVERSE + 2 * i], rows[INVERSE + 2 * i + 1]
+        damping, stiffness = free["pair_damping"][i], free["pair_stiffness"][i]
+        response = compute_impulse_response(damping, stiffness, time)
+        value, rate = response.value, response.rate
+        upper, lower = inverse[2 * i], inverse[2 * i + 1]
         for j in range(size):
-            part[2 * i][j] = (rate + damping * impulse) * one[j] + impulse * two[j]
-            part[2 * i + 1][j] = rate * two[j] - stiffness * impulse * one[j]
-    return _times(rows[SHAPES : SHAPES + size], part, 1.0)
+            modal[2 * i][j] = (rate + damping * value) * upper[j] + value * lower[j]
+            modal[2 * i + 1][j] = rate * lower[j] - stiffness * value * upper[j]
+    return _matrix_product(free["modes"], modal, 1.0)
 
 
-def _by_exponential(lift_off: LiftOffState, time: float) -> Moved:
-    """The same where pairs are too much alike, and lose their digits: (P ẋ₀, E ẋ₀)."""
-    flow, gone = _exponential(lift_off.free, time, len(lift_off.start))
-    return Moved(product(gone, 0, lift_off.rates), product(flow, 0, lift_off.rates))
+def _exponential(free: np.void, time: float, size: int) -> tuple[Rows, Rows]:
+    """Return F = e^{At} and its integral P by scaling and squaring.
 
-
-def _exponential(free: FreeTable, time: float, size: int) -> tuple[Rows, Rows]:
-    """E = e^{At} and its integral P by scaling and squaring: twice the time is E², and P + E P."""
-    rows = free.rows
-    reach, doublings = abs(time) * REACH / free.window, 0
-    while reach > SMALL:
+    Doubling the time takes F to F² and P to P + F P.
+    """
+    reach, doublings = abs(time) * WINDOW_REACH / free["window"], 0
+    while reach > MAX_EXPONENTIAL_REACH:
         reach, doublings = 0.5 * reach, doublings + 1
-    part = time
+    step = time
     for _ in range(doublings):
-        part *= 0.5
-    flow, gone, term = zeros((size, size)), zeros((size, size)), zeros((size, size))
+        step *= 0.5
+    flow, integral, term = zeros((size, size)), zeros((size, size)), zeros((size, size))
     for i in range(size):
-        flow[i][i], gone[i][i], term[i][i] = 1.0, part, 1.0
-    for order in range(1, TERMS):
-        term = _times(rows, term, part / order)
-        _add(flow, term, 1.0)
-        _add(gone, term, part / (order + 1))
+        flow[i][i], integral[i][i], term[i][i] = 1.0, step, 1.0
+    for order in range(1, EXPONENTIAL_TERMS):
+        term = _matrix_product(free["matrix"], term, step / order)
+        _add_scaled(flow, term, 1.0)
+        _add_scaled(integral, term, step / (order + 1))
     for _ in range(doublings):
-        _add(gone, _times(flow, gone, 1.0), 1.0)
-        flow = _times(flow, flow, 1.0)
-    return flow, gone
+        _add_scaled(integral, _matrix_product(flow, integral, 1.0), 1.0)
+        flow = _matrix_product(flow, flow, 1.0)
+    return flow, integral
 
 
-def _times(one: Rows, other: Rows, scale: float) -> Rows:
-    size = len(other)
+def _matrix_product(left: Rows, right: Rows, scale: float) -> Rows:
+    """Return ``scale`` times the product of two square matrices, summed in order."""
+    size = len(right)
     out = zeros((size, size))
     for i in range(size):
         for j in range(size):
             total = 0.0
             for k in range(size):
-                total += one[i][k] * other[k][j]
+                total += left[i][k] * right[k][j]
             out[i][j] = scale * total
     return out
 
 
-def _add(one: Rows, other: Rows, scale: float) -> None:
-    for i in range(len(one)):
-        for j in range(len(one)):
-            one[i][j] += scale * other[i][j]
-
-
-def largest_acceleration(lift_off: LiftOffState, rates: Row) -> float:
-    """What |acceleration| (m/s²) does not exceed from a time with these rates on: energy falls."""
-    total = 0.0
-    for i in range(len(rates)):
-        part = dot(lift_off.free.rows[ENERGY + i], rates)
-        total += part * part
-    return math.sqrt(total)
-
-
-def accelerations(lift_off: LiftOffState, rates: Row, length: float) -> Row:
-    """Bernstein ordinates of the acceleration (m/s²) in ``length`` s, up to a window."""
-    rows, size = lift_off.free.rows, len(lift_off.free.rows) - SERIES
-    ordinates = zeros(size)
-    for j in range(size):
-        ordinates[j] = dot(rows[SERIES + j], rates)
-    part = length / lift_off.free.window
-    return ordinates if part >= 1.0 else restricted(ordinates, size, 0.0, part)
+def _add_scaled(target: Rows, term: Rows, scale: float) -> None:
+    """Add ``scale`` times a square matrix to another one in place."""
+    for i in range(len(target)):
+        for j in range(len(target)):
+            target[i][j] += scale * term[i][j]

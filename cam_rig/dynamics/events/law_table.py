@@ -1,90 +1,134 @@
-"""The law as the event search reads it: its pieces by cam angle, and s, s', s'' in them."""
+"""Tables of a law and of the cam that carries it, as the event search reads them."""
 
 from __future__ import annotations
 
 import math
+from enum import IntEnum
 from typing import NamedTuple
 
+import numpy as np
+
 from cam_rig.laws.polynomials import weighted_value
-from cam_rig.laws.rows import Row, Stack, index_at
+from cam_rig.laws.rows import Records, Stack, index_at
 from cam_rig.units import TURN
 
+#: Distance between 1 and the next float.
 EPS = 2.0**-52
-#: Roundings of an angle that a lift-off may be wrong by.
-SLIP = 4.0
-#: A gap reckoned from two places is this many rounding errors of them wrong at most.
-ROUNDING_ERRORS = 16.0
-#: Places in a piece's rows: [its span, what |s''| does not exceed]; s, s' and s'' times binomials;
-#: s'' as it is.
-SIZES, LIFT, SLOPE, BEND, ACCELERATION = range(5)
+#: Rounding errors of the cam angle that the angle of an event may contain.
+ANGLE_ROUNDING_ERRORS = 4.0
+#: Rounding errors of a displacement that the difference of two displacements may contain.
+GAP_ROUNDING_ERRORS = 16.0
 
-SPAN, LARGEST = range(2)
+
+#: Scalars of one piece of a law.
+LAW_PIECE = np.dtype(
+    [
+        ("start", "f8"),  # cam angle, rad
+        ("span", "f8"),  # rad
+        ("max_curvature", "f8"),  # upper bound of |s''|, m/rad²
+    ],
+    align=True,
+)
+
+
+class LawRow(IntEnum):
+    """Rows of `LawTable.polynomials`.
+
+    Weighted rows are Bernstein ordinates multiplied by their binomial coefficients.
+    """
+
+    LIFT = 0  #: s in m, weighted
+    SLOPE = 1  #: s' in m/rad, weighted
+    CURVATURE = 2  #: s'' in m/rad², weighted
+    CURVATURE_ORDINATES = 3  #: s'' in m/rad², not weighted
 
 
 class LawTable(NamedTuple):
-    """Numbers of a `Law`; n pieces of degree p."""
+    """Numbers of a `Law` with n pieces of degree p."""
 
-    begins: Row  #: ``(n,)``, where each piece begins, rad
-    pieces: Stack  #: ``(n, 5, q)`` with q = p + 1, at least 2; rad, m, m/rad and m/rad²
-    size: int  #: p + 1
-    largest: float  #: what |s| does not exceed, m
-    steepest: float  #: what |s'| does not exceed, m/rad
-    largest_step: float  #: largest step of s at a joint, m
-    jumps: bool  #: whether s' jumps anywhere
+    pieces: Records  #: records of `LAW_PIECE`, ``(n,)``
+    polynomials: Stack  #: rows of `LawRow`, ``(n, 4, p + 1)``
+    size: int  #: ordinates per piece, p + 1
+    max_lift: float  #: upper bound of |s|, m
+    max_slope: float  #: upper bound of |s'|, m/rad
+    max_lift_step: float  #: largest step of s at a joint, m; rounding of the law itself
+    has_velocity_jumps: bool  #: True if s' jumps at a joint
 
 
 class Cam(NamedTuple):
-    """A law on a cam that turns."""
+    """A law on a cam that turns at constant speed."""
 
     law: LawTable
     speed: float  #: rad/s
-    angle: float  #: at time 0, rad
+    angle: float  #: cam angle at time 0, rad
 
 
-def cam_at(cam: Cam, time: float) -> tuple[float, float, float]:
-    """S (m), ṡ (m/s) and s̈ (m/s²) at a time in s; right limits at joints."""
+class CamMotion(NamedTuple):
+    """Motion of the cam surface under the follower."""
+
+    lift: float  #: s, m
+    velocity: float  #: ṡ, m/s
+    acceleration: float  #: s̈, m/s²
+
+
+def cam_at(cam: Cam, time: float) -> CamMotion:
+    """Return the motion of the cam at a time in s, with right limits at joints."""
     law, speed, angle = cam.law, cam.speed, cam.angle + cam.speed * time
-    inside = angle - math.floor(angle / TURN) * TURN
-    i = index_at(law.begins, inside)
-    rows, size = law.pieces[i], law.size
-    u = (inside - law.begins[i]) / rows[SIZES][SPAN]
-    s, slope = weighted_value(rows[LIFT], size, u), weighted_value(rows[SLOPE], size, u)
-    return s, slope * speed, weighted_value(rows[BEND], size, u) * (speed * speed)
+    angle_in_turn = angle - math.floor(angle / TURN) * TURN
+    i = index_at(law.pieces["start"], angle_in_turn)
+    u = (angle_in_turn - law.pieces[i]["start"]) / law.pieces[i]["span"]
+    rows, size = law.polynomials[i], law.size
+    return CamMotion(
+        lift=weighted_value(rows[LawRow.LIFT], size, u),
+        velocity=weighted_value(rows[LawRow.SLOPE], size, u) * speed,
+        acceleration=weighted_value(rows[LawRow.CURVATURE], size, u) * (speed * speed),
+    )
 
 
 def lift_within(cam: Cam, piece: int, time: float) -> tuple[float, float]:
-    """S (m) and ṡ (m/s) at a time, in a piece that holds that angle; at a joint either does."""
-    rows, size, ahead = cam.law.pieces[piece], cam.law.size, cam.speed * time
-    span = rows[SIZES][SPAN]
-    away = cam.angle - (cam.law.begins[piece] + 0.5 * span)
-    away = away - math.floor((away + ahead) / TURN + 0.5) * TURN + ahead
-    u = min(max(away / span + 0.5, 0.0), 1.0)
-    return weighted_value(rows[LIFT], size, u), weighted_value(rows[SLOPE], size, u) * cam.speed
+    """Return s (m) and ṡ (m/s) at a time, evaluated in the given piece.
+
+    The piece contains the cam angle at that time. At a joint either neighbour is allowed, which
+    selects the left or the right limit.
+    """
+    law, advance = cam.law, cam.speed * time
+    span, rows = law.pieces[piece]["span"], law.polynomials[piece]
+    # Measured from the middle of the piece, so that whole turns cancel before rounding.
+    offset = cam.angle - (law.pieces[piece]["start"] + 0.5 * span)
+    offset = offset - math.floor((offset + advance) / TURN + 0.5) * TURN + advance
+    u = min(max(offset / span + 0.5, 0.0), 1.0)
+    velocity = weighted_value(rows[LawRow.SLOPE], law.size, u) * cam.speed
+    return weighted_value(rows[LawRow.LIFT], law.size, u), velocity
 
 
-def last_digit(cam: Cam) -> float:
-    """Time (s) in which the cam turns by the rounding of its angle."""
-    return SLIP * EPS * (abs(cam.angle) + TURN) / cam.speed
+def angle_rounding_time(cam: Cam) -> float:
+    """Return the time (s) in which the cam turns by the rounding error of its angle."""
+    return ANGLE_ROUNDING_ERRORS * EPS * (abs(cam.angle) + TURN) / cam.speed
 
 
 def piece_from(cam: Cam, time: float) -> tuple[int, float, float]:
-    """The law's piece from a time on, and the angles (rad) where it begins and ends.
+    """Return the piece that follows a time (s), and its start and end angle (rad).
 
-    One that ends within the rounding of the angle is over: a lift-off where s'' falls is there,
-    and not a last digit before.
+    A piece that ends within the rounding of the angle counts as finished: a lift-off where s''
+    jumps down lies at the joint and not one float before it.
     """
-    law, at = cam.law, cam.angle + cam.speed * time
-    turn = math.floor(at / TURN) * TURN
-    index = index_at(law.begins, at - turn)
-    low, last = law.begins[index] + turn, index + 1 == len(law.begins)
-    high = (TURN if last else law.begins[index + 1]) + turn
-    if (high - cam.angle) / cam.speed <= time + last_digit(cam):
-        index = 0 if last else index + 1
-        low, high = high, high + law.pieces[index][SIZES][SPAN]
+    law, angle = cam.law, cam.angle + cam.speed * time
+    turn = math.floor(angle / TURN) * TURN
+    index = index_at(law.pieces["start"], angle - turn)
+    is_last = index + 1 == len(law.pieces)
+    low = law.pieces[index]["start"] + turn
+    high = (TURN if is_last else law.pieces[index + 1]["start"]) + turn
+    if (high - cam.angle) / cam.speed <= time + angle_rounding_time(cam):
+        index = 0 if is_last else index + 1
+        low, high = high, high + law.pieces[index]["span"]
     return index, low, high
 
 
 def gap_rounding(law: LawTable, displacement: float) -> float:
-    """Bound (m) on the error of a gap: of both displacements, the angle, the law's own joints."""
-    size = max(abs(displacement), law.largest) + TURN * law.steepest
-    return ROUNDING_ERRORS * EPS * size + law.largest_step
+    """Return the rounding error (m) of a gap computed as a difference, ε_g in docs/proofs.md.
+
+    It covers the rounding of the follower's displacement, of s, of the cam angle, and the steps
+    of s at the joints of the law.
+    """
+    size = max(abs(displacement), law.max_lift) + TURN * law.max_slope
+    return GAP_ROUNDING_ERRORS * EPS * size + law.max_lift_step

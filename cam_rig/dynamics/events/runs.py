@@ -1,302 +1,308 @@
-"""One mass, or a roller and an end mass, through an interval: contact, lift-off, flight, landing.
+"""Contact, lift-off, flight and landing of one mass or two masses: the state machine of a run.
 
-A landing stops the mass that meets the cam, or it rebounds with Newton's restitution; an end mass
-goes on with the velocity it had.
+    CONTACT → lift-off → FLIGHT → landing → CONTACT, or FLIGHT again if the landing rebounds
+
+| from    | condition                                   | to      | event, gap rate afterwards    |
+|---------|---------------------------------------------|---------|-------------------------------|
+| CONTACT | contact force falls to 0                    | FLIGHT  | lift-off, 0                   |
+| CONTACT | ṡ jumps down by Δ                           | FLIGHT  | lift-off, Δ                   |
+| CONTACT | ṡ jumps up by Δ, rebound is high enough     | FLIGHT  | landing (impact), e Δ         |
+| CONTACT | ṡ jumps up by Δ, rebound is too low         | CONTACT | landing (impact)              |
+| FLIGHT  | gap falls to 0 at rate −v, high enough      | FLIGHT  | landing, e v                  |
+| FLIGHT  | gap falls to 0 at rate −v, too low          | CONTACT | landing                       |
+| FLIGHT  | ṡ jumps by ±Δ                               | FLIGHT  | no event, rate ∓ Δ            |
+
+`run_events` repeats three steps: find the end of the phase, record the phase, apply the event at
+its end. A phase ends at its event, at the next velocity jump, or at the end of the interval.
+
+Invariants after each repetition, with the inequalities of docs/proofs.md, part 1:
+
+1. The recorded phases follow each other without a gap. The last one ends at ``state["time"]``.
+2. The force was not below −ε_F in CONTACT, nor the gap below −ε_g in FLIGHT (theorem A).
+3. In FLIGHT ``gap`` and ``gap_rate`` are the follower less the cam at ``time``, after all velocity
+   jumps up to ``time``. Each jump is subtracted exactly once (13).
+4. A flight that starts at an event starts with a gap of exactly 0 and a gap rate ≥ 0.
+5. A rebound has e times the speed of its landing relative to the cam. Bounces end, because one
+   that would stay below ``min_bounce_height`` comes to rest (14).
+
+A landing stops the contact mass on the cam or rebounds with Newton's restitution e. The end mass
+of two masses keeps its velocity.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
-from cam_rig.dynamics.events.approach import FlightOverCam, landing
-from cam_rig.dynamics.events.contact import Pair, StemContactTable, loss_of_contact, state_after
-from cam_rig.dynamics.events.free_flight import FreeTable, lift_off_state, moved
-from cam_rig.dynamics.events.law_table import Cam, cam_at
+import numpy as np
+
+from cam_rig.dynamics.events.approach import FlightOverCam, find_landing
+from cam_rig.dynamics.events.contact import Vibration, find_loss_of_contact, vibration_after
+from cam_rig.dynamics.events.free_flight import advance, start_free_motion
+from cam_rig.dynamics.events.law_table import Cam, CamMotion, cam_at
+from cam_rig.dynamics.events.run_table import (
+    EventCode,
+    Jumps,
+    Mode,
+    RunRecord,
+    RunTable,
+    StemStretch,
+)
 from cam_rig.dynamics.velocity_jumps import SAME_PLACE
-from cam_rig.laws.rows import Row, Rows, borrowed, zeros
+from cam_rig.laws.rows import borrowed, zeros
 from cam_rig.units import TURN
 
-#: (s, ṡ, s̈).
-Motion = tuple[float, float, float]
-#: Angle (rad) of a loss interval too short to lift anything but a rounding error.
-GRAZE = 1e-9
-
-
-#: Places in the row of numbers that a run goes on from: the time, whether the follower flies,
-#: whether its gap is known, the gap, the speed at which it opens, velocity jumps that are over,
-#: the step of ṡ that is still to be met, whether the run has begun, and the state (contact or
-#: flight).
-TIME, FLYING, KNOWN, GAP, GAP_RATE, JUMPS_DONE, STEP, BEGUN, STATE = range(9)
-#: Numbers of a phase: the run's row where it begins, up to four of the state, and when it ends.
-PHASE_SIZE, END = STATE + 5, STATE + 4
-#: Numbers of an event: 0 for a lift-off or 1 for a landing, time, impulse, energy lost.
-EVENT_SIZE = 4
-
-
-class Jumps(NamedTuple):
-    """Velocity jumps of an interval."""
-
-    ahead: Rows  #: ``(n, 2)``: when (s), what ṡ gains (m/s)
-    duration: float  #: s
-    clear: float  #: up to where the law is as before a velocity jump of the next interval, s
-
-
-class RunRecord(NamedTuple):
-    """What a run writes."""
-
-    now: Row  #: its place, ``(9 + n,)``
-    phases: Rows
-    events: Rows
-    counts: Row  #: how many phases and events there are
-
-
-def has_room(record: RunRecord) -> bool:
-    """Whether one more phase and its events can be written."""
-    phases, events = record.counts[0], record.counts[1]
-    return phases + 1 <= len(record.phases) and events + 2 <= len(record.events)
-
-
-def add_phase(record: RunRecord, end: float) -> None:
-    """Note a phase from where the run is to ``end`` (s)."""
-    row, now = record.phases[int(record.counts[0])], record.now
-    for i in range(END):
-        row[i] = now[i] if i < len(now) else 0.0
-    row[END] = end
-    record.counts[0] += 1.0
-
-
-def add_event(record: RunRecord, landing: bool, time: float, impulse: float, lost: float) -> None:
-    """Note a lift-off or a landing."""
-    row = record.events[int(record.counts[1])]
-    row[0], row[1], row[2], row[3] = 1.0 if landing else 0.0, time, impulse, lost
-    record.counts[1] += 1.0
-
-
-def bound(jumps: Jumps, now: Row) -> float:
-    """Time of the next velocity jump, or the end."""
-    done = int(now[JUMPS_DONE])
-    return min(jumps.ahead[done][0], jumps.duration) if done < len(jumps.ahead) else jumps.duration
-
-
-def no_later(jumps: Jumps, now: Row, speed: float, time: float) -> float:
-    """``time``, or `bound` where it is later, or only by rounding before a jump there."""
-    near = SAME_PLACE / speed if int(now[JUMPS_DONE]) < len(jumps.ahead) else 0.0
-    last = bound(jumps, now)
-    return time if time < last - near else last
-
-
-def jump_at(jumps: Jumps, now: Row, time: float) -> bool:
-    """Whether the next velocity jump is at a time, or before it."""
-    done = int(now[JUMPS_DONE])
-    return done < len(jumps.ahead) and jumps.ahead[done][0] <= time
-
-
-def take(jumps: Jumps, now: Row, time: float) -> float:
-    """Done with the velocity jumps up to a time: what ṡ gains by them, m/s."""
-    gained = 0.0
-    while jump_at(jumps, now, time):
-        gained += jumps.ahead[int(now[JUMPS_DONE])][1]
-        now[JUMPS_DONE] += 1.0
-    return gained
-
-
-def fly_from(now: Row, known: bool, gap: float, gap_rate: float) -> None:
-    """The follower is in the air; its state is there already."""
-    now[FLYING], now[KNOWN] = 1.0, 1.0 if known else 0.0
-    now[GAP], now[GAP_RATE] = gap, gap_rate
-
-
-def rises(rebound: float, pull: float, least: float) -> bool:
-    """Whether a rebound (m/s) against a deceleration (m/s²) comes higher than ``least`` (m)."""
-    if rebound <= 0.0 or pull <= 0.0:
-        return rebound > 0.0
-    return 0.5 * rebound * rebound / pull > least
-
-
-class RunTable(NamedTuple):
-    """A follower on a turning cam: one rigid mass, or two masses where it has a stem.
-
-    In contact the state of two masses is the end mass's vibration (η, η̇), that of one is the cam's;
-    in flight it is (w, ẇ, Y, Ẏ) of two and (y, ẏ) of one, as in `FreeSystem`.
-    """
-
-    cam: Cam
-    free: FreeTable
-    jumps: Jumps
-    mass: float  #: kg, of what meets the cam
-    #: weights of s, ṡ, s̈ in the contact force, and its constant (N)
-    force: tuple[float, float, float, float]
-    #: ``(n, 2)`` cam angles in [0, 2π] between which the cam would have to pull one mass
-    losses: Rows
-    stem: bool  #: whether there are two masses; of one the five after it are not used
-    contact: StemContactTable  #: the end mass while the roller is on the cam
-    drive: Motion  #: what s, ṡ, s̈ contribute to η̈
-    end_share: float  #: of the end mass in both
-    left: float  #: 1 − α, the static share of the lift that the stem is compressed by
-    sag: float  #: m, what the preload compresses
-    restitution: float  #: of a landing
-    force_noise: float  #: m/s², as in `FlightOverCam`
-    least_bounce: float  #: m, below which a bounce is contact
-    no_impact: float  #: m/s, below which a step of ṡ is rounding
+#: Angle (rad) below which an interval without contact force is rounding and lifts nothing.
+MIN_LOSS_ANGLE = 1e-9
 
 
 def run_events(run: RunTable, record: RunRecord) -> None:
-    """Phase after phase, up to the interval's end or as far as there is room for them."""
+    """Record phases and events up to the end of the interval, or until the record is full."""
     run, record = borrowed(run), borrowed(record)
-    now = record.now
-    if now[BEGUN] == 0.0:
-        now[BEGUN] = 1.0
-        _velocity_step(run, record, 0.0, now[STEP] + take(run.jumps, now, 0.0))
-    while now[TIME] < run.jumps.duration and has_room(record):
-        if now[FLYING] != 0.0:
-            _flight(run, record)
-        elif run.stem:
-            _contact_of_two(run, record)
+    state, counts = record.state[0], record.counts[0]
+    if not state["has_started"]:
+        state["has_started"] = True
+        step = state["initial_step"] + _consume_jumps(run.jumps, state, 0.0)
+        _apply_velocity_step(run, record, 0.0, step)
+    while (
+        state["time"] < run.jumps.duration
+        and counts["phases"] + 1 <= len(record.phases)
+        and counts["events"] + 2 <= len(record.events)
+    ):
+        if state["mode"] == Mode.FLIGHT:
+            _fly(run, record)
+        elif run.has_stem:
+            _ride_two_masses(run, record)
         else:
-            _contact_of_one(run, record)
+            _ride_one_mass(run, record)
 
 
-def _contact_of_one(run: RunTable, record: RunRecord) -> None:
-    now, last = record.now, bound(run.jumps, record.now)
-    end, lift_off = last, _next_lift_off(run, now[TIME])
-    if lift_off < run.jumps.clear:
-        end = no_later(run.jumps, now, run.cam.speed, lift_off)
-    add_phase(record, end)
-    now[TIME] = end
-    if end < last:
-        _lift_off(run, record, end, cam_at(run.cam, end), (0.0, 0.0), 0.0)
+def start_flight(state: np.void, gap_known: bool, gap: float, gap_rate: float) -> None:
+    """Set a state to FLIGHT; its vector is set already."""
+    state["mode"], state["gap_known"] = Mode.FLIGHT, gap_known
+    state["gap"], state["gap_rate"] = gap, gap_rate
+
+
+def _ride_one_mass(run: RunTable, record: RunRecord) -> None:
+    """Run contact of one mass up to its lift-off, the next velocity jump, or the end."""
+    state = record.state[0]
+    time, limit = state["time"], _next_limit(run.jumps, state)
+    lift_off, angle = math.inf, run.cam.angle + run.cam.speed * time
+    turn, count = math.floor(angle / TURN) * TURN, len(run.losses)
+    for i in range(2 * count):  # this turn and the next one
+        loss, turn_start = run.losses[i % count], turn + TURN if i >= count else turn
+        if turn_start + loss["end"] - angle > MIN_LOSS_ANGLE:
+            lift_off = time + max(0.0, (turn_start + loss["start"] - angle) / run.cam.speed)
+            break
+    end = limit
+    if lift_off < run.jumps.contact_limit:
+        end = _limit_event_time(run, state, lift_off)
+    _record_phase(record, end)
+    state["time"] = end
+    if end < limit:
+        _lift_off(run, record, end, cam_at(run.cam, end), StemStretch(0.0, 0.0), 0.0)
     else:
-        _velocity_step(run, record, end, take(run.jumps, now, end))
+        _apply_velocity_step(run, record, end, _consume_jumps(run.jumps, state, end))
 
 
-def _next_lift_off(run: RunTable, time: float) -> float:
-    """Time (s) of the next lift-off of one mass, infinity when the cam never has to pull."""
-    angle, count = run.cam.angle + run.cam.speed * time, len(run.losses)
-    turn = math.floor(angle / TURN) * TURN
-    for i in range(2 * count):
-        whole = turn + TURN if i >= count else turn
-        if whole + run.losses[i % count][1] - angle > GRAZE:
-            return time + max(0.0, (whole + run.losses[i % count][0] - angle) / run.cam.speed)
-    return math.inf
-
-
-def _contact_of_two(run: RunTable, record: RunRecord) -> None:
-    now, time, last = record.now, record.now[TIME], bound(run.jumps, record.now)
-    start, angle = (now[STATE], now[STATE + 1]), run.cam.angle + run.cam.speed * time
-    limit = min(last, run.jumps.clear) - time
-    loss = loss_of_contact(run.contact, run.cam.speed, angle, start, limit)
-    lost, end = loss.time >= 0.0, last
-    if lost:
-        end = no_later(run.jumps, now, run.cam.speed, time + loss.time)
-    add_phase(record, end)
-    impact = jump_at(run.jumps, now, end)
-    gained, now[TIME] = take(run.jumps, now, end), end
-    if lost and not impact:
+def _ride_two_masses(run: RunTable, record: RunRecord) -> None:
+    """Run contact of two masses up to the loss of contact, the next velocity jump, or the end."""
+    state, contact = record.state[0], run.contact
+    time, limit = state["time"], _next_limit(run.jumps, state)
+    vibration = Vibration(state["vector"][0], state["vector"][1])
+    angle = run.cam.angle + run.cam.speed * time
+    duration = min(limit, run.jumps.contact_limit) - time
+    loss = find_loss_of_contact(contact, run.cam.speed, angle, vibration, duration)
+    end = _limit_event_time(run, state, time + loss.time) if loss.is_lost else limit
+    _record_phase(record, end)
+    jumps_before = state["jumps_done"]
+    step, state["time"] = _consume_jumps(run.jumps, state, end), end
+    if loss.is_lost and state["jumps_done"] == jumps_before:
         cam = cam_at(run.cam, end)
-        vibration = state_after(run.contact, loss.stretch, loss.time - loss.begin)
-        vibration = _continued(run, vibration, cam, (end - time) - loss.time)
-        _lift_off(run, record, end, cam, stem_stretch(run, vibration, cam), 0.0)
+        vibration = vibration_after(contact, loss.stretch, loss.time - loss.stretch_start)
+        # The flight starts at a float, which differs from the loss by rounding: one Euler step.
+        rounding = (end - time) - loss.time
+        driven = run.drive.lift * cam.lift + run.drive.velocity * cam.velocity
+        driven += run.drive.acceleration * cam.acceleration
+        acceleration = driven - contact.stiffness * vibration.displacement
+        acceleration -= contact.damping * vibration.velocity
+        vibration = Vibration(
+            vibration.displacement + rounding * vibration.velocity,
+            vibration.velocity + rounding * acceleration,
+        )
+        _lift_off(run, record, end, cam, compute_stem_stretch(run, vibration, cam), 0.0)
         return
-    vibration = state_after(run.contact, loss.stretch, (end - time) - loss.begin)
-    now[STATE], now[STATE + 1] = vibration
-    _velocity_step(run, record, end, gained)
+    vibration = vibration_after(contact, loss.stretch, (end - time) - loss.stretch_start)
+    state["vector"][0], state["vector"][1] = vibration.displacement, vibration.velocity
+    _apply_velocity_step(run, record, end, step)
 
 
-def _continued(run: RunTable, vibration: Pair, cam: Motion, time: float) -> Pair:
-    """(η, η̇) a rounding of time (s) later: what follows begins at a time that is a float."""
-    contact, drive = run.contact, run.drive
-    driven = drive[0] * cam[0] + drive[1] * cam[1] + drive[2] * cam[2]
-    bend = driven - contact.stiffness * vibration[0] - contact.damping * vibration[1]
-    return vibration[0] + time * vibration[1], vibration[1] + time * bend
-
-
-def _flight(run: RunTable, record: RunRecord) -> None:
-    """A phase of flight, at most to the next velocity jump, and what ends it."""
-    now, begin, cam = record.now, record.now[TIME], run.cam
-    last, start = bound(run.jumps, now), zeros(len(now) - STATE)
+def _fly(run: RunTable, record: RunRecord) -> None:
+    """Run a flight up to its landing, the next velocity jump, or the end."""
+    state, vector, cam = record.state[0], record.state[0]["vector"], run.cam
+    time, limit = state["time"], _next_limit(run.jumps, state)
+    start = zeros(run.free[0]["size"])
     for i in range(len(start)):
-        start[i] = now[STATE + i]
-    lift_off = lift_off_state(run.free, start)
-    ahead = Cam(cam.law, cam.speed, cam.angle + cam.speed * begin)
+        start[i] = vector[i]
+    lift_off = start_free_motion(run.free, start)
     flight = FlightOverCam(
-        lift_off, ahead, now[KNOWN] != 0.0, now[GAP], now[GAP_RATE], run.force_noise
+        lift_off=lift_off,
+        cam=Cam(law=cam.law, speed=cam.speed, angle=cam.angle + cam.speed * time),
+        gap_known=state["gap_known"],
+        gap=state["gap"],
+        gap_rate=state["gap_rate"],
+        acceleration_rounding=run.acceleration_rounding,
     )
-    found = landing(flight, last - begin)
-    end = no_later(run.jumps, now, cam.speed, begin + found.time) if found.landed else last
-    add_phase(record, end)
-    gap_rate, now[TIME] = found.rate - take(run.jumps, now, end), end
-    lands = found.landed and gap_rate <= 0.0
-    if run.stem or not lands:  # where one mass lands the cam says where it is
-        way = moved(lift_off, end - begin).way
+    landing = find_landing(flight, limit - time)
+    end = _limit_event_time(run, state, time + landing.time) if landing.has_landed else limit
+    _record_phase(record, end)
+    gap_rate, state["time"] = landing.rate - _consume_jumps(run.jumps, state, end), end
+    has_landed = landing.has_landed and gap_rate <= 0.0
+    if run.has_stem or not has_landed:  # one mass that lands has the displacement of the cam
+        change = advance(lift_off, end - time).change
         for i in range(len(start)):
-            now[STATE + i] += way[i]
-    if lands:
-        _land(run, record, end, (now[STATE], now[STATE + 1]), gap_rate)
+            vector[i] += change[i]
+    if has_landed:
+        _land(run, record, end, StemStretch(vector[0], vector[1]), gap_rate)
     else:
-        fly_from(now, True, found.gap, gap_rate)
+        start_flight(state, True, landing.gap, gap_rate)
 
 
-def _velocity_step(run: RunTable, record: RunRecord, time: float, gained: float) -> None:
-    """Where ṡ gains (m/s): an impact on what is in contact, or its lift-off."""
-    now = record.now
-    if abs(gained) <= run.no_impact:
+def _apply_velocity_step(run: RunTable, record: RunRecord, time: float, step: float) -> None:
+    """Apply a step of ṡ (m/s): an impact or a lift-off in contact, a new gap rate in flight."""
+    state = record.state[0]
+    if abs(step) <= run.min_velocity_step:
         return
-    if now[FLYING] != 0.0:
-        now[GAP_RATE] -= gained
+    if state["mode"] == Mode.FLIGHT:
+        state["gap_rate"] -= step
         return
-    s, rate, bend = cam_at(run.cam, time)
-    before = (s, rate - gained, bend)
-    stretch = stem_stretch(run, (now[STATE], now[STATE + 1]), before)
-    if gained < 0.0:
-        _lift_off(run, record, time, before, stretch, -gained)
+    cam = cam_at(run.cam, time)
+    before = CamMotion(cam.lift, cam.velocity - step, cam.acceleration)
+    vibration = Vibration(state["vector"][0], state["vector"][1])
+    stretch = compute_stem_stretch(run, vibration, before)
+    if step < 0.0:
+        _lift_off(run, record, time, before, stretch, -step)
     else:
-        _land(run, record, time, stretch, -gained)
-
-
-def stem_stretch(run: RunTable, vibration: Pair, cam: Motion) -> Pair:
-    """(w, ẇ) of the stem of a roller on the cam: a small difference, without its rounding."""
-    return vibration[0] - run.left * cam[0] - run.sag, vibration[1] - run.left * cam[1]
+        _land(run, record, time, stretch, -step)
 
 
 def _lift_off(
-    run: RunTable, record: RunRecord, time: float, cam: Motion, stretch: Pair, gap_rate: float
+    run: RunTable,
+    record: RunRecord,
+    time: float,
+    cam: CamMotion,
+    stretch: StemStretch,
+    gap_rate: float,
 ) -> None:
-    """What goes with the cam's motion lifts off at ``gap_rate`` m/s."""
-    add_event(record, False, time, 0.0, 0.0)
-    _fly(run, record, cam, stretch, 0.0, gap_rate)
+    """Record a lift-off and launch a follower that moves with ``cam``, at ``gap_rate`` m/s."""
+    _record_event(record, EventCode.LIFT_OFF, time, 0.0, 0.0)
+    _launch(run, record.state[0], cam, stretch, 0.0, gap_rate)
 
 
-def _fly(
-    run: RunTable, record: RunRecord, cam: Motion, stretch: Pair, rising: float, gap_rate: float
-) -> None:
-    """What is on the cam, faster than it by ``rising`` m/s, flies off it at ``gap_rate`` m/s."""
-    now, share, velocity = record.now, run.end_share, cam[1] + rising
-    if run.stem:
-        now[STATE], now[STATE + 1] = stretch
-        now[STATE + 2] = cam[0] + share * stretch[0]
-        now[STATE + 3] = velocity + share * stretch[1]
-    else:
-        now[STATE], now[STATE + 1] = cam[0], velocity
-    fly_from(now, True, 0.0, gap_rate)
+def _land(run: RunTable, record: RunRecord, time: float, stretch: StemStretch, rate: float) -> None:
+    """Record a landing at a gap rate ≤ 0 (m/s): the follower rebounds or comes to rest.
 
-
-def _land(run: RunTable, record: RunRecord, time: float, stretch: Pair, rate: float) -> None:
-    """A landing at ``rate`` ≤ 0 (m/s), of two masses from (w, ẇ): it flies on, or stays."""
-    now, cam, approach, force = record.now, cam_at(run.cam, time), -rate, 0.0
-    on_cam, vibration = (stretch[0], stretch[1] + rate), (0.0, 0.0)
-    if run.stem:
-        rest = stem_stretch(run, (0.0, 0.0), cam)
-        vibration = (on_cam[0] - rest[0], on_cam[1] - rest[1])
-        force = run.contact.place * vibration[0] + run.contact.velocity * vibration[1]
-    force += run.force[0] * cam[0] + run.force[1] * cam[1] + run.force[2] * cam[2] + run.force[3]
-    rebound = run.restitution * approach
-    bounces = rises(rebound, force / run.mass, run.least_bounce)
-    restitution = run.restitution if bounces else 0.0
+    ``stretch`` is that of two masses just before the landing.
+    """
+    state, cam, approach, force = record.state[0], cam_at(run.cam, time), -rate, 0.0
+    on_cam, vibration = StemStretch(stretch.length, stretch.rate + rate), Vibration(0.0, 0.0)
+    if run.has_stem:
+        static = compute_stem_stretch(run, Vibration(0.0, 0.0), cam)
+        vibration = Vibration(on_cam.length - static.length, on_cam.rate - static.rate)
+        force = run.contact.force_per_displacement * vibration.displacement
+        force += run.contact.force_per_velocity * vibration.velocity
+    weights = run.force
+    force += (
+        weights.lift * cam.lift
+        + weights.velocity * cam.velocity
+        + weights.acceleration * cam.acceleration
+        + weights.constant
+    )
+    # A rebound against the deceleration that closes the gap again ends if it is too low (14).
+    rebound, deceleration = run.restitution * approach, force / run.mass
+    rebounds = rebound > 0.0
+    if rebounds and deceleration > 0.0:
+        rebounds = 0.5 * rebound * rebound / deceleration > run.min_bounce_height
+    restitution = run.restitution if rebounds else 0.0
     impulse = run.mass * (1.0 + restitution) * approach
-    lost = 0.5 * run.mass * (1.0 - restitution * restitution) * approach * approach
-    add_event(record, True, time, impulse, lost)
-    if bounces:
-        _fly(run, record, cam, (on_cam[0], on_cam[1] - rebound), rebound, rebound)
+    energy_lost = 0.5 * run.mass * (1.0 - restitution * restitution) * approach * approach
+    _record_event(record, EventCode.LANDING, time, impulse, energy_lost)
+    if rebounds:
+        launched = StemStretch(on_cam.length, on_cam.rate - rebound)
+        _launch(run, state, cam, launched, rebound, rebound)
         return
-    now[FLYING], now[STATE], now[STATE + 1] = 0.0, vibration[0], vibration[1]
+    state["mode"] = Mode.CONTACT
+    state["vector"][0], state["vector"][1] = vibration.displacement, vibration.velocity
+
+
+def _launch(
+    run: RunTable,
+    state: np.void,
+    cam: CamMotion,
+    stretch: StemStretch,
+    rebound: float,
+    gap_rate: float,
+) -> None:
+    """Start a flight on the cam, at ``rebound`` m/s relative to ``cam``."""
+    vector, velocity = state["vector"], cam.velocity + rebound
+    if run.has_stem:
+        vector[0], vector[1] = stretch.length, stretch.rate
+        vector[2] = cam.lift + run.end_share * stretch.length
+        vector[3] = velocity + run.end_share * stretch.rate
+    else:
+        vector[0], vector[1] = cam.lift, velocity
+    start_flight(state, True, 0.0, gap_rate)
+
+
+def compute_stem_stretch(run: RunTable, vibration: Vibration, cam: CamMotion) -> StemStretch:
+    """Return the stem's stretch with the roller on the cam, without cancellation.
+
+    w = η − (1 − α) s − preload / (k₁ + k₂), which is small compared with both displacements.
+    """
+    length = vibration.displacement - run.spring_share * cam.lift - run.preload_compression
+    return StemStretch(length, vibration.velocity - run.spring_share * cam.velocity)
+
+
+def _next_limit(jumps: Jumps, state: np.void) -> float:
+    """Return the time (s) of the next velocity jump, or of the end of the interval."""
+    done = state["jumps_done"]
+    if done == len(jumps.ahead):
+        return jumps.duration
+    time: float = jumps.ahead[done]["time"]
+    return min(time, jumps.duration)
+
+
+def _limit_event_time(run: RunTable, state: np.void, time: float) -> float:
+    """Return ``time``, or `_next_limit` if it is later or, by rounding, just before a jump."""
+    has_jump = state["jumps_done"] < len(run.jumps.ahead)
+    limit, rounding = _next_limit(run.jumps, state), SAME_PLACE / run.cam.speed
+    return time if time < limit - (rounding if has_jump else 0.0) else limit
+
+
+def _consume_jumps(jumps: Jumps, state: np.void, time: float) -> float:
+    """Consume the velocity jumps up to ``time`` (s) and return their sum (m/s)."""
+    step, done = 0.0, state["jumps_done"]
+    while done < len(jumps.ahead) and jumps.ahead[done]["time"] <= time:
+        step += jumps.ahead[done]["step"]
+        done += 1
+    state["jumps_done"] = done
+    return step
+
+
+def _record_phase(record: RunRecord, end: float) -> None:
+    """Record a phase from the current state to ``end`` (s)."""
+    counts = record.counts[0]
+    index = counts["phases"]
+    record.phases[index] = record.state[0]
+    record.phases[index]["phase_end"] = end
+    counts["phases"] += 1
+
+
+def _record_event(
+    record: RunRecord, code: EventCode, time: float, impulse: float, energy_lost: float
+) -> None:
+    """Record a lift-off or a landing."""
+    counts = record.counts[0]
+    event = record.events[counts["events"]]
+    event["code"], event["time"] = code, time
+    event["impulse"], event["energy_lost"] = impulse, energy_lost
+    counts["events"] += 1

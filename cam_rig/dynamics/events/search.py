@@ -21,7 +21,8 @@ from cam_rig.laws import rows
 MODULES = (
     *("laws.rows", "laws.polynomials"),
     *("dynamics.events.law_table", "dynamics.events.free_flight", "dynamics.events.approach"),
-    *("dynamics.events.contact", "dynamics.events.runs", "dynamics.events.turns"),
+    *("dynamics.events.contact", "dynamics.events.run_table"),
+    *("dynamics.events.runs", "dynamics.events.turns"),
     *("dynamics.modal.motion", "dynamics.modal.least"),
     *("dynamics.modal.sags", "dynamics.modal.first_zero", "dynamics.jump.rigid"),
 )
@@ -45,7 +46,7 @@ def form_of(function: Run) -> Run:
 
 
 def expect_many() -> None:
-    """Have compiled code loaded at the first search: a process that serves people searches often."""
+    """Load compiled code at the first search; a process that serves people searches often."""
     SPENT.seconds = max(SPENT.seconds, LOAD_AFTER)
 
 

@@ -18,11 +18,19 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cam_rig.dynamics.events import free_flight as air
-from cam_rig.dynamics.events import runs as at
-from cam_rig.dynamics.events.free_flight import flow_of, impulse_at
+import numpy as np
+
+from cam_rig.dynamics.events.contact import Vibration
+from cam_rig.dynamics.events.free_flight import compute_flow, compute_impulse_response
 from cam_rig.dynamics.events.law_table import cam_at
-from cam_rig.dynamics.events.runs import RunRecord, RunTable, run_events, stem_stretch
+from cam_rig.dynamics.events.run_table import (
+    EventCode,
+    Mode,
+    RunRecord,
+    RunTable,
+    StemStretch,
+)
+from cam_rig.dynamics.events.runs import compute_stem_stretch, run_events
 from cam_rig.laws.rows import Row, Rows, borrowed, zeros
 
 #: Places in a turn's row: its landings, the fastest of them (m/s), the slowest (m/s); the seconds
@@ -49,25 +57,26 @@ def run_turns(run: RunTable, record: RunRecord, frame: Rows, turns: Rows, most: 
     ``frame`` is as in `Change`. Fewer are filled where one has more than ``most`` landings.
     """
     run, record = borrowed(run), borrowed(record)
-    now, size = record.now, len(record.now) - at.STATE
+    state, size = record.state[0], run.free[0]["size"]
     weights = zeros(size)
     weights[0], weights[1] = run.cam.speed, 1.0
-    if run.stem:
+    if run.has_stem:
         weights[2], weights[3] = math.sqrt(run.contact.stiffness), 1.0
     change = Change(frame, zeros((size, size)), weights, zeros(size))
     for i in range(len(turns)):
         row = turns[i]
-        _begin(row, size, now[at.FLYING] != 0.0)
-        now[at.TIME], now[at.JUMPS_DONE], now[at.STEP], now[at.BEGUN] = 0.0, 0.0, 0.0, 0.0
-        if now[at.FLYING] == 0.0:  # a velocity jump at angle 0 may throw it at once
+        _begin(row, size, state["mode"] == Mode.FLIGHT)
+        state["time"], state["jumps_done"] = 0.0, 0
+        state["initial_step"], state["has_started"] = 0.0, False
+        if state["mode"] == Mode.CONTACT:  # a velocity jump at angle 0 may lift it off at once
             _hold(run, 0.0, change, row)
-        while now[at.TIME] < run.jumps.duration:
-            record.counts[0] = record.counts[1] = 0.0
+        while state["time"] < run.jumps.duration:
+            record.counts[0]["phases"] = record.counts[0]["events"] = 0
             run_events(run, record)
             _follow(run, record, change, row)
             if row[LANDINGS] > most:
                 return i
-        _end(run, now, row)
+        _end(run, state, row)
     return len(turns)
 
 
@@ -83,36 +92,43 @@ def _begin(row: Row, size: int, flies: bool) -> None:
         row[first + (j + 2) * size + j] = 1.0
 
 
-def _end(run: RunTable, now: Row, row: Row) -> None:
+def _end(run: RunTable, state: np.void, row: Row) -> None:
     """What a turn ends with, and the derivative of it."""
-    size = len(now) - at.STATE
+    size = run.free[0]["size"]
     first = ENDS + 2 * size
-    if now[at.FLYING] != 0.0:
-        row[ENDS], row[ENDS + 1], row[FLIES] = now[at.GAP], now[at.GAP_RATE], 1.0
+    if state["mode"] == Mode.FLIGHT:
+        row[ENDS], row[ENDS + 1], row[FLIES] = state["gap"], state["gap_rate"], 1.0
     for j in range(size * (size - 2)):  # w = y − z
         row[first + 2 * size + j] -= row[first + j]
-    if run.stem:
-        stem = (now[at.STATE], now[at.STATE + 1])
-        if now[at.FLYING] == 0.0:
-            stem = stem_stretch(run, stem, cam_at(run.cam, run.jumps.duration))
-        row[ENDS + 2], row[ENDS + 3] = stem
+    if run.has_stem:
+        stem = _stem_of(run, state, run.jumps.duration)
+        row[ENDS + 2], row[ENDS + 3] = stem.length, stem.rate
+
+
+def _stem_of(run: RunTable, state: np.void, time: float) -> StemStretch:
+    """Return the stretch of the stem in a state at a time (s)."""
+    vector = state["vector"]
+    if state["mode"] == Mode.FLIGHT:
+        return StemStretch(vector[0], vector[1])
+    vibration = Vibration(vector[0], vector[1])
+    return compute_stem_stretch(run, vibration, cam_at(run.cam, time))
 
 
 def _follow(run: RunTable, record: RunRecord, change: Change, row: Row) -> None:
     """Carry a change through the phases of a record."""
-    count, met, passed = int(record.counts[0]), int(record.counts[1]), 0
+    count, met, passed = record.counts[0]["phases"], record.counts[0]["events"], 0
     # The blow of a velocity jump at the turn's beginning comes before its first phase.
-    while passed < met and record.events[passed][1] <= 0.0:
+    while passed < met and record.events[passed]["time"] <= 0.0:
         _note(run, record.events[passed], row)
         passed += 1
     for i in range(count):
         phase = record.phases[i]
-        length, approach, rebound = phase[at.END] - phase[at.TIME], 0.0, 0.0
-        while passed < met and record.events[passed][1] <= phase[at.END]:
-            if record.events[passed][0] != 0.0:
+        length, approach, rebound = phase["phase_end"] - phase["time"], 0.0, 0.0
+        while passed < met and record.events[passed]["time"] <= phase["phase_end"]:
+            if record.events[passed]["code"] == EventCode.LANDING:
                 approach, rebound = _note(run, record.events[passed], row)
             passed += 1
-        if phase[at.FLYING] == 0.0:
+        if phase["mode"] == Mode.CONTACT:
             if length > 0.0:
                 row[ON_CAM] += length
                 _hold(run, length, change, row)
@@ -120,17 +136,18 @@ def _follow(run: RunTable, record: RunRecord, change: Change, row: Row) -> None:
         _fly(run, length, change, row)
         if approach > 0.0:  # a graze has none: that of the flights which just miss
             restitution = run.restitution if rebound > 0.5 * run.restitution * approach else 0.0
-            after = record.phases[i + 1] if i + 1 < count else record.now
-            _land(run, (phase[at.END], approach, restitution), after, change, row)
+            after = record.phases[i + 1] if i + 1 < count else record.state[0]
+            _land(run, (phase["phase_end"], approach, restitution), after, change, row)
 
 
-def _note(run: RunTable, event: Row, row: Row) -> tuple[float, float]:
+def _note(run: RunTable, event: np.void, row: Row) -> tuple[float, float]:
     """Note a landing in a turn's row: its speeds (m/s) against the cam before and after it."""
-    if event[0] == 0.0:
+    if event["code"] == EventCode.LIFT_OFF:
         return 0.0, 0.0
     # E = m (1 − e²) v²/2 of p = m (1 + e) v: v + e v, and v − e v.
-    both = event[2] / run.mass
-    less = 2.0 * event[3] / event[2] if event[2] > 0.0 else 0.0
+    impulse = event["impulse"]
+    both = impulse / run.mass
+    less = 2.0 * event["energy_lost"] / impulse if impulse > 0.0 else 0.0
     approach = 0.5 * (both + less)
     row[LANDINGS] += 1.0
     row[HARDEST] = max(row[HARDEST], approach)
@@ -140,16 +157,16 @@ def _note(run: RunTable, event: Row, row: Row) -> tuple[float, float]:
 
 def _fly(run: RunTable, time: float, change: Change, row: Row) -> None:
     """Φ of a flight of some seconds."""
-    step, free, trace = change.step, run.free, 0.0
+    step, free, trace = change.step, run.free[0], 0.0
     for i in range(len(step)):
-        trace += free.rows[air.MATRIX + i][i]
-    if not run.stem:
-        damping, stiffness = free.rows[air.DAMPING][0], free.rows[air.STIFFNESS][0]
-        impulse, rate, _ = impulse_at(damping, stiffness, time)
+        trace += free["matrix"][i][i]
+    if not run.has_stem:
+        damping, stiffness = free["pair_damping"][0], free["pair_stiffness"][0]
+        impulse, rate, _ = compute_impulse_response(damping, stiffness, time)
         step[0][0], step[0][1] = rate + damping * impulse, impulse
         step[1][0], step[1][1] = -stiffness * impulse, rate
     else:
-        flow, share = flow_of(free, time, len(step)), run.end_share
+        flow, share = compute_flow(free, time), run.end_share
         for i in range(4):  # of (z, y) and their rates; of them w = y − z, Y = (1 − e) z + e y
             for j in range(2):
                 one, two = flow[i][j], flow[i][j + 2]
@@ -162,29 +179,28 @@ def _fly(run: RunTable, time: float, change: Change, row: Row) -> None:
 
 
 def _land(
-    run: RunTable, landing: tuple[float, float, float], after: Row, change: Change, row: Row
+    run: RunTable, landing: tuple[float, float, float], after: np.void, change: Change, row: Row
 ) -> None:
     """The saltation matrix of a landing: its time (s), its approach (m/s), its restitution.
 
-    ``after`` is the follower's row of numbers from then on.
+    ``after`` is the state, or the phase, of the follower from then on.
     """
-    (time, approach, restitution), step = landing, change.step
+    (time, approach, restitution), step, free = landing, change.step, run.free[0]
     cam, size = cam_at(run.cam, time), len(step)
     for i in range(size):
         for j in range(size):
             step[i][j] = 1.0 if i == j else 0.0
     step[0][0] = step[1][1] = -restitution
-    if not run.stem:
-        damping, stiffness = run.free.rows[air.DAMPING][0], run.free.rows[air.STIFFNESS][0]
-        still = run.free.rows[air.LOAD][1] - stiffness * cam[0] - cam[2]
-        before = still - damping * (cam[1] - approach)
-        then = still - damping * (cam[1] + restitution * approach)
+    if not run.has_stem:
+        damping, stiffness = free["pair_damping"][0], free["pair_stiffness"][0]
+        still = free["load"][1] - stiffness * cam.lift - cam.acceleration
+        before = still - damping * (cam.velocity - approach)
+        then = still - damping * (cam.velocity + restitution * approach)
     else:
-        stem = (after[at.STATE], after[at.STATE + 1])
-        if after[at.FLYING] == 0.0:
-            stem = stem_stretch(run, stem, cam)
-        damping, both = -run.contact.velocity / run.mass, (1.0 + restitution) * approach
-        then = damping * stem[1] - run.contact.place / run.mass * stem[0] - cam[2]
+        stem, contact = _stem_of(run, after, time), run.contact
+        damping, both = -contact.force_per_velocity / run.mass, (1.0 + restitution) * approach
+        stiffness = contact.force_per_displacement / run.mass
+        then = damping * stem.rate - stiffness * stem.length - cam.acceleration
         before = then + damping * both
         step[3][0] = -(1.0 + restitution) * damping * (1.0 - run.end_share) / run.end_share
     step[1][0] = -(restitution * before + then) / approach
@@ -198,9 +214,9 @@ def _hold(run: RunTable, time: float, change: Change, row: Row) -> None:
     for i in range(len(step)):
         for j in range(len(step)):
             step[i][j] = 0.0
-    if run.stem:
+    if run.has_stem:
         damping, stiffness = run.contact.damping, run.contact.stiffness
-        impulse, rate, _ = impulse_at(damping, stiffness, time)
+        impulse, rate, _ = compute_impulse_response(damping, stiffness, time)
         step[2][2], step[2][3] = rate + damping * impulse, impulse
         step[3][2], step[3][3] = -stiffness * impulse, rate
     _carry(change, row, -math.inf, True)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cam_rig.dynamics.events.free_flight import impulse_at
+from cam_rig.dynamics.events.free_flight import compute_impulse_response
 from cam_rig.laws.rows import Row, Rows, Stack, zeros
 from cam_rig.units import TURN
 
@@ -299,7 +299,7 @@ def _polynomials(law: LawSeries, weights: Row, constant: float, lowest: Row, hig
 
 def flow_over(mode: Oscillator, time: float, out: Row) -> None:
     """e^{At} of (η, η̇) over a time (s), row by row."""
-    impulse, rate, _ = impulse_at(mode.damping, mode.stiffness, time)
+    impulse, rate, _ = compute_impulse_response(mode.damping, mode.stiffness, time)
     out[0], out[1] = rate + mode.damping * impulse, impulse
     out[2], out[3] = -mode.stiffness * impulse, rate
 

@@ -1,0 +1,120 @@
+"""Inequalities of docs/proofs.md, part 1, against dense samples over random laws and machines."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cam_rig.dynamics import FollowerParameters, TwoMassParameters
+from cam_rig.dynamics.events.approach import is_positive_between, positive_duration
+from cam_rig.dynamics.events.contact import CELLS, ContactRow, bound_share
+from cam_rig.dynamics.events.course import contact_table, free_table
+from cam_rig.dynamics.events.free_flight import advance_contact_mass, start_free_motion
+from cam_rig.dynamics.free_masses import contact_response, force_output, free_masses, to_inner
+from cam_rig.dynamics.linear.exponential import Flight, free_motion
+from cam_rig.dynamics.one_mass import free_mass
+from cam_rig.laws import bernstein
+from cam_rig.units import RPM
+
+from .test_gap_at_landing import random_law
+
+#: Random laws with a random machine each.
+CASES = 40
+#: Samples of a function that a bound is compared with.
+SAMPLES = 2000
+#: Relative rounding of a sample compared with a bound.
+RELATIVE_ROUNDING = 1e-10
+
+
+def random_machine(rng: np.random.Generator) -> TwoMassParameters:
+    """Return two masses with a stem from soft to stiff, weakly to strongly damped."""
+    return TwoMassParameters(
+        roller_mass=rng.uniform(0.1, 1.0),
+        end_mass=rng.uniform(0.2, 1.5),
+        stem_stiffness=10.0 ** rng.uniform(4.0, 7.0),
+        spring_stiffness=10.0 ** rng.uniform(2.0, 4.0),
+        stem_damping=10.0 ** rng.uniform(-1.0, 2.5),
+        damping=10.0 ** rng.uniform(-2.0, 1.5),
+        preload=rng.uniform(1.0, 60.0),
+        restitution=0.0,
+    )
+
+
+@pytest.mark.parametrize("kind", ["straight", "smooth"])
+def test_a_vibration_never_exceeds_its_share(kind):
+    """(4) bounds V and V̈, (8) proves F > ε_F; both hold at every sample, and neither is idle."""
+    closest, proven = 0.0, 0
+    for seed in range(CASES):
+        rng = np.random.default_rng(seed)
+        law, p, speed = random_law(kind, rng), random_machine(rng), rng.uniform(60, 500) * RPM
+        response = contact_response(law, p, speed)
+        table = contact_table(response, force_output(p))
+        weights = np.array([table.force_per_displacement, table.force_per_velocity])
+        frequency = math.sqrt(table.stiffness)
+        for part, rows in zip(table.parts, table.polynomials, strict=True):
+            # From the size of the static deflection down to a thousandth of it.
+            start = np.array([1e-4, 1e-4 * frequency]) * rng.standard_normal(2)
+            start *= 10.0 ** rng.uniform(-3.0, 0.0)
+            u = np.linspace(0.0, 1.0, SAMPLES)
+            free = free_motion(response.matrix, start, u * part["duration"])
+            share, bound = weights @ free, bound_share(table, frequency * start[0], start[1])
+            assert np.abs(share).max() <= bound * (1.0 + RELATIVE_ROUNDING)
+            closest = max(closest, float(np.abs(share).max() / bound))
+            second = response.matrix @ response.matrix
+            acceleration, jerk = second @ start
+            bend = bound_share(table, frequency * acceleration, jerk)
+            assert np.abs(weights @ second @ free).max() <= bend * (1.0 + RELATIVE_ROUNDING)
+            force = bernstein.basis(part["size"] - 1, u) @ rows[ContactRow.FORCE, : part["size"]]
+            cells = np.minimum((u * CELLS).astype(int), CELLS - 1)
+            rounding = part["force_rounding"]
+            assert (force >= part["cell_minima"][cells]).all()
+            is_proven = part["cell_minima"][cells] > bound + rounding
+            assert ((force + share)[is_proven] > rounding).all()
+            proven += int(is_proven.sum())
+    assert closest > 0.5
+    assert proven > CASES * SAMPLES // 10
+
+
+@pytest.mark.parametrize("model", ["one_mass", "two_mass"])
+@pytest.mark.parametrize("kind", ["straight", "smooth"])
+def test_a_proven_step_has_an_open_gap(kind, model):
+    """(5) bounds the gap's acceleration, so (2) or (3) accepts no step in which it closes."""
+    accepted = closed = 0
+    for seed in range(CASES):
+        rng = np.random.default_rng(seed)
+        law, speed, two = random_law(kind, rng), rng.uniform(60, 500) * RPM, random_machine(rng)
+        system = free_masses(two)
+        if model == "one_mass":
+            one = FollowerParameters(1.3, two.spring_stiffness, two.damping, two.preload, 3.3e8)
+            system = free_mass(one)
+        piece = int(rng.integers(law.spans.size))
+        low, span = float(law.breaks[piece]), float(law.spans[piece])
+        lift, slope, _ = law.at(low)
+        for _ in range(20):
+            z, v = lift + 10.0 ** rng.uniform(-5, -2), speed * slope + rng.normal()
+            start = np.array([z, v])
+            if model == "two_mass":
+                stretch = 1e-4 * rng.standard_normal(2) * [1.0, 1000.0]
+                start = to_inner(two, np.array([z, v, z + stretch[0], v + stretch[1]]))
+            width = span / speed * 10.0 ** rng.uniform(-3.0, 0.0)
+            times = np.linspace(0.0, width, SAMPLES)
+            place, velocity, acceleration = Flight(system, start).motion(times)
+            free = start_free_motion(free_table(system), start)
+            largest = advance_contact_mass(free, 0.0).max_acceleration
+            assert np.abs(acceleration).max() <= largest * (1.0 + RELATIVE_ROUNDING)
+            curvature = largest + speed**2 * float(law.largest_curvatures[piece])
+            inside = np.minimum((low + speed * times - low) / span, 1.0)
+            s = bernstein.basis(law.degree, inside) @ law.ordinates[:, piece]
+            slopes = bernstein.basis(law.degree - 1, inside[[0, -1]]) @ (
+                bernstein.derivative(law.ordinates[:, piece]) / span
+            )
+            gap, rates = place - s, velocity[[0, -1]] - speed * slopes
+            reach = positive_duration(float(gap[0]), float(rates[0]), curvature)
+            assert (gap[times < 0.999 * reach] > 0.0).all()  # (1)
+            ends = float(gap[0]), float(rates[0]), float(gap[-1]), float(rates[1])
+            if is_positive_between(*ends, width, curvature):
+                assert gap.min() > 0.0
+                accepted += 1
+            closed += bool(gap.min() < 0.0)
+    assert accepted > CASES
+    assert closed > CASES
