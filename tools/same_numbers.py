@@ -35,12 +35,20 @@ COMMANDS = {
     "jump steady": ("jump", "poly345", "bezier15", "--steady"),
     "jump ramp": ("jump", "poly345", "bezier15", "--ramp", "350"),
     "vibration": ("vibration",),
-    "factorial": ("factorial",),
     "noise": ("noise",),
     "simulate": ("simulate",),
     "simulate quick": ("simulate", "quick"),
     "analyze": ("analyze", "bags/golden"),
     "profile": ("profile", "--all"),
+    "law": ("law", "poly345", "cycloidal", "bezier15"),
+    "contact": ("contact", "flat", "oscillating_point"),
+    "orders": ("orders", "tm21_sweep", "--cam", "tm21", "--rpm", "200:400:50"),
+    "bounce": ("bounce", "tm21", "--restitution", "0.7", "--rpm", "400:460:20"),
+    "design": ("design", "poly345", "--maximise", "jump_speed", "--pieces", "4"),
+    "compare": ("compare", "bags/golden", "quick"),
+    "campaign": ("campaign", "tolerance_poly345", "--points", "8", "--out", "{folder}/points"),
+    "fit cam": ("fit", "cam", "config/cams/measured.csv"),
+    "fit rig": ("fit", "rig", "bags/golden", "bezier15"),
 }
 
 #: Keys whose name has changed since the numbers were kept, old: new.
@@ -53,9 +61,11 @@ ADDITION = " (added)"
 
 def outputs(name: str) -> Any:
     """What a command writes as JSON. Its exit code may be 1: a check of a cam failed."""
-    done = subprocess.run(
-        [*CAM_RIG, *COMMANDS[name], "--json", "-"], capture_output=True, text=True, check=False
-    )
+    with tempfile.TemporaryDirectory() as folder:
+        arguments = [word.format(folder=folder) for word in COMMANDS[name]]
+        done = subprocess.run(
+            [*CAM_RIG, *arguments, "--json", "-"], capture_output=True, text=True, check=False
+        )
     if not done.stdout.strip():
         sys.exit(
             f"cam-rig {' '.join(COMMANDS[name])}: no JSON, code {done.returncode}\n{done.stderr}"

@@ -178,7 +178,7 @@ def steady_turn(law: Law, follower: FollowerParameters, speed: float) -> SteadyT
 
 
 @dataclass(frozen=True)
-class Vibration:
+class SteadyVibration:
     """What a cam does to its follower and its shaft at one speed, in steady state."""
 
     window: LowDwell  #: where residual vibration is read
@@ -193,7 +193,7 @@ class Vibration:
 
 def vibration(
     law: Law, follower: FollowerParameters, shaft: TorsionalParameters | None, speed: float
-) -> Vibration:
+) -> SteadyVibration:
     """All measures of one cam at ``speed`` (rad/s)."""
     if shaft is not None:
         require_smooth(law, ", or a rig without a shaft")
@@ -205,7 +205,7 @@ def vibration(
         twist, fluctuation = behind.twist, behind.fluctuation
     elif shaft is not None:
         twist = float(np.ptp(steady_twist(law, shaft, speed)[1]))
-    return Vibration(
+    return SteadyVibration(
         window=window,
         residual_amplitude=float(residual_vibration(law, follower, np.array([speed]))[0]),
         peak_to_peak=float(np.ptp(inside)),

@@ -21,7 +21,7 @@ from cam_rig.errors import ConfigError
 from cam_rig.law_design.convex_program import Affine
 from cam_rig.law_design.space import Space
 from cam_rig.laws import bernstein
-from cam_rig.quantities.values import Mode
+from cam_rig.quantities.values import VibrationMode
 from cam_rig.units import TURN, ComplexArray, FloatArray, to_rpm
 
 #: Gauss points of a cell, and the phase (rad) of the vibration in it at most.
@@ -41,7 +41,7 @@ class Cells:
     """
 
     space: Space
-    mode: Mode
+    mode: VibrationMode
     slowest: float
 
     def __post_init__(self) -> None:

@@ -27,7 +27,7 @@ from cam_rig.laws.spline import bezier_pieces
 from cam_rig.profile.contact import Element
 from cam_rig.profile.disc import discs
 from cam_rig.quantities.terms import Limit, Sense, Term, sign_of
-from cam_rig.quantities.values import Mode, Subject, mode_of
+from cam_rig.quantities.values import Subject, VibrationMode, mode_of
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.units import TURN, FloatArray
 
@@ -313,7 +313,7 @@ class DesignProblem:
         self.force_scale = rigid.preload or 0.5 * rigid.spring_stiffness * self.start.lift
 
     @cached_property
-    def mode(self) -> Mode:
+    def mode(self) -> VibrationMode:
         """Of that follower on its stem."""
         return mode_of(self.rig)
 

@@ -141,7 +141,7 @@ def twist(one: Subject, term: Term, _: Sense) -> float:
 
 
 @dataclass(frozen=True)
-class Mode:
+class VibrationMode:
     """One mode in contact: λ (1/s, of positive imaginary part), its drive by ṡ and s̈, its force.
 
     ``drive`` is d₁ (1/s) and d₂. To the contact force η and η̇ add ``state`` (N/m, N·s/m), s, ṡ and
@@ -160,7 +160,7 @@ class Mode:
         return self.state[0] + self.state[1] * self.rate
 
     @classmethod
-    def of(cls, p: TwoMassParameters | FollowerParameters) -> Mode:
+    def of(cls, p: TwoMassParameters | FollowerParameters) -> VibrationMode:
         """Of two masses, or of one on its elastic stem (eq. 5 of the paper)."""
         if isinstance(p, TwoMassParameters):
             mass, stiffness = p.end_mass, p.stiffness
@@ -187,7 +187,7 @@ class Mode:
         )
 
 
-def speeds_of(mode: Mode, longest: float, low: float, high: float) -> FloatArray:
+def speeds_of(mode: VibrationMode, longest: float, low: float, high: float) -> FloatArray:
     """Speeds (rad/s) of a range, falling and even in 1/Ω, so many a beat of an event (rad)."""
     if low == high:
         return np.array([low])
@@ -214,10 +214,10 @@ def peaks(speeds: FloatArray, amplitudes: FloatArray, above: float) -> FloatArra
     return np.asarray(1.0 / found)
 
 
-def mode_of(rig: RigConfig) -> Mode:
+def mode_of(rig: RigConfig) -> VibrationMode:
     """The mode in which the follower vibrates on its stem."""
     rig.need("stem_stiffness", "a goal or limit of vibration")
-    return Mode.of(follower_of(rig))
+    return VibrationMode.of(follower_of(rig))
 
 
 def residual(one: Subject, term: Term, _: Sense) -> float:
@@ -232,7 +232,9 @@ def residual(one: Subject, term: Term, _: Sense) -> float:
     return max(highest)
 
 
-def left_by(mode: Mode, law: Law, start: float, end: float, speeds: FloatArray) -> FloatArray:
+def left_by(
+    mode: VibrationMode, law: Law, start: float, end: float, speeds: FloatArray
+) -> FloatArray:
     """Amplitude (m) that a law leaves between two angles (rad) from rest, at speeds (rad/s)."""
     edges = law.breaks[(law.breaks > start) & (law.breaks < end)]
     edges = np.array([start, *edges, end])

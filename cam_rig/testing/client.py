@@ -153,7 +153,7 @@ class RigClient:
     def _subscribe(self, topic: str, kind: Any, take: Callable[[Any], Any]) -> Any:
         how: Any = DEPTH
         if (known := _RIG_TOPICS.get(topic)) is not None:
-            kind, how = kind or message_class(known), qos(known, publishers=len(ENTRIES))
+            kind, how = kind or message_class(known), qos(known, histories=len(ENTRIES))
         elif kind is None:
             raise TypeError(f"{topic}: is no topic of the rig, so its type must be given: kind=...")
         return self.node.create_subscription(kind, topic, take, how)

@@ -17,7 +17,6 @@ from typer.testing import CliRunner
 from cam_rig.bag.completeness import require_complete
 from cam_rig.bag.files import bag_file
 from cam_rig.bag.reader import read_counts, read_recording, read_scene
-from cam_rig.bag.recorder import BagRecorder
 from cam_rig.bag.records import records_of
 from cam_rig.bag.recover import examine, recover, state_words
 from cam_rig.bag.replay import compare, played
@@ -149,7 +148,7 @@ def test_a_damaged_bag_is_read_or_refused(tmp_path, originals, seed):
         lambda one: list(played(one)),
         lambda one: compare(one, GOLDEN),
         lambda one: recover(one, tmp_path / "recovered"),
-        lambda one: BagRecorder(one, LOADED, resume=True).close() if seed % 3 else state_words(one),
+        state_words,
         read_recording,
     )
     for read in readers:

@@ -20,7 +20,7 @@ from cam_rig.law_design.request import LawClass
 from cam_rig.law_design.rows import rows_of
 from cam_rig.law_design.space import Space, dwells, measured
 from cam_rig.laws import Law, build_law
-from cam_rig.quantities.values import Mode
+from cam_rig.quantities.values import VibrationMode
 from cam_rig.units import TURN, FloatArray
 
 from .shared import RIG, cam, problem, term
@@ -166,7 +166,7 @@ def test_the_force_is_that_of_the_exact_model(seed: int) -> None:
     smooth = np.concatenate([ramps, ramps[::-1]]) + 0.05 * rng.normal(size=2 * ramps.size)
     unknowns = space.joined(smooth)
     law = space.law(unknowns, "any")
-    found = ForceAtSpeed(Cells(space, Mode.of(follower), speed), speed)
+    found = ForceAtSpeed(Cells(space, VibrationMode.of(follower), speed), speed)
     response = contact_response(law, follower, speed)
     chosen = np.arange(0, found.first.angles.size, 29)
     for turn in (1.0, 4.0, np.inf):
@@ -185,7 +185,7 @@ def test_an_overdamped_stem_has_no_residual_vibration() -> None:
     """Critical damping and more: one line, with the limit."""
     follower = FollowerParameters(1.3, 4030.0, 1e4, 30.0, 1.26e6)
     with pytest.raises(ConfigError, match=r"does not vibrate.*allowed.*below"):
-        Mode.of(follower)
+        VibrationMode.of(follower)
 
 
 QUANTITIES = ("shaft_torque@300rpm", "shaft_torque@50-600rpm", "pressure_angle")

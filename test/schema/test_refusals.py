@@ -26,7 +26,7 @@ def test_what_is_no_mapping(error_of):
         ("- 1\n- 2\n", "holds a list; allowed: a mapping"),
         ("just words", "holds text; allowed: a mapping"),
         ("3", "holds a int; allowed: a mapping"),
-        ("[" * 5000, "is nested too deeply"),
+        ("[" * 5000, "not YAML: line 1: nested too deeply"),
         (b"\xff\xfe\x00\x01", "cannot be read ("),
     ):
         assert_says(error_of("rig", text), words)

@@ -38,39 +38,32 @@ def test_scalars_are_those_of_yaml_1_2():
 def test_what_is_refused():
     """One line, with the line of the file, the limit and no more of the text than that."""
     deep = "\n".join("  " * i + "a:" for i in range(40))
-    for text, words in (
-        ("a: 1\nb: 2\na: 3\n", "not YAML: line 3: the key 'a' is there twice"),
-        ("1: a\n1.0: b", "not YAML: line 2: the key '1.0' is there twice"),
-        ("a:\n  - !foo 3", "not YAML: line 2: the tag '!foo' does not fit"),
-        ("a: !!int x", "not YAML: line 1: the tag 'tag:yaml.org,2002:int' does not fit"),
-        ("--- 1\n--- 2\n", "not YAML: line 2: a second document begins; allowed: one"),
-        ("\na: [1\n", "not YAML: while parsing a flow sequence at line 2, column 4"),
-        ("a: *b", "not YAML: line 1: *b is not there, or not at its end"),
-        ("a: &a\n  - *a", "not YAML: line 2: *a is not there, or not at its end"),
-        ("[a, b]: 3", "not YAML: line 1: a list or a mapping is a key; allowed: a text"),
-        ("a: 1\n<<: 3", "not YAML: line 2: << merges mappings alone"),
-        ("\n\na: 0b" + "1" * 50_000, "a number in line 3 has 50002 characters; allowed: 300"),
-        ("a: 1" + "0" * MAX_DIGITS, "a number in line 1 has 301 characters; allowed: 300"),
-        ("[" * 1000, "is nested too deeply, in line 1; allowed: 32 levels"),
-        (deep, "is nested too deeply, in line 33"),
-    ):
-        message = refusal(parse_yaml, text)
-        assert message.startswith(words) and len(message) < 200
-    parse_yaml("[" * MAX_DEPTH + "]" * MAX_DEPTH)
-
-
-def test_aliases_and_merges():
-    """Ten lists of ten lists of ten: a million values from a few lines are counted, not made."""
-    text = "a: &a {x: 1, y: 2}\nb: *a\nc: {<<: *a, y: 3}\nd: {<<: [{p: 1}, {p: 2, q: 3}]}"
-    a = {"x": 1, "y": 2}
-    assert parse_yaml(text) == {"a": a, "b": a, "c": {"x": 1, "y": 3}, "d": {"p": 1, "q": 3}}
     bomb = "a0: &a0 [1, 1, 1]\n"
     bomb += "".join(f"a{i}: &a{i} [{f'*a{i - 1}, ' * 10}]\n" for i in range(1, 9))
-    with pytest.raises(ConfigError, match=f"line 7: has more than {MAX_VALUES} values"):
-        parse_yaml(bomb)
-    chain = "b0: &b0 [1]\n" + "".join(f"b{i}: &b{i} [*b{i - 1}]\n" for i in range(1, 5000))
-    with pytest.raises(ConfigError, match="nested too deeply, in line 32"):
-        parse_yaml(chain)
+    for text, words in (
+        ("a: 1\nb: 2\na: 3\n", "line 3: duplicate key 'a'"),
+        ("1: a\n1.0: b", "line 2: duplicate key '1.0'"),
+        ("a:\n  - !foo 3", "line 2: tag '!foo' is not supported"),
+        ("a: !!timestamp 2001-01-01", "line 1: tag 'tag:yaml.org,2002:timestamp' is not"),
+        ("a: !!int x", "line 1: 'x' is not a number"),
+        ("a: 0x_", "line 1: '0x_' is not a number"),
+        ("--- 1\n--- 2\n", "expected a single document in the stream at line 1, column 5"),
+        ("\na: [1\n", "while parsing a flow sequence at line 2, column 4"),
+        ("a: *b", "line 1: alias *b is not supported; repeat the value"),
+        ("a: &a\n  - *a", "line 2: alias *a is not supported"),
+        (bomb, "line 2: alias *a0 is not supported"),
+        ("[a, b]: 3", "line 1: a list or a mapping is a key; use text"),
+        ("a: 1\n<<: {b: 3}", "line 2: merge key << is not supported"),
+        ("\n\na: 0b" + "1" * 50_000, "line 3: number with 50002 characters; at most 300"),
+        ("a: 1" + "0" * MAX_DIGITS, "line 1: number with 301 characters; at most 300"),
+        ("[" * 1000, "line 1: nested too deeply; at most 32 levels"),
+        (deep, "line 33: nested too deeply"),
+    ):
+        message = refusal(parse_yaml, text)
+        assert message.startswith(f"not YAML: {words}") and len(message) < 200, message
+    parse_yaml("[" * MAX_DEPTH + "]" * MAX_DEPTH)
+    with pytest.raises(ConfigError, match=f"line 1: more than {MAX_VALUES} values"):
+        parse_yaml(f"[{'1,' * MAX_VALUES}]")
 
 
 def test_a_file_that_is_too_long_is_not_read(tmp_path):

@@ -41,7 +41,7 @@ EVENTS = (60.0, 90.0, 120.0, 150.0, 180.0)
 
 
 @dataclass(frozen=True, eq=False)
-class ContactRow:
+class CamContact:
     """Largest Hertz ``pressure`` (Pa) and sliding speed (m/s) over the turn, and where.
 
     At the former the normal force (N), the contact's width (m), and 1/κ of the pair (m), of the
@@ -78,7 +78,7 @@ class ContactRow:
         return "within" if least <= own <= most else "outside"
 
 
-def contact_row(case: ContactCase) -> ContactRow:
+def contact_row(case: ContactCase) -> CamContact:
     """All measures of one cam."""
     surfaces, scan = case.surfaces, case.scan
     pressure = scan.greatest_of(surfaces.pressure)
@@ -87,7 +87,7 @@ def contact_row(case: ContactCase) -> ContactRow:
     sides = [Motion.at(case.law, np.array([pressure.angle + d])) for d in (-1e-9 * TURN, 0.0)]
     at = max(sides, key=lambda side: surfaces.pressure(side, scan.element.touch(side))[0])
     touch = scan.element.touch(at)
-    return ContactRow(
+    return CamContact(
         case=case,
         pressure=pressure,
         load=float(surfaces.normal_force(at, touch)[0]),
@@ -107,13 +107,13 @@ def _kind(cam: CamConfig) -> str:
     return cam.follower.type.replace("_", " ")
 
 
-def _follower(row: ContactRow) -> str:
+def _follower(row: CamContact) -> str:
     radius = row.case.surfaces.radius
     return _kind(row.cam) + (f", R {1e3 * radius:.3g} mm" if math.isfinite(radius) else "")
 
 
 def _bound(key: str, heading: str) -> Column:
-    def cell(row: ContactRow) -> Cell:
+    def cell(row: CamContact) -> Cell:
         value = getattr(row.bounds, key)
         if value is None:
             return "none will do"
@@ -189,7 +189,7 @@ class ContactResult(Result):
 
     rig: str
     rpm: float
-    rows: tuple[ContactRow, ...]
+    rows: tuple[CamContact, ...]
     steepest: float | None = None
 
     def tables(self) -> list[Records]:

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from cam_rig.laws.figures import Style
 from cam_rig.paper.contact import surfaces
-from cam_rig.paper.contact.comparison import ContactResult, ContactRow
+from cam_rig.paper.contact.comparison import CamContact, ContactResult
 from cam_rig.paper.contact.surfaces import Measure, measured, peak_pressure, peak_sliding
 from cam_rig.profile.contact import turn_angles
 from cam_rig.show.figure import CAM_ANGLE, empty, line, logarithmic, styled, turn_axis
@@ -60,7 +60,7 @@ def figure(found: ContactResult) -> Figure:
     return out
 
 
-def _over_turn(panels: FloatArray, row: ContactRow, style: Style) -> None:
+def _over_turn(panels: FloatArray, row: CamContact, style: Style) -> None:
     at = row.case.at(turn_angles(POINTS))
     surfaces, degrees = row.case.surfaces, np.degrees(at[0].angle)
     name = f"{short(row.case.cam.title)} ({row.case.cam.follower.type.replace('_', ' ')})"
@@ -68,7 +68,7 @@ def _over_turn(panels: FloatArray, row: ContactRow, style: Style) -> None:
     panels[1].plot(degrees, surfaces.sliding(*at), **style)
 
 
-def _over_base(axes: Axes, row: ContactRow, style: Style, measure: Measure, factor: float) -> None:
+def _over_base(axes: Axes, row: CamContact, style: Style, measure: Measure, factor: float) -> None:
     own = row.case.cam.follower.base_radius.si
     base = own * np.geomspace(FROM, TO, RADII)
     values = [measured(row.case, measure, float(one)) for one in base]

@@ -12,7 +12,7 @@ from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics import vibration as steady
 from cam_rig.dynamics.jump.jump_speed import contact_lost_speed
 from cam_rig.dynamics.torsional.model import from_rig as shaft_of
-from cam_rig.dynamics.vibration import Vibration, require_speeds
+from cam_rig.dynamics.vibration import SteadyVibration, require_speeds
 from cam_rig.laws.cam import CamSet
 from cam_rig.schema.load import one_scene
 from cam_rig.show.result import NULL_PROGRESS, Column, Footnote, Progress, Records, Result
@@ -41,7 +41,7 @@ class Row:
 
     cam: str
     rpm: float
-    measured: Vibration
+    measured: SteadyVibration
     contact_lost_rpm: float
 
     @property
@@ -143,7 +143,7 @@ class VibrationResult(Result):
         """The speeds."""
         return tuple(dict.fromkeys(row.rpm for row in self.rows))
 
-    def at(self, rpm: float) -> dict[str, Vibration]:
+    def at(self, rpm: float) -> dict[str, SteadyVibration]:
         """The measures at one of the speeds, by cam."""
         return {row.cam: row.measured for row in self.rows if row.rpm == rpm}
 
@@ -242,7 +242,7 @@ def measure(
     return VibrationResult(cam_set, tuple(rows))
 
 
-Test = Callable[[dict[str, Vibration]], bool]
+Test = Callable[[dict[str, SteadyVibration]], bool]
 
 
 def _claims(found: VibrationResult) -> Iterable[Claim]:
