@@ -9,7 +9,7 @@ from functools import partial
 
 from cam_rig.laws import build_law
 from cam_rig.profile import contours
-from cam_rig.profile.check_table import check_cam
+from cam_rig.profile.cam_checks import check_cam
 from cam_rig.schema import load_cam
 from cam_rig.schema.load import config_root
 

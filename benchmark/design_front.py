@@ -24,14 +24,14 @@ from pymoo.optimize import minimize
 from pymoo.termination.max_time import TimeBasedTermination
 
 import cam_rig
-from cam_rig.law_design.design import front
-from cam_rig.law_design.figures import front_figure
-from cam_rig.law_design.request import DesignRequest, LawClass, parse_goal
-from cam_rig.law_design.result import Front
-from cam_rig.law_design.space import DesignProblem, Space, measured
 from cam_rig.laws import Law
 from cam_rig.laws.law import extremes
 from cam_rig.show.figure import write
+from cam_rig.studies.design.figures import front_figure
+from cam_rig.studies.design.request import DesignRequest, LawClass, parse_goal
+from cam_rig.studies.design.result import Front
+from cam_rig.studies.design.space import DesignProblem, Space, measured
+from cam_rig.studies.design.study import front
 from cam_rig.units import FloatArray, to_rpm
 
 POINTS, POPULATION, SEED = 25, 100, 1

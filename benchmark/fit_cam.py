@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 import cam_rig
-from cam_rig.measured.cam_fit.gauge import GaugeColumn, GaugeTable, put_in_order
-from cam_rig.measured.cam_fit.spline_fit import fit_spline
+from cam_rig.studies.fit_cam.gauge import GaugeColumn, GaugeTable, put_in_order
+from cam_rig.studies.fit_cam.spline_fit import fit_spline
 from cam_rig.units import TURN
 
 CAMS = ("poly345", "cycloidal", "flat", "bezier15", "b_spline")

@@ -17,11 +17,11 @@ import numpy as np
 import cam_rig
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
-from cam_rig.measured.rig_fit.numbers import WITHIN_95
-from cam_rig.measured.rig_fit.result import RigFit
-from cam_rig.measured.rig_fit.rig_fit import fit_run
 from cam_rig.schema import RigConfig
 from cam_rig.simulation.instruments import InstrumentErrors, measured_run
+from cam_rig.studies.fit_rig.numbers import WITHIN_95
+from cam_rig.studies.fit_rig.result import RigFit
+from cam_rig.studies.fit_rig.study import fit_run
 from cam_rig.units import to_rpm
 
 #: Cams with a dwell, with and without, smooth and with steps of acceleration.

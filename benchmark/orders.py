@@ -14,9 +14,9 @@ import numpy as np
 
 import cam_rig
 from cam_rig.acoustics import level_db
-from cam_rig.paper.orders.spectrum import force_orders, spectrum
-from cam_rig.paper.orders.steady_force import ForcePiece, SteadyForce, steady_force
 from cam_rig.simulation.simulate import simulate, step_levels
+from cam_rig.studies.orders.spectrum import force_orders, spectrum
+from cam_rig.studies.orders.steady_force import ForcePiece, SteadyForce, steady_force
 from cam_rig.units import RPM, to_rpm
 
 PAGE = Path("docs/accuracy.md")

@@ -20,8 +20,8 @@ from pathlib import Path
 import numpy as np
 
 import cam_rig
-from cam_rig.bounce.motion import IN_CONTACT, IRREGULAR, NOT_TOLD, PERIODIC
-from cam_rig.bounce.result import BounceMap, BounceRow
+from cam_rig.studies.bounce.motion import IN_CONTACT, IRREGULAR, NOT_TOLD, PERIODIC
+from cam_rig.studies.bounce.result import BounceMap, BounceRow
 from cam_rig.units import TURN, FloatArray
 
 TABLE = Path("test/bounce/siconos.csv")

@@ -5,7 +5,7 @@ to have or to know                                      call
 ======================================================  ===========================================
 a cam, a rig, an experiment from files                  load_cam, load_rig, load_scene
 a cam or a rig of one's own, and its file               Cam(...), Rig(...), .replace(), .save()
-a law: s and its derivatives; its peaks and joints      build_law, Law; law, list_laws; timing
+a law: s and its derivatives; its peaks and joints      build_law, Law, plot_law; law; timing
 the shape of a cam, and its checks                      contour, check_contours; as_cut
 a follower's motion, lift-offs, landings at one speed   simulate
 the same over many speeds, with sound                   sweep; of a scene's file: run_scene
@@ -39,35 +39,36 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from cam_rig.bag.reader import read_bag
-    from cam_rig.bounce.study import bounce_map
-    from cam_rig.campaigns.largest_waviness import largest_waviness
-    from cam_rig.campaigns.run import campaign
-    from cam_rig.dynamics.jump.any_follower import jump_speed
     from cam_rig.errors import CamRigError
-    from cam_rig.law_design.design import design
     from cam_rig.laws import Law
-    from cam_rig.laws.results import law, list_laws
-    from cam_rig.measured.cam_fit.request import fit_cam
-    from cam_rig.measured.real_run.run import compare
-    from cam_rig.measured.rig_fit.rig_fit import fit_rig
     from cam_rig.paper.as_cut.study import as_cut
-    from cam_rig.paper.contact.comparison import contact
     from cam_rig.paper.factorial.study import factorial
-    from cam_rig.paper.jump.refit import jump
-    from cam_rig.paper.noise.study import noise
-    from cam_rig.paper.orders.study import orders
     from cam_rig.paper.readings.study import readings
     from cam_rig.paper.timing.study import timing
-    from cam_rig.paper.vibration.study import vibration
-    from cam_rig.profile.check_table import check_contours
-    from cam_rig.profile.contour import contour
     from cam_rig.schema import CamConfig as Cam
     from cam_rig.schema import RigConfig as Rig
-    from cam_rig.simulation.motion import simulate
     from cam_rig.simulation.scene import build_law, load_cam, load_rig, load_scene
-    from cam_rig.simulation.scene_run import run_scene, sweep
-    from cam_rig.simulation.sound import sound_level
+    from cam_rig.studies.bounce.study import bounce_map
+    from cam_rig.studies.campaign.largest_waviness import largest_waviness
+    from cam_rig.studies.campaign.study import campaign
+    from cam_rig.studies.compare.study import compare
+    from cam_rig.studies.contact.study import contact
+    from cam_rig.studies.design.study import design
+    from cam_rig.studies.fit_cam.study import fit_cam
+    from cam_rig.studies.fit_rig.study import fit_rig
+    from cam_rig.studies.jump.jump_speed import jump_speed
+    from cam_rig.studies.jump.study import jump
+    from cam_rig.studies.laws.figures import plot_law
+    from cam_rig.studies.laws.study import law, list_laws
+    from cam_rig.studies.noise.study import noise
+    from cam_rig.studies.orders.study import orders
+    from cam_rig.studies.profile.contour import contour
+    from cam_rig.studies.profile.study import check_contours
+    from cam_rig.studies.simulate.motion import simulate
+    from cam_rig.studies.simulate.recorded import read_bag
+    from cam_rig.studies.simulate.sound import sound_level
+    from cam_rig.studies.simulate.study import run_scene, sweep
+    from cam_rig.studies.vibration.study import vibration
 
     __version__: str
 
@@ -78,41 +79,42 @@ _HOMES = {
     "Law": "cam_rig.laws",
     "Rig": "cam_rig.schema:RigConfig",
     "as_cut": "cam_rig.paper.as_cut.study",
-    "bounce_map": "cam_rig.bounce.study",
+    "bounce_map": "cam_rig.studies.bounce.study",
     "build_law": "cam_rig.simulation.scene",
-    "campaign": "cam_rig.campaigns.run",
-    "check_contours": "cam_rig.profile.check_table",
-    "compare": "cam_rig.measured.real_run.run",
-    "contact": "cam_rig.paper.contact.comparison",
-    "contour": "cam_rig.profile.contour",
-    "design": "cam_rig.law_design.design",
+    "campaign": "cam_rig.studies.campaign.study",
+    "check_contours": "cam_rig.studies.profile.study",
+    "compare": "cam_rig.studies.compare.study",
+    "contact": "cam_rig.studies.contact.study",
+    "contour": "cam_rig.studies.profile.contour",
+    "design": "cam_rig.studies.design.study",
     "factorial": "cam_rig.paper.factorial.study",
-    "fit_cam": "cam_rig.measured.cam_fit.request",
-    "fit_rig": "cam_rig.measured.rig_fit.rig_fit",
-    "jump": "cam_rig.paper.jump.refit",
-    "jump_speed": "cam_rig.dynamics.jump.any_follower",
-    "largest_waviness": "cam_rig.campaigns.largest_waviness",
-    "law": "cam_rig.laws.results",
-    "list_laws": "cam_rig.laws.results",
+    "fit_cam": "cam_rig.studies.fit_cam.study",
+    "fit_rig": "cam_rig.studies.fit_rig.study",
+    "jump": "cam_rig.studies.jump.study",
+    "jump_speed": "cam_rig.studies.jump.jump_speed",
+    "largest_waviness": "cam_rig.studies.campaign.largest_waviness",
+    "law": "cam_rig.studies.laws.study",
+    "list_laws": "cam_rig.studies.laws.study",
     "load_cam": "cam_rig.simulation.scene",
     "load_rig": "cam_rig.simulation.scene",
     "load_scene": "cam_rig.simulation.scene",
-    "noise": "cam_rig.paper.noise.study",
-    "orders": "cam_rig.paper.orders.study",
-    "read_bag": "cam_rig.bag.reader",
+    "noise": "cam_rig.studies.noise.study",
+    "orders": "cam_rig.studies.orders.study",
+    "plot_law": "cam_rig.studies.laws.figures",
+    "read_bag": "cam_rig.studies.simulate.recorded",
     "readings": "cam_rig.paper.readings.study",
-    "run_scene": "cam_rig.simulation.scene_run",
-    "simulate": "cam_rig.simulation.motion",
-    "sound_level": "cam_rig.simulation.sound",
-    "sweep": "cam_rig.simulation.scene_run",
+    "run_scene": "cam_rig.studies.simulate.study",
+    "simulate": "cam_rig.studies.simulate.motion",
+    "sound_level": "cam_rig.studies.simulate.sound",
+    "sweep": "cam_rig.studies.simulate.study",
     "timing": "cam_rig.paper.timing.study",
-    "vibration": "cam_rig.paper.vibration.study",
+    "vibration": "cam_rig.studies.vibration.study",
 }
 __all__ = [
     "Cam", "CamRigError", "Law", "Rig", "__version__", "as_cut", "bounce_map", "build_law",
     "campaign", "check_contours", "compare", "contact", "contour", "design", "factorial",
     "fit_cam", "fit_rig", "jump", "jump_speed", "largest_waviness", "law", "list_laws",
-    "load_cam", "load_rig", "load_scene", "noise", "orders", "read_bag", "readings",
+    "load_cam", "load_rig", "load_scene", "noise", "orders", "plot_law", "read_bag", "readings",
     "run_scene", "simulate", "sound_level", "sweep", "timing", "vibration",
 ]  # fmt: skip
 
@@ -126,8 +128,11 @@ if not TYPE_CHECKING:  # a checker of types knows the names, and tells one that 
 
             value: object = version("cam_rig")
         elif name in _HOMES:
+            from cam_rig.extras import libraries_named
+
             module, _, other = _HOMES[name].partition(":")
-            value = getattr(import_module(module), other or name)
+            with libraries_named():
+                value = getattr(import_module(module), other or name)
         else:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         globals()[name] = value

@@ -6,7 +6,6 @@ import os
 import re
 import subprocess
 import sys
-import tomllib
 from collections import Counter
 from importlib.metadata import version
 from pathlib import Path
@@ -339,19 +338,3 @@ def test_no_name_is_sought_among_too_many():
         if folder.name != "__pycache__"
     }
     assert {folder: count for folder, count in counts.items() if count > 20} == {}
-
-
-def test_every_slice_is_under_the_contract_of_slices():
-    """Whoever adds a folder to the experiments or the fits names it where imports are checked."""
-    read = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    (containers,) = (
-        set(one["containers"])
-        for one in read["tool"]["importlinter"]["contracts"]
-        if "(command)" in one.get("layers", ())
-    )
-    slices = {
-        ".".join(path.parent.relative_to(ROOT).parts)
-        for room in ("paper", "measured")
-        for path in (ROOT / "cam_rig" / room).glob("*/command.py")
-    }
-    assert slices - containers == set()

@@ -17,7 +17,6 @@ import numpy as np
 
 from benchmark.speed.cases import rad_per_s
 from benchmark.speed.peers import MAX_STEPS, ROOT_FOUND, cvode_class
-from cam_rig.campaigns.campaign import campaign_from, make_point, measure_batch
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.jump.jump_speed import FROM_REST
 from cam_rig.errors import CamRigError
@@ -26,6 +25,7 @@ from cam_rig.laws import Law
 from cam_rig.schema.load import Library, config_root
 from cam_rig.show.result import Column, Records
 from cam_rig.show.tables import pluralize
+from cam_rig.studies.campaign.campaign import campaign_from, make_point, measure_batch
 from cam_rig.units import FloatArray
 
 SPREAD = {"uniform": 10, "unit": "%"}

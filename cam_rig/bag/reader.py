@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
-from functools import partial
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +11,6 @@ from rosbags.interfaces import Connection
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
-from cam_rig.arguments import checked
 from cam_rig.bag.files import UNREADABLE, damaged, in_order, is_closed, require_a_bag
 from cam_rig.bag.partial_reader import recovered_words, unpack
 from cam_rig.bag.records import require_bounded, require_plain
@@ -24,11 +21,9 @@ from cam_rig.live.flow_control import HISTORY_DEPTH
 from cam_rig.messages import topics
 from cam_rig.messages.codec import block_of, cam_state_of, stamp_ns
 from cam_rig.messages.topics import Topic, recorded_topic
-from cam_rig.schema.load import named_path
 from cam_rig.simulation.scene import LoadedScene, open_scene
-from cam_rig.simulation.scene_run import SceneRun
 from cam_rig.simulation.schedule import CamState, tick_count
-from cam_rig.simulation.simulate import MeasuredTick, TickSamples
+from cam_rig.simulation.simulate import TickSamples
 from cam_rig.units import NS, FloatArray
 
 
@@ -133,32 +128,6 @@ def rigs_of(bag: Path) -> list[str]:
     return sorted(set[str]().union(*(_rigs(reader) for reader in readers(bag))))
 
 
-def read_recording(bag: Path, scene: Path | None = None) -> SceneRun:
-    """A recorded run; ``scene`` is the one that was run, for a bag that has none attached."""
-    loaded = read_scene(bag) if scene is None else open_scene(scene)
-    states: list[CamState] = []
-    pressures: dict[int, float] = {}
-    both = {topics.CAM_STATE: cam_state_of, topics.PRESSURE: pressure_of}
-    for topic, found in decoded(bag, both):
-        if topic is topics.CAM_STATE:
-            states.append(found)
-        else:
-            pressures.update([found])
-    if other := {state.cam for state in states} - set(loaded.laws):
-        raise BagError(
-            f"{bag}: holds {', '.join(sorted(other))}; allowed: the cams of scene "
-            f"{loaded.scene.name}, {', '.join(loaded.laws)}, so name the scene that was run"
-        )
-    rate = int(loaded.scene.sample_rate.si)
-    ticks = tuple(
-        MeasuredTick.between(start, end, pressures[end.time_ns], rate)
-        for start, end in pairwise(states)
-        if end.time_ns in pressures and start.turns_until(end)
-    )
-    notes = shortcomings(bag, loaded, len(ticks))
-    return SceneRun(loaded, ticks, bag, partial(read_ticks, bag), read_counts(bag), notes=notes)
-
-
 def shortcomings(bag: Path, loaded: LoadedScene, ticks: int) -> tuple[str, ...]:
     """What a recovery says may be wrong in a bag, and whether it has fewer ticks than its scene."""
     planned = tick_count(loaded.scene)
@@ -223,29 +192,3 @@ def read_scene(bag: Path) -> LoadedScene:
         except CamRigError as error:
             inside = str(error).replace(f"{folder}/config/", "")
             raise BagError(f"{bag}: its attached files do not fit: {inside}") from None
-
-
-@checked
-def read_bag(bag: str | Path, scene: str | Path | None = None) -> SceneRun:
-    """Read a recorded run back, with the scene that is attached to it.
-
-    The command is ``cam-rig analyze``.
-
-    Parameters
-    ----------
-    bag : folder of a bag, as ``cam-rig run`` or ``ros2 bag record`` makes it
-    scene : the scene that was run, for a bag that has none attached (``ros2 bag record``)
-
-    Raises
-    ------
-    BagError : the bag is missing, was not closed, or holds another kind of run
-    MissingLibraryError : the extra ``bags`` is not installed
-
-    Examples
-    --------
-    >>> import cam_rig
-    >>> recording = cam_rig.read_bag("bags/golden")
-    >>> recording.complete, list(recording.loaded.laws)
-    (True, ['tm21', 'bezier15'])
-    """
-    return read_recording(Path(bag), None if scene is None else named_path("scenes", scene))

@@ -110,7 +110,7 @@ def run(
             nodes = live(path, target, screen.address, limits, pacing=pacing)
             _run(path, target, nodes, network, place, server, screen.page)
             if analyze:
-                from cam_rig.bag.command import read_run
+                from cam_rig.studies.simulate.bag_command import read_run
 
                 write_outputs(read_run(target), target / "noise.png", None, None)
             screen.stay()

@@ -13,13 +13,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from cam_rig.errors import ArgumentTypeError, LawError
-from cam_rig.extras import libraries_named
 from cam_rig.laws import bernstein
-from cam_rig.show.result import enable_notebook_display
 from cam_rig.units import TURN, FloatArray
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
     from scipy.interpolate import BPoly
 
 # Largest and smallest value of a derivative over the turn, from roots, not from samples.
@@ -199,20 +196,6 @@ class Law:
         times = self._order(order)
         ordinates = self._of_order(times) if times else self.ordinates
         return Law(f"{self.name}{chr(0x2032) * times}", self.breaks, ordinates, self.repeats)
-
-    def plot(self) -> Figure:
-        """Lift, velocity, acceleration and jerk over a turn, their extremes, and the joints.
-
-        Examples
-        --------
-        >>> import cam_rig
-        >>> figure = cam_rig.build_law(cam_rig.load_cam("poly345")).plot()
-        >>> len(figure.axes)
-        4
-        """
-        with libraries_named():
-            from cam_rig.laws.figures import law_figure
-        return enable_notebook_display(law_figure(self))
 
     @property
     def degree(self) -> int:

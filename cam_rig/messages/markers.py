@@ -18,8 +18,9 @@ from cam_rig.messages.frames import GUIDE, Robot
 from cam_rig.messages.serialization import CdrTemplate, example_header, header, new, serialize
 from cam_rig.messages.urdf import BODY, DISC
 from cam_rig.profile.contact import Motion
+from cam_rig.profile.shapes import closed
 from cam_rig.show import looks as colours
-from cam_rig.show.looks import closed, of_cam
+from cam_rig.show.looks import of_cam
 from cam_rig.simulation.scene import ARROW as ARROW_SHARE
 from cam_rig.simulation.scene import max_contact_force
 from cam_rig.units import FloatArray

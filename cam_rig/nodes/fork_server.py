@@ -31,7 +31,7 @@ PRELOADED = (
     "cam_rig.live.queues",
     "cam_rig.messages.motion",
     "cam_rig.runner.resources",
-    "cam_rig.simulation.sound",
+    "cam_rig.studies.simulate.sound",
     "diagnostic_msgs.msg",
     "geometry_msgs.msg",
     "logging",

@@ -16,9 +16,9 @@ from cam_rig.nodes.base.diagnostics import OK, WARN
 from cam_rig.nodes.base.rig_node import RigNode
 from cam_rig.nodes.convert import to_header
 from cam_rig.nodes.parameters import WEIGHTING_PARAMETERS
+from cam_rig.simulation.meter import MeterSimulator
 from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.simulate import MicrophoneSimulator
-from cam_rig.simulation.sound import MeterSimulator
 
 
 class Microphone(RigNode):

@@ -16,8 +16,8 @@ from cam_rig.laws.law import extremes
 from cam_rig.profile.contact import Motion
 from cam_rig.profile.disc import discs, plane
 from cam_rig.profile.faces import Guided, GuidedFace, Swung, SwungFace
+from cam_rig.profile.shapes import bearing, circle, stem, tip
 from cam_rig.schema.cam import CamConfig
-from cam_rig.show.looks import bearing, circle, stem, tip
 from cam_rig.units import FloatArray
 
 #: Height of a stem's bearing over the reach, and the room for lift-off, over the greatest lift.

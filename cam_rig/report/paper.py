@@ -19,17 +19,7 @@ from cam_rig.paper.factorial.study import (
     open_factorial,
     run_factorial,
 )
-from cam_rig.paper.jump.comparison import JumpResult, find_jumps, references, rms_difference
-from cam_rig.paper.noise.study import NoiseStudyResult, study_noise
 from cam_rig.paper.readings.study import ReadingsResult, read_all
-from cam_rig.paper.vibration.study import (
-    RESIDUAL,
-    VIBRATION_RPM,
-    Verdict,
-    VibrationResult,
-    jump_claims,
-    measure,
-)
 from cam_rig.report.document import Answer, bold, span
 from cam_rig.report.sections import read_recorded
 from cam_rig.schema import Library, load_readings, load_rig, load_tables
@@ -38,6 +28,16 @@ from cam_rig.show.result import Column, Records
 from cam_rig.show.tables import format_number
 from cam_rig.simulation.asked import named_cams
 from cam_rig.simulation.scene import open_scene
+from cam_rig.studies.jump.comparison import JumpResult, find_jumps, references, rms_difference
+from cam_rig.studies.noise.study import NoiseStudyResult, study_noise
+from cam_rig.studies.vibration.study import (
+    RESIDUAL,
+    VIBRATION_RPM,
+    Verdict,
+    VibrationResult,
+    jump_claims,
+    measure,
+)
 
 #: Cams of the contact study besides the paper's: other kinds of follower.
 CONTACT_CAMS = ("flat", "oscillating_flat", "point")

@@ -9,37 +9,37 @@ from functools import partial
 import numpy as np
 from matplotlib.figure import Figure
 
-from cam_rig.bounce.motion import IRREGULAR, PERIODIC
-from cam_rig.bounce.study import bounce_map
 from cam_rig.dynamics.jump.jump_speed import FROM_REST
 from cam_rig.dynamics.vibration import STAND_IN
-from cam_rig.law_design import figures as design_plot
-from cam_rig.law_design.design import paper_designs
-from cam_rig.law_design.result import designs_table
-from cam_rig.laws import figures as law_figures
 from cam_rig.laws.catalogue import families
 from cam_rig.paper.as_cut import study as as_cut
 from cam_rig.paper.as_cut.study import CUT
-from cam_rig.paper.contact import figures as contact_plot
-from cam_rig.paper.contact.comparison import compare_contacts, play_table
 from cam_rig.paper.flywheel import FLYWHEEL_RPM, study_flywheel
 from cam_rig.paper.flywheel import SHOWN as FLYWHEEL_SHOWN
-from cam_rig.paper.jump import figures as jump_plot
-from cam_rig.paper.jump.comparison import BY_SEGMENTS, jump_by_degree
-from cam_rig.paper.jump.refit import ROUNDED_TO
-from cam_rig.paper.noise import calibration, methods
-from cam_rig.paper.orders.spectrum import waterfall
-from cam_rig.paper.orders.steady_force import BUILDERS
-from cam_rig.paper.orders.study import OrdersResult
 from cam_rig.paper.stem.study import STEM_RPM, study_stems
 from cam_rig.paper.timing.study import TimingResult
-from cam_rig.paper.vibration.study import PROPOSED, claims_table, jump_claims
-from cam_rig.profile import figures as profile_plot
-from cam_rig.profile.check_table import GUIDED, check_cam
+from cam_rig.profile.cam_checks import GUIDED, check_cam
 from cam_rig.report.document import Content, Section
 from cam_rig.report.paper import Paper, answers, misprints_table
 from cam_rig.report.sections import laws_table, origins, recorded_table
 from cam_rig.show.tables import DataTable, Header
+from cam_rig.studies.bounce.motion import IRREGULAR, PERIODIC
+from cam_rig.studies.bounce.study import bounce_map
+from cam_rig.studies.contact import figures as contact_plot
+from cam_rig.studies.contact.study import compare_contacts, play_table
+from cam_rig.studies.design import figures as design_plot
+from cam_rig.studies.design.result import designs_table
+from cam_rig.studies.design.study import paper_designs
+from cam_rig.studies.jump import figures as jump_plot
+from cam_rig.studies.jump.comparison import BY_SEGMENTS, jump_by_degree
+from cam_rig.studies.jump.study import ROUNDED_TO
+from cam_rig.studies.laws import figures as law_figures
+from cam_rig.studies.noise import calibration, methods
+from cam_rig.studies.orders.spectrum import waterfall
+from cam_rig.studies.orders.steady_force import BUILDERS
+from cam_rig.studies.orders.study import OrdersResult
+from cam_rig.studies.profile import figures as profile_plot
+from cam_rig.studies.vibration.study import PROPOSED, claims_table, jump_claims
 
 TITLE = "Cam rig: the paper's experiments, redone and taken further"
 #: What is drawn at random.

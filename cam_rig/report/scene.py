@@ -12,21 +12,13 @@ from typing import TypeVar
 from pydantic import BaseModel
 
 from cam_rig.errors import CamRigError, ConfigError
-from cam_rig.laws import figures as law_figures
 from cam_rig.laws.cam import CamSet
-from cam_rig.paper.jump.comparison import JumpResult, find_jumps
-from cam_rig.paper.noise.roles import StudyRoles
-from cam_rig.paper.orders.spectrum import HIGHEST, waterfall
-from cam_rig.paper.orders.study import OrdersResult
-from cam_rig.paper.vibration.study import VibrationResult, measure
-from cam_rig.profile import figures as profile_plot
-from cam_rig.profile.check_table import CheckedCam, ProfileResult, check_cam
+from cam_rig.profile.cam_checks import CheckedCam, check_cam
 from cam_rig.profile.checks import Check
 from cam_rig.report.document import Answer, Content, Section, bold, span
 from cam_rig.report.sections import laws_table, origins, read_recorded, recorded_table
 from cam_rig.show.looks import LONGEST_TITLE
 from cam_rig.show.tables import DataTable, Header, tabulate
-from cam_rig.simulation import figures as simulation_figures
 from cam_rig.simulation.scene import (
     ORDER_SPEEDS,
     RELATIVE_NOTE,
@@ -35,7 +27,16 @@ from cam_rig.simulation.scene import (
     speeds_of,
     spread,
 )
-from cam_rig.simulation.scene_run import run_scene
+from cam_rig.studies.jump.comparison import JumpResult, find_jumps
+from cam_rig.studies.laws import figures as law_figures
+from cam_rig.studies.noise.roles import StudyRoles
+from cam_rig.studies.orders.spectrum import HIGHEST, waterfall
+from cam_rig.studies.orders.study import OrdersResult
+from cam_rig.studies.profile import figures as profile_plot
+from cam_rig.studies.profile.study import ProfileResult
+from cam_rig.studies.simulate import figures as simulation_figures
+from cam_rig.studies.simulate.study import run_scene
+from cam_rig.studies.vibration.study import VibrationResult, measure
 from cam_rig.units import NS, RPM
 
 Found = TypeVar("Found")

@@ -12,7 +12,6 @@ import numpy as np
 from pydantic import BaseModel
 
 from cam_rig.bag.completeness import require_complete
-from cam_rig.bag.reader import read_recording
 from cam_rig.errors import BagError
 from cam_rig.laws import Law
 from cam_rig.laws.cam import CamSet
@@ -24,6 +23,7 @@ from cam_rig.show.result import Column, Records
 from cam_rig.show.tables import Cell, DataTable, Header, format_number, tabulate
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.simulate import step_levels
+from cam_rig.studies.simulate.recorded import read_recording
 from cam_rig.units import FloatArray, rms
 
 

@@ -249,7 +249,7 @@ class Result:
     schema : str
         Name and version of the JSON. The version rises if a key changes its meaning or is removed.
     plot_function : str
-        Function that plots the result: "cam_rig.paper.vibration.figures:figure".
+        Function that plots the result: "cam_rig.studies.vibration.figures:figure".
     interrupted : bool
         True if the computation was interrupted and the result is partial.
     exit_code : int

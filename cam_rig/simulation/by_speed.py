@@ -13,7 +13,6 @@ import numpy as np
 
 from cam_rig.laws import Law
 from cam_rig.laws.sampling import sample
-from cam_rig.show.result import Column, Footnote
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.simulate import Settling, TickSamples, WholeTurns
 from cam_rig.units import TURN, FloatArray, to_rpm
@@ -70,29 +69,6 @@ class SpeedRow:
     torque_peak: float  #: N·m, F s' (eq. 8 of the paper)
     torque_least: float  #: N·m; below 0 it is the follower that turns the cam
     torque_mean: float  #: N·m
-
-
-SPEEDS = (
-    Column("cam"),
-    Column("rpm", "rpm", ".6g", "speed"),
-    Column("turns", doc="settled turns with samples", hidden=True),
-    Column("level", "dB", ".1f", of="level_db", doc="re 20 µPa, unweighted"),
-    Column("force_peak", "N", ".1f", "peak force"),
-    Column("force_least", "N", ".1f", "least force"),
-    Column("lift_offs", "1/turn", ".3g", "lift-off rate"),
-    Column("flight", "ms", ".2f", "longest flight"),
-    Column("landing", "N·s", ".3f", "hardest landing"),
-    Column("torque_peak", "N·m", ".2f", "peak torque"),
-    Column("torque_least", "N·m", ".2f", "least torque"),
-    Column("torque_mean", "N·m", ".3f", "mean torque"),
-)
-
-BOUNCING = Footnote(
-    "The follower bounces without end and is never at rest on the cam, so no sample holds a force, "
-    "only its blows.",
-    lambda row: bool(row.force_peak == 0.0),
-    "*",
-)
 
 
 #: Of s, s' and s'' the one that makes a torque of a force.

@@ -115,3 +115,7 @@ def _crossover(curves: dict[str, NoiseCurve], published: PublishedNoise | None) 
     low, high = max(one.rpm[0], two.rpm[0]), min(one.rpm[-1], two.rpm[-1])
     scaled = difference * high ** np.arange(difference.size)
     return nearest_crossing(scaled, (low, high), published.crossover.rpm, scale=high)
+
+
+#: A cubic through fewer speeds than this would show what nobody measured.
+MIN_SPEEDS = 6

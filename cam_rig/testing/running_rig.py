@@ -15,13 +15,13 @@ from pathlib import Path
 from threading import Thread
 from typing import Any
 
-from cam_rig.bag.reader import read_bag
 from cam_rig.errors import RunError
 from cam_rig.runner.graph import Graph
 from cam_rig.runner.node_process import PROFILES, SHUTDOWN_GRACE_S, environment, live
 from cam_rig.runner.resources import domain_ports
 from cam_rig.schema.load import named_path
-from cam_rig.simulation.scene_run import SceneRun
+from cam_rig.studies.simulate.recorded import read_bag
+from cam_rig.studies.simulate.study import SceneRun
 from cam_rig.testing.client import PATIENCE_S, RigClient
 
 # A program that a test starts beside the rig: its output is kept, and it is ended.

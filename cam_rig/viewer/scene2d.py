@@ -11,11 +11,12 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from cam_rig.profile import contours
+from cam_rig.profile import contours, shapes
 from cam_rig.profile.contact import Motion
 from cam_rig.profile.outlines import FollowerShape, follower_shape
+from cam_rig.profile.shapes import NUMBER
 from cam_rig.show import looks
-from cam_rig.show.looks import MM, NUMBER
+from cam_rig.show.looks import MM
 from cam_rig.simulation.scene import LoadedScene, max_contact_force
 from cam_rig.simulation.schedule import CamState
 from cam_rig.units import TURN, FloatArray, to_rpm
@@ -61,12 +62,12 @@ class Framing:
 
     def numbers(self) -> tuple[FloatArray, list[str]]:
         """``(n, 2)`` places of the ring's numbers, and the numbers that no follower runs over."""
-        places, numbers = looks.ring_numbers(self.ring)
+        places, numbers = shapes.ring_numbers(self.ring)
         covered = np.zeros(len(numbers), dtype=bool)
         for lift in np.linspace(0.0, self.shape.max_lift, PLACES)[:, None]:
             tilt, origin = float(self.shape.turn(lift)[0]), self.shape.origin(lift)[0] * MM
             for strip in self.follower():
-                away = looks.distances(places, looks.turned(strip, tilt) + origin)
+                away = shapes.distances(places, shapes.turned(strip, tilt) + origin)
                 covered |= away < CLEAR * self.ring
         free = [one for one, hidden in zip(numbers, covered, strict=True) if not hidden]
         return places[~covered], free
@@ -105,7 +106,7 @@ def _framing(loaded: LoadedScene, name: str) -> Framing:
     points += [strip * MM for strip in shape.support()]
     for lift in (np.zeros(1), np.array([draft.max_lift])):
         tilt, place = float(shape.turn(lift)[0]), shape.origin(lift)[0] * MM
-        points += [looks.turned(strip, tilt) + place for strip in draft.follower()]
+        points += [shapes.turned(strip, tilt) + place for strip in draft.follower()]
     every = np.concatenate(points)
     low = every.min(axis=0) - np.array([0.0, WORDS * ring])
     return Framing(shape, ring, low, every.max(axis=0))
@@ -203,19 +204,19 @@ class Scene2D:
         # A plane in Rerun has y down; widths grow as the third root of the determinant.
         flip = rr.Transform3D.columns(mat3x3=np.diag([zoom, -zoom, zoom])[None])
         self._canvas.rows(self._root, self._canvas.state(state), flip)
-        outline = looks.closed(profile) * MM
+        outline = shapes.closed(profile) * MM
         base = self._loaded.cams[state.cam].follower.base_radius.si
         colour, mark = looks.of_cam(state.cam), np.stack([np.zeros(2), outline[0]])
-        filled, half = looks.body(outline)
+        filled, half = shapes.body(outline)
         self._strips(state, "cam/body", filled, looks.tint(colour), half)
-        self._strips(state, "cam/circle", [looks.circle(base * MM)], looks.GREY, THIN)
+        self._strips(state, "cam/circle", [shapes.circle(base * MM)], looks.GREY, THIN)
         self._strips(state, "cam/contour", [outline], colour, LINE)
         self._strips(state, "cam/mark", [mark], colour, LINE)
         support = [strip * MM for strip in self._shape.support()]
         self._strips(state, "guide", support, looks.GREY, THIN)
         self._strips(state, "follower/outline", framing.follower(), looks.FOLLOWER, LINE)
-        self._strips(state, "ring", looks.ring(framing.ring), looks.GREY, THIN)
-        self._strips(state, "rotation", looks.rotation(0.4 * base * MM), looks.GREY, LINE)
+        self._strips(state, "ring", shapes.ring(framing.ring), looks.GREY, THIN)
+        self._strips(state, "rotation", shapes.rotation(0.4 * base * MM), looks.GREY, LINE)
         self._words(state, "numbers", *framing.numbers(), looks.GREY)
 
     def _framing_of(self, cam: str) -> Framing:

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 from cam_rig.bag.completeness import require_complete
 from cam_rig.bag.files import bag_file
-from cam_rig.bag.reader import read_counts, read_recording, read_scene
+from cam_rig.bag.reader import read_counts, read_scene
 from cam_rig.bag.records import records_of
 from cam_rig.bag.recover import examine, recover, state_words
 from cam_rig.bag.replay import compare, played
@@ -36,6 +36,7 @@ from cam_rig.messages.codec import (
     encode_block,
 )
 from cam_rig.simulation.simulate import FollowerSimulator, MicrophoneSimulator
+from cam_rig.studies.simulate.recorded import read_recording
 
 from .bags import GOLDEN, LOADED, Frugal
 

@@ -11,9 +11,10 @@ from scipy.spatial.transform import Rotation
 
 from cam_rig.bag.completeness import require_complete
 from cam_rig.bag.files import bag_file
-from cam_rig.bag.reader import read_recording, read_ticks
+from cam_rig.bag.reader import read_ticks
 from cam_rig.messages.markers import SPHERE
 from cam_rig.profile import contours_at
+from cam_rig.studies.simulate.recorded import read_recording
 from cam_rig.units import NS, TURN
 
 from .bags import GOLDEN, LOADED

@@ -15,11 +15,12 @@ from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
 from cam_rig.bag.files import bag_file, require_new_bag
 from cam_rig.bag.partial_reader import MAX_ATTACHED
-from cam_rig.bag.reader import messages, raw_messages, read_counts, read_recording, read_scene
+from cam_rig.bag.reader import messages, raw_messages, read_counts, read_scene
 from cam_rig.bag.recover import recover
 from cam_rig.bag.writer import BagWriter
 from cam_rig.errors import BagError, CamRigError
 from cam_rig.messages import topics
+from cam_rig.studies.simulate.recorded import read_recording
 
 from .bags import GOLDEN
 

@@ -8,7 +8,7 @@ import pytest
 from mcap.opcode import Opcode
 
 from cam_rig.bag.files import bag_file, is_unclosed, mcap_files, why_not_a_bag
-from cam_rig.bag.reader import messages, read_counts, read_recording
+from cam_rig.bag.reader import messages, read_counts
 from cam_rig.bag.recorder import BagRecorder
 from cam_rig.bag.records import records_of
 from cam_rig.bag.recover import NOTHING_RECORDED, recover, recover_in_place, state_words
@@ -16,6 +16,7 @@ from cam_rig.bag.split import Split
 from cam_rig.bag.writer import BagWriter
 from cam_rig.errors import BagError
 from cam_rig.messages.topics import LEVEL, RECORDING
+from cam_rig.studies.simulate.recorded import read_recording
 
 from .bags import GOLDEN, LOADED, cut_off, killed_bags, payloads, record
 

@@ -13,12 +13,13 @@ from rosbags.rosbag2.metadata import parse_qos
 from cam_rig.bag.file_writer import NEVER
 from cam_rig.bag.files import is_unclosed, mcap_files
 from cam_rig.bag.partial_reader import attachments
-from cam_rig.bag.reader import read_counts, read_recording
+from cam_rig.bag.reader import read_counts
 from cam_rig.bag.recover import recover
 from cam_rig.bag.replay import compare, played
 from cam_rig.bag.split import Split
 from cam_rig.errors import BagError, ConfigError
 from cam_rig.messages.topics import CAM_STATE, DIAGNOSTICS
+from cam_rig.studies.simulate.recorded import read_recording
 
 from .bags import payloads, record
 

@@ -23,9 +23,9 @@ from benchmark.speed.cases import rad_per_s
 from benchmark.speed.peers import PEERS
 from benchmark.speed.problem import intervals
 from benchmark.speed.study import sweep
-from cam_rig.campaigns.campaign import campaign_from, make_point, measure_batch
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.schema.load import Library, config_root
+from cam_rig.studies.campaign.campaign import campaign_from, make_point, measure_batch
 
 
 def test_the_peer_loses_contact_where_the_campaign_says():

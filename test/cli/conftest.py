@@ -11,9 +11,9 @@ from ruamel.yaml import YAML
 from typer.testing import CliRunner
 
 from cam_rig.cli.main import app
-from cam_rig.paper.noise.study import study_noise
 from cam_rig.schema.load import config_root
 from cam_rig.show import terminal as console
+from cam_rig.studies.noise.study import study_noise
 
 from ..figure_faults import faults
 
@@ -103,7 +103,7 @@ def one_study(found, monkeypatch):
             found[key] = study_noise(loaded, rig, arcs, *told)
         return found[key]
 
-    for module in ("cam_rig.paper.noise.study", "cam_rig.report.paper"):
+    for module in ("cam_rig.studies.noise.study", "cam_rig.report.paper"):
         monkeypatch.setattr(f"{module}.study_noise", study)
 
 

@@ -99,8 +99,8 @@ CAMPAIGNS = {
 ELSEWHERE = {
     "noise": "test_studies.py",
     "factorial": "test_studies.py",
-    "fit rig": "../measured/rig_fit/test_command.py",
-    "fit cam": "../measured/cam_fit/test_command.py",
+    "fit rig": "../studies/fit_rig/test_command.py",
+    "fit cam": "../studies/fit_cam/test_command.py",
     "panel": "../panel/test_lab.py",
 }
 

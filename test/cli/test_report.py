@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 
 from cam_rig.dynamics.jump.any_follower import find_jump, follower_of
-from cam_rig.law_design.design import ASKED
 from cam_rig.paper.as_cut.study import CUT
 from cam_rig.paper.flywheel import SHOWN
 from cam_rig.report.command import page_made
 from cam_rig.simulation.scene import build_law, load_cam, load_scene
-from cam_rig.simulation.scene_run import run_scene
+from cam_rig.studies.design.study import ASKED
+from cam_rig.studies.simulate.study import run_scene
 
 from ..figure_faults import EXPONENT, HYPHEN
 from .conftest import done as run_done
@@ -101,7 +101,7 @@ def fewer(monkeypatch):
     monkeypatch.setattr("cam_rig.paper.as_cut.study.ROLLERS", (0.02,))
     monkeypatch.setattr("cam_rig.paper.as_cut.study.has_central_roller", lambda c: c.name == CUT)
     monkeypatch.setattr("cam_rig.paper.flywheel.INERTIAS", (SHOWN, math.inf))
-    monkeypatch.setattr("cam_rig.law_design.design.ASKED", ASKED[1:2])  # not of a jump
+    monkeypatch.setattr("cam_rig.studies.design.study.ASKED", ASKED[1:2])  # not of a jump
     monkeypatch.setattr("cam_rig.report.paper_sections.BOUNCE_SPEEDS", 11)
     monkeypatch.setattr("cam_rig.paper.readings.readings.SPEEDS", 32)
     monkeypatch.setattr("cam_rig.paper.readings.readings.POINTS", 640)

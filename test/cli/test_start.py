@@ -41,7 +41,7 @@ def test_an_interrupt_while_modules_are_imported():
         "import signal, sys\n"
         "class Interrupt:\n"
         "    def find_spec(self, name, path=None, target=None):\n"
-        "        if name == 'cam_rig.simulation.command':\n"
+        "        if name == 'cam_rig.studies.simulate.command':\n"
         "            signal.raise_signal(signal.SIGINT)\n"
         "sys.meta_path.insert(0, Interrupt())\n"
         "from cam_rig.cli import start\n"

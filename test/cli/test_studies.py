@@ -11,9 +11,9 @@ import pytest
 
 from cam_rig.acoustics import level_db
 from cam_rig.errors import ConfigError
-from cam_rig.paper.noise.command import set_identified
 from cam_rig.schema.load import config_root, read_yaml
 from cam_rig.simulation.scene import load_scene
+from cam_rig.studies.noise.command import set_identified
 
 from .conftest import call, done
 

@@ -38,8 +38,8 @@ class Copy:
     def add_slice(self):
         """The example's folder, and its line in the list of commands."""
         for file in SLICE.glob("*.py"):
-            self.add(file, f"cam_rig/paper/least_preload/{file.name}")
-        line = '    "least-preload": "cam_rig.paper.least_preload.command",\n'
+            self.add(file, f"cam_rig/studies/least_preload/{file.name}")
+        line = '    "least-preload": "cam_rig.studies.least_preload.command",\n'
         self.insert("cam_rig/cli/main.py", '    "vibration": "', line)
 
     def add(self, source, target):
@@ -80,7 +80,7 @@ def test_an_experiment_is_a_folder_and_a_line(copy):
     assert least == pytest.approx(json.loads(copy.python("-c", FORCE)), rel=1e-6)
     assert (copy.folder / "a.png").stat().st_size > 10_000
     assert "least-preload" in copy.python("-m", "cam_rig.cli.main", "--help")
-    assert copy.touched <= recipe("An experiment")
+    assert copy.touched <= recipe("A study")
 
 
 #: The least of what the preload is added to, at 100 001 angles.
@@ -100,14 +100,14 @@ def test_an_experiment_is_a_function_of_the_package(copy):
     """With the command's options, as every command has one; three lines."""
     copy.add_slice()
     face = "cam_rig/__init__.py"
-    module = "cam_rig.paper.least_preload.study"
-    copy.insert(face, "    from cam_rig.paper.noise", f"    from {module} import least_preload\n")
+    module = "cam_rig.studies.least_preload.study"
+    copy.insert(face, "    from cam_rig.studies.noise", f"    from {module} import least_preload\n")
     copy.insert(face, '    "list_laws": "', f'    "least_preload": "{module}",\n')
     copy.insert(face, '    "load_cam", ', '    "least_preload",\n')
     shutil.copytree(ROOT / "test" / "face", copy.folder / "face")
     found = copy.python("-m", "pytest", "-v", "-p", "no:cacheprovider", "face", "-k", "command")
     assert "[least-preload] PASSED" in found
-    assert copy.touched <= recipe("An experiment")
+    assert copy.touched <= recipe("A study")
 
 
 @pytest.mark.long
@@ -126,11 +126,11 @@ def test_the_report_shows_an_experiment(copy):
     assert "## 1 Least preload" in page
     assert "At 480 rpm 1 of 2 cases need more preload" in page
     assert "| poly345 |" in page
-    assert copy.touched <= recipe("An experiment")
+    assert copy.touched <= recipe("A study")
 
 
 SECTION = """def _least_preload(paper: Paper) -> Content:
-    from cam_rig.paper.least_preload.study import NULL_PROGRESS, least_preloads
+    from cam_rig.studies.least_preload.study import NULL_PROGRESS, least_preloads
 
     found = least_preloads(paper.cam_set, [300.0, 480.0], NULL_PROGRESS)
     return Content(found.to_display(), {"preload": found.plot}, {"preloads": found})
@@ -154,7 +154,7 @@ def test_a_goal_of_a_design_is_a_record_and_a_line(copy):
     """The mean of s″²: searched for without a line in ``ROWS``, with a bound by one."""
     copy.insert("cam_rig/quantities/catalogue.py", '    _at_speed("shaft_torque"', GOAL)
     copy.insert(
-        "cam_rig/law_design/rows.py",
+        "cam_rig/studies/design/rows.py",
         '    "shaft_torque": Rows(',
         '    "mean_acceleration": Rows(squares=_rms_acceleration),\n',
     )
@@ -177,7 +177,7 @@ GOAL = """    LawQuantity(
 @pytest.mark.long
 def test_a_column_is_a_line(copy):
     """A column of the jump speeds' table is in the JSON, too."""
-    file = "cam_rig/paper/jump/comparison.py"
+    file = "cam_rig/studies/jump/comparison.py"
     text = (copy.folder / file).read_text(encoding="utf-8")
     line = next(x for x in text.splitlines() if x.strip().startswith('Column("rpm", "rpm", ".2f"'))
     copy.insert(

@@ -119,9 +119,9 @@ FUNCTIONS = [name for name in cam_rig.__all__ if name[0].islower()]
 #: What computes for many seconds: it is left out, after the arguments were looked at.
 LONG = {
     "factorial": ["cam_rig.paper.factorial.study.run_factorial"],
-    "noise": ["cam_rig.paper.noise.study.study_noise"],
+    "noise": ["cam_rig.studies.noise.study.study_noise"],
     "readings": ["cam_rig.paper.readings.study.read_all"],
-    "jump": ["cam_rig.paper.jump.refit.refit_rig"],
+    "jump": ["cam_rig.studies.jump.study.refit_rig"],
 }
 GOLDEN = str(Path(__file__).parents[2] / "bags" / "golden")
 
@@ -179,6 +179,7 @@ def right(tmp_path_factory):
         "orders": {"source": "poly345", "rpm": 300.0, "cam": None, "rig": "tm21"}
         | {"model": "one_mass", "orders": 5}
         | told,
+        "plot_law": {"law": LAW},
         "read_bag": {"bag": GOLDEN, "scene": None},
         "readings": {"search": None, "with_times": False, "nearby": False}
         | {"generations": 1, "seed": 1}

@@ -178,12 +178,12 @@ NO_COMPUTATION = {
 PARTS = {
     *("Cam", "CamRigError", "Law", "Rig", "__version__"),
     *("build_law", "load_cam", "load_rig", "load_scene"),
-    *("contour", "jump_speed", "simulate", "sound_level", "sweep"),
+    *("contour", "jump_speed", "plot_law", "simulate", "sound_level", "sweep"),
     "largest_waviness",  # an option of campaign
 }
 #: Options that say what is drawn or written, which a result is asked for in Python.
 FILES = {
-    "bounce": {"basins"},  # a function of its own, `cam_rig.bounce.basins`
+    "bounce": {"basins"},  # a function of its own, `cam_rig.studies.bounce.basins`
     "contact": {"events", "sharpest"},
     "law": {"out", "save"},
     "compare": {"save"},
@@ -278,7 +278,7 @@ cam = cam_rig.Cam(lift="12 mm", segments=[{"law": "dwell"}], follower={"type": "
 reveal_type(law)  # Law
 reveal_type(law(np.zeros(3)))  # ndarray
 reveal_type(law.derivative())  # Law
-reveal_type(law.plot())  # Figure
+reveal_type(cam_rig.plot_law(law))  # Figure
 reveal_type(rig)  # RigConfig
 reveal_type(rig.frequency_response(1.0))  # ndarray
 reveal_type(cam)  # CamConfig

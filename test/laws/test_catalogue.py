@@ -11,11 +11,11 @@ import cam_rig
 from cam_rig.dynamics import MODELS, Interval
 from cam_rig.errors import DynamicsError, LawError
 from cam_rig.laws import bernstein, build_law, catalogue
-from cam_rig.laws.figures import cams_figure, rises_figure
 from cam_rig.laws.segments import NAMED_RISES
 from cam_rig.schema.segments import Rise, Segment
 from cam_rig.show.figure import line as look
 from cam_rig.show.looks import in_words
+from cam_rig.studies.laws.figures import cams_figure, rises_figure
 from cam_rig.units import TURN
 
 from ..conftest import dwell, rise
@@ -251,4 +251,4 @@ def test_what_is_no_law_for_scipy():
 def test_its_repr_is_one_short_line_and_its_plot_has_four_panels(laws):
     for law in laws.values():
         assert len(repr(law)) < 120 and "\n" not in repr(law)
-    assert len(law.plot().axes) >= 4
+    assert len(cam_rig.plot_law(law).axes) >= 4

@@ -9,7 +9,7 @@ import pytest
 from cam_rig.bag.completeness import expected_counts, require_complete
 from cam_rig.bag.files import bag_file
 from cam_rig.bag.partial_reader import unpack
-from cam_rig.bag.reader import messages, raw_messages, read_counts, read_recording
+from cam_rig.bag.reader import messages, raw_messages, read_counts
 from cam_rig.bag.recover import recover
 from cam_rig.bag.replay import compare
 from cam_rig.bag.writer import BagWriter
@@ -20,6 +20,7 @@ from cam_rig.messages.codec import cam_state_of
 from cam_rig.messages.topics import RECORDING, recorded_topic
 from cam_rig.runner.graph import Graph
 from cam_rig.runner.node_process import replayed
+from cam_rig.studies.simulate.recorded import read_recording
 from cam_rig.units import RPM
 
 from .conftest import SLOW, TICKS, OneProcess, patient, payloads_of

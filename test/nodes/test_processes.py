@@ -11,11 +11,11 @@ import time
 
 import pytest
 
-from cam_rig.bag.reader import read_recording
 from cam_rig.nodes.__main__ import start
 from cam_rig.runner.graph import Graph
 from cam_rig.runner.node_process import NodeProcess
 from cam_rig.schema.load import config_root
+from cam_rig.studies.simulate.recorded import read_recording
 
 from ..processes import sockets
 from .conftest import SLOW, TICKS, has_ticks, node_processes, patient, wait_until

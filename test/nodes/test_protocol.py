@@ -12,7 +12,7 @@ from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 
 from cam_rig.bag.completeness import require_complete
-from cam_rig.bag.reader import read_counts, read_recording
+from cam_rig.bag.reader import read_counts
 from cam_rig.errors import RunError
 from cam_rig.messages import topics
 from cam_rig.messages.serialization import read_message
@@ -21,6 +21,7 @@ from cam_rig.nodes.base.rig_node import RigPublisher
 from cam_rig.nodes.convert import message_class
 from cam_rig.schema.load import config_root
 from cam_rig.simulation.simulate import simulate
+from cam_rig.studies.simulate.recorded import read_recording
 from cam_rig.testing.client import RigClient
 
 from .conftest import TICKS, OneProcess, patient, payloads_of, run_to_end, wait_until

@@ -10,12 +10,12 @@ import pytest
 from typer.testing import CliRunner
 
 from cam_rig.bag.files import is_unclosed
-from cam_rig.bag.reader import read_recording
 from cam_rig.cli.main import app
 from cam_rig.errors import RunError
 from cam_rig.live.flow_control import MAX_TICKS_IN_FLIGHT
 from cam_rig.runner.graph import Graph
 from cam_rig.runner.node_process import stop_all
+from cam_rig.studies.simulate.recorded import read_recording
 
 from .conftest import (
     SLOW,

@@ -10,13 +10,13 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import FluidPressure
 
 from cam_rig.bag.files import bag_files, is_unclosed
-from cam_rig.bag.reader import read_recording
 from cam_rig.errors import RunError
 from cam_rig.nodes.base import rig_node
 from cam_rig.nodes.base.rig_node import MAX_DRAIN_S, RigNode
 from cam_rig.nodes.base.run_end import DRIVE_LOST_S, POLL_S, FinishedRun, LostDriveMonitor
 from cam_rig.runner.node_process import NodeProcess, stop_all
 from cam_rig.runner.node_table import DRIVE, RECORDER
+from cam_rig.studies.simulate.recorded import read_recording
 
 from .conftest import SLOW, TICKS, OneProcess, node_of, patient, payloads_of, wait_until
 

@@ -5,13 +5,13 @@ import pytest
 
 import cam_rig
 from cam_rig.errors import ConfigError
-from cam_rig.law_design.space import events
 from cam_rig.laws import Law, build_law
 from cam_rig.laws.law import joints
 from cam_rig.panel.board.drawable import _nearest, as_b_splines, with_own_ordinates
 from cam_rig.panel.board.drawn_law import ORDERS, DrawnLaw, table_angles
 from cam_rig.schema import CamConfig, load_cam
 from cam_rig.schema.segments import MAX_B_SPLINE_DEGREE
+from cam_rig.studies.design.space import events
 
 from ..conftest import CAM_NAMES, CONFIG
 

@@ -10,7 +10,7 @@ from cam_rig.errors import ProfileError
 from cam_rig.laws import build_law
 from cam_rig.laws.cam import arc_cam
 from cam_rig.profile import contours, discs
-from cam_rig.profile.check_table import check_cam, require_profile
+from cam_rig.profile.cam_checks import check_cam, require_profile
 from cam_rig.profile.checks import least_base_radius, sharpest_concave, sharpest_convex
 from cam_rig.profile.contact import Scan, greatest_between
 

@@ -12,9 +12,9 @@ from shapely import LinearRing, LineString
 
 from cam_rig.laws import Law
 from cam_rig.profile import contours, turn_angles
-from cam_rig.profile.check_table import check_cam
-from cam_rig.profile.figures import figure, positions
+from cam_rig.profile.cam_checks import check_cam
 from cam_rig.schema import CamConfig
+from cam_rig.studies.profile.figures import figure, positions
 
 Cams, Laws, Draw = dict[str, CamConfig], dict[str, Law], Callable[..., Figure]
 

@@ -13,8 +13,8 @@ from cam_rig.profile import contours, contours_at, turn_angles
 from cam_rig.profile.contact import Motion
 from cam_rig.profile.faces import GuidedFace, SwungFace
 from cam_rig.profile.outlines import FollowerShape, follower_shape
+from cam_rig.profile.shapes import NUMBER, body, closed, ring_numbers, rotation, turned
 from cam_rig.schema import CamConfig
-from cam_rig.show.looks import NUMBER, body, closed, ring_numbers, rotation, turned
 
 #: Beside the joints, where a limit is taken.
 ANGLES = turn_angles(720) + 1e-3

@@ -7,9 +7,9 @@ import math
 import pytest
 
 from cam_rig.errors import ConfigError
-from cam_rig.law_design.request import DesignRequest, parse_goal
 from cam_rig.quantities.catalogue import DESIGNED, QUANTITIES, measured_in
 from cam_rig.quantities.terms import parse_limit, parse_term
+from cam_rig.studies.design.request import DesignRequest, parse_goal
 from cam_rig.units import RPM
 
 

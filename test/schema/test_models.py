@@ -13,15 +13,15 @@ from typer.testing import CliRunner
 
 import cam_rig
 from benchmark.speed.cases import SAMPLED
-from cam_rig.campaigns.campaign import campaign_from
 from cam_rig.cli.main import app
 from cam_rig.dynamics import MODELS
-from cam_rig.measured.rig_fit.rig_fit import MODELS as FITTED
 from cam_rig.panel.bench import runner as setup
-from cam_rig.paper.orders.steady_force import BUILDERS
 from cam_rig.schema.load import Library, config_root
 from cam_rig.schema.quantity import ORIGINS, UNITS, Quantity, must_be
 from cam_rig.schema.scene import OLD_MODELS, Model
+from cam_rig.studies.campaign.campaign import campaign_from
+from cam_rig.studies.fit_rig.study import MODELS as FITTED
+from cam_rig.studies.orders.steady_force import BUILDERS
 
 
 def test_origin_and_si():

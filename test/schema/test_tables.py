@@ -8,11 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cam_rig.errors import ConfigError
-from cam_rig.measured.cam_fit.gauge import read_gauge_table
-from cam_rig.measured.instrument_table import MAX_LINES, heading
-from cam_rig.measured.rig_fit.jump_table import read_jump_table
 from cam_rig.schema import load_cam
+from cam_rig.schema.instrument_table import MAX_LINES, heading
 from cam_rig.schema.segment_base import read_points
+from cam_rig.studies.fit_cam.gauge import read_gauge_table
+from cam_rig.studies.fit_rig.jump_table import read_jump_table
 from cam_rig.units import RPM
 
 from .conftest import refusal

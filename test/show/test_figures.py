@@ -26,18 +26,12 @@ from benchmark.speed.cases import CASES
 from benchmark.speed.peers import PEERS
 from benchmark.speed.study import CaseResult, Sweep, WorkPrecisionPoint, WorkPrecisionStudy
 from cam_rig.dynamics.jump import figures as jump_of_one
-from cam_rig.dynamics.jump.any_follower import JumpSpeed
 from cam_rig.laws import Law
-from cam_rig.laws import figures as law
 from cam_rig.laws.cam import CamSet, open_cam_set
 from cam_rig.laws.catalogue import families, rise_curves
 from cam_rig.laws.segments import NAMED_RISES
-from cam_rig.paper.jump import figures as jump
-from cam_rig.paper.jump.comparison import JumpResult, find_jumps
-from cam_rig.paper.vibration import figures as vibration
-from cam_rig.paper.vibration.study import measure
-from cam_rig.profile import figures as profile
-from cam_rig.profile.check_table import check_cam
+from cam_rig.profile.cam_checks import check_cam
+from cam_rig.profile.shapes import distances
 from cam_rig.schema import CamConfig, load_rig, load_scene, load_tables
 from cam_rig.schema.load import config_root
 from cam_rig.show import looks as pictures
@@ -54,10 +48,17 @@ from cam_rig.show.looks import (
     of_cam,
     web,
 )
-from cam_rig.simulation import figures as motion
 from cam_rig.simulation.regression import compare
 from cam_rig.simulation.scene import open_scene
-from cam_rig.simulation.sound import SoundLevel
+from cam_rig.studies.jump import figures as jump
+from cam_rig.studies.jump.comparison import JumpResult, find_jumps
+from cam_rig.studies.jump.jump_speed import JumpSpeed
+from cam_rig.studies.laws import figures as law
+from cam_rig.studies.profile import figures as profile
+from cam_rig.studies.simulate import figures as motion
+from cam_rig.studies.simulate.sound import SoundLevel
+from cam_rig.studies.vibration import figures as vibration
+from cam_rig.studies.vibration.study import measure
 from cam_rig.units import RPM
 
 from ..figure_faults import faults
@@ -413,7 +414,7 @@ def test_reach_and_distances() -> None:
     """An axis has room beyond a difference, and 1 where it is rounding; distances from a strip."""
     assert (pictures.reach(20.0), pictures.reach(5e-9)) == (pytest.approx(23.0), 1.0)
     points, strip = np.array([[0.5, 2.0], [4.0, 4.0]]), np.array([[0.0, 0.0], [1.0, 0.0]])
-    assert pictures.distances(points, strip).tolist() == [2.0, 5.0]
+    assert distances(points, strip).tolist() == [2.0, 5.0]
 
 
 def _luminance(colour: int) -> float:

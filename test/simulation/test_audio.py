@@ -9,8 +9,8 @@ from cam_rig.acoustics import SoundSource, level_db
 from cam_rig.acoustics.sound_level_meter import class_1_up_to_hz
 from cam_rig.errors import ConfigError, RunError
 from cam_rig.simulation.instruments import Signal, encoder_count
+from cam_rig.simulation.meter import MeterSimulator
 from cam_rig.simulation.simulate import MicrophoneSimulator, turned_ticks
-from cam_rig.simulation.sound import MeterSimulator
 from cam_rig.units import TURN
 
 

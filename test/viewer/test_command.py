@@ -17,16 +17,16 @@ import cam_rig
 from cam_rig.bag.files import bag_file
 from cam_rig.bag.reader import messages
 from cam_rig.errors import CamRigError
-from cam_rig.laws import chart as law_chart
 from cam_rig.laws.catalogue import ORDERS, rise_curves
-from cam_rig.laws.chart import save_laws
 from cam_rig.messages import topics
-from cam_rig.paper.orders.chart import entity, orders_tabs, save_orders
-from cam_rig.paper.orders.spectrum import RANGE, loudest, waterfall
 from cam_rig.schema.load import config_root
 from cam_rig.show.chart import SPEED
 from cam_rig.show.looks import short
 from cam_rig.simulation.scene import open_scene
+from cam_rig.studies.laws import chart as law_chart
+from cam_rig.studies.laws.chart import save_laws
+from cam_rig.studies.orders.chart import entity, orders_tabs, save_orders
+from cam_rig.studies.orders.spectrum import RANGE, loudest, waterfall
 from cam_rig.units import RPM
 from cam_rig.viewer import Layout, ViewOptions
 from cam_rig.viewer import process as viewer

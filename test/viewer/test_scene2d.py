@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from cam_rig.profile.shapes import distances, turned
 from cam_rig.schema.load import config_root
-from cam_rig.show.looks import distances, of_cam, turned
+from cam_rig.show.looks import of_cam
 from cam_rig.simulation.scene import max_contact_force, open_scene
 from cam_rig.viewer.scene2d import ARROW, FRAMES_PER_TURN, bounds, frame_mask, framings, readings
 

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from cam_rig.bounce.motion import bouncing
 from cam_rig.dynamics import Samples
 from cam_rig.dynamics.turn_map import ON_THE_CAM, StroboscopicMap
 from cam_rig.schema.load import config_root
@@ -11,6 +10,7 @@ from cam_rig.show.chart import step_marks
 from cam_rig.simulation.scene import open_scene
 from cam_rig.simulation.schedule import cam_states
 from cam_rig.simulation.simulate import turned_ticks
+from cam_rig.studies.bounce.motion import bouncing
 from cam_rig.units import NS, RPM, TURN
 from cam_rig.viewer.bounce_chart import GAPS, LANDINGS, bounce_axes, rebounds
 from cam_rig.viewer.quantities import GAP_LINE as GAP

@@ -35,8 +35,6 @@ DOCS = Path(__file__).parents[2] / "docs"
 CAM, AT_DEG = "poly345", 75.0
 STEEL, INK, FORCE, SIZE = "#d5dbe1", "#222222", "#D55E00", "#0072B2"
 PACKAGE = DOCS.parent / "cam_rig"
-#: Rooms that hold slices, or are one.
-SLICES = ("measured", "campaigns", "law_design", "paper")
 MIDDLE: dict[str, Any] = {"ha": "center", "va": "center"}
 SHOWN = ("constant_velocity", "simple_harmonic", "cycloidal", "poly345", "poly4567", "bezier9")
 
@@ -240,7 +238,7 @@ def rooms(path: Path) -> None:
             at[room] = complex(4.0 * (column - 0.5 * (len(floor) - 1)), row)
             box = mpl.patches.FancyBboxPatch(
                 (at[room].real - 1.85, row - 0.3), 3.7, 0.6, "round,pad=0,rounding_size=0.08",
-                fc=STEEL if room in SLICES else "white", ec=INK, lw=1.0, zorder=2,
+                fc=STEEL if room == "studies" else "white", ec=INK, lw=1.0, zorder=2,
             )  # fmt: skip
             axes.add_patch(box)
             axes.text(at[room].real, row + 0.17, room, weight="bold", **MIDDLE)

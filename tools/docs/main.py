@@ -8,16 +8,17 @@ from typing import Annotated
 import typer
 
 from cam_rig.bag.command import newest_bag
-from cam_rig.bag.reader import read_counts, read_recording
+from cam_rig.bag.reader import read_counts
 from cam_rig.errors import CamRigError
 from cam_rig.files import temporary_folder, writing
 from cam_rig.messages.topics import FOLLOWER_SAMPLES
 from cam_rig.show.command import make_progress_bar, user_errors
 from cam_rig.show.figure import write
 from cam_rig.show.terminal import console
-from cam_rig.simulation import figures as noise
 from cam_rig.simulation.regression import NoiseResult, compare
 from cam_rig.simulation.simulate import step_levels
+from cam_rig.studies.simulate import figures as noise
+from cam_rig.studies.simulate.recorded import read_recording
 from tools.docs import bench_picture, course_pictures, panel_picture
 from tools.docs.bench_picture import photograph_bench
 from tools.docs.panel_picture import photograph_lab, photograph_panel

@@ -20,10 +20,7 @@ ROOMS = (
     "acoustics",
     "simulation",
     "quantities",
-    "law_design",
-    "campaigns",
-    "measured",
-    "paper",
+    "studies",
     "bag",
     "messages",
 )

@@ -9,9 +9,10 @@ from matplotlib.lines import Line2D
 
 from cam_rig.profile.contact import Motion
 from cam_rig.profile.outlines import follower_shape
+from cam_rig.profile.shapes import circle, closed, turned
 from cam_rig.show import looks as colours
 from cam_rig.show.figure import CAM_ANGLE, shade, turn_axis
-from cam_rig.show.looks import MM, circle, closed, of_cam, turned, web
+from cam_rig.show.looks import MM, of_cam, web
 from cam_rig.simulation.scene import ARROW, LoadedScene, max_contact_force
 from cam_rig.units import FloatArray
 from cam_rig.viewer.timeline import Turn

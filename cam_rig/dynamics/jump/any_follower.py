@@ -6,17 +6,9 @@ m s'' Ω² + c s' Ω + k s + preload = 0 (eq. 9 of the paper, F = 0), from rest 
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Any, ClassVar, overload
-
-import numpy as np
-
-from cam_rig.arguments import checked, on_one_axis
-from cam_rig.dynamics.free_masses import BY, ONE_MASS, TwoMassParameters
-from cam_rig.dynamics.jump.jump_speed import FROM_REST, require_run, rigid_jump, rigid_least
+from cam_rig.dynamics.free_masses import TwoMassParameters
 from cam_rig.dynamics.jump.jump_speed import jump_speed as jump_of_parameters
+from cam_rig.dynamics.jump.jump_speed import require_run, rigid_jump, rigid_least
 from cam_rig.dynamics.jump.search import (
     FASTEST,
     SLOWEST,
@@ -27,46 +19,9 @@ from cam_rig.dynamics.jump.search import (
 )
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.velocity_jumps import require_smooth
-from cam_rig.errors import CamRigError, ConfigError
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig
-from cam_rig.show.result import Column, Records, Result
 from cam_rig.units import RPM, FloatArray
-
-
-@dataclass(frozen=True, repr=False)
-class JumpSpeed(Jump, Result):
-    """A jump speed: ``rpm``, ``speed`` (rad/s), and where contact is lost.
-
-    ``angle`` (rad of cam angle in its turn) and ``time`` (s, from rest or from the beginning of a
-    turn) are those of the first lift-off. ``duration`` (s) is the run's; None is steady state.
-    """
-
-    schema = "cam_rig.jump_speed.1"
-    plot_function = "cam_rig.dynamics.jump.figures:figure"
-    columns: ClassVar = {
-        "jump_speed": (
-            Column("cam", of="law.name"),
-            Column("rpm", "rpm", ".2f", "jump speed"),
-            Column("angle", "°", ".1f", "cam angle"),
-            Column("time", "s", ".3f"),
-        )
-    }
-
-    law: Law
-    rig: RigConfig
-    duration: float | None
-
-    def tables(self) -> list[Records]:
-        """One row."""
-        caption = f"On rig {self.rig.name}: {described_run(follower_of(self.rig), self.duration)}"
-        return [self.table("jump_speed", caption, [self], single=True)]
-
-    def __repr__(self) -> str:
-        """What and where, in rpm and degrees."""
-        where = f"contact lost at {math.degrees(self.angle):.1f}° after {self.time:.3g} s"
-        return f"JumpSpeed({self.law.name}: {self.rpm:.2f} rpm, {where})"
-
 
 #: What a rig gives to a jump speed, and what each is called.
 AnyFollower = TwoMassParameters | FollowerParameters
@@ -120,159 +75,3 @@ def least_force(
 
 
 # The jump speed of a law on a rig, or on many that differ in numbers of their follower.
-
-
-@dataclass(frozen=True)
-class RigJump:
-    """One rig's jump speed; NaN, with a reason, where it has none."""
-
-    mass: float  #: kg
-    spring_stiffness: float  #: N/m
-    damping: float  #: N·s/m, of the end mass to ground
-    preload: float  #: N
-    rpm: float
-    angle: float  #: of the cam in its turn, rad
-    time: float  #: s
-    reason: str  #: empty where there is a jump speed
-
-
-@dataclass(frozen=True, repr=False)
-class JumpSpeeds(Result):
-    """Jump speeds of one law on many rigs, in ``rows``; ``rpm`` of all."""
-
-    schema = "cam_rig.jump_speeds.1"
-    columns: ClassVar = {
-        "jump_speeds": (
-            Column("mass", "kg", ".4g"),
-            Column("spring_stiffness", "N/m", ".5g", "spring"),
-            Column("damping", "N·s/m", ".4g"),
-            Column("preload", "N", ".4g"),
-            Column("rpm", "rpm", ".2f", "jump speed"),
-            Column("angle", "°", ".1f", "cam angle"),
-            Column("time", "s", ".3f"),
-            Column("reason", doc="why there is no jump speed; else empty"),
-        )
-    }
-
-    law: Law
-    rig: RigConfig
-    duration: float | None
-    rows: tuple[RigJump, ...]
-
-    @property
-    def rpm(self) -> FloatArray:
-        """Jump speeds, ``(n,)``, rpm; NaN where there is none."""
-        return np.array([row.rpm for row in self.rows])
-
-    def tables(self) -> list[Records]:
-        """A row a rig."""
-        run = described_run(follower_of(self.rig), self.duration)
-        caption = f"{self.law.name} on rigs as {self.rig.name}: {run}"
-        return [self.table("jump_speeds", caption, self.rows)]
-
-    def __repr__(self) -> str:
-        """How many, and between what."""
-        found = self.rpm[np.isfinite(self.rpm)]
-        span = f", {found.min():.2f} to {found.max():.2f} rpm" if found.size else ""
-        return f"JumpSpeeds({self.law.name}: {found.size} of {len(self.rows)} rigs{span})"
-
-
-#: A number of the follower, SI: one, or one for each rig.
-Numbers = FloatArray | float | None
-
-
-@overload
-def jump_speed(law: Law, rig: RigConfig, *, duration: float | None = ...) -> JumpSpeed: ...
-@overload
-def jump_speed(
-    law: Law,
-    rig: RigConfig,
-    *,
-    duration: float | None = ...,
-    mass: Numbers = ...,
-    spring_stiffness: Numbers = ...,
-    damping: Numbers = ...,
-    preload: Numbers = ...,
-) -> JumpSpeeds: ...
-@checked
-def jump_speed(
-    law: Law,
-    rig: RigConfig,
-    *,
-    duration: float | None = FROM_REST,
-    mass: Numbers = None,
-    spring_stiffness: Numbers = None,
-    damping: Numbers = None,
-    preload: Numbers = None,
-) -> JumpSpeed | JumpSpeeds:
-    """The lowest speed at which the follower loses contact.
-
-    Of two masses where the rig says how they split, else of one rigid mass, which does not vibrate.
-    With numbers of the follower, each an array or one number for all, a row for each rig: the same,
-    bit for bit, as that rig alone, some hundred a second.
-
-    Parameters
-    ----------
-    law : of `build_law`, or one's own `Law`
-    rig : two masses with ``roller_share`` and ``stem_damping``, such as ``paper_table2``; one
-        mass without both
-    duration : s, of runs from rest at cam angle 0, each at one speed; None for the steady state
-    mass, spring_stiffness, damping, preload : kg, N/m, N·s/m and N, ``(n,)``; None is the rig's own
-
-    Raises
-    ------
-    ConfigError : an argument of another type, the rig has one of the two numbers alone, arrays of
-        different lengths, or a duration beyond 60 s
-    DynamicsError : contact lost at every speed or at none; or no steady
-        state. Of many rigs such a one has a reason in its row
-
-    Examples
-    --------
-    >>> import cam_rig, numpy as np
-    >>> law = cam_rig.build_law(cam_rig.load_cam("poly345"))
-    >>> rig = cam_rig.load_rig("paper_table2")
-    >>> round(cam_rig.jump_speed(law, rig).rpm, 2)
-    413.44
-    >>> cam_rig.jump_speed(law, rig, preload=np.array([20.0, 30.6, 45.0])).rpm.round(1).tolist()
-    [344.9, 413.4, 417.2]
-    """
-    numbers = {
-        "mass": mass,
-        "spring_stiffness": spring_stiffness,
-        "damping": damping,
-        "preload": preload,
-    }
-    given = {name: value for name, value in numbers.items() if value is not None}
-    if given:
-        return _of_many(law, rig, duration, given)
-    found = find_jump(law, follower_of(rig), duration)
-    return JumpSpeed(found.speed, found.angle, found.time, law, rig, duration)
-
-
-def _of_many(
-    law: Law, rig: RigConfig, duration: float | None, numbers: Mapping[str, FloatArray | float]
-) -> JumpSpeeds:
-    given = [on_one_axis(name, x) for name, x in numbers.items()]
-    try:
-        arrays = np.broadcast_arrays(*given)
-    except ValueError:
-        sizes = ", ".join(f"{name} {np.size(x)}" for name, x in numbers.items())
-        raise ConfigError(f"the arrays have {sizes} numbers; allowed: as many each") from None
-    rows = []
-    for values in zip(*(array.tolist() for array in arrays), strict=True):
-        rows.append(_row(law, rig, duration, dict(zip(numbers, values, strict=True))))
-    return JumpSpeeds(law, rig, duration, tuple(rows))
-
-
-def _row(law: Law, rig: RigConfig, duration: float | None, changed: dict[str, float]) -> RigJump:
-    base = follower_of(rig)
-    own = {x: getattr(base, x) for x in ("spring_stiffness", "damping", "preload")}
-    shown, numbers = {"mass": rig.follower.mass.si, **own, **changed}, dict[str, Any](changed)
-    if "mass" in numbers and isinstance(base, TwoMassParameters):
-        roller = numbers.pop("mass") * rig.need("roller_share", BY, ONE_MASS).si
-        numbers |= {"roller_mass": roller, "end_mass": changed["mass"] - roller}
-    try:
-        found = find_jump(law, replace(base, **numbers), duration)
-    except CamRigError as error:
-        return RigJump(**shown, rpm=math.nan, angle=math.nan, time=math.nan, reason=str(error))
-    return RigJump(**shown, rpm=found.rpm, angle=found.angle, time=found.time, reason="")

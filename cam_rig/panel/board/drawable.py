@@ -23,18 +23,18 @@ from cam_rig.dynamics.jump.any_follower import find_jump, follower_of
 from cam_rig.dynamics.jump.jump_speed import FROM_REST, rigid_jump_speed
 from cam_rig.dynamics.vibration import residual_vibration
 from cam_rig.errors import CamRigError, ConfigError
-from cam_rig.law_design.result import spline_cam_data
-from cam_rig.law_design.space import LawEvent, events
 from cam_rig.laws import Law, build_law
 from cam_rig.laws.law import SMOOTHEST, joints
 from cam_rig.profile import Contour, contours
-from cam_rig.profile.check_table import check_cam, greatest_allowed
+from cam_rig.profile.cam_checks import check_cam, greatest_allowed
 from cam_rig.schema import CamConfig, RigConfig
 from cam_rig.schema.load import quantity, valid_cam
 from cam_rig.schema.segments import MAX_B_SPLINE_DEGREE, MAX_B_SPLINE_ORDINATES, Bezier, BSpline
 from cam_rig.show.looks import millimetres
-from cam_rig.simulation.motion import simulate
-from cam_rig.simulation.sound import sound_level
+from cam_rig.studies.design.result import spline_cam_data
+from cam_rig.studies.design.space import LawEvent, events
+from cam_rig.studies.simulate.motion import simulate
+from cam_rig.studies.simulate.sound import sound_level
 from cam_rig.units import RPM, TURN, FloatArray
 
 #: Pieces of each event at least, the longest of them (rad), and their lowest degree: with it s'''

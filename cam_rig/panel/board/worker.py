@@ -37,10 +37,10 @@ def answer_laws(first: dict[str, Any], cam: CamConfig, rig: RigConfig) -> None:
 
 def design(first: dict[str, Any], cam: CamConfig, rig: RigConfig) -> None:
     """Each better jump speed that `cam-rig design` finds, then its law, or why there is none."""
-    from cam_rig.law_design.design import search_design
-    from cam_rig.law_design.request import DesignRequest
     from cam_rig.panel.board.board import GOAL, LIMIT
     from cam_rig.panel.board.drawn_law import motion_in_base64
+    from cam_rig.studies.design.request import DesignRequest
+    from cam_rig.studies.design.study import search_design
 
     def told(_: object, value: float) -> None:
         _say({"so_far_rpm": value / RPM})

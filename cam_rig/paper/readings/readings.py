@@ -20,9 +20,9 @@ from cam_rig.dynamics.jump.search import force_run, sought_speed
 from cam_rig.dynamics.modal.motion import SETTLED
 from cam_rig.dynamics.two_mass import first_lift_off
 from cam_rig.laws import Law, bernstein, build_law
-from cam_rig.paper.jump.refit import ROUNDED_TO, with_event
 from cam_rig.schema import CamConfig, TableReading
 from cam_rig.schema.published import PublishedJump
+from cam_rig.studies.jump.study import ROUNDED_TO, with_event
 from cam_rig.units import RPM, TURN, ComplexArray, FloatArray, rms, to_rpm
 
 # The least contact force of each turn from rest, for many two-mass rigs at once.

@@ -19,7 +19,6 @@ from scipy.optimize import Bounds, differential_evolution
 
 from cam_rig.errors import ConfigError
 from cam_rig.laws import build_law
-from cam_rig.paper.jump.refit import ROUNDED_TO, with_event
 from cam_rig.paper.readings.readings import (
     FIRST_RPM,
     OF_FOLLOWER,
@@ -31,6 +30,7 @@ from cam_rig.schema import CamConfig, TableReading
 from cam_rig.schema.published import PublishedJump
 from cam_rig.schema.quantity import Quantity
 from cam_rig.show.result import NULL_PROGRESS, Progress
+from cam_rig.studies.jump.study import ROUNDED_TO, with_event
 from cam_rig.units import RPM, TURN, FloatArray
 
 #: What may be sought, where (SI; the logarithm of three of them), in the order of a trial.

@@ -7,13 +7,13 @@ from typing import ClassVar, NamedTuple
 
 from cam_rig.arguments import checked
 from cam_rig.errors import ConfigError, did_you_mean
-from cam_rig.paper.jump.refit import ROUNDED_TO
 from cam_rig.paper.readings.readings import Read, ReadRow, read
 from cam_rig.paper.readings.search import Found, ReadingSearch
 from cam_rig.schema import CamConfig, TableReadings, load_cam, load_readings, load_tables
 from cam_rig.schema.load import cam_path, readings_path, tables_path
 from cam_rig.schema.published import PublishedJump
 from cam_rig.show.result import NULL_PROGRESS, Column, Progress, Records, Result
+from cam_rig.studies.jump.study import ROUNDED_TO
 
 
 def _number(key: str, unit: str, shown: str, heading: str = "") -> Column:

@@ -17,7 +17,7 @@ from cam_rig.schema import load_cam
 from cam_rig.schema.load import config_root
 from cam_rig.units import RPM, TURN
 
-from ...law_design.shared import integrated
+from ...studies.design.shared import integrated
 from ..helpers import turned
 
 #: Duration of the runs, s.

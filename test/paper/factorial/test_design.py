@@ -21,7 +21,7 @@ from cam_rig.paper.factorial.study import (
     shares_of,
     squeezed,
 )
-from cam_rig.paper.noise.variants import two_levels
+from cam_rig.studies.noise.variants import two_levels
 from cam_rig.units import TURN
 
 RISES = ("simple_harmonic", "poly345", "cycloidal", "poly4567", "bezier9", "modified_sine")

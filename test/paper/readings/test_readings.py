@@ -9,7 +9,6 @@ from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.two_mass import first_lift_off
 from cam_rig.errors import ConfigError
 from cam_rig.laws import build_law
-from cam_rig.paper.jump.refit import with_event
 from cam_rig.paper.readings.readings import first_on_grid, follower_of, read, window
 from cam_rig.paper.readings.search import BOUNDS, ReadingSearch, Trials
 from cam_rig.paper.readings.study import ReadingsResult
@@ -17,6 +16,7 @@ from cam_rig.schema import load_cam, load_readings, load_rig, load_tables
 from cam_rig.schema.load import config_root
 from cam_rig.schema.published import PublishedJump
 from cam_rig.show.result import Progress
+from cam_rig.studies.jump.study import with_event
 from cam_rig.units import RPM, TURN
 
 from ...cli.conftest import call

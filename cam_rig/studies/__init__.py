@@ -1,0 +1,1 @@
+"""Studies: features built on the rig, each independent of the others."""

@@ -1,0 +1,203 @@
+"""cam-rig bounce: how a follower bounces above its jump speed."""
+
+from __future__ import annotations
+
+import math
+from contextlib import AbstractContextManager
+from enum import Enum
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from cam_rig.errors import ConfigError
+from cam_rig.show.command import Dask, Jobs, command
+from cam_rig.show.result import Progress, Result
+
+if TYPE_CHECKING:
+    from cam_rig.laws import Law
+    from cam_rig.schema import RigConfig
+    from cam_rig.workers import Workplace
+
+    Place = AbstractContextManager[Workplace]
+
+#: By default so many speeds, from and to these parts of the jump speed.
+SPEEDS, FROM, TO = 121, 0.9, 1.8
+
+
+#: What bounces, what is swept, and where each row begins.
+Masses = Enum("Masses", {"ONE_MASS": "one_mass", "TWO_MASS": "two_mass"})
+Over = Enum(
+    "Over", {"RPM": "rpm", "RESTITUTION": "restitution", "PRELOAD": "preload", "MASS": "mass"}
+)
+Start = Enum("Start", {"REST": "rest", "BELOW": "below", "ABOVE": "above"})
+
+OwnRig = Annotated[
+    str | None,
+    typer.Option(
+        "--rig",
+        help="Rig file, or a name in config/rigs; by default the only one in rigs beside "
+        "the cam, else tm21.",
+    ),
+]
+OneCam = Annotated[str, typer.Argument(help="Cam file, or a name in config/cams.")]
+Speeds = Annotated[
+    str | None,
+    typer.Option(help="Speeds: 420, or 420,450, or 350:600:2; by default around the jump speed."),
+]
+Restitution = Annotated[
+    float | None, typer.Option(help="Of a landing, from 0 to below 1; by default the rig's.")
+]
+Follower = Annotated[
+    Masses,
+    typer.Option("--model", help="One rigid mass, or a roller and an end mass on an elastic stem."),
+]
+Swept = Annotated[
+    Over, typer.Option("--over", help="What is swept; other than rpm at one speed, over --range.")
+]
+Range = Annotated[
+    str | None,
+    typer.Option(
+        "--range",
+        help="Values of what is swept at one speed: 0:0.9:0.01, of a preload in N, a mass in kg.",
+    ),
+]
+Kept = Annotated[int, typer.Option(min=20, help="Turns that are kept.")]
+Settle = Annotated[int, typer.Option(min=0, help="Turns before these.")]
+From = Annotated[
+    Start,
+    typer.Option(
+        "--from", help="Each row begins on the cam (rest), or where the one below or above ended."
+    ),
+]
+Follow = Annotated[
+    bool,
+    typer.Option(
+        "--follow",
+        help="Follow the periodic motions met in these rows, stable or not, and find where each "
+        "changes; more rows meet more.",
+    ),
+]
+Out = Annotated[
+    Path | None,
+    typer.Option(metavar="FOLDER", help="Keep rows in Parquet files there as they come."),
+]
+Resume = Annotated[
+    bool, typer.Option("--resume", help="Go on with the rows that the folder has not.")
+]
+BasinsToo = Annotated[
+    bool, typer.Option("--basins", help="At one speed: which start ends in which motion.")
+]
+
+
+@command("json", "csv", "plot")
+def bounce(
+    cam: OneCam = "tm21",
+    rig: OwnRig = None,
+    rpm: Speeds = None,
+    restitution: Restitution = None,
+    model: Follower = Masses.ONE_MASS,
+    over: Swept = Over.RPM,
+    values: Range = None,
+    turns: Kept = 200,
+    settle: Settle = 300,
+    start: From = Start.REST,
+    follow: Follow = False,
+    basins: BasinsToo = False,
+    out: Out = None,
+    resume: Resume = False,
+    jobs: Jobs = None,
+    dask: Dask = None,
+    *,
+    progress: Progress,
+) -> Result:
+    """Find how a follower bounces at each speed: at rest, periodic or irregular.
+
+    The Lyapunov exponent comes from the exact derivative of each turn, not from a time series. A
+    level beside it says what a meter shows, and how far it wanders from turn to turn. From below
+    and from above differ where two motions are possible. --over sweeps a number at one speed.
+
+    In Python: cam_rig.bounce_map(law, rig, rpm, restitution, model, over, values, turns, settle,
+    start, follow, out, resume)
+
+    Examples
+    --------
+    cam-rig bounce tm21 --restitution 0.7 --plot out/bounce.png
+
+    cam-rig bounce tm21 --restitution 0.7 --rpm 380:500:1 --from above --csv out/bounce.csv
+
+    cam-rig bounce tm21 --rpm 450 --over restitution --range 0.3:0.9:0.005 --follow --csv out/e.csv
+
+    cam-rig bounce poly345 --rig paper_table2 --model two_mass --rpm 400:600:1 --out out/two
+
+    cam-rig bounce tm21 --restitution 0.7 --rpm 420 --basins --plot out/basins.png
+    """
+    from cam_rig.simulation.asked import speeds_in
+    from cam_rig.studies.bounce.study import bounce_map
+    from cam_rig.workers import check_workplace, workplace
+
+    check_workplace(jobs, dask)
+    law, on = _law_and_rig(cam, rig)
+    speeds = _around_jump(law, on, model) if rpm is None else speeds_in(rpm)
+    if basins:
+        if model != Masses.ONE_MASS or out is not None:
+            raise ConfigError("--basins: are of one mass, and keep no rows; allowed: without both")
+        there = workplace(jobs, dask)
+        return _basins(law, on, speeds, there, restitution=restitution, progress=progress)
+    find = partial(bounce_map, law, on, rpm=speeds, restitution=restitution, progress=progress)
+    find = partial(find, model=model.value, over=over.value, values=_values(values), turns=turns)
+    find = partial(find, settle=settle, start=start.value, follow=follow, out=out, resume=resume)
+    if start != Start.REST or (over == Over.RPM and len(speeds) == 1):
+        return find()
+    with workplace(jobs, dask) as place:
+        return find(executor=place.executor, workers=place.count)
+
+
+def _law_and_rig(cam: str, rig: str | None) -> tuple[Law, RigConfig]:
+    from cam_rig.laws.cam import law_of, require_sprung
+    from cam_rig.schema import load_cam, load_rig
+    from cam_rig.schema.load import cam_path, rig_path
+    from cam_rig.simulation.asked import own_rig
+
+    path = cam_path(cam)
+    loaded = load_cam(path)
+    require_sprung(path, loaded)
+    return law_of(path, loaded), load_rig(own_rig([path], "tm21") if rig is None else rig_path(rig))
+
+
+def _values(text: str | None) -> list[float] | None:
+    """What --range asks for."""
+    from cam_rig.simulation.asked import numbers_in
+
+    if text is None:
+        return None
+    if not (found := numbers_in(text)):
+        raise ConfigError(f"--range {text}: allowed: 0.5, or 0.3,0.5, or 0:0.9:0.01 (from:to:step)")
+    return found
+
+
+def _around_jump(law: Law, rig: RigConfig, model: Masses) -> list[float]:
+    """Speeds (rpm) from below the jump speed to where a follower bounces far."""
+    from cam_rig.studies.bounce.motion import bouncing
+    from cam_rig.studies.bounce.sweep import OperatingPoint, Sweep
+    from cam_rig.units import RPM
+
+    any_speed = OperatingPoint(bouncing(rig, 0.0, model.value), RPM)
+    jump = Sweep(any_speed).lift_off(law, ()) / RPM
+    if not 0.0 < jump < math.inf:
+        raise ConfigError(
+            f"cam {law.name!r}: has a jump speed of {jump:g} rpm, around which there are no "
+            "speeds; allowed: --rpm"
+        )
+    step = jump * (TO - FROM) / (SPEEDS - 1)
+    return [FROM * jump + i * step for i in range(SPEEDS)]
+
+
+def _basins(law: Law, rig: RigConfig, speeds: list[float], there: Place, **how: Any) -> Result:
+    from cam_rig.studies.bounce.basins import basins
+
+    if len(speeds) > 1:
+        raise ConfigError(f"--basins: of {len(speeds)} speeds; allowed: one, as --rpm 420")
+    with there as place:
+        return basins(law, rig, rpm=speeds[0], executor=place.executor, **how)

@@ -1,0 +1,117 @@
+"""Hertz pressure and sliding over the turn and the base radius; the nomogram of event angles."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from cam_rig.profile.contact import turn_angles
+from cam_rig.show.figure import CAM_ANGLE, empty, line, logarithmic, styled, turn_axis
+from cam_rig.show.looks import LIMIT, in_words, short, web
+from cam_rig.studies.contact import surfaces
+from cam_rig.studies.contact.study import CamContact, ContactResult
+from cam_rig.studies.contact.surfaces import Measure, measured, peak_pressure, peak_sliding
+from cam_rig.units import FloatArray
+
+#: Samples of a turn, and base radii of a curve from and to these times the cam's own.
+POINTS, RADII = 1440, 36
+FROM, TO = 0.25, 3.0
+#: Letters of a name in the legend, of which three stand beside each other.
+LETTERS = 32
+#: Event angles of the nomogram, degrees.
+EVENTS = np.linspace(30.0, 180.0, 151)
+
+
+@styled
+def figure(found: ContactResult) -> Figure:
+    """Left over the turn, right the largest values over the base radius, with what is allowed."""
+    rows = found.rows
+    out = empty(5.6)
+    panels = out.subplots(2, 2)
+    for row in rows:
+        style = line(row.case.cam.name)
+        _over_turn(panels[:, 0], row, style)
+        _over_base(panels[0, 1], row, style, peak_pressure, 1e-6)
+        if not row.case.surfaces.rolls:
+            _over_base(panels[1, 1], row, style, peak_sliding, 1.0)
+    for axes in panels[:, 0]:
+        turn_axis(axes)
+    parts = [row.case.cam.parts for row in rows]
+    _limit(panels[0, 1], {1e-6 * one.most_pressure.si for one in parts}, "most pressure", "MPa")
+    if not all(row.case.surfaces.rolls for row in rows):
+        _limit(
+            panels[1, 1], {one.most_sliding_speed.si for one in parts}, "most sliding speed", "m/s"
+        )
+    else:
+        panels[1, 1].text(0.5, 0.5, "rollers roll", ha="center", transform=panels[1, 1].transAxes)
+    panels[0, 0].set(ylabel="Hertz pressure p₀ [MPa]", title="over the turn")
+    panels[1, 0].set(ylabel="surface speed [m/s]", xlabel=CAM_ANGLE)
+    panels[0, 1].set(ylabel="largest p₀ [MPa]", yscale="log", title="over the base radius")
+    logarithmic(panels[0, 1].yaxis)
+    panels[1, 1].set(ylabel="largest sliding speed [m/s]", xlabel="base radius $R_b$ [mm]")
+    handles, labels = panels[0, 0].get_legend_handles_labels()
+    columns = 3 if max(map(len, labels)) <= LETTERS else 2
+    out.legend(handles, labels, loc="outside lower center", ncols=columns)
+    out.suptitle(f"Contact at {found.rpm:g} rpm, rig: {in_words(found.rig)}")
+    return out
+
+
+def _over_turn(panels: FloatArray, row: CamContact, style: dict[str, Any]) -> None:
+    at = row.case.at(turn_angles(POINTS))
+    surfaces, degrees = row.case.surfaces, np.degrees(at[0].angle)
+    name = f"{short(row.case.cam.title)} ({row.case.cam.follower.type.replace('_', ' ')})"
+    panels[0].plot(degrees, 1e-6 * surfaces.pressure(*at), label=name, **style)
+    panels[1].plot(degrees, surfaces.sliding(*at), **style)
+
+
+def _over_base(
+    axes: Axes, row: CamContact, style: dict[str, Any], measure: Measure, factor: float
+) -> None:
+    own = row.case.cam.follower.base_radius.si
+    base = own * np.geomspace(FROM, TO, RADII)
+    values = [measured(row.case, measure, float(one)) for one in base]
+    shown = [math.nan if v is None or math.isinf(v) else factor * v for v in values]
+    axes.plot(1e3 * base, shown, **style)
+    here = measured(row.case, measure, own)
+    assert here is not None
+    axes.plot(1e3 * own, factor * here, "o", color=style["color"], ms=5)
+
+
+def _limit(axes: Axes, values: set[float], name: str, unit: str) -> None:
+    for value in sorted(values):
+        axes.axhline(value, color=web(LIMIT), ls="--", label=f"{name}, {value:g} {unit}")
+    axes.legend(loc="best")
+
+
+@styled
+def events_figure(most: float, radius: float) -> Figure:
+    """Least radii over the event angle, law by law, in lifts; ``most`` pressure angle in rad.
+
+    The ``radius`` is the roller's and the least one of the contour together.
+    """
+    event = np.radians(EVENTS)
+    out = empty(3.6)
+    panels = out.subplots(1, 3)
+    for name in surfaces.RISES:
+        curves = (
+            surfaces.by_pressure_angle(name, event, most),
+            surfaces.by_curvature(name, event, radius),
+            surfaces.by_face(name, event),
+        )
+        for axes, curve in zip(panels, curves, strict=True):
+            axes.plot(EVENTS, curve, label=in_words(name), **line(name))
+    titles = (
+        f"roller: pressure angle\nat most {math.degrees(most):g}°",
+        f"roller: pitch curve\nnot sharper than {radius:g} h",
+        "flat: radius of curvature\nat least $ρ_{min}$",
+    )
+    names = ("least ($R_b + R_r$) / h", "least ($R_b + R_r$) / h", "least ($R_b − ρ_{min}$) / h")
+    for axes, title, name in zip(panels, titles, names, strict=True):
+        axes.set(title=title, ylabel=name, xlabel="event angle β [°]", xlim=(30.0, 180.0))
+        axes.set(xticks=range(30, 181, 30), ylim=(-0.5, 8.0))
+    out.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    return out

@@ -1,0 +1,326 @@
+"""Contact of several cams on one rig at one speed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from cam_rig.arguments import checked
+from cam_rig.dynamics import FollowerParameters
+from cam_rig.errors import ConfigError
+from cam_rig.laws import Law
+from cam_rig.laws.cam import CamSet
+from cam_rig.laws.law import Extreme
+from cam_rig.profile.contact import Motion
+from cam_rig.profile.measure import closure
+from cam_rig.schema import CamConfig
+from cam_rig.schema.cam import ContactParts
+from cam_rig.schema.quantity import Quantity
+from cam_rig.schema.segment_base import quantities
+from cam_rig.show.result import Column, Footnote, Records, Result
+from cam_rig.show.tables import Cell
+from cam_rig.simulation.asked import FASTEST_RPM, Cams, Rig, asked_cams
+from cam_rig.studies.contact.surfaces import (
+    LOWER,
+    RISES,
+    BaseBounds,
+    ContactCase,
+    base_bounds,
+    by_face,
+    by_pressure_angle,
+    contact_case,
+)
+from cam_rig.units import RPM, RPM_PER_RAD_S, TURN, FloatArray
+
+#: Event angles of the nomogram's tables, degrees.
+EVENTS = (60.0, 90.0, 120.0, 150.0, 180.0)
+
+
+@dataclass(frozen=True, eq=False)
+class CamContact:
+    """Largest Hertz ``pressure`` (Pa) and sliding speed (m/s) over the turn, and where.
+
+    At the former the normal force (N), the contact's width (m), and 1/κ of the pair (m), of the
+    follower alone where the cam is straight; ``lost`` where the cam would have to pull somewhere.
+    """
+
+    case: ContactCase
+    pressure: Extreme
+    load: float
+    width: float
+    relative_radius: float
+    sliding: Extreme
+    lost: bool
+    bounds: BaseBounds
+
+    @property
+    def cam(self) -> CamConfig:
+        """The cam."""
+        return self.case.cam
+
+    @property
+    def roller_rpm(self) -> float | None:
+        """Greatest speed (rpm) of a roller about its pin, carried along by the cam."""
+        surfaces = self.case.surfaces
+        return self.sliding.value / surfaces.radius * RPM_PER_RAD_S if surfaces.rolls else None
+
+    @property
+    def result(self) -> str:
+        """Whether the cam's own base radius is within the bounds."""
+        least, most = self.bounds.least, self.bounds.sliding
+        if least is None or most is None or least > most:
+            return "no base radius meets all"
+        own = self.cam.follower.base_radius.si
+        return "within" if least <= own <= most else "outside"
+
+
+def contact_row(case: ContactCase) -> CamContact:
+    """All measures of one cam."""
+    surfaces, scan = case.surfaces, case.scan
+    pressure = scan.greatest_of(surfaces.pressure)
+    lightest = -scan.greatest_of(lambda *at: -surfaces.normal_force(*at)).value
+    # At a joint the pressure jumps: both sides of it, and the one that presses harder.
+    sides = [Motion.at(case.law, np.array([pressure.angle + d])) for d in (-1e-9 * TURN, 0.0)]
+    at = max(sides, key=lambda side: surfaces.pressure(side, scan.element.touch(side))[0])
+    touch = scan.element.touch(at)
+    return CamContact(
+        case=case,
+        pressure=pressure,
+        load=float(surfaces.normal_force(at, touch)[0]),
+        width=float(surfaces.width(at, touch)[0]),
+        relative_radius=float(1.0 / surfaces.curvature(touch)[0]),
+        sliding=scan.greatest_of(surfaces.sliding),
+        lost=lightest <= 0.0,
+        bounds=base_bounds(case),
+    )
+
+
+def _each(values: Iterable[float]) -> str:
+    return ", ".join(f"{value:g}" for value in sorted(set(values)))
+
+
+def _kind(cam: CamConfig) -> str:
+    return cam.follower.type.replace("_", " ")
+
+
+def _follower(row: CamContact) -> str:
+    radius = row.case.surfaces.radius
+    return _kind(row.cam) + (f", R {1e3 * radius:.3g} mm" if math.isfinite(radius) else "")
+
+
+def _bound(key: str, heading: str) -> Column:
+    def cell(row: CamContact) -> Cell:
+        value = getattr(row.bounds, key)
+        if value is None:
+            return "none will do"
+        return "no bound" if math.isinf(value) else 1e3 * value
+
+    return Column(key, "mm", ".1f", heading, f"bounds.{key}", cell)
+
+
+CAM = Column("cam", of="cam.name", cell=lambda row: str(row.cam.title))
+RADII = (
+    Column("rise", of="0"),
+    *(
+        Column(f"event_{event:g}", "", ".2f", f"β = {event:g}°", f"{i}")
+        for i, event in enumerate(EVENTS, 1)
+    ),
+)
+
+
+@dataclass(frozen=True, repr=False)
+class ContactResult(Result):
+    """The contact of cams on a rig of that name at one speed (rpm).
+
+    ``steepest`` is the most pressure angle (rad) of the nomogram, where that is asked for.
+    """
+
+    schema = "cam_rig.contact.1"
+    plot_function = "cam_rig.studies.contact.figures:figure"
+    columns: ClassVar = {
+        "contact": (
+            CAM,
+            Column("follower", of="cam.follower.type", cell=_follower),
+            Column("pressure", "MPa", ".1f", "largest pressure", "pressure.value"),
+            Column("angle", "°", ".1f", "at", "pressure.angle"),
+            Column("normal_force", "N", ".1f", "normal force there", "load"),
+            Column("relative_radius", "mm", ".2f"),
+            Column("contact_width", "µm", ".1f", of="width"),
+            Column(
+                "sliding_speed",
+                "m/s",
+                ".3f",
+                of=lambda row: None if row.case.surfaces.rolls else row.sliding.value,
+                missing="rolls",
+            ),
+            Column("roller_rpm", "rpm", ".0f", "roller speed", missing="–"),
+            Column("contact_lost", of="lost", hidden=True),
+        ),
+        "bounds": (
+            CAM,
+            Column("base_radius", "mm", ".4g", of="cam.follower.base_radius.si"),
+            _bound("curvature", "least by curvature"),
+            _bound("pressure_angle", "least by pressure angle"),
+            _bound("pressure", "least by Hertz pressure"),
+            _bound("sliding", "greatest by sliding"),
+            Column(
+                "governing",
+                heading="largest lower bound",
+                of="bounds.governing",
+                cell=lambda row: LOWER.get(row.bounds.governing),
+            ),
+            Column("feasible", of="bounds.feasible", hidden=True),
+            Column("result"),
+        ),
+        "assumed": (
+            Column("number", of="0"),
+            Column("value", of=lambda row: _quantity(row[1])),
+            Column("origin", of="1.origin"),
+            Column("source", of="1.source"),
+        ),
+        "run": (Column("rig"), Column("rpm", "rpm")),
+        "roller_radii": RADII,
+        "face_radii": RADII,
+    }
+
+    rig: str
+    rpm: float
+    rows: tuple[CamContact, ...]
+    steepest: float | None = None
+
+    def tables(self) -> list[Records]:
+        """``contact``, ``bounds``, ``assumed``; ``roller_radii`` and ``face_radii`` if asked."""
+        parts = [row.cam.parts for row in self.rows]
+        contact = self.table(
+            "contact",
+            f"Hertz pressure and sliding at {self.rpm:g} rpm, rig {self.rig}",
+            self.rows,
+            "A roller that turns freely does not slide; the cam carries its rim along.",
+            Footnote(
+                "A point without a radius would have infinite pressure: it is taken with its tip "
+                "radius.",
+                lambda row: not row.case.surfaces.rolls and math.isfinite(row.case.surfaces.radius),
+            ),
+            f"Face width: {_each(1e3 * one.face_width.si for one in parts)} mm.",
+            Footnote(
+                "The cam would have to pull somewhere: contact is lost, and landings press harder.",
+                lambda row: row.lost,
+                "†",
+            ),
+        )
+        bounds = self.table(
+            "bounds",
+            f"Bounds on the base radius at {self.rpm:g} rpm",
+            self.rows,
+            "0: every base radius down to a hundredth of the cam's own will do.",
+            f"Most pressure: {_each(1e-6 * one.most_pressure.si for one in parts)} MPa. "
+            f"Most sliding speed: {_each(one.most_sliding_speed.si for one in parts)} m/s.",
+        )
+        assumed = self.table(
+            "assumed",
+            "What is assumed of a contact where a cam file does not say",
+            quantities(ContactParts(), ""),
+        )
+        run = self.table("run", "On which rig, how fast", [self], single=True, hidden=True)
+        return [contact, bounds, assumed, *self._nomogram(), run]
+
+    def _nomogram(self) -> Iterator[Records]:
+        if self.steepest is None:
+            return
+        event, note = np.radians(EVENTS), "The guide goes through the cam's axis."
+        angle = f"pressure angle of at most {math.degrees(self.steepest):g}°"
+        roller = [(name, *by_pressure_angle(name, event, self.steepest)) for name in RISES]
+        face = [(name, *by_face(name, event)) for name in RISES]
+        caption = f"Roller: least (R_b + R_r) / h for a {angle}"
+        yield self.table("roller_radii", caption, roller, note)
+        caption = "Flat follower: least (R_b − ρ_min) / h for the radius of curvature ρ_min"
+        yield self.table("face_radii", caption, face, note)
+
+
+def _quantity(quantity: Quantity) -> str:
+    unit = "" if quantity.unit == "1" else f" {quantity.unit}"
+    return f"{quantity.numbers[0]:g}{unit}"
+
+
+def compare_contacts(cam_set: CamSet, rpm: float, steepest: float | None = None) -> ContactResult:
+    """The contact of every cam of a set at one speed; see `ContactResult`."""
+    rig = FollowerParameters.from_rig(cam_set.rig)
+    rows = (
+        contact_row(contact_case(cam, cam_set.laws[name], rig, rpm * RPM))
+        for name, cam in cam_set.cams.items()
+    )
+    return ContactResult(cam_set.rig.name, rpm, tuple(rows), steepest)
+
+
+#: Below every jump speed of the paper's laws, rpm.
+SPEED = 300.0
+
+
+@checked
+def contact(
+    cams: Cams = None, rig: Rig = None, rpm: float = SPEED, *, pressure_angle: float | None = None
+) -> ContactResult:
+    """Hertz pressure and sliding speed over the turn, and what base radius they ask for.
+
+    A rigid follower in contact, without friction; width and material are the cam's ``contact``.
+
+    The command is ``cam-rig contact``.
+
+    Parameters
+    ----------
+    cams : a name, a path or a cam, or several; or one scene. None: the paper's Table 2
+    rig : a name, a path or a rig; None: the scene's, or the only one beside the cams, else
+        ``paper_table2``
+    rpm : of the cam, rpm, to 1e5
+    pressure_angle : rad, 1° to 89°: with it the least base radii over the event angle at which no
+        pressure angle is larger stand in a table of their own, ``nomogram``
+
+    Raises
+    ------
+    ConfigError : an unknown cam, rig or scene, or a number that is out of range
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> found = cam_rig.contact("poly345", rpm=200)
+    >>> found.to_pandas().cam.tolist()
+    ['poly345']
+    """
+    if not 0.0 <= rpm <= FASTEST_RPM:
+        raise ConfigError(f"rpm: is {rpm:g} rpm; allowed: 0 to {FASTEST_RPM:g} rpm")
+    if pressure_angle is not None and not 1.0 <= math.degrees(pressure_angle) <= 89.0:
+        raise ConfigError(
+            f"pressure_angle: is {math.degrees(pressure_angle):g}°; allowed: 1° to 89°"
+        )
+    return compare_contacts(asked_cams(cams, rig), rpm, pressure_angle)
+
+
+# Followers that a cam moves both ways: their play between the two contacts.
+
+PLAY = (
+    CAM,
+    Column("follower", of="cam.follower.type", cell=lambda row: _kind(row.cam)),
+    Column("least", "nm", ".1e", of=lambda row: row.play.min().item()),
+    Column("greatest", "nm", ".1e", of=lambda row: row.play.max().item()),
+)
+
+
+class Play(NamedTuple):
+    """The play (m) of one cam's follower over the turn; where it is negative, it jams."""
+
+    cam: CamConfig
+    play: FloatArray
+
+
+def play_table(cams: Iterable[tuple[CamConfig, Law]]) -> Records:
+    """Play of followers that a cam moves both ways."""
+    caption = (
+        "Play between the two contacts over the turn, each element put on its finished contour"
+    )
+    note = "Negative: the follower would jam. The contours are splines through 3600 points."
+    rows = tuple(Play(cam, closure(cam.follower, law)) for cam, law in cams)
+    return Records("play", caption, PLAY, rows, (note,))

@@ -1,0 +1,158 @@
+"""cam-rig design: the best law of a class between a cam's dwells, and the bound that proves it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from cam_rig.errors import ConfigError
+from cam_rig.files import new_yaml, writing
+from cam_rig.show.command import RigOfCam, command
+from cam_rig.show.result import Progress, Result
+from cam_rig.show.terminal import say
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from cam_rig.schema import CamConfig, RigConfig
+    from cam_rig.studies.design.request import DesignConfig, DesignRequest
+    from cam_rig.studies.design.result import LawDesign
+
+Limits = Annotated[
+    list[str] | None,
+    typer.Option(help="Limit, such as 'peak_acceleration<=start'; as often as needed."),
+]
+Keep = Annotated[
+    str, typer.Option(help="What stays as the start has it; or dwells,lift; or lift alone.")
+]
+Starts = Annotated[int, typer.Option(help="Where it is not convex: laws, or spans, to begin from.")]
+Second = Annotated[
+    str | None,
+    typer.Option(metavar="QUANTITY", help="A front: the goal's best for values of another."),
+]
+
+
+@command("plot", "csv", "json")
+def design(
+    start: Annotated[
+        str, typer.Argument(help="Cam file, or a name in config/cams; or a design file.")
+    ],
+    minimise: Annotated[
+        str | None, typer.Option(metavar="QUANTITY", help="Goal, such as peak_acceleration.")
+    ] = None,
+    maximise: Annotated[
+        str | None, typer.Option(metavar="QUANTITY", help="Goal, such as jump_speed.")
+    ] = None,
+    limit: Limits = None,
+    keep: Keep = "events,dwells,lift",
+    pieces: Annotated[int, typer.Option(help="Pieces of each event, 1 to 200.")] = 16,
+    joints: Annotated[str, typer.Option(help="Continuity at joints, C1 to C6.")] = "C3",
+    degree: Annotated[int | None, typer.Option(help="To 15; by default joints + 2.")] = None,
+    starts: Starts = 8,
+    seed: Annotated[int, typer.Option(help="Of the random ones among them.")] = 1,
+    pareto: Second = None,
+    points: Annotated[int, typer.Option(help="Points of the front, 3 to 200.")] = 25,
+    rig: RigOfCam = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="CAM.yaml", help="Write the cam's file.")
+    ] = None,
+    *,
+    progress: Progress,
+) -> Result:
+    """Design the law that is best by a goal, and bound what any law of its class could reach.
+
+    The law is a B-spline in each event of the start; dwells, events and lift stay. Goals:
+    jump_speed, jump_speed_steady, jump_speed_rigid, least_contact_force_rigid@450rpm (maximise);
+    residual_vibration@200-400rpm, sound_level_rigid@200-400rpm, peak_velocity, peak_acceleration,
+    peak_jerk, rms_acceleration, peak_contact_force_rigid@450rpm (minimise). Without a bound, as
+    the best of several searches: shaft_torque@300rpm, sound_level_with_jumps@450-550rpm,
+    pressure_angle (minimise), radius_of_curvature (maximise). Limits: any of these, lift@90deg,
+    velocity@90deg, acceleration@80-100deg, event_angle@1. Ctrl-C keeps the best.
+
+    In Python: cam_rig.design(cam, rig, minimise, maximise, limits, …, pareto, points)
+
+    Examples
+    --------
+    cam-rig design poly345 --maximise jump_speed --limit 'peak_acceleration<=start' --out fast.yaml
+
+    cam-rig design poly345 --minimise residual_vibration@200-400rpm --pieces 28 --plot out/calm.png
+
+    cam-rig design poly345 --maximise jump_speed_rigid --keep dwells,lift --starts 3
+    """
+    if out is not None and pareto is not None:
+        raise ConfigError("--pareto: is of many cams; allowed beside it: no --out")
+    new_yaml(out)
+    asked = {"minimise": minimise, "maximise": maximise, "limits": limit or []}
+    others = {"starts": starts, "seed": seed, "keep": keep.split(",")}
+    class_ = {"pieces": pieces, "joints": joints, "degree": degree}
+    return _found(
+        _config(start, asked, rig=rig, class_=class_, **others), pareto, points, out, progress
+    )
+
+
+def _config(start: str, asked: dict[str, Any], **others: Any) -> DesignConfig:
+    """What the command line asks for, or a design file, whose files are beside it or shipped."""
+    from cam_rig.schema.load import cam_path, load
+    from cam_rig.simulation.asked import own_rig
+    from cam_rig.studies.design.request import ClassConfig, DesignConfig, is_design
+
+    path = cam_path(start)
+    if not is_design(path):
+        others["rig"] = str(own_rig([path])) if others["rig"] is None else others["rig"]
+        others["class_"] = ClassConfig(**others["class_"])
+        return DesignConfig.model_construct(start=start, **asked, **others)
+    if any(asked.values()):
+        raise ConfigError(
+            f"{path}: has a goal and limits of its own; allowed beside it: no --minimise, "
+            "--maximise, --limit"
+        )
+    file = load(path, DesignConfig)
+    beside = {key: path.parent / name for key, name in (("start", file.start), ("rig", file.rig))}
+    return file.model_copy(update={key: str(one) for key, one in beside.items() if one.is_file()})
+
+
+def _found(
+    config: DesignConfig, pareto: str | None, points: int, out: Path | None, progress: Progress
+) -> Result:
+    from cam_rig.schema import load_cam, load_rig
+    from cam_rig.schema.load import cam_path, rig_path
+    from cam_rig.studies.design.request import DesignRequest, parse_second
+    from cam_rig.studies.design.study import front
+
+    request = DesignRequest.of_config(config)
+    second = None if pareto is None else parse_second(pareto)
+    cam, rig = load_cam(cam_path(config.start)), load_rig(rig_path(config.rig))
+    if second is not None:
+        return front(cam, rig, request, second, points, progress)
+    name = config.name or (None if out is None else out.stem)
+    found = _best(cam, rig, request, name, progress)
+    if out is not None:
+        with writing(out) as part:
+            part.write_text(found.text, encoding="utf-8")
+        say(f"cam: {out}")
+    return found
+
+
+def _best(
+    cam: CamConfig, rig: RigConfig, request: DesignRequest, name: str | None, progress: Progress
+) -> LawDesign:
+    """Solve it and tell the best so far, which Ctrl-C keeps."""
+    from cam_rig.studies.design import study
+
+    quantity = request.goal.quantity
+    best: list[Callable[[], LawDesign]] = []
+
+    def told(better: Callable[[], LawDesign], value: float) -> None:
+        best[:] = [better]
+        value /= quantity.factor
+        progress.describe(f"{request.words}: {value:.5g} {quantity.unit} so far")
+
+    progress.start(None, request.words)
+    try:
+        return study.search_design(cam, rig, request, name, told)
+    except KeyboardInterrupt:
+        if not best:
+            raise
+        return best[0]()

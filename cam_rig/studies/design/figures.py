@@ -1,0 +1,93 @@
+"""A designed law beside its start: derivatives, contact force, contour; a front of designs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from cam_rig.dynamics import FollowerParameters
+from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
+from cam_rig.dynamics.kinetostatic import force_weights
+from cam_rig.laws import Law
+from cam_rig.laws.catalogue import cam_curves
+from cam_rig.profile.disc import contours
+from cam_rig.show.figure import CAM_ANGLE, empty, series, styled, turn_axis
+from cam_rig.show.looks import DERIVATIVE_NAMES, MM, PER_RADIAN, short
+from cam_rig.studies.design.result import Front, LawDesign
+from cam_rig.units import TURN, to_rpm
+
+#: Of the figure in inches, and points of a turn.
+HEIGHT, POINTS = 8.6, 1441
+START: dict[str, Any] = {"color": "0.45", "ls": "--", "lw": 1.2}
+DESIGNED: dict[str, Any] = {"color": series(0)["color"], "lw": 1.4}
+
+
+@styled
+def figure(design: LawDesign) -> Figure:
+    """Both laws: four derivatives and the force over the turn, and the contours below."""
+    out = empty(HEIGHT)
+    names = [[f"order {k}"] * 2 for k in range(4)] + [["force", "contour"]] * 2
+    panels = out.subplot_mosaic(names, height_ratios=[1.0, 1.0, 1.0, 1.0, 0.9, 0.9])  # type: ignore[arg-type]
+    both = ((design.start, "start", START), (design.law, "designed", DESIGNED))
+    for law, label, style in both:
+        curves = cam_curves(label, law)
+        for order in range(4):
+            axes = panels[f"order {order}"]
+            axes.plot(curves.x, curves.motion[order] * MM, label=label, **style)
+            axes.set_ylabel(f"{DERIVATIVE_NAMES[order]}\n[mm{PER_RADIAN[order]}]")
+            turn_axis(axes, 30)
+            axes.tick_params(labelbottom=order == 3)
+    _force(panels["force"], design, both)
+    _contour(panels["contour"], design, both)
+    panels["order 0"].legend(loc="upper left", frameon=False)
+    panels["order 0"].set_title(f"{short(design.cam.title)}: {design.request.words}", wrap=True)
+    panels["order 3"].set_xlabel(CAM_ANGLE)
+    return out
+
+
+@styled
+def front_figure(front: Front) -> Figure:
+    """The goal over the other quantity, with the start and what no law of the class passes."""
+    out = empty(4.0)
+    axes = out.subplots()
+    goal, other = front.designs[0].goal, front.other
+    x = np.array(front.allowed) / other.quantity.factor
+    values = [(found.goal.result, found.goal.bound) for found in front.designs]
+    result, bound = np.array(values, dtype=np.float64).T / goal.term.quantity.factor
+    if not np.isnan(bound).all():  # what is not convex has none
+        axes.plot(x, bound, label="bound of the class", **START)
+    axes.plot(x, result, "o", ms=3.5, label="designed", **DESIGNED)
+    axes.set_xlabel(f"{other.words} [{other.quantity.typeset}]")
+    axes.set_ylabel(f"{goal.term.words}\n[{goal.term.quantity.typeset}]")
+    axes.legend(frameon=False)
+    return out
+
+
+def _force(axes: Axes, design: LawDesign, both: tuple[tuple[Law, str, Any], ...]) -> None:
+    """The contact force of a rigid follower where the designed law is about to lose contact."""
+    follower = FollowerParameters.from_rig(design.rig)
+    speed = rigid_jump_speed(design.law, follower)
+    if not np.isfinite(speed):
+        speed = rigid_jump_speed(design.start, follower)
+    angle = np.linspace(0.0, TURN, POINTS)
+    for law, _, style in both:
+        force = force_weights(follower, speed) @ law.motion_at(angle) + follower.preload
+        axes.plot(np.degrees(angle), force, **style)
+    axes.axhline(0.0, color="0.3", lw=0.8)
+    axes.set_ylabel("contact force [N]")
+    axes.set_xlabel(CAM_ANGLE)
+    axes.set_title(f"rigid, {to_rpm(speed):.4g} rpm")
+    turn_axis(axes, 90)
+
+
+def _contour(axes: Axes, design: LawDesign, both: tuple[tuple[Law, str, Any], ...]) -> None:
+    for law, _, style in both:
+        for contour in contours(design.cam.follower, law, POINTS - 1):
+            x, y = contour.points * MM
+            axes.plot(np.append(x, x[0]), np.append(y, y[0]), **style)
+    axes.plot(0.0, 0.0, "+", color="0.3")
+    axes.set_aspect("equal")
+    axes.set_title("contour [mm]")

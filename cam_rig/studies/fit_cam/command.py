@@ -1,0 +1,176 @@
+"""cam-rig fit cam and cam-rig new: from a gauge's readings to a cam, and to a scene that runs."""
+
+from __future__ import annotations
+
+from enum import Enum
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import typer
+
+from cam_rig.files import write_new
+from cam_rig.show.command import Rig, command, echo_assumptions
+from cam_rig.show.result import Result
+from cam_rig.show.terminal import say, show
+
+
+def _in_mm(help_text: str, least: float | None = None) -> Any:
+    """An option in mm; the command is given m."""
+    return typer.Option(
+        metavar="MM", min=least, help=help_text, callback=lambda x: None if x is None else 1e-3 * x
+    )
+
+
+Tables = Annotated[list[Path], typer.Argument(help="Table of cam angles and gauge readings.")]
+Out = Annotated[
+    Path | None, typer.Option(metavar="CAM.yaml", help="Write the cam's file, and its points.")
+]
+Shape = Annotated[
+    Literal["spline", "arcs"],
+    typer.Option(help="A smooth spline with exact dwells, or one contour of tangent arcs."),
+]
+
+
+class OwnFollower(Enum):
+    """Kind of follower that was read; typer takes no list of literals."""
+
+    roller = "roller"
+    flat = "flat"
+    point = "point"
+
+
+Follower = Annotated[
+    list[OwnFollower] | None,
+    typer.Option(
+        help="Follower of the readings and of the cam's file; by default a roller, and with arcs "
+        "the kind of each column is found. Of several columns once for the file alone, or once "
+        "for each in their order."
+    ),
+]
+Flank = Annotated[
+    Literal["straight", "curved"] | None,
+    typer.Option(
+        help="Flanks of arcs that are known; by default straight where the readings do not rule "
+        "it out."
+    ),
+]
+GaugeColumn = Annotated[
+    str | None, typer.Option(help="Heading of the column of lifts, the only one that is read.")
+]
+Tolerance = Annotated[
+    float | None, _in_mm("Error of the gauge; by default the scatter of the readings.")
+]
+Reverse = Annotated[
+    bool, typer.Option("--reverse", help="The cam was turned the other way: take -angle.")
+]
+RollerRadius = Annotated[float | None, _in_mm("Roller radius; by default assumed.", 0.0)]
+BaseRadius = Annotated[float | None, _in_mm("Base radius; by default assumed.", 0.0)]
+
+
+def _kinds(follower: list[OwnFollower] | None) -> tuple[Any, ...]:
+    return tuple(one.value for one in follower or ())
+
+
+@command("json", "csv", "plot")
+def fit_cam(
+    tables: Tables,
+    shape: Shape = "spline",
+    follower: Follower = None,
+    column: GaugeColumn = None,
+    tolerance: Tolerance = None,
+    reverse: Reverse = False,
+    roller_radius: RollerRadius = None,
+    base_radius: BaseRadius = None,
+    flank: Flank = None,
+    out: Out = None,
+) -> Result:
+    """Fit a cam to gauge readings: a spline with exact dwells, or tangent arcs.
+
+    Any separator, decimal comma, unit and language of headings. Says how near the law is, which
+    readings look like outliers, and what was assumed. A --tolerance below the readings' scatter is
+    not followed. Arcs take all columns and files at once, and say which was read with a flat
+    follower.
+
+    In Python: cam_rig.fit_cam(tables, shape, follower, column, tolerance, …, out)
+
+    Examples
+    --------
+    cam-rig fit cam lifts.csv --tolerance 0.005 --plot out/fit.png
+
+    cam-rig fit cam gl110.csv --shape arcs --out mine/cams/gl110.yaml
+    """
+    from cam_rig.studies.fit_cam import study
+
+    found = study.fit_cam(
+        tables,
+        shape=shape,
+        follower=_kinds(follower),
+        column=column,
+        tolerance=tolerance,
+        reverse=reverse,
+        roller_radius=roller_radius,
+        base_radius=base_radius,
+        flank=flank,
+        out=out,
+    )
+    if out is not None:
+        say(f"cam: {out}")
+    return found
+
+
+@command()
+def new(
+    name: Annotated[str, typer.Argument(help="Name of the cam, its rig and its scene.")],
+    from_csv: Annotated[
+        list[Path],
+        typer.Option("--from-csv", help="Table of cam angles and readings; several for arcs."),
+    ],
+    folder: Annotated[
+        Path | None, typer.Option(help="Where cams/, rigs/ and scenes/ go; by default NAME.")
+    ] = None,
+    shape: Shape = "spline",
+    follower: Follower = None,
+    column: GaugeColumn = None,
+    tolerance: Tolerance = None,
+    reverse: Reverse = False,
+    roller_radius: RollerRadius = None,
+    base_radius: BaseRadius = None,
+    flank: Flank = None,
+    rig: Rig = "tm21",
+) -> None:
+    """Write cam, rig and scene files from a table of lifts; they run as they are.
+
+    The cam is fitted as by `cam-rig fit cam`. The rig has another rig's numbers, all marked as
+    assumed; the scene goes from 40 to 110 % of the jump speed of a rigid follower.
+
+    Examples
+    --------
+    cam-rig new mycam --from-csv lifts.csv
+
+    cam-rig new gl110 --from-csv gl110.csv --shape arcs --folder mine
+    """
+    from cam_rig.schema.load import load_rig, rig_path
+    from cam_rig.studies.fit_cam.files import own_rig, own_scene
+    from cam_rig.studies.fit_cam.study import FitRequest
+
+    place, like = folder or Path(name), load_rig(rig_path(rig))
+    wanted = shape, _kinds(follower), column, tolerance, reverse, roller_radius, base_radius, flank
+    request = FitRequest(*wanted, ask_nothing=True)
+    found = request.run(from_csv)
+    files = request.files(found, name)
+    scene, speeds = own_scene(name, files.law, like)
+    texts = {f"cams/{file}": text for file, text in files.texts.items()}
+    texts |= {f"rigs/{name}.yaml": own_rig(name, like), f"scenes/{name}.yaml": scene}
+    write_new(place, texts)
+    show(*found.to_display())
+    say(*found.summary())
+    echo_assumptions(files.assumed)
+    listed = ", ".join(f"{speed:g}" for speed in speeds)
+    echo_assumptions(
+        (
+            f"rig: mass, spring, damping and sound of {like.name}, none of them measured here",
+            f"speeds {listed} rpm, one turn to settle and two to measure",
+        )
+    )
+    say(*(f"wrote {place / file}" for file in texts))
+    say(f"run it: cam-rig simulate {place / 'scenes' / name}.yaml")

@@ -1,0 +1,343 @@
+"""A fit as a cam file of the rig, with its points where it has some."""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from cam_rig.dynamics import FollowerParameters
+from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
+from cam_rig.errors import ConfigError, LawError
+from cam_rig.laws import Law, build_law
+from cam_rig.profile.cam_checks import check_cam
+from cam_rig.schema import CamConfig, RigConfig
+from cam_rig.schema.load import assumed_numbers, quantity, to_yaml, valid_cam
+from cam_rig.studies.fit_cam.arcs import FLANK, LIFT, NOSE, PRIME, Arcs, FollowerKind
+from cam_rig.studies.fit_cam.arcs_fit import ArcsFit
+from cam_rig.studies.fit_cam.arcs_intervals import Told
+from cam_rig.studies.fit_cam.dwells import DEGREES, FoundDwell
+from cam_rig.studies.fit_cam.spline_fit import SplineFit
+from cam_rig.units import TURN, rounded_to_error, to_rpm
+
+#: A base radius is sought in lifts, the first that passes the checks of the contour.
+BASE_RADII_IN_LIFTS = (2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0, 10.0, 15.0, 20.0, 30.0)
+#: A roller is as large as this part of the base radius.
+ROLLER_PART = 0.3
+#: Decimals of lengths in mm of a file.
+MILLIMETRES = 6
+FREE_CHOICE = "a free choice, the readings do not tell it: replace it by the cam's own"
+
+
+@dataclass(frozen=True)
+class CamFiles:
+    """A cam and the text of each of its files by name; ``assumed`` says what no reading tells."""
+
+    cam: CamConfig
+    law: Law
+    texts: dict[str, str]
+    assumed: tuple[str, ...]
+
+
+def spline_cam(
+    name: str,
+    fit: SplineFit,
+    kind: FollowerKind,
+    base_radius: float | None = None,
+    roller_radius: float | None = None,
+) -> CamFiles:
+    """The cam file of a spline, and its points.
+
+    ``base_radius``: m; None takes the first that passes the checks, from two lifts on;
+    ``roller_radius``: m; None takes a part of the base radius.
+    """
+    table = _table_segment(f"{name}.csv", fit)
+    points = {"file": f"{name}.csv", **_points(fit)}
+
+    def tried(radius: float) -> tuple[dict[str, Any], CamConfig, Law, bool]:
+        rolling = chosen(roller_radius or ROLLER_PART * radius, roller_radius is not None)
+        data = {
+            "name": name,
+            "title": f"{name}, from readings",
+            "lift": quantity(
+                "identified", _mm(fit.law.lift), "mm", "spline through the readings", _distance(fit)
+            ),
+            "follower": follower_data(kind, chosen(radius, base_radius is not None), rolling),
+            "segments": [table],
+        }
+        cam = valid_cam({**data, "segments": [{**table, "file": points}]})
+        law = build_law(cam)
+        return data, cam, law, all(check.passed for check in check_cam(cam, law))
+
+    radii = [n * fit.law.lift for n in BASE_RADII_IN_LIFTS]
+    passing = (one for one in radii if tried(one)[-1])
+    radius = base_radius or next(passing, radii[-1])
+    data, cam, law, passes = tried(radius)
+    assumed = [f"follower {kind}, and a gauge whose foot is of its shape"]
+    if base_radius is None:
+        first = ", the first to pass the checks" if passes else ""
+        assumed.append(f"base radius {_mm(radius):.4g} mm{first}")
+    if kind == "roller" and roller_radius is None:
+        assumed.append(f"roller radius {_mm(ROLLER_PART * radius):.4g} mm")
+    if not passes and base_radius is None:
+        assumed.append("no base radius passes all checks: see cam-rig profile")
+    elif not passes:
+        better = next(passing, None)
+        other = "" if better is None else f", {_mm(better):.4g} mm does"
+        words = f"the base radius of {_mm(radius):.4g} mm, as asked, does not pass all checks"
+        assumed.append(f"{words}{other}: see cam-rig profile")
+    header = comments(f"{fit.readings.name}: the law is the spline of {name}.csv.", *fit.notes)
+    header += comments(*(f"assumed: {words}" for words in assumed))
+    texts = {f"{name}.yaml": header + to_yaml(data), f"{name}.csv": _csv(fit)}
+    return CamFiles(cam, law, texts, tuple(assumed))
+
+
+def comments(*lines: str) -> str:
+    """The first lines of a file."""
+    return "".join(f"# {''.join(c for c in line if c.isprintable())}\n" for line in lines)
+
+
+def follower_data(
+    kind: FollowerKind, base: dict[str, Any], roller: dict[str, Any]
+) -> dict[str, Any]:
+    """A follower as a cam's file has it."""
+    data = {"type": kind, "base_radius": base}
+    return {**data, "roller_radius": roller} if kind == "roller" else data
+
+
+def chosen(radius: float, asked: bool) -> dict[str, Any]:
+    """A radius that no reading tells: the one asked for, or a free choice."""
+    if asked:
+        return quantity("given", _mm(radius), "mm", "as asked of cam-rig")
+    return quantity("assumed", _mm(radius), "mm", FREE_CHOICE)
+
+
+def _table_segment(file: str, fit: SplineFit) -> dict[str, Any]:
+    allowed = float(f"{fit.tolerance * 1e3:.9g}")
+    if fit.followed:
+        tolerance = quantity("given", allowed, "mm", "the gauge's error, as asked")
+    else:
+        source = f"scatter of the readings, {fit.scatter * 1e3:.3g} mm, and its error"
+        if fit.widened:
+            source = "the least that a spline with fewer knots than readings reaches"
+        tolerance = quantity("identified", allowed, "mm", source, _distance(fit))
+    segment: dict[str, Any] = {
+        "law": "table",
+        "span": quantity("given", 360, "deg", "readings all around"),
+        "file": file,
+        "source": fit.readings.name,
+        "tolerance": tolerance,
+    }
+    if fit.dwells:
+        segment["dwells"] = [_dwell(dwell) for dwell in fit.dwells]
+    return segment
+
+
+def _dwell(dwell: FoundDwell) -> dict[str, Any]:
+    start, span = (round(math.degrees(x), DEGREES) for x in (dwell.rest.start, dwell.rest.span))
+    return {
+        "start": quantity("identified", start % 360.0, "deg", "found in the readings"),
+        "span": quantity("identified", span, "deg", f"{dwell.count} readings rest"),
+        "level": quantity("identified", _mm(dwell.rest.level), "mm", "their mean"),
+    }
+
+
+def _points(fit: SplineFit) -> dict[str, tuple[float, ...]]:
+    """The points as the file's reader will have them."""
+    degrees = [float(f"{math.degrees(angle):.9g}") for angle in fit.readings.angles]
+    lifts = [_mm(lift) for lift in fit.readings.lifts]
+    return {
+        "angles": tuple(angle * (TURN / 360.0) for angle in degrees),
+        "lifts": tuple(1e-3 * lift for lift in lifts),
+    }
+
+
+def _csv(fit: SplineFit) -> str:
+    kept = fit.readings
+    lines = [f"# {kept.name}, {_mm(fit.zero):.6g} mm subtracted"]
+    lines += [f"# {note}" for note in kept.notes]
+    lines += [
+        f"# left out, an outlier: line {outlier.line}, {math.degrees(outlier.angle):.6g} deg, "
+        f"{_mm(outlier.lift):.6g} mm"
+        for outlier in kept.outliers
+    ]
+    lines.append("angle_deg,lift_mm")
+    degrees = np.degrees(kept.angles)
+    lines += [f"{a:.9g},{_mm(s)!r}" for a, s in zip(degrees, kept.lifts, strict=True)]
+    return "\n".join(lines) + "\n"
+
+
+def _distance(fit: SplineFit) -> str:
+    found = fit.smoothed
+    return f"{_mm(found.rms):.3g} mm r.m.s., {_mm(found.largest):.3g} mm at most"
+
+
+def _mm(metres: float) -> float:
+    return round(float(metres) * 1e3, MILLIMETRES)
+
+
+# A contour of tangent arcs, each number to the digits that readings tell.
+
+#: Rounding moves a contour by so much of the error of a reading at most, and has so many digits
+#: more than the errors tell where it needs them: errors of radii go together.
+MOVED, MOST_DIGITS = 0.1, 6
+
+
+def arcs_cam(name: str, fit: ArcsFit, kind: FollowerKind) -> CamFiles:
+    """The cam file of a contour of tangent arcs, with a follower on it."""
+    arcs, roller = _rounded(fit)
+    source = "tangent arcs through " + " and ".join(
+        column.readings.name for column in fit.fitted_columns
+    )
+    residual = ", ".join(f"{c.rms * 1e3:.3g} mm r.m.s. {c.kind}" for c in fit.fitted_columns)
+
+    def found(metres: float, told: Told) -> dict[str, Any]:
+        interval = told.interval
+        words = f"95 %: {told.name} {interval}; {residual}" if interval else residual
+        return quantity("identified", float(f"{1e3 * metres:.12g}"), "mm", source, words)
+
+    segment = {
+        "law": "arcs_by_radii",
+        "span": quantity("given", 360, "deg", "the whole contour"),
+        "flank": arcs.flank,
+        "nose_radius": found(arcs.nose_radius, fit.told[NOSE]),
+    }
+    if arcs.flank_radius is not None:
+        segment["flank_radius"] = found(abs(arcs.flank_radius), fit.told[FLANK])
+    follower = follower_data(kind, *_radii(fit, arcs.base_radius, roller, found))
+    assumed = [
+        f"{key.replace('_', ' ')} {value['assumed']:.4g} mm"
+        for key, value in follower.items()
+        if "assumed" in value
+    ]
+    data = {
+        "name": name,
+        "title": f"{name}, tangent arcs through readings",
+        "lift": found(arcs.lift, fit.told[LIFT]),
+        "follower": follower,
+        "segments": [segment],
+    }
+    cam = valid_cam(data)
+    nose = math.degrees(arcs.nose_angle) % 360.0
+    at_nose = f"Cam angle 180 deg, the nose, is {nose:.2f} deg of the readings."
+    header = comments(
+        f"{source}.", at_nose, *fit.notes, *(f"assumed: {words}" for words in assumed)
+    )
+    return CamFiles(cam, build_law(cam), {f"{name}.yaml": header + to_yaml(data)}, tuple(assumed))
+
+
+def _radii(
+    fit: ArcsFit, base: float, roller: float, found: Any
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Base and roller radius (m): given, assumed, or identified as what their sum leaves."""
+    base_given, roller_given = (fit.known in (one, "both") for one in ("base", "roller"))
+    prime = fit.told[PRIME]
+    base_data = chosen(base, base_given) if base_given or fit.only_flat else found(base, prime)
+    if base_given and not roller_given and not fit.only_flat:
+        return base_data, found(roller, prime)
+    return base_data, chosen(roller, roller_given)
+
+
+def _rounded(fit: ArcsFit) -> tuple[Arcs, float]:
+    """The contour and its roller's radius, to digits that leave it as near to the readings."""
+    search = fit.best.search
+    for more in range(MOST_DIGITS):
+        arcs, roller = _with_digits(fit, 10.0**-more)
+        numbers = search.form.coordinates(arcs.grown(roller))
+        with suppress(LawError):
+            held = replace(search, held=dict(enumerate(numbers)), least=0.0)
+            squares = float(np.sum(held.away(np.array([])) ** 2))
+            if fit.best.away(squares) < MOVED:
+                return arcs, roller
+    return fit.arcs, fit.roller_radius
+
+
+def _with_digits(fit: ArcsFit, part: float) -> tuple[Arcs, float]:
+    """All lengths to the second digit of a part of their errors; what was given stands."""
+    exact, told = fit.arcs, fit.told
+
+    def to(metres: float, number: Told) -> float:
+        error = 1e3 * part * number.error
+        if not math.isfinite(error):  # hardly told: by what rounding to four digits leaves
+            error = part * 10.0 ** (math.floor(math.log10(abs(1e3 * metres))) - 2)
+        return 1e-3 * float(rounded_to_error(1e3 * metres, error))
+
+    flank = None if exact.flank_radius is None else to(exact.flank_radius, told[FLANK])
+    base, roller = exact.base_radius, fit.roller_radius
+    if fit.known == "base" and not fit.only_flat:
+        roller = to(roller, told[PRIME])
+    elif not told[PRIME].held:
+        base = to(base, told[PRIME])
+    nose = to(exact.nose_radius, told[NOSE])
+    return Arcs(base, to(exact.lift, told[LIFT]), flank, nose, exact.nose_angle), roller
+
+
+def require_told(fit: ArcsFit, named: bool) -> None:
+    """Refuse to write what no reading tells and nobody has given; ``named``: the followers are."""
+    unclear = fit.unclear_kinds
+    if unclear is not None and not named:
+        found, other = fit.best.search.name, unclear.search.name
+        several = ", once for each column" if len(fit.fitted_columns) > 1 else ""
+        raise ConfigError(
+            f"the readings do not tell the follower: {found} leaves {fit.rms * 1e3:.3g} mm r.m.s., "
+            f"{other} {unclear.rms * 1e3:.3g} mm; allowed: --follower roller, flat or point"
+            f"{several}"
+        )
+    prime = fit.prime_if_straight or fit.told[PRIME]
+    if not (prime.held or math.isfinite(prime.high)):
+        rolling = " and --roller-radius" if fit.roller_radius else ""
+        raise ConfigError(
+            f"lifts alone do not tell the base radius: {prime.name} is {prime.interval} "
+            f"with 95 %; allowed: --base-radius{rolling}, or readings of a flat follower too"
+        )
+
+
+# A rig and a scene for a cam of one's own: they run as they are, and say what they assume.
+
+#: Speeds of the scene in parts of the rigid follower's jump speed: the last is above it.
+PARTS = (0.4, 0.6, 0.8, 0.9, 1.1)
+#: Speeds (rpm) of a cam that no speed lifts its follower off, and the most of any.
+SPEEDS: tuple[float, ...] = (100.0, 200.0, 300.0)
+MOST_RPM = 20_000.0
+#: Samples a turn at the highest speed, at least, and of any scene a second.
+SAMPLES, LEAST_RATE = 720, 10_000
+
+
+def own_rig(name: str, like: RigConfig) -> str:
+    """A rig file with the numbers of another rig, every one of them assumed."""
+    data: dict[str, Any] = {"name": name, "title": f"{name}: mass, spring and sound assumed"}
+    source = f"the rig {like.name}'s, not this one's: measure it and put it in as given"
+    for section, own in (("follower", like.follower), ("radiation", like.radiation)):
+        if own is not None:
+            data[section] = assumed_numbers(own, source)
+    words = "# Nothing of this rig was measured: its numbers are another's, to begin with.\n"
+    return words + to_yaml(data)
+
+
+def own_scene(name: str, law: Law, rig: RigConfig) -> tuple[str, tuple[float, ...]]:
+    """A scene file for a cam and a rig of one name, and its speeds in rpm, of two digits."""
+    jump = to_rpm(rigid_jump_speed(law, FollowerParameters.from_rig(rig)))
+    leaves = "never leaves the cam" if jump else "leaves the cam at any speed"
+    speeds, above = SPEEDS, f"a rigid follower {leaves}"
+    if 0.0 < jump < math.inf:
+        speeds = tuple(sorted({float(f"{min(part * jump, MOST_RPM):.2g}") for part in PARTS}))
+        above = f"40 to 110 % of the speed at which a rigid follower leaves the cam, {jump:.4g} rpm"
+    rate = max(LEAST_RATE, 1000 * math.ceil(SAMPLES * max(speeds) / 60.0 / 1000.0))
+    turns, settle = "one turn to settle, two to measure", "one turn to settle"
+    data = {
+        "name": name,
+        "title": f"{name}, from readings",
+        "cams": [name],
+        "rig": name,
+        "model": "one_mass",
+        "sample_rate": quantity("assumed", rate, "Hz", f"at least {SAMPLES} samples a turn"),
+        "program": {
+            "speeds": quantity("assumed", list(speeds), "rpm", above),
+            "turns": quantity("assumed", 3, "turns", turns),
+            "settle_turns": quantity("assumed", 1, "turns", settle),
+        },
+    }
+    return to_yaml(data), speeds

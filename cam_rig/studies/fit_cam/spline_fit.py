@@ -1,0 +1,292 @@
+"""A spline with exact dwells through readings, within the error that the gauge has or shows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+
+from cam_rig.errors import ConfigError, LawError
+from cam_rig.laws import Law
+from cam_rig.laws.bernstein import joined
+from cam_rig.laws.law import extremes, peak
+from cam_rig.laws.segments import SAME_LIFT, SAME_LIFT_TOLERANCES
+from cam_rig.laws.spline import Rest, Smoothed, differences, least_tolerance, smooth
+from cam_rig.schema.segment_base import MAX_TOLERANCE, WIDEST_GAP_DEG
+from cam_rig.show.result import Column, Records, Result
+from cam_rig.studies.fit_cam.dwells import (
+    FARTHEST,
+    FoundDwell,
+    beside_others,
+    farthest,
+    find_dwells,
+    left_out,
+    likely_range,
+)
+from cam_rig.studies.fit_cam.gauge import Readings, bridges, is_summit, without_outliers
+from cam_rig.units import FloatArray
+
+#: Without a gauge's error the scatter is allowed, and so many of its standard errors: one that was
+#: found too small makes a spline of many knots, one found too large hardly another one.
+MARGIN = 2.0
+#: Where no spline comes near enough, it is allowed so many times the distance, and again.
+WIDER = 2.0
+
+
+#: Readings wider apart than this (deg) leave the law between them to the spline.
+WIDE_DEG = 5.0
+#: A reading is named where neighbours too contradict it by so many scatters, or all others do.
+CONTRADICTED = 2.5
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SplineFit(Result):
+    """What a spline through readings is, and how far it is from them; lengths in m.
+
+    ``zero``: what the gauge showed at the lowest lift; ``scatter``: standard deviation of the
+    readings about a smooth law, by themselves; ``asked``: the gauge's error as it was given;
+    ``tolerance``: r.m.s. distance that the spline was allowed; ``widened``: whether that had to be
+    more than was asked for, or than the scatter: nearer, the spline would need nearly a knot a
+    reading; ``notes``: how the readings were read; ``assumed``: what no reading tells of a
+    file that was written.
+    """
+
+    schema = "cam_rig.fit_spline.1"
+    plot_function = "cam_rig.studies.fit_cam.figures:spline_figure"
+    columns: ClassVar = {
+        "spline": (
+            Column("count", "", "d", "readings used", of="readings.angles.size"),
+            Column(
+                "left_out", "", "d", "readings left out", lambda fit: len(fit.readings.outliers)
+            ),
+            Column("scatter", "mm", ".5g", "scatter of the readings"),
+            Column("scatter_error", "mm", ".5g", "its standard error"),
+            Column("asked", "mm", hidden=True, doc="the gauge's error as it was given"),
+            Column("tolerance", "mm", ".5g", "residual allowed, r.m.s."),
+            Column("followed", hidden=True, doc="whether that is the one asked for"),
+            Column("rms", "mm", ".5g", "residual, r.m.s.", of="smoothed.rms"),
+            Column("largest", "mm", ".5g", "residual, largest", of="smoothed.largest"),
+            Column("largest_at", "°", ".5g", "at", lambda f: f.readings.angles[f.worst]),
+            Column("largest_line", "", "d", "in line", lambda f: int(f.readings.lines[f.worst])),
+            Column("knots", "", "d", of="smoothed.knots"),
+            Column("dwells", "", "d", of=lambda fit: len(fit.dwells)),
+            Column("zero", "mm", ".5g", "gauge at the lowest lift"),
+            Column("lift", "mm", ".5g", of="law.lift"),
+            Column("peak_velocity", "mm/rad", ".5g", of="peaks.0"),
+            Column("peak_acceleration", "mm/rad²", ".5g", of="peaks.1"),
+        ),
+        "dwells": (
+            Column("start", "°", ".2f", "from", "rest.start"),
+            Column("span", "°", ".2f", of="rest.span"),
+            Column("level", "mm", ".4f", of="rest.level"),
+            Column("readings", "", "d", of="count"),
+            Column("scatter", "mm", ".2g", "their scatter"),
+        ),
+        "outliers": (
+            Column("line", "", "d"),
+            Column("angle", "°", ".6g", "at"),
+            Column("reading", "mm", ".6g", of="lift"),
+            Column("off", "mm", ".3g", "off its neighbours", "beside"),
+        ),
+        "fit": (
+            Column("readings", of="readings.name"),
+            Column("notes", doc="how they were read"),
+            Column("conclusions", of=lambda fit: [*fit.conclusions()]),
+        ),
+    }
+
+    readings: Readings
+    zero: float
+    scatter: float
+    asked: float | None
+    tolerance: float
+    widened: bool
+    dwells: tuple[FoundDwell, ...]
+    smoothed: Smoothed
+    law: Law
+    notes: tuple[str, ...] = ()
+    assumed: tuple[str, ...] = ()
+
+    @property
+    def scatter_error(self) -> float:
+        """Standard error of the scatter, m."""
+        return self.scatter * self.readings.scatter_error
+
+    @property
+    def followed(self) -> bool:
+        """Whether the tolerance is the one asked for."""
+        return self.asked is not None and self.tolerance == self.asked
+
+    @property
+    def worst(self) -> int:
+        """Which reading is farthest from the spline."""
+        return int(np.argmax(np.abs(self._residuals)))
+
+    @property
+    def _residuals(self) -> FloatArray:
+        return self.readings.lifts - self.law(self.readings.angles)
+
+    @cached_property
+    def peaks(self) -> tuple[float, float]:
+        """Largest |s'| (m/rad) and |s''| (m/rad²)."""
+        return abs(peak(self.law, 1).value), abs(peak(self.law, 2).value)
+
+    def tables(self) -> list[Records]:
+        """How near the spline is to the readings, its dwells, and the readings left out."""
+        name, outliers = self.readings.name, "Readings that look like outliers"
+        return [
+            self.table("spline", f"{name}: spline", [self], single=True, transposed=True),
+            self.table("dwells", "Dwells, exact in the law", self.dwells),
+            self.table("outliers", outliers, self.readings.outliers),
+            self.table("fit", "The fit", [self], single=True, hidden=True),
+        ]
+
+    def summary(self) -> list[str]:
+        """How the readings were read, then what was found, not followed, or left out."""
+        return [*self.notes, *self.conclusions()]
+
+    def conclusions(self) -> Iterator[str]:
+        """The answer first: how far the law is from the readings."""
+        found, readings = self.smoothed, self.readings
+        yield (
+            f"The law is {found.rms * 1e3:.3g} mm r.m.s. and {found.largest * 1e3:.3g} mm at most "
+            f"from {readings.angles.size} readings, with {found.knots} knots."
+        )
+        if self.widened:
+            yield (
+                f"The residual allowed is {self.tolerance * 1e3:.3g} mm, more than the readings' "
+                "scatter: a spline nearer to them would need almost as many knots as there are "
+                "readings, for the cam bends more sharply than they stand apart. Read it finer."
+            )
+        elif self.asked is not None and not self.followed:
+            yield (
+                f"Not followed: {self.asked * 1e3:.3g} mm were asked, the readings scatter by "
+                f"{self.scatter * 1e3:.3g} mm. A spline so near would follow their noise; allowed: "
+                f"{least_tolerance(self.scatter, readings.angles.size) * 1e3:.3g} mm or more."
+            )
+        step = math.degrees(float(np.median(np.diff(readings.angles))))
+        if step > WIDE_DEG:
+            yield (
+                f"Readings stand {step:.3g} deg apart: what the law does between them counts as "
+                "scatter, and peaks of acceleration are rough."
+            )
+        yield (
+            "A spline knows no jumps of acceleration between readings: for a cam of arcs take the "
+            "shape arcs."
+        )
+        if not self.dwells:
+            yield "No dwell is found: nowhere do enough readings rest within their scatter."
+        sizes, top = self._suspects(), int(np.argmax(readings.lifts))
+        if sizes[top] > FARTHEST and is_summit(readings, top):
+            height = float(np.ptp(readings.lifts))
+            yield (
+                f"The nose, line {readings.lines[top]} ({math.degrees(readings.angles[top]):.6g} "
+                "deg), is sharper than the readings stand apart: the spline rises by "
+                f"{self.law.lift * 1e3:.4g} mm, the readings by {height * 1e3:.4g} mm. Read it "
+                "finer there, or take the shape arcs."
+            )
+        else:  # the spline rings about a sharp nose, and good readings are far from it
+            yield from farthest(readings, self._residuals, sizes)
+        yield left_out(readings)
+
+    def _suspects(self) -> FloatArray:
+        """``(n,)`` sizes of residuals, in r.m.s. of all others, or in scatters if that is more.
+
+        The scatter is that of the readings alone: one that is off raises the spline's r.m.s. around
+        it. It measures only those that their neighbours contradict: a spline that is too smooth
+        somewhere is off whole rows of good readings.
+        """
+        readings, residuals = self.readings, self._residuals
+        bent, counts = differences(readings.angles, readings.lifts)
+        contradicted = counts & (np.abs(bent) > CONTRADICTED * self.scatter)
+        scatters = np.where(contradicted, np.abs(residuals) / self.scatter, 0.0)
+        return np.maximum(scatters, beside_others(readings, residuals))
+
+
+def fit_spline(readings: Readings, asked: float | None = None) -> SplineFit:
+    """Fit readings in order; ``asked`` is the gauge's error (m), else their scatter is taken."""
+    kept = without_outliers(readings)
+    scatter = kept.scatter
+    tolerance = _tolerance(kept, scatter, asked)
+    dwells = find_dwells(kept, scatter)
+    _require_no_gap(kept, dwells)
+    rests = [dwell.rest for dwell in dwells]
+    allowed, smoothed = _smoothed(kept, tolerance, rests)
+    law = _law(smoothed)
+    _require_same_lift(kept, law, allowed)
+    zero = _zero(law, rests, likely_range(kept.angles.size) * scatter)
+    columns = [column - zero for column in smoothed.pieces[1]]
+    smoothed = replace(smoothed, pieces=(smoothed.pieces[0], columns))
+    kept = replace(kept, lifts=kept.lifts - zero)
+    dwells = tuple(dwell.at_level(dwell.rest.level - zero) for dwell in dwells)
+    how_near = scatter, asked, allowed, allowed > tolerance
+    return SplineFit(kept, zero, *how_near, dwells, smoothed, _law(smoothed))
+
+
+def _smoothed(readings: Readings, tolerance: float, rests: list[Rest]) -> tuple[float, Smoothed]:
+    """The spline, and the tolerance (m) that it took: a wider one where none is so near."""
+    most = MAX_TOLERANCE * float(np.ptp(readings.lifts))
+    while True:
+        try:
+            return tolerance, smooth(readings.angles, readings.lifts, tolerance, rests)
+        except LawError as error:
+            if tolerance * WIDER > most:
+                raise LawError(f"{readings.name}: {error}") from None
+            tolerance *= WIDER
+
+
+def _tolerance(readings: Readings, scatter: float, asked: float | None) -> float:
+    """The one asked for, unless it lies below the scatter; the scatter and its error else."""
+    most = MAX_TOLERANCE * float(np.ptp(readings.lifts))
+    if asked is not None and not 0.0 < asked <= most:
+        raise ConfigError(
+            f"--tolerance: is {asked * 1e3:g} mm; allowed: above 0, at most {most * 1e3:.4g} mm, "
+            f"{MAX_TOLERANCE:g} of the lift"
+        )
+    if asked is not None and asked >= least_tolerance(scatter, readings.angles.size):
+        return asked
+    found = scatter * (1.0 + MARGIN * readings.scatter_error)
+    if found > most:
+        raise ConfigError(
+            f"{readings.name}: readings scatter by {scatter * 1e3:.3g} mm about a smooth law; "
+            f"allowed: at most {most * 1e3:.3g} mm, {MAX_TOLERANCE:g} of the lift, so read finer "
+            "or check the columns"
+        )
+    return found
+
+
+def _require_no_gap(readings: Readings, dwells: tuple[FoundDwell, ...]) -> None:
+    start, span = readings.gap
+    if bridges(readings) and not any(dwell.covers(start, span) for dwell in dwells):
+        raise ConfigError(
+            f"{readings.name}: no reading for {math.degrees(span):.4g} deg after "
+            f"{math.degrees(start):.4g} deg, and the cam does not rest at its ends; allowed: gaps "
+            f"of at most {WIDEST_GAP_DEG:g} deg, or a gap between two readings of one level"
+        )
+
+
+def _zero(law: Law, rests: list[Rest], near: float) -> float:
+    """The level (m) of the lowest dwell, or the law's lowest where that is not near it."""
+    lowest = extremes(law, 0)[0].value
+    level = min((rest.level for rest in rests), default=lowest)
+    return level if level - lowest < near else lowest
+
+
+def _require_same_lift(readings: Readings, law: Law, allowed: float) -> None:
+    """Refuse a spline that goes far beyond its readings, or stays far below."""
+    height = float(np.ptp(readings.lifts))
+    if abs(law.lift - height) > SAME_LIFT * height + SAME_LIFT_TOLERANCES * allowed:
+        raise LawError(
+            f"{readings.name}: the spline rises by {law.lift * 1e3:.4g} mm, the readings by "
+            f"{height * 1e3:.4g} mm; allowed: the same within {SAME_LIFT:g} of it, so read finer "
+            "where the cam is steep"
+        )
+
+
+def _law(smoothed: Smoothed) -> Law:
+    breaks, columns = smoothed.pieces
+    return Law("fitted", np.array(breaks), joined(columns))

@@ -1,0 +1,1 @@
+"""Motion laws: their peaks, joints, tables and figures."""

@@ -1,0 +1,428 @@
+"""The whole noise study, part after part, and the paper's claims of noise, tested."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from cam_rig.arguments import checked
+from cam_rig.dynamics import TwoMassParameters
+from cam_rig.schema import RigConfig, load_rig
+from cam_rig.schema.load import rig_beside
+from cam_rig.schema.published import Crossover
+from cam_rig.show.result import NULL_PROGRESS, Column, Footnote, Progress, Records, Result
+from cam_rig.simulation.asked import Scene, asked_scene
+from cam_rig.simulation.scene import LoadedScene
+from cam_rig.studies.noise.calibration import StructureFit, compare_structures
+from cam_rig.studies.noise.methods import (
+    LeftOut,
+    Method,
+    leave_one_out,
+    noise_claims,
+    with_substitution,
+    with_two_constants,
+)
+from cam_rig.studies.noise.roles import NoiseSetup, StudyRoles
+from cam_rig.studies.noise.variants import (
+    FACTORS,
+    HighDwellStudy,
+    OneRig,
+    study_high_dwell,
+    with_elastic_stem,
+    with_rigid_stem,
+)
+from cam_rig.units import FloatArray
+
+#: The parts of a study in order, for the progress bar.
+PARTS = (
+    "the cams' turns",
+    "structures",
+    "two constants",
+    "by substitution",
+    "leave one out",
+    "one rig",
+    "lift, high dwell and joints",
+)
+
+#: Every so many speeds have a row where people read.
+EVERY = 2
+
+
+class LevelAt(NamedTuple):
+    """A cam at a speed (rpm) by a method: levels and the ends of its bands, dB."""
+
+    method: str
+    cam: str
+    rpm: float
+    published: float
+    level: float
+    confidence: tuple[float, float]
+    expected: tuple[float, float]
+
+
+class OnCam(NamedTuple):
+    """One cam with the constants of a rig, or with those of two other cams."""
+
+    of: OneRig | LeftOut
+    cam: str
+
+
+class Changed(NamedTuple):
+    """A cam of the factorial of lift, high dwell and joints at a speed (rpm).
+
+    ``change`` holds the least and the greatest difference to the reference cam over all speeds, dB.
+    """
+
+    lift: float
+    high_dwell: float
+    rise: str
+    change: tuple[float, float]
+    rpm: float
+    level: float
+
+
+def _constants(of: str = "") -> tuple[Column, ...]:
+    return (
+        Column("gain", "Pa·s/N", ".4g", of=f"{of}acoustics.radiation.gain"),
+        Column("cut_off", "Hz", ".4g", "cut-off", f"{of}acoustics.radiation.corner"),
+    )
+
+
+def _shape(of: str = "", hidden: bool = False) -> tuple[Column, ...]:
+    """The arc cam's geometry, where it has one."""
+    return (
+        Column("lift", "mm", ".2f", "arc cam: lift", f"{of}shape.lift", hidden=hidden),
+        Column("event", "°", ".1f", of=f"{of}shape.event", hidden=hidden),
+        Column("flank", "m", ".2f", of=f"{of}shape.flank", hidden=hidden),
+    )
+
+
+def _response(i: int) -> Callable[[Method], float | None]:
+    return lambda method: method.acoustics.response[i] if method.acoustics.response else None
+
+
+def _crossing(hidden: bool, before: str = "", of: str = "found") -> tuple[Column, ...]:
+    """Where two regressions cross, and what the bootstrap says of it."""
+    kinds = (
+        ("crossing", ".1f", "regressions", "rpm", "nowhere"),
+        ("deviation", ".1f", "standard deviation", "deviation", ""),
+        ("low", ".0f", "95 % from", "low", ""),
+        ("high", ".0f", "to", "high", ""),
+        ("points", ".1f", "points", "points_rpm", "nowhere"),
+    )
+    share = Column(f"{before}missing", "%", ".0f", "draws without", f"{of}.missing", hidden=hidden)
+    found = [
+        Column(f"{before}{key}", "rpm", shown, words, f"{of}.{at}", missing=gone, hidden=hidden)
+        for key, shown, words, at, gone in kinds
+    ]
+    return (*found[:-1], share, found[-1])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class NoiseStudyResult(Result):
+    """All that a noise study finds; ``named`` is the crossing that the paper states."""
+
+    schema = "cam_rig.noise.1"
+    plot_function = "cam_rig.studies.noise.figures:figure"
+    columns: ClassVar = {
+        "curves": (
+            Column("calibration", of="method"),
+            Column("cam"),
+            Column("role"),
+            Column("numbers_fitted", "", "d", "numbers fitted to it", "numbers"),
+            Column("rms_points", "dB", ".2f", "points", "rms_db"),
+            Column("rms_regression", "dB", ".2f", "regression", "rms_regression_db"),
+            Column("largest", "dB", "+.2f", "largest difference", "largest.0"),
+            Column("largest_at", "rpm", ".0f", "at", "largest.1"),
+            Column(
+                "half_band",
+                "dB",
+                ".1f",
+                "95 % band, half",
+                lambda c: 0.5 * float((c.expected.high - c.expected.low).mean()),
+            ),
+            Column("published_inside", "%", ".0f", of=lambda c: c.expected.holds(c.published_db)),
+            *(
+                Column(f"c{i}", of=f"coefficients.{i}", hidden=True, doc=f"dB/rpm^{i}")
+                for i in range(4)
+            ),
+        ),
+        "crossings": (
+            Column("calibration", of="method"),
+            Column("cams", of=lambda pair: " and ".join(pair.between)),
+            Column("published", "rpm", ".1f", "published curves", "published_rpm"),
+            *_crossing(hidden=False),
+        ),
+        "claims": (
+            Column("claim", of="words"),
+            Column("source", heading="in the paper"),
+            Column("tested_on"),
+            Column("verdict"),
+            Column("holds", doc="speeds at which it holds", hidden=True),
+            Column("cases", doc="speeds looked at", hidden=True),
+            Column("fails_from", "rpm", of="fails_rpm.0", hidden=True),
+            Column("fails_to", "rpm", of="fails_rpm.1", hidden=True),
+        ),
+        "methods": (
+            Column("calibration", of="name"),
+            *_constants(),
+            *(
+                Column(f"response_{i + 1}", "dB", "+.2f", f"response x{power}", _response(i))
+                for i, power in enumerate(("", "²", "³"))
+            ),
+            *_shape(),
+            Column("rms_predicted", "dB", of="predicted_rms_db", hidden=True),
+            *_crossing(True, "named_", "crossing"),
+        ),
+        "structures": (
+            Column("structure", of="name"),
+            Column("weighting"),
+            Column("numbers_fitted", "", "d", of="numbers"),
+            Column("fitted_to", of="fitted"),
+            Column("rms_fitted", "dB", ".2f", "fitted to {}", "fitted_db"),
+            Column("rms_predicted", "dB", ".2f", "predicted from {}", "predicted_db"),
+            Column("predicted", hidden=True),
+        ),
+        "left_out": (
+            Column("left_out", of="of.cam"),
+            Column("numbers_fitted", "", "d", "numbers fitted to the others", "of.numbers"),
+            *_constants("of."),
+            Column("rms_regression", "dB", ".2f", "regression", "of.rms_regression_db"),
+            Column("cam"),
+            Column("rms_points", "dB", ".2f", of=lambda row: row.of.rms_db[row.cam]),
+        ),
+        "one_rig": (
+            Column("rig", of="of.name"),
+            Column("crossing", "rpm", ".1f", of="of.crossing_rpm"),
+            Column("cam"),
+            Column(
+                "rms_points", "dB", ".2f", of=lambda row: row.of.rms_db[row.cam], missing="not run"
+            ),
+            *(replace(column, hidden=True) for column in _constants("of.")),
+            *_shape("of.", hidden=True),
+        ),
+        "high_dwell": (
+            Column("lift", "mm", ".2f"),
+            Column("high_dwell", "°", ".1f"),
+            Column("rise"),
+            Column("change_from", "dB", "+.1f", of="change.0"),
+            Column("change_to", "dB", "+.1f", "to", "change.1"),
+            Column("rpm", "rpm", "g"),
+            Column("level", "dB", ".1f"),
+        ),
+        "high_dwell_shares": (
+            Column("by", of=lambda share: " × ".join(FACTORS[axis] for axis in share[0])),
+            Column("share", "%", ".1f", of="1"),
+        ),
+        "levels": (
+            Column("calibration", of="method"),
+            Column("rpm", "rpm", "g", "speed"),
+            Column("cam"),
+            Column("published", "dB", ".1f"),
+            Column("level", "dB", ".1f", "here"),
+            *(
+                Column(f"{band}_{end}", "dB", of=f"{band}.{i}", hidden=True)
+                for band in ("confidence", "expected")
+                for i, end in enumerate(("low", "high"))
+            ),
+        ),
+        "study": (
+            Column("reference", of="roles.reference"),
+            Column("predicted", of="roles.predicted"),
+            Column("arcs", of="roles.arcs"),
+            Column("best_calibration", of="best.name"),
+        ),
+    }
+
+    named: Crossover
+    titles: dict[str, str]
+    roles: StudyRoles
+    rpm: FloatArray
+    structures: tuple[StructureFit, ...]
+    methods: tuple[Method, ...]
+    left_out: tuple[LeftOut, ...]
+    one_rig: tuple[OneRig, ...]
+    high_dwell: HighDwellStudy | None = None
+
+    @property
+    def best(self) -> Method:
+        """The way of calibrating that predicts best what it was not fitted to.
+
+        The rule looks at curves of which no number was fitted, not at the crossing; of ways that
+        predict alike, the first, which has the fewest fitted numbers.
+        """
+        return min(self.methods, key=lambda method: round(method.predicted_rms_db, 3))
+
+    def tables(self) -> list[Records]:
+        """``curves`` first, a row a way of calibrating and cam; the levels themselves last."""
+        named, best = self.named, self.best
+        way = best.name if best.name.startswith("by ") else f"with {best.name}"
+        return [
+            self.table(
+                "curves",
+                "Noise of three cams by three ways of calibrating: r.m.s. difference to published",
+                (curve for method in self.methods for curve in method.curves.values()),
+                "A published regression has four numbers: a fit of as many proves nothing.",
+            ),
+            self.table(
+                "crossings",
+                "Speeds at which two cams are equally loud",
+                (pair for method in self.methods for pair in method.pairs),
+                f"The paper names {' and '.join(named.between)}, {named.rpm:g} rpm. Standard "
+                "deviation and 95 %: of the bootstrap's draws that cross at all.",
+            ),
+            self.table(
+                "claims",
+                "The paper's claims of noise, tested",
+                noise_claims(self.roles, best.curves, named.rpm),
+                f"Regressions and points: simulated, calibrated {way}, which predicts best what it "
+                "was not fitted to.",
+                pivot="tested_on",
+            ),
+            self.table(
+                "methods",
+                "Constants by way of calibrating",
+                self.methods,
+                Footnote("Response: x = (rpm − 300)/100.", lambda m: bool(m.acoustics.response)),
+            ),
+            *self._further(),
+            self.table("study", "Who plays which part", [self], single=True, hidden=True),
+        ]
+
+    def _further(self) -> list[Records]:
+        """Structures, cams left out, one rig, the high dwell, and the levels."""
+        best, thinned = self.best, set(self.rpm[::EVERY])
+        base, middle = self.methods[1], self.rpm[self.rpm.size // 2]
+        left = {cam: curve.rms_db for cam, curve in base.curves.items()}
+        own = OneRig(base.name, base.acoustics, left, base.shape, base.crossing.rpm)
+        ends = {self.rpm[0], middle, self.rpm[-1]}
+        return [
+            self.table(
+                "structures",
+                "Transfer functions between contact force and sound: r.m.s. difference",
+                self.structures,
+                pivot="fitted_to",
+            ),
+            self.table(
+                "left_out",
+                "Each cam left out: gain and cut-off from the other two, r.m.s. difference",
+                (OnCam(row, cam) for row in self.left_out for cam in row.rms_db),
+                "Regression: of the cam that is left out. Under the cams: of their points.",
+                pivot="cam",
+            ),
+            self.table(
+                "one_rig",
+                "One rig for jump and noise: r.m.s. difference of the points to published",
+                (OnCam(rig, cam) for rig in (own, *self.one_rig) for cam in rig.rms_db),
+                Footnote(
+                    "Not run: a search of minutes, cam-rig noise --one-rig.",
+                    lambda row: row.of.shape is None,
+                ),
+                pivot="cam",
+            ),
+            self.table(
+                "high_dwell",
+                "Lift, high dwell and joints: level of the reference cam changed in each",
+                self._changed(),
+                pivot="rpm",
+                row_filter=lambda row: row.rpm in ends,
+            ),
+            self.table(
+                "high_dwell_shares",
+                "Shares of the variation of the mean level",
+                self.high_dwell.shares.items() if self.high_dwell else (),
+                "Joints: with the reference's rise, or with one whose acceleration jumps at each "
+                "dwell.",
+            ),
+            self.table(
+                "levels",
+                "The paper's Table 3: levels, published and simulated {calibration}",
+                self._levels(),
+                group_by="calibration",
+                pivot="cam",
+                row_filter=lambda row: row.method == best.name and row.rpm in thinned,
+            ),
+        ]
+
+    def _changed(self) -> Iterator[Changed]:
+        if self.high_dwell is not None:
+            for cam, levels in self.high_dwell.levels_db.items():
+                off = levels - self.high_dwell.reference
+                change = float(off.min()), float(off.max())
+                for rpm, level in zip(self.rpm.tolist(), levels.tolist(), strict=True):
+                    yield Changed(*cam, change, rpm, level)
+
+    def _levels(self) -> Iterator[LevelAt]:
+        for method in self.methods:
+            for curve in method.curves.values():
+                bands = [
+                    zip(band.low.tolist(), band.high.tolist(), strict=True)
+                    for band in (curve.confidence, curve.expected)
+                ]
+                levels = (self.rpm, curve.published_db, curve.level_db)
+                for row in zip(*(one.tolist() for one in levels), *bands, strict=True):
+                    yield LevelAt(method.name, curve.cam, *row)
+
+
+def study_noise(
+    loaded: LoadedScene, rig: RigConfig, arcs: bool = False, progress: Progress = NULL_PROGRESS
+) -> NoiseStudyResult:
+    """Run every part; ``rig``: of the jump speeds; ``arcs``: fit the arc cam on it (minutes)."""
+    parts = progress.track(PARTS)
+    next(parts)
+    TwoMassParameters.from_rig(rig)  # refused now rather than at the end
+    study = NoiseSetup.of(loaded)
+    smooth = {cam: study.cams[cam] for cam in (study.roles.reference, study.roles.predicted)}
+    next(parts)
+    structures = tuple(one for cam in smooth for one in compare_structures(loaded, smooth, cam))
+    next(parts)
+    methods = [with_two_constants(study, refit) for refit in (False, True)]
+    next(parts)
+    methods.append(with_substitution(study))
+    next(parts)
+    left_out = tuple(leave_one_out(study))
+    next(parts)
+    rigs = (with_rigid_stem(study, rig), with_elastic_stem(study, rig, arcs, progress))
+    rpm, found = np.round(study.rpm, 9), (structures, tuple(methods), left_out, rigs)
+    whole = NoiseStudyResult(study.crossover, loaded.titles, study.roles, rpm, *found)
+    next(parts)
+    best = whole.best
+    return replace(whole, high_dwell=study_high_dwell(study, best.acoustics, best.shape.lift))
+
+
+@checked
+def noise(
+    scene: Scene = "tm21_sweep",
+    rig: str | Path | RigConfig = "paper_table2",
+    one_rig: bool = False,
+    *,
+    progress: Progress = NULL_PROGRESS,
+) -> NoiseStudyResult:
+    """Calibrate on one cam, predict another, identify the third, with confidence intervals.
+
+    Some ten seconds.
+
+    The command is ``cam-rig noise``.
+
+    Parameters
+    ----------
+    scene : a name in ``config/scenes``, a path, or what `load_scene` gave; with published curves
+    rig : the one identified from jump speeds: a name, a path or a rig
+    one_rig, progress : fit the arc cam on that rig too, in minutes; told how far it is
+
+    Raises
+    ------
+    ConfigError : a scene without the three cams and their published curves, or a rig of one mass
+
+    Examples
+    --------
+    >>> found = cam_rig.noise()  # doctest: +SKIP
+    """
+    loaded = asked_scene(scene)
+    if not isinstance(rig, RigConfig):
+        rig = load_rig(rig_beside(rig, loaded.scene_file))
+    return study_noise(loaded, rig, one_rig, progress)

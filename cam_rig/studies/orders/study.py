@@ -1,0 +1,245 @@
+"""Orders of force and sound as a result: speed by speed, and order by order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from cam_rig.arguments import checked
+from cam_rig.errors import ConfigError, did_you_mean
+from cam_rig.laws import Law
+from cam_rig.laws.cam import law_of, require_sprung
+from cam_rig.schema import CamConfig, RigConfig
+from cam_rig.schema.load import cam_path, config_root, is_there, named_path, read_yaml
+from cam_rig.schema.scene import model_named
+from cam_rig.show.result import NULL_PROGRESS, Column, Footnote, Progress, Records, Result
+from cam_rig.simulation.asked import (
+    Rig,
+    Speeds,
+    asked_rig,
+    asked_scene,
+    named_cams,
+    own_rig,
+    speeds_within,
+)
+from cam_rig.simulation.scene import LoadedScene, speeds_of
+from cam_rig.studies.orders import MAX_ORDERS
+from cam_rig.studies.orders.spectrum import CamOrders, OrderSpectrum, waterfall
+from cam_rig.units import RPM
+
+#: So many of the loudest orders are named.
+LOUDEST = 2
+#: Orders are shown up to so many rows.
+SHOWN = 40
+
+
+class OrdersRow(NamedTuple):
+    """One of a cam's spectra, and the place of an order in it."""
+
+    cam: str
+    spectrum: OrderSpectrum
+    place: int = 0
+
+    def loudest(self, rank: int) -> tuple[float, float] | None:
+        """The loudest order, the second, …, with its level (dB)."""
+        orders, level = self.spectrum.orders[1:], self.spectrum.level[1:]
+        if level.size <= rank:
+            return None
+        place = np.argsort(-level, kind="stable")[rank]
+        return float(orders[place]), float(level[place])
+
+
+def _of(name: str) -> Callable[[OrdersRow], float]:
+    return lambda row: float(getattr(row.spectrum, name)[row.place])
+
+
+def _loudest(rank: int) -> Column:
+    def words(row: OrdersRow) -> str | None:
+        found = row.loudest(rank)
+        return found and f"{found[0]:g}: {found[1]:.1f}"
+
+    return Column(
+        f"loudest_{rank + 1}", of=lambda row: (row.loudest(rank) or [None])[0], cell=words
+    )
+
+
+@dataclass(frozen=True, repr=False)
+class OrdersResult(Result):
+    """The orders of each cam at each speed; what cams are called, where not by name."""
+
+    schema = "cam_rig.orders.1"
+    plot_function = "cam_rig.studies.orders.figures:figure"
+    columns: ClassVar = {
+        "orders": (
+            Column("cam"),
+            Column("rpm", "rpm", ".6g", "speed", "spectrum.rpm"),
+            Column("order", "", ".6g", of=_of("orders")),
+            Column("frequency", "Hz", ".2f", of=_of("frequency")),
+            Column("force_amplitude", "N", ".4g", of=_of("amplitude")),
+            Column(
+                "force_phase",
+                "°",
+                ".1f",
+                of=lambda row: float(np.angle(row.spectrum.force[row.place])),
+            ),
+            Column("level", "dB", ".1f", "sound level", _of("level")),
+        ),
+        "speeds": (
+            Column("cam"),
+            Column("rpm", "rpm", ".6g", "speed", "spectrum.rpm"),
+            Column(
+                "period",
+                "",
+                "d",
+                "period, turns",
+                "spectrum.steady.turns",
+                lambda row: row.spectrum.steady.turns if row.spectrum.steady.settled else None,
+                missing="none",
+            ),
+            Column("mean_force", "N", ".2f", of="spectrum.amplitude.0"),
+            Column("level", "dB", ".1f", "sound", "spectrum.total_db"),
+            Column("background_level", "dB", ".1f", "background", "spectrum.background_db"),
+            *map(_loudest, range(LOUDEST)),
+            Column("settled", of="spectrum.steady.settled", hidden=True),
+        ),
+        "run": (Column("rig", of="rig.name"), Column("model")),
+    }
+
+    studies: tuple[CamOrders, ...]
+    titles: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def speed_rows(self) -> list[OrdersRow]:
+        """A row for each cam and speed."""
+        return [OrdersRow(study.cam, one) for study in self.studies for one in study.spectra]
+
+    @property
+    def speeds(self) -> Records:
+        """A row for each cam and speed: mean force, sound of all orders, the loudest of them."""
+        rows = self.speed_rows
+        highest = max((row.spectrum.orders[-1] for row in rows), default=0.0)
+        return self.table(
+            "speeds",
+            f"Orders 1 to {highest:g} of the steady turn",
+            rows,
+            "Sound: of these orders together. Loudest: the order, and its level in dB re 20 µPa. "
+            "The background has no orders.",
+            Footnote(
+                "A landing's pulse sounds up to some kHz: more orders have more of it.",
+                lambda row: row.spectrum.steady.landings,
+            ),
+            Footnote(
+                "none: the force does not come back; it is the last turn run.",
+                lambda row: not row.spectrum.steady.settled,
+            ),
+        )
+
+    def tables(self) -> list[Records]:
+        """``orders``, the mean at order 0 left out, ``speeds`` and ``run``."""
+        rows = [
+            row._replace(place=place)
+            for row in self.speed_rows
+            for place in range(1, row.spectrum.orders.size)
+        ]
+        orders = self.table(
+            "orders",
+            "Force and sound by orders of the cam",
+            rows,
+            "Phase: force = mean + Σ amplitude · cos(order · θ + phase). Level: dB re 20 µPa.",
+            hidden=len(rows) > SHOWN,
+        )
+        run: list[Any] = list(self.studies[:1])
+        return [orders, self.speeds, self.table("run", "The model", run, single=True, hidden=True)]
+
+
+# What is asked for: a cam alone or a scene, on a rig, at some speeds.
+
+#: What a cam alone is put on: rig and model; and its speeds, rpm.
+CAM_RIG, CAM_MODEL, CAM_RPM = "tm21", "one_mass", tuple(range(200, 401, 10))
+
+
+@checked
+def orders(
+    source: str | Path | CamConfig | LoadedScene,
+    rpm: Speeds | None = None,
+    *,
+    cam: str | None = None,
+    rig: Rig = None,
+    model: str | None = None,
+    orders: int = 100,
+    progress: Progress = NULL_PROGRESS,
+) -> OrdersResult:
+    """The spectrum of force and sound by orders of the cam: exact, without leakage.
+
+    An order is a frequency as a multiple of the cam's. Fourier coefficients of the steady turn are
+    closed forms, those of landings too.
+
+    The command is ``cam-rig orders``.
+
+    Parameters
+    ----------
+    source : a cam or a scene: a name, a path, or what `load_cam` or `load_scene` gave. A cam alone
+        is put on ``tm21``, model ``one_mass``, at 200 to 400 rpm
+    rpm : one or more, rpm; None: the scene's
+    cam : one of a scene; None: all
+    rig : a name, a path or a rig; None: the scene's
+    model : as `simulate` takes it; None: the scene's
+    orders : the highest, to 10 000
+    progress : told how far it is
+
+    Raises
+    ------
+    ConfigError : an unknown cam, scene, rig or model, or a number that is out of range
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> found = cam_rig.orders("poly345", rpm=300, orders=10)
+    >>> int(found.to_pandas().order.max())
+    10
+    """
+    if not 1 <= orders <= MAX_ORDERS:
+        raise ConfigError(f"orders: is {orders}; allowed: 1 to {MAX_ORDERS}")
+    laws, titles, chosen, own_model, own_rpm = _opened(source, cam, rig)
+    speeds = own_rpm if rpm is None else speeds_within(rpm)
+    asked = [one * RPM for one in speeds]
+    found = waterfall(laws, model_named(model or own_model), chosen, asked, orders, progress)
+    return OrdersResult(found, titles)
+
+
+def _opened(
+    source: str | Path | CamConfig | LoadedScene, cam: str | None, rig: Rig
+) -> tuple[dict[str, Law], dict[str, str], RigConfig, str, list[float]]:
+    """Laws and titles by cam, rig, model, and speeds in rpm, of a scene or of a cam alone."""
+    if isinstance(source, CamConfig) or (not isinstance(source, LoadedScene) and _is_cam(source)):
+        if cam is not None:
+            raise ConfigError(f"--cam {cam}: {source} is a cam; allowed: with a scene")
+        ((path, loaded),) = named_cams([source])
+        require_sprung(path, loaded)
+        law, title = {loaded.name: law_of(path, loaded)}, {loaded.name: loaded.title}
+        if rig is None:
+            rig = own_rig([path] if isinstance(path, Path) else [], CAM_RIG)
+        return law, title, asked_rig(rig), CAM_MODEL, [*map(float, CAM_RPM)]
+    scene = asked_scene(source)
+    laws = dict(scene.laws) if cam is None else {cam: scene.law_of(cam)}
+    chosen = scene.rig if rig is None else asked_rig(rig)
+    return laws, scene.titles, chosen, scene.scene.model, speeds_of(scene.scene)
+
+
+def _is_cam(source: str | Path) -> bool:
+    """Whether a file, or a shipped name, is that of a cam."""
+    path = named_path("scenes", source)
+    if not is_there(path):
+        if is_there(cam_path(source)):
+            return True
+        there = [file.stem for file in config_root().glob("[cs][ac]*/*.yaml")]
+        raise ConfigError(
+            f"{source}: no such cam or scene{did_you_mean(str(source), there)}; allowed: a file, "
+            "or a name in config/cams or config/scenes"
+        )
+    data = read_yaml(path)
+    return isinstance(data, dict) and "segments" in data

@@ -1,0 +1,1 @@
+"""Contours of cams: points, checks, figures and files."""

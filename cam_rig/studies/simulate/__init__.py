@@ -1,0 +1,1 @@
+"""Simulated and recorded runs: tables and figures of motion, force and sound."""

@@ -1,0 +1,122 @@
+"""Commands that read a bag: ``cam-rig analyze`` and ``cam-rig export``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cam_rig.bag.command import newest_bag
+from cam_rig.errors import ConfigError
+from cam_rig.files import check_place
+from cam_rig.show.command import SceneOfBag, command
+from cam_rig.show.result import Progress, Result
+from cam_rig.show.terminal import say
+from cam_rig.simulation.simulate import TickSamples
+from cam_rig.studies.simulate.study import SceneRun
+
+
+@command("json", "csv", "plot")
+def analyze(
+    bag: Annotated[
+        Path | None, typer.Argument(help="Bag to analyse; by default the newest in bags/.")
+    ] = None,
+    scene: SceneOfBag = None,
+) -> Result:
+    """Read a recorded sweep back: a row each speed, and its noise beside the published regressions.
+
+    The tables are those of cam-rig simulate.
+
+    In Python: cam_rig.read_bag(bag, scene)
+
+    Examples
+    --------
+    cam-rig analyze
+
+    cam-rig analyze bags/tm21_sweep_2026-01-31_12-00-00 --plot out/sweep.png --json out/sweep.json
+
+    cam-rig analyze recorded_by_ros2 --scene quick
+    """
+    return read_run(bag or newest_bag(), scene)
+
+
+def read_run(bag: Path, scene: str | None = None) -> SceneRun:
+    """A bag's run, with the scene attached to it unless another is named; say what it lacks."""
+    from cam_rig.studies.simulate.recorded import read_bag
+
+    run = read_bag(bag, scene)
+    say(f"{bag}: {sum(run.counts.values())} messages, {len(run.ticks)} ticks")
+    say(*run.notes)
+    return run
+
+
+#: Endings of a bag's file; a folder is a bag too.
+BAG_FILES = (".mcap", ".db3")
+
+
+@command()
+def export(
+    source: Annotated[
+        str,
+        typer.Argument(metavar="BAG|SCENE", help="Bag, scene file, or a name in config/scenes."),
+    ],
+    to: Annotated[Path, typer.Option(help="File: .parquet, .csv, .npz or .wav.")],
+    cam: Annotated[str | None, typer.Option(help="One cam of the run; by default all.")] = None,
+    rpm: Annotated[
+        float | None, typer.Option(min=0.0, help="One speed of the run; by default all.")
+    ] = None,
+    scene: SceneOfBag = None,
+    *,
+    progress: Progress,
+) -> None:
+    """Write every sample of a run with the cam that turned under it.
+
+    Columns: time_s, cam, rpm, angle_rad, angle_in_turn_rad, lift_m, velocity_m_s,
+    acceleration_m_s2, force_N, impulse_N_s. Parquet has units and meanings in its schema too, and
+    needs pyarrow. A WAV has a channel of 32-bit floats for each quantity that changes within a
+    turn, named in its comment. Memory stays bounded however long the run is.
+
+    Examples
+    --------
+    cam-rig export bags/golden --to out/golden.parquet
+
+    cam-rig export tm21_sweep --cam tm21 --rpm 380 --to out/tm21_380.csv
+    """
+    from cam_rig.schema.load import is_there, scene_path
+    from cam_rig.simulation.export import export as write_samples
+    from cam_rig.simulation.export import require_format
+    from cam_rig.simulation.scene import open_scene
+    from cam_rig.simulation.schedule import tick_count
+    from cam_rig.simulation.simulate import turned_ticks
+
+    require_format(to)
+    check_place(to)
+    if Path(source).is_dir() or source.endswith(BAG_FILES):
+        from cam_rig.bag.reader import read_counts, read_scene, read_ticks, shortcomings
+        from cam_rig.messages.topics import FOLLOWER_SAMPLES
+
+        bag = Path(source)
+        loaded = read_scene(bag) if scene is None else open_scene(scene_path(scene))
+        ticks = read_ticks(bag)
+        say(*shortcomings(bag, loaded, read_counts(bag).get(FOLLOWER_SAMPLES.name, 0)))
+    else:
+        path = scene_path(source)
+        try:
+            loaded = open_scene(path)
+        except ConfigError as error:
+            if is_there(path):
+                raise
+            raise ConfigError(f"{source}: no such bag, nor scene: {error}") from None
+        ticks = turned_ticks(loaded)
+    progress.start(tick_count(loaded.scene), loaded.scene.name)
+    written = write_samples(to, _counted(ticks, progress), loaded, cam, rpm)
+    gaps = f", {written.gaps} gaps between them" if written.gaps else ""
+    say(f"{to}: {written.rows} samples, {written.begin:.6g} to {written.end:.6g} s{gaps}")
+
+
+def _counted(ticks: Iterable[TickSamples], progress: Progress) -> Iterator[TickSamples]:
+    for tick in ticks:
+        yield tick
+        progress.advance()

@@ -1,0 +1,201 @@
+"""One cam on one rig at one speed: samples of the follower's motion, and its events."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+from pydantic import ValidationError
+
+from cam_rig.arguments import checked
+from cam_rig.dynamics import MODELS, Block, Event
+from cam_rig.dynamics.interval import NamedRows
+from cam_rig.dynamics.velocity_jumps import require_continuous
+from cam_rig.errors import ConfigError
+from cam_rig.laws import Law
+from cam_rig.schema import RigConfig, SceneConfig
+from cam_rig.schema.explain import explain
+from cam_rig.show.result import Column, Records, Result
+from cam_rig.simulation.schedule import cam_states
+from cam_rig.simulation.simulate import FollowerSimulator
+from cam_rig.units import FloatArray
+
+#: Samples of one motion at most: 1 GB.
+MAX_TOTAL_SAMPLES = 20_000_000
+#: What the law is called in its scene.
+CAM = "cam"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FollowerMotion(NamedRows, Result):
+    """What the follower did: samples ``(n,)`` by name, read-only, and events.
+
+    ``time`` (s), ``lift`` (m), ``velocity`` (m/s), ``acceleration`` (m/s²), ``force`` (contact
+    force, N), ``impulse`` (of the landings since the sample before, N·s), ``angle`` (rad).
+
+    Parameters
+    ----------
+    law, rig : what was simulated
+    scene : the same as a scene: model, speed, turns, sample rate
+    rows : ``(6, n)`` all samples
+    blocks : the samples of each turn, views of ``rows``, with their intervals and events
+    """
+
+    schema = "cam_rig.motion.1"
+    plot_function = "cam_rig.studies.simulate.figures:motion_figure"
+    columns: ClassVar = {
+        "samples": (
+            Column("time", "s"),
+            Column("angle", "°", doc="cam angle with all its turns"),
+            Column("lift", "mm", doc="of the follower"),
+            Column("velocity", "m/s"),
+            Column("acceleration", "m/s²"),
+            Column("force", "N", doc="contact force"),
+            Column("impulse", "N·s", doc="of the landings since the sample before"),
+        ),
+        "events": (
+            Column("kind"),
+            Column("time", "s", ".5f"),
+            Column("angle", "°", ".2f", "cam angle"),
+            Column("impulse", "N·s", ".3g"),
+            Column("energy_lost", "J", ".3g"),
+        ),
+    }
+
+    law: Law
+    rig: RigConfig
+    scene: SceneConfig
+    rows: FloatArray
+    blocks: tuple[Block, ...]
+
+    @cached_property
+    def angle(self) -> FloatArray:
+        """``(n,)`` cam angle with all its turns, rad."""
+        rate = int(self.scene.sample_rate.si)
+        intervals = [block.interval for block in self.blocks]
+        found = np.concatenate([i.unwrapped_at(i.grid(rate).since_start()) for i in intervals])
+        found.setflags(write=False)
+        return found
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        """Lift-offs and landings in order: ``kind``, ``time`` (s), ``angle`` (rad), ``impulse``."""
+        return tuple(event for block in self.blocks for event in block.events)
+
+    @property
+    def rpm(self) -> float:
+        """Cam speed, rpm."""
+        return self.scene.program.speeds.numbers[0]
+
+    def __repr__(self) -> str:
+        what = f"{self.law.name} on {self.rig.name}, {self.scene.model}, {self.rpm:g} rpm"
+        return f"FollowerMotion({what}: {self.time.size} samples, {len(self.events)} events)"
+
+    def tables(self) -> list[Records]:
+        """``samples``, and ``events``."""
+        return [
+            self.array_table("samples"),
+            self.table("events", "Lift-offs and landings", self.events),
+        ]
+
+
+@checked
+def simulate(
+    law: Law,
+    rig: RigConfig,
+    *,
+    model: str = "one_mass",
+    rpm: float,
+    turns: int = 3,
+    sample_rate: int = 48_000,
+    ramp: float | None = None,
+) -> FollowerMotion:
+    """Turn a cam under a follower at one speed.
+
+    Every model is exact between its events, so ``sample_rate`` only says how often one looks.
+
+    Parameters
+    ----------
+    law : of `build_law`, or one's own `Law`
+    model : ``one_mass`` (rigid; lifts off and lands), ``two_mass`` (eq. 14-19 of the paper),
+        ``elastic_stem`` (eq. 5, always in contact), ``kinetostatic`` (no vibration, no loss of
+        contact), ``torsional`` (eq. 10, elastic shaft)
+    rpm : cam speed, rpm
+    turns : whole turns at that speed
+    sample_rate : Hz
+    ramp : s, in which the cam is first brought to speed evenly from rest; None begins at speed
+
+    Raises
+    ------
+    ConfigError : an argument is out of range, or the rig lacks a number that the model needs
+    DynamicsError : a law that the model cannot take
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> law = cam_rig.build_law(cam_rig.load_cam("poly345"))
+    >>> rig = cam_rig.load_rig("paper_table2")
+    >>> motion = cam_rig.simulate(law, rig, model="two_mass", rpm=450, turns=3, sample_rate=48_000)
+    >>> motion.time.shape, round(float(motion.lift.max()) * 1e3, 2)  # mm
+    ((19200,), 50.0)
+    >>> [event.kind for event in motion.events][:2]
+    ['lift-off', 'landing']
+    """
+    scene = scene_of("simulate", [CAM], rig, model, [rpm], turns, 0, sample_rate, ramp)
+    count = turns * 60.0 / rpm * sample_rate
+    if count > MAX_TOTAL_SAMPLES:
+        raise ConfigError(
+            f"turns: {turns} at {rpm:g} rpm and {sample_rate} Hz make {count:.3g} samples; "
+            f"allowed: {MAX_TOTAL_SAMPLES:g}, so take fewer turns or a lower sample_rate"
+        )
+    require_continuous(law)
+    chosen = MODELS[scene.model]
+    simulator = FollowerSimulator(chosen, chosen.parameters(rig), sample_rate, {CAM: law})
+    turned = (simulator.turn_to(state) for state in cam_states(scene))
+    blocks = [block for _, block in filter(None, turned)]
+    rows = np.hstack([block.rows for block in blocks])
+    rows.setflags(write=False)
+    ends = np.cumsum([block.rows.shape[1] for block in blocks])
+    views = np.split(rows, ends[:-1], axis=1)
+    kept = (replace(block, rows=view) for block, view in zip(blocks, views, strict=True))
+    return FollowerMotion(law, rig, scene, rows, tuple(kept))
+
+
+def scene_of(
+    function: str,
+    cams: list[str],
+    rig: RigConfig,
+    model: str,
+    rpm: list[float],
+    turns: float,
+    settle_turns: float,
+    sample_rate: int,
+    ramp: float | None,
+) -> SceneConfig:
+    """A function's arguments as a scene, checked like a scene's file."""
+
+    def number(value: object, unit: str) -> dict[str, object]:
+        return {"assumed": value, "unit": unit, "source": f"argument of {function}"}
+
+    program = {
+        "speeds": number(rpm, "rpm"),
+        "turns": number(turns, "turns"),
+        "settle_turns": number(settle_turns, "turns"),
+        "ramp": None if ramp is None else number(ramp, "s"),
+    }
+    data = {
+        "name": function,
+        "title": ", ".join(cams),
+        "cams": cams,
+        "rig": rig.name,
+        "model": model,
+        "sample_rate": number(sample_rate, "Hz"),
+        "program": program,
+    }
+    try:
+        return SceneConfig.model_validate(data)
+    except ValidationError as error:
+        words = explain(error, SceneConfig).replace("program.speeds", "rpm")
+        raise ConfigError(f"{function}: {words.replace('program.', '')}") from None

@@ -1,0 +1,77 @@
+"""A recorded run, read back with its scene."""
+
+from __future__ import annotations
+
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+
+from cam_rig.arguments import checked
+from cam_rig.bag.reader import (
+    decoded,
+    pressure_of,
+    read_counts,
+    read_scene,
+    read_ticks,
+    shortcomings,
+)
+from cam_rig.errors import BagError
+from cam_rig.messages import topics
+from cam_rig.messages.codec import cam_state_of
+from cam_rig.schema.load import named_path
+from cam_rig.simulation.scene import open_scene
+from cam_rig.simulation.schedule import CamState
+from cam_rig.simulation.simulate import MeasuredTick
+from cam_rig.studies.simulate.study import SceneRun
+
+
+def read_recording(bag: Path, scene: Path | None = None) -> SceneRun:
+    """A recorded run; ``scene`` is the one that was run, for a bag that has none attached."""
+    loaded = read_scene(bag) if scene is None else open_scene(scene)
+    states: list[CamState] = []
+    pressures: dict[int, float] = {}
+    both = {topics.CAM_STATE: cam_state_of, topics.PRESSURE: pressure_of}
+    for topic, found in decoded(bag, both):
+        if topic is topics.CAM_STATE:
+            states.append(found)
+        else:
+            pressures.update([found])
+    if other := {state.cam for state in states} - set(loaded.laws):
+        raise BagError(
+            f"{bag}: holds {', '.join(sorted(other))}; allowed: the cams of scene "
+            f"{loaded.scene.name}, {', '.join(loaded.laws)}, so name the scene that was run"
+        )
+    rate = int(loaded.scene.sample_rate.si)
+    ticks = tuple(
+        MeasuredTick.between(start, end, pressures[end.time_ns], rate)
+        for start, end in pairwise(states)
+        if end.time_ns in pressures and start.turns_until(end)
+    )
+    notes = shortcomings(bag, loaded, len(ticks))
+    return SceneRun(loaded, ticks, bag, partial(read_ticks, bag), read_counts(bag), notes=notes)
+
+
+@checked
+def read_bag(bag: str | Path, scene: str | Path | None = None) -> SceneRun:
+    """Read a recorded run back, with the scene that is attached to it.
+
+    The command is ``cam-rig analyze``.
+
+    Parameters
+    ----------
+    bag : folder of a bag, as ``cam-rig run`` or ``ros2 bag record`` makes it
+    scene : the scene that was run, for a bag that has none attached (``ros2 bag record``)
+
+    Raises
+    ------
+    BagError : the bag is missing, was not closed, or holds another kind of run
+    MissingLibraryError : the extra ``bags`` is not installed
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> recording = cam_rig.read_bag("bags/golden")
+    >>> recording.complete, list(recording.loaded.laws)
+    (True, ['tm21', 'bezier15'])
+    """
+    return read_recording(Path(bag), None if scene is None else named_path("scenes", scene))

@@ -1,0 +1,338 @@
+"""A scene's run, computed here or read from a bag: level against speed for each cam."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from operator import itemgetter
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from cam_rig.arguments import checked
+from cam_rig.dynamics import Samples
+from cam_rig.errors import ConfigError
+from cam_rig.show.result import NULL_PROGRESS, Column, Footnote, Progress, Records, Result
+from cam_rig.simulation.asked import Cams, Rig, Speeds, asked_cams, asked_speeds
+from cam_rig.simulation.by_speed import SpeedRow, SpeedRows
+from cam_rig.simulation.export import export
+from cam_rig.simulation.regression import NoiseCurve, NoiseResult, compare
+from cam_rig.simulation.scene import RELATIVE, RELATIVE_NOTE, LoadedScene, load_scene
+from cam_rig.simulation.schedule import tick_count
+from cam_rig.simulation.simulate import (
+    MeasuredTick,
+    TickSamples,
+    require_ticks,
+    simulate,
+    step_levels,
+    turned_ticks,
+)
+from cam_rig.studies.simulate.motion import scene_of
+from cam_rig.units import to_rpm
+
+SPEEDS = (
+    Column("cam"),
+    Column("rpm", "rpm", ".6g", "speed"),
+    Column("turns", doc="settled turns with samples", hidden=True),
+    Column("level", "dB", ".1f", of="level_db", doc="re 20 µPa, unweighted"),
+    Column("force_peak", "N", ".1f", "peak force"),
+    Column("force_least", "N", ".1f", "least force"),
+    Column("lift_offs", "1/turn", ".3g", "lift-off rate"),
+    Column("flight", "ms", ".2f", "longest flight"),
+    Column("landing", "N·s", ".3f", "hardest landing"),
+    Column("torque_peak", "N·m", ".2f", "peak torque"),
+    Column("torque_least", "N·m", ".2f", "least torque"),
+    Column("torque_mean", "N·m", ".3f", "mean torque"),
+)
+
+
+BOUNCING = Footnote(
+    "The follower bounces without end and is never at rest on the cam, so no sample holds a force, "
+    "only its blows.",
+    lambda row: bool(row.force_peak == 0.0),
+    "*",
+)
+
+
+def _regression(curve: NoiseCurve) -> str:
+    c0, c1, c2, c3 = curve.coefficients
+    if not math.isfinite(c0):
+        return "needs four speeds"
+    return f"{c0:.5g} {c1:+.5g} x {c2:+.5g} x² {c3:+.5g} x³"
+
+
+def _role(curve: NoiseCurve) -> str:
+    """What the comparison is worth, or that no level is; nothing where nothing is compared."""
+    return "" if curve.rmse_db is None and curve.role != RELATIVE else curve.role
+
+
+def _coefficient(power: int) -> Column:
+    unit = ("dB", "dB/rpm", "dB/rpm²", "dB/rpm³")[power]
+    of: Any = lambda curve: curve.coefficients[power]  # noqa: E731
+    about = f"of level over speed, times rpm^{power}"
+    if power:
+        return Column(f"c{power}", unit, of=of, doc=about, hidden=True)
+    return Column("c0", unit, heading="regression", of=of, cell=_regression, doc=about)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SceneRun(Result):
+    """A run of a scene.
+
+    Parameters
+    ----------
+    loaded : the scene with its cams, laws and rig
+    ticks : what the microphone measured, tick by tick: r.m.s. pressure (Pa)
+    source : the scene's file, or the bag
+    blocks : gives the follower's samples tick by tick, with the cam under them; see `samples`
+    counts : messages by topic, of a bag
+    speeds : what `by_speed` is made of, where the samples have gone through it already
+    notes : what a bag lacks, and what a recovery says may be wrong in it
+    """
+
+    schema = "cam_rig.simulate.1"
+    plot_function = "cam_rig.studies.simulate.figures:figure"
+    columns: ClassVar = {
+        "speeds": SPEEDS,
+        "noise": (
+            Column("cam"),
+            *map(_coefficient, range(4)),
+            Column("rms_difference", "dB r.m.s.", ".2f", "difference to published", "rmse_db"),
+            Column("role", cell=_role, doc="what the level is worth"),
+            Column("level_first", "dB", ".1f", "first level", lambda curve: curve.level_db[0]),
+            Column("level_last", "dB", ".1f", "last level", lambda curve: curve.level_db[-1]),
+        ),
+        "levels": (
+            Column("cam", of=itemgetter(0)),
+            Column("rpm", "rpm", of=itemgetter(1)),
+            Column("level", "dB", of=itemgetter(2), doc="of the microphone, re 20 µPa"),
+        ),
+        "crossing": (
+            Column("rpm", "rpm", of=itemgetter(0), doc="where two published cams are as loud"),
+            Column("published_rpm", "rpm", of=itemgetter(1)),
+        ),
+        "messages": (
+            Column("topic", of=itemgetter(0)),
+            Column("count", of=itemgetter(1), doc="messages of it in the bag"),
+        ),
+        "run": (
+            Column("complete", doc="whether the whole scene was run"),
+            Column("notes", doc="what a bag lacks, and what may be wrong in it"),
+        ),
+    }
+
+    loaded: LoadedScene
+    ticks: tuple[MeasuredTick, ...]
+    source: Path
+    blocks: Callable[[], Iterator[TickSamples]]
+    counts: dict[str, int] = field(default_factory=dict)
+    speeds: SpeedRows | None = None
+    notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        return f"SceneRun({self.source}: {', '.join(self.loaded.laws)}, {len(self.ticks)} ticks)"
+
+    @property
+    def complete(self) -> bool:
+        """Whether the whole scene was run."""
+        return len(self.ticks) >= tick_count(self.loaded.scene)
+
+    @cached_property
+    def noise(self) -> NoiseResult:
+        """Level (dB) against speed (rpm): ``curves`` by cam, and where two regressions cross."""
+        roles = {cam: self.loaded.role(cam) for cam in self._levels}
+        return compare(self._levels, roles, self.loaded.published)
+
+    @cached_property
+    def _levels(self) -> dict[str, dict[float, float]]:
+        levels = step_levels(self.ticks, self.loaded.scene.program.settle_turns.si)
+        require_ticks(levels, str(self.source))
+        return levels
+
+    @checked
+    def samples(self, cam: str, rpm: float) -> Samples:
+        """The follower's samples of a cam at one speed: ``time``, ``lift``, ``force`` and so on.
+
+        They are read from the bag, or computed again.
+
+        Examples
+        --------
+        >>> import cam_rig
+        >>> samples = cam_rig.read_bag("bags/golden").samples("tm21", 400)
+        >>> round(float(samples.force.max()), 1)  # N
+        114.0
+        """
+        found = [tick.rows for tick in self.blocks() if tick.is_of(cam, rpm)]
+        if not found:
+            there = {f"{t.start.cam} at {to_rpm(t.start.speed):g} rpm": None for t in self.ticks}
+            raise ConfigError(f"samples: {cam} at {rpm:g} rpm; allowed: {', '.join(there)}")
+        joined = np.hstack(found)
+        joined.setflags(write=False)
+        return Samples(joined)
+
+    @cached_property
+    def by_speed(self) -> tuple[SpeedRow, ...]:
+        """A row each cam and speed: level, forces, lift-offs, landings, torque; settled turns.
+
+        Examples
+        --------
+        >>> import cam_rig
+        >>> for row in cam_rig.read_bag("bags/golden").by_speed[2:4]:
+        ...     print(row.cam, row.rpm, round(row.force_peak, 1), round(row.lift_offs, 6))
+        tm21 350.0 92.8 1.0
+        tm21 400.0 114.0 1.0
+        """
+        levels, speeds = self._levels, self.speeds
+        if speeds is None:
+            speeds = SpeedRows.of(self.loaded)
+            for tick in self.blocks():
+                speeds.take(tick)
+        return speeds.rows(levels)
+
+    @checked
+    def export(self, path: str | Path, *, cam: str | None = None, rpm: float | None = None) -> None:
+        """Write every sample with θ, rpm and cam beside it, as ``cam-rig export`` does.
+
+        Parameters
+        ----------
+        path : .parquet, .csv, .npz or .wav; columns ``time_s``, ``cam``, ``rpm``, ``angle_rad``,
+            ``angle_in_turn_rad``, ``lift_m``, ``velocity_m_s``, ``acceleration_m_s2``,
+            ``force_N``, ``impulse_N_s``
+        cam, rpm : only this cam, only this speed
+
+        Examples
+        --------
+        >>> import cam_rig, numpy as np
+        >>> cam_rig.read_bag("bags/golden").export("out/golden.npz", cam="tm21")
+        >>> with np.load("out/golden.npz") as table:
+        ...     print(table["cam"][0], table["rpm"][0].round(), table["force_N"].size)
+        tm21 200.0 1643
+        """
+        export(Path(path), self.blocks(), self.loaded, cam, rpm)
+
+    def tables(self) -> list[Records]:
+        """``speeds`` (none of a bag without samples), ``noise``, and in data what they rest on."""
+        title, curves = self.loaded.scene.title, self.noise.curves.values()
+        rate = int(self.loaded.scene.sample_rate.si)
+        note = f"Settled turns, of samples at {rate} Hz: a flight is known to one sample."
+        relative = () if self.loaded.calibrated else (RELATIVE_NOTE,)
+        levels = [
+            (curve.cam, round(rpm, 9), level)
+            for curve in curves
+            for rpm, level in zip(curve.rpm.tolist(), curve.level_db.tolist(), strict=True)
+        ]
+        published = self.loaded.published
+        crossing = self.noise.crossover_rpm, published and published.crossover.rpm
+        return [
+            self.table("speeds", f"{title}: by speed", self.by_speed, note, BOUNCING),
+            self.table("noise", f"{title}: level over x in rpm", curves, *relative),
+            self.table("levels", "", levels, hidden=True),
+            self.table("crossing", "", [crossing], single=True, hidden=True),
+            self.table("messages", "", self.counts.items(), hidden=True),
+            self.table("run", "", [self], single=True, hidden=True),
+        ]
+
+    def summary(self) -> list[str]:
+        """Where the two published cams cross, if both are there."""
+        published = self.loaded.published
+        if published is None or not set(published.crossover.between) <= set(self.noise.curves):
+            return []
+        at, names = self.noise.crossover_rpm, " and ".join(published.crossover.between)
+        found = "none" if at is None else f"{at:.1f} rpm"
+        return [f"{names} cross at {found} (published: {published.crossover.rpm:g} rpm)"]
+
+
+@checked
+def run_scene(
+    scene: str | Path | LoadedScene, *, on_tick: Callable[[], None] = lambda: None
+) -> SceneRun:
+    """Run a scene without ROS: the same core as the nodes, and the same numbers.
+
+    The command is ``cam-rig simulate``.
+
+    Parameters
+    ----------
+    scene : a name in ``config/scenes``, a path, or what `load_scene` gave
+    on_tick : called after each tick, for a progress bar
+
+    Raises
+    ------
+    ConfigError, LawError : one line that names the file and what is wrong in it
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> run = cam_rig.run_scene("quick")
+    >>> curve = run.noise.curves["bezier15"]
+    >>> curve.rpm.round(), curve.level_db.round(1)
+    (array([200., 300., 350., 400.]), array([78.5, 81.4, 83.2, 85.4]))
+    """
+    loaded = scene if isinstance(scene, LoadedScene) else load_scene(scene)
+    speeds, ticks = SpeedRows.of(loaded), []
+    for tick in simulate(loaded, speeds.take):
+        ticks.append(tick)
+        on_tick()
+    again = partial(turned_ticks, loaded)
+    return SceneRun(loaded, tuple(ticks), loaded.scene_file, again, speeds=speeds)
+
+
+@checked
+def sweep(
+    cams: Cams,
+    rig: Rig,
+    *,
+    rpm: Speeds,
+    model: str = "one_mass",
+    turns: float = 4.0,
+    settle_turns: float = 2.0,
+    sample_rate: int = 48_000,
+    ramp: float | None = None,
+    progress: Progress = NULL_PROGRESS,
+) -> SceneRun:
+    """Run cams through some speeds, one after another: forces, lift-offs, landings and levels.
+
+    What `run_scene` gives of a scene's file. A rig without ``radiation`` has no sound, and
+    `simulate` takes it at one speed.
+
+    Parameters
+    ----------
+    cams : a name, a path or a cam, or several; None: the paper's Table 2
+    rig : a name, a path or a rig, with radiation; None: the only one beside the cams
+    rpm : one or more, in the order in which they are run, rpm
+    model : as `simulate` takes it
+    turns : at each speed
+    settle_turns : of these before anything is measured
+    sample_rate : Hz
+    ramp : s, in which each speed is reached evenly; None is at once
+    progress : told how far it is
+
+    Raises
+    ------
+    ConfigError : an argument is out of range, or the rig lacks a number that the model needs
+    DynamicsError : a law that the model cannot take
+
+    Examples
+    --------
+    >>> import cam_rig
+    >>> run = cam_rig.sweep("poly345", "tm21", rpm=[300, 450])
+    >>> [(row.rpm, round(row.lift_offs), round(row.level_db, 1)) for row in run.by_speed]
+    [(300.0, 0, 83.7), (450.0, 1, 92.5)]
+    """
+    found = asked_cams(cams, rig)
+    names, speeds = list(found.cams), asked_speeds(rpm)
+    held = turns, settle_turns, sample_rate, ramp
+    scene = scene_of("sweep", names, found.rig, model, speeds, *held)
+    loaded = LoadedScene(
+        scene,
+        found.rig,
+        found.cams,
+        found.laws,
+        scene_file=Path(f"{scene.name}.yaml"),
+        rig_file=Path(f"{found.rig.name}.yaml"),
+        cam_files={name: Path(f"{name}.yaml") for name in found.cams},
+    )
+    progress.start(tick_count(scene), "sweep")
+    return run_scene(loaded, on_tick=progress.advance)

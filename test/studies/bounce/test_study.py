@@ -1,0 +1,169 @@
+"""A bounce map: what each speed is, how loud, and from where it is reached."""
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+import cam_rig
+from cam_rig.errors import ConfigError, DynamicsError
+from cam_rig.studies.bounce.branches import Family
+from cam_rig.studies.bounce.motion import IN_CONTACT, IRREGULAR, NOT_TOLD, PERIODIC
+from cam_rig.studies.bounce.result import ABOVE
+from cam_rig.studies.bounce.sweep import MASS, PRELOAD, RESTITUTION
+from cam_rig.units import RPM
+
+
+@pytest.fixture(scope="module")
+def tm21(laws, rig):
+    """The paper's cam and follower, restitution 0.7, from rest."""
+    speeds = [310, 380, 390, 400, 420, 450, 500, 550]
+    return cam_rig.bounce_map(laws["tm21"], rig, rpm=speeds, restitution=0.7, turns=60, settle=300)
+
+
+def test_kinds_over_the_speeds(tm21):
+    """On the cam, at rest in each turn, irregular, and periodic without rest again."""
+    kinds = [(row.motion, row.rests) for row in tm21.rows]
+    assert kinds[0] == (IN_CONTACT, True)
+    assert kinds[1:3] == [(PERIODIC, True)] * 2
+    assert kinds[3:5] == [(IRREGULAR, False)] * 2
+    assert kinds[5:] == [(PERIODIC, False)] * 3
+    assert all(row.period == 1 for row in tm21.rows if row.motion == PERIODIC)
+    assert tm21.rows[0].landings_per_turn == 0.0
+
+
+def test_exponents(tm21):
+    """−∞ where it rests; above its error where irregular; else that of the periodic motion."""
+    for row in tm21.rows:
+        if row.rests:
+            assert row.exponent == -math.inf
+        elif row.motion == IRREGULAR:
+            assert row.exponent > row.exponent_error > 0.0
+        else:
+            motion = Family(tm21.law, tm21.sweep, row.period).at(row.rpm * RPM, row.end)
+            wanted = math.log(np.abs(motion.multipliers).max()) / row.period
+            assert row.exponent == pytest.approx(wanted, abs=1e-7)
+            assert motion.stable
+
+
+def test_no_two_turns_are_alike_where_it_is_irregular(tm21):
+    """The nearest of 60 turns differ by more than what is alike; of a period one is shown."""
+    for row in tm21.rows:
+        if row.motion == IRREGULAR:
+            assert len(row.hardest) == 60
+            assert np.diff(np.sort(row.hardest)).min() > 0.0
+        else:
+            assert len(row.hardest) == (row.period or 1)
+
+
+def test_the_level_is_that_of_a_simulation(tm21, rig):
+    """Where it rests every turn begins alike, and a scene's microphone hears the same."""
+    row = tm21.rows[1]
+    bouncing = rig.with_follower(restitution=0.7)
+    motion = cam_rig.simulate(tm21.law, bouncing, rpm=row.rpm, turns=20, sample_rate=12_000)
+    heard = cam_rig.sound_level(motion, settle_turns=4)
+    assert row.level_db == pytest.approx(heard.level_db, abs=0.02)
+    assert row.level_spread_db < 0.05
+
+
+def test_a_meter_wanders_where_it_is_irregular(tm21):
+    """The spread from turn to turn: a dB and more at 420 rpm, none at 500."""
+    spread = {row.rpm: row.level_spread_db for row in tm21.rows}
+    assert spread[420] > 0.5
+    assert spread[500] < 0.02
+
+
+def test_from_above_another_motion(tm21, rig):
+    """At 420 rpm there are two: four landings a turn come down from 450; from rest not."""
+    speeds, how = [420, 430, 440, 450], {"turns": 40, "settle": 200, "start": ABOVE}
+    found = cam_rig.bounce_map(tm21.law, rig, rpm=speeds, restitution=0.7, **how)
+    assert [row.rpm for row in found.rows] == speeds
+    assert [(row.motion, row.landings_per_turn) for row in found.rows] == [(PERIODIC, 4.0)] * 4
+
+
+def test_an_executor_gives_the_same(tm21, rig):
+    """Row for row; and it is one cam on one rig, whoever computes."""
+    rpm, how = np.array([390.0, 450.0, 310.0]), {"restitution": 0.7, "turns": 60, "settle": 300}
+    with ThreadPoolExecutor(2) as pool:
+        found = cam_rig.bounce_map(tm21.law, rig, rpm=rpm, executor=pool, **how)
+    rows = found.data()["speeds"]
+    assert rows == [tm21.data()["speeds"][i] for i in (0, 2, 5)]
+
+
+def test_its_data(tm21):
+    """Rows by speed with the keys of the table, −∞ as nothing; a turn a dot of the figure."""
+    data = tm21.data()
+    assert data["schema"] == "cam_rig.bounce.1"
+    assert data["speeds"][1]["exponent"] is None
+    assert data["speeds"][1]["rests"] is True
+    assert len(data["turns"]) == sum(row.hardest.size for row in tm21.rows)
+    assert data["bifurcations"] == []
+    assert "not told" not in " ".join(tm21.summary())
+    assert tm21.to_pandas("speeds").motion.tolist() == [row.motion for row in tm21.rows]
+
+
+def test_the_first_lift_off_is_the_jump_speed(tm21, rig):
+    """Of one rigid mass."""
+    wanted = cam_rig.jump_speed(tm21.law, rig).rpm
+    assert tm21.jump_rpm == pytest.approx(wanted, rel=1e-12)
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.99])
+def test_at_the_ends_of_restitution(tm21, rig, restitution):
+    """Plastic: one landing and at rest. Nearly elastic: hundreds of landings, and no crash."""
+    how = {"restitution": restitution, "turns": 20, "settle": 20}
+    rows = cam_rig.bounce_map(tm21.law, rig, rpm=[340, 480], **how).rows
+    assert all(row.landings_per_turn > 0.0 for row in rows)
+    if restitution == 0.0:
+        found = [(row.motion, row.period, row.landings_per_turn) for row in rows]
+        assert found == [(PERIODIC, 1, 1.0)] * 2
+
+
+def test_one_that_never_lands_is_not_told(tm21, rig):
+    """A spring that is none and no preload: at a speed that throws it, it does not come back."""
+    loose = rig.with_follower(spring_stiffness=1e-9, preload=0.0, damping=0.0)
+    how = {"restitution": 0.5, "turns": 20, "settle": 20}
+    (row,) = cam_rig.bounce_map(tm21.law, loose, rpm=[400], **how).rows
+    assert (row.motion, row.period, row.landings_per_turn) == (NOT_TOLD, None, 0.0)
+    assert math.isnan(row.exponent)
+
+
+def test_in_the_middle_of_a_fold(tm21, rig):
+    """At the very speed where two motions meet there is an answer, and nothing breaks."""
+    how = {"restitution": 0.7, "turns": 40, "settle": 100, "start": ABOVE}
+    found = cam_rig.bounce_map(tm21.law, rig, rpm=[418.8029066, 430], **how)
+    assert found.rows[0].motion in (PERIODIC, NOT_TOLD, IRREGULAR)
+    assert found.rows[1].motion == PERIODIC
+
+
+OVER = {"over": RESTITUTION}
+
+
+@pytest.mark.parametrize(
+    ("how", "error", "words"),
+    [
+        ({"rpm": []}, ConfigError, "rpm: is empty; allowed"),
+        ({"turns": 19}, ConfigError, "turns: is 19; allowed: 20 or more"),
+        ({"settle": -1}, ConfigError, "settle: is -1; allowed: 0 or more"),
+        ({"start": "left"}, ConfigError, "start: is 'left'; allowed: rest, below, above"),
+        ({"restitution": 1.0}, DynamicsError, r"restitution is 1\.0; allowed"),
+        ({"rpm": [-3.0]}, ConfigError, "rpm: is -3 rpm; allowed: 1 to"),
+        ({"rpm": "fast"}, ConfigError, "rpm: is 'fast'"),
+        ({"over": "lift"}, ConfigError, "over: is 'lift'; allowed: rpm, restitution, preload"),
+        ({"values": [1.0]}, ConfigError, "values: is given where the speed is swept"),
+        ({"over": MASS}, ConfigError, "values: are 0 of mass; allowed: 1 to"),
+        ({"over": MASS, "values": [0.0]}, DynamicsError, r"mass is 0\.0; allowed"),
+        ({"over": PRELOAD, "values": [-1.0]}, DynamicsError, r"preload is -1\.0; allowed"),
+        (OVER | {"values": [1.0], "restitution": None}, DynamicsError, r"is 1\.0; allowed"),
+        (OVER | {"values": [0.5]}, ConfigError, "restitution: is what is swept"),
+        ({"over": MASS, "values": [1.0], "rpm": [1, 2]}, ConfigError, "are 2 speeds over mass"),
+        ({"model": "two_mass"}, ConfigError, "roller_share: is missing; needed by two masses"),
+        ({"model": "torsional"}, ConfigError, "is 'torsional'; allowed: one_mass, two_mass"),
+    ],
+)
+def test_refusals(tm21, rig, how, error, words):
+    """By the argument's name, its value and what is allowed, before a turn is run."""
+    given = {"rpm": 400.0, "turns": 20, "restitution": 0.7} | how
+    with pytest.raises(error, match=words):
+        cam_rig.bounce_map(tm21.law, rig, **given)

@@ -1,0 +1,305 @@
+"""Two masses with an elastic stem: their map's derivative, its exponents, and its classes."""
+
+import csv
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import mpmath as mp
+import numpy as np
+import pytest
+
+import cam_rig
+from cam_rig.dynamics import TwoMassParameters
+from cam_rig.dynamics.events.search import ALWAYS, PLAIN, VARIABLE
+from cam_rig.dynamics.jump.jump_speed import jump_speed
+from cam_rig.dynamics.linear.exponential import Flight
+from cam_rig.dynamics.turn_map import StroboscopicMap
+from cam_rig.dynamics.two_mass import Separation
+from cam_rig.studies.bounce.branches import FOLD, Family, UnfoundMotionError
+from cam_rig.studies.bounce.motion import IN_CONTACT, IRREGULAR, PERIODIC
+from cam_rig.studies.bounce.result import ABOVE
+from cam_rig.studies.bounce.sweep import MASS, PRELOAD, OperatingPoint, Sweep
+from cam_rig.units import RPM
+
+from .table import BOUNCES, LEAVES, LIFTS_OFF, STAYS, TwoInManyDigits, as_array, table_law
+
+LAW = table_law()
+#: 0.4 and 0.6 kg on a soft stem and a soft spring, with dampers in both.
+SOFT = TwoMassParameters(0.4, 0.6, 2000.0, 5.0, 0.8, 0.3, 9.81, 0.6)
+
+
+def events_of(turn_map, numbers):
+    """When (s) the events of the package's own run of a turn are, and what becomes of each."""
+    course = Separation(turn_map.law, turn_map.parameters, turn_map.speed)
+    follower = turn_map.follower(tuple(numbers))
+    inner = np.array(follower.inner)
+    state = inner if follower.in_contact else Flight(course.system, inner[:4], *inner[4:].tolist())
+    course.go(turn_map.duration, state)
+    found, after = [], [*course.events, None][1:]
+    for event, following in zip(course.events, after, strict=True):
+        kind, ends = LIFTS_OFF, following is None
+        if event.kind == "landing":
+            stays = not isinstance(course.last, Flight) if ends else following.kind == "lift-off"
+            kind = STAYS if stays else BOUNCES
+        elif found and found[-1][0] == event.time:
+            found[-1] = (event.time, LEAVES)
+            continue
+        found.append((event.time, kind))
+    return found
+
+
+@pytest.mark.parametrize(
+    ("changed", "speed", "turns", "kinds"),
+    [
+        ({}, 62.0, 4, {BOUNCES}),
+        ({"restitution": 0.0}, 45.0, 4, {LIFTS_OFF, STAYS, LEAVES}),
+        ({"restitution": 0.0, "stem_stiffness": 1e5}, 37.0, 2, {LIFTS_OFF, STAYS, LEAVES}),
+        ({"stem_stiffness": 1e7, "restitution": 0.3}, 60.0, 2, {LIFTS_OFF, STAYS, BOUNCES}),
+        ({"stem_damping": 0.0, "damping": 0.0}, 70.0, 2, {BOUNCES}),
+    ],
+)
+def test_derivatives_and_exponents_in_many_digits(changed, speed, turns, kinds):
+    """Turn by turn: differences in 60 digits, from flight and from the table, and QR of these."""
+    p = replace(SOFT, **changed)
+    turn_map = StroboscopicMap(LAW, p, speed)
+    begin = turn_map.run(30).states[-1]
+    run = turn_map.run(turns, tuple(begin))
+    units = mp.diag([mp.mpf(speed), 1, mp.mpf(math.sqrt(p.stiffness / p.end_mass)), 1])
+    shear = mp.matrix([[1, 0, 0, 0], [0, 1, 0, 0], [1, 0, 1, 0], [0, 1, 0, 1]])  # to (z, y)
+    frame = mp.matrix([[0, 0, 1, 0], [0, 0, 0, 1], [1, 0, 0, 0], [0, 1, 0, 0]])
+    growth, met = np.zeros(4), set()
+    with mp.workdps(60):
+        exact = TwoInManyDigits(p, speed)
+        for turn in range(turns):
+            events = events_of(turn_map, begin)
+            met |= {kind for _, kind in events}
+            wanted = exact.derivative(begin, events)
+            sizes = turn_map.scale / turn_map.scale[:, None]
+            far = np.abs((run.derivatives[turn] - as_array(wanted)) * sizes).max()
+            assert far < 1e-10 * max(1.0, np.abs(as_array(wanted) * sizes).max())
+            if run.on_cam[turn] == 0.0:
+                moved = units * shear * wanted * shear**-1 * units**-1
+                frame, upper = mp.qr(moved * frame)
+                growth += [float(mp.log(abs(upper[i, i]))) for i in range(4)]
+            begin = run.states[turn]
+    assert met == kinds
+    if kinds == {BOUNCES}:
+        np.testing.assert_allclose(run.growth.sum(axis=0), growth, rtol=0, atol=1e-9 * turns)
+
+
+def random_two(laws, seed):
+    """A law, two masses with any stem, and a speed above the jump speed."""
+    rng = np.random.default_rng(seed)
+    names = ["poly345", "tm21", "bezier15", "cycloidal", "flat"]
+    p = TwoMassParameters(
+        roller_mass=float(rng.uniform(0.2, 1.0)),
+        end_mass=float(rng.uniform(0.2, 1.0)),
+        stem_stiffness=float(10.0 ** rng.uniform(3.7, 8.5)),
+        spring_stiffness=4030.0,
+        stem_damping=float(rng.choice([0.0, 8.642, 60.0])),
+        damping=float(rng.choice([0.0, 8.642])),
+        preload=float(rng.choice([0.0, 12.753, 80.0])),
+        restitution=float(rng.choice([0.0, 0.3, 0.7, 0.95])),
+    )
+    law = laws[names[int(rng.integers(len(names)))]]
+    return StroboscopicMap(law, p, float(rng.uniform(250.0, 900.0)) * RPM), rng
+
+
+@pytest.mark.variants(12)
+@pytest.mark.parametrize("seed", range(150))
+def test_volumes_shrink_by_dampers_and_restitution(laws, seed):
+    """Free turns: the four growths add up to 2 n ln r − (c₁/m₁ + (c₁ + c₂)/m₂) T, to 1e-9.
+
+    With contact two are −∞. On the cam throughout the other two add up to −(c₁ + c₂) T/m₂.
+    """
+    turn_map, rng = random_two(laws, seed)
+    p, time = turn_map.parameters, turn_map.duration
+    run = turn_map.run(12, (float(rng.uniform(0.0, 0.02)), float(rng.uniform(-0.5, 0.5))))
+    free = (run.on_cam == 0.0) & (np.array([1.0, *run.flies[:-1]]) > 0.0)
+    logarithm = math.log(p.restitution) if p.restitution > 0.0 else -math.inf
+    landed = np.array([2.0 * n * logarithm if n else 0.0 for n in run.landings])
+    fades = p.stem_damping / p.roller_mass + (p.stem_damping + p.damping) / p.end_mass
+    wanted = landed - fades * time
+    np.testing.assert_allclose(run.growth.sum(axis=1)[free], wanted[free], rtol=1e-9, atol=1e-9)
+    assert np.all(run.growth[~free, 2:] == -math.inf)
+    held = np.isclose(run.on_cam, time, rtol=1e-12) & (run.landings == 0.0)
+    fades = (p.stem_damping + p.damping) / p.end_mass * time
+    np.testing.assert_allclose(run.growth[held, :2].sum(axis=1), -fades, rtol=1e-9, atol=1e-9)
+    for turn in np.flatnonzero(~free).tolist():
+        scale = turn_map.scale
+        sizes = np.linalg.svd(run.derivatives[turn] * scale / scale[:, None])[1]
+        assert sizes[2] < 1e-9 * max(1.0, sizes[0])  # rank 2
+
+
+@pytest.mark.variants(8)
+@pytest.mark.parametrize("seed", range(80))
+def test_it_goes_on_as_the_model_does(laws, seed):
+    """A turn has the landings of the model's own run over it, and ends where that ends."""
+    turn_map, _ = random_two(laws, seed)
+    course = Separation(turn_map.law, turn_map.parameters, turn_map.speed)
+    course.run(turn_map.duration)
+    run = turn_map.run(1)
+    assert run.landings[0] == sum(event.kind == "landing" for event in course.events)
+    end, here = course.end(turn_map.duration), turn_map.follower(tuple(run.states[0]))
+    assert end.in_contact == here.in_contact
+    np.testing.assert_allclose(here.inner, end.inner, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.variants(6)
+@pytest.mark.parametrize("seed", range(60))
+def test_the_numbers_are_those_of_plain_python(laws, monkeypatch, seed):
+    """Compiled or not, but for the last digits of logarithms and of products."""
+    found = []
+    for form in (PLAIN, ALWAYS):
+        monkeypatch.setenv(VARIABLE, form)
+        found.append(random_two(laws, seed)[0].run(3))
+    np.testing.assert_array_equal(found[0].states, found[1].states)
+    np.testing.assert_allclose(found[0].rows, found[1].rows, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.variants(8)
+@pytest.mark.parametrize("seed", range(60))
+def test_turns_one_by_one(laws, seed):
+    """A turn from where another ended is the next one, to what its derivative makes of rounding."""
+    turn_map, _ = random_two(laws, seed)
+    run, scale = turn_map.run(6), turn_map.scale
+    for before, after in zip(run.states, run.states[1:], strict=False):
+        one = turn_map.run(1, tuple(before))
+        far = np.abs((one.states[0] - after) / scale).max()
+        grown = np.abs(one.derivatives[0] * scale / scale[:, None]).max()
+        assert far < 1e-9 * (1.0 + grown)
+
+
+@pytest.fixture(scope="module")
+def table2():
+    """The paper's two masses on a cam of 3-4-5."""
+    return cam_rig.build_law(cam_rig.load_cam("poly345")), cam_rig.load_rig("paper_table2")
+
+
+def test_classes_and_exponents(table2):
+    """On the cam two exponents are the end mass's own, (c₁ + c₂) T/(2 m₂); above irregular."""
+    law, rig = table2
+    how = {"model": "two_mass", "restitution": 0.5, "turns": 60, "settle": 200}
+    found = cam_rig.bounce_map(law, rig, rpm=[400, 445, 580], **how)
+    assert [row.motion for row in found.rows] == [IN_CONTACT, PERIODIC, IRREGULAR]
+    p = TwoMassParameters.from_rig(rig)
+    decay = 0.5 * (p.stem_damping + p.damping) / p.end_mass * 60.0 / 400.0
+    np.testing.assert_allclose(found.rows[0].exponents[:2], -decay, rtol=1e-9)
+    assert found.rows[0].exponents[2:] == (-math.inf, -math.inf)
+    assert found.rows[2].exponent > found.rows[2].exponent_error > 0.0
+    rows = found.data()["speeds"]
+    assert rows[0]["exponent_2"] == pytest.approx(-decay)
+    assert rows[0]["exponent_3"] is None
+    assert found.lift_off == pytest.approx(jump_speed(law, p, None).speed)
+    turns = found.to_pandas("turns")
+    assert np.isfinite(turns.stretch).all()
+    assert "two masses" in found.title
+
+
+def test_a_level_is_that_of_a_simulation(table2):
+    """A scene's microphone hears what stands beside the row."""
+    law, rig = table2
+    row = cam_rig.bounce_map(law, rig, rpm=400, model="two_mass", turns=20, settle=60).rows[0]
+    motion = cam_rig.simulate(law, rig, rpm=400, model="two_mass", turns=20, sample_rate=12_000)
+    assert row.level_db == pytest.approx(
+        cam_rig.sound_level(motion, settle_turns=4).level_db, abs=0.05
+    )
+
+
+@pytest.mark.parametrize(
+    "last", [598.0, pytest.param(565.0, marks=[pytest.mark.long, pytest.mark.slow])]
+)
+def test_a_branch_of_two_masses(laws, last):
+    """Its motions repeat, their multipliers have the known product; a fold is told to 1e-6."""
+    p = TwoMassParameters(1.04, 0.26, 1e5, 4030.0, 50.0, 8.642, 12.753, 0.85)
+    law, sweep, speed = laws["tm21"], Sweep(OperatingPoint(p, 1.0)), 600.0 * RPM
+    run = StroboscopicMap(law, p, speed).run(300, (0.03, 0.2))
+    family = Family(law, sweep, 1)
+    motion = family.at(speed, tuple(run.states[-1]))
+    assert motion.stable
+    motions, found = family.followed(motion, last * RPM, speed, up=False)
+    fades = p.stem_damping / p.roller_mass + (p.stem_damping + p.damping) / p.end_mass
+    for one in motions[::6]:
+        turn_map = StroboscopicMap(law, p, one.point.speed)
+        again = turn_map.run(1, one.state)
+        assert np.abs((again.states[0] - one.state) / turn_map.scale).max() < 1e-9
+        wanted = 2.0 * one.landings * math.log(0.85) - fades * turn_map.duration
+        assert np.linalg.slogdet(one.derivative)[1] == pytest.approx(wanted, abs=1e-6)
+    if last > 575.0:
+        assert found == []
+        return
+    (fold,) = (one.point.speed for one in found if one.kind == FOLD)
+    near = min(motions, key=lambda one: abs(one.point.speed - fold))
+    assert family.at(fold * (1.0 + 1e-6), near.state).multipliers.real.max() == pytest.approx(
+        1.0, abs=0.01
+    )
+    with pytest.raises(UnfoundMotionError):
+        family.at(fold * (1.0 - 1e-6), near.state)
+
+
+def test_two_masses_over_a_number(table2):
+    """A mass is split as it was; contact is lost where the settled force falls to zero."""
+    law, rig = table2
+    how = {"model": "two_mass", "restitution": 0.3, "turns": 20, "settle": 40}
+    found = cam_rig.bounce_map(law, rig, rpm=410, over=MASS, values=[0.9, 1.6], **how)
+    assert found.swept(found.rows) == pytest.approx([0.9, 1.6])
+    p = found.rows[0].point.parameters
+    assert p.roller_mass / (p.roller_mass + p.end_mass) == pytest.approx(0.4)
+    found = cam_rig.bounce_map(law, rig, rpm=410, over=PRELOAD, values=[10, 15, 20, 50], **how)
+    assert 15.0 < found.lift_off < 20.0
+    assert [row.motion == IN_CONTACT for row in found.rows] == [False, False, True, True]
+
+
+def test_from_above(table2):
+    """A row begins where the one above has ended, with the stem as it was."""
+    law, rig = table2
+    how = {"model": "two_mass", "restitution": 0.5, "turns": 20, "settle": 20, "start": ABOVE}
+    found = cam_rig.bounce_map(law, rig, rpm=[400, 450], **how)
+    alone = StroboscopicMap(law, found.rows[0].point.parameters, 400 * RPM)
+    np.testing.assert_allclose(
+        alone.run(40, found.rows[1].end).states[-1], found.rows[0].end, rtol=1e-6, atol=1e-12
+    )
+
+
+# -- the same cam, stepped by Siconos: Moreau and Jean's scheme knows no events and no closed form
+
+
+TABLE = Path(__file__).with_name("siconos.csv")
+#: Turns that were stepped at each speed, and those of them at the end that were classed.
+TURNS, KEPT = 130, 30
+#: mm: so far apart are two turns that its steps cannot tell to differ, as a landing is up to a step
+#: late; a motion is told by a scheme of first order to about as much.
+STEPS_APART = 0.025
+
+
+@pytest.fixture(scope="module")
+def stepped():
+    """Rows of the table, in order of speed."""
+    return list(csv.DictReader(TABLE.read_text(encoding="utf-8").splitlines()))
+
+
+@pytest.fixture(scope="module")
+def exact(stepped, laws, rig):
+    """The same speeds by roots and closed forms."""
+    rpm, how = [float(row["rpm"]) for row in stepped], {"turns": KEPT, "settle": TURNS - KEPT}
+    return cam_rig.bounce_map(laws["tm21"], rig, rpm=rpm, restitution=0.7, **how).rows
+
+
+def test_motions_are_those_of_time_stepping(stepped, exact):
+    """In contact, periodic with its period, irregular: the same at each of 50 speeds."""
+    assert len(stepped) == 50
+    found = [(row.rpm, row.motion, str(row.period or "")) for row in exact]
+    assert found == [(float(row["rpm"]), row["motion"], row["period"]) for row in stepped]
+    assert {motion for _, motion, _ in found} == {IN_CONTACT, PERIODIC, IRREGULAR}
+
+
+def test_gaps_at_the_section_are_those_of_time_stepping(stepped, exact):
+    """Least and greatest of a period's turns, as near as its steps tell; the irregular overlap."""
+    for row, own in zip(stepped, exact, strict=True):
+        gaps = 1e3 * own.states[:, 0]
+        ends = np.array([float(row["least_gap_mm"]), float(row["greatest_gap_mm"])])
+        if own.motion == IRREGULAR:
+            assert gaps.min() < ends[1] and ends[0] < gaps.max()
+        else:
+            np.testing.assert_allclose([gaps.min(), gaps.max()], ends, atol=STEPS_APART)

@@ -1,0 +1,352 @@
+"""cam-rig campaign: tables, files, pictures, progress; refusals; ended anyhow, it goes on."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+
+import duckdb
+import numpy as np
+import pytest
+from ruamel.yaml import YAML
+
+from cam_rig.schema.load import config_root
+from cam_rig.show.result import NULL_PROGRESS
+from cam_rig.studies.campaign import command as module
+from cam_rig.studies.campaign.campaign import BatchRows, measure_batch, open_campaign
+from cam_rig.studies.campaign.command import CampaignProgress, in_words, sized
+from cam_rig.studies.campaign.dataset import CampaignDataset
+
+from ...cli import conftest as cli
+
+call, done = (partial(one, "campaign") for one in (cli.call, cli.done))
+shipped = partial(cli.load, "campaigns")
+
+
+@pytest.fixture
+def study(tmp_path):
+    """A study file: a shipped one with other parts."""
+
+    def write(name="tolerance_poly345", **parts):
+        path = tmp_path / "campaigns" / "study.yaml"
+        path.parent.mkdir(exist_ok=True)
+        with path.open("w", encoding="utf-8") as file:
+            YAML(typ="safe").dump(shipped(name) | parts, file)
+        return path
+
+    return write
+
+
+@pytest.mark.variants(1)
+@pytest.mark.parametrize("name", ["jump_map", "tolerance_poly345", "noise_map"])
+def test_shipped_studies_run_and_draw(study, tmp_path, name):
+    """Smaller, with one process: tables, JSON, CSV, a picture, rows that DuckDB reads."""
+    data, out = shipped(name), tmp_path / "rows"
+    for one in data["vary"].values():
+        if "count" in one:
+            one["count"] = 2
+    more = ["--points", 8] if data["plan"]["kind"] == "sobol" else []
+    plot, csv = tmp_path / "a.png", tmp_path / "a.csv"
+    written = ["--out", out, "--plot", plot, "--csv", csv, "--json", "-"]
+    result = done(study(name, vary=data["vary"]), "--jobs", 1, *more, *written)
+    found = json.loads(result.stdout)
+    counted = duckdb.sql(f"select count(*), min(status) from '{out}/*.parquet'").fetchall()
+    assert counted == [(found["campaign"]["points"], "ok")]
+    assert found["campaign"]["failed"] == 0
+    assert plot.read_bytes().startswith(b"\x89PNG")
+    first = "quantiles" if more else "extremes"
+    assert csv.read_text(encoding="utf-8").split("\n")[0] == ",".join(found[first][0])
+    assert data["title"] in result.stderr
+
+
+@pytest.mark.long
+def test_the_largest_waviness_is_told_and_keeps_no_rows(study, tmp_path, monkeypatch):
+    """A table, JSON, CSV and a picture; the same with any number of processes."""
+    monkeypatch.chdir(tmp_path)
+    vary = shipped("tolerance_poly345")["vary"]
+    vary["profile.waviness.wavelength"] = {"range": [12, 60], "unit": "deg"}
+    path = study(vary=vary, measures=["jump_speed_rigid"], limits=["jump_speed_rigid>=350rpm"])
+    found = []
+    for jobs in (1, 2):
+        more = ["--plot", "a.png", "--csv", "a.csv", "--json", "-", "--jobs", jobs]
+        result = done(path, "--points", 8, "--largest-waviness", 3, *more)
+        found.append(json.loads(result.stdout))
+    assert found[0] == found[1]
+    assert [one["outcome"] for one in found[0]["wavelengths"]] == ["found"] * 3
+    assert "Largest waviness with which 99 % keep" in result.stderr
+    assert "wavelength" in (tmp_path / "a.csv").read_text(encoding="utf-8")
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+    assert not (tmp_path / "out").exists()
+
+
+CAMPAIGN = [sys.executable, "-m", "cam_rig.cli.main", "campaign"]
+
+
+@contextmanager
+def started(command, **options):
+    """A process that is ended when it is no longer needed."""
+    with subprocess.Popen(command, **options) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def until(condition, process):
+    """Wait for something that a process does, as long as it lives."""
+    while not condition():
+        assert process.poll() is None
+        time.sleep(0.01)
+
+
+@pytest.mark.long
+def test_ctrl_c_ends_the_search_with_130(study):
+    """In a line, while workers are at it."""
+    given = [str(study()), "--jobs", "1", "--largest-waviness", "30"]
+    with started([*CAMPAIGN, *given], stderr=subprocess.PIPE, text=True) as run:
+        children = Path(f"/proc/{run.pid}/task/{run.pid}/children")
+        until(lambda: len(children.read_text(encoding="utf-8").split()) > 1, run)
+        run.send_signal(signal.SIGINT)
+        _, words = run.communicate(timeout=100)
+    assert (run.returncode, words.strip()) == (130, "cam-rig: interrupted by SIGINT")
+
+
+SPREAD = {"uniform": 1, "unit": "um"}
+
+
+def wavy(wavelength):
+    """A waviness whose wavelength, in degrees, is so."""
+    return {
+        "vary": {
+            "profile.waviness.amplitude": {"values": [2], "unit": "um"},
+            "profile.waviness.wavelength": wavelength | {"unit": "deg"},
+        }
+    }
+
+
+BAD = (
+    ({"vary": {"rig.follower.preloda": {"uniform": 1, "unit": "N"}}}, "did you mean"),
+    ({"vary": {"rig.follower.preload": {"uniform": -1, "unit": "N"}}}, "greater than or equal"),
+    ({"vary": {"rig.follower.preload": {"uniform": 1, "unit": "kg"}}}, "not a force"),
+    ({"vary": {"rig.follower.preload": {"uniform": 1, "unit": "bar"}}}, "has unit 'bar'"),
+    ({"vary": {"rig.follower.preload": {"unit": "N"}}}, "exactly one of"),
+    ({"vary": {"rig.follower.preload": {"range": [2, 1], "unit": "N"}}}, "rising"),
+    ({"vary": {"profile.waviness.amplitude": {"uniform": 1, "unit": "um"}}}, "no wavelength"),
+    ({"vary": {"profile.size": {"uniform": 1, "unit": "%"}}}, "0 in the base"),
+    ({"vary": {"profile.size.amplitude": SPREAD}}, "did you mean 'profile.size'?"),
+    ({"vary": {"profile.eccentricity": SPREAD}}, "one of profile.eccentricity.amplitude, "),
+    (wavy({"values": [0]}), "is 0 deg; allowed: 0.1 to 360 deg"),
+    (wavy({"values": [5, 1e-4]}), "is 0.0001 deg; allowed: 0.1 to 360 deg"),
+    (wavy({"range": [300, 500]}), "is 500 deg; allowed: 0.1 to 360 deg"),
+    (wavy({"normal": 1, "mean": 500}), "is 500 deg; allowed: 0.1 to 360 deg"),
+    ({"measures": ["sound_level@1e9rpm"], "limits": []}, "allowed: 0.01 to 100000 rpm"),
+    ({"measures": ["jump_sped"], "limits": []}, "did you mean 'jump_speed'"),
+    ({"measures": ["sound_level"], "limits": []}, "not said at what"),
+    ({"measures": ["residual_vibration@300rpm"], "limits": []}, "'residual_vibration_steady'"),
+    ({"measures": ["jump_speed", "jump_speed"], "limits": []}, "stands twice"),
+    ({"limits": ["jump_speed>=3kg"]}, "allowed: a number with one of rpm"),
+    ({"limits": ["twist@300rpm<=1deg"]}, "is not measured"),
+    ({"plan": {"kind": "sobol", "points": 10**12}}, "has 1e12 points; allowed: up to 1e8"),
+    ({"plan": {"kind": "sobol", "points": 0}}, "plan.points"),
+    ({"plan": {"kind": "soboll", "points": 4}}, "did you mean 'sobol'"),
+    ({"plan": {"kind": "shares", "points": 9}}, "a power of 2"),
+    ({"plan": {"kind": "grid"}}, "allowed on a grid"),
+    ({"base": {"cam": "poly345"}}, "needs a scene, or a cam and a rig"),
+    ({"base": {"cam": "poly354", "rig": "tm21"}}, "did you mean 'poly345'"),
+    ({"base": {"cam": "My Cam", "rig": "tm21"}}, "or the path of a .yaml file"),
+    ({"base": {"cam": "mine/none.yaml", "rig": "tm21"}}, "mine/none.yaml: no such file"),
+    ({"plan": {"kind": "soboll", "points": 0}}, "(also wrong: plan.points)"),
+)
+
+
+def test_bad_studies_are_refused_in_one_line(study, tmp_path):
+    """With the key, before anything is written."""
+    for parts, words in BAD:
+        result = call(study(**parts), "--out", tmp_path / "rows")
+        assert (result.exit_code, result.stderr.count("\n")) == (2, 1), words
+        assert words in result.stderr
+        assert not (tmp_path / "rows").exists()
+
+
+@pytest.mark.parametrize(
+    ("option", "words"),
+    [
+        (["--points", "1e12"], "--points: is '1e12'; allowed: a whole number"),
+        (["--points", "1000000000"], "has 1e9 points; allowed: up to 1e8; remedy: several"),
+        (["--jobs", "0"], "--jobs: is '0'; allowed: greater than or equal to 1"),
+        (["--largest-waviness", "0"], "--largest-waviness: is '0'; allowed: greater"),
+        (["--largest-waviness", "3"], "keeps no rows"),
+        (["--dask", "nowhere"], "allowed: an address"),
+        (["--dask", "tcp://127.0.0.1:1", "--jobs", "2"], "allowed: one of them"),
+    ],
+)
+def test_a_wrong_option_is_refused_in_one_line(tmp_path, option, words):
+    """With its value and what is allowed, as a wrong file is."""
+    result = call("tolerance_poly345", "--out", tmp_path / "rows", *option)
+    assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
+    assert words in result.stderr
+    assert not (tmp_path / "rows").exists()
+
+
+@pytest.mark.long
+def test_where_all_points_fail_the_reason_is_the_error(study, tmp_path):
+    """Code 1 and how many have it; where some fail, the line is a note and the code 0."""
+    mass, out = {"range": [-3, -1], "unit": "kg"}, tmp_path / "rows"
+    parts = {"plan": {"kind": "sobol", "points": 8}, "measures": ["jump_speed_rigid"], "limits": []}
+    path = study(vary={"rig.follower.mass": mass}, **parts)
+    failed = call(path, "--out", out, "--jobs", 1)
+    assert failed.exit_code == 1
+    assert "8 of 8 points could not be made: follower.mass: is -" in failed.stderr
+    assert "allowed: greater than 0 kg (8)" in failed.stderr
+    assert failed.stderr.count("\n") == 1
+    path = study(vary={"rig.follower.mass": mass | {"range": [-1, 3]}}, **parts)
+    some = done(path, "--out", tmp_path / "some", "--jobs", 1, "--json", "-")
+    assert "2 of 8 points could not be made: follower.mass: is" in some.stderr
+    (reason,) = json.loads(some.stdout)["reasons"]
+    assert (reason["points"], "greater than 0 kg" in reason["reason"]) == (2, True)
+
+
+@pytest.mark.long
+def test_a_cam_and_a_rig_by_their_paths(study, tmp_path):
+    """Relative to the study's folder; the same rows as by name."""
+    place = tmp_path / "campaigns" / "mine"
+    place.mkdir(parents=True)
+    for folder, name in (("cams", "poly345"), ("rigs", "paper_table2")):
+        text = (config_root() / folder / f"{name}.yaml").read_text(encoding="utf-8")
+        (place / f"{name}.yaml").write_text(text, encoding="utf-8")
+    parts = {"plan": {"kind": "sobol", "points": 4}, "measures": ["jump_speed_rigid"], "limits": []}
+    own = {"cam": "mine/poly345.yaml", "rig": str(place / "paper_table2.yaml")}
+    found = []
+    for name, base in (("own", own), ("shipped", shipped("tolerance_poly345")["base"])):
+        path = study(base=base, **parts)
+        done(path, "--out", tmp_path / name, "--jobs", 1)
+        dataset = CampaignDataset(tmp_path / name, open_campaign(path))
+        found.append(dataset.column("jump_speed_rigid_rpm").tolist())
+    assert found[0] == found[1]
+    missing = call(study(base={"cam": "mine", "rig": "tm21"}, **parts))
+    assert f"{tmp_path}/cams/mine.yaml, {config_root()}/cams/mine.yaml: no such" in missing.stderr
+
+
+@pytest.mark.long
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_what_is_finished_stays_and_the_rest_is_made(study, tmp_path, number):
+    """Ctrl-C in the middle, SIGTERM or a kill: the same rows as of a run that nothing ended."""
+    path, out = study(plan={"kind": "sobol", "points": 32, "seed": 2}), tmp_path / "rows"
+    given = [str(path), "--jobs", "1", "--out", str(out)]
+    with started([*CAMPAIGN, *given], stderr=subprocess.PIPE, text=True) as run:
+        until(lambda: list(out.glob("*.parquet")), run)
+        run.send_signal(number)
+        _, words = run.communicate(timeout=100)
+    dataset = CampaignDataset(out, open_campaign(path))
+    assert 0 < len(dataset.column("point")) < 32
+    if number != signal.SIGKILL:
+        assert run.returncode == 128 + number
+        assert "leaked" not in words and "Traceback" not in words
+        assert "go on with: cam-rig campaign" in words.strip().splitlines()[-1]
+        assert "--resume" in words
+    done(path, "--out", out, "--resume", "--jobs", 1)
+    whole = tmp_path / "whole"
+    done(path, "--out", whole, "--jobs", 2)
+    other = CampaignDataset(whole, dataset.campaign)
+    for name in ("point", "rig_follower_preload", "jump_speed_rpm"):
+        assert dataset.column(name).tolist() == other.column(name).tolist()
+
+
+@pytest.mark.long
+@pytest.mark.slow
+def test_a_scheduler_that_is_gone_ends_it_in_one_line(study, tmp_path):
+    """What is finished stays, and the command that goes on is named."""
+    path, out = study(plan={"kind": "sobol", "points": 400, "seed": 2}), tmp_path / "rows"
+    file = tmp_path / "scheduler.json"
+    given = ["--scheduler-file", str(file), "--no-dashboard"]
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    python = [sys.executable, "-m"]
+    with started(
+        [*python, "distributed.cli.dask_scheduler", *given, "--host", "127.0.0.1", "--port", "0"],
+        **quiet,
+    ) as scheduler:
+        until(file.exists, scheduler)
+        with started([*python, "distributed.cli.dask_worker", *given, "--nthreads", "1"], **quiet):
+            asked = [str(path), "--out", str(out), "--dask", str(file)]
+            with started([*CAMPAIGN, *asked], stderr=subprocess.PIPE, text=True) as run:
+                until(lambda: list(out.glob("*.parquet")), run)
+                scheduler.kill()
+                _, words = run.communicate(timeout=100)
+    assert run.returncode == 1
+    assert "the scheduler is gone" in words
+    assert "go on with: cam-rig campaign" in words
+    assert words.count("cam-rig: ") == 1 and "Traceback" not in words
+    assert len(CampaignDataset(out, open_campaign(path)).column("point")) > 0
+
+
+def test_a_folder_that_has_rows_is_not_written_over(study, tmp_path):
+    """It is resumed, or another is taken; another study's rows are not mixed with these."""
+    path, out = study(plan={"kind": "sobol", "points": 2}), tmp_path / "rows"
+    dataset = CampaignDataset(out, open_campaign(path))
+    with dataset.opened(False):
+        dataset.write(measure_batch(dataset.campaign, 0, 2))
+    assert "--resume to go on" in call(path, "--out", out).stderr
+    other = call(path, "--out", out, "--resume", "--seed", 9)
+    assert "is of another study" in other.stderr
+    assert "plan.seed is 9, was 1; allowed" in other.stderr
+    assert other.exit_code == 2
+    assert "plan.points is 5, was 2;" in call(path, "--out", out, "--resume", "--points", 5).stderr
+
+
+@pytest.fixture
+def batches(study, tmp_path):
+    """A dataset of 1000 points, and what makes a batch of it without measuring."""
+    plan = {"kind": "sobol", "points": 1000}
+    path = study(plan=plan, measures=["jump_speed_rigid"], limits=[])
+    dataset = CampaignDataset(tmp_path / "rows", open_campaign(path))
+    random = np.random.default_rng(1)
+
+    def write(first, last):
+        inputs = dataset.campaign.draws.rows(first, last)
+        speeds = random.uniform(400.0, 500.0, (last - first, 1))
+        dataset.write(BatchRows(first, last, 1.0, inputs, speeds, ("",) * (last - first)))
+
+    return dataset, write
+
+
+def test_a_line_tells_rate_time_left_and_size(batches, monkeypatch):
+    """50 points in 20 s after the first batch leave 940 at 2.5 points/s, 376 s; 10 s apart."""
+    (dataset, write), now, said = batches, [0.0], []
+    monkeypatch.setattr(module.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(module, "say", said.append)
+    with dataset.opened(False):
+        progress = CampaignProgress(dataset, NULL_PROGRESS)
+        for time_, first, last in ((1.0, 0, 10), (9.0, 10, 30), (21.0, 30, 60), (30.0, 60, 80)):
+            write(first, last)
+            now[0] = time_
+            progress.advance(last - first)
+    (line,) = said
+    name = dataset.campaign.config.name
+    assert line.startswith(f"{name}: 60 of 1000 points, 2.5 points/s, 6.3 min left, ")
+    assert " of about " in line
+
+
+def test_the_size_is_that_of_the_whole(batches):
+    """Extrapolated from the first batches to within a fifth of what all the points take."""
+    dataset, write = batches
+    with dataset.opened(False):
+        for first, last in ((0, 1), (1, 101), (101, 201)):
+            write(first, last)
+        _, about = dataset.size()
+        for first in range(201, 1000, 100):
+            write(first, min(first + 100, 1000))
+        whole, same = dataset.size()
+    assert whole == same == sum(path.stat().st_size for path in dataset.folder.glob("*.parquet"))
+    assert about == pytest.approx(whole, rel=0.2)
+
+
+def test_times_and_sizes_in_words():
+    """In the largest unit of which there are two."""
+    words = ["0 s", "90 s", "10 min", "2 h", "58 d"]
+    assert [in_words(s) for s in (0.4, 90.0, 600.0, 7200.0, 5e6)] == words
+    assert sized(2.1e6, 4.1e9) == "0.0021 of about 4.1 GB"

@@ -1,0 +1,344 @@
+"""The dataset on the disk: whole at every moment, one writer, and no number of a damaged file."""
+
+import os
+import random
+import resource
+import shutil
+import signal
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+
+import duckdb
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+import pytest
+from distributed import Client, LocalCluster
+
+import cam_rig
+from cam_rig.datasets.batches import BATCH_S, BatchSizes, InThisProcess, compute_missing
+from cam_rig.datasets.point_files import Batch
+from cam_rig.errors import ConfigError, OutputError, RunError
+from cam_rig.show.result import Progress
+from cam_rig.studies.campaign.campaign import measure_batch
+from cam_rig.studies.campaign.dataset import CampaignDataset
+
+from .conftest import run
+
+MASS = {"rig.follower.mass": {"values": [-1, 1, 1.3, 2, 3], "unit": "kg"}}
+
+
+@pytest.fixture
+def dataset(study, tmp_path):
+    return CampaignDataset(tmp_path / "rows", study(vary=MASS, plan={"kind": "grid"}))
+
+
+def test_duckdb_and_pandas_read_it(dataset):
+    """One row a point with inputs, measures, status, reason, seed and version; units beside."""
+    run(dataset)
+    pattern = f"{dataset.folder}/*.parquet"
+    rows = duckdb.sql(f"select * from '{pattern}' order by point").fetchall()
+    names = duckdb.sql(f"select * from '{pattern}'").columns
+    inputs, measures = ["rig_follower_mass"], ["jump_speed_rigid_rpm"]
+    assert names == ["point", "seed", "version", *inputs, *measures, "status", "reason"]
+    assert [row[0] for row in rows] == [0, 1, 2, 3, 4]
+    assert [row[3] for row in rows] == [-1.0, 1.0, 1.3, 2.0, 3.0]
+    assert [row[5] for row in rows] == ["failed", "ok", "ok", "ok", "ok"]
+    assert rows[0][4] is None
+    assert "mass" in rows[0][6]
+    assert rows[1][6] is None
+    frame = pd.read_parquet(dataset.folder).sort_values("point")
+    assert frame.jump_speed_rigid_rpm.tolist()[1:] == [row[4] for row in rows[1:]]
+    schema = pq.read_schema(next(dataset.folder.glob("*.parquet")))
+    assert schema.field("rig_follower_mass").metadata[b"unit"] == b"kg"
+    assert {b"study", b"fingerprint", b"cam_rig", b"numpy", b"scipy"} <= set(schema.metadata)
+
+
+def test_resuming_makes_what_is_missing_and_nothing_else(dataset):
+    """A hole in the middle, a damaged file and half a file of a killed writer."""
+    run(dataset)
+    whole = {name: dataset.column(name) for name in ("point", "jump_speed_rigid_rpm")}
+    files = [path for _, _, path in dataset.batches()]
+    kept = {path: path.stat().st_mtime_ns for path in files[:1]}
+    files[1].unlink()
+    files[-1].write_bytes(files[-1].read_bytes()[:-20])
+    half = dataset.folder / ".points-0000000001-0000000002.parquet.part"
+    half.write_bytes(b"PAR1")
+    assert files[-1].name in run(dataset, resume=True)
+    assert dataset.missing() == []
+    assert not half.exists()
+    assert {path: path.stat().st_mtime_ns for path in kept} == kept
+    for name, column in whole.items():
+        assert np.array_equal(dataset.column(name), column, equal_nan=True)
+
+
+def test_a_second_writer_is_refused(dataset):
+    """In a line; the first goes on."""
+    with dataset.opened(False):
+        with pytest.raises(OutputError, match="another run writes"), dataset.opened(False):
+            pass
+        compute_missing(dataset, measure_batch, InThisProcess(), 1)
+    assert dataset.missing() == []
+
+
+def test_a_full_disk_ends_in_one_line_and_leaves_nothing_half(dataset, tmp_path, monkeypatch):
+    """What is there stays readable, and the rest is made later."""
+    campaign = dataset.campaign
+    full = CampaignDataset(tmp_path / "full", campaign)
+    with full.opened(False):
+        full.write(measure_batch(campaign, 0, 2))
+        limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+        monkeypatch.setattr("sys.dont_write_bytecode", True)  # else half of a module's stays
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
+        try:
+            with pytest.raises(OutputError, match=r"cannot be written.*what is finished stays"):
+                full.write(measure_batch(campaign, 2, 5))
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    (only,) = (path.name for path in full.folder.iterdir() if path.name != ".lock")
+    assert only.startswith("points-0000000000-0000000002-")
+    run(full, resume=True)
+    assert full.missing() == []
+
+
+#: Batches of the campaign that is damaged, by their last points.
+BATCHES = (1, 4, 9, 16)
+
+
+@pytest.fixture(scope="module")
+def whole(study, tmp_path_factory):
+    """A finished dataset of some files, with failed points among them."""
+    campaign = study(
+        vary={"rig.follower.mass": {"normal": 60, "unit": "%"}},
+        plan={"kind": "sobol", "points": BATCHES[-1], "seed": 5},
+    )
+    dataset = CampaignDataset(tmp_path_factory.mktemp("whole"), campaign)
+    with dataset.opened(False):
+        for first, last in zip((0, *BATCHES), BATCHES, strict=False):
+            dataset.write(measure_batch(campaign, first, last))
+    return dataset
+
+
+def copied(whole, folder):
+    """The same dataset in another folder."""
+    shutil.copytree(whole.folder, folder)
+    return CampaignDataset(folder, whole.campaign)
+
+
+def numbers(dataset):
+    """All that a dataset says, but for its files."""
+    columns = {name: dataset.column(name).tolist() for name in dataset.schema.names}
+    return repr((columns, dataset.reasons()))
+
+
+def flip(files, draw):
+    """One bit, anywhere in a file."""
+    path = draw.choice(files)
+    data = bytearray(path.read_bytes())
+    data[draw.randrange(len(data))] ^= 1 << draw.randrange(8)
+    path.write_bytes(data)
+
+
+def cut(files, draw):
+    """The end of a file is missing, or all of it."""
+    path = draw.choice(files)
+    data = path.read_bytes()
+    path.write_bytes(data[: draw.randrange(len(data))])
+
+
+def swap(files, draw):
+    """Two files under each other's names."""
+    one, other = draw.sample(files, 2)
+    aside = one.with_name("aside")
+    one.rename(aside)
+    other.rename(one)
+    aside.rename(other)
+
+
+def zero(files, draw):
+    """A block of zeros, as a disk may give back after a power cut."""
+    path = draw.choice(files)
+    data = bytearray(path.read_bytes())
+    at = draw.randrange(len(data) - 64)
+    data[at : at + 64] = bytes(64) if any(data[at : at + 64]) else b"\1" * 64
+    path.write_bytes(data)
+
+
+def as_another(files, draw):
+    """A file in the place of another, its own place empty; the digest in its name goes along."""
+    one, other = draw.sample(files, 2)
+    one.replace(other.with_name(other.name[:29] + one.name[29:]))
+    other.unlink()
+
+
+DAMAGES = (flip, cut, swap, zero, as_another)
+
+
+def require_told_and_mended(whole, folder, seed):
+    """Reading a damaged dataset is refused in a line; resuming it gives the same numbers."""
+    draw, damage = random.Random(seed), DAMAGES[seed % len(DAMAGES)]
+    dataset = copied(whole, folder)
+    damage([path for _, _, path in dataset.batches()], draw)
+    with pytest.raises(OutputError, match=r"is not as it was written.*--resume"):
+        numbers(dataset)
+    assert "their points are made again" in run(dataset, resume=True), damage
+    assert dataset.missing() == []
+    assert numbers(dataset) == numbers(whole)
+    shutil.rmtree(folder)
+    return damage
+
+
+@pytest.mark.parametrize("seeds", [range(5), pytest.param(range(1000), marks=pytest.mark.long)])
+def test_no_damage_is_a_wrong_number(whole, tmp_path, seeds):
+    """Flipped bits, zeros, cuts and exchanged files are named, and their points made again.
+
+    Of the first draws each damage is one.
+    """
+    damages = [require_told_and_mended(whole, tmp_path / "damaged", seed) for seed in seeds]
+    assert set(damages) == set(DAMAGES)
+
+
+def test_points_that_two_files_have_count_once(whole, tmp_path):
+    """As where parts of two runs of one study are put into one folder."""
+    dataset = copied(whole, tmp_path / "both")
+    dataset.write(measure_batch(whole.campaign, 3, 6))
+    assert "with another file's points" in run(dataset, resume=True)
+    assert np.array_equal(dataset.column("point"), np.arange(BATCHES[-1]))
+
+
+def test_a_file_without_a_digest_is_refused(whole, tmp_path):
+    """As an earlier version wrote it: whether its rows are whole cannot be told."""
+    dataset = copied(whole, tmp_path / "old")
+    first = dataset.batches()[0][2]
+    first.rename(first.with_name("points-0000000000-0000000001.parquet"))
+    with pytest.raises(ConfigError, match="has no digest in its name"), dataset.opened(True):
+        pass
+
+
+def test_a_damaged_file_of_another_study_is_left_alone(whole, study, tmp_path):
+    """What is refused is not touched."""
+    theirs = copied(whole, tmp_path / "theirs")
+    flip([theirs.batches()[0][2]], random.Random(1))
+    before = sorted(path.name for path in theirs.folder.iterdir())
+    other = CampaignDataset(theirs.folder, study(plan={"kind": "sobol", "points": 8, "seed": 9}))
+    with pytest.raises(ConfigError, match="is of another study"), other.opened(True):
+        pass
+    assert sorted(path.name for path in theirs.folder.iterdir()) == before
+
+
+def test_python_warns_of_what_is_made_again(whole, tmp_path):
+    """In the line of the command; the rows are then as they were."""
+    dataset = copied(whole, tmp_path / "rows")
+    cut([dataset.batches()[1][2]], random.Random(2))
+    study = whole.campaign.config.model_dump(exclude_none=True)
+    with pytest.warns(UserWarning, match="1 file not as written.*points are made again"):
+        found = cam_rig.campaign(study, tmp_path / "rows", resume=True)
+    assert numbers(found.dataset) == numbers(whole)
+    assert found.to_pandas().point.tolist() == list(range(BATCHES[-1]))
+
+
+# -- the same rows whatever runs them: this process, two, a Dask cluster that loses a worker
+
+PARTS = {
+    "vary": {
+        "rig.follower.preload": {"uniform": 10, "unit": "%"},
+        "rig.follower.mass": {"normal": 60, "unit": "%"},
+    },
+    "correlated": [{"inputs": ["rig.follower.preload", "rig.follower.mass"], "coefficient": 0.5}],
+    "plan": {"kind": "sobol", "points": 16, "seed": 2},
+    "measures": ["jump_speed", "jump_speed_rigid"],
+}
+
+
+class Killing(Progress):
+    """Kills a process as soon as the first points are written."""
+
+    def __init__(self, process):
+        self.process, self.killed = process, None
+
+    def advance(self, steps=1):
+        if self.killed is None:
+            self.killed = self.process()
+            os.kill(self.killed, signal.SIGKILL)
+
+
+def columns(dataset):
+    return {name: dataset.column(name) for name in dataset.schema.names if name != "version"}
+
+
+def same(one, other):
+    for name, column in one.items():
+        assert repr(column.tolist()) == repr(other[name].tolist()), name
+
+
+@pytest.fixture(scope="module")
+def alone(study, tmp_path_factory):
+    """The rows that this process makes, one batch after another."""
+    dataset = CampaignDataset(tmp_path_factory.mktemp("alone"), study(**PARTS))
+    run(dataset)
+    return dataset
+
+
+def test_some_points_fail_and_all_are_there(alone):
+    """A mass that is normal with 60 % is sometimes below zero: a row with a reason."""
+    found = columns(alone)
+    assert found["point"].tolist() == list(range(16))
+    failed = found["status"] == "failed"
+    assert 0 < failed.sum() < 10
+    assert np.array_equal(failed, np.isnan(found["jump_speed_rpm"]))
+
+
+def test_a_point_is_the_same_after_any_other(alone):
+    """Backwards, in batches of one."""
+    campaign = alone.campaign
+    expected = alone.column("jump_speed_rpm")
+    for point in (15, 11, 5):
+        rows = measure_batch(campaign, point, point + 1)
+        assert repr(rows.measures[0, 0]) == repr(np.float64(expected[point]))
+
+
+@pytest.mark.long
+def test_a_cluster_that_loses_a_worker_makes_the_same_rows(alone, tmp_path):
+    """Its nanny starts another, and the scheduler gives the work again: no row twice."""
+    dataset = CampaignDataset(tmp_path, alone.campaign)
+    with (
+        LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0"
+        ) as cluster,
+        Client(cluster) as client,
+        dataset.opened(False),
+    ):
+        killing = Killing(lambda: next(iter(client.run(os.getpid).values())))
+        compute_missing(dataset, measure_batch, client.get_executor(pure=False), 2, killing)
+    assert killing.killed
+    assert sum(last - first for first, last, _ in dataset.batches()) == 16
+    same(columns(alone), columns(dataset))
+
+
+def test_a_killed_process_ends_the_run_in_a_line_and_resuming_makes_the_rest(alone, tmp_path):
+    """What was finished stays; the dataset is then the same."""
+    dataset = CampaignDataset(tmp_path, alone.campaign)
+    with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+        killing = Killing(lambda: next(iter(pool._processes)))
+        with dataset.opened(False), pytest.raises(RunError, match="what is finished stays"):
+            compute_missing(dataset, measure_batch, pool, 1, killing)
+    assert dataset.missing() != []
+    run(dataset, resume=True)
+    assert dataset.missing() == []
+    same(columns(alone), columns(dataset))
+
+
+def test_a_batch_lasts_as_long_as_it_should():
+    """From one point on, four times as many at most; a slow point is alone in its batch."""
+
+    def after(seconds, count, total=10**4, workers=2):
+        sizes = BatchSizes(total, workers)
+        sizes.take(Batch(0, count, seconds))
+        return sizes.next
+
+    assert (BatchSizes(10**6, 2).next, BatchSizes(10**6, 1000).in_flight) == (1, 64)
+    assert after(BATCH_S * 100 / 50, 100) == 50
+    assert after(1e-6, 100) == 400
+    assert after(10.0 * BATCH_S, 1) == 1
+    assert after(10.0 * BATCH_S, 1, total=10**8) == 4
+    assert after(BATCH_S * 100 / 50, 100, total=10**7, workers=1000) == 400

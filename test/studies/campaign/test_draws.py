@@ -1,0 +1,215 @@
+"""Inputs of points: from a plan's index to numbers, and errors of a manufactured profile."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.stats import kstest, norm, qmc, spearmanr, truncnorm, uniform
+
+import cam_rig
+from cam_rig.errors import ConfigError
+from cam_rig.schema.load import config_root, load_cam, load_rig
+from cam_rig.studies.campaign.draws import grid_places, rows_of, unit_points
+from cam_rig.studies.campaign.inputs import ProfileErrors, paths_of, with_numbers
+from cam_rig.units import TURN
+
+KINDS = ("latin_hypercube", "sobol", "shares")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_point_is_the_same_in_any_batch(kind):
+    """Bit for bit, inside of the open unit cube; another seed has no number of the first."""
+    one, other = (unit_points(kind, seed, 64, 2, 0, 64) for seed in (1, 2))
+    assert not (one == other).any()
+    total = rows_of(kind, 64, [1] * 3)
+    whole = unit_points(kind, 7, total, 3, 0, total)
+    assert whole.shape == (total, 3)
+    assert 0.0 < whole.min() < whole.max() < 1.0
+    edges = [0, 1, 2, 17, 40, total - 1, total]
+    parts = [unit_points(kind, 7, total, 3, a, b) for a, b in pairwise(edges)]
+    assert np.array_equal(np.concatenate(parts), whole)
+
+
+def test_a_latin_hypercube_meets_each_stratum_once():
+    """In every dimension; and two dimensions are not the same order."""
+    for total in (1, 2, 3, 5, 64, 100, 1021):
+        points = unit_points("latin_hypercube", 5, total, 3, 0, total)
+        for column in points.T:
+            assert sorted(np.floor(column * total).astype(int).tolist()) == list(range(total))
+        if total > 5:
+            assert not np.array_equal(np.argsort(points[:, 0]), np.argsort(points[:, 1]))
+
+
+def test_a_latin_hypercube_is_as_even_as_scipys():
+    """Its dimensions are as good as independent: correlations as small as random ones."""
+    points = unit_points("latin_hypercube", 11, 4096, 6, 0, 4096)
+    off = np.corrcoef(points.T)[~np.eye(6, dtype=bool)]
+    assert np.abs(off).max() < 4.0 / np.sqrt(4096)
+
+
+def test_the_sobol_sequence_is_scipys():
+    """Scrambled by the seed, each coordinate moved to the middle of its last interval."""
+    ours = unit_points("sobol", 9, 128, 4, 0, 128)
+    theirs = qmc.Sobol(4, scramble=True, rng=9).random_base2(7)
+    assert np.abs(ours - theirs).max() < 2.0**-30
+    assert qmc.discrepancy(ours) == pytest.approx(qmc.discrepancy(theirs), rel=1e-6)
+
+
+def test_shares_are_saltellis_rows():
+    """Each block: a, then a with one number of b, d times, then b."""
+    rows = unit_points("shares", 1, 8 * 5, 3, 0, 8 * 5).reshape(8, 5, 3)
+    a, b = rows[:, 0], rows[:, -1]
+    assert not (a == b).any()
+    for axis in range(3):
+        mixed = a.copy()
+        mixed[:, axis] = b[:, axis]
+        assert np.array_equal(rows[:, 1 + axis], mixed)
+
+
+def test_a_grid_has_every_combination_once():
+    """The last input fastest."""
+    places = grid_places([2, 3, 4], 0, 24)
+    assert len({tuple(row) for row in places.tolist()}) == 24
+    assert places[:5].tolist() == [[0, 0, 0], [0, 0, 1], [0, 0, 2], [0, 0, 3], [0, 1, 0]]
+    assert np.array_equal(grid_places([2, 3, 4], 7, 11), places[7:11])
+    assert rows_of("grid", None, [2, 3, 4]) == 24
+
+
+PRELOAD, MASS = "rig.follower.preload", "rig.follower.mass"
+
+
+def column(study, variation, path=PRELOAD, points=4096):
+    plan = {"kind": "sobol", "points": points}
+    return study(vary={path: variation}, plan=plan).draws.rows(0, points)[:, 0]
+
+
+DISTRIBUTIONS = (
+    ({"normal": 10, "unit": "%"}, norm(30.6, 3.06)),
+    ({"normal": 2, "unit": "N"}, norm(30.6, 2.0)),
+    ({"normal": 2, "mean": 25, "unit": "N"}, norm(25.0, 2.0)),
+    ({"normal": 2, "within": 3, "unit": "N"}, truncnorm(-1.5, 1.5, 30.6, 2.0)),
+    ({"uniform": 10, "unit": "%"}, uniform(0.9 * 30.6, 0.2 * 30.6)),
+    ({"range": [20, 60], "unit": "N"}, uniform(20.0, 40.0)),
+    ({"range": [-50, 100], "unit": "%"}, uniform(15.3, 45.9)),
+)
+
+
+def test_numbers_are_of_their_distribution(study):
+    """Sobol's points are far more even than random ones: the distance is 1 of their number."""
+    for variation, expected in DISTRIBUTIONS:
+        drawn = column(study, variation)
+        assert kstest(drawn, expected.cdf).statistic < 1e-3
+        assert drawn.mean() == pytest.approx(expected.mean(), rel=1e-3)
+
+
+def test_a_list_is_drawn_evenly_and_a_unit_is_taken_to_si(study):
+    """Of five values each takes a fifth; percents count from the base's number."""
+    drawn = column(study, {"values": [1, 2, 4, 8, 16], "unit": "N"}, points=1000)
+    found, counts = np.unique(drawn, return_counts=True)
+    assert found.tolist() == [1.0, 2.0, 4.0, 8.0, 16.0]
+    assert np.abs(counts - 200).max() <= 2
+    grams = column(study, {"values": [1300], "unit": "g"}, MASS, 2)
+    assert grams.tolist() == [1.3, 1.3]
+
+
+def test_zero_spread_is_the_base_exactly(study):
+    """Every point is the base's number, bit for bit."""
+    for variation in ({"normal": 0, "unit": "%"}, {"uniform": 0, "unit": "N"}):
+        assert set(column(study, variation, points=64).tolist()) == {30.6}
+
+
+def test_correlated_inputs_keep_their_distributions(study):
+    """The normal numbers behind them have the coefficient; rows are the same in any batch."""
+    vary = {PRELOAD: {"uniform": 10, "unit": "%"}, MASS: {"normal": 2, "unit": "%"}}
+    pair = {"inputs": [PRELOAD, MASS], "coefficient": 0.8}
+    plan = {"kind": "sobol", "points": 4096}
+    draws = study(vary=vary, correlated=[pair], plan=plan).draws
+    rows = draws.rows(0, 4096)
+    expected = 6.0 / np.pi * np.arcsin(0.4)  # Spearman's, of a Gaussian copula
+    assert spearmanr(rows).statistic == pytest.approx(expected, abs=0.005)
+    assert kstest(rows[:, 1], norm(1.3, 0.026).cdf).statistic < 4e-3
+    assert np.array_equal(np.concatenate([draws.rows(0, 7), draws.rows(7, 40)]), rows[:40])
+
+
+def test_correlations_that_no_numbers_have_are_refused(study):
+    """Three pairs that contradict each other."""
+    paths = [PRELOAD, MASS, "rig.follower.spring_stiffness"]
+    pairs = [
+        {"inputs": [paths[i], paths[j]], "coefficient": r}
+        for i, j, r in ((0, 1, 0.9), (1, 2, 0.9), (0, 2, -0.9))
+    ]
+    vary = {path: {"uniform": 1, "unit": "%"} for path in paths}
+    with pytest.raises(ConfigError, match="no numbers have these correlations"):
+        study(vary=vary, correlated=pairs).draws
+
+
+@pytest.mark.parametrize("folder", ["cams", "rigs"])
+def test_every_number_of_a_shipped_file_can_be_put_back(folder):
+    """By its path; another value arrives where it was put, and nowhere else."""
+    load = {"cams": load_cam, "rigs": load_rig}[folder]
+    for path in sorted((config_root() / folder).glob("*.yaml")):
+        config = load(path)
+        known = {key: value for key, (value, _) in paths_of({"x": config}).items() if key[0] == "x"}
+        for key, value in list(known.items())[:40]:
+            same = with_numbers(config, {key.removeprefix("x."): value})
+            again = {key: value for key, (value, _) in paths_of({"x": same}).items()}
+            assert again[key] == pytest.approx(value, rel=1e-15)
+            assert {k: v for k, v in again.items() if k[0] == "x" and k != key} == {
+                k: v for k, v in known.items() if k != key
+            }
+
+
+ANGLES = np.linspace(0.0, TURN, 20011)[:-1]
+
+
+@pytest.fixture(scope="module")
+def law():
+    return cam_rig.build_law(cam_rig.load_cam("poly345"))
+
+
+@pytest.mark.parametrize("degrees", [3.0, 7.77, 100.0, 360.0])
+def test_a_wave_is_as_near_as_is_said(law, degrees):
+    """Lift within 4.5e-7 of the amplitude, bend within 3.9e-5 of its own; five times at the end."""
+    errors = ProfileErrors(waviness=1e-4, wavelength=math.radians(degrees), waviness_phase=0.4)
+    wavy = errors.added_to(law)
+    k = 360.0 / degrees
+    inner = TURN - (2.0 + 1.0 / 12.0) * math.radians(degrees) > ANGLES
+    for order, bound in ((0, 4.5e-7), (2, 3.9e-5 * k**2)):
+        gap = np.abs(wavy(ANGLES, order) - law(ANGLES, order) - errors.at(ANGLES)[order]) / 1e-4
+        assert gap.max() <= 5.0 * bound + 1e-8 * k**order
+        if inner.any():
+            assert gap[inner].max() <= 1.02 * bound + 1e-8 * k**order
+            exact = -(k**2) * np.sin(k * ANGLES + 0.4) if order else np.sin(k * ANGLES + 0.4)
+            assert np.abs(errors.at(ANGLES)[order] / 1e-4 - exact)[inner].max() < 1e-9 * k**2
+
+
+@pytest.mark.parametrize("degrees", [3.0, 33.3, 250.0])
+def test_it_closes_without_a_step(law, degrees):
+    """Value, slope and bend go on at every joint, that of the turn's end too; no wave is larger."""
+    errors = ProfileErrors(waviness=1e-5, wavelength=math.radians(degrees), waviness_phase=1.0)
+    wavy = errors.added_to(law)
+    k = 360.0 / degrees
+    assert wavy.velocity_jumps == {}
+    assert np.abs(wavy.jumps(0)).max() < 1e-15
+    assert np.abs(wavy.jumps(2)).max() < 1e-6 * 1e-5 * k**2 + np.abs(law.jumps(2)).max() + 1e-11
+    assert np.abs(errors.at(ANGLES)[0]).max() <= 1e-5 * (1.0 + 1e-12)
+
+
+def test_size_and_eccentricity_are_added(law):
+    """A constant, and once a turn; errors of nothing change nothing at all."""
+    errors = ProfileErrors(size=2e-5, eccentricity=3e-5, eccentricity_phase=0.7)
+    sum_ = errors.added_to(law)(ANGLES)
+    expected = law(ANGLES) + 2e-5 + 3e-5 * np.sin(ANGLES + 0.7)
+    assert np.abs(sum_ - expected).max() < 1e-6 * 3e-5
+    sized = ProfileErrors(size=2e-5).added_to(law)
+    assert np.abs(sized(ANGLES) - law(ANGLES) - 2e-5).max() < 1e-16
+    assert np.array_equal(ProfileErrors().added_to(law).ordinates, law.ordinates)
+
+
+def test_the_law_below_is_kept(law):
+    """Cutting its pieces changes it by rounding alone: a wave of 1e-12 m."""
+    wavy = ProfileErrors(waviness=1e-12, wavelength=math.radians(3.0)).added_to(law)
+    assert wavy.spans.size == 1440
+    assert np.abs(wavy(ANGLES) - law(ANGLES)).max() < 1.1e-12
+    assert np.abs(wavy(ANGLES, 2) - law(ANGLES, 2)).max() < 1e-12 * 120**2 + 1e-9

@@ -1,0 +1,263 @@
+"""Quantiles and yields with their errors, shares of a known function, exact derivatives."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+import cam_rig
+from cam_rig.dynamics import TwoMassParameters
+from cam_rig.errors import ConfigError
+from cam_rig.studies.campaign.campaign import make_point
+from cam_rig.studies.campaign.draws import rows_of, unit_points
+from cam_rig.studies.campaign.results import (
+    InputShare,
+    points_needed,
+    proportion,
+    quantile,
+    saltelli_shares,
+)
+from cam_rig.studies.campaign.sensitivities import (
+    FOLLOWER,
+    first_orders,
+    jump_sensitivities,
+    touch_of,
+)
+
+from ...figure_faults import faults
+
+MASS, PRELOAD = "rig.follower.mass", "rig.follower.preload"
+
+
+def test_shares_of_ishigamis_function():
+    """sin x₁ + 7 sin² x₂ + 0.1 x₃⁴ sin x₁ has shares in closed form."""
+    rows = rows_of("shares", 2**14, [1] * 3)
+    x = math.pi * (2.0 * unit_points("shares", 2, rows, 3, 0, rows) - 1.0)
+    values = np.sin(x[:, 0]) + 7.0 * np.sin(x[:, 1]) ** 2 + 0.1 * x[:, 2] ** 4 * np.sin(x[:, 0])
+    found = saltelli_shares(values, ["a", "b", "c"], 1)
+    assert [one.path for one in found] == ["a", "b", "c"]
+    assert [one.first for one in found] == pytest.approx([0.3139, 0.4424, 0.0], abs=0.01)
+    assert [one.total for one in found] == pytest.approx([0.5576, 0.4424, 0.2437], abs=0.01)
+    assert all(0.0 <= one.first_error < 0.06 for one in found)
+    still = saltelli_shares(np.full(8 * 4, 3.0), ["a", "b"], 1)  # no spread, no share of it
+    assert [(one.first, one.total) for one in still] == [(0.0, 0.0)] * 2
+
+
+@pytest.mark.parametrize("probability", [0.01, 0.5])
+def test_an_interval_holds_its_quantile(probability):
+    """In 95 of 100 samples or more, within what 400 samples tell."""
+    random, exact = np.random.default_rng(5), norm.ppf(probability)
+    held = 0
+    for _ in range(400):
+        one = quantile(np.sort(random.normal(size=1000)), probability)
+        assert one.low <= one.value <= one.high
+        held += one.low <= exact <= one.high
+    assert held / 400 > 0.95 - 3.0 * math.sqrt(0.95 * 0.05 / 400)
+
+
+def test_a_small_sample_says_what_it_cannot_tell():
+    """Ten points have no upper bound of their 99 % quantile, and so not itself; none nothing."""
+    few = quantile(np.arange(10.0), 0.99)
+    assert math.isnan(few.high) and math.isnan(few.value)
+    assert math.isnan(quantile(np.zeros(0), 0.5).value)
+
+
+@pytest.mark.parametrize(("probability", "needed"), [(0.01, 368), (0.05, 72), (0.5, 6)])
+def test_a_quantile_is_told_from_so_many_draws_on(probability, needed):
+    """The textbook's numbers: 0.99^368 < 2.5 %, so that a draw lies below it; of both ends."""
+    for p in (probability, 1.0 - probability):
+        assert math.isnan(quantile(np.arange(needed - 1.0), p).value)
+        told = quantile(np.arange(float(needed)), p)
+        assert told.low <= told.value <= told.high
+        assert told.needed == needed
+
+
+def test_wide_shares_say_how_many_points_would_do():
+    """Half a width of 0.4 of 32 points is 0.1 of 16 times as many; narrow ones need no more."""
+    wide = InputShare("a", 0.8, 0.4, 0.8, 0.3)
+    assert points_needed([wide], 32) == 512
+    assert points_needed([InputShare("a", 0.8, 0.09, 0.8, 0.1)], 32) == 32
+
+
+@pytest.mark.long
+def test_first_order_counts_covariances(results, tmp_path):
+    """Of Ω ~ √(preload/mass): where both rise together it stays nearly where it is."""
+    vary = {MASS: {"normal": 0.02, "unit": "%"}, PRELOAD: {"normal": 0.42, "unit": "%"}}
+    plan = {"kind": "sobol", "points": 64, "seed": 1}
+    pairs = [{"inputs": [MASS, PRELOAD], "coefficient": 0.95}]
+    found = []
+    for name, more in (("alone", {}), ("together", {"correlated": pairs})):
+        run = results(tmp_path / name, vary=vary, plan=plan, measures=["jump_speed"], **more)
+        (one,) = first_orders(run)
+        assert one.predicted == pytest.approx(one.found, rel=0.05)
+        (table,) = (one for one in run.to_display() if "derivatives" in one.caption)
+        assert table.notes[0].count("covariances") == len(more)
+        found.append(one)
+    alone, together = found
+    assert together.found < 0.7 * alone.found
+
+
+def test_the_interval_of_a_yield_is_clopper_and_pearsons():
+    """Their textbook case; and a yield of all or nothing has an end of its own."""
+    share, low, high = proportion(5, 10)
+    assert (share, low, high) == pytest.approx((0.5, 0.1871, 0.8129), abs=1e-4)
+    assert proportion(10, 10) == pytest.approx((1.0, 0.6915, 1.0), abs=1e-4)
+    assert proportion(0, 10) == pytest.approx((0.0, 0.0, 0.3085), abs=1e-4)
+
+
+def test_yields_count_failed_points_as_lost(results, tmp_path):
+    """Of four rigs one has no mass above zero, one jumps too early."""
+    found = results(
+        tmp_path,
+        vary={"rig.follower.mass": {"values": [-1, 1, 1.3, 30], "unit": "kg"}},
+        plan={"kind": "grid"},
+        limits=["jump_speed_rigid>=300rpm"],
+    )
+    assert found.failed == 1
+    (one,) = found.yields()
+    assert one.share == 0.5
+
+
+def test_shares_of_a_campaign(results, tmp_path):
+    """Jump speed goes with 1/√MASS: at 10 % against 1 % mass has nearly all of the variance."""
+    spread = {MASS: {"uniform": 10, "unit": "%"}, PRELOAD: {"uniform": 1, "unit": "%"}}
+    found = results(tmp_path, vary=spread, plan={"kind": "shares", "points": 64})
+    shares = {one.path: one for one in found.shares(found.campaign.measures[0])}
+    assert shares[MASS].total == pytest.approx(1.0, abs=0.05)
+    assert shares[PRELOAD].total < 0.02
+
+
+@pytest.mark.long
+def test_a_quantile_is_within_its_error_of_a_ten_times_larger_run(results, tmp_path):
+    """The 1 % quantile, of random draws on a Latin hypercube."""
+    vary = {MASS: {"normal": 5, "unit": "%"}, PRELOAD: {"normal": 5, "unit": "%"}}
+    found = []
+    for points in (400, 4000):
+        plan = {"kind": "latin_hypercube", "points": points, "seed": points}
+        one = results(tmp_path / str(points), vary=vary, plan=plan)
+        found.append(one.quantiles(one.campaign.measures[0])[0])
+    few, many = found
+    assert few.probability == 0.01
+    assert few.low < many.value < few.high
+    assert many.high - many.low < 0.5 * (few.high - few.low)
+
+
+def test_tables_say_what_few_points_do_not_tell(results, tmp_path):
+    """Of 8 draws the median, and of no other quantile a number."""
+    result = results(tmp_path)
+    with pytest.raises(ConfigError, match="whose plan is shares"):
+        result.shares(result.campaign.measures[0])
+    found, *_ = result.to_display()
+    texts = [row[-1] for row in found.text_rows]
+    assert texts[2] == ""
+    assert texts[0] == texts[4] == "not found"
+    assert found.notes[0] == (
+        "Not found: needs at least 368 draws for 1 % and 99 %, 72 draws for 5 % and 95 %."
+    )
+    assert [row[2] != "" for row in found.text_rows] == [False, False, True, False, False]
+    data = result.data()
+    assert [row["found"] for row in data["quantiles"]] == [False, False, True, False, False]
+    assert data["campaign"]["points"] == len(result.to_pandas()) == 8
+    assert result.to_pandas("quantiles").needed_draws.tolist() == [368, 72, 6, 72, 368]
+
+
+PAIR = [{"inputs": [MASS, PRELOAD], "coefficient": 0.5}]
+
+
+@pytest.mark.variants(1)
+@pytest.mark.parametrize(
+    ("points", "pairs", "lines"),
+    [
+        (16, PAIR, ["too few points (16) for tenths: needs 60", "correlated inputs: no bar is of"]),
+        (59, [], ["too few points (59) for tenths: needs 60"]),
+        (60, [], []),
+    ],
+)
+def test_a_tornado_says_what_it_does_not_tell(results, tmp_path, points, pairs, lines):
+    """A tenth of 60 points has the six that the interval of a median takes."""
+    vary = {path: {"uniform": 5, "unit": "%"} for path in (MASS, PRELOAD)}
+    plan = {"kind": "latin_hypercube", "points": points}
+    figure = results(tmp_path, vary=vary, correlated=pairs, plan=plan).plot()
+    title = figure.axes[1].get_title().replace("\n", " ")
+    assert [line in title for line in lines] == [True] * len(lines)
+    assert bool(title) == bool(lines)
+    assert faults(figure) == []
+
+
+VARY = {
+    **{f"rig.follower.{name}": {"uniform": 1, "unit": "%"} for name in FOLLOWER},
+    "profile.size": {"values": [1e-5], "unit": "m"},
+    "profile.eccentricity.amplitude": {"values": [2e-5], "unit": "m"},
+    "profile.eccentricity.phase": {"values": [0.3], "unit": "rad"},
+    "profile.waviness.amplitude": {"values": [1e-6], "unit": "m"},
+    "profile.waviness.wavelength": {"values": [17.7], "unit": "deg"},
+    "profile.waviness.phase": {"values": [1.1], "unit": "rad"},
+}
+#: Steps of central differences, SI; of the follower's numbers 2e-4 of each.
+STEPS = {
+    "profile.size": 5e-5,
+    "profile.eccentricity.amplitude": 5e-6,
+    "profile.eccentricity.phase": 0.03,
+    "profile.waviness.amplitude": 1e-8,
+    "profile.waviness.phase": 1e-3,
+}
+NO_DERIVATIVE = "profile.waviness.wavelength"
+
+
+def exact_speed(point, duration):
+    """The jump speed (rad/s) to the last digits that the least force has."""
+    return touch_of(point.law, TwoMassParameters.from_rig(point.rig), duration).speed
+
+
+@pytest.mark.parametrize(
+    ("duration", "every"),
+    [(1.7, 4), *(pytest.param(time, 1, marks=pytest.mark.long) for time in (1.7, None))],
+)
+def test_they_are_the_central_differences(study, duration, every):
+    """To 1e-6, by Richardson's step of two differences; a wavelength moves joints and has none."""
+    campaign = study(vary=VARY, measures=["jump_speed"])
+    inputs = campaign.draws.middle()
+    point = make_point(campaign, inputs)
+    numbers = dict(zip(VARY, inputs.tolist(), strict=True))
+    found = {one.path: one for one in jump_sensitivities(point, numbers, duration)}
+    assert found[NO_DERIVATIVE].derivative is None
+    for i, path in list(enumerate(VARY))[::every]:
+        if path == NO_DERIVATIVE:
+            continue
+
+        def difference(step, i=i):
+            ends = (inputs + sign * step * np.eye(inputs.size)[i] for sign in (1.0, -1.0))
+            high, low = (exact_speed(make_point(campaign, one), duration) for one in ends)
+            return (high - low) / (2.0 * step)
+
+        h = STEPS.get(path, 2e-4 * inputs[i])
+        expected = (4.0 * difference(h) - difference(2.0 * h)) / 3.0
+        assert found[path].derivative == pytest.approx(expected, rel=1e-6), path
+
+
+def test_a_rig_that_tells_no_restitution_has_the_same_derivatives(study):
+    """Contact that is kept knows none."""
+    campaign = study(measures=["jump_speed"])
+    whole = make_point(campaign, campaign.draws.middle())
+    data = whole.rig.model_dump(exclude_none=True)
+    del data["follower"]["restitution"]
+    silent = replace(whole, rig=type(whole.rig).model_validate(data))
+    paths = dict.fromkeys((f"rig.follower.{name}" for name in FOLLOWER), 0.0)
+    found = jump_sensitivities(whole, paths, 1.7)
+    assert found == jump_sensitivities(silent, paths, 1.7)
+    assert None not in [one.derivative for one in found]
+
+
+def test_the_touch_is_where_contact_is_lost():
+    """The angle of `cam-rig jump` on the shipped cams, and a force of zero there."""
+    rig = cam_rig.load_rig("paper_table2")
+    for name in ("poly345", "bezier15", "cycloidal"):
+        law = cam_rig.build_law(cam_rig.load_cam(name))
+        touch = touch_of(law, TwoMassParameters.from_rig(rig), 1.7)
+        jump = cam_rig.jump_speed(law, rig)
+        assert touch.speed == pytest.approx(jump.speed, rel=1e-5)
+        turns, angle = divmod(touch.angle, 2.0 * math.pi)
+        assert math.degrees(abs(angle - jump.angle)) < 1.0
+        assert turns == np.floor(jump.time * jump.speed / (2.0 * math.pi))

@@ -1,0 +1,76 @@
+"""A bench that does not exist: a scene's follower, seen by instruments of known faults."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from cam_rig.acoustics import level_db
+from cam_rig.simulation.instruments import MeasuredRun, Signal
+from cam_rig.simulation.simulate import simulate, turned_ticks
+from cam_rig.studies.compare.comparison import compare_steps
+from cam_rig.studies.compare.pairs import pair_measured
+from cam_rig.units import TURN
+
+#: Counts a turn, readings a second of each instrument, and by how much (°) the encoder is behind.
+COUNTS, RATE, OFFSET_DEG = 1024, 1000.0, 3.0
+
+
+def with_follower(loaded, **factors):
+    """The scene with numbers of its follower multiplied."""
+    follower = loaded.rig.follower
+    changed = {name: getattr(follower, name).si * factor for name, factor in factors.items()}
+    return replace(loaded, rig=loaded.rig.with_follower(**changed))
+
+
+def measured(
+    loaded,
+    seed=1,
+    slow=0.0,
+    late=0.0,
+    force_noise=0.01,
+    lift_noise=10e-6,
+    counts=COUNTS,
+    backlash=0.0,
+    sense=None,
+):
+    """The run of a scene with one cam as a bench records it.
+
+    The sensors' clock loses ``slow`` of its time, and stamps ``late`` (s) too late. ``force_noise``
+    is a part of the largest force, ``lift_noise`` m, ``counts`` the encoder's a turn or 0,
+    ``backlash`` the lift's whole width, m; ``sense`` makes what the load cell shows of time and
+    force.
+    """
+    rng = np.random.default_rng(seed)
+    ticks = list(turned_ticks(loaded))
+    time, angle, lift, force, velocity = (
+        np.hstack([getattr(tick, name) for tick in ticks])
+        for name in ("time", "angle", "lift", "force", "velocity")
+    )
+    at = np.arange(time[0], time[-1], 1.0 / RATE)
+    encoder = np.interp(at, time, angle) - np.radians(OFFSET_DEG)
+    if counts:
+        encoder = np.floor(encoder * counts / TURN) * TURN / counts
+    seen = np.interp(at, time, force if sense is None else sense(time, force))
+    seen += force_noise * force.max() * rng.normal(size=at.size)
+    height = np.interp(at, time, lift - 0.5 * backlash * np.sign(velocity))
+    height += lift_noise * rng.normal(size=at.size)
+    heard = [(tick.stop_ns * 1e-9, float(level_db(tick.pressure))) for tick in simulate(loaded)]
+    ends, level = np.array(heard).T
+    stamps = at / (1.0 + slow) + late
+    return MeasuredRun(
+        Path("bench"),
+        loaded.scene.cams[0],
+        Signal(at, encoder, "/encoder.position[0]"),
+        Signal(stamps, height, "/lvdt.data"),
+        Signal(stamps, seen, "/cell.wrench.force.z"),
+        Signal(ends / (1.0 + slow) + late, level, "/mic.data"),
+    )
+
+
+def compared(run, loaded, offset=None):
+    """A run on the model of the scene with its cam, and the rows of each speed."""
+    pairs = pair_measured(run, loaded, loaded.scene.cams[0], offset)
+    return pairs, compare_steps(pairs.steps(), loaded.laws)

@@ -1,0 +1,182 @@
+"""cam-rig compare: of a bag of the rig, and of a bench's; tables, files, refusals in a line."""
+
+import csv
+import re
+from functools import partial
+
+import numpy as np
+import pytest
+
+import cam_rig
+from cam_rig.show.chart import SPEED
+from cam_rig.studies.compare.chart import real_run_entity, real_run_tabs, save_real_run
+from cam_rig.studies.compare.study import RunComparison, compare
+
+from ...cli.conftest import GOLDEN, data_of, done
+from ...cli.conftest import call as run
+from ...foreign_bags import joint, number, wrench, write_bag, write_two_rigs
+from ...viewer.conftest import Picture
+from .bench import compared, measured
+
+LINE = "angle=/encoder.position[0] lift=/lvdt.position[0]:mm force=/cell.wrench.force.z level=/mic"
+
+
+call = partial(run, "compare")
+
+
+@pytest.fixture
+def bench(tmp_path, make_loaded_scene):
+    """Bag and scene of a bench with an encoder, two sensors of a slow clock, and a microphone."""
+    loaded = make_loaded_scene(
+        cams=["tm21"], speeds=[250, 400], turns=12, settle_turns=2, sample_rate=8000
+    )
+    run = measured(loaded, slow=200e-6)
+    topics = {
+        "/encoder": (joint, run.angle.time, run.angle.value),
+        "/lvdt": (joint, run.lift.time, 1e3 * run.lift.value),
+        "/cell": (wrench, run.force.time, run.force.value),
+        "/mic": (number, run.level.time, run.level.value),
+    }
+    return write_bag(tmp_path / "bench", topics), loaded
+
+
+@pytest.fixture(scope="module")
+def golden():
+    """The golden run beside its own scene."""
+    return cam_rig.compare(GOLDEN, "quick")
+
+
+def test_a_bag_of_the_rig_is_its_scene_s(golden):
+    """The same numbers but for another machine's rounding, at every speed; that is said."""
+    found = golden.data()
+    assert repr(golden).startswith("RunComparison(departures: 8 rows")
+    assert [(row["cam"], row["rpm"]) for row in found["departures"]] == [
+        (cam, rpm) for cam in ("tm21", "bezier15") for rpm in (200.0, 300.0, 350.0, 400.0)
+    ]
+    for row in found["departures"]:
+        assert row["lift_within_noise"] and row["force_within_noise"]
+        assert abs(row["force_largest"]) < 1e-9 and row["lift_noise"] == 0.0
+    for row in found["events"]:
+        assert row["lift_offs_measured"] == row["lift_offs_model"]
+        assert row["level_measured"] == pytest.approx(row["level_model"], abs=1e-9)
+    words = "The force is that of the model, to rounding, at every speed."
+    assert words in found["run"]["conclusions"] == list(golden.conclusions)
+
+
+def test_a_picture_has_a_column_for_three_speeds_of_each_cam_at_most(golden):
+    """What is equal to rounding is said to be, on a scale of µm and N."""
+    panels = golden.plot().axes
+    titles = [axes.get_title() for axes in panels if axes.get_title()]
+    expected = [f"TM21 concave cam\n{rpm} rpm" for rpm in (200, 350, 400)]
+    assert titles == [*expected, "Bézier degree 15\n200 rpm", "Bézier degree 15\n400 rpm"]
+    differences = [axes for axes in panels if axes.get_ylabel().startswith("difference")]
+    assert {axes.get_ylim() for axes in differences} == {(-1.0, 1.0)}
+    assert {axes.get_title(loc="left") for axes in differences} <= {"equal to rounding", ""}
+
+
+def test_another_rig_s_scene_departs(tmp_path):
+    """A scene with the same cams on another rig: where, and by how much."""
+    scene = tmp_path / "scenes" / "mine.yaml"
+    scene.parent.mkdir()
+    text = (GOLDEN.parents[1] / "config" / "scenes" / "quick.yaml").read_text(encoding="utf-8")
+    text = text.replace("rig: tm21", "rig: paper_table2").replace("name: quick", "name: mine")
+    scene.write_text(text, encoding="utf-8")
+    result = call(GOLDEN, scene, "--cam", "tm21")
+    assert result.exit_code == 0, result.stderr
+    assert "The largest departure is of the" in result.stderr and "(tm21)" in result.stderr
+
+
+def test_of_several_cams_the_scene_needs_only_the_one_that_is_named(make_loaded_scene):
+    """The golden bag turned two cams; a scene with the first alone does for that one."""
+    settings = {"model": "one_mass", "settle_turns": 1, "sample_rate": 1000}
+    scene = make_loaded_scene(cams=["bezier15"], **settings).scene_file
+    refused = call(GOLDEN, scene)
+    assert refused.exit_code == 2 and "has no cam 'tm21', which the bag holds" in refused.stderr
+    rows = data_of("compare", GOLDEN, scene, "--cam", "bezier15")["departures"]
+    assert [row["cam"] for row in rows] == ["bezier15"] * 4
+    assert all(row["force_within_noise"] for row in rows)
+
+
+@pytest.mark.long
+def test_a_bench_s_bag_is_compared_by_its_topics(bench, tmp_path):
+    """Agreement within the noise, what was done, all numbers in CSV, a picture and a recording."""
+    bag, loaded = bench
+    plot, recording = tmp_path / "a.svg", tmp_path / "a.rrd"
+    files = "--plot", plot, "--save", recording, "--csv", tmp_path / "a.csv"
+    result = done("compare", bag, loaded.scene_file, "--topics", LINE, *files)
+    said = " ".join(result.stderr.split())
+    assert re.search(r"The cam is \+3\.1\d+° from the angle measured, found from the lift", said)
+    assert re.search(r"The sensors' clock is (19|20)\d ppm slow", said)
+    assert "The force agrees with the model within the noise at every speed" in said
+    assert "level: /mic, 24 readings, the time is that of the bag." in said
+    rows, events = (
+        list(csv.DictReader((tmp_path / name).read_text(encoding="utf-8").splitlines()))
+        for name in ("a.csv", "a.events.csv")
+    )
+    assert [float(row["rpm"]) for row in rows] == pytest.approx([250.0, 400.0], rel=1e-4)
+    assert all(row["lift_within_noise"] == row["force_within_noise"] == "True" for row in rows)
+    lost = [float(row["lift_offs_model"]) for row in events]
+    assert lost == pytest.approx([0.0, 1.0], abs=0.01)
+    assert plot.read_text(encoding="utf-8").count("rpm") >= 1
+    assert recording.stat().st_size > 10_000
+
+
+def test_the_recording_has_both_side_by_side(bench, tmp_path):
+    """Each speed on the timeline; measured less model, in the same units, is the difference."""
+    _, loaded = bench
+    _, rows = compared(measured(loaded), loaded)
+    save_real_run(RunComparison(tmp_path, loaded, tuple(rows), ()), tmp_path / "a.rrd")
+    picture = Picture(tmp_path / "a.rrd")
+    for quantity in ("lift", "force"):
+        curves = {}
+        for chart in ("measured", "model", "difference"):
+            entity = f"{real_run_entity('tm21', quantity, chart)}/curve"
+            assert picture.numbers(entity, SPEED).tolist() == [250.0, 400.0]
+            strips = picture.column(entity, "LineStrips2D:strips")
+            curves[chart] = np.array([np.array(list(strip))[0][:300] for strip in strips])
+        np.testing.assert_array_equal(curves["measured"][..., 0], curves["model"][..., 0])
+        both, apart = curves["measured"][..., 1] - curves["model"][..., 1], curves["difference"]
+        apart = apart[..., 1] - np.median(apart[..., 1])
+        scale = np.sum(both * apart) / np.sum(apart**2)
+        np.testing.assert_allclose(both, scale * apart, atol=0.05 * np.abs(both).max())
+
+
+def test_a_chart_says_what_is_equal(golden, bench):
+    """Where only rounding differs, for that has no scale; a cam has its title."""
+    bag, loaded = bench
+    other = compare(bag, loaded, topics=LINE)
+    for found, words in ((golden, ": equal to rounding"), (other, ": difference [")):
+        tab = real_run_tabs(found)[0]
+        assert tab.name == found.loaded.titles["tm21"]
+        lift, force = (row.contents[-1] for row in tab.contents)
+        assert lift.name.startswith("lift" + words)
+        assert force.name.startswith("contact force" + words)
+
+
+def test_of_two_rigs_one_is_compared(tmp_path):
+    """Refused with their names and the remedy; then the one that is named."""
+    bag = write_two_rigs(tmp_path / "two", GOLDEN)
+    result = call(bag, "quick")
+    assert result.exit_code == 1
+    assert "several rigs, /, /rig2; choose one with --namespace /rig2" in result.stderr
+    data = data_of("compare", bag, "quick", "--namespace", "/rig2", "--cam", "tm21")
+    assert len(data["departures"]) == 4
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "error"),
+    [
+        (["quick", "--offset", "3"], 2, "offset 3°: the rig's bags have exact angles"),
+        (["quick", "--topics", "angle=/a lift=/b"], 2, "has cams tm21, bezier15; say with --cam"),
+        (["quick", "--topics", "angle=/a lift=/b", "--namespace", "x"], 2, "names whole topics"),
+        (["quick", "--topics", "angle=/a"], 2, "names angle; allowed: the angle and at least one"),
+        (["quick", "--cam", "tm12"], 2, "has no cam 'tm12'; allowed: tm21, bezier15"),
+        (["quick", "--save", "a.txt"], 2, "a.txt: unknown kind of recording; allowed: .rrd"),
+        (["quick", "--plot", "a.txt"], 2, "unknown kind of picture"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_a_line(arguments, code, error):
+    """Name, value, what is allowed."""
+    result = call(GOLDEN, *arguments)
+    assert result.exit_code == code and error in result.stderr
+    assert len(result.stderr.splitlines()) == 1

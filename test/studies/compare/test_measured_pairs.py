@@ -1,0 +1,353 @@
+"""A bench's readings against the model: what they agree in, and each fault of an instrument."""
+
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import TransferFunction, lsim
+
+from cam_rig.errors import BagError, ConfigError
+from cam_rig.simulation.instruments import Signal
+from cam_rig.simulation.schedule import cam_states
+from cam_rig.simulation.simulate import simulate, turned_ticks
+from cam_rig.studies.compare.comparison import compare_steps, done, sentences
+from cam_rig.studies.compare.pairs import RecordedPairs
+from cam_rig.studies.compare.study import RunComparison
+from cam_rig.units import RPM, TURN
+
+from ..orders.test_orders import random_law
+from .bench import COUNTS, OFFSET_DEG, compared, measured, with_follower
+
+#: ° by which a reading is behind, on average half a count more as an encoder rounds down.
+BEHIND = OFFSET_DEG + 180.0 / COUNTS
+
+
+@pytest.fixture
+def scene(make_loaded_scene):
+    def make(cam="poly345", speeds=(200, 300), **changes):
+        settings = {"turns": 12, "settle_turns": 2, "sample_rate": 8000, **changes}
+        return make_loaded_scene(cams=[cam], speeds=list(speeds), **settings)
+
+    return make
+
+
+@pytest.mark.parametrize(
+    ("cam", "speeds"), [("poly345", (200, 300, 400)), ("tm21", (250, 380, 480))]
+)
+def test_a_bench_of_the_scene_agrees_within_the_noise(scene, cam, speeds):
+    """In contact and jumping: 1 % of force noise, 10 µm, 1024 counts, 3° off, 200 ppm slow."""
+    loaded = scene(cam, speeds)
+    pairs, rows = compared(measured(loaded, slow=200e-6), loaded)
+    found = pairs.alignment
+    assert np.degrees(found.offset) == pytest.approx(BEHIND, abs=0.05)
+    assert found.drift == pytest.approx(200e-6, abs=4e-6) and found.delay == 0.0
+    assert [row.rpm for row in rows] == pytest.approx(list(speeds), rel=1e-4)
+    for row in rows:
+        assert row.agrees
+        assert row.lift.noise == pytest.approx(10e-6, rel=0.15)
+        assert row.lift.rms == pytest.approx(10e-6, rel=0.05)
+        assert abs(row.level_difference) < 0.02
+        assert row.contact.measured == pytest.approx(row.contact.model, abs=0.5)
+        if row.contact.model > 0.5:
+            assert abs(row.contact.degrees) < 0.3
+    said = [*done(pairs), *sentences(rows)]
+    words = r"The sensors' clock is (199|200|201) ppm slow beside that of the angle: corrected."
+    assert any(re.fullmatch(words, line) for line in said)
+    assert said[0].startswith("The angle has 1024 counts a turn;")
+    for name in ("lift", "force"):
+        words = f"The {name} agrees with the model within the noise at every speed"
+        assert any(line.startswith(words) for line in said)
+
+
+def test_a_heavier_follower_shows_beyond_the_noise(scene):
+    """ΔF = Δm ω² s'' at the place of the largest difference, to the noise of its mean."""
+    loaded = scene(speeds=(200, 350))
+    heavy = with_follower(loaded, mass=1.25)
+    _, rows = compared(measured(heavy, force_noise=0.005), loaded)
+    more = heavy.follower.mass - loaded.follower.mass
+    row = rows[-1]
+    assert row.lift.within and not row.force.within
+    # A part of 2° is averaged, and the mean has a fifth of a reading's noise.
+    near = np.radians(row.force.degrees + np.linspace(-1.0, 1.0, 21))
+    expected = more * (row.rpm * RPM) ** 2 * float(loaded.laws["poly345"](near, 2).mean())
+    assert row.force.largest == pytest.approx(expected, abs=1.5 * row.force.noise)
+    assert abs(expected) > 5.0 * row.force.noise
+    (first, *_) = sentences(rows)
+    assert first.startswith("The largest departure is of the force:") and "350 rpm" in first
+
+
+def test_a_heavier_follower_leaves_its_cam_later_or_sooner_and_that_is_not_hidden(scene):
+    """Zero and clock are found at speeds in contact: a flight's error does not go into them."""
+    loaded = scene("tm21", (250, 300, 400, 450))
+    pairs, rows = compared(measured(with_follower(loaded, mass=1.1), slow=200e-6), loaded)
+    assert np.degrees(pairs.alignment.offset) == pytest.approx(BEHIND, abs=0.05)
+    assert rows[0].lift.within and not any(row.lift.within for row in rows[2:])
+    assert all(row.contact.degrees > 1.0 for row in rows[2:])  # the heavier one flies farther
+
+
+def test_backlash_of_the_gauge_is_named_with_its_width(scene):
+    """0.2 mm: the offset is right all the same, the lift departs by half of it, the force not."""
+    loaded = scene()
+    pairs, rows = compared(measured(loaded, backlash=0.2e-3), loaded)
+    assert np.degrees(pairs.alignment.offset) == pytest.approx(BEHIND, abs=0.05)
+    assert all(abs(row.lift.largest) == pytest.approx(1e-4, rel=0.15) for row in rows)
+    assert all(row.force.within and not row.lift.within for row in rows)
+    assert any("lift differs by 200 µm: backlash" in line for line in done(pairs))
+
+
+def test_a_load_cell_that_rings_is_told_by_its_frequency(scene):
+    """150 Hz at every speed alike; a difference of mass moves with the speed, and is none."""
+    loaded = scene(speeds=(250, 300, 350))
+    w, damping = 2.0 * np.pi * 150.0, 0.03
+
+    def cell(time, force):
+        system = TransferFunction([w * w], [1.0, 2.0 * damping * w, w * w])
+        return lsim(system, force, time - time[0])[1]
+
+    _, rows = compared(measured(loaded, sense=cell), loaded)
+    peaks = [row.peak_hz for row in rows[1:]]
+    assert peaks == pytest.approx([150.0] * 2, abs=7.0)  # an order's width
+    assert any(re.search(r"force rings near 1[45]\d Hz", line) for line in sentences(rows))
+    _, rows = compared(measured(with_follower(loaded, mass=1.3)), loaded)
+    assert not any("rings" in line for line in sentences(rows))
+
+
+def test_stamps_that_are_late_are_told_from_an_offset_by_several_speeds(scene):
+    """2 ms are 2.4° at 200 rpm and 4.8° at 400; the encoder's zero is 3° at each."""
+    loaded = scene(speeds=(200, 300, 400))
+    pairs, rows = compared(measured(loaded, late=2e-3), loaded)
+    assert pairs.alignment.delay == pytest.approx(-2e-3, abs=2e-5)
+    assert np.degrees(pairs.alignment.offset) == pytest.approx(BEHIND, abs=0.05)
+    assert any("stamps are 2 ms late" in line for line in done(pairs))
+    assert all(row.agrees for row in rows)
+
+
+@pytest.mark.slow
+def test_no_clock_is_corrected_by_what_ramps_hide_in_a_coarse_encoder(scene):
+    """256 counts a turn: beside a ramp the angle is known to half a count, and the clocks agree."""
+    loaded = scene("cycloidal", (235.5, 223.7, 135.9), turns=6, settle_turns=0, ramp=0.81)
+    for seed in range(3):
+        pairs, _ = compared(measured(loaded, seed=seed, counts=256), loaded)
+        assert pairs.alignment.drift == pairs.alignment.delay == 0.0
+
+
+def test_a_given_offset_is_kept_and_one_without_a_lift_is_said(scene):
+    """Nothing else is known of it where only the force was measured."""
+    loaded = scene()
+    run = measured(loaded)
+    given, _ = compared(run, loaded, np.radians(BEHIND))
+    assert given.alignment.offset == np.radians(BEHIND)
+    assert any("as given" in line for line in done(given))
+    blind, (row, _) = compared(replace(run, lift=None), loaded)
+    assert blind.alignment.offset == 0.0
+    assert any("the lift was not measured to find it by" in line for line in done(blind))
+    assert row.lift is None and not row.force.within  # 3° are seen in the force
+
+
+def test_a_lift_in_another_unit_and_a_force_that_pulls_are_said(scene):
+    """mm taken for m: the range is a thousand times the cam's. A cam presses, and never pulls."""
+    loaded = scene()
+    run = measured(loaded)
+    odd = {"lift": replace(run.lift, value=1e3 * run.lift.value)}
+    odd["force"] = replace(run.force, value=-run.force.value)
+    said = done(compared(replace(run, **odd), loaded)[0])
+    whole = 1e3 * loaded.laws["poly345"].lift
+    words = f"over {1e3 * whole:.3g} mm, that of cam poly345 over {whole:.3g} mm: is it the cam"
+    assert any(words in line for line in said)
+    assert any("turn its sign" in line for line in said)
+    said = " ".join(done(compared(run, loaded)[0]))
+    assert "is it the cam" not in said and "turn its sign" not in said
+
+
+def thinned(run, kept):
+    """The run with some of its readings of lift and force."""
+    signals = {
+        name: Signal(signal.time[kept], signal.value[kept], signal.source)
+        for name, signal in (("lift", run.lift), ("force", run.force))
+    }
+    return replace(run, **signals)
+
+
+def test_sensors_slower_than_the_cam_still_find_the_zero(scene):
+    """25 readings a second at 200 and 300 rpm, five and seven a turn: several turns are one."""
+    loaded = scene("tm21", turns=16)
+    pairs, rows = compared(thinned(measured(loaded), slice(None, None, 40)), loaded)
+    assert np.degrees(pairs.alignment.offset) == pytest.approx(BEHIND, abs=0.15)
+    assert all(row.agrees for row in rows)
+
+
+def test_readings_without_noise_or_counts_are_the_model_s(scene):
+    """Zero to a millionth of a degree; what is left is the model's own grid of samples."""
+    loaded = scene("tm21", (200, 350))
+    pairs, rows = compared(measured(loaded, counts=0, lift_noise=0.0, force_noise=0.0), loaded)
+    assert pairs.count == 0.0
+    assert np.degrees(pairs.alignment.offset) == pytest.approx(OFFSET_DEG, abs=1e-6)
+    for row in rows:
+        assert row.agrees and row.lift.rms < 1e-9 and row.force.rms < 1e-3
+
+
+def test_lost_readings_are_not_bridged(scene):
+    """Of the sensors they are not there; of the encoder they end the steady turns."""
+    loaded = scene()
+    run = measured(loaded)
+    time = run.angle.time
+    kept = (time <= 2.0) | (time >= 2.5)
+    pairs, rows = compared(thinned(run, kept), loaded)
+    assert len(pairs.stretches) == 2
+    step = next(pairs.steps())
+    assert not ((step.force.time > 2.001) & (step.force.time < 2.499)).any()
+    assert all(row.agrees for row in rows)
+    angle = Signal(time[kept], run.angle.value[kept], run.angle.source)
+    pairs, rows = compared(replace(run, angle=angle), loaded)
+    edges = [(one.knots[0], one.knots[-1]) for one in pairs.stretches]
+    assert len(edges) in (2, 3) and not any(begin < 2.25 < end for begin, end in edges)
+    assert all(row.agrees for row in rows)
+
+
+def test_a_cam_that_never_turns_steadily_is_refused(scene):
+    """With what steady means and how many turns are asked."""
+    loaded = scene()
+    time = np.arange(1500) / 1000.0
+    run = replace(measured(loaded), angle=Signal(time, 40.0 * time**2, "/encoder"))
+    with pytest.raises(BagError, match=r"nowhere 4 turns at a speed that is held within 2 %"):
+        compared(run, loaded)
+
+
+#: A signal as no instrument should give it: of time, value, and a random generator.
+FAULTS = (
+    lambda t, v, rng: np.stack([t, v])[:, rng.random(t.size) > rng.uniform(0.1, 0.95)],
+    lambda t, v, _: (t[:5], v[:5]),
+    lambda t, v, rng: (t, v * rng.choice([0.0, -1.0, 1e6])),
+    lambda t, v, rng: (t, v + v.std() * rng.normal(size=v.size)),
+    lambda t, v, rng: (t + rng.choice([-2.0, 2.0, 100.0]), v),
+    lambda t, v, rng: (t, v * np.where(rng.random(v.size) < 0.01, 1e3, 1.0)),
+)
+
+
+@pytest.mark.parametrize("seed", range(len(FAULTS)))
+def test_whatever_the_sensors_show_is_compared_in_finite_numbers(scene, seed):
+    """Lost, few, of no size, buried in noise, at another time, with spikes: there is a table."""
+    rng = np.random.default_rng(seed)
+    loaded = scene("tm21", (250, 400), turns=6, sample_rate=4000)
+    run = measured(loaded, seed)
+    lift = Signal(*FAULTS[seed](run.lift.time, run.lift.value, rng))
+    force = Signal(*FAULTS[seed - 1](run.force.time, run.force.value, rng))
+    run = replace(run, lift=lift, force=force)
+    pairs, rows = compared(run, loaded)
+    found = RunComparison(run.source, loaded, tuple(rows), tuple(done(pairs)))
+    text = json.dumps(found.data(), allow_nan=False)
+    assert len(json.loads(text)["events"]) == len(found.to_display()[0].text_rows) == 2
+
+
+def test_only_the_bounce_differs(scene):
+    """Of a restitution that the model has not: where events come, and by how much later."""
+    loaded = scene(speeds=(300, 450, 470), model="one_mass")
+    machine = replace(loaded, rig=loaded.rig.with_follower(restitution=0.4))
+    loaded = replace(loaded, rig=loaded.rig.with_follower(restitution=0.0))
+    _, rows = compared(measured(machine), loaded)
+    said = sentences(rows)
+    assert any("later than the model's at" in words for words in said), said
+    turn = rows[-1].drawn["force"]
+    assert 0 < np.count_nonzero(~turn.calm) < 0.1 * turn.calm.size
+
+
+# -- a recording against a model that was driven with its own states: what theory says, exactly
+
+
+def random_rig(loaded, seed):
+    """Another mass, damping and spring, and a preload that holds the follower on any cam."""
+    random = np.random.default_rng(100 + seed)
+    names = ("mass", "spring_stiffness", "damping")
+    factors = dict(zip(names, random.uniform(0.5, 2.0, 3).tolist(), strict=True))
+    return with_follower(loaded, preload=80.0, **factors)
+
+
+def recorded(loaded):
+    """What a bag of a scene's run has: ticks, states, pressures by the end of the tick."""
+    pressures = {tick.stop_ns: tick.pressure for tick in simulate(loaded)}
+    return list(turned_ticks(loaded)), list(cam_states(loaded.scene)), pressures
+
+
+@pytest.mark.parametrize("model", ["kinetostatic", "one_mass", "elastic_stem", "two_mass"])
+def test_a_run_is_its_own_scene_s(make_loaded_scene, model):
+    """Driven with the same states, each sample, event and level is the same number."""
+    cams = ["poly345", "cycloidal"]
+    loaded = make_loaded_scene(cams=cams, model=model, rig="paper_table2", speeds=[200, 450])
+    pairs = RecordedPairs(loaded)
+    rows = compare_steps(pairs.steps(*recorded(loaded)), loaded.laws)
+    assert [(row.cam, row.rpm) for row in rows] == [(c, r) for c in cams for r in (200.0, 450.0)]
+    for row in rows:
+        assert row.turns == pytest.approx(2.0, abs=1e-3)
+        assert row.lift.rms == row.force.rms == row.lift.largest == row.force.largest == 0.0
+        assert row.contact.measured == row.contact.model and row.contact.shift in (None, 0.0)
+        assert row.level_difference == 0.0 and row.agrees
+    assert pairs.lost == 0
+    assert sentences(rows)[:2] == [
+        f"The {name} is that of the model, to rounding, at every speed."
+        for name in ("lift", "force")
+    ]
+
+
+@pytest.mark.parametrize(("seed", "model"), [(0, "kinetostatic"), (1, "one_mass")])
+def test_a_heavier_follower_takes_its_mass_times_its_acceleration_more(
+    make_loaded_scene, seed, model
+):
+    """In contact F = m ω² s'' + c ω s' + k s + F₀, so ΔF = Δm ω² s'' at every sample."""
+    loaded = make_loaded_scene(cams=["poly345"], model=model, speeds=[60, 120], sample_rate=2000)
+    law = random_law(seed, "poly345")
+    loaded = random_rig(replace(loaded, laws={"poly345": law}), seed)
+    heavy = with_follower(loaded, mass=1.1)
+    more = heavy.follower.mass - loaded.follower.mass
+    for step in RecordedPairs(loaded).steps(*recorded(heavy)):
+        assert step.force.model.min() > 0.0
+        expected = more * (step.rpm * RPM) ** 2 * law(np.remainder(step.force.angle, TURN), 2)
+        scale = np.abs(expected).max()
+        assert scale > 0.1
+        np.testing.assert_allclose(step.force.difference, expected, rtol=0, atol=1e-9 * scale)
+        np.testing.assert_allclose(step.lift.difference, 0.0, rtol=0, atol=1e-15)
+
+
+def test_the_largest_departure_is_named_with_its_place(make_loaded_scene):
+    """Speed and angle at which the heavier follower's inertia is largest."""
+    loaded = make_loaded_scene(cams=["poly345"], speeds=[150, 260], sample_rate=8000)
+    loaded = random_rig(loaded, 3)
+    heavy, law = with_follower(loaded, mass=1.1), loaded.laws["poly345"]
+    rows = compare_steps(RecordedPairs(loaded).steps(*recorded(heavy)), loaded.laws)
+    most = np.abs(law(np.linspace(0.0, TURN, 100_000), 2)).max()
+    force, more = rows[-1].force, heavy.follower.mass - loaded.follower.mass
+    assert abs(force.largest) == pytest.approx(more * (260.0 * RPM) ** 2 * most, rel=1e-3)
+    assert abs(float(law(np.radians(force.degrees), 2))) == pytest.approx(most, rel=1e-3)
+    words = f"The largest departure is of the force: {force.largest:+.3g} N at 260 rpm"
+    assert sentences(rows)[0].startswith(f"{words}, θ = {force.degrees:.0f}°")
+
+
+def test_lost_messages_are_left_out_and_what_is_left_is_the_same(make_loaded_scene):
+    """Ticks without samples; states lost at one speed, and where the speed changes."""
+    loaded = make_loaded_scene(
+        cams=["poly345"], speeds=[200, 300], turns=8, ticks_per_turn=4, rig="paper_table2"
+    )
+    ticks, states, pressures = recorded(loaded)
+    del ticks[20:23]
+    pairs = RecordedPairs(loaded)
+    rows = compare_steps(pairs.steps(ticks, states, pressures), loaded.laws)
+    assert pairs.lost == 3
+    assert [row.turns for row in rows] == [pytest.approx(7 - 3 / 4, abs=0.01), pytest.approx(7)]
+    assert all(row.force.largest == row.lift.largest == 0.0 for row in rows)
+    gone = {state.time_ns for state in states[31:34]}  # the step from 200 to 300 rpm among them
+    ticks = [t for t in ticks if t.start.time_ns not in gone and t.interval.stop_ns not in gone]
+    kept = [state for state in states if state.time_ns not in gone]
+    rows = compare_steps(RecordedPairs(loaded).steps(ticks, kept, pressures), loaded.laws)
+    assert rows[0].force.largest == 0.0
+    # Put down anew after the loss, it settles within the scene's turn.
+    assert rows[1].turns < 7.0 and abs(rows[1].force.largest) < 1e-6 * rows[1].force.scale
+
+
+def test_a_cam_that_the_scene_has_not_is_named(make_loaded_scene):
+    """With what the scene has."""
+    other = make_loaded_scene(cams=["cycloidal"])
+    run = recorded(other)
+    scene = make_loaded_scene(cams=["poly345"])
+    with pytest.raises(ConfigError, match=r"no cam 'cycloidal', which the bag holds.*poly345"):
+        list(RecordedPairs(scene).steps(*run))

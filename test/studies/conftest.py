@@ -1,0 +1,25 @@
+"""The paper's five laws and the rig of its jump speeds; what commands show is free of faults."""
+
+import pytest
+
+from cam_rig.laws.cam import open_cam_set
+from cam_rig.schema import load_rig
+
+from ..cli.conftest import no_broken_heading, no_faulty_figure
+
+__all__ = ["no_broken_heading", "no_faulty_figure"]
+
+FIVE = ("bezier15", "poly345", "poly4567", "cycloidal", "bezier_segments")
+
+
+@pytest.fixture(scope="session")
+def table2(config_dir):
+    """The rig that was identified from the jump speeds."""
+    return load_rig(config_dir / "rigs" / "paper_table2.yaml")
+
+
+@pytest.fixture(scope="session")
+def cam_set(config_dir):
+    """The five laws of Table 2 on it."""
+    cams = [config_dir / "cams" / f"{name}.yaml" for name in FIVE]
+    return open_cam_set(cams, config_dir / "rigs" / "paper_table2.yaml")

@@ -1,0 +1,342 @@
+"""Load, pressure and sliding: exact for circles and faces, by energy for all; cam-rig contact."""
+
+import json
+from dataclasses import replace
+from functools import partial
+
+import mpmath as mp
+import numpy as np
+import pytest
+
+from cam_rig.dynamics import FollowerParameters
+from cam_rig.dynamics.kinetostatic import shaft_torque
+from cam_rig.errors import ProfileError
+from cam_rig.laws import build_law
+from cam_rig.laws.segments import up_and_down
+from cam_rig.profile.cam_checks import greatest_allowed
+from cam_rig.profile.checks import least_base_radius, plates_on
+from cam_rig.profile.contact import Motion, Scan
+from cam_rig.profile.faces import SwungCentre, SwungFace
+from cam_rig.schema import CamConfig, load_cam
+from cam_rig.schema.cam import ContactParts
+from cam_rig.schema.load import named_path
+from cam_rig.studies.contact.study import contact_row
+from cam_rig.studies.contact.surfaces import (
+    RISES,
+    base_bounds,
+    by_curvature,
+    by_face,
+    by_pressure_angle,
+    contact_case,
+    half_width,
+    hertz_pressure,
+    measured,
+    peak_pressure,
+    peak_sliding,
+)
+
+from ...cli.conftest import call as run
+
+RIG = FollowerParameters(
+    mass=0.9, spring_stiffness=3000.0, damping=6.0, preload=80.0, stem_stiffness=1e7
+)
+SPEED = 21.0
+ANGLES = np.random.default_rng(7).uniform(0.0, 2.0 * np.pi, 60)
+SPRUNG = (
+    "eccentric_roller",
+    "flat",
+    "inclined_flat",
+    "oscillating_flat",
+    "oscillating_point",
+    "oscillating_roller",
+    "tm21",
+)
+
+
+def case_of(name, base=None, **changes):
+    """A shipped cam on the rig, with another section ``contact``, or on another base (mm)."""
+    data = load_cam(named_path("cams", name)).model_dump(exclude_none=True)
+    data["contact"] = {key: {"assumed": v, "unit": unit} for key, (v, unit) in changes.items()}
+    if base is not None:
+        data["follower"]["base_radius"] = {"assumed": base, "unit": "mm"}
+    cam = CamConfig.model_validate(data)
+    return contact_case(cam, build_law(cam), RIG, SPEED)
+
+
+@pytest.mark.parametrize("name", SPRUNG)
+def test_the_surfaces_do_not_part_nor_enter(name):
+    """Along the normal both move alike; all the relative velocity is sliding."""
+    case = case_of(name)
+    motion, touch = case.at(ANGLES)
+    moved = motion.slope * case.surfaces.element.moves(touch.contact)
+    along_normal = ((1j * touch.contact - moved) * touch.normal.conj()).real
+    np.testing.assert_allclose(along_normal, 0.0, atol=1e-15 + 1e-14 * np.abs(touch.contact).max())
+
+
+@pytest.mark.parametrize("name", SPRUNG)
+def test_power_in_is_power_out(name):
+    """The normal force turns the cam back with the torque F s' of eq. 8."""
+    case = case_of(name)
+    motion, touch = case.at(ANGLES)
+    lever = (1j * touch.contact * touch.normal.conj()).real
+    torque = case.surfaces.normal_force(motion, touch) * lever
+    expected = [shaft_torque(case.law, RIG, angle, SPEED) for angle in ANGLES]
+    np.testing.assert_allclose(torque, expected, rtol=1e-12, atol=1e-12)
+
+
+def on_the_follower(element, motion, contact):
+    """The point of contact as the follower carries it along."""
+    if isinstance(element, SwungCentre | SwungFace):
+        return (contact - element.pivot) * np.exp(1j * element.arm_angle(motion.s))
+    return contact - 1j * motion.s
+
+
+@pytest.mark.parametrize("name", [name for name in SPRUNG if name != "tm21"])
+def test_sliding_is_the_difference_of_both_ways(name):
+    """The contact's way along the cam less its way along the follower, by differences."""
+    case, step = case_of(name), 1e-6
+    element = case.surfaces.element
+    before, middle, after = (
+        (motion, element.touch(motion))
+        for motion in (Motion.at(case.law, ANGLES + d) for d in (-step, 0.0, step))
+    )
+    ends = [on_the_follower(element, motion, touch.contact) for motion, touch in (before, after)]
+    ways = [element.touch(m).contact * np.exp(-1j * m.angle) for m in (before[0], after[0])]
+    way_on_cam = np.abs(ways[1] - ways[0]) / (2 * step)
+    moved = (ends[1] - ends[0]) / (2 * step)
+    if isinstance(element, SwungCentre | SwungFace):
+        moved = moved * np.exp(-1j * element.arm_angle(middle[0].s))
+    way_on_follower = (moved * (-1j * middle[1].normal).conj()).real  # clockwise around the cam
+    expected = np.abs(way_on_cam - way_on_follower) * SPEED
+    np.testing.assert_allclose(case.surfaces.sliding(*middle), expected, rtol=2e-6, atol=1e-6)
+
+
+def test_a_dwell_is_two_circles():
+    """On the base circle: F₀ over the width, κ = 1/R_b + 1/R_r, no pressure angle."""
+    case = case_of("tm21", face_width=(7.0, "mm"))
+    follower, modulus = case.cam.follower, 206e9 / (2 * 0.91)
+    curvature = 1.0 / follower.base_radius.si + 1.0 / follower.roller
+    found = case.surfaces.pressure(*case.at(np.zeros(1)))[0]
+    expected = np.sqrt(RIG.preload / 7e-3 * modulus * curvature / np.pi)
+    assert found == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_sharper_tip_presses_harder_without_bound():
+    """Pressure over the tip's radius goes as 1/√R: an actual point has infinite pressure."""
+    at = np.array([0.1])
+    coarse, fine = (
+        case.surfaces.pressure(*case.at(at))[0]
+        for case in (case_of("oscillating_point", tip_radius=(r, "mm")) for r in (1e-1, 1e-3))
+    )
+    assert fine / coarse == pytest.approx(10.0, rel=2e-3)
+
+
+def test_a_tip_wider_than_a_hollow_is_refused():
+    """It would touch at two places: radius, limit and angle are named."""
+    with pytest.raises(ProfileError, match=r"tip_radius is 90 mm; allowed: less than .* mm at \d"):
+        case_of("oscillating_point", base=20.0, tip_radius=(90.0, "mm"))
+
+
+@pytest.mark.parametrize("name", SPRUNG)
+def test_the_largest_pressure_is_no_sample(name):
+    """None of 20,000 angles has more, both sides of each joint; load and width give the same."""
+    case = case_of(name)
+    row = contact_row(case)
+    fine = case.surfaces.pressure(*case.at(np.linspace(0.0, 2.0 * np.pi, 20_000)))
+    assert fine.max() <= row.pressure.value * (1 + 1e-12)
+    assert fine.max() >= row.pressure.value * (1 - 1e-3)
+    mean = row.load / (case.cam.parts.face_width.si * row.width)  # of p₀ √(1 − x²/b²): π/4 p₀
+    assert mean == pytest.approx(np.pi / 4 * row.pressure.value, rel=1e-5)
+
+
+def test_no_pressure_where_the_cam_would_have_to_pull():
+    """Above the jump speed contact is lost, and said to be."""
+    cam = load_cam(named_path("cams", "poly345"))
+    row = contact_row(contact_case(cam, build_law(cam), RIG, 200.0))
+    assert row.lost
+    assert not contact_row(contact_case(cam, build_law(cam), RIG, 5.0)).lost
+
+
+# The command.
+
+
+call = partial(run, "contact")
+
+
+def test_tables_json_and_nomogram(tmp_path, monkeypatch):
+    """A face slides, a roller rolls; the nomogram's table comes with its figure; origins of all."""
+    monkeypatch.setattr("cam_rig.studies.contact.figures.RADII", 6)
+    plot, events, csv = (tmp_path / name for name in ("c.png", "e.svg", "c.csv"))
+    files = ("--plot", plot, "--events", events, "--csv", csv)
+    result = call("flat", "poly345", *files, "--json", "-")
+    assert result.exit_code == 0, result.stderr
+    for word in ("face_width", "youngs_modulus", "assumed", "most_sliding_speed"):
+        assert word in result.stderr
+    assert b"</svg>" in events.read_bytes()
+    assert "120°" in result.stderr
+    face = (tmp_path / "c.face_radii.csv").read_text(encoding="utf-8")
+    assert face.startswith("rise,event_60,")
+    data = json.loads(result.stdout[result.stdout.index("{") :])
+    flat, roller = data["contact"]
+    assert flat["sliding_speed"] == pytest.approx(0.047 * 300 * np.pi / 30)
+    assert roller["sliding_speed"] is None
+    flat, roller = data["bounds"]
+    assert roller["sliding"] is None
+    assert flat["sliding"] > flat["pressure"]
+    assert data["run"] == {"rig": "paper_table2", "rpm": 300.0}
+
+
+# -- bounds on the base radius: the measure is at its limit there; closed forms where there are
+
+
+@pytest.mark.parametrize("name", ["flat", "inclined_flat", "oscillating_flat", "oscillating_point"])
+def test_at_its_bound_a_measure_is_at_its_limit(name):
+    """Seeded limits around the cam's own values: met on one side, exceeded on the other."""
+    rng = np.random.default_rng(11)
+    case = case_of(name)
+    own = case.cam.follower.base_radius.si
+    pressure, sliding = (measured(case, m, own) for m in (peak_pressure, peak_sliding))
+    limits = {
+        "most_pressure": (pressure * rng.uniform(1.02, 1.3), "Pa"),
+        "most_sliding_speed": (sliding * rng.uniform(0.85, 1.2), "m/s"),
+    }
+    bounds = base_bounds(case_of(name, **limits))
+    assert measured(case, peak_sliding, bounds.sliding) == pytest.approx(
+        limits["most_sliding_speed"][0], rel=1e-9
+    )
+    least = bounds.pressure
+    assert least < own
+    if measured(case, peak_pressure, least) is not None:
+        low, high = (measured(case, peak_pressure, least * f) for f in (0.999, 1.001))
+        assert high < limits["most_pressure"][0]
+        assert low is None or low > limits["most_pressure"][0]
+
+
+def test_sliding_of_a_face_in_closed_form():
+    """R_b = v / ω − s_max."""
+    bounds = base_bounds(case_of("flat", most_sliding_speed=(1.3, "m/s")))
+    assert bounds.sliding == pytest.approx(1.3 / SPEED - 0.012, rel=1e-9)
+
+
+def test_pressure_of_a_still_face_in_closed_form():
+    """With a preload alone F' E* / (π p²) is the least radius, R_b its excess over s + s''."""
+    case = case_of("flat", most_pressure=(60.0, "MPa"))
+    weightless = replace(RIG, mass=1e-12, spring_stiffness=1e-9, damping=0.0)
+    case = replace(case, surfaces=replace(case.surfaces, rig=weightless))
+    least = RIG.preload / 0.01 * case.cam.parts.modulus / (np.pi * 60e6**2)
+    angle = np.linspace(0.0, 2.0 * np.pi, 200_001)
+    expected = least - (case.law(angle) + case.law(angle, 2)).min()
+    assert base_bounds(case).pressure == pytest.approx(expected, rel=1e-7)
+
+
+def test_a_limit_that_no_cam_meets():
+    """A roller presses hard however large the cam, but rolls; a face slides however small."""
+    roller = base_bounds(case_of("tm21", most_pressure=(10.0, "MPa")))
+    assert (roller.pressure, roller.sliding) == (None, np.inf)
+    bounds = base_bounds(case_of("flat", most_sliding_speed=(1e-3, "m/s")))
+    assert bounds.sliding is None
+    assert not bounds.feasible
+
+
+@pytest.mark.parametrize("seed", range(14))
+def test_just_above_the_least_base_radius_all_is_permissible(seed):
+    """Random followers, rigs and limits: the largest lower bound holds for every measure."""
+    rng = np.random.default_rng(seed)
+    name = SPRUNG[seed % len(SPRUNG)]
+    case = case_of(name, most_pressure=(10.0 ** rng.uniform(2.0, 3.2), "MPa"))
+    rig = replace(RIG, mass=10.0 ** rng.uniform(-1.0, 1.0), preload=10.0 ** rng.uniform(1.0, 2.5))
+    case = replace(case, surfaces=replace(case.surfaces, rig=rig))
+    bounds, limit = base_bounds(case), case.surfaces.parts.most_pressure.si
+    if bounds.least is None:
+        assert bounds.governing
+        return
+    base = max(1.001 * bounds.least, 0.01 * case.cam.follower.base_radius.si)
+    assert measured(case, peak_pressure, base) <= limit * (1 + 1e-9)
+    scan = Scan(case.law, plates_on(case.cam.follower, case.law, base)[0].element)
+    steepest = scan.greatest(lambda touch: np.abs(touch.pressure)).value
+    most = greatest_allowed(case.cam.follower, scan.element)
+    assert steepest <= most * (1 + 1e-9)
+    assert scan.greatest(lambda touch: -touch.rate).value < 0.0  # not undercut
+
+
+EVENT = np.radians([47.0, 83.0, 121.0])
+
+
+def test_simple_harmonic_in_closed_form():
+    """Pressure angle: h/2 (√(1 + (π/(β tan α))²) − 1); face: h (π²/(2 β²) − 1), not below 0."""
+    found = by_pressure_angle("simple_harmonic", EVENT, 0.5)
+    expected = 0.5 * (np.sqrt(1.0 + (np.pi / (EVENT * np.tan(0.5))) ** 2) - 1.0)
+    np.testing.assert_allclose(found, expected, rtol=1e-5)
+    expected = np.maximum(0.5 * (np.pi / EVENT) ** 2 - 1.0, 0.0)
+    np.testing.assert_allclose(by_face("simple_harmonic", EVENT), expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("rise", RISES)
+def test_the_nomogram_is_that_of_cams(rise, cams, make_cam):
+    """Least base radii of whole cams, found by the contour's own checks, at one event angle."""
+    beta, law = np.radians([52.0]), up_and_down(rise, np.radians(52.0), 0.01)
+    flat = cams["flat"].follower
+    least = least_base_radius(flat, law) - flat.least_curvature_radius.si
+    assert by_face(rise, beta)[0] * 0.01 == pytest.approx(least, rel=1e-5)
+    roller = make_cam({"law": "dwell", "span": 360.0}, roller_radius=0.02).follower
+    least = least_base_radius(roller, law)
+    assert by_curvature(rise, beta, 2.0)[0] * 0.01 - 0.02 == pytest.approx(least, rel=1e-5)
+
+
+# -- hertz's line contact: elasticity in 50 digits, and the constants that handbooks print
+
+
+#: Load (N/m), radii (m; negative: concave), E* (Pa).
+CASES = [(1.0e5, 0.020, 0.040, 113e9), (2.3e4, 0.010, -0.055, 113e9), (7.7e5, 0.150, np.inf, 60e9)]
+
+
+@pytest.mark.parametrize(("load", "one", "other", "modulus"), CASES)
+def test_the_pressure_is_that_of_elasticity(load, one, other, modulus):
+    """The semi-ellipse carries the load, and bends both surfaces until their gap is closed.
+
+    u'(x) = −2/(π E*) ∮ p(ξ)/(x − ξ) dξ = −x κ, the principal value with x = b sin φ, ξ = b sin t.
+    """
+    curvature = 1.0 / one + 1.0 / other
+    peak = mp.mpf(float(hertz_pressure(load, curvature, modulus)))
+    half = mp.mpf(float(half_width(load, curvature, modulus)))
+    with mp.workdps(50):
+        carried = mp.quad(lambda t: peak * half * mp.cos(t) ** 2, [-mp.pi / 2, mp.pi / 2])
+        assert abs(carried / load - 1) < 1e-14
+        for at in (mp.mpf("0.3"), mp.mpf("-0.8")):
+            # p(ξ)/(x − ξ) less p(x)/(x − ξ), whose principal value is known, has no pole.
+            here = mp.sqrt(1 - at**2)
+            smooth = mp.quad(
+                lambda z, at=at, here=here: (mp.sqrt(1 - z**2) - here) / (at - z), [-1, at, 1]
+            )
+            principal = smooth + here * mp.log((1 + at) / (1 - at))
+            slope = 2 / (mp.pi * mp.mpf(modulus)) * peak * principal
+            assert abs(slope / (at * half * mp.mpf(curvature)) - 1) < 1e-14
+
+
+def test_the_constants_of_the_handbook():
+    """Roark's Formulas for Stress and Strain, two cylinders, with its printed constants.
+
+    σ = 0.798 √(p / (K_D C_E)), b = 1.60 √(p K_D C_E) for the whole width; for equal materials with
+    ν = 0.3 σ = 0.591 √(p E / K_D), b = 2.15 √(p K_D / E). K_D = D₁ D₂ / (D₁ + D₂).
+    """
+    load, one, other, young = 87_500.0, 0.30, 0.12, 207e9  # N/m, diameters in m, Pa
+    together = one * other / (one + other)
+    curvature = 2.0 / one + 2.0 / other
+    modulus = young / (2.0 * (1.0 - 0.3**2))
+    peak = float(hertz_pressure(load, curvature, modulus))
+    width = 2.0 * float(half_width(load, curvature, modulus))
+    assert peak == pytest.approx(0.798 * (load * modulus / together) ** 0.5, rel=5e-4)
+    assert width == pytest.approx(1.60 * (load * together / modulus) ** 0.5, rel=5e-3)
+    assert peak == pytest.approx(0.591 * (load * young / together) ** 0.5, rel=1e-3)
+    assert width == pytest.approx(2.15 * (load * together / young) ** 0.5, rel=3e-3)
+
+
+def test_modulus_of_a_pair():
+    """The follower is of the cam's material unless it says; a rigid one halves the compliance."""
+    steel = {"youngs_modulus": {"assumed": 206, "unit": "GPa"}}
+    parts = ContactParts.model_validate(steel)
+    assert parts.modulus == pytest.approx(206e9 / (2 * 0.91), rel=1e-15)
+    stiff = ContactParts.model_validate(
+        steel | {"follower_youngs_modulus": {"assumed": 1e13, "unit": "Pa"}}
+    )
+    assert stiff.modulus == pytest.approx(206e9 / 0.91 / (1 + 206e9 / 1e13), rel=1e-15)

@@ -1,0 +1,93 @@
+"""Cams, rigs and designs that tests of designs share, and a follower by an independent method."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from cam_rig.dynamics import FollowerParameters, TwoMassParameters
+from cam_rig.laws import Law, build_law
+from cam_rig.quantities.catalogue import DESIGNED
+from cam_rig.quantities.terms import Term, parse_term
+from cam_rig.schema import CamConfig, RigConfig, load_cam, load_rig
+from cam_rig.schema.load import config_root
+from cam_rig.studies.design.request import DesignRequest, LawClass, Multistart
+from cam_rig.studies.design.result import LawDesign
+from cam_rig.studies.design.space import DesignProblem, Space
+from cam_rig.studies.design.study import search_design
+from cam_rig.units import TURN, FloatArray
+
+RIG = load_rig(config_root() / "rigs" / "paper_table2.yaml")
+#: Limits: no higher peak acceleration than the start's.
+NO_HARDER = ("peak_acceleration<=start",)
+
+
+def cam(name: str = "poly345") -> CamConfig:
+    return load_cam(config_root() / "cams" / f"{name}.yaml")
+
+
+def term(text: str) -> Term:
+    return parse_term(text, DESIGNED)
+
+
+def problem(law_class: LawClass, name: str = "poly345") -> DesignProblem:
+    law = build_law(cam(name))
+    return DesignProblem(cam(name), law, RIG, Space(law, law_class))
+
+
+def designed(
+    law_class: LawClass,
+    start: CamConfig | None = None,
+    rig: RigConfig = RIG,
+    starts: int = 4,
+    **words: Any,
+) -> LawDesign:
+    request = DesignRequest.of(law_class=law_class, multistart=Multistart(starts), **words)
+    return search_design(start or cam(), rig, request)
+
+
+def written(found: LawDesign, folder: Path) -> CamConfig:
+    """The cam as its file has it."""
+    file = folder / f"{found.cam.name}.yaml"
+    file.write_text(found.text, encoding="utf-8")
+    return load_cam(file)
+
+
+def peak_torque(law: Law, speed: float, rig: RigConfig = RIG) -> float:
+    """Of one rigid mass at a speed (rad/s): (k s + c Ω s' + m Ω² s'' + F₀) s' at many angles."""
+    p = FollowerParameters.from_rig(rig)
+    s, slope, curvature = law.motion_at(np.linspace(0.0, TURN, 7201))
+    force = p.spring_stiffness * s + p.damping * speed * slope + p.mass * speed**2 * curvature
+    return float(np.abs((force + p.preload) * slope).max())
+
+
+def integrated(law: Law, p: TwoMassParameters, speed: float, times: FloatArray) -> FloatArray:
+    """The contact force (N) of two masses from rest, by DOP853 in the equations of motion."""
+
+    def rate(time: float, state: FloatArray) -> list[float]:
+        s, slope, _ = law.at(speed * time % TURN)
+        force = p.stem_stiffness * (s - state[0]) + p.stem_damping * (speed * slope - state[1])
+        pull = p.spring_stiffness * state[0] + p.damping * state[1] + p.preload
+        return [state[1], (force - pull) / p.end_mass]
+
+    s, slope, _ = law.at(0.0)
+    start = [p.share * s - p.preload / p.stiffness, p.share * slope * speed]
+    tight = {"rtol": 1e-9, "atol": 1e-14, "max_step": 5e-4}
+    y, v = solve_ivp(rate, (0.0, times[-1]), start, "DOP853", times, **tight).y
+    s, slope, curvature = law.motion_at(np.mod(speed * times, TURN))
+    force = p.stem_stiffness * (s - y) + p.stem_damping * (speed * slope - v)
+    return np.asarray(force + p.roller_mass * speed**2 * curvature)
+
+
+def require_kept(found: LawDesign) -> None:
+    """No limit is passed by more than 1e-6 of it, and the goal is better than the start's."""
+    goal, *limits = found.measures
+    worse = goal.result - goal.start
+    assert (worse if goal.sense == "<=" else -worse) < 0.0
+    for one in limits:
+        assert one.limit is not None
+        over = one.result - one.limit
+        assert (over if one.sense == "<=" else -over) <= 1e-6 * abs(one.limit), one.term.key

@@ -1,0 +1,260 @@
+"""Designs that are not convex: known optima from every start, limits kept by the written file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import cam_rig
+from cam_rig.acoustics import RadiationParameters
+from cam_rig.acoustics.pressure import steady_power
+from cam_rig.dynamics import FollowerParameters
+from cam_rig.dynamics.kinetostatic import force_weights, shaft_torque
+from cam_rig.laws import Law, build_law
+from cam_rig.laws.law import peak
+from cam_rig.profile.disc import contours
+from cam_rig.schema import CamConfig
+from cam_rig.studies.campaign.inputs import with_numbers
+from cam_rig.studies.design.request import LawClass, Multistart
+from cam_rig.studies.design.result import LawDesign
+from cam_rig.studies.design.space import Space, dwells, events, measured
+from cam_rig.units import RPM, TURN
+
+from .shared import NO_HARDER, RIG, cam, designed, peak_torque, problem, require_kept, term, written
+
+
+def least_radius(start: CamConfig, law: Law) -> float:
+    """Of the convex parts, from circles through three neighbours of the contour's points."""
+    found = []
+    for contour in contours(start.follower, law, 7200):
+        points = contour.points[0] + 1j * contour.points[1]
+        before, after = points - np.roll(points, 1), np.roll(points, -1) - points
+        turned = np.angle(after / before)
+        way = 0.5 * (np.abs(before) + np.abs(after))
+        sense = np.sign(turned.sum())
+        convex = sense * turned > 0.0
+        found.append(float((way[convex] / np.abs(turned[convex])).min()))
+    return min(found)
+
+
+def test_torque_against_a_constant_force_is_that_of_the_least_peak_slope() -> None:
+    """Where only the preload counts T = F₀ s′: the convex design of s′ bounds it.
+
+    All starts come to it.
+    """
+    light = {"follower.spring_stiffness": 1e-6, "follower.mass": 1e-6, "follower.damping": 0.0}
+    rig = with_numbers(RIG, {**light, "follower.preload": 50.0})
+    law_class = LawClass(8, 2)
+    how: dict[str, Any] = {"rig": rig, "limits": NO_HARDER}
+    slope = designed(law_class, minimise="peak_velocity", **how)
+    torque = designed(law_class, minimise="shaft_torque@10rpm", **how)
+    assert slope.certified
+    assert torque.goal.result == pytest.approx(50.0 * slope.goal.result, rel=5e-4)
+    assert torque.goal.bound is None
+    assert not torque.certified
+    assert torque.multistart == Multistart(4, near=4)
+
+
+def test_one_free_ordinate_is_as_good_as_a_scan(tmp_path: Path) -> None:
+    """A class of one ordinate each for rise and fall: the best of 401 values of both is not better.
+
+    The torque is the kinetostatic model's.
+    """
+    law_class, speed = LawClass(1, 3, 8), 250.0 * RPM
+    found = designed(law_class, minimise="shaft_torque@250rpm")
+    space = Space(build_law(cam()), law_class)
+    laws = [space.law(space.joined(np.full(2, x)), "scan") for x in np.linspace(0.0, 1.0, 401)]
+    follower, angles = FollowerParameters.from_rig(RIG), np.linspace(0.0, np.pi, 1201)
+    halves = []
+    for half in (angles, angles + np.pi):
+        motions, weights = [law.motion_at(half) for law in laws], force_weights(follower, speed)
+        halves.append(min(np.abs((weights @ m + follower.preload) * m[1]).max() for m in motions))
+    law = build_law(written(found, tmp_path))
+    assert peak_torque(law, speed) == pytest.approx(found.goal.result, rel=1e-5)
+    by_model = max(abs(shaft_torque(law, follower, a, speed)) for a in np.linspace(0.0, TURN, 721))
+    assert by_model == pytest.approx(found.goal.result, rel=1e-3)
+    assert found.goal.result <= max(halves) * (1.0 + 2e-5)  # where a descent ends
+    assert found.goal.result >= max(halves) * (1.0 - 2e-3)  # the scan's own grid
+
+
+@pytest.mark.variants(1)
+@pytest.mark.parametrize(
+    ("name", "goal", "limits"),
+    [
+        ("poly345", "shaft_torque@300rpm", [*NO_HARDER, "pressure_angle<=25deg"]),
+        ("poly345", "peak_jerk", ["radius_of_curvature>=45mm", "shaft_torque@250rpm<=5.5Nm"]),
+        ("oscillating_roller", "pressure_angle", ["radius_of_curvature>=start", *NO_HARDER]),
+        ("conjugate", "pressure_angle", NO_HARDER),
+        ("inclined_flat", "peak_jerk", ["radius_of_curvature>=start"]),
+        ("bezier15", "shaft_torque@300rpm", NO_HARDER),
+    ],
+)
+def test_the_written_cam_keeps_its_limits(
+    name: str, goal: str, limits: Sequence[str], tmp_path: Path
+) -> None:
+    """Torque by its formula, radius by circles through the contour's points."""
+    found = designed(LawClass(8, 3), cam(name), starts=3, minimise=goal, limits=limits)
+    require_kept(found)
+    made = written(found, tmp_path)
+    law = build_law(made)
+    for measure in found.measures:
+        if measure.term.name == "shaft_torque":
+            expected = peak_torque(law, measure.term.low)
+            assert expected == pytest.approx(measure.result, rel=1e-4)
+        if measure.term.name == "radius_of_curvature" and measure.limit is not None:
+            assert least_radius(made, law) >= measure.limit * (1.0 - 2e-3)
+
+
+@pytest.mark.variants(1)
+@pytest.mark.parametrize("seed", range(4))
+def test_random_cams_and_rigs(seed: int, tmp_path: Path) -> None:
+    """Any lift, base, follower, rig and speed: better than the start's fit, with its limits."""
+    random = np.random.default_rng(seed)
+    lift = float(10.0 ** random.uniform(-3.5, -0.5))
+    sizes = {"lift": lift, "follower.base_radius": random.uniform(1.5, 4.0) * lift}
+    sizes["follower.roller_radius"] = random.uniform(0.1, 0.5) * lift
+    start = with_numbers(cam(), sizes)
+    numbers = {"follower.spring_stiffness": 10.0 ** random.uniform(2, 5)}
+    numbers["follower.mass"] = 10.0 ** random.uniform(-1, 1)
+    rig = with_numbers(RIG, numbers | {"follower.preload": random.uniform(5.0, 200.0)})
+    rpm = float(random.uniform(20.0, 600.0))
+    limits = [*NO_HARDER, "radius_of_curvature>=start"]
+    goal = f"shaft_torque@{rpm!r}rpm"
+    found = designed(LawClass(5, 2), start, rig, 2, minimise=goal, limits=limits)
+    require_kept(found)
+    expected = peak_torque(build_law(written(found, tmp_path)), rpm * RPM, rig)
+    assert found.goal.result == pytest.approx(expected, rel=1e-4)
+    assert found.goal.result >= expected * (1.0 - 1e-9)
+
+
+def test_the_greatest_torque_of_a_range_is_no_less_than_at_any_speed_of_it() -> None:
+    """60 to 500 rpm: at speeds between the ends none is greater, and one is as great."""
+    goal = "shaft_torque@60-500rpm"
+    found = designed(LawClass(6, 3), starts=2, minimise=goal, limits=NO_HARDER)
+    peaks = [peak_torque(found.law, speed * RPM) for speed in np.linspace(60.0, 500.0, 45)]
+    assert max(peaks) == pytest.approx(found.goal.result, rel=1e-5)
+
+
+def test_a_convex_goal_under_a_limit_that_does_not_bind_is_the_convex_best() -> None:
+    """Peak jerk with a torque limit far off: what the convex program finds, and not certified."""
+    law_class = LawClass(6, 2)
+    convex = designed(law_class, minimise="peak_jerk")
+    found = designed(law_class, minimise="peak_jerk", limits=["shaft_torque@100rpm<=100Nm"])
+    assert found.goal.result == pytest.approx(convex.goal.result, rel=1e-4)
+    assert found.goal.bound is None
+
+
+@pytest.mark.long
+def test_the_jump_speed_of_a_rigid_mass_under_a_limit_on_the_radius() -> None:
+    """The limit costs speed: its result is below the bound without it, and above the start."""
+    limits = [*NO_HARDER, "radius_of_curvature>=start"]
+    free = designed(LawClass(8, 3), maximise="jump_speed_rigid", limits=NO_HARDER)
+    found = designed(LawClass(8, 3), starts=2, maximise="jump_speed_rigid", limits=limits)
+    assert found.goal.start < found.goal.result <= free.goal.bound  # type: ignore[operator]
+
+
+def level(law: Law, text: str) -> float:
+    return measured(problem(LawClass(4, 3)), law, term(text), "<=")
+
+
+def test_below_the_jump_speed_it_is_the_exact_level_of_the_steady_force() -> None:
+    """At 250 rpm, where nothing is lost, within the 0.003 dB of its sample rate."""
+    own, speed = problem(LawClass(4, 3)), 250.0 * RPM
+    power = steady_power(own.start, own.rigid, RadiationParameters.from_rig(RIG), speed)
+    found = level(own.start, "sound_level_with_jumps@250rpm")
+    assert found == pytest.approx(20.0 * np.log10(np.sqrt(power) / 20e-6), abs=3e-3)
+
+
+@pytest.mark.parametrize("rpm", [480.0, 540.0])
+def test_above_it_is_what_the_microphone_of_a_run_measures(rpm: float) -> None:
+    """With lift-offs and landings in each turn, four times the sample rate."""
+    law = build_law(cam())
+    motion = cam_rig.simulate(law, RIG, model="one_mass", rpm=rpm, turns=4, sample_rate=48_000)
+    assert motion.events
+    found = level(law, f"sound_level_with_jumps@{rpm:g}rpm")
+    assert found == pytest.approx(cam_rig.sound_level(motion).level_db, abs=0.02)
+
+
+@pytest.mark.long
+def test_a_search_is_quieter_than_the_best_law_that_no_landing_counts_for() -> None:
+    """At 500 rpm, beyond every jump speed: than the start, and than the convex level's optimum."""
+    goal = "sound_level_with_jumps@500rpm"
+    found, convex = (
+        designed(LawClass(8, 3), starts=2, minimise=one, limits=NO_HARDER)
+        for one in (goal, "sound_level_rigid@500rpm")
+    )
+    own = level(found.law, goal)
+    assert found.goal.result == own
+    assert own < min(found.goal.start, level(convex.law, goal)) - 0.1
+    limit = found.measures[1]
+    assert limit.result <= limit.limit * (1.0 + 1e-6)  # type: ignore[operator]
+    assert found.goal.bound is None
+
+
+HEIGHTS, LIFT = np.array([0.4, 0.6, 1.0]), 0.05
+
+
+def two_rises() -> CamConfig:
+    """Rises of 0.4 and 0.6 of the lift and a fall, 80° each, with dwells of 40° between them."""
+    data = cam().model_dump(exclude_none=True)
+    segments: list[dict[str, Any]] = [{"law": "dwell", "span": {"given": 20.0, "unit": "deg"}}]
+    for to, behind in ((0.4, 40.0), (1.0, 40.0), (0.0, 20.0)):
+        segments.append({"law": "poly345", "to": to, "span": {"given": 80.0, "unit": "deg"}})
+        segments.append({"law": "dwell", "span": {"given": behind, "unit": "deg"}})
+    return CamConfig.model_validate(data | {"segments": segments})
+
+
+def moved(start: CamConfig, keep: list[str], joints: int = 1, **words: Any) -> LawDesign:
+    return designed(LawClass(4, joints), start, starts=2, keep=keep, **words)
+
+
+@pytest.mark.long
+def test_spans_go_with_the_root_of_what_each_event_rises(tmp_path: Path) -> None:
+    """Least peak acceleration 4h/β² of three events that share 240°: β as √h.
+
+    The dwells keep their lengths, in the written file too.
+    """
+    found = moved(two_rises(), ["dwells", "lift"], minimise="peak_acceleration")
+    spans = np.radians(240.0) * np.sqrt(HEIGHTS) / np.sqrt(HEIGHTS).sum()
+    optimum = 4.0 * LIFT * HEIGHTS[0] / spans[0] ** 2
+    law = build_law(written(found, tmp_path))
+    assert abs(peak(law, 2).value) == pytest.approx(optimum, rel=2e-3)
+    assert found.goal.result == pytest.approx(optimum, rel=2e-3)
+    assert [b - a for a, b in dwells(law)] == pytest.approx(np.radians([20.0, 40.0, 40.0, 20.0]))
+    assert [event.span for event in events(law, 1)] == pytest.approx(spans, rel=5e-3)
+    assert found.goal.bound is None
+    assert found.spans_bound is not None
+    assert found.spans_bound <= found.goal.result <= found.spans_bound * 1.002
+
+
+@pytest.mark.long
+def test_a_limit_on_a_span_holds_and_dwells_give_way() -> None:
+    """Events that keep their middles: the fall as wide as its limit allows, 4h/β²."""
+    widest = 109.5
+    limits = [f"event_angle@{number}<={widest}deg" for number in (1, 2, 3)]
+    found = moved(two_rises(), ["lift"], minimise="peak_acceleration", limits=limits)
+    assert found.goal.result == pytest.approx(4.0 * LIFT / np.radians(widest) ** 2, rel=2e-3)
+    assert found.measures[3].active
+    for measure, event in zip(found.measures[1:], found.events, strict=True):
+        assert measure.start == pytest.approx(np.radians(80.0))
+        assert measure.result == pytest.approx(event.span)
+        assert measure.result <= np.radians(widest) * (1.0 + 1e-6)
+    middles = [event.start + 0.5 * event.span for event in found.events]
+    assert middles == pytest.approx(np.radians([60.0, 180.0, 300.0]), abs=1e-6)
+
+
+@pytest.mark.long
+def test_limits_of_the_start_are_those_of_its_own_events() -> None:
+    """Peak velocity at no more than the start's peak acceleration: lower than with its events."""
+    words: dict[str, Any] = {"joints": 2, "minimise": "peak_velocity", "limits": NO_HARDER}
+    fixed = moved(two_rises(), ["events", "dwells", "lift"], **words)
+    other = moved(two_rises(), ["dwells", "lift"], **words)
+    assert fixed.certified
+    assert other.goal.result < fixed.goal.result
+    assert other.goal.start == fixed.goal.start
+    allowed = abs(peak(build_law(two_rises()), 2).value)
+    assert abs(peak(other.law, 2).value) <= allowed * (1.0 + 1e-6)

@@ -1,0 +1,60 @@
+"""Readings of shipped laws, scaled to a lift, with the errors that gauges have."""
+
+import numpy as np
+import pytest
+
+from cam_rig.laws.arc_law import ArcFollower
+from cam_rig.studies.fit_cam.gauge import GaugeColumn, GaugeTable, put_in_order
+from cam_rig.units import TURN
+
+
+def all_around(count):
+    """Cam angles (rad) over one turn."""
+    return np.linspace(0.0, TURN, count, endpoint=False)
+
+
+def in_order(angles, lifts, resolution=1e-9, reverse=False):
+    """Readings (rad, m) as they come from a file, from line 2 on, put in order."""
+    column = GaugeColumn("lift", tuple(map(float, lifts)), resolution)
+    lines = tuple(range(2, 2 + len(angles)))
+    table = GaugeTable("lifts.csv", tuple(map(float, angles)), (column,), lines, ())
+    return put_in_order(table, column, reverse)
+
+
+FLAT, ROLLER = ArcFollower(True, 0.0), ArcFollower(False, 0.01)
+ANGLES = all_around(72)
+
+
+def readings_of(arcs, *followers, noise=0.0, reverse=(), seed=0):
+    """Readings of followers on a contour, the columns of ``reverse`` read backwards."""
+    rng = np.random.default_rng(seed)
+    columns = []
+    for i, follower in enumerate(followers):
+        lifts = arcs.lifts(follower, -ANGLES if i in reverse else ANGLES)
+        columns.append(in_order(ANGLES, lifts + rng.normal(scale=noise, size=ANGLES.size)))
+    return tuple(columns)
+
+
+@pytest.fixture(scope="session")
+def scaled(laws):
+    """A shipped law with a lift of 10 mm: a function of angle and order."""
+
+    def of(name):
+        factor = 0.01 / laws[name].lift
+        return lambda angle, order=0: factor * laws[name](angle, order)
+
+    return of
+
+
+@pytest.fixture(scope="session")
+def measured(scaled):
+    """Readings in order of a shipped law, 10 mm of lift, with noise and a zero (m)."""
+
+    def read(name, count=360, noise=2e-6, zero=0.0, seed=0, outliers=None):
+        lifts = scaled(name)(all_around(count)) + zero
+        lifts += np.random.default_rng(seed).normal(scale=noise, size=count)
+        for place, outlier in (outliers or {}).items():
+            lifts[place] += outlier
+        return in_order(all_around(count), lifts)
+
+    return read

@@ -1,0 +1,281 @@
+"""cam-rig fit cam and cam-rig new: from a table to numbers, files, and a run.
+
+Files load, give the fitted law, and say where each number comes from.
+"""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from cam_rig.laws import build_law
+from cam_rig.profile.cam_checks import check_cam
+from cam_rig.schema import load_cam, load_rig, load_scene
+from cam_rig.schema.load import config_root
+from cam_rig.studies.fit_cam.arcs import Arcs
+from cam_rig.studies.fit_cam.arcs_fit import fit_arcs
+from cam_rig.studies.fit_cam.files import arcs_cam, own_rig, own_scene, spline_cam
+from cam_rig.studies.fit_cam.spline_fit import fit_spline
+
+from ...cli.conftest import call, data_of, done
+from .conftest import ANGLES, FLAT, ROLLER, all_around, readings_of
+
+GL110 = config_root() / "cams" / "gunt_gl110_convex.csv"
+FINE = all_around(1000)
+
+
+@pytest.fixture
+def table(tmp_path):
+    """A table of 360 lifts as a spreadsheet in German writes it, with 2 µm and one outlier."""
+    angles = np.arange(0, 360)
+    u = np.clip((angles - 60.0) / 100.0, 0.0, 1.0), np.clip((angles - 220.0) / 100.0, 0.0, 1.0)
+    up, down = (10 * x**3 - 15 * x**4 + 6 * x**5 for x in u)
+    lifts = 3.2 + 10.0 * (up - down) + np.random.default_rng(1).normal(scale=0.002, size=360)
+    lifts[100] += 0.4
+    rows = [f"{a};{s:.4f}".replace(".", ",") for a, s in zip(angles, lifts, strict=True)]
+    path = tmp_path / "lifts.csv"
+    path.write_text("\ufeffWinkel (Grad);Hub (mm)\r\n" + "\r\n".join(rows), encoding="utf-8")
+    return path
+
+
+def test_a_table_becomes_a_scene_that_runs(table, tmp_path, monkeypatch):
+    """cam-rig new, then simulate, vibration and profile on its files, as they are."""
+    monkeypatch.chdir(tmp_path)
+    made = done("new", "mine", "--from-csv", table)
+    for words in ("separator semicolon, decimal comma", "assumed: follower roller", "mine.csv"):
+        assert words in made.output
+    assert "outliers: line 102 by " in made.output
+    rows = data_of("simulate", "mine/scenes/mine.yaml")["levels"]
+    assert rows and all(math.isfinite(row["level"]) for row in rows)
+    done("profile", "mine/cams/mine.yaml")
+    again = call("new", "mine", "--from-csv", table)
+    assert again.exit_code == 1
+    assert "mine/cams/mine.yaml: exists already, not overwriting" in again.output
+
+
+def test_new_asks_nothing(tmp_path, monkeypatch):
+    """Of two columns the first is taken, and that is said; the gap in the readings too."""
+    monkeypatch.chdir(tmp_path)
+    made = done("new", "gl110", "--from-csv", GL110)
+    assert "first column of lifts taken, not 'lift_b_mm': --column" in made.output
+    assert "no readings for 200 deg after 80 deg: the cam is assumed to rest there" in made.output
+    text = (tmp_path / "gl110" / "cams" / "gl110.yaml").read_text()
+    assert "# gunt_gl110_convex.csv: first column of lifts taken" in text
+
+
+def test_fit_prints_the_answer_and_writes_it(table, tmp_path):
+    """Distance, knots, outlier and what was not followed; JSON, CSV, picture and cam."""
+    out, plot, csv = tmp_path / "own.yaml", tmp_path / "fit.png", tmp_path / "fit.csv"
+    files = "--out", out, "--plot", plot, "--csv", csv, "--json", tmp_path / "fit.json"
+    result = done("fit", "cam", table, "--tolerance", 0.0005, *files)
+    assert "Not followed: 0.0005 mm were asked, the readings scatter by 0.00" in result.output
+    data = json.loads((tmp_path / "fit.json").read_text())
+    spline = data["spline"]
+    assert spline["scatter"] == pytest.approx(2e-6, rel=0.3)
+    assert spline["zero"] == pytest.approx(3.2e-3, abs=2e-6)
+    assert [outlier["line"] for outlier in data["outliers"]] == [102]
+    spans = [math.degrees(dwell["span"]) for dwell in data["dwells"]]
+    assert spans == pytest.approx([60, 100], abs=2)
+    assert spline["peak_acceleration"] == pytest.approx(
+        0.0057735 * 10 / math.radians(100) ** 2, rel=0.02
+    )
+    assert plot.read_bytes().startswith(b"\x89PNG")
+    assert csv.read_text().startswith("count,left_out,scatter,")
+    assert (tmp_path / "fit.dwells.csv").read_text().startswith("start,span,level,")
+    assert {"own.yaml", "own.csv"} <= {path.name for path in tmp_path.iterdir()}
+
+
+def test_one_column_under_a_named_follower():
+    """A column and a kind by name; the flat one alone tells no base radius."""
+    one = "--column", "lift_b_mm", "--follower", "flat"
+    data = data_of("fit", "cam", GL110, "--shape", "arcs", *one)
+    assert data["numbers"][0]["number"] == "base radius + roller radius"
+    assert data["numbers"][0]["told"] == "assumed"
+    assert data["arcs"]["rms"] < 0.05e-3
+    assert data["residuals"][0]["follower"] == "flat"
+
+
+def test_a_known_base_radius_gives_the_rollers(tmp_path):
+    """Only their sum is told, 44.52 mm: with 32 mm of base radius the roller has 12.52 mm."""
+    data = data_of("fit", "cam", GL110, "--shape", "arcs", "--base-radius", "32")["arcs"]
+    assert data["base_radius"] == pytest.approx(0.032, abs=1e-6)
+    assert data["roller_radius"] == pytest.approx(0.012523, abs=2e-6)
+    assert data["rms"] == pytest.approx(5.322e-5, rel=1e-3)
+
+
+@pytest.mark.long
+def test_new_reads_every_file(tmp_path, monkeypatch):
+    """Two files of one column each are the cam of both columns, as fit cam has it."""
+    monkeypatch.chdir(tmp_path)
+    rows = [line.split(",") for line in GL110.read_text().splitlines() if line[0] != "#"]
+    for name, column in (("a", 1), ("b", 2)):
+        (tmp_path / f"{name}.csv").write_text("\n".join(f"{r[0]},{r[column]}" for r in rows))
+    made = done("new", "both", "--from-csv", "a.csv", "--from-csv", "b.csv", "--shape", "arcs")
+    assert "5 numbers of tangent arcs: 0.0532 mm r.m.s. from 66 readings." in made.output
+    title = (tmp_path / "both" / "scenes" / "both.yaml").read_text().splitlines()[1]
+    assert title == 'title: "both, from readings"'
+
+
+def test_an_open_table_says_what_is_assumed(tmp_path):
+    """A table that ends before the fall: arcs mirror the rise, a spline refuses it."""
+    lines = [line for line in GL110.read_text().splitlines() if line[0] != "#"]
+    open_end = tmp_path / "open.csv"
+    open_end.write_text("\n".join(lines[: lines.index("25,7.65,11.65") + 1]))
+    result = done("fit", "cam", open_end, "--shape", "arcs")
+    assert "the fall is not in the table; assumed is the mirror image of the rise" in result.output
+    refused = call("fit", "cam", open_end, "--column", "lift_a_mm")
+    assert refused.exit_code == 2
+    assert "no reading for" in refused.stderr
+
+
+@pytest.mark.variants(7)
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (["fit", "cam", "{table}", "--out", "cam.txt"], 2, "--out: is cam.txt; allowed: a name"),
+        (["fit", "cam", "{table}", "--column", "lift"], 2, "has no column 'lift'; allowed: 'Hub"),
+        (["fit", "cam", "{table}", "{table}"], 2, "2 files; allowed: one for a spline, several"),
+        (["fit", "cam", "{table}", "--tolerance", "9"], 2, "--tolerance: is 9 mm; allowed: above"),
+        (["fit", "cam", "{table}", "--shape", "arcs"], 2, "no base circle, two equal flanks and a"),
+        (["fit", "cam", GL110], 2, "name it with --column ('lift_a_mm', 'lift_b_mm'), or take all"),
+        (["fit", "cam", GL110, "--shape", "arcs", "--tolerance", "1"], 2, "--tolerance: is for"),
+        (["fit", "cam", GL110, "--shape", "arcs", "--base-radius", "50"], 2, "allowed: below base"),
+        (["fit", "cam", "none.csv"], 2, "none.csv: no such file"),
+        (["new", "My Cam", "--from-csv", "{table}"], 2, "name: is 'My Cam'"),
+        (["new", "mine", "--from-csv", "{table}", "--rig", "none"], 2, "none.yaml: no such file"),
+    ],
+)
+def test_what_is_wrong_is_one_line(table, tmp_path, monkeypatch, arguments, code, words):
+    """The code of a wrong argument, one line, and no file is written."""
+    monkeypatch.chdir(tmp_path)
+    before = set(tmp_path.rglob("*"))
+    result = call(*(str(a).format(table=table) for a in arguments))
+    assert result.exit_code == code, result.output
+    assert words in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert set(tmp_path.rglob("*")) == before
+
+
+# A fit as files.
+
+
+def written(files, folder):
+    """The cam as it is read back."""
+    for name, text in files.texts.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    return load_cam(folder / next(iter(files.texts)))
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"), [("poly345", "roller"), ("bezier15", "flat"), ("arcs_convex", "point")]
+)
+def test_the_file_of_a_spline_is_the_spline(measured, tmp_path, kind, name):
+    """Read back: the law to a nanometre, dwells exact, and a contour that passes its checks."""
+    fit = fit_spline(measured(name, 180, zero=0.002, outliers={50: 4e-4}))
+    files = spline_cam("mine", fit, kind)
+    cam = written(files, tmp_path)
+    law = build_law(cam)
+    assert law(FINE) == pytest.approx(fit.law(FINE), abs=2e-8)
+    assert law(FINE) == pytest.approx(files.law(FINE), abs=1e-12)
+    assert len(cam.segments[0].dwells) == len(fit.dwells)
+    assert all(check.passed for check in check_cam(cam, law))
+    assert "left out, an outlier: line 52" in files.texts["mine.csv"]
+    assert any(f"follower {kind}" in words for words in files.assumed)
+
+
+def test_a_base_radius_that_fails_the_checks_is_named_beside_one_that_passes(measured):
+    """1 mm under 10 mm of lift, as asked: it is written, and not called assumed."""
+    fit = fit_spline(measured("poly345"))
+    files = spline_cam("mine", fit, "roller", 1e-3)
+    (words,) = (one for one in files.assumed if "checks" in one)
+    assert words.startswith("the base radius of 1 mm, as asked, does not pass all checks, ")
+    passing = float(words.split("all checks, ")[1].split(" mm does")[0])
+    other = spline_cam("mine", fit, "roller", 1e-3 * passing)
+    assert all(c.passed for c in check_cam(other.cam, other.law))
+
+
+def test_origins_are_told_apart(measured, tmp_path):
+    """The gauge's error is given, what was fitted identified, what nobody read assumed."""
+    readings = measured("poly345")
+    given = written(spline_cam("mine", fit_spline(readings, 3e-6), "roller", 0.055), tmp_path)
+    assert given.segments[0].tolerance.origin == "given"
+    assert given.follower.base_radius.origin == "given"
+    assert given.follower.base_radius.si == pytest.approx(0.055)
+    found = written(spline_cam("mine", fit_spline(readings), "roller", None, 0.009), tmp_path)
+    assert found.follower.roller_radius.si == pytest.approx(0.009)
+    assert found.follower.roller_radius.origin == "given"
+    assert found.segments[0].tolerance.origin == "identified"
+    assert found.lift.origin == "identified"
+    assert "r.m.s." in found.lift.residual
+    assert found.follower.base_radius.origin == "assumed"
+    assert {dwell.start.origin for dwell in found.segments[0].dwells} == {"identified"}
+
+
+@pytest.mark.parametrize("flank", [0.09, None, -0.15])
+def test_the_file_of_arcs_is_the_contour(tmp_path, flank):
+    """The law of the file is the arcs' lift, turned so that the nose is at 180°."""
+    arcs = Arcs(0.03, 0.01, flank, 0.012, 0.7)
+    fit = fit_arcs(readings_of(arcs, ROLLER), (False,), 0.01, 0.03)
+    files = arcs_cam("mine", fit, "roller")
+    law = build_law(written(files, tmp_path))
+    assert law(FINE) == pytest.approx(arcs.lifts(ROLLER, FINE + 0.7 - np.pi), abs=1e-7)
+    assert "40.11 deg of the readings" in files.texts["mine.yaml"]
+    assert any("roller radius 10 mm" in words for words in files.assumed)
+
+
+def test_the_radius_that_was_given_is_given():
+    """Of base and roller radius one may be known beside the readings; the other is then found."""
+    readings = readings_of(Arcs(0.03, 0.01, 0.09, 0.012, 0.7), ROLLER)
+    for known, base, rolling in (
+        (None, "identified", "assumed"),
+        ("roller", "identified", "given"),
+        ("base", "given", "identified"),
+        ("both", "given", "given"),
+    ):
+        fit = fit_arcs(readings, (False,), 0.01, 0.03, known)
+        follower = arcs_cam("mine", fit, "roller").cam.follower
+        assert follower.base_radius.origin == base
+        assert follower.roller_radius.origin == rolling
+
+
+@pytest.mark.parametrize("noise", [1e-5, 1e-4])
+def test_digits_are_those_that_readings_tell(noise):
+    """Radii of a file have few digits, the interval beside them, and are as near to readings."""
+    arcs = Arcs(0.03, 0.01, 0.09, 0.012, 0.7)
+    readings = readings_of(arcs, ROLLER, FLAT, noise=noise, seed=1)
+    fit = fit_arcs(readings, (False, True), 0.01, 0.03)
+    files = arcs_cam("mine", fit, "roller")
+    radius = files.cam.follower.base_radius
+    assert len(f"{radius.raw:g}".replace(".", "")) <= 5
+    assert "95 %: base radius + roller radius" in radius.residual
+    away = files.law(ANGLES - fit.arcs.nose_angle + np.pi) - readings[0].lifts
+    assert np.sqrt(np.mean(away**2)) < 1.01 * fit.fitted_columns[0].rms + 1e-9
+
+
+def test_rig_and_scene_are_read_back(measured, tmp_path, config_dir):
+    """Every number of the rig is assumed; the speeds go beyond the jump speed, and are few."""
+    like = load_rig(config_dir / "rigs" / "tm21.yaml")
+    (tmp_path / "rig.yaml").write_text(own_rig("mine", like), encoding="utf-8")
+    rig = load_rig(tmp_path / "rig.yaml")
+    assert rig.follower.mass.si == like.follower.mass.si
+    assert {getattr(rig.follower, key).origin for key in ("mass", "preload")} == {"assumed"}
+    assert rig.radiation.gain.origin == "assumed"
+    assert rig.radiation.calibrated_on == ""
+    law = fit_spline(measured("poly345")).law
+    text, speeds = own_scene("mine", law, rig)
+    (tmp_path / "scene.yaml").write_text(text, encoding="utf-8")
+    scene = load_scene(tmp_path / "scene.yaml")
+    assert scene.program.speeds.numbers == list(speeds)
+    assert list(speeds) == sorted(speeds)
+    assert len(speeds) == 5
+    heavy = own_scene("mine", law, rig.with_follower(preload=1e9))[1]
+    assert max(heavy) <= 20_000.0  # no speed lifts it off, and none is huge
+
+
+def test_a_coarse_gauge_is_read_back(measured, tmp_path):
+    """0.1 mm of noise on 10 mm: the points rise by more than their law, and the cam loads."""
+    fit = fit_spline(measured("flat", noise=1e-4))
+    law = build_law(written(spline_cam("mine", fit, "roller"), tmp_path))
+    assert law(FINE) == pytest.approx(fit.law(FINE), abs=2e-8)
+    assert np.ptp(fit.readings.lifts) > law.lift + 2e-4

@@ -1,0 +1,125 @@
+"""Random machines, measured: what of a fit's intervals holds the truth is counted over these."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy.signal import lfilter
+
+import cam_rig
+from cam_rig.dynamics import FollowerParameters
+from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
+from cam_rig.simulation.instruments import InstrumentErrors, Signal, measured_run
+from cam_rig.studies.fit_rig.jump_fit import RIGID
+from cam_rig.studies.fit_rig.numbers import WITHIN_95
+from cam_rig.studies.fit_rig.study import fit_run
+from cam_rig.units import to_rpm
+
+#: With dwells and without, smooth and with steps of acceleration.
+CAMS = ("poly345", "cycloidal", "bezier15", "poly4567", "arcs_convex", "tm21", "arcs_straight")
+#: Speeds in parts of the rigid jump speed; near it a follower presses little in parts of a turn.
+SPEEDS = {
+    ("one_mass", "in contact"): (0.3, 0.5, 0.7, 0.85, 0.95),
+    ("one_mass", "mixed"): (0.35, 0.55, 0.75, 0.95, 1.08),
+    ("one_mass", "landings"): (0.6, 1.04, 1.08, 1.15),
+    ("two_mass", "in contact"): (0.25, 0.35, 0.45, 0.55, 0.65),
+    ("two_mass", "mixed"): (0.35, 0.5, 0.65, 1.05),
+}
+NOISES = ("normal", "Laplace", "correlated")
+#: Of ten machines in their turn, model and speeds; those that take least time come most often.
+TURNS = (
+    *(("one_mass", "in contact"), ("one_mass", "mixed"), ("one_mass", "in contact")),
+    *(("one_mass", "landings"), ("one_mass", "in contact"), ("two_mass", "in contact")),
+    *(("one_mass", "mixed"), ("one_mass", "landings"), ("one_mass", "in contact")),
+    ("two_mass", "mixed"),
+)
+#: How far each speed scatters, and the correlation of neighbours where noise has one.
+SCATTER, ALIKE = 0.02, (0.5, 0.95)
+#: Noise of the force in parts of its largest, and of the lift (m).
+FORCE_NOISE, LIFT_NOISE = 0.01, 10e-6
+
+
+class Score(NamedTuple):
+    """One number of one machine: by how many of its standard errors it is off."""
+
+    seed: int
+    kind: tuple[str, str, str]
+    name: str
+    off: float
+
+
+def jump_rpm(law, rig):
+    """The jump speed of a rig's rigid follower."""
+    return to_rpm(rigid_jump_speed(law, FollowerParameters.from_rig(rig)))
+
+
+def kind_of(seed: int) -> tuple[str, str, str]:
+    """Model, speeds and noise of a machine."""
+    return (*TURNS[seed % len(TURNS)], NOISES[seed % len(NOISES)])
+
+
+def noise_of(kind, random, size):
+    """Noise ``(size,)`` of unit deviation."""
+    if kind == "normal":
+        return random.standard_normal(size)
+    if kind == "Laplace":
+        return random.laplace(size=size) / np.sqrt(2.0)
+    alike = random.uniform(*ALIKE)
+    own = random.standard_normal(size + 500)
+    return np.sqrt(1.0 - alike**2) * lfilter([1.0], [1.0, -alike], own)[500:]
+
+
+def numbers_of(rig, *more):
+    """The numbers of a rig's rigid follower, and some more, SI."""
+    return {name: getattr(rig.follower, name).si for name in (*RIGID, *more)}
+
+
+def rig_of(model, random):
+    """The follower's numbers, each its own."""
+    rig = cam_rig.load_rig("tm21" if model == "one_mass" else "paper_table2")
+    numbers = {n: v * float(random.uniform(0.6, 1.6)) for n, v in numbers_of(rig).items()}
+    if model == "one_mass":
+        numbers["restitution"] = float(random.uniform(0.1, 0.6))
+    else:
+        stem = rig.follower.stem_stiffness.si
+        numbers["stem_stiffness"] = stem * float(random.uniform(0.5, 2.0))
+        numbers["roller_share"] = float(random.uniform(0.25, 0.6))
+        numbers["stem_damping"] = float(random.uniform(5.0, 30.0))
+    return rig.with_follower(**numbers)
+
+
+def measured(law, rig, kind, rpms, random, rate):
+    """A run of a machine, with the noise of its kind."""
+    errors = InstrumentErrors(rate=rate, encoder_rate=rate, force_noise=0.0, lift_noise=0.0)
+    run = measured_run(law, rig, kind[0], rpms, errors, int(random.integers(1 << 30)))
+    size = run.force.value.size
+    force = FORCE_NOISE * run.force.value.max() * noise_of(kind[2], random, size)
+    lift = LIFT_NOISE * noise_of(kind[2], random, size)
+    return replace(
+        run,
+        force=Signal(run.force.time, run.force.value + force, "force"),
+        lift=Signal(run.lift.time, run.lift.value + lift, "lift"),
+    )
+
+
+def scores_of(seed: int, rate: int = 500) -> list[Score]:
+    """A machine of the kind and the cam that are its seed's turn, measured and fitted."""
+    random, kind = np.random.default_rng(seed), kind_of(seed)
+    law = cam_rig.build_law(cam_rig.load_cam(CAMS[seed % len(CAMS)]))
+    rig = rig_of(kind[0], random)
+    parts = np.array(SPEEDS[kind[:2]])
+    rpms = (parts + random.uniform(-SCATTER, SCATTER, parts.size)) * jump_rpm(law, rig)
+    run = measured(law, rig, kind, rpms.tolist(), random, rate)
+    fit = fit_run(law, run, cam_rig.load_rig("tm21"), kind[0])
+    return [
+        Score(seed, kind, n.name, (n.value - getattr(rig.follower, n.name).si) / n.error)
+        for n in fit.identified
+    ]
+
+
+def coverage(scores: Iterable[Score]) -> float:
+    """Part of the intervals of 95 % that hold the truth."""
+    return float(np.mean([abs(score.off) < WITHIN_95 for score in scores]))

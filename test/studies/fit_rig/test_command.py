@@ -1,0 +1,134 @@
+"""cam-rig fit rig: a number that was found, in tables and files; the command as it is used."""
+
+import json
+import re
+from functools import partial
+
+import pytest
+import yaml
+
+import cam_rig
+from cam_rig.studies.fit_rig.numbers import FoundNumber, FoundNumbers
+from cam_rig.studies.fit_rig.study import fitted_rig
+
+from ...cli.conftest import call as run
+from ...cli.conftest import done
+
+SURE = FoundNumber("preload", 14.947876, 0.0323, "identified")
+UNSURE = FoundNumber("damping", 8.6234, 3.1, "identified")
+OPEN = FoundNumber("restitution", 0.04123, 0.03, "identified")
+NONE = FoundNumber.unidentified("stem_stiffness", "a rigid stem explains it", 1e7)
+
+
+def table(*numbers):
+    return FoundNumbers(None, "one_mass", numbers, None).number_tables("rig", ())[0]
+
+
+def test_a_number_has_the_digits_of_its_error():
+    """In the table; one that is not identified has no value there, nor in JSON."""
+    numbers = table(SURE, UNSURE, OPEN, NONE)
+    rows = {row[0]: row for row in numbers.to_display()[0].rows}
+    assert rows["preload"][1:3] == ("14.948", "0.032")
+    assert rows["damping"][1:3] == ("8.6", "3.1")
+    assert table(NONE).to_display()[0].rows == (("stem_stiffness", "N/m", "not identified"),)
+    assert numbers.rows()[-1]["value"] is None
+
+
+@pytest.mark.parametrize(("found", "words"), [(UNSURE, "uncertain"), (OPEN, "may be 0")])
+def test_a_wide_error_is_warned_of_beside_the_value(found, words):
+    """A third of the value or more, or its sign open: in the row, in the file, in JSON."""
+    (row,) = table(found).to_display()[0].rows
+    assert re.match(rf"identified; {words}: with 95 % it is", row[-1])
+    assert words in found.gist
+    assert words in table(found).rows()[0]["caution"]
+    assert SURE.caution == ""
+
+
+def test_a_rig_file_has_the_digits_of_the_error(rig):
+    """14.948, and 14.948 ± 0.032 N beside it; of what is not identified another rig's, assumed."""
+    text, _ = fitted_rig("bench", [SURE, NONE], rig, "cam-rig fit rig a.csv", "1 rpm a reading")
+    follower = yaml.safe_load(text)["follower"]
+    assert follower["preload"]["identified"] == 14.948
+    assert "14.948 ± 0.032 N" in follower["preload"]["residual"]
+    assert "assumed" in follower["stem_stiffness"]
+
+
+# cam-rig fit rig.
+
+TABLE = """mass_kg,spring_N/mm,rpm
+0,2,336.8
+0,4.03,449.8
+0,8,622.6
+0.5,2,284.0
+0.5,4.03,385.7
+0.5,8,529.5
+1,2,257.2
+1,4.03,342.6
+1,8,469.7
+"""
+
+
+call = partial(run, "fit", "rig")
+
+
+@pytest.fixture
+def jumps(tmp_path):
+    path = tmp_path / "jumps.csv"
+    path.write_text(TABLE, encoding="utf-8")
+    return path
+
+
+def test_a_table_becomes_a_rig_that_loads(tmp_path, jumps):
+    """Table to rig file, picture and JSON; what was found is identified, the rest assumed."""
+    out = tmp_path / "bench.yaml"
+    files = "--out", out, "--plot", tmp_path / "j.png", "--json", tmp_path / "j.json"
+    done("fit", "rig", jumps, "poly345", "--given", "damping=8.6", *files)
+    rig = cam_rig.load_rig(out)
+    assert rig.follower.mass.origin == "identified"
+    assert rig.follower.mass.si == pytest.approx(1.3, abs=0.05)
+    assert rig.follower.damping.origin == "given"
+    assert rig.follower.spring_stiffness.origin == "assumed"
+    data = json.loads((tmp_path / "j.json").read_text(encoding="utf-8"))
+    numbers = {row["number"]: row for row in data["numbers"]}
+    assert numbers["restitution"]["value"] is None
+    assert numbers["mass"]["standard_error"] == pytest.approx(0.0098, rel=0.01)
+    assert data["correlation"][0] == {"number": "mass", "other": "mass", "correlation": 1.0}
+    assert [row["read_rpm"] for row in data["jump_speeds"]][:2] == pytest.approx([336.8, 449.8])
+    assert "Identified: mass 1.3" in data["fit"]["conclusions"][0]
+    assert (tmp_path / "j.png").stat().st_size > 10_000
+
+
+def test_an_empty_speed_is_no_reading(tmp_path, jumps):
+    """As an empty lift of a gauge; a mass that is empty beside a speed is refused."""
+    jumps.write_text(TABLE.replace(",469.7", ","), encoding="utf-8")
+    result = done("fit", "rig", jumps, "poly345", "--given", "damping=8.6")
+    assert "1 empty cell of the speed: no reading in 10" in " ".join(result.output.split())
+    for row, words in (
+        (",8,469.7", "line 10: the mass is empty"),
+        ("1,8", "line 10: has 2 cells"),
+    ):
+        jumps.write_text(TABLE.replace("1,8,469.7", row), encoding="utf-8")
+        result = call(jumps, "poly345")
+        assert result.exit_code == 2, result.output
+        assert words in result.output
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        (["--given", "mas=1"], "did you mean"),
+        (["--given", "mass=nan"], "--given mass=nan: 'nan' is no finite number; allowed"),
+        (["--given", "mass=-inf"], "'-inf' is no finite number; allowed"),
+        (["--given", "mass=1", "--given", "mass = 2"], "mass is given twice; allowed: once"),
+        (["--given", "mass=-1"], "allowed"),
+        (["--topics", "angle=/a.b"], "no meaning"),
+        (["--tolerance", "0"], "tolerance"),
+        (["--out", "rig.txt"], "yaml"),
+        (["--csv", "-", "--json", "-"], "both go to stdout"),
+    ],
+)
+def test_what_does_not_fit_is_said_in_a_line(jumps, more, words):
+    result = call(jumps, "poly345", *more)
+    assert result.exit_code == 2, result.output
+    assert words in result.output
+    assert "Traceback" not in result.output

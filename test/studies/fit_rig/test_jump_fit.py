@@ -1,0 +1,239 @@
+"""Numbers of a rig from jump speeds."""
+
+import math
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+
+import cam_rig
+from cam_rig.dynamics.jump.any_follower import find_jump
+from cam_rig.errors import ConfigError
+from cam_rig.laws import build_law
+from cam_rig.studies.fit_rig import jump_fit
+from cam_rig.studies.fit_rig.jump_fit import fit_jumps
+from cam_rig.studies.fit_rig.jump_table import JumpReading, JumpTable
+from cam_rig.studies.fit_rig.numbers import follower_of
+from cam_rig.units import RPM
+
+from .machines import numbers_of
+
+OWN, DAMPING, PRELOAD = 1.1, 8.0, 25.0
+MACHINE = {"mass": OWN, "damping": DAMPING, "preload": PRELOAD, "restitution": 0.0}
+#: What a table may give of each reading.
+COLUMNS = (
+    ("mass", "spring_stiffness", "preload"),
+    ("mass", "spring_stiffness"),
+    ("mass", "preload"),
+    ("spring_stiffness", "preload"),
+)
+#: What is put on for nine readings.
+SET_UPS = [{"mass": m, "spring_stiffness": k} for m in (0.0, 0.3, 0.9) for k in (2e3, 4e3, 9e3)]
+
+
+def table_of(law, machine, set_ups):
+    """The exact jump speeds of a machine with what is put on, and where it jumps (rad)."""
+    readings, angles = [], []
+    for line, known in enumerate(set_ups, 2):
+        of = machine | known | {"mass": machine["mass"] + known.get("mass", 0.0)}
+        jump = find_jump(law, follower_of(of, 1e8), None)
+        readings.append(JumpReading(line, jump.speed, known))
+        angles.append(jump.angle)
+    return JumpTable("jumps.csv", tuple(readings), tuple(set_ups[0]), ()), angles
+
+
+def moved(read, by):
+    """A table whose readings are off by so many rpm."""
+    off = zip(read.readings, by, strict=True)
+    return replace(read, readings=tuple(replace(r, speed=r.speed + d * RPM) for r, d in off))
+
+
+def table(law, noise=0.0, seed=0):
+    """Readings of a follower with 1.1 kg of its own, 25 N and 8 N·s/m, with noise in rpm."""
+    read, _ = table_of(law, MACHINE, SET_UPS)
+    return moved(read, noise * np.random.default_rng(seed).standard_normal(len(SET_UPS)))
+
+
+def random_table(random, columns, make_cam):
+    """A random machine on a cam of one rise and fall, its exact jump speeds and where it jumps."""
+    rise, fall = random.uniform(60.0, 140.0, 2).round()
+    laws = ["cycloidal", "poly345", "poly4567", "modified_sine", "simple_harmonic"]
+    up, down = random.choice(laws, 2)
+    segments = [
+        {"span": rise, "law": up, "to": 1.0},
+        {"span": 30.0, "law": "dwell"},
+        {"span": fall, "law": down, "to": 0.0},
+        {"span": 330.0 - rise - fall, "law": "dwell"},
+    ]
+    law = build_law(make_cam(*segments, lift=0.008))
+    mass, spring, preload = 10.0 ** random.uniform([-1.0, 2.7, 0.7], [1.0, 4.3, 2.3])
+    damping = 2.0 * 10.0 ** random.uniform(-2.0, -0.2) * math.sqrt(mass * spring)
+    choices = {
+        "mass": mass * np.array([0.0, *random.uniform([0.2, 0.8], [0.8, 2.0])]),
+        "spring_stiffness": spring * np.array([1.0, *random.uniform([1.3, 2.0], [2.0, 4.0])]),
+        "preload": preload * np.array([1.0, random.uniform(1.5, 2.5)]),
+    }
+    truth = {"mass": mass, "spring_stiffness": spring, "preload": preload, "damping": damping}
+    chosen = product(*(choices[name].tolist() for name in columns))
+    set_ups = [dict(zip(columns, one, strict=True)) for one in chosen]
+    read, angles = table_of(law, truth | {"restitution": 0.0}, set_ups)
+    return law, read, truth, math.degrees(np.ptp(angles))
+
+
+def values(fit):
+    return {n.name: n.value for n in fit.numbers}
+
+
+def test_exact_speeds_give_the_numbers_back(law, rig):
+    """Nine speeds tell three numbers, to the rounding of a search."""
+    found = values(fit_jumps(law, table(law), rig))
+    assert found["mass"] == pytest.approx(OWN, rel=1e-4)
+    assert found["preload"] == pytest.approx(PRELOAD, rel=1e-3)
+    assert found["damping"] == pytest.approx(DAMPING, rel=1e-3)
+    assert found["restitution"] is None
+
+
+@pytest.mark.parametrize("seed", range(80))
+@pytest.mark.parametrize("columns", COLUMNS)
+@pytest.mark.variants(12)
+def test_the_start_does_not_decide(make_cam, rig, columns, seed):
+    """Damping raises the jump speeds of a rise and lowers those of a fall: two least squares.
+
+    On whichever the machine jumps with all that is put on, and however far its numbers are from
+    the rig's where the search begins, they come back.
+    """
+    random, apart = np.random.default_rng(seed), math.inf
+    while apart > 20.0:
+        law, read, truth, apart = random_table(random, columns, make_cam)
+    fit = fit_jumps(law, read, rig)
+    found = values(fit)
+    assert found["mass"] == pytest.approx(truth["mass"], rel=1e-4)
+    assert np.abs(fit.left).max() < 1e-5 * read.rpm.max()
+    if found["damping"] is not None:
+        assert found["damping"] == pytest.approx(truth["damping"], rel=1e-2)
+
+
+def test_a_roller_s_share_comes_back_without_being_given(laws):
+    """Exact speeds of two masses: the start that misses them least leads to another follower."""
+    law = laws["cycloidal"]
+    rig = cam_rig.load_rig("paper_table2")
+    truth = numbers_of(rig, "stem_stiffness", "roller_share")
+    truth |= {"stem_damping": truth["damping"], "restitution": 0.0}
+    read, _ = table_of(law, truth, SET_UPS)
+    given = {name: truth[name] for name in ("damping", "stem_stiffness")}
+    found = values(fit_jumps(law, read, rig.with_follower(mass=1.0), "two_mass", given))
+    assert found["mass"] == pytest.approx(truth["mass"], rel=1e-6)
+    assert found["roller_share"] == pytest.approx(truth["roller_share"], rel=1e-6)
+
+
+@pytest.mark.long
+def test_intervals_hold_the_truth(law, rig):
+    """Readings off by 0.5 rpm, said to be: 20 tables with damping given."""
+    inside = 0
+    for seed in range(10):
+        read = table(law, noise=0.5, seed=seed)
+        fit = fit_jumps(law, read, rig, given={"damping": DAMPING}, error=0.5)
+        for number, truth in ((fit.numbers[0], OWN), (fit.numbers[1], PRELOAD)):
+            inside += abs(number.value - truth) < 1.96 * number.error
+    assert inside >= 16
+
+
+def test_without_masses_only_ratios_are_told(law, rig):
+    """F = 0 is homogeneous in m, c, k and preload."""
+    read = table(law)
+    same = replace(read.readings[4], known={})
+    one = replace(read, columns=(), readings=(same,) * 5)
+    fit = fit_jumps(law, one, rig, error=1.0)
+    assert all(n.value is None for n in fit.numbers)
+    assert any("not identifiable apart" in words for words in fit.conclusions())
+
+
+def test_a_mass_that_is_not_told_has_its_own_value_and_student_s_interval(law, rig):
+    """One spring: five speeds to 1 rpm do not tell the mass apart; it is no total mass either.
+
+    The interval is that of an error from two readings more than numbers, whichever are given.
+    """
+    machine = MACHINE | {"mass": 0.8, "spring_stiffness": 4e3}
+    read, _ = table_of(law, machine, [{"mass": on} for on in (0.0, 0.2, 0.4, 0.8, 1.2)])
+    read = moved(read, (1.0, -1.0, 1.0, -1.0, 1.0))
+    fit = fit_jumps(law, read, rig, given={"damping": DAMPING})
+    mass, words = fit.numbers[0], " ".join(fit.conclusions())
+    assert mass.value is None
+    assert mass.reason.startswith("with 95 % it is below")
+    assert "reach 4.3 standard errors" in words
+    fit = fit_jumps(law, read, rig, given={"damping": DAMPING, "mass": 0.8})
+    assert "reach 3.18 standard errors" in " ".join(fit.conclusions())
+
+
+def test_a_total_mass_in_place_of_what_was_put_on_is_asked_about(law, rig):
+    """Nothing is left for the follower's own."""
+    read = table(law)
+    total = [replace(r, known=r.known | {"mass": OWN + r.known["mass"]}) for r in read.readings]
+    fit = fit_jumps(law, replace(read, readings=tuple(total)), rig, error=0.5)
+    assert fit.numbers[0].reason.endswith("beside what was put on: is that the total mass?")
+
+
+def test_too_few_readings_are_refused(law, rig):
+    read = table(law)
+    few = replace(read, readings=read.readings[:2])
+    with pytest.raises(ConfigError, match=r"2 readings for 3 numbers.*needed: 4"):
+        fit_jumps(law, few, rig)
+
+
+@pytest.mark.long
+def test_an_outlier_is_named(law, rig):
+    """One reading 30 rpm off: its line."""
+    wrong = moved(table(law, noise=0.3), 30.0 * (np.arange(9) == 4))
+    fit = fit_jumps(law, wrong, rig, error=0.3)
+    assert any("Line 6" in words for words in fit.conclusions())
+
+
+def test_a_speed_that_spoils_the_fit_is_named(law, rig):
+    """One reading 30 % too high: no follower has them all, and its line is in the refusal."""
+    read = table(law)
+    wrong = moved(read, 0.3 * read.rpm * (np.arange(9) == 4))
+    with pytest.raises(ConfigError, match=r"from any follower .* line 6 the farthest by"):
+        fit_jumps(law, wrong, rig)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"speed": 1e308 * RPM}, r"the jump speed is 1e\+308 rpm; allowed: from"),
+        ({"speed": 1.1e5 * RPM}, "the jump speed is 110000 rpm; allowed: from"),
+        ({"speed": 0.5 * RPM}, r"the jump speed is 0\.5 rpm; allowed: from"),
+        ({"known": {"spring_stiffness": 1e280}}, r"spring_stiffness is 1e\+280 N/m; allowed"),
+    ],
+)
+def test_what_no_follower_has_is_refused(law, rig, change, words):
+    """A speed that no jump has, a number beyond the limits: its line, the value, the limit."""
+    read = table(law)
+    wrong = (*read.readings[:-1], replace(read.readings[-1], **change))
+    with pytest.raises(ConfigError, match=f"line 10: {words}"):
+        fit_jumps(law, replace(read, readings=wrong), rig)
+
+
+@pytest.mark.long
+def test_equal_set_ups_are_solved_once(law, rig, monkeypatch):
+    """A thousand readings of each of nine set-ups: as many solutions as of one of each.
+
+    The numbers are those of all readings: of a set-up read twice, with the mean of both.
+    """
+    count = 0
+
+    def counted(*arguments):
+        nonlocal count
+        count += 1
+        return find_jump(*arguments)
+
+    monkeypatch.setattr(jump_fit, "find_jump", counted)
+    read = table(law, noise=0.5)
+    once = fit_jumps(law, read, rig, given={"damping": DAMPING})
+    alone, count = count, 0
+    both = [replace(r, speed=r.speed + d * RPM) for r in read.readings for d in (0.1, -0.1)]
+    many = replace(read, readings=tuple(both * 500))
+    fit = fit_jumps(law, many, rig, given={"damping": DAMPING})
+    assert count < 1.5 * alone
+    assert values(fit)["mass"] == pytest.approx(values(once)["mass"], rel=1e-5)
+    assert values(fit)["preload"] == pytest.approx(values(once)["preload"], rel=1e-4)

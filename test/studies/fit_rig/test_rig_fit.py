@@ -1,0 +1,324 @@
+"""Numbers of a rig from simulated machines, whose truth is known."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import curve_fit
+from scipy.signal import lfilter
+
+import cam_rig
+from cam_rig.errors import ConfigError
+from cam_rig.simulation.instruments import InstrumentErrors, measured_run
+from cam_rig.studies.fit_rig.search import noise_of
+from cam_rig.studies.fit_rig.study import fit_run
+
+from .machines import jump_rpm
+
+IN_CONTACT, WITH_FLIGHTS = (150.0, 220.0, 290.0, 350.0, 410.0), (200.0, 350.0, 460.0)
+#: Half the samples of the default, to be quick.
+QUICK = InstrumentErrors(rate=800, encoder_rate=800)
+
+
+def numbers(fit):
+    return {number.name: number for number in fit.numbers}
+
+
+def gauge(fit, key):
+    return next(one.value for one in fit.instruments if one.key == key)
+
+
+def require_true(fit, rig, *names):
+    """These are identified, and of all that are no number is four standard errors off."""
+    found = {n.name: (n.value - getattr(rig.follower, n.name).si) / n.error for n in fit.identified}
+    assert set(names) <= set(found)
+    assert found and max(map(abs, found.values())) < 4.0, found
+
+
+def machine(cam, rig, **changes):
+    """A law, a rig with other numbers, and the jump speed (rpm) of a rigid follower."""
+    law = cam_rig.build_law(cam_rig.load_cam(cam))
+    rig = cam_rig.load_rig(rig).with_follower(**changes)
+    return law, rig, jump_rpm(law, rig)
+
+
+def test_the_same_as_scipy_on_the_same_likelihood(law, rig):
+    """scipy's curve_fit of force and lift in closed form, all instruments free."""
+    errors = replace(QUICK, counts=0)
+    run = measured_run(law, rig, "one_mass", IN_CONTACT, errors, 3)
+    fit = fit_run(law, run, rig, "one_mass")
+    like, x = fit.solution.likelihood, fit.solution.x
+    count = len(like.holds)
+    speeds = [like.speed_of(x, i) for i in range(count)]
+    data = np.concatenate([v for h in like.holds for v in (h.lift.value, h.force.value)])
+    deviations = (
+        (np.full(hold.lift.value.size, like.lift_noise), like.force_deviation(i))
+        for i, hold in enumerate(like.holds)
+    )
+    sigma = np.concatenate([part for both in deviations for part in both])
+
+    def shown(_, m, k, preload, c, zero, clock, *phases):
+        parts = []
+        for hold, speed, phase in zip(like.holds, speeds, phases, strict=True):
+            rate, begin = speed * (1.0 + 1e-6 * clock), hold.angle + phase
+            parts.append(law.motion_at(begin + rate * hold.lift.since)[0] + zero)
+            s, slope, bend = law.motion_at(begin + rate * hold.force.since)
+            parts.append(m * speed**2 * bend + c * speed * slope + k * s + preload)
+        return np.concatenate(parts)
+
+    phases = x[like.instruments.phases]
+    start = [1.0, 3000.0, 5.0, 5.0, 0.0, 0.0, *phases]
+    found, covariance = curve_fit(
+        *(shown, None, data, start, sigma),
+        absolute_sigma=True,
+        method="trf",
+        x_scale=np.abs(start) + 1e-3,
+    )
+    errors = np.sqrt(np.diag(covariance))
+    for k, name in enumerate(("mass", "spring_stiffness", "preload", "damping")):
+        number = numbers(fit)[name]
+        assert abs(number.value - found[k]) < 0.05 * errors[k], name
+        assert number.error == pytest.approx(errors[k], rel=0.1), name  # neighbours may err alike
+
+
+@pytest.mark.long
+def test_flights_tell_the_restitution(law, rig):
+    """Above the jump speed all five numbers, and the instruments' errors beside them."""
+    other = rig.with_follower(restitution=0.3)
+    run = measured_run(law, other, "one_mass", WITH_FLIGHTS, seed=4)
+    fit = fit_run(law, run, rig, "one_mass")
+    require_true(fit, other, "restitution")
+    assert gauge(fit, "clock_fast_by") == pytest.approx(200e-6, abs=5e-6)
+    assert np.degrees(gauge(fit, "encoder_offset")) == pytest.approx(3.0 - 180.0 / 1024, abs=0.03)
+    assert gauge(fit, "lift_noise") == pytest.approx(10e-6, rel=0.05)
+    assert [hold.lift_offs > 0 for hold in fit.holds] == [False, False, True]
+
+
+def test_a_coarse_encoder_s_zero_has_the_error_of_its_steps(law, rig):
+    """100 counts a turn: of the lift's noise alone it was some 20 errors off; the clock as well."""
+    errors = replace(QUICK, counts=100)
+    fit = fit_run(law, measured_run(law, rig, "one_mass", IN_CONTACT[:2], errors, 1), rig)
+    true = {"encoder_offset": errors.offset - np.pi / errors.counts, "clock_fast_by": errors.clock}
+    found = {one.key: one for one in fit.instruments}
+    off = {k: (found[k].value - value) / found[k].error for k, value in true.items()}
+    assert max(map(abs, off.values())) < 4.0, off
+
+
+def test_a_follower_that_never_leaves_tells_no_restitution(law, rig):
+    """Nor does its lift tell anything: it is the law's, whatever the follower."""
+    run = measured_run(law, rig, "one_mass", IN_CONTACT[:3], QUICK, 1)
+    fit = fit_run(law, run, rig)
+    assert numbers(fit)["restitution"].value is None
+    assert "never leaves the cam" in numbers(fit)["restitution"].reason
+    assert "rigid stem" in numbers(fit)["stem_stiffness"].reason
+    fit = fit_run(law, replace(run, force=None), rig)
+    assert fit.identified == ()
+    assert any("nothing" in words.lower() for words in fit.conclusions())
+
+
+@pytest.mark.long
+def test_lifts_alone_tell_ratios_to_the_mass(law, rig):
+    """Free flight knows k/m, c/m and preload/m, not m; with a given mass all follow."""
+    other = rig.with_follower(restitution=0.3)
+    rpms = (*WITH_FLIGHTS, 500.0)
+    run = replace(measured_run(law, other, "one_mass", rpms, seed=4), force=None)
+    free = fit_run(law, run, rig)
+    assert [n.name for n in free.identified] == ["restitution"]
+    assert "ratio to the mass" in numbers(free)["spring_stiffness"].reason
+    known = fit_run(law, run, rig, given={"mass": 1.3})
+    require_true(known, other, "spring_stiffness", "damping")
+
+
+def test_a_backlash_is_fitted_with(law, rig):
+    """0.2 mm between rise and fall shift the phase as damping does; found, they do not."""
+    errors = replace(QUICK, backlash=2e-4)
+    fit = fit_run(law, measured_run(law, rig, "one_mass", IN_CONTACT, errors, 5), rig)
+    assert gauge(fit, "lift_backlash") == pytest.approx(2e-4, rel=0.02)
+    require_true(fit, rig)
+    assert any("backlash" in words for words in fit.conclusions())
+
+
+@pytest.mark.long
+def test_a_force_sensor_s_resonance_is_no_stem(law, rig):
+    """300 Hz, 2 % damped: named as the sensor's, and the numbers are those of one mass."""
+    errors = InstrumentErrors(sensor_frequency=300.0)
+    run = measured_run(law, rig, "one_mass", (150.0, 250.0, 330.0, 400.0), errors, 5)
+    fit = fit_run(law, run, rig)
+    assert fit.model == "one_mass"
+    assert gauge(fit, "force_sensor_resonance") == pytest.approx(300.0, rel=0.01)
+    require_true(fit, rig)
+
+
+@pytest.mark.slow
+def test_a_stem_shows_in_the_force(law, rig):
+    """Two masses are found by themselves, with stem, share and stem damping."""
+    two = cam_rig.load_rig("paper_table2")
+    run = measured_run(law, two, "two_mass", (200.0, 280.0, 340.0, 380.0), QUICK, 2)
+    fit = fit_run(law, run, rig)
+    assert fit.model == "two_mass"
+    require_true(fit, two, "mass", "stem_stiffness", "roller_share", "stem_damping")
+
+
+@pytest.mark.long
+def test_a_stem_that_leaves_a_cam_of_arcs():
+    """Steps of acceleration ring the stem: it leaves the cam at 0.7 of the rigid jump speed.
+
+    Not told that there is a stem, no number is more than four standard errors off.
+    """
+    law, rig, jump = machine("arcs_straight", "paper_table2", mass=1.0)
+    rpms = 0.4 * jump, 0.7 * jump, 1.1 * jump
+    run = measured_run(law, rig, "two_mass", rpms, QUICK, 1)
+    fit = fit_run(law, run, cam_rig.load_rig("tm21"), None, {"restitution": 0.0})
+    require_true(fit, rig, "mass", "spring_stiffness", "preload", "damping")
+
+
+@pytest.mark.long
+def test_a_load_cell_off_zero_gives_no_preload_with_a_stem():
+    """In flights it shows what it is off by; all other numbers are as they would be."""
+    law, rig, jump = machine("arcs_straight", "paper_table2", mass=1.0)
+    run = measured_run(law, rig, "two_mass", (0.4 * jump, 0.6 * jump, 0.9 * jump), QUICK, 1)
+    off = replace(run, force=replace(run.force, value=run.force.value + 8.0))
+    fit = fit_run(law, off, cam_rig.load_rig("tm21"), "two_mass")
+    assert re.search(r"in flight the force reads [78]\.\d+ N", numbers(fit)["preload"].reason)
+    require_true(fit, rig, "mass", "spring_stiffness")
+
+
+def test_noise_is_a_floor_and_a_part():
+    """Both found again from 20 000 residuals."""
+    random = np.random.default_rng(1)
+    force = random.uniform(0.0, 200.0, 20_000)
+    residual = np.hypot(0.5, 0.01 * force) * random.standard_normal(force.size)
+    assert noise_of(residual, force) == pytest.approx((0.5, 0.01), rel=0.05)
+
+
+def with_force(run, value):
+    """The run with another force."""
+    return replace(run, force=replace(run.force, value=value))
+
+
+def test_a_force_alone_finds_the_encoder_s_zero(law, rig):
+    """All around: no zero at which a mass or a spring would be below none."""
+    errors = replace(QUICK, offset=np.radians(140.0))
+    run = measured_run(law, rig, "one_mass", IN_CONTACT[:3], errors, 7)
+    fit = fit_run(law, replace(run, lift=None), rig, "one_mass")
+    require_true(fit, rig)
+
+
+@pytest.mark.long
+def test_flights_tell_the_zero_of_the_load_cell(law, rig):
+    """In flight there is no force: what the sensor shows is its zero, and not preload."""
+    run = measured_run(law, rig.with_follower(restitution=0.3), "one_mass", WITH_FLIGHTS, seed=4)
+    fit = fit_run(law, with_force(run, run.force.value - 12.0), rig, "one_mass")
+    assert gauge(fit, "force_zero") == pytest.approx(-12.0, abs=0.5)
+    assert numbers(fit)["mass"].value == pytest.approx(1.3, abs=0.005)
+
+
+def test_what_cannot_be_fitted_is_refused(law, rig):
+    """Nothing measured, a dead or reversed channel, a number that no follower has."""
+    run = measured_run(law, rig, "one_mass", (200.0,), QUICK, 1)
+    force = run.force.value
+    for measured, given, words in (
+        (replace(run, lift=None, force=None), {}, "neither lift nor contact force"),
+        (with_force(run, 0.0 * force + 7.0), {}, "7 all the time"),
+        (with_force(run, -force), {}, "turn its sign"),
+        (run, {"mass": -1.0}, r"mass: -1 kg is given; allowed: from 1e-06 to"),
+    ):
+        with pytest.raises(ConfigError, match=words):
+            fit_run(law, measured, rig, given=given)
+
+
+def test_what_does_not_fit_gets_no_numbers(law, laws, rig):
+    """The law of another cam: every number is refused with the size of what is left."""
+    run = measured_run(law, rig, "one_mass", IN_CONTACT[:2], QUICK, 1)
+    fit = fit_run(laws["bezier15"], run, rig)
+    assert fit.identified == ()
+    assert all("is it that cam" in number.reason for number in fit.numbers)
+    assert any("another cam" in words for words in fit.conclusions())
+
+
+@pytest.mark.slow
+def test_a_stem_s_numbers_need_a_stem(law, rig):
+    """Of one mass they are refused; of two they are kept; and a lift alone shows no stem."""
+    two = cam_rig.load_rig("paper_table2")
+    run = measured_run(law, two, "two_mass", (200.0, 300.0), QUICK, 1)
+    with pytest.raises(ConfigError, match=r"roller_share.*two_mass"):
+        fit_run(law, run, rig, None, {"roller_share": 0.4})
+    with pytest.raises(ConfigError, match=r"no contact force.*one_mass"):
+        fit_run(law, replace(run, force=None), rig, "two_mass")
+    fit = fit_run(law, run, rig, "two_mass", {"roller_share": 0.4, "stem_damping": 9.0})
+    assert numbers(fit)["roller_share"].origin == "given"
+    assert numbers(fit)["stem_stiffness"].value is not None
+
+
+@pytest.mark.long
+def test_correlated_noise_of_the_force_drops_no_speed_on_the_cam(law):
+    """Two masses in contact, noise of 2 N and correlation 0.9ᵏ, a pattern at each speed."""
+    two = cam_rig.load_rig("paper_table2")
+    run = measured_run(law, two, "two_mass", (150.0, 220.0, 290.0), QUICK, 1)
+    steps = np.random.default_rng(1).normal(0.0, 2.0 * np.sqrt(1.0 - 0.81), run.force.value.size)
+    run = with_force(run, run.force.value + lfilter([1.0], [1.0, -0.9], steps))
+    fit = fit_run(law, run, two, "two_mass")
+    assert fit.left_out == ()
+    require_true(fit, two, "mass", "stem_stiffness")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", [1, 2])
+def test_lifts_of_two_flying_speeds_tell_a_rig_far_from_the_first_guess(seed):
+    """Every number half as large or half more: each that is told holds the truth."""
+    random = np.random.default_rng(seed)
+    base = cam_rig.load_rig("tm21")
+    names = ("spring_stiffness", "preload", "damping")
+    own = {n: getattr(base.follower, n).si * float(random.uniform(0.6, 1.6)) for n in names}
+    own["restitution"] = float(random.uniform(0.2, 0.5))
+    law, other, jump = machine(("cycloidal", "bezier15")[seed % 2], "tm21", **own)
+    rpms = 0.5 * jump, 1.08 * jump, 1.2 * jump
+    run = replace(measured_run(law, other, "one_mass", rpms, seed=seed), force=None)
+    fit = fit_run(law, run, base, given={"mass": other.follower.mass.si})
+    require_true(fit, other, "spring_stiffness", "restitution")
+
+
+def test_one_speed_on_the_cam_is_enough_beside_those_that_fly(rig):
+    """The search of all begins at its numbers and its phase: none of the others is left out."""
+    law, other, _ = machine("tm21", "tm21", mass=1.8)
+    run = measured_run(law, other, "one_mass", (200.0, 300.0, 350.0), QUICK)
+    fit = fit_run(law, run, rig, given={"restitution": 0.0})
+    assert fit.left_out == ()
+    require_true(fit, other)
+
+
+@pytest.mark.long
+def test_lifts_of_one_flying_speed_tell_nothing(law, rig):
+    """Several followers fly alike: none is told, and what to measure is."""
+    run = replace(measured_run(law, rig, "one_mass", WITH_FLIGHTS, seed=4), force=None)
+    fit = fit_run(law, run, rig)
+    assert fit.identified == ()
+    assert "a single speed that lifts off" in numbers(fit)["spring_stiffness"].reason
+
+
+def test_a_follower_that_bounces_at_random_is_refused(law, rig):
+    """No turn is as the one before: refused in a moment, with the reason."""
+    two = cam_rig.load_rig("paper_table2")
+    run = measured_run(law, two, "two_mass", (600.0, 650.0), seed=2)
+    with pytest.raises(ConfigError, match="below the jump speed"):
+        fit_run(law, run, rig)
+
+
+def test_outliers_of_the_force_are_named(law, rig):
+    """Spikes of 20 standard deviations in half a per cent: least squares follows them."""
+    run = measured_run(law, rig, "one_mass", IN_CONTACT[:3], QUICK, 1)
+    force = run.force.value.copy()
+    force[::200] += 0.2 * force.max()
+    fit = fit_run(law, with_force(run, force), rig, "one_mass")
+    count = sum(hold.force.value.size for hold in fit.solution.likelihood.holds)
+    (words,) = [words for words in fit.conclusions() if "outliers" in words]
+    assert f"of {count} samples of the force" in words
+    assert not any("outliers" in words for words in fit_run(law, run, rig).conclusions())
+
+
+def test_a_force_that_presses_on_a_dwell_alone_is_fitted(rig):
+    """Hardly any preload on a cam with a dwell: at some phase nothing but the dwell presses."""
+    law, other, jump = machine("tm21", "tm21", preload=0.2)
+    run = measured_run(law, other, "one_mass", (0.5 * jump, 0.9 * jump), QUICK, 103)
+    require_true(fit_run(law, run, rig, "one_mass"), other)

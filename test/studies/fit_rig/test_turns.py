@@ -1,0 +1,241 @@
+"""Steady speeds from an encoder's counts; a turn that comes back to itself beside models' runs."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import cam_rig
+from cam_rig.dynamics import MODELS, Interval, TwoMassParameters
+from cam_rig.dynamics.events.course import EndlessEventsError
+from cam_rig.dynamics.one_mass import OneMassTrajectory
+from cam_rig.errors import ConfigError
+from cam_rig.simulation.instruments import InstrumentErrors, MeasuredRun, Signal, measured_run
+from cam_rig.studies.fit_rig.numbers import follower_of
+from cam_rig.studies.fit_rig.residuals import FAR, Likelihood
+from cam_rig.studies.fit_rig.search import Candidate, search
+from cam_rig.studies.fit_rig.start import IN_A_PERIOD, MOST_POINTS, PressingSamples
+from cam_rig.studies.fit_rig.steady_turn import one_mass_turn, resonant, two_mass_turn
+from cam_rig.studies.fit_rig.turns import measured_holds, steady_holds
+from cam_rig.units import NS, RPM, TURN
+
+from .machines import numbers_of
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_every_hold_is_found_with_its_speed(law, rig, seed):
+    """Five speeds between ramps, 1024 counts: each is found once."""
+    rpms = np.random.default_rng(seed).uniform(60.0, 470.0, 5)
+    errors = InstrumentErrors(rate=100)
+    run = measured_run(law, rig, "kinetostatic", rpms, errors, seed, settled_for=1)
+    holds = steady_holds(run)
+    assert [round(hold.rpm) for hold in holds] == [round(rpm) for rpm in rpms]
+    for hold, rpm in zip(holds, rpms, strict=True):
+        # nearly whole counts a reading are the worst that an encoder does to a line
+        assert abs(hold.speed - rpm * RPM) < 1e-3 * hold.speed
+        assert hold.turns > 3.5
+    off = [abs(h.speed - rpm * RPM) / h.speed_error for h, rpm in zip(holds, rpms, strict=True)]
+    assert np.median(off) < 2.0
+
+
+def course(random, rate, counts, ramp):
+    """A cam at four random speeds, 3 to 12 turns each, ``ramp`` s between: its angle, its speeds.
+
+    Also the times of the corners, where a speed begins and ends.
+    """
+    speeds = np.repeat(random.uniform(100.0, 600.0, 4) * RPM, 2)
+    lengths = random.uniform(3.0, 12.0, 4) * TURN / speeds[::2]
+    steps = np.append(np.stack([lengths, np.full(4, ramp)], axis=1).ravel()[:-1], 0.0)
+    corners = np.append(0.0, np.cumsum(steps[:-1]))
+    at = np.cumsum(steps[:-1] * (speeds[:-1] + speeds[1:]) / 2.0)
+    time = np.arange(0.0, corners[-1], 1.0 / rate)
+    part = np.searchsorted(corners, time, side="right") - 1
+    since, bend = time - corners[part], np.diff(speeds) / np.maximum(steps[:-1], 1e-9)
+    angle = np.append(random.uniform(0.0, TURN) + np.append(0.0, at[:-1]), 0.0)[part]
+    angle = angle + speeds[part] * since + 0.5 * np.append(bend, 0.0)[part] * since**2
+    if counts:
+        angle = np.floor(angle * counts / TURN) * TURN / counts
+    return MeasuredRun("own", "cam", Signal(time, angle, "encoder")), speeds[::2], corners
+
+
+@pytest.mark.parametrize("rate", [1000, 2000, 4000])
+@pytest.mark.parametrize("counts", [1024, 2048, 4096, 0])
+@pytest.mark.parametrize("ramp", [0.0, 0.05, 0.3])
+@pytest.mark.variants(3)
+def test_no_speed_is_lost_at_a_corner(ramp, counts, rate):
+    """Two holds meet at a corner, whose readings lie on both lines to a count: both are found.
+
+    Every speed once, in its order, with its error, and over nearly all of its time.
+    """
+    random = np.random.default_rng(7)
+    for _ in range(3):
+        run, speeds, corners = course(random, rate, counts, ramp)
+        holds = steady_holds(run)
+        assert [hold.rpm for hold in holds] == pytest.approx(speeds / RPM, rel=3e-3)
+        ends = [hold.end for hold in holds]
+        assert all(hold.begin >= end for hold, end in zip(holds[1:], ends, strict=False))
+        length = corners[1::2] - corners[::2]
+        assert np.array(ends) == pytest.approx(corners[1::2], abs=0.1 * length.min())
+        if counts:
+            off = [(h.speed - w) / h.speed_error for h, w in zip(holds, speeds, strict=True)]
+            assert np.abs(off).max() < 4.0
+
+
+def test_a_speed_that_is_left_out_is_said(law, rig):
+    """With too few samples, or with a lift that differs from turn to turn: which, and why."""
+    run = measured_run(law, rig, "kinetostatic", (200.0, 250.0, 300.0), InstrumentErrors(rate=400))
+    first, second, _ = (hold for hold in steady_holds(run))
+    time, lift = run.lift.time, run.lift.value.copy()
+    inside = (time > second.begin) & (time < second.end)
+    lift[inside] += 0.1 * law.lift * np.random.default_rng(0).standard_normal(inside.sum())
+    kept = time > first.end - 0.02
+    run = replace(run, lift=Signal(time[kept], lift[kept], "lift"), force=None)
+    read, holds = measured_holds(run)
+    assert [round(hold.hold.rpm) for hold in holds] == [300]
+    assert read.notes == (
+        "left out: 200 rpm (fewer than 20 samples)",
+        "left out: 250 rpm (the lift differs from turn to turn)",
+    )
+
+
+def test_a_cam_that_nowhere_turns_steadily_is_refused():
+    """A ramp over the whole run has no speed to fit at."""
+    time = np.linspace(0.0, 3.0, 3000)
+    run = MeasuredRun("ramp", "cam", Signal(time, 40.0 * time**2, "encoder"))
+    with pytest.raises(ConfigError, match=r"nowhere turns steadily.*needed"):
+        steady_holds(run)
+
+
+def test_the_errors_of_a_line_are_those_of_an_encoder_s_steps():
+    """Steps that drift in two or three strands, at nearly k/n counts a reading, are no noise.
+
+    By a scatter of free readings one speed in twenty was more than four of its errors off; so was
+    the encoder's zero. Half a count is the angle's lag in the mean, no error.
+    """
+    random, count = np.random.default_rng(1), 2.0 * np.pi / 1024
+    off = []
+    for strands in [2, 3] * 30:
+        part = random.integers(5, 16) + random.integers(1, strands) / strands
+        speed = 500.0 * count * (part + random.uniform(-0.02, 0.02))
+        time = np.arange(0.0, 4.0 * 2.0 * np.pi / speed, 1.0 / 500.0)
+        start = random.uniform(0.0, 2.0 * np.pi)
+        angle = np.floor((start + speed * time) / count) * count
+        (hold,) = steady_holds(MeasuredRun("steps", "cam", Signal(time, angle, "encoder")))
+        middle = hold.angle + hold.speed * (hold.middle - hold.begin) + 0.5 * count
+        missed = middle - start - speed * hold.middle
+        off.append(((hold.speed - speed) / hold.speed_error, missed / hold.angle_error))
+    assert np.abs(off).max() < 4.0
+    assert np.std(off, axis=0).min() > 0.3
+
+
+SETTLE = 80
+
+
+def last_turn(law, model, parameters, speed, rate=5000):
+    """Angles, lift and force of a turn after many from rest."""
+    begin = round(SETTLE * TURN / speed * NS)
+    first = Interval(0, begin, 0.0, speed)
+    state, _ = MODELS[model].advance(law, parameters, None, first, rate)
+    at = first.angle_at(first.duration)
+    last = Interval(begin, begin + round(TURN / speed * NS), at, speed)
+    _, block = MODELS[model].advance(law, parameters, state, last, rate)
+    since = block.time - begin / NS
+    return at + speed * since, block
+
+
+@pytest.mark.parametrize("rpm", [200.0, 430.0, 470.0])
+@pytest.mark.parametrize("restitution", [0.0, 0.3])
+def test_one_mass(law, rig, rpm, restitution):
+    """On the cam and above the jump speed, plastic and with bounces."""
+    parameters = MODELS["one_mass"].parameters(rig.with_follower(restitution=restitution))
+    angle, block = last_turn(law, "one_mass", parameters, rpm * RPM)
+    lift, force = one_mass_turn(law, parameters, rpm * RPM).at(angle)
+    assert np.abs(lift - block.lift).max() < 1e-9
+    far = np.abs(force - block.force) > 1e-4 * block.force.max()
+    assert far.sum() <= 2  # a sample beside a landing may fall on its other side
+
+
+@pytest.mark.parametrize("rpm", [250.0, 420.0])
+def test_two_masses(law, rpm):
+    """In contact and with lift-offs: the fixed point is where many turns from rest end."""
+    rig = cam_rig.load_rig("paper_table2")
+    parameters = MODELS["two_mass"].parameters(rig)
+    angle, block = last_turn(law, "two_mass", parameters, rpm * RPM)
+    found = two_mass_turn(law, parameters, rpm * RPM)
+    assert bool(found.events) == (rpm > 400.0)
+    lift, force = found.at(angle)
+    assert np.abs(lift - block.lift).max() < 1e-9
+    assert np.median(np.abs(force - block.force)) < 1e-6 * block.force.max()
+
+
+def test_a_stem_damped_beyond_all_measure_has_no_turn(laws):
+    """A search came there: a flight that barely opens was followed in steps of 1e-12 s, an hour."""
+    parameters = TwoMassParameters(0.0156, 0.839, 1.06, 4511.0, 9.69e8, 7.1, 30.0, 0.0)
+    assert two_mass_turn(laws["bezier15"], parameters, 18.2) is None
+
+
+def test_a_turn_is_found_from_its_neighbour(law):
+    """From the turn of nearly the same follower, the same as from nothing."""
+    rig = cam_rig.load_rig("paper_table2")
+    near = two_mass_turn(law, MODELS["two_mass"].parameters(rig), 420.0 * RPM)
+    other = MODELS["two_mass"].parameters(rig.with_follower(preload=30.7))
+    angle = np.linspace(0.0, TURN, 500)
+    one = two_mass_turn(law, other, 420.0 * RPM, near).at(angle)[1]
+    two = two_mass_turn(law, other, 420.0 * RPM).at(angle)[1]
+    assert np.median(np.abs(one - two)) < 1e-6
+
+
+def test_a_sensor_s_resonance_is_its_transfer_function(law, rig):
+    """Order by order 1/(1 + 2iζr − r²); far above the orders of the force it shows the force."""
+    parameters = MODELS["one_mass"].parameters(rig)
+    turn, speed = one_mass_turn(law, parameters, 300.0 * RPM), 300.0 * RPM
+    angle = np.linspace(0.0, TURN, 4096, endpoint=False)
+    force = turn.at(angle)[1]
+    stiff = resonant(turn, speed, 1e5, 0.5)(angle)
+    assert np.abs(stiff - force).max() < 2e-3 * force.max()
+    shown = np.fft.rfft(resonant(turn, speed, 40.0, 0.1)(angle))[:60]
+    r = np.arange(60) * 5.0 / 40.0
+    wanted = np.fft.rfft(force)[:60] / (1.0 - r**2 + 0.2j * r)
+    assert np.abs(shown - wanted).max() < 1e-4 * np.abs(wanted).max()
+
+
+@pytest.mark.parametrize("cam", ["poly345", "arcs_straight", "tm21"])
+def test_a_stem_is_in_series_with_the_end_mass(laws, cam):
+    """Tried by harmonics, a stem shows the force of the exact motion: 1 % of its vibration off, or
+    more by the square of its periods a turn where these are more than can be looked at."""
+    random, law = np.random.default_rng(len(cam)), laws[cam]
+    parameters = MODELS["two_mass"].parameters(cam_rig.load_rig("paper_table2"))
+    for frequency in (9.0, *np.exp(random.uniform(np.log(20.0), np.log(2900.0), 20))):
+        speed = np.exp(random.uniform(np.log(20.0), np.log(6000.0))) * RPM
+        p = replace(
+            parameters,
+            preload=1e6,  # never off the cam
+            stem_stiffness=parameters.end_mass * (TURN * frequency) ** 2,
+            stem_damping=0.02 * parameters.end_mass * TURN * frequency,
+        )
+        angle = random.uniform(-TURN, 3.0 * TURN, 400)
+        pressing = PressingSamples.of(law, [(speed, angle)], np.zeros(400))
+        exact, shown = two_mass_turn(law, p, speed).at(angle)[1], pressing.on_a_stem(p)
+        mass = p.end_mass + p.roller_mass
+        rigid = pressing.parts @ [mass, p.damping, p.spring_stiffness, p.share * p.preload]
+        off = np.abs(shown - exact).max() / np.abs(exact - rigid).max()
+        periods, most = TURN * frequency / speed, MOST_POINTS / IN_A_PERIOD
+        assert off < 0.01 * max(1.0, periods / most) ** 2
+
+
+def test_a_follower_that_chatters_without_end_has_no_steady_turn(law, rig, monkeypatch):
+    """A candidate of a search without a motion is far off; the search goes on at what has one."""
+    monkeypatch.setattr(OneMassTrajectory, "most_events", 0)  # one that lifts off chatters
+    run = measured_run(law, rig, "kinetostatic", (200.0, 300.0), InstrumentErrors(rate=200), 1)
+    values = numbers_of(rig) | {"restitution": 0.0}
+    loose = values | {"spring_stiffness": 1000.0}  # leaves the cam from 236 rpm on
+    like = Likelihood(law, measured_holds(run)[1], ("spring_stiffness",), values, None)
+    start = Candidate(like, like.start(loose, 0.0, 0.0))
+    with pytest.raises(EndlessEventsError, match="allowed: 0 a turn"):
+        one_mass_turn(law, follower_of(start.values, None), 300.0 * RPM)
+    assert start.steady == [0]
+    assert (like.residuals(start.x) == FAR).any()
+    found = search(start)
+    assert found.steady == [0, 1]
+    spring = found.likelihood.values(found.x)["spring_stiffness"]
+    assert spring == pytest.approx(values["spring_stiffness"], rel=0.01)

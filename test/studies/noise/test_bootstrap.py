@@ -1,0 +1,210 @@
+"""Resampling, bands, crossings and claims, against cases whose answer is known."""
+
+from itertools import chain
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from cam_rig.errors import LawError
+from cam_rig.laws.cam import arc_cam
+from cam_rig.simulation.regression import cubic
+from cam_rig.simulation.simulate import Acoustics, settled_turns
+from cam_rig.studies.noise import methods as bootstrap
+from cam_rig.studies.noise.arc_cam import ArcShape, ShapeProblem, with_geometry
+from cam_rig.studies.noise.methods import (
+    TESTED_ON,
+    Band,
+    crossing,
+    crossing_interval,
+    noise_claims,
+    points_crossing,
+    resample,
+)
+from cam_rig.studies.noise.roles import StudyRoles
+from cam_rig.units import rms
+
+RPM = np.linspace(200.0, 400.0, 21)
+
+
+def test_draws_are_blocks_of_the_residual():
+    """Each draw is runs of neighbours, joined; over all draws every value is as likely."""
+    residual = np.arange(21.0)
+    draws = resample(residual, np.random.default_rng(2))
+    assert draws.shape == (bootstrap.DRAWS, 21)
+    inner = np.diff(draws, axis=1).reshape(-1, 20)
+    joints = [bootstrap.BLOCK - 1, 2 * bootstrap.BLOCK - 1]
+    within = np.delete(inner, joints, axis=1)
+    assert set(np.unique(within)) == {1.0, -20.0}  # the next speed, or round the end
+    share = np.bincount(draws.astype(int).ravel(), minlength=21) / draws.size
+    np.testing.assert_allclose(share, 1.0 / 21.0, rtol=0.1)
+
+
+def test_band_holds_95_percent():
+    """Of normal draws the band is ±1.96 deviations, and holds a curve that lies within."""
+    draws = np.random.default_rng(4).normal(80.0, 2.0, size=(20_000, 3))
+    band = Band.of(draws)
+    np.testing.assert_allclose(band.high - 80.0, 1.96 * 2.0, atol=0.1)
+    assert band.holds(np.array([80.0, 77.0, 90.0])) == pytest.approx(2.0 / 3.0)
+
+
+def test_crossing_of_known_lines():
+    """80 + 0.1 (x − 330) and 80 cross at 330; the root nearest to the published one counts."""
+    flat = np.full(21, 80.0)
+    assert crossing(RPM, flat + 0.1 * (RPM - 330.0), flat, 335.0) == pytest.approx(330.0, abs=1e-6)
+    bent = flat + 1e-3 * (RPM - 220.0) * (RPM - 340.0)
+    assert crossing(RPM, bent, flat, 335.0) == pytest.approx(340.0, abs=1e-6)
+    assert crossing(RPM, bent, flat, 210.0) == pytest.approx(220.0, abs=1e-6)
+    assert crossing(RPM, flat + 1.0, flat, 335.0) is None
+
+
+def test_crossing_of_points():
+    """Levels joined by straight lines cross where the lines do, nearest to the published speed."""
+    flat = np.full(21, 80.0)
+    straight = flat + 0.1 * (RPM - 333.0)
+    assert points_crossing(RPM, straight, flat, 335.0) == pytest.approx(333.0)
+    kinked = flat + np.interp(RPM, [200.0, 300.0, 320.0, 400.0], [1.0, -1.0, -1.0, 1.0])
+    assert points_crossing(RPM, kinked, flat, 335.0) == pytest.approx(360.0)
+    assert points_crossing(RPM, kinked, flat, 240.0) == pytest.approx(250.0)
+    assert points_crossing(RPM, flat + 1.0, flat, 335.0) is None
+
+
+def test_deviation_of_a_crossing():
+    """A level that is out by 0.5 dB moves a crossing of slope 0.1 dB/rpm by 5 rpm."""
+    flat, rising = np.full(21, 80.0), 80.0 + 0.1 * (RPM - 335.0)
+    shift = np.random.default_rng(6).normal(0.0, 0.5, size=(bootstrap.DRAWS, 1))
+    draws = (np.broadcast_to(flat, (bootstrap.DRAWS, 21)), rising + shift)
+    found = crossing_interval(RPM, (flat, rising), draws, 335.0)
+    assert found.rpm == pytest.approx(335.0, abs=1e-6)
+    assert found.deviation == pytest.approx(5.0, rel=0.1)
+    assert found.high - found.low == pytest.approx(2 * 1.96 * 5.0, rel=0.1)
+    assert found.missing == 0.0
+
+
+def test_draws_that_do_not_cross_are_counted():
+    """Where no draw crosses there is no interval, and the share says so."""
+    flat = np.full((50, 21), 80.0)
+    found = crossing_interval(RPM, (flat[0], flat[0] + 1.0), (flat, flat + 1.0), 335.0)
+    assert found.rpm is None
+    assert np.isnan(found.low)
+    assert found.missing == 1.0
+
+
+ROLES = StudyRoles(reference="conventional", predicted="proposed", arcs="arcs")
+
+
+def claims(crossover=335.0, **levels):
+    """Of curves of these levels by whatever they are tested on: by claim, then by that."""
+    curves = {
+        cam: SimpleNamespace(rpm=RPM, published_db=level, regression_db=level, level_db=level)
+        for cam, level in levels.items()
+    }
+    found = noise_claims(ROLES, curves, crossover)
+    return [found[i : i + len(TESTED_ON)] for i in range(0, len(found), len(TESTED_ON))]
+
+
+def test_what_holds_everywhere_has_no_speed_against_it():
+    """The arcs rise through both others at 335 rpm."""
+    found = claims(arcs=(RPM - 335.0) / 10.0, conventional=0.0 * RPM + 0.5, proposed=0.0 * RPM)
+    assert [[one.tested_on for one in claim] for claim in found] == [list(TESTED_ON)] * 3
+    assert [{one.cases for one in claim} for claim in found] == [{14}, {7}, {7}]
+    for one in chain(*found):
+        assert (one.holds, one.fails_rpm) == (one.cases, None)
+        assert one.verdict == f"at {one.cases} of {one.cases} speeds"
+
+
+def test_what_fails_says_at_which_speeds():
+    """The arcs cross at 355 rpm instead: two speeds above 335 rpm are against the paper."""
+    found = claims(arcs=(RPM - 355.0) / 10.0, conventional=0.0 * RPM - 1.0, proposed=0.0 * RPM)
+    (quietest, *_), (against_arcs, *_), (against_conventional, *_) = found
+    assert quietest.fails_rpm is None
+    assert against_arcs.verdict == "at 5 of 7 speeds, not at 340 to 350 rpm"
+    assert (against_conventional.holds, against_conventional.fails_rpm) == (0, (340.0, 400.0))
+
+
+def test_counts_and_speeds_agree():
+    """Random levels: where all cases hold nothing is against, else something is."""
+    random = np.random.default_rng(1)
+    for _ in range(20):
+        levels = {cam: random.normal(size=RPM.size) for cam in ("arcs", "conventional", "proposed")}
+        for one in chain(*claims(float(random.uniform(210, 390)), **levels)):
+            assert (one.holds == one.cases) == (one.fails_rpm is None)
+
+
+# -- the arc cam's three numbers: there and back, and found again from its own sound ----------
+
+
+SPEEDS = np.array([200.0, 240.0, 280.0, 320.0, 360.0, 400.0]) * np.pi / 30.0
+
+
+def test_shape_of_a_cam_file(cams, laws):
+    """Lift, event and flank give the nose back, and the same law."""
+    shape = ArcShape.of(cams["tm21"])
+    circles = arc_cam(cams["tm21"])
+    assert shape.nose(circles.base_radius) == pytest.approx(2.0 * circles.nose_half_angle, rel=1e-9)
+    angle = np.linspace(0.0, 6.0, 50)
+    np.testing.assert_allclose(shape.law(cams["tm21"])(angle, 0), laws["tm21"](angle, 0), atol=1e-9)
+
+
+def test_impossible_shape_is_refused(cams):
+    """A lift that no arcs of this event reach is an error that names the cam."""
+    with pytest.raises(LawError, match="tm21"):
+        ArcShape(0.5, 1.0, 2.0).law(cams["tm21"])
+
+
+@pytest.fixture
+def problem(make_loaded_scene):
+    """A curve made by a shape like the filed one, 4 % lower and 2 % shorter."""
+    loaded = make_loaded_scene(cams=["tm21"], speeds=[200])
+    cam, acoustics = loaded.cams["tm21"], Acoustics(loaded.radiation)
+
+    def turn(law):
+        return settled_turns(law, "one_mass", loaded.follower, SPEEDS)
+
+    true = ArcShape.of(cam).scaled(0.96, 0.98)
+    return ShapeProblem(cam, acoustics.levels(turn(true.law(cam))), turn), acoustics, true
+
+
+def test_fit_matches_the_curve_a_shape_was_made_with(problem):
+    """From the filed shape, the curve of another is matched to 0.1 dB, the flank kept."""
+    problem, acoustics, true = problem
+    found = problem.fit(ArcShape.of(problem.cam), acoustics)
+    left = cubic(SPEEDS) @ problem.cam_of(found).difference(acoustics)
+    assert rms(left) < 0.1
+    assert found.curvature == true.curvature
+
+
+def test_sensitivity_is_the_derivative(problem):
+    """Of lift and event, against a wider symmetric difference, where the follower keeps contact."""
+    problem, acoustics, true = problem
+    slope = problem.sensitivity(true, acoustics)
+    for axis, step in enumerate(np.diag([0.05, 0.05])):
+        up, down = (
+            acoustics.levels(problem.cam_of(true.scaled(*(1.0 + s * step))).turns) for s in (1, -1)
+        )
+        np.testing.assert_allclose(slope[:3, axis], (up - down)[:3] / 0.1, rtol=0.25, atol=0.7)
+
+
+def test_a_shape_is_run_once(make_loaded_scene):
+    """Fits to other constants begin at the same shapes, which are kept."""
+    loaded, runs = make_loaded_scene(cams=["tm21"], speeds=[200]), []
+
+    def turn(law):
+        runs.append(law)
+        return settled_turns(law, "one_mass", loaded.follower, SPEEDS[:1])
+
+    problem = ShapeProblem(loaded.cams["tm21"], np.zeros(1), turn)
+    shape = ArcShape.of(loaded.cams["tm21"])
+    assert problem.cam_of(shape) is problem.cam_of(shape)
+    assert len(runs) == 1
+
+
+def test_with_geometry(cams):
+    """Other numbers in the same file: a whole turn, the event in its middle, same origins."""
+    trial = with_geometry(cams["tm21"], lift_mm=8.0, event_deg=130.0, nose_deg=90.0)
+    spans = [segment.span.raw for segment in trial.segments]
+    assert spans == [115.0, 130.0, 115.0]
+    assert trial.segments[1].nose_span.raw == 90.0
+    assert trial.lift.si == pytest.approx(0.008, rel=1e-15)
+    origins = {key: number.origin for key, number in trial.numbers().items()}
+    assert origins == {key: number.origin for key, number in cams["tm21"].numbers().items()}

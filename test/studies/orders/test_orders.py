@@ -1,0 +1,323 @@
+"""cam-rig orders: of a cam and of a scene, tables, CSV, JSON, a plot, refusals in a line."""
+
+import csv
+import dataclasses
+import io
+import json
+import math
+from functools import partial
+
+import mpmath
+import numpy as np
+import pytest
+
+import cam_rig
+from cam_rig.acoustics import RadiationParameters, SoundSource, level_db
+from cam_rig.acoustics.pressure import mean_square_rate
+from cam_rig.dynamics import MODELS, FollowerParameters, TwoMassParameters
+from cam_rig.errors import ConfigError, DynamicsError
+from cam_rig.laws import Law
+from cam_rig.simulation.asked import speeds_in
+from cam_rig.simulation.simulate import turned_ticks
+from cam_rig.studies.orders.spectrum import (
+    force_orders,
+    order_spectrum,
+    polynomial_integral,
+    pulse_integral,
+    vibration_integral,
+)
+from cam_rig.studies.orders.steady_force import BUILDERS, steady_force
+from cam_rig.units import RPM, TURN
+
+from ...cli.conftest import call as run
+
+call = partial(run, "orders")
+
+
+def test_a_cam_at_one_speed():
+    """3-4-5 up and down alike: its even orders are rounding; the CSV has what the table shows."""
+    result = call("poly345", "--rpm", "400", "--orders", "12", "--csv", "-")
+    assert result.exit_code == 0, result.stderr
+    rows = list(csv.DictReader(io.StringIO(result.stdout)))
+    assert [float(row["order"]) for row in rows] == list(range(1, 13))
+    amplitudes = [float(row["force_amplitude"]) for row in rows]
+    assert max(amplitudes[1::2]) < 1e-10
+    assert min(amplitudes[::2]) > 1.0
+    assert float(rows[2]["frequency"]) == pytest.approx(20.0)
+    assert "Phase: force = mean" in result.stderr
+
+
+def test_a_scene_over_speed(tmp_path):
+    """Its cams, rig, model and speeds; the phase is of the force over θ."""
+    result = call("quick", "--orders", "20", "--json", "-", "--plot", tmp_path / "a.png")
+    assert result.exit_code == 0, result.stderr
+    found = json.loads(result.stdout)
+    speeds = {(row["cam"], row["rpm"]): row for row in found["speeds"]}
+    assert list(speeds) == [(c, r) for c in ("tm21", "bezier15") for r in (200, 300, 350, 400)]
+    assert (speeds["bezier15", 200]["period"], speeds["bezier15", 200]["settled"]) == (1, True)
+    at_rest = speeds["bezier15", 200]["mean_force"] + sum(
+        row["force_amplitude"] * math.cos(row["force_phase"])
+        for row in found["orders"]
+        if (row["cam"], row["rpm"]) == ("bezier15", 200)
+    )
+    assert at_rest == pytest.approx(12.753, abs=0.5)  # the preload, where the lift is zero
+
+
+def test_another_rig_and_model():
+    """A cam, or a cam of a scene, on a rig that is named; the model by the field's name."""
+    of_cam = call("poly345", "--rig", "paper_table2", "--model", "two_mass", "--rpm", "390,400")
+    assert of_cam.exit_code == 0, of_cam.stderr
+    words = ["--cam", "poly345", "--rpm", "400", "--rig", "paper_table2", "--json", "-"]
+    of_scene = json.loads(call("tm21_sweep", *words).stdout)
+    assert of_scene["run"] == {"rig": "paper_table2", "model": "one_mass"}
+
+
+def test_speeds_as_words():
+    """One, some, or from and to by a step."""
+    assert speeds_in("300") == [300.0]
+    assert speeds_in("300,200") == [200.0, 300.0]
+    assert speeds_in("0.1:0.4:0.1") == pytest.approx([0.1, 0.2, 0.3, 0.4])
+    for wrong in ("", "a", "1:2", "1:2:0", "2:1:1", "1:1e9:1", "nan", "-3", "1e6"):
+        with pytest.raises(ConfigError, match=r"--rpm .*allowed: 300"):
+            speeds_in(wrong)
+
+
+# -- the Fourier integrals against 50 digits, at every phase; resonance and critical damping too
+
+
+PHASES = np.array([0.0, 1e-9, 0.3, 2.0, 7.0, 31.0, 400.0, 1e4])
+
+
+def by_digits(powers, phase):
+    """∫₀¹ Σ aᵢ uⁱ e^{−iφu} du by parts, or by its series for a small phase, in 60 digits."""
+    with mpmath.workdps(60):
+        if phase < 1.0:
+            terms = range(60)
+            return sum(
+                a * (-1j * mpmath.mpf(phase)) ** k / mpmath.factorial(k) / (i + k + 1)
+                for i, a in enumerate(powers)
+                for k in terms
+            )
+        total, derivative, w = mpmath.mpc(0), list(powers), mpmath.mpc(0, phase)
+        for k in range(len(powers)):
+            at_one = mpmath.fsum(derivative)
+            total += (derivative[0] - at_one * mpmath.exp(-w)) / w ** (k + 1)
+            derivative = [i * a for i, a in enumerate(derivative)][1:] or [mpmath.mpf(0)]
+        return total
+
+
+@pytest.mark.parametrize("degree", [0, 1, 3, 5, 7, 15, 30])
+def test_a_polynomial_at_any_phase(degree):
+    """To some units in the last place of its largest ordinate, small phases and large ones."""
+    ordinates = np.random.default_rng(degree).uniform(-1.0, 1.0, degree + 1)
+    with mpmath.workdps(60):
+        powers = [mpmath.mpf(0)] * (degree + 1)
+        for j, b in enumerate(ordinates):
+            for k in range(degree - j + 1):
+                ways = mpmath.binomial(degree, j) * mpmath.binomial(degree - j, k)
+                powers[j + k] += mpmath.mpf(float(b)) * ways * (-1) ** k
+    exact = [complex(by_digits(powers, float(phase))) for phase in PHASES]
+    assert np.abs(polynomial_integral(ordinates, PHASES) - exact).max() < 3e-15
+
+
+@pytest.mark.parametrize("ratio", [0.0, 1e-6, 0.02, 0.7, 0.9999999, 1.0, 1.5, 40.0])
+def test_a_vibration_at_any_damping(ratio):
+    """Undamped in resonance, critical, creeping: ∫ c e^{At} z e^{−iΩt} dt in 50 digits."""
+    own, length = 300.0, 0.05
+    matrix = np.array([[0.0, 1.0], [-(own**2), -2.0 * ratio * own]])
+    row, start = np.array([3.0, 0.02]), np.array([1.0, -150.0])
+    rates = np.array([0.0, 12.0, 299.9, 300.0, 301.0, 4000.0])
+    found = vibration_integral(matrix, row, start, length, rates)
+    scale = length * 5.0
+    with mpmath.workdps(50):
+        for rate, value in zip(rates, found, strict=True):
+            shift = mpmath.mpc(0, float(rate))
+            shifted = mpmath.matrix(matrix.tolist()) - shift * mpmath.eye(2)
+            both = mpmath.zeros(4)  # the integral stands in the corner of one exponential
+            both[:2, :2], both[:2, 2:] = shifted * length, mpmath.eye(2) * length
+            integral = mpmath.expm(both)[:2, 2:] * mpmath.matrix(start.tolist())
+            exact = complex((mpmath.matrix(row.tolist()).T * integral)[0])
+            assert abs(value - exact) < 2e-14 * scale, (ratio, rate)
+
+
+def test_half_a_sine_of_unit_area():
+    """1 at φ = 0; π/4 in size at φ = π, where its formula is 0/0; else by quadrature."""
+    phase = np.array([0.0, 1e-7, 1.0, np.pi - 1e-9, np.pi, np.pi + 1e-5, 20.0])
+    with mpmath.workdps(30):
+        half = mpmath.pi / 2
+
+        def pulse(u, p):
+            return half * mpmath.sin(mpmath.pi * u) * mpmath.expj(-float(p) * u)
+
+        parts = mpmath.linspace(0, 1, 5)
+        exact = [complex(mpmath.quad(partial(pulse, p=p), parts)) for p in phase]
+    np.testing.assert_allclose(pulse_integral(phase), exact, rtol=0, atol=1e-15)
+    assert abs(pulse_integral(np.array([np.pi]))[0]) == pytest.approx(np.pi / 4, abs=1e-15)
+
+
+# -- orders of force and sound against the models' own equations, energy, and the FFT ---------
+
+
+PAPER = cam_rig.load_rig("paper_table2")
+
+
+def random_law(seed, name="random"):
+    """A smooth law of three pieces, C3 at each joint as half the ordinates are the neighbour's."""
+    random = np.random.default_rng(seed)
+    breaks = np.array([0.0, *np.sort(random.uniform(0.8, TURN - 0.8, 2)), TURN])
+    places = random.uniform(0.0, 0.02, 3)
+    ordinates = np.array([[places[i]] * 4 + [places[(i + 1) % 3]] * 4 for i in range(3)]).T
+    return Law(name, breaks, ordinates)
+
+
+def random_rig(seed):
+    random = np.random.default_rng(100 + seed)
+    return PAPER.with_follower(
+        mass=float(random.uniform(0.5, 2.0)),
+        damping=float(random.uniform(0.5, 60.0)),
+        preload=float(random.uniform(3000.0, 4000.0)),  # no loss of contact
+        stem_damping=float(random.uniform(1.0, 20.0)),
+    )
+
+
+def lift_orders(law, orders):
+    """c_n of the lift, from its own ordinates."""
+    total = np.zeros(orders.size, dtype=complex)
+    for low, span, column in zip(law.breaks[:-1], law.spans, law.ordinates.T, strict=True):
+        total += span * np.exp(-1j * orders * low) * polynomial_integral(column, orders * span)
+    return total / TURN
+
+
+def force_by_transfer(model, rig, lift, p, preload):
+    """F_n = Z(p) s_n at p = inω, by the equations of docs/theory.md."""
+    f = FollowerParameters.from_rig(rig)
+    if model in ("kinetostatic", "one_mass"):
+        force = (f.mass * p**2 + f.damping * p + f.spring_stiffness) * lift
+    elif model == "elastic_stem":
+        stem, both = f.stem_stiffness, f.spring_stiffness + f.stem_stiffness
+        force = stem * lift * (1.0 - stem / (f.mass * p**2 + f.damping * p + both))
+    else:
+        t = TwoMassParameters.from_rig(rig)
+        end = t.end_mass * p**2 + (t.stem_damping + t.damping) * p
+        away = lift * (1.0 - (t.stem_damping * p + t.stem_stiffness) / (end + t.stiffness))
+        force = t.roller_mass * p**2 * lift + (t.stem_damping * p + t.stem_stiffness) * away
+        preload *= t.share
+    return force + preload * (p == 0.0)
+
+
+@pytest.mark.parametrize("model", ["kinetostatic", "one_mass", "elastic_stem", "two_mass"])
+@pytest.mark.parametrize("seed", range(3))
+def test_in_contact_an_order_is_the_lifts_times_the_stiffness(model, seed):
+    """Models are linear: an order of the force is the lift's times the dynamic stiffness."""
+    law, rig, speed = random_law(seed), random_rig(seed), (150.0 + 60.0 * seed) * RPM
+    found = order_spectrum(law, model, rig, speed, 60)
+    assert found.steady.settled
+    assert (found.steady.turns, found.steady.landings) == (1, ())
+    preload = FollowerParameters.from_rig(rig).preload
+    lift = lift_orders(law, found.orders)
+    wanted = force_by_transfer(model, rig, lift, 1j * found.orders * speed, preload)
+    # s_n is known to its rounding, which the stiffness multiplies
+    rounding = 1e-15 * np.abs(wanted / lift)
+    assert (np.abs(found.force - wanted) < 2e-12 * found.amplitude.max() + rounding).all()
+
+
+@pytest.mark.parametrize("cam", ["poly345", "bezier15", "b_spline"])
+def test_all_orders_together_have_the_energy_of_the_turn(cam, laws, rig, follower):
+    """Parseval: their mean squares sum to that of the sound, which another way finds."""
+    law, speed, radiation = laws[cam], 300 * RPM, RadiationParameters.from_rig(rig)
+    found = order_spectrum(law, "kinetostatic", rig, speed, 2000)
+    exact = radiation.gain**2 * mean_square_rate(law, follower, radiation.corner_rate, speed)
+    assert found.total_db == pytest.approx(float(level_db(exact**0.5)), abs=2e-6)
+
+
+def sampled(steady, count):
+    """The FFT of the force over its turns, with the mean of both sides where it jumps."""
+    times = np.arange(count) * (steady.duration / count)
+    return np.fft.fft(steady.at(times)) / count
+
+
+@pytest.mark.parametrize(
+    ("cam", "model", "rpm", "away"),
+    [
+        ("bezier15", "one_mass", 400, 1e-14),
+        ("poly345", "elastic_stem", 420, 1e-14),
+        ("poly345", "one_mass", 400, 1e-8),
+        ("poly345", "one_mass", 520, 2e-4),
+        ("tm21", "one_mass", 380, 2e-4),
+        ("poly345", "two_mass", 480, 2e-4),
+    ],
+)
+def test_an_fft_comes_to_the_same(cam, model, rpm, away, laws, rig):
+    """To rounding, or to one sample over a jump; twice the samples, half as far: the FFT is off."""
+    own = PAPER if model in ("elastic_stem", "two_mass") else rig
+    steady = steady_force(laws[cam], model, own, rpm * RPM)
+    assert steady.settled
+    bare = dataclasses.replace(steady, landings=())
+    orders = np.arange(40 * steady.turns)
+    exact = force_orders(bare, orders * rpm * RPM / steady.turns, 1e-4)
+    peak = np.abs(exact).max()
+    differences = [
+        np.abs(sampled(steady, n)[: orders.size] - exact).max() / peak for n in (2**14, 2**17)
+    ]
+    assert differences[0] < 10.0 * away
+    assert differences[1] < max(0.5 * differences[0], 1e-13)
+
+
+@pytest.mark.parametrize(("cam", "rpm"), [("poly345", 520), ("tm21", 400), ("bezier15", 600)])
+def test_landings_keep_the_balance_of_momentum(cam, rpm, laws, rig, follower):
+    """Over a turn with flights the mean of force and landings is preload + k ȳ."""
+    found = order_spectrum(laws[cam], "one_mass", rig, rpm * RPM, 3)
+    assert found.steady.landings
+    motion = cam_rig.simulate(laws[cam], rig, rpm=rpm, turns=6, sample_rate=200_000)
+    turn = round(200_000 * 60 / rpm)
+    spring = follower.spring_stiffness * motion.lift[-turn * found.steady.turns :].mean()
+    assert found.amplitude[0] == pytest.approx(follower.preload + spring, rel=1e-5)
+
+
+def test_the_orders_are_what_the_microphone_hears(make_loaded_scene):
+    """With landings, up to 60 kHz: the mean square of the sound's samples over a settled turn."""
+    loaded = make_loaded_scene(cams=["tm21"], speeds=[350, 400], turns=3, sample_rate=192_000)
+    silent = dataclasses.replace(loaded.radiation, background=-200.0)
+    source = SoundSource(silent, 192_000, least_rate=192_000)
+    heard = {}
+    for tick in turned_ticks(loaded):
+        pressure = source.pressure(tick.force, tick.impulse, tick.start.speed)
+        heard[tick.start.speed] = float(level_db(np.sqrt(np.mean(pressure**2))))
+    for speed, level in heard.items():
+        found = order_spectrum(loaded.laws["tm21"], "one_mass", loaded.rig, speed, 9000)
+        assert len(found.steady.landings) == 1
+        assert found.total_db == pytest.approx(level, abs=0.02)
+
+
+def test_a_force_that_comes_back_after_two_turns_has_halves_of_orders(laws):
+    """And its even places are the orders of the cam."""
+    found = order_spectrum(laws["bezier15"], "two_mass", PAPER, 600 * RPM, 20)
+    assert found.steady.turns == 2
+    assert found.orders[:4].tolist() == [0.0, 0.5, 1.0, 1.5]
+    assert found.frequency[2] == pytest.approx(10.0)
+    times = np.linspace(0.0, 0.1, 50)
+    np.testing.assert_allclose(found.steady.at(times), found.steady.at(times + 0.2), atol=1e-6)
+
+
+def test_a_smoother_cam_sounds_at_fewer_orders(laws, rig):
+    """99 % of the sound's power: a step of force reaches farthest, one of jerk less, none least."""
+    highest = {}
+    for cam in ("tm21", "poly345", "bezier15"):
+        found = order_spectrum(laws[cam], "one_mass", rig, 300 * RPM, 100)
+        highest[cam] = found.order_within(0.99)
+        few = found.up_to(20)
+        assert few.orders[-1] == 20
+        assert few.level.tolist() == found.level[:21].tolist()
+        assert found.level[found.loudest] == found.level[1:].max()
+        whole = found.order_within(1.0 - 1e-15)
+        assert highest[cam] <= whole <= 100
+    assert highest["tm21"] > highest["poly345"] > highest["bezier15"]
+
+
+def test_what_has_no_closed_form_is_refused(laws):
+    """The torsional model; and a law whose velocity jumps, in a model that cannot."""
+    with pytest.raises(ConfigError, match="model torsional: its force is no closed form"):
+        steady_force(laws["poly345"], "torsional", PAPER, 10.0)
+    with pytest.raises(DynamicsError, match="velocity jumps"):
+        steady_force(laws["worked_example_constant_velocity"], "kinetostatic", PAPER, 10.0)
+    assert MODELS.keys() - BUILDERS.keys() == {"torsional"}

@@ -1,0 +1,225 @@
+"""Residual and torsional vibration: what is left in the low dwell, and known limits."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cam_rig.dynamics import FollowerParameters, TwoMassParameters
+from cam_rig.dynamics.jump.jump_speed import contact_lost_speed, jump_speed, rigid_jump_speed
+from cam_rig.dynamics.kinetostatic import state_at
+from cam_rig.dynamics.torsional.model import from_rig as shaft_of
+from cam_rig.dynamics.vibration import (
+    low_dwell,
+    residual_vibration,
+    steady_turn,
+    steady_twist,
+    vibration,
+)
+from cam_rig.errors import ConfigError, DynamicsError
+from cam_rig.laws import build_law
+from cam_rig.paper.factorial.study import squeezed
+from cam_rig.studies.vibration.study import Claim, Verdict, claims_table, measure
+from cam_rig.units import RPM
+
+from ...dynamics.helpers import bumped
+from ..conftest import FIVE
+
+
+@pytest.fixture(scope="module")
+def soft(cam_set):
+    """Its follower as one mass on the stem."""
+    return FollowerParameters.from_rig(cam_set.rig)
+
+
+def test_low_dwell_goes_around_the_turn(laws):
+    """About θ = 0 it is one stretch; for Bézier 15, which has none, 62.5° stand in."""
+    found, other = low_dwell(laws["poly345"]), low_dwell(laws["bezier15"])
+    assert found.dwell and not other.dwell
+    for one in (found, other):
+        assert np.degrees([one.start, one.span]) == pytest.approx([328.75, 62.5])
+    inside = np.radians([330.0, 0.0, 31.0, 32.0, 180.0])
+    assert found.holds(inside).tolist() == [True, True, True, False, False]
+
+
+def test_low_dwell_anywhere(make_cam):
+    """A cam that rests low in mid-turn is read there."""
+    cam = make_cam(
+        {"law": "dwell", "span": 90},
+        {"law": "poly345", "to": 0, "span": 60},
+        {"law": "dwell", "span": 100},
+        {"law": "poly345", "to": 1, "span": 110},
+    )
+    found = low_dwell(build_law(cam))
+    assert np.degrees([found.start, found.span]) == pytest.approx([150.0, 100.0])
+
+
+def test_a_law_that_never_rests_is_read_at_its_lowest(make_cam):
+    """Wherever that is: at θ = 0 this cam is at its top."""
+    cam = make_cam(
+        {"law": "poly345", "to": 0, "span": 200}, {"law": "poly345", "to": 1, "span": 160}
+    )
+    found = low_dwell(build_law(cam))
+    assert not found.dwell
+    assert np.degrees(found.middle) == pytest.approx(200.0)
+
+
+@pytest.mark.parametrize("cam", ["poly345", "poly4567", "cycloidal", "bezier_segments"])
+def test_in_a_dwell_all_vibration_is_free(laws, soft, cam):
+    """Where the cam rests nothing drives the stem: it swings by twice the ringing, dying out."""
+    found = vibration(laws[cam], soft, None, 300.0 * RPM)
+    assert 1.9 * found.residual_amplitude < found.peak_to_peak <= 2.0 * found.residual_amplitude
+
+
+def test_acceleration_on_a_stiff_stem_is_the_laws(laws, follower):
+    """A stem of 3.3e8 N/m under a C3 law: the follower's acceleration is h s'' Ω², to 0.1 %."""
+    turn = steady_turn(laws["poly4567"], follower, 300.0 * RPM)
+    expected = laws["poly4567"](turn.angle, 2) * (300.0 * RPM) ** 2
+    assert turn.acceleration == pytest.approx(expected, abs=1e-3 * np.abs(expected).max())
+
+
+def test_the_acceleration_of_a_short_bump_is_seen(laws, soft):
+    """0.3° wide on the high dwell: 6 h over the square of half its width, to rounding."""
+    height, width = 3e-6, np.radians(0.3)
+    law = bumped(laws["poly345"], np.radians(180.07), width, height)
+    found = vibration(law, soft, None, 60.0 * RPM).rigid_acceleration
+    assert found == pytest.approx(6.0 * height * (60.0 * RPM / (0.5 * width)) ** 2, rel=1e-9)
+
+
+def test_vibration_is_what_the_share_leaves(laws, soft):
+    """r is x less the static share of the lift."""
+    turn = steady_turn(laws["poly345"], soft, 300.0 * RPM)
+    share = soft.stem_stiffness / (soft.stem_stiffness + soft.spring_stiffness)
+    left = turn.displacement - share * laws["poly345"](turn.angle)
+    assert turn.vibration == pytest.approx(left, abs=1e-12)
+
+
+def test_ringing_at_many_speeds_is_that_at_one(laws, soft):
+    """Speeds together or alone: the same."""
+    speeds = np.array([200.0, 300.0, 380.0]) * RPM
+    alone = [residual_vibration(laws["cycloidal"], soft, speeds[i : i + 1])[0] for i in range(3)]
+    assert residual_vibration(laws["cycloidal"], soft, speeds) == pytest.approx(
+        np.array(alone), rel=1e-9
+    )
+
+
+def test_twist_on_a_stiff_shaft_is_torque_over_stiffness(laws, cam_set):
+    """A shaft that hardly gives twists by F s'/k as the cam's torque asks, to 1 %."""
+    shaft = replace(shaft_of(cam_set.rig), shaft_stiffness=1e7, shaft_damping=10.0)
+    speed = 300.0 * RPM
+    angle, twist = steady_twist(laws["poly4567"], shaft, speed)
+    forces = [
+        state_at(laws["poly4567"], shaft.follower, float(a), speed).contact_force for a in angle
+    ]
+    torque = np.array(forces) * laws["poly4567"](angle, 1)
+    peak = np.abs(torque).max() / 1e7
+    assert twist == pytest.approx(-torque / 1e7, abs=0.01 * peak)
+
+
+def test_no_steady_state(laws, soft):
+    """Without damping a harmonic at the stem's own frequency is no steady state."""
+    undamped = replace(soft, damping=0.0)
+    rate = np.sqrt((soft.stem_stiffness + soft.spring_stiffness) / soft.mass)
+    rpm = f"{rate / 24.0 / RPM:.6g}"
+    with pytest.raises(DynamicsError, match=rf"no steady state at {rpm} rpm"):
+        vibration(laws["poly345"], undamped, None, rate / 24.0)
+
+
+def test_what_the_paper_says(cam_set):
+    """At 250 and 300 rpm: Bézier 15 is gentlest to follower, stem and shaft, as in the paper.
+
+    It has the least free vibration in the window, and the most motion there.
+    """
+    table = measure(cam_set, (250.0, 300.0, 300.0))
+    claims = table.claims
+    assert table.rpm == (250.0, 300.0)  # given twice, it is no second case
+    assert len(claims) == 6
+    assert {c.verdict for c in claims if c.measure != "peak to peak"} == {Verdict.AGREES}
+    at = table.at(300.0)
+    assert list(at) == list(FIVE)
+    assert max(at, key=lambda cam: at[cam].peak_to_peak) == "bezier15"
+    by = {claim.measure: claim.verdict for claim in claims if claim.source == "fig. 5"}
+    assert by == {"residual amplitude": Verdict.AGREES, "peak to peak": Verdict.DISAGREES}
+
+
+def test_a_cam_that_is_left_is_marked_and_not_asked(cam_set):
+    """Beyond its jump speed eq. 5 holds on a follower that has left: no case for the paper."""
+    table = measure(cam_set, (300.0, 400.0, 500.0))
+    follower = TwoMassParameters.from_rig(cam_set.rig)
+    jumps = {cam: jump_speed(law, follower).rpm for cam, law in cam_set.laws.items()}
+    assert {row.cam: row.contact_lost_rpm for row in table.rows} == pytest.approx(jumps, rel=1e-4)
+    lost = {
+        rpm: {r.cam for r in table.rows if r.rpm == rpm and r.contact_lost} for rpm in table.rpm
+    }
+    assert lost[300.0] == set()
+    assert lost[400.0] == {"poly4567", "bezier_segments"}
+    assert lost[500.0] == set(FIVE) - {"bezier15"}
+    assert {claim.cases for claim in table.claims} == {1}
+
+
+def test_when_a_cam_is_left(rig, laws, cam_set):
+    """Where its velocity jumps or nothing presses, at any speed; without two masses, as a rigid."""
+    assert contact_lost_speed(laws["worked_example_constant_velocity"], cam_set.rig) == 0.0
+    assert contact_lost_speed(laws["poly345"], cam_set.rig.with_follower(preload=0.0)) == 0.0
+    expected = rigid_jump_speed(laws["poly345"], FollowerParameters.from_rig(rig))
+    assert contact_lost_speed(laws["poly345"], rig) == expected
+
+
+def test_verdicts():
+    """All, none or some of the cases; undecided without any."""
+    found = [Claim("", "", "", holds, 3).verdict for holds in (3, 2, 0)]
+    assert found == [Verdict.AGREES, Verdict.IN_PART, Verdict.DISAGREES]
+    assert Claim("", "", "", 0, 0).verdict is Verdict.UNDECIDED
+
+
+def test_a_rig_without_a_shaft(rig, cam_set):
+    """No shaft, no twist, and nothing is said of it."""
+    table = measure(replace(cam_set, rig=rig), (300.0,))
+    assert all(row.measured.twist is None for row in table.rows)
+    assert not any("twist" in claim.claim for claim in table.claims)
+
+
+@pytest.mark.parametrize("rpm", [0.0, -3.0, 1e-3, 3200.0, 8000.0, float("nan"), float("inf")])
+def test_speeds_that_mean_nothing(cam_set, rpm):
+    """Too slow to sample, or so fast that the stem swings 1.2 times a turn."""
+    with pytest.raises(ConfigError, match=r"speed is .* rpm; allowed: 1 to 31\d\d rpm"):
+        measure(cam_set, (300.0, rpm))
+
+
+@pytest.mark.variants(6)
+@pytest.mark.parametrize("cam", FIVE)
+@pytest.mark.parametrize("rpm", [200.0, 1000.0, 3000.0])
+def test_steady_turn_is_the_fourier_series(laws, soft, cam, rpm):
+    """Up to the limit the turn is the sum of its harmonics, and ringing no more than all of it."""
+    turn = steady_turn(laws[cam], soft, rpm * RPM)
+    n = np.arange(turn.angle.size // 2 + 1) * rpm * RPM
+    stiffness = soft.stem_stiffness + soft.spring_stiffness
+    passed = soft.stem_stiffness / (stiffness - soft.mass * n**2 + 1j * soft.damping * n)
+    expected = np.fft.irfft(np.fft.rfft(laws[cam](turn.angle)) * passed, turn.angle.size)
+    assert turn.displacement == pytest.approx(expected, abs=1e-9)
+    found = vibration(laws[cam], soft, None, rpm * RPM)
+    assert found.residual_amplitude <= 1.1 * np.abs(turn.vibration).max()
+    if found.window.dwell:  # nothing else vibrates there
+        inside = np.abs(turn.vibration[found.window.holds(turn.angle)]).max()
+        assert found.residual_amplitude == pytest.approx(inside, rel=0.05)
+
+
+def test_a_law_too_steep_to_split(laws, soft):
+    """Ringing larger than all that vibrates is an artefact of the split, and refused."""
+    law = squeezed(laws["cycloidal"], np.radians(60.0))
+    with pytest.raises(
+        DynamicsError, match=r"residual vibration of .* in a vibration of .*; allowed"
+    ):
+        residual_vibration(law, soft, np.array([3000.0 * RPM]))
+
+
+def test_claims_stand_with_their_rig_measure_and_cases():
+    """A row for each measure and rig, with the cases where there are several."""
+    claims = [Claim("soft", "least", "fig. 5", 4, 4, "peak to peak"), Claim("a", "b", "c", 1, 1)]
+    (shown,) = claims_table(claims, (200.0, 300.0)).to_display()
+    assert [row[2:] for row in shown.text_rows] == [
+        ["peak to peak", "soft", "agrees, 4 of 4"],
+        ["", "a", "agrees"],
+    ]
+    assert "200, 300 rpm" in shown.notes[0]
+    assert claims_table([], (300.0,)).to_display() == []
