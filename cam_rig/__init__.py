@@ -15,7 +15,7 @@ residual vibration, orders, contact pressure            vibration, orders, conta
 how loud a motion is                                    sound_level; the paper's study: noise
 the linear model, into scipy.signal                     Rig.state_space, Rig.frequency_response
 a better law, with a proven bound                       design
-many rigs that differ in some numbers                   campaign, largest_waviness
+many rigs that differ in some numbers                   campaign
 a cam from gauge readings, a rig from a measured run    fit_cam, fit_rig
 a recorded run; beside the model                        read_bag; compare
 the paper's open question, its Table 2                  factorial, readings
@@ -49,7 +49,6 @@ if TYPE_CHECKING:
     from cam_rig.schema import RigConfig as Rig
     from cam_rig.simulation.scene import build_law, load_cam, load_rig, load_scene
     from cam_rig.studies.bounce.study import bounce_map
-    from cam_rig.studies.campaign.largest_waviness import largest_waviness
     from cam_rig.studies.campaign.study import campaign
     from cam_rig.studies.compare.study import compare
     from cam_rig.studies.contact.study import contact
@@ -92,7 +91,6 @@ _HOMES = {
     "fit_rig": "cam_rig.studies.fit_rig.study",
     "jump": "cam_rig.studies.jump.study",
     "jump_speed": "cam_rig.studies.jump.jump_speed",
-    "largest_waviness": "cam_rig.studies.campaign.largest_waviness",
     "law": "cam_rig.studies.laws.study",
     "list_laws": "cam_rig.studies.laws.study",
     "load_cam": "cam_rig.simulation.scene",
@@ -113,7 +111,7 @@ _HOMES = {
 __all__ = [
     "Cam", "CamRigError", "Law", "Rig", "__version__", "as_cut", "bounce_map", "build_law",
     "campaign", "check_contours", "compare", "contact", "contour", "design", "factorial",
-    "fit_cam", "fit_rig", "jump", "jump_speed", "largest_waviness", "law", "list_laws",
+    "fit_cam", "fit_rig", "jump", "jump_speed", "law", "list_laws",
     "load_cam", "load_rig", "load_scene", "noise", "orders", "plot_law", "read_bag", "readings",
     "run_scene", "simulate", "sound_level", "sweep", "timing", "vibration",
 ]  # fmt: skip

@@ -56,8 +56,6 @@ CASES = [
     "analyze {golden} --plot",
     "campaign {draws} --jobs 1 --out {draws}.rows --plot",
     "campaign {planes} --jobs 1 --out {planes}.rows --plot",
-    "campaign {draws} --points 3 --jobs 1 --largest-waviness 2 --plot",
-    "campaign {waves} --jobs 1 --largest-waviness 5 --plot",
 ]
 #: Campaigns of one's own: many inputs, points that fail or never jump, a limit that none keeps.
 CAMPAIGNS = {
@@ -74,15 +72,6 @@ CAMPAIGNS = {
         plan: {kind: latin_hypercube, points: 24}
         measures: [jump_speed, least_contact_force@12000rpm, residual_vibration_steady@200-210rpm]
         limits: [jump_speed>=99999rpm, least_contact_force@12000rpm>=-1e-9N]
-        """,
-    "waves": """
-        vary:
-          profile.waviness.amplitude: {values: [2], unit: um}
-          profile.waviness.wavelength: {range: [12, 300], unit: deg}
-          profile.waviness.phase: {range: [0, 360], unit: deg}
-        plan: {kind: sobol, points: 8}
-        measures: [jump_speed_rigid]
-        limits: [jump_speed_rigid>=400rpm]
         """,
     "planes": """
         vary:

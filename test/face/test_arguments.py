@@ -169,7 +169,6 @@ def right(tmp_path_factory):
         "jump": one | {"from_rest": 0.5, "steady": False, "ramp": None, "refit": False} | told,
         "jump_speed": {"law": LAW, "rig": RIG, "duration": 0.5}
         | dict.fromkeys(("mass", "spring_stiffness", "damping", "preload")),
-        "largest_waviness": {"study": "tolerance_poly345", "wavelengths": [0.31], **points},
         "law": {"names": "poly345", "rises": False},
         "list_laws": {"family": "start"},
         "load_cam": {"cam": "poly345"},

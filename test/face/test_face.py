@@ -179,7 +179,6 @@ PARTS = {
     *("Cam", "CamRigError", "Law", "Rig", "__version__"),
     *("build_law", "load_cam", "load_rig", "load_scene"),
     *("contour", "jump_speed", "plot_law", "simulate", "sound_level", "sweep"),
-    "largest_waviness",  # an option of campaign
 }
 #: Options that say what is drawn or written, which a result is asked for in Python.
 FILES = {
@@ -189,7 +188,6 @@ FILES = {
     "compare": {"save"},
     "orders": {"save"},
     "design": {"out"},  # `text` of a design is the file
-    "campaign": {"largest-waviness"},
     "profile": {"out", "positions", "pitch", "cutter", "tolerance", "points", "from", "force"},
 }
 #: Where processes are asked for, a function takes an executor, and how many it has.

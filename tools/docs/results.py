@@ -34,7 +34,6 @@ GIVEN_BY = {
     "profile_measured": "profile CAM --from FILE",
     "simulate": "simulate, analyze",
     "stem": "report",
-    "waviness": "campaign STUDY --largest-waviness 24",
 }
 #: So many columns that end two tables of a result alike are listed once.
 REPEATED = 4

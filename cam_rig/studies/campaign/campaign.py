@@ -299,18 +299,6 @@ def measure_point(campaign: Campaign, inputs: FloatArray) -> tuple[list[float], 
     return found, "; ".join(dict.fromkeys(reasons))
 
 
-def keeps_limits(campaign: Campaign, inputs: FloatArray) -> bool:
-    """Whether a point ``(d,)``, SI, keeps all limits; one without a measure does not."""
-    try:
-        point = make_point(campaign, inputs)
-        return all(
-            kept(limit, np.array(CampaignMeasure(limit.term).of(point))).all()
-            for limit in campaign.limits
-        )
-    except CamRigError:
-        return False
-
-
 def make_point(campaign: Campaign, inputs: FloatArray) -> Subject:
     """The cam, the rig and the scene with a point's numbers ``(d,)``, SI."""
     numbers: dict[str, dict[str, float]] = {"cam": {}, "rig": {}, "scene": {}, "profile": {}}

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cam_rig.errors import ConfigError, DynamicsError, OutputError, RunError
+from cam_rig.errors import DynamicsError, OutputError, RunError
 from cam_rig.show.command import LOG_PERIOD_S, Dask, Jobs, command
 from cam_rig.show.result import Progress, Result
 from cam_rig.show.terminal import console, say
@@ -74,18 +74,6 @@ def sized(now: float, in_all: float) -> str:
     return f"{now / length:.3g} of about {in_all / length:.3g} {unit}"
 
 
-Wavelengths = Annotated[
-    int | None,
-    typer.Option(
-        metavar="N",
-        min=1,
-        max=1000,
-        help="Instead: the largest waviness with which 99 % keep the study's limits, for N "
-        "wavelengths. It keeps no rows: refused with --out and with --resume.",
-    ),
-]
-
-
 @command("plot", "csv", "json")
 def campaign(
     study: Annotated[str, typer.Argument(help="Study file, or a name in config/campaigns.")],
@@ -97,7 +85,6 @@ def campaign(
     ] = False,
     points: Annotated[int | None, typer.Option(help="Points, in place of the study's.")] = None,
     seed: Annotated[int | None, typer.Option(help="Seed, in place of the study's.")] = None,
-    largest_waviness: Wavelengths = None,
     jobs: Jobs = None,
     dask: Dask = None,
     *,
@@ -117,29 +104,20 @@ def campaign(
     cam-rig campaign tolerance_poly345 --points 256 --plot out/tolerances.png
 
     cam-rig campaign jump_map --out out/map --resume
-
-    cam-rig campaign tolerance_poly345 --points 64 --largest-waviness 24
     """
     from cam_rig.schema.load import named_path
     from cam_rig.studies.campaign.campaign import open_campaign
-    from cam_rig.studies.campaign.largest_waviness import WavinessSearch, find_largest
     from cam_rig.workers import check_workplace, workplace
 
     check_workplace(jobs, dask)
     asked = open_campaign(named_path("campaigns", study)).planned(points, seed)
     there = partial(workplace, jobs, dask)
-    if largest_waviness is None:
-        given = {"--points": points, "--seed": seed, "--jobs": jobs, "--dask": dask}
-        options = [(key, str(value)) for key, value in given.items() if value is not None]
-        folder = out or Path("out") / asked.config.name
-        words = ["cam-rig", "campaign", study, "--out", str(folder), "--resume"]
-        again = shlex.join([*words, *chain.from_iterable(options)])
-        return _measured(folder, asked, resume, there, again, progress)
-    if out is not None or resume:
-        raise ConfigError("--largest-waviness: keeps no rows; allowed: without --out and --resume")
-    search = WavinessSearch(asked)
-    with there() as place:
-        return find_largest(search, search.wavelengths(largest_waviness), place.executor, progress)
+    given = {"--points": points, "--seed": seed, "--jobs": jobs, "--dask": dask}
+    options = [(key, str(value)) for key, value in given.items() if value is not None]
+    folder = out or Path("out") / asked.config.name
+    words = ["cam-rig", "campaign", study, "--out", str(folder), "--resume"]
+    again = shlex.join([*words, *chain.from_iterable(options)])
+    return _measured(folder, asked, resume, there, again, progress)
 
 
 def _measured(

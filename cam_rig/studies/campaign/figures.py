@@ -13,13 +13,12 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from cam_rig.schema.quantity import UNITS
-from cam_rig.show.figure import empty, logarithmic, styled, wrapped
-from cam_rig.show.looks import BLUE, GREEN, SKY_BLUE, VERMILION, web
-from cam_rig.show.tables import typeset, typeset_number
+from cam_rig.show.figure import empty, styled, wrapped
+from cam_rig.show.looks import BLUE, SKY_BLUE, VERMILION, web
+from cam_rig.show.tables import typeset_number
 from cam_rig.studies.campaign.campaign import CampaignMeasure
 from cam_rig.studies.campaign.draws import steps_of
 from cam_rig.studies.campaign.inputs import CampaignInput
-from cam_rig.studies.campaign.largest_waviness import DECADES, WavinessResult, resonances
 from cam_rig.studies.campaign.results import FOR_MEDIAN, CampaignResult
 from cam_rig.studies.campaign.schema import PERCENT
 from cam_rig.units import FloatArray
@@ -242,54 +241,3 @@ def figure(results: CampaignResult) -> Figure:
     if grid and sum(steps.size > 1 for _, steps in _grid(results)) > 1:
         return measure_map(results)
     return distributions(results)
-
-
-HEIGHT = 3.4
-#: Of the axis above the largest amplitude and below the least.
-ROOM = 1.5
-#: What the wavelengths of each kind are drawn with.
-FOUND: dict[str, Any] = {"color": web(BLUE), "marker": "o", "ms": 4.0}
-WHOLE: dict[str, Any] = {"color": web(BLUE), "marker": "o", "ms": 4.0, "mfc": "white", "ls": "none"}
-
-
-@styled
-def waviness_figure(result: WavinessResult) -> Figure:
-    """Amplitude with its interval over wavelength; where waves meet the stem's resonance."""
-    search, found = result.search, result.wavelengths
-    out = empty(HEIGHT)
-    axes = out.subplots()
-    angle = np.degrees([one.wavelength for one in found])
-    floor = float(search.amplitudes[1]) * 1e6
-    top = floor * 10.0**DECADES
-    value, low, high = (
-        np.array([_limit_um(getattr(one, name), end, floor) for one in found])
-        for name, end in (("amplitude", floor), ("low", floor), ("high", top))
-    )
-    axes.set_yscale("log")
-    axes.fill_between(
-        angle, low, high, color=web(SKY_BLUE), alpha=0.4, lw=0.0, label="interval of 95 %"
-    )
-    axes.plot(angle, value, **FOUND, label="does not divide the turn")
-    whole = np.array([abs(one.waves - round(one.waves)) < 1e-9 for one in found])
-    if whole.any():
-        axes.plot(angle[whole], value[whole], **WHOLE, label="divides the turn")
-    for one in np.degrees(resonances(search.campaign)):
-        if angle.min() <= one <= angle.max():
-            axes.axvline(one, color=web(VERMILION), ls="--", label="resonance at the limit")
-    outcome = np.array([one.outcome != "found" for one in found])
-    if outcome.any():
-        axes.plot(angle[outcome], value[outcome], "x", color=web(GREEN), label="at the end tried")
-    known = np.concatenate([value, low[low > floor], high[high < top]])
-    axes.set_ylim(known.min() / ROOM, known.max() * ROOM)
-    logarithmic(axes.yaxis)
-    axes.set_xlabel("wavelength [° of cam angle]")
-    axes.set_ylabel("amplitude of waviness [µm]")
-    words = " and ".join(limit.words for limit in search.campaign.limits)
-    out.suptitle(wrapped(typeset(f"{search.campaign.config.title}: 99 % keep {words}")))
-    out.legend(loc="outside lower center", ncols=3, frameon=False)
-    return out
-
-
-def _limit_um(value: float | None, end: float, floor: float) -> float:
-    """An amplitude (m) in µm on the axis: what is not told is the end, and 0 the floor (µm)."""
-    return end if value is None else max(floor, value * 1e6)

@@ -7,7 +7,6 @@ import sys
 import time
 from contextlib import contextmanager
 from functools import partial
-from pathlib import Path
 
 import duckdb
 import numpy as np
@@ -63,26 +62,6 @@ def test_shipped_studies_run_and_draw(study, tmp_path, name):
     assert data["title"] in result.stderr
 
 
-@pytest.mark.long
-def test_the_largest_waviness_is_told_and_keeps_no_rows(study, tmp_path, monkeypatch):
-    """A table, JSON, CSV and a picture; the same with any number of processes."""
-    monkeypatch.chdir(tmp_path)
-    vary = shipped("tolerance_poly345")["vary"]
-    vary["profile.waviness.wavelength"] = {"range": [12, 60], "unit": "deg"}
-    path = study(vary=vary, measures=["jump_speed_rigid"], limits=["jump_speed_rigid>=350rpm"])
-    found = []
-    for jobs in (1, 2):
-        more = ["--plot", "a.png", "--csv", "a.csv", "--json", "-", "--jobs", jobs]
-        result = done(path, "--points", 8, "--largest-waviness", 3, *more)
-        found.append(json.loads(result.stdout))
-    assert found[0] == found[1]
-    assert [one["outcome"] for one in found[0]["wavelengths"]] == ["found"] * 3
-    assert "Largest waviness with which 99 % keep" in result.stderr
-    assert "wavelength" in (tmp_path / "a.csv").read_text(encoding="utf-8")
-    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
-    assert not (tmp_path / "out").exists()
-
-
 CAMPAIGN = [sys.executable, "-m", "cam_rig.cli.main", "campaign"]
 
 
@@ -101,18 +80,6 @@ def until(condition, process):
     while not condition():
         assert process.poll() is None
         time.sleep(0.01)
-
-
-@pytest.mark.long
-def test_ctrl_c_ends_the_search_with_130(study):
-    """In a line, while workers are at it."""
-    given = [str(study()), "--jobs", "1", "--largest-waviness", "30"]
-    with started([*CAMPAIGN, *given], stderr=subprocess.PIPE, text=True) as run:
-        children = Path(f"/proc/{run.pid}/task/{run.pid}/children")
-        until(lambda: len(children.read_text(encoding="utf-8").split()) > 1, run)
-        run.send_signal(signal.SIGINT)
-        _, words = run.communicate(timeout=100)
-    assert (run.returncode, words.strip()) == (130, "cam-rig: interrupted by SIGINT")
 
 
 SPREAD = {"uniform": 1, "unit": "um"}
@@ -178,8 +145,6 @@ def test_bad_studies_are_refused_in_one_line(study, tmp_path):
         (["--points", "1e12"], "--points: is '1e12'; allowed: a whole number"),
         (["--points", "1000000000"], "has 1e9 points; allowed: up to 1e8; remedy: several"),
         (["--jobs", "0"], "--jobs: is '0'; allowed: greater than or equal to 1"),
-        (["--largest-waviness", "0"], "--largest-waviness: is '0'; allowed: greater"),
-        (["--largest-waviness", "3"], "keeps no rows"),
         (["--dask", "nowhere"], "allowed: an address"),
         (["--dask", "tcp://127.0.0.1:1", "--jobs", "2"], "allowed: one of them"),
     ],
