@@ -90,9 +90,6 @@ def node(entry: NodeEntry, context: LaunchContext) -> Node:
     if entry.name == DRIVE and not file:
         given.setdefault("patience", PATIENCE_S)
     optional = {
-        "respawn": True,
-        "respawn_delay": 0.5,
-        "respawn_max_retries": entry.max_restarts,
         "condition": IfCondition(LaunchConfiguration("view")),
         "on_exit": left_out,
     }

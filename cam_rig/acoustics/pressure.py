@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +23,6 @@ from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.kinetostatic import force_ordinates
 from cam_rig.dynamics.linear.propagator import periodic_state, piece
 from cam_rig.dynamics.velocity_jumps import require_smooth
-from cam_rig.errors import RunError
 from cam_rig.laws import Law, bernstein
 from cam_rig.schema import RigConfig
 from cam_rig.units import FloatArray
@@ -159,15 +157,6 @@ class Background:
         self._generator = np.random.default_rng(self.seed)
         self._last = float(self._generator.standard_normal())
 
-    @property
-    def state(self) -> tuple[float, dict[str, Any]]:
-        """The last sample and the generator's state."""
-        return self._last, dict(self._generator.bit_generator.state)
-
-    @state.setter
-    def state(self, state: tuple[float, dict[str, Any]]) -> None:
-        self._last, self._generator.bit_generator.state = state
-
     def samples(self, count: int) -> FloatArray:
         """The next samples, ``(count,)``."""
         keep = math.exp(-2.0 * math.pi * self.corner / self.rate)
@@ -182,16 +171,6 @@ class Background:
 MIN_RATE = 96_000
 #: Seed of the background noise: a run repeats sample by sample.
 SEED = 1
-
-
-@dataclass(frozen=True, eq=False)
-class SourceState:
-    """The state of a sound source."""
-
-    structure: float | None  #: q, N; None before the first block
-    force: float  #: the last one, N
-    tail: FloatArray  #: ``(k,)`` of the pulses of landings, N
-    background: tuple[float, dict[str, Any]]  #: last sample and generator
 
 
 @dataclass
@@ -211,21 +190,6 @@ class SoundSource:
         self._background = Background(self.parameters.background_corner, self.rate, self.seed)
         self._pulse = _pulse(self.parameters.contact_time or 1.0 / self.rate, self.rate)
         self._tail = np.zeros(self._pulse.size - 1)
-
-    @property
-    def state(self) -> SourceState:
-        """Its state between two blocks."""
-        return SourceState(self._structure, self._force, self._tail, self._background.state)
-
-    @state.setter
-    def state(self, state: SourceState) -> None:
-        if state.tail.shape != self._tail.shape:
-            raise RunError(
-                f"the state of a sound source has pulses of {state.tail.shape}; "
-                f"allowed: {self._tail.shape}"
-            )
-        self._structure, self._force, self._tail = state.structure, state.force, state.tail
-        self._background.state = state.background
 
     @property
     def rate(self) -> int:

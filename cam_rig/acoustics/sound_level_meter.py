@@ -15,7 +15,7 @@ import numpy as np
 from numpy.polynomial import Chebyshev
 
 from cam_rig.acoustics.pressure import REFERENCE_PRESSURE, first_order, level_db, pressure_pa
-from cam_rig.errors import ConfigError, RefusedError, RunError
+from cam_rig.errors import ConfigError, RefusedError
 from cam_rig.units import FloatArray
 
 #: Frequency weightings of the standard.
@@ -74,18 +74,6 @@ class SoundLevelMeter:
         self.state = MeterState(
             self.frequency_weighting, self.time_weighting, at_rest, 0.0, 0.0, 0, SILENCE, False
         )
-
-    @classmethod
-    def from_state(cls, rate: int, state: MeterState) -> SoundLevelMeter:
-        """The meter in this state; a `RunError` if its filter is of another kind."""
-        meter = cls(rate, state.frequency_weighting, state.time_weighting)
-        if state.filter.shape != meter.state.filter.shape:
-            raise RunError(
-                f"the state of a meter has a filter of {state.filter.shape}; "
-                f"allowed: {meter.state.filter.shape}"
-            )
-        meter.state = state
-        return meter
 
     @property
     def quantity(self) -> str:

@@ -3,7 +3,7 @@
 A bag ``B`` has the file ``B_0.mcap``; one that was split, ``B_1.mcap`` and so on as well.
 
 A recording is complete when its MCAP file ends with a footer and the magic, which are written last.
-What a recovery or the successor of a killed recorder writes has ``.part`` at the end of its name
+What a recovery writes has ``.part`` at the end of its name
 until it holds everything; then it replaces the old file in one step. So a kill, at whatever moment,
 leaves the old file or the new one, and a ``.part`` may always be deleted.
 """

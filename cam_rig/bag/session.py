@@ -1,8 +1,8 @@
 """The recorder without ROS: the messages of each tick, brought together and in order.
 
-Topics come in any order, and some messages come twice when a node was started again. Here each
-message is assigned to its cam state, and a state is written, with everything that belongs to it,
-when nothing is missing and everything before it is written. So two recordings of one run are equal.
+The topics arrive in any order. Each message is assigned to its cam state, and a state is written
+with everything that belongs to it, as soon as nothing is missing and all earlier states are
+written. Therefore two recordings of one run are equal.
 """
 
 from __future__ import annotations
@@ -49,13 +49,13 @@ class Waiting:
     """Messages by topic and stamp (ns), each until its state is written.
 
     ``known`` are the stamps of the states that wait to be written: what belongs to one is never
-    dropped. A message is ``number`` of all that its process, ``source``, published on the topic.
+    dropped. The ``number`` of a message counts those of its topic, which has one publisher.
     """
 
     def __init__(self, known: Set[int]) -> None:
         self._known, self._until = known, -1
         self._held: dict[Topic, dict[int, bytes]] = {topic: {} for topic in topics.RECEIVED}
-        self._halves: dict[tuple[str, bytes, int], int | bytes] = {}
+        self._halves: dict[tuple[str, int], int | bytes] = {}
 
     def get(self, topic: Topic, stamp: int) -> bytes | None:
         """A topic's message of a stamp; None where there is none."""
@@ -68,18 +68,18 @@ class Waiting:
             for stamp in [stamp for stamp in held if stamp <= until]:
                 del held[stamp]
 
-    def keep_stamped(self, topic: Topic, source: bytes, number: int, cdr: bytes) -> None:
+    def keep_stamped(self, topic: Topic, number: int, cdr: bytes) -> None:
         """Keep a message by its stamp, which its twin has too."""
         stamp = stamp_of(cdr)
         try:
             self._keep(topic, stamp, cdr)
         finally:  # an error in the one must not cost the other
             for twin in TWINS[topic.name]:
-                self.pair(twin, source, number, stamp)
+                self.pair(twin, number, stamp)
 
-    def pair(self, topic: Topic, source: bytes, number: int, half: int | bytes) -> None:
+    def pair(self, topic: Topic, number: int, half: int | bytes) -> None:
         """Bring an unstamped message and the stamp of its twin together, whichever comes first."""
-        key = (topic.name, source, number)
+        key = (topic.name, number)
         other = self._halves.pop(key, None)
         if isinstance(half, int) and isinstance(other, bytes):
             self._keep(topic, half, other)
@@ -118,10 +118,9 @@ class PendingDiagnostics:
 
     def __init__(self) -> None:
         self._waiting: dict[Diagnostic, None] = {}
-        self._written: deque[Diagnostic] = deque(maxlen=4 * MAX_WAITING)
 
     def take(self, stamp: int, node: str, cdr: bytes) -> None:
-        """Keep a message that was not received before."""
+        """Keep a message of the rig's nodes."""
         if node in OF_WALL_TIME or node.endswith(topics.HEARTBEAT):
             return
         if node not in topics.DIAGNOSED_NODES:
@@ -129,10 +128,7 @@ class PendingDiagnostics:
                 f"{topics.DIAGNOSTICS.name}: of {node[:80]!r}; recorded: "
                 f"{', '.join(topics.DIAGNOSED_NODES)}"
             )
-        found = Diagnostic(stamp, node, cdr)
-        if found in self._written or found in self._waiting:
-            return
-        self._waiting[found] = None
+        self._waiting[Diagnostic(stamp, node, cdr)] = None
         if make_room(self._waiting):
             raise RefusedError(
                 f"{topics.DIAGNOSTICS.name}: more than {MAX_WAITING} of no known time"
@@ -142,7 +138,6 @@ class PendingDiagnostics:
         """Log time (ns) and message of all up to a rig time."""
         for found in sorted(one for one in self._waiting if one.stamp <= until):
             del self._waiting[found]
-            self._written.append(found)
             # A few ns late, by node: the order among others of its time is not left to scheduling
             yield found.stamp + 1 + topics.DIAGNOSED_NODES.index(found.node), found.cdr
 
@@ -203,9 +198,9 @@ class RecordingSession:
                 self._publishers.require(node, topic, source)
             self._diagnostics.take(stamp_of(cdr), node, cdr)
         elif topic.twin:
-            self._waiting.pair(topic, source, number, cdr)
+            self._waiting.pair(topic, number, cdr)
         else:
-            self._waiting.keep_stamped(topic, source, number, cdr)
+            self._waiting.keep_stamped(topic, number, cdr)
         stamps = []
         while self._states and self._complete():
             stamps.append(self._write_state())

@@ -20,7 +20,7 @@ MARGIN_S = 0.03
 #: Wall time (s) in which what is shown returns to its place: ticks never come quite evenly.
 SETTLE_S = 0.5
 #: Wall time (s), beside half a tick, that is caught up; of what is farther behind a part is left
-#: out. A successor's ticks come so, all at once.
+#: out. A viewer that starts late receives several ticks at once.
 CAUGHT_UP_S = 0.1
 
 

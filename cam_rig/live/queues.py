@@ -51,7 +51,7 @@ class FollowerQueue:
     def complete(self) -> Iterator[tuple[CamState, CamState, FollowerState, Block]]:
         """Yield start, end, follower state and samples of each tick whose law is known."""
         while self._waiting and self._waiting[0].cam in self._simulator.laws:
-            start, end = self._simulator.checkpoint.last, self._waiting.popleft()
+            start, end = self._simulator.last, self._waiting.popleft()
             turned = self._simulator.turn_to(end)
             if turned is not None and start is not None:
                 yield start, end, *turned

@@ -27,8 +27,8 @@ from cam_rig.units import to_rpm
 
 #: Wall time (s) between two looks for commands, and between what is told.
 LOOK_EVERY_S = 0.02
-#: Looks until a node whose parameters are not known is asked for them again.
-LOOKS_A_QUESTION = 25
+#: Exchanges between two requests for the parameters of a node that has not answered.
+EXCHANGES_PER_REQUEST = 25
 
 
 class Panel(RigNode):
@@ -41,7 +41,7 @@ class Panel(RigNode):
         self._drive: dict[str, Any] = {
             s: self.create_client(Trigger, f"cam_drive/{s}") for s in ABOUT["cam_drive"].services
         }
-        self._unread, self._looks = set(LIVE), 0
+        self._unread, self._exchanges = set(LIVE), 0
         self._sound: Any = None
         self.subscribe(topics.CAM_STATE, self._on_state)
         self._stamps, self._levels = deque[int](), deque[float]()
@@ -52,10 +52,10 @@ class Panel(RigNode):
         self.create_wall_timer(LOOK_EVERY_S, self._exchange)
 
     def _exchange(self) -> None:
-        self._looks += 1
-        # An answer may be lost with the node that gave it, so it is asked again.
-        ask = self._unread if self._looks % LOOKS_A_QUESTION == 1 else ()
-        for name in [n for n in ask if self._nodes[n].services_are_ready()]:
+        self._exchanges += 1
+        # A request or an answer can be lost during discovery, so it is repeated until answered.
+        due = self._unread if self._exchanges % EXCHANGES_PER_REQUEST == 1 else ()
+        for name in [n for n in due if self._nodes[n].services_are_ready()]:
             asked = self._nodes[name].get_parameters(list(LIVE[name]))
             asked.add_done_callback(partial(self._on_values, name))
         for command in self._line.receive():

@@ -19,7 +19,6 @@ from cam_rig.runner.node_process import Arguments, NodeProcess, stop_all
 from cam_rig.runner.node_table import ENTRIES, OPTIONAL, PATIENCE_S, RECORDER
 from cam_rig.runner.resources import (
     LOCK_GRACE_S,
-    DeadPorts,
     clean,
     domain_number,
     log_folder,
@@ -65,11 +64,9 @@ class Graph:
         self._progress_text = "before the first tick"
         self._drive = list(nodes)[-1]
         self.processes: dict[str, NodeProcess] = {}
-        self._restarts = dict.fromkeys(nodes, 0)
         self._left_out: set[str] = set()
         self._progress: Queue[str] = Queue()
         self._started_at = time.time()
-        self._dead_ports = DeadPorts(self._started_at)
         self._bag = Path(str(nodes[RECORDER]["bag"]))
         self._is_bag_unclosed, self._bag_text = False, ""
         self._is_done = False
@@ -111,9 +108,8 @@ class Graph:
         stop_all(recorder)  # last, so that it receives all messages of the others
         self._is_bag_unclosed = self._bag.is_dir() and is_unclosed(self._bag)
         self._bag_text = state_words(self._bag)
-        self._dead_ports.release()
         # a killed node leaves shared memory behind, and so does a node that found no room for it
-        if any(node.process.poll() for node in started) or any(self._restarts.values()):
+        if any(node.process.poll() for node in started):
             time.sleep(LOCK_GRACE_S)  # segments without a lock are then not those of a new run
             clean(self._started_at, domain=domain_number())
 
@@ -182,19 +178,12 @@ class Graph:
         return reports
 
     def _handle_exit(self, name: str) -> None:
-        """End the run if an essential node has ended; restart an optional node or leave it out."""
-        entry, text = ENTRIES[name], self._exit_text(name)
-        if entry.essential:
-            raise RunError(text + self._last_line(name))
-        if self._restarts[name] < entry.max_restarts:
-            self._log(f"{text}: restarted")
-            self._restarts[name] += 1
-            self._dead_ports.hold()
-            clean(self._started_at)
-            self._start(name)
-        else:
-            self._left_out.add(name)
-            self._log(f"{text}{self._last_line(name)}; the run continues without it")
+        """End the run if an essential node has ended; continue without an optional node."""
+        text = self._exit_text(name) + self._last_line(name)
+        if ENTRIES[name].essential:
+            raise RunError(text)
+        self._left_out.add(name)
+        self._log(f"{text}; the run continues without it")
 
     def _exit_text(self, name: str) -> str:
         return f"node {self.processes[name].exit_summary()} {self._progress_text}"

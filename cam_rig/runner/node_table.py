@@ -18,20 +18,17 @@ END, STAY, WAIT = "end", "stay", "wait"
 class NodeEntry:
     """One node of a run, by its executable.
 
-    The run ends if an ``essential`` node ends. An optional node is restarted up to `max_restarts`
-    times, whatever its exit code, and the run then continues without it. It needs no state of the
-    instance before it: latched topics give it the mounted cam and the last ticks.
+    The run ends if an ``essential`` node ends. It continues without an optional node.
     """
 
     name: str
     essential: bool = True
-    max_restarts: int = 0
 
 
 RECORDER, VIEWER, DRIVE = "recorder", "viewer", "cam_drive"
 NODES = (
     NodeEntry(RECORDER),
-    NodeEntry(VIEWER, essential=False, max_restarts=3),
+    NodeEntry(VIEWER, essential=False),
     NodeEntry("microphone"),
     NodeEntry("follower"),
     NodeEntry("law_server"),
@@ -40,7 +37,7 @@ NODES = (
 #: The node that replaces drive and law server in the replay of a bag.
 PLAYER = NodeEntry("player")
 #: The node that connects the panel in a browser with the other nodes.
-PANEL = NodeEntry("panel", essential=False, max_restarts=20)
+PANEL = NodeEntry("panel")
 ENTRIES = {entry.name: entry for entry in (*NODES, PLAYER, PANEL)}
 #: Nodes whose messages other nodes consume, in a run and in a replay.
 SOURCES = ("law_server", DRIVE, PLAYER.name)

@@ -261,41 +261,6 @@ def _are_left(files: list[Path], since: float, until: float) -> bool:
         return False
 
 
-class DeadPorts:
-    """Ports of killed nodes, which no node is to use again while the run goes on.
-
-    Writers to a port notice by the state of its reader that it was killed, and open the port anew.
-    A reader that is killed between two states shows none: they would write to its queue for ever,
-    and never to that of a successor at the same port. So the runner takes the port's lock.
-    """
-
-    def __init__(self, since: float, folder: Path = FOLDER) -> None:
-        self._since, self._folder = since, folder
-        self._locks: dict[tuple[str, int], int] = {}
-
-    def hold(self) -> None:
-        """Take the lock of each port, made since a time (s) by this user, whose owner has ended."""
-        for path in self._folder.glob("fastdds_port*_el"):
-            with suppress(OSError):  # its owner lives, or has just removed it
-                about = path.stat()
-                ours = about.st_uid == os.getuid() and about.st_mtime > self._since - 1.0
-                port = path.name, about.st_ino  # one of the same name may come later
-                if port in self._locks or not ours:
-                    continue
-                lock = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
-                try:  # shared, as another run may hold it too
-                    fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
-                except OSError:
-                    os.close(lock)
-                    raise
-                self._locks[port] = lock
-
-    def release(self) -> None:
-        """Let them go, to be removed as what else is left."""
-        while self._locks:
-            os.close(self._locks.popitem()[1])
-
-
 def _is_locked(path: Path) -> bool:
     """Whether another process holds the lock of a file or folder, which is no link."""
     lock = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)

@@ -4,20 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from cam_rig.acoustics.pressure import SoundSource, SourceState
-from cam_rig.acoustics.sound_level_meter import MeterState, Reading, SoundLevelMeter
+from cam_rig.acoustics.pressure import SoundSource
+from cam_rig.acoustics.sound_level_meter import Reading, SoundLevelMeter
 from cam_rig.dynamics import Samples
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.units import FloatArray
-
-
-@dataclass(frozen=True, eq=False)
-class MeterSimulatorState:
-    """The state of sound source and meter."""
-
-    source: SourceState
-    meter: MeterState
-    next: str  #: what is read next, as LZF
 
 
 @dataclass
@@ -44,17 +35,6 @@ class MeterSimulator:
     def quantity(self) -> str:
         """What is read next, as IEC 61672-1 writes it: LZF, LAS."""
         return self._next.quantity
-
-    @property
-    def state(self) -> MeterSimulatorState:
-        """Its state, for a node that is started again."""
-        return MeterSimulatorState(self.source.state, self.meter.state, self.quantity)
-
-    @state.setter
-    def state(self, state: MeterSimulatorState) -> None:
-        self.source.state = state.source
-        self.meter = self._next = SoundLevelMeter.from_state(self.source.rate, state.meter)
-        self.weigh(*state.next.removeprefix("L"))
 
     def weigh(self, frequency: str, time: str) -> None:
         """Set the weightings; those that are set already change nothing."""

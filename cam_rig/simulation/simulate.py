@@ -206,15 +206,6 @@ class TickSamples(NamedRows):
         return np.round(to_rpm(self.interval.speed_at(self._since)), 9)
 
 
-@dataclass(frozen=True)
-class FollowerCheckpoint:
-    """What a follower carries from tick to tick."""
-
-    last: CamState | None = None
-    state: FollowerState | None = None
-    owed: float = 0.0  #: N·s, of a landing that no sample has shown
-
-
 @dataclass
 class FollowerSimulator:
     """The follower under the mounted cam: takes cam states, gives blocks. Used by the node too."""
@@ -223,7 +214,11 @@ class FollowerSimulator:
     parameters: Any
     sample_rate: int
     laws: dict[str, Law] = field(default_factory=dict)
-    checkpoint: FollowerCheckpoint = field(default_factory=FollowerCheckpoint)
+    #: Last cam state, and the follower's state there; None before the first cam state, and if the
+    #: follower is put on the cam anew.
+    last: CamState | None = None
+    state: FollowerState | None = None
+    owed: float = 0.0  #: impulse of a landing that no sample has shown, N·s
 
     @classmethod
     def of(cls, loaded: LoadedScene) -> FollowerSimulator:
@@ -233,20 +228,23 @@ class FollowerSimulator:
 
     def turn_to(self, state: CamState) -> tuple[FollowerState, Block] | None:
         """The tick that ends at ``state``, None at the first; on a new cam it is put down."""
-        start, before = self.checkpoint.last, self.checkpoint
+        start, begin, owed = self.last, self.state, self.owed
+        self.put_down(state)
         if start is None or not start.turns_until(state):
-            self.checkpoint = FollowerCheckpoint(state)
             return None
         law = self.laws[start.cam]
         end, block = self.model.advance(
-            law, self.parameters, before.state, start.until(state), self.sample_rate
+            law, self.parameters, begin, start.until(state), self.sample_rate
         )
-        block = block.with_impulse(before.owed)
         if state.cam == start.cam:
-            self.checkpoint = FollowerCheckpoint(state, end)
-        else:  # what the cam before gave and no sample has shown
-            self.checkpoint = FollowerCheckpoint(state, None, end.pending_impulse)
-        return end, block
+            self.state = end
+        else:
+            self.owed = end.pending_impulse
+        return end, block.with_impulse(owed)
+
+    def put_down(self, last: CamState | None = None, state: FollowerState | None = None) -> None:
+        """Continue from a cam state, with the follower in `state`, or at rest on the cam."""
+        self.last, self.state, self.owed = last, state, 0.0
 
 
 @dataclass
@@ -288,7 +286,7 @@ def turned_ticks(
     for state in cam_states(loaded.scene) if states is None else states:
         turned = follower.turn_to(state)
         if start is None:
-            follower.checkpoint = FollowerCheckpoint(state, begin)
+            follower.put_down(state, begin)
         if turned is not None and start is not None:
             yield TickSamples(start, turned[1].interval, turned[1].rows)
         start = state

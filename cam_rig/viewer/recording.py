@@ -17,7 +17,6 @@ import rerun as rr
 from cam_rig.bag.measured_run import read_states
 from cam_rig.bag.reader import messages, pressure_of, read_counts, read_scene
 from cam_rig.errors import BagError, CamRigError
-from cam_rig.live.flow_control import MAX_WAITING
 from cam_rig.live.playback import MARGIN_S, Playback, Tick
 from cam_rig.live.queues import TickMatcher
 from cam_rig.messages import topics
@@ -65,7 +64,6 @@ class RunFeed:
         self._levels: deque[float] = deque()
         self._pressures: deque[tuple[int, float]] = deque()
         self._sounds: deque[tuple[int, float, float]] = deque()
-        self._received: dict[CamState | tuple[int, float], None] = {}
         self._drawn = self._sound_until = -1
 
     @property
@@ -90,8 +88,7 @@ class RunFeed:
 
     def state(self, state: CamState) -> None:
         """Take the next state of the cam."""
-        if self._is_new(state):
-            self._pairing.add_state(state)
+        self._pairing.add_state(state)
 
     def block(self, rows: FloatArray) -> None:
         """Take the next block of samples, ``(6, n)``."""
@@ -110,8 +107,7 @@ class RunFeed:
         self._ticks.extend(map(Tick._make, self._pairing.complete()))
         while self._levels and self._pressures:
             reading, level = self._pressures.popleft(), self._levels.popleft()
-            if self._is_new(reading):
-                self._sounds.append((reading[0], level, reading[1]))
+            self._sounds.append((reading[0], level, reading[1]))
         while self._ticks and self._ticks[0].start.cam in self._receiver.profiles:
             tick = self._ticks.popleft()
             self._receiver.tick(*tick)
@@ -128,15 +124,6 @@ class RunFeed:
         if self._ticks:
             cam = self._ticks[0].start.cam
             raise BagError(f"cam {cam!r} turns, but its /cam/profile is not in the bag")
-
-    def _is_new(self, message: CamState | tuple[int, float]) -> bool:
-        """Nodes republish what a subscriber may have missed."""
-        if message in self._received:
-            return False
-        self._received[message] = None
-        if len(self._received) > 2 * MAX_WAITING:
-            del self._received[next(iter(self._received))]
-        return True
 
     def _pass_sound(self) -> None:
         while self._sounds and self._sounds[0][0] <= self._drawn:

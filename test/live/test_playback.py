@@ -116,7 +116,7 @@ def test_what_is_looked_up_ahead_is_what_is_shown():
     np.testing.assert_array_equal(found.samples, [sample for _, sample in alone])
 
 
-def test_of_a_successors_ticks_the_newest_is_shown():
+def test_of_several_ticks_at_once_the_newest_is_shown():
     """Eighteen ticks that come at once: all but the last are known already."""
     made, playback = ticks([220.0] * 18, 1), Playback(RATE)
     for n, tick in enumerate(made):

@@ -70,22 +70,6 @@ def test_the_live_picture_is_the_bags(domain, tmp_path):
 
 
 @pytest.mark.long
-def test_a_killed_viewer_is_started_again(forked, domain, tmp_path):
-    """A spectator does not cost the measurement: the bag is whole, and the new one sees the end."""
-    bag, folder, logged = tmp_path / "bag", tmp_path / "page", []
-    folder.mkdir()
-    with Graph(patient(QUICK, bag, str(folder), pacing="1x"), log=logged.append) as graph:
-        for report in graph.progress():
-            if report["tick"] == 2:
-                graph.processes["viewer"].process.kill()
-    recorded = as_recorded(bag, tmp_path)
-    seen = wait_until(lambda: curves(newest_recording(folder)))
-    assert ["viewer" in line and "restarted" in line for line in logged] == [True]
-    for name in CURVES:
-        np.testing.assert_array_equal(seen[name][-1], recorded[name][-1], err_msg=name)
-
-
-@pytest.mark.long
 @pytest.mark.parametrize(
     ("address", "pacing"),
     [("/no/such/folder", "free"), (stream_address(free_port()), "1x")],

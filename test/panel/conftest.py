@@ -188,7 +188,7 @@ class BrowserPage:
         until(condition, self._said, lambda: self.page.wait_for_timeout(40), TIMEOUT_S)
 
     def _said(self):
-        return [self.text(name) for name in ("status", "graph", "speed", "level", "ended")]
+        return [self.text(name) for name in ("status", "graph", "speed", "level")]
 
     def width(self, width):
         """How wide the page is that is shown in so many pixels."""

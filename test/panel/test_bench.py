@@ -186,7 +186,7 @@ def test_what_is_in_flight_after_a_stop_does_not_turn(live):
 
 
 def test_a_set_up_or_a_weighting_begins_anew_and_keeps_what_was_noted(live):
-    """Cam and speed are carried over; contact, level and nodes that ended are of the old run."""
+    """Cam and speed are carried over; contact and level are of the old run."""
     live.heard({"node": "cam_drive", "values": {"rpm": 280.0, "pacing": "5x"}})
     live.heard({"node": "cam_drive", "values": {"scene": "/no/setting.yaml"}})
     turn(live, 0, 150)
@@ -194,12 +194,11 @@ def test_a_set_up_or_a_weighting_begins_anew_and_keeps_what_was_noted(live):
     live.heard({"node": "microphone", "values": {"frequency_weighting": "C"}})
     with pytest.raises(RefusedError):
         live.note()
-    live.happened({"ended": {"follower": "node follower was ended by signal 9"}})
     assert live.mounted() == {"cam": "poly345", "rpm": 280.0}
     assert live.chosen()["cam_drive"] == {"pacing": "5x"}
     live.happened({"graph": "starting"})
     shown = live.shown()
-    assert (shown["state"], shown["ended"], shown["level"]) == ({}, {}, None)
+    assert (shown["state"], shown["level"]) == ({}, None)
     assert len(shown["readings"]) == 1
 
 

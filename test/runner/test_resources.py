@@ -23,7 +23,6 @@ from cam_rig.runner.resources import (
     MAX_DOMAIN,
     MAX_NAMESPACE,
     MIN_FREE,
-    DeadPorts,
     clean,
     domain_number,
     namespace_named,
@@ -231,29 +230,6 @@ def test_a_port_that_a_process_has_open_stays(tmp_path):
     make(tmp_path, DEAD)
     assert clean(0.0, tmp_path) == [DEAD]
     assert clean(0.0, tmp_path, domain=0) == [port.name]
-
-
-def test_a_dead_port_is_not_used_again_before_the_run_ends(tmp_path):
-    """Its lock is held, so a node takes another; one of a living node, or of before, is let be."""
-    old = make(tmp_path, "fastdds_port7500_el", age=3600.0)
-    for name in (DEAD, "fastdds_port7499"):
-        make(tmp_path, name)
-        make(tmp_path, name + "_el")
-    since = time.time() - 60.0
-    ports, live = DeadPorts(since, tmp_path), make(tmp_path, LIVE + "_el")
-    with live.open("rb") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        for _ in range(2):
-            ports.hold()
-        with old.open("rb") as free:
-            fcntl.flock(free, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        other = DeadPorts(since, tmp_path)  # of another run beside it
-        other.hold()
-        ports.release()
-        assert clean(time.time() - 60.0, tmp_path, domain=0) == [DEAD, DEAD + "_el"]
-        other.release()
-        assert "fastdds_port7499_el" in clean(time.time() - 60.0, tmp_path, domain=0)
-        assert live.exists()
 
 
 def leave(monkeypatch, free):

@@ -199,7 +199,6 @@ interface Live {
   domain: number;
   drive: string;
   waits_for: string;
-  ended: Record<string, string>;
   /** What the nodes are set to, by their names. */
   values: Record<string, any>;
   /** Empty until the cam has turned. */

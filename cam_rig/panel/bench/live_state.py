@@ -145,8 +145,6 @@ class LiveState:
     drive: str = "stopped"
     #: Nodes that the drive waits for.
     waits_for: str = ""
-    #: Nodes that were killed and wait to be started again, and how they ended.
-    ended: dict[str, str] = field(default_factory=dict)
     values: dict[str, dict[str, Any]] = field(default_factory=dict)
     state: dict[str, Any] = field(default_factory=dict)
     contact: str = ""
@@ -171,11 +169,9 @@ class LiveState:
             self.graph, self.words = message["graph"], message.get("words", "")
             self.domain = message.get("domain", self.domain)
             if self.graph == "starting":
-                self.drive, self.state, self.ended, self.values = "stopped", {}, {}, {}
+                self.drive, self.state, self.values = "stopped", {}, {}
                 self.contact, self.late, self.waits_for, self.meter = "", "", "", Meter()
                 self._lost_ns, self._ticks_to_come = -1, 0
-        if "ended" in message:
-            self.ended = message["ended"]
         self.screen = message.get("screen", self.screen)
         if "kept" in message:
             self.kept.append(message["kept"])

@@ -161,8 +161,6 @@ def add_cam(cam: CamConfig, cams: Path) -> None:
     (cams / f"{cam.name}.yaml").write_text(text, encoding="utf-8")
 
 
-#: Wall time (s) that nodes wait for one that was killed, until somebody starts it again.
-PATIENCE_S = 3600.0
 #: Wall time (s) between two looks at whether the pages are still served.
 LOOK_S = 0.5
 #: Parameters by node.
@@ -246,7 +244,7 @@ class BenchRunner:
             scene = setup.write(self.folder, self.rig)
             with self._bag(lambda: following is not None) as bag, own_domain():
                 nodes = steered(scene, bag, self.socket, self._stream)
-                nodes[DRIVE] |= {"autostart": False, "patience": PATIENCE_S, "pacing": "real_time"}
+                nodes[DRIVE] |= {"autostart": False, "pacing": "real_time"}
                 for node, chosen in values.items():
                     nodes[node] |= chosen
                 domain = domain_number()

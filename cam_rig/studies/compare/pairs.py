@@ -16,7 +16,6 @@ from cam_rig.simulation.instruments import MeasuredRun, Signal, encoder_count
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.schedule import CamState
 from cam_rig.simulation.simulate import (
-    FollowerCheckpoint,
     FollowerSimulator,
     MicrophoneSimulator,
     Settling,
@@ -121,7 +120,8 @@ class RecordedPairs:
             if start is None and not self._takes(state.cam):
                 continue
             if start is not None and start.turns_until(state) and not _joined(start, state):
-                follower.checkpoint, put_down = FollowerCheckpoint(), state
+                follower.put_down()
+                put_down = state
             turned = follower.turn_to(state)
             if turned is not None and start is not None:
                 block = turned[1]
@@ -129,7 +129,8 @@ class RecordedPairs:
                 yield TickSamples(start, block.interval, block.rows), pressure, put_down
             start = state
             if not self._takes(state.cam):  # it ended the last tick of the cam before
-                start, follower.checkpoint = None, FollowerCheckpoint()
+                start = None
+                follower.put_down()
 
     def _takes(self, cam: str) -> bool:
         """Whether a cam is compared; one that is must be in the scene."""

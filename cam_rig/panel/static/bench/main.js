@@ -158,11 +158,10 @@ function live(news) {
   const { contact: before, losses: known } = now ?? {};
   const message = now = /** @type {Live} */ ({ ...now, ...news });
   const { drive, state, contact, losses } = message;
-  const whole = Object.keys(message.ended).length === 0; // no node is missing
-  const turns = drive === "turning" && "rpm" in state && whole;
+  const turns = drive === "turning" && "rpm" in state;
   if ([before, contact].includes(LOST) || losses > (known ?? losses)) lostAt = performance.now();
-  lamp(whole ? contact : "");
-  meter(whole ? message.level : null);
+  lamp(contact);
+  meter(message.level);
   say("late", message.late ? text("late") : "");
   hide("loud", !(sound.on && field("volume").valueAsNumber > LOUD && (message.level ?? 0) > LOUD_DB));
   announce(message, turns);
@@ -213,7 +212,6 @@ function settings(message, turns) {
   }
   for (const id of SELECTS) choose(id, message);
   if (!edited) for (const id of SETUP) put(id, message.setup[id]);
-  list("ended", Object.entries(message.ended), ended);
   list("kept", message.kept, (path) => Object.assign(document.createElement("li"), { textContent: text("kept", { path }) }));
   list("log", message.log, (line) => Object.assign(document.createElement("li"), { textContent: line }));
   stage.show(message, turns);
@@ -289,14 +287,6 @@ function list(id, items, made) {
   if (lists[id] === said) return;
   lists[id] = said;
   $(id).replaceChildren(...items.map(made));
-}
-/** @param {[string, string]} node */
-function ended([node, why]) {
-  const item = Object.assign(document.createElement("li"), { textContent: `${text("node_ended", { node })} `, title: why });
-  const button = Object.assign(document.createElement("button"), { type: "button", textContent: text("start_again", { node }), disabled: !now?.holds });
-  button.addEventListener("click", () => ask({ do: "start_again", value: node }));
-  item.append(button);
-  return item;
 }
 
 // -- what a speed will do, before it is turned at and beside what it does ------------------------------
