@@ -3,9 +3,9 @@
 A bag ``B`` has the file ``B_0.mcap``; one that was split, ``B_1.mcap`` and so on as well.
 
 A recording is complete when its MCAP file ends with a footer and the magic, which are written last.
-What a recovery writes has ``.part`` at the end of its name
-until it holds everything; then it replaces the old file in one step. So a kill, at whatever moment,
-leaves the old file or the new one, and a ``.part`` may always be deleted.
+The name of a file that a recovery writes ends with ``.part`` until it contains everything; then it
+replaces the old file in one step. A kill at any moment therefore leaves the old file or the new one,
+and a ``.part`` file can always be deleted.
 """
 
 from __future__ import annotations

@@ -7,6 +7,7 @@ follower, law_server, cam_drive; ended in the opposite one, the recorder last.
 from __future__ import annotations
 
 import os
+import shlex
 import shutil
 import time
 from pathlib import Path
@@ -108,7 +109,8 @@ def run(
         require_new_bag(target, limits.last_number)
         with open_screen(view, web, wait) as screen:
             nodes = live(path, target, screen.address, limits, pacing=pacing)
-            _run(path, target, nodes, network, place, server, screen.page)
+            again = shlex.join(["cam-rig", "run", str(scene), "--pacing", pacing])
+            _run(path, target, nodes, network, place, server, screen.page, again)
             if analyze:
                 from cam_rig.studies.simulate.bag_command import read_run
 
@@ -124,8 +126,11 @@ def _run(
     namespace: str,
     server: ForkServer,
     page: PageTime | None,
+    again: str,
 ) -> None:
+    """Run the nodes to their end; an error of a node names the command that repeats the run."""
     from cam_rig.bag.completeness import require_complete
+    from cam_rig.errors import RunError
     from cam_rig.messages.topics import FOLLOWER_SAMPLES
     from cam_rig.runner.graph import Graph
     from cam_rig.runner.node_process import PROFILES
@@ -152,10 +157,13 @@ def _run(
         Graph(nodes, network, log, namespace, server) as graph,
     ):
         task = bar.add_task("starting the nodes", total=tick_count(loaded.scene))
-        for report in graph.progress():
-            words = f"{report['cam']} {report['rpm']:.0f} rpm"
-            words = delayed(float(report["time"]), words)
-            bar.update(task, completed=int(report["tick"]), description=words)
+        try:
+            for report in graph.progress():
+                words = f"{report['cam']} {report['rpm']:.0f} rpm"
+                words = delayed(float(report["time"]), words)
+                bar.update(task, completed=int(report["tick"]), description=words)
+        except RunError as error:
+            raise RunError(f"{error}; repeat the run with: {again}") from None
     for name, node in graph.processes.items():
         if node.warnings:
             words = f"{name} warned {len(node.warnings)} times, last: {node.warnings[-1]}"
