@@ -4,7 +4,7 @@ A bag ``B`` has the file ``B_0.mcap``; one that was split, ``B_1.mcap`` and so o
 
 A recording is complete when its MCAP file ends with a footer and the magic, which are written last.
 The name of a file that a recovery writes ends with ``.part`` until it contains everything; then it
-replaces the old file in one step. A kill at any moment therefore leaves the old file or the new one,
+replaces the old file in one step. A kill at any moment therefore leaves the old or the new file,
 and a ``.part`` file can always be deleted.
 """
 

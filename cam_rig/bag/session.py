@@ -118,6 +118,8 @@ class PendingDiagnostics:
 
     def __init__(self) -> None:
         self._waiting: dict[Diagnostic, None] = {}
+        # The recorder takes its own messages directly, and receives them through DDS as well.
+        self._written: deque[Diagnostic] = deque(maxlen=4 * MAX_WAITING)
 
     def take(self, stamp: int, node: str, cdr: bytes) -> None:
         """Keep a message of the rig's nodes."""
@@ -128,7 +130,10 @@ class PendingDiagnostics:
                 f"{topics.DIAGNOSTICS.name}: of {node[:80]!r}; recorded: "
                 f"{', '.join(topics.DIAGNOSED_NODES)}"
             )
-        self._waiting[Diagnostic(stamp, node, cdr)] = None
+        found = Diagnostic(stamp, node, cdr)
+        if found in self._written or found in self._waiting:
+            return
+        self._waiting[found] = None
         if make_room(self._waiting):
             raise RefusedError(
                 f"{topics.DIAGNOSTICS.name}: more than {MAX_WAITING} of no known time"
@@ -138,6 +143,7 @@ class PendingDiagnostics:
         """Log time (ns) and message of all up to a rig time."""
         for found in sorted(one for one in self._waiting if one.stamp <= until):
             del self._waiting[found]
+            self._written.append(found)
             # A few ns late, by node: the order among others of its time is not left to scheduling
             yield found.stamp + 1 + topics.DIAGNOSED_NODES.index(found.node), found.cdr
 

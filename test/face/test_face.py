@@ -290,7 +290,7 @@ reveal_type(cam_rig.orders(cam, rpm=np.arange(3.0)).summary())  # list[str]
 reveal_type(cam_rig.design(cam, rig, minimise="a").law)  # Law
 reveal_type(cam_rig.design(cam, rig, minimise="a", pareto="b"))  # Front
 reveal_type(cam_rig.fit_rig("a.csv", "poly345").identified)  # tuple
-reveal_type(cam_rig.compare("bag", "quick").conclusions)  # tuple
+reveal_type(cam_rig.compare("bag", "quick").speeds)  # tuple
 """
 WRONG = """
 cam_rig.simulate(law, rig, rpm="450")

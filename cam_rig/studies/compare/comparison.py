@@ -1,9 +1,10 @@
-"""Where a run and its model part: a row for each speed, and sentences."""
+"""Deviation of a run from its model: a row for each speed, and the largest of each quantity."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 
@@ -158,179 +159,125 @@ def _last_turn(pair: PairedSignal) -> PairedSignal:
     return last.some(order)
 
 
-# What a comparison says, in sentences: where run and model part, and what was done to readings.
-
-#: Both by their name: factor to the unit that is shown, and the unit.
-SHOWN = {"lift": (1e6, "µm"), "force": (1.0, "N")}
-#: A lift that is so many times the cam's is that of another.
-UNLIKE = 2.0
-#: °, by which events that both have are not of one time.
-LATER_DEG = 1.0
-#: dB, levels that differ by less are alike to the ear.
-ALIKE_DB = 1.0
+# The largest deviation of each quantity, and how the readings were aligned with the cam.
 
 
-def sentences(rows: Sequence[SpeedDeparture]) -> list[str]:
-    """Where they part most, or that they agree."""
-    found = [
-        (name, row, one)
-        for row in rows
-        for name in SHOWN
-        if (one := getattr(row, name)) is not None
-    ]
-    if not found:
-        return ["Neither lift nor force was measured at a steady speed: only levels compare."]
-    restless = {id(row) for _, row, one in found if one.restless}
-    parted = [entry for entry in found if not entry[2].within and id(entry[1]) not in restless]
-    said = [_largest(*max(parted, key=lambda entry: entry[2].relative))] if parted else []
-    said += _agreements(found)
-    if restless:
-        speeds = ", ".join(f"{row.rpm:.4g}" for row in rows if id(row) in restless)
-        said.append(
-            f"At {speeds} rpm the model's own turns differ, as it bounces: there lift-offs a turn "
-            "compare, and curves do not."
-        )
-    counts = ((row.rpm, row.contact.measured, row.contact.model) for row in rows if row.contact)
-    # noise alone may show a lift-off now and then: one in two turns is more or less
-    if differing := [one for one in counts if abs(one[1] - one[2]) >= 0.5]:
-        said.append(
-            "Lift-offs differ first at {:.4g} rpm: {:.2g} a turn measured, {:.2g} of the "
-            "model.".format(*differing[0])
-        )
-    said += _later(rows)
-    said += _levels(rows)
-    peaks = [row.peak_hz for row in rows]
-    frequency = common_frequency([row.rpm for row in rows], peaks)
-    if frequency is not None:
-        said.append(
-            f"The difference of the force rings near {frequency:.3g} Hz at several speeds alike: a "
-            "resonance, perhaps of the force sensor."
-        )
-    return said
+@dataclass(frozen=True)
+class LargestDeviation:
+    """Largest deviation, measured less model, of one quantity over all speeds; SI units.
+
+    ``angle``: cam angle in the turn (rad), None for a quantity of a whole speed; ``relative``:
+    fraction of the model's range; ``agreeing``: speeds at which noise or rounding explains the
+    deviation, of ``speeds`` at which the quantity was measured.
+    """
+
+    quantity: str
+    unit: str
+    value: float
+    rpm: float
+    speeds: int
+    angle: float | None = None
+    relative: float | None = None
+    agreeing: int | None = None
 
 
-def _largest(name: str, row: SpeedDeparture, one: Departure) -> str:
-    factor, unit = SHOWN[name]
-    part = 100.0 * one.relative
-    percent = f"{part:.2g}" if part < 10.0 else f"{part:.0f}"
-    return (
-        f"The largest departure is of the {name}: {factor * one.largest:+.3g} {unit} at "
-        f"{row.rpm:.4g} rpm, θ = {one.degrees:.0f}° ({row.cam}), {percent} % of "
-        "its range."
-    )
-
-
-def _agreements(found: Sequence[tuple[str, SpeedDeparture, Departure]]) -> Iterator[str]:
-    for name, (factor, unit) in SHOWN.items():
-        here = [one for what, _, one in found if what == name]
-        if not here or not all(one.within or one.restless for one in here):
-            continue
-        steady = "steady " if any(one.restless for one in here) else ""
-        here = [one for one in here if not one.restless] or here
-        noise = max(max(one.noise, one.rms) for one in here)
-        if all(one.exact for one in here):
-            yield f"The {name} is that of the model, to rounding, at every speed."
-        else:
-            yield (
-                f"The {name} agrees with the model within the noise at every {steady}speed: "
-                f"{factor * noise:.2g} {unit} r.m.s."
+def largest_deviations(rows: Sequence[SpeedDeparture]) -> list[LargestDeviation]:
+    """Return the largest deviation of each quantity that was measured."""
+    found = []
+    for name, unit in (("lift", "m"), ("force", "N")):
+        parts = [(one, row.rpm) for row in rows if (one := getattr(row, name)) is not None]
+        if parts:
+            one, rpm = max(parts, key=lambda part: part[0].relative)
+            agreeing = sum(part.within for part, _ in parts)
+            angle = float(np.radians(one.degrees))
+            found.append(
+                LargestDeviation(
+                    *(name, unit, one.largest, rpm, len(parts), angle, one.relative, agreeing)
+                )
             )
+    contacts = [(row.rpm, row.contact) for row in rows if row.contact is not None]
+    by_speed = {
+        ("lift_offs", "1/turn"): [(one.measured - one.model, rpm) for rpm, one in contacts],
+        ("events_later", "s"): [(one.shift, rpm) for rpm, one in contacts if one.shift is not None],
+        ("level", "dB"): [
+            (row.level_difference, row.rpm) for row in rows if row.level_difference is not None
+        ],
+    }
+    for (name, unit), known in by_speed.items():
+        if known:
+            value, rpm = max(known, key=lambda one: abs(one[0]))
+            found.append(LargestDeviation(name, unit, value, rpm, len(known)))
+    return found
 
 
-def _later(rows: Sequence[SpeedDeparture]) -> Iterator[str]:
-    contacts = ((row.rpm, row.contact) for row in rows if row.contact)
-    known = [(one.degrees or 0.0, one.shift or 0.0, rpm) for rpm, one in contacts]
-    degrees, shift, rpm = max(known, key=lambda one: abs(one[0]), default=(0.0, 0.0, 0.0))
-    if abs(degrees) >= LATER_DEG:
+class Origin(Enum):
+    """Origin of a number that aligns the readings with the cam."""
+
+    GIVEN = "given"
+    FROM_LIFT = "from the lift"
+    FROM_ANGLE = "from the angle"
+    ASSUMED = "assumed"
+
+
+@dataclass(frozen=True)
+class AlignmentNumber:
+    """A number by which the readings were aligned with the cam, SI; None: not determined."""
+
+    quantity: str
+    value: float | None
+    unit: str
+    origin: Origin
+
+
+def alignment_numbers(pairs: MeasuredPairs) -> list[AlignmentNumber]:
+    """Return the numbers by which a bench's readings were aligned with the cam angle."""
+    found, lift = pairs.alignment, Origin.FROM_LIFT
+    is_found = found.shows("offset") or found.errors[0] > 0.0
+    origin = Origin.GIVEN if pairs.given else lift if is_found else Origin.ASSUMED
+    residual = max((stretch.largest for stretch in pairs.stretches), default=0.0)
+    uneven = sum(not stretch.line for stretch in pairs.stretches) / max(1, len(pairs.stretches))
+    return [
+        AlignmentNumber("cam_angle_offset", found.offset, "rad", origin),
+        AlignmentNumber(
+            *("encoder_counts", TURN / pairs.count if pairs.count else None, "1/turn"),
+            Origin.FROM_ANGLE,
+        ),
+        AlignmentNumber("angle_residual", residual, "rad", Origin.FROM_ANGLE),
+        AlignmentNumber("uneven_speed", uneven, "1", Origin.FROM_ANGLE),
+        AlignmentNumber("left_out_time", pairs.left_out, "1", Origin.FROM_ANGLE),
+        AlignmentNumber("sensor_clock_drift", found.drift, "1", lift),
+        AlignmentNumber("sensor_stamp_delay", found.delay, "s", lift),
+        AlignmentNumber("lift_zero", found.zero if found.shows("zero") else None, "m", lift),
+        # Twice the lag: below zero, the lift trails its motion, as with backlash.
+        AlignmentNumber(
+            "lift_hysteresis", 2.0 * found.lag if found.shows("lag") else None, "m", lift
+        ),
+    ]
+
+
+#: Ratio of measured to modelled lift range beyond which the cam or the unit is doubtful.
+MAX_RANGE_RATIO = 2.0
+
+
+def warnings_of(pairs: MeasuredPairs) -> Iterator[str]:
+    """Yield a warning for each sign that the readings are not what they were taken for."""
+    origin = alignment_numbers(pairs)[0].origin
+    if origin is Origin.ASSUMED:
+        reason = "was not measured" if pairs.run.lift is None else "has too few readings"
         yield (
-            f"Lift-offs and landings come {1e3 * abs(shift):.2g} ms, {abs(degrees):.2g}° of the "
-            f"cam, {'later' if degrees > 0.0 else 'earlier'} than the model's at {rpm:.4g} rpm."
+            f"The lift {reason}, so the cam angle is assumed to be the angle measured: "
+            "set the offset with --offset."
         )
-
-
-def _levels(rows: Sequence[SpeedDeparture]) -> list[str]:
-    known = [(off, row.rpm) for row in rows if (off := row.level_difference) is not None]
-    if not known:
-        return []
-    most, rpm = max(known, key=lambda one: abs(one[0]))
-    if abs(most) < ALIKE_DB:
-        return [f"Sound levels differ by {abs(most):.2g} dB at most."]
-    return [f"The level differs most at {rpm:.4g} rpm: {most:+.1f} dB."]
-
-
-def done(pairs: MeasuredPairs) -> list[str]:
-    """What was done to lay a bench's readings on the cam's angle."""
-    said = [_resolution(pairs), *_aligned(pairs)]
-    said += _range(pairs)
     if pairs.run.force is not None and pulls(pairs.run.force.value):
-        said.append(
+        yield (
             "The contact force measured is mostly below zero, as a pull: turn its sign with "
             "force=-/TOPIC."
         )
-    curved = sum(not stretch.line for stretch in pairs.stretches)
-    if curved:
-        said.append(
-            f"The speed is not even within {curved} of {len(pairs.stretches)} steady parts: there "
-            "the cam follows a smooth curve through the readings."
-        )
-    if pairs.left_out > 0.02:
-        said.append(
-            f"{100.0 * pairs.left_out:.0f} % of the time the cam does not turn steadily: left out."
-        )
-    return said
-
-
-def _range(pairs: MeasuredPairs) -> Iterator[str]:
-    """A lift that is not the cam's by far: of another unit, perhaps, or another cam."""
-    if pairs.run.lift is None:
-        return
-    span = float(np.ptp(np.percentile(pairs.run.lift.value, [0.5, 99.5])))
-    whole = pairs.loaded.laws[pairs.cam].lift
-    if not whole / UNLIKE < span < whole * UNLIKE:
-        yield (
-            f"The lift measured ranges over {1e3 * span:.3g} mm, that of cam {pairs.cam} over "
-            f"{1e3 * whole:.3g} mm: is it the cam, and the unit?"
-        )
-
-
-def _resolution(pairs: MeasuredPairs) -> str:
-    if not pairs.count:
-        return "The angle shows no counts of an encoder: it is taken as it is, smoothed."
-    worst = max(float(np.degrees(stretch.largest)) for stretch in pairs.stretches)
-    return (
-        f"The angle has {TURN / pairs.count:.0f} counts a turn; the motion through them is within "
-        f"{worst:.2g}° of every reading."
-    )
-
-
-def _aligned(pairs: MeasuredPairs) -> Iterator[str]:
-    found = pairs.alignment
-    degrees = float(np.degrees(found.offset))
-    if pairs.given:
-        yield f"The cam is {degrees:+.3f}° from the angle measured, as given."
-    elif found.shows("offset") or found.errors[0] > 0.0:
-        yield f"The cam is {degrees:+.3f}° from the angle measured, found from the lift."
-    else:
-        why = "has too few readings" if pairs.run.lift is not None else "was not measured"
-        yield (
-            f"The cam is taken {degrees:+.3g}° from the angle measured: the lift {why} to find it "
-            "by; give the offset."
-        )
-        return
-    if found.drift:
-        yield (
-            f"The sensors' clock is {1e6 * abs(found.drift):.0f} ppm "
-            f"{'slow' if found.drift > 0.0 else 'fast'} beside that of the angle: corrected."
-        )
-    if found.delay:
-        yield (
-            f"The sensors' stamps are {1e3 * abs(found.delay):.3g} ms "
-            f"{'early' if found.delay > 0.0 else 'late'} beside those of the angle: corrected."
-        )
-    if found.shows("zero") and abs(found.zero) > found.scatter:
-        yield f"The lift's zero is off by {1e3 * found.zero:+.3g} mm: taken off."
-    if found.shows("lag") and abs(found.lag) > found.scatter:
-        yield (
-            f"On rise and return the lift differs by {2e6 * abs(found.lag):.3g} µm: "
-            f"{'backlash, or a gauge that sticks' if found.lag < 0.0 else 'it leads its motion'}."
-        )
+    if pairs.run.lift is not None:
+        span = float(np.ptp(np.percentile(pairs.run.lift.value, [0.5, 99.5])))
+        lift = pairs.loaded.laws[pairs.cam].lift
+        if not lift / MAX_RANGE_RATIO < span < lift * MAX_RANGE_RATIO:
+            yield (
+                f"The lift measured ranges over {1e3 * span:.3g} mm, that of cam {pairs.cam} over "
+                f"{1e3 * lift:.3g} mm: check the cam and the unit."
+            )

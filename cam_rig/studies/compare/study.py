@@ -3,17 +3,27 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from cam_rig.arguments import checked
 from cam_rig.errors import BagError, ConfigError
 from cam_rig.extras import libraries_named
 from cam_rig.show.result import SI_UNITS, Column, Footnote, Records, Result
-from cam_rig.show.tables import Cell
+from cam_rig.show.tables import Cell, format_number
 from cam_rig.simulation.scene import RELATIVE_NOTE, LoadedScene, load_scene
-from cam_rig.studies.compare.comparison import SpeedDeparture, compare_steps, done, sentences
+from cam_rig.studies.compare.comparison import (
+    AlignmentNumber,
+    LargestDeviation,
+    SpeedDeparture,
+    alignment_numbers,
+    common_frequency,
+    compare_steps,
+    largest_deviations,
+    warnings_of,
+)
 from cam_rig.studies.compare.pairs import RecordedPairs, pair_measured
 
 
@@ -28,7 +38,9 @@ def _departure(name: str, unit: str) -> tuple[Column, ...]:
 
     def mark(row: SpeedDeparture) -> Cell:
         found = getattr(row, name)
-        return ("=" if row.exact else "*") if found is not None and found.within else None
+        if found is None or not found.within:
+            return "~" if found is not None and found.restless else None
+        return "=" if row.exact else "*"
 
     def angle(row: SpeedDeparture) -> float | None:
         found = getattr(row, name)
@@ -58,7 +70,34 @@ NOTES = (
         "Sample by sample, driven with the recorded states of the cam.", lambda row: row.exact
     ),
     Footnote("=: equal to rounding.", lambda row: row.exact),
+    Footnote(
+        "~: the model's own turns differ from each other, because it bounces: compare lift-offs, "
+        "not curves.",
+        lambda row: any(one is not None and one.restless for one in (row.lift, row.force)),
+    ),
 )
+#: Display units of numbers in tables with one unit per row.
+DISPLAY_UNITS = {"lift": "µm", "lift_zero": "mm", "lift_hysteresis": "µm", "events_later": "ms"}
+DISPLAY_UNITS |= {"cam_angle_offset": "°", "angle_residual": "°", "sensor_stamp_delay": "ms"}
+DISPLAY_UNITS |= {"sensor_clock_drift": "ppm", "uneven_speed": "%", "left_out_time": "%"}
+
+
+def _shown_unit(row: LargestDeviation | AlignmentNumber) -> str:
+    return DISPLAY_UNITS.get(row.quantity, row.unit)
+
+
+def _shown_value(digits: str) -> Callable[[Any], Cell]:
+    def cell(row: Any) -> Cell:
+        if row.value is None:
+            return None
+        unit = _shown_unit(row)
+        return format_number(
+            row.value / (1e-6 if unit == "ppm" else SI_UNITS.get(unit, ("", 1.0))[1]), digits
+        )
+
+    return cell
+
+
 LATER = Footnote(
     "Events later by: the median, of lift-offs and landings that both have.",
     lambda row: row.contact is not None and row.contact.shift is not None,
@@ -70,8 +109,9 @@ class RunComparison(Result):
     """Where a recorded run and a model part.
 
     ``source``: the bag; ``loaded``: the scene whose model was driven with its cam angle;
-    ``speeds``: a row each cam and speed; ``notes``: what was found in the bag and done to its
-    readings, each a sentence.
+    ``speeds``: one row per cam and speed; ``notes``: how the bag was read, and warnings, one
+    sentence each; ``alignment``: numbers by which the readings of a bench were aligned with the
+    cam, empty for a bag of the rig.
     """
 
     schema = "cam_rig.compare.1"
@@ -100,11 +140,27 @@ class RunComparison(Result):
             ),
             Column("level_difference", "dB", "+.2f", "difference"),
         ),
+        "largest": (
+            Column("quantity", cell=lambda row: row.quantity.replace("_", " ")),
+            Column("value", heading="largest deviation", cell=_shown_value("+.3g")),
+            Column("unit", cell=_shown_unit),
+            Column("rpm", "rpm", ".5g", "at"),
+            Column("angle", "°", ".0f", "θ", doc="cam angle in the turn"),
+            Column("relative", "%", ".3g", "of the range"),
+            Column("agreeing", "", "d", "speeds that agree", doc="within noise, or rounding"),
+            Column("speeds", "", "d", "of", doc="speeds at which it was measured"),
+        ),
+        "alignment": (
+            Column("quantity", cell=lambda row: row.quantity.replace("_", " ")),
+            Column("value", cell=_shown_value(".4g")),
+            Column("unit", cell=_shown_unit),
+            Column("origin", of="origin.value"),
+        ),
         "run": (
             Column("bag", of=lambda found: str(found.source)),
             Column("scene", of="loaded.scene.name"),
-            Column("notes", doc="what was found in the bag and done to its readings"),
-            Column("conclusions"),
+            Column("force_ringing", "Hz", doc="of the force's deviation, at several speeds alike"),
+            Column("notes", doc="how the bag was read, and warnings"),
         ),
     }
 
@@ -112,11 +168,14 @@ class RunComparison(Result):
     loaded: LoadedScene
     speeds: tuple[SpeedDeparture, ...]
     notes: tuple[str, ...]
+    alignment: tuple[AlignmentNumber, ...] = ()
 
     @property
-    def conclusions(self) -> tuple[str, ...]:
-        """Where they part most, or that they agree; each a sentence."""
-        return tuple(sentences(self.speeds))
+    def force_ringing(self) -> float | None:
+        """Frequency (Hz) at which the force deviates at several speeds; None if there is none."""
+        return common_frequency(
+            [row.rpm for row in self.speeds], [row.peak_hz for row in self.speeds]
+        )
 
     def tables(self) -> list[Records]:
         """Lift and force; lift-offs and levels; the run."""
@@ -125,15 +184,22 @@ class RunComparison(Result):
             RELATIVE_NOTE, lambda row: not self.loaded.calibrated and row.measured_db is not None
         )
         events = "Lift-offs and landings, sound level"
+        alignment = "How the readings were aligned with the cam"
         return [
             self.table("departures", caption, self.speeds, *NOTES),
             self.table("events", events, self.speeds, LATER, relative),
+            self.table("largest", "Largest deviations", largest_deviations(self.speeds)),
+            self.table("alignment", alignment, self.alignment, hidden=not self.alignment),
             self.table("run", "The run", [self], single=True, hidden=True),
         ]
 
     def summary(self) -> list[str]:
-        """What was done to the readings, and where run and model part."""
-        return [*self.notes, *self.conclusions]
+        """How the bag was read, at how many speeds run and model agree, and a ringing force."""
+        agreeing = sum(row.agrees for row in self.speeds)
+        lines = [*self.notes, f"lift and force agree at {agreeing} of {len(self.speeds)} speeds"]
+        if self.force_ringing is not None:
+            lines.append(f"the deviation of the force rings at {self.force_ringing:.3g} Hz")
+        return lines
 
 
 @checked
@@ -169,8 +235,8 @@ def compare(
     --------
     >>> import cam_rig
     >>> found = cam_rig.compare("bags/golden", "quick", cam="tm21")
-    >>> found.conclusions[1]
-    'The force is that of the model, to rounding, at every speed.'
+    >>> found.summary()
+    ['lift and force agree at 4 of 4 speeds']
     """
     loaded = scene if isinstance(scene, LoadedScene) else load_scene(scene)
     if topics is None:
@@ -178,17 +244,15 @@ def compare(
             raise ConfigError(
                 f"offset {offset_deg:g}°: the rig's bags have exact angles; allowed: with --topics"
             )
-        rows, notes = _recorded(Path(bag), loaded, cam, namespace)
-    else:
-        if namespace is not None:
-            raise ConfigError(f"namespace {namespace}: --topics names whole topics; allowed: one")
-        rows, notes = _measured(Path(bag), loaded, topics, cam, offset_deg)
-    return RunComparison(Path(bag), loaded, tuple(rows), tuple(notes))
+        return _recorded(Path(bag), loaded, cam, namespace)
+    if namespace is not None:
+        raise ConfigError(f"namespace {namespace}: --topics names whole topics; allowed: one")
+    return _measured(Path(bag), loaded, topics, cam, offset_deg)
 
 
 def _recorded(
     bag: Path, loaded: LoadedScene, cam: str | None, namespace: str | None
-) -> tuple[list[SpeedDeparture], list[str]]:
+) -> RunComparison:
     with libraries_named():
         from cam_rig.bag.measured_run import own_namespace, read_pressures, read_states
         from cam_rig.bag.partial_reader import recovered_words
@@ -206,12 +270,12 @@ def _recorded(
     notes = recovered_words(bag)
     if pairs.lost:
         notes.append(f"{pairs.lost} ticks have no samples in the bag: they are left out.")
-    return rows, notes
+    return RunComparison(bag, loaded, tuple(rows), tuple(notes))
 
 
 def _measured(
     bag: Path, loaded: LoadedScene, topics: str, cam: str | None, offset_deg: float | None
-) -> tuple[list[SpeedDeparture], list[str]]:
+) -> RunComparison:
     with libraries_named():
         from cam_rig.bag.foreign_topics import parse_topics
         from cam_rig.bag.measured_run import read_measured
@@ -227,4 +291,5 @@ def _measured(
     run = read_measured(bag, mapping, known)
     offset = None if offset_deg is None else math.radians(offset_deg)
     pairs = pair_measured(run, loaded, known, offset)
-    return compare_steps(pairs.steps(), loaded.laws), [*run.notes, *done(pairs)]
+    rows, notes = compare_steps(pairs.steps(), loaded.laws), (*run.notes, *warnings_of(pairs))
+    return RunComparison(bag, loaded, tuple(rows), notes, tuple(alignment_numbers(pairs)))
