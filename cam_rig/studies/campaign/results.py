@@ -7,9 +7,9 @@ or Sobol's sequence the true error is smaller, and they are on the safe side.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -19,10 +19,10 @@ from cam_rig.errors import ConfigError
 from cam_rig.extras import libraries_named
 from cam_rig.quantities.terms import Limit
 from cam_rig.show.result import Column, Footnote, Records, Result
-from cam_rig.show.tables import format_number, pluralize
+from cam_rig.show.tables import pluralize
 from cam_rig.studies.campaign.campaign import UNSETTLED, Campaign, CampaignMeasure, kept
 from cam_rig.studies.campaign.dataset import CampaignDataset
-from cam_rig.studies.campaign.sensitivities import FirstOrder, JumpSensitivity, first_orders
+from cam_rig.studies.campaign.sensitivities import JumpSensitivity, first_orders
 from cam_rig.units import RPM, FloatArray
 
 if TYPE_CHECKING:
@@ -34,9 +34,8 @@ PROBABILITIES = (0.01, 0.05, 0.5, 0.95, 0.99)
 REASONS = 3
 #: Probability that an interval does not hold the number.
 MISSED = 0.05
-#: Draws from which on the median of a sample has an interval; points from which on a standard
-#: deviation is known to about 10 % (1/√(2n)).
-FOR_MEDIAN, FOR_SPREAD = 6, 50
+#: Draws from which on the median of a sample has an interval.
+FOR_MEDIAN = 6
 #: Shares are told whose interval is no wider than ± so much.
 SHARE_ERROR = 0.1
 
@@ -130,17 +129,12 @@ class CampaignResult(Result):
         "quantiles": (
             MEASURE,
             Column("probability", "%", "g", "quantile", of="own.probability"),
-            _of("value"),
+            Column("value", "", ".6g", of="own.value", missing="–"),
             _of("low", heading="from"),
             _of("high", heading="to"),
             UNIT,
-            Column("needed_draws", of="own.needed", hidden=True),
-            Column(
-                "found",
-                heading="outcome",
-                of=lambda one: not math.isnan(one.own.value),
-                cell=lambda one: "not found" if math.isnan(one.own.value) else None,
-            ),
+            Column("needed_draws", "", "d", "needs draws", "own.needed"),
+            Column("found", of=lambda one: not math.isnan(one.own.value), hidden=True),
         ),
         "extremes": (
             MEASURE,
@@ -172,6 +166,19 @@ class CampaignResult(Result):
                 "each_percent", "", ".4g", "rpm each percent",
                 lambda one: one.own.derivative and 0.01 * one.own.value * one.own.derivative,
                 _rpm(lambda own: 0.01 * own.value), "none", doc="in data rad/s",
+            ),
+        ),
+        "first_order": (
+            Column("measure", of="measure.column", cell=lambda one: one.measure.term.words),
+            Column("predicted", "rpm", ".3g", "predicted", lambda one: one.predicted / RPM),
+            Column("found", "rpm", ".3g", "of the points", lambda one: one.found / RPM),
+            Column("points", "", "d", hidden=True),
+            Column("correlated", heading="covariances"),
+            Column(
+                "left_out",
+                heading="without",
+                of=lambda one: [i.path for i in one.inputs if i.derivative is None],
+                cell=lambda one: ", ".join(i.path for i in one.inputs if i.derivative is None),
             ),
         ),
         "reasons": (
@@ -286,7 +293,12 @@ class CampaignResult(Result):
         if kind == "shares":
             found.append(self._shares())
         if kind != "grid":
-            found.append(self._derivatives(first_orders(self)))
+            orders = first_orders(self)
+            rows = [OfMeasure(order.measure, one) for order in orders for one in order.inputs]
+            caption = "Local derivatives of {title}, in the middle of the inputs"
+            spread = "Standard deviation of the jump speed: by first order, and of the points"
+            found.append(self.table("local_derivatives", caption, rows, group_by="title"))
+            found.append(self.table("first_order", spread, orders))
         reasons = self.dataset.reasons()
         return [
             *found,
@@ -296,8 +308,7 @@ class CampaignResult(Result):
 
     def _quantiles(self, caption: str) -> Records:
         rows = [OfMeasure(m, q) for m in self.campaign.measures for q in self.quantiles(m)]
-        notes = (_not_found(rows), INTERVALS, self.failures, self.unsettled)
-        return self.table("quantiles", caption, rows, *notes)
+        return self.table("quantiles", caption, rows, INTERVALS, self.failures, self.unsettled)
 
     def _extremes(self, caption: str) -> Records:
         rows = []
@@ -315,20 +326,11 @@ class CampaignResult(Result):
             shares = self.shares(measure)
             rows += [OfMeasure(measure, one) for one in shares]
             if (needed := points_needed(shares, points)) != points:
-                words = (
-                    f"Too few points to tell shares to ±{SHARE_ERROR:g}: plan.points is {points}, "
-                    f"about {needed} are needed."
-                )
-                notes.append(_note_of(measure, words))
+                words = f"For shares within ±{SHARE_ERROR:g} plan.points must be about {needed}."
+                notes.append(Footnote(words, partial(_is_of, measure)))
         first = "Alone: of the first order. In all: with interactions. ± of 95 %, bootstrapped."
         caption = "Shares of the variance of {title}"
         return self.table("shares", caption, rows, first, *notes, group_by="title")
-
-    def _derivatives(self, orders: list[FirstOrder]) -> Records:
-        rows = [OfMeasure(order.measure, one) for order in orders for one in order.inputs]
-        notes = [_note_of(order.measure, _first_order(order)) for order in orders]
-        caption = "Local derivatives of {title}, in the middle of the inputs"
-        return self.table("local_derivatives", caption, rows, *notes, group_by="title")
 
     def summary(self) -> list[str]:
         """Where the rows are."""
@@ -343,36 +345,8 @@ class CampaignResult(Result):
         return concat([table.to_pandas() for table in self.dataset.tables()], ignore_index=True)
 
 
-def _note_of(measure: CampaignMeasure, words: str) -> Footnote:
-    return Footnote(words, lambda record: record.measure == measure)
-
-
-def _first_order(found: FirstOrder) -> str:
-    """Whether first order says what the points do."""
-    predicted, real = found.predicted / RPM, found.found / RPM
-    without = [one.path for one in found.inputs if one.derivative is None]
-    left = f", without {', '.join(without)}" if without else ""
-    words = (
-        f"First order predicts a standard deviation of {format_number(predicted, '.3g')} "
-        f"rpm{left}; the points have {format_number(real, '.3g')} rpm"
-    )
-    words += ": do not rely on it here." if found.lies else "."
-    if found.correlated:
-        words += " Inputs are correlated: the prediction counts their covariances."
-    if found.points < FOR_SPREAD:
-        words += f" Of {pluralize(found.points, 'point')} a spread is not told: needs {FOR_SPREAD}."
-    return words
-
-
-def _not_found(rows: Iterable[OfMeasure]) -> str:
-    """How many draws the quantiles need that are not found; empty where all are."""
-    needed: dict[int, list[str]] = {}
-    for row in rows:
-        probability = f"{100.0 * row.own.probability:g} %"
-        if np.isnan(row.own.value) and probability not in needed.setdefault(row.own.needed, []):
-            needed[row.own.needed].append(probability)
-    words = [f"{n} draws for {' and '.join(which)}" for n, which in needed.items() if which]
-    return f"Not found: needs at least {', '.join(words)}." if words else ""
+def _is_of(measure: CampaignMeasure, row: OfMeasure) -> bool:
+    return row.measure == measure
 
 
 def points_needed(shares: Sequence[InputShare], points: int) -> int:

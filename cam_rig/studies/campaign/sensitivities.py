@@ -222,8 +222,6 @@ def _numbers(rig: RigConfig, moved: str = "") -> dict[str, complex]:
 
 #: Measures that have derivatives, and how the follower runs.
 RUNS = {"jump_speed": FROM_REST, "jump_speed_steady": None}
-#: First order lies where its spread is so many times the points', or so small a part of it.
-LIES = 1.25
 
 
 @dataclass(frozen=True)
@@ -240,11 +238,6 @@ class FirstOrder:
     found: float
     correlated: bool
     points: int
-
-    @property
-    def lies(self) -> bool:
-        """Whether the points spread otherwise than first order says."""
-        return not self.found / LIES <= self.predicted <= self.found * LIES
 
 
 def first_orders(results: CampaignResult) -> list[FirstOrder]:
