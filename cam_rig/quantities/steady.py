@@ -2,7 +2,7 @@
 
 While contact is kept the periodic state is one linear solve, and the least and the largest force
 are found between the samples too. Where the follower lifts off it is turned from rest until a turn
-changes nothing any more; where none does, the turns after `MOST_TURNS` are measured, and it is
+changes nothing any more; where none does, the turns after `MAX_FORCE_TURNS` are measured, and it is
 said.
 """
 
@@ -27,6 +27,7 @@ from cam_rig.dynamics.free_masses import contact_response, force_output
 from cam_rig.dynamics.kinetostatic import force_extremes, force_weights
 from cam_rig.dynamics.linear.response import LinearResponse, Outputs
 from cam_rig.dynamics.modal.run import ModalRun
+from cam_rig.dynamics.steady_rules import FORCE_RTOL, MAX_FORCE_TURNS
 from cam_rig.dynamics.torsional.model import from_rig as shaft_of
 from cam_rig.dynamics.torsional.motion import steady_state
 from cam_rig.laws import Law
@@ -39,10 +40,6 @@ from cam_rig.simulation.schedule import CamState, cam_states
 from cam_rig.simulation.simulate import Settling, simulate, step_levels, turned_ticks
 from cam_rig.units import NS, RPM, TURN, FloatArray
 
-#: A follower has settled when its turns to come change the force by no more than this part of it.
-SETTLED = 1e-6
-#: Turns from rest after which one that has not settled is measured as it is.
-MOST_TURNS = 40
 #: Samples (Hz) where none is asked for; and of a tick at most, little more than a core's memory.
 FEWEST, MOST_SAMPLES = 1, 1 << 15
 #: The contact force's row in the outputs of a mass on its stem.
@@ -167,7 +164,7 @@ def _twisted(law: Law, rig: RigConfig, speed: float) -> SteadyStart:
 
 
 def _turned(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) -> SteadyStart:
-    """A follower turned from rest until no turn to come changes it, or `MOST_TURNS`."""
+    """A follower turned from rest until no turn to come changes it, or `MAX_FORCE_TURNS`."""
     model = MODELS[scene.model]
     parameters, scale = model.parameters(rig), _scale(law, rig, speed)
     turn = _one_turn(speed)
@@ -175,12 +172,12 @@ def _turned(law: Law, rig: RigConfig, scene: SceneConfig, speed: float) -> Stead
     interval = replace(turn, start_ns=1, stop_ns=turn.stop_ns + 1)
     state: FollowerState | None = None
     before, change = None, math.inf
-    for _ in range(MOST_TURNS):
+    for _ in range(MAX_FORCE_TURNS):
         end, _block = model.advance(law, parameters, state, interval, FEWEST)
         state = replace(end, cam_angle=None, cam_speed=None, pending_impulse=0.0)
         here = _numbers(state, scale)
         last, change = change, _away(here, before)
-        if change == 0.0 or (change < last < math.inf and change**2 / (last - change) < SETTLED):
+        if change == 0.0 or (change < last < math.inf and change**2 / (last - change) < FORCE_RTOL):
             return SteadyStart(state)  # what is left of a geometric series
         before = here
     return SteadyStart(state, settled=False)

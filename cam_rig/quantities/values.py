@@ -17,6 +17,7 @@ from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.dynamics.jump.any_follower import AnyFollower, find_jump, follower_of
 from cam_rig.dynamics.jump.search import NoJumpSpeedError
 from cam_rig.dynamics.kinetostatic import force_extremes
+from cam_rig.dynamics.steady_rules import FORCE_RTOL, MAX_FORCE_TURNS
 from cam_rig.dynamics.torsional.model import from_rig as shaft_of
 from cam_rig.dynamics.vibration import low_dwell, residual_vibration, steady_twist
 from cam_rig.errors import ConfigError, DynamicsError
@@ -25,7 +26,7 @@ from cam_rig.laws.law import peak
 from cam_rig.profile.checks import sharpest_convex
 from cam_rig.profile.contact import Motion, Scan, zoom
 from cam_rig.profile.disc import discs
-from cam_rig.quantities.steady import MOST_TURNS, SETTLED, scene_at, steady_row
+from cam_rig.quantities.steady import scene_at, steady_row
 from cam_rig.quantities.terms import Sense, Term
 from cam_rig.schema import CamConfig, RigConfig, SceneConfig
 from cam_rig.simulation.by_speed import SpeedRow
@@ -78,8 +79,8 @@ class Subject:
             return ""
         program = self.scene.program
         return (
-            f"at {term.low / RPM:.6g} rpm not settled to {SETTLED:g} in {MOST_TURNS} turns, so it "
-            f"is of the {program.turns.si - program.settle_turns.si:g} turns after them"
+            f"at {term.low / RPM:.6g} rpm not settled to {FORCE_RTOL:g} in {MAX_FORCE_TURNS} "
+            f"turns, so it is of the {program.turns.si - program.settle_turns.si:g} turns after them"
         )
 
 

@@ -14,6 +14,7 @@ from cam_rig.acoustics import MicrophoneState, RadiationParameters, level_db, rm
 from cam_rig.acoustics.pressure import structure_response
 from cam_rig.dynamics import MODELS, Block, FollowerState, Interval, Model, Samples
 from cam_rig.dynamics.interval import NamedRows
+from cam_rig.dynamics.steady_rules import LEVEL_TURNS, is_settled
 from cam_rig.errors import CamRigError
 from cam_rig.laws import Law
 from cam_rig.simulation.scene import LoadedScene
@@ -62,7 +63,7 @@ class Settling:
         if self.first is None or self._last is None or not _goes_on(self._last, start):
             self.first = start
         self._last = start
-        return start.since(self.first) / TURN > self.turns - 1e-6
+        return is_settled(start.since(self.first) / TURN, self.turns)
 
 
 def _goes_on(last: CamState, start: CamState) -> bool:
@@ -371,7 +372,7 @@ def settled_turns(
     forces, impulses = [], []
     for speed in map(float, speeds):
         turn, state = round(TURN / speed * NS), None
-        for i in range(2):
+        for i in range(LEVEL_TURNS):
             interval = Interval(i * turn, (i + 1) * turn, speed * i * turn / NS, speed)
             state, block = MODELS[model].advance(law, parameters, state, interval, TURN_RATE_HZ)
             if model == "one_mass" and state.in_contact and state.pending_impulse == 0.0:

@@ -16,6 +16,7 @@ from cam_rig.dynamics import MODELS, Block, FollowerParameters, Interval, TwoMas
 from cam_rig.dynamics.free_masses import contact_response
 from cam_rig.dynamics.jump.any_follower import AnyFollower, find_jump, follower_of
 from cam_rig.dynamics.jump.jump_speed import contact_lost_speed, rigid_jump
+from cam_rig.dynamics.steady_rules import LAB_TURNS
 from cam_rig.dynamics.vibration import fastest, residual_vibration, steady_turn
 from cam_rig.errors import ConfigError, did_you_mean
 from cam_rig.files import shown
@@ -46,8 +47,6 @@ RATE_HZ = LEAST_RATE
 POINTS = 720
 #: What the force sensor resolves, N.
 RESOLUTION_N = 0.1
-#: Turns after which what is seen of a follower that lifts off is settled.
-SETTLED = 6
 
 
 def observe(law: Law, follower: AnyFollower, radiation: RadiationParameters, rpm: float) -> LabTurn:
@@ -85,7 +84,7 @@ def _turns(law: Law, follower: AnyFollower, speed: float) -> list[Block]:
         model = MODELS["two_mass"]
         state = vibrating(contact_response(law, follower, speed).periodic())
     turn, blocks = round(TURN / speed * NS), list[Block]()
-    for i in range(SETTLED):
+    for i in range(LAB_TURNS):
         # Each turn begins at angle 0: what a turn in whole nanoseconds leaves is not added up.
         interval = Interval(i * turn, (i + 1) * turn, 0.0, speed, turns=i)
         state, block = model.advance(law, follower, state, interval, RATE_HZ)

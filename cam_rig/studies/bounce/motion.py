@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
+from cam_rig.dynamics.steady_rules import PERIOD_RTOL
 from cam_rig.dynamics.turn_map import StroboscopicMap, TurnsRun
 from cam_rig.schema import RigConfig
 from cam_rig.units import FloatArray
@@ -16,8 +17,6 @@ from cam_rig.units import FloatArray
 Bouncing = FollowerParameters | TwoMassParameters
 ONE_MASS, TWO_MASS = "one_mass", "two_mass"
 IN_CONTACT, PERIODIC, IRREGULAR, NOT_TOLD = "in contact", "periodic", "irregular", "not told"
-#: Two turns are alike where no number differs by more than this part of its size, as of the lift.
-ALIKE = 1e-9
 #: The longest period is this part of the turns that are kept: it is seen so often.
 SEEN = 4
 #: Growth is averaged by so many blocks of turns; what Student's t of them is at 95 %.
@@ -64,7 +63,7 @@ def motion_of(turn_map: StroboscopicMap, run: TurnsRun, kept: int) -> TurnMotion
     if period is None:
         return _without_period(run.growth[-kept:])
     apart = np.abs(states[period:] - states[:-period]).max(axis=1)
-    settled = int(np.flatnonzero(apart > ALIKE)[-1]) + 1 if (apart > ALIKE).any() else 0
+    settled = int(np.flatnonzero(apart > PERIOD_RTOL)[-1]) + 1 if (apart > PERIOD_RTOL).any() else 0
     last, before = (_exponent(run.derivatives[i:][:period]) for i in (-period, -2 * period))
     error = abs(last - before) if math.isfinite(last) else 0.0
     exponents = _with_others(last, run.growth[-(kept - kept % period) :].mean(axis=0))
@@ -78,7 +77,7 @@ def _period(states: FloatArray) -> int | None:
     """The fewest turns after which states ``(turns, n)`` repeat in all the second half of them."""
     half = len(states) // 2
     for turns in range(1, len(states) // SEEN + 1):
-        if np.abs(states[-half:] - states[-half - turns : -turns]).max() <= ALIKE:
+        if np.abs(states[-half:] - states[-half - turns : -turns]).max() <= PERIOD_RTOL:
             return turns
     return None
 

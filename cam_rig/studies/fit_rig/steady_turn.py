@@ -15,14 +15,11 @@ from cam_rig.dynamics.interval import Event
 from cam_rig.dynamics.kinetostatic import force_weights, loss_intervals
 from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.dynamics.parameters import MAX_DAMPING_RATIO
+from cam_rig.dynamics.steady_rules import RETURN_RTOL, RETURN_TURNS
 from cam_rig.dynamics.two_mass import Separation, states
 from cam_rig.laws import Law
 from cam_rig.units import NS, TURN, FloatArray
 
-#: Turns after which a follower that leaves the cam is settled, or never: each tried in its turn.
-SETTLING = (2, 4, 8, 16, 32)
-#: By how much a settled turn may miss where it began, of a turn and of its vibration's scale.
-SAME = 1e-11
 #: Steps to a turn that comes back to itself, at most; and of a slope, of the vibration's scale.
 MOST_STEPS, STEP = 12, 1e-6
 
@@ -74,7 +71,7 @@ PeriodicTurn = OneMassTurn | TwoMassTurn
 def one_mass_turn(law: Law, p: FollowerParameters, speed: float) -> OneMassTurn | None:
     """One rigid mass at ``speed`` (rad/s); None where no turn is as the one before."""
     turn = TURN / speed
-    for settling in SETTLING:
+    for settling in RETURN_TURNS:
         whole = settling if loss_intervals(law, p, speed) else 1
         span = Interval(0, round((whole + 1) * turn * NS) + 1, 0.0, speed)
         course = OneMassTrajectory(law, p, span)
@@ -95,7 +92,9 @@ def _came_back(course: OneMassTrajectory, one: float, other: float) -> bool:
     ]
     if found[0].shape != found[1].shape:
         return False
-    return found[0].size == 0 or float(np.abs(found[1] - found[0] - turn).max()) < SAME * turn
+    return (
+        found[0].size == 0 or float(np.abs(found[1] - found[0] - turn).max()) < RETURN_RTOL * turn
+    )
 
 
 def two_mass_turn(
@@ -123,7 +122,7 @@ def two_mass_turn(
             return None
         slopes = _slopes(course, start, scale) if near is None else near.map
         miss = course.last - start
-        if (np.abs(miss) <= SAME * scale).all():
+        if (np.abs(miss) <= RETURN_RTOL * scale).all():
             return TwoMassTurn(course, start, slopes, tuple(course.events))
         start = start + np.linalg.solve(np.eye(2) - slopes, miss)
     return None
@@ -139,8 +138,8 @@ def _contact_after(law: Law, p: TwoMassParameters, speed: float) -> tuple[float,
     if not _turned(law, p, speed, 0.0, state).events:
         return 0.0, state
     course = Separation(law, p, speed)
-    course.go((SETTLING[2] + 1) * turn, state)
-    last = [x for x in course.phases if x.flight is None and x.end > SETTLING[2] * turn]
+    course.go((RETURN_TURNS[2] + 1) * turn, state)
+    last = [x for x in course.phases if x.flight is None and x.end > RETURN_TURNS[2] * turn]
     if not last:
         return None
     phase = max(last, key=lambda x: x.end - x.begin)

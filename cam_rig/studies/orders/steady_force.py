@@ -16,6 +16,7 @@ from cam_rig.dynamics.kinetostatic import force_ordinates
 from cam_rig.dynamics.linear.exponential import free_motion
 from cam_rig.dynamics.linear.response import LinearResponse, Outputs, polynomial_part
 from cam_rig.dynamics.one_mass import OneMassTrajectory
+from cam_rig.dynamics.steady_rules import MAX_PERIOD_TURNS, SPECTRUM_TURNS, STATE_RTOL
 from cam_rig.dynamics.two_mass import Separation, first_lift_off, states
 from cam_rig.dynamics.velocity_jumps import require_smooth
 from cam_rig.errors import ConfigError
@@ -23,12 +24,8 @@ from cam_rig.laws import Law, bernstein
 from cam_rig.schema import RigConfig
 from cam_rig.units import NS, TURN, FloatArray
 
-#: Turns that a follower which leaves the cam is given to settle, tried in this order.
-SETTLING = (4, 16, 64)
-#: Turns after which a motion may come back to itself, at most.
-MAX_PERIOD = 8
-#: Part of a turn that both contacts must share, and by how much a state may differ of its scale.
-OVERLAP, SAME_STATE = 1e-9, 1e-8
+#: Fraction of a turn that the contacts of two turns must share to count as overlapping.
+OVERLAP = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +112,7 @@ def _kinetostatic(law: Law, p: FollowerParameters, speed: float) -> SteadyForce:
 def _one_mass(law: Law, p: FollowerParameters, speed: float) -> SteadyForce:
     """On the cam it has forgotten what was: two contacts at one angle are the same motion."""
     turn, found = TURN / speed, None
-    for run in SETTLING:
+    for run in SPECTRUM_TURNS:
         course = OneMassTrajectory(law, p, Interval(0, math.ceil(run * turn * NS) + 1, 0.0, speed))
         course.run(None)
         contacts = [(x.begin, x.end) for x in course.phases if x.flight is None]
@@ -135,7 +132,7 @@ def _one_mass(law: Law, p: FollowerParameters, speed: float) -> SteadyForce:
 
 def _repeated(contacts: list[tuple[float, float]], turn: float) -> tuple[float, int] | None:
     """A time (s) and after how many turns the follower is on the cam again; None if it is not."""
-    for turns in range(1, MAX_PERIOD + 1):
+    for turns in range(1, MAX_PERIOD_TURNS + 1):
         later = turns * turn
         for a, b in contacts:
             for c, d in contacts:
@@ -203,13 +200,13 @@ def _two_mass(law: Law, p: TwoMassParameters, speed: float) -> SteadyForce:
     if start is not None and stays and first_lift_off(law, p, speed, start, turn) is None:
         contact = tuple(_linear_pieces(model, force_output(p), start, 0.0, 0.0, turn))
         return SteadyForce(speed, 1, contact)
-    for run in SETTLING:
+    for run in SPECTRUM_TURNS:
         course = Separation(law, p, speed)
-        course.go((run + MAX_PERIOD) * turn, np.zeros(2) if start is None else start)
+        course.go((run + MAX_PERIOD_TURNS) * turn, np.zeros(2) if start is None else start)
         turns = _period(course, run, turn)
         if turns is not None:
             break
-    end = (run + MAX_PERIOD - 1) * turn
+    end = (run + MAX_PERIOD_TURNS - 1) * turn
     begin = end - (turns or 1) * turn
     pieces = tuple(_phase_pieces(course, model, begin, end))
     landings = _landings(course.events, begin, end)
@@ -218,11 +215,11 @@ def _two_mass(law: Law, p: TwoMassParameters, speed: float) -> SteadyForce:
 
 def _period(course: Separation, run: int, turn: float) -> int | None:
     """After how many turns the states at θ = 0 come back; None if they do not."""
-    found = states(course, turn * np.arange(run - 1.0, run + MAX_PERIOD))[:4]
+    found = states(course, turn * np.arange(run - 1.0, run + MAX_PERIOD_TURNS))[:4]
     lift, slope, _ = course.law.bounds
     scale = np.array([lift, course.speed * slope] * 2)[:, None]
     away = (np.abs(found[:, -1:] - found[:, -2::-1]) / scale).max(axis=0)
-    same = np.flatnonzero(away < SAME_STATE)
+    same = np.flatnonzero(away < STATE_RTOL)
     return int(same[0]) + 1 if same.size else None
 
 

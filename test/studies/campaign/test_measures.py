@@ -7,9 +7,10 @@ import pytest
 
 import cam_rig
 from cam_rig.dynamics import MODELS, FollowerParameters, TwoMassParameters
+from cam_rig.dynamics.steady_rules import FORCE_RTOL, MAX_FORCE_TURNS
 from cam_rig.dynamics.vibration import residual_vibration
 from cam_rig.quantities.catalogue import DESIGNED, measured_in
-from cam_rig.quantities.steady import MOST_TURNS, SETTLED, scene_at, steady_row
+from cam_rig.quantities.steady import scene_at, steady_row
 from cam_rig.quantities.terms import parse_limit, sign_of
 from cam_rig.studies.campaign.campaign import make_point, measure_batch
 from cam_rig.units import RPM
@@ -119,7 +120,7 @@ def test_forces_do_not_depend_on_the_turns_of_the_scene(measured, model):
         row, settled = steady_row(point.law, point.rig, scene, 300 * RPM)
         assert settled
         rows.append([row.force_peak, row.force_least, row.torque_peak, row.level_db])
-    assert rows[0] == pytest.approx(rows[1], rel=SETTLED)
+    assert rows[0] == pytest.approx(rows[1], rel=FORCE_RTOL)
 
 
 def test_a_follower_that_lifts_off_is_settled_or_said_not_to_be(measured, results, tmp_path):
@@ -132,11 +133,11 @@ def test_a_follower_that_lifts_off_is_settled_or_said_not_to_be(measured, result
     found = results(tmp_path, vary=stiff, measures=measures, plan=grid)
     frame = found.to_pandas()
     assert frame.status.tolist()[1] == "unsettled"
-    assert f"not settled to 1e-06 in {MOST_TURNS} turns" in frame.reason[1]
+    assert f"not settled to 1e-06 in {MAX_FORCE_TURNS} turns" in frame.reason[1]
     assert np.isfinite(frame.peak_contact_force_at_900rpm).all()
     (table,) = found.to_display()
     assert "of 2 points" in table.notes[-1]
-    assert f"in {MOST_TURNS} turns" in table.notes[-1]
+    assert f"in {MAX_FORCE_TURNS} turns" in table.notes[-1]
 
 
 def test_one_rigid_mass_is_the_same_by_either_name(measured):
