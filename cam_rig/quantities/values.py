@@ -78,9 +78,10 @@ class Subject:
         if self.scene is None or not term.quantity.of_run or self._runs[term.low][1]:
             return ""
         program = self.scene.program
+        kept = program.turns.si - program.settle_turns.si
         return (
             f"at {term.low / RPM:.6g} rpm not settled to {FORCE_RTOL:g} in {MAX_FORCE_TURNS} "
-            f"turns, so it is of the {program.turns.si - program.settle_turns.si:g} turns after them"
+            f"turns, so it is of the {kept:g} turns after them"
         )
 
 
