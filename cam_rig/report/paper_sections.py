@@ -75,7 +75,7 @@ def _summary(paper: Paper) -> Content:
 def _cams(paper: Paper) -> Content:
     cam_set, mounted = paper.cam_set, paper.loaded
     cam, law = cam_set.cams[PROPOSED], cam_set.laws[PROPOSED]
-    arcs = next(name for name in mounted.cams if mounted.part(name) == "identified")
+    arcs = next(name for name in mounted.cams if mounted.fitted_origin(name) == "identified")
     laws = laws_table(
         "The laws at their event angles: extremes over the lift",
         cam_set,
@@ -169,7 +169,7 @@ def _stem(paper: Paper) -> Content:
 def _bounce(paper: Paper) -> Content:
     """Of the cam that the rig's own is taken for, one mass with a restitution that is assumed."""
     loaded = paper.loaded
-    cam = next((name for name in loaded.cams if loaded.part(name) == "identified"), None)
+    cam = next((name for name in loaded.cams if loaded.fitted_origin(name) == "identified"), None)
     if cam is None or loaded.laws[cam].velocity_jumps:
         return Content(values={"bounce": None})
     rpm = np.linspace(*BOUNCE_RPM, BOUNCE_SPEEDS)

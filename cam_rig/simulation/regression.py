@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cam_rig.schema import PublishedNoise
+from cam_rig.simulation.scene import LevelOrigin
 from cam_rig.units import FloatArray, rms, to_rpm
 
 REGRESSION_DEGREE = 3
@@ -62,7 +63,7 @@ class NoiseCurve:
     """Measured level (dB) of one cam at each speed, and its cubic regression in rpm."""
 
     cam: str
-    role: str
+    role: LevelOrigin
     rpm: FloatArray
     level_db: FloatArray
     coefficients: FloatArray
@@ -78,7 +79,9 @@ class NoiseResult:
 
 
 def compare(
-    levels: dict[str, dict[float, float]], roles: dict[str, str], published: PublishedNoise | None
+    levels: dict[str, dict[float, float]],
+    roles: dict[str, LevelOrigin],
+    published: PublishedNoise | None,
 ) -> NoiseResult:
     """Regressions of all cams, their r.m.s. difference to the published ones, the crossover."""
     curves = {}

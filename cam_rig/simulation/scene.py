@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from enum import StrEnum
 from functools import lru_cache
 from pathlib import Path
 
@@ -111,8 +112,16 @@ def load_scene(scene: str | Path) -> LoadedScene:
 
 #: The shipped rig that was calibrated, and the model of the follower it was calibrated with.
 SHIPPED, MODEL = "tm21", "one_mass"
-#: What a level is worth whose rig was not calibrated, and what that means.
-RELATIVE = "relative"
+
+
+class LevelOrigin(StrEnum):
+    """Origin of the sound level of a cam."""
+
+    CALIBRATED = "calibrated"  #: the rig's constants were fitted to the level of this cam
+    IDENTIFIED = "identified"  #: the numbers of the cam were fitted to its level
+    PREDICTED = "predicted"  #: nothing was fitted to it
+    RELATIVE = "relative"  #: the rig was not calibrated: only differences of levels are meaningful
+
 
 RELATIVE_NOTE = (
     "Relative: the rig's acoustic constants were not fitted with this follower and model, so only "
@@ -247,22 +256,22 @@ class LoadedScene:
         """Whether the levels of the scene are more than relative to each other."""
         return is_calibrated(self.rig, self.scene.model)
 
-    def role(self, cam: str) -> str:
-        """What a level of this cam is worth: relative, or its `part` on a calibrated rig."""
+    def level_origin(self, cam: str) -> LevelOrigin:
+        """Return the origin of the level of a cam on this rig."""
         if not self.calibrated:
-            return RELATIVE
-        part, shipped = self.part(cam), has_shipped_constants(self.rig)
-        if part == "calibrated" and shipped and not same_as_shipped(self.cams[cam]):
-            return "predicted"  # another cam of that name: nothing was fitted to it
-        return part
+            return LevelOrigin.RELATIVE
+        origin, shipped = self.fitted_origin(cam), has_shipped_constants(self.rig)
+        if origin is LevelOrigin.CALIBRATED and shipped and not same_as_shipped(self.cams[cam]):
+            return LevelOrigin.PREDICTED  # another cam of that name: nothing was fitted to it
+        return origin
 
-    def part(self, cam: str) -> str:
-        """What the files fit to this cam: calibrated (the rig), identified (the cam), predicted."""
+    def fitted_origin(self, cam: str) -> LevelOrigin:
+        """Return the origin of a cam's level by the sources in the files of rig and cam."""
         if cam == self.rig.calibrated_on:
-            return "calibrated"
+            return LevelOrigin.CALIBRATED
         source = self.cams[cam].identified_from
-        known = self.published is None or source == self.published.name
-        return "identified" if source and known else "predicted"
+        is_known = self.published is None or source == self.published.name
+        return LevelOrigin.IDENTIFIED if source and is_known else LevelOrigin.PREDICTED
 
     def published_levels(self, cam: str, rpm: FloatArray) -> FloatArray:
         """Published levels (dB) of a cam at speeds in rpm, to fit something to."""

@@ -274,7 +274,7 @@ def test_a_level_is_worth_what_its_table_says(tmp_path):
     done("quick", "--out", out)
     loaded, text = load_scene("quick"), out.read_text(encoding="utf-8")
     (verdict,) = re.findall(r"\| How loud is it\? \|.*\| (.*) \|", text)
-    roles = {title: loaded.part(cam) for cam, title in loaded.titles.items()}
+    roles = {title: loaded.fitted_origin(cam) for cam, title in loaded.titles.items()}
     assert verdict == "; ".join(f"{role}: {title}" for title, role in roles.items())
     for title, role in roles.items():
         assert f"| {title} | {role} |" in text

@@ -72,7 +72,7 @@ def test_listen_writes_a_sound_file(tmp_path):
 def roles(scene):
     """What the levels of a scene are worth, by cam."""
     loaded = load_scene(scene)
-    return {cam: loaded.role(cam) for cam in loaded.cams}
+    return {cam: loaded.level_origin(cam) for cam in loaded.cams}
 
 
 @pytest.mark.long

@@ -13,7 +13,7 @@ import cam_rig
 from cam_rig.dynamics import MODELS
 from cam_rig.errors import ConfigError, LawError
 from cam_rig.schema import RigConfig
-from cam_rig.simulation.scene import RELATIVE, is_calibrated, open_scene
+from cam_rig.simulation.scene import is_calibrated, open_scene
 from cam_rig.simulation.schedule import CamState, cam_states, run_length, tick_count
 from cam_rig.units import NS, TURN
 
@@ -202,10 +202,16 @@ def test_another_model_was_not_fitted(rig):
 def test_no_cam_of_an_uncalibrated_scene_has_a_role(rig):
     """Neither calibrated, nor predicted, nor identified: all of its levels are relative."""
     scene = cam_rig.load_scene("tm21_sweep")
-    assert {scene.role(cam) for cam in scene.cams} == {"calibrated", "predicted", "identified"}
+    assert {scene.level_origin(cam) for cam in scene.cams} == {
+        "calibrated",
+        "predicted",
+        "identified",
+    }
     own = replace(scene, rig=changed(rig, "follower", mass={"given": 0.8, "unit": "kg"}))
-    assert {own.role(cam) for cam in own.cams} == {RELATIVE}
-    assert own.part("poly345") == "calibrated"  # what a study that calibrates anew starts from
+    assert {own.level_origin(cam) for cam in own.cams} == {"relative"}
+    assert (
+        own.fitted_origin("poly345") == "calibrated"
+    )  # what a study that calibrates anew starts from
 
 
 def test_another_cam_of_the_calibrated_name_is_a_prediction():
@@ -213,8 +219,8 @@ def test_another_cam_of_the_calibrated_name_is_a_prediction():
     scene = cam_rig.load_scene("tm21_sweep")
     lower = scene.cams["poly345"].model_copy(update={"lift": scene.cams["tm21"].lift})
     own = replace(scene, cams=scene.cams | {"poly345": lower})
-    assert own.role("poly345") == "predicted"
-    assert own.role("tm21") == "identified"
+    assert own.level_origin("poly345") == "predicted"
+    assert own.level_origin("tm21") == "identified"
 
 
 @pytest.fixture(params=[1, 7, 64])

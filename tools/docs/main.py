@@ -82,7 +82,7 @@ def _read(bag: Path) -> tuple[TurnArchive, NoiseResult]:
         archive = read_turns(bag, lambda: bar.advance(task))
     loaded = archive.loaded
     levels = step_levels(read_recording(bag).ticks, loaded.scene.program.settle_turns.si)
-    roles = {cam: loaded.role(cam) for cam in levels}
+    roles = {cam: loaded.level_origin(cam) for cam in levels}
     return archive, compare(levels, roles, loaded.published)
 
 

@@ -276,7 +276,7 @@ def _curve(
     return StudiedCurve(
         method=method,
         cam=cam.cam,
-        role=study.loaded.part(cam.cam),  # true here: each method calibrates anew
+        role=study.loaded.fitted_origin(cam.cam),  # true here: each method calibrates anew
         numbers=numbers,
         rpm=study.rpm,
         level_db=level,

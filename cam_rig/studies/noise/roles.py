@@ -45,7 +45,7 @@ class StudyRoles:
                 f"{loaded.scene_file}: program.speeds has {speeds}; a noise study needs at least "
                 f"{MIN_SPEEDS}; {OTHERWISE}"
             )
-        roles = {loaded.part(cam): cam for cam in loaded.scene.cams}
+        roles = {loaded.fitted_origin(cam): cam for cam in loaded.scene.cams}
         if len(loaded.scene.cams) != 3 or len(roles) != 3 or loaded.scene.model != "one_mass":
             raise ConfigError(
                 f"{loaded.scene_file}: cams are {', '.join(loaded.scene.cams)}, model "

@@ -20,7 +20,7 @@ from cam_rig.simulation.asked import Cams, Rig, Speeds, asked_cams, asked_speeds
 from cam_rig.simulation.by_speed import SpeedRow, SpeedRows
 from cam_rig.simulation.export import export
 from cam_rig.simulation.regression import NoiseCurve, NoiseResult, compare
-from cam_rig.simulation.scene import RELATIVE, RELATIVE_NOTE, LoadedScene, load_scene
+from cam_rig.simulation.scene import RELATIVE_NOTE, LevelOrigin, LoadedScene, load_scene
 from cam_rig.simulation.schedule import tick_count
 from cam_rig.simulation.simulate import (
     MeasuredTick,
@@ -66,7 +66,7 @@ def _regression(curve: NoiseCurve) -> str:
 
 def _role(curve: NoiseCurve) -> str:
     """What the comparison is worth, or that no level is; nothing where nothing is compared."""
-    return "" if curve.rmse_db is None and curve.role != RELATIVE else curve.role
+    return "" if curve.rmse_db is None and curve.role is not LevelOrigin.RELATIVE else curve.role
 
 
 def _coefficient(power: int) -> Column:
@@ -143,7 +143,7 @@ class SceneRun(Result):
     @cached_property
     def noise(self) -> NoiseResult:
         """Level (dB) against speed (rpm): ``curves`` by cam, and where two regressions cross."""
-        roles = {cam: self.loaded.role(cam) for cam in self._levels}
+        roles = {cam: self.loaded.level_origin(cam) for cam in self._levels}
         return compare(self._levels, roles, self.loaded.published)
 
     @cached_property
