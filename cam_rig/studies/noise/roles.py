@@ -14,7 +14,7 @@ import numpy as np
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.schema.published import Crossover
-from cam_rig.simulation.scene import LoadedScene
+from cam_rig.simulation.scene import LevelOrigin, LoadedScene
 from cam_rig.simulation.simulate import Acoustics, Turns, settled_turns
 from cam_rig.studies.noise.arc_cam import ArcShape, ShapeProblem
 from cam_rig.studies.noise.calibration import PublishedCam
@@ -53,7 +53,8 @@ class StudyRoles:
                 "cams: one that the rig is calibrated on, one identified, one predicted; "
                 f"{OTHERWISE}"
             )
-        return cls(roles["calibrated"], roles["predicted"], roles["identified"])
+        parts = LevelOrigin.CALIBRATED, LevelOrigin.PREDICTED, LevelOrigin.IDENTIFIED
+        return cls(*(roles[part] for part in parts))
 
 
 @dataclass(frozen=True, eq=False)
