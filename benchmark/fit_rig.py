@@ -16,7 +16,7 @@ import numpy as np
 
 import cam_rig
 from cam_rig.dynamics import FollowerParameters
-from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
+from cam_rig.dynamics.jump.rigid_mass import rigid_jump_speed
 from cam_rig.measured.rig_fit.numbers import WITHIN_95
 from cam_rig.measured.rig_fit.result import RigFit
 from cam_rig.measured.rig_fit.rig_fit import fit_run

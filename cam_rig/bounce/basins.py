@@ -14,7 +14,7 @@ from cam_rig.arguments import checked
 from cam_rig.bounce.motion import PERIODIC, TurnMotion, bouncing, motion_of
 from cam_rig.bounce.result import EXPONENT
 from cam_rig.dynamics import MODELS, Interval
-from cam_rig.dynamics.events.search import expect_many
+from cam_rig.dynamics.events.backend import expect_many
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.turn_map import StroboscopicMap
 from cam_rig.errors import ConfigError

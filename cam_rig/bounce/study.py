@@ -12,7 +12,7 @@ from cam_rig.bounce.motion import ONE_MASS, SEEN, TWO_MASS, bouncing
 from cam_rig.bounce.result import ABOVE, BEGUN, REST, BounceMap, BounceRow
 from cam_rig.bounce.rows import BounceFiles, BounceRuns, kept_rows
 from cam_rig.bounce.sweep import RESTITUTION, SPEED, SWEPT, OperatingPoint, Sweep
-from cam_rig.dynamics.events.search import expect_many
+from cam_rig.dynamics.events.backend import expect_many
 from cam_rig.dynamics.turn_map import ON_THE_CAM, State
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law

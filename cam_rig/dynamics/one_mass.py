@@ -6,8 +6,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from cam_rig.dynamics.events.course import NO_CONTACT, Course
 from cam_rig.dynamics.events.run_table import LOSS, CamWeights, RunTable
+from cam_rig.dynamics.events.trajectory import NO_CONTACT, Trajectory
 from cam_rig.dynamics.interval import Block, FollowerState, Interval
 from cam_rig.dynamics.kinetostatic import contact_samples, force_rounding, loss_intervals, state_at
 from cam_rig.dynamics.linear.exponential import Flight, FreeSystem, Pairs
@@ -47,7 +47,7 @@ def lifted_off(
 NO_WEIGHTS = CamWeights(lift=0.0, velocity=0.0, acceleration=0.0, constant=0.0)
 
 
-class OneMassTrajectory(Course):
+class OneMassTrajectory(Trajectory):
     """The course of one mass through an interval at constant speed."""
 
     most_events = 10_000

@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cam_rig.dynamics.events import turns as kernel
+from cam_rig.dynamics.events.backend import dispatch
 from cam_rig.dynamics.events.contact import Vibration
-from cam_rig.dynamics.events.course import EndlessEventsError, record_of
 from cam_rig.dynamics.events.law_table import CamMotion
 from cam_rig.dynamics.events.run_table import RUN_STATE, Mode
 from cam_rig.dynamics.events.runs import compute_stem_stretch, start_flight
-from cam_rig.dynamics.events.search import call
+from cam_rig.dynamics.events.trajectory import EndlessEventsError, record_of
 from cam_rig.dynamics.free_masses import TwoMassParameters
 from cam_rig.dynamics.interval import FollowerState, Interval
 from cam_rig.dynamics.one_mass import OneMassTrajectory
@@ -194,4 +194,4 @@ class StroboscopicMap:
     def _turn(self, now: NDArray[np.void], frame: FloatArray, rows: FloatArray) -> int:
         """Fill the rows from a place that goes on."""
         most = float(self._course.most_events)
-        return int(call(kernel.run_turns, self._table, record_of(now, ROOM), frame, rows, most))
+        return int(dispatch(kernel.run_turns, self._table, record_of(now, ROOM), frame, rows, most))

@@ -13,10 +13,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from cam_rig.dynamics.events.backend import dispatch
 from cam_rig.dynamics.events.contact import find_loss_in_part
-from cam_rig.dynamics.events.course import ROUNDING_ERRORS, Course, Phase, contact_table
 from cam_rig.dynamics.events.run_table import LOSS, CamWeights, RunTable
-from cam_rig.dynamics.events.search import call
+from cam_rig.dynamics.events.trajectory import ROUNDING_ERRORS, Phase, Trajectory, contact_table
 from cam_rig.dynamics.free_masses import (
     TwoMassParameters,
     contact_response,
@@ -55,7 +55,7 @@ def first_lift_off(
         if left <= 0.0:
             break
         table = contact_table(response, output, part)
-        loss = float(call(find_loss_in_part, table, *free[turn, i].tolist(), float(left)))
+        loss = float(dispatch(find_loss_in_part, table, *free[turn, i].tolist(), float(left)))
         if loss < math.inf:
             return begin + loss
     return None
@@ -97,7 +97,7 @@ def force_noise(law: Law, p: TwoMassParameters, speed: float) -> float:
     return ROUNDING_ERRORS * EPS * force / p.roller_mass
 
 
-class Separation(Course):
+class Separation(Trajectory):
     """The course of two masses on one law at one speed (rad/s), from a cam angle (rad) on."""
 
     most_events = 20_000
@@ -143,11 +143,11 @@ class Separation(Course):
         return self._table(
             duration,
             mass=float(p.roller_mass),
-            force=CamWeights(*weights, float(output.constant[0])),
+            force=CamWeights._make((*weights, float(output.constant[0]))),
             losses=np.zeros(0, LOSS),
             has_stem=True,
             contact=contact_table(self.response, output),
-            drive=CamWeights(*drive, 0.0),
+            drive=CamWeights._make((*drive, 0.0)),
             end_share=float(p.end_mass / (p.roller_mass + p.end_mass)),
             spring_share=float(p.spring_stiffness / p.stiffness),
             preload_compression=float(p.preload / p.stiffness),

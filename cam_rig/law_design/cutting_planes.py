@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from cam_rig.dynamics.jump.any_follower import find_jump
-from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
-from cam_rig.dynamics.jump.search import FASTEST, Jump
+from cam_rig.dynamics.jump.rigid_mass import rigid_jump_speed
+from cam_rig.dynamics.jump.two_masses import FASTEST, Jump
 from cam_rig.errors import ConfigError, DesignError, DynamicsError
 from cam_rig.law_design.convex_program import (
     Affine,

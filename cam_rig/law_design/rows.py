@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import sparse
 
-from cam_rig.dynamics.jump.jump_speed import FROM_REST
+from cam_rig.dynamics.jump.two_masses import FROM_REST
 from cam_rig.dynamics.kinetostatic import force_weights
 from cam_rig.errors import ConfigError
 from cam_rig.law_design.convex_program import Affine, ConvexProgram

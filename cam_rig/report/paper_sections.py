@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from cam_rig.bounce.motion import IRREGULAR, PERIODIC
 from cam_rig.bounce.study import bounce_map
-from cam_rig.dynamics.jump.jump_speed import FROM_REST
+from cam_rig.dynamics.jump.two_masses import FROM_REST
 from cam_rig.dynamics.vibration import STAND_IN
 from cam_rig.law_design import figures as design_plot
 from cam_rig.law_design.design import paper_designs

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics import FollowerParameters, FollowerState, Interval
-from cam_rig.dynamics.events.course import free_table
 from cam_rig.dynamics.events.free_flight import (
     advance,
     advance_contact_mass,
@@ -17,6 +16,7 @@ from cam_rig.dynamics.events.free_flight import (
     compute_impulse_response,
     start_free_motion,
 )
+from cam_rig.dynamics.events.trajectory import free_table
 from cam_rig.dynamics.kinetostatic import force_weights
 from cam_rig.dynamics.linear.exponential import response
 from cam_rig.dynamics.one_mass import OneMassTrajectory, lifted_off

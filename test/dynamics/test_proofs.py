@@ -8,8 +8,8 @@ import pytest
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.dynamics.events.approach import is_positive_between, positive_duration
 from cam_rig.dynamics.events.contact import CELLS, ContactRow, bound_share
-from cam_rig.dynamics.events.course import contact_table, free_table
 from cam_rig.dynamics.events.free_flight import advance_contact_mass, start_free_motion
+from cam_rig.dynamics.events.trajectory import contact_table, free_table
 from cam_rig.dynamics.free_masses import contact_response, force_output, free_masses, to_inner
 from cam_rig.dynamics.linear.exponential import Flight, free_motion
 from cam_rig.dynamics.one_mass import free_mass

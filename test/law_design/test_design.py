@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 
 from cam_rig.campaigns.inputs import with_numbers
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
-from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
+from cam_rig.dynamics.jump.rigid_mass import rigid_jump_speed
 from cam_rig.errors import DesignError
 from cam_rig.law_design.convex_program import BOX, Affine, ConvexProgram
 from cam_rig.law_design.design import front

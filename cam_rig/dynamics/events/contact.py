@@ -25,8 +25,8 @@ from cam_rig.dynamics.events.approach import (
     positive_duration,
 )
 from cam_rig.dynamics.events.free_flight import compute_impulse_response
-from cam_rig.laws.polynomials import elevated, fall, horner, restricted, value_at
-from cam_rig.laws.rows import Records, Row, Rows, Stack, borrowed, index_at, zeros
+from cam_rig.laws.polynomials import elevate, find_fall, horner, restrict, value_at
+from cam_rig.laws.vectors import Matrices, Matrix, Records, Vector, index_at, without_refcount
 from cam_rig.units import TURN
 
 #: Shortest proving step, as a fraction of a window. A polynomial is cheaper below it (measured).
@@ -51,7 +51,7 @@ CONTACT_PART = np.dtype(
 
 
 class ContactRow(IntEnum):
-    """Rows of `StemContactTable.polynomials`.
+    """Matrix of `StemContactTable.polynomials`.
 
     Weighted rows are Bernstein ordinates multiplied by their binomial coefficients.
     """
@@ -73,16 +73,16 @@ class Vibration(NamedTuple):
 class StemContactTable(NamedTuple):
     """A `LinearResponse` of (η, η̇) whose output is the contact force, with n parts per turn.
 
-    Rows of polynomials are as long as the longest one; part i uses ``parts[i]["size"]`` numbers.
+    Matrix of polynomials are as long as the longest one; part i uses ``parts[i]["size"]`` numbers.
     """
 
     parts: Records  #: records of `CONTACT_PART`, ``(n,)``
-    polynomials: Stack  #: rows of `ContactRow`, ``(n, 5, size)``
+    polynomials: Matrices  #: rows of `ContactRow`, ``(n, 5, size)``
     stiffness: float  #: κ of η̈ = −κ η − 2δ η̇, 1/s²
     damping: float  #: 2δ, 1/s
     force_per_displacement: float  #: p, N/m
     force_per_velocity: float  #: q, N·s/m
-    series: Rows  #: takes (η, η̇) to the ordinates of p η + q η̇ in a window, ``(d + 1, 2)``
+    series: Matrix  #: takes (η, η̇) to the ordinates of p η + q η̇ in a window, ``(d + 1, 2)``
     window: float  #: duration of a window, s
 
 
@@ -153,7 +153,7 @@ def find_loss_in_part(
 
     The search starts at the start of the part, with the free vibration (η, η̇) given there.
     """
-    contact = borrowed(contact)
+    contact = without_refcount(contact)
     stretch = ContactStretch(0, 0.0, Vibration(displacement, velocity))
     return _find_loss_in_stretch(contact, stretch, limit)
 
@@ -198,7 +198,9 @@ def _find_loss_in_stretch(
     time = _step_while_pressed(contact, stretch, 0.0, limit)
     while time < limit:
         duration = min(contact.window, limit - time)
-        u = fall(_force_ordinates(contact, stretch, time, duration), force_rounding)  # (6), (7)
+        u = find_fall(
+            _force_ordinates(contact, stretch, time, duration), force_rounding
+        )  # (6), (7)
         if u >= 0.0:
             return time + u * duration
         time = _step_while_pressed(contact, stretch, min(time + duration, limit), limit)
@@ -207,7 +209,7 @@ def _find_loss_in_stretch(
 
 def _force_ordinates(
     contact: StemContactTable, stretch: ContactStretch, time: float, duration: float
-) -> Row:
+) -> Vector:
     """Return the Bernstein ordinates (N) of F for ``duration`` s from ``time`` on.
 
     The free vibration's share is a power series of at most one window (10).
@@ -216,15 +218,15 @@ def _force_ordinates(
     size, count = part["size"], len(contact.series)
     first = min((stretch.offset + time) / part["duration"], MAX_PIECE_POSITION)
     last = min(max(first, (stretch.offset + time + duration) / part["duration"]), 1.0)
-    force = restricted(rows[ContactRow.FORCE], size, first, last)
+    force = restrict(rows[ContactRow.FORCE], size, first, last)
     free = free_vibration(contact, stretch, time)
-    ordinates = zeros(count)
+    ordinates = np.zeros(count)
     for j in range(count):
         weights = contact.series[j]
         ordinates[j] = weights[0] * free.displacement + weights[1] * free.velocity
     if duration < contact.window:
-        ordinates = restricted(ordinates, count, 0.0, duration / contact.window)
-    force, ordinates = elevated(force, max(size, count)), elevated(ordinates, max(size, count))
+        ordinates = restrict(ordinates, count, 0.0, duration / contact.window)
+    force, ordinates = elevate(force, max(size, count)), elevate(ordinates, max(size, count))
     for i in range(len(force)):
         ordinates[i] += force[i]
     return ordinates

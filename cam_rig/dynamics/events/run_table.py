@@ -9,7 +9,7 @@ import numpy as np
 
 from cam_rig.dynamics.events.contact import StemContactTable
 from cam_rig.dynamics.events.law_table import Cam
-from cam_rig.laws.rows import Records
+from cam_rig.laws.vectors import Records
 
 
 class Mode(IntEnum):

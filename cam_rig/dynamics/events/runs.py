@@ -48,7 +48,7 @@ from cam_rig.dynamics.events.run_table import (
     StemStretch,
 )
 from cam_rig.dynamics.velocity_jumps import SAME_PLACE
-from cam_rig.laws.rows import borrowed, zeros
+from cam_rig.laws.vectors import without_refcount
 from cam_rig.units import TURN
 
 #: Angle (rad) below which an interval without contact force is rounding and lifts nothing.
@@ -57,7 +57,7 @@ MIN_LOSS_ANGLE = 1e-9
 
 def run_events(run: RunTable, record: RunRecord) -> None:
     """Record phases and events up to the end of the interval, or until the record is full."""
-    run, record = borrowed(run), borrowed(record)
+    run, record = without_refcount(run), without_refcount(record)
     state, counts = record.state[0], record.counts[0]
     if not state["has_started"]:
         state["has_started"] = True
@@ -140,7 +140,7 @@ def _fly(run: RunTable, record: RunRecord) -> None:
     """Run a flight up to its landing, the next velocity jump, or the end."""
     state, vector, cam = record.state[0], record.state[0]["vector"], run.cam
     time, limit = state["time"], _next_limit(run.jumps, state)
-    start = zeros(run.free[0]["size"])
+    start = np.zeros(run.free[0]["size"])
     for i in range(len(start)):
         start[i] = vector[i]
     lift_off = start_free_motion(run.free, start)

@@ -31,7 +31,7 @@ from cam_rig.dynamics.events.run_table import (
     StemStretch,
 )
 from cam_rig.dynamics.events.runs import compute_stem_stretch, run_events
-from cam_rig.laws.rows import Row, Rows, borrowed, zeros
+from cam_rig.laws.vectors import Matrix, Vector, without_refcount
 
 #: Places in a turn's row: its landings, the fastest of them (m/s), the slowest (m/s); the seconds
 #: on the cam; whether the follower flies at the end; and the n numbers that the turn ends with: the
@@ -45,24 +45,26 @@ class Change(NamedTuple):
     """Small changes on their way, and the numbers that carry them on."""
 
     #: ``(n − 1, n)`` directions that grow most, unit vectors at right angles to one another
-    frame: Rows
-    step: Rows  #: ``(n, n)``, what comes next
-    weights: Row  #: ``(n,)`` 1/s or 1: lengths are measured in m/s, so that none outweighs another
-    moved: Row  #: ``(n,)``, for a product
+    frame: Matrix
+    step: Matrix  #: ``(n, n)``, what comes next
+    weights: (
+        Vector  #: ``(n,)`` 1/s or 1: lengths are measured in m/s, so that none outweighs another
+    )
+    moved: Vector  #: ``(n,)``, for a product
 
 
-def run_turns(run: RunTable, record: RunRecord, frame: Rows, turns: Rows, most: float) -> int:
+def run_turns(run: RunTable, record: RunRecord, frame: Matrix, turns: Matrix, most: float) -> int:
     """Turn after turn from the record's place: rows of ``turns`` filled, and how many are.
 
     ``frame`` is as in `Change`. Fewer are filled where one has more than ``most`` landings.
     """
-    run, record = borrowed(run), borrowed(record)
+    run, record = without_refcount(run), without_refcount(record)
     state, size = record.state[0], run.free[0]["size"]
-    weights = zeros(size)
+    weights = np.zeros(size)
     weights[0], weights[1] = run.cam.speed, 1.0
     if run.has_stem:
         weights[2], weights[3] = math.sqrt(run.contact.stiffness), 1.0
-    change = Change(frame, zeros((size, size)), weights, zeros(size))
+    change = Change(frame, np.zeros((size, size)), weights, np.zeros(size))
     for i in range(len(turns)):
         row = turns[i]
         _begin(row, size, state["mode"] == Mode.FLIGHT)
@@ -80,7 +82,7 @@ def run_turns(run: RunTable, record: RunRecord, frame: Rows, turns: Rows, most: 
     return len(turns)
 
 
-def _begin(row: Row, size: int, flies: bool) -> None:
+def _begin(row: Vector, size: int, flies: bool) -> None:
     """No landing yet, and the derivative of (z, ż, y, ẏ) by the numbers that a turn ends with."""
     first = ENDS + 2 * size
     for j in range(len(row)):
@@ -92,7 +94,7 @@ def _begin(row: Row, size: int, flies: bool) -> None:
         row[first + (j + 2) * size + j] = 1.0
 
 
-def _end(run: RunTable, state: np.void, row: Row) -> None:
+def _end(run: RunTable, state: np.void, row: Vector) -> None:
     """What a turn ends with, and the derivative of it."""
     size = run.free[0]["size"]
     first = ENDS + 2 * size
@@ -114,7 +116,7 @@ def _stem_of(run: RunTable, state: np.void, time: float) -> StemStretch:
     return compute_stem_stretch(run, vibration, cam_at(run.cam, time))
 
 
-def _follow(run: RunTable, record: RunRecord, change: Change, row: Row) -> None:
+def _follow(run: RunTable, record: RunRecord, change: Change, row: Vector) -> None:
     """Carry a change through the phases of a record."""
     count, met, passed = record.counts[0]["phases"], record.counts[0]["events"], 0
     # The blow of a velocity jump at the turn's beginning comes before its first phase.
@@ -140,7 +142,7 @@ def _follow(run: RunTable, record: RunRecord, change: Change, row: Row) -> None:
             _land(run, (phase["phase_end"], approach, restitution), after, change, row)
 
 
-def _note(run: RunTable, event: np.void, row: Row) -> tuple[float, float]:
+def _note(run: RunTable, event: np.void, row: Vector) -> tuple[float, float]:
     """Note a landing in a turn's row: its speeds (m/s) against the cam before and after it."""
     if event["code"] == EventCode.LIFT_OFF:
         return 0.0, 0.0
@@ -155,7 +157,7 @@ def _note(run: RunTable, event: np.void, row: Row) -> tuple[float, float]:
     return approach, 0.5 * (both - less)
 
 
-def _fly(run: RunTable, time: float, change: Change, row: Row) -> None:
+def _fly(run: RunTable, time: float, change: Change, row: Vector) -> None:
     """Φ of a flight of some seconds."""
     step, free, trace = change.step, run.free[0], 0.0
     for i in range(len(step)):
@@ -179,7 +181,7 @@ def _fly(run: RunTable, time: float, change: Change, row: Row) -> None:
 
 
 def _land(
-    run: RunTable, landing: tuple[float, float, float], after: np.void, change: Change, row: Row
+    run: RunTable, landing: tuple[float, float, float], after: np.void, change: Change, row: Vector
 ) -> None:
     """The saltation matrix of a landing: its time (s), its approach (m/s), its restitution.
 
@@ -208,7 +210,7 @@ def _land(
     _carry(change, row, area, False)
 
 
-def _hold(run: RunTable, time: float, change: Change, row: Row) -> None:
+def _hold(run: RunTable, time: float, change: Change, row: Vector) -> None:
     """Some seconds on the cam, where the end mass alone is free."""
     step = change.step
     for i in range(len(step)):
@@ -222,7 +224,7 @@ def _hold(run: RunTable, time: float, change: Change, row: Row) -> None:
     _carry(change, row, -math.inf, True)
 
 
-def _carry(change: Change, row: Row, area: float, held: bool) -> None:
+def _carry(change: Change, row: Vector, area: float, held: bool) -> None:
     """Multiply the turn's derivative by the step, and turn the frame (Gram and Schmidt).
 
     ``area`` is the logarithm of the step's determinant; what is ``held`` on the cam has two

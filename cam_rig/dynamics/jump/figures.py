@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cam_rig.dynamics.jump.any_follower import JumpSpeed, described_run, follower_of, least_force
+from cam_rig.dynamics.jump.any_follower import JumpSpeed, described_run, follower_of, min_force
 from cam_rig.show.figure import CAM_SPEED, colour, empty, line, styled, wrapped
 from cam_rig.show.looks import in_words
 from cam_rig.units import RPM, FloatArray
@@ -22,7 +22,7 @@ def figure(found: JumpSpeed) -> Figure:
     out = empty(3.4)
     axes = out.subplots()
     rpm = np.linspace(0.35 * found.rpm, 1.08 * found.rpm, POINTS)
-    axes.plot(rpm, least_force(law, parameters, found.duration, rpm * RPM), **line(law.name))
+    axes.plot(rpm, min_force(law, parameters, found.duration, rpm * RPM), **line(law.name))
     label = f"jump speed {found.rpm:.2f} rpm"
     axes.plot(found.rpm, 0.0, "o", color=colour(law.name), label=label)
     force_axes(axes, rpm)

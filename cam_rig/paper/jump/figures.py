@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.markers import CARETUP
 
 from cam_rig.dynamics import TwoMassParameters
-from cam_rig.dynamics.jump.any_follower import follower_of, least_force
+from cam_rig.dynamics.jump.any_follower import follower_of, min_force
 from cam_rig.dynamics.jump.figures import POINTS, force_axes
 from cam_rig.dynamics.two_mass import Separation, states
 from cam_rig.laws.cam import CamSet
@@ -54,7 +54,7 @@ def figure(found: JumpResult) -> Figure:
     force_axes(axes, rpm)
     for row in rows:
         near = rpm[rpm < BEYOND * row.found.rpm]
-        least = least_force(cam_set.laws[row.cam], parameters, found.duration, near * RPM)
+        least = min_force(cam_set.laws[row.cam], parameters, found.duration, near * RPM)
         label = f"{title_of(cam_set.titles, row.cam)}: {row.found.rpm:.2f}"
         for place in places:
             place.plot(near, least, label=label, **line(row.cam))

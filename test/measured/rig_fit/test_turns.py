@@ -7,7 +7,7 @@ import pytest
 
 import cam_rig
 from cam_rig.dynamics import MODELS, Interval, TwoMassParameters
-from cam_rig.dynamics.events.course import EndlessEventsError
+from cam_rig.dynamics.events.trajectory import EndlessEventsError
 from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.errors import ConfigError
 from cam_rig.measured.rig_fit.numbers import follower_of

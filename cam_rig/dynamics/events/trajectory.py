@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from cam_rig.dynamics.events.backend import dispatch
 from cam_rig.dynamics.events.contact import CELLS, CONTACT_PART, ContactRow, StemContactTable
 from cam_rig.dynamics.events.free_flight import FREE_SYSTEM
 from cam_rig.dynamics.events.law_table import LAW_PIECE, Cam, LawRow, LawTable
@@ -25,7 +26,6 @@ from cam_rig.dynamics.events.run_table import (
     RunTable,
 )
 from cam_rig.dynamics.events.runs import run_events, start_flight
-from cam_rig.dynamics.events.search import call
 from cam_rig.dynamics.interval import (
     Block,
     Event,
@@ -70,7 +70,7 @@ class EndlessEventsError(DynamicsError):
     """A follower that lifts off and lands without end: it has no motion in this model."""
 
 
-class Course:
+class Trajectory:
     """Trajectory on one law at one speed (rad/s); times are in s since the start.
 
     Nothing is stepped: contact ends at a zero of the force, a flight at a zero of the gap, and
@@ -137,7 +137,7 @@ class Course:
         max_events = self.most_events * turns
         while room == FIRST_ROOM or state[0]["time"] < duration:
             record = record_of(state, room)
-            call(run_events, table, record)
+            dispatch(run_events, table, record)
             phase_count, event_count = record.counts[0].tolist()
             self._recorded.append(record.phases[:phase_count])
             self.events += [self._event(*row) for row in record.events[:event_count].tolist()]
