@@ -151,7 +151,7 @@ def forces(law, rig, speed, duration, angles):
 @pytest.mark.variants(8)
 @pytest.mark.parametrize("seed", range(30))
 def test_no_chord_error_exceeds_its_bound(seed):
-    """(27) and (29) to (32) at each angle of a run, half-way between two speeds, by the exact model."""
+    """(27) and (29) to (32) half-way between two speeds, at angles of a run of the exact model."""
     law, rig, duration = case(seed)
     rng = np.random.default_rng(seed)
     low = 10.0 ** rng.uniform(0.0, 2.0)
@@ -159,10 +159,8 @@ def test_no_chord_error_exceeds_its_bound(seed):
     run, table = force_run(law, rig, duration), law_series(law)
     if not run.is_resolved(high):
         return
-    on_law, bounds = (
-        mode_on_law(table, run.mode),
-        np.zeros(table.first_pieces.size - 1, GROUP_ERROR),
-    )
+    on_law = mode_on_law(table, run.mode)
+    bounds = np.zeros(table.first_pieces.size - 1, GROUP_ERROR)
     norm = norm_of(run.mode)
     bound_groups(on_law, norm, low, high, bounds)
     end = min(TURN if duration is None else high * duration, 40.0 * TURN)
