@@ -129,7 +129,7 @@ def _ends(
         end = EndMotion(
             **vars(found),
             landings_per_turn=float(run.landings[-turns:].mean()),
-            hardest=float(run.hardest[-turns:].max()),
+            hardest=float(run.max_landing_speeds[-turns:].max()),
             states=run.states[-turns:],
         )
         ends.append(end)

@@ -48,9 +48,9 @@ NO_WEIGHTS = CamWeights(lift=0.0, velocity=0.0, acceleration=0.0, constant=0.0)
 
 
 class OneMassTrajectory(Trajectory):
-    """The course of one mass through an interval at constant speed."""
+    """The trajectory of one mass through an interval at constant speed."""
 
-    most_events = 10_000
+    max_events = 10_000
 
     def __init__(self, law: Law, parameters: FollowerParameters, interval: Interval) -> None:
         system = free_mass(parameters)
@@ -115,7 +115,7 @@ def advance(
     step: float,
 ) -> tuple[FollowerState, Block]:
     """Take the follower through the interval, exactly; ṡ has gained ``step`` m/s before it."""
-    course = OneMassTrajectory(law, parameters, interval)
-    course.run(state, step)
+    trajectory = OneMassTrajectory(law, parameters, interval)
+    trajectory.run(state, step)
     block = Block(interval, contact_samples(law, parameters, interval, sample_rate))
-    return course.shown(block, interval.grid(sample_rate), state, course.end)
+    return trajectory.finish(block, interval.grid(sample_rate), state, trajectory.end)

@@ -151,7 +151,7 @@ def bumped(law, middle, width, height):
 
 
 class _Walk(Separation):
-    most_events = 0
+    max_events = 0
 
 
 def lift_off(

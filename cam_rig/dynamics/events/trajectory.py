@@ -79,7 +79,7 @@ class Trajectory:
     """
 
     #: More events than any physical series has per turn.
-    most_events: ClassVar[int]
+    max_events: ClassVar[int]
 
     def __init__(
         self, law: Law, system: FreeSystem, speed: float, angle: float, turns: int = 0
@@ -134,7 +134,7 @@ class Trajectory:
         """Append the phases and events from ``state`` up to ``duration`` s."""
         room = FIRST_ROOM
         turns = max(1, math.ceil(self.speed * duration / TURN - TURN_ROUNDING))
-        max_events = self.most_events * turns
+        max_events = self.max_events * turns
         while room == FIRST_ROOM or state[0]["time"] < duration:
             record = record_of(state, room)
             dispatch(run_events, table, record)
@@ -144,7 +144,7 @@ class Trajectory:
             if len(self.events) > max_events:  # an endless series would be the model's fault
                 raise EndlessEventsError(
                     f"more than {max_events} events in {duration:g} s at {self.speed:g} rad/s; "
-                    f"allowed: {self.most_events} a turn"
+                    f"allowed: {self.max_events} a turn"
                 )
             room = min(2 * room, MAX_ROOM)
         self.last = self._states(state)[0]
@@ -172,7 +172,7 @@ class Trajectory:
             **follower,
         )
 
-    def shown(
+    def finish(
         self, block: Block, grid: SampleGrid, before: FollowerState | None, end: FollowerState
     ) -> tuple[FollowerState, Block]:
         """Return the end of an interval and its block with flights, impulses and events added.
