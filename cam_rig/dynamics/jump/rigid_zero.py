@@ -105,7 +105,7 @@ def _may_pull(follower: RigidMass, part: Matrix, speed: float) -> bool:
             if a < 0.0 or b < 0.0 or c < 0.0:
                 return True
             continue
-        lowest = (a * speed + b) * speed
+        lowest = min((a * speed + b) * speed, 0.0)
         if a > 0.0:
             vertex = min(max(-0.5 * b / a, 0.0), speed)
             lowest = min(lowest, (a * vertex + b) * vertex)

@@ -19,6 +19,7 @@ from cam_rig.dynamics.modal.motion import (
     LawSeries,
     Oscillator,
     OscillatorMotion,
+    VibrationNorm,
     amplitude,
     apply_flow,
     flow_over,
@@ -215,6 +216,14 @@ def _max_curvature(ordinates: Vector, span: float) -> float:
     return (count - 1) * (count - 2) * largest / (span * span)
 
 
+def _bound_vibration(mode: Oscillator, norm: VibrationNorm, free: Vibration) -> tuple[float, float]:
+    """Return upper bounds of |V| and |V̈| (1/s²) from a free vibration on, R N and R N₂ of (22)."""
+    acceleration = -mode.stiffness * free.displacement - mode.damping * free.velocity
+    jerk = -mode.stiffness * free.velocity - mode.damping * acceleration
+    reach = norm.reach * amplitude(norm, free)
+    return reach, norm.reach * amplitude(norm, Vibration(acceleration, jerk))
+
+
 def _search_parts(
     law: LawSeries,
     mode: Oscillator,
@@ -250,20 +259,16 @@ def _search_parts(
             lowest, position = value, angle + start
         for _ in range(CUTS):
             start += step
-            after, end = (
-                weighted_value(forced, count, min(1.0, start / span)),
-                apply_flow(flow, free),
-            )
+            after = weighted_value(forced, count, min(1.0, start / span))
+            end = apply_flow(flow, free)
             end_value = after + mode.per_displacement * end.displacement
             end_value += mode.per_velocity * end.velocity
             if end_value < lowest:
                 lowest, position = end_value, angle + start
-            reach = norm.reach * amplitude(norm, free)
-            acceleration = -mode.stiffness * free.displacement - mode.damping * free.velocity
-            jerk = -mode.stiffness * free.velocity - mode.damping * acceleration
-            bend = norm.reach * amplitude(norm, Vibration(acceleration, jerk)) * slow
-            chord = max(min(before, after) - reach, min(value, end_value) - eighth * bend)  # (22)
-            bound = chord - eighth * curvature
+            forced_bound, total_bound = min(before, after), min(value, end_value)
+            drop, bend = _bound_vibration(mode, norm, free)
+            bound = max(forced_bound - drop, total_bound - eighth * (bend * slow))  # (22)
+            bound -= eighth * curvature
             if step > MIN_PART_WIDTH * span and bound < _threshold(lowest, atol, rtol):
                 top += 1
                 part = parts[top]

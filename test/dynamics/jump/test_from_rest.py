@@ -8,7 +8,7 @@ import pytest
 
 import cam_rig
 from cam_rig.dynamics import TwoMassParameters
-from cam_rig.dynamics.jump import search
+from cam_rig.dynamics.jump import two_masses
 from cam_rig.dynamics.jump.two_masses import find_jump_speed, force_run
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import build_law
@@ -138,7 +138,7 @@ def test_a_stiffer_stem_takes_no_more_looks(laws, two_mass, monkeypatch, stiffne
     There are 10⁷ resonances below the jump speed at 10¹⁵ N/m: where contact is proved over a wide
     range of speeds they are not gone through.
     """
-    monkeypatch.setattr(search, "MAX_LOOKS", MOST)
+    monkeypatch.setattr(two_masses, "MAX_EVALUATIONS", MOST)
     stiff = replace(two_mass, stem_stiffness=stiffness)
     found = find_jump_speed(laws["poly345"], stiff, duration) / RPM
     assert found == pytest.approx(458.67, abs=5.0)
@@ -162,7 +162,7 @@ def test_any_rig_is_answered(laws, two_mass, monkeypatch, seed):
 
     At the limits of what a rig file may say too.
     """
-    monkeypatch.setattr(search, "MAX_LOOKS", MOST)
+    monkeypatch.setattr(two_masses, "MAX_EVALUATIONS", MOST)
     rng = np.random.default_rng(seed)
     law = laws[str(rng.choice(["poly345", "cycloidal", "bezier15", "bezier_segments"]))]
     duration = [1.7, None][int(rng.integers(2))]
@@ -174,6 +174,6 @@ def test_any_rig_is_answered(laws, two_mass, monkeypatch, seed):
 
 def test_what_takes_too_many_looks_is_refused_in_a_line(laws, two_mass, monkeypatch):
     """With the speed that was come to, the stem's frequency, the limit and what to do."""
-    monkeypatch.setattr(search, "MAX_LOOKS", 2e3)
+    monkeypatch.setattr(two_masses, "MAX_EVALUATIONS", 2e3)
     with pytest.raises(DynamicsError, match=r"contact holds up to .* more than 2000 looks .*stem"):
         find_jump_speed(laws["cycloidal"], two_mass, 1.7)
