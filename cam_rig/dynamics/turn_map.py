@@ -1,9 +1,8 @@
-"""The map of a turn: from the follower at cam angle 0 to where it is a turn later.
+"""Map of a turn, from the state of the follower at cam angle 0 to the state one turn later.
 
-One mass is two numbers, the gap and its rate; two masses are two more, the stretch of the stem
-between them and its rate. Between two landings the motion is known in closed form and a landing is
-a root, so the map and its derivative are exact to rounding: nothing is stepped and nothing is read
-off a time series.
+The state of one mass is the gap and its rate. Two masses have two more numbers, the stretch of the
+stem between them and its rate. Between two landings the motion is known in closed form, and a
+landing is a root, so the map and its derivative are exact to rounding.
 """
 
 from __future__ import annotations
@@ -107,9 +106,9 @@ class TurnsRun:
 
 
 class StroboscopicMap:
-    """One rigid mass, or two on an elastic stem, turn after turn from cam angle 0.
+    """Map of one rigid mass, or of two on an elastic stem, from cam angle 0 on.
 
-    The parameters have a restitution; the speed (rad/s) is one for all turns.
+    The parameters have a restitution. The speed (rad/s) is the same in all turns.
     """
 
     def __init__(
@@ -118,7 +117,7 @@ class StroboscopicMap:
         require_turning(speed)
         require_continuous(law)
         self.law, self.parameters, self.speed = law, parameters, float(speed)
-        # A velocity jump at angle 0 is the next turn's: this one ends a rounding before it.
+        # A velocity jump at angle 0 belongs to the next turn: this one ends a rounding before it.
         self.duration = short_of_velocity_jump(law, TURN) / self.speed
         self._trajectory: Separation | OneMassTrajectory
         if isinstance(parameters, TwoMassParameters):
@@ -130,7 +129,7 @@ class StroboscopicMap:
 
     @property
     def scale(self) -> FloatArray:
-        """``(n,)`` sizes of a state's numbers; of the stem's what all forces together make."""
+        """Sizes of the numbers of a state, ``(n,)``; for the stem its stretch by all forces."""
         p, (lift, slope, curvature) = self.parameters, self.law.bounds
         sizes = [self.law.lift, self.law.lift * self.speed]
         if isinstance(p, TwoMassParameters):
@@ -165,7 +164,7 @@ class StroboscopicMap:
         return TurnsRun(records, self.size)
 
     def follower(self, state: State) -> FollowerState:
-        """The follower at cam angle 0, as its model takes it."""
+        """Return the state of the follower at cam angle 0, as its model takes it."""
         first = self._begin(state)[0]
         flies = first["mode"] == Mode.FLIGHT
         place, velocity = (a + b for a, b in zip(self._cam(), state, strict=False))
@@ -174,7 +173,7 @@ class StroboscopicMap:
         return FollowerState(place, velocity, 0.0, not flies, inner=(*stem, *known))
 
     def _cam(self) -> tuple[float, float]:
-        """S (m) and ṡ (m/s) where a turn begins, before a velocity jump at angle 0."""
+        """Return s (m) and ṡ (m/s) at the start of a turn, before a velocity jump at angle 0."""
         s, slope = self.law.motion[:2, -1, -1].tolist()
         return s, slope * self.speed
 

@@ -7,10 +7,10 @@ restitution r, and the acceleration of the gap a⁻ before and a⁺ after the la
 
     δ⁺ = [[−r, 0], [(r a⁻ + a⁺)/u, −r]] δ⁻
 
-The end mass continues. Only the damping c₁ of the stem, whose other end changes its velocity, acts:
-δẏ⁺ = δẏ⁻ − (1 + r) c₁/m₂ δz⁻. A lift-off leaves a perturbation as it is. On the cam the contact mass
-has no freedom. There one mass has no perturbation, and two masses have only that of the end mass,
-which the free vibration on the stem carries.
+The end mass continues. Only the damping c₁ of the stem acts on it, as the other end of the stem
+changes its velocity: δẏ⁺ = δẏ⁻ − (1 + r) c₁/m₂ δz⁻. A lift-off leaves a perturbation as it is. On
+the cam the contact mass has no freedom. There one mass has no perturbation, and two masses have
+only that of the end mass, which the free vibration on the stem carries.
 
 Invariant: after each phase the derivative in the record is the one at the end of the phase by the
 start of the turn, and the frame is orthonormal.
