@@ -212,22 +212,22 @@ def test_plain_python_if_numba_does_not_work(cache, capsys, monkeypatch, reason)
     assert backend._ready == {double: double}
 
 
-#: A program that compiles the event search, and prints whether it was interrupted.
+#: A program that compiles a kernel in some 2 s, and prints its result or that it was interrupted.
 PROGRAM = """
 import numpy as np
-from cam_rig.dynamics.free_masses import TwoMassParameters
-from cam_rig.dynamics.two_mass import Separation
+from cam_rig.dynamics import FollowerParameters
+from cam_rig.dynamics.jump.rigid_mass import rigid_jump
 from cam_rig.laws import Law
 from cam_rig.units import TURN
 ordinates = np.array([[0.0, 0.01], [0.0, 0.01], [0.01, 0.0], [0.01, 0.0]])
 law = Law("smoothstep", np.array([0.0, 0.5 * TURN, TURN]), ordinates)
 try:
-    course = Separation(law, TwoMassParameters(0.5, 0.5, 1e6, 1e3, 1.0, 1.0, 1.0), 60.0)
-    course.run(0.3)
-    print([event.time.hex() for event in course.events])
+    print(rigid_jump(law, FollowerParameters(1.0, 1e3, 1.0, 1.0, 1e8))[0].hex())
 except KeyboardInterrupt:
     print("interrupted")
 """
+#: Standard error of a process that compiles it.
+COMPILES = "events: compiling find_rigid_zero, once (about 15 s)\n"
 
 
 def start(folder):
@@ -242,24 +242,21 @@ def start(folder):
     )
 
 
-@pytest.mark.slow
 def test_an_interrupt_while_compiling(tmp_path):
-    """Ctrl-C raises KeyboardInterrupt in the caller, at once, without further output."""
+    """Ctrl-C raises KeyboardInterrupt in the caller, without further output."""
     process = start(tmp_path)
-    assert process.stderr.readline() == "events: compiling run_events, once (about 15 s)\n"
-    time.sleep(1.0)
+    assert process.stderr.readline() == COMPILES
+    time.sleep(0.3)
     process.send_signal(signal.SIGINT)
-    begun = time.perf_counter()
     out, errors = process.communicate(timeout=60.0)
     assert (process.returncode, out, errors) == (0, "interrupted\n", "")
-    assert time.perf_counter() - begun < 5.0
 
 
-@pytest.mark.slow
 def test_two_processes_compile_at_once(tmp_path):
-    """Both have the same result, and leave code that a third one loads."""
-    outputs = [process.communicate(timeout=120.0) for process in [start(tmp_path), start(tmp_path)]]
-    third = start(tmp_path).communicate(timeout=60.0)
-    assert third[1] == ""
-    assert {out for out, _ in outputs} == {third[0]}
-    assert third[0].startswith("['0x")
+    """Both have the same result, and leave code that a third process loads."""
+    both = [start(tmp_path), start(tmp_path)]
+    outputs = [process.communicate(timeout=60.0) for process in both]
+    speed, errors = start(tmp_path).communicate(timeout=60.0)
+    assert (float.fromhex(speed) > 0.0, errors) == (True, "")
+    # One that starts late may load the code of the other.
+    assert all(out == speed and errors in ("", COMPILES) for out, errors in outputs)

@@ -41,7 +41,7 @@ def test_every_place_that_starts_from_rest_means_the_same(steep, rig):
     """A simulation, the search for the jump speed, a search over rigs, and plain integration."""
     p = TwoMassParameters.from_rig(rig)
     for law in steep:
-        jump, lowest = find_jump_speed(law, p, RUN), force_run(law, p, RUN).lowest
+        jump, lowest = find_jump_speed(law, p, RUN), force_run(law, p, RUN).min_output
         assert lowest(jump * (1 - 1e-4)) > 0.0 > lowest(jump * (1 + 1e-4))
         speed = 0.8 * jump
         turns = int(speed * RUN / TURN)
