@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cam_rig.dynamics.events.backend import dispatch
-from cam_rig.dynamics.events.contact import Vibration
+from cam_rig.dynamics.events.contact import StemVibration
 from cam_rig.dynamics.events.law_table import CamMotion
-from cam_rig.dynamics.events.run_table import RUN_STATE, Mode
+from cam_rig.dynamics.events.run_table import RUN_STATE, RunMode
 from cam_rig.dynamics.events.runs import compute_stem_stretch, start_flight
 from cam_rig.dynamics.events.trajectory import EndlessEventsError, record_of
 from cam_rig.dynamics.events.turns import TURN_RESULT, run_turns
@@ -166,7 +166,7 @@ class StroboscopicMap:
     def follower(self, state: State) -> FollowerState:
         """Return the state of the follower at cam angle 0, as its model takes it."""
         first = self._begin(state)[0]
-        flies = first["mode"] == Mode.FLIGHT
+        flies = first["mode"] == RunMode.FLIGHT
         place, velocity = (a + b for a, b in zip(self._cam(), state, strict=False))
         stem = first["vector"][: 4 if flies else 2] if self.size == 4 else []
         known = state[:2] if flies else ()
@@ -189,7 +189,7 @@ class StroboscopicMap:
         if self.size == 2:
             return records
         run = self._table
-        rest = compute_stem_stretch(run, Vibration(0.0, 0.0), CamMotion(s, velocity, 0.0))
+        rest = compute_stem_stretch(run, StemVibration(0.0, 0.0), CamMotion(s, velocity, 0.0))
         w, rate = stem or rest
         if flies:
             y = s + gap + run.end_share * w, velocity + opening + run.end_share * rate

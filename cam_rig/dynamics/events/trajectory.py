@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cam_rig.dynamics.events.backend import dispatch
-from cam_rig.dynamics.events.contact import CELLS, CONTACT_PART, ContactRow, StemContactTable
+from cam_rig.dynamics.events.contact import CELLS, CONTACT_PART, StemContactRow, StemContactTable
 from cam_rig.dynamics.events.free_flight import FREE_SYSTEM
 from cam_rig.dynamics.events.law_table import LAW_PIECE, Cam, LawRow, LawTable
 from cam_rig.dynamics.events.run_table import (
@@ -21,7 +21,7 @@ from cam_rig.dynamics.events.run_table import (
     RUN_STATE,
     EventCode,
     Jumps,
-    Mode,
+    RunMode,
     RunRecord,
     RunTable,
 )
@@ -110,7 +110,7 @@ class Trajectory:
         columns = (records[name].tolist() for name in names)
         states: list[FloatArray | Flight] = []
         for vector, mode, gap_known, gap, gap_rate in zip(records["vector"], *columns, strict=True):
-            if mode == Mode.CONTACT:
+            if mode == RunMode.CONTACT:
                 states.append(vector[:2].copy())
             else:
                 known = (gap, gap_rate) if gap_known else ()
@@ -254,7 +254,7 @@ def contact_table(
     used = response.parts if only is None else (only,)
     sizes = [part.particular.shape[1] for part in used]
     records = np.zeros(len(used), CONTACT_PART)
-    polynomials = np.zeros((len(used), len(ContactRow), max(sizes)))
+    polynomials = np.zeros((len(used), len(StemContactRow), max(sizes)))
     for record, rows, part, size in zip(records, polynomials, used, sizes, strict=True):
         force = polynomial_part(response, part, output)[0]
         rates = bernstein.derivative(force) / part.length
@@ -265,11 +265,11 @@ def contact_table(
         record["max_force_curvature"] = curvature
         cells = bernstein.parts(size - 1, CELLS) @ force
         record["cell_minima"] = cells.min(axis=1) - rounding
-        rows[: ContactRow.VELOCITY + 1, :size] = part.particular
-        rows[ContactRow.FORCE, :size] = force
-        rows[ContactRow.WEIGHTED_FORCE, :size] = bernstein.binomials(size - 1) * force
+        rows[: StemContactRow.VELOCITY + 1, :size] = part.particular
+        rows[StemContactRow.FORCE, :size] = force
+        rows[StemContactRow.WEIGHTED_FORCE, :size] = bernstein.binomials(size - 1) * force
         weighted_rates = bernstein.binomials(rates.size - 1) * rates
-        rows[ContactRow.WEIGHTED_FORCE_RATE, : rates.size] = weighted_rates
+        rows[StemContactRow.WEIGHTED_FORCE_RATE, : rates.size] = weighted_rates
     stiffness, damping = (-response.matrix[1]).tolist()
     p, q = output.state[0].tolist()
     series, window = _window(stiffness, damping, p, q)
@@ -296,7 +296,7 @@ def _window(stiffness: float, damping: float, p: float, q: float) -> tuple[Float
 #: Contact table of a follower without a stem, which is not used.
 NO_CONTACT = StemContactTable(
     parts=np.zeros(0, CONTACT_PART),
-    polynomials=np.zeros((0, len(ContactRow), 0)),
+    polynomials=np.zeros((0, len(StemContactRow), 0)),
     stiffness=0.0,
     damping=0.0,
     force_per_displacement=0.0,

@@ -23,12 +23,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cam_rig.dynamics.events.contact import Vibration
+from cam_rig.dynamics.events.contact import StemVibration
 from cam_rig.dynamics.events.free_flight import compute_flow, compute_impulse_response
 from cam_rig.dynamics.events.law_table import cam_at
 from cam_rig.dynamics.events.run_table import (
     EventCode,
-    Mode,
+    RunMode,
     RunRecord,
     RunTable,
     StemStretch,
@@ -89,10 +89,10 @@ def run_turns(
     perturbation = Perturbation(frame, np.zeros((size, size)), weights, np.zeros(size))
     for i in range(len(turns)):
         turn = turns[i]
-        _start_turn(turn, size, state["mode"] == Mode.FLIGHT)
+        _start_turn(turn, size, state["mode"] == RunMode.FLIGHT)
         state["time"], state["jumps_done"] = 0.0, 0
         state["initial_step"], state["has_started"] = 0.0, False
-        if state["mode"] == Mode.CONTACT:  # a velocity jump at angle 0 may lift it off at once
+        if state["mode"] == RunMode.CONTACT:  # a velocity jump at angle 0 may lift it off at once
             _pass_contact(run, 0.0, perturbation, turn)
         while state["time"] < run.jumps.duration:
             record.counts[0]["phases"] = record.counts[0]["events"] = 0
@@ -122,7 +122,7 @@ def _start_turn(turn: np.void, size: int, is_flying: bool) -> None:
 def _end_turn(run: RunTable, state: np.void, turn: np.void) -> None:
     """Write the state at the end of a turn, and convert the derivative to it."""
     size, end, derivative = run.free[0]["size"], turn["state"], turn["derivative"]
-    if state["mode"] == Mode.FLIGHT:
+    if state["mode"] == RunMode.FLIGHT:
         end[0], end[1], turn["is_flying"] = state["gap"], state["gap_rate"], True
     for i in range(2, size):  # w = y − z
         for j in range(size):
@@ -135,9 +135,9 @@ def _end_turn(run: RunTable, state: np.void, turn: np.void) -> None:
 def _stem_of(run: RunTable, state: np.void, time: float) -> StemStretch:
     """Return the stretch of the stem in a state at a time (s)."""
     vector = state["vector"]
-    if state["mode"] == Mode.FLIGHT:
+    if state["mode"] == RunMode.FLIGHT:
         return StemStretch(vector[0], vector[1])
-    vibration = Vibration(vector[0], vector[1])
+    vibration = StemVibration(vector[0], vector[1])
     return compute_stem_stretch(run, vibration, cam_at(run.cam, time))
 
 
@@ -157,7 +157,7 @@ def _pass_phases(
             if record.events[passed]["code"] == EventCode.LANDING:
                 approach, rebound = _count_landing(run, record.events[passed], turn)
             passed += 1
-        if phase["mode"] == Mode.CONTACT:
+        if phase["mode"] == RunMode.CONTACT:
             if length > 0.0:
                 turn["contact_time"] += length
                 _pass_contact(run, length, perturbation, turn)

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cam_rig.dynamics.events.contact import Vibration
+from cam_rig.dynamics.events.contact import StemVibration
 from cam_rig.dynamics.modal.motion import (
     LawSeries,
     ModeOnLaw,
@@ -58,7 +58,11 @@ def bound_settled(run: ModeOnLaw, begin: OscillatorMotion, high: float) -> Chord
 
 
 def bound_output(
-    run: ModeOnLaw, begin: OscillatorMotion, error: ChordError, repeating: Vibration, high: float
+    run: ModeOnLaw,
+    begin: OscillatorMotion,
+    error: ChordError,
+    repeating: StemVibration,
+    high: float,
 ) -> ChordError:
     """Return the chord error of the output, from that of q.
 
@@ -70,7 +74,9 @@ def bound_output(
         old, change = begin.repeating, high / low - 1.0
         difference = amplitude(
             norm,
-            Vibration(repeating.displacement - old.displacement, repeating.velocity - old.velocity),
+            StemVibration(
+                repeating.displacement - old.displacement, repeating.velocity - old.velocity
+            ),
         )
         size = max(amplitude(norm, old), amplitude(norm, repeating))
         turned = change * (1.0 + change) * math.sqrt(rho * rho + norm.delta * norm.delta)

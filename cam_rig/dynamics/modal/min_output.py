@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cam_rig.dynamics.events.contact import Vibration
+from cam_rig.dynamics.events.contact import StemVibration
 from cam_rig.dynamics.modal.motion import (
     LawSeries,
     Oscillator,
@@ -124,18 +124,18 @@ def _turn_difference(motion: OscillatorMotion, first: int, last: int) -> float:
     largest, x = 0.0, motion.turn_starts[last - 1]
     for turn in range(first, last - 1):
         start = motion.turn_starts[turn]
-        difference = Vibration(
+        difference = StemVibration(
             start["displacement"] - x["displacement"], start["velocity"] - x["velocity"]
         )
         largest = max(largest, amplitude(motion.norm, difference))
     return motion.norm.reach * largest
 
 
-def free_at(motion: OscillatorMotion, piece: int, turn: int) -> Vibration:
+def free_at(motion: OscillatorMotion, piece: int, turn: int) -> StemVibration:
     """Return the free vibration at the start of a piece in a turn."""
     flow, x = motion.piece_starts[piece], motion.turn_starts[turn]
     eta, rate = x["displacement"], x["velocity"]
-    return Vibration(
+    return StemVibration(
         flow["eta_eta"] * eta + flow["eta_rate"] * rate + flow["displacement"],
         flow["rate_eta"] * eta + flow["rate_rate"] * rate + flow["velocity"],
     )
@@ -178,7 +178,7 @@ def _search_turns(
 
 
 def _bound_by_chord(
-    law: LawSeries, mode: Oscillator, motion: OscillatorMotion, piece: int, free: Vibration
+    law: LawSeries, mode: Oscillator, motion: OscillatorMotion, piece: int, free: StemVibration
 ) -> float:
     """Return the lower bound (20) of the output in a piece that starts with a free vibration.
 
@@ -216,12 +216,14 @@ def _max_curvature(ordinates: Vector, span: float) -> float:
     return (count - 1) * (count - 2) * largest / (span * span)
 
 
-def _bound_vibration(mode: Oscillator, norm: VibrationNorm, free: Vibration) -> tuple[float, float]:
+def _bound_vibration(
+    mode: Oscillator, norm: VibrationNorm, free: StemVibration
+) -> tuple[float, float]:
     """Return upper bounds of |V| and |V̈| (1/s²) from a free vibration on, R N and R N₂ of (22)."""
     acceleration = -mode.stiffness * free.displacement - mode.damping * free.velocity
     jerk = -mode.stiffness * free.velocity - mode.damping * acceleration
     reach = norm.reach * amplitude(norm, free)
-    return reach, norm.reach * amplitude(norm, Vibration(acceleration, jerk))
+    return reach, norm.reach * amplitude(norm, StemVibration(acceleration, jerk))
 
 
 def _search_parts(
@@ -247,7 +249,11 @@ def _search_parts(
     while top >= 0:
         part = parts[top]
         start, step = part["start"], part["width"] / CUTS
-        free, bound, top = Vibration(part["displacement"], part["velocity"]), part["bound"], top - 1
+        free, bound, top = (
+            StemVibration(part["displacement"], part["velocity"]),
+            part["bound"],
+            top - 1,
+        )
         if bound >= _threshold(lowest, atol, rtol):
             continue
         flow = flow_over(mode, step / motion.speed)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cam_rig.dynamics.events.contact import Vibration
+from cam_rig.dynamics.events.contact import StemVibration
 from cam_rig.dynamics.events.free_flight import compute_impulse_response
 from cam_rig.dynamics.events.run_table import CamWeights
 from cam_rig.laws.vectors import Matrices, Matrix, Records, Vector, min_of
@@ -135,7 +135,7 @@ class OscillatorMotion(NamedTuple):
     span_flows: Records  #: records of `SPAN_FLOW` for ``LawSeries.spans``, ``(m,)``
     piece_starts: Records  #: records of `PIECE_START`, ``(n,)``
     turn_starts: Records  #: records of `TURN_START` until the motion repeats or ends, ``(t,)``
-    repeating: Vibration  #: (η, η̇) at the start of a turn in steady state; infinite if none
+    repeating: StemVibration  #: (η, η̇) at the start of a turn in steady state; infinite if none
 
 
 def norm_of(mode: Oscillator) -> VibrationNorm:
@@ -162,7 +162,7 @@ def norm_of(mode: Oscillator) -> VibrationNorm:
     )
 
 
-def amplitude(norm: VibrationNorm, free: Vibration) -> float:
+def amplitude(norm: VibrationNorm, free: StemVibration) -> float:
     """Return the norm N of a free vibration."""
     a, b = norm.rho * free.displacement, free.velocity + norm.delta * free.displacement
     return math.sqrt(a * a + b * b)
@@ -223,13 +223,13 @@ def count_terms(law: LawSeries, series: Series, speed: float) -> int:
     return len(series.output)
 
 
-def forced_vibration(law: LawSeries, own: Vector, speed: float, piece: int) -> Vibration:
+def forced_vibration(law: LawSeries, own: Vector, speed: float, piece: int) -> StemVibration:
     """Return (η, η̇) of the polynomial X at the start of a piece (15)."""
     displacement, velocity = 0.0, 0.0
     for k in range(len(own)):
         displacement += own[k] * law.derivatives[0][k][piece]
         velocity += own[k] * law.derivatives[0][k + 1][piece]
-    return Vibration(displacement, velocity * speed)
+    return StemVibration(displacement, velocity * speed)
 
 
 def add_weighted(out: Vector, weights: Vector, rows: Matrix, first: int) -> None:
@@ -278,9 +278,9 @@ def read_flow(record: np.void) -> Flow:
     return Flow(record["eta_eta"], record["eta_rate"], record["rate_eta"], record["rate_rate"])
 
 
-def apply_flow(flow: Flow, free: Vibration) -> Vibration:
+def apply_flow(flow: Flow, free: StemVibration) -> StemVibration:
     """Return a free vibration after a flow."""
-    return Vibration(
+    return StemVibration(
         flow.eta_eta * free.displacement + flow.eta_rate * free.velocity,
         flow.rate_eta * free.displacement + flow.rate_rate * free.velocity,
     )
@@ -314,10 +314,10 @@ def motion_at(run: ModeOnLaw, speed: float) -> OscillatorMotion:
     turn_starts = _turn_starts(mode, norm, speed, x, turn_flow, excited, steady)
     largest = 0.0
     for i in range(len(turn_starts)):
-        start = Vibration(turn_starts[i]["displacement"], turn_starts[i]["velocity"])
+        start = StemVibration(turn_starts[i]["displacement"], turn_starts[i]["velocity"])
         largest = max(largest, norm.reach * amplitude(norm, start))
     for i in range(count):  # (19)
-        start = Vibration(piece_starts[i]["displacement"], piece_starts[i]["velocity"])
+        start = StemVibration(piece_starts[i]["displacement"], piece_starts[i]["velocity"])
         floor = min_forced[i] - norm.reach * amplitude(norm, start)
         piece_starts[i]["floor"] = floor - largest * piece_starts[i]["remainder"]
     return OscillatorMotion(
@@ -331,18 +331,18 @@ def motion_at(run: ModeOnLaw, speed: float) -> OscillatorMotion:
         span_flows=span_flows,
         piece_starts=piece_starts,
         turn_starts=turn_starts,
-        repeating=Vibration(x.displacement + steady.displacement, x.velocity + steady.velocity),
+        repeating=StemVibration(x.displacement + steady.displacement, x.velocity + steady.velocity),
     )
 
 
 def _pass_turn(
     law: LawSeries, span_flows: Records, jumps: Matrix, piece_starts: Records
-) -> tuple[Flow, Vibration]:
+) -> tuple[Flow, StemVibration]:
     """Write the start of each piece; return the flow of the turn and what its joints excite.
 
     ``jumps`` are those of X, ``(2, n)``. The jump at angle 0 counts at the end of the turn.
     """
-    first = Vibration(jumps[0][0], jumps[1][0])
+    first = StemVibration(jumps[0][0], jumps[1][0])
     displacement, velocity = first.displacement, first.velocity
     a, b, c, d, remainder = 1.0, 0.0, 0.0, 1.0, 1.0
     for i in range(len(piece_starts)):
@@ -356,7 +356,7 @@ def _pass_turn(
         displacement, velocity = p * displacement + q * velocity, r * displacement + s * velocity
         a, b, c, d = p * a + q * c, p * b + q * d, r * a + s * c, r * b + s * d
         remainder *= span_flow["remainder"]
-    excited = Vibration(displacement - first.displacement, velocity - first.velocity)
+    excited = StemVibration(displacement - first.displacement, velocity - first.velocity)
     return Flow(a, b, c, d), excited
 
 
@@ -379,25 +379,25 @@ def _forced_ordinates(
     return out
 
 
-def _repeating_start(flow: Flow, excited: Vibration) -> Vibration:
+def _repeating_start(flow: Flow, excited: StemVibration) -> StemVibration:
     """Return the free vibration that a turn reproduces; infinite if it reproduces any."""
     a, d = 1.0 - flow.eta_eta, 1.0 - flow.rate_rate
     determinant = a * d - flow.eta_rate * flow.rate_eta
     if determinant == 0.0:
-        return Vibration(math.inf, math.inf)
+        return StemVibration(math.inf, math.inf)
     displacement = d * excited.displacement + flow.eta_rate * excited.velocity
     velocity = flow.rate_eta * excited.displacement + a * excited.velocity
-    return Vibration(displacement / determinant, velocity / determinant)
+    return StemVibration(displacement / determinant, velocity / determinant)
 
 
 def _turn_starts(
     mode: Oscillator,
     norm: VibrationNorm,
     speed: float,
-    forced: Vibration,
+    forced: StemVibration,
     flow: Flow,
-    excited: Vibration,
-    steady: Vibration,
+    excited: StemVibration,
+    steady: StemVibration,
 ) -> Records:
     """Return the free vibration at the start of each turn; ``forced`` is X at the run's start."""
     if math.isinf(mode.duration):
@@ -409,11 +409,13 @@ def _turn_starts(
     if decay_per_turn * turns > -LOG_FADED:
         turns = 1 + math.ceil(-LOG_FADED / decay_per_turn)
     starts = np.zeros(turns, TURN_START)
-    free = Vibration(-forced.displacement, -forced.velocity)
+    free = StemVibration(-forced.displacement, -forced.velocity)
     for i in range(turns):
         starts[i]["displacement"], starts[i]["velocity"] = free.displacement, free.velocity
         free = apply_flow(flow, free)
-        free = Vibration(free.displacement + excited.displacement, free.velocity + excited.velocity)
+        free = StemVibration(
+            free.displacement + excited.displacement, free.velocity + excited.velocity
+        )
     return starts
 
 

@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from cam_rig.dynamics.events.contact import Vibration
+from cam_rig.dynamics.events.contact import StemVibration
 from cam_rig.dynamics.free_masses import contact_response
 from cam_rig.dynamics.jump.rigid_zero import RigidMass, _may_pull
 from cam_rig.dynamics.jump.two_masses import force_run
@@ -76,7 +76,7 @@ def test_norm_of_a_free_vibration():
         sizes = norms(norm, states)
         output = mode.per_displacement * states[0] + mode.per_velocity * states[1]
         ratios = (
-            sizes / (np.exp(-norm.decay * times) * amplitude(norm, Vibration(*start))),
+            sizes / (np.exp(-norm.decay * times) * amplitude(norm, StemVibration(*start))),
             np.abs(output) / (norm.reach * sizes),
             norms(norm, matrix @ states) / (norm.sigma * sizes),
         )
@@ -382,7 +382,10 @@ def test_error_of_the_vibration_that_rest_lacks():
             continue
         rng, norm = np.random.default_rng(seed), motion.norm
         high = low * (1.0 + 10.0 ** rng.uniform(-4.0, -1.0))
-        ends = motion.repeating, Vibration(*(np.array(motion.repeating) * rng.uniform(0.5, 2.0)))
+        ends = (
+            motion.repeating,
+            StemVibration(*(np.array(motion.repeating) * rng.uniform(0.5, 2.0))),
+        )
         bound = bound_output(on_law, motion, ChordError(0.0, 0.0, 0.0), ends[1], high)
         m2, width = abs(on_law.mode.cam.acceleration), high - low
         direct = 0.25 * m2 * on_law.law.max_derivatives[2] * width**2

@@ -7,7 +7,7 @@ import pytest
 from scipy.interpolate import make_interp_spline
 from scipy.optimize import minimize_scalar
 
-from cam_rig.dynamics.events.contact import Vibration
+from cam_rig.dynamics.events.contact import StemVibration
 from cam_rig.dynamics.free_masses import TwoMassParameters, contact_response, force_output
 from cam_rig.dynamics.jump.any_follower import find_jump
 from cam_rig.dynamics.linear.propagator import piece, pieces
@@ -56,7 +56,7 @@ def test_only_joints_ring(laws, two_mass):
             for name in ("trigonometric", "poly345")
         )
         smooth, rough = (
-            amplitude(motion.norm, Vibration(*motion.turn_starts[0])) for motion in motions
+            amplitude(motion.norm, StemVibration(*motion.turn_starts[0])) for motion in motions
         )
         assert smooth < 1e-6 * rough
 
@@ -94,7 +94,7 @@ def test_kick_of_a_joint(laws, two_mass):
     speed, rate = 300.0 * RPM, np.sqrt(stiff.stiffness / stiff.end_mass)
     motion = motion_of(run_of(laws["poly345"], stiff), speed)
     kick = (
-        amplitude(motion.norm, Vibration(*motion.piece_starts[["displacement", "velocity"]][1]))
+        amplitude(motion.norm, StemVibration(*motion.piece_starts[["displacement", "velocity"]][1]))
         / rate
     )
     jump = 60.0 * 0.05 / np.radians(117.5) ** 3
