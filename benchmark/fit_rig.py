@@ -16,7 +16,7 @@ import numpy as np
 
 import cam_rig
 from cam_rig.dynamics import FollowerParameters
-from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
+from cam_rig.dynamics.jump.rigid_mass import rigid_jump_speed
 from cam_rig.schema import RigConfig
 from cam_rig.simulation.instruments import InstrumentErrors, measured_run
 from cam_rig.studies.fit_rig.numbers import WITHIN_95

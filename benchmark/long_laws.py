@@ -18,8 +18,9 @@ import numpy as np
 from benchmark.speed.cases import law_of
 from benchmark.speed.event_cost import form_of_search
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
-from cam_rig.dynamics.events.search import ALWAYS, PLAIN
-from cam_rig.dynamics.jump.jump_speed import jump_speed, rigid_jump
+from cam_rig.dynamics.events.backend import COMPILED, PLAIN
+from cam_rig.dynamics.jump.any_follower import find_jump
+from cam_rig.dynamics.jump.rigid_mass import rigid_jump
 from cam_rig.laws import Law
 from cam_rig.laws.bernstein import joined
 from cam_rig.laws.spline import smooth
@@ -74,7 +75,7 @@ def through(law: Law, count: int, noise: float = 0.0) -> Law:
 
 def measure() -> list[JumpCost]:
     """Each law of `PIECES`."""
-    with form_of_search(ALWAYS if find_spec("numba") else PLAIN):
+    with form_of_search(COMPILED if find_spec("numba") else PLAIN):
         return _measured()
 
 
@@ -84,10 +85,10 @@ def _measured() -> list[JumpCost]:
     found = []
     for count in PIECES:
         law = through(law_of(CAM), count)
-        rest, jump = _cost(law, partial(jump_speed, parameters=two, duration=FROM_REST))
+        rest, jump = _cost(law, partial(find_jump, parameters=two, duration=FROM_REST))
         noisy = through(law_of(CAM), count, 1e-9 * NOISE_NM)
-        rough, _ = _cost(noisy, partial(jump_speed, parameters=two, duration=FROM_REST))
-        steady, _ = _cost(law, partial(jump_speed, parameters=two, duration=None))
+        rough, _ = _cost(noisy, partial(find_jump, parameters=two, duration=FROM_REST))
+        steady, _ = _cost(law, partial(find_jump, parameters=two, duration=None))
         rigid, _ = _cost(law, partial(rigid_jump, follower=one))
         known, _ = _cost(law, partial(rigid_jump, follower=one), known=True)
         found.append(JumpCost(law.spans.size, jump.speed / RPM, rest, rough, steady, rigid, known))

@@ -18,7 +18,7 @@ import numpy as np
 from benchmark.speed.cases import rad_per_s
 from benchmark.speed.peers import MAX_STEPS, ROOT_FOUND, cvode_class
 from cam_rig.dynamics import TwoMassParameters
-from cam_rig.dynamics.jump.jump_speed import FROM_REST
+from cam_rig.dynamics.jump.two_masses import FROM_REST
 from cam_rig.errors import CamRigError
 from cam_rig.extras import libraries_named
 from cam_rig.laws import Law

@@ -15,7 +15,7 @@ from benchmark.speed.cases import CASES
 from benchmark.speed.models import Case, OneMass, Solution
 from benchmark.speed.peers import PEERS
 from benchmark.speed.problem import PeerError
-from cam_rig.dynamics.events.search import ALWAYS, PLAIN, VARIABLE
+from cam_rig.dynamics.events.backend import COMPILED, PLAIN, VARIABLE
 from cam_rig.show.tables import DataTable, Header, tabulate
 
 #: Cases with events, and the tolerances of the peer, of which the most accurate run counts.
@@ -71,7 +71,7 @@ def _of_case(name: str, peer: str, repeats: int) -> Iterator[EventCost]:
     case = CASES[name]()
     reference = study.read(case)
     landings = _landings(reference)
-    forms = [("compiled", ALWAYS)] if find_spec("numba") else []
+    forms = [("compiled", COMPILED)] if find_spec("numba") else []
     for words, form in (*forms, ("plain Python", PLAIN)):
         with form_of_search(form):
             error = _error(case, study.solve(case), reference)  # compiles, and makes the tables
@@ -90,7 +90,7 @@ def _of_case(name: str, peer: str, repeats: int) -> Iterator[EventCost]:
 def _of_long(case: Case, reference: Solution, peer: str, repeats: int) -> Iterator[EventCost]:
     """The same case for `LONG_TURNS`; errors are of the turns that the reference has."""
     long, name = case.lasting(LONG_TURNS), f"{case.name}, {LONG_TURNS} turns"
-    form = ("compiled", ALWAYS) if find_spec("numba") else ("plain Python", PLAIN)
+    form = ("compiled", COMPILED) if find_spec("numba") else ("plain Python", PLAIN)
     with form_of_search(form[1]):
         solution = study.solve(long)
         alone = median_of(lambda: _search(long), repeats)

@@ -16,8 +16,8 @@ from benchmark.speed.event_cost import form_of_search, median_of
 from benchmark.speed.models import Case, OneMass, Solution, output_times
 from benchmark.speed.peers import PEERS
 from cam_rig.dynamics import Interval
-from cam_rig.dynamics.events.course import MIN_OF_LIFT
-from cam_rig.dynamics.events.search import ALWAYS, PLAIN
+from cam_rig.dynamics.events.backend import COMPILED, PLAIN
+from cam_rig.dynamics.events.trajectory import MIN_OF_LIFT
 from cam_rig.dynamics.kinetostatic import contact_samples
 from cam_rig.quantities.steady import scene_at, steady_row
 from cam_rig.show.tables import DataTable, Header, tabulate
@@ -49,7 +49,7 @@ def settled_costs(
     """Each speed, all turns of the scene's program."""
     loaded = load_scene(SCENE)
     loaded = loaded.only(CAM, loaded.laws[CAM])
-    with form_of_search(ALWAYS if find_spec("numba") else PLAIN):
+    with form_of_search(COMPILED if find_spec("numba") else PLAIN):
         return [_cost(loaded, rpm, repeats) for rpm in speeds_rpm]
 
 

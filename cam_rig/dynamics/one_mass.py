@@ -6,8 +6,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from cam_rig.dynamics.events.course import NO_CONTACT, Course
 from cam_rig.dynamics.events.run_table import LOSS, CamWeights, RunTable
+from cam_rig.dynamics.events.trajectory import NO_CONTACT, Trajectory
 from cam_rig.dynamics.interval import Block, FollowerState, Interval
 from cam_rig.dynamics.kinetostatic import contact_samples, force_rounding, loss_intervals, state_at
 from cam_rig.dynamics.linear.exponential import Flight, FreeSystem, Pairs
@@ -47,10 +47,10 @@ def lifted_off(
 NO_WEIGHTS = CamWeights(lift=0.0, velocity=0.0, acceleration=0.0, constant=0.0)
 
 
-class OneMassTrajectory(Course):
-    """The course of one mass through an interval at constant speed."""
+class OneMassTrajectory(Trajectory):
+    """The trajectory of one mass through an interval at constant speed."""
 
-    most_events = 10_000
+    max_events = 10_000
 
     def __init__(self, law: Law, parameters: FollowerParameters, interval: Interval) -> None:
         system = free_mass(parameters)
@@ -115,7 +115,7 @@ def advance(
     step: float,
 ) -> tuple[FollowerState, Block]:
     """Take the follower through the interval, exactly; ṡ has gained ``step`` m/s before it."""
-    course = OneMassTrajectory(law, parameters, interval)
-    course.run(state, step)
+    trajectory = OneMassTrajectory(law, parameters, interval)
+    trajectory.run(state, step)
     block = Block(interval, contact_samples(law, parameters, interval, sample_rate))
-    return course.shown(block, interval.grid(sample_rate), state, course.end)
+    return trajectory.finish(block, interval.grid(sample_rate), state, trajectory.end)

@@ -1,9 +1,8 @@
-"""The map of a turn: from the follower at cam angle 0 to where it is a turn later.
+"""Map of a turn, from the state of the follower at cam angle 0 to the state one turn later.
 
-One mass is two numbers, the gap and its rate; two masses are two more, the stretch of the stem
-between them and its rate. Between two landings the motion is known in closed form and a landing is
-a root, so the map and its derivative are exact to rounding: nothing is stepped and nothing is read
-off a time series.
+The state of one mass is the gap and its rate. Two masses have two more numbers, the stretch of the
+stem between them and its rate. Between two landings the motion is known in closed form, and a
+landing is a root, so the map and its derivative are exact to rounding.
 """
 
 from __future__ import annotations
@@ -14,13 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cam_rig.dynamics.events import turns as kernel
-from cam_rig.dynamics.events.contact import Vibration
-from cam_rig.dynamics.events.course import EndlessEventsError, record_of
+from cam_rig.dynamics.events.backend import dispatch
+from cam_rig.dynamics.events.contact import StemVibration
 from cam_rig.dynamics.events.law_table import CamMotion
-from cam_rig.dynamics.events.run_table import RUN_STATE, Mode
+from cam_rig.dynamics.events.run_table import RUN_STATE, RunMode
 from cam_rig.dynamics.events.runs import compute_stem_stretch, start_flight
-from cam_rig.dynamics.events.search import call
+from cam_rig.dynamics.events.trajectory import EndlessEventsError, record_of
+from cam_rig.dynamics.events.turns import TURN_RESULT, run_turns
 from cam_rig.dynamics.free_masses import TwoMassParameters
 from cam_rig.dynamics.interval import FollowerState, Interval
 from cam_rig.dynamics.one_mass import OneMassTrajectory
@@ -30,10 +29,11 @@ from cam_rig.dynamics.velocity_jumps import require_continuous, short_of_velocit
 from cam_rig.laws import Law
 from cam_rig.units import NS, TURN, FloatArray
 
-#: Phases that one call of the search may find, and turns that are run before the search is asked
-#: again whether it is compiled by now.
-ROOM, CHUNK = 64, 100
-#: The follower on the cam: no gap, and none that opens.
+#: Room for phases in one call of the search.
+ROOM = 64
+#: Turns per call, after which the backend is selected again.
+TURNS_PER_CALL = 100
+#: The follower on the cam: no gap, and no gap rate.
 ON_THE_CAM = (0.0, 0.0)
 #: The numbers at cam angle 0, SI, two of one mass and four of two.
 State = tuple[float, ...]
@@ -41,70 +41,74 @@ State = tuple[float, ...]
 
 @dataclass(frozen=True, eq=False)
 class TurnsRun:
-    """What turns gave, in order, of a follower that is n numbers."""
+    """Results of successive turns of a follower with n numbers."""
 
-    rows: FloatArray  #: ``(turns, 5 + 2 n + n²)``, as in `cam_rig.dynamics.events.turns`
+    records: NDArray[np.void]  #: records of `cam_rig.dynamics.events.turns.TURN_RESULT`
     size: int  #: n
 
     @property
     def states(self) -> FloatArray:
-        """``(turns, n)`` gap (m) and the speed at which it opens (m/s) at each turn's end.
+        """Gap (m) and its rate (m/s) at the end of each turn, ``(turns, n)``.
 
-        Of two masses the stretch of the stem (m) and its rate (m/s) too.
+        For two masses also the stretch of the stem (m) and its rate (m/s).
         """
-        return self.rows[:, kernel.ENDS : kernel.ENDS + self.size]
+        return self._columns("state")
 
     @property
-    def flies(self) -> FloatArray:
-        """``(turns,)`` 1 where the follower is in the air at the turn's end, else 0."""
-        return self.rows[:, kernel.FLIES]
+    def is_flying(self) -> FloatArray:
+        """1 if the follower is in flight at the end of the turn, else 0, ``(turns,)``."""
+        return np.asarray(self.records["is_flying"], dtype=np.float64)
 
     @property
     def landings(self) -> FloatArray:
-        """``(turns,)`` landings of each turn."""
-        return self.rows[:, kernel.LANDINGS]
+        """Landings of each turn, ``(turns,)``."""
+        return np.asarray(self.records["landings"], dtype=np.float64)
 
     @property
-    def hardest(self) -> FloatArray:
-        """``(turns,)`` speed (m/s) against the cam of the fastest landing; 0 without one."""
-        return self.rows[:, kernel.HARDEST]
+    def max_landing_speeds(self) -> FloatArray:
+        """Speed (m/s) against the cam of the fastest landing, ``(turns,)``; 0 without a landing."""
+        return np.asarray(self.records["max_landing_speed"])
 
     @property
-    def softest(self) -> FloatArray:
-        """``(turns,)`` that of its slowest landing; infinite without one."""
-        return self.rows[:, kernel.SOFTEST]
+    def min_landing_speeds(self) -> FloatArray:
+        """Speed (m/s) of the slowest landing, ``(turns,)``; infinite without a landing."""
+        return np.asarray(self.records["min_landing_speed"])
 
     @property
-    def on_cam(self) -> FloatArray:
-        """``(turns,)`` seconds of contact in each turn."""
-        return self.rows[:, kernel.ON_CAM]
+    def contact_times(self) -> FloatArray:
+        """Time (s) of contact in each turn, ``(turns,)``."""
+        return np.asarray(self.records["contact_time"])
 
     @property
     def growth(self) -> FloatArray:
-        """``(turns, n)`` logarithm by which each of n directions of change grows in a turn.
+        """Logarithm of the growth of n directions in each turn, ``(turns, n)``.
 
-        Their sum is the logarithm of the contraction of volumes: r² a landing, and what dampers
-        take. A turn with contact has two of −∞: what meets the cam has no freedom there.
+        Their sum is the logarithm of the contraction of volumes: r² per landing, and the share of
+        the dampers. A turn with contact has two of −∞, because the contact mass is not free there.
         """
-        return self.rows[:, kernel.ENDS + self.size : kernel.ENDS + 2 * self.size]
+        return self._columns("growth")
 
     @property
     def derivatives(self) -> FloatArray:
-        """``(turns, n, n)`` derivative of each turn's end by its beginning, SI."""
-        return self.rows[:, kernel.ENDS + 2 * self.size :].reshape(-1, self.size, self.size)
+        """Derivative of each turn's last state by its first, ``(turns, n, n)``."""
+        return np.ascontiguousarray(self.records["derivative"][:, : self.size, : self.size])
 
     def derivative(self) -> FloatArray:
-        """``(n, n)``: that of the last end by the first beginning."""
+        """Return the derivative of the last state by the first one, ``(n, n)``."""
         product = np.eye(self.size)
-        for one in self.derivatives:
-            product = one @ product
+        for turn in self.derivatives:
+            product = turn @ product
         return product
+
+    def _columns(self, name: str) -> FloatArray:
+        """Return the first n numbers of a field, ``(turns, n)``."""
+        return np.ascontiguousarray(self.records[name][:, : self.size])
 
 
 class StroboscopicMap:
-    """One rigid mass, or two on an elastic stem, turn after turn from cam angle 0.
+    """Map of one rigid mass, or of two on an elastic stem, from cam angle 0 on.
 
-    The parameters have a restitution; the speed (rad/s) is one for all turns.
+    The parameters have a restitution. The speed (rad/s) is the same in all turns.
     """
 
     def __init__(
@@ -113,19 +117,19 @@ class StroboscopicMap:
         require_turning(speed)
         require_continuous(law)
         self.law, self.parameters, self.speed = law, parameters, float(speed)
-        # A velocity jump at angle 0 is the next turn's: this one ends a rounding before it.
+        # A velocity jump at angle 0 belongs to the next turn: this one ends a rounding before it.
         self.duration = short_of_velocity_jump(law, TURN) / self.speed
-        self._course: Separation | OneMassTrajectory
+        self._trajectory: Separation | OneMassTrajectory
         if isinstance(parameters, TwoMassParameters):
-            self.size, self._course = 4, Separation(law, parameters, speed)
+            self.size, self._trajectory = 4, Separation(law, parameters, speed)
         else:
             interval = Interval(0, max(1, round(NS * self.duration)), 0.0, speed)
-            self.size, self._course = 2, OneMassTrajectory(law, parameters, interval)
-        self._table = self._course.run_table(self.duration)
+            self.size, self._trajectory = 2, OneMassTrajectory(law, parameters, interval)
+        self._table = self._trajectory.run_table(self.duration)
 
     @property
     def scale(self) -> FloatArray:
-        """``(n,)`` sizes of a state's numbers; of the stem's what all forces together make."""
+        """Sizes of the numbers of a state, ``(n,)``; for the stem its stretch by all forces."""
         p, (lift, slope, curvature) = self.parameters, self.law.bounds
         sizes = [self.law.lift, self.law.lift * self.speed]
         if isinstance(p, TwoMassParameters):
@@ -136,37 +140,40 @@ class StroboscopicMap:
         return np.array(sizes)
 
     def run(self, turns: int, state: State = ON_THE_CAM) -> TurnsRun:
-        """So many turns from a state as `TurnsRun.states` has it; by default on the cam.
+        """Run turns from a state as in `TurnsRun.states`, by default from the cam.
 
-        A gap and a rate alone are of two masses whose end mass goes with the turning cam. A turn
-        with more landings than any series has that dies out is an `EndlessEventsError`.
+        A gap and a rate alone describe two masses whose end mass follows the turning cam.
+
+        Raises
+        ------
+        EndlessEventsError : a turn has more landings than any series that ends
         """
-        now = self._begin(state)
-        # The end mass's directions first: those that are left on the cam.
+        first = self._begin(state)
+        # The directions of the end mass first: they remain on the cam.
         frame = np.roll(np.eye(self.size), 2, axis=0)[: self.size - 1]
-        rows, begun = np.zeros((turns, kernel.ENDS + self.size * (2 + self.size))), 0
-        while begun < turns:
-            part = rows[begun : begun + CHUNK]
-            if self._turn(now, frame, part) < len(part):
+        records, done = np.zeros(turns, TURN_RESULT), 0
+        while done < turns:
+            part = records[done : done + TURNS_PER_CALL]
+            if self._turn(first, frame, part) < len(part):
                 raise EndlessEventsError(
-                    f"more than {self._course.most_events} landings in a turn at "
-                    f"{self.speed:g} rad/s; allowed: {self._course.most_events}"
+                    f"more than {self._trajectory.max_events} landings in a turn at "
+                    f"{self.speed:g} rad/s; allowed: {self._trajectory.max_events}"
                 )
-            begun += len(part)
-        rows.setflags(write=False)
-        return TurnsRun(rows, self.size)
+            done += len(part)
+        records.setflags(write=False)
+        return TurnsRun(records, self.size)
 
     def follower(self, state: State) -> FollowerState:
-        """The follower at cam angle 0, as its model takes it."""
+        """Return the state of the follower at cam angle 0, as its model takes it."""
         first = self._begin(state)[0]
-        flies = first["mode"] == Mode.FLIGHT
+        flies = first["mode"] == RunMode.FLIGHT
         place, velocity = (a + b for a, b in zip(self._cam(), state, strict=False))
         stem = first["vector"][: 4 if flies else 2] if self.size == 4 else []
         known = state[:2] if flies else ()
         return FollowerState(place, velocity, 0.0, not flies, inner=(*stem, *known))
 
     def _cam(self) -> tuple[float, float]:
-        """S (m) and ṡ (m/s) where a turn begins, before a velocity jump at angle 0."""
+        """Return s (m) and ṡ (m/s) at the start of a turn, before a velocity jump at angle 0."""
         s, slope = self.law.motion[:2, -1, -1].tolist()
         return s, slope * self.speed
 
@@ -182,7 +189,7 @@ class StroboscopicMap:
         if self.size == 2:
             return records
         run = self._table
-        rest = compute_stem_stretch(run, Vibration(0.0, 0.0), CamMotion(s, velocity, 0.0))
+        rest = compute_stem_stretch(run, StemVibration(0.0, 0.0), CamMotion(s, velocity, 0.0))
         w, rate = stem or rest
         if flies:
             y = s + gap + run.end_share * w, velocity + opening + run.end_share * rate
@@ -191,7 +198,8 @@ class StroboscopicMap:
             vector[:2] = w - rest.length, rate - rest.rate
         return records
 
-    def _turn(self, now: NDArray[np.void], frame: FloatArray, rows: FloatArray) -> int:
-        """Fill the rows from a place that goes on."""
-        most = float(self._course.most_events)
-        return int(call(kernel.run_turns, self._table, record_of(now, ROOM), frame, rows, most))
+    def _turn(self, state: NDArray[np.void], frame: FloatArray, turns: NDArray[np.void]) -> int:
+        """Fill records of turns from a state, which is updated; return the number filled."""
+        max_landings = float(self._trajectory.max_events)
+        record = record_of(state, ROOM)
+        return int(dispatch(run_turns, self._table, record, frame, turns, max_landings))

@@ -13,10 +13,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from cam_rig.dynamics.events.backend import dispatch
 from cam_rig.dynamics.events.contact import find_loss_in_part
-from cam_rig.dynamics.events.course import ROUNDING_ERRORS, Course, Phase, contact_table
 from cam_rig.dynamics.events.run_table import LOSS, CamWeights, RunTable
-from cam_rig.dynamics.events.search import call
+from cam_rig.dynamics.events.trajectory import ROUNDING_ERRORS, Phase, Trajectory, contact_table
 from cam_rig.dynamics.free_masses import (
     TwoMassParameters,
     contact_response,
@@ -55,7 +55,7 @@ def first_lift_off(
         if left <= 0.0:
             break
         table = contact_table(response, output, part)
-        loss = float(call(find_loss_in_part, table, *free[turn, i].tolist(), float(left)))
+        loss = float(dispatch(find_loss_in_part, table, *free[turn, i].tolist(), float(left)))
         if loss < math.inf:
             return begin + loss
     return None
@@ -97,10 +97,10 @@ def force_noise(law: Law, p: TwoMassParameters, speed: float) -> float:
     return ROUNDING_ERRORS * EPS * force / p.roller_mass
 
 
-class Separation(Course):
-    """The course of two masses on one law at one speed (rad/s), from a cam angle (rad) on."""
+class Separation(Trajectory):
+    """The trajectory of two masses on one law at one speed (rad/s), from a cam angle (rad) on."""
 
-    most_events = 20_000
+    max_events = 20_000
 
     def __init__(
         self,
@@ -127,9 +127,9 @@ class Separation(Course):
         if state is not None:
             start = state_of(state, 2 if contact else 4)
             start = start if contact else Flight(self.system, to_inner(self.parameters, start))
-        self.go(duration, start)
+        self.run_from(duration, start)
 
-    def go(self, duration: float, start: FloatArray | Flight, step: float = 0.0) -> None:
+    def run_from(self, duration: float, start: FloatArray | Flight, step: float = 0.0) -> None:
         """The same from (η, η̇) or a flight, where ṡ has gained ``step`` m/s."""
         require_number("duration", duration, "> 0")
         require_angle(self.angle + self.speed * duration, "angle at the end")
@@ -143,11 +143,11 @@ class Separation(Course):
         return self._table(
             duration,
             mass=float(p.roller_mass),
-            force=CamWeights(*weights, float(output.constant[0])),
+            force=CamWeights._make((*weights, float(output.constant[0]))),
             losses=np.zeros(0, LOSS),
             has_stem=True,
             contact=contact_table(self.response, output),
-            drive=CamWeights(*drive, 0.0),
+            drive=CamWeights._make((*drive, 0.0)),
             end_share=float(p.end_mass / (p.roller_mass + p.end_mass)),
             spring_share=float(p.spring_stiffness / p.stiffness),
             preload_compression=float(p.preload / p.stiffness),
@@ -183,30 +183,30 @@ class Separation(Course):
         return FollowerState(s, float(cam[1]), force, True, inner=tuple(self.last.tolist()))
 
 
-def states(course: Separation, times: FloatArray) -> FloatArray:
-    """(z, ż, y, ẏ, F) at ascending times in s of a course, ``(5, len(times))``."""
-    end = course.phases[-1].end if course.phases else 0.0
+def states(trajectory: Separation, times: FloatArray) -> FloatArray:
+    """(z, ż, y, ẏ, F) at ascending times in s of a trajectory, ``(5, len(times))``."""
+    end = trajectory.phases[-1].end if trajectory.phases else 0.0
     times = times_of(times, last=end * (1.0 + 1e-12))
     out = np.empty((5, times.size))
-    for phase in course.phases:
-        last = phase is course.phases[-1]
+    for phase in trajectory.phases:
+        last = phase is trajectory.phases[-1]
         a = int(np.searchsorted(times, phase.begin))
         b = times.size if last else int(np.searchsorted(times, phase.end))
         if a < b:
-            out[:, a:b] = phase_states(course, phase, times[a:b])
+            out[:, a:b] = phase_states(trajectory, phase, times[a:b])
     return out
 
 
-def phase_states(course: Separation, phase: Phase, times: FloatArray) -> FloatArray:
+def phase_states(trajectory: Separation, phase: Phase, times: FloatArray) -> FloatArray:
     """The same in one phase."""
     if phase.flight is not None:
-        flight = course.fly(phase.flight, times - phase.begin)
+        flight = trajectory.fly(phase.flight, times - phase.begin)
         return np.vstack([flight, np.zeros(times.size)])
-    angle = course.angle + course.speed * phase.begin
-    vibration = course.response.states(phase.vibration, angle, times - phase.begin)
-    cam = course.cam(times)
-    end_mass = course.parameters.static_place(cam) + vibration
-    return np.vstack([cam[:2], end_mass, course.force(vibration, cam)])
+    angle = trajectory.angle + trajectory.speed * phase.begin
+    vibration = trajectory.response.states(phase.vibration, angle, times - phase.begin)
+    cam = trajectory.cam(times)
+    end_mass = trajectory.parameters.static_place(cam) + vibration
+    return np.vstack([cam[:2], end_mass, trajectory.force(vibration, cam)])
 
 
 @with_ramps
@@ -219,33 +219,42 @@ def advance(
     step: float,
 ) -> tuple[FollowerState, Block]:
     """The same of two masses; the block's motion is that of the roller mass, on the cam."""
-    course = Separation(law, parameters, interval.speed, interval.angle, interval.turns)
+    trajectory = Separation(law, parameters, interval.speed, interval.angle, interval.turns)
     start: FloatArray | Flight = np.zeros(2)
     if state is not None:
         inner = np.array(state.inner)
-        start = inner if state.in_contact else Flight(course.system, inner[:4], *state.inner[4:])
-    course.go(interval.duration, start, step)
+        start = (
+            inner if state.in_contact else Flight(trajectory.system, inner[:4], *state.inner[4:])
+        )
+    trajectory.run_from(interval.duration, start, step)
     grid = interval.grid(sample_rate)
     block = Block(interval, grid.open_rows())
     block.rows[1:5] = 0.0
-    for phase in course.phases:
+    for phase in trajectory.phases:
         if phase.flight is None and (within := grid.within(phase.begin, phase.end)):
-            _show_contact(block, *within, sample_rate, course, phase)
-    return course.shown(block, grid, state, course.end(interval.duration))
+            _show_contact(block, *within, sample_rate, trajectory, phase)
+    return trajectory.finish(block, grid, state, trajectory.end(interval.duration))
 
 
 def _show_contact(
-    block: Block, here: slice, times: FloatArray, sample_rate: int, course: Separation, phase: Phase
+    block: Block,
+    here: slice,
+    times: FloatArray,
+    sample_rate: int,
+    trajectory: Separation,
+    phase: Phase,
 ) -> None:
     first, count, apart = float(times[0]), times.size, 1.0 / sample_rate
     block.motion[:, here] = sample_law(
-        course.law,
-        course.angle + course.speed * first,
-        course.speed / sample_rate,
+        trajectory.law,
+        trajectory.angle + trajectory.speed * first,
+        trajectory.speed / sample_rate,
         count,
-        np.diag(course.speed ** np.arange(3.0)),
+        np.diag(trajectory.speed ** np.arange(3.0)),
         np.zeros(3),
     )
-    angle, since = course.angle + course.speed * phase.begin, first - phase.begin
-    out = force_output(course.parameters)
-    block.force[here] = sample(course.response, phase.vibration, angle, since, apart, count, out)[0]
+    angle, since = trajectory.angle + trajectory.speed * phase.begin, first - phase.begin
+    out = force_output(trajectory.parameters)
+    block.force[here] = sample(
+        trajectory.response, phase.vibration, angle, since, apart, count, out
+    )[0]

@@ -254,8 +254,8 @@ def free_amplitude(run: ModalRun, speed: float, angle: float) -> float:
     apart = cmath.sqrt(half**2 - mode.stiffness)
     apart = apart if abs(apart) > APART * most else complex(APART * most)
     rates = apart - half, -apart - half
-    one = (velocity - rates[1] * place) * (mode.place + mode.velocity * rates[0])
-    other = (velocity - rates[0] * place) * (mode.place + mode.velocity * rates[1])
+    one = (velocity - rates[1] * place) * (mode.per_displacement + mode.per_velocity * rates[0])
+    other = (velocity - rates[0] * place) * (mode.per_displacement + mode.per_velocity * rates[1])
     return float((abs(one) + abs(other)) / abs(2.0 * apart))
 
 

@@ -15,15 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cam_rig.laws.polynomials import (
-    RESOLUTION,
+    MIN_PART_WIDTH,
+    count_sign_changes,
+    find_single_root,
     halve_at_root,
-    only_root,
-    opposite,
-    sign_changes,
-    weighted_by_binomials,
+    have_opposite_signs,
+    weight_ordinates,
     weighted_value,
 )
-from cam_rig.laws.rows import Row
 from cam_rig.units import FloatArray
 
 EPS = float(np.finfo(np.float64).eps)
@@ -62,7 +61,7 @@ def evaluate(ordinates: FloatArray, u: FloatArray) -> FloatArray:
 def scalar(ordinates: FloatArray) -> Callable[[float], float]:
     """The polynomial ``(p + 1,)`` as a function of one float."""
     size = ordinates.size
-    return partial(weighted_value, weighted_by_binomials(ordinates.tolist(), size), size)
+    return partial(weighted_value, weight_ordinates(ordinates, size), size)
 
 
 def derivative(ordinates: FloatArray) -> FloatArray:
@@ -180,21 +179,24 @@ def _splits(degree: int, u: FloatArray) -> tuple[FloatArray, FloatArray]:
     return left, (pascal * far[:, None] * near[:, rest])[:, ::-1, ::-1]
 
 
-def crossings(ordinates: FloatArray | Row, lo: float = 0.0, hi: float = 1.0) -> list[float]:
-    """All u in (lo, hi) where a polynomial on [lo, hi] changes sign, in order, none missed."""
-    row = [float(value) for value in ordinates]
-    changes, ends = sign_changes(row), opposite(row[0], row[-1])
+def crossings(ordinates: FloatArray, low: float = 0.0, high: float = 1.0) -> list[float]:
+    """Return all u in (low, high) where a polynomial on [low, high] changes sign, in order.
+
+    No sign change is missed: a part is discarded only if its ordinates have none.
+    """
+    changes = count_sign_changes(ordinates)
+    crosses = have_opposite_signs(ordinates[0], ordinates[-1])
     if changes == 0:
         return []
-    if changes == 1 and ends:
-        return [lo + (hi - lo) * only_root(row)]
-    mid = 0.5 * (lo + hi)
-    if hi - lo <= RESOLUTION:
-        return [mid] if ends else []
-    halves = [row, row[:]]
-    at_split = [mid] if halve_at_root(halves, 0) else []
+    if changes == 1 and crosses:
+        return [float(low + (high - low) * find_single_root(ordinates))]
+    middle = 0.5 * (low + high)
+    if high - low <= MIN_PART_WIDTH:
+        return [middle] if crosses else []
+    halves = np.stack([ordinates, ordinates])
+    at_middle = [middle] if halve_at_root(halves, 0) else []
     right, left = halves
-    return crossings(left, lo, mid) + at_split + crossings(right, mid, hi)
+    return crossings(left, low, middle) + at_middle + crossings(right, middle, high)
 
 
 def negative_intervals(ordinates: FloatArray) -> list[tuple[float, float]]:

@@ -1,215 +1,248 @@
-"""Polynomials in Bernstein form, one at a time, and where they fall below zero."""
+"""Polynomials in Bernstein form on u ∈ [0, 1]: kernels for single polynomials.
+
+A vector of n + 1 ordinates bᵢ is the polynomial Σ bᵢ C(n, i) uⁱ(1 − u)ⁿ⁻ⁱ. Weighted ordinates are
+bᵢ C(n, i). Numbers in brackets are the inequalities of docs/proofs.md, part 1.
+"""
 
 from __future__ import annotations
 
-from cam_rig.laws.rows import Row, Rows, binomials, zeros
+import numpy as np
 
-#: Subdivision stops here: roots nearer than this cannot be told apart in double precision.
-RESOLUTION, MAX_DEPTH = 2.0**-46, 48
-#: Relative width at which two neighbouring floats are told apart no further.
-WIDTH = 4.0 * 2.0**-52
-#: Steps beside the root: one that need not be taken, and one as small as the value's rounding.
-NOTHING, ROUNDED = 2.0**-55, 2.0**-40
-#: A root beside 0 may take as many halvings as a float has; an ordinary one takes some six steps.
+from cam_rig.laws.vectors import Matrix, Vector, binomials
+
+#: Width of a part of [0, 1] below which double precision does not separate two roots.
+MIN_PART_WIDTH = 2.0**-46
+#: Halvings of [0, 1] at most, a few more than reach `MIN_PART_WIDTH`.
+MAX_DEPTH = 48
+#: Relative width of a bracket below which a root is found: four roundings.
+BRACKET_RTOL = 4.0 * 2.0**-52
+#: Relative size of a Newton step that cannot change a root.
+NEGLIGIBLE_STEP = 2.0**-55
+#: Relative size of a step below which steps that stop shrinking are caused by rounding.
+ROUNDING_STEP = 2.0**-40
+#: Steps at most: a root next to 0 may need as many halvings as floats allow, others about six.
 MAX_STEPS = 2000
-#: Where there is no root.
-NONE = -1.0
+#: Result of a search without a root.
+NO_ROOT = -1.0
 
 
-def restricted(row: Row, size: int, first: float, last: float) -> Row:
-    """The first ``size`` ordinates on [first, last] ⊂ [0, 1], first < 1 (de Casteljau)."""
+def restrict(ordinates: Vector, size: int, first: float, last: float) -> Vector:
+    """Return the first ``size`` ordinates restricted to [first, last] ⊂ [0, 1], first < 1.
+
+    The algorithm is de Casteljau's.
+    """
     inner = last
-    out = zeros(size)
+    out = np.zeros(size)
     for i in range(size):
-        out[i] = row[i]
+        out[i] = ordinates[i]
     if first > 0.0:
-        rest, inner = 1.0 - first, (last - first) / (1.0 - first)
+        remainder, inner = 1.0 - first, (last - first) / (1.0 - first)
         for count in range(size - 1, 0, -1):
-            now = out[0]
+            current = out[0]
             for i in range(count):
-                after = out[i + 1]
-                out[i], now = rest * now + first * after, after
+                following = out[i + 1]
+                out[i], current = remainder * current + first * following, following
     if inner < 1.0:
-        rest = 1.0 - inner
+        remainder = 1.0 - inner
         for order in range(1, size):
-            before = out[order - 1]
+            previous = out[order - 1]
             for i in range(order, size):
-                now = out[i]
-                out[i], before = rest * before + inner * now, now
+                current = out[i]
+                out[i], previous = remainder * previous + inner * current, current
     return out
 
 
-def elevated(row: Row, size: int) -> Row:
-    """The same polynomial with ``size`` ordinates: convex combinations, so stable."""
-    if len(row) == size:
-        return row
-    out, own, more = zeros(size), binomials(len(row) - 1), binomials(size - len(row))
-    for i in range(len(row)):
-        weighted = own[i] * row[i]
-        for j in range(len(more)):
-            out[i + j] += weighted * more[j]
-    own = binomials(size - 1)
+def elevate(ordinates: Vector, size: int) -> Vector:
+    """Return the same polynomial with ``size`` ordinates.
+
+    They are convex combinations of the given ones, so the conversion is stable.
+    """
+    if len(ordinates) == size:
+        return ordinates
+    out, weights = np.zeros(size), binomials(len(ordinates) - 1)
+    factors = binomials(size - len(ordinates))
+    for i in range(len(ordinates)):
+        weighted = weights[i] * ordinates[i]
+        for j in range(len(factors)):
+            out[i + j] += weighted * factors[j]
+    weights = binomials(size - 1)
     for i in range(size):
-        out[i] /= own[i]
+        out[i] /= weights[i]
     return out
 
 
-def integrated(row: Row, length: float, start: float) -> Row:
-    """The integral over ``length`` that begins at ``start``, one degree higher."""
-    size = len(row)
-    out, step, total = zeros(size + 1), length / size, 0.0
+def integrate(ordinates: Vector, length: float, start: float) -> Vector:
+    """Return the integral over an interval of ``length``, one degree higher.
+
+    Its value at u = 0 is ``start``.
+    """
+    size = len(ordinates)
+    out, step, total = np.zeros(size + 1), length / size, 0.0
     out[0] = start
     for i in range(size):
-        total += row[i]
+        total += ordinates[i]
         out[i + 1] = step * total + start
     return out
 
 
-def horner(weighted: Row, slopes: Row, degree: int, u: float) -> tuple[float, float, float]:
-    """A value and its slope at u, of ordinates times binomials, but for powers of the third.
+def horner(weighted: Vector, slopes: Vector, degree: int, u: float) -> tuple[float, float, float]:
+    """Return v, w and r: the value at u is v rⁿ and the derivative w rⁿ⁻¹, with n = ``degree``.
 
-    Horner's rule in u/(1 − u), or in its inverse beyond the middle, so that no power grows. The
-    value is still to be multiplied by the scale to the degree's power, the slope to one less.
+    ``weighted`` and ``slopes`` are the weighted ordinates of both. Horner's rule is applied in
+    u/(1 − u), or in its inverse beyond the middle, so that no power grows.
     """
-    slope, rest = 0.0, 1.0 - u
+    slope, remainder = 0.0, 1.0 - u
     if u < 0.5:
-        ratio, total = u / rest, weighted[degree]
+        ratio, total = u / remainder, weighted[degree]
         for i in range(degree - 1, -1, -1):
             total = total * ratio + weighted[i]
             slope = slope * ratio + slopes[i]
-        return total, slope, rest
-    ratio, total = rest / u, 0.0
+        return total, slope, remainder
+    ratio, total = remainder / u, 0.0
     for i in range(degree):
         total = total * ratio + weighted[i]
         slope = slope * ratio + slopes[i]
     return total * ratio + weighted[degree], slope, u
 
 
-def weighted_value(weighted: Row, size: int, u: float) -> float:
-    """The value at u of ``size`` ordinates times binomials."""
-    total, rest, power = 0.0, 1.0 - u, 1.0
+def weighted_value(weighted: Vector, size: int, u: float) -> float:
+    """Return the value at u of ``size`` weighted ordinates."""
+    total, remainder, power = 0.0, 1.0 - u, 1.0
     if u < 0.5:
-        ratio = u / rest
+        ratio = u / remainder
         for i in range(size - 1, -1, -1):
             total = total * ratio + weighted[i]
-            power *= rest
-        return total * (power / rest)
-    ratio = rest / u
+            power *= remainder
+        return total * (power / remainder)
+    ratio = remainder / u
     for i in range(size):
         total = total * ratio + weighted[i]
         power *= u
     return total * (power / u)
 
 
-def weighted_by_binomials(row: Row, size: int) -> Row:
-    """The first ``size`` ordinates times binomials, for `horner`."""
-    out, weights = zeros(size), binomials(size - 1)
+def weight_ordinates(ordinates: Vector, size: int) -> Vector:
+    """Return the first ``size`` ordinates multiplied by their binomial coefficients."""
+    out, weights = np.zeros(size), binomials(size - 1)
     for i in range(size):
-        out[i] = weights[i] * row[i]
+        out[i] = weights[i] * ordinates[i]
     return out
 
 
-def value_at(row: Row, size: int, u: float) -> float:
-    """The value at u of the first ``size`` ordinates."""
-    return weighted_value(weighted_by_binomials(row, size), size, u)
+def value_at(ordinates: Vector, size: int, u: float) -> float:
+    """Return the value at u of the first ``size`` ordinates."""
+    return weighted_value(weight_ordinates(ordinates, size), size, u)
 
 
-def only_root(row: Row) -> float:
-    """U ∈ (0, 1) where a polynomial changes sign once: Newton's steps, and halvings beside them."""
-    degree = len(row) - 1
-    weighted, slopes = weighted_by_binomials(row, degree + 1), zeros(degree)
+def find_single_root(ordinates: Vector) -> float:
+    """Return the root u ∈ (0, 1) of a polynomial that changes sign once.
+
+    Invariant: the root is in [low, high]. A Newton step that leaves the bracket, or that is longer
+    than half the last step, is replaced by a halving.
+    """
+    degree = len(ordinates) - 1
+    weighted, slopes = weight_ordinates(ordinates, degree + 1), np.zeros(degree)
     weights = binomials(degree - 1)
     for i in range(degree):
-        slopes[i] = degree * weights[i] * (row[i + 1] - row[i])
-    low, high, step, closing = 0.0, 1.0, 1.0, False
-    u = row[0] / (row[0] - row[degree])
+        slopes[i] = degree * weights[i] * (ordinates[i + 1] - ordinates[i])
+    low, high, step, converges = 0.0, 1.0, 1.0, False
+    u: float = ordinates[0] / (ordinates[0] - ordinates[degree])
     for _ in range(MAX_STEPS):
         value, slope, scale = horner(weighted, slopes, degree, u)
         if value == 0.0:
             return u
-        if (value < 0.0) == (row[0] < 0.0):
+        if (value < 0.0) == (ordinates[0] < 0.0):
             low = u
         else:
             high = u
         following = u - value * scale / slope if slope != 0.0 else low
-        ahead = abs(following - u)
-        # Each step of Newton's is a constant times the square of the one before.
-        inside, quick = low < following < high, ahead <= 0.5 * step
-        if closing and inside and ahead * (ahead / step) * (ahead / step) <= NOTHING * u:
+        newton_step = abs(following - u)
+        is_inside, shrinks = low < following < high, newton_step <= 0.5 * step
+        # Each Newton step is a constant times the square of the previous one.
+        if (
+            converges
+            and is_inside
+            and newton_step * (newton_step / step) * (newton_step / step) <= NEGLIGIBLE_STEP * u
+        ):
             return following
-        if closing and not quick and step <= ROUNDED * u:  # the value is rounding
+        if converges and not shrinks and step <= ROUNDING_STEP * u:  # the value is rounding
             return u
-        closing = inside and quick
-        if not closing:
+        converges = is_inside and shrinks
+        if not converges:
             following = 0.5 * (low + high)
         step = abs(following - u)
         u = following
-        if high - low <= WIDTH * u:
+        if high - low <= BRACKET_RTOL * u:
             return u
     return u
 
 
-def sign_changes(row: Row) -> int:
-    """Changes of sign along the ordinates: no fewer than roots in (0, 1) (Descartes' rule)."""
-    changes, before = 0, 0.0
-    for value in row:
+def count_sign_changes(ordinates: Vector) -> int:
+    """Return the number of sign changes, at least the number of roots in (0, 1), by (7)."""
+    changes, previous = 0, 0.0
+    for value in ordinates:
         if value != 0.0:
-            if before != 0.0 and (value < 0.0) != (before < 0.0):
+            if previous != 0.0 and (value < 0.0) != (previous < 0.0):
                 changes += 1
-            before = value
+            previous = value
     return changes
 
 
-def opposite(one: float, other: float) -> bool:
-    """Whether the signs are opposite; a product of the two would underflow for tiny values."""
-    return (one < 0.0 < other) or (other < 0.0 < one)
+def have_opposite_signs(a: float, b: float) -> bool:
+    """Return True if one is negative and one positive; their product could underflow."""
+    return bool((a < 0.0 < b) or (b < 0.0 < a))
 
 
-def crossing(row: Row, limit: float, last: bool) -> float:
-    """The first change of sign in (0, 1) up to ``limit``, or the last one; `NONE` without one.
+def find_crossing(ordinates: Vector, limit: float, last: bool) -> float:
+    """Return the first sign change in (0, 1) up to ``limit``, or the last; `NO_ROOT` without one.
 
-    None is missed: a part is dropped only when its ordinates do not change sign, which proves
-    that the polynomial does not. Touching zero without crossing it is not counted.
+    Invariant: each part of [0, 1] that is not on the stack has no sign change that counts, because
+    its ordinates have none (7), or its sign change is in ``result``. A zero that is touched without
+    crossing does not count.
     """
-    parts, lows, widths = zeros((MAX_DEPTH, len(row))), zeros(MAX_DEPTH), zeros(MAX_DEPTH)
-    for i in range(len(row)):
-        parts[0][i] = row[i]
-    widths[0], top, found = 1.0, 0, NONE
+    parts = np.zeros((MAX_DEPTH, len(ordinates)))
+    starts, widths = np.zeros(MAX_DEPTH), np.zeros(MAX_DEPTH)
+    for i in range(len(ordinates)):
+        parts[0][i] = ordinates[i]
+    widths[0], top, result = 1.0, 0, NO_ROOT
     while top >= 0:
-        part, low, width = parts[top], lows[top], widths[top]
-        changes = sign_changes(part) if low <= limit else 0
-        ends = opposite(part[0], part[-1])
-        root = NONE
-        if (changes == 1 and ends) or (changes > 0 and width <= RESOLUTION):
-            if ends:
-                root = low + width * (only_root(part) if changes == 1 else 0.5)
+        part, start, width = parts[top], starts[top], widths[top]
+        changes = count_sign_changes(part) if start <= limit else 0
+        crosses = have_opposite_signs(part[0], part[-1])
+        root = NO_ROOT
+        if (changes == 1 and crosses) or (changes > 0 and width <= MIN_PART_WIDTH):
+            if crosses:
+                root = start + width * (find_single_root(part) if changes == 1 else 0.5)
             top -= 1
         elif changes == 0:
             top -= 1
-        else:  # the left half comes first, then the right one
+        else:  # the left half first, then the right one
             if halve_at_root(parts, top):
-                root = low + 0.5 * width
+                root = start + 0.5 * width
             widths[top], widths[top + 1] = 0.5 * width, 0.5 * width
-            lows[top], lows[top + 1] = low + 0.5 * width, low
+            starts[top], starts[top + 1] = start + 0.5 * width, start
             top += 1
         if 0.0 <= root <= limit:
-            found = max(found, root) if last else root
+            result = max(result, root) if last else root
             limit = limit if last else root
-    return found
+    return result
 
 
-def halve(right: Row, left: Row) -> None:
-    """The right half of a polynomial in its place, the left one in another (de Casteljau)."""
+def halve(right: Vector, left: Vector) -> None:
+    """Replace a polynomial by its right half; write its left half to ``left`` (de Casteljau)."""
     size = len(right)
     for order in range(size):
-        left[order] = now = right[0]
+        left[order] = current = right[0]
         for i in range(size - 1 - order):
-            after = right[i + 1]
-            right[i], now = 0.5 * (now + after), after
+            following = right[i + 1]
+            right[i], current = 0.5 * (current + following), following
 
 
-def halve_at_root(parts: Rows, top: int) -> bool:
-    """The right half in place of a part, the left one behind it; whether the middle is a root."""
+def halve_at_root(parts: Matrix, top: int) -> bool:
+    """Replace part ``top`` by its right half and the next part by its left half.
+
+    Returns True if the polynomial changes sign exactly in the middle.
+    """
     right, left = parts[top], parts[top + 1]
     size = len(right)
     halve(right, left)
@@ -220,28 +253,28 @@ def halve_at_root(parts: Rows, top: int) -> bool:
         before -= 1
     while after < size - 1 and right[after] == 0.0:
         after += 1
-    return opposite(left[before], right[after])
+    return have_opposite_signs(left[before], right[after])
 
 
-def fall(row: Row, noise: float) -> float:
-    """U ∈ [0, 1] of the zero after which a polynomial is below −``noise``; `NONE` without one.
+def find_fall(ordinates: Vector, rounding: float) -> float:
+    """Return the zero u ∈ [0, 1] after which a polynomial is below −``rounding``, or `NO_ROOT`.
 
-    One that is below at its start already falls there; so does one that begins below zero, if by
-    less, and goes on falling.
+    It is 0 if the polynomial starts below −``rounding``, or if it starts below zero by less and
+    continues to fall.
     """
-    lowest = row[0]
-    for value in row:
+    lowest = ordinates[0]
+    for value in ordinates:
         lowest = min(lowest, value)
-    if lowest >= -noise:
-        return NONE
-    if row[0] < -noise:
+    if lowest >= -rounding:
+        return NO_ROOT
+    if ordinates[0] < -rounding:
         return 0.0
-    if row[0] > 0.0 and row[-1] < -noise and sign_changes(row) == 1:
-        return only_root(row)
-    lifted = zeros(len(row))
-    for i in range(len(row)):
-        lifted[i] = row[i] + noise
-    below = crossing(lifted, 1.0, False)
+    if ordinates[0] > 0.0 and ordinates[-1] < -rounding and count_sign_changes(ordinates) == 1:
+        return find_single_root(ordinates)
+    raised = np.zeros(len(ordinates))
+    for i in range(len(ordinates)):
+        raised[i] = ordinates[i] + rounding
+    below = find_crossing(raised, 1.0, False)
     if below < 0.0:
-        return NONE
-    return max(0.0, crossing(row, below, True))
+        return NO_ROOT
+    return max(0.0, find_crossing(ordinates, below, True))

@@ -235,7 +235,7 @@ def _serve(
     room: ClassRoom | None,
     lang: str | None,
 ) -> None:
-    from cam_rig.dynamics.events.search import expect_many
+    from cam_rig.dynamics.events.backend import expect_many
     from cam_rig.extras import require
     from cam_rig.files import temporary_folder
     from cam_rig.panel.board.board import Board

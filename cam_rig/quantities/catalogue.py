@@ -12,7 +12,7 @@ from functools import cache, partial
 from types import MappingProxyType
 
 from cam_rig.dynamics.jump.any_follower import follower_of
-from cam_rig.dynamics.jump.jump_speed import FROM_REST
+from cam_rig.dynamics.jump.two_masses import FROM_REST
 from cam_rig.quantities import values
 from cam_rig.quantities.terms import ANGLE_UNITS, SPEED_UNITS, LawQuantity, Sense
 from cam_rig.units import TURN

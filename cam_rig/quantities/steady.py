@@ -145,12 +145,12 @@ def _in_contact(
     """The periodic state; None where contact is lost, or the force cannot be told exactly."""
     pull = Outputs(-outputs.state, -outputs.law, -outputs.constant)
     run, opposite = (ModalRun.of(response, one, None, row) for one in (outputs, pull))
-    if response.law.velocity_jumps or not run.resolved(response.speed):
+    if response.law.velocity_jumps or not run.is_resolved(response.speed):
         return None
-    least = run.lowest(response.speed)
+    least = run.min_output(response.speed)
     if least <= 0.0 and not holds:
         return None
-    largest = -opposite.lowest(response.speed)
+    largest = -opposite.min_output(response.speed)
     return SteadyStart(vibrating(response.periodic()), forces=(least, largest))
 
 

@@ -15,7 +15,7 @@ from cam_rig.acoustics import RadiationParameters
 from cam_rig.acoustics.pressure import level_db, mean_square_rate, pressure_pa
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.dynamics.jump.any_follower import AnyFollower, find_jump, follower_of
-from cam_rig.dynamics.jump.search import NoJumpSpeedError
+from cam_rig.dynamics.jump.two_masses import NoJumpSpeedError
 from cam_rig.dynamics.kinetostatic import force_extremes
 from cam_rig.dynamics.steady_rules import FORCE_RTOL, MAX_FORCE_TURNS
 from cam_rig.dynamics.torsional.model import from_rig as shaft_of

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 from matplotlib.figure import Figure
 
-from cam_rig.dynamics.jump.jump_speed import FROM_REST
+from cam_rig.dynamics.jump.two_masses import FROM_REST
 from cam_rig.dynamics.vibration import STAND_IN
 from cam_rig.laws.catalogue import families
 from cam_rig.paper.as_cut import study as as_cut

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from cam_rig.dynamics.events.search import ALWAYS, VARIABLE
+from cam_rig.dynamics.events.backend import COMPILED, VARIABLE
 from cam_rig.interrupts import STOPPING
 
 from ..processes import takes, until
@@ -129,7 +129,7 @@ def test_a_signal_while_the_search_is_compiled(tmp_path: Path, count: int) -> No
         empty = tmp_path / str(number)
         process = subprocess.Popen(
             [BIN / "cam-rig", "jump", "poly345"],
-            env=os.environ | {"NUMBA_CACHE_DIR": str(empty), VARIABLE: ALWAYS},
+            env=os.environ | {"NUMBA_CACHE_DIR": str(empty), VARIABLE: COMPILED},
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
             text=True,

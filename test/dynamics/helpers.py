@@ -21,9 +21,9 @@ from cam_rig.dynamics import (
     TwoMassParameters,
 )
 from cam_rig.dynamics.events.approach import FlightOverCam, Gap, find_landing
-from cam_rig.dynamics.events.course import EndlessEventsError, free_table, law_table
 from cam_rig.dynamics.events.free_flight import start_free_motion
 from cam_rig.dynamics.events.law_table import Cam
+from cam_rig.dynamics.events.trajectory import EndlessEventsError, free_table, law_table
 from cam_rig.dynamics.linear.exponential import Flight
 from cam_rig.dynamics.two_mass import Separation
 from cam_rig.laws import Law, bernstein
@@ -151,7 +151,7 @@ def bumped(law, middle, width, height):
 
 
 class _Walk(Separation):
-    most_events = 0
+    max_events = 0
 
 
 def lift_off(

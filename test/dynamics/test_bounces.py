@@ -52,7 +52,7 @@ def check(landings, times, accumulated, restitution, mass):
 )
 def test_one_mass(cam, restitution, monkeypatch):
     """ln(v₀/v)/ln(1/e) landings until a bounce is lower than rounding, then it sits."""
-    monkeypatch.setattr(OneMassTrajectory, "most_events", 40.0 / np.log(1.0 / restitution))
+    monkeypatch.setattr(OneMassTrajectory, "max_events", 40.0 / np.log(1.0 / restitution))
     follower = FollowerParameters(1.3, 4030.0, 0.0, PRELOAD, 3.3e8, restitution)
     lifted_off = FollowerState(0.0, THROWN, 0.0, in_contact=False)
     interval = Interval(0, 3 * NS, 0.0, SPEED)
@@ -72,7 +72,7 @@ def test_one_mass(cam, restitution, monkeypatch):
 def test_two_masses(cam, restitution, monkeypatch):
     """The roller alone bounces, pressed on by a stem whose other end does not move."""
     # An end mass of 1e9 kg gives way by 1e-8 of what the roller does.
-    monkeypatch.setattr(Separation, "most_events", 200)
+    monkeypatch.setattr(Separation, "max_events", 200)
     p = TwoMassParameters(ROLLER, 1e9, STEM, 4030.0, 0.0, 0.0, PRELOAD, restitution=restitution)
     rest = -p.preload / p.stiffness
     found = Separation(law_of(cam), p, SPEED)
@@ -86,7 +86,7 @@ def test_two_masses(cam, restitution, monkeypatch):
 
 def test_too_many_bounces_are_said(monkeypatch):
     """More than an interval takes is an error that says how many and where, not a loop."""
-    monkeypatch.setattr(OneMassTrajectory, "most_events", 100)
+    monkeypatch.setattr(OneMassTrajectory, "max_events", 100)
     follower = FollowerParameters(1.3, 4030.0, 0.0, PRELOAD, 3.3e8, 0.99)
     lifted_off = FollowerState(0.0, THROWN, 0.0, in_contact=False)
     interval = Interval(0, 30 * NS, 0.0, SPEED)

@@ -1,22 +1,29 @@
 """Plain Python and the compiled search give the same bits."""
 
 import math
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import time
 from dataclasses import replace
 from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from cam_rig.dynamics import MODELS, FollowerParameters, Interval, two_mass
-from cam_rig.dynamics.events import search as compiled
+from cam_rig.dynamics.events import backend
+from cam_rig.dynamics.events.backend import COMPILED, PLAIN, VARIABLE, select_backend
 from cam_rig.dynamics.events.runs import run_events
-from cam_rig.dynamics.events.search import ALWAYS, PLAIN, VARIABLE, form_of
 from cam_rig.dynamics.free_masses import TwoMassParameters, free_masses
-from cam_rig.dynamics.jump.jump_speed import rigid_jump
-from cam_rig.dynamics.jump.search import force_run
+from cam_rig.dynamics.jump.rigid_mass import rigid_jump
+from cam_rig.dynamics.jump.two_masses import force_run
 from cam_rig.dynamics.turn_map import StroboscopicMap
 from cam_rig.dynamics.two_mass import Separation, first_lift_off
-from cam_rig.laws import Law, rows
+from cam_rig.laws import Law, vectors
 from cam_rig.units import NS, RPM, TURN
 
 from .helpers import ONE, TWO
@@ -61,7 +68,7 @@ def test_the_bits_are_the_same(laws, monkeypatch, seed):
     law, one, two, interval = random_runs(laws, seed)
     for model, p in (("one_mass", one), ("two_mass", two)):
         found = []
-        for form in (PLAIN, ALWAYS):
+        for form in (PLAIN, COMPILED):
             monkeypatch.setenv(VARIABLE, form)
             found.append(MODELS[model].advance(law, p, None, interval, 1000))
         (end, block), (other_end, other_block) = found
@@ -74,7 +81,7 @@ def test_masses_too_much_alike(laws, monkeypatch):
     """Where the motions have no pairs it goes by the exponential: the same bits, the same times."""
     p, found = replace(TWO, restitution=0.5), []
     unpaired = replace(free_masses(p), pairs=None)
-    for system, form in ((free_masses(p), PLAIN), (unpaired, PLAIN), (unpaired, ALWAYS)):
+    for system, form in ((free_masses(p), PLAIN), (unpaired, PLAIN), (unpaired, COMPILED)):
         monkeypatch.setenv(VARIABLE, form)
         monkeypatch.setattr(two_mass, "free_masses", lambda _, system=system: system)
         course = Separation(laws["poly345"], p, 450.0 * RPM)
@@ -90,7 +97,7 @@ def test_masses_too_much_alike(laws, monkeypatch):
 @pytest.mark.parametrize("kind", [int, np.float32, Fraction])
 def test_a_number_of_any_kind(laws, monkeypatch, kind):
     """Whole numbers and fractions: the same bits as floats, and nothing is compiled once more."""
-    monkeypatch.setenv(VARIABLE, ALWAYS)
+    monkeypatch.setenv(VARIABLE, COMPILED)
     law, found = laws["poly345"], []
     for number in (float, kind):
         one = FollowerParameters(*map(number, (2, 4096, 8, 16, 2**28, 0)))
@@ -103,17 +110,17 @@ def test_a_number_of_any_kind(laws, monkeypatch, kind):
         course.run(limit)
         turns = [StroboscopicMap(law, p, speed).run(3).states.tolist() for p in (one, two)]
         loss = first_lift_off(law, two, speed, np.zeros(2), limit)
-        least = force_run(law, two, 0.1).lowest(speed)
+        least = force_run(law, two, 0.1).min_output(speed)
         found.append((block.events, course.events, turns, loss, least, rigid_jump(law, one)))
     assert found[0] == found[1]
     assert len(course.events) > 4
-    assert len(compiled._compiled(run_events).signatures) == 1
+    assert len(backend._ready[run_events].signatures) == 1
 
 
 def test_a_loss_of_contact_alone(laws, monkeypatch):
     """As the jump speed's search asks for it; with the same bits."""
     found = []
-    for form in (PLAIN, ALWAYS):
+    for form in (PLAIN, COMPILED):
         monkeypatch.setenv(VARIABLE, form)
         found.append(first_lift_off(laws["poly345"], TWO, 450.0 * RPM, np.zeros(2), 1.0))
     assert found[0] == found[1] is not None
@@ -121,16 +128,135 @@ def test_a_loss_of_contact_alone(laws, monkeypatch):
 
 def test_binomials_beyond_the_table():
     """A law of a high degree goes by a recurrence."""
-    for degree in (3, len(rows.PASCAL) - 1, len(rows.PASCAL), len(rows.PASCAL) + 9):
-        assert rows.binomials(degree)[2] == math.comb(degree, 2)
+    for degree in (3, len(vectors.PASCAL) - 1, len(vectors.PASCAL), len(vectors.PASCAL) + 9):
+        assert vectors.binomials(degree)[2] == math.comb(degree, 2)
 
 
-def test_plain_python_until_it_pays(monkeypatch):
-    """A first event imports nothing; a long search is compiled, if numba is there."""
+def test_the_backend_of_a_call(monkeypatch):
+    """Plain Python for the first half second, then compiled code, unless the environment says."""
     monkeypatch.delenv(VARIABLE, raising=False)
-    monkeypatch.setattr(compiled.SPENT, "seconds", 0.0)
-    assert form_of(run_events).func is compiled._timed
-    compiled.expect_many()
-    assert form_of(run_events) is compiled._compiled(run_events)
-    monkeypatch.setattr(compiled, "find_spec", lambda _: None)
-    assert form_of(run_events).func is compiled._timed
+    monkeypatch.setattr(backend._plain_time, "seconds", 0.0)
+    assert select_backend() == PLAIN
+    backend.expect_many()
+    assert select_backend() == COMPILED
+    for requested in (PLAIN, COMPILED):
+        monkeypatch.setenv(VARIABLE, requested)
+        assert select_backend() == requested
+
+
+def double(value):
+    """Stands for a kernel; it compiles in a tenth of a second."""
+    return 2.0 * value
+
+
+@pytest.fixture
+def cache(monkeypatch, tmp_path):
+    """Empty folder for compiled code; `double` is not loaded."""
+    monkeypatch.setenv(VARIABLE, COMPILED)
+    monkeypatch.setattr(backend, "_ready", {})
+    monkeypatch.setattr(backend, "_cache_folder", lambda: tmp_path)
+    return tmp_path
+
+
+def called_anew(capsys):
+    """Standard error of a call of `double` as by a new process."""
+    backend._ready.clear()
+    assert backend.dispatch(double, 3.0) == 6.0
+    return capsys.readouterr().err
+
+
+def truncated(data):
+    return data[: len(data) // 2]
+
+
+def zeroed(data):
+    return bytes(len(data))
+
+
+def with_another_pickle(_):
+    return pickle.dumps("text")
+
+
+@pytest.mark.parametrize(
+    ("suffix", "damage"),
+    [
+        *(("nbi", damage) for damage in (truncated, zeroed)),
+        *(("nbc", damage) for damage in (truncated, zeroed, with_another_pickle)),
+    ],
+)
+def test_damaged_code_is_compiled_again(cache, capsys, suffix, damage):
+    """Damaged index or code: one line on stderr, the right result, and sound files afterwards."""
+    assert called_anew(capsys) == "events: compiling double, once (about 15 s)\n"
+    assert called_anew(capsys) == ""
+    (path,) = cache.rglob(f"*.{suffix}")
+    path.write_bytes(damage(path.read_bytes()))
+    line = "events: compiling double again, because its stored code is damaged (about 15 s)\n"
+    assert called_anew(capsys) == line
+    assert called_anew(capsys) == ""
+
+
+@pytest.mark.parametrize("reason", ["missing", "disabled", "broken"])
+def test_plain_python_if_numba_does_not_work(cache, capsys, monkeypatch, reason):
+    """Without numba the result is the same; numba that fails is reported in one line, once."""
+    if reason == "missing":
+        monkeypatch.setattr(backend, "find_spec", lambda _: None)
+    elif reason == "disabled":
+        monkeypatch.setattr("numba.config.DISABLE_JIT", 1)
+    else:
+        (cache / "file").touch()
+        monkeypatch.setattr(backend, "_register", (cache / "file" / "x").mkdir)
+    line = called_anew(capsys)
+    text = "events: using plain Python, because numba cannot compile double (NotADirectoryError"
+    assert line.startswith(text) if reason == "broken" else line == ""
+    assert line.count("\n") == (reason == "broken")
+    assert backend._ready == {double: double}
+
+
+#: A program that compiles a kernel in some 2 s, and prints its result or that it was interrupted.
+PROGRAM = """
+import numpy as np
+from cam_rig.dynamics import FollowerParameters
+from cam_rig.dynamics.jump.rigid_mass import rigid_jump
+from cam_rig.laws import Law
+from cam_rig.units import TURN
+ordinates = np.array([[0.0, 0.01], [0.0, 0.01], [0.01, 0.0], [0.01, 0.0]])
+law = Law("smoothstep", np.array([0.0, 0.5 * TURN, TURN]), ordinates)
+try:
+    print(rigid_jump(law, FollowerParameters(1.0, 1e3, 1.0, 1.0, 1e8))[0].hex())
+except KeyboardInterrupt:
+    print("interrupted")
+"""
+#: Standard error of a process that compiles it.
+COMPILES = "events: compiling find_rigid_zero, once (about 15 s)\n"
+
+
+def start(folder):
+    """Start `PROGRAM` with its compiled code in a folder."""
+    return subprocess.Popen(
+        [sys.executable, "-c", PROGRAM],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=os.environ | {VARIABLE: COMPILED, "NUMBA_CACHE_DIR": str(folder)},
+        cwd=Path(__file__).parents[2],
+    )
+
+
+def test_an_interrupt_while_compiling(tmp_path):
+    """Ctrl-C raises KeyboardInterrupt in the caller, without further output."""
+    process = start(tmp_path)
+    assert process.stderr.readline() == COMPILES
+    time.sleep(0.3)
+    process.send_signal(signal.SIGINT)
+    out, errors = process.communicate(timeout=60.0)
+    assert (process.returncode, out, errors) == (0, "interrupted\n", "")
+
+
+def test_two_processes_compile_at_once(tmp_path):
+    """Both have the same result, and leave code that a third process loads."""
+    both = [start(tmp_path), start(tmp_path)]
+    outputs = [process.communicate(timeout=60.0) for process in both]
+    speed, errors = start(tmp_path).communicate(timeout=60.0)
+    assert (float.fromhex(speed) > 0.0, errors) == (True, "")
+    # One that starts late may load the code of the other.
+    assert all(out == speed and errors in ("", COMPILES) for out, errors in outputs)

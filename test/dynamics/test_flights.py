@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics import FollowerParameters, FollowerState, Interval
-from cam_rig.dynamics.events.course import free_table
 from cam_rig.dynamics.events.free_flight import (
     advance,
     advance_contact_mass,
@@ -17,11 +16,12 @@ from cam_rig.dynamics.events.free_flight import (
     compute_impulse_response,
     start_free_motion,
 )
+from cam_rig.dynamics.events.trajectory import free_table
 from cam_rig.dynamics.kinetostatic import force_weights
 from cam_rig.dynamics.linear.exponential import response
 from cam_rig.dynamics.one_mass import OneMassTrajectory, lifted_off
 from cam_rig.laws import Law, bernstein, polynomials
-from cam_rig.laws.polynomials import NONE, fall
+from cam_rig.laws.polynomials import NO_ROOT, find_fall
 from cam_rig.units import NS, TURN
 
 from .helpers import exact_law, land
@@ -296,10 +296,10 @@ def test_a_fall_is_the_first():
         degree = int(rng.integers(2, 25))
         ordinates = rng.standard_normal(degree + 1) * 3.0 + 1.0
         ordinates[0] = abs(ordinates[0])
-        values, found = bernstein.evaluate(ordinates, u), fall(ordinates.tolist(), 1e-12)
+        values, found = bernstein.evaluate(ordinates, u), find_fall(ordinates.tolist(), 1e-12)
         below = np.flatnonzero(values < 0.0)
         if below.size == 0:
-            assert found == NONE or abs(values).min() < 1e-6
+            assert found == NO_ROOT or abs(values).min() < 1e-6
         else:
             assert u[below[0] - 1] - 1e-12 <= found <= u[below[0]]
             assert abs(bernstein.scalar(ordinates)(found)) < 1e-12
@@ -307,16 +307,16 @@ def test_a_fall_is_the_first():
 
 def test_a_fall_from_within_noise():
     """Where it begins within rounding of zero it falls at once, or after it was above."""
-    assert fall([-1e-13, -1.0], 1e-12) == 0.0
-    assert fall([-1.0, 1.0], 1e-12) == 0.0
-    rising = fall([-1e-13, 1.0, -1.0], 1e-12)
+    assert find_fall([-1e-13, -1.0], 1e-12) == 0.0
+    assert find_fall([-1.0, 1.0], 1e-12) == 0.0
+    rising = find_fall([-1e-13, 1.0, -1.0], 1e-12)
     assert rising == pytest.approx(2.0 / 3.0, abs=1e-6)
-    assert fall([-1e-13, -1e-13, 1.0], 1e-12) == NONE
-    assert fall([0.0, 0.0, 0.0], 0.0) == NONE
+    assert find_fall([-1e-13, -1e-13, 1.0], 1e-12) == NO_ROOT
+    assert find_fall([0.0, 0.0, 0.0], 0.0) == NO_ROOT
 
 
 def test_a_root_next_to_zero_keeps_its_digits():
     """U of 1e-12 is found to its own last digits: a flight of nanometres has no other length."""
     for root in (1e-3, 1e-9, 1e-15):
-        ordinates = bernstein.elevate(np.array([root, root - 1.0]), 26).tolist()
-        assert polynomials.only_root(ordinates) == pytest.approx(root, rel=1e-14)
+        ordinates = bernstein.elevate(np.array([root, root - 1.0]), 26)
+        assert polynomials.find_single_root(ordinates) == pytest.approx(root, rel=1e-14)

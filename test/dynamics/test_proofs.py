@@ -7,9 +7,9 @@ import pytest
 
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.dynamics.events.approach import is_positive_between, positive_duration
-from cam_rig.dynamics.events.contact import CELLS, ContactRow, bound_share
-from cam_rig.dynamics.events.course import contact_table, free_table
+from cam_rig.dynamics.events.contact import CELLS, StemContactRow, bound_share
 from cam_rig.dynamics.events.free_flight import advance_contact_mass, start_free_motion
+from cam_rig.dynamics.events.trajectory import contact_table, free_table
 from cam_rig.dynamics.free_masses import contact_response, force_output, free_masses, to_inner
 from cam_rig.dynamics.linear.exponential import Flight, free_motion
 from cam_rig.dynamics.one_mass import free_mass
@@ -64,7 +64,9 @@ def test_a_vibration_never_exceeds_its_share(kind):
             acceleration, jerk = second @ start
             bend = bound_share(table, frequency * acceleration, jerk)
             assert np.abs(weights @ second @ free).max() <= bend * (1.0 + RELATIVE_ROUNDING)
-            force = bernstein.basis(part["size"] - 1, u) @ rows[ContactRow.FORCE, : part["size"]]
+            force = (
+                bernstein.basis(part["size"] - 1, u) @ rows[StemContactRow.FORCE, : part["size"]]
+            )
             cells = np.minimum((u * CELLS).astype(int), CELLS - 1)
             rounding = part["force_rounding"]
             assert (force >= part["cell_minima"][cells]).all()

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics import Interval
-from cam_rig.dynamics.events.course import EndlessEventsError
-from cam_rig.dynamics.events.search import ALWAYS, PLAIN, VARIABLE
+from cam_rig.dynamics.events.backend import COMPILED, PLAIN, VARIABLE
+from cam_rig.dynamics.events.trajectory import EndlessEventsError
+from cam_rig.dynamics.events.turns import TURN_RESULT
 from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.dynamics.turn_map import StroboscopicMap
 from cam_rig.errors import DynamicsError
@@ -63,7 +64,9 @@ def test_it_goes_on_as_the_model_does(laws, seed):
     if not near and landings:
         hit = max(landings, key=lambda e: e.impulse)
         lost = 2.0 * hit.energy_lost / hit.impulse  # (1 − e) v of p = m (1 + e) v
-        assert run.hardest[0] == pytest.approx(0.5 * (hit.impulse / p.mass + lost), rel=1e-9)
+        assert run.max_landing_speeds[0] == pytest.approx(
+            0.5 * (hit.impulse / p.mass + lost), rel=1e-9
+        )
 
 
 @pytest.mark.variants(16)
@@ -73,7 +76,7 @@ def test_areas_shrink_by_damping_and_restitution(laws, seed):
     turn_map, rng = random_map(laws, seed)
     p = turn_map.parameters
     run = turn_map.run(30, (float(rng.uniform(0.0, 0.02)), float(rng.uniform(-0.5, 0.5))))
-    free = (run.on_cam == 0.0) & (np.array([1.0, *run.flies[:-1]]) > 0.0)
+    free = (run.contact_times == 0.0) & (np.array([1.0, *run.is_flying[:-1]]) > 0.0)
     logarithm = math.log(p.restitution) if p.restitution > 0.0 else -math.inf
     landed = np.array([2.0 * n * logarithm if n else 0.0 for n in run.landings])
     wanted = landed - p.damping * turn_map.duration / p.mass
@@ -87,11 +90,13 @@ def test_areas_shrink_by_damping_and_restitution(laws, seed):
 def test_the_bits_are_those_of_plain_python(laws, monkeypatch, seed):
     """Compiled or not; logarithms of a derivative may differ in their last digits."""
     found = []
-    for form in (PLAIN, ALWAYS):
+    for form in (PLAIN, COMPILED):
         monkeypatch.setenv(VARIABLE, form)
         turn_map, _ = random_map(laws, seed)
-        found.append(turn_map.run(4).rows)
-    np.testing.assert_allclose(found[0], found[1], rtol=1e-13, atol=0.0)
+        found.append(turn_map.run(4).records)
+    for name in TURN_RESULT.names:
+        plain, compiled = (records[name].astype(float) for records in found)
+        np.testing.assert_allclose(plain, compiled, rtol=1e-13, atol=0.0)
 
 
 @pytest.mark.variants(12)
@@ -103,7 +108,7 @@ def test_turns_one_by_one(laws, seed):
         pytest.skip("hundreds of bounces on a noisy cam make 1e100 of a rounding")
     run = turn_map.run(6)
     scale = turn_map.law.lift * np.array([1.0, turn_map.speed])
-    for before, after, flies in zip(run.states, run.states[1:], run.flies[:-1], strict=False):
+    for before, after, flies in zip(run.states, run.states[1:], run.is_flying[:-1], strict=False):
         if flies:
             one = turn_map.run(1, tuple(before))
             far = np.abs((one.states[0] - after) / scale).max()
@@ -161,7 +166,7 @@ def test_what_is_refused(laws):
 
 def test_bounces_without_end_are_said(laws, monkeypatch):
     """More than a turn takes is an error that says where."""
-    monkeypatch.setattr(OneMassTrajectory, "most_events", 50)
+    monkeypatch.setattr(OneMassTrajectory, "max_events", 50)
     p = replace(ONE, restitution=0.9)
     with pytest.raises(EndlessEventsError, match="more than 50 landings in a turn at"):
         StroboscopicMap(laws["tm21"], p, 350.0 * RPM).run(3)

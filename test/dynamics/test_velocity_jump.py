@@ -13,7 +13,7 @@ from benchmark.speed.models import Case, Oscillator
 from benchmark.speed.study import stem_motion as motion
 from cam_rig.dynamics import Interval, TwoMassParameters
 from cam_rig.dynamics.elastic_stem import response
-from cam_rig.dynamics.events.course import jumps_table
+from cam_rig.dynamics.events.trajectory import jumps_table
 from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.dynamics.two_mass import Separation, states
 from cam_rig.dynamics.velocity_jumps import SLACK, short_of_velocity_jump, velocity_jumps_ahead

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 import cam_rig
 from cam_rig.cli.main import app
 from cam_rig.dynamics.jump.any_follower import follower_of
-from cam_rig.dynamics.jump.jump_speed import rigid_least
+from cam_rig.dynamics.jump.rigid_mass import rigid_min_force
 from cam_rig.errors import ConfigError
 from cam_rig.panel.lab.labs import POINTS, TOLERANCES, lab_sheet
 from cam_rig.panel.lab.pages import LabPages
@@ -118,7 +118,7 @@ def test_a_kept_turn_is_the_kinetostatic_force_of_one_mass():
     turn = sheet.turn(sheet.setups[0], rpm, 1)
     # 0.05 N of rounding, and a straight line between two samples of 16 kHz
     assert np.abs(turn.curve - force).max() < 0.1
-    least = rigid_least(sheet.law, follower, np.array([speed]))[0]
+    least = rigid_min_force(sheet.law, follower, np.array([speed]))[0]
     assert turn.curve.min() == pytest.approx(least, abs=0.15)
 
 

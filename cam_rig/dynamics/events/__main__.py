@@ -6,11 +6,11 @@ import os
 
 import numpy as np
 
-from cam_rig.dynamics.events.search import ALWAYS, VARIABLE
+from cam_rig.dynamics.events.backend import COMPILED, VARIABLE
 from cam_rig.dynamics.free_masses import TwoMassParameters
 from cam_rig.dynamics.interval import Interval
-from cam_rig.dynamics.jump.jump_speed import rigid_jump
-from cam_rig.dynamics.jump.search import force_run, sought
+from cam_rig.dynamics.jump.rigid_mass import rigid_jump
+from cam_rig.dynamics.jump.two_masses import find_two_mass_jump, force_run
 from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.turn_map import StroboscopicMap
@@ -21,7 +21,7 @@ from cam_rig.units import NS, TURN
 
 def main() -> None:
     """A turn of each model and its jump speeds on a cam of two cubics; a first call compiles."""
-    os.environ[VARIABLE] = ALWAYS
+    os.environ[VARIABLE] = COMPILED
     ordinates = np.array([[0.0, 0.01], [0.0, 0.01], [0.01, 0.0], [0.01, 0.0]])
     law = Law("smoothstep", np.array([0.0, 0.5 * TURN, TURN]), ordinates)
     one = FollowerParameters(1.0, 1e3, 1.0, 1.0, 1e8)
@@ -31,8 +31,8 @@ def main() -> None:
     Separation(law, two, 60.0).run(0.1)
     StroboscopicMap(law, two, 60.0).run(1)
     first_lift_off(law, two, 60.0, np.zeros(2), 0.1)
-    force_run(law, two, 0.1).lowest(60.0)
-    sought(law, two, 0.1)
+    force_run(law, two, 0.1).min_output(60.0)
+    find_two_mass_jump(law, two, 0.1)
     rigid_jump(law, one)
 
 

@@ -14,6 +14,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from cam_rig.dynamics.events.free_flight import (
     LiftOffState,
     acceleration_ordinates,
@@ -31,8 +33,8 @@ from cam_rig.dynamics.events.law_table import (
     piece_from,
 )
 from cam_rig.dynamics.velocity_jumps import SAME_PLACE
-from cam_rig.laws.polynomials import elevated, fall, integrated, restricted, value_at
-from cam_rig.laws.rows import Row, size_of, zeros
+from cam_rig.laws.polynomials import elevate, find_fall, integrate, restrict, value_at
+from cam_rig.laws.vectors import Vector, max_abs
 
 #: Rounding errors of the accelerations that a gap computed from them may contain.
 ACCELERATION_ROUNDING_ERRORS = 64.0
@@ -126,11 +128,11 @@ def _gap_at(flight: FlightOverCam, time: float, piece: int) -> Gap:
         lift, cam_velocity = lift_within(cam, piece, time)
         return Gap(time, initial + change - lift, velocity - cam_velocity, rounding, False)
     curvature = cam.law.polynomials[piece][LawRow.CURVATURE_ORDINATES]
-    acceleration = restricted(curvature, cam.law.size, first, 1.0)
+    acceleration = restrict(curvature, cam.law.size, first, 1.0)
     for i in range(len(acceleration)):
         acceleration[i] *= cam.speed * cam.speed
-    cam_velocities = integrated(acceleration, duration, 0.0)
-    cam_changes = integrated(cam_velocities, duration, 0.0)
+    cam_velocities = integrate(acceleration, duration, 0.0)
+    cam_changes = integrate(cam_velocities, duration, 0.0)
     u = min(time / duration, 1.0)
     cam_change = value_at(cam_changes, len(cam_changes), u)
     cam_gain = value_at(cam_velocities, len(cam_velocities), u)
@@ -222,7 +224,7 @@ def _search_window(flight: FlightOverCam, now: Gap, limit: float, piece_time: fl
     last = min(max((cam.angle + cam.speed * end - low) / span, 0.0), 1.0)
     law, speed_squared = cam.law, cam.speed * cam.speed
     curvature = law.polynomials[piece][LawRow.CURVATURE_ORDINATES]
-    curvature = restricted(curvature, law.size, first, max(first, last))
+    curvature = restrict(curvature, law.size, first, max(first, last))
     rates = flight.lift_off.rates if time == 0.0 else advance(flight.lift_off, time).rates
     acceleration = acceleration_ordinates(flight.lift_off, rates, duration)  # (10)
     # Rounding of s'' in m/rad²: relative to s'' itself, and to s from which it is differentiated.
@@ -230,14 +232,14 @@ def _search_window(flight: FlightOverCam, now: Gap, limit: float, piece_time: fl
     curvature_size = ACCELERATION_ROUNDING_ERRORS * law.pieces[piece]["max_curvature"]
     curvature_size += differences * differences * law.max_lift
     acceleration_rounding = EPS * (
-        ACCELERATION_ROUNDING_ERRORS * size_of(acceleration) + speed_squared * curvature_size
+        ACCELERATION_ROUNDING_ERRORS * max_abs(acceleration) + speed_squared * curvature_size
     )
     count = max(len(curvature), len(acceleration))
-    curvature, acceleration = elevated(curvature, count), elevated(acceleration, count)
+    curvature, acceleration = elevate(curvature, count), elevate(acceleration, count)
     for i in range(len(acceleration)):
         acceleration[i] -= speed_squared * curvature[i]
-    rates = integrated(acceleration, duration, now.rate)
-    gaps = integrated(rates, duration, now.gap)
+    rates = integrate(acceleration, duration, now.rate)
+    gaps = integrate(rates, duration, now.gap)
     # Change of the acceleration within the rounding of the lift-off's time, m/s².
     steepest, degree = 0.0, len(acceleration) - 1
     for i in range(min(2, degree)):
@@ -251,25 +253,25 @@ def _search_window(flight: FlightOverCam, now: Gap, limit: float, piece_time: fl
     return Gap(end, gaps[-1], rates[-1], rounding, False)
 
 
-def _first_fall(gaps: Row, now: Gap, duration: float, acceleration_rounding: float) -> float:
+def _first_fall(gaps: Vector, now: Gap, duration: float, acceleration_rounding: float) -> float:
     """Return u ∈ [0, 1] where the gap falls below its rounding, negative if it does not.
 
     ``gaps`` are ordinates in m. An exact zero at the start is divided out first, and a second one
     if the rate is zero too (9).
     """
-    rounding = now.rounding + ACCELERATION_ROUNDING_ERRORS * EPS * size_of(gaps)
+    rounding = now.rounding + ACCELERATION_ROUNDING_ERRORS * EPS * max_abs(gaps)
     if now.gap != 0.0 or now.rounding != 0.0 or now.rate < 0.0:
-        return fall(gaps, rounding)
+        return find_fall(gaps, rounding)
     gaps, rounding = _divide_by_u(gaps), duration * duration * acceleration_rounding
     if now.rate == 0.0:
-        return fall(_divide_by_u(gaps), rounding)
-    return fall(gaps, min(rounding, 0.5 * duration * now.rate))
+        return find_fall(_divide_by_u(gaps), rounding)
+    return find_fall(gaps, min(rounding, 0.5 * duration * now.rate))
 
 
-def _divide_by_u(row: Row) -> Row:
+def _divide_by_u(row: Vector) -> Vector:
     """Return the ordinates of a polynomial with a zero at u = 0, divided by u: bᵢ n/i (9)."""
     degree = len(row) - 1
-    out = zeros(degree)
+    out = np.zeros(degree)
     for i in range(degree):
         out[i] = row[i + 1] * (degree / (i + 1))
     return out

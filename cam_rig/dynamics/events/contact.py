@@ -25,8 +25,8 @@ from cam_rig.dynamics.events.approach import (
     positive_duration,
 )
 from cam_rig.dynamics.events.free_flight import compute_impulse_response
-from cam_rig.laws.polynomials import elevated, fall, horner, restricted, value_at
-from cam_rig.laws.rows import Records, Row, Rows, Stack, borrowed, index_at, zeros
+from cam_rig.laws.polynomials import elevate, find_fall, horner, restrict, value_at
+from cam_rig.laws.vectors import Matrices, Matrix, Records, Vector, index_at, without_refcount
 from cam_rig.units import TURN
 
 #: Shortest proving step, as a fraction of a window. A polynomial is cheaper below it (measured).
@@ -50,8 +50,8 @@ CONTACT_PART = np.dtype(
 )
 
 
-class ContactRow(IntEnum):
-    """Rows of `StemContactTable.polynomials`.
+class StemContactRow(IntEnum):
+    """Matrix of `StemContactTable.polynomials`.
 
     Weighted rows are Bernstein ordinates multiplied by their binomial coefficients.
     """
@@ -63,7 +63,7 @@ class ContactRow(IntEnum):
     WEIGHTED_FORCE_RATE = 4  #: Ṗ in N/s, weighted
 
 
-class Vibration(NamedTuple):
+class StemVibration(NamedTuple):
     """Vibration of the end mass while the roller is in contact."""
 
     displacement: float  #: η, m
@@ -73,16 +73,16 @@ class Vibration(NamedTuple):
 class StemContactTable(NamedTuple):
     """A `LinearResponse` of (η, η̇) whose output is the contact force, with n parts per turn.
 
-    Rows of polynomials are as long as the longest one; part i uses ``parts[i]["size"]`` numbers.
+    Matrix of polynomials are as long as the longest one; part i uses ``parts[i]["size"]`` numbers.
     """
 
     parts: Records  #: records of `CONTACT_PART`, ``(n,)``
-    polynomials: Stack  #: rows of `ContactRow`, ``(n, 5, size)``
+    polynomials: Matrices  #: rows of `StemContactRow`, ``(n, 5, size)``
     stiffness: float  #: κ of η̈ = −κ η − 2δ η̇, 1/s²
     damping: float  #: 2δ, 1/s
     force_per_displacement: float  #: p, N/m
     force_per_velocity: float  #: q, N·s/m
-    series: Rows  #: takes (η, η̇) to the ordinates of p η + q η̇ in a window, ``(d + 1, 2)``
+    series: Matrix  #: takes (η, η̇) to the ordinates of p η + q η̇ in a window, ``(d + 1, 2)``
     window: float  #: duration of a window, s
 
 
@@ -91,7 +91,7 @@ class ContactStretch(NamedTuple):
 
     part: int  #: index of the part
     offset: float  #: time since the start of the part, s
-    free: Vibration  #: free vibration, (η, η̇) less X, at that time
+    free: StemVibration  #: free vibration, (η, η̇) less X, at that time
 
 
 class ContactLoss(NamedTuple):
@@ -104,7 +104,7 @@ class ContactLoss(NamedTuple):
 
 
 def find_loss_of_contact(
-    contact: StemContactTable, speed: float, angle: float, vibration: Vibration, duration: float
+    contact: StemContactTable, speed: float, angle: float, vibration: StemVibration, duration: float
 ) -> ContactLoss:
     """Find the time after which the contact force is negative.
 
@@ -118,7 +118,9 @@ def find_loss_of_contact(
         last_angle = part["start"] + turn + part["span"]
         end = max(time, (last_angle - angle_in_turn) / speed)
         x = forced_vibration(contact, index, offset)
-        free = Vibration(vibration.displacement - x.displacement, vibration.velocity - x.velocity)
+        free = StemVibration(
+            vibration.displacement - x.displacement, vibration.velocity - x.velocity
+        )
         stretch = ContactStretch(index, offset, free)
         loss = _find_loss_in_stretch(contact, stretch, min(end, duration) - time)
         if loss < math.inf:
@@ -132,14 +134,14 @@ def find_loss_of_contact(
             free = free_vibration(contact, stretch, part["duration"] - offset)
         else:
             flow = part["flow"]
-            free = Vibration(
+            free = StemVibration(
                 flow[0][0] * free.displacement + flow[0][1] * free.velocity,
                 flow[1][0] * free.displacement + flow[1][1] * free.velocity,
             )
         rows = contact.polynomials[index]
-        vibration = Vibration(
-            rows[ContactRow.DISPLACEMENT][last] + free.displacement,
-            rows[ContactRow.VELOCITY][last] + free.velocity,
+        vibration = StemVibration(
+            rows[StemContactRow.DISPLACEMENT][last] + free.displacement,
+            rows[StemContactRow.VELOCITY][last] + free.velocity,
         )
         time, index, offset = end, index + 1, 0.0
         if index == len(contact.parts):
@@ -153,38 +155,42 @@ def find_loss_in_part(
 
     The search starts at the start of the part, with the free vibration (η, η̇) given there.
     """
-    contact = borrowed(contact)
-    stretch = ContactStretch(0, 0.0, Vibration(displacement, velocity))
+    contact = without_refcount(contact)
+    stretch = ContactStretch(0, 0.0, StemVibration(displacement, velocity))
     return _find_loss_in_stretch(contact, stretch, limit)
 
 
-def forced_vibration(contact: StemContactTable, part: int, offset: float) -> Vibration:
+def forced_vibration(contact: StemContactTable, part: int, offset: float) -> StemVibration:
     """Return X at a time (s) since the start of a part."""
     rows = contact.polynomials[part]
-    displacement, velocity = rows[ContactRow.DISPLACEMENT], rows[ContactRow.VELOCITY]
+    displacement, velocity = rows[StemContactRow.DISPLACEMENT], rows[StemContactRow.VELOCITY]
     if offset == 0.0:
-        return Vibration(displacement[0], velocity[0])
+        return StemVibration(displacement[0], velocity[0])
     u, size = offset / contact.parts[part]["duration"], contact.parts[part]["size"]
-    return Vibration(value_at(displacement, size, u), value_at(velocity, size, u))
+    return StemVibration(value_at(displacement, size, u), value_at(velocity, size, u))
 
 
-def free_vibration(contact: StemContactTable, stretch: ContactStretch, time: float) -> Vibration:
+def free_vibration(
+    contact: StemContactTable, stretch: ContactStretch, time: float
+) -> StemVibration:
     """Return e^{At} times the free vibration at a time (s) after the start of a stretch."""
     response = compute_impulse_response(contact.damping, contact.stiffness, time)
     own = response.rate + contact.damping * response.value
     displacement, velocity = stretch.free.displacement, stretch.free.velocity
     acceleration = -contact.stiffness * displacement - contact.damping * velocity
-    return Vibration(
+    return StemVibration(
         displacement * own + velocity * response.value,
         velocity * own + acceleration * response.value,
     )
 
 
-def vibration_after(contact: StemContactTable, stretch: ContactStretch, time: float) -> Vibration:
+def vibration_after(
+    contact: StemContactTable, stretch: ContactStretch, time: float
+) -> StemVibration:
     """Return (η, η̇) at a time (s) after the start of a stretch, in the same part."""
     x = forced_vibration(contact, stretch.part, stretch.offset + time)
     free = free_vibration(contact, stretch, time)
-    return Vibration(x.displacement + free.displacement, x.velocity + free.velocity)
+    return StemVibration(x.displacement + free.displacement, x.velocity + free.velocity)
 
 
 def _find_loss_in_stretch(
@@ -198,7 +204,9 @@ def _find_loss_in_stretch(
     time = _step_while_pressed(contact, stretch, 0.0, limit)
     while time < limit:
         duration = min(contact.window, limit - time)
-        u = fall(_force_ordinates(contact, stretch, time, duration), force_rounding)  # (6), (7)
+        u = find_fall(
+            _force_ordinates(contact, stretch, time, duration), force_rounding
+        )  # (6), (7)
         if u >= 0.0:
             return time + u * duration
         time = _step_while_pressed(contact, stretch, min(time + duration, limit), limit)
@@ -207,7 +215,7 @@ def _find_loss_in_stretch(
 
 def _force_ordinates(
     contact: StemContactTable, stretch: ContactStretch, time: float, duration: float
-) -> Row:
+) -> Vector:
     """Return the Bernstein ordinates (N) of F for ``duration`` s from ``time`` on.
 
     The free vibration's share is a power series of at most one window (10).
@@ -216,15 +224,15 @@ def _force_ordinates(
     size, count = part["size"], len(contact.series)
     first = min((stretch.offset + time) / part["duration"], MAX_PIECE_POSITION)
     last = min(max(first, (stretch.offset + time + duration) / part["duration"]), 1.0)
-    force = restricted(rows[ContactRow.FORCE], size, first, last)
+    force = restrict(rows[StemContactRow.FORCE], size, first, last)
     free = free_vibration(contact, stretch, time)
-    ordinates = zeros(count)
+    ordinates = np.zeros(count)
     for j in range(count):
         weights = contact.series[j]
         ordinates[j] = weights[0] * free.displacement + weights[1] * free.velocity
     if duration < contact.window:
-        ordinates = restricted(ordinates, count, 0.0, duration / contact.window)
-    force, ordinates = elevated(force, max(size, count)), elevated(ordinates, max(size, count))
+        ordinates = restrict(ordinates, count, 0.0, duration / contact.window)
+    force, ordinates = elevate(force, max(size, count)), elevate(ordinates, max(size, count))
     for i in range(len(force)):
         ordinates[i] += force[i]
     return ordinates
@@ -291,12 +299,15 @@ def bound_share(contact: StemContactTable, scaled_displacement: float, velocity:
 
 
 def _force_above_rounding(
-    contact: StemContactTable, stretch: ContactStretch, time: float, free: Vibration
+    contact: StemContactTable, stretch: ContactStretch, time: float, free: StemVibration
 ) -> tuple[float, float]:
     """Return F − ε_F (N) and Ḟ (N/s) at a time (s), where the free vibration is ``free``."""
     part, rows = contact.parts[stretch.part], contact.polynomials[stretch.part]
     degree, u = part["size"] - 1, (stretch.offset + time) / part["duration"]
-    weighted, weighted_rate = rows[ContactRow.WEIGHTED_FORCE], rows[ContactRow.WEIGHTED_FORCE_RATE]
+    weighted, weighted_rate = (
+        rows[StemContactRow.WEIGHTED_FORCE],
+        rows[StemContactRow.WEIGHTED_FORCE_RATE],
+    )
     value, rate, scale = horner(weighted, weighted_rate, degree, min(u, 1.0))
     power = 1.0
     for _ in range(degree - 1):

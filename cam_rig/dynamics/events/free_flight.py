@@ -16,8 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cam_rig.laws.polynomials import restricted
-from cam_rig.laws.rows import Records, Row, Rows, dot, zeros
+from cam_rig.laws.polynomials import restrict
+from cam_rig.laws.vectors import Matrix, Records, Vector, dot
 
 #: The power series of the impulse response is used below this time, in units of the fastest rate.
 MAX_SERIES_TIME = 0.5
@@ -84,16 +84,16 @@ class LiftOffState(NamedTuple):
     """The start of a flight."""
 
     free: Records  #: one record of `FREE_SYSTEM`
-    start: Row  #: x at the start, ``(n,)``
-    rates: Row  #: ẋ at the start, ``(n,)``
+    start: Vector  #: x at the start, ``(n,)``
+    rates: Vector  #: ẋ at the start, ``(n,)``
     pairs: Records  #: records of `PAIR_START`, ``(n / 2,)``
 
 
 class Advance(NamedTuple):
     """Change of a flight since its start."""
 
-    change: Row  #: x(t) − x(0), ``(n,)``
-    rates: Row  #: ẋ(t), ``(n,)``
+    change: Vector  #: x(t) − x(0), ``(n,)``
+    rates: Vector  #: ẋ(t), ``(n,)``
 
 
 class PairAdvance(NamedTuple):
@@ -159,7 +159,7 @@ def _overdamped_impulse_response(
     return ImpulseResponse(value, rate, integral)
 
 
-def start_free_motion(system: Records, start: Row) -> LiftOffState:
+def start_free_motion(system: Records, start: Vector) -> LiftOffState:
     """Return the flight of one record of `FREE_SYSTEM` that starts at a state ``(n,)``."""
     free, size = system[0], len(start)
     load = free["load"]
@@ -180,15 +180,15 @@ def start_free_motion(system: Records, start: Row) -> LiftOffState:
     return LiftOffState(free=system, start=start, rates=rates, pairs=pairs)
 
 
-def multiply(matrix: Rows, column: Row) -> Row:
+def multiply(matrix: Matrix, column: Vector) -> Vector:
     """Return a matrix times a column ``(n,)``; the matrix may be larger."""
-    out = zeros(len(column))
+    out = np.zeros(len(column))
     for i in range(len(column)):
         out[i] = dot(column, matrix[i])
     return out
 
 
-def contact_component(lift_off: LiftOffState, state: Row) -> float:
+def contact_component(lift_off: LiftOffState, state: Vector) -> float:
     """Return the contribution of a state ``(n,)``, or of its rate, to the contact mass."""
     return dot(state, lift_off.free[0]["contact_row"])
 
@@ -200,7 +200,7 @@ def advance(lift_off: LiftOffState, time: float) -> Advance:
         flow, integral = _exponential(free, time, size)
         return Advance(multiply(integral, lift_off.rates), multiply(flow, lift_off.rates))
     modes = free["modes"]
-    change, rates = zeros(size), zeros(size)
+    change, rates = np.zeros(size), np.zeros(size)
     for i in range(size // 2):
         pair = _advance_pair(lift_off, i, time)
         change[2 * i], change[2 * i + 1] = pair.displacement, pair.velocity
@@ -245,7 +245,7 @@ def advance_contact_mass(lift_off: LiftOffState, time: float) -> ContactMassMoti
     return ContactMassMotion(change, velocity, math.sqrt(e0 * e0 + e1 * e1 + e2 * e2 + e3 * e3))
 
 
-def bound_acceleration(lift_off: LiftOffState, rates: Row) -> float:
+def bound_acceleration(lift_off: LiftOffState, rates: Vector) -> float:
     """Return the upper bound (m/s²) of the contact mass's |acceleration| from rates ẋ on.
 
     The bound is ‖E ẋ‖, inequality (5) of docs/proofs.md.
@@ -257,25 +257,25 @@ def bound_acceleration(lift_off: LiftOffState, rates: Row) -> float:
     return math.sqrt(total)
 
 
-def acceleration_ordinates(lift_off: LiftOffState, rates: Row, duration: float) -> Row:
+def acceleration_ordinates(lift_off: LiftOffState, rates: Vector, duration: float) -> Vector:
     """Return Bernstein ordinates (m/s²) of the contact mass's acceleration.
 
     They cover ``duration`` s from the rates ẋ on, at most one window. Lemma (10) of
     docs/proofs.md bounds the truncation error.
     """
-    series, ordinates = lift_off.free[0]["series"], zeros(SERIES_SIZE)
+    series, ordinates = lift_off.free[0]["series"], np.zeros(SERIES_SIZE)
     for j in range(SERIES_SIZE):
         ordinates[j] = dot(rates, series[j])
     fraction = duration / lift_off.free[0]["window"]
-    return ordinates if fraction >= 1.0 else restricted(ordinates, SERIES_SIZE, 0.0, fraction)
+    return ordinates if fraction >= 1.0 else restrict(ordinates, SERIES_SIZE, 0.0, fraction)
 
 
-def compute_flow(free: np.void, time: float) -> Rows:
+def compute_flow(free: np.void, time: float) -> Matrix:
     """Return e^{At}, ``(n, n)``, at a time in s."""
     size, inverse = free["size"], free["inverse"]
     if not free["has_pairs"]:
         return _exponential(free, time, size)[0]
-    modal = zeros((size, size))
+    modal = np.zeros((size, size))
     for i in range(size // 2):
         damping, stiffness = free["pair_damping"][i], free["pair_stiffness"][i]
         response = compute_impulse_response(damping, stiffness, time)
@@ -287,7 +287,7 @@ def compute_flow(free: np.void, time: float) -> Rows:
     return _matrix_product(free["modes"], modal, 1.0)
 
 
-def _exponential(free: np.void, time: float, size: int) -> tuple[Rows, Rows]:
+def _exponential(free: np.void, time: float, size: int) -> tuple[Matrix, Matrix]:
     """Return F = e^{At} and its integral P by scaling and squaring.
 
     Doubling the time takes F to F² and P to P + F P.
@@ -298,7 +298,7 @@ def _exponential(free: np.void, time: float, size: int) -> tuple[Rows, Rows]:
     step = time
     for _ in range(doublings):
         step *= 0.5
-    flow, integral, term = zeros((size, size)), zeros((size, size)), zeros((size, size))
+    flow, integral, term = np.zeros((size, size)), np.zeros((size, size)), np.zeros((size, size))
     for i in range(size):
         flow[i][i], integral[i][i], term[i][i] = 1.0, step, 1.0
     for order in range(1, EXPONENTIAL_TERMS):
@@ -311,10 +311,10 @@ def _exponential(free: np.void, time: float, size: int) -> tuple[Rows, Rows]:
     return flow, integral
 
 
-def _matrix_product(left: Rows, right: Rows, scale: float) -> Rows:
+def _matrix_product(left: Matrix, right: Matrix, scale: float) -> Matrix:
     """Return ``scale`` times the product of two square matrices, summed in order."""
     size = len(right)
-    out = zeros((size, size))
+    out = np.zeros((size, size))
     for i in range(size):
         for j in range(size):
             total = 0.0
@@ -324,7 +324,7 @@ def _matrix_product(left: Rows, right: Rows, scale: float) -> Rows:
     return out
 
 
-def _add_scaled(target: Rows, term: Rows, scale: float) -> None:
+def _add_scaled(target: Matrix, term: Matrix, scale: float) -> None:
     """Add ``scale`` times a square matrix to another one in place."""
     for i in range(len(target)):
         for j in range(len(target)):

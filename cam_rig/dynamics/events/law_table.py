@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cam_rig.laws.polynomials import weighted_value
-from cam_rig.laws.rows import Records, Stack, index_at
+from cam_rig.laws.vectors import Matrices, Records, index_at
 from cam_rig.units import TURN
 
 #: Distance between 1 and the next float.
@@ -32,7 +32,7 @@ LAW_PIECE = np.dtype(
 
 
 class LawRow(IntEnum):
-    """Rows of `LawTable.polynomials`.
+    """Matrix of `LawTable.polynomials`.
 
     Weighted rows are Bernstein ordinates multiplied by their binomial coefficients.
     """
@@ -47,7 +47,7 @@ class LawTable(NamedTuple):
     """Numbers of a `Law` with n pieces of degree p."""
 
     pieces: Records  #: records of `LAW_PIECE`, ``(n,)``
-    polynomials: Stack  #: rows of `LawRow`, ``(n, 4, p + 1)``
+    polynomials: Matrices  #: rows of `LawRow`, ``(n, 4, p + 1)``
     size: int  #: ordinates per piece, p + 1
     max_lift: float  #: upper bound of |s|, m
     max_slope: float  #: upper bound of |s'|, m/rad

@@ -9,10 +9,10 @@ import numpy as np
 
 from cam_rig.dynamics.events.contact import StemContactTable
 from cam_rig.dynamics.events.law_table import Cam
-from cam_rig.laws.rows import Records
+from cam_rig.laws.vectors import Records
 
 
-class Mode(IntEnum):
+class RunMode(IntEnum):
     """Mode of a run."""
 
     CONTACT = 0
@@ -35,7 +35,7 @@ RUN_STATE = np.dtype(
         ("gap_rate", "f8"),  # in flight, if it is known, m/s
         ("initial_step", "f8"),  # step of ṡ to apply when the run starts, m/s
         ("jumps_done", "i8"),  # velocity jumps of the interval that are over
-        ("mode", "i8"),  # `Mode`
+        ("mode", "i8"),  # `RunMode`
         # Contact: (η, η̇) of two masses, unused of one. Flight: (w, ẇ, Y, Ẏ) of two masses, (y, ẏ)
         # of one, as in `FreeSystem`. Numbers beyond these are unused.
         ("vector", "f8", (4,)),

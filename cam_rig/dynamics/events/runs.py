@@ -36,19 +36,19 @@ import math
 import numpy as np
 
 from cam_rig.dynamics.events.approach import FlightOverCam, find_landing
-from cam_rig.dynamics.events.contact import Vibration, find_loss_of_contact, vibration_after
+from cam_rig.dynamics.events.contact import StemVibration, find_loss_of_contact, vibration_after
 from cam_rig.dynamics.events.free_flight import advance, start_free_motion
 from cam_rig.dynamics.events.law_table import Cam, CamMotion, cam_at
 from cam_rig.dynamics.events.run_table import (
     EventCode,
     Jumps,
-    Mode,
+    RunMode,
     RunRecord,
     RunTable,
     StemStretch,
 )
 from cam_rig.dynamics.velocity_jumps import SAME_PLACE
-from cam_rig.laws.rows import borrowed, zeros
+from cam_rig.laws.vectors import without_refcount
 from cam_rig.units import TURN
 
 #: Angle (rad) below which an interval without contact force is rounding and lifts nothing.
@@ -57,7 +57,7 @@ MIN_LOSS_ANGLE = 1e-9
 
 def run_events(run: RunTable, record: RunRecord) -> None:
     """Record phases and events up to the end of the interval, or until the record is full."""
-    run, record = borrowed(run), borrowed(record)
+    run, record = without_refcount(run), without_refcount(record)
     state, counts = record.state[0], record.counts[0]
     if not state["has_started"]:
         state["has_started"] = True
@@ -68,7 +68,7 @@ def run_events(run: RunTable, record: RunRecord) -> None:
         and counts["phases"] + 1 <= len(record.phases)
         and counts["events"] + 2 <= len(record.events)
     ):
-        if state["mode"] == Mode.FLIGHT:
+        if state["mode"] == RunMode.FLIGHT:
             _fly(run, record)
         elif run.has_stem:
             _ride_two_masses(run, record)
@@ -78,7 +78,7 @@ def run_events(run: RunTable, record: RunRecord) -> None:
 
 def start_flight(state: np.void, gap_known: bool, gap: float, gap_rate: float) -> None:
     """Set a state to FLIGHT; its vector is set already."""
-    state["mode"], state["gap_known"] = Mode.FLIGHT, gap_known
+    state["mode"], state["gap_known"] = RunMode.FLIGHT, gap_known
     state["gap"], state["gap_rate"] = gap, gap_rate
 
 
@@ -108,7 +108,7 @@ def _ride_two_masses(run: RunTable, record: RunRecord) -> None:
     """Run contact of two masses up to the loss of contact, the next velocity jump, or the end."""
     state, contact = record.state[0], run.contact
     time, limit = state["time"], _next_limit(run.jumps, state)
-    vibration = Vibration(state["vector"][0], state["vector"][1])
+    vibration = StemVibration(state["vector"][0], state["vector"][1])
     angle = run.cam.angle + run.cam.speed * time
     duration = min(limit, run.jumps.contact_limit) - time
     loss = find_loss_of_contact(contact, run.cam.speed, angle, vibration, duration)
@@ -125,7 +125,7 @@ def _ride_two_masses(run: RunTable, record: RunRecord) -> None:
         driven += run.drive.acceleration * cam.acceleration
         acceleration = driven - contact.stiffness * vibration.displacement
         acceleration -= contact.damping * vibration.velocity
-        vibration = Vibration(
+        vibration = StemVibration(
             vibration.displacement + rounding * vibration.velocity,
             vibration.velocity + rounding * acceleration,
         )
@@ -140,7 +140,7 @@ def _fly(run: RunTable, record: RunRecord) -> None:
     """Run a flight up to its landing, the next velocity jump, or the end."""
     state, vector, cam = record.state[0], record.state[0]["vector"], run.cam
     time, limit = state["time"], _next_limit(run.jumps, state)
-    start = zeros(run.free[0]["size"])
+    start = np.zeros(run.free[0]["size"])
     for i in range(len(start)):
         start[i] = vector[i]
     lift_off = start_free_motion(run.free, start)
@@ -172,12 +172,12 @@ def _apply_velocity_step(run: RunTable, record: RunRecord, time: float, step: fl
     state = record.state[0]
     if abs(step) <= run.min_velocity_step:
         return
-    if state["mode"] == Mode.FLIGHT:
+    if state["mode"] == RunMode.FLIGHT:
         state["gap_rate"] -= step
         return
     cam = cam_at(run.cam, time)
     before = CamMotion(cam.lift, cam.velocity - step, cam.acceleration)
-    vibration = Vibration(state["vector"][0], state["vector"][1])
+    vibration = StemVibration(state["vector"][0], state["vector"][1])
     stretch = compute_stem_stretch(run, vibration, before)
     if step < 0.0:
         _lift_off(run, record, time, before, stretch, -step)
@@ -204,10 +204,10 @@ def _land(run: RunTable, record: RunRecord, time: float, stretch: StemStretch, r
     ``stretch`` is that of two masses just before the landing.
     """
     state, cam, approach, force = record.state[0], cam_at(run.cam, time), -rate, 0.0
-    on_cam, vibration = StemStretch(stretch.length, stretch.rate + rate), Vibration(0.0, 0.0)
+    on_cam, vibration = StemStretch(stretch.length, stretch.rate + rate), StemVibration(0.0, 0.0)
     if run.has_stem:
-        static = compute_stem_stretch(run, Vibration(0.0, 0.0), cam)
-        vibration = Vibration(on_cam.length - static.length, on_cam.rate - static.rate)
+        static = compute_stem_stretch(run, StemVibration(0.0, 0.0), cam)
+        vibration = StemVibration(on_cam.length - static.length, on_cam.rate - static.rate)
         force = run.contact.force_per_displacement * vibration.displacement
         force += run.contact.force_per_velocity * vibration.velocity
     weights = run.force
@@ -230,7 +230,7 @@ def _land(run: RunTable, record: RunRecord, time: float, stretch: StemStretch, r
         launched = StemStretch(on_cam.length, on_cam.rate - rebound)
         _launch(run, state, cam, launched, rebound, rebound)
         return
-    state["mode"] = Mode.CONTACT
+    state["mode"] = RunMode.CONTACT
     state["vector"][0], state["vector"][1] = vibration.displacement, vibration.velocity
 
 
@@ -253,7 +253,7 @@ def _launch(
     start_flight(state, True, 0.0, gap_rate)
 
 
-def compute_stem_stretch(run: RunTable, vibration: Vibration, cam: CamMotion) -> StemStretch:
+def compute_stem_stretch(run: RunTable, vibration: StemVibration, cam: CamMotion) -> StemStretch:
     """Return the stem's stretch with the roller on the cam, without cancellation.
 
     w = η − (1 − α) s − preload / (k₁ + k₂), which is small compared with both displacements.

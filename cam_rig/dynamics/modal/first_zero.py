@@ -1,301 +1,353 @@
-"""The lowest speed at which the least output is zero, going upwards; none is stepped over.
+"""Lowest speed at which the least output of a run is zero; no zero is stepped over.
 
-What the output may sag below its chord over a step of the speed is bounded in each group, see
-`sags`. Where its least values at both ends are above that, so is all between. And where the sag of
-all is no more than a quarter of the first of them, the output is above zero all along, or below
-zero at the end and has become so once.
+The search climbs through the speeds. From the least outputs at both ends of a step and from bounds
+of the chord error between them it proves one of two facts: the output is positive in the whole step
+(33), (34), (36), or it becomes negative once (35). A step without a proof is repeated with a
+smaller width. The bounds come from the law's harmonics (`harmonic_error`) or from groups of its
+pieces (`group_error`). Numbers in brackets are those of docs/proofs.md, part 2.
 """
 
 from __future__ import annotations
 
 import math
+from enum import IntEnum
 from typing import NamedTuple
 
-from cam_rig.dynamics.modal.least import Least, Stretch, least
+import numpy as np
+
+from cam_rig.dynamics.modal.group_error import GROUP_ERROR, TINY, bound_groups
+from cam_rig.dynamics.modal.harmonic_error import (
+    ChordError,
+    bound_output,
+    bound_settled,
+    can_use_harmonics,
+)
+from cam_rig.dynamics.modal.min_output import MinOutput, SearchRange, find_min_output
 from cam_rig.dynamics.modal.motion import (
     LawSeries,
     ModeOnLaw,
     Oscillator,
     OscillatorMotion,
-    Triple,
-    end_of,
+    end_angle,
+    is_resolved,
+    mode_on_law,
     motion_at,
-    on_law,
-    resolved,
 )
-from cam_rig.dynamics.modal.sags import (
-    BENT,
-    FORCED,
-    FREE,
-    TINY,
-    Sag,
-    rings,
-    sag_of,
-    sags_between,
-    settled_sag,
-)
-from cam_rig.laws.rows import Row, Rows, borrowed, zeros
+from cam_rig.laws.vectors import Records, Vector, min_of, without_refcount
 from cam_rig.units import TURN
 
-#: What a search may find: the output reaches zero; it is there at the start; it is above zero as
-#: far as was asked; as far as it can be told; it may be looked at no more, and goes on from there.
-FOUND, BELOW, ABOVE, UNTOLD, PAUSED = range(5)
-#: On the way the least output is found to this part of itself.
-NEARLY = 0.25
-#: How near the search comes to a speed from which on the output cannot be told.
-NEAR = 1e-3
-#: A step is no shorter than this part of the speed, and a speed told no finer: rounding decides.
-FINEST = 1e-11
-#: Sags that a step is made for, as parts of the least output where it begins, and for how much
-#: longer than the last one it is tried.
-SAGS, LONGER = 0.75, 1.5
-#: A step that may be no longer than this part of what was tried is tried anew; and to what a step
-#: is cut over which contact may be lost and found again.
-WIDE, AGAIN = 3.0, 0.57
-#: Sags by harmonics that a step is made for, before what comes at its end is known; and by how much
-#: the next is shorter than they tell, and how much longer at most.
-TRIED, NEARER, LONGEST = 0.6, 0.93, 2.0
-#: What tells of a step: the law's harmonics, groups of its pieces; or none.
-BY_HARMONICS, BY_GROUPS, ANEW = range(3)
-#: On the way to a zero the least output is found to this part of itself.
-POLISHED = 1e-4
-#: Turns that differ by less than this part of the speed fall below zero together.
-LAST_DIGIT = 5e-6
-#: A zero is found to this part of the speed.
-ROOT = 1e-14
-#: How far (rad) from where the output is below zero it is sought first.
-NEARBY = TURN / 64.0
-#: Steps of the root between two speeds.
-MOST_STEPS = 200
+#: Relative tolerance of the least outputs during the climb.
+CLIMB_RTOL = 0.25
+#: Relative distance to which the search approaches a speed above which rounding is too large.
+UNRESOLVED_RTOL = 1e-3
+#: Shortest step, as a fraction of the speed: below it rounding decides.
+MIN_STEP = 1e-11
+#: Fraction of the least outputs at the start of a step that a group's chord error may reach there.
+GROUP_FRACTION = 0.75
+#: Factor of the next step by groups after a proven one.
+GROUP_GROWTH = 1.5
+#: Ratio of the tried to the allowed step above which the bounds are computed again.
+MAX_WIDTH_RATIO = 3.0
+#: Factor of a step that was not proven.
+SHRINK = 0.57
+#: Fraction of the least outputs that the chord error by harmonics may reach at the start of a step.
+HARMONIC_FRACTION = 0.6
+#: Safety factor of the next step by harmonics.
+HARMONIC_SAFETY = 0.93
+#: Largest factor of the next step by harmonics.
+MAX_GROWTH = 2.0
+#: Relative tolerance of the least outputs during the refinement of a zero.
+ZERO_RTOL = 1e-4
+#: Relative difference of speeds for which turns count as negative together.
+SAME_SPEED_RTOL = 5e-6
+#: Relative width of the bracket of a zero.
+BRACKET_RTOL = 1e-14
+#: Distance (rad) around the negative output within which a zero is refined first.
+NEIGHBOURHOOD = TURN / 64.0
+#: Largest number of refinements.
+MAX_REFINEMENTS = 200
+
+
+class ClimbStatus(IntEnum):
+    """Result of a climb."""
+
+    FOUND = 0  #: the least output is zero at ``speed``
+    NEGATIVE = 1  #: it is not positive at the start
+    POSITIVE = 2  #: it is positive up to the last speed
+    UNRESOLVED = 3  #: it is positive up to a speed above which rounding is too large
+    PAUSED = 4  #: the number of evaluations is used up
+
+
+class StepKind(IntEnum):
+    """Bound from which a step is to be proven."""
+
+    HARMONICS = 0
+    GROUPS = 1
+    RETRY = 2  #: neither; try another width
 
 
 class Climb(NamedTuple):
-    """How far a search has come, and what it has found."""
+    """State or result of a climb."""
 
-    outcome: int
-    low: float  #: up to where the output is above zero, rad/s
-    step: float  #: with which to go on, part of the speed
-    speed: float  #: where the least output is zero, if it was found, rad/s
-    angle: float  #: where it is there, rad from the start of the run
-    first: float  #: the same in the first turn that falls below zero a last digit faster
+    status: int  #: `ClimbStatus`
+    low: float  #: the output is positive from the first speed to this one, rad/s
+    step: float  #: next step, as a fraction of the speed
+    speed: float  #: zero of the least output if it was found, rad/s
+    angle: float  #: its angle, rad since the start of the run
+    first_angle: float  #: angle in the first turn that is negative at `SAME_SPEED_RTOL` more
+
+
+class Zero(NamedTuple):
+    """Zero of the least output."""
+
+    speed: float  #: rad/s
+    angle: float  #: rad since the start of the run
+
+
+class Bracket(NamedTuple):
+    """Speeds (rad/s) between which the least output becomes zero."""
+
+    low: float  #: positive
+    high: float  #: not positive
+    angle: float  #: of the least output at ``high``, rad since the start of the run
+
+
+class Step(NamedTuple):
+    """A step of the speed that is to be tried."""
+
+    kind: int  #: `StepKind`
+    width: float  #: rad/s
+    error: ChordError  #: of q, if the kind is HARMONICS
 
 
 def climb(
-    law: LawSeries, mode: Oscillator, low: float, step: float, last: float, most: float
+    law: LawSeries, mode: Oscillator, low: float, step: float, last: float, max_evaluations: float
 ) -> Climb:
-    """Go up from a speed (rad/s) to ``last`` at most, with as many looks as ``most``."""
-    run, count = on_law(borrowed(law), mode), len(law.groups) - 1
-    if not resolved(run, low):
-        return Climb(UNTOLD, low, step, low, 0.0, 0.0)
-    sags, floors, margins, there = zeros((3, count)), zeros(count), zeros(count), zeros(count)
+    """Increase the speed from ``low`` (rad/s) until the least output is zero, at most to ``last``.
+
+    Invariant: the output is positive from the first ``low`` up to ``low`` (theorem B).
+    """
+    run, count = mode_on_law(without_refcount(law), mode), len(law.first_pieces) - 1
+    if not is_resolved(run, low):
+        return Climb(ClimbStatus.UNRESOLVED, low, step, low, 0.0, 0.0)
+    errors, margins = np.zeros(count, GROUP_ERROR), np.zeros(count)
+    floors, next_floors = np.zeros(count), np.zeros(count)
     motion = motion_at(run, low)
-    found = _floors(run, motion, floors)
-    if found.value <= 0.0:
-        return Climb(BELOW, low, step, low, found.angle, found.angle)
-    looks = float(found.looks)
+    lowest = _find_floors(run, motion, floors)
+    if lowest.value <= 0.0:
+        return Climb(ClimbStatus.NEGATIVE, low, step, low, lowest.angle, lowest.angle)
+    evaluations = float(lowest.evaluations)
     while low < last:
         high = min(low * (1.0 + step), last)
-        if not resolved(run, high):
-            if step < NEAR:
-                return Climb(UNTOLD, low, step, low, 0.0, 0.0)
+        if not is_resolved(run, high):
+            if step < UNRESOLVED_RTOL:
+                return Climb(ClimbStatus.UNRESOLVED, low, step, low, 0.0, 0.0)
             step *= 0.5
             continue
-        way, width, sag = _step(run, motion, floors, high, sags)
-        finest = FINEST * low
-        width = max(width, finest)
-        if way == ANEW and width > finest:
+        kind, width, error = _plan_step(run, motion, floors, high, errors)
+        min_width = MIN_STEP * low
+        width = max(width, min_width)
+        if kind == StepKind.RETRY and width > min_width:
             step = width / low
             continue
-        high = high if way == BY_HARMONICS else low + width
-        looks += _margins(run, motion, high, floors, margins)
-        looks += len(law.alike) * len(run.series.own)
-        after = motion_at(run, high)
-        found = _floors(run, after, there)
-        looks += found.looks
-        if way == BY_HARMONICS:
-            sag = sag_of(run, motion, sag, after.settled, high)
-            holds, longer = _next(sag, _lowest_of(margins), _lowest_of(there))
+        high = high if kind == StepKind.HARMONICS else low + width
+        evaluations += _find_margins(run, motion, high, floors, margins)
+        evaluations += len(law.span_index) * len(run.series.own)
+        next_motion = motion_at(run, high)
+        lowest = _find_floors(run, next_motion, next_floors)
+        evaluations += lowest.evaluations
+        if kind == StepKind.HARMONICS:
+            error = bound_output(run, motion, error, next_motion.repeating, high)
+            is_proven, factor = _prove_by_harmonics(error, min_of(margins), min_of(next_floors))
         else:
-            lowest, forced = motion.group_lowest, after.group_lowest
-            holds = _holds(sags, margins, there, lowest, forced, width)
-            longer = LONGER if holds else AGAIN
-        step = longer * width / low
-        if not holds and width > finest:
+            forced, next_forced = motion.group_min_forced, next_motion.group_min_forced
+            is_proven = _prove_by_groups(errors, margins, next_floors, forced, next_forced, width)
+            factor = GROUP_GROWTH if is_proven else SHRINK
+        step = factor * width / low
+        if not is_proven and width > min_width:
             continue
-        if found.value <= 0.0:
-            zero = _zero(run, low, high, found.angle)
-            beyond = min(high, zero[0] * (1.0 + LAST_DIGIT))
-            first = _first_below(run, beyond, zero[1])
-            return Climb(FOUND, low, step, zero[0], zero[1], first)
-        low, motion, floors, there = high, after, there, floors
-        if looks > most:
-            return Climb(PAUSED, low, step, low, 0.0, 0.0)
-    return Climb(ABOVE, low, step, low, 0.0, 0.0)
+        if lowest.value <= 0.0:
+            zero = _find_zero(run, Bracket(low, high, lowest.angle))
+            first = _find_first_turn(run, min(high, zero.speed * (1.0 + SAME_SPEED_RTOL)), zero)
+            return Climb(ClimbStatus.FOUND, low, step, zero.speed, zero.angle, first)
+        low, motion, floors, next_floors = high, next_motion, next_floors, floors
+        if evaluations > max_evaluations:
+            return Climb(ClimbStatus.PAUSED, low, step, low, 0.0, 0.0)
+    return Climb(ClimbStatus.POSITIVE, low, step, low, 0.0, 0.0)
 
 
-def _step(
-    run: ModeOnLaw, motion: OscillatorMotion, floors: Row, high: float, sags: Rows
-) -> tuple[int, float, Sag]:
-    """By what the output is told to be above zero up to a speed, and over what step (rad/s).
+def _plan_step(
+    run: ModeOnLaw, motion: OscillatorMotion, floors: Vector, high: float, errors: Records
+) -> Step:
+    """Return the step up to a speed, or a shorter one, and the bound that is likely to prove it."""
+    width, fraction, norm, error = high - motion.speed, 0.0, motion.norm, ChordError(0.0, 0.0, 0.0)
+    if can_use_harmonics(run.mode, norm):
+        error, allowed = bound_settled(run, motion, high), HARMONIC_FRACTION * min_of(floors)
+        largest = bound_output(run, motion, error, motion.repeating, high).largest
+        if largest <= allowed:
+            return Step(StepKind.HARMONICS, width, error)
+        fraction = HARMONIC_SAFETY * math.sqrt(allowed / max(largest, TINY))
+    if fraction > SHRINK:
+        return Step(StepKind.RETRY, fraction * width, error)
+    bound_groups(run, norm, motion.speed, high, errors)
+    allowed_width = min(width, _allowed_width(errors, floors, motion.group_min_forced))
+    if fraction * width > allowed_width:
+        return Step(StepKind.RETRY, fraction * width, error)
+    if MAX_WIDTH_RATIO * allowed_width < width:  # bounds over so long a step are far too wide
+        return Step(StepKind.RETRY, math.sqrt(allowed_width * width), error)
+    return Step(StepKind.GROUPS, allowed_width, error)
 
-    By the law's harmonics, or group by group, whichever tells of the longer one; else what to try.
+
+def _prove_by_harmonics(error: ChordError, first: float, last: float) -> tuple[bool, float]:
+    """Return True if a step is proven, and the factor of the next step.
+
+    ``first`` and ``last`` are lower bounds of the outputs at its ends.
     """
-    wide, part, size, sag = high - motion.speed, 0.0, motion.norm, Sag(0.0, 0.0, 0.0)
-    if rings(run.mode, size):
-        sag, tried = settled_sag(run, motion, high), TRIED * _lowest_of(floors)
-        below = sag_of(run, motion, sag, motion.settled, high).below
-        if below <= tried:
-            return BY_HARMONICS, wide, sag
-        part = NEARER * math.sqrt(tried / max(below, TINY))
-    if part > AGAIN:
-        return ANEW, part * wide, sag
-    sags_between(run, size, motion.speed, high, sags)
-    width = min(wide, _width(sags, floors, motion.group_lowest))
-    if part * wide > width:
-        return ANEW, part * wide, sag
-    if WIDE * width < wide:  # what is told over so long a step is far too wide
-        return ANEW, math.sqrt(width * wide), sag
-    return BY_GROUPS, width, sag
+    root, end = math.sqrt(max(0.0, first)), math.sqrt(max(0.0, last))
+    both, bow = root + end, 4.0 * max(error.bow, TINY)
+    smaller = min(bow, 4.0 * max(error.largest, TINY))
+    is_positive = first > 0.0 and last > 0.0
+    if error.largest <= min(first, last) or (bow <= both * both and is_positive):  # (33), (34)
+        predicted = math.sqrt(max(0.0, min(last, 2.0 * last - first)))
+        factor = (end + predicted) * math.sqrt(HARMONIC_FRACTION / smaller)
+        return True, min(MAX_GROWTH, max(SHRINK, factor))
+    once = 0.5 * root / math.sqrt(max(error.bend, TINY))
+    factor = HARMONIC_SAFETY * max(once, both / math.sqrt(smaller))
+    factor = min(HARMONIC_SAFETY, max(SHRINK * SHRINK, factor))
+    return once >= 1.0 and last <= 0.0, factor  # (35)
 
 
-def _next(sag: Sag, first: float, last: float) -> tuple[bool, float]:
-    """Whether a step holds, from the least outputs; how much longer the next is to be.
+def _find_floors(run: ModeOnLaw, motion: OscillatorMotion, floors: Vector) -> MinOutput:
+    """Find the least output of the run; write lower bounds of the output in each group."""
+    floors[:] = math.inf
+    whole = SearchRange(0.0, end_angle(motion, run.mode.duration), CLIMB_RTOL)
+    return find_min_output(run.law, run.mode, motion, whole, floors)
 
-    It holds where no output is below zero but where it becomes so once: above zero all along for
-    a (1 − x) + c x > 4 x (1 − x) bow, so for 4 bow < (√a + √c)².
+
+def _find_margins(
+    run: ModeOnLaw, motion: OscillatorMotion, high: float, floors: Vector, out: Vector
+) -> int:
+    """Write the lower bounds up to the angle where the run at a speed ``high`` ends.
+
+    Returns the number of evaluations.
     """
-    begin, end = math.sqrt(max(0.0, first)), math.sqrt(max(0.0, last))
-    both, bow = begin + end, 4.0 * max(sag.bow, TINY)
-    less = min(bow, 4.0 * max(sag.below, TINY))
-    if sag.below <= min(first, last) or (bow <= both * both and first > 0.0 and last > 0.0):
-        further = math.sqrt(max(0.0, min(last, 2.0 * last - first)))
-        return True, min(LONGEST, max(AGAIN, (end + further) * math.sqrt(TRIED / less)))
-    once = 0.5 * begin / math.sqrt(max(sag.bent, TINY))
-    shorter = NEARER * max(once, both / math.sqrt(less))
-    return once >= 1.0 and last <= 0.0, min(NEARER, max(AGAIN * AGAIN, shorter))
-
-
-def _lowest_of(floors: Row) -> float:
-    """The least of the groups."""
-    lowest = math.inf
-    for floor in floors:
-        lowest = min(lowest, floor)
-    return lowest
-
-
-def _floors(run: ModeOnLaw, motion: OscillatorMotion, floors: Row) -> Least:
-    """The least output of the run, nearly, and what it is not below in each group."""
-    for i in range(len(floors)):
-        floors[i] = math.inf
-    whole = Stretch(0.0, end_of(motion, run.mode.duration), NEARLY)
-    return least(run.law, run.mode, motion, whole, floors)
-
-
-def _margins(run: ModeOnLaw, motion: OscillatorMotion, high: float, floors: Row, out: Row) -> int:
-    """What the output is not below in each group up to where the run at a speed ``high`` ends."""
-    for i in range(len(floors)):
-        out[i] = floors[i]
-    end, further = motion.speed * run.mode.duration, high * run.mode.duration
-    if end >= len(motion.starts) * TURN or math.isinf(end):
+    out[:] = floors
+    end, next_end = motion.speed * run.mode.duration, high * run.mode.duration
+    if end >= len(motion.turn_starts) * TURN or math.isinf(end):
         return 0
-    return least(run.law, run.mode, motion, Stretch(end, further, NEARLY), out).looks
+    added = SearchRange(end, next_end, CLIMB_RTOL)
+    return find_min_output(run.law, run.mode, motion, added, out).evaluations
 
 
-def _width(sags: Rows, floors: Row, lowest: Row) -> float:
-    """Step of the speed (rad/s) over which the sags are but a part of the least outputs."""
+def _allowed_width(errors: Records, floors: Vector, forced: Vector) -> float:
+    """Return the width (rad/s) at which errors reach `GROUP_FRACTION` of the least outputs."""
     width = math.inf
     for i in range(len(floors)):
         if floors[i] < math.inf:
-            free, forced = sags[FREE][i], 0.125 * max(sags[FORCED][i], TINY)
-            wide = SAGS * floors[i] / (0.125 * max(sags[BENT][i], TINY))
-            wide = max(wide, (SAGS * floors[i] - 2.0 * free) / forced)
-            wide = max(wide, (SAGS * lowest[i] - free) / forced)
-            width = min(width, math.sqrt(max(0.0, wide)))
+            vibration = errors[i]["vibration"]
+            forced_eighth = 0.125 * max(errors[i]["forced_curvature"], TINY)
+            square = GROUP_FRACTION * floors[i] / (0.125 * max(errors[i]["curvature"], TINY))
+            square = max(square, (GROUP_FRACTION * floors[i] - 2.0 * vibration) / forced_eighth)
+            square = max(square, (GROUP_FRACTION * forced[i] - vibration) / forced_eighth)
+            width = min(width, math.sqrt(max(0.0, square)))
     return width
 
 
-def _holds(
-    sags: Rows, before: Row, after: Row, forced: Row, forced_after: Row, width: float
+def _prove_by_groups(
+    errors: Records,
+    first: Vector,
+    last: Vector,
+    forced: Vector,
+    next_forced: Vector,
+    width: float,
 ) -> bool:
-    """Whether no group is below zero between two speeds but where it becomes so once.
+    """Return True if each group is positive between two speeds, or becomes negative once.
 
-    The least outputs at both, and of the polynomial parts alone.
+    ``first`` and ``last`` are lower bounds of the output at both, ``forced`` and ``next_forced``
+    those of its polynomial part.
     """
-    square = 0.125 * width * width
-    for i in range(len(before)):
-        bent, free = sags[BENT][i] * square, sags[FREE][i]
-        alone = free + sags[FORCED][i] * square
-        sag = min(bent, free + alone)
+    eighth = 0.125 * width * width
+    for i in range(len(first)):
+        bend, vibration = errors[i]["curvature"] * eighth, errors[i]["vibration"]
+        forced_error = vibration + errors[i]["forced_curvature"] * eighth
+        error = min(bend, vibration + forced_error)  # (27)
         if (
-            before[i] < math.inf
-            and alone > min(forced[i], forced_after[i])
-            and (sag > before[i] or (sag > after[i] and 4.0 * bent > before[i]))
+            first[i] < math.inf
+            and forced_error > min(forced[i], next_forced[i])  # else (36)
+            and (error > first[i] or (error > last[i] and 4.0 * bend > first[i]))  # (33), (35)
         ):
             return False
     return True
 
 
-def _zero(run: ModeOnLaw, low: float, high: float, where: float) -> tuple[float, float]:
-    """Where the least output is zero: above at one speed, not above at another and an angle.
+def _find_zero(run: ModeOnLaw, bracket: Bracket) -> Zero:
+    """Find the zero of the least output in a bracket.
 
-    Sought near that angle alone. Where the output is below zero elsewhere a last digit slower, it
-    is sought there anew.
+    Each refinement considers the outputs near one angle only. If the output is then still negative
+    elsewhere, the search continues there.
     """
-    for _ in range(MOST_STEPS):
-        last, high, where = _zero_near(run, low, high, where)
-        found = _lowest(run, last, Stretch(0.0, math.inf, POLISHED))
-        if last == low or found.value > 0.0:
+    low, high, angle = bracket
+    for _ in range(MAX_REFINEMENTS):
+        below, high, angle = _refine_near(run, Bracket(low, high, angle))
+        lowest = _find_lowest(run, below, SearchRange(0.0, math.inf, ZERO_RTOL))
+        if below == low or lowest.value > 0.0:
             break
-        high, where = last, found.angle
-    return high, where
+        high, angle = below, lowest.angle
+    return Zero(high, angle)
 
 
-def _zero_near(run: ModeOnLaw, low: float, high: float, where: float) -> Triple:
-    """The last speed (rad/s) above it, the zero near an angle (rad), and the angle there.
+def _refine_near(run: ModeOnLaw, bracket: Bracket) -> Bracket:
+    """Return a bracket of the zero of the outputs near an angle, to rounding.
 
-    By the secant, whose value at the end that stays is halved (the Illinois method).
+    Illinois method: secant steps, where the value at an end that stays twice is halved.
     """
-    near = Stretch(max(0.0, where - NEARBY), where + NEARBY, POLISHED)
-    above, below = _lowest(run, low, near), _lowest(run, high, near)
-    first, last, where, side = above.value, below.value, below.angle, 0
-    for _ in range(MOST_STEPS):
-        if high - low <= ROOT * high or last == 0.0:
+    low, high, angle = bracket
+    near = SearchRange(max(0.0, angle - NEIGHBOURHOOD), angle + NEIGHBOURHOOD, ZERO_RTOL)
+    above, below = _find_lowest(run, low, near), _find_lowest(run, high, near)
+    first, last, angle, side = above.value, below.value, below.angle, 0
+    for _ in range(MAX_REFINEMENTS):
+        if high - low <= BRACKET_RTOL * high or last == 0.0:
             break
         speed = high - last * (high - low) / (last - first)
         if not low < speed < high:
             speed = 0.5 * (low + high)
-        now = _lowest(run, speed, near)
-        if now.value > 0.0:
-            low, first = speed, now.value
+        lowest = _find_lowest(run, speed, near)
+        if lowest.value > 0.0:
+            low, first = speed, lowest.value
             last = 0.5 * last if side > 0 else last
             side = 1
         else:
-            high, last, where = speed, now.value, now.angle
+            high, last, angle = speed, lowest.value, lowest.angle
             first = 0.5 * first if side < 0 else first
             side = -1
-    return low, high, where
+    return Bracket(low, high, angle)
 
 
-def _first_below(run: ModeOnLaw, speed: float, where: float) -> float:
-    """Where (rad) the first turn is lowest that is below zero at a speed; ``where`` if none is."""
-    motion, nothing = motion_at(run, speed), zeros(len(run.law.groups) - 1)
-    end = end_of(motion, run.mode.duration)
-    for turn in range(len(motion.starts)):
-        within = Stretch(turn * TURN, min(end, (turn + 1) * TURN), POLISHED)
-        found = least(run.law, run.mode, motion, within, nothing)
-        if found.value <= 0.0:
-            return found.angle
-    return where
+def _find_first_turn(run: ModeOnLaw, speed: float, zero: Zero) -> float:
+    """Return the angle (rad) of the least output in the first turn that is negative at a speed.
+
+    Without such a turn it is that of the zero.
+    """
+    motion, unused = motion_at(run, speed), np.zeros(len(run.law.first_pieces) - 1)
+    end = end_angle(motion, run.mode.duration)
+    for turn in range(len(motion.turn_starts)):
+        within = SearchRange(turn * TURN, min(end, (turn + 1) * TURN), ZERO_RTOL)
+        lowest = find_min_output(run.law, run.mode, motion, within, unused)
+        if lowest.value <= 0.0:
+            return lowest.angle
+    return zero.angle
 
 
-def _lowest(run: ModeOnLaw, speed: float, within: Stretch) -> Least:
-    """The least output at one speed, in a stretch that ends no later than the run."""
+def _find_lowest(run: ModeOnLaw, speed: float, within: SearchRange) -> MinOutput:
+    """Find the least output at a speed, in a range that is cut at the end of the run."""
     motion = motion_at(run, speed)
-    end = min(within.end, end_of(motion, run.mode.duration))
-    stretch = Stretch(within.begin, end, within.relative)
-    return least(run.law, run.mode, motion, stretch, zeros(len(run.law.groups) - 1))
+    end = min(within.end, end_angle(motion, run.mode.duration))
+    unused = np.zeros(len(run.law.first_pieces) - 1)
+    search = SearchRange(within.start, end, within.rtol)
+    return find_min_output(run.law, run.mode, motion, search, unused)
 
 
-def least_at(law: LawSeries, mode: Oscillator, speed: float) -> float:
-    """The least output of the run at a speed (rad/s)."""
-    return _lowest(on_law(borrowed(law), mode), speed, Stretch(0.0, math.inf, 0.0)).value
+def min_output_at(law: LawSeries, mode: Oscillator, speed: float) -> float:
+    """Return the least output of the run at a speed (rad/s), to rounding."""
+    run = mode_on_law(without_refcount(law), mode)
+    return _find_lowest(run, speed, SearchRange(0.0, math.inf, 0.0)).value

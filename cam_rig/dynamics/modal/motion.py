@@ -1,199 +1,241 @@
-"""The motion of an oscillator on a turning cam at one speed: piece by piece, turn by turn.
+"""Motion of an oscillator on a cam at one constant speed, piece by piece and turn by turn.
 
-Between two joints of the law the response is a polynomial, Σ hₖ Ωᵏ s⁽ᵏ⁾(θ) with hₖ the Taylor
-coefficients of the transfer function. Where a derivative of s jumps that polynomial jumps, and
-free vibration makes up for it: joints excite the mode, and nothing else does.
+Between two joints of the law the forced response is a polynomial, Σ hₖ Ωᵏ s⁽ᵏ⁾(θ), where hₖ are the
+Taylor coefficients of the transfer function. If a derivative of s jumps at a joint, that polynomial
+jumps too, and a free vibration cancels the jump: joints excite the mode, and nothing else does.
+Numbers in brackets are those of docs/proofs.md, part 2, whose symbols the names follow.
 """
 
 from __future__ import annotations
 
 import math
+from enum import IntEnum
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from cam_rig.dynamics.events.contact import StemVibration
 from cam_rig.dynamics.events.free_flight import compute_impulse_response
-from cam_rig.laws.rows import Row, Rows, Stack, zeros
+from cam_rig.dynamics.events.run_table import CamWeights
+from cam_rig.laws.vectors import Matrices, Matrix, Records, Vector, min_of
 from cam_rig.units import TURN
 
-#: Two terms of the series after the second that are below this part of the largest are rounding.
-SETTLED = 1e-14
-#: Rounding of the terms may take this part of the output.
-LOST, EPS = 1e-5, 2.0**-52
-#: Logarithm of what is left of a vibration that has faded: 1e-17.
-LEAST = -39.0
+#: Relative size of two successive terms of the series, after the second, that are rounding.
+SERIES_RTOL = 1e-14
+#: Largest rounding of the terms as a fraction of the output.
+MAX_ROUNDING = 1e-5
+#: Distance between 1 and the next float.
+EPS = 2.0**-52
+#: Logarithm of the fraction of a vibration that counts as zero, e⁻³⁹ = 1e-17.
+LOG_FADED = -39.0
+#: Smallest ρ as a fraction of δ: near critical damping the two rates become equal (16).
+MIN_RHO = 0.5
 
-Pair = tuple[float, float]
-Triple = tuple[float, float, float]
-Quadruple = tuple[float, float, float, float]
-#: Rows of sizes, each of a derivative of s: what it does not exceed in a group; by what it jumps,
-#: unsigned, where the group begins and at the joints inside.
-LARGEST, JUMP, INNER = range(3)
+#: Fields of a stored `Flow`.
+FLOW_FIELDS = [(name, "f8") for name in ("eta_eta", "eta_rate", "rate_eta", "rate_rate")]
+#: Flow over a span of the law, and the fraction e^{−λt} of a norm that remains (16).
+SPAN_FLOW = np.dtype([*FLOW_FIELDS, ("remainder", "f8")], align=True)
+#: Free vibration at the start of a piece, in any turn.
+PIECE_START = np.dtype(
+    [
+        *FLOW_FIELDS,  # from the start of the turn
+        ("displacement", "f8"),  # η excited by the joints of the turn so far, m
+        ("velocity", "f8"),  # η̇ excited by them, m/s
+        ("remainder", "f8"),  # e^{−λt} since the start of the turn (16)
+        ("floor", "f8"),  # lower bound of the output in the piece in all turns (19)
+    ],
+    align=True,
+)
+#: Free vibration at the start of a turn.
+TURN_START = np.dtype([("displacement", "f8"), ("velocity", "f8")], align=True)
+
+
+class GroupRow(IntEnum):
+    """Rows of `LawSeries.groups`, each with one number per derivative of s and group."""
+
+    MAX = 0  #: upper bound of |s⁽ᵏ⁾| in the group
+    START_JUMP = 1  #: |jump| at the start of the group
+    INNER_JUMPS = 2  #: sum of |jump| at the other joints of the group
 
 
 class LawSeries(NamedTuple):
-    """A law of n pieces of degree p with all its derivatives; neighbouring ones make g groups."""
+    """A law of n pieces of degree p with all its derivatives; g groups of neighbouring pieces."""
 
-    derivatives: Stack  #: ``(p + 1, p + 2, n)``: the first ordinates of all s⁽ᵏ⁾(θ), the second, …
-    jumps: Rows  #: ``(p + 2, n)``: of s⁽ᵏ⁾ at the start of each piece
-    breaks: Row  #: ``(n + 1,)``, rad
-    lengths: Row  #: ``(m,)``, rad: spans that differ
-    alike: list[int]  #: ``(n,)``: which of them each piece has
-    groups: list[int]  #: ``(g + 1,)``: with which piece each group begins
-    largest: Row  #: ``(p + 2,)``: what |s⁽ᵏ⁾| does not exceed
-    sizes: Stack  #: ``(3, p + 2, g)``, rows as above
-    steepest: Rows  #: ``(n, 5)``: what s to its fourth derivative do not exceed in each piece
-    harmonics: Row  #: ``(h,)``: what |cₖ| of s = Σ cₖ e^{ikθ} does not exceed, from k = 1 on
-    rest: Row  #: ``(h,)``: nor the sum of |cₖ|/k from each of them to infinity
-    beyond: Row  #: what no |cₖ| exceeds from k = h + 1 on, and from each time as far again
+    derivatives: Matrices  #: ordinate j of s⁽ᵏ⁾(θ) in piece i, ``(p + 1, p + 2, n)``
+    jumps: Matrix  #: of s⁽ᵏ⁾ at the start of each piece, ``(p + 2, n)``
+    breaks: Vector  #: ``(n + 1,)``, rad
+    spans: Vector  #: different spans of pieces, ``(m,)``, rad
+    span_index: NDArray[np.intp]  #: index of each piece's span in ``spans``, ``(n,)``
+    first_pieces: NDArray[np.intp]  #: first piece of each group, and n, ``(g + 1,)``
+    max_derivatives: Vector  #: upper bounds of |s⁽ᵏ⁾|, ``(p + 2,)``
+    groups: Matrices  #: rows of `GroupRow`, ``(3, p + 2, g)``
+    piece_maxima: Matrix  #: upper bounds of |s| to |s⁗| in each piece, ``(n, 5)``
+    harmonics: Vector  #: Cₖ ≥ |cₖ| of s = Σ cₖ e^{ikθ} (28), for k = 1 … h
+    tails: Vector  #: Σ Cⱼ/j for j ≥ k, ``(h,)``
+    block_maxima: Vector  #: Cₖ from k = h + 1 on, for each block of harmonics (30)
 
 
 class Oscillator(NamedTuple):
-    """η̈ = −stiffness η − damping η̇ + drive · (s, ṡ, s̈), an output of it, and how long it runs."""
+    """η̈ = −κ η − d η̇ + drive · (s, ṡ, s̈), one output of it, and the duration of a run."""
 
-    stiffness: float  #: 1/s²
-    damping: float  #: 1/s
-    drive: Triple
-    place: float  #: what η contributes to the output
-    velocity: float  #: what η̇ contributes
-    motion: Triple  #: what (s, ṡ, s̈) contributes
-    constant: float
+    stiffness: float  #: κ, 1/s²
+    damping: float  #: d, 1/s
+    drive: CamWeights  #: d₀, d₁, d₂; its constant is not used
+    per_displacement: float  #: p, weight of η in the output
+    per_velocity: float  #: q, weight of η̇ in the output
+    cam: CamWeights  #: m₀, m₁, m₂, weights of s, ṡ and s̈ in the output, and its constant
     duration: float  #: s from rest at θ = 0; infinite in steady state
 
 
 class Series(NamedTuple):
-    """Taylor coefficients hₖ, ``(p + 1,)`` each."""
+    """Taylor coefficients, ``(p + 1,)`` each (15)."""
 
-    own: Row  #: of η
-    output: Row
+    own: Vector  #: hₖ of η
+    output: Vector  #: gₖ of the output
 
 
 class ModeOnLaw(NamedTuple):
-    """A mode that a law excites."""
+    """A mode that is excited by a law."""
 
     law: LawSeries
     mode: Oscillator
     series: Series
 
 
-class Norm(NamedTuple):
-    """A size of free (η, η̇) that fades as e^{−decay t}: √((rate η)² + (η̇ + half η)²)."""
+class Flow(NamedTuple):
+    """Matrix e^{At} of (η, η̇)."""
 
-    half: float  #: half of the mode's damping, 1/s
-    rate: float  #: 1/s
-    decay: float  #: 1/s
-    faster: float  #: by what d/dt multiplies it at most, 1/s
-    reach: float  #: what the output does not exceed for a unit of it
+    eta_eta: float  #: from η at the start to η at the end
+    eta_rate: float  #: from η̇ to η, s
+    rate_eta: float  #: from η to η̇, 1/s
+    rate_rate: float  #: from η̇ to η̇
+
+
+class VibrationNorm(NamedTuple):
+    """Norm N = √((ρη)² + (η̇ + δη)²) of a free vibration, which fades at least as e^{−λt} (16)."""
+
+    delta: float  #: δ, half of the mode's damping, 1/s
+    rho: float  #: ρ, 1/s
+    decay: float  #: λ, 1/s
+    sigma: float  #: σ, largest factor by which d/dt multiplies the norm, 1/s (18)
+    reach: float  #: R, largest output per unit of the norm (17)
 
 
 class OscillatorMotion(NamedTuple):
-    """A mode at one speed."""
+    """Motion of a mode at one speed."""
 
-    speed: float  #: rad/s
-    norm: Norm
-    own: Row  #: terms of the series of η at this speed, up to where it has settled
-    forced: Rows  #: ``(p + 1, n)``: ordinates of the output's polynomial part
-    lowest: Row  #: ``(n,)``: the least of each piece
-    group_lowest: Row  #: ``(g,)``: and of each group
-    highest: Row  #: ``(n,)``: the largest absolute one of each piece
-    flows: Rows  #: ``(m, 5)``: e^{At} over each length, and its norm
-    whole: Rows  #: ``(4, n)``: the flow from the turn's start to each piece
-    added: Rows  #: ``(2, n)``: (η, η̇) that the turn's joints have added there
-    lefts: Row  #: ``(n,)``: what is left there of a norm since the turn's start
-    starts: Rows  #: ``(t, 2)``: free (η, η̇) where turns begin, until the motion repeats or ends
-    settled: Pair  #: (η, η̇) where a turn begins once the motion repeats; infinite if never
-    floors: Row  #: ``(n,)``: what the output is not below in each piece, in any turn
+    speed: float  #: Ω, rad/s
+    norm: VibrationNorm
+    own: Vector  #: significant terms hₖ Ωᵏ
+    forced: Matrix  #: ordinates of the output's polynomial part P, ``(p + 1, n)``
+    min_forced: Vector  #: least ordinate of P in each piece, ``(n,)``
+    group_min_forced: Vector  #: the least of each group, ``(g,)``
+    max_forced: Vector  #: largest absolute ordinate of P in each piece, ``(n,)``
+    span_flows: Records  #: records of `SPAN_FLOW` for ``LawSeries.spans``, ``(m,)``
+    piece_starts: Records  #: records of `PIECE_START`, ``(n,)``
+    turn_starts: Records  #: records of `TURN_START` until the motion repeats or ends, ``(t,)``
+    repeating: StemVibration  #: (η, η̇) at the start of a turn in steady state; infinite if none
 
 
-#: The rate of a norm is at least this part of the damping's half, where two rates become one.
-CRITICAL = 0.5
-
-
-def norm_of(mode: Oscillator) -> Norm:
-    """The norm that fades as the slower rate does, or not much slower near critical damping."""
-    half = 0.5 * mode.damping
-    square = mode.stiffness - half * half
+def norm_of(mode: Oscillator) -> VibrationNorm:
+    """Return the norm of (16); it fades as the slower rate, less near critical damping."""
+    delta = 0.5 * mode.damping
+    square = mode.stiffness - delta * delta
     root = math.sqrt(abs(square))
-    rate = max(root, CRITICAL * half)
-    if square < 0.0 and rate == root:
-        decay = mode.stiffness / (half + root)
+    rho = max(root, MIN_RHO * delta)
+    if square < 0.0 and rho == root:
+        decay = mode.stiffness / (delta + root)
     else:
-        decay = half - 0.5 * abs(rate * rate - square) / rate
-    away, velocity = mode.place - half * mode.velocity, mode.velocity
-    reach = math.sqrt((away / rate) * (away / rate) + velocity * velocity)
-    return Norm(half, rate, decay, norm(-half, rate, -square / rate, -half), reach)
+        decay = delta - 0.5 * abs(rho * rho - square) / rho
+    per_displacement, velocity = (
+        mode.per_displacement - delta * mode.per_velocity,
+        mode.per_velocity,
+    )
+    reach = math.sqrt((per_displacement / rho) * (per_displacement / rho) + velocity * velocity)
+    return VibrationNorm(
+        delta=delta,
+        rho=rho,
+        decay=decay,
+        sigma=_spectral_norm(-delta, rho, -square / rho, -delta),
+        reach=reach,
+    )
 
 
-def amplitude(size: Norm, state: Pair) -> float:
-    """The norm of free (η, η̇)."""
-    place, velocity = size.rate * state[0], state[1] + size.half * state[0]
-    return math.sqrt(place * place + velocity * velocity)
+def amplitude(norm: VibrationNorm, free: StemVibration) -> float:
+    """Return the norm N of a free vibration."""
+    a, b = norm.rho * free.displacement, free.velocity + norm.delta * free.displacement
+    return math.sqrt(a * a + b * b)
 
 
-def norm(a: float, b: float, c: float, d: float) -> float:
-    """By what a matrix, row by row, makes a vector longer at most."""
-    squares, product = a * a + b * b + c * c + d * d, a * d - b * c
-    apart = max(0.0, squares * squares - 4.0 * product * product)
-    return math.sqrt(0.5 * (squares + math.sqrt(apart)))
+def _spectral_norm(a: float, b: float, c: float, d: float) -> float:
+    """Return the spectral norm of a 2 × 2 matrix given row by row."""
+    squares, determinant = a * a + b * b + c * c + d * d, a * d - b * c
+    discriminant = max(0.0, squares * squares - 4.0 * determinant * determinant)
+    return math.sqrt(0.5 * (squares + math.sqrt(discriminant)))
 
 
-def on_law(law: LawSeries, mode: Oscillator) -> ModeOnLaw:
-    """The mode on a law, with as many coefficients as a piece has derivatives: long division."""
+def mode_on_law(law: LawSeries, mode: Oscillator) -> ModeOnLaw:
+    """Return the mode on a law, with one coefficient per derivative of a piece (long division)."""
     count = len(law.jumps) - 1
-    own, output = zeros(count), zeros(count)
+    own, output = np.zeros(count), np.zeros(count)
+    drive = mode.drive.lift, mode.drive.velocity, mode.drive.acceleration
+    cam = mode.cam.lift, mode.cam.velocity, mode.cam.acceleration
     for k in range(count):
-        rest = mode.drive[k] if k < 3 else 0.0
+        remainder = drive[k] if k < 3 else 0.0
         if k > 0:
-            rest -= mode.damping * own[k - 1]
+            remainder -= mode.damping * own[k - 1]
         if k > 1:
-            rest -= own[k - 2]
-        own[k] = rest / mode.stiffness
-        output[k] = mode.place * own[k] + (mode.motion[k] if k < 3 else 0.0)
+            remainder -= own[k - 2]
+        own[k] = remainder / mode.stiffness
+        output[k] = mode.per_displacement * own[k] + (cam[k] if k < 3 else 0.0)
         if k > 0:
-            output[k] += mode.velocity * own[k - 1]
+            output[k] += mode.per_velocity * own[k - 1]
     return ModeOnLaw(law, mode, Series(own, output))
 
 
-def resolved(run: ModeOnLaw, speed: float) -> bool:
-    """Whether rounding leaves the output its digits.
+def is_resolved(run: ModeOnLaw, speed: float) -> bool:
+    """Return True if rounding leaves the output accurate.
 
-    Where the mode has few periods in a short piece of high degree, the terms grow and cancel
+    If the mode has few periods in a short piece of high degree, the terms of P grow and cancel
     against the free vibration.
     """
-    output, largest, power, most, first = run.series.output, run.law.largest, 1.0, 0.0, 0.0
+    output, power, largest, first = run.series.output, 1.0, 0.0, 0.0
     for k in range(len(output)):
-        most = max(most, abs(output[k]) * power * largest[k])
+        largest = max(largest, abs(output[k]) * power * run.law.max_derivatives[k])
         if k < 3:
-            first = most
+            first = largest
         power *= speed
-    return EPS * most <= LOST * first
+    return EPS * largest <= MAX_ROUNDING * first
 
 
-def term_count(law: LawSeries, series: Series, speed: float) -> int:
-    """Terms of the series up to where it has settled."""
-    power, most, small = 1.0, 0.0, False
+def count_terms(law: LawSeries, series: Series, speed: float) -> int:
+    """Return the number of terms of the series until two successive ones are rounding."""
+    power, largest, was_small = 1.0, 0.0, False
     for k in range(len(series.output)):
-        size = abs(series.output[k]) * power * law.largest[k]
-        most = max(most, size)
-        settled = size <= SETTLED * most
-        if k > 2 and settled and small:
+        size = abs(series.output[k]) * power * law.max_derivatives[k]
+        largest = max(largest, size)
+        is_small = size <= SERIES_RTOL * largest
+        if k > 2 and is_small and was_small:
             return k
-        small = settled
+        was_small = is_small
         power *= speed
     return len(series.output)
 
 
-def state_at(law: LawSeries, own: Row, speed: float, piece: int) -> Pair:
-    """η and η̇ of the polynomial where a piece begins."""
-    place, rate = 0.0, 0.0
+def forced_vibration(law: LawSeries, own: Vector, speed: float, piece: int) -> StemVibration:
+    """Return (η, η̇) of the polynomial X at the start of a piece (15)."""
+    displacement, velocity = 0.0, 0.0
     for k in range(len(own)):
-        place += own[k] * law.derivatives[0][k][piece]
-        rate += own[k] * law.derivatives[0][k + 1][piece]
-    return place, rate * speed
+        displacement += own[k] * law.derivatives[0][k][piece]
+        velocity += own[k] * law.derivatives[0][k + 1][piece]
+    return StemVibration(displacement, velocity * speed)
 
 
-def add_all(out: Row, weights: Row, rows: Rows, first: int) -> None:
-    """Add rows from ``first`` on, each so many times: compiled code takes several numbers at once.
+def add_weighted(out: Vector, weights: Vector, rows: Matrix, first: int) -> None:
+    """Add Σ weights[k] rows[first + k] to ``out``.
 
-    Two rows at a time, for what is added up is then read and written half as often.
+    Two rows at a time halve the number of accesses to ``out``; compiled code uses SIMD.
     """
     for k in range(0, len(weights) - 1, 2):
         a, b, one, other = weights[k], weights[k + 1], rows[first + k], rows[first + k + 1]
@@ -205,89 +247,129 @@ def add_all(out: Row, weights: Row, rows: Rows, first: int) -> None:
             out[i] += a * one[i]
 
 
-def scaled(terms: Row, count: int, speed: float) -> Row:
-    """The first terms of a series times powers of the speed, ``(count,)``."""
-    out, power = zeros(count), 1.0
+def scale_terms(terms: Vector, count: int, speed: float) -> Vector:
+    """Return the first ``count`` terms of a series times Ωᵏ."""
+    out, power = np.zeros(count), 1.0
     for k in range(count):
         out[k] = terms[k] * power
         power *= speed
     return out
 
 
-def moved(flow: Row, state: Pair) -> Pair:
-    """A flow times (η, η̇)."""
-    place = flow[0] * state[0] + flow[1] * state[1]
-    return place, flow[2] * state[0] + flow[3] * state[1]
+def flow_over(mode: Oscillator, time: float) -> Flow:
+    """Return e^{At} over a time (s)."""
+    response = compute_impulse_response(mode.damping, mode.stiffness, time)
+    return Flow(
+        eta_eta=response.rate + mode.damping * response.value,
+        eta_rate=response.value,
+        rate_eta=-mode.stiffness * response.value,
+        rate_rate=response.rate,
+    )
+
+
+def write_flow(record: np.void, flow: Flow) -> None:
+    """Write a flow to the fields of a record."""
+    record["eta_eta"], record["eta_rate"] = flow.eta_eta, flow.eta_rate
+    record["rate_eta"], record["rate_rate"] = flow.rate_eta, flow.rate_rate
+
+
+def read_flow(record: np.void) -> Flow:
+    """Return the flow in the fields of a record."""
+    return Flow(record["eta_eta"], record["eta_rate"], record["rate_eta"], record["rate_rate"])
+
+
+def apply_flow(flow: Flow, free: StemVibration) -> StemVibration:
+    """Return a free vibration after a flow."""
+    return StemVibration(
+        flow.eta_eta * free.displacement + flow.eta_rate * free.velocity,
+        flow.rate_eta * free.displacement + flow.rate_rate * free.velocity,
+    )
 
 
 def motion_at(run: ModeOnLaw, speed: float) -> OscillatorMotion:
-    """The mode at a speed (rad/s)."""
+    """Return the motion of the mode at a speed (rad/s)."""
     law, mode, series = run
-    count, fading = len(law.alike), norm_of(mode)
-    terms = term_count(law, series, speed)
-    flows, lowest, highest = zeros((len(law.lengths), 5)), zeros(count), zeros(count)
-    for m in range(len(flows)):
-        flow_over(mode, law.lengths[m] / speed, flows[m])
-        flows[m][4] = math.exp(-fading.decay * law.lengths[m] / speed)
-    weights, own = scaled(series.output, terms, speed), scaled(series.own, terms, speed)
-    forced = _polynomials(law, weights, mode.constant, lowest, highest)
-    group_lowest = zeros(len(law.groups) - 1)
-    for g in range(len(group_lowest)):
-        group_lowest[g] = lowest[law.groups[g]]
-        for i in range(law.groups[g], law.groups[g + 1]):
-            group_lowest[g] = min(group_lowest[g], lowest[i])
-    jumps = zeros((2, count))
-    for k in range(2):  # of the polynomial's η, and of its η̇
-        add_all(jumps[k], own, law.jumps, k)
+    count, norm = len(law.span_index), norm_of(mode)
+    terms = count_terms(law, series, speed)
+    span_flows = np.zeros(len(law.spans), SPAN_FLOW)
+    for m in range(len(span_flows)):
+        write_flow(span_flows[m], flow_over(mode, law.spans[m] / speed))
+        span_flows[m]["remainder"] = math.exp(-norm.decay * law.spans[m] / speed)
+    weights, own = scale_terms(series.output, terms, speed), scale_terms(series.own, terms, speed)
+    min_forced, max_forced = np.zeros(count), np.zeros(count)
+    forced = _forced_ordinates(law, weights, mode.cam.constant, min_forced, max_forced)
+    group_min_forced = np.zeros(len(law.first_pieces) - 1)
+    for g in range(len(group_min_forced)):
+        first, end = law.first_pieces[g], law.first_pieces[g + 1]
+        group_min_forced[g] = min_of(min_forced[first:end])
+    jumps = np.zeros((2, count))
+    for k in range(2):  # of η, and of η̇
+        add_weighted(jumps[k], own, law.jumps, k)
     for i in range(count):
         jumps[1][i] *= speed
-    whole, lefts, floors = zeros((4, count)), zeros(count), zeros(count)
-    turn, flow = _along(law, flows, jumps, whole, lefts)
-    begin = state_at(law, own, speed, 0)
-    repeated = _repeated(flow, turn)
-    starts, most = _starts(mode, fading, speed, begin, flow, turn, repeated), 0.0
-    for start in starts:
-        most = max(most, fading.reach * amplitude(fading, (start[0], start[1])))
-    places, rates, rate, half = jumps[0], jumps[1], fading.rate, fading.half
-    for i in range(count):
-        place, velocity = rate * places[i], rates[i] + half * places[i]
-        ringing = fading.reach * math.sqrt(place * place + velocity * velocity)
-        floors[i] = lowest[i] - ringing - most * lefts[i]
-    cam = (speed, fading, own, forced, lowest, group_lowest, highest)
-    settled = begin[0] + repeated[0], begin[1] + repeated[1]
-    return OscillatorMotion(*cam, flows, whole, jumps, lefts, starts, settled, floors)
+    piece_starts = np.zeros(count, PIECE_START)
+    turn_flow, excited = _pass_turn(law, span_flows, jumps, piece_starts)
+    x = forced_vibration(law, own, speed, 0)
+    steady = _repeating_start(turn_flow, excited)
+    turn_starts = _turn_starts(mode, norm, speed, x, turn_flow, excited, steady)
+    largest = 0.0
+    for i in range(len(turn_starts)):
+        start = StemVibration(turn_starts[i]["displacement"], turn_starts[i]["velocity"])
+        largest = max(largest, norm.reach * amplitude(norm, start))
+    for i in range(count):  # (19)
+        start = StemVibration(piece_starts[i]["displacement"], piece_starts[i]["velocity"])
+        floor = min_forced[i] - norm.reach * amplitude(norm, start)
+        piece_starts[i]["floor"] = floor - largest * piece_starts[i]["remainder"]
+    return OscillatorMotion(
+        speed=speed,
+        norm=norm,
+        own=own,
+        forced=forced,
+        min_forced=min_forced,
+        group_min_forced=group_min_forced,
+        max_forced=max_forced,
+        span_flows=span_flows,
+        piece_starts=piece_starts,
+        turn_starts=turn_starts,
+        repeating=StemVibration(x.displacement + steady.displacement, x.velocity + steady.velocity),
+    )
 
 
-def _along(
-    law: LawSeries, flows: Rows, added: Rows, whole: Rows, lefts: Row
-) -> tuple[Pair, Quadruple]:
-    """Go along the turn: from jumps in ``added`` to what they have added, and the flow up to there.
+def _pass_turn(
+    law: LawSeries, span_flows: Records, jumps: Matrix, piece_starts: Records
+) -> tuple[Flow, StemVibration]:
+    """Write the start of each piece; return the flow of the turn and what its joints excite.
 
-    What is returned is both at the turn's end.
+    ``jumps`` are those of X, ``(2, n)``. The jump at angle 0 counts at the end of the turn.
     """
-    places, rates, last = added[0], added[1], (added[0][0], added[1][0])
-    place, rate, a, b, c, d, left = last[0], last[1], 1.0, 0.0, 0.0, 1.0, 1.0
-    whole_a, whole_b, whole_c, whole_d = whole[0], whole[1], whole[2], whole[3]
-    for i in range(len(lefts)):
-        place, rate = place - places[i], rate - rates[i]
-        places[i], rates[i], lefts[i] = place, rate, left
-        whole_a[i], whole_b[i], whole_c[i], whole_d[i] = a, b, c, d
-        flow = flows[law.alike[i]]
-        p, q, r, s = flow[0], flow[1], flow[2], flow[3]
-        place, rate = p * place + q * rate, r * place + s * rate
+    first = StemVibration(jumps[0][0], jumps[1][0])
+    displacement, velocity = first.displacement, first.velocity
+    a, b, c, d, remainder = 1.0, 0.0, 0.0, 1.0, 1.0
+    for i in range(len(piece_starts)):
+        displacement, velocity = displacement - jumps[0][i], velocity - jumps[1][i]
+        start = piece_starts[i]
+        start["displacement"], start["velocity"] = displacement, velocity
+        start["remainder"] = remainder
+        write_flow(start, Flow(a, b, c, d))
+        span_flow = span_flows[law.span_index[i]]
+        p, q, r, s = read_flow(span_flow)
+        displacement, velocity = p * displacement + q * velocity, r * displacement + s * velocity
         a, b, c, d = p * a + q * c, p * b + q * d, r * a + s * c, r * b + s * d
-        left *= flow[4]
-    return (place - last[0], rate - last[1]), (a, b, c, d)
+        remainder *= span_flow["remainder"]
+    excited = StemVibration(displacement - first.displacement, velocity - first.velocity)
+    return Flow(a, b, c, d), excited
 
 
-def _polynomials(law: LawSeries, weights: Row, constant: float, lowest: Row, highest: Row) -> Rows:
-    """Ordinates of the output's polynomials; the least, the largest absolute one of each piece."""
-    out = zeros((len(law.derivatives), len(lowest)))
+def _forced_ordinates(
+    law: LawSeries, weights: Vector, constant: float, lowest: Vector, highest: Vector
+) -> Matrix:
+    """Return the ordinates of P; write the least and the largest absolute one of each piece."""
+    out = np.zeros((len(law.derivatives), len(lowest)))
     for j in range(len(out)):
         row = out[j]
         for i in range(len(row)):
             row[i] = constant
-        add_all(row, weights, law.derivatives[j], 0)
+        add_weighted(row, weights, law.derivatives[j], 0)
         if j == 0:
             for i in range(len(row)):
                 lowest[i], highest[i] = row[i], abs(row[i])
@@ -297,49 +379,46 @@ def _polynomials(law: LawSeries, weights: Row, constant: float, lowest: Row, hig
     return out
 
 
-def flow_over(mode: Oscillator, time: float, out: Row) -> None:
-    """e^{At} of (η, η̇) over a time (s), row by row."""
-    impulse, rate, _ = compute_impulse_response(mode.damping, mode.stiffness, time)
-    out[0], out[1] = rate + mode.damping * impulse, impulse
-    out[2], out[3] = -mode.stiffness * impulse, rate
+def _repeating_start(flow: Flow, excited: StemVibration) -> StemVibration:
+    """Return the free vibration that a turn reproduces; infinite if it reproduces any."""
+    a, d = 1.0 - flow.eta_eta, 1.0 - flow.rate_rate
+    determinant = a * d - flow.eta_rate * flow.rate_eta
+    if determinant == 0.0:
+        return StemVibration(math.inf, math.inf)
+    displacement = d * excited.displacement + flow.eta_rate * excited.velocity
+    velocity = flow.rate_eta * excited.displacement + a * excited.velocity
+    return StemVibration(displacement / determinant, velocity / determinant)
 
 
-def _repeated(flow: Quadruple, turn: Pair) -> Pair:
-    """Free (η, η̇) that a turn leaves as it was; infinite where it leaves any so."""
-    a, d = 1.0 - flow[0], 1.0 - flow[3]
-    divisor = a * d - flow[1] * flow[2]
-    if divisor == 0.0:
-        return math.inf, math.inf
-    place, rate = d * turn[0] + flow[1] * turn[1], flow[2] * turn[0] + a * turn[1]
-    return place / divisor, rate / divisor
-
-
-def _starts(
+def _turn_starts(
     mode: Oscillator,
-    size: Norm,
+    norm: VibrationNorm,
     speed: float,
-    begin: Pair,
-    flow: Quadruple,
-    turn: Pair,
-    repeated: Pair,
-) -> Rows:
-    """Free (η, η̇) where each turn begins; ``begin`` is the polynomial's where the run does."""
+    forced: StemVibration,
+    flow: Flow,
+    excited: StemVibration,
+    steady: StemVibration,
+) -> Records:
+    """Return the free vibration at the start of each turn; ``forced`` is X at the run's start."""
     if math.isinf(mode.duration):
-        steady = zeros((1, 2))
-        steady[0][0], steady[0][1] = repeated
-        return steady
-    turns, once = max(1, math.ceil(speed * mode.duration / TURN)), size.decay * TURN / speed
-    if once * turns > -LEAST:
-        turns = 1 + math.ceil(-LEAST / once)
-    starts = zeros((turns, 2))
-    starts[0][0], starts[0][1] = -begin[0], -begin[1]
-    for i in range(1, turns):
-        place, rate = starts[i - 1][0], starts[i - 1][1]
-        starts[i][0] = flow[0] * place + flow[1] * rate + turn[0]
-        starts[i][1] = flow[2] * place + flow[3] * rate + turn[1]
+        starts = np.zeros(1, TURN_START)
+        starts[0]["displacement"], starts[0]["velocity"] = steady.displacement, steady.velocity
+        return starts
+    turns = max(1, math.ceil(speed * mode.duration / TURN))
+    decay_per_turn = norm.decay * TURN / speed
+    if decay_per_turn * turns > -LOG_FADED:
+        turns = 1 + math.ceil(-LOG_FADED / decay_per_turn)
+    starts = np.zeros(turns, TURN_START)
+    free = StemVibration(-forced.displacement, -forced.velocity)
+    for i in range(turns):
+        starts[i]["displacement"], starts[i]["velocity"] = free.displacement, free.velocity
+        free = apply_flow(flow, free)
+        free = StemVibration(
+            free.displacement + excited.displacement, free.velocity + excited.velocity
+        )
     return starts
 
 
-def end_of(motion: OscillatorMotion, duration: float) -> float:
-    """Where a run (s) ends, or what follows is as before; rad."""
-    return min(len(motion.starts) * TURN, motion.speed * duration)
+def end_angle(motion: OscillatorMotion, duration: float) -> float:
+    """Return the angle (rad) at which a run ends, or after which it repeats."""
+    return min(len(motion.turn_starts) * TURN, motion.speed * duration)

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from cam_rig.dynamics import FollowerParameters, Samples, TwoMassParameters
 from cam_rig.dynamics.jump.any_follower import find_jump, follower_of
-from cam_rig.dynamics.jump.jump_speed import FROM_REST, rigid_jump_speed
+from cam_rig.dynamics.jump.rigid_mass import rigid_jump_speed
+from cam_rig.dynamics.jump.two_masses import FROM_REST
 from cam_rig.errors import CamRigError
 from cam_rig.laws import Law, build_law
 from cam_rig.panel.bench.runner import Setup

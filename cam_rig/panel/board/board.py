@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.jump.any_follower import TWO_MASSES, described, follower_of
-from cam_rig.dynamics.jump.jump_speed import FROM_REST
+from cam_rig.dynamics.jump.two_masses import FROM_REST
 from cam_rig.errors import ConfigError, ProfileError, RefusedError
 from cam_rig.extras import require
 from cam_rig.files import write_new

@@ -20,7 +20,8 @@ from cam_rig.acoustics import RadiationParameters, level_db
 from cam_rig.acoustics.pressure import steady_power
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics.jump.any_follower import find_jump, follower_of
-from cam_rig.dynamics.jump.jump_speed import FROM_REST, rigid_jump_speed
+from cam_rig.dynamics.jump.rigid_mass import rigid_jump_speed
+from cam_rig.dynamics.jump.two_masses import FROM_REST
 from cam_rig.dynamics.vibration import residual_vibration
 from cam_rig.errors import CamRigError, ConfigError
 from cam_rig.laws import Law, build_law

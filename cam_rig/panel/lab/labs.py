@@ -14,8 +14,13 @@ import numpy as np
 from cam_rig.acoustics import RadiationParameters, SoundSource
 from cam_rig.dynamics import MODELS, Block, FollowerParameters, Interval, TwoMassParameters
 from cam_rig.dynamics.free_masses import contact_response
-from cam_rig.dynamics.jump.any_follower import AnyFollower, find_jump, follower_of
-from cam_rig.dynamics.jump.jump_speed import contact_lost_speed, rigid_jump
+from cam_rig.dynamics.jump.any_follower import (
+    AnyFollower,
+    contact_lost_speed,
+    find_jump,
+    follower_of,
+)
+from cam_rig.dynamics.jump.rigid_mass import rigid_jump
 from cam_rig.dynamics.steady_rules import LAB_TURNS
 from cam_rig.dynamics.vibration import fastest, residual_vibration, steady_turn
 from cam_rig.errors import ConfigError, did_you_mean

@@ -16,8 +16,7 @@ import numpy as np
 
 from cam_rig.arguments import checked
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
-from cam_rig.dynamics.jump.jump_speed import FROM_REST
-from cam_rig.dynamics.jump.search import sought_speed
+from cam_rig.dynamics.jump.two_masses import FROM_REST, find_jump_speed
 from cam_rig.errors import ConfigError, ProfileError
 from cam_rig.laws import Law, bernstein
 from cam_rig.laws.bernstein import Pieces, joined, turned_to_zero
@@ -234,7 +233,7 @@ class DrawnCam:
         """Run a law."""
         turns = settled_turns(law, "one_mass", bench.follower, bench.speeds)
         lands = [v / RPM for v, i in zip(turns.speeds, turns.impulses, strict=True) if i.any()]
-        jump = sought_speed(law, bench.two_mass, FROM_REST) / RPM
+        jump = find_jump_speed(law, bench.two_mass, FROM_REST) / RPM
         return cls(law, jump, bench.acoustics.levels(turns), min(map(float, lands), default=None))
 
 

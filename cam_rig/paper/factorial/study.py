@@ -23,8 +23,8 @@ from pydantic import Field, model_validator
 from cam_rig.acoustics import RadiationParameters
 from cam_rig.arguments import checked
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
-from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
-from cam_rig.dynamics.jump.search import sought_speed
+from cam_rig.dynamics.jump.rigid_mass import rigid_jump_speed
+from cam_rig.dynamics.jump.two_masses import find_jump_speed
 from cam_rig.dynamics.vibration import require_speeds, residual_vibration, steady_turn
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
@@ -161,7 +161,7 @@ def measured(config: FactorialConfig, rig: RigConfig, noise_rig: RigConfig, law:
     noise = settled_turns(law, "one_mass", rigid, config.noise.si_list)
     contact = settled_turns(law, "two_mass", two_mass, [config.noise_in_contact.si])
     return Measures(
-        jump=sought_speed(law, two_mass, config.run.si) * RPM_PER_RAD_S,
+        jump=find_jump_speed(law, two_mass, config.run.si) * RPM_PER_RAD_S,
         rigid_jump=rigid_jump_speed(law, follower) * RPM_PER_RAD_S,
         acceleration=math.exp(float(np.mean(np.log(peaks)))),
         own_acceleration=math.exp(float(np.mean(np.log(own)))),

@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cam_rig.dynamics import TwoMassParameters
-from cam_rig.dynamics.jump.search import force_run, sought_speed
-from cam_rig.dynamics.modal.motion import SETTLED
+from cam_rig.dynamics.jump.two_masses import find_jump_speed, force_run
+from cam_rig.dynamics.modal.motion import SERIES_RTOL
 from cam_rig.dynamics.two_mass import first_lift_off
 from cam_rig.laws import Law, bernstein, build_law
 from cam_rig.schema import CamConfig, TableReading
@@ -122,11 +122,11 @@ class ShapeTable:
     def powers(self, scale: FloatArray, series: FloatArray) -> FloatArray:
         """``(b, n, count)``: (du/dt)^k, zero where the series ``(b, count)`` has settled.
 
-        What comes after two terms below `SETTLED` of the largest is rounding of a fitted law.
+        What comes after two terms below `SERIES_RTOL` of the largest is rounding of a fitted law.
         """
         powers = np.asarray(scale[:, :, None] ** np.arange(series.shape[1]))
         sizes = (np.abs(series)[:, None, :] * powers * self.largest).sum(axis=1)
-        small = sizes <= SETTLED * np.maximum.accumulate(sizes, axis=1)
+        small = sizes <= SERIES_RTOL * np.maximum.accumulate(sizes, axis=1)
         over = np.logical_or.accumulate((small[:, :-1] & small[:, 1:])[:, 2:], axis=1)
         powers[:, :, 3:] *= ~over[:, None, :]
         return powers
@@ -348,7 +348,7 @@ def first_on_grid(law: Law, follower: TwoMassParameters, last_rpm: float, run: f
     """The first speed (rpm) of the grid at which a run from rest loses contact; NaN for none."""
     grid = np.arange(FIRST_RPM, last_rpm + 0.5 * ROUNDED_TO, ROUNDED_TO)
     force = force_run(law, follower, run)
-    lost = (rpm for rpm in grid.tolist() if force.lowest(rpm * RPM) <= 0.0)
+    lost = (rpm for rpm in grid.tolist() if force.min_output(rpm * RPM) <= 0.0)
     return float(next(lost, math.nan))
 
 
@@ -371,11 +371,11 @@ def _row(
     cam: str, law: Law, follower: TwoMassParameters, printed: PublishedJump, run: float
 ) -> ReadRow:
     rpm = first_on_grid(law, follower, LAST * printed.rpm, run)
-    jump = sought_speed(law, follower, run, FIRST_RPM)
+    jump = find_jump_speed(law, follower, run, FIRST_RPM)
     speeds = rpm * RPM, jump * (1.0 + SOLVER), jump * (1.0 + BEYOND)
     there, at_limit, beyond = (_first_loss(law, follower, speed, run) for speed in speeds)
     near = window(law, follower, printed, run)
-    force = force_run(law, follower, run).lowest(printed.rpm * RPM)
+    force = force_run(law, follower, run).min_output(printed.rpm * RPM)
     return ReadRow(cam, printed, to_rpm(jump), rpm, there, at_limit, beyond, near, force)
 
 

@@ -20,7 +20,7 @@ from scipy.optimize import brentq, minimize_scalar
 
 from cam_rig.acoustics import RadiationParameters, level_db
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
-from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
+from cam_rig.dynamics.jump.rigid_mass import rigid_jump_speed
 from cam_rig.dynamics.vibration import low_dwell
 from cam_rig.laws import Law
 from cam_rig.laws.cam import CamSet

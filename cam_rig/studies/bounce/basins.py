@@ -12,7 +12,7 @@ import numpy as np
 
 from cam_rig.arguments import checked
 from cam_rig.dynamics import MODELS, Interval
-from cam_rig.dynamics.events.search import expect_many
+from cam_rig.dynamics.events.backend import expect_many
 from cam_rig.dynamics.parameters import FollowerParameters
 from cam_rig.dynamics.turn_map import StroboscopicMap
 from cam_rig.errors import ConfigError
@@ -129,7 +129,7 @@ def _ends(
         end = EndMotion(
             **vars(found),
             landings_per_turn=float(run.landings[-turns:].mean()),
-            hardest=float(run.hardest[-turns:].max()),
+            hardest=float(run.max_landing_speeds[-turns:].max()),
             states=run.states[-turns:],
         )
         ends.append(end)

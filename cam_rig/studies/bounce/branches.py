@@ -210,8 +210,8 @@ class Family:
             states=run.states,
             derivative=run.derivative(),
             landings=int(run.landings.sum()),
-            hardest=float(run.hardest.max()),
-            softest=float(run.softest.min()),
+            hardest=float(run.max_landing_speeds.max()),
+            softest=float(run.min_landing_speeds.min()),
         )
         return run.states[-1] / self._scale[:-1], motion
 

@@ -56,7 +56,7 @@ def bouncing(rig: RigConfig, restitution: float | None, model: str = ONE_MASS) -
 def motion_of(turn_map: StroboscopicMap, run: TurnsRun, kept: int) -> TurnMotion:
     """The motion in the last ``kept`` turns of a run."""
     landings, untold = run.landings[-kept:], (math.nan,) * run.size
-    if not landings.any() and not run.on_cam[-kept:].all():  # it flies, and did not land
+    if not landings.any() and not run.contact_times[-kept:].all():  # it flies, and did not land
         return TurnMotion(NOT_TOLD, None, None, untold, math.nan)
     states = run.states / turn_map.scale
     period = _period(states[-kept:])

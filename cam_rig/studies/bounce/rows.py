@@ -87,10 +87,10 @@ class BounceRuns:
             **vars(found),
             point=point,
             landings_per_turn=float(run.landings[-(found.period or self.turns) :].mean()),
-            rests=bool(run.on_cam[-self.turns :].any()),
+            rests=bool(run.contact_times[-self.turns :].any()),
             level_db=level,
             level_spread_db=spread,
-            hardest=run.hardest[-shown:],
+            hardest=run.max_landing_speeds[-shown:],
             states=run.states[-shown:],
         )
 

@@ -7,7 +7,7 @@ from concurrent.futures import Executor
 from pathlib import Path
 
 from cam_rig.arguments import checked, on_one_axis
-from cam_rig.dynamics.events.search import expect_many
+from cam_rig.dynamics.events.backend import expect_many
 from cam_rig.dynamics.turn_map import ON_THE_CAM, State
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law

@@ -11,8 +11,9 @@ import numpy as np
 from scipy.optimize import brentq
 
 from cam_rig.dynamics import TwoMassParameters
-from cam_rig.dynamics.jump.jump_speed import jump_speed, rigid_jump
-from cam_rig.dynamics.jump.search import NoJumpSpeedError, force_run
+from cam_rig.dynamics.jump.any_follower import find_jump
+from cam_rig.dynamics.jump.rigid_mass import rigid_jump
+from cam_rig.dynamics.jump.two_masses import NoJumpSpeedError, force_run
 from cam_rig.dynamics.kinetostatic import force_extremes
 from cam_rig.laws import Law
 from cam_rig.show.result import Column
@@ -111,7 +112,7 @@ class Sweep:
             if not isinstance(p, TwoMassParameters):
                 return rigid_jump(law, p)[0]
             try:
-                return jump_speed(law, p, None).speed
+                return find_jump(law, p, None).speed
             except NoJumpSpeedError as none:
                 return none.speed
         found = [self._least_force(law, value) for value in values]
@@ -123,5 +124,5 @@ class Sweep:
     def _least_force(self, law: Law, value: float) -> float:
         point = self.at(value)
         if isinstance(point.parameters, TwoMassParameters):
-            return force_run(law, point.parameters, None).lowest(point.speed)
+            return force_run(law, point.parameters, None).min_output(point.speed)
         return force_extremes(law, point.parameters, point.speed)[0]

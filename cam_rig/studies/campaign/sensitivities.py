@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from cam_rig.dynamics import TwoMassParameters
 from cam_rig.dynamics.jump.any_follower import follower_of
-from cam_rig.dynamics.jump.jump_speed import FROM_REST
-from cam_rig.dynamics.jump.search import touch
+from cam_rig.dynamics.jump.two_masses import FROM_REST, solve_threshold
 from cam_rig.dynamics.modal.first_zero import Climb
 from cam_rig.errors import CamRigError, DynamicsError
 from cam_rig.laws import Law, bernstein
@@ -45,7 +44,7 @@ FOLLOWER = (
 
 def touch_of(law: Law, follower: TwoMassParameters, duration: float | None) -> Climb:
     """The touch at the jump speed of a run from rest of so many s, or in steady state (None)."""
-    found = touch(law, follower, duration)
+    found = solve_threshold(law, follower, duration)
     if duration is not None and duration * found.speed - found.angle < NEAR:
         raise DynamicsError(
             "no derivative: contact is lost at the end of the run, not where the force is least"

@@ -1,7 +1,8 @@
 """A convex program in a design's unknowns and one level t, solved, and bounded by its multipliers.
 
 The bound does not rest on the solver: any multipliers of the right signs give one (weak duality),
-and these are put right and the bound computed here, in a few sums.
+and these are put right and the bound computed here, in a few sums. Numbers in brackets are the
+inequalities of docs/proofs.md, part 2.
 """
 
 from __future__ import annotations
@@ -210,7 +211,7 @@ def _infeasible(blocks: list[RowBlock], dual: FloatArray) -> InfeasibleError:
     most = max(share.values(), default=0.0)
     ranked = sorted(share.items(), key=lambda item: (item[0] == LARGEST, -item[1]))
     names = tuple(name for name, part in ranked if part > 1e-6 * most)
-    # no unknowns keep the rows for any |t| up to `LEVELS`: Σ y (c + A x + w t) is below zero
+    # (40): no unknowns keep the rows for any |t| up to `LEVELS`
     y, weight = _in_cones(blocks, dual)
     refuted = bound_of(blocks, y) + abs(weight) * LEVELS < 0.0
     proved = all(block.necessary for block in blocks) and refuted
@@ -254,7 +255,7 @@ def _in_cones(blocks: list[RowBlock], dual: FloatArray) -> tuple[FloatArray, flo
     """The solver's multipliers, put into the cones, and what they weigh t with.
 
     The first block links the last unknowns to the others, with −1 each: its multipliers are made
-    such that those unknowns drop out.
+    such that those unknowns drop out (39).
     """
     y = dual.copy()
     rows, weights = _joined(blocks)
@@ -270,7 +271,7 @@ def _in_cones(blocks: list[RowBlock], dual: FloatArray) -> tuple[FloatArray, flo
 
 
 def bound_of(blocks: list[RowBlock], multipliers: FloatArray) -> float:
-    """Σ y c + |Aᵀ y| · BOX, which t cannot exceed where Σ y w = −1: Σ y (c + A x + w t) ≥ 0."""
+    """Return yᵀc + β Σ|(Aᵀy)ⱼ|, which t cannot exceed if yᵀw = −1 (39); β is `BOX`."""
     if np.isnan(multipliers).any():
         return np.inf
     rows, _ = _joined(blocks)

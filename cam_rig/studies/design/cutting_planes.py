@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from cam_rig.dynamics.jump.any_follower import find_jump
-from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
-from cam_rig.dynamics.jump.search import FASTEST, Jump
+from cam_rig.dynamics.jump.rigid_mass import rigid_jump_speed
+from cam_rig.dynamics.jump.two_masses import FASTEST, Jump
 from cam_rig.errors import ConfigError, DesignError, DynamicsError
 from cam_rig.quantities.terms import sign_of
 from cam_rig.studies.design.convex_program import (
@@ -241,7 +241,7 @@ class Solver:
         held = max(speed for speed, solution in found.items() if solution.level >= 0.0)
         law = found[held]
         bound = self._root(lambda speed: level(speed, False), top)
-        for _ in range(MAX_ROUNDS):  # it is proved where it is said
+        for _ in range(MAX_ROUNDS):  # (41) of docs/proofs.md, at the speed that is returned
             if level(bound, False) <= 0.0:
                 break
             bound *= 1.0 + SPEED
@@ -384,7 +384,10 @@ class TwoMassSearch:
         return jump
 
     def _bound(self, kept: ContactKept, speed: float) -> float:
-        """A speed at which the rows, some of those that a law must keep, leave no law."""
+        """Return a speed above all jump speeds of the class, by (41) of docs/proofs.md.
+
+        The rows are some of those that each law with a higher jump speed satisfies.
+        """
         cuts = [FewRows(self.solver.static(False).blocks), *self.solver.cuts(False)]
         kept.margin = 0.0  # contact is kept above zero: more than that no law has to
         program = GrowingProgram()

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from cam_rig.dynamics import FollowerParameters
-from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
+from cam_rig.dynamics.jump.rigid_mass import rigid_jump_speed
 from cam_rig.dynamics.kinetostatic import force_weights
 from cam_rig.laws import Law
 from cam_rig.laws.catalogue import cam_curves

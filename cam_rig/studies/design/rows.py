@@ -2,7 +2,7 @@
 
 Rows are made twice. At points they are necessary, so the program's bound is one for the whole
 class; on the ordinates of cut pieces (``hull``) they are sufficient, so the law keeps them at every
-angle.
+angle: (38) of docs/proofs.md.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import sparse
 
-from cam_rig.dynamics.jump.jump_speed import FROM_REST
+from cam_rig.dynamics.jump.two_masses import FROM_REST
 from cam_rig.dynamics.kinetostatic import force_weights
 from cam_rig.errors import ConfigError
 from cam_rig.laws import bernstein

@@ -14,7 +14,7 @@ from functools import lru_cache
 import numpy as np
 from scipy import sparse
 
-from cam_rig.dynamics.jump.search import Jump
+from cam_rig.dynamics.jump.two_masses import Jump
 from cam_rig.errors import DynamicsError
 from cam_rig.quantities.values import MISSED, minima, peaks, speeds_of
 from cam_rig.studies.design.convex_program import Affine, ProgramSolution, RowBlock

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from cam_rig.dynamics import FollowerParameters
-from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
+from cam_rig.dynamics.jump.rigid_mass import rigid_jump_speed
 from cam_rig.errors import ConfigError, LawError
 from cam_rig.laws import Law, build_law
 from cam_rig.profile.cam_checks import check_cam

@@ -20,7 +20,7 @@ from scipy.optimize import least_squares, nnls
 from scipy.stats import t as student
 
 from cam_rig.dynamics.jump.any_follower import find_jump
-from cam_rig.dynamics.jump.search import FASTEST, SLOWEST
+from cam_rig.dynamics.jump.two_masses import FASTEST, SLOWEST
 from cam_rig.errors import CamRigError, ConfigError
 from cam_rig.laws import Law
 from cam_rig.schema import RigConfig

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cam_rig.dynamics import FollowerParameters
-from cam_rig.dynamics.events.course import EndlessEventsError
+from cam_rig.dynamics.events.trajectory import EndlessEventsError
 from cam_rig.laws import Law
 from cam_rig.studies.fit_rig.numbers import NUMBERS, follower_of, from_search, to_search
 from cam_rig.studies.fit_rig.steady_turn import (

@@ -138,7 +138,7 @@ def _contact_after(law: Law, p: TwoMassParameters, speed: float) -> tuple[float,
     if not _turned(law, p, speed, 0.0, state).events:
         return 0.0, state
     course = Separation(law, p, speed)
-    course.go((RETURN_TURNS[2] + 1) * turn, state)
+    course.run_from((RETURN_TURNS[2] + 1) * turn, state)
     last = [x for x in course.phases if x.flight is None and x.end > RETURN_TURNS[2] * turn]
     if not last:
         return None
@@ -152,7 +152,7 @@ def _turned(
     law: Law, p: TwoMassParameters, speed: float, angle: float, start: FloatArray
 ) -> Separation:
     course = Separation(law, p, speed, angle)
-    course.go(TURN / speed, start)
+    course.run_from(TURN / speed, start)
     return course
 
 

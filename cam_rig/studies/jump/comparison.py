@@ -17,8 +17,15 @@ from cam_rig.dynamics.jump.any_follower import (
     find_jump,
     follower_of,
 )
-from cam_rig.dynamics.jump.jump_speed import FROM_REST, jump_speed, require_run, rigid_jump_speed
-from cam_rig.dynamics.jump.search import FASTEST, Jump, keeps_contact, sought_speed
+from cam_rig.dynamics.jump.rigid_mass import rigid_jump_speed
+from cam_rig.dynamics.jump.two_masses import (
+    FASTEST,
+    FROM_REST,
+    Jump,
+    find_jump_speed,
+    keeps_contact,
+    require_run,
+)
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law, build_law
 from cam_rig.laws.cam import CamSet
@@ -246,7 +253,7 @@ def find_jumps(
         if isinstance(follower, TwoMassParameters):  # one mass is rigid, from rest as settled
             rigid = rigid_jump_speed(law, FollowerParameters.from_rig(cam_set.rig)) / RPM
             if duration is not None and follower.stem_damping + follower.damping > 0.0:
-                steady = jump_speed(law, follower, None)
+                steady = find_jump(law, follower, None)
         rows.append(JumpRow(cam, found, steady, rigid_rpm=rigid, **beside))
     return JumpResult(cam_set, tuple(rows), None if ramp else duration)
 
@@ -304,5 +311,5 @@ def jump_by_degree(
             for segment in cam.segments
         ]
         law = build_law(cam.model_copy(update={"segments": segments}))
-        found[degree] = sought_speed(law, parameters, duration) / RPM
+        found[degree] = find_jump_speed(law, parameters, duration) / RPM
     return found

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.markers import CARETUP
 
 from cam_rig.dynamics import TwoMassParameters
-from cam_rig.dynamics.jump.any_follower import described_run, follower_of, least_force
+from cam_rig.dynamics.jump.any_follower import described_run, follower_of, min_force
 from cam_rig.dynamics.two_mass import Separation, states
 from cam_rig.laws.cam import CamSet
 from cam_rig.laws.law import peak
@@ -63,7 +63,7 @@ def figure(found: JumpResult) -> Figure:
     force_axes(axes, rpm)
     for row in rows:
         near = rpm[rpm < BEYOND * row.found.rpm]
-        least = least_force(cam_set.laws[row.cam], parameters, found.duration, near * RPM)
+        least = min_force(cam_set.laws[row.cam], parameters, found.duration, near * RPM)
         label = f"{title_of(cam_set.titles, row.cam)}: {row.found.rpm:.2f}"
         for place in places:
             place.plot(near, least, label=label, **line(row.cam))
@@ -140,7 +140,7 @@ def jump_speed_figure(found: JumpSpeed) -> Figure:
     out = empty(3.4)
     axes = out.subplots()
     rpm = np.linspace(0.35 * found.rpm, 1.08 * found.rpm, POINTS)
-    axes.plot(rpm, least_force(law, parameters, found.duration, rpm * RPM), **line(law.name))
+    axes.plot(rpm, min_force(law, parameters, found.duration, rpm * RPM), **line(law.name))
     label = f"jump speed {found.rpm:.2f} rpm"
     axes.plot(found.rpm, 0.0, "o", color=colour(law.name), label=label)
     force_axes(axes, rpm)

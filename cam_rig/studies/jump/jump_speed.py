@@ -12,8 +12,7 @@ import numpy as np
 from cam_rig.arguments import checked, on_one_axis
 from cam_rig.dynamics.free_masses import BY, ONE_MASS, TwoMassParameters
 from cam_rig.dynamics.jump.any_follower import described_run, find_jump, follower_of
-from cam_rig.dynamics.jump.jump_speed import FROM_REST
-from cam_rig.dynamics.jump.search import Jump
+from cam_rig.dynamics.jump.two_masses import FROM_REST, Jump
 from cam_rig.errors import CamRigError, ConfigError
 from cam_rig.laws.law import Law
 from cam_rig.schema.rig import RigConfig
@@ -23,10 +22,10 @@ from cam_rig.units import FloatArray
 
 @dataclass(frozen=True, repr=False)
 class JumpSpeed(Jump, Result):
-    """A jump speed: ``rpm``, ``speed`` (rad/s), and where contact is lost.
+    """Jump speed ``rpm``, ``speed`` (rad/s), with the first lift-off.
 
-    ``angle`` (rad of cam angle in its turn) and ``time`` (s, from rest or from the beginning of a
-    turn) are those of the first lift-off. ``duration`` (s) is the run's; None is steady state.
+    ``angle`` (cam angle in its turn, rad) and ``time`` (since rest or since the start of a turn, s)
+    are those of the first lift-off. ``duration`` (s) is that of the run; None is steady state.
     """
 
     schema = "cam_rig.jump_speed.1"
@@ -45,33 +44,33 @@ class JumpSpeed(Jump, Result):
     duration: float | None
 
     def tables(self) -> list[Records]:
-        """One row."""
+        """Return the table with its only row."""
         caption = f"On rig {self.rig.name}: {described_run(follower_of(self.rig), self.duration)}"
         return [self.table("jump_speed", caption, [self], single=True)]
 
     def __repr__(self) -> str:
-        """What and where, in rpm and degrees."""
+        """Return the jump speed in rpm and the lift-off in degrees."""
         where = f"contact lost at {math.degrees(self.angle):.1f}° after {self.time:.3g} s"
         return f"JumpSpeed({self.law.name}: {self.rpm:.2f} rpm, {where})"
 
 
 @dataclass(frozen=True)
 class RigJump:
-    """One rig's jump speed; NaN, with a reason, where it has none."""
+    """Jump speed of one rig; NaN with a reason if it has none."""
 
     mass: float  #: kg
     spring_stiffness: float  #: N/m
     damping: float  #: N·s/m, of the end mass to ground
     preload: float  #: N
     rpm: float
-    angle: float  #: of the cam in its turn, rad
+    angle: float  #: cam angle in its turn, rad
     time: float  #: s
-    reason: str  #: empty where there is a jump speed
+    reason: str  #: empty if there is a jump speed
 
 
 @dataclass(frozen=True, repr=False)
 class JumpSpeeds(Result):
-    """Jump speeds of one law on many rigs, in ``rows``; ``rpm`` of all."""
+    """Jump speeds of one law on many rigs, one per row of ``rows``."""
 
     schema = "cam_rig.jump_speeds.1"
     columns: ClassVar = {
@@ -94,23 +93,23 @@ class JumpSpeeds(Result):
 
     @property
     def rpm(self) -> FloatArray:
-        """Jump speeds, ``(n,)``, rpm; NaN where there is none."""
+        """Jump speeds in rpm, ``(n,)``; NaN if a rig has none."""
         return np.array([row.rpm for row in self.rows])
 
     def tables(self) -> list[Records]:
-        """A row a rig."""
+        """Return the table with one row per rig."""
         run = described_run(follower_of(self.rig), self.duration)
         caption = f"{self.law.name} on rigs as {self.rig.name}: {run}"
         return [self.table("jump_speeds", caption, self.rows)]
 
     def __repr__(self) -> str:
-        """How many, and between what."""
+        """Return the number of jump speeds and their range."""
         found = self.rpm[np.isfinite(self.rpm)]
         span = f", {found.min():.2f} to {found.max():.2f} rpm" if found.size else ""
         return f"JumpSpeeds({self.law.name}: {found.size} of {len(self.rows)} rigs{span})"
 
 
-#: A number of the follower, SI: one, or one for each rig.
+#: Number of the follower in SI units, one for all rigs or one per rig.
 Numbers = FloatArray | float | None
 
 
@@ -142,26 +141,32 @@ def jump_speed(
     damping: Numbers = None,
     preload: Numbers = None,
 ) -> JumpSpeed | JumpSpeeds:
-    """The lowest speed at which the follower loses contact.
+    """Find the lowest speed at which the follower loses contact.
 
-    Of two masses where the rig says how they split, else of one rigid mass, which does not vibrate.
-    With numbers of the follower, each an array or one number for all, a row for each rig: the same,
-    bit for bit, as that rig alone, some hundred a second.
+    The follower has two masses if the rig contains their split, else one rigid mass, which does not
+    vibrate. Arrays of numbers of the follower give one row per rig, with the same bits as a call
+    for that rig alone, at about a hundred rigs per second.
 
     Parameters
     ----------
-    law : of `build_law`, or one's own `Law`
-    rig : two masses with ``roller_share`` and ``stem_damping``, such as ``paper_table2``; one
-        mass without both
-    duration : s, of runs from rest at cam angle 0, each at one speed; None for the steady state
-    mass, spring_stiffness, damping, preload : kg, N/m, N·s/m and N, ``(n,)``; None is the rig's own
+    law : `Law`, for example from `build_law`
+    rig : `RigConfig` of two masses with ``roller_share`` and ``stem_damping``, such as
+        ``paper_table2``; of one mass without both
+    duration : s, of runs from rest at cam angle 0 at one speed each; None for the steady state
+        (default: 1.7 s)
+    mass, spring_stiffness, damping, preload : kg, N/m, N·s/m and N, ``(n,)``, or one number for all
+        rigs; None for the rig's number
+
+    Returns
+    -------
+    `JumpSpeed`, or `JumpSpeeds` if a number of the follower is given
 
     Raises
     ------
-    ConfigError : an argument of another type, the rig has one of the two numbers alone, arrays of
-        different lengths, or a duration beyond 60 s
-    DynamicsError : contact lost at every speed or at none; or no steady
-        state. Of many rigs such a one has a reason in its row
+    ConfigError : an argument of another type, a rig with only one of the two numbers, arrays of
+        different lengths, or a duration above 60 s
+    DynamicsError : contact is lost at every speed or at none, or there is no steady state; with
+        arrays the row of the rig contains the reason instead
 
     Examples
     --------

@@ -17,8 +17,7 @@ from scipy.optimize import OptimizeResult, least_squares
 
 from cam_rig.arguments import checked
 from cam_rig.dynamics import TwoMassParameters
-from cam_rig.dynamics.jump.jump_speed import FROM_REST, require_run
-from cam_rig.dynamics.jump.search import sought_speed
+from cam_rig.dynamics.jump.two_masses import FROM_REST, find_jump_speed, require_run
 from cam_rig.errors import CamRigError, ConfigError
 from cam_rig.laws import Law, build_law
 from cam_rig.laws.cam import CamSet
@@ -238,7 +237,7 @@ def refit(
         rpm = published[cam]
         laws, trial = refitted({cam: cams[cam]}, parameters, numbers)
         try:
-            return sought_speed(laws[cam], trial, duration, BELOW * rpm) / RPM / rpm - 1.0
+            return find_jump_speed(laws[cam], trial, duration, BELOW * rpm) / RPM / rpm - 1.0
         except CamRigError:
             return -(1.0 - BELOW)
 

@@ -202,7 +202,7 @@ def _two_mass(law: Law, p: TwoMassParameters, speed: float) -> SteadyForce:
         return SteadyForce(speed, 1, contact)
     for run in SPECTRUM_TURNS:
         course = Separation(law, p, speed)
-        course.go((run + MAX_PERIOD_TURNS) * turn, np.zeros(2) if start is None else start)
+        course.run_from((run + MAX_PERIOD_TURNS) * turn, np.zeros(2) if start is None else start)
         turns = _period(course, run, turn)
         if turns is not None:
             break

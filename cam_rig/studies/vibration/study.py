@@ -10,7 +10,7 @@ from typing import ClassVar
 from cam_rig.arguments import checked
 from cam_rig.dynamics import FollowerParameters
 from cam_rig.dynamics import vibration as steady
-from cam_rig.dynamics.jump.jump_speed import contact_lost_speed
+from cam_rig.dynamics.jump.any_follower import contact_lost_speed
 from cam_rig.dynamics.torsional.model import from_rig as shaft_of
 from cam_rig.dynamics.vibration import SteadyVibration, require_speeds
 from cam_rig.laws.cam import CamSet

@@ -8,8 +8,8 @@ import pytest
 
 import cam_rig
 from cam_rig.dynamics import TwoMassParameters
-from cam_rig.dynamics.jump import search
-from cam_rig.dynamics.jump.search import force_run, sought_speed
+from cam_rig.dynamics.jump import two_masses
+from cam_rig.dynamics.jump.two_masses import find_jump_speed, force_run
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import build_law
 from cam_rig.paper.readings.readings import Rigs, ShapeTable, turn_minima
@@ -41,7 +41,7 @@ def test_every_place_that_starts_from_rest_means_the_same(steep, rig):
     """A simulation, the search for the jump speed, a search over rigs, and plain integration."""
     p = TwoMassParameters.from_rig(rig)
     for law in steep:
-        jump, lowest = sought_speed(law, p, RUN), force_run(law, p, RUN).lowest
+        jump, lowest = find_jump_speed(law, p, RUN), force_run(law, p, RUN).min_output
         assert lowest(jump * (1 - 1e-4)) > 0.0 > lowest(jump * (1 + 1e-4))
         speed = 0.8 * jump
         turns = int(speed * RUN / TURN)
@@ -49,7 +49,7 @@ def test_every_place_that_starts_from_rest_means_the_same(steep, rig):
         times = motion.time[:: max(1, motion.time.size // 4000)]
         force = motion.force[:: max(1, motion.time.size // 4000)]
         assert force == pytest.approx(integrated(law, p, speed, times), abs=1e-5 * force.max())
-        least = force_run(law, p, turns * TURN / speed).lowest(speed)
+        least = force_run(law, p, turns * TURN / speed).min_output(speed)
         assert least <= motion.force.min() <= least + 0.01 * motion.force.max()
         spans = law.spans[None]
         table = turn_minima(ShapeTable.of(law, 20_000), spans, Rigs.of(p, 1), speed, turns)
@@ -88,7 +88,7 @@ def test_of_one_rig_as_of_many(name):
         follower = TwoMassParameters(*map(float, numbers))
         for turn in (0, 1, TURNS - 1):
             run = force_run(law, follower, (turn + 1) * 60.0 / rpm * (1.0 - 1e-12))
-            exact = run.lowest(rpm * RPM)
+            exact = run.min_output(rpm * RPM)
             assert lowest[i, turn] == pytest.approx(exact, rel=0.02, abs=1.0)
 
 
@@ -138,9 +138,9 @@ def test_a_stiffer_stem_takes_no_more_looks(laws, two_mass, monkeypatch, stiffne
     There are 10⁷ resonances below the jump speed at 10¹⁵ N/m: where contact is proved over a wide
     range of speeds they are not gone through.
     """
-    monkeypatch.setattr(search, "MAX_LOOKS", MOST)
+    monkeypatch.setattr(two_masses, "MAX_EVALUATIONS", MOST)
     stiff = replace(two_mass, stem_stiffness=stiffness)
-    found = sought_speed(laws["poly345"], stiff, duration) / RPM
+    found = find_jump_speed(laws["poly345"], stiff, duration) / RPM
     assert found == pytest.approx(458.67, abs=5.0)
 
 
@@ -162,18 +162,18 @@ def test_any_rig_is_answered(laws, two_mass, monkeypatch, seed):
 
     At the limits of what a rig file may say too.
     """
-    monkeypatch.setattr(search, "MAX_LOOKS", MOST)
+    monkeypatch.setattr(two_masses, "MAX_EVALUATIONS", MOST)
     rng = np.random.default_rng(seed)
     law = laws[str(rng.choice(["poly345", "cycloidal", "bezier15", "bezier_segments"]))]
     duration = [1.7, None][int(rng.integers(2))]
     try:
-        assert sought_speed(law, drawn(two_mass, seed), duration) >= 0.0
+        assert find_jump_speed(law, drawn(two_mass, seed), duration) >= 0.0
     except DynamicsError as error:
         assert "allowed" in str(error)
 
 
 def test_what_takes_too_many_looks_is_refused_in_a_line(laws, two_mass, monkeypatch):
     """With the speed that was come to, the stem's frequency, the limit and what to do."""
-    monkeypatch.setattr(search, "MAX_LOOKS", 2e3)
+    monkeypatch.setattr(two_masses, "MAX_EVALUATIONS", 2e3)
     with pytest.raises(DynamicsError, match=r"contact holds up to .* more than 2000 looks .*stem"):
-        sought_speed(laws["cycloidal"], two_mass, 1.7)
+        find_jump_speed(laws["cycloidal"], two_mass, 1.7)

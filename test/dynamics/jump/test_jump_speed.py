@@ -9,8 +9,8 @@ import cam_rig
 from cam_rig.dynamics import MODELS, FollowerParameters, Interval, TwoMassParameters
 from cam_rig.dynamics.free_masses import contact_response
 from cam_rig.dynamics.jump.any_follower import described, find_jump, follower_of
-from cam_rig.dynamics.jump.jump_speed import jump_speed, rigid_jump, rigid_jump_speed, rigid_least
-from cam_rig.dynamics.jump.search import sought_speed
+from cam_rig.dynamics.jump.rigid_mass import rigid_jump, rigid_jump_speed, rigid_min_force
+from cam_rig.dynamics.jump.two_masses import find_jump_speed
 from cam_rig.errors import ConfigError, DynamicsError
 from cam_rig.laws import Law, build_law
 from cam_rig.laws.bernstein import joined
@@ -36,7 +36,7 @@ def leaves(law, parameters, speed, duration):
 def test_jump_speed_is_the_exact_models(laws, two_mass, cam, duration):
     """The exact model stays on 0.005 rpm below and leaves 0.005 rpm above, at the told time."""
     law = laws[cam]
-    found = jump_speed(law, two_mass, duration)
+    found = find_jump(law, two_mass, duration)
     assert not leaves(law, two_mass, found.speed - 0.005 * RPM, duration)
     assert leaves(law, two_mass, found.speed + 0.005 * RPM, duration)
     turned = found.speed * found.time % (2.0 * np.pi)
@@ -56,7 +56,7 @@ def test_a_resonance_that_only_just_lifts(cams, two_mass, slowest):
     # The force falls below zero between the points of its grid in time, and over 0.4 rpm alone.
     numbers = Numbers(2.0524121, 1433596.1, 0.3233099, 31.3206927)
     laws, follower = refitted({"poly345": cams["poly345"]}, two_mass, numbers)
-    found = sought_speed(laws["poly345"], follower, 1.7, slowest)
+    found = find_jump_speed(laws["poly345"], follower, 1.7, slowest)
     assert found / RPM == pytest.approx(348.55, abs=0.01)
     assert leaves(laws["poly345"], follower, 348.7 * RPM, 1.7)
     assert not leaves(laws["poly345"], follower, 349.1 * RPM, 1.7)
@@ -69,7 +69,7 @@ def test_a_resonance_narrower_than_a_millionth(laws, two_mass):
     The follower leaves in a band of a millionth of the speed, and next only far above it.
     """
     law, slack = laws["poly345"], replace(two_mass, stem_damping=0.003, damping=0.003)
-    found = jump_speed(law, slack, None).speed
+    found = find_jump(law, slack, None).speed
     assert not leaves(law, slack, found * (1.0 - 1e-8), None)
     assert leaves(law, slack, found * (1.0 + 1e-8), None)
     assert not leaves(law, slack, found * 1.0001, None)
@@ -78,14 +78,14 @@ def test_a_resonance_narrower_than_a_millionth(laws, two_mass):
 def test_forces_in_proportion(laws, two_mass):
     """All masses, stiffnesses, dampers and the preload times seven: the same jump."""
     seven = TwoMassParameters(**{k: 7.0 * v for k, v in asdict(two_mass).items()})
-    one, other = (jump_speed(laws["poly4567"], p) for p in (two_mass, seven))
+    one, other = (find_jump(laws["poly4567"], p) for p in (two_mass, seven))
     assert other.speed == pytest.approx(one.speed, rel=1e-5)
     assert other.time == pytest.approx(one.time, rel=1e-3)
 
 
 def test_a_longer_run_leaves_no_later(laws, two_mass):
     """What leaves within a short run leaves within a long one: speeds fall with the length."""
-    speeds = [jump_speed(laws["poly345"], two_mass, t).speed for t in (0.1, 0.3, 1.7)]
+    speeds = [find_jump(laws["poly345"], two_mass, t).speed for t in (0.1, 0.3, 1.7)]
     assert speeds[1] <= speeds[0] * (1.0 + 1e-12)
     assert speeds[2] <= speeds[1] * (1.0 + 1e-12)
 
@@ -100,7 +100,7 @@ def test_a_longer_run_leaves_no_later(laws, two_mass):
 def test_no_jump_speed(laws, two_mass, changes, duration, words):
     """A follower that is not pressed on, or a stem that rings for ever, has none: said so."""
     with pytest.raises(DynamicsError, match=words):
-        jump_speed(laws["poly345"], replace(two_mass, **changes), duration)
+        find_jump(laws["poly345"], replace(two_mass, **changes), duration)
 
 
 def test_a_cam_that_throws_nothing(make_cam, two_mass):
@@ -112,7 +112,7 @@ def test_a_cam_that_throws_nothing(make_cam, two_mass):
         lift=1e-12,
     )
     with pytest.raises(DynamicsError, match="keeps contact up to 100000 rpm"):
-        jump_speed(build_law(cam), two_mass, None)
+        find_jump(build_law(cam), two_mass, None)
 
 
 # -- many rigs at once: each row is that rig's alone, and one without an answer harms no other
@@ -195,7 +195,7 @@ def test_any_law_on_any_rig(rng_rigs):
         assert first.kind == "lift-off"
         assert abs(away) < 0.02
         assert found.time * found.speed == pytest.approx(found.angle)
-        least = rigid_least(law, mass, found.speed * np.array([0.99, 1.0, 1.01]))
+        least = rigid_min_force(law, mass, found.speed * np.array([0.99, 1.0, 1.01]))
         assert least[0] > 0.0 > least[2]
         assert abs(least[1]) < 1e-4 * (mass.preload + mass.spring_stiffness * law.lift)
 
@@ -263,7 +263,7 @@ def test_an_overdamped_stem(laws, stiffness, share, ratio):
     """The least force of the settled turn, by its harmonics, is 0."""
     law, p, count = laws["poly345"], damped(stiffness, share, ratio), 1 << 16
     lift = np.fft.rfft(law.motion_at(np.arange(count) * (TURN / count))[0])
-    found = jump_speed(law, p, None).speed
+    found = find_jump(law, p, None).speed
     least = []
     for speed in (found * 0.9999, found * 1.0001):
         z = 1j * speed * np.arange(lift.size)
@@ -279,7 +279,7 @@ def test_a_search_names_the_damping_that_is_in_its_way(laws):
     with pytest.raises(
         DynamicsError, match=r"is damped 5 times critical, .*allowed.* less damping"
     ):
-        sought_speed(laws["modified_sine"], damped(1.26e6, 0.4, 5.0), None, 300.0)
+        find_jump_speed(laws["modified_sine"], damped(1.26e6, 0.4, 5.0), None, 300.0)
 
 
 @pytest.mark.parametrize("cam", ["poly345", "trigonometric", "tm21"])
@@ -320,16 +320,16 @@ def through(law, count):
 def test_a_law_in_more_pieces_is_the_same_law(laws, two_mass, cam, duration):
     """Cut anywhere into 40 to 160 pieces, of mixed spans: the jump speed stays, to 1e-6."""
     rng = np.random.default_rng(3)
-    expected = jump_speed(laws[cam], two_mass, duration).speed
+    expected = find_jump(laws[cam], two_mass, duration).speed
     for more in (20, 60):
         law = with_joints(laws[cam], *rng.uniform(0.0, TURN, more))
-        assert jump_speed(law, two_mass, duration).speed == pytest.approx(expected, rel=1e-6)
+        assert find_jump(law, two_mass, duration).speed == pytest.approx(expected, rel=1e-6)
 
 
 def test_readings_jump_as_their_law(laws, two_mass):
     """A spline through every other degree jumps where its law does, to 3e-4."""
-    expected = jump_speed(laws["poly345"], two_mass).rpm
-    assert jump_speed(through(laws["poly345"], 180), two_mass).rpm == pytest.approx(
+    expected = find_jump(laws["poly345"], two_mass).rpm
+    assert find_jump(through(laws["poly345"], 180), two_mass).rpm == pytest.approx(
         expected, rel=3e-4
     )
 
@@ -345,7 +345,7 @@ def test_no_slower_speed_leaves_a_long_law(laws, two_mass, seed):
         stem_stiffness=two_mass.stem_stiffness * rng.uniform(0.3, 2.0),
         preload=two_mass.preload * rng.uniform(0.5, 2.0),
     )
-    found = jump_speed(law, rig, 0.4).speed
+    found = find_jump(law, rig, 0.4).speed
     for part in [*rng.uniform(0.5, 1.0, 24), 1.0 - 1e-6]:
         assert lift_off(law, rig, found * part, np.zeros(2), 0.4) is None
     assert lift_off(law, rig, found * (1.0 + 1e-6), np.zeros(2), 0.4)

@@ -7,13 +7,15 @@ import pytest
 from scipy.interpolate import make_interp_spline
 from scipy.optimize import minimize_scalar
 
+from cam_rig.dynamics.events.contact import StemVibration
 from cam_rig.dynamics.free_masses import TwoMassParameters, contact_response, force_output
-from cam_rig.dynamics.jump.jump_speed import jump_speed
+from cam_rig.dynamics.jump.any_follower import find_jump
 from cam_rig.dynamics.linear.propagator import piece, pieces
 from cam_rig.dynamics.linear.response import sample
-from cam_rig.dynamics.modal.least import Stretch, least
-from cam_rig.dynamics.modal.motion import amplitude, motion_at, on_law
-from cam_rig.dynamics.modal.run import ModalRun, law_series
+from cam_rig.dynamics.modal.law_series import law_series
+from cam_rig.dynamics.modal.min_output import SearchRange, find_min_output
+from cam_rig.dynamics.modal.motion import amplitude, mode_on_law, motion_at
+from cam_rig.dynamics.modal.run import ModalRun
 from cam_rig.dynamics.two_mass import first_lift_off
 from cam_rig.dynamics.vibration import free_amplitude
 from cam_rig.errors import DynamicsError
@@ -33,7 +35,7 @@ def run_of(law, parameters, duration=None):
 
 def motion_of(run, speed):
     """Its motion at a speed (rad/s), in plain Python."""
-    return motion_at(on_law(law_series(run.law), run.mode), speed)
+    return motion_at(mode_on_law(law_series(run.law), run.mode), speed)
 
 
 def test_exactly_critical_damping(laws, two_mass):
@@ -43,7 +45,7 @@ def test_exactly_critical_damping(laws, two_mass):
     law, speed, count = laws["poly345"], 300.0 * RPM, 200_000
     response = contact_response(law, parameters, speed)
     force = sample(response, np.zeros(2), 0.0, 0.0, 0.4 / count, count, force_output(parameters))
-    assert run_of(law, parameters, 0.4).lowest(speed) == pytest.approx(force.min(), rel=1e-3)
+    assert run_of(law, parameters, 0.4).min_output(speed) == pytest.approx(force.min(), rel=1e-3)
 
 
 def test_only_joints_ring(laws, two_mass):
@@ -53,7 +55,9 @@ def test_only_joints_ring(laws, two_mass):
             motion_of(run_of(laws[name], two_mass), rpm * RPM)
             for name in ("trigonometric", "poly345")
         )
-        smooth, rough = (amplitude(motion.norm, motion.starts[0]) for motion in motions)
+        smooth, rough = (
+            amplitude(motion.norm, StemVibration(*motion.turn_starts[0])) for motion in motions
+        )
         assert smooth < 1e-6 * rough
 
 
@@ -89,7 +93,10 @@ def test_kick_of_a_joint(laws, two_mass):
     stiff = replace(two_mass, stem_stiffness=1e10)
     speed, rate = 300.0 * RPM, np.sqrt(stiff.stiffness / stiff.end_mass)
     motion = motion_of(run_of(laws["poly345"], stiff), speed)
-    kick = amplitude(motion.norm, [row[1] for row in motion.added]) / rate
+    kick = (
+        amplitude(motion.norm, StemVibration(*motion.piece_starts[["displacement", "velocity"]][1]))
+        / rate
+    )
     jump = 60.0 * 0.05 / np.radians(117.5) ** 3
     assert kick == pytest.approx(stiff.share * jump * (speed / rate) ** 3, rel=0.01)
 
@@ -141,11 +148,11 @@ def test_least_is_the_exhaustive_minimum(count, damping, rest):
     force = forces(law, rig, speed, duration, speed * times)
     run = run_of(law, rig, duration)
     table = law_series(law)
-    floors = [np.inf] * (len(table.groups) - 1)
-    stretch = Stretch(0.0, speed * length, 0.25)
-    nearly = least(table, run.mode, motion_of(run, speed), stretch, floors)
+    floors = np.full(table.first_pieces.size - 1, np.inf)
+    search = SearchRange(0.0, speed * length, 0.25)
+    nearly = find_min_output(table, run.mode, motion_of(run, speed), search, floors)
     size = np.abs(force).max()
-    begins = np.array(table.breaks)[table.groups]
+    begins = table.breaks[table.first_pieces]
     of = np.searchsorted(begins, (speed * times) % TURN + 1e-12, side="right") - 1
     assert (force >= np.array(floors)[of] - 1e-11 * size).all()
     assert nearly.value - 0.25 * abs(nearly.value) <= force.min() + 1e-11 * size
@@ -159,7 +166,7 @@ def test_least_is_the_exhaustive_minimum(count, damping, rest):
         options={"xatol": 1e-12},
     )
     exact = min(force.min(), near.fun)
-    assert run.lowest(speed) == pytest.approx(exact, abs=1e-11 * size)
+    assert run.min_output(speed) == pytest.approx(exact, abs=1e-11 * size)
 
 
 @pytest.mark.parametrize("count", [1, 8, 60, 360])
@@ -187,7 +194,7 @@ def test_where_a_part_ends_nothing_leaves(seed):
     rng = np.random.default_rng(seed)
     count = int(rng.integers(1, 40))
     law, rig = random_law(rng, count), random_rig(rng, 1.0)
-    jump = jump_speed(law, rig, 0.5).speed
+    jump = find_jump(law, rig, 0.5).speed
     for speed in jump * np.append(rng.uniform(0.8, 1.0, 10), np.linspace(0.985, 1.0, 20)[:-1]):
         assert lift_off(law, rig, speed, np.zeros(2), 0.5) is None
         assert first_lift_off(law, rig, speed, np.zeros(2), 0.5) is None

@@ -8,7 +8,7 @@ import pytest
 
 from cam_rig import load_cam
 from cam_rig.dynamics import TwoMassParameters
-from cam_rig.dynamics.jump.jump_speed import FROM_REST
+from cam_rig.dynamics.jump.two_masses import FROM_REST
 from cam_rig.dynamics.two_mass import first_lift_off
 from cam_rig.errors import ConfigError
 from cam_rig.laws import build_law

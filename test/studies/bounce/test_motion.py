@@ -41,7 +41,7 @@ def test_a_name_is_kept(laws, seed):
         assert found.exponent < 1e-6
     elif found.motion == IRREGULAR:
         assert found.exponent > found.exponent_error > 0.0
-        assert (run.on_cam[-60:] == 0.0).all()
+        assert (run.contact_times[-60:] == 0.0).all()
     else:
         assert found.motion == NOT_TOLD
         assert found.period is None
@@ -105,7 +105,7 @@ def test_a_start_ends_as_said(two, place):
         assert run.landings[-1] == motion.landings_per_turn
         np.testing.assert_allclose(run.states[-1], motion.states[-1], rtol=1e-6)
     else:
-        assert np.ptp(run.hardest[-40:]) > 1e-3
+        assert np.ptp(run.max_landing_speeds[-40:]) > 1e-3
 
 
 def test_a_portrait_is_the_motion(two):

@@ -12,7 +12,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
-from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
+from cam_rig.dynamics.jump.rigid_mass import rigid_jump_speed
 from cam_rig.errors import DesignError
 from cam_rig.laws import Law, build_law
 from cam_rig.laws.law import extremes, peak

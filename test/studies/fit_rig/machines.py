@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 
 import cam_rig
 from cam_rig.dynamics import FollowerParameters
-from cam_rig.dynamics.jump.jump_speed import rigid_jump_speed
+from cam_rig.dynamics.jump.rigid_mass import rigid_jump_speed
 from cam_rig.simulation.instruments import InstrumentErrors, Signal, measured_run
 from cam_rig.studies.fit_rig.jump_fit import RIGID
 from cam_rig.studies.fit_rig.numbers import WITHIN_95

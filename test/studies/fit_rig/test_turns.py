@@ -7,7 +7,7 @@ import pytest
 
 import cam_rig
 from cam_rig.dynamics import MODELS, Interval, TwoMassParameters
-from cam_rig.dynamics.events.course import EndlessEventsError
+from cam_rig.dynamics.events.trajectory import EndlessEventsError
 from cam_rig.dynamics.one_mass import OneMassTrajectory
 from cam_rig.errors import ConfigError
 from cam_rig.simulation.instruments import InstrumentErrors, MeasuredRun, Signal, measured_run
@@ -225,7 +225,7 @@ def test_a_stem_is_in_series_with_the_end_mass(laws, cam):
 
 def test_a_follower_that_chatters_without_end_has_no_steady_turn(law, rig, monkeypatch):
     """A candidate of a search without a motion is far off; the search goes on at what has one."""
-    monkeypatch.setattr(OneMassTrajectory, "most_events", 0)  # one that lifts off chatters
+    monkeypatch.setattr(OneMassTrajectory, "max_events", 0)  # one that lifts off chatters
     run = measured_run(law, rig, "kinetostatic", (200.0, 300.0), InstrumentErrors(rate=200), 1)
     values = numbers_of(rig) | {"restitution": 0.0}
     loose = values | {"spring_stiffness": 1000.0}  # leaves the cam from 236 rpm on

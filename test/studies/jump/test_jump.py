@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics import TwoMassParameters
-from cam_rig.dynamics.jump.jump_speed import Jump, jump_speed
-from cam_rig.dynamics.jump.search import sought_speed
+from cam_rig.dynamics.jump.any_follower import find_jump
+from cam_rig.dynamics.jump.two_masses import Jump, find_jump_speed
 from cam_rig.errors import ConfigError
 from cam_rig.laws import build_law
 from cam_rig.schema import load_tables
@@ -72,7 +72,7 @@ def test_table_2(found):
 def test_slow_ramp_is_the_steady_state(laws, two_mass):
     """A cam that speeds up slowly is left within a turn or two of its steady jump speed."""
     law = laws["poly4567"]
-    steady = jump_speed(law, two_mass, None).rpm
+    steady = find_jump(law, two_mass, None).rpm
     slow, fast = (jump_along_ramp(law, two_mass, rate * RPM) for rate in (20.0, 2000.0))
     turn = 20.0 * 60.0 / steady  # rpm that the ramp gains in a turn
     assert steady - 0.1 * turn < slow.rpm < steady + 2.0 * turn
@@ -121,7 +121,7 @@ def test_every_start_of_a_refit_is_told(cams, laws, two_mass, monkeypatch):
     monkeypatch.setattr(jump_refit, "STARTS", 2)
     monkeypatch.setattr(jump_refit, "MAX_STEPS", 2)
     speeds = {
-        cam: 1.01 * jump_speed(laws[cam], two_mass, 0.4).rpm for cam in ("poly345", "poly4567")
+        cam: 1.01 * find_jump(laws[cam], two_mass, 0.4).rpm for cam in ("poly345", "poly4567")
     }
     found = refit(cams, speeds, two_mass, 0.4)
     ends = [one.rms for one in found.solutions]
@@ -129,7 +129,7 @@ def test_every_start_of_a_refit_is_told(cams, laws, two_mass, monkeypatch):
     assert len(ends) == 2
     assert ends[0] == pytest.approx(found.rms[1])
     again, follower = refitted({"poly345": cams["poly345"]}, two_mass, found.numbers)
-    rpm = sought_speed(again["poly345"], follower, 0.4) / RPM
+    rpm = find_jump_speed(again["poly345"], follower, 0.4) / RPM
     assert rpm / speeds["poly345"] - 1.0 == pytest.approx(found.after["poly345"], abs=1e-6)
 
 
@@ -148,7 +148,7 @@ def test_refit_finds_the_numbers_again(cams, laws, two_mass, monkeypatch):
     monkeypatch.setattr(jump_refit, "STARTS", 1)
     monkeypatch.setattr(jump_refit, "MAX_STEPS", 6)
     four = ("bezier15", "poly345", "poly4567", "cycloidal")
-    speeds = {cam: jump_speed(laws[cam], two_mass, 0.4).rpm for cam in four}
+    speeds = {cam: find_jump(laws[cam], two_mass, 0.4).rpm for cam in four}
     off = replace(two_mass, preload=0.97 * two_mass.preload)
     found = refit(cams, speeds, off, 0.4)
     assert found.rms[1] < 0.1 * found.rms[0]

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
-from cam_rig.dynamics.jump.jump_speed import contact_lost_speed, jump_speed, rigid_jump_speed
+from cam_rig.dynamics.jump.any_follower import contact_lost_speed, find_jump
+from cam_rig.dynamics.jump.rigid_mass import rigid_jump_speed
 from cam_rig.dynamics.kinetostatic import state_at
 from cam_rig.dynamics.torsional.model import from_rig as shaft_of
 from cam_rig.dynamics.vibration import (
@@ -146,7 +147,7 @@ def test_a_cam_that_is_left_is_marked_and_not_asked(cam_set):
     """Beyond its jump speed eq. 5 holds on a follower that has left: no case for the paper."""
     table = measure(cam_set, (300.0, 400.0, 500.0))
     follower = TwoMassParameters.from_rig(cam_set.rig)
-    jumps = {cam: jump_speed(law, follower).rpm for cam, law in cam_set.laws.items()}
+    jumps = {cam: find_jump(law, follower).rpm for cam, law in cam_set.laws.items()}
     assert {row.cam: row.contact_lost_rpm for row in table.rows} == pytest.approx(jumps, rel=1e-4)
     lost = {
         rpm: {r.cam for r in table.rows if r.rpm == rpm and r.contact_lost} for rpm in table.rpm

@@ -10,7 +10,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from cam_rig.dynamics.events.contact import CELLS, CONTACT_PART, ContactRow, StemContactTable
+from cam_rig.dynamics.events.backend import dispatch
+from cam_rig.dynamics.events.contact import CELLS, CONTACT_PART, StemContactRow, StemContactTable
 from cam_rig.dynamics.events.free_flight import FREE_SYSTEM
 from cam_rig.dynamics.events.law_table import LAW_PIECE, Cam, LawRow, LawTable
 from cam_rig.dynamics.events.run_table import (
@@ -20,12 +21,11 @@ from cam_rig.dynamics.events.run_table import (
     RUN_STATE,
     EventCode,
     Jumps,
-    Mode,
+    RunMode,
     RunRecord,
     RunTable,
 )
 from cam_rig.dynamics.events.runs import run_events, start_flight
-from cam_rig.dynamics.events.search import call
 from cam_rig.dynamics.interval import (
     Block,
     Event,
@@ -70,7 +70,7 @@ class EndlessEventsError(DynamicsError):
     """A follower that lifts off and lands without end: it has no motion in this model."""
 
 
-class Course:
+class Trajectory:
     """Trajectory on one law at one speed (rad/s); times are in s since the start.
 
     Nothing is stepped: contact ends at a zero of the force, a flight at a zero of the gap, and
@@ -79,7 +79,7 @@ class Course:
     """
 
     #: More events than any physical series has per turn.
-    most_events: ClassVar[int]
+    max_events: ClassVar[int]
 
     def __init__(
         self, law: Law, system: FreeSystem, speed: float, angle: float, turns: int = 0
@@ -110,7 +110,7 @@ class Course:
         columns = (records[name].tolist() for name in names)
         states: list[FloatArray | Flight] = []
         for vector, mode, gap_known, gap, gap_rate in zip(records["vector"], *columns, strict=True):
-            if mode == Mode.CONTACT:
+            if mode == RunMode.CONTACT:
                 states.append(vector[:2].copy())
             else:
                 known = (gap, gap_rate) if gap_known else ()
@@ -134,17 +134,17 @@ class Course:
         """Append the phases and events from ``state`` up to ``duration`` s."""
         room = FIRST_ROOM
         turns = max(1, math.ceil(self.speed * duration / TURN - TURN_ROUNDING))
-        max_events = self.most_events * turns
+        max_events = self.max_events * turns
         while room == FIRST_ROOM or state[0]["time"] < duration:
             record = record_of(state, room)
-            call(run_events, table, record)
+            dispatch(run_events, table, record)
             phase_count, event_count = record.counts[0].tolist()
             self._recorded.append(record.phases[:phase_count])
             self.events += [self._event(*row) for row in record.events[:event_count].tolist()]
             if len(self.events) > max_events:  # an endless series would be the model's fault
                 raise EndlessEventsError(
                     f"more than {max_events} events in {duration:g} s at {self.speed:g} rad/s; "
-                    f"allowed: {self.most_events} a turn"
+                    f"allowed: {self.max_events} a turn"
                 )
             room = min(2 * room, MAX_ROOM)
         self.last = self._states(state)[0]
@@ -172,7 +172,7 @@ class Course:
             **follower,
         )
 
-    def shown(
+    def finish(
         self, block: Block, grid: SampleGrid, before: FollowerState | None, end: FollowerState
     ) -> tuple[FollowerState, Block]:
         """Return the end of an interval and its block with flights, impulses and events added.
@@ -254,7 +254,7 @@ def contact_table(
     used = response.parts if only is None else (only,)
     sizes = [part.particular.shape[1] for part in used]
     records = np.zeros(len(used), CONTACT_PART)
-    polynomials = np.zeros((len(used), len(ContactRow), max(sizes)))
+    polynomials = np.zeros((len(used), len(StemContactRow), max(sizes)))
     for record, rows, part, size in zip(records, polynomials, used, sizes, strict=True):
         force = polynomial_part(response, part, output)[0]
         rates = bernstein.derivative(force) / part.length
@@ -265,11 +265,11 @@ def contact_table(
         record["max_force_curvature"] = curvature
         cells = bernstein.parts(size - 1, CELLS) @ force
         record["cell_minima"] = cells.min(axis=1) - rounding
-        rows[: ContactRow.VELOCITY + 1, :size] = part.particular
-        rows[ContactRow.FORCE, :size] = force
-        rows[ContactRow.WEIGHTED_FORCE, :size] = bernstein.binomials(size - 1) * force
+        rows[: StemContactRow.VELOCITY + 1, :size] = part.particular
+        rows[StemContactRow.FORCE, :size] = force
+        rows[StemContactRow.WEIGHTED_FORCE, :size] = bernstein.binomials(size - 1) * force
         weighted_rates = bernstein.binomials(rates.size - 1) * rates
-        rows[ContactRow.WEIGHTED_FORCE_RATE, : rates.size] = weighted_rates
+        rows[StemContactRow.WEIGHTED_FORCE_RATE, : rates.size] = weighted_rates
     stiffness, damping = (-response.matrix[1]).tolist()
     p, q = output.state[0].tolist()
     series, window = _window(stiffness, damping, p, q)
@@ -296,7 +296,7 @@ def _window(stiffness: float, damping: float, p: float, q: float) -> tuple[Float
 #: Contact table of a follower without a stem, which is not used.
 NO_CONTACT = StemContactTable(
     parts=np.zeros(0, CONTACT_PART),
-    polynomials=np.zeros((0, len(ContactRow), 0)),
+    polynomials=np.zeros((0, len(StemContactRow), 0)),
     stiffness=0.0,
     damping=0.0,
     force_per_displacement=0.0,

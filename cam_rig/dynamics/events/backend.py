@@ -1,0 +1,179 @@
+"""Backend of the kernels: plain Python, or the same functions compiled by numba.
+
+A process starts with plain Python, because loading compiled code takes as long as a few searches.
+The environment variable ``CAM_RIG_EVENTS`` selects one backend for all calls. Both give the same
+bits. Each kernel is compiled once and stored in a folder of the user's cache. The folder's name
+contains a digest of the sources, because numba itself notices changes of one file only.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+import time
+from collections.abc import Callable
+from functools import cache
+from importlib import import_module
+from importlib.util import find_spec
+from inspect import isfunction
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+from cam_rig.laws import vectors
+
+#: Modules whose functions compiled code may call.
+MODULES = (
+    *("laws.vectors", "laws.polynomials"),
+    *("dynamics.events.law_table", "dynamics.events.free_flight", "dynamics.events.approach"),
+    *("dynamics.events.contact", "dynamics.events.run_table"),
+    *("dynamics.events.runs", "dynamics.events.turns"),
+    *("dynamics.modal.motion", "dynamics.modal.min_output"),
+    *("dynamics.modal.group_error", "dynamics.modal.harmonic_error"),
+    *("dynamics.modal.first_zero", "dynamics.jump.rigid_zero"),
+)
+#: Modules with constants that compiled code contains.
+CONSTANTS = ("units", "dynamics.velocity_jumps")
+#: Time (s) in plain Python after which compiled code is loaded: loading takes about as long.
+LOAD_AFTER_S = 0.5
+#: Environment variable that selects the backend.
+VARIABLE = "CAM_RIG_EVENTS"
+#: Its value for plain Python only.
+PLAIN = "plain"
+#: Its value for compiled code from the first call on.
+COMPILED = "compiled"
+
+Kernel = Callable[..., Any]
+#: Time (s) that plain Python has spent in kernels of this process.
+_plain_time = SimpleNamespace(seconds=0.0)
+#: Kernels that are ready to be called, by their plain functions.
+_ready: dict[Kernel, Kernel] = {}
+
+
+def dispatch(kernel: Kernel, *arguments: Any) -> Any:
+    """Call a kernel, in plain Python or compiled."""
+    if select_backend() == COMPILED:
+        if kernel not in _ready:
+            _ready[kernel] = _load(kernel, arguments)
+        return _ready[kernel](*arguments)
+    start = time.perf_counter()
+    try:
+        return kernel(*arguments)
+    finally:
+        _plain_time.seconds += time.perf_counter() - start
+
+
+def select_backend() -> str:
+    """Return `PLAIN` or `COMPILED`."""
+    requested = os.environ.get(VARIABLE, "")
+    if requested in (PLAIN, COMPILED):
+        return requested
+    return PLAIN if _plain_time.seconds < LOAD_AFTER_S else COMPILED
+
+
+def expect_many() -> None:
+    """Use compiled code from the next call on, because this process will search often."""
+    _plain_time.seconds = max(_plain_time.seconds, LOAD_AFTER_S)
+
+
+def _load(kernel: Kernel, arguments: tuple[Any, ...]) -> Kernel:
+    """Return the compiled kernel; the plain one if numba is missing, disabled or broken."""
+    if find_spec("numba") is None:
+        return kernel
+    from multiprocessing.pool import ThreadPool
+
+    failures: tuple[type[Exception], ...] = (ImportError, OSError, RuntimeError)
+    try:
+        numba: Any = import_module("numba")
+        failures = (*failures, numba.core.errors.NumbaError)
+        if numba.config.DISABLE_JIT:
+            return kernel
+        # Python raises KeyboardInterrupt in the main thread, which waits here. Half a compilation
+        # cannot be undone; it ends in its own thread, or with the process.
+        with ThreadPool(1) as pool:
+            compiled: Kernel = pool.apply(_compile, (kernel, arguments))
+        return compiled
+    except failures as error:
+        reason = f"{type(error).__name__}: {error}".partition("\n")[0]
+        _print(f"using plain Python, because numba cannot compile {kernel.__name__} ({reason})")
+        return kernel
+
+
+def _compile(kernel: Kernel, arguments: tuple[Any, ...]) -> Kernel:
+    """Load the code of a kernel, or compile and store it; replace stored code that is damaged."""
+    numba: Any = import_module("numba")
+    name, folder = kernel.__name__, _cache_folder()
+    _register()
+    previous, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder)
+    try:
+        compiled = numba.njit(cache=True, error_model="numpy")(kernel)
+    finally:
+        numba.config.CACHE_DIR = previous
+    types = tuple(map(compiled.typeof_pyval, arguments))
+    indexes = list(folder.glob(f"*/*.{name}-*.nbi"))
+    if not indexes:
+        _print(f"compiling {name}, once (about 15 s)")
+    try:
+        compiled.compile(types)
+    except Exception as error:  # damaged bytes raise any error when they are unpickled
+        if not indexes or isinstance(error, numba.core.errors.NumbaError):
+            raise
+        _print(f"compiling {name} again, because its stored code is damaged (about 15 s)")
+        for index in indexes:
+            index.unlink(missing_ok=True)
+        compiled.compile(types)
+    return compiled  # type: ignore[no-any-return]
+
+
+def _print(message: str) -> None:
+    print(f"events: {message}", file=sys.stderr)
+
+
+@cache
+def _cache_folder() -> Path:
+    """Return the folder for the code of these sources."""
+    package = Path(vectors.__file__).parents[1]
+    paths = [package / f"{name.replace('.', '/')}.py" for name in (*MODULES, *CONSTANTS)]
+    digest = hashlib.sha256(b"".join(map(Path.read_bytes, paths))).hexdigest()[:16]
+    base = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or "~/.cache"
+    return Path(base).expanduser() / "cam_rig" / f"events-{digest}"
+
+
+@cache
+def _register() -> None:
+    """Let compiled code call the functions of `MODULES`, and replace `without_refcount`."""
+    cgutils: Any = import_module("numba.core.cgutils")
+    extending: Any = import_module("numba.extending")
+    types: Any = import_module("numba.core.types")
+
+    def remove_owner(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+        if isinstance(kind, types.Array):
+            array = cgutils.create_struct_proxy(kind)(context, builder, value=value)
+            for field in ("meminfo", "parent"):
+                setattr(array, field, cgutils.get_null_value(getattr(array, field).type))
+            return array._getvalue()
+        if isinstance(kind, types.BaseTuple):
+            for i, inner in enumerate(kind.types):
+                part = remove_owner(context, builder, inner, builder.extract_value(value, i))
+                value = builder.insert_value(value, part, i)
+        return value
+
+    @extending.intrinsic  # type: ignore[untyped-decorator]
+    def replacement(_context: Any, table: Any) -> Any:
+        def generate(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+            return remove_owner(context, builder, table, arguments[0])
+
+        mutable = table.copy(readonly=False) if isinstance(table, types.Array) else table
+        return mutable(table), generate
+
+    def overloaded(table: Any) -> Any:  # its parameter must have the name of the original's
+        return lambda table: replacement(table)  # noqa: PLW0108
+
+    extending.overload(vectors.without_refcount, strict=False)(overloaded)
+    for name in MODULES:
+        module = import_module(f"cam_rig.{name}")
+        for function in vars(module).values():
+            is_local = isfunction(function) and function.__module__ == module.__name__
+            if is_local and function is not vectors.without_refcount:
+                extending.register_jitable(error_model="numpy", no_cfunc_wrapper=True)(function)

@@ -1,0 +1,114 @@
+"""Lowest speed at which the force m s'' Ω² + c s' Ω + k s + preload of a rigid mass is zero.
+
+Branch and bound over parts of the law's pieces: a part is discarded if (37) of docs/proofs.md
+proves that the force in it is not negative up to the lowest speed so far.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from cam_rig.dynamics.modal.motion import LawSeries
+from cam_rig.laws.polynomials import halve
+from cam_rig.laws.vectors import Matrix, without_refcount
+
+#: Halvings of a piece: 2⁻⁴⁰ of it is rounding.
+MAX_HALVINGS = 40
+#: Largest number of parts that are halved. More occur only if the force is zero along a stretch.
+MAX_PARTS = 1 << 16
+#: Negative forces of this relative size count as zero.
+FORCE_RTOL = 1e-14
+
+
+class RigidMass(NamedTuple):
+    """A follower without a stem."""
+
+    mass: float  #: kg
+    damping: float  #: N·s/m
+    stiffness: float  #: N/m
+    preload: float  #: N
+
+
+class RigidZero(NamedTuple):
+    """Zero of the force; infinite and NaN if there is none."""
+
+    speed: float  #: rad/s
+    angle: float  #: rad
+
+
+def find_rigid_zero(law: LawSeries, follower: RigidMass) -> RigidZero:
+    """Find the lowest speed at which the force is zero, and the cam angle.
+
+    Invariant: the force is not negative below ``best``, up to rounding, in each part that is done.
+    """
+    law, count, size = without_refcount(law), len(law.span_index), len(law.max_derivatives) - 1
+    ordinates, best = law.derivatives, RigidZero(math.inf, math.nan)
+    for i in range(count):
+        for j, angle in ((0, law.breaks[i]), (size - 1, law.breaks[i + 1])):
+            s, slope, curvature = ordinates[j][0][i], ordinates[j][1][i], ordinates[j][2][i]
+            speed = _zero_at(follower, s, slope, curvature)
+            if speed < best.speed:
+                best = RigidZero(speed, angle)
+    # Ordinates of s, s' and s'' of the parts that wait.
+    parts, halved = np.zeros((MAX_HALVINGS + 2, 3, size)), 0
+    widths, starts = np.zeros(MAX_HALVINGS + 2), np.zeros(MAX_HALVINGS + 2)
+    for i in range(count):
+        for k in range(3):
+            for j in range(size):
+                parts[0][k][j] = ordinates[j][k][i]
+        starts[0], widths[0], top = law.breaks[i], law.breaks[i + 1] - law.breaks[i], 0
+        min_width = math.ldexp(widths[0], -MAX_HALVINGS)
+        while top >= 0 and halved < MAX_PARTS:
+            right, left = parts[top], parts[top + 1]
+            if widths[top] <= min_width or not _may_pull(follower, right, best.speed):
+                top -= 1
+                continue
+            halved += 1
+            for k in range(3):
+                halve(right[k], left[k])
+            widths[top] *= 0.5
+            widths[top + 1], starts[top + 1] = widths[top], starts[top]
+            starts[top] += widths[top]
+            speed = _zero_at(follower, right[0][0], right[1][0], right[2][0])
+            if speed < best.speed:
+                best = RigidZero(speed, starts[top])
+            top += 1
+    return best
+
+
+def _zero_at(follower: RigidMass, s: float, slope: float, curvature: float) -> float:
+    """Return the least positive root in Ω at a cam angle, infinite if there is none."""
+    a, b, c = _coefficients(follower, s, slope, curvature)
+    discriminant = b * b - 4.0 * a * c
+    if discriminant < 0.0 or c <= 0.0:
+        return math.inf
+    divisor = math.sqrt(discriminant) - b
+    return 2.0 * c / divisor if divisor > 0.0 else math.inf
+
+
+def _coefficients(
+    follower: RigidMass, s: float, slope: float, curvature: float
+) -> tuple[float, float, float]:
+    """Return a, b and c of the force a Ω² + b Ω + c."""
+    static = follower.stiffness * s + follower.preload
+    return follower.mass * curvature, follower.damping * slope, static
+
+
+def _may_pull(follower: RigidMass, part: Matrix, speed: float) -> bool:
+    """Return True unless (37) proves a part's force not negative up to a speed (rad/s)."""
+    for j in range(part.shape[1]):
+        a, b, c = _coefficients(follower, part[0][j], part[1][j], part[2][j])
+        if speed == math.inf:
+            if a < 0.0 or b < 0.0 or c < 0.0:
+                return True
+            continue
+        lowest = min((a * speed + b) * speed, 0.0)
+        if a > 0.0:
+            vertex = min(max(-0.5 * b / a, 0.0), speed)
+            lowest = min(lowest, (a * vertex + b) * vertex)
+        if lowest + c < -FORCE_RTOL * ((abs(a) * speed + abs(b)) * speed + abs(c)):
+            return True
+    return False

@@ -1,0 +1,225 @@
+"""Chord error of the output over a step of the speed, for each group of pieces.
+
+At a fixed cam angle of a run the output F is a smooth function of the speed Ω. Its chord error is
+the chord between two speeds less F. The polynomial part has bounded derivatives in Ω (26). A
+vibration that was excited with amplitude N a time t ago is N e^{At} with t proportional to 1/Ω, so
+its second derivative contains t and t², and it fades (24). The sums Σ N tᵠ e^{−λt} are carried from
+group to group. Numbers in brackets are those of docs/proofs.md, part 2.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from cam_rig.dynamics.modal.motion import (
+    GroupRow,
+    LawSeries,
+    ModeOnLaw,
+    Series,
+    VibrationNorm,
+    add_weighted,
+)
+from cam_rig.laws.vectors import Matrix, Records, Vector
+from cam_rig.units import TURN
+
+#: A divisor below this is replaced by it, so that a bound is finite.
+TINY = 1e-100
+
+#: Bounds of one group between two speeds that are w apart (27).
+GROUP_ERROR = np.dtype(
+    [
+        ("curvature", "f8"),  # upper bound of |d²F/dΩ²|
+        ("vibration", "f8"),  # upper bound of |V|, the share of the free vibration
+        ("forced_curvature", "f8"),  # upper bound of |d²P/dΩ²|
+    ],
+    align=True,
+)
+
+
+class Excitation(NamedTuple):
+    """Upper bounds of the norm N that jumps excite, and of its derivatives in Ω (23)."""
+
+    n: float
+    slope: float  #: of dN/dΩ
+    curvature: float  #: of d²N/dΩ²
+
+
+class FadingSums(NamedTuple):
+    """Sums over all excitations so far, each times e^{−λt} for its age t (24)."""
+
+    n: float  #: Σ N
+    n_t: float  #: Σ N t
+    n_tt: float  #: Σ N t²
+    slope: float  #: Σ N'
+    slope_t: float  #: Σ N' t
+    curvature: float  #: Σ N''
+
+
+class SpeedStep(NamedTuple):
+    """Two speeds (rad/s), and the duration (s) of the runs."""
+
+    low: float
+    high: float
+    duration: float
+
+
+def bound_groups(
+    run: ModeOnLaw, norm: VibrationNorm, low: float, high: float, out: Records
+) -> None:
+    """Write the bounds of all groups between two speeds (rad/s), records of `GROUP_ERROR`."""
+    law, mode, series = run
+    count, step = len(law.first_pieces) - 1, SpeedStep(low, high, mode.duration)
+    remainders, forced = np.zeros(count), np.zeros(count)
+    weights = _excitation_weights(norm, series, high)
+    add_weighted(forced, _curvature_weights(series, high), law.groups[GroupRow.MAX], 0)
+    for i in range(count):
+        out[i]["curvature"], out[i]["vibration"] = forced[i], 0.0
+        out[i]["forced_curvature"] = forced[i]
+        remainders[i] = math.exp(-norm.decay * _span(law, i) / high)
+    at_start = _excite(law.groups[GroupRow.START_JUMP], weights)
+    inside = _excite(law.groups[GroupRow.INNER_JUMPS], weights)
+    start = np.zeros(3)
+    if mode.duration < math.inf:
+        for k in range(len(weights[0])):
+            size = abs(law.derivatives[0][k][0])
+            for i in range(3):
+                start[i] += weights[i][k] * size
+    rest = Excitation(start[0], start[1], start[2])
+    _add_vibrations(law, norm, step, remainders, at_start, inside, rest, out)
+
+
+def _span(law: LawSeries, group: int) -> float:
+    """Return the cam angle (rad) that a group covers."""
+    first, end = law.first_pieces[group], law.first_pieces[group + 1]
+    span: float = law.breaks[end] - law.breaks[first]
+    return span
+
+
+def _excitation_weights(norm: VibrationNorm, series: Series, speed: float) -> Matrix:
+    """Return the factors of |jump of s⁽ᵏ⁾| in N, N' and N'' (23), ``(3, p + 2)``."""
+    factor, power, count = norm.rho + norm.delta, 1.0, len(series.own)
+    out = np.zeros((3, count + 1))
+    for k in range(count + 1):
+        weight = factor * abs(series.own[k]) if k < count else 0.0
+        if k > 0:
+            weight += abs(series.own[k - 1])
+        weight *= power
+        out[0][k], out[1][k] = weight, k * weight / speed
+        out[2][k] = k * (k - 1) * weight / (speed * speed)
+        power *= speed
+    return out
+
+
+def _curvature_weights(series: Series, speed: float) -> Vector:
+    """Return the factors k(k − 1) |gₖ| Ωᵏ⁻² of max |s⁽ᵏ⁾| in |d²P/dΩ²| (26)."""
+    weights, power = np.zeros(len(series.output)), 1.0
+    for k in range(2, len(weights)):
+        weights[k] = k * (k - 1) * abs(series.output[k]) * power
+        power *= speed
+    return weights
+
+
+def _excite(jumps: Matrix, weights: Matrix) -> Matrix:
+    """Return N, N' and N'' of the jumps ``(p + 2, g)`` of each group (23), ``(3, g)``."""
+    out = np.zeros((3, len(jumps[0])))
+    for i in range(3):
+        add_weighted(out[i], weights[i], jumps, 0)
+    return out
+
+
+def _add_vibrations(
+    law: LawSeries,
+    norm: VibrationNorm,
+    step: SpeedStep,
+    remainders: Vector,
+    at_start: Matrix,
+    inside: Matrix,
+    rest: Excitation,
+    out: Records,
+) -> None:
+    """Add the vibrations to the bounds: excited at the starts of groups, inside, and by the start.
+
+    Vibrations inside a group count as excited at its start, with the age of its end.
+    """
+    sums, end = FadingSums(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), step.high * step.duration
+    count = len(remainders)
+    if end > TURN:
+        for i in range(count):
+            time = _span(law, i) / step.low
+            if i > 0:
+                sums = _add(sums, _column(at_start, i), 0.0)
+            sums = _add(_fade(sums, remainders[i], time), _column(inside, i), time)
+        sums = _repeat_turn(_add(sums, _column(at_start, 0), 0.0), norm, step)
+    max_age = min(step.duration, 1.0 / max(norm.decay, TINY))
+    sums = _add(sums, rest, max_age)
+    for i in range(count):
+        if law.breaks[law.first_pieces[i]] >= end:
+            break
+        time = _span(law, i) / step.low
+        if i > 0:
+            sums = _add(sums, _column(at_start, i), 0.0)
+        inner = FadingSums(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        inner = _add(inner, _column(inside, i), time)
+        curvature = _bound_curvature(sums, norm, min(time, max_age), step.low)
+        curvature += _bound_curvature(inner, norm, 0.0, step.low)
+        out[i]["curvature"] += norm.reach * curvature
+        out[i]["vibration"] += norm.reach * (sums.n + inner.n)
+        sums = _add(_fade(sums, remainders[i], time), _column(inside, i), time)
+
+
+def _column(rows: Matrix, group: int) -> Excitation:
+    return Excitation(rows[0][group], rows[1][group], rows[2][group])
+
+
+def _add(sums: FadingSums, added: Excitation, age: float) -> FadingSums:
+    """Return the sums with an excitation of some age (s)."""
+    return FadingSums(
+        n=sums.n + added.n,
+        n_t=sums.n_t + added.n * age,
+        n_tt=sums.n_tt + added.n * age * age,
+        slope=sums.slope + added.slope,
+        slope_t=sums.slope_t + added.slope * age,
+        curvature=sums.curvature + added.curvature,
+    )
+
+
+def _fade(sums: FadingSums, remainder: float, time: float) -> FadingSums:
+    """Return the sums after a time (s), of which the fraction ``remainder`` is left."""
+    return FadingSums(
+        n=remainder * sums.n,
+        n_t=remainder * (sums.n_t + time * sums.n),
+        n_tt=remainder * (sums.n_tt + time * (2.0 * sums.n_t + time * sums.n)),
+        slope=remainder * sums.slope,
+        slope_t=remainder * (sums.slope_t + time * sums.slope),
+        curvature=remainder * sums.curvature,
+    )
+
+
+def _repeat_turn(sums: FadingSums, norm: VibrationNorm, step: SpeedStep) -> FadingSums:
+    """Return the sums of all earlier turns, given those of one turn at its end (25)."""
+    period, turns = TURN / step.low, step.high * step.duration / TURN
+    remainder = math.exp(-norm.decay * TURN / step.high)
+    endless = 1.0 / max(-math.expm1(-norm.decay * TURN / step.high), TINY)
+    number = min(turns, endless)
+    linear = period * min(0.5 * turns * turns, remainder * endless * endless)
+    square = remainder * (1.0 + remainder) * endless * endless * endless
+    square = period * period * min(turns * turns * turns / 3.0, square)
+    return FadingSums(
+        n=sums.n * number,
+        n_t=sums.n_t * number + sums.n * linear,
+        n_tt=sums.n_tt * number + 2.0 * sums.n_t * linear + sums.n * square,
+        slope=sums.slope * number,
+        slope_t=sums.slope_t * number + sums.slope * linear,
+        curvature=sums.curvature * number,
+    )
+
+
+def _bound_curvature(sums: FadingSums, norm: VibrationNorm, time: float, low: float) -> float:
+    """Return the upper bound of d²/dΩ² of vibrations that are up to ``time`` s older (24)."""
+    rate, n_t = norm.sigma / low, sums.n_t + time * sums.n
+    n_tt = sums.n_tt + time * (2.0 * sums.n_t + time * sums.n)
+    slope_t = sums.slope_t + time * sums.slope
+    return sums.curvature + rate * (2.0 * slope_t + rate * n_tt + 2.0 / low * n_t)

@@ -1,0 +1,116 @@
+"""Tables of a law's derivatives and harmonics, as the search for the first zero reads them."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import numpy as np
+
+from cam_rig.dynamics.modal.harmonic_error import BLOCK_RATIO
+from cam_rig.dynamics.modal.motion import LawSeries
+from cam_rig.laws import Law, bernstein
+from cam_rig.units import TURN, FloatArray
+
+#: Long pieces are cut, so that a turn has at least this number of pieces of equal length.
+MIN_PIECES = 8
+#: Short pieces form groups, so that a turn has at least this number of groups.
+MIN_GROUPS = 64
+#: Relative difference below which two spans are equal.
+SPAN_RTOL = 1e-12
+#: Number of pieces above which a law has more harmonics that are bounded one by one.
+MANY_PIECES = 600
+#: Harmonics that are bounded one by one, for few and for many pieces; twice as many samples.
+HARMONICS = (256, 512)
+#: Number of blocks of harmonics above them, each `BLOCK_RATIO` further.
+BLOCKS = 100
+#: Upper bound of Σ |c| over the harmonics that alias to k of N samples, per C at N − k (28).
+ALIASING = math.pi**2 / 3.0
+#: Rounding of a sample, relative to the lift.
+SAMPLE_EPS = 2.0**-50
+
+
+@lru_cache(maxsize=64)
+def law_series(law: Law) -> LawSeries:
+    """Return the tables of a law."""
+    own, ordinates = law.ordinates, np.empty((law.degree + 1, law.degree + 2, law.spans.size))
+    for order in range(law.degree + 2):
+        ordinates[:, order] = bernstein.elevate(own, law.degree)
+        own = bernstein.derivative(own) / law.spans
+    ordinates, jumps, breaks = _cut_long_pieces(law, ordinates)
+    spans, absolute, jump_sizes = np.diff(breaks), np.abs(ordinates), np.abs(jumps)
+    maxima, variations = absolute.max(axis=0), absolute.mean(axis=0) @ spans
+    first_pieces, ends = [0], np.searchsorted(breaks, breaks[:-1] + TURN / MIN_GROUPS, "right")
+    while first_pieces[-1] < spans.size:
+        first_pieces.append(max(first_pieces[-1] + 1, int(ends[first_pieces[-1]]) - 1))
+    starts = first_pieces[:-1]
+    start_jumps = jump_sizes[:, starts]
+    inner_jumps = np.maximum(np.add.reduceat(jump_sizes, starts, axis=1) - start_jumps, 0.0)
+    ascending = np.argsort(spans, kind="stable")
+    is_new = np.append(True, np.diff(spans[ascending]) > SPAN_RTOL * spans[ascending][1:])
+    span_index = np.empty_like(ascending)
+    span_index[ascending] = np.cumsum(is_new) - 1
+    piece_maxima = np.zeros((spans.size, 5))
+    piece_maxima[:, : len(maxima)] = maxima[:5].T
+    harmonics, tails, block_maxima = _bound_harmonics(law, jump_sizes.sum(axis=1), variations)
+    return LawSeries(
+        derivatives=np.ascontiguousarray(ordinates),
+        jumps=np.ascontiguousarray(jumps),
+        breaks=np.ascontiguousarray(breaks),
+        spans=spans[ascending][is_new],
+        span_index=span_index,
+        first_pieces=np.array(first_pieces),
+        max_derivatives=maxima.max(axis=1),
+        groups=np.stack([np.maximum.reduceat(maxima, starts, axis=1), start_jumps, inner_jumps]),
+        piece_maxima=piece_maxima,
+        harmonics=harmonics,
+        tails=np.ascontiguousarray(tails),
+        block_maxima=np.ascontiguousarray(block_maxima),
+    )
+
+
+def _cut_long_pieces(law: Law, ordinates: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return ordinates ``(p + 1, p + 2, m)``, jumps ``(p + 2, m)`` and breaks of cut pieces."""
+    joints = ordinates[0].copy()
+    joints[:, 1:] -= ordinates[-1, :, :-1]
+    joints[:, 0] -= ordinates[-1, :, -1]
+    counts = np.ceil(law.spans * (MIN_PIECES / TURN) * (1.0 - SPAN_RTOL)).astype(int)
+    if counts.max() == 1:
+        return ordinates, joints, law.breaks.copy()  # compiled code takes arrays that may change
+    pieces, breaks = bernstein.cut(ordinates, law.breaks, counts)
+    jumps = np.zeros((ordinates.shape[1], counts.sum()))
+    jumps[:, np.cumsum(counts) - counts] = joints
+    return pieces, jumps, breaks
+
+
+@lru_cache(maxsize=64)
+def _inverse_powers(degree: int, count: int) -> FloatArray:
+    """Return 1/kʳ⁺¹, 1 ≤ r ≤ degree, for k, N − k and the starts of blocks, ``(degree, m)``."""
+    k = np.arange(1.0, count + 1.0)
+    blocks = (count + 1.0) * BLOCK_RATIO ** np.arange(BLOCKS)
+    inverse = 1.0 / np.concatenate([k, 2.0 * count - k, blocks])
+    return np.asarray(inverse ** (1.0 + np.arange(1.0, degree + 1.0)[:, None]))
+
+
+def _bound_harmonics(
+    law: Law, jumps: FloatArray, variations: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the last three fields of `LawSeries` by (28).
+
+    ``jumps`` are Σ|jump| of s⁽ᵏ⁾ per turn and ``variations`` bound ∫|s⁽ᵏ⁾| dθ, ``(p + 2,)`` each.
+    """
+    count = HARMONICS[law.spans.size > MANY_PIECES]
+    terms = np.tril(np.broadcast_to(jumps[1:-1], (law.degree, law.degree))) + np.diag(
+        variations[2:]
+    )
+    by_parts = (terms / TURN @ _inverse_powers(law.degree, count)).min(axis=0, initial=np.inf)
+    angles = np.arange(2 * count) * (0.5 * TURN / count)
+    piece = np.searchsorted(law.breaks[1:-1], angles, side="right")
+    weights = bernstein.basis(law.degree, (angles - law.breaks[piece]) / law.spans[piece])
+    samples = (weights.T * law.ordinates[:, piece]).sum(axis=0)
+    aliased = ALIASING * by_parts[count : 2 * count]
+    sampled = np.abs(np.fft.rfft(samples)[1:]) / (2 * count) + aliased
+    harmonics = np.minimum(sampled + SAMPLE_EPS * np.abs(samples).max(), by_parts[:count])
+    over_k, block_maxima = harmonics / np.arange(1.0, count + 1.0), by_parts[2 * count :]
+    tails = over_k[::-1].cumsum()[::-1] + block_maxima[0]
+    return harmonics, tails, block_maxima
