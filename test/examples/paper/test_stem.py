@@ -6,23 +6,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cam_rig.acoustics import RadiationParameters, level_db
 from cam_rig.acoustics.pressure import mean_square_rate
 from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.dynamics.free_masses import contact_response, force_output
 from cam_rig.dynamics.jump.jump_speed import jump_speed
 from cam_rig.dynamics.linear.response import LinearResponse, Outputs, sample
-from cam_rig.laws.cam import CamSet
-from cam_rig.paper.stem.study import (
+from cam_rig.dynamics.vibration import low_dwell
+from cam_rig.units import RPM, TURN
+from examples.paper import stem as script
+from examples.paper.stem import (
     BAR,
     ELEMENTS,
     Stem,
+    level,
     matched_stiffness,
     stem_jump,
     stem_turn,
-    study_stems,
-    vibration,
+    study_stem,
 )
-from cam_rig.units import RPM, TURN
 
 from ...figure_faults import faults
 
@@ -55,7 +57,8 @@ def chain_response(law, stem, speed):
     state, motion = np.zeros((2, 2 * n)), np.zeros((2, 3))
     state[0, :2] = -n * f.stem_stiffness, -n * f.stem_damping
     state[1, -2] = 1.0
-    motion[0] = f.stem_stiffness * left, f.stem_damping * left, stem.on_cam
+    on_cam = stem.foot_mass + 0.5 * stem.mass / stem.elements
+    motion[0] = f.stem_stiffness * left, f.stem_damping * left, on_cam
     motion[1, 0] = f.share
     outputs = Outputs(state, motion, np.array([f.share * f.preload, -f.preload / f.stiffness]))
     return LinearResponse(law, speed, matrix, drive, np.zeros(2 * n)), outputs
@@ -113,16 +116,16 @@ def test_natural_frequencies_are_those_of_the_matrix(laws, follower, elements):
     undamped = Stem(replace(follower, stem_damping=0.0, damping=0.0), elements)
     model = chain_response(laws["poly345"], undamped, SPEED)[0]
     rates = np.sort(np.abs(np.linalg.eigvals(model.matrix).imag))[::2]
-    np.testing.assert_allclose(undamped.natural_frequencies(9), rates, rtol=1e-9)
+    np.testing.assert_allclose(undamped.frequencies(9), rates, rtol=1e-9)
 
 
 def test_a_fixed_free_bar(follower):
     """Neither head nor spring: (i + ½) π √(k/m); the chain's √(4 n² k/m) sin((i + ½) π/2n)."""
     free = replace(follower, roller_mass=0.65, end_mass=0.65, spring_stiffness=1e-9)
     rate, mode = math.sqrt(free.stem_stiffness / 1.3), np.arange(4) + 0.5
-    bar = Stem(free, BAR).natural_frequencies(4)
+    bar = Stem(free, BAR).frequencies(4)
     np.testing.assert_allclose(bar, mode * math.pi * rate, rtol=1e-12)
-    chain = Stem(free, 12.0).natural_frequencies(4)
+    chain = Stem(free, 12.0).frequencies(4)
     np.testing.assert_allclose(chain, 24.0 * rate * np.sin(mode * math.pi / 24.0), rtol=1e-9)
 
 
@@ -130,11 +133,11 @@ def test_a_fixed_free_bar(follower):
 def test_masses_tend_to_the_bar_as_one_over_n_squared(seed):
     """Frequencies and transfers alike: twice the masses, a quarter of the error."""
     p, rates = some_follower(seed), 1j * np.array([300.0, 900.0, 2500.0])
-    limit, bar = Stem(p, BAR).natural_frequencies(3), Stem(p, BAR).transfer(rates)
+    limit, bar = Stem(p, BAR).frequencies(3), Stem(p, BAR).transfer(rates)
     errors = []
     for n in (32.0, 64.0):
         chain = Stem(p, n)
-        found = chain.natural_frequencies(3)
+        found = chain.frequencies(3)
         away = [np.abs(a - b) for a, b in zip(chain.transfer(rates), bar, strict=True)]
         errors.append(np.concatenate([np.abs(found - limit), *away]))
     np.testing.assert_allclose(errors[0] / errors[1], 4.0, rtol=0.02)
@@ -174,21 +177,22 @@ def test_a_bar_transmits_no_faster_than_sound(follower):
 
 
 @pytest.fixture(scope="module")
-def stems(laws, table2):
-    return study_stems(CamSet({}, {"poly345": laws["poly345"]}, table2), [1.26e6], 300.0)
+def found(laws, table2):
+    """The polynomial 3-4-5 on the identified stem."""
+    return study_stem(table2, {"poly345": laws["poly345"]})
 
 
 @pytest.fixture(scope="module")
-def study(stems):
-    """The polynomial 3-4-5 on the identified stem."""
-    return stems.studies[0]
+def rows(found):
+    """The stems of more and more masses."""
+    return found.over_elements.frame
 
 
 @pytest.mark.parametrize("cam", ["poly345", "bezier15", "poly4567", "cycloidal"])
 def test_one_element_jumps_as_two_masses(laws, table2, cam):
     """The jump study's steady state, found by its own search and exact proof."""
     follower = TwoMassParameters.from_rig(table2)
-    expected = jump_speed(laws[cam], follower, None).speed
+    expected = jump_speed(laws[cam], follower, None).rpm
     assert stem_jump(laws[cam], Stem(follower, 1.0), table2) == pytest.approx(expected, rel=2e-5)
 
 
@@ -196,71 +200,79 @@ def test_one_element_jumps_as_two_masses(laws, table2, cam):
 def test_the_exact_solver_loses_contact_there(laws, table2, elements):
     """A chain's least force through the rig's solver changes its sign at the jump speed."""
     law, stem = laws["cycloidal"], Stem(TwoMassParameters.from_rig(table2), elements)
-    jump = stem_jump(law, stem, table2)
+    jump = stem_jump(law, stem, table2) * RPM
     below, above = (exact(law, stem, jump * (1.0 + s), 8000)[0].min() for s in (-1e-4, 1e-4))
     assert below > 0.0 > above
 
 
 def test_the_sound_of_a_stiff_stem_is_that_of_a_rigid_follower(laws, table2):
-    """⟨(ω_c (F − q))²⟩ by harmonics, and by the exact steady structure under eq. 9's force."""
+    """Level by harmonics, and by the exact steady structure under the force of eq. 9."""
     law, follower = laws["poly4567"], FollowerParameters.from_rig(table2)
+    radiation = RadiationParameters.from_rig(table2)
     stiff = replace(TwoMassParameters.from_rig(table2), stem_stiffness=1e10)
-    turn = stem_turn(law, Stem(stiff, BAR), 300.0 * RPM)
-    expected = mean_square_rate(law, follower, 116.0, 300.0 * RPM)
-    assert turn.power(116.0) == pytest.approx(expected, rel=1e-4)
+    turn = stem_turn(law, Stem(stiff, BAR), SPEED)
+    power = mean_square_rate(law, follower, radiation.corner_rate, SPEED)
+    power = radiation.gain**2 * power + radiation.background_power(SPEED)
+    assert level(turn, radiation) == pytest.approx(level_db(math.sqrt(power)), abs=5e-4)
 
 
-def test_the_rows_tend_to_the_bar(study):
-    """Frequency, jump speed, vibration and level, nearer with every mass from three on."""
-    bar = study.bar
-    for value in (
-        lambda row: row.frequency,
-        lambda row: row.jump["poly345"],
-        lambda row: row.vibration["poly345"],
-        lambda row: row.level["poly345"],
-    ):
-        away = [abs(value(row) - value(bar)) for row in study.rows[1:-1]]
-        assert np.all(np.diff(away) < 0.0)
-    five, nine = study.rows[-3:-1]
-    away = [row.jump["poly345"] - bar.jump["poly345"] for row in (five, nine)]
-    assert away[0] / away[1] == pytest.approx((9.0 / 5.0) ** 2, rel=0.1)
+def test_the_rows_tend_to_the_bar(rows):
+    """Frequency, jump speed, vibration and level: closer with every mass from three on."""
+    away = (rows.iloc[1:-1, 1:] - rows.iloc[-1, 1:]).abs().astype(float)
+    assert (np.diff(away.drop(columns="off [%]"), axis=0) < 0.0).all()
+    five, nine = away["jump speed [rpm]"].iloc[-2:]
+    assert five / nine == pytest.approx((9.0 / 5.0) ** 2, rel=0.1)
 
 
-def test_where_two_masses_are_not_enough(study, laws, table2):
+def test_numbers_of_the_report(found, rows):
+    """The values that the report shows, to its digits: 3-4-5 on the identified stem."""
+    assert rows["first natural frequency [Hz]"].iloc[[0, -1]].round(1).tolist() == [202.6, 221.9]
+    jumps = [414.5, 369.9, 374.2, 376.4, 377.2, 377.6]
+    assert rows["jump speed [rpm]"].astype(float).round(1).tolist() == jumps
+    assert rows["level [dB]"].iloc[[0, -1]].round(2).tolist() == [83.86, 83.83]
+    texts = found.over_cams.for_report.text_rows[0]
+    assert texts[1:] == ["414.5", "377.6", "+9.78", "235", "0.54", "412.4", "1.05e6"]
+
+
+def test_where_two_masses_are_not_sufficient(found, laws, table2):
     """At the speed given they miss the bar's least force by a tenth of the preload, not below."""
-    cam, rpm = study.off
+    rpm = float(found.over_cams.frame["force off from [rpm]"][0])
     follower = TwoMassParameters.from_rig(table2)
 
     def missed(at):
-        two, bar = (stem_turn(laws[cam], Stem(follower, n), at * RPM) for n in (1.0, BAR))
+        two, bar = (stem_turn(laws["poly345"], Stem(follower, n), at * RPM) for n in (1.0, BAR))
         return abs(two.force.min() - bar.force.min()) / follower.preload
 
     assert missed(rpm) > 0.1 >= max(missed(rpm - 5.0), missed(rpm - 10.0))
-    assert study.jump_error(study.bar)[0] == "poly345"
-    assert abs(study.jump_error(study.bar)[1]) > 0.05
 
 
-def test_a_bar_of_the_same_frequency_jumps_nearly_as_two_masses(study, table2):
-    """What the two masses miss is mostly that frequency."""
-    follower = replace(TwoMassParameters.from_rig(table2))
+def test_a_bar_of_the_same_frequency_jumps_nearly_as_two_masses(found, table2):
+    """Most of the error of two masses is that of their first natural frequency."""
+    follower = TwoMassParameters.from_rig(table2)
     stiffness = matched_stiffness(follower)
-    bar = Stem(replace(follower, stem_stiffness=stiffness), BAR).natural_frequencies(1)
-    assert bar == pytest.approx(Stem(follower, 1.0).natural_frequencies(1), rel=1e-10)
-    assert study.matched_stiffness == pytest.approx(stiffness)
-    assert abs(study.jump_error(study.matched)[1]) < 0.1 * abs(study.jump_error(study.bar)[1])
+    bar = Stem(replace(follower, stem_stiffness=stiffness), BAR).frequencies(1)
+    assert bar == pytest.approx(Stem(follower, 1.0).frequencies(1), rel=1e-10)
+    assert found.matched == pytest.approx(stiffness)
+    row = found.over_cams.frame.iloc[0]
+    two, bar, softer = row["two masses [rpm]"], row["bar [rpm]"], row["softer bar [rpm]"]
+    assert abs(two / softer - 1.0) < 0.1 * abs(two / bar - 1.0)
 
 
 def test_vibration_is_read_in_the_low_dwell(laws, table2):
-    """There the head moves about its place by the free vibration alone, dying out."""
+    """The head moves less in the low dwell than over the turn."""
     law = laws["poly345"]
-    turn = stem_turn(law, Stem(TwoMassParameters.from_rig(table2), BAR), 300.0 * RPM)
-    assert 0.0 < vibration(law, turn) < np.ptp(turn.head)
+    turn = stem_turn(law, Stem(TwoMassParameters.from_rig(table2), BAR), SPEED)
+    assert 0.0 < np.ptp(turn.head[low_dwell(law).holds(turn.angle)]) < np.ptp(turn.head)
 
 
-def test_tables(stems):
-    """One row for each number of masses, the bar last; jump speeds of each cam."""
-    over, jumps = stems.to_display({"poly345": "3-4-5"})
-    assert [row[1] for row in over.text_rows] == ["2", "3", "4", "6", "10", "bar"]
-    assert len(over.rows) == len(ELEMENTS) and math.isinf(ELEMENTS[-1])
-    assert jumps.rows[0][0] == "3-4-5"
-    assert faults(stems.plot()) == []
+def test_the_script(found, tmp_path, capsys, monkeypatch):
+    """Both tables, the summary and the figure; the bar is the last row."""
+    monkeypatch.setattr(script, "study", lambda: [found])
+    script.main(["--out", str(tmp_path)])
+    printed = capsys.readouterr().out
+    assert "two masses off by at most +9.78 % (Polynomial 3-4-5), level by 0.54 dB" in printed
+    assert (tmp_path / "stem.png").is_file()
+    masses = [row[0] for row in found.over_elements.rows]
+    assert masses == ["2", "3", "4", "6", "10", "bar"]
+    assert math.isinf(ELEMENTS[-1])
+    assert faults(script.figure()) == []

@@ -8,9 +8,9 @@ import pytest
 
 from cam_rig.dynamics.torsional.model import from_rig as shaft_of
 from cam_rig.dynamics.vibration import energy_fluctuation, flywheel_turn, steady_twist
-from cam_rig.laws.cam import CamSet
-from cam_rig.paper.flywheel import INERTIAS, SHOWN, study_flywheel
 from cam_rig.units import RPM
+from examples.paper import flywheel as script
+from examples.paper.flywheel import INERTIAS, SHOWN, figure, study, tables
 
 from ...figure_faults import faults
 
@@ -18,30 +18,30 @@ SPEED = 300.0 * RPM
 
 
 @pytest.fixture(scope="module")
-def study(laws, table2):
+def found():
     """The polynomial 3-4-5 over all inertias."""
-    return study_flywheel(CamSet({}, {"poly345": laws["poly345"]}, table2), 300.0)
+    return study(["poly345"])
 
 
-def turns(study):
-    return [row.turn for row in study.rows]
+def turns(found):
+    return list(found.turns.values())
 
 
-def test_the_last_row_is_equation_10(study, laws, table2):
+def test_the_last_row_is_equation_10(found, laws, table2):
     """An infinite flywheel does not fluctuate; its twist is the vibration study's."""
-    last = turns(study)[-1]
+    last = turns(found)[-1]
     assert last.fluctuation == 0.0 == last.formula
     twist = np.ptp(steady_twist(laws["poly345"], shaft_of(table2), SPEED)[1])
     assert last.twist == pytest.approx(twist, rel=1e-5)
 
 
-def test_a_heavier_flywheel_fluctuates_less(study):
+def test_a_heavier_flywheel_fluctuates_less(found):
     """Towards 1/I_v, and the twist towards eq. 10's as 1/I_v."""
-    found = turns(study)
-    assert np.all(np.diff([turn.fluctuation for turn in found]) < 0.0)
-    five, twenty = found[-3], found[-2]
+    rows = turns(found)
+    assert np.all(np.diff([turn.fluctuation for turn in rows]) < 0.0)
+    five, twenty = rows[-3], rows[-2]
     assert five.fluctuation / twenty.fluctuation == pytest.approx(4.0, rel=0.01)
-    away = [found[-1].twist - turn.twist for turn in (five, twenty)]
+    away = [rows[-1].twist - turn.twist for turn in (five, twenty)]
     assert away[0] / away[1] == pytest.approx(4.0, rel=0.02)
 
 
@@ -64,22 +64,33 @@ def test_surplus_without_damping_is_kinetic_and_potential(laws, table2):
     assert found == pytest.approx(expected, rel=1e-5)
 
 
-def test_the_preload_twists_the_shaft(study):
+def test_the_preload_twists_the_shaft(found):
     """Eq. 10 has no preload: 0.1432 degrees with it, 0.1115 without, at 300 rpm."""
-    with_it = math.degrees(turns(study)[-1].twist)
-    without = math.degrees(study.without_preload["poly345"])
+    with_it = math.degrees(turns(found)[-1].twist)
+    without = math.degrees(found.without_preload["poly345"])
     assert (round(with_it, 4), round(without, 4)) == (0.1432, 0.1115)
 
 
-def test_tables(study):
+def test_numbers_of_the_report(found):
+    """Fluctuation and twist behind the flywheel that is shown, to the report's digits."""
+    (_, over_cams) = tables(found)
+    assert over_cams.for_report.text_rows == [
+        ["Polynomial 3-4-5", "3.12", "0.1305", "0.1432", "0.1115"]
+    ]
+
+
+def test_tables(found):
     """One row for each inertia and each cam."""
-    over_inertia, over_cams = study.to_display({"poly345": "3-4-5"})
-    assert [row[0] for row in over_inertia.text_rows][-2:] == ["20", "∞"]
+    over_inertia, over_cams = tables(found)
+    assert [row[0] for row in over_inertia.rows][-2:] == ["20", "∞"]
     assert len(over_inertia.rows) == len(INERTIAS) and SHOWN in INERTIAS
-    assert over_cams.rows[0][0] == "3-4-5"
-    assert faults(study.plot()) == []
+    assert len(over_cams.rows) == 1
+    assert faults(figure(found)) == []
 
 
-def test_a_rig_without_a_shaft(laws, rig):
-    """Has no flywheel."""
-    assert study_flywheel(CamSet({}, {"poly345": laws["poly345"]}, rig), 300.0) is None
+def test_the_script(found, tmp_path, capsys, monkeypatch):
+    """Tables, summary and figure."""
+    monkeypatch.setattr(script, "study", lambda: found)
+    script.main(["--out", str(tmp_path)])
+    assert "twist 0.1432°, 0.1115° without preload" in capsys.readouterr().out
+    assert (tmp_path / "flywheel.png").is_file()
