@@ -42,8 +42,8 @@ class Table:
     def headers(self) -> tuple[Header, ...]:
         """Heading, unit and number format of each column."""
         pattern = re.compile(r"([^\[:]+?)(?: \[(.+?)\])?(?: :(.+))?")
-        parts = (pattern.fullmatch(column.strip()) for column in self.columns.split("|"))
-        return tuple(Header(*part.groups("")) for part in parts if part)
+        matches = (pattern.fullmatch(column.strip()) for column in self.columns.split("|"))
+        return tuple(Header(*match.groups("")) for match in matches)  # type: ignore[union-attr]
 
     @property
     def frame(self) -> pd.DataFrame:
