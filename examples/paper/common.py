@@ -29,8 +29,8 @@ class Table:
     """Table of an experiment.
 
     `columns` has the headings between bars, each with its unit in brackets and, for numbers, their
-    format after a colon: "cam | jump speed [rpm] :.1f". None is an empty cell. `notes` has one
-    footnote per line.
+    format after a colon: "cam | jump speed [rpm] :.1f". None and NaN are empty cells. `notes` has
+    one footnote per line.
     """
 
     caption: str
@@ -54,7 +54,9 @@ class Table:
     def for_report(self) -> DataTable:
         """The table as the document builder takes it."""
         notes = tuple(filter(None, self.notes.split("\n")))
-        return DataTable(self.caption, self.headers, tuple(self.rows), notes)
+        cells = self.frame.astype(object).where(self.frame.notna(), None)
+        rows = tuple(cells.itertuples(index=False, name=None))
+        return DataTable(self.caption, self.headers, rows, notes)
 
     def __str__(self) -> str:
         """Return caption, rows and notes as plain text."""

@@ -12,10 +12,10 @@ from cam_rig.dynamics.jump import search
 from cam_rig.dynamics.jump.search import force_run, sought_speed
 from cam_rig.errors import DynamicsError
 from cam_rig.laws import build_law
-from cam_rig.paper.readings.readings import Rigs, ShapeTable, turn_minima
 from cam_rig.schema import load_cam
 from cam_rig.schema.load import config_root
 from cam_rig.units import RPM, TURN
+from examples.paper.turns import Rigs, ShapeTable, turn_minima
 
 from ...law_design.shared import integrated
 from ..helpers import turned
