@@ -1,4 +1,4 @@
-"""The factorial study: laws as they are meant, known effects, conclusions from the numbers."""
+"""The factorial study: laws as they are meant, known effects, sums of squares that add up."""
 
 import math
 
@@ -8,55 +8,42 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from cam_rig.errors import ConfigError
 from cam_rig.laws.law import joints, peak
 from cam_rig.laws.segments import up_and_down
-from cam_rig.paper.factorial.study import (
-    BY_KEY,
-    as_gentle,
-    bench_of,
-    fastest,
-    open_factorial,
-    run_factorial,
-    shares_of,
-    squeezed,
-)
 from cam_rig.paper.noise.variants import two_levels
 from cam_rig.units import TURN
+from examples.paper import factorial as script
+from examples.paper.factorial import (
+    EFFECTS,
+    advantages,
+    as_gentle,
+    figure,
+    measure,
+    shares_of,
+    squeezed,
+    study,
+    tables,
+)
+
+from ...figure_faults import faults
 
 RISES = ("simple_harmonic", "poly345", "cycloidal", "poly4567", "bezier9", "modified_sine")
 
 
 @pytest.fixture(scope="module")
-def config(config_dir):
-    """The shipped study with fewer levels."""
-    shipped = open_factorial(config_dir / "factorials" / "continuity.yaml")
-
-    def fewer(key, *numbers):
-        quantity = getattr(shipped, key)
-        return quantity.model_copy(update={quantity.origin: list(numbers)})
-
-    levels = {
-        "events": fewer("events", 105, 135),
-        "gentle": fewer("gentle", 110, 130),
-        "squeezed": fewer("squeezed", 360, 297.5),
-        "accelerated": fewer("accelerated", 250),
-        "noise": fewer("noise", 200, 300),
-    }
-    return shipped.model_copy(update=levels)
-
-
-@pytest.fixture(scope="module")
-def bench(config, table2, rig):
-    """Its rigs."""
-    return bench_of(config, table2, rig)
-
-
-@pytest.fixture(scope="module")
-def found(config, bench, laws):
-    """The study, run."""
-    cams = {cam: laws[cam] for cam in ("bezier15", "poly345", "poly4567")}
-    return run_factorial(config, bench, cams)
+def found():
+    """The study with fewer angles, spans and speeds."""
+    with pytest.MonkeyPatch.context() as patch:
+        for key, levels in {
+            "EVENTS": (105.0, 135.0),
+            "GENTLE": (110.0, 130.0),
+            "SPANS": (360.0, 297.5),
+            "ACCELERATED": (250.0,),
+            "NOISE": (200.0, 300.0),
+            "CAMS": ("bezier15", "poly345", "poly4567"),
+        }.items():
+            patch.setattr(script, key, levels)
+        yield study()
 
 
 @pytest.mark.parametrize("rise", RISES)
@@ -81,7 +68,7 @@ def test_as_gentle(rise):
     """Over its angle each law has the peak acceleration of the reference."""
     event = math.radians(120.0)
     reference = up_and_down("poly345", event, 0.05)
-    law = up_and_down(rise, as_gentle(rise, "poly345", event), 0.05)
+    law = up_and_down(rise, as_gentle(rise, event), 0.05)
     assert abs(peak(law, 2).value) == pytest.approx(abs(peak(reference, 2).value), rel=1e-9)
 
 
@@ -109,13 +96,13 @@ def test_ringing_falls_with_continuity(found):
     values = design.values("residual")
     order = np.argsort(design.classes, kind="stable")
     assert (np.diff(values[order], axis=0) < 0.0).all()
-    assert design.shares(BY_KEY["residual"]).governed_by == "continuity"
-    assert design.shares(BY_KEY["noise"]).governed_by == "slopes"
+    assert design.shares("residual").classes > 0.6
+    assert design.shares("noise").angle > 0.6
 
 
 def test_advantage_adds_up(found):
     """Slopes and ringing make up all of the advantage, by the definition of the rigid follower."""
-    for row in found.advantages():
+    for row in advantages(found):
         best, other = found.cams["bezier15"], found.cams[row.cam]
         gained, others = (math.log(cam.jump / cam.rigid_jump) for cam in (best, other))
         ringing = gained - others
@@ -123,36 +110,59 @@ def test_advantage_adds_up(found):
         assert 0.5 < row.jump_share < 1.1
 
 
-def test_cells_stand_in_their_places(found, bench):
+def test_cells_stand_in_their_places(found):
     """A cell of a design is the measure of its law and angle."""
     law = up_and_down("cycloidal", math.radians(135.0), 0.05)
-    assert found.same_angles.cells[2][1] == bench(law)
-    assert list(found.squeezed) == pytest.approx(np.radians([360.0, 297.5]))
-    assert found.squeezed[found.config.squeezed.si_list[0]] == found.cams["bezier15"]
+    assert found.same_angles.cells[2][1].jump == measure(law).jump
+    assert found.squeezed[360.0] == found.cams["bezier15"]
 
 
 def test_cells_that_leave(found):
     """A cell leaves whose jump speed is below its effect's fastest; the rest is a full table."""
-    design, effect, config = found.same_acceleration, BY_KEY["residual"], found.config
-    speed = fastest(effect, config)
-    assert speed == pytest.approx(400.0)
+    design = found.same_acceleration
     jumps = np.array([[m.jump for m in row] for row in design.cells])
-    assert (design.lost(effect, config) == (jumps < speed)).all()
-    assert design.lost(effect, config)[0].all()  # the one law with a jump of acceleration
-    stay = design.staying(effect, config)
-    assert not stay.lost(effect, config).any()
+    assert (design.lost("residual") == (jumps < 400.0)).all()
+    assert design.lost("residual")[0].all()  # the one law with a jump of acceleration
+    stay = design.in_contact("residual")
+    assert not stay.lost("residual").any()
     assert len(stay.cells) == len(stay.rises) >= 2
     assert "simple_harmonic" not in stay.rises
-    noise = design.lost(BY_KEY["noise"], config)  # a rigid follower may fly and land
-    assert not noise.any()
-    fast = config.residual.model_copy(update={"assumed": [9e9]})
-    assert design.staying(effect, config.model_copy(update={"residual": fast})) is None
+    assert not design.lost("noise").any()  # a rigid follower may fly and land
 
 
-def test_one_follower(config, table2):
-    """Two rigs with different masses are no one follower."""
-    with pytest.raises(ConfigError, match=r"1\.3 kg on paper_table2 and 2 kg on .*; allowed"):
-        bench_of(config, table2, table2.with_follower(mass=2.0))
+def test_the_script(found, tmp_path, capsys, monkeypatch):
+    """Tables, summary and figure."""
+    monkeypatch.setattr(script, "study", lambda _: found)
+    script.main(["--out", str(tmp_path)])
+    printed = capsys.readouterr().out
+    assert "bezier15 jumps later than 2 of 2 cams" in printed
+    assert "Analysis of variance, same acceleration, C2 and above" in printed
+    assert (tmp_path / "factorial.png").is_file()
+
+
+@pytest.mark.slow
+def test_numbers_of_the_report():
+    """Shares of slopes and of continuity, and jump speeds by law, to the report's digits."""
+    found = study()
+    by_caption = {table.caption: table.for_report.text_rows for table in tables(found)}
+    advantage = next(rows for key, rows in by_caption.items() if key.startswith("Advantage"))
+    assert [row[1:] for row in advantage] == [
+        ["+37.6", "72", "-30.0", "65", "15.4", "-2.2"],
+        ["+46.4", "100", "-40.2", "97", "5.0", "-4.2"],
+        ["+38.1", "89", "-32.4", "81", "10.6", "-2.7"],
+        ["+43.0", "101", "-40.8", "94", "9.1", "-3.6"],
+    ]
+    laws = next(rows for key, rows in by_caption.items() if key.startswith("Jump speed by law"))
+    assert [row[2:] for row in laws] == [
+        ["221", "188"], ["416", "383"], ["437", "417"], ["415", "430"], ["370", "429"],
+    ]  # fmt: skip
+    percent = {key: 100.0 * np.array(found.same_acceleration.shares(key)[:4]) for key in EFFECTS}
+    assert percent["residual"].round(1).tolist() == [91.6, 90.4, 7.7, 0.8]
+    assert percent["jump"].round(1).tolist() == [84.2, 83.6, 15.4, 0.4]
+    assert int(found.same_acceleration.lost("residual").sum()) == 16
+    jumps = [round(m.jump, 1) for m in found.squeezed.values()]
+    assert jumps == [569.0, 521.6, 466.3, 426.8, 378.1]
+    assert faults(figure(found)) == []
 
 
 def test_up_and_down_with_another_high_dwell():
@@ -182,7 +192,6 @@ def test_shares_add_up(values):
     assert found.law + found.angle + found.interaction == pytest.approx(1.0) or found.total < 1e-9
     assert (found.law, found.angle) == pytest.approx((turned.angle, turned.law), abs=1e-9)
     assert found.classes == pytest.approx(found.law, abs=1e-9)
-    assert found.effects.sum() == pytest.approx(0.0, abs=1e-9)
 
 
 def test_known_tables():
