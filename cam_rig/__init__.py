@@ -17,6 +17,7 @@ the linear model, into scipy.signal                     Rig.state_space, Rig.fre
 a better law, with a proven bound                       design
 many rigs that differ in some numbers                   campaign, largest_waviness
 a cam from gauge readings, a rig from a measured run    fit_cam, fit_rig
+how loud a rig is, from measured levels                 fit_sound
 a recorded run; beside the model                        read_bag; compare
 the paper's open question, its Table 2                  factorial, readings
 ======================================================  ===========================================
@@ -51,6 +52,7 @@ if TYPE_CHECKING:
     from cam_rig.measured.cam_fit.request import fit_cam
     from cam_rig.measured.real_run.run import compare
     from cam_rig.measured.rig_fit.rig_fit import fit_rig
+    from cam_rig.measured.sound_fit.sound_fit import fit_sound
     from cam_rig.paper.as_cut.study import as_cut
     from cam_rig.paper.contact.comparison import contact
     from cam_rig.paper.factorial.study import factorial
@@ -89,6 +91,7 @@ _HOMES = {
     "factorial": "cam_rig.paper.factorial.study",
     "fit_cam": "cam_rig.measured.cam_fit.request",
     "fit_rig": "cam_rig.measured.rig_fit.rig_fit",
+    "fit_sound": "cam_rig.measured.sound_fit.sound_fit",
     "jump": "cam_rig.paper.jump.refit",
     "jump_speed": "cam_rig.dynamics.jump.any_follower",
     "largest_waviness": "cam_rig.campaigns.largest_waviness",
@@ -111,7 +114,7 @@ _HOMES = {
 __all__ = [
     "Cam", "CamRigError", "Law", "Rig", "__version__", "as_cut", "bounce_map", "build_law",
     "campaign", "check_contours", "compare", "contact", "contour", "design", "factorial",
-    "fit_cam", "fit_rig", "jump", "jump_speed", "largest_waviness", "law", "list_laws",
+    "fit_cam", "fit_rig", "fit_sound", "jump", "jump_speed", "largest_waviness", "law", "list_laws",
     "load_cam", "load_rig", "load_scene", "noise", "orders", "read_bag", "readings",
     "run_scene", "simulate", "sound_level", "sweep", "timing", "vibration",
 ]  # fmt: skip

@@ -51,8 +51,6 @@ COMMANDS = {
     "orders": "cam_rig.paper.command",
     "report": "cam_rig.report.command",
     "listen": "cam_rig.simulation.command",
-    "calibrate": "cam_rig.paper.noise.command",
-    "identify": "cam_rig.paper.noise.command",
     "fit": "cam_rig.measured.command",
 }
 # All commands: a wrong option, and what cannot be written, end them in one line.

@@ -1,4 +1,4 @@
-"""cam-rig fit: numbers of a cam, or of a rig, from what was measured."""
+"""cam-rig fit: numbers of a cam, a rig, or its sound, from what was measured."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import typer
 
 from cam_rig.measured.cam_fit.command import fit_cam
 from cam_rig.measured.rig_fit.command import fit_rig
+from cam_rig.measured.sound_fit.command import fit_sound
 from cam_rig.show.command import StrictCommand
 
 fit = typer.Typer(no_args_is_help=True, rich_markup_mode="markdown")
@@ -13,8 +14,9 @@ fit = typer.Typer(no_args_is_help=True, rich_markup_mode="markdown")
 
 @fit.callback()
 def _group() -> None:
-    """Find the numbers of a cam, or of a rig, from what was measured."""
+    """Find the numbers of a cam, a rig, or its sound, from what was measured."""
 
 
 fit.command("rig", cls=StrictCommand)(fit_rig)
 fit.command("cam", cls=StrictCommand)(fit_cam)
+fit.command("sound", cls=StrictCommand)(fit_sound)

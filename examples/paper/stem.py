@@ -293,14 +293,41 @@ def figure() -> Figure:
     return out
 
 
-def summary(found: StemTables) -> str:
+class Errors(NamedTuple):
+    """Largest errors of two masses on a stem.
+
+    `jump` is the relative error of the jump speed in % and its cam, `level` (dB) that of the level
+    up to the jump. `insufficient` is the cam and the speed (rpm) from which two masses are not
+    sufficient, None if they are up to the jump.
+    """
+
+    jump: tuple[str, float]
+    level: float
+    insufficient: tuple[str, float] | None
+
+
+def errors(found: StemTables) -> Errors:
     """Return the largest errors of two masses on a stem."""
-    errors = found.over_cams.frame.set_index("law")
-    off = errors["two masses off [%]"]
+    rows = found.over_cams.frame.set_index("law")
+    off, level_off = rows["two masses off [%]"], rows["level off [dB]"]
+    speeds = rows["force off from [rpm]"].replace("never", "inf").astype(float)
+    first = speeds.idxmin(), float(speeds.min())
+    jump = off.abs().idxmax(), float(off[off.abs().idxmax()])
+    return Errors(jump, float(level_off.max()), first if math.isfinite(first[1]) else None)
+
+
+def matched_error(found: StemTables) -> float:
+    """Return the largest error in % of the two masses, compared with the softer bar."""
+    rows = found.over_cams.frame
+    return float((100.0 * (rows["two masses [rpm]"] / rows["softer bar [rpm]"] - 1.0)).abs().max())
+
+
+def summary(found: StemTables) -> str:
+    """Return the largest errors of two masses on a stem as text."""
+    (cam, off), level_off, _ = errors(found)
     return (
         f"stem of {found.stiffness:.3g} N/m: jump speed of two masses off by at most "
-        f"{off[off.abs().idxmax()]:+.2f} % ({off.abs().idxmax()}), level by "
-        f"{errors['level off [dB]'].max():.2f} dB"
+        f"{off:+.2f} % ({cam}), level by {level_off:.2f} dB"
     )
 
 

@@ -17,12 +17,7 @@ from itertools import combinations
 import numpy as np
 
 from cam_rig.paper.noise.arc_cam import ArcShape
-from cam_rig.paper.noise.calibration import (
-    PublishedCam,
-    by_substitution,
-    sensitivity,
-    two_constants,
-)
+from cam_rig.paper.noise.calibration import by_substitution, sensitivity
 from cam_rig.paper.noise.roles import NoiseSetup, StudyRoles
 from cam_rig.simulation.regression import (
     REGRESSION_DEGREE,
@@ -32,6 +27,7 @@ from cam_rig.simulation.regression import (
     regression,
 )
 from cam_rig.simulation.simulate import Acoustics
+from cam_rig.simulation.sound_constants import PublishedCam, two_constants
 from cam_rig.units import FloatArray, rms
 
 # Confidence intervals of the noise curves and their crossing, by a bootstrap of the fit errors.

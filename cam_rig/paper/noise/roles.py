@@ -14,10 +14,10 @@ import numpy as np
 from cam_rig.errors import ConfigError
 from cam_rig.laws import Law
 from cam_rig.paper.noise.arc_cam import ArcShape, ShapeProblem
-from cam_rig.paper.noise.calibration import PublishedCam
 from cam_rig.schema.published import Crossover
 from cam_rig.simulation.scene import LoadedScene
 from cam_rig.simulation.simulate import Acoustics, Turns, settled_turns
+from cam_rig.simulation.sound_constants import PublishedCam
 from cam_rig.units import FloatArray, to_rpm
 
 #: A shape is fitted at each of these of the study's speeds, and then compared at all.

@@ -26,7 +26,6 @@ from cam_rig.dynamics import FollowerParameters, TwoMassParameters
 from cam_rig.errors import CamRigError
 from cam_rig.laws.segments import NAMED_RISES, up_and_down
 from cam_rig.paper.noise.arc_cam import IMPOSSIBLE, MAX_FLANK, ArcShape, ShapeProblem
-from cam_rig.paper.noise.calibration import PublishedCam, two_constants
 from cam_rig.paper.noise.methods import crossing
 from cam_rig.paper.noise.roles import EVERY, NoiseSetup
 from cam_rig.schema import CamConfig, RigConfig
@@ -34,6 +33,7 @@ from cam_rig.schema.segments import Dwell, Rise
 from cam_rig.show.result import NULL_PROGRESS, Progress
 from cam_rig.simulation.regression import cubic
 from cam_rig.simulation.simulate import Acoustics, settled_turns
+from cam_rig.simulation.sound_constants import PublishedCam, two_constants
 from cam_rig.units import FloatArray
 
 #: Lift (m), event (rad) and curvature of the flank (1/m) that the search goes through.
