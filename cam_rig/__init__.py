@@ -5,8 +5,8 @@ to have or to know                                      call
 ======================================================  ===========================================
 a cam, a rig, an experiment from files                  load_cam, load_rig, load_scene
 a cam or a rig of one's own, and its file               Cam(...), Rig(...), .replace(), .save()
-a law: s and its derivatives; its peaks and joints      build_law, Law; law, list_laws; timing
-the shape of a cam, and its checks                      contour, check_contours; as_cut
+a law: s and its derivatives; its peaks and joints      build_law, Law; law, list_laws
+the shape of a cam, and its checks                      contour, check_contours
 a follower's motion, lift-offs, landings at one speed   simulate
 the same over many speeds, with sound                   sweep; of a scene's file: run_scene
 the speed at which contact is lost                      jump_speed; beside the paper's: jump
@@ -19,7 +19,6 @@ many rigs that differ in some numbers                   campaign, largest_wavine
 a cam from gauge readings, a rig from a measured run    fit_cam, fit_rig
 how loud a rig is, from measured levels                 fit_sound
 a recorded run; beside the model                        read_bag; compare
-the paper's open question, its Table 2                  factorial, readings
 ======================================================  ===========================================
 
 What they return has ``.tables()``, ``.to_pandas()``, ``.to_json()``, ``.plot()``, ``.summary()``.
@@ -53,14 +52,10 @@ if TYPE_CHECKING:
     from cam_rig.measured.real_run.run import compare
     from cam_rig.measured.rig_fit.rig_fit import fit_rig
     from cam_rig.measured.sound_fit.sound_fit import fit_sound
-    from cam_rig.paper.as_cut.study import as_cut
     from cam_rig.paper.contact.comparison import contact
-    from cam_rig.paper.factorial.study import factorial
     from cam_rig.paper.jump.refit import jump
     from cam_rig.paper.noise.study import noise
     from cam_rig.paper.orders.study import orders
-    from cam_rig.paper.readings.study import readings
-    from cam_rig.paper.timing.study import timing
     from cam_rig.paper.vibration.study import vibration
     from cam_rig.profile.check_table import check_contours
     from cam_rig.profile.contour import contour
@@ -79,7 +74,6 @@ _HOMES = {
     "CamRigError": "cam_rig.errors",
     "Law": "cam_rig.laws",
     "Rig": "cam_rig.schema:RigConfig",
-    "as_cut": "cam_rig.paper.as_cut.study",
     "bounce_map": "cam_rig.bounce.study",
     "build_law": "cam_rig.simulation.scene",
     "campaign": "cam_rig.campaigns.run",
@@ -88,7 +82,6 @@ _HOMES = {
     "contact": "cam_rig.paper.contact.comparison",
     "contour": "cam_rig.profile.contour",
     "design": "cam_rig.law_design.design",
-    "factorial": "cam_rig.paper.factorial.study",
     "fit_cam": "cam_rig.measured.cam_fit.request",
     "fit_rig": "cam_rig.measured.rig_fit.rig_fit",
     "fit_sound": "cam_rig.measured.sound_fit.sound_fit",
@@ -103,20 +96,18 @@ _HOMES = {
     "noise": "cam_rig.paper.noise.study",
     "orders": "cam_rig.paper.orders.study",
     "read_bag": "cam_rig.bag.reader",
-    "readings": "cam_rig.paper.readings.study",
     "run_scene": "cam_rig.simulation.scene_run",
     "simulate": "cam_rig.simulation.motion",
     "sound_level": "cam_rig.simulation.sound",
     "sweep": "cam_rig.simulation.scene_run",
-    "timing": "cam_rig.paper.timing.study",
     "vibration": "cam_rig.paper.vibration.study",
 }
 __all__ = [
-    "Cam", "CamRigError", "Law", "Rig", "__version__", "as_cut", "bounce_map", "build_law",
-    "campaign", "check_contours", "compare", "contact", "contour", "design", "factorial",
+    "Cam", "CamRigError", "Law", "Rig", "__version__", "bounce_map", "build_law",
+    "campaign", "check_contours", "compare", "contact", "contour", "design",
     "fit_cam", "fit_rig", "fit_sound", "jump", "jump_speed", "largest_waviness", "law", "list_laws",
-    "load_cam", "load_rig", "load_scene", "noise", "orders", "read_bag", "readings",
-    "run_scene", "simulate", "sound_level", "sweep", "timing", "vibration",
+    "load_cam", "load_rig", "load_scene", "noise", "orders", "read_bag",
+    "run_scene", "simulate", "sound_level", "sweep", "vibration",
 ]  # fmt: skip
 
 

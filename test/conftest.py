@@ -34,7 +34,7 @@ VELOCITY_JUMPS = {"worked_example_constant_velocity"}
 
 
 #: Tests that share a run or a study with another file's: they go to that file's worker.
-GROUPS = {"test/cli/test_studies.py::test_noise_json_and_plot": "test/cli/test_report.py"}
+GROUPS: dict[str, str] = {}
 #: Wall time (s) after which a test of a kind hangs, on a busy machine; others: pyproject.toml.
 TIMEOUTS = {"slow": 600, "ros": 300, "long": 3600}
 #: More workers than this only take memory.

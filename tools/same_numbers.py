@@ -35,7 +35,6 @@ COMMANDS = {
     "jump steady": ("jump", "poly345", "bezier15", "--steady"),
     "jump ramp": ("jump", "poly345", "bezier15", "--ramp", "350"),
     "vibration": ("vibration",),
-    "factorial": ("factorial",),
     "noise": ("noise",),
     "simulate": ("simulate",),
     "simulate quick": ("simulate", "quick"),

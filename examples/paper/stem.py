@@ -207,6 +207,7 @@ def study_stem(rig: cam_rig.Rig, laws: Mapping[str, cam_rig.Law]) -> StemTables:
     two, bar, soft = Stem(follower, 1.0), Stem(follower, BAR), matched_stiffness(follower)
     softer, first = Stem(replace(follower, stem_stiffness=soft), BAR), float(bar.frequencies(1)[0])
     by_elements, by_cam, law = [], [], laws[SHOWN_CAM]
+    title = cam_rig.load_cam(SHOWN_CAM).title
     for elements in ELEMENTS:
         stem = Stem(follower, elements)
         turn, frequency = stem_turn(law, stem, SPEED_RPM * RPM), float(stem.frequencies(1)[0])
@@ -229,7 +230,7 @@ def study_stem(rig: cam_rig.Rig, laws: Mapping[str, cam_rig.Law]) -> StemTables:
     return StemTables(
         follower.stem_stiffness,
         Table(
-            f"A stem of {follower.stem_stiffness:.3g} N/m in more and more masses, {SHOWN_CAM}",
+            f"A stem of {follower.stem_stiffness:.3g} N/m in more and more masses, {title}",
             "masses | first natural frequency [Hz] :.1f | off [%] :+.2f | "
             "jump speed [rpm] :.1f | residual vibration [µm] :.3g | level [dB] :.2f",
             by_elements,

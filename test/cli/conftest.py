@@ -65,26 +65,16 @@ def written(root, files):
 
 @pytest.fixture(scope="session")
 def sweep(tmp_path_factory):
-    """The shipped sweep with every 25 rpm, beside a factorial study and readings, a few."""
-    config = tmp_path_factory.mktemp("study") / "config"
-    scene, factorial = load("scenes", "tm21_sweep"), load("factorials", "continuity")
+    """The shipped sweep with every 25 rpm."""
+    scene = load("scenes", "tm21_sweep")
     scene["program"]["speeds"]["given"] = list(range(200, 401, 25))
-    factorial["rises"] = ["poly345", "poly4567"]
-    levels = {"events": [105, 135], "gentle": [110, 130], "squeezed": [300], "noise": [200]}
-    for key, numbers in levels.items():
-        factorial[key]["assumed"] = numbers
-    readings = load("published/readings", "table2")
-    for name in readings["readings"].keys() - {"shipped", "five_speeds"}:
-        del readings["readings"][name]
-    files = {"scenes/tm21_sweep": scene, "factorials/continuity": factorial}
+    path = tmp_path_factory.mktemp("study") / "config" / "scenes" / "tm21_sweep.yaml"
+    path.parent.mkdir(parents=True)
     yaml = YAML(typ="safe")
     yaml.default_flow_style, yaml.width = None, 1000
-    for name, data in (files | {"published/readings/table2": readings}).items():
-        path = config / f"{name}.yaml"
-        path.parent.mkdir(parents=True)
-        with path.open("w", encoding="utf-8") as file:
-            yaml.dump(data, file)
-    return config / "scenes" / "tm21_sweep.yaml"
+    with path.open("w", encoding="utf-8") as file:
+        yaml.dump(scene, file)
+    return path
 
 
 @pytest.fixture(scope="session")
@@ -95,7 +85,7 @@ def found():
 
 @pytest.fixture
 def one_study(found, monkeypatch):
-    """The commands compute a study that was not computed before; see `GROUPS`."""
+    """The commands compute a study that was not computed before."""
 
     def study(loaded, rig, arcs=False, *told):
         key = (loaded.scene.model_dump_json(), rig.model_dump_json(), arcs)
@@ -103,8 +93,7 @@ def one_study(found, monkeypatch):
             found[key] = study_noise(loaded, rig, arcs, *told)
         return found[key]
 
-    for module in ("cam_rig.paper.noise.study", "cam_rig.report.paper"):
-        monkeypatch.setattr(f"{module}.study_noise", study)
+    monkeypatch.setattr("cam_rig.paper.noise.study.study_noise", study)
 
 
 GOLDEN, BIN = config_root().parent / "bags" / "golden", Path(sys.executable).parent

@@ -38,8 +38,6 @@ CASES = [
     "jump {tiny_3} --plot",
     "vibration {slow} --plot",
     "contact {five} --plot",
-    "as-cut {bezier_14} --plot",
-    "timing {bezier_14} --plot",
     "law {tiny_3} --out",
     "law {below_0} --out",
     "law worked_example_constant_velocity --out",
@@ -98,7 +96,6 @@ CAMPAIGNS = {
 #: Commands whose figures take minutes, or a bench: drawn in the tests of their own.
 ELSEWHERE = {
     "noise": "test_studies.py",
-    "factorial": "test_studies.py",
     "fit rig": "../measured/rig_fit/test_command.py",
     "fit cam": "../measured/cam_fit/test_command.py",
     "panel": "../panel/test_lab.py",

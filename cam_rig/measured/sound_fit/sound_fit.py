@@ -156,7 +156,7 @@ def fit_sound(levels: str | Path | FloatArray, scene: Scene, *, cam: str | None 
     table = read_levels(Path(levels)) if isinstance(levels, str | Path) else levels
     if table.ndim != 2 or table.shape[1] != 2 or table.shape[0] < MIN_LEVELS:
         raise ConfigError(
-            f"levels: has the shape {table.shape}; allowed: ({MIN_LEVELS} or more, 2), each row a "
+            f"levels: is an array of shape {table.shape}; allowed: ({MIN_LEVELS} or more, 2), each row a "
             "speed in rpm and a level in dB"
         )
     if not (np.isfinite(table).all() and (table[:, 0] > 0.0).all()):

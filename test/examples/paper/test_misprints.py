@@ -8,8 +8,8 @@ from scipy.interpolate import BPoly, BSpline
 
 import cam_rig
 from cam_rig.laws.segments import unit_rise
-from cam_rig.report.paper import MISPRINTS
 from cam_rig.schema.load import config_root, load_published
+from examples.paper.misprints import MISPRINTS
 
 U = np.linspace(0.0, 1.0, 201)
 THETA = np.linspace(0.1, 6.0, 60)
