@@ -19,7 +19,6 @@ REFUSED = [
     ("run quick --bag {tmp}", 1, "exists already, not overwriting"),
     ("run quick --bag {tmp}/bag --wait", 2, "--wait: waits for a viewer"),
     ("analyze {tmp}/none", 1, "no such bag"),
-    ("identify bezier15", 2, "cannot be identified"),
     ("simulate --nonsense", 2, ""),
     ("simulate quick --plot {tmp}/a.xyz", 2, "unknown kind of picture; allowed: .png"),
     ("simulate quick --json {tmp}", 1, "is a folder; allowed: a file"),

@@ -18,7 +18,7 @@ from cam_rig.simulation.asked import Scene, asked_scene
 from cam_rig.simulation.scene import FITTED_WITH, MODEL, LoadedScene, fitted_with
 from cam_rig.simulation.simulate import Acoustics
 from cam_rig.simulation.sound_constants import PublishedCam, SteadyTurns, two_constants
-from cam_rig.units import RPM, FloatArray
+from cam_rig.units import RPM, FloatArray, to_rpm
 
 #: Least number of levels: a fit of two numbers has then a residual.
 MIN_LEVELS = 3
@@ -154,28 +154,9 @@ def fit_sound(levels: str | Path | FloatArray, scene: Scene, *, cam: str | None 
     """
     loaded = asked_scene(scene)
     table = read_levels(Path(levels)) if isinstance(levels, str | Path) else levels
-    if table.ndim != 2 or table.shape[1] != 2 or table.shape[0] < MIN_LEVELS:
-        raise ConfigError(
-            f"levels: is an array of shape {table.shape}; allowed: ({MIN_LEVELS} or more, 2), each row a "
-            "speed in rpm and a level in dB"
-        )
-    if not (np.isfinite(table).all() and (table[:, 0] > 0.0).all()):
-        raise ConfigError("levels: has a speed or level that is no number, or a speed of 0 or less")
-    name = cam or (loaded.rig.calibrated_on if loaded.rig.calibrated_on in loaded.cams else None)
-    if name is None and len(loaded.cams) == 1:
-        name = next(iter(loaded.cams))
-    if name is None:
-        raise ConfigError(
-            f"--cam: is missing; allowed: one of the scene's cams, {', '.join(loaded.cams)}"
-        )
-    law, follower, rpm = loaded.law_of(name), loaded.follower, table[:, 0]
-    for speed in rpm.tolist():
-        if loss_intervals(law, follower, speed * RPM):
-            raise DynamicsError(
-                f"cam {law.name!r} loses contact at {speed:.0f} rpm; allowed for a fit: a cam that "
-                "keeps contact at every measured speed"
-            )
-    measured = PublishedCam(name, SteadyTurns(law, follower, rpm * RPM), table[:, 1])
+    _require_levels(table)
+    name = _measured_cam(loaded, cam)
+    measured = _measured(loaded, name, table)
     fitted = two_constants([measured], Acoustics(loaded.radiation), CORNERS)
     corner = fitted.radiation.corner
     if not CORNERS[0] * (1.0 + AT_LIMIT) < corner < CORNERS[1] * (1.0 - AT_LIMIT):
@@ -184,12 +165,47 @@ def fit_sound(levels: str | Path | FloatArray, scene: Scene, *, cam: str | None 
             f"{CORNERS[1]:g} Hz; allowed: levels over a wider range of speeds, or without a "
             "background that the rig file leaves out"
         )
-    rows = zip(rpm.tolist(), table[:, 1].tolist(), fitted.levels(measured.turns), strict=True)
+    rows = zip(*table.T.tolist(), fitted.levels(measured.turns).tolist(), strict=True)
     return SoundFit(
         scene=loaded,
         cam=name,
         gain=fitted.radiation.gain,
         corner=corner,
         rms=measured.rms(fitted),
-        levels=tuple(LevelRow(*map(float, row)) for row in rows),
+        levels=tuple(LevelRow(*row) for row in rows),
     )
+
+
+def _require_levels(table: FloatArray) -> None:
+    """Refuse levels that are too few, or no numbers."""
+    if table.ndim != 2 or table.shape[1] != 2 or table.shape[0] < MIN_LEVELS:
+        raise ConfigError(
+            f"levels: is an array of shape {table.shape}; allowed: ({MIN_LEVELS} or more, 2), each "
+            "row a speed in rpm and a level in dB"
+        )
+    if not (np.isfinite(table).all() and (table[:, 0] > 0.0).all()):
+        raise ConfigError("levels: has a speed or level that is no number, or a speed of 0 or less")
+
+
+def _measured_cam(loaded: LoadedScene, cam: str | None) -> str:
+    """Return the cam that was measured, by default the rig's or the only one."""
+    known = cam or loaded.rig.calibrated_on
+    if cam or known in loaded.cams:
+        return known
+    if len(loaded.cams) > 1:
+        raise ConfigError(
+            f"--cam: is missing; allowed: one of the scene's cams, {', '.join(loaded.cams)}"
+        )
+    return next(iter(loaded.cams))
+
+
+def _measured(loaded: LoadedScene, name: str, table: FloatArray) -> PublishedCam:
+    """Return the steady sound of the cam and its levels; contact must be kept at each speed."""
+    law, follower, speeds = loaded.law_of(name), loaded.follower, table[:, 0] * RPM
+    for speed in speeds.tolist():
+        if loss_intervals(law, follower, speed):
+            raise DynamicsError(
+                f"cam {law.name!r} loses contact at {to_rpm(speed):.0f} rpm; allowed for a fit: a "
+                "cam that keeps contact at every measured speed"
+            )
+    return PublishedCam(name, SteadyTurns(law, follower, speeds), table[:, 1])
