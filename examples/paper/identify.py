@@ -61,7 +61,7 @@ def study(seed: int = 1, generations: int = 30) -> Geometry:
     rpm = np.array(scene.scene.program.speeds.numbers)
     published, cam, trials = scene.published_levels(CAM, rpm), scene.cams[CAM], 0
 
-    def difference(x: FloatArray) -> float:
+    def difference(x: Any) -> float:
         """Return the r.m.s. difference (dB) at lift (m), event (°), nose fraction."""
         nonlocal trials
         trials += 1

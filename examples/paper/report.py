@@ -12,7 +12,8 @@ from cam_rig.report.document import Made, fill, render
 from cam_rig.show.result import Progress
 from examples.paper import factorial
 from examples.paper.common import parser
-from examples.paper.sections import SECTIONS, Paper
+from examples.paper.sections import SECTIONS
+from examples.paper.shared import Paper
 
 TITLE = "Cam rig: the paper's experiments, redone and taken further"
 #: Random numbers of the page.

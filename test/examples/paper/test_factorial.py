@@ -17,13 +17,13 @@ from examples.paper.factorial import (
     EFFECTS,
     advantages,
     as_gentle,
-    figure,
     measure,
     shares_of,
     squeezed,
     study,
     tables,
 )
+from examples.paper.factorial_figure import figure
 
 from ...figure_faults import faults
 

@@ -5,7 +5,7 @@ from concurrent.futures import Future
 
 import pytest
 
-from examples.paper import as_cut, factorial, flywheel, readings, report, sections, stem
+from examples.paper import as_cut, factorial, flywheel, readings, report, sections, shared, stem
 
 from ...cli.test_report import numbered, sentences, too_long, untypeset
 
@@ -101,8 +101,8 @@ def check_page(tmp_path):
 @pytest.mark.slow
 def test_numbers_of_the_summary():
     """What the paper says and what came out, to the digits of the page."""
-    paper = sections.Paper(factorial.study)
-    rows = {question: here for question, _, here in sections.summary_table(paper).rows}
+    paper = shared.Paper(factorial.study)
+    rows = {question: here for question, _, here in shared.summary_table(paper).rows}
     assert list(rows.values()) == [
         "6 at every speed compared, 5 by either measure of vibration",
         "within 0.37 % r.m.s. on 4 cams that identified the rig, 0.53 % on 1 that did not",
@@ -117,7 +117,7 @@ def test_numbers_of_the_summary():
 
 def test_table_1():
     """The paper's numbers, and those of both rigs."""
-    rows = sections.table_1(sections.Paper(factorial.study)).for_report.text_rows
+    rows = sections.table_1(shared.Paper(factorial.study)).for_report.text_rows
     assert rows == [
         ["return spring [N/m]", "4030", "4030", "4030"],
         ["follower stem [N/m]", "3.3e8", "3.3e8", "1.26e6"],
