@@ -81,9 +81,11 @@ def study(seed: int = 1, generations: int = 30) -> Geometry:
 
     options: dict[str, Any] = {"popsize": 10, "maxiter": generations, "tol": 1e-3, "polish": False}
     best = differential_evolution(difference, LIMITS, seed=seed, callback=report, **options)
-    local: dict[str, Any] = {"xatol": 1e-5, "fatol": 1e-5, "maxfev": 200}
     lift, event, fraction = minimize(
-        difference, best.x, method="Nelder-Mead", options=local
+        difference,
+        best.x,
+        method="Nelder-Mead",
+        options={"xatol": 1e-5, "fatol": 1e-5, "maxfev": 200},
     ).x.tolist()
     # Rounded to what the residual supports: the fewest digits that keep the geometry possible.
     for digits in (2, 3, 4, 6):
