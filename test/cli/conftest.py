@@ -1,4 +1,4 @@
-"""The noise study on a smaller sweep, computed once for the commands that tell of it."""
+"""A smaller sweep, shipped files, and calls of the command line."""
 
 import json
 import subprocess
@@ -11,7 +11,6 @@ from ruamel.yaml import YAML
 from typer.testing import CliRunner
 
 from cam_rig.cli.main import app
-from cam_rig.paper.noise.study import study_noise
 from cam_rig.schema.load import config_root
 from cam_rig.show import terminal as console
 
@@ -75,25 +74,6 @@ def sweep(tmp_path_factory):
     with path.open("w", encoding="utf-8") as file:
         yaml.dump(scene, file)
     return path
-
-
-@pytest.fixture(scope="session")
-def found():
-    """The studies that were computed, by what they depend on."""
-    return {}
-
-
-@pytest.fixture
-def one_study(found, monkeypatch):
-    """The commands compute a study that was not computed before."""
-
-    def study(loaded, rig, arcs=False, *told):
-        key = (loaded.scene.model_dump_json(), rig.model_dump_json(), arcs)
-        if key not in found:
-            found[key] = study_noise(loaded, rig, arcs, *told)
-        return found[key]
-
-    monkeypatch.setattr("cam_rig.paper.noise.study.study_noise", study)
 
 
 GOLDEN, BIN = config_root().parent / "bags" / "golden", Path(sys.executable).parent

@@ -11,7 +11,6 @@ from cam_rig.acoustics import level_db
 from .conftest import done
 
 
-@pytest.mark.usefixtures("one_study")
 def test_noise_json_and_plot(sweep, tmp_path):
     """Every part is in the JSON, no NaN; the plot is a picture; tables are whole at 80 columns."""
     result = done("noise", sweep, "--json", tmp_path / "a.json", "--plot", tmp_path / "a.png")
